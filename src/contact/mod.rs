@@ -1,0 +1,287 @@
+//! Contact resolution: from two shapes in place to overlap, normal and contact point.
+//!
+//! The definition is the common normal. With `h` the support function of a body about its own
+//! centre and `r` from the centre of A to the centre of B, for every unit vector `n`
+//! `δ(n) = h_A(n) + h_B(-n) - n·r` bounds the overlap from above, and
+//! **overlap = min δ(n)** over all `n`; the normal is the minimiser, from A to B; `P_A`, `P_B` are
+//! the support points, and the contact point is the middle of the segment between them.
+//! All geometry works on `r`, never on positions: a pair 10⁶ sizes from the origin loses nothing.
+//!
+//! A resolver works on a batch of pairs of one pair of kinds: one virtual call per batch. Each
+//! pair brings the normal of its last touch, if it touched, as a warm start.
+
+use crate::ids::{GlobalId, ShapeId, Slot};
+use crate::math::{Mat3, Vec3};
+use crate::shape::{Kind, Shape};
+use serde::{Deserialize, Serialize};
+
+/// The geometry of one contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touch {
+    /// Penetration depth, positive [m].
+    pub overlap: f64,
+    /// Unit normal from A to B.
+    pub normal: Vec3,
+    /// Contact point seen from the centre of A [m].
+    pub point: Vec3,
+}
+
+/// What a resolver says of a pair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// The bodies do not touch.
+    Apart,
+    /// They overlap.
+    Touching(Touch),
+    /// This resolver cannot tell: the next of the chain must. Never means "no contact".
+    Failed(Why),
+}
+
+/// Why a resolver gave up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Why {
+    /// The iteration limit was reached.
+    NoConvergence,
+    /// The centres coincide, or the bodies are so deep in each other that the method has no answer.
+    TooDeep,
+    /// A number that is not finite came in or out.
+    NotFinite,
+}
+
+/// A body in place: its shape and the rotation from its own frame to the world.
+#[derive(Clone, Copy, Debug)]
+pub struct Posed<'a> {
+    /// Its geometry.
+    pub shape: &'a Shape,
+    /// Columns are the body's axes in the world.
+    pub frame: &'a Mat3,
+}
+
+impl Posed<'_> {
+    /// Farthest point along `direction`, in world axes, seen from the body's centre [m].
+    #[inline]
+    pub fn support(&self, direction: &Vec3) -> Vec3 {
+        self.frame * self.shape.support(&self.frame.tr_mul(direction))
+    }
+}
+
+/// `δ(n)`, the bound that any direction gives, and the touch that goes with it (eq. 1 ff. of the paper:
+/// support points on the original bodies, contact point in their middle).
+#[inline]
+pub fn touch_along(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Touch {
+    let on_a = a.support(normal);
+    let on_b = b.support(&-normal) + r;
+    Touch { overlap: (on_a - on_b).dot(normal), normal: *normal, point: (on_a + on_b) * 0.5 }
+}
+
+/// Two bodies that may touch. A has the lower id.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pair {
+    /// The body with the lower id.
+    pub a: Slot,
+    /// The other; a wall is always here.
+    pub b: Slot,
+}
+
+/// What is remembered of a touching contact: state, which moves with its particles and is saved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct History {
+    /// The normal of the last touch, A to B; zero if the pair did not touch.
+    pub normal: Vec3,
+    /// Tangential spring, the stretch of A's surface against B's [m].
+    pub spring: Vec3,
+}
+
+impl History {
+    /// Did the pair touch at the last step?
+    #[inline]
+    pub fn touched(&self) -> bool {
+        self.normal != Vec3::zeros()
+    }
+}
+
+/// The history of one contact under its lasting name.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NamedHistory {
+    /// The lower id.
+    pub a: GlobalId,
+    /// The higher id.
+    pub b: GlobalId,
+    /// What is remembered.
+    pub history: History,
+}
+
+/// A pair that touches now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// Its index in the list of pairs.
+    pub pair: u32,
+    /// Its geometry.
+    pub touch: Touch,
+}
+
+/// Read-only view of all bodies of a rank, indexed by slot.
+#[derive(Clone, Copy, Debug)]
+pub struct Bodies<'a> {
+    /// Centres [m]; of a wall, a point of its plane.
+    pub position: &'a [Vec3],
+    /// Rotations from body to world; `None` if all are spheres and planes.
+    pub frame: Option<&'a [Mat3]>,
+    /// Shape of each body.
+    pub shape: &'a [ShapeId],
+    /// The scene's shapes.
+    pub library: &'a [Shape],
+    /// Length of the period along each axis, infinite where the domain is not periodic [m].
+    pub period: Vec3,
+}
+
+impl Bodies<'_> {
+    /// From the centre of A to the nearest image of the centre of B [m].
+    #[inline]
+    pub fn relative(&self, pair: Pair) -> Vec3 {
+        nearest_image(self.position[pair.b.index()] - self.position[pair.a.index()], &self.period)
+    }
+
+    /// The shape of a body.
+    #[inline]
+    pub fn shape_of(&self, slot: Slot) -> &Shape {
+        &self.library[self.shape[slot.index()].index()]
+    }
+
+    /// The body in place.
+    #[inline]
+    pub fn posed(&self, slot: Slot) -> Posed<'_> {
+        const UPRIGHT: Mat3 = Mat3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
+        Posed {
+            shape: self.shape_of(slot),
+            frame: self.frame.map_or(&UPRIGHT, |f| &f[slot.index()]),
+        }
+    }
+}
+
+/// The shortest of all images of `difference` under the periods. Depends on positions alone, so a
+/// pair has the same bits on every rank. Periods are longer than twice the largest reach.
+#[inline]
+pub fn nearest_image(mut difference: Vec3, period: &Vec3) -> Vec3 {
+    for axis in 0..3 {
+        let half = 0.5 * period[axis];
+        if difference[axis] > half {
+            difference[axis] -= period[axis];
+        } else if difference[axis] < -half {
+            difference[axis] += period[axis];
+        }
+    }
+    difference
+}
+
+/// How often each resolver answered, and how often it passed a pair on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Pairs looked at.
+    pub pairs: u64,
+    /// Pairs found touching.
+    pub contacts: u64,
+    /// Pairs which the first resolver passed on, by the stage of the chain that answered (at most 4).
+    pub fallbacks: [u64; 4],
+}
+
+impl Tally {
+    /// Adds another tally to this one.
+    pub fn add(&mut self, other: &Self) {
+        self.pairs += other.pairs;
+        self.contacts += other.contacts;
+        for (mine, theirs) in self.fallbacks.iter_mut().zip(other.fallbacks) {
+            *mine += theirs;
+        }
+    }
+}
+
+/// No resolver of the chain could answer.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error(
+    "no contact method could resolve the pair in slots {a}, {b} ({why:?}); centre to centre {distance:e} m. \
+     Look for coincident particles, or reduce the time step"
+)]
+pub struct ResolveError {
+    /// Slot of A.
+    pub a: u32,
+    /// Slot of B.
+    pub b: u32,
+    /// Distance of the centres [m].
+    pub distance: f64,
+    /// What the last resolver said.
+    pub why: Why,
+}
+
+/// A method that resolves pairs of convex bodies.
+pub trait ContactResolver: Send + Sync {
+    /// As the scene file and reports name it.
+    fn name(&self) -> &'static str;
+
+    /// Resolves one pair. `r` is from the centre of A to the centre of B [m]; `warm` the normal of the
+    /// last touch.
+    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome;
+
+    /// Resolves `pairs` (all of one pair of kinds); `first` is the index of `pairs[0]` in the list of
+    /// pairs. Appends the touching ones to `out` in the order of `pairs`.
+    ///
+    /// # Errors
+    /// A pair for which [`ContactResolver::touch`] failed.
+    fn resolve(
+        &self,
+        first: u32,
+        pairs: &[Pair],
+        history: &[History],
+        bodies: &Bodies,
+        out: &mut Vec<Contact>,
+        tally: &mut Tally,
+    ) -> Result<(), ResolveError> {
+        let _ = tally;
+        for (i, (&pair, history)) in pairs.iter().zip(history).enumerate() {
+            let r = bodies.relative(pair);
+            let warm = history.touched().then_some(&history.normal);
+            match self.touch(&bodies.posed(pair.a), &bodies.posed(pair.b), &r, warm) {
+                Outcome::Apart => {}
+                Outcome::Touching(touch) => out.push(Contact { pair: first + i as u32, touch }),
+                Outcome::Failed(why) => {
+                    return Err(ResolveError { a: pair.a.0, b: pair.b.0, distance: r.norm(), why });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Which resolver serves which pair of kinds.
+pub struct Table {
+    entries: Vec<((Kind, Kind), Box<dyn ContactResolver>)>,
+}
+
+impl Table {
+    /// An empty table.
+    pub const fn new() -> Self {
+        Self { entries: Vec::new() }
+    }
+
+    /// Lets `resolver` serve pairs of these kinds, in either order.
+    pub fn insert(&mut self, kinds: (Kind, Kind), resolver: Box<dyn ContactResolver>) {
+        self.entries.push((ordered(kinds), resolver));
+    }
+
+    /// The resolver for pairs of these kinds, in either order.
+    pub fn get(&self, kinds: (Kind, Kind)) -> Option<&dyn ContactResolver> {
+        let kinds = ordered(kinds);
+        self.entries.iter().find(|(k, _)| *k == kinds).map(|(_, r)| &**r)
+    }
+}
+
+impl Default for Table {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The two kinds in the order of batches.
+pub fn ordered((a, b): (Kind, Kind)) -> (Kind, Kind) {
+    if a <= b { (a, b) } else { (b, a) }
+}

@@ -1,0 +1,33 @@
+//! **dem-mpi**: a discrete element method for non-spherical grains on distributed memory.
+//!
+//! The modules, in the order in which they may import each other (a module uses only rows above
+//! its own; `tests/layers.rs` checks it):
+//!
+//! | row | modules | what they are |
+//! |---|---|---|
+//! | 1 | [`ids`] [`math`] [`timing`] | names of things, vectors, the clock |
+//! | 2 | [`shape`] [`comm`] | what a grain is; how ranks talk |
+//! | 3 | [`contact`] | from two shapes to overlap, normal and point |
+//! | 4 | [`particles`] | columns of everything a rank owns or sees |
+//! | 5 | [`search`] [`law`] [`motion`] [`measure`] | pairs, forces, integration, energies |
+//! | 6 | [`domain`] [`drive`] [`output`] | who owns what; what acts from outside; what is written |
+//! | 7 | [`sim`] [`post`] | the step; what is computed from a snapshot |
+//! | 8 | [`scene`] | the user's file, checked, and turned into a simulation |
+//!
+//! Conventions everywhere: SI units; compression and overlap are positive; a contact's normal is a
+//! unit vector **from A to B**, where A is the body with the lower id (a wall is always B); slots
+//! of bodies run owned | ghosts | walls.
+//!
+//! Same bits on any number of ranks, because
+//! * both owners of a pair compute it from the same numbers, A first;
+//! * a particle's force is the sum over its contacts in the order of the partner's id;
+//! * system-wide sums go through an exact accumulator ([`math::ExactSum`]);
+//! * what is remembered of a touching contact is state that moves and is saved with its particles;
+//!   what is remembered of a pair that does not touch never changes a result.
+
+pub mod ids;
+pub mod math;
+
+pub mod shape;
+
+pub mod contact;

@@ -1,0 +1,168 @@
+//! Vectors, and a sum that does not depend on the order of its terms.
+
+/// A vector of three.
+pub type Vec3 = nalgebra::Vector3<f64>;
+/// A three-by-three matrix.
+pub type Mat3 = nalgebra::Matrix3<f64>;
+/// A rotation from a body's own axes to the world.
+pub type Quat = nalgebra::UnitQuaternion<f64>;
+
+/// The exact sum of any number of finite `f64`: a fixed-point number wide enough for all of them.
+///
+/// Terms may be added in any order, on any rank, and partial sums merged by adding their limbs: the
+/// rounded [`ExactSum::value`] is always the same. (A superaccumulator: Kulisch 2013,
+/// DOI 10.1515/9783110301793, with 32-bit digits in 64-bit limbs. The kept crates found for this
+/// have no partial sums that MPI can add.)
+///
+/// Holds up to 2³⁰ terms between merges.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ExactSum {
+    /// Digit `k` counts units of 2^(32 k - 1074).
+    limbs: [i64; ExactSum::LIMBS],
+}
+
+impl Default for ExactSum {
+    fn default() -> Self {
+        Self { limbs: [0; Self::LIMBS] }
+    }
+}
+
+impl ExactSum {
+    /// How many 64-bit limbs a sum has.
+    pub const LIMBS: usize = 67;
+
+    /// Adds a term.
+    ///
+    /// # Panics
+    /// If `term` is not finite: a caller's bug, states are checked before they are summed.
+    pub fn add(&mut self, term: f64) {
+        assert!(term.is_finite(), "a sum was given {term}");
+        let bits = term.to_bits();
+        let exponent = (bits >> 52) & 0x7ff;
+        let fraction = bits & ((1 << 52) - 1);
+        // Subnormal numbers have no hidden bit and the exponent of the smallest normal ones.
+        let (mantissa, shift) =
+            if exponent == 0 { (fraction, 0) } else { (fraction | (1 << 52), exponent - 1) };
+        let first = (shift / 32) as usize;
+        let mut wide = u128::from(mantissa) << (shift % 32);
+        let sign = if term < 0.0 { -1 } else { 1 };
+        for limb in &mut self.limbs[first..(first + 3).min(Self::LIMBS)] {
+            *limb += sign * (wide & 0xffff_ffff) as i64;
+            wide >>= 32;
+        }
+    }
+
+    /// The limbs, which add up across ranks like any integers.
+    pub const fn limbs(&self) -> &[i64; Self::LIMBS] {
+        &self.limbs
+    }
+
+    /// The sum with these limbs.
+    ///
+    /// # Panics
+    /// If there are not [`ExactSum::LIMBS`] of them.
+    pub fn from_limbs(limbs: &[i64]) -> Self {
+        Self { limbs: limbs.try_into().expect("an exact sum has a fixed number of limbs") }
+    }
+
+    /// The sum rounded once, to the nearest `f64`, ties to even.
+    pub fn value(&self) -> f64 {
+        // Carry, so that every digit but the highest lies in 0..2^32.
+        let mut digits = self.limbs;
+        for k in 0..Self::LIMBS - 1 {
+            let carry = digits[k] >> 32;
+            digits[k] -= carry << 32;
+            digits[k + 1] += carry;
+        }
+        let negative = digits[Self::LIMBS - 1] < 0;
+        if negative {
+            for d in &mut digits {
+                *d = -*d;
+            }
+            for k in 0..Self::LIMBS - 1 {
+                let carry = digits[k] >> 32;
+                digits[k] -= carry << 32;
+                digits[k + 1] += carry;
+            }
+        }
+        let Some(top) = digits.iter().rposition(|&d| d != 0) else { return 0.0 };
+        // The leading 128 bits hold every bit that rounding needs but one: whether anything lies below.
+        let mut wide: u128 = 0;
+        let mut lowest = 0;
+        for k in (0..=top).rev() {
+            if (digits[k] as u128) >> 32 != 0 && k != top {
+                unreachable!("digits are carried");
+            }
+            if wide.leading_zeros() < 32 + 8 {
+                lowest = k + 1;
+                break;
+            }
+            wide = (wide << 32) | digits[k] as u128;
+            lowest = k;
+        }
+        let sticky = digits[..lowest].iter().any(|&d| d != 0);
+        let magnitude = round_to_f64(wide, sticky, 32 * lowest as i32 - 1074);
+        if negative { -magnitude } else { magnitude }
+    }
+}
+
+/// `wide · 2^exponent` (plus a little more if `sticky`) as the nearest `f64`, ties to even.
+fn round_to_f64(wide: u128, sticky: bool, exponent: i32) -> f64 {
+    let bits = 128 - wide.leading_zeros() as i32;
+    // Bits to drop: down to 53, or to the last place of the subnormal numbers.
+    let drop = (bits - 53).max(-1074 - exponent);
+    let (mantissa, exponent) = if drop <= 0 {
+        (wide, exponent)
+    } else {
+        let kept = wide >> drop;
+        let rest = wide & ((1u128 << drop) - 1);
+        let half = 1u128 << (drop - 1);
+        let up = rest > half || (rest == half && (sticky || kept & 1 == 1));
+        (kept + u128::from(up), exponent + drop)
+    };
+    // Two exact powers of two: one alone may leave the range of normal numbers.
+    let first = exponent / 2;
+    mantissa as f64 * 2f64.powi(first) * 2f64.powi(exponent - first)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ExactSum;
+
+    fn sum(terms: &[f64]) -> f64 {
+        let mut s = ExactSum::default();
+        terms.iter().for_each(|&t| s.add(t));
+        s.value()
+    }
+
+    #[test]
+    fn single_terms_come_back() {
+        for x in [0.0, 1.0, -1.0, 0.1, -1e300, f64::MAX, f64::MIN_POSITIVE, 5e-324, -3e-310, 1.5e-8]
+        {
+            assert_eq!(sum(&[x]), x, "{x:e}");
+        }
+    }
+
+    #[test]
+    fn what_cancels_cancels_exactly() {
+        assert_eq!(sum(&[1e300, 1.0, -1e300]), 1.0);
+        assert_eq!(sum(&[1e300, 1e-300, -1e300, -1e-300]), 0.0);
+        assert_eq!(sum(&[0.1; 10]), 1.0);
+        assert_eq!(sum(&[1.0, f64::EPSILON / 2.0]), 1.0, "ties go to even");
+        assert_eq!(sum(&[1.0, f64::EPSILON / 2.0, 5e-324]), 1.0 + f64::EPSILON);
+    }
+
+    #[test]
+    fn order_and_merging_do_not_matter() {
+        let terms: Vec<f64> =
+            (0..1000).map(|i| (f64::from(i) * 0.7).sin() * 10f64.powi(i % 40 - 20)).collect();
+        let forward = sum(&terms);
+        let backward = sum(&terms.iter().rev().copied().collect::<Vec<_>>());
+        let mut halves = [ExactSum::default(), ExactSum::default()];
+        terms.iter().enumerate().for_each(|(i, &t)| halves[i % 2].add(t));
+        let limbs: Vec<i64> =
+            halves[0].limbs().iter().zip(halves[1].limbs()).map(|(a, b)| a + b).collect();
+        assert_eq!(forward.to_bits(), backward.to_bits());
+        assert_eq!(forward.to_bits(), ExactSum::from_limbs(&limbs).value().to_bits());
+    }
+}

@@ -1,0 +1,49 @@
+//! The tri-axial ellipsoid `x²/a² + y²/b² + z²/c² = 1`.
+
+use crate::math::Vec3;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// An ellipsoid about the origin with its axes along x, y, z.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ellipsoid {
+    /// Half the length along each local axis [m].
+    pub semi_axes: Vec3,
+}
+
+impl Ellipsoid {
+    /// Farthest point along `direction` [m]: `D² d / |D d|` with `D = diag(semi_axes)`.
+    #[inline]
+    pub fn support(&self, direction: &Vec3) -> Vec3 {
+        let scaled = self.semi_axes.component_mul(direction);
+        let length = scaled.norm();
+        self.semi_axes.component_mul(&(scaled / length))
+    }
+
+    /// The longest semi-axis [m].
+    pub fn bounding_radius(&self) -> f64 {
+        self.semi_axes.max()
+    }
+
+    /// The shortest semi-axis [m].
+    pub fn inscribed_radius(&self) -> f64 {
+        self.semi_axes.min()
+    }
+
+    /// Smallest radius of curvature anywhere on the surface [m]: shortest² / longest.
+    pub fn smallest_curvature_radius(&self) -> f64 {
+        let shortest = self.inscribed_radius();
+        shortest * shortest / self.bounding_radius()
+    }
+
+    /// Volume [m³].
+    pub fn volume(&self) -> f64 {
+        4.0 / 3.0 * PI * self.semi_axes.x * self.semi_axes.y * self.semi_axes.z
+    }
+
+    /// Principal moments of inertia over mass [m²]: `((b²+c²), (a²+c²), (a²+b²)) / 5`.
+    pub fn gyration(&self) -> Vec3 {
+        let s = self.semi_axes.component_mul(&self.semi_axes);
+        Vec3::new(s.y + s.z, s.x + s.z, s.x + s.y) / 5.0
+    }
+}
