@@ -31,3 +31,5 @@ pub mod math;
 pub mod shape;
 
 pub mod contact;
+
+pub mod output;

@@ -1,0 +1,3 @@
+//! What is written: snapshots and the table of a run's scalars.
+
+pub mod tables;

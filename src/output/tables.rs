@@ -1,0 +1,154 @@
+//! What a snapshot holds, as plain tables: the meeting point of the run that writes, the restart
+//! that reads and the post-processor that computes.
+//!
+//! # Files
+//!
+//! A snapshot is two HDF5 files, each valid VTKHDF `PolyData` with one part per writing rank:
+//! `particles_<step>.vtkhdf` (vertices) and `contacts_<step>.vtkhdf` (lines). Both carry the groups
+//! `/run`, `/domain`, `/walls` and `/shapes` ([`Header`]); the first also carries `/restart`, all that a
+//! restart needs and a picture does not. A column that the scene does not need is not there.
+//!
+//! | place | rows | content |
+//! |---|---|---|
+//! | particles `/VTKHDF/Points` | particles × 3 | centres \[m\] |
+//! | particles `/VTKHDF/PointData/<name>` | particles | the other columns of [`ParticleTable`] that a picture shows |
+//! | particles `/restart/particles/<name>` | particles | `angular_momentum`, `dissipated`, `received`, `image` |
+//! | particles `/restart/contacts/<name>` | touching pairs | `a`, `b`, `normal`, `spring` |
+//! | contacts `/VTKHDF/Points` | 2 per contact × 3 | centre of A; centre of B's nearest image, or the foot on the wall \[m\] |
+//! | contacts `/VTKHDF/CellData/<name>` | contacts | the columns of [`ContactTable`] |
+
+use crate::contact::NamedHistory;
+use crate::ids::{GlobalId, ShapeId};
+use crate::math::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// What a snapshot says once: when, where, with what walls and shapes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Header {
+    /// Steps since the very first stage began.
+    pub step: u64,
+    /// Time since then [s].
+    pub time: f64,
+    /// Time step [s].
+    pub dt: f64,
+    /// The step at which this stage began, and the time then [s].
+    pub stage_begin: (u64, f64),
+    /// Layers of rain that have fallen in this stage.
+    pub layers_fallen: u64,
+    /// The id that the next new particle gets.
+    pub next_id: u64,
+    /// Lowest corner of the domain [m].
+    pub low: Vec3,
+    /// Highest corner of the domain [m].
+    pub high: Vec3,
+    /// Which axes are periodic.
+    pub periodic: [bool; 3],
+    /// Gravity [m/s²].
+    pub gravity: Vec3,
+    /// The walls, in the order of their ids.
+    pub walls: Vec<WallRow>,
+    /// The shapes, in the order of their ids.
+    pub shapes: Vec<ShapeRow>,
+    /// The scene as it ran, as TOML.
+    pub scene: String,
+}
+
+/// One wall.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WallRow {
+    /// Its name in the scene.
+    pub name: String,
+    /// A point of its plane [m].
+    pub point: Vec3,
+    /// Unit normal, towards the particles.
+    pub normal: Vec3,
+    /// Velocity [m/s].
+    pub velocity: Vec3,
+    /// Force of the particles on it [N].
+    pub force: Vec3,
+}
+
+/// One shape of the scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ShapeRow {
+    /// Its name in the scene.
+    pub name: String,
+    /// Name of its kind: `sphere`, `ellipsoid`.
+    pub kind: String,
+    /// Semi-axes [m].
+    pub semi_axes: Vec3,
+    /// Volume [m³].
+    pub volume: f64,
+    /// Mass [kg].
+    pub mass: f64,
+    /// Principal moments of inertia [kg m²].
+    pub inertia: Vec3,
+}
+
+/// Particles of a snapshot, or a piece of them: columns of one length. An optional column that the
+/// scene does not need is empty.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ParticleTable {
+    /// Name for life.
+    pub id: Vec<GlobalId>,
+    /// Shape, an index into [`Header::shapes`].
+    pub shape: Vec<ShapeId>,
+    /// Centre [m].
+    pub position: Vec<Vec3>,
+    /// Velocity, half a step before `position` [m/s].
+    pub velocity: Vec<Vec3>,
+    /// Force, all but damping, at `position` [N].
+    pub force: Vec<Vec3>,
+    /// Contacts with particles and walls, a count.
+    pub coordination: Vec<i32>,
+    /// Rank that owned the particle.
+    pub rank: Vec<i32>,
+    /// Energy dissipated at this particle so far [J].
+    pub dissipated: Vec<f64>,
+    /// Energy this particle brought in at its insertion or received from moving walls [J].
+    pub received: Vec<f64>,
+    /// Whole periods added to `position` to follow the particle through a periodic domain. Optional.
+    pub image: Vec<[i32; 3]>,
+    /// Attitude (w, x, y, z), body to world. Optional: absent if all are spheres.
+    pub quaternion: Vec<[f64; 4]>,
+    /// Angular momentum, world axes, half a step before `position` [kg m²/s]. Optional.
+    pub angular_momentum: Vec<Vec3>,
+    /// Angular velocity, world axes [rad/s]. Optional, with `angular_momentum`.
+    pub angular_velocity: Vec<Vec3>,
+    /// Moment at `position`, world axes [N m]. Optional, with `angular_momentum`.
+    pub torque: Vec<Vec3>,
+}
+
+/// Contacts of a snapshot, or a piece of them: columns of one length. Each contact stands once, with the
+/// owner of A.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ContactTable {
+    /// The lower id.
+    pub a: Vec<GlobalId>,
+    /// The higher id; in the file a wall `k` is `-(k + 1)`.
+    pub b: Vec<GlobalId>,
+    /// Centre of A [m].
+    pub centre: Vec<Vec3>,
+    /// From the centre of A to the centre of B's nearest image; for a wall to the contact point [m].
+    pub branch: Vec<Vec3>,
+    /// Contact point [m].
+    pub point: Vec<Vec3>,
+    /// Unit normal from A to B.
+    pub normal: Vec<Vec3>,
+    /// Overlap [m].
+    pub overlap: Vec<f64>,
+    /// Magnitude of the normal force, compression positive [N].
+    pub normal_force: Vec<f64>,
+    /// Tangential force that A exerts on B [N].
+    pub shear_force: Vec<Vec3>,
+}
+
+impl ContactTable {
+    /// The whole force that A exerts on B [N].
+    pub fn force(&self, contact: usize) -> Vec3 {
+        self.normal[contact] * self.normal_force[contact] + self.shear_force[contact]
+    }
+}
+
+/// Histories of touching contacts, for a restart.
+pub type HistoryTable = Vec<NamedHistory>;
