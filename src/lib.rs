@@ -28,6 +28,7 @@
 pub mod ids;
 pub mod math;
 
+pub mod comm;
 pub mod shape;
 
 pub mod contact;

@@ -1,0 +1,183 @@
+//! Ranks as threads of one process, for tests and for a debugger: the same code above, no MPI.
+//!
+//! Every pair of ranks has a mailbox that keeps the order of its parcels; a reduction is a gather to
+//! rank 0 and a broadcast. A rank that panics or aborts makes every waiting rank panic too, so that
+//! a test ends instead of hanging.
+
+use super::{Comm, Parcel, Source};
+use crate::ids::Rank;
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+type Mailboxes = BTreeMap<(Rank, Rank), VecDeque<Vec<u8>>>;
+
+#[derive(Default)]
+struct State {
+    mailboxes: Mailboxes,
+    ended: bool,
+}
+
+#[derive(Default)]
+struct Hub {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+impl Hub {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// One of the threads.
+pub struct ThreadRank {
+    rank: Rank,
+    size: u32,
+    hub: Arc<Hub>,
+    sources: Vec<Source>,
+}
+
+/// Runs `body` on `size` ranks, each a thread, and returns what each returned, by rank.
+///
+/// # Panics
+/// If any rank panics or aborts.
+pub fn run<T: Send>(size: u32, body: impl Fn(&mut ThreadRank) -> T + Sync) -> Vec<T> {
+    let hub = Arc::new(Hub::default());
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..size)
+            .map(|rank| {
+                let hub = Arc::clone(&hub);
+                let body = &body;
+                scope.spawn(move || {
+                    body(&mut ThreadRank { rank: Rank(rank), size, hub, sources: Vec::new() })
+                })
+            })
+            .collect();
+        threads
+            .into_iter()
+            .map(|t| t.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect()
+    })
+}
+
+impl ThreadRank {
+    fn send(&self, to: Rank, bytes: Vec<u8>) {
+        self.hub.lock().mailboxes.entry((self.rank, to)).or_default().push_back(bytes);
+        self.hub.changed.notify_all();
+    }
+
+    fn receive(&self, from: Rank) -> Vec<u8> {
+        let mut state = self.hub.lock();
+        loop {
+            let mailbox = state.mailboxes.entry((from, self.rank)).or_default();
+            if let Some(bytes) = mailbox.pop_front() {
+                return bytes;
+            }
+            assert!(!state.ended, "another rank ended while rank {} waited", self.rank.0);
+            state = self.hub.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// Gathers a value of each rank at rank 0, combines them there and hands the result to all.
+    fn reduce<T: bytemuck::Pod>(&mut self, values: &mut [T], combine: impl Fn(&mut T, T)) {
+        let gathered = self.gather(bytemuck::cast_slice(values).to_vec());
+        let mut result = Vec::new();
+        if let Some(all) = gathered {
+            for theirs in &all[1..] {
+                for (mine, theirs) in values.iter_mut().zip(theirs.chunks_exact(size_of::<T>())) {
+                    combine(mine, bytemuck::pod_read_unaligned(theirs));
+                }
+            }
+            result = bytemuck::cast_slice(values).to_vec();
+        }
+        self.broadcast(&mut result);
+        for (value, bytes) in values.iter_mut().zip(result.chunks_exact(size_of::<T>())) {
+            *value = bytemuck::pod_read_unaligned(bytes);
+        }
+    }
+
+    fn others(&self) -> impl Iterator<Item = Rank> + use<> {
+        let me = self.rank;
+        (0..self.size).map(Rank).filter(move |&r| r != me)
+    }
+}
+
+impl Drop for ThreadRank {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.hub.lock().ended = true;
+            self.hub.changed.notify_all();
+        }
+    }
+}
+
+impl Comm for ThreadRank {
+    fn rank(&self) -> Rank {
+        self.rank
+    }
+
+    fn size(&self) -> u32 {
+        self.size
+    }
+
+    fn start(&mut self, outgoing: Vec<Parcel>, sources: &[Source]) {
+        for parcel in outgoing {
+            self.send(parcel.rank, parcel.bytes);
+        }
+        self.sources = sources.to_vec();
+    }
+
+    fn finish(&mut self) -> Vec<Parcel> {
+        let sources = std::mem::take(&mut self.sources);
+        sources.iter().map(|s| Parcel { rank: s.rank, bytes: self.receive(s.rank) }).collect()
+    }
+
+    fn route(&mut self, outgoing: Vec<Parcel>) -> Vec<Parcel> {
+        let mut incoming = vec![0i64; (self.size * self.size) as usize];
+        for parcel in &outgoing {
+            incoming[(parcel.rank.0 * self.size + self.rank.0) as usize] += 1;
+        }
+        self.sum(&mut incoming);
+        let sources: Vec<_> = (0..self.size)
+            .flat_map(|from| {
+                let count = incoming[(self.rank.0 * self.size + from) as usize];
+                (0..count).map(move |_| Source { rank: Rank(from), size: None })
+            })
+            .collect();
+        self.exchange(outgoing, &sources)
+    }
+
+    fn sum(&mut self, values: &mut [i64]) {
+        self.reduce(values, |mine, theirs| *mine += theirs);
+    }
+
+    fn max(&mut self, values: &mut [f64]) {
+        self.reduce(values, |mine, theirs| {
+            if theirs > *mine {
+                *mine = theirs;
+            }
+        });
+    }
+
+    fn broadcast(&mut self, bytes: &mut Vec<u8>) {
+        if self.is_root() {
+            self.others().for_each(|rank| self.send(rank, bytes.clone()));
+        } else {
+            *bytes = self.receive(Rank(0));
+        }
+    }
+
+    fn gather(&mut self, bytes: Vec<u8>) -> Option<Vec<Vec<u8>>> {
+        if !self.is_root() {
+            self.send(Rank(0), bytes);
+            return None;
+        }
+        let mut all = vec![bytes];
+        all.extend(self.others().map(|rank| self.receive(rank)));
+        Some(all)
+    }
+
+    fn abort(&self, status: i32) -> ! {
+        panic!("rank {} ended the run with status {status}", self.rank.0)
+    }
+}
