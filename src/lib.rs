@@ -27,10 +27,17 @@
 
 pub mod ids;
 pub mod math;
+pub mod timing;
 
 pub mod comm;
 pub mod shape;
 
 pub mod contact;
 
+pub mod particles;
+
+pub mod law;
+
 pub mod output;
+
+pub mod scene;

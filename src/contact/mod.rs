@@ -90,6 +90,10 @@ pub struct History {
     pub normal: Vec3,
     /// Tangential spring, the stretch of A's surface against B's [m].
     pub spring: Vec3,
+    /// Overlap of the last touch [m].
+    pub overlap: f64,
+    /// Normal force of the last touch [N].
+    pub normal_force: f64,
 }
 
 impl History {

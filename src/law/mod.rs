@@ -1,0 +1,140 @@
+//! Force laws: from the geometry of a contact to the forces and moments of its bodies.
+
+pub mod linear;
+
+use crate::contact::{Contact, History, Pair};
+use crate::ids::MaterialId;
+use crate::math::Vec3;
+use crate::particles::{Needs, Particles};
+use serde::{Deserialize, Serialize};
+
+/// What a body is made of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Material {
+    /// Name in the scene.
+    pub name: String,
+    /// Density [kg/m³].
+    pub density: f64,
+    /// How two bodies of this material act on each other.
+    pub contact: Constants,
+}
+
+/// The constants of a contact between two materials.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Constants {
+    /// Normal stiffness of a contact [N/m].
+    pub normal_stiffness: f64,
+    /// Tangential stiffness of a contact [N/m].
+    pub tangential_stiffness: f64,
+    /// Coefficient of friction [-].
+    pub friction: f64,
+    /// Damping ratio of the normal dashpot, as a fraction of critical damping of the pair [-].
+    pub normal_damping_ratio: f64,
+    /// Damping ratio of the tangential dashpot [-].
+    pub tangential_damping_ratio: f64,
+}
+
+impl Constants {
+    /// Of a contact between two materials about which the scene says nothing more: stiffnesses as of
+    /// two half springs in series (the harmonic mean), the lower friction, the mean damping ratios.
+    pub fn mixed(a: &Self, b: &Self) -> Self {
+        let series = |x: f64, y: f64| if x + y > 0.0 { 2.0 * x * y / (x + y) } else { 0.0 };
+        Self {
+            normal_stiffness: series(a.normal_stiffness, b.normal_stiffness),
+            tangential_stiffness: series(a.tangential_stiffness, b.tangential_stiffness),
+            friction: if a.friction < b.friction { a.friction } else { b.friction },
+            normal_damping_ratio: 0.5 * (a.normal_damping_ratio + b.normal_damping_ratio),
+            tangential_damping_ratio: 0.5
+                * (a.tangential_damping_ratio + b.tangential_damping_ratio),
+        }
+    }
+
+    /// Does a contact feel tangential motion?
+    pub fn is_frictional(&self) -> bool {
+        self.friction > 0.0
+            && (self.tangential_stiffness > 0.0 || self.tangential_damping_ratio > 0.0)
+    }
+}
+
+/// The damping ratio whose half oscillation has this coefficient of restitution, in (0, 1]:
+/// `e = exp(-π ζ / √(1 - ζ²))`.
+pub fn damping_ratio_of_restitution(restitution: f64) -> f64 {
+    let log = libm::log(restitution);
+    -log / (std::f64::consts::PI * std::f64::consts::PI + log * log).sqrt()
+}
+
+/// The constants of every pair of materials.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Interactions {
+    materials: usize,
+    constants: Vec<Constants>,
+}
+
+impl Interactions {
+    /// Mixed from the materials.
+    pub fn new(materials: &[Material]) -> Self {
+        let constants = materials
+            .iter()
+            .flat_map(|a| materials.iter().map(|b| Constants::mixed(&a.contact, &b.contact)))
+            .collect();
+        Self { materials: materials.len(), constants }
+    }
+
+    /// Of these two materials, in either order.
+    #[inline]
+    pub fn of(&self, a: MaterialId, b: MaterialId) -> &Constants {
+        &self.constants[a.index() * self.materials + b.index()]
+    }
+
+    /// Replaces those of two materials.
+    pub fn set(&mut self, a: MaterialId, b: MaterialId, constants: Constants) {
+        self.constants[a.index() * self.materials + b.index()] = constants;
+        self.constants[b.index() * self.materials + a.index()] = constants;
+    }
+
+    /// All of them.
+    pub fn iter(&self) -> impl Iterator<Item = &Constants> {
+        self.constants.iter()
+    }
+}
+
+/// What a contact does to its two bodies in this step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Load {
+    /// Force of A on B [N]; A feels the opposite.
+    pub force: Vec3,
+    /// Its magnitude along the normal, compression positive [N].
+    pub normal_force: f64,
+    /// Moment on A about its centre [N m].
+    pub torque_a: Vec3,
+    /// Moment on B about its centre [N m].
+    pub torque_b: Vec3,
+    /// Energy lost since the last step [J].
+    pub dissipated: f64,
+    /// Energy given to A by the motion of a wall since the last step [J].
+    pub received: f64,
+}
+
+/// A law of contact forces.
+pub trait ForceLaw: Send + Sync {
+    /// As reports name it.
+    fn name(&self) -> &'static str;
+
+    /// Which columns it reads.
+    fn needs(&self) -> Needs;
+
+    /// Appends the load of each contact to `loads`, in their order, and brings the histories of
+    /// touching pairs up to date. `dt` in s.
+    fn apply(
+        &self,
+        contacts: &[Contact],
+        pairs: &[Pair],
+        history: &mut [History],
+        particles: &Particles,
+        dt: f64,
+        loads: &mut Vec<Load>,
+    );
+
+    /// Elastic energy in a contact with this history [J].
+    fn stored(&self, a: MaterialId, b: MaterialId, history: &History) -> f64;
+}

@@ -1,0 +1,355 @@
+//! Columns of everything that a rank owns or sees.
+//!
+//! Slots run owned | ghosts | walls. A column that the scene does not need does not exist: spheres
+//! without friction carry no angular momentum, a scene of spheres only no attitude.
+
+pub mod records;
+pub mod walls;
+
+use crate::contact::Bodies;
+use crate::ids::{GlobalId, MaterialId, ShapeId, Slot};
+use crate::math::{Mat3, Quat, Vec3};
+use crate::shape::Shape;
+use records::Particle;
+use serde::{Deserialize, Serialize};
+use walls::Wall;
+
+/// Everything that particles of one shape have in common. Walls stand here too, after the shapes of
+/// the particles, with infinite mass.
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+pub struct Library {
+    /// Geometry.
+    pub shapes: Vec<Shape>,
+    /// Name in the scene.
+    pub names: Vec<String>,
+    /// What it is made of.
+    pub materials: Vec<MaterialId>,
+    /// Mass [kg].
+    pub mass: Vec<f64>,
+    /// Principal moments of inertia [kg m²].
+    pub inertia: Vec<Vec3>,
+    /// How many of them belong to particles; the rest to walls.
+    pub particle_shapes: usize,
+}
+
+impl Library {
+    /// Adds a shape; `density` in kg/m³. Returns its id.
+    pub fn push(
+        &mut self,
+        name: &str,
+        shape: Shape,
+        material: MaterialId,
+        density: f64,
+    ) -> ShapeId {
+        let mass = density * shape.volume();
+        self.inertia.push(shape.gyration() * mass);
+        self.mass.push(mass);
+        self.shapes.push(shape);
+        self.names.push(name.to_owned());
+        self.materials.push(material);
+        ShapeId((self.shapes.len() - 1) as u16)
+    }
+
+    /// The largest bounding radius of the particles' shapes [m].
+    pub fn largest_radius(&self) -> f64 {
+        self.shapes[..self.particle_shapes].iter().map(Shape::bounding_radius).fold(0.0, f64::max)
+    }
+}
+
+/// Which columns a scene needs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Needs {
+    /// Velocities of ghosts: a law with friction or dashpots.
+    pub velocity: bool,
+    /// Angular momentum, angular velocity, torque.
+    pub spin: bool,
+    /// Attitude, for any shape but the sphere. Implies `spin`.
+    pub attitude: bool,
+    /// Counts of whole periods: a periodic domain.
+    pub image: bool,
+}
+
+impl Needs {
+    /// `f64` per ghost in the message of each step.
+    pub const fn halo_values(&self) -> usize {
+        3 + if self.velocity { 3 } else { 0 }
+            + if self.spin && self.velocity { 3 } else { 0 }
+            + if self.attitude { 4 } else { 0 }
+    }
+
+    /// Bytes per owned particle in the columns, contacts left out.
+    pub const fn column_bytes(&self) -> usize {
+        // id, shape, position, velocity, force, position at the last listing, two energies
+        8 + 2
+            + 4 * 24
+            + 16
+            + if self.spin { 72 } else { 0 }
+            + if self.attitude { 32 + 72 } else { 0 }
+            + if self.image { 12 } else { 0 }
+    }
+}
+
+/// Rotation columns, where the scene needs them.
+#[derive(Clone, Debug, Default)]
+pub struct Spin {
+    /// World axes, half a step behind the positions [kg m²/s]. Length: owned.
+    pub angular_momentum: Vec<Vec3>,
+    /// World axes [rad/s]. Length: all slots.
+    pub angular_velocity: Vec<Vec3>,
+    /// World axes [N m]. Length: owned.
+    pub torque: Vec<Vec3>,
+}
+
+/// Attitude columns, where the scene needs them.
+#[derive(Clone, Debug, Default)]
+pub struct Attitude {
+    /// Body to world. Length: owned + ghosts.
+    pub quaternion: Vec<Quat>,
+    /// The same as a matrix. Length: all slots.
+    pub frame: Vec<Mat3>,
+}
+
+/// All bodies of a rank.
+#[derive(Clone, Debug)]
+pub struct Particles {
+    /// Which columns there are.
+    pub needs: Needs,
+    /// What particles of a shape have in common.
+    pub library: Library,
+    /// Slots `0..owned` are owned, `owned..owned + ghosts` ghosts, then come the walls.
+    pub owned: usize,
+    /// How many ghosts.
+    pub ghosts: usize,
+    /// Names. Length: all slots.
+    pub id: Vec<GlobalId>,
+    /// Shapes. Length: all slots.
+    pub shape: Vec<ShapeId>,
+    /// Centres, wrapped into the domain along periodic axes [m]. Length: all slots.
+    pub position: Vec<Vec3>,
+    /// Half a step behind the positions [m/s]. Length: all slots.
+    pub velocity: Vec<Vec3>,
+    /// All but damping [N]. Length: owned.
+    pub force: Vec<Vec3>,
+    /// Positions when the pairs were listed [m]. Length: owned.
+    pub listed_at: Vec<Vec3>,
+    /// Energy dissipated at the particle so far [J]. Length: owned.
+    pub dissipated: Vec<f64>,
+    /// Energy it had at its insertion and was given by moving walls [J]. Length: owned.
+    pub received: Vec<f64>,
+    /// Whole periods to add to the position, in a periodic domain. Length: owned or none.
+    pub image: Vec<[i32; 3]>,
+    /// Rotation, if any shape or law needs it.
+    pub spin: Option<Spin>,
+    /// Attitude, if any shape needs it.
+    pub attitude: Option<Attitude>,
+    /// Length of the period along each axis, infinite where there is none [m].
+    pub period: Vec3,
+    /// The walls, the same on all ranks.
+    pub walls: Vec<Wall>,
+}
+
+impl Particles {
+    /// No particles yet, only walls.
+    pub fn new(needs: Needs, library: Library, walls: Vec<Wall>, period: Vec3) -> Self {
+        let mut particles = Self {
+            needs,
+            library,
+            owned: 0,
+            ghosts: 0,
+            id: Vec::new(),
+            shape: Vec::new(),
+            position: Vec::new(),
+            velocity: Vec::new(),
+            force: Vec::new(),
+            listed_at: Vec::new(),
+            dissipated: Vec::new(),
+            received: Vec::new(),
+            image: Vec::new(),
+            spin: needs.spin.then(Spin::default),
+            attitude: needs.attitude.then(Attitude::default),
+            period,
+            walls,
+        };
+        particles.append_walls();
+        particles
+    }
+
+    /// The bodies as contact resolution sees them.
+    pub fn bodies(&self) -> Bodies<'_> {
+        Bodies {
+            position: &self.position,
+            frame: self.attitude.as_ref().map(|a| &a.frame[..]),
+            shape: &self.shape,
+            library: &self.library.shapes,
+            period: self.period,
+        }
+    }
+
+    /// How many slots there are.
+    pub fn slots(&self) -> usize {
+        self.id.len()
+    }
+
+    /// The first wall's slot.
+    pub const fn first_wall(&self) -> usize {
+        self.owned + self.ghosts
+    }
+
+    /// Mass of a body [kg].
+    #[inline]
+    pub fn mass(&self, slot: usize) -> f64 {
+        self.library.mass[self.shape[slot].index()]
+    }
+
+    /// Material of a body.
+    #[inline]
+    pub fn material(&self, slot: Slot) -> MaterialId {
+        self.library.materials[self.shape[slot.index()].index()]
+    }
+
+    /// Velocity of the material point of a body at `arm` from its centre, world axes [m/s].
+    #[inline]
+    pub fn velocity_at(&self, slot: Slot, arm: &Vec3) -> Vec3 {
+        let velocity = self.velocity[slot.index()];
+        match &self.spin {
+            Some(spin) => velocity + spin.angular_velocity[slot.index()].cross(arm),
+            None => velocity,
+        }
+    }
+
+    /// Drops ghosts and walls, so that owned particles may come and go.
+    pub fn strip_to_owned(&mut self) {
+        let owned = self.owned;
+        self.ghosts = 0;
+        self.id.truncate(owned);
+        self.shape.truncate(owned);
+        self.position.truncate(owned);
+        self.velocity.truncate(owned);
+        if let Some(spin) = &mut self.spin {
+            spin.angular_velocity.truncate(owned);
+        }
+        if let Some(attitude) = &mut self.attitude {
+            attitude.quaternion.truncate(owned);
+            attitude.frame.truncate(owned);
+        }
+    }
+
+    /// Adds an owned particle. Ghosts and walls must be stripped.
+    pub fn push_owned(&mut self, particle: &Particle) {
+        // Naming every field: a new one does not compile until somebody decides where it goes.
+        let Particle {
+            id,
+            shape,
+            position,
+            velocity,
+            force,
+            dissipated,
+            received,
+            image,
+            quaternion,
+            angular_momentum,
+            torque,
+            histories: _,
+        } = particle;
+        self.id.push(*id);
+        self.shape.push(*shape);
+        self.position.push(*position);
+        self.velocity.push(*velocity);
+        self.force.push(*force);
+        self.listed_at.push(*position);
+        self.dissipated.push(*dissipated);
+        self.received.push(*received);
+        if self.needs.image {
+            self.image.push(*image);
+        }
+        if let Some(attitude) = &mut self.attitude {
+            attitude.quaternion.push(*quaternion);
+            attitude.frame.push(*quaternion.to_rotation_matrix().matrix());
+        }
+        if let Some(spin) = &mut self.spin {
+            spin.angular_momentum.push(*angular_momentum);
+            spin.angular_velocity.push(Vec3::zeros());
+            spin.torque.push(*torque);
+        }
+        self.owned += 1;
+        self.refresh_angular_velocity(self.owned - 1);
+    }
+
+    /// Takes an owned particle out; the last owned one moves to its slot. Its contacts' histories
+    /// are the caller's to add. Ghosts and walls must be stripped.
+    pub fn take_owned(&mut self, slot: usize) -> Particle {
+        self.owned -= 1;
+        self.listed_at.swap_remove(slot);
+        let quaternion = self.attitude.as_mut().map_or_else(Quat::identity, |attitude| {
+            attitude.frame.swap_remove(slot);
+            attitude.quaternion.swap_remove(slot)
+        });
+        let (angular_momentum, torque) = self.spin.as_mut().map_or_else(Default::default, |spin| {
+            spin.angular_velocity.swap_remove(slot);
+            (spin.angular_momentum.swap_remove(slot), spin.torque.swap_remove(slot))
+        });
+        Particle {
+            id: self.id.swap_remove(slot),
+            shape: self.shape.swap_remove(slot),
+            position: self.position.swap_remove(slot),
+            velocity: self.velocity.swap_remove(slot),
+            force: self.force.swap_remove(slot),
+            dissipated: self.dissipated.swap_remove(slot),
+            received: self.received.swap_remove(slot),
+            image: if self.needs.image { self.image.swap_remove(slot) } else { [0; 3] },
+            quaternion,
+            angular_momentum,
+            torque,
+            histories: Vec::new(),
+        }
+    }
+
+    /// Angular velocity of an owned particle from its angular momentum: `R I⁻¹ Rᵀ L`.
+    #[inline]
+    pub fn angular_velocity_of(&self, slot: usize) -> Vec3 {
+        let Some(spin) = &self.spin else { return Vec3::zeros() };
+        let inertia = &self.library.inertia[self.shape[slot].index()];
+        let momentum = &spin.angular_momentum[slot];
+        match &self.attitude {
+            Some(attitude) => {
+                let frame = &attitude.frame[slot];
+                frame * frame.tr_mul(momentum).component_div(inertia)
+            }
+            None => momentum / inertia.x,
+        }
+    }
+
+    /// Brings an owned particle's angular velocity up to date.
+    #[inline]
+    pub fn refresh_angular_velocity(&mut self, slot: usize) {
+        let angular_velocity = self.angular_velocity_of(slot);
+        if let Some(spin) = &mut self.spin {
+            spin.angular_velocity[slot] = angular_velocity;
+        }
+    }
+
+    /// Appends the walls' slots after owned particles and ghosts.
+    pub fn append_walls(&mut self) {
+        for (k, wall) in self.walls.iter().enumerate() {
+            self.id.push(GlobalId::wall(k));
+            self.shape.push(wall.shape);
+            self.position.push(wall.point);
+            self.velocity.push(wall.velocity);
+            if let Some(spin) = &mut self.spin {
+                spin.angular_velocity.push(Vec3::zeros());
+            }
+            if let Some(attitude) = &mut self.attitude {
+                attitude.frame.push(Mat3::identity());
+            }
+        }
+    }
+
+    /// Copies the walls' positions and velocities into their slots.
+    pub fn refresh_walls(&mut self) {
+        let first = self.first_wall();
+        for (k, wall) in self.walls.iter().enumerate() {
+            self.position[first + k] = wall.point;
+            self.velocity[first + k] = wall.velocity;
+        }
+    }
+}

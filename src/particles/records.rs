@@ -1,0 +1,141 @@
+//! What travels when.
+//!
+//! | | a new owner gets | a new ghost's rank gets | in every step |
+//! |---|---|---|---|
+//! | id, shape | x | x | |
+//! | position | x | x | x |
+//! | velocity | x | x, if a law needs it | x, if a law needs it |
+//! | attitude | x | x, if a shape needs it | x, if a shape needs it |
+//! | angular momentum | x | | |
+//! | angular velocity | | x, if a law needs it | x, if a law needs it |
+//! | force, torque, energies, image | x | | |
+//! | histories of touching contacts | x | | |
+
+use super::Particles;
+use crate::contact::NamedHistory;
+use crate::ids::{GlobalId, ShapeId};
+use crate::math::{Quat, Vec3};
+use serde::{Deserialize, Serialize};
+
+/// A particle with all its state, on its way to a new owner, or from a file. What the scene does
+/// not need stands at its default.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Particle {
+    /// Name for life.
+    pub id: GlobalId,
+    /// Shape.
+    pub shape: ShapeId,
+    /// Centre [m].
+    pub position: Vec3,
+    /// Half a step behind the position [m/s].
+    pub velocity: Vec3,
+    /// At the position [N].
+    pub force: Vec3,
+    /// Energy dissipated so far [J].
+    pub dissipated: f64,
+    /// Energy received so far [J].
+    pub received: f64,
+    /// Whole periods to add to the position.
+    pub image: [i32; 3],
+    /// Body to world.
+    pub quaternion: Quat,
+    /// World axes, half a step behind the position [kg m²/s].
+    pub angular_momentum: Vec3,
+    /// World axes [N m].
+    pub torque: Vec3,
+    /// Of its touching contacts.
+    pub histories: Vec<NamedHistory>,
+}
+
+impl Particle {
+    /// A particle at rest, upright.
+    pub fn at_rest(id: GlobalId, shape: ShapeId, position: Vec3) -> Self {
+        Self {
+            id,
+            shape,
+            position,
+            velocity: Vec3::zeros(),
+            force: Vec3::zeros(),
+            dissipated: 0.0,
+            received: 0.0,
+            image: [0; 3],
+            quaternion: Quat::identity(),
+            angular_momentum: Vec3::zeros(),
+            torque: Vec3::zeros(),
+            histories: Vec::new(),
+        }
+    }
+}
+
+impl Particles {
+    /// Packs what a ghost's rank gets in every step of each of these owned particles, in their order:
+    /// [`super::Needs::halo_values`] numbers each.
+    pub fn pack_halo(&self, slots: &[u32]) -> Vec<u8> {
+        let mut values = Vec::with_capacity(slots.len() * self.needs.halo_values());
+        for &slot in slots {
+            let slot = slot as usize;
+            values.extend_from_slice(self.position[slot].as_slice());
+            if self.needs.velocity {
+                values.extend_from_slice(self.velocity[slot].as_slice());
+                if let Some(spin) = &self.spin {
+                    values.extend_from_slice(spin.angular_velocity[slot].as_slice());
+                }
+            }
+            if let Some(attitude) = &self.attitude {
+                values.extend_from_slice(attitude.quaternion[slot].coords.as_slice());
+            }
+        }
+        bytemuck::cast_slice(&values).to_vec()
+    }
+
+    /// Unpacks what [`Particles::pack_halo`] packed on the owner's rank into the ghosts from slot
+    /// `first` on.
+    ///
+    /// # Panics
+    /// If there are fewer ghosts than the bytes hold: the ranks are out of step.
+    pub fn unpack_halo(&mut self, first: usize, bytes: &[u8]) {
+        let values: Vec<f64> = bytemuck::pod_collect_to_vec(bytes);
+        for (k, value) in values.chunks_exact(self.needs.halo_values()).enumerate() {
+            let slot = first + k;
+            let mut rest = value;
+            let mut take = |count: usize| {
+                let (head, tail) = rest.split_at(count);
+                rest = tail;
+                head
+            };
+            self.position[slot] = Vec3::from_column_slice(take(3));
+            if self.needs.velocity {
+                self.velocity[slot] = Vec3::from_column_slice(take(3));
+                if let Some(spin) = &mut self.spin {
+                    spin.angular_velocity[slot] = Vec3::from_column_slice(take(3));
+                }
+            }
+            if let Some(attitude) = &mut self.attitude {
+                let coords = nalgebra::Vector4::from_column_slice(take(4));
+                // The owner's bits, not normalised again.
+                let quaternion = Quat::new_unchecked(coords.into());
+                attitude.quaternion[slot] = quaternion;
+                attitude.frame[slot] = *quaternion.to_rotation_matrix().matrix();
+            }
+        }
+    }
+
+    /// Appends ghosts with these names and shapes; their state comes with [`Particles::unpack_halo`].
+    pub fn push_ghosts(&mut self, names: &[(GlobalId, ShapeId)]) {
+        for &(id, shape) in names {
+            self.id.push(id);
+            self.shape.push(shape);
+        }
+        self.ghosts += names.len();
+        let slots = self.owned + self.ghosts;
+        self.position.resize(slots, Vec3::zeros());
+        self.velocity.resize(slots, Vec3::zeros());
+        if let Some(spin) = &mut self.spin {
+            spin.angular_velocity.resize(slots, Vec3::zeros());
+        }
+        if let Some(attitude) = &mut self.attitude {
+            attitude.quaternion.resize(slots, Quat::identity());
+            attitude.frame.resize(slots, crate::math::Mat3::identity());
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Where the time of a run goes: wall clock per phase of the step.
+
+use std::time::{Duration, Instant};
+
+/// A phase of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// Integration of positions and attitudes, moving walls.
+    Move,
+    /// Migration, ghosts, load balance and the list of pairs, when the list is rebuilt.
+    Rebuild,
+    /// The exchange of ghosts in every step: packing, sending, waiting.
+    Exchange,
+    /// Contact resolution.
+    Contacts,
+    /// Force law and the sum over contacts.
+    Forces,
+    /// Small global agreements: is the list stale, has the packing come to rest.
+    Agree,
+    /// Snapshots and the table of scalars.
+    Output,
+}
+
+impl Phase {
+    /// All phases, in the order of a report.
+    pub const ALL: [Self; 7] = [
+        Self::Move,
+        Self::Agree,
+        Self::Rebuild,
+        Self::Exchange,
+        Self::Contacts,
+        Self::Forces,
+        Self::Output,
+    ];
+
+    /// As the report names it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Move => "move",
+            Self::Rebuild => "rebuild",
+            Self::Exchange => "exchange",
+            Self::Contacts => "contacts",
+            Self::Forces => "forces",
+            Self::Agree => "agree",
+            Self::Output => "output",
+        }
+    }
+}
+
+/// A stopwatch that gives the time since its last reading to a phase.
+#[derive(Clone, Debug)]
+pub struct Clock {
+    last: Instant,
+    spent: [Duration; Phase::ALL.len()],
+}
+
+impl Clock {
+    /// A clock that starts now.
+    pub fn new() -> Self {
+        Self { last: Instant::now(), spent: [Duration::ZERO; Phase::ALL.len()] }
+    }
+
+    /// Starts a reading without giving the time before it to any phase.
+    pub fn restart(&mut self) {
+        self.last = Instant::now();
+    }
+
+    /// Gives the time since the last reading to `phase`.
+    pub fn lap(&mut self, phase: Phase) {
+        let now = Instant::now();
+        self.spent[phase as usize] += now - self.last;
+        self.last = now;
+    }
+
+    /// Time given to a phase so far [s].
+    pub fn seconds(&self, phase: Phase) -> f64 {
+        self.spent[phase as usize].as_secs_f64()
+    }
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        Self::new()
+    }
+}
