@@ -37,6 +37,11 @@ pub mod contact;
 pub mod particles;
 
 pub mod law;
+pub mod measure;
+pub mod motion;
+pub mod search;
+
+pub mod domain;
 
 pub mod output;
 

@@ -57,6 +57,7 @@ impl Library {
 }
 
 /// Which columns a scene needs.
+#[expect(clippy::struct_excessive_bools, reason = "four independent capabilities")]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Needs {
     /// Velocities of ghosts: a law with friction or dashpots.
@@ -142,6 +143,8 @@ pub struct Particles {
     pub spin: Option<Spin>,
     /// Attitude, if any shape needs it.
     pub attitude: Option<Attitude>,
+    /// Lowest corner of the domain, where periods begin [m].
+    pub low: Vec3,
     /// Length of the period along each axis, infinite where there is none [m].
     pub period: Vec3,
     /// The walls, the same on all ranks.
@@ -150,7 +153,7 @@ pub struct Particles {
 
 impl Particles {
     /// No particles yet, only walls.
-    pub fn new(needs: Needs, library: Library, walls: Vec<Wall>, period: Vec3) -> Self {
+    pub fn new(needs: Needs, library: Library, walls: Vec<Wall>, low: Vec3, period: Vec3) -> Self {
         let mut particles = Self {
             needs,
             library,
@@ -167,6 +170,7 @@ impl Particles {
             image: Vec::new(),
             spin: needs.spin.then(Spin::default),
             attitude: needs.attitude.then(Attitude::default),
+            low,
             period,
             walls,
         };

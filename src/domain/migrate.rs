@@ -1,0 +1,65 @@
+//! Particles change hands, with all that is remembered of their contacts. Only when the list of
+//! pairs is rebuilt.
+
+use super::Domain;
+use crate::comm::{Comm, Parcel, wire};
+use crate::contact::NamedHistory;
+use crate::ids::GlobalId;
+use crate::particles::Particles;
+use crate::particles::records::Particle;
+use crate::search::PairList;
+use std::collections::BTreeMap;
+
+impl Domain {
+    /// Hands every owned particle to the owner of its place and returns the histories of all touching
+    /// contacts of the particles that this rank now owns (some of them twice). Collective. After
+    /// it there are neither ghosts nor walls.
+    pub fn migrate(
+        &mut self,
+        particles: &mut Particles,
+        pairs: &PairList,
+        comm: &mut dyn Comm,
+    ) -> Vec<NamedHistory> {
+        let me = comm.rank();
+        // All histories known here, under lasting names: slots are about to change.
+        let known: Vec<NamedHistory> =
+            pairs.touching().iter().map(|&pair| pairs.named(pair, particles)).collect();
+        particles.strip_to_owned();
+
+        let mut leaving: BTreeMap<_, Vec<Particle>> = BTreeMap::new();
+        let mut slot = 0;
+        while slot < particles.owned {
+            let owner = self.owner(&particles.position[slot]);
+            if owner == me {
+                slot += 1;
+            } else {
+                leaving.entry(owner).or_default().push(particles.take_owned(slot));
+            }
+        }
+        let gone: usize = leaving.values().map(Vec::len).sum();
+        self.traffic.migrated += gone as u64;
+        if gone > 0 {
+            let mut of_particle: BTreeMap<GlobalId, Vec<NamedHistory>> = BTreeMap::new();
+            for named in &known {
+                of_particle.entry(named.a).or_default().push(*named);
+                of_particle.entry(named.b).or_default().push(*named);
+            }
+            for particle in leaving.values_mut().flatten() {
+                particle.histories = of_particle.remove(&particle.id).unwrap_or_default();
+            }
+        }
+
+        let parcels = leaving
+            .into_iter()
+            .map(|(rank, particles)| Parcel { rank, bytes: wire::encode(&particles) })
+            .collect();
+        let mut histories = known;
+        for parcel in comm.route(parcels) {
+            for particle in wire::decode::<Vec<Particle>>(&parcel.bytes) {
+                particles.push_owned(&particle);
+                histories.extend(particle.histories);
+            }
+        }
+        histories
+    }
+}

@@ -1,0 +1,166 @@
+//! Who owns what: a tree of cuts, the ranks near a subdomain, and the hand-over of particles.
+//!
+//! Space is cut in two again and again, each time across the longest side of what is in it and so
+//! that both halves get work in proportion to their ranks (recursive bisection; Berger and Bokhari
+//! 1987, DOI 10.1109/TC.1987.1676942). A packing fills from the bottom, and the cuts follow it.
+//! Which rank owns a particle never shows in the physics.
+
+mod cuts;
+mod ghosts;
+mod migrate;
+
+use crate::comm::Comm;
+use crate::ids::{GlobalId, Rank};
+use crate::math::Vec3;
+use crate::particles::Particles;
+pub use cuts::{Cuts, Subdomain};
+use std::ops::Range;
+
+/// A rank with which this one shares particles.
+#[derive(Clone, Debug)]
+struct Neighbour {
+    rank: Rank,
+    /// Owned particles that it sees as ghosts, by slot.
+    sent: Vec<u32>,
+    /// Slots of the ghosts that it owns.
+    received: Range<usize>,
+}
+
+/// A particle cannot be where it is.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum DomainError {
+    /// It left the box.
+    #[error(
+        "particle {id} has left the domain: it is at ({x:e}, {y:e}, {z:e}) m with velocity {speed:e} m/s. \
+         Put a wall on that side, enlarge the domain, or reduce the time step"
+    )]
+    Outside {
+        /// Which particle.
+        id: GlobalId,
+        /// Where it is [m].
+        x: f64,
+        /// Where it is [m].
+        y: f64,
+        /// Where it is [m].
+        z: f64,
+        /// How fast [m/s].
+        speed: f64,
+    },
+    /// Its state is not a number.
+    #[error(
+        "particle {id} has a position or velocity that is not finite. The run has become unstable: \
+         reduce the time step, or look for deep overlaps at the start"
+    )]
+    NotFinite {
+        /// Which particle.
+        id: GlobalId,
+    },
+}
+
+/// What communication has cost so far, on this rank.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Messages of the halo sent.
+    pub messages: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Ghosts received, summed over steps.
+    pub ghosts: u64,
+    /// Lists of pairs rebuilt.
+    pub rebuilds: u64,
+    /// Times that the cuts were made anew.
+    pub recuts: u64,
+    /// Particles handed to another rank.
+    pub migrated: u64,
+}
+
+/// The domain as one rank sees it.
+#[derive(Clone, Debug)]
+pub struct Domain {
+    /// Lowest corner [m].
+    pub low: Vec3,
+    /// Highest corner [m].
+    pub high: Vec3,
+    /// Which axes repeat.
+    pub periodic: [bool; 3],
+    /// A particle becomes a ghost on every rank whose subdomain it comes this close to [m].
+    halo: f64,
+    cuts: Cuts,
+    neighbours: Vec<Neighbour>,
+    /// What communication has cost.
+    pub traffic: Traffic,
+}
+
+impl Domain {
+    /// Cut evenly among all ranks; `halo` is the halo width, largest reach plus skin [m].
+    pub fn new(low: Vec3, high: Vec3, periodic: [bool; 3], halo: f64, comm: &dyn Comm) -> Self {
+        let cuts = Cuts::even(low, high, comm.size());
+        Self {
+            low,
+            high,
+            periodic,
+            halo,
+            cuts,
+            neighbours: Vec::new(),
+            traffic: Traffic::default(),
+        }
+    }
+
+    /// Length of the period along each axis, infinite where there is none [m].
+    pub fn period(&self) -> Vec3 {
+        period(&self.low, &self.high, self.periodic)
+    }
+
+    /// The rank that owns a point.
+    pub fn owner(&self, point: &Vec3) -> Rank {
+        self.cuts.owner(point)
+    }
+
+    /// The box of a rank [m].
+    pub fn subdomain(&self, rank: Rank) -> Subdomain {
+        self.cuts.subdomain(rank)
+    }
+
+    /// Cuts anew, so that every rank gets an equal share of the work; particles stay where they are
+    /// until they migrate. `work` is one number per owned particle. Collective.
+    pub fn recut(&mut self, particles: &Particles, work: &[i64], comm: &mut dyn Comm) {
+        self.cuts =
+            Cuts::balanced(self.low, self.high, &particles.position[..particles.owned], work, comm);
+        self.neighbours.clear();
+        self.traffic.recuts += 1;
+    }
+
+    /// How many ranks this one shares particles with.
+    pub fn neighbour_count(&self) -> usize {
+        self.neighbours.len()
+    }
+
+    /// Looks at every owned particle.
+    ///
+    /// # Errors
+    /// The first particle that has left the domain or is not finite.
+    pub fn check(&self, particles: &Particles) -> Result<(), DomainError> {
+        for slot in 0..particles.owned {
+            let (id, p) = (particles.id[slot], particles.position[slot]);
+            let speed = particles.velocity[slot].norm();
+            if !(p.norm().is_finite() && speed.is_finite()) {
+                return Err(DomainError::NotFinite { id });
+            }
+            // Walls give a little: a particle is lost once its centre is outside by its own size.
+            let slack = particles.library.shapes[particles.shape[slot].index()].bounding_radius();
+            let inside = (0..3).all(|axis| {
+                self.periodic[axis]
+                    || (p[axis] >= self.low[axis] - slack && p[axis] <= self.high[axis] + slack)
+            });
+            if !inside {
+                return Err(DomainError::Outside { id, x: p.x, y: p.y, z: p.z, speed });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Length of the period along each axis, infinite where there is none [m].
+pub fn period(low: &Vec3, high: &Vec3, periodic: [bool; 3]) -> Vec3 {
+    Vec3::from_fn(|axis, _| if periodic[axis] { high[axis] - low[axis] } else { f64::INFINITY })
+}

@@ -1,0 +1,199 @@
+//! System-wide scalars: energies, momentum, contacts. Every sum is exact, so that every digit of the
+//! log is the same on any number of ranks.
+
+use crate::comm::Comm;
+use crate::contact::{Contact, Pair};
+use crate::law::{ForceLaw, Load};
+use crate::math::{ExactSum, Vec3};
+use crate::motion::Field;
+use crate::particles::Particles;
+use crate::search::PairList;
+
+/// The scalars of a moment.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Measures {
+    /// Particles.
+    pub particles: u64,
+    /// Contacts between particles.
+    pub contacts: u64,
+    /// Contacts with walls.
+    pub wall_contacts: u64,
+    /// Kinetic energy of translation [J].
+    pub translation: f64,
+    /// Kinetic energy of rotation [J].
+    pub rotation: f64,
+    /// Energy in gravity, zero at the origin [J].
+    pub gravity: f64,
+    /// Elastic energy of contacts [J].
+    pub stored: f64,
+    /// Energy dissipated so far [J].
+    pub dissipated: f64,
+    /// Energy that came in with particles and from moving walls so far [J].
+    pub received: f64,
+    /// Mean normal force between particles [N].
+    pub mean_normal_force: f64,
+    /// Largest overlap over the inscribed radius of the smaller body [-].
+    pub largest_overlap: f64,
+    /// Largest speed [m/s].
+    pub largest_speed: f64,
+    /// Highest point of a particle's bounding sphere along z [m].
+    pub top: f64,
+    /// Force of the particles on each wall [N].
+    pub wall_forces: Vec<Vec3>,
+}
+
+impl Measures {
+    /// Kinetic energy [J].
+    pub fn kinetic(&self) -> f64 {
+        self.translation + self.rotation
+    }
+
+    /// Everything but what was dissipated [J].
+    pub fn mechanical(&self) -> f64 {
+        self.kinetic() + self.gravity + self.stored
+    }
+
+    /// What the balance is short of: received - (mechanical + dissipated) [J].
+    pub fn missing(&self) -> f64 {
+        self.received - self.mechanical() - self.dissipated
+    }
+
+    /// Mean number of contacts of a particle, with walls.
+    pub fn coordination(&self) -> f64 {
+        if self.particles == 0 {
+            return 0.0;
+        }
+        (2 * self.contacts + self.wall_contacts) as f64 / self.particles as f64
+    }
+}
+
+/// Which sum stands where.
+enum Of {
+    Translation,
+    Rotation,
+    Gravity,
+    Stored,
+    Dissipated,
+    Received,
+    NormalForce,
+    FirstWall,
+}
+
+/// Measures the whole system at the end of a step. Collective.
+///
+/// Kinetic energies are taken at the time of the positions: half a kick ahead of the stored velocities.
+#[expect(clippy::too_many_arguments, reason = "everything that carries energy")]
+pub fn measure(
+    particles: &Particles,
+    pairs: &PairList,
+    contacts: &[Contact],
+    loads: &[Load],
+    law: &dyn ForceLaw,
+    field: &Field,
+    dt: f64,
+    comm: &mut dyn Comm,
+) -> Measures {
+    let walls = particles.walls.len();
+    let mut sums = vec![ExactSum::default(); Of::FirstWall as usize + 3 * walls];
+    let mut add = |of: usize, term: f64| sums[of].add(term);
+    let mut maxima = [0.0, 0.0, f64::NEG_INFINITY];
+    let mut counts = [particles.owned as i64, 0, 0];
+
+    for slot in 0..particles.owned {
+        let mass = particles.mass(slot);
+        let force = particles.force[slot] + field.gravity * mass
+            - particles.velocity[slot] * (field.damping * mass);
+        let velocity = particles.velocity[slot] + force * (0.5 * dt / mass);
+        add(Of::Translation as usize, 0.5 * mass * velocity.norm_squared());
+        add(Of::Gravity as usize, -mass * unwrapped(particles, slot).dot(&field.gravity));
+        add(Of::Dissipated as usize, particles.dissipated[slot]);
+        add(Of::Received as usize, particles.received[slot]);
+        if let Some(spin) = &particles.spin {
+            let kick = spin.torque[slot] - spin.angular_momentum[slot] * field.damping;
+            let momentum = spin.angular_momentum[slot] + kick * (0.5 * dt);
+            let squared = spin.angular_momentum[slot].norm_squared();
+            // ω·L scales with L²: the spin columns hold it half a kick behind.
+            if squared > 0.0 {
+                let behind = 0.5 * spin.angular_velocity[slot].dot(&spin.angular_momentum[slot]);
+                add(Of::Rotation as usize, behind * (momentum.norm_squared() / squared));
+            }
+        }
+        let radius = particles.library.shapes[particles.shape[slot].index()].bounding_radius();
+        maxima[1] = larger(maxima[1], velocity.norm());
+        maxima[2] = larger(maxima[2], particles.position[slot].z + radius);
+    }
+
+    for (contact, load) in contacts.iter().zip(loads) {
+        let Pair { a, b } = pairs.pairs[contact.pair as usize];
+        let wall = b.index().checked_sub(particles.first_wall());
+        // A contact counts where its first particle is owned.
+        if a.index() >= particles.owned {
+            continue;
+        }
+        let history = &pairs.history[contact.pair as usize];
+        let (of_a, of_b) = (particles.material(a), particles.material(b));
+        add(Of::Stored as usize, law.stored(of_a, of_b, history));
+        let inscribed = |slot: usize| {
+            particles.library.shapes[particles.shape[slot].index()].inscribed_radius()
+        };
+        let size = inscribed(a.index()).min(inscribed(b.index()));
+        maxima[0] = larger(maxima[0], contact.touch.overlap / size);
+        if let Some(wall) = wall {
+            counts[2] += 1;
+            for axis in 0..3 {
+                add(Of::FirstWall as usize + 3 * wall + axis, load.force[axis]);
+            }
+        } else {
+            counts[1] += 1;
+            add(Of::NormalForce as usize, load.normal_force);
+        }
+    }
+
+    let mut limbs: Vec<i64> = sums.iter().flat_map(|s| s.limbs().iter().copied()).collect();
+    limbs.extend(counts);
+    comm.sum(&mut limbs);
+    comm.max(&mut maxima);
+    let (limbs, counts) = limbs.split_at(sums.len() * ExactSum::LIMBS);
+    let value = |of: usize| {
+        ExactSum::from_limbs(&limbs[of * ExactSum::LIMBS..(of + 1) * ExactSum::LIMBS]).value()
+    };
+    Measures {
+        particles: counts[0] as u64,
+        contacts: counts[1] as u64,
+        wall_contacts: counts[2] as u64,
+        translation: value(Of::Translation as usize),
+        rotation: value(Of::Rotation as usize),
+        gravity: value(Of::Gravity as usize),
+        stored: value(Of::Stored as usize),
+        dissipated: value(Of::Dissipated as usize),
+        received: value(Of::Received as usize),
+        mean_normal_force: if counts[1] == 0 {
+            0.0
+        } else {
+            value(Of::NormalForce as usize) / counts[1] as f64
+        },
+        largest_overlap: maxima[0],
+        largest_speed: maxima[1],
+        top: maxima[2],
+        wall_forces: (0..walls)
+            .map(|k| Vec3::from_fn(|axis, _| value(Of::FirstWall as usize + 3 * k + axis)))
+            .collect(),
+    }
+}
+
+/// Where a particle would be without periods [m].
+pub fn unwrapped(particles: &Particles, slot: usize) -> Vec3 {
+    let mut position = particles.position[slot];
+    if particles.needs.image {
+        for axis in 0..3 {
+            if particles.period[axis].is_finite() {
+                position[axis] += f64::from(particles.image[slot][axis]) * particles.period[axis];
+            }
+        }
+    }
+    position
+}
+
+fn larger(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
+}

@@ -1,0 +1,235 @@
+//! Which pairs may touch: a list with a skin, rebuilt when somebody has moved by half of it.
+//!
+//! A pair is listed when its bounding spheres are closer than the skin. That depends on positions
+//! alone, never on the rank; and since a pair that does not touch leaves no trace, neither the
+//! moment nor the order of listing shows in the trajectory.
+
+mod cells;
+
+use crate::contact::{Contact, History, NamedHistory, Pair, ordered};
+use crate::ids::{GlobalId, Slot};
+use crate::law::Load;
+use crate::math::Vec3;
+use crate::particles::Particles;
+use crate::shape::Kind;
+use std::ops::Range;
+
+/// A run of pairs of the same kinds in the list.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Block {
+    /// The kinds of shape.
+    pub kinds: (Kind, Kind),
+    /// Does each pair have a ghost? Such pairs wait for the exchange.
+    pub border: bool,
+    /// Where in the list.
+    pub range: Range<usize>,
+}
+
+/// The pairs that may touch, what is remembered of those that do, and who takes part in which.
+#[derive(Clone, Debug, Default)]
+pub struct PairList {
+    /// All pairs; those of one block stand together.
+    pub pairs: Vec<Pair>,
+    /// What is remembered of each.
+    pub history: Vec<History>,
+    /// Runs of pairs to be resolved in one call.
+    pub blocks: Vec<Block>,
+    /// The pairs that touched at the last step.
+    touching: Vec<u32>,
+    /// Of owned particle `s`, `incident[first[s]..first[s + 1]]` are its pairs by rising id of the partner.
+    first: Vec<u32>,
+    incident: Vec<Incidence>,
+    /// Where each pair stands among the contacts of this step.
+    contact_of: Vec<u32>,
+}
+
+/// A pair as one of its particles sees it.
+#[derive(Clone, Copy, Debug)]
+struct Incidence {
+    pair: u32,
+    is_a: bool,
+}
+
+const NO_CONTACT: u32 = u32::MAX;
+
+impl PairList {
+    /// Lists all pairs of which one is owned, closer than `skin` [m] between bounding spheres.
+    /// `carried` has the histories of all touching contacts of owned particles, in any order; a
+    /// contact may stand there twice.
+    pub fn rebuild(&mut self, particles: &mut Particles, skin: f64, carried: &mut [NamedHistory]) {
+        let found = cells::close_pairs(particles, skin);
+        self.sort_into_blocks(particles, found);
+        self.history.clear();
+        self.history.resize(self.pairs.len(), History::default());
+        self.contact_of.clear();
+        self.contact_of.resize(self.pairs.len(), NO_CONTACT);
+        self.touching.clear();
+
+        carried.sort_unstable_by_key(|c| (c.a, c.b));
+        for (index, pair) in self.pairs.iter().enumerate() {
+            let key = (particles.id[pair.a.index()], particles.id[pair.b.index()]);
+            if let Ok(at) = carried.binary_search_by_key(&key, |c| (c.a, c.b)) {
+                self.history[index] = carried[at].history;
+                self.touching.push(index as u32);
+            }
+        }
+        self.collect_incidences(particles);
+
+        let owned = particles.owned;
+        particles.listed_at.copy_from_slice(&particles.position[..owned]);
+        for wall in &mut particles.walls {
+            wall.listed_at = wall.point;
+        }
+    }
+
+    fn sort_into_blocks(&mut self, particles: &Particles, found: Vec<Pair>) {
+        let kind =
+            |slot: Slot| particles.library.shapes[particles.shape[slot.index()].index()].kind();
+        let block_of = |pair: &Pair| {
+            let ghosts = particles.owned..particles.first_wall();
+            let border = ghosts.contains(&pair.a.index()) || ghosts.contains(&pair.b.index());
+            (border, ordered((kind(pair.a), kind(pair.b))))
+        };
+        let mut keyed: Vec<_> = found.into_iter().map(|pair| (block_of(&pair), pair)).collect();
+        // Stable: within a block the pairs stay in the order of the cells, neighbours close in memory.
+        keyed.sort_by_key(|(block, _)| *block);
+        self.blocks.clear();
+        for run in keyed.chunk_by(|(x, _), (y, _)| x == y) {
+            let (border, kinds) = run[0].0;
+            let start = self.blocks.last().map_or(0, |b| b.range.end);
+            self.blocks.push(Block { kinds, border, range: start..start + run.len() });
+        }
+        self.pairs.clear();
+        self.pairs.extend(keyed.into_iter().map(|(_, pair)| pair));
+    }
+
+    fn collect_incidences(&mut self, particles: &Particles) {
+        let owned = particles.owned;
+        let mut entries: Vec<(u32, GlobalId, Incidence)> = Vec::with_capacity(2 * self.pairs.len());
+        for (index, pair) in self.pairs.iter().enumerate() {
+            for (me, partner, is_a) in [(pair.a, pair.b, true), (pair.b, pair.a, false)] {
+                if me.index() < owned {
+                    let incidence = Incidence { pair: index as u32, is_a };
+                    entries.push((me.0, particles.id[partner.index()], incidence));
+                }
+            }
+        }
+        entries.sort_unstable_by_key(|&(me, partner, _)| (me, partner));
+        self.first.clear();
+        self.first.resize(owned + 1, 0);
+        for (me, ..) in &entries {
+            self.first[*me as usize + 1] += 1;
+        }
+        for slot in 0..owned {
+            self.first[slot + 1] += self.first[slot];
+        }
+        self.incident.clear();
+        self.incident.extend(entries.into_iter().map(|(.., incidence)| incidence));
+    }
+
+    /// After resolution: forgets the histories of pairs that have come apart, and takes note of those
+    /// that touch now.
+    pub fn note_contacts(&mut self, contacts: &[Contact]) {
+        self.contact_of.fill(NO_CONTACT);
+        for (index, contact) in contacts.iter().enumerate() {
+            self.contact_of[contact.pair as usize] = index as u32;
+        }
+        for &pair in &self.touching {
+            if self.contact_of[pair as usize] == NO_CONTACT {
+                self.history[pair as usize] = History::default();
+            }
+        }
+        self.touching.clear();
+        self.touching.extend(contacts.iter().map(|c| c.pair));
+    }
+
+    /// Sums the loads of this step's contacts into the owned particles, each in the order of its
+    /// partners' ids: the same bits on any number of ranks.
+    pub fn gather(&self, loads: &[Load], particles: &mut Particles) {
+        for slot in 0..particles.owned {
+            let mut force = Vec3::zeros();
+            let mut torque = Vec3::zeros();
+            let (mut dissipated, mut received) = (0.0, 0.0);
+            for incidence in self.incident_to(slot) {
+                let contact = self.contact_of[incidence.pair as usize];
+                if contact == NO_CONTACT {
+                    continue;
+                }
+                let load = &loads[contact as usize];
+                if incidence.is_a {
+                    force -= load.force;
+                    torque += load.torque_a;
+                    received += load.received;
+                } else {
+                    force += load.force;
+                    torque += load.torque_b;
+                }
+                let with_wall =
+                    self.pairs[incidence.pair as usize].b.index() >= particles.first_wall();
+                dissipated += if with_wall { load.dissipated } else { 0.5 * load.dissipated };
+            }
+            particles.force[slot] = force;
+            particles.dissipated[slot] += dissipated;
+            particles.received[slot] += received;
+            if let Some(spin) = &mut particles.spin {
+                spin.torque[slot] = torque;
+            }
+        }
+    }
+
+    fn incident_to(&self, slot: usize) -> &[Incidence] {
+        &self.incident[self.first[slot] as usize..self.first[slot + 1] as usize]
+    }
+
+    /// How many contacts an owned particle has in this step, with particles and walls.
+    pub fn coordination(&self, slot: usize) -> usize {
+        self.incident_to(slot)
+            .iter()
+            .filter(|i| self.contact_of[i.pair as usize] != NO_CONTACT)
+            .count()
+    }
+
+    /// The pairs that touched at the last step, or were carried over a rebuild.
+    pub fn touching(&self) -> &[u32] {
+        &self.touching
+    }
+
+    /// The history of one pair under its lasting name.
+    pub fn named(&self, pair: u32, particles: &Particles) -> NamedHistory {
+        let Pair { a, b } = self.pairs[pair as usize];
+        NamedHistory {
+            a: particles.id[a.index()],
+            b: particles.id[b.index()],
+            history: self.history[pair as usize],
+        }
+    }
+
+    /// Bytes that the list holds.
+    pub fn bytes(&self) -> usize {
+        self.pairs.capacity() * size_of::<Pair>()
+            + self.history.capacity() * size_of::<History>()
+            + self.incident.capacity() * size_of::<Incidence>()
+            + (self.first.capacity() + self.contact_of.capacity() + self.touching.capacity()) * 4
+    }
+}
+
+/// Square of the largest distance that an owned particle or a wall has moved since the pairs were
+/// listed [m²]; infinite if a position is not a number.
+pub fn moved_squared(particles: &Particles) -> f64 {
+    let mut largest = 0.0;
+    let mut sound = true;
+    for (now, then) in particles.position.iter().zip(&particles.listed_at) {
+        let moved = crate::contact::nearest_image(now - then, &particles.period).norm_squared();
+        if moved > largest {
+            largest = moved;
+        }
+        sound &= moved.is_finite();
+    }
+    for wall in &particles.walls {
+        let moved = (wall.point - wall.listed_at).norm_squared();
+        if moved > largest {
+            largest = moved;
+        }
+    }
+    if sound { largest } else { f64::INFINITY }
+}
