@@ -42,7 +42,10 @@ pub mod motion;
 pub mod search;
 
 pub mod domain;
+pub mod drive;
 
 pub mod output;
+
+pub mod sim;
 
 pub mod scene;

@@ -3,6 +3,7 @@
 
 use crate::comm::Comm;
 use crate::contact::{Contact, Pair};
+use crate::ids::Slot;
 use crate::law::{ForceLaw, Load};
 use crate::math::{ExactSum, Vec3};
 use crate::motion::Field;
@@ -32,7 +33,7 @@ pub struct Measures {
     pub received: f64,
     /// Mean normal force between particles [N].
     pub mean_normal_force: f64,
-    /// Largest overlap over the inscribed radius of the smaller body [-].
+    /// Largest overlap over the shortest axis (a diameter) of the smaller body [-].
     pub largest_overlap: f64,
     /// Largest speed [m/s].
     pub largest_speed: f64,
@@ -111,12 +112,8 @@ pub fn measure(
         if let Some(spin) = &particles.spin {
             let kick = spin.torque[slot] - spin.angular_momentum[slot] * field.damping;
             let momentum = spin.angular_momentum[slot] + kick * (0.5 * dt);
-            let squared = spin.angular_momentum[slot].norm_squared();
-            // ω·L scales with L²: the spin columns hold it half a kick behind.
-            if squared > 0.0 {
-                let behind = 0.5 * spin.angular_velocity[slot].dot(&spin.angular_momentum[slot]);
-                add(Of::Rotation as usize, behind * (momentum.norm_squared() / squared));
-            }
+            let angular_velocity = particles.angular_velocity_for(slot, &momentum);
+            add(Of::Rotation as usize, 0.5 * angular_velocity.dot(&momentum));
         }
         let radius = particles.library.shapes[particles.shape[slot].index()].bounding_radius();
         maxima[1] = larger(maxima[1], velocity.norm());
@@ -133,11 +130,7 @@ pub fn measure(
         let history = &pairs.history[contact.pair as usize];
         let (of_a, of_b) = (particles.material(a), particles.material(b));
         add(Of::Stored as usize, law.stored(of_a, of_b, history));
-        let inscribed = |slot: usize| {
-            particles.library.shapes[particles.shape[slot].index()].inscribed_radius()
-        };
-        let size = inscribed(a.index()).min(inscribed(b.index()));
-        maxima[0] = larger(maxima[0], contact.touch.overlap / size);
+        maxima[0] = larger(maxima[0], contact.touch.overlap / shortest_axis(particles, a, b));
         if let Some(wall) = wall {
             counts[2] += 1;
             for axis in 0..3 {
@@ -179,6 +172,26 @@ pub fn measure(
             .map(|k| Vec3::from_fn(|axis, _| value(Of::FirstWall as usize + 3 * k + axis)))
             .collect(),
     }
+}
+
+/// Kinetic energy and energy in gravity that [`measure`] finds for a particle without contacts [J].
+pub fn energy_when_free(particles: &Particles, slot: usize, field: &Field, dt: f64) -> f64 {
+    let mass = particles.mass(slot);
+    let later = 1.0 - 0.5 * field.damping * dt;
+    let velocity = particles.velocity[slot] * later + field.gravity * (0.5 * dt);
+    let mut energy = 0.5 * mass * velocity.norm_squared()
+        - mass * unwrapped(particles, slot).dot(&field.gravity);
+    if let Some(spin) = &particles.spin {
+        let momentum = spin.angular_momentum[slot] * later;
+        energy += 0.5 * particles.angular_velocity_for(slot, &momentum).dot(&momentum);
+    }
+    energy
+}
+
+/// The shortest axis of the smaller of two bodies, a diameter [m].
+pub fn shortest_axis(particles: &Particles, a: Slot, b: Slot) -> f64 {
+    let shape = |s: Slot| &particles.library.shapes[particles.shape[s.index()].index()];
+    2.0 * shape(a).inscribed_radius().min(shape(b).inscribed_radius())
 }
 
 /// Where a particle would be without periods [m].

@@ -308,12 +308,10 @@ impl Particles {
         }
     }
 
-    /// Angular velocity of an owned particle from its angular momentum: `R I⁻¹ Rᵀ L`.
+    /// Angular velocity of a particle with this angular momentum in its attitude: `R I⁻¹ Rᵀ L`.
     #[inline]
-    pub fn angular_velocity_of(&self, slot: usize) -> Vec3 {
-        let Some(spin) = &self.spin else { return Vec3::zeros() };
+    pub fn angular_velocity_for(&self, slot: usize, momentum: &Vec3) -> Vec3 {
         let inertia = &self.library.inertia[self.shape[slot].index()];
-        let momentum = &spin.angular_momentum[slot];
         match &self.attitude {
             Some(attitude) => {
                 let frame = &attitude.frame[slot];
@@ -326,7 +324,8 @@ impl Particles {
     /// Brings an owned particle's angular velocity up to date.
     #[inline]
     pub fn refresh_angular_velocity(&mut self, slot: usize) {
-        let angular_velocity = self.angular_velocity_of(slot);
+        let Some(spin) = &self.spin else { return };
+        let angular_velocity = self.angular_velocity_for(slot, &spin.angular_momentum[slot]);
         if let Some(spin) = &mut self.spin {
             spin.angular_velocity[slot] = angular_velocity;
         }

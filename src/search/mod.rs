@@ -181,6 +181,11 @@ impl PairList {
         &self.incident[self.first[slot] as usize..self.first[slot + 1] as usize]
     }
 
+    /// How many pairs were listed for an owned particle; 0 if it came after the last listing.
+    pub fn listed_for(&self, slot: usize) -> i64 {
+        if slot + 1 < self.first.len() { self.incident_to(slot).len() as i64 } else { 0 }
+    }
+
     /// How many contacts an owned particle has in this step, with particles and walls.
     pub fn coordination(&self, slot: usize) -> usize {
         self.incident_to(slot)

@@ -1,0 +1,118 @@
+//! `history.csv`: the scalars of a run by time. Rank 0 writes; every digit is the same on any number
+//! of ranks.
+
+use crate::measure::Measures;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// The table could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write {path}: {cause}. Check that the directory exists, is writable and has space")]
+pub struct TableError {
+    /// Which file.
+    pub path: PathBuf,
+    /// What went wrong.
+    pub cause: String,
+}
+
+/// The open table.
+#[derive(Debug)]
+pub struct History {
+    path: PathBuf,
+    writer: csv::Writer<File>,
+}
+
+const COLUMNS: [&str; 18] = [
+    "step",
+    "time_s",
+    "particles",
+    "contacts",
+    "wall_contacts",
+    "coordination",
+    "kinetic_J",
+    "translation_J",
+    "rotation_J",
+    "gravity_J",
+    "stored_J",
+    "dissipated_J",
+    "received_J",
+    "missing_J",
+    "mean_normal_force_N",
+    "largest_overlap",
+    "largest_speed_m_per_s",
+    "top_m",
+];
+
+impl History {
+    /// Opens `history.csv` in `directory`. Rows of a file that is there already are kept up to and
+    /// without the step `from`: a run that goes on from a snapshot continues its table.
+    ///
+    /// # Errors
+    /// If the file cannot be read or written.
+    pub fn open(directory: &Path, walls: &[String], from: u64) -> Result<Self, TableError> {
+        let path = directory.join("history.csv");
+        let failed =
+            |e: &dyn std::fmt::Display| TableError { path: path.clone(), cause: e.to_string() };
+        let kept: Vec<String> = if from > 0 && path.exists() {
+            std::fs::read_to_string(&path)
+                .map_err(|e| failed(&e))?
+                .lines()
+                .filter(|line| {
+                    let step = line.split(',').next().and_then(|s| s.parse::<u64>().ok());
+                    step.is_some_and(|step| step < from)
+                })
+                .map(str::to_owned)
+                .collect()
+        } else {
+            Vec::new()
+        };
+        let mut file = File::create(&path).map_err(|e| failed(&e))?;
+        let columns = COLUMNS.iter().map(|&c| c.to_owned()).chain(
+            walls.iter().flat_map(|w| ["x", "y", "z"].map(|axis| format!("force_{w}_{axis}_N"))),
+        );
+        let mut text = columns.collect::<Vec<_>>().join(",");
+        for line in kept {
+            text.push('\n');
+            text.push_str(&line);
+        }
+        text.push('\n');
+        file.write_all(text.as_bytes()).map_err(|e| failed(&e))?;
+        let writer = csv::WriterBuilder::new().has_headers(false).from_writer(file);
+        Ok(Self { path, writer })
+    }
+
+    /// Appends a row.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn push(&mut self, step: u64, time: f64, m: &Measures) -> Result<(), TableError> {
+        let counts = [step.to_string(), time.to_string()]
+            .into_iter()
+            .chain([m.particles, m.contacts, m.wall_contacts].map(|count| count.to_string()));
+        let numbers = [
+            m.coordination(),
+            m.kinetic(),
+            m.translation,
+            m.rotation,
+            m.gravity,
+            m.stored,
+            m.dissipated,
+            m.received,
+            m.missing(),
+            m.mean_normal_force,
+            m.largest_overlap,
+            m.largest_speed,
+            m.top,
+        ]
+        .into_iter()
+        .chain(m.wall_forces.iter().flat_map(|force| force.iter().copied()))
+        .map(|number| format!("{number:e}"));
+        let written = self
+            .writer
+            .write_record(counts.chain(numbers))
+            .map_err(|e| e.to_string())
+            .and_then(|()| self.writer.flush().map_err(|e| e.to_string()));
+        written.map_err(|cause| TableError { path: self.path.clone(), cause })
+    }
+}

@@ -1,0 +1,238 @@
+//! From a scene to a simulation: the only place that names concrete parts.
+
+use super::{Scene, packing};
+use crate::comm::Comm;
+use crate::contact::{NamedHistory, methods};
+use crate::domain::{self, Domain};
+use crate::drive::rain::RainGauge;
+use crate::ids::ShapeId;
+use crate::law::ForceLaw;
+use crate::law::linear::Linear;
+use crate::motion::Field;
+use crate::output::snapshot::{Reader, SnapshotError};
+use crate::output::tables::Header;
+use crate::particles::records::Particle;
+use crate::particles::{Needs, Particles};
+use crate::search::PairList;
+use crate::shape::Kind;
+use crate::sim::{Simulation, capture};
+use crate::timing::Clock;
+use std::path::{Path, PathBuf};
+
+/// A snapshot does not fit the scene.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// It cannot be read.
+    #[error(transparent)]
+    Snapshot(#[from] SnapshotError),
+    /// It has a shape that the scene does not have.
+    #[error(
+        "{path}: particles of shape \"{shape}\", which the scene does not have, or has with another size. \
+         Give the scene a [[shape]] of that name and semi-axes {semi_axes}"
+    )]
+    Shape {
+        /// The snapshot.
+        path: PathBuf,
+        /// The shape's name.
+        shape: String,
+        /// Its semi-axes [m].
+        semi_axes: String,
+    },
+    /// Its domain repeats along other axes or with other lengths.
+    #[error("{path}: its periodic axes or their lengths differ from the scene's [domain]")]
+    Period {
+        /// The snapshot.
+        path: PathBuf,
+    },
+}
+
+/// How a run goes on from a snapshot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum From {
+    /// In the same stage, as if it had never stopped.
+    Middle,
+    /// A new stage begins with the snapshot's particles.
+    Beginning,
+}
+
+impl Scene {
+    /// The columns that this scene needs.
+    pub fn needs(&self) -> Needs {
+        let law = Linear::new(self.interactions.clone()).needs();
+        let attitude = self.particle_kinds().iter().any(|&kind| kind != Kind::Sphere);
+        Needs {
+            attitude,
+            spin: law.spin || attitude,
+            image: self.domain.periodic.contains(&true),
+            ..law
+        }
+    }
+
+    /// The kinds of shape that particles have.
+    pub fn particle_kinds(&self) -> Vec<Kind> {
+        let mut kinds: Vec<_> =
+            self.library.shapes[..self.library.particle_shapes].iter().map(|s| s.kind()).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        kinds
+    }
+}
+
+/// The scene's simulation, without particles.
+pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
+    let spec = &scene.domain;
+    let halo = 2.0 * scene.library.largest_radius() + scene.skin;
+    let period = domain::period(&spec.low, &spec.high, spec.periodic);
+    let mut kinds = scene.particle_kinds();
+    if !scene.walls.is_empty() {
+        kinds.push(Kind::HalfSpace);
+    }
+    Simulation {
+        particles: Particles::new(
+            scene.needs(),
+            scene.library.clone(),
+            scene.walls.clone(),
+            spec.low,
+            period,
+        ),
+        pairs: PairList::default(),
+        domain: Domain::new(spec.low, spec.high, spec.periodic, halo, comm),
+        resolvers: methods::table(&scene.method, &kinds),
+        law: Box::new(Linear::new(scene.interactions.clone())),
+        field: Field { gravity: scene.gravity, damping: scene.global_damping },
+        rain: scene.rain.clone().map(|rain| RainGauge::new(rain, scene.seed)),
+        contacts: Vec::new(),
+        loads: Vec::new(),
+        dt: scene.dt,
+        step: 0,
+        stage_begin: (0, 0.0),
+        next_id: 0,
+        skin: scene.skin,
+        imbalance: scene.imbalance,
+        lists_since_cut: 0,
+        tally: crate::contact::Tally::default(),
+        clock: Clock::new(),
+    }
+}
+
+/// Puts the scene's own particles into a simulation that has none, or adds them to those of a snapshot.
+pub fn fill(sim: &mut Simulation, scene: &Scene, comm: &dyn Comm) {
+    sim.particles.strip_to_owned();
+    let first = sim.next_id;
+    for mut particle in packing::initial(scene) {
+        particle.id.0 += first;
+        sim.next_id = particle.id.0 + 1;
+        if sim.domain.owner(&particle.position) == comm.rank() {
+            sim.insert(&particle);
+        }
+    }
+}
+
+/// Takes up the state of a snapshot. Collective.
+///
+/// # Errors
+/// On all ranks, if any of them could not read its part, or if the snapshot does not fit the scene.
+pub fn take_up(
+    sim: &mut Simulation,
+    scene: &Scene,
+    path: &Path,
+    from: From,
+    comm: &mut dyn Comm,
+) -> Result<(), StartError> {
+    let read = read_part(path, scene, comm);
+    let failed = comm.any(read.is_err());
+    let (header, mut particles, mut histories) = match read {
+        Ok(state) if !failed => state,
+        Ok(_) => {
+            return Err(SnapshotError::on_another_rank(path).into());
+        }
+        Err(error) => return Err(error),
+    };
+
+    sim.next_id = header.next_id;
+    sim.step = header.step;
+    match from {
+        From::Middle => {
+            // The same time step continues the same clock; another begins its own.
+            sim.stage_begin = header.stage_begin;
+            if header.dt != sim.dt {
+                let steps = (header.step - header.stage_begin.0) as f64;
+                sim.stage_begin.1 = header.time - steps * sim.dt;
+            }
+            if let Some(rain) = &mut sim.rain {
+                rain.resume(header.layers_fallen, &scene.library);
+            }
+        }
+        From::Beginning => {
+            sim.stage_begin = (header.step, header.time);
+            for particle in &mut particles {
+                particle.dissipated = 0.0;
+                particle.received = 0.0;
+            }
+        }
+    }
+    for wall in &mut sim.particles.walls {
+        if let Some(row) = header.walls.iter().find(|row| row.name == wall.name) {
+            // A wall keeps its place from stage to stage; whether it moves, the scene says.
+            wall.point = row.point;
+            wall.listed_at = row.point;
+        }
+    }
+    if from == From::Beginning {
+        histories.iter_mut().for_each(|named| {
+            // The energy of what touches now counts as received by the new stage.
+            named.history.overlap = 0.0;
+            named.history.normal_force = 0.0;
+        });
+    }
+    sim.take_up(&particles, &histories, comm);
+    if from == From::Beginning {
+        sim.count_free_energy();
+    }
+    Ok(())
+}
+
+/// This rank's share of the rows of a snapshot.
+fn read_part(
+    path: &Path,
+    scene: &Scene,
+    comm: &dyn Comm,
+) -> Result<(Header, Vec<Particle>, Vec<NamedHistory>), StartError> {
+    let reader = Reader::open(path)?;
+    let header = reader.header().clone();
+    let spec = &scene.domain;
+    let period = |low, high, periodic| domain::period(low, high, periodic);
+    if period(&header.low, &header.high, header.periodic)
+        != period(&spec.low, &spec.high, spec.periodic)
+    {
+        return Err(StartError::Period { path: path.to_owned() });
+    }
+    let shapes = header
+        .shapes
+        .iter()
+        .map(|row| {
+            let known = &scene.library;
+            (0..known.particle_shapes)
+                .find(|&k| {
+                    known.names[k] == row.name && known.shapes[k].semi_axes() == row.semi_axes
+                })
+                .map(|k| ShapeId(k as u16))
+                .ok_or_else(|| StartError::Shape {
+                    path: path.to_owned(),
+                    shape: row.name.clone(),
+                    semi_axes: format!(
+                        "[{}, {}, {}] m",
+                        row.semi_axes.x, row.semi_axes.y, row.semi_axes.z
+                    ),
+                })
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    let share = |count: usize| {
+        let (rank, size) = (comm.rank().index(), comm.size() as usize);
+        count * rank / size..count * (rank + 1) / size
+    };
+    let table = reader.particles(share(reader.particle_count()))?;
+    let histories = reader.histories(share(reader.history_count()))?;
+    let particles = capture::particles_of(&table, |shape| shapes[shape.index()]);
+    Ok((header, particles, histories))
+}

@@ -1,0 +1,216 @@
+//! Between a running simulation and the tables of a snapshot.
+
+use super::Simulation;
+use crate::comm::{Comm, Parcel, wire};
+use crate::contact::{NamedHistory, Pair};
+use crate::ids::{GlobalId, Rank, ShapeId};
+use crate::math::{Quat, Vec3};
+use crate::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
+use crate::particles::records::Particle;
+use nalgebra::Quaternion;
+use std::collections::BTreeMap;
+
+impl Simulation {
+    /// What a snapshot of this moment says once; `scene` is the scene's text, `wall_forces` comes from
+    /// [`crate::measure::Measures`] [N].
+    pub fn header(&self, scene: &str, wall_forces: &[Vec3]) -> Header {
+        let library = &self.particles.library;
+        Header {
+            step: self.step,
+            time: self.time(),
+            dt: self.dt,
+            stage_begin: self.stage_begin,
+            layers_fallen: self.rain.as_ref().map_or(0, |rain| rain.layers),
+            next_id: self.next_id,
+            low: self.domain.low,
+            high: self.domain.high,
+            periodic: self.domain.periodic,
+            gravity: self.field.gravity,
+            walls: self
+                .particles
+                .walls
+                .iter()
+                .zip(wall_forces)
+                .map(|(wall, &force)| WallRow {
+                    name: wall.name.clone(),
+                    point: wall.point,
+                    normal: wall.normal,
+                    velocity: wall.velocity,
+                    force,
+                })
+                .collect(),
+            shapes: (0..library.particle_shapes)
+                .map(|k| ShapeRow {
+                    name: library.names[k].clone(),
+                    kind: library.shapes[k].kind().name().to_owned(),
+                    semi_axes: library.shapes[k].semi_axes(),
+                    volume: library.shapes[k].volume(),
+                    mass: library.mass[k],
+                    inertia: library.inertia[k],
+                })
+                .collect(),
+            scene: scene.to_owned(),
+        }
+    }
+
+    /// The owned particles.
+    pub fn particle_table(&self, rank: Rank) -> ParticleTable {
+        let particles = &self.particles;
+        let owned = 0..particles.owned;
+        let mut table = ParticleTable {
+            id: particles.id[owned.clone()].to_vec(),
+            shape: particles.shape[owned.clone()].to_vec(),
+            position: particles.position[owned.clone()].to_vec(),
+            velocity: particles.velocity[owned.clone()].to_vec(),
+            force: particles.force.clone(),
+            coordination: owned.clone().map(|s| self.pairs.coordination(s) as i32).collect(),
+            rank: vec![rank.0 as i32; particles.owned],
+            dissipated: particles.dissipated.clone(),
+            received: particles.received.clone(),
+            image: particles.image.clone(),
+            ..ParticleTable::default()
+        };
+        if let Some(attitude) = &particles.attitude {
+            table.quaternion =
+                attitude.quaternion[owned.clone()].iter().map(|q| [q.w, q.i, q.j, q.k]).collect();
+        }
+        if let Some(spin) = &particles.spin {
+            table.angular_momentum.clone_from(&spin.angular_momentum);
+            table.angular_velocity = spin.angular_velocity[owned].to_vec();
+            table.torque.clone_from(&spin.torque);
+        }
+        table
+    }
+
+    /// The contacts of which this rank owns the first particle.
+    pub fn contact_table(&self) -> ContactTable {
+        let mut table = ContactTable::default();
+        let particles = &self.particles;
+        let bodies = particles.bodies();
+        for (contact, load) in self.contacts.iter().zip(&self.loads) {
+            let pair = self.pairs.pairs[contact.pair as usize];
+            let Pair { a, b } = pair;
+            if a.index() >= particles.owned {
+                continue;
+            }
+            let with_wall = b.index() >= particles.first_wall();
+            let centre = particles.position[a.index()];
+            table.a.push(particles.id[a.index()]);
+            table.b.push(particles.id[b.index()]);
+            table.centre.push(centre);
+            table.branch.push(if with_wall { contact.touch.point } else { bodies.relative(pair) });
+            table.point.push(centre + contact.touch.point);
+            table.normal.push(contact.touch.normal);
+            table.overlap.push(contact.touch.overlap);
+            table.normal_force.push(load.normal_force);
+            table.shear_force.push(load.force - contact.touch.normal * load.normal_force);
+        }
+        table
+    }
+
+    /// The histories of the touching contacts of which this rank owns the first particle.
+    pub fn histories(&self) -> Vec<NamedHistory> {
+        let owned = self.particles.owned;
+        self.pairs
+            .touching()
+            .iter()
+            .filter(|&&pair| self.pairs.pairs[pair as usize].a.index() < owned)
+            .map(|&pair| self.pairs.named(pair, &self.particles))
+            .collect()
+    }
+
+    /// Takes up a state from a snapshot: on each rank any part of its particles and histories, which
+    /// go to their owners. Forces come from the snapshot, so the next step continues as if nothing
+    /// had happened. Collective.
+    pub fn take_up(
+        &mut self,
+        particles: &[Particle],
+        histories: &[NamedHistory],
+        comm: &mut dyn Comm,
+    ) {
+        self.particles.strip_to_owned();
+        for particle in particles {
+            self.particles.push_owned(particle);
+        }
+        let work = vec![1; self.particles.owned];
+        self.domain.recut(&self.particles, &work, comm);
+        self.domain.migrate(&mut self.particles, &self.pairs, comm);
+        let owned = &self.particles.id[..self.particles.owned];
+        let mut carried = histories_to_owners(owned, histories, comm);
+        self.relist(&mut carried, comm);
+    }
+}
+
+/// Sends each history to the owners of both its particles, through a directory that is spread over
+/// all ranks by id: no rank holds more than its share. Collective.
+fn histories_to_owners(
+    owned: &[GlobalId],
+    histories: &[NamedHistory],
+    comm: &mut dyn Comm,
+) -> Vec<NamedHistory> {
+    let size = u64::from(comm.size());
+    let home = |id: GlobalId| Rank((id.0 % size) as u32);
+
+    let mut entries: BTreeMap<Rank, Vec<GlobalId>> = BTreeMap::new();
+    for &id in owned {
+        entries.entry(home(id)).or_default().push(id);
+    }
+    let mut directory = BTreeMap::new();
+    for parcel in comm.route(to_parcels(entries)) {
+        for id in wire::decode::<Vec<GlobalId>>(&parcel.bytes) {
+            directory.insert(id, parcel.rank);
+        }
+    }
+
+    let mut asked: BTreeMap<Rank, Vec<(GlobalId, NamedHistory)>> = BTreeMap::new();
+    for named in histories {
+        for id in [named.a, named.b] {
+            if id.wall_index().is_none() {
+                asked.entry(home(id)).or_default().push((id, *named));
+            }
+        }
+    }
+    let mut forwarded: BTreeMap<Rank, Vec<NamedHistory>> = BTreeMap::new();
+    for parcel in comm.route(to_parcels(asked)) {
+        for (id, named) in wire::decode::<Vec<(GlobalId, NamedHistory)>>(&parcel.bytes) {
+            if let Some(&owner) = directory.get(&id) {
+                forwarded.entry(owner).or_default().push(named);
+            }
+        }
+    }
+    comm.route(to_parcels(forwarded))
+        .iter()
+        .flat_map(|parcel| wire::decode::<Vec<NamedHistory>>(&parcel.bytes))
+        .collect()
+}
+
+fn to_parcels<T: serde::Serialize>(by_rank: BTreeMap<Rank, Vec<T>>) -> Vec<Parcel> {
+    by_rank
+        .into_iter()
+        .map(|(rank, values)| Parcel { rank, bytes: wire::encode(&values) })
+        .collect()
+}
+
+/// The particles of a table; `shape_of` translates the snapshot's shapes into the scene's.
+pub fn particles_of(table: &ParticleTable, shape_of: impl Fn(ShapeId) -> ShapeId) -> Vec<Particle> {
+    let vector = |column: &[Vec3], row: usize| column.get(row).copied().unwrap_or_default();
+    (0..table.id.len())
+        .map(|row| Particle {
+            id: table.id[row],
+            shape: shape_of(table.shape[row]),
+            position: table.position[row],
+            velocity: table.velocity[row],
+            force: table.force[row],
+            dissipated: table.dissipated[row],
+            received: table.received[row],
+            image: table.image.get(row).copied().unwrap_or_default(),
+            // The bits as they were, not normalised again.
+            quaternion: table.quaternion.get(row).map_or_else(Quat::identity, |&[w, x, y, z]| {
+                Quat::new_unchecked(Quaternion::new(w, x, y, z))
+            }),
+            angular_momentum: vector(&table.angular_momentum, row),
+            torque: vector(&table.torque, row),
+            histories: Vec::new(),
+        })
+        .collect()
+}

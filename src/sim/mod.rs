@@ -1,0 +1,326 @@
+//! The simulation: everything a rank holds, and the step.
+
+pub mod capture;
+pub mod report;
+pub mod run;
+
+use crate::comm::Comm;
+use crate::contact::{Contact, NamedHistory, Pair, ResolveError, Table, Tally};
+use crate::domain::{Domain, DomainError};
+use crate::drive::rain::RainGauge;
+use crate::ids::{GlobalId, Slot};
+use crate::law::{ForceLaw, Load};
+use crate::measure::{self, Measures};
+use crate::motion::{self, Field};
+use crate::particles::Particles;
+use crate::particles::records::Particle;
+use crate::search::{self, PairList};
+use crate::timing::{Clock, Phase};
+
+/// Everything that a rank holds. Made by `scene::assemble`.
+pub struct Simulation {
+    /// Owned particles, ghosts, walls.
+    pub particles: Particles,
+    /// Pairs that may touch, and what is remembered of those that do.
+    pub pairs: PairList,
+    /// Who owns what.
+    pub domain: Domain,
+    /// Which method resolves which pairs.
+    pub resolvers: Table,
+    /// From geometry to force.
+    pub law: Box<dyn ForceLaw>,
+    /// Gravity and global damping.
+    pub field: Field,
+    /// Particles still to come.
+    pub rain: Option<RainGauge>,
+    /// Contacts at the current positions.
+    pub contacts: Vec<Contact>,
+    /// Their forces, in the same order.
+    pub loads: Vec<Load>,
+    /// Time step [s].
+    pub dt: f64,
+    /// Steps since the first stage began.
+    pub step: u64,
+    /// Step and time [s] at which this stage began.
+    pub stage_begin: (u64, f64),
+    /// The id of the next new particle.
+    pub next_id: u64,
+    /// A pair is listed when its bounding spheres come this close [m].
+    pub skin: f64,
+    /// Cut anew when the busiest rank has this many times the mean work.
+    pub imbalance: f64,
+    /// Lists made since the last cut.
+    pub lists_since_cut: u32,
+    /// What the resolvers did.
+    pub tally: Tally,
+    /// Where the time went.
+    pub clock: Clock,
+}
+
+/// A step could not be done. Says where, and what to try.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum StepError {
+    /// A particle is where it cannot be.
+    #[error("step {step}: {error}")]
+    Domain {
+        /// Steps done.
+        step: u64,
+        /// Which particle, and why.
+        error: DomainError,
+    },
+    /// A pair that no contact method could resolve.
+    #[error("step {step}: particles {a} and {b}, at ({x:e}, {y:e}, {z:e}) m: {error}")]
+    Contact {
+        /// Steps done.
+        step: u64,
+        /// The lower id.
+        a: GlobalId,
+        /// The higher id.
+        b: GlobalId,
+        /// Where A is [m].
+        x: f64,
+        /// Where A is [m].
+        y: f64,
+        /// Where A is [m].
+        z: f64,
+        /// What the method said.
+        error: ResolveError,
+    },
+}
+
+/// How many lists are made before the domain may be cut again.
+const LISTS_BETWEEN_CUTS: u32 = 5;
+
+impl Simulation {
+    /// Advances by a step of `dt`: leapfrog, kick and drift.
+    /// Before: forces belong to the current positions. After: the same, one step later.
+    ///
+    /// # Errors
+    /// What went wrong on this rank; the others do not know yet, so the caller must abort them.
+    pub fn step(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
+        // move
+        self.clock.restart();
+        motion::kick_and_drift(&mut self.particles, &self.field, self.dt);
+        self.step += 1;
+        self.clock.lap(Phase::Move);
+
+        // agree on who is where (collective: every rank takes the same branch)
+        let newcomers = self.next_rain(comm);
+        let stale = newcomers.is_some() || self.list_is_stale(comm);
+        self.clock.lap(Phase::Agree);
+        if stale {
+            self.list_pairs(&newcomers.unwrap_or_default(), comm)?;
+        } else {
+            self.domain.start_halo(&self.particles, comm);
+        }
+
+        // find contacts: one virtual call per kind of pair, inner pairs while the ghosts travel
+        self.contacts.clear();
+        self.resolve(Part::Inner)?;
+        if !stale {
+            self.domain.finish_halo(&mut self.particles, comm);
+            self.clock.lap(Phase::Exchange);
+        }
+        self.resolve(Part::Border)?;
+        self.pairs.note_contacts(&self.contacts);
+        self.clock.lap(Phase::Contacts);
+
+        // forces
+        self.apply_law(self.dt);
+        self.clock.lap(Phase::Forces);
+        Ok(())
+    }
+
+    /// Lists pairs and finds the forces at the start of a run. Collective.
+    ///
+    /// # Errors
+    /// As [`Simulation::step`].
+    pub fn begin(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
+        self.lists_since_cut = LISTS_BETWEEN_CUTS;
+        self.list_pairs(&[], comm)?;
+        self.contacts.clear();
+        self.resolve(Part::Inner)?;
+        self.resolve(Part::Border)?;
+        self.pairs.note_contacts(&self.contacts);
+        // No time has passed: springs do not stretch.
+        self.apply_law(0.0);
+        self.count_initial_energy();
+        Ok(())
+    }
+
+    /// Makes subdomains, ghosts and pairs anew, with `newcomers` in places that this rank owns.
+    /// Collective.
+    fn list_pairs(&mut self, newcomers: &[Particle], comm: &mut dyn Comm) -> Result<(), StepError> {
+        let step = self.step;
+        self.domain.check(&self.particles).map_err(|error| StepError::Domain { step, error })?;
+        self.recut_if_unbalanced(comm);
+        let mut carried = self.domain.migrate(&mut self.particles, &self.pairs, comm);
+        for particle in newcomers {
+            self.insert(particle);
+        }
+        self.relist(&mut carried, comm);
+        self.clock.lap(Phase::Rebuild);
+        Ok(())
+    }
+
+    /// Makes ghosts and pairs for particles that are all with their owners; `carried` are the histories
+    /// of their touching contacts. Collective.
+    pub fn relist(&mut self, carried: &mut [NamedHistory], comm: &mut dyn Comm) {
+        self.domain.create_ghosts(&mut self.particles, comm);
+        self.domain.start_halo(&self.particles, comm);
+        self.domain.finish_halo(&mut self.particles, comm);
+        self.pairs.rebuild(&mut self.particles, self.skin, carried);
+        self.domain.traffic.rebuilds += 1;
+    }
+
+    /// Time since the first stage began [s].
+    pub fn time(&self) -> f64 {
+        self.stage_begin.1 + (self.step - self.stage_begin.0) as f64 * self.dt
+    }
+
+    /// The scalars of this moment. Collective.
+    pub fn measure(&self, comm: &mut dyn Comm) -> Measures {
+        measure::measure(
+            &self.particles,
+            &self.pairs,
+            &self.contacts,
+            &self.loads,
+            &*self.law,
+            &self.field,
+            self.dt,
+            comm,
+        )
+    }
+
+    /// The particles of the next layer in this rank's subdomain, if a layer is due and its place is
+    /// free; `None` on all ranks if not. Collective where one is due.
+    fn next_rain(&mut self, comm: &mut dyn Comm) -> Option<Vec<Particle>> {
+        let rain = self.rain.as_mut()?;
+        let stage_step = self.step - self.stage_begin.0;
+        if !rain.is_due(stage_step) || comm.any(rain.is_blocked(&self.particles)) {
+            return None;
+        }
+        let layer = rain.next_layer(self.next_id, &self.particles.library);
+        self.next_id += layer.len() as u64;
+        let me = comm.rank();
+        Some(layer.into_iter().filter(|p| self.domain.owner(&p.position) == me).collect())
+    }
+
+    /// Adds a particle that this rank shall own, with the energy that it brings. Ghosts and walls must
+    /// be stripped.
+    pub fn insert(&mut self, particle: &Particle) {
+        self.particles.push_owned(particle);
+        let slot = self.particles.owned - 1;
+        let energy = measure::energy_when_free(&self.particles, slot, &self.field, self.dt);
+        self.particles.received[slot] += energy;
+    }
+
+    /// Has anybody moved so far that an unlisted pair might touch? Collective.
+    fn list_is_stale(&self, comm: &mut dyn Comm) -> bool {
+        let mut moved = [search::moved_squared(&self.particles)];
+        comm.max(&mut moved);
+        // Written so that a position that is not a number makes the list stale, and is found.
+        let still_good = moved[0] <= 0.25 * self.skin * self.skin;
+        !still_good
+    }
+
+    /// Cuts anew if one rank has too much to do. Collective.
+    fn recut_if_unbalanced(&mut self, comm: &mut dyn Comm) {
+        self.lists_since_cut += 1;
+        if self.lists_since_cut < LISTS_BETWEEN_CUTS {
+            return;
+        }
+        let work: Vec<i64> =
+            (0..self.particles.owned).map(|slot| 1 + self.pairs.listed_for(slot)).collect();
+        let mine: i64 = work.iter().sum();
+        let mut total = [mine];
+        let mut most = [mine as f64];
+        comm.sum(&mut total);
+        comm.max(&mut most);
+        let mean = total[0] as f64 / f64::from(comm.size());
+        if most[0] > self.imbalance * mean {
+            self.domain.recut(&self.particles, &work, comm);
+            self.lists_since_cut = 0;
+        }
+    }
+
+    fn resolve(&mut self, part: Part) -> Result<(), StepError> {
+        let bodies = self.particles.bodies();
+        for block in self.pairs.blocks.iter().filter(|b| b.border == (part == Part::Border)) {
+            let Some(resolver) = self.resolvers.get(block.kinds) else { continue };
+            let range = block.range.clone();
+            resolver
+                .resolve(
+                    range.start as u32,
+                    &self.pairs.pairs[range.clone()],
+                    &self.pairs.history[range],
+                    &bodies,
+                    &mut self.contacts,
+                    &mut self.tally,
+                )
+                .map_err(|error| {
+                    let (a, b) = (Slot(error.a), Slot(error.b));
+                    let at = bodies.position[a.index()];
+                    StepError::Contact {
+                        step: self.step,
+                        a: self.particles.id[a.index()],
+                        b: self.particles.id[b.index()],
+                        x: at.x,
+                        y: at.y,
+                        z: at.z,
+                        error,
+                    }
+                })?;
+        }
+        if part == Part::Inner {
+            self.clock.lap(Phase::Contacts);
+        }
+        Ok(())
+    }
+
+    fn apply_law(&mut self, dt: f64) {
+        self.loads.clear();
+        self.law.apply(
+            &self.contacts,
+            &self.pairs.pairs,
+            &mut self.pairs.history,
+            &self.particles,
+            dt,
+            &mut self.loads,
+        );
+        self.pairs.gather(&self.loads, &mut self.particles);
+    }
+
+    /// Counts the energy that all owned particles bring into a stage, contacts left out, as received.
+    pub fn count_free_energy(&mut self) {
+        for slot in 0..self.particles.owned {
+            self.particles.received[slot] +=
+                measure::energy_when_free(&self.particles, slot, &self.field, self.dt);
+        }
+    }
+
+    /// Contacts that are there at the start hold energy which nobody put in: count it as received.
+    fn count_initial_energy(&mut self) {
+        for contact in &self.contacts {
+            let Pair { a, b } = self.pairs.pairs[contact.pair as usize];
+            let history = &self.pairs.history[contact.pair as usize];
+            let stored =
+                self.law.stored(self.particles.material(a), self.particles.material(b), history);
+            let with_wall = b.index() >= self.particles.first_wall();
+            for (slot, share) in [(a, if with_wall { 1.0 } else { 0.5 }), (b, 0.5)] {
+                if slot.index() < self.particles.owned {
+                    self.particles.received[slot.index()] += share * stored;
+                }
+            }
+        }
+    }
+}
+
+/// Which pairs to resolve.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Part {
+    /// Among owned particles and walls.
+    Inner,
+    /// With a ghost.
+    Border,
+}

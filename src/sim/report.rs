@@ -1,0 +1,162 @@
+//! What a run tells at its end.
+
+use super::Simulation;
+use super::run::{Ending, Finish};
+use crate::comm::Comm;
+use crate::contact::Tally;
+use crate::timing::Phase;
+use std::fmt::Write;
+
+/// Where the time of one phase went, over all ranks [s].
+#[derive(Clone, Copy, Debug)]
+struct Spent {
+    slowest: f64,
+    fastest: f64,
+    total: f64,
+}
+
+/// The report of a finished run, as text; empty on all ranks but 0. Collective.
+pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String {
+    let ranks = f64::from(comm.size());
+    let phases = spent(sim, comm);
+    let (tally, halo) = totals(sim, comm);
+    if !comm.is_root() {
+        return String::new();
+    }
+    let mut text = String::new();
+    let steps = finish.steps_done.max(1) as f64;
+    let wall = finish.wall_seconds;
+    let m = &finish.measures;
+    let mut line = |args: std::fmt::Arguments| {
+        let _ = text.write_fmt(args);
+        text.push('\n');
+    };
+
+    let how = match finish.ending {
+        Ending::Rest => "at rest",
+        Ending::LastStep => "all steps done",
+    };
+    line(format_args!(
+        "{how}: step {}, time {:.6} s; {} steps of {} particles in {wall:.1} s on {} rank{}",
+        sim.step,
+        sim.time(),
+        finish.steps_done,
+        m.particles,
+        comm.size(),
+        if comm.size() == 1 { "" } else { "s" },
+    ));
+    line(format_args!(
+        "{:.3e} particle-steps per second ({:.3} µs per particle-step and rank)",
+        finish.particle_steps as f64 / wall,
+        1e6 * wall * ranks / finish.particle_steps.max(1) as f64,
+    ));
+    line(format_args!(""));
+    line(format_args!(
+        "{:<10} {:>7} {:>10} {:>14} {:>14}",
+        "phase", "share", "µs/step", "slowest rank", "fastest rank"
+    ));
+    let all: f64 = phases.iter().map(|(_, s)| s.total).sum();
+    for (phase, spent) in &phases {
+        line(format_args!(
+            "{:<10} {:>6.1}% {:>10.2} {:>12.2} s {:>12.2} s",
+            phase.name(),
+            100.0 * spent.total / all,
+            1e6 * spent.total / ranks / steps,
+            spent.slowest,
+            spent.fastest,
+        ));
+    }
+
+    let resolving =
+        phases.iter().find(|(p, _)| *p == Phase::Contacts).map_or(0.0, |(_, s)| s.total);
+    line(format_args!(""));
+    line(format_args!(
+        "contacts   {:.3e} resolved, {:.3e} per second; {:.1} ns per contact, {:.1} ns per listed pair",
+        tally.contacts as f64,
+        tally.contacts as f64 / wall,
+        1e9 * resolving / tally.contacts.max(1) as f64,
+        1e9 * resolving / tally.pairs.max(1) as f64,
+    ));
+    let passed_on: u64 = tally.fallbacks.iter().sum();
+    if passed_on == 0 {
+        line(format_args!("fallbacks  none: the first method answered every pair"));
+    } else {
+        line(format_args!(
+            "fallbacks  {passed_on} pairs ({:.2} per million) went past the first method; by stage of the chain: {:?}",
+            1e6 * passed_on as f64 / tally.pairs.max(1) as f64,
+            tally.fallbacks,
+        ));
+    }
+    line(format_args!(
+        "halo       {:.2} messages and {:.0} bytes per step and rank; {:.3} ghosts per particle; list rebuilt {} times, domain cut {} times, {} particles migrated",
+        halo.messages as f64 / steps / ranks,
+        halo.bytes as f64 / steps / ranks,
+        halo.ghosts as f64 / finish.particle_steps.max(1) as f64,
+        sim.domain.traffic.rebuilds,
+        sim.domain.traffic.recuts,
+        halo.migrated,
+    ));
+    line(format_args!(
+        "packing    {:.3} contacts per particle with walls, mean normal force {:.3e} N, largest overlap {:.2e} of the shortest axis",
+        m.coordination(),
+        m.mean_normal_force,
+        m.largest_overlap,
+    ));
+    line(format_args!(
+        "energy     received {:.6e} J = kinetic {:.3e} + gravity {:.6e} + stored {:.3e} + dissipated {:.6e} + missing {:.1e} ({:.4} % of the dissipated)",
+        m.received,
+        m.kinetic(),
+        m.gravity,
+        m.stored,
+        m.dissipated,
+        m.missing(),
+        if m.dissipated > 0.0 { 100.0 * m.missing() / m.dissipated } else { 0.0 },
+    ));
+    text
+}
+
+fn spent(sim: &Simulation, comm: &mut dyn Comm) -> Vec<(Phase, Spent)> {
+    let seconds = Phase::ALL.map(|phase| sim.clock.seconds(phase));
+    let mut slowest = seconds;
+    let mut fastest = seconds.map(|s| -s);
+    let mut total = seconds.map(|s| (s * 1e9) as i64);
+    comm.max(&mut slowest);
+    comm.max(&mut fastest);
+    comm.sum(&mut total);
+    Phase::ALL
+        .into_iter()
+        .enumerate()
+        .map(|(k, phase)| {
+            let total = total[k] as f64 * 1e-9;
+            (phase, Spent { slowest: slowest[k], fastest: -fastest[k], total })
+        })
+        .collect()
+}
+
+fn totals(sim: &Simulation, comm: &mut dyn Comm) -> (Tally, crate::domain::Traffic) {
+    let mut tally = sim.tally;
+    let mut traffic = sim.domain.traffic;
+    let mut counts = [
+        tally.pairs,
+        tally.contacts,
+        tally.fallbacks[0],
+        tally.fallbacks[1],
+        tally.fallbacks[2],
+        tally.fallbacks[3],
+        traffic.messages,
+        traffic.bytes,
+        traffic.ghosts,
+        traffic.migrated,
+    ]
+    .map(|count| count as i64);
+    comm.sum(&mut counts);
+    let counts = counts.map(|count| count as u64);
+    tally.pairs = counts[0];
+    tally.contacts = counts[1];
+    tally.fallbacks.copy_from_slice(&counts[2..6]);
+    traffic.messages = counts[6];
+    traffic.bytes = counts[7];
+    traffic.ghosts = counts[8];
+    traffic.migrated = counts[9];
+    (tally, traffic)
+}

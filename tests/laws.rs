@@ -1,0 +1,466 @@
+//! The physics against closed forms and the independent reference.
+
+use crate::support::Bench;
+use dem_mpi::ids::{GlobalId, ShapeId};
+use dem_mpi::math::{Quat, Vec3};
+use dem_mpi::particles::records::Particle;
+use nalgebra::Quaternion;
+use serde_json::Value;
+use std::f64::consts::PI;
+
+fn reference(name: &str) -> Value {
+    let path = format!("{}/tests/reference/{name}", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
+    serde_json::from_str(&text).unwrap()
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("a number, not {value}"))
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(number).collect()
+}
+
+fn vector(value: &Value) -> Vec3 {
+    Vec3::from_column_slice(&numbers(value))
+}
+
+/// Relative difference.
+fn close(found: f64, expected: f64, tolerance: f64, what: &str) {
+    let scale = expected.abs().max(1e-300);
+    assert!(
+        (found - expected).abs() <= tolerance * scale,
+        "{what}: {found:e}, expected {expected:e}, off by {:.2e}",
+        (found - expected).abs() / scale
+    );
+}
+
+/// A scene in a wide box; its one lattice particle is not used.
+fn text(shape: &str, material: &str, more: &str, dt: f64) -> String {
+    format!(
+        r#"
+title = "test"
+{more}
+[[material]]
+name = "m"
+{material}
+[[shape]]
+name = "grain"
+{shape}
+[[fill.lattice]]
+first = [0, 0, 0]
+spacing = 1
+count = [1, 1, 1]
+orientation = "upright"
+[time]
+step = {dt:e}
+steps = 1
+allow_unstable = true
+"#
+    )
+}
+
+const OPEN_BOX: &str = "[domain]\nlow = [-100, -100, -100]\nhigh = [100, 100, 100]";
+
+fn at(id: u64, position: Vec3, velocity: Vec3) -> Particle {
+    Particle { velocity, ..Particle::at_rest(GlobalId(id), ShapeId(0), position) }
+}
+
+#[test]
+fn free_motion_is_damped_as_the_discrete_formula_says() {
+    for case in reference("dem_collision_damping.json")["free_motion"]["cases"].as_array().unwrap() {
+        let inputs = &case["inputs"];
+        let (xi, dt, g) = (number(&inputs["xi"]), number(&inputs["dt"]), number(&inputs["g"]));
+        let sphere = "kind = \"sphere\"\nradius = 0.01";
+        let material = "density = 2650\nnormal_stiffness = 1e5";
+        let mut bench = Bench::new(
+            &text(
+                sphere,
+                material,
+                &format!("global_damping = {xi}\ngravity = [0, {}, 0]\n{OPEN_BOX}", -g),
+                dt,
+            ),
+            &[at(0, Vec3::zeros(), Vec3::new(1.0, 0.0, 0.0))],
+        );
+        let mut done = 0;
+        for row in case["rows"].as_array().unwrap() {
+            let n = row["n"].as_u64().unwrap();
+            while done < n {
+                bench.step();
+                done += 1;
+            }
+            let particles = &bench.sim.particles;
+            // Rounding adds up over n steps.
+            let tolerance = 1e-15 * (n as f64 + 10.0);
+            close(particles.velocity[0].x, number(&row["v_over_v0"]), tolerance, "v");
+            close(particles.position[0].x, number(&row["x_over_v0"]), tolerance, "x");
+            close(-particles.velocity[0].y, number(&row["freefall_v"]), tolerance, "fall v");
+            close(-particles.position[0].y, number(&row["freefall_drop"]), tolerance, "drop");
+        }
+    }
+}
+
+#[test]
+fn collisions_follow_the_discrete_and_the_continuous_solution() {
+    for case in reference("dem_collision_damping.json")["collisions"].as_array().unwrap() {
+        let inputs = &case["inputs"];
+        let get = |key: &str| number(&inputs[key]);
+        let (r1, r2) = (get("R1"), get("R2"));
+        let shapes = format!(
+            "kind = \"sphere\"\nradius = {r1}\n[[shape]]\nname = \"other\"\nkind = \"sphere\"\nradius = {r2}"
+        );
+        let collide = |dt: f64, xi: f64, zeta: f64| {
+            let (density, k) = (get("density"), get("k"));
+            let material = format!(
+                "density = {density}\nnormal_stiffness = {k}\nnormal_damping_ratio = {zeta:e}"
+            );
+            let more = format!("global_damping = {xi:e}\n{OPEN_BOX}\n[contact]\nlimit_damping = false");
+            let mut second =
+                at(1, Vec3::new(r1 + r2, 0.0, 0.0), Vec3::new(get("v2"), 0.0, 0.0));
+            second.shape = ShapeId(1);
+            Bench::new(
+                &text(&shapes, &material, &more, dt),
+                &[at(0, Vec3::zeros(), Vec3::new(get("v1"), 0.0, 0.0)), second],
+            )
+        };
+        let overlap = |bench: &Bench| {
+            let x = &bench.sim.particles.position;
+            let difference = x[bench.slot(1)] - x[bench.slot(0)];
+            r1 + r2 - difference.x
+        };
+        let relative = |bench: &Bench| {
+            let v = &bench.sim.particles.velocity;
+            (v[bench.slot(0)] - v[bench.slot(1)]).x
+        };
+
+        for row in case["discrete"].as_array().unwrap() {
+            let (dt, xi) = (number(&row["dt"]), number(&row["xi"]));
+            let mut bench = collide(dt, xi, 0.0);
+            let listed: Vec<Vec<f64>> = row["first_steps_n_overlap_vhalf"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(numbers)
+                .collect();
+            let last = row["steps_until_overlap_not_positive"].as_u64().unwrap();
+            for n in 1..=last {
+                bench.step();
+                if let Some(row) = listed.iter().find(|row| row[0] == n as f64) {
+                    let largest = number(&case["max_overlap"]);
+                    assert!((overlap(&bench) - row[1]).abs() < 1e-9 * largest, "overlap at {n}");
+                    close(relative(&bench), row[2], 1e-9, "velocity");
+                }
+            }
+            assert!(overlap(&bench) <= 0.0, "the contact has ended");
+            close(-relative(&bench), number(&row["v_rel_after"]), 1e-9, "velocity after");
+        }
+
+        // Fine steps approach the continuous solution.
+        let dt = number(&case["duration"]) / 4000.0;
+        for (list, parameter, expected) in
+            [("damped", "global_xi", "relative_restitution"), ("viscous", "contact_damping_ratio", "restitution")]
+        {
+            for row in case[list].as_array().unwrap() {
+                let value = number(&row[parameter]);
+                let (xi, zeta) = if list == "damped" { (value, 0.0) } else { (0.0, value) };
+                let mut bench = collide(dt, xi, zeta);
+                let before = relative(&bench);
+                loop {
+                    bench.step();
+                    if overlap(&bench) <= 0.0 {
+                        break;
+                    }
+                }
+                let found = -relative(&bench) / before;
+                close(found, number(&row[expected]), 2e-3, list);
+                let duration = bench.sim.time();
+                close(duration, number(&row["duration"]), 2e-3, "duration");
+            }
+        }
+    }
+}
+
+#[test]
+fn restitution_is_what_the_scene_asked_for_with_and_without_attraction() {
+    for restitution in [0.1, 0.3, 0.5, 0.8, 0.95] {
+        for limited in [true, false] {
+            let material =
+                format!("density = 2500\nnormal_stiffness = 1e5\nrestitution = {restitution}");
+            let more = format!("{OPEN_BOX}\n[contact]\nlimit_damping = {limited}");
+            let mut bench = Bench::new(
+                &text("kind = \"sphere\"\nradius = 0.01", &material, &more, 1e-7),
+                &[
+                    at(0, Vec3::zeros(), Vec3::new(1.0, 0.0, 0.0)),
+                    at(1, Vec3::new(0.02, 0.0, 0.0), Vec3::new(-1.0, 0.0, 0.0)),
+                ],
+            );
+            bench.step();
+            while !bench.sim.contacts.is_empty() {
+                bench.step();
+            }
+            let v = &bench.sim.particles.velocity;
+            let found = 0.5 * (v[bench.slot(1)] - v[bench.slot(0)]).x;
+            close(found, restitution, 2e-3, "restitution");
+        }
+    }
+}
+
+#[test]
+fn the_spinning_top_turns_as_euler_says_in_second_order() {
+    let reference = reference("dem_euler_top.json");
+    let axes = vector(&reference["semi_axes"]);
+    let shape =
+        format!("kind = \"ellipsoid\"\nsemi_axes = [{}, {}, {}]", axes.x, axes.y, axes.z);
+    let inertia = vector(&reference["inertia"]);
+    for case in reference["cases"].as_array().unwrap() {
+        let omega = vector(&case["omega0_body"]);
+        let q = numbers(&case["quaternion0"]);
+        let attitude = Quat::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]));
+        let momentum = attitude * inertia.component_mul(&omega);
+        let times = numbers(&case["t"]);
+        let end = times.iter().position(|&t| t >= 5.0).unwrap();
+        let expected_omega = vector(&case["omega_body"][end]);
+        let error = |dt: f64| {
+            let material = "density = 1\nnormal_stiffness = 1";
+            let mut top = at(0, Vec3::zeros(), Vec3::zeros());
+            top.quaternion = attitude;
+            top.angular_momentum = momentum;
+            let mut bench = Bench::new(&text(&shape, material, OPEN_BOX, dt), &[top]);
+            for _ in 0..(times[end] / dt).round() as usize {
+                bench.step();
+            }
+            let particles = &bench.sim.particles;
+            let spin = particles.spin.as_ref().unwrap();
+            assert_eq!(spin.angular_momentum[0], momentum, "free bodies keep L to the last bit");
+            let q = particles.attitude.as_ref().unwrap().quaternion[0];
+            assert!((q.norm() - 1.0).abs() < 1e-15, "quaternions stay unit");
+            let expected = numbers(&case["quaternion_wxyz_body_to_world"][end]);
+            let expected = Quaternion::new(expected[0], expected[1], expected[2], expected[3]);
+            let same = (q.into_inner() - expected).norm().min((q.into_inner() + expected).norm());
+            let omega = q.inverse() * spin.angular_velocity[0];
+            same.max((omega - expected_omega).norm())
+        };
+        let (coarse, fine) = (error(2e-3), error(1e-3));
+        let name = &case["name"];
+        assert!(fine < 2e-4, "{name}: error {fine:e} at dt = 1e-3");
+        // The case on the separatrix doubles its error in every unit of time; order 2 still shows.
+        assert!((3.5..4.5).contains(&(coarse / fine)), "{name}: {coarse:e} / {fine:e}");
+    }
+}
+
+#[test]
+fn damped_spin_follows_the_discrete_formula() {
+    let (xi, dt) = (3.0, 1e-3);
+    let material = "density = 1\nnormal_stiffness = 1";
+    let mut top = at(0, Vec3::zeros(), Vec3::zeros());
+    top.angular_momentum = Vec3::new(1.0, 2.0, 3.0);
+    let mut bench = Bench::new(
+        &text(
+            "kind = \"ellipsoid\"\nsemi_axes = [1, 1, 1]",
+            material,
+            &format!("global_damping = {xi}\n{OPEN_BOX}"),
+            dt,
+        ),
+        &[top],
+    );
+    let before = bench.sim.particles.spin.as_ref().unwrap().angular_velocity[0].norm();
+    for _ in 0..1000 {
+        bench.step();
+    }
+    let after = bench.sim.particles.spin.as_ref().unwrap().angular_velocity[0].norm();
+    let factor = ((1.0 - 0.5 * xi * dt) / (1.0 + 0.5 * xi * dt)).powi(1000);
+    close(after, before * factor, 1e-12, "spin");
+}
+
+/// A floor under gravity that is tilted by `slope` [rad] about y: down the slope is +x.
+fn slope(shape: &str, material: &str, slope: f64, dt: f64) -> String {
+    let g = 9.81;
+    let more = format!(
+        "gravity = [{:e}, 0, {:e}]\n{OPEN_BOX}\n[[wall]]\nname = \"floor\"\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\nmaterial = \"m\"",
+        g * slope.sin(),
+        -g * slope.cos()
+    );
+    text(shape, material, &more, dt)
+}
+
+#[test]
+fn a_sliding_sphere_ends_up_rolling_with_five_sevenths() {
+    for case in reference("dem_sliding_rolling.json")["sphere_on_plane"].as_array().unwrap() {
+        let get = |key: &str| number(&case[key]);
+        let (radius, k) = (get("R"), get("k"));
+        let material = format!(
+            "density = {}\nnormal_stiffness = {k}\ntangential_stiffness = {k}\nfriction = {}",
+            get("density"),
+            get("mu")
+        );
+        let shape = format!("kind = \"sphere\"\nradius = {radius}");
+        let dt = 1e-5;
+        let z = radius - get("static_overlap");
+        let mut bench = Bench::new(
+            &slope(&shape, &material, 0.0, dt),
+            &[at(0, Vec3::new(0.0, 0.0, z), Vec3::new(get("v0"), 0.0, 0.0))],
+        );
+        // The contact point stands in the middle of the overlap: the arm is R - δ/2.
+        let expected = &case["arm_R_minus_half_overlap"];
+        let onset = number(&expected["onset_time"]);
+        let mut at_onset = Vec3::zeros();
+        let (mut sum, mut spin, mut count) = (0.0, 0.0, 0.0);
+        while bench.sim.time() < onset + 0.1 {
+            bench.step();
+            let particles = &bench.sim.particles;
+            if (bench.sim.time() - onset).abs() <= 0.5 * dt {
+                at_onset = particles.position[0];
+            }
+            // After the onset the spring rings: compare means.
+            if bench.sim.time() > onset + 0.05 {
+                sum += particles.velocity[0].x;
+                spin += particles.spin.as_ref().unwrap().angular_velocity[0].y;
+                count += 1.0;
+            }
+        }
+        close(sum / count, number(&expected["rolling_velocity"]), 1e-4, "rolling velocity");
+        close(spin / count, number(&expected["rolling_omega"]), 1e-4, "rolling spin");
+        close(at_onset.x, number(&expected["distance_to_onset"]), 2e-4, "distance");
+    }
+}
+
+#[test]
+fn a_sphere_on_an_incline_rolls_or_slides_as_coulomb_says() {
+    for case in reference("dem_sliding_rolling.json")["sphere_on_incline"].as_array().unwrap() {
+        let angle = number(&case["slope_deg"]).to_radians();
+        let material = format!(
+            "density = 2650\nnormal_stiffness = 1e5\ntangential_stiffness = 1e5\nfriction = {}",
+            number(&case["mu"])
+        );
+        let shape = "kind = \"sphere\"\nradius = 0.01";
+        let mass = 2650.0 * 4.0 / 3.0 * PI * 1e-6;
+        let z = 0.01 - mass * 9.81 * angle.cos() / 1e5;
+        let mut bench = Bench::new(
+            &slope(shape, &material, angle, 1e-5),
+            &[at(0, Vec3::new(0.0, 0.0, z), Vec3::zeros())],
+        );
+        // From rest: x = a t²/2, free of the ringing of the spring.
+        while bench.sim.time() < 0.2 {
+            bench.step();
+        }
+        let time = bench.sim.time();
+        let found = 2.0 * bench.sim.particles.position[0].x / (time * time);
+        close(found, number(&case["acceleration"]), 2e-3, "acceleration");
+    }
+}
+
+#[test]
+fn a_block_on_a_slope_slides_and_stops_as_coulomb_says() {
+    // A block does not roll: an enormous moment of inertia stands for it.
+    for case in reference("dem_sliding_rolling.json")["block_on_plane"].as_array().unwrap() {
+        let get = |key: &str| case[key].as_f64();
+        let angle = get("slope_deg").unwrap().to_radians();
+        let material = format!(
+            "density = 2650\nnormal_stiffness = 1e5\ntangential_stiffness = 1e5\nfriction = {}",
+            get("mu").unwrap()
+        );
+        let mass = 2650.0 * 4.0 / 3.0 * PI * 1e-6;
+        let z = 0.01 - mass * 9.81 * angle.cos() / 1e5;
+        let v0 = get("v0").unwrap();
+        let text = slope("kind = \"sphere\"\nradius = 0.01", &material, angle, 1e-5);
+        let scene = crate::support::scene(&text);
+        let mut bench = Bench::heavy_to_turn(
+            &scene,
+            &[at(0, Vec3::new(0.0, 0.0, z), Vec3::new(v0, 0.0, 0.0))],
+        );
+        let mut at_tenth = None;
+        while bench.sim.time() < 0.9 {
+            bench.step();
+            if at_tenth.is_none() && bench.sim.time() >= 0.1 {
+                at_tenth = Some(bench.sim.particles.velocity[0].x);
+            }
+        }
+        let stays = case["stays_at_rest"].as_bool().unwrap();
+        let velocity = bench.sim.particles.velocity[0].x;
+        if v0 > 0.0 || !stays {
+            let expected = get("v_at_0.1s_if_sliding").unwrap();
+            close(at_tenth.unwrap(), expected, 1e-3, "velocity at 0.1 s");
+        }
+        if let Some(distance) = get("stop_distance") {
+            // It stops, and then rings on its spring.
+            close(bench.sim.particles.position[0].x, distance, 1e-3, "distance");
+        } else if stays {
+            assert!(bench.sim.particles.position[0].x.abs() < 1e-5, "it stays");
+        } else {
+            close(velocity / 0.9, get("initial_acceleration").unwrap(), 1e-3, "acceleration");
+        }
+    }
+}
+
+#[test]
+fn an_ellipsoid_rocks_at_the_frequencies_of_the_reference() {
+    for case in reference("dem_rocking.json")["cases"].as_array().unwrap() {
+        let inputs = &case["inputs"];
+        let axes = vector(&inputs["semi_axes"]);
+        let get = |key: &str| number(&inputs[key]);
+        let shape =
+            format!("kind = \"ellipsoid\"\nsemi_axes = [{}, {}, {}]", axes.x, axes.y, axes.z);
+        for (key, about, swing) in [
+            ("about_y_(axis_a_swings)", Vec3::y(), axes.x),
+            ("about_x_(axis_b_swings)", Vec3::x(), axes.y),
+        ] {
+            let expected = &case[key];
+            for (friction, omega) in [
+                (0.0, number(&expected["smooth_omega"])),
+                (1e6, number(&expected["tangential_spring_omegas_arm_c_minus_half_overlap"][0])),
+            ] {
+                let material = format!(
+                    "density = {}\nnormal_stiffness = {}\ntangential_stiffness = {}\nfriction = {friction}",
+                    get("density"),
+                    get("kn"),
+                    get("kt"),
+                );
+                let tilt: f64 = 1e-3;
+                let height = (swing * swing * tilt.sin().powi(2)
+                    + axes.z * axes.z * tilt.cos().powi(2))
+                .sqrt();
+                let z = height - number(&case["static_overlap"]);
+                let mut body = at(0, Vec3::new(0.0, 0.0, z), Vec3::zeros());
+                body.quaternion = Quat::new(about * tilt);
+                let mut bench = Bench::new(&slope(&shape, &material, 0.0, 1e-5), &[body]);
+                // Angle over time: mean of the upward zero crossings' distances.
+                let mut crossings = Vec::new();
+                let mut before = tilt;
+                while crossings.len() < 4 {
+                    bench.step();
+                    let q = bench.sim.particles.attitude.as_ref().unwrap().quaternion[0];
+                    let angle = 2.0 * q.imag().dot(&about);
+                    if before < 0.0 && angle >= 0.0 {
+                        let part = -before / (angle - before);
+                        crossings.push(bench.sim.time() - (1.0 - part) * 1e-5);
+                    }
+                    before = angle;
+                }
+                let period = (crossings[3] - crossings[0]) / 3.0;
+                close(2.0 * PI / period, omega, 1e-3, key);
+            }
+        }
+    }
+}
+
+#[test]
+fn energy_is_accounted_for_in_a_collision_with_everything_in_it() {
+    // Oblique, with friction, dashpot and spin: what is lost is what was dissipated.
+    let material = "density = 2650\nnormal_stiffness = 1e5\ntangential_stiffness = 8e4\nfriction = 0.3\nrestitution = 0.6\ntangential_damping_ratio = 0.1";
+    let shape = "kind = \"ellipsoid\"\nsemi_axes = [0.012, 0.01, 0.008]";
+    let mut first = at(0, Vec3::zeros(), Vec3::new(1.0, 0.2, 0.0));
+    first.angular_momentum = Vec3::new(1e-5, -2e-5, 3e-5);
+    let mut second = at(1, Vec3::new(0.0245, 0.002, 0.001), Vec3::new(-0.5, -0.3, 0.1));
+    second.quaternion = Quat::new_normalize(Quaternion::new(0.9, 0.1, -0.3, 0.2));
+    let mut bench = Bench::new(&text(shape, material, OPEN_BOX, 5e-7), &[first, second]);
+    let mut touched = false;
+    for _ in 0..20_000 {
+        bench.step();
+        touched |= !bench.sim.contacts.is_empty();
+    }
+    let m = bench.measure();
+    assert!(touched && m.contacts == 0, "they met and parted");
+    assert!(m.dissipated > 0.02 * m.received, "something was lost: {m:?}");
+    assert!(m.missing().abs() < 1e-3 * m.dissipated, "missing {:e} of {:e}", m.missing(), m.dissipated);
+}
