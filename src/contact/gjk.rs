@@ -1,0 +1,235 @@
+//! The distance of two convex bodies from their support points alone: GJK.
+//!
+//! Gilbert, Johnson and Keerthi (1988), DOI 10.1109/56.2083, with the signed-volumes sub-distance of
+//! Montanari, Petrinic and Barbieri (2017), DOI 10.1145/3083724: corners are kept by the signs of
+//! volumes, which stay right for the flat simplices at the end of the iteration. It needs nothing of a
+//! shape but its support point, and converges linearly for round bodies: where curvature is known,
+//! the common-normal method is faster and far more accurate.
+//!
+//! The answer is one of three things that must never be mixed up: apart, intersecting, or not known.
+
+use super::{Posed, unit_of_length};
+use crate::math::Vec3;
+
+/// Rounding of a difference of support points, in units of the pair's length.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
+/// Round bodies take 15 to 30 supports, needles and discs of 1:100 up to 80.
+const ITERATIONS: u32 = 200;
+
+/// The Minkowski difference A − B of two bodies in place, in units of the pair's length: the bodies
+/// intersect if it holds the origin, and are otherwise as far apart as it is from the origin.
+#[derive(Clone, Copy)]
+pub(super) struct Difference<'a> {
+    a: &'a Posed<'a>,
+    b: &'a Posed<'a>,
+    /// From the centre of A to the centre of B.
+    pub(super) r: Vec3,
+    /// Sum of the bounding radii.
+    pub(super) reach: f64,
+    /// From metres to units.
+    per_metre: f64,
+    /// Both bodies are scaled about their centres by this.
+    scale: f64,
+}
+
+impl<'a> Difference<'a> {
+    /// Of two bodies with `r` [m] from the centre of A to the centre of B.
+    pub(super) fn new(a: &'a Posed<'a>, b: &'a Posed<'a>, r: &Vec3) -> Self {
+        let (radius_a, radius_b) = (a.shape.bounding_radius(), b.shape.bounding_radius());
+        let per_metre = 1.0 / unit_of_length(radius_a, radius_b);
+        let reach = (radius_a + radius_b) * per_metre;
+        Self { a, b, r: r * per_metre, reach, per_metre, scale: per_metre }
+    }
+
+    /// The same with both bodies scaled about their centres by `1 - ratio`.
+    pub(super) fn eroded(&self, ratio: f64) -> Self {
+        Self { scale: (1.0 - ratio) * self.per_metre, ..*self }
+    }
+
+    /// The farthest point along `direction` (any length but zero).
+    #[inline]
+    pub(super) fn support(&self, direction: &Vec3) -> Vec3 {
+        (self.a.support(direction) - self.b.support(&-direction)) * self.scale - self.r
+    }
+}
+
+/// What GJK found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Separation {
+    /// Apart: the unit vector from A to B along the shortest distance.
+    Apart(Vec3),
+    /// Farther apart than was asked for.
+    Beyond,
+    /// The bodies share a point, or come closer than rounding can tell.
+    Intersecting,
+    /// The iteration stalled or ran out: nothing is known.
+    NotConverged,
+}
+
+/// Tells how two bodies lie to each other. `start` is a guess of the direction from A to B, of any length
+/// but zero; the iteration ends when the distance is known to the relative `tolerance` (no finer than
+/// rounding), or as soon as it is certainly more than `beyond` [units].
+pub(super) fn separate(m: &Difference, start: &Vec3, tolerance: f64, beyond: f64) -> Separation {
+    let first = m.support(start);
+    let along = -start.dot(&first);
+    if along > 0.0 && along * along > (beyond * beyond) * start.norm_squared() {
+        return Separation::Beyond;
+    }
+    let mut simplex =
+        Simplex { corners: [first, Vec3::zeros(), Vec3::zeros(), Vec3::zeros()], count: 1 };
+    // The point of the simplex nearest to the origin.
+    let mut nearest = first;
+    let mut squared = nearest.norm_squared();
+    for _ in 0..ITERATIONS {
+        if squared <= ROUNDING * ROUNDING {
+            return Separation::Intersecting;
+        }
+        let corner = m.support(&-nearest);
+        // The plane through `corner` across `nearest` bounds the distance from below.
+        let along = nearest.dot(&corner);
+        if along > 0.0 && along * along > (beyond * beyond) * squared {
+            return Separation::Beyond;
+        }
+        let distance = squared.sqrt();
+        let gap = squared - along;
+        if gap <= tolerance * squared + ROUNDING * distance {
+            return Separation::Apart(nearest / -distance);
+        }
+        simplex.add(corner);
+        let Some(next) = simplex.reduce() else { return Separation::Intersecting };
+        let shorter = next.norm_squared();
+        if shorter >= squared {
+            // No progress: below the resolution of the simplex. Good if the bounds are close.
+            return if gap <= STALLED * squared {
+                Separation::Apart(nearest / -distance)
+            } else {
+                Separation::NotConverged
+            };
+        }
+        (nearest, squared) = (next, shorter);
+    }
+    Separation::NotConverged
+}
+
+/// A stalled iteration is believed if its relative duality gap is below this: the direction is then good to
+/// 1e-5, which is still far better than what erosion itself costs.
+const STALLED: f64 = 1e-10;
+
+/// One to four corners around the part of the difference nearest to the origin.
+struct Simplex {
+    corners: [Vec3; 4],
+    count: usize,
+}
+
+/// Barycentric coordinates of a point of the simplex; zero for corners that it does not need.
+type Weights = [f64; 4];
+
+impl Simplex {
+    fn add(&mut self, corner: Vec3) {
+        self.corners[self.count] = corner;
+        self.count += 1;
+    }
+
+    /// Drops the corners that the point nearest to the origin does not need, and returns the point;
+    /// `None` if the origin is inside.
+    fn reduce(&mut self) -> Option<Vec3> {
+        let weights = match self.count {
+            2 => self.on_segment(0, 1),
+            3 => self.on_triangle(0, 1, 2),
+            _ => self.in_tetrahedron()?,
+        };
+        let nearest = self.point(&weights);
+        let mut kept = 0;
+        for (i, &weight) in weights.iter().enumerate().take(self.count) {
+            if weight > 0.0 {
+                self.corners[kept] = self.corners[i];
+                kept += 1;
+            }
+        }
+        self.count = kept;
+        Some(nearest)
+    }
+
+    fn point(&self, weights: &Weights) -> Vec3 {
+        let mut sum = self.corners[0] * weights[0];
+        for (corner, &weight) in self.corners.iter().zip(weights).skip(1) {
+            sum += corner * weight;
+        }
+        sum
+    }
+
+    fn on_segment(&self, i: usize, j: usize) -> Weights {
+        let (p, edge) = (self.corners[i], self.corners[j] - self.corners[i]);
+        let (along, length) = (-p.dot(&edge), edge.norm_squared());
+        let mut weights = [0.0; 4];
+        if along <= 0.0 || length == 0.0 {
+            weights[i] = 1.0;
+        } else if along >= length {
+            weights[j] = 1.0;
+        } else {
+            weights[j] = along / length;
+            weights[i] = 1.0 - weights[j];
+        }
+        weights
+    }
+
+    /// Compares signed areas in the coordinate plane in which the triangle is largest.
+    fn on_triangle(&self, i: usize, j: usize, k: usize) -> Weights {
+        let [p, q, s] = [self.corners[i], self.corners[j], self.corners[k]];
+        let normal = (q - p).cross(&(s - p));
+        let squared = normal.norm_squared();
+        let mut outside = [true; 3];
+        if squared > 0.0 {
+            let foot = normal * (p.dot(&normal) / squared);
+            let axis = normal.iamax();
+            let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
+            let area = |a: &Vec3, b: &Vec3| {
+                (a[x] - foot[x]) * (b[y] - foot[y]) - (a[y] - foot[y]) * (b[x] - foot[x])
+            };
+            let inverse = 1.0 / normal[axis];
+            let parts = [area(&q, &s) * inverse, area(&s, &p) * inverse, area(&p, &q) * inverse];
+            outside = parts.map(|part| part <= 0.0);
+            if outside == [false; 3] {
+                let mut weights = [0.0; 4];
+                let sum = (parts[0] + parts[1]) + parts[2];
+                (weights[i], weights[j], weights[k]) =
+                    (parts[0] / sum, parts[1] / sum, parts[2] / sum);
+                return weights;
+            }
+        }
+        let edges = [(j, k), (k, i), (i, j)];
+        let candidates = edges.into_iter().zip(outside).filter(|(_, outside)| *outside);
+        self.nearest(candidates.map(|((i, j), _)| self.on_segment(i, j)))
+    }
+
+    /// Compares signed volumes: the origin is inside if the volume with any corner moved to the origin has
+    /// the sign of the whole.
+    fn in_tetrahedron(&self) -> Option<Weights> {
+        let [p, q, s, t] = self.corners;
+        let across = s.cross(&t);
+        let pq = p.cross(&q);
+        let parts = [q.dot(&across), -p.dot(&across), pq.dot(&t), -pq.dot(&s)];
+        // From edges: of a small tetrahedron far away, the sum of the parts would be all rounding.
+        let whole = (q - p).dot(&(s - p).cross(&(t - p)));
+        let outside = parts.map(|part| if whole > 0.0 { part <= 0.0 } else { part >= 0.0 });
+        if outside == [false; 4] && whole != 0.0 {
+            return None;
+        }
+        let faces = [(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)];
+        let candidates =
+            faces.into_iter().zip(outside).filter(|(_, outside)| *outside || whole == 0.0);
+        Some(self.nearest(candidates.map(|((i, j, k), _)| self.on_triangle(i, j, k))))
+    }
+
+    fn nearest(&self, candidates: impl Iterator<Item = Weights>) -> Weights {
+        let mut best = [0.0; 4];
+        let mut shortest = f64::INFINITY;
+        for weights in candidates {
+            let squared = self.point(&weights).norm_squared();
+            if squared < shortest {
+                (best, shortest) = (weights, squared);
+            }
+        }
+        best
+    }
+}
