@@ -30,6 +30,8 @@ const LONGEST_STEP: f64 = 0.5;
 const LAST_STEP: f64 = 1e-6;
 /// Part of the predicted decrease that a step must bring (Armijo).
 const SUFFICIENT: f64 = 1e-4;
+/// Rounding of the Hessian's determinant at a flat minimum, relative to the square of its trace.
+const FLAT: f64 = 1e-12;
 /// Rounding of `δ`, in units of the pair's length.
 const ROUNDING: f64 = 4e-15;
 
@@ -203,10 +205,19 @@ impl Hessian {
         (self.entries.times(gradient) - gradient * (self.trace - shift)) / determinant
     }
 
-    /// Is `H - shift` positive definite on the tangent plane?
+    /// Newton's own shift is `δ` where that is a minimum's. Elsewhere the product over the sum of the
+    /// eigenvalues, which is below both, leads downhill.
     #[inline]
-    fn exceeds(&self, shift: f64) -> bool {
-        (self.product - shift * self.trace) + shift * shift > 0.0 && 2.0 * shift < self.trace
+    fn shift(&self, delta: f64) -> f64 {
+        if self.exceeds(delta, 0.0) { delta } else { 0.9 * (self.product / self.trace) }
+    }
+
+    /// Are both eigenvalues of `H - shift` on the tangent plane positive? `slack`, a small number, lets
+    /// the product be that much below zero relative to the square of the sum.
+    #[inline]
+    fn exceeds(&self, shift: f64, slack: f64) -> bool {
+        let determinant = (self.product - shift * self.trace) + shift * shift;
+        determinant > -slack * (self.trace * self.trace) && 2.0 * shift < self.trace
     }
 }
 
@@ -302,10 +313,7 @@ impl<'a> Ellipsoids<'a> {
         }
         loop {
             let hessian = self.hessian(&here);
-            // Newton's own shift is δ. The product over the sum of two numbers is below both, so that
-            // the smaller shift always leads downhill.
-            let safe = 0.9 * (hessian.product / hessian.trace);
-            let shift = if here.delta < safe { here.delta } else { safe };
+            let shift = hessian.shift(here.delta);
             let mut step = hessian.step(&here.gradient, shift);
             let length = step.norm();
             if length > LONGEST_STEP {
@@ -328,7 +336,7 @@ impl<'a> Ellipsoids<'a> {
                 slope *= 0.5;
             };
             if step.norm_squared() < LAST_STEP * LAST_STEP {
-                return if hessian.exceeds(here.delta) {
+                return if hessian.exceeds(here.delta, FLAT) {
                     Minimum::At(self.corrected(&here, &hessian))
                 } else {
                     // A saddle or a maximum: the bodies are too deep in each other for this start.
@@ -341,7 +349,11 @@ impl<'a> Ellipsoids<'a> {
     /// The touch after one more step with the last Hessian. Support points follow their own
     /// body's compliance, which keeps the contact point quiet where a surface is nearly flat.
     fn corrected(&self, e: &Evaluation, hessian: &Hessian) -> Touch {
-        let step = hessian.step(&e.gradient, e.delta);
+        let mut step = hessian.step(&e.gradient, e.delta);
+        if !(step.norm_squared() < LAST_STEP * LAST_STEP) {
+            // A minimum that is flat to rounding has no better point.
+            step = Vec3::zeros();
+        }
         let follow = |shape: &Symmetric, point: &Vec3, inverse: f64| {
             point + (shape.times(&step) - point * point.dot(&step)) * inverse
         };

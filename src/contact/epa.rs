@@ -18,8 +18,9 @@ use crate::math::Vec3;
 
 /// Rounding of the bounds, in units of the pair's length.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
-/// Corners of the polytope: round bodies take 30 at 1e-8 and 45 at 1e-12.
-const CORNERS: usize = 400;
+/// Corners of the polytope: round bodies take 30 at 1e-8 and 45 at 1e-12, but hundreds where the
+/// overlap is nearly the same along a range of directions.
+const CORNERS: usize = 1000;
 
 /// Resolves two convex bodies by GJK and the expanding polytope.
 ///
@@ -45,14 +46,15 @@ impl ContactResolver for Epa {
     }
 
     #[inline]
-    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
+    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, _warm: Option<&Vec3>) -> Outcome {
         let m = Difference::new(a, b, r);
         let squared = m.r.norm_squared();
         if squared > m.reach * m.reach {
             return Outcome::Apart;
         }
-        // Coincident centres have an overlap, if no unique normal.
-        let start = if squared == 0.0 { Vec3::x() } else { *warm.unwrap_or(&m.r) };
+        // Coincident centres have an overlap, if no unique normal. A warm start would only put a corner
+        // where the polytope must become finest, and slivers around it.
+        let start = if squared == 0.0 { Vec3::x() } else { m.r };
         match separate(&m, &start, 0.0, 0.0) {
             Separation::Beyond | Separation::Apart(_) => return Outcome::Apart,
             Separation::NotConverged => return Outcome::Failed(Why::NoConvergence),

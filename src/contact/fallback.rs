@@ -73,3 +73,67 @@ impl ContactResolver for Chain {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Chain;
+    use crate::contact::{
+        Bodies, ContactResolver, History, Outcome, Pair, Posed, SphereSphere, Tally, Why,
+    };
+    use crate::ids::{ShapeId, Slot};
+    use crate::math::Vec3;
+    use crate::shape::{Shape, Sphere};
+
+    /// Gives up on every pair.
+    struct Helpless;
+
+    impl ContactResolver for Helpless {
+        fn name(&self) -> &'static str {
+            "helpless"
+        }
+
+        fn touch(&self, _: &Posed, _: &Posed, _: &Vec3, _: Option<&Vec3>) -> Outcome {
+            Outcome::Failed(Why::NoConvergence)
+        }
+    }
+
+    fn resolve(chain: &Chain, centres: &[Vec3]) -> (Result<usize, Why>, Tally) {
+        let bodies = Bodies {
+            position: centres,
+            frame: None,
+            shape: &vec![ShapeId(0); centres.len()],
+            library: &[Shape::Sphere(Sphere { radius: 1.0 })],
+            period: Vec3::repeat(f64::INFINITY),
+        };
+        let pairs: Vec<_> =
+            (1..centres.len() as u32).map(|b| Pair { a: Slot(0), b: Slot(b) }).collect();
+        let history = vec![History::default(); pairs.len()];
+        let (mut out, mut tally) = (Vec::new(), Tally::default());
+        let result = chain.resolve(0, &pairs, &history, &bodies, &mut out, &mut tally);
+        (result.map(|()| out.len()).map_err(|e| e.why), tally)
+    }
+
+    #[test]
+    fn the_stage_that_answers_is_counted() {
+        let fallbacks: Vec<Box<dyn ContactResolver>> =
+            vec![Box::new(Helpless), Box::new(SphereSphere)];
+        let chain = Chain::new(Box::new(Helpless), fallbacks);
+        let (found, tally) =
+            resolve(&chain, &[Vec3::zeros(), Vec3::x() * 1.9, Vec3::y() * 2.1, Vec3::z()]);
+        assert_eq!(found, Ok(2));
+        assert_eq!(tally, Tally { pairs: 3, contacts: 2, fallbacks: [0, 3, 0, 0] });
+    }
+
+    #[test]
+    fn nobody_left_is_an_error() {
+        let chain = Chain::new(Box::new(Helpless), vec![Box::new(SphereSphere)]);
+        assert_eq!(resolve(&chain, &[Vec3::zeros(), Vec3::zeros()]).0, Err(Why::TooDeep));
+    }
+
+    #[test]
+    fn a_position_that_is_not_finite_is_an_error() {
+        let chain = Chain::new(Box::new(SphereSphere), Vec::new());
+        let lost = Vec3::new(f64::INFINITY, 0.0, 0.0);
+        assert_eq!(resolve(&chain, &[Vec3::zeros(), lost]).0, Err(Why::NotFinite));
+    }
+}

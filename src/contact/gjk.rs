@@ -16,6 +16,10 @@ const ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// Round bodies take 15 to 30 supports, needles and discs of 1:100 up to 80.
 const ITERATIONS: u32 = 200;
 
+/// A stalled iteration is believed if its relative duality gap is below this: the direction is then good to
+/// 1e-5, which is still far better than what erosion itself costs.
+const STALLED: f64 = 1e-10;
+
 /// The Minkowski difference A − B of two bodies in place, in units of the pair's length: the bodies
 /// intersect if it holds the origin, and are otherwise as far apart as it is from the origin.
 #[derive(Clone, Copy)]
@@ -80,6 +84,9 @@ pub(super) fn separate(m: &Difference, start: &Vec3, tolerance: f64, beyond: f64
     // The point of the simplex nearest to the origin.
     let mut nearest = first;
     let mut squared = nearest.norm_squared();
+    if !squared.is_finite() {
+        return Separation::NotConverged;
+    }
     for _ in 0..ITERATIONS {
         if squared <= ROUNDING * ROUNDING {
             return Separation::Intersecting;
@@ -98,22 +105,17 @@ pub(super) fn separate(m: &Difference, start: &Vec3, tolerance: f64, beyond: f64
         simplex.add(corner);
         let Some(next) = simplex.reduce() else { return Separation::Intersecting };
         let shorter = next.norm_squared();
-        if shorter >= squared {
-            // No progress: below the resolution of the simplex. Good if the bounds are close.
-            return if gap <= STALLED * squared {
-                Separation::Apart(nearest / -distance)
-            } else {
-                Separation::NotConverged
-            };
+        if shorter < squared {
+            (nearest, squared) = (next, shorter);
+        } else if gap <= STALLED * squared {
+            // No progress, below the resolution of the simplex, but the bounds are close.
+            return Separation::Apart(nearest / -distance);
+        } else {
+            return Separation::NotConverged;
         }
-        (nearest, squared) = (next, shorter);
     }
     Separation::NotConverged
 }
-
-/// A stalled iteration is believed if its relative duality gap is below this: the direction is then good to
-/// 1e-5, which is still far better than what erosion itself costs.
-const STALLED: f64 = 1e-10;
 
 /// One to four corners around the part of the difference nearest to the origin.
 struct Simplex {
@@ -231,5 +233,64 @@ impl Simplex {
             }
         }
         best
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Difference, Separation, separate};
+    use crate::contact::Posed;
+    use crate::math::{Mat3, Vec3};
+    use crate::shape::{Ellipsoid, Shape, Sphere};
+
+    fn sphere(radius: f64) -> Shape {
+        Shape::Sphere(Sphere { radius })
+    }
+
+    fn between(a: &Shape, b: &Shape, r: Vec3, beyond: f64) -> Separation {
+        let frame = Mat3::identity();
+        let (a, b) = (Posed { shape: a, frame: &frame }, Posed { shape: b, frame: &frame });
+        separate(&Difference::new(&a, &b, &r), &Vec3::new(0.3, -0.2, 0.9), 1e-12, beyond)
+    }
+
+    #[test]
+    fn spheres_apart() {
+        let r = Vec3::new(1.0, -2.0, 2.0);
+        let Separation::Apart(n) = between(&sphere(1.0), &sphere(1.5), r, f64::INFINITY) else {
+            panic!("a clearance of 0.5 was not seen")
+        };
+        // The direction is known to the square root of the tolerance.
+        assert!((n - r / 3.0).norm() < 2e-6, "{n}");
+    }
+
+    #[test]
+    fn asked_only_for_less_than_the_clearance() {
+        let r = Vec3::new(1.0, -2.0, 2.0);
+        assert_eq!(between(&sphere(1.0), &sphere(1.5), r, 0.49), Separation::Beyond);
+    }
+
+    #[test]
+    fn spheres_intersecting() {
+        for r in [Vec3::new(1.0, -2.0, 2.0) * 0.8, Vec3::new(1e-9, 0.0, 0.0), Vec3::zeros()] {
+            assert_eq!(
+                between(&sphere(1.0), &sphere(1.5), r, 0.0),
+                Separation::Intersecting,
+                "{r}"
+            );
+        }
+    }
+
+    #[test]
+    fn aligned_bodies_touching_exactly() {
+        // Every simplex of this pair lies in a plane of symmetry.
+        let e = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.0, 0.5, 0.25) });
+        let answer = between(&e, &e, Vec3::new(2.0, 0.0, 0.0), 0.0);
+        assert!(matches!(answer, Separation::Intersecting | Separation::Apart(_)), "{answer:?}");
+    }
+
+    #[test]
+    fn not_a_number_is_not_an_answer() {
+        let r = Vec3::new(f64::NAN, 0.0, 0.0);
+        assert_eq!(between(&sphere(1.0), &sphere(1.0), r, 0.0), Separation::NotConverged);
     }
 }
