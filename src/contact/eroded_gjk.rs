@@ -65,3 +65,40 @@ impl ContactResolver for ErodedGjk {
         Outcome::Failed(Why::TooDeep)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Difference, ErodedGjk, Separation, separate, touch_along};
+    use crate::contact::{ContactResolver, Outcome, Posed};
+    use crate::math::{Quat, Vec3};
+    use crate::shape::{Ellipsoid, Shape};
+
+    /// Pairs rejected early are those that the rule itself rejects: touching or not is decided by the
+    /// overlap along the direction of the eroded bodies.
+    #[test]
+    fn early_rejection_follows_the_rule() {
+        let method = ErodedGjk::default();
+        let shape = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.0, 0.5, 0.4) });
+        let mut met = [0, 0];
+        for i in 0..4000 {
+            let k = f64::from(i);
+            let frame = Quat::from_euler_angles(k, 1.7 * k, 0.3 * k).to_rotation_matrix();
+            let other = Quat::from_euler_angles(2.1 * k, k, 0.7 * k).to_rotation_matrix();
+            let a = Posed { shape: &shape, frame: frame.matrix() };
+            let b = Posed { shape: &shape, frame: other.matrix() };
+            let toward = Vec3::new((1.3 * k).sin(), (2.9 * k).sin(), (0.7 * k).cos()).normalize();
+            // About the size of the spurious overlaps, on both sides.
+            let clearance = 0.01 * (0.9 * k).sin();
+            let r = a.support(&toward) - b.support(&-toward) + toward * clearance;
+            let m = Difference::new(&a, &b, &r);
+            let rule =
+                match separate(&m.eroded(method.ratio), &m.r, method.tolerance, f64::INFINITY) {
+                    Separation::Apart(normal) => touch_along(&a, &b, &r, &normal).outcome(),
+                    other => panic!("pair {i}: {other:?}"),
+                };
+            met[usize::from(rule == Outcome::Apart)] += 1;
+            assert_eq!(method.touch(&a, &b, &r, None), rule, "pair {i}");
+        }
+        assert!(met[0] > 1000 && met[1] > 1000, "{met:?} of each are a poor test");
+    }
+}
