@@ -240,7 +240,7 @@ impl<'a> Ellipsoids<'a> {
         }
     }
 
-    /// `(A + B)⁻¹ r`, exact for two spheres and the direction in which their Gaussian twins touch.
+    /// `(A + B)⁻¹ r`: the normal of two spheres, and of ellipsoids of one form and orientation that touch.
     fn cold_start(&self) -> Option<Vec3> {
         let along = self.a.plus(&self.b).adjugate_times(&self.r);
         let squared = along.norm_squared();
@@ -349,11 +349,10 @@ impl<'a> Ellipsoids<'a> {
     /// The touch after one more step with the last Hessian. Support points follow their own
     /// body's compliance, which keeps the contact point quiet where a surface is nearly flat.
     fn corrected(&self, e: &Evaluation, hessian: &Hessian) -> Touch {
-        let mut step = hessian.step(&e.gradient, e.delta);
-        if !(step.norm_squared() < LAST_STEP * LAST_STEP) {
-            // A minimum that is flat to rounding has no better point.
-            step = Vec3::zeros();
-        }
+        let newton = hessian.step(&e.gradient, e.delta);
+        // A minimum that is flat to rounding has no better point.
+        let small = newton.norm_squared() < LAST_STEP * LAST_STEP;
+        let step = if small { newton } else { Vec3::zeros() };
         let follow = |shape: &Symmetric, point: &Vec3, inverse: f64| {
             point + (shape.times(&step) - point * point.dot(&step)) * inverse
         };

@@ -120,15 +120,24 @@ impl Polytope {
         self.faces.push(Face { corners, normal, distance });
     }
 
+    fn nearest_face(&self) -> Option<&Face> {
+        let mut faces = self.faces.iter();
+        let mut nearest = faces.next()?;
+        for face in faces {
+            if face.distance < nearest.distance {
+                nearest = face;
+            }
+        }
+        Some(nearest)
+    }
+
     /// The direction of least overlap to within `tolerance`, or `None` if the iteration stalls.
     fn expand(mut self, m: &Difference, tolerance: f64) -> Option<Vec3> {
         let mut horizon = Vec::with_capacity(32);
         let mut least = f64::INFINITY;
         let mut best = Vec3::zeros();
         while self.corners.len() < CORNERS {
-            let nearest =
-                self.faces.iter().min_by(|f, g| f.distance.total_cmp(&g.distance)).copied()?;
-            let Face { normal, distance, .. } = nearest;
+            let Face { normal, distance, .. } = *self.nearest_face()?;
             let corner = m.support(&normal);
             let overlap = corner.dot(&normal);
             if overlap < least {
@@ -152,10 +161,10 @@ impl Polytope {
         let new = self.corners.len() as u16;
         self.corners.push(corner);
         horizon.clear();
-        self.faces.retain(|face| {
-            let visible = corner.dot(&face.normal) > face.distance;
-            if visible {
-                let [p, q, s] = face.corners;
+        for i in (0..self.faces.len()).rev() {
+            let face = &self.faces[i];
+            if corner.dot(&face.normal) > face.distance {
+                let [p, q, s] = self.faces.swap_remove(i).corners;
                 for (from, to) in [(p, q), (q, s), (s, p)] {
                     // An edge between two visible faces comes once in each direction.
                     match horizon.iter().position(|&edge| edge == (to, from)) {
@@ -164,8 +173,7 @@ impl Polytope {
                     }
                 }
             }
-            !visible
-        });
+        }
         for &(from, to) in &*horizon {
             self.add_face([from, to, new]);
         }

@@ -117,14 +117,19 @@ pub(super) fn separate(m: &Difference, start: &Vec3, tolerance: f64, beyond: f64
     Separation::NotConverged
 }
 
-/// One to four corners around the part of the difference nearest to the origin.
+/// One to four corners around the part of the difference nearest to the origin; the newest is last.
 struct Simplex {
     corners: [Vec3; 4],
     count: usize,
 }
 
-/// Barycentric coordinates of a point of the simplex; zero for corners that it does not need.
-type Weights = [f64; 4];
+/// The point of a simplex nearest to the origin.
+struct Nearest {
+    point: Vec3,
+    squared: f64,
+    /// Its barycentric coordinates; zero for corners that it does not need.
+    weights: [f64; 4],
+}
 
 impl Simplex {
     fn add(&mut self, corner: Vec3) {
@@ -135,104 +140,96 @@ impl Simplex {
     /// Drops the corners that the point nearest to the origin does not need, and returns the point;
     /// `None` if the origin is inside.
     fn reduce(&mut self) -> Option<Vec3> {
-        let weights = match self.count {
+        let nearest = match self.count {
             2 => self.on_segment(0, 1),
             3 => self.on_triangle(0, 1, 2),
             _ => self.in_tetrahedron()?,
         };
-        let nearest = self.point(&weights);
         let mut kept = 0;
-        for (i, &weight) in weights.iter().enumerate().take(self.count) {
-            if weight > 0.0 {
+        for i in 0..self.count {
+            if nearest.weights[i] > 0.0 {
                 self.corners[kept] = self.corners[i];
                 kept += 1;
             }
         }
         self.count = kept;
-        Some(nearest)
+        Some(nearest.point)
     }
 
-    fn point(&self, weights: &Weights) -> Vec3 {
-        let mut sum = self.corners[0] * weights[0];
-        for (corner, &weight) in self.corners.iter().zip(weights).skip(1) {
-            sum += corner * weight;
-        }
-        sum
-    }
-
-    fn on_segment(&self, i: usize, j: usize) -> Weights {
+    fn on_segment(&self, i: usize, j: usize) -> Nearest {
         let (p, edge) = (self.corners[i], self.corners[j] - self.corners[i]);
         let (along, length) = (-p.dot(&edge), edge.norm_squared());
         let mut weights = [0.0; 4];
-        if along <= 0.0 || length == 0.0 {
+        let point = if along <= 0.0 || length == 0.0 {
             weights[i] = 1.0;
+            p
         } else if along >= length {
             weights[j] = 1.0;
+            self.corners[j]
         } else {
             weights[j] = along / length;
             weights[i] = 1.0 - weights[j];
-        }
-        weights
+            p + edge * weights[j]
+        };
+        Nearest { point, squared: point.norm_squared(), weights }
     }
 
-    /// Compares signed areas in the coordinate plane in which the triangle is largest.
-    fn on_triangle(&self, i: usize, j: usize, k: usize) -> Weights {
+    /// Compares the signed areas that the foot of the origin makes with the edges, each times the
+    /// triangle's own: triple products that do not need the foot.
+    fn on_triangle(&self, i: usize, j: usize, k: usize) -> Nearest {
         let [p, q, s] = [self.corners[i], self.corners[j], self.corners[k]];
-        let normal = (q - p).cross(&(s - p));
-        let squared = normal.norm_squared();
-        let mut outside = [true; 3];
-        if squared > 0.0 {
-            let foot = normal * (p.dot(&normal) / squared);
-            let axis = normal.iamax();
-            let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
-            let area = |a: &Vec3, b: &Vec3| {
-                (a[x] - foot[x]) * (b[y] - foot[y]) - (a[y] - foot[y]) * (b[x] - foot[x])
-            };
-            let inverse = 1.0 / normal[axis];
-            let parts = [area(&q, &s) * inverse, area(&s, &p) * inverse, area(&p, &q) * inverse];
-            outside = parts.map(|part| part <= 0.0);
-            if outside == [false; 3] {
-                let mut weights = [0.0; 4];
-                let sum = (parts[0] + parts[1]) + parts[2];
-                (weights[i], weights[j], weights[k]) =
-                    (parts[0] / sum, parts[1] / sum, parts[2] / sum);
-                return weights;
+        let (pq, qs) = (q - p, s - q);
+        let normal = pq.cross(&qs);
+        let parts =
+            [normal.dot(&q.cross(&qs)), normal.dot(&s.cross(&(p - s))), normal.dot(&p.cross(&pq))];
+        if parts[0] > 0.0 && parts[1] > 0.0 && parts[2] > 0.0 {
+            let inverse = 1.0 / ((parts[0] + parts[1]) + parts[2]);
+            let mut weights = [0.0; 4];
+            (weights[i], weights[j], weights[k]) =
+                (parts[0] * inverse, parts[1] * inverse, parts[2] * inverse);
+            let point = (p * weights[i] + q * weights[j]) + s * weights[k];
+            return Nearest { point, squared: point.norm_squared(), weights };
+        }
+        let mut best: Option<Nearest> = None;
+        for (part, i, j) in [(parts[0], j, k), (parts[1], k, i), (parts[2], i, j)] {
+            if part <= 0.0 {
+                best = nearer(best, self.on_segment(i, j));
             }
         }
-        let edges = [(j, k), (k, i), (i, j)];
-        let candidates = edges.into_iter().zip(outside).filter(|(_, outside)| *outside);
-        self.nearest(candidates.map(|((i, j), _)| self.on_segment(i, j)))
+        // Without a sign there is no number, which the caller sees.
+        best.unwrap_or_else(|| self.on_segment(j, k))
     }
 
     /// Compares signed volumes: the origin is inside if the volume with any corner moved to the origin has
-    /// the sign of the whole.
-    fn in_tetrahedron(&self) -> Option<Weights> {
+    /// the sign of the whole. `None` if it is inside.
+    fn in_tetrahedron(&self) -> Option<Nearest> {
         let [p, q, s, t] = self.corners;
-        let across = s.cross(&t);
-        let pq = p.cross(&q);
-        let parts = [q.dot(&across), -p.dot(&across), pq.dot(&t), -pq.dot(&s)];
+        let (pq, st) = (p.cross(&q), s.cross(&t));
+        let parts = [q.dot(&st), -p.dot(&st), pq.dot(&t), -pq.dot(&s)];
         // From edges: of a small tetrahedron far away, the sum of the parts would be all rounding.
         let whole = (q - p).dot(&(s - p).cross(&(t - p)));
-        let outside = parts.map(|part| if whole > 0.0 { part <= 0.0 } else { part >= 0.0 });
-        if outside == [false; 4] && whole != 0.0 {
+        if parts
+            .iter()
+            .all(|&part| if whole > 0.0 { part > 0.0 } else { part < 0.0 && whole < 0.0 })
+        {
             return None;
         }
-        let faces = [(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)];
-        let candidates =
-            faces.into_iter().zip(outside).filter(|(_, outside)| *outside || whole == 0.0);
-        Some(self.nearest(candidates.map(|((i, j, k), _)| self.on_triangle(i, j, k))))
-    }
-
-    fn nearest(&self, candidates: impl Iterator<Item = Weights>) -> Weights {
-        let mut best = [0.0; 4];
-        let mut shortest = f64::INFINITY;
-        for weights in candidates {
-            let squared = self.point(&weights).norm_squared();
-            if squared < shortest {
-                (best, shortest) = (weights, squared);
+        let mut best: Option<Nearest> = None;
+        // The newest corner has the last face behind it: that face was the simplex before.
+        for (part, i, j) in [(parts[0], 1, 2), (parts[1], 0, 2), (parts[2], 0, 1)] {
+            let inside = if whole > 0.0 { part > 0.0 } else { part < 0.0 && whole < 0.0 };
+            if !inside {
+                best = nearer(best, self.on_triangle(i, j, 3));
             }
         }
-        best
+        best.or_else(|| Some(self.on_triangle(0, 1, 2)))
+    }
+}
+
+fn nearer(best: Option<Nearest>, other: Nearest) -> Option<Nearest> {
+    match best {
+        Some(best) if best.squared <= other.squared => Some(best),
+        _ => Some(other),
     }
 }
 
