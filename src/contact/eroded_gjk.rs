@@ -70,8 +70,8 @@ impl ContactResolver for ErodedGjk {
 mod tests {
     use super::{Difference, ErodedGjk, Separation, separate, touch_along};
     use crate::contact::{ContactResolver, Outcome, Posed};
-    use crate::math::{Quat, Vec3};
-    use crate::shape::{Ellipsoid, Shape};
+    use crate::math::{Mat3, Quat, Vec3};
+    use crate::shape::{Ellipsoid, Shape, Sphere};
 
     /// Pairs rejected early are those that the rule itself rejects: touching or not is decided by the
     /// overlap along the direction of the eroded bodies.
@@ -100,5 +100,24 @@ mod tests {
             assert_eq!(method.touch(&a, &b, &r, None), rule, "pair {i}");
         }
         assert!(met[0] > 1000 && met[1] > 1000, "{met:?} of each are a poor test");
+    }
+
+    /// Cores that touch within rounding, at which GJK has no direction, are eroded further.
+    #[test]
+    fn cores_that_just_touch() {
+        let method = ErodedGjk::default();
+        let shape = Shape::Sphere(Sphere { radius: 1.0 });
+        let frame = Mat3::identity();
+        let body = Posed { shape: &shape, frame: &frame };
+        for exponent in 3..18 {
+            for gap in [-(0.1_f64.powi(exponent)), 0.1_f64.powi(exponent)] {
+                let overlap = 2.0 * method.ratio - gap;
+                let r = Vec3::new(1.0, 2.0, -2.0) * ((2.0 - overlap) / 3.0);
+                let Outcome::Touching(touch) = method.touch(&body, &body, &r, None) else {
+                    panic!("cores {gap:e} apart were missed")
+                };
+                assert!((touch.overlap - overlap).abs() < 1e-6, "{gap:e}: {touch:?}");
+            }
+        }
     }
 }

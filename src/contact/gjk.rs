@@ -20,6 +20,10 @@ const ITERATIONS: u32 = 200;
 /// 1e-5, which is still far better than what erosion itself costs.
 const STALLED: f64 = 1e-10;
 
+/// Closer than this [units] a stalled iteration calls the bodies intersecting. Whoever asked then looks
+/// deeper: erosion with smaller bodies, EPA with bounds of its own.
+const KISSING: f64 = 1e-8;
+
 /// The Minkowski difference A − B of two bodies in place, in units of the pair's length: the bodies
 /// intersect if it holds the origin, and are otherwise as far apart as it is from the origin.
 #[derive(Clone, Copy)]
@@ -64,7 +68,7 @@ pub(super) enum Separation {
     Apart(Vec3),
     /// Farther apart than was asked for.
     Beyond,
-    /// The bodies share a point, or come closer than rounding can tell.
+    /// The bodies share a point, or come so close that rounding decides.
     Intersecting,
     /// The iteration stalled or ran out: nothing is known.
     NotConverged,
@@ -110,6 +114,8 @@ pub(super) fn separate(m: &Difference, start: &Vec3, tolerance: f64, beyond: f64
         } else if gap <= STALLED * squared {
             // No progress, below the resolution of the simplex, but the bounds are close.
             return Separation::Apart(nearest / -distance);
+        } else if distance <= KISSING {
+            return Separation::Intersecting;
         } else {
             return Separation::NotConverged;
         }
