@@ -31,8 +31,8 @@ struct Subject {
 struct Chained(Table);
 
 impl Chained {
-    fn by(method: &Method) -> Box<Self> {
-        Box::new(Self(table(method, &Kind::ALL)))
+    fn by(method: &Method) -> Self {
+        Self(table(method, &Kind::ALL))
     }
 }
 
@@ -60,10 +60,10 @@ fn resolvers() -> Vec<Subject> {
     let erosion = |tolerance| ErodedGjk { tolerance, ..ErodedGjk::default() };
     vec![
         subject(Box::new(CommonNormal), ROUNDING, 1e-12, true),
-        subject(Box::new(SeededCommonNormal::default()), ROUNDING, 1e-12, true),
-        subject(Chained::by(&Method::Auto), ROUNDING, 1e-12, true),
+        subject(Box::<SeededCommonNormal>::default(), ROUNDING, 1e-12, true),
+        subject(Box::new(Chained::by(&Method::Auto)), ROUNDING, 1e-12, true),
         subject(Box::new(Epa { tolerance: 1e-8 }), 1e-8, 5e-4, true),
-        subject(Chained::by(&Method::Epa { tolerance: 1e-5 }), 1e-5, 1.5e-2, true),
+        subject(Box::new(Chained::by(&Method::Epa { tolerance: 1e-5 })), 1e-5, 1.5e-2, true),
         subject(Box::new(erosion(1e-14)), 1e-7, 1e-6, false),
         subject(Box::new(erosion(1e-4)), 1e-3, 2e-2, false),
     ]

@@ -109,15 +109,18 @@ mod tests {
         let shape = Shape::Sphere(Sphere { radius: 1.0 });
         let frame = Mat3::identity();
         let body = Posed { shape: &shape, frame: &frame };
-        for exponent in 3..18 {
-            for gap in [-(0.1_f64.powi(exponent)), 0.1_f64.powi(exponent)] {
-                let overlap = 2.0 * method.ratio - gap;
-                let r = Vec3::new(1.0, 2.0, -2.0) * ((2.0 - overlap) / 3.0);
-                let Outcome::Touching(touch) = method.touch(&body, &body, &r, None) else {
-                    panic!("cores {gap:e} apart were missed")
-                };
-                assert!((touch.overlap - overlap).abs() < 1e-6, "{gap:e}: {touch:?}");
-            }
+        for i in 0..400 {
+            let k = f64::from(i);
+            let toward = Vec3::new((1.3 * k).sin(), (2.9 * k).sin(), (0.7 * k).cos()).normalize();
+            let gap = 0.1_f64.powi(3 + i % 15) * if i % 2 == 0 { 1.0 } else { -1.0 };
+            let overlap = 2.0 * method.ratio - gap;
+            let Outcome::Touching(touch) =
+                method.touch(&body, &body, &(toward * (2.0 - overlap)), None)
+            else {
+                panic!("pair {i}, cores {gap:e} apart, was not resolved")
+            };
+            // Along any direction near the line of centres, errors are of second order.
+            assert!((touch.overlap - overlap).abs() < 1e-3, "pair {i}, {gap:e}: {touch:?}");
         }
     }
 }
