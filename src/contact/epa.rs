@@ -18,8 +18,8 @@ use crate::math::Vec3;
 
 /// Rounding of the bounds, in units of the pair's length.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
-/// Corners of the polytope: round bodies take 30 at 1e-8 and 45 at 1e-12, but hundreds where the
-/// overlap is nearly the same along a range of directions.
+/// Corners of the polytope: ellipsoids take about 35 at 1e-8, but hundreds where the overlap is nearly the
+/// same along a range of directions.
 const CORNERS: usize = 1000;
 
 /// Resolves two convex bodies by GJK and the expanding polytope.

@@ -2,8 +2,8 @@
 //! themselves the overlap (Lai et al. 2021, section 1.3 (2), radial scheme).
 //!
 //! For every convex shape, and the method of the paper that this code is to reproduce. It costs
-//! less than EPA, but its normal is not the common normal: for 1:2 ellipsoids it is off by up to 3°,
-//! and the overlap is too large by about 1e-4 of the size (ratio 5 %). A pair whose clearance is less than
+//! less than EPA, but its normal is not the common normal: for 1:2 ellipsoids it is off by up to 3°, and
+//! the overlap is too large by 1e-4 to 1e-3 of the size, however small it is (ratio 5 %). A pair whose clearance is less than
 //! that error is reported as touching: this *spurious contact* is part of the method. Choose the
 //! common-normal method for smooth shapes, EPA for accuracy with sharp ones.
 
@@ -18,14 +18,14 @@ pub struct ErodedGjk {
     pub ratio: f64,
     /// Added to the ratio until the scaled bodies are apart.
     pub increment: f64,
-    /// Relative duality gap of the distance at which GJK stops. The direction's error goes with its
-    /// square root, the overlap's error with the gap itself.
+    /// Relative duality gap of the distance at which GJK stops. The direction's error goes with its square
+    /// root; so does the overlap's, as the direction is not that of least overlap.
     pub tolerance: f64,
 }
 
 impl Default for ErodedGjk {
-    /// The paper's 5 % and 1 %. Through the tolerance the overlap changes by up to `1e-4 · ratio` of
-    /// the size, a tenth of what the erosion costs.
+    /// The paper's 5 % and 1 %. The tolerance moves the overlap of 1:2 ellipsoids by 1e-5 of the size
+    /// (median), a tenth of what the erosion costs.
     fn default() -> Self {
         Self { ratio: 0.05, increment: 0.01, tolerance: 1e-4 }
     }
