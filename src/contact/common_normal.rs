@@ -43,6 +43,8 @@ impl ContactResolver for CommonNormal {
         "common-normal"
     }
 
+    /// # Panics
+    /// If a body is neither an ellipsoid nor a sphere: the table of resolvers was filled wrongly.
     #[inline]
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
         let (radius_a, radius_b) = (a.shape.bounding_radius(), b.shape.bounding_radius());
@@ -51,7 +53,7 @@ impl ContactResolver for CommonNormal {
             return Outcome::Apart;
         }
         let unit = unit_of_length(radius_a, radius_b);
-        let pair = Ellipsoids::new(a, b, r, unit);
+        let pair = Ellipsoids::new(a, b, r, 1.0 / unit);
         let start = warm.copied().or_else(|| pair.cold_start());
         // Without a start the centres coincide.
         start.map_or(Outcome::Failed(Why::TooDeep), |n| pair.resolve(&n).in_metres(unit))
@@ -104,14 +106,17 @@ struct Symmetric {
 }
 
 impl Symmetric {
-    /// `R diag(a²) Rᵀ` of a body, lengths divided by `unit`.
-    fn of(body: &Posed, unit: f64) -> Self {
-        if let Shape::Sphere(sphere) = body.shape {
-            let radius = sphere.radius / unit;
-            let square = radius * radius;
-            return Self { xx: square, yy: square, zz: square, xy: 0.0, xz: 0.0, yz: 0.0 };
-        }
-        let axes = body.shape.semi_axes() / unit;
+    /// `R diag(a²) Rᵀ` of a body, lengths times `per_metre`.
+    fn of(body: &Posed, per_metre: f64) -> Self {
+        let axes = match body.shape {
+            Shape::Sphere(sphere) => {
+                let radius = sphere.radius * per_metre;
+                let square = radius * radius;
+                return Self { xx: square, yy: square, zz: square, xy: 0.0, xz: 0.0, yz: 0.0 };
+            }
+            Shape::Ellipsoid(ellipsoid) => ellipsoid.semi_axes * per_metre,
+            Shape::HalfSpace(_) => unreachable!("walls have closed forms"),
+        };
         let (x, y, z) = (
             body.frame.column(0) * axes.x,
             body.frame.column(1) * axes.y,
@@ -204,8 +209,8 @@ impl Hessian {
         (self.entries.times(gradient) - gradient * (self.trace - shift)) / determinant
     }
 
-    /// Newton's own shift is `δ` where that is a minimum's. Elsewhere the product over the sum of the
-    /// eigenvalues, which is below both, leads downhill.
+    /// Newton's own shift is `δ`, wherever its step leads downhill. Elsewhere a little less than the product
+    /// over the sum of the eigenvalues, which is below both of them.
     #[inline]
     fn shift(&self, delta: f64) -> f64 {
         if self.exceeds(delta, 0.0) { delta } else { 0.9 * (self.product / self.trace) }
@@ -228,14 +233,14 @@ enum Minimum {
 }
 
 impl<'a> Ellipsoids<'a> {
-    fn new(a: &'a Posed<'a>, b: &'a Posed<'a>, r: &Vec3, unit: f64) -> Self {
+    fn new(a: &'a Posed<'a>, b: &'a Posed<'a>, r: &Vec3, per_metre: f64) -> Self {
         Self {
             bodies: [a, b],
-            a: Symmetric::of(a, unit),
-            b: Symmetric::of(b, unit),
-            r: r / unit,
-            certain: least_curvature_radius(a.shape) / unit
-                + least_curvature_radius(b.shape) / unit,
+            a: Symmetric::of(a, per_metre),
+            b: Symmetric::of(b, per_metre),
+            r: r * per_metre,
+            certain: (least_curvature_radius(a.shape) + least_curvature_radius(b.shape))
+                * per_metre,
         }
     }
 
@@ -314,9 +319,9 @@ impl<'a> Ellipsoids<'a> {
             let hessian = self.hessian(&here);
             let shift = hessian.shift(here.delta);
             let mut step = hessian.step(&here.gradient, shift);
-            let length = step.norm();
-            if length > LONGEST_STEP {
-                step *= LONGEST_STEP / length;
+            let squared = step.norm_squared();
+            if squared > LONGEST_STEP * LONGEST_STEP {
+                step *= LONGEST_STEP / squared.sqrt();
             }
             let mut slope = here.gradient.dot(&step);
             here = loop {

@@ -200,7 +200,7 @@ impl Simplex {
         let mut best: Option<Nearest> = None;
         for (part, i, j) in [(parts[0], j, k), (parts[1], k, i), (parts[2], i, j)] {
             if part <= 0.0 {
-                best = nearer(best, self.on_segment(i, j));
+                best = Some(nearer(best, self.on_segment(i, j)));
             }
         }
         // Without a sign there is no number, which the caller sees.
@@ -215,28 +215,26 @@ impl Simplex {
         let parts = [q.dot(&st), -p.dot(&st), pq.dot(&t), -pq.dot(&s)];
         // From edges: of a small tetrahedron far away, the sum of the parts would be all rounding.
         let whole = (q - p).dot(&(s - p).cross(&(t - p)));
-        if parts
-            .iter()
-            .all(|&part| if whole > 0.0 { part > 0.0 } else { part < 0.0 && whole < 0.0 })
-        {
+        let same_side =
+            |part: f64| if whole > 0.0 { part > 0.0 } else { part < 0.0 && whole < 0.0 };
+        if parts.into_iter().all(same_side) {
             return None;
         }
         let mut best: Option<Nearest> = None;
         // The newest corner has the last face behind it: that face was the simplex before.
         for (part, i, j) in [(parts[0], 1, 2), (parts[1], 0, 2), (parts[2], 0, 1)] {
-            let inside = if whole > 0.0 { part > 0.0 } else { part < 0.0 && whole < 0.0 };
-            if !inside {
-                best = nearer(best, self.on_triangle(i, j, 3));
+            if !same_side(part) {
+                best = Some(nearer(best, self.on_triangle(i, j, 3)));
             }
         }
         best.or_else(|| Some(self.on_triangle(0, 1, 2)))
     }
 }
 
-fn nearer(best: Option<Nearest>, other: Nearest) -> Option<Nearest> {
+fn nearer(best: Option<Nearest>, other: Nearest) -> Nearest {
     match best {
-        Some(best) if best.squared <= other.squared => Some(best),
-        _ => Some(other),
+        Some(best) if best.squared <= other.squared => best,
+        _ => other,
     }
 }
 

@@ -42,10 +42,7 @@ impl Method {
                 ),
                 Self::GjkErosion { ratio, increment, tolerance } => (
                     Box::new(ErodedGjk { ratio, increment, tolerance }),
-                    vec![
-                        Box::new(Epa::default()),
-                        Box::new(ErodedGjk { tolerance: 1e-3, ratio, increment }),
-                    ],
+                    vec![Box::new(last_resort)],
                 ),
                 // An overlap that is too large by what erosion costs is better than a run that ends.
                 Self::Epa { tolerance } => {
