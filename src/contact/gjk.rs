@@ -138,6 +138,20 @@ struct Nearest {
     weights: [f64; 4],
 }
 
+impl Nearest {
+    /// Not yet found.
+    fn nowhere() -> Self {
+        Self { point: Vec3::repeat(f64::INFINITY), squared: f64::INFINITY, weights: [0.0; 4] }
+    }
+
+    #[inline]
+    fn improve(&mut self, other: Self) {
+        if other.squared < self.squared {
+            *self = other;
+        }
+    }
+}
+
 impl Simplex {
     fn add(&mut self, corner: Vec3) {
         self.corners[self.count] = corner;
@@ -163,6 +177,7 @@ impl Simplex {
         Some(nearest.point)
     }
 
+    #[inline]
     fn on_segment(&self, i: usize, j: usize) -> Nearest {
         let (p, edge) = (self.corners[i], self.corners[j] - self.corners[i]);
         let (along, length) = (-p.dot(&edge), edge.norm_squared());
@@ -197,18 +212,18 @@ impl Simplex {
             let point = (p * weights[i] + q * weights[j]) + s * weights[k];
             return Nearest { point, squared: point.norm_squared(), weights };
         }
-        let mut best: Option<Nearest> = None;
+        let mut best = Nearest::nowhere();
         for (part, i, j) in [(parts[0], j, k), (parts[1], k, i), (parts[2], i, j)] {
             if part <= 0.0 {
-                best = Some(nearer(best, self.on_segment(i, j)));
+                best.improve(self.on_segment(i, j));
             }
         }
-        // Without a sign there is no number, which the caller sees.
-        best.unwrap_or_else(|| self.on_segment(j, k))
+        best
     }
 
     /// Compares signed volumes: the origin is inside if the volume with any corner moved to the origin has
     /// the sign of the whole. `None` if it is inside.
+    #[inline]
     fn in_tetrahedron(&self) -> Option<Nearest> {
         let [p, q, s, t] = self.corners;
         let (pq, st) = (p.cross(&q), s.cross(&t));
@@ -220,21 +235,14 @@ impl Simplex {
         if parts.into_iter().all(same_side) {
             return None;
         }
-        let mut best: Option<Nearest> = None;
+        let mut best = Nearest::nowhere();
         // The newest corner has the last face behind it: that face was the simplex before.
         for (part, i, j) in [(parts[0], 1, 2), (parts[1], 0, 2), (parts[2], 0, 1)] {
             if !same_side(part) {
-                best = Some(nearer(best, self.on_triangle(i, j, 3)));
+                best.improve(self.on_triangle(i, j, 3));
             }
         }
-        best.or_else(|| Some(self.on_triangle(0, 1, 2)))
-    }
-}
-
-fn nearer(best: Option<Nearest>, other: Nearest) -> Nearest {
-    match best {
-        Some(best) if best.squared <= other.squared => best,
-        _ => other,
+        Some(best)
     }
 }
 
