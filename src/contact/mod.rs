@@ -10,6 +10,23 @@
 //! A resolver works on a batch of pairs of one pair of kinds: one virtual call per batch. Each
 //! pair brings the normal of its last touch, if it touched, as a warm start.
 
+mod common_normal;
+mod epa;
+mod eroded_gjk;
+mod fallback;
+mod gjk;
+mod half_space;
+mod methods;
+mod sphere_sphere;
+
+pub use common_normal::{CommonNormal, SeededCommonNormal};
+pub use epa::Epa;
+pub use eroded_gjk::ErodedGjk;
+pub use fallback::Chain;
+pub use half_space::AgainstHalfSpace;
+pub use methods::{Method, table};
+pub use sphere_sphere::SphereSphere;
+
 use crate::ids::{GlobalId, ShapeId, Slot};
 use crate::math::{Mat3, Vec3};
 use crate::shape::{Kind, Shape};
@@ -24,6 +41,19 @@ pub struct Touch {
     pub normal: Vec3,
     /// Contact point seen from the centre of A [m].
     pub point: Vec3,
+}
+
+impl Touch {
+    /// A contact if the overlap is positive, and nothing to be trusted if it is not a number.
+    fn outcome(self) -> Outcome {
+        if self.overlap > 0.0 {
+            Outcome::Touching(self)
+        } else if self.overlap <= 0.0 {
+            Outcome::Apart
+        } else {
+            Outcome::Failed(Why::NotFinite)
+        }
+    }
 }
 
 /// What a resolver says of a pair.
@@ -72,6 +102,17 @@ pub fn touch_along(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Touch {
     let on_a = a.support(normal);
     let on_b = b.support(&-normal) + r;
     Touch { overlap: (on_a - on_b).dot(normal), normal: *normal, point: (on_a + on_b) * 0.5 }
+}
+
+/// The unit of length of a pair [m]: the power of two at or below the longer of two lengths.
+///
+/// Iterative methods divide all lengths by it before they compare anything with a tolerance, so a
+/// tolerance means the same for grains of nanometres and of kilometres. A power of two changes no
+/// bit of a significand.
+fn unit_of_length(a: f64, b: f64) -> f64 {
+    const EXPONENT: u64 = 0x7ff << 52;
+    let longer = if a < b { b } else { a };
+    f64::from_bits(longer.to_bits() & EXPONENT)
 }
 
 /// Two bodies that may touch. A has the lower id.
@@ -240,20 +281,39 @@ pub trait ContactResolver: Send + Sync {
         out: &mut Vec<Contact>,
         tally: &mut Tally,
     ) -> Result<(), ResolveError> {
-        let _ = tally;
-        for (i, (&pair, history)) in pairs.iter().zip(history).enumerate() {
-            let r = bodies.relative(pair);
-            let warm = history.touched().then_some(&history.normal);
-            match self.touch(&bodies.posed(pair.a), &bodies.posed(pair.b), &r, warm) {
-                Outcome::Apart => {}
-                Outcome::Touching(touch) => out.push(Contact { pair: first + i as u32, touch }),
-                Outcome::Failed(why) => {
-                    return Err(ResolveError { a: pair.a.0, b: pair.b.0, distance: r.norm(), why });
-                }
+        resolve_each(first, pairs, history, bodies, out, tally, |a, b, r, warm, _| {
+            self.touch(a, b, r, warm)
+        })
+    }
+}
+
+/// The loop of [`ContactResolver::resolve`]: `touch` gets A, B, the relative position, the warm start
+/// and the tally.
+fn resolve_each(
+    first: u32,
+    pairs: &[Pair],
+    history: &[History],
+    bodies: &Bodies,
+    out: &mut Vec<Contact>,
+    tally: &mut Tally,
+    mut touch: impl FnMut(&Posed, &Posed, &Vec3, Option<&Vec3>, &mut Tally) -> Outcome,
+) -> Result<(), ResolveError> {
+    tally.pairs += pairs.len() as u64;
+    for (i, (&pair, history)) in pairs.iter().zip(history).enumerate() {
+        let r = bodies.relative(pair);
+        let warm = history.touched().then_some(&history.normal);
+        match touch(&bodies.posed(pair.a), &bodies.posed(pair.b), &r, warm, tally) {
+            Outcome::Apart => {}
+            Outcome::Touching(touch) => {
+                tally.contacts += 1;
+                out.push(Contact { pair: first + i as u32, touch });
+            }
+            Outcome::Failed(why) => {
+                return Err(ResolveError { a: pair.a.0, b: pair.b.0, distance: r.norm(), why });
             }
         }
-        Ok(())
     }
+    Ok(())
 }
 
 /// Which resolver serves which pair of kinds.

@@ -1,0 +1,126 @@
+//! Shape erosion: GJK on bodies scaled down about their centres gives the direction, the bodies
+//! themselves the overlap (Lai et al. 2021, section 1.3 (2), radial scheme).
+//!
+//! For every convex shape, and the method of the paper that this code is to reproduce. It costs
+//! less than EPA, but its normal is not the common normal: for 1:2 ellipsoids it is off by up to 3°, and
+//! the overlap is too large by 1e-4 to 1e-3 of the size, however small it is (ratio 5 %). A pair whose clearance is less than
+//! that error is reported as touching: this *spurious contact* is part of the method. Choose the
+//! common-normal method for smooth shapes, EPA for accuracy with sharp ones.
+
+use super::gjk::{Difference, Separation, separate};
+use super::{ContactResolver, Outcome, Posed, Why, touch_along};
+use crate::math::Vec3;
+
+/// Resolves two convex bodies by radial erosion and GJK.
+#[derive(Clone, Copy, Debug)]
+pub struct ErodedGjk {
+    /// Both bodies are scaled about their centres by `1 - ratio`.
+    pub ratio: f64,
+    /// Added to the ratio until the scaled bodies are apart.
+    pub increment: f64,
+    /// Relative duality gap of the distance at which GJK stops. The direction's error goes with its square
+    /// root; so does the overlap's, as the direction is not that of least overlap.
+    pub tolerance: f64,
+}
+
+impl Default for ErodedGjk {
+    /// The paper's 5 % and 1 %. The tolerance moves the overlap of 1:2 ellipsoids by 1e-5 of the size
+    /// (median), a tenth of what the erosion costs.
+    fn default() -> Self {
+        Self { ratio: 0.05, increment: 0.01, tolerance: 1e-4 }
+    }
+}
+
+impl ContactResolver for ErodedGjk {
+    fn name(&self) -> &'static str {
+        "gjk-erosion"
+    }
+
+    #[inline]
+    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
+        let m = Difference::new(a, b, r);
+        let squared = m.r.norm_squared();
+        if squared > m.reach * m.reach {
+            return Outcome::Apart;
+        }
+        if squared == 0.0 {
+            // Scaled about one point, the bodies intersect at every ratio.
+            return Outcome::Failed(Why::TooDeep);
+        }
+        let start = warm.unwrap_or(&m.r);
+        let mut ratio = self.ratio;
+        // A core thinner than half an increment is a point but for rounding.
+        while 1.0 - ratio > 0.5 * self.increment {
+            // With distance D of the cores, the overlap along their direction n is
+            // ratio (h_A(n) + h_B(-n)) - D <= ratio · reach - D. GJK's direction is the best but for
+            // its tolerance, so that beyond this distance the overlap it would find is negative.
+            let beyond = ratio * m.reach / (1.0 - self.tolerance);
+            match separate(&m.eroded(ratio), start, self.tolerance, beyond) {
+                Separation::Apart(normal) => return touch_along(a, b, r, &normal).outcome(),
+                Separation::Beyond => return Outcome::Apart,
+                Separation::Intersecting => ratio += self.increment,
+                Separation::NotConverged => return Outcome::Failed(Why::NoConvergence),
+            }
+        }
+        Outcome::Failed(Why::TooDeep)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Difference, ErodedGjk, Separation, separate, touch_along};
+    use crate::contact::{ContactResolver, Outcome, Posed};
+    use crate::math::{Mat3, Quat, Vec3};
+    use crate::shape::{Ellipsoid, Shape, Sphere};
+
+    /// Pairs rejected early are those that the rule itself rejects: touching or not is decided by the
+    /// overlap along the direction of the eroded bodies.
+    #[test]
+    fn early_rejection_follows_the_rule() {
+        let method = ErodedGjk::default();
+        let shape = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.0, 0.5, 0.4) });
+        let mut met = [0, 0];
+        for i in 0..4000 {
+            let k = f64::from(i);
+            let frame = Quat::from_euler_angles(k, 1.7 * k, 0.3 * k).to_rotation_matrix();
+            let other = Quat::from_euler_angles(2.1 * k, k, 0.7 * k).to_rotation_matrix();
+            let a = Posed { shape: &shape, frame: frame.matrix() };
+            let b = Posed { shape: &shape, frame: other.matrix() };
+            let toward = Vec3::new((1.3 * k).sin(), (2.9 * k).sin(), (0.7 * k).cos()).normalize();
+            // About the size of the spurious overlaps, on both sides.
+            let clearance = 0.01 * (0.9 * k).sin();
+            let r = a.support(&toward) - b.support(&-toward) + toward * clearance;
+            let m = Difference::new(&a, &b, &r);
+            let rule =
+                match separate(&m.eroded(method.ratio), &m.r, method.tolerance, f64::INFINITY) {
+                    Separation::Apart(normal) => touch_along(&a, &b, &r, &normal).outcome(),
+                    other => panic!("pair {i}: {other:?}"),
+                };
+            met[usize::from(rule == Outcome::Apart)] += 1;
+            assert_eq!(method.touch(&a, &b, &r, None), rule, "pair {i}");
+        }
+        assert!(met[0] > 1000 && met[1] > 1000, "{met:?} of each are a poor test");
+    }
+
+    /// Cores that touch within rounding, at which GJK has no direction, are eroded further.
+    #[test]
+    fn cores_that_just_touch() {
+        let method = ErodedGjk::default();
+        let shape = Shape::Sphere(Sphere { radius: 1.0 });
+        let frame = Mat3::identity();
+        let body = Posed { shape: &shape, frame: &frame };
+        for i in 0..400 {
+            let k = f64::from(i);
+            let toward = Vec3::new((1.3 * k).sin(), (2.9 * k).sin(), (0.7 * k).cos()).normalize();
+            let gap = 0.1_f64.powi(3 + i % 15) * if i % 2 == 0 { 1.0 } else { -1.0 };
+            let overlap = 2.0 * method.ratio - gap;
+            let Outcome::Touching(touch) =
+                method.touch(&body, &body, &(toward * (2.0 - overlap)), None)
+            else {
+                panic!("pair {i}, cores {gap:e} apart, was not resolved")
+            };
+            // Along any direction near the line of centres, errors are of second order.
+            assert!((touch.overlap - overlap).abs() < 1e-3, "pair {i}, {gap:e}: {touch:?}");
+        }
+    }
+}

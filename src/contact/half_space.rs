@@ -1,0 +1,33 @@
+//! A convex shape against a wall: the closed form.
+//!
+//! The normal is the wall's, so the support point against it is the deepest point: exact for every
+//! shape that has a support function, and always chosen for this pair.
+
+use super::{ContactResolver, Outcome, Posed, Touch};
+use crate::math::Vec3;
+use crate::shape::Shape;
+
+/// Resolves any convex shape (A) against a half-space (B). The relative position runs from the
+/// centre of A to any point of the plane; the wall's normal is in world axes, whatever its frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct AgainstHalfSpace;
+
+impl ContactResolver for AgainstHalfSpace {
+    fn name(&self) -> &'static str {
+        "half-space"
+    }
+
+    /// # Panics
+    /// If B is not a half-space: the table of resolvers was filled wrongly.
+    #[inline]
+    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, _warm: Option<&Vec3>) -> Outcome {
+        let Shape::HalfSpace(wall) = b.shape else {
+            unreachable!("a wall is the second body of its pairs")
+        };
+        let normal = -wall.normal;
+        let deepest = a.support(&normal);
+        let overlap = (deepest - r).dot(&normal);
+        // P_B is the foot of P_A on the plane; the contact point is half way.
+        Touch { overlap, normal, point: deepest - normal * (0.5 * overlap) }.outcome()
+    }
+}

@@ -1,0 +1,426 @@
+//! What every contact resolver promises, on random pairs: a new resolver is added to [`resolvers`] and
+//! has to pass. Cases come from a seed and a number, both in the message of a failure.
+
+use dem_mpi::contact::{
+    AgainstHalfSpace, CommonNormal, ContactResolver, Epa, ErodedGjk, Method, Outcome, Posed,
+    SeededCommonNormal, SphereSphere, Table, Touch, table,
+};
+use dem_mpi::math::{Mat3, Quat, Vec3};
+use dem_mpi::shape::{Ellipsoid, HalfSpace, Kind, Shape, Sphere};
+use rand_chacha::ChaCha8Rng;
+use rand_core::{RngCore, SeedableRng};
+
+const SEED: u64 = 20_261_121;
+/// Random pairs per check.
+const CASES: usize = 300;
+/// Rounding of an overlap relative to the size: a few hundred units in the last place at 1:4.
+const ROUNDING: f64 = 1e-13;
+
+/// A resolver and how far its answers may be from its own limit.
+struct Subject {
+    resolver: Box<dyn ContactResolver>,
+    /// Of the overlap, relative to the size.
+    overlap: f64,
+    /// Of the normal [rad] and the contact point, relative to the size.
+    normal: f64,
+    /// Is the limit the common normal?
+    exact: bool,
+}
+
+/// The chain of a method, as a simulation gets it from the table.
+struct Chained(Table);
+
+impl Chained {
+    fn by(method: &Method) -> Self {
+        Self(table(method, &Kind::ALL))
+    }
+}
+
+impl ContactResolver for Chained {
+    fn name(&self) -> &'static str {
+        self.0.get((Kind::Ellipsoid, Kind::Ellipsoid)).unwrap().name()
+    }
+
+    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
+        self.0.get((a.shape.kind(), b.shape.kind())).unwrap().touch(a, b, r, warm)
+    }
+}
+
+/// Every resolver of pairs of ellipsoids and spheres.
+///
+/// A search to a gap `e` leaves the normal free by `√(2 e / κ)`, with κ above 0.1 here. Erosion's direction is
+/// not at a minimum of the overlap, which therefore feels the direction's error at first order.
+fn resolvers() -> Vec<Subject> {
+    let subject = |resolver: Box<dyn ContactResolver>, overlap, normal, exact| Subject {
+        resolver,
+        overlap,
+        normal,
+        exact,
+    };
+    let erosion = |tolerance| ErodedGjk { tolerance, ..ErodedGjk::default() };
+    vec![
+        subject(Box::new(CommonNormal), ROUNDING, 1e-12, true),
+        subject(Box::<SeededCommonNormal>::default(), ROUNDING, 1e-12, true),
+        subject(Box::new(Chained::by(&Method::Auto)), ROUNDING, 1e-12, true),
+        subject(Box::new(Epa { tolerance: 1e-8 }), 1e-8, 5e-4, true),
+        subject(Box::new(Chained::by(&Method::Epa { tolerance: 1e-5 })), 1e-5, 1.5e-2, true),
+        subject(Box::new(erosion(1e-14)), 1e-7, 1e-6, false),
+        subject(Box::new(erosion(1e-4)), 1e-3, 2e-2, false),
+    ]
+}
+
+struct Random(ChaCha8Rng);
+
+impl Random {
+    fn new(case: usize) -> Self {
+        Self(ChaCha8Rng::seed_from_u64(SEED + case as u64))
+    }
+
+    /// In 0..1.
+    fn unit(&mut self) -> f64 {
+        (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// Uniform on the sphere.
+    fn direction(&mut self) -> Vec3 {
+        loop {
+            let v = Vec3::from_fn(|_, _| self.between(-1.0, 1.0));
+            if (0.01..1.0).contains(&v.norm()) {
+                return v.normalize();
+            }
+        }
+    }
+
+    fn rotation(&mut self) -> Mat3 {
+        let q =
+            nalgebra::Quaternion::from(nalgebra::Vector4::from_fn(|_, _| self.between(-1.0, 1.0)));
+        Quat::from_quaternion(q).to_rotation_matrix().into_inner()
+    }
+
+    /// Semi-axes from 0.5 to 2.
+    fn ellipsoid(&mut self) -> Shape {
+        let semi_axes = Vec3::from_fn(|_, _| self.between(0.5, 2.0));
+        Shape::Ellipsoid(Ellipsoid { semi_axes })
+    }
+
+    fn shape(&mut self) -> Shape {
+        if self.unit() < 0.2 {
+            Shape::Sphere(Sphere { radius: self.between(0.5, 2.0) })
+        } else {
+            self.ellipsoid()
+        }
+    }
+}
+
+/// Two bodies in place.
+#[derive(Clone)]
+struct Case {
+    a: (Shape, Mat3),
+    b: (Shape, Mat3),
+    r: Vec3,
+}
+
+impl Case {
+    /// Random bodies with this overlap, or clearance if negative, along a random common normal.
+    fn with_overlap(random: &mut Random, overlap: f64) -> Self {
+        let a = (random.shape(), random.rotation());
+        let b = (random.shape(), random.rotation());
+        let mut case = Self { a, b, r: Vec3::zeros() };
+        let normal = random.direction();
+        case.r = case.a().support(&normal) - case.b().support(&-normal) - normal * overlap;
+        case
+    }
+
+    fn a(&self) -> Posed<'_> {
+        Posed { shape: &self.a.0, frame: &self.a.1 }
+    }
+
+    fn b(&self) -> Posed<'_> {
+        Posed { shape: &self.b.0, frame: &self.b.1 }
+    }
+
+    fn resolve(&self, resolver: &dyn ContactResolver, warm: Option<&Vec3>) -> Outcome {
+        resolver.touch(&self.a(), &self.b(), &self.r, warm)
+    }
+
+    fn touch(&self, resolver: &dyn ContactResolver) -> Touch {
+        self.warm_touch(resolver, None)
+    }
+
+    fn warm_touch(&self, resolver: &dyn ContactResolver, warm: Option<&Vec3>) -> Touch {
+        match self.resolve(resolver, warm) {
+            Outcome::Touching(touch) => touch,
+            other => panic!("{}: {other:?}", resolver.name()),
+        }
+    }
+
+    /// The longer bounding radius.
+    fn size(&self) -> f64 {
+        let (a, b) = (self.a.0.bounding_radius(), self.b.0.bounding_radius());
+        if a < b { b } else { a }
+    }
+}
+
+/// Are two answers the same but for what the resolver leaves open?
+fn assert_same(case: usize, subject: &Subject, size: f64, found: &Touch, expected: &Touch) {
+    let good = (found.overlap - expected.overlap).abs() <= 2.0 * subject.overlap * size
+        && (found.normal - expected.normal).norm() <= subject.normal
+        && (found.point - expected.point).norm() <= 2.0 * subject.normal * size;
+    let name = subject.resolver.name();
+    assert!(good, "{name}, seed {SEED} + {case}: {found:?} is not {expected:?}");
+}
+
+/// Runs a check on every resolver with random touching pairs.
+fn for_touching(check: impl Fn(usize, &Subject, &Case, &mut Random)) {
+    for subject in resolvers() {
+        for i in 0..CASES {
+            let mut random = Random::new(i);
+            let overlap = random.between(0.002, 0.05);
+            let case = Case::with_overlap(&mut random, overlap);
+            check(i, &subject, &case, &mut random);
+        }
+    }
+}
+
+#[test]
+fn swapping_the_bodies_turns_the_normal() {
+    for_touching(|i, subject, case, _| {
+        let touch = case.touch(&*subject.resolver);
+        let swapped = Case { a: case.b.clone(), b: case.a.clone(), r: -case.r };
+        let back = swapped.touch(&*subject.resolver);
+        let seen = Touch { normal: -back.normal, point: back.point + case.r, ..back };
+        assert_same(i, subject, case.size(), &seen, &touch);
+    });
+}
+
+#[test]
+fn a_rigid_motion_moves_the_answer() {
+    for_touching(|i, subject, case, random| {
+        let touch = case.touch(&*subject.resolver);
+        let turn = random.rotation();
+        let moved = Case {
+            a: (case.a.0.clone(), turn * case.a.1),
+            b: (case.b.0.clone(), turn * case.b.1),
+            r: turn * case.r,
+        };
+        let there = moved.touch(&*subject.resolver);
+        let back = turn.transpose();
+        let seen = Touch { normal: back * there.normal, point: back * there.point, ..there };
+        assert_same(i, subject, case.size(), &seen, &touch);
+    });
+}
+
+/// Erosion, too, is exact for spheres: the direction is the line of centres.
+#[test]
+fn ellipsoids_with_equal_axes_are_spheres() {
+    for subject in resolvers() {
+        for i in 0..CASES {
+            let mut random = Random::new(i);
+            let radii = [random.between(0.1, 1.0), random.between(0.1, 1.0)];
+            let [a, b] = radii.map(|radius| (Shape::Sphere(Sphere { radius }), random.rotation()));
+            let [round_a, round_b] = radii.map(|radius| {
+                let semi_axes = Vec3::repeat(radius);
+                (Shape::Ellipsoid(Ellipsoid { semi_axes }), random.rotation())
+            });
+            let r = random.direction() * (radii[0] + radii[1] - random.between(1e-3, 0.02));
+            let closed = Case { a: a.clone(), b: b.clone(), r }.touch(&SphereSphere);
+            for (a, b) in [(&round_a, &round_b), (&a, &round_b), (&round_a, &b)] {
+                let case = Case { a: a.clone(), b: b.clone(), r };
+                assert_same(i, &subject, 1.0, &case.touch(&*subject.resolver), &closed);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_overlap_goes_smoothly_through_touch() {
+    const OVERLAPS: [f64; 15] = [
+        1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-15, 0.0, -1e-15, -1e-12, -1e-8, -1e-4,
+        -1e-3, -1e-2,
+    ];
+    // How much faster than the bodies approach may erosion's overlap grow: the direction turns.
+    const RATE: f64 = 3.0;
+    for subject in resolvers() {
+        let name = subject.resolver.name();
+        for i in 0..CASES / 3 {
+            let mut last: Option<(f64, f64)> = None;
+            for overlap in OVERLAPS {
+                let case = Case::with_overlap(&mut Random::new(i), overlap);
+                let tolerance = 2.0 * subject.overlap * case.size();
+                let found = match case.resolve(&*subject.resolver, None) {
+                    Outcome::Touching(touch) => touch.overlap,
+                    Outcome::Apart => 0.0,
+                    Outcome::Failed(why) => panic!("{name}, {SEED} + {i}, {overlap:e}: {why:?}"),
+                };
+                if subject.exact {
+                    let expected = if overlap > 0.0 { overlap } else { 0.0 };
+                    assert!(
+                        (found - expected).abs() <= tolerance,
+                        "{name}, {SEED} + {i}: {found:e} is not {expected:e}"
+                    );
+                }
+                if let Some((before, deeper)) = last {
+                    assert!(
+                        (deeper - found).abs() <= RATE * (before - overlap) + 2.0 * tolerance,
+                        "{name}, {SEED} + {i}: from {deeper:e} to {found:e} at {overlap:e}"
+                    );
+                }
+                last = Some((overlap, found));
+            }
+        }
+    }
+}
+
+/// Nanometres and kilometres: a change of unit by a power of two changes no bit.
+#[test]
+fn the_unit_of_length_does_not_matter() {
+    for_touching(|i, subject, case, _| {
+        let touch = case.touch(&*subject.resolver);
+        for unit in [2f64.powi(-30), 2f64.powi(30)] {
+            let scaled = |shape: &Shape| match shape {
+                Shape::Sphere(s) => Shape::Sphere(Sphere { radius: s.radius * unit }),
+                Shape::Ellipsoid(e) => {
+                    Shape::Ellipsoid(Ellipsoid { semi_axes: e.semi_axes * unit })
+                }
+                Shape::HalfSpace(_) => unreachable!("no walls here"),
+            };
+            let there = Case {
+                a: (scaled(&case.a.0), case.a.1),
+                b: (scaled(&case.b.0), case.b.1),
+                r: case.r * unit,
+            };
+            let found = there.touch(&*subject.resolver);
+            let expected =
+                Touch { overlap: touch.overlap * unit, point: touch.point * unit, ..touch };
+            assert_eq!(found, expected, "{}, seed {SEED} + {i}", subject.resolver.name());
+        }
+    });
+}
+
+/// The overlap is the least over all directions: a method can only find too much of it.
+#[test]
+fn resolvers_agree_and_none_finds_too_little() {
+    for_touching(|i, subject, case, _| {
+        let exact = case.touch(&CommonNormal);
+        let touch = case.touch(&*subject.resolver);
+        let name = subject.resolver.name();
+        let excess = (touch.overlap - exact.overlap) / case.size();
+        assert!(excess >= -ROUNDING, "{name}, seed {SEED} + {i}: {excess:e}");
+        if subject.exact {
+            assert_same(i, subject, case.size(), &touch, &exact);
+        }
+    });
+}
+
+#[test]
+fn bodies_that_are_apart_do_not_touch() {
+    for subject in resolvers().iter().filter(|subject| subject.exact) {
+        for i in 0..CASES {
+            let mut random = Random::new(i);
+            let clearance = random.between(1e-4, 1.0);
+            let case = Case::with_overlap(&mut random, -clearance);
+            let outcome = case.resolve(&*subject.resolver, None);
+            assert_eq!(outcome, Outcome::Apart, "{}, seed {SEED} + {i}", subject.resolver.name());
+        }
+    }
+}
+
+/// The normal of the last step saves time but does not change the answer.
+#[test]
+fn a_warm_start_agrees_with_a_cold_one() {
+    for_touching(|i, subject, case, random| {
+        let cold = case.touch(&*subject.resolver);
+        for change in [0.0, 1e-4, 1e-2, 0.3] {
+            let warm = (cold.normal + random.direction() * change).normalize();
+            let touch = case.warm_touch(&*subject.resolver, Some(&warm));
+            assert_same(i, subject, case.size(), &touch, &cold);
+        }
+    });
+}
+
+/// Aligned, coaxial, very flat, nearly coincident: an answer is finite, and a method that has none says so.
+#[test]
+fn no_answer_is_not_a_number() {
+    let upright = Mat3::identity();
+    let shapes =
+        [[1.0, 1.0, 1.0], [1.0, 0.5, 0.5], [1.0, 1.0, 0.01], [0.01, 0.01, 1.0], [3.0, 2.0, 1.0]]
+            .map(|axes| Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::from(axes) }));
+    let steps =
+        [Vec3::x(), Vec3::y(), Vec3::z(), Vec3::new(1.0, 1.0, 0.0), Vec3::new(1e-9, 1.0, 0.0)];
+    let lengths = [0.0, 1e-300, 1e-20, 1e-9, 1e-3, 0.02, 0.1, 0.5, 1.0, 1.5, 2.0, 4.0];
+    for subject in resolvers() {
+        for a in &shapes {
+            for b in &shapes {
+                for r in steps.iter().flat_map(|step| lengths.map(|length| step * length)) {
+                    let case = Case { a: (a.clone(), upright), b: (b.clone(), upright), r };
+                    if let Outcome::Touching(touch) = case.resolve(&*subject.resolver, None) {
+                        let good = touch.overlap > 0.0
+                            && touch.overlap.is_finite()
+                            && (touch.normal.norm() - 1.0).abs() < 1e-14
+                            && touch.point.iter().all(|x| x.is_finite());
+                        assert!(good, "{}: {a:?} {b:?} {r}: {touch:?}", subject.resolver.name());
+                    }
+                }
+            }
+        }
+        let lost = Case {
+            r: Vec3::new(0.1, f64::NAN, 0.1),
+            ..Case::with_overlap(&mut Random::new(0), 0.1)
+        };
+        let outcome = lost.resolve(&*subject.resolver, None);
+        assert!(matches!(outcome, Outcome::Failed(_)), "{}: {outcome:?}", subject.resolver.name());
+    }
+}
+
+/// Against a wall: the height of an ellipsoid over its centre is `√(n·A n)`.
+#[test]
+fn walls_have_closed_forms() {
+    for i in 0..CASES {
+        let mut random = Random::new(i);
+        let (shape, frame) = (random.ellipsoid(), random.rotation());
+        let wall = Shape::HalfSpace(HalfSpace { normal: random.direction() });
+        let Shape::HalfSpace(HalfSpace { normal }) = wall else { unreachable!() };
+        let axes = frame.tr_mul(&normal).component_mul(&shape.semi_axes());
+        let overlap = random.between(-0.1, 0.1);
+        // Any point of the plane will do.
+        let aside = normal.cross(&random.direction()) * 10.0;
+        let r = aside - normal * (axes.norm() - overlap);
+        let (a, b) =
+            (Posed { shape: &shape, frame: &frame }, Posed { shape: &wall, frame: &frame });
+        match AgainstHalfSpace.touch(&a, &b, &r, None) {
+            Outcome::Apart => assert!(overlap <= ROUNDING, "seed {SEED} + {i}"),
+            Outcome::Failed(why) => panic!("seed {SEED} + {i}: {why:?}"),
+            Outcome::Touching(touch) => {
+                assert!(
+                    (touch.overlap - overlap).abs() <= ROUNDING,
+                    "seed {SEED} + {i}: {touch:?}"
+                );
+                assert_eq!(touch.normal, -normal);
+                // Half way between the deepest point and the plane.
+                let depth = (touch.point - r).dot(&normal);
+                assert!((depth + 0.5 * overlap).abs() <= ROUNDING, "seed {SEED} + {i}: {depth}");
+            }
+        }
+    }
+}
+
+/// Closed forms are chosen by the pair, never by the method.
+#[test]
+fn the_table_serves_every_pair() {
+    let methods = [Method::Auto, Method::CommonNormal, Method::Epa { tolerance: 1e-6 }];
+    for (method, name) in methods.iter().zip(["common-normal", "common-normal", "epa"]) {
+        let table = table(method, &Kind::ALL);
+        let serving = |a, b| table.get((a, b)).map(ContactResolver::name);
+        assert_eq!(serving(Kind::Ellipsoid, Kind::Ellipsoid), Some(name));
+        assert_eq!(serving(Kind::Ellipsoid, Kind::Sphere), Some(name));
+        assert_eq!(serving(Kind::Sphere, Kind::Sphere), Some("sphere-sphere"));
+        assert_eq!(serving(Kind::HalfSpace, Kind::Sphere), Some("half-space"));
+        assert_eq!(serving(Kind::Ellipsoid, Kind::HalfSpace), Some("half-space"));
+        assert_eq!(serving(Kind::HalfSpace, Kind::HalfSpace), None);
+    }
+    assert!(table(&Method::Auto, &[Kind::Sphere]).get((Kind::Sphere, Kind::Ellipsoid)).is_none());
+}
