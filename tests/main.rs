@@ -1,1 +1,4 @@
-fn main() {}
+//! All tests that need no mpirun, in one binary.
+
+mod made_up;
+mod snapshot;
