@@ -110,7 +110,7 @@ impl<'a> SnapshotFile<'a> {
                 .with_fcpl(|create| create.obj_track_times(false))
                 .create(path)
                 .map(Some)
-                .map_err(|e| SnapshotError::write(path, comm, e))
+                .map_err(|e| SnapshotError::write(path, comm, &e))
         } else {
             Ok(None)
         };
@@ -202,7 +202,7 @@ impl<'a> SnapshotFile<'a> {
     /// # Errors
     /// [`SnapshotError::Write`].
     pub fn close(mut self) -> Result<(), SnapshotError> {
-        self.everywhere(|file| file.flush())?;
+        self.everywhere(File::flush)?;
         let closed = self.file.take().map_or(Ok(()), File::close);
         self.agree(closed)
     }
@@ -257,7 +257,7 @@ impl<'a> SnapshotFile<'a> {
     }
 
     fn agree(&mut self, here: hdf5_metno::Result<()>) -> Result<(), SnapshotError> {
-        let here = here.map_err(|e| SnapshotError::write(&self.path, self.comm, e));
+        let here = here.map_err(|e| SnapshotError::write(&self.path, self.comm, &e));
         agree(self.comm, here)
     }
 
@@ -481,7 +481,7 @@ impl StoredFile {
         };
         match File::open(path) {
             Ok(file) => Ok(Self { path: path.to_owned(), file, size }),
-            Err(e) => Err(SnapshotError::unreadable(path, e)),
+            Err(e) => Err(SnapshotError::unreadable(path, &e)),
         }
     }
 
@@ -649,7 +649,7 @@ impl StoredFile {
     }
 
     fn wrong(&self, cause: &str) -> SnapshotError {
-        SnapshotError::unreadable(&self.path, cause)
+        SnapshotError::unreadable(&self.path, &cause)
     }
 }
 

@@ -101,11 +101,11 @@ pub enum SnapshotError {
 }
 
 impl SnapshotError {
-    fn write(path: &Path, comm: &dyn Comm, cause: impl ToString) -> Self {
+    fn write(path: &Path, comm: &dyn Comm, cause: &impl ToString) -> Self {
         Self::Write { path: name_of(path), rank: comm.rank().0, cause: cause.to_string() }
     }
 
-    fn unreadable(path: &Path, cause: impl ToString) -> Self {
+    fn unreadable(path: &Path, cause: &impl ToString) -> Self {
         Self::Unreadable { path: name_of(path), cause: cause.to_string() }
     }
 
@@ -122,20 +122,13 @@ fn name_of(path: &Path) -> String {
 /// Lets all ranks fail if one does, each with the error of the lowest rank that failed; stands before
 /// every collective call that a failed rank would not join.
 fn agree<T>(comm: &mut dyn Comm, here: Result<T, SnapshotError>) -> Result<T, SnapshotError> {
-    let failed = comm.any(here.is_err());
-    match here {
-        Ok(value) if !failed => Ok(value),
-        here => Err(first_error(comm, here.err())),
+    if !comm.any(here.is_err()) {
+        return here;
     }
-}
-
-/// The error of the lowest rank that has one.
-fn first_error(comm: &mut dyn Comm, here: Option<SnapshotError>) -> SnapshotError {
-    let mut first = match comm.gather(wire::encode(&here)) {
-        Some(all) => all.into_iter().find(|e| *e != wire::encode(&None::<SnapshotError>)),
-        None => None,
-    }
-    .unwrap_or_default();
+    // A rank without an error of its own sends nothing.
+    let mine = here.err().map(|e| wire::encode(&e)).unwrap_or_default();
+    let all = comm.gather(mine).unwrap_or_default();
+    let mut first = all.into_iter().find(|error| !error.is_empty()).unwrap_or_default();
     comm.broadcast(&mut first);
-    wire::decode::<Option<SnapshotError>>(&first).expect("some rank failed")
+    Err(wire::decode(&first))
 }

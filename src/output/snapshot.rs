@@ -147,7 +147,7 @@ fn on_root(
     act: impl FnOnce() -> io::Result<()>,
 ) -> Result<(), SnapshotError> {
     let done = if comm.is_root() { act() } else { Ok(()) };
-    let done = done.map_err(|e| SnapshotError::write(path, comm, e));
+    let done = done.map_err(|e| SnapshotError::write(path, comm, &e));
     agree(comm, done)
 }
 
@@ -228,30 +228,16 @@ fn check_shapes(
         Some(row) => {
             let (id, shape) = (particles.id[row], particles.shape[row].0);
             let cause = format!("particle {id} has shape {shape}, which the header does not list");
-            Err(SnapshotError::write(directory, comm, cause))
+            Err(SnapshotError::write(directory, comm, &cause))
         }
     }
 }
 
-/// Which optional columns some rank has; a rank without particles cannot tell.
-struct Present {
-    image: bool,
-    quaternion: bool,
-    angular_momentum: bool,
-    angular_velocity: bool,
-    torque: bool,
-}
-
-impl Present {
-    fn of(particles: &ParticleTable, comm: &mut dyn Comm) -> Self {
-        Self {
-            image: comm.any(!particles.image.is_empty()),
-            quaternion: comm.any(!particles.quaternion.is_empty()),
-            angular_momentum: comm.any(!particles.angular_momentum.is_empty()),
-            angular_velocity: comm.any(!particles.angular_velocity.is_empty()),
-            torque: comm.any(!particles.torque.is_empty()),
-        }
-    }
+/// Whether any rank has rows of `columns`; one without particles cannot tell by itself.
+fn present<const N: usize>(columns: [usize; N], comm: &mut dyn Comm) -> [bool; N] {
+    let mut rows = columns.map(|rows| rows as i64);
+    comm.sum(&mut rows);
+    rows.map(|rows| rows > 0)
 }
 
 fn write_particles(
@@ -262,7 +248,16 @@ fn write_particles(
     comm: &mut dyn Comm,
 ) -> Result<(), SnapshotError> {
     let count = particles.id.len();
-    let present = Present::of(particles, comm);
+    let [image, quaternion, angular_momentum, angular_velocity, torque] = present(
+        [
+            particles.image.len(),
+            particles.quaternion.len(),
+            particles.angular_momentum.len(),
+            particles.angular_velocity.len(),
+            particles.torque.len(),
+        ],
+        comm,
+    );
     let mut file = SnapshotFile::create(path, comm)?;
 
     file.group("/VTKHDF")?;
@@ -279,15 +274,15 @@ fn write_particles(
     file.rows(&SHAPE, &particles.shape.iter().map(|s| s.0).collect::<Vec<_>>())?;
     let semi_axes = particles.shape.iter().map(|s| header.shapes[s.index()].semi_axes);
     file.rows(&GLYPH_SEMI_AXES, numbers(&semi_axes.collect::<Vec<_>>()))?;
-    if present.quaternion {
+    if quaternion {
         file.rows(&QUATERNION, particles.quaternion.as_flattened())?;
     }
     file.rows(&VELOCITY, numbers(&particles.velocity))?;
-    if present.angular_velocity {
+    if angular_velocity {
         file.rows(&ANGULAR_VELOCITY, numbers(&particles.angular_velocity))?;
     }
     file.rows(&FORCE, numbers(&particles.force))?;
-    if present.torque {
+    if torque {
         file.rows(&TORQUE, numbers(&particles.torque))?;
     }
     file.rows(&COORDINATION, &particles.coordination)?;
@@ -297,10 +292,10 @@ fn write_particles(
     file.group("/restart/particles")?;
     file.rows(&DISSIPATED, &particles.dissipated)?;
     file.rows(&RECEIVED, &particles.received)?;
-    if present.image {
+    if image {
         file.rows(&IMAGE, particles.image.as_flattened())?;
     }
-    if present.angular_momentum {
+    if angular_momentum {
         file.rows(&ANGULAR_MOMENTUM, numbers(&particles.angular_momentum))?;
     }
 
@@ -508,7 +503,7 @@ impl Tabulated<'_> {
 }
 
 fn uneven(file: &StoredFile, column: &Column) -> SnapshotError {
-    SnapshotError::unreadable(file.path(), format!("{} has another length", column.place))
+    SnapshotError::unreadable(file.path(), &format!("{} has another length", column.place))
 }
 
 /// An opened snapshot, read serially: any rank, or a program without MPI, opens it for itself.
@@ -540,7 +535,7 @@ impl Reader {
         let particles = StoredFile::open(&real)?;
         if !particles.has(ID.place) {
             let cause = "it has no particles; was a contacts file meant to be a particles file?";
-            return Err(SnapshotError::unreadable(&real, cause));
+            return Err(SnapshotError::unreadable(&real, &cause));
         }
         let header = read_header(&particles)?;
         let contacts = open_contacts(&real, &header);
@@ -665,14 +660,14 @@ fn open_contacts(particles: &Path, header: &Header) -> Result<StoredFile, Snapsh
     let name = particles.file_name().and_then(|n| n.to_str()).unwrap_or_default();
     let Some(rest) = name.strip_prefix("particles_") else {
         let cause = "its name does not begin with particles_, so its contacts file is unknown";
-        return Err(SnapshotError::unreadable(particles, cause));
+        return Err(SnapshotError::unreadable(particles, &cause));
     };
     let path = particles.with_file_name(format!("contacts_{rest}"));
     let file = StoredFile::open(&path)?;
     if read_header(&file)? == *header {
         Ok(file)
     } else {
-        Err(SnapshotError::unreadable(&path, "it belongs to another snapshot than the particles"))
+        Err(SnapshotError::unreadable(&path, &"it belongs to another snapshot than the particles"))
     }
 }
 
