@@ -11,7 +11,7 @@
 
 #![expect(unsafe_code, reason = "collective transfers and fixed-length text have no safe wrapper")]
 
-use super::{SnapshotError, agree, name_of};
+use super::{SnapshotError, agree, name_of, on_root};
 use crate::comm::Comm;
 use hdf5_metno::file::{FileAccessBuilder, FileCloseDegree};
 use hdf5_metno::plist::DatasetCreate;
@@ -23,13 +23,18 @@ use hdf5_metno_sys::h5i::hid_t;
 use hdf5_metno_sys::{LOCK, h5a, h5d, h5p, h5s};
 use std::ffi::{CString, c_int};
 use std::ops::Range;
+use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 /// What `H5Pget_mpio_actual_io_mode` calls `H5D_MPIO_CONTIGUOUS_COLLECTIVE`.
 const CONTIGUOUS_COLLECTIVE: c_int = 4;
 
 /// Rows are read and checked in pieces of about this size [bytes].
 const PIECE: usize = 4 << 20;
+
+/// Room for the structures and small tables of a file, besides its rows [bytes].
+const STRUCTURE: u64 = 1 << 20;
 
 const CHECKSUM: &str = "checksum";
 
@@ -94,16 +99,23 @@ pub struct SnapshotFile<'a> {
     path: PathBuf,
     /// `None` on a rank that leaves the writing to rank 0.
     file: Option<File>,
+    /// What was made room for [bytes].
+    room: u64,
     collective_writes: usize,
 }
 
 impl<'a> SnapshotFile<'a> {
-    /// Creates the file, or empties it.
+    /// Creates the file, or empties it, and makes room on the disk for `bytes` of this rank and those of
+    /// all others: a disk that fills up during a collective write hangs some versions of Open MPI.
+    /// (Where the file system cannot reserve room, that danger stays.)
     ///
     /// # Errors
-    /// [`SnapshotError::Write`] if it cannot be created.
-    pub fn create(path: &Path, comm: &'a mut dyn Comm) -> Result<Self, SnapshotError> {
+    /// [`SnapshotError::Write`] if it cannot be created, or the disk is too full.
+    pub fn create(path: &Path, bytes: u64, comm: &'a mut dyn Comm) -> Result<Self, SnapshotError> {
         let mpi = comm.mpi();
+        let room = add_up(comm, bytes) + STRUCTURE;
+        // Before HDF5 has the file open, which it could not close on a full disk.
+        on_root(path, comm, || reserve(&fs::File::create(path)?, room))?;
         let created = if mpi.is_some() || comm.is_root() {
             File::with_options()
                 .with_fapl(|access| as_snapshots_are(access, mpi))
@@ -115,7 +127,9 @@ impl<'a> SnapshotFile<'a> {
             Ok(None)
         };
         let file = agree(comm, created)?;
-        Ok(Self { comm, path: path.to_owned(), file, collective_writes: 0 })
+        // Once more, because creating has emptied it.
+        on_root(path, comm, || reserve(&fs::File::options().write(true).open(path)?, room))?;
+        Ok(Self { comm, path: path.to_owned(), file, room, collective_writes: 0 })
     }
 
     /// How many datasets HDF5 says it wrote collectively so far.
@@ -197,14 +211,19 @@ impl<'a> SnapshotFile<'a> {
         self.dataset(column, &TypeDescriptor::FixedUnicode(length), &bytes)
     }
 
-    /// Hands everything to the disk and closes the file.
+    /// Closes the file, gives back the room it did not need, and returns when all is on the disk.
     ///
     /// # Errors
     /// [`SnapshotError::Write`].
     pub fn close(mut self) -> Result<(), SnapshotError> {
-        self.everywhere(File::flush)?;
+        let room = self.room;
+        self.everywhere(|file| {
+            debug_assert!(file.size() <= room, "room for {room} bytes, not for {}", file.size());
+            file.flush()
+        })?;
         let closed = self.file.take().map_or(Ok(()), File::close);
-        self.agree(closed)
+        self.agree(closed)?;
+        on_root(&self.path, self.comm, || trim_and_sync(&self.path))
     }
 
     fn dataset(
@@ -281,6 +300,27 @@ fn add_up(comm: &mut dyn Comm, here: u64) -> u64 {
     let mut halves = [(here & 0xffff_ffff) as i64, (here >> 32) as i64];
     comm.sum(&mut halves);
     (halves[0] as u64).wrapping_add((halves[1] as u64) << 32)
+}
+
+/// Reserves blocks of a file from its beginning, without changing its length.
+fn reserve(file: &fs::File, bytes: u64) -> io::Result<()> {
+    let length = i64::try_from(bytes).map_err(io::Error::other)?;
+    // SAFETY: the descriptor is open.
+    let answer = unsafe { libc::fallocate(file.as_raw_fd(), libc::FALLOC_FL_KEEP_SIZE, 0, length) };
+    let error = io::Error::last_os_error();
+    match error.raw_os_error() {
+        _ if answer == 0 => Ok(()),
+        // Not every file system can.
+        Some(libc::EOPNOTSUPP | libc::ENOSYS) => Ok(()),
+        _ => Err(error),
+    }
+}
+
+/// Frees blocks beyond the end of a file, and waits until the file is on the disk.
+fn trim_and_sync(path: &Path) -> io::Result<()> {
+    let file = fs::File::options().write(true).open(path)?;
+    file.set_len(file.metadata()?.len())?;
+    file.sync_all()
 }
 
 /// How snapshots are opened for writing.
@@ -473,7 +513,7 @@ impl StoredFile {
     /// # Errors
     /// [`SnapshotError::Missing`], or [`SnapshotError::Unreadable`] if it is cut short or not HDF5.
     pub fn open(path: &Path) -> Result<Self, SnapshotError> {
-        let size = match std::fs::metadata(path) {
+        let size = match fs::metadata(path) {
             Ok(metadata) => metadata.len(),
             Err(e) => {
                 return Err(SnapshotError::Missing { path: name_of(path), cause: e.to_string() });

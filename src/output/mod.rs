@@ -19,6 +19,7 @@ pub mod tables;
 
 use crate::comm::{Comm, wire};
 use serde::{Deserialize, Serialize};
+use std::io;
 use std::path::Path;
 
 /// A snapshot that cannot be written, or cannot be trusted.
@@ -131,4 +132,15 @@ fn agree<T>(comm: &mut dyn Comm, here: Result<T, SnapshotError>) -> Result<T, Sn
     let mut first = all.into_iter().find(|error| !error.is_empty()).unwrap_or_default();
     comm.broadcast(&mut first);
     Err(wire::decode(&first))
+}
+
+/// Does something to a file on rank 0; all ranks fail if it fails.
+fn on_root(
+    path: &Path,
+    comm: &mut dyn Comm,
+    act: impl FnOnce() -> io::Result<()>,
+) -> Result<(), SnapshotError> {
+    let done = if comm.is_root() { act() } else { Ok(()) };
+    let done = done.map_err(|e| SnapshotError::write(path, comm, &e));
+    agree(comm, done)
 }

@@ -1,8 +1,11 @@
 //! Snapshots: tables to files and back. What stands where: [`super::tables`].
+//!
+//! Two columns are there for pictures alone: `semi_axes` of each particle, with which and `quaternion`
+//! ParaView's 3D Glyphs draw it, and `force` of each contact, the magnitude of the whole force \[N\].
 
 use super::hdf5::{Column, SnapshotFile, StoredFile};
 use super::tables::{ContactTable, Header, HistoryTable, ParticleTable, ShapeRow, WallRow};
-use super::{SnapshotError, agree};
+use super::{SnapshotError, agree, on_root};
 use crate::comm::alone::Alone;
 use crate::comm::{Comm, wire};
 use crate::contact::{History, NamedHistory};
@@ -67,6 +70,47 @@ const NORMAL_FORCE: Column = column("/VTKHDF/CellData/normal_force", 1, "N");
 const SHEAR_FORCE: Column = column("/VTKHDF/CellData/shear_force", 3, "N");
 const FORCE_MAGNITUDE: Column = column("/VTKHDF/CellData/force", 1, "N");
 
+/// No row of a column takes more [bytes] per element.
+const ELEMENT: usize = size_of::<f64>();
+
+/// Elements at most of a particle: all columns, one vertex and its end.
+const OF_PARTICLE: usize = POINTS.width
+    + ID.width
+    + SHAPE.width
+    + VELOCITY.width
+    + FORCE.width
+    + COORDINATION.width
+    + RANK.width
+    + GLYPH_SEMI_AXES.width
+    + QUATERNION.width
+    + ANGULAR_VELOCITY.width
+    + TORQUE.width
+    + DISSIPATED.width
+    + RECEIVED.width
+    + IMAGE.width
+    + ANGULAR_MOMENTUM.width
+    + 2;
+
+/// Elements of a history.
+const OF_HISTORY: usize =
+    HISTORY_A.width + HISTORY_B.width + HISTORY_NORMAL.width + HISTORY_SPRING.width;
+
+/// Elements of a contact: all columns, two points, one line of two ids and its end.
+const OF_CONTACT: usize = 2 * POINTS.width
+    + A.width
+    + B.width
+    + BRANCH.width
+    + CONTACT_POINT.width
+    + NORMAL.width
+    + OVERLAP.width
+    + NORMAL_FORCE.width
+    + SHEAR_FORCE.width
+    + FORCE_MAGNITUDE.width
+    + 3;
+
+/// Elements of a part: its counts, and the first offset of each category.
+const OF_PART: usize = 13;
+
 // The header.
 const SCENE: Column = column("/run/scene", 1, "");
 const WALL_NAME: Column = column("/walls/name", 1, "");
@@ -108,10 +152,14 @@ pub fn write(
 
     let names = [contacts_name(header.step), particles_name(header.step)];
     let partial = names.each_ref().map(|name| directory.join(format!(".{name}.partial")));
-    write_contacts(&partial[0], header, contacts, comm)?;
-    write_particles(&partial[1], header, particles, histories, comm)?;
+    let written = write_contacts(&partial[0], header, contacts, comm)
+        .and_then(|()| write_particles(&partial[1], header, particles, histories, comm));
+    if written.is_err() && comm.is_root() {
+        // Room for others; if it cannot be made, the first error is still the one to tell.
+        let _ = partial.each_ref().map(fs::remove_file);
+    }
+    written?;
     on_root(directory, comm, || {
-        partial.iter().try_for_each(|path| File::open(path)?.sync_all())?;
         for (path, name) in partial.iter().zip(&names) {
             fs::rename(path, directory.join(name))?;
         }
@@ -138,17 +186,6 @@ fn of_root(header: &Header, comm: &mut dyn Comm) -> Header {
     let mut bytes = wire::encode(header);
     comm.broadcast(&mut bytes);
     wire::decode(&bytes)
-}
-
-/// Does something on rank 0; all ranks fail if it fails.
-fn on_root(
-    path: &Path,
-    comm: &mut dyn Comm,
-    act: impl FnOnce() -> io::Result<()>,
-) -> Result<(), SnapshotError> {
-    let done = if comm.is_root() { act() } else { Ok(()) };
-    let done = done.map_err(|e| SnapshotError::write(path, comm, &e));
-    agree(comm, done)
 }
 
 /// Are all columns of the tables of the length of their first?
@@ -258,7 +295,8 @@ fn write_particles(
         ],
         comm,
     );
-    let mut file = SnapshotFile::create(path, comm)?;
+    let elements = count * OF_PARTICLE + histories.len() * OF_HISTORY + OF_PART;
+    let mut file = create(path, elements, header, comm)?;
 
     file.group("/VTKHDF")?;
     vtk_version(&mut file)?;
@@ -321,7 +359,7 @@ fn write_contacts(
     comm: &mut dyn Comm,
 ) -> Result<(), SnapshotError> {
     let count = contacts.a.len();
-    let mut file = SnapshotFile::create(path, comm)?;
+    let mut file = create(path, count * OF_CONTACT + OF_PART, header, comm)?;
 
     file.group("/VTKHDF")?;
     vtk_version(&mut file)?;
@@ -352,6 +390,17 @@ fn write_contacts(
 
     write_header(&mut file, header)?;
     file.close()
+}
+
+/// Creates a file with room for so many elements of this rank, and the scene.
+fn create<'a>(
+    path: &Path,
+    elements: usize,
+    header: &Header,
+    comm: &'a mut dyn Comm,
+) -> Result<SnapshotFile<'a>, SnapshotError> {
+    let scene = if comm.is_root() { header.scene.len() } else { 0 };
+    SnapshotFile::create(path, (elements * ELEMENT + scene) as u64, comm)
 }
 
 /// Writes this rank's part of one of the four categories of cells that PolyData has: `count` cells,
@@ -593,7 +642,8 @@ impl Reader {
     pub fn contacts(&self, rows: Range<usize>) -> Result<ContactTable, SnapshotError> {
         let file = self.contacts_file()?;
         let total = file.count(A.place)?;
-        let ends = Piece { file, total: 2 * total, rows: 2 * rows.start..2 * rows.end };
+        let twice = |r: &Range<usize>| r.start.saturating_mul(2)..r.end.saturating_mul(2);
+        let ends = Piece { file, total: 2 * total, rows: twice(&rows) };
         let table = Piece { file, total, rows };
         Ok(ContactTable {
             a: table.ids(&A)?,

@@ -65,7 +65,7 @@ pub(crate) fn is_collective(comm: &mut dyn Comm) {
     let column = Column { place: "/numbers", width: 3, unit: "m" };
     let last = comm.size() - 1;
     let rows = if comm.rank().0 == last { vec![0.1; 3000] } else { vec![] };
-    let mut file = SnapshotFile::create(&path, comm).unwrap();
+    let mut file = SnapshotFile::create(&path, 24_000, comm).unwrap();
     file.rows(&column, &rows).unwrap();
     assert_eq!(file.collective_writes(), 1);
     file.rows(&Column { place: "/nothing", ..column }, &rows[..0]).unwrap();
@@ -79,37 +79,34 @@ pub(crate) fn is_collective(comm: &mut dyn Comm) {
     stored.verify(comm).unwrap();
 }
 
-/// No directory can be made, the file cannot be created, a table is wrong: all ranks get the same error.
+/// No directory can be made, the file cannot be created, the disk is too small, a table is wrong: all
+/// ranks get the same error.
 pub(crate) fn errors_agree(comm: &mut dyn Comm) {
     let (directory, _kept) = shared_directory(comm);
     let file = directory.join("a file");
-    let taken = directory.join(".contacts_000000002.vtkhdf.partial");
     if comm.is_root() {
         fs::write(&file, "").unwrap();
-        fs::create_dir(&taken).unwrap();
+        fs::create_dir(directory.join(".contacts_000000002.vtkhdf.partial")).unwrap();
     }
     comm.any(false);
-    let errors = [
-        write(&file.join("snapshots"), 1, true, comm).unwrap_err(),
-        write(&directory, 2, true, comm).unwrap_err(),
-        {
-            let mut tables = made_up::of_rank(comm.rank().0, comm.size(), true);
-            if comm.rank().0 == comm.size() - 1 {
-                tables.contacts.overlap.push(0.0);
-            }
-            let Tables { particles, contacts, histories } = &tables;
-            snapshot::write(&directory, &header(3), particles, contacts, histories, comm)
-                .unwrap_err()
-        },
-    ];
-    assert!(
-        matches!(&errors[0], SnapshotError::Write { rank: 0, path, .. } if path.contains("a file/"))
-    );
-    assert!(
-        matches!(&errors[1], SnapshotError::Write { rank: 0, path, .. } if path.contains(".contacts"))
-    );
-    assert!(matches!(&errors[2], SnapshotError::Uneven { column, .. } if column == "overlap"));
-    let mine = errors.map(|e| e.to_string()).join("\n");
+    let no_directory = write(&file.join("snapshots"), 1, true, comm).unwrap_err();
+    let no_file = write(&directory, 2, true, comm).unwrap_err();
+    let too_large = SnapshotFile::create(&directory.join("large"), 1 << 58, comm).err().unwrap();
+    let mut tables = made_up::of_rank(comm.rank().0, comm.size(), true);
+    if comm.rank().0 == comm.size() - 1 {
+        tables.contacts.overlap.push(0.0);
+    }
+    let Tables { particles, contacts, histories } = &tables;
+    let uneven =
+        snapshot::write(&directory, &header(3), particles, contacts, histories, comm).unwrap_err();
+    for (error, of) in
+        [(&no_directory, "a file/snap"), (&no_file, ".contacts"), (&too_large, "large")]
+    {
+        let SnapshotError::Write { rank: 0, path, .. } = error else { panic!("{error}") };
+        assert!(path.contains(of), "{error}");
+    }
+    assert!(matches!(&uneven, SnapshotError::Uneven { column, .. } if column == "overlap"));
+    let mine = [no_directory, no_file, too_large, uneven].map(|e| e.to_string()).join("\n");
     if let Some(all) = comm.gather(mine.clone().into_bytes()) {
         assert!(all.iter().all(|theirs| *theirs == mine.as_bytes()));
     }
