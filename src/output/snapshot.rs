@@ -70,7 +70,7 @@ const NORMAL_FORCE: Column = column("/VTKHDF/CellData/normal_force", 1, "N");
 const SHEAR_FORCE: Column = column("/VTKHDF/CellData/shear_force", 3, "N");
 const FORCE_MAGNITUDE: Column = column("/VTKHDF/CellData/force", 1, "N");
 
-/// No row of a column takes more [bytes] per element.
+/// No element of a column takes more \[bytes\].
 const ELEMENT: usize = size_of::<f64>();
 
 /// Elements at most of a particle: all columns, one vertex and its end.
