@@ -225,7 +225,10 @@ impl Comm for World {
         let mut size = bytes.len() as u64;
         root.broadcast_into(&mut size);
         bytes.resize(size as usize, 0);
-        root.broadcast_into(&mut bytes[..]);
+        // The address of an empty `Vec<u8>` is 1, which Open MPI takes for MPI_IN_PLACE.
+        if !bytes.is_empty() {
+            root.broadcast_into(&mut bytes[..]);
+        }
     }
 
     fn gather(&mut self, bytes: Vec<u8>) -> Option<Vec<Vec<u8>>> {

@@ -1,5 +1,147 @@
 //! What is written: snapshots and the table of a run's scalars.
+//!
+//! | file | what it is |
+//! |---|---|
+//! | [`tables`] | what a snapshot holds, and where in the files |
+//! | [`snapshot`] | [`snapshot::write`] and [`snapshot::Reader`]: tables to files and back |
+//! | [`hdf5`] | the only file that calls HDF5: columns, attributes and checksums |
+//!
+//! With MPI all ranks write one file together, each its rows; without, rank 0 gathers and writes.
+//! The code above is one. Rows keep the order of the ranks and, within a rank, of its table.
+//!
+//! A file appears under its own name only when it is complete and on the disk, so a crash leaves
+//! the last good snapshot. Every dataset carries a [`hdf5::checksum`]; everything else stands in
+//! HDF5 structures that carry HDF5's own, so that a flipped bit is found and named.
 
+pub mod hdf5;
 pub mod snapshot;
 pub mod table;
 pub mod tables;
+
+use crate::comm::{Comm, wire};
+use serde::{Deserialize, Serialize};
+use std::io;
+use std::path::Path;
+
+/// A snapshot that cannot be written, or cannot be trusted.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
+pub enum SnapshotError {
+    /// A rank could not write.
+    #[error(
+        "cannot write {path} (rank {rank}): {cause}. \
+         Snapshots written before are untouched; check the disk and the name, then restart from the last"
+    )]
+    Write {
+        /// The file or directory.
+        path: String,
+        /// The lowest rank that failed.
+        rank: u32,
+        /// What the system or HDF5 said.
+        cause: String,
+    },
+    /// A table handed to the writer has columns of different lengths.
+    #[error(
+        "rank {rank} gave {rows} rows of `{column}` where {expected} belong: a bug of the caller"
+    )]
+    Uneven {
+        /// The rank whose table it is.
+        rank: u32,
+        /// The column.
+        column: String,
+        /// How many rows it has.
+        rows: usize,
+        /// How many rows the table has.
+        expected: usize,
+    },
+    /// No such file.
+    #[error(
+        "there is no snapshot at {path} ({cause}). \
+         Give a file particles_<step>.vtkhdf, or a directory with last.vtkhdf"
+    )]
+    Missing {
+        /// Where it was looked for.
+        path: String,
+        /// What the system said.
+        cause: String,
+    },
+    /// Not a snapshot, cut short, or damaged in its structure.
+    #[error(
+        "{path} cannot be read as a snapshot: {cause}. \
+         If a run wrote it, the file is cut short or damaged: use an earlier snapshot"
+    )]
+    Unreadable {
+        /// The file.
+        path: String,
+        /// What is wrong.
+        cause: String,
+    },
+    /// The bytes of a dataset are not those that were written.
+    #[error(
+        "{path}: the checksum of {dataset} is wrong: its bytes changed after they were written. \
+         Use an earlier snapshot, and check the disk"
+    )]
+    Damaged {
+        /// The file.
+        path: String,
+        /// The dataset.
+        dataset: String,
+    },
+    /// Rows were asked for that are not there.
+    #[error("{path}: rows {first}..{end} of {dataset} were asked for, but it has {rows}")]
+    Beyond {
+        /// The file.
+        path: String,
+        /// The dataset.
+        dataset: String,
+        /// First row asked for.
+        first: usize,
+        /// One past the last row asked for.
+        end: usize,
+        /// Rows there are.
+        rows: usize,
+    },
+}
+
+impl SnapshotError {
+    fn write(path: &Path, comm: &dyn Comm, cause: &impl ToString) -> Self {
+        Self::Write { path: name_of(path), rank: comm.rank().0, cause: cause.to_string() }
+    }
+
+    fn unreadable(path: &Path, cause: &impl ToString) -> Self {
+        Self::Unreadable { path: name_of(path), cause: cause.to_string() }
+    }
+
+    fn damaged(path: &Path, dataset: &str) -> Self {
+        Self::Damaged { path: name_of(path), dataset: dataset.to_owned() }
+    }
+}
+
+/// A path as errors show it.
+fn name_of(path: &Path) -> String {
+    path.display().to_string()
+}
+
+/// Lets all ranks fail if one does, each with the error of the lowest rank that failed; stands before
+/// every collective call that a failed rank would not join.
+fn agree<T>(comm: &mut dyn Comm, here: Result<T, SnapshotError>) -> Result<T, SnapshotError> {
+    if !comm.any(here.is_err()) {
+        return here;
+    }
+    // A rank without an error of its own sends nothing.
+    let mine = here.err().map(|e| wire::encode(&e)).unwrap_or_default();
+    let all = comm.gather(mine).unwrap_or_default();
+    let mut first = all.into_iter().find(|error| !error.is_empty()).unwrap_or_default();
+    comm.broadcast(&mut first);
+    Err(wire::decode(&first))
+}
+
+/// Does something to a file on rank 0; all ranks fail if it fails.
+fn on_root(
+    path: &Path,
+    comm: &mut dyn Comm,
+    act: impl FnOnce() -> io::Result<()>,
+) -> Result<(), SnapshotError> {
+    let done = if comm.is_root() { act() } else { Ok(()) };
+    let done = done.map_err(|e| SnapshotError::write(path, comm, &e));
+    agree(comm, done)
+}

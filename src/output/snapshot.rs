@@ -1,13 +1,140 @@
-//! tmp
-#![allow(missing_docs, unused)]
-use super::tables::*;
-use crate::comm::Comm;
-use crate::contact::NamedHistory;
+//! Snapshots: tables to files and back. What stands where: [`super::tables`].
+//!
+//! Two columns are there for pictures alone: `semi_axes` of each particle, with which and `quaternion`
+//! ParaView's 3D Glyphs draw it, and `force` of each contact, the magnitude of the whole force \[N\].
+
+use super::hdf5::{Column, SnapshotFile, StoredFile};
+use super::tables::{ContactTable, Header, HistoryTable, ParticleTable, ShapeRow, WallRow};
+use super::{SnapshotError, agree, on_root};
+use crate::comm::alone::Alone;
+use crate::comm::{Comm, wire};
+use crate::contact::{History, NamedHistory};
+use crate::ids::{GlobalId, ShapeId};
+use crate::math::Vec3;
+use std::fs::{self, File};
+use std::io;
 use std::ops::Range;
-use std::path::*;
-#[derive(Debug, thiserror::Error)]
-#[error("x")]
-pub struct SnapshotError;
+use std::path::{Path, PathBuf};
+
+/// The link in a snapshot directory to the newest particles file.
+pub const LAST: &str = "last.vtkhdf";
+
+/// Name of the particles file of a step.
+pub fn particles_name(step: u64) -> String {
+    format!("particles_{step:09}.vtkhdf")
+}
+
+/// Name of the contacts file of a step.
+pub fn contacts_name(step: u64) -> String {
+    format!("contacts_{step:09}.vtkhdf")
+}
+
+const fn column<'a>(place: &'a str, width: usize, unit: &'a str) -> Column<'a> {
+    Column { place, width, unit }
+}
+
+// What VTK asks for, with one entry per part.
+const POINT_COUNTS: Column = column("/VTKHDF/NumberOfPoints", 1, "");
+const POINTS: Column = column("/VTKHDF/Points", 3, "m");
+
+// Particles, as a picture shows them.
+const ID: Column = column("/VTKHDF/PointData/id", 1, "1");
+const SHAPE: Column = column("/VTKHDF/PointData/shape", 1, "1");
+const VELOCITY: Column = column("/VTKHDF/PointData/velocity", 3, "m/s");
+const FORCE: Column = column("/VTKHDF/PointData/force", 3, "N");
+const COORDINATION: Column = column("/VTKHDF/PointData/coordination", 1, "1");
+const RANK: Column = column("/VTKHDF/PointData/rank", 1, "1");
+const GLYPH_SEMI_AXES: Column = column("/VTKHDF/PointData/semi_axes", 3, "m");
+const QUATERNION: Column = column("/VTKHDF/PointData/quaternion", 4, "1");
+const ANGULAR_VELOCITY: Column = column("/VTKHDF/PointData/angular_velocity", 3, "rad/s");
+const TORQUE: Column = column("/VTKHDF/PointData/torque", 3, "N m");
+
+// What only a restart needs.
+const DISSIPATED: Column = column("/restart/particles/dissipated", 1, "J");
+const RECEIVED: Column = column("/restart/particles/received", 1, "J");
+const IMAGE: Column = column("/restart/particles/image", 3, "1");
+const ANGULAR_MOMENTUM: Column = column("/restart/particles/angular_momentum", 3, "kg m^2/s");
+const HISTORY_A: Column = column("/restart/contacts/a", 1, "1");
+const HISTORY_B: Column = column("/restart/contacts/b", 1, "1");
+const HISTORY_NORMAL: Column = column("/restart/contacts/normal", 3, "1");
+const HISTORY_SPRING: Column = column("/restart/contacts/spring", 3, "m");
+
+// Contacts.
+const A: Column = column("/VTKHDF/CellData/a", 1, "1");
+const B: Column = column("/VTKHDF/CellData/b", 1, "1");
+const BRANCH: Column = column("/VTKHDF/CellData/branch", 3, "m");
+const CONTACT_POINT: Column = column("/VTKHDF/CellData/point", 3, "m");
+const NORMAL: Column = column("/VTKHDF/CellData/normal", 3, "1");
+const OVERLAP: Column = column("/VTKHDF/CellData/overlap", 1, "m");
+const NORMAL_FORCE: Column = column("/VTKHDF/CellData/normal_force", 1, "N");
+const SHEAR_FORCE: Column = column("/VTKHDF/CellData/shear_force", 3, "N");
+const FORCE_MAGNITUDE: Column = column("/VTKHDF/CellData/force", 1, "N");
+
+/// No element of a column takes more \[bytes\].
+const ELEMENT: usize = size_of::<f64>();
+
+/// Elements at most of a particle: all columns, one vertex and its end.
+const OF_PARTICLE: usize = POINTS.width
+    + ID.width
+    + SHAPE.width
+    + VELOCITY.width
+    + FORCE.width
+    + COORDINATION.width
+    + RANK.width
+    + GLYPH_SEMI_AXES.width
+    + QUATERNION.width
+    + ANGULAR_VELOCITY.width
+    + TORQUE.width
+    + DISSIPATED.width
+    + RECEIVED.width
+    + IMAGE.width
+    + ANGULAR_MOMENTUM.width
+    + 2;
+
+/// Elements of a history.
+const OF_HISTORY: usize =
+    HISTORY_A.width + HISTORY_B.width + HISTORY_NORMAL.width + HISTORY_SPRING.width;
+
+/// Elements of a contact: all columns, two points, one line of two ids and its end.
+const OF_CONTACT: usize = 2 * POINTS.width
+    + A.width
+    + B.width
+    + BRANCH.width
+    + CONTACT_POINT.width
+    + NORMAL.width
+    + OVERLAP.width
+    + NORMAL_FORCE.width
+    + SHEAR_FORCE.width
+    + FORCE_MAGNITUDE.width
+    + 3;
+
+/// Elements of a part: its counts, and the first offset of each category.
+const OF_PART: usize = 13;
+
+// The header.
+const SCENE: Column = column("/run/scene", 1, "");
+const WALL_NAME: Column = column("/walls/name", 1, "");
+const WALL_POINT: Column = column("/walls/point", 3, "m");
+const WALL_NORMAL: Column = column("/walls/normal", 3, "1");
+const WALL_VELOCITY: Column = column("/walls/velocity", 3, "m/s");
+const WALL_FORCE: Column = column("/walls/force", 3, "N");
+const SHAPE_NAME: Column = column("/shapes/name", 1, "");
+const SHAPE_KIND: Column = column("/shapes/kind", 1, "");
+const SHAPE_SEMI_AXES: Column = column("/shapes/semi_axes", 3, "m");
+const SHAPE_VOLUME: Column = column("/shapes/volume", 1, "m^3");
+const SHAPE_MASS: Column = column("/shapes/mass", 1, "kg");
+const SHAPE_INERTIA: Column = column("/shapes/inertia", 3, "kg m^2");
+
+/// Writes a snapshot: the contacts file, the particles file and, when both are on the disk under their
+/// own names, the link [`LAST`]. Creates `directory` if it is missing. Collective; the header of rank 0
+/// is taken. Returns the path of the particles file.
+///
+/// A crash at any moment leaves the last good snapshot; files named `.*.partial` are what it leaves
+/// besides, and harmless.
+///
+/// # Errors
+/// The same on every rank: [`SnapshotError::Write`], or [`SnapshotError::Uneven`] for a table whose
+/// columns differ in length.
 pub fn write(
     directory: &Path,
     header: &Header,
@@ -16,5 +143,629 @@ pub fn write(
     histories: &[NamedHistory],
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, SnapshotError> {
-    Ok(PathBuf::new())
+    let header = &of_root(header, comm);
+    let checked = check_lengths(particles, contacts, comm);
+    agree(comm, checked)?;
+    let shapes = check_shapes(directory, header, particles, comm);
+    agree(comm, shapes)?;
+    on_root(directory, comm, || fs::create_dir_all(directory))?;
+
+    let names = [contacts_name(header.step), particles_name(header.step)];
+    let partial = names.each_ref().map(|name| directory.join(format!(".{name}.partial")));
+    let written = write_contacts(&partial[0], header, contacts, comm)
+        .and_then(|()| write_particles(&partial[1], header, particles, histories, comm));
+    if written.is_err() && comm.is_root() {
+        // Room for others; if it cannot be made, the first error is still the one to tell.
+        let _ = partial.each_ref().map(fs::remove_file);
+    }
+    written?;
+    on_root(directory, comm, || {
+        for (path, name) in partial.iter().zip(&names) {
+            fs::rename(path, directory.join(name))?;
+        }
+        // The names are on the disk before the link speaks of them.
+        File::open(directory)?.sync_all()?;
+        link_last(directory, &names[1])
+    })?;
+    Ok(directory.join(&names[1]))
+}
+
+/// Lets [`LAST`] point to a file of the same directory.
+fn link_last(directory: &Path, name: &str) -> io::Result<()> {
+    let new = directory.join(format!(".{LAST}.partial"));
+    match fs::remove_file(&new) {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(e),
+        _ => std::os::unix::fs::symlink(name, &new)?,
+    }
+    fs::rename(&new, directory.join(LAST))?;
+    File::open(directory)?.sync_all()
+}
+
+/// The header of rank 0.
+fn of_root(header: &Header, comm: &mut dyn Comm) -> Header {
+    let mut bytes = wire::encode(header);
+    comm.broadcast(&mut bytes);
+    wire::decode(&bytes)
+}
+
+/// Are all columns of the tables of the length of their first?
+fn check_lengths(
+    particles: &ParticleTable,
+    contacts: &ContactTable,
+    comm: &dyn Comm,
+) -> Result<(), SnapshotError> {
+    let ParticleTable {
+        id,
+        shape,
+        position,
+        velocity,
+        force,
+        coordination,
+        rank,
+        dissipated,
+        received,
+        image,
+        quaternion,
+        angular_momentum,
+        angular_velocity,
+        torque,
+    } = particles;
+    let required = [
+        ("shape", shape.len()),
+        ("position", position.len()),
+        ("velocity", velocity.len()),
+        ("force", force.len()),
+        ("coordination", coordination.len()),
+        ("rank", rank.len()),
+        ("dissipated", dissipated.len()),
+        ("received", received.len()),
+    ];
+    let optional = [
+        ("image", image.len()),
+        ("quaternion", quaternion.len()),
+        ("angular_momentum", angular_momentum.len()),
+        ("angular_velocity", angular_velocity.len()),
+        ("torque", torque.len()),
+    ];
+    let ContactTable { a, b, centre, branch, point, normal, overlap, normal_force, shear_force } =
+        contacts;
+    let of_contacts = [
+        ("b", b.len()),
+        ("centre", centre.len()),
+        ("branch", branch.len()),
+        ("point", point.len()),
+        ("normal", normal.len()),
+        ("overlap", overlap.len()),
+        ("normal_force", normal_force.len()),
+        ("shear_force", shear_force.len()),
+    ];
+    let given = optional.into_iter().filter(|&(_, rows)| rows > 0);
+    let particles = required.into_iter().chain(given).map(|column| (column, id.len()));
+    let contacts = of_contacts.into_iter().map(|column| (column, a.len()));
+    match particles.chain(contacts).find(|((_, rows), expected)| rows != expected) {
+        None => Ok(()),
+        Some(((column, rows), expected)) => Err(SnapshotError::Uneven {
+            rank: comm.rank().0,
+            column: column.to_owned(),
+            rows,
+            expected,
+        }),
+    }
+}
+
+/// Is every particle's shape one of the header's?
+fn check_shapes(
+    directory: &Path,
+    header: &Header,
+    particles: &ParticleTable,
+    comm: &dyn Comm,
+) -> Result<(), SnapshotError> {
+    match particles.shape.iter().position(|shape| shape.index() >= header.shapes.len()) {
+        None => Ok(()),
+        Some(row) => {
+            let (id, shape) = (particles.id[row], particles.shape[row].0);
+            let cause = format!("particle {id} has shape {shape}, which the header does not list");
+            Err(SnapshotError::write(directory, comm, &cause))
+        }
+    }
+}
+
+/// Whether any rank has rows of `columns`; one without particles cannot tell by itself.
+fn present<const N: usize>(columns: [usize; N], comm: &mut dyn Comm) -> [bool; N] {
+    let mut rows = columns.map(|rows| rows as i64);
+    comm.sum(&mut rows);
+    rows.map(|rows| rows > 0)
+}
+
+fn write_particles(
+    path: &Path,
+    header: &Header,
+    particles: &ParticleTable,
+    histories: &[NamedHistory],
+    comm: &mut dyn Comm,
+) -> Result<(), SnapshotError> {
+    let count = particles.id.len();
+    let [image, quaternion, angular_momentum, angular_velocity, torque] = present(
+        [
+            particles.image.len(),
+            particles.quaternion.len(),
+            particles.angular_momentum.len(),
+            particles.angular_velocity.len(),
+            particles.torque.len(),
+        ],
+        comm,
+    );
+    let elements = count * OF_PARTICLE + histories.len() * OF_HISTORY + OF_PART;
+    let mut file = create(path, elements, header, comm)?;
+
+    file.group("/VTKHDF")?;
+    vtk_version(&mut file)?;
+    file.rows(&POINT_COUNTS, &[count as i64])?;
+    file.rows(&POINTS, numbers(&particles.position))?;
+    cells(&mut file, "Vertices", count, 1)?;
+    for category in ["Lines", "Polygons", "Strips"] {
+        cells(&mut file, category, 0, 1)?;
+    }
+
+    file.group("/VTKHDF/PointData")?;
+    file.rows(&ID, &file_ids(&particles.id))?;
+    file.rows(&SHAPE, &particles.shape.iter().map(|s| s.0).collect::<Vec<_>>())?;
+    let semi_axes = particles.shape.iter().map(|s| header.shapes[s.index()].semi_axes);
+    file.rows(&GLYPH_SEMI_AXES, numbers(&semi_axes.collect::<Vec<_>>()))?;
+    if quaternion {
+        file.rows(&QUATERNION, particles.quaternion.as_flattened())?;
+    }
+    file.rows(&VELOCITY, numbers(&particles.velocity))?;
+    if angular_velocity {
+        file.rows(&ANGULAR_VELOCITY, numbers(&particles.angular_velocity))?;
+    }
+    file.rows(&FORCE, numbers(&particles.force))?;
+    if torque {
+        file.rows(&TORQUE, numbers(&particles.torque))?;
+    }
+    file.rows(&COORDINATION, &particles.coordination)?;
+    file.rows(&RANK, &particles.rank)?;
+
+    file.group("/restart")?;
+    file.group("/restart/particles")?;
+    file.rows(&DISSIPATED, &particles.dissipated)?;
+    file.rows(&RECEIVED, &particles.received)?;
+    if image {
+        file.rows(&IMAGE, particles.image.as_flattened())?;
+    }
+    if angular_momentum {
+        file.rows(&ANGULAR_MOMENTUM, numbers(&particles.angular_momentum))?;
+    }
+
+    file.group("/restart/contacts")?;
+    let ids = |get: fn(&NamedHistory) -> GlobalId| {
+        histories.iter().map(|h| get(h).to_file()).collect::<Vec<_>>()
+    };
+    file.rows(&HISTORY_A, &ids(|h| h.a))?;
+    file.rows(&HISTORY_B, &ids(|h| h.b))?;
+    let normals: Vec<_> = histories.iter().map(|h| h.history.normal).collect();
+    file.rows(&HISTORY_NORMAL, numbers(&normals))?;
+    let springs: Vec<_> = histories.iter().map(|h| h.history.spring).collect();
+    file.rows(&HISTORY_SPRING, numbers(&springs))?;
+
+    write_header(&mut file, header)?;
+    file.close()
+}
+
+fn write_contacts(
+    path: &Path,
+    header: &Header,
+    contacts: &ContactTable,
+    comm: &mut dyn Comm,
+) -> Result<(), SnapshotError> {
+    let count = contacts.a.len();
+    let mut file = create(path, count * OF_CONTACT + OF_PART, header, comm)?;
+
+    file.group("/VTKHDF")?;
+    vtk_version(&mut file)?;
+    let ends: Vec<_> = contacts
+        .centre
+        .iter()
+        .zip(&contacts.branch)
+        .flat_map(|(centre, branch)| [*centre, centre + branch])
+        .collect();
+    file.rows(&POINT_COUNTS, &[ends.len() as i64])?;
+    file.rows(&POINTS, numbers(&ends))?;
+    cells(&mut file, "Lines", count, 2)?;
+    for category in ["Vertices", "Polygons", "Strips"] {
+        cells(&mut file, category, 0, 1)?;
+    }
+
+    file.group("/VTKHDF/CellData")?;
+    file.rows(&A, &file_ids(&contacts.a))?;
+    file.rows(&B, &file_ids(&contacts.b))?;
+    file.rows(&BRANCH, numbers(&contacts.branch))?;
+    file.rows(&CONTACT_POINT, numbers(&contacts.point))?;
+    file.rows(&NORMAL, numbers(&contacts.normal))?;
+    file.rows(&OVERLAP, &contacts.overlap)?;
+    file.rows(&NORMAL_FORCE, &contacts.normal_force)?;
+    file.rows(&SHEAR_FORCE, numbers(&contacts.shear_force))?;
+    let magnitudes: Vec<_> = (0..count).map(|contact| contacts.force(contact).norm()).collect();
+    file.rows(&FORCE_MAGNITUDE, &magnitudes)?;
+
+    write_header(&mut file, header)?;
+    file.close()
+}
+
+/// Creates a file with room for so many elements of this rank, and the scene.
+fn create<'a>(
+    path: &Path,
+    elements: usize,
+    header: &Header,
+    comm: &'a mut dyn Comm,
+) -> Result<SnapshotFile<'a>, SnapshotError> {
+    let scene = if comm.is_root() { header.scene.len() } else { 0 };
+    SnapshotFile::create(path, (elements * ELEMENT + scene) as u64, comm)
+}
+
+/// Writes this rank's part of one of the four categories of cells that PolyData has: `count` cells,
+/// each of the next `points` points of the part. An empty part still has one offset.
+fn cells(
+    file: &mut SnapshotFile,
+    category: &str,
+    count: usize,
+    points: usize,
+) -> Result<(), SnapshotError> {
+    let ids = (count * points) as i64;
+    let offsets: Vec<_> = (0..=ids).step_by(points).collect();
+    let members: Vec<_> = (0..ids).collect();
+    let group = format!("/VTKHDF/{category}");
+    file.group(&group)?;
+    for (name, values) in [
+        ("NumberOfCells", &[count as i64][..]),
+        ("NumberOfConnectivityIds", &[ids]),
+        ("Offsets", &offsets),
+        ("Connectivity", &members),
+    ] {
+        file.rows(&column(&format!("{group}/{name}"), 1, ""), values)?;
+    }
+    Ok(())
+}
+
+fn vtk_version(file: &mut SnapshotFile) -> Result<(), SnapshotError> {
+    file.numbers("/VTKHDF", "Version", &[2i64, 0])?;
+    file.text("/VTKHDF", "Type", "PolyData")
+}
+
+fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), SnapshotError> {
+    let Header {
+        step,
+        time,
+        dt,
+        stage_begin,
+        layers_fallen,
+        next_id,
+        low,
+        high,
+        periodic,
+        gravity,
+        walls,
+        shapes,
+        scene,
+    } = header;
+    file.group("/run")?;
+    file.text("/run", "program", concat!("dem-mpi ", env!("CARGO_PKG_VERSION")))?;
+    file.text("/run", "units", "time, dt, stage_begin_time: s; gravity: m/s^2")?;
+    file.numbers("/run", "step", &[*step])?;
+    file.numbers("/run", "time", &[*time])?;
+    file.numbers("/run", "dt", &[*dt])?;
+    file.numbers("/run", "stage_begin_step", &[stage_begin.0])?;
+    file.numbers("/run", "stage_begin_time", &[stage_begin.1])?;
+    file.numbers("/run", "layers_fallen", &[*layers_fallen])?;
+    file.numbers("/run", "next_id", &[*next_id])?;
+    file.numbers("/run", "gravity", gravity.as_slice())?;
+    file.texts(&SCENE, &[scene])?;
+
+    file.group("/domain")?;
+    file.text("/domain", "units", "low, high: m")?;
+    file.numbers("/domain", "low", low.as_slice())?;
+    file.numbers("/domain", "high", high.as_slice())?;
+    file.numbers("/domain", "periodic", &periodic.map(u8::from))?;
+
+    file.group("/walls")?;
+    let vectors = |get: fn(&WallRow) -> Vec3| walls.iter().map(get).collect::<Vec<_>>();
+    file.texts(&WALL_NAME, &walls.iter().map(|w| &*w.name).collect::<Vec<_>>())?;
+    file.table(&WALL_POINT, numbers(&vectors(|w| w.point)))?;
+    file.table(&WALL_NORMAL, numbers(&vectors(|w| w.normal)))?;
+    file.table(&WALL_VELOCITY, numbers(&vectors(|w| w.velocity)))?;
+    file.table(&WALL_FORCE, numbers(&vectors(|w| w.force)))?;
+
+    file.group("/shapes")?;
+    let vectors = |get: fn(&ShapeRow) -> Vec3| shapes.iter().map(get).collect::<Vec<_>>();
+    file.texts(&SHAPE_NAME, &shapes.iter().map(|s| &*s.name).collect::<Vec<_>>())?;
+    file.texts(&SHAPE_KIND, &shapes.iter().map(|s| &*s.kind).collect::<Vec<_>>())?;
+    file.table(&SHAPE_SEMI_AXES, numbers(&vectors(|s| s.semi_axes)))?;
+    file.table(&SHAPE_VOLUME, &shapes.iter().map(|s| s.volume).collect::<Vec<_>>())?;
+    file.table(&SHAPE_MASS, &shapes.iter().map(|s| s.mass).collect::<Vec<_>>())?;
+    file.table(&SHAPE_INERTIA, numbers(&vectors(|s| s.inertia)))
+}
+
+fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
+    let walls = Tabulated { file, rows: file.count(WALL_NAME.place)? };
+    let (points, normals) = (walls.vectors(&WALL_POINT)?, walls.vectors(&WALL_NORMAL)?);
+    let (velocities, forces) = (walls.vectors(&WALL_VELOCITY)?, walls.vectors(&WALL_FORCE)?);
+    let walls = file.texts(&WALL_NAME)?.into_iter().enumerate().map(|(k, name)| WallRow {
+        name,
+        point: points[k],
+        normal: normals[k],
+        velocity: velocities[k],
+        force: forces[k],
+    });
+
+    let shapes = Tabulated { file, rows: file.count(SHAPE_NAME.place)? };
+    let kinds = shapes.texts(&SHAPE_KIND)?;
+    let (axes, inertias) = (shapes.vectors(&SHAPE_SEMI_AXES)?, shapes.vectors(&SHAPE_INERTIA)?);
+    let (volumes, masses) = (shapes.numbers(&SHAPE_VOLUME)?, shapes.numbers(&SHAPE_MASS)?);
+    let shapes = file.texts(&SHAPE_NAME)?.into_iter().enumerate().map(|(k, name)| ShapeRow {
+        name,
+        kind: kinds[k].clone(),
+        semi_axes: axes[k],
+        volume: volumes[k],
+        mass: masses[k],
+        inertia: inertias[k],
+    });
+
+    let number = |name| file.numbers::<f64, 1>("/run", name).map(|[n]| n);
+    let whole = |name| file.numbers::<u64, 1>("/run", name).map(|[n]| n);
+    let vector = |group, name| file.numbers::<f64, 3>(group, name).map(Vec3::from);
+    Ok(Header {
+        step: whole("step")?,
+        time: number("time")?,
+        dt: number("dt")?,
+        stage_begin: (whole("stage_begin_step")?, number("stage_begin_time")?),
+        layers_fallen: whole("layers_fallen")?,
+        next_id: whole("next_id")?,
+        low: vector("/domain", "low")?,
+        high: vector("/domain", "high")?,
+        periodic: file.numbers::<u8, 3>("/domain", "periodic")?.map(|p| p != 0),
+        gravity: vector("/run", "gravity")?,
+        walls: walls.collect(),
+        shapes: shapes.collect(),
+        scene: file.texts(&SCENE)?.concat(),
+    })
+}
+
+/// The small tables of the header: columns that must have `rows` rows.
+struct Tabulated<'a> {
+    file: &'a StoredFile,
+    rows: usize,
+}
+
+impl Tabulated<'_> {
+    fn vectors(&self, column: &Column) -> Result<Vec<Vec3>, SnapshotError> {
+        self.file.rows(column, 0..self.rows).map(|numbers| vectors(&numbers))
+    }
+
+    fn numbers(&self, column: &Column) -> Result<Vec<f64>, SnapshotError> {
+        self.file.rows(column, 0..self.rows)
+    }
+
+    fn texts(&self, column: &Column) -> Result<Vec<String>, SnapshotError> {
+        let texts = self.file.texts(column)?;
+        if texts.len() == self.rows { Ok(texts) } else { Err(uneven(self.file, column)) }
+    }
+}
+
+fn uneven(file: &StoredFile, column: &Column) -> SnapshotError {
+    SnapshotError::unreadable(file.path(), &format!("{} has another length", column.place))
+}
+
+/// An opened snapshot, read serially: any rank, or a program without MPI, opens it for itself.
+///
+/// A read of all rows checks the checksums of what it reads; one of a piece cannot. Who reads in
+/// pieces calls [`Reader::verify`] first or, on many ranks, [`Reader::verify_together`].
+pub struct Reader {
+    particles: StoredFile,
+    /// A damaged contacts file does not stand in the way of a restart.
+    contacts: Result<StoredFile, SnapshotError>,
+    header: Header,
+    particle_count: usize,
+    history_count: usize,
+}
+
+impl Reader {
+    /// Opens a particles file and the contacts file beside it, or the newest snapshot of a directory.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Missing`], [`SnapshotError::Unreadable`], [`SnapshotError::Damaged`].
+    pub fn open(path: &Path) -> Result<Self, SnapshotError> {
+        let named = if path.is_dir() { path.join(LAST) } else { path.to_owned() };
+        let missing = |e: io::Error| SnapshotError::Missing {
+            path: super::name_of(&named),
+            cause: e.to_string(),
+        };
+        // Through the link, so that the other file is found beside the real one.
+        let real = named.canonicalize().map_err(missing)?;
+        let particles = StoredFile::open(&real)?;
+        if !particles.has(ID.place) {
+            let cause = "it has no particles; was a contacts file meant to be a particles file?";
+            return Err(SnapshotError::unreadable(&real, &cause));
+        }
+        let header = read_header(&particles)?;
+        let contacts = open_contacts(&real, &header);
+        let particle_count = particles.count(POINTS.place)?;
+        let history_count = particles.count(HISTORY_A.place)?;
+        Ok(Self { particles, contacts, header, particle_count, history_count })
+    }
+
+    /// What the snapshot says once.
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// How many particles it has.
+    pub fn particle_count(&self) -> usize {
+        self.particle_count
+    }
+
+    /// Particles, in the order in which they were written.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Beyond`], [`SnapshotError::Unreadable`], [`SnapshotError::Damaged`].
+    pub fn particles(&self, rows: Range<usize>) -> Result<ParticleTable, SnapshotError> {
+        let table = Piece { file: &self.particles, total: self.particle_count, rows };
+        Ok(ParticleTable {
+            id: table.ids(&ID)?,
+            shape: table.read::<u16>(&SHAPE)?.into_iter().map(ShapeId).collect(),
+            position: table.vectors(&POINTS)?,
+            velocity: table.vectors(&VELOCITY)?,
+            force: table.vectors(&FORCE)?,
+            coordination: table.read(&COORDINATION)?,
+            rank: table.read(&RANK)?,
+            dissipated: table.read(&DISSIPATED)?,
+            received: table.read(&RECEIVED)?,
+            image: table.if_there(&IMAGE, |c| Ok(groups(&table.read::<i32>(c)?)))?,
+            quaternion: table.if_there(&QUATERNION, |c| Ok(groups(&table.read::<f64>(c)?)))?,
+            angular_momentum: table.if_there(&ANGULAR_MOMENTUM, |c| table.vectors(c))?,
+            angular_velocity: table.if_there(&ANGULAR_VELOCITY, |c| table.vectors(c))?,
+            torque: table.if_there(&TORQUE, |c| table.vectors(c))?,
+        })
+    }
+
+    /// How many contacts it has.
+    ///
+    /// # Errors
+    /// What stood against opening the contacts file.
+    pub fn contact_count(&self) -> Result<usize, SnapshotError> {
+        self.contacts_file()?.count(A.place)
+    }
+
+    /// Contacts, in the order in which they were written.
+    ///
+    /// # Errors
+    /// As [`Reader::particles`], or what stood against opening the contacts file.
+    pub fn contacts(&self, rows: Range<usize>) -> Result<ContactTable, SnapshotError> {
+        let file = self.contacts_file()?;
+        let total = file.count(A.place)?;
+        let twice = |r: &Range<usize>| r.start.saturating_mul(2)..r.end.saturating_mul(2);
+        let ends = Piece { file, total: 2 * total, rows: twice(&rows) };
+        let table = Piece { file, total, rows };
+        Ok(ContactTable {
+            a: table.ids(&A)?,
+            b: table.ids(&B)?,
+            centre: ends.vectors(&POINTS)?.into_iter().step_by(2).collect(),
+            branch: table.vectors(&BRANCH)?,
+            point: table.vectors(&CONTACT_POINT)?,
+            normal: table.vectors(&NORMAL)?,
+            overlap: table.read(&OVERLAP)?,
+            normal_force: table.read(&NORMAL_FORCE)?,
+            shear_force: table.vectors(&SHEAR_FORCE)?,
+        })
+    }
+
+    /// How many histories of touching contacts it has.
+    pub fn history_count(&self) -> usize {
+        self.history_count
+    }
+
+    /// Histories of touching contacts, in the order in which they were written.
+    ///
+    /// # Errors
+    /// As [`Reader::particles`].
+    pub fn histories(&self, rows: Range<usize>) -> Result<HistoryTable, SnapshotError> {
+        let table = Piece { file: &self.particles, total: self.history_count, rows };
+        let (a, b) = (table.ids(&HISTORY_A)?, table.ids(&HISTORY_B)?);
+        let (normal, spring) = (table.vectors(&HISTORY_NORMAL)?, table.vectors(&HISTORY_SPRING)?);
+        Ok((0..a.len())
+            .map(|k| NamedHistory {
+                a: a[k],
+                b: b[k],
+                history: History { normal: normal[k], spring: spring[k] },
+            })
+            .collect())
+    }
+
+    /// Checks every dataset of both files against its checksum.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Damaged`] with the first dataset that has changed, or what stood against
+    /// reading.
+    pub fn verify(&self) -> Result<(), SnapshotError> {
+        self.verify_together(&mut Alone::default())
+    }
+
+    /// [`Reader::verify`] by all ranks, each of which has opened the same snapshot and reads a share.
+    /// Collective; all get the same answer.
+    ///
+    /// # Errors
+    /// As [`Reader::verify`].
+    pub fn verify_together(&self, comm: &mut dyn Comm) -> Result<(), SnapshotError> {
+        let contacts = agree(comm, self.contacts_file())?;
+        self.particles.verify(comm)?;
+        contacts.verify(comm)
+    }
+
+    fn contacts_file(&self) -> Result<&StoredFile, SnapshotError> {
+        self.contacts.as_ref().map_err(Clone::clone)
+    }
+}
+
+/// Opens the contacts file beside a particles file, and checks that they are of one snapshot.
+fn open_contacts(particles: &Path, header: &Header) -> Result<StoredFile, SnapshotError> {
+    let name = particles.file_name().and_then(|n| n.to_str()).unwrap_or_default();
+    let Some(rest) = name.strip_prefix("particles_") else {
+        let cause = "its name does not begin with particles_, so its contacts file is unknown";
+        return Err(SnapshotError::unreadable(particles, &cause));
+    };
+    let path = particles.with_file_name(format!("contacts_{rest}"));
+    let file = StoredFile::open(&path)?;
+    if read_header(&file)? == *header {
+        Ok(file)
+    } else {
+        Err(SnapshotError::unreadable(&path, &"it belongs to another snapshot than the particles"))
+    }
+}
+
+/// Rows of a file whose columns have `total` rows.
+struct Piece<'a> {
+    file: &'a StoredFile,
+    total: usize,
+    rows: Range<usize>,
+}
+
+impl Piece<'_> {
+    fn read<T: super::hdf5::Element>(&self, column: &Column) -> Result<Vec<T>, SnapshotError> {
+        if self.file.count(column.place)? != self.total {
+            return Err(uneven(self.file, column));
+        }
+        self.file.rows(column, self.rows.clone())
+    }
+
+    fn vectors(&self, column: &Column) -> Result<Vec<Vec3>, SnapshotError> {
+        self.read(column).map(|numbers| vectors(&numbers))
+    }
+
+    fn ids(&self, column: &Column) -> Result<Vec<GlobalId>, SnapshotError> {
+        Ok(self.read::<i64>(column)?.into_iter().map(GlobalId::from_file).collect())
+    }
+
+    /// An optional column is empty if the file does not have it.
+    fn if_there<T>(
+        &self,
+        column: &Column,
+        read: impl FnOnce(&Column) -> Result<Vec<T>, SnapshotError>,
+    ) -> Result<Vec<T>, SnapshotError> {
+        if self.file.has(column.place) { read(column) } else { Ok(Vec::new()) }
+    }
+}
+
+fn file_ids(ids: &[GlobalId]) -> Vec<i64> {
+    ids.iter().map(|id| id.to_file()).collect()
+}
+
+fn numbers(vectors: &[Vec3]) -> &[f64] {
+    bytemuck::cast_slice(vectors)
+}
+
+fn vectors(numbers: &[f64]) -> Vec<Vec3> {
+    numbers.as_chunks().0.iter().copied().map(Vec3::from).collect()
+}
+
+fn groups<T: Copy, const N: usize>(numbers: &[T]) -> Vec<[T; N]> {
+    numbers.as_chunks().0.to_vec()
 }

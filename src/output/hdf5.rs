@@ -1,0 +1,703 @@
+//! HDF5: the only file that calls it.
+//!
+//! [`SnapshotFile`] writes columns of rows, each rank its own rows, one after the other in the order of
+//! the ranks. With MPI all ranks open the file and write each dataset in one collective call; HDF5 is
+//! asked afterwards whether it really did so, because it falls back to slow independent writes
+//! without a word. Without MPI rank 0 gathers the rows and writes alone.
+//!
+//! [`StoredFile`] reads, on any rank by itself and without MPI.
+//!
+//! Files are in the format of HDF5 1.8, whose structures carry checksums; the rows carry [`checksum`].
+
+#![expect(unsafe_code, reason = "collective transfers and fixed-length text have no safe wrapper")]
+
+use super::{SnapshotError, agree, name_of, on_root};
+use crate::comm::Comm;
+use hdf5_metno::file::{FileAccessBuilder, FileCloseDegree};
+use hdf5_metno::plist::DatasetCreate;
+use hdf5_metno::plist::dataset_create::FillTime;
+use hdf5_metno::types::TypeDescriptor;
+use hdf5_metno::{Dataset, Dataspace, Datatype, Error, File, Group, H5Type, Location};
+use hdf5_metno_sys::h5::{herr_t, hsize_t};
+use hdf5_metno_sys::h5i::hid_t;
+use hdf5_metno_sys::{LOCK, h5a, h5d, h5p, h5s};
+use std::ffi::{CString, c_int};
+use std::ops::Range;
+use std::os::fd::AsRawFd;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+/// What `H5Pget_mpio_actual_io_mode` calls `H5D_MPIO_CONTIGUOUS_COLLECTIVE`.
+const CONTIGUOUS_COLLECTIVE: c_int = 4;
+
+/// Rows are read and checked in pieces of about this size \[bytes\].
+const PIECE: usize = 4 << 20;
+
+/// Room for the structures and small tables of a file, besides its rows \[bytes\].
+const STRUCTURE: u64 = 1 << 20;
+
+const CHECKSUM: &str = "checksum";
+
+unsafe extern "C" {
+    fn H5Pget_mpio_actual_io_mode(list: hid_t, mode: *mut c_int) -> herr_t;
+}
+
+/// A number that a file holds as memory does.
+pub trait Element: H5Type + bytemuck::Pod {}
+
+impl Element for f64 {}
+impl Element for u64 {}
+impl Element for i64 {}
+impl Element for i32 {}
+impl Element for u16 {}
+impl Element for u8 {}
+
+/// A dataset: one row per particle, contact, wall, ...
+#[derive(Clone, Copy, Debug)]
+pub struct Column<'a> {
+    /// Where in the file, from `/`.
+    pub place: &'a str,
+    /// Elements in a row.
+    pub width: usize,
+    /// Unit of the elements, attribute `unit`: `m/s`; `1` for a pure number; empty for none.
+    pub unit: &'a str,
+}
+
+/// The checksum of consecutive rows, the first of which is row `first` of the whole dataset.
+///
+/// A row's hash starts from its index; for each of its 64-bit words (little-endian, the last one filled
+/// with zeros) `h = (h ^ word) * K, h ^= h >> 32`. Every step can be undone, so that a change of one word
+/// always changes the hash. The checksum is the sum of all rows' hashes, modulo 2⁶⁴: ranks and readers
+/// sum theirs in any order.
+pub fn checksum(first: u64, row_bytes: usize, rows: &[u8]) -> u64 {
+    const K: u64 = 0x9e37_79b9_7f4a_7c15; // 2⁶⁴ over the golden ratio, odd
+    let step = |hash: u64, word: u64| {
+        let product = (hash ^ word).wrapping_mul(K);
+        product ^ (product >> 32)
+    };
+    let hash = |index: u64, row: &[u8]| {
+        let (words, rest) = row.as_chunks::<8>();
+        let mut hash = step(K, index);
+        for word in words {
+            hash = step(hash, u64::from_le_bytes(*word));
+        }
+        if !rest.is_empty() {
+            let mut word = [0; 8];
+            word[..rest.len()].copy_from_slice(rest);
+            hash = step(hash, u64::from_le_bytes(word));
+        }
+        step(hash, 0)
+    };
+    (first..)
+        .zip(rows.chunks_exact(row_bytes))
+        .fold(0, |sum, (index, row)| sum.wrapping_add(hash(index, row)))
+}
+
+/// A file that all ranks write. Every call is collective; an error on one rank is the same error on all.
+pub struct SnapshotFile<'a> {
+    comm: &'a mut dyn Comm,
+    path: PathBuf,
+    /// `None` on a rank that leaves the writing to rank 0.
+    file: Option<File>,
+    /// What was made room for \[bytes\].
+    room: u64,
+    collective_writes: usize,
+}
+
+impl<'a> SnapshotFile<'a> {
+    /// Creates the file, or empties it, and makes room on the disk for `bytes` of this rank and those of
+    /// all others: a disk that fills up during a collective write hangs some versions of Open MPI.
+    /// (Where the file system cannot reserve room, that danger stays.)
+    ///
+    /// # Errors
+    /// [`SnapshotError::Write`] if it cannot be created, or the disk is too full.
+    pub fn create(path: &Path, bytes: u64, comm: &'a mut dyn Comm) -> Result<Self, SnapshotError> {
+        let mpi = comm.mpi();
+        let room = add_up(comm, bytes) + STRUCTURE;
+        // Before HDF5 has the file open, which it could not close on a full disk.
+        on_root(path, comm, || reserve(&fs::File::create(path)?, room))?;
+        let created = if mpi.is_some() || comm.is_root() {
+            File::with_options()
+                .with_fapl(|access| as_snapshots_are(access, mpi))
+                .with_fcpl(|create| create.obj_track_times(false))
+                .create(path)
+                .map(Some)
+                .map_err(|e| SnapshotError::write(path, comm, &e))
+        } else {
+            Ok(None)
+        };
+        let file = agree(comm, created)?;
+        // Once more, because creating has emptied it.
+        on_root(path, comm, || reserve(&fs::File::options().write(true).open(path)?, room))?;
+        Ok(Self { comm, path: path.to_owned(), file, room, collective_writes: 0 })
+    }
+
+    /// How many datasets HDF5 says it wrote collectively so far.
+    pub fn collective_writes(&self) -> usize {
+        self.collective_writes
+    }
+
+    /// Creates a group.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Write`].
+    pub fn group(&mut self, place: &str) -> Result<(), SnapshotError> {
+        self.everywhere(|file| {
+            file.create_group_builder().obj_track_times(false).create(place).map(drop)
+        })
+    }
+
+    /// Gives a group numbers as an attribute: one as a scalar, several as a vector.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Write`].
+    pub fn numbers<T: Element>(
+        &mut self,
+        group: &str,
+        name: &str,
+        values: &[T],
+    ) -> Result<(), SnapshotError> {
+        self.everywhere(|file| attach_numbers(&*file.group(group)?, name, values))
+    }
+
+    /// Gives a group a text as an attribute.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Write`].
+    pub fn text(&mut self, group: &str, name: &str, text: &str) -> Result<(), SnapshotError> {
+        self.everywhere(|file| attach_text(&*file.group(group)?, name, text))
+    }
+
+    /// Writes a dataset of this rank's rows, one after the other in `values`, and those of all others.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Write`], also if HDF5 did not write collectively.
+    ///
+    /// # Panics
+    /// If `values` are not whole rows.
+    pub fn rows<T: Element>(&mut self, column: &Column, values: &[T]) -> Result<(), SnapshotError> {
+        self.dataset(column, &T::type_descriptor(), bytemuck::cast_slice(values))
+    }
+
+    /// Writes a dataset that all ranks know; the values of rank 0 are taken.
+    ///
+    /// # Errors
+    /// As [`SnapshotFile::rows`].
+    ///
+    /// # Panics
+    /// As [`SnapshotFile::rows`].
+    pub fn table<T: Element>(
+        &mut self,
+        column: &Column,
+        values: &[T],
+    ) -> Result<(), SnapshotError> {
+        let mine = if self.comm.is_root() { values } else { &[] };
+        self.rows(column, mine)
+    }
+
+    /// Writes a dataset of texts that all ranks know, of a fixed length that holds the longest.
+    ///
+    /// # Errors
+    /// As [`SnapshotFile::rows`].
+    pub fn texts(&mut self, column: &Column, texts: &[&str]) -> Result<(), SnapshotError> {
+        let length = texts.iter().map(|t| t.len()).max().unwrap_or(0).max(1);
+        let mut bytes = Vec::new();
+        if self.comm.is_root() {
+            for text in texts {
+                bytes.extend_from_slice(text.as_bytes());
+                bytes.resize(bytes.len() + length - text.len(), 0);
+            }
+        }
+        self.dataset(column, &TypeDescriptor::FixedUnicode(length), &bytes)
+    }
+
+    /// Closes the file, gives back the room it did not need, and returns when all is on the disk.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Write`].
+    pub fn close(mut self) -> Result<(), SnapshotError> {
+        let room = self.room;
+        self.everywhere(|file| {
+            debug_assert!(file.size() <= room, "room for {room} bytes, not for {}", file.size());
+            file.flush()
+        })?;
+        let closed = self.file.take().map_or(Ok(()), File::close);
+        self.agree(closed)?;
+        on_root(&self.path, self.comm, || trim_and_sync(&self.path))
+    }
+
+    fn dataset(
+        &mut self,
+        column: &Column,
+        element: &TypeDescriptor,
+        bytes: &[u8],
+    ) -> Result<(), SnapshotError> {
+        let row_bytes = element.size() * column.width;
+        assert!(bytes.len().is_multiple_of(row_bytes), "{} was given half a row", column.place);
+        let here = bytes.len() / row_bytes;
+        let (before, total) = self.share(here);
+        let sum = self.sum_of_all(checksum(before as u64, row_bytes, bytes));
+        let shape = shape_of(total, column.width);
+        self.everywhere(|file| {
+            let dataset = create_dataset(file, column.place, element, &shape)?;
+            if !column.unit.is_empty() {
+                attach_text(&dataset, "unit", column.unit)?;
+            }
+            attach_numbers(&dataset, CHECKSUM, &[sum])
+        })?;
+        if total == 0 {
+            return Ok(());
+        }
+        if self.comm.mpi().is_some() {
+            self.everywhere(|file| {
+                let list = TransferList::collective()?;
+                let dataset = file.dataset(column.place)?;
+                transfer(&dataset, before..before + here, list.0, Buffer::Write(bytes))?;
+                list.was_collective()
+            })?;
+            self.collective_writes += 1;
+            Ok(())
+        } else {
+            let all = self.comm.gather(bytes.to_vec()).unwrap_or_default().concat();
+            self.everywhere(|file| {
+                let dataset = file.dataset(column.place)?;
+                transfer(&dataset, 0..total, h5p::H5P_DEFAULT, Buffer::Write(&all))
+            })
+        }
+    }
+
+    /// Does the same on every rank that has the file open; all fail if one fails.
+    fn everywhere(
+        &mut self,
+        act: impl FnOnce(&File) -> hdf5_metno::Result<()>,
+    ) -> Result<(), SnapshotError> {
+        let done = self.file.as_ref().map_or(Ok(()), act);
+        self.agree(done)
+    }
+
+    fn agree(&mut self, here: hdf5_metno::Result<()>) -> Result<(), SnapshotError> {
+        let here = here.map_err(|e| SnapshotError::write(&self.path, self.comm, &e));
+        agree(self.comm, here)
+    }
+
+    /// How many rows stand before those of this rank, and how many there are in all.
+    fn share(&mut self, here: usize) -> (usize, usize) {
+        let rank = self.comm.rank().index();
+        let mut rows = vec![0; self.comm.size() as usize];
+        rows[rank] = here as i64;
+        self.comm.sum(&mut rows);
+        (rows[..rank].iter().sum::<i64>() as usize, rows.iter().sum::<i64>() as usize)
+    }
+
+    fn sum_of_all(&mut self, here: u64) -> u64 {
+        add_up(self.comm, here)
+    }
+}
+
+/// The sum of a number over all ranks, modulo 2⁶⁴.
+fn add_up(comm: &mut dyn Comm, here: u64) -> u64 {
+    // Halves: the sum of whole ones would overflow.
+    let mut halves = [(here & 0xffff_ffff) as i64, (here >> 32) as i64];
+    comm.sum(&mut halves);
+    (halves[0] as u64).wrapping_add((halves[1] as u64) << 32)
+}
+
+/// Reserves blocks of a file from its beginning, without changing its length.
+fn reserve(file: &fs::File, bytes: u64) -> io::Result<()> {
+    let length = i64::try_from(bytes).map_err(io::Error::other)?;
+    // SAFETY: the descriptor is open.
+    let answer = unsafe { libc::fallocate(file.as_raw_fd(), libc::FALLOC_FL_KEEP_SIZE, 0, length) };
+    let error = io::Error::last_os_error();
+    match error.raw_os_error() {
+        _ if answer == 0 => Ok(()),
+        // Not every file system can.
+        Some(libc::EOPNOTSUPP | libc::ENOSYS) => Ok(()),
+        _ => Err(error),
+    }
+}
+
+/// Frees blocks beyond the end of a file, and waits until the file is on the disk.
+fn trim_and_sync(path: &Path) -> io::Result<()> {
+    let file = fs::File::options().write(true).open(path)?;
+    file.set_len(file.metadata()?.len())?;
+    file.sync_all()
+}
+
+/// How snapshots are opened for writing.
+fn as_snapshots_are(
+    access: &mut FileAccessBuilder,
+    mpi: Option<mpi::ffi::MPI_Comm>,
+) -> &mut FileAccessBuilder {
+    access.libver_v18().fclose_degree(FileCloseDegree::Strong);
+    match mpi {
+        Some(comm) => access.mpio(comm, None).coll_metadata_write(true),
+        None => access,
+    }
+}
+
+fn shape_of(rows: usize, width: usize) -> Vec<usize> {
+    if width == 1 { vec![rows] } else { vec![rows, width] }
+}
+
+/// Creates a contiguous dataset that is not filled beforehand.
+fn create_dataset(
+    file: &File,
+    place: &str,
+    element: &TypeDescriptor,
+    shape: &[usize],
+) -> hdf5_metno::Result<Dataset> {
+    let element = Datatype::from_descriptor(element)?;
+    let space = Dataspace::try_new(shape)?;
+    let create =
+        DatasetCreate::build().obj_track_times(false).fill_time(FillTime::Never).finish()?;
+    let name = CString::new(place).map_err(|e| e.to_string())?;
+    let _lock = LOCK.lock();
+    // SAFETY: all ids are alive; the new id is closed here and the dataset opened again by name.
+    unsafe {
+        let id = h5d::H5Dcreate2(
+            file.id(),
+            name.as_ptr(),
+            element.id(),
+            space.id(),
+            h5p::H5P_DEFAULT,
+            create.id(),
+            h5p::H5P_DEFAULT,
+        );
+        check(id)?;
+        check(h5d::H5Dclose(id))?;
+    }
+    file.dataset(place)
+}
+
+fn attach_numbers<T: Element>(to: &Location, name: &str, values: &[T]) -> hdf5_metno::Result<()> {
+    let new = to.new_attr::<T>();
+    match values {
+        [one] => new.create(name)?.write_scalar(one),
+        several => new.shape(several.len()).create(name)?.write_raw(several),
+    }
+}
+
+fn attach_text(to: &Location, name: &str, text: &str) -> hdf5_metno::Result<()> {
+    // Text of length zero has no type.
+    let text = if text.is_empty() { "\0" } else { text };
+    let kind = if text.is_ascii() {
+        TypeDescriptor::FixedAscii(text.len())
+    } else {
+        TypeDescriptor::FixedUnicode(text.len())
+    };
+    let attribute = to.new_attr_builder().empty_as(&kind).create(name)?;
+    let kind = Datatype::from_descriptor(&kind)?;
+    let _lock = LOCK.lock();
+    // SAFETY: the attribute has the size of `text`.
+    check(unsafe { h5a::H5Awrite(attribute.id(), kind.id(), text.as_ptr().cast()) }).map(drop)
+}
+
+/// Which way rows go.
+enum Buffer<'a> {
+    Read(&'a mut [u8]),
+    Write(&'a [u8]),
+}
+
+/// Moves rows between a dataset and memory, both of the dataset's type. No rows are a valid request,
+/// by which a rank joins a collective transfer.
+fn transfer(
+    dataset: &Dataset,
+    rows: Range<usize>,
+    list: hid_t,
+    buffer: Buffer,
+) -> hdf5_metno::Result<()> {
+    let element = dataset.dtype()?;
+    let in_file = dataset.space()?;
+    let mut shape = dataset.shape();
+    let Some(whole) = shape.first_mut() else { return Err("a scalar has no rows".into()) };
+    let inside = rows.start <= rows.end && rows.end <= *whole;
+    *whole = rows.len();
+    let bytes = shape.iter().product::<usize>() * element.size();
+    let fits = bytes
+        == match &buffer {
+            Buffer::Read(to) => to.len(),
+            Buffer::Write(from) => from.len(),
+        };
+    if !inside || !fits {
+        return Err("rows do not fit the dataset".into());
+    }
+    let in_memory = Dataspace::try_new(&shape[..])?;
+    let mut start = vec![0; shape.len()];
+    start[0] = rows.start as hsize_t;
+    let count: Vec<hsize_t> = shape.iter().map(|&n| n as hsize_t).collect();
+    let _lock = LOCK.lock();
+    // SAFETY: all ids are alive; `start` and `count` have an entry per dimension; the buffer was found to
+    // have the size of the selection, in elements of the dataset's own type.
+    unsafe {
+        if rows.is_empty() {
+            check(h5s::H5Sselect_none(in_file.id()))?;
+            check(h5s::H5Sselect_none(in_memory.id()))?;
+        } else {
+            check(h5s::H5Sselect_hyperslab(
+                in_file.id(),
+                h5s::H5S_SELECT_SET,
+                start.as_ptr(),
+                std::ptr::null(),
+                count.as_ptr(),
+                std::ptr::null(),
+            ))?;
+        }
+        let (data, kind) = (dataset.id(), element.id());
+        let (in_memory, in_file) = (in_memory.id(), in_file.id());
+        check(match buffer {
+            Buffer::Read(to) => {
+                h5d::H5Dread(data, kind, in_memory, in_file, list, to.as_mut_ptr().cast())
+            }
+            Buffer::Write(from) => {
+                h5d::H5Dwrite(data, kind, in_memory, in_file, list, from.as_ptr().cast())
+            }
+        })?;
+    }
+    Ok(())
+}
+
+/// What is asked of a transfer, and afterwards how it went.
+struct TransferList(hid_t);
+
+impl TransferList {
+    /// Asks for a collective transfer.
+    fn collective() -> hdf5_metno::Result<Self> {
+        let _lock = LOCK.lock();
+        // SAFETY: the class exists once a file is open; the list is closed when dropped.
+        unsafe {
+            let list = Self(check(h5p::H5Pcreate(*h5p::H5P_CLS_DATASET_XFER))?);
+            let mode = h5p::H5FD_mpio_xfer_t::H5FD_MPIO_COLLECTIVE;
+            check(h5p::H5Pset_dxpl_mpio(list.0, mode))?;
+            Ok(list)
+        }
+    }
+
+    /// Was the transfer made with this list collective?
+    fn was_collective(&self) -> hdf5_metno::Result<()> {
+        let mut mode = 0;
+        let _lock = LOCK.lock();
+        // SAFETY: the list is alive, and HDF5 writes one C int.
+        check(unsafe { H5Pget_mpio_actual_io_mode(self.0, &raw mut mode) })?;
+        if mode == CONTIGUOUS_COLLECTIVE {
+            Ok(())
+        } else {
+            Err(format!("HDF5 did not write collectively (mode {mode})").into())
+        }
+    }
+}
+
+impl Drop for TransferList {
+    fn drop(&mut self) {
+        let _lock = LOCK.lock();
+        // SAFETY: the list is alive and closed once.
+        unsafe { h5p::H5Pclose(self.0) };
+    }
+}
+
+/// HDF5's answer, or its error.
+fn check<T: Copy + Into<i64>>(answer: T) -> hdf5_metno::Result<T> {
+    if answer.into() < 0 { Err(Error::query().unwrap_or_else(|e| e)) } else { Ok(answer) }
+}
+
+/// A file opened for reading, by this rank alone.
+pub struct StoredFile {
+    path: PathBuf,
+    file: File,
+    /// Its length \[bytes\].
+    size: u64,
+}
+
+impl StoredFile {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Missing`], or [`SnapshotError::Unreadable`] if it is cut short or not HDF5.
+    pub fn open(path: &Path) -> Result<Self, SnapshotError> {
+        let size = match fs::metadata(path) {
+            Ok(metadata) => metadata.len(),
+            Err(e) => {
+                return Err(SnapshotError::Missing { path: name_of(path), cause: e.to_string() });
+            }
+        };
+        match File::open(path) {
+            Ok(file) => Ok(Self { path: path.to_owned(), file, size }),
+            Err(e) => Err(SnapshotError::unreadable(path, &e)),
+        }
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Does it have a dataset there?
+    pub fn has(&self, place: &str) -> bool {
+        self.file.link_exists(place)
+    }
+
+    /// How many rows a dataset has.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Unreadable`] if there is no such dataset.
+    pub fn count(&self, place: &str) -> Result<usize, SnapshotError> {
+        Ok(self.stored(place)?.rows)
+    }
+
+    /// Reads rows, one after the other. If all rows are asked for, their checksum is checked, too.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Unreadable`], [`SnapshotError::Beyond`], [`SnapshotError::Damaged`].
+    pub fn rows<T: Element>(
+        &self,
+        column: &Column,
+        rows: Range<usize>,
+    ) -> Result<Vec<T>, SnapshotError> {
+        let stored = self.stored(column.place)?;
+        let kind = stored.dataset.dtype().and_then(|t| t.to_descriptor());
+        if stored.width != column.width || kind.ok() != Some(T::type_descriptor()) {
+            return Err(self.wrong(&format!("{} has another type or width", column.place)));
+        }
+        if rows.start > rows.end || rows.end > stored.rows {
+            return Err(SnapshotError::Beyond {
+                path: name_of(&self.path),
+                dataset: column.place.to_owned(),
+                first: rows.start,
+                end: rows.end,
+                rows: stored.rows,
+            });
+        }
+        let mut values = vec![T::zeroed(); rows.len() * column.width];
+        self.fill(&stored, rows, bytemuck::cast_slice_mut(&mut values))?;
+        Ok(values)
+    }
+
+    /// Reads a dataset of texts, and checks its checksum.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Unreadable`], [`SnapshotError::Damaged`].
+    pub fn texts(&self, column: &Column) -> Result<Vec<String>, SnapshotError> {
+        let stored = self.stored(column.place)?;
+        let mut bytes = vec![0; stored.rows * stored.row_bytes];
+        self.fill(&stored, 0..stored.rows, &mut bytes)?;
+        bytes
+            .chunks_exact(stored.row_bytes)
+            .map(|text| {
+                let end = text.iter().rposition(|&b| b != 0).map_or(0, |last| last + 1);
+                let text = std::str::from_utf8(&text[..end]);
+                text.map(str::to_owned).map_err(|e| self.wrong(&format!("{}: {e}", column.place)))
+            })
+            .collect()
+    }
+
+    /// Reads an attribute of `N` numbers.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Unreadable`].
+    pub fn numbers<T: Element, const N: usize>(
+        &self,
+        group: &str,
+        name: &str,
+    ) -> Result<[T; N], SnapshotError> {
+        let values = self.file.group(group).and_then(|g| g.attr(name)?.read_raw::<T>());
+        let values = values.map_err(|e| self.wrong(&format!("{group}, {name}: {e}")))?;
+        values.try_into().map_err(|_| self.wrong(&format!("{group}, {name} is not {N} numbers")))
+    }
+
+    /// Checks the checksum of every dataset, each rank of `comm` a share of the rows. Every rank has
+    /// opened the file for itself; all get the same answer.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Damaged`] with the first dataset that has changed, or
+    /// [`SnapshotError::Unreadable`].
+    pub fn verify(&self, comm: &mut dyn Comm) -> Result<(), SnapshotError> {
+        let places = agree(comm, self.datasets())?;
+        for place in places {
+            let (rank, ranks) = (comm.rank().index(), comm.size() as usize);
+            let checked = self.stored(&place).and_then(|stored| {
+                let rows = stored.rows * rank / ranks..stored.rows * (rank + 1) / ranks;
+                Ok((self.sum_of(&stored, rows)?, self.expected(&stored)?))
+            });
+            let (here, expected) = agree(comm, checked)?;
+            if add_up(comm, here) != expected {
+                return Err(SnapshotError::damaged(&self.path, &place));
+            }
+        }
+        Ok(())
+    }
+
+    /// The places of all datasets.
+    fn datasets(&self) -> Result<Vec<String>, SnapshotError> {
+        fn collect(group: &Group, places: &mut Vec<String>) -> hdf5_metno::Result<()> {
+            places.extend(group.datasets()?.iter().map(|d| d.name()));
+            group.groups()?.iter().try_for_each(|g| collect(g, places))
+        }
+        let mut places = Vec::new();
+        collect(&self.file, &mut places).map_err(|e| self.wrong(&e.to_string()))?;
+        Ok(places)
+    }
+
+    fn stored(&self, place: &str) -> Result<Stored, SnapshotError> {
+        let dataset = self.file.dataset(place).map_err(|e| self.wrong(&format!("{place}: {e}")))?;
+        let (rows, width) = match dataset.shape()[..] {
+            [rows] => (rows, 1),
+            [rows, width] => (rows, width),
+            _ => return Err(self.wrong(&format!("{place} is not a list of rows"))),
+        };
+        let size = dataset.dtype().map_or(0, |t| t.size());
+        let row_bytes = size.saturating_mul(width);
+        let bytes = row_bytes.checked_mul(rows).filter(|&b| b as u64 <= self.size);
+        if row_bytes == 0 || bytes.is_none() {
+            return Err(self.wrong(&format!("{place} claims more rows than the file holds")));
+        }
+        Ok(Stored { dataset, place: place.to_owned(), rows, width, row_bytes })
+    }
+
+    /// Reads rows into `bytes`; if they are all, checks them.
+    fn fill(
+        &self,
+        stored: &Stored,
+        rows: Range<usize>,
+        bytes: &mut [u8],
+    ) -> Result<(), SnapshotError> {
+        let whole = rows.len() == stored.rows;
+        if !rows.is_empty() {
+            transfer(&stored.dataset, rows, h5p::H5P_DEFAULT, Buffer::Read(bytes))
+                .map_err(|e| self.wrong(&format!("{}: {e}", stored.place)))?;
+        }
+        if whole && checksum(0, stored.row_bytes, bytes) != self.expected(stored)? {
+            return Err(SnapshotError::damaged(&self.path, &stored.place));
+        }
+        Ok(())
+    }
+
+    fn sum_of(&self, stored: &Stored, rows: Range<usize>) -> Result<u64, SnapshotError> {
+        let step = (PIECE / stored.row_bytes).max(1);
+        let mut sum = 0u64;
+        for first in rows.clone().step_by(step) {
+            let piece = first..(first + step).min(rows.end);
+            let mut bytes = vec![0; piece.len() * stored.row_bytes];
+            transfer(&stored.dataset, piece, h5p::H5P_DEFAULT, Buffer::Read(&mut bytes))
+                .map_err(|e| self.wrong(&format!("{}: {e}", stored.place)))?;
+            sum = sum.wrapping_add(checksum(first as u64, stored.row_bytes, &bytes));
+        }
+        Ok(sum)
+    }
+
+    fn expected(&self, stored: &Stored) -> Result<u64, SnapshotError> {
+        let sum = stored.dataset.attr(CHECKSUM).and_then(|a| a.read_scalar());
+        sum.map_err(|e| self.wrong(&format!("{} has no checksum: {e}", stored.place)))
+    }
+
+    fn wrong(&self, cause: &str) -> SnapshotError {
+        SnapshotError::unreadable(&self.path, &cause)
+    }
+}
+
+/// A dataset of a file, as it is.
+struct Stored {
+    dataset: Dataset,
+    place: String,
+    rows: usize,
+    width: usize,
+    row_bytes: usize,
+}

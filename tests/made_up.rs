@@ -1,0 +1,184 @@
+//! Made-up tables: every number differs from every other, so that nothing can be mixed up unseen.
+
+use dem_mpi::contact::{History, NamedHistory};
+use dem_mpi::ids::{GlobalId, ShapeId};
+use dem_mpi::math::Vec3;
+use dem_mpi::output::tables::{
+    ContactTable, Header, HistoryTable, ParticleTable, ShapeRow, WallRow,
+};
+use std::ops::Range;
+
+/// What one rank, or all ranks one after the other, hand to the writer.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Tables {
+    pub(crate) particles: ParticleTable,
+    pub(crate) contacts: ContactTable,
+    pub(crate) histories: HistoryTable,
+}
+
+/// Numbers that are exact nowhere and all different.
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        f64::from_bits((self.0 >> 12) | 0x3ff0_0000_0000_0000) - 1.5
+    }
+
+    fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.next(), self.next(), self.next())
+    }
+}
+
+pub(crate) fn header(step: u64) -> Header {
+    let mut n = Numbers(step);
+    Header {
+        step,
+        time: n.next(),
+        dt: n.next(),
+        stage_begin: (step / 2, n.next()),
+        layers_fallen: 7,
+        next_id: u64::MAX / 3,
+        low: n.vector(),
+        high: n.vector(),
+        periodic: [true, false, true],
+        gravity: n.vector(),
+        walls: ["floor", "left wall, très loin", "lid"]
+            .map(|name| WallRow {
+                name: name.to_owned(),
+                point: n.vector(),
+                normal: n.vector(),
+                velocity: n.vector(),
+                force: n.vector(),
+            })
+            .to_vec(),
+        shapes: [("ball", "sphere"), ("egg", "ellipsoid")]
+            .map(|(name, kind)| ShapeRow {
+                name: name.to_owned(),
+                kind: kind.to_owned(),
+                semi_axes: n.vector(),
+                volume: n.next(),
+                mass: n.next(),
+                inertia: n.vector(),
+            })
+            .to_vec(),
+        scene: "# a scene, with µ in a comment\n[contact]\nmethod = \"auto\"\n".repeat(20),
+    }
+}
+
+/// A table of `rows` particles of all columns if `spinning`, else without the optional ones.
+pub(crate) fn particles(rank: i32, rows: Range<u64>, spinning: bool) -> ParticleTable {
+    let mut table = ParticleTable::default();
+    for id in rows {
+        let mut n = Numbers(id + 1000);
+        table.id.push(GlobalId(id * 3 + 1));
+        table.shape.push(ShapeId((id % 2) as u16));
+        table.position.push(n.vector());
+        table.velocity.push(n.vector());
+        table.force.push(n.vector());
+        table.coordination.push(id as i32 % 13);
+        table.rank.push(rank);
+        table.dissipated.push(n.next());
+        table.received.push(n.next());
+        if spinning {
+            table.image.push([id as i32, -1, 2]);
+            table.quaternion.push([n.next(), n.next(), n.next(), n.next()]);
+            table.angular_momentum.push(n.vector());
+            table.angular_velocity.push(n.vector());
+            table.torque.push(n.vector());
+        }
+    }
+    table
+}
+
+/// Every fourth contact is with a wall.
+fn partner(k: u64) -> GlobalId {
+    if k.is_multiple_of(4) { GlobalId::wall(k as usize % 3) } else { GlobalId(k + 5) }
+}
+
+pub(crate) fn contacts(rows: Range<u64>) -> ContactTable {
+    let mut table = ContactTable::default();
+    for k in rows {
+        let mut n = Numbers(k + 2000);
+        table.a.push(GlobalId(k));
+        table.b.push(partner(k));
+        table.centre.push(n.vector());
+        table.branch.push(n.vector());
+        table.point.push(n.vector());
+        table.normal.push(n.vector());
+        table.overlap.push(n.next());
+        table.normal_force.push(n.next());
+        table.shear_force.push(n.vector());
+    }
+    table
+}
+
+pub(crate) fn histories(rows: Range<u64>) -> HistoryTable {
+    rows.map(|k| {
+        let mut n = Numbers(k + 3000);
+        let history = History { normal: n.vector(), spring: n.vector() };
+        NamedHistory { a: GlobalId(k), b: partner(k), history }
+    })
+    .collect()
+}
+
+/// What rank `rank` of `size` writes: rank 1 has nothing, the others differ in how much they have.
+pub(crate) fn of_rank(rank: u32, size: u32, spinning: bool) -> Tables {
+    let before = |r: u32| (0..r).filter(|&r| r != 1).map(|r| u64::from(r) * 3 + 11).sum();
+    let rows: Range<u64> = if rank < size { before(rank)..before(rank + 1) } else { 0..0 };
+    Tables {
+        particles: particles(rank as i32, rows.clone(), spinning),
+        contacts: contacts(rows.start * 2..rows.end * 2),
+        histories: histories(rows),
+    }
+}
+
+/// What all ranks write, one after the other.
+pub(crate) fn of_all(size: u32, spinning: bool) -> Tables {
+    let mut all = Tables::default();
+    for rank in 0..size {
+        let Tables { particles, contacts, histories } = of_rank(rank, size, spinning);
+        all.particles.append(particles);
+        all.contacts.append(contacts);
+        all.histories.extend(histories);
+    }
+    all
+}
+
+/// Joins two tables.
+trait Append {
+    fn append(&mut self, other: Self);
+}
+
+impl Append for ParticleTable {
+    fn append(&mut self, other: Self) {
+        self.id.extend(other.id);
+        self.shape.extend(other.shape);
+        self.position.extend(other.position);
+        self.velocity.extend(other.velocity);
+        self.force.extend(other.force);
+        self.coordination.extend(other.coordination);
+        self.rank.extend(other.rank);
+        self.dissipated.extend(other.dissipated);
+        self.received.extend(other.received);
+        self.image.extend(other.image);
+        self.quaternion.extend(other.quaternion);
+        self.angular_momentum.extend(other.angular_momentum);
+        self.angular_velocity.extend(other.angular_velocity);
+        self.torque.extend(other.torque);
+    }
+}
+
+impl Append for ContactTable {
+    fn append(&mut self, other: Self) {
+        self.a.extend(other.a);
+        self.b.extend(other.b);
+        self.centre.extend(other.centre);
+        self.branch.extend(other.branch);
+        self.point.extend(other.point);
+        self.normal.extend(other.normal);
+        self.overlap.extend(other.overlap);
+        self.normal_force.extend(other.normal_force);
+        self.shear_force.extend(other.shear_force);
+    }
+}

@@ -1,0 +1,128 @@
+//! Snapshots that all ranks write together.
+
+use crate::made_up::{self, Tables, header};
+use dem_mpi::comm::{Comm, threads};
+use dem_mpi::output::SnapshotError;
+use dem_mpi::output::hdf5::{Column, SnapshotFile, StoredFile};
+use dem_mpi::output::snapshot::{self, Reader};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A directory that rank 0 made and all ranks know; rank 0 keeps what deletes it.
+fn shared_directory(comm: &mut dyn Comm) -> (PathBuf, Option<tempfile::TempDir>) {
+    let made = comm.is_root().then(|| tempfile::tempdir().unwrap());
+    let mut name = made.as_ref().map_or(vec![], |d| d.path().to_str().unwrap().as_bytes().to_vec());
+    comm.broadcast(&mut name);
+    (PathBuf::from(String::from_utf8(name).unwrap()), made)
+}
+
+fn write(
+    directory: &Path,
+    step: u64,
+    spinning: bool,
+    comm: &mut dyn Comm,
+) -> Result<PathBuf, SnapshotError> {
+    let Tables { particles, contacts, histories } =
+        &made_up::of_rank(comm.rank().0, comm.size(), spinning);
+    snapshot::write(directory, &header(step), particles, contacts, histories, comm)
+}
+
+fn read_all(path: &Path) -> Tables {
+    let reader = Reader::open(path).unwrap();
+    reader.verify().unwrap();
+    Tables {
+        particles: reader.particles(0..reader.particle_count()).unwrap(),
+        contacts: reader.contacts(0..reader.contact_count().unwrap()).unwrap(),
+        histories: reader.histories(0..reader.history_count()).unwrap(),
+    }
+}
+
+/// Bit for bit, with an empty rank; twice the same step, as after a restart; then checked by all.
+/// `DEM_MPI_KEEP_SNAPSHOTS` says where to keep the files for another test.
+pub(crate) fn round_trip(comm: &mut dyn Comm) {
+    let (directory, _kept) = shared_directory(comm);
+    let nested = match std::env::var_os("DEM_MPI_KEEP_SNAPSHOTS") {
+        Some(kept) => PathBuf::from(kept).join(comm.size().to_string()),
+        None => directory.join("out/packing"),
+    };
+    for (step, spinning) in [(3, true), (4, false), (4, true)] {
+        let path = write(&nested, step, spinning, comm).unwrap();
+        if comm.is_root() {
+            let expected = made_up::of_all(comm.size(), spinning);
+            assert_eq!(read_all(&path), expected);
+            assert_eq!(read_all(&nested), expected);
+            assert_eq!(*Reader::open(&path).unwrap().header(), header(step));
+        }
+        comm.any(false);
+        Reader::open(&path).unwrap().verify_together(comm).unwrap();
+    }
+}
+
+/// HDF5 says that it wrote collectively, also if only one rank has rows.
+pub(crate) fn is_collective(comm: &mut dyn Comm) {
+    let (directory, _kept) = shared_directory(comm);
+    let path = directory.join("file.vtkhdf");
+    let column = Column { place: "/numbers", width: 3, unit: "m" };
+    let last = comm.size() - 1;
+    let rows = if comm.rank().0 == last { vec![0.1; 3000] } else { vec![] };
+    let mut file = SnapshotFile::create(&path, 24_000, comm).unwrap();
+    file.rows(&column, &rows).unwrap();
+    assert_eq!(file.collective_writes(), 1);
+    file.rows(&Column { place: "/nothing", ..column }, &rows[..0]).unwrap();
+    file.table(&Column { place: "/table", ..column }, &[7i32, 8, 9]).unwrap();
+    file.texts(&Column { place: "/texts", width: 1, unit: "" }, &["a", "µ", ""]).unwrap();
+    assert_eq!(file.collective_writes(), 3);
+    file.close().unwrap();
+    let stored = StoredFile::open(&path).unwrap();
+    assert_eq!(stored.rows::<f64>(&column, 0..1000).unwrap(), vec![0.1; 3000]);
+    assert_eq!(stored.count("/nothing").unwrap(), 0);
+    stored.verify(comm).unwrap();
+}
+
+/// No directory can be made, the file cannot be created, the disk is too small, a table is wrong: all
+/// ranks get the same error.
+pub(crate) fn errors_agree(comm: &mut dyn Comm) {
+    let (directory, _kept) = shared_directory(comm);
+    let file = directory.join("a file");
+    if comm.is_root() {
+        fs::write(&file, "").unwrap();
+        fs::create_dir(directory.join(".contacts_000000002.vtkhdf.partial")).unwrap();
+    }
+    comm.any(false);
+    let no_directory = write(&file.join("snapshots"), 1, true, comm).unwrap_err();
+    let no_file = write(&directory, 2, true, comm).unwrap_err();
+    let too_large = SnapshotFile::create(&directory.join("large"), 1 << 58, comm).err().unwrap();
+    let mut tables = made_up::of_rank(comm.rank().0, comm.size(), true);
+    if comm.rank().0 == comm.size() - 1 {
+        tables.contacts.overlap.push(0.0);
+    }
+    let Tables { particles, contacts, histories } = &tables;
+    let uneven =
+        snapshot::write(&directory, &header(3), particles, contacts, histories, comm).unwrap_err();
+    for (error, of) in
+        [(&no_directory, "a file/snap"), (&no_file, ".contacts"), (&too_large, "large")]
+    {
+        let SnapshotError::Write { rank: 0, path, .. } = error else { panic!("{error}") };
+        assert!(path.contains(of), "{error}");
+    }
+    assert!(matches!(&uneven, SnapshotError::Uneven { column, .. } if column == "overlap"));
+    let mine = [no_directory, no_file, too_large, uneven].map(|e| e.to_string()).join("\n");
+    if let Some(all) = comm.gather(mine.clone().into_bytes()) {
+        assert!(all.iter().all(|theirs| *theirs == mine.as_bytes()));
+    }
+    // The ranks are still in step.
+    write(&directory, 4, true, comm).unwrap();
+}
+
+/// Ranks of MPI and ranks as threads write the same snapshot.
+pub(crate) fn same_as_threads(comm: &mut dyn Comm) {
+    let (directory, _kept) = shared_directory(comm);
+    let together = write(&directory.join("mpi"), 1, true, comm).unwrap();
+    if comm.is_root() {
+        let gathered = threads::run(comm.size(), |comm| {
+            write(&directory.join("threads"), 1, true, comm).unwrap()
+        });
+        assert_eq!(read_all(&together), read_all(&gathered[0]));
+    }
+    comm.any(false);
+}

@@ -1,0 +1,272 @@
+//! Snapshots: what goes in comes out bit for bit, and damage is found.
+
+use crate::made_up::{self, Tables, header};
+use dem_mpi::comm::alone::Alone;
+use dem_mpi::comm::{Comm, threads};
+use dem_mpi::output::SnapshotError;
+use dem_mpi::output::hdf5::checksum;
+use dem_mpi::output::snapshot::{self, Reader};
+use dem_mpi::output::tables::Header;
+use rand_chacha::ChaCha8Rng;
+use rand_core::{RngCore, SeedableRng};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn write(directory: &Path, header: &Header, tables: &Tables, comm: &mut dyn Comm) -> PathBuf {
+    let Tables { particles, contacts, histories } = tables;
+    snapshot::write(directory, header, particles, contacts, histories, comm).unwrap()
+}
+
+fn read(path: &Path) -> Result<(Header, Tables), SnapshotError> {
+    let reader = Reader::open(path)?;
+    let tables = Tables {
+        particles: reader.particles(0..reader.particle_count())?,
+        contacts: reader.contacts(0..reader.contact_count()?)?,
+        histories: reader.histories(0..reader.history_count())?,
+    };
+    reader.verify()?;
+    Ok((reader.header().clone(), tables))
+}
+
+#[test]
+fn alone_round_trip() {
+    let directory = tempfile::tempdir().unwrap();
+    for spinning in [true, false] {
+        let tables = made_up::of_rank(0, 1, spinning);
+        let path = write(directory.path(), &header(42), &tables, &mut Alone::default());
+        assert_eq!(path, directory.path().join("particles_000000042.vtkhdf"));
+        assert_eq!(read(&path).unwrap(), (header(42), tables));
+    }
+}
+
+#[test]
+fn threads_round_trip_with_an_empty_rank() {
+    for size in [1, 3, 4] {
+        for spinning in [true, false] {
+            let directory = tempfile::tempdir().unwrap();
+            threads::run(size, |comm| {
+                let tables = made_up::of_rank(comm.rank().0, size, spinning);
+                write(directory.path(), &header(9), &tables, comm);
+            });
+            let (found, tables) = read(directory.path()).unwrap();
+            assert_eq!(found, header(9));
+            assert_eq!(tables, made_up::of_all(size, spinning), "{size} ranks");
+        }
+    }
+}
+
+#[test]
+fn nothing_at_all_round_trip() {
+    let directory = tempfile::tempdir().unwrap();
+    let empty = Header { walls: vec![], shapes: vec![], scene: String::new(), ..header(0) };
+    threads::run(2, |comm| write(directory.path(), &empty, &Tables::default(), comm));
+    assert_eq!(read(directory.path()).unwrap(), (empty, Tables::default()));
+}
+
+#[test]
+fn extreme_numbers_keep_their_bits() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut tables = made_up::of_rank(0, 1, false);
+    let odd = [
+        -0.0,
+        f64::MIN_POSITIVE / 8.0,
+        f64::INFINITY,
+        f64::MAX,
+        f64::from_bits(0x7ff8_dead_beef_0001),
+    ];
+    tables.particles.dissipated[..5].copy_from_slice(&odd);
+    write(directory.path(), &header(1), &tables, &mut Alone::default());
+    let reader = Reader::open(directory.path()).unwrap();
+    let found = reader.particles(0..5).unwrap().dissipated;
+    assert_eq!(found.iter().map(|x| x.to_bits()).collect::<Vec<_>>(), odd.map(f64::to_bits));
+}
+
+#[test]
+fn pieces_are_pieces_of_the_whole() {
+    let directory = tempfile::tempdir().unwrap();
+    let tables = made_up::of_rank(0, 1, true);
+    write(directory.path(), &header(1), &tables, &mut Alone::default());
+    let reader = Reader::open(directory.path()).unwrap();
+    let piece = reader.particles(3..7).unwrap();
+    assert_eq!(piece.id, tables.particles.id[3..7]);
+    assert_eq!(piece.position, tables.particles.position[3..7]);
+    assert_eq!(piece.quaternion, tables.particles.quaternion[3..7]);
+    let piece = reader.contacts(5..6).unwrap();
+    assert_eq!(piece.centre, tables.contacts.centre[5..6]);
+    assert_eq!(piece.b, tables.contacts.b[5..6]);
+    assert_eq!(reader.histories(2..4).unwrap(), tables.histories[2..4]);
+    assert_eq!(reader.particles(4..4).unwrap().id, []);
+    let rows = reader.particle_count();
+    assert!(matches!(reader.particles(0..rows + 1), Err(SnapshotError::Beyond { .. })));
+    #[expect(clippy::reversed_empty_ranges, reason = "what a careless caller may ask for")]
+    let backwards = reader.contacts(3..1);
+    assert!(matches!(backwards, Err(SnapshotError::Beyond { .. })));
+}
+
+#[test]
+fn ranks_verify_together() {
+    let directory = tempfile::tempdir().unwrap();
+    let tables = made_up::of_rank(0, 1, true);
+    let path = write(directory.path(), &header(1), &tables, &mut Alone::default());
+    let verify = || threads::run(3, |comm| Reader::open(&path).unwrap().verify_together(comm));
+    assert_eq!(verify(), [Ok(()), Ok(()), Ok(())]);
+    // A bit of the last row: only the last rank reads it.
+    let last = tables.particles.torque.last().unwrap().z.to_le_bytes();
+    let mut bytes = fs::read(&path).unwrap();
+    let at = bytes.windows(8).position(|w| w == last).unwrap();
+    bytes[at] ^= 1;
+    fs::write(&path, bytes).unwrap();
+    let expected = SnapshotError::Damaged {
+        path: path.canonicalize().unwrap().display().to_string(),
+        dataset: "/VTKHDF/PointData/torque".to_owned(),
+    };
+    for found in verify() {
+        assert_eq!(found, Err(expected.clone()));
+    }
+}
+
+#[test]
+fn a_new_snapshot_leaves_the_old_one_until_it_is_complete() {
+    let directory = tempfile::tempdir().unwrap();
+    let place = directory.path();
+    let first = made_up::of_rank(0, 1, true);
+    write(place, &header(1), &first, &mut Alone::default());
+    // What a crash leaves: partial files, and the contacts of a step without its particles.
+    fs::write(place.join(".particles_000000002.vtkhdf.partial"), "half").unwrap();
+    fs::write(place.join(".last.vtkhdf.partial"), "half").unwrap();
+    fs::write(place.join("contacts_000000002.vtkhdf"), "whole").unwrap();
+    assert_eq!(read(place).unwrap(), (header(1), first.clone()));
+    // A write that fails: its partial name is taken by a directory.
+    let taken = place.join(".particles_000000003.vtkhdf.partial");
+    fs::create_dir(&taken).unwrap();
+    let Tables { particles, contacts, histories } = &first;
+    let mut comm = Alone::default();
+    let failed = snapshot::write(place, &header(3), particles, contacts, histories, &mut comm);
+    assert!(matches!(failed, Err(SnapshotError::Write { rank: 0, .. })), "{failed:?}");
+    assert_eq!(read(place).unwrap(), (header(1), first));
+    // The next good one.
+    let second = made_up::of_rank(2, 3, false);
+    write(place, &header(2), &second, &mut Alone::default());
+    assert_eq!(read(place).unwrap(), (header(2), second));
+    assert_eq!(
+        fs::read_link(place.join("last.vtkhdf")).unwrap(),
+        Path::new("particles_000000002.vtkhdf")
+    );
+    let left = fs::read_dir(place).unwrap().map(|e| e.unwrap().file_name());
+    assert!(!left.into_iter().any(|name| name == ".particles_000000002.vtkhdf.partial"));
+}
+
+#[test]
+fn one_rank_that_fails_fails_all_alike() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("a file");
+    fs::write(&file, "").unwrap();
+    let fail = |place: &Path, break_rank_two: fn(&mut Tables)| {
+        let errors = threads::run(3, |comm| {
+            let mut tables = made_up::of_rank(comm.rank().0, 3, true);
+            if comm.rank().0 == 2 {
+                break_rank_two(&mut tables);
+            }
+            let Tables { particles, contacts, histories } = &tables;
+            snapshot::write(place, &header(1), particles, contacts, histories, comm).unwrap_err()
+        });
+        assert!(errors.iter().all(|e| *e == errors[0]), "{errors:?}");
+        errors[0].clone()
+    };
+    let through_a_file = fail(&file.join("snapshots"), |_| {});
+    assert!(matches!(through_a_file, SnapshotError::Write { rank: 0, .. }), "{through_a_file}");
+    let uneven = fail(directory.path(), |t| t.particles.force.truncate(2));
+    let expected = SnapshotError::Uneven { rank: 2, column: "force".into(), rows: 2, expected: 17 };
+    assert_eq!(uneven, expected);
+    let unknown = fail(directory.path(), |t| t.particles.shape[1].0 = 2);
+    assert!(unknown.to_string().contains("has shape 2"), "{unknown}");
+}
+
+#[test]
+fn what_is_not_a_snapshot_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let place = directory.path();
+    assert!(matches!(Reader::open(place), Err(SnapshotError::Missing { .. })));
+    assert!(matches!(Reader::open(&place.join("no")), Err(SnapshotError::Missing { .. })));
+    for content in ["", "a text that is not HDF5"] {
+        let path = place.join("particles_000000001.vtkhdf");
+        fs::write(&path, content).unwrap();
+        assert!(matches!(Reader::open(&path), Err(SnapshotError::Unreadable { .. })));
+    }
+    let tables = made_up::of_rank(0, 1, true);
+    let path = write(place, &header(5), &tables, &mut Alone::default());
+    let error = Reader::open(&place.join("contacts_000000005.vtkhdf")).err().unwrap();
+    assert!(error.to_string().contains("has no particles"), "{error}");
+    // Contacts of another snapshot, or none: the particles can still be read.
+    write(place, &header(6), &tables, &mut Alone::default());
+    let contacts = place.join("contacts_000000005.vtkhdf");
+    fs::copy(place.join("contacts_000000006.vtkhdf"), &contacts).unwrap();
+    let reader = Reader::open(&path).unwrap();
+    assert!(matches!(reader.contact_count(), Err(SnapshotError::Unreadable { .. })));
+    fs::remove_file(&contacts).unwrap();
+    let reader = Reader::open(&path).unwrap();
+    assert!(matches!(reader.verify(), Err(SnapshotError::Missing { .. })));
+    assert_eq!(reader.particles(0..reader.particle_count()).unwrap(), tables.particles);
+}
+
+#[test]
+fn a_file_cut_short_is_recognised() {
+    let directory = tempfile::tempdir().unwrap();
+    let tables = made_up::of_rank(0, 1, true);
+    let path = write(directory.path(), &header(1), &tables, &mut Alone::default());
+    for file in [path.clone(), directory.path().join(snapshot::contacts_name(1))] {
+        let whole = fs::read(&file).unwrap();
+        for length in (0..whole.len()).step_by(211).chain(whole.len() - 9..whole.len()) {
+            fs::write(&file, &whole[..length]).unwrap();
+            let error = read(&path).unwrap_err();
+            assert!(matches!(error, SnapshotError::Unreadable { .. }), "{length}: {error}");
+        }
+        fs::write(&file, &whole).unwrap();
+    }
+    assert_eq!(read(&path).unwrap(), (header(1), tables));
+}
+
+#[test]
+fn a_flipped_bit_is_found_or_harmless() {
+    const SEED: u64 = 20;
+    const FLIPS: usize = 200;
+    let directory = tempfile::tempdir().unwrap();
+    let tables = made_up::of_rank(0, 1, true);
+    let path = write(directory.path(), &header(1), &tables, &mut Alone::default());
+    let original = (header(1), tables);
+    let mut random = ChaCha8Rng::seed_from_u64(SEED);
+    let mut found = 0;
+    for file in [path.clone(), directory.path().join(snapshot::contacts_name(1))] {
+        let whole = fs::read(&file).unwrap();
+        for flip in 0..FLIPS / 2 {
+            let mut bytes = whole.clone();
+            let bit = random.next_u64() as usize % (bytes.len() * 8);
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            fs::write(&file, bytes).unwrap();
+            match read(&path) {
+                Ok(read) => assert!(read == original, "seed {SEED}, flip {flip}, bit {bit}"),
+                Err(_) => found += 1,
+            }
+        }
+        fs::write(&file, &whole).unwrap();
+    }
+    // The rest fell between the structures of the file, where nothing is read.
+    assert!(found > FLIPS / 2, "only {found} of {FLIPS} found");
+}
+
+#[test]
+fn the_checksum_adds_up_and_sees_order() {
+    let rows: Vec<u8> = (0..240).map(|i| (i * 7) as u8).collect();
+    let whole = checksum(0, 24, &rows);
+    let (first, second) = rows.split_at(72);
+    assert_eq!(checksum(3, 24, second).wrapping_add(checksum(0, 24, first)), whole);
+    let swapped = [&rows[24..48], &rows[..24], &rows[48..]].concat();
+    assert_ne!(checksum(0, 24, &swapped), whole);
+    for bit in 0..rows.len() * 8 {
+        let mut flipped = rows.clone();
+        flipped[bit / 8] ^= 1 << (bit % 8);
+        assert_ne!(checksum(0, 24, &flipped), whole);
+    }
+    // Rows that are not whole words.
+    assert_ne!(checksum(0, 3, &[1, 2, 3]), checksum(0, 3, &[1, 2, 4]));
+}
