@@ -33,3 +33,5 @@ pub mod shape;
 pub mod contact;
 
 pub mod output;
+
+pub mod post;
