@@ -822,8 +822,8 @@ fn a_diff_finds_what_was_planted() {
     assert_eq!(equal.compared, 27);
     assert!(equal.to_string().starts_with("equal bit for bit"));
 
-    let last_place = |x: f64| f64::from_bits(x.to_bits() + 1);
-    second.particles.position[0].z = last_place(second.particles.position[0].z); // id 26
+    let z = &mut second.particles.position[0].z; // id 26, in its last place
+    *z = f64::from_bits(z.to_bits() + 1);
     second.particles.velocity[0].x = 0.5;
     second.particles.velocity[20].x = -0.25; // id 6
     second.particles.velocity[20].y = -0.0;

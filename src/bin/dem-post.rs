@@ -204,7 +204,7 @@ fn compare(named: &[PathBuf], files: &[PathBuf]) -> Result<ExitCode> {
 }
 
 fn write_lammps(out: &Path, reader: &Reader) -> Result<()> {
-    let path = out.join(format!("particles_{:012}.dump", reader.header().step));
+    let path = out.join(format!("particles_{:09}.dump", reader.header().step));
     let mut file = BufWriter::new(
         File::create(&path).with_context(|| format!("cannot write {}", path.display()))?,
     );

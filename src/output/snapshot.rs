@@ -1,20 +1,10 @@
 //! Reading a snapshot's files. Stands in for the reader of the files until that is merged: it can only
 //! say that it cannot.
 
+use super::SnapshotError;
 use super::tables::{ContactTable, Header, ParticleTable};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-
-/// Why a snapshot could not be read.
-#[derive(Debug, thiserror::Error)]
-pub enum SnapshotError {
-    /// This build has no reader.
-    #[error("{}: this build cannot read snapshots", path.display())]
-    NoReader {
-        /// The file.
-        path: PathBuf,
-    },
-}
 
 /// A snapshot, open for reading.
 #[derive(Debug)]

@@ -26,7 +26,8 @@ mod sums;
 pub use report::{Report, Summary};
 
 use crate::ids::GlobalId;
-use crate::output::snapshot::{Reader, SnapshotError};
+use crate::output::SnapshotError;
+use crate::output::snapshot::Reader;
 use crate::output::tables::{ContactTable, Header, ParticleTable};
 use coordination::CoordinationCount;
 use fabric::{Among, Fabric, FabricSum, ForceFabricSum, RoseSum};
