@@ -960,4 +960,32 @@ fn the_table_has_one_row_per_snapshot_and_names_units() {
     let text = serde_json::to_string(&report).unwrap();
     let p = text.split("\"p_pa\":").nth(1).and_then(|t| t.split(',').next()).unwrap();
     assert_eq!(p.parse::<f64>().ok(), report.summary.p_pa);
+    // Tensors by rows.
+    let rows = &serde_json::from_str::<Value>(&text).unwrap()["stress_pa"];
+    close(number(&rows[0][2]), report.summary.stress_xz_pa.unwrap(), ROUNDING, "σ_xz");
+}
+
+#[test]
+fn wrong_arguments_end_in_one_message_and_status_2() {
+    let directory = tempfile::tempdir().unwrap();
+    let empty = directory.path().to_str().unwrap();
+    for (arguments, expected) in [
+        (vec!["no/such/file.vtkhdf"], "no snapshot no/such/file.vtkhdf"),
+        (vec![empty], "holds no snapshot"),
+        (vec!["out/contacts_000000001.vtkhdf"], "only contact files"),
+        (vec!["--diff", "Cargo.toml"], "--diff takes two snapshots, not 1"),
+        (vec!["Cargo.toml", "--region", "0,1,0"], "six numbers"),
+        (vec!["Cargo.toml", "--region", "0,1,0,1,0,high"], "'high'"),
+        (vec![], "<SNAPSHOT>"),
+    ] {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_dem-post"))
+            .args(&arguments)
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output()
+            .unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains(expected), "{arguments:?}: {message}");
+        assert!(!message.contains("panicked"), "{message}");
+    }
 }

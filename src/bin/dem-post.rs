@@ -119,10 +119,8 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     let plots = plots::all(&reports, drawing, &curves)?;
     write_all(&out, &title(beside), &reports, &plots)?;
 
-    if let Some(report) = reports.last() {
-        print_table(report);
-    }
-    println!("\npage: {}", out.join("index.html").display());
+    let table = reports.last().map(table).unwrap_or_default();
+    say(&format!("{table}\npage: {}\n", out.join("index.html").display()));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -199,7 +197,7 @@ fn compare(named: &[PathBuf], files: &[PathBuf]) -> Result<ExitCode> {
         second.particles(0..second.particle_count())?,
     );
     let difference = Difference::between((first.header(), &tables.0), (second.header(), &tables.1));
-    print!("{difference}");
+    say(&difference.to_string());
     Ok(ExitCode::from(u8::from(!difference.is_empty())))
 }
 
@@ -248,13 +246,23 @@ fn write_all(out: &Path, title: &str, reports: &[Report], plots: &[Plot]) -> Res
     write("index.html", &page::page(title, reports, plots))
 }
 
-fn print_table(report: &Report) {
-    println!("{}", report.snapshot);
-    println!("step {}, t = {} s", report.summary.step, report.summary.time_s);
+/// The numbers for a terminal.
+fn table(report: &Report) -> String {
+    let summary = &report.summary;
+    let mut lines =
+        vec![report.snapshot.clone(), format!("step {}, t = {} s", summary.step, summary.time_s)];
     for group in report.groups() {
-        println!("\n{}", group.title);
-        for row in group.rows {
-            println!("  {:<30} {:>12} {}", row.label, row.value, row.unit);
-        }
+        lines.push(format!("\n{}", group.title));
+        lines.extend(group.rows.iter().map(|row| {
+            let line = format!("  {:<32} {:>12} {}", row.label, row.value, row.unit);
+            line.trim_end().to_string()
+        }));
     }
+    lines.join("\n") + "\n"
+}
+
+/// Prints to standard output. A reader that stops early, such as `head`, is no error: the files
+/// are written by then.
+fn say(text: &str) {
+    let _ = std::io::stdout().write_all(text.as_bytes());
 }

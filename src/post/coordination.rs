@@ -15,11 +15,11 @@ use super::sums::quotient;
 use crate::output::tables::ContactTable;
 use serde::{Deserialize, Serialize};
 
-/// Counts the contacts of each particle: four bytes per id ever given.
+/// Counts the contacts of each particle: eight bytes per id ever given.
 #[derive(Clone, Debug, Default)]
 pub struct CoordinationCount {
     /// Contacts with particles and with walls, by id.
-    contacts: Vec<[u16; 2]>,
+    contacts: Vec<[u32; 2]>,
 }
 
 impl CoordinationCount {
@@ -35,7 +35,7 @@ impl CoordinationCount {
         }
     }
 
-    fn of(&mut self, id: u64) -> &mut [u16; 2] {
+    fn of(&mut self, id: u64) -> &mut [u32; 2] {
         let id = id as usize;
         if id >= self.contacts.len() {
             self.contacts.resize(id + 1, [0; 2]);
@@ -70,10 +70,10 @@ pub struct CoordinationNumbers {
 }
 
 impl CoordinationNumbers {
-    fn of(counts: impl Iterator<Item = u16>) -> Self {
+    fn of(counts: impl Iterator<Item = u32>) -> Self {
         let mut histogram = Vec::new();
         for count in counts {
-            let count = usize::from(count);
+            let count = count as usize;
             if count >= histogram.len() {
                 histogram.resize(count + 1, 0);
             }

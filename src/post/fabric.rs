@@ -19,7 +19,7 @@
 use super::PostError;
 use super::region::{Ends, Members};
 use super::stress::{Principal, Stress, principal};
-use super::sums::{ExactMat3, deviator, inner, quotient};
+use super::sums::{ExactMat3, deviator, inner, quotient, rows};
 use crate::math::{ExactSum, Mat3, Vec3};
 use crate::output::tables::ContactTable;
 use serde::{Deserialize, Serialize};
@@ -90,6 +90,7 @@ pub struct Fabric {
     /// Contacts; one that the region's border cuts counts half.
     pub contacts: f64,
     /// Fabric tensor `Φ_ij = <n_i n_j>`.
+    #[serde(with = "rows")]
     pub tensor: Mat3,
 }
 
@@ -184,10 +185,13 @@ impl ForceFabricSum {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ForceFabric {
     /// `f_0 = χ^n_ii`, the mean normal force over all directions [N].
+    #[serde(rename = "mean_force_n")]
     pub mean_force: f64,
     /// `a^n_ij`.
+    #[serde(with = "rows")]
     pub normal_anisotropy: Mat3,
     /// `a^t_ij`.
+    #[serde(with = "rows")]
     pub shear_anisotropy: Mat3,
 }
 
@@ -274,8 +278,10 @@ pub struct Rose {
     /// Density of normals over that of an isotropic packing, `4π E(θ)`.
     pub density: Vec<Option<f64>>,
     /// Mean normal force [N].
+    #[serde(rename = "normal_force_n")]
     pub normal_force: Vec<Option<f64>>,
     /// Mean tangential force towards the vertical, of the upper end on the lower [N].
+    #[serde(rename = "shear_force_n")]
     pub shear_force: Vec<Option<f64>>,
 }
 

@@ -228,6 +228,7 @@ pub struct Forces {
     /// Largest `|f_t| / f_n`.
     pub largest_friction_used: f64,
     /// Largest normal force [N].
+    #[serde(rename = "largest_normal_force_n")]
     pub largest_normal_force: f64,
 }
 

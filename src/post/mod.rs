@@ -1,7 +1,7 @@
 //! What is computed from a snapshot: stress, coordination, fabric, forces, and the pages that show them.
 //!
 //! Every measure adds up pieces of the tables, so a snapshot may be larger than memory: only a few
-//! bytes per particle are kept. All sums are exact ([`crate::math::ExactSum`]): a report has the same digits
+//! bytes per particle are kept (and up to 2³⁰ contacts counted). All sums are exact ([`crate::math::ExactSum`]): a report has the same digits
 //! whatever the number of ranks that wrote the snapshot.
 //!
 //! Three passes, each of which hands on to the next:

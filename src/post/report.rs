@@ -4,7 +4,7 @@ use super::coordination::Coordination;
 use super::fabric::{Among, Fabric, ForceFabric, Rose, degree, stress_ratio_from_fabric};
 use super::forces::Forces;
 use super::region::{Bounds, Region, Strain};
-use super::stress::Stress;
+use super::stress::{Principal, Stress};
 use crate::output::tables::Header;
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 pub struct Report {
     /// Version of this program.
     pub program_version: String,
-    /// The snapshot, as the user named it.
+    /// The snapshot's file.
     pub snapshot: String,
     /// The box that the user gave [m]; null for the whole packing.
     pub region_m: Option<Bounds>,
@@ -23,15 +23,19 @@ pub struct Report {
     pub summary: Summary,
     /// The box of the whole or the region [m].
     pub bounds_m: Option<Bounds>,
-    /// Stress [Pa], compression positive.
+    /// Stress [Pa], compression positive, row by row.
     pub stress_pa: Option<Stress>,
+    /// Principal stresses, largest first, with their directions.
+    pub principal_stress_pa: Option<[Principal; 3]>,
     /// Coordination, with and without walls.
     pub coordination: Coordination,
     /// Fabric of contact normals.
     pub fabric: Option<Fabric>,
-    /// Anisotropy of contact forces; its mean force in N.
+    /// Principal values of the fabric tensor, largest first, with their directions.
+    pub principal_fabric: Option<[Principal; 3]>,
+    /// Anisotropy of contact forces.
     pub force_fabric: Option<ForceFabric>,
-    /// Normals and forces (N) by their angle to the vertical.
+    /// Normals and forces by their angle to the vertical.
     pub rose: Rose,
     /// Distributions of forces over the mean normal force.
     pub forces: Option<Forces>,
@@ -209,8 +213,10 @@ impl Report {
             summary,
             bounds_m: bounds,
             stress_pa: stress,
+            principal_stress_pa: stress.map(|s| s.principal()),
             coordination,
             fabric,
+            principal_fabric: fabric.map(|f| f.principal()),
             force_fabric,
             rose: parts.rose,
             forces,

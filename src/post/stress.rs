@@ -21,7 +21,7 @@
 
 use super::PostError;
 use super::region::Members;
-use super::sums::{ExactMat3, deviator, inner, quotient};
+use super::sums::{ExactMat3, deviator, inner, quotient, rows};
 use crate::math::{Mat3, Vec3};
 use crate::output::tables::ContactTable;
 use serde::{Deserialize, Serialize};
@@ -71,8 +71,10 @@ impl StressSum {
 
 /// A stress tensor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
 pub struct Stress {
     /// `σ_ij` [Pa], compression positive.
+    #[serde(with = "rows")]
     pub tensor: Mat3,
 }
 

@@ -26,6 +26,22 @@ impl ExactMat3 {
     }
 }
 
+/// A tensor in JSON: a list of its rows (nalgebra's own form is flat, by columns).
+pub(super) mod rows {
+    use crate::math::Mat3;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    /// As rows.
+    pub(crate) fn serialize<S: Serializer>(tensor: &Mat3, to: S) -> Result<S::Ok, S::Error> {
+        <[[f64; 3]; 3]>::from(tensor.transpose()).serialize(to)
+    }
+
+    /// From rows.
+    pub(crate) fn deserialize<'a, D: Deserializer<'a>>(from: D) -> Result<Mat3, D::Error> {
+        <[[f64; 3]; 3]>::deserialize(from).map(|rows| Mat3::from(rows).transpose())
+    }
+}
+
 /// `numerator / denominator`, or `None` where the quotient has no meaning.
 pub(super) fn quotient(numerator: f64, denominator: f64) -> Option<f64> {
     let value = numerator / denominator;
