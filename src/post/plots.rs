@@ -605,7 +605,34 @@ fn nice_step(largest: f64) -> f64 {
 /// A number of a summary.
 type Pick = fn(&super::Summary) -> Option<f64>;
 
-/// Stress ratio, volumetric strain, mean stress and coordination over a series of snapshots (fig. 10 of Lai et
+/// A plot over a series: name, title, label, and the curves with their names.
+type Wanted<'a> = (&'a str, &'a str, &'a str, &'a [(&'a str, Pick)]);
+
+const OVER_A_SERIES: [Wanted; 6] = [
+    ("stress_ratio", "Stress ratio", "q / p", &[("", |s| s.q_over_p)]),
+    (
+        "volumetric_strain",
+        "Volumetric strain",
+        "volumetric strain (%)",
+        &[("", |s| s.volumetric_strain.map(|e| 100.0 * e))],
+    ),
+    ("mean_stress", "Stress", "stress (Pa)", &[("p", |s| s.p_pa), ("q", |s| s.q_pa)]),
+    ("solid_fraction", "Solid fraction", "solid fraction", &[("", |s| s.solid_fraction)]),
+    (
+        "mean_coordination",
+        "Coordination number",
+        "contacts per particle",
+        &[("mean", |s| s.coordination), ("mechanical", |s| s.mechanical_coordination)],
+    ),
+    (
+        "anisotropy",
+        "Anisotropy of normals, normal and shear forces",
+        "degree of anisotropy",
+        &[("a_c", |s| s.a_c), ("a_n", |s| s.a_n), ("a_t", |s| s.a_t)],
+    ),
+];
+
+/// Stress, strain, density, coordination and anisotropy over a series of snapshots (fig. 10 of Lai et
 /// al. 2021): against axial strain if the packing is strained, else against time.
 ///
 /// # Errors
@@ -614,45 +641,45 @@ pub fn series(reports: &[Report]) -> Result<Vec<Plot>, PlotError> {
     let strained = reports.iter().any(|r| r.summary.axial_strain.is_some_and(|e| e.abs() > 1e-9));
     let (x_label, against) =
         if strained { ("axial strain (%)", "axial strain") } else { ("time (s)", "time") };
-    let wanted: [(&str, &str, &str, Pick); 5] = [
-        ("stress_ratio", "Stress ratio", "q / p", |s| s.q_over_p),
-        ("volumetric_strain", "Volumetric strain", "volumetric strain (%)", |s| {
-            s.volumetric_strain.map(|e| 100.0 * e)
-        }),
-        ("mean_stress", "Mean stress", "p (Pa)", |s| s.p_pa),
-        ("mean_coordination", "Mean coordination number", "Z, between particles", |s| {
-            s.coordination
-        }),
-        ("anisotropy", "Anisotropy of normals", "a_c", |s| s.a_c),
-    ];
     let mut plots = Vec::new();
-    for (name, title, y_label, pick) in wanted {
-        let points: Vec<(f64, f64)> = reports
-            .iter()
-            .filter_map(|r| {
-                let strain = r.summary.axial_strain.map(|e| 100.0 * e);
-                let x = if strained { strain } else { Some(r.summary.time_s) };
-                x.zip(pick(&r.summary))
-            })
-            .collect();
-        if points.len() < 2 {
+    for (name, title, y_label, picks) in OVER_A_SERIES {
+        let mut curves = Vec::new();
+        for (&(curve, pick), colour) in picks.iter().zip([BLUE, ORANGE, VERMILION]) {
+            let points: Vec<(f64, f64)> = reports
+                .iter()
+                .filter_map(|r| {
+                    let strain = r.summary.axial_strain.map(|e| 100.0 * e);
+                    let x = if strained { strain } else { Some(r.summary.time_s) };
+                    x.zip(pick(&r.summary))
+                })
+                .collect();
+            let line = Series { name: curve.into(), colour, mark: Mark::Line, points };
+            let dots = Series {
+                name: String::new(),
+                mark: Mark::Dots,
+                points: line.points.clone(),
+                ..line
+            };
+            curves.extend([line, dots]);
+        }
+        let points = || curves.iter().flat_map(|s| &s.points);
+        if points().count() == 0 {
             continue;
         }
         let axes = Axes {
             x_label: x_label.into(),
             y_label: y_label.into(),
-            x: span(points.iter().map(|p| p.0)),
-            y: span(points.iter().map(|p| p.1)),
+            x: span(points().map(|p| p.0)),
+            y: span(points().map(|p| p.1)),
             log_x: false,
             log_y: false,
         };
-        let of = |mark| Series { name: String::new(), colour: BLUE, mark, points: points.clone() };
         plots.push(Plot {
             name: name.into(),
             title: title.into(),
             caption: format!("{title} of each snapshot against {against}."),
             wide: false,
-            svg: chart(SIZE, &axes, &[of(Mark::Line), of(Mark::Dots)])?,
+            svg: chart(SIZE, &axes, &curves)?,
         });
     }
     Ok(plots)

@@ -94,7 +94,7 @@ fn half_widths(axes: &Mat3) -> Vec3 {
 
 /// The box of the whole packing. On each side it ends
 /// * at the end of the period, if the axis is periodic;
-/// * else at a wall across that axis, if there is one (of several, the innermost);
+/// * else at a wall across that axis, if there is one, touched or not (of several, the innermost);
 /// * else at the outermost particle surface (exact for spheres and ellipsoids).
 ///
 /// A slanted wall bounds nothing here: give a region for such a packing.
