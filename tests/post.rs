@@ -9,7 +9,7 @@ use dem_mpi::post::forces::Histogram;
 use dem_mpi::post::history::History;
 use dem_mpi::post::region::{Bounds, Extent, Members, Region, SampledSolid, Strain};
 use dem_mpi::post::stress::{Stress, StressSum};
-use dem_mpi::post::{Analysis, ParticlePass, PostError, Report, Settings, lammps, page, plots};
+use dem_mpi::post::{Analysis, ParticlePass, PostError, Report, Settings, lammps, page};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
 use serde_json::Value;
@@ -898,7 +898,7 @@ fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
     let reports = [analysis.report, later];
     let history = History::read(history.as_bytes()).unwrap();
     let curves: Vec<_> = history.curves.iter().collect();
-    let plots = plots::all(&reports, picture, &curves).unwrap();
+    let plots = page::plots(&reports, picture, &curves).unwrap();
     let mut drawings: Vec<_> = plots.iter().map(|p| (p.name.clone(), p.svg.clone())).collect();
     drawings.push(("page".into(), page::page("a <title>", &reports, &plots)));
     drawings

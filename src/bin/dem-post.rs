@@ -7,7 +7,7 @@ use dem_mpi::output::snapshot::Reader;
 use dem_mpi::post::diff::Difference;
 use dem_mpi::post::fabric::Among;
 use dem_mpi::post::history::History;
-use dem_mpi::post::plots::{self, Plot};
+use dem_mpi::post::plots::Plot;
 use dem_mpi::post::region::{Bounds, Region};
 use dem_mpi::post::{Report, Settings, analyse, lammps, page, pieces};
 use std::fs::{self, File};
@@ -116,7 +116,7 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     let drawing = picture.unwrap_or_default().svg(bounds.as_ref());
     let history = history_beside(beside);
     let curves: Vec<_> = history.changing().collect();
-    let plots = plots::all(&reports, drawing, &curves)?;
+    let plots = page::plots(&reports, drawing, &curves)?;
     write_all(&out, &title(beside), &reports, &plots)?;
 
     let table = reports.last().map(table).unwrap_or_default();

@@ -1,5 +1,5 @@
-//! Anisotropy of contact normals and of contact forces (Guo and Zhao 2013, DOI
-//! 10.1016/j.compgeo.2012.07.001; eq. 6 of Lai et al. 2021).
+//! Anisotropy of contact normals and of contact forces (Guo and Zhao 2013, Comput. Geotech. 47,
+//! 1-15; eq. 6 of Lai et al. 2021).
 //!
 //! The three second-order tensors are those of the densities
 //! `E(n) = (1 + a^c:nn) / 4π`, `f_n(n) = f_0 (1 + a^n:nn)` and `f_t(n) = f_0 (a^t n - (a^t:nn) n)`:

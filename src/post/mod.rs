@@ -1,12 +1,24 @@
-//! What is computed from a snapshot: stress, coordination, fabric, forces, and the pages that show them.
+//! What is computed from a snapshot: stress, coordination, fabric, forces, and the page that shows
+//! them.
 //!
 //! Every measure adds up pieces of the tables, so a snapshot may be larger than memory: only a few
-//! bytes per particle are kept (and up to 2³⁰ contacts counted). All sums are exact ([`crate::math::ExactSum`]): a report has the same digits
-//! whatever the number of ranks that wrote the snapshot.
+//! bytes per particle are kept (and up to 2³⁰ contacts counted). All sums are exact
+//! ([`crate::math::ExactSum`]): a report has the same digits whatever the number of ranks that
+//! wrote the snapshot.
 //!
-//! Three passes, each of which hands on to the next:
-//! [`ParticlePass`] finds the region and its particles, [`ContactPass`] stress, coordination, fabric and the mean
-//! force, [`ForcePass`] all that needs the mean force or the fabric first. [`analyse`] runs them over a file.
+//! Three passes, each of which hands on to the next: [`ParticlePass`] finds the region and its
+//! particles, [`ContactPass`] stress, coordination, fabric and the mean force, [`ForcePass`] all
+//! that needs the mean force or the fabric first. [`analyse`] runs them over a file.
+//!
+//! | file | what it is |
+//! |---|---|
+//! | [`region`] | where to measure; volume, solid fraction, strain |
+//! | [`stress`] [`coordination`] [`fabric`] [`forces`] | one measure each |
+//! | [`report`] | the numbers of a snapshot, as JSON, as a row of CSV, and to read |
+//! | [`history`] | the scalars that the run wrote by time |
+//! | [`plots`] [`rose`] [`picture`] [`page`] | what there is to look at |
+//! | [`diff`] | whether two snapshots are the same, bit for bit |
+//! | [`lammps`] | particles for OVITO |
 
 mod check;
 pub mod coordination;
@@ -20,6 +32,7 @@ pub mod picture;
 pub mod plots;
 pub mod region;
 pub mod report;
+pub mod rose;
 pub mod stress;
 mod sums;
 
@@ -77,7 +90,8 @@ pub enum PostError {
     },
     /// A contact of a particle that is not there.
     #[error(
-        "a contact names particle {id}, which the snapshot does not hold: is the contacts file of the same run and step?"
+        "a contact names particle {id}, which the snapshot does not hold: \
+         is the contacts file of the same run and step?"
     )]
     ContactOfNobody {
         /// The particle.

@@ -1,9 +1,50 @@
 //! One HTML page with the numbers and the plots of a post-processing: it stands alone (plots and style
 //! inside, no scripts), and follows the reader's light or dark setting.
 
-use super::plots::Plot;
+use super::history::Curve;
+use super::plots::{self, Plot, PlotError};
 use super::report::{Report, readable};
+use super::rose::roses;
 use std::fmt::Write;
+
+/// All plots of a series, in the order of the page: those over the series, then those of its last
+/// snapshot, then the history of the run.
+///
+/// # Errors
+/// See [`PlotError`].
+pub fn plots(
+    reports: &[Report],
+    picture: String,
+    history_curves: &[&Curve],
+) -> Result<Vec<Plot>, PlotError> {
+    let mut drawn = Vec::new();
+    if reports.len() > 1 {
+        drawn.extend(plots::series(reports)?);
+    }
+    if let Some(report) = reports.last() {
+        drawn.push(Plot {
+            name: "packing".into(),
+            title: "Packing".into(),
+            caption:
+                "Side view along y (x to the right, z up): exact outlines of the nearest grains, \
+                      darker with more contacts; grains with fewer than two contacts are yellow."
+                    .into(),
+            wide: true,
+            svg: picture,
+        });
+        drawn.push(roses(report)?);
+        drawn.push(plots::coordination(&report.coordination)?);
+        if let Some(forces) = &report.forces {
+            drawn.push(plots::force_distribution(&forces.normal, &forces.shear)?);
+            drawn.push(plots::weak_forces(&forces.normal_logarithmic, &forces.shear_logarithmic)?);
+            drawn.push(plots::friction(&forces.friction_used)?);
+        }
+    }
+    for curve in history_curves {
+        drawn.push(plots::history(curve)?);
+    }
+    Ok(drawn)
+}
 
 /// The page. `reports` are those of a series, in its order; the numbers on top are the last one's.
 pub fn page(title: &str, reports: &[Report], plots: &[Plot]) -> String {
@@ -86,8 +127,9 @@ fn numbers(out: &mut String, report: &Report) {
 
 fn series(out: &mut String, reports: &[Report]) {
     out.push_str(
-        "<section class=\"series\">\n<table>\n<caption>All snapshots</caption>\n<tr><th>step</th><th>time (s)</th>\
-         <th>particles</th><th>p (Pa)</th><th>q / p</th><th>axial strain</th><th>volumetric strain</th>\
+        "<section class=\"series\">\n<table>\n<caption>All snapshots</caption>\n\
+         <tr><th>step</th><th>time (s)</th><th>particles</th><th>p (Pa)</th><th>q / p</th>\
+         <th>axial strain</th><th>volumetric strain</th>\
          <th>solid fraction</th><th>Z</th><th>a<sub>c</sub></th><th>a<sub>n</sub></th><th>a<sub>t</sub></th></tr>\n",
     );
     for report in reports {

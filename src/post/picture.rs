@@ -1,5 +1,5 @@
-//! A picture of the packing from the side: an orthographic view along +y (x to the right, z up), in which every grain is
-//! drawn as its exact silhouette.
+//! A picture of the packing from the side: an orthographic view along +y (x to the right, z up), in
+//! which every grain is drawn as its exact silhouette.
 //!
 //! An ellipsoid `{ c + D u : |u| <= 1 }` has the half-width `|Dᵀ n|` along `n`, so its projection to the
 //! plane (x, z) is the ellipse of the 2 × 2 block of `D Dᵀ`. Written as SVG ellipses by hand: a
@@ -96,10 +96,9 @@ impl Picture {
             let tone = tone_of(grain.contacts);
             // The y of SVG points down, so angles change sign.
             let turn = -grain.angle;
-            let _ = writeln!(
-                out,
-                r#"<ellipse rx="{long:.2}" ry="{short:.2}" transform="translate({x:.2} {y:.2}) rotate({turn:.1})" fill="url(#tone{tone})"/>"#
-            );
+            let _ =
+                write!(out, r#"<ellipse rx="{long:.2}" ry="{short:.2}" fill="url(#tone{tone})" "#);
+            let _ = writeln!(out, r#"transform="translate({x:.2} {y:.2}) rotate({turn:.1})"/>"#);
         }
         out.push_str("</g>\n");
         frame.legend(&mut out);
