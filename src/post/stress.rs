@@ -1,8 +1,8 @@
 //! The mean stress of a region, from contact forces.
 //!
 //! `σ_ij = (1/V) Σ f_i l_j` (Christoffersen, Mehrabadi and Nemat-Nasser 1981, DOI
-//! 10.1115/1.3157619; eq. 5 of Lai et al. 2021, where the branch is misprinted as a second `f`), with `f` the force
-//! of A on B and `l` the branch from A to B. Compression is positive.
+//! 10.1115/1.3157619; eq. 5 of Lai et al. 2021, where the branch is misprinted as a second `f`), with
+//! `f` the force of A on B and `l` the branch from A to B. Compression is positive.
 //!
 //! # Part of the packing
 //!
