@@ -43,9 +43,9 @@ pub mod search;
 
 pub mod domain;
 pub mod drive;
-
 pub mod output;
 
+pub mod post;
 pub mod sim;
 
 pub mod scene;

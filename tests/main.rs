@@ -1,7 +1,12 @@
-//! All tests that use the library from outside, in one binary.
+//! All tests that need no mpirun, in one binary: one module per subject.
 
 mod comm;
 mod comm_cases;
 mod contact_reference;
 mod contract;
+mod laws;
+mod made_up;
+mod post;
+mod scene;
 mod snapshot;
+mod support;

@@ -1,0 +1,268 @@
+//! dem-post: from snapshots to numbers, plots and one page.
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::Parser;
+use dem_mpi::math::Vec3;
+use dem_mpi::output::snapshot::Reader;
+use dem_mpi::post::diff::Difference;
+use dem_mpi::post::fabric::Among;
+use dem_mpi::post::history::History;
+use dem_mpi::post::plots::Plot;
+use dem_mpi::post::region::{Bounds, Region};
+use dem_mpi::post::{Report, Settings, analyse, lammps, page, pieces};
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Computes stress, coordination, fabric and force distributions from snapshots of dem-mpi.
+///
+/// Give one snapshot for its numbers and plots, or several for their evolution too: strains are then
+/// taken against the earliest. A directory stands for its newest snapshot. Results go to a folder
+/// `post` beside the last snapshot: index.html to look at, report.csv and report.json to
+/// compute with, every plot as SVG.
+#[derive(Parser)]
+#[command(version, max_term_width = 100, after_help = EXAMPLES)]
+struct Arguments {
+    /// Particle files (particles_<step>.vtkhdf, each with its contacts file beside it), or directories
+    #[arg(required = true, value_name = "SNAPSHOT")]
+    snapshots: Vec<PathBuf>,
+
+    /// Where to write [default: `post` beside the last snapshot]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+
+    /// Measure only in this box, in metres; a particle belongs to it if its centre does
+    #[arg(
+        long,
+        value_name = "x0,x1,y0,y1,z0,z1",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_hyphen_values = true
+    )]
+    region: Option<Vec<f64>>,
+
+    /// Count contacts with walls too in fabric, roses and force distributions
+    #[arg(long)]
+    fabric_with_walls: bool,
+
+    /// Also write a LAMMPS dump of each snapshot, for OVITO
+    #[arg(long)]
+    lammps: bool,
+
+    /// Compare two snapshots particle by particle, bit for bit, and write nothing.
+    /// Exit status: 0 equal, 1 different, 2 could not compare
+    #[arg(long, conflicts_with_all = ["out", "region", "fabric_with_walls", "lammps"])]
+    diff: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  dem-post out/packing                         the newest snapshot of a run
+  dem-post out/shear/particles_*.vtkhdf        a series: stress against strain
+  dem-post out/packing --region 0.01,0.03,0.01,0.03,0.01,0.04
+                                               the middle, away from the walls
+  dem-post --diff one_rank/last.vtkhdf four_ranks/last.vtkhdf
+                                               same bits on 1 and on 4 ranks?
+  dem-post out/packing --lammps                also a file for OVITO";
+
+fn main() -> ExitCode {
+    match run(Arguments::parse()) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("dem-post: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(arguments: Arguments) -> Result<ExitCode> {
+    let files = particle_files(&arguments.snapshots)?;
+    if arguments.diff {
+        return compare(&arguments.snapshots, &files);
+    }
+    let settings = Settings {
+        region: arguments.region.as_deref().map_or(Ok(Region::Whole), region)?,
+        among: if arguments.fabric_with_walls {
+            Among::ParticlesAndWalls
+        } else {
+            Among::Particles
+        },
+    };
+    let mut snapshots = open_series(&files)?;
+    let newest = snapshots.last().map(|(path, _)| path.clone()).context("no snapshot given")?;
+    let beside = newest.parent().unwrap_or(Path::new("."));
+    let out = arguments.out.unwrap_or_else(|| beside.join("post"));
+    fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
+
+    let mut reports: Vec<Report> = Vec::new();
+    let mut picture = None;
+    for (path, reader) in &mut snapshots {
+        let name = path.display().to_string();
+        let analysis = analyse(reader, &name, settings).with_context(|| name.clone())?;
+        let mut report = analysis.report;
+        // A single snapshot has no other to be strained against.
+        if files.len() > 1 {
+            let first = reports.first().unwrap_or(&report).clone();
+            report.strain_against(&first);
+        }
+        reports.push(report);
+        picture = Some(analysis.picture);
+        if arguments.lammps {
+            write_lammps(&out, reader).with_context(|| name)?;
+        }
+    }
+    let bounds = reports.last().and_then(|r| r.bounds_m);
+    let drawing = picture.unwrap_or_default().svg(bounds.as_ref());
+    let history = history_beside(beside);
+    let curves: Vec<_> = history.changing().collect();
+    let plots = page::plots(&reports, drawing, &curves)?;
+    write_all(&out, &title(beside), &reports, &plots)?;
+
+    let table = reports.last().map(table).unwrap_or_default();
+    say(&format!("{table}\npage: {}\n", out.join("index.html").display()));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The particle files that the arguments stand for, each once. Contact files, which a pattern such as
+/// `*.vtkhdf` also matches, are passed over: they are read with their particles.
+fn particle_files(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for argument in arguments {
+        let name = argument.file_name().unwrap_or_default().to_string_lossy();
+        if name.starts_with("contacts_") {
+            continue;
+        }
+        let file = if argument.is_dir() { newest_in(argument)? } else { argument.clone() };
+        // `last.vtkhdf` is a link to a particles file.
+        let file = file
+            .canonicalize()
+            .with_context(|| format!("there is no snapshot {}", file.display()))?;
+        files.push(file);
+    }
+    ensure!(!files.is_empty(), "only contact files were given; name the particle files instead");
+    Ok(files)
+}
+
+fn newest_in(directory: &Path) -> Result<PathBuf> {
+    let last = directory.join("last.vtkhdf");
+    if last.exists() {
+        return Ok(last);
+    }
+    let step_of = |path: &Path| -> Option<u64> {
+        let name = path.file_name()?.to_str()?;
+        name.strip_prefix("particles_")?.strip_suffix(".vtkhdf")?.parse().ok()
+    };
+    let entries = fs::read_dir(directory)
+        .with_context(|| format!("cannot list {}", directory.display()))?
+        .filter_map(|entry| entry.ok().map(|e| e.path()));
+    entries.filter(|path| step_of(path).is_some()).max_by_key(|path| step_of(path)).with_context(
+        || {
+            format!(
+                "{} holds no snapshot: neither last.vtkhdf nor particles_<step>.vtkhdf",
+                directory.display()
+            )
+        },
+    )
+}
+
+/// All snapshots, each once, by step.
+fn open_series(files: &[PathBuf]) -> Result<Vec<(PathBuf, Reader)>> {
+    let mut files = files.to_vec();
+    files.sort();
+    files.dedup();
+    let mut snapshots = Vec::new();
+    for file in files {
+        let reader = Reader::open(&file)?;
+        snapshots.push((file, reader));
+    }
+    snapshots.sort_by_key(|(_, reader)| reader.header().step);
+    Ok(snapshots)
+}
+
+fn region(numbers: &[f64]) -> Result<Region> {
+    let [x0, x1, y0, y1, z0, z1] = *numbers else {
+        bail!("--region takes six numbers x0,x1,y0,y1,z0,z1 in metres, not {}", numbers.len());
+    };
+    Ok(Region::Box(Bounds { low: Vec3::new(x0, y0, z0), high: Vec3::new(x1, y1, z1) }))
+}
+
+fn compare(named: &[PathBuf], files: &[PathBuf]) -> Result<ExitCode> {
+    let [first, second] = files else {
+        bail!("--diff takes two snapshots, not {}", named.len());
+    };
+    let (first, second) = (Reader::open(first)?, Reader::open(second)?);
+    let tables = (
+        first.particles(0..first.particle_count())?,
+        second.particles(0..second.particle_count())?,
+    );
+    let difference = Difference::between((first.header(), &tables.0), (second.header(), &tables.1));
+    say(&difference.to_string());
+    Ok(ExitCode::from(u8::from(!difference.is_empty())))
+}
+
+fn write_lammps(out: &Path, reader: &Reader) -> Result<()> {
+    let path = out.join(format!("particles_{:09}.dump", reader.header().step));
+    let mut file = BufWriter::new(
+        File::create(&path).with_context(|| format!("cannot write {}", path.display()))?,
+    );
+    lammps::write_header(&mut file, reader.header(), reader.particle_count())?;
+    for rows in pieces(reader.particle_count()) {
+        lammps::write_particles(&mut file, reader.header(), &reader.particles(rows)?)?;
+    }
+    Ok(file.flush()?)
+}
+
+/// The scalars of the run, if it left any; a broken table is said and passed over.
+fn history_beside(directory: &Path) -> History {
+    let path = directory.join("history.csv");
+    let Ok(file) = File::open(&path) else { return History::default() };
+    History::read(file).unwrap_or_else(|error| {
+        eprintln!("dem-post: {} is left out: {error}", path.display());
+        History::default()
+    })
+}
+
+/// A run is called after its folder.
+fn title(directory: &Path) -> String {
+    let name = directory.file_name().map(|n| n.to_string_lossy().into_owned());
+    name.unwrap_or_else(|| "Snapshot".into())
+}
+
+fn write_all(out: &Path, title: &str, reports: &[Report], plots: &[Plot]) -> Result<()> {
+    let write = |name: &str, text: &str| {
+        let path = out.join(name);
+        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
+    };
+    write("report.json", &(serde_json::to_string_pretty(reports)? + "\n"))?;
+    let mut table = csv::Writer::from_writer(Vec::new());
+    for report in reports {
+        table.serialize(&report.summary)?;
+    }
+    write("report.csv", &String::from_utf8(table.into_inner()?)?)?;
+    for plot in plots {
+        write(&format!("{}.svg", plot.name), &plot.svg)?;
+    }
+    write("index.html", &page::page(title, reports, plots))
+}
+
+/// The numbers for a terminal.
+fn table(report: &Report) -> String {
+    let summary = &report.summary;
+    let mut lines =
+        vec![report.snapshot.clone(), format!("step {}, t = {} s", summary.step, summary.time_s)];
+    for group in report.groups() {
+        lines.push(format!("\n{}", group.title));
+        lines.extend(group.rows.iter().map(|row| {
+            let line = format!("  {:<32} {:>12} {}", row.label, row.value, row.unit);
+            line.trim_end().to_string()
+        }));
+    }
+    lines.join("\n") + "\n"
+}
+
+/// Prints to standard output. A reader that stops early, such as `head`, is no error: the files
+/// are written by then.
+fn say(text: &str) {
+    let _ = std::io::stdout().write_all(text.as_bytes());
+}

@@ -1,0 +1,52 @@
+//! What a table must be before it is computed from: else a damaged file would end in a nonsense number.
+
+use super::PostError;
+use crate::math::Vec3;
+use crate::output::tables::{ContactTable, Header, ParticleTable};
+
+/// Every shape known, every number finite.
+pub(super) fn check_particles(header: &Header, particles: &ParticleTable) -> Result<(), PostError> {
+    for (&id, shape) in particles.id.iter().zip(&particles.shape) {
+        if shape.index() >= header.shapes.len() {
+            return Err(PostError::UnknownShape {
+                id,
+                shape: shape.0,
+                shapes: header.shapes.len(),
+            });
+        }
+    }
+    let broken = |column: &'static str, row: Option<usize>| match row {
+        None => Ok(()),
+        Some(row) => Err(PostError::NotFinite {
+            what: format!("{column} of particle {}", particles.id[row]),
+        }),
+    };
+    broken("position", not_finite(&particles.position))?;
+    broken("velocity", not_finite(&particles.velocity))?;
+    broken("force", not_finite(&particles.force))?;
+    let attitude = |q: &[f64; 4]| q.iter().all(|c| c.is_finite()) && q.iter().any(|&c| c != 0.0);
+    broken("quaternion", particles.quaternion.iter().position(|q| !attitude(q)))
+}
+
+/// Every number finite.
+pub(super) fn check_contacts(contacts: &ContactTable) -> Result<(), PostError> {
+    let broken = |column: &'static str, row: Option<usize>| match row {
+        None => Ok(()),
+        Some(row) => Err(PostError::NotFinite {
+            what: format!(
+                "{column} of the contact of {} with {}",
+                contacts.a[row], contacts.b[row]
+            ),
+        }),
+    };
+    broken("centre", not_finite(&contacts.centre))?;
+    broken("branch", not_finite(&contacts.branch))?;
+    broken("point", not_finite(&contacts.point))?;
+    broken("normal", not_finite(&contacts.normal))?;
+    broken("shear force", not_finite(&contacts.shear_force))?;
+    broken("normal force", contacts.normal_force.iter().position(|f| !f.is_finite()))
+}
+
+fn not_finite(column: &[Vec3]) -> Option<usize> {
+    column.iter().position(|v| !v.iter().all(|x| x.is_finite()))
+}

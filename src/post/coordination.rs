@@ -1,0 +1,115 @@
+//! How many neighbours a particle touches.
+//!
+//! Counted per particle of the region: `Z = (1/N) Σ contacts of the particle`. For the whole, with
+//! `N_pp` contacts between particles and `N_pw` with walls,
+//!
+//! * without walls `Z = 2 N_pp / N`,
+//! * with walls `Z = (2 N_pp + N_pw) / N`: a wall contact has one particle.
+//!
+//! The mechanical coordination number (Thornton 2000, DOI 10.1680/geot.2000.50.1.43) leaves out the
+//! rattlers, which carry nothing: `Z_m = (2 N_c - N_1) / (N - N_0 - N_1)` with `N_0`, `N_1` the particles with
+//! no and with one contact. Rattlers are taken out once, not again until none is left.
+
+use super::region::Members;
+use super::sums::quotient;
+use crate::output::tables::ContactTable;
+use serde::{Deserialize, Serialize};
+
+/// Counts the contacts of each particle: eight bytes per id ever given.
+#[derive(Clone, Debug, Default)]
+pub struct CoordinationCount {
+    /// Contacts with particles and with walls, by id.
+    contacts: Vec<[u32; 2]>,
+}
+
+impl CoordinationCount {
+    /// Adds these contacts.
+    pub fn add_contacts(&mut self, contacts: &ContactTable) {
+        for (&a, &b) in contacts.a.iter().zip(&contacts.b) {
+            if b.wall_index().is_some() {
+                self.of(a.0)[1] += 1;
+            } else {
+                self.of(a.0)[0] += 1;
+                self.of(b.0)[0] += 1;
+            }
+        }
+    }
+
+    fn of(&mut self, id: u64) -> &mut [u32; 2] {
+        let id = id as usize;
+        if id >= self.contacts.len() {
+            self.contacts.resize(id + 1, [0; 2]);
+        }
+        &mut self.contacts[id]
+    }
+
+    /// The numbers of the region.
+    pub fn finish(&self, members: &Members) -> Coordination {
+        let counts = || members.ids().map(|id| self.contacts.get(id).copied().unwrap_or([0; 2]));
+        Coordination {
+            without_walls: CoordinationNumbers::of(counts().map(|[pairs, _]| pairs)),
+            with_walls: CoordinationNumbers::of(counts().map(|[pairs, walls]| pairs + walls)),
+        }
+    }
+}
+
+/// The coordination of a region, both ways of counting.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Coordination {
+    /// Contacts between particles only.
+    pub without_walls: CoordinationNumbers,
+    /// Contacts with walls too.
+    pub with_walls: CoordinationNumbers,
+}
+
+/// How many particles have how many contacts.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CoordinationNumbers {
+    /// Entry `k`: particles with `k` contacts.
+    pub histogram: Vec<u64>,
+}
+
+impl CoordinationNumbers {
+    fn of(counts: impl Iterator<Item = u32>) -> Self {
+        let mut histogram = Vec::new();
+        for count in counts {
+            let count = count as usize;
+            if count >= histogram.len() {
+                histogram.resize(count + 1, 0);
+            }
+            histogram[count] += 1;
+        }
+        Self { histogram }
+    }
+
+    /// Particles.
+    pub fn particles(&self) -> u64 {
+        self.histogram.iter().sum()
+    }
+
+    /// Contacts, each counted once per particle of the region.
+    pub fn contact_ends(&self) -> u64 {
+        self.histogram.iter().zip(0..).map(|(particles, k)| particles * k).sum()
+    }
+
+    /// Particles with exactly this many contacts.
+    pub fn having(&self, contacts: usize) -> u64 {
+        self.histogram.get(contacts).copied().unwrap_or(0)
+    }
+
+    /// Particles with fewer than two contacts.
+    pub fn rattlers(&self) -> u64 {
+        self.having(0) + self.having(1)
+    }
+
+    /// Mean coordination number `Z`; `None` without particles.
+    pub fn mean(&self) -> Option<f64> {
+        quotient(self.contact_ends() as f64, self.particles() as f64)
+    }
+
+    /// Mechanical coordination number `Z_m`; `None` if all are rattlers.
+    pub fn mechanical(&self) -> Option<f64> {
+        let carried = self.contact_ends() - self.having(1);
+        quotient(carried as f64, (self.particles() - self.rattlers()) as f64)
+    }
+}

@@ -1,0 +1,281 @@
+//! Two snapshots of what should be the same state: equal bit for bit, or where they differ.
+//!
+//! Rows are matched by id, so snapshots from different numbers of ranks compare equal; the
+//! owning rank is not part of the state and is not compared. Both tables are held in memory.
+
+use crate::ids::GlobalId;
+use crate::math::Vec3;
+use crate::output::tables::{Header, ParticleTable};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// How many differences are named one by one.
+pub const NAMED: usize = 10;
+
+/// What differs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Difference {
+    /// Differences of step, time and walls, in words.
+    pub header: Vec<String>,
+    /// Ids of particles that only the first has.
+    pub only_first: Vec<GlobalId>,
+    /// Ids of particles that only the second has.
+    pub only_second: Vec<GlobalId>,
+    /// Columns that only one of them has.
+    pub only_one_column: Vec<String>,
+    /// Particles in both.
+    pub compared: u64,
+    /// Particles in both that differ anywhere.
+    pub differing: u64,
+    /// By column: how many particles differ, and the largest difference.
+    pub columns: BTreeMap<String, ColumnDifference>,
+    /// The first differences by id, at most [`NAMED`].
+    pub first: Vec<ValueDifference>,
+}
+
+/// How far a column differs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ColumnDifference {
+    /// Particles that differ in it.
+    pub particles: u64,
+    /// Largest absolute difference of a component, in the column's unit; infinite if one is not a number.
+    pub largest: f64,
+}
+
+/// One number that differs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ValueDifference {
+    /// Whose.
+    pub id: GlobalId,
+    /// Column, and component.
+    pub column: String,
+    /// In the first.
+    pub first: f64,
+    /// In the second.
+    pub second: f64,
+}
+
+impl Difference {
+    /// Whether nothing differs.
+    pub fn is_empty(&self) -> bool {
+        self.header.is_empty()
+            && self.only_first.is_empty()
+            && self.only_second.is_empty()
+            && self.only_one_column.is_empty()
+            && self.differing == 0
+    }
+
+    /// Compares two snapshots.
+    pub fn between(first: (&Header, &ParticleTable), second: (&Header, &ParticleTable)) -> Self {
+        let mut found = Self { header: header_differences(first.0, second.0), ..Self::default() };
+        let (mine, theirs) = (columns(first.1), columns(second.1));
+        // An optional column may be missing in one: then there is nothing to compare it with.
+        let mut shared = Vec::new();
+        for (a, b) in mine.iter().zip(&theirs) {
+            match (a.is_present(first.1), b.is_present(second.1)) {
+                (true, true) => shared.push((a, b)),
+                (false, false) => {}
+                _ => found.only_one_column.push(a.name.to_string()),
+            }
+        }
+        let mut rows: BTreeMap<GlobalId, [Option<usize>; 2]> = BTreeMap::new();
+        for (k, table) in [first.1, second.1].into_iter().enumerate() {
+            for (row, &id) in table.id.iter().enumerate() {
+                rows.entry(id).or_default()[k] = Some(row);
+            }
+        }
+        for (id, pair) in rows {
+            match pair {
+                [Some(i), Some(j)] => found.compare_rows(id, &shared, i, j),
+                [Some(_), None] => found.only_first.push(id),
+                _ => found.only_second.push(id),
+            }
+        }
+        found
+    }
+
+    fn compare_rows(
+        &mut self,
+        id: GlobalId,
+        shared: &[(&Column, &Column)],
+        first_row: usize,
+        second_row: usize,
+    ) {
+        self.compared += 1;
+        let mut any = false;
+        for (a, b) in shared {
+            let mut differs = false;
+            for (component, label) in a.components.iter().enumerate() {
+                let (x, y) = ((a.value)(first_row, component), (b.value)(second_row, component));
+                if x.to_bits() == y.to_bits() {
+                    continue;
+                }
+                differs = true;
+                let distance = (x - y).abs();
+                let distance = if distance.is_nan() { f64::INFINITY } else { distance };
+                let entry = self.columns.entry(a.name.to_string()).or_default();
+                entry.largest = entry.largest.max(distance);
+                if self.first.len() < NAMED {
+                    let column = format!("{}{label}", a.name);
+                    self.first.push(ValueDifference { id, column, first: x, second: y });
+                }
+            }
+            if differs {
+                self.columns.entry(a.name.to_string()).or_default().particles += 1;
+                any = true;
+            }
+        }
+        self.differing += u64::from(any);
+    }
+}
+
+/// A column of a table as numbers.
+struct Column<'a> {
+    name: &'static str,
+    /// What follows the name for each component.
+    components: &'static [&'static str],
+    rows: usize,
+    value: Box<dyn Fn(usize, usize) -> f64 + 'a>,
+}
+
+impl Column<'_> {
+    /// A column of a table without rows counts as present: nobody can tell.
+    fn is_present(&self, table: &ParticleTable) -> bool {
+        self.rows == table.id.len()
+    }
+}
+
+const SCALAR: &[&str] = &[""];
+const VECTOR: &[&str] = &[".x", ".y", ".z"];
+const QUATERNION: &[&str] = &[".w", ".x", ".y", ".z"];
+
+/// Every column of the state. The pattern names all fields, so that a new one does not compile
+/// until someone decides here.
+fn columns(table: &ParticleTable) -> Vec<Column<'_>> {
+    let ParticleTable {
+        id: _,
+        shape,
+        position,
+        velocity,
+        force,
+        coordination,
+        rank: _,
+        dissipated,
+        received,
+        image,
+        quaternion,
+        angular_momentum,
+        angular_velocity,
+        torque,
+    } = table;
+    vec![
+        scalars("shape", shape.len(), |row| f64::from(shape[row].0)),
+        vectors("position", position),
+        vectors("velocity", velocity),
+        vectors("force", force),
+        scalars("coordination", coordination.len(), |row| f64::from(coordination[row])),
+        scalars("dissipated", dissipated.len(), |row| dissipated[row]),
+        scalars("received", received.len(), |row| received[row]),
+        Column {
+            name: "image",
+            components: VECTOR,
+            rows: image.len(),
+            value: Box::new(|row, k| f64::from(image[row][k])),
+        },
+        Column {
+            name: "quaternion",
+            components: QUATERNION,
+            rows: quaternion.len(),
+            value: Box::new(|row, k| quaternion[row][k]),
+        },
+        vectors("angular_momentum", angular_momentum),
+        vectors("angular_velocity", angular_velocity),
+        vectors("torque", torque),
+    ]
+}
+
+fn scalars<'a>(name: &'static str, rows: usize, value: impl Fn(usize) -> f64 + 'a) -> Column<'a> {
+    Column { name, components: SCALAR, rows, value: Box::new(move |row, _| value(row)) }
+}
+
+fn vectors<'a>(name: &'static str, column: &'a [Vec3]) -> Column<'a> {
+    Column {
+        name,
+        components: VECTOR,
+        rows: column.len(),
+        value: Box::new(|row, k| column[row][k]),
+    }
+}
+
+fn header_differences(first: &Header, second: &Header) -> Vec<String> {
+    let mut found = Vec::new();
+    if first.step != second.step {
+        found.push(format!("step: {} and {}", first.step, second.step));
+    }
+    if first.time.to_bits() != second.time.to_bits() {
+        found.push(format!("time: {:e} s and {:e} s", first.time, second.time));
+    }
+    if first.walls.len() != second.walls.len() {
+        found.push(format!("walls: {} and {}", first.walls.len(), second.walls.len()));
+    }
+    for (a, b) in first.walls.iter().zip(&second.walls) {
+        for (what, x, y) in [
+            ("point", a.point, b.point),
+            ("normal", a.normal, b.normal),
+            ("velocity", a.velocity, b.velocity),
+            ("force", a.force, b.force),
+        ] {
+            if x.map(f64::to_bits) != y.map(f64::to_bits) {
+                let (x, y) = (x.as_slice(), y.as_slice());
+                found.push(format!("wall {:?}, {what}: {x:?} and {y:?}", a.name));
+            }
+        }
+    }
+    found
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.is_empty() {
+            return writeln!(f, "equal bit for bit: {} particles", self.compared);
+        }
+        for line in &self.header {
+            writeln!(f, "{line}")?;
+        }
+        for (which, ids) in [("first", &self.only_first), ("second", &self.only_second)] {
+            if !ids.is_empty() {
+                let named: Vec<String> = ids.iter().take(NAMED).map(GlobalId::to_string).collect();
+                let more = if ids.len() > NAMED { ", ..." } else { "" };
+                let (count, named) = (ids.len(), named.join(", "));
+                writeln!(f, "{count} particles only in the {which}: {named}{more}")?;
+            }
+        }
+        for column in &self.only_one_column {
+            writeln!(f, "column {column} is in one of the two only")?;
+        }
+        writeln!(f, "{} of {} particles differ", self.differing, self.compared)?;
+        if self.differing > 0 {
+            writeln!(f, "\n{:<18} {:>12} {:>24}", "column", "particles", "largest difference")?;
+            for (name, column) in &self.columns {
+                writeln!(f, "{name:<18} {:>12} {:>24e}", column.particles, column.largest)?;
+            }
+            writeln!(f, "\nthe first differences:")?;
+            writeln!(
+                f,
+                "{:>10} {:<20} {:>24} {:>24} {:>12}",
+                "id", "column", "first", "second", "difference"
+            )?;
+            for d in &self.first {
+                let gap = d.second - d.first;
+                let (id, column) = (d.id.to_string(), &d.column);
+                writeln!(
+                    f,
+                    "{id:>10} {column:<20} {:>24e} {:>24e} {gap:>12.3e}",
+                    d.first, d.second
+                )?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,317 @@
+//! Anisotropy of contact normals and of contact forces (Guo and Zhao 2013, Comput. Geotech. 47,
+//! 1-15; eq. 6 of Lai et al. 2021).
+//!
+//! The three second-order tensors are those of the densities
+//! `E(n) = (1 + a^c:nn) / 4π`, `f_n(n) = f_0 (1 + a^n:nn)` and `f_t(n) = f_0 (a^t n - (a^t:nn) n)`:
+//!
+//! * `Φ_ij = <n_i n_j>`, `a^c = 15/2 Φ'`,
+//! * `χ^n_ij = <f_n n_i n_j / (1 + a^c:nn)>`, `f_0 = χ^n_ii`, `a^n = 15/2 χ^n' / f_0`,
+//! * `χ^t_ij = <f_t,i n_j / (1 + a^c:nn)>`, `a^t = 15/3 χ^t' / f_0`.
+//!
+//! Averages run over contacts. Each degree is `±√(3/2 a_ij a_ij)` (eq. 6 prints no inner
+//! product), positive if the tensor's axes go with those of the stress deviator: `sgn(a_ij σ'_ij)`; without a
+//! stress it is positive. For coaxial, weak anisotropies and branches along normals,
+//! `q/p = 2/5 (a_c + a_n + 3/2 a_t)`.
+//!
+//! Contacts with walls have the walls' normals, not the packing's: they are left out unless asked for.
+//! Expect an `a_c` of about `7.5/√N_c` from an isotropic packing of `N_c` contacts.
+
+use super::PostError;
+use super::region::{Ends, Members};
+use super::stress::{Principal, Stress, principal};
+use super::sums::{ExactMat3, deviator, inner, quotient, rows};
+use crate::math::{ExactSum, Mat3, Vec3};
+use crate::output::tables::ContactTable;
+use serde::{Deserialize, Serialize};
+
+/// Which contacts an average runs over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Among {
+    /// Contacts between particles.
+    #[default]
+    Particles,
+    /// Contacts with walls too.
+    ParticlesAndWalls,
+}
+
+impl Among {
+    /// What a contact weighs, in halves.
+    pub const fn halves(self, ends: Ends) -> u64 {
+        match self {
+            Self::Particles if ends.wall => 0,
+            _ => ends.halves(),
+        }
+    }
+}
+
+/// Adds up contact normals.
+#[derive(Clone, Debug, Default)]
+pub struct FabricSum {
+    among: Among,
+    sum: ExactMat3,
+    halves: u64,
+}
+
+impl FabricSum {
+    /// No contacts yet.
+    pub fn new(among: Among) -> Self {
+        Self { among, ..Self::default() }
+    }
+
+    /// Adds these contacts.
+    ///
+    /// # Errors
+    /// A contact of a particle that does not exist.
+    pub fn add_contacts(
+        &mut self,
+        contacts: &ContactTable,
+        members: &Members,
+    ) -> Result<(), PostError> {
+        for (row, normal) in contacts.normal.iter().enumerate() {
+            let halves = self.among.halves(members.ends(contacts.a[row], contacts.b[row])?);
+            if halves > 0 {
+                self.sum.add_outer(&(normal * (0.5 * halves as f64)), normal);
+                self.halves += halves;
+            }
+        }
+        Ok(())
+    }
+
+    /// The fabric; `None` without contacts.
+    pub fn finish(&self) -> Option<Fabric> {
+        let contacts = 0.5 * self.halves as f64;
+        (contacts > 0.0).then(|| Fabric { contacts, tensor: self.sum.value() / contacts })
+    }
+}
+
+/// The fabric of contact normals.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fabric {
+    /// Contacts; one that the region's border cuts counts half.
+    pub contacts: f64,
+    /// Fabric tensor `Φ_ij = <n_i n_j>`.
+    #[serde(with = "rows")]
+    pub tensor: Mat3,
+}
+
+impl Fabric {
+    /// `a^c_ij = 15/2 Φ'_ij`.
+    pub fn anisotropy(&self) -> Mat3 {
+        deviator(&self.tensor) * 7.5
+    }
+
+    /// Principal values and directions of `Φ`, largest first.
+    pub fn principal(&self) -> [Principal; 3] {
+        principal(&self.tensor)
+    }
+}
+
+/// `±√(3/2 a_ij a_ij)` with the sign of `a_ij σ'_ij`; positive without a stress.
+pub fn degree(anisotropy: &Mat3, stress: Option<&Stress>) -> f64 {
+    let size = (1.5 * inner(anisotropy, anisotropy)).sqrt();
+    let against = stress.is_some_and(|s| inner(anisotropy, &s.deviator()) < 0.0);
+    if against { -size } else { size }
+}
+
+/// Adds up contact forces, each over the density of normals in its direction: a second pass,
+/// after that of [`FabricSum`].
+#[derive(Clone, Debug)]
+pub struct ForceFabricSum {
+    among: Among,
+    anisotropy: Mat3,
+    normal: ExactMat3,
+    shear: ExactMat3,
+    halves: u64,
+    smallest_density: f64,
+}
+
+impl ForceFabricSum {
+    /// No contacts yet. `fabric` is that of the same contacts.
+    pub fn new(among: Among, fabric: &Fabric) -> Self {
+        Self {
+            among,
+            anisotropy: fabric.anisotropy(),
+            normal: ExactMat3::default(),
+            shear: ExactMat3::default(),
+            halves: 0,
+            smallest_density: f64::INFINITY,
+        }
+    }
+
+    /// Adds these contacts.
+    ///
+    /// # Errors
+    /// A contact of a particle that does not exist.
+    pub fn add_contacts(
+        &mut self,
+        contacts: &ContactTable,
+        members: &Members,
+    ) -> Result<(), PostError> {
+        for (row, normal) in contacts.normal.iter().enumerate() {
+            let halves = self.among.halves(members.ends(contacts.a[row], contacts.b[row])?);
+            let density = 1.0 + normal.dot(&(self.anisotropy * normal));
+            if halves > 0 {
+                self.smallest_density = self.smallest_density.min(density);
+            }
+            // A density of zero or less ends in `None`; its quotient could not be summed.
+            if halves > 0 && density > 0.0 {
+                let weight = 0.5 * halves as f64 / density;
+                self.normal.add_outer(&(normal * (contacts.normal_force[row] * weight)), normal);
+                self.shear.add_outer(&(contacts.shear_force[row] * weight), normal);
+                self.halves += halves;
+            }
+        }
+        Ok(())
+    }
+
+    /// The anisotropy of forces. `None` without contacts or forces, and where a few contacts are so
+    /// anisotropic that the second-order density of normals is not positive for one of them.
+    pub fn finish(&self) -> Option<ForceFabric> {
+        let contacts = 0.5 * self.halves as f64;
+        if self.halves == 0 || self.smallest_density <= 0.0 {
+            return None;
+        }
+        let (normal, shear) = (self.normal.value() / contacts, self.shear.value() / contacts);
+        let mean_force = normal.trace();
+        (mean_force > 0.0).then(|| ForceFabric {
+            mean_force,
+            normal_anisotropy: deviator(&normal) * (7.5 / mean_force),
+            shear_anisotropy: deviator(&shear) * (5.0 / mean_force),
+        })
+    }
+}
+
+/// The anisotropy of contact forces.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ForceFabric {
+    /// `f_0 = χ^n_ii`, the mean normal force over all directions [N].
+    #[serde(rename = "mean_force_n")]
+    pub mean_force: f64,
+    /// `a^n_ij`.
+    #[serde(with = "rows")]
+    pub normal_anisotropy: Mat3,
+    /// `a^t_ij`.
+    #[serde(with = "rows")]
+    pub shear_anisotropy: Mat3,
+}
+
+/// `q/p` as the stress-force-fabric relation has it, `2/5 (a_c + a_n + 3/2 a_t)`.
+pub fn stress_ratio_from_fabric(a_c: f64, a_n: f64, a_t: f64) -> f64 {
+    0.4 * (a_c + a_n + 1.5 * a_t)
+}
+
+/// Normals and forces by their angle to the vertical (z), averaged over the azimuth: the
+/// roses of figs. 12 and 14 of Lai et al. 2021.
+///
+/// A contact's normal has no sign: each is taken with the sign that points up, so that angles run
+/// from 0 (vertical) to π/2 (horizontal).
+#[derive(Clone, Debug, Default)]
+pub struct RoseSum {
+    among: Among,
+    bins: [RoseBin; Rose::BINS],
+}
+
+#[derive(Clone, Debug, Default)]
+struct RoseBin {
+    halves: u64,
+    normal_force: ExactSum,
+    shear_force: ExactSum,
+}
+
+impl RoseSum {
+    /// No contacts yet.
+    pub fn new(among: Among) -> Self {
+        Self { among, ..Self::default() }
+    }
+
+    /// Adds these contacts.
+    ///
+    /// # Errors
+    /// A contact of a particle that does not exist.
+    pub fn add_contacts(
+        &mut self,
+        contacts: &ContactTable,
+        members: &Members,
+    ) -> Result<(), PostError> {
+        for (row, normal) in contacts.normal.iter().enumerate() {
+            let halves = self.among.halves(members.ends(contacts.a[row], contacts.b[row])?);
+            if halves == 0 {
+                continue;
+            }
+            let up = if normal.z < 0.0 { -1.0 } else { 1.0 };
+            let ring = normal.x.hypot(normal.y);
+            let bin = &mut self.bins[Rose::bin_of(ring.atan2(up * normal.z))];
+            let weight = 0.5 * halves as f64;
+            bin.halves += halves;
+            bin.normal_force.add(weight * contacts.normal_force[row]);
+            if ring > 0.0 {
+                // Towards the pole along the meridian; A's force on B turns with the normal.
+                let to_pole =
+                    Vec3::new(-normal.x * normal.z / ring, -normal.y * normal.z / ring, ring);
+                bin.shear_force.add(weight * up * contacts.shear_force[row].dot(&to_pole));
+            }
+        }
+        Ok(())
+    }
+
+    /// The roses.
+    pub fn finish(&self) -> Rose {
+        let contacts = 0.5 * self.bins.iter().map(|bin| bin.halves).sum::<u64>() as f64;
+        let mean = |sum: &ExactSum, bin: &RoseBin| quotient(sum.value(), 0.5 * bin.halves as f64);
+        let column = |of: &dyn Fn(usize, &RoseBin) -> Option<f64>| {
+            self.bins.iter().enumerate().map(|(k, bin)| of(k, bin)).collect()
+        };
+        Rose {
+            density: column(&|k, bin| {
+                quotient(0.5 * bin.halves as f64 / contacts, Rose::share_of_sphere(k))
+            }),
+            normal_force: column(&|_, bin| mean(&bin.normal_force, bin)),
+            shear_force: column(&|_, bin| mean(&bin.shear_force, bin)),
+        }
+    }
+}
+
+/// Normals and forces by their angle to the vertical, in [`Rose::BINS`] equal steps from 0 to π/2; `None`
+/// where a bin has no contacts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rose {
+    /// Density of normals over that of an isotropic packing, `4π E(θ)`.
+    pub density: Vec<Option<f64>>,
+    /// Mean normal force [N].
+    #[serde(rename = "normal_force_n")]
+    pub normal_force: Vec<Option<f64>>,
+    /// Mean tangential force towards the vertical, of the upper end on the lower [N].
+    #[serde(rename = "shear_force_n")]
+    pub shear_force: Vec<Option<f64>>,
+}
+
+impl Rose {
+    /// Steps from vertical to horizontal.
+    pub const BINS: usize = 9;
+    /// Width of a step [rad].
+    pub const STEP: f64 = std::f64::consts::FRAC_PI_2 / Self::BINS as f64;
+
+    fn bin_of(angle: f64) -> usize {
+        ((angle / Self::STEP) as usize).min(Self::BINS - 1)
+    }
+
+    /// The share of the upper half sphere in a bin.
+    fn share_of_sphere(bin: usize) -> f64 {
+        let edge = |k: usize| (k as f64 * Self::STEP).cos();
+        edge(bin) - edge(bin + 1)
+    }
+
+    /// The second-order density or normal force about the vertical, over its mean:
+    /// `1 + a_zz P_2(cos θ)`, which is the average of `1 + a:nn` over the azimuth.
+    pub fn normal_fit(anisotropy: &Mat3, angle: f64) -> f64 {
+        let (sine, cosine) = angle.sin_cos();
+        1.0 + anisotropy.m33 * (cosine * cosine - 0.5 * sine * sine)
+    }
+
+    /// The second-order shear force towards the vertical, over `f_0`: `3/2 a^t_zz sin θ cos θ`, the
+    /// average of `a^t n` along the meridian over the azimuth.
+    pub fn shear_fit(anisotropy: &Mat3, angle: f64) -> f64 {
+        let (sine, cosine) = angle.sin_cos();
+        1.5 * anisotropy.m33 * sine * cosine
+    }
+}

@@ -1,0 +1,103 @@
+//! The table of a run's scalars by time, `history.csv`: every numeric column, whatever a scene wrote.
+
+use std::io::Read;
+
+/// Why a history could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum HistoryError {
+    /// Not a table.
+    #[error("not a table of comma-separated values: {0}")]
+    NotATable(#[from] csv::Error),
+    /// No column says when.
+    #[error("no column named \"time\" or starting with \"time_\"; it has: {columns}")]
+    NoTime {
+        /// The columns there are.
+        columns: String,
+    },
+}
+
+/// Scalars by time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct History {
+    /// The curves, in the order of the columns.
+    pub curves: Vec<Curve>,
+}
+
+/// One column over time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Curve {
+    /// The column's name, which ends in its unit.
+    pub name: String,
+    /// Time [s] and value, ascending in time as in the file.
+    pub points: Vec<(f64, f64)>,
+}
+
+impl History {
+    /// Reads a table with names in its first row. Columns in which a row holds anything but a number (or
+    /// nothing) are left out, and so is the step.
+    ///
+    /// # Errors
+    /// See [`HistoryError`].
+    pub fn read(source: impl Read) -> Result<Self, HistoryError> {
+        let mut table = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(source);
+        let names: Vec<String> = table.headers()?.iter().map(str::to_string).collect();
+        let is_time = |name: &String| {
+            let name = name.to_lowercase();
+            name == "time" || name.starts_with("time_") || name.starts_with("time [")
+        };
+        let Some(time_column) = names.iter().position(is_time) else {
+            return Err(HistoryError::NoTime { columns: names.join(", ") });
+        };
+        let mut points: Vec<Option<Vec<(f64, f64)>>> = vec![Some(Vec::new()); names.len()];
+        for record in table.records() {
+            let record = record?;
+            let number = |k: usize| record.get(k).map(str::parse::<f64>);
+            let Some(Ok(time)) = number(time_column) else { continue };
+            for (k, column) in points.iter_mut().enumerate() {
+                match (number(k), record.get(k)) {
+                    (Some(Ok(value)), _) => {
+                        if let Some(column) = column {
+                            column.push((time, value));
+                        }
+                    }
+                    (_, None | Some("")) => {}
+                    _ => *column = None,
+                }
+            }
+        }
+        let curves = names.into_iter().zip(points).enumerate().filter_map(|(k, (name, points))| {
+            let skipped = k == time_column || name.eq_ignore_ascii_case("step");
+            points.filter(|p| !skipped && !p.is_empty()).map(|points| Curve { name, points })
+        });
+        Ok(Self { curves: curves.collect() })
+    }
+
+    /// The curves that say something: not the same number throughout.
+    pub fn changing(&self) -> impl Iterator<Item = &Curve> {
+        self.curves.iter().filter(|c| c.points.windows(2).any(|w| w[0].1 != w[1].1))
+    }
+}
+
+impl Curve {
+    /// At most about `limit` points that still show every peak: of each run of rows the first point, the
+    /// lowest and the highest.
+    pub fn thinned(&self, limit: usize) -> Vec<(f64, f64)> {
+        let run = (3 * self.points.len()).div_ceil(limit.max(3)).max(1);
+        if self.points.len() <= limit {
+            return self.points.clone();
+        }
+        let mut kept = Vec::new();
+        for run in self.points.chunks(run) {
+            let by_value = |i: &usize, j: &usize| run[*i].1.total_cmp(&run[*j].1);
+            let mut rows = vec![0];
+            rows.extend((0..run.len()).min_by(by_value));
+            rows.extend((0..run.len()).max_by(by_value));
+            rows.sort_unstable();
+            rows.dedup();
+            kept.extend(rows.into_iter().map(|i| run[i]));
+        }
+        kept.extend(self.points.last());
+        kept.dedup();
+        kept
+    }
+}

@@ -1,0 +1,47 @@
+//! A LAMMPS text dump of the particles, for OVITO, which reads no VTKHDF.
+//!
+//! `shapex shapey shapez` are **full axes** (diameters), as LAMMPS itself writes them since July 2020;
+//! OVITO halves them to its "Aspherical Shape", which has semi-axes. The quaternion stands in OVITO's
+//! and LAMMPS' order (x, y, z, w). Types count from 1; ids are the snapshot's, from 0.
+
+use crate::output::tables::{Header, ParticleTable};
+use std::io::{self, Write};
+
+/// Writes what stands above the rows of atoms.
+///
+/// # Errors
+/// The writer's.
+pub fn write_header(out: &mut impl Write, header: &Header, particles: usize) -> io::Result<()> {
+    let sides = header.periodic.map(|periodic| if periodic { "pp" } else { "ff" });
+    writeln!(out, "ITEM: TIMESTEP\n{}", header.step)?;
+    writeln!(out, "ITEM: NUMBER OF ATOMS\n{particles}")?;
+    writeln!(out, "ITEM: BOX BOUNDS {}", sides.join(" "))?;
+    for k in 0..3 {
+        writeln!(out, "{:e} {:e}", header.low[k], header.high[k])?;
+    }
+    writeln!(out, "ITEM: ATOMS id type x y z quati quatj quatk quatw shapex shapey shapez vx vy vz")
+}
+
+/// Writes one row per particle, with as many digits as give the same bits back.
+///
+/// # Errors
+/// The writer's.
+pub fn write_particles(
+    out: &mut impl Write,
+    header: &Header,
+    particles: &ParticleTable,
+) -> io::Result<()> {
+    for (row, id) in particles.id.iter().enumerate() {
+        let shape = &header.shapes[particles.shape[row].index()];
+        let (x, v) = (&particles.position[row], &particles.velocity[row]);
+        let [qw, qx, qy, qz] =
+            particles.quaternion.get(row).copied().unwrap_or([1.0, 0.0, 0.0, 0.0]);
+        let axes = shape.semi_axes * 2.0;
+        write!(out, "{} {}", id, particles.shape[row].0 + 1)?;
+        for number in [x.x, x.y, x.z, qx, qy, qz, qw, axes.x, axes.y, axes.z, v.x, v.y, v.z] {
+            write!(out, " {number:e}")?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,340 @@
+//! What is computed from a snapshot: stress, coordination, fabric, forces, and the page that shows
+//! them.
+//!
+//! Every measure adds up pieces of the tables, so a snapshot may be larger than memory: only a few
+//! bytes per particle are kept (and up to 2³⁰ contacts counted). All sums are exact
+//! ([`crate::math::ExactSum`]): a report has the same digits whatever the number of ranks that
+//! wrote the snapshot.
+//!
+//! Three passes, each of which hands on to the next: [`ParticlePass`] finds the region and its
+//! particles, [`ContactPass`] stress, coordination, fabric and the mean force, [`ForcePass`] all
+//! that needs the mean force or the fabric first. [`analyse`] runs them over a file.
+//!
+//! | file | what it is |
+//! |---|---|
+//! | [`region`] | where to measure; volume, solid fraction, strain |
+//! | [`stress`] [`coordination`] [`fabric`] [`forces`] | one measure each |
+//! | [`report`] | the numbers of a snapshot, as JSON, as a row of CSV, and to read |
+//! | [`history`] | the scalars that the run wrote by time |
+//! | [`plots`] [`rose`] [`picture`] [`page`] | what there is to look at |
+//! | [`diff`] | whether two snapshots are the same, bit for bit |
+//! | [`lammps`] | particles for OVITO |
+
+mod check;
+pub mod coordination;
+pub mod diff;
+pub mod fabric;
+pub mod forces;
+pub mod history;
+pub mod lammps;
+pub mod page;
+pub mod picture;
+pub mod plots;
+pub mod region;
+pub mod report;
+pub mod rose;
+pub mod stress;
+mod sums;
+
+pub use report::{Report, Summary};
+
+use crate::ids::GlobalId;
+use crate::output::SnapshotError;
+use crate::output::snapshot::Reader;
+use crate::output::tables::{ContactTable, Header, ParticleTable};
+use coordination::CoordinationCount;
+use fabric::{Among, Fabric, FabricSum, ForceFabricSum, RoseSum};
+use forces::{ForceCount, MeanForceSum};
+use picture::Picture;
+use region::{Bounds, Extent, Members, Region, SampledSolid, SolidVolume};
+use std::ops::Range;
+use stress::StressSum;
+
+/// Why nothing could be computed.
+#[derive(Debug, thiserror::Error)]
+pub enum PostError {
+    /// The file could not be read.
+    #[error(transparent)]
+    Snapshot(#[from] SnapshotError),
+    /// A number is NaN or infinite.
+    #[error("{what} is not a finite number: the snapshot is damaged, or the run had blown up")]
+    NotFinite {
+        /// Which.
+        what: String,
+    },
+    /// A particle has a shape that the snapshot does not list.
+    #[error("particle {id} has shape {shape}, but the snapshot lists {shapes} shapes")]
+    UnknownShape {
+        /// The particle.
+        id: GlobalId,
+        /// Its shape.
+        shape: u16,
+        /// How many there are.
+        shapes: usize,
+    },
+    /// An id that was never given.
+    #[error(
+        "particle {id} has an id that was never given (the next would be {next_id}): the snapshot is damaged"
+    )]
+    UnknownId {
+        /// The particle.
+        id: GlobalId,
+        /// The next id.
+        next_id: u64,
+    },
+    /// Two particles with one id.
+    #[error("particle {id} stands twice in the snapshot")]
+    TwiceTheSameId {
+        /// The particle.
+        id: GlobalId,
+    },
+    /// A contact of a particle that is not there.
+    #[error(
+        "a contact names particle {id}, which the snapshot does not hold: \
+         is the contacts file of the same run and step?"
+    )]
+    ContactOfNobody {
+        /// The particle.
+        id: GlobalId,
+    },
+    /// A region without volume.
+    #[error("the region has no length along {axis}: from {low} m to {high} m")]
+    EmptyRegion {
+        /// The axis.
+        axis: char,
+        /// Its low side [m].
+        low: f64,
+        /// Its high side [m].
+        high: f64,
+    },
+    /// A region beyond the period.
+    #[error(
+        "the region reaches beyond the periodic domain along {axis}: {low}..{high} m in {period_low}..{period_high} m"
+    )]
+    RegionBeyondPeriod {
+        /// The axis.
+        axis: char,
+        /// Low side of the region [m].
+        low: f64,
+        /// High side of the region [m].
+        high: f64,
+        /// Low side of the domain [m].
+        period_low: f64,
+        /// High side of the domain [m].
+        period_high: f64,
+    },
+}
+
+/// What the user chooses.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Settings {
+    /// Where to measure.
+    pub region: Region,
+    /// Which contacts count in fabric, roses and force distributions.
+    pub among: Among,
+}
+
+/// What a snapshot comes to.
+#[derive(Clone, Debug)]
+pub struct Analysis {
+    /// The numbers.
+    pub report: Report,
+    /// The picture of the packing.
+    pub picture: Picture,
+}
+
+/// The first pass, over particles.
+#[derive(Clone, Debug)]
+pub struct ParticlePass<'a> {
+    header: &'a Header,
+    settings: Settings,
+    extent: Extent,
+    volume: SolidVolume,
+    sampled: Option<SampledSolid>,
+    members: Members,
+    mean_force: MeanForceSum,
+    picture: Picture,
+}
+
+impl<'a> ParticlePass<'a> {
+    /// No particles yet.
+    ///
+    /// # Errors
+    /// A region that cannot be used with this snapshot.
+    pub fn new(header: &'a Header, settings: Settings) -> Result<Self, PostError> {
+        settings.region.check(header)?;
+        Ok(Self {
+            header,
+            settings,
+            extent: Extent::default(),
+            volume: SolidVolume::default(),
+            sampled: match settings.region {
+                Region::Whole => None,
+                Region::Box(bounds) => Some(SampledSolid::new(bounds)),
+            },
+            members: Members::new(settings.region),
+            mean_force: MeanForceSum::new(settings.among),
+            picture: Picture::default(),
+        })
+    }
+
+    /// Adds a piece of the particles.
+    ///
+    /// # Errors
+    /// A table that makes no sense.
+    pub fn add(&mut self, particles: &ParticleTable) -> Result<(), PostError> {
+        check::check_particles(self.header, particles)?;
+        self.members.add(self.header, particles)?;
+        self.extent.add(self.header, particles);
+        self.volume.add(self.header, particles);
+        if let Some(sampled) = &mut self.sampled {
+            sampled.add(self.header, particles);
+        }
+        self.mean_force.add(particles, &self.members)?;
+        self.picture.add(self.header, particles, &self.members)
+    }
+
+    /// On to the contacts.
+    pub fn finish(self) -> ContactPass<'a> {
+        let bounds = match self.settings.region {
+            Region::Whole => self.extent.finish(self.header),
+            Region::Box(bounds) => Some(bounds),
+        };
+        let solid_fraction = match &self.sampled {
+            Some(sampled) => Some(sampled.finish()),
+            None => bounds.map(|b| self.volume.finish() / b.volume()),
+        };
+        ContactPass {
+            header: self.header,
+            settings: self.settings,
+            bounds,
+            solid_fraction,
+            members: self.members,
+            picture: self.picture,
+            mean_force: self.mean_force,
+            stress: StressSum::default(),
+            coordination: CoordinationCount::default(),
+            fabric: FabricSum::new(self.settings.among),
+            rose: RoseSum::new(self.settings.among),
+        }
+    }
+}
+
+/// The second pass, over contacts.
+#[derive(Clone, Debug)]
+pub struct ContactPass<'a> {
+    header: &'a Header,
+    settings: Settings,
+    bounds: Option<Bounds>,
+    solid_fraction: Option<f64>,
+    members: Members,
+    picture: Picture,
+    mean_force: MeanForceSum,
+    stress: StressSum,
+    coordination: CoordinationCount,
+    fabric: FabricSum,
+    rose: RoseSum,
+}
+
+impl<'a> ContactPass<'a> {
+    /// Adds a piece of the contacts.
+    ///
+    /// # Errors
+    /// A table that makes no sense.
+    pub fn add_contacts(&mut self, contacts: &ContactTable) -> Result<(), PostError> {
+        check::check_contacts(contacts)?;
+        self.stress.add_contacts(contacts, &self.members)?;
+        self.coordination.add_contacts(contacts);
+        self.fabric.add_contacts(contacts, &self.members)?;
+        self.rose.add_contacts(contacts, &self.members)?;
+        self.mean_force.add_contacts(contacts, &self.members)
+    }
+
+    /// On to what needs the fabric or the mean force first.
+    pub fn finish(self) -> ForcePass<'a> {
+        let among = self.settings.among;
+        let fabric = self.fabric.finish();
+        let mean = self.mean_force.mean_normal_force();
+        ForcePass {
+            fabric,
+            force_fabric: fabric.map(|fabric| ForceFabricSum::new(among, &fabric)),
+            forces: mean.map(|mean| ForceCount::new(among, mean)),
+            before: self,
+        }
+    }
+}
+
+/// The third pass, over contacts again.
+#[derive(Clone, Debug)]
+pub struct ForcePass<'a> {
+    before: ContactPass<'a>,
+    fabric: Option<Fabric>,
+    force_fabric: Option<ForceFabricSum>,
+    forces: Option<ForceCount>,
+}
+
+impl ForcePass<'_> {
+    /// Adds a piece of the contacts.
+    ///
+    /// # Errors
+    /// A table that makes no sense.
+    pub fn add_contacts(&mut self, contacts: &ContactTable) -> Result<(), PostError> {
+        if let Some(force_fabric) = &mut self.force_fabric {
+            force_fabric.add_contacts(contacts, &self.before.members)?;
+        }
+        if let Some(forces) = &mut self.forces {
+            forces.add_contacts(contacts, &self.before.members)?;
+        }
+        Ok(())
+    }
+
+    /// All numbers. `snapshot` is how the report names its source.
+    pub fn finish(self, snapshot: &str) -> Analysis {
+        let ContactPass { header, settings, bounds, solid_fraction, members, picture, .. } =
+            self.before;
+        let parts = report::Parts {
+            header,
+            region: settings.region,
+            among: settings.among,
+            bounds,
+            solid_fraction,
+            stress: bounds.map(|b| self.before.stress.finish(b.volume())),
+            coordination: self.before.coordination.finish(&members),
+            fabric: self.fabric,
+            force_fabric: self.force_fabric.and_then(|sum| sum.finish()),
+            rose: self.before.rose.finish(),
+            forces: self.forces.map(ForceCount::finish),
+            mean_normal_force: self.before.mean_force.mean_normal_force(),
+            unbalanced_ratio: self.before.mean_force.unbalanced_ratio(),
+        };
+        Analysis { report: Report::of(parts, snapshot), picture }
+    }
+}
+
+/// Rows read at a time: some tens of megabytes.
+const PIECE: usize = 1 << 17;
+
+/// The ranges of rows in which a table of this length is read.
+pub fn pieces(rows: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..rows).step_by(PIECE).map(move |first| first..(first + PIECE).min(rows))
+}
+
+/// Computes everything from a snapshot's files, in pieces. `name` is how the report names it.
+///
+/// # Errors
+/// Files that cannot be read or make no sense, or a region that does not fit.
+pub fn analyse(reader: &Reader, name: &str, settings: Settings) -> Result<Analysis, PostError> {
+    let mut particles = ParticlePass::new(reader.header(), settings)?;
+    for rows in pieces(reader.particle_count()) {
+        particles.add(&reader.particles(rows)?)?;
+    }
+    let mut contacts = particles.finish();
+    for rows in pieces(reader.contact_count()?) {
+        contacts.add_contacts(&reader.contacts(rows)?)?;
+    }
+    let mut forces = contacts.finish();
+    for rows in pieces(reader.contact_count()?) {
+        forces.add_contacts(&reader.contacts(rows)?)?;
+    }
+    Ok(forces.finish(name))
+}

@@ -1,0 +1,600 @@
+//! Plots as SVG text, drawn with plotters. The colours are those of Okabe and Ito, which colour-blind
+//! readers can tell apart; every plot can be read alone and stands in the page as well.
+
+use super::coordination::Coordination;
+use super::forces::Histogram;
+use super::history::Curve;
+use super::report::{Report, readable};
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{Ranged, ValueFormatter};
+use plotters::prelude::*;
+use std::ops::Range;
+
+/// A plot, ready to be shown.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Plot {
+    /// Name of its file, without the ending.
+    pub name: String,
+    /// What it shows, in a few words.
+    pub title: String,
+    /// What it shows, in one sentence.
+    pub caption: String,
+    /// Takes the whole width of the page.
+    pub wide: bool,
+    /// The drawing.
+    pub svg: String,
+}
+
+/// Why a plot could not be drawn.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("cannot draw a plot: {0}")]
+pub struct PlotError(String);
+
+impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotError {
+    fn from(error: DrawingAreaErrorKind<E>) -> Self {
+        Self(error.to_string())
+    }
+}
+
+pub(super) const INK: RGBColor = RGBColor(0x1F, 0x29, 0x33);
+pub(super) const MUTED: RGBColor = RGBColor(0x5B, 0x66, 0x72);
+pub(super) const GRID: RGBColor = RGBColor(0xE3, 0xE7, 0xEB);
+pub(super) const BLUE: RGBColor = RGBColor(0x00, 0x72, 0xB2);
+pub(super) const ORANGE: RGBColor = RGBColor(0xE6, 0x9F, 0x00);
+pub(super) const VERMILION: RGBColor = RGBColor(0xD5, 0x5E, 0x00);
+
+/// plotters places everything at whole units: this many to a pixel keep curves smooth.
+pub(super) const FINE: i32 = 8;
+
+/// Pixels in the units of the drawing.
+pub(super) const fn px(pixels: i32) -> i32 {
+    pixels * FINE
+}
+
+pub(super) type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// A text style of this size in pixels.
+fn text(pixels: i32, colour: RGBColor) -> TextStyle<'static> {
+    // plotters' SVG divides sizes by 1.24.
+    ("sans-serif", f64::from(px(pixels)) * 1.24).into_font().color(&colour)
+}
+
+/// A drawing of this size in pixels.
+pub(super) fn drawing(
+    width: u32,
+    height: u32,
+    paint: impl FnOnce(&Canvas) -> Result<(), PlotError>,
+) -> Result<String, PlotError> {
+    let (fine_width, fine_height) = (width * FINE as u32, height * FINE as u32);
+    let mut svg = String::new();
+    {
+        let canvas =
+            SVGBackend::with_string(&mut svg, (fine_width, fine_height)).into_drawing_area();
+        canvas.fill(&WHITE)?;
+        paint(&canvas)?;
+        canvas.present()?;
+    }
+    // The view box keeps the fine units; the size is in pixels.
+    let fine = format!(r#"width="{fine_width}" height="{fine_height}" viewBox"#);
+    Ok(svg.replacen(&fine, &format!(r#"width="{width}" height="{height}" viewBox"#), 1))
+}
+
+/// How a series is drawn.
+#[derive(Clone, Copy)]
+enum Mark {
+    Line,
+    Dots,
+    /// Bars of this width in units of x, from zero, their middles shifted by the second.
+    Bars(f64, f64),
+    /// A vertical line at the x of each point.
+    Rule,
+}
+
+struct Series {
+    name: String,
+    colour: RGBColor,
+    mark: Mark,
+    points: Vec<(f64, f64)>,
+}
+
+struct Axes {
+    x_label: String,
+    y_label: String,
+    x: Range<f64>,
+    y: Range<f64>,
+    log_x: bool,
+    log_y: bool,
+}
+
+/// A chart with a legend above it.
+fn chart(size: (u32, u32), axes: &Axes, series: &[Series]) -> Result<String, PlotError> {
+    drawing(size.0, size.1, |canvas| {
+        let named: Vec<&Series> = series.iter().filter(|s| !s.name.is_empty()).collect();
+        legend(canvas, &named)?;
+        let top = if named.is_empty() { 14 } else { 36 };
+        let mut builder = ChartBuilder::on(canvas);
+        builder
+            .margin_top(px(top))
+            .margin_right(px(18))
+            .margin_left(px(4))
+            .margin_bottom(px(4))
+            .x_label_area_size(px(46))
+            .y_label_area_size(px(66));
+        let (x, y) = (axes.x.clone(), axes.y.clone());
+        match (axes.log_x, axes.log_y) {
+            (false, false) => fill(&mut builder.build_cartesian_2d(x, y)?, axes, series),
+            (false, true) => fill(&mut builder.build_cartesian_2d(x, y.log_scale())?, axes, series),
+            (true, false) => fill(&mut builder.build_cartesian_2d(x.log_scale(), y)?, axes, series),
+            (true, true) => {
+                fill(&mut builder.build_cartesian_2d(x.log_scale(), y.log_scale())?, axes, series)
+            }
+        }
+    })
+}
+
+/// Grid, labels and series of a chart.
+fn fill<X, Y>(
+    chart: &mut ChartContext<SVGBackend, Cartesian2d<X, Y>>,
+    axes: &Axes,
+    series: &[Series],
+) -> Result<(), PlotError>
+where
+    X: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
+{
+    let x_tick = |x: &f64| if axes.log_x { power(*x) } else { tick(*x) };
+    let y_tick = |y: &f64| if axes.log_y { power(*y) } else { tick(*y) };
+    chart
+        .configure_mesh()
+        .max_light_lines(0)
+        .bold_line_style(GRID.stroke_width(FINE as u32))
+        .axis_style(MUTED.stroke_width(FINE as u32))
+        .set_all_tick_mark_size(px(4))
+        .label_style(text(12, MUTED))
+        .axis_desc_style(text(13, INK))
+        .x_labels(8)
+        .y_labels(6)
+        .x_label_formatter(&x_tick)
+        .y_label_formatter(&y_tick)
+        .x_desc(axes.x_label.as_str())
+        .y_desc(axes.y_label.as_str())
+        .draw()?;
+    for s in series {
+        let inside = |p: &&(f64, f64)| p.0.is_finite() && p.1.is_finite();
+        let points = s.points.iter().filter(inside).copied();
+        let line = s.colour.stroke_width(px(2) as u32);
+        match s.mark {
+            Mark::Line => {
+                chart.draw_series(std::iter::once(PathElement::new(
+                    points.collect::<Vec<_>>(),
+                    line,
+                )))?;
+            }
+            Mark::Dots => {
+                chart.draw_series(points.map(|p| Circle::new(p, px(3), s.colour.filled())))?;
+            }
+            Mark::Bars(width, shift) => {
+                chart.draw_series(points.map(|(x, y)| {
+                    let (left, right) = (x + shift - 0.5 * width, x + shift + 0.5 * width);
+                    Rectangle::new([(left, 0.0), (right, y)], s.colour.filled())
+                }))?;
+            }
+            Mark::Rule => {
+                let (low, high) = (axes.y.start, axes.y.end);
+                chart.draw_series(
+                    points.map(|(x, _)| PathElement::new(vec![(x, low), (x, high)], line)),
+                )?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Swatches and names in a row.
+fn legend(canvas: &Canvas, series: &[&Series]) -> Result<(), PlotError> {
+    let mut x = px(72);
+    let y = px(17);
+    for s in series {
+        let swatch = [(x, y - px(5)), (x + px(10), y + px(5))];
+        let rule = [(x, y - px(1)), (x + px(10), y + px(1))];
+        let area = if matches!(s.mark, Mark::Line | Mark::Rule) { rule } else { swatch };
+        canvas.draw(&Rectangle::new(area, s.colour.filled()))?;
+        label(canvas, &s.name, (x + px(15), y), 12, MUTED, Anchor::Left)?;
+        // About the width of a letter; text is measured by whoever shows the drawing.
+        x += px(15 + 22) + s.name.chars().count() as i32 * px(13) / 2;
+    }
+    Ok(())
+}
+
+#[derive(Clone, Copy)]
+pub(super) enum Anchor {
+    Left,
+    Middle,
+}
+
+pub(super) fn label(
+    canvas: &Canvas,
+    words: &str,
+    at: (i32, i32),
+    size: i32,
+    colour: RGBColor,
+    anchor: Anchor,
+) -> Result<(), PlotError> {
+    use plotters::style::text_anchor::{HPos, Pos, VPos};
+    let h = match anchor {
+        Anchor::Left => HPos::Left,
+        Anchor::Middle => HPos::Center,
+    };
+    let style = text(size, colour).pos(Pos::new(h, VPos::Center));
+    Ok(canvas.draw(&Text::new(words.to_string(), at, style))?)
+}
+
+/// A label of a linear axis: no more digits than it needs.
+pub(super) fn tick(value: f64) -> String {
+    let size = value.abs();
+    if size < 1e-300 {
+        return "0".into();
+    }
+    if !(1e-3..1e5).contains(&size) {
+        let (mantissa, exponent) = scientific(value);
+        let mantissa = format!("{mantissa:.2}");
+        return format!(
+            "{}·10{}",
+            mantissa.trim_end_matches('0').trim_end_matches('.'),
+            superscript(exponent)
+        );
+    }
+    let fixed = format!("{value:.6}");
+    fixed.trim_end_matches('0').trim_end_matches('.').to_string()
+}
+
+/// A label of a logarithmic axis.
+fn power(value: f64) -> String {
+    format!("10{}", superscript(value.log10().round() as i32))
+}
+
+pub(super) fn scientific(value: f64) -> (f64, i32) {
+    let exponent = value.abs().log10().floor() as i32;
+    (value / 10f64.powi(exponent), exponent)
+}
+
+fn superscript(number: i32) -> String {
+    const RAISED: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
+    let raise = |c: char| c.to_digit(10).map_or('⁻', |digit| RAISED[digit as usize]);
+    number.to_string().chars().map(raise).collect()
+}
+
+/// The span of these values with a little room; 0 to 1 without any.
+fn span(values: impl Iterator<Item = f64>) -> Range<f64> {
+    let finite = values.filter(|v| v.is_finite());
+    let (low, high) =
+        finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+    if low > high {
+        return 0.0..1.0;
+    }
+    let room = 0.05 * (high - low);
+    // A constant needs a span too, wide enough that its ends are different numbers.
+    let room = if room > 1e-12 * high.abs() { room } else { 0.1 * high.abs().max(1e-9) };
+    low - room..high + room
+}
+
+/// Whole decades around these values; 0.1 to 10 without any above zero.
+fn decades(values: impl Iterator<Item = f64>) -> Range<f64> {
+    let (low, high) = values
+        .filter(|v| v.is_finite() && *v > 0.0)
+        .fold((f64::INFINITY, 0.0_f64), |(low, high), v| (low.min(v), high.max(v)));
+    if low > high {
+        return 0.1..10.0;
+    }
+    let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
+    10f64.powi(first)..10f64.powi(last.max(first + 1))
+}
+
+const SIZE: (u32, u32) = (560, 360);
+
+/// How many particles have how many contacts (fig. 11 of Lai et al. 2021).
+///
+/// # Errors
+/// See [`PlotError`].
+pub fn coordination(coordination: &Coordination) -> Result<Plot, PlotError> {
+    let percent = |numbers: &super::coordination::CoordinationNumbers| -> Vec<(f64, f64)> {
+        let all = numbers.particles().max(1) as f64;
+        let bars = numbers.histogram.iter().zip(0i32..);
+        bars.map(|(&n, k)| (f64::from(k), 100.0 * n as f64 / all)).collect()
+    };
+    let (all, pairs) = (&coordination.with_walls, &coordination.without_walls);
+    let (width, shift) = if all == pairs { (0.8, 0.0) } else { (0.42, 0.21) };
+    let mut series = vec![Series {
+        name: "between particles".into(),
+        colour: BLUE,
+        mark: Mark::Bars(width, -shift),
+        points: percent(pairs),
+    }];
+    if all != pairs {
+        series.push(Series {
+            name: "with walls".into(),
+            colour: ORANGE,
+            mark: Mark::Bars(width, shift),
+            points: percent(all),
+        });
+    }
+    if let Some(mean) = pairs.mean() {
+        series.push(Series {
+            name: format!("mean {}", readable(mean)),
+            colour: INK,
+            mark: Mark::Rule,
+            points: vec![(mean, 0.0)],
+        });
+    }
+    let highest = series.iter().flat_map(|s| &s.points).map(|p| p.1).fold(1.0, f64::max);
+    let most = all.histogram.len().max(pairs.histogram.len()).max(2) as f64;
+    let axes = Axes {
+        x_label: "contacts of a particle".into(),
+        y_label: "particles (%)".into(),
+        x: -0.6..most - 0.4,
+        y: 0.0..1.08 * highest,
+        log_x: false,
+        log_y: false,
+    };
+    Ok(Plot {
+        name: "coordination".into(),
+        title: "Coordination number".into(),
+        caption:
+            "Share of particles by number of contacts; the line is the mean between particles."
+                .into(),
+        wide: false,
+        svg: chart(SIZE, &axes, &series)?,
+    })
+}
+
+/// Probability density of forces over the mean normal force, semi-logarithmic.
+///
+/// # Errors
+/// See [`PlotError`].
+pub fn force_distribution(normal: &Histogram, shear: &Histogram) -> Result<Plot, PlotError> {
+    let series = force_series(normal, shear, &|_, density| density);
+    let values = || series.iter().flat_map(|s| &s.points);
+    let farthest = values().map(|p| p.0).fold(3.0, f64::max);
+    let axes = Axes {
+        x_label: "force / mean normal force".into(),
+        y_label: "probability density".into(),
+        x: 0.0..1.03 * farthest,
+        y: decades(values().map(|p| p.1)),
+        log_x: false,
+        log_y: true,
+    };
+    Ok(Plot {
+        name: "force_distribution".into(),
+        title: "Contact forces".into(),
+        caption: "Probability density of normal and tangential contact forces, both over the mean \
+                  normal force; a straight tail is an exponential distribution of strong forces."
+            .into(),
+        wide: false,
+        svg: chart(SIZE, &axes, &series)?,
+    })
+}
+
+/// The same by logarithm of the force, which shows the weak contacts (fig. 13 of Lai et al. 2021).
+///
+/// # Errors
+/// See [`PlotError`].
+pub fn weak_forces(normal: &Histogram, shear: &Histogram) -> Result<Plot, PlotError> {
+    let series = force_series(normal, shear, &|force, density| {
+        // Density by decade: dP/d(log10 f) = f ln(10) dP/df.
+        force * std::f64::consts::LN_10 * density
+    });
+    let values = || series.iter().flat_map(|s| &s.points);
+    let axes = Axes {
+        x_label: "force / mean normal force".into(),
+        y_label: "share of contacts per decade".into(),
+        x: decades(values().map(|p| p.0)),
+        y: 0.0..span(values().map(|p| p.1)).end,
+        log_x: true,
+        log_y: false,
+    };
+    Ok(Plot {
+        name: "weak_forces".into(),
+        title: "Weak and strong contacts".into(),
+        caption: "The same forces by decade: how many contacts are weak, and how weak.".into(),
+        wide: false,
+        svg: chart(SIZE, &axes, &series)?,
+    })
+}
+
+fn force_series(
+    normal: &Histogram,
+    shear: &Histogram,
+    height: &dyn Fn(f64, f64) -> f64,
+) -> Vec<Series> {
+    let dots = |histogram: &Histogram| -> Vec<(f64, f64)> {
+        let filled = histogram.density().filter(|&(_, density)| density > 0.0);
+        filled.map(|(force, density)| (force, height(force, density))).collect()
+    };
+    [("normal", BLUE, normal), ("tangential", ORANGE, shear)]
+        .into_iter()
+        .map(|(name, colour, histogram)| Series {
+            name: name.into(),
+            colour,
+            mark: Mark::Dots,
+            points: dots(histogram),
+        })
+        .collect()
+}
+
+/// How much of their friction contacts use.
+///
+/// # Errors
+/// See [`PlotError`].
+pub fn friction(used: &Histogram) -> Result<Plot, PlotError> {
+    let total = used.total_halves().max(1) as f64;
+    let width = used.edges.get(1).copied().unwrap_or(1.0);
+    let points: Vec<(f64, f64)> = (used.halves.iter().zip(&used.edges))
+        .map(|(&halves, edge)| (edge + 0.5 * width, 100.0 * halves as f64 / total))
+        .collect();
+    let filled = points.iter().filter(|p| p.1 > 0.0);
+    let (end, highest) = filled.fold((0.1, 1.0), |(end, high), p| (p.0.max(end), p.1.max(high)));
+    let axes = Axes {
+        x_label: "tangential / normal force of a contact".into(),
+        y_label: "contacts (%)".into(),
+        x: 0.0..end + 2.0 * width,
+        y: 0.0..1.08 * highest,
+        log_x: false,
+        log_y: false,
+    };
+    let bars =
+        Series { name: String::new(), colour: BLUE, mark: Mark::Bars(0.85 * width, 0.0), points };
+    Ok(Plot {
+        name: "friction".into(),
+        title: "Friction used".into(),
+        caption: "Ratio of tangential to normal force; sliding contacts pile up at the \
+                  coefficient of friction."
+            .into(),
+        wide: false,
+        svg: chart(SIZE, &axes, &[bars])?,
+    })
+}
+
+/// A number of a summary.
+type Pick = fn(&super::Summary) -> Option<f64>;
+
+/// A plot over a series: name, title, label, and the curves with their names.
+type Wanted<'a> = (&'a str, &'a str, &'a str, &'a [(&'a str, Pick)]);
+
+const OVER_A_SERIES: [Wanted; 6] = [
+    ("stress_ratio", "Stress ratio", "q / p", &[("", |s| s.q_over_p)]),
+    (
+        "volumetric_strain",
+        "Volumetric strain",
+        "volumetric strain (%)",
+        &[("", |s| s.volumetric_strain.map(|e| 100.0 * e))],
+    ),
+    ("mean_stress", "Stress", "stress (Pa)", &[("p", |s| s.p_pa), ("q", |s| s.q_pa)]),
+    ("solid_fraction", "Solid fraction", "solid fraction", &[("", |s| s.solid_fraction)]),
+    (
+        "mean_coordination",
+        "Coordination number",
+        "contacts per particle",
+        &[("mean", |s| s.coordination), ("mechanical", |s| s.mechanical_coordination)],
+    ),
+    (
+        "anisotropy",
+        "Anisotropy of normals, normal and shear forces",
+        "degree of anisotropy",
+        &[("a_c", |s| s.a_c), ("a_n", |s| s.a_n), ("a_t", |s| s.a_t)],
+    ),
+];
+
+/// Stress, strain, density, coordination and anisotropy over a series of snapshots (fig. 10 of Lai et
+/// al. 2021): against axial strain if the packing is strained, else against time.
+///
+/// # Errors
+/// See [`PlotError`].
+pub fn series(reports: &[Report]) -> Result<Vec<Plot>, PlotError> {
+    let strained = reports.iter().any(|r| r.summary.axial_strain.is_some_and(|e| e.abs() > 1e-9));
+    let (x_label, against) =
+        if strained { ("axial strain (%)", "axial strain") } else { ("time (s)", "time") };
+    let mut plots = Vec::new();
+    for (name, title, y_label, picks) in OVER_A_SERIES {
+        let mut curves = Vec::new();
+        for (&(curve, pick), colour) in picks.iter().zip([BLUE, ORANGE, VERMILION]) {
+            let points: Vec<(f64, f64)> = reports
+                .iter()
+                .filter_map(|r| {
+                    let strain = r.summary.axial_strain.map(|e| 100.0 * e);
+                    let x = if strained { strain } else { Some(r.summary.time_s) };
+                    x.zip(pick(&r.summary))
+                })
+                .collect();
+            let line = Series { name: curve.into(), colour, mark: Mark::Line, points };
+            let dots = Series {
+                name: String::new(),
+                mark: Mark::Dots,
+                points: line.points.clone(),
+                ..line
+            };
+            curves.extend([line, dots]);
+        }
+        let points = || curves.iter().flat_map(|s| &s.points);
+        if points().count() == 0 {
+            continue;
+        }
+        let axes = Axes {
+            x_label: x_label.into(),
+            y_label: y_label.into(),
+            x: span(points().map(|p| p.0)),
+            y: span(points().map(|p| p.1)),
+            log_x: false,
+            log_y: false,
+        };
+        plots.push(Plot {
+            name: name.into(),
+            title: title.into(),
+            caption: format!("{title} of each snapshot against {against}."),
+            wide: false,
+            svg: chart(SIZE, &axes, &curves)?,
+        });
+    }
+    Ok(plots)
+}
+
+/// A column of the history over time; logarithmic if it is positive over four decades or more.
+///
+/// # Errors
+/// See [`PlotError`].
+pub fn history(curve: &Curve) -> Result<Plot, PlotError> {
+    let points = curve.thinned(1200);
+    let values = || points.iter().map(|p| p.1);
+    let (low, high) =
+        values().fold((f64::INFINITY, 0.0_f64), |(low, high), v| (low.min(v), high.max(v)));
+    let log_y = low > 0.0 && high >= 1e4 * low && high.is_finite();
+    let (words, unit) = words_and_unit(&curve.name);
+    let title = sentence(&words);
+    let axes = Axes {
+        x_label: "time (s)".into(),
+        y_label: unit.map_or(words.clone(), |unit| format!("{words} ({unit})")),
+        x: span(points.iter().map(|p| p.0)),
+        y: if log_y { decades(values()) } else { span(values()) },
+        log_x: false,
+        log_y,
+    };
+    let line = Series { name: String::new(), colour: BLUE, mark: Mark::Line, points };
+    let svg = chart((560, 300), &axes, &[line])?;
+    let name = curve.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' });
+    Ok(Plot {
+        name: format!("history_{}", name.collect::<String>()),
+        caption: format!("{title} over the run, from history.csv."),
+        title,
+        wide: false,
+        svg,
+    })
+}
+
+/// A column's name as words and its unit: `kinetic_energy_j` is "kinetic energy" in "J".
+fn words_and_unit(name: &str) -> (String, Option<&'static str>) {
+    const UNITS: [(&str, &str); 11] = [
+        ("_m_per_s", "m/s"),
+        ("_kg_m_per_s", "kg m/s"),
+        ("_per_s", "1/s"),
+        ("_m2", "m²"),
+        ("_m3", "m³"),
+        ("_pa", "Pa"),
+        ("_kg", "kg"),
+        ("_j", "J"),
+        ("_n", "N"),
+        ("_m", "m"),
+        ("_s", "s"),
+    ];
+    let name = name.to_lowercase();
+    let of = UNITS.iter().filter_map(|(end, unit)| Some((name.strip_suffix(end)?, *unit)));
+    // The longest ending that fits leaves the shortest name.
+    match of.min_by_key(|(stem, _)| stem.len()) {
+        Some((stem, unit)) => (stem.replace('_', " "), Some(unit)),
+        None => (name.replace('_', " "), None),
+    }
+}
+
+/// Words with a capital first letter.
+fn sentence(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+}

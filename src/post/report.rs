@@ -1,0 +1,372 @@
+//! What a snapshot comes to: a row of numbers for a table, and all tensors and distributions beside it.
+
+use super::coordination::Coordination;
+use super::fabric::{Among, Fabric, ForceFabric, Rose, degree, stress_ratio_from_fabric};
+use super::forces::Forces;
+use super::region::{Bounds, Region, Strain};
+use super::stress::{Principal, Stress};
+use crate::output::tables::Header;
+use serde::{Deserialize, Serialize};
+
+/// Everything computed from one snapshot. What has no meaning (a mean over nothing) is null.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Version of this program.
+    pub program_version: String,
+    /// The snapshot's file.
+    pub snapshot: String,
+    /// The box that the user gave [m]; null for the whole packing.
+    pub region_m: Option<Bounds>,
+    /// Whether fabric and forces include contacts with walls.
+    pub walls_in_fabric: bool,
+    /// The numbers.
+    pub summary: Summary,
+    /// The box of the whole or the region [m].
+    pub bounds_m: Option<Bounds>,
+    /// Stress [Pa], compression positive, row by row.
+    pub stress_pa: Option<Stress>,
+    /// Principal stresses, largest first, with their directions.
+    pub principal_stress_pa: Option<[Principal; 3]>,
+    /// Coordination, with and without walls.
+    pub coordination: Coordination,
+    /// Fabric of contact normals.
+    pub fabric: Option<Fabric>,
+    /// Principal values of the fabric tensor, largest first, with their directions.
+    pub principal_fabric: Option<[Principal; 3]>,
+    /// Anisotropy of contact forces.
+    pub force_fabric: Option<ForceFabric>,
+    /// Normals and forces by their angle to the vertical.
+    pub rose: Rose,
+    /// Distributions of forces over the mean normal force.
+    pub forces: Option<Forces>,
+}
+
+/// The numbers of a snapshot: one row of the table. Keys end in their unit; those without are
+/// counts or ratios.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// Steps since the first stage began.
+    pub step: u64,
+    /// Time since then.
+    pub time_s: f64,
+    /// Particles in the region.
+    pub particles: u64,
+    /// Contacts between particles; one that the region's border cuts counts half.
+    pub contacts_between_particles: f64,
+    /// Contacts with walls.
+    pub contacts_with_walls: u64,
+    /// Volume of the region.
+    pub volume_m3: Option<f64>,
+    /// Height of the region.
+    pub height_m: Option<f64>,
+    /// Volume of particles over volume.
+    pub solid_fraction: Option<f64>,
+    /// Volume of voids over volume of particles.
+    pub void_ratio: Option<f64>,
+    /// `ln(H0/H)` against the first snapshot.
+    pub axial_strain: Option<f64>,
+    /// `ln(V0/V)` against the first snapshot; negative: dilation.
+    pub volumetric_strain: Option<f64>,
+    /// Stress `σ_xx`, compression positive; as all `σ_ij` here.
+    pub stress_xx_pa: Option<f64>,
+    /// `σ_xy`.
+    pub stress_xy_pa: Option<f64>,
+    /// `σ_xz`.
+    pub stress_xz_pa: Option<f64>,
+    /// `σ_yx`.
+    pub stress_yx_pa: Option<f64>,
+    /// `σ_yy`.
+    pub stress_yy_pa: Option<f64>,
+    /// `σ_yz`.
+    pub stress_yz_pa: Option<f64>,
+    /// `σ_zx`.
+    pub stress_zx_pa: Option<f64>,
+    /// `σ_zy`.
+    pub stress_zy_pa: Option<f64>,
+    /// `σ_zz`.
+    pub stress_zz_pa: Option<f64>,
+    /// Mean stress.
+    pub p_pa: Option<f64>,
+    /// Deviatoric stress.
+    pub q_pa: Option<f64>,
+    /// Stress ratio.
+    pub q_over_p: Option<f64>,
+    /// `|σ - σᵀ| / |σ + σᵀ|`.
+    pub stress_asymmetry: Option<f64>,
+    /// Mean coordination number, contacts between particles.
+    pub coordination: Option<f64>,
+    /// Mean coordination number, walls counted.
+    pub coordination_with_walls: Option<f64>,
+    /// Mechanical coordination number, contacts between particles.
+    pub mechanical_coordination: Option<f64>,
+    /// Mechanical coordination number, walls counted.
+    pub mechanical_coordination_with_walls: Option<f64>,
+    /// Particles with fewer than two contacts with particles.
+    pub rattlers: u64,
+    /// Particles with fewer than two contacts of any kind.
+    pub rattlers_with_walls: u64,
+    /// Anisotropy of contact normals.
+    pub a_c: Option<f64>,
+    /// Anisotropy of normal forces.
+    pub a_n: Option<f64>,
+    /// Anisotropy of shear forces.
+    pub a_t: Option<f64>,
+    /// `2/5 (a_c + a_n + 3/2 a_t)`.
+    pub q_over_p_from_fabric: Option<f64>,
+    /// Mean normal contact force.
+    pub mean_normal_force_n: Option<f64>,
+    /// Largest normal contact force.
+    pub largest_normal_force_n: Option<f64>,
+    /// Share of contacts below 0.3 of the mean normal force.
+    pub share_below_0_3_mean: Option<f64>,
+    /// Share of contacts below the mean normal force.
+    pub share_below_mean: Option<f64>,
+    /// Mean of `|f_t| / f_n`.
+    pub mean_friction_used: Option<f64>,
+    /// Largest `|f_t| / f_n`.
+    pub largest_friction_used: Option<f64>,
+    /// Mean resultant force on a particle over the mean normal force.
+    pub unbalanced_force_ratio: Option<f64>,
+}
+
+/// The parts of which a report is put together.
+pub(super) struct Parts<'a> {
+    pub(super) header: &'a Header,
+    pub(super) region: Region,
+    pub(super) among: Among,
+    pub(super) bounds: Option<Bounds>,
+    pub(super) solid_fraction: Option<f64>,
+    pub(super) stress: Option<Stress>,
+    pub(super) coordination: Coordination,
+    pub(super) fabric: Option<Fabric>,
+    pub(super) force_fabric: Option<ForceFabric>,
+    pub(super) rose: Rose,
+    pub(super) forces: Option<Forces>,
+    pub(super) mean_normal_force: Option<f64>,
+    pub(super) unbalanced_ratio: Option<f64>,
+}
+
+impl Report {
+    pub(super) fn of(parts: Parts, snapshot: &str) -> Self {
+        let Parts { header, bounds, stress, coordination, fabric, force_fabric, forces, .. } =
+            parts;
+        let degree_of = |tensor| degree(&tensor, stress.as_ref());
+        let a_c = fabric.map(|f| degree_of(f.anisotropy()));
+        let a_n = force_fabric.map(|f| degree_of(f.normal_anisotropy));
+        let a_t = force_fabric.map(|f| degree_of(f.shear_anisotropy));
+        let (without, with) = (&coordination.without_walls, &coordination.with_walls);
+        let entry = |i, j| stress.map(|s| s.tensor[(i, j)]);
+        let summary = Summary {
+            step: header.step,
+            time_s: header.time,
+            particles: without.particles(),
+            contacts_between_particles: 0.5 * without.contact_ends() as f64,
+            contacts_with_walls: with.contact_ends() - without.contact_ends(),
+            volume_m3: bounds.map(|b| b.volume()),
+            height_m: bounds.map(|b| b.lengths().z),
+            solid_fraction: parts.solid_fraction,
+            void_ratio: parts.solid_fraction.filter(|&s| s > 0.0).map(|s| (1.0 - s) / s),
+            axial_strain: None,
+            volumetric_strain: None,
+            stress_xx_pa: entry(0, 0),
+            stress_xy_pa: entry(0, 1),
+            stress_xz_pa: entry(0, 2),
+            stress_yx_pa: entry(1, 0),
+            stress_yy_pa: entry(1, 1),
+            stress_yz_pa: entry(1, 2),
+            stress_zx_pa: entry(2, 0),
+            stress_zy_pa: entry(2, 1),
+            stress_zz_pa: entry(2, 2),
+            p_pa: stress.map(|s| s.p()),
+            q_pa: stress.map(|s| s.q()),
+            q_over_p: stress.and_then(|s| s.ratio()),
+            stress_asymmetry: stress.and_then(|s| s.asymmetry()),
+            coordination: without.mean(),
+            coordination_with_walls: with.mean(),
+            mechanical_coordination: without.mechanical(),
+            mechanical_coordination_with_walls: with.mechanical(),
+            rattlers: without.rattlers(),
+            rattlers_with_walls: with.rattlers(),
+            a_c,
+            a_n,
+            a_t,
+            q_over_p_from_fabric: a_c
+                .zip(a_n)
+                .zip(a_t)
+                .map(|((a_c, a_n), a_t)| stress_ratio_from_fabric(a_c, a_n, a_t)),
+            mean_normal_force_n: parts.mean_normal_force,
+            largest_normal_force_n: forces.as_ref().map(|f| f.largest_normal_force),
+            share_below_0_3_mean: forces.as_ref().and_then(|f| f.weak_share),
+            share_below_mean: forces.as_ref().and_then(|f| f.below_mean_share),
+            mean_friction_used: forces.as_ref().and_then(|f| f.mean_friction_used),
+            largest_friction_used: forces.as_ref().map(|f| f.largest_friction_used),
+            unbalanced_force_ratio: parts.unbalanced_ratio,
+        };
+        Self {
+            program_version: env!("CARGO_PKG_VERSION").to_string(),
+            snapshot: snapshot.to_string(),
+            region_m: match parts.region {
+                Region::Whole => None,
+                Region::Box(bounds) => Some(bounds),
+            },
+            walls_in_fabric: parts.among == Among::ParticlesAndWalls,
+            summary,
+            bounds_m: bounds,
+            stress_pa: stress,
+            principal_stress_pa: stress.map(|s| s.principal()),
+            coordination,
+            fabric,
+            principal_fabric: fabric.map(|f| f.principal()),
+            force_fabric,
+            rose: parts.rose,
+            forces,
+        }
+    }
+
+    /// Sets the strains against a first snapshot. A region given by the user does not move with the
+    /// packing and has none.
+    pub fn strain_against(&mut self, first: &Self) {
+        let whole = self.region_m.is_none() && first.region_m.is_none();
+        let boxes = first.bounds_m.zip(self.bounds_m).filter(|_| whole);
+        let strain = boxes.and_then(|(first, now)| Strain::between(&first, &now));
+        self.summary.axial_strain = strain.map(|s| s.axial);
+        self.summary.volumetric_strain = strain.map(|s| s.volumetric);
+    }
+
+    /// The numbers a reader wants first, in groups: for the terminal and the page.
+    pub fn groups(&self) -> Vec<Group> {
+        let s = &self.summary;
+        vec![
+            Group {
+                title: "Packing",
+                rows: vec![
+                    Row::count("particles", s.particles as f64),
+                    Row::count("contacts between particles", s.contacts_between_particles),
+                    Row::count("contacts with walls", s.contacts_with_walls as f64),
+                    Row::number("height", s.height_m, "m"),
+                    Row::number("volume", s.volume_m3, "m³"),
+                    Row::number("solid fraction", s.solid_fraction, ""),
+                    Row::number("void ratio e", s.void_ratio, ""),
+                    Row::number("axial strain", s.axial_strain, ""),
+                    Row::number("volumetric strain", s.volumetric_strain, ""),
+                ],
+            },
+            Group {
+                title: "Stress (compression positive)",
+                rows: vec![
+                    Row::number("mean stress p", s.p_pa, "Pa"),
+                    Row::number("deviatoric stress q", s.q_pa, "Pa"),
+                    Row::number("q / p", s.q_over_p, ""),
+                    Row::number("σxx", s.stress_xx_pa, "Pa"),
+                    Row::number("σyy", s.stress_yy_pa, "Pa"),
+                    Row::number("σzz", s.stress_zz_pa, "Pa"),
+                    Row::number("asymmetry of σ", s.stress_asymmetry, ""),
+                    Row::number("unbalanced force ratio", s.unbalanced_force_ratio, ""),
+                ],
+            },
+            Group {
+                title: "Coordination",
+                rows: vec![
+                    Row::number("mean Z, particles", s.coordination, ""),
+                    Row::number("mean Z, with walls", s.coordination_with_walls, ""),
+                    Row::number("mechanical Z, particles", s.mechanical_coordination, ""),
+                    Row::number(
+                        "mechanical Z, with walls",
+                        s.mechanical_coordination_with_walls,
+                        "",
+                    ),
+                    Row::count("rattlers, particles", s.rattlers as f64),
+                    Row::count("rattlers, with walls", s.rattlers_with_walls as f64),
+                ],
+            },
+            Group {
+                title: "Anisotropy and forces",
+                rows: vec![
+                    Row::number("normals a_c", s.a_c, ""),
+                    Row::number("normal forces a_n", s.a_n, ""),
+                    Row::number("shear forces a_t", s.a_t, ""),
+                    Row::number("0.4 (a_c + a_n + 1.5 a_t)", s.q_over_p_from_fabric, ""),
+                    Row::number("mean normal force", s.mean_normal_force_n, "N"),
+                    Row::number("contacts below 0.3 mean", s.share_below_0_3_mean, "%"),
+                    Row::number("contacts below mean", s.share_below_mean, "%"),
+                    Row::number("mean friction used, |f_t| / f_n", s.mean_friction_used, ""),
+                ],
+            },
+        ]
+    }
+}
+
+/// Numbers that belong together.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// What they are.
+    pub title: &'static str,
+    /// The numbers.
+    pub rows: Vec<Row>,
+}
+
+/// A number, ready to read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Row {
+    /// What it is.
+    pub label: &'static str,
+    /// The number, or a dash where there is none.
+    pub value: String,
+    /// Its unit, perhaps with a prefix; empty for a ratio.
+    pub unit: String,
+}
+
+impl Row {
+    fn count(label: &'static str, value: f64) -> Self {
+        Self { label, value: grouped(value), unit: String::new() }
+    }
+
+    fn number(label: &'static str, value: Option<f64>, unit: &str) -> Self {
+        let Some(value) = value else {
+            return Self { label, value: "–".into(), unit: String::new() };
+        };
+        let (value, unit) = match unit {
+            "Pa" | "N" => prefixed(value, unit),
+            "%" => (value * 100.0, "%".to_string()),
+            _ => (value, unit.to_string()),
+        };
+        Self { label, value: readable(value), unit }
+    }
+}
+
+/// The same quantity with a prefix that leaves one to three digits before the point.
+fn prefixed(value: f64, unit: &str) -> (f64, String) {
+    let prefixes = [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ")];
+    let fit = prefixes.iter().find(|(scale, _)| value.abs() >= *scale);
+    let (scale, prefix) = if value == 0.0 { (1.0, "") } else { *fit.unwrap_or(&(1e-9, "n")) };
+    (value / scale, format!("{prefix}{unit}"))
+}
+
+/// Four significant digits; a power of ten for the very large and small.
+pub fn readable(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 {
+        return "0".into();
+    }
+    if !(1e-4..1e6).contains(&size) {
+        return format!("{value:.3e}");
+    }
+    let decimals = (3 - size.log10().floor() as i32).max(0) as usize;
+    format!("{value:.decimals$}")
+}
+
+/// A count with its thousands set apart, and one half if there is one.
+fn grouped(value: f64) -> String {
+    let digits = (value.floor() as u64).to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push('\u{2009}');
+        }
+        out.push(digit);
+    }
+    if value.fract() != 0.0 {
+        out.push_str(".5");
+    }
+    out
+}

@@ -1,0 +1,142 @@
+//! The mean stress of a region, from contact forces.
+//!
+//! `σ_ij = (1/V) Σ f_i l_j` (Christoffersen, Mehrabadi and Nemat-Nasser 1981, DOI
+//! 10.1115/1.3157619; eq. 5 of Lai et al. 2021, where the branch is misprinted as a second `f`), with
+//! `f` the force of A on B and `l` the branch from A to B. Compression is positive.
+//!
+//! # Part of the packing
+//!
+//! Written per particle, `l = (x_c - x_A) - (x_c - x_B)`: each particle gives its force on the
+//! partner times the arm from its own centre to the contact point. A region takes the particles whose
+//! centres it holds, so the sums over disjoint regions add up to that of the whole.
+//!
+//! # Walls
+//!
+//! The branch of a wall contact runs from the centre to the contact point, the middle of
+//! the overlap. A packing in rigid walls has other usual choices: with the branch to the wall's plane the
+//! stress is exactly wall force over wall area; without wall contacts it is too low by
+//! about one layer of particles. For 3 × 3 × 3 spheres in a box with an overlap of
+//! 1 % of the radius: 25,379 Pa as here, 25,337 Pa to the plane (and on the wall), 16,919 Pa
+//! without. The first two differ by half an overlap per box length.
+
+use super::PostError;
+use super::region::Members;
+use super::sums::{ExactMat3, deviator, inner, quotient, rows};
+use crate::math::{Mat3, Vec3};
+use crate::output::tables::ContactTable;
+use serde::{Deserialize, Serialize};
+
+/// Adds up `Σ f_i l_j`.
+#[derive(Clone, Debug, Default)]
+pub struct StressSum {
+    sum: ExactMat3,
+}
+
+impl StressSum {
+    /// Adds these contacts, with all or the half that belongs to particles of the region.
+    ///
+    /// # Errors
+    /// A contact of a particle that does not exist.
+    pub fn add_contacts(
+        &mut self,
+        contacts: &ContactTable,
+        members: &Members,
+    ) -> Result<(), PostError> {
+        for row in 0..contacts.a.len() {
+            let ends = members.ends(contacts.a[row], contacts.b[row])?;
+            let force = contacts.force(row);
+            let from_a = contacts.point[row] - contacts.centre[row];
+            let branch = &contacts.branch[row];
+            match (ends.a, ends.b) {
+                (true, true) => self.sum.add_outer(&force, branch),
+                (true, false) if ends.wall => self.sum.add_outer(&force, branch),
+                (true, false) => self.sum.add_outer(&force, &from_a),
+                (false, true) => self.sum.add_outer(&-force, &(from_a - branch)),
+                (false, false) => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// `Σ f_i l_j` [N m].
+    pub fn sum(&self) -> Mat3 {
+        self.sum.value()
+    }
+
+    /// The mean stress in a region of this volume [m³].
+    pub fn finish(&self, volume: f64) -> Stress {
+        Stress { tensor: self.sum() / volume }
+    }
+}
+
+/// A stress tensor.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Stress {
+    /// `σ_ij` [Pa], compression positive.
+    #[serde(with = "rows")]
+    pub tensor: Mat3,
+}
+
+impl Stress {
+    /// The symmetric part [Pa], from which the invariants are taken.
+    pub fn symmetric(&self) -> Mat3 {
+        (self.tensor + self.tensor.transpose()) * 0.5
+    }
+
+    /// `|σ - σᵀ| / |σ + σᵀ|`: 0 where the moments on every particle balance. `None` without stress.
+    pub fn asymmetry(&self) -> Option<f64> {
+        let transpose = self.tensor.transpose();
+        quotient((self.tensor - transpose).norm(), (self.tensor + transpose).norm())
+    }
+
+    /// Mean stress `p = σ_ii / 3` [Pa] (eq. 4).
+    pub fn p(&self) -> f64 {
+        self.tensor.trace() / 3.0
+    }
+
+    /// Deviatoric stress `q = √(3/2 σ'_ij σ'_ij)` [Pa] (eq. 4).
+    pub fn q(&self) -> f64 {
+        let deviator = self.deviator();
+        (1.5 * inner(&deviator, &deviator)).sqrt()
+    }
+
+    /// `q / p`; `None` without stress.
+    pub fn ratio(&self) -> Option<f64> {
+        quotient(self.q(), self.p())
+    }
+
+    /// `σ' = σ - p 1` [Pa], symmetric.
+    pub fn deviator(&self) -> Mat3 {
+        deviator(&self.symmetric())
+    }
+
+    /// Principal stresses, largest first, with their directions.
+    pub fn principal(&self) -> [Principal; 3] {
+        principal(&self.symmetric())
+    }
+}
+
+/// One principal value of a symmetric tensor.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Principal {
+    /// The value, in the tensor's unit.
+    pub value: f64,
+    /// Its unit direction; of both signs the one that points up.
+    pub direction: Vec3,
+}
+
+/// Principal values of a symmetric tensor, largest first.
+pub(super) fn principal(tensor: &Mat3) -> [Principal; 3] {
+    let eigen = tensor.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
+    order.map(|k| {
+        let direction = eigen.eigenvectors.column(k).into_owned();
+        let up = direction.z < 0.0 || (direction.z == 0.0 && direction.x < 0.0);
+        Principal {
+            value: eigen.eigenvalues[k],
+            direction: if up { -direction } else { direction },
+        }
+    })
+}

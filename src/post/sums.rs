@@ -1,0 +1,59 @@
+//! Exact sums of vectors and tensors: the same digits whatever the order of the rows, hence
+//! whatever the number of ranks that wrote them.
+
+use crate::math::{ExactSum, Mat3, Vec3};
+
+/// The exact sum of tensors.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ExactMat3 {
+    /// Row by row.
+    entries: [ExactSum; 9],
+}
+
+impl ExactMat3 {
+    /// Adds `left ⊗ right`, that is `left_i right_j` in row i, column j.
+    pub(super) fn add_outer(&mut self, left: &Vec3, right: &Vec3) {
+        for i in 0..3 {
+            for j in 0..3 {
+                self.entries[3 * i + j].add(left[i] * right[j]);
+            }
+        }
+    }
+
+    /// The sum, rounded once.
+    pub(super) fn value(&self) -> Mat3 {
+        Mat3::from_fn(|i, j| self.entries[3 * i + j].value())
+    }
+}
+
+/// A tensor in JSON: a list of its rows (nalgebra's own form is flat, by columns).
+pub(super) mod rows {
+    use crate::math::Mat3;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    /// As rows.
+    pub(crate) fn serialize<S: Serializer>(tensor: &Mat3, to: S) -> Result<S::Ok, S::Error> {
+        <[[f64; 3]; 3]>::from(tensor.transpose()).serialize(to)
+    }
+
+    /// From rows.
+    pub(crate) fn deserialize<'a, D: Deserializer<'a>>(from: D) -> Result<Mat3, D::Error> {
+        <[[f64; 3]; 3]>::deserialize(from).map(|rows| Mat3::from(rows).transpose())
+    }
+}
+
+/// `numerator / denominator`, or `None` where the quotient has no meaning.
+pub(super) fn quotient(numerator: f64, denominator: f64) -> Option<f64> {
+    let value = numerator / denominator;
+    value.is_finite().then_some(value)
+}
+
+/// The deviatoric part of a tensor.
+pub(super) fn deviator(tensor: &Mat3) -> Mat3 {
+    tensor - Mat3::identity() * (tensor.trace() / 3.0)
+}
+
+/// `a_ij b_ij`.
+pub(super) fn inner(a: &Mat3, b: &Mat3) -> f64 {
+    a.component_mul(b).sum()
+}

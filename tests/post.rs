@@ -1,0 +1,991 @@
+//! What is computed from a snapshot, against closed forms and the independent reference.
+
+use dem_mpi::ids::{GlobalId, ShapeId};
+use dem_mpi::math::{Mat3, Vec3};
+use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
+use dem_mpi::post::diff::Difference;
+use dem_mpi::post::fabric::{Among, FabricSum, ForceFabricSum, Rose, degree};
+use dem_mpi::post::forces::Histogram;
+use dem_mpi::post::history::History;
+use dem_mpi::post::region::{Bounds, Extent, Members, Region, SampledSolid, Strain};
+use dem_mpi::post::stress::{Stress, StressSum};
+use dem_mpi::post::{Analysis, ParticlePass, PostError, Report, Settings, lammps, page};
+use rand_chacha::ChaCha8Rng;
+use rand_core::{RngCore, SeedableRng};
+use serde_json::Value;
+use std::f64::consts::PI;
+
+/// Sums are exact; what is left is the rounding of each term and of the reference.
+const ROUNDING: f64 = 1e-12;
+
+fn close(value: f64, expected: f64, tolerance: f64, what: &str) {
+    let scale = expected.abs().max(1.0);
+    assert!((value - expected).abs() <= tolerance * scale, "{what}: {value} but {expected}");
+}
+
+fn close_matrix(value: &Mat3, expected: &Mat3, tolerance: f64, what: &str) {
+    let scale = expected.amax().max(1.0);
+    assert!((value - expected).amax() <= tolerance * scale, "{what}: {value} but {expected}");
+}
+
+fn reference(name: &str) -> String {
+    let path = format!("{}/tests/reference/{name}", env!("CARGO_MANIFEST_DIR"));
+    std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"))
+}
+
+fn json(name: &str) -> Value {
+    serde_json::from_str(&reference(name)).expect("the reference is JSON")
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
+}
+
+fn matrix(value: &Value) -> Mat3 {
+    Mat3::from_fn(|i, j| number(&value[i][j]))
+}
+
+/// A snapshot in memory.
+#[derive(Clone)]
+struct Snapshot {
+    header: Header,
+    particles: ParticleTable,
+    contacts: ContactTable,
+}
+
+impl Snapshot {
+    fn analyse(&self, settings: Settings) -> Result<Analysis, PostError> {
+        let mut particles = ParticlePass::new(&self.header, settings)?;
+        particles.add(&self.particles)?;
+        let mut contacts = particles.finish();
+        contacts.add_contacts(&self.contacts)?;
+        let mut forces = contacts.finish();
+        forces.add_contacts(&self.contacts)?;
+        Ok(forces.finish("in memory"))
+    }
+
+    fn report(&self) -> Report {
+        self.analyse(Settings::default()).expect("a sound snapshot").report
+    }
+
+    fn members(&self) -> Members {
+        let mut members = Members::new(Region::Whole);
+        members.add(&self.header, &self.particles).expect("sound ids");
+        members
+    }
+}
+
+fn header(low: Vec3, high: Vec3, periodic: bool, semi_axes: Vec3, particles: usize) -> Header {
+    Header {
+        step: 1000,
+        time: 0.01,
+        dt: 1e-5,
+        stage_begin: (0, 0.0),
+        layers_fallen: 0,
+        next_id: particles as u64,
+        low,
+        high,
+        periodic: [periodic; 3],
+        gravity: Vec3::zeros(),
+        walls: Vec::new(),
+        shapes: vec![ShapeRow {
+            name: "grain".into(),
+            kind: "ellipsoid".into(),
+            semi_axes,
+            volume: 4.0 / 3.0 * PI * semi_axes.product(),
+            mass: 1.0,
+            inertia: Vec3::repeat(1.0),
+        }],
+        scene: String::new(),
+    }
+}
+
+fn particles_at(position: Vec<Vec3>) -> ParticleTable {
+    let n = position.len();
+    ParticleTable {
+        id: (0..n as u64).map(GlobalId).collect(),
+        shape: vec![ShapeId(0); n],
+        position,
+        velocity: vec![Vec3::zeros(); n],
+        force: vec![Vec3::zeros(); n],
+        coordination: vec![0; n],
+        rank: vec![0; n],
+        dissipated: vec![0.0; n],
+        received: vec![0.0; n],
+        ..ParticleTable::default()
+    }
+}
+
+/// Adds a contact; `branch` and `point` (from the centre of A) as in [`ContactTable`].
+fn push(
+    table: &mut ContactTable,
+    (a, b): (u64, GlobalId),
+    centre: Vec3,
+    branch: Vec3,
+    point: Vec3,
+) {
+    table.a.push(GlobalId(a));
+    table.b.push(b);
+    table.centre.push(centre);
+    table.branch.push(branch);
+    table.point.push(centre + point);
+}
+
+fn push_force(table: &mut ContactTable, normal: Vec3, overlap: f64, force: f64, shear: Vec3) {
+    table.normal.push(normal);
+    table.overlap.push(overlap);
+    table.normal_force.push(force);
+    table.shear_force.push(shear);
+}
+
+/// Equal spheres on a lattice: `basis` in cells of these sides, three cells per side. `k` [N/m].
+fn lattice(basis: &[Vec3], cell: Vec3, radius: f64, k: f64, box_offset: Option<f64>) -> Snapshot {
+    let mut position = Vec::new();
+    let first = box_offset.unwrap_or(0.0);
+    for i in 0..27 {
+        let corner = Vec3::new(f64::from(i % 3), f64::from(i / 3 % 3), f64::from(i / 9));
+        position
+            .extend(basis.iter().map(|b| (corner + b).component_mul(&cell) + Vec3::repeat(first)));
+    }
+    let side = match box_offset {
+        None => cell * 3.0,
+        Some(first) => cell * 2.0 + Vec3::repeat(2.0 * first),
+    };
+    let mut header =
+        header(Vec3::zeros(), side, box_offset.is_none(), Vec3::repeat(radius), position.len());
+    let mut contacts = ContactTable::default();
+    for a in 0..position.len() {
+        for b in a + 1..position.len() {
+            let mut branch = position[b] - position[a];
+            if box_offset.is_none() {
+                branch = branch.zip_map(&side, |x, period| x - period * (x / period).round());
+            }
+            let (distance, overlap) = (branch.norm(), 2.0 * radius - branch.norm());
+            // Contacts overlap by more than the rounding of the lattice.
+            if overlap > 1e-9 {
+                let pair = (a as u64, GlobalId(b as u64));
+                push(&mut contacts, pair, position[a], branch, branch * 0.5);
+                push_force(&mut contacts, branch / distance, overlap, k * overlap, Vec3::zeros());
+            }
+        }
+    }
+    if box_offset.is_some() {
+        for axis in 0..3 {
+            for up in [true, false] {
+                let mut normal = Vec3::zeros();
+                normal[axis] = if up { 1.0 } else { -1.0 };
+                let point = if up { Vec3::zeros() } else { side };
+                let wall = GlobalId::wall(header.walls.len());
+                header.walls.push(WallRow {
+                    name: format!("{axis} {up}"),
+                    point,
+                    normal,
+                    velocity: Vec3::zeros(),
+                    force: Vec3::zeros(),
+                });
+                for (a, centre) in position.iter().enumerate() {
+                    let overlap = radius - (centre - point).dot(&normal);
+                    if overlap > 1e-9 {
+                        let arm = normal * (0.5 * overlap - radius);
+                        push(&mut contacts, (a as u64, wall), *centre, arm, arm);
+                        push_force(&mut contacts, -normal, overlap, k * overlap, Vec3::zeros());
+                    }
+                }
+            }
+        }
+    }
+    Snapshot { header, particles: particles_at(position), contacts }
+}
+
+fn lattice_of(case: &Value) -> Option<Snapshot> {
+    let inputs = &case["inputs"];
+    let half = |x, y, z| Vec3::new(x, y, z) * 0.5;
+    let origin = Vec3::zeros();
+    let basis = match case["name"].as_str()? {
+        "BCC_periodic" => vec![origin, half(1.0, 1.0, 1.0)],
+        "FCC_periodic" => {
+            vec![origin, half(1.0, 1.0, 0.0), half(1.0, 0.0, 1.0), half(0.0, 1.0, 1.0)]
+        }
+        _ => vec![origin],
+    };
+    let radius = number(&inputs["R"]);
+    Some(match case["name"].as_str()? {
+        "SC_in_rigid_box" => lattice(
+            &basis,
+            Vec3::repeat(number(&inputs["spacing"])),
+            radius,
+            number(&inputs["k_particle"]),
+            Some(number(&inputs["first_centre"])),
+        ),
+        "SC_periodic_anisotropic" => {
+            let cell = Vec3::from_fn(|i, _| number(&inputs["spacing"][i]));
+            lattice(&basis, cell, radius, number(&inputs["k"]), None)
+        }
+        _ => {
+            let cell = Vec3::repeat(number(&inputs["cubic_cell"]));
+            lattice(&basis, cell, radius, number(&inputs["k"]), None)
+        }
+    })
+}
+
+fn lattice_case(name: &str) -> (Value, Snapshot) {
+    let all = json("dem_lattices.json");
+    let cases = all["cases"].as_array().expect("a list");
+    let case = cases.iter().find(|c| c["name"] == name).expect("the case").clone();
+    let snapshot = lattice_of(&case).expect("a lattice");
+    (case, snapshot)
+}
+
+/// The overlap of a lattice is a small difference of large numbers.
+fn lattice_tolerance(case: &Value) -> f64 {
+    let overlap = case["inputs"]["overlap"].as_f64().unwrap_or(1e-4);
+    ROUNDING * 1e-4 / overlap * 10.0
+}
+
+#[test]
+fn lattices_have_the_reference_stress_coordination_and_density() {
+    let mut compared = 0;
+    for case in json("dem_lattices.json")["cases"].as_array().expect("a list") {
+        let name = &case["name"];
+        if name == "SC_in_rigid_box" || name == "SC_periodic_anisotropic" {
+            continue;
+        }
+        let tolerance = lattice_tolerance(case);
+        let report = lattice_of(case).expect("a lattice").report();
+        let s = &report.summary;
+        assert_eq!(s.contacts_between_particles, number(&case["contacts"]), "{name}");
+        assert_eq!(s.coordination, Some(number(&case["coordination"])), "{name}");
+        assert_eq!(s.mechanical_coordination, s.coordination, "{name}");
+        let p = number(&case["mean_stress_p"]);
+        close(s.p_pa.unwrap(), p, tolerance, "p");
+        close(s.q_pa.unwrap() / p, 0.0, tolerance, "q");
+        let stress = report.stress_pa.unwrap();
+        close_matrix(&(stress.tensor / p), &(matrix(&case["stress_tensor"]) / p), tolerance, "σ");
+        close(s.solid_fraction.unwrap(), number(&case["solid_fraction"]), ROUNDING, "solid");
+        close_matrix(&report.fabric.unwrap().tensor, &matrix(&case["fabric"]), ROUNDING, "Φ");
+        close(s.a_c.unwrap(), 0.0, ROUNDING, "a_c");
+        compared += 1;
+    }
+    assert_eq!(compared, 6);
+}
+
+#[test]
+fn an_anisotropic_lattice_has_the_reference_deviator() {
+    let (case, snapshot) = lattice_case("SC_periodic_anisotropic");
+    let report = snapshot.report();
+    let tolerance = lattice_tolerance(&case);
+    let stress = report.stress_pa.unwrap();
+    for k in 0..3 {
+        close(stress.tensor[(k, k)], number(&case["stress_diag"][k]), tolerance, "σ");
+    }
+    close(stress.p(), number(&case["p"]), tolerance, "p");
+    close(stress.q(), number(&case["q"]), tolerance, "q");
+    close(stress.ratio().unwrap(), number(&case["q_over_p"]), tolerance, "q/p");
+    let largest = stress.principal()[0];
+    close(largest.value, number(&case["stress_diag"][2]), tolerance, "σ1");
+    close(largest.direction.z, 1.0, ROUNDING, "its direction");
+    // Six contacts per particle along the axes: isotropic fabric, anisotropic forces.
+    close(report.summary.a_c.unwrap(), 0.0, ROUNDING, "a_c");
+    assert!(report.summary.a_n.unwrap() > 0.0);
+}
+
+#[test]
+fn a_rigid_box_tells_the_conventions_of_wall_contacts_apart() {
+    let (case, snapshot) = lattice_case("SC_in_rigid_box");
+    let tolerance = lattice_tolerance(&case);
+    let report = snapshot.report();
+    let s = &report.summary;
+    close(s.height_m.unwrap(), number(&case["inputs"]["box_inner"]), ROUNDING, "height");
+    let to_point = number(&case["christoffersen_with_wall_branch_to_mid_overlap"]);
+    close(s.p_pa.unwrap(), to_point, tolerance, "branch to the contact point");
+    assert_eq!(s.coordination, Some(number(&case["coordination_without_walls"])));
+    assert_eq!(s.coordination_with_walls, Some(number(&case["coordination_with_walls"])));
+    assert_eq!(s.contacts_between_particles, number(&case["contacts_particle"]));
+    assert_eq!(s.contacts_with_walls as f64, number(&case["contacts_wall"]));
+
+    let members = snapshot.members();
+    let stress_of = |contacts: &ContactTable| {
+        let mut sum = StressSum::default();
+        sum.add_contacts(contacts, &members).unwrap();
+        sum.finish(s.volume_m3.unwrap()).p()
+    };
+    let mut to_plane = snapshot.contacts.clone();
+    for row in 0..to_plane.a.len() {
+        if to_plane.b[row].wall_index().is_some() {
+            to_plane.branch[row] -= to_plane.normal[row] * (0.5 * to_plane.overlap[row]);
+        }
+    }
+    let on_wall = number(&case["christoffersen_with_wall_branch_to_wall_plane"]);
+    close(stress_of(&to_plane), on_wall, tolerance, "branch to the wall");
+    for row in 0..to_plane.a.len() {
+        if to_plane.b[row].wall_index().is_some() {
+            to_plane.normal_force[row] = 0.0;
+        }
+    }
+    let without = number(&case["christoffersen_without_wall_contacts"]);
+    close(stress_of(&to_plane), without, tolerance, "no walls");
+}
+
+/// Contacts between two particles with these normals and forces.
+fn contacts_with(normals: &[Vec3], forces: &[(f64, Vec3)]) -> (Members, ContactTable) {
+    let header = header(Vec3::zeros(), Vec3::repeat(1.0), false, Vec3::repeat(0.1), 2);
+    let mut members = Members::new(Region::Whole);
+    let two = particles_at(vec![Vec3::zeros(), Vec3::repeat(0.2)]);
+    members.add(&header, &two).unwrap();
+    let mut contacts = ContactTable::default();
+    for (normal, &(force, shear)) in normals.iter().zip(forces) {
+        push(&mut contacts, (0, GlobalId(1)), Vec3::zeros(), *normal, normal * 0.5);
+        push_force(&mut contacts, *normal, 1e-3, force, shear);
+    }
+    (members, contacts)
+}
+
+#[test]
+fn simple_fabrics_have_the_reference_anisotropy() {
+    let diagonal = 0.5_f64.sqrt();
+    let sets: [(&str, Vec<Vec3>); 5] = [
+        ("uniaxial_column", vec![Vec3::z(), -Vec3::z()]),
+        (
+            "planar_isotropic",
+            vec![
+                Vec3::x(),
+                Vec3::y(),
+                Vec3::new(diagonal, diagonal, 0.0),
+                Vec3::new(diagonal, -diagonal, 0.0),
+            ],
+        ),
+        ("two_axes", vec![Vec3::x(), Vec3::z()]),
+        ("isotropic", vec![Vec3::x(), Vec3::y(), -Vec3::z()]),
+        ("single_normal_123", vec![Vec3::new(1.0, 2.0, 3.0) / 14.0_f64.sqrt()]),
+    ];
+    let all = json("dem_fabric.json");
+    for (name, normals) in sets {
+        let exact = all["exact"].as_array().unwrap().iter().find(|e| e["name"] == name).unwrap();
+        let (members, contacts) =
+            contacts_with(&normals, &vec![(1.0, Vec3::zeros()); normals.len()]);
+        let mut sum = FabricSum::default();
+        sum.add_contacts(&contacts, &members).unwrap();
+        let fabric = sum.finish().expect("contacts");
+        close_matrix(&fabric.tensor, &matrix(&exact["fabric"]), ROUNDING, name);
+        close_matrix(&fabric.anisotropy(), &matrix(&exact["a"]), ROUNDING, name);
+        close(degree(&fabric.anisotropy(), None), number(&exact["a_c"]), ROUNDING, name);
+    }
+}
+
+#[test]
+fn sampled_normals_and_forces_have_the_reference_anisotropies() {
+    let text = reference("normals_synthetic.csv");
+    let rows: Vec<(String, Vec<f64>)> = text
+        .lines()
+        .skip(1)
+        .map(|line| {
+            let mut cells = line.split(',');
+            let set = cells.next().unwrap().to_string();
+            (set, cells.map(|c| c.parse().unwrap()).collect())
+        })
+        .collect();
+    let all = json("dem_fabric.json");
+    let sets = all["synthetic"].as_array().unwrap();
+    assert_eq!(sets.len(), 4);
+    for set in sets {
+        let name = set["name"].as_str().unwrap();
+        let of_set: Vec<&Vec<f64>> =
+            rows.iter().filter(|(s, _)| s == name).map(|(_, r)| r).collect();
+        assert_eq!(of_set.len(), 500, "{name}");
+        let normals: Vec<Vec3> = of_set.iter().map(|r| Vec3::new(r[0], r[1], r[2])).collect();
+        let forces: Vec<(f64, Vec3)> =
+            of_set.iter().map(|r| (r[3], Vec3::new(r[4], r[5], r[6]))).collect();
+        let (members, contacts) = contacts_with(&normals, &forces);
+        let mut sum = FabricSum::default();
+        sum.add_contacts(&contacts, &members).unwrap();
+        let fabric = sum.finish().unwrap();
+        let a = fabric.anisotropy();
+        close_matrix(&fabric.tensor, &matrix(&set["fabric_of_sample"]), ROUNDING, name);
+        close_matrix(&a, &matrix(&set["a_of_sample"]), ROUNDING, name);
+        close(degree(&a, None), number(&set["a_c_of_sample"]), ROUNDING, name);
+
+        let mut sum = ForceFabricSum::new(Among::Particles, &fabric);
+        sum.add_contacts(&contacts, &members).unwrap();
+        let found = sum.finish().unwrap();
+        let exact = &set["forces"];
+        close(found.mean_force, matrix(&exact["sample_chi_n"]).trace(), ROUNDING, name);
+        let (a_n, a_t) = (found.normal_anisotropy, found.shear_anisotropy);
+        close_matrix(&a_n, &matrix(&exact["sample_a_n_tensor"]), ROUNDING, name);
+        close_matrix(&a_t, &matrix(&exact["sample_a_t_tensor"]), ROUNDING, name);
+        close(degree(&a_n, None), number(&exact["sample_a_n"]), ROUNDING, name);
+        close(degree(&a_t, None), number(&exact["sample_a_t"]), ROUNDING, name);
+    }
+}
+
+#[test]
+fn the_sign_of_an_anisotropy_goes_with_the_stress() {
+    let vertical = Mat3::from_diagonal(&Vec3::new(-0.1, -0.1, 0.2));
+    let compressed = Stress { tensor: Mat3::from_diagonal(&Vec3::new(1.0, 1.0, 3.0)) };
+    let extended = Stress { tensor: Mat3::from_diagonal(&Vec3::new(3.0, 3.0, 1.0)) };
+    close(degree(&vertical, Some(&compressed)), 0.3, ROUNDING, "with");
+    close(degree(&vertical, Some(&extended)), -0.3, ROUNDING, "against");
+}
+
+/// Random numbers in [0, 1).
+struct Dice(ChaCha8Rng);
+
+impl Dice {
+    fn unit(&mut self) -> f64 {
+        (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn direction(&mut self) -> Vec3 {
+        let z = 2.0 * self.unit() - 1.0;
+        let angle = 2.0 * PI * self.unit();
+        let ring = (1.0 - z * z).sqrt();
+        Vec3::new(ring * angle.cos(), ring * angle.sin(), z)
+    }
+}
+
+/// `side`³ ellipsoids at random attitudes about a lattice in a box with a floor and four sides;
+/// neighbours are taken to touch, with forces that grow downwards.
+fn ellipsoids(side: u32, seed: u64) -> Snapshot {
+    let mut dice = Dice(ChaCha8Rng::seed_from_u64(seed));
+    let spacing = 2.6e-3;
+    let count = side.pow(3);
+    let length = f64::from(side) * spacing;
+    let mut position = Vec::new();
+    for i in 0..count {
+        let cell =
+            Vec3::new(f64::from(i % side), f64::from(i / side % side), f64::from(i / side / side));
+        let jitter = Vec3::from_fn(|_, _| 0.3 * (dice.unit() - 0.5));
+        position.push((cell + jitter).add_scalar(0.5) * spacing);
+    }
+    let semi_axes = Vec3::new(2.3811e-3, 1.19055e-3, 1.19055e-3);
+    let high = Vec3::new(length, length, 2.0 * length);
+    let mut header = header(Vec3::zeros(), high, false, semi_axes, position.len());
+    for normal in [Vec3::z(), Vec3::x(), -Vec3::x(), Vec3::y(), -Vec3::y()] {
+        let point = if normal.sum() > 0.0 { Vec3::zeros() } else { Vec3::repeat(length) };
+        header.walls.push(WallRow {
+            name: format!("{normal:?}"),
+            point,
+            normal,
+            velocity: Vec3::zeros(),
+            force: Vec3::zeros(),
+        });
+    }
+    let mut particles = particles_at(position.clone());
+    particles.quaternion = (0..count)
+        .map(|_| {
+            // Long axis (local x) near the horizontal.
+            let (yaw, pitch) = (PI * dice.unit(), 0.5 * (dice.unit() - 0.5));
+            let turn = nalgebra::UnitQuaternion::from_euler_angles(0.0, pitch, yaw);
+            [turn.w, turn.i, turn.j, turn.k]
+        })
+        .collect();
+    particles.force = (0..count).map(|_| dice.direction() * 1e-3).collect();
+    let mut contacts = ContactTable::default();
+    let mut touch = |a: usize, b: GlobalId, branch: Vec3, arm: Vec3, dice: &mut Dice| {
+        let normal = (branch / branch.norm() + dice.direction() * 0.3).normalize();
+        let depth = 1.2 - position[a].z / length;
+        let force = -0.08 * depth * (1.0 - dice.unit()).ln() * (1.0 + 0.6 * normal.z * normal.z);
+        let side = dice.direction();
+        let along = (side - normal * side.dot(&normal)).normalize();
+        let shear = along * (force * 0.5 * (1.25 * dice.unit()).min(1.0));
+        push(&mut contacts, (a as u64, b), position[a], branch, arm);
+        push_force(&mut contacts, normal, 1e-6, force, shear);
+        particles.coordination[a] += 1;
+        if b.wall_index().is_none() {
+            particles.coordination[b.0 as usize] += 1;
+        }
+    };
+    for a in 0..position.len() {
+        for b in a + 1..position.len() {
+            let branch = position[b] - position[a];
+            if branch.norm() < 1.25 * spacing && dice.unit() < 0.95 {
+                let arm = branch * (0.4 + 0.2 * dice.unit());
+                touch(a, GlobalId(b as u64), branch, arm, &mut dice);
+            }
+        }
+        for (k, wall) in header.walls.iter().enumerate() {
+            let distance = (position[a] - wall.point).dot(&wall.normal);
+            if distance < 0.6 * spacing {
+                let arm = -wall.normal * distance;
+                touch(a, GlobalId::wall(k), arm, arm, &mut dice);
+            }
+        }
+    }
+    Snapshot { header, particles, contacts }
+}
+
+/// Some rows of a table, in this order.
+fn some_particles(table: &ParticleTable, rows: &[usize]) -> ParticleTable {
+    fn pick<T: Copy>(column: &[T], rows: &[usize]) -> Vec<T> {
+        rows.iter().filter_map(|&r| column.get(r).copied()).collect()
+    }
+    ParticleTable {
+        id: pick(&table.id, rows),
+        shape: pick(&table.shape, rows),
+        position: pick(&table.position, rows),
+        velocity: pick(&table.velocity, rows),
+        force: pick(&table.force, rows),
+        coordination: pick(&table.coordination, rows),
+        rank: pick(&table.rank, rows),
+        dissipated: pick(&table.dissipated, rows),
+        received: pick(&table.received, rows),
+        image: pick(&table.image, rows),
+        quaternion: pick(&table.quaternion, rows),
+        angular_momentum: pick(&table.angular_momentum, rows),
+        angular_velocity: pick(&table.angular_velocity, rows),
+        torque: pick(&table.torque, rows),
+    }
+}
+
+fn some_contacts(table: &ContactTable, rows: &[usize]) -> ContactTable {
+    ContactTable {
+        a: rows.iter().map(|&r| table.a[r]).collect(),
+        b: rows.iter().map(|&r| table.b[r]).collect(),
+        centre: rows.iter().map(|&r| table.centre[r]).collect(),
+        branch: rows.iter().map(|&r| table.branch[r]).collect(),
+        point: rows.iter().map(|&r| table.point[r]).collect(),
+        normal: rows.iter().map(|&r| table.normal[r]).collect(),
+        overlap: rows.iter().map(|&r| table.overlap[r]).collect(),
+        normal_force: rows.iter().map(|&r| table.normal_force[r]).collect(),
+        shear_force: rows.iter().map(|&r| table.shear_force[r]).collect(),
+    }
+}
+
+#[test]
+fn pieces_in_any_order_give_the_same_digits_as_the_whole() {
+    let snapshot = ellipsoids(7, 1);
+    let box_of = Region::Box(Bounds { low: Vec3::repeat(2e-3), high: Vec3::repeat(13e-3) });
+    for region in [Region::Whole, box_of] {
+        let settings = Settings { region, among: Among::ParticlesAndWalls };
+        let whole = snapshot.analyse(settings).unwrap();
+        // As four ranks might have written them.
+        let order = |rows: usize| {
+            (0..4).map(move |rank| (0..rows).rev().filter(|r| r % 4 == rank).collect::<Vec<_>>())
+        };
+        let mut particles = ParticlePass::new(&snapshot.header, settings).unwrap();
+        for rows in order(snapshot.particles.id.len()) {
+            particles.add(&some_particles(&snapshot.particles, &rows)).unwrap();
+        }
+        let mut contacts = particles.finish();
+        for rows in order(snapshot.contacts.a.len()) {
+            contacts.add_contacts(&some_contacts(&snapshot.contacts, &rows)).unwrap();
+        }
+        let mut forces = contacts.finish();
+        for rows in order(snapshot.contacts.a.len()) {
+            forces.add_contacts(&some_contacts(&snapshot.contacts, &rows)).unwrap();
+        }
+        let pieces = forces.finish("in memory");
+        let text = |report: &Report| serde_json::to_string(report).unwrap();
+        assert_eq!(text(&whole.report), text(&pieces.report));
+        assert_eq!(whole.picture.svg(None), pieces.picture.svg(None));
+    }
+}
+
+#[test]
+fn the_stress_of_regions_adds_up_to_the_whole() {
+    let snapshot = ellipsoids(6, 2);
+    let whole = snapshot.report();
+    let bounds = whole.bounds_m.unwrap();
+    let expected = whole.stress_pa.unwrap().tensor * bounds.volume();
+    let cut = 0.37 * bounds.low.x + 0.63 * bounds.high.x;
+    let (mut left, mut right) = (bounds, bounds);
+    (left.high.x, right.low.x) = (cut, cut);
+    let parts: Vec<Report> = [left, right]
+        .iter()
+        .map(|b| {
+            let settings = Settings { region: Region::Box(*b), ..Settings::default() };
+            snapshot.analyse(settings).unwrap().report
+        })
+        .collect();
+    let sum = |i: usize, b: &Bounds| parts[i].stress_pa.unwrap().tensor * b.volume();
+    let total = sum(0, &left) + sum(1, &right);
+    assert!((total - expected).amax() <= ROUNDING * expected.amax(), "{total} but {expected}");
+    // Counts too: half a contact on each side of the cut.
+    let count = |f: &dyn Fn(&Report) -> f64| f(&parts[0]) + f(&parts[1]);
+    assert_eq!(count(&|r| r.summary.particles as f64), whole.summary.particles as f64);
+    assert_eq!(
+        count(&|r| r.summary.contacts_between_particles),
+        whole.summary.contacts_between_particles
+    );
+    assert_eq!(count(&|r| r.fabric.unwrap().contacts), whole.fabric.unwrap().contacts);
+}
+
+#[test]
+fn half_arms_add_up_to_branches() {
+    let snapshot = ellipsoids(5, 3);
+    let contacts = &snapshot.contacts;
+    // The definition, per particle: its force on the partner times the arm from its own centre.
+    let mut by_particle = Mat3::zeros();
+    for row in 0..contacts.a.len() {
+        let force = contacts.force(row);
+        let from_a = contacts.point[row] - contacts.centre[row];
+        by_particle += force * from_a.transpose();
+        if contacts.b[row].wall_index().is_none() {
+            by_particle += -force * (from_a - contacts.branch[row]).transpose();
+        }
+    }
+    let mut sum = StressSum::default();
+    sum.add_contacts(contacts, &snapshot.members()).unwrap();
+    let by_branch = sum.sum();
+    assert!((by_particle - by_branch).amax() <= ROUNDING * by_branch.amax());
+}
+
+#[test]
+fn mechanical_coordination_leaves_out_rattlers() {
+    // A triangle 0-1-2, a hanger-on 3 at 0, a loner 4 on the floor.
+    let centres: Vec<Vec3> = (0..5).map(|i| Vec3::x() * f64::from(i)).collect();
+    let header = header(Vec3::zeros(), Vec3::repeat(5.0), false, Vec3::repeat(0.5), 5);
+    let mut contacts = ContactTable::default();
+    for (a, b) in [(0, 1), (0, 2), (1, 2), (0, 3)] {
+        push(&mut contacts, (a, GlobalId(b)), centres[a as usize], Vec3::x(), Vec3::x() * 0.5);
+        push_force(&mut contacts, Vec3::x(), 0.0, 1.0, Vec3::zeros());
+    }
+    push(&mut contacts, (4, GlobalId::wall(0)), centres[4], -Vec3::z() * 0.5, -Vec3::z() * 0.5);
+    push_force(&mut contacts, -Vec3::z(), 0.0, 1.0, Vec3::zeros());
+    let snapshot = Snapshot { header, particles: particles_at(centres), contacts };
+    let s = snapshot.report().summary;
+    assert_eq!(s.coordination, Some(8.0 / 5.0));
+    assert_eq!(s.coordination_with_walls, Some(9.0 / 5.0));
+    // (2 · 4 - 1) / (5 - 1 - 1) and (9 - 2) / (5 - 0 - 2).
+    assert_eq!(s.mechanical_coordination, Some(7.0 / 3.0));
+    assert_eq!(s.mechanical_coordination_with_walls, Some(7.0 / 3.0));
+    assert_eq!((s.rattlers, s.rattlers_with_walls), (2, 2));
+}
+
+#[test]
+fn forces_are_counted_over_their_mean() {
+    let normals = [Vec3::x(), Vec3::y(), Vec3::z(), Vec3::x()];
+    let forces = [0.2, 0.6, 1.2, 2.0].map(|f| (f, Vec3::zeros()));
+    let (_, contacts) = contacts_with(&normals, &forces);
+    let header = header(Vec3::zeros(), Vec3::repeat(1.0), false, Vec3::repeat(0.1), 2);
+    let mut contacts = contacts;
+    contacts.shear_force[1] = Vec3::z() * 0.3;
+    let particles = particles_at(vec![Vec3::zeros(), Vec3::repeat(0.2)]);
+    let report = Snapshot { header, particles, contacts }.report();
+    let forces = report.forces.unwrap();
+    close(report.summary.mean_normal_force_n.unwrap(), 1.0, ROUNDING, "mean");
+    assert_eq!(forces.weak_share, Some(0.25));
+    assert_eq!(forces.below_mean_share, Some(0.5));
+    assert_eq!(forces.largest_normal_force, 2.0);
+    close(forces.mean_friction_used.unwrap(), 0.125, ROUNDING, "friction used");
+    let area: f64 = forces.normal.density().map(|(_, d)| d * 0.1).sum();
+    close(area, 1.0, ROUNDING, "area under the density");
+    assert_eq!(forces.shear_logarithmic.halves_below, 6, "three contacts without shear");
+}
+
+#[test]
+fn histograms_put_values_on_edges_into_the_upper_bin() {
+    let histogram = Histogram::logarithmic(1, -1, 1);
+    assert_eq!(histogram.edges, [0.1, 1.0, 10.0]);
+    assert_eq!(Histogram::linear(2, 1.0).edges, [0.0, 0.5, 1.0]);
+}
+
+#[test]
+fn extents_of_turned_ellipsoids_are_exact() {
+    let mut header = header(Vec3::zeros(), Vec3::repeat(9.0), false, Vec3::new(2.0, 1.0, 1.0), 1);
+    let mut one = particles_at(vec![Vec3::new(5.0, 5.0, 5.0)]);
+    // 45° about z: the half-width along x is √((4 + 1)/2).
+    let half_turn: f64 = PI / 8.0;
+    one.quaternion = vec![[half_turn.cos(), 0.0, 0.0, half_turn.sin()]];
+    let mut extent = Extent::default();
+    extent.add(&header, &one);
+    let found = extent.finish(&header).unwrap();
+    let half = 2.5_f64.sqrt();
+    for (value, expected) in [
+        (found.low.x, 5.0 - half),
+        (found.high.y, 5.0 + half),
+        (found.low.z, 4.0),
+        (found.high.z, 6.0),
+    ] {
+        close(value, expected, ROUNDING, "side");
+    }
+    // A wall across an axis ends the box, the innermost counts; a period goes before both.
+    for (z, up) in [(3.5, 1.0), (3.0, 1.0), (6.5, -1.0)] {
+        header.walls.push(WallRow {
+            name: format!("wall at {z}"),
+            point: Vec3::z() * z,
+            normal: Vec3::z() * up,
+            velocity: Vec3::zeros(),
+            force: Vec3::zeros(),
+        });
+    }
+    header.periodic[0] = true;
+    let found = extent.finish(&header).unwrap();
+    assert_eq!((found.low.z, found.high.z), (3.5, 6.5));
+    assert_eq!((found.low.x, found.high.x), (0.0, 9.0));
+    assert_eq!(Extent::default().finish(&Header { walls: Vec::new(), ..header }), None);
+}
+
+#[test]
+fn sampled_solid_fraction_of_a_periodic_lattice() {
+    let (case, snapshot) = lattice_case("SC_periodic");
+    // The whole period, moved by nothing: images must be counted.
+    let bounds = Bounds { low: snapshot.header.low, high: snapshot.header.high };
+    let mut sampled = SampledSolid::new(bounds);
+    sampled.add(&snapshot.header, &snapshot.particles);
+    // Sampling error, and the lenses of overlap which the exact sum counts twice.
+    close(sampled.finish(), number(&case["solid_fraction"]), 5e-4, "solid fraction");
+    let settings = Settings { region: Region::Box(bounds), ..Settings::default() };
+    let report = snapshot.analyse(settings).unwrap().report;
+    assert_eq!(report.summary.particles, 27);
+    close(report.summary.p_pa.unwrap(), number(&case["mean_stress_p"]), 1e-11, "p of the box");
+}
+
+#[test]
+fn strains_are_logarithmic_and_positive_in_compression() {
+    let first = Bounds { low: Vec3::zeros(), high: Vec3::new(1.0, 1.0, 2.0) };
+    let now = Bounds { low: Vec3::zeros(), high: Vec3::new(1.1, 1.1, 1.8) };
+    let strain = Strain::between(&first, &now).unwrap();
+    close(strain.axial, (2.0_f64 / 1.8).ln(), ROUNDING, "axial");
+    close(strain.volumetric, (2.0_f64 / (1.21 * 1.8)).ln(), ROUNDING, "volumetric");
+    assert!(strain.axial > 0.0 && strain.volumetric < 0.0, "shorter, and dilated");
+}
+
+#[test]
+fn roses_of_a_known_density() {
+    // An isotropic set and its mean: every bin near one, and their weighted mean exactly one.
+    let mut dice = Dice(ChaCha8Rng::seed_from_u64(4));
+    let normals: Vec<Vec3> = (0..40_000).map(|_| dice.direction()).collect();
+    let a = Mat3::from_diagonal(&Vec3::new(-0.2, -0.2, 0.4));
+    let forces: Vec<(f64, Vec3)> = normals
+        .iter()
+        .map(|n| {
+            let an = n.dot(&(a * n));
+            (2.0 * (1.0 + an), (a * n - n * an) * 2.0)
+        })
+        .collect();
+    let (_, contacts) = contacts_with(&normals, &forces);
+    let header = header(Vec3::zeros(), Vec3::repeat(1.0), false, Vec3::repeat(0.1), 2);
+    let particles = particles_at(vec![Vec3::zeros(), Vec3::repeat(0.2)]);
+    let rose = Snapshot { header, particles, contacts }.report().rose;
+    for (k, ((density, normal), shear)) in
+        rose.density.iter().zip(&rose.normal_force).zip(&rose.shear_force).enumerate()
+    {
+        // The mean of a fit over the bin's ring of the sphere.
+        let mean = |fit: &dyn Fn(f64) -> f64| {
+            let angles = (0..100).map(|i| (k as f64 + (f64::from(i) + 0.5) / 100.0) * Rose::STEP);
+            let (sum, weight) = angles.fold((0.0, 0.0), |(sum, weight), angle| {
+                (sum + fit(angle) * angle.sin(), weight + angle.sin())
+            });
+            sum / weight
+        };
+        // 600 contacts in the smallest bin: four standard errors.
+        close(density.unwrap(), 1.0, 0.16, "density");
+        let (normal, shear) = (normal.unwrap() / 2.0, shear.unwrap() / 2.0);
+        close(normal, mean(&|angle| Rose::normal_fit(&a, angle)), 3e-3, "normal force");
+        close(shear, mean(&|angle| Rose::shear_fit(&a, angle)), 3e-3, "shear force");
+    }
+}
+
+#[test]
+fn damaged_tables_are_named() {
+    let sound = ellipsoids(3, 5);
+    let says = |snapshot: &Snapshot| {
+        snapshot.analyse(Settings::default()).expect_err("a damaged snapshot").to_string()
+    };
+    let mut broken = sound.clone();
+    broken.particles.position[4].y = f64::NAN;
+    assert!(says(&broken).contains("position of particle 4"));
+    let mut broken = sound.clone();
+    broken.particles.id[1] = GlobalId(0);
+    assert!(says(&broken).contains("particle 0 stands twice"));
+    let mut broken = sound.clone();
+    broken.header.next_id = 20;
+    assert!(says(&broken).contains("never given"));
+    let mut broken = sound.clone();
+    broken.contacts.b[0] = GlobalId(1000);
+    assert!(says(&broken).contains("names particle 1000"));
+    let mut broken = sound.clone();
+    broken.particles.shape[2] = ShapeId(7);
+    assert!(says(&broken).contains("shape 7"));
+    let mut broken = sound.clone();
+    broken.contacts.normal_force[0] = f64::INFINITY;
+    assert!(says(&broken).contains("normal force"));
+
+    let flat = Bounds { low: Vec3::zeros(), high: Vec3::new(1.0, 0.0, 1.0) };
+    let settings = Settings { region: Region::Box(flat), ..Settings::default() };
+    let error = sound.analyse(settings).expect_err("no volume").to_string();
+    assert!(error.contains("no length along y"), "{error}");
+}
+
+#[test]
+fn a_diff_finds_what_was_planted() {
+    let first = ellipsoids(3, 6);
+    let rows: Vec<usize> = (0..27).rev().collect();
+    let mut second = first.clone();
+    second.particles = some_particles(&first.particles, &rows);
+    second.particles.rank = vec![3; 27];
+    let compare = |a: &Snapshot, b: &Snapshot| {
+        Difference::between((&a.header, &a.particles), (&b.header, &b.particles))
+    };
+    let equal = compare(&first, &second);
+    assert!(equal.is_empty(), "order and owner are not state: {equal}");
+    assert_eq!(equal.compared, 27);
+    assert!(equal.to_string().starts_with("equal bit for bit"));
+
+    let z = &mut second.particles.position[0].z; // id 26, in its last place
+    *z = f64::from_bits(z.to_bits() + 1);
+    second.particles.velocity[0].x = 0.5;
+    second.particles.velocity[20].x = -0.25; // id 6
+    second.particles.velocity[20].y = -0.0;
+    second.header.time = 0.02;
+    let found = compare(&first, &second);
+    assert!(!found.is_empty());
+    assert_eq!((found.differing, found.compared), (2, 27));
+    assert_eq!(found.columns["velocity"].particles, 2);
+    assert_eq!(found.columns["velocity"].largest, 0.5);
+    assert_eq!(found.columns["position"].particles, 1);
+    let named: Vec<(u64, &str)> = found.first.iter().map(|d| (d.id.0, d.column.as_str())).collect();
+    let expected = [(6, "velocity.x"), (6, "velocity.y"), (26, "position.z"), (26, "velocity.x")];
+    assert_eq!(named, expected);
+    assert_eq!(found.header.len(), 1);
+
+    let rows: Vec<usize> = (0..20).collect();
+    let mut fewer = first.clone();
+    fewer.particles = some_particles(&first.particles, &rows);
+    fewer.particles.quaternion.clear();
+    let found = compare(&first, &fewer);
+    assert_eq!(found.only_first.len(), 7);
+    assert!(found.only_second.is_empty());
+    assert_eq!(found.only_one_column, ["quaternion"]);
+    assert!(found.to_string().contains("7 particles only in the first: 20, 21"));
+}
+
+#[test]
+fn history_columns_are_read_whatever_they_are() {
+    let text = "step,time_s,kinetic_energy_j,note,overlap_m\n0,0,1,start,\n10,0.1,0.5,,2e-6\n20,0.2,0.25,,2e-6\n";
+    let history = History::read(text.as_bytes()).unwrap();
+    let names: Vec<&str> = history.curves.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["kinetic_energy_j", "overlap_m"], "no step, no words");
+    assert_eq!(history.curves[0].points, [(0.0, 1.0), (0.1, 0.5), (0.2, 0.25)]);
+    assert_eq!(history.changing().count(), 1, "the overlap is constant");
+    let error = History::read("a,b\n1,2\n".as_bytes()).unwrap_err().to_string();
+    assert!(error.contains("a, b"), "{error}");
+
+    let mut long = history.curves[0].clone();
+    long.points = (0..100_000).map(|i| (f64::from(i), f64::from(i % 7))).collect();
+    long.points[54_321].1 = 99.0;
+    let thin = long.thinned(1000);
+    assert!(thin.len() <= 1100 && thin.contains(&(54_321.0, 99.0)));
+    assert_eq!((thin[0], *thin.last().unwrap()), (long.points[0], long.points[99_999]));
+}
+
+#[test]
+fn lammps_dump_has_diameters_and_the_real_part_last() {
+    let mut snapshot = ellipsoids(2, 7);
+    snapshot.particles.quaternion[0] = [0.5, -0.5, 0.25, 0.125];
+    snapshot.particles.position[0] = Vec3::new(0.1, 0.2, 0.3);
+    let mut out = Vec::new();
+    lammps::write_header(&mut out, &snapshot.header, 8).unwrap();
+    lammps::write_particles(&mut out, &snapshot.header, &snapshot.particles).unwrap();
+    let text = String::from_utf8(out).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(
+        lines[..5],
+        ["ITEM: TIMESTEP", "1000", "ITEM: NUMBER OF ATOMS", "8", "ITEM: BOX BOUNDS ff ff ff"]
+    );
+    assert_eq!(lines.len(), 9 + 8);
+    let first =
+        "0 1 1e-1 2e-1 3e-1 -5e-1 2.5e-1 1.25e-1 5e-1 4.7622e-3 2.3811e-3 2.3811e-3 0e0 0e0 0e0";
+    assert_eq!(lines[9], first);
+}
+
+/// Every plot and the page of a snapshot.
+fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
+    let analysis = snapshot.analyse(Settings::default()).unwrap();
+    let mut later = analysis.report.clone();
+    later.strain_against(&analysis.report);
+    let picture = analysis.picture.svg(analysis.report.bounds_m.as_ref());
+    let reports = [analysis.report, later];
+    let history = History::read(history.as_bytes()).unwrap();
+    let curves: Vec<_> = history.curves.iter().collect();
+    let plots = page::plots(&reports, picture, &curves).unwrap();
+    let mut drawings: Vec<_> = plots.iter().map(|p| (p.name.clone(), p.svg.clone())).collect();
+    drawings.push(("page".into(), page::page("a <title>", &reports, &plots)));
+    drawings
+}
+
+#[test]
+fn plots_are_finite_for_empty_tiny_and_usual_snapshots() {
+    let nothing = Snapshot {
+        header: header(Vec3::zeros(), Vec3::repeat(1.0), false, Vec3::repeat(0.1), 0),
+        particles: ParticleTable::default(),
+        contacts: ContactTable::default(),
+    };
+    let (_, contacts) = contacts_with(&[Vec3::z()], &[(0.0, Vec3::zeros())]);
+    let two = particles_at(vec![Vec3::zeros(), Vec3::repeat(0.2)]);
+    let one_contact = Snapshot {
+        header: header(Vec3::zeros(), Vec3::repeat(1.0), false, Vec3::repeat(0.1), 2),
+        particles: two,
+        contacts,
+    };
+    let mut with_force = one_contact.clone();
+    with_force.contacts.normal_force[0] = 1.0;
+    let usual = ellipsoids(5, 8);
+    let flat = "time,energy\n0,0\n1,0\n";
+    let steep = "time,energy\n0,1e9\n1,1e-3\n2,1e-12\n";
+    for (name, snapshot) in
+        [("nothing", &nothing), ("one", &one_contact), ("force", &with_force), ("usual", &usual)]
+    {
+        for history in [flat, steep] {
+            for (plot, svg) in drawn(snapshot, history) {
+                for bad in ["NaN", "nan\"", "inf\"", "Infinity", "-inf"] {
+                    assert!(!svg.contains(bad), "{name}: {plot} holds {bad}");
+                }
+                // plotters would saturate a coordinate that is not finite.
+                assert!(
+                    !svg.contains("2147483647") && !svg.contains("-2147483648"),
+                    "{name}: {plot}"
+                );
+            }
+        }
+    }
+    let (_, page) = drawn(&usual, steep).pop().unwrap();
+    assert!(page.contains("<title>a &lt;title&gt;</title>"));
+    assert!(!page.contains("<script") && !page.contains("href="));
+}
+
+#[test]
+fn the_table_has_one_row_per_snapshot_and_names_units() {
+    let report = ellipsoids(3, 9).report();
+    let mut table = csv::Writer::from_writer(Vec::new());
+    table.serialize(&report.summary).unwrap();
+    table.serialize(&report.summary).unwrap();
+    let text = String::from_utf8(table.into_inner().unwrap()).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines.len(), 3);
+    for key in ["time_s", "p_pa", "q_over_p", "height_m", "mean_normal_force_n", "a_c"] {
+        assert!(lines[0].split(',').any(|k| k == key), "{key}");
+    }
+    // As many digits as give the same bits back.
+    let text = serde_json::to_string(&report).unwrap();
+    let p = text.split("\"p_pa\":").nth(1).and_then(|t| t.split(',').next()).unwrap();
+    assert_eq!(p.parse::<f64>().ok(), report.summary.p_pa);
+    // Tensors by rows.
+    let rows = &serde_json::from_str::<Value>(&text).unwrap()["stress_pa"];
+    close(number(&rows[0][2]), report.summary.stress_xz_pa.unwrap(), ROUNDING, "σ_xz");
+}
+
+#[test]
+fn wrong_arguments_end_in_one_message_and_status_2() {
+    let directory = tempfile::tempdir().unwrap();
+    let empty = directory.path().to_str().unwrap();
+    for (arguments, expected) in [
+        (vec!["no/such/file.vtkhdf"], "no snapshot no/such/file.vtkhdf"),
+        (vec![empty], "holds no snapshot"),
+        (vec!["out/contacts_000000001.vtkhdf"], "only contact files"),
+        (vec!["--diff", "Cargo.toml"], "--diff takes two snapshots, not 1"),
+        (vec!["Cargo.toml", "--region", "0,1,0"], "six numbers"),
+        (vec!["Cargo.toml", "--region", "0,1,0,1,0,high"], "'high'"),
+        (vec![], "<SNAPSHOT>"),
+    ] {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_dem-post"))
+            .args(&arguments)
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output()
+            .unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains(expected), "{arguments:?}: {message}");
+        assert!(!message.contains("panicked"), "{message}");
+    }
+}
