@@ -131,7 +131,9 @@ mod tests {
 
     fn sum(terms: &[f64]) -> f64 {
         let mut s = ExactSum::default();
-        terms.iter().for_each(|&t| s.add(t));
+        for &t in terms {
+            s.add(t);
+        }
         s.value()
     }
 

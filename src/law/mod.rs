@@ -1,6 +1,7 @@
 //! Force laws: from the geometry of a contact to the forces and moments of its bodies.
 
 pub mod linear;
+pub mod stability;
 
 use crate::contact::{Contact, History, Pair};
 use crate::ids::MaterialId;
@@ -19,8 +20,8 @@ pub struct Material {
     pub contact: Constants,
 }
 
-/// The constants of a contact between two materials.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// The constants of a contact between two materials; by default nothing acts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Constants {
     /// Normal stiffness of a contact [N/m].
     pub normal_stiffness: f64,
@@ -90,6 +91,11 @@ impl Interactions {
     pub fn set(&mut self, a: MaterialId, b: MaterialId, constants: Constants) {
         self.constants[a.index() * self.materials + b.index()] = constants;
         self.constants[b.index() * self.materials + a.index()] = constants;
+    }
+
+    /// Those of a material with each material.
+    pub fn of_material(&self, material: MaterialId) -> &[Constants] {
+        &self.constants[material.index() * self.materials..][..self.materials]
     }
 
     /// All of them.

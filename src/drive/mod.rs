@@ -1,0 +1,3 @@
+//! What acts on the particles from outside.
+
+pub mod rain;
