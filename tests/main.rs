@@ -1,1 +1,3 @@
-fn main() {}
+//! All tests in one binary, one module per folder of `src`.
+
+mod scene;

@@ -4,8 +4,9 @@
 //! `None` if anything was; the parts that are right are read on, so that all mistakes come at once.
 
 use super::fills::Fills;
-use super::input::{Given, Node, Range, Section};
+use super::input::Node;
 use super::matter::{Materials, Names, Shapes, interactions};
+use super::reader::{Given, Range, Section};
 use super::report::Report;
 use super::{DomainSpec, Method, Scene};
 use crate::ids::MaterialId;
@@ -82,10 +83,7 @@ pub(super) fn scene(
     if let (Some(time), Some(ξ), Some(given)) = (&time, global_damping, root.get("global_damping"))
         && ξ * time.dt >= 2.0
     {
-        let most = 2.0 / time.dt;
-        given.fail(format!(
-            "stops and turns every particle in one step; must be below {most:e} [1/s]"
-        ));
+        given.fail("turns every velocity round in one step; must be less than 2 / time.step");
     }
     if !report.is_empty() {
         return None;
@@ -278,13 +276,8 @@ fn sides(
 // --- contact, time, output ---
 
 fn method(section: &Section) -> Option<Method> {
-    const WORDS: [(&str, &str); 4] = [
-        ("auto", "auto"),
-        ("common-normal", "common-normal"),
-        ("gjk-erosion", "gjk-erosion"),
-        ("epa", "epa"),
-    ];
-    let word = section.read_or("method", "auto", |given| given.one_of(&WORDS));
+    let words = ["auto", "common-normal", "gjk-erosion", "epa"].map(|word| (word, word));
+    let word = section.read_or("method", "auto", |given| given.one_of(&words));
     let option = |key, default, methods: &[&str]| match section.get(key) {
         Some(given) if word.is_some_and(|word| !methods.contains(&word)) => {
             given.fail(format!("only for method = \"{}\"", methods.join("\" or \"")));

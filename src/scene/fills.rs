@@ -1,8 +1,8 @@
 //! Particles at the start and particles that fall in: from the file as written to [`Fill`] and [`Rain`].
 
 use super::check::AXES;
-use super::input::{Range, Section};
 use super::matter::Shapes;
+use super::reader::{Range, Section};
 use super::{DomainSpec, Fill, Lattice, Mix, Rain, listed};
 use crate::drive::rain::cells_along;
 use crate::ids::ShapeId;
@@ -11,6 +11,8 @@ use std::path::Path;
 
 /// Width of a cell of rain or lattice, in largest bounding diameters, if the file does not say.
 const ROOMY: f64 = 1.1;
+/// More particles than this are a slip of the pen.
+const MOST: f64 = 1e12;
 
 /// What the reading of a fill looks at.
 pub(super) struct Fills<'a> {
@@ -24,13 +26,10 @@ pub(super) struct Fills<'a> {
 impl Fills<'_> {
     pub(super) fn read(&self, root: &Section) -> Option<(Vec<Fill>, Option<Rain>)> {
         let start = root.get("start");
+        let kinds = "[fill.rain], [[fill.lattice]] or [[fill.file]]";
         let Some(given) = root.get("fill") else {
             if start.is_none() {
-                root.fail(
-                    "nothing to simulate: give [fill.rain], [[fill.lattice]] or [[fill.file]], or \
-                     `start` = a snapshot",
-                );
-                return None;
+                root.fail(format!("nothing to simulate: give {kinds}, or `start` = a snapshot"));
             }
             return Some((Vec::new(), None));
         };
@@ -39,10 +38,13 @@ impl Fills<'_> {
         let mut initial: Vec<Option<Fill>> =
             fill.sections("lattice").iter().map(|s| self.lattice(s).map(Fill::Lattice)).collect();
         for section in fill.sections("file") {
-            let known = initial.iter().flatten().map(Fill::count).sum();
-            initial.push(self.file(&section, known));
+            let first_id = initial.iter().flatten().map(Fill::count).sum();
+            initial.push(self.file(&section, first_id));
         }
         fill.finish();
+        if initial.is_empty() && matches!(rain, Some(None)) {
+            fill.fail(format!("has nothing in it; give {kinds}"));
+        }
         if start.is_some() && !initial.is_empty() {
             fill.fail("the particles come from `start`; only rain may add to them");
         }
@@ -90,7 +92,9 @@ impl Fills<'_> {
 
     fn rain(&self, section: &Section) -> Option<Rain> {
         let mix = self.mix(section);
-        let count = section.require("count", "a whole number, 1 or greater", |g| g.whole(1));
+        let count = section.require("count", "a whole number, 1 or greater", |given| {
+            given.whole(1).filter(|&count| is_possible(section, count as f64))
+        });
         let every = section.read_or("every", 100, |given| given.whole(1));
         let velocity = section.vector_or("velocity", Vec3::zeros(), "m/s");
         let diameter = self.diameter(mix.as_ref());
@@ -112,7 +116,6 @@ impl Fills<'_> {
         let (low, high) = self.slab(domain, spacing, low?, high?);
         let rain = Rain { mix: mix?, count: count?, every: every?, low, high, spacing, velocity };
 
-        let place = |key| section.get(key);
         let outside = (0..3).find(|&k| low[k] < domain.low[k] || high[k] > domain.high[k]);
         if let Some(axis) = outside {
             let what = format!(
@@ -121,17 +124,9 @@ impl Fills<'_> {
                 AXES[axis], low[axis], high[axis], domain.low[axis], domain.high[axis]
             );
             let key = if high[axis] > domain.high[axis] { "high" } else { "low" };
-            place(key).map_or_else(|| section.fail(&what), |given| given.fail(&what));
+            section.get(key).map_or_else(|| section.fail(&what), |given| given.fail(&what));
         }
-        let cells = rain.cells();
-        if let Some(axis) = (0..3).find(|&axis| high[axis] <= low[axis] || cells[axis] == 0) {
-            section.fail(format!(
-                "no particle fits into the slab along {}: it is {:.4e} m wide, a cell {spacing:.4e} m \
-                 (`spacing`)",
-                AXES[axis],
-                high[axis] - low[axis]
-            ));
-        }
+        cells_between(section, &low, &high, &Vec3::repeat(spacing));
         if self.gravity == Vec3::zeros() && velocity == Vec3::zeros() {
             section.fail("does not fall: gravity and `velocity` are 0");
         }
@@ -184,28 +179,19 @@ impl Fills<'_> {
             |key| section.read_or(key, None, |given| given.vector(Range::Any, "m").map(Some));
         let (low, high) = (corner("low"), corner("high"));
         let first = corner("first");
-        let count = section.read_or("count", None, |given| given.three_whole(1).map(Some));
+        let count = section.read_or("count", None, |given| given.three_counts().map(Some));
         section.finish();
         let (spacing, domain) = (spacing??, self.domain?);
         let (first, count) = match (low?, high?, first?, count?) {
             (Some(low), Some(high), None, None) => {
-                let cells: [u32; 3] =
-                    [0, 1, 2].map(|axis| cells_along(high[axis] - low[axis], spacing[axis]));
-                if let Some(axis) = (0..3).find(|&axis| cells[axis] == 0) {
-                    section.fail(format!(
-                        "no particle fits between `low` and `high` along {}: the box is {:.4e} m \
-                         wide, the spacing {:.4e} m",
-                        AXES[axis],
-                        high[axis] - low[axis],
-                        spacing[axis]
-                    ));
-                    return None;
-                }
+                let cells = cells_between(section, &low, &high, &spacing)?;
                 // In the middle of the box.
                 let span = Vec3::from_fn(|axis, _| f64::from(cells[axis] - 1) * spacing[axis]);
                 ((low + high - span) * 0.5, cells)
             }
-            (None, None, Some(first), Some(count)) => (first, count.map(|n| n as u32)),
+            (None, None, Some(first), Some(count)) => {
+                is_possible(section, product(&count)).then_some((first, count))?
+            }
             _ => {
                 section.fail("give either `low` and `high`, or `first` and `count`");
                 return None;
@@ -258,6 +244,36 @@ impl Fills<'_> {
         section.finish();
         rows.map(Fill::Listed)
     }
+}
+
+/// How many cells fit between two corners, at least one along each axis.
+fn cells_between(section: &Section, low: &Vec3, high: &Vec3, cell: &Vec3) -> Option<[u32; 3]> {
+    let extent = high - low;
+    let cells = [0, 1, 2].map(|axis| cells_along(extent[axis], cell[axis]));
+    if let Some(axis) = cells.iter().position(|&count| count == 0) {
+        let (name, extent, cell) = (AXES[axis], extent[axis], cell[axis]);
+        section.fail(if extent <= 0.0 {
+            format!("`high` must be above `low` along {name}")
+        } else {
+            format!(
+                "no particle fits between `low` and `high` along {name}: they are {extent:.4e} m \
+                 apart, a cell is {cell:.4e} m wide (`spacing`)"
+            )
+        });
+        return None;
+    }
+    is_possible(section, product(&cells)).then_some(cells)
+}
+
+fn product(counts: &[u32; 3]) -> f64 {
+    counts.iter().map(|&count| f64::from(count)).product()
+}
+
+fn is_possible(section: &Section, count: f64) -> bool {
+    if count > MOST {
+        section.fail(format!("{count:.1e} particles are more than the {MOST:.0e} that can be"));
+    }
+    count <= MOST
 }
 
 /// The first axis along which a place is outside the domain.

@@ -1,7 +1,7 @@
 //! Materials, their interactions, and shapes: from the file as written to the library.
 
 use super::Mix;
-use super::input::{Given, Range, Section};
+use super::reader::{Given, Range, Section};
 use super::report::suggestion;
 use crate::ids::MaterialId;
 use crate::law::{Constants, Interactions, Material, damping_ratio_of_restitution};
@@ -75,7 +75,8 @@ pub(super) struct Materials {
 impl Materials {
     pub(super) fn read(root: &Section) -> Self {
         let mut names = Names::of("material");
-        let sections = root.sections("material");
+        let what = "`name`, `density` [kg/m3], `normal_stiffness` [N/m]";
+        let sections = root.some_sections("material", what);
         let items = sections
             .iter()
             .map(|section| {
@@ -87,11 +88,6 @@ impl Materials {
                 Some(Material { name, density: density?, contact: contact? })
             })
             .collect();
-        if sections.is_empty() {
-            root.fail(
-                "`[[material]]` is missing: `name`, `density` [kg/m3], `normal_stiffness` [N/m]",
-            );
-        }
         Self { names, items }
     }
 
@@ -105,7 +101,7 @@ impl Materials {
 }
 
 /// Contact constants of a material, or of two, with what is left out taken from `mixed`.
-pub(super) fn constants(section: &Section, mixed: Option<&Constants>) -> Option<Constants> {
+fn constants(section: &Section, mixed: Option<&Constants>) -> Option<Constants> {
     let normal_stiffness = match mixed {
         None => section.number("normal_stiffness", Range::Positive, "N/m"),
         Some(mixed) => {
@@ -194,13 +190,16 @@ impl Shapes {
     pub(super) fn read(root: &Section, materials: &Materials) -> Self {
         let mut shapes =
             Self { names: Names::of("shape"), library: Library::default(), complete: true };
-        for section in &root.sections("shape") {
+        for section in &root.some_sections("shape", "`name`, `kind` and its size") {
             shapes.names.add(section);
             let material = materials.find_in(section, "material");
             let geometry = geometry(section);
             section.finish();
             let density = material.and_then(|id| materials.get(id)).map(|m| m.density);
-            shapes.complete &= geometry.is_some() && density.is_some();
+            shapes.complete &= match (&geometry, density) {
+                (Some(geometry), Some(density)) => has_mass(section, geometry, density),
+                _ => false,
+            };
             shapes.library.push(
                 shapes.names.names.last().map_or("", String::as_str),
                 geometry.unwrap_or(Shape::Sphere(Sphere { radius: 0.0 })),
@@ -209,9 +208,6 @@ impl Shapes {
             );
         }
         shapes.library.particle_shapes = shapes.library.shapes.len();
-        if shapes.library.particle_shapes == 0 {
-            root.fail("`[[shape]]` is missing: `name`, `kind`, and its size");
-        }
         shapes
     }
 
@@ -220,7 +216,17 @@ impl Shapes {
     }
 }
 
-pub(super) fn geometry(section: &Section) -> Option<Shape> {
+/// A size of 1e-200 m is a positive number, but its volume is not.
+fn has_mass(section: &Section, geometry: &Shape, density: f64) -> bool {
+    let mass = density * geometry.volume();
+    let fits = mass.is_normal() && (geometry.gyration() * mass).iter().all(|i| i.is_normal());
+    if !fits {
+        section.fail(format!("mass ({mass:e} kg) or moment of inertia leave the range of numbers"));
+    }
+    fits
+}
+
+fn geometry(section: &Section) -> Option<Shape> {
     #[derive(Clone, Copy)]
     enum Kind {
         Sphere,

@@ -84,6 +84,7 @@ mod listed;
 mod matter;
 pub mod packing;
 pub mod plan;
+mod reader;
 mod report;
 
 pub use crate::drive::rain::Rain;

@@ -14,6 +14,16 @@ const CONTACTS_PER_PARTICLE: u64 = 4;
 /// forces, the line's table; and its history for a restart.
 const SNAPSHOT_BYTES_PER_CONTACT: u64 = 16 + 48 + 24 + 24 + 8 + 32 + 16 + 64;
 
+/// The sides of the domain: name, axis, and the component along it of a wall's normal.
+const SIDES: [(&str, usize, f64); 6] = [
+    ("-x", 0, 1.0),
+    ("+x", 0, -1.0),
+    ("-y", 1, 1.0),
+    ("+y", 1, -1.0),
+    ("-z", 2, 1.0),
+    ("+z", 2, -1.0),
+];
+
 /// What is in, what is left out and why, and the bytes, messages and time steps that follow, for a run
 /// on so many ranks. Numbers of particles per rank are estimates for the settled bed.
 pub fn plan(scene: &Scene, ranks: u32) -> String {
@@ -79,9 +89,14 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         let kind = shape.kind().name();
         page.line("shape", format!("{name}: {kind} of {material}, {size}, {mass:.4e} kg"));
     }
-    for wall in &scene.walls {
-        let moves = if wall.velocity == Vec3::zeros() { "fixed" } else { "moving" };
-        page.line("wall", format!("{}: {moves}", wall.name));
+    let walls = |moving: bool| {
+        let names = scene.walls.iter().filter(|w| (w.velocity != Vec3::zeros()) == moving);
+        names.map(|wall| wall.name.as_str()).collect::<Vec<_>>().join(", ")
+    };
+    for (label, names) in [("fixed walls", walls(false)), ("moving walls", walls(true))] {
+        if !names.is_empty() {
+            page.line(label, names);
+        }
     }
     for (a, b) in pairs_of_kinds(scene) {
         page.line("contacts", format!("{}-{}: {}", a.name(), b.name(), resolver(scene, a, b)));
@@ -125,14 +140,13 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
     let needs = scene.needs();
     let all = |what: fn(&Constants) -> bool| scene.interactions.iter().all(what);
     let no_friction = all(|c| !c.is_frictional());
-    let sides = ["-x", "+x", "-y", "+y", "-z", "+z"];
-    let open: Vec<&str> = sides
+    let open: Vec<&str> = SIDES
         .into_iter()
-        .enumerate()
-        .filter(|&(k, side)| {
-            !scene.domain.periodic[k / 2] && !scene.walls.iter().any(|wall| wall.name == side)
+        .filter(|&(_, axis, inwards)| {
+            let closed = scene.walls.iter().any(|wall| wall.normal[axis] == inwards);
+            !scene.domain.periodic[axis] && !closed
         })
-        .map(|(_, side)| side)
+        .map(|(name, _, _)| name)
         .collect();
     let reasons = [
         (!needs.attitude, "no attitude: all shapes are spheres".to_owned()),
@@ -150,7 +164,11 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         (!open.is_empty(), format!("no walls on these sides of the domain: {}", open.join(", "))),
     ];
     page.section("Left out");
-    for (_, reason) in reasons.iter().filter(|(is_out, _)| *is_out) {
+    let mut reasons = reasons.iter().filter(|(is_out, _)| *is_out).peekable();
+    if reasons.peek().is_none() {
+        page.text("nothing");
+    }
+    for (_, reason) in reasons {
         page.text(reason);
     }
 }
@@ -227,7 +245,8 @@ impl Share {
         bed.cut(ranks.max(1), &mut blocks);
         let periodic = scene.domain.periodic;
         let mut share = Self { owned: count / f64::from(ranks.max(1)), ghosts: 0.0, neighbours: 0 };
-        for block in &blocks {
+        // A sample is enough where there are very many.
+        for block in blocks.iter().step_by(1 + blocks.len() / 1024) {
             let halo = block.grown(reach, &bed, periodic);
             let ghosts = per_volume * (halo.volume() - block.volume());
             let neighbours = blocks

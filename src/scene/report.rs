@@ -15,7 +15,7 @@ pub enum Place {
 }
 
 /// One mistake.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
     /// Where it is.
     pub place: Place,
@@ -66,7 +66,7 @@ impl Report {
     /// All mistakes as an error.
     pub(super) fn into_errors(self, file: &str) -> SceneErrors {
         let mut problems = self.problems.into_inner();
-        problems.sort();
+        problems.sort_by(|a, b| a.place.cmp(&b.place));
         problems.dedup();
         SceneErrors { file: file.to_owned(), problems }
     }
@@ -82,12 +82,12 @@ pub(super) fn suggestion<'a>(
     let known: Vec<&str> = known.into_iter().collect();
     let distance =
         |name: &str| strsim::damerau_levenshtein(&written.to_lowercase(), &name.to_lowercase());
-    let guess = match known.iter().min_by_key(|name| distance(name)) {
-        Some(name) if distance(name) <= 1 + written.chars().count() / 4 => {
-            format!(", did you mean `{name}`?")
-        }
-        _ => String::new(),
+    let is_close = |name: &str| {
+        distance(name) <= 1 + written.chars().count() / 4
+            || (written.len() > 2 && name.starts_with(written))
     };
+    let nearest = known.iter().filter(|name| is_close(name)).min_by_key(|name| distance(name));
+    let guess = nearest.map_or_else(String::new, |name| format!(", did you mean `{name}`?"));
     let list = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
     format!("{guess} ({what_they_are}: {list})")
 }
