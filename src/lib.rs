@@ -5,7 +5,7 @@
 //!
 //! | row | modules | what they are |
 //! |---|---|---|
-//! | 1 | [`ids`] [`math`] [`timing`] | names of things, vectors, the clock |
+//! | 1 | [`ids`] [`math`] [`random`] [`timing`] | names of things, vectors, chance, the clock |
 //! | 2 | [`shape`] [`comm`] | what a grain is; how ranks talk |
 //! | 3 | [`contact`] | from two shapes to overlap, normal and point |
 //! | 4 | [`particles`] | columns of everything a rank owns or sees |
@@ -27,6 +27,7 @@
 
 pub mod ids;
 pub mod math;
+pub mod random;
 pub mod timing;
 
 pub mod comm;

@@ -69,7 +69,8 @@ fn at(id: u64, position: Vec3, velocity: Vec3) -> Particle {
 
 #[test]
 fn free_motion_is_damped_as_the_discrete_formula_says() {
-    for case in reference("dem_collision_damping.json")["free_motion"]["cases"].as_array().unwrap() {
+    for case in reference("dem_collision_damping.json")["free_motion"]["cases"].as_array().unwrap()
+    {
         let inputs = &case["inputs"];
         let (xi, dt, g) = (number(&inputs["xi"]), number(&inputs["dt"]), number(&inputs["g"]));
         let sphere = "kind = \"sphere\"\nradius = 0.01";
@@ -115,9 +116,9 @@ fn collisions_follow_the_discrete_and_the_continuous_solution() {
             let material = format!(
                 "density = {density}\nnormal_stiffness = {k}\nnormal_damping_ratio = {zeta:e}"
             );
-            let more = format!("global_damping = {xi:e}\n{OPEN_BOX}\n[contact]\nlimit_damping = false");
-            let mut second =
-                at(1, Vec3::new(r1 + r2, 0.0, 0.0), Vec3::new(get("v2"), 0.0, 0.0));
+            let more =
+                format!("global_damping = {xi:e}\n{OPEN_BOX}\n[contact]\nlimit_damping = false");
+            let mut second = at(1, Vec3::new(r1 + r2, 0.0, 0.0), Vec3::new(get("v2"), 0.0, 0.0));
             second.shape = ShapeId(1);
             Bench::new(
                 &text(&shapes, &material, &more, dt),
@@ -158,9 +159,10 @@ fn collisions_follow_the_discrete_and_the_continuous_solution() {
 
         // Fine steps approach the continuous solution.
         let dt = number(&case["duration"]) / 4000.0;
-        for (list, parameter, expected) in
-            [("damped", "global_xi", "relative_restitution"), ("viscous", "contact_damping_ratio", "restitution")]
-        {
+        for (list, parameter, expected) in [
+            ("damped", "global_xi", "relative_restitution"),
+            ("viscous", "contact_damping_ratio", "restitution"),
+        ] {
             for row in case[list].as_array().unwrap() {
                 let value = number(&row[parameter]);
                 let (xi, zeta) = if list == "damped" { (value, 0.0) } else { (0.0, value) };
@@ -210,8 +212,7 @@ fn restitution_is_what_the_scene_asked_for_with_and_without_attraction() {
 fn the_spinning_top_turns_as_euler_says_in_second_order() {
     let reference = reference("dem_euler_top.json");
     let axes = vector(&reference["semi_axes"]);
-    let shape =
-        format!("kind = \"ellipsoid\"\nsemi_axes = [{}, {}, {}]", axes.x, axes.y, axes.z);
+    let shape = format!("kind = \"ellipsoid\"\nsemi_axes = [{}, {}, {}]", axes.x, axes.y, axes.z);
     let inertia = vector(&reference["inertia"]);
     for case in reference["cases"].as_array().unwrap() {
         let omega = vector(&case["omega0_body"]);
@@ -365,10 +366,8 @@ fn a_block_on_a_slope_slides_and_stops_as_coulomb_says() {
         let v0 = get("v0").unwrap();
         let text = slope("kind = \"sphere\"\nradius = 0.01", &material, angle, 1e-5);
         let scene = crate::support::scene(&text);
-        let mut bench = Bench::heavy_to_turn(
-            &scene,
-            &[at(0, Vec3::new(0.0, 0.0, z), Vec3::new(v0, 0.0, 0.0))],
-        );
+        let mut bench =
+            Bench::heavy_to_turn(&scene, &[at(0, Vec3::new(0.0, 0.0, z), Vec3::new(v0, 0.0, 0.0))]);
         let mut at_tenth = None;
         while bench.sim.time() < 0.9 {
             bench.step();
@@ -462,5 +461,10 @@ fn energy_is_accounted_for_in_a_collision_with_everything_in_it() {
     let m = bench.measure();
     assert!(touched && m.contacts == 0, "they met and parted");
     assert!(m.dissipated > 0.02 * m.received, "something was lost: {m:?}");
-    assert!(m.missing().abs() < 1e-3 * m.dissipated, "missing {:e} of {:e}", m.missing(), m.dissipated);
+    assert!(
+        m.missing().abs() < 1e-3 * m.dissipated,
+        "missing {:e} of {:e}",
+        m.missing(),
+        m.dissipated
+    );
 }

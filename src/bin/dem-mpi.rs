@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use dem_mpi::comm::{Comm, alone::Alone, wire, world};
-use dem_mpi::output::snapshot;
+use dem_mpi::output;
 use dem_mpi::scene::assemble::{self, From};
 use dem_mpi::scene::{Scene, plan};
 use dem_mpi::sim::run::{self, Progress, RunError, Schedule};
@@ -15,7 +15,9 @@ use std::time::{Duration, Instant};
 
 /// Discrete element method for non-spherical grains, on one rank or many.
 #[derive(Parser, Debug)]
-#[command(version, after_help = "\
+#[command(
+    version,
+    after_help = "\
 Examples:
   dem-mpi run/packing/scene.toml                     one rank, to try or to debug
   mpirun -n 2 dem-mpi run/packing/scene.toml         two ranks, the same bits
@@ -24,7 +26,8 @@ Examples:
   mpirun -n 4 dem-mpi run/packing/scene.toml --start out/packing/last.vtkhdf
                                                      go on where a run stopped, on any number of ranks
 
-Exit status: 0 the run did what was asked; 1 it failed; 2 the scene or an argument is wrong.")]
+Exit status: 0 the run did what was asked; 1 it failed; 2 the scene or an argument is wrong."
+)]
 struct Arguments {
     /// The scene: what to simulate, a TOML file
     scene: PathBuf,
@@ -109,7 +112,7 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
     }
 
     let out = arguments.out.clone().unwrap_or_else(|| scene.out.clone());
-    if let Err(error) = snapshot::make_directory(&out, comm) {
+    if let Err(error) = output::make_directory(&out, comm) {
         say(comm, error);
         return WRONG_INPUT;
     }
@@ -135,11 +138,14 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         None => sim.stage_begin.0 + scene.steps,
     };
     if resumed && last_step <= sim.step {
-        say(comm, format!(
-            "nothing left to do: the snapshot is at step {}, and the stage ends at step {last_step}. \
+        say(
+            comm,
+            format!(
+                "nothing left to do: the snapshot is at step {}, and the stage ends at step {last_step}. \
              Ask for more with --steps N or --set time.steps=N",
-            sim.step
-        ));
+                sim.step
+            ),
+        );
         return WRONG_INPUT;
     }
     let schedule = Schedule {
@@ -156,14 +162,17 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
 
 fn run(sim: &mut Simulation, scene: &Scene, schedule: &Schedule, comm: &mut dyn Comm) -> u8 {
     let ranks = comm.size();
-    say(comm, format!(
-        "{}: {} on {ranks} rank{}, steps {} to {}",
-        scene.title,
-        scene.method.name(),
-        if ranks == 1 { "" } else { "s" },
-        sim.step,
-        schedule.last_step,
-    ));
+    say(
+        comm,
+        format!(
+            "{}: {} on {ranks} rank{}, steps {} to {}",
+            scene.title,
+            scene.method.name(),
+            if ranks == 1 { "" } else { "s" },
+            sim.step,
+            schedule.last_step,
+        ),
+    );
     let mut display = Display::new(comm.is_root(), schedule.last_step - sim.step);
     let finish = match run::run(sim, schedule, comm, &mut |progress| display.show(progress)) {
         Ok(finish) => finish,

@@ -10,6 +10,7 @@ pub mod wire;
 pub mod world;
 
 use crate::ids::Rank;
+use serde::{Serialize, de::DeserializeOwned};
 
 /// Bytes for, or from, a rank.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -87,4 +88,24 @@ pub trait Comm {
         self.start(outgoing, sources);
         self.finish()
     }
+}
+
+/// Lets all ranks fail if one does, each with the error of the lowest rank that failed; stands before
+/// every collective call that a failed rank would not join. Collective.
+///
+/// # Errors
+/// The error of the lowest rank that has one.
+pub fn agree<T, E: Serialize + DeserializeOwned>(
+    comm: &mut dyn Comm,
+    here: Result<T, E>,
+) -> Result<T, E> {
+    if !comm.any(here.is_err()) {
+        return here;
+    }
+    // A rank without an error of its own sends nothing.
+    let mine = here.err().map(|e| wire::encode(&e)).unwrap_or_default();
+    let all = comm.gather(mine).unwrap_or_default();
+    let mut first = all.into_iter().find(|error| !error.is_empty()).unwrap_or_default();
+    comm.broadcast(&mut first);
+    Err(wire::decode(&first))
 }

@@ -5,9 +5,10 @@ use super::{
     SphereSphere, Table,
 };
 use crate::shape::Kind;
+use serde::{Deserialize, Serialize};
 
 /// How pairs without a closed form are resolved.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Method {
     /// The common normal for smooth pairs, which all shapes so far are.
     #[default]
@@ -31,6 +32,16 @@ pub enum Method {
 }
 
 impl Method {
+    /// As the scene file and reports name it.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::CommonNormal => "common-normal",
+            Self::GjkErosion { .. } => "gjk-erosion",
+            Self::Epa { .. } => "epa",
+        }
+    }
+
     /// The method with something to fall back on.
     fn chain(&self) -> Chain {
         let last_resort = Epa { tolerance: 1e-10 };

@@ -1,6 +1,6 @@
 //! Linear springs (Cundall and Strack 1979, DOI 10.1680/geot.1979.29.1.47): the paper's law.
 //!
-//! Normal: `N = k_n δ + γ_n δ̇`, never attractive. Tangential: a spring `ξ` in the contact plane
+//! Normal: `N = k_n δ + γ_n δ̇`, by default never attractive. Tangential: a spring `ξ` in the contact plane
 //! that is carried along when the pair turns, grows with the sliding velocity and is cut at
 //! Coulomb's limit. Choose it where stiffness only has to be high enough; the contact time then does not
 //! depend on the velocity, so one time step serves a whole run.
@@ -19,12 +19,13 @@ use crate::particles::{Needs, Particles};
 #[derive(Clone, Debug)]
 pub struct Linear {
     interactions: Interactions,
+    limit_damping: bool,
 }
 
 impl Linear {
-    /// With these constants.
-    pub const fn new(interactions: Interactions) -> Self {
-        Self { interactions }
+    /// With these constants; if `limit_damping`, no dashpot makes a contact attractive.
+    pub const fn new(interactions: Interactions, limit_damping: bool) -> Self {
+        Self { interactions, limit_damping }
     }
 }
 
@@ -92,7 +93,7 @@ impl ForceLaw for Linear {
                     * constants.normal_damping_ratio
                     * (mass * constants.normal_stiffness).sqrt();
                 normal_force += dashpot * approach;
-                if normal_force < 0.0 {
+                if self.limit_damping && normal_force < 0.0 {
                     normal_force = 0.0;
                 }
             }
@@ -130,7 +131,8 @@ impl ForceLaw for Linear {
                         * (mass * constants.tangential_stiffness).sqrt();
                     tangential += sliding * dashpot;
                 }
-                let limit = constants.friction * normal_force;
+                let pressure = if normal_force > 0.0 { normal_force } else { 0.0 };
+                let limit = constants.friction * pressure;
                 let size = tangential.norm();
                 if size > limit {
                     tangential *= limit / size;

@@ -1,12 +1,14 @@
 //! Force laws: from the geometry of a contact to the forces and moments of its bodies.
 
 pub mod linear;
+pub mod stability;
 
 use crate::contact::{Contact, History, Pair};
 use crate::ids::MaterialId;
 use crate::math::Vec3;
 use crate::particles::{Needs, Particles};
 use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
 
 /// What a body is made of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,8 +21,8 @@ pub struct Material {
     pub contact: Constants,
 }
 
-/// The constants of a contact between two materials.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// The constants of a contact between two materials; by default nothing acts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Constants {
     /// Normal stiffness of a contact [N/m].
     pub normal_stiffness: f64,
@@ -56,11 +58,41 @@ impl Constants {
     }
 }
 
-/// The damping ratio whose half oscillation has this coefficient of restitution, in (0, 1]:
-/// `e = exp(-π ζ / √(1 - ζ²))`.
-pub fn damping_ratio_of_restitution(restitution: f64) -> f64 {
-    let log = libm::log(restitution);
-    -log / (std::f64::consts::PI * std::f64::consts::PI + log * log).sqrt()
+/// The damping ratio `ζ` of a linear dashpot that gives a head-on collision this coefficient of
+/// restitution, in (0, 1].
+///
+/// If the dashpot may attract until the overlap is zero, `e = exp(-π ζ / √(1 - ζ²))`. If `limited`, the
+/// contact ends when the force does, and with `ζ = sin θ` it is `e = exp(-(π - 2θ) tan θ)`, beyond critical
+/// damping with `ζ = cosh u` `e = exp(-2u coth u)` (Schwager and Pöschel 2007,
+/// DOI 10.1007/s10035-007-0065-z).
+pub fn damping_ratio_of_restitution(restitution: f64, limited: bool) -> f64 {
+    let wanted = -libm::log(restitution);
+    if !limited {
+        return wanted / (PI * PI + wanted * wanted).sqrt();
+    }
+    if wanted == 0.0 {
+        return 0.0;
+    }
+    // At critical damping the exponent is 2.
+    if wanted < 2.0 {
+        libm::sin(bisect(0.0, 0.5 * PI, |θ| (PI - 2.0 * θ) * libm::tan(θ) < wanted))
+    } else {
+        // u coth u lies between u and u + 1.
+        libm::cosh(bisect(0.0, 0.5 * wanted, |u| u == 0.0 || 2.0 * u / libm::tanh(u) < wanted))
+    }
+}
+
+/// The place between `low` and `high` up to which `below` holds.
+fn bisect(mut low: f64, mut high: f64, below: impl Fn(f64) -> bool) -> f64 {
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if below(middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
 }
 
 /// The constants of every pair of materials.
@@ -90,6 +122,11 @@ impl Interactions {
     pub fn set(&mut self, a: MaterialId, b: MaterialId, constants: Constants) {
         self.constants[a.index() * self.materials + b.index()] = constants;
         self.constants[b.index() * self.materials + a.index()] = constants;
+    }
+
+    /// Those of a material with each material.
+    pub fn of_material(&self, material: MaterialId) -> &[Constants] {
+        &self.constants[material.index() * self.materials..][..self.materials]
     }
 
     /// All of them.

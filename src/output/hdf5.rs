@@ -11,8 +11,8 @@
 
 #![expect(unsafe_code, reason = "collective transfers and fixed-length text have no safe wrapper")]
 
-use super::{SnapshotError, agree, name_of, on_root};
-use crate::comm::Comm;
+use super::{SnapshotError, name_of, on_root};
+use crate::comm::{Comm, agree};
 use hdf5_metno::file::{FileAccessBuilder, FileCloseDegree};
 use hdf5_metno::plist::DatasetCreate;
 use hdf5_metno::plist::dataset_create::FillTime;

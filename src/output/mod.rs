@@ -18,7 +18,7 @@ pub mod snapshot;
 pub mod table;
 pub mod tables;
 
-use crate::comm::{Comm, wire};
+use crate::comm::{Comm, agree};
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::Path;
@@ -121,18 +121,12 @@ fn name_of(path: &Path) -> String {
     path.display().to_string()
 }
 
-/// Lets all ranks fail if one does, each with the error of the lowest rank that failed; stands before
-/// every collective call that a failed rank would not join.
-fn agree<T>(comm: &mut dyn Comm, here: Result<T, SnapshotError>) -> Result<T, SnapshotError> {
-    if !comm.any(here.is_err()) {
-        return here;
-    }
-    // A rank without an error of its own sends nothing.
-    let mine = here.err().map(|e| wire::encode(&e)).unwrap_or_default();
-    let all = comm.gather(mine).unwrap_or_default();
-    let mut first = all.into_iter().find(|error| !error.is_empty()).unwrap_or_default();
-    comm.broadcast(&mut first);
-    Err(wire::decode(&first))
+/// Creates the directory of a run's output, if it is missing. Collective.
+///
+/// # Errors
+/// On all ranks, if rank 0 cannot.
+pub fn make_directory(path: &Path, comm: &mut dyn Comm) -> Result<(), SnapshotError> {
+    on_root(path, comm, || std::fs::create_dir_all(path))
 }
 
 /// Does something to a file on rank 0; all ranks fail if it fails.

@@ -5,7 +5,7 @@
 
 use super::hdf5::{Column, SnapshotFile, StoredFile};
 use super::tables::{ContactTable, Header, HistoryTable, ParticleTable, ShapeRow, WallRow};
-use super::{SnapshotError, agree, on_root};
+use super::{SnapshotError, on_root};
 use crate::comm::alone::Alone;
 use crate::comm::{Comm, wire};
 use crate::contact::{History, NamedHistory};
@@ -58,6 +58,8 @@ const HISTORY_A: Column = column("/restart/contacts/a", 1, "1");
 const HISTORY_B: Column = column("/restart/contacts/b", 1, "1");
 const HISTORY_NORMAL: Column = column("/restart/contacts/normal", 3, "1");
 const HISTORY_SPRING: Column = column("/restart/contacts/spring", 3, "m");
+const HISTORY_OVERLAP: Column = column("/restart/contacts/overlap", 1, "m");
+const HISTORY_FORCE: Column = column("/restart/contacts/normal_force", 1, "N");
 
 // Contacts.
 const A: Column = column("/VTKHDF/CellData/a", 1, "1");
@@ -92,8 +94,12 @@ const OF_PARTICLE: usize = POINTS.width
     + 2;
 
 /// Elements of a history.
-const OF_HISTORY: usize =
-    HISTORY_A.width + HISTORY_B.width + HISTORY_NORMAL.width + HISTORY_SPRING.width;
+const OF_HISTORY: usize = HISTORY_A.width
+    + HISTORY_B.width
+    + HISTORY_NORMAL.width
+    + HISTORY_SPRING.width
+    + HISTORY_OVERLAP.width
+    + HISTORY_FORCE.width;
 
 /// Elements of a contact: all columns, two points, one line of two ids and its end.
 const OF_CONTACT: usize = 2 * POINTS.width
@@ -347,6 +353,10 @@ fn write_particles(
     file.rows(&HISTORY_NORMAL, numbers(&normals))?;
     let springs: Vec<_> = histories.iter().map(|h| h.history.spring).collect();
     file.rows(&HISTORY_SPRING, numbers(&springs))?;
+    let overlaps: Vec<_> = histories.iter().map(|h| h.history.overlap).collect();
+    file.rows(&HISTORY_OVERLAP, &overlaps)?;
+    let forces: Vec<_> = histories.iter().map(|h| h.history.normal_force).collect();
+    file.rows(&HISTORY_FORCE, &forces)?;
 
     write_header(&mut file, header)?;
     file.close()
@@ -671,11 +681,18 @@ impl Reader {
         let table = Piece { file: &self.particles, total: self.history_count, rows };
         let (a, b) = (table.ids(&HISTORY_A)?, table.ids(&HISTORY_B)?);
         let (normal, spring) = (table.vectors(&HISTORY_NORMAL)?, table.vectors(&HISTORY_SPRING)?);
+        let overlap: Vec<f64> = table.read(&HISTORY_OVERLAP)?;
+        let normal_force: Vec<f64> = table.read(&HISTORY_FORCE)?;
         Ok((0..a.len())
             .map(|k| NamedHistory {
                 a: a[k],
                 b: b[k],
-                history: History { normal: normal[k], spring: spring[k] },
+                history: History {
+                    normal: normal[k],
+                    spring: spring[k],
+                    overlap: overlap[k],
+                    normal_force: normal_force[k],
+                },
             })
             .collect())
     }

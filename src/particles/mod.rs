@@ -3,6 +3,7 @@
 //! Slots run owned | ghosts | walls. A column that the scene does not need does not exist: spheres
 //! without friction carry no angular momentum, a scene of spheres only no attitude.
 
+pub mod mix;
 pub mod records;
 pub mod walls;
 
@@ -33,7 +34,7 @@ pub struct Library {
 }
 
 impl Library {
-    /// Adds a shape; `density` in kg/m³. Returns its id.
+    /// Adds a shape; `density` in kg/m³. Returns its id. A wall has infinite mass whatever its density.
     pub fn push(
         &mut self,
         name: &str,
@@ -41,9 +42,14 @@ impl Library {
         material: MaterialId,
         density: f64,
     ) -> ShapeId {
-        let mass = density * shape.volume();
-        self.inertia.push(shape.gyration() * mass);
+        let volume = shape.volume();
+        let (mass, inertia) = if volume.is_finite() {
+            (density * volume, shape.gyration() * (density * volume))
+        } else {
+            (f64::INFINITY, Vec3::repeat(f64::INFINITY))
+        };
         self.mass.push(mass);
+        self.inertia.push(inertia);
         self.shapes.push(shape);
         self.names.push(name.to_owned());
         self.materials.push(material);
@@ -59,6 +65,7 @@ impl Library {
 /// Which columns a scene needs.
 #[expect(clippy::struct_excessive_bools, reason = "four independent capabilities")]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(clippy::struct_excessive_bools, reason = "each column is there or not, on its own")]
 pub struct Needs {
     /// Velocities of ghosts: a law with friction or dashpots.
     pub velocity: bool,

@@ -1,26 +1,26 @@
 //! From a scene to a simulation: the only place that names concrete parts.
 
 use super::{Scene, packing};
-use crate::comm::Comm;
-use crate::contact::{NamedHistory, methods};
+use crate::comm::{Comm, agree};
+use crate::contact::{self, NamedHistory};
 use crate::domain::{self, Domain};
 use crate::drive::rain::RainGauge;
 use crate::ids::ShapeId;
-use crate::law::ForceLaw;
-use crate::law::linear::Linear;
 use crate::motion::Field;
-use crate::output::snapshot::{Reader, SnapshotError};
+use crate::output::SnapshotError;
+use crate::output::snapshot::Reader;
 use crate::output::tables::Header;
+use crate::particles::Particles;
 use crate::particles::records::Particle;
-use crate::particles::{Needs, Particles};
 use crate::search::PairList;
 use crate::shape::Kind;
 use crate::sim::{Simulation, capture};
 use crate::timing::Clock;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// A snapshot does not fit the scene.
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error, Serialize, Deserialize)]
 pub enum StartError {
     /// It cannot be read.
     #[error(transparent)]
@@ -55,29 +55,6 @@ pub enum From {
     Beginning,
 }
 
-impl Scene {
-    /// The columns that this scene needs.
-    pub fn needs(&self) -> Needs {
-        let law = Linear::new(self.interactions.clone()).needs();
-        let attitude = self.particle_kinds().iter().any(|&kind| kind != Kind::Sphere);
-        Needs {
-            attitude,
-            spin: law.spin || attitude,
-            image: self.domain.periodic.contains(&true),
-            ..law
-        }
-    }
-
-    /// The kinds of shape that particles have.
-    pub fn particle_kinds(&self) -> Vec<Kind> {
-        let mut kinds: Vec<_> =
-            self.library.shapes[..self.library.particle_shapes].iter().map(|s| s.kind()).collect();
-        kinds.sort_unstable();
-        kinds.dedup();
-        kinds
-    }
-}
-
 /// The scene's simulation, without particles.
 pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
     let spec = &scene.domain;
@@ -97,8 +74,8 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
         ),
         pairs: PairList::default(),
         domain: Domain::new(spec.low, spec.high, spec.periodic, halo, comm),
-        resolvers: methods::table(&scene.method, &kinds),
-        law: Box::new(Linear::new(scene.interactions.clone())),
+        resolvers: contact::table(&scene.method, &kinds),
+        law: Box::new(scene.law()),
         field: Field { gravity: scene.gravity, damping: scene.global_damping },
         rain: scene.rain.clone().map(|rain| RainGauge::new(rain, scene.seed)),
         contacts: Vec::new(),
@@ -110,7 +87,7 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
         skin: scene.skin,
         imbalance: scene.imbalance,
         lists_since_cut: 0,
-        tally: crate::contact::Tally::default(),
+        tally: contact::Tally::default(),
         clock: Clock::new(),
     }
 }
@@ -140,14 +117,7 @@ pub fn take_up(
     comm: &mut dyn Comm,
 ) -> Result<(), StartError> {
     let read = read_part(path, scene, comm);
-    let failed = comm.any(read.is_err());
-    let (header, mut particles, mut histories) = match read {
-        Ok(state) if !failed => state,
-        Ok(_) => {
-            return Err(SnapshotError::on_another_rank(path).into());
-        }
-        Err(error) => return Err(error),
-    };
+    let (header, mut particles, mut histories) = agree(comm, read)?;
 
     sim.next_id = header.next_id;
     sim.step = header.step;
@@ -160,7 +130,7 @@ pub fn take_up(
                 sim.stage_begin.1 = header.time - steps * sim.dt;
             }
             if let Some(rain) = &mut sim.rain {
-                rain.resume(header.layers_fallen, &scene.library);
+                rain.resume(header.layers_fallen);
             }
         }
         From::Beginning => {

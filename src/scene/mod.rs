@@ -1,15 +1,109 @@
-//! The user's file: read (`input`), checked (`check`) and turned into a simulation (`assemble`).
+//! The user's file: read (`input`), checked (`check`) and turned into a simulation ([`assemble`]).
 //!
 //! A [`Scene`] is what the file means: SI units, names resolved, nothing missing, nothing
 //! inconsistent. It is made on rank 0 and sent to all.
+//!
+//! # The file
+//!
+//! TOML; a key without "default" must be there. Paths of output and `start` are relative to the
+//! working directory, paths of particle files to the scene's folder.
+//!
+//! | key | unit | meaning |
+//! |---|---|---|
+//! | `title` | | one line for the log; default: the file's name |
+//! | `seed` | | of all that is random; default 1 |
+//! | `gravity` | m/s² | \[x, y, z\]; default 0 |
+//! | `global_damping` | 1/s | every particle feels `-ξ m v` and `-ξ I ω`; default 0 |
+//! | `start` | | the snapshot with which this stage begins; default: none |
+//! | **`[domain]`** | | |
+//! | `low`, `high` | m | corners of the box in which particles may be |
+//! | `periodic` | | \[x, y, z\], true or false; default false |
+//! | `walls` | | sides of the box that are fixed walls: `"-x"` `"+x"` `"-y"` `"+y"` `"-z"` `"+z"`; default none |
+//! | `wall_material` | | of these walls; default: the scene's only material |
+//! | **`[[wall]]`** | | any other plane |
+//! | `name` | | |
+//! | `point`, `normal` | m | a point of the plane; a direction of any length, towards the particles |
+//! | `velocity` | m/s | default 0 |
+//! | `material` | | default: the scene's only material |
+//! | **`[[material]]`** | | |
+//! | `name` | | |
+//! | `density` | kg/m³ | |
+//! | `normal_stiffness` | N/m | of a contact between two bodies of this material |
+//! | `tangential_stiffness` | N/m | default: the normal stiffness |
+//! | `friction` | | coefficient of friction; default 0 |
+//! | `restitution` | | rebound over approach velocity, in (0, 1\]; default 1 |
+//! | `tangential_damping_ratio` | | fraction of critical damping; default 0 |
+//! | **`[[interaction]]`** | | constants of two materials; what it leaves out is mixed from both |
+//! | `between` | | names of the two materials |
+//! | | | any key of `[[material]]` from `normal_stiffness` on |
+//! | **`[[shape]]`** | | |
+//! | `name` | | |
+//! | `material` | | default: the scene's only material |
+//! | `kind` | | `"sphere"` or `"ellipsoid"` |
+//! | `radius` or `diameter` | m | of a sphere |
+//! | `semi_axes` | m | of an ellipsoid, along its own x, y, z; or: |
+//! | `diameter`, `aspect_ratio` | m | of the ball of equal volume; first semi-axis over the other two |
+//! | **`[contact]`** | | how contacts are resolved; may be left out |
+//! | `method` | | `"auto"` (default), `"common-normal"`, `"gjk-erosion"` or `"epa"` |
+//! | `erosion_ratio` | | of `gjk-erosion`: first erosion, in (0, 1); default 0.05 |
+//! | `erosion_increment` | | of `gjk-erosion`: added until the bodies are apart; default 0.01 |
+//! | `tolerance` | | of `gjk-erosion` (default 1e-4) and `epa` (default 1e-8), relative |
+//! | `limit_damping` | | normal dashpots never make a contact attractive; default true. The restitution asked for is met either way |
+//! | **`[time]`** | | |
+//! | `step` | s | at most the stable limit |
+//! | `steps` | | at most so many |
+//! | `allow_unstable` | | take a step over the limit; default false |
+//! | **`[stop]`** | | may be left out |
+//! | `rest` | | ends when the kinetic energy is below this fraction of the energy dissipated |
+//! | **`[neighbours]`** | | may be left out; changes the speed, never the result |
+//! | `skin` | m | a pair is listed when its bounding spheres come this close; default: a tenth of the largest bounding radius |
+//! | `imbalance` | | subdomains are cut anew when the busiest rank has so many times the mean work; default 1.2 |
+//! | **`[output]`** | | |
+//! | `directory` | | |
+//! | `snapshot_every` | | steps between snapshots; default 0: only at the end |
+//! | `history_every` | | steps between rows of `history.csv`; default 100; 0: only at the end |
+//! | **`[fill.rain]`** | | layers of particles that fall in; may join a `start` |
+//! | `shapes` | | names, or `{ name = share, ... }` by number; default: the scene's only shape |
+//! | `count` | | how many particles in all |
+//! | `every` | | steps between layers, a layer waits until its place is free; default 100 |
+//! | `spacing` | m | width of a particle's cell; default 1.1 largest bounding diameters |
+//! | `low`, `high` | m | the slab of a layer; default: one cell thick, across the domain's top (from where gravity pulls) |
+//! | `velocity` | m/s | default 0 |
+//! | **`[[fill.lattice]]`** | | particles on a lattice |
+//! | `shapes`, `velocity` | | as in rain |
+//! | `orientation` | | `"random"` (default) or `"upright"`: own axes along x, y, z |
+//! | `spacing` | m | one number or \[x, y, z\]; default 1.1 largest bounding diameters |
+//! | `low`, `high` | m | as many as fit into this box; or: |
+//! | `first`, `count` | m | centre of the first, how many along \[x, y, z\] |
+//! | **`[[fill.file]]`** | | particles one by one |
+//! | `path` | | CSV with a header: `x,y,z` and, if wanted, `qw,qx,qy,qz`, `vx,vy,vz`, `wx,wy,wz`, `shape` |
 
+pub mod assemble;
+mod check;
+mod fills;
+mod input;
+mod listed;
+mod matter;
+pub mod packing;
+pub mod plan;
+mod reader;
+mod report;
+
+pub use crate::contact::Method;
+pub use crate::drive::rain::Rain;
 use crate::ids::ShapeId;
-use crate::law::{Interactions, Material};
+use crate::law::linear::Linear;
+use crate::law::stability::{self, TimeStepLimit};
+use crate::law::{ForceLaw, Interactions, Material};
 use crate::math::{Quat, Vec3};
-use crate::particles::Library;
+pub use crate::particles::mix::Mix;
 use crate::particles::walls::Wall;
+use crate::particles::{Library, Needs};
+use crate::shape::Kind;
+use report::Report;
+pub use report::{Place, Problem, SceneErrors};
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A checked scene: one stage of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,6 +124,8 @@ pub struct Scene {
     pub walls: Vec<Wall>,
     /// How contacts are resolved.
     pub method: Method,
+    /// Normal dashpots never make a contact attractive.
+    pub limit_damping: bool,
     /// Gravity [m/s²].
     pub gravity: Vec3,
     /// Global damping ξ: every particle feels `-ξ m v` and `-ξ I ω` [1/s].
@@ -62,6 +158,86 @@ pub struct Scene {
     pub text: String,
 }
 
+impl Scene {
+    /// Reads and checks a file. An override is `path.to.key=value`, as in `time.steps=1000` or
+    /// `material.glass.friction=0.4`; items of a list go by name or index, and a value that is not
+    /// TOML is a string.
+    ///
+    /// # Errors
+    /// All mistakes of the file and the overrides, each with its place.
+    pub fn read(path: &Path, overrides: &[String]) -> Result<Self, SceneErrors> {
+        let name = path.display().to_string();
+        match std::fs::read_to_string(path) {
+            Ok(text) => {
+                let folder = path.parent().unwrap_or(Path::new(""));
+                Self::parse(&text, &name, folder, overrides)
+            }
+            Err(error) => {
+                let message = format!("cannot be read: {error}");
+                let problems = vec![Problem { place: Place::File, message }];
+                Err(SceneErrors { file: name, problems })
+            }
+        }
+    }
+
+    /// Checks a text. `file` is its name in messages; paths of particle files are relative to
+    /// `folder`.
+    ///
+    /// # Errors
+    /// As [`Scene::read`].
+    pub fn parse(
+        text: &str,
+        file: &str,
+        folder: &Path,
+        overrides: &[String],
+    ) -> Result<Self, SceneErrors> {
+        let report = Report::default();
+        let scene = input::read(text, overrides, &report).and_then(|root| {
+            let effective =
+                if overrides.is_empty() { text.to_owned() } else { input::to_text(&root) };
+            check::scene(&root, &report, file, folder, effective)
+        });
+        match scene {
+            Some(scene) if report.is_empty() => Ok(scene),
+            _ => Err(report.into_errors(file)),
+        }
+    }
+
+    /// The force law of the scene.
+    pub fn law(&self) -> Linear {
+        Linear::new(self.interactions.clone(), self.limit_damping)
+    }
+
+    /// The kinds of shape that particles have.
+    pub fn particle_kinds(&self) -> Vec<Kind> {
+        let shapes = &self.library.shapes[..self.library.particle_shapes];
+        Kind::ALL.into_iter().filter(|&k| shapes.iter().any(|s| s.kind() == k)).collect()
+    }
+
+    /// Which columns the scene needs.
+    pub fn needs(&self) -> Needs {
+        let law = self.law().needs();
+        let attitude = self.particle_kinds().iter().any(|&kind| kind != Kind::Sphere);
+        Needs {
+            velocity: law.velocity,
+            spin: law.spin || attitude,
+            attitude,
+            image: self.domain.periodic.contains(&true),
+        }
+    }
+
+    /// The largest stable time step; `None` if nothing pushes.
+    pub fn time_step_limit(&self) -> Option<TimeStepLimit> {
+        stability::time_step_limit(&self.library, &self.interactions)
+    }
+
+    /// Particles in all, those of a start snapshot left out.
+    pub fn particle_count(&self) -> u64 {
+        let initial: u64 = self.initial.iter().map(Fill::count).sum();
+        initial + self.rain.as_ref().map_or(0, |rain| rain.count)
+    }
+}
+
 /// A box, and which of its axes repeat.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DomainSpec {
@@ -73,29 +249,6 @@ pub struct DomainSpec {
     pub periodic: [bool; 3],
 }
 
-/// How contacts of other than closed-form pairs are resolved.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Method {
-    /// `CommonNormal` for smooth pairs, `GjkErosion` with EPA behind it for all others.
-    Auto,
-    /// Newton on the common normal.
-    CommonNormal,
-    /// The paper's method.
-    GjkErosion {
-        /// First erosion ratio [-].
-        ratio: f64,
-        /// Added until the eroded bodies are apart [-].
-        increment: f64,
-        /// Relative duality gap at which GJK stops [-].
-        tolerance: f64,
-    },
-    /// Expanding polytope.
-    Epa {
-        /// Relative to the size of the bodies [-].
-        tolerance: f64,
-    },
-}
-
 /// Particles that are there at the start.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Fill {
@@ -103,6 +256,16 @@ pub enum Fill {
     Lattice(Lattice),
     /// One by one, as a CSV file lists them.
     Listed(Vec<Listed>),
+}
+
+impl Fill {
+    /// How many particles.
+    pub fn count(&self) -> u64 {
+        match self {
+            Self::Lattice(lattice) => lattice.count.iter().map(|&n| u64::from(n)).product(),
+            Self::Listed(list) => list.len() as u64,
+        }
+    }
 }
 
 /// Particles on a lattice, x fastest, then y, then z.
@@ -120,32 +283,6 @@ pub struct Lattice {
     pub random_orientation: bool,
     /// Velocity of all [m/s].
     pub velocity: Vec3,
-}
-
-/// Layers of particles that fall in at intervals.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Rain {
-    /// Which shapes, and their share of the particles.
-    pub mix: Mix,
-    /// How many particles in all.
-    pub count: u64,
-    /// Steps between layers; a layer waits until its place is free.
-    pub every: u64,
-    /// Corners of the slab in which a layer appears [m].
-    pub low: Vec3,
-    /// Highest corner of the slab [m].
-    pub high: Vec3,
-    /// Distance of the layer's lattice points, which no two particles can bridge [m].
-    pub spacing: f64,
-    /// Velocity at the start [m/s].
-    pub velocity: Vec3,
-}
-
-/// Shapes by share.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Mix {
-    /// Shape and cumulative share, the last one 1.
-    pub cumulative: Vec<(ShapeId, f64)>,
 }
 
 /// A particle of a CSV file.

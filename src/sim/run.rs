@@ -3,8 +3,8 @@
 use super::{Simulation, StepError};
 use crate::comm::Comm;
 use crate::measure::{Measures, shortest_axis};
-use crate::output::snapshot::{self, SnapshotError};
 use crate::output::table::{History, TableError};
+use crate::output::{SnapshotError, snapshot};
 use crate::timing::Phase;
 use std::path::PathBuf;
 use std::time::Instant;

@@ -1,0 +1,78 @@
+//! Random numbers that belong to a thing, not to a rank or a moment.
+//!
+//! A counter-based generator (ChaCha with 8 rounds) is set to the stream of an id: whoever asks for
+//! the random numbers of particle 17 gets the same ones, on any rank and in any order. Only `+ - * /`
+//! and square roots follow, so the bits are the same on every machine.
+
+use crate::math::Quat;
+use nalgebra::Quaternion;
+use rand_chacha::ChaCha8Rng;
+use rand_core::{RngCore, SeedableRng};
+
+/// The random numbers of one particle.
+#[derive(Clone, Debug)]
+pub struct Random(ChaCha8Rng);
+
+impl Random {
+    /// Those of the particle `id` in a scene with this seed.
+    pub fn of(seed: u64, id: u64) -> Self {
+        let mut generator = ChaCha8Rng::seed_from_u64(seed);
+        generator.set_stream(id);
+        Self(generator)
+    }
+
+    /// Uniform in [0, 1), with 53 bits.
+    pub fn unit(&mut self) -> f64 {
+        (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Uniform in [-1, 1).
+    pub fn signed(&mut self) -> f64 {
+        2.0 * self.unit() - 1.0
+    }
+
+    /// A rotation, uniform over all of them: a uniform point of the unit ball in four dimensions,
+    /// found by rejection, then normalised.
+    pub fn rotation(&mut self) -> Quat {
+        loop {
+            let point = Quaternion::new(self.signed(), self.signed(), self.signed(), self.signed());
+            let square = point.norm_squared();
+            // Very near the centre the direction would have few bits.
+            if (1e-6..=1.0).contains(&square) {
+                return Quat::new_unchecked(point / square.sqrt());
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Random;
+    use crate::math::{Mat3, Vec3};
+
+    #[test]
+    fn numbers_belong_to_the_seed_and_the_id() {
+        let first = |seed, id| Random::of(seed, id).unit();
+        assert_eq!(first(1, 7), first(1, 7));
+        assert_ne!(first(1, 7), first(1, 8));
+        assert_ne!(first(1, 7), first(2, 7));
+    }
+
+    #[test]
+    fn the_bits_are_the_same_on_every_machine() {
+        assert_eq!(Random::of(1, 7).rotation().w.to_bits(), 0xbfb2_3c3e_c702_c7ea);
+    }
+
+    /// Mean and second moment of a turned axis over 20,000 particles; five standard errors.
+    #[test]
+    fn rotations_are_uniform() {
+        let count = 20_000;
+        let axes: Vec<Vec3> =
+            (0..count).map(|id| Random::of(3, id).rotation() * Vec3::x()).collect();
+        let mean = axes.iter().sum::<Vec3>() / count as f64;
+        let second = axes.iter().map(|a| a * a.transpose()).sum::<Mat3>() / count as f64;
+        let error = 5.0 / (count as f64).sqrt();
+        assert!(mean.amax() < error, "{mean}");
+        assert!((second - Mat3::identity() / 3.0).amax() < error, "{second}");
+    }
+}

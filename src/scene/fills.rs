@@ -1,0 +1,287 @@
+//! Particles at the start and particles that fall in: from the file as written to [`Fill`] and [`Rain`].
+
+use super::check::AXES;
+use super::matter::Shapes;
+use super::reader::{Range, Section};
+use super::{DomainSpec, Fill, Lattice, Mix, Rain, listed};
+use crate::drive::rain::cells_along;
+use crate::ids::ShapeId;
+use crate::math::Vec3;
+use std::path::Path;
+
+/// Width of a cell of rain or lattice, in largest bounding diameters, if the file does not say.
+const ROOMY: f64 = 1.1;
+/// More particles than this are a slip of the pen.
+const MOST: f64 = 1e12;
+
+/// What the reading of a fill looks at.
+pub(super) struct Fills<'a> {
+    pub(super) shapes: &'a Shapes,
+    pub(super) domain: Option<&'a DomainSpec>,
+    pub(super) gravity: Vec3,
+    /// Of the scene's file.
+    pub(super) folder: &'a Path,
+}
+
+impl Fills<'_> {
+    pub(super) fn read(&self, root: &Section) -> Option<(Vec<Fill>, Option<Rain>)> {
+        let start = root.get("start");
+        let kinds = "[fill.rain], [[fill.lattice]] or [[fill.file]]";
+        let Some(given) = root.get("fill") else {
+            if start.is_none() {
+                root.fail(format!("nothing to simulate: give {kinds}, or `start` = a snapshot"));
+            }
+            return Some((Vec::new(), None));
+        };
+        let fill = given.section()?;
+        let rain = fill.read_or("rain", None, |given| self.rain(&given.section()?).map(Some));
+        let mut initial: Vec<Option<Fill>> =
+            fill.sections("lattice").iter().map(|s| self.lattice(s).map(Fill::Lattice)).collect();
+        for section in fill.sections("file") {
+            let first_id = initial.iter().flatten().map(Fill::count).sum();
+            initial.push(self.file(&section, first_id));
+        }
+        fill.finish();
+        if initial.is_empty() && matches!(rain, Some(None)) {
+            fill.fail(format!("has nothing in it; give {kinds}"));
+        }
+        if start.is_some() && !initial.is_empty() {
+            fill.fail("the particles come from `start`; only rain may add to them");
+        }
+        Some((initial.into_iter().collect::<Option<_>>()?, rain?))
+    }
+
+    fn mix(&self, section: &Section) -> Option<Mix> {
+        let names = &self.shapes.names;
+        let Some(given) = section.get("shapes") else {
+            let only = names.find_in(section, "shapes")?;
+            return Some(Mix::new(&[(ShapeId(only as u16), 1.0)]));
+        };
+        let shares: Vec<Option<(ShapeId, f64)>> = match given.entries() {
+            Some(entries) => entries
+                .iter()
+                .map(|(name, share)| {
+                    let (index, share) =
+                        (names.find(share, name), share.number(Range::Positive, ""));
+                    Some((ShapeId(index? as u16), share?))
+                })
+                .collect(),
+            None => given
+                .list("a list of shapes, or { shape = share, ... }")?
+                .iter()
+                .map(|item| Some((ShapeId(names.find(item, item.text()?)? as u16), 1.0)))
+                .collect(),
+        };
+        if shares.is_empty() {
+            given.fail("must name a shape");
+            return None;
+        }
+        let mut shares: Vec<(ShapeId, f64)> = shares.into_iter().collect::<Option<_>>()?;
+        shares.sort_by_key(|&(shape, _)| shape);
+        if shares.windows(2).any(|pair| pair[0].0 == pair[1].0) {
+            given.fail("names a shape twice");
+            return None;
+        }
+        Some(Mix::new(&shares))
+    }
+
+    /// The largest bounding diameter, if all shapes are known.
+    fn diameter(&self, mix: Option<&Mix>) -> Option<f64> {
+        mix.filter(|_| self.shapes.complete).map(|mix| 2.0 * self.shapes.largest_radius(mix))
+    }
+
+    fn rain(&self, section: &Section) -> Option<Rain> {
+        let mix = self.mix(section);
+        let count = section.require("count", "a whole number, 1 or greater", |given| {
+            given.whole(1).filter(|&count| is_possible(section, count as f64))
+        });
+        let every = section.read_or("every", 100, |given| given.whole(1));
+        let velocity = section.vector_or("velocity", Vec3::zeros(), "m/s");
+        let diameter = self.diameter(mix.as_ref());
+        let spacing = section.read_or("spacing", diameter.map(|d| ROOMY * d), |given| {
+            let spacing = given.number(Range::Positive, "m")?;
+            if diameter.is_some_and(|d| spacing < d) {
+                let least = diameter.unwrap_or_default();
+                given
+                    .fail(format!("must be at least the largest bounding diameter, {least:.4e} m"));
+                return None;
+            }
+            Some(Some(spacing))
+        });
+        let corner =
+            |key| section.read_or(key, None, |given| given.vector(Range::Any, "m").map(Some));
+        let (low, high) = (corner("low"), corner("high"));
+        section.finish();
+        let (velocity, domain, spacing) = (velocity?, self.domain?, spacing??);
+        let (low, high) = self.slab(domain, spacing, low?, high?);
+        let rain = Rain { mix: mix?, count: count?, every: every?, low, high, spacing, velocity };
+
+        let outside = (0..3).find(|&k| low[k] < domain.low[k] || high[k] > domain.high[k]);
+        if let Some(axis) = outside {
+            let what = format!(
+                "the slab reaches out of the domain along {}: from {:?} to {:?} m, the domain from \
+                 {:?} to {:?} m",
+                AXES[axis], low[axis], high[axis], domain.low[axis], domain.high[axis]
+            );
+            let key = if high[axis] > domain.high[axis] { "high" } else { "low" };
+            section.get(key).map_or_else(|| section.fail(&what), |given| given.fail(&what));
+        }
+        cells_between(section, &low, &high, &Vec3::repeat(spacing));
+        if self.gravity == Vec3::zeros() && velocity == Vec3::zeros() {
+            section.fail("does not fall: gravity and `velocity` are 0");
+        }
+        Some(rain)
+    }
+
+    /// The slab of a layer: where the file does not say, one cell thick on the side from which gravity
+    /// pulls (the top, without gravity).
+    fn slab(
+        &self,
+        domain: &DomainSpec,
+        thickness: f64,
+        low: Option<Vec3>,
+        high: Option<Vec3>,
+    ) -> (Vec3, Vec3) {
+        let axis = if self.gravity == Vec3::zeros() { 2 } else { self.gravity.iamax() };
+        let upwards = self.gravity[axis] > 0.0;
+        match (low, high) {
+            (Some(low), Some(high)) => (low, high),
+            (Some(low), None) => (low, domain.high),
+            (None, Some(high)) => {
+                let mut low = domain.low;
+                low[axis] = high[axis] - thickness;
+                (low, high)
+            }
+            (None, None) => {
+                let (mut low, mut high) = (domain.low, domain.high);
+                if upwards {
+                    high[axis] = low[axis] + thickness;
+                } else {
+                    low[axis] = high[axis] - thickness;
+                }
+                (low, high)
+            }
+        }
+    }
+
+    fn lattice(&self, section: &Section) -> Option<Lattice> {
+        let mix = self.mix(section);
+        let velocity = section.vector_or("velocity", Vec3::zeros(), "m/s");
+        let random_orientation = section.read_or("orientation", true, |given| {
+            given.one_of(&[("random", true), ("upright", false)])
+        });
+        let diameter = self.diameter(mix.as_ref());
+        let spacing =
+            section.read_or("spacing", diameter.map(|d| Vec3::repeat(ROOMY * d)), |given| {
+                given.number_or_vector(Range::Positive, "m").map(Some)
+            });
+        let corner =
+            |key| section.read_or(key, None, |given| given.vector(Range::Any, "m").map(Some));
+        let (low, high) = (corner("low"), corner("high"));
+        let first = corner("first");
+        let count = section.read_or("count", None, |given| given.three_counts().map(Some));
+        section.finish();
+        let (spacing, domain) = (spacing??, self.domain?);
+        let (first, count) = match (low?, high?, first?, count?) {
+            (Some(low), Some(high), None, None) => {
+                let cells = cells_between(section, &low, &high, &spacing)?;
+                // In the middle of the box.
+                let span = Vec3::from_fn(|axis, _| f64::from(cells[axis] - 1) * spacing[axis]);
+                ((low + high - span) * 0.5, cells)
+            }
+            (None, None, Some(first), Some(count)) => {
+                is_possible(section, product(&count)).then_some((first, count))?
+            }
+            _ => {
+                section.fail("give either `low` and `high`, or `first` and `count`");
+                return None;
+            }
+        };
+        let last = first + Vec3::from_fn(|axis, _| f64::from(count[axis] - 1) * spacing[axis]);
+        for (name, position) in [("first", first), ("last", last)] {
+            if let Some(axis) = outside(domain, &position) {
+                section.fail(format!(
+                    "its {name} particle, at {}, is outside the domain along {}: {:?} to {:?} m",
+                    written(&position),
+                    AXES[axis],
+                    domain.low[axis],
+                    domain.high[axis]
+                ));
+            }
+        }
+        Some(Lattice {
+            mix: mix?,
+            first,
+            spacing,
+            count,
+            random_orientation: random_orientation?,
+            velocity: velocity?,
+        })
+    }
+
+    fn file(&self, section: &Section, first_id: u64) -> Option<Fill> {
+        let rows = section.require("path", "a CSV file", |given| {
+            let path = self.folder.join(given.text()?);
+            let names: Vec<&str> = self.shapes.names.listing().collect();
+            let outside = |position: &Vec3| {
+                let domain = self.domain?;
+                let axis = outside(domain, position)?;
+                Some(format!(
+                    "outside the domain along {}: {:?} to {:?} m",
+                    AXES[axis], domain.low[axis], domain.high[axis]
+                ))
+            };
+            match listed::read(&path, &names, first_id, &outside) {
+                Ok(rows) => Some(rows),
+                Err(mistakes) => {
+                    for mistake in &mistakes {
+                        given.fail(mistake);
+                    }
+                    None
+                }
+            }
+        });
+        section.finish();
+        rows.map(Fill::Listed)
+    }
+}
+
+/// How many cells fit between two corners, at least one along each axis.
+fn cells_between(section: &Section, low: &Vec3, high: &Vec3, cell: &Vec3) -> Option<[u32; 3]> {
+    let extent = high - low;
+    let cells = [0, 1, 2].map(|axis| cells_along(extent[axis], cell[axis]));
+    if let Some(axis) = cells.iter().position(|&count| count == 0) {
+        let (name, extent, cell) = (AXES[axis], extent[axis], cell[axis]);
+        section.fail(if extent <= 0.0 {
+            format!("`high` must be above `low` along {name}")
+        } else {
+            format!(
+                "no particle fits between `low` and `high` along {name}: they are {extent:.4e} m \
+                 apart, a cell is {cell:.4e} m wide (`spacing`)"
+            )
+        });
+        return None;
+    }
+    is_possible(section, product(&cells)).then_some(cells)
+}
+
+fn product(counts: &[u32; 3]) -> f64 {
+    counts.iter().map(|&count| f64::from(count)).product()
+}
+
+fn is_possible(section: &Section, count: f64) -> bool {
+    if count > MOST {
+        section.fail(format!("{count:.1e} particles are more than the {MOST:.0e} that can be"));
+    }
+    count <= MOST
+}
+
+/// The first axis along which a place is outside the domain.
+fn outside(domain: &DomainSpec, position: &Vec3) -> Option<usize> {
+    (0..3).find(|&axis| !(domain.low[axis]..=domain.high[axis]).contains(&position[axis]))
+}
+
+/// A place, as messages have it.
+fn written(position: &Vec3) -> String {
+    format!("[{:?}, {:?}, {:?}] m", position.x, position.y, position.z)
+}

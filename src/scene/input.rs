@@ -1,0 +1,180 @@
+//! The user's file as it is written: TOML whose every value knows its place, with the overrides of the
+//! command line applied.
+
+use super::report::{Place, Report, suggestion};
+use std::collections::BTreeMap;
+use toml::Spanned;
+use toml::de::{DeString, DeTable, DeValue};
+
+/// A table of the file.
+pub(super) type Table = BTreeMap<String, Node>;
+
+/// A value and where it was given.
+#[derive(Clone, Debug)]
+pub(super) struct Node {
+    pub(super) value: Value,
+    pub(super) place: Place,
+}
+
+/// A TOML value; a date counts as text.
+#[derive(Clone, Debug)]
+pub(super) enum Value {
+    Boolean(bool),
+    Integer(i64),
+    Number(f64),
+    Text(String),
+    List(Vec<Node>),
+    Table(Table),
+}
+
+impl Value {
+    pub(super) const fn type_name(&self) -> &'static str {
+        match self {
+            Self::Boolean(_) => "a truth value",
+            Self::Integer(_) | Self::Number(_) => "a number",
+            Self::Text(_) => "a string",
+            Self::List(_) => "a list",
+            Self::Table(_) => "a table",
+        }
+    }
+
+    pub(super) fn to_toml(&self) -> toml::Value {
+        match self {
+            Self::Boolean(b) => toml::Value::Boolean(*b),
+            Self::Integer(i) => toml::Value::Integer(*i),
+            Self::Number(x) => toml::Value::Float(*x),
+            Self::Text(s) => toml::Value::String(s.clone()),
+            Self::List(list) => {
+                toml::Value::Array(list.iter().map(|node| node.value.to_toml()).collect())
+            }
+            Self::Table(table) => toml::Value::Table(
+                table.iter().map(|(key, node)| (key.clone(), node.value.to_toml())).collect(),
+            ),
+        }
+    }
+}
+
+// --- from text ---
+
+/// The file and the overrides, or `None` if the text is not TOML (the report says where).
+pub(super) fn read(text: &str, overrides: &[String], report: &Report) -> Option<Node> {
+    let place = |offset: usize| Place::Line(1 + text[..offset].matches('\n').count());
+    let (table, errors) = DeTable::parse_recoverable(text);
+    for error in &errors {
+        let place = error.span().map_or(Place::File, |span| place(span.start.min(text.len())));
+        report.add(&place, format!("not valid TOML: {}", error.message()));
+    }
+    if !errors.is_empty() {
+        return None;
+    }
+    let value = Value::Table(table_of(table.get_ref(), &place));
+    let mut root = Node { value, place: Place::File };
+    for text in overrides {
+        let place = Place::Override(text.clone());
+        if let Err(message) = apply(&mut root, text, &place) {
+            report.add(&place, message);
+        }
+    }
+    Some(root)
+}
+
+/// The whole input as TOML text.
+pub(super) fn to_text(root: &Node) -> String {
+    toml::to_string_pretty(&root.value.to_toml()).expect("a table of plain values is valid TOML")
+}
+
+/// `place` knows where an offset in the text is.
+fn table_of(table: &DeTable, place: &dyn Fn(usize) -> Place) -> Table {
+    let entry = |(key, value): (&Spanned<DeString>, &Spanned<DeValue>)| {
+        let node = Node { value: value_of(value.get_ref(), place), place: place(key.span().start) };
+        (key.get_ref().to_string(), node)
+    };
+    table.iter().map(entry).collect()
+}
+
+fn value_of(value: &DeValue, place: &dyn Fn(usize) -> Place) -> Value {
+    match value {
+        DeValue::Boolean(b) => Value::Boolean(*b),
+        DeValue::Integer(i) => match i64::from_str_radix(i.as_str(), i.radix()) {
+            Ok(i) => Value::Integer(i),
+            // Too long for an integer; whoever wants a whole number will refuse it.
+            Err(_) => Value::Number(i.as_str().parse().unwrap_or(f64::INFINITY)),
+        },
+        DeValue::Float(x) => Value::Number(x.as_str().parse().unwrap_or(f64::NAN)),
+        DeValue::String(s) => Value::Text(s.to_string()),
+        DeValue::Datetime(d) => Value::Text(d.to_string()),
+        DeValue::Array(list) => {
+            let item = |item: &Spanned<DeValue>| Node {
+                value: value_of(item.get_ref(), place),
+                place: place(item.span().start),
+            };
+            Value::List(list.iter().map(item).collect())
+        }
+        DeValue::Table(table) => Value::Table(table_of(table, place)),
+    }
+}
+
+// --- overrides ---
+
+/// Applies `path.to.key=value`. What is not a TOML value is taken as a string.
+fn apply(root: &mut Node, text: &str, place: &Place) -> Result<(), String> {
+    let expected = "an override is `path.to.key=value`, as in `time.steps=1000`";
+    let (path, value) = text.split_once('=').ok_or(expected)?;
+    let path = keys_of(path).ok_or(expected)?;
+    let value = match DeValue::parse(value.trim()) {
+        Ok(parsed) => value_of(parsed.get_ref(), &|_| place.clone()),
+        Err(_) => Value::Text(value.trim().to_owned()),
+    };
+    put(root, &path, Node { value, place: place.clone() })
+}
+
+/// The keys of a dotted path, read as TOML reads them.
+fn keys_of(path: &str) -> Option<Vec<String>> {
+    let line = format!("{path} = 0");
+    let table = DeTable::parse(&line).ok()?;
+    let mut keys = Vec::new();
+    let mut level = Some(table.get_ref());
+    while let Some((key, value)) = level.and_then(|table| table.iter().next()) {
+        keys.push(key.get_ref().to_string());
+        level = value.get_ref().as_table();
+    }
+    Some(keys)
+}
+
+/// Puts a value where the path leads. Tables on the way are made if they are missing: whether their
+/// names exist is found when the scene is read.
+fn put(node: &mut Node, path: &[String], new: Node) -> Result<(), String> {
+    let Some((key, rest)) = path.split_first() else {
+        *node = new;
+        return Ok(());
+    };
+    match &mut node.value {
+        Value::Table(table) => {
+            let empty = Node { value: Value::Table(Table::new()), place: new.place.clone() };
+            put(table.entry(key.clone()).or_insert(empty), rest, new)
+        }
+        Value::List(list) => {
+            let names: Vec<String> =
+                list.iter().enumerate().map(|(k, item)| name_of(item, k)).collect();
+            let by_name = names.iter().position(|name| name == key);
+            let by_index = || key.parse().ok().filter(|&k: &usize| k < list.len());
+            let index = by_name.or_else(by_index).ok_or_else(|| {
+                let names = names.iter().map(String::as_str);
+                format!("there is no `{key}` here{}", suggestion(key, names, "there are"))
+            })?;
+            put(&mut list[index], rest, new)
+        }
+        other => Err(format!("`{key}` leads nowhere: before it stands {}", other.type_name())),
+    }
+}
+
+/// What an item of a list is called in a path: its `name`, or else its index.
+pub(super) fn name_of(item: &Node, index: usize) -> String {
+    match &item.value {
+        Value::Table(table) => match table.get("name").map(|node| &node.value) {
+            Some(Value::Text(name)) => name.clone(),
+            _ => index.to_string(),
+        },
+        _ => index.to_string(),
+    }
+}

@@ -1,0 +1,295 @@
+//! Materials, their interactions, and shapes: from the file as written to the library.
+
+use super::Mix;
+use super::reader::{Given, Range, Section};
+use super::report::suggestion;
+use crate::ids::MaterialId;
+use crate::law::{Constants, Interactions, Material, damping_ratio_of_restitution};
+use crate::math::Vec3;
+use crate::particles::Library;
+use crate::shape::{Ellipsoid, Shape, Sphere};
+
+// --- names ---
+
+/// The names of all materials, or of all shapes, or of all walls.
+#[derive(Default)]
+pub(super) struct Names {
+    kind: &'static str,
+    pub(super) names: Vec<String>,
+}
+
+impl Names {
+    pub(super) const fn of(kind: &'static str) -> Self {
+        Self { kind, names: Vec::new() }
+    }
+
+    /// Reads the name of the next entry. One without a name gets an empty one, so that indices stay.
+    pub(super) fn add(&mut self, section: &Section) {
+        let name = section.require("name", "any text", |given| {
+            let name = given.text()?;
+            if self.names.iter().any(|n| n == name) {
+                given.fail(format!("another {} has this name", self.kind));
+            }
+            Some(name.to_owned())
+        });
+        self.names.push(name.unwrap_or_default());
+    }
+
+    pub(super) fn listing(&self) -> impl Iterator<Item = &str> {
+        self.names.iter().map(String::as_str).filter(|name| !name.is_empty())
+    }
+
+    /// The index of a name that the file gives.
+    pub(super) fn find(&self, given: &Given, name: &str) -> Option<usize> {
+        let index = self.names.iter().position(|n| n == name);
+        if index.is_none() {
+            let hint = suggestion(name, self.listing(), "there are");
+            given.fail(format!("no such {}{hint}", self.kind));
+        }
+        index
+    }
+
+    /// The index of the name under this key; of the only one there is, if the key is left out.
+    pub(super) fn find_in(&self, section: &Section, key: &'static str) -> Option<usize> {
+        match section.get(key) {
+            Some(given) => self.find(&given, given.text()?),
+            None if self.names.len() == 1 => Some(0),
+            None => {
+                let names = self.listing().collect::<Vec<_>>().join(", ");
+                if !names.is_empty() {
+                    section.fail(format!("`{key}` is missing: one of {names}"));
+                }
+                None
+            }
+        }
+    }
+}
+
+// --- materials ---
+
+pub(super) struct Materials {
+    pub(super) names: Names,
+    pub(super) items: Vec<Option<Material>>,
+}
+
+impl Materials {
+    pub(super) fn read(root: &Section, limit_damping: bool) -> Self {
+        let mut names = Names::of("material");
+        let what = "`name`, `density` [kg/m3], `normal_stiffness` [N/m]";
+        let sections = root.some_sections("material", what);
+        let items = sections
+            .iter()
+            .map(|section| {
+                names.add(section);
+                let name = names.names.last()?.clone();
+                let density = section.number("density", Range::Positive, "kg/m3");
+                let contact = constants(section, None, limit_damping);
+                section.finish();
+                Some(Material { name, density: density?, contact: contact? })
+            })
+            .collect();
+        Self { names, items }
+    }
+
+    pub(super) fn find_in(&self, section: &Section, key: &'static str) -> Option<MaterialId> {
+        self.names.find_in(section, key).map(|index| MaterialId(index as u16))
+    }
+
+    pub(super) fn get(&self, id: MaterialId) -> Option<&Material> {
+        self.items[id.index()].as_ref()
+    }
+}
+
+/// Contact constants of a material, or of two, with what is left out taken from `mixed`.
+fn constants(
+    section: &Section,
+    mixed: Option<&Constants>,
+    limit_damping: bool,
+) -> Option<Constants> {
+    let normal_stiffness = match mixed {
+        None => section.number("normal_stiffness", Range::Positive, "N/m"),
+        Some(mixed) => {
+            section.number_or("normal_stiffness", mixed.normal_stiffness, Range::Positive, "N/m")
+        }
+    };
+    let tangential = mixed.map_or(normal_stiffness, |m| Some(m.tangential_stiffness));
+    let tangential_stiffness = section.number_or(
+        "tangential_stiffness",
+        tangential.unwrap_or_default(),
+        Range::NotNegative,
+        "N/m",
+    );
+    let friction =
+        section.number_or("friction", mixed.map_or(0.0, |m| m.friction), Range::NotNegative, "");
+    let damping = mixed.map_or(0.0, |m| m.normal_damping_ratio);
+    let normal_damping_ratio = section.read_or("restitution", damping, |given| {
+        let restitution = given.number(Range::UpToOne, "")?;
+        Some(damping_ratio_of_restitution(restitution, limit_damping))
+    });
+    let tangential_damping_ratio = section.number_or(
+        "tangential_damping_ratio",
+        mixed.map_or(0.0, |m| m.tangential_damping_ratio),
+        Range::NotNegative,
+        "",
+    );
+    Some(Constants {
+        normal_stiffness: normal_stiffness?,
+        tangential_stiffness: tangential_stiffness?,
+        friction: friction?,
+        normal_damping_ratio: normal_damping_ratio?,
+        tangential_damping_ratio: tangential_damping_ratio?,
+    })
+}
+
+pub(super) fn interactions(
+    root: &Section,
+    materials: &Materials,
+    limit_damping: bool,
+) -> Option<Interactions> {
+    let all: Option<Vec<Material>> = materials.items.iter().cloned().collect();
+    let mut interactions = all.map(|all| Interactions::new(&all));
+    let mut seen = Vec::new();
+    let mut complete = true;
+    for section in root.sections("interaction") {
+        let pair = section.require("between", "the names of two materials", |given| {
+            let names = given.list("a list of two materials")?;
+            let [a, b] = &names[..] else {
+                given.fail("must be a list of two materials");
+                return None;
+            };
+            let id = |given: &Given| {
+                materials.names.find(given, given.text()?).map(|index| MaterialId(index as u16))
+            };
+            let (a, b) = (id(a), id(b));
+            let (a, b) = (a?.min(b?), a?.max(b?));
+            if seen.contains(&(a, b)) {
+                given.fail("these two have an interaction already");
+            }
+            seen.push((a, b));
+            Some((a, b))
+        });
+        let mixed = match (&interactions, pair) {
+            (Some(interactions), Some((a, b))) => *interactions.of(a, b),
+            // A mistake has been found; this one is only read for more of them.
+            _ => Constants::default(),
+        };
+        let constants = constants(&section, Some(&mixed), limit_damping);
+        section.finish();
+        match (&mut interactions, pair, constants) {
+            (Some(interactions), Some((a, b)), Some(constants)) => {
+                interactions.set(a, b, constants);
+            }
+            _ => complete = false,
+        }
+    }
+    interactions.filter(|_| complete)
+}
+
+// --- shapes ---
+
+pub(super) struct Shapes {
+    pub(super) names: Names,
+    /// One entry per shape of the file; a sphere of no size where there was a mistake.
+    pub(super) library: Library,
+    /// No mistake in any.
+    pub(super) complete: bool,
+}
+
+impl Shapes {
+    pub(super) fn read(root: &Section, materials: &Materials) -> Self {
+        let mut shapes =
+            Self { names: Names::of("shape"), library: Library::default(), complete: true };
+        for section in &root.some_sections("shape", "`name`, `kind` and its size") {
+            shapes.names.add(section);
+            let material = materials.find_in(section, "material");
+            let geometry = geometry(section);
+            section.finish();
+            let density = material.and_then(|id| materials.get(id)).map(|m| m.density);
+            shapes.complete &= match (&geometry, density) {
+                (Some(geometry), Some(density)) => has_mass(section, geometry, density),
+                _ => false,
+            };
+            shapes.library.push(
+                shapes.names.names.last().map_or("", String::as_str),
+                geometry.unwrap_or(Shape::Sphere(Sphere { radius: 0.0 })),
+                material.unwrap_or(MaterialId(0)),
+                density.unwrap_or_default(),
+            );
+        }
+        shapes.library.particle_shapes = shapes.library.shapes.len();
+        shapes
+    }
+
+    pub(super) fn largest_radius(&self, mix: &Mix) -> f64 {
+        mix.shapes().map(|id| self.library.shapes[id.index()].bounding_radius()).fold(0.0, f64::max)
+    }
+}
+
+/// A size of 1e-200 m is a positive number, but its volume is not.
+fn has_mass(section: &Section, geometry: &Shape, density: f64) -> bool {
+    let mass = density * geometry.volume();
+    let fits = mass.is_normal() && (geometry.gyration() * mass).iter().all(|i| i.is_normal());
+    if !fits {
+        section.fail(format!("mass ({mass:e} kg) or moment of inertia leave the range of numbers"));
+    }
+    fits
+}
+
+fn geometry(section: &Section) -> Option<Shape> {
+    #[derive(Clone, Copy)]
+    enum Kind {
+        Sphere,
+        Ellipsoid,
+    }
+    let kind = section.require("kind", "\"sphere\" or \"ellipsoid\"", |given| {
+        given.one_of(&[("sphere", Kind::Sphere), ("ellipsoid", Kind::Ellipsoid)])
+    });
+    match kind {
+        None => {
+            // Which sizes are allowed is not known.
+            for key in ["radius", "diameter", "semi_axes", "aspect_ratio"] {
+                section.get(key);
+            }
+            None
+        }
+        Some(Kind::Sphere) => {
+            let size = |given: Given| given.number(Range::Positive, "m");
+            let radius = match (section.get("radius"), section.get("diameter")) {
+                (Some(radius), None) => size(radius),
+                (None, Some(diameter)) => size(diameter).map(|d| 0.5 * d),
+                (Some(_), Some(_)) => {
+                    section.fail("give either `radius` or `diameter`, not both");
+                    None
+                }
+                (None, None) => {
+                    section.fail("`radius` is missing: a number greater than 0 [m]; or `diameter`");
+                    None
+                }
+            }?;
+            Some(Shape::Sphere(Sphere { radius }))
+        }
+        Some(Kind::Ellipsoid) => {
+            let axes = section.get("semi_axes");
+            let (diameter, ratio) = (section.get("diameter"), section.get("aspect_ratio"));
+            let semi_axes = match (axes, diameter, ratio) {
+                (Some(axes), None, None) => axes.vector(Range::Positive, "m"),
+                (None, Some(diameter), Some(ratio)) => {
+                    let diameter = diameter.number(Range::Positive, "m");
+                    let ratio = ratio.number(Range::Positive, "");
+                    let (diameter, ratio) = (diameter?, ratio?);
+                    // (d/2)³ = a b b with a = ratio · b
+                    let short = 0.5 * diameter / libm::cbrt(ratio);
+                    Some(Vec3::new(ratio * short, short, short))
+                }
+                _ => {
+                    section.fail(
+                        "give either `semi_axes` = [a, b, c] [m], or `diameter` (of the ball of \
+                         equal volume) [m] and `aspect_ratio`",
+                    );
+                    None
+                }
+            }?;
+            Some(Shape::Ellipsoid(Ellipsoid { semi_axes }))
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! The particles that are there at the start.
+
+use super::{Fill, Lattice, Listed, Scene};
+use crate::ids::GlobalId;
+use crate::math::Vec3;
+use crate::particles::Library;
+use crate::particles::records::Particle;
+use crate::random::Random;
+
+/// The particles of all fills, in the order of the file, with ids from 0. Each is a function of the
+/// scene and its id alone, so that every rank can list them all and keep its own.
+pub fn initial(scene: &Scene) -> impl Iterator<Item = Particle> {
+    let mut next = 0;
+    scene.initial.iter().flat_map(move |fill| {
+        let first = next;
+        next += fill.count();
+        (0..fill.count()).map(move |k| match fill {
+            Fill::Lattice(lattice) => on_lattice(lattice, k, first + k, scene.seed),
+            Fill::Listed(list) => listed(&list[k as usize], first + k, &scene.library),
+        })
+    })
+}
+
+fn on_lattice(lattice: &Lattice, k: u64, id: u64, seed: u64) -> Particle {
+    let mut random = Random::of(seed, id);
+    let shape = lattice.mix.pick(random.unit());
+    let [nx, ny, _] = lattice.count.map(u64::from);
+    let place = Vec3::new((k % nx) as f64, (k / nx % ny) as f64, (k / (nx * ny)) as f64);
+    let position = lattice.first + lattice.spacing.component_mul(&place);
+    let mut particle = Particle::at_rest(GlobalId(id), shape, position);
+    particle.velocity = lattice.velocity;
+    if lattice.random_orientation {
+        particle.quaternion = random.rotation();
+    }
+    particle
+}
+
+fn listed(row: &Listed, id: u64, library: &Library) -> Particle {
+    // L = R I Rᵀ ω
+    let local = row.quaternion.inverse_transform_vector(&row.angular_velocity);
+    let inertia = library.inertia[row.shape.index()];
+    Particle {
+        velocity: row.velocity,
+        quaternion: row.quaternion,
+        angular_momentum: row.quaternion * inertia.component_mul(&local),
+        ..Particle::at_rest(GlobalId(id), row.shape, row.position)
+    }
+}

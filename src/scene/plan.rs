@@ -1,0 +1,388 @@
+//! What a scene will cost, said before it runs: `dem-mpi --plan`.
+
+use super::{Fill, Method, Mix, Scene};
+use crate::law::Constants;
+use crate::math::Vec3;
+use crate::shape::{Kind, Shape};
+use std::fmt::Display;
+
+/// Volume of particles over volume of the bed, in estimates.
+const PACKING_FRACTION: f64 = 0.6;
+/// Contacts over particles in a bed, in estimates.
+const CONTACTS_PER_PARTICLE: u64 = 4;
+/// Bytes of a contact in a snapshot: ids, two points of its line, contact point, normal, overlap, two
+/// forces, the line's table; and its history for a restart.
+const SNAPSHOT_BYTES_PER_CONTACT: u64 = 16 + 48 + 24 + 24 + 8 + 32 + 16 + 64;
+
+/// The sides of the domain: name, axis, and the component along it of a wall's normal.
+const SIDES: [(&str, usize, f64); 6] = [
+    ("-x", 0, 1.0),
+    ("+x", 0, -1.0),
+    ("-y", 1, 1.0),
+    ("+y", 1, -1.0),
+    ("-z", 2, 1.0),
+    ("+z", 2, -1.0),
+];
+
+/// What is in, what is left out and why, and the bytes, messages and time steps that follow, for a run
+/// on so many ranks. Numbers of particles per rank are estimates for the settled bed.
+pub fn plan(scene: &Scene, ranks: u32) -> String {
+    let mut page = Page(format!("{}\n", scene.title));
+    what_is_in(scene, &mut page);
+    what_is_left_out(scene, &mut page);
+    what_it_costs(scene, ranks, &mut page);
+    time(scene, &mut page);
+    page.0
+}
+
+/// Lines of text in sections, labels in one column.
+struct Page(String);
+
+impl Page {
+    fn section(&mut self, title: &str) {
+        self.0.extend(["\n", title, "\n"]);
+    }
+
+    fn text(&mut self, text: &str) {
+        self.0.extend(["  ", text, "\n"]);
+    }
+
+    fn line(&mut self, label: &str, text: impl Display) {
+        self.text(&format!("{label:<16}{text}"));
+    }
+}
+
+fn what_is_in(scene: &Scene, page: &mut Page) {
+    page.section("In");
+    if let Some(start) = &scene.start {
+        page.line("start", format!("the particles of {}", start.display()));
+    }
+    for fill in &scene.initial {
+        let how = match fill {
+            Fill::Lattice(lattice) => format!("on a lattice of {:?}", lattice.count),
+            Fill::Listed(_) => "from a file".to_owned(),
+        };
+        page.line("fill", format!("{} particles {how}", fill.count()));
+    }
+    if let Some(rain) = &scene.rain {
+        page.line(
+            "rain",
+            format!(
+                "{} particles in {} layers of {}, one in {} steps at most",
+                rain.count,
+                rain.layers(),
+                rain.per_layer(),
+                rain.every
+            ),
+        );
+    }
+    let library = &scene.library;
+    for (index, shape) in library.shapes[..library.particle_shapes].iter().enumerate() {
+        let size = if let Shape::Sphere(sphere) = shape {
+            format!("radius {:.4e} m", sphere.radius)
+        } else {
+            let [a, b, c]: [f64; 3] = shape.semi_axes().into();
+            format!("semi-axes {a:.4e}, {b:.4e}, {c:.4e} m")
+        };
+        let (name, mass) = (&library.names[index], library.mass[index]);
+        let material = &scene.materials[library.materials[index].index()].name;
+        let kind = shape.kind().name();
+        page.line("shape", format!("{name}: {kind} of {material}, {size}, {mass:.4e} kg"));
+    }
+    let walls = |moving: bool| {
+        let names = scene.walls.iter().filter(|w| (w.velocity != Vec3::zeros()) == moving);
+        names.map(|wall| wall.name.as_str()).collect::<Vec<_>>().join(", ")
+    };
+    for (label, names) in [("fixed walls", walls(false)), ("moving walls", walls(true))] {
+        if !names.is_empty() {
+            page.line(label, names);
+        }
+    }
+    for (a, b) in pairs_of_kinds(scene) {
+        page.line("contacts", format!("{}-{}: {}", a.name(), b.name(), resolver(scene, a, b)));
+    }
+    let needs = scene.needs();
+    let columns = [
+        (true, "position, velocity, force"),
+        (needs.spin, "angular momentum, angular velocity, torque"),
+        (needs.attitude, "attitude"),
+        (needs.image, "counts of periods"),
+    ];
+    let columns: Vec<&str> =
+        columns.iter().filter(|(is_in, _)| *is_in).map(|&(_, name)| name).collect();
+    page.line("columns", columns.join("; "));
+}
+
+/// Which kinds of shapes can meet.
+fn pairs_of_kinds(scene: &Scene) -> Vec<(Kind, Kind)> {
+    let present: Vec<Kind> = Kind::ALL
+        .into_iter()
+        .filter(|kind| scene.library.shapes.iter().any(|shape| shape.kind() == *kind))
+        .collect();
+    let mut pairs = Vec::new();
+    for (k, &a) in present.iter().enumerate() {
+        pairs.extend(present[k..].iter().map(|&b| (a, b)));
+    }
+    pairs.retain(|&(a, _)| a != Kind::HalfSpace);
+    pairs
+}
+
+fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
+    match (a, b, scene.method) {
+        (Kind::Sphere, Kind::Sphere, _) | (_, Kind::HalfSpace, _) => "closed form",
+        // Every shape so far is smooth.
+        (_, _, Method::Auto) => Method::CommonNormal.name(),
+        (_, _, method) => method.name(),
+    }
+}
+
+fn what_is_left_out(scene: &Scene, page: &mut Page) {
+    let needs = scene.needs();
+    let all = |what: fn(&Constants) -> bool| scene.interactions.iter().all(what);
+    let no_friction = all(|c| !c.is_frictional());
+    let open: Vec<&str> = SIDES
+        .into_iter()
+        .filter(|&(_, axis, inwards)| {
+            let closed = scene.walls.iter().any(|wall| wall.normal[axis] == inwards);
+            !scene.domain.periodic[axis] && !closed
+        })
+        .map(|(name, _, _)| name)
+        .collect();
+    let reasons = [
+        (!needs.attitude, "no attitude: all shapes are spheres".to_owned()),
+        (!needs.spin, "no rotation: spheres without friction feel no moment".to_owned()),
+        (no_friction, "no tangential history: friction is 0 everywhere".to_owned()),
+        (
+            all(|c| c.normal_damping_ratio == 0.0),
+            "no dashpots: restitution is 1 everywhere".to_owned(),
+        ),
+        (!needs.velocity, "no velocities of ghosts: no friction, no dashpots".to_owned()),
+        (!needs.image, "no counts of periods: no axis is periodic".to_owned()),
+        (scene.global_damping == 0.0, "no global damping".to_owned()),
+        (scene.gravity == Vec3::zeros(), "no gravity".to_owned()),
+        (scene.rest.is_none(), "no rest criterion: all steps are taken".to_owned()),
+        (!open.is_empty(), format!("no walls on these sides of the domain: {}", open.join(", "))),
+    ];
+    page.section("Left out");
+    let mut reasons = reasons.iter().filter(|(is_out, _)| *is_out).peekable();
+    if reasons.peek().is_none() {
+        page.text("nothing");
+    }
+    for (_, reason) in reasons {
+        page.text(reason);
+    }
+}
+
+fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
+    let needs = scene.needs();
+    let count = scene.particle_count();
+    page.section("Memory and messages");
+    page.line("owned particle", format!("{} bytes in columns", needs.column_bytes()));
+    page.line("ghost", format!("{} bytes in the message of each step", 8 * needs.halo_values()));
+    let reach = 2.0 * scene.library.largest_radius() + scene.skin;
+    page.line("halo width", format!("{reach:.4e} m, largest bounding diameter and skin"));
+    if count == 0 {
+        page.line("particles", "known when the start snapshot is read");
+        return;
+    }
+    let share = Share::estimate(scene, ranks, reach);
+    page.line(
+        "rank",
+        format!(
+            "about {:.0} owned and {:.0} ghost particles, {} neighbours ({ranks} rank{})",
+            share.owned,
+            share.ghosts,
+            share.neighbours,
+            if ranks == 1 { "" } else { "s" }
+        ),
+    );
+    page.line(
+        "step",
+        format!(
+            "about {} sent by the busiest rank",
+            size(share.ghosts * 8.0 * needs.halo_values() as f64)
+        ),
+    );
+    let particles = count * snapshot_bytes_per_particle(scene);
+    let contacts = count * CONTACTS_PER_PARTICLE * SNAPSHOT_BYTES_PER_CONTACT;
+    let snapshots = scene.steps.checked_div(scene.snapshot_every).unwrap_or(0).max(1);
+    page.line(
+        "snapshot",
+        format!(
+            "about {} of particles, {} of contacts; {snapshots} in all",
+            size(particles as f64),
+            size(contacts as f64)
+        ),
+    );
+}
+
+fn snapshot_bytes_per_particle(scene: &Scene) -> u64 {
+    let needs = scene.needs();
+    // id, shape, coordination, rank, three vectors, two energies, the vertex's table
+    8 + 2
+        + 8
+        + 72
+        + 16
+        + 16
+        + if needs.spin { 72 } else { 0 }
+        + if needs.attitude { 32 } else { 0 }
+        + if needs.image { 12 } else { 0 }
+}
+
+/// The share of the busiest of several ranks in the settled bed.
+struct Share {
+    owned: f64,
+    ghosts: f64,
+    neighbours: usize,
+}
+
+impl Share {
+    fn estimate(scene: &Scene, ranks: u32, reach: f64) -> Self {
+        let bed = Block::bed(scene);
+        let count = scene.particle_count() as f64;
+        let per_volume = count / bed.volume();
+        let mut blocks = Vec::new();
+        bed.cut(ranks.max(1), &mut blocks);
+        let periodic = scene.domain.periodic;
+        let mut share = Self { owned: count / f64::from(ranks.max(1)), ghosts: 0.0, neighbours: 0 };
+        // A sample is enough where there are very many.
+        for block in blocks.iter().step_by(1 + blocks.len() / 1024) {
+            let halo = block.grown(reach, &bed, periodic);
+            let ghosts = per_volume * (halo.volume() - block.volume());
+            let neighbours = blocks
+                .iter()
+                .filter(|other| !std::ptr::eq(*other, block) && halo.meets(other, &bed, periodic))
+                .count();
+            share.ghosts = share.ghosts.max(ghosts);
+            share.neighbours = share.neighbours.max(neighbours);
+        }
+        share
+    }
+}
+
+/// A box.
+#[derive(Clone, Copy)]
+struct Block {
+    low: Vec3,
+    high: Vec3,
+}
+
+impl Block {
+    /// Where the particles will lie: on the side to which gravity pulls, or in the whole domain.
+    fn bed(scene: &Scene) -> Self {
+        let mut bed = Self { low: scene.domain.low, high: scene.domain.high };
+        if scene.gravity != Vec3::zeros() {
+            let axis = scene.gravity.iamax();
+            let extent = bed.high[axis] - bed.low[axis];
+            let full = bed.volume() / extent;
+            let height = (solid_volume(scene) / PACKING_FRACTION / full).min(extent);
+            if scene.gravity[axis] < 0.0 {
+                bed.high[axis] = bed.low[axis] + height;
+            } else {
+                bed.low[axis] = bed.high[axis] - height;
+            }
+        }
+        bed
+    }
+
+    fn volume(&self) -> f64 {
+        (self.high - self.low).product()
+    }
+
+    /// Halves along the longest side until each rank has one.
+    fn cut(self, ranks: u32, blocks: &mut Vec<Self>) {
+        if ranks == 1 {
+            blocks.push(self);
+            return;
+        }
+        let extent = self.high - self.low;
+        let axis = extent.imax();
+        let lower_ranks = ranks / 2;
+        let at = self.low[axis] + extent[axis] * f64::from(lower_ranks) / f64::from(ranks);
+        let (mut lower, mut upper) = (self, self);
+        lower.high[axis] = at;
+        upper.low[axis] = at;
+        lower.cut(lower_ranks, blocks);
+        upper.cut(ranks - lower_ranks, blocks);
+    }
+
+    /// Wider by `by` on all sides, but not beyond the bed where that does not repeat.
+    fn grown(&self, by: f64, bed: &Self, periodic: [bool; 3]) -> Self {
+        let mut grown = Self { low: self.low.add_scalar(-by), high: self.high.add_scalar(by) };
+        for axis in (0..3).filter(|&axis| !periodic[axis]) {
+            grown.low[axis] = grown.low[axis].max(bed.low[axis]);
+            grown.high[axis] = grown.high[axis].min(bed.high[axis]);
+        }
+        grown
+    }
+
+    /// Does it overlap another or one of the other's periodic images?
+    fn meets(&self, other: &Self, bed: &Self, periodic: [bool; 3]) -> bool {
+        (0..3).all(|axis| {
+            let period = if periodic[axis] { bed.high[axis] - bed.low[axis] } else { 0.0 };
+            [-period, 0.0, period].into_iter().any(|shift| {
+                other.low[axis] + shift < self.high[axis]
+                    && other.high[axis] + shift > self.low[axis]
+            })
+        })
+    }
+}
+
+/// Volume of all particles [m³].
+fn solid_volume(scene: &Scene) -> f64 {
+    let volume = |mix: &Mix, count: u64| {
+        let mut below = 0.0;
+        let mut mean = 0.0;
+        for &(shape, cumulative) in &mix.cumulative {
+            mean += (cumulative - below) * scene.library.shapes[shape.index()].volume();
+            below = cumulative;
+        }
+        count as f64 * mean
+    };
+    let initial: f64 = scene
+        .initial
+        .iter()
+        .map(|fill| match fill {
+            Fill::Lattice(lattice) => volume(&lattice.mix, fill.count()),
+            Fill::Listed(list) => {
+                list.iter().map(|row| scene.library.shapes[row.shape.index()].volume()).sum()
+            }
+        })
+        .sum();
+    initial + scene.rain.as_ref().map_or(0.0, |rain| volume(&rain.mix, rain.count))
+}
+
+fn time(scene: &Scene, page: &mut Page) {
+    page.section("Time");
+    if let Some(limit) = scene.time_step_limit() {
+        let name = &scene.library.names[limit.shape.index()];
+        page.line(
+            "step",
+            format!(
+                "{:e} s, {:.0} % of the stable limit {:.2e} s (set by shape {name})",
+                scene.dt,
+                100.0 * scene.dt / limit.dt,
+                limit.dt
+            ),
+        );
+        if scene.dt > limit.dt {
+            page.line("", "OVER THE LIMIT: the run may blow up");
+        }
+    }
+    page.line("steps", format!("{}, {:.4} s", scene.steps, scene.steps as f64 * scene.dt));
+    if let Some(rain) = &scene.rain
+        && (rain.layers() - 1).saturating_mul(rain.every) >= scene.steps
+    {
+        page.line("", "the last layers of rain will not fall: too few steps");
+    }
+}
+
+/// Bytes, as people read them.
+fn size(bytes: f64) -> String {
+    match bytes {
+        b if b < 1e3 => format!("{b:.0} bytes"),
+        b if b < 1e6 => format!("{:.1} kB", b / 1e3),
+        b if b < 1e9 => format!("{:.1} MB", b / 1e6),
+        b => format!("{:.1} GB", b / 1e9),
+    }
+}

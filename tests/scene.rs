@@ -1,0 +1,422 @@
+//! Scene files: what is wrong with them is said, all of it, at the right place; what they mean comes
+//! out; the particles they describe are where they should be.
+
+use anyhow::{Context, Result};
+use dem_mpi::comm::wire;
+use dem_mpi::drive::rain::layer;
+use dem_mpi::ids::ShapeId;
+use dem_mpi::law::damping_ratio_of_restitution;
+use dem_mpi::math::Vec3;
+use dem_mpi::particles::records::Particle;
+use dem_mpi::particles::{Library, Needs};
+use dem_mpi::scene::packing::initial;
+use dem_mpi::scene::plan::plan;
+use dem_mpi::scene::{Fill, Method, Place, Scene, SceneErrors};
+use std::path::{Path, PathBuf};
+
+// --- files ---
+
+/// All files of this ending below a folder, sorted.
+fn files_below(folder: &Path, ending: &str) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("a folder of scenes") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.to_string_lossy().ends_with(ending) {
+                files.push(path);
+            }
+        }
+    }
+    files.sort();
+    files
+}
+
+/// The messages that a file carries on `#^` lines, each below the line it is about; on top those
+/// about the file as a whole.
+fn expected(text: &str) -> Vec<(Place, String)> {
+    let mut place = Place::File;
+    let mut messages = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        match line.strip_prefix("#^ ") {
+            Some(message) => messages.push((place.clone(), message.to_owned())),
+            None => place = Place::Line(index + 1),
+        }
+    }
+    messages
+}
+
+#[test]
+fn bad_scenes_are_told_all_their_mistakes() -> Result<()> {
+    let files = files_below(Path::new("tests/scenes/bad"), ".toml");
+    assert!(files.len() >= 25, "{} files", files.len());
+    for file in files {
+        let expected = expected(&std::fs::read_to_string(&file)?);
+        let name = file.display();
+        assert!(!expected.is_empty(), "{name} says nothing of its mistakes");
+        let errors = Scene::read(&file, &[]).err().with_context(|| format!("{name} passed"))?;
+        let found: Vec<(Place, String)> =
+            errors.problems.into_iter().map(|p| (p.place, p.message)).collect();
+        assert_eq!(found, expected, "{name}");
+    }
+    Ok(())
+}
+
+#[test]
+fn good_scenes_pass_and_survive_the_wire() -> Result<()> {
+    let mut files = files_below(Path::new("tests/scenes/good"), ".toml");
+    files.extend(files_below(Path::new("run"), "scene.toml"));
+    for file in files {
+        let scene = Scene::read(&file, &[])?;
+        assert_eq!(wire::decode::<Scene>(&wire::encode(&scene)), scene, "{}", file.display());
+        for ranks in [1, 2, 7] {
+            assert!(plan(&scene, ranks).contains("Left out"), "{}", file.display());
+        }
+    }
+    Ok(())
+}
+
+/// Whatever stands behind a key, the answer is a scene or a list of mistakes, never a panic.
+#[test]
+fn odd_values_never_panic() -> Result<()> {
+    let folder = Path::new("tests/scenes/good");
+    let text = std::fs::read_to_string(folder.join("every_key.toml"))?;
+    let lines: Vec<&str> = text.lines().collect();
+    let odd = [
+        "0",
+        "-1",
+        "nan",
+        "inf",
+        "1e300",
+        "1e-300",
+        "1e18",
+        "true",
+        "''",
+        "'x'",
+        "[]",
+        "{}",
+        "[1e300, 1e300, 1e300]",
+        "[1e-300, 1e-300, 1e-300]",
+        "[0, 0, 0]",
+        "[[]]",
+        "{ x = 1 }",
+    ];
+    for (index, line) in lines.iter().enumerate() {
+        let changed = match line.split_once(" = ") {
+            Some((key, _)) => odd.iter().map(|value| format!("{key} = {value}")).collect(),
+            None => vec![String::new(), "[odd]".to_owned(), "[[material]]".to_owned()],
+        };
+        for changed in changed {
+            let mut lines = lines.clone();
+            lines[index] = &changed;
+            if let Ok(scene) = Scene::parse(&lines.join("\n"), "odd", folder, &[]) {
+                plan(&scene, 3);
+            }
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn errors_name_the_file_and_the_line() {
+    let error = Scene::read(Path::new("tests/scenes/bad/key_twice.toml"), &[]).unwrap_err();
+    let text = error.to_string();
+    assert!(
+        text.starts_with("1 mistake in the scene\ntests/scenes/bad/key_twice.toml:23: "),
+        "{text}"
+    );
+    let error = Scene::read(Path::new("no/such.toml"), &[]).unwrap_err();
+    assert!(error.to_string().contains("no/such.toml: cannot be read"), "{error}");
+}
+
+// --- meaning ---
+
+fn every_key() -> Scene {
+    Scene::read(Path::new("tests/scenes/good/every_key.toml"), &[]).expect("a good scene")
+}
+
+#[test]
+fn every_key_arrives() {
+    let scene = every_key();
+    assert_eq!(scene.title, "Everything");
+    assert_eq!(scene.seed, 18_446_744_073_709);
+    assert_eq!(scene.domain.periodic, [true, false, false]);
+    let walls: Vec<(&str, [f64; 3])> =
+        scene.walls.iter().map(|w| (w.name.as_str(), w.normal.into())).collect();
+    let planes = [
+        ("-y", [0.0, 1.0, 0.0]),
+        ("+y", [0.0, -1.0, 0.0]),
+        ("-z", [0.0, 0.0, 1.0]),
+        ("lid", [0.0, 0.0, -1.0]),
+    ];
+    assert_eq!(walls, planes);
+    assert_eq!(scene.walls[3].velocity, Vec3::new(0.0, 0.0, -0.01));
+
+    let library = &scene.library;
+    assert_eq!(library.names, ["ball", "bead", "egg", "rice", "-y", "+y", "-z", "lid"]);
+    assert_eq!(library.particle_shapes, 4);
+    assert!(library.mass[4..].iter().all(|&mass| mass == f64::INFINITY));
+    assert!(library.inertia[4..].iter().all(|inertia| inertia.x == f64::INFINITY));
+    let rice = library.shapes[3].semi_axes();
+    assert!((rice.x / rice.y - 3.0).abs() < 1e-15 && rice.y == rice.z, "{rice}");
+    assert!((rice.product() - 0.004_f64.powi(3)).abs() < 1e-22, "{rice}");
+
+    let between = scene.interactions.of(library.materials[0], library.materials[2]);
+    assert_eq!(between.normal_stiffness, 2e4);
+    assert_eq!(between.friction, 0.2);
+    assert_eq!(between.normal_damping_ratio, damping_ratio_of_restitution(0.5));
+    let glass = &scene.materials[0].contact;
+    assert_eq!((glass.tangential_stiffness, glass.tangential_damping_ratio), (8e3, 0.1));
+    let steel = &scene.materials[1].contact;
+    assert_eq!((steel.tangential_stiffness, steel.friction), (3e4, 0.0), "defaults");
+    assert_eq!(steel.normal_damping_ratio, 0.0, "restitution 1");
+
+    assert_eq!(scene.method, Method::GjkErosion { ratio: 0.1, increment: 0.02, tolerance: 1e-8 });
+    assert_eq!((scene.dt, scene.steps, scene.rest), (1e-5, 100_000, Some(1e-5)));
+    assert_eq!((scene.skin, scene.imbalance), (0.001, 1.5));
+    assert_eq!((scene.snapshot_every, scene.history_every), (1000, 10));
+    assert_eq!(scene.out, Path::new("out/everything"));
+    let rain = scene.rain.as_ref().expect("it rains");
+    assert_eq!(rain.mix.cumulative, [(ShapeId(0), 0.25), (ShapeId(3), 1.0)]);
+    assert_eq!((rain.count, rain.every, rain.cells()), (1000, 50, [10, 10, 5]));
+    let counts: Vec<u64> = scene.initial.iter().map(Fill::count).collect();
+    assert_eq!(counts, [16 * 16 * 5, 100, 2]);
+    assert!(scene.text.contains("# Every key"), "the text is as written");
+}
+
+#[test]
+fn rain_falls_from_the_side_that_gravity_pulls_away_from() -> Result<()> {
+    let scene = Scene::read(Path::new("tests/scenes/good/next_stage.toml"), &[])?;
+    let rain = scene.rain.context("it rains")?;
+    assert_eq!(rain.low, Vec3::zeros());
+    assert_eq!(rain.high, Vec3::new(0.1, rain.spacing, 0.1));
+    Ok(())
+}
+
+/// `2 / ω` with `ω² = 2 · 12 · k · 3.5 / m` for balls without dashpots.
+#[test]
+fn the_stable_step_of_balls_is_known() -> Result<()> {
+    let path = Path::new("tests/scenes/good/two_balls.toml");
+    let scene = Scene::read(path, &[])?;
+    let limit = scene.time_step_limit().context("balls have a limit")?.dt;
+    let exact = 2.0 / (2.0 * 12.0 * 1e4 * 3.5 / scene.library.mass[0]).sqrt();
+    assert!((limit / exact - 1.0).abs() < 1e-12, "{limit} {exact}");
+
+    let over = format!("time.step={}", 1.001 * limit);
+    assert!(Scene::read(path, &[format!("time.step={limit}")]).is_ok());
+    assert!(Scene::read(path, std::slice::from_ref(&over)).is_err());
+    assert!(Scene::read(path, &[over, "time.allow_unstable=true".to_owned()]).is_ok());
+    Ok(())
+}
+
+// --- overrides ---
+
+fn with(overrides: &[&str]) -> Result<Scene, SceneErrors> {
+    let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
+    Scene::read(Path::new("tests/scenes/good/every_key.toml"), &overrides)
+}
+
+#[test]
+fn overrides_reach_every_place() -> Result<()> {
+    let scene = with(&[
+        "time.steps = 7",
+        "material.glass.friction=0.4",
+        "shape.0.radius=0.004",
+        "gravity.2=-1.62",
+        "domain.walls=['-y', '-z']",
+        "output.directory=elsewhere/run 2",
+        "contact={ method = 'epa' }",
+        "fill.rain.shapes.rice=1",
+        "start=Cargo.toml",
+        "fill.lattice=[]",
+        "fill.file=[]",
+    ])?;
+    assert_eq!(scene.steps, 7);
+    assert_eq!(scene.materials[0].contact.friction, 0.4);
+    assert_eq!(scene.library.shapes[0].bounding_radius(), 0.004);
+    assert_eq!(scene.gravity, Vec3::new(0.0, 0.0, -1.62));
+    assert_eq!(scene.walls.len(), 3);
+    assert_eq!(scene.out, Path::new("elsewhere/run 2"));
+    assert_eq!(scene.method, Method::Epa { tolerance: 1e-10 });
+    assert_eq!(scene.rain.as_ref().context("it rains")?.mix.cumulative[0].1, 0.5);
+    assert_eq!(scene.start.as_deref(), Some(Path::new("Cargo.toml")));
+
+    let again = Scene::parse(&scene.text, "again", Path::new(""), &[])?;
+    assert_eq!(again, Scene { text: again.text.clone(), ..scene }, "the text is effective");
+    Ok(())
+}
+
+#[test]
+fn wrong_overrides_are_named() {
+    let wrong = [
+        ("time.steps", "an override is `path.to.key=value`, as in `time.steps=1000`"),
+        ("=5", "an override is `path.to.key=value`, as in `time.steps=1000`"),
+        (
+            "material.glas.friction=0.4",
+            "there is no `glas` here, did you mean `glass`? (there are: glass, steel)",
+        ),
+        ("shape.4.radius=1", "there is no `4` here (there are: ball, bead, egg, rice)"),
+        ("time.step.size=1", "`size` leads nowhere: before it stands a number"),
+        (
+            "time.stps=5",
+            "time.stps = 5: no such key, did you mean `steps`? (allowed here: step, steps, \
+             allow_unstable)",
+        ),
+        (
+            "stopp.rest=1e-6",
+            "stopp: no such key, did you mean `stop`? (allowed here: title, seed, gravity, \
+             global_damping, start, material, interaction, shape, domain, wall, contact, time, \
+             stop, neighbours, output, fill)",
+        ),
+        ("shape.ball.radius=-1", "shape.ball.radius = -1: must be a number greater than 0 [m]"),
+        (
+            "shape.ball.kind=elipsoid",
+            "shape.ball.kind = \"elipsoid\": no such choice, did you mean `ellipsoid`? (allowed: \
+             sphere, ellipsoid)",
+        ),
+    ];
+    for (text, message) in wrong {
+        let errors = with(&[text]).expect_err(text);
+        let problem = &errors.problems[0];
+        assert_eq!(problem.message, message);
+        assert_eq!(problem.place, Place::Override(text.to_owned()));
+        assert_eq!(errors.problems.len(), 1, "{errors}");
+        assert!(errors.to_string().contains(&format!("\n--set {text}: ")), "{errors}");
+    }
+}
+
+// --- particles ---
+
+/// No two bounding spheres overlap, nor with a periodic image.
+fn assert_apart(particles: &[Particle], library: &Library, period: &Vec3) {
+    let radius = |p: &Particle| library.shapes[p.shape.index()].bounding_radius();
+    for (k, a) in particles.iter().enumerate() {
+        for b in &particles[k + 1..] {
+            let between = (b.position - a.position)
+                .zip_map(period, |d, p| if p.is_finite() { d - p * (d / p).round() } else { d });
+            let gap = between.norm() - radius(a) - radius(b);
+            assert!(gap > -1e-9 * radius(a), "{} and {}: gap {gap}", a.id, b.id);
+        }
+    }
+}
+
+#[test]
+fn a_lattice_fills_its_box_and_nothing_overlaps() -> Result<()> {
+    let scene = Scene::read(Path::new("tests/scenes/good/periodic.toml"), &[])?;
+    let particles: Vec<Particle> = initial(&scene).collect();
+    assert_eq!(particles, initial(&scene).collect::<Vec<_>>(), "the same on every rank");
+    assert_eq!(particles.len() as u64, scene.particle_count());
+    assert!(particles.iter().enumerate().all(|(k, p)| p.id.0 == k as u64));
+    assert!(particles.iter().all(|p| p.velocity == Vec3::new(0.1, 0.0, 0.0)));
+    assert_apart(&particles, &scene.library, &Vec3::repeat(0.2));
+    assert_ne!(particles[0].quaternion, particles[1].quaternion);
+
+    let other = Scene { seed: scene.seed + 1, ..scene };
+    assert_ne!(initial(&other).next().map(|p| p.quaternion), Some(particles[0].quaternion));
+    Ok(())
+}
+
+#[test]
+fn fills_follow_each_other() {
+    let scene = every_key();
+    let particles: Vec<Particle> = initial(&scene).collect();
+    assert_eq!(particles.len(), 16 * 16 * 5 + 100 + 2);
+    assert!(particles.iter().enumerate().all(|(k, p)| p.id.0 == k as u64));
+    assert_eq!(particles[1280].position, Vec3::new(0.01, 0.01, 0.12));
+    assert_eq!(particles[1281].shape, ShapeId(2));
+
+    let [egg, rice] = &particles[1380..] else { panic!("two particles are listed") };
+    let spin = egg.angular_momentum.component_div(&scene.library.inertia[2]);
+    assert_eq!(spin, Vec3::new(0.0, 0.0, 1.0));
+    assert_eq!(rice.velocity, Vec3::new(0.0, 0.0, -1.0));
+    let turned = rice.quaternion * Vec3::x();
+    assert!((turned - Vec3::y()).norm() < 1e-15, "a quarter turn about z: {turned}");
+}
+
+/// Shares by number, within four standard errors.
+#[test]
+fn a_mix_has_its_shares() {
+    let scene = every_key();
+    let rain = scene.rain.as_ref().expect("it rains");
+    let count = 20_000;
+    let rain = dem_mpi::scene::Rain { count, ..rain.clone() };
+    let layers = (0..rain.layers())
+        .flat_map(|k| layer(&rain, scene.seed, k, k * rain.per_layer(), &scene.library));
+    let rice = layers.filter(|p| p.shape == ShapeId(3)).count();
+    let error = 4.0 * (0.75 * 0.25 / count as f64).sqrt();
+    assert!((rice as f64 / count as f64 - 0.75).abs() < error, "{rice} of {count}");
+}
+
+#[test]
+fn a_layer_of_rain_is_a_pure_function_inside_its_slab() {
+    let scene = every_key();
+    let rain = scene.rain.as_ref().expect("it rains");
+    let library = &scene.library;
+    assert_eq!((rain.per_layer(), rain.layers()), (500, 2));
+
+    let first = layer(rain, 1, 0, 100, library);
+    assert_eq!(first.len(), 500);
+    assert_eq!(first, layer(rain, 1, 0, 100, library));
+    assert_ne!(first[0].position, layer(rain, 2, 0, 100, library)[0].position, "another seed");
+    assert_ne!(first[0].position, layer(rain, 1, 1, 600, library)[0].position, "another layer");
+    assert!(first.iter().enumerate().all(|(k, p)| p.id.0 == 100 + k as u64));
+    assert!(first.iter().all(|p| p.velocity == rain.velocity));
+    for particle in &first {
+        let radius = library.shapes[particle.shape.index()].bounding_radius();
+        let room = 1e-12;
+        assert!(particle.position.iter().zip(rain.low.iter()).all(|(x, l)| x - radius > l - room));
+        assert!(particle.position.iter().zip(rain.high.iter()).all(|(x, h)| x + radius < h + room));
+    }
+    assert_apart(&first, library, &Vec3::new(0.2, f64::INFINITY, f64::INFINITY));
+}
+
+#[test]
+fn the_last_layer_of_rain_is_what_is_left() {
+    let scene = every_key();
+    let rain = dem_mpi::scene::Rain { count: 700, ..scene.rain.expect("it rains") };
+    let count = |index| layer(&rain, 1, index, 500 * index, &scene.library).len();
+    assert_eq!([count(0), count(1), count(2)], [500, 200, 0]);
+}
+
+// --- plan ---
+
+#[test]
+fn a_plan_says_what_is_left_out() -> Result<()> {
+    let scene = Scene::read(Path::new("tests/scenes/good/two_balls.toml"), &[])?;
+    assert_eq!(scene.needs(), Needs::default());
+    let bytes = format!("{} bytes in columns", Needs::default().column_bytes());
+    let balls = plan(&scene, 1);
+    for line in [
+        "sphere-sphere: closed form",
+        "no attitude: all shapes are spheres",
+        "no rotation: spheres without friction feel no moment",
+        "no tangential history: friction is 0 everywhere",
+        "no gravity",
+        "no walls on these sides of the domain: -x, +x, -y, +y, -z, +z",
+        &bytes,
+        "24 bytes in the message of each step",
+        "about 2 owned and 0 ghost particles, 0 neighbours (1 rank)",
+    ] {
+        assert!(balls.contains(line), "no \"{line}\" in\n{balls}");
+    }
+    let scene = every_key();
+    let needs = Needs { velocity: true, spin: true, attitude: true, image: true };
+    assert_eq!(scene.needs(), needs);
+    let all = plan(&scene, 4);
+    for line in [
+        "sphere-ellipsoid: gjk-erosion",
+        "ellipsoid-plane: closed form",
+        "moving walls    lid",
+        "columns         position, velocity, force; angular momentum, angular velocity, torque; \
+         attitude; counts of periods",
+        "104 bytes in the message of each step",
+        "Left out\n  nothing\n",
+    ] {
+        assert!(all.contains(line), "no \"{line}\" in\n{all}");
+    }
+    let late = with(&["time.steps=20"])?;
+    assert!(plan(&late, 4).contains("the last layers of rain will not fall"));
+    Ok(())
+}
