@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`tables`] | what a snapshot holds, and where in the files |
 //! | [`snapshot`] | [`snapshot::write`] and [`snapshot::Reader`]: tables to files and back |
+//! | [`table`] | `history.csv`, the scalars of a run by time |
 //! | [`hdf5`] | the only file that calls HDF5: columns, attributes and checksums |
 //!
 //! With MPI all ranks write one file together, each its rows; without, rank 0 gathers and writes.
@@ -86,6 +87,12 @@ pub enum SnapshotError {
         /// The dataset.
         dataset: String,
     },
+    /// Another rank could not read its share.
+    #[error("{path} could not be read: another rank says why")]
+    Elsewhere {
+        /// The file.
+        path: String,
+    },
     /// Rows were asked for that are not there.
     #[error("{path}: rows {first}..{end} of {dataset} were asked for, but it has {rows}")]
     Beyond {
@@ -103,6 +110,11 @@ pub enum SnapshotError {
 }
 
 impl SnapshotError {
+    /// For a rank that read its share of a snapshot when another could not.
+    pub fn on_another_rank(path: &Path) -> Self {
+        Self::Elsewhere { path: name_of(path) }
+    }
+
     fn write(path: &Path, comm: &dyn Comm, cause: &impl ToString) -> Self {
         Self::Write { path: name_of(path), rank: comm.rank().0, cause: cause.to_string() }
     }

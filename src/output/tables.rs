@@ -13,7 +13,7 @@
 //! | particles `/VTKHDF/Points` | particles × 3 | centres \[m\] |
 //! | particles `/VTKHDF/PointData/<name>` | particles | the other columns of [`ParticleTable`] that a picture shows |
 //! | particles `/restart/particles/<name>` | particles | `angular_momentum`, `dissipated`, `received`, `image` |
-//! | particles `/restart/contacts/<name>` | touching pairs | `a`, `b`, `normal`, `spring` |
+//! | particles `/restart/contacts/<name>` | touching pairs | `a`, `b`, `normal`, `spring`, `overlap`, `normal_force` |
 //! | contacts `/VTKHDF/Points` | 2 per contact × 3 | centre of A; centre of B's nearest image, or the foot on the wall \[m\] |
 //! | contacts `/VTKHDF/CellData/<name>` | contacts | the columns of [`ContactTable`] |
 
