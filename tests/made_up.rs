@@ -119,8 +119,8 @@ pub(crate) fn histories(rows: Range<u64>) -> HistoryTable {
         let history = History {
             normal: n.vector(),
             spring: n.vector(),
-            overlap: n.number(),
-            normal_force: n.number(),
+            overlap: n.next(),
+            normal_force: n.next(),
         };
         NamedHistory { a: GlobalId(k), b: partner(k), history }
     })

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`tables`] | what a snapshot holds, and where in the files |
 //! | [`snapshot`] | [`snapshot::write`] and [`snapshot::Reader`]: tables to files and back |
+//! | [`table`] | `history.csv`, the scalars of a run by time |
 //! | [`hdf5`] | the only file that calls HDF5: columns, attributes and checksums |
 //!
 //! With MPI all ranks write one file together, each its rows; without, rank 0 gathers and writes.

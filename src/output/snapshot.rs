@@ -5,9 +5,9 @@
 
 use super::hdf5::{Column, SnapshotFile, StoredFile};
 use super::tables::{ContactTable, Header, HistoryTable, ParticleTable, ShapeRow, WallRow};
-use super::{SnapshotError, on_root};
+use super::{SnapshotError, make_directory, on_root};
 use crate::comm::alone::Alone;
-use crate::comm::{Comm, wire};
+use crate::comm::{Comm, agree, wire};
 use crate::contact::{History, NamedHistory};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
@@ -59,7 +59,7 @@ const HISTORY_B: Column = column("/restart/contacts/b", 1, "1");
 const HISTORY_NORMAL: Column = column("/restart/contacts/normal", 3, "1");
 const HISTORY_SPRING: Column = column("/restart/contacts/spring", 3, "m");
 const HISTORY_OVERLAP: Column = column("/restart/contacts/overlap", 1, "m");
-const HISTORY_FORCE: Column = column("/restart/contacts/normal_force", 1, "N");
+const HISTORY_NORMAL_FORCE: Column = column("/restart/contacts/normal_force", 1, "N");
 
 // Contacts.
 const A: Column = column("/VTKHDF/CellData/a", 1, "1");
@@ -99,7 +99,7 @@ const OF_HISTORY: usize = HISTORY_A.width
     + HISTORY_NORMAL.width
     + HISTORY_SPRING.width
     + HISTORY_OVERLAP.width
-    + HISTORY_FORCE.width;
+    + HISTORY_NORMAL_FORCE.width;
 
 /// Elements of a contact: all columns, two points, one line of two ids and its end.
 const OF_CONTACT: usize = 2 * POINTS.width
@@ -154,7 +154,7 @@ pub fn write(
     agree(comm, checked)?;
     let shapes = check_shapes(directory, header, particles, comm);
     agree(comm, shapes)?;
-    on_root(directory, comm, || fs::create_dir_all(directory))?;
+    make_directory(directory, comm)?;
 
     let names = [contacts_name(header.step), particles_name(header.step)];
     let partial = names.each_ref().map(|name| directory.join(format!(".{name}.partial")));
@@ -349,14 +349,14 @@ fn write_particles(
     };
     file.rows(&HISTORY_A, &ids(|h| h.a))?;
     file.rows(&HISTORY_B, &ids(|h| h.b))?;
-    let normals: Vec<_> = histories.iter().map(|h| h.history.normal).collect();
-    file.rows(&HISTORY_NORMAL, numbers(&normals))?;
-    let springs: Vec<_> = histories.iter().map(|h| h.history.spring).collect();
-    file.rows(&HISTORY_SPRING, numbers(&springs))?;
-    let overlaps: Vec<_> = histories.iter().map(|h| h.history.overlap).collect();
-    file.rows(&HISTORY_OVERLAP, &overlaps)?;
-    let forces: Vec<_> = histories.iter().map(|h| h.history.normal_force).collect();
-    file.rows(&HISTORY_FORCE, &forces)?;
+    let vectors =
+        |get: fn(&History) -> Vec3| histories.iter().map(|h| get(&h.history)).collect::<Vec<_>>();
+    file.rows(&HISTORY_NORMAL, numbers(&vectors(|h| h.normal)))?;
+    file.rows(&HISTORY_SPRING, numbers(&vectors(|h| h.spring)))?;
+    let scalars =
+        |get: fn(&History) -> f64| histories.iter().map(|h| get(&h.history)).collect::<Vec<_>>();
+    file.rows(&HISTORY_OVERLAP, &scalars(|h| h.overlap))?;
+    file.rows(&HISTORY_NORMAL_FORCE, &scalars(|h| h.normal_force))?;
 
     write_header(&mut file, header)?;
     file.close()
@@ -568,7 +568,7 @@ fn uneven(file: &StoredFile, column: &Column) -> SnapshotError {
 /// An opened snapshot, read serially: any rank, or a program without MPI, opens it for itself.
 ///
 /// A read of all rows checks the checksums of what it reads; one of a piece cannot. Who reads in
-/// pieces calls [`Reader::verify`] first or, on many ranks, [`Reader::verify_together`].
+/// pieces calls [`Reader::verify`] first; ranks that restart use [`Reader::open_together`].
 pub struct Reader {
     particles: StoredFile,
     /// A damaged contacts file does not stand in the way of a restart.
@@ -601,6 +601,18 @@ impl Reader {
         let particle_count = particles.count(POINTS.place)?;
         let history_count = particles.count(HISTORY_A.place)?;
         Ok(Self { particles, contacts, header, particle_count, history_count })
+    }
+
+    /// Opens a snapshot on all ranks, for a restart. The checksums of the particles file, which has all
+    /// that a restart reads, are checked, each rank a share of the rows. Collective.
+    ///
+    /// # Errors
+    /// As [`Reader::open`], the same on every rank.
+    pub fn open_together(path: &Path, comm: &mut dyn Comm) -> Result<Self, SnapshotError> {
+        let opened = Self::open(path);
+        let reader = agree(comm, opened)?;
+        reader.particles.verify(comm)?;
+        Ok(reader)
     }
 
     /// What the snapshot says once.
@@ -682,7 +694,7 @@ impl Reader {
         let (a, b) = (table.ids(&HISTORY_A)?, table.ids(&HISTORY_B)?);
         let (normal, spring) = (table.vectors(&HISTORY_NORMAL)?, table.vectors(&HISTORY_SPRING)?);
         let overlap: Vec<f64> = table.read(&HISTORY_OVERLAP)?;
-        let normal_force: Vec<f64> = table.read(&HISTORY_FORCE)?;
+        let normal_force: Vec<f64> = table.read(&HISTORY_NORMAL_FORCE)?;
         Ok((0..a.len())
             .map(|k| NamedHistory {
                 a: a[k],
@@ -703,18 +715,8 @@ impl Reader {
     /// [`SnapshotError::Damaged`] with the first dataset that has changed, or what stood against
     /// reading.
     pub fn verify(&self) -> Result<(), SnapshotError> {
-        self.verify_together(&mut Alone::default())
-    }
-
-    /// [`Reader::verify`] by all ranks, each of which has opened the same snapshot and reads a share.
-    /// Collective; all get the same answer.
-    ///
-    /// # Errors
-    /// As [`Reader::verify`].
-    pub fn verify_together(&self, comm: &mut dyn Comm) -> Result<(), SnapshotError> {
-        let contacts = agree(comm, self.contacts_file())?;
-        self.particles.verify(comm)?;
-        contacts.verify(comm)
+        self.particles.verify(&mut Alone::default())?;
+        self.contacts_file()?.verify(&mut Alone::default())
     }
 
     fn contacts_file(&self) -> Result<&StoredFile, SnapshotError> {

@@ -116,7 +116,8 @@ pub fn take_up(
     from: From,
     comm: &mut dyn Comm,
 ) -> Result<(), StartError> {
-    let read = read_part(path, scene, comm);
+    let reader = Reader::open_together(path, comm)?;
+    let read = read_part(&reader, path, scene, comm);
     let (header, mut particles, mut histories) = agree(comm, read)?;
 
     sim.next_id = header.next_id;
@@ -164,11 +165,11 @@ pub fn take_up(
 
 /// This rank's share of the rows of a snapshot.
 fn read_part(
+    reader: &Reader,
     path: &Path,
     scene: &Scene,
     comm: &dyn Comm,
 ) -> Result<(Header, Vec<Particle>, Vec<NamedHistory>), StartError> {
-    let reader = Reader::open(path)?;
     let header = reader.header().clone();
     let spec = &scene.domain;
     let period = |low, high, periodic| domain::period(low, high, periodic);
