@@ -6,8 +6,8 @@
 //! depend on the velocity, so one time step serves a whole run.
 //!
 //! With the leapfrog of [`crate::motion`], the work of a force between two steps is the mean of its
-//! values at both times the displacement. For a linear spring that is exactly the change of its
-//! energy, so what a contact dissipates is known exactly too: work minus change of energy.
+//! values at both times the displacement. What a contact dissipates is that work minus the change of
+//! its elastic energy, from the step before the first touch to the step after the last.
 
 use super::{ForceLaw, Interactions, Load};
 use crate::contact::{Contact, History, Pair};
@@ -34,6 +34,18 @@ impl Linear {
 #[inline]
 fn carried(spring: &Vec3, old: &Vec3, new: &Vec3) -> Vec3 {
     spring - (old + new) * (spring.dot(new) / (1.0 + old.dot(new)))
+}
+
+/// Velocity of A's surface against B's: positive along the normal is approach.
+#[inline]
+fn sliding_velocity(particles: &Particles, pair: Pair, arm_a: &Vec3, arm_b: &Vec3) -> Vec3 {
+    // A wall does not turn, and its arm is as long as the plane is wide.
+    let of_b = if pair.b.index() >= particles.first_wall() {
+        particles.velocity[pair.b.index()]
+    } else {
+        particles.velocity_at(pair.b, arm_b)
+    };
+    particles.velocity_at(pair.a, arm_a) - of_b
 }
 
 impl ForceLaw for Linear {
@@ -67,12 +79,7 @@ impl ForceLaw for Linear {
 
             let arm_a = touch.point;
             let arm_b = touch.point - bodies.relative(pair);
-            // Of A's surface against B's: approach is positive along the normal.
-            let velocity = if is_wall {
-                particles.velocity_at(pair.a, &arm_a) - particles.velocity[pair.b.index()]
-            } else {
-                particles.velocity_at(pair.a, &arm_a) - particles.velocity_at(pair.b, &arm_b)
-            };
+            let velocity = sliding_velocity(particles, pair, &arm_a, &arm_b);
             let approach = velocity.dot(&normal);
 
             let constants =
@@ -97,8 +104,7 @@ impl ForceLaw for Linear {
                     normal_force = 0.0;
                 }
             }
-            let work =
-                0.5 * (history.normal_force + normal_force) * (touch.overlap - history.overlap);
+            let work = 0.5 * (history.normal_force + normal_force) * (approach * dt);
             let stored = 0.5
                 * constants.normal_stiffness
                 * (touch.overlap * touch.overlap - history.overlap * history.overlap);
@@ -160,8 +166,38 @@ impl ForceLaw for Linear {
                 normal_force,
                 torque_a: -arm_a.cross(&force),
                 torque_b: arm_b.cross(&force),
-                dissipated,
+                dissipated: if dt > 0.0 { dissipated } else { 0.0 },
                 received,
+            });
+        }
+    }
+
+    fn part(
+        &self,
+        parted: &[u32],
+        pairs: &[Pair],
+        history: &[History],
+        particles: &Particles,
+        dt: f64,
+        loads: &mut Vec<Load>,
+    ) {
+        let bodies = particles.bodies();
+        for &pair in parted {
+            let history = &history[pair as usize];
+            let pair = pairs[pair as usize];
+            // Where the surfaces were nearest: A's farthest point along the last normal.
+            let arm_a = bodies.posed(pair.a).support(&history.normal);
+            let arm_b = arm_a - bodies.relative(pair);
+            let velocity = sliding_velocity(particles, pair, &arm_a, &arm_b);
+            let (of_a, of_b) = (particles.material(pair.a), particles.material(pair.b));
+            let stiffness = self.interactions.of(of_a, of_b).tangential_stiffness;
+            let force = history.normal * history.normal_force + history.spring * stiffness;
+            // The force fell to nothing on the way: half of it did the work.
+            let work = 0.5 * dt * force.dot(&velocity);
+            let dissipated = work + self.stored(of_a, of_b, history);
+            loads.push(Load {
+                dissipated: if dt > 0.0 { dissipated } else { 0.0 },
+                ..Load::default()
             });
         }
     }

@@ -161,12 +161,25 @@ pub trait ForceLaw: Send + Sync {
     fn needs(&self) -> Needs;
 
     /// Appends the load of each contact to `loads`, in their order, and brings the histories of
-    /// touching pairs up to date. `dt` in s.
+    /// touching pairs up to date. `dt` [s] is 0 at the start of a stage: springs do not stretch, and
+    /// nothing is lost.
     fn apply(
         &self,
         contacts: &[Contact],
         pairs: &[Pair],
         history: &mut [History],
+        particles: &Particles,
+        dt: f64,
+        loads: &mut Vec<Load>,
+    );
+
+    /// Appends a load without force for each of these pairs, which have come apart since the last step:
+    /// what their last contact lost and received. Their histories are those of the last touch.
+    fn part(
+        &self,
+        parted: &[u32],
+        pairs: &[Pair],
+        history: &[History],
         particles: &Particles,
         dt: f64,
         loads: &mut Vec<Load>,

@@ -63,7 +63,6 @@ impl Library {
 }
 
 /// Which columns a scene needs.
-#[expect(clippy::struct_excessive_bools, reason = "four independent capabilities")]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[expect(clippy::struct_excessive_bools, reason = "each column is there or not, on its own")]
 pub struct Needs {

@@ -118,7 +118,7 @@ pub fn take_up(
 ) -> Result<(), StartError> {
     let reader = Reader::open_together(path, comm)?;
     let read = read_part(&reader, path, scene, comm);
-    let (header, mut particles, mut histories) = agree(comm, read)?;
+    let (header, mut particles, histories) = agree(comm, read)?;
 
     sim.next_id = header.next_id;
     sim.step = header.step;
@@ -148,13 +148,6 @@ pub fn take_up(
             wall.point = row.point;
             wall.listed_at = row.point;
         }
-    }
-    if from == From::Beginning {
-        histories.iter_mut().for_each(|named| {
-            // The energy of what touches now counts as received by the new stage.
-            named.history.overlap = 0.0;
-            named.history.normal_force = 0.0;
-        });
     }
     sim.take_up(&particles, &histories, comm);
     if from == From::Beginning {

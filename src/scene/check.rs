@@ -296,7 +296,7 @@ fn contact(section: &Section) -> Option<(Method, bool)> {
     let default_tolerance =
         if word == Some("epa") { Epa::default().tolerance } else { ErodedGjk::default().tolerance };
     let tolerance = option("tolerance", default_tolerance, &["gjk-erosion", "epa"]);
-    let limit_damping = section.read_or("limit_damping", true, |given| given.boolean());
+    let limit_damping = section.read_or("limit_damping", true, Given::boolean);
     section.finish();
     let (ratio, increment, tolerance) = (ratio?, increment?, tolerance?);
     let method = match word? {

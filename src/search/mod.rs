@@ -39,8 +39,12 @@ pub struct PairList {
     /// Of owned particle `s`, `incident[first[s]..first[s + 1]]` are its pairs by rising id of the partner.
     first: Vec<u32>,
     incident: Vec<Incidence>,
-    /// Where each pair stands among the contacts of this step.
-    contact_of: Vec<u32>,
+    /// The pairs that touched at the last step and have come apart.
+    parted: Vec<u32>,
+    /// Which load belongs to each pair: those of the contacts come first, then those of `parted`.
+    load_of: Vec<u32>,
+    /// How many contacts there are.
+    contacts: u32,
 }
 
 /// A pair as one of its particles sees it.
@@ -50,7 +54,7 @@ struct Incidence {
     is_a: bool,
 }
 
-const NO_CONTACT: u32 = u32::MAX;
+const NO_LOAD: u32 = u32::MAX;
 
 impl PairList {
     /// Lists all pairs of which one is owned, closer than `skin` [m] between bounding spheres.
@@ -61,9 +65,10 @@ impl PairList {
         self.sort_into_blocks(particles, found);
         self.history.clear();
         self.history.resize(self.pairs.len(), History::default());
-        self.contact_of.clear();
-        self.contact_of.resize(self.pairs.len(), NO_CONTACT);
+        self.load_of.clear();
+        self.load_of.resize(self.pairs.len(), NO_LOAD);
         self.touching.clear();
+        self.parted.clear();
 
         carried.sort_unstable_by_key(|c| (c.a, c.b));
         for (index, pair) in self.pairs.iter().enumerate() {
@@ -127,35 +132,49 @@ impl PairList {
         self.incident.extend(entries.into_iter().map(|(.., incidence)| incidence));
     }
 
-    /// After resolution: forgets the histories of pairs that have come apart, and takes note of those
-    /// that touch now.
+    /// After resolution: takes note of which pairs touch now, and which have come apart.
     pub fn note_contacts(&mut self, contacts: &[Contact]) {
-        self.contact_of.fill(NO_CONTACT);
+        self.load_of.fill(NO_LOAD);
         for (index, contact) in contacts.iter().enumerate() {
-            self.contact_of[contact.pair as usize] = index as u32;
+            self.load_of[contact.pair as usize] = index as u32;
         }
+        self.contacts = contacts.len() as u32;
+        self.parted.clear();
         for &pair in &self.touching {
-            if self.contact_of[pair as usize] == NO_CONTACT {
-                self.history[pair as usize] = History::default();
+            if self.load_of[pair as usize] == NO_LOAD {
+                self.load_of[pair as usize] = self.contacts + self.parted.len() as u32;
+                self.parted.push(pair);
             }
         }
         self.touching.clear();
         self.touching.extend(contacts.iter().map(|c| c.pair));
     }
 
-    /// Sums the loads of this step's contacts into the owned particles, each in the order of its
-    /// partners' ids: the same bits on any number of ranks.
+    /// The pairs that touched at the last step and have come apart. Their histories are still there.
+    pub fn parted(&self) -> &[u32] {
+        &self.parted
+    }
+
+    /// Forgets the histories of pairs that have come apart.
+    pub fn forget_parted(&mut self) {
+        for &pair in &self.parted {
+            self.history[pair as usize] = History::default();
+        }
+    }
+
+    /// Sums the loads of this step into the owned particles, each in the order of its partners' ids: the
+    /// same bits on any number of ranks. `loads` are those of the contacts, then those of the parted pairs.
     pub fn gather(&self, loads: &[Load], particles: &mut Particles) {
         for slot in 0..particles.owned {
             let mut force = Vec3::zeros();
             let mut torque = Vec3::zeros();
             let (mut dissipated, mut received) = (0.0, 0.0);
             for incidence in self.incident_to(slot) {
-                let contact = self.contact_of[incidence.pair as usize];
-                if contact == NO_CONTACT {
+                let load = self.load_of[incidence.pair as usize];
+                if load == NO_LOAD {
                     continue;
                 }
-                let load = &loads[contact as usize];
+                let load = &loads[load as usize];
                 if incidence.is_a {
                     force -= load.force;
                     torque += load.torque_a;
@@ -190,7 +209,7 @@ impl PairList {
     pub fn coordination(&self, slot: usize) -> usize {
         self.incident_to(slot)
             .iter()
-            .filter(|i| self.contact_of[i.pair as usize] != NO_CONTACT)
+            .filter(|i| self.load_of[i.pair as usize] < self.contacts)
             .count()
     }
 
@@ -214,7 +233,7 @@ impl PairList {
         self.pairs.capacity() * size_of::<Pair>()
             + self.history.capacity() * size_of::<History>()
             + self.incident.capacity() * size_of::<Incidence>()
-            + (self.first.capacity() + self.contact_of.capacity() + self.touching.capacity()) * 4
+            + (self.first.capacity() + self.load_of.capacity() + self.touching.capacity()) * 4
     }
 }
 

@@ -288,6 +288,15 @@ impl Simulation {
             dt,
             &mut self.loads,
         );
+        self.law.part(
+            self.pairs.parted(),
+            &self.pairs.pairs,
+            &self.pairs.history,
+            &self.particles,
+            dt,
+            &mut self.loads,
+        );
+        self.pairs.forget_parted();
         self.pairs.gather(&self.loads, &mut self.particles);
     }
 

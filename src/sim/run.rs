@@ -2,6 +2,7 @@
 
 use super::{Simulation, StepError};
 use crate::comm::Comm;
+use crate::drive::rain::RainGauge;
 use crate::measure::{Measures, shortest_axis};
 use crate::output::table::{History, TableError};
 use crate::output::{SnapshotError, snapshot};
@@ -183,7 +184,7 @@ const fn due(step: u64, every: u64) -> bool {
 }
 
 fn is_at_rest(sim: &Simulation, schedule: &Schedule, measures: &Measures) -> bool {
-    let all_there = sim.rain.as_ref().is_none_or(|rain| rain.is_over());
+    let all_there = sim.rain.as_ref().is_none_or(RainGauge::is_over);
     let limit = schedule.rest.unwrap_or(0.0) * measures.dissipated;
     all_there && measures.contacts + measures.wall_contacts > 0 && measures.kinetic() < limit
 }
