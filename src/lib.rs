@@ -5,14 +5,16 @@
 //!
 //! | row | modules | what they are |
 //! |---|---|---|
-//! | 1 | [`ids`] [`math`] [`random`] [`timing`] | names of things, vectors, chance, the clock |
-//! | 2 | [`shape`] [`comm`] | what a grain is; how ranks talk |
+//! | 1 | [`ids`] [`math`] [`timing`] | names of things, vectors, the clock |
+//! | 2 | [`random`] [`shape`] [`comm`] | chance; what a grain is; how ranks talk |
 //! | 3 | [`contact`] | from two shapes to overlap, normal and point |
 //! | 4 | [`particles`] | columns of everything a rank owns or sees |
-//! | 5 | [`search`] [`law`] [`motion`] [`measure`] | pairs, forces, integration, energies |
-//! | 6 | [`domain`] [`drive`] [`output`] | who owns what; what acts from outside; what is written |
-//! | 7 | [`sim`] [`post`] | the step; what is computed from a snapshot |
-//! | 8 | [`scene`] | the user's file, checked, and turned into a simulation |
+//! | 5 | [`law`] [`motion`] | from overlap to force; from force to motion |
+//! | 6 | [`search`] | which pairs may touch, and what is remembered of those that do |
+//! | 7 | [`measure`] | energies and other scalars of the whole system |
+//! | 8 | [`domain`] [`drive`] [`output`] | who owns what; what acts from outside; what is written |
+//! | 9 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot |
+//! | 10 | [`scene`] | the user's file, checked, and turned into a simulation |
 //!
 //! Conventions everywhere: SI units; compression and overlap are positive; a contact's normal is a
 //! unit vector **from A to B**, where A is the body with the lower id (a wall is always B); slots
@@ -27,10 +29,10 @@
 
 pub mod ids;
 pub mod math;
-pub mod random;
 pub mod timing;
 
 pub mod comm;
+pub mod random;
 pub mod shape;
 
 pub mod contact;
@@ -38,9 +40,11 @@ pub mod contact;
 pub mod particles;
 
 pub mod law;
-pub mod measure;
 pub mod motion;
+
 pub mod search;
+
+pub mod measure;
 
 pub mod domain;
 pub mod drive;

@@ -1,0 +1,75 @@
+//! The folders are the architecture: a module imports only modules of rows above its own.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Modules by row, as `src/lib.rs` explains them.
+const ROWS: [&[&str]; 10] = [
+    &["ids", "math", "timing"],
+    &["random", "shape", "comm"],
+    &["contact"],
+    &["particles"],
+    &["law", "motion"],
+    &["search"],
+    &["measure"],
+    &["domain", "drive", "output"],
+    &["sim", "post"],
+    &["scene"],
+];
+
+fn sources(folder: &Path, into: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            sources(&path, into);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            into.push(path);
+        }
+    }
+}
+
+/// The modules that a text names after `crate::`, code only.
+fn imports(text: &str) -> Vec<String> {
+    text.lines()
+        .map(str::trim)
+        .filter(|line| !line.starts_with("//"))
+        .flat_map(|line| line.split("crate::").skip(1))
+        .map(|rest| rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect())
+        .filter(|name: &String| !name.is_empty())
+        .collect()
+}
+
+#[test]
+fn imports_point_up_the_rows() {
+    let row_of: BTreeMap<&str, usize> = ROWS
+        .iter()
+        .enumerate()
+        .flat_map(|(row, names)| names.iter().map(move |&n| (n, row)))
+        .collect();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    sources(&root, &mut files);
+    let mut wrong = Vec::new();
+    let mut seen = 0;
+    for path in files {
+        let inside = path.strip_prefix(&root).unwrap();
+        let module = inside.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs");
+        let Some(&row) = row_of.get(module) else {
+            assert!(["lib", "bin"].contains(&module), "{module} has no row");
+            continue;
+        };
+        for import in imports(&fs::read_to_string(&path).unwrap()) {
+            let Some(&of) = row_of.get(import.as_str()) else {
+                wrong.push(format!("{}: crate::{import} has no row", inside.display()));
+                continue;
+            };
+            seen += 1;
+            if of >= row && import != module {
+                wrong.push(format!("{}: {module} imports {import}", inside.display()));
+            }
+        }
+    }
+    assert!(seen > 100, "the imports were found: {seen}");
+    assert!(wrong.is_empty(), "imports against the rows:\n{}", wrong.join("\n"));
+}

@@ -1,0 +1,254 @@
+//! The same bits on any number of ranks, as threads of one process, and after a restart in the middle
+//! on another number. (`tests/program.rs` does the same under MPI.)
+
+use crate::support::{begun, scene};
+use dem_mpi::comm::{Comm, threads};
+use dem_mpi::contact::NamedHistory;
+use dem_mpi::output::snapshot::{self, Reader};
+use dem_mpi::output::tables::{Header, ParticleTable};
+use dem_mpi::scene::Scene;
+use dem_mpi::scene::assemble::{self, From};
+use dem_mpi::sim::Simulation;
+use std::path::Path;
+
+/// Ellipsoids of two sizes and balls with friction, dashpots and damping, thrown together.
+const CROWD: &str = r#"
+title = "crowd"
+gravity = [1.0, 0.5, -9.81]
+global_damping = 2.0
+[domain]
+low = [0.0, 0.0, 0.0]
+high = [0.03, 0.03, 0.2]
+DOMAIN
+[[material]]
+name = "grain"
+density = 265000.0
+normal_stiffness = 1.5e5
+friction = 0.3
+restitution = 0.5
+tangential_damping_ratio = 0.1
+[[shape]]
+name = "long"
+kind = "ellipsoid"
+diameter = 0.003
+aspect_ratio = 2.0
+[[shape]]
+name = "flat"
+kind = "ellipsoid"
+semi_axes = [0.0016, 0.0014, 0.0008]
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = 0.0011
+[contact]
+METHOD
+[[fill.lattice]]
+shapes = { long = 3, flat = 2, ball = 1 }
+low = [0.0, 0.0, 0.0]
+high = [0.03, 0.03, 0.0735]
+spacing = 0.0049
+velocity = [0.3, -0.2, -1.5]
+[fill.rain]
+shapes = ["long"]
+count = 60
+every = 200
+low = [0.0, 0.0, 0.08]
+high = [0.03, 0.03, 0.09]
+velocity = [0.0, 0.0, -2.0]
+[time]
+step = 1e-5
+steps = 1500
+[neighbours]
+imbalance = 1.05
+[output]
+directory = "out"
+"#;
+
+const WALLED: &str = r#"walls = ["-x", "+x", "-y", "+y", "-z"]"#;
+const PERIODIC: &str = r#"periodic = [true, true, false]
+walls = ["-z"]"#;
+
+fn crowd(domain: &str, method: &str) -> Scene {
+    scene(&CROWD.replace("DOMAIN", domain).replace("METHOD", method))
+}
+
+/// Everything of which the future is made, in the order of ids.
+#[derive(Debug, PartialEq)]
+struct State {
+    bits: Vec<(u64, Vec<u64>)>,
+    histories: Vec<(u64, u64, Vec<u64>)>,
+    scalars: Vec<u64>,
+}
+
+fn bits_of<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> Vec<u64> {
+    numbers.into_iter().map(|x| x.to_bits()).collect()
+}
+
+/// What one rank owns.
+struct Part {
+    table: ParticleTable,
+    histories: Vec<NamedHistory>,
+    scalars: Vec<u64>,
+    migrated: u64,
+}
+
+fn part(sim: &Simulation, comm: &mut dyn Comm) -> Part {
+    let m = sim.measure(comm);
+    let scalars = [m.kinetic(), m.gravity, m.stored, m.dissipated, m.received, m.mean_normal_force];
+    Part {
+        table: sim.particle_table(comm.rank()),
+        histories: sim.histories(),
+        scalars: bits_of(&scalars),
+        migrated: sim.domain.traffic.migrated,
+    }
+}
+
+fn state(parts: &[Part]) -> State {
+    let mut bits = Vec::new();
+    let mut histories = Vec::new();
+    for Part { table, histories: named, scalars, .. } in parts {
+        assert_eq!(*scalars, parts[0].scalars, "all ranks measure the same");
+        for k in 0..table.id.len() {
+            let mut row = Vec::new();
+            for column in [
+                &table.position,
+                &table.velocity,
+                &table.force,
+                &table.angular_momentum,
+                &table.angular_velocity,
+                &table.torque,
+            ] {
+                row.extend(bits_of(&column[k]));
+            }
+            row.extend(bits_of(&table.quaternion[k]));
+            row.extend(bits_of([&table.dissipated[k], &table.received[k]]));
+            row.push(table.coordination[k] as u64);
+            row.extend(table.image.get(k).into_iter().flatten().map(|&n| n as u64));
+            bits.push((table.id[k].0, row));
+        }
+        histories.extend(named.iter().map(|named| {
+            let h = &named.history;
+            let mut row = bits_of(&h.normal);
+            row.extend(bits_of(&h.spring));
+            row.extend(bits_of([&h.overlap, &h.normal_force]));
+            (named.a.0, named.b.0, row)
+        }));
+    }
+    bits.sort();
+    histories.sort();
+    State { bits, histories, scalars: parts[0].scalars.clone() }
+}
+
+fn run(scene: &Scene, ranks: u32, steps: u64) -> (State, u64) {
+    let parts = threads::run(ranks, |comm| {
+        let mut sim = begun(scene, comm);
+        for _ in 0..steps {
+            sim.step(comm).unwrap();
+        }
+        part(&sim, comm)
+    });
+    (state(&parts), parts.iter().map(|p| p.migrated).sum())
+}
+
+fn expect_same(a: &State, b: &State, what: &str) {
+    assert_eq!(a.bits.len(), b.bits.len(), "{what}: number of particles");
+    let differing: Vec<u64> =
+        a.bits.iter().zip(&b.bits).filter(|(x, y)| x != y).map(|(x, _)| x.0).collect();
+    assert!(differing.is_empty(), "{what}: particles {differing:?} differ");
+    assert_eq!(a.histories.len(), b.histories.len(), "{what}: number of contacts");
+    assert!(a.histories == b.histories, "{what}: a contact's history differs");
+    assert_eq!(a.scalars, b.scalars, "{what}: energies");
+}
+
+#[test]
+fn walled_crowd_is_the_same_on_any_number_of_ranks() {
+    let scene = crowd(WALLED, "");
+    let (alone, _) = run(&scene, 1, 3000);
+    let (particles, contacts) = (alone.bits.len(), alone.histories.len());
+    assert!(particles >= 500 && contacts > 500, "a crowd: {particles} with {contacts} contacts");
+    for ranks in [2, 3, 4, 8] {
+        let (shared, migrated) = run(&scene, ranks, 3000);
+        expect_same(&alone, &shared, &format!("{ranks} ranks"));
+        assert!(migrated > 100, "particles change hands: {migrated}");
+    }
+}
+
+#[test]
+fn periodic_crowd_is_the_same_on_any_number_of_ranks() {
+    let scene = crowd(PERIODIC, "");
+    let (alone, _) = run(&scene, 1, 1000);
+    for ranks in [2, 3, 5] {
+        expect_same(&alone, &run(&scene, ranks, 1000).0, &format!("{ranks} ranks"));
+    }
+}
+
+#[test]
+fn every_method_is_the_same_on_any_number_of_ranks() {
+    for method in ["gjk-erosion", "epa", "common-normal"] {
+        let scene = crowd(WALLED, &format!("method = \"{method}\""));
+        let (alone, _) = run(&scene, 1, 400);
+        expect_same(&alone, &run(&scene, 4, 400).0, method);
+    }
+}
+
+#[test]
+fn more_ranks_than_particles_work() {
+    let text = CROWD
+        .replace("DOMAIN", WALLED)
+        .replace("METHOD", "")
+        .replace("high = [0.03, 0.03, 0.0735]", "high = [0.006, 0.006, 0.006]")
+        .replace("count = 60", "count = 3");
+    let scene = scene(&text);
+    let (alone, _) = run(&scene, 1, 500);
+    assert_eq!(alone.bits.len(), 4);
+    expect_same(&alone, &run(&scene, 9, 500).0, "9 ranks for 4 particles");
+}
+
+/// The list of pairs is bookkeeping: its skin must not show.
+#[test]
+fn the_skin_does_not_show() {
+    let scene = crowd(WALLED, "");
+    let (usual, _) = run(&scene, 1, 600);
+    for factor in [0.3, 3.0] {
+        let other = Scene { skin: factor * scene.skin, ..scene.clone() };
+        expect_same(&usual, &run(&other, 2, 600).0, &format!("skin times {factor}"));
+    }
+}
+
+fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut dyn Comm) {
+    let m = sim.measure(comm);
+    let header: Header = sim.header(&scene.text, &m.wall_forces);
+    let particles = sim.particle_table(comm.rank());
+    snapshot::write(directory, &header, &particles, &sim.contact_table(), &sim.histories(), comm)
+        .unwrap();
+}
+
+#[test]
+fn a_restart_on_another_number_of_ranks_leaves_no_trace() {
+    for (domain, steps) in [(WALLED, 900), (PERIODIC, 700)] {
+        let scene = crowd(domain, "");
+        let (never_stopped, _) = run(&scene, 1, steps);
+        let folder = tempfile::tempdir().unwrap();
+        for (before, after) in [(1, 3), (3, 1), (2, 4)] {
+            threads::run(before, |comm| {
+                let mut sim = begun(&scene, comm);
+                for _ in 0..steps / 2 {
+                    sim.step(comm).unwrap();
+                }
+                save(&sim, folder.path(), &scene, comm);
+            });
+            let parts = threads::run(after, |comm| {
+                let mut sim = assemble::assemble(&scene, comm);
+                assemble::take_up(&mut sim, &scene, folder.path(), From::Middle, comm).unwrap();
+                while sim.step < steps {
+                    sim.step(comm).unwrap();
+                }
+                part(&sim, comm)
+            });
+            let what = format!("{before} ranks, then {after}");
+            expect_same(&never_stopped, &state(&parts), &what);
+        }
+        let reader = Reader::open(folder.path()).unwrap();
+        assert_eq!(reader.header().step, steps / 2);
+    }
+}
