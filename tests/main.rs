@@ -1,4 +1,4 @@
-//! All tests that need no mpirun, in one binary: one module per subject.
+//! All tests in one binary, one module per subject; those inside MPI are in `ranks`.
 
 mod comm;
 mod comm_cases;
@@ -8,6 +8,7 @@ mod laws;
 mod layers;
 mod made_up;
 mod post;
+mod program;
 mod ranks_threads;
 mod scene;
 mod snapshot;
