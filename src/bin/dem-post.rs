@@ -24,7 +24,7 @@ use std::process::ExitCode;
 #[derive(Parser)]
 #[command(version, max_term_width = 100, after_help = EXAMPLES)]
 struct Arguments {
-    /// Particle files (particles_<step>.vtkhdf, each with its contacts file beside it), or directories
+    /// Particle files (particles_STEP.vtkhdf, each with its contacts file beside it), or directories
     #[arg(required = true, value_name = "SNAPSHOT")]
     snapshots: Vec<PathBuf>,
 
@@ -159,7 +159,7 @@ fn newest_in(directory: &Path) -> Result<PathBuf> {
     entries.filter(|path| step_of(path).is_some()).max_by_key(|path| step_of(path)).with_context(
         || {
             format!(
-                "{} holds no snapshot: neither last.vtkhdf nor particles_<step>.vtkhdf",
+                "{} holds no snapshot: neither last.vtkhdf nor particles_STEP.vtkhdf",
                 directory.display()
             )
         },

@@ -30,10 +30,10 @@ use std::{fs, io};
 /// What `H5Pget_mpio_actual_io_mode` calls `H5D_MPIO_CONTIGUOUS_COLLECTIVE`.
 const CONTIGUOUS_COLLECTIVE: c_int = 4;
 
-/// Rows are read and checked in pieces of about this size \[bytes\].
+/// Rows are read and checked in pieces of about this size [bytes].
 const PIECE: usize = 4 << 20;
 
-/// Room for the structures and small tables of a file, besides its rows \[bytes\].
+/// Room for the structures and small tables of a file, besides its rows [bytes].
 const STRUCTURE: u64 = 1 << 20;
 
 const CHECKSUM: &str = "checksum";
@@ -99,7 +99,7 @@ pub struct SnapshotFile<'a> {
     path: PathBuf,
     /// `None` on a rank that leaves the writing to rank 0.
     file: Option<File>,
-    /// What was made room for \[bytes\].
+    /// What was made room for [bytes].
     room: u64,
     collective_writes: usize,
 }
@@ -503,7 +503,7 @@ fn check<T: Copy + Into<i64>>(answer: T) -> hdf5_metno::Result<T> {
 pub struct StoredFile {
     path: PathBuf,
     file: File,
-    /// Its length \[bytes\].
+    /// Its length [bytes].
     size: u64,
 }
 

@@ -1,7 +1,7 @@
 //! Snapshots: tables to files and back. What stands where: [`super::tables`].
 //!
 //! Two columns are there for pictures alone: `semi_axes` of each particle, with which and `quaternion`
-//! ParaView's 3D Glyphs draw it, and `force` of each contact, the magnitude of the whole force \[N\].
+//! ParaView's 3D Glyphs draw it, and `force` of each contact, the magnitude of the whole force [N].
 
 use super::hdf5::{Column, SnapshotFile, StoredFile};
 use super::tables::{ContactTable, Header, HistoryTable, ParticleTable, ShapeRow, WallRow};
@@ -72,7 +72,7 @@ const NORMAL_FORCE: Column = column("/VTKHDF/CellData/normal_force", 1, "N");
 const SHEAR_FORCE: Column = column("/VTKHDF/CellData/shear_force", 3, "N");
 const FORCE_MAGNITUDE: Column = column("/VTKHDF/CellData/force", 1, "N");
 
-/// No element of a column takes more \[bytes\].
+/// No element of a column takes more [bytes].
 const ELEMENT: usize = size_of::<f64>();
 
 /// Elements at most of a particle: all columns, one vertex and its end.

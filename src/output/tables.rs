@@ -10,11 +10,11 @@
 //!
 //! | place | rows | content |
 //! |---|---|---|
-//! | particles `/VTKHDF/Points` | particles × 3 | centres \[m\] |
+//! | particles `/VTKHDF/Points` | particles × 3 | centres [m] |
 //! | particles `/VTKHDF/PointData/<name>` | particles | the other columns of [`ParticleTable`] that a picture shows |
 //! | particles `/restart/particles/<name>` | particles | `angular_momentum`, `dissipated`, `received`, `image` |
 //! | particles `/restart/contacts/<name>` | touching pairs | `a`, `b`, `normal`, `spring`, `overlap`, `normal_force` |
-//! | contacts `/VTKHDF/Points` | 2 per contact × 3 | centre of A; centre of B's nearest image, or the foot on the wall \[m\] |
+//! | contacts `/VTKHDF/Points` | 2 per contact × 3 | centre of A; centre of B's nearest image, or the foot on the wall [m] |
 //! | contacts `/VTKHDF/CellData/<name>` | contacts | the columns of [`ContactTable`] |
 
 use crate::contact::NamedHistory;
@@ -97,7 +97,7 @@ pub struct ParticleTable {
     pub position: Vec<Vec3>,
     /// Velocity, half a step before `position` [m/s].
     pub velocity: Vec<Vec3>,
-    /// Force, all but damping, at `position` [N].
+    /// Sum of the contact forces at `position`; gravity and damping are not in it [N].
     pub force: Vec<Vec3>,
     /// Contacts with particles and walls, a count.
     pub coordination: Vec<i32>,

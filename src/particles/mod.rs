@@ -135,7 +135,7 @@ pub struct Particles {
     pub position: Vec<Vec3>,
     /// Half a step behind the positions [m/s]. Length: all slots.
     pub velocity: Vec<Vec3>,
-    /// All but damping [N]. Length: owned.
+    /// Sum of the contact forces; gravity and damping are not in it [N]. Length: owned.
     pub force: Vec<Vec3>,
     /// Positions when the pairs were listed [m]. Length: owned.
     pub listed_at: Vec<Vec3>,

@@ -8,7 +8,7 @@ use super::fabric::Among;
 use super::region::Members;
 use super::sums::quotient;
 use crate::math::ExactSum;
-use crate::output::tables::{ContactTable, ParticleTable};
+use crate::output::tables::{ContactTable, Header, ParticleTable};
 use serde::{Deserialize, Serialize};
 
 /// Adds up normal and resultant forces: the first pass.
@@ -27,14 +27,20 @@ impl MeanForceSum {
         Self { among, ..Self::default() }
     }
 
-    /// Adds the resultant forces on these particles.
+    /// Adds the resultant of contacts and gravity on these particles.
     ///
     /// # Errors
     /// A particle that `members` does not know.
-    pub fn add(&mut self, particles: &ParticleTable, members: &Members) -> Result<(), PostError> {
-        for (&id, force) in particles.id.iter().zip(&particles.force) {
+    pub fn add(
+        &mut self,
+        header: &Header,
+        particles: &ParticleTable,
+        members: &Members,
+    ) -> Result<(), PostError> {
+        for (row, &id) in particles.id.iter().enumerate() {
             if members.holds(id)? {
-                self.resultant.add(force.norm());
+                let mass = header.shapes[particles.shape[row].index()].mass;
+                self.resultant.add((particles.force[row] + header.gravity * mass).norm());
                 self.particles += 1;
             }
         }

@@ -190,7 +190,7 @@ impl<'a> ParticlePass<'a> {
         if let Some(sampled) = &mut self.sampled {
             sampled.add(self.header, particles);
         }
-        self.mean_force.add(particles, &self.members)?;
+        self.mean_force.add(self.header, particles, &self.members)?;
         self.picture.add(self.header, particles, &self.members)
     }
 

@@ -12,12 +12,12 @@
 //! |---|---|---|
 //! | `title` | | one line for the log; default: the file's name |
 //! | `seed` | | of all that is random; default 1 |
-//! | `gravity` | m/s² | \[x, y, z\]; default 0 |
+//! | `gravity` | m/s² | [x, y, z]; default 0 |
 //! | `global_damping` | 1/s | every particle feels `-ξ m v` and `-ξ I ω`; default 0 |
 //! | `start` | | the snapshot with which this stage begins; default: none |
 //! | **`[domain]`** | | |
 //! | `low`, `high` | m | corners of the box in which particles may be |
-//! | `periodic` | | \[x, y, z\], true or false; default false |
+//! | `periodic` | | [x, y, z], true or false; default false |
 //! | `walls` | | sides of the box that are fixed walls: `"-x"` `"+x"` `"-y"` `"+y"` `"-z"` `"+z"`; default none |
 //! | `wall_material` | | of these walls; default: the scene's only material |
 //! | **`[[wall]]`** | | any other plane |
@@ -31,7 +31,7 @@
 //! | `normal_stiffness` | N/m | of a contact between two bodies of this material |
 //! | `tangential_stiffness` | N/m | default: the normal stiffness |
 //! | `friction` | | coefficient of friction; default 0 |
-//! | `restitution` | | rebound over approach velocity, in (0, 1\]; default 1 |
+//! | `restitution` | | rebound over approach velocity, in (0, 1]; default 1 |
 //! | `tangential_damping_ratio` | | fraction of critical damping; default 0 |
 //! | **`[[interaction]]`** | | constants of two materials; what it leaves out is mixed from both |
 //! | `between` | | names of the two materials |
@@ -72,9 +72,9 @@
 //! | **`[[fill.lattice]]`** | | particles on a lattice |
 //! | `shapes`, `velocity` | | as in rain |
 //! | `orientation` | | `"random"` (default) or `"upright"`: own axes along x, y, z |
-//! | `spacing` | m | one number or \[x, y, z\]; default 1.1 largest bounding diameters |
+//! | `spacing` | m | one number or [x, y, z]; default 1.1 largest bounding diameters |
 //! | `low`, `high` | m | as many as fit into this box; or: |
-//! | `first`, `count` | m | centre of the first, how many along \[x, y, z\] |
+//! | `first`, `count` | m | centre of the first, how many along [x, y, z] |
 //! | **`[[fill.file]]`** | | particles one by one |
 //! | `path` | | CSV with a header: `x,y,z` and, if wanted, `qw,qx,qy,qz`, `vx,vy,vz`, `wx,wy,wz`, `shape` |
 
