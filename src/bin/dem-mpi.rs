@@ -122,16 +122,16 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         .as_ref()
         .map(|path| (path, From::Middle))
         .or_else(|| scene.start.as_ref().map(|path| (path, From::Beginning)));
-    if let Some((path, from)) = from
-        && let Err(error) = assemble::take_up(&mut sim, &scene, path, from, comm)
-    {
-        say(comm, error);
-        return WRONG_INPUT;
+    match from {
+        None => assemble::fill(&mut sim, &scene, comm),
+        Some((path, from)) => {
+            if let Err(error) = assemble::take_up(&mut sim, &scene, path, from, comm) {
+                say(comm, error);
+                return WRONG_INPUT;
+            }
+        }
     }
     let resumed = arguments.start.is_some();
-    if !resumed {
-        assemble::fill(&mut sim, &scene, comm);
-    }
 
     let last_step = match arguments.steps {
         Some(steps) => sim.step + steps,
