@@ -17,6 +17,8 @@ use std::time::{Duration, Instant};
 #[derive(Parser, Debug)]
 #[command(
     version,
+    // Under mpirun standard output looks like a terminal even where it ends in a file.
+    color = clap::ColorChoice::Never,
     after_help = "\
 Examples:
   dem-mpi run/packing/scene.toml                     one rank, to try or to debug

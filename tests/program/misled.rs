@@ -133,9 +133,9 @@ fn check(mistake: &Mistake, launch: Launch, out: &Path) {
     assert!(ended.took < SECONDS, "{ended}");
     assert_eq!(ended.output, "", "{ended}");
     for text in mistake.message {
-        assert_eq!(ended.message().matches(text).count(), 1, "{text}: {ended}");
+        ended.said_once(text);
     }
-    for text in ["panicked", "RUST_BACKTRACE", "bug", "HDF5-DIAG"] {
+    for text in ["panicked", "RUST_BACKTRACE", "met a bug", "HDF5-DIAG"] {
         assert!(!ended.said().contains(text), "{text}: {ended}");
     }
 }

@@ -273,21 +273,6 @@ impl Ended {
         let times = self.said().matches(text).count();
         assert_eq!(times, 1, "`{text}` {times} times in the output of {self}");
     }
-
-    /// What the program itself said on standard error. The launcher comments on a failure between two
-    /// lines of dashes.
-    pub(super) fn message(&self) -> String {
-        let mut is_launcher = false;
-        let mut lines = Vec::new();
-        for line in self.errors.lines() {
-            if line.len() > 70 && line.bytes().all(|byte| byte == b'-') {
-                is_launcher = !is_launcher;
-            } else if !is_launcher {
-                lines.push(line);
-            }
-        }
-        lines.join("\n")
-    }
 }
 
 impl std::fmt::Display for Ended {
