@@ -178,6 +178,10 @@ fn run(sim: &mut Simulation, scene: &Scene, schedule: &Schedule, comm: &mut dyn 
     let mut display = Display::new(comm.is_root(), schedule.last_step - sim.step);
     let finish = match run::run(sim, schedule, comm, &mut |progress| display.show(progress)) {
         Ok(finish) => finish,
+        Err(RunError::Step(error)) if error.is_agreed() => {
+            say(comm, error);
+            return FAILED;
+        }
         Err(error @ (RunError::Step(_) | RunError::History(_))) => {
             // Only this rank knows: it speaks, and ends the others.
             eprintln!("rank {}: {error}", comm.rank().0);

@@ -4,7 +4,7 @@ pub mod capture;
 pub mod report;
 pub mod run;
 
-use crate::comm::Comm;
+use crate::comm::{Comm, agree};
 use crate::contact::{Contact, NamedHistory, Pair, ResolveError, Table, Tally};
 use crate::domain::{Domain, DomainError};
 use crate::drive::rain::RainGauge;
@@ -60,7 +60,7 @@ pub struct Simulation {
 /// A step could not be done. Says where, and what to try.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum StepError {
-    /// A particle is where it cannot be.
+    /// A particle is where it cannot be. Known on all ranks.
     #[error("step {step}: {error}")]
     Domain {
         /// Steps done.
@@ -68,7 +68,7 @@ pub enum StepError {
         /// Which particle, and why.
         error: DomainError,
     },
-    /// A pair that no contact method could resolve.
+    /// A pair that no contact method could resolve. Known on one rank only.
     #[error("step {step}: particles {a} and {b}, at ({x:e}, {y:e}, {z:e}) m: {error}")]
     Contact {
         /// Steps done.
@@ -88,6 +88,13 @@ pub enum StepError {
     },
 }
 
+impl StepError {
+    /// Do all ranks have this error?
+    pub const fn is_agreed(&self) -> bool {
+        matches!(self, Self::Domain { .. })
+    }
+}
+
 /// How many lists are made before the domain may be cut again.
 const LISTS_BETWEEN_CUTS: u32 = 5;
 
@@ -96,7 +103,8 @@ impl Simulation {
     /// Before: forces belong to the current positions. After: the same, one step later.
     ///
     /// # Errors
-    /// What went wrong on this rank; the others do not know yet, so the caller must abort them.
+    /// What went wrong. Unless [`StepError::is_agreed`], the other ranks do not know yet, so the caller
+    /// must abort them.
     pub fn step(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         // move
         self.clock.restart();
@@ -152,7 +160,8 @@ impl Simulation {
     /// Collective.
     fn list_pairs(&mut self, newcomers: &[Particle], comm: &mut dyn Comm) -> Result<(), StepError> {
         let step = self.step;
-        self.domain.check(&self.particles).map_err(|error| StepError::Domain { step, error })?;
+        let checked = self.domain.check(&self.particles);
+        agree(comm, checked).map_err(|error| StepError::Domain { step, error })?;
         self.recut_if_unbalanced(comm);
         let mut carried = self.domain.migrate(&mut self.particles, &self.pairs, comm);
         for particle in newcomers {

@@ -69,7 +69,7 @@ pub struct Progress<'a> {
 /// A run could not go on.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// In a step. Known on one rank only: abort the others.
+    /// In a step. Unless [`StepError::is_agreed`], known on one rank only: abort the others.
     #[error(transparent)]
     Step(#[from] StepError),
     /// A snapshot could not be written. Known on all ranks.

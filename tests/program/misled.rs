@@ -38,6 +38,9 @@ fn a_mistake_ends_in_one_message() {
     let half = named("half.vtkhdf");
     fs::write(&half, &whole[..whole.len() / 2]).unwrap();
 
+    // One on each of two ranks leaves, in the same step.
+    let burst = Path::new(&scene("burst")).to_owned();
+
     let (half, misspelt_name) = (half.to_str().unwrap(), misspelt.to_str().unwrap());
     let below_a_file = format!("{misspelt_name}/out");
     let missing = named("missing.toml");
@@ -112,7 +115,13 @@ fn a_mistake_ends_in_one_message() {
             scene: &heap_scene,
             arguments: &["--set", "domain.walls=['-x', '-y', '-z']"],
             status: FAILED,
-            message: &["has left the domain", "step ", "Put a wall on that side"],
+            message: &["has left the domain", "Put a wall on that side"],
+        },
+        Mistake {
+            scene: &burst,
+            arguments: &[],
+            status: FAILED,
+            message: &["has left the domain", "Put a wall on that side"],
         },
     ];
     for mistake in &mistakes {
