@@ -35,6 +35,7 @@ pub fn kick_and_drift(particles: &mut Particles, field: &Field, dt: f64) {
         let after = (before * slower + force * (dt / mass)) * faster;
         particles.velocity[slot] = after;
         particles.position[slot] += after * dt;
+        particles.travel[slot] += after.norm() * dt;
         if field.damping > 0.0 {
             // With the mean velocity this is exact: the change of kinetic energy is (F v - ξ m v²) dt.
             let mean = (before + after) * 0.5;
@@ -78,7 +79,8 @@ fn wrap(particles: &mut Particles) {
 
 /// Kicks the angular momenta and turns the attitudes.
 fn turn(particles: &mut Particles, slower: f64, faster: f64, damping: f64, dt: f64) {
-    let Particles { spin: Some(spin), attitude, library, shape, dissipated, owned, .. } = particles
+    let Particles { spin: Some(spin), attitude, library, shape, dissipated, travel, owned, .. } =
+        particles
     else {
         return;
     };
@@ -103,6 +105,8 @@ fn turn(particles: &mut Particles, slower: f64, faster: f64, damping: f64, dt: f
             attitude.quaternion[slot] = end;
             attitude.frame[slot] = frame;
             spin.angular_velocity[slot] = spin_of(&frame, inertia, &momentum);
+            // Cayley's turn is smaller than the angle ω dt.
+            travel[slot] += library.radius[shape[slot].index()] * (angular_velocity.norm() * dt);
         } else {
             mean_spin = momentum / inertia.x;
             spin.angular_velocity[slot] = mean_spin;

@@ -45,7 +45,7 @@ impl Case {
     fn touch(&self, resolver: &dyn ContactResolver) -> Option<Touch> {
         match self.resolve(resolver) {
             Outcome::Touching(touch) => Some(touch),
-            Outcome::Apart => None,
+            Outcome::Apart(_) => None,
             Outcome::Failed(why) => panic!("{} {}: {why:?}", self.id, self.tag),
         }
     }
@@ -223,7 +223,7 @@ fn coincident_centres() {
             match case.resolve(resolver) {
                 Outcome::Touching(touch) => case.check_overlap(Some(&touch), 1e-7),
                 Outcome::Failed(_) => {}
-                Outcome::Apart => panic!("{} {} missed", resolver.name(), case.id),
+                Outcome::Apart(_) => panic!("{} {} missed", resolver.name(), case.id),
             }
         }
     }
@@ -242,7 +242,7 @@ fn spheres() {
         let (centre, r) = (vector("cA"), vector("cB") - vector("cA"));
         let error = BACKWARD * number("rA").max(number("rB"));
         match SphereSphere.touch(&a, &b, &r, None) {
-            Outcome::Apart => assert!(number("overlap") <= error, "{}", row["id"]),
+            Outcome::Apart(_) => assert!(number("overlap") <= error, "{}", row["id"]),
             Outcome::Failed(why) => assert!(row["n"].is_null(), "{}: {why:?}", row["id"]),
             Outcome::Touching(touch) => {
                 assert!((touch.overlap - number("overlap")).abs() <= error, "{}", row["id"]);

@@ -49,8 +49,9 @@ impl ContactResolver for CommonNormal {
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
         let (radius_a, radius_b) = (a.shape.bounding_radius(), b.shape.bounding_radius());
         let reach = radius_a + radius_b;
-        if r.norm_squared() > reach * reach {
-            return Outcome::Apart;
+        let squared = r.norm_squared();
+        if squared > reach * reach {
+            return Outcome::Apart(squared.sqrt() - reach);
         }
         let unit = unit_of_length(radius_a, radius_b);
         let pair = Ellipsoids::new(a, b, r, 1.0 / unit);
@@ -86,10 +87,11 @@ impl Outcome {
     /// The outcome of a pair whose lengths were divided by `unit`.
     fn in_metres(self, unit: f64) -> Self {
         match self {
+            Self::Apart(clearance) => Self::Apart(clearance * unit),
             Self::Touching(t) => {
                 Self::Touching(Touch { overlap: t.overlap * unit, point: t.point * unit, ..t })
             }
-            other => other,
+            Self::Failed(why) => Self::Failed(why),
         }
     }
 }
@@ -227,7 +229,8 @@ impl Hessian {
 
 /// Where Newton's method ended.
 enum Minimum {
-    Apart,
+    /// With this clearance.
+    Apart(f64),
     At(Touch),
     Failed(Why),
 }
@@ -253,7 +256,7 @@ impl<'a> Ellipsoids<'a> {
 
     fn resolve(&self, start: &Vec3) -> Outcome {
         let mut best = match self.minimise(start) {
-            Minimum::Apart => return Outcome::Apart,
+            Minimum::Apart(clearance) => return Outcome::Apart(clearance),
             Minimum::At(touch) if touch.overlap < self.certain => return touch.outcome(),
             Minimum::At(touch) => Ok(touch),
             Minimum::Failed(why) => Err(why),
@@ -262,7 +265,7 @@ impl<'a> Ellipsoids<'a> {
             for axis in body.frame.column_iter() {
                 for start in [axis.into_owned(), -axis] {
                     match self.minimise(&start) {
-                        Minimum::Apart => return Outcome::Apart,
+                        Minimum::Apart(clearance) => return Outcome::Apart(clearance),
                         Minimum::At(touch) if best.is_ok_and(|b| b.overlap <= touch.overlap) => {}
                         Minimum::At(touch) => best = Ok(touch),
                         Minimum::Failed(_) => {}
@@ -310,7 +313,7 @@ impl<'a> Ellipsoids<'a> {
         let mut here = self.evaluate(*start);
         let mut evaluations = 1;
         if here.delta <= 0.0 {
-            return Minimum::Apart;
+            return Minimum::Apart(-here.delta);
         }
         if !here.delta.is_finite() {
             return Minimum::Failed(Why::NotFinite);
@@ -331,7 +334,7 @@ impl<'a> Ellipsoids<'a> {
                 let there = self.evaluate((here.normal + step).normalize());
                 evaluations += 1;
                 if there.delta <= 0.0 {
-                    return Minimum::Apart;
+                    return Minimum::Apart(-there.delta);
                 }
                 if there.delta <= (here.delta + SUFFICIENT * slope) + ROUNDING {
                     break there;

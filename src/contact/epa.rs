@@ -50,13 +50,14 @@ impl ContactResolver for Epa {
         let m = Difference::new(a, b, r);
         let squared = m.r.norm_squared();
         if squared > m.reach * m.reach {
-            return Outcome::Apart;
+            return Outcome::Apart((squared.sqrt() - m.reach) * m.unit);
         }
         // Coincident centres have an overlap, if no unique normal. A warm start would only put a corner
         // where the polytope must become finest, and slivers around it.
         let start = if squared == 0.0 { Vec3::x() } else { m.r };
         match separate(&m, &start, 0.0, 0.0) {
-            Separation::Beyond | Separation::Apart(_) => return Outcome::Apart,
+            Separation::Beyond(distance) => return Outcome::Apart(distance * m.unit),
+            Separation::Apart(_) => return Outcome::Apart(0.0),
             Separation::NotConverged => return Outcome::Failed(Why::NoConvergence),
             Separation::Intersecting => {}
         }

@@ -4,10 +4,7 @@
 //! so, the next one answers, and the tally shows how often: a run whose first stage is often passed over
 //! should choose another method.
 
-use super::{
-    Bodies, Contact, ContactResolver, History, Outcome, Pair, Posed, ResolveError, Tally, Why,
-    resolve_each,
-};
+use super::{Batch, ContactResolver, Found, Outcome, Posed, Tally, Why};
 use crate::math::Vec3;
 
 /// A first resolver and up to four to fall back on.
@@ -26,28 +23,6 @@ impl Chain {
         assert!(fallbacks.len() <= counted, "a chain has at most {counted} fallbacks");
         Self { first, fallbacks }
     }
-
-    fn touch_counting(
-        &self,
-        (a, b): (&Posed, &Posed),
-        r: &Vec3,
-        warm: Option<&Vec3>,
-        tally: &mut Tally,
-    ) -> Outcome {
-        // No method can do anything with such a position, and some would say "apart".
-        if !r.iter().all(|x| x.is_finite()) {
-            return Outcome::Failed(Why::NotFinite);
-        }
-        let mut outcome = self.first.touch(a, b, r, warm);
-        for (fallback, answered) in self.fallbacks.iter().zip(&mut tally.fallbacks) {
-            let Outcome::Failed(_) = outcome else { break };
-            outcome = fallback.touch(a, b, r, warm);
-            if !matches!(outcome, Outcome::Failed(_)) {
-                *answered += 1;
-            }
-        }
-        outcome
-    }
 }
 
 impl ContactResolver for Chain {
@@ -56,21 +31,28 @@ impl ContactResolver for Chain {
     }
 
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
-        self.touch_counting((a, b), r, warm, &mut Tally::default())
+        // No method can do anything with such a position, and some would say "apart".
+        if !r.iter().all(|x| x.is_finite()) {
+            return Outcome::Failed(Why::NotFinite);
+        }
+        let mut outcome = self.first.touch(a, b, r, warm);
+        for fallback in &self.fallbacks {
+            let Outcome::Failed(_) = outcome else { break };
+            outcome = fallback.touch(a, b, r, warm);
+        }
+        outcome
     }
 
-    fn resolve(
-        &self,
-        first: u32,
-        pairs: &[Pair],
-        history: &[History],
-        bodies: &Bodies,
-        out: &mut Vec<Contact>,
-        tally: &mut Tally,
-    ) -> Result<(), ResolveError> {
-        resolve_each(first, pairs, history, bodies, out, tally, |a, b, r, warm, tally| {
-            self.touch_counting((a, b), r, warm, tally)
-        })
+    fn resolve(&self, batch: &Batch, found: &mut Found) {
+        self.first.resolve(batch, found);
+        for (stage, fallback) in self.fallbacks.iter().enumerate() {
+            if found.failed.is_empty() {
+                break;
+            }
+            let failed: Vec<u32> = found.failed.drain(..).map(|(pair, _)| pair).collect();
+            fallback.resolve(&Batch { active: &failed, ..*batch }, found);
+            found.tally.fallbacks[stage] += (failed.len() - found.failed.len()) as u64;
+        }
     }
 }
 
@@ -78,10 +60,11 @@ impl ContactResolver for Chain {
 mod tests {
     use super::Chain;
     use crate::contact::{
-        Bodies, ContactResolver, History, Outcome, Pair, Posed, SphereSphere, Tally, Why,
+        Batch, Bodies, ContactResolver, Found, History, Outcome, Pair, Posed, SphereSphere, Tally,
+        Why,
     };
     use crate::ids::{ShapeId, Slot};
-    use crate::math::Vec3;
+    use crate::math::{Mat3, Vec3};
     use crate::shape::{Shape, Sphere};
 
     /// Gives up on every pair.
@@ -97,7 +80,7 @@ mod tests {
         }
     }
 
-    fn resolve(chain: &Chain, centres: &[Vec3]) -> (Result<usize, Why>, Tally) {
+    fn resolve(chain: &Chain, centres: &[Vec3]) -> Found {
         let bodies = Bodies {
             position: centres,
             frame: None,
@@ -108,9 +91,11 @@ mod tests {
         let pairs: Vec<_> =
             (1..centres.len() as u32).map(|b| Pair { a: Slot(0), b: Slot(b) }).collect();
         let history = vec![History::default(); pairs.len()];
-        let (mut out, mut tally) = (Vec::new(), Tally::default());
-        let result = chain.resolve(0, &pairs, &history, &bodies, &mut out, &mut tally);
-        (result.map(|()| out.len()).map_err(|e| e.why), tally)
+        let active: Vec<u32> = (0..pairs.len() as u32).collect();
+        let mut found = Found::default();
+        let batch = Batch { pairs: &pairs, history: &history, active: &active, bodies };
+        chain.resolve(&batch, &mut found);
+        found
     }
 
     #[test]
@@ -118,22 +103,24 @@ mod tests {
         let fallbacks: Vec<Box<dyn ContactResolver>> =
             vec![Box::new(Helpless), Box::new(SphereSphere)];
         let chain = Chain::new(Box::new(Helpless), fallbacks);
-        let (found, tally) =
-            resolve(&chain, &[Vec3::zeros(), Vec3::x() * 1.9, Vec3::y() * 2.1, Vec3::z()]);
-        assert_eq!(found, Ok(2));
-        assert_eq!(tally, Tally { pairs: 3, contacts: 2, fallbacks: [0, 3, 0, 0] });
+        let found = resolve(&chain, &[Vec3::zeros(), Vec3::x() * 1.9, Vec3::y() * 2.1, Vec3::z()]);
+        assert_eq!((found.contacts.len(), found.apart.len(), found.failed.len()), (2, 1, 0));
+        assert_eq!(found.tally, Tally { fallbacks: [0, 3, 0, 0], ..Tally::default() });
     }
 
     #[test]
     fn nobody_left_is_an_error() {
         let chain = Chain::new(Box::new(Helpless), vec![Box::new(SphereSphere)]);
-        assert_eq!(resolve(&chain, &[Vec3::zeros(), Vec3::zeros()]).0, Err(Why::TooDeep));
+        let found = resolve(&chain, &[Vec3::zeros(), Vec3::zeros()]);
+        assert_eq!(found.failed, [(0, Why::TooDeep)]);
     }
 
     #[test]
     fn a_position_that_is_not_finite_is_an_error() {
         let chain = Chain::new(Box::new(SphereSphere), Vec::new());
+        let body =
+            Posed { shape: &Shape::Sphere(Sphere { radius: 1.0 }), frame: &Mat3::identity() };
         let lost = Vec3::new(f64::INFINITY, 0.0, 0.0);
-        assert_eq!(resolve(&chain, &[Vec3::zeros(), lost]).0, Err(Why::NotFinite));
+        assert_eq!(chain.touch(&body, &body, &lost, None), Outcome::Failed(Why::NotFinite));
     }
 }

@@ -35,8 +35,8 @@ pub(super) struct Difference<'a> {
     pub(super) r: Vec3,
     /// Sum of the bounding radii.
     pub(super) reach: f64,
-    /// From metres to units.
-    per_metre: f64,
+    /// The unit of length [m].
+    pub(super) unit: f64,
     /// Both bodies are scaled about their centres by this.
     scale: f64,
 }
@@ -45,14 +45,15 @@ impl<'a> Difference<'a> {
     /// Of two bodies with `r` [m] from the centre of A to the centre of B.
     pub(super) fn new(a: &'a Posed<'a>, b: &'a Posed<'a>, r: &Vec3) -> Self {
         let (radius_a, radius_b) = (a.shape.bounding_radius(), b.shape.bounding_radius());
-        let per_metre = 1.0 / unit_of_length(radius_a, radius_b);
+        let unit = unit_of_length(radius_a, radius_b);
+        let per_metre = 1.0 / unit;
         let reach = (radius_a + radius_b) * per_metre;
-        Self { a, b, r: r * per_metre, reach, per_metre, scale: per_metre }
+        Self { a, b, r: r * per_metre, reach, unit, scale: per_metre }
     }
 
     /// The same with both bodies scaled about their centres by `1 - ratio`.
     pub(super) fn eroded(&self, ratio: f64) -> Self {
-        Self { scale: (1.0 - ratio) * self.per_metre, ..*self }
+        Self { scale: (1.0 - ratio) / self.unit, ..*self }
     }
 
     /// The farthest point along `direction` (any length but zero).
@@ -67,8 +68,8 @@ impl<'a> Difference<'a> {
 pub(super) enum Separation {
     /// Apart: the unit vector from A to B along the shortest distance.
     Apart(Vec3),
-    /// Farther apart than was asked for.
-    Beyond,
+    /// Farther apart than was asked for: at least this far [units].
+    Beyond(f64),
     /// The bodies share a point, or come so close that rounding decides.
     Intersecting,
     /// The iteration stalled or ran out: nothing is known.
@@ -82,7 +83,7 @@ pub(super) fn separate(m: &Difference, start: &Vec3, tolerance: f64, beyond: f64
     let first = m.support(start);
     let along = -start.dot(&first);
     if along > 0.0 && along * along > (beyond * beyond) * start.norm_squared() {
-        return Separation::Beyond;
+        return Separation::Beyond(along / start.norm());
     }
     let mut simplex =
         Simplex { corners: [first, Vec3::zeros(), Vec3::zeros(), Vec3::zeros()], count: 1 };
@@ -100,7 +101,7 @@ pub(super) fn separate(m: &Difference, start: &Vec3, tolerance: f64, beyond: f64
         // The plane through `corner` across `nearest` bounds the distance from below.
         let along = nearest.dot(&corner);
         if along > 0.0 && along * along > (beyond * beyond) * squared {
-            return Separation::Beyond;
+            return Separation::Beyond(along / squared.sqrt());
         }
         let distance = squared.sqrt();
         let gap = squared - along;
@@ -276,7 +277,10 @@ mod tests {
     #[test]
     fn asked_only_for_less_than_the_clearance() {
         let r = Vec3::new(1.0, -2.0, 2.0);
-        assert_eq!(between(&sphere(1.0), &sphere(1.5), r, 0.49), Separation::Beyond);
+        let Separation::Beyond(distance) = between(&sphere(1.0), &sphere(1.5), r, 0.49) else {
+            panic!("0.5 is more than 0.49")
+        };
+        assert!((0.49..=0.5 + 1e-15).contains(&distance), "{distance}");
     }
 
     #[test]

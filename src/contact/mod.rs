@@ -49,7 +49,8 @@ impl Touch {
         if self.overlap > 0.0 {
             Outcome::Touching(self)
         } else if self.overlap <= 0.0 {
-            Outcome::Apart
+            // Any direction bounds the distance from below.
+            Outcome::Apart(-self.overlap)
         } else {
             Outcome::Failed(Why::NotFinite)
         }
@@ -59,8 +60,9 @@ impl Touch {
 /// What a resolver says of a pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// The bodies do not touch.
-    Apart,
+    /// The bodies do not touch, and will not while their surfaces have come nearer by less than this [m]
+    /// (0 if nobody knows).
+    Apart(f64),
     /// They overlap.
     Touching(Touch),
     /// This resolver cannot tell: the next of the chain must. Never means "no contact".
@@ -222,6 +224,8 @@ pub fn nearest_image(mut difference: Vec3, period: &Vec3) -> Vec3 {
 /// How often each resolver answered, and how often it passed a pair on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
+    /// Pairs listed, summed over the steps.
+    pub listed: u64,
     /// Pairs looked at.
     pub pairs: u64,
     /// Pairs found touching.
@@ -233,6 +237,7 @@ pub struct Tally {
 impl Tally {
     /// Adds another tally to this one.
     pub fn add(&mut self, other: &Self) {
+        self.listed += other.listed;
         self.pairs += other.pairs;
         self.contacts += other.contacts;
         for (mine, theirs) in self.fallbacks.iter_mut().zip(other.fallbacks) {
@@ -241,21 +246,49 @@ impl Tally {
     }
 }
 
-/// No resolver of the chain could answer.
-#[derive(Clone, Debug, thiserror::Error)]
-#[error(
-    "no contact method could resolve the pair in slots {a}, {b} ({why:?}); centre to centre {distance:e} m. \
-     Look for coincident particles, or reduce the time step"
-)]
-pub struct ResolveError {
-    /// Slot of A.
-    pub a: u32,
-    /// Slot of B.
-    pub b: u32,
-    /// Distance of the centres [m].
-    pub distance: f64,
-    /// What the last resolver said.
-    pub why: Why,
+/// Pairs of one pair of kinds that are to be looked at.
+#[derive(Clone, Copy, Debug)]
+pub struct Batch<'a> {
+    /// The whole list of pairs.
+    pub pairs: &'a [Pair],
+    /// What is remembered of each.
+    pub history: &'a [History],
+    /// Which of them to look at.
+    pub active: &'a [u32],
+    /// Every body.
+    pub bodies: Bodies<'a>,
+}
+
+/// What resolvers found in a step.
+#[derive(Clone, Debug, Default)]
+pub struct Found {
+    /// Pairs that touch.
+    pub contacts: Vec<Contact>,
+    /// Pairs that do not, and how much nearer their surfaces may come before they could [m].
+    pub apart: Vec<(u32, f64)>,
+    /// Pairs of which the resolver could not tell.
+    pub failed: Vec<(u32, Why)>,
+    /// How often who answered.
+    pub tally: Tally,
+}
+
+impl Found {
+    /// Forgets the last step, but not the tally.
+    pub fn clear(&mut self) {
+        self.contacts.clear();
+        self.apart.clear();
+        self.failed.clear();
+    }
+
+    /// Takes note of one pair.
+    #[inline]
+    pub fn note(&mut self, pair: u32, outcome: Outcome) {
+        match outcome {
+            Outcome::Apart(clearance) => self.apart.push((pair, clearance)),
+            Outcome::Touching(touch) => self.contacts.push(Contact { pair, touch }),
+            Outcome::Failed(why) => self.failed.push((pair, why)),
+        }
+    }
 }
 
 /// A method that resolves pairs of convex bodies.
@@ -267,53 +300,18 @@ pub trait ContactResolver: Send + Sync {
     /// last touch.
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome;
 
-    /// Resolves `pairs` (all of one pair of kinds); `first` is the index of `pairs[0]` in the list of
-    /// pairs. Appends the touching ones to `out` in the order of `pairs`.
-    ///
-    /// # Errors
-    /// A pair for which [`ContactResolver::touch`] failed.
-    fn resolve(
-        &self,
-        first: u32,
-        pairs: &[Pair],
-        history: &[History],
-        bodies: &Bodies,
-        out: &mut Vec<Contact>,
-        tally: &mut Tally,
-    ) -> Result<(), ResolveError> {
-        resolve_each(first, pairs, history, bodies, out, tally, |a, b, r, warm, _| {
-            self.touch(a, b, r, warm)
-        })
-    }
-}
-
-/// The loop of [`ContactResolver::resolve`]: `touch` gets A, B, the relative position, the warm start
-/// and the tally.
-fn resolve_each(
-    first: u32,
-    pairs: &[Pair],
-    history: &[History],
-    bodies: &Bodies,
-    out: &mut Vec<Contact>,
-    tally: &mut Tally,
-    mut touch: impl FnMut(&Posed, &Posed, &Vec3, Option<&Vec3>, &mut Tally) -> Outcome,
-) -> Result<(), ResolveError> {
-    tally.pairs += pairs.len() as u64;
-    for (i, (&pair, history)) in pairs.iter().zip(history).enumerate() {
-        let r = bodies.relative(pair);
-        let warm = history.touched().then_some(&history.normal);
-        match touch(&bodies.posed(pair.a), &bodies.posed(pair.b), &r, warm, tally) {
-            Outcome::Apart => {}
-            Outcome::Touching(touch) => {
-                tally.contacts += 1;
-                out.push(Contact { pair: first + i as u32, touch });
-            }
-            Outcome::Failed(why) => {
-                return Err(ResolveError { a: pair.a.0, b: pair.b.0, distance: r.norm(), why });
-            }
+    /// Resolves the active pairs of a batch. Each goes into one of the lists of `found`; their order
+    /// means nothing.
+    fn resolve(&self, batch: &Batch, found: &mut Found) {
+        for &index in batch.active {
+            let pair = batch.pairs[index as usize];
+            let history = &batch.history[index as usize];
+            let r = batch.bodies.relative(pair);
+            let warm = history.touched().then_some(&history.normal);
+            let (a, b) = (batch.bodies.posed(pair.a), batch.bodies.posed(pair.b));
+            found.note(index, self.touch(&a, &b, &r, warm));
         }
     }
-    Ok(())
 }
 
 /// Which resolver serves which pair of kinds.

@@ -25,7 +25,7 @@ impl ContactResolver for SphereSphere {
         let reach = a.radius + b.radius;
         let squared = r.norm_squared();
         if squared > reach * reach {
-            return Outcome::Apart;
+            return Outcome::Apart(squared.sqrt() - reach);
         }
         if squared == 0.0 {
             // Every direction is a normal: none can be preferred.

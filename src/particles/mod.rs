@@ -25,6 +25,8 @@ pub struct Library {
     pub names: Vec<String>,
     /// What it is made of.
     pub materials: Vec<MaterialId>,
+    /// Bounding radius [m].
+    pub radius: Vec<f64>,
     /// Mass [kg].
     pub mass: Vec<f64>,
     /// Principal moments of inertia [kg m²].
@@ -50,6 +52,7 @@ impl Library {
         };
         self.mass.push(mass);
         self.inertia.push(inertia);
+        self.radius.push(shape.bounding_radius());
         self.shapes.push(shape);
         self.names.push(name.to_owned());
         self.materials.push(material);
@@ -58,7 +61,7 @@ impl Library {
 
     /// The largest bounding radius of the particles' shapes [m].
     pub fn largest_radius(&self) -> f64 {
-        self.shapes[..self.particle_shapes].iter().map(Shape::bounding_radius).fold(0.0, f64::max)
+        self.radius[..self.particle_shapes].iter().copied().fold(0.0, f64::max)
     }
 }
 
@@ -86,9 +89,10 @@ impl Needs {
 
     /// Bytes per owned particle in the columns, contacts left out.
     pub const fn column_bytes(&self) -> usize {
-        // id, shape, position, velocity, force, position at the last listing, two energies
+        // id, shape, position, velocity, force, position at the last listing, travel, two energies
         8 + 2
             + 4 * 24
+            + 8
             + 16
             + if self.spin { 72 } else { 0 }
             + if self.attitude { 32 + 72 } else { 0 }
@@ -139,6 +143,9 @@ pub struct Particles {
     pub force: Vec<Vec3>,
     /// Positions when the pairs were listed [m]. Length: owned.
     pub listed_at: Vec<Vec3>,
+    /// How far any point of the body can have moved since the pairs were listed, along its way [m].
+    /// Length: all slots, once the pairs are listed.
+    pub travel: Vec<f64>,
     /// Energy dissipated at the particle so far [J]. Length: owned.
     pub dissipated: Vec<f64>,
     /// Energy it had at its insertion and was given by moving walls [J]. Length: owned.
@@ -171,6 +178,7 @@ impl Particles {
             velocity: Vec::new(),
             force: Vec::new(),
             listed_at: Vec::new(),
+            travel: Vec::new(),
             dissipated: Vec::new(),
             received: Vec::new(),
             image: Vec::new(),
@@ -203,6 +211,12 @@ impl Particles {
     /// The first wall's slot.
     pub const fn first_wall(&self) -> usize {
         self.owned + self.ghosts
+    }
+
+    /// Radius of the smallest ball about the centre of a body [m].
+    #[inline]
+    pub fn radius(&self, slot: usize) -> f64 {
+        self.library.radius[self.shape[slot].index()]
     }
 
     /// Mass of a body [kg].
@@ -357,6 +371,7 @@ impl Particles {
     pub fn refresh_walls(&mut self) {
         let first = self.first_wall();
         for (k, wall) in self.walls.iter().enumerate() {
+            self.travel[first + k] += (wall.point - self.position[first + k]).norm();
             self.position[first + k] = wall.point;
             self.velocity[first + k] = wall.velocity;
         }

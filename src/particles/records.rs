@@ -12,7 +12,7 @@
 //! | histories of touching contacts | x | | |
 
 use super::Particles;
-use crate::contact::NamedHistory;
+use crate::contact::{NamedHistory, nearest_image};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
@@ -103,7 +103,9 @@ impl Particles {
                 rest = tail;
                 head
             };
-            self.position[slot] = Vec3::from_column_slice(take(3));
+            let position = Vec3::from_column_slice(take(3));
+            let mut moved = nearest_image(position - self.position[slot], &self.period).norm();
+            self.position[slot] = position;
             if self.needs.velocity {
                 self.velocity[slot] = Vec3::from_column_slice(take(3));
                 if let Some(spin) = &mut self.spin {
@@ -114,8 +116,14 @@ impl Particles {
                 let coords = nalgebra::Vector4::from_column_slice(take(4));
                 // The owner's bits, not normalised again.
                 let quaternion = Quat::new_unchecked(coords.into());
+                // A turn by θ moves the quaternion by 2 sin(θ/4), which is more than 2θ/2.1 / 2.
+                let turned = (quaternion.coords - attitude.quaternion[slot].coords).norm();
+                moved += 2.1 * turned * self.library.radius[self.shape[slot].index()];
                 attitude.quaternion[slot] = quaternion;
                 attitude.frame[slot] = *quaternion.to_rotation_matrix().matrix();
+            }
+            if let Some(travel) = self.travel.get_mut(slot) {
+                *travel += moved;
             }
         }
     }

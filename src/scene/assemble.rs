@@ -78,7 +78,7 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
         law: Box::new(scene.law()),
         field: Field { gravity: scene.gravity, damping: scene.global_damping },
         rain: scene.rain.clone().map(|rain| RainGauge::new(rain, scene.seed)),
-        contacts: Vec::new(),
+        found: contact::Found::default(),
         loads: Vec::new(),
         dt: scene.dt,
         step: 0,
@@ -87,7 +87,6 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
         skin: scene.skin,
         imbalance: scene.imbalance,
         lists_since_cut: 0,
-        tally: contact::Tally::default(),
         clock: Clock::new(),
     }
 }

@@ -6,7 +6,7 @@
 
 mod cells;
 
-use crate::contact::{Contact, History, NamedHistory, Pair, ordered};
+use crate::contact::{Found, History, NamedHistory, Pair, ordered};
 use crate::ids::{GlobalId, Slot};
 use crate::law::Load;
 use crate::math::Vec3;
@@ -34,6 +34,9 @@ pub struct PairList {
     pub history: Vec<History>,
     /// Runs of pairs to be resolved in one call.
     pub blocks: Vec<Block>,
+    /// Until the travel of both bodies adds up to this [m], a pair need not be looked at. It may be
+    /// too low, never too high, so it saves work and changes nothing.
+    rests_until: Vec<f64>,
     /// The pairs that touched at the last step.
     touching: Vec<u32>,
     /// Of owned particle `s`, `incident[first[s]..first[s + 1]]` are its pairs by rising id of the partner.
@@ -56,6 +59,9 @@ struct Incidence {
 
 const NO_LOAD: u32 = u32::MAX;
 
+/// Leaves room for the rounding of clearances and travels.
+const ROUNDING: f64 = 1.0 - 1e-6;
+
 impl PairList {
     /// Lists all pairs of which one is owned, closer than `skin` [m] between bounding spheres.
     /// `carried` has the histories of all touching contacts of owned particles, in any order; a
@@ -65,6 +71,8 @@ impl PairList {
         self.sort_into_blocks(particles, found);
         self.history.clear();
         self.history.resize(self.pairs.len(), History::default());
+        self.rests_until.clear();
+        self.rests_until.resize(self.pairs.len(), 0.0);
         self.load_of.clear();
         self.load_of.resize(self.pairs.len(), NO_LOAD);
         self.touching.clear();
@@ -82,6 +90,8 @@ impl PairList {
 
         let owned = particles.owned;
         particles.listed_at.copy_from_slice(&particles.position[..owned]);
+        particles.travel.clear();
+        particles.travel.resize(particles.slots(), 0.0);
         for wall in &mut particles.walls {
             wall.listed_at = wall.point;
         }
@@ -132,13 +142,34 @@ impl PairList {
         self.incident.extend(entries.into_iter().map(|(.., incidence)| incidence));
     }
 
-    /// After resolution: takes note of which pairs touch now, and which have come apart.
-    pub fn note_contacts(&mut self, contacts: &[Contact]) {
-        self.load_of.fill(NO_LOAD);
-        for (index, contact) in contacts.iter().enumerate() {
-            self.load_of[contact.pair as usize] = index as u32;
+    /// The pairs of a block that must be looked at.
+    pub fn active(&self, block: &Block, particles: &Particles) -> Vec<u32> {
+        block
+            .range
+            .clone()
+            .filter(|&index| {
+                let Pair { a, b } = self.pairs[index];
+                let travel = particles.travel[a.index()] + particles.travel[b.index()];
+                travel >= self.rests_until[index]
+            })
+            .map(|index| index as u32)
+            .collect()
+    }
+
+    /// After resolution: takes note of which pairs touch now, which have come apart, and how long those
+    /// that are apart can rest.
+    pub fn note(&mut self, found: &Found, particles: &Particles) {
+        for &(index, clearance) in &found.apart {
+            let Pair { a, b } = self.pairs[index as usize];
+            let travel = particles.travel[a.index()] + particles.travel[b.index()];
+            self.rests_until[index as usize] = travel + clearance * ROUNDING;
         }
-        self.contacts = contacts.len() as u32;
+        self.load_of.fill(NO_LOAD);
+        for (index, contact) in found.contacts.iter().enumerate() {
+            self.load_of[contact.pair as usize] = index as u32;
+            self.rests_until[contact.pair as usize] = 0.0;
+        }
+        self.contacts = found.contacts.len() as u32;
         self.parted.clear();
         for &pair in &self.touching {
             if self.load_of[pair as usize] == NO_LOAD {
@@ -147,7 +178,7 @@ impl PairList {
             }
         }
         self.touching.clear();
-        self.touching.extend(contacts.iter().map(|c| c.pair));
+        self.touching.extend(found.contacts.iter().map(|c| c.pair));
     }
 
     /// The pairs that touched at the last step and have come apart. Their histories are still there.
@@ -232,6 +263,7 @@ impl PairList {
     pub fn bytes(&self) -> usize {
         self.pairs.capacity() * size_of::<Pair>()
             + self.history.capacity() * size_of::<History>()
+            + self.rests_until.capacity() * size_of::<f64>()
             + self.incident.capacity() * size_of::<Incidence>()
             + (self.first.capacity() + self.load_of.capacity() + self.touching.capacity()) * 4
     }

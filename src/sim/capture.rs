@@ -87,7 +87,7 @@ impl Simulation {
         let mut table = ContactTable::default();
         let particles = &self.particles;
         let bodies = particles.bodies();
-        for (contact, load) in self.contacts.iter().zip(&self.loads) {
+        for (contact, load) in self.found.contacts.iter().zip(&self.loads) {
             let pair = self.pairs.pairs[contact.pair as usize];
             let Pair { a, b } = pair;
             if a.index() >= particles.owned {

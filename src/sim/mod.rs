@@ -5,10 +5,10 @@ pub mod report;
 pub mod run;
 
 use crate::comm::{Comm, agree};
-use crate::contact::{Contact, NamedHistory, Pair, ResolveError, Table, Tally};
+use crate::contact::{Batch, Found, NamedHistory, Pair, Table, Why};
 use crate::domain::{Domain, DomainError};
 use crate::drive::rain::RainGauge;
-use crate::ids::{GlobalId, Slot};
+use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Load};
 use crate::measure::{self, Measures};
 use crate::motion::{self, Field};
@@ -33,9 +33,9 @@ pub struct Simulation {
     pub field: Field,
     /// Particles still to come.
     pub rain: Option<RainGauge>,
-    /// Contacts at the current positions.
-    pub contacts: Vec<Contact>,
-    /// Their forces, in the same order.
+    /// Contacts at the current positions, and what the resolvers said of all pairs.
+    pub found: Found,
+    /// Forces of the contacts, in their order, then of pairs that have come apart.
     pub loads: Vec<Load>,
     /// Time step [s].
     pub dt: f64,
@@ -51,8 +51,6 @@ pub struct Simulation {
     pub imbalance: f64,
     /// Lists made since the last cut.
     pub lists_since_cut: u32,
-    /// What the resolvers did.
-    pub tally: Tally,
     /// Where the time went.
     pub clock: Clock,
 }
@@ -69,7 +67,10 @@ pub enum StepError {
         error: DomainError,
     },
     /// A pair that no contact method could resolve. Known on one rank only.
-    #[error("step {step}: particles {a} and {b}, at ({x:e}, {y:e}, {z:e}) m: {error}")]
+    #[error(
+        "step {step}: no contact method could resolve particle {a}, at ({x:e}, {y:e}, {z:e}) m, and {b}, \
+         {distance:e} m apart ({why:?}). Look for coincident particles, or reduce the time step"
+    )]
     Contact {
         /// Steps done.
         step: u64,
@@ -83,8 +84,10 @@ pub enum StepError {
         y: f64,
         /// Where A is [m].
         z: f64,
-        /// What the method said.
-        error: ResolveError,
+        /// Distance of the centres [m].
+        distance: f64,
+        /// What the last method said.
+        why: Why,
     },
 }
 
@@ -123,14 +126,14 @@ impl Simulation {
         }
 
         // find contacts: one virtual call per kind of pair, inner pairs while the ghosts travel
-        self.contacts.clear();
+        self.found.clear();
         self.resolve(Part::Inner)?;
         if !stale {
             self.domain.finish_halo(&mut self.particles, comm);
             self.clock.lap(Phase::Exchange);
         }
         self.resolve(Part::Border)?;
-        self.pairs.note_contacts(&self.contacts);
+        self.pairs.note(&self.found, &self.particles);
         self.clock.lap(Phase::Contacts);
 
         // forces
@@ -146,10 +149,10 @@ impl Simulation {
     pub fn begin(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         self.lists_since_cut = LISTS_BETWEEN_CUTS;
         self.list_pairs(&[], comm)?;
-        self.contacts.clear();
+        self.found.clear();
         self.resolve(Part::Inner)?;
         self.resolve(Part::Border)?;
-        self.pairs.note_contacts(&self.contacts);
+        self.pairs.note(&self.found, &self.particles);
         // No time has passed: springs do not stretch.
         self.apply_law(0.0);
         self.count_initial_energy();
@@ -192,7 +195,7 @@ impl Simulation {
         measure::measure(
             &self.particles,
             &self.pairs,
-            &self.contacts,
+            &self.found.contacts,
             &self.loads,
             &*self.law,
             &self.field,
@@ -255,42 +258,47 @@ impl Simulation {
 
     fn resolve(&mut self, part: Part) -> Result<(), StepError> {
         let bodies = self.particles.bodies();
+        let found = &mut self.found;
         for block in self.pairs.blocks.iter().filter(|b| b.border == (part == Part::Border)) {
             let Some(resolver) = self.resolvers.get(block.kinds) else { continue };
-            let range = block.range.clone();
-            resolver
-                .resolve(
-                    range.start as u32,
-                    &self.pairs.pairs[range.clone()],
-                    &self.pairs.history[range],
-                    &bodies,
-                    &mut self.contacts,
-                    &mut self.tally,
-                )
-                .map_err(|error| {
-                    let (a, b) = (Slot(error.a), Slot(error.b));
-                    let at = bodies.position[a.index()];
-                    StepError::Contact {
-                        step: self.step,
-                        a: self.particles.id[a.index()],
-                        b: self.particles.id[b.index()],
-                        x: at.x,
-                        y: at.y,
-                        z: at.z,
-                        error,
-                    }
-                })?;
+            let active = self.pairs.active(block, &self.particles);
+            let contacts = found.contacts.len();
+            let batch = Batch {
+                pairs: &self.pairs.pairs,
+                history: &self.pairs.history,
+                active: &active,
+                bodies,
+            };
+            resolver.resolve(&batch, found);
+            found.tally.listed += block.range.len() as u64;
+            found.tally.pairs += active.len() as u64;
+            found.tally.contacts += (found.contacts.len() - contacts) as u64;
         }
-        if part == Part::Inner {
-            self.clock.lap(Phase::Contacts);
+        self.clock.lap(Phase::Contacts);
+        match found.failed.first() {
+            None => Ok(()),
+            Some(&(pair, why)) => Err(self.unresolved(self.pairs.pairs[pair as usize], why)),
         }
-        Ok(())
+    }
+
+    fn unresolved(&self, pair: Pair, why: Why) -> StepError {
+        let at = self.particles.position[pair.a.index()];
+        StepError::Contact {
+            step: self.step,
+            a: self.particles.id[pair.a.index()],
+            b: self.particles.id[pair.b.index()],
+            x: at.x,
+            y: at.y,
+            z: at.z,
+            distance: self.particles.bodies().relative(pair).norm(),
+            why,
+        }
     }
 
     fn apply_law(&mut self, dt: f64) {
         self.loads.clear();
         self.law.apply(
-            &self.contacts,
+            &self.found.contacts,
             &self.pairs.pairs,
             &mut self.pairs.history,
             &self.particles,
@@ -319,7 +327,7 @@ impl Simulation {
 
     /// Contacts that are there at the start hold energy which nobody put in: count it as received.
     fn count_initial_energy(&mut self) {
-        for contact in &self.contacts {
+        for contact in &self.found.contacts {
             let Pair { a, b } = self.pairs.pairs[contact.pair as usize];
             let history = &self.pairs.history[contact.pair as usize];
             let stored =

@@ -71,11 +71,12 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
         phases.iter().find(|(p, _)| *p == Phase::Contacts).map_or(0.0, |(_, s)| s.total);
     line(format_args!(""));
     line(format_args!(
-        "contacts   {:.3e} resolved, {:.3e} per second; {:.1} ns per contact, {:.1} ns per listed pair",
+        "contacts   {:.3e} resolved, {:.3e} per second; {:.1} ns per contact, {:.1} ns per listed pair; {:.1} % of listed pairs were looked at",
         tally.contacts as f64,
         tally.contacts as f64 / wall,
         1e9 * resolving / tally.contacts.max(1) as f64,
-        1e9 * resolving / tally.pairs.max(1) as f64,
+        1e9 * resolving / tally.listed.max(1) as f64,
+        100.0 * tally.pairs as f64 / tally.listed.max(1) as f64,
     ));
     let passed_on: u64 = tally.fallbacks.iter().sum();
     if passed_on == 0 {
@@ -134,9 +135,10 @@ fn spent(sim: &Simulation, comm: &mut dyn Comm) -> Vec<(Phase, Spent)> {
 }
 
 fn totals(sim: &Simulation, comm: &mut dyn Comm) -> (Tally, crate::domain::Traffic) {
-    let mut tally = sim.tally;
+    let mut tally = sim.found.tally;
     let mut traffic = sim.domain.traffic;
     let mut counts = [
+        tally.listed,
         tally.pairs,
         tally.contacts,
         tally.fallbacks[0],
@@ -151,12 +153,13 @@ fn totals(sim: &Simulation, comm: &mut dyn Comm) -> (Tally, crate::domain::Traff
     .map(|count| count as i64);
     comm.sum(&mut counts);
     let counts = counts.map(|count| count as u64);
-    tally.pairs = counts[0];
-    tally.contacts = counts[1];
-    tally.fallbacks.copy_from_slice(&counts[2..6]);
-    traffic.messages = counts[6];
-    traffic.bytes = counts[7];
-    traffic.ghosts = counts[8];
-    traffic.migrated = counts[9];
+    tally.listed = counts[0];
+    tally.pairs = counts[1];
+    tally.contacts = counts[2];
+    tally.fallbacks.copy_from_slice(&counts[3..7]);
+    traffic.messages = counts[7];
+    traffic.bytes = counts[8];
+    traffic.ghosts = counts[9];
+    traffic.migrated = counts[10];
     (tally, traffic)
 }

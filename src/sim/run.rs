@@ -212,7 +212,7 @@ fn save(
 /// Refuses particles that start too deep in each other, and names the worst of them.
 fn check_overlaps(sim: &Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
     let mut found: Vec<(f64, u64, i64, [f64; 3])> = Vec::new();
-    for contact in &sim.contacts {
+    for contact in &sim.found.contacts {
         let pair = sim.pairs.pairs[contact.pair as usize];
         let depth = contact.touch.overlap / shortest_axis(&sim.particles, pair.a, pair.b);
         if depth > DEEPEST_START && pair.a.index() < sim.particles.owned {
