@@ -325,19 +325,25 @@ impl Simulation {
         }
     }
 
-    /// Contacts that are there at the start hold energy which nobody put in: count it as received.
+    /// Contacts that are there at the start hold energy which nobody put in: count it as received, each
+    /// particle's in the order of its partners' ids.
     fn count_initial_energy(&mut self) {
+        let particles = &mut self.particles;
+        let mut brought: Vec<(usize, GlobalId, f64)> = Vec::new();
         for contact in &self.found.contacts {
             let Pair { a, b } = self.pairs.pairs[contact.pair as usize];
             let history = &self.pairs.history[contact.pair as usize];
-            let stored =
-                self.law.stored(self.particles.material(a), self.particles.material(b), history);
-            let with_wall = b.index() >= self.particles.first_wall();
-            for (slot, share) in [(a, if with_wall { 1.0 } else { 0.5 }), (b, 0.5)] {
-                if slot.index() < self.particles.owned {
-                    self.particles.received[slot.index()] += share * stored;
+            let stored = self.law.stored(particles.material(a), particles.material(b), history);
+            let share = if b.index() >= particles.first_wall() { stored } else { 0.5 * stored };
+            for (me, partner) in [(a, b), (b, a)] {
+                if me.index() < particles.owned {
+                    brought.push((me.index(), particles.id[partner.index()], share));
                 }
             }
+        }
+        brought.sort_unstable_by_key(|&(me, partner, _)| (me, partner));
+        for (me, _, energy) in brought {
+            particles.received[me] += energy;
         }
     }
 }
