@@ -105,6 +105,15 @@ fn resolve_with<L: Eight>(batch: &Batch, found: &mut Found) {
     }
 }
 
+/// The matrix of a body, computed if the caller of the batch does not keep it.
+#[inline(always)]
+fn form_of(bodies: &Bodies, slot: Slot) -> Form {
+    match bodies.form {
+        Some(form) => form[slot.index()],
+        None => bodies.shape_of(slot).form(bodies.posed(slot).frame),
+    }
+}
+
 /// One pair of a batch on its own.
 fn search(bodies: &Bodies, [a, b]: [Slot; 2], r: &Vec3, warm: Option<&Vec3>) -> Outcome {
     let (posed_a, posed_b) = (bodies.posed(a), bodies.posed(b));
@@ -129,11 +138,7 @@ impl WarmPairs {
     #[inline(always)]
     fn push(&mut self, index: u32, bodies: &Bodies, [a, b]: [Slot; 2], r: &Vec3, normal: &Vec3) {
         let lane = self.count;
-        let form = |slot: Slot| match bodies.form {
-            Some(form) => form[slot.index()],
-            None => bodies.shape_of(slot).form(bodies.posed(slot).frame),
-        };
-        let (form_a, form_b) = (form(a), form(b));
+        let (form_a, form_b) = (form_of(bodies, a), form_of(bodies, b));
         for k in 0..6 {
             self.a[k][lane] = form_a[k];
             self.b[k][lane] = form_b[k];
@@ -214,9 +219,9 @@ impl WarmPairs {
 /// A vector that is nearly unit made so by a series, and how far its squared length was off.
 #[inline(always)]
 fn unit<L: Lanes>(v: Triple<L>) -> (Triple<L>, L) {
-    let all = L::all;
-    let off = v.dot(v) - all(1.0);
-    let factor = all(1.0) - off * (all(0.5) - off * (all(0.375) - off * all(0.3125)));
+    let off = v.dot(v) - L::all(1.0);
+    let series = L::all(0.5) - off * (L::all(0.375) - off * L::all(0.3125));
+    let factor = L::all(1.0) - off * series;
     (v.times(factor), off * off)
 }
 

@@ -233,6 +233,29 @@ pub(super) struct Symmetric<L> {
     pub(super) yz: L,
 }
 
+impl<L: Eight> Triple<L> {
+    /// From memory, number by number.
+    #[inline(always)]
+    pub(super) fn load(numbers: &[[f64; WIDTH]; 3]) -> Self {
+        Self { x: L::load(&numbers[0]), y: L::load(&numbers[1]), z: L::load(&numbers[2]) }
+    }
+}
+
+impl<L: Eight> Symmetric<L> {
+    /// From memory, number by number: xx, yy, zz, xy, xz, yz.
+    #[inline(always)]
+    pub(super) fn load(numbers: &[[f64; WIDTH]; 6]) -> Self {
+        Self {
+            xx: L::load(&numbers[0]),
+            yy: L::load(&numbers[1]),
+            zz: L::load(&numbers[2]),
+            xy: L::load(&numbers[3]),
+            xz: L::load(&numbers[4]),
+            yz: L::load(&numbers[5]),
+        }
+    }
+}
+
 impl<L: Lanes> Symmetric<L> {
     /// The matrix times a vector.
     #[inline(always)]

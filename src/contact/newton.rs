@@ -5,6 +5,9 @@
 //! `(H - δ) d = -g` on the tangent plane (Absil, Mahony and Sepulchre 2008, *Optimization Algorithms on
 //! Matrix Manifolds*, chapters 5 and 6); no basis of that plane is needed, because there
 //! `W⁻¹ = (tr W - W) / det W`.
+//!
+//! No closures here or in `lanes`: unlike functions, they cannot be told to be inlined, and would be compiled
+//! without vector registers.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -67,14 +70,14 @@ impl<L: Lanes> Ellipsoids<L> {
     #[inline(always)]
     pub(super) fn hessian(&self, e: &Evaluation<L>) -> Hessian<L> {
         let (a, b, p, q) = (&self.a, &self.b, &e.on_a, &e.on_b);
-        let entry = |a: L, b: L, pp: L, qq: L| (a - pp) * e.inverse_a + (b - qq) * e.inverse_b;
+        let (fa, fb) = (e.inverse_a, e.inverse_b);
         let h = Symmetric {
-            xx: entry(a.xx, b.xx, p.x * p.x, q.x * q.x),
-            yy: entry(a.yy, b.yy, p.y * p.y, q.y * q.y),
-            zz: entry(a.zz, b.zz, p.z * p.z, q.z * q.z),
-            xy: entry(a.xy, b.xy, p.x * p.y, q.x * q.y),
-            xz: entry(a.xz, b.xz, p.x * p.z, q.x * q.z),
-            yz: entry(a.yz, b.yz, p.y * p.z, q.y * q.z),
+            xx: (a.xx - p.x * p.x) * fa + (b.xx - q.x * q.x) * fb,
+            yy: (a.yy - p.y * p.y) * fa + (b.yy - q.y * q.y) * fb,
+            zz: (a.zz - p.z * p.z) * fa + (b.zz - q.z * q.z) * fb,
+            xy: (a.xy - p.x * p.y) * fa + (b.xy - q.x * q.y) * fb,
+            xz: (a.xz - p.x * p.z) * fa + (b.xz - q.x * q.z) * fb,
+            yz: (a.yz - p.y * p.z) * fa + (b.yz - q.y * q.z) * fb,
         };
         let product = ((h.xx * h.yy - h.xy * h.xy) + (h.xx * h.zz - h.xz * h.xz))
             + (h.yy * h.zz - h.yz * h.yz);
@@ -86,14 +89,22 @@ impl<L: Lanes> Ellipsoids<L> {
     /// seen from the centre of A, is the contact point.
     #[inline(always)]
     pub(super) fn point_after(&self, e: &Evaluation<L>, step: Triple<L>) -> Triple<L> {
-        let follow = |shape: &Symmetric<L>, point: Triple<L>, inverse: L| {
-            let along = shape.times(step).minus(point.times(point.dot(step)));
-            point.plus(along.times(inverse))
-        };
-        let on_a = follow(&self.a, e.on_a, e.inverse_a);
-        let on_b = follow(&self.b, e.on_b, e.inverse_b);
+        let on_a = follow(&self.a, e.on_a, e.inverse_a, step);
+        let on_b = follow(&self.b, e.on_b, e.inverse_b, step);
         on_a.minus(on_b).plus(self.r).times(L::all(0.5))
     }
+}
+
+/// A support point after its direction has turned by `step`; `inverse` is `1 / h`.
+#[inline(always)]
+fn follow<L: Lanes>(
+    shape: &Symmetric<L>,
+    point: Triple<L>,
+    inverse: L,
+    step: Triple<L>,
+) -> Triple<L> {
+    let along = shape.times(step).minus(point.times(point.dot(step)));
+    point.plus(along.times(inverse))
 }
 
 impl<L: Lanes> Hessian<L> {
