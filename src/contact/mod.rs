@@ -16,7 +16,9 @@ mod eroded_gjk;
 mod fallback;
 mod gjk;
 mod half_space;
+mod lanes;
 mod methods;
+mod newton;
 mod sphere_sphere;
 
 pub use common_normal::{CommonNormal, SeededCommonNormal};
@@ -24,12 +26,12 @@ pub use epa::Epa;
 pub use eroded_gjk::ErodedGjk;
 pub use fallback::Chain;
 pub use half_space::AgainstHalfSpace;
-pub use methods::{Method, table};
+pub use methods::{Method, needs_form, table};
 pub use sphere_sphere::SphereSphere;
 
 use crate::ids::{GlobalId, ShapeId, Slot};
 use crate::math::{Mat3, Vec3};
-use crate::shape::{Kind, Shape};
+use crate::shape::{Form, Kind, Shape};
 use serde::{Deserialize, Serialize};
 
 /// The geometry of one contact.
@@ -174,6 +176,8 @@ pub struct Bodies<'a> {
     pub position: &'a [Vec3],
     /// Rotations from body to world; `None` if all are spheres and planes.
     pub frame: Option<&'a [Mat3]>,
+    /// Matrices of ellipsoids and spheres in place, see [`Form`]; `None` if no method asked for them.
+    pub form: Option<&'a [Form]>,
     /// Shape of each body.
     pub shape: &'a [ShapeId],
     /// The scene's shapes.

@@ -222,6 +222,7 @@ impl Scene {
             velocity: law.velocity,
             spin: law.spin || attitude,
             attitude,
+            form: crate::contact::needs_form(&self.method, &self.particle_kinds()),
             image: self.domain.periodic.contains(&true),
         }
     }
