@@ -157,22 +157,13 @@ impl WarmPairs {
     /// a look at each lane. Empties the lanes.
     #[inline(always)]
     fn resolve<L: Eight>(&mut self, batch: &Batch, found: &mut Found) {
-        let triple = |numbers: &[[f64; WIDTH]; 3]| Triple {
-            x: L::load(&numbers[0]),
-            y: L::load(&numbers[1]),
-            z: L::load(&numbers[2]),
+        let pair = Ellipsoids {
+            a: Symmetric::load(&self.a),
+            b: Symmetric::load(&self.b),
+            r: Triple::load(&self.r),
         };
-        let symmetric = |numbers: &[[f64; WIDTH]; 6]| Symmetric {
-            xx: L::load(&numbers[0]),
-            yy: L::load(&numbers[1]),
-            zz: L::load(&numbers[2]),
-            xy: L::load(&numbers[3]),
-            xz: L::load(&numbers[4]),
-            yz: L::load(&numbers[5]),
-        };
-        let pair = Ellipsoids { a: symmetric(&self.a), b: symmetric(&self.b), r: triple(&self.r) };
 
-        let before = pair.evaluate(triple(&self.normal));
+        let before = pair.evaluate(Triple::load(&self.normal));
         let hessian = pair.hessian(&before);
         let determinant = hessian.determinant(before.delta);
         let inverse = L::all(1.0) / determinant;
