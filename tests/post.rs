@@ -1022,8 +1022,9 @@ fn fall(directory: &Path, comm: &mut dyn Comm) {
     let scene = scene(FALLING);
     let mut sim = begun(&scene, comm);
     let walls: Vec<String> = sim.particles.walls.iter().map(|wall| wall.name.clone()).collect();
-    let mut history =
-        comm.is_root().then(|| table::History::open(directory, &walls, 0).expect("a new table"));
+    let mut history = comm
+        .is_root()
+        .then(|| table::History::open(directory, &walls, |_| false).expect("a new table"));
     for _ in 0..scene.steps {
         sim.step(comm).expect("the step is done");
         let measures = sim.measure(comm);

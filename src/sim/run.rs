@@ -108,8 +108,13 @@ pub fn run(
     let first_step = sim.step;
     let names: Vec<String> = sim.particles.walls.iter().map(|w| w.name.clone()).collect();
     let mut history = if comm.is_root() {
-        let from = if schedule.resumed { first_step + 1 } else { 0 };
-        Some(History::open(&schedule.out, &names, from)?)
+        // The last row of a run that was stopped off its schedule would not be there had it gone on.
+        let stage_begin = sim.stage_begin.0;
+        let keep = |step: u64| {
+            let scheduled = step == stage_begin || due(step, schedule.history_every);
+            schedule.resumed && step <= first_step && scheduled
+        };
+        Some(History::open(&schedule.out, &names, keep)?)
     } else {
         None
     };
