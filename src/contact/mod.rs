@@ -133,8 +133,6 @@ pub struct Pair {
 pub struct History {
     /// The normal of the last touch, A to B; zero if the pair did not touch.
     pub normal: Vec3,
-    /// Tangential spring, the stretch of A's surface against B's [m].
-    pub spring: Vec3,
     /// Overlap of the last touch [m].
     pub overlap: f64,
     /// Normal force of the last touch [N].
@@ -158,6 +156,8 @@ pub struct NamedHistory {
     pub b: GlobalId,
     /// What is remembered.
     pub history: History,
+    /// Tangential spring, the stretch of A's surface against B's [m]; zero without friction.
+    pub spring: Vec3,
 }
 
 /// A pair that touches now.

@@ -9,7 +9,7 @@
 //! values at both times the displacement. What a contact dissipates is that work minus the change of
 //! its elastic energy, from the step before the first touch to the step after the last.
 
-use super::{Constants, ForceLaw, Interactions, Load};
+use super::{Constants, ForceLaw, Interactions, Load, Memory};
 use crate::contact::{Contact, History, Pair};
 use crate::ids::MaterialId;
 use crate::math::Vec3;
@@ -64,21 +64,21 @@ impl Meeting<'_> {
         history.normal_force = force;
     }
 
-    /// Spring, dashpot and friction in the contact plane: the tangential force of A on B [N]. Before:
-    /// `history` has this step's normal force and the last step's normal and spring.
+    /// Spring, dashpot and friction in the contact plane: the tangential force of A on B [N]; brings
+    /// `spring` up to date. `history` has this step's normal force and the last step's normal.
     #[inline]
-    fn rub(&self, history: &mut History, dissipated: &mut f64) -> Vec3 {
+    fn rub(&self, history: &History, spring: &mut Vec3, dissipated: &mut f64) -> Vec3 {
         let stiffness = self.constants.tangential_stiffness;
         let before = if history.touched() {
-            let carried = carried(&history.spring, &history.normal, &self.normal);
+            let carried = carried(spring, &history.normal, &self.normal);
             let turned = carried + self.normal.cross(&carried) * self.twist;
             turned / (1.0 + self.twist * self.twist).sqrt()
         } else {
             Vec3::zeros()
         };
         let sliding = self.velocity - self.normal * self.approach;
-        let mut spring = before + sliding * self.dt;
-        let mut force = spring * stiffness;
+        *spring = before + sliding * self.dt;
+        let mut force = *spring * stiffness;
         let ratio = self.constants.tangential_damping_ratio;
         if ratio > 0.0 {
             force += sliding * (2.0 * ratio * (self.mass * stiffness).sqrt());
@@ -88,12 +88,11 @@ impl Meeting<'_> {
         let size = force.norm();
         if size > limit {
             force *= limit / size;
-            spring = if stiffness > 0.0 { force / stiffness } else { Vec3::zeros() };
+            *spring = if stiffness > 0.0 { force / stiffness } else { Vec3::zeros() };
         }
         let work = (before * stiffness + force).dot(&sliding) * (0.5 * self.dt);
         let stored = 0.5 * stiffness * (spring.norm_squared() - before.norm_squared());
         *dissipated += work - stored;
-        history.spring = spring;
         force
     }
 }
@@ -144,14 +143,19 @@ impl ForceLaw for Linear {
     fn needs(&self) -> Needs {
         let friction = self.interactions.iter().any(Constants::is_frictional);
         let dashpot = self.interactions.iter().any(|c| c.normal_damping_ratio > 0.0);
-        Needs { velocity: friction || dashpot, spin: friction, ..Needs::default() }
+        Needs {
+            velocity: friction || dashpot,
+            spin: friction,
+            springs: friction,
+            ..Needs::default()
+        }
     }
 
     fn apply(
         &self,
         contacts: &[Contact],
         pairs: &[Pair],
-        history: &mut [History],
+        memory: &mut Memory,
         particles: &Particles,
         dt: f64,
         loads: &mut Vec<Load>,
@@ -160,7 +164,7 @@ impl ForceLaw for Linear {
         let first_wall = particles.first_wall();
         for contact in contacts {
             let pair = pairs[contact.pair as usize];
-            let history = &mut history[contact.pair as usize];
+            let history = &mut memory.history[contact.pair as usize];
             let touch = &contact.touch;
             let with_wall = pair.b.index() >= first_wall;
 
@@ -182,7 +186,8 @@ impl ForceLaw for Linear {
             meeting.press(touch.overlap, self.limit_damping, history, &mut dissipated);
             let mut force = touch.normal * history.normal_force;
             if meeting.constants.is_frictional() {
-                force += meeting.rub(history, &mut dissipated);
+                let spring = &mut memory.springs[contact.pair as usize];
+                force += meeting.rub(history, spring, &mut dissipated);
             }
             history.normal = touch.normal;
 
@@ -203,14 +208,15 @@ impl ForceLaw for Linear {
         &self,
         parted: &[u32],
         pairs: &[Pair],
-        history: &[History],
+        memory: &Memory,
         particles: &Particles,
         dt: f64,
         loads: &mut Vec<Load>,
     ) {
         let bodies = particles.bodies();
         for &pair in parted {
-            let history = &history[pair as usize];
+            let history = &memory.history[pair as usize];
+            let spring = memory.springs.get(pair as usize).copied().unwrap_or_default();
             let pair = pairs[pair as usize];
             // Where the surfaces were nearest: A's farthest point along the last normal.
             let arm_a = bodies.posed(pair.a).support(&history.normal);
@@ -218,10 +224,10 @@ impl ForceLaw for Linear {
             let velocity = surface_velocity(particles, pair, &arm_a, &arm_b);
             let (of_a, of_b) = (particles.material(pair.a), particles.material(pair.b));
             let stiffness = self.interactions.of(of_a, of_b).tangential_stiffness;
-            let force = history.normal * history.normal_force + history.spring * stiffness;
+            let force = history.normal * history.normal_force + spring * stiffness;
             // The force fell to nothing on the way: half of it did the work.
             let work = 0.5 * dt * force.dot(&velocity);
-            let dissipated = work + self.stored(of_a, of_b, history);
+            let dissipated = work + self.stored(of_a, of_b, history.overlap, &spring);
             loads.push(Load {
                 dissipated: if dt > 0.0 { dissipated } else { 0.0 },
                 ..Load::default()
@@ -229,9 +235,9 @@ impl ForceLaw for Linear {
         }
     }
 
-    fn stored(&self, a: MaterialId, b: MaterialId, history: &History) -> f64 {
+    fn stored(&self, a: MaterialId, b: MaterialId, overlap: f64, spring: &Vec3) -> f64 {
         let constants = self.interactions.of(a, b);
-        0.5 * constants.normal_stiffness * history.overlap * history.overlap
-            + 0.5 * constants.tangential_stiffness * history.spring.norm_squared()
+        0.5 * constants.normal_stiffness * overlap * overlap
+            + 0.5 * constants.tangential_stiffness * spring.norm_squared()
     }
 }

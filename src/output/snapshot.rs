@@ -319,7 +319,8 @@ fn write_particles(
     let vectors =
         |get: fn(&History) -> Vec3| histories.iter().map(|h| get(&h.history)).collect::<Vec<_>>();
     file.rows(&HISTORY_NORMAL, numbers(&vectors(|h| h.normal)))?;
-    file.rows(&HISTORY_SPRING, numbers(&vectors(|h| h.spring)))?;
+    let springs: Vec<_> = histories.iter().map(|h| h.spring).collect();
+    file.rows(&HISTORY_SPRING, numbers(&springs))?;
     let scalars =
         |get: fn(&History) -> f64| histories.iter().map(|h| get(&h.history)).collect::<Vec<_>>();
     file.rows(&HISTORY_OVERLAP, &scalars(|h| h.overlap))?;
@@ -668,10 +669,10 @@ impl Reader {
                 b: b[k],
                 history: History {
                     normal: normal[k],
-                    spring: spring[k],
                     overlap: overlap[k],
                     normal_force: normal_force[k],
                 },
+                spring: spring[k],
             })
             .collect())
     }

@@ -73,6 +73,8 @@ pub struct Needs {
     pub velocity: bool,
     /// Angular momentum, angular velocity, torque.
     pub spin: bool,
+    /// Tangential springs of contacts: a law with friction.
+    pub springs: bool,
     /// Attitude, for any shape but the sphere. Implies `spin`.
     pub attitude: bool,
     /// Matrices of ellipsoids, for the common-normal method. Implies `attitude`.

@@ -9,7 +9,7 @@ use crate::contact::{Batch, Found, NamedHistory, Pair, Table, Why};
 use crate::domain::{Domain, DomainError};
 use crate::drive::rain::RainGauge;
 use crate::ids::GlobalId;
-use crate::law::{ForceLaw, Load};
+use crate::law::{ForceLaw, Load, Memory};
 use crate::measure::{self, Measures};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
@@ -297,22 +297,10 @@ impl Simulation {
 
     fn apply_law(&mut self, dt: f64) {
         self.loads.clear();
-        self.law.apply(
-            &self.found.contacts,
-            &self.pairs.pairs,
-            &mut self.pairs.history,
-            &self.particles,
-            dt,
-            &mut self.loads,
-        );
-        self.law.part(
-            self.pairs.parted(),
-            &self.pairs.pairs,
-            &self.pairs.history,
-            &self.particles,
-            dt,
-            &mut self.loads,
-        );
+        let Self { law, pairs, particles, found, loads, .. } = self;
+        let mut memory = Memory { history: &mut pairs.history, springs: &mut pairs.springs };
+        law.apply(&found.contacts, &pairs.pairs, &mut memory, particles, dt, loads);
+        law.part(&pairs.parted, &pairs.pairs, &memory, particles, dt, loads);
         self.pairs.forget_parted();
         self.pairs.gather(&self.loads, &mut self.particles);
     }
@@ -332,8 +320,10 @@ impl Simulation {
         let mut brought: Vec<(usize, GlobalId, f64)> = Vec::new();
         for contact in &self.found.contacts {
             let Pair { a, b } = self.pairs.pairs[contact.pair as usize];
-            let history = &self.pairs.history[contact.pair as usize];
-            let stored = self.law.stored(particles.material(a), particles.material(b), history);
+            let spring = self.pairs.spring(contact.pair);
+            let overlap = contact.touch.overlap;
+            let (of_a, of_b) = (particles.material(a), particles.material(b));
+            let stored = self.law.stored(of_a, of_b, overlap, &spring);
             let share = if b.index() >= particles.first_wall() { stored } else { 0.5 * stored };
             for (me, partner) in [(a, b), (b, a)] {
                 if me.index() < particles.owned {
