@@ -9,6 +9,7 @@ mod layers;
 mod made_up;
 mod post;
 mod ranks_threads;
+mod robustness;
 mod scene;
 mod snapshot;
 mod support;

@@ -35,6 +35,9 @@ struct Arguments {
     /// Only these grains (part of the name).
     #[arg(long, value_name = "NAME", default_value = "")]
     grain: String,
+    /// Only these methods (part of the name), to profile them.
+    #[arg(long, value_name = "NAME", default_value = "")]
+    method: String,
     /// What cargo says when it is asked for benchmarks, and not for tests.
     #[arg(long, hide = true)]
     bench: bool,
@@ -50,11 +53,13 @@ fn main() -> anyhow::Result<()> {
         PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("target/contact-work-precision")
     });
 
+    let mut contestants = methods::contestants();
+    contestants.retain(|contestant| contestant.name().contains(&arguments.method));
     let before = record::load();
     let mut contacts = Vec::new();
     let mut rejections = Vec::new();
     for grain in pairs::grains().iter().filter(|grain| grain.name.contains(&arguments.grain)) {
-        let (touching, apart) = measure::grain(grain, &effort);
+        let (touching, apart) = measure::grain(grain, &contestants, &effort);
         record::print(&touching, &apart);
         contacts.extend(touching);
         rejections.extend(apart);

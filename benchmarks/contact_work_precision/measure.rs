@@ -1,6 +1,6 @@
 //! Errors and times of every method on the pairs of one grain.
 
-use crate::methods::{Contestant, Family, contestants};
+use crate::methods::{Contestant, Family};
 use crate::pairs::{Grain, Pairs, Truth};
 use dem_mpi::contact::{CommonNormal, ContactResolver, Found, History, Outcome};
 use std::hint::black_box;
@@ -80,12 +80,8 @@ pub(crate) struct Entry {
     pub(crate) start: Start,
     pub(crate) family: Family,
     pub(crate) settings: String,
-}
-
-impl Entry {
-    pub(crate) fn method(&self) -> String {
-        format!("{} {}", self.family.name(), self.settings)
-    }
+    /// Both in one.
+    pub(crate) method: String,
 }
 
 /// A method on touching pairs. Lengths in short axes.
@@ -111,11 +107,14 @@ pub(crate) struct Rejections {
 }
 
 /// Measures everything on one grain.
-pub(crate) fn grain(grain: &Grain, effort: &Effort) -> (Vec<Contacts>, Vec<Rejections>) {
+pub(crate) fn grain(
+    grain: &Grain,
+    contestants: &[Contestant],
+    effort: &Effort,
+) -> (Vec<Contacts>, Vec<Rejections>) {
     let touching = Pairs::case_3(grain, effort.pairs, |unit| DEEPEST * unit);
     let apart = Pairs::case_3(grain, effort.pairs, |unit| -FARTHEST * unit);
     check(&touching, grain);
-    let contestants = contestants();
     let (mut contacts, mut rejections) = (Vec::new(), Vec::new());
     for start in Start::BOTH {
         let entry = |contestant: &Contestant| Entry {
@@ -123,18 +122,19 @@ pub(crate) fn grain(grain: &Grain, effort: &Effort) -> (Vec<Contacts>, Vec<Rejec
             start,
             family: contestant.family,
             settings: contestant.settings.clone(),
+            method: contestant.name(),
         };
         let remembered = |pairs: &Pairs| match start {
             Start::Cold => pairs.strangers(),
             Start::Warm => pairs.acquaintances(TURNED),
         };
         let history = remembered(&touching);
-        let times = times(&contestants, &touching, &history, effort);
+        let times = times(contestants, &touching, &history, effort);
         for (contestant, time) in contestants.iter().zip(times) {
             contacts.push(errors(contestant, &touching, &history, entry(contestant), time));
         }
         let history = remembered(&apart);
-        let times = self::times(&contestants, &apart, &history, effort);
+        let times = self::times(contestants, &apart, &history, effort);
         for (contestant, time) in contestants.iter().zip(times) {
             let found = resolve(contestant, &apart, &history);
             let (spurious, failed) = (found.contacts.len(), found.failed.len());

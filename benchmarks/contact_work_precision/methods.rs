@@ -37,6 +37,10 @@ impl Contestant {
     fn new(family: Family, settings: String, resolver: impl ContactResolver + 'static) -> Self {
         Self { family, settings, resolver: Box::new(resolver) }
     }
+
+    pub(crate) fn name(&self) -> String {
+        format!("{} {}", self.family.name(), self.settings)
+    }
 }
 
 /// Every method with every setting.

@@ -128,7 +128,7 @@ fn panel(area: &Canvas, title: &str, dots: &[Dot]) -> Result<(), Box<dyn Error>>
     }))?;
     chart.draw_series(front.iter().map(|dot| {
         let offset = EmptyElement::at((dot.nanoseconds, dot.error));
-        offset + Text::new(dot.contacts.entry.method(), (7, -5), text(11, INK))
+        offset + Text::new(dot.contacts.entry.method.clone(), (7, -5), text(11, INK))
     }))?;
     Ok(())
 }

@@ -27,7 +27,7 @@ pub(crate) fn print(contacts: &[Contacts], rejections: &[Rejections]) {
             "{:<12} {:<4} {:<25} {:8.1} {:>8.1} {:>8.1}  {}  {}  {}  {:>6} {:>6}  {:>9.1} {:>8}",
             c.entry.grain,
             c.entry.start.name(),
-            c.entry.method(),
+            c.entry.method,
             c.time.median,
             c.time.quartiles[0],
             c.time.quartiles[1],
