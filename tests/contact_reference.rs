@@ -330,3 +330,56 @@ fn erosion_in_case_1() {
         assert!((touch.point - case.point).norm() < 1e-15, "{}", case.id);
     }
 }
+
+/// The scale at which both bodies just touch, by another theory (Perram and Wertheim 1985), and the ratio on which
+/// erosion of 5 %, 1 % at a time, ends.
+#[test]
+fn touch_scales() {
+    // Nearer to touch, or to the end of an erosion, rounding decides.
+    const TOUCH: f64 = 1e-14;
+    const EROSION: f64 = 1e-9;
+    let all = case_1().into_iter().chain(case_2()).chain(case_3());
+    let all: BTreeMap<_, _> = all.chain(extreme()).map(|case| (case.id.clone(), case)).collect();
+    let chain = table(&Method::Auto, &[Kind::Ellipsoid]);
+    let chain = chain.get((Kind::Ellipsoid, Kind::Ellipsoid)).unwrap();
+    let paper = ErodedGjk { tolerance: 1e-10, ..ErodedGjk::default() };
+    for row in rows(include_str!("reference/touch_scale.csv")) {
+        // Not there: the centres coincide.
+        let Some(case) = all.get(&row["id"]) else { continue };
+        let scale = row["touch_scale"].parse::<f64>().unwrap();
+        if (scale - 1.0).abs() > TOUCH {
+            let touches = matches!(case.resolve(chain), Outcome::Touching(_));
+            assert_eq!(touches, scale < 1.0, "{} {}: {scale}", case.id, case.tag);
+        }
+        let ends = row["erosion_ratio_5pct_plus_1pct"].as_str();
+        let found = case.resolve(&paper);
+        let Ok(ratio) = ends.parse::<f64>() else {
+            match (ends, &found) {
+                // All ratios are too small.
+                ("never", Outcome::Failed(_) | Outcome::Touching(_)) => {}
+                // Apart without erosion, but that may find a spurious contact.
+                ("not_needed", Outcome::Apart(_) | Outcome::Touching(_)) => {}
+                _ => panic!("{} {}: {ends}, {found:?}", case.id, case.tag),
+            }
+            continue;
+        };
+        // With this ratio alone, and no other tried.
+        let alone = |ratio: f64| {
+            let increment = 1.98 * (1.0 - ratio);
+            case.resolve(&ErodedGjk { ratio, increment, ..paper })
+        };
+        let [at, before] = [ratio, ratio - paper.increment].map(|ratio| 1.0 - ratio - scale);
+        if at.abs() < EROSION || before.abs() < EROSION {
+            continue;
+        }
+        let (Outcome::Touching(at), Outcome::Touching(found)) = (alone(ratio), found) else {
+            panic!("{} {}: {found:?} at {ratio}", case.id, case.tag)
+        };
+        let off = (at.overlap - found.overlap).abs() / case.size;
+        assert!(off < 1e-4, "{} {}: ended elsewhere than at {ratio}: {off:e}", case.id, case.tag);
+        if ratio > paper.ratio {
+            let before = alone(ratio - paper.increment);
+            assert!(matches!(before, Outcome::Failed(_)), "{} {}: {before:?}", case.id, case.tag);
+        }
+    }
+}

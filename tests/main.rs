@@ -10,6 +10,7 @@ mod made_up;
 mod post;
 mod program;
 mod ranks_threads;
+mod robustness;
 mod scene;
 mod snapshot;
 mod support;

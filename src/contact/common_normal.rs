@@ -20,25 +20,18 @@
 
 use super::eroded_gjk::ErodedGjk;
 use super::lanes::{self, Eight, Lanes, Symmetric, Triple, WIDTH};
-use super::newton::{Ellipsoids, Evaluation, Hessian};
-use super::{Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Why, unit_of_length};
+use super::newton::Ellipsoids;
+use super::{
+    Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, Touch, Why, unit_of_length,
+};
 use crate::ids::Slot;
 use crate::math::{Mat3, Vec3};
 use crate::shape::{Form, Shape};
 
 /// Directions tried before giving up: ellipsoids of 1:2 take 5 at most, of 1:10 10, needles of 1:100 up to 60.
 const EVALUATIONS: u32 = 100;
-/// Longest step [rad].
-const LONGEST_STEP: f64 = 0.5;
-/// A step shorter than this [rad] is the last: quadratic convergence leaves 1e-12, the closing correction
-/// nothing.
-const LAST_STEP: f64 = 1e-6;
-/// Part of the predicted decrease that a step must bring (Armijo).
-const SUFFICIENT: f64 = 1e-4;
-/// Rounding of the Hessian's determinant at a flat minimum, relative to the square of its trace.
-const FLAT: f64 = 1e-12;
-/// Rounding of `δ`, in units of the pair's length.
-const ROUNDING: f64 = 4e-15;
+/// The same for lanes, of which the slowest holds up seven others: ellipsoids of 1:10 seldom take more.
+const EVALUATIONS_IN_LANES: u32 = 12;
 
 /// A step of the fast path may change the squared length of a normal by this: the series that makes it
 /// unit again leaves 1e-16.
@@ -83,86 +76,147 @@ fn resolve_with_avx(batch: &Batch, found: &mut Found) {
     resolve_with::<lanes::Avx>(batch, found);
 }
 
-/// The batch: pairs that touched go in lanes, the others one by one.
+/// The batch, eight pairs at once.
 #[inline(always)]
 fn resolve_with<L: Eight>(batch: &Batch, found: &mut Found) {
-    let mut warm = WarmPairs::default();
+    let (mut touched, mut new) = (Octet::default(), Octet::default());
+    let mut open = Vec::new();
     for &index in batch.active {
-        let history = &batch.history[index as usize];
-        let pair = batch.pairs[index as usize];
-        let r = batch.bodies.relative(pair);
-        if history.touched() {
-            warm.push(index, &batch.bodies, [pair.a, pair.b], &r, &history.normal);
-            if warm.count == WIDTH {
-                warm.resolve::<L>(batch, found);
+        let normal = batch.history[index as usize].normal;
+        let pair = InPlace::of(batch, index);
+        if normal != Vec3::zeros() {
+            touched.push(&pair, &normal);
+            if touched.count == WIDTH {
+                touched.follow::<L>(found, &mut open);
             }
+        } else if let Some(clearance) = pair.beyond_reach() {
+            found.note(index, Outcome::Apart(clearance));
         } else {
-            found.note(index, search(&batch.bodies, [pair.a, pair.b], &r, None));
+            new.push(&pair, &normal);
+            if new.count == WIDTH {
+                new.part::<L>(found, &mut open);
+            }
         }
     }
-    if warm.count > 0 {
-        warm.resolve::<L>(batch, found);
+    touched.follow::<L>(found, &mut open);
+    new.part::<L>(found, &mut open);
+    let mut searched = Octet::default();
+    for eight in open.chunks(WIDTH) {
+        for (index, start) in eight {
+            searched.push(&InPlace::of(batch, *index), start);
+        }
+        searched.search::<L>(batch, found);
     }
 }
 
-/// The matrix of a body, computed if the caller of the batch does not keep it.
-#[inline(always)]
-fn form_of(bodies: &Bodies, slot: Slot) -> Form {
-    match bodies.form {
-        Some(form) => form[slot.index()],
-        None => bodies.shape_of(slot).form(bodies.posed(slot).frame),
-    }
-}
-
-/// One pair of a batch on its own.
-fn search(bodies: &Bodies, [a, b]: [Slot; 2], r: &Vec3, warm: Option<&Vec3>) -> Outcome {
-    let (posed_a, posed_b) = (bodies.posed(a), bodies.posed(b));
+/// One pair of a batch on its own, from a unit vector.
+#[cold]
+fn search(batch: &Batch, index: u32, start: &Vec3) -> Outcome {
+    let Pair { a, b } = batch.pairs[index as usize];
+    let bodies = &batch.bodies;
     let forms = bodies.form.map(|form| [form[a.index()], form[b.index()]]);
-    Search::of([posed_a.shape, posed_b.shape], [posed_a.frame, posed_b.frame], forms, r, warm)
+    let (a, b, r) = (bodies.posed(a), bodies.posed(b), bodies.relative(Pair { a, b }));
+    Search::of([a.shape, b.shape], [a.frame, b.frame], forms, &r, Some(start))
 }
 
-/// Up to eight pairs that touched at the last step, number by number.
+/// A pair of a batch, gathered.
+struct InPlace<'a> {
+    index: u32,
+    shapes: [&'a Shape; 2],
+    forms: [Form; 2],
+    r: Vec3,
+}
+
+impl<'a> InPlace<'a> {
+    #[inline(always)]
+    fn of(batch: &'a Batch, index: u32) -> Self {
+        let pair = batch.pairs[index as usize];
+        let bodies = &batch.bodies;
+        let shapes = [bodies.shape_of(pair.a), bodies.shape_of(pair.b)];
+        let forms = match bodies.form {
+            Some(form) => [form[pair.a.index()], form[pair.b.index()]],
+            None => [form_of(bodies, pair.a), form_of(bodies, pair.b)],
+        };
+        Self { index, shapes, forms, r: bodies.relative(pair) }
+    }
+
+    /// The clearance of the bounding spheres, if they are apart [m].
+    #[inline(always)]
+    fn beyond_reach(&self) -> Option<f64> {
+        let reach = self.shapes[0].bounding_radius() + self.shapes[1].bounding_radius();
+        let squared = self.r.norm_squared();
+        (squared > reach * reach).then(|| squared.sqrt() - reach)
+    }
+}
+
+/// The matrix of a body whose caller does not keep it.
+fn form_of(bodies: &Bodies, slot: Slot) -> Form {
+    bodies.shape_of(slot).form(bodies.posed(slot).frame)
+}
+
+/// Up to eight pairs, number by number.
 #[derive(Default)]
-struct WarmPairs {
+struct Octet {
     count: usize,
     index: [u32; WIDTH],
     a: [[f64; WIDTH]; 6],
     b: [[f64; WIDTH]; 6],
     r: [[f64; WIDTH]; 3],
+    /// Where to start.
     normal: [[f64; WIDTH]; 3],
-    /// An overlap below this is certainly the least.
+    /// The pair's unit of length [m].
+    unit: [f64; WIDTH],
+    /// An overlap below this is certainly the least [m].
     certain: [f64; WIDTH],
 }
 
-impl WarmPairs {
+impl Octet {
     #[inline(always)]
-    fn push(&mut self, index: u32, bodies: &Bodies, [a, b]: [Slot; 2], r: &Vec3, normal: &Vec3) {
+    fn push(&mut self, pair: &InPlace, normal: &Vec3) {
         let lane = self.count;
-        let (form_a, form_b) = (form_of(bodies, a), form_of(bodies, b));
         for k in 0..6 {
-            self.a[k][lane] = form_a[k];
-            self.b[k][lane] = form_b[k];
+            self.a[k][lane] = pair.forms[0][k];
+            self.b[k][lane] = pair.forms[1][k];
         }
         for k in 0..3 {
-            self.r[k][lane] = r[k];
+            self.r[k][lane] = pair.r[k];
             self.normal[k][lane] = normal[k];
         }
-        self.certain[lane] =
-            least_curvature_radius(bodies.shape_of(a)) + least_curvature_radius(bodies.shape_of(b));
-        self.index[lane] = index;
+        let [a, b] = pair.shapes;
+        self.unit[lane] = unit_of_length(a.bounding_radius(), b.bounding_radius());
+        self.certain[lane] = least_curvature_radius(a) + least_curvature_radius(b);
+        self.index[lane] = pair.index;
         self.count += 1;
     }
 
-    /// One step of Newton's method and a correction with the same Hessian (together of third order), then
-    /// a look at each lane. Empties the lanes.
+    /// In metres.
     #[inline(always)]
-    fn resolve<L: Eight>(&mut self, batch: &Batch, found: &mut Found) {
-        let pair = Ellipsoids {
+    fn pairs<L: Eight>(&self) -> Ellipsoids<L> {
+        Ellipsoids {
             a: Symmetric::load(&self.a),
             b: Symmetric::load(&self.b),
             r: Triple::load(&self.r),
-        };
+        }
+    }
 
+    /// In units of each pair's length, with these units.
+    #[inline(always)]
+    fn pairs_in_units<L: Eight>(&self) -> (Ellipsoids<L>, L) {
+        let unit = L::load(&self.unit);
+        (self.pairs().scaled(L::all(1.0) / unit), unit)
+    }
+
+    /// A bit for each lane in use.
+    #[inline(always)]
+    fn lanes(&self) -> u8 {
+        u8::MAX.unbounded_shr((WIDTH - self.count) as u32)
+    }
+
+    /// Pairs that touched at the last step: one step of Newton's method and a correction with the same Hessian
+    /// (together of third order), then a look at each lane. Empties the lanes.
+    #[inline(always)]
+    fn follow<L: Eight>(&mut self, found: &mut Found, open: &mut Vec<(u32, Vec3)>) {
+        let pair = self.pairs::<L>();
         let before = pair.evaluate(Triple::load(&self.normal));
         let hessian = pair.hessian(&before);
         let determinant = hessian.determinant(before.delta);
@@ -183,27 +237,90 @@ impl WarmPairs {
         let certain = overlap.less(L::load(&self.certain));
         let touching = zero.less(before.delta) & zero.less(overlap);
         let good = downhill & short & trusted & certain & touching;
+        let apart = before.delta.at_most(zero);
 
-        let overlap = overlap.store();
-        let [nx, ny, nz] = [normal.x.store(), normal.y.store(), normal.z.store()];
-        let [px, py, pz] = [point.x.store(), point.y.store(), point.z.store()];
+        let touches = Touches::of(overlap, normal, point);
+        let delta = before.delta.store();
         for lane in 0..self.count {
             let index = self.index[lane];
-            let outcome = if good >> lane & 1 == 1 {
-                Outcome::Touching(Touch {
-                    overlap: overlap[lane],
-                    normal: Vec3::new(nx[lane], ny[lane], nz[lane]),
-                    point: Vec3::new(px[lane], py[lane], pz[lane]),
-                })
+            if good >> lane & 1 == 1 {
+                found.note(index, Outcome::Touching(touches.of_lane(lane)));
+            } else if apart >> lane & 1 == 1 {
+                found.note(index, Outcome::Apart(-delta[lane]));
             } else {
-                let pair = batch.pairs[index as usize];
-                let r = batch.bodies.relative(pair);
-                let warm = &batch.history[index as usize].normal;
-                search(&batch.bodies, [pair.a, pair.b], &r, Some(warm))
+                open.push((index, Vec3::from(self.normal.map(|numbers| numbers[lane]))));
+            }
+        }
+        self.count = 0;
+    }
+
+    /// New pairs: those that the plane across the first direction parts are apart. Empties the lanes.
+    #[inline(always)]
+    fn part<L: Eight>(&mut self, found: &mut Found, open: &mut Vec<(u32, Vec3)>) {
+        let (pair, unit) = self.pairs_in_units::<L>();
+        let start = pair.cold_start().unit();
+        let delta = pair.delta(start);
+        let apart = delta.at_most(L::all(0.0));
+        let delta = (delta * unit).store();
+        let start = start.store();
+        for lane in 0..self.count {
+            let index = self.index[lane];
+            if apart >> lane & 1 == 1 {
+                found.note(index, Outcome::Apart(-delta[lane]));
+            } else {
+                open.push((index, Vec3::from(start.map(|numbers| numbers[lane]))));
+            }
+        }
+        self.count = 0;
+    }
+
+    /// The search for all others. Empties the lanes.
+    #[inline(always)]
+    fn search<L: Eight>(&mut self, batch: &Batch, found: &mut Found) {
+        let (pair, unit) = self.pairs_in_units::<L>();
+        let start = Triple::load(&self.normal);
+        let ends = pair.descend(start, self.lanes(), EVALUATIONS_IN_LANES);
+        let overlap = ends.overlap * unit;
+        let certain =
+            ends.minimum & L::all(0.0).less(overlap) & overlap.less(L::load(&self.certain));
+        let touches = Touches::of(overlap, ends.normal, ends.point.times(unit));
+        for lane in 0..self.count {
+            let index = self.index[lane];
+            let outcome = if certain >> lane & 1 == 1 {
+                Outcome::Touching(touches.of_lane(lane))
+            } else if ends.apart >> lane & 1 == 1 {
+                Outcome::Apart(-touches.overlap[lane])
+            } else {
+                search(batch, index, &Vec3::from(self.normal.map(|numbers| numbers[lane])))
             };
             found.note(index, outcome);
         }
         self.count = 0;
+    }
+}
+
+/// Eight touches, number by number [m].
+struct Touches {
+    overlap: [f64; WIDTH],
+    normal: [[f64; WIDTH]; 3],
+    point: [[f64; WIDTH]; 3],
+}
+
+impl Touches {
+    #[inline(always)]
+    fn of<L: Eight>(overlap: L, normal: Triple<L>, point: Triple<L>) -> Self {
+        Self { overlap: overlap.store(), normal: normal.store(), point: point.store() }
+    }
+
+    #[inline(always)]
+    fn of_lane(&self, lane: usize) -> Touch {
+        let [nx, ny, nz] = &self.normal;
+        let [px, py, pz] = &self.point;
+        Touch {
+            overlap: self.overlap[lane],
+            normal: Vec3::new(nx[lane], ny[lane], nz[lane]),
+            point: Vec3::new(px[lane], py[lane], pz[lane]),
+        }
     }
 }
 
@@ -251,14 +368,6 @@ impl Outcome {
     }
 }
 
-/// Where Newton's method ended.
-enum Minimum {
-    /// With this clearance.
-    Apart(f64),
-    At(Touch),
-    Failed(Why),
-}
-
 /// The safeguarded search for one pair, in units of the pair's length.
 struct Search<'a> {
     frames: [&'a Mat3; 2],
@@ -296,115 +405,52 @@ impl<'a> Search<'a> {
             pair: Ellipsoids { a, b, r: triple(&(r * per_metre)) },
             certain: certain[0] + certain[1],
         };
-        let start = warm.copied().or_else(|| {
-            let along = vector(search.pair.cold_start());
-            let squared = along.norm_squared();
-            (squared > 0.0).then(|| along / squared.sqrt())
-        });
-        // Without a start the centres coincide.
-        start.map_or(Outcome::Failed(Why::TooDeep), |n| search.resolve(&n).in_metres(unit))
+        let start = warm.copied().unwrap_or_else(|| vector(search.pair.cold_start().unit()));
+        if squared == 0.0 && warm.is_none() {
+            // The centres coincide.
+            return Outcome::Failed(Why::TooDeep);
+        }
+        search.resolve(&start).in_metres(unit)
     }
 
     fn resolve(&self, start: &Vec3) -> Outcome {
         let mut best = match self.minimise(start) {
-            Minimum::Apart(clearance) => return Outcome::Apart(clearance),
-            Minimum::At(touch) if touch.overlap < self.certain => return touch.outcome(),
-            Minimum::At(touch) => Ok(touch),
-            Minimum::Failed(why) => Err(why),
+            Outcome::Touching(touch) if touch.overlap >= self.certain => Ok(touch),
+            Outcome::Failed(why) => Err(why),
+            certain => return certain,
         };
         for frame in self.frames {
             for axis in frame.column_iter() {
                 for start in [axis.into_owned(), -axis] {
                     match self.minimise(&start) {
-                        Minimum::Apart(clearance) => return Outcome::Apart(clearance),
-                        Minimum::At(touch) if best.is_ok_and(|b| b.overlap <= touch.overlap) => {}
-                        Minimum::At(touch) => best = Ok(touch),
-                        Minimum::Failed(_) => {}
+                        apart @ Outcome::Apart(_) => return apart,
+                        Outcome::Touching(touch)
+                            if best.is_ok_and(|b| b.overlap <= touch.overlap) => {}
+                        Outcome::Touching(touch) => best = Ok(touch),
+                        Outcome::Failed(_) => {}
                     }
                 }
             }
         }
-        best.map_or_else(Outcome::Failed, Touch::outcome)
+        best.map_or_else(Outcome::Failed, Outcome::Touching)
     }
 
     /// Goes downhill from `start`, a unit vector.
-    fn minimise(&self, start: &Vec3) -> Minimum {
-        let mut here = self.pair.evaluate(triple(start));
-        let mut evaluations = 1;
-        if here.delta <= 0.0 {
-            return Minimum::Apart(-here.delta);
-        }
-        if !here.delta.is_finite() {
-            return Minimum::Failed(Why::NotFinite);
-        }
-        loop {
-            let hessian = self.pair.hessian(&here);
-            let mut step = newton_step(&hessian, here.gradient, shift(&hessian, here.delta));
-            let squared = step.norm_squared();
-            if squared > LONGEST_STEP * LONGEST_STEP {
-                step *= LONGEST_STEP / squared.sqrt();
-            }
-            let mut slope = vector(here.gradient).dot(&step);
-            here = loop {
-                if evaluations == EVALUATIONS {
-                    return Minimum::Failed(Why::NoConvergence);
-                }
-                let there = (vector(here.normal) + step).normalize();
-                let there = self.pair.evaluate(triple(&there));
-                evaluations += 1;
-                if there.delta <= 0.0 {
-                    return Minimum::Apart(-there.delta);
-                }
-                if there.delta <= (here.delta + SUFFICIENT * slope) + ROUNDING {
-                    break there;
-                }
-                step *= 0.5;
-                slope *= 0.5;
-            };
-            if step.norm_squared() < LAST_STEP * LAST_STEP {
-                return if exceeds(&hessian, here.delta, FLAT) {
-                    Minimum::At(self.corrected(&here, &hessian))
-                } else {
-                    // A saddle or a maximum: the bodies are too deep in each other for this start.
-                    Minimum::Failed(Why::TooDeep)
-                };
-            }
+    fn minimise(&self, start: &Vec3) -> Outcome {
+        let end = self.pair.descend(triple(start), 1, EVALUATIONS);
+        if end.apart == 1 {
+            Outcome::Apart(-end.overlap)
+        } else if end.minimum == 1 {
+            let (normal, point) = (vector(end.normal), vector(end.point));
+            Touch { overlap: end.overlap, normal, point }.outcome()
+        } else if end.saddle == 1 {
+            Outcome::Failed(Why::TooDeep)
+        } else if end.overlap.is_finite() {
+            Outcome::Failed(Why::NoConvergence)
+        } else {
+            Outcome::Failed(Why::NotFinite)
         }
     }
-
-    /// The touch after one more step with the last Hessian.
-    fn corrected(&self, e: &Evaluation<f64>, hessian: &Hessian<f64>) -> Touch {
-        let newton = newton_step(hessian, e.gradient, e.delta);
-        // A minimum that is flat to rounding has no better point.
-        let small = newton.norm_squared() < LAST_STEP * LAST_STEP;
-        let step = if small { newton } else { Vec3::zeros() };
-        Touch {
-            overlap: e.delta + 0.5 * vector(e.gradient).dot(&step),
-            normal: (vector(e.normal) + step).normalize(),
-            point: vector(self.pair.point_after(e, triple(&step))),
-        }
-    }
-}
-
-/// Newton's step `-(H - shift)⁻¹ g` on the tangent plane.
-#[inline]
-fn newton_step(hessian: &Hessian<f64>, gradient: Triple<f64>, shift: f64) -> Vec3 {
-    vector(hessian.scaled_step(gradient, shift)) / hessian.determinant(shift)
-}
-
-/// Newton's own shift is `δ`, wherever its step leads downhill. Elsewhere a little less than the product
-/// over the sum of the eigenvalues, which is below both of them.
-#[inline]
-fn shift(hessian: &Hessian<f64>, delta: f64) -> f64 {
-    if exceeds(hessian, delta, 0.0) { delta } else { 0.9 * (hessian.product / hessian.trace) }
-}
-
-/// Are both eigenvalues of `H - shift` on the tangent plane positive? `slack`, a small number, lets
-/// the product be that much below zero relative to the square of the sum.
-#[inline]
-fn exceeds(hessian: &Hessian<f64>, shift: f64, slack: f64) -> bool {
-    hessian.determinant(shift) > -slack * (hessian.trace * hessian.trace)
-        && 2.0 * shift < hessian.trace
 }
 
 #[inline]

@@ -18,6 +18,15 @@ pub(super) trait Lanes:
 
     /// The square root.
     fn sqrt(self) -> Self;
+
+    /// Bit `k` is set where lane `k` is less than that of `other`; never where one is not a number.
+    fn less(self, other: Self) -> u8;
+
+    /// The same, or equal.
+    fn at_most(self, other: Self) -> u8;
+
+    /// Of each lane this number where its bit of `mask` is set, else that of `other`.
+    fn or(self, other: Self, mask: u8) -> Self;
 }
 
 impl Lanes for f64 {
@@ -29,6 +38,21 @@ impl Lanes for f64 {
     #[inline(always)]
     fn sqrt(self) -> Self {
         Self::sqrt(self)
+    }
+
+    #[inline(always)]
+    fn less(self, other: Self) -> u8 {
+        u8::from(self < other)
+    }
+
+    #[inline(always)]
+    fn at_most(self, other: Self) -> u8 {
+        u8::from(self <= other)
+    }
+
+    #[inline(always)]
+    fn or(self, other: Self, mask: u8) -> Self {
+        if mask & 1 == 1 { self } else { other }
     }
 }
 
@@ -42,9 +66,6 @@ pub(super) trait Eight: Lanes {
 
     /// To memory.
     fn store(self) -> [f64; WIDTH];
-
-    /// Bit `k` is set where lane `k` is less than that of `other`; never where one is not a number.
-    fn less(self, other: Self) -> u8;
 }
 
 /// Eight lanes without vector registers, or with those that every processor has.
@@ -78,6 +99,35 @@ impl Lanes for Portable {
     fn sqrt(self) -> Self {
         Self(self.0.map(f64::sqrt))
     }
+
+    #[inline(always)]
+    fn less(self, other: Self) -> u8 {
+        let mut bits = 0;
+        for lane in 0..WIDTH {
+            bits |= u8::from(self.0[lane] < other.0[lane]) << lane;
+        }
+        bits
+    }
+
+    #[inline(always)]
+    fn at_most(self, other: Self) -> u8 {
+        let mut bits = 0;
+        for lane in 0..WIDTH {
+            bits |= u8::from(self.0[lane] <= other.0[lane]) << lane;
+        }
+        bits
+    }
+
+    #[inline(always)]
+    fn or(self, other: Self, mask: u8) -> Self {
+        let mut numbers = other.0;
+        for lane in 0..WIDTH {
+            if mask >> lane & 1 == 1 {
+                numbers[lane] = self.0[lane];
+            }
+        }
+        Self(numbers)
+    }
 }
 
 impl Eight for Portable {
@@ -89,15 +139,6 @@ impl Eight for Portable {
     #[inline(always)]
     fn store(self) -> [f64; WIDTH] {
         self.0
-    }
-
-    #[inline(always)]
-    fn less(self, other: Self) -> u8 {
-        let mut bits = 0;
-        for lane in 0..WIDTH {
-            bits |= u8::from(self.0[lane] < other.0[lane]) << lane;
-        }
-        bits
     }
 }
 
@@ -116,6 +157,35 @@ mod avx {
     /// it do.
     #[derive(Clone, Copy)]
     pub(in crate::contact) struct Avx(intel::__m256d, intel::__m256d);
+
+    /// All bits of a lane for each bit of a mask.
+    static CHOICES: [[u64; 4]; 16] = {
+        let mut choices = [[0; 4]; 16];
+        let mut mask = 0;
+        while mask < 16 {
+            let mut lane = 0;
+            while lane < 4 {
+                choices[mask][lane] = if mask >> lane & 1 == 1 { u64::MAX } else { 0 };
+                lane += 1;
+            }
+            mask += 1;
+        }
+        choices
+    };
+
+    impl Avx {
+        #[inline(always)]
+        fn compare<const HOW: i32>(self, other: Self) -> u8 {
+            // SAFETY: the processor has AVX, see the type.
+            let (low, high) = unsafe {
+                (
+                    intel::_mm256_movemask_pd(intel::_mm256_cmp_pd::<HOW>(self.0, other.0)),
+                    intel::_mm256_movemask_pd(intel::_mm256_cmp_pd::<HOW>(self.1, other.1)),
+                )
+            };
+            (low | (high << 4)) as u8
+        }
+    }
 
     macro_rules! registerwise {
         ($trait:ident, $method:ident, $instruction:ident) => {
@@ -152,6 +222,30 @@ mod avx {
             // SAFETY: the processor has AVX, see the type.
             unsafe { Self(intel::_mm256_sqrt_pd(self.0), intel::_mm256_sqrt_pd(self.1)) }
         }
+
+        #[inline(always)]
+        fn less(self, other: Self) -> u8 {
+            self.compare::<{ intel::_CMP_LT_OQ }>(other)
+        }
+
+        #[inline(always)]
+        fn at_most(self, other: Self) -> u8 {
+            self.compare::<{ intel::_CMP_LE_OQ }>(other)
+        }
+
+        #[inline(always)]
+        fn or(self, other: Self, mask: u8) -> Self {
+            let [low, high] = [mask & 15, mask >> 4].map(usize::from);
+            // SAFETY: the processor has AVX, see the type; the tables hold four numbers a row.
+            unsafe {
+                let low = intel::_mm256_loadu_pd(CHOICES[low].as_ptr().cast());
+                let high = intel::_mm256_loadu_pd(CHOICES[high].as_ptr().cast());
+                Self(
+                    intel::_mm256_blendv_pd(other.0, self.0, low),
+                    intel::_mm256_blendv_pd(other.1, self.1, high),
+                )
+            }
+        }
     }
 
     impl Eight for Avx {
@@ -172,22 +266,6 @@ mod avx {
                 intel::_mm256_storeu_pd(start.add(4), self.1);
             }
             numbers
-        }
-
-        #[inline(always)]
-        fn less(self, other: Self) -> u8 {
-            // SAFETY: the processor has AVX, see the type.
-            let (low, high) = unsafe {
-                (
-                    intel::_mm256_movemask_pd(intel::_mm256_cmp_pd::<{ intel::_CMP_LT_OQ }>(
-                        self.0, other.0,
-                    )),
-                    intel::_mm256_movemask_pd(intel::_mm256_cmp_pd::<{ intel::_CMP_LT_OQ }>(
-                        self.1, other.1,
-                    )),
-                )
-            };
-            (low | (high << 4)) as u8
         }
     }
 }
@@ -216,6 +294,22 @@ impl<L: Lanes> Triple<L> {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
     }
 
+    /// As for one number.
+    #[inline(always)]
+    pub(super) fn or(self, other: Self, mask: u8) -> Self {
+        Self {
+            x: self.x.or(other.x, mask),
+            y: self.y.or(other.y, mask),
+            z: self.z.or(other.z, mask),
+        }
+    }
+
+    /// The vector of length one.
+    #[inline(always)]
+    pub(super) fn unit(self) -> Self {
+        self.times(L::all(1.0) / self.dot(self).sqrt())
+    }
+
     #[inline(always)]
     pub(super) fn dot(self, other: Self) -> L {
         (self.x * other.x + self.y * other.y) + self.z * other.z
@@ -239,6 +333,12 @@ impl<L: Eight> Triple<L> {
     pub(super) fn load(numbers: &[[f64; WIDTH]; 3]) -> Self {
         Self { x: L::load(&numbers[0]), y: L::load(&numbers[1]), z: L::load(&numbers[2]) }
     }
+
+    /// To memory.
+    #[inline(always)]
+    pub(super) fn store(self) -> [[f64; WIDTH]; 3] {
+        [self.x.store(), self.y.store(), self.z.store()]
+    }
 }
 
 impl<L: Eight> Symmetric<L> {
@@ -257,6 +357,19 @@ impl<L: Eight> Symmetric<L> {
 }
 
 impl<L: Lanes> Symmetric<L> {
+    /// Every entry times a number.
+    #[inline(always)]
+    pub(super) fn scaled(&self, factor: L) -> Self {
+        Self {
+            xx: self.xx * factor,
+            yy: self.yy * factor,
+            zz: self.zz * factor,
+            xy: self.xy * factor,
+            xz: self.xz * factor,
+            yz: self.yz * factor,
+        }
+    }
+
     /// The matrix times a vector.
     #[inline(always)]
     pub(super) fn times(&self, v: Triple<L>) -> Triple<L> {

@@ -6,12 +6,27 @@
 //! Matrix Manifolds*, chapters 5 and 6); no basis of that plane is needed, because there
 //! `W⁻¹ = (tr W - W) / det W`.
 //!
+//! [`Ellipsoids::descend`] is the search: Newton's method made safe by a shift that keeps the Hessian positive
+//! definite, by a longest step and by a line search. Every lane goes its own way and rests when it has arrived.
+//!
 //! No closures here or in `lanes`: unlike functions, they cannot be told to be inlined, and would be compiled
 //! without vector registers.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use super::lanes::{Lanes, Symmetric, Triple};
+
+/// Longest step [rad].
+const LONGEST_STEP: f64 = 0.5;
+/// A step shorter than this [rad] is the last: quadratic convergence leaves 1e-12, the closing correction
+/// nothing.
+const LAST_STEP: f64 = 1e-6;
+/// Part of the predicted decrease that a step must bring (Armijo).
+const SUFFICIENT: f64 = 1e-4;
+/// Rounding of the Hessian's determinant at a flat minimum, relative to the square of its trace.
+const FLAT: f64 = 1e-12;
+/// Rounding of `δ`, in units of the pair's length.
+const ROUNDING: f64 = 4e-15;
 
 /// Two ellipsoids and their relative position `r`.
 #[derive(Clone, Copy)]
@@ -46,12 +61,41 @@ pub(super) struct Hessian<L> {
     pub(super) product: L,
 }
 
+/// Where the lanes of a search ended: in exactly one of the three masks, or nowhere.
+#[derive(Clone, Copy)]
+pub(super) struct Ends<L> {
+    /// Apart: a direction with `δ <= 0` was found.
+    pub(super) apart: u8,
+    /// At a minimum.
+    pub(super) minimum: u8,
+    /// At a saddle or a maximum: the bodies are too deep in each other for this start.
+    pub(super) saddle: u8,
+    /// `δ` of lanes that are apart, the overlap at a minimum.
+    pub(super) overlap: L,
+    pub(super) normal: Triple<L>,
+    pub(super) point: Triple<L>,
+}
+
 impl<L: Lanes> Ellipsoids<L> {
+    /// The same in other units.
+    #[inline(always)]
+    pub(super) fn scaled(&self, factor: L) -> Self {
+        let square = factor * factor;
+        Self { a: self.a.scaled(square), b: self.b.scaled(square), r: self.r.times(factor) }
+    }
+
     /// `adj(A + B) r`, parallel to `(A + B)⁻¹ r`: the normal of two spheres, and of ellipsoids of one form
     /// and orientation that touch. Of any length.
     #[inline(always)]
     pub(super) fn cold_start(&self) -> Triple<L> {
         self.a.plus(&self.b).adjugate().times(self.r)
+    }
+
+    /// `δ` alone.
+    #[inline(always)]
+    pub(super) fn delta(&self, normal: Triple<L>) -> L {
+        let (qa, qb) = (normal.dot(self.a.times(normal)), normal.dot(self.b.times(normal)));
+        (qa.sqrt() + qb.sqrt()) - normal.dot(self.r)
     }
 
     #[inline(always)]
@@ -84,6 +128,62 @@ impl<L: Lanes> Ellipsoids<L> {
         Hessian { entries: h, trace: (h.xx + h.yy) + h.zz, product }
     }
 
+    /// Goes downhill from `start`, unit vectors, in those of eight lanes whose bits are set; lengths are in units of
+    /// the pair's length. A lane that has not arrived after so many `evaluations` ends nowhere, and so does
+    /// one that meets what is not a number.
+    #[inline(always)]
+    pub(super) fn descend(&self, start: Triple<L>, lanes: u8, evaluations: u32) -> Ends<L> {
+        let zero = L::all(0.0);
+        let mut here = self.evaluate(start);
+        let apart = lanes & here.delta.at_most(zero);
+        let mut ends =
+            Ends { apart, minimum: 0, saddle: 0, overlap: here.delta, normal: start, point: start };
+        let mut going = lanes & zero.less(here.delta);
+        // What is left of a step after the line search.
+        let mut fraction = L::all(1.0);
+        for _ in 1..evaluations {
+            if going == 0 {
+                break;
+            }
+            let hessian = self.hessian(&here);
+            let step = hessian.safe_step(&here, going).times(fraction);
+            let slope = here.gradient.dot(step);
+            let there = self.evaluate(here.normal.plus(step).unit());
+            let apart = going & there.delta.at_most(zero);
+            let enough = (here.delta + L::all(SUFFICIENT) * slope) + L::all(ROUNDING);
+            let taken = going & !apart & there.delta.at_most(enough);
+            let last = taken & step.dot(step).less(L::all(LAST_STEP * LAST_STEP));
+            if apart != 0 {
+                ends.apart |= apart;
+                ends.overlap = there.delta.or(ends.overlap, apart);
+            }
+            if last != 0 {
+                let minimum = hessian.exceeds(there.delta, FLAT);
+                ends.minimum |= last & minimum;
+                ends.saddle |= last & !minimum;
+                self.correct(&there, &hessian, last, &mut ends);
+            }
+            going &= !(apart | last);
+            here = there.or(&here, taken);
+            fraction = L::all(1.0).or(fraction * L::all(0.5), taken);
+        }
+        ends
+    }
+
+    /// One more step with the last Hessian, for the lanes of `last`.
+    #[inline(always)]
+    fn correct(&self, e: &Evaluation<L>, hessian: &Hessian<L>, last: u8, ends: &mut Ends<L>) {
+        let zero = L::all(0.0);
+        let newton = hessian.step(e.gradient, e.delta);
+        // A minimum that is flat to rounding has no better point.
+        let small = newton.dot(newton).less(L::all(LAST_STEP * LAST_STEP));
+        let step = newton.or(Triple { x: zero, y: zero, z: zero }, small);
+        let overlap = e.delta + L::all(0.5) * e.gradient.dot(step);
+        ends.overlap = overlap.or(ends.overlap, last);
+        ends.normal = e.normal.plus(step).unit().or(ends.normal, last);
+        ends.point = self.point_after(e, step).or(ends.point, last);
+    }
+
     /// Where the support points go when the normal turns by `step`: each follows its own body's
     /// compliance, which keeps the contact point quiet where a surface is nearly flat. Their middle,
     /// seen from the centre of A, is the contact point.
@@ -107,6 +207,22 @@ fn follow<L: Lanes>(
     point.plus(along.times(inverse))
 }
 
+impl<L: Lanes> Evaluation<L> {
+    /// This one in the lanes of `mask`, else the other.
+    #[inline(always)]
+    fn or(&self, other: &Self, mask: u8) -> Self {
+        Self {
+            normal: self.normal.or(other.normal, mask),
+            on_a: self.on_a.or(other.on_a, mask),
+            on_b: self.on_b.or(other.on_b, mask),
+            inverse_a: self.inverse_a.or(other.inverse_a, mask),
+            inverse_b: self.inverse_b.or(other.inverse_b, mask),
+            delta: self.delta.or(other.delta, mask),
+            gradient: self.gradient.or(other.gradient, mask),
+        }
+    }
+}
+
 impl<L: Lanes> Hessian<L> {
     /// `det (H - shift)` on the tangent plane.
     #[inline(always)]
@@ -118,5 +234,39 @@ impl<L: Lanes> Hessian<L> {
     #[inline(always)]
     pub(super) fn scaled_step(&self, gradient: Triple<L>, shift: L) -> Triple<L> {
         self.entries.times(gradient).minus(gradient.times(self.trace - shift))
+    }
+
+    /// Newton's step `-(H - shift)⁻¹ g` on the tangent plane.
+    #[inline(always)]
+    fn step(&self, gradient: Triple<L>, shift: L) -> Triple<L> {
+        self.scaled_step(gradient, shift).times(L::all(1.0) / self.determinant(shift))
+    }
+
+    /// Newton's step where it leads downhill, else one with a shift that does; no longer than the longest.
+    /// Lanes out of `going` do not matter.
+    #[inline(always)]
+    fn safe_step(&self, here: &Evaluation<L>, going: u8) -> Triple<L> {
+        let mut shift = here.delta;
+        let downhill = self.exceeds(here.delta, 0.0);
+        if going & !downhill != 0 {
+            // A little less than the product over the sum of the eigenvalues, which is below both of them.
+            let below = L::all(0.9) * (self.product / self.trace);
+            shift = shift.or(below, downhill);
+        }
+        let step = self.step(here.gradient, shift);
+        let squared = step.dot(step);
+        let long = L::all(LONGEST_STEP * LONGEST_STEP).less(squared);
+        if going & long == 0 {
+            return step;
+        }
+        step.times((L::all(LONGEST_STEP) / squared.sqrt()).or(L::all(1.0), long))
+    }
+
+    /// Are both eigenvalues of `H - shift` on the tangent plane positive? `slack`, a small number, lets
+    /// the product be that much below zero relative to the square of the sum.
+    #[inline(always)]
+    fn exceeds(&self, shift: L, slack: f64) -> u8 {
+        let least = L::all(-slack) * (self.trace * self.trace);
+        least.less(self.determinant(shift)) & (shift + shift).less(self.trace)
     }
 }

@@ -1,0 +1,236 @@
+//! Errors and times of every method on the pairs of one grain.
+
+use crate::methods::{Contestant, Family};
+use crate::pairs::{Grain, Pairs, Truth};
+use dem_mpi::contact::{CommonNormal, ContactResolver, Found, History, Outcome};
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+/// How long to measure.
+pub(crate) struct Effort {
+    pairs: u64,
+    rounds: usize,
+    /// A method runs at least this long at a time.
+    least: Duration,
+}
+
+impl Effort {
+    pub(crate) const FULL: Self =
+        Self { pairs: 1024, rounds: 31, least: Duration::from_micros(400) };
+    pub(crate) const QUICK: Self = Self { pairs: 128, rounds: 3, least: Duration::from_micros(50) };
+}
+
+/// What is known before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Start {
+    Cold,
+    /// The normal, off by [`TURNED`].
+    Warm,
+}
+
+impl Start {
+    pub(crate) const BOTH: [Self; 2] = [Self::Cold, Self::Warm];
+
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Cold => "cold",
+            Self::Warm => "warm",
+        }
+    }
+}
+
+/// How far a grain turns in a step [rad].
+const TURNED: f64 = 1e-4;
+/// Largest overlap and clearance [short axes].
+const DEEPEST: f64 = 0.05;
+const FARTHEST: f64 = 1.0;
+/// What the truth and the common normal may differ by, relative to the longest axis.
+const ROUNDING: f64 = 1e-14;
+
+/// Nanoseconds per pair: the median over the rounds, and the quartiles.
+#[derive(Clone, Copy)]
+pub(crate) struct Time {
+    pub(crate) median: f64,
+    pub(crate) quartiles: [f64; 2],
+}
+
+/// Of the errors of many contacts.
+#[derive(Clone, Copy)]
+pub(crate) struct Spread {
+    pub(crate) median: f64,
+    pub(crate) p99: f64,
+    pub(crate) max: f64,
+}
+
+impl Spread {
+    fn of(mut values: Vec<f64>) -> Self {
+        if values.is_empty() {
+            return Self { median: f64::NAN, p99: f64::NAN, max: f64::NAN };
+        }
+        values.sort_by(f64::total_cmp);
+        let at = |percent: usize| values[(values.len() - 1) * percent / 100];
+        Self { median: at(50), p99: at(99), max: at(100) }
+    }
+}
+
+/// Who was measured on what.
+#[derive(Clone)]
+pub(crate) struct Entry {
+    pub(crate) grain: String,
+    pub(crate) start: Start,
+    pub(crate) family: Family,
+    pub(crate) settings: String,
+    /// Both in one.
+    pub(crate) method: String,
+}
+
+/// A method on touching pairs. Lengths in short axes.
+pub(crate) struct Contacts {
+    pub(crate) entry: Entry,
+    pub(crate) time: Time,
+    pub(crate) overlap: Spread,
+    pub(crate) relative_overlap: Spread,
+    /// [rad]
+    pub(crate) normal: Spread,
+    pub(crate) point: Spread,
+    pub(crate) missed: usize,
+    pub(crate) failed: usize,
+}
+
+/// A method on pairs that are apart.
+pub(crate) struct Rejections {
+    pub(crate) entry: Entry,
+    pub(crate) time: Time,
+    /// Said to touch.
+    pub(crate) spurious: usize,
+    pub(crate) failed: usize,
+}
+
+/// Measures everything on one grain.
+pub(crate) fn grain(
+    grain: &Grain,
+    contestants: &[Contestant],
+    effort: &Effort,
+) -> (Vec<Contacts>, Vec<Rejections>) {
+    let touching = Pairs::case_3(grain, effort.pairs, |unit| DEEPEST * unit);
+    let apart = Pairs::case_3(grain, effort.pairs, |unit| -FARTHEST * unit);
+    check(&touching, grain);
+    let (mut contacts, mut rejections) = (Vec::new(), Vec::new());
+    for start in Start::BOTH {
+        let entry = |contestant: &Contestant| Entry {
+            grain: grain.name.clone(),
+            start,
+            family: contestant.family,
+            settings: contestant.settings.clone(),
+            method: contestant.name(),
+        };
+        let remembered = |pairs: &Pairs| match start {
+            Start::Cold => pairs.strangers(),
+            Start::Warm => pairs.acquaintances(TURNED),
+        };
+        let history = remembered(&touching);
+        let times = times(contestants, &touching, &history, effort);
+        for (contestant, time) in contestants.iter().zip(times) {
+            contacts.push(errors(contestant, &touching, &history, entry(contestant), time));
+        }
+        let history = remembered(&apart);
+        let times = self::times(contestants, &apart, &history, effort);
+        for (contestant, time) in contestants.iter().zip(times) {
+            let found = resolve(contestant, &apart, &history);
+            let (spurious, failed) = (found.contacts.len(), found.failed.len());
+            rejections.push(Rejections { entry: entry(contestant), time, spurious, failed });
+        }
+    }
+    (contacts, rejections)
+}
+
+/// The pairs are what they were built to be: searches from the common normal's own start and from all axes
+/// of both bodies find the same overlap, and none finds less.
+fn check(pairs: &Pairs, grain: &Grain) {
+    let rounding = ROUNDING * grain.shape.bounding_radius();
+    for (index, truth) in pairs.truth.iter().enumerate() {
+        let (a, b, r) = pairs.pair(index);
+        let axes = [a.frame, b.frame].into_iter().flat_map(|frame| frame.column_iter());
+        let starts = axes.flat_map(|axis| [Some(axis.into_owned()), Some(-axis)]);
+        for start in starts.chain([None]) {
+            let outcome = CommonNormal.touch(&a, &b, &r, start.as_ref());
+            let Outcome::Touching(touch) = outcome else {
+                panic!("{}, pair {index}: {outcome:?}", grain.name)
+            };
+            let off = (touch.overlap - truth.overlap).abs();
+            assert!(off <= rounding, "{}, pair {index}: overlap off by {off:e}", grain.name);
+        }
+    }
+}
+
+fn resolve(contestant: &Contestant, pairs: &Pairs, history: &[History]) -> Found {
+    let mut found = Found::default();
+    contestant.resolver.resolve(&pairs.batch(history), &mut found);
+    found
+}
+
+/// The time of each method: in turn, again and again, so that a busy machine slows all of them.
+fn times(
+    contestants: &[Contestant],
+    pairs: &Pairs,
+    history: &[History],
+    effort: &Effort,
+) -> Vec<Time> {
+    let batch = pairs.batch(history);
+    let mut found = Found::default();
+    let mut samples = vec![Vec::new(); contestants.len()];
+    for _ in 0..effort.rounds {
+        for (contestant, samples) in contestants.iter().zip(&mut samples) {
+            let begin = Instant::now();
+            let mut runs = 0;
+            let spent = loop {
+                found.clear();
+                contestant.resolver.resolve(black_box(&batch), &mut found);
+                runs += 1;
+                let spent = begin.elapsed();
+                if spent >= effort.least {
+                    break spent;
+                }
+            };
+            black_box(&found);
+            samples.push(spent.as_secs_f64() * 1e9 / (runs * pairs.truth.len()) as f64);
+        }
+    }
+    samples
+        .into_iter()
+        .map(|mut samples: Vec<f64>| {
+            samples.sort_by(f64::total_cmp);
+            let at = |quarter: usize| samples[(samples.len() - 1) * quarter / 4];
+            Time { median: at(2), quartiles: [at(1), at(3)] }
+        })
+        .collect()
+}
+
+fn errors(
+    contestant: &Contestant,
+    pairs: &Pairs,
+    history: &[History],
+    entry: Entry,
+    time: Time,
+) -> Contacts {
+    let found = resolve(contestant, pairs, history);
+    let of_all = |error: &dyn Fn(&dem_mpi::contact::Touch, &Truth) -> f64| {
+        let errors = found.contacts.iter().map(|contact| {
+            let truth = &pairs.truth[contact.pair as usize];
+            error(&contact.touch, truth)
+        });
+        Spread::of(errors.collect())
+    };
+    Contacts {
+        time,
+        overlap: of_all(&|touch, truth| (touch.overlap - truth.overlap).abs()),
+        relative_overlap: of_all(&|touch, truth| (touch.overlap / truth.overlap - 1.0).abs()),
+        normal: of_all(&|touch, truth| {
+            touch.normal.cross(&truth.normal).norm().atan2(touch.normal.dot(&truth.normal))
+        }),
+        point: of_all(&|touch, truth| (touch.point - truth.point).norm()),
+        missed: pairs.truth.len() - found.contacts.len() - found.failed.len(),
+        failed: found.failed.len(),
+        entry,
+    }
+}

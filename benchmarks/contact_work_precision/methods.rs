@@ -1,0 +1,77 @@
+//! Who takes part, and with what settings.
+
+use crate::parry::Parry;
+use dem_mpi::contact::{CommonNormal, ContactResolver, Epa, ErodedGjk, Outcome, Posed};
+use dem_mpi::math::Vec3;
+
+/// Methods that share a colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Family {
+    CommonNormal,
+    Erosion,
+    Epa,
+    Parry,
+}
+
+impl Family {
+    pub(crate) const ALL: [Self; 4] = [Self::CommonNormal, Self::Erosion, Self::Epa, Self::Parry];
+
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::CommonNormal => "common normal",
+            Self::Erosion => "GJK-erosion",
+            Self::Epa => "GJK+EPA",
+            Self::Parry => "parry3d-f64",
+        }
+    }
+}
+
+/// A method with its settings.
+pub(crate) struct Contestant {
+    pub(crate) family: Family,
+    pub(crate) settings: String,
+    pub(crate) resolver: Box<dyn ContactResolver>,
+}
+
+impl Contestant {
+    fn new(family: Family, settings: String, resolver: impl ContactResolver + 'static) -> Self {
+        Self { family, settings, resolver: Box::new(resolver) }
+    }
+
+    pub(crate) fn name(&self) -> String {
+        format!("{} {}", self.family.name(), self.settings)
+    }
+}
+
+/// Every method with every setting.
+pub(crate) fn contestants() -> Vec<Contestant> {
+    let mut all = vec![
+        Contestant::new(Family::CommonNormal, "batch".into(), CommonNormal),
+        Contestant::new(Family::CommonNormal, "one by one".into(), OneByOne(CommonNormal)),
+    ];
+    let paper = ErodedGjk::default();
+    let ratios = [0.01, 0.02, 0.05, 0.1].map(|ratio| ErodedGjk { ratio, ..paper });
+    let tolerances = [1e-3, 1e-6].map(|tolerance| ErodedGjk { tolerance, ..paper });
+    for erosion in ratios.into_iter().chain(tolerances) {
+        let settings = format!("{} % {:e}", 100.0 * erosion.ratio, erosion.tolerance);
+        all.push(Contestant::new(Family::Erosion, settings, erosion));
+    }
+    for tolerance in [1e-4, 1e-6, 1e-8, 1e-10] {
+        all.push(Contestant::new(Family::Epa, format!("{tolerance:e}"), Epa { tolerance }));
+    }
+    all.push(Contestant::new(Family::Parry, "its own".into(), Parry));
+    all
+}
+
+/// A resolver without what it can do for many pairs at once.
+struct OneByOne<R>(R);
+
+impl<R: ContactResolver> ContactResolver for OneByOne<R> {
+    fn name(&self) -> &'static str {
+        self.0.name()
+    }
+
+    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
+        self.0.touch(a, b, r, warm)
+    }
+}

@@ -1,0 +1,171 @@
+//! Random pairs whose overlap, normal and contact point are known because they were built from them.
+
+use dem_mpi::contact::{
+    Batch, Bodies, CommonNormal, ContactResolver, History, Outcome, Pair, Posed,
+};
+use dem_mpi::ids::{ShapeId, Slot};
+use dem_mpi::math::{Mat3, Vec3};
+use dem_mpi::random::Random;
+use dem_mpi::shape::{Ellipsoid, Form, Shape};
+
+/// A shape under a name.
+pub(crate) struct Grain {
+    pub(crate) name: String,
+    pub(crate) shape: Shape,
+}
+
+/// Short axis of every grain: the unit of length.
+const SHORT_AXIS: f64 = 1.0;
+
+/// The grains of the benchmark: spheroids with a short axis of 1.
+pub(crate) fn grains() -> Vec<Grain> {
+    let half = 0.5 * SHORT_AXIS;
+    let grain = |name: String, axes: [f64; 3]| Grain {
+        name,
+        shape: Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::from(axes) * half }),
+    };
+    let mut all = vec![grain("sphere".into(), [1.0, 1.0, 1.0])];
+    for ratio in [2.0, 4.0, 10.0] {
+        all.push(grain(format!("prolate {ratio}"), [ratio, 1.0, 1.0]));
+        all.push(grain(format!("oblate {ratio}"), [ratio, ratio, 1.0]));
+    }
+    all
+}
+
+/// What is known of a pair.
+#[derive(Clone, Copy)]
+pub(crate) struct Truth {
+    /// A clearance if negative [short axes].
+    pub(crate) overlap: f64,
+    pub(crate) normal: Vec3,
+    /// From the centre of A.
+    pub(crate) point: Vec3,
+}
+
+/// Pairs of bodies of their own, as a rank holds them.
+#[derive(Default)]
+pub(crate) struct Pairs {
+    position: Vec<Vec3>,
+    frame: Vec<Mat3>,
+    form: Vec<Form>,
+    shape: Vec<ShapeId>,
+    library: Vec<Shape>,
+    pairs: Vec<Pair>,
+    active: Vec<u32>,
+    pub(crate) truth: Vec<Truth>,
+}
+
+impl Pairs {
+    pub(crate) fn of(library: Vec<Shape>) -> Self {
+        Self { library, ..Self::default() }
+    }
+
+    /// Two bodies with this overlap along this normal.
+    ///
+    /// The normal is the common one, as it is that of both support points; that no other direction has a smaller
+    /// overlap is certain if the bodies do not touch, or by less than their least radii of curvature.
+    pub(crate) fn push(
+        &mut self,
+        shapes: [ShapeId; 2],
+        frames: [Mat3; 2],
+        overlap: f64,
+        normal: Vec3,
+    ) {
+        let [a, b] = [0, 1]
+            .map(|side| Posed { shape: &self.library[shapes[side].index()], frame: &frames[side] });
+        let on_a = a.support(&normal);
+        let r = on_a - b.support(&-normal) - normal * overlap;
+        self.truth.push(Truth { overlap, normal, point: on_a - normal * (0.5 * overlap) });
+        self.form.extend([a.shape.form(a.frame), b.shape.form(b.frame)]);
+        self.position.extend([Vec3::zeros(), r]);
+        self.frame.extend(frames);
+        self.shape.extend(shapes);
+        let pair = self.pairs.len() as u32;
+        self.pairs.push(Pair { a: Slot(2 * pair), b: Slot(2 * pair + 1) });
+        self.active.push(pair);
+    }
+
+    /// As case III of Lai et al. (2021): both rotations and the line of centres uniform. Overlaps, or clearances
+    /// if negative, by `overlap` from a number uniform in (0, 1].
+    pub(crate) fn case_3(grain: &Grain, count: u64, overlap: impl Fn(f64) -> f64) -> Self {
+        let mut pairs = Self::of(vec![grain.shape.clone()]);
+        for id in 0..count {
+            let mut random = Random::of(2021, id);
+            let frames = [(); 2].map(|()| rotation(&mut random));
+            let towards = direction(&mut random);
+            let overlap = overlap(1.0 - random.unit());
+            let normal = normal_along(&grain.shape, &frames, &towards);
+            pairs.push([ShapeId(0); 2], frames, overlap, normal);
+        }
+        pairs
+    }
+
+    pub(crate) fn bodies(&self) -> Bodies<'_> {
+        Bodies {
+            position: &self.position,
+            frame: Some(&self.frame),
+            form: Some(&self.form),
+            shape: &self.shape,
+            library: &self.library,
+            period: Vec3::repeat(f64::INFINITY),
+        }
+    }
+
+    pub(crate) fn batch<'a>(&'a self, history: &'a [History]) -> Batch<'a> {
+        Batch { pairs: &self.pairs, history, active: &self.active, bodies: self.bodies() }
+    }
+
+    /// One pair in place.
+    pub(crate) fn pair(&self, index: usize) -> (Posed<'_>, Posed<'_>, Vec3) {
+        let pair = self.pairs[index];
+        // The bodies live as long as this, the view of them only here.
+        let posed = |slot: Slot| Posed {
+            shape: &self.library[self.shape[slot.index()].index()],
+            frame: &self.frame[slot.index()],
+        };
+        (posed(pair.a), posed(pair.b), self.bodies().relative(pair))
+    }
+
+    /// Nothing is known of the last step.
+    pub(crate) fn strangers(&self) -> Vec<History> {
+        vec![History::default(); self.pairs.len()]
+    }
+
+    /// The normals of a step before: off by `turned` rad in a random direction.
+    pub(crate) fn acquaintances(&self, turned: f64) -> Vec<History> {
+        let remembered = |(id, truth): (u64, &Truth)| {
+            let aside = truth.normal.cross(&direction(&mut Random::of(1, id))).normalize();
+            let normal = (truth.normal + aside * turned).normalize();
+            History { normal, ..History::default() }
+        };
+        (0..).zip(&self.truth).map(remembered).collect()
+    }
+}
+
+pub(crate) fn rotation(random: &mut Random) -> Mat3 {
+    *random.rotation().to_rotation_matrix().matrix()
+}
+
+/// Uniform on the sphere.
+pub(crate) fn direction(random: &mut Random) -> Vec3 {
+    random.rotation() * Vec3::x()
+}
+
+/// The common normal of two bodies that touch by a hundredth of the short axis, with B in this direction from A:
+/// by bisection of the distance.
+fn normal_along(shape: &Shape, frames: &[Mat3; 2], towards: &Vec3) -> Vec3 {
+    let [a, b] = frames.each_ref().map(|frame| Posed { shape, frame });
+    let mut normal = *towards;
+    let (mut near, mut far) = (shape.inscribed_radius(), 2.0 * shape.bounding_radius());
+    for _ in 0..20 {
+        let middle = 0.5 * (near + far);
+        match CommonNormal.touch(&a, &b, &(towards * middle), None) {
+            Outcome::Touching(touch) if touch.overlap > 0.01 * SHORT_AXIS => {
+                near = middle;
+                normal = touch.normal;
+            }
+            _ => far = middle,
+        }
+    }
+    normal
+}

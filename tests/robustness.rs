@@ -1,0 +1,332 @@
+//! What no pair may do to contact resolution: bodies of aspect ratio 100, a thousand times as large as their
+//! partners, in any unit, overlapping by a rounding error or wholly. An answer is a number, "apart" is true, and
+//! neither the order of the bodies nor the frame of reference matters.
+//!
+//! The pairs are the same in every run. `DEM_MPI_FUZZ_SECONDS=600` tries others for ten minutes instead; what
+//! fails is shrunk and printed.
+
+use dem_mpi::contact::{ContactResolver, ErodedGjk, Method, Outcome, Posed, Table, table};
+use dem_mpi::math::{Mat3, Quat, Vec3};
+use dem_mpi::shape::{Ellipsoid, Kind, Shape, Sphere};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner};
+use std::time::{Duration, Instant};
+
+/// Random pairs per property.
+const CASES: u32 = 400;
+/// Rounding of an overlap relative to the longer of both bodies.
+const ROUNDING: f64 = 1e-13;
+
+/// A body: its shape in units of the pair's length, and how it lies.
+#[derive(Clone, Debug)]
+struct Body {
+    shape: Shape,
+    frame: Mat3,
+}
+
+impl Body {
+    fn posed(&self) -> Posed<'_> {
+        Posed { shape: &self.shape, frame: &self.frame }
+    }
+
+    fn scaled(&self, unit: f64) -> Self {
+        let shape = match &self.shape {
+            Shape::Sphere(s) => Shape::Sphere(Sphere { radius: s.radius * unit }),
+            Shape::Ellipsoid(e) => Shape::Ellipsoid(Ellipsoid { semi_axes: e.semi_axes * unit }),
+            Shape::HalfSpace(_) => unreachable!("no walls here"),
+        };
+        Self { shape, frame: self.frame }
+    }
+
+    fn turned(&self, turn: &Mat3) -> Self {
+        Self { shape: self.shape.clone(), frame: turn * self.frame }
+    }
+}
+
+/// Two bodies in place.
+#[derive(Clone, Debug)]
+struct Case {
+    a: Body,
+    b: Body,
+    r: Vec3,
+    /// `δ` along this normal is `depth`: the overlap is at most that.
+    normal: Vec3,
+    depth: f64,
+}
+
+impl Case {
+    fn new(a: Body, b: Body, normal: Vec3, depth: f64) -> Self {
+        let r = a.posed().support(&normal) - b.posed().support(&-normal) - normal * depth;
+        Self { a, b, r, normal, depth }
+    }
+
+    fn resolve(&self, resolver: &dyn ContactResolver, warm: Option<&Vec3>) -> Outcome {
+        resolver.touch(&self.a.posed(), &self.b.posed(), &self.r, warm)
+    }
+
+    /// `δ(n)`
+    fn delta(&self, normal: &Vec3) -> f64 {
+        let on_a = self.a.posed().support(normal);
+        let on_b = self.b.posed().support(&-normal);
+        (on_a - on_b - self.r).dot(normal)
+    }
+
+    /// The longer bounding radius.
+    fn size(&self) -> f64 {
+        self.a.shape.bounding_radius().max(self.b.shape.bounding_radius())
+    }
+
+    /// At most what an exhaustive search over directions finds: a grid, the axes of both bodies and the normal of the
+    /// construction, and from the best of them downhill in ever smaller steps.
+    fn searched_overlap(&self) -> f64 {
+        const GRID: i32 = 500;
+        let axes = [&self.a, &self.b].into_iter().flat_map(|body| body.frame.column_iter());
+        let mut starts: Vec<Vec3> = axes.flat_map(|axis| [axis.into_owned(), -axis]).collect();
+        starts.extend([self.normal, self.r.try_normalize(0.0).unwrap_or_else(Vec3::x)]);
+        starts.extend((0..GRID).map(|i| {
+            let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(GRID);
+            let (sine, cosine) = (2.399_963_229_728_653 * f64::from(i)).sin_cos();
+            let ring = (1.0 - z * z).sqrt();
+            Vec3::new(ring * cosine, ring * sine, z)
+        }));
+        let mut ranked: Vec<(f64, Vec3)> = starts.iter().map(|n| (self.delta(n), *n)).collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ranked.iter().take(3).map(|start| self.downhill(*start)).fold(f64::INFINITY, f64::min)
+    }
+
+    fn downhill(&self, (mut least, mut normal): (f64, Vec3)) -> f64 {
+        let mut step = 0.1;
+        while step > 1e-7 {
+            let aside = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize();
+            let across = normal.cross(&aside);
+            let ways = [aside, across, -aside, -across, aside + across, aside - across];
+            let tried = ways.map(|way| (normal + way * step).normalize());
+            let best =
+                tried.into_iter().map(|n| (self.delta(&n), n)).min_by(|a, b| a.0.total_cmp(&b.0));
+            match best {
+                Some((delta, n)) if delta < least => (least, normal) = (delta, n),
+                _ => step *= 0.5,
+            }
+        }
+        least
+    }
+}
+
+/// Every shape there is but walls. A new one comes here.
+fn shape() -> impl Strategy<Value = Shape> {
+    // Half axes over 100, evenly by their logarithm.
+    let axis = (0.0..=2.0_f64).prop_map(|power| 10f64.powf(-power));
+    prop_oneof![
+        1 => axis.clone().prop_map(|radius| Shape::Sphere(Sphere { radius })),
+        4 => [axis.clone(), axis.clone(), axis]
+            .prop_map(|axes| Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::from(axes) })),
+    ]
+}
+
+fn rotation() -> impl Strategy<Value = Mat3> {
+    let angle = -std::f64::consts::PI..std::f64::consts::PI;
+    // Aligned bodies are the hardest: every simplex lies in a plane of symmetry.
+    prop_oneof![
+        1 => Just(Mat3::identity()),
+        4 => (angle.clone(), angle.clone(), angle).prop_map(|(roll, pitch, yaw)| {
+            Quat::from_euler_angles(roll, pitch, yaw).to_rotation_matrix().into_inner()
+        }),
+    ]
+}
+
+fn body() -> impl Strategy<Value = Body> {
+    (shape(), rotation()).prop_map(|(shape, frame)| Body { shape, frame })
+}
+
+/// Along the overlap from 1e-16 of the smaller body to right through it, or as far apart.
+fn case() -> impl Strategy<Value = Case> {
+    let smaller = (0.0..=3.0_f64).prop_map(|power| 10f64.powf(-power));
+    let depth = (any::<bool>(), -16.0..0.3_f64);
+    (body(), body(), smaller, rotation(), depth).prop_map(|(a, b, smaller, turn, depth)| {
+        let b = b.scaled(smaller);
+        let thinner = a.shape.inscribed_radius().min(b.shape.inscribed_radius());
+        let sign = if depth.0 { 1.0 } else { -1.0 };
+        Case::new(a, b, turn * Vec3::x(), sign * thinner * 10f64.powf(depth.1))
+    })
+}
+
+/// A method as a simulation gets it, and how far its overlap may be above the least, relative to the size.
+struct Subject {
+    table: Table,
+    excess: f64,
+}
+
+impl Subject {
+    fn of(&self, case: &Case) -> &dyn ContactResolver {
+        self.table.get((case.a.shape.kind(), case.b.shape.kind())).expect("all kinds are served")
+    }
+}
+
+fn subjects() -> Vec<Subject> {
+    let ErodedGjk { ratio, increment, tolerance } = ErodedGjk::default();
+    let methods = [
+        (Method::Auto, ROUNDING),
+        (Method::Epa { tolerance: 1e-6 }, 2e-6),
+        (Method::GjkErosion { ratio, increment, tolerance }, f64::INFINITY),
+    ];
+    methods
+        .map(|(method, excess)| Subject { table: table(&method, &Kind::ALL), excess })
+        .into_iter()
+        .collect()
+}
+
+/// Checks a property on the pairs of every run, or on others for as long as the environment says.
+fn for_all<S: Strategy>(
+    strategy: &S,
+    property: impl Fn(&Subject, S::Value) -> Result<(), TestCaseError>,
+) where
+    S::Value: Clone,
+{
+    let subjects = subjects();
+    let config = Config { cases: CASES, failure_persistence: None, ..Config::default() };
+    let run = |mut runner: TestRunner| {
+        let on_all = |value: S::Value| {
+            subjects.iter().try_for_each(|subject| property(subject, value.clone()))
+        };
+        match runner.run(strategy, on_all) {
+            Err(TestError::Fail(why, value)) => panic!("{why}\n{value:?}"),
+            other => other.expect("cases can be made"),
+        }
+    };
+    let Ok(seconds) = std::env::var("DEM_MPI_FUZZ_SECONDS") else {
+        let rng = TestRng::deterministic_rng(RngAlgorithm::ChaCha);
+        return run(TestRunner::new_with_rng(config, rng));
+    };
+    let begin = Instant::now();
+    let limit = Duration::from_secs(seconds.parse().expect("DEM_MPI_FUZZ_SECONDS is a number"));
+    while begin.elapsed() < limit {
+        run(TestRunner::new(config.clone()));
+    }
+}
+
+/// The overlap, zero if apart.
+fn overlap(outcome: &Outcome) -> Result<f64, TestCaseError> {
+    match outcome {
+        Outcome::Touching(touch) => Ok(touch.overlap),
+        Outcome::Apart(_) => Ok(0.0),
+        Outcome::Failed(why) => Err(TestCaseError::fail(format!("no answer: {why:?}"))),
+    }
+}
+
+#[test]
+fn answers_are_numbers_and_true() {
+    for_all(&case(), |subject, case| {
+        let method = subject.of(&case);
+        let size = case.size();
+        let least = case.searched_overlap();
+        let rounding = ROUNDING * size;
+        match case.resolve(method, None) {
+            Outcome::Failed(why) => prop_assert!(false, "{}: {why:?}", method.name()),
+            Outcome::Apart(promised) => {
+                prop_assert!(
+                    promised >= 0.0 && promised <= -case.depth.min(0.0) + rounding
+                        || promised <= -least + rounding,
+                    "{}: {promised:e}",
+                    method.name()
+                );
+                prop_assert!(least <= rounding, "{}: apart, not {least:e}", method.name());
+            }
+            Outcome::Touching(touch) => {
+                prop_assert!(touch.overlap > 0.0 && touch.overlap.is_finite());
+                prop_assert!((touch.normal.norm() - 1.0).abs() < 1e-14);
+                prop_assert!(touch.point.iter().all(|x| x.is_finite()));
+                let along = case.delta(&touch.normal);
+                prop_assert!((touch.overlap - along).abs() <= rounding, "{along:e}: {touch:?}");
+                prop_assert!(
+                    touch.overlap <= least + subject.excess * size,
+                    "{}: {:e} is more than {least:e}",
+                    method.name(),
+                    touch.overlap
+                );
+            }
+        }
+        Ok(())
+    });
+}
+
+/// Exact methods only: erosion's answer is the direction's, which the tolerance leaves open.
+#[test]
+fn order_and_frame_do_not_matter() {
+    for_all(&(case(), rotation()), |subject, (case, turn)| {
+        if subject.excess.is_infinite() {
+            return Ok(());
+        }
+        let method = subject.of(&case);
+        let expected = overlap(&case.resolve(method, None))?;
+        let swapped = Case { a: case.b.clone(), b: case.a.clone(), r: -case.r, ..case.clone() };
+        let (a, b, r) = (case.a.turned(&turn), case.b.turned(&turn), turn * case.r);
+        let turned = Case { a, b, r, ..case.clone() };
+        for other in [swapped, turned] {
+            let off = (overlap(&other.resolve(method, None))? - expected).abs();
+            prop_assert!(off <= 2.0 * subject.excess * case.size(), "off by {off:e}");
+        }
+        Ok(())
+    });
+}
+
+#[test]
+fn the_unit_of_length_changes_no_bit() {
+    for_all(&(case(), -60..=60_i32), |subject, (case, power)| {
+        let unit = 2f64.powi(power);
+        let method = subject.of(&case);
+        let (a, b, r) = (case.a.scaled(unit), case.b.scaled(unit), case.r * unit);
+        let there = Case { a, b, r, ..case.clone() }.resolve(method, None);
+        match (case.resolve(method, None), there) {
+            (Outcome::Touching(here), Outcome::Touching(there)) => {
+                prop_assert_eq!(here.overlap, there.overlap / unit);
+                prop_assert_eq!(here.normal, there.normal);
+                prop_assert_eq!(here.point, there.point / unit);
+            }
+            (Outcome::Apart(here), Outcome::Apart(there)) => prop_assert_eq!(here, there / unit),
+            (here, there) => prop_assert_eq!(here, there),
+        }
+        Ok(())
+    });
+}
+
+/// Bodies that approach by a little do not overlap by more than that little more.
+#[test]
+fn the_overlap_is_continuous_through_touch() {
+    const PATH: [f64; 9] = [1e-2, 1e-5, 1e-9, 1e-14, 0.0, -1e-14, -1e-9, -1e-5, -1e-2];
+    for_all(&case(), |subject, case| {
+        if subject.excess.is_infinite() {
+            return Ok(());
+        }
+        let method = subject.of(&case);
+        let thinner = case.a.shape.inscribed_radius().min(case.b.shape.inscribed_radius());
+        let mut last: Option<(f64, f64)> = None;
+        for step in PATH {
+            let depth = step * thinner;
+            let here = Case::new(case.a.clone(), case.b.clone(), case.normal, depth);
+            let found = overlap(&here.resolve(method, None))?;
+            if let Some((deeper, before)) = last {
+                let allowed = (deeper - depth) + 2.0 * subject.excess * case.size();
+                prop_assert!((before - found).abs() <= allowed, "{before:e} to {found:e}");
+            }
+            last = Some((depth, found));
+        }
+        Ok(())
+    });
+}
+
+/// A remembered normal, however wrong, is but a start.
+#[test]
+fn what_is_remembered_changes_nothing() {
+    for_all(&(case(), rotation()), |subject, (case, turn)| {
+        if subject.excess.is_infinite() {
+            return Ok(());
+        }
+        let method = subject.of(&case);
+        let cold = overlap(&case.resolve(method, None))?;
+        for warm in [case.normal, -case.normal, turn * Vec3::x()] {
+            let off = (overlap(&case.resolve(method, Some(&warm)))? - cold).abs();
+            prop_assert!(off <= 2.0 * subject.excess * case.size(), "off by {off:e}");
+        }
+        Ok(())
+    });
+}
