@@ -42,6 +42,8 @@ pub(super) const GRID: RGBColor = RGBColor(0xE3, 0xE7, 0xEB);
 pub(super) const BLUE: RGBColor = RGBColor(0x00, 0x72, 0xB2);
 pub(super) const ORANGE: RGBColor = RGBColor(0xE6, 0x9F, 0x00);
 pub(super) const VERMILION: RGBColor = RGBColor(0xD5, 0x5E, 0x00);
+pub(super) const GREEN: RGBColor = RGBColor(0x00, 0x9E, 0x73);
+pub(super) const PURPLE: RGBColor = RGBColor(0xCC, 0x79, 0xA7);
 
 /// plotters places everything at whole units: this many to a pixel keep curves smooth.
 pub(super) const FINE: i32 = 8;
@@ -80,8 +82,8 @@ pub(super) fn drawing(
 }
 
 /// How a series is drawn.
-#[derive(Clone, Copy)]
-enum Mark {
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Mark {
     Line,
     Dots,
     /// Bars of this width in units of x, from zero, their middles shifted by the second.
@@ -90,46 +92,52 @@ enum Mark {
     Rule,
 }
 
-struct Series {
-    name: String,
-    colour: RGBColor,
-    mark: Mark,
-    points: Vec<(f64, f64)>,
+/// Points drawn alike.
+pub(super) struct Series {
+    /// In the legend; empty: not there.
+    pub(super) name: String,
+    pub(super) colour: RGBColor,
+    pub(super) mark: Mark,
+    pub(super) points: Vec<(f64, f64)>,
 }
 
-struct Axes {
-    x_label: String,
-    y_label: String,
-    x: Range<f64>,
-    y: Range<f64>,
-    log_x: bool,
-    log_y: bool,
+/// Both axes of a chart.
+pub(super) struct Axes {
+    pub(super) x_label: String,
+    pub(super) y_label: String,
+    pub(super) x: Range<f64>,
+    pub(super) y: Range<f64>,
+    pub(super) log_x: bool,
+    pub(super) log_y: bool,
 }
 
 /// A chart with a legend above it.
-fn chart(size: (u32, u32), axes: &Axes, series: &[Series]) -> Result<String, PlotError> {
-    drawing(size.0, size.1, |canvas| {
-        let named: Vec<&Series> = series.iter().filter(|s| !s.name.is_empty()).collect();
-        legend(canvas, &named)?;
-        let top = if named.is_empty() { 14 } else { 36 };
-        let mut builder = ChartBuilder::on(canvas);
-        builder
-            .margin_top(px(top))
-            .margin_right(px(18))
-            .margin_left(px(4))
-            .margin_bottom(px(4))
-            .x_label_area_size(px(46))
-            .y_label_area_size(px(66));
-        let (x, y) = (axes.x.clone(), axes.y.clone());
-        match (axes.log_x, axes.log_y) {
-            (false, false) => fill(&mut builder.build_cartesian_2d(x, y)?, axes, series),
-            (false, true) => fill(&mut builder.build_cartesian_2d(x, y.log_scale())?, axes, series),
-            (true, false) => fill(&mut builder.build_cartesian_2d(x.log_scale(), y)?, axes, series),
-            (true, true) => {
-                fill(&mut builder.build_cartesian_2d(x.log_scale(), y.log_scale())?, axes, series)
-            }
+pub(super) fn chart(size: (u32, u32), axes: &Axes, series: &[Series]) -> Result<String, PlotError> {
+    drawing(size.0, size.1, |canvas| panel(canvas, axes, series))
+}
+
+/// A chart with a legend above it, as a part of a drawing.
+pub(super) fn panel(canvas: &Canvas, axes: &Axes, series: &[Series]) -> Result<(), PlotError> {
+    let named: Vec<&Series> = series.iter().filter(|s| !s.name.is_empty()).collect();
+    legend(canvas, &named)?;
+    let top = if named.is_empty() { 14 } else { 36 };
+    let mut builder = ChartBuilder::on(canvas);
+    builder
+        .margin_top(px(top))
+        .margin_right(px(18))
+        .margin_left(px(4))
+        .margin_bottom(px(4))
+        .x_label_area_size(px(46))
+        .y_label_area_size(px(66));
+    let (x, y) = (axes.x.clone(), axes.y.clone());
+    match (axes.log_x, axes.log_y) {
+        (false, false) => fill(&mut builder.build_cartesian_2d(x, y)?, axes, series),
+        (false, true) => fill(&mut builder.build_cartesian_2d(x, y.log_scale())?, axes, series),
+        (true, false) => fill(&mut builder.build_cartesian_2d(x.log_scale(), y)?, axes, series),
+        (true, true) => {
+            fill(&mut builder.build_cartesian_2d(x.log_scale(), y.log_scale())?, axes, series)
         }
-    })
+    }
 }
 
 /// Grid, labels and series of a chart.
@@ -279,7 +287,7 @@ fn span(values: impl Iterator<Item = f64>) -> Range<f64> {
 }
 
 /// Whole decades around these values; 0.1 to 10 without any above zero.
-fn decades(values: impl Iterator<Item = f64>) -> Range<f64> {
+pub(super) fn decades(values: impl Iterator<Item = f64>) -> Range<f64> {
     let (low, high) = values
         .filter(|v| v.is_finite() && *v > 0.0)
         .fold((f64::INFINITY, 0.0_f64), |(low, high), v| (low.min(v), high.max(v)));
@@ -287,7 +295,8 @@ fn decades(values: impl Iterator<Item = f64>) -> Range<f64> {
         return 0.1..10.0;
     }
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
-    10f64.powi(first)..10f64.powi(last.max(first + 1))
+    // A hair wider, or rounding would take the outer labels away.
+    10f64.powi(first) * (1.0 - 1e-9)..10f64.powi(last.max(first + 1)) * (1.0 + 1e-9)
 }
 
 const SIZE: (u32, u32) = (560, 360);
