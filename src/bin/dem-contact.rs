@@ -29,7 +29,7 @@ use std::process::ExitCode;
 /// one from normals that are off by 1e-4; batched, all at once from the same normals, as in a
 /// simulation.
 #[derive(Parser)]
-#[command(version, max_term_width = 100, after_help = EXAMPLES)]
+#[command(version, max_term_width = 100, args_override_self = true, after_help = EXAMPLES)]
 struct Arguments {
     /// File of pairs, `-` for standard input
     #[arg(required_unless_present_any = ["generate", "section_2"])]

@@ -43,7 +43,6 @@ pub(super) const BLUE: RGBColor = RGBColor(0x00, 0x72, 0xB2);
 pub(super) const ORANGE: RGBColor = RGBColor(0xE6, 0x9F, 0x00);
 pub(super) const VERMILION: RGBColor = RGBColor(0xD5, 0x5E, 0x00);
 pub(super) const GREEN: RGBColor = RGBColor(0x00, 0x9E, 0x73);
-pub(super) const PURPLE: RGBColor = RGBColor(0xCC, 0x79, 0xA7);
 
 /// plotters places everything at whole units: this many to a pixel keep curves smooth.
 pub(super) const FINE: i32 = 8;

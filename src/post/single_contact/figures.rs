@@ -8,7 +8,7 @@ use super::study::{
 use crate::math::Vec3;
 use crate::pairs::cases::OFFSET;
 use crate::post::plots::{
-    Anchor, Axes, BLUE, Canvas, FINE, GREEN, INK, MUTED, Mark, ORANGE, PURPLE, PlotError, Series,
+    Anchor, Axes, BLUE, Canvas, FINE, GREEN, INK, MUTED, Mark, ORANGE, PlotError, Series,
     VERMILION, decades, drawing, label, panel, px, tick,
 };
 use crate::post::single_contact::statistics::{Summary, per_decade};
@@ -105,8 +105,8 @@ fn case_1(study: &Study) -> Result<String, PlotError> {
 
 /// Fig. 6: the two configurations, and how the normal's error goes with the overlap.
 fn reason(study: &Study) -> Result<String, StudyError> {
-    let colours = [BLUE, ORANGE, GREEN, VERMILION, PURPLE, INK];
-    let by_offset: Vec<Series> = [0.2, OFFSET, 0.44, 0.5, 0.6, 0.7]
+    let colours = [BLUE, ORANGE, GREEN, VERMILION, INK];
+    let by_offset: Vec<Series> = [0.2, OFFSET, 0.44, 0.5, 0.7]
         .iter()
         .zip(colours)
         .map(|(&y, colour)| {
@@ -266,20 +266,23 @@ fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
 
 /// Fig. 8: the distributions of the errors of random pairs.
 fn case_3(study: &Study) -> Result<String, PlotError> {
-    let shown = [(EROSION, BLUE), (EPA, ORANGE), (FINE_EROSION, GREEN)];
+    let shown = [("5 %", EROSION, BLUE), ("1 %", FINE_EROSION, GREEN), ("EPA", EPA, ORANGE)];
     let titles = ["(a) overlap", "(b) contact normal", "(c) contact point"];
     let labels = ["relative error", "error (°)", "error (m)"];
     three(titles, |k, canvas| {
         let mut series = Vec::new();
-        for (method, colour) in shown {
+        for (name, method, colour) in shown {
             let cases = study.case_3.iter();
             for case in cases.filter(|c| c.sampling == CENTRE_LINE && c.method == method) {
                 let (_, errors) = case.quantities()[k];
-                series.push(line(method, colour, per_decade(errors)));
+                series.push(line(name, colour, per_decade(errors)));
                 if method == EROSION {
                     let summary = Summary::of(case.sampling, method, "", errors);
                     let points = vec![(summary.log_mean, 0.0)];
-                    series.push(Series { mark: Mark::Rule, ..line("log-mean", VERMILION, points) });
+                    series.push(Series {
+                        mark: Mark::Rule,
+                        ..line("log-mean of 5 %", VERMILION, points)
+                    });
                 }
             }
         }

@@ -96,7 +96,8 @@ range and the 3° of the same paragraph.\n";
 const TABLE_1: &str = "\
 Table: `table1.csv`. The paper's numbers are given in ms; only ratios can be compared, and they depend on two tolerances that the \
 paper does not tell. One pair after the other, without a guess; *warm*: from a normal that is off by 1e-4, as after a time step; \
-*batched*: all pairs at once, as in a simulation.\n";
+*batched*: all pairs at once, as in a simulation. The paper's methods both begin with GJK on the bodies themselves; here \
+erosion goes to the cores at once, which saves a run of GJK where bodies touch and costs more where they are apart.\n";
 
 fn case_1(study: &Study) -> Vec<Finding> {
     let rows: Vec<&InCase1> =
@@ -133,7 +134,7 @@ fn case_1(study: &Study) -> Vec<Finding> {
                 readable(low),
                 readable(high)
             ),
-            verdict: Verdict::Nearly,
+            verdict: if study.twice > 0.0 { Verdict::Nearly } else { Verdict::No },
         },
         Finding {
             figure: "5a",

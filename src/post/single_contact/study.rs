@@ -353,7 +353,7 @@ pub const NORMAL: &str = "normal uniform";
 /// See [`CENTRE_LINE`].
 pub const EROSION: &str = "erosion 5 %";
 /// See [`CENTRE_LINE`].
-pub const FINE_EROSION: &str = "erosion 1 % + 1 %";
+pub const FINE_EROSION: &str = "erosion 1 %";
 /// See [`CENTRE_LINE`].
 pub const EPA: &str = "EPA";
 
