@@ -1,9 +1,9 @@
 //! `dem-contact` as a user meets it, and section 2 of the paper against the independent reference: see
 //! `tests/reference/README.md`.
 
-use dem_mpi::contact::{ContactResolver, Epa, ErodedGjk, Method, Outcome, ordered, table};
+use dem_mpi::contact::{Epa, ErodedGjk, Method, Outcome, ordered, table};
 use dem_mpi::math::Vec3;
-use dem_mpi::pairs::cases::{self, OFFSET};
+use dem_mpi::pairs::cases::{self, Meeting, OFFSET, Sampling};
 use dem_mpi::pairs::read::read;
 use dem_mpi::pairs::write::ANSWER_COLUMNS;
 use dem_mpi::post::single_contact::statistics::Summary;
@@ -294,6 +294,9 @@ fn check_summary(found: &Summary, known: &Row, tolerances: &[(&str, f64, f64)]) 
     }
 }
 
+/// As `paper_caseIII_summary.csv` names them.
+const QUANTITIES: [&str; 3] = ["overlap_rel", "normal_deg", "contact_point"];
+
 /// The statistics of the same thousand pairs, and of other random ones within their scatter.
 #[test]
 fn errors_of_case_3() {
@@ -304,7 +307,6 @@ fn errors_of_case_3() {
         let is_it = |row: &&Row| wanted.iter().all(|(column, value)| row[*column] == *value);
         known.iter().find(is_it).unwrap_or_else(|| panic!("{wanted:?}")).clone()
     };
-    const QUANTITIES: [&str; 3] = ["overlap_rel", "normal_deg", "contact_point"];
     let all = read("", &reference("caseIII_public.csv")).unwrap().pairs;
     for ratio in ["0.01", "0.02", "0.05", "0.1"] {
         let errors = errors(&all, &erosion(ratio.parse().unwrap())).unwrap();
@@ -328,7 +330,6 @@ fn errors_of_case_3() {
             check_summary(&s, &row("public", ratio, "centreline-uniform", quantity), &tight);
         }
     }
-    use cases::{Meeting, Sampling};
     for (sampling, name) in
         [(Sampling::CentreLine, "centreline-uniform"), (Sampling::Normal, "normal-uniform")]
     {

@@ -26,7 +26,7 @@ use std::process::ExitCode;
 /// where no stage did. `iterations` is empty: no method counts them yet.
 ///
 /// Standard error has the time per pair, medians of the repeats: cold, one by one without a guess; warm, one by
-/// one from normals that are off by 1e-4; batched, all at once from the same normals, as in a
+/// one from normals that are off by 1e-4; batched, many at once from the same normals, as in a
 /// simulation.
 #[derive(Parser)]
 #[command(version, max_term_width = 100, args_override_self = true, after_help = EXAMPLES)]
@@ -44,7 +44,7 @@ struct Arguments {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
 
-    /// Of each time; 0: do not measure
+    /// Measurements of each time, of which the median counts; 0: none
     #[arg(long, default_value_t = 5)]
     repeats: usize,
 
@@ -56,11 +56,11 @@ struct Arguments {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["pairs", "method", "set", "generate"])]
     section_2: Option<PathBuf>,
 
-    /// How many random pairs
+    /// How many random pairs to draw
     #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
     count: u32,
 
-    /// Of the random pairs
+    /// Of the random pairs: the same seed gives the same pairs on every machine
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }

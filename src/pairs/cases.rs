@@ -24,8 +24,8 @@ fn grain(long_axis: f64) -> Shape {
     Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(0.5 * long_axis, 0.5, 0.5) })
 }
 
-/// Where the centre of B stands, seen from the centre of A: on the line from `foot` along the unit vector
-/// `along`, as far out as the wanted overlap allows (negative: a clearance) [m].
+/// Where the centre of B stands, seen from the centre of A: on the line from `foot`, its point nearest to A, along
+/// the unit vector `along`, as far out as the wanted overlap allows (negative: a clearance) [m].
 ///
 /// As the difference of the bodies is convex, the overlap is a concave function of the place on the
 /// line, with slope `-n · along`: Newton's method from outside comes nearer from one side only.

@@ -136,7 +136,7 @@ pub struct Answer {
     pub touch: Result<Touch, Why>,
     /// Do the bodies touch? By this method: erosion says yes to some that do not.
     pub touching: bool,
-    /// The stage of the method's chain that answered, empty if none did.
+    /// The stage of the method's chain that answered; empty if none did.
     pub stage: &'static str,
 }
 
@@ -200,7 +200,8 @@ pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
     (0..pairs.len()).map(one).collect()
 }
 
-/// Nanoseconds that a pair takes, medians over the repeats.
+/// Nanoseconds that a pair takes: the mean over blocks of pairs, of each the median over the repeats, so that
+/// what else the machine does in between counts for little.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
     /// One pair after the other, without a warm start.
@@ -208,75 +209,86 @@ pub struct Timing {
     /// One pair after the other, from the normals of a first pass, each off by 1e-4 in a random
     /// direction, as after a time step. Pairs that are apart have no normal to start from.
     pub warm: f64,
-    /// All pairs at once, from the same normals: as in a simulation.
+    /// A block at once, from the same normals: as in a simulation.
     pub batched: f64,
 }
 
-/// A repeat goes over the pairs until at least this much time has passed.
-const SHORTEST: Duration = Duration::from_millis(10);
+/// Pairs that are timed together: well below the time that a system gives to a process at once.
+const BLOCK: usize = 256;
+/// A measurement goes over its block until at least this much time has passed.
+const SHORTEST: Duration = Duration::from_micros(50);
 /// How far the normals of warm starts are off.
 const PERTURBATION: f64 = 1e-4;
 
-/// How long a method takes over pairs of which `answers` are known. No time is spent on clearances.
+/// How long a method takes over pairs of which `answers` are known, with `repeats` measurements of each
+/// block. No time is spent on clearances.
 pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) -> Timing {
     let table = table(method, &Kind::ALL);
     let mut groups: BTreeMap<(Kind, Kind), Vec<u32>> = BTreeMap::new();
     for pair in 0..pairs.len() {
         groups.entry(pairs.kinds(pair)).or_default().push(pair as u32);
     }
-    let groups: Vec<(&dyn ContactResolver, Vec<u32>)> =
-        groups.into_iter().map(|(kinds, active)| (serving(&table, kinds), active)).collect();
-    let history: Vec<History> = (0_u64..)
-        .zip(answers)
-        .map(|(id, answer)| match &answer.touch {
-            Ok(touch) if answer.touching => {
-                let mut random = Random::of(1, id);
-                let off = random.rotation() * Vec3::x() * PERTURBATION;
-                History { normal: (touch.normal + off).normalize(), ..History::default() }
-            }
-            _ => History::default(),
-        })
-        .collect();
+    let history: Vec<History> =
+        (0_u64..).zip(answers).map(|(id, answer)| last_step(id, answer)).collect();
 
+    let mean = |pass: &mut dyn FnMut(&dyn ContactResolver, &[u32])| {
+        let mut seconds = 0.0;
+        for (kinds, group) in &groups {
+            let resolver = serving(&table, *kinds);
+            for block in group.chunks(BLOCK) {
+                seconds += median(repeats, || pass(resolver, block));
+            }
+        }
+        1e9 * seconds / pairs.len() as f64
+    };
     let one_by_one = |warm: bool| {
-        for (resolver, active) in &groups {
-            for &index in active {
+        mean(&mut |resolver, block| {
+            for &index in block {
                 let (a, b, r) = pairs.posed(index as usize);
                 let last = &history[index as usize];
                 let start = (warm && last.touched()).then_some(&last.normal);
                 black_box(resolver.touch(&a, &b, &r, start));
             }
-        }
+        })
     };
     let mut found = Found::default();
-    let mut batched = || {
-        for (resolver, active) in &groups {
+    Timing {
+        cold: one_by_one(false),
+        warm: one_by_one(true),
+        batched: mean(&mut |resolver, active| {
             found.clear();
             let bodies = pairs.bodies();
-            let batch = Batch { pairs: &pairs.slots, history: &history, active, bodies };
-            resolver.resolve(&batch, &mut found);
+            resolver.resolve(
+                &Batch { pairs: &pairs.slots, history: &history, active, bodies },
+                &mut found,
+            );
             black_box(&found);
-        }
-    };
-    let count = pairs.len();
-    Timing {
-        cold: median(repeats, count, || one_by_one(false)),
-        warm: median(repeats, count, || one_by_one(true)),
-        batched: median(repeats, count, &mut batched),
+        }),
     }
 }
 
-/// Median over `repeats` of the time of a pass over `count` pairs, in nanoseconds per pair.
-fn median(repeats: usize, count: usize, mut pass: impl FnMut()) -> f64 {
+/// What is remembered of a pair that has moved a little since it was resolved.
+fn last_step(id: u64, answer: &Answer) -> History {
+    match &answer.touch {
+        Ok(touch) if answer.touching => {
+            let off = Random::of(1, id).rotation() * Vec3::x() * PERTURBATION;
+            History { normal: (touch.normal + off).normalize(), ..History::default() }
+        }
+        _ => History::default(),
+    }
+}
+
+/// Median over `repeats` of the time of a pass [s].
+fn median(repeats: usize, mut pass: impl FnMut()) -> f64 {
     let mut samples: Vec<f64> = (0..repeats)
         .map(|_| {
             let start = Instant::now();
-            let mut passes = 0;
-            while passes == 0 || start.elapsed() < SHORTEST {
+            let mut passes = 0.0;
+            while passes == 0.0 || start.elapsed() < SHORTEST {
                 pass();
-                passes += 1;
+                passes += 1.0;
             }
-            start.elapsed().as_secs_f64() * 1e9 / (passes * count) as f64
+            start.elapsed().as_secs_f64() / passes
         })
         .collect();
     samples.sort_by(f64::total_cmp);

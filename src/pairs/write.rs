@@ -2,7 +2,6 @@
 
 use super::{Answer, Pairs};
 use crate::math::Vec3;
-use crate::shape::Shape;
 use std::io::Write;
 
 /// Columns of [`pairs`], those of the reference files.
@@ -31,18 +30,17 @@ pub const ANSWER_COLUMNS: [&str; 16] = [
     "iterations",
 ];
 
-/// Writes pairs so that [`super::read`] reads the same again. Balls are written as ellipsoids.
+/// Writes pairs as [`super::read`] reads them. Balls are written as ellipsoids.
 ///
 /// # Errors
 /// If it cannot be written.
 pub fn pairs(pairs: &Pairs, to: impl Write) -> Result<(), csv::Error> {
     let mut table = csv::Writer::from_writer(to);
     table.write_record(PAIR_COLUMNS)?;
-    let axes = |shape: &Shape| shape.semi_axes();
     for (index, name) in pairs.names.iter().enumerate() {
         let (a, b, _) = pairs.posed(index);
         let mut numbers: Vec<f64> = Vec::with_capacity(PAIR_COLUMNS.len());
-        numbers.extend(axes(a.shape).iter().chain(&axes(b.shape)));
+        numbers.extend(a.shape.semi_axes().iter().chain(&b.shape.semi_axes()));
         for slot in [2 * index, 2 * index + 1] {
             let q = pairs.rotation[slot].quaternion();
             numbers.extend(&pairs.position[slot]);

@@ -90,13 +90,13 @@ percent of erosion adds to it (c). It falls from the first touch only where B al
 const CASE_2: &str = "Table: `fig7.csv`.\n";
 const CASE_3: &str = "\
 Tables: `fig8.csv`, `fig8_summary.csv`. The paper does not say how its pairs were drawn. Two ways stand beside each other, centre \
-line or contact normal uniform over the sphere; no other natural one leaves this range by much. Neither has its mean near 1e-3, \
-the middle of the paper's own range of 1e-5 to 10 is 1e-2, and the erosion that would give 1e-3 (1 % + 1 %) contradicts the \
-range and the 3° of the same paragraph.\n";
+line or contact normal uniform over the sphere; the place of B uniform in space lies between them. The mean is near 1e-3 in \
+neither, and the middle of the paper's own range, 1e-5 to 10, is 1e-2. Erosion that begins at 1 % does have a mean of 1e-3, \
+but contradicts the range and the 3° of the same paragraph.\n";
 const TABLE_1: &str = "\
 Table: `table1.csv`. The paper's numbers are given in ms; only ratios can be compared, and they depend on two tolerances that the \
 paper does not tell. One pair after the other, without a guess; *warm*: from a normal that is off by 1e-4, as after a time step; \
-*batched*: all pairs at once, as in a simulation. The paper's methods both begin with GJK on the bodies themselves; here \
+*batched*: many pairs at once, as in a simulation. The paper's methods both begin with GJK on the bodies themselves; here \
 erosion goes to the cores at once, which saves a run of GJK where bodies touch and costs more where they are apart.\n";
 
 fn case_1(study: &Study) -> Vec<Finding> {
@@ -436,56 +436,66 @@ fn table_1(rows: &[Times]) -> String {
             row.non_contact_batched_ns,
         );
     }
-    table + "\n"
+    let newton = row(rows, "common normal", None).contact_ns;
+    let part = |other: &Times| newton / other.contact_ns;
+    let _ = writeln!(
+        table,
+        "\nThe common normal itself, which the paper takes as the truth, needs {:.2} of erosion's time and {:.3} of \
+         EPA's (usual tolerances).\n",
+        part(row(rows, "GJK-erosion", Some(1e-4))),
+        part(row(rows, "EPA", Some(1e-8)))
+    );
+    table
+}
+
+/// The row of a method with this tolerance.
+fn row<'a>(rows: &'a [Times], method: &str, tolerance: Option<f64>) -> &'a Times {
+    let wanted = |t: &&Times| t.method == method && t.tolerance == tolerance;
+    rows.iter().find(wanted).expect("the study has all its methods")
 }
 
 fn times(rows: &[Times]) -> Vec<Finding> {
-    let row = |method: &str, tolerance: Option<f64>| -> &Times {
-        let wanted = |t: &&Times| t.method == method && t.tolerance == tolerance;
-        rows.iter().find(wanted).expect("the study has all its methods")
+    let erosion = |tolerance| row(rows, "GJK-erosion", Some(tolerance));
+    let epa = |tolerance| row(rows, "EPA", Some(tolerance));
+    let sphere = row(rows, "closed form", None);
+    let saved = |fast: &Times, slow: &Times| 100.0 * (1.0 - fast.contact_ns / slow.contact_ns);
+    let usual = saved(erosion(1e-4), epa(1e-8));
+    let equal = [saved(erosion(1e-8), epa(1e-8)), saved(erosion(1e-4), epa(1e-4))];
+    let over =
+        |other: fn(&Times) -> f64| [erosion(1e-4), epa(1e-8)].map(|t| t.contact_ns / other(t));
+    let over_apart = over(|t| t.non_contact_ns);
+    let over_sphere = over(|_| 1.0).map(|ns| ns / sphere.contact_ns);
+    // Times of other methods on another machine: the worse of two ratios counts.
+    let like = |found: [f64; 2], paper: [f64; 2]| {
+        let factors = found.iter().zip(paper).map(|(f, p)| (f / p).max(p / f));
+        match factors.fold(1.0, f64::max) {
+            ..2.0 => Verdict::Yes,
+            ..3.0 => Verdict::Nearly,
+            _ => Verdict::No,
+        }
     };
-    let (erosion, fine) = (row("GJK-erosion", Some(1e-4)), row("GJK-erosion", Some(1e-8)));
-    let (epa, loose) = (row("EPA", Some(1e-8)), row("EPA", Some(1e-4)));
-    let (newton, sphere) = (row("common normal", None), row("closed form", None));
-    let saved = |fast: f64, slow: f64| 100.0 * (1.0 - fast / slow);
-    let least = saved(fine.contact_ns, loose.contact_ns);
-    let usual = saved(erosion.contact_ns, epa.contact_ns);
-    let apart = [erosion, epa].map(|t| t.contact_ns / t.non_contact_ns);
-    let over_sphere = [erosion, epa].map(|t| t.contact_ns / sphere.contact_ns);
     vec![
         Finding {
             figure: "T1",
             statement: "GJK-erosion is about 45 % more efficient than EPA (6.99 / 12.50)",
             here: format!(
-                "it takes {usual:.0} % less at the usual tolerances (1e-4, 1e-8), {:.0} % less with both at 1e-8, {:.0} % \
-                 less with both at 1e-4",
-                saved(fine.contact_ns, epa.contact_ns),
-                saved(erosion.contact_ns, loose.contact_ns)
+                "it takes {:.0} % less with both tolerances at 1e-8, {:.0} % less with both at 1e-4, {usual:.0} % less \
+                 at the usual ones (1e-4, 1e-8)",
+                equal[0], equal[1]
             ),
-            verdict: if least > 0.0 { Verdict::Yes } else { Verdict::of(usual > 0.0) },
+            verdict: like([1.0 - equal[0] / 100.0, 1.0 - equal[1] / 100.0], [0.56, 0.56]),
         },
         Finding {
             figure: "T1",
             statement: "a pair that is apart takes 1/54 (erosion) and 1/96 (EPA) of one that touches",
-            here: format!("1/{:.0} and 1/{:.0}", apart[0], apart[1]),
-            verdict: Verdict::of(apart.iter().all(|ratio| (30.0..200.0).contains(ratio))),
+            here: format!("1/{:.0} and 1/{:.0}", over_apart[0], over_apart[1]),
+            verdict: like(over_apart, [54.0, 96.0]),
         },
         Finding {
             figure: "T1",
             statement: "touching ellipsoids take 100 (erosion) and 179 (EPA) times what spheres do",
             here: format!("{:.0} and {:.0} times", over_sphere[0], over_sphere[1]),
-            verdict: Verdict::of(over_sphere[0] > 50.0 && over_sphere[1] > 90.0),
-        },
-        Finding {
-            figure: "T1",
-            statement: "(not in the paper) the common normal itself",
-            here: format!(
-                "{:.0} ns: {:.2} of erosion's time, {:.3} of EPA's, without their errors",
-                newton.contact_ns,
-                newton.contact_ns / erosion.contact_ns,
-                newton.contact_ns / epa.contact_ns
-            ),
-            verdict: Verdict::of(newton.contact_ns < erosion.contact_ns),
+            verdict: like(over_sphere, [100.0, 179.0]),
         },
     ]
 }
