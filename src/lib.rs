@@ -8,12 +8,12 @@
 //! | 1 | [`ids`] [`math`] [`timing`] | names of things, vectors, the clock |
 //! | 2 | [`random`] [`shape`] [`comm`] | chance; what a grain is; how ranks talk |
 //! | 3 | [`contact`] | from two shapes to overlap, normal and point |
-//! | 4 | [`particles`] | columns of everything a rank owns or sees |
+//! | 4 | [`particles`] [`pairs`] | columns of everything a rank owns or sees; pairs that stand by themselves |
 //! | 5 | [`law`] [`motion`] | from overlap to force; from force to motion |
 //! | 6 | [`search`] | which pairs may touch, and what is remembered of those that do |
 //! | 7 | [`measure`] | energies and other scalars of the whole system |
 //! | 8 | [`domain`] [`drive`] [`output`] | who owns what; what acts from outside; what is written |
-//! | 9 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot |
+//! | 9 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot, and from single contacts |
 //! | 10 | [`scene`] | the user's file, checked, and turned into a simulation |
 //!
 //! Conventions everywhere: SI units; compression and overlap are positive; a contact's normal is a
@@ -37,6 +37,7 @@ pub mod shape;
 
 pub mod contact;
 
+pub mod pairs;
 pub mod particles;
 
 pub mod law;

@@ -9,7 +9,7 @@ const ROWS: [&[&str]; 10] = [
     &["ids", "math", "timing"],
     &["random", "shape", "comm"],
     &["contact"],
-    &["particles"],
+    &["particles", "pairs"],
     &["law", "motion"],
     &["search"],
     &["measure"],

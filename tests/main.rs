@@ -7,6 +7,7 @@ mod contract;
 mod laws;
 mod layers;
 mod made_up;
+mod pairs;
 mod post;
 mod program;
 mod ranks_threads;

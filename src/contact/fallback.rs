@@ -30,6 +30,11 @@ impl ContactResolver for Chain {
         self.first.name()
     }
 
+    fn stages(&self) -> Vec<&'static str> {
+        let fallbacks = self.fallbacks.iter().map(|fallback| fallback.name());
+        std::iter::once(self.first.name()).chain(fallbacks).collect()
+    }
+
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
         // No method can do anything with such a position, and some would say "apart".
         if !r.iter().all(|x| x.is_finite()) {

@@ -10,6 +10,7 @@
 //! A resolver works on a batch of pairs of one pair of kinds: one virtual call per batch. Each
 //! pair brings the normal of its last touch, if it touched, as a warm start.
 
+mod clearance;
 mod common_normal;
 mod epa;
 mod eroded_gjk;
@@ -21,6 +22,7 @@ mod methods;
 mod newton;
 mod sphere_sphere;
 
+pub use clearance::clearance;
 pub use common_normal::{CommonNormal, SeededCommonNormal};
 pub use epa::Epa;
 pub use eroded_gjk::ErodedGjk;
@@ -299,6 +301,11 @@ impl Found {
 pub trait ContactResolver: Send + Sync {
     /// As the scene file and reports name it.
     fn name(&self) -> &'static str;
+
+    /// The names of the stages that may answer, in their order: of a chain, more than one.
+    fn stages(&self) -> Vec<&'static str> {
+        vec![self.name()]
+    }
 
     /// Resolves one pair. `r` is from the centre of A to the centre of B [m]; `warm` the normal of the
     /// last touch.

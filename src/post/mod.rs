@@ -19,6 +19,7 @@
 //! | [`plots`] [`panels`] [`rose`] [`picture`] [`page`] | what there is to look at |
 //! | [`diff`] | whether two snapshots are the same, bit for bit |
 //! | [`lammps`] | particles for OVITO |
+//! | [`single_contact`] | section 2 of Lai et al. (2021), without a snapshot |
 
 mod check;
 pub mod coordination;
@@ -34,6 +35,7 @@ pub mod plots;
 pub mod region;
 pub mod report;
 pub mod rose;
+pub mod single_contact;
 pub mod stress;
 mod sums;
 

@@ -81,7 +81,7 @@ pub(super) fn drawing(
 }
 
 /// How a series is drawn.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 pub(super) enum Mark {
     Line,
     Dots,
@@ -112,28 +112,31 @@ pub(super) struct Axes {
 
 /// A chart with a legend above it.
 pub(super) fn chart(size: (u32, u32), axes: &Axes, series: &[Series]) -> Result<String, PlotError> {
-    drawing(size.0, size.1, |canvas| {
-        let named: Vec<&Series> = series.iter().filter(|s| !s.name.is_empty()).collect();
-        legend(canvas, &named)?;
-        let top = if named.is_empty() { 14 } else { 36 };
-        let mut builder = ChartBuilder::on(canvas);
-        builder
-            .margin_top(px(top))
-            .margin_right(px(18))
-            .margin_left(px(4))
-            .margin_bottom(px(4))
-            .x_label_area_size(px(46))
-            .y_label_area_size(px(66));
-        let (x, y) = (axes.x.clone(), axes.y.clone());
-        match (axes.log_x, axes.log_y) {
-            (false, false) => fill(&mut builder.build_cartesian_2d(x, y)?, axes, series),
-            (false, true) => fill(&mut builder.build_cartesian_2d(x, y.log_scale())?, axes, series),
-            (true, false) => fill(&mut builder.build_cartesian_2d(x.log_scale(), y)?, axes, series),
-            (true, true) => {
-                fill(&mut builder.build_cartesian_2d(x.log_scale(), y.log_scale())?, axes, series)
-            }
+    drawing(size.0, size.1, |canvas| panel(canvas, axes, series))
+}
+
+/// A chart with a legend above it, as a part of a drawing.
+pub(super) fn panel(canvas: &Canvas, axes: &Axes, series: &[Series]) -> Result<(), PlotError> {
+    let named: Vec<&Series> = series.iter().filter(|s| !s.name.is_empty()).collect();
+    legend(canvas, &named)?;
+    let top = if named.is_empty() { 14 } else { 36 };
+    let mut builder = ChartBuilder::on(canvas);
+    builder
+        .margin_top(px(top))
+        .margin_right(px(18))
+        .margin_left(px(4))
+        .margin_bottom(px(4))
+        .x_label_area_size(px(46))
+        .y_label_area_size(px(66));
+    let (x, y) = (axes.x.clone(), axes.y.clone());
+    match (axes.log_x, axes.log_y) {
+        (false, false) => fill(&mut builder.build_cartesian_2d(x, y)?, axes, series),
+        (false, true) => fill(&mut builder.build_cartesian_2d(x, y.log_scale())?, axes, series),
+        (true, false) => fill(&mut builder.build_cartesian_2d(x.log_scale(), y)?, axes, series),
+        (true, true) => {
+            fill(&mut builder.build_cartesian_2d(x.log_scale(), y.log_scale())?, axes, series)
         }
-    })
+    }
 }
 
 /// Grid, labels and series of a chart.

@@ -1,0 +1,245 @@
+//! dem-contact: overlap, normal and contact point of pairs, one row for each.
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::{Parser, ValueEnum};
+use dem_mpi::contact::{Epa, ErodedGjk, Method};
+use dem_mpi::pairs::cases::{self, Meeting, Sampling};
+use dem_mpi::pairs::read::{Read, read};
+use dem_mpi::pairs::{Answer, Pairs, resolve, time, write};
+use dem_mpi::post::single_contact::{self, Plan};
+use std::fs;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Resolves pairs of bodies: overlap, normal and contact point of each, as CSV on standard output.
+///
+/// PAIRS is CSV (ellipsoids: id,aA,bA,cA,aB,bB,cB,xA,yA,zA,qwA,qxA,qyA,qzA,xB,..,qzB) or JSON Lines (spheres:
+/// id,rA,rB,cA,cB; superellipsoids: id,A,B with abc,e1,e2,c,q; polyhedra: id,VA,FA,VB,FB). Lengths are in metres;
+/// quaternions w,x,y,z turn the body into the world and need not be normalised. Other columns are
+/// passed over.
+///
+/// The normal n is a unit vector from A to B, PA and PB are the support points of the bodies along it, C is
+/// their middle. A pair that is apart has a negative overlap: minus the clearance, with the
+/// direction of the shortest distance, by GJK to rounding whatever the method (methods only tell that a pair
+/// is apart). `solver` names the stage of the method's chain that answered; it and the numbers are empty
+/// where no stage did. `iterations` is empty: no method counts them yet.
+///
+/// Standard error has the time per pair, medians of the repeats: cold, one by one without a guess; warm, one by
+/// one from normals that are off by 1e-4; batched, many at once from the same normals, as in a
+/// simulation.
+#[derive(Parser)]
+#[command(version, max_term_width = 100, args_override_self = true, after_help = EXAMPLES)]
+struct Arguments {
+    /// File of pairs, `-` for standard input
+    #[arg(required_unless_present_any = ["generate", "section_2"])]
+    pairs: Option<PathBuf>,
+
+    /// How to resolve what is not two spheres, which have a closed form
+    #[arg(long, value_enum, default_value_t = Word::Auto)]
+    method: Word,
+
+    /// A setting of the method: erosion_ratio (0.05) and erosion_increment (0.01) of gjk-erosion, tolerance
+    /// of gjk-erosion (1e-4) and epa (1e-8); may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+
+    /// Measurements of each time, of which the median counts; 0: none
+    #[arg(long, default_value_t = 5)]
+    repeats: usize,
+
+    /// Write the pairs of a case of Lai et al. (2021), section 2, instead of reading any
+    #[arg(long, value_enum, value_name = "CASE", conflicts_with_all = ["pairs", "method", "set"])]
+    generate: Option<Case>,
+
+    /// Regenerate figures 5 to 8 and table 1 of the same paper in this folder
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["pairs", "method", "set", "generate"])]
+    section_2: Option<PathBuf>,
+
+    /// How many random pairs to draw
+    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
+    count: u32,
+
+    /// Of the random pairs: the same seed gives the same pairs on every machine
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  dem-contact pairs.csv                               the common normal of every pair
+  dem-contact pairs.csv --method gjk-erosion --set erosion_ratio=0.02 --set tolerance=1e-8
+  dem-contact pairs.csv --method epa --repeats 0      answers only, no times
+  dem-contact --generate case-iii --count 1000000 | dem-contact - > answers.csv
+  dem-contact --section-2 out/section_2 --count 100000
+
+Exit status: 0 every pair has an answer; 1 some have none; 2 the file or an argument is wrong.";
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Word {
+    Auto,
+    CommonNormal,
+    GjkErosion,
+    Epa,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Case {
+    /// Parallel 1:2 ellipsoids, overlap 0 to 0.05 m
+    #[value(name = "case-i")]
+    Parallel,
+    /// Long axis 1 to 4 m, B turned by 0 to 180 degrees, overlap 0.02 m
+    #[value(name = "case-ii")]
+    Turned,
+    /// Random 1:2 ellipsoids, overlap 0 to 0.05 m
+    #[value(name = "case-iii")]
+    Random,
+    /// Random 1:2 ellipsoids, clearance 0 to 1 m
+    #[value(name = "case-iii-apart")]
+    Apart,
+}
+
+/// Some pairs have no answer.
+const INCOMPLETE: u8 = 1;
+/// The file or an argument is wrong.
+const WRONG_INPUT: u8 = 2;
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(code) => code,
+        Err(error) if is_closed_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("dem-contact: {error:#}");
+            ExitCode::from(WRONG_INPUT)
+        }
+    }
+}
+
+/// A reader that stops early, such as `head`, is no error.
+fn is_closed_pipe(error: &anyhow::Error) -> bool {
+    let kind = match error.downcast_ref::<csv::Error>().map(csv::Error::kind) {
+        Some(csv::ErrorKind::Io(error)) => Some(error.kind()),
+        _ => None,
+    };
+    kind == Some(std::io::ErrorKind::BrokenPipe)
+}
+
+fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let to = BufWriter::new(std::io::stdout().lock());
+    if let Some(case) = arguments.generate {
+        write::pairs(&generate(case, arguments), to)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    if let Some(folder) = &arguments.section_2 {
+        return regenerate(folder, arguments);
+    }
+    let method = method(arguments.method, &arguments.set)?;
+    let (file, text) = text(arguments.pairs.as_deref())?;
+    let Read { pairs, left_out } = read(&file, &text)?;
+    for (kind, (count, line)) in &left_out {
+        eprintln!(
+            "dem-contact: {file}:{line}: no shape of this version is a {kind}; {count} such pairs are left out"
+        );
+    }
+    let answers = resolve(&pairs, &method);
+    write::answers(&pairs, &answers, to)?;
+    if arguments.repeats > 0 && !pairs.is_empty() {
+        let times = time(&pairs, &answers, &method, arguments.repeats);
+        eprintln!(
+            "{} pairs, {}: {:.1} ns cold, {:.1} ns warm, {:.1} ns batched (per pair, median of {})",
+            pairs.len(),
+            method.name(),
+            times.cold,
+            times.warm,
+            times.batched,
+            arguments.repeats
+        );
+    }
+    let complete = left_out.is_empty() & all_told(&pairs, &answers);
+    Ok(if complete { ExitCode::SUCCESS } else { ExitCode::from(INCOMPLETE) })
+}
+
+/// Says how many pairs nobody could tell, if any.
+fn all_told(pairs: &Pairs, answers: &[Answer]) -> bool {
+    let mut untold = (0..).zip(answers).filter_map(|(k, answer)| Some((k, answer.touch.err()?)));
+    let Some((first, why)) = untold.next() else { return true };
+    let count = 1 + untold.count();
+    eprintln!(
+        "dem-contact: {count} pairs have no answer, the first is {}: {why:?}",
+        pairs.name(first)
+    );
+    false
+}
+
+fn method(word: Word, settings: &[String]) -> Result<Method> {
+    let mut erosion = ErodedGjk::default();
+    let mut epa = Epa::default();
+    for setting in settings {
+        let (key, value) =
+            setting.split_once('=').with_context(|| format!("--set {setting}: write KEY=VALUE"))?;
+        let place = match (word, key) {
+            (Word::GjkErosion, "erosion_ratio") => &mut erosion.ratio,
+            (Word::GjkErosion, "erosion_increment") => &mut erosion.increment,
+            (Word::GjkErosion, "tolerance") => &mut erosion.tolerance,
+            (Word::Epa, "tolerance") => &mut epa.tolerance,
+            _ => {
+                bail!(
+                    "--set {setting}: there are erosion_ratio, erosion_increment and tolerance of \
+                     gjk-erosion, and tolerance of epa; the method here is {}",
+                    word.to_possible_value().expect("no word is hidden").get_name()
+                )
+            }
+        };
+        *place = value.parse().with_context(|| format!("--set {setting}"))?;
+        ensure!(*place > 0.0 && *place < 1.0, "--set {setting}: must lie between 0 and 1");
+    }
+    Ok(match word {
+        Word::Auto => Method::Auto,
+        Word::CommonNormal => Method::CommonNormal,
+        Word::GjkErosion => {
+            let ErodedGjk { ratio, increment, tolerance } = erosion;
+            Method::GjkErosion { ratio, increment, tolerance }
+        }
+        Word::Epa => Method::Epa { tolerance: epa.tolerance },
+    })
+}
+
+/// The name of the file in messages, and what it holds.
+fn text(path: Option<&Path>) -> Result<(String, String)> {
+    let path = path.context("no file of pairs was given")?;
+    if path == Path::new("-") {
+        let text =
+            std::io::read_to_string(std::io::stdin()).context("cannot read standard input")?;
+        return Ok(("standard input".into(), text));
+    }
+    let name = path.display().to_string();
+    let text = fs::read_to_string(path).with_context(|| format!("cannot read {name}"))?;
+    Ok((name, text))
+}
+
+fn generate(case: Case, arguments: &Arguments) -> Pairs {
+    let random = |meeting| {
+        cases::case_3(meeting, Sampling::CentreLine, arguments.count as usize, arguments.seed)
+    };
+    match case {
+        Case::Parallel => cases::case_1(cases::OFFSET, &cases::overlaps_of_case_1()),
+        Case::Turned => cases::case_2(&cases::steps(1.0, 4.0, 6), &cases::steps(0.0, 180.0, 36)),
+        Case::Random => random(Meeting::Contact),
+        Case::Apart => random(Meeting::NonContact),
+    }
+}
+
+fn regenerate(folder: &Path, arguments: &Arguments) -> Result<ExitCode> {
+    fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    let plan = Plan {
+        count: arguments.count as usize,
+        seed: arguments.seed,
+        repeats: arguments.repeats.max(1),
+    };
+    for (name, text) in single_contact::regenerate(&plan)? {
+        let path = folder.join(&name);
+        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    eprintln!("report: {}", folder.join("report.md").display());
+    Ok(ExitCode::SUCCESS)
+}

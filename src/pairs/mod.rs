@@ -1,0 +1,296 @@
+//! Pairs that stand by themselves: read from a file or made up, resolved by a method, and timed.
+//!
+//! This is how a contact is checked by hand, without a simulation around it.
+//!
+//! | file | what it is |
+//! |---|---|
+//! | [`read`] | pairs from CSV and JSON Lines |
+//! | [`write`] | pairs and answers as CSV |
+//! | [`cases`] | the pairs of section 2 of Lai et al. (2021) |
+
+pub mod cases;
+pub mod read;
+pub mod write;
+
+use crate::contact::{
+    Batch, Bodies, ContactResolver, Found, History, Method, Outcome, Pair, Posed, Table, Tally,
+    Touch, Why, clearance, ordered, table,
+};
+use crate::ids::{ShapeId, Slot};
+use crate::math::{Mat3, Quat, Vec3};
+use crate::random::Random;
+use crate::shape::{Kind, Shape};
+use std::collections::BTreeMap;
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+/// A body somewhere in the world.
+#[derive(Clone, Debug)]
+pub struct Body {
+    /// Its geometry.
+    pub shape: Shape,
+    /// Its centre [m].
+    pub centre: Vec3,
+    /// From its own axes to the world.
+    pub rotation: Quat,
+}
+
+/// Any number of pairs, each with two bodies of its own, in the columns that resolvers read.
+#[derive(Clone, Debug, Default)]
+pub struct Pairs {
+    names: Vec<String>,
+    slots: Vec<Pair>,
+    position: Vec<Vec3>,
+    rotation: Vec<Quat>,
+    frame: Vec<Mat3>,
+    shape: Vec<ShapeId>,
+    library: Vec<Shape>,
+}
+
+/// There are more different shapes than a [`ShapeId`] can name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("more than 65,536 different shapes: split the file")]
+pub struct TooManyShapes;
+
+impl Pairs {
+    /// Adds a pair.
+    ///
+    /// # Errors
+    /// See [`TooManyShapes`].
+    pub fn push(&mut self, name: String, a: Body, b: Body) -> Result<(), TooManyShapes> {
+        let first = Slot(self.position.len() as u32);
+        for body in [a, b] {
+            let shape = self.shape_id(body.shape)?;
+            self.position.push(body.centre);
+            self.rotation.push(body.rotation);
+            self.frame.push(body.rotation.to_rotation_matrix().into_inner());
+            self.shape.push(shape);
+        }
+        self.names.push(name);
+        self.slots.push(Pair { a: first, b: Slot(first.0 + 1) });
+        Ok(())
+    }
+
+    /// Shapes that came up lately are not stored again: most files have one or two.
+    fn shape_id(&mut self, shape: Shape) -> Result<ShapeId, TooManyShapes> {
+        let lately = self.library.len().saturating_sub(16);
+        let known = self.library[lately..].iter().position(|other| *other == shape);
+        let index = known.map_or(self.library.len(), |k| lately + k);
+        if known.is_none() {
+            self.library.push(shape);
+        }
+        u16::try_from(index).map(ShapeId).map_err(|_| TooManyShapes)
+    }
+
+    /// How many pairs there are.
+    pub const fn len(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// Is there none?
+    pub const fn is_empty(&self) -> bool {
+        self.slots.is_empty()
+    }
+
+    /// What a pair is called.
+    pub fn name(&self, pair: usize) -> &str {
+        &self.names[pair]
+    }
+
+    /// A pair as resolvers see it: A, B, and `r` from the centre of A to the centre of B [m].
+    pub fn posed(&self, pair: usize) -> (Posed<'_>, Posed<'_>, Vec3) {
+        let pair = self.slots[pair];
+        let posed = |slot: Slot| Posed {
+            shape: &self.library[self.shape[slot.index()].index()],
+            frame: &self.frame[slot.index()],
+        };
+        (posed(pair.a), posed(pair.b), self.bodies().relative(pair))
+    }
+
+    /// The centre of A [m].
+    pub fn centre_of_a(&self, pair: usize) -> Vec3 {
+        self.position[self.slots[pair].a.index()]
+    }
+
+    fn bodies(&self) -> Bodies<'_> {
+        Bodies {
+            position: &self.position,
+            frame: Some(&self.frame),
+            shape: &self.shape,
+            library: &self.library,
+            period: Vec3::repeat(f64::INFINITY),
+        }
+    }
+
+    fn kinds(&self, pair: usize) -> (Kind, Kind) {
+        let (a, b, _) = self.posed(pair);
+        ordered((a.shape.kind(), b.shape.kind()))
+    }
+}
+
+/// What a method says of a pair.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Answer {
+    /// The touch; of bodies that are apart, their nearest points, with the overlap negative (see
+    /// [`signed`]).
+    pub touch: Result<Touch, Why>,
+    /// Do the bodies touch? By this method: erosion says yes to some that do not.
+    pub touching: bool,
+    /// The stage of the method's chain that answered; empty if none did.
+    pub stage: &'static str,
+}
+
+/// A touch whose overlap is negative for bodies that are apart.
+///
+/// The methods only tell *that* a pair is apart, and bound the clearance from below. Overlap and
+/// normal of such a pair are therefore those of [`clearance`], whatever the method.
+///
+/// # Errors
+/// Says why, if the method did not answer.
+pub fn signed(outcome: Outcome, a: &Posed, b: &Posed, r: &Vec3) -> Result<Touch, Why> {
+    match outcome {
+        Outcome::Touching(touch) => Ok(touch),
+        // Both bound the overlap from above: near touch, where GJK's direction is least certain, the
+        // method may know better.
+        Outcome::Apart(bound) => {
+            let nearest = clearance(a, b, r).ok_or(Why::NoConvergence)?;
+            Ok(Touch { overlap: nearest.overlap.min(0.0 - bound), ..nearest })
+        }
+        Outcome::Failed(why) => Err(why),
+    }
+}
+
+/// The resolver of pairs of grains, of which a table has one for all kinds.
+fn serving(table: &Table, kinds: (Kind, Kind)) -> &dyn ContactResolver {
+    table.get(kinds).expect("the table serves every pair of grains")
+}
+
+/// Resolves each pair by itself, without a warm start, in the order of the pairs.
+pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
+    let table = table(method, &Kind::ALL);
+    let history = vec![History::default(); pairs.len()];
+    let mut found = Found::default();
+    let one = |index: usize| {
+        let resolver = serving(&table, pairs.kinds(index));
+        found.clear();
+        found.tally = Tally::default();
+        let active = [index as u32];
+        let batch = Batch {
+            pairs: &pairs.slots,
+            history: &history,
+            active: &active,
+            bodies: pairs.bodies(),
+        };
+        resolver.resolve(&batch, &mut found);
+        let outcome = match (&found.contacts[..], &found.apart[..], &found.failed[..]) {
+            ([contact], [], []) => Outcome::Touching(contact.touch),
+            ([], [(_, clearance)], []) => Outcome::Apart(*clearance),
+            ([], [], [(_, why)]) => Outcome::Failed(*why),
+            _ => unreachable!("a pair goes into one of the lists"),
+        };
+        let (a, b, r) = pairs.posed(index);
+        // The tally counts what the first stage passed on.
+        let stage = found.tally.fallbacks.iter().position(|&n| n > 0).map_or(0, |k| k + 1);
+        Answer {
+            touch: signed(outcome, &a, &b, &r),
+            touching: matches!(outcome, Outcome::Touching(_)),
+            stage: if found.failed.is_empty() { resolver.stages()[stage] } else { "" },
+        }
+    };
+    (0..pairs.len()).map(one).collect()
+}
+
+/// Nanoseconds that a pair takes: the mean over blocks of pairs, of each the median over the repeats, so that
+/// what else the machine does in between counts for little.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Timing {
+    /// One pair after the other, without a warm start.
+    pub cold: f64,
+    /// One pair after the other, from the normals of a first pass, each off by 1e-4 in a random
+    /// direction, as after a time step. Pairs that are apart have no normal to start from.
+    pub warm: f64,
+    /// A block at once, from the same normals: as in a simulation.
+    pub batched: f64,
+}
+
+/// Pairs that are timed together: well below the time that a system gives to a process at once.
+const BLOCK: usize = 256;
+/// A measurement goes over its block until at least this much time has passed.
+const SHORTEST: Duration = Duration::from_micros(50);
+/// How far the normals of warm starts are off.
+const PERTURBATION: f64 = 1e-4;
+
+/// How long a method takes over pairs of which `answers` are known, with `repeats` measurements of each
+/// block. No time is spent on clearances.
+pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) -> Timing {
+    let table = table(method, &Kind::ALL);
+    let mut groups: BTreeMap<(Kind, Kind), Vec<u32>> = BTreeMap::new();
+    for pair in 0..pairs.len() {
+        groups.entry(pairs.kinds(pair)).or_default().push(pair as u32);
+    }
+    let history: Vec<History> =
+        (0_u64..).zip(answers).map(|(id, answer)| last_step(id, answer)).collect();
+
+    let mean = |pass: &mut dyn FnMut(&dyn ContactResolver, &[u32])| {
+        let mut seconds = 0.0;
+        for (kinds, group) in &groups {
+            let resolver = serving(&table, *kinds);
+            for block in group.chunks(BLOCK) {
+                seconds += median(repeats, || pass(resolver, block));
+            }
+        }
+        1e9 * seconds / pairs.len() as f64
+    };
+    let one_by_one = |warm: bool| {
+        mean(&mut |resolver, block| {
+            for &index in block {
+                let (a, b, r) = pairs.posed(index as usize);
+                let last = &history[index as usize];
+                let start = (warm && last.touched()).then_some(&last.normal);
+                black_box(resolver.touch(&a, &b, &r, start));
+            }
+        })
+    };
+    let mut found = Found::default();
+    Timing {
+        cold: one_by_one(false),
+        warm: one_by_one(true),
+        batched: mean(&mut |resolver, active| {
+            found.clear();
+            let bodies = pairs.bodies();
+            resolver.resolve(
+                &Batch { pairs: &pairs.slots, history: &history, active, bodies },
+                &mut found,
+            );
+            black_box(&found);
+        }),
+    }
+}
+
+/// What is remembered of a pair that has moved a little since it was resolved.
+fn last_step(id: u64, answer: &Answer) -> History {
+    match &answer.touch {
+        Ok(touch) if answer.touching => {
+            let off = Random::of(1, id).rotation() * Vec3::x() * PERTURBATION;
+            History { normal: (touch.normal + off).normalize(), ..History::default() }
+        }
+        _ => History::default(),
+    }
+}
+
+/// Median over `repeats` of the time of a pass [s].
+fn median(repeats: usize, mut pass: impl FnMut()) -> f64 {
+    let mut samples: Vec<f64> = (0..repeats)
+        .map(|_| {
+            let start = Instant::now();
+            let mut passes = 0.0;
+            while passes == 0.0 || start.elapsed() < SHORTEST {
+                pass();
+                passes += 1.0;
+            }
+            start.elapsed().as_secs_f64() / passes
+        })
+        .collect();
+    samples.sort_by(f64::total_cmp);
+    samples.get(samples.len() / 2).copied().unwrap_or(f64::NAN)
+}

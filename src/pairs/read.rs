@@ -1,0 +1,228 @@
+//! Pairs from text: CSV for ellipsoids, JSON Lines for every kind.
+//!
+//! | kind | form | columns |
+//! |---|---|---|
+//! | ellipsoid | CSV | `id`, semi-axes `aA bA cA aB bB cB`, centres `xA yA zA xB yB zB`, quaternions `qwA qxA qyA qzA qwB qxB qyB qzB` |
+//! | sphere | JSON | `id`, `rA`, `rB`, `cA`, `cB` |
+//! | superellipsoid | JSON | `id`, `A` and `B` with `abc`, `e1`, `e2`, `c`, `q` |
+//! | polyhedron | JSON | `id`, `VA`, `FA`, `VB`, `FB` |
+//!
+//! Lengths in metres; quaternions (w, x, y, z) from the body to the world, of any length but zero. Other columns
+//! are passed over. Superellipsoids with `e1 = e2 = 1` are ellipsoids; kinds that the library does not have are
+//! left out and told ([`Read::left_out`]).
+//!
+//! To add a kind, give its rows an arm in `json_row`.
+
+use super::{Body, Pairs};
+use crate::math::{Quat, Vec3};
+use crate::shape::{Ellipsoid, Shape, Sphere};
+use nalgebra::Quaternion;
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+/// What a file held.
+#[derive(Clone, Debug, Default)]
+pub struct Read {
+    /// The pairs that can be resolved.
+    pub pairs: Pairs,
+    /// Kinds that the library does not have: how many pairs, and the line of the first.
+    pub left_out: BTreeMap<&'static str, (usize, u64)>,
+}
+
+/// Why a file could not be read: the first thing that is wrong with it.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ReadError {
+    /// There is no row.
+    #[error("{0}: holds no pairs")]
+    Empty(String),
+    /// Something is wrong with a line.
+    #[error("{file}:{line}: {problem}")]
+    Line {
+        /// As the caller names it.
+        file: String,
+        /// From 1.
+        line: u64,
+        /// With the column and the value.
+        problem: String,
+    },
+}
+
+/// A row of a kind that the library has, or the name of one that it has not.
+enum Row {
+    Pair(String, Box<[Body; 2]>),
+    Unknown(&'static str),
+}
+
+/// Reads JSON Lines if the text begins with a brace, else CSV. Errors call the text `file`.
+///
+/// # Errors
+/// See [`ReadError`].
+pub fn read(file: &str, text: &str) -> Result<Read, ReadError> {
+    let mut read = Read::default();
+    let at = |line| move |problem| ReadError::Line { file: file.into(), line, problem };
+    if text.trim_start().starts_with('{') {
+        for (line, text) in (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty()) {
+            json_row(text).and_then(|row| read.take(line, row)).map_err(at(line))?;
+        }
+    } else {
+        let mut table = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
+        let header = table.headers().map_err(|error| at(1)(error.to_string()))?.clone();
+        let columns: BTreeMap<&str, usize> = header.iter().zip(0..).collect();
+        for row in table.records() {
+            let row = row.map_err(|error| {
+                at(error.position().map_or(1, csv::Position::line))(error.to_string())
+            })?;
+            let line = row.position().map_or(1, csv::Position::line);
+            csv_row(&columns, &row).and_then(|row| read.take(line, row)).map_err(at(line))?;
+        }
+    }
+    if read.pairs.is_empty() && read.left_out.is_empty() {
+        return Err(ReadError::Empty(file.into()));
+    }
+    Ok(read)
+}
+
+impl Read {
+    fn take(&mut self, line: u64, row: Row) -> Result<(), String> {
+        match row {
+            Row::Unknown(kind) => self.left_out.entry(kind).or_insert((0, line)).0 += 1,
+            Row::Pair(name, bodies) => {
+                let [a, b] = *bodies;
+                self.pairs.push(name, a, b).map_err(|error| error.to_string())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+// --- CSV ---
+
+fn csv_row(columns: &BTreeMap<&str, usize>, row: &csv::StringRecord) -> Result<Row, String> {
+    let text = |column: &str| {
+        let index = columns.get(column).ok_or_else(|| format!("there is no column `{column}`"))?;
+        row.get(*index).ok_or_else(|| format!("{column} is missing"))
+    };
+    let number = |column: &str| {
+        let text = text(column)?;
+        text.parse::<f64>().map_err(|_| format!("{column} = `{text}` is not a number"))
+    };
+    let body = |which: &str| -> Result<Body, String> {
+        let named = |stem: &str| {
+            let column = format!("{stem}{which}");
+            number(&column).map(|value| (column, value))
+        };
+        let axes = [named("a")?, named("b")?, named("c")?];
+        let centre = [named("x")?, named("y")?, named("z")?];
+        let quaternion = [named("qw")?, named("qx")?, named("qy")?, named("qz")?];
+        for (column, length) in &axes {
+            length_check(column, *length)?;
+        }
+        for (column, value) in centre.iter().chain(&quaternion) {
+            finite_check(column, *value)?;
+        }
+        Ok(Body {
+            shape: ellipsoid(axes.map(|(_, length)| length)),
+            centre: Vec3::from(centre.map(|(_, value)| value)),
+            rotation: rotation(&quaternion[0].0, quaternion.each_ref().map(|(_, value)| *value))?,
+        })
+    };
+    Ok(Row::Pair(text("id")?.to_string(), Box::new([body("A")?, body("B")?])))
+}
+
+// --- JSON Lines ---
+
+fn json_row(text: &str) -> Result<Row, String> {
+    let row: Value = serde_json::from_str(text).map_err(|error| format!("not JSON: {error}"))?;
+    let name = match &row["id"] {
+        Value::String(name) => name.clone(),
+        Value::Null => return Err("there is no `id`".into()),
+        other => other.to_string(),
+    };
+    let pair = |body: fn(&Value, &str) -> Result<Body, String>| {
+        Ok(Row::Pair(name.clone(), Box::new([body(&row, "A")?, body(&row, "B")?])))
+    };
+    if row.get("rA").is_some() {
+        pair(sphere_of)
+    } else if row.get("A").is_some() {
+        let exponent = |which: &str, e: &str| one_number(&row[which][e], &format!("{which}.{e}"));
+        for which in ["A", "B"] {
+            if [exponent(which, "e1")?, exponent(which, "e2")?] != [1.0, 1.0] {
+                return Ok(Row::Unknown("superellipsoid"));
+            }
+        }
+        pair(ellipsoid_of)
+    } else if row.get("VA").is_some() {
+        Ok(Row::Unknown("polyhedron"))
+    } else {
+        Err("of no known kind: there is none of `rA` (sphere), `A` (superellipsoid), `VA` (polyhedron)"
+            .into())
+    }
+}
+
+fn sphere_of(row: &Value, which: &str) -> Result<Body, String> {
+    let (column, centre) = (format!("r{which}"), format!("c{which}"));
+    let radius = one_number(&row[&column], &column)?;
+    length_check(&column, radius)?;
+    Ok(Body {
+        shape: Shape::Sphere(Sphere { radius }),
+        centre: Vec3::from(numbers(&row[&centre], &centre)?),
+        rotation: Quat::identity(),
+    })
+}
+
+fn ellipsoid_of(row: &Value, which: &str) -> Result<Body, String> {
+    let column = |name: &str| format!("{which}.{name}");
+    let body = &row[which];
+    let axes: [f64; 3] = numbers(&body["abc"], &column("abc"))?;
+    for length in axes {
+        length_check(&column("abc"), length)?;
+    }
+    Ok(Body {
+        shape: ellipsoid(axes),
+        centre: Vec3::from(numbers(&body["c"], &column("c"))?),
+        rotation: rotation(&column("q"), numbers(&body["q"], &column("q"))?)?,
+    })
+}
+
+fn numbers<const N: usize>(value: &Value, column: &str) -> Result<[f64; N], String> {
+    let list = value.as_array().filter(|list| list.len() == N);
+    let list = list.ok_or_else(|| format!("{column} = {value} is not a list of {N} numbers"))?;
+    let mut all = [0.0; N];
+    for (number, value) in all.iter_mut().zip(list) {
+        *number = one_number(value, column)?;
+    }
+    Ok(all)
+}
+
+/// JSON has no infinities: a number is finite.
+fn one_number(value: &Value, column: &str) -> Result<f64, String> {
+    value.as_f64().ok_or_else(|| format!("{column} = {value} is not a number"))
+}
+
+// --- what both have in common ---
+
+fn ellipsoid(semi_axes: [f64; 3]) -> Shape {
+    Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::from(semi_axes) })
+}
+
+/// The rotation of a quaternion of any length but zero; huge and tiny ones are scaled so that no square
+/// overflows or vanishes.
+fn rotation(column: &str, wxyz: [f64; 4]) -> Result<Quat, String> {
+    let [w, x, y, z] = wxyz;
+    let largest = wxyz.iter().fold(0.0_f64, |largest, q| largest.max(q.abs()));
+    if largest == 0.0 {
+        return Err(format!("{column}: the quaternion is zero, which is no rotation"));
+    }
+    // Ordinary quaternions keep their bits.
+    let scale = if (1e-100..1e100).contains(&largest) { 1.0 } else { 1.0 / largest };
+    Ok(Quat::from_quaternion(Quaternion::new(w, x, y, z) * scale))
+}
+
+fn finite_check(column: &str, value: f64) -> Result<(), String> {
+    if value.is_finite() { Ok(()) } else { Err(format!("{column} = {value} is not finite")) }
+}
+
+fn length_check(column: &str, length: f64) -> Result<(), String> {
+    finite_check(column, length)?;
+    if length > 0.0 { Ok(()) } else { Err(format!("{column} = {length} is not positive")) }
+}

@@ -1,0 +1,379 @@
+//! `dem-contact` as a user meets it, and section 2 of the paper against the independent reference: see
+//! `tests/reference/README.md`.
+
+use dem_mpi::contact::{Epa, ErodedGjk, Method, Outcome, ordered, table};
+use dem_mpi::math::Vec3;
+use dem_mpi::pairs::cases::{self, Meeting, OFFSET, Sampling};
+use dem_mpi::pairs::read::read;
+use dem_mpi::pairs::write::ANSWER_COLUMNS;
+use dem_mpi::post::single_contact::statistics::Summary;
+use dem_mpi::post::single_contact::study::{InCase3, at_offset, case_1, case_2, erosion, errors};
+use dem_mpi::shape::Kind;
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::process::{Command, Output, Stdio};
+
+/// GJK at a relative duality gap of 1e-14 finds the direction to the square root of what rounding
+/// leaves [rad], and with it the overlap [m] and the contact point [m] on surfaces with radii of curvature up to 8 m.
+const DIRECTION: f64 = 1.5e-7;
+const OVERLAP: f64 = 5e-8;
+const POINT: f64 = 1e-6;
+
+fn dem_contact(arguments: &[&str], input: &str) -> Output {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_dem-contact"))
+        .args(arguments)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // A program that has no use for its input may be gone by now.
+    let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
+    child.wait_with_output().unwrap()
+}
+
+type Row = BTreeMap<String, String>;
+
+fn rows(csv: &[u8]) -> Vec<Row> {
+    csv::Reader::from_reader(csv).deserialize().collect::<Result<_, _>>().unwrap()
+}
+
+fn reference(name: &str) -> String {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/reference/").to_string() + name;
+    std::fs::read_to_string(path).unwrap()
+}
+
+fn number(row: &Row, column: &str) -> f64 {
+    row[column].parse().unwrap_or_else(|_| panic!("{column} = {}", row[column]))
+}
+
+fn vector(row: &Row, stem: &str) -> Vec3 {
+    Vec3::from(["x", "y", "z"].map(|axis| number(row, &format!("{stem}{axis}"))))
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Every row has the bits that the library gives for that pair.
+fn check_bits(file: &str, arguments: &[&str], method: &Method) {
+    let text = reference(file);
+    let output = dem_contact(&[&["-", "--repeats", "1"], arguments].concat(), &text);
+    let times = said(&output);
+    assert!(["ns cold", "ns warm", "ns batched"].iter().all(|t| times.contains(t)), "{times}");
+    assert!(output.stdout.starts_with(ANSWER_COLUMNS.join(",").as_bytes()), "{file}");
+    let pairs = read(file, &text).unwrap().pairs;
+    let answers = rows(&output.stdout);
+    assert_eq!(answers.len(), pairs.len(), "{file}");
+    let table = table(method, &Kind::ALL);
+    let mut met = [0; 3];
+    for (k, row) in answers.iter().enumerate() {
+        let (a, b, r) = pairs.posed(k);
+        let resolver = table.get(ordered((a.shape.kind(), b.shape.kind()))).unwrap();
+        assert_eq!(row["id"], pairs.name(k));
+        match resolver.touch(&a, &b, &r, None) {
+            Outcome::Touching(touch) => {
+                let centre = pairs.centre_of_a(k);
+                let same = |stem: &str, v: Vec3| {
+                    let bits = |v: Vec3| [v.x, v.y, v.z].map(f64::to_bits);
+                    assert_eq!(bits(vector(row, stem)), bits(v), "{file} {}: {stem}", row["id"]);
+                };
+                assert_eq!(number(row, "overlap").to_bits(), touch.overlap.to_bits());
+                same("n", touch.normal);
+                same("C", centre + touch.point);
+                same("PA", centre + a.support(&touch.normal));
+                same("PB", centre + (b.support(&-touch.normal) + r));
+                assert!(resolver.stages().contains(&row["solver"].as_str()), "{}", row["solver"]);
+                met[0] += 1;
+            }
+            Outcome::Apart(bound) => {
+                assert!(number(row, "overlap") <= -bound, "{file} {}", row["id"]);
+                met[1] += 1;
+            }
+            Outcome::Failed(_) => {
+                assert!(row["overlap"].is_empty() && row["solver"].is_empty(), "{row:?}");
+                met[2] += 1;
+            }
+        }
+    }
+    assert!(met[0] > 0);
+    assert_eq!(output.status.code(), Some(i32::from(met[2] > 0)), "{file}: {times}");
+}
+
+#[test]
+fn the_program_gives_the_bits_of_the_library() {
+    for file in ["caseI.csv", "extreme_public.csv", "spheres_public.jsonl"] {
+        check_bits(file, &[], &Method::Auto);
+    }
+    let erosion = Method::GjkErosion { ratio: 0.02, increment: 0.01, tolerance: 1e-8 };
+    let settings =
+        ["--method", "gjk-erosion", "--set", "erosion_ratio=0.02", "--set", "tolerance=1e-8"];
+    check_bits("caseI.csv", &settings, &erosion);
+    let epa = Method::Epa { tolerance: 1e-6 };
+    check_bits("caseI.csv", &["--method", "epa", "--set", "tolerance=1e-6"], &epa);
+}
+
+/// Clearances too are those of the reference, and continuous through touching.
+#[test]
+fn overlaps_have_their_sign() {
+    for file in ["caseI.csv", "caseIII_public.csv", "extreme_public.csv"] {
+        let text = reference(file);
+        let answers = rows(&dem_contact(&["-", "--repeats", "0"], &text).stdout);
+        for (row, answer) in rows(text.as_bytes()).iter().zip(&answers) {
+            // Without a unique normal the last stage answers, to its own tolerance; or none does.
+            if row["unique"] == "0" {
+                continue;
+            }
+            let size = ["aA", "bA", "cA", "aB", "bB", "cB"].map(|c| number(row, c));
+            let size = size.into_iter().fold(0.0, f64::max);
+            let off = (number(answer, "overlap") - number(row, "overlap")).abs();
+            let size = size + number(row, "overlap").abs();
+            assert!(off <= 1e-13 * size, "{file} {}: off by {off:e}", row["id"]);
+            let off = (vector(answer, "n") - vector(row, "n")).norm();
+            let known = 2e-7 * size / number(row, "kappa");
+            assert!(off <= known.max(1e-7), "{file} {}: normal off by {off:e}", row["id"]);
+        }
+    }
+}
+
+#[test]
+fn a_bad_file_is_one_message() {
+    let good = reference("caseI.csv");
+    let line = |k: usize| good.lines().nth(k).unwrap();
+    let ellipsoid = format!("{}\n{}\n", line(0), line(1));
+    let with = |from: &str, to: &str| ellipsoid.replacen(from, to, 1);
+    let sphere = reference("spheres_public.jsonl").lines().next().unwrap().to_string();
+    let cases = [
+        (String::new(), "holds no pairs"),
+        (with("target=0.000,1.0", "target=0.000,-1.0"), "input:2: aA = -1 is not positive"),
+        (with("target=0.000,1.0", "target=0.000,one"), "input:2: aA = `one` is not a number"),
+        (with("target=0.000,1.0", "target=0.000,inf"), "input:2: aA = inf is not finite"),
+        (with(",qwB", ",qw"), "input:2: there is no column `qwB`"),
+        (with(",0.35,0.0,1.0,", ",0.35,0.0,0.0,"), "qwB: the quaternion is zero"),
+        (format!("{ellipsoid}1,2\n"), "input:3: "),
+        (format!("{sphere}\n{{\n"), "input:2: not JSON"),
+        (sphere.replace("\"rB\"", "\"r\""), "input:1: rB = null is not a number"),
+        (sphere.replace("\"cA\": [", "\"cA\": [1.0, "), "is not a list of 3 numbers"),
+        ("{\"id\": 1}".into(), "input:1: of no known kind"),
+    ];
+    for (text, message) in cases {
+        let output = dem_contact(&["-"], &text);
+        let said = said(&output);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(message) && said.lines().count() == 1, "{message}: {said}");
+        assert!(output.stdout.is_empty());
+    }
+    for (arguments, message) in [
+        (&["no/such/file.csv"][..], "cannot read no/such/file.csv"),
+        (&["-", "--method", "epa", "--set", "erosion_ratio=0.1"], "the method here is epa"),
+        (&["-", "--method", "epa", "--set", "tolerance=2"], "must lie between 0 and 1"),
+        (&["-", "--set", "tolerance"], "write KEY=VALUE"),
+    ] {
+        let output = dem_contact(arguments, &ellipsoid);
+        let said = said(&output);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(message) && said.lines().count() == 1, "{message}: {said}");
+    }
+}
+
+#[test]
+fn kinds_that_are_not_there_are_told_once() {
+    let body = r#"{"abc": [1, 1, 1], "e1": 1, "e2": E, "c": [X, 0, 0], "q": [1, 0, 0, 0]}"#;
+    let pair = |e: &str| {
+        let (a, b) = (body.replace('X', "0"), body.replace('X', "1.5"));
+        format!("{{\"id\": \"{e}\", \"A\": {a}, \"B\": {b}}}\n").replace('E', e)
+    };
+    let text = pair("1") + &pair("0.4") + &pair("1.6") + "{\"id\": 4, \"VA\": [], \"VB\": []}\n";
+    let output = dem_contact(&["-", "--repeats", "0"], &text);
+    assert_eq!(output.status.code(), Some(1));
+    let said = said(&output);
+    assert!(
+        said.contains("input:2: no shape of this version is a superellipsoid; 2 such"),
+        "{said}"
+    );
+    assert!(said.contains("input:4: no shape of this version is a polyhedron; 1 such"), "{said}");
+    assert_eq!(said.lines().count(), 2);
+    let answers = rows(&output.stdout);
+    assert_eq!(answers.len(), 1);
+    assert!((number(&answers[0], "overlap") - 0.5).abs() < 1e-15);
+}
+
+/// Cases I and II are placed as the reference has them.
+#[test]
+fn generated_cases_stand_where_the_reference_does() {
+    for (case, file) in [("case-i", "caseI.csv"), ("case-ii", "caseII.csv")] {
+        let made = rows(&dem_contact(&["--generate", case], "").stdout);
+        let known = rows(reference(file).as_bytes());
+        assert_eq!(made.len(), known.len());
+        for (made, known) in made.iter().zip(&known) {
+            for column in ["aA", "bA", "cB", "xB", "yB", "zB"] {
+                let off = (number(made, column) - number(known, column)).abs();
+                assert!(off < 1e-14, "{} {column}: off by {off:e}", known["id"]);
+            }
+            // A rotation by 180° or more may have either sign.
+            let q = |row| ["qwB", "qxB", "qyB", "qzB"].map(|c| number(row, c));
+            let cosine: f64 = q(made).iter().zip(q(known)).map(|(a, b)| a * b).sum();
+            assert!((cosine.abs() - 1.0).abs() < 1e-15, "{}", known["id"]);
+        }
+    }
+    // Written and read again, random pairs have the overlaps they were made for.
+    let made = dem_contact(&["--generate", "case-iii", "--count", "200", "--seed", "3"], "").stdout;
+    let answers = rows(&dem_contact(&["-"], &String::from_utf8(made).unwrap()).stdout);
+    assert_eq!(answers.len(), 200);
+    assert!(answers.iter().all(|row| (1e-9..=0.05 + 1e-14).contains(&number(row, "overlap"))));
+    let apart = dem_contact(&["--generate", "case-iii-apart", "--count", "200"], "").stdout;
+    let answers = rows(&dem_contact(&["-"], &String::from_utf8(apart).unwrap()).stdout);
+    assert!(answers.iter().all(|row| (-1.0 - 1e-14..0.0).contains(&number(row, "overlap"))));
+}
+
+#[test]
+fn errors_of_case_1() {
+    let known = rows(reference("paper_caseI.csv").as_bytes());
+    for rows in known.chunk_by(|a, b| a["ratio_start"] == b["ratio_start"]) {
+        let overlaps: Vec<f64> = rows.iter().map(|row| number(row, "overlap_target")).collect();
+        let found = case_1(number(&rows[0], "ratio_start"), &overlaps).unwrap();
+        for (found, row) in found.iter().zip(rows) {
+            let off = (found.overlap_found_m - number(row, "overlap_erosion")).abs();
+            assert!(off <= OVERLAP, "{row:?}: overlap off by {off:e}");
+            let off = (found.normal_error_deg - number(row, "normal_err_deg")).abs();
+            assert!(off <= DIRECTION.to_degrees(), "{row:?}: normal off by {off:e}");
+            assert!(found.point_error_m < 1e-14, "{found:?}");
+        }
+    }
+    // Where B stands elsewhere, and deeper.
+    for row in rows(reference("paper_caseI_vs_y.csv").as_bytes()) {
+        let found = at_offset(number(&row, "y"), &[0.0, 0.025, 0.05]).unwrap();
+        for (found, column) in found.iter().zip(["normal_err_deg_at_0", "at_0.025", "at_0.05"]) {
+            let off = (found.normal_error_deg - number(&row, column)).abs();
+            assert!(off <= DIRECTION.to_degrees(), "{row:?} {column}: off by {off:e}");
+        }
+    }
+    let known = rows(reference("paper_caseI_extended.csv").as_bytes());
+    let overlaps: Vec<f64> = known.iter().map(|row| number(row, "overlap")).collect();
+    for (found, row) in at_offset(OFFSET, &overlaps).unwrap().iter().zip(&known) {
+        let off = (found.normal_error_deg - number(row, "normal_err_deg_start5pct")).abs();
+        assert!(off <= DIRECTION.to_degrees(), "{row:?}: off by {off:e}");
+    }
+    // Clearances on both sides of the one below which touch is spurious.
+    for row in rows(reference("paper_caseI_thresholds.csv").as_bytes()) {
+        let limit = number(&row, "spurious_contact_below_clearance");
+        let pairs = cases::case_1(OFFSET, &[OVERLAP - limit, -OVERLAP - limit]);
+        let answers = dem_mpi::pairs::resolve(&pairs, &erosion(number(&row, "ratio")));
+        assert!(answers[0].touching && !answers[1].touching, "{row:?}");
+    }
+}
+
+#[test]
+fn errors_of_case_2() {
+    let known = rows(reference("paper_caseII_map.csv").as_bytes());
+    for rows in known.chunk_by(|a, b| a["ratio_start"] == b["ratio_start"]) {
+        let (axes, angles) = (cases::steps(1.0, 4.0, 6), cases::steps(0.0, 180.0, 36));
+        let found = case_2(number(&rows[0], "ratio_start"), &axes, &angles).unwrap();
+        assert_eq!(found.len(), rows.len());
+        for (found, row) in found.iter().zip(rows) {
+            assert_eq!(found.long_axis_m, number(row, "long_axis"));
+            assert_eq!(found.angle_deg, number(row, "theta_deg"));
+            let off = (found.relative_overlap_error - number(row, "rel_err")).abs();
+            assert!(off <= OVERLAP / 0.02, "{row:?}: overlap off by {off:e}");
+            let off = (found.normal_error_deg - number(row, "normal_err_deg")).abs();
+            assert!(off <= DIRECTION.to_degrees(), "{row:?}: normal off by {off:e}");
+            let off = (found.point_error_m - number(row, "contact_point_err")).abs();
+            assert!(off <= POINT, "{row:?}: point off by {off:e}");
+        }
+    }
+}
+
+fn check_summary(found: &Summary, known: &Row, tolerances: &[(&str, f64, f64)]) {
+    for (column, value, tolerance) in tolerances {
+        let expected = number(known, column);
+        assert!(
+            (value - expected).abs() <= tolerance * expected,
+            "{} {column}: {value:e}, not {expected:e}",
+            found.quantity
+        );
+    }
+}
+
+/// As `paper_caseIII_summary.csv` names them.
+const QUANTITIES: [&str; 3] = ["overlap_rel", "normal_deg", "contact_point"];
+
+/// The statistics of the same thousand pairs, and of other random ones within their scatter.
+#[test]
+fn errors_of_case_3() {
+    let known = rows(reference("paper_caseIII_summary.csv").as_bytes());
+    let row = |set: &str, ratio: &str, sampling: &str, quantity: &str| -> Row {
+        let wanted =
+            [("set", set), ("ratio_start", ratio), ("sampling", sampling), ("quantity", quantity)];
+        let is_it = |row: &&Row| wanted.iter().all(|(column, value)| row[*column] == *value);
+        known.iter().find(is_it).unwrap_or_else(|| panic!("{wanted:?}")).clone()
+    };
+    let all = read("", &reference("caseIII_public.csv")).unwrap().pairs;
+    for ratio in ["0.01", "0.02", "0.05", "0.1"] {
+        let errors = errors(&all, &erosion(ratio.parse().unwrap())).unwrap();
+        let contacts = &errors[..1000];
+        assert!(contacts.iter().all(|e| e.overlap_m > 0.0) && errors[1000].overlap_m < 0.0);
+        let columns: [Vec<f64>; 3] = [
+            contacts.iter().map(|e| e.relative_overlap_error).collect(),
+            contacts.iter().map(|e| e.normal_error_deg).collect(),
+            contacts.iter().map(|e| e.point_error_m).collect(),
+        ];
+        for (errors, quantity) in columns.iter().zip(QUANTITIES) {
+            let s = Summary::of("", "", quantity, errors);
+            let tight = [
+                ("log_mean", s.log_mean),
+                ("p1", s.p1),
+                ("p50", s.p50),
+                ("p99", s.p99),
+                ("max", s.max),
+            ];
+            let tight = tight.map(|(column, value)| (column, value, 2e-3));
+            check_summary(&s, &row("public", ratio, "centreline-uniform", quantity), &tight);
+        }
+    }
+    for (sampling, name) in
+        [(Sampling::CentreLine, "centreline-uniform"), (Sampling::Normal, "normal-uniform")]
+    {
+        let pairs = cases::case_3(Meeting::Contact, sampling, 3000, 5);
+        let found = InCase3::new("", "", &pairs, &erosion(0.05)).unwrap();
+        for (s, quantity) in found.summaries().iter().zip(QUANTITIES) {
+            let loose = [("log_mean", s.log_mean, 0.1), ("p50", s.p50, 0.1), ("p99", s.p99, 0.35)];
+            check_summary(s, &row("population", "0.05", name, quantity), &loose);
+        }
+    }
+}
+
+/// Erosion and EPA as the paper has them are the library's defaults.
+#[test]
+fn defaults_are_the_papers() {
+    assert_eq!((ErodedGjk::default().ratio, ErodedGjk::default().increment), (0.05, 0.01));
+    assert_eq!(Epa::default().tolerance, 1e-8);
+}
+
+#[test]
+fn section_2_is_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().to_str().unwrap();
+    let output = dem_contact(&["--section-2", path, "--count", "1000", "--repeats", "1"], "");
+    assert!(output.status.success(), "{}", said(&output));
+    let text = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    for name in ["fig5.svg", "fig6.svg", "fig7.svg", "fig8.svg"] {
+        let svg = text(name);
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"), "{name}");
+        for bad in ["NaN", "inf", "2147483647", "-2147483648"] {
+            assert!(!svg.contains(bad), "{name} holds {bad}");
+        }
+    }
+    let table = rows(text("table1.csv").as_bytes());
+    assert_eq!(table.len(), 6);
+    assert!(table.iter().all(|row| number(row, "contact_ns") > 0.0));
+    assert_eq!(rows(text("fig7.csv").as_bytes()).len(), 25 * 37);
+    let report = text("report.md");
+    assert!(!report.contains("NaN"), "{report}");
+    // What the reference says of the paper's two statements that do not hold.
+    for statement in
+        ["the normal's error decreases with the overlap", "its logarithmic mean is about 1e-3"]
+    {
+        let line = report.lines().find(|line| line.contains(statement)).unwrap();
+        assert!(line.ends_with("| **does not** |"), "{line}");
+    }
+}
