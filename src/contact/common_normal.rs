@@ -117,7 +117,7 @@ impl Symmetric {
                 return Self { xx: square, yy: square, zz: square, xy: 0.0, xz: 0.0, yz: 0.0 };
             }
             Shape::Ellipsoid(ellipsoid) => ellipsoid.semi_axes * per_metre,
-            Shape::HalfSpace(_) => unreachable!("walls have closed forms"),
+            _ => unreachable!("the table gives this method smooth pairs only"),
         };
         let (x, y, z) = (
             body.frame.column(0) * axes.x,

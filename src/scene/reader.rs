@@ -216,6 +216,14 @@ impl<'a> Given<'a> {
         }
     }
 
+    /// Points in space.
+    pub(super) fn points(&self, unit: &str) -> Option<Vec<Vec3>> {
+        let items = self.list(&format!("a list of points, each [x, y, z] [{unit}]"))?;
+        let points: Vec<Option<Vec3>> =
+            items.iter().map(|item| item.vector(Range::Any, unit)).collect();
+        points.into_iter().collect()
+    }
+
     /// Keys and values of a table, `None` if it is none.
     pub(super) fn entries(&self) -> Option<Vec<(&'a str, Self)>> {
         let Value::Table(table) = &self.node.value else { return None };
