@@ -18,9 +18,9 @@ use super::Posed;
 use crate::math::Vec3;
 use crate::shape::{Core, hull::Hull};
 
-/// Depth of the sections, as a part of the overlap. A resting block then turns about its edges with a
-/// stiffness that the stable time step allows for.
-const DEPTH: f64 = 0.1;
+/// Depth of the sections, as a part of the overlap: faces within that much of being flush, over their width,
+/// count as such in part.
+const DEPTH: f64 = 1e-3;
 /// Least depth, as a part of the smaller body's size: rounding of its corners.
 const ROUNDING: f64 = 1e-10;
 /// A polygon with less area than this part of its squared outline is a segment.
@@ -38,7 +38,9 @@ pub(super) fn centre_between(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3, over
         let mut on_b = section(b, &-normal, depth);
         // Counter-clockwise about the normal of A, too.
         on_b.reverse();
-        on_b.iter_mut().for_each(|p| *p += across);
+        for point in &mut on_b {
+            *point += across;
+        }
         centre(&section(a, normal, depth), &on_b, normal)
     })
 }
@@ -177,24 +179,14 @@ pub(super) fn nearest_of_segments(a: &[Vec3; 2], b: &[Vec3; 2]) -> (Vec3, Vec3) 
     let (uw, vw) = (u.dot(&w), v.dot(&w));
     let crossed = uu * vv - uv * uv;
     // The fraction of A's length nearest to a fraction of B's, and the other way.
-    let on_a = |t: f64| if uu > 0.0 { within_one((t * uv - uw) / uu) } else { 0.0 };
-    let on_b = |s: f64| if vv > 0.0 { within_one((s * uv + vw) / vv) } else { 0.0 };
+    let on_a = |t: f64| if uu > 0.0 { ((t * uv - uw) / uu).clamp(0.0, 1.0) } else { 0.0 };
+    let on_b = |s: f64| if vv > 0.0 { ((s * uv + vw) / vv).clamp(0.0, 1.0) } else { 0.0 };
     let s = if crossed > PARALLEL * PARALLEL * (uu * vv) {
-        within_one((uv * vw - uw * vv) / crossed)
+        ((uv * vw - uw * vv) / crossed).clamp(0.0, 1.0)
     } else {
         // Where B's ends face A, or A's nearest ends.
         0.5 * (on_a(0.0) + on_a(1.0))
     };
     let t = on_b(s);
     (a[0] + u * on_a(t), b[0] + v * t)
-}
-
-fn within_one(x: f64) -> f64 {
-    if x < 0.0 {
-        0.0
-    } else if x > 1.0 {
-        1.0
-    } else {
-        x
-    }
 }

@@ -144,9 +144,7 @@ fn pairs_of_kinds(scene: &Scene) -> Vec<(Kind, Kind)> {
 fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
     match (a, b, scene.method) {
         (Kind::Sphere, Kind::Sphere, _) | (_, Kind::HalfSpace, _) => "closed form",
-        (_, _, method) => {
-            table(&method, &[a, b]).get((a, b)).map_or("none", ContactResolver::name)
-        }
+        (_, _, method) => table(&method, &[a, b]).get((a, b)).map_or("none", ContactResolver::name),
     }
 }
 

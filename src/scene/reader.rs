@@ -77,7 +77,9 @@ impl<'a> Given<'a> {
             Value::Integer(i) => format!(" = {i}"),
             Value::Number(x) => format!(" = {x:?}"),
             Value::Text(s) => format!(" = \"{s}\""),
-            Value::List(list) if list.iter().any(|n| matches!(n.value, Value::Table(_))) => {
+            Value::List(list)
+                if list.iter().any(|n| matches!(n.value, Value::Table(_) | Value::List(_))) =>
+            {
                 String::new()
             }
             list @ Value::List(_) => format!(" = {}", list.to_toml()),

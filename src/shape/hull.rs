@@ -173,6 +173,7 @@ impl Hull {
     }
 
     /// The same body seen from `origin`, in axes that are the columns of `axes`.
+    #[must_use]
     pub fn seen_from(&self, origin: &Vec3, axes: &Mat3) -> Self {
         let vertices = self.vertices.iter().map(|v| axes.tr_mul(&(v - origin))).collect();
         let planes = self
@@ -296,7 +297,8 @@ fn checked_size(points: &[Vec3]) -> Result<f64, HullError> {
     let mut sorted: Vec<usize> = (0..count).collect();
     sorted.sort_by(|&i, &j| points[i].x.total_cmp(&points[j].x));
     for (k, &i) in sorted.iter().enumerate() {
-        for &j in sorted[k + 1..].iter().take_while(|&&j| points[j].x - points[i].x <= SAME * size) {
+        for &j in sorted[k + 1..].iter().take_while(|&&j| points[j].x - points[i].x <= SAME * size)
+        {
             if (points[j] - points[i]).norm() <= SAME * size {
                 return Err(HullError::Same { first: i.min(j), second: i.max(j) });
             }

@@ -32,7 +32,7 @@ pub enum MeshError {
     /// A dent.
     #[error(
         "the mesh is not convex: its surface lies up to {depth:.4e} m ({:.2} % of its size) inside \
-         its convex hull; give the grain as several convex ones, or the hull itself",
+         its convex hull; only convex grains can be simulated, as the hull itself",
         100.0 * depth / size
     )]
     Dented {
@@ -116,9 +116,11 @@ fn corners(triangles: &[[Vec3; 3]]) -> Result<Vec<Vec3>, MeshError> {
     let hull = Hull::of(&points)?;
     let size = size(&points);
     // A dent need not have a corner at its bottom.
-    points.extend(triangles.iter().flat_map(|[a, b, c]| {
-        [(a + b) * 0.5, (b + c) * 0.5, (c + a) * 0.5, (a + b + c) / 3.0]
-    }));
+    points.extend(
+        triangles
+            .iter()
+            .flat_map(|[a, b, c]| [(a + b) * 0.5, (b + c) * 0.5, (c + a) * 0.5, (a + b + c) / 3.0]),
+    );
     let (_, depth) = deepest(&hull, &points);
     if depth > CONVEX * size {
         return Err(MeshError::Dented { depth, size });

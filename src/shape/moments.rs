@@ -52,8 +52,7 @@ impl Moments {
     pub fn of(hull: &Hull) -> Self {
         let vertices = hull.vertices();
         let origin = vertices.iter().sum::<Vec3>() / vertices.len() as f64;
-        let mut sum =
-            Self { volume: 0.0, first: Vec3::zeros(), second: Mat3::zeros(), origin };
+        let mut sum = Self { volume: 0.0, first: Vec3::zeros(), second: Mat3::zeros(), origin };
         for triangle in hull.triangles() {
             let [a, b, c] = triangle.corners.map(|k| vertices[k as usize] - origin);
             // The tetrahedron from the origin to the triangle.
@@ -164,8 +163,14 @@ impl Arc {
         let across = start.cross(end);
         let (sine, cosine) = (across.norm(), start.dot(end));
         let angle = libm::atan2(sine, cosine);
-        (sine > SAME_FACE)
-            .then(|| Self { start: *start, end: *end, axis: across / sine, angle, sine, cosine })
+        (sine > SAME_FACE).then(|| Self {
+            start: *start,
+            end: *end,
+            axis: across / sine,
+            angle,
+            sine,
+            cosine,
+        })
     }
 
     /// `∫ u dφ` along the arc.
