@@ -2,11 +2,13 @@
 //! has to pass. Cases come from a seed and a number, both in the message of a failure.
 
 use dem_mpi::contact::{
-    AgainstHalfSpace, CommonNormal, ContactResolver, Epa, ErodedGjk, Method, Outcome, Posed,
+    AgainstHalfSpace, CommonNormal, ContactResolver, Cores, Epa, ErodedGjk, Method, Outcome, Posed,
     SeededCommonNormal, SphereSphere, Table, Touch, table,
 };
 use dem_mpi::math::{Mat3, Quat, Vec3};
-use dem_mpi::shape::{Ellipsoid, HalfSpace, Kind, Shape, Sphere};
+use dem_mpi::shape::{
+    Ellipsoid, HalfSpace, Kind, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
+};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
 
@@ -25,6 +27,23 @@ struct Subject {
     normal: f64,
     /// Is the limit the common normal?
     exact: bool,
+    /// What it resolves.
+    family: Family,
+}
+
+impl Subject {
+    fn random(&self, case: usize) -> Random {
+        Random { generator: ChaCha8Rng::seed_from_u64(SEED + case as u64), family: self.family }
+    }
+}
+
+/// Which shapes come at random.
+#[derive(Clone, Copy, PartialEq)]
+enum Family {
+    /// Spheres and ellipsoids.
+    Smooth,
+    /// Spheres, spherocylinders and rounded polyhedra: with a margin, which any overlap is less than.
+    Rounded,
 }
 
 /// The chain of a method, as a simulation gets it from the table.
@@ -46,7 +65,7 @@ impl ContactResolver for Chained {
     }
 }
 
-/// Every resolver of pairs of ellipsoids and spheres.
+/// Every resolver of pairs of ellipsoids and spheres, and every one of pairs with margins.
 ///
 /// A search to a gap `e` leaves the normal free by `√(2 e / κ)`, with κ above 0.1 here. Erosion's direction is
 /// not at a minimum of the overlap, which therefore feels the direction's error at first order.
@@ -56,6 +75,11 @@ fn resolvers() -> Vec<Subject> {
         overlap,
         normal,
         exact,
+        family: Family::Smooth,
+    };
+    let rounded = |resolver, overlap, normal| Subject {
+        family: Family::Rounded,
+        ..subject(resolver, overlap, normal, true)
     };
     let erosion = |tolerance| ErodedGjk { tolerance, ..ErodedGjk::default() };
     vec![
@@ -66,19 +90,31 @@ fn resolvers() -> Vec<Subject> {
         subject(Box::new(Chained::by(&Method::Epa { tolerance: 1e-5 })), 1e-5, 1.5e-2, true),
         subject(Box::new(erosion(1e-14)), 1e-7, 1e-6, false),
         subject(Box::new(erosion(1e-4)), 1e-3, 2e-2, false),
+        rounded(Box::new(Cores), ROUNDING, 1e-12),
+        rounded(Box::new(Chained::by(&Method::Auto)), ROUNDING, 1e-12),
+        rounded(Box::new(Epa { tolerance: 1e-8 }), 1e-8, 5e-4),
     ]
 }
 
-struct Random(ChaCha8Rng);
+/// Those of them that resolve ellipsoids.
+fn smooth_resolvers() -> impl Iterator<Item = Subject> {
+    resolvers().into_iter().filter(|subject| subject.family == Family::Smooth)
+}
+
+struct Random {
+    generator: ChaCha8Rng,
+    family: Family,
+}
 
 impl Random {
     fn new(case: usize) -> Self {
-        Self(ChaCha8Rng::seed_from_u64(SEED + case as u64))
+        let generator = ChaCha8Rng::seed_from_u64(SEED + case as u64);
+        Self { generator, family: Family::Smooth }
     }
 
     /// In 0..1.
     fn unit(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+        (self.generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     fn between(&mut self, low: f64, high: f64) -> f64 {
@@ -107,13 +143,31 @@ impl Random {
         Shape::Ellipsoid(Ellipsoid { semi_axes })
     }
 
+    fn spherocylinder(&mut self) -> Shape {
+        let (length, radius) = (self.between(0.5, 2.0), self.between(0.2, 0.5));
+        Shape::Spherocylinder(Spherocylinder { length, radius })
+    }
+
+    /// With 4 to 40 corners on an ellipsoid.
+    fn rounded_polyhedron(&mut self) -> Shape {
+        let count = 4 + (37.0 * self.unit()) as usize;
+        let axes = Vec3::from_fn(|_, _| self.between(0.5, 1.5));
+        let points: Vec<Vec3> = (0..count).map(|_| self.direction().component_mul(&axes)).collect();
+        rounded(&points, self.between(0.2, 0.5))
+    }
+
     fn shape(&mut self) -> Shape {
-        if self.unit() < 0.2 {
-            Shape::Sphere(Sphere { radius: self.between(0.5, 2.0) })
-        } else {
-            self.ellipsoid()
+        match (self.unit(), self.family) {
+            (share, _) if share < 0.2 => Shape::Sphere(Sphere { radius: self.between(0.5, 2.0) }),
+            (_, Family::Smooth) => self.ellipsoid(),
+            (share, Family::Rounded) if share < 0.5 => self.spherocylinder(),
+            (_, Family::Rounded) => self.rounded_polyhedron(),
         }
     }
+}
+
+fn rounded(points: &[Vec3], radius: f64) -> Shape {
+    Shape::RoundedPolyhedron(Box::new(RoundedPolyhedron::new(points, radius).unwrap()))
 }
 
 /// Two bodies in place.
@@ -178,7 +232,7 @@ fn assert_same(case: usize, subject: &Subject, size: f64, found: &Touch, expecte
 fn for_touching(check: impl Fn(usize, &Subject, &Case, &mut Random)) {
     for subject in resolvers() {
         for i in 0..CASES {
-            let mut random = Random::new(i);
+            let mut random = subject.random(i);
             let overlap = random.between(0.002, 0.05);
             let case = Case::with_overlap(&mut random, overlap);
             check(i, &subject, &case, &mut random);
@@ -217,7 +271,7 @@ fn a_rigid_motion_moves_the_answer() {
 /// Erosion, too, is exact for spheres: the direction is the line of centres.
 #[test]
 fn ellipsoids_with_equal_axes_are_spheres() {
-    for subject in resolvers() {
+    for subject in smooth_resolvers() {
         for i in 0..CASES {
             let mut random = Random::new(i);
             let radii = [random.between(0.1, 1.0), random.between(0.1, 1.0)];
@@ -249,7 +303,7 @@ fn the_overlap_goes_smoothly_through_touch() {
         for i in 0..CASES / 3 {
             let mut last: Option<(f64, f64)> = None;
             for overlap in OVERLAPS {
-                let case = Case::with_overlap(&mut Random::new(i), overlap);
+                let case = Case::with_overlap(&mut subject.random(i), overlap);
                 let tolerance = 2.0 * subject.overlap * case.size();
                 let found = match case.resolve(&*subject.resolver, None) {
                     Outcome::Touching(touch) => touch.overlap,
@@ -275,25 +329,35 @@ fn the_overlap_goes_smoothly_through_touch() {
     }
 }
 
+fn scaled(shape: &Shape, unit: f64) -> Shape {
+    match shape {
+        Shape::Sphere(s) => Shape::Sphere(Sphere { radius: s.radius * unit }),
+        Shape::Ellipsoid(e) => Shape::Ellipsoid(Ellipsoid { semi_axes: e.semi_axes * unit }),
+        Shape::Spherocylinder(s) => Shape::Spherocylinder(Spherocylinder {
+            length: s.length * unit,
+            radius: s.radius * unit,
+        }),
+        Shape::RoundedPolyhedron(p) => {
+            let points: Vec<Vec3> = p.core().vertices().iter().map(|v| v * unit).collect();
+            rounded(&points, p.radius() * unit)
+        }
+        Shape::Polyhedron(_) | Shape::HalfSpace(_) => unreachable!("none comes at random"),
+    }
+}
+
 /// Nanometres and kilometres: a change of unit by a power of two changes no bit.
 #[test]
 fn the_unit_of_length_does_not_matter() {
     for_touching(|i, subject, case, _| {
-        let touch = case.touch(&*subject.resolver);
+        // Solids are made anew from their corners: for the comparison, too.
+        let in_unit = |unit: f64| Case {
+            a: (scaled(&case.a.0, unit), case.a.1),
+            b: (scaled(&case.b.0, unit), case.b.1),
+            r: case.r * unit,
+        };
+        let touch = in_unit(1.0).touch(&*subject.resolver);
         for unit in [2f64.powi(-30), 2f64.powi(30)] {
-            let scaled = |shape: &Shape| match shape {
-                Shape::Sphere(s) => Shape::Sphere(Sphere { radius: s.radius * unit }),
-                Shape::Ellipsoid(e) => {
-                    Shape::Ellipsoid(Ellipsoid { semi_axes: e.semi_axes * unit })
-                }
-                Shape::HalfSpace(_) => unreachable!("no walls here"),
-            };
-            let there = Case {
-                a: (scaled(&case.a.0), case.a.1),
-                b: (scaled(&case.b.0), case.b.1),
-                r: case.r * unit,
-            };
-            let found = there.touch(&*subject.resolver);
+            let found = in_unit(unit).touch(&*subject.resolver);
             let expected =
                 Touch { overlap: touch.overlap * unit, point: touch.point * unit, ..touch };
             assert_eq!(found, expected, "{}, seed {SEED} + {i}", subject.resolver.name());
@@ -305,7 +369,10 @@ fn the_unit_of_length_does_not_matter() {
 #[test]
 fn resolvers_agree_and_none_finds_too_little() {
     for_touching(|i, subject, case, _| {
-        let exact = case.touch(&CommonNormal);
+        let exact = match subject.family {
+            Family::Smooth => case.touch(&CommonNormal),
+            Family::Rounded => case.touch(&Cores),
+        };
         let touch = case.touch(&*subject.resolver);
         let name = subject.resolver.name();
         let excess = (touch.overlap - exact.overlap) / case.size();
@@ -320,7 +387,7 @@ fn resolvers_agree_and_none_finds_too_little() {
 fn bodies_that_are_apart_do_not_touch() {
     for subject in resolvers().iter().filter(|subject| subject.exact) {
         for i in 0..CASES {
-            let mut random = Random::new(i);
+            let mut random = subject.random(i);
             let clearance = random.between(1e-4, 1.0);
             let case = Case::with_overlap(&mut random, -clearance);
             let name = subject.resolver.name();
@@ -340,7 +407,7 @@ fn a_pair_that_rests_misses_nothing() {
     for subject in &resolvers() {
         let mut promises = 0;
         for i in 0..CASES {
-            let mut random = Random::new(i);
+            let mut random = subject.random(i);
             let mut case = Case::with_overlap(&mut random, -0.3 * random_square(i));
             let Outcome::Apart(promised) = case.resolve(&*subject.resolver, None) else {
                 continue; // spurious contacts of erosion
@@ -391,7 +458,7 @@ fn no_answer_is_not_a_number() {
     let steps =
         [Vec3::x(), Vec3::y(), Vec3::z(), Vec3::new(1.0, 1.0, 0.0), Vec3::new(1e-9, 1.0, 0.0)];
     let lengths = [0.0, 1e-300, 1e-20, 1e-9, 1e-3, 0.02, 0.1, 0.5, 1.0, 1.5, 2.0, 4.0];
-    for subject in resolvers() {
+    for subject in smooth_resolvers() {
         for a in &shapes {
             for b in &shapes {
                 for r in steps.iter().flat_map(|step| lengths.map(|length| step * length)) {

@@ -78,12 +78,37 @@ fn good_scenes_pass_and_survive_the_wire() -> Result<()> {
     Ok(())
 }
 
+/// Sizes of what the meshes hold, and where the plan says their axes lie.
+#[test]
+fn solids_are_read() -> Result<()> {
+    let scene = Scene::read(Path::new("tests/scenes/good/solids.toml"), &[])?;
+    let [rod, wedge, die, brick, octahedron, prism] = &scene.library.shapes[..] else {
+        panic!("six shapes: {:?}", scene.library.names)
+    };
+    let near = |found: f64, exact: f64| (found / exact - 1.0).abs() < 1e-6;
+    assert_eq!(rod.semi_axes(), Vec3::new(0.005, 0.002, 0.002));
+    assert!(near(wedge.volume(), 0.006_f64.powi(3) / 6.0));
+    assert_eq!(die.semi_axes(), Vec3::repeat(0.0025));
+    assert!(near(brick.volume(), 192e-9) && near(octahedron.bounding_radius(), 0.0032));
+    assert!(near(prism.volume(), 0.5 * 0.006 * 0.005 * 0.006));
+    let page = plan(&scene, 1);
+    for line in [
+        "spherocylinder-polyhedron: cores",
+        "polyhedron-polyhedron: gjk-erosion",
+        "its centre lies at [1.0000e-2, 2.0000e-2, 3.0000e-2] m of its file, its axes turned by the \
+         quaternion [1.000000, 0.000000, 0.000000, 0.000000]",
+    ] {
+        assert!(page.contains(line), "no \"{line}\" in\n{page}");
+    }
+    Ok(())
+}
+
 /// Whatever stands behind a key, the answer is a scene or a list of mistakes, never a panic.
 #[test]
 fn odd_values_never_panic() -> Result<()> {
     let folder = Path::new("tests/scenes/good");
-    let text = std::fs::read_to_string(folder.join("every_key.toml"))?;
-    let lines: Vec<&str> = text.lines().collect();
+    let every_key = std::fs::read_to_string(folder.join("every_key.toml"))?;
+    let solids = std::fs::read_to_string(folder.join("solids.toml"))?;
     let odd = [
         "0",
         "-1",
@@ -102,8 +127,13 @@ fn odd_values_never_panic() -> Result<()> {
         "[0, 0, 0]",
         "[[]]",
         "{ x = 1 }",
+        "[[0, 0, 0], [1e300, 0, 0], [0, 1e300, 0], [0, 0, 1e300]]",
+        "[[0, 0, 0], [1e-300, 0, 0], [0, 1e-300, 0], [0, 0, 1e-300]]",
+        "[[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [1e-9, 0, 1e-9]]",
     ];
-    for (index, line) in lines.iter().enumerate() {
+    let numbered = |text| str::lines(text).enumerate().map(move |(k, line)| (text, k, line));
+    for (text, index, line) in numbered(&every_key).chain(numbered(&solids)) {
+        let lines: Vec<&str> = text.lines().collect();
         let changed = match line.split_once(" = ") {
             Some((key, _)) => odd.iter().map(|value| format!("{key} = {value}")).collect(),
             None => vec![String::new(), "[odd]".to_owned(), "[[material]]".to_owned()],
@@ -274,7 +304,7 @@ fn wrong_overrides_are_named() {
         (
             "shape.ball.kind=elipsoid",
             "shape.ball.kind = \"elipsoid\": no such choice, did you mean `ellipsoid`? (allowed: \
-             sphere, ellipsoid)",
+             sphere, ellipsoid, spherocylinder, polyhedron, rounded-polyhedron)",
         ),
     ];
     for (text, message) in wrong {

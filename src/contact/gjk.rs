@@ -39,6 +39,8 @@ pub(super) struct Difference<'a> {
     pub(super) unit: f64,
     /// Both bodies are scaled about their centres by this.
     scale: f64,
+    /// Both bodies are taken without their margins.
+    cores: bool,
 }
 
 impl<'a> Difference<'a> {
@@ -48,7 +50,7 @@ impl<'a> Difference<'a> {
         let unit = unit_of_length(radius_a, radius_b);
         let per_metre = 1.0 / unit;
         let reach = (radius_a + radius_b) * per_metre;
-        Self { a, b, r: r * per_metre, reach, unit, scale: per_metre }
+        Self { a, b, r: r * per_metre, reach, unit, scale: per_metre, cores: false }
     }
 
     /// The same with both bodies scaled about their centres by `1 - ratio`.
@@ -56,10 +58,20 @@ impl<'a> Difference<'a> {
         Self { scale: (1.0 - ratio) / self.unit, ..*self }
     }
 
+    /// The same with both bodies without their margins.
+    pub(super) fn cores(&self) -> Self {
+        Self { cores: true, ..*self }
+    }
+
     /// The farthest point along `direction` (any length but zero).
     #[inline]
     pub(super) fn support(&self, direction: &Vec3) -> Vec3 {
-        (self.a.support(direction) - self.b.support(&-direction)) * self.scale - self.r
+        let (on_a, on_b) = if self.cores {
+            (self.a.core_support(direction), self.b.core_support(&-direction))
+        } else {
+            (self.a.support(direction), self.b.support(&-direction))
+        };
+        (on_a - on_b) * self.scale - self.r
     }
 }
 

@@ -1,11 +1,12 @@
 //! A convex shape against a wall: the closed form.
 //!
 //! The normal is the wall's, so the support point against it is the deepest point: exact for every
-//! shape that has a support function, and always chosen for this pair.
+//! shape that has a support function, and always chosen for this pair. Of an edge or a face that lies on the
+//! wall, the contact point is the centroid.
 
-use super::{ContactResolver, Outcome, Posed, Touch};
+use super::{ContactResolver, Outcome, Posed, Touch, patch};
 use crate::math::Vec3;
-use crate::shape::Shape;
+use crate::shape::{Core, Shape};
 
 /// Resolves any convex shape (A) against a half-space (B). The relative position runs from the
 /// centre of A to any point of the plane; the wall's normal is in world axes, whatever its frame.
@@ -28,6 +29,10 @@ impl ContactResolver for AgainstHalfSpace {
         let deepest = a.support(&normal);
         let overlap = (deepest - r).dot(&normal);
         // P_B is the foot of P_A on the plane; the contact point is half way.
-        Touch { overlap, normal, point: deepest - normal * (0.5 * overlap) }.outcome()
+        let mut point = deepest - normal * (0.5 * overlap);
+        if overlap > 0.0 && !matches!(a.shape.core(), Core::Curved) {
+            point = patch::centre_on_plane(a, &normal, overlap) + normal * point.dot(&normal);
+        }
+        Touch { overlap, normal, point }.outcome()
     }
 }

@@ -1,8 +1,8 @@
 //! Which resolver serves which pair: the one place that names them all.
 
 use super::{
-    AgainstHalfSpace, Chain, CommonNormal, ContactResolver, Epa, ErodedGjk, SeededCommonNormal,
-    SphereSphere, Table,
+    AgainstHalfSpace, Chain, CommonNormal, ContactResolver, Cores, Epa, ErodedGjk,
+    SeededCommonNormal, SphereSphere, Table,
 };
 use crate::shape::Kind;
 use serde::{Deserialize, Serialize};
@@ -10,10 +10,11 @@ use serde::{Deserialize, Serialize};
 /// How pairs without a closed form are resolved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Method {
-    /// The common normal for smooth pairs, which all shapes so far are.
+    /// [`CommonNormal`] for two smooth shapes, [`Cores`] if one of them has a margin, [`ErodedGjk`] for
+    /// all others.
     #[default]
     Auto,
-    /// [`CommonNormal`].
+    /// [`CommonNormal`]; for smooth shapes only. Other pairs are resolved as by `Auto`.
     CommonNormal,
     /// [`ErodedGjk`].
     GjkErosion {
@@ -42,19 +43,26 @@ impl Method {
         }
     }
 
-    /// The method with something to fall back on.
-    fn chain(&self) -> Chain {
-        let last_resort = Epa { tolerance: 1e-10 };
+    /// The method for pairs of two kinds, with something to fall back on.
+    fn chain(&self, a: Kind, b: Kind) -> Chain {
+        let last_resort = || Box::new(Epa { tolerance: 1e-10 });
         let (first, fallbacks): (Box<dyn ContactResolver>, Vec<Box<dyn ContactResolver>>) =
             match *self {
-                Self::Auto | Self::CommonNormal => (
+                Self::Auto | Self::CommonNormal if a.is_smooth() && b.is_smooth() => (
                     Box::new(CommonNormal),
-                    vec![Box::new(SeededCommonNormal::default()), Box::new(last_resort)],
+                    vec![Box::new(SeededCommonNormal::default()), last_resort()],
                 ),
-                Self::GjkErosion { ratio, increment, tolerance } => (
-                    Box::new(ErodedGjk { ratio, increment, tolerance }),
-                    vec![Box::new(last_resort)],
+                // A tight tolerance asks too much of a continuum of normals, as of crossed cylinders.
+                Self::Auto | Self::CommonNormal if a.has_margin() || b.has_margin() => (
+                    Box::new(Cores),
+                    vec![last_resort(), Box::new(Epa::default()), Box::new(ErodedGjk::default())],
                 ),
+                Self::Auto | Self::CommonNormal => {
+                    (Box::new(ErodedGjk::default()), vec![last_resort()])
+                }
+                Self::GjkErosion { ratio, increment, tolerance } => {
+                    (Box::new(ErodedGjk { ratio, increment, tolerance }), vec![last_resort()])
+                }
                 // An overlap that is too large by what erosion costs is better than a run that ends.
                 Self::Epa { tolerance } => {
                     (Box::new(Epa { tolerance }), vec![Box::new(ErodedGjk::default())])
@@ -79,7 +87,7 @@ pub fn table(method: &Method, kinds: &[Kind]) -> Table {
                 (Kind::HalfSpace, Kind::HalfSpace) => continue,
                 (_, Kind::HalfSpace) => Box::new(AgainstHalfSpace),
                 (Kind::Sphere, Kind::Sphere) => Box::new(SphereSphere),
-                _ => Box::new(method.chain()),
+                _ => Box::new(method.chain(a, b)),
             };
             table.insert((a, b), resolver);
         }

@@ -4,7 +4,8 @@
 //! centre and `r` from the centre of A to the centre of B, for every unit vector `n`
 //! `δ(n) = h_A(n) + h_B(-n) - n·r` bounds the overlap from above, and
 //! **overlap = min δ(n)** over all `n`; the normal is the minimiser, from A to B; `P_A`, `P_B` are
-//! the support points, and the contact point is the middle of the segment between them.
+//! the support points, and the contact point is the middle of the segment between them (of the centroid of
+//! all such segments, where edges or faces touch along more than a point).
 //! All geometry works on `r`, never on positions: a pair 10⁶ sizes from the origin loses nothing.
 //!
 //! A resolver works on a batch of pairs of one pair of kinds: one virtual call per batch. Each
@@ -12,6 +13,7 @@
 
 mod clearance;
 mod common_normal;
+mod cores;
 mod epa;
 mod eroded_gjk;
 mod fallback;
@@ -20,10 +22,12 @@ mod half_space;
 mod lanes;
 mod methods;
 mod newton;
+mod patch;
 mod sphere_sphere;
 
 pub use clearance::clearance;
 pub use common_normal::{CommonNormal, SeededCommonNormal};
+pub use cores::Cores;
 pub use epa::Epa;
 pub use eroded_gjk::ErodedGjk;
 pub use fallback::Chain;
@@ -33,7 +37,7 @@ pub use sphere_sphere::SphereSphere;
 
 use crate::ids::{GlobalId, ShapeId, Slot};
 use crate::math::{Mat3, Vec3};
-use crate::shape::{Form, Kind, Shape};
+use crate::shape::{Core, Form, Kind, Shape};
 use serde::{Deserialize, Serialize};
 
 /// The geometry of one contact.
@@ -99,15 +103,31 @@ impl Posed<'_> {
     pub fn support(&self, direction: &Vec3) -> Vec3 {
         self.frame * self.shape.support(&self.frame.tr_mul(direction))
     }
+
+    /// The same of what is left without the margin.
+    #[inline]
+    pub fn core_support(&self, direction: &Vec3) -> Vec3 {
+        self.frame * self.shape.core_support(&self.frame.tr_mul(direction))
+    }
 }
 
 /// `δ(n)`, the bound that any direction gives, and the touch that goes with it (eq. 1 ff. of the paper:
-/// support points on the original bodies, contact point in their middle).
+/// support points on the original bodies, contact point in their middle). Where an edge or a face
+/// lies along the contact, many points are support points: the contact point is then the centroid of those
+/// that both bodies share.
 #[inline]
 pub fn touch_along(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Touch {
     let on_a = a.support(normal);
     let on_b = b.support(&-normal) + r;
-    Touch { overlap: (on_a - on_b).dot(normal), normal: *normal, point: (on_a + on_b) * 0.5 }
+    let overlap = (on_a - on_b).dot(normal);
+    let middle = (on_a + on_b) * 0.5;
+    let curved = |body: &Posed| matches!(body.shape.core(), Core::Curved);
+    let point = if overlap > 0.0 && !(curved(a) && curved(b)) {
+        patch::centre_between(a, b, r, normal, overlap) + normal * middle.dot(normal)
+    } else {
+        middle
+    };
+    Touch { overlap, normal: *normal, point }
 }
 
 /// The unit of length of a pair [m]: the power of two at or below the longer of two lengths.

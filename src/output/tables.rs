@@ -73,9 +73,10 @@ pub struct WallRow {
 pub struct ShapeRow {
     /// Its name in the scene.
     pub name: String,
-    /// Name of its kind: `sphere`, `ellipsoid`.
+    /// Name of its kind, as in the scene file.
     pub kind: String,
-    /// Semi-axes [m].
+    /// Semi-axes of an ellipsoid; of other kinds half the lengths, along the principal axes, of the
+    /// box about the centre of mass [m].
     pub semi_axes: Vec3,
     /// Volume [m³].
     pub volume: f64,

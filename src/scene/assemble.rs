@@ -175,7 +175,11 @@ fn read_part(
             let known = &scene.library;
             (0..known.particle_shapes)
                 .find(|&k| {
-                    known.names[k] == row.name && known.shapes[k].semi_axes() == row.semi_axes
+                    // No two solids of one name have one box and one volume by accident.
+                    let shape = &known.shapes[k];
+                    known.names[k] == row.name
+                        && shape.semi_axes() == row.semi_axes
+                        && shape.volume() == row.volume
                 })
                 .map(|k| ShapeId(k as u16))
                 .ok_or_else(|| StartError::Shape {

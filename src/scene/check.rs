@@ -44,7 +44,7 @@ pub(super) fn scene(
 
     let materials = Materials::read(&root, limit_damping);
     let interactions = interactions(&root, &materials, limit_damping);
-    let shapes = Shapes::read(&root, &materials);
+    let shapes = Shapes::read(&root, &materials, folder);
     let domain_section = root.section("domain", "the box of particles, `low` and `high` [m]");
     let domain = domain_section.as_ref().and_then(domain);
     let planes = planes(&root, domain_section.as_ref(), domain.as_ref(), &materials);
@@ -87,6 +87,9 @@ pub(super) fn scene(
         && ξ * time.dt >= 2.0
     {
         given.fail("turns every velocity round in one step; must be less than 2 / time.step");
+    }
+    if let Some((Method::CommonNormal, _)) = contact {
+        check_smooth(&root, &shapes.library);
     }
     if !report.is_empty() {
         return None;
@@ -306,6 +309,26 @@ fn contact(section: &Section) -> Option<(Method, bool)> {
         _ => Method::Auto,
     };
     Some((method, limit_damping?))
+}
+
+/// A common normal that the user insists on needs curvature everywhere.
+fn check_smooth(root: &Section, library: &Library) {
+    let edged: Vec<String> = library
+        .names
+        .iter()
+        .zip(&library.shapes)
+        .filter(|(_, shape)| !shape.kind().is_smooth())
+        .map(|(name, shape)| format!("`{name}` ({})", shape.kind().name()))
+        .collect();
+    if let (false, Some(given)) = (edged.is_empty(), root.get("contact"))
+        && let Some((_, method)) =
+            given.entries().and_then(|all| all.into_iter().find(|(key, _)| *key == "method"))
+    {
+        method.fail(format!(
+            "not for {}, which have edges or flat sides; take \"auto\", \"gjk-erosion\" or \"epa\"",
+            edged.join(", ")
+        ));
+    }
 }
 
 struct Time {

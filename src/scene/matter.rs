@@ -3,11 +3,13 @@
 use super::Mix;
 use super::reader::{Given, Range, Section};
 use super::report::suggestion;
+use super::solids;
 use crate::ids::MaterialId;
 use crate::law::{Constants, Interactions, Material, damping_ratio_of_restitution};
 use crate::math::Vec3;
 use crate::particles::Library;
 use crate::shape::{Ellipsoid, Shape, Sphere};
+use std::path::Path;
 
 // --- names ---
 
@@ -196,13 +198,14 @@ pub(super) struct Shapes {
 }
 
 impl Shapes {
-    pub(super) fn read(root: &Section, materials: &Materials) -> Self {
+    /// Paths of meshes are relative to `folder`.
+    pub(super) fn read(root: &Section, materials: &Materials, folder: &Path) -> Self {
         let mut shapes =
             Self { names: Names::of("shape"), library: Library::default(), complete: true };
         for section in &root.some_sections("shape", "`name`, `kind` and its size") {
             shapes.names.add(section);
             let material = materials.find_in(section, "material");
-            let geometry = geometry(section);
+            let geometry = geometry(section, folder);
             section.finish();
             let density = material.and_then(|id| materials.get(id)).map(|m| m.density);
             shapes.complete &= match (&geometry, density) {
@@ -235,23 +238,36 @@ fn has_mass(section: &Section, geometry: &Shape, density: f64) -> bool {
     fits
 }
 
-fn geometry(section: &Section) -> Option<Shape> {
+fn geometry(section: &Section, folder: &Path) -> Option<Shape> {
     #[derive(Clone, Copy)]
     enum Kind {
         Sphere,
         Ellipsoid,
+        Spherocylinder,
+        Polyhedron,
+        RoundedPolyhedron,
     }
-    let kind = section.require("kind", "\"sphere\" or \"ellipsoid\"", |given| {
-        given.one_of(&[("sphere", Kind::Sphere), ("ellipsoid", Kind::Ellipsoid)])
+    let kind = section.require("kind", "\"sphere\", \"ellipsoid\", ...", |given| {
+        given.one_of(&[
+            ("sphere", Kind::Sphere),
+            ("ellipsoid", Kind::Ellipsoid),
+            ("spherocylinder", Kind::Spherocylinder),
+            ("polyhedron", Kind::Polyhedron),
+            ("rounded-polyhedron", Kind::RoundedPolyhedron),
+        ])
     });
     match kind {
         None => {
             // Which sizes are allowed is not known.
-            for key in ["radius", "diameter", "semi_axes", "aspect_ratio"] {
+            let keys = ["radius", "diameter", "semi_axes", "aspect_ratio"];
+            for key in keys.into_iter().chain(solids::KEYS) {
                 section.get(key);
             }
             None
         }
+        Some(Kind::Spherocylinder) => solids::spherocylinder(section),
+        Some(Kind::Polyhedron) => solids::polyhedron(section, folder),
+        Some(Kind::RoundedPolyhedron) => solids::rounded_polyhedron(section, folder),
         Some(Kind::Sphere) => {
             let size = |given: Given| given.number(Range::Positive, "m");
             let radius = match (section.get("radius"), section.get("diameter")) {

@@ -6,7 +6,9 @@
 //! # The file
 //!
 //! TOML; a key without "default" must be there. Paths of output and `start` are relative to the
-//! working directory, paths of particle files to the scene's folder.
+//! working directory, paths of particle files and meshes to the scene's folder.
+//! A polyhedron is moved to its centre of mass and turned into its principal axes; positions and
+//! quaternions of particles are those of its centre and these axes, and `--plan` says where they lie in the file.
 //!
 //! | key | unit | meaning |
 //! |---|---|---|
@@ -39,12 +41,16 @@
 //! | **`[[shape]]`** | | |
 //! | `name` | | |
 //! | `material` | | default: the scene's only material |
-//! | `kind` | | `"sphere"` or `"ellipsoid"` |
+//! | `kind` | | `"sphere"`, `"ellipsoid"`, `"spherocylinder"`, `"polyhedron"` or `"rounded-polyhedron"` |
 //! | `radius` or `diameter` | m | of a sphere |
 //! | `semi_axes` | m | of an ellipsoid, along its own x, y, z; or: |
 //! | `diameter`, `aspect_ratio` | m | of the ball of equal volume; first semi-axis over the other two |
+//! | `length`, `radius` | m | of a spherocylinder: of its axis, from centre to centre of the balls at its ends (along its own x); of its round |
+//! | `vertices` | m | of a polyhedron or the core of a rounded one: [[x, y, z], ...], in any axes and order; or: |
+//! | `file`, `scale` | m | a closed and convex mesh, `.stl` or `.obj`; metres per unit of its lengths, default 1 |
+//! | `radius` | m | of the ball that rolls around a rounded polyhedron's core |
 //! | **`[contact]`** | | how contacts are resolved; may be left out |
-//! | `method` | | `"auto"` (default), `"common-normal"`, `"gjk-erosion"` or `"epa"` |
+//! | `method` | | `"auto"` (default: the best for each pair of kinds), `"common-normal"` (smooth shapes only), `"gjk-erosion"` or `"epa"` |
 //! | `erosion_ratio` | | of `gjk-erosion`: first erosion, in (0, 1); default 0.05 |
 //! | `erosion_increment` | | of `gjk-erosion`: added until the bodies are apart; default 0.01 |
 //! | `tolerance` | | of `gjk-erosion` (default 1e-4) and `epa` (default 1e-8), relative |
@@ -88,6 +94,7 @@ pub mod packing;
 pub mod plan;
 mod reader;
 mod report;
+mod solids;
 
 pub use crate::contact::Method;
 pub use crate::drive::rain::Rain;

@@ -1,8 +1,10 @@
 //! What a scene will cost, said before it runs: `dem-mpi --plan`.
 
-use super::{Fill, Method, Mix, Scene};
+use super::{Fill, Mix, Scene};
+use crate::contact::{ContactResolver, table};
 use crate::law::Constants;
 use crate::math::Vec3;
+use crate::shape::moments::Placement;
 use crate::shape::{Kind, Shape};
 use std::fmt::Display;
 
@@ -82,12 +84,24 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
             format!("radius {:.4e} m", sphere.radius)
         } else {
             let [a, b, c]: [f64; 3] = shape.semi_axes().into();
-            format!("semi-axes {a:.4e}, {b:.4e}, {c:.4e} m")
+            let what = if shape.kind() == Kind::Ellipsoid { "semi-axes" } else { "half lengths" };
+            format!("{what} {a:.4e}, {b:.4e}, {c:.4e} m")
         };
         let (name, mass) = (&library.names[index], library.mass[index]);
         let material = &scene.materials[library.materials[index].index()].name;
         let kind = shape.kind().name();
         page.line("shape", format!("{name}: {kind} of {material}, {size}, {mass:.4e} kg"));
+        if let Some(Placement { centre, axes }) = shape.placement() {
+            let ([x, y, z], q): ([f64; 3], _) = ((*centre).into(), axes.quaternion());
+            page.line(
+                "",
+                format!(
+                    "its centre lies at [{x:.4e}, {y:.4e}, {z:.4e}] m of its file, its axes turned \
+                     by the quaternion [{:.6}, {:.6}, {:.6}, {:.6}]",
+                    q.w, q.i, q.j, q.k
+                ),
+            );
+        }
     }
     let walls = |moving: bool| {
         let names = scene.walls.iter().filter(|w| (w.velocity != Vec3::zeros()) == moving);
@@ -130,9 +144,7 @@ fn pairs_of_kinds(scene: &Scene) -> Vec<(Kind, Kind)> {
 fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
     match (a, b, scene.method) {
         (Kind::Sphere, Kind::Sphere, _) | (_, Kind::HalfSpace, _) => "closed form",
-        // Every shape so far is smooth.
-        (_, _, Method::Auto) => Method::CommonNormal.name(),
-        (_, _, method) => method.name(),
+        (_, _, method) => table(&method, &[a, b]).get((a, b)).map_or("none", ContactResolver::name),
     }
 }
 

@@ -77,7 +77,9 @@ impl<'a> Given<'a> {
             Value::Integer(i) => format!(" = {i}"),
             Value::Number(x) => format!(" = {x:?}"),
             Value::Text(s) => format!(" = \"{s}\""),
-            Value::List(list) if list.iter().any(|n| matches!(n.value, Value::Table(_))) => {
+            Value::List(list)
+                if list.iter().any(|n| matches!(n.value, Value::Table(_) | Value::List(_))) =>
+            {
                 String::new()
             }
             list @ Value::List(_) => format!(" = {}", list.to_toml()),
@@ -214,6 +216,14 @@ impl<'a> Given<'a> {
             Value::List(_) => self.vector(range, unit),
             _ => self.number(range, unit).map(Vec3::repeat),
         }
+    }
+
+    /// Points in space.
+    pub(super) fn points(&self, unit: &str) -> Option<Vec<Vec3>> {
+        let items = self.list(&format!("a list of points, each [x, y, z] [{unit}]"))?;
+        let points: Vec<Option<Vec3>> =
+            items.iter().map(|item| item.vector(Range::Any, unit)).collect();
+        points.into_iter().collect()
     }
 
     /// Keys and values of a table, `None` if it is none.

@@ -4,13 +4,24 @@
 
 pub mod ellipsoid;
 pub mod half_space;
+pub mod hull;
+pub mod mesh;
+pub mod moments;
+pub mod polyhedron;
+pub mod rounded_polyhedron;
 pub mod sphere;
+pub mod spherocylinder;
 
 use crate::math::{Mat3, Vec3};
 pub use ellipsoid::{Ellipsoid, Form};
 pub use half_space::HalfSpace;
+use hull::Hull;
+use moments::Placement;
+pub use polyhedron::Polyhedron;
+pub use rounded_polyhedron::RoundedPolyhedron;
 use serde::{Deserialize, Serialize};
 pub use sphere::Sphere;
+pub use spherocylinder::Spherocylinder;
 
 /// Which family of shape: pairs are resolved in batches of one pair of kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -19,22 +30,59 @@ pub enum Kind {
     Sphere,
     /// A tri-axial ellipsoid.
     Ellipsoid,
+    /// A cylinder with a half ball on each end.
+    Spherocylinder,
+    /// A convex polyhedron.
+    Polyhedron,
+    /// A convex polyhedron with a ball rolled around it.
+    RoundedPolyhedron,
     /// The solid side of a plane: a wall.
     HalfSpace,
 }
 
 impl Kind {
     /// Every kind, in the order of batches.
-    pub const ALL: [Self; 3] = [Self::Sphere, Self::Ellipsoid, Self::HalfSpace];
+    pub const ALL: [Self; 6] = [
+        Self::Sphere,
+        Self::Ellipsoid,
+        Self::Spherocylinder,
+        Self::Polyhedron,
+        Self::RoundedPolyhedron,
+        Self::HalfSpace,
+    ];
 
     /// As the scene file and reports name it.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Sphere => "sphere",
             Self::Ellipsoid => "ellipsoid",
+            Self::Spherocylinder => "spherocylinder",
+            Self::Polyhedron => "polyhedron",
+            Self::RoundedPolyhedron => "rounded-polyhedron",
             Self::HalfSpace => "plane",
         }
     }
+
+    /// Has it a common normal, which needs curvature everywhere?
+    pub const fn is_smooth(self) -> bool {
+        matches!(self, Self::Sphere | Self::Ellipsoid)
+    }
+
+    /// Is it a point, a segment or a polyhedron with a ball rolled around it?
+    pub const fn has_margin(self) -> bool {
+        matches!(self, Self::Sphere | Self::Spherocylinder | Self::RoundedPolyhedron)
+    }
+}
+
+/// What is flat of a shape: where a whole edge or face of it can touch another body.
+#[derive(Clone, Copy, Debug)]
+pub enum Core<'a> {
+    /// Nothing: it is curved everywhere.
+    Curved,
+    /// A segment of this half length along the local x [m].
+    Segment(f64),
+    /// The faces and edges of a polyhedron.
+    Hull(&'a Hull),
 }
 
 /// A body's geometry, centred on its centre of mass, axes along its principal axes of inertia.
@@ -44,6 +92,12 @@ pub enum Shape {
     Sphere(Sphere),
     /// A tri-axial ellipsoid.
     Ellipsoid(Ellipsoid),
+    /// A cylinder with a half ball on each end.
+    Spherocylinder(Spherocylinder),
+    /// A convex polyhedron.
+    Polyhedron(Box<Polyhedron>),
+    /// A convex polyhedron with a ball rolled around it.
+    RoundedPolyhedron(Box<RoundedPolyhedron>),
     /// The solid side of a plane: a wall.
     HalfSpace(HalfSpace),
 }
@@ -54,6 +108,9 @@ impl Shape {
         match self {
             Self::Sphere(_) => Kind::Sphere,
             Self::Ellipsoid(_) => Kind::Ellipsoid,
+            Self::Spherocylinder(_) => Kind::Spherocylinder,
+            Self::Polyhedron(_) => Kind::Polyhedron,
+            Self::RoundedPolyhedron(_) => Kind::RoundedPolyhedron,
             Self::HalfSpace(_) => Kind::HalfSpace,
         }
     }
@@ -66,6 +123,9 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.support(direction),
             Self::Ellipsoid(e) => e.support(direction),
+            Self::Spherocylinder(s) => s.support(direction),
+            Self::Polyhedron(p) => p.hull().support(direction),
+            Self::RoundedPolyhedron(p) => p.support(direction),
             Self::HalfSpace(_) => Vec3::repeat(f64::NAN),
         }
     }
@@ -75,6 +135,9 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.radius,
             Self::Ellipsoid(e) => e.bounding_radius(),
+            Self::Spherocylinder(s) => s.bounding_radius(),
+            Self::Polyhedron(p) => p.hull().bounding_radius(),
+            Self::RoundedPolyhedron(p) => p.bounding_radius(),
             Self::HalfSpace(_) => f64::INFINITY,
         }
     }
@@ -84,6 +147,9 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.radius,
             Self::Ellipsoid(e) => e.inscribed_radius(),
+            Self::Spherocylinder(s) => s.radius,
+            Self::Polyhedron(p) => p.hull().inscribed_radius(),
+            Self::RoundedPolyhedron(p) => p.inscribed_radius(),
             Self::HalfSpace(_) => f64::INFINITY,
         }
     }
@@ -93,6 +159,9 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.volume(),
             Self::Ellipsoid(e) => e.volume(),
+            Self::Spherocylinder(s) => s.volume(),
+            Self::Polyhedron(p) => p.volume(),
+            Self::RoundedPolyhedron(p) => p.volume(),
             Self::HalfSpace(_) => f64::INFINITY,
         }
     }
@@ -106,7 +175,7 @@ impl Shape {
                 [square, square, square, 0.0, 0.0, 0.0]
             }
             Self::Ellipsoid(e) => e.form(frame),
-            Self::HalfSpace(_) => [f64::NAN; 6],
+            _ => [f64::NAN; 6],
         }
     }
 
@@ -115,15 +184,65 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.gyration(),
             Self::Ellipsoid(e) => e.gyration(),
+            Self::Spherocylinder(s) => s.gyration(),
+            Self::Polyhedron(p) => p.gyration(),
+            Self::RoundedPolyhedron(p) => p.gyration(),
             Self::HalfSpace(_) => Vec3::repeat(f64::INFINITY),
         }
     }
 
-    /// Half lengths along the local axes of a box around the shape [m]: the semi-axes, for drawing.
+    /// Radius of the ball that rolls around the shape's core: that of a sphere, of a spherocylinder, of the
+    /// edges of a rounded polyhedron; 0 for all others [m].
+    #[inline]
+    pub fn margin(&self) -> f64 {
+        match self {
+            Self::Sphere(s) => s.radius,
+            Self::Spherocylinder(s) => s.radius,
+            Self::RoundedPolyhedron(p) => p.radius(),
+            Self::Ellipsoid(_) | Self::Polyhedron(_) | Self::HalfSpace(_) => 0.0,
+        }
+    }
+
+    /// The farthest point along `direction` of what is left without the margin [m].
+    #[inline]
+    pub fn core_support(&self, direction: &Vec3) -> Vec3 {
+        match self {
+            Self::Sphere(_) => Vec3::zeros(),
+            Self::Spherocylinder(s) => s.core_support(direction),
+            Self::RoundedPolyhedron(p) => p.core().support(direction),
+            other => other.support(direction),
+        }
+    }
+
+    /// What is flat of it.
+    #[inline]
+    pub fn core(&self) -> Core<'_> {
+        match self {
+            Self::Spherocylinder(s) => Core::Segment(0.5 * s.length),
+            Self::Polyhedron(p) => Core::Hull(p.hull()),
+            Self::RoundedPolyhedron(p) => Core::Hull(p.core()),
+            Self::Sphere(_) | Self::Ellipsoid(_) | Self::HalfSpace(_) => Core::Curved,
+        }
+    }
+
+    /// Where its axes lie in those of the user's file, if they had to be found.
+    pub fn placement(&self) -> Option<&Placement> {
+        match self {
+            Self::Polyhedron(p) => Some(p.placement()),
+            Self::RoundedPolyhedron(p) => Some(p.placement()),
+            _ => None,
+        }
+    }
+
+    /// Half lengths along the local axes of the smallest box about the centre that holds the shape [m]: the
+    /// semi-axes of an ellipsoid. For drawing.
     pub fn semi_axes(&self) -> Vec3 {
         match self {
             Self::Sphere(s) => Vec3::repeat(s.radius),
             Self::Ellipsoid(e) => e.semi_axes,
+            Self::Spherocylinder(s) => s.half_extents(),
+            Self::Polyhedron(p) => p.hull().half_extents(),
+            Self::RoundedPolyhedron(p) => p.half_extents(),
             Self::HalfSpace(_) => Vec3::repeat(f64::INFINITY),
         }
     }

@@ -1,0 +1,451 @@
+//! The convex hull of points: the surface of a polyhedron.
+//!
+//! Points are added one by one, and each that lies outside takes the place of the faces that it sees
+//! (the incremental algorithm: de Berg et al. 2008, *Computational Geometry*, section 11.2). What it
+//! sees is decided by exact predicates (Shewchuk 1997, DOI 10.1007/PL00009321): the result is a closed
+//! convex surface whatever the rounding of the points, with four corners of a face not quite in one
+//! plane, or a thousand of them. Time goes with the square of the number of points, which is nothing for
+//! a grain that is read once; the crates that do better bring a linear algebra of their own.
+
+use crate::math::{Mat3, Vec3};
+use robust::{Coord3D, orient3d};
+use serde::{Deserialize, Serialize};
+
+/// A body thinner than this part of its size is flat.
+const FLAT: f64 = 1e-6;
+/// Points nearer to each other than this part of the size are one.
+const SAME: f64 = 1e-9;
+/// Triangles whose corners lie in the plane of a larger one, to this part of the size, belong to its face.
+const COPLANAR: f64 = 1e-10;
+/// More points than this take seconds.
+const MOST: usize = 10_000;
+/// Lengths that can be multiplied threefold and divided again [m].
+const SIZES: std::ops::RangeInclusive<f64> = 1e-60..=1e60;
+/// Up to so many vertices are looked at one by one for the farthest; of more, the surface is climbed.
+const SCAN: usize = 32;
+
+/// Why points have no convex hull that could be a grain.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum HullError {
+    /// Too few for a body.
+    #[error("{count} points make no body; at least 4 are needed")]
+    TooFew {
+        /// So many.
+        count: usize,
+    },
+    /// Too many to be meant.
+    #[error("{count} points are too many; thin the mesh out to {MOST} at most")]
+    TooMany {
+        /// So many.
+        count: usize,
+    },
+    /// A coordinate is NaN or infinite.
+    #[error("point {index} (the first is 0) is not finite")]
+    NotFinite {
+        /// Which.
+        index: usize,
+    },
+    /// Nothing can be computed at this size.
+    #[error("a body of {size:e} m leaves the range of numbers")]
+    Size {
+        /// Half the diagonal of the box around the points [m].
+        size: f64,
+    },
+    /// Two points in one place.
+    #[error("points {first} and {second} (the first is 0) are the same")]
+    Same {
+        /// The one.
+        first: usize,
+        /// The other.
+        second: usize,
+    },
+    /// All points lie in a plane, but for rounding.
+    #[error("all points lie in one plane; the body has no volume")]
+    Flat,
+    /// A point is no corner of the convex hull.
+    #[error(
+        "not convex: point {index} (the first is 0) lies {depth:.4e} m inside the convex hull of \
+         the others"
+    )]
+    Inside {
+        /// Which.
+        index: usize,
+        /// How far below the hull's surface [m].
+        depth: f64,
+    },
+}
+
+/// The plane of a face: points `p` of the body have `p · normal <= offset`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plane {
+    /// Outward unit normal.
+    pub normal: Vec3,
+    /// Distance from the origin along the normal [m].
+    pub offset: f64,
+}
+
+/// A part of the surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Triangle {
+    /// Indices of its vertices, counter-clockwise seen from outside.
+    pub corners: [u32; 3],
+    /// Index of its plane.
+    pub plane: u32,
+}
+
+/// A convex surface, closed, with the origin inside or not.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Hull {
+    vertices: Vec<Vec3>,
+    triangles: Vec<Triangle>,
+    planes: Vec<Plane>,
+    /// Neighbours of vertex `k` are `neighbours[first[k]..first[k + 1]]`.
+    neighbours: Vec<u32>,
+    first: Vec<u32>,
+    /// The farthest vertex in the middle of each octant: bit 0 set where x is positive, bit 1 y, bit 2 z.
+    octants: [u32; 8],
+    bounding_radius: f64,
+    inscribed_radius: f64,
+    half_extents: Vec3,
+}
+
+impl Hull {
+    /// The convex hull; points inside it or on a face are left out.
+    ///
+    /// # Errors
+    /// See [`HullError`], all but [`HullError::Inside`].
+    pub fn of(points: &[Vec3]) -> Result<Self, HullError> {
+        let size = checked_size(points)?;
+        let surface = surface(points, &first_tetrahedron(points, size)?);
+        // Vertices keep the order of the points.
+        let mut is_vertex = vec![false; points.len()];
+        surface.iter().flatten().for_each(|&k| is_vertex[k] = true);
+        let mut index = vec![0; points.len()];
+        let mut vertices = Vec::new();
+        for k in (0..points.len()).filter(|&k| is_vertex[k]) {
+            index[k] = vertices.len() as u32;
+            vertices.push(points[k]);
+        }
+        let corners: Vec<[u32; 3]> = surface.iter().map(|t| t.map(|k| index[k])).collect();
+        let (planes, plane_of) = planes(&vertices, &corners, COPLANAR * size);
+        let triangles = corners
+            .into_iter()
+            .zip(plane_of)
+            .map(|(corners, plane)| Triangle { corners, plane })
+            .collect();
+        Ok(Self::assembled(vertices, triangles, planes))
+    }
+
+    fn assembled(vertices: Vec<Vec3>, triangles: Vec<Triangle>, planes: Vec<Plane>) -> Self {
+        let mut around = vec![Vec::new(); vertices.len()];
+        for Triangle { corners: [a, b, c], .. } in &triangles {
+            // An edge comes once in each direction.
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                around[*from as usize].push(*to);
+            }
+        }
+        let mut first = vec![0];
+        let mut neighbours = Vec::new();
+        for list in around {
+            neighbours.extend(list);
+            first.push(neighbours.len() as u32);
+        }
+        let longest = |of: &dyn Fn(&Vec3) -> f64| vertices.iter().map(of).fold(0.0, f64::max);
+        let bounding_radius = longest(&Vec3::norm);
+        let half_extents =
+            Vec3::new(longest(&|v| v.x.abs()), longest(&|v| v.y.abs()), longest(&|v| v.z.abs()));
+        let inscribed_radius = planes.iter().map(|p| p.offset).fold(f64::INFINITY, f64::min);
+        let octants = std::array::from_fn(|octant| {
+            let sign = |bit: usize| if octant >> bit & 1 == 1 { 1.0 } else { -1.0 };
+            farthest(&vertices, &Vec3::new(sign(0), sign(1), sign(2))) as u32
+        });
+        Self {
+            vertices,
+            triangles,
+            planes,
+            neighbours,
+            first,
+            octants,
+            bounding_radius,
+            inscribed_radius,
+            half_extents,
+        }
+    }
+
+    /// The same body seen from `origin`, in axes that are the columns of `axes`.
+    #[must_use]
+    pub fn seen_from(&self, origin: &Vec3, axes: &Mat3) -> Self {
+        let vertices = self.vertices.iter().map(|v| axes.tr_mul(&(v - origin))).collect();
+        let planes = self
+            .planes
+            .iter()
+            .map(|plane| Plane {
+                normal: axes.tr_mul(&plane.normal).normalize(),
+                offset: plane.offset - plane.normal.dot(origin),
+            })
+            .collect();
+        Self::assembled(vertices, self.triangles.clone(), planes)
+    }
+
+    /// The corners of the body [m].
+    pub fn vertices(&self) -> &[Vec3] {
+        &self.vertices
+    }
+
+    /// The surface; faces with more than three corners are cut up.
+    pub fn triangles(&self) -> &[Triangle] {
+        &self.triangles
+    }
+
+    /// The planes of the faces, largest triangle first.
+    pub fn planes(&self) -> &[Plane] {
+        &self.planes
+    }
+
+    /// The farthest vertex along `direction` (any length but zero) [m].
+    #[inline]
+    pub fn support(&self, direction: &Vec3) -> Vec3 {
+        if self.vertices.len() <= SCAN {
+            self.vertices[farthest(&self.vertices, direction)]
+        } else {
+            self.climbed(direction)
+        }
+    }
+
+    /// From neighbour to neighbour, each farther out: on a convex body only the farthest has none.
+    fn climbed(&self, direction: &Vec3) -> Vec3 {
+        let bit = |x: f64| usize::from(x > 0.0);
+        let octant = bit(direction.x) | bit(direction.y) << 1 | bit(direction.z) << 2;
+        let mut here = self.octants[octant] as usize;
+        let mut along = self.vertices[here].dot(direction);
+        loop {
+            let before = here;
+            let range = self.first[before] as usize..self.first[before + 1] as usize;
+            for &neighbour in &self.neighbours[range] {
+                let there = self.vertices[neighbour as usize].dot(direction);
+                if there > along {
+                    (here, along) = (neighbour as usize, there);
+                }
+            }
+            if here == before {
+                return self.vertices[here];
+            }
+        }
+    }
+
+    /// How far a point is below the surface, negative outside [m].
+    pub fn depth(&self, point: &Vec3) -> f64 {
+        let below = |plane: &Plane| plane.offset - plane.normal.dot(point);
+        self.planes.iter().map(below).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Radius of the smallest ball about the origin that holds the body [m].
+    pub const fn bounding_radius(&self) -> f64 {
+        self.bounding_radius
+    }
+
+    /// Radius of the largest ball about the origin inside the body [m]; negative if the origin is outside.
+    pub const fn inscribed_radius(&self) -> f64 {
+        self.inscribed_radius
+    }
+
+    /// Half lengths of the smallest box about the origin that holds the body, along the axes [m].
+    pub const fn half_extents(&self) -> Vec3 {
+        self.half_extents
+    }
+}
+
+/// The index of the point farthest along a direction, the first of several.
+#[inline]
+fn farthest(points: &[Vec3], direction: &Vec3) -> usize {
+    let mut best = 0;
+    let mut along = points[0].dot(direction);
+    for (k, point) in points.iter().enumerate().skip(1) {
+        let there = point.dot(direction);
+        if there > along {
+            (best, along) = (k, there);
+        }
+    }
+    best
+}
+
+/// Half the diagonal of the box around points, of which there are some [m].
+pub(super) fn size(points: &[Vec3]) -> f64 {
+    let (mut low, mut high) = (points[0], points[0]);
+    for point in points {
+        (low, high) = (low.inf(point), high.sup(point));
+    }
+    0.5 * (high - low).norm()
+}
+
+/// The size of points which have been found to be fit for a hull.
+fn checked_size(points: &[Vec3]) -> Result<f64, HullError> {
+    let count = points.len();
+    if count < 4 {
+        return Err(HullError::TooFew { count });
+    }
+    if count > MOST {
+        return Err(HullError::TooMany { count });
+    }
+    if let Some(index) = points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
+        return Err(HullError::NotFinite { index });
+    }
+    let size = size(points);
+    if size > 0.0 && !SIZES.contains(&size) {
+        return Err(HullError::Size { size });
+    }
+    let mut sorted: Vec<usize> = (0..count).collect();
+    sorted.sort_by(|&i, &j| points[i].x.total_cmp(&points[j].x));
+    for (k, &i) in sorted.iter().enumerate() {
+        for &j in sorted[k + 1..].iter().take_while(|&&j| points[j].x - points[i].x <= SAME * size)
+        {
+            if (points[j] - points[i]).norm() <= SAME * size {
+                return Err(HullError::Same { first: i.min(j), second: i.max(j) });
+            }
+        }
+    }
+    Ok(size)
+}
+
+/// Four points far from each other, their faces counter-clockwise seen from outside.
+fn first_tetrahedron(points: &[Vec3], size: f64) -> Result<[[usize; 3]; 4], HullError> {
+    let largest = |of: &dyn Fn(&Vec3) -> f64| {
+        let sizes = points.iter().map(of).enumerate();
+        sizes.fold((0, -1.0), |best, item| if item.1 > best.1 { item } else { best })
+    };
+    let p = points[0];
+    let (i, length) = largest(&|x| (x - p).norm());
+    let edge = (points[i] - p) / length;
+    let (j, width) = largest(&|x| (x - p).cross(&edge).norm());
+    if width <= FLAT * size {
+        return Err(HullError::Flat);
+    }
+    let up = edge.cross(&(points[j] - p)).normalize();
+    let (k, height) = largest(&|x| (x - p).dot(&up).abs());
+    if height <= FLAT * size {
+        return Err(HullError::Flat);
+    }
+    // The fourth point must see no face but see all others through the first.
+    let (i, j) = if sees(points, [0, i, j], k) { (j, i) } else { (i, j) };
+    Ok([[0, i, j], [0, k, i], [i, k, j], [j, k, 0]])
+}
+
+/// Is a point strictly outside the plane of a face?
+fn sees(points: &[Vec3], face: [usize; 3], point: usize) -> bool {
+    let coord = |k: usize| Coord3D { x: points[k].x, y: points[k].y, z: points[k].z };
+    let [a, b, c] = face.map(coord);
+    orient3d(a, b, c, coord(point)) < 0.0
+}
+
+/// The faces of the convex hull, counter-clockwise seen from outside.
+fn surface(points: &[Vec3], start: &[[usize; 3]; 4]) -> Vec<[usize; 3]> {
+    let mut faces = start.to_vec();
+    let mut outline: Vec<(usize, usize)> = Vec::new();
+    for point in 0..points.len() {
+        outline.clear();
+        faces.retain(|&face| {
+            let seen = sees(points, face, point);
+            if seen {
+                let [a, b, c] = face;
+                for (from, to) in [(a, b), (b, c), (c, a)] {
+                    // An edge between two seen faces comes once in each direction.
+                    match outline.iter().position(|&edge| edge == (to, from)) {
+                        Some(k) => drop(outline.swap_remove(k)),
+                        None => outline.push((from, to)),
+                    }
+                }
+            }
+            !seen
+        });
+        faces.extend(outline.iter().map(|&(from, to)| [from, to, point]));
+    }
+    faces
+}
+
+/// The planes of the triangles, each only once, and which one each triangle lies in. The largest triangle
+/// gives the plane: slivers have no normal of their own.
+fn planes(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> (Vec<Plane>, Vec<u32>) {
+    let corners = |k: usize| triangles[k].map(|c| vertices[c as usize]);
+    let across: Vec<Vec3> = (0..triangles.len())
+        .map(|k| {
+            let [a, b, c] = corners(k);
+            (b - a).cross(&(c - a))
+        })
+        .collect();
+    let mut by_area: Vec<usize> = (0..triangles.len()).collect();
+    by_area.sort_by(|&i, &j| across[j].norm_squared().total_cmp(&across[i].norm_squared()));
+    let mut planes: Vec<Plane> = Vec::new();
+    let mut plane_of = vec![0; triangles.len()];
+    for k in by_area {
+        let corners = corners(k);
+        let holds = |plane: &Plane| {
+            corners.iter().all(|p| (plane.normal.dot(p) - plane.offset).abs() <= tolerance)
+        };
+        let known = planes.iter().position(holds).unwrap_or_else(|| {
+            let normal = across[k].normalize();
+            let offset = (corners[0] + corners[1] + corners[2]).dot(&normal) / 3.0;
+            planes.push(Plane { normal, offset });
+            planes.len() - 1
+        });
+        plane_of[k] = known as u32;
+    }
+    (planes, plane_of)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Hull, HullError};
+    use crate::math::Vec3;
+
+    /// Points of a sphere, in no order.
+    fn round(count: usize, seed: f64) -> Vec<Vec3> {
+        let point = |k| {
+            let k = k as f64 + seed;
+            Vec3::new((1.3 * k).sin(), (2.9 * k).sin(), (0.7 * k).cos()).normalize()
+        };
+        (0..count).map(point).collect()
+    }
+
+    #[test]
+    fn climbing_finds_the_farthest() {
+        let points = round(500, 0.0);
+        let hull = Hull::of(&points).unwrap();
+        assert_eq!(hull.vertices(), points);
+        // Euler: a closed surface of triangles.
+        assert_eq!(hull.triangles().len(), 2 * points.len() - 4);
+        for direction in round(2000, 0.5) {
+            let best = points.iter().map(|p| p.dot(&direction)).fold(-1.0, f64::max);
+            assert!((hull.support(&direction).dot(&direction) - best).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn every_point_is_below_every_face() {
+        // A lattice: many points in one plane, on one line.
+        let point = |k: u32| Vec3::from([k % 5, k / 5 % 5, k / 25].map(|i| f64::from(i) * 0.1));
+        let points: Vec<Vec3> = (0..125).map(|k| point(k * 57 % 125)).collect();
+        let hull = Hull::of(&points).unwrap();
+        assert!(points.iter().all(|p| hull.depth(p) > -1e-15));
+        assert_eq!((hull.vertices().len(), hull.planes().len()), (8, 6), "a cube");
+    }
+
+    #[test]
+    fn what_is_no_body_is_said() {
+        let corner = |x: f64, y: f64, z: f64| Vec3::new(x, y, z);
+        let tetrahedron = [
+            corner(0.0, 0.0, 0.0),
+            corner(1.0, 0.0, 0.0),
+            corner(0.0, 1.0, 0.0),
+            corner(0.0, 0.0, 1.0),
+        ];
+        let with = |more: Vec3| Hull::of(&[&tetrahedron[..], &[more]].concat()).unwrap_err();
+        assert_eq!(Hull::of(&tetrahedron[..3]), Err(HullError::TooFew { count: 3 }));
+        assert_eq!(with(corner(0.0, f64::NAN, 0.0)), HullError::NotFinite { index: 4 });
+        assert_eq!(with(corner(0.0, 1.0, 1e-12)), HullError::Same { first: 2, second: 4 });
+        let flat = tetrahedron.map(|p| p.component_mul(&corner(1.0, 1.0, 1e-9)));
+        assert_eq!(Hull::of(&flat[..3]), Err(HullError::TooFew { count: 3 }));
+        let square = [flat[0], flat[1], flat[2], corner(1.0, 1.0, 1e-9)];
+        assert_eq!(Hull::of(&square), Err(HullError::Flat));
+        assert!(matches!(with(corner(1e200, 0.0, 0.0)), HullError::Size { .. }));
+    }
+}

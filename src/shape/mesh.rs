@@ -1,0 +1,138 @@
+//! Grains from files of triangles: STL (text or binary) and OBJ.
+//!
+//! A mesh must be closed and convex; what it says of its surface is only used to check that. STL keeps
+//! seven digits, which sets the tolerance.
+
+use super::hull::{Hull, HullError, size};
+use super::polyhedron::deepest;
+use crate::math::Vec3;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+/// How far a mesh may be from convex, relative to its size.
+const CONVEX: f64 = 1e-5;
+/// Corners nearer to each other than this part of the size are one, however they were rounded.
+const SAME: f64 = 1e-8;
+/// How far its volume may be from that of its hull, relative.
+const CLOSED: f64 = 1e-3;
+
+/// Why a file gives no grain.
+#[derive(Debug, thiserror::Error)]
+pub enum MeshError {
+    /// No file, or not what its name says.
+    #[error("cannot be read: {0}")]
+    Unreadable(String),
+    /// Neither STL nor OBJ.
+    #[error("must end in .stl or .obj")]
+    Ending,
+    /// No hull.
+    #[error(transparent)]
+    Hull(#[from] HullError),
+    /// A dent.
+    #[error(
+        "the mesh is not convex: its surface lies up to {depth:.4e} m ({:.2} % of its size) inside \
+         its convex hull; only convex grains can be simulated, as the hull itself",
+        100.0 * depth / size
+    )]
+    Dented {
+        /// Largest distance from the hull [m].
+        depth: f64,
+        /// Half the diagonal of the box around the mesh [m].
+        size: f64,
+    },
+    /// Holes, or triangles facing inwards.
+    #[error(
+        "the mesh is not closed: it holds {volume:.4e} m3, its convex hull {hull:.4e} m3; close its \
+         holes, and let all triangles face outwards"
+    )]
+    Open {
+        /// Of the mesh [m³].
+        volume: f64,
+        /// Of its convex hull [m³].
+        hull: f64,
+    },
+}
+
+/// The corners of the convex grain in a file, lengths times `scale` (metres per unit of the file) [m].
+///
+/// # Errors
+/// If the file cannot be read, or its mesh is not closed or not convex.
+pub fn read(path: &Path, scale: f64) -> Result<Vec<Vec3>, MeshError> {
+    let mut triangles = match path.extension().and_then(|e| e.to_str()) {
+        Some("stl" | "STL") => stl(path)?,
+        Some("obj" | "OBJ") => obj(path)?,
+        _ => return Err(MeshError::Ending),
+    };
+    triangles.iter_mut().flatten().for_each(|corner| *corner *= scale);
+    corners(&triangles)
+}
+
+fn stl(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
+    let unreadable = |error: std::io::Error| MeshError::Unreadable(error.to_string());
+    let mut reader = BufReader::new(File::open(path).map_err(unreadable)?);
+    let triangles = stl_io::create_stl_reader(&mut reader).map_err(unreadable)?;
+    let corners = |t: stl_io::Triangle| t.vertices.map(|v| Vec3::from(v.0.map(f64::from)));
+    triangles.map(|triangle| triangle.map(corners).map_err(unreadable)).collect()
+}
+
+fn obj(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
+    let file = File::open(path).map_err(|error| MeshError::Unreadable(error.to_string()))?;
+    let options = tobj::LoadOptions { triangulate: true, ..tobj::LoadOptions::default() };
+    // Materials say nothing of a shape.
+    let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
+    let (models, _) = tobj::load_obj_buf(&mut BufReader::new(file), &options, no_materials)
+        .map_err(|error| MeshError::Unreadable(error.to_string()))?;
+    let mut triangles = Vec::new();
+    for mesh in models.iter().map(|model| &model.mesh) {
+        let corner = |k: u32| Vec3::from_row_slice(&mesh.positions[3 * k as usize..][..3]);
+        let (faces, _) = mesh.indices.as_chunks::<3>();
+        triangles.extend(faces.iter().map(|face| face.map(corner)));
+    }
+    Ok(triangles)
+}
+
+/// The corners of all triangles, each only once.
+fn distinct(triangles: &[[Vec3; 3]]) -> Vec<Vec3> {
+    let mut points: Vec<Vec3> = triangles.iter().flatten().copied().collect();
+    if points.is_empty() {
+        return points;
+    }
+    let near = SAME * size(&points);
+    points.sort_by(|a, b| a.x.total_cmp(&b.x));
+    let mut kept: Vec<Vec3> = Vec::new();
+    for point in points {
+        let mut close = kept.iter().rev().take_while(|k| point.x - k.x <= near);
+        if !close.any(|k| (point - k).norm() <= near) {
+            kept.push(point);
+        }
+    }
+    kept
+}
+
+/// The corners of the hull of a closed and convex mesh.
+fn corners(triangles: &[[Vec3; 3]]) -> Result<Vec<Vec3>, MeshError> {
+    let mut points = distinct(triangles);
+    let hull = Hull::of(&points)?;
+    let size = size(&points);
+    // A dent need not have a corner at its bottom.
+    points.extend(
+        triangles
+            .iter()
+            .flat_map(|[a, b, c]| [(a + b) * 0.5, (b + c) * 0.5, (c + a) * 0.5, (a + b + c) / 3.0]),
+    );
+    let (_, depth) = deepest(&hull, &points);
+    if depth > CONVEX * size {
+        return Err(MeshError::Dented { depth, size });
+    }
+    let origin = hull.vertices()[0];
+    let volume = |[a, b, c]: [Vec3; 3]| (a - origin).dot(&(b - origin).cross(&(c - origin))) / 6.0;
+    let mesh_volume: f64 = triangles.iter().map(|&t| volume(t)).sum();
+    let corner = |k: u32| hull.vertices()[k as usize];
+    let hull_volume: f64 = hull.triangles().iter().map(|t| volume(t.corners.map(corner))).sum();
+    // Some programs let all triangles face inwards.
+    if (mesh_volume.abs() - hull_volume).abs() > CLOSED * hull_volume {
+        return Err(MeshError::Open { volume: mesh_volume.abs(), hull: hull_volume });
+    }
+    Ok(hull.vertices().to_vec())
+}

@@ -1,0 +1,241 @@
+//! Volume, centre of mass and inertia of polyhedra, sharp and rounded: exact, piece by piece.
+//!
+//! A polyhedron is a sum of tetrahedra (with signs: no matter where they have their common corner). A
+//! polyhedron rounded by a ball of radius `r` is, by Steiner's formula, that polyhedron, a prism of
+//! height `r` on each face, a wedge of a cylinder along each edge and a sector of a ball at each corner:
+//! `V = V₀ + S r + M r² + 4π/3 r³` with the surface `S` and half the sum `M` of edge lengths times
+//! exterior angles. The second moments of all these pieces have closed forms; those of the sectors
+//! follow from integrals of `u` and `u uᵀ` over a spherical polygon (Arvo 1995, "Applications of
+//! irradiance tensors", DOI 10.1145/218380.218467, eq. 8).
+
+use super::hull::Hull;
+use crate::math::{Mat3, Quat, Vec3};
+use serde::{Deserialize, Serialize};
+
+/// Off-diagonal second moments below this part of the trace are rounding: the axes are kept.
+const ALIGNED: f64 = 1e-12;
+/// Normals of two faces closer than this [rad] are of one face.
+const SAME_FACE: f64 = 1e-12;
+
+/// Where the axes of a shape lie in those of the user's file: `x_file = centre + axes · x_own`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Placement {
+    /// The centre of mass [m].
+    pub centre: Vec3,
+    /// Turns own axes, the principal ones, into the file's.
+    pub axes: Quat,
+}
+
+/// What a body of uniform density 1 weighs, and where.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Principal {
+    /// Volume [m³].
+    pub volume: f64,
+    /// Principal moments of inertia over mass [m²].
+    pub gyration: Vec3,
+    /// Centre of mass and principal axes.
+    pub placement: Placement,
+}
+
+/// Integrals over a body: of `1`, `x` and `x xᵀ`.
+#[derive(Clone, Copy, Debug)]
+pub struct Moments {
+    volume: f64,
+    first: Vec3,
+    second: Mat3,
+    /// Where `x` is measured from, near the body: far away all digits would cancel.
+    origin: Vec3,
+}
+
+impl Moments {
+    /// Of a polyhedron.
+    pub fn of(hull: &Hull) -> Self {
+        let vertices = hull.vertices();
+        let origin = vertices.iter().sum::<Vec3>() / vertices.len() as f64;
+        let mut sum = Self { volume: 0.0, first: Vec3::zeros(), second: Mat3::zeros(), origin };
+        for triangle in hull.triangles() {
+            let [a, b, c] = triangle.corners.map(|k| vertices[k as usize] - origin);
+            // The tetrahedron from the origin to the triangle.
+            let volume = a.dot(&b.cross(&c)) / 6.0;
+            sum.volume += volume;
+            sum.first += (a + b + c) * (volume / 4.0);
+            sum.second += squares(&[a, b, c]) * (volume / 20.0);
+        }
+        sum
+    }
+
+    /// Of a polyhedron with a ball of this radius [m] rolled around it.
+    pub fn of_rounded(hull: &Hull, radius: f64) -> Self {
+        let mut sum = Self::of(hull);
+        let square = radius * radius;
+        let r = [radius, square, square * radius, square * square, square * square * radius];
+        let normal = |plane: u32| hull.planes()[plane as usize].normal;
+        let corner = |k: u32| hull.vertices()[k as usize] - sum.origin;
+        // An edge comes once in each direction; face by direction finds the face across.
+        let mut sides = Vec::with_capacity(3 * hull.triangles().len());
+        // Any normal at each corner, from which its sector is cut into triangles.
+        let mut pivots = vec![Vec3::zeros(); hull.vertices().len()];
+        let mut pieces = Vec::new();
+        for triangle in hull.triangles() {
+            let n = normal(triangle.plane);
+            let [i, j, k] = triangle.corners;
+            pieces.push(prism([i, j, k].map(corner), &n, &r));
+            for (from, to) in [(i, j), (j, k), (k, i)] {
+                sides.push(((from, to), n));
+                pivots[from as usize] = n;
+            }
+        }
+        sides.sort_by_key(|&(edge, _)| edge);
+        for &((from, to), left) in &sides {
+            let across = sides.binary_search_by_key(&(to, from), |&(edge, _)| edge);
+            let Some(arc) = across.ok().and_then(|k| Arc::between(&sides[k].1, &left)) else {
+                continue; // within one face
+            };
+            pieces.push(arc.sector(&corner(from), &pivots[from as usize], &r));
+            if from < to {
+                pieces.push(arc.wedge(&corner(from), &corner(to), &r));
+            }
+        }
+        for (volume, first, second) in pieces {
+            sum.volume += volume;
+            sum.first += first;
+            sum.second += second;
+        }
+        sum
+    }
+
+    /// Volume, centre of mass, principal axes and moments. Axes that are principal but for rounding are
+    /// left as they are; others are turned as little as Jacobi's method does.
+    pub fn principal(&self) -> Principal {
+        let centre = self.first / self.volume;
+        let (axes, squares) = eigen(self.second / self.volume - centre * centre.transpose());
+        let gyration =
+            Vec3::new(squares.y + squares.z, squares.x + squares.z, squares.x + squares.y);
+        let rotation = nalgebra::Rotation3::from_matrix_unchecked(axes);
+        let placement =
+            Placement { centre: self.origin + centre, axes: Quat::from_rotation_matrix(&rotation) };
+        Principal { volume: self.volume, gyration, placement }
+    }
+}
+
+/// `(a + b + c)(a + b + c)ᵀ + a aᵀ + b bᵀ + c cᵀ`: 20 times the mean of `x xᵀ` over a tetrahedron with its
+/// fourth corner at the origin, 12 times that over the triangle.
+fn squares(corners: &[Vec3; 3]) -> Mat3 {
+    let [a, b, c] = corners;
+    let sum = a + b + c;
+    sum * sum.transpose() + a * a.transpose() + b * b.transpose() + c * c.transpose()
+}
+
+/// `a bᵀ + b aᵀ`
+fn mixed(a: &Vec3, b: &Vec3) -> Mat3 {
+    a * b.transpose() + b * a.transpose()
+}
+
+/// Integrals of `1`, `x`, `x xᵀ` over a piece.
+type Piece = (f64, Vec3, Mat3);
+
+/// On a triangle, of height `r` along its normal.
+fn prism(corners: [Vec3; 3], normal: &Vec3, r: &[f64; 5]) -> Piece {
+    let [a, b, c] = corners;
+    let area = 0.5 * (b - a).cross(&(c - a)).norm();
+    let middle = (a + b + c) / 3.0;
+    let first = middle * (area * r[0]) + normal * (area * r[1] / 2.0);
+    let second = squares(&corners) * (area / 12.0 * r[0])
+        + mixed(&middle, normal) * (area * r[1] / 2.0)
+        + normal * normal.transpose() * (area * r[2] / 3.0);
+    (area * r[0], first, second)
+}
+
+/// Unit vectors from one face's normal to the next's.
+struct Arc {
+    start: Vec3,
+    end: Vec3,
+    /// Unit vector about which the one turns into the other.
+    axis: Vec3,
+    angle: f64,
+    sine: f64,
+    cosine: f64,
+}
+
+impl Arc {
+    /// `None` between normals of one face.
+    fn between(start: &Vec3, end: &Vec3) -> Option<Self> {
+        let across = start.cross(end);
+        let (sine, cosine) = (across.norm(), start.dot(end));
+        let angle = libm::atan2(sine, cosine);
+        (sine > SAME_FACE).then(|| Self {
+            start: *start,
+            end: *end,
+            axis: across / sine,
+            angle,
+            sine,
+            cosine,
+        })
+    }
+
+    /// `∫ u dφ` along the arc.
+    fn mean(&self) -> Vec3 {
+        (self.end - self.start).cross(&self.axis)
+    }
+
+    /// The wedge of a cylinder along the edge from `p` to `q`.
+    fn wedge(&self, p: &Vec3, q: &Vec3, r: &[f64; 5]) -> Piece {
+        let along = q - p;
+        let length = along.norm();
+        let side = self.axis.cross(&self.start);
+        let round = self.sine * self.cosine;
+        let directions = self.start * self.start.transpose() * (0.5 * (self.angle + round))
+            + side * side.transpose() * (0.5 * (self.angle - round))
+            + mixed(&self.start, &side) * (0.5 * self.sine * self.sine);
+        let middle = (p + q) * 0.5;
+        let line = p * p.transpose() + mixed(p, &along) * 0.5 + along * along.transpose() / 3.0;
+        let area = 0.5 * self.angle * r[1];
+        let first = middle * area + self.mean() * (r[2] / 3.0);
+        let second =
+            line * area + mixed(&middle, &self.mean()) * (r[2] / 3.0) + directions * (r[3] / 4.0);
+        (length * area, first * length, second * length)
+    }
+
+    /// This arc's share of the sector of a ball at a corner: of the spherical polygon's area, the triangle
+    /// that the arc makes with `pivot`; of the other integrals, the term of this side of the polygon.
+    fn sector(&self, corner: &Vec3, pivot: &Vec3, r: &[f64; 5]) -> Piece {
+        // Van Oosterom and Strackee 1983, DOI 10.1109/TBME.1983.325207.
+        let triple = pivot.dot(&self.start.cross(&self.end));
+        let whole = 1.0 + pivot.dot(&self.start) + self.cosine + self.end.dot(pivot);
+        let solid = 2.0 * libm::atan2(triple, whole);
+        let normals = self.axis * (0.5 * self.angle);
+        let directions = (Mat3::identity() * solid + self.mean() * self.axis.transpose()) / 3.0;
+        let directions = (directions + directions.transpose()) * 0.5;
+        let first = corner * (solid * r[2] / 3.0) + normals * (r[3] / 4.0);
+        let second = corner * corner.transpose() * (solid * r[2] / 3.0)
+            + mixed(corner, &normals) * (r[3] / 4.0)
+            + directions * (r[4] / 5.0);
+        (solid * r[2] / 3.0, first, second)
+    }
+}
+
+/// Eigenvectors (columns, a rotation) and eigenvalues of a symmetric matrix by Jacobi's method, which
+/// keeps the vectors near the axes (Golub and Van Loan 2013, *Matrix Computations*, section 8.5).
+fn eigen(mut m: Mat3) -> (Mat3, Vec3) {
+    let mut vectors = Mat3::identity();
+    let small = ALIGNED * m.trace();
+    // Convergence is quadratic; a handful of sweeps will do.
+    for _ in 0..20 {
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            if m[(p, q)].abs() <= small {
+                continue;
+            }
+            let ratio = (m[(q, q)] - m[(p, p)]) / (2.0 * m[(p, q)]);
+            let length = ratio.abs() + (ratio * ratio + 1.0).sqrt();
+            let tangent = if ratio < 0.0 { -1.0 / length } else { 1.0 / length };
+            let cosine = 1.0 / (tangent * tangent + 1.0).sqrt();
+            let sine = tangent * cosine;
+            let mut turn = Mat3::identity();
+            (turn[(p, p)], turn[(q, q)]) = (cosine, cosine);
+            (turn[(p, q)], turn[(q, p)]) = (sine, -sine);
+            m = turn.transpose() * m * turn;
+            vectors *= turn;
+        }
+    }
+    (vectors, m.diagonal())
+}

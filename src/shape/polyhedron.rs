@@ -1,0 +1,70 @@
+//! The convex polyhedron, from its corners.
+//!
+//! Given in any axes, it is moved to its centre of mass and turned into its principal axes, in which a
+//! grain moves; [`Polyhedron::placement`] tells where those lie in the axes of the file.
+
+use super::hull::{Hull, HullError, size};
+use super::moments::{Moments, Placement, Principal};
+use crate::math::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// A point deeper inside the hull of the others than this part of the size is a mistake; a shallower one
+/// is a point on a face, and left out.
+const INSIDE: f64 = 1e-6;
+
+/// A convex polyhedron about its centre of mass, in its principal axes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Polyhedron {
+    hull: Hull,
+    volume: f64,
+    gyration: Vec3,
+    placement: Placement,
+}
+
+impl Polyhedron {
+    /// With corners at `points` [m], in any axes and order.
+    ///
+    /// # Errors
+    /// If the points are too few, the same, in one plane, not finite, or if one of them is inside.
+    pub fn new(points: &[Vec3]) -> Result<Self, HullError> {
+        let hull = convex(points)?;
+        let Principal { volume, gyration, placement } = Moments::of(&hull).principal();
+        let hull = hull.seen_from(&placement.centre, placement.axes.to_rotation_matrix().matrix());
+        Ok(Self { hull, volume, gyration, placement })
+    }
+
+    /// Its surface.
+    pub const fn hull(&self) -> &Hull {
+        &self.hull
+    }
+
+    /// Volume [m³].
+    pub const fn volume(&self) -> f64 {
+        self.volume
+    }
+
+    /// Principal moments of inertia over mass [m²].
+    pub const fn gyration(&self) -> Vec3 {
+        self.gyration
+    }
+
+    /// Where the centre of mass and the principal axes lie in the axes in which the corners were given.
+    pub const fn placement(&self) -> &Placement {
+        &self.placement
+    }
+}
+
+/// The hull of points all of which are its corners, or at least on its surface.
+pub(super) fn convex(points: &[Vec3]) -> Result<Hull, HullError> {
+    let hull = Hull::of(points)?;
+    match deepest(&hull, points) {
+        (index, depth) if depth > INSIDE * size(points) => Err(HullError::Inside { index, depth }),
+        _ => Ok(hull),
+    }
+}
+
+/// The point farthest below the surface, and how far [m].
+pub(super) fn deepest(hull: &Hull, points: &[Vec3]) -> (usize, f64) {
+    let depths = points.iter().map(|point| hull.depth(point)).enumerate();
+    depths.fold((0, f64::NEG_INFINITY), |best, item| if item.1 > best.1 { item } else { best })
+}
