@@ -205,32 +205,59 @@ impl Hull {
     /// The farthest vertex along `direction` (any length but zero) [m].
     #[inline]
     pub fn support(&self, direction: &Vec3) -> Vec3 {
+        self.vertices[self.farthest(direction)]
+    }
+
+    #[inline]
+    fn farthest(&self, direction: &Vec3) -> usize {
         if self.vertices.len() <= SCAN {
-            self.vertices[farthest(&self.vertices, direction)]
+            farthest(&self.vertices, direction)
         } else {
             self.climbed(direction)
         }
     }
 
+    fn neighbours_of(&self, vertex: usize) -> impl Iterator<Item = usize> {
+        let range = self.first[vertex] as usize..self.first[vertex + 1] as usize;
+        self.neighbours[range].iter().map(|&k| k as usize)
+    }
+
     /// From neighbour to neighbour, each farther out: on a convex body only the farthest has none.
-    fn climbed(&self, direction: &Vec3) -> Vec3 {
+    fn climbed(&self, direction: &Vec3) -> usize {
         let bit = |x: f64| usize::from(x > 0.0);
         let octant = bit(direction.x) | bit(direction.y) << 1 | bit(direction.z) << 2;
         let mut here = self.octants[octant] as usize;
         let mut along = self.vertices[here].dot(direction);
         loop {
             let before = here;
-            let range = self.first[before] as usize..self.first[before + 1] as usize;
-            for &neighbour in &self.neighbours[range] {
-                let there = self.vertices[neighbour as usize].dot(direction);
+            for neighbour in self.neighbours_of(before) {
+                let there = self.vertices[neighbour].dot(direction);
                 if there > along {
-                    (here, along) = (neighbour as usize, there);
+                    (here, along) = (neighbour, there);
                 }
             }
             if here == before {
-                return self.vertices[here];
+                return here;
             }
         }
+    }
+
+    /// The vertices at most `depth` [m] below the farthest along a unit vector, which comes first: one of a
+    /// corner, two of an edge, more of a face or a blunt corner.
+    pub fn top(&self, direction: &Vec3, depth: f64) -> Vec<usize> {
+        let mut top = vec![self.farthest(direction)];
+        let least = self.vertices[top[0]].dot(direction) - depth;
+        // What is up there hangs together.
+        let mut next = 0;
+        while next < top.len() {
+            for neighbour in self.neighbours_of(top[next]) {
+                if self.vertices[neighbour].dot(direction) >= least && !top.contains(&neighbour) {
+                    top.push(neighbour);
+                }
+            }
+            next += 1;
+        }
+        top
     }
 
     /// How far a point is below the surface, negative outside [m].
