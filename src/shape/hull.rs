@@ -128,6 +128,10 @@ impl Hull {
         }
         let corners: Vec<[u32; 3]> = surface.iter().map(|t| t.map(|k| index[k])).collect();
         let (planes, plane_of) = planes(&vertices, &corners, COPLANAR * size);
+        let corners_of_faces = corners_of_faces(&vertices, &corners, &plane_of);
+        if corners_of_faces.len() < vertices.len() {
+            return Self::of(&corners_of_faces);
+        }
         let triangles = corners
             .into_iter()
             .zip(plane_of)
@@ -417,6 +421,21 @@ fn planes(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> (Vec<Pla
         plane_of[k] = known as u32;
     }
     (planes, plane_of)
+}
+
+/// The vertices at which three faces meet; others lie on an edge or a face, but for rounding.
+fn corners_of_faces(vertices: &[Vec3], triangles: &[[u32; 3]], plane_of: &[u32]) -> Vec<Vec3> {
+    let mut planes_at: Vec<Vec<u32>> = vec![Vec::new(); vertices.len()];
+    for (corners, plane) in triangles.iter().zip(plane_of) {
+        for &corner in corners {
+            let planes = &mut planes_at[corner as usize];
+            if !planes.contains(plane) {
+                planes.push(*plane);
+            }
+        }
+    }
+    let meeting = vertices.iter().zip(&planes_at).filter(|(_, planes)| planes.len() > 2);
+    meeting.map(|(vertex, _)| *vertex).collect()
 }
 
 #[cfg(test)]
