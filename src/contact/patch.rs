@@ -5,17 +5,18 @@
 //! edge on a face the middle of the common segment, for a corner the corner itself.
 //!
 //! Taken literally, that point would jump by half a face when a face tilts by one rounding error, and a
-//! resting cube would be tossed from corner to corner. So each body is cut off at a small depth `t` below
-//! its support plane, a fixed part of the overlap, and the section stands for the feature: it shrinks
-//! steadily from the whole face to an edge or a corner while the face tilts by `t` over its width. The
-//! centroid `c(t)` of the sections' common part differs from that of the features in first order of `t`;
-//! `2 c(t/2) - c(t)` does not, and is exact for corners, for crossing edges and for faces.
+//! resting cube would be tossed from corner to corner. So a feature is what lies within a small depth `t` of
+//! the support plane, a fixed part of the overlap, and where that is a face the body's section at that depth
+//! stands for it: it shrinks steadily from the whole face to an edge while the face tilts by `t` over its
+//! width, and so does the section of an edge to a corner. The centroid `c(t)` of the sections' common part
+//! differs from that of the features in first order of `t`; `2 c(t/2) - c(t)` does not, and is exact for
+//! faces that are flush, and without a jump as edges of parallel sides take over.
 //!
 //! Sections are convex polygons, clipped edge by edge (Sutherland and Hodgman 1974,
 //! DOI 10.1145/360767.360802). A curved body has one support point and needs none of this.
 
 use super::Posed;
-use crate::math::Vec3;
+use crate::math::{Mat3, Vec3};
 use crate::shape::{Core, hull::Hull};
 
 /// Depth of the sections, as a part of the overlap: faces within that much of being flush, over their width,
@@ -32,66 +33,126 @@ const PARALLEL: f64 = 1e-7;
 /// the centre of A, in world axes [m].
 pub(super) fn centre_between(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3, overlap: f64) -> Vec3 {
     let (size_a, size_b) = (a.shape.bounding_radius(), b.shape.bounding_radius());
-    let size = if size_a < size_b { size_a } else { size_b };
-    let across = r - normal * r.dot(normal);
-    extrapolated(size, overlap, |depth| {
-        let mut on_b = section(b, &-normal, depth);
-        // Counter-clockwise about the normal of A, too.
-        on_b.reverse();
-        for point in &mut on_b {
-            *point += across;
-        }
-        centre(&section(a, normal, depth), &on_b, normal)
-    })
+    let depth = depth(overlap, if size_a < size_b { size_a } else { size_b });
+    let across = flat(r, normal);
+    let (on_a, on_b) = (Feature::of(a, normal, depth), Feature::of(b, &-normal, depth));
+    extrapolated(depth, |depth| centre(&on_a, &on_b, &across, depth, normal))
 }
 
 /// The same of a body on a wall; `normal` from the body to the wall.
 pub(super) fn centre_on_plane(a: &Posed, normal: &Vec3, overlap: f64) -> Vec3 {
-    extrapolated(a.shape.bounding_radius(), overlap, |depth| {
-        centroid(&section(a, normal, depth), normal)
-    })
+    let depth = depth(overlap, a.shape.bounding_radius());
+    let on_a = Feature::of(a, normal, depth);
+    extrapolated(depth, |depth| centroid(&on_a.section(depth), normal))
+}
+
+fn depth(overlap: f64, size: f64) -> f64 {
+    DEPTH * overlap + ROUNDING * size
 }
 
 /// `2 c(t/2) - c(t)`
-fn extrapolated(size: f64, overlap: f64, centre: impl Fn(f64) -> Vec3) -> Vec3 {
-    let depth = DEPTH * overlap + ROUNDING * size;
+fn extrapolated(depth: f64, centre: impl Fn(f64) -> Vec3) -> Vec3 {
     centre(0.5 * depth) * 2.0 - centre(depth)
 }
 
-/// The section of a body's core at `depth` below its support plane, laid flat through the body's centre:
-/// a polygon, counter-clockwise about `normal`, or the two ends of a segment, or a point.
-fn section(body: &Posed, normal: &Vec3, depth: f64) -> Vec<Vec3> {
-    let flat = |p: Vec3| p - normal * p.dot(normal);
-    match body.shape.core() {
-        Core::Curved => vec![flat(body.core_support(normal))],
-        Core::Segment(half) => {
-            let axis = body.frame.column(0) * half;
-            let top = if axis.dot(normal) < 0.0 { -axis } else { axis };
-            let fall = 2.0 * top.dot(normal);
-            // From the upper end to the lower one, or to where the depth is reached.
-            let part = if fall > depth { depth / fall } else { 1.0 };
-            vec![flat(top), flat(top - top * (2.0 * part))]
+/// The part of a vector across a unit vector.
+fn flat(p: &Vec3, normal: &Vec3) -> Vec3 {
+    p - normal * p.dot(normal)
+}
+
+/// What of a body's core lies within a depth of its support plane, laid flat through the body's centre.
+enum Feature<'a> {
+    Corner(Vec3),
+    /// From its upper end to its lower one, which is so much deeper [m].
+    Edge {
+        top: Vec3,
+        bottom: Vec3,
+        fall: f64,
+    },
+    Face(Face<'a>),
+}
+
+/// A face, or a corner so blunt that its neighbours are as high.
+struct Face<'a> {
+    hull: &'a Hull,
+    frame: &'a Mat3,
+    /// Along which it is the highest.
+    normal: Vec3,
+    /// So high above the body's centre [m].
+    height: f64,
+}
+
+impl Face<'_> {
+    /// The section of the polyhedron at this depth.
+    fn section(&self, depth: f64) -> Vec<Vec3> {
+        let Self { hull, frame, normal, .. } = self;
+        let x = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize() * hull.bounding_radius();
+        let y = normal.cross(&x);
+        let mut polygon = self.shared(vec![-x - y, x - y, x + y, y - x], &Vec3::zeros(), depth);
+        if polygon.is_empty() {
+            // Thinner than rounding.
+            polygon.push(flat(&(*frame * hull.support(&frame.tr_mul(normal))), normal));
         }
-        Core::Hull(hull) => hull_section(hull, body, normal, depth),
+        polygon
+    }
+
+    /// The part of a polygon, segment or point that lies in the section at this depth, whose body's centre
+    /// is at `centre`.
+    fn shared(&self, mut polygon: Vec<Vec3>, centre: &Vec3, depth: f64) -> Vec<Vec3> {
+        // From a point of the flat polygon to that of the section.
+        let rise = self.normal * (self.height - depth) - centre;
+        let mut clipped = Vec::with_capacity(16);
+        for plane in self.hull.planes() {
+            let outward = self.frame * plane.normal;
+            clip(&mut polygon, &outward, plane.offset - rise.dot(&outward), &mut clipped);
+        }
+        polygon
     }
 }
 
-fn hull_section(hull: &Hull, body: &Posed, normal: &Vec3, depth: f64) -> Vec<Vec3> {
-    let height = body.core_support(normal).dot(normal) - depth;
-    let x = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize() * hull.bounding_radius();
-    let y = normal.cross(&x);
-    let mut polygon = vec![-x - y, x - y, x + y, y - x];
-    let mut clipped = Vec::with_capacity(16);
-    for plane in hull.planes() {
-        let outward = body.frame * plane.normal;
-        clip(&mut polygon, &outward, plane.offset - height * outward.dot(normal), &mut clipped);
+impl<'a> Feature<'a> {
+    fn of(body: &Posed<'a>, normal: &Vec3, depth: f64) -> Self {
+        let edge = |top: Vec3, bottom: Vec3| Self::Edge {
+            top: flat(&top, normal),
+            bottom: flat(&bottom, normal),
+            fall: (top - bottom).dot(normal),
+        };
+        match body.shape.core() {
+            Core::Curved => Self::Corner(flat(&body.core_support(normal), normal)),
+            Core::Segment(half) => {
+                let end = body.frame.column(0) * half;
+                if end.dot(normal) < 0.0 { edge(-end, end) } else { edge(end, -end) }
+            }
+            Core::Hull(hull) => {
+                let along = body.frame.tr_mul(normal);
+                let top = hull.top(&along, depth);
+                let vertex = |k: usize| body.frame * hull.vertices()[k];
+                match top[..] {
+                    [k] => Self::Corner(flat(&vertex(k), normal)),
+                    [i, j] => edge(vertex(i), vertex(j)),
+                    _ => Self::Face(Face {
+                        hull,
+                        frame: body.frame,
+                        normal: *normal,
+                        height: hull.vertices()[top[0]].dot(&along),
+                    }),
+                }
+            }
+        }
     }
-    if polygon.is_empty() {
-        // Thinner than rounding.
-        let top = body.core_support(normal);
-        polygon.push(top - normal * top.dot(normal));
+
+    /// Its section at this depth: a polygon, counter-clockwise about the normal, or the two ends of a
+    /// segment, or a point.
+    fn section(&self, depth: f64) -> Vec<Vec3> {
+        match *self {
+            Self::Corner(point) => vec![point],
+            Self::Edge { top, bottom, fall } => {
+                let part = if fall > depth { depth / fall } else { 1.0 };
+                vec![top, top + (bottom - top) * part]
+            }
+            Self::Face(ref face) => face.section(depth),
+        }
     }
-    polygon
 }
 
 /// Leaves of a convex polygon the part with `p · outward <= offset`.
@@ -110,27 +171,29 @@ fn clip(polygon: &mut Vec<Vec3>, outward: &Vec3, offset: f64, clipped: &mut Vec<
     std::mem::swap(polygon, clipped);
 }
 
-/// The centroid of what two sections share. If they share nothing, as for a normal that is not the common
-/// one, the middle between points of them that are near each other.
-fn centre(a: &[Vec3], b: &[Vec3], normal: &Vec3) -> Vec3 {
-    if let (&[p, q], &[s, t]) = (a, b) {
-        let (on_a, on_b) = nearest_of_segments(&[p, q], &[s, t]);
+/// The centroid of what two sections share, the second `across` from the first. If they share nothing, as
+/// for a normal that is not the common one, the middle between points of them that are near each other.
+fn centre(a: &Feature, b: &Feature, across: &Vec3, depth: f64, normal: &Vec3) -> Vec3 {
+    let section_b = || -> Vec<Vec3> {
+        // Counter-clockwise about the normal of A, too.
+        b.section(depth).into_iter().rev().map(|p| p + across).collect()
+    };
+    let shared = match (a, b) {
+        (_, Feature::Face(face)) => face.shared(a.section(depth), across, depth),
+        (Feature::Face(face), _) => face.shared(section_b(), &Vec3::zeros(), depth),
+        _ => {
+            let ends = |section: &[Vec3]| [section[0], section[section.len() - 1]];
+            let (p, q) = nearest_of_segments(&ends(&a.section(depth)), &ends(&section_b()));
+            return (p + q) * 0.5;
+        }
+    };
+    if shared.is_empty() {
+        let (a, b) = (a.section(depth), section_b());
+        let on_a = nearest(&a, &centroid(&b, normal), normal);
+        let on_b = nearest(&b, &on_a, normal);
         return (on_a + on_b) * 0.5;
     }
-    let (subject, clipper) = if a.len() <= b.len() { (a, b) } else { (b, a) };
-    let mut shared = subject.to_vec();
-    let mut clipped = Vec::with_capacity(16);
-    for (k, from) in clipper.iter().enumerate() {
-        let outward = (clipper[(k + 1) % clipper.len()] - from).cross(normal);
-        clip(&mut shared, &outward, from.dot(&outward), &mut clipped);
-    }
-    // The edges of fewer than three corners bound nothing.
-    if clipper.len() > 2 && !shared.is_empty() {
-        return centroid(&shared, normal);
-    }
-    let on_a = nearest(a, &centroid(b, normal), normal);
-    let on_b = nearest(b, &on_a, normal);
-    (on_a + on_b) * 0.5
+    centroid(&shared, normal)
 }
 
 /// The centroid of a polygon's area; of its outline, if it has none.

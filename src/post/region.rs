@@ -78,7 +78,8 @@ pub(super) const AXES: [char; 3] = ['x', 'y', 'z'];
 /// The shape of a row as a matrix whose columns are its semi-axes in the world [m].
 ///
 /// With `D` that matrix, the body is `{ c + D u : |u| <= 1 }`, its half-width along a unit vector `n`
-/// is `|Dᵀ n|`. Exact for spheres and ellipsoids; a box around any other kind.
+/// is `|Dᵀ n|`. Exact for spheres and ellipsoids; of any other kind, the ellipsoid
+/// in the box around it.
 pub(super) fn axes_of(header: &Header, particles: &ParticleTable, row: usize) -> Mat3 {
     let semi_axes = header.shapes[particles.shape[row].index()].semi_axes;
     let frame = particles.quaternion.get(row).map_or_else(Mat3::identity, |&[w, x, y, z]| {

@@ -128,6 +128,10 @@ impl Hull {
         }
         let corners: Vec<[u32; 3]> = surface.iter().map(|t| t.map(|k| index[k])).collect();
         let (planes, plane_of) = planes(&vertices, &corners, COPLANAR * size);
+        let corners_of_faces = corners_of_faces(&vertices, &corners, &plane_of);
+        if corners_of_faces.len() < vertices.len() {
+            return Self::of(&corners_of_faces);
+        }
         let triangles = corners
             .into_iter()
             .zip(plane_of)
@@ -205,32 +209,59 @@ impl Hull {
     /// The farthest vertex along `direction` (any length but zero) [m].
     #[inline]
     pub fn support(&self, direction: &Vec3) -> Vec3 {
+        self.vertices[self.farthest(direction)]
+    }
+
+    #[inline]
+    fn farthest(&self, direction: &Vec3) -> usize {
         if self.vertices.len() <= SCAN {
-            self.vertices[farthest(&self.vertices, direction)]
+            farthest(&self.vertices, direction)
         } else {
             self.climbed(direction)
         }
     }
 
+    fn neighbours_of(&self, vertex: usize) -> impl Iterator<Item = usize> {
+        let range = self.first[vertex] as usize..self.first[vertex + 1] as usize;
+        self.neighbours[range].iter().map(|&k| k as usize)
+    }
+
     /// From neighbour to neighbour, each farther out: on a convex body only the farthest has none.
-    fn climbed(&self, direction: &Vec3) -> Vec3 {
+    fn climbed(&self, direction: &Vec3) -> usize {
         let bit = |x: f64| usize::from(x > 0.0);
         let octant = bit(direction.x) | bit(direction.y) << 1 | bit(direction.z) << 2;
         let mut here = self.octants[octant] as usize;
         let mut along = self.vertices[here].dot(direction);
         loop {
             let before = here;
-            let range = self.first[before] as usize..self.first[before + 1] as usize;
-            for &neighbour in &self.neighbours[range] {
-                let there = self.vertices[neighbour as usize].dot(direction);
+            for neighbour in self.neighbours_of(before) {
+                let there = self.vertices[neighbour].dot(direction);
                 if there > along {
-                    (here, along) = (neighbour as usize, there);
+                    (here, along) = (neighbour, there);
                 }
             }
             if here == before {
-                return self.vertices[here];
+                return here;
             }
         }
+    }
+
+    /// The vertices at most `depth` [m] below the farthest along a unit vector, which comes first: one of a
+    /// corner, two of an edge, more of a face or a blunt corner.
+    pub fn top(&self, direction: &Vec3, depth: f64) -> Vec<usize> {
+        let mut top = vec![self.farthest(direction)];
+        let least = self.vertices[top[0]].dot(direction) - depth;
+        // What is up there hangs together.
+        let mut next = 0;
+        while next < top.len() {
+            for neighbour in self.neighbours_of(top[next]) {
+                if self.vertices[neighbour].dot(direction) >= least && !top.contains(&neighbour) {
+                    top.push(neighbour);
+                }
+            }
+            next += 1;
+        }
+        top
     }
 
     /// How far a point is below the surface, negative outside [m].
@@ -390,6 +421,21 @@ fn planes(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> (Vec<Pla
         plane_of[k] = known as u32;
     }
     (planes, plane_of)
+}
+
+/// The vertices at which three faces meet; others lie on an edge or a face, but for rounding.
+fn corners_of_faces(vertices: &[Vec3], triangles: &[[u32; 3]], plane_of: &[u32]) -> Vec<Vec3> {
+    let mut planes_at: Vec<Vec<u32>> = vec![Vec::new(); vertices.len()];
+    for (corners, plane) in triangles.iter().zip(plane_of) {
+        for &corner in corners {
+            let planes = &mut planes_at[corner as usize];
+            if !planes.contains(plane) {
+                planes.push(*plane);
+            }
+        }
+    }
+    let meeting = vertices.iter().zip(&planes_at).filter(|(_, planes)| planes.len() > 2);
+    meeting.map(|(vertex, _)| *vertex).collect()
 }
 
 #[cfg(test)]

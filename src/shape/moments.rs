@@ -5,8 +5,8 @@
 //! height `r` on each face, a wedge of a cylinder along each edge and a sector of a ball at each corner:
 //! `V = V₀ + S r + M r² + 4π/3 r³` with the surface `S` and half the sum `M` of edge lengths times
 //! exterior angles. The second moments of all these pieces have closed forms; those of the sectors
-//! follow from integrals of `u` and `u uᵀ` over a spherical polygon (Arvo 1995, "Applications of
-//! irradiance tensors", DOI 10.1145/218380.218467, eq. 8).
+//! follow from integrals of `u` and `u uᵀ` over a spherical polygon, which Stokes's theorem turns into sums
+//! over its sides (Arvo 1995, "Applications of irradiance tensors", DOI 10.1145/218380.218467).
 
 use super::hull::Hull;
 use crate::math::{Mat3, Quat, Vec3};

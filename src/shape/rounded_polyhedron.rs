@@ -1,8 +1,8 @@
 //! The rounded polyhedron: all points within a radius of a convex polyhedron, its core.
 //!
-//! Between the cores of two of them lies a gap as wide as both radii less the overlap: contacts are
-//! exact at the price of a distance, and edges wear no singular stress. Choose it for grains with worn
-//! edges; for sharp ones a small radius is cheaper than none.
+//! Between the cores of two of them lies a gap as wide as both radii less the overlap, so that a contact is
+//! exact for the price of a distance. Choose it for grains with worn edges; sharp ones need dearer methods,
+//! and a small radius spares them.
 
 use super::hull::{Hull, HullError};
 use super::moments::{Moments, Placement, Principal};
