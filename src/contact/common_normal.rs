@@ -4,10 +4,11 @@
 //! made safe by a shift that keeps it positive definite and by a line search. The first choice for smooth
 //! shapes: a few evaluations, rounding accuracy, a small part of the time of erosion. It needs curvature: shapes with edges go to GJK-erosion or EPA.
 //!
-//! The formulas stand in `newton`, for any number of lanes. A pair that touched at the last step
-//! takes one step and a correction from its last normal, eight pairs at once; that is enough for grains that
-//! turn by a thousandth of a radian in a step. All others, and those for which it is not, go one by one through
-//! the search below.
+//! The formulas and the search stand in `newton`, for any number of lanes. Pairs go eight at once through up to
+//! three stages: one that touched at the last step takes one step and a correction from its last normal, which is
+//! enough for grains that turn by a thousandth of a radian in a step; of new ones, the plane across a first
+//! direction shows most to be apart; the others, and those for which the one step was not enough, are searched, each lane
+//! resting when it has arrived. What eight lanes leave open, a pair in a hundred thousand, is searched alone, from every axis.
 //!
 //! *When a minimum is the global one.* Let ϱ be the least radius of curvature of a body's surface. A
 //! ball of radius ϱ_A + ϱ_B tangent to the difference A − B at a critical point lies inside it
@@ -83,27 +84,28 @@ fn resolve_with<L: Eight>(batch: &Batch, found: &mut Found) {
     let mut open = Vec::new();
     for &index in batch.active {
         let normal = batch.history[index as usize].normal;
-        let pair = InPlace::of(batch, index);
+        let r = batch.bodies.relative(batch.pairs[index as usize]);
         if normal != Vec3::zeros() {
-            touched.push(&pair, &normal);
+            touched.push(batch, index, &r, &normal);
             if touched.count == WIDTH {
-                touched.follow::<L>(found, &mut open);
+                touched.follow::<L>(batch, found, &mut open);
             }
-        } else if let Some(clearance) = pair.beyond_reach() {
+        } else if let Some(clearance) = beyond_reach(shapes(batch, index), &r) {
             found.note(index, Outcome::Apart(clearance));
         } else {
-            new.push(&pair, &normal);
+            new.push(batch, index, &r, &normal);
             if new.count == WIDTH {
-                new.part::<L>(found, &mut open);
+                new.part::<L>(batch, found, &mut open);
             }
         }
     }
-    touched.follow::<L>(found, &mut open);
-    new.part::<L>(found, &mut open);
+    touched.follow::<L>(batch, found, &mut open);
+    new.part::<L>(batch, found, &mut open);
     let mut searched = Octet::default();
     for eight in open.chunks(WIDTH) {
         for (index, start) in eight {
-            searched.push(&InPlace::of(batch, *index), start);
+            let r = batch.bodies.relative(batch.pairs[*index as usize]);
+            searched.push(batch, *index, &r, start);
         }
         searched.search::<L>(batch, found);
     }
@@ -119,34 +121,20 @@ fn search(batch: &Batch, index: u32, start: &Vec3) -> Outcome {
     Search::of([a.shape, b.shape], [a.frame, b.frame], forms, &r, Some(start))
 }
 
-/// A pair of a batch, gathered.
-struct InPlace<'a> {
-    index: u32,
-    shapes: [&'a Shape; 2],
-    forms: [Form; 2],
-    r: Vec3,
+/// The shapes of a pair.
+#[inline(always)]
+fn shapes<'a>(batch: &Batch<'a>, index: u32) -> [&'a Shape; 2] {
+    let Pair { a, b } = batch.pairs[index as usize];
+    let Bodies { shape, library, .. } = batch.bodies;
+    [&library[shape[a.index()].index()], &library[shape[b.index()].index()]]
 }
 
-impl<'a> InPlace<'a> {
-    #[inline(always)]
-    fn of(batch: &'a Batch, index: u32) -> Self {
-        let pair = batch.pairs[index as usize];
-        let bodies = &batch.bodies;
-        let shapes = [bodies.shape_of(pair.a), bodies.shape_of(pair.b)];
-        let forms = match bodies.form {
-            Some(form) => [form[pair.a.index()], form[pair.b.index()]],
-            None => [form_of(bodies, pair.a), form_of(bodies, pair.b)],
-        };
-        Self { index, shapes, forms, r: bodies.relative(pair) }
-    }
-
-    /// The clearance of the bounding spheres, if they are apart [m].
-    #[inline(always)]
-    fn beyond_reach(&self) -> Option<f64> {
-        let reach = self.shapes[0].bounding_radius() + self.shapes[1].bounding_radius();
-        let squared = self.r.norm_squared();
-        (squared > reach * reach).then(|| squared.sqrt() - reach)
-    }
+/// The clearance of the bounding spheres, if they are apart [m].
+#[inline(always)]
+fn beyond_reach([a, b]: [&Shape; 2], r: &Vec3) -> Option<f64> {
+    let reach = a.bounding_radius() + b.bounding_radius();
+    let squared = r.norm_squared();
+    if squared > reach * reach { Some(squared.sqrt() - reach) } else { None }
 }
 
 /// The matrix of a body whose caller does not keep it.
@@ -164,29 +152,34 @@ struct Octet {
     r: [[f64; WIDTH]; 3],
     /// Where to start.
     normal: [[f64; WIDTH]; 3],
-    /// The pair's unit of length [m].
-    unit: [f64; WIDTH],
-    /// An overlap below this is certainly the least [m].
-    certain: [f64; WIDTH],
 }
 
 impl Octet {
     #[inline(always)]
-    fn push(&mut self, pair: &InPlace, normal: &Vec3) {
-        let lane = self.count;
-        for k in 0..6 {
-            self.a[k][lane] = pair.forms[0][k];
-            self.b[k][lane] = pair.forms[1][k];
+    fn push(&mut self, batch: &Batch, index: u32, r: &Vec3, normal: &Vec3) {
+        let lane = self.count % WIDTH; // spares the checks of bounds
+        let Pair { a, b } = batch.pairs[index as usize];
+        match batch.bodies.form {
+            Some(form) => {
+                put(&mut self.a, lane, &form[a.index()]);
+                put(&mut self.b, lane, &form[b.index()]);
+            }
+            None => {
+                put(&mut self.a, lane, &form_of(&batch.bodies, a));
+                put(&mut self.b, lane, &form_of(&batch.bodies, b));
+            }
         }
-        for k in 0..3 {
-            self.r[k][lane] = pair.r[k];
-            self.normal[k][lane] = normal[k];
-        }
-        let [a, b] = pair.shapes;
-        self.unit[lane] = unit_of_length(a.bounding_radius(), b.bounding_radius());
-        self.certain[lane] = least_curvature_radius(a) + least_curvature_radius(b);
-        self.index[lane] = pair.index;
+        put(&mut self.r, lane, r.as_ref());
+        put(&mut self.normal, lane, normal.as_ref());
+        self.index[lane] = index;
         self.count += 1;
+    }
+
+    /// Where a lane started.
+    #[inline(always)]
+    fn start(&self, lane: usize) -> Vec3 {
+        let [x, y, z] = &self.normal;
+        Vec3::new(x[lane], y[lane], z[lane])
     }
 
     /// In metres.
@@ -199,11 +192,27 @@ impl Octet {
         }
     }
 
-    /// In units of each pair's length, with these units.
+    /// In units of each pair's length, with these units [m].
     #[inline(always)]
-    fn pairs_in_units<L: Eight>(&self) -> (Ellipsoids<L>, L) {
-        let unit = L::load(&self.unit);
+    fn pairs_in_units<L: Eight>(&self, batch: &Batch) -> (Ellipsoids<L>, L) {
+        let mut units = [1.0; WIDTH];
+        for lane in 0..self.count.min(WIDTH) {
+            let [a, b] = shapes(batch, self.index[lane]);
+            units[lane] = unit_of_length(a.bounding_radius(), b.bounding_radius());
+        }
+        let unit = L::load(&units);
         (self.pairs().scaled(L::all(1.0) / unit), unit)
+    }
+
+    /// Overlaps below these are certainly the least [m].
+    #[inline(always)]
+    fn certain<L: Eight>(&self, batch: &Batch) -> L {
+        let mut certain = [0.0; WIDTH];
+        for lane in 0..self.count.min(WIDTH) {
+            let [a, b] = shapes(batch, self.index[lane]);
+            certain[lane] = least_curvature_radius(a) + least_curvature_radius(b);
+        }
+        L::load(&certain)
     }
 
     /// A bit for each lane in use.
@@ -215,7 +224,7 @@ impl Octet {
     /// Pairs that touched at the last step: one step of Newton's method and a correction with the same Hessian
     /// (together of third order), then a look at each lane. Empties the lanes.
     #[inline(always)]
-    fn follow<L: Eight>(&mut self, found: &mut Found, open: &mut Vec<(u32, Vec3)>) {
+    fn follow<L: Eight>(&mut self, batch: &Batch, found: &mut Found, open: &mut Vec<(u32, Vec3)>) {
         let pair = self.pairs::<L>();
         let before = pair.evaluate(Triple::load(&self.normal));
         let hessian = pair.hessian(&before);
@@ -234,21 +243,21 @@ impl Octet {
         let downhill = zero.less(determinant) & (before.delta + before.delta).less(hessian.trace);
         let short = change.less(L::all(SHORT));
         let trusted = (step.dot(step) * correction.dot(correction)).less(L::all(TRUSTED));
-        let certain = overlap.less(L::load(&self.certain));
+        let certain = overlap.less(self.certain(batch));
         let touching = zero.less(before.delta) & zero.less(overlap);
         let good = downhill & short & trusted & certain & touching;
         let apart = before.delta.at_most(zero);
 
         let touches = Touches::of(overlap, normal, point);
         let delta = before.delta.store();
-        for lane in 0..self.count {
+        for lane in 0..self.count.min(WIDTH) {
             let index = self.index[lane];
             if good >> lane & 1 == 1 {
                 found.note(index, Outcome::Touching(touches.of_lane(lane)));
             } else if apart >> lane & 1 == 1 {
                 found.note(index, Outcome::Apart(-delta[lane]));
             } else {
-                open.push((index, Vec3::from(self.normal.map(|numbers| numbers[lane]))));
+                open.push((index, self.start(lane)));
             }
         }
         self.count = 0;
@@ -256,19 +265,19 @@ impl Octet {
 
     /// New pairs: those that the plane across the first direction parts are apart. Empties the lanes.
     #[inline(always)]
-    fn part<L: Eight>(&mut self, found: &mut Found, open: &mut Vec<(u32, Vec3)>) {
-        let (pair, unit) = self.pairs_in_units::<L>();
+    fn part<L: Eight>(&mut self, batch: &Batch, found: &mut Found, open: &mut Vec<(u32, Vec3)>) {
+        let (pair, unit) = self.pairs_in_units::<L>(batch);
         let start = pair.cold_start().unit();
         let delta = pair.delta(start);
         let apart = delta.at_most(L::all(0.0));
         let delta = (delta * unit).store();
-        let start = start.store();
-        for lane in 0..self.count {
+        let [x, y, z] = start.store();
+        for lane in 0..self.count.min(WIDTH) {
             let index = self.index[lane];
             if apart >> lane & 1 == 1 {
                 found.note(index, Outcome::Apart(-delta[lane]));
             } else {
-                open.push((index, Vec3::from(start.map(|numbers| numbers[lane]))));
+                open.push((index, Vec3::new(x[lane], y[lane], z[lane])));
             }
         }
         self.count = 0;
@@ -277,25 +286,32 @@ impl Octet {
     /// The search for all others. Empties the lanes.
     #[inline(always)]
     fn search<L: Eight>(&mut self, batch: &Batch, found: &mut Found) {
-        let (pair, unit) = self.pairs_in_units::<L>();
+        let (pair, unit) = self.pairs_in_units::<L>(batch);
         let start = Triple::load(&self.normal);
         let ends = pair.descend(start, self.lanes(), EVALUATIONS_IN_LANES);
         let overlap = ends.overlap * unit;
-        let certain =
-            ends.minimum & L::all(0.0).less(overlap) & overlap.less(L::load(&self.certain));
+        let certain = ends.minimum & L::all(0.0).less(overlap) & overlap.less(self.certain(batch));
         let touches = Touches::of(overlap, ends.normal, ends.point.times(unit));
-        for lane in 0..self.count {
+        for lane in 0..self.count.min(WIDTH) {
             let index = self.index[lane];
             let outcome = if certain >> lane & 1 == 1 {
                 Outcome::Touching(touches.of_lane(lane))
             } else if ends.apart >> lane & 1 == 1 {
                 Outcome::Apart(-touches.overlap[lane])
             } else {
-                search(batch, index, &Vec3::from(self.normal.map(|numbers| numbers[lane])))
+                search(batch, index, &self.start(lane))
             };
             found.note(index, outcome);
         }
         self.count = 0;
+    }
+}
+
+/// Puts the numbers of one pair into its lane.
+#[inline(always)]
+fn put<const N: usize>(numbers: &mut [[f64; WIDTH]; N], lane: usize, of_one: &[f64; N]) {
+    for (numbers, number) in numbers.iter_mut().zip(of_one) {
+        numbers[lane] = *number;
     }
 }
 
@@ -591,6 +607,31 @@ mod tests {
                 assert_eq!(bits(&back), bits(&dispatched), "unit 2^{exponent}");
             }
         }
+    }
+
+    /// New pairs, eight at once, in any company, get the bits that each gets alone.
+    #[test]
+    fn lanes_search_as_one_alone() {
+        let mut crowd = Crowd::new(1003, 0.0, 1.0);
+        crowd.history.fill(History::default());
+        let bodies = crowd.bodies();
+        let alone: Vec<_> = (crowd.pairs.iter())
+            .map(|pair| {
+                let (a, b) = (bodies.posed(pair.a), bodies.posed(pair.b));
+                match CommonNormal.touch(&a, &b, &bodies.relative(*pair), None) {
+                    Outcome::Touching(touch) => touch,
+                    other => panic!("{pair:?}: {other:?}"),
+                }
+            })
+            .collect();
+        let together = crowd.touches(|batch, found| CommonNormal.resolve(batch, found));
+        assert_eq!(bits(&together), bits(&alone));
+        assert_eq!(bits(&crowd.touches(resolve_with::<Portable>)), bits(&alone));
+        let reversed = crowd.touches(|batch, found| {
+            let active: Vec<u32> = batch.active.iter().rev().copied().collect();
+            CommonNormal.resolve(&Batch { active: &active, ..*batch }, found);
+        });
+        assert_eq!(bits(&reversed), bits(&alone));
     }
 
     /// The fast path's answers are those of the search: overlap to 4e-15, normal to 1e-10 rad.
