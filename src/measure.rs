@@ -127,9 +127,9 @@ pub fn measure(
         if a.index() >= particles.owned {
             continue;
         }
-        let history = &pairs.history[contact.pair as usize];
+        let spring = pairs.spring(contact.pair);
         let (of_a, of_b) = (particles.material(a), particles.material(b));
-        add(Of::Stored as usize, law.stored(of_a, of_b, history));
+        add(Of::Stored as usize, law.stored(of_a, of_b, contact.touch.overlap, &spring));
         maxima[0] = larger(maxima[0], contact.touch.overlap / shortest_axis(particles, a, b));
         if let Some(wall) = wall {
             counts[2] += 1;

@@ -101,10 +101,8 @@ fn turn(particles: &mut Particles, slower: f64, faster: f64, damping: f64, dt: f
             }
             mean_spin = angular_velocity;
             let end = turned(&start, &angular_velocity, dt);
-            let frame = *end.to_rotation_matrix().matrix();
-            attitude.quaternion[slot] = end;
-            attitude.frame[slot] = frame;
-            spin.angular_velocity[slot] = spin_of(&frame, inertia, &momentum);
+            attitude.set(slot, end, &library.shapes[shape[slot].index()]);
+            spin.angular_velocity[slot] = spin_of(&attitude.frame[slot], inertia, &momentum);
             // Cayley's turn is smaller than the angle ω dt.
             travel[slot] += library.radius[shape[slot].index()] * (angular_velocity.norm() * dt);
         } else {

@@ -116,13 +116,8 @@ pub(crate) fn contacts(rows: Range<u64>) -> ContactTable {
 pub(crate) fn histories(rows: Range<u64>) -> HistoryTable {
     rows.map(|k| {
         let mut n = Numbers(k + 3000);
-        let history = History {
-            normal: n.vector(),
-            spring: n.vector(),
-            overlap: n.next(),
-            normal_force: n.next(),
-        };
-        NamedHistory { a: GlobalId(k), b: partner(k), history }
+        let history = History { normal: n.vector(), overlap: n.next(), normal_force: n.next() };
+        NamedHistory { a: GlobalId(k), b: partner(k), history, spring: n.vector() }
     })
     .collect()
 }

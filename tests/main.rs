@@ -1,4 +1,4 @@
-//! All tests that need no mpirun, in one binary: one module per subject.
+//! All tests in one binary, one module per subject; those inside MPI are in `ranks`.
 
 mod comm;
 mod comm_cases;
@@ -9,6 +9,7 @@ mod layers;
 mod made_up;
 mod pairs;
 mod post;
+mod program;
 mod ranks_threads;
 mod scene;
 mod snapshot;

@@ -1,22 +1,26 @@
 #!/bin/sh
-# Writes snapshots under mpirun and opens them with VTK and h5py.
-# usage: tests/open_in_vtk.sh [version of vtk, e.g. 9.3.1]
-# Makes a virtual environment with them under target/, once.
+# Opens snapshots with VTK and h5py, as users do.
+# usage: tests/open_in_vtk.sh [PARTICLES...]
+#   PARTICLES     particles files, each with its contacts file beside it;
+#                 without: made-up ones, written under mpirun on 1, 2 and 4 ranks
+#   VTK_VERSION   in the environment: another VTK than the newest, e.g. 9.3.1
+# Makes a virtual environment with both under target/, once. Exit status 3: they cannot be fetched.
 set -eu
 cd "$(dirname "$0")/.."
-version=${1:-}
+version=${VTK_VERSION:-}
 python=target/vtk$version
 if ! "$python/bin/python" -c 'import vtk, h5py' 2>/dev/null; then
-    python3 -m venv "$python"
-    "$python/bin/pip" install --quiet "vtk${version:+==$version}" h5py
+    { python3 -m venv "$python" &&
+        "$python/bin/pip" install --quiet "vtk${version:+==$version}" h5py; } || exit 3
 fi
-snapshots=$PWD/target/tmp/open_in_vtk
-rm -rf "$snapshots"
-mkdir -p "$snapshots"
-DEM_MPI_KEEP_SNAPSHOTS=$snapshots cargo test --quiet --test ranks -- snapshot_round_trip
-for ranks in 1 2 4; do
-    for step in 000000003 000000004; do
-        "$python/bin/python" tests/open_in_vtk.py \
-            "$snapshots/$ranks/particles_$step.vtkhdf" "$snapshots/$ranks/contacts_$step.vtkhdf"
-    done
+if [ $# -eq 0 ]; then
+    snapshots=$PWD/target/tmp/open_in_vtk
+    rm -rf "$snapshots"
+    mkdir -p "$snapshots"
+    DEM_MPI_KEEP_SNAPSHOTS=$snapshots cargo test --quiet --test ranks -- snapshot_round_trip
+    set -- "$snapshots"/*/particles_*.vtkhdf
+fi
+for particles in "$@"; do
+    contacts=$(dirname "$particles")/contacts_${particles##*/particles_}
+    "$python/bin/python" tests/open_in_vtk.py "$particles" "$contacts"
 done

@@ -1,19 +1,28 @@
 //! What is computed from a snapshot, against closed forms and the independent reference.
 
+use crate::support::{begun, scene};
+use dem_mpi::comm::alone::Alone;
+use dem_mpi::comm::{Comm, threads};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Vec3};
+use dem_mpi::output::snapshot::{self, Reader};
+use dem_mpi::output::table;
 use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
 use dem_mpi::post::diff::Difference;
 use dem_mpi::post::fabric::{Among, FabricSum, ForceFabricSum, Rose, degree};
 use dem_mpi::post::forces::Histogram;
-use dem_mpi::post::history::History;
+use dem_mpi::post::history::{Curve, History};
 use dem_mpi::post::region::{Bounds, Extent, Members, Region, SampledSolid, Strain};
 use dem_mpi::post::stress::{Stress, StressSum};
-use dem_mpi::post::{Analysis, ParticlePass, PostError, Report, Settings, lammps, page};
+use dem_mpi::post::{
+    Analysis, ParticlePass, PostError, Report, Settings, analyse, lammps, page, panels,
+};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
 use serde_json::Value;
 use std::f64::consts::PI;
+use std::fs::File;
+use std::path::Path;
 
 /// Sums are exact; what is left is the rounding of each term and of the reference.
 const ROUNDING: f64 = 1e-12;
@@ -857,7 +866,8 @@ fn history_columns_are_read_whatever_they_are() {
     let names: Vec<&str> = history.curves.iter().map(|c| c.name.as_str()).collect();
     assert_eq!(names, ["kinetic_energy_j", "overlap_m"], "no step, no words");
     assert_eq!(history.curves[0].points, [(0.0, 1.0), (0.1, 0.5), (0.2, 0.25)]);
-    assert_eq!(history.changing().count(), 1, "the overlap is constant");
+    let changing: Vec<bool> = history.curves.iter().map(Curve::changes).collect();
+    assert_eq!(changing, [true, false], "the overlap is constant");
     let error = History::read("a,b\n1,2\n".as_bytes()).unwrap_err().to_string();
     assert!(error.contains("a, b"), "{error}");
 
@@ -897,8 +907,7 @@ fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
     let picture = analysis.picture.svg(analysis.report.bounds_m.as_ref());
     let reports = [analysis.report, later];
     let history = History::read(history.as_bytes()).unwrap();
-    let curves: Vec<_> = history.curves.iter().collect();
-    let plots = page::plots(&reports, picture, &curves).unwrap();
+    let plots = page::plots(&reports, picture, &history, &snapshot.header.walls).unwrap();
     let mut drawings: Vec<_> = plots.iter().map(|p| (p.name.clone(), p.svg.clone())).collect();
     drawings.push(("page".into(), page::page("a <title>", &reports, &plots)));
     drawings
@@ -923,10 +932,12 @@ fn plots_are_finite_for_empty_tiny_and_usual_snapshots() {
     let usual = ellipsoids(5, 8);
     let flat = "time,energy\n0,0\n1,0\n";
     let steep = "time,energy\n0,1e9\n1,1e-3\n2,1e-12\n";
+    let odd = "time,kinetic_J,missing_J,largest_overlap,top_m,other\n\
+               0,0,-1e-17,0,-inf,1e300\n1,1,0,-1,NaN,-1e300\n2,1e-320,1e-3,0,0.1,inf\n3,1e300,-2,0,0.2,1\n";
     for (name, snapshot) in
         [("nothing", &nothing), ("one", &one_contact), ("force", &with_force), ("usual", &usual)]
     {
-        for history in [flat, steep] {
+        for history in [flat, steep, odd] {
             for (plot, svg) in drawn(snapshot, history) {
                 for bad in ["NaN", "nan\"", "inf\"", "Infinity", "-inf"] {
                     assert!(!svg.contains(bad), "{name}: {plot} holds {bad}");
@@ -942,6 +953,159 @@ fn plots_are_finite_for_empty_tiny_and_usual_snapshots() {
     let (_, page) = drawn(&usual, steep).pop().unwrap();
     assert!(page.contains("<title>a &lt;title&gt;</title>"));
     assert!(!page.contains("<script") && !page.contains("href="));
+}
+
+#[test]
+fn columns_that_belong_together_share_a_panel() {
+    let walls = ["-x", "lid"].map(|name| WallRow {
+        name: name.into(),
+        point: Vec3::zeros(),
+        normal: Vec3::new(0.6, 0.0, -0.8),
+        velocity: Vec3::zeros(),
+        force: Vec3::zeros(),
+    });
+    let table = "time_s,particles,contacts,kinetic_J,translation_J,gravity_J,missing_J,\
+                 force_-x_x_N,force_-x_y_N,force_-x_z_N,force_+x_x_N,force_-x_x-N,still\n\
+                 0,1,0,0,0,1,0,0,0,0,0,0,3\n1,2,1,0.5,0.5,0,-1e-9,-3,5,4,1,1,3\n";
+    let history = History::read(table.as_bytes()).unwrap();
+    let names = |walls: &[WallRow]| -> Vec<String> {
+        let plots = panels::panels(&history, walls).unwrap();
+        plots.into_iter().map(|plot| plot.name.replace("history_", "")).collect()
+    };
+    let unknown = ["force_plus_x_x_n", "force_minus_x_x_n"];
+    let (plus, minus) = (unknown[0], unknown[1]);
+    assert_eq!(names(&walls), ["counts", "energy", "wall_loads", plus, minus]);
+    let twice = format!("{minus}_2");
+    let components = [minus, "force_minus_x_y_n", "force_minus_x_z_n"];
+    let alone = [&["counts", "energy"][..], &components, &[plus, &twice]].concat();
+    assert_eq!(names(&[]), alone, "without walls each component stands alone");
+    let plots = panels::panels(&history, &walls).unwrap();
+    // -(-3 · 0.6 + 4 · (-0.8)) = 5 N
+    assert!(plots[2].svg.contains("-x") && !plots[2].svg.contains("lid"));
+    assert!(plots[2].svg.contains(">\n5\n<"), "{}", plots[2].svg);
+}
+
+/// Ellipsoids thrown onto the floor of a closed box.
+const FALLING: &str = r#"
+title = "falling"
+gravity = [0.0, 0.0, -9.81]
+[domain]
+low = [0.0, 0.0, 0.0]
+high = [0.02, 0.02, 0.02]
+walls = ["-x", "+x", "-y", "+y", "-z", "+z"]
+[[material]]
+name = "grain"
+density = 265000.0
+normal_stiffness = 1.5e5
+friction = 0.3
+restitution = 0.5
+[[shape]]
+name = "long"
+kind = "ellipsoid"
+diameter = 0.003
+aspect_ratio = 2.0
+[[fill.lattice]]
+shapes = ["long"]
+low = [0.0, 0.0, 0.0]
+high = [0.02, 0.02, 0.02]
+spacing = 0.0049
+velocity = [0.5, 0.3, -3.0]
+[time]
+step = 1e-5
+steps = 300
+[output]
+directory = "out"
+"#;
+
+/// Runs [`FALLING`], and leaves a snapshot of its end and its history in `directory`.
+fn fall(directory: &Path, comm: &mut dyn Comm) {
+    let scene = scene(FALLING);
+    let mut sim = begun(&scene, comm);
+    let walls: Vec<String> = sim.particles.walls.iter().map(|wall| wall.name.clone()).collect();
+    let mut history = comm
+        .is_root()
+        .then(|| table::History::open(directory, &walls, |_| false).expect("a new table"));
+    for _ in 0..scene.steps {
+        sim.step(comm).expect("the step is done");
+        let measures = sim.measure(comm);
+        if let Some(history) = &mut history {
+            history.push(sim.step, sim.time(), &measures).expect("a row");
+        }
+    }
+    let header = sim.header("", &sim.measure(comm).wall_forces);
+    let (particles, contacts) = (sim.particle_table(comm.rank()), sim.contact_table());
+    snapshot::write(directory, &header, &particles, &contacts, &sim.histories(), comm)
+        .expect("a snapshot");
+}
+
+#[test]
+fn a_run_s_files_give_its_numbers_and_its_page_whoever_wrote_them() {
+    let (one, three) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    fall(one.path(), &mut Alone::default());
+    threads::run(3, |comm| fall(three.path(), comm));
+    let reader = Reader::open(one.path()).unwrap();
+    let analysis = analyse(&reader, "falling", Settings::default()).unwrap();
+    let report = analysis.report;
+    let s = &report.summary;
+
+    let header = reader.header();
+    let particles = reader.particles(0..reader.particle_count()).unwrap();
+    let contacts = reader.contacts(0..reader.contact_count().unwrap()).unwrap();
+    assert_eq!((s.step, s.particles), (300, 64));
+    let with_walls = contacts.b.iter().filter(|b| b.wall_index().is_some()).count();
+    let between = contacts.b.len() - with_walls;
+    assert!(between > 20 && with_walls > 10, "{between} contacts, {with_walls} with walls");
+    assert_eq!(s.contacts_between_particles, between as f64);
+    assert_eq!(s.contacts_with_walls, with_walls as u64);
+    assert_eq!(s.coordination, Some(2.0 * between as f64 / 64.0));
+    let ends: i32 = particles.coordination.iter().sum();
+    assert_eq!(s.coordination_with_walls, Some(f64::from(ends) / 64.0));
+
+    let volume = (header.high - header.low).product();
+    close(s.volume_m3.unwrap() / volume, 1.0, ROUNDING, "volume");
+    let solid = 64.0 * header.shapes[0].volume / volume;
+    close(s.solid_fraction.unwrap(), solid, ROUNDING, "solid fraction");
+    let rows = 0..contacts.a.len();
+    let products = rows.map(|row| contacts.force(row) * contacts.branch[row].transpose());
+    let stress = products.fold(Mat3::zeros(), |sum, product| sum + product) / volume;
+    close_matrix(&report.stress_pa.unwrap().tensor, &stress, ROUNDING, "stress");
+    let forces = contacts.normal_force.iter().zip(&contacts.b);
+    let pair_forces = forces.filter(|(_, b)| b.wall_index().is_none()).map(|(force, _)| force);
+    let mean_force = pair_forces.sum::<f64>() / between as f64;
+    close(s.mean_normal_force_n.unwrap() / mean_force, 1.0, ROUNDING, "mean normal force");
+
+    let of_three = Reader::open(three.path()).unwrap();
+    let other = analyse(&of_three, "falling", Settings::default()).unwrap();
+    let text = |report: &Report| serde_json::to_string(report).unwrap();
+    assert_eq!(text(&report), text(&other.report));
+    let picture = analysis.picture.svg(report.bounds_m.as_ref());
+    assert_eq!(picture, other.picture.svg(report.bounds_m.as_ref()));
+
+    let history = |place: &Path| History::read(File::open(place.join("history.csv")).unwrap());
+    let run = history(one.path()).unwrap();
+    assert_eq!(run, history(three.path()).unwrap());
+    let plots = page::plots(&[report], picture, &run, &header.walls).unwrap();
+    let names: Vec<&str> = plots.iter().map(|plot| plot.name.as_str()).collect();
+    let of_snapshot =
+        ["packing", "roses", "coordination", "force_distribution", "weak_forces", "friction"];
+    let of_run = [
+        "counts",
+        "coordination",
+        "energy",
+        "largest_overlap",
+        "mean_normal_force",
+        "largest_speed",
+        "top",
+        "wall_loads",
+    ]
+    .map(|name| format!("history_{name}"));
+    let expected = of_snapshot.into_iter().chain(of_run.iter().map(String::as_str));
+    assert_eq!(names, expected.collect::<Vec<_>>());
+    let page = page::page("falling", &[other.report], &plots);
+    for plot in &plots {
+        assert!(page.contains(&format!("<h2>{}</h2>", plot.title)), "{}", plot.name);
+    }
+    assert!(plots.last().unwrap().svg.contains("+z"), "walls stand in the legend");
 }
 
 #[test]

@@ -129,7 +129,7 @@ fn state(parts: &[Part]) -> State {
         histories.extend(named.iter().map(|named| {
             let h = &named.history;
             let mut row = bits_of(&h.normal);
-            row.extend(bits_of(&h.spring));
+            row.extend(bits_of(&named.spring));
             row.extend(bits_of([&h.overlap, &h.normal_force]));
             (named.a.0, named.b.0, row)
         }));

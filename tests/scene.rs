@@ -402,7 +402,14 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         assert!(balls.contains(line), "no \"{line}\" in\n{balls}");
     }
     let scene = every_key();
-    let needs = Needs { velocity: true, spin: true, attitude: true, image: true };
+    let needs = Needs {
+        velocity: true,
+        spin: true,
+        attitude: true,
+        form: false,
+        image: true,
+        springs: true,
+    };
     assert_eq!(scene.needs(), needs);
     let all = plan(&scene, 4);
     for line in [

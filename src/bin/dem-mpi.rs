@@ -17,6 +17,8 @@ use std::time::{Duration, Instant};
 #[derive(Parser, Debug)]
 #[command(
     version,
+    // Under mpirun standard output looks like a terminal even where it ends in a file.
+    color = clap::ColorChoice::Never,
     after_help = "\
 Examples:
   dem-mpi run/packing/scene.toml                     one rank, to try or to debug
@@ -122,16 +124,16 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         .as_ref()
         .map(|path| (path, From::Middle))
         .or_else(|| scene.start.as_ref().map(|path| (path, From::Beginning)));
-    if let Some((path, from)) = from
-        && let Err(error) = assemble::take_up(&mut sim, &scene, path, from, comm)
-    {
-        say(comm, error);
-        return WRONG_INPUT;
+    match from {
+        None => assemble::fill(&mut sim, &scene, comm),
+        Some((path, from)) => {
+            if let Err(error) = assemble::take_up(&mut sim, &scene, path, from, comm) {
+                say(comm, error);
+                return WRONG_INPUT;
+            }
+        }
     }
     let resumed = arguments.start.is_some();
-    if !resumed {
-        assemble::fill(&mut sim, &scene, comm);
-    }
 
     let last_step = match arguments.steps {
         Some(steps) => sim.step + steps,
@@ -176,6 +178,10 @@ fn run(sim: &mut Simulation, scene: &Scene, schedule: &Schedule, comm: &mut dyn 
     let mut display = Display::new(comm.is_root(), schedule.last_step - sim.step);
     let finish = match run::run(sim, schedule, comm, &mut |progress| display.show(progress)) {
         Ok(finish) => finish,
+        Err(RunError::Step(error)) if error.is_agreed() => {
+            say(comm, error);
+            return FAILED;
+        }
         Err(error @ (RunError::Step(_) | RunError::History(_))) => {
             // Only this rank knows: it speaks, and ends the others.
             eprintln!("rank {}: {error}", comm.rank().0);

@@ -115,8 +115,8 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     let bounds = reports.last().and_then(|r| r.bounds_m);
     let drawing = picture.unwrap_or_default().svg(bounds.as_ref());
     let history = history_beside(beside);
-    let curves: Vec<_> = history.changing().collect();
-    let plots = page::plots(&reports, drawing, &curves)?;
+    let walls = snapshots.last().map_or(&[][..], |(_, reader)| &reader.header().walls);
+    let plots = page::plots(&reports, drawing, &history, walls)?;
     write_all(&out, &title(beside), &reports, &plots)?;
 
     let table = reports.last().map(table).unwrap_or_default();

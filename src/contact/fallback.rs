@@ -89,6 +89,7 @@ mod tests {
         let bodies = Bodies {
             position: centres,
             frame: None,
+            form: None,
             shape: &vec![ShapeId(0); centres.len()],
             library: &[Shape::Sphere(Sphere { radius: 1.0 })],
             period: Vec3::repeat(f64::INFINITY),

@@ -64,6 +64,11 @@ impl Method {
     }
 }
 
+/// Do the resolvers of [`table`] want the matrices of ellipsoids in place ([`super::Bodies::form`])?
+pub fn needs_form(method: &Method, kinds: &[Kind]) -> bool {
+    matches!(method, Method::Auto | Method::CommonNormal) && kinds.contains(&Kind::Ellipsoid)
+}
+
 /// The resolvers for all pairs of the kinds that a scene has. Spheres with each other and everything with a
 /// wall have closed forms, whatever the method; walls do not meet each other.
 pub fn table(method: &Method, kinds: &[Kind]) -> Table {

@@ -17,7 +17,9 @@ mod eroded_gjk;
 mod fallback;
 mod gjk;
 mod half_space;
+mod lanes;
 mod methods;
+mod newton;
 mod sphere_sphere;
 
 pub use clearance::clearance;
@@ -26,12 +28,12 @@ pub use epa::Epa;
 pub use eroded_gjk::ErodedGjk;
 pub use fallback::Chain;
 pub use half_space::AgainstHalfSpace;
-pub use methods::{Method, table};
+pub use methods::{Method, needs_form, table};
 pub use sphere_sphere::SphereSphere;
 
 use crate::ids::{GlobalId, ShapeId, Slot};
 use crate::math::{Mat3, Vec3};
-use crate::shape::{Kind, Shape};
+use crate::shape::{Form, Kind, Shape};
 use serde::{Deserialize, Serialize};
 
 /// The geometry of one contact.
@@ -133,8 +135,6 @@ pub struct Pair {
 pub struct History {
     /// The normal of the last touch, A to B; zero if the pair did not touch.
     pub normal: Vec3,
-    /// Tangential spring, the stretch of A's surface against B's [m].
-    pub spring: Vec3,
     /// Overlap of the last touch [m].
     pub overlap: f64,
     /// Normal force of the last touch [N].
@@ -158,6 +158,8 @@ pub struct NamedHistory {
     pub b: GlobalId,
     /// What is remembered.
     pub history: History,
+    /// Tangential spring, the stretch of A's surface against B's [m]; zero without friction.
+    pub spring: Vec3,
 }
 
 /// A pair that touches now.
@@ -176,6 +178,8 @@ pub struct Bodies<'a> {
     pub position: &'a [Vec3],
     /// Rotations from body to world; `None` if all are spheres and planes.
     pub frame: Option<&'a [Mat3]>,
+    /// Matrices of ellipsoids and spheres in place, see [`Form`]; `None` if no method asked for them.
+    pub form: Option<&'a [Form]>,
     /// Shape of each body.
     pub shape: &'a [ShapeId],
     /// The scene's shapes.

@@ -14,6 +14,7 @@ use crate::ids::{GlobalId, Rank};
 use crate::math::Vec3;
 use crate::particles::Particles;
 pub use cuts::{Cuts, Subdomain};
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// A rank with which this one shares particles.
@@ -27,7 +28,7 @@ struct Neighbour {
 }
 
 /// A particle cannot be where it is.
-#[derive(Clone, Debug, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error, Serialize, Deserialize)]
 pub enum DomainError {
     /// It left the box.
     #[error(

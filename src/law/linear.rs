@@ -9,7 +9,7 @@
 //! values at both times the displacement. What a contact dissipates is that work minus the change of
 //! its elastic energy, from the step before the first touch to the step after the last.
 
-use super::{ForceLaw, Interactions, Load};
+use super::{Constants, ForceLaw, Interactions, Load, Memory};
 use crate::contact::{Contact, History, Pair};
 use crate::ids::MaterialId;
 use crate::math::Vec3;
@@ -29,6 +29,74 @@ impl Linear {
     }
 }
 
+/// Two surfaces at their contact point.
+struct Meeting<'a> {
+    constants: &'a Constants,
+    /// Reduced mass of the pair [kg].
+    mass: f64,
+    normal: Vec3,
+    /// Of A's surface against B's [m/s].
+    velocity: Vec3,
+    /// Its part along the normal [m/s].
+    approach: f64,
+    /// Turn of the pair about the normal in this step [rad].
+    twist: f64,
+    dt: f64,
+}
+
+impl Meeting<'_> {
+    /// Spring and dashpot along the normal; brings `history` up to date.
+    #[inline]
+    fn press(&self, overlap: f64, limited: bool, history: &mut History, dissipated: &mut f64) {
+        let stiffness = self.constants.normal_stiffness;
+        let mut force = stiffness * overlap;
+        let ratio = self.constants.normal_damping_ratio;
+        if ratio > 0.0 {
+            force += 2.0 * ratio * (self.mass * stiffness).sqrt() * self.approach;
+            if limited && force < 0.0 {
+                force = 0.0;
+            }
+        }
+        let work = 0.5 * (history.normal_force + force) * (self.approach * self.dt);
+        let before = history.overlap;
+        *dissipated += work - 0.5 * stiffness * (overlap * overlap - before * before);
+        history.overlap = overlap;
+        history.normal_force = force;
+    }
+
+    /// Spring, dashpot and friction in the contact plane: the tangential force of A on B [N]; brings
+    /// `spring` up to date. `history` has this step's normal force and the last step's normal.
+    #[inline]
+    fn rub(&self, history: &History, spring: &mut Vec3, dissipated: &mut f64) -> Vec3 {
+        let stiffness = self.constants.tangential_stiffness;
+        let before = if history.touched() {
+            let carried = carried(spring, &history.normal, &self.normal);
+            let turned = carried + self.normal.cross(&carried) * self.twist;
+            turned / (1.0 + self.twist * self.twist).sqrt()
+        } else {
+            Vec3::zeros()
+        };
+        let sliding = self.velocity - self.normal * self.approach;
+        *spring = before + sliding * self.dt;
+        let mut force = *spring * stiffness;
+        let ratio = self.constants.tangential_damping_ratio;
+        if ratio > 0.0 {
+            force += sliding * (2.0 * ratio * (self.mass * stiffness).sqrt());
+        }
+        let pressure = if history.normal_force > 0.0 { history.normal_force } else { 0.0 };
+        let limit = self.constants.friction * pressure;
+        let size = force.norm();
+        if size > limit {
+            force *= limit / size;
+            *spring = if stiffness > 0.0 { force / stiffness } else { Vec3::zeros() };
+        }
+        let work = (before * stiffness + force).dot(&sliding) * (0.5 * self.dt);
+        let stored = 0.5 * stiffness * (spring.norm_squared() - before.norm_squared());
+        *dissipated += work - stored;
+        force
+    }
+}
+
 /// Turns a vector of the plane of `old` into the plane of `new` by the shortest rotation (Rodrigues'
 /// formula without angles).
 #[inline]
@@ -36,9 +104,9 @@ fn carried(spring: &Vec3, old: &Vec3, new: &Vec3) -> Vec3 {
     spring - (old + new) * (spring.dot(new) / (1.0 + old.dot(new)))
 }
 
-/// Velocity of A's surface against B's: positive along the normal is approach.
+/// Velocity of A's surface against B's: positive along the normal is approach [m/s].
 #[inline]
-fn sliding_velocity(particles: &Particles, pair: Pair, arm_a: &Vec3, arm_b: &Vec3) -> Vec3 {
+fn surface_velocity(particles: &Particles, pair: Pair, arm_a: &Vec3, arm_b: &Vec3) -> Vec3 {
     // A wall does not turn, and its arm is as long as the plane is wide.
     let of_b = if pair.b.index() >= particles.first_wall() {
         particles.velocity[pair.b.index()]
@@ -48,22 +116,46 @@ fn sliding_velocity(particles: &Particles, pair: Pair, arm_a: &Vec3, arm_b: &Vec
     particles.velocity_at(pair.a, arm_a) - of_b
 }
 
+/// Sum of the angular velocities of two bodies, twice the mean [rad/s].
+#[inline]
+fn both_spins(particles: &Particles, pair: Pair) -> Vec3 {
+    particles.spin.as_ref().map_or_else(Vec3::zeros, |spin| {
+        spin.angular_velocity[pair.a.index()] + spin.angular_velocity[pair.b.index()]
+    })
+}
+
+/// `m_A m_B / (m_A + m_B)`, or `m_A` against a wall [kg].
+#[inline]
+fn reduced_mass(particles: &Particles, pair: Pair, with_wall: bool) -> f64 {
+    let mass_a = particles.mass(pair.a.index());
+    if with_wall {
+        return mass_a;
+    }
+    let mass_b = particles.mass(pair.b.index());
+    mass_a * mass_b / (mass_a + mass_b)
+}
+
 impl ForceLaw for Linear {
     fn name(&self) -> &'static str {
         "linear"
     }
 
     fn needs(&self) -> Needs {
-        let friction = self.interactions.iter().any(super::Constants::is_frictional);
+        let friction = self.interactions.iter().any(Constants::is_frictional);
         let dashpot = self.interactions.iter().any(|c| c.normal_damping_ratio > 0.0);
-        Needs { velocity: friction || dashpot, spin: friction, ..Needs::default() }
+        Needs {
+            velocity: friction || dashpot,
+            spin: friction,
+            springs: friction,
+            ..Needs::default()
+        }
     }
 
     fn apply(
         &self,
         contacts: &[Contact],
         pairs: &[Pair],
-        history: &mut [History],
+        memory: &mut Memory,
         particles: &Particles,
         dt: f64,
         loads: &mut Vec<Load>,
@@ -72,98 +164,38 @@ impl ForceLaw for Linear {
         let first_wall = particles.first_wall();
         for contact in contacts {
             let pair = pairs[contact.pair as usize];
-            let history = &mut history[contact.pair as usize];
+            let history = &mut memory.history[contact.pair as usize];
             let touch = &contact.touch;
-            let normal = touch.normal;
-            let is_wall = pair.b.index() >= first_wall;
+            let with_wall = pair.b.index() >= first_wall;
 
             let arm_a = touch.point;
             let arm_b = touch.point - bodies.relative(pair);
-            let velocity = sliding_velocity(particles, pair, &arm_a, &arm_b);
-            let approach = velocity.dot(&normal);
-
-            let constants =
-                self.interactions.of(particles.material(pair.a), particles.material(pair.b));
-            let mass = {
-                let mass_a = particles.mass(pair.a.index());
-                if is_wall {
-                    mass_a
-                } else {
-                    let mass_b = particles.mass(pair.b.index());
-                    mass_a * mass_b / (mass_a + mass_b)
-                }
+            let velocity = surface_velocity(particles, pair, &arm_a, &arm_b);
+            let meeting = Meeting {
+                constants: self
+                    .interactions
+                    .of(particles.material(pair.a), particles.material(pair.b)),
+                mass: reduced_mass(particles, pair, with_wall),
+                normal: touch.normal,
+                velocity,
+                approach: velocity.dot(&touch.normal),
+                twist: 0.5 * dt * both_spins(particles, pair).dot(&touch.normal),
+                dt,
             };
-
-            let mut normal_force = constants.normal_stiffness * touch.overlap;
-            if constants.normal_damping_ratio > 0.0 {
-                let dashpot = 2.0
-                    * constants.normal_damping_ratio
-                    * (mass * constants.normal_stiffness).sqrt();
-                normal_force += dashpot * approach;
-                if self.limit_damping && normal_force < 0.0 {
-                    normal_force = 0.0;
-                }
+            let mut dissipated = 0.0;
+            meeting.press(touch.overlap, self.limit_damping, history, &mut dissipated);
+            let mut force = touch.normal * history.normal_force;
+            if meeting.constants.is_frictional() {
+                let spring = &mut memory.springs[contact.pair as usize];
+                force += meeting.rub(history, spring, &mut dissipated);
             }
-            let work = 0.5 * (history.normal_force + normal_force) * (approach * dt);
-            let stored = 0.5
-                * constants.normal_stiffness
-                * (touch.overlap * touch.overlap - history.overlap * history.overlap);
-            let mut dissipated = work - stored;
-            history.overlap = touch.overlap;
-            history.normal_force = normal_force;
-
-            let mut force = normal * normal_force;
-            if constants.is_frictional() {
-                let mut spring = history.spring;
-                if history.touched() {
-                    spring = carried(&spring, &history.normal, &normal);
-                    if let Some(spin) = &particles.spin {
-                        let twist = 0.5
-                            * dt
-                            * (spin.angular_velocity[pair.a.index()]
-                                + spin.angular_velocity[pair.b.index()])
-                            .dot(&normal);
-                        spring =
-                            (spring + normal.cross(&spring) * twist) / (1.0 + twist * twist).sqrt();
-                    }
-                }
-                let before = spring;
-                let sliding = velocity - normal * approach;
-                spring += sliding * dt;
-                let mut tangential = spring * constants.tangential_stiffness;
-                if constants.tangential_damping_ratio > 0.0 {
-                    let dashpot = 2.0
-                        * constants.tangential_damping_ratio
-                        * (mass * constants.tangential_stiffness).sqrt();
-                    tangential += sliding * dashpot;
-                }
-                let pressure = if normal_force > 0.0 { normal_force } else { 0.0 };
-                let limit = constants.friction * pressure;
-                let size = tangential.norm();
-                if size > limit {
-                    tangential *= limit / size;
-                    spring = if constants.tangential_stiffness > 0.0 {
-                        tangential / constants.tangential_stiffness
-                    } else {
-                        Vec3::zeros()
-                    };
-                }
-                let work = (before * constants.tangential_stiffness + tangential).dot(&sliding)
-                    * (0.5 * dt);
-                let stored = 0.5
-                    * constants.tangential_stiffness
-                    * (spring.norm_squared() - before.norm_squared());
-                dissipated += work - stored;
-                history.spring = spring;
-                force += tangential;
-            }
-            history.normal = normal;
+            history.normal = touch.normal;
 
             let received =
-                if is_wall { -force.dot(&particles.velocity[pair.b.index()]) * dt } else { 0.0 };
+                if with_wall { -force.dot(&particles.velocity[pair.b.index()]) * dt } else { 0.0 };
             loads.push(Load {
                 force,
-                normal_force,
+                normal_force: history.normal_force,
                 torque_a: -arm_a.cross(&force),
                 torque_b: arm_b.cross(&force),
                 dissipated: if dt > 0.0 { dissipated } else { 0.0 },
@@ -176,25 +208,26 @@ impl ForceLaw for Linear {
         &self,
         parted: &[u32],
         pairs: &[Pair],
-        history: &[History],
+        memory: &Memory,
         particles: &Particles,
         dt: f64,
         loads: &mut Vec<Load>,
     ) {
         let bodies = particles.bodies();
         for &pair in parted {
-            let history = &history[pair as usize];
+            let history = &memory.history[pair as usize];
+            let spring = memory.springs.get(pair as usize).copied().unwrap_or_default();
             let pair = pairs[pair as usize];
             // Where the surfaces were nearest: A's farthest point along the last normal.
             let arm_a = bodies.posed(pair.a).support(&history.normal);
             let arm_b = arm_a - bodies.relative(pair);
-            let velocity = sliding_velocity(particles, pair, &arm_a, &arm_b);
+            let velocity = surface_velocity(particles, pair, &arm_a, &arm_b);
             let (of_a, of_b) = (particles.material(pair.a), particles.material(pair.b));
             let stiffness = self.interactions.of(of_a, of_b).tangential_stiffness;
-            let force = history.normal * history.normal_force + history.spring * stiffness;
+            let force = history.normal * history.normal_force + spring * stiffness;
             // The force fell to nothing on the way: half of it did the work.
             let work = 0.5 * dt * force.dot(&velocity);
-            let dissipated = work + self.stored(of_a, of_b, history);
+            let dissipated = work + self.stored(of_a, of_b, history.overlap, &spring);
             loads.push(Load {
                 dissipated: if dt > 0.0 { dissipated } else { 0.0 },
                 ..Load::default()
@@ -202,9 +235,9 @@ impl ForceLaw for Linear {
         }
     }
 
-    fn stored(&self, a: MaterialId, b: MaterialId, history: &History) -> f64 {
+    fn stored(&self, a: MaterialId, b: MaterialId, overlap: f64, spring: &Vec3) -> f64 {
         let constants = self.interactions.of(a, b);
-        0.5 * constants.normal_stiffness * history.overlap * history.overlap
-            + 0.5 * constants.tangential_stiffness * history.spring.norm_squared()
+        0.5 * constants.normal_stiffness * overlap * overlap
+            + 0.5 * constants.tangential_stiffness * spring.norm_squared()
     }
 }

@@ -152,6 +152,15 @@ pub struct Load {
     pub received: f64,
 }
 
+/// What laws remember of the listed pairs.
+#[derive(Debug)]
+pub struct Memory<'a> {
+    /// The last touch of each pair.
+    pub history: &'a mut [History],
+    /// Tangential spring of each pair [m]; empty if the law does not need springs.
+    pub springs: &'a mut [Vec3],
+}
+
 /// A law of contact forces.
 pub trait ForceLaw: Send + Sync {
     /// As reports name it.
@@ -160,31 +169,31 @@ pub trait ForceLaw: Send + Sync {
     /// Which columns it reads.
     fn needs(&self) -> Needs;
 
-    /// Appends the load of each contact to `loads`, in their order, and brings the histories of
+    /// Appends the load of each contact to `loads`, in their order, and brings the memory of
     /// touching pairs up to date. `dt` [s] is 0 at the start of a stage: springs do not stretch, and
     /// nothing is lost.
     fn apply(
         &self,
         contacts: &[Contact],
         pairs: &[Pair],
-        history: &mut [History],
+        memory: &mut Memory,
         particles: &Particles,
         dt: f64,
         loads: &mut Vec<Load>,
     );
 
     /// Appends a load without force for each of these pairs, which have come apart since the last step:
-    /// what their last contact lost and received. Their histories are those of the last touch.
+    /// what their last contact lost and received. The memory is that of the last touch.
     fn part(
         &self,
         parted: &[u32],
         pairs: &[Pair],
-        history: &[History],
+        memory: &Memory,
         particles: &Particles,
         dt: f64,
         loads: &mut Vec<Load>,
     );
 
-    /// Elastic energy in a contact with this history [J].
-    fn stored(&self, a: MaterialId, b: MaterialId, history: &History) -> f64;
+    /// Elastic energy in a contact with this overlap [m] and tangential spring [m], in J.
+    fn stored(&self, a: MaterialId, b: MaterialId, overlap: f64, spring: &Vec3) -> f64;
 }

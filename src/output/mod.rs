@@ -3,6 +3,7 @@
 //! | file | what it is |
 //! |---|---|
 //! | [`tables`] | what a snapshot holds, and where in the files |
+//! | [`columns`] | the columns of a table one by one |
 //! | [`snapshot`] | [`snapshot::write`] and [`snapshot::Reader`]: tables to files and back |
 //! | [`table`] | `history.csv`, the scalars of a run by time |
 //! | [`hdf5`] | the only file that calls HDF5: columns, attributes and checksums |
@@ -14,6 +15,7 @@
 //! the last good snapshot. Every dataset carries a [`hdf5::checksum`]; everything else stands in
 //! HDF5 structures that carry HDF5's own, so that a flipped bit is found and named.
 
+pub mod columns;
 pub mod hdf5;
 pub mod snapshot;
 pub mod table;

@@ -200,39 +200,6 @@ fn check_lengths(
     contacts: &ContactTable,
     comm: &dyn Comm,
 ) -> Result<(), SnapshotError> {
-    let ParticleTable {
-        id,
-        shape,
-        position,
-        velocity,
-        force,
-        coordination,
-        rank,
-        dissipated,
-        received,
-        image,
-        quaternion,
-        angular_momentum,
-        angular_velocity,
-        torque,
-    } = particles;
-    let required = [
-        ("shape", shape.len()),
-        ("position", position.len()),
-        ("velocity", velocity.len()),
-        ("force", force.len()),
-        ("coordination", coordination.len()),
-        ("rank", rank.len()),
-        ("dissipated", dissipated.len()),
-        ("received", received.len()),
-    ];
-    let optional = [
-        ("image", image.len()),
-        ("quaternion", quaternion.len()),
-        ("angular_momentum", angular_momentum.len()),
-        ("angular_velocity", angular_velocity.len()),
-        ("torque", torque.len()),
-    ];
     let ContactTable { a, b, centre, branch, point, normal, overlap, normal_force, shear_force } =
         contacts;
     let of_contacts = [
@@ -245,8 +212,8 @@ fn check_lengths(
         ("normal_force", normal_force.len()),
         ("shear_force", shear_force.len()),
     ];
-    let given = optional.into_iter().filter(|&(_, rows)| rows > 0);
-    let particles = required.into_iter().chain(given).map(|column| (column, id.len()));
+    let given = particles.columns().into_iter().filter(|c| !c.optional || c.rows > 0);
+    let particles = given.map(|column| ((column.name, column.rows), particles.id.len()));
     let contacts = of_contacts.into_iter().map(|column| (column, a.len()));
     match particles.chain(contacts).find(|((_, rows), expected)| rows != expected) {
         None => Ok(()),
@@ -352,7 +319,8 @@ fn write_particles(
     let vectors =
         |get: fn(&History) -> Vec3| histories.iter().map(|h| get(&h.history)).collect::<Vec<_>>();
     file.rows(&HISTORY_NORMAL, numbers(&vectors(|h| h.normal)))?;
-    file.rows(&HISTORY_SPRING, numbers(&vectors(|h| h.spring)))?;
+    let springs: Vec<_> = histories.iter().map(|h| h.spring).collect();
+    file.rows(&HISTORY_SPRING, numbers(&springs))?;
     let scalars =
         |get: fn(&History) -> f64| histories.iter().map(|h| get(&h.history)).collect::<Vec<_>>();
     file.rows(&HISTORY_OVERLAP, &scalars(|h| h.overlap))?;
@@ -701,10 +669,10 @@ impl Reader {
                 b: b[k],
                 history: History {
                     normal: normal[k],
-                    spring: spring[k],
                     overlap: overlap[k],
                     normal_force: normal_force[k],
                 },
+                spring: spring[k],
             })
             .collect())
     }

@@ -45,22 +45,26 @@ const COLUMNS: [&str; 18] = [
 ];
 
 impl History {
-    /// Opens `history.csv` in `directory`. Rows of a file that is there already are kept up to and
-    /// without the step `from`: a run that goes on from a snapshot continues its table.
+    /// Opens `history.csv` in `directory`. Of a file that is there already, the rows of the steps that
+    /// `keep` names stay: a run that goes on from a snapshot continues its table.
     ///
     /// # Errors
     /// If the file cannot be read or written.
-    pub fn open(directory: &Path, walls: &[String], from: u64) -> Result<Self, TableError> {
+    pub fn open(
+        directory: &Path,
+        walls: &[String],
+        keep: impl Fn(u64) -> bool,
+    ) -> Result<Self, TableError> {
         let path = directory.join("history.csv");
         let failed =
             |e: &dyn std::fmt::Display| TableError { path: path.clone(), cause: e.to_string() };
-        let kept: Vec<String> = if from > 0 && path.exists() {
+        let kept: Vec<String> = if path.exists() {
             std::fs::read_to_string(&path)
                 .map_err(|e| failed(&e))?
                 .lines()
                 .filter(|line| {
                     let step = line.split(',').next().and_then(|s| s.parse::<u64>().ok());
-                    step.is_some_and(|step| step < from)
+                    step.is_some_and(&keep)
                 })
                 .map(str::to_owned)
                 .collect()

@@ -19,7 +19,7 @@ use crate::contact::{
 use crate::ids::{ShapeId, Slot};
 use crate::math::{Mat3, Quat, Vec3};
 use crate::random::Random;
-use crate::shape::{Kind, Shape};
+use crate::shape::{Form, Kind, Shape};
 use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -43,6 +43,7 @@ pub struct Pairs {
     position: Vec<Vec3>,
     rotation: Vec<Quat>,
     frame: Vec<Mat3>,
+    form: Vec<Form>,
     shape: Vec<ShapeId>,
     library: Vec<Shape>,
 }
@@ -63,7 +64,9 @@ impl Pairs {
             let shape = self.shape_id(body.shape)?;
             self.position.push(body.centre);
             self.rotation.push(body.rotation);
-            self.frame.push(body.rotation.to_rotation_matrix().into_inner());
+            let frame = body.rotation.to_rotation_matrix().into_inner();
+            self.form.push(self.library[shape.index()].form(&frame));
+            self.frame.push(frame);
             self.shape.push(shape);
         }
         self.names.push(name);
@@ -116,6 +119,7 @@ impl Pairs {
         Bodies {
             position: &self.position,
             frame: Some(&self.frame),
+            form: Some(&self.form),
             shape: &self.shape,
             library: &self.library,
             period: Vec3::repeat(f64::INFINITY),

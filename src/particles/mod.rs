@@ -10,7 +10,7 @@ pub mod walls;
 use crate::contact::Bodies;
 use crate::ids::{GlobalId, MaterialId, ShapeId, Slot};
 use crate::math::{Mat3, Quat, Vec3};
-use crate::shape::Shape;
+use crate::shape::{Form, Shape};
 use records::Particle;
 use serde::{Deserialize, Serialize};
 use walls::Wall;
@@ -73,8 +73,12 @@ pub struct Needs {
     pub velocity: bool,
     /// Angular momentum, angular velocity, torque.
     pub spin: bool,
+    /// Tangential springs of contacts: a law with friction.
+    pub springs: bool,
     /// Attitude, for any shape but the sphere. Implies `spin`.
     pub attitude: bool,
+    /// Matrices of ellipsoids, for the common-normal method. Implies `attitude`.
+    pub form: bool,
     /// Counts of whole periods: a periodic domain.
     pub image: bool,
 }
@@ -96,6 +100,7 @@ impl Needs {
             + 16
             + if self.spin { 72 } else { 0 }
             + if self.attitude { 32 + 72 } else { 0 }
+            + if self.form { 48 } else { 0 }
             + if self.image { 12 } else { 0 }
     }
 }
@@ -118,6 +123,29 @@ pub struct Attitude {
     pub quaternion: Vec<Quat>,
     /// The same as a matrix. Length: all slots.
     pub frame: Vec<Mat3>,
+    /// Matrices of ellipsoids in place, if a method needs them. Length: all slots, or none.
+    pub form: Vec<Form>,
+}
+
+impl Attitude {
+    /// Turns a body.
+    #[inline]
+    pub fn set(&mut self, slot: usize, quaternion: Quat, shape: &Shape) {
+        self.quaternion[slot] = quaternion;
+        self.frame[slot] = *quaternion.to_rotation_matrix().matrix();
+        if let Some(form) = self.form.get_mut(slot) {
+            *form = shape.form(&self.frame[slot]);
+        }
+    }
+
+    /// Makes room for so many bodies, or forgets those beyond; new ones stand upright.
+    fn resize(&mut self, quaternions: usize, slots: usize, needs: Needs) {
+        self.quaternion.resize(quaternions, Quat::identity());
+        self.frame.resize(slots, Mat3::identity());
+        if needs.form {
+            self.form.resize(slots, [f64::NAN; 6]);
+        }
+    }
 }
 
 /// All bodies of a rank.
@@ -197,6 +225,7 @@ impl Particles {
         Bodies {
             position: &self.position,
             frame: self.attitude.as_ref().map(|a| &a.frame[..]),
+            form: self.attitude.as_ref().filter(|_| self.needs.form).map(|a| &a.form[..]),
             shape: &self.shape,
             library: &self.library.shapes,
             period: self.period,
@@ -253,8 +282,7 @@ impl Particles {
             spin.angular_velocity.truncate(owned);
         }
         if let Some(attitude) = &mut self.attitude {
-            attitude.quaternion.truncate(owned);
-            attitude.frame.truncate(owned);
+            attitude.resize(owned, owned, self.needs);
         }
     }
 
@@ -287,8 +315,9 @@ impl Particles {
             self.image.push(*image);
         }
         if let Some(attitude) = &mut self.attitude {
-            attitude.quaternion.push(*quaternion);
-            attitude.frame.push(*quaternion.to_rotation_matrix().matrix());
+            let slot = self.owned;
+            attitude.resize(slot + 1, slot + 1, self.needs);
+            attitude.set(slot, *quaternion, &self.library.shapes[shape.index()]);
         }
         if let Some(spin) = &mut self.spin {
             spin.angular_momentum.push(*angular_momentum);
@@ -306,6 +335,9 @@ impl Particles {
         self.listed_at.swap_remove(slot);
         let quaternion = self.attitude.as_mut().map_or_else(Quat::identity, |attitude| {
             attitude.frame.swap_remove(slot);
+            if self.needs.form {
+                attitude.form.swap_remove(slot);
+            }
             attitude.quaternion.swap_remove(slot)
         });
         let (angular_momentum, torque) = self.spin.as_mut().map_or_else(Default::default, |spin| {
@@ -362,7 +394,8 @@ impl Particles {
                 spin.angular_velocity.push(Vec3::zeros());
             }
             if let Some(attitude) = &mut self.attitude {
-                attitude.frame.push(Mat3::identity());
+                let quaternions = attitude.quaternion.len();
+                attitude.resize(quaternions, self.id.len(), self.needs);
             }
         }
     }

@@ -119,8 +119,7 @@ impl Particles {
                 // A turn by θ moves the quaternion by 2 sin(θ/4), which is more than 2θ/2.1 / 2.
                 let turned = (quaternion.coords - attitude.quaternion[slot].coords).norm();
                 moved += 2.1 * turned * self.library.radius[self.shape[slot].index()];
-                attitude.quaternion[slot] = quaternion;
-                attitude.frame[slot] = *quaternion.to_rotation_matrix().matrix();
+                attitude.set(slot, quaternion, &self.library.shapes[self.shape[slot].index()]);
             }
             if let Some(travel) = self.travel.get_mut(slot) {
                 *travel += moved;
@@ -142,8 +141,7 @@ impl Particles {
             spin.angular_velocity.resize(slots, Vec3::zeros());
         }
         if let Some(attitude) = &mut self.attitude {
-            attitude.quaternion.resize(slots, Quat::identity());
-            attitude.frame.resize(slots, crate::math::Mat3::identity());
+            attitude.resize(slots, slots, self.needs);
         }
     }
 }

@@ -4,7 +4,7 @@
 //! owning rank is not part of the state and is not compared. Both tables are held in memory.
 
 use crate::ids::GlobalId;
-use crate::math::Vec3;
+use crate::output::columns::NamedColumn;
 use crate::output::tables::{Header, ParticleTable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -73,7 +73,8 @@ impl Difference {
         // An optional column may be missing in one: then there is nothing to compare it with.
         let mut shared = Vec::new();
         for (a, b) in mine.iter().zip(&theirs) {
-            match (a.is_present(first.1), b.is_present(second.1)) {
+            // In a table without rows every column counts as present: nobody can tell.
+            match (a.rows == first.1.id.len(), b.rows == second.1.id.len()) {
                 (true, true) => shared.push((a, b)),
                 (false, false) => {}
                 _ => found.only_one_column.push(a.name.to_string()),
@@ -98,7 +99,7 @@ impl Difference {
     fn compare_rows(
         &mut self,
         id: GlobalId,
-        shared: &[(&Column, &Column)],
+        shared: &[(&NamedColumn, &NamedColumn)],
         first_row: usize,
         second_row: usize,
     ) {
@@ -130,82 +131,9 @@ impl Difference {
     }
 }
 
-/// A column of a table as numbers.
-struct Column<'a> {
-    name: &'static str,
-    /// What follows the name for each component.
-    components: &'static [&'static str],
-    rows: usize,
-    value: Box<dyn Fn(usize, usize) -> f64 + 'a>,
-}
-
-impl Column<'_> {
-    /// A column of a table without rows counts as present: nobody can tell.
-    fn is_present(&self, table: &ParticleTable) -> bool {
-        self.rows == table.id.len()
-    }
-}
-
-const SCALAR: &[&str] = &[""];
-const VECTOR: &[&str] = &[".x", ".y", ".z"];
-const QUATERNION: &[&str] = &[".w", ".x", ".y", ".z"];
-
-/// Every column of the state. The pattern names all fields, so that a new one does not compile
-/// until someone decides here.
-fn columns(table: &ParticleTable) -> Vec<Column<'_>> {
-    let ParticleTable {
-        id: _,
-        shape,
-        position,
-        velocity,
-        force,
-        coordination,
-        rank: _,
-        dissipated,
-        received,
-        image,
-        quaternion,
-        angular_momentum,
-        angular_velocity,
-        torque,
-    } = table;
-    vec![
-        scalars("shape", shape.len(), |row| f64::from(shape[row].0)),
-        vectors("position", position),
-        vectors("velocity", velocity),
-        vectors("force", force),
-        scalars("coordination", coordination.len(), |row| f64::from(coordination[row])),
-        scalars("dissipated", dissipated.len(), |row| dissipated[row]),
-        scalars("received", received.len(), |row| received[row]),
-        Column {
-            name: "image",
-            components: VECTOR,
-            rows: image.len(),
-            value: Box::new(|row, k| f64::from(image[row][k])),
-        },
-        Column {
-            name: "quaternion",
-            components: QUATERNION,
-            rows: quaternion.len(),
-            value: Box::new(|row, k| quaternion[row][k]),
-        },
-        vectors("angular_momentum", angular_momentum),
-        vectors("angular_velocity", angular_velocity),
-        vectors("torque", torque),
-    ]
-}
-
-fn scalars<'a>(name: &'static str, rows: usize, value: impl Fn(usize) -> f64 + 'a) -> Column<'a> {
-    Column { name, components: SCALAR, rows, value: Box::new(move |row, _| value(row)) }
-}
-
-fn vectors<'a>(name: &'static str, column: &'a [Vec3]) -> Column<'a> {
-    Column {
-        name,
-        components: VECTOR,
-        rows: column.len(),
-        value: Box::new(|row, k| column[row][k]),
-    }
+/// The columns of the state: all but the owner.
+fn columns(table: &ParticleTable) -> Vec<NamedColumn<'_>> {
+    table.columns().into_iter().filter(|column| column.name != "rank").collect()
 }
 
 fn header_differences(first: &Header, second: &Header) -> Vec<String> {

@@ -42,6 +42,21 @@ impl Among {
             _ => ends.halves(),
         }
     }
+
+    /// The contacts that count: the row of each and what it weighs, in halves. An error is a contact of
+    /// a particle that does not exist.
+    pub(super) fn counted(
+        self,
+        contacts: &ContactTable,
+        members: &Members,
+    ) -> impl Iterator<Item = Result<(usize, u64), PostError>> {
+        contacts.a.iter().zip(&contacts.b).enumerate().filter_map(move |(row, (&a, &b))| {
+            match members.ends(a, b).map(|ends| self.halves(ends)) {
+                Ok(0) => None,
+                halves => Some(halves.map(|halves| (row, halves))),
+            }
+        })
+    }
 }
 
 /// Adds up contact normals.
@@ -67,12 +82,11 @@ impl FabricSum {
         contacts: &ContactTable,
         members: &Members,
     ) -> Result<(), PostError> {
-        for (row, normal) in contacts.normal.iter().enumerate() {
-            let halves = self.among.halves(members.ends(contacts.a[row], contacts.b[row])?);
-            if halves > 0 {
-                self.sum.add_outer(&(normal * (0.5 * halves as f64)), normal);
-                self.halves += halves;
-            }
+        for counted in self.among.counted(contacts, members) {
+            let (row, halves) = counted?;
+            let normal = &contacts.normal[row];
+            self.sum.add_outer(&(normal * (0.5 * halves as f64)), normal);
+            self.halves += halves;
         }
         Ok(())
     }
@@ -147,14 +161,13 @@ impl ForceFabricSum {
         contacts: &ContactTable,
         members: &Members,
     ) -> Result<(), PostError> {
-        for (row, normal) in contacts.normal.iter().enumerate() {
-            let halves = self.among.halves(members.ends(contacts.a[row], contacts.b[row])?);
+        for counted in self.among.counted(contacts, members) {
+            let (row, halves) = counted?;
+            let normal = &contacts.normal[row];
             let density = 1.0 + normal.dot(&(self.anisotropy * normal));
-            if halves > 0 {
-                self.smallest_density = self.smallest_density.min(density);
-            }
+            self.smallest_density = self.smallest_density.min(density);
             // A density of zero or less ends in `None`; its quotient could not be summed.
-            if halves > 0 && density > 0.0 {
+            if density > 0.0 {
                 let weight = 0.5 * halves as f64 / density;
                 self.normal.add_outer(&(normal * (contacts.normal_force[row] * weight)), normal);
                 self.shear.add_outer(&(contacts.shear_force[row] * weight), normal);
@@ -233,11 +246,9 @@ impl RoseSum {
         contacts: &ContactTable,
         members: &Members,
     ) -> Result<(), PostError> {
-        for (row, normal) in contacts.normal.iter().enumerate() {
-            let halves = self.among.halves(members.ends(contacts.a[row], contacts.b[row])?);
-            if halves == 0 {
-                continue;
-            }
+        for counted in self.among.counted(contacts, members) {
+            let (row, halves) = counted?;
+            let normal = &contacts.normal[row];
             let up = if normal.z < 0.0 { -1.0 } else { 1.0 };
             let ring = normal.x.hypot(normal.y);
             let bin = &mut self.bins[Rose::bin_of(ring.atan2(up * normal.z))];

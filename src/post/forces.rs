@@ -56,10 +56,10 @@ impl MeanForceSum {
         contacts: &ContactTable,
         members: &Members,
     ) -> Result<(), PostError> {
-        for (row, &force) in contacts.normal_force.iter().enumerate() {
-            let halves = self.among.halves(members.ends(contacts.a[row], contacts.b[row])?);
+        for counted in self.among.counted(contacts, members) {
+            let (row, halves) = counted?;
             self.halves += halves;
-            self.normal.add(0.5 * halves as f64 * force);
+            self.normal.add(0.5 * halves as f64 * contacts.normal_force[row]);
         }
         Ok(())
     }
@@ -173,11 +173,9 @@ impl ForceCount {
         members: &Members,
     ) -> Result<(), PostError> {
         let forces = &mut self.forces;
-        for (row, &normal) in contacts.normal_force.iter().enumerate() {
-            let halves = self.among.halves(members.ends(contacts.a[row], contacts.b[row])?);
-            if halves == 0 {
-                continue;
-            }
+        for counted in self.among.counted(contacts, members) {
+            let (row, halves) = counted?;
+            let normal = contacts.normal_force[row];
             self.halves += halves;
             self.weak += if normal < WEAK * self.mean { halves } else { 0 };
             self.below_mean += if normal < self.mean { halves } else { 0 };

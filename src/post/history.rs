@@ -71,14 +71,14 @@ impl History {
         });
         Ok(Self { curves: curves.collect() })
     }
-
-    /// The curves that say something: not the same number throughout.
-    pub fn changing(&self) -> impl Iterator<Item = &Curve> {
-        self.curves.iter().filter(|c| c.points.windows(2).any(|w| w[0].1 != w[1].1))
-    }
 }
 
 impl Curve {
+    /// Whether it says something: not the same number throughout.
+    pub fn changes(&self) -> bool {
+        self.points.windows(2).any(|w| w[0].1 != w[1].1)
+    }
+
     /// At most about `limit` points that still show every peak: of each run of rows the first point, the
     /// lowest and the highest.
     pub fn thinned(&self, limit: usize) -> Vec<(f64, f64)> {

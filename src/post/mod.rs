@@ -16,7 +16,7 @@
 //! | [`stress`] [`coordination`] [`fabric`] [`forces`] | one measure each |
 //! | [`report`] | the numbers of a snapshot, as JSON, as a row of CSV, and to read |
 //! | [`history`] | the scalars that the run wrote by time |
-//! | [`plots`] [`rose`] [`picture`] [`page`] | what there is to look at |
+//! | [`plots`] [`panels`] [`rose`] [`picture`] [`page`] | what there is to look at |
 //! | [`diff`] | whether two snapshots are the same, bit for bit |
 //! | [`lammps`] | particles for OVITO |
 //! | [`single_contact`] | section 2 of Lai et al. (2021), without a snapshot |
@@ -29,6 +29,7 @@ pub mod forces;
 pub mod history;
 pub mod lammps;
 pub mod page;
+pub mod panels;
 pub mod picture;
 pub mod plots;
 pub mod region;

@@ -1,21 +1,24 @@
 //! One HTML page with the numbers and the plots of a post-processing: it stands alone (plots and style
 //! inside, no scripts), and follows the reader's light or dark setting.
 
-use super::history::Curve;
+use super::history::History;
+use super::panels::panels;
 use super::plots::{self, Plot, PlotError};
 use super::report::{Report, readable};
 use super::rose::roses;
+use crate::output::tables::WallRow;
 use std::fmt::Write;
 
 /// All plots of a series, in the order of the page: those over the series, then those of its last
-/// snapshot, then the history of the run.
+/// snapshot, then the history of the run, with these walls.
 ///
 /// # Errors
 /// See [`PlotError`].
 pub fn plots(
     reports: &[Report],
     picture: String,
-    history_curves: &[&Curve],
+    history: &History,
+    walls: &[WallRow],
 ) -> Result<Vec<Plot>, PlotError> {
     let mut drawn = Vec::new();
     if reports.len() > 1 {
@@ -40,9 +43,7 @@ pub fn plots(
             drawn.push(plots::friction(&forces.friction_used)?);
         }
     }
-    for curve in history_curves {
-        drawn.push(plots::history(curve)?);
-    }
+    drawn.extend(panels(history, walls)?);
     Ok(drawn)
 }
 
@@ -68,7 +69,8 @@ pub fn page(title: &str, reports: &[Report], plots: &[Plot]) -> String {
         let class = if plot.wide { " class=\"wide\"" } else { "" };
         let _ = write!(
             out,
-            "<figure{class}>\n<h2>{}</h2>\n{}<figcaption>{}</figcaption>\n</figure>\n",
+            "<figure id=\"{}\"{class}>\n<h2>{}</h2>\n{}<figcaption>{}</figcaption>\n</figure>\n",
+            plot.name,
             escaped(&plot.title),
             plot.svg,
             escaped(&plot.caption)

@@ -97,8 +97,8 @@ impl Picture {
             // The y of SVG points down, so angles change sign.
             let turn = -grain.angle;
             let _ =
-                write!(out, r#"<ellipse rx="{long:.2}" ry="{short:.2}" fill="url(#tone{tone})" "#);
-            let _ = writeln!(out, r#"transform="translate({x:.2} {y:.2}) rotate({turn:.1})"/>"#);
+                write!(out, r#"<ellipse rx="{long:.1}" ry="{short:.1}" fill="url(#tone{tone})" "#);
+            let _ = writeln!(out, r#"transform="translate({x:.1} {y:.1}) rotate({turn:.0})"/>"#);
         }
         out.push_str("</g>\n");
         frame.legend(&mut out);
@@ -122,11 +122,15 @@ fn tone_of(contacts: i32) -> usize {
     (contacts.max(0) as usize / 2).min(TONES.len() - 1)
 }
 
-/// From metres to the units of the drawing.
+/// From metres to the units of the drawing, which are pixels.
 struct Frame {
+    /// Lowest x and highest z [m].
     left: f64,
     top: f64,
+    /// Pixels per metre.
     scale: f64,
+    /// Room on the left, which sets a narrow packing in the middle [px].
+    inset: f64,
     width: f64,
     height: f64,
     /// Sides of the region, if any, in metres: x and z.
@@ -137,6 +141,8 @@ impl Frame {
     const MARGIN: f64 = 12.0;
     const LEGEND: f64 = 46.0;
     const LONGEST: f64 = 720.0;
+    /// The legend needs as much.
+    const NARROWEST: f64 = 500.0;
 
     fn around(grains: &[Grain], bounds: Option<&Bounds>) -> Self {
         let mut low = [f64::INFINITY; 2];
@@ -157,18 +163,20 @@ impl Frame {
         }
         let (wide, tall) = (high[0] - low[0], high[1] - low[1]);
         let scale = Self::LONGEST / wide.max(tall);
+        let width = (wide * scale + 2.0 * Self::MARGIN).max(Self::NARROWEST);
         Self {
             left: low[0],
             top: high[1],
             scale,
-            width: (wide * scale + 2.0 * Self::MARGIN).max(500.0),
+            inset: 0.5 * (width - wide * scale),
+            width,
             height: tall * scale + 2.0 * Self::MARGIN + Self::LEGEND,
             sides,
         }
     }
 
     fn place(&self, x: f64, z: f64) -> (f64, f64) {
-        ((x - self.left) * self.scale + Self::MARGIN, (self.top - z) * self.scale + Self::MARGIN)
+        ((x - self.left) * self.scale + self.inset, (self.top - z) * self.scale + Self::MARGIN)
     }
 
     fn open(&self, out: &mut String) {
@@ -192,7 +200,7 @@ impl Frame {
             let (w, h) = (right - left, bottom - top);
             let _ = writeln!(
                 out,
-                r##"<rect x="{left:.2}" y="{top:.2}" width="{w:.2}" height="{h:.2}" fill="none" stroke="#A9B2BC"/>"##
+                r##"<rect x="{left:.1}" y="{top:.1}" width="{w:.1}" height="{h:.1}" fill="none" stroke="#A9B2BC"/>"##
             );
         }
         out.push_str("<g stroke=\"#12324F\" stroke-width=\"0.5\" stroke-opacity=\"0.75\">\n");

@@ -3,7 +3,6 @@
 
 use super::coordination::Coordination;
 use super::forces::Histogram;
-use super::history::Curve;
 use super::report::{Report, readable};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{Ranged, ValueFormatter};
@@ -43,6 +42,7 @@ pub(super) const BLUE: RGBColor = RGBColor(0x00, 0x72, 0xB2);
 pub(super) const ORANGE: RGBColor = RGBColor(0xE6, 0x9F, 0x00);
 pub(super) const VERMILION: RGBColor = RGBColor(0xD5, 0x5E, 0x00);
 pub(super) const GREEN: RGBColor = RGBColor(0x00, 0x9E, 0x73);
+pub(super) const PURPLE: RGBColor = RGBColor(0xCC, 0x79, 0xA7);
 
 /// plotters places everything at whole units: this many to a pixel keep curves smooth.
 pub(super) const FINE: i32 = 8;
@@ -169,7 +169,7 @@ where
     for s in series {
         let inside = |p: &&(f64, f64)| p.0.is_finite() && p.1.is_finite();
         let points = s.points.iter().filter(inside).copied();
-        let line = s.colour.stroke_width(px(2) as u32);
+        let line = s.colour.stroke_width((px(3) / 2) as u32);
         match s.mark {
             Mark::Line => {
                 chart.draw_series(std::iter::once(PathElement::new(
@@ -272,7 +272,7 @@ fn superscript(number: i32) -> String {
 }
 
 /// The span of these values with a little room; 0 to 1 without any.
-fn span(values: impl Iterator<Item = f64>) -> Range<f64> {
+pub(super) fn span(values: impl Iterator<Item = f64>) -> Range<f64> {
     let finite = values.filter(|v| v.is_finite());
     let (low, high) =
         finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
@@ -298,7 +298,8 @@ pub(super) fn decades(values: impl Iterator<Item = f64>) -> Range<f64> {
     10f64.powi(first) * (1.0 - 1e-9)..10f64.powi(last.max(first + 1)) * (1.0 + 1e-9)
 }
 
-const SIZE: (u32, u32) = (560, 360);
+/// Of a plot that takes half the page's width [px].
+pub(super) const SIZE: (u32, u32) = (560, 360);
 
 /// How many particles have how many contacts (fig. 11 of Lai et al. 2021).
 ///
@@ -543,66 +544,4 @@ pub fn series(reports: &[Report]) -> Result<Vec<Plot>, PlotError> {
         });
     }
     Ok(plots)
-}
-
-/// A column of the history over time; logarithmic if it is positive over four decades or more.
-///
-/// # Errors
-/// See [`PlotError`].
-pub fn history(curve: &Curve) -> Result<Plot, PlotError> {
-    let points = curve.thinned(1200);
-    let values = || points.iter().map(|p| p.1);
-    let (low, high) =
-        values().fold((f64::INFINITY, 0.0_f64), |(low, high), v| (low.min(v), high.max(v)));
-    let log_y = low > 0.0 && high >= 1e4 * low && high.is_finite();
-    let (words, unit) = words_and_unit(&curve.name);
-    let title = sentence(&words);
-    let axes = Axes {
-        x_label: "time (s)".into(),
-        y_label: unit.map_or(words.clone(), |unit| format!("{words} ({unit})")),
-        x: span(points.iter().map(|p| p.0)),
-        y: if log_y { decades(values()) } else { span(values()) },
-        log_x: false,
-        log_y,
-    };
-    let line = Series { name: String::new(), colour: BLUE, mark: Mark::Line, points };
-    let svg = chart((560, 300), &axes, &[line])?;
-    let name = curve.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' });
-    Ok(Plot {
-        name: format!("history_{}", name.collect::<String>()),
-        caption: format!("{title} over the run, from history.csv."),
-        title,
-        wide: false,
-        svg,
-    })
-}
-
-/// A column's name as words and its unit: `kinetic_energy_j` is "kinetic energy" in "J".
-fn words_and_unit(name: &str) -> (String, Option<&'static str>) {
-    const UNITS: [(&str, &str); 11] = [
-        ("_m_per_s", "m/s"),
-        ("_kg_m_per_s", "kg m/s"),
-        ("_per_s", "1/s"),
-        ("_m2", "m²"),
-        ("_m3", "m³"),
-        ("_pa", "Pa"),
-        ("_kg", "kg"),
-        ("_j", "J"),
-        ("_n", "N"),
-        ("_m", "m"),
-        ("_s", "s"),
-    ];
-    let name = name.to_lowercase();
-    let of = UNITS.iter().filter_map(|(end, unit)| Some((name.strip_suffix(end)?, *unit)));
-    // The longest ending that fits leaves the shortest name.
-    match of.min_by_key(|(stem, _)| stem.len()) {
-        Some((stem, unit)) => (stem.replace('_', " "), Some(unit)),
-        None => (name.replace('_', " "), None),
-    }
-}
-
-/// Words with a capital first letter.
-fn sentence(words: &str) -> String {
-    let mut letters = words.chars();
-    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }

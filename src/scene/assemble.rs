@@ -91,12 +91,10 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
     }
 }
 
-/// Puts the scene's own particles into a simulation that has none, or adds them to those of a snapshot.
+/// Puts the scene's own particles into a simulation that has none.
 pub fn fill(sim: &mut Simulation, scene: &Scene, comm: &dyn Comm) {
     sim.particles.strip_to_owned();
-    let first = sim.next_id;
-    for mut particle in packing::initial(scene) {
-        particle.id.0 += first;
+    for particle in packing::initial(scene) {
         sim.next_id = particle.id.0 + 1;
         if sim.domain.owner(&particle.position) == comm.rank() {
             sim.insert(&particle);

@@ -219,10 +219,11 @@ impl Scene {
         let law = self.law().needs();
         let attitude = self.particle_kinds().iter().any(|&kind| kind != Kind::Sphere);
         Needs {
-            velocity: law.velocity,
             spin: law.spin || attitude,
             attitude,
+            form: crate::contact::needs_form(&self.method, &self.particle_kinds()),
             image: self.domain.periodic.contains(&true),
+            ..law
         }
     }
 

@@ -32,6 +32,8 @@ pub struct PairList {
     pub pairs: Vec<Pair>,
     /// What is remembered of each.
     pub history: Vec<History>,
+    /// Tangential spring of each [m]; none without friction.
+    pub springs: Vec<Vec3>,
     /// Runs of pairs to be resolved in one call.
     pub blocks: Vec<Block>,
     /// Until the travel of both bodies adds up to this [m], a pair need not be looked at. It may be
@@ -42,8 +44,9 @@ pub struct PairList {
     /// Of owned particle `s`, `incident[first[s]..first[s + 1]]` are its pairs by rising id of the partner.
     first: Vec<u32>,
     incident: Vec<Incidence>,
-    /// The pairs that touched at the last step and have come apart.
-    parted: Vec<u32>,
+    /// The pairs that touched at the last step and have come apart. Until they are forgotten, what is
+    /// remembered of them is still there.
+    pub parted: Vec<u32>,
     /// Which load belongs to each pair: those of the contacts come first, then those of `parted`.
     load_of: Vec<u32>,
     /// How many contacts there are.
@@ -71,6 +74,10 @@ impl PairList {
         self.sort_into_blocks(particles, found);
         self.history.clear();
         self.history.resize(self.pairs.len(), History::default());
+        self.springs.clear();
+        if particles.needs.springs {
+            self.springs.resize(self.pairs.len(), Vec3::zeros());
+        }
         self.rests_until.clear();
         self.rests_until.resize(self.pairs.len(), 0.0);
         self.load_of.clear();
@@ -83,6 +90,9 @@ impl PairList {
             let key = (particles.id[pair.a.index()], particles.id[pair.b.index()]);
             if let Ok(at) = carried.binary_search_by_key(&key, |c| (c.a, c.b)) {
                 self.history[index] = carried[at].history;
+                if let Some(spring) = self.springs.get_mut(index) {
+                    *spring = carried[at].spring;
+                }
                 self.touching.push(index as u32);
             }
         }
@@ -181,15 +191,13 @@ impl PairList {
         self.touching.extend(found.contacts.iter().map(|c| c.pair));
     }
 
-    /// The pairs that touched at the last step and have come apart. Their histories are still there.
-    pub fn parted(&self) -> &[u32] {
-        &self.parted
-    }
-
     /// Forgets the histories of pairs that have come apart.
     pub fn forget_parted(&mut self) {
         for &pair in &self.parted {
             self.history[pair as usize] = History::default();
+            if let Some(spring) = self.springs.get_mut(pair as usize) {
+                *spring = Vec3::zeros();
+            }
         }
     }
 
@@ -249,13 +257,20 @@ impl PairList {
         &self.touching
     }
 
-    /// The history of one pair under its lasting name.
+    /// The tangential spring of one pair [m]; zero without friction.
+    #[inline]
+    pub fn spring(&self, pair: u32) -> Vec3 {
+        self.springs.get(pair as usize).copied().unwrap_or_default()
+    }
+
+    /// What is remembered of one pair, under its lasting name.
     pub fn named(&self, pair: u32, particles: &Particles) -> NamedHistory {
         let Pair { a, b } = self.pairs[pair as usize];
         NamedHistory {
             a: particles.id[a.index()],
             b: particles.id[b.index()],
             history: self.history[pair as usize],
+            spring: self.spring(pair),
         }
     }
 
@@ -263,6 +278,7 @@ impl PairList {
     pub fn bytes(&self) -> usize {
         self.pairs.capacity() * size_of::<Pair>()
             + self.history.capacity() * size_of::<History>()
+            + self.springs.capacity() * size_of::<Vec3>()
             + self.rests_until.capacity() * size_of::<f64>()
             + self.incident.capacity() * size_of::<Incidence>()
             + (self.first.capacity() + self.load_of.capacity() + self.touching.capacity()) * 4

@@ -1,8 +1,12 @@
 //! The tri-axial ellipsoid `x²/a² + y²/b² + z²/c² = 1`.
 
-use crate::math::Vec3;
+use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
+
+/// The matrix `A = R diag(a²) Rᵀ` of an ellipsoid in place: xx, yy, zz, xy, xz, yz [m²]. Its surface
+/// is `x·A⁻¹ x = 1`, its support function `√(n·A n)`.
+pub type Form = [f64; 6];
 
 /// An ellipsoid about the origin with its axes along x, y, z.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -18,6 +22,16 @@ impl Ellipsoid {
         let scaled = self.semi_axes.component_mul(direction);
         let length = scaled.norm();
         self.semi_axes.component_mul(&(scaled / length))
+    }
+
+    /// Its matrix in world axes [m²]; the columns of `frame` are its own axes.
+    #[inline]
+    pub fn form(&self, frame: &Mat3) -> Form {
+        let x = frame.column(0) * self.semi_axes.x;
+        let y = frame.column(1) * self.semi_axes.y;
+        let z = frame.column(2) * self.semi_axes.z;
+        let entry = |i: usize, j: usize| (x[i] * x[j] + y[i] * y[j]) + z[i] * z[j];
+        [entry(0, 0), entry(1, 1), entry(2, 2), entry(0, 1), entry(0, 2), entry(1, 2)]
     }
 
     /// The longest semi-axis [m].

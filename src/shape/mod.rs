@@ -7,7 +7,7 @@ pub mod half_space;
 pub mod sphere;
 
 use crate::math::{Mat3, Vec3};
-pub use ellipsoid::Ellipsoid;
+pub use ellipsoid::{Ellipsoid, Form};
 pub use half_space::HalfSpace;
 use serde::{Deserialize, Serialize};
 pub use sphere::Sphere;
@@ -94,6 +94,19 @@ impl Shape {
             Self::Sphere(s) => s.volume(),
             Self::Ellipsoid(e) => e.volume(),
             Self::HalfSpace(_) => f64::INFINITY,
+        }
+    }
+
+    /// The matrix of an ellipsoid or a sphere in place, see [`Form`] [m²]; not a number for other shapes.
+    #[inline]
+    pub fn form(&self, frame: &Mat3) -> Form {
+        match self {
+            Self::Sphere(s) => {
+                let square = s.radius * s.radius;
+                [square, square, square, 0.0, 0.0, 0.0]
+            }
+            Self::Ellipsoid(e) => e.form(frame),
+            Self::HalfSpace(_) => [f64::NAN; 6],
         }
     }
 

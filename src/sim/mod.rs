@@ -4,12 +4,12 @@ pub mod capture;
 pub mod report;
 pub mod run;
 
-use crate::comm::Comm;
+use crate::comm::{Comm, agree};
 use crate::contact::{Batch, Found, NamedHistory, Pair, Table, Why};
 use crate::domain::{Domain, DomainError};
 use crate::drive::rain::RainGauge;
 use crate::ids::GlobalId;
-use crate::law::{ForceLaw, Load};
+use crate::law::{ForceLaw, Load, Memory};
 use crate::measure::{self, Measures};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
@@ -58,7 +58,7 @@ pub struct Simulation {
 /// A step could not be done. Says where, and what to try.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum StepError {
-    /// A particle is where it cannot be.
+    /// A particle is where it cannot be. Known on all ranks.
     #[error("step {step}: {error}")]
     Domain {
         /// Steps done.
@@ -66,7 +66,7 @@ pub enum StepError {
         /// Which particle, and why.
         error: DomainError,
     },
-    /// A pair that no contact method could resolve.
+    /// A pair that no contact method could resolve. Known on one rank only.
     #[error(
         "step {step}: no contact method could resolve particle {a}, at ({x:e}, {y:e}, {z:e}) m, and {b}, \
          {distance:e} m apart ({why:?}). Look for coincident particles, or reduce the time step"
@@ -91,6 +91,13 @@ pub enum StepError {
     },
 }
 
+impl StepError {
+    /// Do all ranks have this error?
+    pub const fn is_agreed(&self) -> bool {
+        matches!(self, Self::Domain { .. })
+    }
+}
+
 /// How many lists are made before the domain may be cut again.
 const LISTS_BETWEEN_CUTS: u32 = 5;
 
@@ -99,7 +106,8 @@ impl Simulation {
     /// Before: forces belong to the current positions. After: the same, one step later.
     ///
     /// # Errors
-    /// What went wrong on this rank; the others do not know yet, so the caller must abort them.
+    /// What went wrong. Unless [`StepError::is_agreed`], the other ranks do not know yet, so the caller
+    /// must abort them.
     pub fn step(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         // move
         self.clock.restart();
@@ -155,7 +163,8 @@ impl Simulation {
     /// Collective.
     fn list_pairs(&mut self, newcomers: &[Particle], comm: &mut dyn Comm) -> Result<(), StepError> {
         let step = self.step;
-        self.domain.check(&self.particles).map_err(|error| StepError::Domain { step, error })?;
+        let checked = self.domain.check(&self.particles);
+        agree(comm, checked).map_err(|error| StepError::Domain { step, error })?;
         self.recut_if_unbalanced(comm);
         let mut carried = self.domain.migrate(&mut self.particles, &self.pairs, comm);
         for particle in newcomers {
@@ -288,22 +297,10 @@ impl Simulation {
 
     fn apply_law(&mut self, dt: f64) {
         self.loads.clear();
-        self.law.apply(
-            &self.found.contacts,
-            &self.pairs.pairs,
-            &mut self.pairs.history,
-            &self.particles,
-            dt,
-            &mut self.loads,
-        );
-        self.law.part(
-            self.pairs.parted(),
-            &self.pairs.pairs,
-            &self.pairs.history,
-            &self.particles,
-            dt,
-            &mut self.loads,
-        );
+        let Self { law, pairs, particles, found, loads, .. } = self;
+        let mut memory = Memory { history: &mut pairs.history, springs: &mut pairs.springs };
+        law.apply(&found.contacts, &pairs.pairs, &mut memory, particles, dt, loads);
+        law.part(&pairs.parted, &pairs.pairs, &memory, particles, dt, loads);
         self.pairs.forget_parted();
         self.pairs.gather(&self.loads, &mut self.particles);
     }
@@ -316,19 +313,27 @@ impl Simulation {
         }
     }
 
-    /// Contacts that are there at the start hold energy which nobody put in: count it as received.
+    /// Contacts that are there at the start hold energy which nobody put in: count it as received, each
+    /// particle's in the order of its partners' ids.
     fn count_initial_energy(&mut self) {
+        let particles = &mut self.particles;
+        let mut brought: Vec<(usize, GlobalId, f64)> = Vec::new();
         for contact in &self.found.contacts {
             let Pair { a, b } = self.pairs.pairs[contact.pair as usize];
-            let history = &self.pairs.history[contact.pair as usize];
-            let stored =
-                self.law.stored(self.particles.material(a), self.particles.material(b), history);
-            let with_wall = b.index() >= self.particles.first_wall();
-            for (slot, share) in [(a, if with_wall { 1.0 } else { 0.5 }), (b, 0.5)] {
-                if slot.index() < self.particles.owned {
-                    self.particles.received[slot.index()] += share * stored;
+            let spring = self.pairs.spring(contact.pair);
+            let overlap = contact.touch.overlap;
+            let (of_a, of_b) = (particles.material(a), particles.material(b));
+            let stored = self.law.stored(of_a, of_b, overlap, &spring);
+            let share = if b.index() >= particles.first_wall() { stored } else { 0.5 * stored };
+            for (me, partner) in [(a, b), (b, a)] {
+                if me.index() < particles.owned {
+                    brought.push((me.index(), particles.id[partner.index()], share));
                 }
             }
+        }
+        brought.sort_unstable_by_key(|&(me, partner, _)| (me, partner));
+        for (me, _, energy) in brought {
+            particles.received[me] += energy;
         }
     }
 }

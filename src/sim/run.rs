@@ -69,7 +69,7 @@ pub struct Progress<'a> {
 /// A run could not go on.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// In a step. Known on one rank only: abort the others.
+    /// In a step. Unless [`StepError::is_agreed`], known on one rank only: abort the others.
     #[error(transparent)]
     Step(#[from] StepError),
     /// A snapshot could not be written. Known on all ranks.
@@ -99,14 +99,22 @@ pub fn run(
 ) -> Result<Finish, RunError> {
     if !schedule.resumed {
         sim.begin(comm)?;
-        check_overlaps(sim, comm)?;
+        // Particles of an earlier stage are where the forces put them.
+        if sim.step == 0 {
+            check_overlaps(sim, comm)?;
+        }
     }
     let started = Instant::now();
     let first_step = sim.step;
     let names: Vec<String> = sim.particles.walls.iter().map(|w| w.name.clone()).collect();
     let mut history = if comm.is_root() {
-        let from = if schedule.resumed { first_step + 1 } else { 0 };
-        Some(History::open(&schedule.out, &names, from)?)
+        // The last row of a run that was stopped off its schedule would not be there had it gone on.
+        let stage_begin = sim.stage_begin.0;
+        let keep = |step: u64| {
+            let scheduled = step == stage_begin || due(step, schedule.history_every);
+            schedule.resumed && step <= first_step && scheduled
+        };
+        Some(History::open(&schedule.out, &names, keep)?)
     } else {
         None
     };

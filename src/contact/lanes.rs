@@ -1,0 +1,295 @@
+//! Numbers in lanes: the same formula for one pair, or for eight at once.
+//!
+//! Every operation is `+ - * / √` on each lane by itself, correctly rounded, never fused: a pair gets
+//! the same bits whatever its neighbours, the number of lanes or the machine. Processors with AVX
+//! are found when the program runs, so one program serves all.
+
+#![expect(unsafe_code, reason = "vector registers, behind types that only AVX code makes")]
+#![expect(clippy::inline_always, reason = "a vector stays in registers only if nothing is called")]
+
+use std::ops::{Add, Div, Mul, Sub};
+
+/// One number or several that are computed alike.
+pub(super) trait Lanes:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+{
+    /// The same number in every lane.
+    fn all(number: f64) -> Self;
+
+    /// The square root.
+    fn sqrt(self) -> Self;
+}
+
+impl Lanes for f64 {
+    #[inline(always)]
+    fn all(number: f64) -> Self {
+        number
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self::sqrt(self)
+    }
+}
+
+/// How many pairs go together.
+pub(super) const WIDTH: usize = 8;
+
+/// Eight lanes.
+pub(super) trait Eight: Lanes {
+    /// From memory.
+    fn load(numbers: &[f64; WIDTH]) -> Self;
+
+    /// To memory.
+    fn store(self) -> [f64; WIDTH];
+
+    /// Bit `k` is set where lane `k` is less than that of `other`; never where one is not a number.
+    fn less(self, other: Self) -> u8;
+}
+
+/// Eight lanes without vector registers, or with those that every processor has.
+#[derive(Clone, Copy)]
+pub(super) struct Portable([f64; WIDTH]);
+
+macro_rules! lanewise {
+    ($trait:ident, $method:ident, $operator:tt) => {
+        impl $trait for Portable {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self(std::array::from_fn(|lane| self.0[lane] $operator other.0[lane]))
+            }
+        }
+    };
+}
+lanewise!(Add, add, +);
+lanewise!(Sub, sub, -);
+lanewise!(Mul, mul, *);
+lanewise!(Div, div, /);
+
+impl Lanes for Portable {
+    #[inline(always)]
+    fn all(number: f64) -> Self {
+        Self([number; WIDTH])
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.map(f64::sqrt))
+    }
+}
+
+impl Eight for Portable {
+    #[inline(always)]
+    fn load(numbers: &[f64; WIDTH]) -> Self {
+        Self(*numbers)
+    }
+
+    #[inline(always)]
+    fn store(self) -> [f64; WIDTH] {
+        self.0
+    }
+
+    #[inline(always)]
+    fn less(self, other: Self) -> u8 {
+        let mut bits = 0;
+        for lane in 0..WIDTH {
+            bits |= u8::from(self.0[lane] < other.0[lane]) << lane;
+        }
+        bits
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(super) use avx::Avx;
+
+#[cfg(target_arch = "x86_64")]
+mod avx {
+    use super::{Eight, Lanes, WIDTH};
+    use std::arch::x86_64 as intel;
+    use std::ops::{Add, Div, Mul, Sub};
+
+    /// Eight lanes in two AVX registers.
+    ///
+    /// Whoever makes one has checked that the processor has AVX: only functions that are compiled for
+    /// it do.
+    #[derive(Clone, Copy)]
+    pub(in crate::contact) struct Avx(intel::__m256d, intel::__m256d);
+
+    macro_rules! registerwise {
+        ($trait:ident, $method:ident, $instruction:ident) => {
+            impl $trait for Avx {
+                type Output = Self;
+
+                #[inline(always)]
+                fn $method(self, other: Self) -> Self {
+                    // SAFETY: the processor has AVX, see the type.
+                    unsafe {
+                        Self(
+                            intel::$instruction(self.0, other.0),
+                            intel::$instruction(self.1, other.1),
+                        )
+                    }
+                }
+            }
+        };
+    }
+    registerwise!(Add, add, _mm256_add_pd);
+    registerwise!(Sub, sub, _mm256_sub_pd);
+    registerwise!(Mul, mul, _mm256_mul_pd);
+    registerwise!(Div, div, _mm256_div_pd);
+
+    impl Lanes for Avx {
+        #[inline(always)]
+        fn all(number: f64) -> Self {
+            // SAFETY: the processor has AVX, see the type.
+            unsafe { Self(intel::_mm256_set1_pd(number), intel::_mm256_set1_pd(number)) }
+        }
+
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            // SAFETY: the processor has AVX, see the type.
+            unsafe { Self(intel::_mm256_sqrt_pd(self.0), intel::_mm256_sqrt_pd(self.1)) }
+        }
+    }
+
+    impl Eight for Avx {
+        #[inline(always)]
+        fn load(numbers: &[f64; WIDTH]) -> Self {
+            let start = numbers.as_ptr();
+            // SAFETY: the processor has AVX, see the type; the array holds twice four numbers.
+            unsafe { Self(intel::_mm256_loadu_pd(start), intel::_mm256_loadu_pd(start.add(4))) }
+        }
+
+        #[inline(always)]
+        fn store(self) -> [f64; WIDTH] {
+            let mut numbers = [0.0; WIDTH];
+            let start = numbers.as_mut_ptr();
+            // SAFETY: the processor has AVX, see the type; the array holds twice four numbers.
+            unsafe {
+                intel::_mm256_storeu_pd(start, self.0);
+                intel::_mm256_storeu_pd(start.add(4), self.1);
+            }
+            numbers
+        }
+
+        #[inline(always)]
+        fn less(self, other: Self) -> u8 {
+            // SAFETY: the processor has AVX, see the type.
+            let (low, high) = unsafe {
+                (
+                    intel::_mm256_movemask_pd(intel::_mm256_cmp_pd::<{ intel::_CMP_LT_OQ }>(
+                        self.0, other.0,
+                    )),
+                    intel::_mm256_movemask_pd(intel::_mm256_cmp_pd::<{ intel::_CMP_LT_OQ }>(
+                        self.1, other.1,
+                    )),
+                )
+            };
+            (low | (high << 4)) as u8
+        }
+    }
+}
+
+/// A vector of three.
+#[derive(Clone, Copy)]
+pub(super) struct Triple<L> {
+    pub(super) x: L,
+    pub(super) y: L,
+    pub(super) z: L,
+}
+
+impl<L: Lanes> Triple<L> {
+    #[inline(always)]
+    pub(super) fn plus(self, other: Self) -> Self {
+        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
+    }
+
+    #[inline(always)]
+    pub(super) fn minus(self, other: Self) -> Self {
+        Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
+    }
+
+    #[inline(always)]
+    pub(super) fn times(self, factor: L) -> Self {
+        Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
+    }
+
+    #[inline(always)]
+    pub(super) fn dot(self, other: Self) -> L {
+        (self.x * other.x + self.y * other.y) + self.z * other.z
+    }
+}
+
+/// A symmetric matrix.
+#[derive(Clone, Copy)]
+pub(super) struct Symmetric<L> {
+    pub(super) xx: L,
+    pub(super) yy: L,
+    pub(super) zz: L,
+    pub(super) xy: L,
+    pub(super) xz: L,
+    pub(super) yz: L,
+}
+
+impl<L: Eight> Triple<L> {
+    /// From memory, number by number.
+    #[inline(always)]
+    pub(super) fn load(numbers: &[[f64; WIDTH]; 3]) -> Self {
+        Self { x: L::load(&numbers[0]), y: L::load(&numbers[1]), z: L::load(&numbers[2]) }
+    }
+}
+
+impl<L: Eight> Symmetric<L> {
+    /// From memory, number by number: xx, yy, zz, xy, xz, yz.
+    #[inline(always)]
+    pub(super) fn load(numbers: &[[f64; WIDTH]; 6]) -> Self {
+        Self {
+            xx: L::load(&numbers[0]),
+            yy: L::load(&numbers[1]),
+            zz: L::load(&numbers[2]),
+            xy: L::load(&numbers[3]),
+            xz: L::load(&numbers[4]),
+            yz: L::load(&numbers[5]),
+        }
+    }
+}
+
+impl<L: Lanes> Symmetric<L> {
+    /// The matrix times a vector.
+    #[inline(always)]
+    pub(super) fn times(&self, v: Triple<L>) -> Triple<L> {
+        Triple {
+            x: (self.xx * v.x + self.xy * v.y) + self.xz * v.z,
+            y: (self.xy * v.x + self.yy * v.y) + self.yz * v.z,
+            z: (self.xz * v.x + self.yz * v.y) + self.zz * v.z,
+        }
+    }
+
+    /// The sum of two matrices.
+    #[inline(always)]
+    pub(super) fn plus(&self, other: &Self) -> Self {
+        Self {
+            xx: self.xx + other.xx,
+            yy: self.yy + other.yy,
+            zz: self.zz + other.zz,
+            xy: self.xy + other.xy,
+            xz: self.xz + other.xz,
+            yz: self.yz + other.yz,
+        }
+    }
+
+    /// The adjugate: the inverse but for the determinant.
+    #[inline(always)]
+    pub(super) fn adjugate(&self) -> Self {
+        Self {
+            xx: self.yy * self.zz - self.yz * self.yz,
+            yy: self.xx * self.zz - self.xz * self.xz,
+            zz: self.xx * self.yy - self.xy * self.xy,
+            xy: self.xz * self.yz - self.xy * self.zz,
+            xz: self.xy * self.yz - self.xz * self.yy,
+            yz: self.xy * self.xz - self.yz * self.xx,
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! The programs as a user meets them: started with and without mpirun, stopped, killed, misled.
+
+mod analysed;
+mod killed;
+mod misled;
+mod opened;
+mod process;
+mod restarted;
+mod same_bits;
+mod told;
+
+use process::{Ended, Launch, dem_mpi, dem_post};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A scene of these tests, by name.
+fn scene(name: &str) -> String {
+    format!("{}/tests/program/{name}.toml", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The last step of the heap, and its snapshots before.
+const HEAP_STEPS: u64 = 3000;
+const HEAP_SNAPSHOTS: [u64; 3] = [0, 1000, 2000];
+
+/// An empty directory. It stays after the test, to look into if that failed.
+fn fresh_directory(name: &str) -> PathBuf {
+    let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("program").join(name);
+    if directory.exists() {
+        fs::remove_dir_all(&directory).expect("what an earlier run left can be removed");
+    }
+    fs::create_dir_all(&directory).expect("a directory can be made");
+    directory
+}
+
+fn snapshot(directory: &Path, step: u64) -> PathBuf {
+    directory.join(dem_mpi::output::snapshot::particles_name(step))
+}
+
+/// A run that nobody disturbed.
+struct Finished {
+    directory: PathBuf,
+    ended: Ended,
+}
+
+/// The whole heap, run once in all tests for each way to start it.
+fn heap(launch: Launch) -> Arc<Finished> {
+    static RUNS: Mutex<BTreeMap<Launch, Arc<Finished>>> = Mutex::new(BTreeMap::new());
+    let mut runs = RUNS.lock().unwrap_or_else(PoisonError::into_inner);
+    let run = || Arc::new(finished("heap", launch));
+    Arc::clone(runs.entry(launch).or_insert_with(run))
+}
+
+/// A scene from its beginning to its end.
+fn finished(name: &str, launch: Launch) -> Finished {
+    let directory = fresh_directory(&format!("{name}_{launch:?}"));
+    let arguments = [scene(name).into(), "--out".into(), directory.clone().into_os_string()];
+    let ended = dem_mpi(launch, arguments).succeed();
+    Finished { directory, ended }
+}
+
+/// The newest snapshots of two directories are the same bit for bit, and the tables byte for byte.
+fn assert_same_result(directory: &Path, other: &Path) {
+    dem_post(["--diff".as_ref(), directory.as_os_str(), other.as_os_str()])
+        .succeed()
+        .said_once("equal bit for bit");
+    let [table, of_other] = [directory, other].map(history);
+    if table != of_other {
+        let differ = table.lines().zip(of_other.lines()).find(|(a, b)| a != b);
+        let (rows, of_other) = (table.lines().count(), of_other.lines().count());
+        panic!("history.csv: {rows} and {of_other} lines, first difference {differ:#?}");
+    }
+}
+
+/// The text of a run's table.
+fn history(directory: &Path) -> String {
+    let path = directory.join("history.csv");
+    fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// A column of a run's table, by step.
+fn column(directory: &Path, name: &str) -> BTreeMap<u64, f64> {
+    let text = history(directory);
+    let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let names = rows.next().expect("a header");
+    let index = names.iter().position(|&n| n == name).unwrap_or_else(|| panic!("no {name}"));
+    rows.map(|row| (row[0].parse().unwrap(), row[index].parse().unwrap())).collect()
+}

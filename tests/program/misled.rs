@@ -1,0 +1,150 @@
+//! Wrong input ends in one clear message, an exit status that says whose fault it is, and soon.
+
+use super::process::{Launch, dem_mpi};
+use super::{HEAP_SNAPSHOTS, fresh_directory, heap, scene, snapshot};
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+/// The input is at fault.
+const WRONG_INPUT: i32 = 2;
+/// The run went wrong.
+const FAILED: i32 = 1;
+
+/// Nobody should wait longer to hear about a mistake; on idle cores it takes half a second.
+const SECONDS: Duration = Duration::from_secs(10);
+
+struct Mistake<'a> {
+    scene: &'a Path,
+    arguments: &'a [&'a str],
+    status: i32,
+    /// What the message says: where the mistake is, what is wrong, what to do.
+    message: &'a [&'a str],
+}
+
+#[test]
+fn a_mistake_ends_in_one_message() {
+    let good = heap(Launch::Alone);
+    let directory = fresh_directory("misled");
+    let named = |name: &str| directory.join(name);
+    let heap_scene = Path::new(&scene("heap")).to_owned();
+
+    let text = fs::read_to_string(&heap_scene).unwrap();
+    let misspelt = named("misspelt.toml");
+    fs::write(&misspelt, text.replace("friction =", "frictoin =")).unwrap();
+
+    // Half of a snapshot, as a full disk or a broken copy leaves it.
+    let whole = fs::read(snapshot(&good.directory, HEAP_SNAPSHOTS[1])).unwrap();
+    let half = named("half.vtkhdf");
+    fs::write(&half, &whole[..whole.len() / 2]).unwrap();
+
+    // One on each of two ranks leaves, in the same step.
+    let burst = Path::new(&scene("burst")).to_owned();
+
+    let (half, misspelt_name) = (half.to_str().unwrap(), misspelt.to_str().unwrap());
+    let below_a_file = format!("{misspelt_name}/out");
+    let missing = named("missing.toml");
+    let mistakes = [
+        Mistake {
+            scene: &misspelt,
+            arguments: &[],
+            status: WRONG_INPUT,
+            message: &["misspelt.toml:16: material.stone.frictoin", "did you mean `friction`?"],
+        },
+        Mistake {
+            scene: &heap_scene,
+            arguments: &["--set", "shape.ball.radius=-0.002"],
+            status: WRONG_INPUT,
+            message: &["shape.ball.radius = -0.002: must be a number greater than 0 [m]"],
+        },
+        Mistake {
+            scene: &missing,
+            arguments: &[],
+            status: WRONG_INPUT,
+            message: &["missing.toml: cannot be read: No such file or directory"],
+        },
+        Mistake {
+            scene: &heap_scene,
+            arguments: &["--start", "nowhere.vtkhdf"],
+            status: WRONG_INPUT,
+            message: &["there is no snapshot at nowhere.vtkhdf", "Give a file particles_<step>"],
+        },
+        Mistake {
+            scene: &heap_scene,
+            arguments: &["--strat", "nowhere.vtkhdf"],
+            status: WRONG_INPUT,
+            message: &["unexpected argument '--strat'", "'--start'"],
+        },
+        Mistake {
+            scene: &heap_scene,
+            arguments: &["--set", "fill.lattice.0.spacing=0.0038"],
+            status: WRONG_INPUT,
+            message: &["pairs overlap by more than 5 %", "larger spacing"],
+        },
+        Mistake {
+            scene: &heap_scene,
+            arguments: &["--set", "time.step=1e-3"],
+            status: WRONG_INPUT,
+            message: &["time.step = 0.001: over the stable limit of 4.40e-5 s", "`egg`"],
+        },
+        Mistake {
+            scene: &heap_scene,
+            arguments: &["--start", half],
+            status: WRONG_INPUT,
+            message: &["half.vtkhdf cannot be read as a snapshot", "use an earlier snapshot"],
+        },
+        Mistake {
+            scene: &heap_scene,
+            arguments: &[
+                "--start",
+                good.directory.to_str().unwrap(),
+                "--set",
+                "shape.ball.radius=0.0019",
+            ],
+            status: WRONG_INPUT,
+            message: &["particles of shape \"ball\", which the scene does not have"],
+        },
+        Mistake {
+            scene: &heap_scene,
+            arguments: &["--out", &below_a_file],
+            status: WRONG_INPUT,
+            message: &["misspelt.toml/out", "Not a directory"],
+        },
+        // No wall where gravity pulls to.
+        Mistake {
+            scene: &heap_scene,
+            arguments: &["--set", "domain.walls=['-x', '-y', '-z']"],
+            status: FAILED,
+            message: &["has left the domain", "Put a wall on that side"],
+        },
+        Mistake {
+            scene: &burst,
+            arguments: &[],
+            status: FAILED,
+            message: &["has left the domain", "Put a wall on that side"],
+        },
+    ];
+    for mistake in &mistakes {
+        for launch in [Launch::Alone, Launch::Ranks(2)] {
+            check(mistake, launch, &named("out"));
+        }
+    }
+}
+
+fn check(mistake: &Mistake, launch: Launch, out: &Path) {
+    let mut arguments = vec![mistake.scene.to_str().unwrap()];
+    arguments.extend(mistake.arguments);
+    if !arguments.contains(&"--out") {
+        arguments.extend(["--out", out.to_str().unwrap()]);
+    }
+    let ended = dem_mpi(launch, arguments).end();
+    assert_eq!(ended.status.code(), Some(mistake.status), "{ended}");
+    assert!(ended.took < SECONDS, "{ended}");
+    assert_eq!(ended.output, "", "{ended}");
+    for text in mistake.message {
+        ended.said_once(text);
+    }
+    for text in ["panicked", "RUST_BACKTRACE", "met a bug", "HDF5-DIAG"] {
+        assert!(!ended.said().contains(text), "{text}: {ended}");
+    }
+}

@@ -1,0 +1,95 @@
+//! Stopped and continued, a run ends as if it had never stopped.
+
+use super::process::{Launch, dem_mpi};
+use super::{HEAP_STEPS, assert_same_result, column, fresh_directory, heap, scene, snapshot};
+use std::fs;
+use std::path::Path;
+
+/// The heap in this directory, with more arguments.
+fn heap_in(directory: &Path, launch: Launch, more: &[&str]) -> super::process::Call {
+    let out = directory.to_str().expect("a path in UTF-8");
+    dem_mpi(launch, [&[&*scene("heap"), "--out", out], more].concat())
+}
+
+/// Three legs on two ranks, three ranks and alone. The first ends in the middle of the rain, and between two
+/// rows of the history.
+#[test]
+fn legs_on_different_numbers_of_ranks_make_one_run() {
+    let whole = heap(Launch::Alone);
+    let directory = fresh_directory("legs");
+    let start = ["--start", directory.to_str().unwrap()];
+
+    heap_in(&directory, Launch::Ranks(2), &["--steps", "610"]).succeed();
+    let particles = column(&directory, "particles");
+    assert_eq!(particles.last_key_value().unwrap().0, &610);
+    let all = column(&whole.directory, "particles")[&HEAP_STEPS];
+    assert!(particles[&610] < all, "the rain is over: {particles:?}");
+
+    heap_in(&directory, Launch::Ranks(3), &[&start[..], &["--steps", "890"]].concat()).succeed();
+    assert!(snapshot(&directory, 1500).exists());
+    heap_in(&directory, Launch::Alone, &start).succeed();
+    assert_same_result(&whole.directory, &directory);
+}
+
+/// Back to a snapshot in the middle of a run that went on: what came after it is made anew.
+#[test]
+fn an_earlier_snapshot_continues_on_any_number_of_ranks() {
+    let whole = heap(Launch::Alone);
+    let directory = fresh_directory("earlier");
+    heap_in(&directory, Launch::Ranks(2), &["--steps", "2200"]).succeed();
+    for launch in [Launch::Ranks(3), Launch::Ranks(1), Launch::Alone] {
+        let middle = snapshot(&directory, 1000);
+        let start = ["--start", middle.to_str().unwrap()];
+        let ended = heap_in(&directory, launch, &start).succeed();
+        ended.said_once("steps 1000 to 3000");
+        assert_same_result(&whole.directory, &directory);
+        fs::remove_file(snapshot(&directory, HEAP_STEPS)).unwrap();
+    }
+}
+
+/// A stage that starts from the end of another; the second is stopped and continued, too.
+#[test]
+fn stages_follow_each_other() {
+    let chains = [
+        ("stages_alone", Launch::Alone, Launch::Alone),
+        ("stages_together", Launch::Ranks(2), Launch::Ranks(3)),
+    ];
+    let [alone, together] = chains.map(|(name, first, second)| {
+        let directory = fresh_directory(name);
+        // Where output and `start` are, the scenes say, relative to the working directory.
+        let run = |launch, arguments: &[&str]| {
+            dem_mpi(launch, arguments).from(&directory).succeed();
+        };
+        run(first, &[&scene("heap"), "--steps", "1500"]);
+        let tilted = &*scene("tilted");
+        if second == Launch::Alone {
+            run(second, &[tilted]);
+        } else {
+            run(second, &[tilted, "--steps", "300"]);
+            run(first, &[tilted, "--start", "tilted"]);
+        }
+        directory
+    });
+    for stage in ["heap", "tilted"] {
+        assert_same_result(&alone.join(stage), &together.join(stage));
+    }
+    let steps = column(&together.join("tilted"), "time_s");
+    let (begin, end) = (steps.first_key_value().unwrap(), steps.last_key_value().unwrap());
+    assert_eq!((begin.0, end.0), (&1500, &2300), "steps count on from stage to stage");
+    assert!((end.1 - 0.023).abs() < 1e-12, "and so does time: {end:?}");
+}
+
+/// A finished run is not run again, and says how to ask for more.
+#[test]
+fn nothing_is_left_to_do() {
+    for launch in [Launch::Alone, Launch::Ranks(2)] {
+        let whole = heap(launch);
+        let start = ["--start", whole.directory.to_str().unwrap()];
+        let elsewhere = fresh_directory("nothing_left");
+        let ended = heap_in(&elsewhere, launch, &start).end();
+        assert_eq!(ended.status.code(), Some(2), "{ended}");
+        ended.said_once("nothing left to do: the snapshot is at step 3000");
+        ended.said_once("--steps N");
+        assert!(!elsewhere.join("history.csv").exists());
+    }
+}

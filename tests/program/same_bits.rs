@@ -1,0 +1,45 @@
+//! The same bits on any number of ranks.
+
+use super::process::{Ended, Launch};
+use super::{HEAP_STEPS, assert_same_result, column, finished, heap};
+
+/// Walls, rain, friction, two shapes; particles migrate, and the cuts follow them.
+#[test]
+fn a_heap_has_the_same_bits_on_any_number_of_ranks() {
+    let alone = heap(Launch::Alone);
+    // The scene is worth the comparison: many particles, most of them in contact at the end.
+    assert!(column(&alone.directory, "particles")[&HEAP_STEPS] > 500.0);
+    assert!(column(&alone.directory, "coordination")[&HEAP_STEPS] > 2.0);
+    for ranks in [1, 2, 3, 4, 8] {
+        let together = heap(Launch::Ranks(ranks));
+        assert_same_result(&alone.directory, &together.directory);
+        if ranks > 1 {
+            let [rebuilt, cut, migrated] = traffic(&together.ended);
+            assert!(rebuilt > 100 && cut > 3 && migrated > 100, "{}", together.ended);
+        }
+    }
+}
+
+/// No walls; two streams through each other and through all borders.
+#[test]
+fn a_periodic_box_has_the_same_bits_on_any_number_of_ranks() {
+    let alone = finished("periodic", Launch::Alone);
+    let contacts = column(&alone.directory, "contacts");
+    assert!(contacts.values().any(|&count| count > 50.0), "{contacts:?}");
+    for ranks in [1, 2, 3] {
+        let together = finished("periodic", Launch::Ranks(ranks));
+        assert_same_result(&alone.directory, &together.directory);
+        let [_, _, migrated] = traffic(&together.ended);
+        assert!(ranks == 1 || migrated > 100, "{}", together.ended);
+    }
+}
+
+/// From a report: how often pairs were listed, how often the domain was cut, how many particles
+/// migrated.
+fn traffic(ended: &Ended) -> [u64; 3] {
+    let line = ended.output.lines().find(|line| line.starts_with("halo"));
+    let line = line.unwrap_or_else(|| panic!("no line `halo` in {ended}"));
+    let (_, counts) = line.split_once("rebuilt").expect("how often lists were rebuilt");
+    let numbers = counts.split(' ').filter_map(|word| word.parse().ok()).collect::<Vec<_>>();
+    numbers.try_into().unwrap_or_else(|_| panic!("not three numbers: {counts}"))
+}
