@@ -33,7 +33,7 @@ impl Body {
         let shape = match &self.shape {
             Shape::Sphere(s) => Shape::Sphere(Sphere { radius: s.radius * unit }),
             Shape::Ellipsoid(e) => Shape::Ellipsoid(Ellipsoid { semi_axes: e.semi_axes * unit }),
-            Shape::HalfSpace(_) => unreachable!("no walls here"),
+            other => unreachable!("a {} is not among the shapes drawn here", other.kind().name()),
         };
         Self { shape, frame: self.frame }
     }

@@ -120,13 +120,8 @@ impl Lanes for Portable {
 
     #[inline(always)]
     fn or(self, other: Self, mask: u8) -> Self {
-        let mut numbers = other.0;
-        for lane in 0..WIDTH {
-            if mask >> lane & 1 == 1 {
-                numbers[lane] = self.0[lane];
-            }
-        }
-        Self(numbers)
+        let chosen = |lane: usize| if mask >> lane & 1 == 1 { self.0[lane] } else { other.0[lane] };
+        Self(std::array::from_fn(chosen))
     }
 }
 
