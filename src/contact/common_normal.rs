@@ -85,7 +85,7 @@ impl ContactResolver for SeededCommonNormal {
 
 impl Outcome {
     /// The outcome of a pair whose lengths were divided by `unit`.
-    fn in_metres(self, unit: f64) -> Self {
+    pub(super) fn in_metres(self, unit: f64) -> Self {
         match self {
             Self::Apart(clearance) => Self::Apart(clearance * unit),
             Self::Touching(t) => {
@@ -117,7 +117,7 @@ impl Symmetric {
                 return Self { xx: square, yy: square, zz: square, xy: 0.0, xz: 0.0, yz: 0.0 };
             }
             Shape::Ellipsoid(ellipsoid) => ellipsoid.semi_axes * per_metre,
-            Shape::HalfSpace(_) => unreachable!("walls have closed forms"),
+            _ => unreachable!("the table gives this resolver ellipsoids and spheres"),
         };
         let (x, y, z) = (
             body.frame.column(0) * axes.x,

@@ -2,7 +2,7 @@
 
 use super::{
     AgainstHalfSpace, Chain, CommonNormal, ContactResolver, Epa, ErodedGjk, SeededCommonNormal,
-    SphereSphere, Table,
+    SmoothCommonNormal, SphereSphere, Table,
 };
 use crate::shape::Kind;
 use serde::{Deserialize, Serialize};
@@ -42,11 +42,16 @@ impl Method {
         }
     }
 
-    /// The method with something to fall back on.
-    fn chain(&self) -> Chain {
+    /// The method for two kinds, with something to fall back on.
+    fn chain(&self, kinds: [Kind; 2]) -> Chain {
+        let super_quadric =
+            |kind: &Kind| matches!(kind, Kind::Superellipsoid | Kind::PolySuperellipsoid);
         let last_resort = Epa { tolerance: 1e-10 };
         let (first, fallbacks): (Box<dyn ContactResolver>, Vec<Box<dyn ContactResolver>>) =
             match *self {
+                Self::Auto | Self::CommonNormal if kinds.iter().any(super_quadric) => {
+                    (Box::new(SmoothCommonNormal), vec![Box::new(last_resort)])
+                }
                 Self::Auto | Self::CommonNormal => (
                     Box::new(CommonNormal),
                     vec![Box::new(SeededCommonNormal::default()), Box::new(last_resort)],
@@ -74,7 +79,7 @@ pub fn table(method: &Method, kinds: &[Kind]) -> Table {
                 (Kind::HalfSpace, Kind::HalfSpace) => continue,
                 (_, Kind::HalfSpace) => Box::new(AgainstHalfSpace),
                 (Kind::Sphere, Kind::Sphere) => Box::new(SphereSphere),
-                _ => Box::new(method.chain()),
+                _ => Box::new(method.chain([a, b])),
             };
             table.insert((a, b), resolver);
         }

@@ -17,6 +17,7 @@ mod fallback;
 mod gjk;
 mod half_space;
 mod methods;
+mod smooth_common_normal;
 mod sphere_sphere;
 
 pub use common_normal::{CommonNormal, SeededCommonNormal};
@@ -25,6 +26,7 @@ pub use eroded_gjk::ErodedGjk;
 pub use fallback::Chain;
 pub use half_space::AgainstHalfSpace;
 pub use methods::{Method, table};
+pub use smooth_common_normal::SmoothCommonNormal;
 pub use sphere_sphere::SphereSphere;
 
 use crate::ids::{GlobalId, ShapeId, Slot};
@@ -78,6 +80,8 @@ pub enum Why {
     TooDeep,
     /// A number that is not finite came in or out.
     NotFinite,
+    /// A body has edges, and the method needs curvature.
+    NotSmooth,
 }
 
 /// A body in place: its shape and the rotation from its own frame to the world.

@@ -4,13 +4,18 @@
 
 pub mod ellipsoid;
 pub mod half_space;
+pub mod poly_superellipsoid;
+mod power;
 pub mod sphere;
+pub mod superellipsoid;
 
 use crate::math::{Mat3, Vec3};
 pub use ellipsoid::Ellipsoid;
 pub use half_space::HalfSpace;
+pub use poly_superellipsoid::PolySuperellipsoid;
 use serde::{Deserialize, Serialize};
 pub use sphere::Sphere;
+pub use superellipsoid::{CurvedSupport, Superellipsoid};
 
 /// Which family of shape: pairs are resolved in batches of one pair of kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -19,19 +24,31 @@ pub enum Kind {
     Sphere,
     /// A tri-axial ellipsoid.
     Ellipsoid,
+    /// A superellipsoid.
+    Superellipsoid,
+    /// Eight octants of superellipsoids.
+    PolySuperellipsoid,
     /// The solid side of a plane: a wall.
     HalfSpace,
 }
 
 impl Kind {
     /// Every kind, in the order of batches.
-    pub const ALL: [Self; 3] = [Self::Sphere, Self::Ellipsoid, Self::HalfSpace];
+    pub const ALL: [Self; 5] = [
+        Self::Sphere,
+        Self::Ellipsoid,
+        Self::Superellipsoid,
+        Self::PolySuperellipsoid,
+        Self::HalfSpace,
+    ];
 
     /// As the scene file and reports name it.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Sphere => "sphere",
             Self::Ellipsoid => "ellipsoid",
+            Self::Superellipsoid => "superellipsoid",
+            Self::PolySuperellipsoid => "poly-superellipsoid",
             Self::HalfSpace => "plane",
         }
     }
@@ -44,6 +61,10 @@ pub enum Shape {
     Sphere(Sphere),
     /// A tri-axial ellipsoid.
     Ellipsoid(Ellipsoid),
+    /// A superellipsoid.
+    Superellipsoid(Superellipsoid),
+    /// Eight octants of superellipsoids.
+    PolySuperellipsoid(Box<PolySuperellipsoid>),
     /// The solid side of a plane: a wall.
     HalfSpace(HalfSpace),
 }
@@ -54,6 +75,8 @@ impl Shape {
         match self {
             Self::Sphere(_) => Kind::Sphere,
             Self::Ellipsoid(_) => Kind::Ellipsoid,
+            Self::Superellipsoid(_) => Kind::Superellipsoid,
+            Self::PolySuperellipsoid(_) => Kind::PolySuperellipsoid,
             Self::HalfSpace(_) => Kind::HalfSpace,
         }
     }
@@ -66,7 +89,46 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.support(direction),
             Self::Ellipsoid(e) => e.support(direction),
+            Self::Superellipsoid(s) => s.support(direction),
+            Self::PolySuperellipsoid(p) => p.support(direction),
             Self::HalfSpace(_) => Vec3::repeat(f64::NAN),
+        }
+    }
+
+    /// Support point and curvature along a unit vector, both in the shape's own frame; `None` if the surface
+    /// has edges.
+    #[inline]
+    pub fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
+        match self {
+            Self::Sphere(s) => {
+                Some(Ellipsoid { semi_axes: Vec3::repeat(s.radius) }.curved_support(direction))
+            }
+            Self::Ellipsoid(e) => Some(e.curved_support(direction)),
+            Self::Superellipsoid(s) => s.curved_support(direction),
+            Self::PolySuperellipsoid(p) => p.curved_support(direction),
+            Self::HalfSpace(_) => None,
+        }
+    }
+
+    /// A better way than a straight one to follow a `step` of `direction`, where the shape knows one: see
+    /// [`Superellipsoid::follow`].
+    #[inline]
+    pub fn follow(&self, here: &CurvedSupport, direction: &Vec3, step: &Vec3) -> Option<Vec3> {
+        match self {
+            Self::Superellipsoid(s) => s.follow(here, direction, step),
+            Self::PolySuperellipsoid(p) => p.follow(here, direction, step),
+            _ => None,
+        }
+    }
+
+    /// Smallest radius of curvature anywhere on the surface [m]; 0 where there are edges or crests.
+    pub fn smallest_curvature_radius(&self) -> f64 {
+        match self {
+            Self::Sphere(s) => s.radius,
+            Self::Ellipsoid(e) => e.smallest_curvature_radius(),
+            Self::Superellipsoid(s) => s.smallest_curvature_radius(),
+            Self::PolySuperellipsoid(p) => p.smallest_curvature_radius(),
+            Self::HalfSpace(_) => 0.0,
         }
     }
 
@@ -75,6 +137,8 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.radius,
             Self::Ellipsoid(e) => e.bounding_radius(),
+            Self::Superellipsoid(s) => s.bounding_radius(),
+            Self::PolySuperellipsoid(p) => p.bounding_radius(),
             Self::HalfSpace(_) => f64::INFINITY,
         }
     }
@@ -84,6 +148,8 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.radius,
             Self::Ellipsoid(e) => e.inscribed_radius(),
+            Self::Superellipsoid(s) => s.inscribed_radius(),
+            Self::PolySuperellipsoid(p) => p.inscribed_radius(),
             Self::HalfSpace(_) => f64::INFINITY,
         }
     }
@@ -93,6 +159,8 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.volume(),
             Self::Ellipsoid(e) => e.volume(),
+            Self::Superellipsoid(s) => s.volume(),
+            Self::PolySuperellipsoid(p) => p.volume(),
             Self::HalfSpace(_) => f64::INFINITY,
         }
     }
@@ -102,6 +170,8 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.gyration(),
             Self::Ellipsoid(e) => e.gyration(),
+            Self::Superellipsoid(s) => s.gyration(),
+            Self::PolySuperellipsoid(p) => p.gyration(),
             Self::HalfSpace(_) => Vec3::repeat(f64::INFINITY),
         }
     }
@@ -111,6 +181,8 @@ impl Shape {
         match self {
             Self::Sphere(s) => Vec3::repeat(s.radius),
             Self::Ellipsoid(e) => e.semi_axes,
+            Self::Superellipsoid(s) => s.semi_axes(),
+            Self::PolySuperellipsoid(p) => p.half_lengths(),
             Self::HalfSpace(_) => Vec3::repeat(f64::INFINITY),
         }
     }
