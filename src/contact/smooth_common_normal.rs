@@ -14,8 +14,10 @@
 //!   chapter 3).
 //! * It ends by Newton's decrement, the overlap still to be gained, because the size of a step says nothing where
 //!   curvature has no bounds.
-//! * Radii of curvature may be zero, so that the certificate of a global minimum is replaced by a doubt: a
-//!   minimum whose overlap is not small beside the radii of curvature *there* competes with other starts.
+//! * Radii of curvature may be zero, and with them what certifies a global minimum. Where it fails, a
+//!   minimum whose overlap is not small beside the radii of curvature *there* has to compete. A deeper
+//!   look needs few starts: the nearest points of the boundary of A − B are all within an overlap of the
+//!   origin, so that rivals lie across a crest or tip nearby, along the direction of small radius.
 //!
 //! Whatever it cannot settle within its evaluations goes to the next resolver of the chain.
 
@@ -35,10 +37,16 @@ const WORTHWHILE: f64 = 0.2;
 const ROUNDING: f64 = 4e-15;
 /// With less than this to be gained [units], `δ` is all rounding and the decrement itself is what decreases.
 const NEAR: f64 = 1e-14;
-/// With less than this to be gained [units] the closing correction leaves nothing.
-const LAST: f64 = 1e-24;
-/// A minimum is in doubt if its overlap is more than this part of the smaller sum of radii of curvature.
-const DOUBTFUL: f64 = 0.5;
+/// With less than this to be gained [units] after the closing correction nothing is left.
+const NOTHING: f64 = 1e-28;
+/// A minimum has to compete if its overlap is more than this part of a radius of curvature.
+const DOUBTFUL: f64 = 0.1;
+/// Angle, as a tangent, from a doubtful minimum to the start of a rival.
+const ACROSS: f64 = 0.7;
+/// A rival that has come so near to the minimum it started from [rad] ends there.
+const SAME: f64 = 0.02;
+/// A doubtful overlap over this part of the inscribed radii competes with starts from all sides, too.
+const DEEP: f64 = 0.1;
 
 /// Resolves smooth bodies of any kind by their common normal.
 #[derive(Clone, Copy, Debug, Default)]
@@ -115,9 +123,10 @@ struct Evaluation {
 enum Minimum {
     /// With this clearance.
     Apart(f64),
-    At(Touch),
-    /// The same, but there may be a deeper minimum.
-    Doubtful(Touch),
+    /// At a touch, and the evaluation before its closing correction.
+    At(Touch, Box<Evaluation>),
+    /// Back at the minimum from which it started.
+    Same,
     Failed(Why),
 }
 
@@ -158,11 +167,25 @@ impl Evaluation {
         step / determinant
     }
 
-    /// The smaller eigenvalue of the Hessian on the tangent plane.
-    fn smaller_radius(&self) -> f64 {
+    /// The smaller and the larger eigenvalue of the Hessian on the tangent plane: sums of radii of curvature.
+    fn radii(&self) -> (f64, f64) {
         let difference = self.trace * self.trace - 4.0 * self.product;
         let root = if difference > 0.0 { difference.sqrt() } else { 0.0 };
-        2.0 * self.product / (self.trace + root)
+        let large = 0.5 * (self.trace + root);
+        (self.product / large, large)
+    }
+
+    /// The eigenvector of the smaller eigenvalue: what the Hessian less the larger one leaves of any vector.
+    fn soft_direction(&self, large: f64) -> Vec3 {
+        let across = self.normal.cross(&Vec3::ith(self.normal.iamin(), 1.0)).normalize();
+        let [p, q] = [across, self.normal.cross(&across)].map(|v| {
+            self.dyads().iter().fold(v * large, |left, (weight, along)| {
+                left - along * (weight * along.dot(&v))
+            })
+        });
+        let (p_squared, q_squared) = (p.norm_squared(), q.norm_squared());
+        let (longer, squared) = if p_squared < q_squared { (q, q_squared) } else { (p, p_squared) };
+        if squared > 0.0 { longer / squared.sqrt() } else { across }
     }
 }
 
@@ -184,25 +207,37 @@ impl SmoothPair<'_> {
     }
 
     fn resolve(&self, start: &Vec3) -> Outcome {
-        let mut best = match self.minimise(start) {
+        let (touch, e) = match self.minimise(start, None) {
             Minimum::Apart(clearance) => return Outcome::Apart(clearance),
-            Minimum::At(touch) => return touch.outcome(),
-            Minimum::Doubtful(touch) => touch,
             Minimum::Failed(why) => return Outcome::Failed(why),
+            Minimum::Same => unreachable!("the first has no rival"),
+            Minimum::At(touch, e) => (touch, e),
         };
-        for body in self.bodies {
-            for axis in body.frame.column_iter() {
-                for start in [axis.into_owned(), -axis] {
-                    match self.minimise(&start) {
-                        Minimum::Apart(clearance) => return Outcome::Apart(clearance),
-                        Minimum::At(touch) | Minimum::Doubtful(touch)
-                            if touch.overlap < best.overlap =>
-                        {
-                            best = touch;
-                        }
-                        _ => {}
-                    }
-                }
+        let shapes = self.bodies.map(|body| body.shape);
+        let sum = |radius: fn(&Shape) -> f64| shapes.map(radius).iter().sum::<f64>() * self.per_metre;
+        let (small, large) = e.radii();
+        if touch.overlap < sum(Shape::smallest_curvature_radius) || touch.overlap < DOUBTFUL * small {
+            return touch.outcome();
+        }
+        let mut best = touch;
+        let soft = e.soft_direction(large);
+        let mut starts = vec![soft, -soft];
+        if touch.overlap >= DOUBTFUL * large {
+            let across = e.normal.cross(&soft);
+            starts.extend([across, -across]);
+        }
+        for start in &mut starts {
+            *start = (e.normal + *start * ACROSS).normalize();
+        }
+        if touch.overlap > DEEP * sum(Shape::inscribed_radius) {
+            let axes = self.bodies.iter().flat_map(|body| body.frame.column_iter());
+            starts.extend(axes.flat_map(|axis| [axis.into_owned(), -axis]));
+        }
+        for start in &starts {
+            match self.minimise(start, Some(&best.normal)) {
+                Minimum::Apart(clearance) => return Outcome::Apart(clearance),
+                Minimum::At(rival, _) if rival.overlap < best.overlap => best = rival,
+                _ => {}
             }
         }
         best.outcome()
@@ -241,17 +276,19 @@ impl SmoothPair<'_> {
         Some(e)
     }
 
-    /// Goes downhill from `start`, a unit vector.
-    fn minimise(&self, start: &Vec3) -> Minimum {
+    /// Goes downhill from `start`, a unit vector, and no farther if that leads to `rival`.
+    fn minimise(&self, start: &Vec3, rival: Option<&Vec3>) -> Minimum {
         let Some(mut here) = self.evaluate(*start) else {
             return Minimum::Failed(Why::NotSmooth);
         };
         let mut evaluations = 1;
-        // What the last step to `here` left to be gained, once that is what decreases.
-        let mut left = f64::INFINITY;
+        let mut gained = f64::INFINITY;
         loop {
             if here.delta <= 0.0 {
                 return Minimum::Apart(-here.delta);
+            }
+            if rival.is_some_and(|n| (here.normal - n).norm_squared() < SAME * SAME) {
+                return Minimum::Same;
             }
             let mut step = here.newton();
             let squared = step.norm_squared();
@@ -262,14 +299,14 @@ impl SmoothPair<'_> {
             if !(slope <= 0.0 && slope > f64::NEG_INFINITY) {
                 return Minimum::Failed(Why::NotFinite);
             }
+            // Newton's decrement: what this step will gain. Quadratic convergence leaves its cube over the
+            // square of what the last one gained. If it does not decrease, it is all rounding.
             let gain = -0.5 * slope;
-            // Rounding has the last word on the decrement, too.
-            if gain <= LAST || gain >= 0.25 * left {
-                return self.ended(&here, &step);
+            let left = gain * ((gain / gained) * (gain / gained));
+            if gain <= NEAR && (gain <= NOTHING || left <= NOTHING || gain >= 0.25 * gained) {
+                return Minimum::At(self.corrected(&here, &step), Box::new(here));
             }
-            if gain <= NEAR {
-                left = gain;
-            }
+            gained = gain;
             if evaluations >= EVALUATIONS {
                 return Minimum::Failed(Why::NoConvergence);
             }
@@ -328,22 +365,14 @@ impl SmoothPair<'_> {
 
     /// The touch after one more step with the last Hessian. Support points follow their own body's compliance,
     /// which keeps the contact point quiet where a surface is nearly flat.
-    fn ended(&self, e: &Evaluation, step: &Vec3) -> Minimum {
+    fn corrected(&self, e: &Evaluation, step: &Vec3) -> Touch {
         let [a, b] = [&e.sides[0].world, &e.sides[1].world];
         let on_a = a.point + a.hessian_times(step);
         let on_b = b.point - b.hessian_times(step);
-        let touch = Touch {
+        Touch {
             overlap: e.delta + 0.5 * e.gradient.dot(step),
             normal: (e.normal + step).normalize(),
             point: ((on_a + on_b) + self.r) * 0.5,
-        };
-        let certain = self.bodies.map(|body| body.shape.smallest_curvature_radius());
-        if touch.overlap < (certain[0] + certain[1]) * self.per_metre
-            || touch.overlap < DOUBTFUL * e.smaller_radius()
-        {
-            Minimum::At(touch)
-        } else {
-            Minimum::Doubtful(touch)
         }
     }
 }
