@@ -43,6 +43,9 @@ const NOTHING: f64 = 1e-28;
 const DOUBTFUL: f64 = 0.1;
 /// Angle, as a tangent, from a doubtful minimum to the start of a rival.
 const ACROSS: f64 = 0.7;
+/// The same where the overlap is over this part of a radius of curvature: rivals are then close, too.
+const BESIDE: f64 = 0.2;
+const CLOSE: f64 = 0.25;
 /// A rival that has come so near to the minimum it started from [rad] ends there.
 const SAME: f64 = 0.02;
 /// A doubtful overlap over this part of the inscribed radii competes with starts from all sides, too.
@@ -228,6 +231,9 @@ impl SmoothPair<'_> {
         }
         for start in &mut starts {
             *start = (e.normal + *start * ACROSS).normalize();
+        }
+        if touch.overlap > CLOSE * small {
+            starts.extend([soft, -soft].map(|aside| (e.normal + aside * BESIDE).normalize()));
         }
         if touch.overlap > DEEP * sum(Shape::inscribed_radius) {
             let axes = self.bodies.iter().flat_map(|body| body.frame.column_iter());
