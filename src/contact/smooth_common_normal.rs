@@ -15,13 +15,12 @@
 //! * It ends by Newton's decrement, the overlap still to be gained, because the size of a step says nothing where
 //!   curvature has no bounds.
 //! * Radii of curvature may be zero, and with them what certifies a global minimum. Where it fails, a
-//!   minimum whose overlap is not small beside the radii of curvature *there* has to compete. A deeper
-//!   look needs few starts: the nearest points of the boundary of A − B are all within an overlap of the
-//!   origin, so that rivals lie across a crest or tip nearby, along the direction of small radius.
+//!   minimum whose overlap is not small beside the radii of curvature *there* competes with the one that
+//!   Newton's method finds from the direction of a coarse EPA.
 //!
 //! Whatever it cannot settle within its evaluations goes to the next resolver of the chain.
 
-use super::{CommonNormal, ContactResolver, Outcome, Posed, Touch, Why, unit_of_length};
+use super::{CommonNormal, ContactResolver, Epa, Outcome, Posed, Touch, Why, unit_of_length};
 use crate::math::{Mat3, Vec3};
 use crate::shape::{CurvedSupport, Ellipsoid, Shape};
 
@@ -39,17 +38,10 @@ const ROUNDING: f64 = 4e-15;
 const NEAR: f64 = 1e-14;
 /// With less than this to be gained [units] after the closing correction nothing is left.
 const NOTHING: f64 = 1e-28;
-/// A minimum has to compete if its overlap is more than this part of a radius of curvature.
+/// A minimum has to compete if its overlap is more than this part of the radii of curvature.
 const DOUBTFUL: f64 = 0.1;
-/// Angle, as a tangent, from a doubtful minimum to the start of a rival.
-const ACROSS: f64 = 0.7;
-/// The same where the overlap is over this part of a radius of curvature: rivals are then close, too.
-const BESIDE: f64 = 0.2;
-const CLOSE: f64 = 0.25;
-/// A rival that has come so near to the minimum it started from [rad] ends there.
-const SAME: f64 = 0.02;
-/// A doubtful overlap over this part of the inscribed radii competes with starts from all sides, too.
-const DEEP: f64 = 0.1;
+/// Finds the rival: a minimum that wins may be this far above the global one [units].
+const RIVAL: Epa = Epa { tolerance: 1e-7 };
 
 /// Resolves smooth bodies of any kind by their common normal.
 #[derive(Clone, Copy, Debug, Default)]
@@ -126,10 +118,8 @@ struct Evaluation {
 enum Minimum {
     /// With this clearance.
     Apart(f64),
-    /// At a touch, and the evaluation before its closing correction.
-    At(Touch, Box<Evaluation>),
-    /// Back at the minimum from which it started.
-    Same,
+    /// With the smaller of the surfaces' radii of curvature there, added up.
+    At { touch: Touch, radius: f64 },
     Failed(Why),
 }
 
@@ -170,25 +160,11 @@ impl Evaluation {
         step / determinant
     }
 
-    /// The smaller and the larger eigenvalue of the Hessian on the tangent plane: sums of radii of curvature.
-    fn radii(&self) -> (f64, f64) {
+    /// The smaller eigenvalue of the Hessian on the tangent plane.
+    fn smaller_radius(&self) -> f64 {
         let difference = self.trace * self.trace - 4.0 * self.product;
         let root = if difference > 0.0 { difference.sqrt() } else { 0.0 };
-        let large = 0.5 * (self.trace + root);
-        (self.product / large, large)
-    }
-
-    /// The eigenvector of the smaller eigenvalue: what the Hessian less the larger one leaves of any vector.
-    fn soft_direction(&self, large: f64) -> Vec3 {
-        let across = self.normal.cross(&Vec3::ith(self.normal.iamin(), 1.0)).normalize();
-        let [p, q] = [across, self.normal.cross(&across)].map(|v| {
-            self.dyads().iter().fold(v * large, |left, (weight, along)| {
-                left - along * (weight * along.dot(&v))
-            })
-        });
-        let (p_squared, q_squared) = (p.norm_squared(), q.norm_squared());
-        let (longer, squared) = if p_squared < q_squared { (q, q_squared) } else { (p, p_squared) };
-        if squared > 0.0 { longer / squared.sqrt() } else { across }
+        2.0 * self.product / (self.trace + root)
     }
 }
 
@@ -210,43 +186,26 @@ impl SmoothPair<'_> {
     }
 
     fn resolve(&self, start: &Vec3) -> Outcome {
-        let (touch, e) = match self.minimise(start, None) {
+        let (touch, radius) = match self.minimise(start) {
             Minimum::Apart(clearance) => return Outcome::Apart(clearance),
             Minimum::Failed(why) => return Outcome::Failed(why),
-            Minimum::Same => unreachable!("the first has no rival"),
-            Minimum::At(touch, e) => (touch, e),
+            Minimum::At { touch, radius } => (touch, radius),
         };
-        let shapes = self.bodies.map(|body| body.shape);
-        let sum = |radius: fn(&Shape) -> f64| shapes.map(radius).iter().sum::<f64>() * self.per_metre;
-        let (small, large) = e.radii();
-        if touch.overlap < sum(Shape::smallest_curvature_radius) || touch.overlap < DOUBTFUL * small {
+        let [a, b] = self.bodies;
+        let certain =
+            a.shape.smallest_curvature_radius() + b.shape.smallest_curvature_radius();
+        if touch.overlap < certain * self.per_metre || touch.overlap < DOUBTFUL * radius {
             return touch.outcome();
         }
-        let mut best = touch;
-        let soft = e.soft_direction(large);
-        let mut starts = vec![soft, -soft];
-        if touch.overlap >= DOUBTFUL * large {
-            let across = e.normal.cross(&soft);
-            starts.extend([across, -across]);
+        match RIVAL.touch(a, b, &(self.r * self.unit), None) {
+            Outcome::Touching(coarse) => match self.minimise(&coarse.normal) {
+                Minimum::Apart(clearance) => Outcome::Apart(clearance),
+                Minimum::At { touch: rival, .. } if rival.overlap < touch.overlap => rival.outcome(),
+                _ => touch.outcome(),
+            },
+            Outcome::Apart(clearance) => Outcome::Apart(clearance * self.per_metre),
+            failed @ Outcome::Failed(_) => failed,
         }
-        for start in &mut starts {
-            *start = (e.normal + *start * ACROSS).normalize();
-        }
-        if touch.overlap > CLOSE * small {
-            starts.extend([soft, -soft].map(|aside| (e.normal + aside * BESIDE).normalize()));
-        }
-        if touch.overlap > DEEP * sum(Shape::inscribed_radius) {
-            let axes = self.bodies.iter().flat_map(|body| body.frame.column_iter());
-            starts.extend(axes.flat_map(|axis| [axis.into_owned(), -axis]));
-        }
-        for start in &starts {
-            match self.minimise(start, Some(&best.normal)) {
-                Minimum::Apart(clearance) => return Outcome::Apart(clearance),
-                Minimum::At(rival, _) if rival.overlap < best.overlap => best = rival,
-                _ => {}
-            }
-        }
-        best.outcome()
     }
 
     /// One body along its outward direction, or `None` if it has edges.
@@ -282,8 +241,8 @@ impl SmoothPair<'_> {
         Some(e)
     }
 
-    /// Goes downhill from `start`, a unit vector, and no farther if that leads to `rival`.
-    fn minimise(&self, start: &Vec3, rival: Option<&Vec3>) -> Minimum {
+    /// Goes downhill from `start`, a unit vector.
+    fn minimise(&self, start: &Vec3) -> Minimum {
         let Some(mut here) = self.evaluate(*start) else {
             return Minimum::Failed(Why::NotSmooth);
         };
@@ -292,9 +251,6 @@ impl SmoothPair<'_> {
         loop {
             if here.delta <= 0.0 {
                 return Minimum::Apart(-here.delta);
-            }
-            if rival.is_some_and(|n| (here.normal - n).norm_squared() < SAME * SAME) {
-                return Minimum::Same;
             }
             let mut step = here.newton();
             let squared = step.norm_squared();
@@ -310,7 +266,8 @@ impl SmoothPair<'_> {
             let gain = -0.5 * slope;
             let left = gain * ((gain / gained) * (gain / gained));
             if gain <= NEAR && (gain <= NOTHING || left <= NOTHING || gain >= 0.25 * gained) {
-                return Minimum::At(self.corrected(&here, &step), Box::new(here));
+                let touch = self.corrected(&here, &step);
+                return Minimum::At { touch, radius: here.smaller_radius() };
             }
             gained = gain;
             if evaluations >= EVALUATIONS {

@@ -86,7 +86,8 @@ impl PolySuperellipsoid {
         self.inwards(&self.exponents.support(&self.around(&along), &along).point)
     }
 
-    /// Support point and curvature along a unit vector; `None` if the surface has edges (an exponent of 2).
+    /// Support point and curvature along a unit vector; `None` with an exponent above 1.6: the
+    /// surface has edges, or crests that are as good as edges.
     #[inline]
     pub fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
         let along = self.axes * direction;

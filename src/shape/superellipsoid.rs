@@ -63,7 +63,8 @@ impl Superellipsoid {
         }
     }
 
-    /// Support point and curvature along a unit vector; `None` if the surface has edges (an exponent of 2).
+    /// Support point and curvature along a unit vector; `None` with an exponent above 1.6: the
+    /// surface has edges, or crests that are as good as edges.
     #[inline]
     pub fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
         match self.as_ellipsoid() {
@@ -159,6 +160,9 @@ pub(super) struct Exponents {
 /// Components of a direction smaller than this count as such in the Hessian, which is infinite
 /// across flat faces.
 const FLATTEST: f64 = 1e-12;
+/// With an exponent above this, crests are as good as edges: radii of curvature fall to zero within a few percent
+/// of the size.
+const SHARPEST: f64 = 1.6;
 /// A change of a component of a direction, relative to it, over which a Hessian is no longer constant.
 const BENT: f64 = 0.3;
 
@@ -201,14 +205,14 @@ impl Exponents {
         }
     }
 
-    /// The same for a unit vector, with a Hessian that is finite; `None` if there are edges.
+    /// The same for a unit vector, with a Hessian that is finite; `None` if there are edges or as good as.
     #[inline]
     pub(super) fn curved_support(
         self,
         semi_axes: &Vec3,
         direction: &Vec3,
     ) -> Option<CurvedSupport> {
-        if self.along == 2.0 || self.across == 2.0 {
+        if self.along > SHARPEST || self.across > SHARPEST {
             return None;
         }
         let here = self.support(semi_axes, direction);
