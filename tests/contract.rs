@@ -3,10 +3,12 @@
 
 use dem_mpi::contact::{
     AgainstHalfSpace, CommonNormal, ContactResolver, Epa, ErodedGjk, Method, Outcome, Posed,
-    SeededCommonNormal, SphereSphere, Table, Touch, table,
+    SeededCommonNormal, SmoothCommonNormal, SphereSphere, Table, Touch, table,
 };
 use dem_mpi::math::{Mat3, Quat, Vec3};
-use dem_mpi::shape::{Ellipsoid, HalfSpace, Kind, Shape, Sphere};
+use dem_mpi::shape::{
+    Ellipsoid, HalfSpace, Kind, PolySuperellipsoid, Shape, Sphere, Superellipsoid,
+};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
 
@@ -25,6 +27,24 @@ struct Subject {
     normal: f64,
     /// Is the limit the common normal?
     exact: bool,
+    shapes: Shapes,
+}
+
+impl Subject {
+    /// The same pairs for every resolver of the same shapes.
+    fn random(&self, case: usize) -> Random {
+        Random { shapes: self.shapes, ..Random::new(case) }
+    }
+}
+
+/// Which shapes a resolver is given.
+#[derive(Clone, Copy, PartialEq)]
+enum Shapes {
+    /// Ellipsoids and balls.
+    Ellipsoids,
+    /// Superellipsoids and poly-superellipsoids, too, with exponents from 0.5 to 1: without crests, so that
+    /// small overlaps along a random normal are the least.
+    Smooth,
 }
 
 /// The chain of a method, as a simulation gets it from the table.
@@ -46,7 +66,7 @@ impl ContactResolver for Chained {
     }
 }
 
-/// Every resolver of pairs of ellipsoids and spheres.
+/// Every resolver of pairs of ellipsoids, spheres and their kin.
 ///
 /// A search to a gap `e` leaves the normal free by `√(2 e / κ)`, with κ above 0.1 here. Erosion's direction is
 /// not at a minimum of the overlap, which therefore feels the direction's error at first order.
@@ -56,12 +76,19 @@ fn resolvers() -> Vec<Subject> {
         overlap,
         normal,
         exact,
+        shapes: Shapes::Ellipsoids,
+    };
+    let smooth = |resolver| Subject {
+        shapes: Shapes::Smooth,
+        ..subject(resolver, ROUNDING, 1e-12, true)
     };
     let erosion = |tolerance| ErodedGjk { tolerance, ..ErodedGjk::default() };
     vec![
         subject(Box::new(CommonNormal), ROUNDING, 1e-12, true),
         subject(Box::<SeededCommonNormal>::default(), ROUNDING, 1e-12, true),
         subject(Box::new(Chained::by(&Method::Auto)), ROUNDING, 1e-12, true),
+        smooth(Box::new(SmoothCommonNormal)),
+        smooth(Box::new(Chained::by(&Method::Auto))),
         subject(Box::new(Epa { tolerance: 1e-8 }), 1e-8, 5e-4, true),
         subject(Box::new(Chained::by(&Method::Epa { tolerance: 1e-5 })), 1e-5, 1.5e-2, true),
         subject(Box::new(erosion(1e-14)), 1e-7, 1e-6, false),
@@ -69,16 +96,20 @@ fn resolvers() -> Vec<Subject> {
     ]
 }
 
-struct Random(ChaCha8Rng);
+struct Random {
+    generator: ChaCha8Rng,
+    shapes: Shapes,
+}
 
 impl Random {
     fn new(case: usize) -> Self {
-        Self(ChaCha8Rng::seed_from_u64(SEED + case as u64))
+        let generator = ChaCha8Rng::seed_from_u64(SEED + case as u64);
+        Self { generator, shapes: Shapes::Ellipsoids }
     }
 
     /// In 0..1.
     fn unit(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+        (self.generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     fn between(&mut self, low: f64, high: f64) -> f64 {
@@ -108,6 +139,16 @@ impl Random {
     }
 
     fn shape(&mut self) -> Shape {
+        if self.shapes == Shapes::Smooth && self.unit() < 0.7 {
+            let exponents = [self.between(0.5, 1.0), self.between(0.5, 1.0)];
+            let semi_axes = Vec3::from_fn(|_, _| self.between(0.5, 2.0));
+            if self.unit() < 0.5 {
+                return Shape::Superellipsoid(Superellipsoid::new(semi_axes, exponents));
+            }
+            let other = semi_axes.map(|a| a * self.between(0.5, 1.0));
+            let octants = PolySuperellipsoid::new(semi_axes, other, exponents);
+            return Shape::PolySuperellipsoid(Box::new(octants));
+        }
         if self.unit() < 0.2 {
             Shape::Sphere(Sphere { radius: self.between(0.5, 2.0) })
         } else {
@@ -178,7 +219,7 @@ fn assert_same(case: usize, subject: &Subject, size: f64, found: &Touch, expecte
 fn for_touching(check: impl Fn(usize, &Subject, &Case, &mut Random)) {
     for subject in resolvers() {
         for i in 0..CASES {
-            let mut random = Random::new(i);
+            let mut random = subject.random(i);
             let overlap = random.between(0.002, 0.05);
             let case = Case::with_overlap(&mut random, overlap);
             check(i, &subject, &case, &mut random);
@@ -249,7 +290,7 @@ fn the_overlap_goes_smoothly_through_touch() {
         for i in 0..CASES / 3 {
             let mut last: Option<(f64, f64)> = None;
             for overlap in OVERLAPS {
-                let case = Case::with_overlap(&mut Random::new(i), overlap);
+                let case = Case::with_overlap(&mut subject.random(i), overlap);
                 let tolerance = 2.0 * subject.overlap * case.size();
                 let found = match case.resolve(&*subject.resolver, None) {
                     Outcome::Touching(touch) => touch.overlap,
@@ -286,6 +327,15 @@ fn the_unit_of_length_does_not_matter() {
                 Shape::Ellipsoid(e) => {
                     Shape::Ellipsoid(Ellipsoid { semi_axes: e.semi_axes * unit })
                 }
+                Shape::Superellipsoid(s) => {
+                    let semi_axes = s.semi_axes() * unit;
+                    Shape::Superellipsoid(Superellipsoid::new(semi_axes, s.exponents()))
+                }
+                Shape::PolySuperellipsoid(p) => {
+                    let [positive, negative] = p.semi_axes().map(|axes| axes * unit);
+                    let octants = PolySuperellipsoid::new(positive, negative, p.exponents());
+                    Shape::PolySuperellipsoid(Box::new(octants))
+                }
                 Shape::HalfSpace(_) => unreachable!("no walls here"),
             };
             let there = Case {
@@ -305,7 +355,7 @@ fn the_unit_of_length_does_not_matter() {
 #[test]
 fn resolvers_agree_and_none_finds_too_little() {
     for_touching(|i, subject, case, _| {
-        let exact = case.touch(&CommonNormal);
+        let exact = case.touch(&SmoothCommonNormal);
         let touch = case.touch(&*subject.resolver);
         let name = subject.resolver.name();
         let excess = (touch.overlap - exact.overlap) / case.size();
@@ -320,7 +370,7 @@ fn resolvers_agree_and_none_finds_too_little() {
 fn bodies_that_are_apart_do_not_touch() {
     for subject in resolvers().iter().filter(|subject| subject.exact) {
         for i in 0..CASES {
-            let mut random = Random::new(i);
+            let mut random = subject.random(i);
             let clearance = random.between(1e-4, 1.0);
             let case = Case::with_overlap(&mut random, -clearance);
             let name = subject.resolver.name();
@@ -340,7 +390,7 @@ fn a_pair_that_rests_misses_nothing() {
     for subject in &resolvers() {
         let mut promises = 0;
         for i in 0..CASES {
-            let mut random = Random::new(i);
+            let mut random = subject.random(i);
             let mut case = Case::with_overlap(&mut random, -0.3 * random_square(i));
             let Outcome::Apart(promised) = case.resolve(&*subject.resolver, None) else {
                 continue; // spurious contacts of erosion
@@ -408,7 +458,7 @@ fn no_answer_is_not_a_number() {
         }
         let lost = Case {
             r: Vec3::new(0.1, f64::NAN, 0.1),
-            ..Case::with_overlap(&mut Random::new(0), 0.1)
+            ..Case::with_overlap(&mut subject.random(0), 0.1)
         };
         let outcome = lost.resolve(&*subject.resolver, None);
         assert!(matches!(outcome, Outcome::Failed(_)), "{}: {outcome:?}", subject.resolver.name());
@@ -456,6 +506,9 @@ fn the_table_serves_every_pair() {
         let serving = |a, b| table.get((a, b)).map(ContactResolver::name);
         assert_eq!(serving(Kind::Ellipsoid, Kind::Ellipsoid), Some(name));
         assert_eq!(serving(Kind::Ellipsoid, Kind::Sphere), Some(name));
+        assert_eq!(serving(Kind::Superellipsoid, Kind::Sphere), Some(name));
+        assert_eq!(serving(Kind::PolySuperellipsoid, Kind::Ellipsoid), Some(name));
+        assert_eq!(serving(Kind::PolySuperellipsoid, Kind::HalfSpace), Some("half-space"));
         assert_eq!(serving(Kind::Sphere, Kind::Sphere), Some("sphere-sphere"));
         assert_eq!(serving(Kind::HalfSpace, Kind::Sphere), Some("half-space"));
         assert_eq!(serving(Kind::Ellipsoid, Kind::HalfSpace), Some("half-space"));

@@ -11,4 +11,5 @@ mod post;
 mod ranks_threads;
 mod scene;
 mod snapshot;
+mod superellipsoids;
 mod support;

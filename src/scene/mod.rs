@@ -39,10 +39,13 @@
 //! | **`[[shape]]`** | | |
 //! | `name` | | |
 //! | `material` | | default: the scene's only material |
-//! | `kind` | | `"sphere"` or `"ellipsoid"` |
+//! | `kind` | | `"sphere"`, `"ellipsoid"`, `"superellipsoid"` or `"poly-superellipsoid"` |
 //! | `radius` or `diameter` | m | of a sphere |
 //! | `semi_axes` | m | of an ellipsoid, along its own x, y, z; or: |
 //! | `diameter`, `aspect_ratio` | m | of the ball of equal volume; first semi-axis over the other two |
+//! | `semi_axes` | m | of a superellipsoid, along its own x, y, z |
+//! | `semi_axes_positive`, `semi_axes_negative` | m | of a poly-superellipsoid, from where its octants meet towards positive and negative x, y, z; particles are placed by their centres of mass and principal axes |
+//! | `exponents` | | of both: [e1, e2] in (0, 2], of sections along z and across; towards 0 a box, 1 an ellipsoid, 2 an octahedron |
 //! | **`[contact]`** | | how contacts are resolved; may be left out |
 //! | `method` | | `"auto"` (default), `"common-normal"`, `"gjk-erosion"` or `"epa"` |
 //! | `erosion_ratio` | | of `gjk-erosion`: first erosion, in (0, 1); default 0.05 |
