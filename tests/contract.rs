@@ -78,10 +78,8 @@ fn resolvers() -> Vec<Subject> {
         exact,
         shapes: Shapes::Ellipsoids,
     };
-    let smooth = |resolver| Subject {
-        shapes: Shapes::Smooth,
-        ..subject(resolver, ROUNDING, 1e-12, true)
-    };
+    let smooth =
+        |resolver| Subject { shapes: Shapes::Smooth, ..subject(resolver, ROUNDING, 1e-12, true) };
     let erosion = |tolerance| ErodedGjk { tolerance, ..ErodedGjk::default() };
     vec![
         subject(Box::new(CommonNormal), ROUNDING, 1e-12, true),

@@ -156,7 +156,10 @@ fn every_key_arrives() {
     assert_eq!(scene.walls[3].velocity, Vec3::new(0.0, 0.0, -0.01));
 
     let library = &scene.library;
-    assert_eq!(library.names, ["ball", "bead", "egg", "rice", "brick", "pebble", "-y", "+y", "-z", "lid"]);
+    assert_eq!(
+        library.names,
+        ["ball", "bead", "egg", "rice", "brick", "pebble", "-y", "+y", "-z", "lid"]
+    );
     assert_eq!(library.particle_shapes, 6);
     assert!(library.mass[6..].iter().all(|&mass| mass == f64::INFINITY));
     assert!(library.inertia[6..].iter().all(|inertia| inertia.x == f64::INFINITY));
@@ -264,7 +267,10 @@ fn wrong_overrides_are_named() {
             "material.glas.friction=0.4",
             "there is no `glas` here, did you mean `glass`? (there are: glass, steel)",
         ),
-        ("shape.6.radius=1", "there is no `6` here (there are: ball, bead, egg, rice, brick, pebble)"),
+        (
+            "shape.6.radius=1",
+            "there is no `6` here (there are: ball, bead, egg, rice, brick, pebble)",
+        ),
         ("time.step.size=1", "`size` leads nowhere: before it stands a number"),
         (
             "time.stps=5",
@@ -281,7 +287,7 @@ fn wrong_overrides_are_named() {
         (
             "shape.ball.kind=elipsoid",
             "shape.ball.kind = \"elipsoid\": no such choice, did you mean `ellipsoid`? (allowed: \
-             sphere, ellipsoid)",
+             sphere, ellipsoid, superellipsoid, poly-superellipsoid)",
         ),
     ];
     for (text, message) in wrong {

@@ -119,7 +119,10 @@ enum Minimum {
     /// With this clearance.
     Apart(f64),
     /// With the smaller of the surfaces' radii of curvature there, added up.
-    At { touch: Touch, radius: f64 },
+    At {
+        touch: Touch,
+        radius: f64,
+    },
     Failed(Why),
 }
 
@@ -192,15 +195,16 @@ impl SmoothPair<'_> {
             Minimum::At { touch, radius } => (touch, radius),
         };
         let [a, b] = self.bodies;
-        let certain =
-            a.shape.smallest_curvature_radius() + b.shape.smallest_curvature_radius();
+        let certain = a.shape.smallest_curvature_radius() + b.shape.smallest_curvature_radius();
         if touch.overlap < certain * self.per_metre || touch.overlap < DOUBTFUL * radius {
             return touch.outcome();
         }
         match RIVAL.touch(a, b, &(self.r * self.unit), None) {
             Outcome::Touching(coarse) => match self.minimise(&coarse.normal) {
                 Minimum::Apart(clearance) => Outcome::Apart(clearance),
-                Minimum::At { touch: rival, .. } if rival.overlap < touch.overlap => rival.outcome(),
+                Minimum::At { touch: rival, .. } if rival.overlap < touch.overlap => {
+                    rival.outcome()
+                }
                 _ => touch.outcome(),
             },
             Outcome::Apart(clearance) => Outcome::Apart(clearance * self.per_metre),
@@ -227,8 +231,7 @@ impl SmoothPair<'_> {
         let between = (sides[0].world.point - sides[1].world.point) - self.r;
         let delta = between.dot(&normal);
         let gradient = between - normal * delta;
-        let mut e =
-            Evaluation { normal, sides, delta, gradient, trace: 0.0, product: 0.0 };
+        let mut e = Evaluation { normal, sides, delta, gradient, trace: 0.0, product: 0.0 };
         let dyads = e.dyads();
         for (i, (weight, along)) in dyads.iter().enumerate() {
             e.trace += weight * along.norm_squared();

@@ -48,7 +48,9 @@ impl PolySuperellipsoid {
             half_lengths: Vec3::zeros(),
             bounding_radius: 0.0,
             inscribed_radius: 0.0,
-            smallest_curvature_radius: smallest_curvature_radius_of_octants(&positive, &negative, exponents),
+            smallest_curvature_radius: smallest_curvature_radius_of_octants(
+                &positive, &negative, exponents,
+            ),
         };
         shape.half_lengths = Vec3::from_fn(|i, _| {
             let axis = Vec3::ith(i, 1.0);
@@ -118,7 +120,8 @@ impl PolySuperellipsoid {
         self.bounding_radius
     }
 
-    /// Radius of a ball about the centre of mass inside the shape [m], a few percent below the largest.
+    /// Radius of a ball about the centre of mass inside the shape [m], at most a tenth smaller than the
+    /// largest.
     pub const fn inscribed_radius(&self) -> f64 {
         self.inscribed_radius
     }
@@ -185,7 +188,11 @@ impl PolySuperellipsoid {
 }
 
 /// Smallest radius of curvature in any octant [m].
-fn smallest_curvature_radius_of_octants(positive: &Vec3, negative: &Vec3, exponents: Exponents) -> f64 {
+fn smallest_curvature_radius_of_octants(
+    positive: &Vec3,
+    negative: &Vec3,
+    exponents: Exponents,
+) -> f64 {
     let mut least = f64::INFINITY;
     for octant in 0..8 {
         let side = |i: usize| if octant >> i & 1 == 0 { positive[i] } else { negative[i] };

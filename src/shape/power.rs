@@ -56,8 +56,7 @@ fn exp2(x: f64) -> f64 {
         + ff * (1.0 / 6.0
             + ff * (1.0 / 120.0
                 + ff * (1.0 / 5040.0
-                    + ff * (1.0 / 362_880.0
-                        + ff * (1.0 / 39_916_800.0 + ff / 6_227_020_800.0)))));
+                    + ff * (1.0 / 362_880.0 + ff * (1.0 / 39_916_800.0 + ff / 6_227_020_800.0)))));
     let power = f64::from_bits((shifted.to_bits() << 52).wrapping_add(1.0_f64.to_bits()));
     if x > LOWEST { (even + f * odd) * power } else { 0.0 }
 }
