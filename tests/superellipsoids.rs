@@ -437,7 +437,7 @@ fn bits_are_pinned() {
             case.a.0.gyration().iter().for_each(|&x| add(x));
         }
     }
-    assert_eq!(hash, 0xd1ee_4de2_bb15_dcea, "{hash:#x}");
+    assert_eq!(hash, 0x789d_f232_0bfd_733c, "{hash:#x}");
 }
 
 /// With exponents of 1 the answer is the ellipsoid's, bit for bit.
@@ -499,7 +499,8 @@ fn aligned_bodies() {
 // --- packing ---
 
 const PACKING: &str = r#"
-gravity = [0.5, 0.2, -9.81]
+gravity = [5.0, 2.0, -98.1]
+global_damping = 20.0
 [domain]
 low = [0.0, 0.0, 0.0]
 high = [0.024, 0.024, 0.1]
@@ -509,7 +510,7 @@ name = "grain"
 density = 265000.0
 normal_stiffness = 1.5e5
 friction = 0.3
-restitution = 0.5
+restitution = 0.3
 [[shape]]
 name = "brick"
 kind = "superellipsoid"
@@ -538,7 +539,7 @@ spacing = 0.0045
 velocity = [0.3, -0.2, -1.5]
 [time]
 step = 1e-5
-steps = 1200
+steps = 3000
 [output]
 directory = "out"
 "#;
@@ -563,7 +564,8 @@ fn a_packing_is_the_same_on_any_number_of_ranks() {
             for _ in 0..scene.steps {
                 sim.step(comm).unwrap();
             }
-            assert!(ranks > 1 || sim.contact_table().a.len() > 150, "a packing has contacts");
+            let contacts = sim.contact_table().a.len();
+            assert!(ranks > 1 || contacts > 150, "{contacts} contacts are no packing");
             bits(&sim, comm)
         });
         parts.into_iter().flatten().collect()

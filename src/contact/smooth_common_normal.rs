@@ -74,6 +74,11 @@ impl ContactResolver for SmoothCommonNormal {
     }
 }
 
+/// A contact, unless the closing correction brought the overlap to nothing.
+fn settled(touch: Touch) -> Outcome {
+    if touch.overlap > 0.0 { Outcome::Touching(touch) } else { Outcome::Apart(0.0) }
+}
+
 /// The ellipsoid that a shape is, if it is one.
 fn ellipsoid(shape: &Shape) -> Option<Ellipsoid> {
     match shape {
@@ -197,17 +202,17 @@ impl SmoothPair<'_> {
         let [a, b] = self.bodies;
         let certain = a.shape.smallest_curvature_radius() + b.shape.smallest_curvature_radius();
         if touch.overlap < certain * self.per_metre || touch.overlap < DOUBTFUL * radius {
-            return touch.outcome();
+            return settled(touch);
         }
         match RIVAL.touch(a, b, &(self.r * self.unit), None) {
             Outcome::Touching(coarse) => match self.minimise(&coarse.normal) {
                 Minimum::Apart(clearance) => Outcome::Apart(clearance),
-                Minimum::At { touch: rival, .. } if rival.overlap < touch.overlap => {
-                    rival.outcome()
-                }
-                _ => touch.outcome(),
+                Minimum::At { touch: rival, .. } if rival.overlap < touch.overlap => settled(rival),
+                _ => settled(touch),
             },
             Outcome::Apart(clearance) => Outcome::Apart(clearance * self.per_metre),
+            // No start for a rival: a minimum will do, a saddle not.
+            Outcome::Failed(_) if touch.overlap < radius => settled(touch),
             failed @ Outcome::Failed(_) => failed,
         }
     }
@@ -253,7 +258,8 @@ impl SmoothPair<'_> {
         let mut gained = f64::INFINITY;
         loop {
             if here.delta <= 0.0 {
-                return Minimum::Apart(-here.delta);
+                // No more than is certain.
+                return Minimum::Apart((-here.delta - ROUNDING).max(0.0));
             }
             let mut step = here.newton();
             let squared = step.norm_squared();
