@@ -16,4 +16,5 @@ mod robustness;
 mod scene;
 mod snapshot;
 mod solids;
+mod superellipsoids;
 mod support;

@@ -12,6 +12,7 @@ use dem_mpi::particles::{Library, Needs};
 use dem_mpi::scene::packing::initial;
 use dem_mpi::scene::plan::plan;
 use dem_mpi::scene::{Fill, Method, Place, Scene, SceneErrors};
+use dem_mpi::shape::Shape;
 use std::path::{Path, PathBuf};
 
 // --- files ---
@@ -185,13 +186,22 @@ fn every_key_arrives() {
     assert_eq!(scene.walls[3].velocity, Vec3::new(0.0, 0.0, -0.01));
 
     let library = &scene.library;
-    assert_eq!(library.names, ["ball", "bead", "egg", "rice", "-y", "+y", "-z", "lid"]);
-    assert_eq!(library.particle_shapes, 4);
-    assert!(library.mass[4..].iter().all(|&mass| mass == f64::INFINITY));
-    assert!(library.inertia[4..].iter().all(|inertia| inertia.x == f64::INFINITY));
+    assert_eq!(
+        library.names,
+        ["ball", "bead", "egg", "rice", "brick", "pebble", "-y", "+y", "-z", "lid"]
+    );
+    assert_eq!(library.particle_shapes, 6);
+    assert!(library.mass[6..].iter().all(|&mass| mass == f64::INFINITY));
+    assert!(library.inertia[6..].iter().all(|inertia| inertia.x == f64::INFINITY));
     let rice = library.shapes[3].semi_axes();
     assert!((rice.x / rice.y - 3.0).abs() < 1e-15 && rice.y == rice.z, "{rice}");
     assert!((rice.product() - 0.004_f64.powi(3)).abs() < 1e-22, "{rice}");
+
+    let axes = [Vec3::new(0.006, 0.005, 0.004), Vec3::new(0.004, 0.005, 0.003)];
+    let Shape::Superellipsoid(brick) = &library.shapes[4] else { panic!("no superellipsoid") };
+    assert_eq!((brick.semi_axes(), brick.exponents()), (axes[0], [0.5, 0.3]));
+    let Shape::PolySuperellipsoid(pebble) = &library.shapes[5] else { panic!("no octants") };
+    assert_eq!((pebble.semi_axes(), pebble.exponents()), (axes, [0.8, 1.2]));
 
     let between = scene.interactions.of(library.materials[0], library.materials[2]);
     assert_eq!(between.normal_stiffness, 2e4);
@@ -287,7 +297,10 @@ fn wrong_overrides_are_named() {
             "material.glas.friction=0.4",
             "there is no `glas` here, did you mean `glass`? (there are: glass, steel)",
         ),
-        ("shape.4.radius=1", "there is no `4` here (there are: ball, bead, egg, rice)"),
+        (
+            "shape.6.radius=1",
+            "there is no `6` here (there are: ball, bead, egg, rice, brick, pebble)",
+        ),
         ("time.step.size=1", "`size` leads nowhere: before it stands a number"),
         (
             "time.stps=5",
@@ -304,7 +317,8 @@ fn wrong_overrides_are_named() {
         (
             "shape.ball.kind=elipsoid",
             "shape.ball.kind = \"elipsoid\": no such choice, did you mean `ellipsoid`? (allowed: \
-             sphere, ellipsoid, spherocylinder, polyhedron, rounded-polyhedron)",
+             sphere, ellipsoid, superellipsoid, poly-superellipsoid, spherocylinder, polyhedron, \
+             rounded-polyhedron)",
         ),
     ];
     for (text, message) in wrong {

@@ -373,7 +373,7 @@ impl ContactResolver for SeededCommonNormal {
 
 impl Outcome {
     /// The outcome of a pair whose lengths were divided by `unit`.
-    fn in_metres(self, unit: f64) -> Self {
+    pub(super) fn in_metres(self, unit: f64) -> Self {
         match self {
             Self::Apart(clearance) => Self::Apart(clearance * unit),
             Self::Touching(t) => {

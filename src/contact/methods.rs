@@ -2,7 +2,7 @@
 
 use super::{
     AgainstHalfSpace, Chain, CommonNormal, ContactResolver, Cores, Epa, ErodedGjk,
-    SeededCommonNormal, SphereSphere, Table,
+    SeededCommonNormal, SmoothCommonNormal, SphereSphere, Table,
 };
 use crate::shape::Kind;
 use serde::{Deserialize, Serialize};
@@ -48,10 +48,13 @@ impl Method {
         let last_resort = || Box::new(Epa { tolerance: 1e-10 });
         let (first, fallbacks): (Box<dyn ContactResolver>, Vec<Box<dyn ContactResolver>>) =
             match *self {
-                Self::Auto | Self::CommonNormal if a.is_smooth() && b.is_smooth() => (
+                Self::Auto | Self::CommonNormal if a.is_ellipsoidal() && b.is_ellipsoidal() => (
                     Box::new(CommonNormal),
                     vec![Box::new(SeededCommonNormal::default()), last_resort()],
                 ),
+                Self::Auto | Self::CommonNormal if a.is_smooth() && b.is_smooth() => {
+                    (Box::new(SmoothCommonNormal), vec![last_resort()])
+                }
                 // A tight tolerance asks too much of a continuum of normals, as of crossed cylinders.
                 Self::Auto | Self::CommonNormal if a.has_margin() || b.has_margin() => (
                     Box::new(Cores),

@@ -23,6 +23,7 @@ mod lanes;
 mod methods;
 mod newton;
 mod patch;
+mod smooth_common_normal;
 mod sphere_sphere;
 
 pub use clearance::clearance;
@@ -33,6 +34,7 @@ pub use eroded_gjk::ErodedGjk;
 pub use fallback::Chain;
 pub use half_space::AgainstHalfSpace;
 pub use methods::{Method, needs_form, table};
+pub use smooth_common_normal::SmoothCommonNormal;
 pub use sphere_sphere::SphereSphere;
 
 use crate::ids::{GlobalId, ShapeId, Slot};
@@ -86,6 +88,8 @@ pub enum Why {
     TooDeep,
     /// A number that is not finite came in or out.
     NotFinite,
+    /// A body has edges, and the method needs curvature.
+    NotSmooth,
 }
 
 /// A body in place: its shape and the rotation from its own frame to the world.

@@ -27,14 +27,19 @@ pub enum StartError {
     Snapshot(#[from] SnapshotError),
     /// It has a shape that the scene does not have.
     #[error(
-        "{path}: particles of shape \"{shape}\", which the scene does not have, or has with another size. \
-         Give the scene a [[shape]] of that name and semi-axes {semi_axes}"
+        "{path}: particles of shape \"{shape}\", which the scene does not have, or has with another form or size. \
+         Give the scene a [[shape]] of that name and kind \"{kind}\", with semi-axes {semi_axes} and a volume of \
+         {volume:e} m3"
     )]
     Shape {
         /// The snapshot.
         path: PathBuf,
         /// The shape's name.
         shape: String,
+        /// Its kind.
+        kind: String,
+        /// Its volume [m³].
+        volume: f64,
         /// Its semi-axes [m].
         semi_axes: String,
     },
@@ -178,6 +183,7 @@ fn read_part(
                     // No two solids of one name have one box and one volume by accident.
                     let shape = &known.shapes[k];
                     known.names[k] == row.name
+                        && shape.kind().name() == row.kind
                         && shape.semi_axes() == row.semi_axes
                         && shape.volume() == row.volume
                 })
@@ -185,6 +191,8 @@ fn read_part(
                 .ok_or_else(|| StartError::Shape {
                     path: path.to_owned(),
                     shape: row.name.clone(),
+                    kind: row.kind.clone(),
+                    volume: row.volume,
                     semi_axes: format!(
                         "[{}, {}, {}] m",
                         row.semi_axes.x, row.semi_axes.y, row.semi_axes.z

@@ -8,7 +8,7 @@ use crate::ids::MaterialId;
 use crate::law::{Constants, Interactions, Material, damping_ratio_of_restitution};
 use crate::math::Vec3;
 use crate::particles::Library;
-use crate::shape::{Ellipsoid, Shape, Sphere};
+use crate::shape::{Ellipsoid, PolySuperellipsoid, Shape, Sphere, Superellipsoid};
 use std::path::Path;
 
 // --- names ---
@@ -243,6 +243,8 @@ fn geometry(section: &Section, folder: &Path) -> Option<Shape> {
     enum Kind {
         Sphere,
         Ellipsoid,
+        Superellipsoid,
+        PolySuperellipsoid,
         Spherocylinder,
         Polyhedron,
         RoundedPolyhedron,
@@ -251,6 +253,8 @@ fn geometry(section: &Section, folder: &Path) -> Option<Shape> {
         given.one_of(&[
             ("sphere", Kind::Sphere),
             ("ellipsoid", Kind::Ellipsoid),
+            ("superellipsoid", Kind::Superellipsoid),
+            ("poly-superellipsoid", Kind::PolySuperellipsoid),
             ("spherocylinder", Kind::Spherocylinder),
             ("polyhedron", Kind::Polyhedron),
             ("rounded-polyhedron", Kind::RoundedPolyhedron),
@@ -260,7 +264,8 @@ fn geometry(section: &Section, folder: &Path) -> Option<Shape> {
         None => {
             // Which sizes are allowed is not known.
             let keys = ["radius", "diameter", "semi_axes", "aspect_ratio"];
-            for key in keys.into_iter().chain(solids::KEYS) {
+            let of_octants = ["semi_axes_positive", "semi_axes_negative", "exponents"];
+            for key in keys.into_iter().chain(of_octants).chain(solids::KEYS) {
                 section.get(key);
             }
             None
@@ -307,5 +312,35 @@ fn geometry(section: &Section, folder: &Path) -> Option<Shape> {
             }?;
             Some(Shape::Ellipsoid(Ellipsoid { semi_axes }))
         }
+        Some(Kind::Superellipsoid) => {
+            let semi_axes = semi_axes(section, "semi_axes");
+            let exponents = exponents(section);
+            Some(Shape::Superellipsoid(Superellipsoid::new(semi_axes?, exponents?)))
+        }
+        Some(Kind::PolySuperellipsoid) => {
+            let positive = semi_axes(section, "semi_axes_positive");
+            let negative = semi_axes(section, "semi_axes_negative");
+            let exponents = exponents(section);
+            let shape = PolySuperellipsoid::new(positive?, negative?, exponents?);
+            Some(Shape::PolySuperellipsoid(Box::new(shape)))
+        }
     }
+}
+
+fn semi_axes(section: &Section, key: &'static str) -> Option<Vec3> {
+    let what = "a list of three numbers greater than 0 [m]";
+    section.require(key, what, |given| given.vector(Range::Positive, "m"))
+}
+
+fn exponents(section: &Section) -> Option<[f64; 2]> {
+    let what = "a list of two: [e1, e2], each a number greater than 0 and at most 2";
+    section.require("exponents", what, |given| {
+        let items = given.list(what)?;
+        let [along, across] = &items[..] else {
+            given.fail(format!("has {} items; must be {what}", items.len()));
+            return None;
+        };
+        let (along, across) = (along.number(Range::UpToTwo, ""), across.number(Range::UpToTwo, ""));
+        Some([along?, across?])
+    })
 }

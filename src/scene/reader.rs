@@ -18,6 +18,8 @@ pub(super) enum Range {
     NotNegative,
     /// In (0, 1].
     UpToOne,
+    /// In (0, 2].
+    UpToTwo,
     /// In (0, 1).
     BelowOne,
     /// From 1 up.
@@ -32,6 +34,7 @@ impl Range {
                 Self::Positive => x > 0.0,
                 Self::NotNegative => x >= 0.0,
                 Self::UpToOne => x > 0.0 && x <= 1.0,
+                Self::UpToTwo => x > 0.0 && x <= 2.0,
                 Self::BelowOne => x > 0.0 && x < 1.0,
                 Self::FromOne => x >= 1.0,
             }
@@ -45,6 +48,7 @@ impl fmt::Display for Range {
             Self::Positive => "a number greater than 0",
             Self::NotNegative => "a number, 0 or greater",
             Self::UpToOne => "a number greater than 0 and at most 1",
+            Self::UpToTwo => "a number greater than 0 and at most 2",
             Self::BelowOne => "a number greater than 0 and less than 1",
             Self::FromOne => "a number, 1 or greater",
         })

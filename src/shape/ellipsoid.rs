@@ -1,5 +1,6 @@
 //! The tri-axial ellipsoid `x²/a² + y²/b² + z²/c² = 1`.
 
+use super::CurvedSupport;
 use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -32,6 +33,26 @@ impl Ellipsoid {
         let z = frame.column(2) * self.semi_axes.z;
         let entry = |i: usize, j: usize| (x[i] * x[j] + y[i] * y[j]) + z[i] * z[j];
         [entry(0, 0), entry(1, 1), entry(2, 2), entry(0, 1), entry(0, 2), entry(1, 2)]
+    }
+
+    /// Support point and curvature along a unit vector.
+    #[inline]
+    pub fn curved_support(&self, direction: &Vec3) -> CurvedSupport {
+        let scaled = self.semi_axes.component_mul(direction);
+        let inverse = 1.0 / scaled.norm();
+        let n = scaled * inverse;
+        // Two unit vectors across n: Duff et al. (2017), "Building an orthonormal basis, revisited".
+        let sign = 1.0_f64.copysign(n.z);
+        let (a, b) = (-1.0 / (sign + n.z), -n.x * (n.y / (sign + n.z)));
+        let across = [
+            Vec3::new(1.0 + sign * (n.x * n.x * a), sign * b, -sign * n.x),
+            Vec3::new(b, sign + n.y * n.y * a, -n.y),
+        ];
+        CurvedSupport {
+            point: self.semi_axes.component_mul(&n),
+            weight: [inverse; 2],
+            along: across.map(|v| self.semi_axes.component_mul(&v)),
+        }
     }
 
     /// The longest semi-axis [m].

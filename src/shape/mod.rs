@@ -7,21 +7,26 @@ pub mod half_space;
 pub mod hull;
 pub mod mesh;
 pub mod moments;
+pub mod poly_superellipsoid;
 pub mod polyhedron;
+mod power;
 pub mod rounded_polyhedron;
 pub mod sphere;
 pub mod spherocylinder;
+pub mod superellipsoid;
 
 use crate::math::{Mat3, Vec3};
 pub use ellipsoid::{Ellipsoid, Form};
 pub use half_space::HalfSpace;
 use hull::Hull;
 use moments::Placement;
+pub use poly_superellipsoid::PolySuperellipsoid;
 pub use polyhedron::Polyhedron;
 pub use rounded_polyhedron::RoundedPolyhedron;
 use serde::{Deserialize, Serialize};
 pub use sphere::Sphere;
 pub use spherocylinder::Spherocylinder;
+pub use superellipsoid::{CurvedSupport, Superellipsoid};
 
 /// Which family of shape: pairs are resolved in batches of one pair of kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -30,6 +35,10 @@ pub enum Kind {
     Sphere,
     /// A tri-axial ellipsoid.
     Ellipsoid,
+    /// A superellipsoid.
+    Superellipsoid,
+    /// Eight octants of superellipsoids.
+    PolySuperellipsoid,
     /// A cylinder with a half ball on each end.
     Spherocylinder,
     /// A convex polyhedron.
@@ -42,9 +51,11 @@ pub enum Kind {
 
 impl Kind {
     /// Every kind, in the order of batches.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 8] = [
         Self::Sphere,
         Self::Ellipsoid,
+        Self::Superellipsoid,
+        Self::PolySuperellipsoid,
         Self::Spherocylinder,
         Self::Polyhedron,
         Self::RoundedPolyhedron,
@@ -56,6 +67,8 @@ impl Kind {
         match self {
             Self::Sphere => "sphere",
             Self::Ellipsoid => "ellipsoid",
+            Self::Superellipsoid => "superellipsoid",
+            Self::PolySuperellipsoid => "poly-superellipsoid",
             Self::Spherocylinder => "spherocylinder",
             Self::Polyhedron => "polyhedron",
             Self::RoundedPolyhedron => "rounded-polyhedron",
@@ -65,6 +78,11 @@ impl Kind {
 
     /// Has it a common normal, which needs curvature everywhere?
     pub const fn is_smooth(self) -> bool {
+        self.is_ellipsoidal() || matches!(self, Self::Superellipsoid | Self::PolySuperellipsoid)
+    }
+
+    /// Is it an ellipsoid, if only a round one?
+    pub const fn is_ellipsoidal(self) -> bool {
         matches!(self, Self::Sphere | Self::Ellipsoid)
     }
 
@@ -92,6 +110,10 @@ pub enum Shape {
     Sphere(Sphere),
     /// A tri-axial ellipsoid.
     Ellipsoid(Ellipsoid),
+    /// A superellipsoid.
+    Superellipsoid(Superellipsoid),
+    /// Eight octants of superellipsoids.
+    PolySuperellipsoid(Box<PolySuperellipsoid>),
     /// A cylinder with a half ball on each end.
     Spherocylinder(Spherocylinder),
     /// A convex polyhedron.
@@ -108,6 +130,8 @@ impl Shape {
         match self {
             Self::Sphere(_) => Kind::Sphere,
             Self::Ellipsoid(_) => Kind::Ellipsoid,
+            Self::Superellipsoid(_) => Kind::Superellipsoid,
+            Self::PolySuperellipsoid(_) => Kind::PolySuperellipsoid,
             Self::Spherocylinder(_) => Kind::Spherocylinder,
             Self::Polyhedron(_) => Kind::Polyhedron,
             Self::RoundedPolyhedron(_) => Kind::RoundedPolyhedron,
@@ -123,10 +147,54 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.support(direction),
             Self::Ellipsoid(e) => e.support(direction),
+            Self::Superellipsoid(s) => s.support(direction),
+            Self::PolySuperellipsoid(p) => p.support(direction),
             Self::Spherocylinder(s) => s.support(direction),
             Self::Polyhedron(p) => p.hull().support(direction),
             Self::RoundedPolyhedron(p) => p.support(direction),
             Self::HalfSpace(_) => Vec3::repeat(f64::NAN),
+        }
+    }
+
+    /// Support point and curvature along a unit vector, both in the shape's own frame; `None` if the surface
+    /// has edges.
+    #[inline]
+    pub fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
+        match self {
+            Self::Sphere(s) => {
+                Some(Ellipsoid { semi_axes: Vec3::repeat(s.radius) }.curved_support(direction))
+            }
+            Self::Ellipsoid(e) => Some(e.curved_support(direction)),
+            Self::Superellipsoid(s) => s.curved_support(direction),
+            Self::PolySuperellipsoid(p) => p.curved_support(direction),
+            Self::Spherocylinder(_)
+            | Self::Polyhedron(_)
+            | Self::RoundedPolyhedron(_)
+            | Self::HalfSpace(_) => None,
+        }
+    }
+
+    /// A better way than a straight one to follow a `step` of `direction`, where the shape knows one: see
+    /// [`Superellipsoid::follow`].
+    #[inline]
+    pub fn follow(&self, here: &CurvedSupport, direction: &Vec3, step: &Vec3) -> Option<Vec3> {
+        match self {
+            Self::Superellipsoid(s) => s.follow(here, direction, step),
+            Self::PolySuperellipsoid(p) => p.follow(here, direction, step),
+            _ => None,
+        }
+    }
+
+    /// Smallest radius of curvature anywhere on the surface [m]; 0 where there are edges or crests.
+    pub fn smallest_curvature_radius(&self) -> f64 {
+        match self {
+            Self::Sphere(s) => s.radius,
+            Self::Ellipsoid(e) => e.smallest_curvature_radius(),
+            Self::Superellipsoid(s) => s.smallest_curvature_radius(),
+            Self::PolySuperellipsoid(p) => p.smallest_curvature_radius(),
+            Self::Spherocylinder(s) => s.radius,
+            Self::RoundedPolyhedron(p) => p.radius(),
+            Self::Polyhedron(_) | Self::HalfSpace(_) => 0.0,
         }
     }
 
@@ -135,6 +203,8 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.radius,
             Self::Ellipsoid(e) => e.bounding_radius(),
+            Self::Superellipsoid(s) => s.bounding_radius(),
+            Self::PolySuperellipsoid(p) => p.bounding_radius(),
             Self::Spherocylinder(s) => s.bounding_radius(),
             Self::Polyhedron(p) => p.hull().bounding_radius(),
             Self::RoundedPolyhedron(p) => p.bounding_radius(),
@@ -147,6 +217,8 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.radius,
             Self::Ellipsoid(e) => e.inscribed_radius(),
+            Self::Superellipsoid(s) => s.inscribed_radius(),
+            Self::PolySuperellipsoid(p) => p.inscribed_radius(),
             Self::Spherocylinder(s) => s.radius,
             Self::Polyhedron(p) => p.hull().inscribed_radius(),
             Self::RoundedPolyhedron(p) => p.inscribed_radius(),
@@ -159,6 +231,8 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.volume(),
             Self::Ellipsoid(e) => e.volume(),
+            Self::Superellipsoid(s) => s.volume(),
+            Self::PolySuperellipsoid(p) => p.volume(),
             Self::Spherocylinder(s) => s.volume(),
             Self::Polyhedron(p) => p.volume(),
             Self::RoundedPolyhedron(p) => p.volume(),
@@ -184,6 +258,8 @@ impl Shape {
         match self {
             Self::Sphere(s) => s.gyration(),
             Self::Ellipsoid(e) => e.gyration(),
+            Self::Superellipsoid(s) => s.gyration(),
+            Self::PolySuperellipsoid(p) => p.gyration(),
             Self::Spherocylinder(s) => s.gyration(),
             Self::Polyhedron(p) => p.gyration(),
             Self::RoundedPolyhedron(p) => p.gyration(),
@@ -199,7 +275,11 @@ impl Shape {
             Self::Sphere(s) => s.radius,
             Self::Spherocylinder(s) => s.radius,
             Self::RoundedPolyhedron(p) => p.radius(),
-            Self::Ellipsoid(_) | Self::Polyhedron(_) | Self::HalfSpace(_) => 0.0,
+            Self::Ellipsoid(_)
+            | Self::Superellipsoid(_)
+            | Self::PolySuperellipsoid(_)
+            | Self::Polyhedron(_)
+            | Self::HalfSpace(_) => 0.0,
         }
     }
 
@@ -221,7 +301,11 @@ impl Shape {
             Self::Spherocylinder(s) => Core::Segment(0.5 * s.length),
             Self::Polyhedron(p) => Core::Hull(p.hull()),
             Self::RoundedPolyhedron(p) => Core::Hull(p.core()),
-            Self::Sphere(_) | Self::Ellipsoid(_) | Self::HalfSpace(_) => Core::Curved,
+            Self::Sphere(_)
+            | Self::Ellipsoid(_)
+            | Self::Superellipsoid(_)
+            | Self::PolySuperellipsoid(_)
+            | Self::HalfSpace(_) => Core::Curved,
         }
     }
 
@@ -240,6 +324,8 @@ impl Shape {
         match self {
             Self::Sphere(s) => Vec3::repeat(s.radius),
             Self::Ellipsoid(e) => e.semi_axes,
+            Self::Superellipsoid(s) => s.semi_axes(),
+            Self::PolySuperellipsoid(p) => p.half_lengths(),
             Self::Spherocylinder(s) => s.half_extents(),
             Self::Polyhedron(p) => p.hull().half_extents(),
             Self::RoundedPolyhedron(p) => p.half_extents(),

@@ -1,0 +1,350 @@
+//! The common normal of any two smooth bodies, for pairs with a superellipsoid, by Newton's method on the unit
+//! sphere.
+//!
+//! Minimises `δ(n) = h_A(n) + h_B(-n) - n·r` over unit vectors `n` like [`CommonNormal`], from which it
+//! differs where superellipsoids differ from ellipsoids:
+//!
+//! * A Hessian comes as two dyads per body ([`CurvedSupport`]), not as a matrix. It is infinite across flat
+//!   faces and zero at crests. From dyads, the trace, the determinant on the tangent plane and the adjugate
+//!   are sums without a minus sign, so that eigenvalues ten orders apart do not lose each other.
+//! * Near a flat face the support point moves like a small power of the direction, and Newton's step overshoots
+//!   without end. The flatter body then follows the step on its surface: the step moves its support point in
+//!   a straight line and the new direction is the normal there ([`Shape::follow`]). Any other step is damped
+//!   until it brings a part of what it promised (Armijo; Nocedal and Wright 2006, *Numerical Optimization*,
+//!   chapter 3).
+//! * It ends by Newton's decrement, the overlap still to be gained, because the size of a step says nothing where
+//!   curvature has no bounds.
+//! * Radii of curvature may be zero, and with them what certifies a global minimum. Where it fails, a
+//!   minimum whose overlap is not small beside the radii of curvature *there* competes with the one that
+//!   Newton's method finds from the direction of a coarse EPA.
+//!
+//! Whatever it cannot settle within its evaluations goes to the next resolver of the chain.
+
+use super::{CommonNormal, ContactResolver, Epa, Outcome, Posed, Touch, Why, unit_of_length};
+use crate::math::{Mat3, Vec3};
+use crate::shape::{CurvedSupport, Ellipsoid, Shape};
+
+/// Directions tried before giving up.
+const EVALUATIONS: u32 = 30;
+/// Longest step [rad].
+const LONGEST_STEP: f64 = 0.5;
+/// Part of the predicted decrease that a step must bring (Armijo).
+const SUFFICIENT: f64 = 1e-4;
+/// The same of a step that follows a surface, or the damped step is taken instead.
+const WORTHWHILE: f64 = 0.2;
+/// Rounding of `δ`, in units of the pair's length.
+const ROUNDING: f64 = 4e-15;
+/// With less than this to be gained [units], `δ` is all rounding and the decrement itself is what decreases.
+const NEAR: f64 = 1e-14;
+/// With less than this to be gained [units] after the closing correction nothing is left.
+const NOTHING: f64 = 1e-28;
+/// A minimum has to compete if its overlap is more than this part of the radii of curvature.
+const DOUBTFUL: f64 = 0.1;
+/// Finds the rival: a minimum that wins may be this far above the global one [units].
+const RIVAL: Epa = Epa { tolerance: 1e-7 };
+
+/// Resolves smooth bodies of any kind by their common normal.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SmoothCommonNormal;
+
+impl ContactResolver for SmoothCommonNormal {
+    fn name(&self) -> &'static str {
+        "common-normal"
+    }
+
+    /// Two ellipsoids, superellipsoids with exponents of 1 among them, are left to [`CommonNormal`].
+    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
+        if let (Some(round_a), Some(round_b)) = (ellipsoid(a.shape), ellipsoid(b.shape)) {
+            let (round_a, round_b) = (Shape::Ellipsoid(round_a), Shape::Ellipsoid(round_b));
+            let a = Posed { shape: &round_a, frame: a.frame };
+            let b = Posed { shape: &round_b, frame: b.frame };
+            return CommonNormal.touch(&a, &b, r, warm);
+        }
+        let (radius_a, radius_b) = (a.shape.bounding_radius(), b.shape.bounding_radius());
+        let reach = radius_a + radius_b;
+        let squared = r.norm_squared();
+        if squared > reach * reach {
+            return Outcome::Apart(squared.sqrt() - reach);
+        }
+        let unit = unit_of_length(radius_a, radius_b);
+        let pair = SmoothPair { bodies: [a, b], r: r / unit, unit, per_metre: 1.0 / unit };
+        let start = warm.copied().or_else(|| pair.cold_start());
+        // Without a start the centres coincide.
+        start.map_or(Outcome::Failed(Why::TooDeep), |n| pair.resolve(&n).in_metres(unit))
+    }
+}
+
+/// A contact, unless the closing correction brought the overlap to nothing.
+fn settled(touch: Touch) -> Outcome {
+    if touch.overlap > 0.0 { Outcome::Touching(touch) } else { Outcome::Apart(0.0) }
+}
+
+/// The ellipsoid that a shape is, if it is one.
+fn ellipsoid(shape: &Shape) -> Option<Ellipsoid> {
+    match shape {
+        Shape::Sphere(s) => Some(Ellipsoid { semi_axes: Vec3::repeat(s.radius) }),
+        Shape::Ellipsoid(e) => Some(*e),
+        Shape::Superellipsoid(s) => s.as_ellipsoid(),
+        _ => None,
+    }
+}
+
+/// Two bodies and their relative position, in units of the pair's length.
+struct SmoothPair<'a> {
+    bodies: [&'a Posed<'a>; 2],
+    r: Vec3,
+    /// The unit of length [m], and its inverse.
+    unit: f64,
+    per_metre: f64,
+}
+
+/// A body's support point and curvature along the outward direction `n` or `-n`.
+struct Side {
+    /// Direction and support in the body's own frame [m].
+    direction: Vec3,
+    own: CurvedSupport,
+    /// Support in world axes [units].
+    world: CurvedSupport,
+}
+
+/// `δ` and its derivatives along one direction.
+struct Evaluation {
+    normal: Vec3,
+    sides: [Side; 2],
+    delta: f64,
+    /// Gradient of `δ` on the sphere.
+    gradient: Vec3,
+    /// Sum and product of the two eigenvalues of the Hessian of `h_A + h_B` on the tangent plane.
+    trace: f64,
+    product: f64,
+}
+
+/// Where Newton's method ended.
+enum Minimum {
+    /// With this clearance.
+    Apart(f64),
+    /// With the smaller of the surfaces' radii of curvature there, added up.
+    At {
+        touch: Touch,
+        radius: f64,
+    },
+    Failed(Why),
+}
+
+impl Evaluation {
+    /// The four dyads of the Hessian.
+    #[inline]
+    fn dyads(&self) -> [(f64, Vec3); 4] {
+        let [a, b] = [&self.sides[0].world, &self.sides[1].world];
+        [
+            (a.weight[0], a.along[0]),
+            (a.weight[1], a.along[1]),
+            (b.weight[0], b.along[0]),
+            (b.weight[1], b.along[1]),
+        ]
+    }
+
+    /// Newton's own shift is `δ`, wherever its step leads downhill. Elsewhere a little less than the
+    /// product over the sum of the eigenvalues, which is below both of them.
+    #[inline]
+    fn shift(&self) -> f64 {
+        let (shift, trace) = (self.delta, self.trace);
+        let determinant = (self.product - shift * trace) + shift * shift;
+        if determinant > 0.0 && 2.0 * shift < trace { shift } else { 0.9 * (self.product / trace) }
+    }
+
+    /// Newton's step `-(H - shift)⁻¹ g` on the tangent plane. The adjugate of a dyad is the dyad of
+    /// its vector turned by 90° about the normal.
+    #[inline]
+    fn newton(&self) -> Vec3 {
+        let shift = self.shift();
+        let determinant = (self.product - shift * self.trace) + shift * shift;
+        let g = &self.gradient;
+        let mut step = g * shift;
+        for (weight, along) in self.dyads() {
+            let turned = self.normal.cross(&along);
+            step -= turned * (weight * turned.dot(g));
+        }
+        step / determinant
+    }
+
+    /// The smaller eigenvalue of the Hessian on the tangent plane.
+    fn smaller_radius(&self) -> f64 {
+        let difference = self.trace * self.trace - 4.0 * self.product;
+        let root = if difference > 0.0 { difference.sqrt() } else { 0.0 };
+        2.0 * self.product / (self.trace + root)
+    }
+}
+
+impl SmoothPair<'_> {
+    /// The normal of the ellipsoids that have the bodies' semi-axes if they were of one form and orientation and
+    /// touched: `(A + B)⁻¹ r` with `A = R diag(a²) Rᵀ`.
+    fn cold_start(&self) -> Option<Vec3> {
+        let matrix = |body: &Posed| {
+            let axes = body.shape.semi_axes() * self.per_metre;
+            let stretched = body.frame * Mat3::from_diagonal(&axes);
+            stretched * stretched.transpose()
+        };
+        let sum = matrix(self.bodies[0]) + matrix(self.bodies[1]);
+        let [x, y, z] = [0, 1, 2].map(|i| sum.column(i).into_owned());
+        let adjugate = [y.cross(&z), z.cross(&x), x.cross(&y)];
+        let along = Vec3::from(adjugate.map(|row| row.dot(&self.r)));
+        let squared = along.norm_squared();
+        (squared > 0.0).then(|| along / squared.sqrt())
+    }
+
+    fn resolve(&self, start: &Vec3) -> Outcome {
+        let (touch, radius) = match self.minimise(start) {
+            Minimum::Apart(clearance) => return Outcome::Apart(clearance),
+            Minimum::Failed(why) => return Outcome::Failed(why),
+            Minimum::At { touch, radius } => (touch, radius),
+        };
+        let [a, b] = self.bodies;
+        let certain = a.shape.smallest_curvature_radius() + b.shape.smallest_curvature_radius();
+        if touch.overlap < certain * self.per_metre || touch.overlap < DOUBTFUL * radius {
+            return settled(touch);
+        }
+        match RIVAL.touch(a, b, &(self.r * self.unit), None) {
+            Outcome::Touching(coarse) => match self.minimise(&coarse.normal) {
+                Minimum::Apart(clearance) => Outcome::Apart(clearance),
+                Minimum::At { touch: rival, .. } if rival.overlap < touch.overlap => settled(rival),
+                _ => settled(touch),
+            },
+            Outcome::Apart(clearance) => Outcome::Apart(clearance * self.per_metre),
+            // No start for a rival: a minimum will do, a saddle not.
+            Outcome::Failed(_) if touch.overlap < radius => settled(touch),
+            failed @ Outcome::Failed(_) => failed,
+        }
+    }
+
+    /// One body along its outward direction, or `None` if it has edges.
+    #[inline]
+    fn side(&self, body: &Posed, outward: &Vec3) -> Option<Side> {
+        let direction = body.frame.tr_mul(outward);
+        let own = body.shape.curved_support(&direction)?;
+        let world = CurvedSupport {
+            point: body.frame * own.point * self.per_metre,
+            weight: own.weight.map(|w| w * self.unit),
+            along: own.along.map(|v| body.frame * v * self.per_metre),
+        };
+        Some(Side { direction, own, world })
+    }
+
+    #[inline]
+    fn evaluate(&self, normal: Vec3) -> Option<Evaluation> {
+        let sides = [self.side(self.bodies[0], &normal)?, self.side(self.bodies[1], &-normal)?];
+        let between = (sides[0].world.point - sides[1].world.point) - self.r;
+        let delta = between.dot(&normal);
+        let gradient = between - normal * delta;
+        let mut e = Evaluation { normal, sides, delta, gradient, trace: 0.0, product: 0.0 };
+        let dyads = e.dyads();
+        for (i, (weight, along)) in dyads.iter().enumerate() {
+            e.trace += weight * along.norm_squared();
+            let turned = normal.cross(along);
+            for (other_weight, other) in &dyads[i + 1..] {
+                let area = turned.dot(other);
+                e.product += (weight * other_weight) * (area * area);
+            }
+        }
+        Some(e)
+    }
+
+    /// Goes downhill from `start`, a unit vector.
+    fn minimise(&self, start: &Vec3) -> Minimum {
+        let Some(mut here) = self.evaluate(*start) else {
+            return Minimum::Failed(Why::NotSmooth);
+        };
+        let mut evaluations = 1;
+        let mut gained = f64::INFINITY;
+        loop {
+            if here.delta <= 0.0 {
+                // No more than is certain.
+                return Minimum::Apart((-here.delta - ROUNDING).max(0.0));
+            }
+            let mut step = here.newton();
+            let squared = step.norm_squared();
+            if squared > LONGEST_STEP * LONGEST_STEP {
+                step *= LONGEST_STEP / squared.sqrt();
+            }
+            let slope = here.gradient.dot(&step);
+            if !(slope <= 0.0 && slope > f64::NEG_INFINITY) {
+                return Minimum::Failed(Why::NotFinite);
+            }
+            // Newton's decrement: what this step will gain. Quadratic convergence leaves its cube over the
+            // square of what the last one gained. If it does not decrease, it is all rounding.
+            let gain = -0.5 * slope;
+            let left = gain * ((gain / gained) * (gain / gained));
+            if gain <= NEAR && (gain <= NOTHING || left <= NOTHING || gain >= 0.25 * gained) {
+                let touch = self.corrected(&here, &step);
+                return Minimum::At { touch, radius: here.smaller_radius() };
+            }
+            gained = gain;
+            if evaluations >= EVALUATIONS {
+                return Minimum::Failed(Why::NoConvergence);
+            }
+            let Some(next) = self.advance(&here, &step, slope, &mut evaluations) else {
+                return Minimum::Failed(Why::NoConvergence);
+            };
+            here = next;
+        }
+    }
+
+    /// The evaluation after a step that goes downhill far enough, or `None` if there is none within the
+    /// evaluations allowed.
+    #[inline]
+    fn advance(
+        &self,
+        here: &Evaluation,
+        step: &Vec3,
+        slope: f64,
+        evaluations: &mut u32,
+    ) -> Option<Evaluation> {
+        if let Some(direction) = self.followed(here, step) {
+            let there = self.evaluate(direction.normalize())?;
+            *evaluations += 1;
+            let slack = if slope > -2.0 * NEAR { ROUNDING } else { 0.0 };
+            if there.delta <= (here.delta + WORTHWHILE * slope) + slack {
+                return Some(there);
+            }
+        }
+        let mut part = 1.0;
+        while *evaluations < EVALUATIONS {
+            let there = self.evaluate((here.normal + step * part).normalize())?;
+            *evaluations += 1;
+            let excess = there.delta - here.delta;
+            if excess <= SUFFICIENT * part * slope + ROUNDING {
+                return Some(there);
+            }
+            // The minimum of the parabola through both values and the slope.
+            let fraction = -0.5 * part * slope / (excess - part * slope);
+            part *= fraction.clamp(0.1, 0.5);
+        }
+        None
+    }
+
+    /// Where the step leads on the surface of the flatter body, if that is any better.
+    #[inline]
+    fn followed(&self, here: &Evaluation, step: &Vec3) -> Option<Vec3> {
+        let flatness = |side: &Side| step.dot(&side.world.hessian_times(step));
+        let b_is_flatter = flatness(&here.sides[0]) < flatness(&here.sides[1]);
+        let sign = if b_is_flatter { -1.0 } else { 1.0 };
+        let index = usize::from(b_is_flatter);
+        let (body, side) = (self.bodies[index], &here.sides[index]);
+        let step = body.frame.tr_mul(step) * sign;
+        let direction = body.shape.follow(&side.own, &side.direction, &step)?;
+        Some(body.frame * direction * sign)
+    }
+
+    /// The touch after one more step with the last Hessian. Support points follow their own body's compliance,
+    /// which keeps the contact point quiet where a surface is nearly flat.
+    fn corrected(&self, e: &Evaluation, step: &Vec3) -> Touch {
+        let [a, b] = [&e.sides[0].world, &e.sides[1].world];
+        let on_a = a.point + a.hessian_times(step);
+        let on_b = b.point - b.hessian_times(step);
+        Touch {
+            overlap: e.delta + 0.5 * e.gradient.dot(step),
+            normal: (e.normal + step).normalize(),
+            point: ((on_a + on_b) + self.r) * 0.5,
+        }
+    }
+}

@@ -1,0 +1,262 @@
+//! The poly-superellipsoid: eight octants of superellipsoids with different semi-axes and the same exponents.
+//!
+//! Zhao and Zhao (2019), DOI 10.1002/nag.2951. Neighbouring octants share the semi-axes between them, so that
+//! the surface is closed, convex and has a continuous normal. In general its centre of mass is not where the
+//! octants meet, and its principal axes of inertia are not theirs: the shape's own frame, like that of every shape,
+//! is the principal one about the centre of mass.
+
+use super::superellipsoid::{CurvedSupport, Exponents};
+use crate::math::{Mat3, Vec3};
+use serde::{Deserialize, Serialize};
+
+/// A poly-superellipsoid about its centre of mass with its principal axes of inertia along x, y, z.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PolySuperellipsoid {
+    positive: Vec3,
+    negative: Vec3,
+    exponents: Exponents,
+    /// The centre of mass, seen from where the octants meet, along the octants' axes [m].
+    centre: Vec3,
+    /// Columns are the principal axes, along the octants' axes.
+    axes: Mat3,
+    volume: f64,
+    gyration: Vec3,
+    half_lengths: Vec3,
+    bounding_radius: f64,
+    inscribed_radius: f64,
+    smallest_curvature_radius: f64,
+}
+
+impl PolySuperellipsoid {
+    /// With these semi-axes towards positive and negative x, y, z [m] and exponents e₁ (of sections along z)
+    /// and e₂ (of sections across z).
+    ///
+    /// # Panics
+    /// If an exponent is not in (0, 2], where the body is convex: a caller's bug, the scene was checked.
+    pub fn new(positive: Vec3, negative: Vec3, exponents: [f64; 2]) -> Self {
+        let exponents = Exponents::new(exponents);
+        let mass = Moments::of(&positive, &negative, exponents);
+        let (axes, gyration) = principal(&mass.gyration);
+        let mut shape = Self {
+            positive,
+            negative,
+            exponents,
+            centre: mass.centre,
+            axes,
+            volume: mass.volume,
+            gyration,
+            half_lengths: Vec3::zeros(),
+            bounding_radius: 0.0,
+            inscribed_radius: 0.0,
+            smallest_curvature_radius: smallest_curvature_radius_of_octants(
+                &positive, &negative, exponents,
+            ),
+        };
+        shape.half_lengths = Vec3::from_fn(|i, _| {
+            let axis = Vec3::ith(i, 1.0);
+            shape.support(&axis)[i].max(-shape.support(&-axis)[i])
+        });
+        (shape.bounding_radius, shape.inscribed_radius) = shape.radii();
+        shape
+    }
+
+    /// Semi-axes towards positive and towards negative x, y, z of the octants [m].
+    pub const fn semi_axes(&self) -> [Vec3; 2] {
+        [self.positive, self.negative]
+    }
+
+    /// The exponents e₁ and e₂.
+    pub const fn exponents(&self) -> [f64; 2] {
+        [self.exponents.along, self.exponents.across]
+    }
+
+    /// The centre of mass, seen from where the octants meet, along the octants' axes [m].
+    pub const fn centre(&self) -> Vec3 {
+        self.centre
+    }
+
+    /// Columns are the principal axes of inertia, along the octants' axes: the rotation from the shape's own
+    /// frame to that of the octants.
+    pub const fn axes(&self) -> Mat3 {
+        self.axes
+    }
+
+    /// Farthest point along `direction` [m].
+    #[inline]
+    pub fn support(&self, direction: &Vec3) -> Vec3 {
+        let along = self.axes * direction;
+        self.inwards(&self.exponents.support(&self.around(&along), &along).point)
+    }
+
+    /// Support point and curvature along a unit vector; `None` with an exponent above 1.6: the
+    /// surface has edges, or crests that are as good as edges.
+    #[inline]
+    pub fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
+        let along = self.axes * direction;
+        let octant = self.exponents.curved_support(&self.around(&along), &along)?;
+        Some(CurvedSupport {
+            point: self.inwards(&octant.point),
+            along: octant.along.map(|v| self.axes.tr_mul(&v)),
+            ..octant
+        })
+    }
+
+    /// See [`Superellipsoid::follow`](super::Superellipsoid::follow).
+    #[inline]
+    pub fn follow(&self, here: &CurvedSupport, direction: &Vec3, step: &Vec3) -> Option<Vec3> {
+        let octant = CurvedSupport {
+            point: self.axes * here.point + self.centre,
+            along: here.along.map(|v| self.axes * v),
+            ..*here
+        };
+        let (direction, step) = (self.axes * direction, self.axes * step);
+        self.exponents
+            .follow(|point| self.around(point), &octant, &direction, &step)
+            .map(|normal| self.axes.tr_mul(&normal))
+    }
+
+    /// Radius of a ball about the centre of mass that holds the shape [m], at most 1.001 times the smallest.
+    pub const fn bounding_radius(&self) -> f64 {
+        self.bounding_radius
+    }
+
+    /// Radius of a ball about the centre of mass inside the shape [m], at most a tenth smaller than the
+    /// largest.
+    pub const fn inscribed_radius(&self) -> f64 {
+        self.inscribed_radius
+    }
+
+    /// Smallest radius of curvature anywhere on the surface [m], from a sample, 10 % of it taken off. Zero if an
+    /// exponent is above 1: the surface then has crests.
+    pub const fn smallest_curvature_radius(&self) -> f64 {
+        self.smallest_curvature_radius
+    }
+
+    /// Half lengths along the principal axes of a box about the centre of mass that holds the shape [m].
+    pub const fn half_lengths(&self) -> Vec3 {
+        self.half_lengths
+    }
+
+    /// Volume [m³].
+    pub const fn volume(&self) -> f64 {
+        self.volume
+    }
+
+    /// Principal moments of inertia over mass [m²].
+    pub const fn gyration(&self) -> Vec3 {
+        self.gyration
+    }
+
+    /// The semi-axes on the side of a direction or point, along the octants' axes [m].
+    #[inline]
+    fn around(&self, side: &Vec3) -> Vec3 {
+        side.zip_zip_map(&self.positive, &self.negative, |x, p, n| if x < 0.0 { n } else { p })
+    }
+
+    /// From the octants' frame to the shape's own.
+    #[inline]
+    fn inwards(&self, point: &Vec3) -> Vec3 {
+        self.axes.tr_mul(&(point - self.centre))
+    }
+
+    /// Bounding and inscribed radius. With directions no farther than θ from any other, the
+    /// support value of the nearest to the farthest point is at least cos θ of its distance; and the
+    /// support value at an angle θ is at least `h cos θ - t sin θ`, with t the distance of the support point
+    /// from the direction's line.
+    fn radii(&self) -> (f64, f64) {
+        // Directions through the middles of N x N squares on the faces of a cube: θ is at most √2 / N.
+        const N: u32 = 32;
+        let tan = std::f64::consts::SQRT_2 / f64::from(N);
+        let cos = 1.0 / (1.0 + tan * tan).sqrt();
+        let (mut farthest, mut nearest) = (0.0_f64, f64::INFINITY);
+        let middle = |i: u32| f64::from(2 * i + 1) / f64::from(N) - 1.0;
+        for (axis, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)] {
+            for (i, j) in (0..N).flat_map(|i| (0..N).map(move |j| (i, j))) {
+                let mut direction = Vec3::repeat(sign);
+                direction[(axis + 1) % 3] = middle(i);
+                direction[(axis + 2) % 3] = middle(j);
+                let direction = direction.normalize();
+                let point = self.support(&direction);
+                let height = point.dot(&direction);
+                let aside = (point - direction * height).norm();
+                farthest = farthest.max(height / cos);
+                nearest = nearest.min(cos * (height - tan * aside));
+            }
+        }
+        (farthest, nearest)
+    }
+}
+
+/// Smallest radius of curvature in any octant [m].
+fn smallest_curvature_radius_of_octants(
+    positive: &Vec3,
+    negative: &Vec3,
+    exponents: Exponents,
+) -> f64 {
+    let mut least = f64::INFINITY;
+    for octant in 0..8 {
+        let side = |i: usize| if octant >> i & 1 == 0 { positive[i] } else { negative[i] };
+        let semi_axes = Vec3::new(side(0), side(1), side(2));
+        least = least.min(exponents.smallest_curvature_radius(&semi_axes));
+    }
+    least
+}
+
+/// Volume, centre of mass and inertia over mass about it, all along the octants' axes.
+struct Moments {
+    volume: f64,
+    centre: Vec3,
+    gyration: Mat3,
+}
+
+impl Moments {
+    /// The integral of `x^i y^j z^k` over an octant is that over the unit octant times
+    /// `a^(i+1) b^(j+1) c^(k+1)`: summed over octants, a product of sums over the two sides of each axis.
+    fn of(positive: &Vec3, negative: &Vec3, exponents: Exponents) -> Self {
+        let sides = |axis: usize, power: u32| {
+            let (p, n) = (positive[axis], negative[axis]);
+            match power {
+                0 => p + n,
+                1 => (p + n) * (p - n),
+                _ => p * p * p + n * n * n,
+            }
+        };
+        let moment = |powers: [u32; 3]| {
+            let [x, y, z] = [0, 1, 2].map(|axis| sides(axis, powers[axis]));
+            exponents.moment(powers) * (x * y * z)
+        };
+        let volume = moment([0, 0, 0]);
+        let ones = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+        let centre = Vec3::from(ones.map(|powers| moment(powers) / volume));
+        let spread = Mat3::from_fn(|i, j| {
+            let powers = [0, 1, 2].map(|k| ones[i][k] + ones[j][k]);
+            moment(powers) / volume - centre[i] * centre[j]
+        });
+        Self { volume, centre, gyration: Mat3::identity() * spread.trace() - spread }
+    }
+}
+
+/// The eigenvectors of a symmetric matrix, as columns of a rotation, and its eigenvalues: Jacobi's method, whose
+/// `+ - * / √` give the same bits everywhere, and which leaves alone what is diagonal.
+fn principal(matrix: &Mat3) -> (Mat3, Vec3) {
+    const SWEEPS: u32 = 10;
+    let (mut m, mut axes) = (*matrix, Mat3::identity());
+    for _ in 0..SWEEPS {
+        for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+            if m[(i, j)] == 0.0 {
+                continue;
+            }
+            let cotangent = (m[(j, j)] - m[(i, i)]) / (2.0 * m[(i, j)]);
+            let root = (1.0 + cotangent * cotangent).sqrt();
+            let t = 1.0_f64.copysign(cotangent) / (cotangent.abs() + root);
+            let c = 1.0 / (1.0 + t * t).sqrt();
+            let mut turn = Mat3::identity();
+            (turn[(i, i)], turn[(j, j)]) = (c, c);
+            (turn[(i, j)], turn[(j, i)]) = (t * c, -t * c);
+            m = turn.transpose() * m * turn;
+            (m[(i, j)], m[(j, i)]) = (0.0, 0.0);
+            axes *= turn;
+        }
+    }
+    (axes, m.diagonal())
+}

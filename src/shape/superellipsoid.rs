@@ -1,0 +1,351 @@
+//! The superellipsoid `(|x/a|^(2/e₂) + |y/b|^(2/e₂))^(e₂/e₁) + |z/c|^(2/e₁) = 1`.
+//!
+//! Barr (1981), DOI 10.1109/MCG.1981.1673799. Boxes and cylinders with round edges for exponents towards 0, an
+//! ellipsoid at 1, octahedra and double cones towards 2.
+//!
+//! The body is the unit ball of two nested p-norms, stretched. Its support function is therefore the
+//! dual norm, stretched, and everything that contact resolution needs is closed: the support point
+//! is the dual norm's gradient, and so is the surface normal at a point with the norm itself. The second
+//! derivatives need no power that the first do not.
+
+use super::ellipsoid::Ellipsoid;
+use super::power::pow;
+use crate::math::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// A superellipsoid about the origin with its axes along x, y, z.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Superellipsoid {
+    semi_axes: Vec3,
+    exponents: Exponents,
+    bounding_radius: f64,
+    inscribed_radius: f64,
+    smallest_curvature_radius: f64,
+}
+
+impl Superellipsoid {
+    /// With these semi-axes [m] and exponents e₁ (of sections along z) and e₂ (of sections across z).
+    ///
+    /// # Panics
+    /// If an exponent is not in (0, 2], where the body is convex: a caller's bug, the scene was checked.
+    pub fn new(semi_axes: Vec3, exponents: [f64; 2]) -> Self {
+        let exponents = Exponents::new(exponents);
+        let (bounding_radius, inscribed_radius) = exponents.radii(&semi_axes);
+        let smallest_curvature_radius = if exponents.are_one() {
+            Ellipsoid { semi_axes }.smallest_curvature_radius()
+        } else {
+            exponents.smallest_curvature_radius(&semi_axes)
+        };
+        Self { semi_axes, exponents, bounding_radius, inscribed_radius, smallest_curvature_radius }
+    }
+
+    /// Half the length along each local axis [m].
+    pub const fn semi_axes(&self) -> Vec3 {
+        self.semi_axes
+    }
+
+    /// The exponents e₁ and e₂.
+    pub const fn exponents(&self) -> [f64; 2] {
+        [self.exponents.along, self.exponents.across]
+    }
+
+    /// The ellipsoid that it is if both exponents are 1.
+    pub fn as_ellipsoid(&self) -> Option<Ellipsoid> {
+        self.exponents.are_one().then_some(Ellipsoid { semi_axes: self.semi_axes })
+    }
+
+    /// Farthest point along `direction` [m].
+    #[inline]
+    pub fn support(&self, direction: &Vec3) -> Vec3 {
+        match self.as_ellipsoid() {
+            Some(ellipsoid) => ellipsoid.support(direction),
+            None => self.exponents.support(&self.semi_axes, direction).point,
+        }
+    }
+
+    /// Support point and curvature along a unit vector; `None` with an exponent above 1.6: the
+    /// surface has edges, or crests that are as good as edges.
+    #[inline]
+    pub fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
+        match self.as_ellipsoid() {
+            Some(ellipsoid) => Some(ellipsoid.curved_support(direction)),
+            None => self.exponents.curved_support(&self.semi_axes, direction),
+        }
+    }
+
+    /// Where a small `step` of the unit vector `direction` leads if not the direction, but the support point
+    /// moves in a straight line: the normal at `point + hessian · step`, of any length. `here` is the curved
+    /// support along `direction`.
+    ///
+    /// The same to first order, and far closer to a minimum near a flat face, where the support point moves
+    /// with a small power of the direction. `None` where there is no use in it: the step is short, or the
+    /// exponents are not below 1.
+    #[inline]
+    pub fn follow(&self, here: &CurvedSupport, direction: &Vec3, step: &Vec3) -> Option<Vec3> {
+        self.exponents.follow(|_| self.semi_axes, here, direction, step)
+    }
+
+    /// The farthest distance of a point of the surface from the centre [m]. Exact.
+    pub const fn bounding_radius(&self) -> f64 {
+        self.bounding_radius
+    }
+
+    /// The least distance of a point of the surface from the centre [m]. Exact.
+    pub const fn inscribed_radius(&self) -> f64 {
+        self.inscribed_radius
+    }
+
+    /// Smallest radius of curvature anywhere on the surface [m], from a sample, 10 % of it taken off. Zero if an
+    /// exponent is above 1: the surface then has crests.
+    pub const fn smallest_curvature_radius(&self) -> f64 {
+        self.smallest_curvature_radius
+    }
+
+    /// Volume [m³].
+    pub fn volume(&self) -> f64 {
+        8.0 * self.exponents.moment([0, 0, 0]) * self.semi_axes.product()
+    }
+
+    /// Principal moments of inertia over mass [m²].
+    pub fn gyration(&self) -> Vec3 {
+        let unit = self.exponents.moment([0, 0, 0]);
+        let squares = [[2, 0, 0], [0, 2, 0], [0, 0, 2]];
+        let mean_square = Vec3::from(squares.map(|powers| self.exponents.moment(powers) / unit))
+            .component_mul(&self.semi_axes.component_mul(&self.semi_axes));
+        let [x, y, z]: [f64; 3] = mean_square.into();
+        Vec3::new(y + z, x + z, x + y)
+    }
+}
+
+/// A support point and the Hessian of the support function there, as two dyads:
+/// `Σ weight · along ⊗ along`, with both vectors across the direction. Its eigenvalues on the tangent
+/// plane are the surface's radii of curvature.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurvedSupport {
+    /// The support point [m].
+    pub point: Vec3,
+    /// Factors of the dyads [1/m], never negative.
+    pub weight: [f64; 2],
+    /// Vectors of the dyads [m].
+    pub along: [Vec3; 2],
+}
+
+impl CurvedSupport {
+    /// The Hessian times a vector [m].
+    #[inline]
+    pub fn hessian_times(&self, v: &Vec3) -> Vec3 {
+        let [p, q] = self.along;
+        p * (self.weight[0] * p.dot(v)) + q * (self.weight[1] * q.dot(v))
+    }
+
+    /// The smaller of the two radii of curvature of the surface [m].
+    fn smaller_curvature_radius(&self) -> f64 {
+        let ([p, q], [k, l]) = (self.along, self.weight);
+        let sum = k * p.norm_squared() + l * q.norm_squared();
+        let product = k * l * p.cross(&q).norm_squared();
+        let difference = (sum * sum - 4.0 * product).max(0.0).sqrt();
+        2.0 * product / (sum + difference)
+    }
+}
+
+/// The exponents of nested norms.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Exponents {
+    /// e₁.
+    pub(super) along: f64,
+    /// e₂.
+    pub(super) across: f64,
+}
+
+/// Components of a direction smaller than this count as such in the Hessian, which is infinite
+/// across flat faces.
+const FLATTEST: f64 = 1e-12;
+/// With an exponent above this, crests are as good as edges: radii of curvature fall to zero within a few percent
+/// of the size.
+const SHARPEST: f64 = 1.6;
+/// A change of a component of a direction, relative to it, over which a Hessian is no longer constant.
+const BENT: f64 = 0.3;
+
+impl Exponents {
+    /// # Panics
+    /// If one is not in (0, 2].
+    pub(super) fn new([along, across]: [f64; 2]) -> Self {
+        let allowed = |e: f64| e > 0.0 && e <= 2.0;
+        assert!(allowed(along) && allowed(across), "exponents {along}, {across} are not in (0, 2]");
+        Self { along, across }
+    }
+
+    pub(super) fn are_one(self) -> bool {
+        self.along == 1.0 && self.across == 1.0
+    }
+
+    /// Those of the dual norm's unit ball: with 2/e the norm's power, `2/e' = 1/(1 - e/2)`.
+    fn dual(self) -> Self {
+        Self { along: 2.0 - self.along, across: 2.0 - self.across }
+    }
+
+    /// The support point of the body with these semi-axes, its curvature beside it.
+    #[inline]
+    pub(super) fn support(self, semi_axes: &Vec3, direction: &Vec3) -> CurvedSupport {
+        let x = semi_axes.component_mul(direction);
+        let inner = Norm::of(x.x.abs(), x.y.abs(), self.across);
+        let outer = Norm::of(inner.value, x.z.abs(), self.along);
+        let signed = Vec3::from_fn(|i, _| if x[i] < 0.0 { -semi_axes[i] } else { semi_axes[i] });
+        let stretch = |v: Vec3| v.component_mul(&signed);
+        let [over, up] = outer.gradient;
+        let [p, q] = inner.gradient;
+        let [down, out] = outer.across;
+        CurvedSupport {
+            point: stretch(Vec3::new(over * p, over * q, up)),
+            weight: [outer.bend, over * inner.bend],
+            along: [
+                stretch(Vec3::new(down * p, down * q, out)),
+                stretch(Vec3::new(inner.across[0], inner.across[1], 0.0)),
+            ],
+        }
+    }
+
+    /// The same for a unit vector, with a Hessian that is finite; `None` if there are edges or as good as.
+    #[inline]
+    pub(super) fn curved_support(
+        self,
+        semi_axes: &Vec3,
+        direction: &Vec3,
+    ) -> Option<CurvedSupport> {
+        if self.along > SHARPEST || self.across > SHARPEST {
+            return None;
+        }
+        let here = self.support(semi_axes, direction);
+        if direction.iter().all(|x| x.abs() >= FLATTEST) {
+            return Some(here);
+        }
+        let lift = |x: f64| match x {
+            x if x.abs() >= FLATTEST => x,
+            x if x < 0.0 => -FLATTEST,
+            _ => FLATTEST,
+        };
+        let beside = self.support(semi_axes, &direction.map(lift));
+        Some(CurvedSupport { point: here.point, ..beside })
+    }
+
+    /// See [`Superellipsoid::follow`]. `semi_axes` are those around a point.
+    #[inline]
+    pub(super) fn follow(
+        self,
+        semi_axes: impl Fn(&Vec3) -> Vec3,
+        here: &CurvedSupport,
+        direction: &Vec3,
+        step: &Vec3,
+    ) -> Option<Vec3> {
+        let bent = |i: usize, e: f64| e < 1.0 && step[i].abs() > BENT * direction[i].abs();
+        if !(bent(0, self.across) || bent(1, self.across) || bent(2, self.along)) {
+            return None;
+        }
+        let point = here.point + here.hessian_times(step);
+        Some(self.normal_at(&semi_axes(&point), &point))
+    }
+
+    /// Along the normal where the ray to `point` leaves the body with these semi-axes: the gradient of the
+    /// norm, which is the support point of the polar body.
+    #[inline]
+    pub(super) fn normal_at(self, semi_axes: &Vec3, point: &Vec3) -> Vec3 {
+        self.dual().support(&semi_axes.map(|a| 1.0 / a), point).point
+    }
+
+    /// Farthest and least distance of the surface from the centre [m]: the squared distance is linear in the
+    /// squared coordinates, so that both are found one norm after the other.
+    pub(super) fn radii(self, semi_axes: &Vec3) -> (f64, f64) {
+        let [x, y, z]: [f64; 3] = semi_axes.component_mul(semi_axes).into();
+        let farthest = farthest_square(farthest_square(x, y, self.across), z, self.along);
+        let nearest = nearest_square(nearest_square(x, y, self.across), z, self.along);
+        (farthest.sqrt(), nearest.sqrt())
+    }
+
+    /// See [`Superellipsoid::smallest_curvature_radius`]: over one octant of a body that is not an ellipsoid.
+    pub(super) fn smallest_curvature_radius(self, semi_axes: &Vec3) -> f64 {
+        const SAMPLES: u32 = 24;
+        const SAFETY: f64 = 0.9;
+        if self.along > 1.0 || self.across > 1.0 {
+            return 0.0;
+        }
+        let mut least = f64::INFINITY;
+        for i in 0..SAMPLES {
+            for j in 0..SAMPLES - i {
+                let part = Vec3::from([i, j, SAMPLES - 1 - i - j].map(|n| f64::from(n) + 0.5));
+                let direction = part.component_div(semi_axes).normalize();
+                let radius = self.support(semi_axes, &direction).smaller_curvature_radius();
+                if radius < least {
+                    least = radius;
+                }
+            }
+        }
+        SAFETY * least
+    }
+
+    /// The integral of `x^i y^j z^k` over an octant of the body with semi-axes 1.
+    ///
+    /// Dirichlet's integrals, in Gamma functions: Jaklič, Leonardis and Solina (2000), *Segmentation and Recovery
+    /// of Superquadrics*, DOI 10.1007/978-94-015-9456-1, chapter 2. Written with `Γ(1 + x)` it has no
+    /// pole where the body becomes a box.
+    pub(super) fn moment(self, powers: [u32; 3]) -> f64 {
+        let [i, j, k] = powers.map(|power| f64::from(power) + 1.0);
+        let gamma = |times: f64, e: f64| libm::tgamma(1.0 + times * (0.5 * e));
+        let across = gamma(i, self.across) * gamma(j, self.across) / gamma(i + j, self.across);
+        let along = gamma(i + j, self.along) * gamma(k, self.along) / gamma(i + j + k, self.along);
+        across * along / (i * j * k)
+    }
+}
+
+/// The norm of two non-negative numbers with power `2 / (2 - e)`, and its derivatives.
+struct Norm {
+    value: f64,
+    gradient: [f64; 2],
+    /// The Hessian is `bend · across ⊗ across`.
+    bend: f64,
+    across: [f64; 2],
+}
+
+impl Norm {
+    #[inline]
+    fn of(x: f64, y: f64, e: f64) -> Self {
+        if e == 1.0 {
+            let value = (x * x + y * y).sqrt();
+            let bend = if value > 0.0 { 1.0 / value } else { 0.0 };
+            let gradient = [x * bend, y * bend];
+            return Self { value, gradient, bend, across: [-gradient[1], gradient[0]] };
+        }
+        let x_is_longer = y < x;
+        let (long, short) = if x_is_longer { (x, y) } else { (y, x) };
+        let ratio = if long > 0.0 { short / long } else { 0.0 };
+        // With p = ratio^(q - 1) and q the norm's power.
+        let power = e / (2.0 - e);
+        let p = pow(ratio, power);
+        let sum = 1.0 + ratio * p;
+        let g = pow(sum, -0.5 * e);
+        let value = long * (sum * g);
+        let gp = g * p;
+        let bend = (power * (g * gp)) / (ratio * value);
+        if x_is_longer {
+            Self { value, gradient: [g, gp], bend, across: [-ratio, 1.0] }
+        } else {
+            Self { value, gradient: [gp, g], bend, across: [-1.0, ratio] }
+        }
+    }
+}
+
+/// The largest `x² + y²` where the norm of `x / a` and `y / b` with power 2/e is 1, from `a²` and `b²`.
+fn farthest_square(a: f64, b: f64, e: f64) -> f64 {
+    let (large, small) = if a < b { (b, a) } else { (a, b) };
+    if e < 1.0 { large * between_axes(small / large, e) } else { large }
+}
+
+/// The smallest.
+fn nearest_square(a: f64, b: f64, e: f64) -> f64 {
+    let (large, small) = if a < b { (b, a) } else { (a, b) };
+    if e > 1.0 { small * between_axes(small / large, e) } else { small }
+}
+
+/// The extreme that `ξ^e + ratio (1 - ξ)^e` has between its ends, relative to the end that it exceeds.
+fn between_axes(ratio: f64, e: f64) -> f64 {
+    libm::pow(1.0 + libm::pow(ratio, 1.0 / (1.0 - e).abs()), 1.0 - e)
+}

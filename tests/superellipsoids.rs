@@ -1,0 +1,604 @@
+//! Superellipsoids and poly-superellipsoids: geometry against closed forms, differences and sampling; their
+//! common normal against answers of 50 digits and against EPA; and a packing of them.
+
+use crate::support::{begun, scene};
+use dem_mpi::comm::{Comm, threads};
+use dem_mpi::contact::{
+    CommonNormal, ContactResolver, Epa, Method, Outcome, Posed, SmoothCommonNormal, Touch, table,
+};
+use dem_mpi::math::{Mat3, Quat, Vec3};
+use dem_mpi::output::snapshot;
+use dem_mpi::scene::assemble::{self, From, StartError};
+use dem_mpi::shape::{Ellipsoid, Kind, PolySuperellipsoid, Shape, Superellipsoid};
+use dem_mpi::sim::Simulation;
+use rand_chacha::ChaCha8Rng;
+use rand_core::{RngCore, SeedableRng};
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+
+const EXPONENTS: [f64; 6] = [0.3, 0.5, 0.8, 1.0, 1.5, 2.0];
+
+struct Random(ChaCha8Rng);
+
+impl Random {
+    fn new(seed: u64) -> Self {
+        Self(ChaCha8Rng::seed_from_u64(seed))
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * ((self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64)
+    }
+
+    fn direction(&mut self) -> Vec3 {
+        loop {
+            let v = Vec3::from_fn(|_, _| self.between(-1.0, 1.0));
+            if (0.01..1.0).contains(&v.norm()) {
+                return v.normalize();
+            }
+        }
+    }
+
+    fn rotation(&mut self) -> Mat3 {
+        let q =
+            nalgebra::Quaternion::from(nalgebra::Vector4::from_fn(|_, _| self.between(-1.0, 1.0)));
+        Quat::from_quaternion(q).to_rotation_matrix().into_inner()
+    }
+
+    fn axes(&mut self) -> Vec3 {
+        Vec3::from_fn(|_, _| self.between(0.5, 1.5))
+    }
+
+    /// As many superellipsoids as poly-superellipsoids.
+    fn shapes(&mut self, exponents: [f64; 2]) -> Vec<Shape> {
+        let both = |_| {
+            let axes = [self.axes(), self.axes(), self.axes()];
+            [superellipsoid(axes[0], exponents), octants(axes[1], axes[2], exponents)]
+        };
+        (0..8).flat_map(both).collect()
+    }
+}
+
+fn superellipsoid(axes: Vec3, exponents: [f64; 2]) -> Shape {
+    Shape::Superellipsoid(Superellipsoid::new(axes, exponents))
+}
+
+fn octants(positive: Vec3, negative: Vec3, exponents: [f64; 2]) -> Shape {
+    Shape::PolySuperellipsoid(Box::new(PolySuperellipsoid::new(positive, negative, exponents)))
+}
+
+fn every_pair_of_exponents() -> impl Iterator<Item = [f64; 2]> {
+    EXPONENTS.into_iter().flat_map(|e1| EXPONENTS.map(|e2| [e1, e2]))
+}
+
+// --- geometry ---
+
+/// The left side of the surface's equation `F = 1`; `point` seen from where the octants meet.
+fn implicit([positive, negative]: [Vec3; 2], [e1, e2]: [f64; 2], point: &Vec3) -> f64 {
+    let x = Vec3::from_fn(|i, _| {
+        let axis = if point[i] < 0.0 { negative[i] } else { positive[i] };
+        point[i].abs() / axis
+    });
+    (x.x.powf(2.0 / e2) + x.y.powf(2.0 / e2)).powf(e2 / e1) + x.z.powf(2.0 / e1)
+}
+
+/// `F` of a shape and a point in its own frame.
+fn implicit_of(shape: &Shape, point: &Vec3) -> f64 {
+    match shape {
+        Shape::Superellipsoid(s) => implicit([s.semi_axes(); 2], s.exponents(), point),
+        Shape::PolySuperellipsoid(p) => {
+            implicit(p.semi_axes(), p.exponents(), &(p.axes() * point + p.centre()))
+        }
+        _ => unreachable!("only superellipsoids here"),
+    }
+}
+
+#[test]
+fn support_points_are_the_farthest_of_the_surface() {
+    for (i, exponents) in every_pair_of_exponents().enumerate() {
+        let mut random = Random::new(i as u64);
+        for shape in random.shapes(exponents) {
+            let direction = random.direction();
+            let point = shape.support(&direction);
+            let off = (implicit_of(&shape, &point) - 1.0).abs();
+            // F has powers up to 2 / 0.3 of coordinates good to rounding.
+            assert!(off < 1e-13, "{exponents:?}: F is off by {off:e}");
+            for _ in 0..50 {
+                // On the surface along a ray from the centre of mass, by bisection.
+                let ray = random.direction();
+                let (mut inside, mut outside) = (0.0, 4.0);
+                while outside - inside > 1e-12 {
+                    let middle = 0.5 * (inside + outside);
+                    if implicit_of(&shape, &(ray * middle)) < 1.0 {
+                        inside = middle;
+                    } else {
+                        outside = middle;
+                    }
+                }
+                let excess = (ray * inside - point).dot(&direction);
+                assert!(excess < 1e-12, "{exponents:?}: {excess:e} farther");
+                let radius = shape.inscribed_radius();
+                assert!(outside >= radius - 1e-12, "{exponents:?}: {outside} inside {radius}");
+                let radius = shape.bounding_radius();
+                assert!(inside <= radius + 1e-12, "{exponents:?}: {inside} outside {radius}");
+            }
+        }
+    }
+}
+
+/// The gradient of the support function is the support point, its Hessian that point's derivative.
+#[test]
+fn derivatives_agree_with_differences() {
+    const STEP: f64 = 1e-6;
+    for (i, exponents) in every_pair_of_exponents().enumerate() {
+        let mut random = Random::new(i as u64);
+        let shapes = random.shapes(exponents);
+        for k in 0..200 {
+            let (shape, u) = (&shapes[k % shapes.len()], random.direction());
+            let Some(curved) = shape.curved_support(&u) else {
+                assert!(exponents.contains(&2.0), "{exponents:?}");
+                continue;
+            };
+            let v = random.direction();
+            let (ahead, behind) = (u + v * STEP, u - v * STEP);
+            let (there, back) = (shape.support(&ahead), shape.support(&behind));
+            let value = (there.dot(&ahead) - back.dot(&behind)) / (2.0 * STEP);
+            let slope = curved.point.dot(&v);
+            assert!((value - slope).abs() < 1e-7, "{exponents:?} {u:?}: {value} is not {slope}");
+            let change = (there - back) / (2.0 * STEP);
+            let expected = curved.hessian_times(&v);
+            // Curvature changes within the step as the inverse of the least component.
+            let least = u.abs().min();
+            let bound = 1e-8 + 1e-9 / (least * least) * (1.0 + expected.norm());
+            let off = (change - expected).norm();
+            assert!(off < bound, "{exponents:?} {u:?}: {expected:?} is off by {off:e}");
+            assert!(curved.hessian_times(&u).norm() <= 1e-12 * (1.0 + expected.norm()) / least);
+        }
+    }
+}
+
+/// Bounding and inscribed radius are those of the sampled surface, not only bounds.
+#[test]
+fn radii_are_tight() {
+    for (i, exponents) in every_pair_of_exponents().enumerate() {
+        let mut random = Random::new(100 + i as u64);
+        let shape = octants(random.axes(), random.axes(), exponents);
+        let mut farthest: f64 = 0.0;
+        for _ in 0..100 {
+            // Uphill on the distance.
+            let mut up = random.direction();
+            for _ in 0..60 {
+                up = shape.support(&up).normalize();
+            }
+            farthest = farthest.max(shape.support(&up).norm());
+        }
+        // Downhill on the height, by chance.
+        let height = |u: &Vec3| shape.support(u).dot(u);
+        let mut down = random.direction();
+        for i in 0..3000 {
+            let reach = if i < 1000 { 2.0 } else { 0.05 };
+            let other = (down + random.direction() * reach).normalize();
+            if height(&other) < height(&down) {
+                down = other;
+            }
+        }
+        let nearest = height(&down);
+        let (bounding, inscribed) = (shape.bounding_radius(), shape.inscribed_radius());
+        assert!(bounding <= 1.001 * farthest, "{exponents:?}: {bounding} for {farthest}");
+        assert!(inscribed >= 0.88 * nearest, "{exponents:?}: {inscribed} for {nearest}");
+    }
+}
+
+#[test]
+fn smallest_radius_of_curvature() {
+    for exponents in every_pair_of_exponents() {
+        let mut random = Random::new(3);
+        let shape = octants(random.axes(), random.axes(), exponents);
+        let radius = shape.smallest_curvature_radius();
+        if exponents.iter().any(|&e| e > 1.0) {
+            assert_eq!(radius, 0.0, "{exponents:?}");
+            continue;
+        }
+        // A ball rolls inside: no support plane of the surface cuts a ball at a surface point's normal.
+        for _ in 0..2000 {
+            let (u, v) = (random.direction(), random.direction());
+            let centre = shape.support(&u) - u * radius;
+            let room = shape.support(&v).dot(&v) - centre.dot(&v) - radius;
+            assert!(room > -1e-12, "{exponents:?}: {room:e}");
+        }
+    }
+}
+
+fn close(found: f64, expected: f64, relative: f64) -> bool {
+    (found - expected).abs() <= relative * expected.abs()
+}
+
+#[test]
+fn moments_of_known_solids() {
+    let axes = Vec3::new(1.3, 0.7, 0.4);
+    let squares = axes.component_mul(&axes);
+    let sums = Vec3::new(squares.y + squares.z, squares.x + squares.z, squares.x + squares.y);
+    // Box, elliptic cylinder, ellipsoid, double cone, octahedron: volume over a b c; mean square over the
+    // square of the semi-axis, across and along z.
+    let solids = [
+        ([1e-9, 1e-9], 8.0, 1.0 / 3.0, 1.0 / 3.0),
+        ([1e-9, 1.0], 2.0 * PI, 0.25, 1.0 / 3.0),
+        ([1.0, 1.0], 4.0 / 3.0 * PI, 0.2, 0.2),
+        ([2.0, 1.0], 2.0 / 3.0 * PI, 0.15, 0.1),
+        ([2.0, 2.0], 4.0 / 3.0, 0.1, 0.1),
+    ];
+    for (exponents, volume, across, along) in solids {
+        let mean = Vec3::new(squares.x * across, squares.y * across, squares.z * along);
+        let gyration = Vec3::new(mean.y + mean.z, mean.x + mean.z, mean.x + mean.y);
+        for shape in [superellipsoid(axes, exponents), octants(axes, axes, exponents)] {
+            assert!(close(shape.volume(), volume * axes.product(), 1e-8), "{exponents:?}");
+            for i in 0..3 {
+                let (found, expected) = (shape.gyration()[i], gyration[i]);
+                assert!(close(found, expected, 1e-8), "{exponents:?}: {found} is not {expected}");
+            }
+        }
+    }
+    // Towards the box the moments only grow.
+    let mut last = 0.0;
+    for e in [1.5, 1.0, 0.7, 0.4, 0.2, 0.05] {
+        let now = superellipsoid(axes, [e, e]).gyration().x;
+        assert!(now > last && now < sums.x / 3.0, "{e}: {now} after {last}");
+        last = now;
+    }
+}
+
+/// Volume, centre of mass and inertia of octants by counting points.
+#[test]
+fn moments_of_octants_by_sampling() {
+    const POINTS: usize = 100;
+    let (positive, negative) = (Vec3::new(1.2, 0.8, 0.6), Vec3::new(0.6, 0.9, 0.3));
+    for exponents in [[0.5, 0.8], [1.0, 1.0], [1.4, 0.6]] {
+        let octants = PolySuperellipsoid::new(positive, negative, exponents);
+        let cell = (positive + negative) / POINTS as f64;
+        let (mut count, mut first, mut second) = (0.0, Vec3::zeros(), Mat3::zeros());
+        for n in 0..POINTS * POINTS * POINTS {
+            let index = [n % POINTS, n / POINTS % POINTS, n / POINTS / POINTS];
+            let point = Vec3::from_fn(|i, _| (index[i] as f64 + 0.5) * cell[i] - negative[i]);
+            if implicit([positive, negative], exponents, &point) <= 1.0 {
+                let own = octants.axes().tr_mul(&(point - octants.centre()));
+                count += 1.0;
+                first += own;
+                second += own * own.transpose();
+            }
+        }
+        let volume = count * cell.product();
+        assert!(close(octants.volume(), volume, 1e-3), "{exponents:?}: {volume}");
+        assert!((first / count).norm() < 1e-3, "{exponents:?}: {first}");
+        let spread = second / count;
+        let gyration = Mat3::identity() * spread.trace() - spread;
+        let off = gyration - Mat3::from_diagonal(&octants.gyration());
+        assert!(off.abs().max() < 1e-3, "{exponents:?}: {off}");
+        assert!((octants.axes().determinant() - 1.0).abs() < 1e-14);
+    }
+}
+
+// --- contact ---
+
+/// Backward error relative to the longest semi-axis, and its amplification by curvature: see
+/// `tests/reference/README.md`. The overlap is good to rounding; the normal to a gradient of rounding over the
+/// least eigenvalue κ of the Hessian, the contact point to the normal's error times the largest radius of
+/// curvature ϱ, which has no bound across flat faces.
+const BACKWARD: f64 = 1e-13;
+
+#[test]
+fn reference_answers() {
+    let body = |row: &serde_json::Value| {
+        let vector = |name: &str| serde_json::from_value::<Vec3>(row[name].clone()).unwrap();
+        let exponent = |name: &str| row[name].as_f64().unwrap();
+        let [w, x, y, z]: [f64; 4] = serde_json::from_value(row["q"].clone()).unwrap();
+        let frame = Quat::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
+        let shape = superellipsoid(vector("abc"), [exponent("e1"), exponent("e2")]);
+        (shape, frame.to_rotation_matrix().into_inner(), vector("c"))
+    };
+    let mut rows = 0;
+    for line in include_str!("reference/superellipsoids_public.jsonl").lines() {
+        let row: serde_json::Value = serde_json::from_str(line).unwrap();
+        let vector = |name: &str| serde_json::from_value::<Vec3>(row[name].clone()).unwrap();
+        let ((shape_a, frame_a, at), (shape_b, frame_b, b_at)) = (body(&row["A"]), body(&row["B"]));
+        let a = Posed { shape: &shape_a, frame: &frame_a };
+        let b = Posed { shape: &shape_b, frame: &frame_b };
+        let (id, overlap) = (&row["id"], row["overlap"].as_f64().unwrap());
+        let table = table(&Method::Auto, &[Kind::Superellipsoid]);
+        let resolver = table.get((Kind::Superellipsoid, Kind::Superellipsoid)).unwrap();
+        rows += 1;
+        let touch = match resolver.touch(&a, &b, &(b_at - at), None) {
+            Outcome::Touching(touch) => touch,
+            Outcome::Apart(clearance) => {
+                assert!(overlap <= 0.0 && clearance <= BACKWARD - overlap, "{id}: {clearance}");
+                continue;
+            }
+            Outcome::Failed(why) => panic!("{id}: {why:?}"),
+        };
+        let size = shape_a.semi_axes().max().max(shape_b.semi_axes().max());
+        let error = BACKWARD * size;
+        assert!((touch.overlap - overlap).abs() <= error, "{id}: {touch:?} but {overlap}");
+        let (normal, point) = (vector("n"), vector("C") - at);
+        let (kappa, rho) = condition(&a, &b, &normal, overlap);
+        let off = (touch.normal - normal).norm();
+        assert!(off <= error / kappa + 1e-15, "{id}: normal off by {off:e}, κ is {kappa:e}");
+        let off = (touch.point - point).norm();
+        assert!(off <= error * (1.0 + rho / kappa), "{id}: point off by {off:e}, ϱ is {rho:e}");
+    }
+    assert_eq!(rows, 40);
+}
+
+/// The least eigenvalue of the Hessian of the overlap at the minimum, and the largest radius of curvature.
+fn condition(a: &Posed, b: &Posed, normal: &Vec3, overlap: f64) -> (f64, f64) {
+    let hessian = |body: &Posed, outward: Vec3| {
+        let curved = body.shape.curved_support(&body.frame.tr_mul(&outward)).unwrap();
+        let column =
+            |i: usize| body.frame * curved.hessian_times(&body.frame.tr_mul(&Vec3::ith(i, 1.0)));
+        Mat3::from_columns(&[column(0), column(1), column(2)])
+    };
+    let (of_a, of_b) = (hessian(a, *normal), hessian(b, -normal));
+    let radii = of_a.symmetric_eigenvalues().max().max(of_b.symmetric_eigenvalues().max());
+    // The eigenvalue along the normal is zero: lifted out of the way.
+    let lifted = of_a + of_b + normal * normal.transpose() * 1e3;
+    (lifted.symmetric_eigenvalues().min() - overlap, radii)
+}
+
+/// Two bodies in place.
+struct Case {
+    a: (Shape, Mat3),
+    b: (Shape, Mat3),
+    r: Vec3,
+}
+
+impl Case {
+    /// These shapes, turned at random, with this overlap along a random normal; the least may be less.
+    fn new(random: &mut Random, a: &Shape, b: &Shape, overlap: f64) -> Self {
+        let (a, b) = ((a.clone(), random.rotation()), (b.clone(), random.rotation()));
+        let mut case = Self { a, b, r: Vec3::zeros() };
+        let normal = random.direction();
+        case.r = case.a().support(&normal) - case.b().support(&-normal) - normal * overlap;
+        case
+    }
+
+    fn a(&self) -> Posed<'_> {
+        Posed { shape: &self.a.0, frame: &self.a.1 }
+    }
+
+    fn b(&self) -> Posed<'_> {
+        Posed { shape: &self.b.0, frame: &self.b.1 }
+    }
+
+    fn resolve(&self, resolver: &dyn ContactResolver) -> Outcome {
+        resolver.touch(&self.a(), &self.b(), &self.r, None)
+    }
+}
+
+/// Every pair is answered, nearly all by Newton's method itself, and the answer is the least overlap: to
+/// the resolution of EPA, or to that of the search for rivals where several minima nearly tie.
+#[test]
+fn as_deep_as_epa_says() {
+    const PAIRS: usize = 2000;
+    let method = table(&Method::Auto, &Kind::ALL);
+    let chain = method.get((Kind::Superellipsoid, Kind::PolySuperellipsoid)).unwrap();
+    let kinds = [
+        ([0.3, 0.3], [0.3, 0.3]),
+        ([0.5, 0.5], [0.5, 0.5]),
+        ([0.8, 0.8], [0.8, 0.8]),
+        ([1.5, 1.5], [1.5, 1.5]),
+        ([0.3, 1.0], [1.0, 0.3]),
+        ([1.5, 0.5], [0.5, 1.5]),
+        ([0.3, 0.8], [1.5, 1.0]),
+        ([1.0, 1.0], [0.5, 0.3]),
+    ];
+    for (of_a, of_b) in kinds {
+        let mut random = Random::new(5);
+        let (shapes_a, shapes_b) = (random.shapes(of_a), random.shapes(of_b));
+        let (mut passed_on, mut tied) = (0, 0);
+        for i in 0..PAIRS {
+            let mut random = Random::new(i as u64);
+            let overlap = random.between(1e-9, 0.05);
+            let (a, b) = (&shapes_a[i % shapes_a.len()], &shapes_b[i / 3 % shapes_b.len()]);
+            let case = Case::new(&mut random, a, b, overlap);
+            passed_on +=
+                usize::from(matches!(case.resolve(&SmoothCommonNormal), Outcome::Failed(_)));
+            let exact = match case.resolve(&Epa { tolerance: 1e-11 }) {
+                Outcome::Touching(touch) => touch.overlap,
+                Outcome::Apart(_) => 0.0,
+                Outcome::Failed(_) => continue,
+            };
+            let found = match case.resolve(chain) {
+                Outcome::Touching(touch) => touch.overlap,
+                Outcome::Apart(_) => 0.0,
+                Outcome::Failed(why) => panic!("{of_a:?} {of_b:?}, {i}: {why:?}"),
+            };
+            let excess = found - exact;
+            assert!((-4e-11..4e-7).contains(&excess), "{of_a:?} {of_b:?}, {i}: {excess:e}");
+            tied += usize::from(excess > 1e-10);
+        }
+        assert!(passed_on <= PAIRS / 200, "{of_a:?} {of_b:?}: {passed_on} passed on");
+        assert!(tied <= PAIRS / 500, "{of_a:?} {of_b:?}: {tied} ties");
+    }
+}
+
+/// The same bits on every machine and with every compiler: a sum over results as they were when this
+/// was written.
+#[test]
+fn bits_are_pinned() {
+    let mut hash: u64 = 0;
+    let mut add = |x: f64| hash = hash.rotate_left(1) ^ x.to_bits();
+    for (i, exponents) in every_pair_of_exponents().enumerate() {
+        let mut random = Random::new(i as u64);
+        let other = octants(random.axes(), random.axes(), [0.7, 1.2]);
+        for shape in random.shapes(exponents) {
+            let case = Case::new(&mut random, &shape, &other, 0.03);
+            if let Outcome::Touching(Touch { overlap, normal, point }) =
+                case.resolve(&SmoothCommonNormal)
+            {
+                [overlap].iter().chain(&normal).chain(&point).for_each(|&x| add(x));
+            }
+            case.a.0.gyration().iter().for_each(|&x| add(x));
+        }
+    }
+    assert_eq!(hash, 0x789d_f232_0bfd_733c, "{hash:#x}");
+}
+
+/// With exponents of 1 the answer is the ellipsoid's, bit for bit.
+#[test]
+fn exponents_of_one_are_ellipsoids() {
+    for i in 0..200 {
+        let mut random = Random::new(i);
+        let axes = [random.axes(), random.axes()];
+        let [a, b] = axes.map(|axes| (superellipsoid(axes, [1.0, 1.0]), random.rotation()));
+        let r = random.direction() * random.between(0.5, 3.0);
+        let case = Case { a, b, r };
+        let [a, b] = axes.map(|semi_axes| Shape::Ellipsoid(Ellipsoid { semi_axes }));
+        let same = Case { a: (a, case.a.1), b: (b, case.b.1), r };
+        assert_eq!(case.resolve(&SmoothCommonNormal), same.resolve(&CommonNormal), "{i}");
+        assert_eq!(case.a.0.smallest_curvature_radius(), same.a.0.smallest_curvature_radius());
+    }
+}
+
+/// Face on face, edge on edge, tip on tip, aligned: where a Hessian is infinite or zero.
+#[test]
+fn aligned_bodies() {
+    let axes = Vec3::new(1.0, 0.8, 0.5);
+    let method = table(&Method::Auto, &Kind::ALL);
+    let chain = method.get((Kind::Superellipsoid, Kind::Superellipsoid)).unwrap();
+    for exponents in every_pair_of_exponents() {
+        // Left to EPA.
+        let sharp = exponents.contains(&2.0);
+        for shape in [superellipsoid(axes, exponents), octants(axes, axes, exponents)] {
+            for way in [Vec3::x(), Vec3::y(), Vec3::z(), Vec3::new(1.0, 1.0, 0.0)] {
+                for overlap in [-0.01, 1e-9, 0.001, 0.03] {
+                    let top = shape.support(&way);
+                    let r = top * 2.0 - way.normalize() * overlap;
+                    let frame = Mat3::identity();
+                    let body = (shape.clone(), frame);
+                    let case = Case { a: body.clone(), b: body, r };
+                    let found = case.resolve(chain);
+                    let good = match &found {
+                        Outcome::Touching(t) => {
+                            t.overlap > 0.0
+                                && t.overlap <= overlap + if sharp { 2e-10 } else { 1e-13 }
+                                && (t.normal.norm() - 1.0).abs() < 1e-14
+                                && t.point.iter().all(|x| x.is_finite())
+                        }
+                        Outcome::Apart(_) => overlap < 0.0 || sharp,
+                        Outcome::Failed(_) => false,
+                    };
+                    assert!(good, "{exponents:?} {way:?} {overlap}: {found:?}");
+                    let flat = exponents.iter().all(|&e| e <= 1.0) && way.sum() == 1.0;
+                    if let (true, Outcome::Touching(t)) = (flat && overlap < 0.01, found) {
+                        assert_eq!(t.normal, way, "{exponents:?}");
+                        assert!((t.point - r * 0.5).norm() < 1e-15, "{exponents:?}: {t:?}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+// --- packing ---
+
+const PACKING: &str = r#"
+gravity = [5.0, 2.0, -98.1]
+global_damping = 20.0
+[domain]
+low = [0.0, 0.0, 0.0]
+high = [0.024, 0.024, 0.1]
+walls = ["-x", "+x", "-y", "+y", "-z"]
+[[material]]
+name = "grain"
+density = 265000.0
+normal_stiffness = 1.5e5
+friction = 0.3
+restitution = 0.3
+[[shape]]
+name = "brick"
+kind = "superellipsoid"
+semi_axes = [0.0018, 0.0014, 0.0012]
+exponents = [0.5, 0.5]
+[[shape]]
+name = "gem"
+kind = "superellipsoid"
+semi_axes = [0.0016, 0.0016, 0.0016]
+exponents = [1.4, 0.8]
+[[shape]]
+name = "pebble"
+kind = "poly-superellipsoid"
+semi_axes_positive = [0.0018, 0.0012, 0.0014]
+semi_axes_negative = [0.0012, 0.0014, 0.001]
+exponents = [0.7, 1.1]
+[[shape]]
+name = "egg"
+kind = "ellipsoid"
+semi_axes = [0.0018, 0.0012, 0.0012]
+[[fill.lattice]]
+shapes = { brick = 2, gem = 1, pebble = 2, egg = 1 }
+first = [0.003, 0.003, 0.003]
+count = [5, 5, 4]
+spacing = 0.0045
+velocity = [0.3, -0.2, -1.5]
+[time]
+step = 1e-5
+steps = 3000
+[output]
+directory = "out"
+"#;
+
+type Bits = BTreeMap<u64, Vec<u64>>;
+
+fn bits(sim: &Simulation, comm: &dyn Comm) -> Bits {
+    let table = sim.particle_table(comm.rank());
+    let of = |row: usize| {
+        let vectors = [table.position[row], table.velocity[row], table.force[row]];
+        vectors.iter().flatten().map(|x| x.to_bits()).collect()
+    };
+    (0..table.id.len()).map(|row| (table.id[row].0, of(row))).collect()
+}
+
+#[test]
+fn a_packing_is_the_same_on_any_number_of_ranks() {
+    let scene = scene(PACKING);
+    let run = |ranks: u32| -> Bits {
+        let parts = threads::run(ranks, |comm| {
+            let mut sim = begun(&scene, comm);
+            for _ in 0..scene.steps {
+                sim.step(comm).unwrap();
+            }
+            let contacts = sim.contact_table().a.len();
+            assert!(ranks > 1 || contacts > 150, "{contacts} contacts are no packing");
+            bits(&sim, comm)
+        });
+        parts.into_iter().flatten().collect()
+    };
+    let alone = run(1);
+    assert_eq!(alone.len(), 100);
+    for ranks in [2, 4] {
+        assert_eq!(run(ranks), alone, "{ranks} ranks");
+    }
+}
+
+/// A snapshot of other exponents is not taken for the same shape.
+#[test]
+fn a_restart_compares_shapes() {
+    let folder = tempfile::tempdir().unwrap();
+    let saved = scene(PACKING);
+    threads::run(1, |comm| {
+        let sim = begun(&saved, comm);
+        let m = sim.measure(comm);
+        let header = sim.header(&saved.text, &m.wall_forces);
+        let particles = sim.particle_table(comm.rank());
+        let (contacts, histories) = (sim.contact_table(), sim.histories());
+        snapshot::write(folder.path(), &header, &particles, &contacts, &histories, comm).unwrap();
+    });
+    let take_up = |text: &str| {
+        let scene = scene(text);
+        threads::run(1, |comm| {
+            let mut sim = assemble::assemble(&scene, comm);
+            assemble::take_up(&mut sim, &scene, folder.path(), From::Middle, comm)
+        })
+        .remove(0)
+    };
+    assert!(take_up(PACKING).is_ok());
+    let error = take_up(&PACKING.replace("[0.7, 1.1]", "[0.7, 1.0]")).unwrap_err();
+    assert!(matches!(&error, StartError::Shape { shape, .. } if shape == "pebble"), "{error}");
+}
