@@ -121,9 +121,9 @@ impl Lanes for Portable {
     #[inline(always)]
     fn or(self, other: Self, mask: u8) -> Self {
         let mut numbers = other.0;
-        for lane in 0..WIDTH {
+        for (lane, number) in numbers.iter_mut().enumerate() {
             if mask >> lane & 1 == 1 {
-                numbers[lane] = self.0[lane];
+                *number = self.0[lane];
             }
         }
         Self(numbers)
