@@ -341,7 +341,7 @@ fn scaled(shape: &Shape, unit: f64) -> Shape {
             let points: Vec<Vec3> = p.core().vertices().iter().map(|v| v * unit).collect();
             rounded(&points, p.radius() * unit)
         }
-        Shape::Polyhedron(_) | Shape::HalfSpace(_) => unreachable!("none comes at random"),
+        other => unreachable!("a {} does not come at random", other.kind().name()),
     }
 }
 

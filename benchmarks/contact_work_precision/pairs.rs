@@ -50,7 +50,7 @@ pub(crate) struct Pairs {
     form: Vec<Form>,
     shape: Vec<ShapeId>,
     library: Vec<Shape>,
-    pairs: Vec<Pair>,
+    slots: Vec<Pair>,
     active: Vec<u32>,
     pub(crate) truth: Vec<Truth>,
 }
@@ -80,8 +80,8 @@ impl Pairs {
         self.position.extend([Vec3::zeros(), r]);
         self.frame.extend(frames);
         self.shape.extend(shapes);
-        let pair = self.pairs.len() as u32;
-        self.pairs.push(Pair { a: Slot(2 * pair), b: Slot(2 * pair + 1) });
+        let pair = self.slots.len() as u32;
+        self.slots.push(Pair { a: Slot(2 * pair), b: Slot(2 * pair + 1) });
         self.active.push(pair);
     }
 
@@ -112,13 +112,12 @@ impl Pairs {
     }
 
     pub(crate) fn batch<'a>(&'a self, history: &'a [History]) -> Batch<'a> {
-        Batch { pairs: &self.pairs, history, active: &self.active, bodies: self.bodies() }
+        Batch { pairs: &self.slots, history, active: &self.active, bodies: self.bodies() }
     }
 
     /// One pair in place.
     pub(crate) fn pair(&self, index: usize) -> (Posed<'_>, Posed<'_>, Vec3) {
-        let pair = self.pairs[index];
-        // The bodies live as long as this, the view of them only here.
+        let pair = self.slots[index];
         let posed = |slot: Slot| Posed {
             shape: &self.library[self.shape[slot.index()].index()],
             frame: &self.frame[slot.index()],
@@ -128,7 +127,7 @@ impl Pairs {
 
     /// Nothing is known of the last step.
     pub(crate) fn strangers(&self) -> Vec<History> {
-        vec![History::default(); self.pairs.len()]
+        vec![History::default(); self.slots.len()]
     }
 
     /// The normals of a step before: off by `turned` rad in a random direction.

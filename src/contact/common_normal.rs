@@ -8,7 +8,7 @@
 //! three stages: one that touched at the last step takes one step and a correction from its last normal, which is
 //! enough for grains that turn by a thousandth of a radian in a step; of new ones, the plane across a first
 //! direction shows most to be apart; the others, and those for which the one step was not enough, are searched, each lane
-//! resting when it has arrived. What eight lanes leave open, a pair in a hundred thousand, is searched alone, from every axis.
+//! resting when it has arrived. What is left open by the lanes (very long or very deep) is searched alone, if need be from every axis.
 //!
 //! *When a minimum is the global one.* Let ϱ be the least radius of curvature of a body's surface. A
 //! ball of radius ϱ_A + ϱ_B tangent to the difference A − B at a critical point lies inside it
@@ -159,15 +159,12 @@ impl Octet {
     fn push(&mut self, batch: &Batch, index: u32, r: &Vec3, normal: &Vec3) {
         let lane = self.count % WIDTH; // spares the checks of bounds
         let Pair { a, b } = batch.pairs[index as usize];
-        match batch.bodies.form {
-            Some(form) => {
-                put(&mut self.a, lane, &form[a.index()]);
-                put(&mut self.b, lane, &form[b.index()]);
-            }
-            None => {
-                put(&mut self.a, lane, &form_of(&batch.bodies, a));
-                put(&mut self.b, lane, &form_of(&batch.bodies, b));
-            }
+        if let Some(form) = batch.bodies.form {
+            put(&mut self.a, lane, &form[a.index()]);
+            put(&mut self.b, lane, &form[b.index()]);
+        } else {
+            put(&mut self.a, lane, &form_of(&batch.bodies, a));
+            put(&mut self.b, lane, &form_of(&batch.bodies, b));
         }
         put(&mut self.r, lane, r.as_ref());
         put(&mut self.normal, lane, normal.as_ref());
@@ -196,9 +193,9 @@ impl Octet {
     #[inline(always)]
     fn pairs_in_units<L: Eight>(&self, batch: &Batch) -> (Ellipsoids<L>, L) {
         let mut units = [1.0; WIDTH];
-        for lane in 0..self.count.min(WIDTH) {
-            let [a, b] = shapes(batch, self.index[lane]);
-            units[lane] = unit_of_length(a.bounding_radius(), b.bounding_radius());
+        for (unit, index) in units.iter_mut().zip(&self.index[..self.count]) {
+            let [a, b] = shapes(batch, *index);
+            *unit = unit_of_length(a.bounding_radius(), b.bounding_radius());
         }
         let unit = L::load(&units);
         (self.pairs().scaled(L::all(1.0) / unit), unit)
@@ -208,9 +205,9 @@ impl Octet {
     #[inline(always)]
     fn certain<L: Eight>(&self, batch: &Batch) -> L {
         let mut certain = [0.0; WIDTH];
-        for lane in 0..self.count.min(WIDTH) {
-            let [a, b] = shapes(batch, self.index[lane]);
-            certain[lane] = least_curvature_radius(a) + least_curvature_radius(b);
+        for (certain, index) in certain.iter_mut().zip(&self.index[..self.count]) {
+            let [a, b] = shapes(batch, *index);
+            *certain = least_curvature_radius(a) + least_curvature_radius(b);
         }
         L::load(&certain)
     }
@@ -250,12 +247,12 @@ impl Octet {
 
         let touches = Touches::of(overlap, normal, point);
         let delta = before.delta.store();
-        for lane in 0..self.count.min(WIDTH) {
+        for (lane, delta) in delta.iter().enumerate().take(self.count) {
             let index = self.index[lane];
             if good >> lane & 1 == 1 {
                 found.note(index, Outcome::Touching(touches.of_lane(lane)));
             } else if apart >> lane & 1 == 1 {
-                found.note(index, Outcome::Apart(-delta[lane]));
+                found.note(index, Outcome::Apart(-delta));
             } else {
                 open.push((index, self.start(lane)));
             }
@@ -272,10 +269,10 @@ impl Octet {
         let apart = delta.at_most(L::all(0.0));
         let delta = (delta * unit).store();
         let [x, y, z] = start.store();
-        for lane in 0..self.count.min(WIDTH) {
+        for (lane, delta) in delta.iter().enumerate().take(self.count) {
             let index = self.index[lane];
             if apart >> lane & 1 == 1 {
-                found.note(index, Outcome::Apart(-delta[lane]));
+                found.note(index, Outcome::Apart(-delta));
             } else {
                 open.push((index, Vec3::new(x[lane], y[lane], z[lane])));
             }

@@ -120,8 +120,13 @@ impl Lanes for Portable {
 
     #[inline(always)]
     fn or(self, other: Self, mask: u8) -> Self {
-        let chosen = |lane: usize| if mask >> lane & 1 == 1 { self.0[lane] } else { other.0[lane] };
-        Self(std::array::from_fn(chosen))
+        let mut numbers = other.0;
+        for (lane, number) in numbers.iter_mut().enumerate() {
+            if mask >> lane & 1 == 1 {
+                *number = self.0[lane];
+            }
+        }
+        Self(numbers)
     }
 }
 
