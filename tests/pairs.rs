@@ -78,7 +78,9 @@ fn check_bits(file: &str, arguments: &[&str], method: &Method) {
                     let bits = |v: Vec3| [v.x, v.y, v.z].map(f64::to_bits);
                     assert_eq!(bits(vector(row, stem)), bits(v), "{file} {}: {stem}", row["id"]);
                 };
-                assert_eq!(number(row, "overlap").to_bits(), touch.overlap.to_bits());
+                let overlap = number(row, "overlap");
+                let id = &row["id"];
+                assert_eq!(overlap.to_bits(), touch.overlap.to_bits(), "{file} {id}: {overlap:e}");
                 same("n", touch.normal);
                 same("C", centre + touch.point);
                 same("PA", centre + a.support(&touch.normal));

@@ -419,8 +419,8 @@ impl<'a> Search<'a> {
             certain: certain[0] + certain[1],
         };
         let start = warm.copied().unwrap_or_else(|| vector(search.pair.cold_start().unit()));
-        if squared == 0.0 && warm.is_none() {
-            // The centres coincide.
+        if !start.iter().all(|x| x.is_finite()) {
+            // The centres coincide: there is no first direction.
             return Outcome::Failed(Why::TooDeep);
         }
         search.resolve(&start).in_metres(unit)
