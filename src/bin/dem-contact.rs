@@ -4,7 +4,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::{Parser, ValueEnum};
 use dem_mpi::contact::{Epa, ErodedGjk, Method};
 use dem_mpi::pairs::cases::{self, Meeting, Sampling};
-use dem_mpi::pairs::read::{Read, read};
+use dem_mpi::pairs::read::read;
 use dem_mpi::pairs::{Answer, Pairs, resolve, time, write};
 use dem_mpi::post::single_contact::{self, Plan};
 use std::fs;
@@ -135,12 +135,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     let method = method(arguments.method, &arguments.set)?;
     let (file, text) = text(arguments.pairs.as_deref())?;
-    let Read { pairs, left_out } = read(&file, &text)?;
-    for (kind, (count, line)) in &left_out {
-        eprintln!(
-            "dem-contact: {file}:{line}: no shape of this version is a {kind}; {count} such pairs are left out"
-        );
-    }
+    let pairs = read(&file, &text)?;
     let answers = resolve(&pairs, &method);
     write::answers(&pairs, &answers, to)?;
     if arguments.repeats > 0 && !pairs.is_empty() {
@@ -155,7 +150,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
             arguments.repeats
         );
     }
-    let complete = left_out.is_empty() & all_told(&pairs, &answers);
+    let complete = all_told(&pairs, &answers);
     Ok(if complete { ExitCode::SUCCESS } else { ExitCode::from(INCOMPLETE) })
 }
 

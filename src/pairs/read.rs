@@ -8,26 +8,16 @@
 //! | polyhedron | JSON | `id`, `VA`, `FA`, `VB`, `FB` |
 //!
 //! Lengths in metres; quaternions (w, x, y, z) from the body to the world, of any length but zero. Other columns
-//! are passed over. Superellipsoids with `e1 = e2 = 1` are ellipsoids; kinds that the library does not have are
-//! left out and told ([`Read::left_out`]).
+//! are passed over. Superellipsoids with `e1 = e2 = 1` are ellipsoids; a polyhedron is the hull of its corners.
 //!
 //! To add a kind, give its rows an arm in `json_row`.
 
 use super::{Body, Pairs};
 use crate::math::{Quat, Vec3};
-use crate::shape::{Ellipsoid, Shape, Sphere};
+use crate::shape::{Ellipsoid, Polyhedron, Shape, Sphere, Superellipsoid};
 use nalgebra::Quaternion;
 use serde_json::Value;
 use std::collections::BTreeMap;
-
-/// What a file held.
-#[derive(Clone, Debug, Default)]
-pub struct Read {
-    /// The pairs that can be resolved.
-    pub pairs: Pairs,
-    /// Kinds that the library does not have: how many pairs, and the line of the first.
-    pub left_out: BTreeMap<&'static str, (usize, u64)>,
-}
 
 /// Why a file could not be read: the first thing that is wrong with it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -47,22 +37,20 @@ pub enum ReadError {
     },
 }
 
-/// A row of a kind that the library has, or the name of one that it has not.
-enum Row {
-    Pair(String, Box<[Body; 2]>),
-    Unknown(&'static str),
-}
+/// A pair and its name.
+type Row = (String, [Body; 2]);
 
 /// Reads JSON Lines if the text begins with a brace, else CSV. Errors call the text `file`.
 ///
 /// # Errors
 /// See [`ReadError`].
-pub fn read(file: &str, text: &str) -> Result<Read, ReadError> {
-    let mut read = Read::default();
+pub fn read(file: &str, text: &str) -> Result<Pairs, ReadError> {
+    let mut pairs = Pairs::default();
+    let mut take = |(name, [a, b]): Row| pairs.push(name, a, b).map_err(|error| error.to_string());
     let at = |line| move |problem| ReadError::Line { file: file.into(), line, problem };
     if text.trim_start().starts_with('{') {
         for (line, text) in (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty()) {
-            json_row(text).and_then(|row| read.take(line, row)).map_err(at(line))?;
+            json_row(text).and_then(&mut take).map_err(at(line))?;
         }
     } else {
         let mut table = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
@@ -73,26 +61,13 @@ pub fn read(file: &str, text: &str) -> Result<Read, ReadError> {
                 at(error.position().map_or(1, csv::Position::line))(error.to_string())
             })?;
             let line = row.position().map_or(1, csv::Position::line);
-            csv_row(&columns, &row).and_then(|row| read.take(line, row)).map_err(at(line))?;
+            csv_row(&columns, &row).and_then(&mut take).map_err(at(line))?;
         }
     }
-    if read.pairs.is_empty() && read.left_out.is_empty() {
+    if pairs.is_empty() {
         return Err(ReadError::Empty(file.into()));
     }
-    Ok(read)
-}
-
-impl Read {
-    fn take(&mut self, line: u64, row: Row) -> Result<(), String> {
-        match row {
-            Row::Unknown(kind) => self.left_out.entry(kind).or_insert((0, line)).0 += 1,
-            Row::Pair(name, bodies) => {
-                let [a, b] = *bodies;
-                self.pairs.push(name, a, b).map_err(|error| error.to_string())?;
-            }
-        }
-        Ok(())
-    }
+    Ok(pairs)
 }
 
 // --- CSV ---
@@ -126,7 +101,7 @@ fn csv_row(columns: &BTreeMap<&str, usize>, row: &csv::StringRecord) -> Result<R
             rotation: rotation(&quaternion[0].0, quaternion.each_ref().map(|(_, value)| *value))?,
         })
     };
-    Ok(Row::Pair(text("id")?.to_string(), Box::new([body("A")?, body("B")?])))
+    Ok((text("id")?.to_string(), [body("A")?, body("B")?]))
 }
 
 // --- JSON Lines ---
@@ -139,20 +114,14 @@ fn json_row(text: &str) -> Result<Row, String> {
         other => other.to_string(),
     };
     let pair = |body: fn(&Value, &str) -> Result<Body, String>| {
-        Ok(Row::Pair(name.clone(), Box::new([body(&row, "A")?, body(&row, "B")?])))
+        Ok((name.clone(), [body(&row, "A")?, body(&row, "B")?]))
     };
     if row.get("rA").is_some() {
         pair(sphere_of)
     } else if row.get("A").is_some() {
-        let exponent = |which: &str, e: &str| one_number(&row[which][e], &format!("{which}.{e}"));
-        for which in ["A", "B"] {
-            if [exponent(which, "e1")?, exponent(which, "e2")?] != [1.0, 1.0] {
-                return Ok(Row::Unknown("superellipsoid"));
-            }
-        }
-        pair(ellipsoid_of)
+        pair(superellipsoid_of)
     } else if row.get("VA").is_some() {
-        Ok(Row::Unknown("polyhedron"))
+        pair(polyhedron_of)
     } else {
         Err("of no known kind: there is none of `rA` (sphere), `A` (superellipsoid), `VA` (polyhedron)"
             .into())
@@ -170,18 +139,41 @@ fn sphere_of(row: &Value, which: &str) -> Result<Body, String> {
     })
 }
 
-fn ellipsoid_of(row: &Value, which: &str) -> Result<Body, String> {
+fn superellipsoid_of(row: &Value, which: &str) -> Result<Body, String> {
     let column = |name: &str| format!("{which}.{name}");
     let body = &row[which];
     let axes: [f64; 3] = numbers(&body["abc"], &column("abc"))?;
     for length in axes {
         length_check(&column("abc"), length)?;
     }
+    let exponents =
+        [one_number(&body["e1"], &column("e1"))?, one_number(&body["e2"], &column("e2"))?];
+    if let Some(e) = exponents.into_iter().find(|e| !(*e > 0.0 && *e <= 2.0)) {
+        return Err(format!("{which} has the exponent {e}, which is not in (0, 2]"));
+    }
+    let shape = if exponents == [1.0, 1.0] {
+        ellipsoid(axes)
+    } else {
+        Shape::Superellipsoid(Superellipsoid::new(Vec3::from(axes), exponents))
+    };
     Ok(Body {
-        shape: ellipsoid(axes),
+        shape,
         centre: Vec3::from(numbers(&body["c"], &column("c"))?),
         rotation: rotation(&column("q"), numbers(&body["q"], &column("q"))?)?,
     })
+}
+
+/// The corners stand in the world: the body is placed where its centre of mass and principal axes are.
+fn polyhedron_of(row: &Value, which: &str) -> Result<Body, String> {
+    let column = format!("V{which}");
+    let corners = row[&column].as_array().ok_or_else(|| format!("{column} is not a list"))?;
+    let corners: Vec<Vec3> = corners
+        .iter()
+        .map(|corner| numbers(corner, &column).map(Vec3::from))
+        .collect::<Result<_, _>>()?;
+    let solid = Polyhedron::new(&corners).map_err(|error| format!("{column}: {error}"))?;
+    let (centre, rotation) = (solid.placement().centre, solid.placement().axes);
+    Ok(Body { shape: Shape::Polyhedron(Box::new(solid)), centre, rotation })
 }
 
 fn numbers<const N: usize>(value: &Value, column: &str) -> Result<[f64; N], String> {
