@@ -207,7 +207,7 @@ impl Octet {
         let mut certain = [0.0; WIDTH];
         for (certain, index) in certain.iter_mut().zip(&self.index[..self.count]) {
             let [a, b] = shapes(batch, *index);
-            *certain = least_curvature_radius(a) + least_curvature_radius(b);
+            *certain = a.smallest_curvature_radius() + b.smallest_curvature_radius();
         }
         L::load(&certain)
     }
@@ -412,7 +412,7 @@ impl<'a> Search<'a> {
             let [xx, yy, zz, xy, xz, yz] = form.map(|entry| entry * per_metre * per_metre);
             Symmetric { xx, yy, zz, xy, xz, yz }
         });
-        let certain = shapes.map(|shape| least_curvature_radius(shape) * per_metre);
+        let certain = shapes.map(|shape| shape.smallest_curvature_radius() * per_metre);
         let search = Self {
             frames,
             pair: Ellipsoids { a, b, r: triple(&(r * per_metre)) },
@@ -474,12 +474,6 @@ fn triple(v: &Vec3) -> Triple<f64> {
 #[inline]
 fn vector(t: Triple<f64>) -> Vec3 {
     Vec3::new(t.x, t.y, t.z)
-}
-
-/// Smallest radius of curvature anywhere on an ellipsoid or sphere [m]: shortest² / longest.
-fn least_curvature_radius(shape: &Shape) -> f64 {
-    let shortest = shape.inscribed_radius();
-    shortest * shortest / shape.bounding_radius()
 }
 
 #[cfg(test)]

@@ -264,18 +264,6 @@ pub struct Tally {
     pub fallbacks: [u64; 4],
 }
 
-impl Tally {
-    /// Adds another tally to this one.
-    pub fn add(&mut self, other: &Self) {
-        self.listed += other.listed;
-        self.pairs += other.pairs;
-        self.contacts += other.contacts;
-        for (mine, theirs) in self.fallbacks.iter_mut().zip(other.fallbacks) {
-            *mine += theirs;
-        }
-    }
-}
-
 /// Pairs of one pair of kinds that are to be looked at.
 #[derive(Clone, Copy, Debug)]
 pub struct Batch<'a> {

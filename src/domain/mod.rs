@@ -131,11 +131,6 @@ impl Domain {
         self.traffic.recuts += 1;
     }
 
-    /// How many ranks this one shares particles with.
-    pub fn neighbour_count(&self) -> usize {
-        self.neighbours.len()
-    }
-
     /// Looks at every owned particle.
     ///
     /// # Errors

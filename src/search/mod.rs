@@ -273,16 +273,6 @@ impl PairList {
             spring: self.spring(pair),
         }
     }
-
-    /// Bytes that the list holds.
-    pub fn bytes(&self) -> usize {
-        self.pairs.capacity() * size_of::<Pair>()
-            + self.history.capacity() * size_of::<History>()
-            + self.springs.capacity() * size_of::<Vec3>()
-            + self.rests_until.capacity() * size_of::<f64>()
-            + self.incident.capacity() * size_of::<Incidence>()
-            + (self.first.capacity() + self.load_of.capacity() + self.touching.capacity()) * 4
-    }
 }
 
 /// Square of the largest distance that an owned particle or a wall has moved since the pairs were
