@@ -83,17 +83,13 @@ fn resolve_with<L: Eight>(batch: &Batch, found: &mut Found) {
     let (mut touched, mut new) = (Octet::default(), Octet::default());
     let mut open = Vec::new();
     for &index in batch.active {
-        let normal = batch.history[index as usize].normal;
-        let r = batch.bodies.relative(batch.pairs[index as usize]);
-        if normal != Vec3::zeros() {
-            touched.push(batch, index, &r, &normal);
+        if batch.history[index as usize].touched() {
+            touched.push(index);
             if touched.count == WIDTH {
                 touched.follow::<L>(batch, found, &mut open);
             }
-        } else if let Some(clearance) = beyond_reach(shapes(batch, index), &r) {
-            found.note(index, Outcome::Apart(clearance));
         } else {
-            new.push(batch, index, &r, &normal);
+            new.push(index);
             if new.count == WIDTH {
                 new.part::<L>(batch, found, &mut open);
             }
@@ -103,11 +99,12 @@ fn resolve_with<L: Eight>(batch: &Batch, found: &mut Found) {
     new.part::<L>(batch, found, &mut open);
     let mut searched = Octet::default();
     for eight in open.chunks(WIDTH) {
-        for (index, start) in eight {
-            let r = batch.bodies.relative(batch.pairs[*index as usize]);
-            searched.push(batch, *index, &r, start);
+        let mut starts = [eight[0].1; WIDTH];
+        for (start, (index, of_this)) in starts.iter_mut().zip(eight) {
+            searched.push(*index);
+            *start = *of_this;
         }
-        searched.search::<L>(batch, found);
+        searched.search::<L>(batch, &starts, found);
     }
 }
 
@@ -129,64 +126,42 @@ fn shapes<'a>(batch: &Batch<'a>, index: u32) -> [&'a Shape; 2] {
     [&library[shape[a.index()].index()], &library[shape[b.index()].index()]]
 }
 
-/// The clearance of the bounding spheres, if they are apart [m].
-#[inline(always)]
-fn beyond_reach([a, b]: [&Shape; 2], r: &Vec3) -> Option<f64> {
-    let reach = a.bounding_radius() + b.bounding_radius();
-    let squared = r.norm_squared();
-    if squared > reach * reach { Some(squared.sqrt() - reach) } else { None }
-}
-
-/// The matrix of a body whose caller does not keep it.
-fn form_of(bodies: &Bodies, slot: Slot) -> Form {
-    bodies.shape_of(slot).form(bodies.posed(slot).frame)
-}
-
-/// Up to eight pairs, number by number.
+/// Up to eight pairs of a batch; their places in it. Those without a pair repeat the first.
 #[derive(Default)]
 struct Octet {
     count: usize,
     index: [u32; WIDTH],
-    a: [[f64; WIDTH]; 6],
-    b: [[f64; WIDTH]; 6],
-    r: [[f64; WIDTH]; 3],
-    /// Where to start.
-    normal: [[f64; WIDTH]; 3],
 }
 
 impl Octet {
     #[inline(always)]
-    fn push(&mut self, batch: &Batch, index: u32, r: &Vec3, normal: &Vec3) {
-        let lane = self.count % WIDTH; // spares the checks of bounds
-        let Pair { a, b } = batch.pairs[index as usize];
-        if let Some(form) = batch.bodies.form {
-            put(&mut self.a, lane, &form[a.index()]);
-            put(&mut self.b, lane, &form[b.index()]);
-        } else {
-            put(&mut self.a, lane, &form_of(&batch.bodies, a));
-            put(&mut self.b, lane, &form_of(&batch.bodies, b));
+    fn push(&mut self, index: u32) {
+        if self.count == 0 {
+            self.index = [index; WIDTH];
         }
-        put(&mut self.r, lane, r.as_ref());
-        put(&mut self.normal, lane, normal.as_ref());
-        self.index[lane] = index;
+        self.index[self.count % WIDTH] = index; // spares the check of bounds
         self.count += 1;
-    }
-
-    /// Where a lane started.
-    #[inline(always)]
-    fn start(&self, lane: usize) -> Vec3 {
-        let [x, y, z] = &self.normal;
-        Vec3::new(x[lane], y[lane], z[lane])
     }
 
     /// In metres.
     #[inline(always)]
-    fn pairs<L: Eight>(&self) -> Ellipsoids<L> {
-        Ellipsoids {
-            a: Symmetric::load(&self.a),
-            b: Symmetric::load(&self.b),
-            r: Triple::load(&self.r),
+    fn pairs<L: Eight>(&self, batch: &Batch) -> Ellipsoids<L> {
+        let Bodies { position, form, period, .. } = batch.bodies;
+        let first = batch.pairs[self.index[0] as usize];
+        let mut slots = [[first.a; WIDTH], [first.b; WIDTH]];
+        for (lane, index) in self.index.iter().enumerate() {
+            let Pair { a, b } = batch.pairs[*index as usize];
+            slots[0][lane] = a;
+            slots[1][lane] = b;
         }
+        let [from, to] = [vectors::<L>(position, &slots[0]), vectors::<L>(position, &slots[1])];
+        let r = nearest_images(to.minus(from), &period);
+        let [a, b] = if let Some(form) = form {
+            [forms(form, &slots[0]), forms(form, &slots[1])]
+        } else {
+            [forms_made(&batch.bodies, &slots[0]), forms_made(&batch.bodies, &slots[1])]
+        };
+        Ellipsoids { a, b, r }
     }
 
     /// In units of each pair's length, with these units [m].
@@ -198,7 +173,7 @@ impl Octet {
             *unit = unit_of_length(a.bounding_radius(), b.bounding_radius());
         }
         let unit = L::load(&units);
-        (self.pairs().scaled(L::all(1.0) / unit), unit)
+        (self.pairs(batch).scaled(L::all(1.0) / unit), unit)
     }
 
     /// Overlaps below these are certainly the least [m].
@@ -212,6 +187,16 @@ impl Octet {
         L::load(&certain)
     }
 
+    /// The normals of the last touch.
+    #[inline(always)]
+    fn normals<L: Eight>(&self, batch: &Batch) -> Triple<L> {
+        let mut normals = [batch.history[self.index[0] as usize].normal.as_ref(); WIDTH];
+        for (normal, index) in normals.iter_mut().zip(&self.index) {
+            *normal = batch.history[*index as usize].normal.as_ref();
+        }
+        Triple::of(&normals)
+    }
+
     /// A bit for each lane in use.
     #[inline(always)]
     fn lanes(&self) -> u8 {
@@ -222,8 +207,16 @@ impl Octet {
     /// (together of third order), then a look at each lane. Empties the lanes.
     #[inline(always)]
     fn follow<L: Eight>(&mut self, batch: &Batch, found: &mut Found, open: &mut Vec<(u32, Vec3)>) {
-        let pair = self.pairs::<L>();
-        let before = pair.evaluate(Triple::load(&self.normal));
+        if self.count == 0 {
+            return;
+        }
+        let pair = self.pairs::<L>(batch);
+        let before = pair.evaluate(self.normals(batch));
+        let apart = before.delta.at_most(L::all(0.0));
+        if apart == u8::MAX {
+            self.part_all(before.delta, found);
+            return;
+        }
         let hessian = pair.hessian(&before);
         let determinant = hessian.determinant(before.delta);
         let inverse = L::all(1.0) / determinant;
@@ -243,7 +236,6 @@ impl Octet {
         let certain = overlap.less(self.certain(batch));
         let touching = zero.less(before.delta) & zero.less(overlap);
         let good = downhill & short & trusted & certain & touching;
-        let apart = before.delta.at_most(zero);
 
         let touches = Touches::of(overlap, normal, point);
         let delta = before.delta.store();
@@ -254,7 +246,7 @@ impl Octet {
             } else if apart >> lane & 1 == 1 {
                 found.note(index, Outcome::Apart(-delta));
             } else {
-                open.push((index, self.start(lane)));
+                open.push((index, batch.history[index as usize].normal));
             }
         }
         self.count = 0;
@@ -263,11 +255,19 @@ impl Octet {
     /// New pairs: those that the plane across the first direction parts are apart. Empties the lanes.
     #[inline(always)]
     fn part<L: Eight>(&mut self, batch: &Batch, found: &mut Found, open: &mut Vec<(u32, Vec3)>) {
-        let (pair, unit) = self.pairs_in_units::<L>(batch);
+        if self.count == 0 {
+            return;
+        }
+        // In metres: what overflows or underflows is not found apart, and is searched.
+        let pair = self.pairs::<L>(batch);
         let start = pair.cold_start().unit();
         let delta = pair.delta(start);
         let apart = delta.at_most(L::all(0.0));
-        let delta = (delta * unit).store();
+        if apart == u8::MAX {
+            self.part_all(delta, found);
+            return;
+        }
+        let delta = delta.store();
         let [x, y, z] = start.store();
         for (lane, delta) in delta.iter().enumerate().take(self.count) {
             let index = self.index[lane];
@@ -280,12 +280,23 @@ impl Octet {
         self.count = 0;
     }
 
-    /// The search for all others. Empties the lanes.
+    /// Every lane has `delta` below zero. Empties the lanes.
     #[inline(always)]
-    fn search<L: Eight>(&mut self, batch: &Batch, found: &mut Found) {
+    fn part_all<L: Eight>(&mut self, delta: L, found: &mut Found) {
+        let clearances = (L::all(0.0) - delta).store();
+        found.apart.extend(self.index.into_iter().zip(clearances).take(self.count));
+        self.count = 0;
+    }
+
+    /// The search for all others, from unit vectors. Empties the lanes.
+    #[inline(always)]
+    fn search<L: Eight>(&mut self, batch: &Batch, starts: &[Vec3; WIDTH], found: &mut Found) {
         let (pair, unit) = self.pairs_in_units::<L>(batch);
-        let start = Triple::load(&self.normal);
-        let ends = pair.descend(start, self.lanes(), EVALUATIONS_IN_LANES);
+        let mut rows = [starts[0].as_ref(); WIDTH];
+        for (row, start) in rows.iter_mut().zip(starts) {
+            *row = start.as_ref();
+        }
+        let ends = pair.descend(Triple::of(&rows), self.lanes(), EVALUATIONS_IN_LANES);
         let overlap = ends.overlap * unit;
         let certain = ends.minimum & L::all(0.0).less(overlap) & overlap.less(self.certain(batch));
         let touches = Touches::of(overlap, ends.normal, ends.point.times(unit));
@@ -296,7 +307,7 @@ impl Octet {
             } else if ends.apart >> lane & 1 == 1 {
                 Outcome::Apart(-touches.overlap[lane])
             } else {
-                search(batch, index, &self.start(lane))
+                search(batch, index, &starts[lane])
             };
             found.note(index, outcome);
         }
@@ -304,12 +315,44 @@ impl Octet {
     }
 }
 
-/// Puts the numbers of one pair into its lane.
+/// The vectors of eight bodies.
 #[inline(always)]
-fn put<const N: usize>(numbers: &mut [[f64; WIDTH]; N], lane: usize, of_one: &[f64; N]) {
-    for (numbers, number) in numbers.iter_mut().zip(of_one) {
-        numbers[lane] = *number;
+fn vectors<L: Eight>(all: &[Vec3], slots: &[Slot; WIDTH]) -> Triple<L> {
+    let mut rows = [all[slots[0].index()].as_ref(); WIDTH];
+    for (row, slot) in rows.iter_mut().zip(slots) {
+        *row = all[slot.index()].as_ref();
     }
+    Triple::of(&rows)
+}
+
+/// The matrices of eight bodies.
+#[inline(always)]
+fn forms<L: Eight>(all: &[Form], slots: &[Slot; WIDTH]) -> Symmetric<L> {
+    let mut rows = [&all[slots[0].index()]; WIDTH];
+    for (row, slot) in rows.iter_mut().zip(slots) {
+        *row = &all[slot.index()];
+    }
+    Symmetric::of(&rows)
+}
+
+/// The same where the caller does not keep them.
+#[inline(always)]
+fn forms_made<L: Eight>(bodies: &Bodies, slots: &[Slot; WIDTH]) -> Symmetric<L> {
+    let made = slots.map(|slot| bodies.shape_of(slot).form(bodies.posed(slot).frame));
+    Symmetric::of(&made.each_ref())
+}
+
+/// [`nearest_image`](super::nearest_image) in lanes.
+#[inline(always)]
+fn nearest_images<L: Eight>(mut r: Triple<L>, period: &Vec3) -> Triple<L> {
+    for (along, period) in [&mut r.x, &mut r.y, &mut r.z].into_iter().zip(period) {
+        if period.is_finite() {
+            let (whole, half) = (L::all(*period), L::all(0.5 * period));
+            let (above, below) = (half.less(*along), along.less(L::all(0.0) - half));
+            *along = (*along - whole).or((*along + whole).or(*along, below), above);
+        }
+    }
+    r
 }
 
 /// Eight touches, number by number [m].

@@ -66,6 +66,12 @@ pub(super) trait Eight: Lanes {
 
     /// To memory.
     fn store(self) -> [f64; WIDTH];
+
+    /// The columns of eight rows anywhere in memory: lane `k` of each comes from row `k`.
+    fn columns_of_3(rows: &[&[f64; 3]; WIDTH]) -> [Self; 3];
+
+    /// The same of longer rows.
+    fn columns_of_6(rows: &[&[f64; 6]; WIDTH]) -> [Self; 6];
 }
 
 /// Eight lanes without vector registers, or with those that every processor has.
@@ -140,6 +146,20 @@ impl Eight for Portable {
     fn store(self) -> [f64; WIDTH] {
         self.0
     }
+
+    #[inline(always)]
+    fn columns_of_3(rows: &[&[f64; 3]; WIDTH]) -> [Self; 3] {
+        columns(rows)
+    }
+
+    #[inline(always)]
+    fn columns_of_6(rows: &[&[f64; 6]; WIDTH]) -> [Self; 6] {
+        columns(rows)
+    }
+}
+
+fn columns<const N: usize>(rows: &[&[f64; N]; WIDTH]) -> [Portable; N] {
+    std::array::from_fn(|column| Portable(rows.map(|row| row[column])))
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -267,6 +287,77 @@ mod avx {
             }
             numbers
         }
+
+        #[inline(always)]
+        fn columns_of_3(rows: &[&[f64; 3]; WIDTH]) -> [Self; 3] {
+            let [[x, y, z], [u, v, w]] = [four_of_3(rows, 0), four_of_3(rows, 4)];
+            [Self(x, u), Self(y, v), Self(z, w)]
+        }
+
+        #[inline(always)]
+        fn columns_of_6(rows: &[&[f64; 6]; WIDTH]) -> [Self; 6] {
+            let [a, b, c, d, e, f] = four_of_6(rows, 0);
+            let [p, q, r, s, t, u] = four_of_6(rows, 4);
+            [Self(a, p), Self(b, q), Self(c, r), Self(d, s), Self(e, t), Self(f, u)]
+        }
+    }
+
+    /// Columns of four rows from the `first` on. Numbers go from memory to registers once and change places
+    /// there: put one by one into arrays, they would have to reach memory before they could be loaded again.
+    #[inline(always)]
+    fn four_of_3(rows: &[&[f64; 3]; WIDTH], first: usize) -> [intel::__m256d; 3] {
+        // SAFETY: the processor has AVX, see the type; rows hold three numbers.
+        unsafe {
+            let a = three(rows[first]);
+            let b = three(rows[first + 1]);
+            let c = three(rows[first + 2]);
+            let d = three(rows[first + 3]);
+            let (ab, cd) = (intel::_mm256_unpacklo_pd(a, b), intel::_mm256_unpacklo_pd(c, d));
+            let (y_ab, y_cd) = (intel::_mm256_unpackhi_pd(a, b), intel::_mm256_unpackhi_pd(c, d));
+            [
+                intel::_mm256_permute2f128_pd::<0x20>(ab, cd),
+                intel::_mm256_permute2f128_pd::<0x20>(y_ab, y_cd),
+                intel::_mm256_permute2f128_pd::<0x31>(ab, cd),
+            ]
+        }
+    }
+
+    /// Three numbers, and a zero.
+    #[inline(always)]
+    fn three(row: &[f64; 3]) -> intel::__m256d {
+        let row = row.as_ptr();
+        // SAFETY: the processor has AVX, see the type; the row holds three numbers.
+        unsafe {
+            let low = intel::_mm256_castpd128_pd256(intel::_mm_loadu_pd(row));
+            intel::_mm256_insertf128_pd::<1>(low, intel::_mm_load_sd(row.add(2)))
+        }
+    }
+
+    /// The same of longer rows.
+    #[inline(always)]
+    fn four_of_6(rows: &[&[f64; 6]; WIDTH], first: usize) -> [intel::__m256d; 6] {
+        // SAFETY: the processor has AVX, see the type; rows hold six numbers.
+        unsafe {
+            let row = [0, 1, 2, 3].map(|k| rows[first + k].as_ptr());
+            let a = intel::_mm256_loadu_pd(row[0]);
+            let b = intel::_mm256_loadu_pd(row[1]);
+            let c = intel::_mm256_loadu_pd(row[2]);
+            let d = intel::_mm256_loadu_pd(row[3]);
+            let (even_ab, odd_ab) = (intel::_mm256_unpacklo_pd(a, b), intel::_mm256_unpackhi_pd(a, b));
+            let (even_cd, odd_cd) = (intel::_mm256_unpacklo_pd(c, d), intel::_mm256_unpackhi_pd(c, d));
+            let a = intel::_mm256_castpd128_pd256(intel::_mm_loadu_pd(row[0].add(4)));
+            let b = intel::_mm256_castpd128_pd256(intel::_mm_loadu_pd(row[1].add(4)));
+            let ac = intel::_mm256_insertf128_pd::<1>(a, intel::_mm_loadu_pd(row[2].add(4)));
+            let bd = intel::_mm256_insertf128_pd::<1>(b, intel::_mm_loadu_pd(row[3].add(4)));
+            [
+                intel::_mm256_permute2f128_pd::<0x20>(even_ab, even_cd),
+                intel::_mm256_permute2f128_pd::<0x20>(odd_ab, odd_cd),
+                intel::_mm256_permute2f128_pd::<0x31>(even_ab, even_cd),
+                intel::_mm256_permute2f128_pd::<0x31>(odd_ab, odd_cd),
+                intel::_mm256_unpacklo_pd(ac, bd),
+                intel::_mm256_unpackhi_pd(ac, bd),
+            ]
+        }
     }
 }
 
@@ -328,10 +419,11 @@ pub(super) struct Symmetric<L> {
 }
 
 impl<L: Eight> Triple<L> {
-    /// From memory, number by number.
+    /// From eight places in memory.
     #[inline(always)]
-    pub(super) fn load(numbers: &[[f64; WIDTH]; 3]) -> Self {
-        Self { x: L::load(&numbers[0]), y: L::load(&numbers[1]), z: L::load(&numbers[2]) }
+    pub(super) fn of(rows: &[&[f64; 3]; WIDTH]) -> Self {
+        let [x, y, z] = L::columns_of_3(rows);
+        Self { x, y, z }
     }
 
     /// To memory.
@@ -342,17 +434,11 @@ impl<L: Eight> Triple<L> {
 }
 
 impl<L: Eight> Symmetric<L> {
-    /// From memory, number by number: xx, yy, zz, xy, xz, yz.
+    /// From eight places in memory: xx, yy, zz, xy, xz, yz.
     #[inline(always)]
-    pub(super) fn load(numbers: &[[f64; WIDTH]; 6]) -> Self {
-        Self {
-            xx: L::load(&numbers[0]),
-            yy: L::load(&numbers[1]),
-            zz: L::load(&numbers[2]),
-            xy: L::load(&numbers[3]),
-            xz: L::load(&numbers[4]),
-            yz: L::load(&numbers[5]),
-        }
+    pub(super) fn of(rows: &[&[f64; 6]; WIDTH]) -> Self {
+        let [xx, yy, zz, xy, xz, yz] = L::columns_of_6(rows);
+        Self { xx, yy, zz, xy, xz, yz }
     }
 }
 
