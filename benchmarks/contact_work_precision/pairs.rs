@@ -50,6 +50,7 @@ pub(crate) struct Pairs {
     form: Vec<Form>,
     shape: Vec<ShapeId>,
     library: Vec<Shape>,
+    curvature_radius: Vec<f64>,
     slots: Vec<Pair>,
     active: Vec<u32>,
     pub(crate) truth: Vec<Truth>,
@@ -57,7 +58,8 @@ pub(crate) struct Pairs {
 
 impl Pairs {
     pub(crate) fn of(library: Vec<Shape>) -> Self {
-        Self { library, ..Self::default() }
+        let curvature_radius = library.iter().map(Shape::smallest_curvature_radius).collect();
+        Self { library, curvature_radius, ..Self::default() }
     }
 
     /// Two bodies with this overlap along this normal.
@@ -107,6 +109,7 @@ impl Pairs {
             form: Some(&self.form),
             shape: &self.shape,
             library: &self.library,
+            curvature_radius: &self.curvature_radius,
             period: Vec3::repeat(f64::INFINITY),
         }
     }

@@ -179,10 +179,12 @@ impl Octet {
     /// Overlaps below these are certainly the least [m].
     #[inline(always)]
     fn certain<L: Eight>(&self, batch: &Batch) -> L {
+        let Bodies { shape, curvature_radius, .. } = batch.bodies;
         let mut certain = [0.0; WIDTH];
         for (certain, index) in certain.iter_mut().zip(&self.index[..self.count]) {
-            let [a, b] = shapes(batch, *index);
-            *certain = a.smallest_curvature_radius() + b.smallest_curvature_radius();
+            let Pair { a, b } = batch.pairs[*index as usize];
+            let [a, b] = [shape[a.index()], shape[b.index()]];
+            *certain = curvature_radius[a.index()] + curvature_radius[b.index()];
         }
         L::load(&certain)
     }
@@ -536,6 +538,7 @@ mod tests {
         form: Vec<Form>,
         shape: Vec<ShapeId>,
         library: Vec<Shape>,
+        curvature_radius: Vec<f64>,
         pairs: Vec<Pair>,
         history: Vec<History>,
     }
@@ -554,6 +557,7 @@ mod tests {
                 frame: Vec::new(),
                 form: Vec::new(),
                 shape: Vec::new(),
+                curvature_radius: library.iter().map(Shape::smallest_curvature_radius).collect(),
                 library,
                 pairs: Vec::new(),
                 history: Vec::new(),
@@ -590,6 +594,7 @@ mod tests {
                 form: Some(&self.form),
                 shape: &self.shape,
                 library: &self.library,
+                curvature_radius: &self.curvature_radius,
                 period: Vec3::repeat(f64::INFINITY),
             }
         }

@@ -92,6 +92,7 @@ mod tests {
             form: None,
             shape: &vec![ShapeId(0); centres.len()],
             library: &[Shape::Sphere(Sphere { radius: 1.0 })],
+            curvature_radius: &[1.0],
             period: Vec3::repeat(f64::INFINITY),
         };
         let pairs: Vec<_> =

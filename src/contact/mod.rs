@@ -208,6 +208,8 @@ pub struct Bodies<'a> {
     pub shape: &'a [ShapeId],
     /// The scene's shapes.
     pub library: &'a [Shape],
+    /// Their least radii of curvature [m].
+    pub curvature_radius: &'a [f64],
     /// Length of the period along each axis, infinite where the domain is not periodic [m].
     pub period: Vec3,
 }

@@ -46,6 +46,7 @@ pub struct Pairs {
     form: Vec<Form>,
     shape: Vec<ShapeId>,
     library: Vec<Shape>,
+    curvature_radius: Vec<f64>,
 }
 
 /// There are more different shapes than a [`ShapeId`] can name.
@@ -80,6 +81,7 @@ impl Pairs {
         let known = self.library[lately..].iter().position(|other| *other == shape);
         let index = known.map_or(self.library.len(), |k| lately + k);
         if known.is_none() {
+            self.curvature_radius.push(shape.smallest_curvature_radius());
             self.library.push(shape);
         }
         u16::try_from(index).map(ShapeId).map_err(|_| TooManyShapes)
@@ -122,6 +124,7 @@ impl Pairs {
             form: Some(&self.form),
             shape: &self.shape,
             library: &self.library,
+            curvature_radius: &self.curvature_radius,
             period: Vec3::repeat(f64::INFINITY),
         }
     }

@@ -27,6 +27,8 @@ pub struct Library {
     pub materials: Vec<MaterialId>,
     /// Bounding radius [m].
     pub radius: Vec<f64>,
+    /// Least radius of curvature [m].
+    pub curvature_radius: Vec<f64>,
     /// Mass [kg].
     pub mass: Vec<f64>,
     /// Principal moments of inertia [kg m²].
@@ -53,6 +55,7 @@ impl Library {
         self.mass.push(mass);
         self.inertia.push(inertia);
         self.radius.push(shape.bounding_radius());
+        self.curvature_radius.push(shape.smallest_curvature_radius());
         self.shapes.push(shape);
         self.names.push(name.to_owned());
         self.materials.push(material);
@@ -228,6 +231,7 @@ impl Particles {
             form: self.attitude.as_ref().filter(|_| self.needs.form).map(|a| &a.form[..]),
             shape: &self.shape,
             library: &self.library.shapes,
+            curvature_radius: &self.library.curvature_radius,
             period: self.period,
         }
     }
