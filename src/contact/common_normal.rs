@@ -38,8 +38,8 @@ const EVALUATIONS_IN_LANES: u32 = 12;
 /// unit again leaves 1e-16.
 const SHORT: f64 = 2e-4;
 /// The product of the squared lengths of step and correction up to which the fast path trusts itself: the
-/// normal's error is about the product of the lengths, 1e-11 rad.
-const TRUSTED: f64 = 1e-22;
+/// normal's error is about ten times the product of the lengths at 1:10, less than that product at 1:2.
+const TRUSTED: f64 = 4e-23;
 
 /// Resolves ellipsoids and spheres by their common normal.
 #[derive(Clone, Copy, Debug, Default)]
