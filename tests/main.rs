@@ -18,3 +18,4 @@ mod snapshot;
 mod solids;
 mod superellipsoids;
 mod support;
+mod units;

@@ -343,8 +343,10 @@ mod avx {
             let b = intel::_mm256_loadu_pd(row[1]);
             let c = intel::_mm256_loadu_pd(row[2]);
             let d = intel::_mm256_loadu_pd(row[3]);
-            let (even_ab, odd_ab) = (intel::_mm256_unpacklo_pd(a, b), intel::_mm256_unpackhi_pd(a, b));
-            let (even_cd, odd_cd) = (intel::_mm256_unpacklo_pd(c, d), intel::_mm256_unpackhi_pd(c, d));
+            let (even_ab, odd_ab) =
+                (intel::_mm256_unpacklo_pd(a, b), intel::_mm256_unpackhi_pd(a, b));
+            let (even_cd, odd_cd) =
+                (intel::_mm256_unpacklo_pd(c, d), intel::_mm256_unpackhi_pd(c, d));
             let a = intel::_mm256_castpd128_pd256(intel::_mm_loadu_pd(row[0].add(4)));
             let b = intel::_mm256_castpd128_pd256(intel::_mm_loadu_pd(row[1].add(4)));
             let ac = intel::_mm256_insertf128_pd::<1>(a, intel::_mm_loadu_pd(row[2].add(4)));
