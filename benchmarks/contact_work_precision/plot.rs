@@ -1,5 +1,5 @@
-//! Error against time on logarithmic axes, one drawing per grain. Joined and named is the Pareto front: the
-//! methods that no other beats in both.
+//! Error against time on logarithmic axes, one drawing per grain. Joined, with their settings, is the Pareto
+//! front: the methods that no other beats in both.
 
 use crate::measure::{Contacts, Spread, Start};
 use crate::methods::Family;
@@ -13,8 +13,10 @@ const INK: RGBColor = RGBColor(0x1F, 0x29, 0x33);
 const MUTED: RGBColor = RGBColor(0x5B, 0x66, 0x72);
 const GRID: RGBColor = RGBColor(0xE3, 0xE7, 0xEB);
 /// One panel [px].
-const PANEL: (u32, u32) = (420, 320);
-const LEGEND: u32 = 34;
+const PANEL: (u32, u32) = (480, 380);
+const LEGEND: u32 = 64;
+/// Of the names at points [px]: height of a line, width of a letter.
+const LETTER: (i32, i32) = (12, 6);
 /// Errors below are drawn here.
 const LEAST: f64 = 1e-17;
 
@@ -24,8 +26,15 @@ const fn colour(family: Family) -> RGBColor {
         Family::CommonNormal => RGBColor(0x00, 0x9E, 0x73),
         Family::Erosion => RGBColor(0x00, 0x72, 0xB2),
         Family::Epa => RGBColor(0xE6, 0x9F, 0x00),
+        Family::ParryErosion => RGBColor(0xCC, 0x79, 0xA7),
         Family::Parry => RGBColor(0xD5, 0x5E, 0x00),
     }
+}
+
+/// A disc of ours, a ring of others.
+fn mark(family: Family) -> ShapeStyle {
+    let is_other = matches!(family, Family::ParryErosion | Family::Parry);
+    if is_other { colour(family).stroke_width(2) } else { colour(family).filled() }
 }
 
 type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -85,51 +94,76 @@ fn text(pixels: i32, colour: RGBColor) -> TextStyle<'static> {
 }
 
 fn legend(area: &Canvas, grain: &str) -> Result<(), Box<dyn Error>> {
-    area.draw(&Text::new(
-        format!("{grain}: 99th percentile of the error"),
-        (14, 10),
-        text(16, INK),
-    ))?;
-    let mut x = 420;
-    for family in Family::ALL {
-        area.draw(&Circle::new((x, 17), 4, colour(family).filled()))?;
-        area.draw(&Text::new(family.name(), (x + 10, 11), text(14, MUTED)))?;
-        x += 130;
+    let title =
+        format!("{grain}: error, 99th percentile, against time; line and names: Pareto front");
+    area.draw(&Text::new(title, (14, 10), text(18, INK)))?;
+    for (k, family) in (0..).zip(Family::ALL) {
+        let x = 20 + 190 * k;
+        area.draw(&Circle::new((x, 46), 5, mark(family)))?;
+        area.draw(&Text::new(family.name(), (x + 12, 38), text(15, MUTED)))?;
     }
     Ok(())
 }
 
 fn panel(area: &Canvas, title: &str, dots: &[Dot]) -> Result<(), Box<dyn Error>> {
+    let decade = |x: f64| 10f64.powf(x.log10().floor());
+    let times = dots.iter().map(|dot| dot.nanoseconds);
+    let fastest = times.clone().fold(f64::INFINITY, f64::min);
+    let slowest = times.fold(0.0, f64::max);
+    let range = decade(fastest)..10.0 * decade(slowest);
     let mut chart = ChartBuilder::on(area)
-        .caption(title, text(14, INK))
-        .margin(8)
-        .x_label_area_size(36)
-        .y_label_area_size(52)
-        .build_cartesian_2d((1e1..1e5).log_scale(), (LEAST..1.0).log_scale())?;
+        .caption(title, text(15, INK))
+        .margin(10)
+        .x_label_area_size(40)
+        .y_label_area_size(60)
+        .build_cartesian_2d(range.log_scale(), (LEAST..10.0).log_scale())?;
     chart
         .configure_mesh()
         .max_light_lines(0)
         .bold_line_style(GRID)
         .axis_style(MUTED)
-        .label_style(text(12, MUTED))
-        .x_labels(5)
-        .y_labels(6)
+        .label_style(text(13, MUTED))
+        .x_labels(6)
+        .y_labels(8)
         .x_label_formatter(&|x| format!("{x:e}"))
         .y_label_formatter(&|y| format!("{y:.0e}"))
-        .x_desc("ns per contact")
-        .axis_desc_style(text(12, INK))
+        .x_desc("time per contact (ns)")
+        .axis_desc_style(text(13, INK))
         .draw()?;
     let front = front(dots);
     let steps = front.iter().map(|dot| (dot.nanoseconds, dot.error));
     chart.draw_series(LineSeries::new(steps, MUTED))?;
-    chart.draw_series(dots.iter().map(|dot| {
-        let colour = colour(dot.contacts.entry.family);
-        Circle::new((dot.nanoseconds, dot.error), 4, colour.filled())
+    let drawn = dots.iter().filter(|dot| dot.error.is_finite());
+    chart.draw_series(drawn.clone().map(|dot| {
+        Circle::new((dot.nanoseconds, dot.error), 4, mark(dot.contacts.entry.family))
     }))?;
-    chart.draw_series(front.iter().map(|dot| {
-        let offset = EmptyElement::at((dot.nanoseconds, dot.error));
-        offset + Text::new(dot.contacts.entry.method.clone(), (7, -5), text(11, INK))
-    }))?;
+    let plane = chart.plotting_area();
+    let pixel = |dot: &Dot| plane.map_coordinate(&(dot.nanoseconds, dot.error));
+    let mut taken: Vec<[i32; 4]> =
+        drawn.map(pixel).map(|(x, y)| [x - 4, y - 4, x + 4, y + 4]).collect();
+    let (across, down) = (plane.get_x_axis_pixel_range(), plane.get_y_axis_pixel_range());
+    let (left, right) = (across.start, across.end);
+    let (top, bottom) = (down.start.min(down.end), down.start.max(down.end));
+    for dot in front {
+        let (x, y) = pixel(dot);
+        let name = &dot.contacts.entry.settings;
+        let (width, height) = (LETTER.1 * name.len() as i32, LETTER.0);
+        // The nearest place around the point where nothing else is.
+        let places = (0..6).flat_map(|k| {
+            let (up, down) = (y - height - 3 - 13 * k, y + 3 + 13 * k);
+            let (after, before, middle) = (x + 7, x - 7 - width, x - width / 2);
+            [(after, up), (after, down), (before, up), (before, down), (middle, up), (middle, down)]
+        });
+        let boxes = places.map(|(x, y)| [x, y, x + width, y + height]);
+        let is_free = |place: &[i32; 4]| {
+            let [x0, y0, x1, y1] = *place;
+            let inside = x0 > left && x1 < right && y0 > top && y1 < bottom;
+            inside && taken.iter().all(|t| x1 < t[0] || t[2] < x0 || y1 < t[1] || t[3] < y0)
+        };
+        let Some(place) = { boxes }.find(is_free) else { continue };
+        taken.push(place);
+        area.draw(&Text::new(name.clone(), (place[0], place[1]), text(11, INK)))?;
+    }
     Ok(())
 }
 

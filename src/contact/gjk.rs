@@ -224,13 +224,7 @@ impl Simplex {
     }
 
     /// Starts from one corner; with secants or without.
-    fn search(
-        &mut self,
-        m: &Difference,
-        tolerance: f64,
-        beyond: f64,
-        secants: bool,
-    ) -> Separation {
+    fn search(&mut self, m: &Difference, tolerance: f64, beyond: f64, secants: bool) -> Separation {
         let Corner { point: first, direction: start } = self.corners[0];
         let along = -start.dot(&first);
         if along > 0.0 && along * along > (beyond * beyond) * start.norm_squared() {
