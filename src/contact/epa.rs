@@ -300,6 +300,9 @@ impl Polytope {
     fn refined(&self, m: &Difference, face: u32, best: Vec3, least: f64) -> Vec3 {
         let mut corners = self.faces[face as usize].corners.map(|c| self.corners[c as usize]);
         let (mut best, mut left) = (best, f64::INFINITY);
+        if !m.is_smooth {
+            return best;
+        }
         for _ in 0..SECANTS {
             let Some(direction) = secant(&corners, &best) else { break };
             let corner = m.corner(direction.normalize());

@@ -13,7 +13,7 @@
 
 use super::{Posed, unit_of_length};
 use crate::math::{Mat3, Vec3};
-use crate::shape::Shape;
+use crate::shape::{Core, Shape};
 
 /// Rounding of a difference of support points, in units of the pair's length.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
@@ -28,6 +28,9 @@ const STALLED: f64 = 1e-10;
 /// Closer than this [units] a stalled iteration calls the bodies intersecting. Whoever asked then looks
 /// deeper: erosion with smaller bodies, EPA with bounds of its own.
 const KISSING: f64 = 1e-8;
+
+/// A secant should bring the gap between the bounds below this part of the last.
+const WORTHWHILE: f64 = 0.25;
 
 /// How a body gives its support points.
 #[derive(Clone, Copy)]
@@ -80,6 +83,8 @@ pub(super) struct Difference<'a> {
     pub(super) unit: f64,
     /// Both bodies are scaled about their centres by this.
     scale: f64,
+    /// Neither body has edges or faces, where support points jump.
+    pub(super) is_smooth: bool,
 }
 
 impl<'a> Difference<'a> {
@@ -90,7 +95,8 @@ impl<'a> Difference<'a> {
         let per_metre = 1.0 / unit;
         let reach = (radius_a + radius_b) * per_metre;
         let (bodies, supports) = ([a, b], [Support::of(a), Support::of(b)]);
-        Self { bodies, supports, r: r * per_metre, reach, unit, scale: per_metre }
+        let is_smooth = bodies.iter().all(|body| matches!(body.shape.core(), Core::Curved));
+        Self { bodies, supports, r: r * per_metre, reach, unit, scale: per_metre, is_smooth }
     }
 
     /// The same with both bodies scaled about their centres by `1 - ratio`.
@@ -180,8 +186,8 @@ pub(super) fn enclose(
 ) -> (Separation, Simplex) {
     let first = m.corner(*start);
     let mut simplex = Simplex { corners: [first; 4], count: 1 };
-    let mut answer = simplex.search(m, tolerance, beyond, true);
-    if answer == Separation::NotConverged {
+    let mut answer = simplex.search(m, tolerance, beyond, m.is_smooth);
+    if answer == Separation::NotConverged && m.is_smooth {
         // Secants may have led to corners so near each other that nothing can be told from them.
         simplex = Simplex { corners: [first; 4], count: 1 };
         answer = simplex.search(m, tolerance, beyond, false);
@@ -236,7 +242,7 @@ impl Simplex {
         if !squared.is_finite() {
             return Separation::NotConverged;
         }
-        let mut guess = None;
+        let (mut guess, mut last_gap) = (None, f64::INFINITY);
         for _ in 0..ITERATIONS {
             if squared <= ROUNDING * ROUNDING {
                 return Separation::Intersecting;
@@ -254,6 +260,9 @@ impl Simplex {
             if gap <= tolerance * squared + ROUNDING * distance {
                 return Separation::Apart(direction / length);
             }
+            // A guess that brought little is not followed by another.
+            let has_paid = !guessed || gap < WORTHWHILE * last_gap;
+            last_gap = gap;
             if guessed && nearest.dot(&corner.point) >= squared {
                 // Not beyond the simplex: the textbook's direction is next.
                 continue;
@@ -265,7 +274,7 @@ impl Simplex {
             let shorter = next.norm_squared();
             if shorter < squared {
                 (nearest, squared) = (next, shorter);
-                if let ([p, q, s], true) = (&self.corners[..self.count], secants) {
+                if let ([p, q, s], true) = (&self.corners[..self.count], secants && has_paid) {
                     guess = secant(&[*p, *q, *s], &(nearest / -squared.sqrt()));
                 }
             } else if guessed {
