@@ -132,12 +132,11 @@ impl ContactResolver for ParryErosion {
         let mut ratio = self.settings.ratio;
         while ratio < 1.0 {
             let (left, most) = (1.0 - ratio, ratio * reach);
-            let found = match &self.shape.polyhedron {
-                Some(p) => question.distance(&Scaled(p, left), &Scaled(p, left), most),
-                None => {
-                    let (a, b) = (Local(a.shape), Local(b.shape));
-                    question.distance(&Scaled(&a, left), &Scaled(&b, left), most)
-                }
+            let found = if let Some(p) = &self.shape.polyhedron {
+                question.distance(&Scaled(p, left), &Scaled(p, left), most)
+            } else {
+                let (a, b) = (Local(a.shape), Local(b.shape));
+                question.distance(&Scaled(&a, left), &Scaled(&b, left), most)
             };
             match found {
                 GJKResult::ClosestPoints(_, _, normal) => {

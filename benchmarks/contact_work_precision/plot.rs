@@ -7,6 +7,7 @@ use crate::record;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::error::Error;
+use std::ops::Range;
 use std::path::Path;
 
 const INK: RGBColor = RGBColor(0x1F, 0x29, 0x33);
@@ -17,8 +18,8 @@ const PANEL: (u32, u32) = (480, 380);
 const LEGEND: u32 = 64;
 /// Of the names at points [px]: height of a line, width of a letter.
 const LETTER: (i32, i32) = (12, 6);
-/// Errors below are drawn here.
-const LEAST: f64 = 1e-17;
+/// Errors below are rounding, and drawn here.
+const LEAST: f64 = 1e-15;
 
 /// Okabe and Ito's colours.
 const fn colour(family: Family) -> RGBColor {
@@ -73,7 +74,10 @@ fn drawing(contacts: &[Contacts]) -> Result<String, Box<dyn Error>> {
         let canvas = SVGBackend::with_string(&mut svg, size).into_drawing_area();
         canvas.fill(&WHITE)?;
         let (top, panels) = canvas.split_vertically(LEGEND);
-        legend(&top, &contacts[0].entry.grain)?;
+        legend(&top, contacts)?;
+        // The same for all panels.
+        let times = || contacts.iter().map(|contacts| contacts.time.median);
+        let range = 0.7 * times().fold(f64::INFINITY, f64::min)..1.4 * times().fold(0.0, f64::max);
         let panels = panels.split_evenly((Start::BOTH.len(), ERRORS.len()));
         let wanted = Start::BOTH.iter().flat_map(|start| ERRORS.map(|error| (start, error)));
         for (area, (start, (name, pick))) in panels.iter().zip(wanted) {
@@ -82,7 +86,7 @@ fn drawing(contacts: &[Contacts]) -> Result<String, Box<dyn Error>> {
                 nanoseconds: contacts.time.median,
                 error: pick(contacts).p99.max(LEAST),
             });
-            panel(area, &format!("{}: {name}", start.name()), &dots.collect::<Vec<_>>())?;
+            panel(area, &format!("{}: {name}", start.name()), &dots.collect::<Vec<_>>(), &range)?;
         }
         canvas.present()?;
     }
@@ -93,11 +97,13 @@ fn text(pixels: i32, colour: RGBColor) -> TextStyle<'static> {
     ("sans-serif", pixels).into_font().color(&colour)
 }
 
-fn legend(area: &Canvas, grain: &str) -> Result<(), Box<dyn Error>> {
+fn legend(area: &Canvas, contacts: &[Contacts]) -> Result<(), Box<dyn Error>> {
+    let grain = &contacts[0].entry.grain;
     let title =
-        format!("{grain}: error, 99th percentile, against time; line and names: Pareto front");
+        format!("{grain}: error, 99th percentile, against time; line and settings: Pareto front");
     area.draw(&Text::new(title, (14, 10), text(18, INK)))?;
-    for (k, family) in (0..).zip(Family::ALL) {
+    let takes_part = |family: &Family| contacts.iter().any(|c| c.entry.family == *family);
+    for (k, family) in (0..).zip(Family::ALL.into_iter().filter(takes_part)) {
         let x = 20 + 190 * k;
         area.draw(&Circle::new((x, 46), 5, mark(family)))?;
         area.draw(&Text::new(family.name(), (x + 12, 38), text(15, MUTED)))?;
@@ -105,18 +111,18 @@ fn legend(area: &Canvas, grain: &str) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn panel(area: &Canvas, title: &str, dots: &[Dot]) -> Result<(), Box<dyn Error>> {
-    let decade = |x: f64| 10f64.powf(x.log10().floor());
-    let times = dots.iter().map(|dot| dot.nanoseconds);
-    let fastest = times.clone().fold(f64::INFINITY, f64::min);
-    let slowest = times.fold(0.0, f64::max);
-    let range = decade(fastest)..10.0 * decade(slowest);
+fn panel(
+    area: &Canvas,
+    title: &str,
+    dots: &[Dot],
+    range: &Range<f64>,
+) -> Result<(), Box<dyn Error>> {
     let mut chart = ChartBuilder::on(area)
         .caption(title, text(15, INK))
         .margin(10)
         .x_label_area_size(40)
         .y_label_area_size(60)
-        .build_cartesian_2d(range.log_scale(), (LEAST..10.0).log_scale())?;
+        .build_cartesian_2d(range.clone().log_scale(), (0.1 * LEAST..10.0).log_scale())?;
     chart
         .configure_mesh()
         .max_light_lines(0)
@@ -138,12 +144,16 @@ fn panel(area: &Canvas, title: &str, dots: &[Dot]) -> Result<(), Box<dyn Error>>
         Circle::new((dot.nanoseconds, dot.error), 4, mark(dot.contacts.entry.family))
     }))?;
     let plane = chart.plotting_area();
-    let pixel = |dot: &Dot| plane.map_coordinate(&(dot.nanoseconds, dot.error));
+    let (base_x, base_y) = area.get_base_pixel();
+    let pixel = |dot: &Dot| {
+        let (x, y) = plane.map_coordinate(&(dot.nanoseconds, dot.error));
+        (x - base_x, y - base_y)
+    };
     let mut taken: Vec<[i32; 4]> =
         drawn.map(pixel).map(|(x, y)| [x - 4, y - 4, x + 4, y + 4]).collect();
     let (across, down) = (plane.get_x_axis_pixel_range(), plane.get_y_axis_pixel_range());
-    let (left, right) = (across.start, across.end);
-    let (top, bottom) = (down.start.min(down.end), down.start.max(down.end));
+    let (left, right) = (across.start - base_x, across.end - base_x);
+    let (top, bottom) = (down.start.min(down.end) - base_y, down.start.max(down.end) - base_y);
     for dot in front {
         let (x, y) = pixel(dot);
         let name = &dot.contacts.entry.settings;
@@ -154,13 +164,13 @@ fn panel(area: &Canvas, title: &str, dots: &[Dot]) -> Result<(), Box<dyn Error>>
             let (after, before, middle) = (x + 7, x - 7 - width, x - width / 2);
             [(after, up), (after, down), (before, up), (before, down), (middle, up), (middle, down)]
         });
-        let boxes = places.map(|(x, y)| [x, y, x + width, y + height]);
+        let mut boxes = places.map(|(x, y)| [x, y, x + width, y + height]);
         let is_free = |place: &[i32; 4]| {
             let [x0, y0, x1, y1] = *place;
             let inside = x0 > left && x1 < right && y0 > top && y1 < bottom;
             inside && taken.iter().all(|t| x1 < t[0] || t[2] < x0 || y1 < t[1] || t[3] < y0)
         };
-        let Some(place) = { boxes }.find(is_free) else { continue };
+        let Some(place) = boxes.find(is_free) else { continue };
         taken.push(place);
         area.draw(&Text::new(name.clone(), (place[0], place[1]), text(11, INK)))?;
     }
