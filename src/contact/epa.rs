@@ -25,7 +25,7 @@ const ROUNDING: f64 = 32.0 * f64::EPSILON;
 const SEES: f64 = 4.0 * f64::EPSILON;
 /// A tetrahedron with less volume than this part of its longest edge cubed, times 6, is flat.
 const FLAT: f64 = 1e-4;
-/// Corners of the polytope: ellipsoids take about 25 at 1e-8, but hundreds where the overlap is nearly the
+/// Corners of the polytope: ellipsoids take about 30 at 1e-8, but hundreds where the overlap is nearly the
 /// same along a range of directions.
 const CORNERS: usize = 1000;
 /// Secants at the end; smooth bodies take 3 to 5.
@@ -144,7 +144,7 @@ struct Face {
 }
 
 impl Face {
-    /// Which of its edges ends at this corner, seen from a neighbour: starts there, seen from the face.
+    /// Which of its edges starts at this corner, which it has.
     fn edge_from(&self, corner: u32) -> usize {
         self.corners.iter().position(|&c| c == corner).unwrap_or(0)
     }
@@ -324,4 +324,42 @@ impl Polytope {
 fn remainder(corner: &Corner) -> (f64, f64) {
     let overlap = corner.point.dot(&corner.direction);
     (overlap, (corner.point - corner.direction * overlap).norm_squared())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Epa;
+    use crate::contact::{ContactResolver, Outcome, Posed};
+    use crate::math::{Quat, Vec3};
+    use crate::shape::{Ellipsoid, Shape};
+
+    /// A coarse polytope is enough for smooth bodies: secants do the rest.
+    #[test]
+    fn secants_find_the_normal() {
+        let shape = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.0, 0.5, 0.4) });
+        for i in 0..500 {
+            let k = f64::from(i);
+            let [one, other] = [
+                Quat::from_euler_angles(k, 1.7 * k, 0.3 * k),
+                Quat::from_euler_angles(2.1 * k, k, 0.7 * k),
+            ]
+            .map(|q| q.to_rotation_matrix());
+            let a = Posed { shape: &shape, frame: one.matrix() };
+            let b = Posed { shape: &shape, frame: other.matrix() };
+            let normal = Vec3::new((1.3 * k).sin(), (2.9 * k).sin(), (0.7 * k).cos()).normalize();
+            // Less than the least radii of curvature: no other minimum.
+            let overlap = 1e-3 + 0.02 * (0.9 * k).sin().abs();
+            let r = a.support(&normal) - b.support(&-normal) - normal * overlap;
+            let Outcome::Touching(touch) = (Epa { tolerance: 1e-5 }).touch(&a, &b, &r, None) else {
+                panic!("pair {i} was not resolved")
+            };
+            assert!(
+                (touch.overlap - overlap).abs() < 1e-14,
+                "pair {i}: {:e}",
+                touch.overlap - overlap
+            );
+            // By their support points, as the polytope alone is good to 1e-3.
+            assert!((touch.normal - normal).norm() < 1e-8, "pair {i}: {}", touch.normal);
+        }
+    }
 }

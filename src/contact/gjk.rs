@@ -17,8 +17,7 @@ use crate::shape::{Core, Shape};
 
 /// Rounding of a difference of support points, in units of the pair's length.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
-/// Ellipsoids take 5 to 10 supports, and at most 35 at the finest tolerance, needles and discs of 1:100
-/// included.
+/// Ellipsoids take 10 to 25 supports.
 const ITERATIONS: u32 = 200;
 
 /// A stalled iteration is believed if its relative duality gap is below this: the direction is then good to
@@ -231,9 +230,11 @@ impl Simplex {
 
     /// Starts from one corner; with secants or without.
     fn search(&mut self, m: &Difference, tolerance: f64, beyond: f64, secants: bool) -> Separation {
+        // A bound within rounding of the limit says nothing.
+        let certain = beyond + ROUNDING;
         let Corner { point: first, direction: start } = self.corners[0];
         let along = -start.dot(&first);
-        if along > 0.0 && along * along > (beyond * beyond) * start.norm_squared() {
+        if along > 0.0 && along * along > (certain * certain) * start.norm_squared() {
             return Separation::Beyond(along / start.norm());
         }
         // The point of the simplex nearest to the origin.
@@ -252,7 +253,7 @@ impl Simplex {
             let corner = m.corner(direction);
             // The plane through the corner across the direction bounds the distance from below.
             let (along, length) = (-direction.dot(&corner.point), direction.norm_squared());
-            if along > 0.0 && along * along > (beyond * beyond) * length {
+            if along > 0.0 && along * along > (certain * certain) * length {
                 return Separation::Beyond(along / length.sqrt());
             }
             let (distance, length) = (squared.sqrt(), length.sqrt());
