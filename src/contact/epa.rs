@@ -339,11 +339,8 @@ mod tests {
         let shape = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.0, 0.5, 0.4) });
         for i in 0..500 {
             let k = f64::from(i);
-            let [one, other] = [
-                Quat::from_euler_angles(k, 1.7 * k, 0.3 * k),
-                Quat::from_euler_angles(2.1 * k, k, 0.7 * k),
-            ]
-            .map(|q| q.to_rotation_matrix());
+            let one = Quat::from_euler_angles(k, 1.7 * k, 0.3 * k).to_rotation_matrix();
+            let other = Quat::from_euler_angles(2.1 * k, k, 0.7 * k).to_rotation_matrix();
             let a = Posed { shape: &shape, frame: one.matrix() };
             let b = Posed { shape: &shape, frame: other.matrix() };
             let normal = Vec3::new((1.3 * k).sin(), (2.9 * k).sin(), (0.7 * k).cos()).normalize();
