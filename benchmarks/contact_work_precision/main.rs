@@ -10,6 +10,8 @@
 //! To add a shape, name it in [`pairs::grains`]; to add a method, in [`methods::contestants`].
 
 mod count;
+mod equal_error;
+mod facets;
 mod measure;
 mod methods;
 mod pairs;
@@ -53,17 +55,18 @@ fn main() -> anyhow::Result<()> {
         PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("target/contact-work-precision")
     });
 
-    let mut contestants = methods::contestants();
-    contestants.retain(|contestant| contestant.name().contains(&arguments.method));
     let before = record::load();
     let mut contacts = Vec::new();
     let mut rejections = Vec::new();
     for grain in pairs::grains().iter().filter(|grain| grain.name.contains(&arguments.grain)) {
+        let mut contestants = methods::contestants(&grain.shape);
+        contestants.retain(|contestant| contestant.name().contains(&arguments.method));
         let (touching, apart) = measure::grain(grain, &contestants, &effort);
         record::print(&touching, &apart);
         contacts.extend(touching);
         rejections.extend(apart);
     }
+    equal_error::write(&folder, &contacts)?;
     record::write(&folder, &contacts, &rejections, &before)?;
     plot::write(&folder, &contacts)?;
     println!("written to {}", folder.display());

@@ -1,8 +1,11 @@
 //! Who takes part, and with what settings.
 
-use crate::parry::Parry;
-use dem_mpi::contact::{CommonNormal, ContactResolver, Epa, ErodedGjk, Outcome, Posed};
+use crate::parry::{Parry, ParryErosion};
+use dem_mpi::contact::{
+    CommonNormal, ContactResolver, Epa, ErodedGjk, Outcome, Posed, SmoothCommonNormal,
+};
 use dem_mpi::math::Vec3;
+use dem_mpi::shape::{Kind, Shape};
 
 /// Methods that share a colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,18 +13,24 @@ pub(crate) enum Family {
     CommonNormal,
     Erosion,
     Epa,
+    ParryErosion,
     Parry,
 }
 
 impl Family {
-    pub(crate) const ALL: [Self; 4] = [Self::CommonNormal, Self::Erosion, Self::Epa, Self::Parry];
+    pub(crate) const ALL: [Self; 5] =
+        [Self::CommonNormal, Self::Erosion, Self::Epa, Self::ParryErosion, Self::Parry];
+    /// Ours, and the same method by parry.
+    pub(crate) const RIVALS: [(Self, Self); 2] =
+        [(Self::Erosion, Self::ParryErosion), (Self::Epa, Self::Parry)];
 
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::CommonNormal => "common normal",
             Self::Erosion => "GJK-erosion",
             Self::Epa => "GJK+EPA",
-            Self::Parry => "parry3d-f64",
+            Self::ParryErosion => "parry GJK-erosion",
+            Self::Parry => "parry GJK+EPA",
         }
     }
 }
@@ -43,23 +52,30 @@ impl Contestant {
     }
 }
 
-/// Every method with every setting.
-pub(crate) fn contestants() -> Vec<Contestant> {
-    let mut all = vec![
-        Contestant::new(Family::CommonNormal, "batch".into(), CommonNormal),
-        Contestant::new(Family::CommonNormal, "one by one".into(), OneByOne(CommonNormal)),
-    ];
+/// Every method with every setting that can resolve pairs of this shape.
+pub(crate) fn contestants(shape: &Shape) -> Vec<Contestant> {
+    let mut all = Vec::new();
+    if shape.kind().is_ellipsoidal() {
+        all.push(Contestant::new(Family::CommonNormal, "batch".into(), CommonNormal));
+        let single = OneByOne(CommonNormal);
+        all.push(Contestant::new(Family::CommonNormal, "one by one".into(), single));
+    } else if shape.kind() != Kind::Polyhedron {
+        let smooth = SmoothCommonNormal;
+        all.push(Contestant::new(Family::CommonNormal, "one by one".into(), smooth));
+    }
     let paper = ErodedGjk::default();
     let ratios = [0.01, 0.02, 0.05, 0.1].map(|ratio| ErodedGjk { ratio, ..paper });
-    let tolerances = [1e-3, 1e-6].map(|tolerance| ErodedGjk { tolerance, ..paper });
+    // The last is the tolerance of parry.
+    let tolerances = [1e-3, 1e-6, 5e-8].map(|tolerance| ErodedGjk { tolerance, ..paper });
     for erosion in ratios.into_iter().chain(tolerances) {
         let settings = format!("{} % {:e}", 100.0 * erosion.ratio, erosion.tolerance);
         all.push(Contestant::new(Family::Erosion, settings, erosion));
     }
-    for tolerance in [1e-4, 1e-6, 1e-8, 1e-10] {
+    for tolerance in [1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10] {
         all.push(Contestant::new(Family::Epa, format!("{tolerance:e}"), Epa { tolerance }));
     }
-    all.push(Contestant::new(Family::Parry, "its own".into(), Parry));
+    all.push(Contestant::new(Family::ParryErosion, "5 %".into(), ParryErosion::of(shape)));
+    all.push(Contestant::new(Family::Parry, "its own".into(), Parry::of(shape)));
     all
 }
 

@@ -1,12 +1,14 @@
 //! Random pairs whose overlap, normal and contact point are known because they were built from them.
 
+use crate::facets;
 use dem_mpi::contact::{
     Batch, Bodies, CommonNormal, ContactResolver, History, Outcome, Pair, Posed,
+    SmoothCommonNormal, touch_along,
 };
 use dem_mpi::ids::{ShapeId, Slot};
 use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::random::Random;
-use dem_mpi::shape::{Ellipsoid, Form, Shape};
+use dem_mpi::shape::{Ellipsoid, Form, Kind, Polyhedron, Shape, Superellipsoid};
 
 /// A shape under a name.
 pub(crate) struct Grain {
@@ -17,7 +19,7 @@ pub(crate) struct Grain {
 /// Short axis of every grain: the unit of length.
 const SHORT_AXIS: f64 = 1.0;
 
-/// The grains of the benchmark: spheroids with a short axis of 1.
+/// The grains of the benchmark, all with a short axis of 1 (of the polyhedra, about 1).
 pub(crate) fn grains() -> Vec<Grain> {
     let half = 0.5 * SHORT_AXIS;
     let grain = |name: String, axes: [f64; 3]| Grain {
@@ -29,7 +31,37 @@ pub(crate) fn grains() -> Vec<Grain> {
         all.push(grain(format!("prolate {ratio}"), [ratio, 1.0, 1.0]));
         all.push(grain(format!("oblate {ratio}"), [ratio, ratio, 1.0]));
     }
+    for [e1, e2] in [[0.5, 0.5], [1.0, 0.5], [1.5, 1.5]] {
+        let semi_axes = Vec3::new(2.0, 1.0, 1.0) * half;
+        let shape = Shape::Superellipsoid(Superellipsoid::new(semi_axes, [e1, e2]));
+        all.push(Grain { name: format!("superellipsoid {e1} {e2}"), shape });
+    }
+    all.extend(
+        [("box", corners_of_box()), ("icosahedron", corners_of_icosahedron())].map(polyhedron),
+    );
+    let mut random = Random::of(40, 0);
+    let round = (0..40).map(|_| direction(&mut random).component_mul(&Vec3::new(2.0, 1.0, 1.0)));
+    all.push(polyhedron(("hull of 40", round.map(|p| p * half).collect())));
     all
+}
+
+fn polyhedron((name, points): (&str, Vec<Vec3>)) -> Grain {
+    let polyhedron = Polyhedron::new(&points).expect("these points are corners of a body");
+    Grain { name: name.into(), shape: Shape::Polyhedron(Box::new(polyhedron)) }
+}
+
+fn corners_of_box() -> Vec<Vec3> {
+    let sign = |k: u32, bit: u32| f64::from(k >> bit & 1) - 0.5;
+    (0..8).map(|k| Vec3::new(2.0 * sign(k, 0), 1.5 * sign(k, 1), sign(k, 2))).collect()
+}
+
+/// With edges of 0.66: 1 between opposite faces.
+fn corners_of_icosahedron() -> Vec<Vec3> {
+    let golden = 0.5 * (1.0 + 5f64.sqrt());
+    let signs = [-1.0, 1.0];
+    let rectangle = signs.into_iter().flat_map(|i| signs.map(|j| [0.0, i, j * golden]));
+    let turned = rectangle.flat_map(|[x, y, z]| [[x, y, z], [y, z, x], [z, x, y]]);
+    turned.map(|p| Vec3::from(p) * (0.5 / 1.511_522_628_152_341)).collect()
 }
 
 /// What is known of a pair.
@@ -77,7 +109,14 @@ impl Pairs {
             .map(|side| Posed { shape: &self.library[shapes[side].index()], frame: &frames[side] });
         let on_a = a.support(&normal);
         let r = on_a - b.support(&-normal) - normal * overlap;
-        self.truth.push(Truth { overlap, normal, point: on_a - normal * (0.5 * overlap) });
+        let truth = Truth { overlap, normal, point: on_a - normal * (0.5 * overlap) };
+        self.push_known(shapes, frames, r, truth);
+    }
+
+    fn push_known(&mut self, shapes: [ShapeId; 2], frames: [Mat3; 2], r: Vec3, truth: Truth) {
+        let [a, b] = [0, 1]
+            .map(|side| Posed { shape: &self.library[shapes[side].index()], frame: &frames[side] });
+        self.truth.push(truth);
         self.form.extend([a.shape.form(a.frame), b.shape.form(b.frame)]);
         self.position.extend([Vec3::zeros(), r]);
         self.frame.extend(frames);
@@ -96,8 +135,15 @@ impl Pairs {
             let frames = [(); 2].map(|()| rotation(&mut random));
             let towards = direction(&mut random);
             let overlap = overlap(1.0 - random.unit());
-            let normal = normal_along(&grain.shape, &frames, &towards);
-            pairs.push([ShapeId(0); 2], frames, overlap, normal);
+            if grain.shape.kind() == Kind::Polyhedron {
+                let [a, b] = frames.each_ref().map(|frame| Posed { shape: &grain.shape, frame });
+                let (r, normal) = facets::placed(&a, &b, &towards, overlap);
+                let point = touch_along(&a, &b, &r, &normal).point;
+                pairs.push_known([ShapeId(0); 2], frames, r, Truth { overlap, normal, point });
+            } else {
+                let normal = normal_along(&grain.shape, &frames, &towards);
+                pairs.push([ShapeId(0); 2], frames, overlap, normal);
+            }
         }
         pairs
     }
@@ -153,6 +199,15 @@ pub(crate) fn direction(random: &mut Random) -> Vec3 {
     random.rotation() * Vec3::x()
 }
 
+/// The common normal from a given start, or from the method's own: of smooth bodies only.
+pub(crate) fn common_normal(a: &Posed, b: &Posed, r: &Vec3, start: Option<&Vec3>) -> Outcome {
+    if a.shape.kind().is_ellipsoidal() && b.shape.kind().is_ellipsoidal() {
+        CommonNormal.touch(a, b, r, start)
+    } else {
+        SmoothCommonNormal.touch(a, b, r, start)
+    }
+}
+
 /// The common normal of two bodies that touch by a hundredth of the short axis, with B in this direction from A:
 /// by bisection of the distance.
 fn normal_along(shape: &Shape, frames: &[Mat3; 2], towards: &Vec3) -> Vec3 {
@@ -161,7 +216,7 @@ fn normal_along(shape: &Shape, frames: &[Mat3; 2], towards: &Vec3) -> Vec3 {
     let (mut near, mut far) = (shape.inscribed_radius(), 2.0 * shape.bounding_radius());
     for _ in 0..20 {
         let middle = 0.5 * (near + far);
-        match CommonNormal.touch(&a, &b, &(towards * middle), None) {
+        match common_normal(&a, &b, &(towards * middle), None) {
             Outcome::Touching(touch) if touch.overlap > 0.01 * SHORT_AXIS => {
                 near = middle;
                 normal = touch.normal;

@@ -10,7 +10,7 @@ use std::process::Command;
 /// What was measured on one grain.
 pub(crate) fn print(contacts: &[Contacts], rejections: &[Rejections]) {
     println!(
-        "\n{:<12} {:<4} {:<25} {:>8} {:>17}  {:>26}  {:>26}  {:>26}  missed failed  {:>9} spurious",
+        "\n{:<22} {:<4} {:<25} {:>8} {:>17}  {:>26}  {:>26}  {:>26}  missed failed  {:>9} spurious",
         "grain",
         "",
         "method",
@@ -24,7 +24,7 @@ pub(crate) fn print(contacts: &[Contacts], rejections: &[Rejections]) {
     for (c, apart) in contacts.iter().zip(rejections) {
         let spread = |s: &Spread| format!("{:8.1e} {:8.1e} {:8.1e}", s.median, s.p99, s.max);
         println!(
-            "{:<12} {:<4} {:<25} {:8.1} {:>8.1} {:>8.1}  {}  {}  {}  {:>6} {:>6}  {:>9.1} {:>8}",
+            "{:<22} {:<4} {:<25} {:8.1} {:>8.1} {:>8.1}  {}  {}  {}  {:>6} {:>6}  {:>9.1} {:>8}",
             c.entry.grain,
             c.entry.start.name(),
             c.entry.method,

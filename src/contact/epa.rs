@@ -3,24 +3,35 @@
 //! Van den Bergen (2001), "Proximity queries and penetration depth computation on 3D game objects". A
 //! polytope inside the Minkowski difference grows at the face nearest to the origin, until that face is
 //! as far out as the difference itself. It needs nothing but support points and finds the true
-//! overlap however deep; it is the slowest method, and its normal is only as good as the square root of
-//! the tolerance. Choose it for sharp shapes, or to check another method.
+//! overlap however deep. Choose it for sharp shapes, or to check another method.
 //!
-//! Two departures from the textbook make it robust. The first tetrahedron is built from support points
-//! along the axes of its own edges and is never flat; it need not hold the origin, because distances of
-//! faces carry a sign and a face that has the origin outside is the next to be moved out. And the
+//! Three departures from the textbook. The tetrahedron with which GJK ends is taken only if it is not
+//! flat; the one built otherwise need not hold the origin, because distances of
+//! faces carry a sign and a face that has the origin outside is the next to be moved out. The
 //! answer carries its own proof: the least overlap over all directions seen is an upper bound, the
-//! nearest face a lower one, and only their difference ends the iteration.
+//! nearest face a lower one, and only their difference ends the iteration. And where the bodies are smooth,
+//! a few steps of the secant method from the nearest face then bring the direction, which the proof
+//! leaves uncertain by the square root of the tolerance, to rounding.
 
-use super::gjk::{Difference, Separation, separate};
-use super::{ContactResolver, Outcome, Posed, Why, touch_along};
+use super::gjk::{Corner, Difference, Separation, enclose, secant};
+use super::{Batch, ContactResolver, Found, Outcome, Posed, Why, touch_along};
 use crate::math::Vec3;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 
 /// Rounding of the bounds, in units of the pair's length.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
-/// Corners of the polytope: ellipsoids take about 35 at 1e-8, but hundreds where the overlap is nearly the
+/// A corner sees a face from at least this far above it [units]: less may be rounding.
+const SEES: f64 = 4.0 * f64::EPSILON;
+/// A tetrahedron with less volume than this part of its longest edge cubed, times 6, is flat.
+const FLAT: f64 = 1e-4;
+/// Corners of the polytope: ellipsoids take about 30 at 1e-8, but hundreds where the overlap is nearly the
 /// same along a range of directions.
 const CORNERS: usize = 1000;
+/// Secants at the end; smooth bodies take 3 to 5.
+const SECANTS: u32 = 8;
+/// A secant that does not bring the remainder below this part of the last is the last.
+const WORTHWHILE: f64 = 0.25;
 
 /// Resolves two convex bodies by GJK and the expanding polytope.
 ///
@@ -29,24 +40,20 @@ const CORNERS: usize = 1000;
 #[derive(Clone, Copy, Debug)]
 pub struct Epa {
     /// How far the overlap may be above the true one, relative to the size of the larger body (its
-    /// bounding radius, rounded down to a power of two).
+    /// bounding radius, rounded down to a power of two). Of smooth bodies it is hardly ever above by more than
+    /// rounding, unless the tolerance is so coarse that two minima are mixed up.
     pub tolerance: f64,
 }
 
 impl Default for Epa {
-    /// At 1e-8 the normal is good to 1e-4 rad.
     fn default() -> Self {
         Self { tolerance: 1e-8 }
     }
 }
 
-impl ContactResolver for Epa {
-    fn name(&self) -> &'static str {
-        "epa"
-    }
-
+impl Epa {
     #[inline]
-    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, _warm: Option<&Vec3>) -> Outcome {
+    fn touch_with(self, polytope: &mut Polytope, a: &Posed, b: &Posed, r: &Vec3) -> Outcome {
         let m = Difference::new(a, b, r);
         let squared = m.r.norm_squared();
         if squared > m.reach * m.reach {
@@ -55,60 +62,141 @@ impl ContactResolver for Epa {
         // Coincident centres have an overlap, if no unique normal. A warm start would only put a corner
         // where the polytope must become finest, and slivers around it.
         let start = if squared == 0.0 { Vec3::x() } else { m.r };
-        match separate(&m, &start, 0.0, 0.0) {
+        let (answer, simplex) = enclose(&m, &start, 0.0, 0.0);
+        match answer {
             Separation::Beyond(distance) => return Outcome::Apart(distance * m.unit),
             Separation::Apart(_) => return Outcome::Apart(0.0),
             Separation::NotConverged => return Outcome::Failed(Why::NoConvergence),
             Separation::Intersecting => {}
         }
-        match Polytope::new(&m, &start.normalize()).expand(&m, self.tolerance + ROUNDING) {
+        match simplex.tetrahedron() {
+            Some(corners) if !is_flat(corners) => polytope.begin(corners),
+            _ => polytope.begin(&tetrahedron(&m, &start.normalize())),
+        }
+        match polytope.expand(&m, self.tolerance + ROUNDING) {
             Some(normal) => touch_along(a, b, r, &normal).outcome(),
             None => Outcome::Failed(Why::NoConvergence),
         }
     }
 }
 
+impl ContactResolver for Epa {
+    fn name(&self) -> &'static str {
+        "epa"
+    }
+
+    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, _warm: Option<&Vec3>) -> Outcome {
+        self.touch_with(&mut Polytope::default(), a, b, r)
+    }
+
+    /// One after the other, in the memory of the first.
+    fn resolve(&self, batch: &Batch, found: &mut Found) {
+        let mut polytope = Polytope::default();
+        for &index in batch.active {
+            let pair = batch.pairs[index as usize];
+            let r = batch.bodies.relative(pair);
+            let (a, b) = (batch.bodies.posed(pair.a), batch.bodies.posed(pair.b));
+            found.note(index, self.touch_with(&mut polytope, &a, &b, &r));
+        }
+    }
+}
+
+/// Six times the volume, positive if the first three corners are counter-clockwise seen from the fourth.
+fn volume(corners: &[Corner; 4]) -> f64 {
+    let [p, q, s, t] = corners.each_ref().map(|corner| corner.point);
+    (q - p).cross(&(s - p)).dot(&(t - p))
+}
+
+fn is_flat(corners: &[Corner; 4]) -> bool {
+    let [p, rest @ ..] = corners.each_ref().map(|corner| corner.point);
+    let longest = rest.iter().map(|q| (q - p).norm_squared()).fold(0.0, f64::max);
+    volume(corners).abs() < FLAT * longest * longest.sqrt()
+}
+
+/// A tetrahedron that is not flat: each new corner is at least half as far out of the span of the
+/// others as the difference is wide.
+fn tetrahedron(m: &Difference, start: &Vec3) -> [Corner; 4] {
+    let (p, q) = (m.corner(*start), m.corner(-start));
+    let edge = (q.point - p.point).normalize();
+    let from_edge = |x: &Corner| (x.point - p.point).cross(&edge).norm_squared();
+    let across = edge.cross(&Vec3::ith(edge.iamin(), 1.0)).normalize();
+    let sides = [m.corner(across), m.corner(-across)];
+    let s = sides[usize::from(from_edge(&sides[0]) < from_edge(&sides[1]))];
+    let up = (q.point - p.point).cross(&(s.point - p.point)).normalize();
+    let (above, below) = (m.corner(up), m.corner(-up));
+    let height = |x: &Corner| (x.point - p.point).dot(&up);
+    let t = if height(&above) < -height(&below) { below } else { above };
+    [p, q, s, t]
+}
+
 /// A triangle of the polytope.
-#[derive(Clone, Copy)]
 struct Face {
     /// Counter-clockwise, seen from outside.
-    corners: [u16; 3],
+    corners: [u32; 3],
+    /// The face beyond the edge from each corner to the next.
+    neighbours: [u32; 3],
     /// Outward unit normal.
     normal: Vec3,
     /// Of its plane from the origin; negative if the origin is outside.
     distance: f64,
+    /// Replaced by others.
+    gone: bool,
 }
 
-/// A convex polytope with corners on the boundary of the difference.
+impl Face {
+    /// Which of its edges starts at this corner, which it has.
+    fn edge_from(&self, corner: u32) -> usize {
+        self.corners.iter().position(|&c| c == corner).unwrap_or(0)
+    }
+}
+
+/// An edge of what a corner sees, counter-clockwise, and what lies beyond.
+struct Edge {
+    from: u32,
+    to: u32,
+    /// Face and edge on the side that is not seen.
+    beyond: (u32, usize),
+}
+
+/// A convex polytope with corners on the boundary of the difference; cleared for each pair, to keep its memory.
+#[derive(Default)]
 struct Polytope {
-    corners: Vec<Vec3>,
+    corners: Vec<Corner>,
     faces: Vec<Face>,
+    /// The faces that may yet be the nearest, by distance.
+    near: BinaryHeap<Reverse<(i64, u32)>>,
+    /// Edges of faces which are seen, still to be crossed.
+    crossings: Vec<(u32, usize)>,
+    horizon: Vec<Edge>,
+}
+
+/// Of the order of the numbers.
+fn key(distance: f64) -> i64 {
+    let bits = distance.to_bits() as i64;
+    bits ^ (((bits >> 63) as u64) >> 1) as i64
 }
 
 impl Polytope {
-    /// A tetrahedron that is not flat: each new corner is at least half as far out of the span of the
-    /// others as the difference is wide.
-    fn new(m: &Difference, start: &Vec3) -> Self {
-        let (p, q) = (m.support(start), m.support(&-start));
-        let edge = (q - p).normalize();
-        let from_edge = |x: &Vec3| (x - p).cross(&edge).norm_squared();
-        let across = edge.cross(&Vec3::ith(edge.iamin(), 1.0)).normalize();
-        let sides = [m.support(&across), m.support(&-across)];
-        let s = sides[usize::from(from_edge(&sides[0]) < from_edge(&sides[1]))];
-        let up = (q - p).cross(&(s - p)).normalize();
-        let (above, below) = (m.support(&up), m.support(&-up));
-        // Bottom face first: from the fourth corner it must look clockwise.
-        let t = if (above - p).dot(&up) < (p - below).dot(&up) { below } else { above };
-        let corners = if (t - p).dot(&up) > 0.0 { vec![p, s, q, t] } else { vec![p, q, s, t] };
-        let mut polytope = Self { corners, faces: Vec::with_capacity(96) };
-        for face in [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]] {
-            polytope.add_face(face);
+    fn begin(&mut self, corners: &[Corner; 4]) {
+        self.corners.clear();
+        self.faces.clear();
+        self.near.clear();
+        let unit = |c: &Corner| Corner { direction: c.direction.normalize(), ..*c };
+        self.corners.extend(corners.iter().map(unit));
+        if volume(corners) > 0.0 {
+            // Bottom face first: from the fourth corner it must look clockwise.
+            self.corners.swap(1, 2);
         }
-        polytope
+        let faces = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]];
+        let neighbours = [[1, 2, 3], [3, 2, 0], [1, 3, 0], [2, 1, 0]];
+        for (corners, neighbours) in faces.into_iter().zip(neighbours) {
+            self.add_face(corners, neighbours, f64::INFINITY);
+        }
     }
 
-    fn add_face(&mut self, corners: [u16; 3]) {
-        let [p, q, s] = corners.map(|c| self.corners[usize::from(c)]);
+    /// A face as far away as `enough` will never be the nearest one.
+    fn add_face(&mut self, corners: [u32; 3], neighbours: [u32; 3], enough: f64) {
+        let [p, q, s] = corners.map(|c| self.corners[c as usize].point);
         let across = (q - p).cross(&(s - p));
         let length = across.norm();
         // A face without area has no plane: it is never the nearest, and nothing sees it.
@@ -118,65 +206,157 @@ impl Polytope {
         } else {
             (Vec3::zeros(), f64::INFINITY)
         };
-        self.faces.push(Face { corners, normal, distance });
+        if distance < enough {
+            self.near.push(Reverse((key(distance), self.faces.len() as u32)));
+        }
+        self.faces.push(Face { corners, neighbours, normal, distance, gone: false });
     }
 
-    fn nearest_face(&self) -> Option<&Face> {
-        let mut faces = self.faces.iter();
-        let mut nearest = faces.next()?;
-        for face in faces {
-            if face.distance < nearest.distance {
-                nearest = face;
+    fn nearest_face(&mut self) -> Option<u32> {
+        loop {
+            let Reverse((_, face)) = self.near.pop()?;
+            if !self.faces[face as usize].gone {
+                return Some(face);
             }
         }
-        Some(nearest)
     }
 
     /// The direction of least overlap to within `tolerance`, or `None` if the iteration stalls.
-    fn expand(mut self, m: &Difference, tolerance: f64) -> Option<Vec3> {
-        let mut horizon = Vec::with_capacity(32);
+    fn expand(&mut self, m: &Difference, tolerance: f64) -> Option<Vec3> {
         let mut least = f64::INFINITY;
         let mut best = Vec3::zeros();
+        let mut last = 0;
         while self.corners.len() < CORNERS {
-            let Face { normal, distance, .. } = *self.nearest_face()?;
-            let corner = m.support(&normal);
-            let overlap = corner.dot(&normal);
+            let Some(nearest) = self.nearest_face() else {
+                // All are farther out than the overlap along the best direction.
+                return Some(self.refined(m, last, best, least));
+            };
+            last = nearest;
+            let Face { normal, distance, .. } = self.faces[nearest as usize];
+            let corner = m.corner(normal);
+            let overlap = corner.point.dot(&normal);
             if overlap < least {
                 (least, best) = (overlap, normal);
             }
             // A direction along which the bodies do not overlap settles the matter at once.
-            if least - distance <= tolerance || least <= 0.0 {
+            if least <= 0.0 {
                 return Some(best);
             }
-            if overlap - distance <= f64::EPSILON {
+            if least - distance <= tolerance {
+                return Some(self.refined(m, nearest, best, least));
+            }
+            if overlap - distance <= SEES {
                 // The face cannot move: the polytope is finer than rounding.
                 return None;
             }
-            self.insert(corner, &mut horizon);
+            self.insert(corner, nearest, least)?;
         }
         None
     }
 
-    /// Replaces every face that sees `corner` by faces from their outline to it.
-    fn insert(&mut self, corner: Vec3, horizon: &mut Vec<(u16, u16)>) {
-        let new = self.corners.len() as u16;
+    /// Replaces every face that sees `corner`, `first` among them, by faces from their outline to it.
+    /// `None` if the outline is not one line around, which rounding can bring about.
+    fn insert(&mut self, corner: Corner, first: u32, enough: f64) -> Option<()> {
+        let new = self.corners.len() as u32;
         self.corners.push(corner);
-        horizon.clear();
-        for i in (0..self.faces.len()).rev() {
-            let face = &self.faces[i];
-            if corner.dot(&face.normal) > face.distance {
-                let [p, q, s] = self.faces.swap_remove(i).corners;
-                for (from, to) in [(p, q), (q, s), (s, p)] {
-                    // An edge between two visible faces comes once in each direction.
-                    match horizon.iter().position(|&edge| edge == (to, from)) {
-                        Some(i) => drop(horizon.swap_remove(i)),
-                        None => horizon.push((from, to)),
-                    }
-                }
+        self.horizon.clear();
+        self.crossings.clear();
+        self.crossings.extend([(first, 2), (first, 1), (first, 0)]);
+        self.faces[first as usize].gone = true;
+        // Depth first and turning left, edges come in their order around.
+        while let Some((face, edge)) = self.crossings.pop() {
+            let Face { corners, neighbours, .. } = &self.faces[face as usize];
+            let (from, to, beyond) = (corners[edge], corners[(edge + 1) % 3], neighbours[edge]);
+            let there = &mut self.faces[beyond as usize];
+            if there.gone {
+                continue;
+            }
+            let back = there.edge_from(to);
+            if corner.point.dot(&there.normal) > there.distance + SEES {
+                there.gone = true;
+                self.crossings.extend([(beyond, (back + 2) % 3), (beyond, (back + 1) % 3)]);
+            } else {
+                self.horizon.push(Edge { from, to, beyond: (beyond, back) });
             }
         }
-        for &(from, to) in &*horizon {
-            self.add_face([from, to, new]);
+        let horizon = std::mem::take(&mut self.horizon);
+        let count = horizon.len();
+        let base = self.faces.len() as u32;
+        let mut is_closed = count > 2;
+        for (k, edge) in horizon.iter().enumerate() {
+            let next = (k + 1) % count;
+            is_closed &= edge.to == horizon[next].from;
+            let (face, side) = edge.beyond;
+            self.faces[face as usize].neighbours[side] = base + k as u32;
+            let before = (k + count - 1) % count;
+            let around = [face, base + next as u32, base + before as u32];
+            self.add_face([edge.from, edge.to, new], around, enough);
+        }
+        self.horizon = horizon;
+        is_closed.then_some(())
+    }
+
+    /// The best direction after a few secants that start at a face and never make it worse.
+    fn refined(&self, m: &Difference, face: u32, best: Vec3, least: f64) -> Vec3 {
+        let mut corners = self.faces[face as usize].corners.map(|c| self.corners[c as usize]);
+        let (mut best, mut left) = (best, f64::INFINITY);
+        if !m.is_smooth {
+            return best;
+        }
+        for _ in 0..SECANTS {
+            let Some(direction) = secant(&corners, &best) else { break };
+            let corner = m.corner(direction.normalize());
+            let (overlap, remainder) = remainder(&corner);
+            if !(remainder < WORTHWHILE * left && overlap <= least + ROUNDING) {
+                break;
+            }
+            (best, left) = (corner.direction, remainder);
+            let remainders = corners.each_ref().map(|corner| self::remainder(corner).1);
+            let worst = (1..3).fold(0, |k, i| if remainders[i] > remainders[k] { i } else { k });
+            corners[worst] = corner;
+        }
+        best
+    }
+}
+
+/// The overlap along a corner's direction, a unit vector, and how far its support point is off that line,
+/// squared.
+fn remainder(corner: &Corner) -> (f64, f64) {
+    let overlap = corner.point.dot(&corner.direction);
+    (overlap, (corner.point - corner.direction * overlap).norm_squared())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Epa;
+    use crate::contact::{ContactResolver, Outcome, Posed};
+    use crate::math::{Quat, Vec3};
+    use crate::shape::{Ellipsoid, Shape};
+
+    /// A coarse polytope is enough for smooth bodies: secants do the rest.
+    #[test]
+    fn secants_find_the_normal() {
+        let shape = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.0, 0.5, 0.4) });
+        for i in 0..500 {
+            let k = f64::from(i);
+            let one = Quat::from_euler_angles(k, 1.7 * k, 0.3 * k).to_rotation_matrix();
+            let other = Quat::from_euler_angles(2.1 * k, k, 0.7 * k).to_rotation_matrix();
+            let a = Posed { shape: &shape, frame: one.matrix() };
+            let b = Posed { shape: &shape, frame: other.matrix() };
+            let normal = Vec3::new((1.3 * k).sin(), (2.9 * k).sin(), (0.7 * k).cos()).normalize();
+            // Less than the least radii of curvature: no other minimum.
+            let overlap = 1e-3 + 0.02 * (0.9 * k).sin().abs();
+            let r = a.support(&normal) - b.support(&-normal) - normal * overlap;
+            let Outcome::Touching(touch) = (Epa { tolerance: 1e-5 }).touch(&a, &b, &r, None) else {
+                panic!("pair {i} was not resolved")
+            };
+            assert!(
+                (touch.overlap - overlap).abs() < 1e-14,
+                "pair {i}: {:e}",
+                touch.overlap - overlap
+            );
+            // By their support points, as the polytope alone is good to 1e-3.
+            assert!((touch.normal - normal).norm() < 1e-8, "pair {i}: {}", touch.normal);
         }
     }
 }

@@ -22,7 +22,7 @@ const MOST: usize = 10_000;
 /// Lengths that can be multiplied threefold and divided again [m].
 const SIZES: std::ops::RangeInclusive<f64> = 1e-60..=1e60;
 /// Up to so many vertices are looked at one by one for the farthest; of more, the surface is climbed.
-const SCAN: usize = 32;
+const SCAN: usize = 64;
 
 /// Why points have no convex hull that could be a grain.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -289,15 +289,23 @@ impl Hull {
 /// The index of the point farthest along a direction, the first of several.
 #[inline]
 fn farthest(points: &[Vec3], direction: &Vec3) -> usize {
-    let mut best = 0;
-    let mut along = points[0].dot(direction);
-    for (k, point) in points.iter().enumerate().skip(1) {
-        let there = point.dot(direction);
-        if there > along {
-            (best, along) = (k, there);
+    // Four at a time, because each comparison has to wait for the last one.
+    let (mut best, mut along) = ([0; 4], [f64::NEG_INFINITY; 4]);
+    for (k, four) in points.chunks(4).enumerate() {
+        for (lane, point) in four.iter().enumerate() {
+            let there = point.dot(direction);
+            let is_farther = there > along[lane];
+            best[lane] = if is_farther { 4 * k + lane } else { best[lane] };
+            along[lane] = if is_farther { there } else { along[lane] };
         }
     }
-    best
+    (1..4)
+        .fold((best[0], along[0]), |first, lane| {
+            let (index, there) = (best[lane], along[lane]);
+            let is_first = there > first.1 || (there == first.1 && index < first.0);
+            if is_first { (index, there) } else { first }
+        })
+        .0
 }
 
 /// Half the diagonal of the box around points, of which there are some [m].
