@@ -5,7 +5,8 @@
 //! octants meet, and its principal axes of inertia are not theirs: the shape's own frame, like that of every shape,
 //! is the principal one about the centre of mass.
 
-use super::superellipsoid::{CurvedSupport, Exponents};
+use super::superellipsoid::Exponents;
+use super::{Convex, CurvedSupport};
 use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -81,72 +82,6 @@ impl PolySuperellipsoid {
         self.axes
     }
 
-    /// Farthest point along `direction` [m].
-    #[inline]
-    pub fn support(&self, direction: &Vec3) -> Vec3 {
-        let along = self.axes * direction;
-        self.inwards(&self.exponents.support(&self.around(&along), &along).point)
-    }
-
-    /// Support point and curvature along a unit vector; `None` with an exponent above 1.6: the
-    /// surface has edges, or crests that are as good as edges.
-    #[inline]
-    pub fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
-        let along = self.axes * direction;
-        let octant = self.exponents.curved_support(&self.around(&along), &along)?;
-        Some(CurvedSupport {
-            point: self.inwards(&octant.point),
-            along: octant.along.map(|v| self.axes.tr_mul(&v)),
-            ..octant
-        })
-    }
-
-    /// See [`Superellipsoid::follow`](super::Superellipsoid::follow).
-    #[inline]
-    pub fn follow(&self, here: &CurvedSupport, direction: &Vec3, step: &Vec3) -> Option<Vec3> {
-        let octant = CurvedSupport {
-            point: self.axes * here.point + self.centre,
-            along: here.along.map(|v| self.axes * v),
-            ..*here
-        };
-        let (direction, step) = (self.axes * direction, self.axes * step);
-        self.exponents
-            .follow(|point| self.around(point), &octant, &direction, &step)
-            .map(|normal| self.axes.tr_mul(&normal))
-    }
-
-    /// Radius of a ball about the centre of mass that holds the shape [m], at most 1.001 times the smallest.
-    pub const fn bounding_radius(&self) -> f64 {
-        self.bounding_radius
-    }
-
-    /// Radius of a ball about the centre of mass inside the shape [m], at most a tenth smaller than the
-    /// largest.
-    pub const fn inscribed_radius(&self) -> f64 {
-        self.inscribed_radius
-    }
-
-    /// Smallest radius of curvature anywhere on the surface [m], from a sample, 10 % of it taken off. Zero if an
-    /// exponent is above 1: the surface then has crests.
-    pub const fn smallest_curvature_radius(&self) -> f64 {
-        self.smallest_curvature_radius
-    }
-
-    /// Half lengths along the principal axes of a box about the centre of mass that holds the shape [m].
-    pub const fn half_lengths(&self) -> Vec3 {
-        self.half_lengths
-    }
-
-    /// Volume [m³].
-    pub const fn volume(&self) -> f64 {
-        self.volume
-    }
-
-    /// Principal moments of inertia over mass [m²].
-    pub const fn gyration(&self) -> Vec3 {
-        self.gyration
-    }
-
     /// The semi-axes on the side of a direction or point, along the octants' axes [m].
     #[inline]
     fn around(&self, side: &Vec3) -> Vec3 {
@@ -184,6 +119,66 @@ impl PolySuperellipsoid {
             }
         }
         (farthest, nearest)
+    }
+}
+
+impl Convex for PolySuperellipsoid {
+    #[inline]
+    fn support(&self, direction: &Vec3) -> Vec3 {
+        let along = self.axes * direction;
+        self.inwards(&self.exponents.support(&self.around(&along), &along).point)
+    }
+
+    /// `None` with an exponent above 1.6: the surface has edges, or crests that are as good as edges.
+    #[inline]
+    fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
+        let along = self.axes * direction;
+        let octant = self.exponents.curved_support(&self.around(&along), &along)?;
+        Some(CurvedSupport {
+            point: self.inwards(&octant.point),
+            along: octant.along.map(|v| self.axes.tr_mul(&v)),
+            ..octant
+        })
+    }
+
+    #[inline]
+    fn follow(&self, here: &CurvedSupport, direction: &Vec3, step: &Vec3) -> Option<Vec3> {
+        let octant = CurvedSupport {
+            point: self.axes * here.point + self.centre,
+            along: here.along.map(|v| self.axes * v),
+            ..*here
+        };
+        let (direction, step) = (self.axes * direction, self.axes * step);
+        self.exponents
+            .follow(|point| self.around(point), &octant, &direction, &step)
+            .map(|normal| self.axes.tr_mul(&normal))
+    }
+
+    /// At most 1.001 times the smallest.
+    fn bounding_radius(&self) -> f64 {
+        self.bounding_radius
+    }
+
+    /// At most a tenth smaller than the largest.
+    fn inscribed_radius(&self) -> f64 {
+        self.inscribed_radius
+    }
+
+    /// From a sample, 10 % of it taken off. Zero if an exponent is above 1: the surface then has crests.
+    fn smallest_curvature_radius(&self) -> f64 {
+        self.smallest_curvature_radius
+    }
+
+    fn half_lengths(&self) -> Vec3 {
+        self.half_lengths
+    }
+
+    fn volume(&self) -> f64 {
+        self.volume
+    }
+
+    fn gyration(&self) -> Vec3 {
+        self.gyration
     }
 }
 
