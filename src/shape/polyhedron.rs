@@ -3,9 +3,9 @@
 //! Given in any axes, it is moved to its centre of mass and turned into its principal axes, in which a
 //! grain moves; [`Polyhedron::placement`] tells where those lie in the axes of the file.
 
-use super::{Convex, Core};
 use super::hull::{Hull, HullError, size};
 use super::moments::{Moments, Placement, Principal};
+use super::{Convex, Core};
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 

@@ -4,10 +4,10 @@
 //! exact for the price of a distance. Choose it for grains with worn edges; sharp ones need dearer methods,
 //! and a small radius spares them.
 
-use super::{Convex, Core};
 use super::hull::{Hull, HullError};
 use super::moments::{Moments, Placement, Principal};
 use super::polyhedron::convex;
+use super::{Convex, Core};
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 

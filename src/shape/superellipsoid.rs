@@ -8,8 +8,8 @@
 //! is the dual norm's gradient, and so is the surface normal at a point with the norm itself. The second
 //! derivatives need no power that the first do not.
 
-use super::{Convex, Ellipsoid};
 use super::power::pow;
+use super::{Convex, Ellipsoid};
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 
