@@ -97,28 +97,50 @@ impl PolySuperellipsoid {
     /// Bounding and inscribed radius. With directions no farther than θ from any other, the
     /// support value of the nearest to the farthest point is at least cos θ of its distance; and the
     /// support value at an angle θ is at least `h cos θ - t sin θ`, with t the distance of the support point
-    /// from the direction's line.
+    /// from the direction's line. Where that is far below the least support value met, as for flat bodies,
+    /// directions are taken closer to each other.
     fn radii(&self) -> (f64, f64) {
         // Directions through the middles of N x N squares on the faces of a cube: θ is at most √2 / N.
         const N: u32 = 32;
-        let tan = std::f64::consts::SQRT_2 / f64::from(N);
-        let cos = 1.0 / (1.0 + tan * tan).sqrt();
-        let (mut farthest, mut nearest) = (0.0_f64, f64::INFINITY);
+        const GOOD: f64 = 0.95;
+        const NARROWEST: f64 = 1e-4;
         let middle = |i: u32| f64::from(2 * i + 1) / f64::from(N) - 1.0;
-        for (axis, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)] {
-            for (i, j) in (0..N).flat_map(|i| (0..N).map(move |j| (i, j))) {
-                let mut direction = Vec3::repeat(sign);
-                direction[(axis + 1) % 3] = middle(i);
-                direction[(axis + 2) % 3] = middle(j);
-                let direction = direction.normalize();
-                let point = self.support(&direction);
-                let height = point.dot(&direction);
-                let aside = (point - direction * height).norm();
-                farthest = farthest.max(height / cos);
-                nearest = nearest.min(cos * (height - tan * aside));
-            }
+        let squares = (0..6).flat_map(|face| {
+            (0..N).flat_map(move |i| (0..N).map(move |j| (face, middle(i), middle(j))))
+        });
+        let support = |(face, x, y): (usize, f64, f64)| {
+            let mut direction = Vec3::repeat(if face < 3 { 1.0 } else { -1.0 });
+            direction[(face + 1) % 3] = x;
+            direction[(face + 2) % 3] = y;
+            let direction = direction.normalize();
+            let point = self.support(&direction);
+            let height = point.dot(&direction);
+            (height, (point - direction * height).norm())
+        };
+        let cosine = |tan: f64| 1.0 / (1.0 + tan * tan).sqrt();
+        let tan = std::f64::consts::SQRT_2 / f64::from(N);
+        let (mut farthest, mut least) = (0.0_f64, f64::INFINITY);
+        for square in squares.clone() {
+            let (height, _) = support(square);
+            farthest = farthest.max(height / cosine(tan));
+            least = least.min(height);
         }
-        (farthest, nearest)
+        let mut nearest = f64::INFINITY;
+        let mut todo: Vec<_> = squares.map(|square| (square, 1.0 / f64::from(N))).collect();
+        while let Some(((face, x, y), half)) = todo.pop() {
+            let tan = std::f64::consts::SQRT_2 * half;
+            let (height, aside) = support((face, x, y));
+            least = least.min(height);
+            let bound = cosine(tan) * (height - tan * aside);
+            if bound >= GOOD * least || half < NARROWEST {
+                nearest = nearest.min(bound);
+                continue;
+            }
+            let quarter = 0.5 * half;
+            let parts = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)];
+            todo.extend(parts.map(|(i, j)| ((face, x + i * quarter, y + j * quarter), quarter)));
+        }
+        (farthest, nearest.max(0.0))
     }
 }
 
@@ -159,7 +181,7 @@ impl Convex for PolySuperellipsoid {
         self.bounding_radius
     }
 
-    /// At most a tenth smaller than the largest.
+    /// At most a twentieth smaller than the largest, down to a ten thousandth of the size.
     fn inscribed_radius(&self) -> f64 {
         self.inscribed_radius
     }
