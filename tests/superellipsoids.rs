@@ -1,7 +1,7 @@
 //! Superellipsoids and poly-superellipsoids: geometry against closed forms, differences and sampling; their
 //! common normal against answers of 50 digits and against EPA; and a packing of them.
 
-use crate::support::{Random, begun, scene};
+use crate::support::{Random, begun, motion, scene};
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::{
     CommonNormal, ContactResolver, Epa, Method, Outcome, Posed, SmoothCommonNormal, Touch, table,
@@ -514,12 +514,7 @@ directory = "out"
 type Bits = BTreeMap<u64, Vec<u64>>;
 
 fn bits(sim: &Simulation, comm: &dyn Comm) -> Bits {
-    let table = sim.particle_table(comm.rank());
-    let of = |row: usize| {
-        let vectors = [table.position[row], table.velocity[row], table.force[row]];
-        vectors.iter().flatten().map(|x| x.to_bits()).collect()
-    };
-    (0..table.id.len()).map(|row| (table.id[row].0, of(row))).collect()
+    motion(&sim.particle_table(comm.rank())).collect()
 }
 
 #[test]

@@ -4,6 +4,7 @@ use dem_mpi::comm::Comm;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::ids::GlobalId;
 use dem_mpi::math::{Mat3, Quat, Vec3};
+use dem_mpi::output::tables::ParticleTable;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::scene::{Scene, assemble};
 use dem_mpi::shape::{
@@ -14,6 +15,15 @@ use dem_mpi::sim::Simulation;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
 use std::path::Path;
+
+/// Grains with friction and dashpots.
+pub(crate) const MATERIAL: &str = r#"[[material]]
+name = "grain"
+density = 265000.0
+normal_stiffness = 1.5e5
+friction = 0.3
+restitution = 0.5
+tangential_damping_ratio = 0.1"#;
 
 /// The scene that a text means.
 pub(crate) fn scene(text: &str) -> Scene {
@@ -26,6 +36,25 @@ pub(crate) fn begun(scene: &Scene, comm: &mut dyn Comm) -> Simulation {
     assemble::fill(&mut sim, scene, comm);
     sim.begin(comm).expect("the scene begins well");
     sim
+}
+
+/// The bits of what moves each particle, under its id.
+pub(crate) fn motion(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<u64>)> + '_ {
+    (0..table.id.len()).map(move |k| {
+        let columns = [
+            &table.position,
+            &table.velocity,
+            &table.force,
+            &table.angular_momentum,
+            &table.angular_velocity,
+            &table.torque,
+        ];
+        let vectors = columns.iter().flat_map(|column| column[k].iter().copied());
+        let row: Vec<f64> = vectors.chain(table.quaternion[k]).collect();
+        let id = table.id[k].0;
+        assert!(row.iter().all(|x| x.is_finite()), "particle {id}");
+        (id, row.into_iter().map(f64::to_bits).collect())
+    })
 }
 
 /// One rank with just these particles in a scene (whose own are left out).
