@@ -212,6 +212,10 @@ impl SmoothPair<'_> {
             Outcome::Touching(coarse) => match self.minimise(&coarse.normal) {
                 Minimum::Apart(clearance) => Outcome::Apart(clearance),
                 Minimum::At { touch: rival, .. } if rival.overlap < touch.overlap => settled(rival),
+                // A better minimum is there, and was not reached.
+                Minimum::Failed(why) if coarse.overlap * self.per_metre < touch.overlap => {
+                    Outcome::Failed(why)
+                }
                 _ => settled(touch),
             },
             Outcome::Apart(clearance) => Outcome::Apart(clearance * self.per_metre),

@@ -248,9 +248,26 @@ shapes! {
     /// A convex polyhedron with a ball rolled around it.
     RoundedPolyhedron(Box<RoundedPolyhedron>), "rounded-polyhedron", &[Fact::Margin];
     /// Any convex body, of a program that uses this crate. Scene files and messages between ranks have none.
-    Other(#[serde(skip)] Arc<dyn Convex>), "other", &[];
+    Other(#[serde(with = "not_sent")] Arc<dyn Convex>), "other", &[];
     /// The solid side of a plane: a wall.
     HalfSpace(HalfSpace), "plane", &[];
+}
+
+/// A shape of a program that uses this crate stays in its process.
+mod not_sent {
+    use super::Convex;
+    use serde::{Deserializer, Serializer, de, ser};
+    use std::sync::Arc;
+
+    const WHY: &str = "a shape of kind \"other\" cannot be written or sent: make it on every rank";
+
+    pub(super) fn serialize<S: Serializer>(_: &Arc<dyn Convex>, _: S) -> Result<S::Ok, S::Error> {
+        Err(ser::Error::custom(WHY))
+    }
+
+    pub(super) fn deserialize<'a, D: Deserializer<'a>>(_: D) -> Result<Arc<dyn Convex>, D::Error> {
+        Err(de::Error::custom(WHY))
+    }
 }
 
 impl Kind {
