@@ -1,16 +1,16 @@
 //! What every contact resolver promises, on random pairs: a new resolver is added to [`resolvers`] and
 //! has to pass. Cases come from a seed and a number, both in the message of a failure.
 
+use crate::support::{Random, scaled};
 use dem_mpi::contact::{
     AgainstHalfSpace, CommonNormal, ContactResolver, Cores, Epa, ErodedGjk, Method, Outcome, Posed,
-    SeededCommonNormal, SphereSphere, Table, Touch, table,
+    SeededCommonNormal, SmoothCommonNormal, SphereSphere, Table, Touch, table,
 };
-use dem_mpi::math::{Mat3, Quat, Vec3};
+use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::shape::{
-    Ellipsoid, HalfSpace, Kind, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
+    Ellipsoid, HalfSpace, Kind, PolySuperellipsoid, RoundedPolyhedron, Shape, Sphere,
+    Spherocylinder, Superellipsoid,
 };
-use rand_chacha::ChaCha8Rng;
-use rand_core::{RngCore, SeedableRng};
 
 const SEED: u64 = 20_261_121;
 /// Random pairs per check.
@@ -32,8 +32,8 @@ struct Subject {
 }
 
 impl Subject {
-    fn random(&self, case: usize) -> Random {
-        Random { generator: ChaCha8Rng::seed_from_u64(SEED + case as u64), family: self.family }
+    fn case(&self, random: &mut Random, overlap: f64) -> Case {
+        Case::with_overlap(self.family, random, overlap)
     }
 }
 
@@ -41,7 +41,9 @@ impl Subject {
 #[derive(Clone, Copy, PartialEq)]
 enum Family {
     /// Spheres and ellipsoids.
-    Smooth,
+    Ellipsoids,
+    /// These and superellipsoids, whole or of octants.
+    Superellipsoids,
     /// Spheres, spherocylinders and rounded polyhedra: with a margin, which any overlap is less than.
     Rounded,
 }
@@ -65,7 +67,7 @@ impl ContactResolver for Chained {
     }
 }
 
-/// Every resolver of pairs of ellipsoids and spheres, and every one of pairs with margins.
+/// Every resolver of pairs of ellipsoids and spheres, of superellipsoids, and of pairs with margins.
 ///
 /// A search to a gap `e` leaves the normal free by `√(2 e / κ)`, with κ above 0.1 here. Erosion's direction is
 /// not at a minimum of the overlap, which therefore feels the direction's error at first order.
@@ -75,8 +77,10 @@ fn resolvers() -> Vec<Subject> {
         overlap,
         normal,
         exact,
-        family: Family::Smooth,
+        family: Family::Ellipsoids,
     };
+    let of_superellipsoids =
+        |subject: Subject| Subject { family: Family::Superellipsoids, ..subject };
     let rounded = |resolver, overlap, normal| Subject {
         family: Family::Rounded,
         ..subject(resolver, overlap, normal, true)
@@ -90,6 +94,9 @@ fn resolvers() -> Vec<Subject> {
         subject(Box::new(Chained::by(&Method::Epa { tolerance: 1e-5 })), 1e-5, 1.5e-2, true),
         subject(Box::new(erosion(1e-14)), 1e-7, 1e-6, false),
         subject(Box::new(erosion(1e-4)), 1e-3, 2e-2, false),
+        of_superellipsoids(subject(Box::new(SmoothCommonNormal), ROUNDING, 1e-7, true)),
+        of_superellipsoids(subject(Box::new(Chained::by(&Method::Auto)), ROUNDING, 1e-7, true)),
+        of_superellipsoids(subject(Box::new(Epa { tolerance: 1e-8 }), 1e-8, 5e-3, true)),
         rounded(Box::new(Cores), ROUNDING, 1e-12),
         rounded(Box::new(Chained::by(&Method::Auto)), ROUNDING, 1e-12),
         rounded(Box::new(Epa { tolerance: 1e-8 }), 1e-8, 5e-4),
@@ -97,77 +104,51 @@ fn resolvers() -> Vec<Subject> {
 }
 
 /// Those of them that resolve ellipsoids.
-fn smooth_resolvers() -> impl Iterator<Item = Subject> {
-    resolvers().into_iter().filter(|subject| subject.family == Family::Smooth)
+fn ellipsoid_resolvers() -> impl Iterator<Item = Subject> {
+    resolvers().into_iter().filter(|subject| subject.family == Family::Ellipsoids)
 }
 
-struct Random {
-    generator: ChaCha8Rng,
-    family: Family,
+/// Semi-axes from 0.5 to 2.
+fn ellipsoid(random: &mut Random) -> Shape {
+    Shape::Ellipsoid(Ellipsoid { semi_axes: random.vector(0.5, 2.0) })
 }
 
-impl Random {
-    fn new(case: usize) -> Self {
-        let generator = ChaCha8Rng::seed_from_u64(SEED + case as u64);
-        Self { generator, family: Family::Smooth }
+/// From nearly a box to nearly an octahedron, every other one of eight octants.
+fn superellipsoid(random: &mut Random) -> Shape {
+    let exponents = [random.between(0.4, 1.4), random.between(0.4, 1.4)];
+    let (positive, negative) = (random.vector(0.5, 1.5), random.vector(0.5, 1.5));
+    if random.unit() < 0.5 {
+        Shape::Superellipsoid(Superellipsoid::new(positive, exponents))
+    } else {
+        Shape::PolySuperellipsoid(Box::new(PolySuperellipsoid::new(positive, negative, exponents)))
     }
+}
 
-    /// In 0..1.
-    fn unit(&mut self) -> f64 {
-        (self.generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
-    }
+fn spherocylinder(random: &mut Random) -> Shape {
+    let (length, radius) = (random.between(0.5, 2.0), random.between(0.2, 0.5));
+    Shape::Spherocylinder(Spherocylinder { length, radius })
+}
 
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
+/// With 4 to 40 corners on an ellipsoid.
+fn rounded_polyhedron(random: &mut Random) -> Shape {
+    let count = 4 + (37.0 * random.unit()) as usize;
+    let axes = random.vector(0.5, 1.5);
+    let points: Vec<Vec3> = (0..count).map(|_| random.direction().component_mul(&axes)).collect();
+    let solid = RoundedPolyhedron::new(&points, random.between(0.2, 0.5));
+    Shape::RoundedPolyhedron(Box::new(solid.unwrap()))
+}
 
-    /// Uniform on the sphere.
-    fn direction(&mut self) -> Vec3 {
-        loop {
-            let v = Vec3::from_fn(|_, _| self.between(-1.0, 1.0));
-            if (0.01..1.0).contains(&v.norm()) {
-                return v.normalize();
-            }
+impl Family {
+    fn shape(self, random: &mut Random) -> Shape {
+        match (random.unit(), self) {
+            (share, _) if share < 0.2 => Shape::Sphere(Sphere { radius: random.between(0.5, 2.0) }),
+            (_, Self::Ellipsoids) => ellipsoid(random),
+            (share, Self::Superellipsoids) if share < 0.4 => ellipsoid(random),
+            (_, Self::Superellipsoids) => superellipsoid(random),
+            (share, Self::Rounded) if share < 0.5 => spherocylinder(random),
+            (_, Self::Rounded) => rounded_polyhedron(random),
         }
     }
-
-    fn rotation(&mut self) -> Mat3 {
-        let q =
-            nalgebra::Quaternion::from(nalgebra::Vector4::from_fn(|_, _| self.between(-1.0, 1.0)));
-        Quat::from_quaternion(q).to_rotation_matrix().into_inner()
-    }
-
-    /// Semi-axes from 0.5 to 2.
-    fn ellipsoid(&mut self) -> Shape {
-        let semi_axes = Vec3::from_fn(|_, _| self.between(0.5, 2.0));
-        Shape::Ellipsoid(Ellipsoid { semi_axes })
-    }
-
-    fn spherocylinder(&mut self) -> Shape {
-        let (length, radius) = (self.between(0.5, 2.0), self.between(0.2, 0.5));
-        Shape::Spherocylinder(Spherocylinder { length, radius })
-    }
-
-    /// With 4 to 40 corners on an ellipsoid.
-    fn rounded_polyhedron(&mut self) -> Shape {
-        let count = 4 + (37.0 * self.unit()) as usize;
-        let axes = Vec3::from_fn(|_, _| self.between(0.5, 1.5));
-        let points: Vec<Vec3> = (0..count).map(|_| self.direction().component_mul(&axes)).collect();
-        rounded(&points, self.between(0.2, 0.5))
-    }
-
-    fn shape(&mut self) -> Shape {
-        match (self.unit(), self.family) {
-            (share, _) if share < 0.2 => Shape::Sphere(Sphere { radius: self.between(0.5, 2.0) }),
-            (_, Family::Smooth) => self.ellipsoid(),
-            (share, Family::Rounded) if share < 0.5 => self.spherocylinder(),
-            (_, Family::Rounded) => self.rounded_polyhedron(),
-        }
-    }
-}
-
-fn rounded(points: &[Vec3], radius: f64) -> Shape {
-    Shape::RoundedPolyhedron(Box::new(RoundedPolyhedron::new(points, radius).unwrap()))
 }
 
 /// Two bodies in place.
@@ -180,9 +161,9 @@ struct Case {
 
 impl Case {
     /// Random bodies with this overlap, or clearance if negative, along a random common normal.
-    fn with_overlap(random: &mut Random, overlap: f64) -> Self {
-        let a = (random.shape(), random.rotation());
-        let b = (random.shape(), random.rotation());
+    fn with_overlap(family: Family, random: &mut Random, overlap: f64) -> Self {
+        let a = (family.shape(random), random.rotation());
+        let b = (family.shape(random), random.rotation());
         let mut case = Self { a, b, r: Vec3::zeros() };
         let normal = random.direction();
         case.r = case.a().support(&normal) - case.b().support(&-normal) - normal * overlap;
@@ -232,9 +213,9 @@ fn assert_same(case: usize, subject: &Subject, size: f64, found: &Touch, expecte
 fn for_touching(check: impl Fn(usize, &Subject, &Case, &mut Random)) {
     for subject in resolvers() {
         for i in 0..CASES {
-            let mut random = subject.random(i);
+            let mut random = Random::new(SEED + i as u64);
             let overlap = random.between(0.002, 0.05);
-            let case = Case::with_overlap(&mut random, overlap);
+            let case = subject.case(&mut random, overlap);
             check(i, &subject, &case, &mut random);
         }
     }
@@ -271,9 +252,9 @@ fn a_rigid_motion_moves_the_answer() {
 /// Erosion, too, is exact for spheres: the direction is the line of centres.
 #[test]
 fn ellipsoids_with_equal_axes_are_spheres() {
-    for subject in smooth_resolvers() {
+    for subject in ellipsoid_resolvers() {
         for i in 0..CASES {
-            let mut random = Random::new(i);
+            let mut random = Random::new(SEED + i as u64);
             let radii = [random.between(0.1, 1.0), random.between(0.1, 1.0)];
             let [a, b] = radii.map(|radius| (Shape::Sphere(Sphere { radius }), random.rotation()));
             let [round_a, round_b] = radii.map(|radius| {
@@ -303,7 +284,7 @@ fn the_overlap_goes_smoothly_through_touch() {
         for i in 0..CASES / 3 {
             let mut last: Option<(f64, f64)> = None;
             for overlap in OVERLAPS {
-                let case = Case::with_overlap(&mut subject.random(i), overlap);
+                let case = subject.case(&mut Random::new(SEED + i as u64), overlap);
                 let tolerance = 2.0 * subject.overlap * case.size();
                 let found = match case.resolve(&*subject.resolver, None) {
                     Outcome::Touching(touch) => touch.overlap,
@@ -326,22 +307,6 @@ fn the_overlap_goes_smoothly_through_touch() {
                 last = Some((overlap, found));
             }
         }
-    }
-}
-
-fn scaled(shape: &Shape, unit: f64) -> Shape {
-    match shape {
-        Shape::Sphere(s) => Shape::Sphere(Sphere { radius: s.radius * unit }),
-        Shape::Ellipsoid(e) => Shape::Ellipsoid(Ellipsoid { semi_axes: e.semi_axes * unit }),
-        Shape::Spherocylinder(s) => Shape::Spherocylinder(Spherocylinder {
-            length: s.length * unit,
-            radius: s.radius * unit,
-        }),
-        Shape::RoundedPolyhedron(p) => {
-            let points: Vec<Vec3> = p.core().vertices().iter().map(|v| v * unit).collect();
-            rounded(&points, p.radius() * unit)
-        }
-        other => unreachable!("a {} does not come at random", other.kind().name()),
     }
 }
 
@@ -370,7 +335,8 @@ fn the_unit_of_length_does_not_matter() {
 fn resolvers_agree_and_none_finds_too_little() {
     for_touching(|i, subject, case, _| {
         let exact = match subject.family {
-            Family::Smooth => case.touch(&CommonNormal),
+            Family::Ellipsoids => case.touch(&CommonNormal),
+            Family::Superellipsoids => case.touch(&SmoothCommonNormal),
             Family::Rounded => case.touch(&Cores),
         };
         let touch = case.touch(&*subject.resolver);
@@ -387,9 +353,9 @@ fn resolvers_agree_and_none_finds_too_little() {
 fn bodies_that_are_apart_do_not_touch() {
     for subject in resolvers().iter().filter(|subject| subject.exact) {
         for i in 0..CASES {
-            let mut random = subject.random(i);
+            let mut random = Random::new(SEED + i as u64);
             let clearance = random.between(1e-4, 1.0);
-            let case = Case::with_overlap(&mut random, -clearance);
+            let case = subject.case(&mut random, -clearance);
             let name = subject.resolver.name();
             let Outcome::Apart(promised) = case.resolve(&*subject.resolver, None) else {
                 panic!("{name}, seed {SEED} + {i}: not apart")
@@ -407,8 +373,8 @@ fn a_pair_that_rests_misses_nothing() {
     for subject in &resolvers() {
         let mut promises = 0;
         for i in 0..CASES {
-            let mut random = subject.random(i);
-            let mut case = Case::with_overlap(&mut random, -0.3 * random_square(i));
+            let mut random = Random::new(SEED + i as u64);
+            let mut case = subject.case(&mut random, -0.3 * random_square(i));
             let Outcome::Apart(promised) = case.resolve(&*subject.resolver, None) else {
                 continue; // spurious contacts of erosion
             };
@@ -458,7 +424,7 @@ fn no_answer_is_not_a_number() {
     let steps =
         [Vec3::x(), Vec3::y(), Vec3::z(), Vec3::new(1.0, 1.0, 0.0), Vec3::new(1e-9, 1.0, 0.0)];
     let lengths = [0.0, 1e-300, 1e-20, 1e-9, 1e-3, 0.02, 0.1, 0.5, 1.0, 1.5, 2.0, 4.0];
-    for subject in smooth_resolvers() {
+    for subject in ellipsoid_resolvers() {
         for a in &shapes {
             for b in &shapes {
                 for r in steps.iter().flat_map(|step| lengths.map(|length| step * length)) {
@@ -473,10 +439,8 @@ fn no_answer_is_not_a_number() {
                 }
             }
         }
-        let lost = Case {
-            r: Vec3::new(0.1, f64::NAN, 0.1),
-            ..Case::with_overlap(&mut Random::new(0), 0.1)
-        };
+        let lost =
+            Case { r: Vec3::new(0.1, f64::NAN, 0.1), ..subject.case(&mut Random::new(SEED), 0.1) };
         let outcome = lost.resolve(&*subject.resolver, None);
         assert!(matches!(outcome, Outcome::Failed(_)), "{}: {outcome:?}", subject.resolver.name());
     }
@@ -486,8 +450,8 @@ fn no_answer_is_not_a_number() {
 #[test]
 fn walls_have_closed_forms() {
     for i in 0..CASES {
-        let mut random = Random::new(i);
-        let (shape, frame) = (random.ellipsoid(), random.rotation());
+        let mut random = Random::new(SEED + i as u64);
+        let (shape, frame) = (ellipsoid(&mut random), random.rotation());
         let wall = Shape::HalfSpace(HalfSpace { normal: random.direction() });
         let Shape::HalfSpace(HalfSpace { normal }) = wall else { unreachable!() };
         let axes = frame.tr_mul(&normal).component_mul(&shape.semi_axes());

@@ -1,6 +1,6 @@
 //! Grains of every kind in one packing, and the same bits on any number of ranks.
 
-use crate::support::{begun, scene};
+use crate::support::{MATERIAL, begun, motion, scene};
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::scene::Scene;
 
@@ -11,13 +11,7 @@ gravity = [1.0, 0.5, -9.81]
 low = [0.0, 0.0, 0.0]
 high = [0.0186, 0.0186, 0.1]
 walls = ["-x", "+x", "-y", "+y", "-z"]
-[[material]]
-name = "grain"
-density = 265000.0
-normal_stiffness = 1.5e5
-friction = 0.3
-restitution = 0.5
-tangential_damping_ratio = 0.1
+MATERIAL
 [[shape]]
 name = "ball"
 kind = "sphere"
@@ -63,6 +57,10 @@ imbalance = 1.05
 directory = "out"
 "#;
 
+fn mixture() -> String {
+    MIXTURE.replace("MATERIAL", MATERIAL)
+}
+
 /// Positions, attitudes, velocities, contacts: bit by bit, in the order of ids.
 fn state(scene: &Scene, ranks: u32, steps: u64) -> (Vec<(u64, Vec<u64>)>, usize, f64) {
     let parts = threads::run(ranks, |comm| {
@@ -78,20 +76,7 @@ fn state(scene: &Scene, ranks: u32, steps: u64) -> (Vec<(u64, Vec<u64>)>, usize,
     for (table, histories, kinetic) in &parts {
         assert_eq!(kinetic.to_bits(), parts[0].2.to_bits(), "all ranks measure the same");
         contacts += histories.len();
-        for (k, id) in table.id.iter().enumerate() {
-            let columns = [
-                &table.position,
-                &table.velocity,
-                &table.force,
-                &table.angular_momentum,
-                &table.angular_velocity,
-                &table.torque,
-            ];
-            let vectors = columns.iter().flat_map(|column| column[k].iter().copied());
-            let row: Vec<f64> = vectors.chain(table.quaternion[k]).collect();
-            assert!(row.iter().all(|x| x.is_finite()), "particle {id}");
-            bits.push((id.0, row.into_iter().map(f64::to_bits).collect()));
-        }
+        bits.extend(motion(table));
     }
     bits.sort();
     (bits, contacts, parts[0].2)
@@ -99,9 +84,10 @@ fn state(scene: &Scene, ranks: u32, steps: u64) -> (Vec<(u64, Vec<u64>)>, usize,
 
 #[test]
 fn a_packing_of_all_kinds_is_the_same_on_any_number_of_ranks() {
+    let mixture = mixture();
     for method in ["auto", "epa"] {
         let steps = if method == "auto" { 3000 } else { 500 };
-        let scene = scene(&format!("{MIXTURE}[contact]\nmethod = \"{method}\"\n"));
+        let scene = scene(&format!("{mixture}[contact]\nmethod = \"{method}\"\n"));
         let (alone, contacts, _) = state(&scene, 1, steps);
         assert!(alone.len() >= 150 && contacts > 20, "{} with {contacts}", alone.len());
         for ranks in [2, 4] {
@@ -117,7 +103,7 @@ fn a_packing_of_all_kinds_is_the_same_on_any_number_of_ranks() {
 /// feeds energy in.
 #[test]
 fn a_packing_of_all_kinds_comes_to_rest() {
-    let mut scene = scene(MIXTURE);
+    let mut scene = scene(&mixture());
     scene.global_damping = 20.0;
     let (_, _, early) = state(&scene, 2, 100);
     let (_, contacts, late) = state(&scene, 2, 8000);

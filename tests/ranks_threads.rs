@@ -1,7 +1,7 @@
 //! The same bits on any number of ranks, as threads of one process, and after a restart in the middle
 //! on another number. (`tests/program.rs` does the same under MPI.)
 
-use crate::support::{begun, scene};
+use crate::support::{MATERIAL, begun, scene};
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::NamedHistory;
 use dem_mpi::output::snapshot::{self, Reader};
@@ -20,13 +20,7 @@ global_damping = 2.0
 low = [0.0, 0.0, 0.0]
 high = [0.03, 0.03, 0.2]
 DOMAIN
-[[material]]
-name = "grain"
-density = 265000.0
-normal_stiffness = 1.5e5
-friction = 0.3
-restitution = 0.5
-tangential_damping_ratio = 0.1
+MATERIAL
 [[shape]]
 name = "long"
 kind = "ellipsoid"
@@ -69,7 +63,7 @@ const PERIODIC: &str = r#"periodic = [true, true, false]
 walls = ["-z"]"#;
 
 fn crowd(domain: &str, method: &str) -> Scene {
-    scene(&CROWD.replace("DOMAIN", domain).replace("METHOD", method))
+    scene(&CROWD.replace("MATERIAL", MATERIAL).replace("DOMAIN", domain).replace("METHOD", method))
 }
 
 /// Everything of which the future is made, in the order of ids.

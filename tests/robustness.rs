@@ -5,9 +5,13 @@
 //! The pairs are the same in every run. `DEM_MPI_FUZZ_SECONDS=600` tries others for ten minutes instead; what
 //! fails is shrunk and printed.
 
-use dem_mpi::contact::{ContactResolver, ErodedGjk, Method, Outcome, Posed, Table, table};
+use crate::support::scaled;
+use dem_mpi::contact::{ContactResolver, Epa, ErodedGjk, Method, Outcome, Posed, Table, table};
 use dem_mpi::math::{Mat3, Quat, Vec3};
-use dem_mpi::shape::{Ellipsoid, Kind, Shape, Sphere};
+use dem_mpi::shape::{
+    Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
+    Spherocylinder, Superellipsoid,
+};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner};
 use std::time::{Duration, Instant};
@@ -30,12 +34,7 @@ impl Body {
     }
 
     fn scaled(&self, unit: f64) -> Self {
-        let shape = match &self.shape {
-            Shape::Sphere(s) => Shape::Sphere(Sphere { radius: s.radius * unit }),
-            Shape::Ellipsoid(e) => Shape::Ellipsoid(Ellipsoid { semi_axes: e.semi_axes * unit }),
-            other => unreachable!("a {} is not among the shapes drawn here", other.kind().name()),
-        };
-        Self { shape, frame: self.frame }
+        Self { shape: scaled(&self.shape, unit), frame: self.frame }
     }
 
     fn turned(&self, turn: &Mat3) -> Self {
@@ -114,12 +113,54 @@ impl Case {
 
 /// Every shape there is but walls. A new one comes here.
 fn shape() -> impl Strategy<Value = Shape> {
-    // Half axes over 100, evenly by their logarithm.
-    let axis = (0.0..=2.0_f64).prop_map(|power| 10f64.powf(-power));
+    let size = || (0.0..=2.0_f64).prop_map(|power| 10f64.powf(-power));
+    let lengths = move || [size(), size(), size()].prop_map(Vec3::from);
+    let exponents = || [exponent(), exponent()];
     prop_oneof![
-        1 => axis.clone().prop_map(|radius| Shape::Sphere(Sphere { radius })),
-        4 => [axis.clone(), axis.clone(), axis]
-            .prop_map(|axes| Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::from(axes) })),
+        1 => size().prop_map(|radius| Shape::Sphere(Sphere { radius })),
+        4 => lengths().prop_map(|semi_axes| Shape::Ellipsoid(Ellipsoid { semi_axes })),
+        4 => (lengths(), exponents())
+            .prop_map(|(axes, e)| Shape::Superellipsoid(Superellipsoid::new(axes, e))),
+        2 => (lengths(), lengths(), exponents()).prop_map(|(positive, negative, e)| {
+            Shape::PolySuperellipsoid(Box::new(PolySuperellipsoid::new(positive, negative, e)))
+        }),
+        2 => (size(), size()).prop_map(|(length, radius)| {
+            Shape::Spherocylinder(Spherocylinder { length, radius })
+        }),
+        4 => (points(), lengths()).prop_filter_map("a body", |(points, axes)| {
+            let points: Vec<Vec3> = points.iter().map(|p| p.component_mul(&axes)).collect();
+            Some(Shape::Polyhedron(Box::new(Polyhedron::new(&points).ok()?)))
+        }),
+        2 => (points(), lengths(), size()).prop_filter_map("a body", |(points, axes, radius)| {
+            let points: Vec<Vec3> = points.iter().map(|p| p.component_mul(&axes)).collect();
+            let solid = RoundedPolyhedron::new(&points, radius).ok()?;
+            Some(Shape::RoundedPolyhedron(Box::new(solid)))
+        }),
+    ]
+}
+
+/// From a box to a double cone.
+fn exponent() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        4 => 0.1..=2.0,
+        1 => (0.0..=3.0_f64).prop_map(|power| 10f64.powf(-power)),
+        1 => prop::sample::select(vec![1.0, 2.0, 1.6, 1e-3]),
+    ]
+}
+
+/// Corners on the unit sphere, or of a box: faces that can be flush.
+fn points() -> impl Strategy<Value = Vec<Vec3>> {
+    let corner = (-1.0..=1.0_f64, -std::f64::consts::PI..std::f64::consts::PI).prop_map(
+        |(z, angle): (f64, f64)| {
+            let ring = (1.0 - z * z).sqrt();
+            Vec3::new(ring * angle.cos(), ring * angle.sin(), z)
+        },
+    );
+    let sign = |bit: i32| if bit == 0 { -1.0 } else { 1.0 };
+    let cube = (0..8).map(|k| Vec3::new(sign(k & 1), sign(k & 2), sign(k & 4))).collect();
+    prop_oneof![
+        3 => prop::collection::vec(corner, 4..40),
+        1 => Just(cube),
     ]
 }
 
@@ -150,29 +191,43 @@ fn case() -> impl Strategy<Value = Case> {
     })
 }
 
-/// A method as a simulation gets it, and how far its overlap may be above the least, relative to the size.
+/// A method as a simulation gets it.
 struct Subject {
+    method: Method,
     table: Table,
-    excess: f64,
 }
 
 impl Subject {
     fn of(&self, case: &Case) -> &dyn ContactResolver {
         self.table.get((case.a.shape.kind(), case.b.shape.kind())).expect("all kinds are served")
     }
+
+    /// How far the overlap of a case may be above the least, relative to the size; infinitely, if the stage that
+    /// answers erodes.
+    fn excess(&self, case: &Case) -> f64 {
+        let kinds = [case.a.shape.kind(), case.b.shape.kind()];
+        let all = |of: fn(Kind) -> bool| kinds.into_iter().all(of);
+        match self.method {
+            Method::Epa { tolerance } => match case.resolve(&Epa { tolerance }, None) {
+                Outcome::Failed(_) => f64::INFINITY,
+                _ => 2.0 * tolerance,
+            },
+            Method::Auto | Method::CommonNormal if all(Kind::is_ellipsoidal) => ROUNDING,
+            Method::Auto | Method::CommonNormal if all(Kind::is_smooth) => 1e-9,
+            Method::Auto | Method::CommonNormal if kinds.into_iter().any(Kind::has_margin) => 2e-8,
+            _ => f64::INFINITY,
+        }
+    }
 }
 
 fn subjects() -> Vec<Subject> {
     let ErodedGjk { ratio, increment, tolerance } = ErodedGjk::default();
     let methods = [
-        (Method::Auto, ROUNDING),
-        (Method::Epa { tolerance: 1e-6 }, 2e-6),
-        (Method::GjkErosion { ratio, increment, tolerance }, f64::INFINITY),
+        Method::Auto,
+        Method::Epa { tolerance: 1e-6 },
+        Method::GjkErosion { ratio, increment, tolerance },
     ];
-    methods
-        .map(|(method, excess)| Subject { table: table(&method, &Kind::ALL), excess })
-        .into_iter()
-        .collect()
+    methods.map(|method| Subject { method, table: table(&method, &Kind::ALL) }).into()
 }
 
 /// Checks a property on the pairs of every run, or on others for as long as the environment says.
@@ -238,7 +293,7 @@ fn answers_are_numbers_and_true() {
                 let along = case.delta(&touch.normal);
                 prop_assert!((touch.overlap - along).abs() <= rounding, "{along:e}: {touch:?}");
                 prop_assert!(
-                    touch.overlap <= least + subject.excess * size,
+                    touch.overlap <= least + subject.excess(&case) * size,
                     "{}: {:e} is more than {least:e}",
                     method.name(),
                     touch.overlap
@@ -253,7 +308,7 @@ fn answers_are_numbers_and_true() {
 #[test]
 fn order_and_frame_do_not_matter() {
     for_all(&(case(), rotation()), |subject, (case, turn)| {
-        if subject.excess.is_infinite() {
+        if subject.excess(&case).is_infinite() {
             return Ok(());
         }
         let method = subject.of(&case);
@@ -262,8 +317,15 @@ fn order_and_frame_do_not_matter() {
         let (a, b, r) = (case.a.turned(&turn), case.b.turned(&turn), turn * case.r);
         let turned = Case { a, b, r, ..case.clone() };
         for other in [swapped, turned] {
+            if subject.excess(&other).is_infinite() {
+                continue;
+            }
             let off = (overlap(&other.resolve(method, None))? - expected).abs();
-            prop_assert!(off <= 2.0 * subject.excess * case.size(), "off by {off:e}");
+            prop_assert!(
+                off <= 2.0 * subject.excess(&case) * case.size(),
+                "{}: off by {off:e}",
+                method.name()
+            );
         }
         Ok(())
     });
@@ -276,7 +338,9 @@ fn the_unit_of_length_changes_no_bit() {
         let method = subject.of(&case);
         let (a, b, r) = (case.a.scaled(unit), case.b.scaled(unit), case.r * unit);
         let there = Case { a, b, r, ..case.clone() }.resolve(method, None);
-        match (case.resolve(method, None), there) {
+        // Solids are made anew from their corners: for the comparison, too.
+        let here = Case { a: case.a.scaled(1.0), b: case.b.scaled(1.0), ..case };
+        match (here.resolve(method, None), there) {
             (Outcome::Touching(here), Outcome::Touching(there)) => {
                 prop_assert_eq!(here.overlap, there.overlap / unit);
                 prop_assert_eq!(here.normal, there.normal);
@@ -294,7 +358,7 @@ fn the_unit_of_length_changes_no_bit() {
 fn the_overlap_is_continuous_through_touch() {
     const PATH: [f64; 9] = [1e-2, 1e-5, 1e-9, 1e-14, 0.0, -1e-14, -1e-9, -1e-5, -1e-2];
     for_all(&case(), |subject, case| {
-        if subject.excess.is_infinite() {
+        if subject.excess(&case).is_infinite() {
             return Ok(());
         }
         let method = subject.of(&case);
@@ -304,9 +368,17 @@ fn the_overlap_is_continuous_through_touch() {
             let depth = step * thinner;
             let here = Case::new(case.a.clone(), case.b.clone(), case.normal, depth);
             let found = overlap(&here.resolve(method, None))?;
+            if subject.excess(&here).is_infinite() {
+                last = None;
+                continue;
+            }
             if let Some((deeper, before)) = last {
-                let allowed = (deeper - depth) + 2.0 * subject.excess * case.size();
-                prop_assert!((before - found).abs() <= allowed, "{before:e} to {found:e}");
+                let allowed = (deeper - depth) + 2.0 * subject.excess(&case) * case.size();
+                prop_assert!(
+                    (before - found).abs() <= allowed,
+                    "{}: {before:e} to {found:e}",
+                    method.name()
+                );
             }
             last = Some((depth, found));
         }
@@ -318,14 +390,18 @@ fn the_overlap_is_continuous_through_touch() {
 #[test]
 fn what_is_remembered_changes_nothing() {
     for_all(&(case(), rotation()), |subject, (case, turn)| {
-        if subject.excess.is_infinite() {
+        if subject.excess(&case).is_infinite() {
             return Ok(());
         }
         let method = subject.of(&case);
         let cold = overlap(&case.resolve(method, None))?;
         for warm in [case.normal, -case.normal, turn * Vec3::x()] {
             let off = (overlap(&case.resolve(method, Some(&warm)))? - cold).abs();
-            prop_assert!(off <= 2.0 * subject.excess * case.size(), "off by {off:e}");
+            prop_assert!(
+                off <= 2.0 * subject.excess(&case) * case.size(),
+                "{}: off by {off:e}",
+                method.name()
+            );
         }
         Ok(())
     });

@@ -7,9 +7,10 @@ use dem_mpi::contact::{
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::random::Random;
 use dem_mpi::shape::{
-    HalfSpace, Kind, Polyhedron, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
+    Convex, HalfSpace, Kind, Polyhedron, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
 };
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// Rounding of lengths of size 1.
 const ROUNDING: f64 = 1e-12;
@@ -476,5 +477,121 @@ fn every_pair_of_kinds_has_a_resolver() {
         (sharp, Kind::HalfSpace, "half-space"),
     ] {
         assert_eq!(name(a, b), expected, "{a:?} {b:?}");
+    }
+}
+
+// --- a shape of the user's own ---
+
+/// What two balls of this radius share, their centres so far above and below the origin.
+#[derive(Debug)]
+struct Lens {
+    radius: f64,
+    offset: f64,
+}
+
+impl Lens {
+    fn rim(&self) -> f64 {
+        (self.radius * self.radius - self.offset * self.offset).sqrt()
+    }
+
+    /// The integral over the body of a function of the height and of the squared radius of the slice there.
+    fn integral(&self, of: impl Fn(f64, f64) -> f64) -> f64 {
+        const SLICES: u32 = 2000;
+        let thickness = (self.radius - self.offset) / f64::from(SLICES);
+        let slices = (0..SLICES).map(|k| {
+            let z = (f64::from(k) + 0.5) * thickness;
+            of(z, self.radius * self.radius - (z + self.offset) * (z + self.offset))
+        });
+        2.0 * PI * thickness * slices.sum::<f64>()
+    }
+}
+
+impl Convex for Lens {
+    fn support(&self, direction: &Vec3) -> Vec3 {
+        let up = direction.normalize();
+        if up.z.abs() * self.radius > self.offset {
+            return up * self.radius - Vec3::z() * self.offset.copysign(up.z);
+        }
+        Vec3::new(up.x, up.y, 0.0).normalize() * self.rim()
+    }
+
+    fn bounding_radius(&self) -> f64 {
+        self.rim()
+    }
+
+    fn inscribed_radius(&self) -> f64 {
+        self.radius - self.offset
+    }
+
+    fn volume(&self) -> f64 {
+        self.integral(|_, square| square)
+    }
+
+    fn gyration(&self) -> Vec3 {
+        let about = self.integral(|_, square| 0.5 * square * square);
+        let across = self.integral(|z, square| square * (0.25 * square + z * z));
+        Vec3::new(across, across, about) / self.volume()
+    }
+}
+
+/// Nothing but the trait is needed for pairs with every other shape and with walls.
+#[test]
+fn a_shape_of_the_users_own_is_resolved() {
+    let (radius, offset) = (2.0, 1.2);
+    let lens = Shape::Other(Arc::new(Lens { radius, offset }));
+    assert_eq!(lens.kind(), Kind::Other);
+    assert!((lens.semi_axes() - Vec3::new(1.6, 1.6, 0.8)).norm() < 1e-15, "{}", lens.semi_axes());
+    let cap = PI * 0.8 * 0.8 * (3.0 * radius - 0.8) / 3.0;
+    assert!(near(lens.volume(), 2.0 * cap, 1e-6));
+    let compliance = lens.surface_compliance();
+    assert!(compliance > 3.5 && compliance < 10.0, "{compliance}");
+
+    let ball = Shape::Sphere(Sphere { radius: 0.5 });
+    let cube = sharp(&corners_of_box([0.5; 3]));
+    let floor = Shape::HalfSpace(HalfSpace { normal: Vec3::z() });
+    let (upright, aslant) = (Mat3::identity(), Quat::from_euler_angles(0.3, 0.2, 0.1));
+    let aslant = *aslant.to_rotation_matrix().matrix();
+    // Normals on which both bodies are balls, or one is a rim, a face or a wall.
+    let slope = Vec3::new(0.3, 0.2, 0.9).normalize();
+    let cases: [(&Shape, Mat3, Vec3, f64); 7] = [
+        (&lens, upright, Vec3::z(), 1e-9),
+        (&lens, aslant, slope, 2e-2),
+        (&ball, upright, Vec3::x(), 1e-9),
+        (&ball, upright, Vec3::new(0.8, 0.6, 0.0), 1e-9),
+        (&ball, aslant, slope, 2e-2),
+        (&cube, upright, Vec3::z(), 1e-3),
+        (&floor, upright, -Vec3::z(), 1e-12),
+    ];
+    for (k, (other, frame, normal, erosion)) in cases.into_iter().enumerate() {
+        for overlap in [0.03, 1e-6, -1e-3] {
+            let a = Posed { shape: &lens, frame: &upright };
+            let b = Posed { shape: other, frame: &frame };
+            let on_b = if k == 6 { Vec3::zeros() } else { b.support(&-normal) };
+            let r = a.support(&normal) - on_b - normal * overlap;
+            for (method, tolerance) in [
+                (Method::Epa { tolerance: 1e-10 }, 1e-9),
+                (Method::GjkErosion { ratio: 0.05, increment: 0.01, tolerance: 1e-10 }, erosion),
+                (Method::Auto, erosion),
+            ] {
+                let table = table(&method, &Kind::ALL);
+                let resolver = table.get((Kind::Other, other.kind())).unwrap();
+                let name = resolver.name();
+                match resolver.touch(&a, &b, &r, None) {
+                    Outcome::Touching(touch) => {
+                        let off = touch.overlap - overlap;
+                        // Erosion may see a contact where there is none.
+                        let least = -1e-9 - if overlap < 0.0 { overlap } else { 0.0 };
+                        assert!(
+                            (least..=tolerance.max(least)).contains(&off),
+                            "{name}, {k}: {off:e}"
+                        );
+                        let turned = (touch.normal - normal).norm();
+                        assert!(turned < 10.0 * tolerance.sqrt(), "{name}, {k}: {turned}");
+                    }
+                    Outcome::Apart(_) => assert!(overlap < 0.0, "{name}, {k}: {overlap:e} is lost"),
+                    Outcome::Failed(why) => panic!("{name}, {k}: {why:?}"),
+                }
+            }
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Superellipsoids and poly-superellipsoids: geometry against closed forms, differences and sampling; their
 //! common normal against answers of 50 digits and against EPA; and a packing of them.
 
-use crate::support::{begun, scene};
+use crate::support::{Random, begun, motion, scene};
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::{
     CommonNormal, ContactResolver, Epa, Method, Outcome, Posed, SmoothCommonNormal, Touch, table,
@@ -9,53 +9,20 @@ use dem_mpi::contact::{
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::output::snapshot;
 use dem_mpi::scene::assemble::{self, From, StartError};
-use dem_mpi::shape::{Ellipsoid, Kind, PolySuperellipsoid, Shape, Superellipsoid};
+use dem_mpi::shape::{Convex, Ellipsoid, Kind, PolySuperellipsoid, Shape, Superellipsoid};
 use dem_mpi::sim::Simulation;
-use rand_chacha::ChaCha8Rng;
-use rand_core::{RngCore, SeedableRng};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 const EXPONENTS: [f64; 6] = [0.3, 0.5, 0.8, 1.0, 1.5, 2.0];
 
-struct Random(ChaCha8Rng);
-
-impl Random {
-    fn new(seed: u64) -> Self {
-        Self(ChaCha8Rng::seed_from_u64(seed))
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * ((self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64)
-    }
-
-    fn direction(&mut self) -> Vec3 {
-        loop {
-            let v = Vec3::from_fn(|_, _| self.between(-1.0, 1.0));
-            if (0.01..1.0).contains(&v.norm()) {
-                return v.normalize();
-            }
-        }
-    }
-
-    fn rotation(&mut self) -> Mat3 {
-        let q =
-            nalgebra::Quaternion::from(nalgebra::Vector4::from_fn(|_, _| self.between(-1.0, 1.0)));
-        Quat::from_quaternion(q).to_rotation_matrix().into_inner()
-    }
-
-    fn axes(&mut self) -> Vec3 {
-        Vec3::from_fn(|_, _| self.between(0.5, 1.5))
-    }
-
-    /// As many superellipsoids as poly-superellipsoids.
-    fn shapes(&mut self, exponents: [f64; 2]) -> Vec<Shape> {
-        let both = |_| {
-            let axes = [self.axes(), self.axes(), self.axes()];
-            [superellipsoid(axes[0], exponents), octants(axes[1], axes[2], exponents)]
-        };
-        (0..8).flat_map(both).collect()
-    }
+/// As many superellipsoids as poly-superellipsoids.
+fn shapes(random: &mut Random, exponents: [f64; 2]) -> Vec<Shape> {
+    let both = |_| {
+        let axes = [0, 1, 2].map(|_| random.vector(0.5, 1.5));
+        [superellipsoid(axes[0], exponents), octants(axes[1], axes[2], exponents)]
+    };
+    (0..8).flat_map(both).collect()
 }
 
 fn superellipsoid(axes: Vec3, exponents: [f64; 2]) -> Shape {
@@ -96,7 +63,7 @@ fn implicit_of(shape: &Shape, point: &Vec3) -> f64 {
 fn support_points_are_the_farthest_of_the_surface() {
     for (i, exponents) in every_pair_of_exponents().enumerate() {
         let mut random = Random::new(i as u64);
-        for shape in random.shapes(exponents) {
+        for shape in shapes(&mut random, exponents) {
             let direction = random.direction();
             let point = shape.support(&direction);
             let off = (implicit_of(&shape, &point) - 1.0).abs();
@@ -131,7 +98,7 @@ fn derivatives_agree_with_differences() {
     const STEP: f64 = 1e-6;
     for (i, exponents) in every_pair_of_exponents().enumerate() {
         let mut random = Random::new(i as u64);
-        let shapes = random.shapes(exponents);
+        let shapes = shapes(&mut random, exponents);
         for k in 0..200 {
             let (shape, u) = (&shapes[k % shapes.len()], random.direction());
             let Some(curved) = shape.curved_support(&u) else {
@@ -161,7 +128,7 @@ fn derivatives_agree_with_differences() {
 fn radii_are_tight() {
     for (i, exponents) in every_pair_of_exponents().enumerate() {
         let mut random = Random::new(100 + i as u64);
-        let shape = octants(random.axes(), random.axes(), exponents);
+        let shape = octants(random.vector(0.5, 1.5), random.vector(0.5, 1.5), exponents);
         let mut farthest: f64 = 0.0;
         for _ in 0..100 {
             // Uphill on the distance.
@@ -192,7 +159,7 @@ fn radii_are_tight() {
 fn smallest_radius_of_curvature() {
     for exponents in every_pair_of_exponents() {
         let mut random = Random::new(3);
-        let shape = octants(random.axes(), random.axes(), exponents);
+        let shape = octants(random.vector(0.5, 1.5), random.vector(0.5, 1.5), exponents);
         let radius = shape.smallest_curvature_radius();
         if exponents.iter().any(|&e| e > 1.0) {
             assert_eq!(radius, 0.0, "{exponents:?}");
@@ -390,7 +357,7 @@ fn as_deep_as_epa_says() {
     ];
     for (of_a, of_b) in kinds {
         let mut random = Random::new(5);
-        let (shapes_a, shapes_b) = (random.shapes(of_a), random.shapes(of_b));
+        let (shapes_a, shapes_b) = (shapes(&mut random, of_a), shapes(&mut random, of_b));
         let (mut passed_on, mut tied) = (0, 0);
         for i in 0..PAIRS {
             let mut random = Random::new(i as u64);
@@ -426,8 +393,8 @@ fn bits_are_pinned() {
     let mut add = |x: f64| hash = hash.rotate_left(1) ^ x.to_bits();
     for (i, exponents) in every_pair_of_exponents().enumerate() {
         let mut random = Random::new(i as u64);
-        let other = octants(random.axes(), random.axes(), [0.7, 1.2]);
-        for shape in random.shapes(exponents) {
+        let other = octants(random.vector(0.5, 1.5), random.vector(0.5, 1.5), [0.7, 1.2]);
+        for shape in shapes(&mut random, exponents) {
             let case = Case::new(&mut random, &shape, &other, 0.03);
             if let Outcome::Touching(Touch { overlap, normal, point }) =
                 case.resolve(&SmoothCommonNormal)
@@ -445,7 +412,7 @@ fn bits_are_pinned() {
 fn exponents_of_one_are_ellipsoids() {
     for i in 0..200 {
         let mut random = Random::new(i);
-        let axes = [random.axes(), random.axes()];
+        let axes = [random.vector(0.5, 1.5), random.vector(0.5, 1.5)];
         let [a, b] = axes.map(|axes| (superellipsoid(axes, [1.0, 1.0]), random.rotation()));
         let r = random.direction() * random.between(0.5, 3.0);
         let case = Case { a, b, r };
@@ -547,12 +514,7 @@ directory = "out"
 type Bits = BTreeMap<u64, Vec<u64>>;
 
 fn bits(sim: &Simulation, comm: &dyn Comm) -> Bits {
-    let table = sim.particle_table(comm.rank());
-    let of = |row: usize| {
-        let vectors = [table.position[row], table.velocity[row], table.force[row]];
-        vectors.iter().flatten().map(|x| x.to_bits()).collect()
-    };
-    (0..table.id.len()).map(|row| (table.id[row].0, of(row))).collect()
+    motion(&sim.particle_table(comm.rank())).collect()
 }
 
 #[test]

@@ -1,12 +1,29 @@
-//! A simulation from a scene's text, on one rank, for tests that look inside.
+//! What tests share: a simulation from a scene's text on one rank, chance, and shapes in another unit.
 
 use dem_mpi::comm::Comm;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::ids::GlobalId;
+use dem_mpi::math::{Mat3, Quat, Vec3};
+use dem_mpi::output::tables::ParticleTable;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::scene::{Scene, assemble};
+use dem_mpi::shape::{
+    Ellipsoid, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
+    Superellipsoid,
+};
 use dem_mpi::sim::Simulation;
+use rand_chacha::ChaCha8Rng;
+use rand_core::{RngCore, SeedableRng};
 use std::path::Path;
+
+/// Grains with friction and dashpots.
+pub(crate) const MATERIAL: &str = r#"[[material]]
+name = "grain"
+density = 265000.0
+normal_stiffness = 1.5e5
+friction = 0.3
+restitution = 0.5
+tangential_damping_ratio = 0.1"#;
 
 /// The scene that a text means.
 pub(crate) fn scene(text: &str) -> Scene {
@@ -19,6 +36,25 @@ pub(crate) fn begun(scene: &Scene, comm: &mut dyn Comm) -> Simulation {
     assemble::fill(&mut sim, scene, comm);
     sim.begin(comm).expect("the scene begins well");
     sim
+}
+
+/// The bits of what moves each particle, under its id.
+pub(crate) fn motion(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<u64>)> + '_ {
+    (0..table.id.len()).map(move |k| {
+        let columns = [
+            &table.position,
+            &table.velocity,
+            &table.force,
+            &table.angular_momentum,
+            &table.angular_velocity,
+            &table.torque,
+        ];
+        let vectors = columns.iter().flat_map(|column| column[k].iter().copied());
+        let row: Vec<f64> = vectors.chain(table.quaternion[k]).collect();
+        let id = table.id[k].0;
+        assert!(row.iter().all(|x| x.is_finite()), "particle {id}");
+        (id, row.into_iter().map(f64::to_bits).collect())
+    })
 }
 
 /// One rank with just these particles in a scene (whose own are left out).
@@ -64,5 +100,75 @@ impl Bench {
     pub(crate) fn slot(&self, id: u64) -> usize {
         let ids = &self.sim.particles.id[..self.sim.particles.owned];
         ids.iter().position(|&other| other == GlobalId(id)).expect("the particle is there")
+    }
+}
+
+/// Chance that a seed repeats.
+pub(crate) struct Random(ChaCha8Rng);
+
+impl Random {
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(ChaCha8Rng::seed_from_u64(seed))
+    }
+
+    /// In 0..1.
+    pub(crate) fn unit(&mut self) -> f64 {
+        (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// Each component evenly.
+    pub(crate) fn vector(&mut self, low: f64, high: f64) -> Vec3 {
+        Vec3::from_fn(|_, _| self.between(low, high))
+    }
+
+    /// Uniform on the sphere.
+    pub(crate) fn direction(&mut self) -> Vec3 {
+        loop {
+            let v = self.vector(-1.0, 1.0);
+            if (0.01..1.0).contains(&v.norm()) {
+                return v.normalize();
+            }
+        }
+    }
+
+    pub(crate) fn rotation(&mut self) -> Mat3 {
+        let q =
+            nalgebra::Quaternion::from(nalgebra::Vector4::from_fn(|_, _| self.between(-1.0, 1.0)));
+        Quat::from_quaternion(q).to_rotation_matrix().into_inner()
+    }
+}
+
+/// The same shape with all lengths times `unit`. Solids are made anew from their corners, which moves the last
+/// bits: compare with `scaled(shape, 1.0)`.
+pub(crate) fn scaled(shape: &Shape, unit: f64) -> Shape {
+    let times = |points: &[Vec3]| points.iter().map(|p| p * unit).collect::<Vec<_>>();
+    match shape {
+        Shape::Sphere(s) => Shape::Sphere(Sphere { radius: s.radius * unit }),
+        Shape::Ellipsoid(e) => Shape::Ellipsoid(Ellipsoid { semi_axes: e.semi_axes * unit }),
+        Shape::Superellipsoid(s) => {
+            Shape::Superellipsoid(Superellipsoid::new(s.semi_axes() * unit, s.exponents()))
+        }
+        Shape::PolySuperellipsoid(p) => {
+            let [positive, negative] = p.semi_axes().map(|axes| axes * unit);
+            let scaled = PolySuperellipsoid::new(positive, negative, p.exponents());
+            Shape::PolySuperellipsoid(Box::new(scaled))
+        }
+        Shape::Spherocylinder(s) => Shape::Spherocylinder(Spherocylinder {
+            length: s.length * unit,
+            radius: s.radius * unit,
+        }),
+        Shape::Polyhedron(p) => {
+            let solid = Polyhedron::new(&times(p.hull().vertices()));
+            Shape::Polyhedron(Box::new(solid.expect("a body")))
+        }
+        Shape::RoundedPolyhedron(p) => {
+            let solid = RoundedPolyhedron::new(&times(p.core().vertices()), p.radius() * unit);
+            Shape::RoundedPolyhedron(Box::new(solid.expect("a body")))
+        }
+        Shape::Other(_) | Shape::HalfSpace(_) => unreachable!("no grain of a scene"),
     }
 }

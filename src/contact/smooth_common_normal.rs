@@ -38,7 +38,8 @@ const ROUNDING: f64 = 4e-15;
 const NEAR: f64 = 1e-14;
 /// With less than this to be gained [units] after the closing correction nothing is left.
 const NOTHING: f64 = 1e-28;
-/// A minimum has to compete if its overlap is more than this part of the radii of curvature.
+/// A minimum has to compete if its overlap is more than this part of the radii of curvature, or of the inscribed
+/// ones.
 const DOUBTFUL: f64 = 0.1;
 /// Finds the rival: a minimum that wins may be this far above the global one [units].
 const RIVAL: Epa = Epa { tolerance: 1e-7 };
@@ -201,6 +202,9 @@ impl SmoothPair<'_> {
         };
         let [a, b] = self.bodies;
         let certain = a.shape.smallest_curvature_radius() + b.shape.smallest_curvature_radius();
+        // A flat face has any radius of curvature, and is a minimum from the far side of the body, too.
+        let inscribed = a.shape.inscribed_radius() + b.shape.inscribed_radius();
+        let radius = radius.min(inscribed * self.per_metre);
         if touch.overlap < certain * self.per_metre || touch.overlap < DOUBTFUL * radius {
             return settled(touch);
         }
@@ -208,6 +212,10 @@ impl SmoothPair<'_> {
             Outcome::Touching(coarse) => match self.minimise(&coarse.normal) {
                 Minimum::Apart(clearance) => Outcome::Apart(clearance),
                 Minimum::At { touch: rival, .. } if rival.overlap < touch.overlap => settled(rival),
+                // A better minimum is there, and was not reached.
+                Minimum::Failed(why) if coarse.overlap * self.per_metre < touch.overlap => {
+                    Outcome::Failed(why)
+                }
                 _ => settled(touch),
             },
             Outcome::Apart(clearance) => Outcome::Apart(clearance * self.per_metre),

@@ -43,19 +43,21 @@ impl Among {
         }
     }
 
-    /// The contacts that count: the row of each and what it weighs, in halves. An error is a contact of
-    /// a particle that does not exist.
-    pub(super) fn counted(
+    /// Hands on the row of each contact that counts, and what it weighs, in halves. An error is a contact of a
+    /// particle that does not exist.
+    pub(super) fn each(
         self,
         contacts: &ContactTable,
         members: &Members,
-    ) -> impl Iterator<Item = Result<(usize, u64), PostError>> {
-        contacts.a.iter().zip(&contacts.b).enumerate().filter_map(move |(row, (&a, &b))| {
-            match members.ends(a, b).map(|ends| self.halves(ends)) {
-                Ok(0) => None,
-                halves => Some(halves.map(|halves| (row, halves))),
+        mut note: impl FnMut(usize, u64),
+    ) -> Result<(), PostError> {
+        for (row, (&a, &b)) in contacts.a.iter().zip(&contacts.b).enumerate() {
+            let halves = self.halves(members.ends(a, b)?);
+            if halves > 0 {
+                note(row, halves);
             }
-        })
+        }
+        Ok(())
     }
 }
 
@@ -82,13 +84,11 @@ impl FabricSum {
         contacts: &ContactTable,
         members: &Members,
     ) -> Result<(), PostError> {
-        for counted in self.among.counted(contacts, members) {
-            let (row, halves) = counted?;
+        self.among.each(contacts, members, |row, halves| {
             let normal = &contacts.normal[row];
             self.sum.add_outer(&(normal * (0.5 * halves as f64)), normal);
             self.halves += halves;
-        }
-        Ok(())
+        })
     }
 
     /// The fabric; `None` without contacts.
@@ -161,8 +161,7 @@ impl ForceFabricSum {
         contacts: &ContactTable,
         members: &Members,
     ) -> Result<(), PostError> {
-        for counted in self.among.counted(contacts, members) {
-            let (row, halves) = counted?;
+        self.among.each(contacts, members, |row, halves| {
             let normal = &contacts.normal[row];
             let density = 1.0 + normal.dot(&(self.anisotropy * normal));
             self.smallest_density = self.smallest_density.min(density);
@@ -173,8 +172,7 @@ impl ForceFabricSum {
                 self.shear.add_outer(&(contacts.shear_force[row] * weight), normal);
                 self.halves += halves;
             }
-        }
-        Ok(())
+        })
     }
 
     /// The anisotropy of forces. `None` without contacts or forces, and where a few contacts are so
@@ -246,8 +244,7 @@ impl RoseSum {
         contacts: &ContactTable,
         members: &Members,
     ) -> Result<(), PostError> {
-        for counted in self.among.counted(contacts, members) {
-            let (row, halves) = counted?;
+        self.among.each(contacts, members, |row, halves| {
             let normal = &contacts.normal[row];
             let up = if normal.z < 0.0 { -1.0 } else { 1.0 };
             let ring = normal.x.hypot(normal.y);
@@ -261,8 +258,7 @@ impl RoseSum {
                     Vec3::new(-normal.x * normal.z / ring, -normal.y * normal.z / ring, ring);
                 bin.shear_force.add(weight * up * contacts.shear_force[row].dot(&to_pole));
             }
-        }
-        Ok(())
+        })
     }
 
     /// The roses.

@@ -56,12 +56,10 @@ impl MeanForceSum {
         contacts: &ContactTable,
         members: &Members,
     ) -> Result<(), PostError> {
-        for counted in self.among.counted(contacts, members) {
-            let (row, halves) = counted?;
+        self.among.each(contacts, members, |row, halves| {
             self.halves += halves;
             self.normal.add(0.5 * halves as f64 * contacts.normal_force[row]);
-        }
-        Ok(())
+        })
     }
 
     /// Mean normal force `<f_n>` [N]; `None` without contacts.
@@ -173,8 +171,7 @@ impl ForceCount {
         members: &Members,
     ) -> Result<(), PostError> {
         let forces = &mut self.forces;
-        for counted in self.among.counted(contacts, members) {
-            let (row, halves) = counted?;
+        self.among.each(contacts, members, |row, halves| {
             let normal = contacts.normal_force[row];
             self.halves += halves;
             self.weak += if normal < WEAK * self.mean { halves } else { 0 };
@@ -193,8 +190,7 @@ impl ForceCount {
                 self.ratio_sum.add(0.5 * halves as f64 * ratio);
                 self.ratio_halves += halves;
             }
-        }
-        Ok(())
+        })
     }
 
     /// The distributions.

@@ -1,14 +1,13 @@
 //! Materials, their interactions, and shapes: from the file as written to the library.
 
 use super::Mix;
+use super::geometry::geometry;
 use super::reader::{Given, Range, Section};
 use super::report::suggestion;
-use super::solids;
 use crate::ids::MaterialId;
 use crate::law::{Constants, Interactions, Material, damping_ratio_of_restitution};
-use crate::math::Vec3;
 use crate::particles::Library;
-use crate::shape::{Ellipsoid, PolySuperellipsoid, Shape, Sphere, Superellipsoid};
+use crate::shape::{Shape, Sphere};
 use std::path::Path;
 
 // --- names ---
@@ -236,111 +235,4 @@ fn has_mass(section: &Section, geometry: &Shape, density: f64) -> bool {
         section.fail(format!("mass ({mass:e} kg) or moment of inertia leave the range of numbers"));
     }
     fits
-}
-
-fn geometry(section: &Section, folder: &Path) -> Option<Shape> {
-    #[derive(Clone, Copy)]
-    enum Kind {
-        Sphere,
-        Ellipsoid,
-        Superellipsoid,
-        PolySuperellipsoid,
-        Spherocylinder,
-        Polyhedron,
-        RoundedPolyhedron,
-    }
-    let kind = section.require("kind", "\"sphere\", \"ellipsoid\", ...", |given| {
-        given.one_of(&[
-            ("sphere", Kind::Sphere),
-            ("ellipsoid", Kind::Ellipsoid),
-            ("superellipsoid", Kind::Superellipsoid),
-            ("poly-superellipsoid", Kind::PolySuperellipsoid),
-            ("spherocylinder", Kind::Spherocylinder),
-            ("polyhedron", Kind::Polyhedron),
-            ("rounded-polyhedron", Kind::RoundedPolyhedron),
-        ])
-    });
-    match kind {
-        None => {
-            // Which sizes are allowed is not known.
-            let keys = ["radius", "diameter", "semi_axes", "aspect_ratio"];
-            let of_octants = ["semi_axes_positive", "semi_axes_negative", "exponents"];
-            for key in keys.into_iter().chain(of_octants).chain(solids::KEYS) {
-                section.get(key);
-            }
-            None
-        }
-        Some(Kind::Spherocylinder) => solids::spherocylinder(section),
-        Some(Kind::Polyhedron) => solids::polyhedron(section, folder),
-        Some(Kind::RoundedPolyhedron) => solids::rounded_polyhedron(section, folder),
-        Some(Kind::Sphere) => {
-            let size = |given: Given| given.number(Range::Positive, "m");
-            let radius = match (section.get("radius"), section.get("diameter")) {
-                (Some(radius), None) => size(radius),
-                (None, Some(diameter)) => size(diameter).map(|d| 0.5 * d),
-                (Some(_), Some(_)) => {
-                    section.fail("give either `radius` or `diameter`, not both");
-                    None
-                }
-                (None, None) => {
-                    section.fail("`radius` is missing: a number greater than 0 [m]; or `diameter`");
-                    None
-                }
-            }?;
-            Some(Shape::Sphere(Sphere { radius }))
-        }
-        Some(Kind::Ellipsoid) => {
-            let axes = section.get("semi_axes");
-            let (diameter, ratio) = (section.get("diameter"), section.get("aspect_ratio"));
-            let semi_axes = match (axes, diameter, ratio) {
-                (Some(axes), None, None) => axes.vector(Range::Positive, "m"),
-                (None, Some(diameter), Some(ratio)) => {
-                    let diameter = diameter.number(Range::Positive, "m");
-                    let ratio = ratio.number(Range::Positive, "");
-                    let (diameter, ratio) = (diameter?, ratio?);
-                    // (d/2)³ = a b b with a = ratio · b
-                    let short = 0.5 * diameter / libm::cbrt(ratio);
-                    Some(Vec3::new(ratio * short, short, short))
-                }
-                _ => {
-                    section.fail(
-                        "give either `semi_axes` = [a, b, c] [m], or `diameter` (of the ball of \
-                         equal volume) [m] and `aspect_ratio`",
-                    );
-                    None
-                }
-            }?;
-            Some(Shape::Ellipsoid(Ellipsoid { semi_axes }))
-        }
-        Some(Kind::Superellipsoid) => {
-            let semi_axes = semi_axes(section, "semi_axes");
-            let exponents = exponents(section);
-            Some(Shape::Superellipsoid(Superellipsoid::new(semi_axes?, exponents?)))
-        }
-        Some(Kind::PolySuperellipsoid) => {
-            let positive = semi_axes(section, "semi_axes_positive");
-            let negative = semi_axes(section, "semi_axes_negative");
-            let exponents = exponents(section);
-            let shape = PolySuperellipsoid::new(positive?, negative?, exponents?);
-            Some(Shape::PolySuperellipsoid(Box::new(shape)))
-        }
-    }
-}
-
-fn semi_axes(section: &Section, key: &'static str) -> Option<Vec3> {
-    let what = "a list of three numbers greater than 0 [m]";
-    section.require(key, what, |given| given.vector(Range::Positive, "m"))
-}
-
-fn exponents(section: &Section) -> Option<[f64; 2]> {
-    let what = "a list of two: [e1, e2], each a number greater than 0 and at most 2";
-    section.require("exponents", what, |given| {
-        let items = given.list(what)?;
-        let [along, across] = &items[..] else {
-            given.fail(format!("has {} items; must be {what}", items.len()));
-            return None;
-        };
-        let (along, across) = (along.number(Range::UpToTwo, ""), across.number(Range::UpToTwo, ""));
-        Some([along?, across?])
-    })
 }

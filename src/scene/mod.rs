@@ -90,6 +90,7 @@
 pub mod assemble;
 mod check;
 mod fills;
+mod geometry;
 mod input;
 mod listed;
 mod matter;
@@ -97,7 +98,6 @@ pub mod packing;
 pub mod plan;
 mod reader;
 mod report;
-mod solids;
 
 pub use crate::contact::Method;
 pub use crate::drive::rain::Rain;

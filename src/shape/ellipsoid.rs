@@ -1,6 +1,6 @@
 //! The tri-axial ellipsoid `x²/a² + y²/b² + z²/c² = 1`.
 
-use super::CurvedSupport;
+use super::{Convex, CurvedSupport};
 use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -16,18 +16,17 @@ pub struct Ellipsoid {
     pub semi_axes: Vec3,
 }
 
-impl Ellipsoid {
-    /// Farthest point along `direction` [m]: `D² d / |D d|` with `D = diag(semi_axes)`.
+impl Convex for Ellipsoid {
+    /// `D² d / |D d|` with `D = diag(semi_axes)`.
     #[inline]
-    pub fn support(&self, direction: &Vec3) -> Vec3 {
+    fn support(&self, direction: &Vec3) -> Vec3 {
         let scaled = self.semi_axes.component_mul(direction);
         let length = scaled.norm();
         self.semi_axes.component_mul(&(scaled / length))
     }
 
-    /// Its matrix in world axes [m²]; the columns of `frame` are its own axes.
     #[inline]
-    pub fn form(&self, frame: &Mat3) -> Form {
+    fn form(&self, frame: &Mat3) -> Form {
         let x = frame.column(0) * self.semi_axes.x;
         let y = frame.column(1) * self.semi_axes.y;
         let z = frame.column(2) * self.semi_axes.z;
@@ -35,9 +34,8 @@ impl Ellipsoid {
         [entry(0, 0), entry(1, 1), entry(2, 2), entry(0, 1), entry(0, 2), entry(1, 2)]
     }
 
-    /// Support point and curvature along a unit vector.
     #[inline]
-    pub fn curved_support(&self, direction: &Vec3) -> CurvedSupport {
+    fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
         let scaled = self.semi_axes.component_mul(direction);
         let inverse = 1.0 / scaled.norm();
         let n = scaled * inverse;
@@ -48,37 +46,38 @@ impl Ellipsoid {
             Vec3::new(1.0 + sign * (n.x * n.x * a), sign * b, -sign * n.x),
             Vec3::new(b, sign + n.y * n.y * a, -n.y),
         ];
-        CurvedSupport {
+        Some(CurvedSupport {
             point: self.semi_axes.component_mul(&n),
             weight: [inverse; 2],
             along: across.map(|v| self.semi_axes.component_mul(&v)),
-        }
+        })
     }
 
-    /// The longest semi-axis [m].
-    pub fn bounding_radius(&self) -> f64 {
+    fn bounding_radius(&self) -> f64 {
         self.semi_axes.max()
     }
 
-    /// The shortest semi-axis [m].
-    pub fn inscribed_radius(&self) -> f64 {
+    fn inscribed_radius(&self) -> f64 {
         self.semi_axes.min()
     }
 
-    /// Smallest radius of curvature anywhere on the surface [m]: shortest² / longest.
-    pub fn smallest_curvature_radius(&self) -> f64 {
+    /// Shortest² / longest.
+    fn smallest_curvature_radius(&self) -> f64 {
         let shortest = self.inscribed_radius();
         shortest * shortest / self.bounding_radius()
     }
 
-    /// Volume [m³].
-    pub fn volume(&self) -> f64 {
+    fn volume(&self) -> f64 {
         4.0 / 3.0 * PI * self.semi_axes.x * self.semi_axes.y * self.semi_axes.z
     }
 
-    /// Principal moments of inertia over mass [m²]: `((b²+c²), (a²+c²), (a²+b²)) / 5`.
-    pub fn gyration(&self) -> Vec3 {
+    /// `((b²+c²), (a²+c²), (a²+b²)) / 5`
+    fn gyration(&self) -> Vec3 {
         let s = self.semi_axes.component_mul(&self.semi_axes);
         Vec3::new(s.y + s.z, s.x + s.z, s.x + s.y) / 5.0
+    }
+
+    fn half_lengths(&self) -> Vec3 {
+        self.semi_axes
     }
 }

@@ -1,5 +1,6 @@
 //! The solid side of a plane: every wall is one.
 
+use super::Convex;
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -8,4 +9,32 @@ use serde::{Deserialize, Serialize};
 pub struct HalfSpace {
     /// Unit normal, out of the solid, towards the particles.
     pub normal: Vec3,
+}
+
+/// It has no support point and no end, and is never asked for them: whatever meets a wall has a closed form.
+impl Convex for HalfSpace {
+    #[inline]
+    fn support(&self, _: &Vec3) -> Vec3 {
+        Vec3::repeat(f64::NAN)
+    }
+
+    fn bounding_radius(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    fn inscribed_radius(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    fn volume(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    fn gyration(&self) -> Vec3 {
+        Vec3::repeat(f64::INFINITY)
+    }
+
+    fn half_lengths(&self) -> Vec3 {
+        Vec3::repeat(f64::INFINITY)
+    }
 }

@@ -1,6 +1,14 @@
-//! What a grain is. A shape gives its support point; a smooth one also gives the matrix or
-//! curvature from which the common-normal solver works. Contact resolution knows nothing else,
-//! so a new convex shape is one file here and one arm in each `match` below.
+//! What a grain is: a convex body, given by its support point.
+//!
+//! # A new shape
+//!
+//! 1. A file here with a type for which [`Convex`] is implemented: support point, radii, volume, inertia. Erosion,
+//!    EPA and walls ask for nothing else. The rest of the trait makes contacts better or cheaper: curvature for the
+//!    common-normal solver, a margin or flat faces for the resolvers that know what to do with them.
+//! 2. A line in the list of shapes below, from which come [`Kind`], [`Shape`] and the names.
+//! 3. Its keys, and what reads them, in `src/scene/geometry.rs`: the compiler asks for them.
+//!
+//! A program that uses this crate needs none of the last two: [`Shape::Other`] holds anything convex.
 
 pub mod ellipsoid;
 pub mod half_space;
@@ -26,69 +34,87 @@ pub use rounded_polyhedron::RoundedPolyhedron;
 use serde::{Deserialize, Serialize};
 pub use sphere::Sphere;
 pub use spherocylinder::Spherocylinder;
+use std::borrow::Borrow;
+use std::fmt::Debug;
+use std::sync::Arc;
 pub use superellipsoid::{CurvedSupport, Superellipsoid};
 
-/// Which family of shape: pairs are resolved in batches of one pair of kinds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Kind {
-    /// A ball.
-    Sphere,
-    /// A tri-axial ellipsoid.
-    Ellipsoid,
-    /// A superellipsoid.
-    Superellipsoid,
-    /// Eight octants of superellipsoids.
-    PolySuperellipsoid,
-    /// A cylinder with a half ball on each end.
-    Spherocylinder,
-    /// A convex polyhedron.
-    Polyhedron,
-    /// A convex polyhedron with a ball rolled around it.
-    RoundedPolyhedron,
-    /// The solid side of a plane: a wall.
-    HalfSpace,
-}
+/// A convex body about its centre of mass, axes along its principal axes of inertia.
+pub trait Convex: Debug + Send + Sync {
+    /// The farthest point along `direction` (any length but zero) [m].
+    fn support(&self, direction: &Vec3) -> Vec3;
 
-impl Kind {
-    /// Every kind, in the order of batches.
-    pub const ALL: [Self; 8] = [
-        Self::Sphere,
-        Self::Ellipsoid,
-        Self::Superellipsoid,
-        Self::PolySuperellipsoid,
-        Self::Spherocylinder,
-        Self::Polyhedron,
-        Self::RoundedPolyhedron,
-        Self::HalfSpace,
-    ];
+    /// Radius of the smallest ball about the centre that holds the body, or a little more [m].
+    fn bounding_radius(&self) -> f64;
 
-    /// As the scene file and reports name it.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Sphere => "sphere",
-            Self::Ellipsoid => "ellipsoid",
-            Self::Superellipsoid => "superellipsoid",
-            Self::PolySuperellipsoid => "poly-superellipsoid",
-            Self::Spherocylinder => "spherocylinder",
-            Self::Polyhedron => "polyhedron",
-            Self::RoundedPolyhedron => "rounded-polyhedron",
-            Self::HalfSpace => "plane",
-        }
+    /// Radius of the largest ball about the centre inside the body, or a little less [m].
+    fn inscribed_radius(&self) -> f64;
+
+    /// Volume [m³].
+    fn volume(&self) -> f64;
+
+    /// Principal moments of inertia over mass [m²].
+    fn gyration(&self) -> Vec3;
+
+    /// Half lengths along the local axes of the smallest box about the centre that holds the body [m].
+    fn half_lengths(&self) -> Vec3 {
+        Vec3::from_fn(|i, _| {
+            let axis = Vec3::ith(i, 1.0);
+            self.support(&axis)[i].max(-self.support(&-axis)[i])
+        })
     }
 
-    /// Has it a common normal, which needs curvature everywhere?
-    pub const fn is_smooth(self) -> bool {
-        self.is_ellipsoidal() || matches!(self, Self::Superellipsoid | Self::PolySuperellipsoid)
+    /// Support point and curvature along a unit vector; `None` if the surface has edges.
+    #[inline]
+    fn curved_support(&self, _direction: &Vec3) -> Option<CurvedSupport> {
+        None
     }
 
-    /// Is it an ellipsoid, if only a round one?
-    pub const fn is_ellipsoidal(self) -> bool {
-        matches!(self, Self::Sphere | Self::Ellipsoid)
+    /// Where a small `step` of the unit vector `direction` leads if not the direction, but the support point
+    /// moves in a straight line: the normal at `point + hessian · step`, of any length. `here` is the curved
+    /// support along `direction`.
+    ///
+    /// The same to first order, and far closer to a minimum near a flat face, where the support point moves
+    /// with a small power of the direction. `None` where there is no use in it.
+    #[inline]
+    fn follow(&self, _here: &CurvedSupport, _direction: &Vec3, _step: &Vec3) -> Option<Vec3> {
+        None
     }
 
-    /// Is it a point, a segment or a polyhedron with a ball rolled around it?
-    pub const fn has_margin(self) -> bool {
-        matches!(self, Self::Sphere | Self::Spherocylinder | Self::RoundedPolyhedron)
+    /// Smallest radius of curvature anywhere on the surface [m]; 0 where there are edges or crests.
+    fn smallest_curvature_radius(&self) -> f64 {
+        0.0
+    }
+
+    /// The matrix of an ellipsoid or a sphere in place, its axes the columns of `frame`, see [`Form`] [m²]; not a
+    /// number for other shapes.
+    #[inline]
+    fn form(&self, _frame: &Mat3) -> Form {
+        [f64::NAN; 6]
+    }
+
+    /// Radius of the ball that rolls around the shape's core: that of a sphere, of a spherocylinder, of the
+    /// edges of a rounded polyhedron; 0 for all others [m].
+    #[inline]
+    fn margin(&self) -> f64 {
+        0.0
+    }
+
+    /// The farthest point along `direction` of what is left without the margin [m].
+    #[inline]
+    fn core_support(&self, direction: &Vec3) -> Vec3 {
+        self.support(direction)
+    }
+
+    /// What is flat of it: only a face that is known has the contact point in its middle.
+    #[inline]
+    fn core(&self) -> Core<'_> {
+        Core::Curved
+    }
+
+    /// Where its axes lie in those of the user's file, if they had to be found.
+    fn placement(&self) -> Option<&Placement> {
+        None
     }
 }
 
@@ -103,234 +129,175 @@ pub enum Core<'a> {
     Hull(&'a Hull),
 }
 
-/// A body's geometry, centred on its centre of mass, axes along its principal axes of inertia.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Shape {
+/// Makes [`Kind`] and [`Shape`] of a list of types, each with what a [`Shape`] holds, its name and its [`Fact`]s.
+macro_rules! shapes {
+    ($(
+        $(#[$doc:meta])*
+        $kind:ident ($(#[$held_as:meta])* $held:ty), $name:literal, $facts:expr;
+    )*) => {
+        /// Which family of shape: pairs are resolved in batches of one pair of kinds.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Kind {
+            $($(#[$doc])* $kind,)*
+        }
+
+        impl Kind {
+            /// Every kind, in the order of batches.
+            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$kind),*];
+
+            /// As the scene file and reports name it.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$kind => $name,)*
+                }
+            }
+
+            const fn facts(self) -> &'static [Fact] {
+                match self {
+                    $(Self::$kind => $facts,)*
+                }
+            }
+        }
+
+        /// A body's geometry, centred on its centre of mass, axes along its principal axes of inertia.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        pub enum Shape {
+            $($(#[$doc])* $(#[$held_as])* $kind($held),)*
+        }
+
+        impl Shape {
+            /// The family it belongs to.
+            pub const fn kind(&self) -> Kind {
+                match self {
+                    $(Self::$kind(_) => Kind::$kind,)*
+                }
+            }
+        }
+
+        dispatched! { ($($kind)*) }
+    };
+}
+
+/// Gives [`Shape`] the methods of [`Convex`]: as its own, and each a `match` instead of a virtual call, for
+/// resolvers spend their time in support points.
+macro_rules! dispatched {
+    ($kinds:tt) => {
+        dispatched! { $kinds
+            support(direction: &Vec3) -> Vec3;
+            bounding_radius() -> f64;
+            inscribed_radius() -> f64;
+            volume() -> f64;
+            gyration() -> Vec3;
+            half_lengths() -> Vec3;
+            curved_support(direction: &Vec3) -> Option<CurvedSupport>;
+            follow(here: &CurvedSupport, direction: &Vec3, step: &Vec3) -> Option<Vec3>;
+            smallest_curvature_radius() -> f64;
+            form(frame: &Mat3) -> Form;
+            margin() -> f64;
+            core_support(direction: &Vec3) -> Vec3;
+            core() -> Core<'_>;
+            placement() -> Option<&Placement>;
+        }
+    };
+    ($kinds:tt $($method:ident($($argument:ident: $of:ty),*) -> $result:ty;)*) => {
+        impl Shape {
+            $(
+                #[doc = concat!("See [`Convex::", stringify!($method), "`].")]
+                #[inline]
+                pub fn $method(&self, $($argument: $of),*) -> $result {
+                    dispatched!(match self $kinds $method ($($argument),*))
+                }
+            )*
+        }
+    };
+    (match $shape:ident ($($kind:ident)*) $method:ident $arguments:tt) => {
+        match $shape {
+            $(Self::$kind(body) => dispatched!(call $kind $method body $arguments),)*
+        }
+    };
+    (call $kind:ident $method:ident $body:ident ($($argument:ident),*)) => {
+        <$kind as Convex>::$method(Borrow::<$kind>::borrow($body), $($argument),*)
+    };
+}
+
+/// What resolvers may rely on.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Fact {
+    /// It has a common normal, for which it has curvature everywhere.
+    Smooth,
+    /// It is a point, a segment or a polyhedron with a ball rolled around it.
+    Margin,
+}
+
+/// What [`Shape::Other`] refers to.
+type Other = dyn Convex;
+
+shapes! {
     /// A ball.
-    Sphere(Sphere),
+    Sphere(Sphere), "sphere", &[Fact::Smooth, Fact::Margin];
     /// A tri-axial ellipsoid.
-    Ellipsoid(Ellipsoid),
+    Ellipsoid(Ellipsoid), "ellipsoid", &[Fact::Smooth];
     /// A superellipsoid.
-    Superellipsoid(Superellipsoid),
+    Superellipsoid(Superellipsoid), "superellipsoid", &[Fact::Smooth];
     /// Eight octants of superellipsoids.
-    PolySuperellipsoid(Box<PolySuperellipsoid>),
+    PolySuperellipsoid(Box<PolySuperellipsoid>), "poly-superellipsoid", &[Fact::Smooth];
     /// A cylinder with a half ball on each end.
-    Spherocylinder(Spherocylinder),
+    Spherocylinder(Spherocylinder), "spherocylinder", &[Fact::Margin];
     /// A convex polyhedron.
-    Polyhedron(Box<Polyhedron>),
+    Polyhedron(Box<Polyhedron>), "polyhedron", &[];
     /// A convex polyhedron with a ball rolled around it.
-    RoundedPolyhedron(Box<RoundedPolyhedron>),
+    RoundedPolyhedron(Box<RoundedPolyhedron>), "rounded-polyhedron", &[Fact::Margin];
+    /// Any convex body, of a program that uses this crate. Scene files and messages between ranks have none.
+    Other(#[serde(with = "not_sent")] Arc<dyn Convex>), "other", &[];
     /// The solid side of a plane: a wall.
-    HalfSpace(HalfSpace),
+    HalfSpace(HalfSpace), "plane", &[];
+}
+
+/// A shape of a program that uses this crate stays in its process.
+mod not_sent {
+    use super::Convex;
+    use serde::{Deserializer, Serializer, de, ser};
+    use std::sync::Arc;
+
+    const WHY: &str = "a shape of kind \"other\" cannot be written or sent: make it on every rank";
+
+    pub(super) fn serialize<S: Serializer>(_: &Arc<dyn Convex>, _: S) -> Result<S::Ok, S::Error> {
+        Err(ser::Error::custom(WHY))
+    }
+
+    pub(super) fn deserialize<'a, D: Deserializer<'a>>(_: D) -> Result<Arc<dyn Convex>, D::Error> {
+        Err(de::Error::custom(WHY))
+    }
+}
+
+impl Kind {
+    /// Has it a common normal, which needs curvature everywhere?
+    pub fn is_smooth(self) -> bool {
+        self.facts().contains(&Fact::Smooth)
+    }
+
+    /// Is it an ellipsoid, if only a round one?
+    pub const fn is_ellipsoidal(self) -> bool {
+        matches!(self, Self::Sphere | Self::Ellipsoid)
+    }
+
+    /// Is it a point, a segment or a polyhedron with a ball rolled around it?
+    pub fn has_margin(self) -> bool {
+        self.facts().contains(&Fact::Margin)
+    }
+}
+
+/// The same object, not just the same body.
+impl PartialEq for dyn Convex {
+    fn eq(&self, other: &Self) -> bool {
+        std::ptr::addr_eq(self, other)
+    }
 }
 
 impl Shape {
-    /// The family it belongs to.
-    pub const fn kind(&self) -> Kind {
-        match self {
-            Self::Sphere(_) => Kind::Sphere,
-            Self::Ellipsoid(_) => Kind::Ellipsoid,
-            Self::Superellipsoid(_) => Kind::Superellipsoid,
-            Self::PolySuperellipsoid(_) => Kind::PolySuperellipsoid,
-            Self::Spherocylinder(_) => Kind::Spherocylinder,
-            Self::Polyhedron(_) => Kind::Polyhedron,
-            Self::RoundedPolyhedron(_) => Kind::RoundedPolyhedron,
-            Self::HalfSpace(_) => Kind::HalfSpace,
-        }
-    }
-
-    /// The farthest point along `direction` (any length but zero), both in the shape's own frame [m].
-    ///
-    /// A half-space has none; it is never asked (walls have closed forms).
-    #[inline]
-    pub fn support(&self, direction: &Vec3) -> Vec3 {
-        match self {
-            Self::Sphere(s) => s.support(direction),
-            Self::Ellipsoid(e) => e.support(direction),
-            Self::Superellipsoid(s) => s.support(direction),
-            Self::PolySuperellipsoid(p) => p.support(direction),
-            Self::Spherocylinder(s) => s.support(direction),
-            Self::Polyhedron(p) => p.hull().support(direction),
-            Self::RoundedPolyhedron(p) => p.support(direction),
-            Self::HalfSpace(_) => Vec3::repeat(f64::NAN),
-        }
-    }
-
-    /// Support point and curvature along a unit vector, both in the shape's own frame; `None` if the surface
-    /// has edges.
-    #[inline]
-    pub fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
-        match self {
-            Self::Sphere(s) => {
-                Some(Ellipsoid { semi_axes: Vec3::repeat(s.radius) }.curved_support(direction))
-            }
-            Self::Ellipsoid(e) => Some(e.curved_support(direction)),
-            Self::Superellipsoid(s) => s.curved_support(direction),
-            Self::PolySuperellipsoid(p) => p.curved_support(direction),
-            Self::Spherocylinder(_)
-            | Self::Polyhedron(_)
-            | Self::RoundedPolyhedron(_)
-            | Self::HalfSpace(_) => None,
-        }
-    }
-
-    /// A better way than a straight one to follow a `step` of `direction`, where the shape knows one: see
-    /// [`Superellipsoid::follow`].
-    #[inline]
-    pub fn follow(&self, here: &CurvedSupport, direction: &Vec3, step: &Vec3) -> Option<Vec3> {
-        match self {
-            Self::Superellipsoid(s) => s.follow(here, direction, step),
-            Self::PolySuperellipsoid(p) => p.follow(here, direction, step),
-            _ => None,
-        }
-    }
-
-    /// Smallest radius of curvature anywhere on the surface [m]; 0 where there are edges or crests.
-    pub fn smallest_curvature_radius(&self) -> f64 {
-        match self {
-            Self::Sphere(s) => s.radius,
-            Self::Ellipsoid(e) => e.smallest_curvature_radius(),
-            Self::Superellipsoid(s) => s.smallest_curvature_radius(),
-            Self::PolySuperellipsoid(p) => p.smallest_curvature_radius(),
-            Self::Spherocylinder(s) => s.radius,
-            Self::RoundedPolyhedron(p) => p.radius(),
-            Self::Polyhedron(_) | Self::HalfSpace(_) => 0.0,
-        }
-    }
-
-    /// Radius of the smallest ball about the centre that holds the shape [m].
-    pub fn bounding_radius(&self) -> f64 {
-        match self {
-            Self::Sphere(s) => s.radius,
-            Self::Ellipsoid(e) => e.bounding_radius(),
-            Self::Superellipsoid(s) => s.bounding_radius(),
-            Self::PolySuperellipsoid(p) => p.bounding_radius(),
-            Self::Spherocylinder(s) => s.bounding_radius(),
-            Self::Polyhedron(p) => p.hull().bounding_radius(),
-            Self::RoundedPolyhedron(p) => p.bounding_radius(),
-            Self::HalfSpace(_) => f64::INFINITY,
-        }
-    }
-
-    /// Radius of the largest ball about the centre inside the shape [m].
-    pub fn inscribed_radius(&self) -> f64 {
-        match self {
-            Self::Sphere(s) => s.radius,
-            Self::Ellipsoid(e) => e.inscribed_radius(),
-            Self::Superellipsoid(s) => s.inscribed_radius(),
-            Self::PolySuperellipsoid(p) => p.inscribed_radius(),
-            Self::Spherocylinder(s) => s.radius,
-            Self::Polyhedron(p) => p.hull().inscribed_radius(),
-            Self::RoundedPolyhedron(p) => p.inscribed_radius(),
-            Self::HalfSpace(_) => f64::INFINITY,
-        }
-    }
-
-    /// Volume [m³].
-    pub fn volume(&self) -> f64 {
-        match self {
-            Self::Sphere(s) => s.volume(),
-            Self::Ellipsoid(e) => e.volume(),
-            Self::Superellipsoid(s) => s.volume(),
-            Self::PolySuperellipsoid(p) => p.volume(),
-            Self::Spherocylinder(s) => s.volume(),
-            Self::Polyhedron(p) => p.volume(),
-            Self::RoundedPolyhedron(p) => p.volume(),
-            Self::HalfSpace(_) => f64::INFINITY,
-        }
-    }
-
-    /// The matrix of an ellipsoid or a sphere in place, see [`Form`] [m²]; not a number for other shapes.
-    #[inline]
-    pub fn form(&self, frame: &Mat3) -> Form {
-        match self {
-            Self::Sphere(s) => {
-                let square = s.radius * s.radius;
-                [square, square, square, 0.0, 0.0, 0.0]
-            }
-            Self::Ellipsoid(e) => e.form(frame),
-            _ => [f64::NAN; 6],
-        }
-    }
-
-    /// Principal moments of inertia over mass [m²].
-    pub fn gyration(&self) -> Vec3 {
-        match self {
-            Self::Sphere(s) => s.gyration(),
-            Self::Ellipsoid(e) => e.gyration(),
-            Self::Superellipsoid(s) => s.gyration(),
-            Self::PolySuperellipsoid(p) => p.gyration(),
-            Self::Spherocylinder(s) => s.gyration(),
-            Self::Polyhedron(p) => p.gyration(),
-            Self::RoundedPolyhedron(p) => p.gyration(),
-            Self::HalfSpace(_) => Vec3::repeat(f64::INFINITY),
-        }
-    }
-
-    /// Radius of the ball that rolls around the shape's core: that of a sphere, of a spherocylinder, of the
-    /// edges of a rounded polyhedron; 0 for all others [m].
-    #[inline]
-    pub fn margin(&self) -> f64 {
-        match self {
-            Self::Sphere(s) => s.radius,
-            Self::Spherocylinder(s) => s.radius,
-            Self::RoundedPolyhedron(p) => p.radius(),
-            Self::Ellipsoid(_)
-            | Self::Superellipsoid(_)
-            | Self::PolySuperellipsoid(_)
-            | Self::Polyhedron(_)
-            | Self::HalfSpace(_) => 0.0,
-        }
-    }
-
-    /// The farthest point along `direction` of what is left without the margin [m].
-    #[inline]
-    pub fn core_support(&self, direction: &Vec3) -> Vec3 {
-        match self {
-            Self::Sphere(_) => Vec3::zeros(),
-            Self::Spherocylinder(s) => s.core_support(direction),
-            Self::RoundedPolyhedron(p) => p.core().support(direction),
-            other => other.support(direction),
-        }
-    }
-
-    /// What is flat of it.
-    #[inline]
-    pub fn core(&self) -> Core<'_> {
-        match self {
-            Self::Spherocylinder(s) => Core::Segment(0.5 * s.length),
-            Self::Polyhedron(p) => Core::Hull(p.hull()),
-            Self::RoundedPolyhedron(p) => Core::Hull(p.core()),
-            Self::Sphere(_)
-            | Self::Ellipsoid(_)
-            | Self::Superellipsoid(_)
-            | Self::PolySuperellipsoid(_)
-            | Self::HalfSpace(_) => Core::Curved,
-        }
-    }
-
-    /// Where its axes lie in those of the user's file, if they had to be found.
-    pub fn placement(&self) -> Option<&Placement> {
-        match self {
-            Self::Polyhedron(p) => Some(p.placement()),
-            Self::RoundedPolyhedron(p) => Some(p.placement()),
-            _ => None,
-        }
-    }
-
-    /// Half lengths along the local axes of the smallest box about the centre that holds the shape [m]: the
-    /// semi-axes of an ellipsoid. For drawing.
+    /// [`Convex::half_lengths`], which are the semi-axes of an ellipsoid [m].
     pub fn semi_axes(&self) -> Vec3 {
-        match self {
-            Self::Sphere(s) => Vec3::repeat(s.radius),
-            Self::Ellipsoid(e) => e.semi_axes,
-            Self::Superellipsoid(s) => s.semi_axes(),
-            Self::PolySuperellipsoid(p) => p.half_lengths(),
-            Self::Spherocylinder(s) => s.half_extents(),
-            Self::Polyhedron(p) => p.hull().half_extents(),
-            Self::RoundedPolyhedron(p) => p.half_extents(),
-            Self::HalfSpace(_) => Vec3::repeat(f64::INFINITY),
-        }
+        self.half_lengths()
     }
 
     /// Largest `dᵀ (1 + m [r]ᵀ I⁻¹ [r]) d` over surface points `r` and unit directions `d`: how many

@@ -5,7 +5,8 @@
 //! octants meet, and its principal axes of inertia are not theirs: the shape's own frame, like that of every shape,
 //! is the principal one about the centre of mass.
 
-use super::superellipsoid::{CurvedSupport, Exponents};
+use super::superellipsoid::Exponents;
+use super::{Convex, CurvedSupport};
 use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -81,72 +82,6 @@ impl PolySuperellipsoid {
         self.axes
     }
 
-    /// Farthest point along `direction` [m].
-    #[inline]
-    pub fn support(&self, direction: &Vec3) -> Vec3 {
-        let along = self.axes * direction;
-        self.inwards(&self.exponents.support(&self.around(&along), &along).point)
-    }
-
-    /// Support point and curvature along a unit vector; `None` with an exponent above 1.6: the
-    /// surface has edges, or crests that are as good as edges.
-    #[inline]
-    pub fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
-        let along = self.axes * direction;
-        let octant = self.exponents.curved_support(&self.around(&along), &along)?;
-        Some(CurvedSupport {
-            point: self.inwards(&octant.point),
-            along: octant.along.map(|v| self.axes.tr_mul(&v)),
-            ..octant
-        })
-    }
-
-    /// See [`Superellipsoid::follow`](super::Superellipsoid::follow).
-    #[inline]
-    pub fn follow(&self, here: &CurvedSupport, direction: &Vec3, step: &Vec3) -> Option<Vec3> {
-        let octant = CurvedSupport {
-            point: self.axes * here.point + self.centre,
-            along: here.along.map(|v| self.axes * v),
-            ..*here
-        };
-        let (direction, step) = (self.axes * direction, self.axes * step);
-        self.exponents
-            .follow(|point| self.around(point), &octant, &direction, &step)
-            .map(|normal| self.axes.tr_mul(&normal))
-    }
-
-    /// Radius of a ball about the centre of mass that holds the shape [m], at most 1.001 times the smallest.
-    pub const fn bounding_radius(&self) -> f64 {
-        self.bounding_radius
-    }
-
-    /// Radius of a ball about the centre of mass inside the shape [m], at most a tenth smaller than the
-    /// largest.
-    pub const fn inscribed_radius(&self) -> f64 {
-        self.inscribed_radius
-    }
-
-    /// Smallest radius of curvature anywhere on the surface [m], from a sample, 10 % of it taken off. Zero if an
-    /// exponent is above 1: the surface then has crests.
-    pub const fn smallest_curvature_radius(&self) -> f64 {
-        self.smallest_curvature_radius
-    }
-
-    /// Half lengths along the principal axes of a box about the centre of mass that holds the shape [m].
-    pub const fn half_lengths(&self) -> Vec3 {
-        self.half_lengths
-    }
-
-    /// Volume [m³].
-    pub const fn volume(&self) -> f64 {
-        self.volume
-    }
-
-    /// Principal moments of inertia over mass [m²].
-    pub const fn gyration(&self) -> Vec3 {
-        self.gyration
-    }
-
     /// The semi-axes on the side of a direction or point, along the octants' axes [m].
     #[inline]
     fn around(&self, side: &Vec3) -> Vec3 {
@@ -162,28 +97,110 @@ impl PolySuperellipsoid {
     /// Bounding and inscribed radius. With directions no farther than θ from any other, the
     /// support value of the nearest to the farthest point is at least cos θ of its distance; and the
     /// support value at an angle θ is at least `h cos θ - t sin θ`, with t the distance of the support point
-    /// from the direction's line.
+    /// from the direction's line. Where that is far below the least support value met, as for flat bodies,
+    /// directions are taken closer to each other.
     fn radii(&self) -> (f64, f64) {
         // Directions through the middles of N x N squares on the faces of a cube: θ is at most √2 / N.
         const N: u32 = 32;
-        let tan = std::f64::consts::SQRT_2 / f64::from(N);
-        let cos = 1.0 / (1.0 + tan * tan).sqrt();
-        let (mut farthest, mut nearest) = (0.0_f64, f64::INFINITY);
+        const GOOD: f64 = 0.95;
+        const NARROWEST: f64 = 1e-4;
         let middle = |i: u32| f64::from(2 * i + 1) / f64::from(N) - 1.0;
-        for (axis, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)] {
-            for (i, j) in (0..N).flat_map(|i| (0..N).map(move |j| (i, j))) {
-                let mut direction = Vec3::repeat(sign);
-                direction[(axis + 1) % 3] = middle(i);
-                direction[(axis + 2) % 3] = middle(j);
-                let direction = direction.normalize();
-                let point = self.support(&direction);
-                let height = point.dot(&direction);
-                let aside = (point - direction * height).norm();
-                farthest = farthest.max(height / cos);
-                nearest = nearest.min(cos * (height - tan * aside));
-            }
+        let squares = (0..6).flat_map(|face| {
+            (0..N).flat_map(move |i| (0..N).map(move |j| (face, middle(i), middle(j))))
+        });
+        let support = |(face, x, y): (usize, f64, f64)| {
+            let mut direction = Vec3::repeat(if face < 3 { 1.0 } else { -1.0 });
+            direction[(face + 1) % 3] = x;
+            direction[(face + 2) % 3] = y;
+            let direction = direction.normalize();
+            let point = self.support(&direction);
+            let height = point.dot(&direction);
+            (height, (point - direction * height).norm())
+        };
+        let cosine = |tan: f64| 1.0 / (1.0 + tan * tan).sqrt();
+        let tan = std::f64::consts::SQRT_2 / f64::from(N);
+        let (mut farthest, mut least) = (0.0_f64, f64::INFINITY);
+        for square in squares.clone() {
+            let (height, _) = support(square);
+            farthest = farthest.max(height / cosine(tan));
+            least = least.min(height);
         }
-        (farthest, nearest)
+        let mut nearest = f64::INFINITY;
+        let mut todo: Vec<_> = squares.map(|square| (square, 1.0 / f64::from(N))).collect();
+        while let Some(((face, x, y), half)) = todo.pop() {
+            let tan = std::f64::consts::SQRT_2 * half;
+            let (height, aside) = support((face, x, y));
+            least = least.min(height);
+            let bound = cosine(tan) * (height - tan * aside);
+            if bound >= GOOD * least || half < NARROWEST {
+                nearest = nearest.min(bound);
+                continue;
+            }
+            let quarter = 0.5 * half;
+            let parts = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)];
+            todo.extend(parts.map(|(i, j)| ((face, x + i * quarter, y + j * quarter), quarter)));
+        }
+        (farthest, nearest.max(0.0))
+    }
+}
+
+impl Convex for PolySuperellipsoid {
+    #[inline]
+    fn support(&self, direction: &Vec3) -> Vec3 {
+        let along = self.axes * direction;
+        self.inwards(&self.exponents.support(&self.around(&along), &along).point)
+    }
+
+    /// `None` with an exponent above 1.6: the surface has edges, or crests that are as good as edges.
+    #[inline]
+    fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
+        let along = self.axes * direction;
+        let octant = self.exponents.curved_support(&self.around(&along), &along)?;
+        Some(CurvedSupport {
+            point: self.inwards(&octant.point),
+            along: octant.along.map(|v| self.axes.tr_mul(&v)),
+            ..octant
+        })
+    }
+
+    #[inline]
+    fn follow(&self, here: &CurvedSupport, direction: &Vec3, step: &Vec3) -> Option<Vec3> {
+        let octant = CurvedSupport {
+            point: self.axes * here.point + self.centre,
+            along: here.along.map(|v| self.axes * v),
+            ..*here
+        };
+        let (direction, step) = (self.axes * direction, self.axes * step);
+        self.exponents
+            .follow(|point| self.around(point), &octant, &direction, &step)
+            .map(|normal| self.axes.tr_mul(&normal))
+    }
+
+    /// At most 1.001 times the smallest.
+    fn bounding_radius(&self) -> f64 {
+        self.bounding_radius
+    }
+
+    /// At most a twentieth smaller than the largest, down to a ten thousandth of the size.
+    fn inscribed_radius(&self) -> f64 {
+        self.inscribed_radius
+    }
+
+    /// From a sample, 10 % of it taken off. Zero if an exponent is above 1: the surface then has crests.
+    fn smallest_curvature_radius(&self) -> f64 {
+        self.smallest_curvature_radius
+    }
+
+    fn half_lengths(&self) -> Vec3 {
+        self.half_lengths
+    }
+
+    fn volume(&self) -> f64 {
+        self.volume
+    }
+
+    fn gyration(&self) -> Vec3 {
+        self.gyration
     }
 }
 

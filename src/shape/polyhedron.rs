@@ -5,6 +5,7 @@
 
 use super::hull::{Hull, HullError, size};
 use super::moments::{Moments, Placement, Principal};
+use super::{Convex, Core};
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -38,19 +39,45 @@ impl Polyhedron {
         &self.hull
     }
 
-    /// Volume [m³].
-    pub const fn volume(&self) -> f64 {
-        self.volume
-    }
-
-    /// Principal moments of inertia over mass [m²].
-    pub const fn gyration(&self) -> Vec3 {
-        self.gyration
-    }
-
     /// Where the centre of mass and the principal axes lie in the axes in which the corners were given.
     pub const fn placement(&self) -> &Placement {
         &self.placement
+    }
+}
+
+impl Convex for Polyhedron {
+    #[inline]
+    fn support(&self, direction: &Vec3) -> Vec3 {
+        self.hull.support(direction)
+    }
+
+    fn bounding_radius(&self) -> f64 {
+        self.hull.bounding_radius()
+    }
+
+    fn inscribed_radius(&self) -> f64 {
+        self.hull.inscribed_radius()
+    }
+
+    fn volume(&self) -> f64 {
+        self.volume
+    }
+
+    fn gyration(&self) -> Vec3 {
+        self.gyration
+    }
+
+    fn half_lengths(&self) -> Vec3 {
+        self.hull.half_extents()
+    }
+
+    #[inline]
+    fn core(&self) -> Core<'_> {
+        Core::Hull(&self.hull)
+    }
+
+    fn placement(&self) -> Option<&Placement> {
+        Some(&self.placement)
     }
 }
 

@@ -7,6 +7,7 @@
 use super::hull::{Hull, HullError};
 use super::moments::{Moments, Placement, Principal};
 use super::polyhedron::convex;
+use super::{Convex, Core};
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -43,39 +44,58 @@ impl RoundedPolyhedron {
         self.radius
     }
 
-    /// Farthest point along `direction` [m].
-    #[inline]
-    pub fn support(&self, direction: &Vec3) -> Vec3 {
-        self.core.support(direction) + direction * (self.radius / direction.norm())
-    }
-
-    /// Radius of the smallest ball about the centre that holds it [m].
-    pub fn bounding_radius(&self) -> f64 {
-        self.core.bounding_radius() + self.radius
-    }
-
-    /// Radius of the largest ball about the centre inside it [m].
-    pub fn inscribed_radius(&self) -> f64 {
-        self.core.inscribed_radius() + self.radius
-    }
-
-    /// Half lengths of the box around it [m].
-    pub fn half_extents(&self) -> Vec3 {
-        self.core.half_extents().add_scalar(self.radius)
-    }
-
-    /// Volume [m³].
-    pub const fn volume(&self) -> f64 {
-        self.volume
-    }
-
-    /// Principal moments of inertia over mass [m²].
-    pub const fn gyration(&self) -> Vec3 {
-        self.gyration
-    }
-
     /// Where the centre of mass and the principal axes lie in the axes in which the corners were given.
     pub const fn placement(&self) -> &Placement {
         &self.placement
+    }
+}
+
+impl Convex for RoundedPolyhedron {
+    #[inline]
+    fn support(&self, direction: &Vec3) -> Vec3 {
+        self.core.support(direction) + direction * (self.radius / direction.norm())
+    }
+
+    fn bounding_radius(&self) -> f64 {
+        self.core.bounding_radius() + self.radius
+    }
+
+    fn inscribed_radius(&self) -> f64 {
+        self.core.inscribed_radius() + self.radius
+    }
+
+    fn volume(&self) -> f64 {
+        self.volume
+    }
+
+    fn gyration(&self) -> Vec3 {
+        self.gyration
+    }
+
+    fn half_lengths(&self) -> Vec3 {
+        self.core.half_extents().add_scalar(self.radius)
+    }
+
+    fn smallest_curvature_radius(&self) -> f64 {
+        self.radius
+    }
+
+    #[inline]
+    fn margin(&self) -> f64 {
+        self.radius
+    }
+
+    #[inline]
+    fn core_support(&self, direction: &Vec3) -> Vec3 {
+        self.core.support(direction)
+    }
+
+    #[inline]
+    fn core(&self) -> Core<'_> {
+        Core::Hull(&self.core)
+    }
+
+    fn placement(&self) -> Option<&Placement> {
+        Some(&self.placement)
     }
 }

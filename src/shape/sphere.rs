@@ -1,6 +1,7 @@
 //! The ball: the shape with closed forms for everything.
 
-use crate::math::Vec3;
+use super::{Convex, CurvedSupport, Ellipsoid, Form};
+use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -11,20 +12,54 @@ pub struct Sphere {
     pub radius: f64,
 }
 
-impl Sphere {
-    /// Farthest point along `direction` [m].
+impl Convex for Sphere {
     #[inline]
-    pub fn support(&self, direction: &Vec3) -> Vec3 {
+    fn support(&self, direction: &Vec3) -> Vec3 {
         direction * (self.radius / direction.norm())
     }
 
-    /// Volume [m³].
-    pub fn volume(&self) -> f64 {
+    fn bounding_radius(&self) -> f64 {
+        self.radius
+    }
+
+    fn inscribed_radius(&self) -> f64 {
+        self.radius
+    }
+
+    fn volume(&self) -> f64 {
         4.0 / 3.0 * PI * self.radius * self.radius * self.radius
     }
 
-    /// Principal moments of inertia over mass [m²].
-    pub fn gyration(&self) -> Vec3 {
+    fn gyration(&self) -> Vec3 {
         Vec3::repeat(0.4 * self.radius * self.radius)
+    }
+
+    fn half_lengths(&self) -> Vec3 {
+        Vec3::repeat(self.radius)
+    }
+
+    #[inline]
+    fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
+        Ellipsoid { semi_axes: Vec3::repeat(self.radius) }.curved_support(direction)
+    }
+
+    fn smallest_curvature_radius(&self) -> f64 {
+        self.radius
+    }
+
+    #[inline]
+    fn form(&self, _: &Mat3) -> Form {
+        let square = self.radius * self.radius;
+        [square, square, square, 0.0, 0.0, 0.0]
+    }
+
+    #[inline]
+    fn margin(&self) -> f64 {
+        self.radius
+    }
+
+    #[inline]
+    fn core_support(&self, _: &Vec3) -> Vec3 {
+        Vec3::zeros()
     }
 }

@@ -8,8 +8,8 @@
 //! is the dual norm's gradient, and so is the surface normal at a point with the norm itself. The second
 //! derivatives need no power that the first do not.
 
-use super::ellipsoid::Ellipsoid;
 use super::power::pow;
+use super::{Convex, Ellipsoid};
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -53,67 +53,62 @@ impl Superellipsoid {
     pub fn as_ellipsoid(&self) -> Option<Ellipsoid> {
         self.exponents.are_one().then_some(Ellipsoid { semi_axes: self.semi_axes })
     }
+}
 
-    /// Farthest point along `direction` [m].
+impl Convex for Superellipsoid {
     #[inline]
-    pub fn support(&self, direction: &Vec3) -> Vec3 {
+    fn support(&self, direction: &Vec3) -> Vec3 {
         match self.as_ellipsoid() {
             Some(ellipsoid) => ellipsoid.support(direction),
             None => self.exponents.support(&self.semi_axes, direction).point,
         }
     }
 
-    /// Support point and curvature along a unit vector; `None` with an exponent above 1.6: the
-    /// surface has edges, or crests that are as good as edges.
+    /// `None` with an exponent above 1.6: the surface has edges, or crests that are as good as edges.
     #[inline]
-    pub fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
+    fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
         match self.as_ellipsoid() {
-            Some(ellipsoid) => Some(ellipsoid.curved_support(direction)),
+            Some(ellipsoid) => ellipsoid.curved_support(direction),
             None => self.exponents.curved_support(&self.semi_axes, direction),
         }
     }
 
-    /// Where a small `step` of the unit vector `direction` leads if not the direction, but the support point
-    /// moves in a straight line: the normal at `point + hessian · step`, of any length. `here` is the curved
-    /// support along `direction`.
-    ///
-    /// The same to first order, and far closer to a minimum near a flat face, where the support point moves
-    /// with a small power of the direction. `None` where there is no use in it: the step is short, or the
-    /// exponents are not below 1.
+    /// `None` where there is no use in it: the step is short, or the exponents are not below 1.
     #[inline]
-    pub fn follow(&self, here: &CurvedSupport, direction: &Vec3, step: &Vec3) -> Option<Vec3> {
+    fn follow(&self, here: &CurvedSupport, direction: &Vec3, step: &Vec3) -> Option<Vec3> {
         self.exponents.follow(|_| self.semi_axes, here, direction, step)
     }
 
-    /// The farthest distance of a point of the surface from the centre [m]. Exact.
-    pub const fn bounding_radius(&self) -> f64 {
+    /// Exact.
+    fn bounding_radius(&self) -> f64 {
         self.bounding_radius
     }
 
-    /// The least distance of a point of the surface from the centre [m]. Exact.
-    pub const fn inscribed_radius(&self) -> f64 {
+    /// Exact.
+    fn inscribed_radius(&self) -> f64 {
         self.inscribed_radius
     }
 
-    /// Smallest radius of curvature anywhere on the surface [m], from a sample, 10 % of it taken off. Zero if an
-    /// exponent is above 1: the surface then has crests.
-    pub const fn smallest_curvature_radius(&self) -> f64 {
+    /// From a sample, 10 % of it taken off. Zero if an exponent is above 1: the surface then has crests.
+    fn smallest_curvature_radius(&self) -> f64 {
         self.smallest_curvature_radius
     }
 
-    /// Volume [m³].
-    pub fn volume(&self) -> f64 {
+    fn volume(&self) -> f64 {
         8.0 * self.exponents.moment([0, 0, 0]) * self.semi_axes.product()
     }
 
-    /// Principal moments of inertia over mass [m²].
-    pub fn gyration(&self) -> Vec3 {
+    fn gyration(&self) -> Vec3 {
         let unit = self.exponents.moment([0, 0, 0]);
         let squares = [[2, 0, 0], [0, 2, 0], [0, 0, 2]];
         let mean_square = Vec3::from(squares.map(|powers| self.exponents.moment(powers) / unit))
             .component_mul(&self.semi_axes.component_mul(&self.semi_axes));
         let [x, y, z]: [f64; 3] = mean_square.into();
         Vec3::new(y + z, x + z, x + y)
+    }
+
+    fn half_lengths(&self) -> Vec3 {
+        self.semi_axes
     }
 }
 
@@ -228,7 +223,7 @@ impl Exponents {
         Some(CurvedSupport { point: here.point, ..beside })
     }
 
-    /// See [`Superellipsoid::follow`]. `semi_axes` are those around a point.
+    /// See [`Convex::follow`]. `semi_axes` are those around a point.
     #[inline]
     pub(super) fn follow(
         self,

@@ -1,0 +1,174 @@
+//! The geometry of a shape: from the file as written.
+
+use super::reader::{Given, Range, Section};
+use crate::math::Vec3;
+use crate::shape::hull::HullError;
+use crate::shape::{
+    Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
+    Spherocylinder, Superellipsoid, mesh,
+};
+use std::path::Path;
+
+/// How a kind is written: its keys and what reads them. Paths of meshes are relative to the folder.
+#[derive(Clone, Copy)]
+struct Reader {
+    keys: &'static [&'static str],
+    read: fn(&Section, &Path) -> Option<Shape>,
+}
+
+/// `None` for what is no grain.
+fn reader(kind: Kind) -> Option<Reader> {
+    let (keys, read): (&[_], fn(&Section, &Path) -> _) = match kind {
+        Kind::Sphere => (&["radius", "diameter"], sphere),
+        Kind::Ellipsoid => (&["semi_axes", "diameter", "aspect_ratio"], ellipsoid),
+        Kind::Superellipsoid => (&["semi_axes", "exponents"], superellipsoid),
+        Kind::PolySuperellipsoid => {
+            (&["semi_axes_positive", "semi_axes_negative", "exponents"], poly_superellipsoid)
+        }
+        Kind::Spherocylinder => (&["length", "radius"], spherocylinder),
+        Kind::Polyhedron => (&["vertices", "file", "scale"], polyhedron),
+        Kind::RoundedPolyhedron => (&["vertices", "file", "scale", "radius"], rounded_polyhedron),
+        Kind::Other | Kind::HalfSpace => return None,
+    };
+    Some(Reader { keys, read })
+}
+
+/// The shape that a section means.
+pub(super) fn geometry(section: &Section, folder: &Path) -> Option<Shape> {
+    let readers: Vec<(&str, Reader)> =
+        Kind::ALL.into_iter().filter_map(|kind| Some((kind.name(), reader(kind)?))).collect();
+    let what = "\"sphere\", \"ellipsoid\", ...";
+    if let Some(reader) = section.require("kind", what, |given| given.one_of(&readers)) {
+        return (reader.read)(section, folder);
+    }
+    // Which sizes are allowed is not known.
+    for key in readers.iter().flat_map(|(_, reader)| reader.keys) {
+        section.get(key);
+    }
+    None
+}
+
+fn sphere(section: &Section, _: &Path) -> Option<Shape> {
+    let size = |given: Given| given.number(Range::Positive, "m");
+    let radius = match (section.get("radius"), section.get("diameter")) {
+        (Some(radius), None) => size(radius),
+        (None, Some(diameter)) => size(diameter).map(|d| 0.5 * d),
+        (Some(_), Some(_)) => {
+            section.fail("give either `radius` or `diameter`, not both");
+            None
+        }
+        (None, None) => {
+            section.fail("`radius` is missing: a number greater than 0 [m]; or `diameter`");
+            None
+        }
+    }?;
+    Some(Shape::Sphere(Sphere { radius }))
+}
+
+fn ellipsoid(section: &Section, _: &Path) -> Option<Shape> {
+    let axes = section.get("semi_axes");
+    let (diameter, ratio) = (section.get("diameter"), section.get("aspect_ratio"));
+    let semi_axes = match (axes, diameter, ratio) {
+        (Some(axes), None, None) => axes.vector(Range::Positive, "m"),
+        (None, Some(diameter), Some(ratio)) => {
+            let diameter = diameter.number(Range::Positive, "m");
+            let ratio = ratio.number(Range::Positive, "");
+            let (diameter, ratio) = (diameter?, ratio?);
+            // (d/2)³ = a b b with a = ratio · b
+            let short = 0.5 * diameter / libm::cbrt(ratio);
+            Some(Vec3::new(ratio * short, short, short))
+        }
+        _ => {
+            section.fail(
+                "give either `semi_axes` = [a, b, c] [m], or `diameter` (of the ball of \
+                 equal volume) [m] and `aspect_ratio`",
+            );
+            None
+        }
+    }?;
+    Some(Shape::Ellipsoid(Ellipsoid { semi_axes }))
+}
+
+fn superellipsoid(section: &Section, _: &Path) -> Option<Shape> {
+    let semi_axes = semi_axes(section, "semi_axes");
+    let exponents = exponents(section);
+    Some(Shape::Superellipsoid(Superellipsoid::new(semi_axes?, exponents?)))
+}
+
+fn poly_superellipsoid(section: &Section, _: &Path) -> Option<Shape> {
+    let positive = semi_axes(section, "semi_axes_positive");
+    let negative = semi_axes(section, "semi_axes_negative");
+    let exponents = exponents(section);
+    let shape = PolySuperellipsoid::new(positive?, negative?, exponents?);
+    Some(Shape::PolySuperellipsoid(Box::new(shape)))
+}
+
+fn semi_axes(section: &Section, key: &'static str) -> Option<Vec3> {
+    let what = "a list of three numbers greater than 0 [m]";
+    section.require(key, what, |given| given.vector(Range::Positive, "m"))
+}
+
+fn exponents(section: &Section) -> Option<[f64; 2]> {
+    let what = "a list of two: [e1, e2], each a number greater than 0 and at most 2";
+    section.require("exponents", what, |given| {
+        let items = given.list(what)?;
+        let [along, across] = &items[..] else {
+            given.fail(format!("has {} items; must be {what}", items.len()));
+            return None;
+        };
+        let (along, across) = (along.number(Range::UpToTwo, ""), across.number(Range::UpToTwo, ""));
+        Some([along?, across?])
+    })
+}
+
+fn spherocylinder(section: &Section, _: &Path) -> Option<Shape> {
+    let length = section.number("length", Range::Positive, "m");
+    let radius = section.number("radius", Range::Positive, "m");
+    Some(Shape::Spherocylinder(Spherocylinder { length: length?, radius: radius? }))
+}
+
+fn polyhedron(section: &Section, folder: &Path) -> Option<Shape> {
+    let solid = solid(section, folder, Polyhedron::new)?;
+    Some(Shape::Polyhedron(Box::new(solid)))
+}
+
+fn rounded_polyhedron(section: &Section, folder: &Path) -> Option<Shape> {
+    let radius = section.number("radius", Range::Positive, "m");
+    // Corners are checked whatever the radius.
+    let rounded = |points: &[Vec3]| RoundedPolyhedron::new(points, radius.unwrap_or_default());
+    let solid = solid(section, folder, rounded)?;
+    radius.map(|_| Shape::RoundedPolyhedron(Box::new(solid)))
+}
+
+/// What `build` makes of the corners that the file gives one by one or as a mesh.
+fn solid<T>(
+    section: &Section,
+    folder: &Path,
+    build: impl Fn(&[Vec3]) -> Result<T, HullError>,
+) -> Option<T> {
+    let scale = section.number_or("scale", 1.0, Range::Positive, "");
+    let (given, points) = match (section.get("vertices"), section.get("file")) {
+        (Some(vertices), None) => {
+            if let Some(scale) = section.get("scale") {
+                scale.fail("only for a `file`; `vertices` are in metres");
+            }
+            let points = vertices.points("m")?;
+            (vertices, points)
+        }
+        (None, Some(file)) => {
+            let path = folder.join(file.text()?);
+            match mesh::read(&path, scale?) {
+                Ok(points) => (file, points),
+                Err(error) => {
+                    file.fail(error);
+                    return None;
+                }
+            }
+        }
+        _ => {
+            section.fail("give either `vertices` = [[x, y, z], ...] [m], or `file` and `scale`");
+            return None;
+        }
+    };
+    build(&points).map_err(|error| given.fail(error)).ok()
+}
