@@ -89,7 +89,9 @@ fn check_bits(file: &str, arguments: &[&str], method: &Method) {
                 met[0] += 1;
             }
             Outcome::Apart(bound) => {
-                assert!(number(row, "overlap") <= -bound, "{file} {}", row["id"]);
+                // A batch may find another bound, which near touch differs by rounding.
+                let rounding = 4e-16 * (a.shape.bounding_radius() + b.shape.bounding_radius());
+                assert!(number(row, "overlap") <= rounding - bound, "{file} {}", row["id"]);
                 met[1] += 1;
             }
             Outcome::Failed(_) => {

@@ -190,6 +190,7 @@ fn more_ranks_than_particles_work() {
     let text = CROWD
         .replace("DOMAIN", WALLED)
         .replace("METHOD", "")
+        .replace("MATERIAL", MATERIAL)
         .replace("high = [0.03, 0.03, 0.0735]", "high = [0.006, 0.006, 0.006]")
         .replace("count = 60", "count = 3");
     let scene = scene(&text);

@@ -45,28 +45,34 @@ impl Method {
 
     /// The method for pairs of two kinds, with something to fall back on.
     fn chain(&self, a: Kind, b: Kind) -> Chain {
-        let last_resort = || Box::new(Epa { tolerance: 1e-10 });
+        // A tight tolerance asks too much of a continuum of normals, as of crossed cylinders; and an overlap that
+        // is too large by what erosion costs is better than a run that ends.
+        let last_resorts = || -> Vec<Box<dyn ContactResolver>> {
+            vec![
+                Box::new(Epa { tolerance: 1e-10 }),
+                Box::new(Epa::default()),
+                Box::new(ErodedGjk::default()),
+            ]
+        };
         let (first, fallbacks): (Box<dyn ContactResolver>, Vec<Box<dyn ContactResolver>>) =
             match *self {
-                Self::Auto | Self::CommonNormal if a.is_ellipsoidal() && b.is_ellipsoidal() => (
-                    Box::new(CommonNormal),
-                    vec![Box::new(SeededCommonNormal::default()), last_resort()],
-                ),
-                Self::Auto | Self::CommonNormal if a.is_smooth() && b.is_smooth() => {
-                    (Box::new(SmoothCommonNormal), vec![last_resort()])
+                Self::Auto | Self::CommonNormal if a.is_ellipsoidal() && b.is_ellipsoidal() => {
+                    let mut fallbacks = last_resorts();
+                    fallbacks.insert(0, Box::new(SeededCommonNormal::default()));
+                    (Box::new(CommonNormal), fallbacks)
                 }
-                // A tight tolerance asks too much of a continuum of normals, as of crossed cylinders.
-                Self::Auto | Self::CommonNormal if a.has_margin() || b.has_margin() => (
-                    Box::new(Cores),
-                    vec![last_resort(), Box::new(Epa::default()), Box::new(ErodedGjk::default())],
-                ),
+                Self::Auto | Self::CommonNormal if a.is_smooth() && b.is_smooth() => {
+                    (Box::new(SmoothCommonNormal), last_resorts())
+                }
+                Self::Auto | Self::CommonNormal if a.has_margin() || b.has_margin() => {
+                    (Box::new(Cores), last_resorts())
+                }
                 Self::Auto | Self::CommonNormal => {
-                    (Box::new(ErodedGjk::default()), vec![last_resort()])
+                    (Box::new(ErodedGjk::default()), last_resorts())
                 }
                 Self::GjkErosion { ratio, increment, tolerance } => {
-                    (Box::new(ErodedGjk { ratio, increment, tolerance }), vec![last_resort()])
+                    (Box::new(ErodedGjk { ratio, increment, tolerance }), last_resorts())
                 }
-                // An overlap that is too large by what erosion costs is better than a run that ends.
                 Self::Epa { tolerance } => {
                     (Box::new(Epa { tolerance }), vec![Box::new(ErodedGjk::default())])
                 }

@@ -104,6 +104,7 @@ impl PolySuperellipsoid {
         const N: u32 = 32;
         const GOOD: f64 = 0.95;
         const NARROWEST: f64 = 1e-4;
+        const MOST: u32 = 300_000;
         let middle = |i: u32| f64::from(2 * i + 1) / f64::from(N) - 1.0;
         let squares = (0..6).flat_map(|face| {
             (0..N).flat_map(move |i| (0..N).map(move |j| (face, middle(i), middle(j))))
@@ -127,12 +128,15 @@ impl PolySuperellipsoid {
         }
         let mut nearest = f64::INFINITY;
         let mut todo: Vec<_> = squares.map(|square| (square, 1.0 / f64::from(N))).collect();
+        let mut taken = 0;
         while let Some(((face, x, y), half)) = todo.pop() {
+            taken += 1;
             let tan = std::f64::consts::SQRT_2 * half;
             let (height, aside) = support((face, x, y));
             least = least.min(height);
             let bound = cosine(tan) * (height - tan * aside);
-            if bound >= GOOD * least || half < NARROWEST {
+            let good = bound >= GOOD * least || half < NARROWEST;
+            if good || taken > MOST || !bound.is_finite() {
                 nearest = nearest.min(bound);
                 continue;
             }
