@@ -276,7 +276,10 @@ fn a_thousand_damaged_snapshots_are_refused() {
             }
             Err(error) => {
                 assert!(
-                    matches!(error, SnapshotError::Unreadable { .. } | SnapshotError::Damaged { .. }),
+                    matches!(
+                        error,
+                        SnapshotError::Unreadable { .. } | SnapshotError::Damaged { .. }
+                    ),
                     "seed {SEED}, damage {damage}: {error}"
                 );
                 let name = file.file_name().unwrap().to_str().unwrap();
@@ -286,7 +289,10 @@ fn a_thousand_damaged_snapshots_are_refused() {
         }
         fs::write(file, whole).unwrap();
     }
-    println!("of {DAMAGES}: cut {}, bits {}, early bits {}, stretches {} refused", refused[0], refused[1], refused[2], refused[3]);
+    println!(
+        "of {DAMAGES}: cut {}, bits {}, early bits {}, stretches {} refused",
+        refused[0], refused[1], refused[2], refused[3]
+    );
     assert_eq!(refused[0] + refused[2], DAMAGES / 2);
     assert!(refused.iter().sum::<usize>() > DAMAGES * 9 / 10, "{refused:?}");
     assert_eq!(read(&path).unwrap(), original);
@@ -299,8 +305,8 @@ fn damaged_snapshots_of_a_directory_are_passed_over() {
     let directory = tempfile::tempdir().unwrap();
     let place = directory.path();
     let tables = made_up::of_rank(0, 1, true);
-    let paths = [10, 20, 30, 40]
-        .map(|step| write(place, &header(step), &tables, &mut Alone::default()));
+    let paths =
+        [10, 20, 30, 40].map(|step| write(place, &header(step), &tables, &mut Alone::default()));
     let opened = |expected: u64, passed_over: &[&str]| {
         let readers = threads::run(3, |comm| {
             let reader = Reader::open_together(place, comm).unwrap();

@@ -178,19 +178,17 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         .or_else(|| scene.start.as_ref().map(|path| (path, From::Beginning)));
     match from {
         None => assemble::fill(&mut sim, &scene, comm),
-        Some((path, from)) => {
-            match assemble::take_up(&mut sim, &scene, path, from, comm) {
-                Ok(passed_over) => {
-                    for error in passed_over {
-                        say(comm, format!("passed over: {error}"));
-                    }
-                }
-                Err(error) => {
-                    say(comm, error);
-                    return WRONG_INPUT;
+        Some((path, from)) => match assemble::take_up(&mut sim, &scene, path, from, comm) {
+            Ok(passed_over) => {
+                for error in passed_over {
+                    say(comm, format!("passed over: {error}"));
                 }
             }
-        }
+            Err(error) => {
+                say(comm, error);
+                return WRONG_INPUT;
+            }
+        },
     }
     let resumed = arguments.start.is_some();
 
@@ -227,10 +225,7 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
                 let name = if signal == SIGTERM as usize { "SIGTERM" } else { "SIGUSR1" };
                 let left = arguments.steps.map(|_| last_step - sim.step);
                 let again = again(arguments, &finish.snapshot, left);
-                say(
-                    comm,
-                    format!("stopped by {name} at step {}; to go on: {again}", sim.step),
-                );
+                say(comm, format!("stopped by {name} at step {}; to go on: {again}", sim.step));
                 STOPPED
             }
         },
@@ -240,7 +235,8 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
 
 /// The command, without mpirun, that goes on from a snapshot.
 fn again(arguments: &Arguments, snapshot: &Path, left: Option<u64>) -> String {
-    let Arguments { scene, out, steps: _, start: _, threads, trace_particle: _, set, .. } = arguments;
+    let Arguments { scene, out, steps: _, start: _, threads, trace_particle: _, set, .. } =
+        arguments;
     let mut words = vec!["dem-mpi".to_owned(), scene.display().to_string()];
     let mut add = |name: &str, value: String| {
         // So that a shell takes it as one word.

@@ -24,11 +24,11 @@ use hdf5_metno_sys::h5::{herr_t, hsize_t};
 use hdf5_metno_sys::h5i::hid_t;
 use hdf5_metno_sys::{LOCK, h5a, h5d, h5p, h5s};
 use std::ffi::{CString, c_int};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
-use std::io::{Read, Seek, SeekFrom, Write};
 
 /// What `H5Pget_mpio_actual_io_mode` calls `H5D_MPIO_CONTIGUOUS_COLLECTIVE`.
 const CONTIGUOUS_COLLECTIVE: c_int = 4;
@@ -394,7 +394,11 @@ fn check_seal(path: &Path, comm: &mut dyn Comm) -> Result<(), SnapshotError> {
     };
     let read = read();
     let (here, sum) = agree(comm, read)?;
-    if add_up(comm, here) == sum { Ok(()) } else { Err(SnapshotError::damaged(path, "the whole file")) }
+    if add_up(comm, here) == sum {
+        Ok(())
+    } else {
+        Err(SnapshotError::damaged(path, "the whole file"))
+    }
 }
 
 /// The checksum of this rank's share of the first `length` bytes of a file.
@@ -613,8 +617,8 @@ impl StoredFile {
     /// short or was never complete, or [`SnapshotError::Damaged`] if a byte has changed.
     pub fn open(path: &Path, comm: &mut dyn Comm) -> Result<Self, SnapshotError> {
         let size = fs::metadata(path).map(|metadata| metadata.len());
-        let size = size
-            .map_err(|e| SnapshotError::Missing { path: name_of(path), cause: e.to_string() });
+        let size =
+            size.map_err(|e| SnapshotError::Missing { path: name_of(path), cause: e.to_string() });
         let size = agree(comm, size)?;
         check_seal(path, comm)?;
         let opened = File::open(path)

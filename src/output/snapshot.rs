@@ -608,7 +608,8 @@ impl Reader {
         let particles = StoredFile::open(&real, comm)?;
         let read = || {
             if !particles.has(ID.place) {
-                let cause = "it has no particles; was a contacts file meant to be a particles file?";
+                let cause =
+                    "it has no particles; was a contacts file meant to be a particles file?";
                 return Err(SnapshotError::unreadable(&real, &cause));
             }
             let counts = (particles.count(POINTS.place)?, particles.count(HISTORY_A.place)?);

@@ -4,10 +4,10 @@
 //! owning rank is not part of the state and is not compared. Springs and all else that is remembered of
 //! touching contacts are matched by the ids of both bodies. Both states are held in memory.
 
-use crate::ids::GlobalId;
-use crate::output::columns::NamedColumn;
 use crate::contact::NamedHistory;
+use crate::ids::GlobalId;
 use crate::math::Vec3;
+use crate::output::columns::NamedColumn;
 use crate::output::tables::{Header, HistoryTable, ParticleTable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

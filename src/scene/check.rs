@@ -132,7 +132,9 @@ pub(super) fn scene(
 fn existing_file(given: &Given) -> Option<PathBuf> {
     let path = PathBuf::from(given.text()?);
     if !path.exists() {
-        given.fail("no such file or directory in the working directory; has the stage before been run?");
+        given.fail(
+            "no such file or directory in the working directory; has the stage before been run?",
+        );
         return None;
     }
     Some(path)
