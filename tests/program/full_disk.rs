@@ -17,8 +17,8 @@ struct Disk(PathBuf);
 
 impl Disk {
     /// `None`, and why, if this machine or user cannot.
-    fn mount(kind: &str) -> Option<Self> {
-        let directory = fresh_directory(&format!("disk_{kind}"));
+    fn mount(kind: &str, launch: Launch) -> Option<Self> {
+        let directory = fresh_directory(&format!("disk_{kind}_{launch:?}"));
         let place = directory.to_str()?;
         let image = format!("{place}.image");
         let command = match kind {
@@ -39,7 +39,8 @@ impl Disk {
 
 impl Drop for Disk {
     fn drop(&mut self) {
-        let _ = std::process::Command::new("umount").arg(&self.0).status();
+        // Lazily: programs that other tests start at the same time may hold what HDF5 had open here.
+        let _ = std::process::Command::new("umount").arg("-l").arg(&self.0).status();
     }
 }
 
@@ -48,7 +49,7 @@ impl Drop for Disk {
 fn a_full_disk_ends_the_run_and_keeps_the_last_snapshot() {
     for kind in ["tmpfs", "ext2"] {
         for launch in [Launch::Alone, Launch::Ranks(3)] {
-            if let Some(disk) = Disk::mount(kind) {
+            if let Some(disk) = Disk::mount(kind, launch) {
                 fill(&disk.0, launch);
             }
         }

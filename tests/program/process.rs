@@ -105,7 +105,7 @@ impl Call {
             .env("OMPI_MCA_rmaps_base_oversubscribe", "1")
             .env("OMPI_MCA_mpi_yield_when_idle", "1")
             // As `run/environment` has it.
-            .env("OMPI_MCA_odls_base_sigkill_timeout", "20")
+            .env("OMPI_MCA_odls_base_sigkill_timeout", "4")
             .stdin(Stdio::null())
             .stdout(same(&output))
             .stderr(same(&errors))
