@@ -8,7 +8,7 @@ use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::table;
 use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
-use dem_mpi::post::diff::Difference;
+use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::{Among, FabricSum, ForceFabricSum, Rose, degree};
 use dem_mpi::post::forces::Histogram;
 use dem_mpi::post::history::{Curve, History};
@@ -824,7 +824,12 @@ fn a_diff_finds_what_was_planted() {
     second.particles = some_particles(&first.particles, &rows);
     second.particles.rank = vec![3; 27];
     let compare = |a: &Snapshot, b: &Snapshot| {
-        Difference::between((&a.header, &a.particles), (&b.header, &b.particles))
+        let state = |s: &Snapshot| State {
+            header: s.header.clone(),
+            particles: s.particles.clone(),
+            histories: Vec::new(),
+        };
+        Difference::between(&state(a), &state(b))
     };
     let equal = compare(&first, &second);
     assert!(equal.is_empty(), "order and owner are not state: {equal}");
@@ -840,9 +845,9 @@ fn a_diff_finds_what_was_planted() {
     let found = compare(&first, &second);
     assert!(!found.is_empty());
     assert_eq!((found.differing, found.compared), (2, 27));
-    assert_eq!(found.columns["velocity"].particles, 2);
+    assert_eq!(found.columns["velocity"].rows, 2);
     assert_eq!(found.columns["velocity"].largest, 0.5);
-    assert_eq!(found.columns["position"].particles, 1);
+    assert_eq!(found.columns["position"].rows, 1);
     let named: Vec<(u64, &str)> = found.first.iter().map(|d| (d.id.0, d.column.as_str())).collect();
     let expected = [(6, "velocity.x"), (6, "velocity.y"), (26, "position.z"), (26, "velocity.x")];
     assert_eq!(named, expected);

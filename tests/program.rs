@@ -1,13 +1,16 @@
 //! The programs as a user meets them: started with and without mpirun, stopped, killed, misled.
 
 mod analysed;
+mod full_disk;
 mod killed;
 mod misled;
 mod opened;
 mod process;
 mod restarted;
 mod same_bits;
+mod signalled;
 mod told;
+mod traced;
 
 use process::{Ended, Launch, dem_mpi, dem_post};
 use std::collections::BTreeMap;

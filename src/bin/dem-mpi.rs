@@ -1,16 +1,20 @@
 //! `dem-mpi SCENE`: arguments → scene → simulation → run.
 
 use clap::Parser;
-use dem_mpi::comm::{Comm, alone::Alone, wire, world};
+use dem_mpi::comm::{Comm, alone::Alone, threads, wire, world};
+use dem_mpi::ids::GlobalId;
 use dem_mpi::output;
 use dem_mpi::scene::assemble::{self, From};
 use dem_mpi::scene::{Scene, plan};
-use dem_mpi::sim::run::{self, Progress, RunError, Schedule};
-use dem_mpi::sim::{Simulation, report::report};
+use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
+use dem_mpi::sim::{Simulation, StepError, report::report};
 use indicatif::{ProgressBar, ProgressStyle};
-use std::io::IsTerminal;
-use std::path::PathBuf;
+use signal_hook::consts::{SIGTERM, SIGUSR1};
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
 use std::time::{Duration, Instant};
 
 /// Discrete element method for non-spherical grains, on one rank or many.
@@ -27,8 +31,15 @@ Examples:
   dem-mpi run/packing/scene.toml --set contact.method=epa --set material.glass.friction=0.5
   mpirun -n 4 dem-mpi run/packing/scene.toml --start out/packing/last.vtkhdf
                                                      go on where a run stopped, on any number of ranks
+  mpirun -n 4 dem-mpi run/packing/scene.toml --start out/packing
+                                                     from its newest snapshot that is whole
+  dem-mpi run/packing/scene.toml --start out/packing --steps 100 --trace-particle 17
+                                                     repeat steps of a run, and look at a particle
 
-Exit status: 0 the run did what was asked; 1 it failed; 2 the scene or an argument is wrong."
+SIGTERM and SIGUSR1, on any rank, end the step: the run writes a snapshot, says how to go on, and exits.
+
+Exit status: 0 the run did what was asked; 1 it failed; 2 the scene or an argument is wrong;
+3 a signal stopped it, and it can go on."
 )]
 struct Arguments {
     /// The scene: what to simulate, a TOML file
@@ -39,9 +50,15 @@ struct Arguments {
     /// Do this many steps, from wherever the run starts, instead of all that are left of the stage
     #[arg(long, value_name = "N")]
     steps: Option<u64>,
-    /// Go on from this snapshot of the same stage (a particles file, or a directory with last.vtkhdf)
+    /// Go on from this snapshot of the same stage (a particles file, or a directory: its newest good one)
     #[arg(long, value_name = "SNAPSHOT")]
     start: Option<PathBuf>,
+    /// Run as N ranks in threads of this process, without mpirun: slower, but one debugger sees all
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    threads: Option<u32>,
+    /// Print the state and the contacts of this particle at every step (may be repeated)
+    #[arg(long, value_name = "ID")]
+    trace_particle: Vec<u64>,
     /// Change a value of the scene: path.to.key=value (may be repeated)
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -57,21 +74,56 @@ struct Arguments {
 const WRONG_INPUT: u8 = 2;
 /// The run failed.
 const FAILED: u8 = 1;
+/// A signal stopped the run, and it can go on.
+const STOPPED: u8 = 3;
+
+/// How long a rank that sees a fault of another's particle leaves it to that rank to tell.
+const OTHERS_FIRST: Duration = Duration::from_secs(3);
 
 fn main() -> ExitCode {
+    let arguments = Arguments::try_parse();
+    if !world::launched()
+        && let Ok(given @ Arguments { threads: Some(ranks), .. }) = &arguments
+    {
+        let stop = stop_signals();
+        return ExitCode::from(threads::run(*ranks, |comm| start(given, &stop, comm))[0]);
+    }
     let mut comm: Box<dyn Comm> =
         if world::launched() { Box::new(world::World::new()) } else { Box::<Alone>::default() };
-    let comm = &mut *comm;
-    let status = match Arguments::try_parse() {
-        Ok(arguments) => start(&arguments, comm),
+    // MPI has set its own handlers by now.
+    ExitCode::from(on_this_rank(arguments, &stop_signals(), &mut *comm))
+}
+
+/// Will hold the number of the signal that asks the run to stop.
+fn stop_signals() -> Arc<AtomicUsize> {
+    let stop = Arc::default();
+    for signal in [SIGTERM, SIGUSR1] {
+        let set = signal_hook::flag::register_usize(signal, Arc::clone(&stop), signal as usize);
+        if let Err(error) = set {
+            eprintln!("signal {signal} will end the run at once: {error}");
+        }
+    }
+    stop
+}
+
+fn on_this_rank(
+    arguments: Result<Arguments, clap::Error>,
+    stop: &Arc<AtomicUsize>,
+    comm: &mut dyn Comm,
+) -> u8 {
+    match arguments {
+        Ok(arguments) if arguments.threads.is_some() => {
+            say(comm, "--threads N is instead of mpirun: leave one of them out");
+            WRONG_INPUT
+        }
+        Ok(arguments) => start(&arguments, stop, comm),
         Err(error) => {
             if comm.is_root() {
                 let _ = error.print();
             }
             if error.use_stderr() { WRONG_INPUT } else { 0 }
         }
-    };
-    ExitCode::from(status)
+    }
 }
 
 /// Says something once, however many ranks there are.
@@ -92,7 +144,7 @@ fn read_scene(arguments: &Arguments, comm: &mut dyn Comm) -> Result<Scene, Strin
     wire::decode(&bytes)
 }
 
-fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
+fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) -> u8 {
     let scene = match read_scene(arguments, comm) {
         Ok(scene) => scene,
         Err(errors) => {
@@ -126,12 +178,17 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         .or_else(|| scene.start.as_ref().map(|path| (path, From::Beginning)));
     match from {
         None => assemble::fill(&mut sim, &scene, comm),
-        Some((path, from)) => {
-            if let Err(error) = assemble::take_up(&mut sim, &scene, path, from, comm) {
+        Some((path, from)) => match assemble::take_up(&mut sim, &scene, path, from, comm) {
+            Ok(passed_over) => {
+                for error in passed_over {
+                    say(comm, format!("passed over: {error}"));
+                }
+            }
+            Err(error) => {
                 say(comm, error);
                 return WRONG_INPUT;
             }
-        }
+        },
     }
     let resumed = arguments.start.is_some();
 
@@ -158,11 +215,58 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         out,
         scene: scene.text.clone(),
         resumed,
+        stop: Arc::clone(stop),
+        traced: arguments.trace_particle.iter().map(|&id| GlobalId(id)).collect(),
     };
-    run(&mut sim, &scene, &schedule, comm)
+    match run(&mut sim, &scene, &schedule, arguments.threads.is_some(), comm) {
+        Ok(finish) => match finish.ending {
+            Ending::LastStep | Ending::Rest => 0,
+            Ending::Signal(signal) => {
+                let name = if signal == SIGTERM as usize { "SIGTERM" } else { "SIGUSR1" };
+                let left = arguments.steps.map(|_| last_step - sim.step);
+                let again = again(arguments, &finish.snapshot, left);
+                say(comm, format!("stopped by {name} at step {}; to go on: {again}", sim.step));
+                STOPPED
+            }
+        },
+        Err(status) => status,
+    }
 }
 
-fn run(sim: &mut Simulation, scene: &Scene, schedule: &Schedule, comm: &mut dyn Comm) -> u8 {
+/// The command, without mpirun, that goes on from a snapshot.
+fn again(arguments: &Arguments, snapshot: &Path, left: Option<u64>) -> String {
+    let Arguments { scene, out, steps: _, start: _, threads, trace_particle: _, set, .. } =
+        arguments;
+    let mut words = vec!["dem-mpi".to_owned(), scene.display().to_string()];
+    let mut add = |name: &str, value: String| {
+        // So that a shell takes it as one word.
+        let plain = |c: char| c.is_ascii_alphanumeric() || "_-+=./,:@".contains(c);
+        let quoted = format!("'{}'", value.replace('\'', r"'\''"));
+        words.extend([name.to_owned(), if value.chars().all(plain) { value } else { quoted }]);
+    };
+    for change in set {
+        add("--set", change.clone());
+    }
+    if let Some(out) = out {
+        add("--out", out.display().to_string());
+    }
+    if let Some(threads) = threads {
+        add("--threads", threads.to_string());
+    }
+    if let Some(left) = left {
+        add("--steps", left.to_string());
+    }
+    add("--start", snapshot.display().to_string());
+    words.join(" ")
+}
+
+fn run(
+    sim: &mut Simulation,
+    scene: &Scene,
+    schedule: &Schedule,
+    in_threads: bool,
+    comm: &mut dyn Comm,
+) -> Result<Finish, u8> {
     let ranks = comm.size();
     say(
         comm,
@@ -178,22 +282,27 @@ fn run(sim: &mut Simulation, scene: &Scene, schedule: &Schedule, comm: &mut dyn 
     let mut display = Display::new(comm.is_root(), schedule.last_step - sim.step);
     let finish = match run::run(sim, schedule, comm, &mut |progress| display.show(progress)) {
         Ok(finish) => finish,
-        Err(RunError::Step(error)) if error.is_agreed() => {
-            say(comm, error);
-            return FAILED;
-        }
         Err(error @ (RunError::Step(_) | RunError::History(_))) => {
-            // Only this rank knows: it speaks, and ends the others.
+            // Other ranks do not know: this one speaks, and ends them.
+            if let RunError::Step(StepError::Contact { a, .. }) = &error
+                && !sim.particles.id[..sim.particles.owned].contains(a)
+            {
+                // The rank that owns A has met the same, and says so.
+                std::thread::sleep(OTHERS_FIRST);
+            }
             eprintln!("rank {}: {error}", comm.rank().0);
+            if in_threads {
+                std::process::exit(i32::from(FAILED));
+            }
             comm.abort(i32::from(FAILED));
         }
         Err(error @ RunError::Overlap(_)) => {
             say(comm, error);
-            return WRONG_INPUT;
+            return Err(WRONG_INPUT);
         }
-        Err(error @ RunError::Snapshot(_)) => {
+        Err(error @ (RunError::Snapshot(_) | RunError::Particle { .. })) => {
             say(comm, error);
-            return FAILED;
+            return Err(FAILED);
         }
     };
     display.end();
@@ -201,13 +310,14 @@ fn run(sim: &mut Simulation, scene: &Scene, schedule: &Schedule, comm: &mut dyn 
     if comm.is_root() {
         print!("\n{text}\nsnapshot   {}\n", finish.snapshot.display());
     }
-    0
+    Ok(finish)
 }
 
 /// A bar on a terminal, a line now and then elsewhere; nothing on ranks other than 0.
 struct Display {
     bar: Option<ProgressBar>,
     lines: bool,
+    begin: Instant,
     last_line: Instant,
     last_state: String,
 }
@@ -223,10 +333,15 @@ impl Display {
             ProgressBar::new(steps).with_style(style)
         });
         let lines = is_root && bar.is_none();
-        Self { bar, lines, last_line: Instant::now(), last_state: String::new() }
+        let now = Instant::now();
+        Self { bar, lines, begin: now, last_line: now, last_state: String::new() }
     }
 
     fn show(&mut self, progress: &Progress) {
+        if !progress.trace.is_empty() {
+            // A reader that stops early, such as `head`, does not stop the run.
+            let _ = std::io::stdout().write_all(progress.trace.as_bytes());
+        }
         if self.bar.is_none() && !self.lines {
             return;
         }
@@ -246,7 +361,15 @@ impl Display {
             }
         } else if self.last_line.elapsed() > LINE_EVERY {
             self.last_line = Instant::now();
-            eprintln!("step {} of {}: {}", progress.done, progress.of, self.last_state);
+            let Progress { done, of, .. } = *progress;
+            let per_second = done as f64 / self.begin.elapsed().as_secs_f64();
+            let left = Duration::from_secs(((of - done) as f64 / per_second) as u64);
+            eprintln!(
+                "{done} of {of} steps, {:.1} %, {per_second:.1} steps/s, {} left; {}",
+                100.0 * done as f64 / of as f64,
+                indicatif::HumanDuration(left),
+                self.last_state
+            );
         }
     }
 

@@ -4,7 +4,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Parser;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::Reader;
-use dem_mpi::post::diff::Difference;
+use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::Among;
 use dem_mpi::post::history::History;
 use dem_mpi::post::plots::Plot;
@@ -191,12 +191,15 @@ fn compare(named: &[PathBuf], files: &[PathBuf]) -> Result<ExitCode> {
     let [first, second] = files else {
         bail!("--diff takes two snapshots, not {}", named.len());
     };
-    let (first, second) = (Reader::open(first)?, Reader::open(second)?);
-    let tables = (
-        first.particles(0..first.particle_count())?,
-        second.particles(0..second.particle_count())?,
-    );
-    let difference = Difference::between((first.header(), &tables.0), (second.header(), &tables.1));
+    let state = |path: &PathBuf| -> Result<State> {
+        let reader = Reader::open(path)?;
+        Ok(State {
+            particles: reader.particles(0..reader.particle_count())?,
+            histories: reader.histories(0..reader.history_count())?,
+            header: reader.header().clone(),
+        })
+    };
+    let difference = Difference::between(&state(first)?, &state(second)?);
     say(&difference.to_string());
     Ok(ExitCode::from(u8::from(!difference.is_empty())))
 }

@@ -7,7 +7,9 @@
 //!
 //! [`StoredFile`] reads, on any rank by itself and without MPI.
 //!
-//! Files are in the format of HDF5 1.8, whose structures carry checksums; the rows carry [`checksum`].
+//! Files are in the format of HDF5 1.8. Rows carry a [`checksum`], and behind the HDF5 file, where its
+//! readers do not look, stands one of all its bytes: HDF5 1.10 crashes on some damaged structures, so
+//! that nothing damaged may reach it.
 
 #![expect(unsafe_code, reason = "collective transfers and fixed-length text have no safe wrapper")]
 
@@ -22,6 +24,7 @@ use hdf5_metno_sys::h5::{herr_t, hsize_t};
 use hdf5_metno_sys::h5i::hid_t;
 use hdf5_metno_sys::{LOCK, h5a, h5d, h5p, h5s};
 use std::ffi::{CString, c_int};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
@@ -37,6 +40,20 @@ const PIECE: usize = 4 << 20;
 const STRUCTURE: u64 = 1 << 20;
 
 const CHECKSUM: &str = "checksum";
+
+/// The whole file is summed in rows of this size: short, so that a processor sums several at a time
+/// [bytes].
+const BLOCK: usize = 64;
+
+/// Ends a complete file. Before it stand the length of the HDF5 file and the checksum of its bytes, each
+/// 64 bits, little-endian.
+const END: &[u8; 16] = b"\ndem-mpi: whole\n";
+
+/// What stands behind the HDF5 file [bytes].
+const SEAL: u64 = 16 + END.len() as u64;
+
+/// Where the format of HDF5 1.8 has the length of the file.
+const END_OF_FILE: Range<usize> = 28..36;
 
 unsafe extern "C" {
     fn H5Pget_mpio_actual_io_mode(list: hid_t, mode: *mut c_int) -> herr_t;
@@ -107,7 +124,6 @@ pub struct SnapshotFile<'a> {
 impl<'a> SnapshotFile<'a> {
     /// Creates the file, or empties it, and makes room on the disk for `bytes` of this rank and those of
     /// all others: a disk that fills up during a collective write hangs some versions of Open MPI.
-    /// (Where the file system cannot reserve room, that danger stays.)
     ///
     /// # Errors
     /// [`SnapshotError::Write`] if it cannot be created, or the disk is too full.
@@ -211,7 +227,8 @@ impl<'a> SnapshotFile<'a> {
         self.dataset(column, &TypeDescriptor::FixedUnicode(length), &bytes)
     }
 
-    /// Closes the file, gives back the room it did not need, and returns when all is on the disk.
+    /// Closes the file, gives back the room it did not need, seals it with the checksum of all its bytes,
+    /// and returns when all is on the disk.
     ///
     /// # Errors
     /// [`SnapshotError::Write`].
@@ -223,7 +240,17 @@ impl<'a> SnapshotFile<'a> {
         })?;
         let closed = self.file.take().map_or(Ok(()), File::close);
         self.agree(closed)?;
-        on_root(&self.path, self.comm, || trim_and_sync(&self.path))
+        let mut length = 0;
+        on_root(&self.path, self.comm, || {
+            length = trim(&self.path)?;
+            Ok(())
+        })?;
+        let length = add_up(self.comm, length);
+        let summed = sum_of_file(&self.path, length, self.comm)
+            .map_err(|e| SnapshotError::write(&self.path, self.comm, &e));
+        let sum = agree(self.comm, summed)?;
+        let sum = self.sum_of_all(sum);
+        on_root(&self.path, self.comm, || seal(&self.path, length, sum))
     }
 
     fn dataset(
@@ -302,25 +329,100 @@ fn add_up(comm: &mut dyn Comm, here: u64) -> u64 {
     (halves[0] as u64).wrapping_add((halves[1] as u64) << 32)
 }
 
-/// Reserves blocks of a file from its beginning, without changing its length.
-fn reserve(file: &fs::File, bytes: u64) -> io::Result<()> {
+/// Makes room for a file from its beginning. Where the file system cannot reserve blocks, zeros behind
+/// what is there take them.
+fn reserve(mut file: &fs::File, bytes: u64) -> io::Result<()> {
     let length = i64::try_from(bytes).map_err(io::Error::other)?;
     // SAFETY: the descriptor is open.
     let answer = unsafe { libc::fallocate(file.as_raw_fd(), libc::FALLOC_FL_KEEP_SIZE, 0, length) };
     let error = io::Error::last_os_error();
     match error.raw_os_error() {
         _ if answer == 0 => Ok(()),
-        // Not every file system can.
-        Some(libc::EOPNOTSUPP | libc::ENOSYS) => Ok(()),
+        Some(libc::EOPNOTSUPP | libc::ENOSYS) => {
+            let there = file.seek(SeekFrom::End(0))?;
+            io::copy(&mut io::repeat(0).take(bytes.saturating_sub(there)), &mut file)?;
+            // Some file systems find out only now that there is no room.
+            file.sync_all()
+        }
         _ => Err(error),
     }
 }
 
-/// Frees blocks beyond the end of a file, and waits until the file is on the disk.
-fn trim_and_sync(path: &Path) -> io::Result<()> {
-    let file = fs::File::options().write(true).open(path)?;
-    file.set_len(file.metadata()?.len())?;
+/// Frees what was reserved beyond the end of a closed HDF5 file. Returns its length [bytes].
+fn trim(path: &Path) -> io::Result<u64> {
+    let mut file = fs::File::options().read(true).write(true).open(path)?;
+    let mut start = [0; END_OF_FILE.end];
+    file.read_exact(&mut start)?;
+    let mut length = [0; 8];
+    length.copy_from_slice(&start[END_OF_FILE]);
+    let length = u64::from_le_bytes(length);
+    if file.metadata()?.len() < length {
+        return Err(io::Error::other("HDF5 did not write the whole file"));
+    }
+    file.set_len(length)?;
+    Ok(length)
+}
+
+/// Writes what ends a complete file, and waits until all of it is on the disk.
+fn seal(path: &Path, length: u64, sum: u64) -> io::Result<()> {
+    let mut file = fs::File::options().append(true).open(path)?;
+    file.write_all(&[&length.to_le_bytes()[..], &sum.to_le_bytes(), END].concat())?;
     file.sync_all()
+}
+
+/// Is the file as it was sealed? Each rank looks at a share of it; all get the same answer.
+fn check_seal(path: &Path, comm: &mut dyn Comm) -> Result<(), SnapshotError> {
+    let unreadable = |cause: &str| SnapshotError::unreadable(path, &cause);
+    let read = || {
+        let mut file = fs::File::open(path).map_err(|e| unreadable(&e.to_string()))?;
+        let size = file.metadata().map_err(|e| unreadable(&e.to_string()))?.len();
+        let mut seal = [0; SEAL as usize];
+        let sealed = size >= SEAL
+            && file.seek(SeekFrom::End(-(SEAL as i64))).is_ok()
+            && file.read_exact(&mut seal).is_ok()
+            && seal.ends_with(END);
+        let (numbers, _) = seal.as_chunks::<8>();
+        let [length, sum] = [numbers[0], numbers[1]].map(u64::from_le_bytes);
+        if !sealed {
+            return Err(unreadable("it does not end as a complete snapshot does"));
+        }
+        if length != size - SEAL {
+            return Err(unreadable(&format!("it has {size} bytes, not {length} and {SEAL}")));
+        }
+        let here = sum_of_file(path, length, comm).map_err(|e| unreadable(&e.to_string()))?;
+        Ok((here, sum))
+    };
+    let read = read();
+    let (here, sum) = agree(comm, read)?;
+    if add_up(comm, here) == sum {
+        Ok(())
+    } else {
+        Err(SnapshotError::damaged(path, "the whole file"))
+    }
+}
+
+/// The checksum of this rank's share of the first `length` bytes of a file.
+fn sum_of_file(path: &Path, length: u64, comm: &dyn Comm) -> io::Result<u64> {
+    let (rank, ranks) = (u64::from(comm.rank().0), u64::from(comm.size()));
+    let blocks = length.div_ceil(BLOCK as u64);
+    let [first, end] = [rank, rank + 1].map(|r| (blocks * r / ranks * BLOCK as u64).min(length));
+    let mut file = fs::File::open(path)?;
+    let mut sum = 0u64;
+    let mut piece = vec![0; PIECE.min((end - first) as usize)];
+    let mut at = file.seek(SeekFrom::Start(first))?;
+    while at < end {
+        let piece = &mut piece[..PIECE.min((end - at) as usize)];
+        file.read_exact(piece)?;
+        let block = at / BLOCK as u64;
+        let (blocks, rest) = piece.split_at(piece.len() / BLOCK * BLOCK);
+        sum = sum.wrapping_add(checksum(block, BLOCK, blocks));
+        if !rest.is_empty() {
+            let last = block + (blocks.len() / BLOCK) as u64;
+            sum = sum.wrapping_add(checksum(last, rest.len(), rest));
+        }
+        at += piece.len() as u64;
+    }
+    Ok(sum)
 }
 
 /// How snapshots are opened for writing.
@@ -508,21 +610,21 @@ pub struct StoredFile {
 }
 
 impl StoredFile {
-    /// Opens a file.
+    /// Checks all bytes of a file, each rank a share, and opens it on every rank. Collective.
     ///
     /// # Errors
-    /// [`SnapshotError::Missing`], or [`SnapshotError::Unreadable`] if it is cut short or not HDF5.
-    pub fn open(path: &Path) -> Result<Self, SnapshotError> {
-        let size = match fs::metadata(path) {
-            Ok(metadata) => metadata.len(),
-            Err(e) => {
-                return Err(SnapshotError::Missing { path: name_of(path), cause: e.to_string() });
-            }
-        };
-        match File::open(path) {
-            Ok(file) => Ok(Self { path: path.to_owned(), file, size }),
-            Err(e) => Err(SnapshotError::unreadable(path, &e)),
-        }
+    /// The same on every rank: [`SnapshotError::Missing`], [`SnapshotError::Unreadable`] if it is cut
+    /// short or was never complete, or [`SnapshotError::Damaged`] if a byte has changed.
+    pub fn open(path: &Path, comm: &mut dyn Comm) -> Result<Self, SnapshotError> {
+        let size = fs::metadata(path).map(|metadata| metadata.len());
+        let size =
+            size.map_err(|e| SnapshotError::Missing { path: name_of(path), cause: e.to_string() });
+        let size = agree(comm, size)?;
+        check_seal(path, comm)?;
+        let opened = File::open(path)
+            .map(|file| Self { path: path.to_owned(), file, size })
+            .map_err(|e| SnapshotError::unreadable(path, &e));
+        agree(comm, opened)
     }
 
     /// Where it is.

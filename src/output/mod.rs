@@ -12,8 +12,8 @@
 //! The code above is one. Rows keep the order of the ranks and, within a rank, of its table.
 //!
 //! A file appears under its own name only when it is complete and on the disk, so a crash leaves
-//! the last good snapshot. Every dataset carries a [`hdf5::checksum`]; everything else stands in
-//! HDF5 structures that carry HDF5's own, so that a flipped bit is found and named.
+//! the last good snapshot. It ends with a [`hdf5::checksum`] of all its bytes, and every dataset carries
+//! one of its own: a file cut short and a flipped bit are found before anything else looks at it.
 
 pub mod columns;
 pub mod hdf5;
@@ -59,7 +59,7 @@ pub enum SnapshotError {
     /// No such file.
     #[error(
         "there is no snapshot at {path} ({cause}). \
-         Give a file particles_<step>.vtkhdf, or a directory with last.vtkhdf"
+         Give a file particles_<step>.vtkhdf, or a directory with such files"
     )]
     Missing {
         /// Where it was looked for.
@@ -88,6 +88,14 @@ pub enum SnapshotError {
         path: String,
         /// The dataset.
         dataset: String,
+    },
+    /// A directory whose snapshots are all damaged.
+    #[error("{path} has no snapshot that can be used:\n  {}", .causes.join("\n  "))]
+    NoneGood {
+        /// The directory.
+        path: String,
+        /// What is wrong with each, the newest first.
+        causes: Vec<String>,
     },
     /// Rows were asked for that are not there.
     #[error("{path}: rows {first}..{end} of {dataset} were asked for, but it has {rows}")]

@@ -11,6 +11,7 @@ use crate::comm::{Comm, agree, wire};
 use crate::contact::{History, NamedHistory};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
+use std::cell::OnceCell;
 use std::fs::{self, File};
 use std::io;
 use std::ops::Range;
@@ -535,52 +536,99 @@ fn uneven(file: &StoredFile, column: &Column) -> SnapshotError {
 
 /// An opened snapshot, read serially: any rank, or a program without MPI, opens it for itself.
 ///
-/// A read of all rows checks the checksums of what it reads; one of a piece cannot. Who reads in
-/// pieces calls [`Reader::verify`] first; ranks that restart use [`Reader::open_together`].
+/// Opening checks all bytes of a file against the checksum at its end; a read of all rows of a dataset
+/// checks them once more, by the checksum that was made before they were written. Ranks that restart
+/// use [`Reader::open_together`].
 pub struct Reader {
     particles: StoredFile,
-    /// A damaged contacts file does not stand in the way of a restart.
-    contacts: Result<StoredFile, SnapshotError>,
+    /// Opened when it is first asked for: a damaged contacts file does not stand in the way of a restart.
+    contacts: OnceCell<Result<StoredFile, SnapshotError>>,
     header: Header,
     particle_count: usize,
     history_count: usize,
+    passed_over: Vec<SnapshotError>,
 }
 
 impl Reader {
-    /// Opens a particles file and the contacts file beside it, or the newest snapshot of a directory.
+    /// Opens a particles file, or the newest snapshot of a directory that can be used: the one to which
+    /// [`LAST`] points, or else the next before it.
     ///
     /// # Errors
-    /// [`SnapshotError::Missing`], [`SnapshotError::Unreadable`], [`SnapshotError::Damaged`].
+    /// [`SnapshotError::Missing`], [`SnapshotError::Unreadable`], [`SnapshotError::Damaged`],
+    /// [`SnapshotError::NoneGood`].
     pub fn open(path: &Path) -> Result<Self, SnapshotError> {
-        let named = if path.is_dir() { path.join(LAST) } else { path.to_owned() };
-        let missing = |e: io::Error| SnapshotError::Missing {
-            path: super::name_of(&named),
-            cause: e.to_string(),
-        };
-        // Through the link, so that the other file is found beside the real one.
-        let real = named.canonicalize().map_err(missing)?;
-        let particles = StoredFile::open(&real)?;
-        if !particles.has(ID.place) {
-            let cause = "it has no particles; was a contacts file meant to be a particles file?";
-            return Err(SnapshotError::unreadable(&real, &cause));
-        }
-        let header = read_header(&particles)?;
-        let contacts = open_contacts(&real, &header);
-        let particle_count = particles.count(POINTS.place)?;
-        let history_count = particles.count(HISTORY_A.place)?;
-        Ok(Self { particles, contacts, header, particle_count, history_count })
+        Self::open_among(path, &mut Alone::default(), |_, _| Ok(()))
     }
 
-    /// Opens a snapshot on all ranks, for a restart. The checksums of the particles file, which has all
-    /// that a restart reads, are checked, each rank a share of the rows. Collective.
+    /// As [`Reader::open`] on all ranks, for a restart: each rank checks a share of the particles file,
+    /// which has all that a restart reads. Collective.
     ///
     /// # Errors
     /// As [`Reader::open`], the same on every rank.
     pub fn open_together(path: &Path, comm: &mut dyn Comm) -> Result<Self, SnapshotError> {
-        let opened = Self::open(path);
-        let reader = agree(comm, opened)?;
-        reader.particles.verify(comm)?;
-        Ok(reader)
+        Self::open_among(path, comm, |file, comm| file.verify(comm))
+    }
+
+    fn open_among(
+        path: &Path,
+        comm: &mut dyn Comm,
+        check: impl Fn(&StoredFile, &mut dyn Comm) -> Result<(), SnapshotError>,
+    ) -> Result<Self, SnapshotError> {
+        // As rank 0 sees the directory: others may see it late.
+        let mut listed = wire::encode(&path.is_dir().then(|| candidates(path)));
+        comm.broadcast(&mut listed);
+        let mut open = |file: &Path| {
+            let opened = Self::open_file(file, comm)?;
+            check(&opened.particles, comm).map(|()| opened)
+        };
+        let Some(candidates) = wire::decode::<Option<Vec<PathBuf>>>(&listed) else {
+            return open(path);
+        };
+        let mut passed_over = Vec::new();
+        for file in candidates {
+            match open(&file) {
+                Ok(reader) => return Ok(Self { passed_over, ..reader }),
+                Err(error) => passed_over.push(error),
+            }
+        }
+        if passed_over.is_empty() {
+            return open(&path.join(LAST));
+        }
+        let causes = passed_over.iter().map(SnapshotError::to_string).collect();
+        Err(SnapshotError::NoneGood { path: super::name_of(path), causes })
+    }
+
+    fn open_file(path: &Path, comm: &mut dyn Comm) -> Result<Self, SnapshotError> {
+        // Through the link, so that the other file is found beside the real one.
+        let real = path.canonicalize().map_err(|e| SnapshotError::Missing {
+            path: super::name_of(path),
+            cause: e.to_string(),
+        });
+        let real = agree(comm, real)?;
+        let particles = StoredFile::open(&real, comm)?;
+        let read = || {
+            if !particles.has(ID.place) {
+                let cause =
+                    "it has no particles; was a contacts file meant to be a particles file?";
+                return Err(SnapshotError::unreadable(&real, &cause));
+            }
+            let counts = (particles.count(POINTS.place)?, particles.count(HISTORY_A.place)?);
+            Ok((read_header(&particles)?, counts))
+        };
+        let read = read();
+        let (header, (particle_count, history_count)) = agree(comm, read)?;
+        let (contacts, passed_over) = (OnceCell::new(), Vec::new());
+        Ok(Self { particles, contacts, header, particle_count, history_count, passed_over })
+    }
+
+    /// The particles file.
+    pub fn path(&self) -> &Path {
+        self.particles.path()
+    }
+
+    /// What is wrong with newer snapshots of the directory, the newest first.
+    pub fn passed_over(&self) -> &[SnapshotError] {
+        &self.passed_over
     }
 
     /// What the snapshot says once.
@@ -688,8 +736,32 @@ impl Reader {
     }
 
     fn contacts_file(&self) -> Result<&StoredFile, SnapshotError> {
-        self.contacts.as_ref().map_err(Clone::clone)
+        let open = || open_contacts(self.particles.path(), &self.header);
+        self.contacts.get_or_init(open).as_ref().map_err(Clone::clone)
     }
+}
+
+/// The particles files of a directory by which a run may go on, the newest first: that of [`LAST`], then
+/// those of the steps before it. What a run left of later steps before it went back to an earlier
+/// snapshot is none of them.
+fn candidates(directory: &Path) -> Vec<PathBuf> {
+    let step_of = |path: &Path| -> Option<u64> {
+        let name = path.file_name()?.to_str()?;
+        name.strip_prefix("particles_")?.strip_suffix(".vtkhdf")?.parse().ok()
+    };
+    let last = directory.join(LAST);
+    let linked = fs::read_link(&last).ok();
+    let newest = linked.as_deref().and_then(step_of).unwrap_or(u64::MAX);
+    let entries = fs::read_dir(directory).into_iter().flatten();
+    let mut steps: Vec<(u64, PathBuf)> = entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter_map(|path| step_of(&path).map(|step| (step, path)))
+        .filter(|(step, _)| *step < newest)
+        .collect();
+    steps.sort_unstable_by(|x, y| y.cmp(x));
+    // The link may be missing, point to nothing, or be a file: a copy.
+    let first = last.symlink_metadata().is_ok().then_some(last);
+    first.into_iter().chain(steps.into_iter().map(|(_, path)| path)).collect()
 }
 
 /// Opens the contacts file beside a particles file, and checks that they are of one snapshot.
@@ -700,7 +772,7 @@ fn open_contacts(particles: &Path, header: &Header) -> Result<StoredFile, Snapsh
         return Err(SnapshotError::unreadable(particles, &cause));
     };
     let path = particles.with_file_name(format!("contacts_{rest}"));
-    let file = StoredFile::open(&path)?;
+    let file = StoredFile::open(&path, &mut Alone::default())?;
     if read_header(&file)? == *header {
         Ok(file)
     } else {

@@ -1,17 +1,34 @@
 //! Two snapshots of what should be the same state: equal bit for bit, or where they differ.
 //!
 //! Rows are matched by id, so snapshots from different numbers of ranks compare equal; the
-//! owning rank is not part of the state and is not compared. Both tables are held in memory.
+//! owning rank is not part of the state and is not compared. Springs and all else that is remembered of
+//! touching contacts are matched by the ids of both bodies. Both states are held in memory.
 
+use crate::contact::NamedHistory;
 use crate::ids::GlobalId;
+use crate::math::Vec3;
 use crate::output::columns::NamedColumn;
-use crate::output::tables::{Header, ParticleTable};
+use crate::output::tables::{Header, HistoryTable, ParticleTable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 
 /// How many differences are named one by one.
 pub const NAMED: usize = 10;
+
+/// What a restart goes on from.
+#[derive(Clone, Debug)]
+pub struct State {
+    /// Step, time, walls.
+    pub header: Header,
+    /// The particles, in any order.
+    pub particles: ParticleTable,
+    /// What is remembered of touching contacts, in any order.
+    pub histories: HistoryTable,
+}
+
+/// Names a contact: the lower id, the higher id.
+type Ends = (GlobalId, GlobalId);
 
 /// What differs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -32,13 +49,32 @@ pub struct Difference {
     pub columns: BTreeMap<String, ColumnDifference>,
     /// The first differences by id, at most [`NAMED`].
     pub first: Vec<ValueDifference>,
+    /// What differs of the touching contacts.
+    pub contacts: ContactDifference,
+}
+
+/// What differs of the touching contacts.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ContactDifference {
+    /// Contacts that only the first has.
+    pub only_first: Vec<(GlobalId, GlobalId)>,
+    /// Contacts that only the second has.
+    pub only_second: Vec<(GlobalId, GlobalId)>,
+    /// Contacts in both.
+    pub compared: u64,
+    /// Contacts in both that differ anywhere.
+    pub differing: u64,
+    /// By column: how many contacts differ, and the largest difference.
+    pub columns: BTreeMap<String, ColumnDifference>,
+    /// The first that differ, at most [`NAMED`].
+    pub first: Vec<(GlobalId, GlobalId)>,
 }
 
 /// How far a column differs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ColumnDifference {
-    /// Particles that differ in it.
-    pub particles: u64,
+    /// Particles, or contacts, that differ in it.
+    pub rows: u64,
     /// Largest absolute difference of a component, in the column's unit; infinite if one is not a number.
     pub largest: f64,
 }
@@ -64,29 +100,29 @@ impl Difference {
             && self.only_second.is_empty()
             && self.only_one_column.is_empty()
             && self.differing == 0
+            && self.contacts.is_empty()
     }
 
     /// Compares two snapshots.
-    pub fn between(first: (&Header, &ParticleTable), second: (&Header, &ParticleTable)) -> Self {
-        let mut found = Self { header: header_differences(first.0, second.0), ..Self::default() };
-        let (mine, theirs) = (columns(first.1), columns(second.1));
+    pub fn between(first: &State, second: &State) -> Self {
+        let mut found = Self {
+            header: header_differences(&first.header, &second.header),
+            contacts: ContactDifference::between(&first.histories, &second.histories),
+            ..Self::default()
+        };
+        let (first, second) = (&first.particles, &second.particles);
+        let (mine, theirs) = (columns(first), columns(second));
         // An optional column may be missing in one: then there is nothing to compare it with.
         let mut shared = Vec::new();
         for (a, b) in mine.iter().zip(&theirs) {
             // In a table without rows every column counts as present: nobody can tell.
-            match (a.rows == first.1.id.len(), b.rows == second.1.id.len()) {
+            match (a.rows == first.id.len(), b.rows == second.id.len()) {
                 (true, true) => shared.push((a, b)),
                 (false, false) => {}
                 _ => found.only_one_column.push(a.name.to_string()),
             }
         }
-        let mut rows: BTreeMap<GlobalId, [Option<usize>; 2]> = BTreeMap::new();
-        for (k, table) in [first.1, second.1].into_iter().enumerate() {
-            for (row, &id) in table.id.iter().enumerate() {
-                rows.entry(id).or_default()[k] = Some(row);
-            }
-        }
-        for (id, pair) in rows {
+        for (id, pair) in matched(first.id.iter().copied(), second.id.iter().copied()) {
             match pair {
                 [Some(i), Some(j)] => found.compare_rows(id, &shared, i, j),
                 [Some(_), None] => found.only_first.push(id),
@@ -113,8 +149,7 @@ impl Difference {
                     continue;
                 }
                 differs = true;
-                let distance = (x - y).abs();
-                let distance = if distance.is_nan() { f64::INFINITY } else { distance };
+                let distance = distance(x, y);
                 let entry = self.columns.entry(a.name.to_string()).or_default();
                 entry.largest = entry.largest.max(distance);
                 if self.first.len() < NAMED {
@@ -123,12 +158,87 @@ impl Difference {
                 }
             }
             if differs {
-                self.columns.entry(a.name.to_string()).or_default().particles += 1;
+                self.columns.entry(a.name.to_string()).or_default().rows += 1;
                 any = true;
             }
         }
         self.differing += u64::from(any);
     }
+}
+
+impl ContactDifference {
+    /// Whether nothing differs.
+    pub fn is_empty(&self) -> bool {
+        self.only_first.is_empty() && self.only_second.is_empty() && self.differing == 0
+    }
+
+    fn between(first: &HistoryTable, second: &HistoryTable) -> Self {
+        let mut found = Self::default();
+        let ends = |named: &NamedHistory| (named.a, named.b);
+        for (ends, pair) in matched(first.iter().map(ends), second.iter().map(ends)) {
+            match pair {
+                [Some(i), Some(j)] => found.compare(ends, &first[i], &second[j]),
+                [Some(_), None] => found.only_first.push(ends),
+                _ => found.only_second.push(ends),
+            }
+        }
+        found
+    }
+
+    fn compare(&mut self, ends: Ends, first: &NamedHistory, second: &NamedHistory) {
+        self.compared += 1;
+        let mut any = false;
+        for ((name, x), (_, y)) in remembered(first).iter().zip(&remembered(second)) {
+            if x.map(f64::to_bits) == y.map(f64::to_bits) {
+                continue;
+            }
+            any = true;
+            let entry = self.columns.entry((*name).to_owned()).or_default();
+            entry.rows += 1;
+            for (x, y) in x.iter().zip(y) {
+                entry.largest = entry.largest.max(distance(*x, *y));
+            }
+        }
+        if any {
+            self.differing += 1;
+            if self.first.len() < NAMED {
+                self.first.push(ends);
+            }
+        }
+    }
+}
+
+/// What is remembered of a contact, column by column.
+fn remembered(named: &NamedHistory) -> [(&'static str, Vec3); 4] {
+    let NamedHistory { a: _, b: _, history, spring } = named;
+    let scalar = |value| Vec3::new(value, 0.0, 0.0);
+    [
+        ("spring", *spring),
+        ("normal", history.normal),
+        ("overlap", scalar(history.overlap)),
+        ("normal_force", scalar(history.normal_force)),
+    ]
+}
+
+/// The rows of two tables by the names of what is in them.
+fn matched<T: Ord>(
+    first: impl Iterator<Item = T>,
+    second: impl Iterator<Item = T>,
+) -> BTreeMap<T, [Option<usize>; 2]> {
+    let mut rows: BTreeMap<T, [Option<usize>; 2]> = BTreeMap::new();
+    for (row, name) in first.enumerate() {
+        rows.entry(name).or_default()[0] = Some(row);
+    }
+    for (row, name) in second.enumerate() {
+        rows.entry(name).or_default()[1] = Some(row);
+    }
+    rows
+}
+
+/// How far two numbers are apart; infinite if one is not a number.
+fn distance(x: f64, y: f64) -> f64 {
+    let distance = (x - y).abs();
+    if distance.is_nan() { f64::INFINITY } else { distance }
 }
 
 /// The columns of the state: all but the owner.
@@ -166,7 +276,8 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
 impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.is_empty() {
-            return writeln!(f, "equal bit for bit: {} particles", self.compared);
+            let (particles, contacts) = (self.compared, self.contacts.compared);
+            return writeln!(f, "equal bit for bit: {particles} particles, {contacts} contacts");
         }
         for line in &self.header {
             writeln!(f, "{line}")?;
@@ -186,7 +297,7 @@ impl fmt::Display for Difference {
         if self.differing > 0 {
             writeln!(f, "\n{:<18} {:>12} {:>24}", "column", "particles", "largest difference")?;
             for (name, column) in &self.columns {
-                writeln!(f, "{name:<18} {:>12} {:>24e}", column.particles, column.largest)?;
+                writeln!(f, "{name:<18} {:>12} {:>24e}", column.rows, column.largest)?;
             }
             writeln!(f, "\nthe first differences:")?;
             writeln!(
@@ -203,6 +314,30 @@ impl fmt::Display for Difference {
                     d.first, d.second
                 )?;
             }
+        }
+        self.contacts.fmt(f)
+    }
+}
+
+impl fmt::Display for ContactDifference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let named = |contacts: &[Ends]| {
+            let named: Vec<_> =
+                contacts.iter().take(NAMED).map(|(a, b)| format!("{a}-{b}")).collect();
+            named.join(", ") + if contacts.len() > NAMED { ", ..." } else { "" }
+        };
+        for (which, contacts) in [("first", &self.only_first), ("second", &self.only_second)] {
+            if !contacts.is_empty() {
+                let (count, named) = (contacts.len(), named(contacts));
+                writeln!(f, "{count} contacts only in the {which}: {named}")?;
+            }
+        }
+        writeln!(f, "{} of {} contacts in both differ", self.differing, self.compared)?;
+        for (name, column) in &self.columns {
+            writeln!(f, "{name:<18} {:>12} {:>24e}", column.rows, column.largest)?;
+        }
+        if !self.first.is_empty() {
+            writeln!(f, "the first: {}", named(&self.first))?;
         }
         Ok(())
     }

@@ -107,7 +107,8 @@ pub fn fill(sim: &mut Simulation, scene: &Scene, comm: &dyn Comm) {
     }
 }
 
-/// Takes up the state of a snapshot. Collective.
+/// Takes up the state of a snapshot, or of the newest good one of a directory. Returns what is wrong
+/// with those that were passed over. Collective.
 ///
 /// # Errors
 /// On all ranks, if any of them could not read its part, or if the snapshot does not fit the scene.
@@ -117,9 +118,9 @@ pub fn take_up(
     path: &Path,
     from: From,
     comm: &mut dyn Comm,
-) -> Result<(), StartError> {
+) -> Result<Vec<SnapshotError>, StartError> {
     let reader = Reader::open_together(path, comm)?;
-    let read = read_part(&reader, path, scene, comm);
+    let read = read_part(&reader, reader.path(), scene, comm);
     let (header, mut particles, histories) = agree(comm, read)?;
 
     sim.next_id = header.next_id;
@@ -155,7 +156,7 @@ pub fn take_up(
     if from == From::Beginning {
         sim.count_free_energy();
     }
-    Ok(())
+    Ok(reader.passed_over().to_vec())
 }
 
 /// This rank's share of the rows of a snapshot.

@@ -131,8 +131,10 @@ pub(super) fn scene(
 
 fn existing_file(given: &Given) -> Option<PathBuf> {
     let path = PathBuf::from(given.text()?);
-    if !path.is_file() {
-        given.fail("no such file in the working directory; has the stage before been run?");
+    if !path.exists() {
+        given.fail(
+            "no such file or directory in the working directory; has the stage before been run?",
+        );
         return None;
     }
     Some(path)

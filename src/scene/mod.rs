@@ -16,7 +16,7 @@
 //! | `seed` | | of all that is random; default 1 |
 //! | `gravity` | m/s² | [x, y, z]; default 0 |
 //! | `global_damping` | 1/s | every particle feels `-ξ m v` and `-ξ I ω`; default 0 |
-//! | `start` | | the snapshot with which this stage begins; default: none |
+//! | `start` | | the snapshot with which this stage begins, or a directory: its newest good one; default: none |
 //! | **`[domain]`** | | |
 //! | `low`, `high` | m | corners of the box in which particles may be |
 //! | `periodic` | | [x, y, z], true or false; default false |

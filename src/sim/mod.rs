@@ -3,6 +3,7 @@
 pub mod capture;
 pub mod report;
 pub mod run;
+pub mod trace;
 
 use crate::comm::{Comm, agree};
 use crate::contact::{Batch, Found, NamedHistory, Pair, Table, Why};

@@ -35,6 +35,7 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
     let how = match finish.ending {
         Ending::Rest => "at rest",
         Ending::LastStep => "all steps done",
+        Ending::Signal(_) => "stopped by a signal",
     };
     line(format_args!(
         "{how}: step {}, time {:.6} s; {} steps of {} particles in {wall:.1} s on {} rank{}",

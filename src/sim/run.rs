@@ -1,13 +1,17 @@
 //! A run: steps, with outputs on schedule, until all is done.
 
 use super::{Simulation, StepError};
-use crate::comm::Comm;
+use crate::comm::{Comm, agree, wire};
+use crate::domain::DomainError;
 use crate::drive::rain::RainGauge;
+use crate::ids::GlobalId;
 use crate::measure::{Measures, shortest_axis};
 use crate::output::table::{History, TableError};
 use crate::output::{SnapshotError, snapshot};
 use crate::timing::Phase;
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 /// What to do when.
@@ -27,6 +31,10 @@ pub struct Schedule {
     pub scene: String,
     /// Does the run go on from a snapshot of the same stage?
     pub resumed: bool,
+    /// The number of the signal that asked this rank to stop; 0: none has.
+    pub stop: Arc<AtomicUsize>,
+    /// Particles whose state and contacts are told at every step.
+    pub traced: Vec<GlobalId>,
 }
 
 /// Why a run ended well.
@@ -36,6 +44,8 @@ pub enum Ending {
     LastStep,
     /// Everything has come to rest.
     Rest,
+    /// A signal of this number asked for it, on any rank.
+    Signal(usize),
 }
 
 /// How a run ended.
@@ -64,6 +74,8 @@ pub struct Progress<'a> {
     pub of: u64,
     /// The scalars, at steps of the history.
     pub measures: Option<&'a Measures>,
+    /// Lines about the traced particles, on rank 0.
+    pub trace: &'a str,
 }
 
 /// A run could not go on.
@@ -72,6 +84,16 @@ pub enum RunError {
     /// In a step. Unless [`StepError::is_agreed`], known on one rank only: abort the others.
     #[error(transparent)]
     Step(#[from] StepError),
+    /// A particle is where it cannot be, or its state is not a number. Known on all ranks.
+    #[error("step {step}: {error}\n{particle}")]
+    Particle {
+        /// Steps done.
+        step: u64,
+        /// Which particle, and why.
+        error: DomainError,
+        /// Its state, and what it touched.
+        particle: String,
+    },
     /// A snapshot could not be written. Known on all ranks.
     #[error(transparent)]
     Snapshot(#[from] SnapshotError),
@@ -98,7 +120,7 @@ pub fn run(
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Finish, RunError> {
     if !schedule.resumed {
-        sim.begin(comm)?;
+        begin(sim, comm)?;
         // Particles of an earlier stage are where the forces put them.
         if sim.step == 0 {
             check_overlaps(sim, comm)?;
@@ -132,14 +154,17 @@ pub fn run(
         last = Some(measures);
     }
 
+    let mut stop_check = StopCheck::new(sim.step);
     while sim.step < schedule.last_step {
-        sim.step(comm)?;
+        let stepped = sim.step(comm);
+        stepped.map_err(|error| explain(error, sim, comm))?;
         particle_steps += sim.particles.owned as u64;
 
         let is_last = sim.step == schedule.last_step;
         let row_due = is_last || due(sim.step, schedule.history_every);
         let snapshot_due = due(sim.step, schedule.snapshot_every);
         let rest_due = schedule.rest.is_some() && due(sim.step, REST_CHECK);
+        let signal = stop_check.signal(sim.step, &schedule.stop, comm);
         last = None;
         if row_due || snapshot_due || rest_due {
             let measures = sim.measure(comm);
@@ -155,13 +180,18 @@ pub fn run(
                 ending = Ending::Rest;
             }
         }
+        if let Some(signal) = signal.filter(|_| !is_last && ending == Ending::LastStep) {
+            ending = Ending::Signal(signal);
+        }
+        let trace: String = schedule.traced.iter().map(|&id| sim.trace(id, comm)).collect();
         progress(&Progress {
             done: sim.step - first_step,
             of: schedule.last_step - first_step,
             measures: last.as_ref(),
+            trace: &trace,
         });
         sim.clock.lap(Phase::Output);
-        if ending == Ending::Rest {
+        if ending != Ending::LastStep {
             break;
         }
     }
@@ -197,21 +227,107 @@ fn is_at_rest(sim: &Simulation, schedule: &Schedule, measures: &Measures) -> boo
     all_there && measures.contacts + measures.wall_contacts > 0 && measures.kinetic() < limit
 }
 
-/// Writes a snapshot of this moment. Collective.
+/// Finds the forces at the start. Collective.
+fn begin(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
+    let begun = sim.begin(comm);
+    begun.map_err(|error| explain(error, sim, comm))
+}
+
+/// Adds to an error that all ranks have what only one of them knows of the particle. Collective for those.
+fn explain(error: StepError, sim: &Simulation, comm: &mut dyn Comm) -> RunError {
+    match error {
+        StepError::Domain { step, error } => lost(step, error, sim, comm),
+        error @ StepError::Contact { .. } => error.into(),
+    }
+}
+
+/// A particle cannot be where it is: its state, and what it touched. Collective.
+fn lost(step: u64, error: DomainError, sim: &Simulation, comm: &mut dyn Comm) -> RunError {
+    let (DomainError::Outside { id, .. } | DomainError::NotFinite { id }) = error;
+    let particles = &sim.particles;
+    let slot = particles.id[..particles.owned].iter().position(|&other| other == id);
+    let state = slot.map_or_else(String::new, |slot| {
+        let vector = |v: crate::math::Vec3| format!("({:e}, {:e}, {:e})", v.x, v.y, v.z);
+        format!(
+            "particle {id}: position {} m, velocity {} m/s, force of its contacts {} N",
+            vector(particles.position[slot]),
+            vector(particles.velocity[slot]),
+            vector(particles.force[slot]),
+        )
+    });
+    let states = comm.gather(wire::encode(&state)).unwrap_or_default();
+    let mut bytes =
+        wire::encode(&states.iter().map(|b| wire::decode::<String>(b)).collect::<String>());
+    comm.broadcast(&mut bytes);
+    let state: String = wire::decode(&bytes);
+    let touched = sim.touched_by(id, comm);
+    let names: Vec<String> = touched
+        .iter()
+        .map(|id| match id.wall_index() {
+            Some(k) => format!("wall \"{}\"", particles.walls[k].name),
+            None => format!("particle {id}"),
+        })
+        .collect();
+    let touched = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
+    RunError::Particle { step, error, particle: format!("{state}; it last touched {touched}") }
+}
+
+/// Looks now and then whether a signal has come on any rank: a reduction every [`StopCheck::SECONDS`], not
+/// every step.
+struct StopCheck {
+    next: u64,
+    last: u64,
+    looked: Instant,
+}
+
+impl StopCheck {
+    /// How long a signal may wait, beyond the step under way [s].
+    const SECONDS: f64 = 0.2;
+
+    fn new(step: u64) -> Self {
+        Self { next: step + 1, last: step, looked: Instant::now() }
+    }
+
+    /// The signal's number. Collective at steps on which all ranks agree.
+    fn signal(&mut self, step: u64, stop: &AtomicUsize, comm: &mut dyn Comm) -> Option<usize> {
+        if step < self.next {
+            return None;
+        }
+        let steps = step - self.last;
+        let seconds_per_step = self.looked.elapsed().as_secs_f64() / steps as f64;
+        let mut common = [stop.load(Ordering::Relaxed) as f64, seconds_per_step];
+        comm.max(&mut common);
+        let [signal, slowest] = common;
+        // At most twice as many steps as before: they may become slower.
+        let steps = ((Self::SECONDS / slowest) as u64).clamp(1, 2 * steps);
+        *self = Self { next: step + steps, last: step, looked: Instant::now() };
+        (signal > 0.0).then_some(signal as usize)
+    }
+}
+
+/// Writes a snapshot of this moment, if its state is one to go on from. Collective.
 fn save(
     sim: &Simulation,
     schedule: &Schedule,
     measures: &Measures,
     comm: &mut dyn Comm,
-) -> Result<PathBuf, SnapshotError> {
-    snapshot::write(
+) -> Result<PathBuf, RunError> {
+    let checked = sim.domain.check(&sim.particles).and_then(|()| {
+        let forces = sim.particles.id.iter().zip(&sim.particles.force);
+        match forces.into_iter().find(|(_, force)| !force.norm().is_finite()) {
+            Some((&id, _)) => Err(DomainError::NotFinite { id }),
+            None => Ok(()),
+        }
+    });
+    agree(comm, checked).map_err(|error| lost(sim.step, error, sim, comm))?;
+    Ok(snapshot::write(
         &schedule.out,
         &sim.header(&schedule.scene, &measures.wall_forces),
         &sim.particle_table(comm.rank()),
         &sim.contact_table(),
         &sim.histories(),
         comm,
-    )
+    )?)
 }
 
 /// Refuses particles that start too deep in each other, and names the worst of them.

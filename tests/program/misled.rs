@@ -115,13 +115,17 @@ fn a_mistake_ends_in_one_message() {
             scene: &heap_scene,
             arguments: &["--set", "domain.walls=['-x', '-y', '-z']"],
             status: FAILED,
-            message: &["has left the domain", "Put a wall on that side"],
+            message: &[
+                "has left the domain",
+                "Put a wall on that side",
+                "m/s, force of its contacts",
+            ],
         },
         Mistake {
             scene: &burst,
             arguments: &[],
             status: FAILED,
-            message: &["has left the domain", "Put a wall on that side"],
+            message: &["has left the domain", "particle 0: position (", "it last touched nothing"],
         },
     ];
     for mistake in &mistakes {

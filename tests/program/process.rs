@@ -104,6 +104,8 @@ impl Call {
             .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
             .env("OMPI_MCA_rmaps_base_oversubscribe", "1")
             .env("OMPI_MCA_mpi_yield_when_idle", "1")
+            // As `run/environment` has it.
+            .env("OMPI_MCA_odls_base_sigkill_timeout", "4")
             .stdin(Stdio::null())
             .stdout(same(&output))
             .stderr(same(&errors))
@@ -171,6 +173,11 @@ impl Running {
         assert!(in_time, "{limit:?} passed before {what}");
     }
 
+    /// The process that was started.
+    pub(super) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
     /// The process of a rank.
     pub(super) fn rank(&self, rank: u32) -> Option<u32> {
         let is_it = |environment: &&Process| {
@@ -228,7 +235,12 @@ impl Process {
 
 /// `kill -9`.
 pub(super) fn kill(process: u32) {
-    let kill = format!("kill -9 {process}");
+    signal(process, "KILL");
+}
+
+/// Sends a signal by its name.
+pub(super) fn signal(process: u32, name: &str) {
+    let kill = format!("kill -s {name} {process}");
     // It may be gone by now: then there is nothing to complain about.
     let _ = Command::new("sh").args(["-c", &kill]).stderr(Stdio::null()).status();
 }

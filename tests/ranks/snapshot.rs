@@ -73,7 +73,7 @@ pub(crate) fn is_collective(comm: &mut dyn Comm) {
     file.texts(&Column { place: "/texts", width: 1, unit: "" }, &["a", "µ", ""]).unwrap();
     assert_eq!(file.collective_writes(), 3);
     file.close().unwrap();
-    let stored = StoredFile::open(&path).unwrap();
+    let stored = StoredFile::open(&path, comm).unwrap();
     assert_eq!(stored.rows::<f64>(&column, 0..1000).unwrap(), vec![0.1; 3000]);
     assert_eq!(stored.count("/nothing").unwrap(), 0);
     stored.verify(comm).unwrap();

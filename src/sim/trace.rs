@@ -1,0 +1,103 @@
+//! One particle step by step, for whoever looks for a fault: its state and its contacts as lines of
+//! `name=value`, the same on any number of ranks.
+
+use super::Simulation;
+use crate::comm::{Comm, wire};
+use crate::ids::GlobalId;
+use crate::math::Vec3;
+use std::fmt::Write;
+
+impl Simulation {
+    /// The state of a particle at this step, a line, and its contacts, a line each, by rising id of the
+    /// partner; on rank 0, empty elsewhere. All in SI units; `force` and `torque` of a contact act on
+    /// the particle, `normal` points from the lower id to the higher, `point` is from the particle of
+    /// the lower id. Every number is written so that it reads back to the same bits. Collective.
+    pub fn trace(&self, id: GlobalId, comm: &mut dyn Comm) -> String {
+        let mine = self.trace_here(id).unwrap_or_default();
+        let all = comm.gather(wire::encode(&mine)).unwrap_or_default();
+        let text: String = all.iter().map(|bytes| wire::decode::<String>(bytes)).collect();
+        if text.is_empty() && comm.is_root() {
+            return format!("trace step={} particle={id} not there\n", self.step);
+        }
+        text
+    }
+
+    fn trace_here(&self, id: GlobalId) -> Option<String> {
+        let particles = &self.particles;
+        let slot = particles.id[..particles.owned].iter().position(|&other| other == id)?;
+        let step = self.step;
+        let mut text = format!("trace step={step} particle={id} time={:e}", self.time());
+        let mut vector = |name, value: Vec3| {
+            let _ = write!(text, " {name}={}", commas(value.as_slice()));
+        };
+        vector("position", particles.position[slot]);
+        vector("velocity", particles.velocity[slot]);
+        vector("force", particles.force[slot]);
+        if let Some(attitude) = &particles.attitude {
+            let q = attitude.quaternion[slot];
+            let _ = write!(text, " quaternion={}", commas(&[q.w, q.i, q.j, q.k]));
+        }
+        if let Some(spin) = &particles.spin {
+            let mut vector = |name, value: Vec3| {
+                let _ = write!(text, " {name}={}", commas(value.as_slice()));
+            };
+            vector("angular_momentum", spin.angular_momentum[slot]);
+            vector("torque", spin.torque[slot]);
+        }
+        let mut lines = Vec::new();
+        for (contact, load) in self.found.contacts.iter().zip(&self.loads) {
+            let pair = self.pairs.pairs[contact.pair as usize];
+            let is_a = pair.a.index() == slot;
+            if !is_a && pair.b.index() != slot {
+                continue;
+            }
+            let partner = particles.id[if is_a { pair.b } else { pair.a }.index()];
+            let (force, torque) =
+                if is_a { (-load.force, load.torque_a) } else { (load.force, load.torque_b) };
+            let touch = &contact.touch;
+            let line = format!(
+                "trace step={step} particle={id} contact={} overlap={:e} normal={} point={} normal_force={:e} \
+                 force={} torque={} spring={}",
+                partner.to_string().replace(' ', ""),
+                touch.overlap,
+                commas(touch.normal.as_slice()),
+                commas(touch.point.as_slice()),
+                load.normal_force,
+                commas(force.as_slice()),
+                commas(torque.as_slice()),
+                commas(self.pairs.spring(contact.pair).as_slice()),
+            );
+            lines.push((partner, line));
+        }
+        lines.sort_unstable();
+        let _ = writeln!(text, " contacts={}", lines.len());
+        for (_, line) in lines {
+            text.push_str(&line);
+            text.push('\n');
+        }
+        Some(text)
+    }
+
+    /// The ids of what a particle touched when contacts were last found; on all ranks. Collective.
+    pub fn touched_by(&self, id: GlobalId, comm: &mut dyn Comm) -> Vec<GlobalId> {
+        let particles = &self.particles;
+        let pairs = self.pairs.touching().iter().map(|&pair| self.pairs.pairs[pair as usize]);
+        let mine: Vec<GlobalId> = pairs
+            .map(|pair| (particles.id[pair.a.index()], particles.id[pair.b.index()]))
+            .filter_map(|(a, b)| if a == id { Some(b) } else { (b == id).then_some(a) })
+            .collect();
+        let all = comm.gather(wire::encode(&mine)).unwrap_or_default();
+        // Both owners of a pair know it.
+        let mut ids: Vec<GlobalId> =
+            all.iter().flat_map(|bytes| wire::decode::<Vec<GlobalId>>(bytes)).collect();
+        ids.sort_unstable();
+        ids.dedup();
+        let mut bytes = wire::encode(&ids);
+        comm.broadcast(&mut bytes);
+        wire::decode(&bytes)
+    }
+}
+
+fn commas(numbers: &[f64]) -> String {
+    numbers.iter().map(|number| format!("{number:e}")).collect::<Vec<_>>().join(",")
+}

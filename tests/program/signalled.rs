@@ -1,0 +1,72 @@
+//! A signal ends a run with a snapshot from which it goes on as if it had never stopped.
+
+use super::process::{Launch, dem_mpi, signal};
+use super::{assert_same_result, fresh_directory, heap, scene, snapshot};
+use dem_mpi::output::snapshot::Reader;
+use rand_chacha::ChaCha8Rng;
+use rand_core::{RngCore, SeedableRng};
+use std::time::Duration;
+
+/// The run can go on.
+const STOPPED: i32 = 3;
+/// Steps between snapshots, by which the moments of the signals are chosen.
+const EVERY: u64 = 50;
+
+/// Who gets the signal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum To {
+    /// What was started: the program, or mpirun.
+    Started,
+    Rank(u32),
+}
+
+#[test]
+fn a_signal_ends_a_run_that_can_go_on() {
+    const CASES: [(Launch, To, &str, Launch); 6] = [
+        (Launch::Alone, To::Started, "TERM", Launch::Ranks(2)),
+        (Launch::Ranks(1), To::Rank(0), "USR1", Launch::Alone),
+        (Launch::Ranks(2), To::Started, "USR1", Launch::Alone),
+        (Launch::Ranks(2), To::Rank(1), "TERM", Launch::Ranks(3)),
+        (Launch::Ranks(4), To::Started, "TERM", Launch::Alone),
+        (Launch::Ranks(4), To::Rank(3), "USR1", Launch::Ranks(4)),
+    ];
+    for (seed, (launch, to, name, again)) in (0..).zip(CASES) {
+        stop(seed, launch, to, name, again);
+    }
+}
+
+fn stop(seed: u64, launch: Launch, to: To, name: &str, again: Launch) {
+    let case = format!("seed {seed}: SIG{name} to {to:?} of {launch:?}");
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let from = EVERY * (1 + random.next_u64() % 25);
+    let pause = Duration::from_micros(random.next_u64() % 100_000);
+    let whole = heap(Launch::Alone);
+    let directory = fresh_directory(&format!("signalled_{seed}"));
+    let out = directory.to_str().unwrap();
+    let heap_scene = &*scene("heap");
+    let every = format!("output.snapshot_every={EVERY}");
+    // Too long to end by itself.
+    let endless = [heap_scene, "--out", out, "--set", "time.steps=1_000_000_000", "--set", &every];
+    let mut running = dem_mpi(launch, endless).start();
+    let first = snapshot(&directory, from);
+    running.until("a snapshot", || first.exists());
+    std::thread::sleep(pause);
+    let process = match to {
+        To::Started => running.id(),
+        To::Rank(rank) => running.rank(rank).expect("the rank runs"),
+    };
+    signal(process, name);
+    let ended = running.end();
+    let newest = Reader::open(&directory).unwrap().header().step;
+    // mpirun passes SIGTERM on, but then ends in its own way.
+    if (to, name) == (To::Started, "TERM") && launch != Launch::Alone {
+        assert_ne!(ended.status.code(), Some(0), "{case}: {ended}");
+    } else {
+        assert_eq!(ended.status.code(), Some(STOPPED), "{case}: {ended}");
+        ended.said_once(&format!("stopped by SIG{name} at step {newest}; to go on: dem-mpi "));
+        ended.said_once(&format!("{EVERY} --out {out} --start {out}/particles_{newest:09}.vtkhdf"));
+    }
+    assert!(newest >= from, "{case}: {ended}");
+    dem_mpi(again, [heap_scene, "--out", out, "--start", out]).succeed();
+    assert_same_result(&whole.directory, &directory);
+}
