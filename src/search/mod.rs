@@ -6,6 +6,8 @@
 
 mod cells;
 
+pub use cells::close_pairs;
+
 use crate::contact::{Found, History, NamedHistory, Pair, ordered};
 use crate::ids::{GlobalId, Slot};
 use crate::law::Load;
@@ -66,11 +68,14 @@ const NO_LOAD: u32 = u32::MAX;
 const ROUNDING: f64 = 1.0 - 1e-6;
 
 impl PairList {
-    /// Lists all pairs of which one is owned, closer than `skin` [m] between bounding spheres.
-    /// `carried` has the histories of all touching contacts of owned particles, in any order; a
+    /// Lists the pairs that [`close_pairs`] has found. `carried` has the histories of all touching contacts of owned particles, in any order; a
     /// contact may stand there twice.
-    pub fn rebuild(&mut self, particles: &mut Particles, skin: f64, carried: &mut [NamedHistory]) {
-        let found = cells::close_pairs(particles, skin);
+    pub fn rebuild(
+        &mut self,
+        particles: &mut Particles,
+        found: Vec<Pair>,
+        carried: &mut [NamedHistory],
+    ) {
         self.sort_into_blocks(particles, found);
         self.history.clear();
         self.history.resize(self.pairs.len(), History::default());
