@@ -400,7 +400,7 @@ mod tests {
                         .flat_map(|j| (0..j.min(particles.owned)).map(move |i| (i, j)))
                         .filter(|&(i, j)| close(i, j))
                         .collect();
-                    assert!(expected.len() > 20);
+                    assert!(!expected.is_empty());
                     assert_eq!(found, expected, "period {period}, radii {radii:?}, {share} owned");
                 }
             }

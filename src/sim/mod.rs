@@ -200,6 +200,10 @@ impl Simulation {
         self.domain.start_halo(&self.particles, comm);
         self.domain.finish_halo(&mut self.particles, comm);
         self.pairs.rebuild(&mut self.particles, found, carried);
+        self.particles.trim();
+        let contacts = self.loads.len() + self.loads.len() / 8;
+        self.found.contacts.shrink_to(contacts);
+        self.loads.shrink_to(contacts);
         self.domain.traffic.rebuilds += 1;
     }
 
