@@ -22,36 +22,8 @@ pub(crate) struct Line {
     pub(crate) points: Vec<(f64, f64)>,
 }
 
-/// Draws lines over linear axes that hold all points and begin at these values.
-pub(crate) fn draw(
-    path: &Path,
-    [across, up]: [&str; 2],
-    from: (f64, f64),
-    lines: &[Line],
-) -> anyhow::Result<()> {
-    let [x, y] = ends(lines);
-    draw_on(path, [across, up], from.0..x, from.1..1.05 * y, lines)
-}
-
-/// Draws lines and their points over logarithmic axes that begin at these values.
-pub(crate) fn draw_logarithmic(
-    path: &Path,
-    [across, up]: [&str; 2],
-    from: (f64, f64),
-    lines: &[Line],
-) -> anyhow::Result<()> {
-    let [x, y] = ends(lines);
-    let (x, y) = ((from.0..1.2 * x).log_scale(), (from.1..2.0 * y).log_scale());
-    draw_on(path, [across, up], x, y, lines)
-}
-
-/// The largest coordinates.
-fn ends(lines: &[Line]) -> [f64; 2] {
-    let all = || lines.iter().flat_map(|line| &line.points);
-    [all().map(|p| p.0).fold(0.0, f64::max), all().map(|p| p.1).fold(0.0, f64::max)]
-}
-
-fn draw_on<X, Y>(
+/// Draws lines over two axes, and their points where they are few.
+pub(crate) fn draw<X, Y>(
     path: &Path,
     [across, up]: [&str; 2],
     x: X,

@@ -20,6 +20,7 @@ use dem_mpi::random::Random;
 use dem_mpi::search::close_pairs;
 use dem_mpi::shape::{Shape, Sphere};
 use lines::Line;
+use plotters::prelude::IntoLogRange;
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -109,5 +110,6 @@ fn main() -> anyhow::Result<()> {
     }
     std::fs::write(record.join("broad_phase.csv"), table.replace(", half", "; half"))?;
     let names = ["particles", "time of a list (ms)"];
-    lines::draw_logarithmic(&record.join("broad_phase.svg"), names, (800.0, 0.01), &lines)
+    let (across, up) = ((800.0..2e5).log_scale(), (0.1..1e4).log_scale());
+    lines::draw(&record.join("broad_phase.svg"), names, across, up, &lines)
 }

@@ -16,7 +16,7 @@ use dem_mpi::comm::{Comm, threads};
 use dem_mpi::scene::{Scene, assemble};
 use lines::Line;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 #[derive(Parser)]
 struct Arguments {
@@ -24,7 +24,7 @@ struct Arguments {
     #[arg(long, default_value = "run/packing/scene.toml")]
     scene: PathBuf,
     /// How many steps.
-    #[arg(long, default_value_t = 60_000)]
+    #[arg(long, default_value_t = 40_000)]
     steps: u64,
     /// Write the table and the plot into this folder.
     #[arg(long, value_name = "FOLDER", default_value = "target/load-balance")]
@@ -94,6 +94,7 @@ fn main() -> anyhow::Result<()> {
         }
     }
     std::fs::write(record.join("load_balance.csv"), table)?;
-    let path: &Path = &record.join("load_balance.svg");
-    lines::draw(path, ["time (s)", "work of the busiest rank over the mean"], (0.0, 0.0), &lines)
+    let (path, names) =
+        (record.join("load_balance.svg"), ["time (s)", "work of the busiest rank over the mean"]);
+    lines::draw(&path, names, 0.0..steps as f64 * balanced.dt, 0.0..f64::from(RANKS[1]), &lines)
 }
