@@ -27,6 +27,11 @@ fn reductions() {
 }
 
 #[test]
+fn votes() {
+    run(comm_cases::votes);
+}
+
+#[test]
 fn broadcast_and_gather() {
     run(comm_cases::broadcast_and_gather);
 }

@@ -81,6 +81,33 @@ pub(crate) fn reductions(comm: &mut dyn Comm) {
     assert!(!comm.any(false));
 }
 
+/// A vote is under way while parcels are, and is counted whoever finishes first; votes do not mix.
+pub(crate) fn votes(comm: &mut dyn Comm) {
+    let (me, size) = (comm.rank(), comm.size());
+    for round in 0..50 {
+        // Nobody, one rank, or all but one.
+        let yes = |rank: Rank| match round % 3 {
+            0 => false,
+            1 => rank.0 == round % size,
+            _ => rank.0 != round % size,
+        };
+        comm.start_vote(yes(me));
+        let outgoing = everybody(comm)
+            .into_iter()
+            .map(|to| Parcel { rank: to, bytes: bytes(me, to, round) })
+            .collect();
+        let sources: Vec<_> =
+            everybody(comm).into_iter().map(|rank| Source { rank, size: None }).collect();
+        for parcel in comm.exchange(outgoing, &sources) {
+            assert_eq!(parcel.bytes, bytes(parcel.rank, me, round), "round {round}");
+        }
+        assert_eq!(comm.finish_vote(), everybody(comm).into_iter().any(yes), "round {round}");
+        if round % 7 == 0 {
+            assert!(comm.any(me.0 == 0));
+        }
+    }
+}
+
 /// From rank 0 to all, and back; empty content, too.
 pub(crate) fn broadcast_and_gather(comm: &mut dyn Comm) {
     let me = comm.rank();

@@ -6,8 +6,8 @@ use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::NamedHistory;
 use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::tables::{Header, ParticleTable};
-use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble::{self, From};
+use dem_mpi::scene::{Scene, plan};
 use dem_mpi::sim::Simulation;
 use std::path::Path;
 
@@ -112,9 +112,9 @@ fn state(parts: &[Part]) -> State {
                 &table.angular_velocity,
                 &table.torque,
             ] {
-                row.extend(bits_of(&column[k]));
+                row.extend(column.get(k).into_iter().flat_map(bits_of));
             }
-            row.extend(bits_of(&table.quaternion[k]));
+            row.extend(table.quaternion.get(k).into_iter().flat_map(bits_of));
             row.extend(bits_of([&table.dissipated[k], &table.received[k]]));
             row.push(table.coordination[k] as u64);
             row.extend(table.image.get(k).into_iter().flatten().map(|&n| n as u64));
@@ -245,5 +245,178 @@ fn a_restart_on_another_number_of_ranks_leaves_no_trace() {
         }
         let reader = Reader::open(folder.path()).unwrap();
         assert_eq!(reader.header().step, steps / 2);
+    }
+}
+
+/// Energy that contacts have dissipated [J].
+fn dissipated(state: &State) -> f64 {
+    f64::from_bits(state.scalars[state.scalars.len() - 3])
+}
+
+/// Eggs that stream through each other in a box that repeats along all axes and is hardly wider than two
+/// halo widths along two of them: every rank's halo reaches round the period.
+const NARROW: &str = r#"
+title = "narrow"
+[domain]
+low = [0.0, 0.0, 0.0]
+high = HIGH
+periodic = [true, true, true]
+[[material]]
+name = "stone"
+density = 2500.0
+normal_stiffness = 1e3
+friction = 0.5
+restitution = 0.7
+[[shape]]
+name = "egg"
+kind = "ellipsoid"
+semi_axes = [0.001, 0.0008, 0.0008]
+[[fill.lattice]]
+first = FIRST
+spacing = 0.0022
+count = [2, 2, 6]
+velocity = [2.0, 0.5, 1.0]
+[[fill.lattice]]
+first = SECOND
+spacing = 0.0022
+count = [2, 2, 6]
+velocity = [-2.0, 0.3, -1.0]
+[time]
+step = 2e-6
+steps = 3000
+[neighbours]
+skin = 0.0002
+imbalance = 1.01
+[output]
+directory = "out"
+"#;
+
+#[test]
+fn a_period_hardly_wider_than_two_halos_is_the_same_on_any_number_of_ranks() {
+    // Twice the bounding diameter of 2 mm and the skin of 0.2 mm is 4.4 mm.
+    let text = NARROW
+        .replace("HIGH", "[0.00441, 0.0045, 0.0266]")
+        .replace("FIRST", "[0.0011, 0.0011, 0.0011]")
+        .replace("SECOND", "[0.0011, 0.0011, 0.0144]");
+    let scene = scene(&text);
+    let (alone, _) = run(&scene, 1, 3000);
+    assert!(dissipated(&alone) > 0.0, "they meet");
+    for ranks in [2, 3, 4, 8] {
+        expect_same(&alone, &run(&scene, ranks, 3000).0, &format!("{ranks} ranks"));
+    }
+}
+
+/// The long axis repeats and is cut by two and by three ranks; it is just wide enough for two.
+#[test]
+fn few_ranks_along_a_period_are_the_same() {
+    let text = NARROW
+        .replace("HIGH", "[0.0045, 0.0045, 0.0048]")
+        .replace("FIRST", "[0.0011, 0.0011, 0.0012]")
+        .replace("SECOND", "[0.0011, 0.0011, 0.0034]")
+        .replace("count = [2, 2, 6]", "count = [2, 2, 1]");
+    let scene = scene(&text);
+    let (alone, _) = run(&scene, 1, 3000);
+    assert!(dissipated(&alone) > 0.0, "they meet");
+    for ranks in [2, 3, 4, 8] {
+        expect_same(&alone, &run(&scene, ranks, 3000).0, &format!("{ranks} ranks"));
+    }
+}
+
+/// Two sizes, 1:20, that fall together.
+const UNEQUAL: &str = r#"
+title = "boulders and sand"
+gravity = [0.5, 0.2, -9.81]
+[domain]
+low = [0.0, 0.0, 0.0]
+high = [0.05, 0.05, 0.08]
+walls = ["-x", "+x", "-y", "+y", "-z"]
+[[material]]
+name = "stone"
+density = 2500.0
+normal_stiffness = 1e3
+FRICTION
+[[shape]]
+name = "boulder"
+kind = "sphere"
+radius = 0.01
+[[shape]]
+name = "sand"
+kind = "KIND
+[[fill.lattice]]
+shapes = ["boulder"]
+first = [0.0125, 0.0125, 0.018]
+spacing = 0.025
+count = [2, 2, 2]
+velocity = [0.0, 0.0, -0.5]
+[[fill.lattice]]
+shapes = ["sand"]
+first = [0.003, 0.003, 0.0012]
+spacing = 0.00125
+count = [36, 36, 2]
+[[fill.lattice]]
+shapes = ["sand"]
+first = [0.003, 0.003, 0.056]
+spacing = 0.00125
+count = [36, 36, 2]
+velocity = [0.0, 0.0, -4.0]
+[time]
+step = 1e-6
+steps = 3000
+allow_unstable = true
+[neighbours]
+skin = 0.0003
+imbalance = 1.05
+[output]
+directory = "out"
+"#;
+
+const BALL: &str = "sphere\"\nradius = 0.0005";
+const EGG: &str = "ellipsoid\"\nsemi_axes = [0.0006, 0.0005, 0.0004]";
+
+fn unequal(friction: &str, sand: &str) -> Scene {
+    scene(&UNEQUAL.replace("FRICTION", friction).replace("KIND", sand))
+}
+
+#[test]
+fn sizes_of_one_to_twenty_are_the_same_on_any_number_of_ranks() {
+    let scene = unequal("friction = 0.3\nrestitution = 0.5", BALL);
+    let (alone, _) = run(&scene, 1, 1500);
+    assert!(dissipated(&alone) > 0.0, "they meet");
+    for ranks in [2, 3, 4, 8] {
+        expect_same(&alone, &run(&scene, ranks, 1500).0, &format!("{ranks} ranks"));
+    }
+}
+
+/// Only what the scene needs travels, and only where there is a pair; the plan says how much.
+#[test]
+fn the_halo_is_as_small_as_the_plan_says() {
+    for (friction, sand, bytes) in [
+        ("", BALL, 24),
+        ("restitution = 0.5", BALL, 48),
+        ("friction = 0.3", BALL, 72),
+        ("", EGG, 56),
+        ("friction = 0.3", EGG, 104),
+    ] {
+        let scene = unequal(friction, sand);
+        let told = format!("{bytes} bytes in the message of each step");
+        assert!(plan::plan(&scene, 4).contains(&told), "{told}");
+        let traffic = threads::run(4, |comm| {
+            let mut sim = begun(&scene, comm);
+            for _ in 0..200 {
+                sim.step(comm).unwrap();
+            }
+            let ghosts = sim.particles.owned..sim.particles.first_wall();
+            for ghost in ghosts {
+                let in_pair =
+                    |p: &dem_mpi::contact::Pair| p.a.index() == ghost || p.b.index() == ghost;
+                assert!(sim.pairs.pairs.iter().any(in_pair), "a ghost without a partner");
+            }
+            sim.domain.traffic
+        });
+        let sent: u64 = traffic.iter().map(|t| t.bytes).sum();
+        let received: u64 = traffic.iter().map(|t| t.ghosts).sum();
+        let within: u64 = traffic.iter().map(|t| t.offered).sum();
+        assert_eq!(sent, bytes * received, "{friction} {sand}");
+        assert!(received > 0 && 2 * received < within, "{received} of {within}");
     }
 }

@@ -7,6 +7,7 @@ use crate::ids::Rank;
 #[derive(Debug, Default)]
 pub struct Alone {
     under_way: Vec<Parcel>,
+    vote: bool,
 }
 
 impl Comm for Alone {
@@ -33,6 +34,14 @@ impl Comm for Alone {
     fn sum(&mut self, _values: &mut [i64]) {}
 
     fn max(&mut self, _values: &mut [f64]) {}
+
+    fn start_vote(&mut self, here: bool) {
+        self.vote = here;
+    }
+
+    fn finish_vote(&mut self) -> bool {
+        self.vote
+    }
 
     fn broadcast(&mut self, _bytes: &mut Vec<u8>) {}
 

@@ -57,6 +57,12 @@ pub trait Comm {
     /// Replaces each value, none of them NaN, by its maximum over all ranks.
     fn max(&mut self, values: &mut [f64]);
 
+    /// Begins to ask all ranks whether it is so on any of them, and returns at once. One vote at a time.
+    fn start_vote(&mut self, here: bool);
+
+    /// Completes what [`Comm::start_vote`] began: is it so on any rank?
+    fn finish_vote(&mut self) -> bool;
+
     /// Replaces `bytes` by those of rank 0.
     fn broadcast(&mut self, bytes: &mut Vec<u8>);
 
@@ -78,9 +84,8 @@ pub trait Comm {
 
     /// Is it so on any rank?
     fn any(&mut self, here: bool) -> bool {
-        let mut flag = [i64::from(here)];
-        self.sum(&mut flag);
-        flag[0] > 0
+        self.start_vote(here);
+        self.finish_vote()
     }
 
     /// Sends `outgoing` and receives from `sources`, in one go.

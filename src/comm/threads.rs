@@ -11,9 +11,19 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 type Mailboxes = BTreeMap<(Rank, Rank), VecDeque<Vec<u8>>>;
 
+/// A vote: who has cast, who has read the result.
+#[derive(Default)]
+struct Ballot {
+    cast: u32,
+    read: u32,
+    yes: bool,
+}
+
 #[derive(Default)]
 struct State {
     mailboxes: Mailboxes,
+    /// By the number of the vote.
+    votes: BTreeMap<u64, Ballot>,
     ended: bool,
 }
 
@@ -35,6 +45,8 @@ pub struct ThreadRank {
     size: u32,
     hub: Arc<Hub>,
     sources: Vec<Source>,
+    /// How many votes this rank has begun.
+    votes: u64,
 }
 
 /// Runs `body` on `size` ranks, each a thread, and returns what each returned, by rank.
@@ -49,7 +61,8 @@ pub fn run<T: Send>(size: u32, body: impl Fn(&mut ThreadRank) -> T + Sync) -> Ve
                 let hub = Arc::clone(&hub);
                 let body = &body;
                 scope.spawn(move || {
-                    body(&mut ThreadRank { rank: Rank(rank), size, hub, sources: Vec::new() })
+                    let (rank, sources) = (Rank(rank), Vec::new());
+                    body(&mut ThreadRank { rank, size, hub, sources, votes: 0 })
                 })
             })
             .collect();
@@ -157,6 +170,33 @@ impl Comm for ThreadRank {
                 *mine = theirs;
             }
         });
+    }
+
+    fn start_vote(&mut self, here: bool) {
+        self.votes += 1;
+        let mut state = self.hub.lock();
+        let ballot = state.votes.entry(self.votes).or_default();
+        ballot.cast += 1;
+        ballot.yes |= here;
+        drop(state);
+        self.hub.changed.notify_all();
+    }
+
+    fn finish_vote(&mut self) -> bool {
+        let mut state = self.hub.lock();
+        loop {
+            let ballot = state.votes.entry(self.votes).or_default();
+            if ballot.cast == self.size {
+                ballot.read += 1;
+                let yes = ballot.yes;
+                if ballot.read == self.size {
+                    state.votes.remove(&self.votes);
+                }
+                return yes;
+            }
+            assert!(!state.ended, "another rank ended while rank {} waited", self.rank.0);
+            state = self.hub.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
     }
 
     fn broadcast(&mut self, bytes: &mut Vec<u8>) {

@@ -20,6 +20,7 @@ const ROUTED: c_int = 2;
 pub struct World {
     comm: SimpleCommunicator,
     under_way: UnderWay,
+    vote: Option<Vote>,
     // Last, so that MPI is finalised after everything else is gone.
     _universe: Universe,
 }
@@ -31,6 +32,13 @@ struct UnderWay {
     received: Vec<Option<Vec<u8>>>,
     requests: Vec<ffi::MPI_Request>,
     sources: Vec<Rank>,
+}
+
+/// A started vote. The buffer lives here until the request is complete.
+struct Vote {
+    /// What is so here, and what MPI says is so anywhere.
+    buffer: Vec<i32>,
+    request: ffi::MPI_Request,
 }
 
 /// Was this process started by mpirun, srun or another MPI launcher?
@@ -59,7 +67,7 @@ impl World {
             // SAFETY: MPI is initialised, and MPI_Abort may be called at any moment.
             unsafe { ffi::MPI_Abort(ffi::RSMPI_COMM_WORLD, 101) };
         }));
-        Self { comm, under_way: UnderWay::default(), _universe: universe }
+        Self { comm, under_way: UnderWay::default(), vote: None, _universe: universe }
     }
 
     fn send(&mut self, parcel: Parcel, tag: c_int) {
@@ -218,6 +226,33 @@ impl Comm for World {
     fn max(&mut self, values: &mut [f64]) {
         let mine = values.to_vec();
         self.comm.all_reduce_into(&mine[..], values, SystemOperation::max());
+    }
+
+    fn start_vote(&mut self, here: bool) {
+        let mut buffer = vec![i32::from(here), 0];
+        let values = buffer.as_mut_ptr();
+        let mut request = MaybeUninit::uninit();
+        // SAFETY: the heap buffer does not move with its `Vec`, which `finish_vote` keeps until all is done.
+        let request = unsafe {
+            ffi::MPI_Iallreduce(
+                values.cast(),
+                values.add(1).cast(),
+                1,
+                ffi::RSMPI_INT32_T,
+                ffi::RSMPI_MAX,
+                self.comm.as_raw(),
+                request.as_mut_ptr(),
+            );
+            request.assume_init()
+        };
+        self.vote = Some(Vote { buffer, request });
+    }
+
+    fn finish_vote(&mut self) -> bool {
+        let Some(Vote { buffer, mut request }) = self.vote.take() else { return false };
+        // SAFETY: the request is live, and so is its buffer.
+        unsafe { ffi::MPI_Wait(&raw mut request, ffi::RSMPI_STATUS_IGNORE) };
+        buffer[1] > 0
     }
 
     fn broadcast(&mut self, bytes: &mut Vec<u8>) {

@@ -3,8 +3,9 @@
 use crate::comm::Comm;
 use crate::ids::Rank;
 use crate::math::Vec3;
+use std::ops::Range;
 
-/// A box. Outer faces of the domain lie at infinity: nobody else owns what is beyond.
+/// A box. What lies beyond an outer face of the domain belongs to the rank inside it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Subdomain {
     /// Lowest corner [m].
@@ -44,6 +45,8 @@ enum Node {
 /// The tree of cuts.
 #[derive(Clone, Debug)]
 pub struct Cuts {
+    /// The whole domain.
+    space: Subdomain,
     nodes: Vec<Node>,
     subdomains: Vec<Subdomain>,
 }
@@ -51,7 +54,7 @@ pub struct Cuts {
 /// A part of space with more than one rank, on its way to being cut.
 struct Part {
     node: usize,
-    ranks: std::ops::Range<u32>,
+    ranks: Range<u32>,
     space: Subdomain,
 }
 
@@ -73,18 +76,9 @@ impl Cuts {
         comm: &mut dyn Comm,
     ) -> Self {
         let ranks = comm.size();
-        // Which part each particle is in, found anew for each generation of parts.
+        // Which part each particle is in; those of a part with one rank are done.
+        let mut part_of = vec![(ranks > 1).then_some(0); positions.len()];
         Self::build(low, high, ranks, |parts| {
-            let within = |part: &Part, p: &Vec3| {
-                (0..3).all(|axis| {
-                    let bounds = (part.space.low[axis], part.space.high[axis]);
-                    (p[axis] >= bounds.0 || bounds.0 <= low[axis])
-                        && (p[axis] < bounds.1 || bounds.1 >= high[axis])
-                })
-            };
-            let part_of: Vec<Option<usize>> =
-                positions.iter().map(|p| parts.iter().position(|part| within(part, p))).collect();
-
             // The box of the particles in each part, as maxima of -low and high.
             let mut extent = vec![f64::NEG_INFINITY; 6 * parts.len()];
             let mut total = vec![0i64; parts.len()];
@@ -134,7 +128,24 @@ impl Cuts {
                     }
                 }
             }
-            search.iter().map(|&(axis, _, highest)| (axis, highest)).collect()
+            let chosen: Vec<_> = search.iter().map(|&(axis, _, at)| (axis, at)).collect();
+
+            // Both sides of each cut, and what number they have among the parts to be cut next.
+            let sides = parts.iter().flat_map(|part| halves(&part.ranks));
+            let mut undivided = 0;
+            let number: Vec<Option<usize>> = sides
+                .map(|ranks| {
+                    undivided += usize::from(ranks.len() > 1);
+                    (ranks.len() > 1).then(|| undivided - 1)
+                })
+                .collect();
+            for (position, part) in positions.iter().zip(&mut part_of) {
+                if let Some(k) = *part {
+                    let (axis, at) = chosen[k];
+                    *part = number[2 * k + usize::from(position[axis] >= at)];
+                }
+            }
+            chosen
         })
     }
 
@@ -163,18 +174,18 @@ impl Cuts {
             }
             parts = Vec::new();
             for (part, (axis, at)) in undivided.iter().zip(choose(&undivided)) {
-                let middle = part.ranks.start + part.ranks.len() as u32 / 2;
+                let [lower_ranks, upper_ranks] = halves(&part.ranks);
                 let (below, above) = (nodes.len(), nodes.len() + 1);
                 nodes[part.node] = Node::Cut { axis, at, below, above };
                 nodes.extend([Node::Leaf(Rank(0)); 2]);
                 let (mut lower, mut upper) = (part.space, part.space);
                 lower.high[axis] = at;
                 upper.low[axis] = at;
-                parts.push(Part { node: below, ranks: part.ranks.start..middle, space: lower });
-                parts.push(Part { node: above, ranks: middle..part.ranks.end, space: upper });
+                parts.push(Part { node: below, ranks: lower_ranks, space: lower });
+                parts.push(Part { node: above, ranks: upper_ranks, space: upper });
             }
         }
-        Self { nodes, subdomains }
+        Self { space: Subdomain { low, high }, nodes, subdomains }
     }
 
     /// The rank that owns a point, wherever it lies.
@@ -195,12 +206,36 @@ impl Cuts {
         self.subdomains[rank.index()]
     }
 
-    /// The ranks whose boxes come closer than `reach` to a box [m].
-    pub fn ranks_near(&self, space: &Subdomain, period: &Vec3, reach: f64) -> Vec<Rank> {
-        (0..self.subdomains.len())
-            .filter(|&rank| self.subdomains[rank].gap(space, period) < reach)
-            .map(|rank| Rank(rank as u32))
-            .collect()
+    /// The other ranks whose boxes come closer than `reach` to that of a rank [m], in rising order. If
+    /// one rank is near another, so is the other to the one. Descends the tree of cuts.
+    pub fn ranks_near(&self, me: Rank, period: &Vec3, reach: f64) -> Vec<Rank> {
+        let here = self.subdomain(me);
+        let mut near = Vec::new();
+        let mut open = vec![(0, self.space)];
+        while let Some((node, space)) = open.pop() {
+            match self.nodes[node] {
+                Node::Leaf(rank) if rank == me => {}
+                Node::Leaf(rank) => {
+                    // Both sides ask the same question, so that rounding gives one answer.
+                    let (first, second) = if rank < me { (space, here) } else { (here, space) };
+                    if first.gap(&second, period) < reach {
+                        near.push(rank);
+                    }
+                }
+                Node::Cut { axis, at, below, above } => {
+                    let (mut lower, mut upper) = (space, space);
+                    lower.high[axis] = at;
+                    upper.low[axis] = at;
+                    for (node, space) in [(below, lower), (above, upper)] {
+                        if space.gap(&here, period) < reach * (1.0 + 1e-9) {
+                            open.push((node, space));
+                        }
+                    }
+                }
+            }
+        }
+        near.sort_unstable();
+        near
     }
 }
 
@@ -209,6 +244,12 @@ fn even_cut(part: &Part) -> (usize, f64) {
     let side = part.space.high - part.space.low;
     let axis = side.imax();
     (axis, part.space.low[axis] + side[axis] * share_below(part))
+}
+
+/// The ranks below and above a part's cut.
+fn halves(ranks: &Range<u32>) -> [Range<u32>; 2] {
+    let middle = ranks.start + ranks.len() as u32 / 2;
+    [ranks.start..middle, middle..ranks.end]
 }
 
 /// The share of a part's ranks that lie below its cut.
@@ -246,6 +287,25 @@ mod tests {
             assert_eq!(owned.iter().sum::<usize>(), points.len());
             let fair = points.len() / ranks as usize;
             assert!(owned.iter().all(|&n| n.abs_diff(fair) <= 8), "{ranks} ranks: {owned:?}");
+        }
+    }
+
+    #[test]
+    fn the_tree_finds_the_same_neighbours_as_a_look_at_all() {
+        let high = Vec3::new(1.0, 2.0, 3.0);
+        for period in [Vec3::repeat(f64::INFINITY), high, Vec3::new(1.0, f64::INFINITY, 3.0)] {
+            for ranks in [1, 2, 3, 8, 13, 64] {
+                let cuts = Cuts::even(Vec3::zeros(), high, ranks);
+                for me in (0..ranks).map(Rank) {
+                    let near = cuts.ranks_near(me, &period, 0.2);
+                    let all = (0..ranks).map(Rank).filter(|&rank| {
+                        let gap = cuts.subdomain(rank).gap(&cuts.subdomain(me), &period);
+                        rank != me && gap < 0.2
+                    });
+                    assert_eq!(near, all.collect::<Vec<_>>());
+                    assert!(near.iter().all(|&r| cuts.ranks_near(r, &period, 0.2).contains(&me)));
+                }
+            }
         }
     }
 

@@ -1,57 +1,145 @@
 //! The halo: copies of the particles that neighbours own and this rank's particles may touch.
 //!
+//! When the pairs are listed, each rank offers its neighbours all particles whose own reach comes as
+//! far as theirs can. Once the pairs are known, only those stay that are in one: both ranks list the
+//! same pairs, so each knows what the other keeps, and nothing need be said. A small particle is
+//! thus a ghost where a partner is, whatever the size of the largest.
+//!
 //! One message per neighbour and step, plain packed `f64`, sent before and received after the
 //! contacts among owned particles are resolved.
 
 use super::{Domain, Neighbour};
 use crate::comm::{Comm, Parcel, Source, wire};
-use crate::ids::{GlobalId, ShapeId};
+use crate::contact::Pair;
+use crate::ids::{GlobalId, ShapeId, Slot};
+use crate::math::Vec3;
 use crate::particles::Particles;
 
+/// What makes a ghost.
+type Offer = (GlobalId, ShapeId, Vec3);
+
+/// A neighbour is offered what is farther away by so much, for the rounding of positions: what one
+/// rank lists, the other must see.
+const LEEWAY: f64 = 1.0 + 1e-9;
+
 impl Domain {
-    /// Finds out who needs which of the owned particles and creates the ghosts and then the walls.
-    /// Collective. Before: owned particles only, each with the owner of its place.
-    pub fn create_ghosts(&mut self, particles: &mut Particles, comm: &mut dyn Comm) {
-        let me = comm.rank();
+    /// Gets from the neighbours all particles that may be in a pair with an owned one, with their names,
+    /// shapes and places only. Collective. Before: owned particles only, each with the owner of its
+    /// place; after: ghosts, but no walls.
+    pub fn offer_ghosts(&mut self, particles: &mut Particles, comm: &mut dyn Comm) {
         let period = self.period();
-        let here = self.cuts.subdomain(me);
-        let near = self.cuts.ranks_near(&here, &period, self.halo);
+        let largest = particles.library.largest_radius();
+        let near = self.cuts.ranks_near(comm.rank(), &period, self.halo * LEEWAY);
+        // A soft wall lets particles out a little, but their owner is inside.
+        let inside: Vec<Vec3> =
+            particles.position[..particles.owned].iter().map(|p| self.clamped(p)).collect();
         self.neighbours = near
             .into_iter()
-            .filter(|&rank| rank != me)
             .map(|rank| {
                 let there = self.cuts.subdomain(rank);
                 let sent = (0..particles.owned as u32)
                     .filter(|&slot| {
-                        there.distance(&particles.position[slot as usize], &period) < self.halo
+                        let reach = self.halo - (largest - particles.radius(slot as usize));
+                        there.distance(&inside[slot as usize], &period) < reach * LEEWAY
                     })
                     .collect();
                 Neighbour { rank, sent, received: 0..0 }
             })
             .collect();
+        self.knows_neighbours = true;
 
         let outgoing = self
             .neighbours
             .iter()
             .map(|n| {
-                let names: Vec<(GlobalId, ShapeId)> = n
+                let offers: Vec<Offer> = n
                     .sent
                     .iter()
-                    .map(|&s| (particles.id[s as usize], particles.shape[s as usize]))
+                    .map(|&slot| slot as usize)
+                    .map(|s| (particles.id[s], particles.shape[s], particles.position[s]))
                     .collect();
-                Parcel { rank: n.rank, bytes: wire::encode(&names) }
+                Parcel { rank: n.rank, bytes: wire::encode(&offers) }
             })
             .collect();
-        let sources: Vec<_> =
-            self.neighbours.iter().map(|n| Source { rank: n.rank, size: None }).collect();
-        let incoming = comm.exchange(outgoing, &sources);
-        for (neighbour, parcel) in self.neighbours.iter_mut().zip(incoming) {
-            let names: Vec<(GlobalId, ShapeId)> = wire::decode(&parcel.bytes);
-            let first = particles.first_wall();
-            particles.push_ghosts(&names);
-            neighbour.received = first..first + names.len();
+        let incoming = comm.exchange(outgoing, &self.all_neighbours());
+        let offers = incoming.iter().map(|parcel| wire::decode::<Vec<Offer>>(&parcel.bytes));
+        self.take_ghosts(particles, offers);
+        self.offered = particles.ghosts;
+    }
+
+    /// Drops the ghosts that are in none of `pairs`, gives the slots in these their new numbers, and
+    /// appends the walls.
+    pub fn keep_paired_ghosts(&mut self, particles: &mut Particles, pairs: &mut [Pair]) {
+        let owned = particles.owned;
+        let ghosts = owned..particles.first_wall();
+        let mut kept = vec![false; ghosts.len()];
+        let mut needed: Vec<Vec<bool>> =
+            self.neighbours.iter().map(|n| vec![false; n.sent.len()]).collect();
+        for Pair { a, b } in pairs.iter() {
+            for (mine, ghost) in [(a, b), (b, a)] {
+                if mine.index() < owned && ghosts.contains(&ghost.index()) {
+                    kept[ghost.index() - owned] = true;
+                    let whose =
+                        self.neighbours.partition_point(|n| n.received.end <= ghost.index());
+                    if let Ok(at) = self.neighbours[whose].sent.binary_search(&mine.0) {
+                        needed[whose][at] = true;
+                    }
+                }
+            }
         }
+
+        let mut number = Vec::with_capacity(kept.len());
+        let mut count = 0;
+        for &kept in &kept {
+            number.push(owned + count);
+            count += usize::from(kept);
+        }
+        for slot in pairs.iter_mut().flat_map(|pair| [&mut pair.a, &mut pair.b]) {
+            if ghosts.contains(&slot.index()) {
+                *slot = Slot(number[slot.index() - owned] as u32);
+            } else if slot.index() >= ghosts.end {
+                slot.0 -= (kept.len() - count) as u32;
+            }
+        }
+
+        let offers: Vec<Vec<Offer>> = self
+            .neighbours
+            .iter()
+            .map(|n| {
+                let stay = n.received.clone().filter(|&slot| kept[slot - owned]);
+                stay.map(|s| (particles.id[s], particles.shape[s], particles.position[s])).collect()
+            })
+            .collect();
+        for (neighbour, needed) in self.neighbours.iter_mut().zip(needed) {
+            let mut needed = needed.into_iter();
+            neighbour.sent.retain(|_| needed.next() == Some(true));
+            neighbour.sent.shrink_to_fit();
+        }
+        particles.strip_to_owned();
+        self.take_ghosts(particles, offers);
         particles.append_walls();
+    }
+
+    /// Appends the ghosts of one neighbour after the other.
+    fn take_ghosts(
+        &mut self,
+        particles: &mut Particles,
+        offers: impl IntoIterator<Item = Vec<Offer>>,
+    ) {
+        for (neighbour, offers) in self.neighbours.iter_mut().zip(offers) {
+            let received = particles.first_wall()..particles.first_wall() + offers.len();
+            let names: Vec<_> = offers.iter().map(|&(id, shape, _)| (id, shape)).collect();
+            particles.push_ghosts(&names);
+            for (slot, (.., position)) in received.clone().zip(offers) {
+                particles.position[slot] = position;
+            }
+            neighbour.received = received;
+        }
+    }
+
+    /// One message of unknown size from each neighbour.
+    pub(super) fn all_neighbours(&self) -> Vec<Source> {
+        self.neighbours.iter().map(|n| Source { rank: n.rank, size: None }).collect()
     }
 
     /// Begins to send the state of the owned particles that are ghosts elsewhere.
@@ -70,6 +158,8 @@ impl Domain {
         self.traffic.messages += outgoing.len() as u64;
         self.traffic.bytes += outgoing.iter().map(|p| p.bytes.len() as u64).sum::<u64>();
         self.traffic.ghosts += particles.ghosts as u64;
+        self.traffic.offered += self.offered as u64;
+        self.traffic.owned += particles.owned as u64;
         comm.start(outgoing, &sources);
     }
 

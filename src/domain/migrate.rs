@@ -1,10 +1,10 @@
 //! Particles change hands, with all that is remembered of their contacts. Only when the list of
 //! pairs is rebuilt.
 
-use super::Domain;
+use super::{Domain, Neighbour};
 use crate::comm::{Comm, Parcel, wire};
 use crate::contact::NamedHistory;
-use crate::ids::GlobalId;
+use crate::ids::{GlobalId, Rank};
 use crate::particles::Particles;
 use crate::particles::records::Particle;
 use crate::search::PairList;
@@ -49,17 +49,32 @@ impl Domain {
             }
         }
 
-        let parcels = leaving
-            .into_iter()
-            .map(|(rank, particles)| Parcel { rank, bytes: wire::encode(&particles) })
-            .collect();
         let mut histories = known;
-        for parcel in comm.route(parcels) {
+        for parcel in self.hand_over(leaving, comm) {
             for particle in wire::decode::<Vec<Particle>>(&parcel.bytes) {
                 particles.push_owned(&particle);
                 histories.extend(particle.histories);
             }
         }
         histories
+    }
+
+    /// Sends particles to their new owners, as a rule to neighbours only; returns what comes here.
+    fn hand_over(
+        &self,
+        mut leaving: BTreeMap<Rank, Vec<Particle>>,
+        comm: &mut dyn Comm,
+    ) -> Vec<Parcel> {
+        let is_near = |rank: &Rank| self.neighbours.iter().any(|n| n.rank == *rank);
+        if !self.knows_neighbours || comm.any(!leaving.keys().all(is_near)) {
+            let parcel = |(rank, particles)| Parcel { rank, bytes: wire::encode(&particles) };
+            return comm.route(leaving.into_iter().map(parcel).collect());
+        }
+        let parcel = |n: &Neighbour| {
+            let particles = leaving.remove(&n.rank).unwrap_or_default();
+            Parcel { rank: n.rank, bytes: wire::encode(&particles) }
+        };
+        let outgoing = self.neighbours.iter().map(parcel).collect();
+        comm.exchange(outgoing, &self.all_neighbours())
     }
 }

@@ -1,4 +1,4 @@
-//! Who owns what: a tree of cuts, the ranks near a subdomain, and the hand-over of particles.
+//! Who owns what: a tree of cuts, ghosts of what neighbours own, and the hand-over of particles.
 //!
 //! Space is cut in two again and again, each time across the longest side of what is in it and so
 //! that both halves get work in proportion to their ranks (recursive bisection; Berger and Bokhari
@@ -67,6 +67,11 @@ pub struct Traffic {
     pub bytes: u64,
     /// Ghosts received, summed over steps.
     pub ghosts: u64,
+    /// Particles of others within the halo width, summed over steps: the least that a halo without
+    /// knowledge of the pairs would receive.
+    pub offered: u64,
+    /// Particles owned, summed over the same steps.
+    pub owned: u64,
     /// Lists of pairs rebuilt.
     pub rebuilds: u64,
     /// Times that the cuts were made anew.
@@ -84,10 +89,16 @@ pub struct Domain {
     pub high: Vec3,
     /// Which axes repeat.
     pub periodic: [bool; 3],
-    /// A particle becomes a ghost on every rank whose subdomain it comes this close to [m].
+    /// A particle of the largest size is offered to every rank whose subdomain it comes this close to,
+    /// a smaller one by the difference of the radii closer [m].
     halo: f64,
     cuts: Cuts,
+    /// The ranks within the halo width, in rising order.
     neighbours: Vec<Neighbour>,
+    /// Do `neighbours` belong to these cuts? The same on all ranks.
+    knows_neighbours: bool,
+    /// Particles of others within the halo width when the pairs were listed.
+    offered: usize,
     /// What communication has cost.
     pub traffic: Traffic,
 }
@@ -103,6 +114,8 @@ impl Domain {
             halo,
             cuts,
             neighbours: Vec::new(),
+            knows_neighbours: false,
+            offered: 0,
             traffic: Traffic::default(),
         }
     }
@@ -117,6 +130,14 @@ impl Domain {
         self.cuts.owner(point)
     }
 
+    /// The nearest point of the domain; along a periodic axis everything is inside.
+    fn clamped(&self, point: &Vec3) -> Vec3 {
+        Vec3::from_fn(|axis, _| {
+            let x = point[axis];
+            if self.periodic[axis] { x } else { x.max(self.low[axis]).min(self.high[axis]) }
+        })
+    }
+
     /// The box of a rank [m].
     pub fn subdomain(&self, rank: Rank) -> Subdomain {
         self.cuts.subdomain(rank)
@@ -128,6 +149,7 @@ impl Domain {
         self.cuts =
             Cuts::balanced(self.low, self.high, &particles.position[..particles.owned], work, comm);
         self.neighbours.clear();
+        self.knows_neighbours = false;
         self.traffic.recuts += 1;
     }
 

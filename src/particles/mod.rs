@@ -151,6 +151,11 @@ impl Attitude {
     }
 }
 
+/// Leaves a column room for an eighth more than it has: growing doubles it.
+pub fn trim<T>(column: &mut Vec<T>) {
+    column.shrink_to(column.len() + column.len() / 8);
+}
+
 /// All bodies of a rank.
 #[derive(Clone, Debug)]
 pub struct Particles {
@@ -272,6 +277,57 @@ impl Particles {
             Some(spin) => velocity + spin.angular_velocity[slot.index()].cross(arm),
             None => velocity,
         }
+    }
+
+    /// Gives back room that more particles have needed.
+    pub fn trim(&mut self) {
+        trim(&mut self.id);
+        trim(&mut self.shape);
+        trim(&mut self.position);
+        trim(&mut self.velocity);
+        trim(&mut self.force);
+        trim(&mut self.listed_at);
+        trim(&mut self.travel);
+        trim(&mut self.dissipated);
+        trim(&mut self.received);
+        trim(&mut self.image);
+        if let Some(spin) = &mut self.spin {
+            trim(&mut spin.angular_momentum);
+            trim(&mut spin.angular_velocity);
+            trim(&mut spin.torque);
+        }
+        if let Some(attitude) = &mut self.attitude {
+            trim(&mut attitude.quaternion);
+            trim(&mut attitude.frame);
+            trim(&mut attitude.form);
+        }
+    }
+
+    /// Bytes that the columns hold.
+    pub fn bytes(&self) -> usize {
+        fn held<T>(column: &Vec<T>) -> usize {
+            column.capacity() * size_of::<T>()
+        }
+        let spin = self
+            .spin
+            .as_ref()
+            .map_or(0, |s| held(&s.angular_momentum) + held(&s.angular_velocity) + held(&s.torque));
+        let attitude = self
+            .attitude
+            .as_ref()
+            .map_or(0, |a| held(&a.quaternion) + held(&a.frame) + held(&a.form));
+        held(&self.id)
+            + held(&self.shape)
+            + held(&self.position)
+            + held(&self.velocity)
+            + held(&self.force)
+            + held(&self.listed_at)
+            + held(&self.travel)
+            + held(&self.dissipated)
+            + held(&self.received)
+            + held(&self.image)
+            + spin
+            + attitude
     }
 
     /// Drops ghosts and walls, so that owned particles may come and go.

@@ -1,42 +1,36 @@
 //! Linked cells: every pair of bodies whose bounding spheres are closer than the skin.
 //!
-//! Cells are as wide as the largest reach, so partners stand in the same or in touching cells. Along a
-//! periodic axis the cells go round the whole period.
+//! Bodies of like size share a grid whose cells are as wide as their reach, so partners stand in the
+//! same or in touching cells. Sizes that differ by more than two get grids of their own, and each
+//! small body looks into the grids of the larger ones (hierarchical grid; Ogarko and Luding 2012,
+//! DOI 10.1016/j.cpc.2011.12.019): the work stays in proportion to the number of bodies.
+//!
+//! The grids span the bodies that are there, with the images nearest to the owned ones, so that a rank
+//! has cells for its own part of a periodic axis only; they go round the period where its bodies do.
 
 use crate::contact::{Pair, nearest_image};
 use crate::ids::Slot;
 use crate::math::Vec3;
-use crate::particles::Particles;
-use crate::shape::Shape;
+use crate::particles::{Library, Particles};
+use std::borrow::Cow;
 
-/// A grid of cells over all particles, owned and ghosts.
-struct Grid {
-    low: Vec3,
-    width: Vec3,
-    count: [usize; 3],
-    wraps: [bool; 3],
-    /// Slots by cell; those of cell `c` are `slots[first[c]..first[c + 1]]`.
-    first: Vec<u32>,
-    slots: Vec<u32>,
-}
+/// Distances are taken as so much longer when cells are chosen, for the rounding of positions.
+const LEEWAY: f64 = 1.0 + 1e-9;
 
-/// All pairs with at least one owned particle and less than `skin` between bounding spheres [m].
-pub(super) fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
-    let radius: Vec<f64> = particles.library.shapes.iter().map(Shape::bounding_radius).collect();
-    let reach_of = |slot: usize| radius[particles.shape[slot].index()];
+/// All pairs of owned particles, ghosts and walls with at least one owned particle and less than `skin`
+/// between bounding spheres [m]. The walls' slots follow those of the ghosts, there or not.
+pub fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
     let mut pairs = Vec::new();
-
     let bodies = particles.first_wall();
-    if bodies > 0 {
-        let reach = 2.0 * particles.library.largest_radius() + skin;
-        let grid = Grid::new(&particles.position[..bodies], &particles.period, reach);
-        grid.for_each_candidate(|i, j| {
+    if particles.owned > 0 {
+        let classes = Classes::of(&particles.library);
+        for_each_candidate(particles, &classes, skin, |i, j| {
             if i >= particles.owned && j >= particles.owned {
                 return;
             }
             let difference =
                 nearest_image(particles.position[j] - particles.position[i], &particles.period);
-            let limit = reach_of(i) + reach_of(j) + skin;
+            let limit = particles.radius(i) + particles.radius(j) + skin;
             if difference.norm_squared() < limit * limit {
                 let (a, b) = if particles.id[i] < particles.id[j] { (i, j) } else { (j, i) };
                 pairs.push(Pair { a: Slot(a as u32), b: Slot(b as u32) });
@@ -47,7 +41,7 @@ pub(super) fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
     for slot in 0..particles.owned {
         for (k, wall) in particles.walls.iter().enumerate() {
             let height = (particles.position[slot] - wall.point).dot(&wall.normal);
-            if height < reach_of(slot) + skin {
+            if height < particles.radius(slot) + skin {
                 pairs.push(Pair { a: Slot(slot as u32), b: Slot((bodies + k) as u32) });
             }
         }
@@ -55,44 +49,145 @@ pub(super) fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
     pairs
 }
 
-impl Grid {
-    fn new(positions: &[Vec3], period: &Vec3, reach: f64) -> Self {
-        let mut low = positions[0];
-        let mut high = positions[0];
-        for p in positions {
-            low = low.inf(p);
-            high = high.sup(p);
+/// Shapes by size: in each class the largest has less than twice the radius of the smallest.
+struct Classes {
+    /// Class of each of the particles' shapes; the first class has the largest.
+    of_shape: Vec<usize>,
+    /// The largest bounding radius of each class [m].
+    radius: Vec<f64>,
+}
+
+impl Classes {
+    fn of(library: &Library) -> Self {
+        let mut by_size: Vec<usize> = (0..library.particle_shapes).collect();
+        by_size.sort_by(|&a, &b| library.radius[b].total_cmp(&library.radius[a]));
+        let mut classes = Self { of_shape: vec![0; by_size.len()], radius: Vec::new() };
+        for shape in by_size {
+            let radius = library.radius[shape];
+            if classes.radius.last().is_none_or(|&largest| 2.0 * radius <= largest) {
+                classes.radius.push(radius);
+            }
+            classes.of_shape[shape] = classes.radius.len() - 1;
         }
-        let wraps = [0, 1, 2].map(|axis| period[axis].is_finite());
-        let mut width = Vec3::repeat(reach);
-        let mut count = [1; 3];
+        classes
+    }
+}
+
+/// Calls `visit` once for every pair of slots that may be as close as `skin` [m].
+fn for_each_candidate(
+    particles: &Particles,
+    classes: &Classes,
+    skin: f64,
+    mut visit: impl FnMut(usize, usize),
+) {
+    let bodies = particles.first_wall();
+    let positions = unfolded(&particles.position[..bodies], particles.owned, &particles.period);
+    let reach = |a: usize, b: usize| (classes.radius[a] + classes.radius[b] + skin) * LEEWAY;
+    let space = Space::around(&positions, &particles.period, reach(0, 0));
+    let mut members: Vec<Vec<u32>> = vec![Vec::new(); classes.radius.len()];
+    for (slot, shape) in particles.shape[..bodies].iter().enumerate() {
+        members[classes.of_shape[shape.index()]].push(slot as u32);
+    }
+    // From the largest to the smallest.
+    let mut larger: Vec<(usize, Grid)> = Vec::new();
+    for (class, members) in members.iter().enumerate().filter(|(_, members)| !members.is_empty()) {
+        let grid = Grid::new(&space, &positions, members, reach(class, class));
+        grid.for_each_candidate(&mut visit);
+        for (other, theirs) in &larger {
+            let reach = reach(class, *other);
+            for &slot in members {
+                theirs.for_each_near(&positions[slot as usize], reach, |other| {
+                    visit(slot as usize, other);
+                });
+            }
+        }
+        larger.push((class, grid));
+    }
+}
+
+/// Positions in the images nearest to the middle of the owned ones.
+fn unfolded<'a>(positions: &'a [Vec3], owned: usize, period: &Vec3) -> Cow<'a, [Vec3]> {
+    if period.iter().all(|length| length.is_infinite()) {
+        return Cow::Borrowed(positions);
+    }
+    let (low, high) = bounds(&positions[..owned]);
+    let middle = (low + high) * 0.5;
+    let unfold = |p: &Vec3| {
+        let image = middle + nearest_image(p - middle, period);
+        Vec3::from_fn(|axis, _| if period[axis].is_finite() { image[axis] } else { p[axis] })
+    };
+    positions.iter().map(unfold).collect()
+}
+
+/// Lowest and highest corner.
+fn bounds(positions: &[Vec3]) -> (Vec3, Vec3) {
+    let first = (positions[0], positions[0]);
+    positions.iter().fold(first, |(low, high), p| (low.inf(p), high.sup(p)))
+}
+
+/// The box that the grids divide.
+struct Space {
+    low: Vec3,
+    extent: Vec3,
+    /// Do the cells go round the period?
+    wraps: [bool; 3],
+}
+
+impl Space {
+    fn around(positions: &[Vec3], period: &Vec3, reach: f64) -> Self {
+        let (low, high) = bounds(positions);
+        let mut extent = high - low;
+        // With a reach to spare before the period closes, no two images of a body are within reach.
+        let wraps = [0, 1, 2].map(|axis| extent[axis] + reach > period[axis]);
+        for axis in (0..3).filter(|&axis| wraps[axis]) {
+            extent[axis] = period[axis];
+        }
+        Self { low, extent, wraps }
+    }
+}
+
+/// A grid of cells with the bodies of one class.
+struct Grid<'a> {
+    space: &'a Space,
+    width: Vec3,
+    count: [usize; 3],
+    /// Slots by cell; those of cell `c` are `slots[first[c]..first[c + 1]]`.
+    first: Vec<u32>,
+    slots: Vec<u32>,
+}
+
+impl<'a> Grid<'a> {
+    fn new(space: &'a Space, positions: &[Vec3], members: &[u32], reach: f64) -> Self {
+        let mut count = cells_along(&space.extent, reach, members.len());
+        let mut width = space.extent;
         for axis in 0..3 {
-            let extent = if wraps[axis] { period[axis] } else { high[axis] - low[axis] };
-            // A sparse cloud must not cost more cells than it has particles.
-            let most = (4.0 * positions.len() as f64).cbrt().ceil().max(64.0);
-            let cells = (extent / reach).floor().clamp(1.0, most);
-            count[axis] = cells as usize;
-            if wraps[axis] && count[axis] < 3 {
+            if space.wraps[axis] && count[axis] < 3 {
                 // With two cells round the period each would be both neighbours of the other.
                 count[axis] = 1;
             }
-            width[axis] =
-                if count[axis] == 1 { f64::INFINITY } else { extent / count[axis] as f64 };
+            width[axis] = match count[axis] {
+                1 => f64::INFINITY,
+                count => space.extent[axis] / count as f64,
+            };
         }
-        let mut grid =
-            Self { low, width, count, wraps, first: Vec::new(), slots: vec![0; positions.len()] };
-        let cells: Vec<usize> = positions.iter().map(|p| grid.index(grid.cell(p))).collect();
+        let mut grid = Self { space, width, count, first: Vec::new(), slots: Vec::new() };
+        let cells: Vec<u32> = members
+            .iter()
+            .map(|&slot| grid.index(grid.cell(&positions[slot as usize])) as u32)
+            .collect();
         let mut first = vec![0u32; count.iter().product::<usize>() + 1];
         for &cell in &cells {
-            first[cell + 1] += 1;
+            first[cell as usize + 1] += 1;
         }
         for cell in 1..first.len() {
             first[cell] += first[cell - 1];
         }
         let mut next = first.clone();
-        for (slot, &cell) in cells.iter().enumerate() {
-            grid.slots[next[cell] as usize] = slot as u32;
-            next[cell] += 1;
+        grid.slots.resize(members.len(), 0);
+        for (&slot, &cell) in members.iter().zip(&cells) {
+            let next = &mut next[cell as usize];
+            grid.slots[*next as usize] = slot;
+            *next += 1;
         }
         grid.first = first;
         grid
@@ -100,8 +195,8 @@ impl Grid {
 
     fn cell(&self, position: &Vec3) -> [usize; 3] {
         [0, 1, 2].map(|axis| {
-            let cells = (position[axis] - self.low[axis]) / self.width[axis];
-            // Positions of a periodic axis may lie below `low` by rounding only: clamped.
+            let cells = (position[axis] - self.space.low[axis]) / self.width[axis];
+            // Positions lie outside by rounding only: clamped.
             (cells as usize).min(self.count[axis] - 1)
         })
     }
@@ -120,7 +215,7 @@ impl Grid {
         let there = cell as isize + offset;
         if (0..count).contains(&there) {
             Some(there as usize)
-        } else if self.wraps[axis] && count > 1 {
+        } else if self.space.wraps[axis] && count > 1 {
             Some(there.rem_euclid(count) as usize)
         } else {
             None
@@ -128,7 +223,7 @@ impl Grid {
     }
 
     /// Calls `visit` once for every pair of slots in the same cell or in touching ones.
-    fn for_each_candidate(&self, mut visit: impl FnMut(usize, usize)) {
+    fn for_each_candidate(&self, visit: &mut impl FnMut(usize, usize)) {
         for z in 0..self.count[2] {
             for y in 0..self.count[1] {
                 for x in 0..self.count[0] {
@@ -159,6 +254,55 @@ impl Grid {
             }
         }
     }
+
+    /// Calls `visit` for every slot in the cells that come within `reach` [m] of a position along all axes.
+    fn for_each_near(&self, position: &Vec3, reach: f64, mut visit: impl FnMut(usize)) {
+        let [along_x, along_y, along_z] =
+            [0, 1, 2].map(|axis| self.cells_within(axis, position[axis], reach));
+        for z in along_z {
+            let z = z % self.count[2];
+            for y in along_y.clone() {
+                let y = y % self.count[1];
+                for x in along_x.clone() {
+                    for &slot in self.slots_in(self.index([x % self.count[0], y, z])) {
+                        visit(slot as usize);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The cells along an axis within `reach` of a place; to be taken modulo their number.
+    fn cells_within(&self, axis: usize, place: f64, reach: f64) -> std::ops::Range<usize> {
+        let count = self.count[axis] as isize;
+        let cell =
+            |place: f64| ((place - self.space.low[axis]) / self.width[axis]).floor() as isize;
+        let (lowest, highest) = (cell(place - reach), cell(place + reach));
+        if !self.space.wraps[axis] {
+            let within = |cell: isize| cell.clamp(0, count - 1) as usize;
+            within(lowest)..within(highest) + 1
+        } else if highest - lowest + 1 >= count {
+            0..self.count[axis]
+        } else {
+            let first = lowest.rem_euclid(count);
+            first as usize..(first + highest - lowest + 1) as usize
+        }
+    }
+}
+
+/// How many cells, none narrower than `reach`, fit along each side of a box; together in proportion to
+/// the bodies in them, so that a sparse cloud does not cost more than a packing.
+fn cells_along(extent: &Vec3, reach: f64, bodies: usize) -> [usize; 3] {
+    let most = 4.0 * bodies as f64 + 64.0;
+    let mut width = reach;
+    loop {
+        let count = extent.map(|side| (side / width).floor().max(1.0));
+        let all = count.product();
+        if all <= most {
+            return [0, 1, 2].map(|axis| count[axis] as usize);
+        }
+        width *= (all / most).cbrt().max(1.01);
+    }
 }
 
 /// One of each two opposite neighbours of a cell.
@@ -180,9 +324,13 @@ const HALF_OF_NEIGHBOURS: [[isize; 3]; 13] = [
 
 #[cfg(test)]
 mod tests {
-    use super::Grid;
+    use super::close_pairs;
     use crate::contact::nearest_image;
+    use crate::ids::{GlobalId, MaterialId, ShapeId};
     use crate::math::Vec3;
+    use crate::particles::records::Particle;
+    use crate::particles::{Library, Needs, Particles};
+    use crate::shape::{Shape, Sphere};
     use std::collections::BTreeSet;
 
     /// A sequence that fills the unit cube evenly (Roberts' R3), for positions without a generator.
@@ -191,33 +339,72 @@ mod tests {
         Vec3::new((i * 0.819_172_5).fract(), (i * 0.671_043_6).fract(), (i * 0.549_700_5).fract())
     }
 
+    /// Balls of these radii at the points; those in the lower `share` of x are owned, the rest ghosts.
+    fn balls(radii: &[f64], positions: &[Vec3], period: Vec3, share: f64) -> Particles {
+        let mut library = Library::default();
+        for &radius in radii {
+            library.push("ball", Shape::Sphere(Sphere { radius }), MaterialId(0), 1.0);
+        }
+        library.particle_shapes = radii.len();
+        let needs = Needs::default();
+        let mut particles = Particles::new(needs, library, Vec::new(), Vec3::zeros(), period);
+        let width = positions.iter().map(|p| p.x).fold(0.0, f64::max);
+        let mut ghosts = Vec::new();
+        for (k, &position) in positions.iter().enumerate() {
+            // The larger, the rarer.
+            let size = (0..radii.len() - 1).find(|&n| k % (4 << n) != 0).unwrap_or(radii.len() - 1);
+            let (id, shape) = (GlobalId(k as u64), ShapeId(size as u16));
+            if position.x <= share * width {
+                particles.push_owned(&Particle::at_rest(id, shape, position));
+            } else {
+                ghosts.push((id, shape, position));
+            }
+        }
+        let names: Vec<_> = ghosts.iter().map(|&(id, shape, _)| (id, shape)).collect();
+        particles.push_ghosts(&names);
+        for (k, (.., position)) in ghosts.into_iter().enumerate() {
+            particles.position[particles.owned + k] = position;
+        }
+        particles
+    }
+
     #[test]
     fn cells_find_what_brute_force_finds() {
         let infinite = f64::INFINITY;
+        let mut all = 0;
         for period in [
             Vec3::repeat(infinite),
             Vec3::new(1.0, infinite, 0.5),
             Vec3::new(1.0, 0.5, 2.0),
             Vec3::new(0.25, 1.0, 1.0),
         ] {
-            for reach in [0.05, 0.11, 0.12] {
-                let scale = period.map(|p| if p.is_finite() { p } else { 1.0 });
-                let positions: Vec<_> = (0..500).map(|i| point(i).component_mul(&scale)).collect();
-                let close = |i: usize, j: usize| {
-                    nearest_image(positions[j] - positions[i], &period).norm() < reach
-                };
-                let mut found = BTreeSet::new();
-                Grid::new(&positions, &period, reach).for_each_candidate(|i, j| {
-                    if close(i, j) {
+            for radii in [&[0.05][..], &[0.06], &[0.003, 0.06], &[0.003, 0.004, 0.011, 0.024, 0.06]]
+            {
+                for share in [0.3, 0.7, 1.0] {
+                    let scale = period.map(|p| if p.is_finite() { p } else { 1.0 });
+                    let positions: Vec<_> =
+                        (0..600).map(|i| point(i).component_mul(&scale)).collect();
+                    let particles = balls(radii, &positions, period, share);
+                    let skin = 0.004;
+                    let mut found = BTreeSet::new();
+                    for pair in close_pairs(&particles, skin) {
+                        let (i, j) = (pair.a.index(), pair.b.index());
                         assert!(found.insert((i.min(j), i.max(j))), "pair {i}, {j} twice");
                     }
-                });
-                let expected: BTreeSet<_> = (0..positions.len())
-                    .flat_map(|j| (0..j).map(move |i| (i, j)))
-                    .filter(|&(i, j)| close(i, j))
-                    .collect();
-                assert_eq!(found, expected, "period {period}, reach {reach}");
+                    let close = |i: usize, j: usize| {
+                        let apart = particles.position[j] - particles.position[i];
+                        let reach = particles.radius(i) + particles.radius(j) + skin;
+                        nearest_image(apart, &period).norm_squared() < reach * reach
+                    };
+                    let expected: BTreeSet<_> = (0..positions.len())
+                        .flat_map(|j| (0..j.min(particles.owned)).map(move |i| (i, j)))
+                        .filter(|&(i, j)| close(i, j))
+                        .collect();
+                    all += expected.len();
+                    assert_eq!(found, expected, "period {period}, radii {radii:?}, {share} owned");
+                }
             }
         }
+        assert!(all > 1000, "{all} pairs");
     }
 }

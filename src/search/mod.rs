@@ -6,11 +6,13 @@
 
 mod cells;
 
+pub use cells::close_pairs;
+
 use crate::contact::{Found, History, NamedHistory, Pair, ordered};
-use crate::ids::{GlobalId, Slot};
+use crate::ids::Slot;
 use crate::law::Load;
 use crate::math::Vec3;
-use crate::particles::Particles;
+use crate::particles::{Particles, trim};
 use crate::shape::Kind;
 use std::ops::Range;
 
@@ -38,7 +40,7 @@ pub struct PairList {
     pub blocks: Vec<Block>,
     /// Until the travel of both bodies adds up to this [m], a pair need not be looked at. It may be
     /// too low, never too high, so it saves work and changes nothing.
-    rests_until: Vec<f64>,
+    rests_until: Vec<f32>,
     /// The pairs that touched at the last step.
     touching: Vec<u32>,
     /// Of owned particle `s`, `incident[first[s]..first[s + 1]]` are its pairs by rising id of the partner.
@@ -53,24 +55,38 @@ pub struct PairList {
     contacts: u32,
 }
 
-/// A pair as one of its particles sees it.
+/// A pair as one of its particles sees it: twice the pair's number, and one more for the first body.
 #[derive(Clone, Copy, Debug)]
-struct Incidence {
-    pair: u32,
-    is_a: bool,
+struct Incidence(u32);
+
+impl Incidence {
+    const fn new(pair: usize, is_a: bool) -> Self {
+        Self((pair as u32) << 1 | is_a as u32)
+    }
+
+    const fn pair(self) -> u32 {
+        self.0 >> 1
+    }
+
+    const fn is_a(self) -> bool {
+        self.0 & 1 == 1
+    }
 }
 
 const NO_LOAD: u32 = u32::MAX;
 
-/// Leaves room for the rounding of clearances and travels.
+/// Leaves room for the rounding of clearances and travels, and of their sum to `f32`.
 const ROUNDING: f64 = 1.0 - 1e-6;
 
 impl PairList {
-    /// Lists all pairs of which one is owned, closer than `skin` [m] between bounding spheres.
-    /// `carried` has the histories of all touching contacts of owned particles, in any order; a
+    /// Lists the pairs that [`close_pairs`] has found. `carried` has the histories of all touching contacts of owned particles, in any order; a
     /// contact may stand there twice.
-    pub fn rebuild(&mut self, particles: &mut Particles, skin: f64, carried: &mut [NamedHistory]) {
-        let found = cells::close_pairs(particles, skin);
+    pub fn rebuild(
+        &mut self,
+        particles: &mut Particles,
+        found: Vec<Pair>,
+        carried: &mut [NamedHistory],
+    ) {
         self.sort_into_blocks(particles, found);
         self.history.clear();
         self.history.resize(self.pairs.len(), History::default());
@@ -97,6 +113,7 @@ impl PairList {
             }
         }
         self.collect_incidences(particles);
+        self.trim();
 
         let owned = particles.owned;
         particles.listed_at.copy_from_slice(&particles.position[..owned]);
@@ -130,26 +147,36 @@ impl PairList {
 
     fn collect_incidences(&mut self, particles: &Particles) {
         let owned = particles.owned;
-        let mut entries: Vec<(u32, GlobalId, Incidence)> = Vec::with_capacity(2 * self.pairs.len());
-        for (index, pair) in self.pairs.iter().enumerate() {
-            for (me, partner, is_a) in [(pair.a, pair.b, true), (pair.b, pair.a, false)] {
-                if me.index() < owned {
-                    let incidence = Incidence { pair: index as u32, is_a };
-                    entries.push((me.0, particles.id[partner.index()], incidence));
-                }
-            }
-        }
-        entries.sort_unstable_by_key(|&(me, partner, _)| (me, partner));
+        let mine = |index: usize, pair: &Pair| {
+            [(pair.a, true), (pair.b, false)]
+                .into_iter()
+                .filter(move |(slot, _)| slot.index() < owned)
+                .map(move |(slot, is_a)| (slot.index(), Incidence::new(index, is_a)))
+        };
         self.first.clear();
         self.first.resize(owned + 1, 0);
-        for (me, ..) in &entries {
-            self.first[*me as usize + 1] += 1;
+        for (index, pair) in self.pairs.iter().enumerate() {
+            mine(index, pair).for_each(|(slot, _)| self.first[slot + 1] += 1);
         }
         for slot in 0..owned {
             self.first[slot + 1] += self.first[slot];
         }
         self.incident.clear();
-        self.incident.extend(entries.into_iter().map(|(.., incidence)| incidence));
+        self.incident.resize(self.first[owned] as usize, Incidence(0));
+        let mut next = self.first.clone();
+        for (index, pair) in self.pairs.iter().enumerate() {
+            for (slot, incidence) in mine(index, pair) {
+                self.incident[next[slot] as usize] = incidence;
+                next[slot] += 1;
+            }
+        }
+        let Self { pairs, first, incident, .. } = self;
+        for slot in 0..owned {
+            incident[first[slot] as usize..first[slot + 1] as usize].sort_unstable_by_key(|i| {
+                let Pair { a, b } = pairs[i.pair() as usize];
+                particles.id[if i.is_a() { b } else { a }.index()]
+            });
+        }
     }
 
     /// The pairs of a block that must be looked at.
@@ -160,7 +187,7 @@ impl PairList {
             .filter(|&index| {
                 let Pair { a, b } = self.pairs[index];
                 let travel = particles.travel[a.index()] + particles.travel[b.index()];
-                travel >= self.rests_until[index]
+                travel >= f64::from(self.rests_until[index])
             })
             .map(|index| index as u32)
             .collect()
@@ -172,7 +199,7 @@ impl PairList {
         for &(index, clearance) in &found.apart {
             let Pair { a, b } = self.pairs[index as usize];
             let travel = particles.travel[a.index()] + particles.travel[b.index()];
-            self.rests_until[index as usize] = travel + clearance * ROUNDING;
+            self.rests_until[index as usize] = ((travel + clearance) * ROUNDING) as f32;
         }
         self.load_of.fill(NO_LOAD);
         for (index, contact) in found.contacts.iter().enumerate() {
@@ -209,12 +236,12 @@ impl PairList {
             let mut torque = Vec3::zeros();
             let (mut dissipated, mut received) = (0.0, 0.0);
             for incidence in self.incident_to(slot) {
-                let load = self.load_of[incidence.pair as usize];
+                let load = self.load_of[incidence.pair() as usize];
                 if load == NO_LOAD {
                     continue;
                 }
                 let load = &loads[load as usize];
-                if incidence.is_a {
+                if incidence.is_a() {
                     force -= load.force;
                     torque += load.torque_a;
                     received += load.received;
@@ -223,7 +250,7 @@ impl PairList {
                     torque += load.torque_b;
                 }
                 let with_wall =
-                    self.pairs[incidence.pair as usize].b.index() >= particles.first_wall();
+                    self.pairs[incidence.pair() as usize].b.index() >= particles.first_wall();
                 dissipated += if with_wall { load.dissipated } else { 0.5 * load.dissipated };
             }
             particles.force[slot] = force;
@@ -248,7 +275,7 @@ impl PairList {
     pub fn coordination(&self, slot: usize) -> usize {
         self.incident_to(slot)
             .iter()
-            .filter(|i| self.load_of[i.pair as usize] < self.contacts)
+            .filter(|i| self.load_of[i.pair() as usize] < self.contacts)
             .count()
     }
 
@@ -261,6 +288,32 @@ impl PairList {
     #[inline]
     pub fn spring(&self, pair: u32) -> Vec3 {
         self.springs.get(pair as usize).copied().unwrap_or_default()
+    }
+
+    /// Gives back room that longer lists have needed.
+    fn trim(&mut self) {
+        trim(&mut self.pairs);
+        trim(&mut self.history);
+        trim(&mut self.springs);
+        trim(&mut self.rests_until);
+        trim(&mut self.incident);
+        trim(&mut self.load_of);
+    }
+
+    /// Bytes that the list and all that is remembered hold.
+    pub fn bytes(&self) -> usize {
+        fn held<T>(column: &Vec<T>) -> usize {
+            column.capacity() * size_of::<T>()
+        }
+        held(&self.pairs)
+            + held(&self.history)
+            + held(&self.springs)
+            + held(&self.rests_until)
+            + held(&self.touching)
+            + held(&self.first)
+            + held(&self.incident)
+            + held(&self.parted)
+            + held(&self.load_of)
     }
 
     /// What is remembered of one pair, under its lasting name.

@@ -116,22 +116,13 @@ impl Simulation {
         self.step += 1;
         self.clock.lap(Phase::Move);
 
-        // agree on who is where (collective: every rank takes the same branch)
-        let newcomers = self.next_rain(comm);
-        let stale = newcomers.is_some() || self.list_is_stale(comm);
-        self.clock.lap(Phase::Agree);
-        if stale {
-            self.list_pairs(&newcomers.unwrap_or_default(), comm)?;
-        } else {
-            self.domain.start_halo(&self.particles, comm);
-        }
-
         // find contacts: one virtual call per kind of pair, inner pairs while the ghosts travel
-        self.found.clear();
-        self.resolve(Part::Inner)?;
-        if !stale {
-            self.domain.finish_halo(&mut self.particles, comm);
-            self.clock.lap(Phase::Exchange);
+        if let Some(newcomers) = self.next_rain(comm) {
+            self.list_pairs(&newcomers, comm)?;
+            self.found.clear();
+            self.resolve(Part::Inner)?;
+        } else {
+            self.exchange_and_resolve_inner(comm)?;
         }
         self.resolve(Part::Border)?;
         self.pairs.note(&self.found, &self.particles);
@@ -141,6 +132,31 @@ impl Simulation {
         self.apply_law(self.dt);
         self.clock.lap(Phase::Forces);
         Ok(())
+    }
+
+    /// Brings the ghosts up to date, asks all ranks whether the list is good for these positions, and
+    /// resolves the pairs without ghosts while both are under way. If the list was stale, that is done
+    /// again with a new one. Collective.
+    fn exchange_and_resolve_inner(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
+        let stale_here = self.list_is_stale();
+        comm.start_vote(stale_here);
+        self.clock.lap(Phase::Agree);
+        self.domain.start_halo(&self.particles, comm);
+        self.clock.lap(Phase::Exchange);
+        let before = self.found.tally;
+        self.found.clear();
+        let inner = if stale_here { Ok(()) } else { self.resolve(Part::Inner) };
+        self.domain.finish_halo(&mut self.particles, comm);
+        self.clock.lap(Phase::Exchange);
+        let stale = comm.finish_vote();
+        self.clock.lap(Phase::Agree);
+        if !stale {
+            return inner;
+        }
+        self.found.tally = before;
+        self.list_pairs(&[], comm)?;
+        self.found.clear();
+        self.resolve(Part::Inner)
     }
 
     /// Lists pairs and finds the forces at the start of a run. Collective.
@@ -179,10 +195,16 @@ impl Simulation {
     /// Makes ghosts and pairs for particles that are all with their owners; `carried` are the histories
     /// of their touching contacts. Collective.
     pub fn relist(&mut self, carried: &mut [NamedHistory], comm: &mut dyn Comm) {
-        self.domain.create_ghosts(&mut self.particles, comm);
+        self.domain.offer_ghosts(&mut self.particles, comm);
+        let mut found = search::close_pairs(&self.particles, self.skin);
+        self.domain.keep_paired_ghosts(&mut self.particles, &mut found);
         self.domain.start_halo(&self.particles, comm);
         self.domain.finish_halo(&mut self.particles, comm);
-        self.pairs.rebuild(&mut self.particles, self.skin, carried);
+        self.pairs.rebuild(&mut self.particles, found, carried);
+        self.particles.trim();
+        let contacts = self.loads.len() + self.loads.len() / 8;
+        self.found.contacts.shrink_to(contacts);
+        self.loads.shrink_to(contacts);
         self.domain.traffic.rebuilds += 1;
     }
 
@@ -228,12 +250,10 @@ impl Simulation {
         self.particles.received[slot] += energy;
     }
 
-    /// Has anybody moved so far that an unlisted pair might touch? Collective.
-    fn list_is_stale(&self, comm: &mut dyn Comm) -> bool {
-        let mut moved = [search::moved_squared(&self.particles)];
-        comm.max(&mut moved);
+    /// Has anybody here moved so far that an unlisted pair might touch?
+    fn list_is_stale(&self) -> bool {
         // Written so that a position that is not a number makes the list stale, and is found.
-        let still_good = moved[0] <= 0.25 * self.skin * self.skin;
+        let still_good = search::moved_squared(&self.particles) <= 0.25 * self.skin * self.skin;
         !still_good
     }
 
@@ -243,18 +263,26 @@ impl Simulation {
         if self.lists_since_cut < LISTS_BETWEEN_CUTS {
             return;
         }
-        let work: Vec<i64> =
-            (0..self.particles.owned).map(|slot| 1 + self.pairs.listed_for(slot)).collect();
-        let mine: i64 = work.iter().sum();
+        if self.work_imbalance(comm) > self.imbalance {
+            let work = self.work();
+            self.domain.recut(&self.particles, &work, comm);
+            self.lists_since_cut = 0;
+        }
+    }
+
+    /// The work of each owned particle: itself and its pairs.
+    fn work(&self) -> Vec<i64> {
+        (0..self.particles.owned).map(|slot| 1 + self.pairs.listed_for(slot)).collect()
+    }
+
+    /// The work of the busiest rank over the mean of all; 1 without particles. Collective.
+    pub fn work_imbalance(&self, comm: &mut dyn Comm) -> f64 {
+        let mine: i64 = self.work().iter().sum();
         let mut total = [mine];
         let mut most = [mine as f64];
         comm.sum(&mut total);
         comm.max(&mut most);
-        let mean = total[0] as f64 / f64::from(comm.size());
-        if most[0] > self.imbalance * mean {
-            self.domain.recut(&self.particles, &work, comm);
-            self.lists_since_cut = 0;
-        }
+        if total[0] == 0 { 1.0 } else { most[0] * f64::from(comm.size()) / total[0] as f64 }
     }
 
     fn resolve(&mut self, part: Part) -> Result<(), StepError> {

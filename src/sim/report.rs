@@ -3,9 +3,10 @@
 use super::Simulation;
 use super::run::{Ending, Finish};
 use crate::comm::Comm;
-use crate::contact::Tally;
+use crate::contact::{Contact, Tally};
+use crate::law::Load;
 use crate::timing::Phase;
-use std::fmt::Write;
+use std::fmt::{Display, Formatter, Write};
 
 /// Where the time of one phase went, over all ranks [s].
 #[derive(Clone, Copy, Debug)]
@@ -19,7 +20,10 @@ struct Spent {
 pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String {
     let ranks = f64::from(comm.size());
     let phases = spent(sim, comm);
-    let (tally, halo) = totals(sim, comm);
+    let (tally, traffic) = totals(sim, comm);
+    let halo = Halo::of(sim, finish.steps_done, comm);
+    let imbalance = sim.work_imbalance(comm);
+    let memory = Memory::of(sim, comm);
     if !comm.is_root() {
         return String::new();
     }
@@ -90,13 +94,23 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
         ));
     }
     line(format_args!(
-        "halo       {:.2} messages and {:.0} bytes per step and rank; {:.3} ghosts per particle; list rebuilt {} times, domain cut {} times, {} particles migrated",
-        halo.messages as f64 / steps / ranks,
-        halo.bytes as f64 / steps / ranks,
-        halo.ghosts as f64 / finish.particle_steps.max(1) as f64,
+        "halo       per step and rank {} messages, one per neighbour, and {} bytes, {:.0} per ghost; list rebuilt {} times, domain cut {} times, {} particles migrated",
+        halo.messages,
+        halo.bytes,
+        traffic.bytes as f64 / traffic.ghosts.max(1) as f64,
         sim.domain.traffic.rebuilds,
         sim.domain.traffic.recuts,
-        halo.migrated,
+        traffic.migrated,
+    ));
+    line(format_args!(
+        "ghosts     {} per owned particle; {:.2} of all particles within the halo width (largest bounding diameter and skin)",
+        halo.ghosts,
+        traffic.ghosts as f64 / traffic.offered.max(1) as f64,
+    ));
+    line(format_args!("balance    the busiest rank has {imbalance:.3} times the mean work"));
+    line(format_args!(
+        "memory     {} bytes per owned particle: {:.0} in columns, {:.0} in {:.2} listed pairs, {:.0} in contacts and their forces",
+        memory.all, memory.columns, memory.pairs, memory.listed, memory.contacts,
     ));
     line(format_args!(
         "packing    {:.3} contacts per particle with walls, mean normal force {:.3e} N, largest overlap {:.2e} of the shortest axis",
@@ -146,9 +160,9 @@ fn totals(sim: &Simulation, comm: &mut dyn Comm) -> (Tally, crate::domain::Traff
         tally.fallbacks[1],
         tally.fallbacks[2],
         tally.fallbacks[3],
-        traffic.messages,
         traffic.bytes,
         traffic.ghosts,
+        traffic.offered,
         traffic.migrated,
     ]
     .map(|count| count as i64);
@@ -158,9 +172,88 @@ fn totals(sim: &Simulation, comm: &mut dyn Comm) -> (Tally, crate::domain::Traff
     tally.pairs = counts[1];
     tally.contacts = counts[2];
     tally.fallbacks.copy_from_slice(&counts[3..7]);
-    traffic.messages = counts[7];
-    traffic.bytes = counts[8];
-    traffic.ghosts = counts[9];
+    traffic.bytes = counts[7];
+    traffic.ghosts = counts[8];
+    traffic.offered = counts[9];
     traffic.migrated = counts[10];
     (tally, traffic)
+}
+
+/// A number of each rank: the mean, and the most.
+#[derive(Clone, Copy, Debug)]
+struct Share {
+    mean: f64,
+    most: f64,
+}
+
+impl Share {
+    /// Numbers to nine digits behind the point. Collective.
+    fn of<const N: usize>(here: [f64; N], comm: &mut dyn Comm) -> [Self; N] {
+        let mut most = here;
+        let mut total = here.map(|value| (value * 1e9) as i64);
+        comm.max(&mut most);
+        comm.sum(&mut total);
+        let ranks = f64::from(comm.size());
+        std::array::from_fn(|k| Self { mean: total[k] as f64 * 1e-9 / ranks, most: most[k] })
+    }
+}
+
+impl Display for Share {
+    fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
+        let digits = if self.most < 100.0 { 2 } else { 0 };
+        write!(f, "{:.digits$} (most {:.digits$})", self.mean, self.most)
+    }
+}
+
+/// What the halo costs in a step.
+struct Halo {
+    messages: Share,
+    bytes: Share,
+    /// Per owned particle.
+    ghosts: Share,
+}
+
+impl Halo {
+    fn of(sim: &Simulation, steps: u64, comm: &mut dyn Comm) -> Self {
+        let traffic = &sim.domain.traffic;
+        let per_step = |count: u64| count as f64 / steps.max(1) as f64;
+        let [messages, bytes, ghosts] = Share::of(
+            [
+                per_step(traffic.messages),
+                per_step(traffic.bytes),
+                traffic.ghosts as f64 / traffic.owned.max(1) as f64,
+            ],
+            comm,
+        );
+        Self { messages, bytes, ghosts }
+    }
+}
+
+/// Bytes held for each owned particle, as the end of the run finds them; ghosts count with those that they
+/// touch.
+struct Memory {
+    all: Share,
+    columns: f64,
+    pairs: f64,
+    contacts: f64,
+    /// Pairs per owned particle.
+    listed: f64,
+}
+
+impl Memory {
+    fn of(sim: &Simulation, comm: &mut dyn Comm) -> Self {
+        let owned = sim.particles.owned.max(1) as f64;
+        let columns = sim.particles.bytes() as f64 / owned;
+        let pairs = sim.pairs.bytes() as f64 / owned;
+        let held = |len: usize, each: usize| (len * each) as f64 / owned;
+        let contacts = held(sim.found.contacts.capacity(), size_of::<Contact>())
+            + held(sim.found.apart.capacity(), size_of::<(u32, f64)>())
+            + held(sim.loads.capacity(), size_of::<Load>());
+        let listed = sim.pairs.pairs.len() as f64 / owned;
+        let parts = [columns + pairs + contacts, columns, pairs, contacts, listed];
+        let [all, columns, pairs, contacts, listed] = Share::of(parts, comm);
+        let [columns, pairs, contacts, listed] =
+            [columns, pairs, contacts, listed].map(|share| share.mean);
+        Self { all, columns, pairs, contacts, listed }
+    }
 }
