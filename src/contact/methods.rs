@@ -67,9 +67,7 @@ impl Method {
                 Self::Auto | Self::CommonNormal if a.has_margin() || b.has_margin() => {
                     (Box::new(Cores), last_resorts())
                 }
-                Self::Auto | Self::CommonNormal => {
-                    (Box::new(ErodedGjk::default()), last_resorts())
-                }
+                Self::Auto | Self::CommonNormal => (Box::new(ErodedGjk::default()), last_resorts()),
                 Self::GjkErosion { ratio, increment, tolerance } => {
                     (Box::new(ErodedGjk { ratio, increment, tolerance }), last_resorts())
                 }

@@ -181,16 +181,18 @@ impl PairList {
 
     /// The pairs of a block that must be looked at.
     pub fn active(&self, block: &Block, particles: &Particles) -> Vec<u32> {
-        block
-            .range
-            .clone()
-            .filter(|&index| {
-                let Pair { a, b } = self.pairs[index];
-                let travel = particles.travel[a.index()] + particles.travel[b.index()];
-                travel >= f64::from(self.rests_until[index])
-            })
-            .map(|index| index as u32)
-            .collect()
+        // Every index is written, and the next one over it if the pair rests: no branch to be guessed wrongly.
+        let mut active = vec![0; block.range.len() + 1];
+        let mut count = 0;
+        let pairs = &self.pairs[block.range.clone()];
+        let rests_until = &self.rests_until[block.range.clone()];
+        for ((pair, rests_until), index) in pairs.iter().zip(rests_until).zip(block.range.start..) {
+            let travel = particles.travel[pair.a.index()] + particles.travel[pair.b.index()];
+            active[count] = index as u32;
+            count += usize::from(travel >= f64::from(*rests_until));
+        }
+        active.truncate(count);
+        active
     }
 
     /// After resolution: takes note of which pairs touch now, which have come apart, and how long those
