@@ -17,7 +17,7 @@ pub(crate) struct Effort {
 
 impl Effort {
     pub(crate) const FULL: Self =
-        Self { pairs: 1024, rounds: 11, least: Duration::from_micros(20) };
+        Self { pairs: 1024, rounds: 21, least: Duration::from_micros(200) };
     pub(crate) const QUICK: Self = Self { pairs: 128, rounds: 3, least: Duration::from_micros(5) };
 }
 
@@ -43,7 +43,7 @@ impl Start {
 /// How far a grain turns in a step [rad].
 const TURNED: f64 = 1e-4;
 /// Pairs timed together.
-const TOGETHER: usize = 64;
+const TOGETHER: usize = 256;
 /// Largest overlap and clearance [short axes].
 const DEEPEST: f64 = 0.05;
 const FARTHEST: f64 = 1.0;
