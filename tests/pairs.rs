@@ -86,6 +86,10 @@ fn check_bits(file: &str, arguments: &[&str], method: &Method) {
                 same("PA", centre + a.support(&touch.normal));
                 same("PB", centre + (b.support(&-touch.normal) + r));
                 assert!(resolver.stages().contains(&row["solver"].as_str()), "{}", row["solver"]);
+                let iterations: u32 = row["iterations"].parse().unwrap();
+                let closed = row["solver"] == "sphere-sphere";
+                assert!(closed == (iterations == 0), "{file} {id}: {iterations} iterations");
+                assert!(iterations < 10_000, "{file} {id}: {iterations} iterations");
                 met[0] += 1;
             }
             Outcome::Apart(bound) => {

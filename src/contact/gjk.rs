@@ -11,7 +11,7 @@
 //!
 //! The answer is one of three things that must never be mixed up: apart, intersecting, or not known.
 
-use super::{Posed, unit_of_length};
+use super::{Posed, count_direction, unit_of_length};
 use crate::math::{Mat3, Vec3};
 use crate::shape::{Core, Shape};
 
@@ -117,6 +117,7 @@ impl<'a> Difference<'a> {
 
     #[inline]
     pub(super) fn corner(&self, direction: Vec3) -> Corner {
+        count_direction();
         Corner { point: self.support(&direction), direction }
     }
 }

@@ -41,6 +41,7 @@ use crate::ids::{GlobalId, ShapeId, Slot};
 use crate::math::{Mat3, Vec3};
 use crate::shape::{Core, Form, Kind, Shape};
 use serde::{Deserialize, Serialize};
+use std::cell::Cell;
 
 /// The geometry of one contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -309,6 +310,21 @@ impl Found {
             Outcome::Failed(why) => self.failed.push((pair, why)),
         }
     }
+}
+
+thread_local! {
+    static DIRECTIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// How many directions were tried so far on this thread: what GJK, EPA and Newton's method have in common is that
+/// each iteration asks both bodies for their support point along one direction. Lanes count as one.
+pub fn directions_tried() -> u64 {
+    DIRECTIONS.get()
+}
+
+#[inline]
+fn count_direction() {
+    DIRECTIONS.set(DIRECTIONS.get() + 1);
 }
 
 /// A method that resolves pairs of convex bodies.

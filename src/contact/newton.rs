@@ -14,6 +14,7 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
+use super::count_direction;
 use super::lanes::{Lanes, Symmetric, Triple};
 
 /// Longest step [rad].
@@ -94,12 +95,14 @@ impl<L: Lanes> Ellipsoids<L> {
     /// `δ` alone.
     #[inline(always)]
     pub(super) fn delta(&self, normal: Triple<L>) -> L {
+        count_direction();
         let (qa, qb) = (normal.dot(self.a.times(normal)), normal.dot(self.b.times(normal)));
         (qa.sqrt() + qb.sqrt()) - normal.dot(self.r)
     }
 
     #[inline(always)]
     pub(super) fn evaluate(&self, normal: Triple<L>) -> Evaluation<L> {
+        count_direction();
         let (a, b) = (self.a.times(normal), self.b.times(normal));
         let (qa, qb) = (normal.dot(a), normal.dot(b));
         let inverse = L::all(1.0) / (qa * qb);

@@ -20,7 +20,9 @@
 //!
 //! Whatever it cannot settle within its evaluations goes to the next resolver of the chain.
 
-use super::{CommonNormal, ContactResolver, Epa, Outcome, Posed, Touch, Why, unit_of_length};
+use super::{
+    CommonNormal, ContactResolver, Epa, Outcome, Posed, Touch, Why, count_direction, unit_of_length,
+};
 use crate::math::{Mat3, Vec3};
 use crate::shape::{CurvedSupport, Ellipsoid, Shape};
 
@@ -240,6 +242,7 @@ impl SmoothPair<'_> {
 
     #[inline]
     fn evaluate(&self, normal: Vec3) -> Option<Evaluation> {
+        count_direction();
         let sides = [self.side(self.bodies[0], &normal)?, self.side(self.bodies[1], &-normal)?];
         let between = (sides[0].world.point - sides[1].world.point) - self.r;
         let delta = between.dot(&normal);

@@ -14,7 +14,7 @@ pub mod write;
 
 use crate::contact::{
     Batch, Bodies, ContactResolver, Found, History, Method, Outcome, Pair, Posed, Table, Tally,
-    Touch, Why, clearance, ordered, table,
+    Touch, Why, clearance, directions_tried, ordered, table,
 };
 use crate::ids::{ShapeId, Slot};
 use crate::math::{Mat3, Quat, Vec3};
@@ -145,6 +145,8 @@ pub struct Answer {
     pub touching: bool,
     /// The stage of the method's chain that answered; empty if none did.
     pub stage: &'static str,
+    /// How many directions all stages tried together, see [`directions_tried`].
+    pub iterations: u64,
 }
 
 /// A touch whose overlap is negative for bodies that are apart.
@@ -188,7 +190,9 @@ pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
             active: &active,
             bodies: pairs.bodies(),
         };
+        let before = directions_tried();
         resolver.resolve(&batch, &mut found);
+        let iterations = directions_tried() - before;
         let outcome = match (&found.contacts[..], &found.apart[..], &found.failed[..]) {
             ([contact], [], []) => Outcome::Touching(contact.touch),
             ([], [(_, clearance)], []) => Outcome::Apart(*clearance),
@@ -201,6 +205,7 @@ pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
         Answer {
             touch: signed(outcome, &a, &b, &r),
             touching: matches!(outcome, Outcome::Touching(_)),
+            iterations,
             stage: if found.failed.is_empty() { resolver.stages()[stage] } else { "" },
         }
     };

@@ -53,8 +53,7 @@ pub fn pairs(pairs: &Pairs, to: impl Write) -> Result<(), csv::Error> {
 }
 
 /// Writes one row per pair. Points are in the world; they are the support points along the normal, of the
-/// bodies themselves. Numbers that nobody could tell are empty, and so are the iterations: no
-/// resolver counts them yet.
+/// bodies themselves. Numbers that nobody could tell are empty.
 ///
 /// # Errors
 /// If it cannot be written.
@@ -75,7 +74,8 @@ pub fn answers(pairs: &Pairs, answers: &[Answer], to: impl Write) -> Result<(), 
             }
         };
         let head = std::iter::once(pairs.name(index));
-        let tail = [answer.stage, ""];
+        let iterations = answer.iterations.to_string();
+        let tail = [answer.stage, &iterations];
         table.write_record(head.chain(numbers.iter().map(String::as_str)).chain(tail))?;
     }
     Ok(table.flush()?)
