@@ -6,7 +6,9 @@
 //! fails is shrunk and printed.
 
 use crate::support::scaled;
-use dem_mpi::contact::{ContactResolver, Epa, ErodedGjk, Method, Outcome, Posed, Table, table};
+use dem_mpi::contact::{
+    ContactResolver, Epa, ErodedGjk, Method, Outcome, Posed, Table, clearance, table,
+};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::shape::{
     Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
@@ -82,6 +84,8 @@ impl Case {
         let axes = [&self.a, &self.b].into_iter().flat_map(|body| body.frame.column_iter());
         let mut starts: Vec<Vec3> = axes.flat_map(|axis| [axis.into_owned(), -axis]).collect();
         starts.extend([self.normal, self.r.try_normalize(0.0).unwrap_or_else(Vec3::x)]);
+        // Whoever found it, what a direction says is true.
+        starts.extend(clearance(&self.a.posed(), &self.b.posed(), &self.r).map(|t| t.normal));
         starts.extend((0..GRID).map(|i| {
             let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(GRID);
             let (sine, cosine) = (2.399_963_229_728_653 * f64::from(i)).sin_cos();
@@ -214,7 +218,7 @@ impl Subject {
             },
             Method::Auto | Method::CommonNormal if all(Kind::is_ellipsoidal) => ROUNDING,
             Method::Auto | Method::CommonNormal if all(Kind::is_smooth) => 1e-9,
-            Method::Auto | Method::CommonNormal if kinds.into_iter().any(Kind::has_margin) => 2e-8,
+            Method::Auto | Method::CommonNormal if kinds.into_iter().any(Kind::has_margin) => 2e-7,
             _ => f64::INFINITY,
         }
     }
