@@ -55,6 +55,19 @@ fn heap(launch: Launch) -> Arc<Finished> {
     Arc::clone(runs.entry(launch).or_insert_with(run))
 }
 
+/// The whole heap; when a run was stopped too late to join its end, a heap of so many more steps.
+fn heap_beyond(step: u64) -> (u64, Arc<Finished>) {
+    if step < HEAP_STEPS {
+        return (HEAP_STEPS, heap(Launch::Alone));
+    }
+    let steps = step + 100;
+    let directory = fresh_directory(&format!("heap_{steps}"));
+    let (scene, out) = (scene("heap"), directory.to_str().unwrap());
+    let to_the_end = format!("time.steps={steps}");
+    let ended = dem_mpi(Launch::Alone, [&*scene, "--out", out, "--set", &to_the_end]).succeed();
+    (steps, Arc::new(Finished { directory, ended }))
+}
+
 /// A scene from its beginning to its end.
 fn finished(name: &str, launch: Launch) -> Finished {
     let directory = fresh_directory(&format!("{name}_{launch:?}"));

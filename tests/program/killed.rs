@@ -1,7 +1,7 @@
 //! A rank that dies ends the run, and the run goes on from its newest snapshot.
 
 use super::process::{Launch, dem_mpi, dem_post, kill};
-use super::{assert_same_result, fresh_directory, heap, scene, snapshot};
+use super::{assert_same_result, fresh_directory, heap_beyond, scene, snapshot};
 use dem_mpi::output::snapshot::Reader;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
@@ -55,12 +55,12 @@ fn kill_a_rank(seed: u64) -> Killed {
     let damaged = below(3) == 0;
     let again = [Launch::Alone, Launch::Ranks(1), Launch::Ranks(3)][below(3) as usize];
 
-    let whole = heap(Launch::Alone);
     let directory = fresh_directory(&format!("killed_{seed}"));
     let out = directory.to_str().unwrap();
     let heap_scene = &*scene("heap");
     let every = format!("output.snapshot_every={EVERY}");
-    let running = [heap_scene, "--out", out, "--set", &every];
+    // Too long to end by itself.
+    let running = [heap_scene, "--out", out, "--set", "time.steps=1_000_000_000", "--set", &every];
     let mut running = dem_mpi(Launch::Ranks(ranks), running).start();
     let newest = snapshot(&directory, from);
     running.until("its snapshot", || newest.exists());
@@ -86,12 +86,16 @@ fn kill_a_rank(seed: u64) -> Killed {
     let newest = Reader::open(&directory).unwrap();
     newest.verify().unwrap();
     assert_eq!(newest.passed_over(), [], "seed {seed}");
-    assert!(newest.header().step >= from, "seed {seed}");
+    let step = newest.header().step;
+    assert!(step >= from, "seed {seed}");
     if damaged {
         let bytes = fs::read(newest.path()).unwrap();
         fs::write(newest.path(), &bytes[..bytes.len() / 3]).unwrap();
     }
-    let ended = dem_mpi(again, [heap_scene, "--out", out, "--start", out]).succeed();
+    let (steps, whole) = heap_beyond(step);
+    let to_the_end = format!("time.steps={steps}");
+    let ended =
+        dem_mpi(again, [heap_scene, "--out", out, "--start", out, "--set", &to_the_end]).succeed();
     let passed_over = ended.said().matches("passed over: ").count();
     assert_eq!(passed_over, usize::from(damaged), "seed {seed}: {ended}");
     assert_same_result(&whole.directory, &directory);

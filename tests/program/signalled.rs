@@ -1,7 +1,7 @@
 //! A signal ends a run with a snapshot from which it goes on as if it had never stopped.
 
 use super::process::{Launch, dem_mpi, signal};
-use super::{assert_same_result, fresh_directory, heap, scene, snapshot};
+use super::{assert_same_result, fresh_directory, heap_beyond, scene, snapshot};
 use dem_mpi::output::snapshot::Reader;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
@@ -40,7 +40,6 @@ fn stop(seed: u64, launch: Launch, to: To, name: &str, again: Launch) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let from = EVERY * (1 + random.next_u64() % 25);
     let pause = Duration::from_micros(random.next_u64() % 100_000);
-    let whole = heap(Launch::Alone);
     let directory = fresh_directory(&format!("signalled_{seed}"));
     let out = directory.to_str().unwrap();
     let heap_scene = &*scene("heap");
@@ -67,6 +66,8 @@ fn stop(seed: u64, launch: Launch, to: To, name: &str, again: Launch) {
         ended.said_once(&format!("{EVERY} --out {out} --start {out}/particles_{newest:09}.vtkhdf"));
     }
     assert!(newest >= from, "{case}: {ended}");
-    dem_mpi(again, [heap_scene, "--out", out, "--start", out]).succeed();
+    let (steps, whole) = heap_beyond(newest);
+    let to_the_end = format!("time.steps={steps}");
+    dem_mpi(again, [heap_scene, "--out", out, "--start", out, "--set", &to_the_end]).succeed();
     assert_same_result(&whole.directory, &directory);
 }
