@@ -11,6 +11,7 @@ use crate::comm::{Comm, agree, wire};
 use crate::contact::{History, NamedHistory};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
+use crate::shape::Shape;
 use std::cell::OnceCell;
 use std::fs::{self, File};
 use std::io;
@@ -131,6 +132,7 @@ const SHAPE_SEMI_AXES: Column = column("/shapes/semi_axes", 3, "m");
 const SHAPE_VOLUME: Column = column("/shapes/volume", 1, "m^3");
 const SHAPE_MASS: Column = column("/shapes/mass", 1, "kg");
 const SHAPE_INERTIA: Column = column("/shapes/inertia", 3, "kg m^2");
+const SHAPE_GEOMETRY: Column = column("/shapes/geometry", 1, "");
 
 /// Writes a snapshot: the contacts file, the particles file and, when both are on the disk under their
 /// own names, the link [`LAST`]. Creates `directory` if it is missing. Collective; the header of rank 0
@@ -371,15 +373,27 @@ fn write_contacts(
     file.close()
 }
 
-/// Creates a file with room for so many elements of this rank, and the scene.
+/// Creates a file with room for so many elements of this rank, the scene and the shapes.
 fn create<'a>(
     path: &Path,
     elements: usize,
     header: &Header,
     comm: &'a mut dyn Comm,
 ) -> Result<SnapshotFile<'a>, SnapshotError> {
-    let scene = if comm.is_root() { header.scene.len() } else { 0 };
-    SnapshotFile::create(path, (elements * ELEMENT + scene) as u64, comm)
+    let texts = if comm.is_root() {
+        // All geometries take the room of the longest.
+        let longest = geometries(header).iter().map(String::len).max().unwrap_or(0);
+        header.scene.len() + header.shapes.len() * longest
+    } else {
+        0
+    };
+    SnapshotFile::create(path, (elements * ELEMENT + texts) as u64, comm)
+}
+
+/// The geometry of each shape as JSON.
+fn geometries(header: &Header) -> Vec<String> {
+    let json = |row: &ShapeRow| serde_json::to_string(&row.geometry);
+    header.shapes.iter().map(json).collect::<Result<_, _>>().expect("a geometry can be stored")
 }
 
 /// Writes this rank's part of one of the four categories of cells that PolyData has: `count` cells,
@@ -461,7 +475,9 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.table(&SHAPE_SEMI_AXES, numbers(&vectors(|s| s.semi_axes)))?;
     file.table(&SHAPE_VOLUME, &shapes.iter().map(|s| s.volume).collect::<Vec<_>>())?;
     file.table(&SHAPE_MASS, &shapes.iter().map(|s| s.mass).collect::<Vec<_>>())?;
-    file.table(&SHAPE_INERTIA, numbers(&vectors(|s| s.inertia)))
+    file.table(&SHAPE_INERTIA, numbers(&vectors(|s| s.inertia)))?;
+    let geometries = geometries(header);
+    file.texts(&SHAPE_GEOMETRY, &geometries.iter().map(|g| &**g).collect::<Vec<_>>())
 }
 
 fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
@@ -480,6 +496,7 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
     let kinds = shapes.texts(&SHAPE_KIND)?;
     let (axes, inertias) = (shapes.vectors(&SHAPE_SEMI_AXES)?, shapes.vectors(&SHAPE_INERTIA)?);
     let (volumes, masses) = (shapes.numbers(&SHAPE_VOLUME)?, shapes.numbers(&SHAPE_MASS)?);
+    let geometries = shapes.geometries()?;
     let shapes = file.texts(&SHAPE_NAME)?.into_iter().enumerate().map(|(k, name)| ShapeRow {
         name,
         kind: kinds[k].clone(),
@@ -487,6 +504,7 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
         volume: volumes[k],
         mass: masses[k],
         inertia: inertias[k],
+        geometry: geometries[k].clone(),
     });
 
     let number = |name| file.numbers::<f64, 1>("/run", name).map(|[n]| n);
@@ -527,6 +545,21 @@ impl Tabulated<'_> {
     fn texts(&self, column: &Column) -> Result<Vec<String>, SnapshotError> {
         let texts = self.file.texts(column)?;
         if texts.len() == self.rows { Ok(texts) } else { Err(uneven(self.file, column)) }
+    }
+
+    fn geometries(&self) -> Result<Vec<Option<Shape>>, SnapshotError> {
+        let place = SHAPE_GEOMETRY.place;
+        if !self.file.has(place) {
+            return Err(SnapshotError::Older {
+                path: super::name_of(self.file.path()),
+                lacks: place.to_owned(),
+            });
+        }
+        let unreadable = |error: serde_json::Error| {
+            SnapshotError::unreadable(self.file.path(), &format!("{place}: {error}"))
+        };
+        let texts = self.texts(&SHAPE_GEOMETRY)?;
+        texts.iter().map(|text| serde_json::from_str(text).map_err(unreadable)).collect()
     }
 }
 

@@ -6,7 +6,8 @@
 //! A snapshot is two HDF5 files, each valid VTKHDF `PolyData` with one part per writing rank:
 //! `particles_<step>.vtkhdf` (vertices) and `contacts_<step>.vtkhdf` (lines). Both carry the groups
 //! `/run`, `/domain`, `/walls` and `/shapes` ([`Header`]); the first also carries `/restart`, all that a
-//! restart needs and a picture does not. A column that the scene does not need is not there.
+//! restart needs and a picture does not. A column that the scene does not need is not there. The geometry of
+//! a shape is a JSON text, `/shapes/geometry`.
 //!
 //! | place | rows | content |
 //! |---|---|---|
@@ -20,7 +21,9 @@
 use crate::contact::NamedHistory;
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
+use crate::shape::{Ellipsoid, Shape};
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// What a snapshot says once: when, where, with what walls and shapes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -84,6 +87,18 @@ pub struct ShapeRow {
     pub mass: f64,
     /// Principal moments of inertia [kg m²].
     pub inertia: Vec3,
+    /// The body itself. `None` for kind `other`: a program's own type cannot be stored.
+    pub geometry: Option<Shape>,
+}
+
+impl ShapeRow {
+    /// The body; of one that is not known, the ellipsoid in the box around it.
+    pub fn body(&self) -> Cow<'_, Shape> {
+        match &self.geometry {
+            Some(shape) => Cow::Borrowed(shape),
+            None => Cow::Owned(Shape::Ellipsoid(Ellipsoid { semi_axes: self.semi_axes })),
+        }
+    }
 }
 
 /// Particles of a snapshot, or a piece of them: columns of one length. An optional column that the

@@ -1,40 +1,113 @@
 //! A picture of the packing from the side: an orthographic view along +y (x to the right, z up), in
-//! which every grain is drawn as its exact silhouette.
+//! which every grain is drawn as its silhouette: exact, or to a hundredth of its size if it is curved and no
+//! ellipsoid.
 //!
-//! An ellipsoid `{ c + D u : |u| <= 1 }` has the half-width `|Dᵀ n|` along `n`, so its projection to the
-//! plane (x, z) is the ellipse of the 2 × 2 block of `D Dᵀ`. Written as SVG ellipses by hand: a
-//! polygon per grain would be ten times the file.
+//! The silhouette of a convex body is the convex hull of its support points along directions across the view.
+//! That of an ellipsoid with the matrix `A` (see [`crate::shape::Form`]) is the ellipse of the 2 × 2 block of `A`;
+//! it is written as an SVG ellipse, for a polygon is five times as long.
 
 use super::PostError;
-use super::region::{Bounds, Members, axes_of};
+use super::region::{Bounds, Members, Turned};
 use crate::ids::GlobalId;
 use crate::math::Vec3;
 use crate::output::tables::{Header, ParticleTable};
-use nalgebra::Matrix2;
+use nalgebra::{Matrix2, Vector2};
+use std::cmp::Ordering;
 use std::fmt::Write;
 
 /// The grains nearest to the viewer.
 #[derive(Clone, Debug, Default)]
 pub struct Picture {
     grains: Vec<Grain>,
+    /// The nearest of the grains that were left out: none behind it is needed.
+    left_out: Option<Depth>,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Grain {
-    id: GlobalId,
-    centre: Vec3,
-    /// Semi-axes of the silhouette [m].
-    semi_axes: [f64; 2],
-    /// From x to the first of them, towards z [degrees].
-    angle: f64,
+    depth: Depth,
+    /// x and z [m].
+    centre: [f64; 2],
+    outline: Outline,
     contacts: i32,
 }
 
-impl Grain {
-    /// Depth first, then id, so that a picture does not depend on the order of rows.
-    fn nearer(&self, other: &Self) -> std::cmp::Ordering {
-        self.centre.y.total_cmp(&other.centre.y).then(self.id.cmp(&other.id))
+/// The y of the centre [m], then the id, so that a picture does not depend on the order of rows.
+#[derive(Clone, Copy, Debug)]
+struct Depth(f64, GlobalId);
+
+impl Depth {
+    fn nearer(&self, other: &Self) -> Ordering {
+        self.0.total_cmp(&other.0).then(self.1.cmp(&other.1))
     }
+}
+
+/// A silhouette about the grain's centre.
+#[derive(Clone, Debug)]
+enum Outline {
+    Ellipse {
+        /// The longer one first [m].
+        semi_axes: [f64; 2],
+        /// From x to the first of them, towards z [degrees].
+        angle: f64,
+    },
+    /// Corners (x, z), counter-clockwise [m].
+    Polygon(Vec<Vector2<f64>>),
+}
+
+impl Outline {
+    fn of(body: &Turned) -> Self {
+        if !body.shape.kind().is_ellipsoidal() {
+            return Self::Polygon(polygon(body));
+        }
+        let [xx, _, zz, _, xz, _] = body.shape.form(&body.frame);
+        let mut eigen = Matrix2::new(xx, xz, xz, zz).symmetric_eigenvalues();
+        if eigen.x < eigen.y {
+            eigen.swap_rows(0, 1);
+        }
+        Self::Ellipse {
+            semi_axes: [eigen.x.max(0.0).sqrt(), eigen.y.max(0.0).sqrt()],
+            angle: 0.5 * (2.0 * xz).atan2(xx - zz).to_degrees(),
+        }
+    }
+
+    /// The largest distance from the centre [m].
+    fn reach(&self) -> f64 {
+        match self {
+            Self::Ellipse { semi_axes: [long, _], .. } => *long,
+            Self::Polygon(corners) => corners.iter().map(Vector2::norm).fold(0.0, f64::max),
+        }
+    }
+}
+
+/// The silhouette of a body: its ends along x and z, and, as long as it bulges out of a side by more than a
+/// hundredth of its size, the farthest point there.
+fn polygon(body: &Turned) -> Vec<Vector2<f64>> {
+    const BULGE: f64 = 0.01;
+    let farthest = |x: f64, z: f64| {
+        let point = body.support(&Vec3::new(x, 0.0, z));
+        Vector2::new(point.x, point.z)
+    };
+    let ends = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)].map(|(x, z)| farthest(x, z));
+    let least = BULGE * body.shape.bounding_radius();
+    let mut corners = Vec::new();
+    // Sides that still have to be looked at, the next one last.
+    let mut sides: Vec<_> = (0..4).rev().map(|k| [ends[k], ends[(k + 1) % 4]]).collect();
+    while let Some([from, to]) = sides.pop() {
+        let side = to - from;
+        if side.norm() <= least {
+            corners.push(from);
+            continue;
+        }
+        let normal = Vector2::new(side.y, -side.x).normalize();
+        let out = farthest(normal.x, normal.y);
+        if (out - from).dot(&normal) > least {
+            sides.extend([[out, to], [from, out]]);
+        } else {
+            corners.push(from);
+        }
+    }
+    corners
 }
 
 impl Picture {
@@ -52,21 +125,16 @@ impl Picture {
         members: &Members,
     ) -> Result<(), PostError> {
         for (row, &id) in particles.id.iter().enumerate() {
-            if !members.holds(id)? {
+            let centre = particles.position[row];
+            let depth = Depth(centre.y, id);
+            let hidden = self.left_out.is_some_and(|other| depth.nearer(&other).is_gt());
+            if !members.holds(id)? || hidden {
                 continue;
             }
-            let axes = axes_of(header, particles, row);
-            let spread = axes * axes.transpose();
-            let (xx, xz, zz) = (spread.m11, spread.m13, spread.m33);
-            let mut eigen = Matrix2::new(xx, xz, xz, zz).symmetric_eigenvalues();
-            if eigen.x < eigen.y {
-                eigen.swap_rows(0, 1);
-            }
             self.grains.push(Grain {
-                id,
-                centre: particles.position[row],
-                semi_axes: [eigen.x.max(0.0).sqrt(), eigen.y.max(0.0).sqrt()],
-                angle: 0.5 * (2.0 * xz).atan2(xx - zz).to_degrees(),
+                depth,
+                centre: [centre.x, centre.z],
+                outline: Outline::of(&Turned::of(header, particles, row)),
                 contacts: particles.coordination.get(row).copied().unwrap_or(0),
             });
             if self.grains.len() >= 2 * Self::LIMIT {
@@ -78,7 +146,8 @@ impl Picture {
 
     fn keep_nearest(&mut self) {
         if self.grains.len() > Self::LIMIT {
-            self.grains.select_nth_unstable_by(Self::LIMIT, Grain::nearer);
+            self.grains.select_nth_unstable_by(Self::LIMIT, |a, b| a.depth.nearer(&b.depth));
+            self.left_out = Some(self.grains[Self::LIMIT].depth);
             self.grains.truncate(Self::LIMIT);
         }
     }
@@ -86,19 +155,12 @@ impl Picture {
     /// The drawing, far grains first. Lightness goes with the number of contacts.
     pub fn svg(mut self, bounds: Option<&Bounds>) -> String {
         self.keep_nearest();
-        self.grains.sort_by(|a, b| b.nearer(a));
+        self.grains.sort_by(|a, b| b.depth.nearer(&a.depth));
         let frame = Frame::around(&self.grains, bounds);
         let mut out = String::new();
         frame.open(&mut out);
         for grain in &self.grains {
-            let (x, y) = frame.place(grain.centre.x, grain.centre.z);
-            let [long, short] = grain.semi_axes.map(|s| s * frame.scale);
-            let tone = tone_of(grain.contacts);
-            // The y of SVG points down, so angles change sign.
-            let turn = -grain.angle;
-            let _ =
-                write!(out, r#"<ellipse rx="{long:.1}" ry="{short:.1}" fill="url(#tone{tone})" "#);
-            let _ = writeln!(out, r#"transform="translate({x:.1} {y:.1}) rotate({turn:.0})"/>"#);
+            frame.draw(grain, &mut out);
         }
         out.push_str("</g>\n");
         frame.legend(&mut out);
@@ -148,9 +210,10 @@ impl Frame {
         let mut low = [f64::INFINITY; 2];
         let mut high = [f64::NEG_INFINITY; 2];
         for grain in grains {
-            for (k, centre) in [grain.centre.x, grain.centre.z].into_iter().enumerate() {
-                low[k] = low[k].min(centre - grain.semi_axes[0]);
-                high[k] = high[k].max(centre + grain.semi_axes[0]);
+            let reach = grain.outline.reach();
+            for (k, centre) in grain.centre.into_iter().enumerate() {
+                low[k] = low[k].min(centre - reach);
+                high[k] = high[k].max(centre + reach);
             }
         }
         let sides = bounds.map(|b| [[b.low.x, b.high.x], [b.low.z, b.high.z]]);
@@ -177,6 +240,44 @@ impl Frame {
 
     fn place(&self, x: f64, z: f64) -> (f64, f64) {
         ((x - self.left) * self.scale + self.inset, (self.top - z) * self.scale + Self::MARGIN)
+    }
+
+    fn draw(&self, grain: &Grain, out: &mut String) {
+        let tone = tone_of(grain.contacts);
+        let [x, z] = grain.centre;
+        match &grain.outline {
+            Outline::Ellipse { semi_axes, angle } => {
+                let (x, y) = self.place(x, z);
+                let [long, short] = semi_axes.map(|s| s * self.scale);
+                // The y of SVG points down, so angles change sign.
+                let turn = -angle;
+                let _ = write!(
+                    out,
+                    r#"<ellipse rx="{long:.1}" ry="{short:.1}" fill="url(#tone{tone})" "#
+                );
+                let _ =
+                    writeln!(out, r#"transform="translate({x:.1} {y:.1}) rotate({turn:.0})"/>"#);
+            }
+            Outline::Polygon(corners) => {
+                // In tenths of pixels, each relative to the one before: short, and errors do not add up.
+                let mut tenths: Vec<_> = corners
+                    .iter()
+                    .map(|corner| self.place(x + corner.x, z + corner.y))
+                    .map(|(x, y)| [(10.0 * x).round(), (10.0 * y).round()])
+                    .collect();
+                tenths.dedup();
+                let [x, y] = tenths[0];
+                let _ =
+                    write!(out, r#"<path fill="url(#tone{tone})" d="M{} {}l"#, x / 10.0, y / 10.0);
+                for (k, pair) in tenths.windows(2).enumerate() {
+                    let [from, to] = [pair[0], pair[1]];
+                    let gap = if k == 0 { "" } else { " " };
+                    let (x, y) = ((to[0] - from[0]) / 10.0, (to[1] - from[1]) / 10.0);
+                    let _ = write!(out, "{gap}{x} {y}");
+                }
+                out.push_str("z\"/>\n");
+            }
+        }
     }
 
     fn open(&self, out: &mut String) {

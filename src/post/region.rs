@@ -6,8 +6,10 @@ use super::sums::quotient;
 use crate::ids::GlobalId;
 use crate::math::{ExactSum, Mat3, Quat, Vec3};
 use crate::output::tables::{Header, ParticleTable};
+use crate::shape::Shape;
 use nalgebra::Quaternion;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// A box with its sides along the axes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -75,28 +77,42 @@ impl Region {
 /// Names of the axes.
 pub(super) const AXES: [char; 3] = ['x', 'y', 'z'];
 
-/// The shape of a row as a matrix whose columns are its semi-axes in the world [m].
-///
-/// With `D` that matrix, the body is `{ c + D u : |u| <= 1 }`, its half-width along a unit vector `n`
-/// is `|Dᵀ n|`. Exact for spheres and ellipsoids; of any other kind, the ellipsoid
-/// in the box around it.
-pub(super) fn axes_of(header: &Header, particles: &ParticleTable, row: usize) -> Mat3 {
-    let semi_axes = header.shapes[particles.shape[row].index()].semi_axes;
-    let frame = particles.quaternion.get(row).map_or_else(Mat3::identity, |&[w, x, y, z]| {
-        Quat::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix().into_inner()
-    });
-    frame * Mat3::from_diagonal(&semi_axes)
+/// The body of a row about its centre, turned as it lies in the world.
+pub(super) struct Turned<'a> {
+    pub(super) shape: Cow<'a, Shape>,
+    /// Columns are the body's axes in the world.
+    pub(super) frame: Mat3,
 }
 
-/// Half-widths of a body along the axes of the world [m].
-fn half_widths(axes: &Mat3) -> Vec3 {
-    Vec3::from_fn(|k, _| axes.row(k).norm())
+impl<'a> Turned<'a> {
+    pub(super) fn of(header: &'a Header, particles: &ParticleTable, row: usize) -> Self {
+        let frame = particles.quaternion.get(row).map_or_else(Mat3::identity, |&[w, x, y, z]| {
+            Quat::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix().into_inner()
+        });
+        Self { shape: header.shapes[particles.shape[row].index()].body(), frame }
+    }
+
+    /// The farthest point along `direction` [m].
+    pub(super) fn support(&self, direction: &Vec3) -> Vec3 {
+        self.frame * self.shape.support(&self.frame.tr_mul(direction))
+    }
+
+    /// Whether a point is in the body.
+    fn contains(&self, point: &Vec3) -> bool {
+        self.shape.contains(&self.frame.tr_mul(point))
+    }
+
+    /// The box around the body.
+    fn bounds(&self) -> Bounds {
+        let end = |k: usize, sign: f64| self.support(&Vec3::ith(k, sign))[k];
+        Bounds { low: Vec3::from_fn(|k, _| end(k, -1.0)), high: Vec3::from_fn(|k, _| end(k, 1.0)) }
+    }
 }
 
 /// The box of the whole packing. On each side it ends
 /// * at the end of the period, if the axis is periodic;
 /// * else at a wall across that axis, if there is one, touched or not (of several, the innermost);
-/// * else at the outermost particle surface (exact for spheres and ellipsoids).
+/// * else at the outermost particle surface.
 ///
 /// A slanted wall bounds nothing here: give a region for such a packing.
 #[derive(Clone, Debug)]
@@ -115,9 +131,9 @@ impl Extent {
     /// Adds the surfaces of these particles.
     pub fn add(&mut self, header: &Header, particles: &ParticleTable) {
         for (row, centre) in particles.position.iter().enumerate() {
-            let half = half_widths(&axes_of(header, particles, row));
-            self.low = self.low.inf(&(centre - half));
-            self.high = self.high.sup(&(centre + half));
+            let around = Turned::of(header, particles, row).bounds();
+            self.low = self.low.inf(&(centre + around.low));
+            self.high = self.high.sup(&(centre + around.high));
         }
     }
 
@@ -307,40 +323,43 @@ impl SampledSolid {
         let period = header.high - header.low;
         let images = |axis: usize| if header.periodic[axis] { -1..=1 } else { 0..=0 };
         for (row, position) in particles.position.iter().enumerate() {
-            let axes = axes_of(header, particles, row);
+            let body = Turned::of(header, particles, row);
+            let around = body.bounds();
             let centre = wrapped(header, *position);
             for i in images(0) {
                 for j in images(1) {
                     for k in images(2) {
                         let shift = Vec3::new(f64::from(i), f64::from(j), f64::from(k));
-                        self.mark(&(centre + shift.component_mul(&period)), &axes);
+                        self.mark(&(centre + shift.component_mul(&period)), &body, &around);
                     }
                 }
             }
         }
     }
 
-    /// Marks the points in one body.
-    fn mark(&mut self, centre: &Vec3, axes: &Mat3) {
-        let Some(to_unit_ball) = axes.try_inverse() else { return };
+    /// Marks the points in one body, which has this box around it.
+    fn mark(&mut self, centre: &Vec3, body: &Turned, around: &Bounds) {
         let cell = self.bounds.lengths() / Self::POINTS as f64;
-        let half = half_widths(axes);
         let range = |axis: usize| {
             let at = |x: f64| ((x - self.bounds.low[axis]) / cell[axis] - 0.5).ceil();
-            let first = at(centre[axis] - half[axis]).max(0.0) as usize;
-            let end = at(centre[axis] + half[axis]).max(0.0) as usize + 1;
+            let first = at(centre[axis] + around.low[axis]).max(0.0) as usize;
+            let end = at(centre[axis] + around.high[axis]).max(0.0) as usize + 1;
             first..end.min(Self::POINTS)
         };
         let (xs, ys, zs) = (range(0), range(1), range(2));
         for k in zs {
             for j in ys.clone() {
-                for i in xs.clone() {
-                    let index = Vec3::new(i as f64, j as f64, k as f64).add_scalar(0.5);
-                    let point = self.bounds.low + index.component_mul(&cell);
-                    if (to_unit_ball * (point - centre)).norm_squared() <= 1.0 {
-                        let bit = (k * Self::POINTS + j) * Self::POINTS + i;
-                        self.covered[bit / 64] |= 1 << (bit % 64);
-                    }
+                let low = self.bounds.low;
+                let is_covered = |i: &usize| {
+                    let index = Vec3::new(*i as f64, j as f64, k as f64).add_scalar(0.5);
+                    body.contains(&(low + index.component_mul(&cell) - centre))
+                };
+                // What a convex body covers of a row has no gap.
+                let Some(first) = xs.clone().find(is_covered) else { continue };
+                let last = xs.clone().rfind(is_covered).unwrap_or(first);
+                for i in first..=last {
+                    let bit = (k * Self::POINTS + j) * Self::POINTS + i;
+                    self.covered[bit / 64] |= 1 << (bit % 64);
                 }
             }
         }

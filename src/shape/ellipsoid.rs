@@ -80,4 +80,8 @@ impl Convex for Ellipsoid {
     fn half_lengths(&self) -> Vec3 {
         self.semi_axes
     }
+
+    fn contains(&self, point: &Vec3) -> bool {
+        point.component_div(&self.semi_axes).norm() <= 1.0
+    }
 }

@@ -37,4 +37,8 @@ impl Convex for HalfSpace {
     fn half_lengths(&self) -> Vec3 {
         Vec3::repeat(f64::INFINITY)
     }
+
+    fn contains(&self, point: &Vec3) -> bool {
+        self.normal.dot(point) <= 0.0
+    }
 }

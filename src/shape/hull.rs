@@ -270,6 +270,19 @@ impl Hull {
         self.planes.iter().map(below).fold(f64::INFINITY, f64::min)
     }
 
+    /// Whether a point is at most `radius` [m] from the body.
+    pub fn is_near(&self, point: &Vec3, radius: f64) -> bool {
+        let above = |plane: &Plane| plane.normal.dot(point) - plane.offset;
+        if self.planes.iter().any(|plane| above(plane) > radius) {
+            return false;
+        }
+        let near = |triangle: &Triangle| {
+            let corners = triangle.corners.map(|k| self.vertices[k as usize]);
+            squared_distance(point, corners) <= radius * radius
+        };
+        self.planes.iter().all(|plane| above(plane) <= 0.0) || self.triangles.iter().any(near)
+    }
+
     /// Radius of the smallest ball about the origin that holds the body [m].
     pub const fn bounding_radius(&self) -> f64 {
         self.bounding_radius
@@ -284,6 +297,22 @@ impl Hull {
     pub const fn half_extents(&self) -> Vec3 {
         self.half_extents
     }
+}
+
+/// The square of a point's distance from a triangle [m²].
+fn squared_distance(point: &Vec3, [a, b, c]: [Vec3; 3]) -> f64 {
+    let sides = [(a, b), (b, c), (c, a)];
+    let normal = (b - a).cross(&(c - a));
+    if sides.iter().all(|(from, to)| normal.cross(&(to - from)).dot(&(point - from)) >= 0.0) {
+        let along = normal.dot(&(point - a));
+        return along * along / normal.norm_squared();
+    }
+    let from_side = |(from, to): (Vec3, Vec3)| {
+        let (side, off) = (to - from, point - from);
+        let part = (side.dot(&off) / side.norm_squared()).clamp(0.0, 1.0);
+        (off - side * part).norm_squared()
+    };
+    sides.map(from_side).into_iter().fold(f64::INFINITY, f64::min)
 }
 
 /// The index of the point farthest along a direction, the first of several.

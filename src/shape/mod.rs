@@ -64,6 +64,31 @@ pub trait Convex: Debug + Send + Sync {
         })
     }
 
+    /// Whether a point is in the body.
+    ///
+    /// Every shape of this crate knows exactly. From support points alone (Gilbert 1966, DOI 10.1137/0304007),
+    /// a point less than a thousandth of the bounding radius outside the surface may be taken for one inside.
+    fn contains(&self, point: &Vec3) -> bool {
+        const NEAR: f64 = 1e-3;
+        const STEPS: usize = 10_000;
+        let mut off = *point;
+        let mut enough = self.inscribed_radius();
+        for _ in 0..STEPS {
+            if off.norm() <= enough {
+                return true;
+            }
+            let farthest = self.support(&off);
+            if off.dot(&(point - farthest)) > 0.0 {
+                return false;
+            }
+            // From the point of the body found so far, `point - off`, towards the farthest one.
+            let step = farthest - point + off;
+            off -= step * (off.dot(&step) / step.norm_squared()).min(1.0);
+            enough = NEAR * self.bounding_radius();
+        }
+        true
+    }
+
     /// Support point and curvature along a unit vector; `None` if the surface has edges.
     #[inline]
     fn curved_support(&self, _direction: &Vec3) -> Option<CurvedSupport> {
@@ -189,6 +214,7 @@ macro_rules! dispatched {
             volume() -> f64;
             gyration() -> Vec3;
             half_lengths() -> Vec3;
+            contains(point: &Vec3) -> bool;
             curved_support(direction: &Vec3) -> Option<CurvedSupport>;
             follow(here: &CurvedSupport, direction: &Vec3, step: &Vec3) -> Option<Vec3>;
             smallest_curvature_radius() -> f64;

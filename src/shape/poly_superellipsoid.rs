@@ -199,6 +199,11 @@ impl Convex for PolySuperellipsoid {
         self.half_lengths
     }
 
+    fn contains(&self, point: &Vec3) -> bool {
+        let point = self.axes * point + self.centre;
+        self.exponents.norm(&self.around(&point), &point) <= 1.0
+    }
+
     fn volume(&self) -> f64 {
         self.volume
     }

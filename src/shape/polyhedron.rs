@@ -71,6 +71,10 @@ impl Convex for Polyhedron {
         self.hull.half_extents()
     }
 
+    fn contains(&self, point: &Vec3) -> bool {
+        self.hull.is_near(point, 0.0)
+    }
+
     #[inline]
     fn core(&self) -> Core<'_> {
         Core::Hull(&self.hull)

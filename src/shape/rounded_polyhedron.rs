@@ -76,6 +76,10 @@ impl Convex for RoundedPolyhedron {
         self.core.half_extents().add_scalar(self.radius)
     }
 
+    fn contains(&self, point: &Vec3) -> bool {
+        self.core.is_near(point, self.radius)
+    }
+
     fn smallest_curvature_radius(&self) -> f64 {
         self.radius
     }

@@ -38,6 +38,10 @@ impl Convex for Sphere {
         Vec3::repeat(self.radius)
     }
 
+    fn contains(&self, point: &Vec3) -> bool {
+        point.norm() <= self.radius
+    }
+
     #[inline]
     fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
         Ellipsoid { semi_axes: Vec3::repeat(self.radius) }.curved_support(direction)

@@ -57,6 +57,12 @@ impl Convex for Spherocylinder {
         Vec3::new(self.bounding_radius(), self.radius, self.radius)
     }
 
+    fn contains(&self, point: &Vec3) -> bool {
+        let half = 0.5 * self.length;
+        let beside = Vec3::new(point.x - point.x.clamp(-half, half), point.y, point.z);
+        beside.norm() <= self.radius
+    }
+
     fn smallest_curvature_radius(&self) -> f64 {
         self.radius
     }

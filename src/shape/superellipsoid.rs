@@ -110,6 +110,10 @@ impl Convex for Superellipsoid {
     fn half_lengths(&self) -> Vec3 {
         self.semi_axes
     }
+
+    fn contains(&self, point: &Vec3) -> bool {
+        self.exponents.norm(&self.semi_axes, point) <= 1.0
+    }
 }
 
 /// A support point and the Hessian of the support function there, as two dyads:
@@ -245,6 +249,14 @@ impl Exponents {
     #[inline]
     pub(super) fn normal_at(self, semi_axes: &Vec3, point: &Vec3) -> Vec3 {
         self.dual().support(&semi_axes.map(|a| 1.0 / a), point).point
+    }
+
+    /// How many times farther out `point` is than the surface of the body with these semi-axes in its direction:
+    /// the norm whose unit ball the body is.
+    pub(super) fn norm(self, semi_axes: &Vec3, point: &Vec3) -> f64 {
+        let x = point.component_div(semi_axes).abs();
+        let dual = self.dual();
+        Norm::of(Norm::of(x.x, x.y, dual.across).value, x.z, dual.along).value
     }
 
     /// Farthest and least distance of the surface from the centre [m]: the squared distance is linear in the

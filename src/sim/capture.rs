@@ -7,6 +7,7 @@ use crate::ids::{GlobalId, Rank, ShapeId};
 use crate::math::{Quat, Vec3};
 use crate::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
 use crate::particles::records::Particle;
+use crate::shape::Kind;
 use nalgebra::Quaternion;
 use std::collections::BTreeMap;
 
@@ -47,6 +48,7 @@ impl Simulation {
                     volume: library.shapes[k].volume(),
                     mass: library.mass[k],
                     inertia: library.inertia[k],
+                    geometry: Some(library.shapes[k].clone()).filter(|s| s.kind() != Kind::Other),
                 })
                 .collect(),
             scene: scene.to_owned(),
