@@ -1,0 +1,200 @@
+//! What is measured under mpirun, which this program starts on itself: the wall time of steps, and of a
+//! snapshot beside a plain write of as many bytes.
+
+use crate::packing::{CELL, Packing, settled};
+use anyhow::{Context, ensure};
+use clap::ValueEnum;
+use dem_mpi::comm::Comm;
+use dem_mpi::comm::world::World;
+use dem_mpi::output::snapshot;
+use dem_mpi::timing::Phase;
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+/// What the ranks of mpirun do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Task {
+    /// Steps of 5,120 settled ellipsoids.
+    Settled,
+    /// Steps of 10,000 packed ellipsoids.
+    Packed10,
+    /// Steps of 20,000 packed ellipsoids.
+    Packed20,
+    /// Snapshots of 1,000,000 packed ellipsoids, and plain writes.
+    Snapshot,
+}
+
+impl Task {
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Settled => "settled",
+            Self::Packed10 | Self::Packed20 => "packed",
+            Self::Snapshot => "snapshot",
+        }
+    }
+
+    /// Cells along the axes.
+    const fn cells(self) -> [u32; 3] {
+        match self {
+            Self::Settled => [0; 3],
+            Self::Packed10 => [5, 2, 1],
+            Self::Packed20 => [5, 2, 2],
+            Self::Snapshot => [10; 3],
+        }
+    }
+}
+
+/// Steps are timed in so many rounds, of which the fastest counts: others use the machine, too.
+const ROUNDS: u32 = 8;
+/// Particles times steps of a round.
+const ROUND: usize = 2_000_000;
+const SNAPSHOTS: u32 = 5;
+/// Bytes of a plain write's call.
+const CHUNK: usize = 8 << 20;
+
+/// Steps, timed.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Timed {
+    pub(crate) particles: f64,
+    /// Wall time of a step [s].
+    pub(crate) step: f64,
+    /// Of that round, on rank 0: motion and list of pairs, per particle [s].
+    pub(crate) particle: f64,
+    /// The same: resolution and force, per contact [s].
+    pub(crate) contact: f64,
+}
+
+/// A snapshot beside a plain write, the median of each.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Written {
+    pub(crate) bytes: f64,
+    /// From the simulation to files on the disk under their names [s].
+    pub(crate) snapshot: f64,
+    /// Of one process, to a new file on the disk [s].
+    pub(crate) plain: f64,
+}
+
+/// Starts mpirun; the numbers that rank 0 printed.
+fn start<const N: usize>(task: Task, ranks: u32) -> anyhow::Result<[f64; N]> {
+    let name = task.to_possible_value().expect("a task has a name");
+    let output = Command::new("timeout")
+        .args(["600", "mpirun", "-n", &ranks.to_string()])
+        .arg(std::env::current_exe()?)
+        .args(["--task", name.get_name()])
+        .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
+        .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
+        .stdin(Stdio::null())
+        .stderr(Stdio::inherit())
+        .output()
+        .context("mpirun cannot be started")?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    ensure!(output.status.success(), "mpirun -n {ranks}: {}\n{text}", output.status);
+    let numbers: Result<Vec<f64>, _> = text.split_whitespace().map(str::parse).collect();
+    let numbers = numbers.with_context(|| format!("mpirun -n {ranks} printed: {text}"))?;
+    ensure!(numbers.len() == N, "mpirun -n {ranks} printed: {text}");
+    Ok(std::array::from_fn(|k| numbers[k]))
+}
+
+/// Times steps on so many ranks.
+pub(crate) fn steps(task: Task, ranks: u32) -> anyhow::Result<Timed> {
+    let [particles, step, particle, contact] = start(task, ranks)?;
+    Ok(Timed { particles, step, particle, contact })
+}
+
+/// Times snapshots on so many ranks.
+pub(crate) fn snapshots(ranks: u32) -> anyhow::Result<Written> {
+    let [bytes, snapshot, plain] = start(Task::Snapshot, ranks)?;
+    Ok(Written { bytes, snapshot, plain })
+}
+
+/// What each rank of mpirun does. Rank 0 prints.
+pub(crate) fn work(task: Task) -> anyhow::Result<()> {
+    let mut comm = World::new();
+    let numbers = match task {
+        Task::Snapshot => time_snapshots(task, &mut comm)?.to_vec(),
+        _ => time_steps(task, &mut comm)?.to_vec(),
+    };
+    if comm.is_root() {
+        println!("{}", numbers.iter().map(|x| format!("{x:e}")).collect::<Vec<_>>().join(" "));
+    }
+    Ok(())
+}
+
+fn time_steps(task: Task, comm: &mut dyn Comm) -> anyhow::Result<[f64; 4]> {
+    let mut sim = match task {
+        Task::Settled => settled(comm),
+        _ => Packing::new()?.begun(task.cells(), comm),
+    };
+    let mut total = [sim.particles.owned as i64];
+    comm.sum(&mut total);
+    let particles = total[0] as usize;
+    let steps = ROUND / particles;
+    let mut best = [particles as f64, f64::INFINITY, 0.0, 0.0];
+    for _ in 0..ROUNDS {
+        let contacts = sim.found.tally.contacts;
+        let clock = sim.clock.clone();
+        comm.any(false);
+        let begin = Instant::now();
+        for _ in 0..steps {
+            sim.step(comm)?;
+        }
+        comm.any(false);
+        let step = begin.elapsed().as_secs_f64() / steps as f64;
+        if step < best[1] {
+            let spent = |phases: &[Phase]| {
+                let since = |&phase: &Phase| sim.clock.seconds(phase) - clock.seconds(phase);
+                phases.iter().map(since).sum::<f64>()
+            };
+            let contacts = sim.found.tally.contacts - contacts;
+            let slots = (sim.particles.owned + sim.particles.ghosts) * steps;
+            let of_particle = [Phase::Move, Phase::Rebuild, Phase::Exchange, Phase::Agree];
+            best[1..].copy_from_slice(&[
+                step,
+                spent(&of_particle) / slots as f64,
+                spent(&[Phase::Contacts, Phase::Forces]) / contacts as f64,
+            ]);
+        }
+    }
+    Ok(best)
+}
+
+fn time_snapshots(task: Task, comm: &mut dyn Comm) -> anyhow::Result<[f64; 3]> {
+    let sim = Packing::new()?.begun(task.cells(), comm);
+    ensure!(sim.next_id == 1000 * u64::from(CELL), "a million");
+    let folder = Path::new("target/scaling/snapshots");
+    let mut bytes = 0.0;
+    let mut times = [Vec::new(), Vec::new()];
+    for _ in 0..SNAPSHOTS {
+        comm.any(false);
+        let begin = Instant::now();
+        let header = sim.header("", &[]);
+        let (particles, contacts) = (sim.particle_table(comm.rank()), sim.contact_table());
+        let histories = sim.histories();
+        let path = snapshot::write(folder, &header, &particles, &contacts, &histories, comm)?;
+        comm.any(false);
+        times[0].push(begin.elapsed().as_secs_f64());
+        if comm.is_root() {
+            let mut content = fs::read(path)?;
+            content.extend(fs::read(folder.join(snapshot::contacts_name(header.step)))?);
+            bytes = content.len() as f64;
+            let plain = folder.join("plain");
+            let begin = Instant::now();
+            let mut file = File::create(&plain)?;
+            for chunk in content.chunks(CHUNK) {
+                file.write_all(chunk)?;
+            }
+            file.sync_all()?;
+            times[1].push(begin.elapsed().as_secs_f64());
+            fs::remove_dir_all(folder)?;
+        }
+        comm.any(false);
+    }
+    let [snapshot, plain] = times.map(|mut times| {
+        times.sort_by(f64::total_cmp);
+        times.get(times.len() / 2).copied().unwrap_or(0.0)
+    });
+    Ok([bytes, snapshot, plain])
+}
