@@ -6,6 +6,7 @@ use dem_mpi::math::Vec3;
 use dem_mpi::output::tables::{
     ContactTable, Header, HistoryTable, ParticleTable, ShapeRow, WallRow,
 };
+use dem_mpi::shape::{Shape, Sphere};
 use std::ops::Range;
 
 /// What one rank, or all ranks one after the other, hand to the writer.
@@ -60,6 +61,7 @@ pub(crate) fn header(step: u64) -> Header {
                 volume: n.next(),
                 mass: n.next(),
                 inertia: n.vector(),
+                geometry: Some(Shape::Sphere(Sphere { radius: n.next() })),
             })
             .to_vec(),
         scene: "# a scene, with µ in a comment\n[contact]\nmethod = \"auto\"\n".repeat(20),

@@ -13,7 +13,8 @@ from vtk.util.numpy_support import vtk_to_numpy
 
 POINT_DATA = "id shape semi_axes quaternion velocity angular_velocity force torque coordination rank"
 CELL_DATA = "a b branch point normal overlap normal_force shear_force force"
-WITHOUT_UNIT = ("/NumberOf", "/Offsets", "/Connectivity", "/name", "/kind", "/scene")
+TEXTS = ("/name", "/kind", "/geometry", "/scene")
+WITHOUT_UNIT = ("/NumberOf", "/Offsets", "/Connectivity", *TEXTS)
 
 
 def parts_of(path):

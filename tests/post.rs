@@ -4,7 +4,7 @@ use crate::support::{begun, scene};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::ids::{GlobalId, ShapeId};
-use dem_mpi::math::{Mat3, Vec3};
+use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::table;
 use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
@@ -17,6 +17,11 @@ use dem_mpi::post::stress::{Stress, StressSum};
 use dem_mpi::post::{
     Analysis, ParticlePass, PostError, Report, Settings, analyse, lammps, page, panels,
 };
+use dem_mpi::shape::{
+    Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
+    Spherocylinder, Superellipsoid,
+};
+use nalgebra::Quaternion;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
 use serde_json::Value;
@@ -104,6 +109,7 @@ fn header(low: Vec3, high: Vec3, periodic: bool, semi_axes: Vec3, particles: usi
             volume: 4.0 / 3.0 * PI * semi_axes.product(),
             mass: 1.0,
             inertia: Vec3::repeat(1.0),
+            geometry: None,
         }],
         scene: String::new(),
     }
@@ -722,6 +728,167 @@ fn extents_of_turned_ellipsoids_are_exact() {
     assert_eq!((found.low.z, found.high.z), (3.5, 6.5));
     assert_eq!((found.low.x, found.high.x), (0.0, 9.0));
     assert_eq!(Extent::default().finish(&Header { walls: Vec::new(), ..header }), None);
+}
+
+/// One of each kind, about 1 m in size.
+fn bodies() -> Vec<Shape> {
+    let (long, short) = (Vec3::new(1.0, 0.7, 0.5), Vec3::new(0.6, 0.8, 0.9));
+    let mut dice = Dice(ChaCha8Rng::seed_from_u64(11));
+    let points: Vec<Vec3> = (0..40).map(|_| dice.direction().component_mul(&long)).collect();
+    let mut bodies = vec![
+        Shape::Sphere(Sphere { radius: 0.8 }),
+        Shape::Ellipsoid(Ellipsoid { semi_axes: long }),
+        Shape::Spherocylinder(Spherocylinder { length: 0.9, radius: 0.4 }),
+        Shape::Polyhedron(Box::new(Polyhedron::new(&points).unwrap())),
+        Shape::RoundedPolyhedron(Box::new(RoundedPolyhedron::new(&points, 0.2).unwrap())),
+        Shape::RoundedPolyhedron(Box::new(RoundedPolyhedron::new(&box_of(&short), 0.3).unwrap())),
+    ];
+    for exponents in [[0.5, 0.5], [0.2, 1.0], [1.0, 1.0], [1.4, 0.7], [2.0, 2.0]] {
+        bodies.push(Shape::Superellipsoid(Superellipsoid::new(long, exponents)));
+        let octants = PolySuperellipsoid::new(long, short, exponents);
+        bodies.push(Shape::PolySuperellipsoid(Box::new(octants)));
+    }
+    bodies
+}
+
+/// The corners of a box about the origin.
+fn box_of(half: &Vec3) -> Vec<Vec3> {
+    let sign = |set: bool| if set { 1.0 } else { -1.0 };
+    let corner = |k: u32| Vec3::new(sign(k & 1 > 0), sign(k & 2 > 0), sign(k & 4 > 0));
+    (0..8).map(|k| corner(k).component_mul(half)).collect()
+}
+
+fn snapshot_of(shape: &Shape, quaternion: [f64; 4], side: f64) -> (Header, ParticleTable) {
+    let mut header = header(Vec3::repeat(-side), Vec3::repeat(side), false, shape.semi_axes(), 1);
+    header.shapes[0].geometry = Some(shape.clone());
+    let particles = particles_at(vec![Vec3::zeros()]);
+    (header, ParticleTable { quaternion: vec![quaternion], ..particles })
+}
+
+#[test]
+fn bodies_contain_what_is_below_their_surface() {
+    let mut dice = Dice(ChaCha8Rng::seed_from_u64(12));
+    for body in bodies() {
+        for _ in 0..500 {
+            let direction = dice.direction();
+            let end = body.support(&direction);
+            assert!(body.contains(&(end * (1.0 - 1e-9))), "{direction} {body:?}");
+            assert!(!body.contains(&(end + direction * 1e-9)), "{direction} {body:?}");
+        }
+    }
+}
+
+/// The volume within a region against closed forms: of a whole body, and of the half of one that a plane through its
+/// centre cuts.
+#[test]
+fn volumes_of_bodies_in_a_region() {
+    let mut dice = Dice(ChaCha8Rng::seed_from_u64(13));
+    let side = 1.7;
+    let whole = Bounds { low: Vec3::repeat(-side), high: Vec3::repeat(side) };
+    let half = Bounds { low: Vec3::new(0.0, -side, -side), high: Vec3::repeat(side) };
+    let (mut largest, mut halves) = (0.0_f64, 0);
+    for body in bodies() {
+        let turn = dice.direction() * dice.unit();
+        let attitude = [(1.0 - turn.norm_squared()).sqrt(), turn.x, turn.y, turn.z];
+        let (header, particles) = snapshot_of(&body, attitude, side);
+        let mut check = |bounds: Bounds, expected: f64| {
+            let mut sampled = SampledSolid::new(bounds);
+            sampled.add(&header, &particles);
+            let error = sampled.finish() * bounds.volume() / expected - 1.0;
+            largest = largest.max(error.abs());
+            assert!(error.abs() < 3e-4, "{error:e} {body:?}");
+        };
+        check(whole, body.volume());
+        if matches!(
+            body.kind(),
+            Kind::Sphere | Kind::Ellipsoid | Kind::Superellipsoid | Kind::Spherocylinder
+        ) {
+            check(half, 0.5 * body.volume());
+            halves += 1;
+        }
+    }
+    assert_eq!(halves, 8);
+    println!("largest relative error of a body's volume: {largest:.1e}");
+    // A box cut by planes across its edges: between them is the rest of one edge times the face.
+    let half = Vec3::new(1.0, 0.5, 0.25);
+    let body = Shape::Polyhedron(Box::new(Polyhedron::new(&box_of(&half)).unwrap()));
+    let axis = (0..3).find(|&k| (body.half_lengths()[k] - 1.0).abs() < 1e-12).unwrap();
+    let (header, particles) = snapshot_of(&body, [1.0, 0.0, 0.0, 0.0], side);
+    let mut bounds = whole;
+    bounds.low[axis] = 0.3;
+    let mut sampled = SampledSolid::new(bounds);
+    sampled.add(&header, &particles);
+    let error = sampled.finish() * bounds.volume() / (0.7 * 1.0 * 0.5) - 1.0;
+    // Up to half a cell at each of five faces.
+    let cells = bounds.lengths() / 256.0;
+    let share = Vec3::from_fn(|k, _| {
+        let faces = if k == axis { 0.5 } else { 1.0 };
+        faces * cells[k] / if k == axis { 0.7 } else { 2.0 * body.half_lengths()[k] }
+    });
+    assert!(error.abs() <= share.sum(), "{error:e} of {share}");
+}
+
+#[test]
+fn extents_of_turned_solids_are_exact() {
+    let body = Shape::Polyhedron(Box::new(Polyhedron::new(&box_of(&Vec3::repeat(1.0))).unwrap()));
+    let half_turn: f64 = PI / 8.0;
+    let attitude = [half_turn.cos(), 0.0, half_turn.sin(), 0.0];
+    let (header, particles) = snapshot_of(&body, attitude, 2.0);
+    let mut extent = Extent::default();
+    extent.add(&header, &particles);
+    let found = extent.finish(&header).unwrap();
+    let half = Vec3::new(2.0_f64.sqrt(), 1.0, 2.0_f64.sqrt());
+    assert!((found.high - half).amax() < ROUNDING && (found.low + half).amax() < ROUNDING);
+    // And its silhouette is a square that stands on a corner.
+    let snapshot = Snapshot { header, particles, contacts: ContactTable::default() };
+    let svg = snapshot.analyse(Settings::default()).unwrap().picture.svg(None);
+    let path = r#"d="M732 372l-360 -360 -360 360 360 360z""#;
+    assert!(svg.contains(path), "{svg}");
+}
+
+/// Each corner of a drawn silhouette is on it, and no part of it is farther out than a hundredth of the size.
+#[test]
+fn silhouettes_are_those_of_the_bodies() {
+    let mut dice = Dice(ChaCha8Rng::seed_from_u64(14));
+    let frame = Bounds { low: Vec3::repeat(-2.0), high: Vec3::repeat(2.0) };
+    // Pixels per metre, and where the centre is.
+    let (scale, middle) = (180.0, 372.0);
+    let mut corners = 0;
+    let mut drawn = 0;
+    for body in bodies() {
+        let turn = dice.direction() * dice.unit();
+        let attitude = [(1.0 - turn.norm_squared()).sqrt(), turn.x, turn.y, turn.z];
+        let (header, particles) = snapshot_of(&body, attitude, 1.0);
+        let snapshot = Snapshot { header, particles, contacts: ContactTable::default() };
+        let svg = snapshot.analyse(Settings::default()).unwrap().picture.svg(Some(&frame));
+        let ellipses = svg.matches("<ellipse").count();
+        assert_eq!(ellipses, usize::from(body.kind().is_ellipsoidal()), "{body:?}");
+        let Some((_, path)) = svg.split_once(r#"d="M"#) else { continue };
+        let (path, _) = path.split_once('z').unwrap();
+        let numbers: Vec<f64> = path.split([' ', 'l']).map(|n| n.parse().unwrap()).collect();
+        let mut outline: Vec<[f64; 2]> = Vec::new();
+        for step in numbers.chunks(2) {
+            let [x, y] = *outline.last().unwrap_or(&[0.0; 2]);
+            outline.push([x + step[0], y + step[1]]);
+        }
+        let [w, x, y, z] = attitude;
+        let turn = Quat::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix();
+        let support = |x: f64, z: f64| {
+            let direction = Vec3::new(x, 0.0, z);
+            (turn * body.support(&turn.inverse_transform_vector(&direction))).dot(&direction)
+        };
+        let least = scale * 0.01 * body.bounding_radius();
+        for angle in (0..720).map(|k| f64::from(k) * PI / 360.0) {
+            let (x, z) = (angle.cos(), angle.sin());
+            let along = outline.iter().map(|[px, py]| (px - middle) * x - (py - middle) * z);
+            let missing = scale * support(x, z) - along.fold(f64::NEG_INFINITY, f64::max);
+            // Corners are drawn to tenths of pixels.
+            assert!((-0.1..least + 0.1).contains(&missing), "{missing} px of {least} {body:?}");
+        }
+        corners += outline.len();
+        drawn += 1;
+    }
+    println!("{} corners on average", corners / drawn);
 }
 
 #[test]

@@ -3,10 +3,15 @@
 use crate::made_up::{self, Tables, header};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
+use dem_mpi::math::Vec3;
 use dem_mpi::output::SnapshotError;
-use dem_mpi::output::hdf5::checksum;
+use dem_mpi::output::hdf5::{Column, SnapshotFile, checksum};
 use dem_mpi::output::snapshot::{self, Reader};
-use dem_mpi::output::tables::Header;
+use dem_mpi::output::tables::{Header, ShapeRow};
+use dem_mpi::shape::{
+    Ellipsoid, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
+    Superellipsoid,
+};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
 use std::fs;
@@ -61,6 +66,69 @@ fn nothing_at_all_round_trip() {
     let empty = Header { walls: vec![], shapes: vec![], scene: String::new(), ..header(0) };
     threads::run(2, |comm| write(directory.path(), &empty, &Tables::default(), comm));
     assert_eq!(read(directory.path()).unwrap(), (empty, Tables::default()));
+}
+
+#[test]
+fn geometries_keep_their_bits() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let mut next = || (random.next_u64() >> 11) as f64 * 1e-19;
+    for round in 0..20 {
+        let mut vector = || Vec3::new(next(), next(), next());
+        let points: Vec<Vec3> = (0..4).map(|_| vector()).collect();
+        let (axes, exponents) = ([vector(), vector()], [0.3 + 1e3 * vector().x, 1.1]);
+        let radius = vector().x;
+        let shapes = [
+            Some(Shape::Sphere(Sphere { radius })),
+            Some(Shape::Ellipsoid(Ellipsoid { semi_axes: axes[0] })),
+            Some(Shape::Superellipsoid(Superellipsoid::new(axes[0], exponents))),
+            Some(Shape::PolySuperellipsoid(Box::new(PolySuperellipsoid::new(
+                axes[0], axes[1], exponents,
+            )))),
+            Some(Shape::Spherocylinder(Spherocylinder { length: axes[0].y, radius })),
+            Some(Shape::Polyhedron(Box::new(Polyhedron::new(&points).unwrap()))),
+            Some(Shape::RoundedPolyhedron(Box::new(
+                RoundedPolyhedron::new(&points, radius).unwrap(),
+            ))),
+            None,
+        ];
+        let mut header = header(round);
+        let row = header.shapes[0].clone();
+        header.shapes =
+            shapes.map(|geometry| ShapeRow { geometry, ..row.clone() }).into_iter().collect();
+        write(directory.path(), &header, &Tables::default(), &mut Alone::default());
+        let found = Reader::open(directory.path()).unwrap().header().clone();
+        // Digits that are printed are those that tell a number from all others.
+        assert_eq!(format!("{:?}", found.shapes), format!("{:?}", header.shapes));
+    }
+}
+
+#[test]
+fn a_snapshot_without_geometries_is_older() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("particles_000000001.vtkhdf");
+    let mut comm = Alone::default();
+    let mut file = SnapshotFile::create(&path, 0, &mut comm).unwrap();
+    let groups =
+        ["/VTKHDF", "/VTKHDF/PointData", "/restart", "/restart/contacts", "/walls", "/shapes"];
+    for group in groups {
+        file.group(group).unwrap();
+    }
+    let column = |place, width| Column { place, width, unit: "" };
+    for place in ["/VTKHDF/PointData/id", "/restart/contacts/a"] {
+        file.rows::<i64>(&column(place, 1), &[]).unwrap();
+    }
+    file.rows::<f64>(&column("/VTKHDF/Points", 3), &[]).unwrap();
+    for place in ["/walls/point", "/walls/normal", "/walls/velocity", "/walls/force"] {
+        file.table::<f64>(&column(place, 3), &[]).unwrap();
+    }
+    file.texts(&column("/walls/name", 1), &[]).unwrap();
+    file.texts(&column("/shapes/name", 1), &["ball"]).unwrap();
+    file.close().unwrap();
+    let error = Reader::open(&path).err().unwrap();
+    let SnapshotError::Older { lacks, .. } = &error else { panic!("{error}") };
+    assert_eq!(lacks, "/shapes/geometry");
+    assert!(error.to_string().contains("run its scene again"), "{error}");
 }
 
 #[test]

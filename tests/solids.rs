@@ -532,6 +532,10 @@ impl Convex for Lens {
         let across = self.integral(|z, square| square * (0.25 * square + z * z));
         Vec3::new(across, across, about) / self.volume()
     }
+
+    fn contains(&self, point: &Vec3) -> bool {
+        Vec3::new(point.x, point.y, point.z.abs() + self.offset).norm() <= self.radius
+    }
 }
 
 /// Nothing but the trait is needed for pairs with every other shape and with walls.
@@ -543,6 +547,9 @@ fn a_shape_of_the_users_own_is_resolved() {
     assert!((lens.semi_axes() - Vec3::new(1.6, 1.6, 0.8)).norm() < 1e-15, "{}", lens.semi_axes());
     let cap = PI * 0.8 * 0.8 * (3.0 * radius - 0.8) / 3.0;
     assert!(near(lens.volume(), 2.0 * cap, 1e-6));
+    assert!(
+        lens.contains(&Vec3::new(1.599, 0.0, 0.0)) && !lens.contains(&Vec3::new(0.0, 0.0, 0.801))
+    );
     let compliance = lens.surface_compliance();
     assert!(compliance > 3.5 && compliance < 10.0, "{compliance}");
 

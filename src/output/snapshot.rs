@@ -493,10 +493,10 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
     });
 
     let shapes = Tabulated { file, rows: file.count(SHAPE_NAME.place)? };
+    let geometries = shapes.geometries()?;
     let kinds = shapes.texts(&SHAPE_KIND)?;
     let (axes, inertias) = (shapes.vectors(&SHAPE_SEMI_AXES)?, shapes.vectors(&SHAPE_INERTIA)?);
     let (volumes, masses) = (shapes.numbers(&SHAPE_VOLUME)?, shapes.numbers(&SHAPE_MASS)?);
-    let geometries = shapes.geometries()?;
     let shapes = file.texts(&SHAPE_NAME)?.into_iter().enumerate().map(|(k, name)| ShapeRow {
         name,
         kind: kinds[k].clone(),

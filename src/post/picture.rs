@@ -1,6 +1,6 @@
 //! A picture of the packing from the side: an orthographic view along +y (x to the right, z up), in
-//! which every grain is drawn as its silhouette: exact, or to a hundredth of its size if it is curved and no
-//! ellipsoid.
+//! which every grain is drawn as its silhouette: that of an ellipsoid exactly, any other to a hundredth of the
+//! grain's size.
 //!
 //! The silhouette of a convex body is the convex hull of its support points along directions across the view.
 //! That of an ellipsoid with the matrix `A` (see [`crate::shape::Form`]) is the ellipse of the 2 × 2 block of `A`;

@@ -302,7 +302,8 @@ impl SolidVolume {
 /// The solid fraction of a box that cuts particles, on a lattice of sample points: the share of
 /// points that lie in any particle (an overlap counts once). The points are the centres of
 /// 256³ equal cells, so the same snapshot always gives the same number; for a box of
-/// some ten particles' width the error is about 10⁻⁴.
+/// some ten particles' width the error is about 10⁻⁴. A flat face that lies along a side of the box adds up to half
+/// a cell times its area.
 #[derive(Clone, Debug)]
 pub struct SampledSolid {
     bounds: Bounds,

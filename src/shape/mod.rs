@@ -56,37 +56,15 @@ pub trait Convex: Debug + Send + Sync {
     /// Principal moments of inertia over mass [m²].
     fn gyration(&self) -> Vec3;
 
+    /// Whether a point is in the body.
+    fn contains(&self, point: &Vec3) -> bool;
+
     /// Half lengths along the local axes of the smallest box about the centre that holds the body [m].
     fn half_lengths(&self) -> Vec3 {
         Vec3::from_fn(|i, _| {
             let axis = Vec3::ith(i, 1.0);
             self.support(&axis)[i].max(-self.support(&-axis)[i])
         })
-    }
-
-    /// Whether a point is in the body.
-    ///
-    /// Every shape of this crate knows exactly. From support points alone (Gilbert 1966, DOI 10.1137/0304007),
-    /// a point less than a thousandth of the bounding radius outside the surface may be taken for one inside.
-    fn contains(&self, point: &Vec3) -> bool {
-        const NEAR: f64 = 1e-3;
-        const STEPS: usize = 10_000;
-        let mut off = *point;
-        let mut enough = self.inscribed_radius();
-        for _ in 0..STEPS {
-            if off.norm() <= enough {
-                return true;
-            }
-            let farthest = self.support(&off);
-            if off.dot(&(point - farthest)) > 0.0 {
-                return false;
-            }
-            // From the point of the body found so far, `point - off`, towards the farthest one.
-            let step = farthest - point + off;
-            off -= step * (off.dot(&step) / step.norm_squared()).min(1.0);
-            enough = NEAR * self.bounding_radius();
-        }
-        true
     }
 
     /// Support point and curvature along a unit vector; `None` if the surface has edges.
