@@ -302,14 +302,14 @@ impl Octet {
         let overlap = ends.overlap * unit;
         let certain = ends.minimum & L::all(0.0).less(overlap) & overlap.less(self.certain(batch));
         let touches = Touches::of(overlap, ends.normal, ends.point.times(unit));
-        for lane in 0..self.count.min(WIDTH) {
+        for (lane, start) in starts.iter().enumerate().take(self.count) {
             let index = self.index[lane];
             let outcome = if certain >> lane & 1 == 1 {
                 Outcome::Touching(touches.of_lane(lane))
             } else if ends.apart >> lane & 1 == 1 {
                 Outcome::Apart(-touches.overlap[lane])
             } else {
-                search(batch, index, &starts[lane])
+                search(batch, index, start)
             };
             found.note(index, outcome);
         }
