@@ -170,6 +170,9 @@ fn time_all(record: &Path) -> anyhow::Result<Timed> {
     Ok(ones[2])
 }
 
+/// A quantity of a run.
+type Of<'a> = &'a dyn Fn(&Run) -> f64;
+
 /// Fits, prints the residuals, predicts and draws.
 fn foretell(runs: &[Run], costs: &Costs, record: &Path) -> anyhow::Result<()> {
     let packed = |run: &&Run| run.scene == "packed";
@@ -182,7 +185,6 @@ fn foretell(runs: &[Run], costs: &Costs, record: &Path) -> anyhow::Result<()> {
     println!("\nfitted to {MOST} ranks: a n^(2/3) + b");
     let mut table = "quantity,particles_per_rank,counted,fitted,residual_percent\n".to_owned();
     let mut lines = Vec::new();
-    type Of<'a> = &'a dyn Fn(&Run) -> f64;
     let quantities: [(&str, Surface, Of); 3] = [
         ("ghosts", laws.ghosts, &|run| run.mean(GHOSTS)),
         ("bytes", laws.bytes, &|run| run.mean(BYTES)),
