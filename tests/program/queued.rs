@@ -1,0 +1,69 @@
+//! A run in jobs of limited time: `run/slurm`, with a Slurm of a few lines.
+
+use super::process::{Call, Ended, Launch, signal};
+use super::{assert_same_result, fresh_directory, heap, scene, snapshot};
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+/// The run can go on, and is queued again.
+const STOPPED: i32 = 3;
+
+/// Directory of a `srun` that starts two ranks, and a `scontrol` that writes down what it is asked.
+fn slurm(ranks_seen: u32) -> PathBuf {
+    let directory = fresh_directory(&format!("slurm_{ranks_seen}"));
+    let srun = format!(
+        "#!/bin/sh\n[ \"$1\" != --kill-on-bad-exit=1 ] || shift\nexec \"${{MPIRUN:-mpirun}}\" -n {ranks_seen} \"$@\"\n"
+    );
+    let scontrol = "#!/bin/sh\necho \"$@\" >> \"$(dirname \"$0\")/asked\"\n";
+    for (name, text) in [("srun", &*srun), ("scontrol", scontrol)] {
+        let path = directory.join(name);
+        fs::write(&path, text).unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
+    }
+    directory
+}
+
+/// What the job does that `sbatch` queues.
+fn job(slurm: &Path, out: &Path, more: &[&str]) -> Call {
+    let path = format!("PATH={}:{}", slurm.display(), std::env::var("PATH").unwrap());
+    let program = concat!("DEM_MPI=", env!("CARGO_BIN_EXE_dem-mpi"));
+    let variables = ["SLURM_NTASKS=2", "SLURM_JOB_ID=4711", program, &path, "run/slurm"];
+    let words = [&variables[..], &[&scene("heap"), out.to_str().unwrap()], more].concat();
+    Call::new(vec![], "env", words)
+}
+
+fn asked(slurm: &Path) -> String {
+    fs::read_to_string(slurm.join("asked")).unwrap_or_default()
+}
+
+#[test]
+fn a_job_is_queued_again_until_all_is_done() {
+    let (slurm, out) = (slurm(2), fresh_directory("queued"));
+    for (jobs, until) in [(1, 200), (2, 1000)] {
+        let mut running = job(&slurm, &out, &["--set", "output.snapshot_every=100"]).start();
+        let reached = snapshot(&out, until);
+        running.until("a snapshot", || reached.exists());
+        // As Slurm does: to all ranks.
+        for rank in 0..2 {
+            signal(running.rank(rank).expect("the rank runs"), "USR1");
+        }
+        let ended = running.end();
+        assert_eq!(ended.status.code(), Some(STOPPED), "{ended}");
+        assert_eq!(asked(&slurm), "requeue 4711\n".repeat(jobs), "{ended}");
+    }
+    let ended: Ended = job(&slurm, &out, &[]).succeed();
+    assert!(!ended.output.contains("steps 0 to"), "{ended}");
+    assert_eq!(asked(&slurm).lines().count(), 2, "{ended}");
+    assert_same_result(&heap(Launch::Alone).directory, &out);
+}
+
+/// As where `srun` starts the ranks of another MPI.
+#[test]
+fn ranks_that_do_not_see_each_other_do_not_run() {
+    let (slurm, out) = (slurm(1), fresh_directory("queued_apart"));
+    let ended = job(&slurm, &out, &[]).end();
+    assert_eq!(ended.status.code(), Some(2), "{ended}");
+    ended.said_once("does not see 2 ranks");
+    assert_eq!(out.read_dir().unwrap().count(), 0, "{ended}");
+}
