@@ -1,13 +1,16 @@
 //! A run in jobs of limited time: `run/slurm`, with a Slurm of a few lines.
 
-use super::process::{Call, Ended, Launch, signal};
-use super::{assert_same_result, fresh_directory, heap, scene, snapshot};
+use super::process::{Call, Launch, signal};
+use super::{HEAP_STEPS, assert_same_result, fresh_directory, heap, scene, snapshot};
+use dem_mpi::output::snapshot::Reader;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 /// The run can go on, and is queued again.
 const STOPPED: i32 = 3;
+/// Steps between snapshots: few, so that a job does not reach the end before its signal.
+const EVERY: u64 = 20;
 
 /// Directory of a `srun` that starts two ranks, and a `scontrol` that writes down what it is asked.
 fn slurm(ranks_seen: u32) -> PathBuf {
@@ -28,8 +31,9 @@ fn slurm(ranks_seen: u32) -> PathBuf {
 fn job(slurm: &Path, out: &Path, more: &[&str]) -> Call {
     let path = format!("PATH={}:{}", slurm.display(), std::env::var("PATH").unwrap());
     let program = concat!("DEM_MPI=", env!("CARGO_BIN_EXE_dem-mpi"));
+    let scene = scene("heap");
     let variables = ["SLURM_NTASKS=2", "SLURM_JOB_ID=4711", program, &path, "run/slurm"];
-    let words = [&variables[..], &[&scene("heap"), out.to_str().unwrap()], more].concat();
+    let words = [&variables[..], &[&scene, out.to_str().unwrap()], more].concat();
     Call::new(vec![], "env", words)
 }
 
@@ -40,9 +44,11 @@ fn asked(slurm: &Path) -> String {
 #[test]
 fn a_job_is_queued_again_until_all_is_done() {
     let (slurm, out) = (slurm(2), fresh_directory("queued"));
-    for (jobs, until) in [(1, 200), (2, 1000)] {
-        let mut running = job(&slurm, &out, &["--set", "output.snapshot_every=100"]).start();
-        let reached = snapshot(&out, until);
+    let mut step = 0;
+    for jobs in 1..=2 {
+        let every = format!("output.snapshot_every={EVERY}");
+        let mut running = job(&slurm, &out, &["--set", &every]).start();
+        let reached = snapshot(&out, (step / EVERY + 5) * EVERY);
         running.until("a snapshot", || reached.exists());
         // As Slurm does: to all ranks.
         for rank in 0..2 {
@@ -51,9 +57,10 @@ fn a_job_is_queued_again_until_all_is_done() {
         let ended = running.end();
         assert_eq!(ended.status.code(), Some(STOPPED), "{ended}");
         assert_eq!(asked(&slurm), "requeue 4711\n".repeat(jobs), "{ended}");
+        step = Reader::open(&out).unwrap().header().step;
     }
-    let ended: Ended = job(&slurm, &out, &[]).succeed();
-    assert!(!ended.output.contains("steps 0 to"), "{ended}");
+    let ended = job(&slurm, &out, &[]).succeed();
+    ended.said_once(&format!("steps {step} to {HEAP_STEPS}"));
     assert_eq!(asked(&slurm).lines().count(), 2, "{ended}");
     assert_same_result(&heap(Launch::Alone).directory, &out);
 }
