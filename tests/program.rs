@@ -6,6 +6,7 @@ mod killed;
 mod misled;
 mod opened;
 mod process;
+mod queued;
 mod restarted;
 mod same_bits;
 mod signalled;

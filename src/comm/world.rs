@@ -4,17 +4,21 @@
 
 use super::{Comm, Parcel, Source};
 use crate::ids::Rank;
-use mpi::collective::SystemOperation;
 use mpi::environment::Universe;
 use mpi::ffi;
 use mpi::topology::SimpleCommunicator;
-use mpi::traits::{AsRaw, Communicator, CommunicatorCollectives, Root};
-use std::ffi::c_int;
+use mpi::traits::{AsRaw, Communicator, Root};
+use std::ffi::{c_int, c_void};
 use std::mem::MaybeUninit;
 
 /// Tags keep expected and unexpected parcels apart.
 const EXPECTED: c_int = 1;
 const ROUTED: c_int = 2;
+
+/// So many looks at what is waited for take some microseconds: after them a rank gives way between looks.
+/// Open MPI does that only when asked to, MPICH never: ranks that share a core would then wait for each
+/// other's time slices.
+const LOOKS: u32 = 50;
 
 /// One rank of an MPI run.
 pub struct World {
@@ -94,15 +98,22 @@ impl World {
         let mut message = MaybeUninit::uninit();
         let mut status = MaybeUninit::uninit();
         let mut count = 0;
-        // SAFETY: MPI_Mprobe fills message and status; the buffer has the size that it reports.
+        until(|is_there| {
+            let comm = self.comm.as_raw();
+            // SAFETY: the places are there to be filled.
+            unsafe {
+                ffi::MPI_Improbe(
+                    source,
+                    tag,
+                    comm,
+                    is_there,
+                    message.as_mut_ptr(),
+                    status.as_mut_ptr(),
+                )
+            };
+        });
+        // SAFETY: MPI_Improbe has filled message and status; the buffer has the size that it reports.
         unsafe {
-            ffi::MPI_Mprobe(
-                source,
-                tag,
-                self.comm.as_raw(),
-                message.as_mut_ptr(),
-                status.as_mut_ptr(),
-            );
             let status = status.assume_init();
             ffi::MPI_Get_count(&raw const status, ffi::RSMPI_UINT8_T, &raw mut count);
             let mut bytes = vec![0; count as usize];
@@ -120,17 +131,64 @@ impl World {
     /// Waits for all requests under way.
     fn wait(&mut self) {
         let requests = &mut self.under_way.requests;
+        let (count, first) = (requests.len() as c_int, requests.as_mut_ptr());
         // SAFETY: the requests are live, and their buffers are kept in `under_way`.
-        unsafe {
-            ffi::MPI_Waitall(
-                requests.len() as c_int,
-                requests.as_mut_ptr(),
-                ffi::RSMPI_STATUSES_IGNORE,
-            );
-        }
+        until(|done| unsafe {
+            ffi::MPI_Testall(count, first, done, ffi::RSMPI_STATUSES_IGNORE);
+        });
         requests.clear();
         self.under_way.sent.clear();
     }
+
+    /// Starts to combine the values of all ranks.
+    ///
+    /// # Safety
+    /// Both places have this many values of this kind, and stay there until the request is complete.
+    unsafe fn start_reduction(
+        &self,
+        mine: *const c_void,
+        of_all: *mut c_void,
+        count: usize,
+        kind: ffi::MPI_Datatype,
+        operation: ffi::MPI_Op,
+    ) -> ffi::MPI_Request {
+        let mut request = MaybeUninit::uninit();
+        // SAFETY: as the caller promises.
+        unsafe {
+            ffi::MPI_Iallreduce(
+                mine,
+                of_all,
+                length(count),
+                kind,
+                operation,
+                self.comm.as_raw(),
+                request.as_mut_ptr(),
+            );
+            request.assume_init()
+        }
+    }
+}
+
+/// Looks again and again until MPI says that it is so.
+fn until(mut look: impl FnMut(&mut c_int)) {
+    let mut is_so = 0;
+    for looks in 0_u32.. {
+        look(&mut is_so);
+        if is_so != 0 {
+            return;
+        }
+        if looks > LOOKS {
+            std::thread::yield_now();
+        }
+    }
+}
+
+/// Waits for one request, which is live, as is its buffer.
+fn wait_for(mut request: ffi::MPI_Request) {
+    // SAFETY: as above.
+    until(|done| unsafe {
+        ffi::MPI_Test(&raw mut request, done, ffi::RSMPI_STATUS_IGNORE);
+    });
 }
 
 impl Default for World {
@@ -220,38 +278,38 @@ impl Comm for World {
 
     fn sum(&mut self, values: &mut [i64]) {
         let mine = values.to_vec();
-        self.comm.all_reduce_into(&mine[..], values, SystemOperation::sum());
+        let (from, to) = (mine.as_ptr().cast(), values.as_mut_ptr().cast());
+        // SAFETY: both buffers live until all is done, two lines below.
+        let request = unsafe {
+            self.start_reduction(from, to, mine.len(), ffi::RSMPI_INT64_T, ffi::RSMPI_SUM)
+        };
+        wait_for(request);
     }
 
     fn max(&mut self, values: &mut [f64]) {
         let mine = values.to_vec();
-        self.comm.all_reduce_into(&mine[..], values, SystemOperation::max());
+        let (from, to) = (mine.as_ptr().cast(), values.as_mut_ptr().cast());
+        // SAFETY: both buffers live until all is done, two lines below.
+        let request = unsafe {
+            self.start_reduction(from, to, mine.len(), ffi::RSMPI_DOUBLE, ffi::RSMPI_MAX)
+        };
+        wait_for(request);
     }
 
     fn start_vote(&mut self, here: bool) {
         let mut buffer = vec![i32::from(here), 0];
         let values = buffer.as_mut_ptr();
-        let mut request = MaybeUninit::uninit();
         // SAFETY: the heap buffer does not move with its `Vec`, which `finish_vote` keeps until all is done.
         let request = unsafe {
-            ffi::MPI_Iallreduce(
-                values.cast(),
-                values.add(1).cast(),
-                1,
-                ffi::RSMPI_INT32_T,
-                ffi::RSMPI_MAX,
-                self.comm.as_raw(),
-                request.as_mut_ptr(),
-            );
-            request.assume_init()
+            let (from, to) = (values.cast(), values.add(1).cast());
+            self.start_reduction(from, to, 1, ffi::RSMPI_INT32_T, ffi::RSMPI_MAX)
         };
         self.vote = Some(Vote { buffer, request });
     }
 
     fn finish_vote(&mut self) -> bool {
-        let Some(Vote { buffer, mut request }) = self.vote.take() else { return false };
-        // SAFETY: the request is live, and so is its buffer.
-        unsafe { ffi::MPI_Wait(&raw mut request, ffi::RSMPI_STATUS_IGNORE) };
+        let Some(Vote { buffer, request }) = self.vote.take() else { return false };
+        wait_for(request);
         buffer[1] > 0
     }
 

@@ -43,9 +43,14 @@ pub(super) fn dem_mpi<S: Into<OsString>>(
 ) -> Call {
     let launcher = match launch {
         Launch::Alone => vec![],
-        Launch::Ranks(n) => vec!["mpirun".into(), "-n".into(), n.to_string().into()],
+        Launch::Ranks(n) => vec![mpirun(), "-n".into(), n.to_string().into()],
     };
     Call::new(launcher, env!("CARGO_BIN_EXE_dem-mpi"), arguments)
+}
+
+/// The launcher of the MPI that the program was built with: `mpirun`, or what the variable `MPIRUN` says.
+fn mpirun() -> OsString {
+    std::env::var_os("MPIRUN").unwrap_or("mpirun".into())
 }
 
 /// `dem-post` with these arguments.
@@ -91,7 +96,7 @@ impl Call {
     pub(super) fn start(self) -> Running {
         static CALLS: AtomicU32 = AtomicU32::new(0);
         let name = format!("{}-{}", std::process::id(), CALLS.fetch_add(1, Ordering::Relaxed));
-        let turn = (self.words[0] == "mpirun").then(wait_for_turn);
+        let turn = (self.words[0] == mpirun()).then(wait_for_turn);
         let file = || tempfile::tempfile().expect("a file for what the program says");
         let (output, errors) = (file(), file());
         let same = |file: &File| file.try_clone().expect("a second handle of the file");
@@ -181,7 +186,10 @@ impl Running {
     /// The process of a rank.
     pub(super) fn rank(&self, rank: u32) -> Option<u32> {
         let is_it = |environment: &&Process| {
-            environment.variables.get("OMPI_COMM_WORLD_RANK") == Some(&rank.to_string())
+            // Of Open MPI, of MPICH.
+            let [of_open_mpi, of_mpich] =
+                ["OMPI_COMM_WORLD_RANK", "PMI_RANK"].map(|name| environment.variables.get(name));
+            of_open_mpi.or(of_mpich) == Some(&rank.to_string())
         };
         self.processes().iter().find(is_it).map(|process| process.id)
     }

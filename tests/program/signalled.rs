@@ -57,7 +57,7 @@ fn stop(seed: u64, launch: Launch, to: To, name: &str, again: Launch) {
     signal(process, name);
     let ended = running.end();
     let newest = Reader::open(&directory).unwrap().header().step;
-    // mpirun passes SIGTERM on, but then ends in its own way.
+    // Open MPI's mpirun passes SIGTERM on, but then ends in its own way.
     if (to, name) == (To::Started, "TERM") && launch != Launch::Alone {
         assert_ne!(ended.status.code(), Some(0), "{case}: {ended}");
     } else {

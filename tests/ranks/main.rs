@@ -1,6 +1,6 @@
 //! Tests that need MPI. Started without mpirun, this program starts `mpirun -n N` on itself for every
 //! case and N, prints a line for each, and at the end `N passed, N failed`. An argument picks the cases
-//! whose names contain it.
+//! whose names contain it. The variable `MPIRUN` names another mpirun, such as `mpirun.mpich`.
 //!
 //! A case is a function that every rank calls with its end of the communication; it fails by a panic,
 //! which ends all ranks. A new case is one function and one line of [`CASES`].
@@ -40,13 +40,19 @@ const TIME_LIMIT: Duration = Duration::from_secs(60);
 
 /// Names the case to the ranks that mpirun starts.
 const CASE: &str = "DEM_MPI_TEST_CASE";
+/// How many ranks mpirun is asked for.
+const RANKS: &str = "DEM_MPI_TEST_RANKS";
 
 fn main() -> ExitCode {
     if world::launched()
         && let Ok(name) = std::env::var(CASE)
     {
         let case = CASES.iter().find(|c| c.name == name).expect("a case of the list");
-        (case.run)(&mut World::new());
+        let mut world = World::new();
+        let asked = std::env::var(RANKS).expect("set with the case");
+        // Each would pass alone if mpirun belongs to another MPI than this program.
+        assert_eq!(world.size().to_string(), asked, "ranks that know of each other");
+        (case.run)(&mut world);
         return ExitCode::SUCCESS;
     }
     let wanted = std::env::args().skip(1).find(|a| !a.starts_with('-')).unwrap_or_default();
@@ -74,17 +80,19 @@ fn main() -> ExitCode {
 /// Runs a case under mpirun, whatever the user and the number of cores.
 fn start(case: &Case, ranks: u32) -> Result<(), String> {
     let this = std::env::current_exe().map_err(|e| format!("who am I? {e}"))?;
-    let mut mpirun = Command::new("mpirun")
+    let name = std::env::var("MPIRUN").unwrap_or("mpirun".to_owned());
+    let mut mpirun = Command::new(&name)
         .args(["-n", &ranks.to_string()])
         .arg(this)
         .env(CASE, case.name)
+        .env(RANKS, ranks.to_string())
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMPI_MCA_rmaps_base_oversubscribe", "1")
         .env("OMPI_MCA_mpi_yield_when_idle", "1")
         .stdin(Stdio::null())
         .spawn()
-        .map_err(|e| format!("mpirun cannot be started: {e}"))?;
+        .map_err(|e| format!("{name} cannot be started: {e}"))?;
     let begin = Instant::now();
     loop {
         match mpirun.try_wait() {

@@ -1,0 +1,76 @@
+//! A run in jobs of limited time: `run/slurm`, with a Slurm of a few lines.
+
+use super::process::{Call, Launch, signal};
+use super::{HEAP_STEPS, assert_same_result, fresh_directory, heap, scene, snapshot};
+use dem_mpi::output::snapshot::Reader;
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+/// The run can go on, and is queued again.
+const STOPPED: i32 = 3;
+/// Steps between snapshots: few, so that a job does not reach the end before its signal.
+const EVERY: u64 = 20;
+
+/// Directory of a `srun` that starts two ranks, and a `scontrol` that writes down what it is asked.
+fn slurm(ranks_seen: u32) -> PathBuf {
+    let directory = fresh_directory(&format!("slurm_{ranks_seen}"));
+    let srun = format!(
+        "#!/bin/sh\n[ \"$1\" != --kill-on-bad-exit=1 ] || shift\nexec \"${{MPIRUN:-mpirun}}\" -n {ranks_seen} \"$@\"\n"
+    );
+    let scontrol = "#!/bin/sh\necho \"$@\" >> \"$(dirname \"$0\")/asked\"\n";
+    for (name, text) in [("srun", &*srun), ("scontrol", scontrol)] {
+        let path = directory.join(name);
+        fs::write(&path, text).unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
+    }
+    directory
+}
+
+/// What the job does that `sbatch` queues.
+fn job(slurm: &Path, out: &Path, more: &[&str]) -> Call {
+    let path = format!("PATH={}:{}", slurm.display(), std::env::var("PATH").unwrap());
+    let program = concat!("DEM_MPI=", env!("CARGO_BIN_EXE_dem-mpi"));
+    let scene = scene("heap");
+    let variables = ["SLURM_NTASKS=2", "SLURM_JOB_ID=4711", program, &path, "run/slurm"];
+    let words = [&variables[..], &[&scene, out.to_str().unwrap()], more].concat();
+    Call::new(vec![], "env", words)
+}
+
+fn asked(slurm: &Path) -> String {
+    fs::read_to_string(slurm.join("asked")).unwrap_or_default()
+}
+
+#[test]
+fn a_job_is_queued_again_until_all_is_done() {
+    let (slurm, out) = (slurm(2), fresh_directory("queued"));
+    let mut step = 0;
+    for jobs in 1..=2 {
+        let every = format!("output.snapshot_every={EVERY}");
+        let mut running = job(&slurm, &out, &["--set", &every]).start();
+        let reached = snapshot(&out, (step / EVERY + 5) * EVERY);
+        running.until("a snapshot", || reached.exists());
+        // As Slurm does: to all ranks.
+        for rank in 0..2 {
+            signal(running.rank(rank).expect("the rank runs"), "USR1");
+        }
+        let ended = running.end();
+        assert_eq!(ended.status.code(), Some(STOPPED), "{ended}");
+        assert_eq!(asked(&slurm), "requeue 4711\n".repeat(jobs), "{ended}");
+        step = Reader::open(&out).unwrap().header().step;
+    }
+    let ended = job(&slurm, &out, &[]).succeed();
+    ended.said_once(&format!("steps {step} to {HEAP_STEPS}"));
+    assert_eq!(asked(&slurm).lines().count(), 2, "{ended}");
+    assert_same_result(&heap(Launch::Alone).directory, &out);
+}
+
+/// As where `srun` starts the ranks of another MPI.
+#[test]
+fn ranks_that_do_not_see_each_other_do_not_run() {
+    let (slurm, out) = (slurm(1), fresh_directory("queued_apart"));
+    let ended = job(&slurm, &out, &[]).end();
+    assert_eq!(ended.status.code(), Some(2), "{ended}");
+    ended.said_once("does not see 2 ranks");
+    assert_eq!(out.read_dir().unwrap().count(), 0, "{ended}");
+}
