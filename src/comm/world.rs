@@ -20,7 +20,7 @@ const ROUTED: c_int = 2;
 pub struct World {
     comm: SimpleCommunicator,
     under_way: UnderWay,
-    vote: Option<Vote>,
+    sum: Option<StartedSum>,
     // Last, so that MPI is finalised after everything else is gone.
     _universe: Universe,
 }
@@ -34,10 +34,10 @@ struct UnderWay {
     sources: Vec<Rank>,
 }
 
-/// A started vote. The buffer lives here until the request is complete.
-struct Vote {
-    /// What is so here, and what MPI says is so anywhere.
-    buffer: Vec<i32>,
+/// A started sum. The buffer lives here until the request is complete.
+struct StartedSum {
+    /// The values of this rank, then those that MPI sums.
+    buffer: Vec<i64>,
     request: ffi::MPI_Request,
 }
 
@@ -67,7 +67,7 @@ impl World {
             // SAFETY: MPI is initialised, and MPI_Abort may be called at any moment.
             unsafe { ffi::MPI_Abort(ffi::RSMPI_COMM_WORLD, 101) };
         }));
-        Self { comm, under_way: UnderWay::default(), vote: None, _universe: universe }
+        Self { comm, under_way: UnderWay::default(), sum: None, _universe: universe }
     }
 
     fn send(&mut self, parcel: Parcel, tag: c_int) {
@@ -228,31 +228,33 @@ impl Comm for World {
         self.comm.all_reduce_into(&mine[..], values, SystemOperation::max());
     }
 
-    fn start_vote(&mut self, here: bool) {
-        let mut buffer = vec![i32::from(here), 0];
-        let values = buffer.as_mut_ptr();
+    fn start_sum(&mut self, values: Vec<i64>) {
+        let count = values.len();
+        let mut buffer = values;
+        buffer.resize(2 * count, 0);
+        let mine = buffer.as_mut_ptr();
         let mut request = MaybeUninit::uninit();
-        // SAFETY: the heap buffer does not move with its `Vec`, which `finish_vote` keeps until all is done.
+        // SAFETY: the heap buffer does not move with its `Vec`, which `finish_sum` keeps until all is done.
         let request = unsafe {
             ffi::MPI_Iallreduce(
-                values.cast(),
-                values.add(1).cast(),
-                1,
-                ffi::RSMPI_INT32_T,
-                ffi::RSMPI_MAX,
+                mine.cast(),
+                mine.add(count).cast(),
+                length(count),
+                ffi::RSMPI_INT64_T,
+                ffi::RSMPI_SUM,
                 self.comm.as_raw(),
                 request.as_mut_ptr(),
             );
             request.assume_init()
         };
-        self.vote = Some(Vote { buffer, request });
+        self.sum = Some(StartedSum { buffer, request });
     }
 
-    fn finish_vote(&mut self) -> bool {
-        let Some(Vote { buffer, mut request }) = self.vote.take() else { return false };
+    fn finish_sum(&mut self) -> Vec<i64> {
+        let Some(StartedSum { mut buffer, mut request }) = self.sum.take() else { return Vec::new() };
         // SAFETY: the request is live, and so is its buffer.
         unsafe { ffi::MPI_Wait(&raw mut request, ffi::RSMPI_STATUS_IGNORE) };
-        buffer[1] > 0
+        buffer.split_off(buffer.len() / 2)
     }
 
     fn broadcast(&mut self, bytes: &mut Vec<u8>) {

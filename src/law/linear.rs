@@ -116,6 +116,12 @@ fn surface_velocity(particles: &Particles, pair: Pair, arm_a: &Vec3, arm_b: &Vec
     particles.velocity_at(pair.a, arm_a) - of_b
 }
 
+/// The force of A on B at the last touch, dashpots in the contact plane left out [N].
+#[inline]
+fn last_force(history: &History, spring: &Vec3, constants: &Constants) -> Vec3 {
+    history.normal * history.normal_force + spring * constants.tangential_stiffness
+}
+
 /// Sum of the angular velocities of two bodies, twice the mean [rad/s].
 #[inline]
 fn both_spins(particles: &Particles, pair: Pair) -> Vec3 {
@@ -182,6 +188,10 @@ impl ForceLaw for Linear {
                 twist: 0.5 * dt * both_spins(particles, pair).dot(&touch.normal),
                 dt,
             };
+            let before = with_wall.then(|| {
+                let spring = memory.springs.get(contact.pair as usize).copied().unwrap_or_default();
+                last_force(history, &spring, meeting.constants)
+            });
             let mut dissipated = 0.0;
             meeting.press(touch.overlap, self.limit_damping, history, &mut dissipated);
             let mut force = touch.normal * history.normal_force;
@@ -191,8 +201,9 @@ impl ForceLaw for Linear {
             }
             history.normal = touch.normal;
 
-            let received =
-                if with_wall { -force.dot(&particles.velocity[pair.b.index()]) * dt } else { 0.0 };
+            let received = before.map_or(0.0, |before| {
+                -0.5 * dt * (before + force).dot(&particles.velocity[pair.b.index()])
+            });
             loads.push(Load {
                 force,
                 normal_force: history.normal_force,
@@ -223,16 +234,25 @@ impl ForceLaw for Linear {
             let arm_b = arm_a - bodies.relative(pair);
             let velocity = surface_velocity(particles, pair, &arm_a, &arm_b);
             let (of_a, of_b) = (particles.material(pair.a), particles.material(pair.b));
-            let stiffness = self.interactions.of(of_a, of_b).tangential_stiffness;
-            let force = history.normal * history.normal_force + spring * stiffness;
+            let force = last_force(history, &spring, self.interactions.of(of_a, of_b));
             // The force fell to nothing on the way: half of it did the work.
             let work = 0.5 * dt * force.dot(&velocity);
             let dissipated = work + self.stored(of_a, of_b, history.overlap, &spring);
+            let with_wall = pair.b.index() >= particles.first_wall();
+            let of_wall = if with_wall { particles.velocity[pair.b.index()] } else { Vec3::zeros() };
             loads.push(Load {
                 dissipated: if dt > 0.0 { dissipated } else { 0.0 },
+                received: -0.5 * dt * force.dot(&of_wall),
                 ..Load::default()
             });
         }
+    }
+
+    fn stiffness(&self, pair: Pair, particles: &Particles, dt: f64) -> f64 {
+        let constants = self.interactions.of(particles.material(pair.a), particles.material(pair.b));
+        let stiffness = constants.normal_stiffness;
+        let mass = reduced_mass(particles, pair, pair.b.index() >= particles.first_wall());
+        stiffness + 2.0 * constants.normal_damping_ratio * (mass * stiffness).sqrt() / dt
     }
 
     fn stored(&self, a: MaterialId, b: MaterialId, overlap: f64, spring: &Vec3) -> f64 {
