@@ -110,8 +110,7 @@ pub fn measure(
         let mass = particles.mass(slot);
         let resultant = particles.force[slot] + field.gravity * mass;
         add(Of::Resultant as usize, resultant.norm());
-        let force = resultant
-            - particles.velocity[slot] * (field.damping * mass);
+        let force = resultant - particles.velocity[slot] * (field.damping * mass);
         let velocity = particles.velocity[slot] + force * (0.5 * dt / mass);
         add(Of::Translation as usize, 0.5 * mass * velocity.norm_squared());
         add(Of::Gravity as usize, -mass * unwrapped(particles, slot).dot(&field.gravity));

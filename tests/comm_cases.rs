@@ -118,7 +118,8 @@ pub(crate) fn started_sums(comm: &mut dyn Comm) {
         let mut meanwhile = [me];
         comm.sum(&mut meanwhile);
         assert_eq!(meanwhile, [ranks]);
-        let expected: Vec<i64> = (0..count).map(|k| k * ranks + size * (round - (1 << 40))).collect();
+        let expected: Vec<i64> =
+            (0..count).map(|k| k * ranks + size * (round - (1 << 40))).collect();
         assert_eq!(comm.finish_sum(), expected, "round {round}");
         assert!(comm.any(me == round % size));
     }

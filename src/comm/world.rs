@@ -251,7 +251,9 @@ impl Comm for World {
     }
 
     fn finish_sum(&mut self) -> Vec<i64> {
-        let Some(StartedSum { mut buffer, mut request }) = self.sum.take() else { return Vec::new() };
+        let Some(StartedSum { mut buffer, mut request }) = self.sum.take() else {
+            return Vec::new();
+        };
         // SAFETY: the request is live, and so is its buffer.
         unsafe { ffi::MPI_Wait(&raw mut request, ffi::RSMPI_STATUS_IGNORE) };
         buffer.split_off(buffer.len() / 2)

@@ -157,7 +157,7 @@ impl Domain {
     /// The box in which particles may be: the domain, and as far as walls have moved out of it [m].
     fn room(&self, walls: &[Wall]) -> (Vec3, Vec3) {
         let (mut low, mut high) = (self.low, self.high);
-        for wall in walls.iter().filter(|wall| wall.moves) {
+        for wall in walls {
             match wall.across() {
                 Some((axis, 1.0)) => low[axis] = low[axis].min(wall.point[axis]),
                 Some((axis, _)) => high[axis] = high[axis].max(wall.point[axis]),

@@ -208,14 +208,14 @@ impl Servos {
             let displacement = servo.displacement(&pressed, dt);
             for &k in &servo.walls {
                 let wall = &particles.walls[k];
-                let room = Room::of(wall, &particles.walls, low, high);
-                let (name, target) = (wall.name.clone(), servo.stress);
-                let stress = pressed.force / pressed.area;
-                if room.gap < self.least_gap {
-                    return Err(ServoError::Closed { wall: name, gap: room.gap, stress, target });
+                let Room { gap, outside, width } = Room::of(wall, &particles.walls, low, high);
+                let (stress, target) = (pressed.force / area, servo.stress);
+                let name = || wall.name.clone();
+                if gap < self.least_gap {
+                    return Err(ServoError::Closed { wall: name(), gap, stress, target });
                 }
-                if room.outside > room.width {
-                    return Err(ServoError::Open { wall: name, stress, target });
+                if outside > width {
+                    return Err(ServoError::Open { wall: name(), stress, target });
                 }
                 velocities.push((k, wall.normal * (displacement / dt)));
             }

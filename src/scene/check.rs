@@ -222,7 +222,8 @@ fn check_smooth(root: &Section, library: &Library) {
 }
 
 fn stop(section: &Section, root: &Section) -> Option<Stop> {
-    let limit = |key| section.read_or(key, None, |given| given.number(Range::BelowOne, "").map(Some));
+    let limit =
+        |key| section.read_or(key, None, |given| given.number(Range::BelowOne, "").map(Some));
     let (rest, unbalanced, servo) = (limit("rest"), limit("unbalanced"), limit("servo"));
     section.finish();
     if let (Some(given), None) = (section.get("servo"), root.get("servo")) {

@@ -125,7 +125,9 @@ impl Simulation {
         self.clock.restart();
         self.servos.start_sums(&self.pairs, &self.particles, &*self.law, self.dt, comm);
         motion::kick_and_drift(&mut self.particles, &self.field, self.dt);
+        self.clock.lap(Phase::Move);
         self.steer_walls(comm)?;
+        self.clock.lap(Phase::Agree);
         motion::move_walls(&mut self.particles, self.dt);
         self.step += 1;
         self.clock.lap(Phase::Move);
