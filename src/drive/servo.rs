@@ -73,7 +73,7 @@ pub enum ServoError {
     #[error(
         "servo: wall \"{wall}\" is {gap:e} m from the opposite side, less than half the thickness of the thinnest \
          grain, and its stress is {stress:e} Pa of {target:e} Pa. There are too few grains between its walls to reach \
-         the target, or one left the gap: put more in, or lower `stress`"
+         the target, or they have escaped: put more in, or lower `stress`"
     )]
     Closed {
         /// Its name.
