@@ -39,6 +39,8 @@ pub struct Measures {
     pub largest_speed: f64,
     /// Highest point of a particle's bounding sphere along z [m].
     pub top: f64,
+    /// Mean resultant force of a particle over the mean contact force; 0 without contacts [-].
+    pub unbalanced: f64,
     /// Force of the particles on each wall [N].
     pub wall_forces: Vec<Vec3>,
 }
@@ -77,6 +79,10 @@ enum Of {
     Dissipated,
     Received,
     NormalForce,
+    /// Of a particle: its contacts and gravity.
+    Resultant,
+    /// Of a contact, tangential force included.
+    ContactForce,
     FirstWall,
 }
 
@@ -102,8 +108,9 @@ pub fn measure(
 
     for slot in 0..particles.owned {
         let mass = particles.mass(slot);
-        let force = particles.force[slot] + field.gravity * mass
-            - particles.velocity[slot] * (field.damping * mass);
+        let resultant = particles.force[slot] + field.gravity * mass;
+        add(Of::Resultant as usize, resultant.norm());
+        let force = resultant - particles.velocity[slot] * (field.damping * mass);
         let velocity = particles.velocity[slot] + force * (0.5 * dt / mass);
         add(Of::Translation as usize, 0.5 * mass * velocity.norm_squared());
         add(Of::Gravity as usize, -mass * unwrapped(particles, slot).dot(&field.gravity));
@@ -131,6 +138,7 @@ pub fn measure(
         let (of_a, of_b) = (particles.material(a), particles.material(b));
         add(Of::Stored as usize, law.stored(of_a, of_b, contact.touch.overlap, &spring));
         maxima[0] = larger(maxima[0], contact.touch.overlap / shortest_axis(particles, a, b));
+        add(Of::ContactForce as usize, load.force.norm());
         if let Some(wall) = wall {
             counts[2] += 1;
             for axis in 0..3 {
@@ -150,6 +158,8 @@ pub fn measure(
     let value = |of: usize| {
         ExactSum::from_limbs(&limbs[of * ExactSum::LIMBS..(of + 1) * ExactSum::LIMBS]).value()
     };
+    let all_contacts = (counts[1] + counts[2]) as f64;
+    let contact_force = value(Of::ContactForce as usize);
     Measures {
         particles: counts[0] as u64,
         contacts: counts[1] as u64,
@@ -164,6 +174,11 @@ pub fn measure(
             0.0
         } else {
             value(Of::NormalForce as usize) / counts[1] as f64
+        },
+        unbalanced: if contact_force > 0.0 {
+            value(Of::Resultant as usize) * all_contacts / (contact_force * counts[0] as f64)
+        } else {
+            0.0
         },
         largest_overlap: maxima[0],
         largest_speed: maxima[1],

@@ -46,6 +46,10 @@ pub fn kick_and_drift(particles: &mut Particles, field: &Field, dt: f64) {
     if particles.spin.is_some() {
         turn(particles, slower, faster, field.damping, dt);
     }
+}
+
+/// Moves the walls by a step of `dt` [s].
+pub fn move_walls(particles: &mut Particles, dt: f64) {
     for wall in &mut particles.walls {
         wall.point += wall.velocity * dt;
     }

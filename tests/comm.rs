@@ -32,6 +32,11 @@ fn votes() {
 }
 
 #[test]
+fn started_sums() {
+    run(comm_cases::started_sums);
+}
+
+#[test]
 fn broadcast_and_gather() {
     run(comm_cases::broadcast_and_gather);
 }

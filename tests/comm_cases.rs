@@ -108,6 +108,23 @@ pub(crate) fn votes(comm: &mut dyn Comm) {
     }
 }
 
+/// A started sum of many values beside parcels; sums, votes and other reductions do not mix.
+pub(crate) fn started_sums(comm: &mut dyn Comm) {
+    let (me, size) = (i64::from(comm.rank().0), i64::from(comm.size()));
+    let ranks = size * (size - 1) / 2;
+    for round in 0..30_i64 {
+        let count = [0, 1, 134, 5_000][round as usize % 4];
+        comm.start_sum((0..count).map(|k| k * me + round - (1 << 40)).collect());
+        let mut meanwhile = [me];
+        comm.sum(&mut meanwhile);
+        assert_eq!(meanwhile, [ranks]);
+        let expected: Vec<i64> =
+            (0..count).map(|k| k * ranks + size * (round - (1 << 40))).collect();
+        assert_eq!(comm.finish_sum(), expected, "round {round}");
+        assert!(comm.any(me == round % size));
+    }
+}
+
 /// From rank 0 to all, and back; empty content, too.
 pub(crate) fn broadcast_and_gather(comm: &mut dyn Comm) {
     let me = comm.rank();

@@ -14,6 +14,7 @@ mod program;
 mod ranks_threads;
 mod robustness;
 mod scene;
+mod servo;
 mod snapshot;
 mod solids;
 mod superellipsoids;

@@ -1193,15 +1193,15 @@ directory = "out"
 fn fall(directory: &Path, comm: &mut dyn Comm) {
     let scene = scene(FALLING);
     let mut sim = begun(&scene, comm);
-    let walls: Vec<String> = sim.particles.walls.iter().map(|wall| wall.name.clone()).collect();
+    let (walls, period) = (sim.particles.walls.clone(), sim.domain.period());
     let mut history = comm
         .is_root()
-        .then(|| table::History::open(directory, &walls, |_| false).expect("a new table"));
+        .then(|| table::History::open(directory, &walls, period, |_| false).expect("a new table"));
     for _ in 0..scene.steps {
         sim.step(comm).expect("the step is done");
         let measures = sim.measure(comm);
         if let Some(history) = &mut history {
-            history.push(sim.step, sim.time(), &measures).expect("a row");
+            history.push(sim.step, sim.time(), &measures, &sim.particles.walls).expect("a row");
         }
     }
     let header = sim.header("", &sim.measure(comm).wall_forces);

@@ -4,6 +4,7 @@
 use crate::support::{MATERIAL, begun, scene};
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::NamedHistory;
+use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::tables::{Header, ParticleTable};
 use dem_mpi::scene::assemble::{self, From};
@@ -62,6 +63,23 @@ const WALLED: &str = r#"walls = ["-x", "+x", "-y", "+y", "-z"]"#;
 const PERIODIC: &str = r#"periodic = [true, true, false]
 walls = ["-z"]"#;
 
+/// A lid that comes down, and sides that keep a stress: a pair by their mean, two each on its own.
+const SERVOED: &str = r#"walls = ["-x", "+x", "-y", "+y", "-z"]
+[[wall]]
+name = "lid"
+point = [0.0, 0.0, 0.1]
+normal = [0.0, 0.0, -1.0]
+velocity = [0.0, 0.0, -0.5]
+[[servo]]
+walls = ["-x", "+x"]
+stress = 2e3
+max_speed = 0.05
+coupled = true
+[[servo]]
+walls = ["-y", "+y"]
+stress = 2e3
+max_speed = 0.05"#;
+
 fn crowd(domain: &str, method: &str) -> Scene {
     scene(&CROWD.replace("MATERIAL", MATERIAL).replace("DOMAIN", domain).replace("METHOD", method))
 }
@@ -71,6 +89,7 @@ fn crowd(domain: &str, method: &str) -> Scene {
 struct State {
     bits: Vec<(u64, Vec<u64>)>,
     histories: Vec<(u64, u64, Vec<u64>)>,
+    walls: Vec<u64>,
     scalars: Vec<u64>,
 }
 
@@ -82,6 +101,7 @@ fn bits_of<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> Vec<u64> {
 struct Part {
     table: ParticleTable,
     histories: Vec<NamedHistory>,
+    walls: Vec<u64>,
     scalars: Vec<u64>,
     migrated: u64,
 }
@@ -89,9 +109,12 @@ struct Part {
 fn part(sim: &Simulation, comm: &mut dyn Comm) -> Part {
     let m = sim.measure(comm);
     let scalars = [m.kinetic(), m.gravity, m.stored, m.dissipated, m.received, m.mean_normal_force];
+    let walls = sim.particles.walls.iter().flat_map(|wall| [wall.point, wall.velocity]);
+    let walls: Vec<Vec3> = walls.collect();
     Part {
         table: sim.particle_table(comm.rank()),
         histories: sim.histories(),
+        walls: bits_of(walls.iter().flat_map(|vector| vector.iter())),
         scalars: bits_of(&scalars),
         migrated: sim.domain.traffic.migrated,
     }
@@ -100,7 +123,8 @@ fn part(sim: &Simulation, comm: &mut dyn Comm) -> Part {
 fn state(parts: &[Part]) -> State {
     let mut bits = Vec::new();
     let mut histories = Vec::new();
-    for Part { table, histories: named, scalars, .. } in parts {
+    for Part { table, histories: named, walls, scalars, .. } in parts {
+        assert_eq!(*walls, parts[0].walls, "all ranks move their walls alike");
         assert_eq!(*scalars, parts[0].scalars, "all ranks measure the same");
         for k in 0..table.id.len() {
             let mut row = Vec::new();
@@ -130,7 +154,7 @@ fn state(parts: &[Part]) -> State {
     }
     bits.sort();
     histories.sort();
-    State { bits, histories, scalars: parts[0].scalars.clone() }
+    State { bits, histories, walls: parts[0].walls.clone(), scalars: parts[0].scalars.clone() }
 }
 
 fn run(scene: &Scene, ranks: u32, steps: u64) -> (State, u64) {
@@ -151,6 +175,7 @@ fn expect_same(a: &State, b: &State, what: &str) {
     assert!(differing.is_empty(), "{what}: particles {differing:?} differ");
     assert_eq!(a.histories.len(), b.histories.len(), "{what}: number of contacts");
     assert!(a.histories == b.histories, "{what}: a contact's history differs");
+    assert_eq!(a.walls, b.walls, "{what}: walls");
     assert_eq!(a.scalars, b.scalars, "{what}: energies");
 }
 
@@ -173,6 +198,20 @@ fn periodic_crowd_is_the_same_on_any_number_of_ranks() {
     let (alone, _) = run(&scene, 1, 1000);
     for ranks in [2, 3, 5] {
         expect_same(&alone, &run(&scene, ranks, 1000).0, &format!("{ranks} ranks"));
+    }
+}
+
+#[test]
+fn a_crowd_between_servos_is_the_same_on_any_number_of_ranks() {
+    let scene = crowd(SERVOED, "");
+    let (alone, _) = run(&scene, 1, 1500);
+    let places: Vec<f64> = alone.walls.iter().map(|&bits| f64::from_bits(bits)).collect();
+    // Points and velocities of -x, +x, -y, +y.
+    let moved = [places[0], 0.03 - places[6], places[13], 0.03 - places[19]];
+    assert!(moved.iter().all(|d| d.abs() > 1e-5), "{moved:?}");
+    assert!(moved[2] != moved[3] && (moved[0] - moved[1]).abs() < 1e-15, "{moved:?}");
+    for ranks in [2, 3, 4] {
+        expect_same(&alone, &run(&scene, ranks, 1500).0, &format!("{ranks} ranks"));
     }
 }
 
@@ -220,7 +259,7 @@ fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut dyn Comm) 
 
 #[test]
 fn a_restart_on_another_number_of_ranks_leaves_no_trace() {
-    for (domain, steps) in [(WALLED, 900), (PERIODIC, 700)] {
+    for (domain, steps) in [(WALLED, 900), (PERIODIC, 700), (SERVOED, 800)] {
         let scene = crowd(domain, "");
         let (never_stopped, _) = run(&scene, 1, steps);
         let folder = tempfile::tempdir().unwrap();

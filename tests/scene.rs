@@ -11,7 +11,7 @@ use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::{Library, Needs};
 use dem_mpi::scene::packing::initial;
 use dem_mpi::scene::plan::plan;
-use dem_mpi::scene::{Fill, Method, Place, Scene, SceneErrors};
+use dem_mpi::scene::{Fill, Method, Place, Scene, SceneErrors, Servo, Stop};
 use dem_mpi::shape::Shape;
 use std::path::{Path, PathBuf};
 
@@ -183,7 +183,11 @@ fn every_key_arrives() {
         ("lid", [0.0, 0.0, -1.0]),
     ];
     assert_eq!(walls, planes);
+    assert_eq!(scene.walls[2].velocity, Vec3::new(0.0, 0.0, 0.002));
     assert_eq!(scene.walls[3].velocity, Vec3::new(0.0, 0.0, -0.01));
+    assert!(scene.walls.iter().all(|wall| wall.moves));
+    let servo = Servo { walls: vec![0, 1], stress: 1e5, max_speed: 0.5, gain: 0.8 };
+    assert_eq!(scene.servos, [servo]);
 
     let library = &scene.library;
     assert_eq!(
@@ -214,7 +218,9 @@ fn every_key_arrives() {
     assert_eq!(steel.normal_damping_ratio, 0.0, "restitution 1");
 
     assert_eq!(scene.method, Method::GjkErosion { ratio: 0.1, increment: 0.02, tolerance: 1e-8 });
-    assert_eq!((scene.dt, scene.steps, scene.rest), (1e-5, 100_000, Some(1e-5)));
+    assert_eq!((scene.dt, scene.steps), (1e-5, 100_000));
+    let stop = Stop { rest: Some(1e-5), unbalanced: Some(1e-3), servo: Some(0.01) };
+    assert_eq!(scene.stop, stop);
     assert_eq!((scene.skin, scene.imbalance), (0.001, 1.5));
     assert_eq!((scene.snapshot_every, scene.history_every), (1000, 10));
     assert_eq!(scene.out, Path::new("out/everything"));

@@ -53,13 +53,13 @@ impl Comm for Counted<'_> {
         self.comm.max(values);
     }
 
-    fn start_vote(&mut self, here: bool) {
+    fn start_sum(&mut self, values: Vec<i64>) {
         self.reductions += 1;
-        self.comm.start_vote(here);
+        self.comm.start_sum(values);
     }
 
-    fn finish_vote(&mut self) -> bool {
-        self.comm.finish_vote()
+    fn finish_sum(&mut self) -> Vec<i64> {
+        self.comm.finish_sum()
     }
 
     fn broadcast(&mut self, bytes: &mut Vec<u8>) {

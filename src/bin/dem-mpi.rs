@@ -211,11 +211,11 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         last_step,
         snapshot_every: scene.snapshot_every,
         history_every: scene.history_every,
-        rest: scene.rest,
+        stop: scene.stop,
         out,
         scene: scene.text.clone(),
         resumed,
-        stop: Arc::clone(stop),
+        signal: Arc::clone(stop),
         traced: arguments.trace_particle.iter().map(|&id| GlobalId(id)).collect(),
     };
     match run(&mut sim, &scene, &schedule, arguments.threads.is_some(), comm) {
@@ -282,6 +282,10 @@ fn run(
     let mut display = Display::new(comm.is_root(), schedule.last_step - sim.step);
     let finish = match run::run(sim, schedule, comm, &mut |progress| display.show(progress)) {
         Ok(finish) => finish,
+        Err(RunError::Step(error)) if error.is_agreed() => {
+            say(comm, error);
+            return Err(FAILED);
+        }
         Err(error @ (RunError::Step(_) | RunError::History(_))) => {
             // Other ranks do not know: this one speaks, and ends them.
             if let RunError::Step(StepError::Contact { a, .. }) = &error
@@ -344,6 +348,10 @@ impl Display {
         }
         if self.bar.is_none() && !self.lines {
             return;
+        }
+        for warning in progress.warnings {
+            let text = format!("warning: {warning}");
+            self.bar.as_ref().map_or_else(|| eprintln!("{text}"), |bar| bar.println(&text));
         }
         if let Some(m) = progress.measures {
             self.last_state = format!(

@@ -7,7 +7,7 @@ use crate::ids::Rank;
 #[derive(Debug, Default)]
 pub struct Alone {
     under_way: Vec<Parcel>,
-    vote: bool,
+    summed: Vec<i64>,
 }
 
 impl Comm for Alone {
@@ -35,12 +35,12 @@ impl Comm for Alone {
 
     fn max(&mut self, _values: &mut [f64]) {}
 
-    fn start_vote(&mut self, here: bool) {
-        self.vote = here;
+    fn start_sum(&mut self, values: Vec<i64>) {
+        self.summed = values;
     }
 
-    fn finish_vote(&mut self) -> bool {
-        self.vote
+    fn finish_sum(&mut self) -> Vec<i64> {
+        std::mem::take(&mut self.summed)
     }
 
     fn broadcast(&mut self, _bytes: &mut Vec<u8>) {}

@@ -57,11 +57,11 @@ pub trait Comm {
     /// Replaces each value, none of them NaN, by its maximum over all ranks.
     fn max(&mut self, values: &mut [f64]);
 
-    /// Begins to ask all ranks whether it is so on any of them, and returns at once. One vote at a time.
-    fn start_vote(&mut self, here: bool);
+    /// Begins to sum each of these values over all ranks, and returns at once. One at a time.
+    fn start_sum(&mut self, values: Vec<i64>);
 
-    /// Completes what [`Comm::start_vote`] began: is it so on any rank?
-    fn finish_vote(&mut self) -> bool;
+    /// Completes what [`Comm::start_sum`] began: the sums.
+    fn finish_sum(&mut self) -> Vec<i64>;
 
     /// Replaces `bytes` by those of rank 0.
     fn broadcast(&mut self, bytes: &mut Vec<u8>);
@@ -80,6 +80,17 @@ pub trait Comm {
     /// Is this the rank that speaks for all?
     fn is_root(&self) -> bool {
         self.rank() == Rank(0)
+    }
+
+    /// Begins to ask all ranks whether it is so on any of them, and returns at once. No other vote or
+    /// started sum may be under way.
+    fn start_vote(&mut self, here: bool) {
+        self.start_sum(vec![i64::from(here)]);
+    }
+
+    /// Completes what [`Comm::start_vote`] began: is it so on any rank?
+    fn finish_vote(&mut self) -> bool {
+        self.finish_sum().iter().any(|&yes| yes > 0)
     }
 
     /// Is it so on any rank?

@@ -11,19 +11,19 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 type Mailboxes = BTreeMap<(Rank, Rank), VecDeque<Vec<u8>>>;
 
-/// A vote: who has cast, who has read the result.
+/// A started sum: how many ranks have added to it, how many have read it.
 #[derive(Default)]
-struct Ballot {
-    cast: u32,
+struct Running {
+    added: u32,
     read: u32,
-    yes: bool,
+    values: Vec<i64>,
 }
 
 #[derive(Default)]
 struct State {
     mailboxes: Mailboxes,
-    /// By the number of the vote.
-    votes: BTreeMap<u64, Ballot>,
+    /// By their number.
+    sums: BTreeMap<u64, Running>,
     ended: bool,
 }
 
@@ -45,8 +45,8 @@ pub struct ThreadRank {
     size: u32,
     hub: Arc<Hub>,
     sources: Vec<Source>,
-    /// How many votes this rank has begun.
-    votes: u64,
+    /// How many sums this rank has started.
+    sums: u64,
 }
 
 /// Runs `body` on `size` ranks, each a thread, and returns what each returned, by rank.
@@ -62,7 +62,7 @@ pub fn run<T: Send>(size: u32, body: impl Fn(&mut ThreadRank) -> T + Sync) -> Ve
                 let body = &body;
                 scope.spawn(move || {
                     let (rank, sources) = (Rank(rank), Vec::new());
-                    body(&mut ThreadRank { rank, size, hub, sources, votes: 0 })
+                    body(&mut ThreadRank { rank, size, hub, sources, sums: 0 })
                 })
             })
             .collect();
@@ -172,27 +172,27 @@ impl Comm for ThreadRank {
         });
     }
 
-    fn start_vote(&mut self, here: bool) {
-        self.votes += 1;
+    fn start_sum(&mut self, values: Vec<i64>) {
+        self.sums += 1;
         let mut state = self.hub.lock();
-        let ballot = state.votes.entry(self.votes).or_default();
-        ballot.cast += 1;
-        ballot.yes |= here;
+        let sum = state.sums.entry(self.sums).or_default();
+        sum.added += 1;
+        sum.values.resize(values.len(), 0);
+        sum.values.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
         drop(state);
         self.hub.changed.notify_all();
     }
 
-    fn finish_vote(&mut self) -> bool {
+    fn finish_sum(&mut self) -> Vec<i64> {
         let mut state = self.hub.lock();
         loop {
-            let ballot = state.votes.entry(self.votes).or_default();
-            if ballot.cast == self.size {
-                ballot.read += 1;
-                let yes = ballot.yes;
-                if ballot.read == self.size {
-                    state.votes.remove(&self.votes);
+            let sum = state.sums.entry(self.sums).or_default();
+            if sum.added == self.size {
+                sum.read += 1;
+                if sum.read < self.size {
+                    return sum.values.clone();
                 }
-                return yes;
+                return state.sums.remove(&self.sums).unwrap_or_default().values;
             }
             assert!(!state.ended, "another rank ended while rank {} waited", self.rank.0);
             state = self.hub.changed.wait(state).unwrap_or_else(PoisonError::into_inner);

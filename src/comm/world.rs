@@ -24,7 +24,7 @@ const LOOKS: u32 = 50;
 pub struct World {
     comm: SimpleCommunicator,
     under_way: UnderWay,
-    vote: Option<Vote>,
+    sum: Option<StartedSum>,
     // Last, so that MPI is finalised after everything else is gone.
     _universe: Universe,
 }
@@ -38,10 +38,10 @@ struct UnderWay {
     sources: Vec<Rank>,
 }
 
-/// A started vote. The buffer lives here until the request is complete.
-struct Vote {
-    /// What is so here, and what MPI says is so anywhere.
-    buffer: Vec<i32>,
+/// A started sum. The buffer lives here until the request is complete.
+struct StartedSum {
+    /// The values of this rank, then those that MPI sums.
+    buffer: Vec<i64>,
     request: ffi::MPI_Request,
 }
 
@@ -71,7 +71,7 @@ impl World {
             // SAFETY: MPI is initialised, and MPI_Abort may be called at any moment.
             unsafe { ffi::MPI_Abort(ffi::RSMPI_COMM_WORLD, 101) };
         }));
-        Self { comm, under_way: UnderWay::default(), vote: None, _universe: universe }
+        Self { comm, under_way: UnderWay::default(), sum: None, _universe: universe }
     }
 
     fn send(&mut self, parcel: Parcel, tag: c_int) {
@@ -296,21 +296,23 @@ impl Comm for World {
         wait_for(request);
     }
 
-    fn start_vote(&mut self, here: bool) {
-        let mut buffer = vec![i32::from(here), 0];
-        let values = buffer.as_mut_ptr();
-        // SAFETY: the heap buffer does not move with its `Vec`, which `finish_vote` keeps until all is done.
+    fn start_sum(&mut self, values: Vec<i64>) {
+        let count = values.len();
+        let mut buffer = values;
+        buffer.resize(2 * count, 0);
+        let mine = buffer.as_mut_ptr();
+        // SAFETY: the heap buffer does not move with its `Vec`, which `finish_sum` keeps until all is done.
         let request = unsafe {
-            let (from, to) = (values.cast(), values.add(1).cast());
-            self.start_reduction(from, to, 1, ffi::RSMPI_INT32_T, ffi::RSMPI_MAX)
+            let (from, to) = (mine.cast(), mine.add(count).cast());
+            self.start_reduction(from, to, count, ffi::RSMPI_INT64_T, ffi::RSMPI_SUM)
         };
-        self.vote = Some(Vote { buffer, request });
+        self.sum = Some(StartedSum { buffer, request });
     }
 
-    fn finish_vote(&mut self) -> bool {
-        let Some(Vote { buffer, request }) = self.vote.take() else { return false };
+    fn finish_sum(&mut self) -> Vec<i64> {
+        let Some(StartedSum { mut buffer, request }) = self.sum.take() else { return Vec::new() };
         wait_for(request);
-        buffer[1] > 0
+        buffer.split_off(buffer.len() / 2)
     }
 
     fn broadcast(&mut self, bytes: &mut Vec<u8>) {

@@ -13,6 +13,7 @@ use crate::comm::Comm;
 use crate::ids::{GlobalId, Rank};
 use crate::math::Vec3;
 use crate::particles::Particles;
+use crate::particles::walls::Wall;
 pub use cuts::{Cuts, Subdomain};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -153,11 +154,25 @@ impl Domain {
         self.traffic.recuts += 1;
     }
 
+    /// The box in which particles may be: the domain, and as far as walls have moved out of it [m].
+    fn room(&self, walls: &[Wall]) -> (Vec3, Vec3) {
+        let (mut low, mut high) = (self.low, self.high);
+        for wall in walls {
+            match wall.across() {
+                Some((axis, 1.0)) => low[axis] = low[axis].min(wall.point[axis]),
+                Some((axis, _)) => high[axis] = high[axis].max(wall.point[axis]),
+                None => {}
+            }
+        }
+        (low, high)
+    }
+
     /// Looks at every owned particle.
     ///
     /// # Errors
     /// The first particle that has left the domain or is not finite.
     pub fn check(&self, particles: &Particles) -> Result<(), DomainError> {
+        let (low, high) = self.room(&particles.walls);
         for slot in 0..particles.owned {
             let (id, p) = (particles.id[slot], particles.position[slot]);
             let speed = particles.velocity[slot].norm();
@@ -168,7 +183,7 @@ impl Domain {
             let slack = particles.library.shapes[particles.shape[slot].index()].bounding_radius();
             let inside = (0..3).all(|axis| {
                 self.periodic[axis]
-                    || (p[axis] >= self.low[axis] - slack && p[axis] <= self.high[axis] + slack)
+                    || (p[axis] >= low[axis] - slack && p[axis] <= high[axis] + slack)
             });
             if !inside {
                 return Err(DomainError::Outside { id, x: p.x, y: p.y, z: p.z, speed });

@@ -1,3 +1,4 @@
 //! What acts on the particles from outside.
 
 pub mod rain;
+pub mod servo;

@@ -47,7 +47,7 @@ struct Meeting<'a> {
 impl Meeting<'_> {
     /// Spring and dashpot along the normal; brings `history` up to date.
     #[inline]
-    fn press(&self, overlap: f64, limited: bool, history: &mut History, dissipated: &mut f64) {
+    fn press(&self, overlap: f64, limited: bool, history: &mut History) {
         let stiffness = self.constants.normal_stiffness;
         let mut force = stiffness * overlap;
         let ratio = self.constants.normal_damping_ratio;
@@ -57,9 +57,6 @@ impl Meeting<'_> {
                 force = 0.0;
             }
         }
-        let work = 0.5 * (history.normal_force + force) * (self.approach * self.dt);
-        let before = history.overlap;
-        *dissipated += work - 0.5 * stiffness * (overlap * overlap - before * before);
         history.overlap = overlap;
         history.normal_force = force;
     }
@@ -67,7 +64,7 @@ impl Meeting<'_> {
     /// Spring, dashpot and friction in the contact plane: the tangential force of A on B [N]; brings
     /// `spring` up to date. `history` has this step's normal force and the last step's normal.
     #[inline]
-    fn rub(&self, history: &History, spring: &mut Vec3, dissipated: &mut f64) -> Vec3 {
+    fn rub(&self, history: &History, spring: &mut Vec3) -> Vec3 {
         let stiffness = self.constants.tangential_stiffness;
         let before = if history.touched() {
             let carried = carried(spring, &history.normal, &self.normal);
@@ -90,9 +87,6 @@ impl Meeting<'_> {
             force *= limit / size;
             *spring = if stiffness > 0.0 { force / stiffness } else { Vec3::zeros() };
         }
-        let work = (before * stiffness + force).dot(&sliding) * (0.5 * self.dt);
-        let stored = 0.5 * stiffness * (spring.norm_squared() - before.norm_squared());
-        *dissipated += work - stored;
         force
     }
 }
@@ -114,6 +108,19 @@ fn surface_velocity(particles: &Particles, pair: Pair, arm_a: &Vec3, arm_b: &Vec
         particles.velocity_at(pair.b, arm_b)
     };
     particles.velocity_at(pair.a, arm_a) - of_b
+}
+
+/// The force of A on B at the last touch, dashpots in the contact plane left out [N].
+#[inline]
+fn last_force(history: &History, spring: &Vec3, constants: &Constants) -> Vec3 {
+    history.normal * history.normal_force + spring * constants.tangential_stiffness
+}
+
+/// Elastic energy of a contact [J].
+#[inline]
+fn stored(constants: &Constants, overlap: f64, spring: &Vec3) -> f64 {
+    0.5 * constants.normal_stiffness * overlap * overlap
+        + 0.5 * constants.tangential_stiffness * spring.norm_squared()
 }
 
 /// Sum of the angular velocities of two bodies, twice the mean [rad/s].
@@ -182,17 +189,28 @@ impl ForceLaw for Linear {
                 twist: 0.5 * dt * both_spins(particles, pair).dot(&touch.normal),
                 dt,
             };
-            let mut dissipated = 0.0;
-            meeting.press(touch.overlap, self.limit_damping, history, &mut dissipated);
+            let constants = meeting.constants;
+            let spring = memory.springs.get(contact.pair as usize).copied().unwrap_or_default();
+            let before = last_force(history, &spring, constants);
+            let stored_before = stored(constants, history.overlap, &spring);
+            meeting.press(touch.overlap, self.limit_damping, history);
             let mut force = touch.normal * history.normal_force;
-            if meeting.constants.is_frictional() {
+            let mut stored_now = stored(constants, touch.overlap, &Vec3::zeros());
+            // What the force of the last step has and is not remembered: as much as now.
+            let mut dashpot = Vec3::zeros();
+            if constants.is_frictional() {
                 let spring = &mut memory.springs[contact.pair as usize];
-                force += meeting.rub(history, spring, &mut dissipated);
+                let friction = meeting.rub(history, spring);
+                force += friction;
+                stored_now = stored(constants, touch.overlap, spring);
+                dashpot = friction - *spring * constants.tangential_stiffness;
             }
             history.normal = touch.normal;
 
+            let impulse = (before + force + dashpot) * (0.5 * dt);
+            let dissipated = impulse.dot(&velocity) - (stored_now - stored_before);
             let received =
-                if with_wall { -force.dot(&particles.velocity[pair.b.index()]) * dt } else { 0.0 };
+                if with_wall { -impulse.dot(&particles.velocity[pair.b.index()]) } else { 0.0 };
             loads.push(Load {
                 force,
                 normal_force: history.normal_force,
@@ -223,21 +241,30 @@ impl ForceLaw for Linear {
             let arm_b = arm_a - bodies.relative(pair);
             let velocity = surface_velocity(particles, pair, &arm_a, &arm_b);
             let (of_a, of_b) = (particles.material(pair.a), particles.material(pair.b));
-            let stiffness = self.interactions.of(of_a, of_b).tangential_stiffness;
-            let force = history.normal * history.normal_force + spring * stiffness;
+            let force = last_force(history, &spring, self.interactions.of(of_a, of_b));
             // The force fell to nothing on the way: half of it did the work.
             let work = 0.5 * dt * force.dot(&velocity);
             let dissipated = work + self.stored(of_a, of_b, history.overlap, &spring);
+            let with_wall = pair.b.index() >= particles.first_wall();
+            let of_wall =
+                if with_wall { particles.velocity[pair.b.index()] } else { Vec3::zeros() };
             loads.push(Load {
                 dissipated: if dt > 0.0 { dissipated } else { 0.0 },
+                received: -0.5 * dt * force.dot(&of_wall),
                 ..Load::default()
             });
         }
     }
 
+    fn stiffness(&self, pair: Pair, particles: &Particles, dt: f64) -> f64 {
+        let constants =
+            self.interactions.of(particles.material(pair.a), particles.material(pair.b));
+        let stiffness = constants.normal_stiffness;
+        let mass = reduced_mass(particles, pair, pair.b.index() >= particles.first_wall());
+        stiffness + 2.0 * constants.normal_damping_ratio * (mass * stiffness).sqrt() / dt
+    }
+
     fn stored(&self, a: MaterialId, b: MaterialId, overlap: f64, spring: &Vec3) -> f64 {
-        let constants = self.interactions.of(a, b);
-        0.5 * constants.normal_stiffness * overlap * overlap
-            + 0.5 * constants.tangential_stiffness * spring.norm_squared()
+        stored(self.interactions.of(a, b), overlap, spring)
     }
 }

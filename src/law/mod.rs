@@ -148,7 +148,7 @@ pub struct Load {
     pub torque_b: Vec3,
     /// Energy lost since the last step [J].
     pub dissipated: f64,
-    /// Energy given to A by the motion of a wall since the last step [J].
+    /// Work of a moving wall on A since the last step [J].
     pub received: f64,
 }
 
@@ -193,6 +193,10 @@ pub trait ForceLaw: Send + Sync {
         dt: f64,
         loads: &mut Vec<Load>,
     );
+
+    /// How much the normal force of a pair that touches rises when its bodies come nearer within one step of
+    /// `dt` [s], over the way [N/m].
+    fn stiffness(&self, pair: Pair, particles: &Particles, dt: f64) -> f64;
 
     /// Elastic energy in a contact with this overlap [m] and tangential spring [m], in J.
     fn stored(&self, a: MaterialId, b: MaterialId, overlap: f64, spring: &Vec3) -> f64;

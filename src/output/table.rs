@@ -1,7 +1,9 @@
 //! `history.csv`: the scalars of a run by time. Rank 0 writes; every digit is the same on any number
 //! of ranks.
 
+use crate::math::Vec3;
 use crate::measure::Measures;
+use crate::particles::walls::{Wall, area};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -21,6 +23,7 @@ pub struct TableError {
 pub struct History {
     path: PathBuf,
     writer: csv::Writer<File>,
+    period: Vec3,
 }
 
 const COLUMNS: [&str; 18] = [
@@ -44,6 +47,13 @@ const COLUMNS: [&str; 18] = [
     "top_m",
 ];
 
+/// The walls of which place and stress are written: where any wall moves, all that stand across an axis.
+fn told(walls: &[Wall]) -> impl Iterator<Item = (usize, &Wall, usize)> {
+    let any_moves = walls.iter().any(|wall| wall.moves);
+    let walls = walls.iter().enumerate().filter(move |_| any_moves);
+    walls.filter_map(|(k, wall)| wall.across().map(|(axis, _)| (k, wall, axis)))
+}
+
 impl History {
     /// Opens `history.csv` in `directory`. Of a file that is there already, the rows of the steps that
     /// `keep` names stay: a run that goes on from a snapshot continues its table.
@@ -52,7 +62,8 @@ impl History {
     /// If the file cannot be read or written.
     pub fn open(
         directory: &Path,
-        walls: &[String],
+        walls: &[Wall],
+        period: Vec3,
         keep: impl Fn(u64) -> bool,
     ) -> Result<Self, TableError> {
         let path = directory.join("history.csv");
@@ -72,10 +83,18 @@ impl History {
             Vec::new()
         };
         let mut file = File::create(&path).map_err(|e| failed(&e))?;
-        let columns = COLUMNS.iter().map(|&c| c.to_owned()).chain(
-            walls.iter().flat_map(|w| ["x", "y", "z"].map(|axis| format!("force_{w}_{axis}_N"))),
-        );
-        let mut text = columns.collect::<Vec<_>>().join(",");
+        let mut columns = COLUMNS.map(str::to_owned).to_vec();
+        for Wall { name, .. } in walls {
+            columns.extend(["x", "y", "z"].map(|axis| format!("force_{name}_{axis}_N")));
+        }
+        if walls.iter().any(|wall| wall.moves) {
+            columns.push("unbalanced".to_owned());
+        }
+        for (_, Wall { name, .. }, axis) in told(walls) {
+            columns.push(format!("place_{name}_m"));
+            columns.extend(area(walls, &period, axis).map(|_| format!("stress_{name}_Pa")));
+        }
+        let mut text = columns.join(",");
         for line in kept {
             text.push('\n');
             text.push_str(&line);
@@ -83,14 +102,26 @@ impl History {
         text.push('\n');
         file.write_all(text.as_bytes()).map_err(|e| failed(&e))?;
         let writer = csv::WriterBuilder::new().has_headers(false).from_writer(file);
-        Ok(Self { path, writer })
+        Ok(Self { path, writer, period })
     }
 
-    /// Appends a row.
+    /// Appends a row; the walls are those of [`History::open`], where they stand now.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn push(&mut self, step: u64, time: f64, m: &Measures) -> Result<(), TableError> {
+    pub fn push(
+        &mut self,
+        step: u64,
+        time: f64,
+        m: &Measures,
+        walls: &[Wall],
+    ) -> Result<(), TableError> {
+        let unbalanced = walls.iter().any(|wall| wall.moves).then_some(m.unbalanced);
+        let moved = told(walls).flat_map(|(k, wall, axis)| {
+            let stress = |area| -m.wall_forces[k].dot(&wall.normal) / area;
+            let stress = area(walls, &self.period, axis).map(stress);
+            [Some(wall.point[axis]), stress].into_iter().flatten()
+        });
         let counts = [step.to_string(), time.to_string()]
             .into_iter()
             .chain([m.particles, m.contacts, m.wall_contacts].map(|count| count.to_string()));
@@ -111,6 +142,8 @@ impl History {
         ]
         .into_iter()
         .chain(m.wall_forces.iter().flat_map(|force| force.iter().copied()))
+        .chain(unbalanced)
+        .chain(moved)
         .map(|number| format!("{number:e}"));
         let written = self
             .writer

@@ -15,8 +15,38 @@ pub struct Wall {
     pub normal: Vec3,
     /// Velocity [m/s].
     pub velocity: Vec3,
+    /// Does the scene move it, at a given velocity or by a servo?
+    pub moves: bool,
     /// Its half-space in the library of shapes.
     pub shape: ShapeId,
     /// Where it stood when the pairs were listed [m].
     pub listed_at: Vec3,
+}
+
+impl Wall {
+    /// The axis along which its normal lies, and the normal's component, 1 or -1; `None` if it is tilted.
+    pub fn across(&self) -> Option<(usize, f64)> {
+        (0..3).map(|axis| (axis, self.normal[axis])).find(|&(_, along)| along.abs() == 1.0)
+    }
+}
+
+/// Where the room of the particles ends along an axis: at the innermost walls that stand across it [m];
+/// `None` on a side without one.
+pub fn ends(walls: &[Wall], axis: usize) -> [Option<f64>; 2] {
+    let places = |inwards: f64| {
+        let facing = move |wall: &&Wall| wall.across() == Some((axis, inwards));
+        walls.iter().filter(facing).map(move |wall| wall.point[axis])
+    };
+    [places(1.0).reduce(f64::max), places(-1.0).reduce(f64::min)]
+}
+
+/// Area on which the particles press against a wall across an axis: periods, or distances of walls, along
+/// both other axes [m²]; `None` if a side is open.
+pub fn area(walls: &[Wall], period: &Vec3, axis: usize) -> Option<f64> {
+    let width = |axis: usize| match ends(walls, axis) {
+        _ if period[axis].is_finite() => Some(period[axis]),
+        [Some(low), Some(high)] => Some(high - low),
+        _ => None,
+    };
+    Some(width((axis + 1) % 3)? * width((axis + 2) % 3)?)
 }

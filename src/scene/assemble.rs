@@ -5,6 +5,7 @@ use crate::comm::{Comm, agree};
 use crate::contact::{self, NamedHistory};
 use crate::domain::{self, Domain};
 use crate::drive::rain::RainGauge;
+use crate::drive::servo::Servos;
 use crate::ids::ShapeId;
 use crate::motion::Field;
 use crate::output::SnapshotError;
@@ -83,6 +84,7 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
         law: Box::new(scene.law()),
         field: Field { gravity: scene.gravity, damping: scene.global_damping },
         rain: scene.rain.clone().map(|rain| RainGauge::new(rain, scene.seed)),
+        servos: Servos::new(scene.servos.clone(), &scene.library),
         found: contact::Found::default(),
         loads: Vec::new(),
         dt: scene.dt,

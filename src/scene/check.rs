@@ -5,18 +5,16 @@
 
 use super::fills::Fills;
 use super::input::Node;
-use super::matter::{Materials, Names, Shapes, interactions};
+use super::matter::{Materials, Shapes, interactions};
 use super::reader::{Given, Range, Section};
 use super::report::Report;
-use super::{DomainSpec, Method, Scene};
+use super::walls::Walls;
+use super::{DomainSpec, Method, Scene, Stop};
 use crate::contact::{Epa, ErodedGjk};
-use crate::ids::MaterialId;
 use crate::law::Interactions;
 use crate::law::stability::time_step_limit;
 use crate::math::Vec3;
 use crate::particles::Library;
-use crate::particles::walls::Wall;
-use crate::shape::{HalfSpace, Shape};
 use std::path::{Path, PathBuf};
 
 /// Skin, in largest bounding radii, if the file does not say.
@@ -47,16 +45,13 @@ pub(super) fn scene(
     let shapes = Shapes::read(&root, &materials, folder);
     let domain_section = root.section("domain", "the box of particles, `low` and `high` [m]");
     let domain = domain_section.as_ref().and_then(domain);
-    let planes = planes(&root, domain_section.as_ref(), domain.as_ref(), &materials);
+    let mut walls = Walls::read(&root, domain_section.as_ref(), domain.as_ref(), &materials);
 
     let time_section = root.section("time", "`step` [s] and `steps`");
     let time = time_section.as_ref().and_then(Time::read);
-    let rest = root.read_or("stop", None, |given| {
-        let stop = given.section()?;
-        let rest = stop.number("rest", Range::BelowOne, "");
-        stop.finish();
-        rest.map(Some)
-    });
+    let dt = time.as_ref().map(|time| time.dt);
+    let servos = walls.read_servos(&root, domain.as_ref(), &shapes.library, dt);
+    let stop = root.read_or("stop", Stop::default(), |given| stop(&given.section()?, &root));
     let largest = shapes.library.largest_radius();
     let neighbours = root.read_or("neighbours", (SKIN * largest, 1.2), |given| {
         let neighbours = given.section()?;
@@ -96,7 +91,7 @@ pub(super) fn scene(
     }
 
     let mut library = shapes.library;
-    let walls = planes?.into_iter().map(|plane| plane.into_wall(&mut library)).collect();
+    let walls = walls.into_library(&mut library)?;
     let (skin, imbalance) = neighbours?;
     let (initial, rain) = fills?;
     let Time { dt, steps, allow_unstable } = time?;
@@ -109,6 +104,7 @@ pub(super) fn scene(
         interactions: interactions?,
         library,
         walls,
+        servos: servos?,
         method: contact?.0,
         limit_damping,
         gravity: gravity?,
@@ -118,7 +114,7 @@ pub(super) fn scene(
         dt,
         steps,
         allow_unstable,
-        rest: rest?,
+        stop: stop?,
         skin,
         imbalance,
         snapshot_every,
@@ -140,7 +136,7 @@ fn existing_file(given: &Given) -> Option<PathBuf> {
     Some(path)
 }
 
-// --- domain and walls ---
+// --- domain ---
 
 fn domain(section: &Section) -> Option<DomainSpec> {
     let low = section.vector("low", "m");
@@ -172,114 +168,6 @@ fn check_periods(section: &Section, domain: &DomainSpec, reach: f64) {
             ));
         }
     }
-}
-
-/// A wall on its way into the library.
-struct Plane {
-    name: String,
-    point: Vec3,
-    normal: Vec3,
-    velocity: Vec3,
-    material: MaterialId,
-}
-
-impl Plane {
-    fn into_wall(self, library: &mut Library) -> Wall {
-        let Self { name, point, normal, velocity, material } = self;
-        let half_space = Shape::HalfSpace(HalfSpace { normal });
-        let shape = library.push(&name, half_space, material, f64::INFINITY);
-        Wall { name, point, normal, velocity, shape, listed_at: point }
-    }
-}
-
-/// The walls on sides of the domain, then all others.
-fn planes(
-    root: &Section,
-    section: Option<&Section>,
-    domain: Option<&DomainSpec>,
-    materials: &Materials,
-) -> Option<Vec<Plane>> {
-    let mut planes = Vec::new();
-    let mut names = Names::of("wall");
-    if let Some(section) = section {
-        planes.extend(sides(section, domain, materials, &mut names));
-        section.finish();
-    }
-    for section in root.sections("wall") {
-        names.add(&section);
-        let name = names.names.last().cloned().unwrap_or_default();
-        let point = section.vector("point", "m");
-        let normal = section.require("normal", "[x, y, z], towards the particles", |given| {
-            let normal = given.vector(Range::Any, "")?;
-            if normal.amax() == 0.0 {
-                given.fail("must have a length greater than 0");
-                return None;
-            }
-            let along =
-                |axis: &usize| domain.is_some_and(|d| d.periodic[*axis]) && normal[*axis] != 0.0;
-            if let Some(axis) = (0..3).find(along) {
-                given.fail(format!("must be 0 along {}, which is periodic", AXES[axis]));
-            }
-            // Scaled first, because the squares of tiny components vanish.
-            Some((normal / normal.amax()).normalize())
-        });
-        let velocity = section.vector_or("velocity", Vec3::zeros(), "m/s");
-        let material = materials.find_in(&section, "material");
-        section.finish();
-        planes.push((|| {
-            Some(Plane {
-                name,
-                point: point?,
-                normal: normal?,
-                velocity: velocity?,
-                material: material?,
-            })
-        })());
-    }
-    planes.into_iter().collect()
-}
-
-fn sides(
-    section: &Section,
-    domain: Option<&DomainSpec>,
-    materials: &Materials,
-    names: &mut Names,
-) -> Vec<Option<Plane>> {
-    let Some(given) = section.get("walls") else {
-        if let Some(material) = section.get("wall_material") {
-            material.fail("there are no `walls` in [domain] for it");
-        }
-        return Vec::new();
-    };
-    let material = materials.find_in(section, "wall_material");
-    let words = ["-x", "+x", "-y", "+y", "-z", "+z"].map(|word| (word, word));
-    let items = given.list("a list of sides: \"-x\", \"+x\", \"-y\", \"+y\", \"-z\", \"+z\"");
-    items
-        .unwrap_or_default()
-        .iter()
-        .map(|item| {
-            let name = item.one_of(&words)?;
-            if names.names.iter().any(|n| n == name) {
-                item.fail("this side has a wall already");
-            }
-            names.names.push(name.to_owned());
-            let axis = AXES.iter().position(|axis| name.ends_with(axis))?;
-            let domain = domain?;
-            if domain.periodic[axis] {
-                item.fail(format!("{} is periodic, it has no walls", AXES[axis]));
-            }
-            let low = name.starts_with('-');
-            let mut normal = Vec3::zeros();
-            normal[axis] = if low { 1.0 } else { -1.0 };
-            Some(Plane {
-                name: name.to_owned(),
-                point: if low { domain.low } else { domain.high },
-                normal,
-                velocity: Vec3::zeros(),
-                material: material?,
-            })
-        })
-        .collect()
 }
 
 // --- contact, time, output ---
@@ -331,6 +219,21 @@ fn check_smooth(root: &Section, library: &Library) {
             edged.join(", ")
         ));
     }
+}
+
+fn stop(section: &Section, root: &Section) -> Option<Stop> {
+    let limit =
+        |key| section.read_or(key, None, |given| given.number(Range::BelowOne, "").map(Some));
+    let (rest, unbalanced, servo) = (limit("rest"), limit("unbalanced"), limit("servo"));
+    section.finish();
+    if let (Some(given), None) = (section.get("servo"), root.get("servo")) {
+        given.fail("there is no [[servo]]");
+    }
+    let stop = Stop { rest: rest?, unbalanced: unbalanced?, servo: servo? };
+    if stop == Stop::default() {
+        section.fail("give at least one of `rest`, `unbalanced` and `servo`");
+    }
+    Some(stop)
 }
 
 struct Time {

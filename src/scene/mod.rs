@@ -22,11 +22,18 @@
 //! | `periodic` | | [x, y, z], true or false; default false |
 //! | `walls` | | sides of the box that are fixed walls: `"-x"` `"+x"` `"-y"` `"+y"` `"-z"` `"+z"`; default none |
 //! | `wall_material` | | of these walls; default: the scene's only material |
+//! | `wall_velocity` | m/s | of those that move, as in `{ "+z" = [0, 0, -0.001] }` |
 //! | **`[[wall]]`** | | any other plane |
 //! | `name` | | |
 //! | `point`, `normal` | m | a point of the plane; a direction of any length, towards the particles |
 //! | `velocity` | m/s | default 0 |
 //! | `material` | | default: the scene's only material |
+//! | **`[[servo]]`** | | walls that keep a stress: they move towards the particles by `gain · (stress - current) · area / stiffness` of their contacts in a step |
+//! | `walls` | | names of walls across x, y or z; along the two other axes there must be walls on both sides, or a period |
+//! | `stress` | Pa | target, compression positive: normal force over the area between the other walls |
+//! | `max_speed` | m/s | of these walls, and their speed while nothing touches them; default 1 |
+//! | `coupled` | | all move by one displacement for the mean stress of all, so a pair closes symmetrically; default false: each on its own |
+//! | `gain` | | less where the stress swings about its target; default 1 |
 //! | **`[[material]]`** | | |
 //! | `name` | | |
 //! | `density` | kg/m³ | |
@@ -62,8 +69,10 @@
 //! | `step` | s | at most the stable limit |
 //! | `steps` | | at most so many |
 //! | `allow_unstable` | | take a step over the limit; default false |
-//! | **`[stop]`** | | may be left out |
-//! | `rest` | | ends when the kinetic energy is below this fraction of the energy dissipated |
+//! | **`[stop]`** | | may be left out; ends the stage when all that is asked for holds, looked at every 100 steps |
+//! | `rest` | | the kinetic energy is below this fraction of the energy dissipated |
+//! | `unbalanced` | | the mean resultant force of a particle is below this fraction of the mean contact force |
+//! | `servo` | | the stress of every servo is this near to its target, as a fraction of it |
 //! | **`[neighbours]`** | | may be left out; changes the speed, never the result |
 //! | `skin` | m | a pair is listed when its bounding spheres come this close; default: a tenth of the largest bounding radius |
 //! | `imbalance` | | subdomains are cut anew when the busiest rank has so many times the mean work; default 1.2 |
@@ -98,9 +107,11 @@ pub mod packing;
 pub mod plan;
 mod reader;
 mod report;
+mod walls;
 
 pub use crate::contact::Method;
 pub use crate::drive::rain::Rain;
+pub use crate::drive::servo::Servo;
 use crate::ids::ShapeId;
 use crate::law::linear::Linear;
 use crate::law::stability::{self, TimeStepLimit};
@@ -110,6 +121,7 @@ pub use crate::particles::mix::Mix;
 use crate::particles::walls::Wall;
 use crate::particles::{Library, Needs};
 use crate::shape::Kind;
+pub use crate::sim::run::Stop;
 use report::Report;
 pub use report::{Place, Problem, SceneErrors};
 use serde::{Deserialize, Serialize};
@@ -132,6 +144,8 @@ pub struct Scene {
     pub library: Library,
     /// Walls, in the order of their ids.
     pub walls: Vec<Wall>,
+    /// Which of them keep a stress.
+    pub servos: Vec<Servo>,
     /// How contacts are resolved.
     pub method: Method,
     /// Normal dashpots never make a contact attractive.
@@ -150,8 +164,8 @@ pub struct Scene {
     pub steps: u64,
     /// Run although the time step is over the stable limit.
     pub allow_unstable: bool,
-    /// The stage ends when the kinetic energy is below this fraction of the energy dissipated.
-    pub rest: Option<f64>,
+    /// When the stage ends before.
+    pub stop: Stop,
     /// A pair is listed when its bounding spheres come this close [m].
     pub skin: f64,
     /// Subdomains are cut anew when the busiest rank has this many times the mean work.

@@ -1,9 +1,9 @@
 //! What a scene will cost, said before it runs: `dem-mpi --plan`.
 
-use super::{Fill, Mix, Scene};
+use super::{Fill, Mix, Scene, Stop};
 use crate::contact::{ContactResolver, table};
 use crate::law::Constants;
-use crate::math::Vec3;
+use crate::math::{ExactSum, Vec3};
 use crate::shape::moments::Placement;
 use crate::shape::{Kind, Shape};
 use std::fmt::Display;
@@ -104,13 +104,26 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         }
     }
     let walls = |moving: bool| {
-        let names = scene.walls.iter().filter(|w| (w.velocity != Vec3::zeros()) == moving);
+        let names = scene.walls.iter().filter(|wall| wall.moves == moving);
         names.map(|wall| wall.name.as_str()).collect::<Vec<_>>().join(", ")
     };
     for (label, names) in [("fixed walls", walls(false)), ("moving walls", walls(true))] {
         if !names.is_empty() {
             page.line(label, names);
         }
+    }
+    for servo in &scene.servos {
+        let names: Vec<&str> = servo.walls.iter().map(|&k| &*scene.walls[k].name).collect();
+        page.line(
+            "servo",
+            format!(
+                "{}: {:e} Pa, at most {:e} m/s, gain {}",
+                names.join(", "),
+                servo.stress,
+                servo.max_speed,
+                servo.gain
+            ),
+        );
     }
     for (a, b) in pairs_of_kinds(scene) {
         page.line("contacts", format!("{}-{}: {}", a.name(), b.name(), resolver(scene, a, b)));
@@ -172,7 +185,8 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         (!needs.image, "no counts of periods: no axis is periodic".to_owned()),
         (scene.global_damping == 0.0, "no global damping".to_owned()),
         (scene.gravity == Vec3::zeros(), "no gravity".to_owned()),
-        (scene.rest.is_none(), "no rest criterion: all steps are taken".to_owned()),
+        (scene.stop == Stop::default(), "no stop criterion: all steps are taken".to_owned()),
+        (scene.servos.is_empty(), "no sum over all ranks in each step: no servos".to_owned()),
         (!open.is_empty(), format!("no walls on these sides of the domain: {}", open.join(", "))),
     ];
     page.section("Left out");
@@ -192,6 +206,10 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     page.line("owned particle", format!("{} bytes in columns", needs.column_bytes()));
     page.line("ghost", format!("{} bytes in the message of each step", 8 * needs.halo_values()));
     let reach = 2.0 * scene.library.largest_radius() + scene.skin;
+    if !scene.servos.is_empty() {
+        let bytes = scene.servos.len() * 2 * 8 * ExactSum::LIMBS;
+        page.line("servos", format!("a sum of {bytes} bytes over all ranks in each step"));
+    }
     page.line("halo width", format!("{reach:.4e} m, largest bounding diameter and skin"));
     if count == 0 {
         page.line("particles", "known when the start snapshot is read");

@@ -9,6 +9,7 @@ use crate::comm::{Comm, agree};
 use crate::contact::{Batch, Found, NamedHistory, Pair, Table, Why};
 use crate::domain::{Domain, DomainError};
 use crate::drive::rain::RainGauge;
+use crate::drive::servo::{ServoError, Servos};
 use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Load, Memory};
 use crate::measure::{self, Measures};
@@ -34,6 +35,8 @@ pub struct Simulation {
     pub field: Field,
     /// Particles still to come.
     pub rain: Option<RainGauge>,
+    /// Walls that keep a stress.
+    pub servos: Servos,
     /// Contacts at the current positions, and what the resolvers said of all pairs.
     pub found: Found,
     /// Forces of the contacts, in their order, then of pairs that have come apart.
@@ -67,6 +70,14 @@ pub enum StepError {
         /// Which particle, and why.
         error: DomainError,
     },
+    /// A wall cannot keep its stress. Known on all ranks.
+    #[error("step {step}: {error}")]
+    Servo {
+        /// Steps done.
+        step: u64,
+        /// Which wall, and why.
+        error: ServoError,
+    },
     /// A pair that no contact method could resolve. Known on one rank only.
     #[error(
         "step {step}: no contact method could resolve particle {a}, at ({x:e}, {y:e}, {z:e}) m, and {b}, \
@@ -95,7 +106,7 @@ pub enum StepError {
 impl StepError {
     /// Do all ranks have this error?
     pub const fn is_agreed(&self) -> bool {
-        matches!(self, Self::Domain { .. })
+        matches!(self, Self::Domain { .. } | Self::Servo { .. })
     }
 }
 
@@ -110,9 +121,14 @@ impl Simulation {
     /// What went wrong. Unless [`StepError::is_agreed`], the other ranks do not know yet, so the caller
     /// must abort them.
     pub fn step(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
-        // move
+        // move, and sum what presses on servo walls meanwhile
         self.clock.restart();
+        self.servos.start_sums(&self.pairs, &self.particles, &*self.law, self.dt, comm);
         motion::kick_and_drift(&mut self.particles, &self.field, self.dt);
+        self.clock.lap(Phase::Move);
+        self.steer_walls(comm)?;
+        self.clock.lap(Phase::Agree);
+        motion::move_walls(&mut self.particles, self.dt);
         self.step += 1;
         self.clock.lap(Phase::Move);
 
@@ -132,6 +148,14 @@ impl Simulation {
         self.apply_law(self.dt);
         self.clock.lap(Phase::Forces);
         Ok(())
+    }
+
+    /// Gives servo walls their velocities. Collective, if there are any.
+    fn steer_walls(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
+        let step = self.step;
+        let sides = [&self.domain.low, &self.domain.high];
+        let steered = self.servos.steer(&mut self.particles, sides, self.dt, comm);
+        steered.map_err(|error| StepError::Servo { step, error })
     }
 
     /// Brings the ghosts up to date, asks all ranks whether the list is good for these positions, and

@@ -9,6 +9,7 @@ use crate::measure::{Measures, shortest_axis};
 use crate::output::table::{History, TableError};
 use crate::output::{SnapshotError, snapshot};
 use crate::timing::Phase;
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -23,8 +24,8 @@ pub struct Schedule {
     pub snapshot_every: u64,
     /// Steps between rows of the history; 0: only at the end.
     pub history_every: u64,
-    /// End when the kinetic energy is below this fraction of the energy dissipated.
-    pub rest: Option<f64>,
+    /// When to end before.
+    pub stop: Stop,
     /// Where output goes.
     pub out: PathBuf,
     /// The scene's text, for the snapshots.
@@ -32,9 +33,20 @@ pub struct Schedule {
     /// Does the run go on from a snapshot of the same stage?
     pub resumed: bool,
     /// The number of the signal that asked this rank to stop; 0: none has.
-    pub stop: Arc<AtomicUsize>,
+    pub signal: Arc<AtomicUsize>,
     /// Particles whose state and contacts are told at every step.
     pub traced: Vec<GlobalId>,
+}
+
+/// When a stage has done its work: when all that is asked for holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Stop {
+    /// The kinetic energy is below this fraction of the energy dissipated.
+    pub rest: Option<f64>,
+    /// The mean resultant force of a particle is below this fraction of the mean contact force.
+    pub unbalanced: Option<f64>,
+    /// The stress of every servo is this near to its target, over the target.
+    pub servo: Option<f64>,
 }
 
 /// Why a run ended well.
@@ -42,7 +54,7 @@ pub struct Schedule {
 pub enum Ending {
     /// The last step was done.
     LastStep,
-    /// Everything has come to rest.
+    /// All that [`Stop`] asks for holds.
     Rest,
     /// A signal of this number asked for it, on any rank.
     Signal(usize),
@@ -76,6 +88,8 @@ pub struct Progress<'a> {
     pub measures: Option<&'a Measures>,
     /// Lines about the traced particles, on rank 0.
     pub trace: &'a str,
+    /// What the user should know now, the same on all ranks.
+    pub warnings: &'a [String],
 }
 
 /// A run could not go on.
@@ -128,7 +142,6 @@ pub fn run(
     }
     let started = Instant::now();
     let first_step = sim.step;
-    let names: Vec<String> = sim.particles.walls.iter().map(|w| w.name.clone()).collect();
     let mut history = if comm.is_root() {
         // The last row of a run that was stopped off its schedule would not be there had it gone on.
         let stage_begin = sim.stage_begin.0;
@@ -136,7 +149,7 @@ pub fn run(
             let scheduled = step == stage_begin || due(step, schedule.history_every);
             schedule.resumed && step <= first_step && scheduled
         };
-        Some(History::open(&schedule.out, &names, keep)?)
+        Some(History::open(&schedule.out, &sim.particles.walls, sim.domain.period(), keep)?)
     } else {
         None
     };
@@ -146,7 +159,7 @@ pub fn run(
     if !schedule.resumed {
         let measures = sim.measure(comm);
         if let Some(history) = &mut history {
-            history.push(sim.step, sim.time(), &measures)?;
+            history.push(sim.step, sim.time(), &measures, &sim.particles.walls)?;
         }
         if schedule.snapshot_every > 0 {
             save(sim, schedule, &measures, comm)?;
@@ -163,14 +176,14 @@ pub fn run(
         let is_last = sim.step == schedule.last_step;
         let row_due = is_last || due(sim.step, schedule.history_every);
         let snapshot_due = due(sim.step, schedule.snapshot_every);
-        let rest_due = schedule.rest.is_some() && due(sim.step, REST_CHECK);
-        let signal = stop_check.signal(sim.step, &schedule.stop, comm);
+        let rest_due = schedule.stop != Stop::default() && due(sim.step, REST_CHECK);
+        let signal = stop_check.signal(sim.step, &schedule.signal, comm);
         last = None;
         if row_due || snapshot_due || rest_due {
             let measures = sim.measure(comm);
-            let at_rest = rest_due && is_at_rest(sim, schedule, &measures);
+            let at_rest = rest_due && is_at_rest(sim, &schedule.stop, &measures);
             if let Some(history) = history.as_mut().filter(|_| row_due || at_rest) {
-                history.push(sim.step, sim.time(), &measures)?;
+                history.push(sim.step, sim.time(), &measures, &sim.particles.walls)?;
             }
             if snapshot_due {
                 save(sim, schedule, &measures, comm)?;
@@ -189,6 +202,7 @@ pub fn run(
             of: schedule.last_step - first_step,
             measures: last.as_ref(),
             trace: &trace,
+            warnings: &std::mem::take(&mut sim.servos.warnings),
         });
         sim.clock.lap(Phase::Output);
         if ending != Ending::LastStep {
@@ -221,10 +235,14 @@ const fn due(step: u64, every: u64) -> bool {
     every > 0 && step.is_multiple_of(every)
 }
 
-fn is_at_rest(sim: &Simulation, schedule: &Schedule, measures: &Measures) -> bool {
+fn is_at_rest(sim: &Simulation, stop: &Stop, measures: &Measures) -> bool {
     let all_there = sim.rain.as_ref().is_none_or(RainGauge::is_over);
-    let limit = schedule.rest.unwrap_or(0.0) * measures.dissipated;
-    all_there && measures.contacts + measures.wall_contacts > 0 && measures.kinetic() < limit
+    let error = sim.servos.largest_error(&sim.particles, &measures.wall_forces);
+    all_there
+        && measures.contacts + measures.wall_contacts > 0
+        && stop.rest.is_none_or(|limit| measures.kinetic() < limit * measures.dissipated)
+        && stop.unbalanced.is_none_or(|limit| measures.unbalanced < limit)
+        && stop.servo.is_none_or(|limit| error < limit)
 }
 
 /// Finds the forces at the start. Collective.
@@ -237,7 +255,7 @@ fn begin(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
 fn explain(error: StepError, sim: &Simulation, comm: &mut dyn Comm) -> RunError {
     match error {
         StepError::Domain { step, error } => lost(step, error, sim, comm),
-        error @ StepError::Contact { .. } => error.into(),
+        error @ (StepError::Contact { .. } | StepError::Servo { .. }) => error.into(),
     }
 }
 

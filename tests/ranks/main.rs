@@ -28,6 +28,7 @@ const CASES: &[Case] = &[
     Case { name: "route", ranks: &[1, 2, 4], run: comm::route },
     Case { name: "reductions", ranks: &[1, 2, 4], run: comm::reductions },
     Case { name: "votes", ranks: &[1, 2, 4], run: comm::votes },
+    Case { name: "started sums", ranks: &[1, 2, 4], run: comm::started_sums },
     Case { name: "broadcast_and_gather", ranks: &[1, 2, 4], run: comm::broadcast_and_gather },
     Case { name: "snapshot_round_trip", ranks: &[1, 2, 4], run: snapshot::round_trip },
     Case { name: "snapshot_is_collective", ranks: &[1, 2, 4], run: snapshot::is_collective },
