@@ -18,4 +18,5 @@ mod snapshot;
 mod solids;
 mod superellipsoids;
 mod support;
+mod triaxial;
 mod units;

@@ -168,8 +168,8 @@ impl Petals {
                 Anchor::Left,
             )?;
         }
-        label(canvas, self.title, (centre.0, px(18)), 14, INK, Anchor::Middle)?;
-        label(canvas, &self.degree, (centre.0, px(40)), 13, MUTED, Anchor::Middle)?;
+        label(canvas, self.title, (centre.0, centre.1 - px(188)), 14, INK, Anchor::Middle)?;
+        label(canvas, &self.degree, (centre.0, centre.1 - px(166)), 13, MUTED, Anchor::Middle)?;
         let foot = (centre.0, centre.1 + px(Self::RADIUS + 26));
         label(canvas, "vertical ↑   horizontal →", (foot.0, foot.1), 11, MUTED, Anchor::Middle)
     }

@@ -61,9 +61,9 @@ impl Verdict {
     }
 }
 
-/// Findings as a Markdown table.
-pub fn table(findings: &[Finding]) -> String {
-    let mut table = "| | the paper | here | verdict |\n|---|---|---|---|\n".to_string();
+/// Findings as a Markdown table; `whose` heads the column of statements.
+pub fn table(whose: &str, findings: &[Finding]) -> String {
+    let mut table = format!("| | {whose} | here | verdict |\n|---|---|---|---|\n");
     for f in findings {
         let words = f.verdict.words();
         let _ = writeln!(table, "| {} | {} | {} | {words} |", f.figure, f.statement, f.here);

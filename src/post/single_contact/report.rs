@@ -26,7 +26,7 @@ pub fn report(study: &Study, plan: &Plan) -> String {
         plan.seed,
     );
     let mut section = |title: &str, figure: &str, findings: Vec<Finding>, remark: &str| {
-        let _ = write!(page, "\n## {title}\n\n{figure}{}\n{remark}", table(&findings));
+        let _ = write!(page, "\n## {title}\n\n{figure}{}\n{remark}", table("the paper", &findings));
     };
     section("Case I: parallel ellipsoids", "![Fig. 5](fig5.svg)\n\n", case_1(study), CASE_1);
     section("Why the normal's error changes", "![Fig. 6](fig6.svg)\n\n", reason(study), REASON);

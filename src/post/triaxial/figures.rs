@@ -60,7 +60,7 @@ fn response(runs: &[Run]) -> Result<String, PlotError> {
             mark: Mark::Line,
             points: run.curve(pick).into_iter().map(|(e, value)| (100.0 * e, value)).collect(),
         };
-        let curves: Vec<Series> = runs.iter().map(curve).collect();
+        let curves: Vec<Series> = runs.iter().map(curve).filter(|c| !c.points.is_empty()).collect();
         let points = || curves.iter().flat_map(|c| &c.points);
         let (x, y) = (span(points().map(|p| p.0)), span(points().map(|p| p.1)));
         panel(canvas, &linear("axial strain (%)", y_label, x, y), &curves)
