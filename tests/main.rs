@@ -19,4 +19,5 @@ mod snapshot;
 mod solids;
 mod superellipsoids;
 mod support;
+mod triaxial;
 mod units;

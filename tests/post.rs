@@ -61,14 +61,14 @@ fn matrix(value: &Value) -> Mat3 {
 
 /// A snapshot in memory.
 #[derive(Clone)]
-struct Snapshot {
-    header: Header,
-    particles: ParticleTable,
-    contacts: ContactTable,
+pub(crate) struct Snapshot {
+    pub(crate) header: Header,
+    pub(crate) particles: ParticleTable,
+    pub(crate) contacts: ContactTable,
 }
 
 impl Snapshot {
-    fn analyse(&self, settings: Settings) -> Result<Analysis, PostError> {
+    pub(crate) fn analyse(&self, settings: Settings) -> Result<Analysis, PostError> {
         let mut particles = ParticlePass::new(&self.header, settings)?;
         particles.add(&self.particles)?;
         let mut contacts = particles.finish();
@@ -78,7 +78,7 @@ impl Snapshot {
         Ok(forces.finish("in memory"))
     }
 
-    fn report(&self) -> Report {
+    pub(crate) fn report(&self) -> Report {
         self.analyse(Settings::default()).expect("a sound snapshot").report
     }
 
@@ -459,7 +459,7 @@ impl Dice {
 
 /// `side`³ ellipsoids at random attitudes about a lattice in a box with a floor and four sides;
 /// neighbours are taken to touch, with forces that grow downwards.
-fn ellipsoids(side: u32, seed: u64) -> Snapshot {
+pub(crate) fn ellipsoids(side: u32, seed: u64) -> Snapshot {
     let mut dice = Dice(ChaCha8Rng::seed_from_u64(seed));
     let spacing = 2.6e-3;
     let count = side.pow(3);
@@ -1313,6 +1313,11 @@ fn wrong_arguments_end_in_one_message_and_status_2() {
         (vec!["Cargo.toml", "--region", "0,1,0"], "six numbers"),
         (vec!["Cargo.toml", "--region", "0,1,0,1,0,high"], "'high'"),
         (vec![], "<SNAPSHOT>"),
+        (vec![empty, "--series"], "holds no snapshot"),
+        (vec!["Cargo.toml", "--margin", "wide"], "grain diameters"),
+        (vec!["--section-3", empty], "holds no run"),
+        (vec!["--section-3", "no/such/folder"], "holds no run"),
+        (vec!["--section-3", empty, "Cargo.toml"], "cannot be used with"),
     ] {
         let output = std::process::Command::new(env!("CARGO_BIN_EXE_dem-post"))
             .args(&arguments)

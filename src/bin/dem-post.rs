@@ -8,8 +8,10 @@ use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::Among;
 use dem_mpi::post::history::History;
 use dem_mpi::post::plots::Plot;
-use dem_mpi::post::region::{Bounds, Region};
-use dem_mpi::post::{Report, Settings, analyse, lammps, page, pieces};
+use dem_mpi::post::region::{Bounds, Margin, Region};
+use dem_mpi::post::section::csv;
+use dem_mpi::post::series::{self, Choice};
+use dem_mpi::post::{Report, Settings, lammps, page, pieces, triaxial};
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -18,15 +20,19 @@ use std::process::ExitCode;
 /// Computes stress, coordination, fabric and force distributions from snapshots of dem-mpi.
 ///
 /// Give one snapshot for its numbers and plots, or several for their evolution too: strains are then
-/// taken against the earliest. A directory stands for its newest snapshot. Results go to a folder
+/// taken against the earliest. A directory stands for its newest snapshot, with --series for all. Results go to a folder
 /// `post` beside the last snapshot: index.html to look at, report.csv and report.json to
 /// compute with, every plot as SVG.
 #[derive(Parser)]
 #[command(version, max_term_width = 100, after_help = EXAMPLES)]
 struct Arguments {
     /// Particle files (particles_STEP.vtkhdf, each with its contacts file beside it), or directories
-    #[arg(required = true, value_name = "SNAPSHOT")]
+    #[arg(required_unless_present = "section_3", value_name = "SNAPSHOT")]
     snapshots: Vec<PathBuf>,
+
+    /// All snapshots of each directory instead of the newest
+    #[arg(long)]
+    series: bool,
 
     /// Where to write [default: `post` beside the last snapshot]
     #[arg(long, value_name = "DIR")]
@@ -42,6 +48,11 @@ struct Arguments {
     )]
     region: Option<Vec<f64>>,
 
+    /// Leave out a layer along the sides, in metres (0.004) or grain diameters (1.5d). The sides are walls where
+    /// they stand in each snapshot, else the outermost grains
+    #[arg(long, value_name = "LENGTH", conflicts_with = "region")]
+    margin: Option<Margin>,
+
     /// Count contacts with walls too in fabric, roses and force distributions
     #[arg(long)]
     fabric_with_walls: bool,
@@ -50,21 +61,29 @@ struct Arguments {
     #[arg(long)]
     lammps: bool,
 
+    /// Regenerate section 3 of Lai et al. (2021) from the runs DIR/METHOD/STAGE, METHOD being
+    /// common-normal, epa, gjk-erosion and STAGE packing, consolidation, shear: figures 9 to 14, their
+    /// tables and report.md
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["snapshots", "series", "lammps", "diff"])]
+    section_3: Option<PathBuf>,
+
     /// Compare two snapshots particle by particle, bit for bit, and write nothing.
     /// Exit status: 0 equal, 1 different, 2 could not compare
-    #[arg(long, conflicts_with_all = ["out", "region", "fabric_with_walls", "lammps"])]
+    #[arg(long, conflicts_with_all = ["out", "region", "margin", "series", "fabric_with_walls", "lammps"])]
     diff: bool,
 }
 
 const EXAMPLES: &str = "\
 Examples:
   dem-post out/packing                         the newest snapshot of a run
-  dem-post out/shear/particles_*.vtkhdf        a series: stress against strain
+  dem-post out/shear --series                  all its snapshots: stress against strain
+  dem-post out/shear --series --margin 1.5d    the same away from the walls, which move
   dem-post out/packing --region 0.01,0.03,0.01,0.03,0.01,0.04
-                                               the middle, away from the walls
+                                               a part of it
   dem-post --diff one_rank/last.vtkhdf four_ranks/last.vtkhdf
                                                same bits on 1 and on 4 ranks?
-  dem-post out/packing --lammps                also a file for OVITO";
+  dem-post out/packing --lammps                also a file for OVITO
+  dem-post --section-3 out/triaxial            the paper's section 3";
 
 fn main() -> ExitCode {
     match run(Arguments::parse()) {
@@ -77,10 +96,6 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: Arguments) -> Result<ExitCode> {
-    let files = particle_files(&arguments.snapshots)?;
-    if arguments.diff {
-        return compare(&arguments.snapshots, &files);
-    }
     let settings = Settings {
         region: arguments.region.as_deref().map_or(Ok(Region::Whole), region)?,
         among: if arguments.fabric_with_walls {
@@ -89,31 +104,28 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
             Among::Particles
         },
     };
-    let mut snapshots = open_series(&files)?;
+    let choice = Choice { settings, margin: arguments.margin };
+    if let Some(root) = &arguments.section_3 {
+        return regenerate(root, arguments.out.as_deref(), &choice);
+    }
+    let files = particle_files(&arguments.snapshots, arguments.series)?;
+    if arguments.diff {
+        return compare(&arguments.snapshots, &files);
+    }
+    let snapshots = series::open(&files)?;
     let newest = snapshots.last().map(|(path, _)| path.clone()).context("no snapshot given")?;
     let beside = newest.parent().unwrap_or(Path::new("."));
     let out = arguments.out.unwrap_or_else(|| beside.join("post"));
     fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
 
-    let mut reports: Vec<Report> = Vec::new();
-    let mut picture = None;
-    for (path, reader) in &mut snapshots {
-        let name = path.display().to_string();
-        let analysis = analyse(reader, &name, settings).with_context(|| name.clone())?;
-        let mut report = analysis.report;
-        // A single snapshot has no other to be strained against.
-        if files.len() > 1 {
-            let first = reports.first().unwrap_or(&report).clone();
-            report.strain_against(&first);
-        }
-        reports.push(report);
-        picture = Some(analysis.picture);
-        if arguments.lammps {
-            write_lammps(&out, reader).with_context(|| name)?;
+    let (reports, picture) = series::reports(&snapshots, &choice)?;
+    if arguments.lammps {
+        for (path, reader) in &snapshots {
+            write_lammps(&out, reader).with_context(|| path.display().to_string())?;
         }
     }
     let bounds = reports.last().and_then(|r| r.bounds_m);
-    let drawing = picture.unwrap_or_default().svg(bounds.as_ref());
+    let drawing = picture.svg(bounds.as_ref());
     let history = history_beside(beside);
     let walls = snapshots.last().map_or(&[][..], |(_, reader)| &reader.header().walls);
     let plots = page::plots(&reports, drawing, &history, walls)?;
@@ -124,60 +136,43 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The particle files that the arguments stand for, each once. Contact files, which a pattern such as
+/// Writes all files of the section.
+fn regenerate(root: &Path, out: Option<&Path>, choice: &Choice) -> Result<ExitCode> {
+    let files = triaxial::regenerate(root, choice)?;
+    let out = out.map_or_else(|| root.join("post"), Path::to_path_buf);
+    fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
+    for (name, text) in files {
+        let path = out.join(&name);
+        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    say(&format!("report: {}\n", out.join("report.md").display()));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The particle files that the arguments stand for. Contact files, which a pattern such as
 /// `*.vtkhdf` also matches, are passed over: they are read with their particles.
-fn particle_files(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
+fn particle_files(arguments: &[PathBuf], whole_series: bool) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for argument in arguments {
         let name = argument.file_name().unwrap_or_default().to_string_lossy();
         if name.starts_with("contacts_") {
             continue;
         }
-        let file = if argument.is_dir() { newest_in(argument)? } else { argument.clone() };
-        // `last.vtkhdf` is a link to a particles file.
-        let file = file
-            .canonicalize()
-            .with_context(|| format!("there is no snapshot {}", file.display()))?;
-        files.push(file);
+        let named = match argument.is_dir() {
+            true if whole_series => series::all(argument)?,
+            true => vec![series::newest(argument)?],
+            false => vec![argument.clone()],
+        };
+        for file in named {
+            // `last.vtkhdf` is a link to a particles file.
+            let file = file
+                .canonicalize()
+                .with_context(|| format!("there is no snapshot {}", file.display()))?;
+            files.push(file);
+        }
     }
     ensure!(!files.is_empty(), "only contact files were given; name the particle files instead");
     Ok(files)
-}
-
-fn newest_in(directory: &Path) -> Result<PathBuf> {
-    let last = directory.join("last.vtkhdf");
-    if last.exists() {
-        return Ok(last);
-    }
-    let step_of = |path: &Path| -> Option<u64> {
-        let name = path.file_name()?.to_str()?;
-        name.strip_prefix("particles_")?.strip_suffix(".vtkhdf")?.parse().ok()
-    };
-    let entries = fs::read_dir(directory)
-        .with_context(|| format!("cannot list {}", directory.display()))?
-        .filter_map(|entry| entry.ok().map(|e| e.path()));
-    entries.filter(|path| step_of(path).is_some()).max_by_key(|path| step_of(path)).with_context(
-        || {
-            format!(
-                "{} holds no snapshot: neither last.vtkhdf nor particles_STEP.vtkhdf",
-                directory.display()
-            )
-        },
-    )
-}
-
-/// All snapshots, each once, by step.
-fn open_series(files: &[PathBuf]) -> Result<Vec<(PathBuf, Reader)>> {
-    let mut files = files.to_vec();
-    files.sort();
-    files.dedup();
-    let mut snapshots = Vec::new();
-    for file in files {
-        let reader = Reader::open(&file)?;
-        snapshots.push((file, reader));
-    }
-    snapshots.sort_by_key(|(_, reader)| reader.header().step);
-    Ok(snapshots)
 }
 
 fn region(numbers: &[f64]) -> Result<Region> {
@@ -238,11 +233,7 @@ fn write_all(out: &Path, title: &str, reports: &[Report], plots: &[Plot]) -> Res
         fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
     };
     write("report.json", &(serde_json::to_string_pretty(reports)? + "\n"))?;
-    let mut table = csv::Writer::from_writer(Vec::new());
-    for report in reports {
-        table.serialize(&report.summary)?;
-    }
-    write("report.csv", &String::from_utf8(table.into_inner()?)?)?;
+    write("report.csv", &csv(reports.iter().map(|report| &report.summary))?)?;
     for plot in plots {
         write(&format!("{}.svg", plot.name), &plot.svg)?;
     }

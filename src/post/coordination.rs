@@ -92,6 +92,12 @@ impl CoordinationNumbers {
         self.histogram.iter().zip(0..).map(|(particles, k)| particles * k).sum()
     }
 
+    /// Share of the particles that have 0, 1, 2.. contacts.
+    pub fn shares(&self) -> impl Iterator<Item = f64> + '_ {
+        let all = self.particles().max(1) as f64;
+        self.histogram.iter().map(move |&particles| particles as f64 / all)
+    }
+
     /// Particles with exactly this many contacts.
     pub fn having(&self, contacts: usize) -> u64 {
         self.histogram.get(contacts).copied().unwrap_or(0)

@@ -71,6 +71,12 @@ impl History {
         });
         Ok(Self { curves: curves.collect() })
     }
+
+    /// The last value of a column, if there is one.
+    pub fn last(&self, name: &str) -> Option<f64> {
+        let curve = self.curves.iter().find(|curve| curve.name == name)?;
+        Some(curve.points.last()?.1)
+    }
 }
 
 impl Curve {

@@ -15,11 +15,14 @@
 //! | [`region`] | where to measure; volume, solid fraction, strain |
 //! | [`stress`] [`coordination`] [`fabric`] [`forces`] | one measure each |
 //! | [`report`] | the numbers of a snapshot, as JSON, as a row of CSV, and to read |
+//! | [`series`] | the snapshots of a run, one after the other |
 //! | [`history`] | the scalars that the run wrote by time |
 //! | [`plots`] [`panels`] [`rose`] [`picture`] [`page`] | what there is to look at |
 //! | [`diff`] | whether two snapshots are the same, bit for bit |
 //! | [`lammps`] | particles for OVITO |
+//! | [`section`] | statements, findings, verdicts: pages that regenerate a section of a paper |
 //! | [`single_contact`] | section 2 of Lai et al. (2021), without a snapshot |
+//! | [`triaxial`] | section 3, from the snapshots of runs |
 
 mod check;
 pub mod coordination;
@@ -35,9 +38,12 @@ pub mod plots;
 pub mod region;
 pub mod report;
 pub mod rose;
+pub mod section;
+pub mod series;
 pub mod single_contact;
 pub mod stress;
 mod sums;
+pub mod triaxial;
 
 pub use report::{Report, Summary};
 
@@ -49,8 +55,9 @@ use coordination::CoordinationCount;
 use fabric::{Among, Fabric, FabricSum, ForceFabricSum, RoseSum};
 use forces::{ForceCount, MeanForceSum};
 use picture::Picture;
-use region::{Bounds, Extent, Members, Region, SampledSolid, SolidVolume};
+use region::{Bounds, Extent, Margin, Members, Region, SampledSolid, SolidVolume};
 use std::ops::Range;
+use std::path::PathBuf;
 use stress::StressSum;
 
 /// Why nothing could be computed.
@@ -100,6 +107,34 @@ pub enum PostError {
         /// The particle.
         id: GlobalId,
     },
+    /// A folder that cannot be listed.
+    #[error("cannot list {folder}: {cause}", folder = folder.display())]
+    Unlisted {
+        /// The folder.
+        folder: PathBuf,
+        /// What the system says.
+        cause: std::io::Error,
+    },
+    /// A folder without snapshots.
+    #[error(
+        "{folder} holds no snapshot: neither last.vtkhdf nor particles_STEP.vtkhdf",
+        folder = folder.display()
+    )]
+    NoSnapshot {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// An error with the file in which it is.
+    #[error("{file}: {error}")]
+    In {
+        /// The file.
+        file: String,
+        /// The error.
+        error: Box<PostError>,
+    },
+    /// A margin of nothing.
+    #[error("the packing has no box of which a margin could be left out")]
+    NoBox,
     /// A region without volume.
     #[error("the region has no length along {axis}: from {low} m to {high} m")]
     EmptyRegion {
@@ -199,8 +234,9 @@ impl<'a> ParticlePass<'a> {
 
     /// On to the contacts.
     pub fn finish(self) -> ContactPass<'a> {
+        let packing = self.extent.finish(self.header);
         let bounds = match self.settings.region {
-            Region::Whole => self.extent.finish(self.header),
+            Region::Whole => packing,
             Region::Box(bounds) => Some(bounds),
         };
         let solid_fraction = match &self.sampled {
@@ -210,6 +246,9 @@ impl<'a> ParticlePass<'a> {
         ContactPass {
             header: self.header,
             settings: self.settings,
+            packing,
+            inertial_number_times_root_p: packing
+                .and_then(|packing| self.volume.inertia_of_strain(self.header, &packing)),
             bounds,
             solid_fraction,
             members: self.members,
@@ -228,6 +267,8 @@ impl<'a> ParticlePass<'a> {
 pub struct ContactPass<'a> {
     header: &'a Header,
     settings: Settings,
+    packing: Option<Bounds>,
+    inertial_number_times_root_p: Option<f64>,
     bounds: Option<Bounds>,
     solid_fraction: Option<f64>,
     members: Members,
@@ -299,6 +340,8 @@ impl ForcePass<'_> {
             header,
             region: settings.region,
             among: settings.among,
+            packing: self.before.packing,
+            inertial_number_times_root_p: self.before.inertial_number_times_root_p,
             bounds,
             solid_fraction,
             stress: bounds.map(|b| self.before.stress.finish(b.volume())),
@@ -340,4 +383,22 @@ pub fn analyse(reader: &Reader, name: &str, settings: Settings) -> Result<Analys
         forces.add_contacts(&reader.contacts(rows)?)?;
     }
     Ok(forces.finish(name))
+}
+
+/// The box of the packing without a layer along its sides, as the snapshot finds them: walls where they
+/// stand, the outermost particles where there are none. A periodic axis has no sides.
+///
+/// # Errors
+/// A file that cannot be read, or a packing that the margin takes whole.
+pub fn inside(reader: &Reader, margin: Margin) -> Result<Region, PostError> {
+    let header = reader.header();
+    let mut extent = Extent::default();
+    for rows in pieces(reader.particle_count()) {
+        let particles = reader.particles(rows)?;
+        check::check_particles(header, &particles)?;
+        extent.add(header, &particles);
+    }
+    let bounds = extent.finish(header).ok_or(PostError::NoBox)?;
+    let region = Region::Box(bounds.shrunk(header, margin));
+    region.check(header).map(|()| region)
 }

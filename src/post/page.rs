@@ -132,7 +132,8 @@ fn series(out: &mut String, reports: &[Report]) {
         "<section class=\"series\">\n<table>\n<caption>All snapshots</caption>\n\
          <tr><th>step</th><th>time (s)</th><th>particles</th><th>p (Pa)</th><th>q / p</th>\
          <th>axial strain</th><th>volumetric strain</th>\
-         <th>solid fraction</th><th>Z</th><th>a<sub>c</sub></th><th>a<sub>n</sub></th><th>a<sub>t</sub></th></tr>\n",
+         <th>solid fraction</th><th>Z</th><th>a<sub>c</sub></th><th>a<sub>n</sub></th><th>a<sub>t</sub></th>\
+         <th>0.4 (a<sub>c</sub> + a<sub>n</sub> + 1.5 a<sub>t</sub>) / (q / p) − 1</th></tr>\n",
     );
     for report in reports {
         let s = &report.summary;
@@ -153,6 +154,7 @@ fn series(out: &mut String, reports: &[Report]) {
             s.a_c,
             s.a_n,
             s.a_t,
+            s.fabric_relation_error,
         ] {
             let _ = write!(out, "<td>{}</td>", value.map_or("–".to_string(), readable));
         }

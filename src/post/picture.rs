@@ -154,9 +154,18 @@ impl Picture {
 
     /// The drawing, far grains first. Lightness goes with the number of contacts.
     pub fn svg(mut self, bounds: Option<&Bounds>) -> String {
+        let frame = self.frame(bounds);
+        self.svg_in(&frame)
+    }
+
+    /// Sorts the grains, far ones first, and finds what holds them.
+    fn frame(&mut self, bounds: Option<&Bounds>) -> Frame {
         self.keep_nearest();
         self.grains.sort_by(|a, b| b.depth.nearer(&a.depth));
-        let frame = Frame::around(&self.grains, bounds);
+        Frame::around(&self.grains, bounds)
+    }
+
+    fn svg_in(&self, frame: &Frame) -> String {
         let mut out = String::new();
         frame.open(&mut out);
         for grain in &self.grains {
@@ -167,6 +176,44 @@ impl Picture {
         out.push_str("</svg>\n");
         out
     }
+}
+
+/// Pictures beside each other at one scale, on one floor, each under its title.
+pub fn side_by_side(pictures: Vec<(String, Picture, Option<Bounds>)>) -> String {
+    const HEAD: f64 = 30.0;
+    let framed = pictures.into_iter().map(|(title, mut picture, bounds)| {
+        let frame = picture.frame(bounds.as_ref());
+        (title, picture, frame)
+    });
+    let mut framed: Vec<_> = framed.collect();
+    let scale = framed.iter().map(|(_, _, frame)| frame.scale).fold(f64::INFINITY, f64::min);
+    for (_, _, frame) in &mut framed {
+        frame.scale_to(scale);
+    }
+    let width: f64 = framed.iter().map(|(_, _, frame)| frame.width).sum();
+    let tallest = framed.iter().map(|(_, _, frame)| frame.height).fold(0.0, f64::max);
+    let height = tallest + HEAD;
+    let mut out = format!(
+        r##"<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0}" height="{height:.0}" viewBox="0 0 {width:.1} {height:.1}">
+<rect width="100%" height="100%" fill="#FFFFFF"/>
+"##
+    );
+    let mut left = 0.0;
+    for (title, picture, frame) in framed {
+        let top = height - frame.height;
+        let _ = write!(
+            out,
+            r##"<text x="{:.1}" y="20" font-family="sans-serif" font-size="14" fill="#1F2933">{title}</text>
+<g transform="translate({left:.1} {top:.1})">
+{}</g>
+"##,
+            left + Frame::MARGIN,
+            picture.svg_in(&frame)
+        );
+        left += frame.width;
+    }
+    out.push_str("</svg>\n");
+    out
 }
 
 /// Tones, each for two numbers of contacts: 0-1 (rattlers), 2-3, and so on to 12 and more.
@@ -189,6 +236,8 @@ struct Frame {
     /// Lowest x and highest z [m].
     left: f64,
     top: f64,
+    /// From there to the highest x and the lowest z [m].
+    extent: [f64; 2],
     /// Pixels per metre.
     scale: f64,
     /// Room on the left, which sets a narrow packing in the middle [px].
@@ -224,18 +273,21 @@ impl Frame {
         if !(low[0] < high[0] && low[1] < high[1]) {
             (low, high) = ([0.0; 2], [1.0; 2]);
         }
-        let (wide, tall) = (high[0] - low[0], high[1] - low[1]);
-        let scale = Self::LONGEST / wide.max(tall);
-        let width = (wide * scale + 2.0 * Self::MARGIN).max(Self::NARROWEST);
-        Self {
-            left: low[0],
-            top: high[1],
-            scale,
-            inset: 0.5 * (width - wide * scale),
-            width,
-            height: tall * scale + 2.0 * Self::MARGIN + Self::LEGEND,
-            sides,
-        }
+        let extent = [high[0] - low[0], high[1] - low[1]];
+        let (inset, width, height) = (0.0, 0.0, 0.0);
+        let mut frame =
+            Self { left: low[0], top: high[1], extent, scale: 0.0, inset, width, height, sides };
+        frame.scale_to(Self::LONGEST / extent[0].max(extent[1]));
+        frame
+    }
+
+    /// Sets the scale [px/m] and what follows from it.
+    fn scale_to(&mut self, scale: f64) {
+        let [wide, tall] = self.extent.map(|length| length * scale);
+        self.scale = scale;
+        self.width = (wide + 2.0 * Self::MARGIN).max(Self::NARROWEST);
+        self.inset = 0.5 * (self.width - wide);
+        self.height = tall + 2.0 * Self::MARGIN + Self::LEGEND;
     }
 
     fn place(&self, x: f64, z: f64) -> (f64, f64) {

@@ -1,7 +1,7 @@
 //! Plots as SVG text, drawn with plotters. The colours are those of Okabe and Ito, which colour-blind
 //! readers can tell apart; every plot can be read alone and stands in the page as well.
 
-use super::coordination::Coordination;
+use super::coordination::{Coordination, CoordinationNumbers};
 use super::forces::Histogram;
 use super::report::{Report, readable};
 use plotters::coord::Shift;
@@ -80,6 +80,28 @@ pub(super) fn drawing(
     Ok(svg.replacen(&fine, &format!(r#"width="{width}" height="{height}" viewBox"#), 1))
 }
 
+/// Panels of this size in rows of `columns`, each under its title.
+pub(super) fn grid(
+    columns: usize,
+    (width, height): (u32, u32),
+    titles: &[String],
+    paint: impl Fn(usize, &Canvas) -> Result<(), PlotError>,
+) -> Result<String, PlotError> {
+    const HEAD: i32 = 30;
+    let rows = titles.len().div_ceil(columns);
+    let size = (columns as u32 * width, rows as u32 * (height + HEAD as u32));
+    drawing(size.0, size.1, |canvas| {
+        for (k, (cell, title)) in
+            canvas.split_evenly((rows, columns)).iter().zip(titles).enumerate()
+        {
+            let (head, body) = cell.split_vertically(px(HEAD));
+            label(&head, title, (px(72), px(18)), 14, INK, Anchor::Left)?;
+            paint(k, &body)?;
+        }
+        Ok(())
+    })
+}
+
 /// How a series is drawn.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Mark {
@@ -108,6 +130,12 @@ pub(super) struct Axes {
     pub(super) y: Range<f64>,
     pub(super) log_x: bool,
     pub(super) log_y: bool,
+}
+
+/// Both axes linear.
+pub(super) fn linear(x_label: &str, y_label: &str, x: Range<f64>, y: Range<f64>) -> Axes {
+    let (x_label, y_label) = (x_label.into(), y_label.into());
+    Axes { x_label, y_label, x, y, log_x: false, log_y: false }
 }
 
 /// A chart with a legend above it.
@@ -306,45 +334,15 @@ pub(super) const SIZE: (u32, u32) = (560, 360);
 /// # Errors
 /// See [`PlotError`].
 pub fn coordination(coordination: &Coordination) -> Result<Plot, PlotError> {
-    let percent = |numbers: &super::coordination::CoordinationNumbers| -> Vec<(f64, f64)> {
-        let all = numbers.particles().max(1) as f64;
-        let bars = numbers.histogram.iter().zip(0i32..);
-        bars.map(|(&n, k)| (f64::from(k), 100.0 * n as f64 / all)).collect()
-    };
     let (all, pairs) = (&coordination.with_walls, &coordination.without_walls);
-    let (width, shift) = if all == pairs { (0.8, 0.0) } else { (0.42, 0.21) };
-    let mut series = vec![Series {
-        name: "between particles".into(),
-        colour: BLUE,
-        mark: Mark::Bars(width, -shift),
-        points: percent(pairs),
-    }];
+    let mut counted = vec![("between particles", BLUE, pairs)];
     if all != pairs {
-        series.push(Series {
-            name: "with walls".into(),
-            colour: ORANGE,
-            mark: Mark::Bars(width, shift),
-            points: percent(all),
-        });
+        counted.push(("with walls", ORANGE, all));
     }
+    let (axes, mut series) = bars(&counted);
     if let Some(mean) = pairs.mean() {
-        series.push(Series {
-            name: format!("mean {}", readable(mean)),
-            colour: INK,
-            mark: Mark::Rule,
-            points: vec![(mean, 0.0)],
-        });
+        series.push(Series { name: format!("mean {}", readable(mean)), ..rule(INK, mean) });
     }
-    let highest = series.iter().flat_map(|s| &s.points).map(|p| p.1).fold(1.0, f64::max);
-    let most = all.histogram.len().max(pairs.histogram.len()).max(2) as f64;
-    let axes = Axes {
-        x_label: "contacts of a particle".into(),
-        y_label: "particles (%)".into(),
-        x: -0.6..most - 0.4,
-        y: 0.0..1.08 * highest,
-        log_x: false,
-        log_y: false,
-    };
     Ok(Plot {
         name: "coordination".into(),
         title: "Coordination number".into(),
@@ -356,22 +354,37 @@ pub fn coordination(coordination: &Coordination) -> Result<Plot, PlotError> {
     })
 }
 
+/// Shares of particles by number of contacts, several counts beside each other.
+pub(super) fn bars(counted: &[(&str, RGBColor, &CoordinationNumbers)]) -> (Axes, Vec<Series>) {
+    let width = 0.84 / counted.len().max(1) as f64;
+    let left = -0.5 * (counted.len() as f64 - 1.0);
+    let of_one =
+        |(k, &(name, colour, numbers)): (usize, &(&str, RGBColor, &CoordinationNumbers))| {
+            let shares =
+                (0i32..).zip(numbers.shares()).map(|(n, share)| (f64::from(n), 100.0 * share));
+            let mark = Mark::Bars(width, (left + k as f64) * width);
+            Series { name: name.into(), colour, mark, points: shares.collect() }
+        };
+    let series: Vec<Series> = counted.iter().enumerate().map(of_one).collect();
+    let highest = series.iter().flat_map(|s| &s.points).map(|p| p.1).fold(1.0, f64::max);
+    let most = counted.iter().map(|c| c.2.histogram.len()).fold(2, usize::max) as f64;
+    (
+        linear("contacts of a particle", "particles (%)", -0.6..most - 0.4, 0.0..1.08 * highest),
+        series,
+    )
+}
+
+/// A vertical line that the legend does not name.
+pub(super) fn rule(colour: RGBColor, x: f64) -> Series {
+    Series { name: String::new(), colour, mark: Mark::Rule, points: vec![(x, 0.0)] }
+}
+
 /// Probability density of forces over the mean normal force, semi-logarithmic.
 ///
 /// # Errors
 /// See [`PlotError`].
 pub fn force_distribution(normal: &Histogram, shear: &Histogram) -> Result<Plot, PlotError> {
-    let series = force_series(normal, shear, &|_, density| density);
-    let values = || series.iter().flat_map(|s| &s.points);
-    let farthest = values().map(|p| p.0).fold(3.0, f64::max);
-    let axes = Axes {
-        x_label: "force / mean normal force".into(),
-        y_label: "probability density".into(),
-        x: 0.0..1.03 * farthest,
-        y: decades(values().map(|p| p.1)),
-        log_x: false,
-        log_y: true,
-    };
+    let (axes, series) = densities(&both(normal, shear), Mark::Dots);
     Ok(Plot {
         name: "force_distribution".into(),
         title: "Contact forces".into(),
@@ -388,19 +401,7 @@ pub fn force_distribution(normal: &Histogram, shear: &Histogram) -> Result<Plot,
 /// # Errors
 /// See [`PlotError`].
 pub fn weak_forces(normal: &Histogram, shear: &Histogram) -> Result<Plot, PlotError> {
-    let series = force_series(normal, shear, &|force, density| {
-        // Density by decade: dP/d(log10 f) = f ln(10) dP/df.
-        force * std::f64::consts::LN_10 * density
-    });
-    let values = || series.iter().flat_map(|s| &s.points);
-    let axes = Axes {
-        x_label: "force / mean normal force".into(),
-        y_label: "share of contacts per decade".into(),
-        x: decades(values().map(|p| p.0)),
-        y: 0.0..span(values().map(|p| p.1)).end,
-        log_x: true,
-        log_y: false,
-    };
+    let (axes, series) = shares_per_decade(&both(normal, shear), Mark::Dots);
     Ok(Plot {
         name: "weak_forces".into(),
         title: "Weak and strong contacts".into(),
@@ -410,24 +411,46 @@ pub fn weak_forces(normal: &Histogram, shear: &Histogram) -> Result<Plot, PlotEr
     })
 }
 
-fn force_series(
-    normal: &Histogram,
-    shear: &Histogram,
-    height: &dyn Fn(f64, f64) -> f64,
-) -> Vec<Series> {
-    let dots = |histogram: &Histogram| -> Vec<(f64, f64)> {
+/// A histogram with its name and colour.
+pub(super) type Named<'a> = (&'a str, RGBColor, &'a Histogram);
+
+fn both<'a>(normal: &'a Histogram, shear: &'a Histogram) -> [Named<'a>; 2] {
+    [("normal", BLUE, normal), ("tangential", ORANGE, shear)]
+}
+
+/// Densities of forces over the mean, semi-logarithmic.
+pub(super) fn densities(histograms: &[Named], mark: Mark) -> (Axes, Vec<Series>) {
+    let series = force_series(histograms, mark, |_, density| density);
+    let values = || series.iter().flat_map(|s| &s.points);
+    let farthest = values().map(|p| p.0).fold(3.0, f64::max);
+    let y = decades(values().map(|p| p.1));
+    let axes = linear("force / mean normal force", "probability density", 0.0..1.03 * farthest, y);
+    (Axes { log_y: true, ..axes }, series)
+}
+
+/// Shares of forces by decade.
+pub(super) fn shares_per_decade(histograms: &[Named], mark: Mark) -> (Axes, Vec<Series>) {
+    // Density by decade: dP/d(log10 f) = f ln(10) dP/df.
+    let per_decade = |force: f64, density: f64| force * std::f64::consts::LN_10 * density;
+    let series = force_series(histograms, mark, per_decade);
+    let values = || series.iter().flat_map(|s| &s.points);
+    let (x, y) = (decades(values().map(|p| p.0)), 0.0..span(values().map(|p| p.1)).end);
+    let axes = linear("force / mean normal force", "share of contacts per decade", x, y);
+    (Axes { log_x: true, ..axes }, series)
+}
+
+fn force_series(histograms: &[Named], mark: Mark, height: impl Fn(f64, f64) -> f64) -> Vec<Series> {
+    let points = |histogram: &Histogram| {
         let filled = histogram.density().filter(|&(_, density)| density > 0.0);
         filled.map(|(force, density)| (force, height(force, density))).collect()
     };
-    [("normal", BLUE, normal), ("tangential", ORANGE, shear)]
-        .into_iter()
-        .map(|(name, colour, histogram)| Series {
-            name: name.into(),
-            colour,
-            mark: Mark::Dots,
-            points: dots(histogram),
-        })
-        .collect()
+    let of_one = |&(name, colour, histogram): &Named| Series {
+        name: name.into(),
+        colour,
+        mark,
+        points: points(histogram),
+    };
+    histograms.iter().map(of_one).collect()
 }
 
 /// How much of their friction contacts use.
@@ -442,14 +465,8 @@ pub fn friction(used: &Histogram) -> Result<Plot, PlotError> {
         .collect();
     let filled = points.iter().filter(|p| p.1 > 0.0);
     let (end, highest) = filled.fold((0.1, 1.0), |(end, high), p| (p.0.max(end), p.1.max(high)));
-    let axes = Axes {
-        x_label: "tangential / normal force of a contact".into(),
-        y_label: "contacts (%)".into(),
-        x: 0.0..end + 2.0 * width,
-        y: 0.0..1.08 * highest,
-        log_x: false,
-        log_y: false,
-    };
+    let (x, y) = (0.0..end + 2.0 * width, 0.0..1.08 * highest);
+    let axes = linear("tangential / normal force of a contact", "contacts (%)", x, y);
     let bars =
         Series { name: String::new(), colour: BLUE, mark: Mark::Bars(0.85 * width, 0.0), points };
     Ok(Plot {
@@ -527,14 +544,8 @@ pub fn series(reports: &[Report]) -> Result<Vec<Plot>, PlotError> {
         if points().count() == 0 {
             continue;
         }
-        let axes = Axes {
-            x_label: x_label.into(),
-            y_label: y_label.into(),
-            x: span(points().map(|p| p.0)),
-            y: span(points().map(|p| p.1)),
-            log_x: false,
-            log_y: false,
-        };
+        let (x, y) = (span(points().map(|p| p.0)), span(points().map(|p| p.1)));
+        let axes = linear(x_label, y_label, x, y);
         plots.push(Plot {
             name: name.into(),
             title: title.into(),

@@ -10,6 +10,8 @@ use crate::shape::Shape;
 use nalgebra::Quaternion;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
+use std::f64::consts::PI;
+use std::str::FromStr;
 
 /// A box with its sides along the axes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,6 +31,17 @@ impl Bounds {
     /// Volume [m³].
     pub fn volume(&self) -> f64 {
         self.lengths().product()
+    }
+
+    /// Without a layer along the sides; a periodic axis has none.
+    #[must_use]
+    pub fn shrunk(mut self, header: &Header, margin: Margin) -> Self {
+        let thickness = margin.metres(header);
+        for k in (0..3).filter(|&k| !header.periodic[k]) {
+            self.low[k] += thickness;
+            self.high[k] -= thickness;
+        }
+        self
     }
 
     /// Whether `low <= point < high` on every axis: boxes that share a side share no point.
@@ -72,6 +85,47 @@ impl Region {
         }
         Ok(())
     }
+}
+
+/// The thickness of a layer along the sides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Margin {
+    /// In metres.
+    Metres(f64),
+    /// In diameters of the sphere that has the volume of the largest shape.
+    Diameters(f64),
+}
+
+impl Margin {
+    /// In metres, for the shapes of this snapshot.
+    pub fn metres(self, header: &Header) -> f64 {
+        match self {
+            Self::Metres(length) => length,
+            Self::Diameters(count) => {
+                let volumes = header.shapes.iter().map(|shape| shape.volume);
+                count * diameter_of(volumes.fold(0.0, f64::max))
+            }
+        }
+    }
+}
+
+impl FromStr for Margin {
+    type Err = String;
+
+    /// `0.004` are metres, `1.5d` diameters.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (number, unit): (_, fn(f64) -> Self) = match text.strip_suffix('d') {
+            Some(number) => (number, Self::Diameters),
+            None => (text, Self::Metres),
+        };
+        let value = number.parse::<f64>().ok().filter(|v| *v >= 0.0 && v.is_finite());
+        value.map(unit).ok_or_else(|| "write metres, 0.004, or grain diameters, 1.5d".to_string())
+    }
+}
+
+/// Diameter of the sphere of this volume [m].
+fn diameter_of(volume: f64) -> f64 {
+    (6.0 / PI * volume).cbrt()
 }
 
 /// Names of the axes.
@@ -159,7 +213,7 @@ impl Extent {
 
 /// A wall stands across an axis if its normal has at least this cosine with it: tilted by less than
 /// 0.1 mrad.
-const ACROSS: f64 = 1.0 - 5e-9;
+pub(super) const ACROSS: f64 = 1.0 - 5e-9;
 
 /// Where a particle is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -283,14 +337,33 @@ fn wrapped(header: &Header, mut point: Vec3) -> Vec3 {
 #[derive(Clone, Debug, Default)]
 pub struct SolidVolume {
     sum: ExactSum,
+    mass: ExactSum,
+    particles: u64,
 }
 
 impl SolidVolume {
     /// Adds these particles.
     pub fn add(&mut self, header: &Header, particles: &ParticleTable) {
         for shape in &particles.shape {
-            self.sum.add(header.shapes[shape.index()].volume);
+            let shape = &header.shapes[shape.index()];
+            self.sum.add(shape.volume);
+            self.mass.add(shape.mass);
+            self.particles += 1;
         }
+    }
+
+    /// `|ε̇| d √ρ` [√Pa]: over `√p` the inertial number of the compression along z, with the rate of
+    /// the walls across it, `d` the diameter of the mean volume and `ρ` the density of the solid.
+    /// `None` unless there are walls at both ends.
+    pub fn inertia_of_strain(&self, header: &Header, packing: &Bounds) -> Option<f64> {
+        let speed = |sign: f64| {
+            let mut walls = header.walls.iter();
+            Some(walls.find(|w| sign * w.normal.z > ACROSS)?.velocity.z)
+        };
+        let rate = quotient(speed(1.0)? - speed(-1.0)?, packing.lengths().z)?;
+        let diameter = diameter_of(quotient(self.sum.value(), self.particles as f64)?);
+        let density = quotient(self.mass.value(), self.sum.value())?;
+        Some(rate.abs() * diameter * density.sqrt())
     }
 
     /// Their volume [m³].

@@ -4,7 +4,8 @@ use super::coordination::Coordination;
 use super::fabric::{Among, Fabric, ForceFabric, Rose, degree, stress_ratio_from_fabric};
 use super::forces::Forces;
 use super::region::{Bounds, Region, Strain};
-use super::stress::{Principal, Stress};
+use super::stress::{Principal, Stress, on_walls};
+use super::sums::quotient;
 use crate::output::tables::Header;
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +16,8 @@ pub struct Report {
     pub program_version: String,
     /// The snapshot's file.
     pub snapshot: String,
+    /// The box of the whole packing [m].
+    pub packing_m: Option<Bounds>,
     /// The box that the user gave [m]; null for the whole packing.
     pub region_m: Option<Bounds>,
     /// Whether fabric and forces include contacts with walls.
@@ -63,9 +66,9 @@ pub struct Summary {
     pub solid_fraction: Option<f64>,
     /// Volume of voids over volume of particles.
     pub void_ratio: Option<f64>,
-    /// `ln(H0/H)` against the first snapshot.
+    /// `ln(H0/H)` of the whole packing against the first snapshot.
     pub axial_strain: Option<f64>,
-    /// `ln(V0/V)` against the first snapshot; negative: dilation.
+    /// `ln(V0/V)` of the whole packing against the first snapshot; negative: dilation.
     pub volumetric_strain: Option<f64>,
     /// Stress `σ_xx`, compression positive; as all `σ_ij` here.
     pub stress_xx_pa: Option<f64>,
@@ -93,6 +96,14 @@ pub struct Summary {
     pub q_over_p: Option<f64>,
     /// `|σ - σᵀ| / |σ + σᵀ|`.
     pub stress_asymmetry: Option<f64>,
+    /// Load over area of the two walls across x, mean of both; null without them.
+    pub wall_stress_xx_pa: Option<f64>,
+    /// Across y.
+    pub wall_stress_yy_pa: Option<f64>,
+    /// Across z.
+    pub wall_stress_zz_pa: Option<f64>,
+    /// `|ε̇_zz| d √(ρ/p)`, the rate that of the walls across z; null without them.
+    pub inertial_number: Option<f64>,
     /// Mean coordination number, contacts between particles.
     pub coordination: Option<f64>,
     /// Mean coordination number, walls counted.
@@ -113,6 +124,8 @@ pub struct Summary {
     pub a_t: Option<f64>,
     /// `2/5 (a_c + a_n + 3/2 a_t)`.
     pub q_over_p_from_fabric: Option<f64>,
+    /// The same over `q/p`, less one.
+    pub fabric_relation_error: Option<f64>,
     /// Mean normal contact force.
     pub mean_normal_force_n: Option<f64>,
     /// Largest normal contact force.
@@ -134,6 +147,8 @@ pub(super) struct Parts<'a> {
     pub(super) header: &'a Header,
     pub(super) region: Region,
     pub(super) among: Among,
+    pub(super) packing: Option<Bounds>,
+    pub(super) inertial_number_times_root_p: Option<f64>,
     pub(super) bounds: Option<Bounds>,
     pub(super) solid_fraction: Option<f64>,
     pub(super) stress: Option<Stress>,
@@ -156,6 +171,11 @@ impl Report {
         let a_t = force_fabric.map(|f| degree_of(f.shear_anisotropy));
         let (without, with) = (&coordination.without_walls, &coordination.with_walls);
         let entry = |i, j| stress.map(|s| s.tensor[(i, j)]);
+        let [wall_xx, wall_yy, wall_zz] =
+            parts.packing.map_or([None; 3], |packing| on_walls(header, &packing));
+        let q_over_p = stress.and_then(|s| s.ratio());
+        let from_fabric =
+            a_c.zip(a_n).zip(a_t).map(|((a_c, a_n), a_t)| stress_ratio_from_fabric(a_c, a_n, a_t));
         let summary = Summary {
             step: header.step,
             time_s: header.time,
@@ -179,8 +199,15 @@ impl Report {
             stress_zz_pa: entry(2, 2),
             p_pa: stress.map(|s| s.p()),
             q_pa: stress.map(|s| s.q()),
-            q_over_p: stress.and_then(|s| s.ratio()),
+            q_over_p,
             stress_asymmetry: stress.and_then(|s| s.asymmetry()),
+            wall_stress_xx_pa: wall_xx,
+            wall_stress_yy_pa: wall_yy,
+            wall_stress_zz_pa: wall_zz,
+            inertial_number: stress
+                .filter(|s| s.p() > 0.0)
+                .zip(parts.inertial_number_times_root_p)
+                .map(|(s, inertia)| inertia / s.p().sqrt()),
             coordination: without.mean(),
             coordination_with_walls: with.mean(),
             mechanical_coordination: without.mechanical(),
@@ -190,10 +217,10 @@ impl Report {
             a_c,
             a_n,
             a_t,
-            q_over_p_from_fabric: a_c
-                .zip(a_n)
-                .zip(a_t)
-                .map(|((a_c, a_n), a_t)| stress_ratio_from_fabric(a_c, a_n, a_t)),
+            q_over_p_from_fabric: from_fabric,
+            fabric_relation_error: from_fabric
+                .zip(q_over_p)
+                .and_then(|(from_fabric, direct)| quotient(from_fabric - direct, direct)),
             mean_normal_force_n: parts.mean_normal_force,
             largest_normal_force_n: forces.as_ref().map(|f| f.largest_normal_force),
             share_below_0_3_mean: forces.as_ref().and_then(|f| f.weak_share),
@@ -205,6 +232,7 @@ impl Report {
         Self {
             program_version: env!("CARGO_PKG_VERSION").to_string(),
             snapshot: snapshot.to_string(),
+            packing_m: parts.packing,
             region_m: match parts.region {
                 Region::Whole => None,
                 Region::Box(bounds) => Some(bounds),
@@ -223,11 +251,9 @@ impl Report {
         }
     }
 
-    /// Sets the strains against a first snapshot. A region given by the user does not move with the
-    /// packing and has none.
+    /// Sets the strains of the whole packing against a first snapshot.
     pub fn strain_against(&mut self, first: &Self) {
-        let whole = self.region_m.is_none() && first.region_m.is_none();
-        let boxes = first.bounds_m.zip(self.bounds_m).filter(|_| whole);
+        let boxes = first.packing_m.zip(self.packing_m);
         let strain = boxes.and_then(|(first, now)| Strain::between(&first, &now));
         self.summary.axial_strain = strain.map(|s| s.axial);
         self.summary.volumetric_strain = strain.map(|s| s.volumetric);
@@ -260,7 +286,9 @@ impl Report {
                     Row::number("σxx", s.stress_xx_pa, "Pa"),
                     Row::number("σyy", s.stress_yy_pa, "Pa"),
                     Row::number("σzz", s.stress_zz_pa, "Pa"),
+                    Row::number("σzz on walls", s.wall_stress_zz_pa, "Pa"),
                     Row::number("asymmetry of σ", s.stress_asymmetry, ""),
+                    Row::number("inertial number", s.inertial_number, ""),
                     Row::number("unbalanced force ratio", s.unbalanced_force_ratio, ""),
                 ],
             },
@@ -286,6 +314,7 @@ impl Report {
                     Row::number("normal forces a_n", s.a_n, ""),
                     Row::number("shear forces a_t", s.a_t, ""),
                     Row::number("0.4 (a_c + a_n + 1.5 a_t)", s.q_over_p_from_fabric, ""),
+                    Row::number("the same over q / p, less 1", s.fabric_relation_error, "%"),
                     Row::number("mean normal force", s.mean_normal_force_n, "N"),
                     Row::number("contacts below 0.3 mean", s.share_below_0_3_mean, "%"),
                     Row::number("contacts below mean", s.share_below_mean, "%"),

@@ -16,6 +16,45 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 /// # Errors
 /// See [`PlotError`].
 pub fn roses(report: &Report) -> Result<Plot, PlotError> {
+    Ok(Plot {
+        name: "roses".into(),
+        title: "Anisotropy".into(),
+        caption:
+            "By angle to the vertical, averaged around it: density of contact normals and mean \
+                  normal force over their means (dark ring), mean shear force over the mean normal \
+                  force (orange: towards the horizontal); red: the second-order tensors."
+                .into(),
+        wide: true,
+        svg: rose_rows(&[("", report)])?,
+    })
+}
+
+/// The roses of several packings, a row for each, with its name if it has one. Roses below each other have one
+/// scale.
+///
+/// # Errors
+/// See [`PlotError`].
+pub fn rose_rows(packings: &[(&str, &Report)]) -> Result<String, PlotError> {
+    const HEIGHT: i32 = 400;
+    let rows: Vec<[Petals; 3]> = packings.iter().map(|(_, report)| petals(report)).collect();
+    let named = packings.iter().any(|(name, _)| !name.is_empty());
+    let inset = if named { 110 } else { 0 };
+    let height = HEIGHT as u32 * packings.len().max(1) as u32;
+    drawing(1080 + inset as u32, height, |canvas| {
+        for (row, (petals, (name, _))) in (0..).zip(rows.iter().zip(packings)) {
+            let top = px(HEIGHT * row);
+            label(canvas, name, (px(18), top + px(206)), 14, INK, Anchor::Left)?;
+            for (k, petals) in petals.iter().enumerate() {
+                let largest = rows.iter().map(|row| row[k].largest()).fold(0.0, f64::max);
+                let centre = (px(inset + 180 + 360 * k as i32), top + px(206));
+                petals.draw(canvas, centre, largest)?;
+            }
+        }
+        Ok(())
+    })
+}
+
+fn petals(report: &Report) -> [Petals; 3] {
     let summary = &report.summary;
     let mean = report.force_fabric.map(|f| f.mean_force);
     let over_mean = |column: &[Option<f64>]| -> Vec<f64> {
@@ -30,7 +69,7 @@ pub fn roses(report: &Report) -> Result<Plot, PlotError> {
     };
     let has_contacts = report.fabric.is_some();
     let has_forces = report.force_fabric.is_some();
-    let petals = [
+    [
         Petals {
             title: "contact normals",
             degree: degree("a_c", summary.a_c),
@@ -52,24 +91,7 @@ pub fn roses(report: &Report) -> Result<Plot, PlotError> {
             bins: over_mean(&report.rose.shear_force),
             fit: has_forces.then(|| curve(|angle| Rose::shear_fit(&shear, angle))),
         },
-    ];
-    let svg = drawing(1080, 400, |canvas| {
-        for (k, petals) in petals.iter().enumerate() {
-            petals.draw(canvas, (px(180 + 360 * k as i32), px(206)))?;
-        }
-        Ok(())
-    })?;
-    Ok(Plot {
-        name: "roses".into(),
-        title: "Anisotropy".into(),
-        caption:
-            "By angle to the vertical, averaged around it: density of contact normals and mean \
-                  normal force over their means (dark ring), mean shear force over the mean normal \
-                  force (orange: towards the horizontal); red: the second-order tensors."
-                .into(),
-        wide: true,
-        svg,
-    })
+    ]
 }
 
 /// The fit at angles from 0 to π/2.
@@ -91,10 +113,14 @@ impl Petals {
     const RADIUS: i32 = 132;
     const QUADRANTS: [(f64, f64); 4] = [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)];
 
-    fn draw(&self, canvas: &Canvas, centre: (i32, i32)) -> Result<(), PlotError> {
+    /// The longest radius.
+    fn largest(&self) -> f64 {
         let fit = self.fit.iter().flatten().map(|p| p.1.abs());
-        let largest =
-            self.bins.iter().map(|b| b.abs()).chain(fit).chain(self.mean).fold(0.0, f64::max);
+        self.bins.iter().map(|b| b.abs()).chain(fit).chain(self.mean).fold(0.0, f64::max)
+    }
+
+    /// `largest` is the radius that the rings must hold.
+    fn draw(&self, canvas: &Canvas, centre: (i32, i32), largest: f64) -> Result<(), PlotError> {
         let step = nice_step(largest);
         let rings = ((largest / step).ceil() as i32).max(1);
         let scale = f64::from(px(Self::RADIUS)) / (f64::from(rings) * step);
@@ -142,8 +168,8 @@ impl Petals {
                 Anchor::Left,
             )?;
         }
-        label(canvas, self.title, (centre.0, px(18)), 14, INK, Anchor::Middle)?;
-        label(canvas, &self.degree, (centre.0, px(40)), 13, MUTED, Anchor::Middle)?;
+        label(canvas, self.title, (centre.0, centre.1 - px(188)), 14, INK, Anchor::Middle)?;
+        label(canvas, &self.degree, (centre.0, centre.1 - px(166)), 13, MUTED, Anchor::Middle)?;
         let foot = (centre.0, centre.1 + px(Self::RADIUS + 26));
         label(canvas, "vertical ↑   horizontal →", (foot.0, foot.1), 11, MUTED, Anchor::Middle)
     }

@@ -20,10 +20,10 @@
 //! without. The first two differ by half an overlap per box length.
 
 use super::PostError;
-use super::region::Members;
+use super::region::{ACROSS, Bounds, Members};
 use super::sums::{ExactMat3, deviator, inner, quotient, rows};
 use crate::math::{Mat3, Vec3};
-use crate::output::tables::ContactTable;
+use crate::output::tables::{ContactTable, Header};
 use serde::{Deserialize, Serialize};
 
 /// Adds up `Σ f_i l_j`.
@@ -67,6 +67,20 @@ impl StressSum {
     pub fn finish(&self, volume: f64) -> Stress {
         Stress { tensor: self.sum() / volume }
     }
+}
+
+/// Load over area of the walls across each axis [Pa], compression positive: the mean of both sides.
+/// `None` where a side has no wall, whose load the stress in between need not be.
+pub fn on_walls(header: &Header, packing: &Bounds) -> [Option<f64>; 3] {
+    let lengths = packing.lengths();
+    [0, 1, 2].map(|k| {
+        let area = lengths.product() / lengths[k];
+        let side = |sign: f64| {
+            let walls = header.walls.iter().filter(move |w| sign * w.normal[k] > ACROSS);
+            walls.map(|w| -sign * w.force[k]).reduce(|a, b| a + b)
+        };
+        quotient(0.5 * (side(1.0)? + side(-1.0)?), area)
+    })
 }
 
 /// A stress tensor.

@@ -9,17 +9,14 @@ use crate::math::Vec3;
 use crate::pairs::cases::OFFSET;
 use crate::post::plots::{
     Anchor, Axes, BLUE, Canvas, FINE, GREEN, INK, MUTED, Mark, ORANGE, PlotError, Series,
-    VERMILION, decades, drawing, label, panel, px, tick,
+    VERMILION, decades, grid, label, linear, panel, px, tick,
 };
 use crate::post::single_contact::statistics::{Summary, per_decade};
 use plotters::prelude::*;
 use std::f64::consts::TAU;
-use std::ops::Range;
 
 /// Of one panel of three [px].
 const PANEL: (u32, u32) = (380, 340);
-/// Above the panels, for their titles [px].
-const HEAD: u32 = 30;
 
 /// All figures: names of their files and the drawings.
 ///
@@ -39,20 +36,7 @@ fn three(
     titles: [&str; 3],
     paint: impl Fn(usize, &Canvas) -> Result<(), PlotError>,
 ) -> Result<String, PlotError> {
-    drawing(3 * PANEL.0, PANEL.1 + HEAD, |canvas| {
-        let (head, body) = canvas.split_vertically(px(HEAD as i32));
-        let heads = head.split_evenly((1, 3));
-        for (k, area) in body.split_evenly((1, 3)).iter().enumerate() {
-            label(&heads[k], titles[k], (px(72), px(18)), 14, INK, Anchor::Left)?;
-            paint(k, area)?;
-        }
-        Ok(())
-    })
-}
-
-fn linear(x_label: &str, y_label: &str, x: Range<f64>, y: Range<f64>) -> Axes {
-    let (x_label, y_label) = (x_label.into(), y_label.into());
-    Axes { x_label, y_label, x, y, log_x: false, log_y: false }
+    grid(3, PANEL, &titles.map(str::to_string), paint)
 }
 
 fn line(name: impl Into<String>, colour: RGBColor, points: Vec<(f64, f64)>) -> Series {

@@ -17,8 +17,8 @@ pub mod statistics;
 pub mod study;
 
 use super::plots::PlotError;
+use super::section::csv;
 use crate::contact::Why;
-use serde::Serialize;
 
 /// How much of it to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,7 +49,7 @@ pub enum StudyError {
     Plot(#[from] PlotError),
     /// A table could not be written.
     #[error("cannot write a table: {0}")]
-    Table(String),
+    Table(#[from] csv::Error),
 }
 
 /// All files of the section: names and contents.
@@ -72,14 +72,4 @@ pub fn regenerate(plan: &Plan) -> Result<Vec<(String, String)>, StudyError> {
     }
     files.push(("report.md", report::report(&study, plan)));
     Ok(files.into_iter().map(|(name, text)| (name.to_string(), text)).collect())
-}
-
-/// A table with the names of the fields as header.
-fn csv<T: Serialize>(rows: &[T]) -> Result<String, StudyError> {
-    let mut table = csv::Writer::from_writer(Vec::new());
-    for row in rows {
-        table.serialize(row).map_err(|error| StudyError::Table(error.to_string()))?;
-    }
-    let bytes = table.into_inner().map_err(|error| StudyError::Table(error.to_string()))?;
-    String::from_utf8(bytes).map_err(|error| StudyError::Table(error.to_string()))
 }

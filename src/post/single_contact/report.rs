@@ -8,38 +8,8 @@ use super::study::{
 };
 use crate::pairs::cases::OFFSET;
 use crate::post::report::readable;
+use crate::post::section::{Finding, Verdict, table};
 use std::fmt::Write;
-
-/// A statement of the paper, and what came of it.
-struct Finding {
-    figure: &'static str,
-    statement: &'static str,
-    here: String,
-    verdict: Verdict,
-}
-
-/// Does a statement reproduce?
-#[derive(Clone, Copy)]
-enum Verdict {
-    Yes,
-    /// With a restriction that the numbers show.
-    Nearly,
-    No,
-}
-
-impl Verdict {
-    fn of(holds: bool) -> Self {
-        if holds { Self::Yes } else { Self::No }
-    }
-
-    const fn words(self) -> &'static str {
-        match self {
-            Self::Yes => "reproduces",
-            Self::Nearly => "nearly",
-            Self::No => "**does not**",
-        }
-    }
-}
 
 /// The page of the section, as Markdown.
 pub fn report(study: &Study, plan: &Plan) -> String {
@@ -56,15 +26,7 @@ pub fn report(study: &Study, plan: &Plan) -> String {
         plan.seed,
     );
     let mut section = |title: &str, figure: &str, findings: Vec<Finding>, remark: &str| {
-        let _ = write!(
-            page,
-            "\n## {title}\n\n{figure}| | the paper | here | verdict |\n|---|---|---|---|\n"
-        );
-        for f in findings {
-            let words = f.verdict.words();
-            let _ = writeln!(page, "| {} | {} | {} | {words} |", f.figure, f.statement, f.here);
-        }
-        let _ = write!(page, "\n{remark}");
+        let _ = write!(page, "\n## {title}\n\n{figure}{}\n{remark}", table("the paper", &findings));
     };
     section("Case I: parallel ellipsoids", "![Fig. 5](fig5.svg)\n\n", case_1(study), CASE_1);
     section("Why the normal's error changes", "![Fig. 6](fig6.svg)\n\n", reason(study), REASON);

@@ -1,0 +1,96 @@
+//! The snapshots of a run, one after the other.
+
+use super::picture::Picture;
+use super::region::Margin;
+use super::report::Report;
+use super::{PostError, Settings, analyse, inside};
+use crate::output::snapshot::Reader;
+use std::path::{Path, PathBuf};
+
+/// The newest snapshot of a folder: the one that `last.vtkhdf` points to, else that of the latest step.
+///
+/// # Errors
+/// A folder that cannot be listed or holds no snapshot.
+pub fn newest(folder: &Path) -> Result<PathBuf, PostError> {
+    let last = folder.join("last.vtkhdf");
+    if last.exists() {
+        return Ok(last);
+    }
+    Ok(all(folder)?.pop().expect("a list that is not empty"))
+}
+
+/// All snapshots of a folder by step, at least one.
+///
+/// # Errors
+/// As [`newest`].
+pub fn all(folder: &Path) -> Result<Vec<PathBuf>, PostError> {
+    let step_of = |path: &PathBuf| -> Option<u64> {
+        let name = path.file_name()?.to_str()?;
+        name.strip_prefix("particles_")?.strip_suffix(".vtkhdf")?.parse().ok()
+    };
+    let unlisted = |cause| PostError::Unlisted { folder: folder.to_path_buf(), cause };
+    let entries = std::fs::read_dir(folder).map_err(unlisted)?;
+    let paths = entries.filter_map(|entry| entry.ok().map(|e| e.path()));
+    let mut files: Vec<PathBuf> = paths.filter(|path| step_of(path).is_some()).collect();
+    files.sort_by_key(step_of);
+    if files.is_empty() {
+        return Err(PostError::NoSnapshot { folder: folder.to_path_buf() });
+    }
+    Ok(files)
+}
+
+/// Opens snapshots, each once, by step.
+///
+/// # Errors
+/// A file that is none.
+pub fn open(files: &[PathBuf]) -> Result<Vec<(PathBuf, Reader)>, PostError> {
+    let mut files = files.to_vec();
+    files.sort();
+    files.dedup();
+    let opened = files.into_iter().map(|file| Ok((file.clone(), Reader::open(&file)?)));
+    let mut snapshots = opened.collect::<Result<Vec<_>, PostError>>()?;
+    snapshots.sort_by_key(|(_, reader)| reader.header().step);
+    Ok(snapshots)
+}
+
+/// Where to measure in each snapshot of a series, and which contacts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Choice {
+    /// The same for all.
+    pub settings: Settings,
+    /// Instead of the region: leave out a layer along the sides, which move with the walls.
+    pub margin: Option<Margin>,
+}
+
+/// Analyses each snapshot. Strains are taken against the first; a single one has none.
+///
+/// # Errors
+/// See [`PostError`], with the file.
+pub fn reports(
+    snapshots: &[(PathBuf, Reader)],
+    choice: &Choice,
+) -> Result<(Vec<Report>, Picture), PostError> {
+    let mut reports: Vec<Report> = Vec::new();
+    let mut picture = Picture::default();
+    for (path, reader) in snapshots {
+        let name = path.display().to_string();
+        let analysed = || {
+            let mut settings = choice.settings;
+            if let Some(margin) = choice.margin {
+                settings.region = inside(reader, margin)?;
+            }
+            analyse(reader, &name, settings)
+        };
+        let analysis = analysed()
+            .map_err(|error| PostError::In { file: name.clone(), error: Box::new(error) })?;
+        reports.push(analysis.report);
+        picture = analysis.picture;
+    }
+    if let [first, _, ..] = &reports[..] {
+        let first = first.clone();
+        for report in &mut reports {
+            report.strain_against(&first);
+        }
+    }
+    Ok((reports, picture))
+}

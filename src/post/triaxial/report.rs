@@ -1,0 +1,629 @@
+//! The paper's statements, this code's numbers beside them, and verdicts that follow from the numbers.
+
+use super::run::{Cost, Method, Pick, Run, rms_difference};
+use crate::math::Mat3;
+use crate::post::forces::{Forces, WEAK};
+use crate::post::report::{Report, Summary, readable};
+use crate::post::section::{Finding, Verdict, table};
+use crate::post::sums::{inner, quotient};
+use std::fmt::Write;
+use std::ops::RangeInclusive;
+
+/// Axial strains of the plateau.
+const PLATEAU: RangeInclusive<f64> = 0.25..=0.36;
+
+/// Findings of a part of the section.
+pub struct Part {
+    /// Its title.
+    pub title: &'static str,
+    /// The figures that belong to it: file and name.
+    figures: &'static [(&'static str, &'static str)],
+    /// Who states what is to be found.
+    whose: &'static str,
+    /// What was found.
+    pub findings: Vec<Finding>,
+    remark: &'static str,
+}
+
+/// The page of the section, as Markdown.
+pub fn report(runs: &[Run]) -> String {
+    let mut page = "\
+# Section 3 of Lai et al. (2021), regenerated
+
+Z. Lai, S. Zhao, J. Zhao, L. Huang, *Revisiting the GJK and shape erosion method for contact resolution in DEM*, \
+Powder Technology (2021), section 3: random packing and triaxial compression of ellipsoids.
+
+Written by `dem-post --section-3`; the verdicts follow from the numbers.\n\n"
+        .to_string();
+    let _ = writeln!(page, "{}\n\n{}", missing(runs), numbers(runs));
+    for part in parts(runs) {
+        let _ = write!(page, "\n## {}\n\n", part.title);
+        for (file, name) in part.figures {
+            if drawn(file, runs) {
+                let _ = writeln!(page, "![{name}]({file})\n");
+            }
+        }
+        let _ = write!(page, "{}\n{}", table(part.whose, &part.findings), part.remark);
+    }
+    if runs.iter().any(|run| !run.costs.is_empty()) {
+        let _ = write!(page, "\n## Cost\n\n{}", costs(runs));
+    }
+    page
+}
+
+/// Whether there is such a figure.
+fn drawn(file: &str, runs: &[Run]) -> bool {
+    let (packed, sheared) = (|r: &Run| r.packing.is_some(), |r: &Run| !r.shear.is_empty());
+    runs.iter().any(|run| match file {
+        "fig9.svg" => packed(run) && sheared(run),
+        "fig10.svg" => sheared(run),
+        "fig14.svg" => run.peak().is_some(),
+        _ => packed(run),
+    })
+}
+
+/// All findings, part by part.
+pub fn parts(runs: &[Run]) -> Vec<Part> {
+    vec![
+        Part {
+            title: "3.1 Simulation setup",
+            figures: &[("fig9.svg", "Fig. 9")],
+            whose: "the paper",
+            findings: setup(runs),
+            remark: "",
+        },
+        Part {
+            title: "3.2 Macroscopic response",
+            figures: &[("fig10.svg", "Fig. 10")],
+            whose: "the paper",
+            findings: response(runs),
+            remark: RESPONSE,
+        },
+        Part {
+            title: "3.3 Coordination number",
+            figures: &[("fig11.svg", "Fig. 11")],
+            whose: "the paper",
+            findings: coordination(runs),
+            remark: COORDINATION,
+        },
+        Part {
+            title: "3.4 Fabric anisotropy",
+            figures: &[
+                ("fig12.svg", "Fig. 12"),
+                ("fig13.svg", "Fig. 13"),
+                ("fig14.svg", "Fig. 14"),
+            ],
+            whose: "the paper",
+            findings: fabric(runs),
+            remark: FABRIC,
+        },
+        Part {
+            title: "Checks of the runs themselves",
+            figures: &[],
+            whose: "the check",
+            findings: checks(runs),
+            remark: CHECKS,
+        },
+    ]
+}
+
+const RESPONSE: &str = "\
+Table: `fig10.csv`. Strains are ln(H0/H) and ln(V0/V) of the box of the walls against the first snapshot of the \
+compression; the plateau is the mean over axial strains of 25 % and more. *Fairly identical* is taken as peak, plateau and the whole \
+curve within 5 % (*nearly*: 10 %) of the benchmark's, and volumetric strain within 10 % (20 %) of its range.\n";
+const COORDINATION: &str = "\
+Table: `fig11.csv`. Contacts between particles; Z with walls counted in brackets. *About* is taken as within 0.25 (*nearly*: 0.75).\n";
+const FABRIC: &str = "\
+Tables: `fig12.csv`, `fig13.csv`, `fig14.csv`. By chance alone, N contacts of an isotropic packing have an a_c of about 7.5/√N. \
+*Small* is taken as within 0.05 or 10 % of the benchmark's (*nearly*: 0.1 or 20 %).\n";
+const CHECKS: &str = "\
+The paper does not state these. The relation q/p = 0.4 (a_c + a_n + 1.5 a_t) is exact to second order for spheres; ellipsoids have \
+branches that are not along their normals, and contacts with walls are in the stress but not in the fabric.\n";
+
+/// What is not there.
+fn missing(runs: &[Run]) -> String {
+    let mut words = Vec::new();
+    for method in Method::ALL {
+        let Some(run) = runs.iter().find(|run| run.method == method) else {
+            words.push(format!("{}: no runs", method.name()));
+            continue;
+        };
+        let stages = [
+            ("packing", run.packing.is_none()),
+            ("consolidation", run.consolidation.is_none()),
+            ("shear", run.shear.is_empty()),
+        ];
+        let absent: Vec<_> = stages.iter().filter(|s| s.1).map(|s| s.0).collect();
+        if !absent.is_empty() {
+            words.push(format!("{}: no {}", method.name(), absent.join(", no ")));
+        }
+        if let Some(strain) = run.strain().filter(|strain| strain < PLATEAU.start()) {
+            let so_far = percent(strain);
+            words.push(format!(
+                "{}: compressed to {so_far} only, its peak may come yet",
+                method.name()
+            ));
+        }
+    }
+    let benchmark = match benchmark(runs).map(|run| run.method) {
+        Some(Method::Epa) => "erosion is compared with EPA, as in the paper",
+        Some(_) => "erosion is compared with the common normal, for there are no runs of EPA",
+        None => "there is nothing to compare erosion with",
+    };
+    let left_out = if words.is_empty() {
+        "All runs are there".to_string()
+    } else {
+        format!("**Left out**: {}", words.join("; "))
+    };
+    format!("{left_out}; {benchmark}.")
+}
+
+/// A number of each state as a row, a column for each method.
+fn numbers(runs: &[Run]) -> String {
+    const ROWS: [(&str, Pick); 10] = [
+        ("mean stress p [Pa]", |s| s.p_pa),
+        ("q / p", |s| s.q_over_p),
+        ("axial strain", |s| s.axial_strain),
+        ("volumetric strain", |s| s.volumetric_strain),
+        ("solid fraction", |s| s.solid_fraction),
+        ("coordination number Z", |s| s.coordination),
+        ("share of contacts below 0.3 of the mean", |s| s.share_below_0_3_mean),
+        ("a_c", |s| s.a_c),
+        ("a_n", |s| s.a_n),
+        ("a_t", |s| s.a_t),
+    ];
+    let mut table = "| state | |".to_string();
+    let mut rule = "|---|---|".to_string();
+    for run in runs {
+        let _ = write!(table, " {} |", run.method.name());
+        rule.push_str("---|");
+    }
+    let _ = writeln!(table, "\n{rule}");
+    for state in ["packing", "consolidation", "peak", "end"] {
+        let of = |run: &Run| run.states().find(|s| s.0 == state).map(|s| s.1.summary.clone());
+        let columns: Vec<Option<Summary>> = runs.iter().map(of).collect();
+        for (label, pick) in ROWS {
+            let values: Vec<_> = columns.iter().map(|s| s.as_ref().and_then(pick)).collect();
+            if values.iter().any(Option::is_some) {
+                let cells = values.iter().map(|v| v.map_or("–".into(), readable));
+                let cells = cells.collect::<Vec<_>>().join(" | ");
+                let _ = writeln!(table, "| {state} | {label} | {cells} |");
+            }
+        }
+    }
+    table + "\nAll numbers of these states: `summary.csv`.\n"
+}
+
+fn costs(runs: &[Run]) -> String {
+    let mut table = "\
+| method | stage | steps | seconds | ranks | ms per step | contact [ns] |
+|---|---|---|---|---|---|---|
+"
+    .to_string();
+    for run in runs {
+        for Cost { stage, steps, seconds, ranks, contact_ns } in &run.costs {
+            let per_step = 1e3 * seconds / (*steps).max(1) as f64;
+            let contact = contact_ns.map_or("–".into(), readable);
+            let _ = writeln!(
+                table,
+                "| {} | {stage} | {steps} | {seconds} | {ranks} | {} | {contact} |",
+                run.method.name(),
+                readable(per_step)
+            );
+        }
+    }
+    table
+        + "\nAs the runs tell at their ends; they compare only if nothing else ran on the machine.\n"
+}
+
+/// The peak of a compression that went on beyond it.
+fn past_peak(run: &Run) -> Option<&Report> {
+    run.peak().filter(|_| run.strain().is_some_and(|strain| strain >= *PLATEAU.start()))
+}
+
+/// What stands in for the truth.
+fn benchmark(runs: &[Run]) -> Option<&Run> {
+    let of = |method| runs.iter().find(move |run| run.method == method);
+    of(Method::Epa).or_else(|| of(Method::CommonNormal))
+}
+
+/// Erosion and its benchmark, with a number of each.
+fn compared<'a, T>(runs: &'a [Run], pick: impl Fn(&'a Run) -> Option<T>) -> Option<(T, T)> {
+    let erosion = runs.iter().find(|run| run.method == Method::Erosion)?;
+    pick(erosion).zip(pick(benchmark(runs)?))
+}
+
+/// How far EPA and the common normal are apart: they agree to rounding on every contact, so this is what
+/// chance does to two packings of the same kind.
+fn by_chance(runs: &[Run], pick: impl Fn(&Run) -> Option<f64>) -> String {
+    let of = |method| pick(runs.iter().find(|run| run.method == method)?);
+    let both = of(Method::Epa).zip(of(Method::CommonNormal));
+    both.map_or(String::new(), |both| {
+        format!(" (EPA and the common normal, by chance: {:+.1} %)", 100.0 * apart(both))
+    })
+}
+
+/// What each method has to say, and the worst of the verdicts.
+fn each(
+    figure: &'static str,
+    statement: &'static str,
+    runs: &[Run],
+    of: impl Fn(&Run) -> Option<(String, Verdict)>,
+) -> Finding {
+    let told: Vec<_> = runs
+        .iter()
+        .filter_map(|run| of(run).map(|(here, v)| (run.method.name(), here, v)))
+        .collect();
+    let here: Vec<String> = told.iter().map(|(name, here, _)| format!("{name}: {here}")).collect();
+    let here = if here.is_empty() { "–".into() } else { here.join("; ") };
+    Finding { figure, statement, here, verdict: Verdict::worst(told.iter().map(|t| t.2)) }
+}
+
+/// A finding of erosion against its benchmark.
+fn between<T>(
+    figure: &'static str,
+    statement: &'static str,
+    found: Option<T>,
+    tell: impl FnOnce(T) -> (String, Verdict),
+) -> Finding {
+    let (here, verdict) = found.map_or(("–".into(), Verdict::Untold), tell);
+    Finding { figure, statement, here, verdict }
+}
+
+fn percent(share: f64) -> String {
+    format!("{} %", readable(100.0 * share))
+}
+
+/// The relative difference of two numbers, by the second.
+fn apart((a, b): (f64, f64)) -> f64 {
+    quotient(a - b, b.abs()).unwrap_or(f64::INFINITY)
+}
+
+fn setup(runs: &[Run]) -> Vec<Finding> {
+    let any = |run: &Run| run.states().next().map(|(_, report)| report.summary.clone());
+    const CONFINED: f64 = 1e5;
+    vec![
+        each("3.1", "5,120 particles", runs, |run| {
+            let count = any(run)?.particles;
+            Some((format!("{count}"), Verdict::of(count == 5120)))
+        }),
+        each("3.1", "compression to an axial strain of about 35 %", runs, |run| {
+            let strain = run.strain()?;
+            Some((percent(strain), Verdict::small(0.35 - strain.min(0.35), 0.01, 0.05)))
+        }),
+        each("3.1", "a lateral pressure of 100 kPa is maintained", runs, |run| {
+            let (x, y) = (run.curve(|s| s.wall_stress_xx_pa), run.curve(|s| s.wall_stress_yy_pa));
+            // The servo has not yet acted at the very first.
+            let values: Vec<f64> = x.iter().skip(1).chain(y.iter().skip(1)).map(|p| p.1).collect();
+            let farthest = |far: f64, value: &f64| far.max((value / CONFINED - 1.0).abs());
+            let off = values.iter().fold(0.0, farthest);
+            let mean = quotient(values.iter().sum(), values.len() as f64)?;
+            let here = format!(
+                "{} kPa on average, off by {} at most",
+                readable(1e-3 * mean),
+                percent(off)
+            );
+            Some((here, Verdict::small(off, 0.02, 0.1)))
+        }),
+    ]
+}
+
+fn response(runs: &[Run]) -> Vec<Finding> {
+    let plateau = |run: &Run| run.mean_over(&PLATEAU, |s| s.q_over_p);
+    let peak = |run: &Run| past_peak(run)?.summary.q_over_p;
+    let curves = |pick: Pick| {
+        let (erosion, truth) = compared(runs, |run| Some(run.curve(pick)))?;
+        let of = |best: fn(f64, f64) -> f64, from: f64| truth.iter().map(|p| p.1).fold(from, best);
+        let (low, high) = (of(f64::min, f64::INFINITY), of(f64::max, f64::NEG_INFINITY));
+        Some((rms_difference(&erosion, &truth)?, low, high))
+    };
+    vec![
+        each("10a", "q/p rises rapidly, then falls gradually to a plateau", runs, |run| {
+            let top = run.peak()?;
+            let (highest, at) = (top.summary.q_over_p?, top.summary.axial_strain?);
+            let Some(rest) = plateau(run) else {
+                let here = format!("up to {} so far, at {}", readable(highest), percent(at));
+                return Some((here, Verdict::Untold));
+            };
+            let here = format!(
+                "peak {} at {}, {} beyond 25 %",
+                readable(highest),
+                percent(at),
+                readable(rest)
+            );
+            let early = at < 0.5 * run.strain()?;
+            let verdict = match rest / highest {
+                ..=0.95 if early => Verdict::Yes,
+                ..=0.98 => Verdict::Nearly,
+                _ => Verdict::No,
+            };
+            Some((here, verdict))
+        }),
+        each("10b", "the packing first contracts slightly, then dilates", runs, |run| {
+            let curve = run.curve(|s| s.volumetric_strain);
+            let last = curve.last()?.1;
+            let (at, most) = curve.iter().fold((0.0, 0.0), |m, p| if p.1 > m.1 { *p } else { m });
+            let here = format!(
+                "contracts by {} until {}, ends at {}",
+                percent(most),
+                percent(at),
+                percent(last)
+            );
+            if run.strain()? < *PLATEAU.start() && last >= most {
+                return Some((here, Verdict::Untold));
+            }
+            let verdict = match (most > 1e-4, last < most - 5e-3) {
+                (true, true) if last < 0.0 => Verdict::Yes,
+                (true, true) => Verdict::Nearly,
+                _ => Verdict::No,
+            };
+            Some((here, verdict))
+        }),
+        between("10a", "erosion and EPA: the same peak", compared(runs, peak), |both| {
+            (differ(both) + &by_chance(runs, peak), Verdict::small(apart(both), 0.05, 0.1))
+        }),
+        between("10a", "the same plateau", compared(runs, plateau), |both| {
+            (differ(both) + &by_chance(runs, plateau), Verdict::small(apart(both), 0.05, 0.1))
+        }),
+        between(
+            "10a",
+            "the whole curve fairly identical",
+            curves(|s| s.q_over_p),
+            |(off, _, high)| {
+                let share = off / high;
+                (
+                    format!("off by {} of the peak (r.m.s.)", percent(share)),
+                    Verdict::small(share, 0.05, 0.1),
+                )
+            },
+        ),
+        between(
+            "10b",
+            "volumetric strain fairly identical",
+            curves(|s| s.volumetric_strain),
+            |(off, low, high)| {
+                let share = quotient(off, high - low).unwrap_or(f64::INFINITY);
+                let here =
+                    format!("off by {} (r.m.s.), {} of its range", percent(off), percent(share));
+                (here, Verdict::small(share, 0.1, 0.2))
+            },
+        ),
+    ]
+}
+
+/// Erosion's number and the benchmark's.
+fn differ(both: (f64, f64)) -> String {
+    let (erosion, truth) = both;
+    format!("{} and {}: {:+.1} %", readable(erosion), readable(truth), 100.0 * apart(both))
+}
+
+fn coordination(runs: &[Run]) -> Vec<Finding> {
+    let mean = |run: &Run| run.packing.as_ref()?.summary.coordination;
+    let at_peak = |run: &Run| past_peak(run)?.summary.coordination;
+    let about = |method: Method, paper: f64| {
+        let of_method = move |run: &Run| {
+            let s = &run.packing.as_ref().filter(|_| run.method == method)?.summary;
+            let (z, all) = (s.coordination?, s.coordination_with_walls?);
+            Some((format!("{z:.2} ({all:.2})"), Verdict::small(z - paper, 0.25, 0.75)))
+        };
+        of_method
+    };
+    let shares = |run| {
+        let report: &Report = Run::packing(run)?;
+        Some(report.coordination.without_walls.shares().collect::<Vec<f64>>())
+    };
+    let (packing, peak) = (compared(runs, mean), compared(runs, at_peak));
+    vec![
+        each("11a", "after packing, mean Z is about 7.5 with EPA", runs, about(Method::Epa, 7.5)),
+        each("11a", "and about 6.8 with erosion", runs, about(Method::Erosion, 6.8)),
+        each(
+            "11a",
+            "(the common normal, which the paper does not run: as EPA)",
+            runs,
+            about(Method::CommonNormal, 7.5),
+        ),
+        between(
+            "11a",
+            "erosion's histogram is shifted to smaller numbers",
+            packing.zip(compared(runs, shares)),
+            |((erosion, truth), (a, b))| {
+                let against = against_order(&a, &b);
+                let here = format!(
+                    "mean {}{}; the shift goes the other way for {} of the particles at most",
+                    differ((erosion, truth)),
+                    by_chance(runs, mean),
+                    percent(against)
+                );
+                let verdict = match truth - erosion {
+                    0.1.. if against < 0.01 => Verdict::Yes,
+                    0.05.. => Verdict::Nearly,
+                    _ => Verdict::No,
+                };
+                (here, verdict)
+            },
+        ),
+        between(
+            "11a",
+            "EPA's Z is nearer to the 8.0 of Zhou et al.",
+            packing,
+            |(erosion, truth)| {
+                let [e, t] = [erosion, truth].map(|z| (z - 8.0).abs());
+                (format!("off by {t:.2}, erosion by {e:.2}"), Verdict::of(t < e))
+            },
+        ),
+        between(
+            "11b",
+            "the difference in Z is smaller at the peak than after packing",
+            packing.zip(peak),
+            |((e0, t0), (e1, t1))| {
+                let [first, then] = [t0 - e0, t1 - e1];
+                let verdict = match then.abs() / first.abs() {
+                    ..=0.5 => Verdict::Yes,
+                    ..1.0 => Verdict::Nearly,
+                    _ => Verdict::No,
+                };
+                (format!("{first:.3} after packing, {then:.3} at the peak"), verdict)
+            },
+        ),
+    ]
+}
+
+impl Run {
+    fn packing(&self) -> Option<&Report> {
+        self.packing.as_ref()
+    }
+}
+
+/// By how much the smaller-or-equal share of `low` falls short of that of `high`, at most: 0 if `low` has the
+/// smaller numbers throughout.
+fn against_order(low: &[f64], high: &[f64]) -> f64 {
+    let most = low.len().max(high.len());
+    let (mut below, mut against) = (0.0, 0.0_f64);
+    for k in 0..most {
+        below += low.get(k).unwrap_or(&0.0) - high.get(k).unwrap_or(&0.0);
+        against = against.max(-below);
+    }
+    against
+}
+
+/// How much of a degree of anisotropy is about the vertical: 1 if all, with more along it; -1/2 if the
+/// packing has its axis elsewhere.
+fn vertical(tensor: &Mat3) -> Option<f64> {
+    quotient(1.5 * tensor.m33, (1.5 * inner(tensor, tensor)).sqrt())
+}
+
+fn fabric(runs: &[Run]) -> Vec<Finding> {
+    const DEGREES: [(&str, Pick); 3] = [("a_c", |s| s.a_c), ("a_n", |s| s.a_n), ("a_t", |s| s.a_t)];
+    let alike = |figure, statement, state: fn(&Run) -> Option<&Report>| {
+        let degrees = |run| -> Option<Vec<f64>> {
+            DEGREES.iter().map(|(_, pick)| pick(&state(run)?.summary)).collect()
+        };
+        between(figure, statement, compared(runs, degrees), |(erosion, truth)| {
+            let mut words = Vec::new();
+            let mut verdicts = Vec::new();
+            for ((name, _), (e, t)) in DEGREES.iter().zip(erosion.iter().zip(&truth)) {
+                words.push(format!("{name} {} and {}", readable(*e), readable(*t)));
+                let (small, fair) = ((0.1 * t.abs()).max(0.05), (0.2 * t.abs()).max(0.1));
+                verdicts.push(Verdict::small(e - t, small, fair));
+            }
+            (words.join(", "), Verdict::worst(verdicts))
+        })
+    };
+    let weak = |run: &Run| {
+        let report = run.packing()?;
+        let per_particle = 0.5 * report.summary.coordination?;
+        Some((report.summary.share_below_0_3_mean?, per_particle))
+    };
+    let forces = |run| {
+        let report = Run::packing(run)?;
+        Some((report.forces.as_ref()?, 0.5 * report.summary.coordination?))
+    };
+    vec![
+        each("12", "contact normals and normal forces are mostly vertical", runs, |run| {
+            let report = run.packing()?;
+            let normals = vertical(&report.fabric?.anisotropy())?;
+            let forces = vertical(&report.force_fabric?.normal_anisotropy)?;
+            let here = format!("{} and {} of the anisotropy", percent(normals), percent(forces));
+            let verdict = Verdict::small(1.0 - normals.min(forces), 0.1, 0.3);
+            Some((here, verdict))
+        }),
+        each("12", "the anisotropy of shear forces is minor", runs, |run| {
+            let s = &run.packing()?.summary;
+            let share = quotient(s.a_t?, s.a_c?.abs().min(s.a_n?.abs()))?;
+            let here = format!("a_t is {} of the smaller of a_c and a_n", percent(share.abs()));
+            Some((here, Verdict::small(share, 1.0 / 3.0, 0.5)))
+        }),
+        alike("12", "after packing, erosion and EPA differ little", |run| run.packing()),
+        between(
+            "13a",
+            "erosion dismisses a considerable number of contacts below 0.3 of the mean normal force",
+            compared(runs, weak),
+            |((share_e, all_e), (share_t, all_t))| {
+                let counts = (share_e * all_e, share_t * all_t);
+                let here = format!(
+                    "{} and {} of the contacts; per particle {}{}",
+                    percent(share_e),
+                    percent(share_t),
+                    differ(counts),
+                    by_chance(runs, |run| weak(run).map(|(share, all)| share * all))
+                );
+                let verdict = match apart(counts) {
+                    ..=-0.1 => Verdict::Yes,
+                    ..=-0.03 => Verdict::Nearly,
+                    _ => Verdict::No,
+                };
+                (here, verdict)
+            },
+        ),
+        between(
+            "13",
+            "the difference is mainly among weak contacts",
+            compared(runs, forces),
+            |((e, per_e), (t, per_t))| {
+                let share = share_of_difference(e, per_e, t, per_t);
+                let here = format!(
+                    "{} of the difference in contacts per particle is below 0.3",
+                    percent(share)
+                );
+                (here, Verdict::small(1.0 - share, 0.5, 0.65))
+            },
+        ),
+        alike("14", "at the peak they are consistent", past_peak),
+    ]
+}
+
+/// Of the difference in contacts per particle the share of those below [`WEAK`]; the others are those up to the
+/// mean normal force, and those above.
+fn share_of_difference(a: &Forces, per_a: f64, b: &Forces, per_b: f64) -> f64 {
+    let counts = |forces: &Forces, per: f64| -> Option<[f64; 3]> {
+        let (weak, below) = (forces.weak_share?, forces.below_mean_share?);
+        Some([weak, below - weak, 1.0 - below].map(|share| per * share))
+    };
+    let Some((a, b)) = counts(a, per_a).zip(counts(b, per_b)) else { return 0.0 };
+    let off = |k: usize| (a[k] - b[k]).abs();
+    quotient(off(0), off(0) + off(1) + off(2)).unwrap_or(0.0)
+}
+
+fn checks(runs: &[Run]) -> Vec<Finding> {
+    vec![
+        each("10a", "q/p = 0.4 (a_c + a_n + 1.5 a_t) at the peak", runs, |run| {
+            let s = &run.peak()?.summary;
+            let off = s.fabric_relation_error?;
+            let here = format!(
+                "{} of {}: {:+.1} %",
+                readable(s.q_over_p_from_fabric?),
+                readable(s.q_over_p?),
+                100.0 * off
+            );
+            Some((here, Verdict::small(off, 0.05, 0.15)))
+        }),
+        each("eq. 5", "stress from contacts is load over area of walls", runs, |run| {
+            let stresses: [(Pick, Pick); 3] = [
+                (|s| s.stress_xx_pa, |s| s.wall_stress_xx_pa),
+                (|s| s.stress_yy_pa, |s| s.wall_stress_yy_pa),
+                (|s| s.stress_zz_pa, |s| s.wall_stress_zz_pa),
+            ];
+            let s = &run.peak()?.summary;
+            let off = stresses.iter().map(|(inside, on)| Some(apart((inside(s)?, on(s)?))));
+            let off = off.collect::<Option<Vec<f64>>>()?;
+            let words = off.iter().map(|off| format!("{:+.2} %", 100.0 * off));
+            let words = words.collect::<Vec<_>>().join(", ");
+            let farthest = off.iter().fold(0.0, |far: f64, off| far.max(off.abs()));
+            Some((format!("{words} along x, y, z"), Verdict::small(farthest, 0.02, 0.05)))
+        }),
+        each("3.1", "the compression is quasi-static", runs, |run| {
+            let numbers = run.curve(|s| s.inertial_number);
+            let most = numbers.iter().map(|p| p.1).reduce(f64::max)?;
+            Some((
+                format!("inertial number {} at most", readable(most)),
+                Verdict::small(most, 1e-3, 1e-2),
+            ))
+        }),
+        each("3.1", "the balance of energies closes", runs, |run| {
+            let worst = run.missing_energy.iter().map(|m| m.1).reduce(f64::max)?;
+            let words = run.missing_energy.iter().map(|(stage, off)| format!("{stage} {off:.1e}"));
+            let words = words.collect::<Vec<_>>().join(", ");
+            Some((format!("missing over dissipated: {words}"), Verdict::small(worst, 0.01, 0.05)))
+        }),
+    ]
+}

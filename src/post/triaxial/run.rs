@@ -1,0 +1,264 @@
+//! The runs of a method, from packing to shear.
+
+use super::TriaxialError;
+use crate::post::PostError;
+use crate::post::history::History;
+use crate::post::picture::{Picture, side_by_side};
+use crate::post::plots::{BLUE, INK, ORANGE};
+use crate::post::report::{Report, Summary, readable};
+use crate::post::series::{self, Choice};
+use plotters::style::RGBColor;
+use std::fs;
+use std::ops::RangeInclusive;
+use std::path::Path;
+
+/// A method of contact resolution.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// The exact one.
+    CommonNormal,
+    /// The paper's benchmark.
+    Epa,
+    /// The method that the paper looks into.
+    Erosion,
+}
+
+impl Method {
+    /// All, in the order of figures and reports.
+    pub const ALL: [Self; 3] = [Self::CommonNormal, Self::Epa, Self::Erosion];
+
+    /// The folder of its runs.
+    pub const fn folder(self) -> &'static str {
+        match self {
+            Self::CommonNormal => "common-normal",
+            Self::Epa => "epa",
+            Self::Erosion => "gjk-erosion",
+        }
+    }
+
+    /// In figures and reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::CommonNormal => "common normal",
+            Self::Epa => "EPA",
+            Self::Erosion => "erosion",
+        }
+    }
+
+    pub(super) const fn colour(self) -> RGBColor {
+        match self {
+            Self::CommonNormal => INK,
+            Self::Epa => ORANGE,
+            Self::Erosion => BLUE,
+        }
+    }
+}
+
+/// What the runs of a method left.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// The method.
+    pub method: Method,
+    /// After random packing.
+    pub packing: Option<Report>,
+    /// Under the confining pressure.
+    pub consolidation: Option<Report>,
+    /// All snapshots of the compression, with strains against the first.
+    pub shear: Vec<Report>,
+    /// Energy that the balance misses, over the energy dissipated, at the end of each stage.
+    pub missing_energy: Vec<(&'static str, f64)>,
+    /// What each stage took.
+    pub costs: Vec<Cost>,
+}
+
+/// What a stage took, as the report at its end tells.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cost {
+    /// The stage.
+    pub stage: &'static str,
+    /// Steps done.
+    pub steps: u64,
+    /// By the wall clock [s].
+    pub seconds: f64,
+    /// How many ranks shared the work.
+    pub ranks: u64,
+    /// Contact resolution for each contact [ns].
+    pub contact_ns: Option<f64>,
+}
+
+/// The packing before and after.
+pub(super) struct Pictures {
+    packing: Picture,
+    sheared: Picture,
+}
+
+impl Pictures {
+    /// Fig. 9.
+    pub(super) fn drawn(self, run: &Run) -> String {
+        let name = run.method.name();
+        let strain = run.shear.last().and_then(|r| r.summary.axial_strain);
+        let at =
+            strain.map_or(String::new(), |e| format!(" at a strain of {} %", readable(100.0 * e)));
+        let bounds = |report: Option<&Report>| report.and_then(|r| r.packing_m);
+        side_by_side(vec![
+            (
+                format!("(a) {name}, after random packing"),
+                self.packing,
+                bounds(run.packing.as_ref()),
+            ),
+            (format!("(b) {name}, compressed{at}"), self.sheared, bounds(run.shear.last())),
+        ])
+    }
+}
+
+impl Run {
+    /// Reads what there is in `root` of a method. Pictures if there are both states.
+    pub(super) fn read(
+        root: &Path,
+        method: Method,
+        choice: &Choice,
+    ) -> Result<(Self, Option<Pictures>), TriaxialError> {
+        let folder = root.join(method.folder());
+        let stage = |name: &str| folder.join(name);
+        let last = |name: &str| -> Result<Option<(Report, Picture)>, TriaxialError> {
+            let Some(file) = if_any(series::newest(&stage(name)))? else { return Ok(None) };
+            let (mut reports, picture) = series::reports(&series::open(&[file])?, choice)?;
+            Ok(reports.pop().map(|report| (report, picture)))
+        };
+        let (packing, consolidation) = (last("packing")?, last("consolidation")?);
+        let shear = match if_any(series::all(&stage("shear")))? {
+            Some(files) => series::reports(&series::open(&files)?, choice)?,
+            None => (Vec::new(), Picture::default()),
+        };
+        let stages = ["packing", "consolidation", "shear"];
+        let run = Self {
+            method,
+            packing: packing.as_ref().map(|(report, _)| report.clone()),
+            consolidation: consolidation.map(|(report, _)| report),
+            shear: shear.0,
+            missing_energy: stages
+                .into_iter()
+                .filter_map(|name| Some((name, missing_energy(&stage(name))?)))
+                .collect(),
+            costs: stages.into_iter().filter_map(|name| cost(name, &stage(name))).collect(),
+        };
+        let pictures = packing
+            .filter(|_| !run.shear.is_empty())
+            .map(|(_, packing)| Pictures { packing, sheared: shear.1 });
+        Ok((run, pictures))
+    }
+
+    /// Whether there was nothing to read.
+    pub fn is_empty(&self) -> bool {
+        self.packing.is_none() && self.consolidation.is_none() && self.shear.is_empty()
+    }
+
+    /// The snapshot with the largest `q/p` of the compression.
+    pub fn peak(&self) -> Option<&Report> {
+        let ratio = |report: &&Report| report.summary.q_over_p;
+        let strained = self.shear.iter().filter(|r| r.summary.axial_strain.is_some());
+        strained
+            .filter(|r| ratio(r).is_some())
+            .max_by(|a, b| ratio(a).unwrap_or(0.0).total_cmp(&ratio(b).unwrap_or(0.0)))
+    }
+
+    /// Mean of a number over the snapshots in a range of axial strain.
+    pub fn mean_over(&self, strains: &RangeInclusive<f64>, pick: Pick) -> Option<f64> {
+        let values = self.curve(pick).into_iter().filter(|(strain, _)| strains.contains(strain));
+        let values: Vec<f64> = values.map(|(_, value)| value).collect();
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    }
+
+    /// Axial strain and a number of each snapshot of the compression, by strain.
+    pub fn curve(&self, pick: Pick) -> Vec<(f64, f64)> {
+        let points = self.shear.iter().map(|r| (r.summary.axial_strain, pick(&r.summary)));
+        points.filter_map(|(strain, value)| strain.zip(value)).collect()
+    }
+
+    /// The axial strain reached.
+    pub fn strain(&self) -> Option<f64> {
+        self.shear.last()?.summary.axial_strain
+    }
+
+    /// The states in which a packing is compared: name and report.
+    pub fn states(&self) -> impl Iterator<Item = (&'static str, &Report)> {
+        let states = [
+            ("packing", self.packing.as_ref()),
+            ("consolidation", self.consolidation.as_ref()),
+            ("peak", self.peak()),
+            ("end", self.shear.last()),
+        ];
+        states.into_iter().filter_map(|(name, report)| Some((name, report?)))
+    }
+}
+
+/// A number of a summary.
+pub type Pick = fn(&Summary) -> Option<f64>;
+
+/// Root mean square of the difference of two curves where both are known, by linear interpolation.
+pub fn rms_difference(a: &[(f64, f64)], b: &[(f64, f64)]) -> Option<f64> {
+    const SAMPLES: u32 = 200;
+    let low = a.first()?.0.max(b.first()?.0);
+    let high = a.last()?.0.min(b.last()?.0);
+    if low >= high {
+        return None;
+    }
+    let squares = (0..=SAMPLES).map(|k| {
+        let x = low + (high - low) * f64::from(k) / f64::from(SAMPLES);
+        (at(a, x) - at(b, x)).powi(2)
+    });
+    Some((squares.sum::<f64>() / f64::from(SAMPLES + 1)).sqrt())
+}
+
+/// A curve at `x`, which it covers.
+fn at(curve: &[(f64, f64)], x: f64) -> f64 {
+    let next = curve.partition_point(|p| p.0 < x).clamp(1, curve.len() - 1);
+    let ((x0, y0), (x1, y1)) = (curve[next - 1], curve[next]);
+    if x1 > x0 { y0 + (y1 - y0) * (x - x0) / (x1 - x0) } else { y1 }
+}
+
+/// Nothing is no error here: a folder that is not there, or holds no snapshot yet.
+fn if_any<T>(found: Result<T, PostError>) -> Result<Option<T>, PostError> {
+    match found {
+        Ok(found) => Ok(Some(found)),
+        Err(PostError::NoSnapshot { .. }) => Ok(None),
+        Err(PostError::Unlisted { cause, .. }) if cause.kind() == std::io::ErrorKind::NotFound => {
+            Ok(None)
+        }
+        Err(error) => Err(error),
+    }
+}
+
+fn missing_energy(stage: &Path) -> Option<f64> {
+    let history = History::read(fs::File::open(stage.join("history.csv")).ok()?).ok()?;
+    let dissipated = history.last("dissipated_J").filter(|&d| d > 0.0)?;
+    Some(history.last("missing_J")?.abs() / dissipated)
+}
+
+/// What a run wrote at its end, from any `*.log` in its folder.
+fn cost(stage: &'static str, folder: &Path) -> Option<Cost> {
+    let entries = fs::read_dir(folder).ok()?.filter_map(|entry| entry.ok().map(|e| e.path()));
+    let mut logs: Vec<_> =
+        entries.filter(|p| p.extension().is_some_and(|ending| ending == "log")).collect();
+    logs.sort();
+    logs.iter().find_map(|log| Cost::of(stage, &fs::read_to_string(log).ok()?))
+}
+
+impl Cost {
+    /// From the text that a run writes at its end: `... 500 steps of 64 particles in 1.5 s on 2 ranks`, and
+    /// `... 40.1 ns per contact`.
+    pub fn of(stage: &'static str, text: &str) -> Option<Self> {
+        let told = text.lines().rev().find(|line| line.contains(" steps of "))?;
+        let (before, after) = told.split_once(" steps of ")?;
+        let (_, spent) = after.split_once(" particles in ")?;
+        let (seconds, ranks) = spent.split_once(" s on ")?;
+        let contact = text.lines().rev().find_map(|line| line.split_once(" ns per contact,"));
+        Some(Self {
+            stage,
+            steps: before.rsplit(' ').next()?.parse().ok()?,
+            seconds: seconds.parse().ok()?,
+            ranks: ranks.split(' ').next()?.parse().ok()?,
+            contact_ns: contact.and_then(|(before, _)| before.rsplit(' ').next()?.parse().ok()),
+        })
+    }
+}
