@@ -1,7 +1,7 @@
 //! A run in jobs of limited time: `run/slurm`, with a Slurm of a few lines.
 
-use super::process::{Call, Launch, signal};
-use super::{HEAP_STEPS, assert_same_result, fresh_directory, heap, scene, snapshot};
+use super::process::{Call, signal};
+use super::{assert_same_result, fresh_directory, heap_beyond, scene, snapshot};
 use dem_mpi::output::snapshot::Reader;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// The run can go on, and is queued again.
 const STOPPED: i32 = 3;
-/// Steps between snapshots: few, so that a job does not reach the end before its signal.
+/// Steps between snapshots.
 const EVERY: u64 = 20;
 
 /// Directory of a `srun` that starts two ranks, and a `scontrol` that writes down what it is asked.
@@ -47,7 +47,9 @@ fn a_job_is_queued_again_until_all_is_done() {
     let mut step = 0;
     for jobs in 1..=2 {
         let every = format!("output.snapshot_every={EVERY}");
-        let mut running = job(&slurm, &out, &["--set", &every]).start();
+        // Too long to end by itself.
+        let more = ["--set", "time.steps=1_000_000_000", "--set", &every];
+        let mut running = job(&slurm, &out, &more).start();
         let reached = snapshot(&out, (step / EVERY + 5) * EVERY);
         running.until("a snapshot", || reached.exists());
         // As Slurm does: to all ranks.
@@ -59,10 +61,12 @@ fn a_job_is_queued_again_until_all_is_done() {
         assert_eq!(asked(&slurm), "requeue 4711\n".repeat(jobs), "{ended}");
         step = Reader::open(&out).unwrap().header().step;
     }
-    let ended = job(&slurm, &out, &[]).succeed();
-    ended.said_once(&format!("steps {step} to {HEAP_STEPS}"));
+    let (steps, whole) = heap_beyond(step);
+    let to_the_end = format!("time.steps={steps}");
+    let ended = job(&slurm, &out, &["--set", &to_the_end]).succeed();
+    ended.said_once(&format!("steps {step} to {steps}"));
     assert_eq!(asked(&slurm).lines().count(), 2, "{ended}");
-    assert_same_result(&heap(Launch::Alone).directory, &out);
+    assert_same_result(&whole.directory, &out);
 }
 
 /// As where `srun` starts the ranks of another MPI.
