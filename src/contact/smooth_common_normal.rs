@@ -227,23 +227,29 @@ impl SmoothPair<'_> {
         }
     }
 
-    /// One body along its outward direction, or `None` if it has edges.
+    /// Both bodies along their outward directions, or `None` if one has edges.
     #[inline]
-    fn side(&self, body: &Posed, outward: &Vec3) -> Option<Side> {
-        let direction = body.frame.tr_mul(outward);
-        let own = body.shape.curved_support(&direction)?;
+    fn sides(&self, normal: &Vec3) -> Option<[Side; 2]> {
+        let [a, b] = self.bodies;
+        let (to_a, to_b) = (a.frame.tr_mul(normal), b.frame.tr_mul(&-normal));
+        let [on_a, on_b] = Shape::curved_supports([a.shape, b.shape], [&to_a, &to_b]);
+        Some([self.side(a, to_a, on_a?), self.side(b, to_b, on_b?)])
+    }
+
+    #[inline]
+    fn side(&self, body: &Posed, direction: Vec3, own: CurvedSupport) -> Side {
         let world = CurvedSupport {
             point: body.frame * own.point * self.per_metre,
             weight: own.weight.map(|w| w * self.unit),
             along: own.along.map(|v| body.frame * v * self.per_metre),
         };
-        Some(Side { direction, own, world })
+        Side { direction, own, world }
     }
 
     #[inline]
     fn evaluate(&self, normal: Vec3) -> Option<Evaluation> {
         count_direction();
-        let sides = [self.side(self.bodies[0], &normal)?, self.side(self.bodies[1], &-normal)?];
+        let sides = self.sides(&normal)?;
         let between = (sides[0].world.point - sides[1].world.point) - self.r;
         let delta = between.dot(&normal);
         let gradient = between - normal * delta;

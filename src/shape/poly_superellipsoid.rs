@@ -94,6 +94,29 @@ impl PolySuperellipsoid {
         self.axes.tr_mul(&(point - self.centre))
     }
 
+    /// The same of a support point.
+    #[inline]
+    fn of_octant(&self, octant: CurvedSupport) -> CurvedSupport {
+        CurvedSupport {
+            point: self.inwards(&octant.point),
+            along: octant.along.map(|v| self.axes.tr_mul(&v)),
+            ..octant
+        }
+    }
+
+    /// [`Convex::curved_support`] of two bodies, together.
+    #[inline]
+    pub(super) fn curved_supports(
+        [a, b]: [&Self; 2],
+        [to_a, to_b]: [&Vec3; 2],
+    ) -> [Option<CurvedSupport>; 2] {
+        let (to_a, to_b) = (a.axes * to_a, b.axes * to_b);
+        let around = [&a.around(&to_a), &b.around(&to_b)];
+        let [on_a, on_b] =
+            Exponents::curved_supports([a.exponents, b.exponents], around, [&to_a, &to_b]);
+        [on_a.map(|s| a.of_octant(s)), on_b.map(|s| b.of_octant(s))]
+    }
+
     /// Bounding and inscribed radius. With directions no farther than θ from any other, the
     /// support value of the nearest to the farthest point is at least cos θ of its distance; and the
     /// support value at an angle θ is at least `h cos θ - t sin θ`, with t the distance of the support point
@@ -159,12 +182,7 @@ impl Convex for PolySuperellipsoid {
     #[inline]
     fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
         let along = self.axes * direction;
-        let octant = self.exponents.curved_support(&self.around(&along), &along)?;
-        Some(CurvedSupport {
-            point: self.inwards(&octant.point),
-            along: octant.along.map(|v| self.axes.tr_mul(&v)),
-            ..octant
-        })
+        self.exponents.curved_support(&self.around(&along), &along).map(|s| self.of_octant(s))
     }
 
     #[inline]

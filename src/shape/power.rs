@@ -4,51 +4,116 @@
 //! uses `+ - * /` and the bits of a number alone, has no branch and no table, and costs a fraction of a
 //! correctly rounded power: the powers of a superellipsoid are factors of lengths, so that the error that
 //! counts is that relative to 1, not to the power itself.
+//!
+//! Two powers at once take hardly longer than one: they share vector registers, which every processor has, and
+//! one by one each operation would wait for the one before. No closures: they would not all be inlined.
+
+#![expect(clippy::inline_always, reason = "a vector stays in registers only if nothing is called")]
+
+use std::ops::{Add, Div, Mul, Sub};
 
 /// From here on, a number is the mantissa of the next power of two: `√½`, rounded.
 const FIRST_MANTISSA: u64 = 0x3fe6_a09e_667f_3bcd;
 /// Adding and subtracting it rounds to whole numbers: 1.5 · 2⁵².
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
+/// 2⁵²: the lowest bits of its sum with a whole number are that number.
+const WHOLE: f64 = 4_503_599_627_370_496.0;
+/// Added to exponents, so that none is negative.
+const RAISED: u64 = 1024;
+
+/// Numbers that are computed alike, each by itself: the bits do not depend on how many there are.
+#[derive(Clone, Copy)]
+pub(super) struct Lanes<const N: usize>(pub(super) [f64; N]);
+
+macro_rules! lanewise {
+    ($trait:ident, $method:ident, $operator:tt) => {
+        impl<const N: usize> $trait for Lanes<N> {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $method(mut self, other: Self) -> Self {
+                for (x, y) in self.0.iter_mut().zip(other.0) {
+                    *x $operator y;
+                }
+                self
+            }
+        }
+    };
+}
+lanewise!(Add, add, +=);
+lanewise!(Sub, sub, -=);
+lanewise!(Mul, mul, *=);
+lanewise!(Div, div, /=);
+
+impl<const N: usize> Lanes<N> {
+    /// The same number in every lane.
+    #[inline(always)]
+    pub(super) const fn all(number: f64) -> Self {
+        Self([number; N])
+    }
+
+    /// Each where `x` is at most `y`, else that of `other`.
+    #[inline(always)]
+    pub(super) fn where_at_most(mut self, x: Self, y: Self, other: Self) -> Self {
+        let sides = x.0.into_iter().zip(y.0);
+        for ((this, other), (x, y)) in self.0.iter_mut().zip(other.0).zip(sides) {
+            *this = if x <= y { *this } else { other };
+        }
+        self
+    }
+}
 
 /// `base ^ exponent` for a normal `base` in (0, 2] and a result of at most 2. Zero if the result were below
-/// 2⁻¹⁰²² or `base` is zero.
+/// 2⁻¹⁰²², `base` is zero or `exponent` infinite.
 ///
 /// Relative error at most `2 (1 + |log₂ result|) 2⁻⁵³`: a unit in the last place near 1.
-#[inline]
-pub(super) fn pow(base: f64, exponent: f64) -> f64 {
+#[inline(always)]
+pub(super) fn pow<const N: usize>(base: Lanes<N>, exponent: Lanes<N>) -> Lanes<N> {
     let exponential = exp2(exponent * log2(base));
-    if base >= f64::MIN_POSITIVE { exponential } else { 0.0 }
+    exponential.where_at_most(Lanes::all(f64::MIN_POSITIVE), base, Lanes::all(0.0))
 }
 
 /// The binary logarithm of a normal positive number: `2 atanh((m - 1) / (m + 1)) / ln 2` of the mantissa m in
 /// √½..√2 by its series, and the exponent.
-#[inline]
-fn log2(x: f64) -> f64 {
+#[inline(always)]
+fn log2<const N: usize>(x: Lanes<N>) -> Lanes<N> {
     const SCALE: f64 = 2.0 * std::f64::consts::LOG2_E;
-    let exponent = (x.to_bits() as i64).wrapping_sub(FIRST_MANTISSA as i64) >> 52;
-    let mantissa = f64::from_bits(x.to_bits().wrapping_sub((exponent as u64) << 52));
-    let s = (mantissa - 1.0) / (mantissa + 1.0);
+    let (mut mantissa, mut exponent) = (x, x);
+    for (mantissa, exponent) in mantissa.0.iter_mut().zip(&mut exponent.0) {
+        let bits = mantissa.to_bits();
+        let raised = bits.wrapping_sub(FIRST_MANTISSA).wrapping_add(RAISED << 52) >> 52;
+        *mantissa = f64::from_bits(bits.wrapping_add(RAISED.wrapping_sub(raised) << 52));
+        *exponent = f64::from_bits(WHOLE.to_bits() | raised);
+    }
+    let exponent = exponent - Lanes::all(WHOLE + RAISED as f64);
+    let one = Lanes::all(1.0);
+    let s = (mantissa - one) / (mantissa + one);
     // s² is at most 0.0295: the first term left out is 2⁻⁵⁵ of the sum.
     let z = s * s;
     let z4 = (z * z) * (z * z);
     let low = polynomial(INVERSE_ODD, z);
-    let high = 1.0 / 19.0 + z * (1.0 / 21.0);
+    let high = Lanes::all(1.0 / 19.0) + z * Lanes::all(1.0 / 21.0);
     let series = s + (s * z) * (low + (z4 * z4) * high);
-    exponent as f64 + series * SCALE
+    exponent + series * Lanes::all(SCALE)
 }
 
 /// Two to the `x`, for `x` up to 1: the series of `e^(f ln 2)` for the fraction f in -½..½, times a power of two.
-#[inline]
-fn exp2(x: f64) -> f64 {
+#[inline(always)]
+fn exp2<const N: usize>(x: Lanes<N>) -> Lanes<N> {
     const LOWEST: f64 = -1022.0;
-    let shifted = x + ROUNDER;
-    let f = (x - (shifted - ROUNDER)) * std::f64::consts::LN_2;
+    let rounder = Lanes::all(ROUNDER);
+    let shifted = x + rounder;
+    let f = (x - (shifted - rounder)) * Lanes::all(std::f64::consts::LN_2);
     // |f| is at most 0.347: the first term left out is 2⁻⁶⁸.
     let ff = f * f;
     let odd = f * polynomial(INVERSE_ODD_FACTORIALS, ff);
     let even = ff * polynomial(INVERSE_EVEN_FACTORIALS, ff);
-    let power = f64::from_bits((shifted.to_bits() << 52).wrapping_add(1.0_f64.to_bits()));
-    if x > LOWEST { (1.0 + (odd + even)) * power } else { 0.0 }
+    let mut power = shifted;
+    for power in &mut power.0 {
+        *power = f64::from_bits((power.to_bits() << 52).wrapping_add(1.0_f64.to_bits()));
+    }
+    let result = (Lanes::all(1.0) + (odd + even)) * power;
+    result.where_at_most(Lanes::all(LOWEST), x, Lanes::all(0.0))
 }
 
 /// 1/3, 1/5, ... 1/17.
@@ -78,8 +143,9 @@ const INVERSE_ODD_FACTORIALS: [f64; 8] = [
 ];
 
 /// The polynomial with these coefficients, lowest first, in Estrin's order: the shortest chain of operations.
-#[inline]
-fn polynomial(c: [f64; 8], x: f64) -> f64 {
+#[inline(always)]
+fn polynomial<const N: usize>(coefficients: [f64; 8], x: Lanes<N>) -> Lanes<N> {
+    let c = coefficients.map(Lanes::all);
     let xx = x * x;
     let low = (c[0] + c[1] * x) + (c[2] + c[3] * x) * xx;
     let high = (c[4] + c[5] * x) + (c[6] + c[7] * x) * xx;
@@ -88,7 +154,15 @@ fn polynomial(c: [f64; 8], x: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::pow;
+    use super::Lanes;
+
+    /// The power, which is the same beside any other.
+    fn pow(base: f64, exponent: f64) -> f64 {
+        let [alone] = super::pow(Lanes([base]), Lanes([exponent])).0;
+        let [beside, _] = super::pow(Lanes([base, 0.7]), Lanes([exponent, 1.3])).0;
+        assert_eq!(alone.to_bits(), beside.to_bits());
+        alone
+    }
 
     /// Against the `libm` crate, good to a unit in the last place, and bit for bit against itself: the
     /// sum of all results as this code gave it when it was written.
@@ -120,6 +194,8 @@ mod tests {
     fn limits() {
         assert_eq!(pow(0.0, 0.5), 0.0);
         assert_eq!(pow(1.0, 1e300), 1.0);
+        // The edges of an octahedron: a superellipsoid's exponent of 2.
+        assert_eq!([pow(0.0, f64::INFINITY), pow(1.0, f64::INFINITY)], [0.0; 2]);
         assert_eq!(pow(0.5, 2000.0), 0.0, "below the normal numbers");
         assert_eq!(pow(0.5, 3.0), 0.125);
         assert_eq!(pow(2.0, 1.0), 2.0);

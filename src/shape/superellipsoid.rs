@@ -8,7 +8,9 @@
 //! is the dual norm's gradient, and so is the surface normal at a point with the norm itself. The second
 //! derivatives need no power that the first do not.
 
-use super::power::pow;
+#![expect(clippy::inline_always, reason = "a vector stays in registers only if nothing is called")]
+
+use super::power::{Lanes, pow};
 use super::{Convex, Ellipsoid};
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
@@ -47,6 +49,16 @@ impl Superellipsoid {
     /// The exponents e₁ and e₂.
     pub const fn exponents(&self) -> [f64; 2] {
         [self.exponents.along, self.exponents.across]
+    }
+
+    /// [`Convex::curved_support`] of two bodies that are no ellipsoids, together.
+    #[inline]
+    pub(super) fn curved_supports(
+        bodies: [&Self; 2],
+        directions: [&Vec3; 2],
+    ) -> [Option<CurvedSupport>; 2] {
+        let (exponents, axes) = (bodies.map(|b| b.exponents), bodies.map(|b| &b.semi_axes));
+        Exponents::curved_supports(exponents, axes, directions)
     }
 
     /// The ellipsoid that it is if both exponents are 1.
@@ -119,7 +131,7 @@ impl Convex for Superellipsoid {
 /// A support point and the Hessian of the support function there, as two dyads:
 /// `Σ weight · along ⊗ along`, with both vectors across the direction. Its eigenvalues on the tangent
 /// plane are the surface's radii of curvature.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CurvedSupport {
     /// The support point [m].
     pub point: Vec3,
@@ -130,6 +142,24 @@ pub struct CurvedSupport {
 }
 
 impl CurvedSupport {
+    /// That of a superellipsoid, from `x`, the direction times the semi-axes, and the norms of its parts.
+    #[inline]
+    fn of(semi_axes: &Vec3, x: &Vec3, inner: &Norm, outer: &Norm) -> Self {
+        let signed = Vec3::from_fn(|i, _| if x[i] < 0.0 { -semi_axes[i] } else { semi_axes[i] });
+        let stretch = |v: Vec3| v.component_mul(&signed);
+        let [over, up] = outer.gradient;
+        let [p, q] = inner.gradient;
+        let [down, out] = outer.across;
+        Self {
+            point: stretch(Vec3::new(over * p, over * q, up)),
+            weight: [outer.bend, over * inner.bend],
+            along: [
+                stretch(Vec3::new(down * p, down * q, out)),
+                stretch(Vec3::new(inner.across[0], inner.across[1], 0.0)),
+            ],
+        }
+    }
+
     /// The Hessian times a vector [m].
     #[inline]
     pub fn hessian_times(&self, v: &Vec3) -> Vec3 {
@@ -186,22 +216,33 @@ impl Exponents {
     /// The support point of the body with these semi-axes, its curvature beside it.
     #[inline]
     pub(super) fn support(self, semi_axes: &Vec3, direction: &Vec3) -> CurvedSupport {
-        let x = semi_axes.component_mul(direction);
-        let inner = Norm::of(x.x.abs(), x.y.abs(), self.across);
-        let outer = Norm::of(inner.value, x.z.abs(), self.along);
-        let signed = Vec3::from_fn(|i, _| if x[i] < 0.0 { -semi_axes[i] } else { semi_axes[i] });
-        let stretch = |v: Vec3| v.component_mul(&signed);
-        let [over, up] = outer.gradient;
-        let [p, q] = inner.gradient;
-        let [down, out] = outer.across;
-        CurvedSupport {
-            point: stretch(Vec3::new(over * p, over * q, up)),
-            weight: [outer.bend, over * inner.bend],
-            along: [
-                stretch(Vec3::new(down * p, down * q, out)),
-                stretch(Vec3::new(inner.across[0], inner.across[1], 0.0)),
-            ],
+        let [support] = Self::supports([self], [semi_axes], [direction]);
+        support
+    }
+
+    /// Those of several bodies, each along its own direction.
+    #[inline(always)]
+    fn supports<const N: usize>(
+        exponents: [Self; N],
+        semi_axes: [&Vec3; N],
+        directions: [&Vec3; N],
+    ) -> [CurvedSupport; N] {
+        let mut x = [Vec3::zeros(); N];
+        let [mut x0, mut x1, mut x2, mut inner_value] = [[0.0; N]; 4];
+        for k in 0..N {
+            x[k] = semi_axes[k].component_mul(directions[k]);
+            [x0[k], x1[k], x2[k]] = x[k].abs().into();
         }
+        let inner = Norm::of(x0, x1, exponents.map(|e| e.across));
+        for k in 0..N {
+            inner_value[k] = inner[k].value;
+        }
+        let outer = Norm::of(inner_value, x2, exponents.map(|e| e.along));
+        let mut supports = [CurvedSupport::default(); N];
+        for k in 0..N {
+            supports[k] = CurvedSupport::of(semi_axes[k], &x[k], &inner[k], &outer[k]);
+        }
+        supports
     }
 
     /// The same for a unit vector, with a Hessian that is finite; `None` if there are edges or as good as.
@@ -225,6 +266,21 @@ impl Exponents {
         };
         let beside = self.support(semi_axes, &direction.map(lift));
         Some(CurvedSupport { point: here.point, ..beside })
+    }
+
+    /// The same of two bodies, which takes little longer than one.
+    #[inline]
+    pub(super) fn curved_supports(
+        exponents: [Self; 2],
+        semi_axes: [&Vec3; 2],
+        directions: [&Vec3; 2],
+    ) -> [Option<CurvedSupport>; 2] {
+        let smooth = |e: Self| e.along <= SHARPEST && e.across <= SHARPEST;
+        let slanted = |direction: &Vec3| direction.iter().all(|x| x.abs() >= FLATTEST);
+        if exponents.into_iter().all(smooth) && directions.into_iter().all(slanted) {
+            return Self::supports(exponents, semi_axes, directions).map(Some);
+        }
+        [0, 1].map(|k| exponents[k].curved_support(semi_axes[k], directions[k]))
     }
 
     /// See [`Convex::follow`]. `semi_axes` are those around a point.
@@ -256,7 +312,9 @@ impl Exponents {
     pub(super) fn norm(self, semi_axes: &Vec3, point: &Vec3) -> f64 {
         let x = point.component_div(semi_axes).abs();
         let dual = self.dual();
-        Norm::of(Norm::of(x.x, x.y, dual.across).value, x.z, dual.along).value
+        let [inner] = Norm::of([x.x], [x.y], [dual.across]);
+        let [outer] = Norm::of([inner.value], [x.z], [dual.along]);
+        outer.value
     }
 
     /// Farthest and least distance of the surface from the centre [m]: the squared distance is linear in the
@@ -304,6 +362,7 @@ impl Exponents {
 }
 
 /// The norm of two non-negative numbers with power `2 / (2 - e)`, and its derivatives.
+#[derive(Clone, Copy, Default)]
 struct Norm {
     value: f64,
     gradient: [f64; 2],
@@ -313,30 +372,57 @@ struct Norm {
 }
 
 impl Norm {
-    #[inline]
-    fn of(x: f64, y: f64, e: f64) -> Self {
-        if e == 1.0 {
-            let value = (x * x + y * y).sqrt();
-            let bend = if value > 0.0 { 1.0 / value } else { 0.0 };
-            let gradient = [x * bend, y * bend];
-            return Self { value, gradient, bend, across: [-gradient[1], gradient[0]] };
+    /// The norms of several pairs.
+    #[inline(always)]
+    fn of<const N: usize>(x: [f64; N], y: [f64; N], e: [f64; N]) -> [Self; N] {
+        let mut norms = [Self::default(); N];
+        if e != [1.0; N] {
+            norms = Self::with_powers(Lanes(x), Lanes(y), Lanes(e));
         }
-        let x_is_longer = y < x;
-        let (long, short) = if x_is_longer { (x, y) } else { (y, x) };
-        let ratio = if long > 0.0 { short / long } else { 0.0 };
+        for k in 0..N {
+            if e[k] == 1.0 {
+                norms[k] = Self::euclidean(x[k], y[k]);
+            }
+        }
+        norms
+    }
+
+    #[inline]
+    fn euclidean(x: f64, y: f64) -> Self {
+        let value = (x * x + y * y).sqrt();
+        let bend = if value > 0.0 { 1.0 / value } else { 0.0 };
+        let gradient = [x * bend, y * bend];
+        Self { value, gradient, bend, across: [-gradient[1], gradient[0]] }
+    }
+
+    #[inline(always)]
+    fn with_powers<const N: usize>(x: Lanes<N>, y: Lanes<N>, e: Lanes<N>) -> [Self; N] {
+        let (zero, one) = (Lanes::all(0.0), Lanes::all(1.0));
+        let long = y.where_at_most(x, y, x);
+        let short = x.where_at_most(x, y, y);
+        let ratio = zero.where_at_most(long, zero, short / long);
         // With p = ratio^(q - 1) and q the norm's power.
-        let power = e / (2.0 - e);
+        let power = e / (Lanes::all(2.0) - e);
         let p = pow(ratio, power);
-        let sum = 1.0 + ratio * p;
-        let g = pow(sum, -0.5 * e);
+        let sum = one + ratio * p;
+        let g = pow(sum, Lanes::all(-0.5) * e);
         let value = long * (sum * g);
         let gp = g * p;
         let bend = (power * (g * gp)) / (ratio * value);
-        if x_is_longer {
-            Self { value, gradient: [g, gp], bend, across: [-ratio, 1.0] }
-        } else {
-            Self { value, gradient: [gp, g], bend, across: [-1.0, ratio] }
+        let gradient = [gp.where_at_most(x, y, g), g.where_at_most(x, y, gp)];
+        let across = [Lanes::all(-1.0), ratio];
+        let turned = [Lanes::all(-1.0) * ratio, one];
+        let across = [0, 1].map(|i| across[i].where_at_most(x, y, turned[i]));
+        let mut norms = [Self::default(); N];
+        for (k, norm) in norms.iter_mut().enumerate() {
+            *norm = Self {
+                value: value.0[k],
+                gradient: gradient.map(|g| g.0[k]),
+                bend: bend.0[k],
+                across: across.map(|a| a.0[k]),
+            };
         }
+        norms
     }
 }
 
