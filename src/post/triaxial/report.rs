@@ -2,7 +2,7 @@
 
 use super::run::{Cost, Method, Pick, Run, rms_difference};
 use crate::math::Mat3;
-use crate::post::forces::{Forces, WEAK};
+use crate::post::forces::Forces;
 use crate::post::report::{Report, Summary, readable};
 use crate::post::section::{Finding, Verdict, table};
 use crate::post::sums::{inner, quotient};
@@ -333,6 +333,7 @@ fn response(runs: &[Run]) -> Vec<Finding> {
             );
             let early = at < 0.5 * run.strain()?;
             let verdict = match rest / highest {
+                _ if PLATEAU.contains(&at) => Verdict::No,
                 ..=0.95 if early => Verdict::Yes,
                 ..=0.98 => Verdict::Nearly,
                 _ => Verdict::No,
@@ -572,7 +573,7 @@ fn fabric(runs: &[Run]) -> Vec<Finding> {
     ]
 }
 
-/// Of the difference in contacts per particle the share of those below [`WEAK`]; the others are those up to the
+/// Of the difference in contacts per particle the share of the weak ones; the others are those up to the
 /// mean normal force, and those above.
 fn share_of_difference(a: &Forces, per_a: f64, b: &Forces, per_b: f64) -> f64 {
     let counts = |forces: &Forces, per: f64| -> Option<[f64; 3]> {
