@@ -333,7 +333,7 @@ fn response(runs: &[Run]) -> Vec<Finding> {
             );
             let early = at < 0.5 * run.strain()?;
             let verdict = match rest / highest {
-                _ if PLATEAU.contains(&at) => Verdict::No,
+                _ if at >= *PLATEAU.start() => Verdict::No,
                 ..=0.95 if early => Verdict::Yes,
                 ..=0.98 => Verdict::Nearly,
                 _ => Verdict::No,
