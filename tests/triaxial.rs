@@ -135,10 +135,13 @@ fn weak_contacts_that_go_missing_are_seen() {
     assert_eq!(verdict(&runs, "the difference is mainly among weak"), Verdict::No);
     let packing = runs[1].packing.as_mut().expect("made up");
     let forces = packing.forces.as_mut().expect("forces");
-    let weak = forces.weak_share.expect("contacts");
-    forces.weak_share = Some(0.5 * weak);
-    forces.below_mean_share = forces.below_mean_share.map(|share| share - 0.4 * weak);
-    packing.summary.share_below_0_3_mean = Some(0.5 * weak);
+    // Half of the weak ones are gone, and nothing else.
+    let gone = 0.5 * forces.weak_share.expect("contacts");
+    let rest = |share: Option<f64>| share.map(|share| (share - gone) / (1.0 - gone));
+    forces.weak_share = rest(forces.weak_share);
+    forces.below_mean_share = rest(forces.below_mean_share);
+    packing.summary.share_below_0_3_mean = forces.weak_share;
+    packing.summary.coordination = Some(7.0 * (1.0 - gone));
     assert_eq!(verdict(&runs, statement), Verdict::Yes);
     assert_eq!(verdict(&runs, "the difference is mainly among weak"), Verdict::Yes);
 }

@@ -16,7 +16,7 @@ pub fn newest(folder: &Path) -> Result<PathBuf, PostError> {
     if last.exists() {
         return Ok(last);
     }
-    Ok(all(folder)?.pop().expect("a list that is not empty"))
+    all(folder)?.pop().ok_or_else(|| PostError::NoSnapshot { folder: folder.to_path_buf() })
 }
 
 /// All snapshots of a folder by step, at least one.

@@ -63,8 +63,8 @@ pub fn regenerate(plan: &Plan) -> Result<Vec<(String, String)>, StudyError> {
         ("fig6.csv", csv(&study.offsets)?),
         ("fig6_deeper.csv", csv(&study.deeper)?),
         ("fig7.csv", csv(&study.case_2)?),
-        ("fig8.csv", csv(&study.distributions())?),
-        ("fig8_summary.csv", csv(&study.summaries())?),
+        ("fig8.csv", csv(study.distributions())?),
+        ("fig8_summary.csv", csv(study.summaries())?),
         ("table1.csv", csv(&study.times)?),
     ];
     for (name, svg) in figures::all(&study)? {

@@ -139,7 +139,7 @@ struct Direction {
 }
 
 #[derive(Serialize)]
-struct Density {
+struct Bin {
     force: &'static str,
     bins: &'static str,
     force_over_mean: f64,
@@ -206,7 +206,7 @@ fn rose(rose: &Rose) -> impl Iterator<Item = Direction> + '_ {
     })
 }
 
-fn force_rows(forces: &Forces) -> impl Iterator<Item = Density> + '_ {
+fn force_rows(forces: &Forces) -> impl Iterator<Item = Bin> + '_ {
     let histograms = [
         ("normal", "linear", &forces.normal),
         ("normal", "logarithmic", &forces.normal_logarithmic),
@@ -214,7 +214,7 @@ fn force_rows(forces: &Forces) -> impl Iterator<Item = Density> + '_ {
         ("shear", "logarithmic", &forces.shear_logarithmic),
     ];
     histograms.into_iter().flat_map(|(force, bins, histogram)| {
-        histogram.density().map(move |(force_over_mean, density)| Density {
+        histogram.density().map(move |(force_over_mean, density)| Bin {
             force,
             bins,
             force_over_mean,

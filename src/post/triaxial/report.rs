@@ -2,7 +2,7 @@
 
 use super::run::{Cost, Method, Pick, Run, rms_difference};
 use crate::math::Mat3;
-use crate::post::forces::{Forces, WEAK};
+use crate::post::forces::Forces;
 use crate::post::report::{Report, Summary, readable};
 use crate::post::section::{Finding, Verdict, table};
 use crate::post::sums::{inner, quotient};
@@ -11,6 +11,9 @@ use std::ops::RangeInclusive;
 
 /// Axial strains of the plateau.
 const PLATEAU: RangeInclusive<f64> = 0.25..=0.36;
+
+/// The lateral pressure of the paper [Pa].
+const CONFINED: f64 = 1e5;
 
 /// Findings of a part of the section.
 pub struct Part {
@@ -281,7 +284,6 @@ fn apart((a, b): (f64, f64)) -> f64 {
 
 fn setup(runs: &[Run]) -> Vec<Finding> {
     let any = |run: &Run| run.states().next().map(|(_, report)| report.summary.clone());
-    const CONFINED: f64 = 1e5;
     vec![
         each("3.1", "5,120 particles", runs, |run| {
             let count = any(run)?.particles;
@@ -312,7 +314,7 @@ fn response(runs: &[Run]) -> Vec<Finding> {
     let plateau = |run: &Run| run.mean_over(&PLATEAU, |s| s.q_over_p);
     let peak = |run: &Run| past_peak(run)?.summary.q_over_p;
     let curves = |pick: Pick| {
-        let (erosion, truth) = compared(runs, |run| Some(run.curve(pick)))?;
+        let (erosion, truth) = compared(runs, |run| past_peak(run).map(|_| run.curve(pick)))?;
         let of = |best: fn(f64, f64) -> f64, from: f64| truth.iter().map(|p| p.1).fold(from, best);
         let (low, high) = (of(f64::min, f64::INFINITY), of(f64::max, f64::NEG_INFINITY));
         Some((rms_difference(&erosion, &truth)?, low, high))
@@ -333,6 +335,7 @@ fn response(runs: &[Run]) -> Vec<Finding> {
             );
             let early = at < 0.5 * run.strain()?;
             let verdict = match rest / highest {
+                _ if at >= *PLATEAU.start() => Verdict::No,
                 ..=0.95 if early => Verdict::Yes,
                 ..=0.98 => Verdict::Nearly,
                 _ => Verdict::No,
@@ -401,12 +404,11 @@ fn coordination(runs: &[Run]) -> Vec<Finding> {
     let mean = |run: &Run| run.packing.as_ref()?.summary.coordination;
     let at_peak = |run: &Run| past_peak(run)?.summary.coordination;
     let about = |method: Method, paper: f64| {
-        let of_method = move |run: &Run| {
+        move |run: &Run| {
             let s = &run.packing.as_ref().filter(|_| run.method == method)?.summary;
             let (z, all) = (s.coordination?, s.coordination_with_walls?);
             Some((format!("{z:.2} ({all:.2})"), Verdict::small(z - paper, 0.25, 0.75)))
-        };
-        of_method
+        }
     };
     let shares = |run| {
         let report: &Report = Run::packing(run)?;
@@ -533,7 +535,7 @@ fn fabric(runs: &[Run]) -> Vec<Finding> {
             let here = format!("a_t is {} of the smaller of a_c and a_n", percent(share.abs()));
             Some((here, Verdict::small(share, 1.0 / 3.0, 0.5)))
         }),
-        alike("12", "after packing, erosion and EPA differ little", |run| run.packing()),
+        alike("12", "after packing, erosion and EPA differ little", Run::packing),
         between(
             "13a",
             "erosion dismisses a considerable number of contacts below 0.3 of the mean normal force",
@@ -572,7 +574,7 @@ fn fabric(runs: &[Run]) -> Vec<Finding> {
     ]
 }
 
-/// Of the difference in contacts per particle the share of those below [`WEAK`]; the others are those up to the
+/// Of the difference in contacts per particle the share of the weak ones; the others are those up to the
 /// mean normal force, and those above.
 fn share_of_difference(a: &Forces, per_a: f64, b: &Forces, per_b: f64) -> f64 {
     let counts = |forces: &Forces, per: f64| -> Option<[f64; 3]> {
