@@ -272,6 +272,8 @@ fn overrides_reach_every_place() -> Result<()> {
         "shape.0.radius=0.004",
         "gravity.2=-1.62",
         "domain.walls=['-y', '-z']",
+        "servo.0.walls=['-y']",
+        "servo.0.coupled=false",
         "output.directory=elsewhere/run 2",
         "contact={ method = 'epa' }",
         "fill.rain.shapes.rice=1",
@@ -317,7 +319,7 @@ fn wrong_overrides_are_named() {
             "stopp.rest=1e-6",
             "stopp: no such key, did you mean `stop`? (allowed here: title, seed, gravity, \
              global_damping, start, contact, material, interaction, shape, domain, wall, time, \
-             stop, neighbours, output, fill)",
+             servo, stop, neighbours, output, fill)",
         ),
         ("shape.ball.radius=-1", "shape.ball.radius = -1: must be a number greater than 0 [m]"),
         (
@@ -465,7 +467,9 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
     for line in [
         "sphere-ellipsoid: gjk-erosion",
         "ellipsoid-plane: closed form",
-        "moving walls    lid",
+        "moving walls    -y, +y, -z, lid",
+        "servo           -y, +y: 1e5 Pa, at most 5e-1 m/s, gain 0.8",
+        "a sum of 1072 bytes over all ranks in each step",
         "columns         position, velocity, force; angular momentum, angular velocity, torque; \
          attitude; counts of periods",
         "104 bytes in the message of each step",

@@ -136,7 +136,7 @@ impl Watch {
 /// The servos of a running simulation.
 #[derive(Clone, Debug)]
 pub struct Servos {
-    servos: Vec<Servo>,
+    all: Vec<Servo>,
     watches: Vec<Watch>,
     /// Half the thickness of the thinnest grain: no wall comes nearer to the other side [m].
     least_gap: f64,
@@ -146,11 +146,11 @@ pub struct Servos {
 
 impl Servos {
     /// At the start.
-    pub fn new(servos: Vec<Servo>, library: &Library) -> Self {
-        let watches = vec![Watch::default(); servos.len()];
+    pub fn new(all: Vec<Servo>, library: &Library) -> Self {
+        let watches = vec![Watch::default(); all.len()];
         let grains = &library.shapes[..library.particle_shapes];
         let least_gap = grains.iter().map(Shape::inscribed_radius).fold(f64::INFINITY, f64::min);
-        Self { servos, watches, least_gap, warnings: Vec::new() }
+        Self { all, watches, least_gap, warnings: Vec::new() }
     }
 
     /// Begins to sum what presses on the walls now. Collective, if there are servos.
@@ -162,12 +162,12 @@ impl Servos {
         dt: f64,
         comm: &mut dyn Comm,
     ) {
-        if self.servos.is_empty() {
+        if self.all.is_empty() {
             return;
         }
-        let servo_of = |wall| self.servos.iter().position(|servo| servo.walls.contains(&wall));
+        let servo_of = |wall| self.all.iter().position(|servo| servo.walls.contains(&wall));
         let servo_of: Vec<Option<usize>> = (0..particles.walls.len()).map(servo_of).collect();
-        let mut sums = vec![[ExactSum::default(), ExactSum::default()]; self.servos.len()];
+        let mut sums = vec![[ExactSum::default(), ExactSum::default()]; self.all.len()];
         for &index in pairs.touching() {
             let pair = pairs.pairs[index as usize];
             let Some(wall) = pair.b.index().checked_sub(particles.first_wall()) else { continue };
@@ -194,7 +194,7 @@ impl Servos {
         dt: f64,
         comm: &mut dyn Comm,
     ) -> Result<(), ServoError> {
-        if self.servos.is_empty() {
+        if self.all.is_empty() {
             return Ok(());
         }
         let limbs = comm.finish_sum();
@@ -202,7 +202,7 @@ impl Servos {
             limbs.chunks_exact(ExactSum::LIMBS).map(|limbs| ExactSum::from_limbs(limbs).value());
         let mut sum = || sums.next().unwrap_or_default();
         let mut velocities = Vec::new();
-        for (servo, watch) in self.servos.iter().zip(&mut self.watches) {
+        for (servo, watch) in self.all.iter().zip(&mut self.watches) {
             let area = servo.area(particles);
             let pressed = Pressed { area, force: sum(), stiffness: sum() };
             let displacement = servo.displacement(&pressed, dt);
@@ -243,7 +243,7 @@ impl Servos {
             let force: f64 = servo.walls.iter().map(pressing).sum();
             (1.0 - force / (servo.stress * servo.area(particles))).abs()
         };
-        self.servos.iter().map(error).fold(0.0, f64::max)
+        self.all.iter().map(error).fold(0.0, f64::max)
     }
 }
 

@@ -98,16 +98,13 @@ impl Walls {
         };
         for (name, given) in entries {
             let velocity = given.vector(Range::Any, "m/s");
-            match self.names.names.iter().position(|n| n == name) {
-                Some(k) => {
-                    if let (Some(plane), Some(velocity)) = (&mut self.planes[k], velocity) {
-                        plane.velocity = velocity;
-                    }
-                }
-                None => {
-                    let hint = suggestion(name, self.names.listing(), "there are");
-                    given.fail(format!("no such wall in `domain.walls`{hint}"));
-                }
+            let Some(k) = self.names.names.iter().position(|n| n == name) else {
+                let hint = suggestion(name, self.names.listing(), "there are");
+                given.fail(format!("no such wall in `domain.walls`{hint}"));
+                continue;
+            };
+            if let (Some(plane), Some(velocity)) = (&mut self.planes[k], velocity) {
+                plane.velocity = velocity;
             }
         }
     }
