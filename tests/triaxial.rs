@@ -64,12 +64,10 @@ fn fairly_identical_curves_are_told_from_others() {
             (factor * ratio, factor * volume)
         })
     };
-    for (runs, expected) in [
-        (stronger(1.0), Verdict::Yes),
-        (stronger(1.03), Verdict::Yes),
-        (stronger(1.08), Verdict::Nearly),
-        (stronger(0.8), Verdict::No),
-    ] {
+    let verdicts =
+        [(1.0, Verdict::Yes), (1.03, Verdict::Yes), (1.08, Verdict::Nearly), (0.8, Verdict::No)];
+    for (factor, expected) in verdicts {
+        let runs = stronger(factor);
         assert_eq!(verdict(&runs, "erosion and EPA: the same peak"), expected);
         assert_eq!(verdict(&runs, "the same plateau"), expected);
     }

@@ -17,7 +17,7 @@ fn text(method: &str, millimetre: f64) -> String {
         });
         all.collect::<Vec<_>>().join(", ")
     };
-    let density = 0.000265 / (millimetre * millimetre * millimetre);
+    let density = 0.000_265 / (millimetre * millimetre * millimetre);
     let [gravity, low, high, full, thrown] = [
         v(1000.0, 500.0, -9810.0),
         v(0.0, 0.0, 0.0),
