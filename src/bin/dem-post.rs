@@ -25,7 +25,7 @@ use std::process::ExitCode;
 /// compute with, every plot as SVG.
 #[derive(Parser)]
 #[command(version, max_term_width = 100, after_help = EXAMPLES)]
-#[allow(clippy::struct_excessive_bools)] // switches of a command line
+#[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 struct Arguments {
     /// Particle files (particles_STEP.vtkhdf, each with its contacts file beside it), or directories
     #[arg(required_unless_present = "section_3", value_name = "SNAPSHOT")]
