@@ -422,7 +422,7 @@ fn the_work_of_walls_is_counted() {
             let mut largest = 0.0_f64;
             for _ in 0..3000 {
                 sim.step(&mut comm).unwrap();
-                if sim.step % 100 == 0 {
+                if sim.step.is_multiple_of(100) {
                     largest = largest.max(sim.measure(&mut comm).missing().abs());
                 }
             }
