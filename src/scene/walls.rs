@@ -109,7 +109,7 @@ impl Walls {
         }
     }
 
-    /// The servos; the walls hear of them. `dt` is the time step [s].
+    /// The servos; the walls hear of them. `dt` is the time step [s], if that and all shapes are known.
     pub(super) fn read_servos(
         &mut self,
         root: &Section,
