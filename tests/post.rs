@@ -349,7 +349,9 @@ fn contacts_with(normals: &[Vec3], forces: &[(f64, Vec3)]) -> (Members, ContactT
     members.add(&header, &two).unwrap();
     let mut contacts = ContactTable::default();
     for (normal, &(force, shear)) in normals.iter().zip(forces) {
-        push(&mut contacts, (0, GlobalId(1)), Vec3::zeros(), *normal, normal * 0.5);
+        // Like the force, so that branches have its anisotropy.
+        let branch = normal * force + shear;
+        push(&mut contacts, (0, GlobalId(1)), Vec3::zeros(), branch, normal * 0.5);
         push_force(&mut contacts, *normal, 1e-3, force, shear);
     }
     (members, contacts)
@@ -429,6 +431,8 @@ fn sampled_normals_and_forces_have_the_reference_anisotropies() {
         close_matrix(&a_t, &matrix(&exact["sample_a_t_tensor"]), ROUNDING, name);
         close(degree(&a_n, None), number(&exact["sample_a_n"]), ROUNDING, name);
         close(degree(&a_t, None), number(&exact["sample_a_t"]), ROUNDING, name);
+        close_matrix(&found.branch_normal_anisotropy, &a_n, ROUNDING, name);
+        close_matrix(&found.branch_shear_anisotropy, &a_t, ROUNDING, name);
     }
 }
 

@@ -8,10 +8,14 @@
 //! * `χ^n_ij = <f_n n_i n_j / (1 + a^c:nn)>`, `f_0 = χ^n_ii`, `a^n = 15/2 χ^n' / f_0`,
 //! * `χ^t_ij = <f_t,i n_j / (1 + a^c:nn)>`, `a^t = 15/3 χ^t' / f_0`.
 //!
+//! The branches between centres are not along the normals of ellipsoids. Their parts along and across the normal
+//! have tensors `a^bn` and `a^bt`, by the same formulas with the branch in the place of the force (Ouadfel and
+//! Rothenburg 2001, Mech. Mater. 33, 201-221).
+//!
 //! Averages run over contacts. Each degree is `±√(3/2 a_ij a_ij)` (eq. 6 prints no inner
 //! product), positive if the tensor's axes go with those of the stress deviator: `sgn(a_ij σ'_ij)`; without a
-//! stress it is positive. For coaxial, weak anisotropies and branches along normals,
-//! `q/p = 2/5 (a_c + a_n + 3/2 a_t)`.
+//! stress it is positive. For coaxial, weak anisotropies `q/p = 2/5 (a_c + a_n + a_bn + 3/2 (a_t + a_bt))`; of
+//! spheres of one size `a_bn` and `a_bt` are zero.
 //!
 //! Contacts with walls have the walls' normals, not the packing's: they are left out unless asked for.
 //! Expect an `a_c` of about `7.5/√N_c` from an isotropic packing of `N_c` contacts.
@@ -135,6 +139,8 @@ pub struct ForceFabricSum {
     anisotropy: Mat3,
     normal: ExactMat3,
     shear: ExactMat3,
+    branch_normal: ExactMat3,
+    branch_shear: ExactMat3,
     halves: u64,
     smallest_density: f64,
 }
@@ -147,6 +153,8 @@ impl ForceFabricSum {
             anisotropy: fabric.anisotropy(),
             normal: ExactMat3::default(),
             shear: ExactMat3::default(),
+            branch_normal: ExactMat3::default(),
+            branch_shear: ExactMat3::default(),
             halves: 0,
             smallest_density: f64::INFINITY,
         }
@@ -170,6 +178,10 @@ impl ForceFabricSum {
                 let weight = 0.5 * halves as f64 / density;
                 self.normal.add_outer(&(normal * (contacts.normal_force[row] * weight)), normal);
                 self.shear.add_outer(&(contacts.shear_force[row] * weight), normal);
+                let branch = &contacts.branch[row];
+                let along = normal * branch.dot(normal);
+                self.branch_normal.add_outer(&(along * weight), normal);
+                self.branch_shear.add_outer(&((branch - along) * weight), normal);
                 self.halves += halves;
             }
         })
@@ -183,11 +195,15 @@ impl ForceFabricSum {
             return None;
         }
         let (normal, shear) = (self.normal.value() / contacts, self.shear.value() / contacts);
-        let mean_force = normal.trace();
-        (mean_force > 0.0).then(|| ForceFabric {
+        let (along, across) =
+            (self.branch_normal.value() / contacts, self.branch_shear.value() / contacts);
+        let (mean_force, mean_branch) = (normal.trace(), along.trace());
+        (mean_force > 0.0 && mean_branch > 0.0).then(|| ForceFabric {
             mean_force,
             normal_anisotropy: deviator(&normal) * (7.5 / mean_force),
             shear_anisotropy: deviator(&shear) * (5.0 / mean_force),
+            branch_normal_anisotropy: deviator(&along) * (7.5 / mean_branch),
+            branch_shear_anisotropy: deviator(&across) * (5.0 / mean_branch),
         })
     }
 }
@@ -204,11 +220,45 @@ pub struct ForceFabric {
     /// `a^t_ij`.
     #[serde(with = "rows")]
     pub shear_anisotropy: Mat3,
+    /// `a^bn_ij`, of the branches' parts along the normals.
+    #[serde(with = "rows")]
+    pub branch_normal_anisotropy: Mat3,
+    /// `a^bt_ij`, of those across.
+    #[serde(with = "rows")]
+    pub branch_shear_anisotropy: Mat3,
 }
 
-/// `q/p` as the stress-force-fabric relation has it, `2/5 (a_c + a_n + 3/2 a_t)`.
-pub fn stress_ratio_from_fabric(a_c: f64, a_n: f64, a_t: f64) -> f64 {
-    0.4 * (a_c + a_n + 1.5 * a_t)
+/// Degrees of anisotropy.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Degrees {
+    /// Of normals.
+    pub a_c: f64,
+    /// Of normal forces.
+    pub a_n: f64,
+    /// Of shear forces.
+    pub a_t: f64,
+    /// Of branches along the normals.
+    pub a_bn: f64,
+    /// Of branches across.
+    pub a_bt: f64,
+}
+
+impl Degrees {
+    /// All of them, see [`degree`].
+    pub fn new(fabric: &Fabric, forces: &ForceFabric, stress: Option<&Stress>) -> Self {
+        Self {
+            a_c: degree(&fabric.anisotropy(), stress),
+            a_n: degree(&forces.normal_anisotropy, stress),
+            a_t: degree(&forces.shear_anisotropy, stress),
+            a_bn: degree(&forces.branch_normal_anisotropy, stress),
+            a_bt: degree(&forces.branch_shear_anisotropy, stress),
+        }
+    }
+
+    /// `q/p` as the stress-force-fabric relation has it, `2/5 (a_c + a_n + a_bn + 3/2 (a_t + a_bt))`.
+    pub fn stress_ratio(&self) -> f64 {
+        0.4 * (self.a_c + self.a_n + self.a_bn + 1.5 * (self.a_t + self.a_bt))
+    }
 }
 
 /// Normals and forces by their angle to the vertical (z), averaged over the azimuth: the

@@ -1,7 +1,7 @@
 //! What a snapshot comes to: a row of numbers for a table, and all tensors and distributions beside it.
 
 use super::coordination::Coordination;
-use super::fabric::{Among, Fabric, ForceFabric, Rose, degree, stress_ratio_from_fabric};
+use super::fabric::{Among, Degrees, Fabric, ForceFabric, Rose, degree};
 use super::forces::Forces;
 use super::region::{Bounds, Region, Strain};
 use super::stress::{Principal, Stress, on_walls};
@@ -122,7 +122,11 @@ pub struct Summary {
     pub a_n: Option<f64>,
     /// Anisotropy of shear forces.
     pub a_t: Option<f64>,
-    /// `2/5 (a_c + a_n + 3/2 a_t)`.
+    /// Anisotropy of branches along the normals.
+    pub a_bn: Option<f64>,
+    /// Anisotropy of branches across the normals.
+    pub a_bt: Option<f64>,
+    /// `2/5 (a_c + a_n + a_bn + 3/2 (a_t + a_bt))`.
     pub q_over_p_from_fabric: Option<f64>,
     /// The same over `q/p`, less one.
     pub fabric_relation_error: Option<f64>,
@@ -165,17 +169,15 @@ impl Report {
     pub(super) fn of(parts: Parts, snapshot: &str) -> Self {
         let Parts { header, bounds, stress, coordination, fabric, force_fabric, forces, .. } =
             parts;
-        let degree_of = |tensor| degree(&tensor, stress.as_ref());
-        let a_c = fabric.map(|f| degree_of(f.anisotropy()));
-        let a_n = force_fabric.map(|f| degree_of(f.normal_anisotropy));
-        let a_t = force_fabric.map(|f| degree_of(f.shear_anisotropy));
+        let degrees = fabric
+            .zip(force_fabric)
+            .map(|(fabric, forces)| Degrees::new(&fabric, &forces, stress.as_ref()));
         let (without, with) = (&coordination.without_walls, &coordination.with_walls);
         let entry = |i, j| stress.map(|s| s.tensor[(i, j)]);
         let [wall_xx, wall_yy, wall_zz] =
             parts.packing.map_or([None; 3], |packing| on_walls(header, &packing));
         let q_over_p = stress.and_then(|s| s.ratio());
-        let from_fabric =
-            a_c.zip(a_n).zip(a_t).map(|((a_c, a_n), a_t)| stress_ratio_from_fabric(a_c, a_n, a_t));
+        let from_fabric = degrees.map(|degrees| degrees.stress_ratio());
         let summary = Summary {
             step: header.step,
             time_s: header.time,
@@ -214,9 +216,11 @@ impl Report {
             mechanical_coordination_with_walls: with.mechanical(),
             rattlers: without.rattlers(),
             rattlers_with_walls: with.rattlers(),
-            a_c,
-            a_n,
-            a_t,
+            a_c: fabric.map(|fabric| degree(&fabric.anisotropy(), stress.as_ref())),
+            a_n: degrees.map(|degrees| degrees.a_n),
+            a_t: degrees.map(|degrees| degrees.a_t),
+            a_bn: degrees.map(|degrees| degrees.a_bn),
+            a_bt: degrees.map(|degrees| degrees.a_bt),
             q_over_p_from_fabric: from_fabric,
             fabric_relation_error: from_fabric
                 .zip(q_over_p)
@@ -313,7 +317,9 @@ impl Report {
                     Row::number("normals a_c", s.a_c, ""),
                     Row::number("normal forces a_n", s.a_n, ""),
                     Row::number("shear forces a_t", s.a_t, ""),
-                    Row::number("0.4 (a_c + a_n + 1.5 a_t)", s.q_over_p_from_fabric, ""),
+                    Row::number("branches along normals a_bn", s.a_bn, ""),
+                    Row::number("branches across a_bt", s.a_bt, ""),
+                    Row::number("q / p from these five", s.q_over_p_from_fabric, ""),
                     Row::number("the same over q / p, less 1", s.fabric_relation_error, "%"),
                     Row::number("mean normal force", s.mean_normal_force_n, "N"),
                     Row::number("contacts below 0.3 mean", s.share_below_0_3_mean, "%"),
