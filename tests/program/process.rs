@@ -49,7 +49,7 @@ pub(super) fn dem_mpi<S: Into<OsString>>(
 }
 
 /// The launcher of the MPI that the program was built with: `mpirun`, or what the variable `MPIRUN` says.
-fn mpirun() -> OsString {
+pub(super) fn mpirun() -> OsString {
     std::env::var_os("MPIRUN").unwrap_or("mpirun".into())
 }
 
