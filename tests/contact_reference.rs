@@ -157,7 +157,7 @@ fn common_normal_is_exact() {
 #[test]
 fn epa_keeps_its_tolerance() {
     for tolerance in [1e-4, 1e-8, 1e-11] {
-        let epa = Epa { tolerance };
+        let epa = Epa::new(tolerance);
         for case in case_1().iter().chain(&case_2()).chain(&case_3()) {
             let touch = case.touch(&epa);
             case.check_overlap(touch.as_ref(), tolerance + BACKWARD);
@@ -188,13 +188,13 @@ fn every_method_answers_every_pair() {
     let erosion = ErodedGjk::default();
     let methods = [
         (Method::Auto, BACKWARD),
-        (Method::Epa { tolerance: 1e-6 }, 1e-6),
+        (Method::Epa(Epa::new(1e-6)), 1e-6),
         (
-            Method::GjkErosion {
+            Method::GjkErosion(ErodedGjk {
                 ratio: erosion.ratio,
                 increment: erosion.increment,
                 tolerance: erosion.tolerance,
-            },
+            }),
             f64::INFINITY,
         ),
     ];

@@ -90,16 +90,16 @@ fn resolvers() -> Vec<Subject> {
         subject(Box::new(CommonNormal), ROUNDING, 1e-12, true),
         subject(Box::<SeededCommonNormal>::default(), ROUNDING, 1e-12, true),
         subject(Box::new(Chained::by(&Method::Auto)), ROUNDING, 1e-12, true),
-        subject(Box::new(Epa { tolerance: 1e-8 }), 1e-8, 5e-4, true),
-        subject(Box::new(Chained::by(&Method::Epa { tolerance: 1e-5 })), 1e-5, 1.5e-2, true),
+        subject(Box::new(Epa::new(1e-8)), 1e-8, 5e-4, true),
+        subject(Box::new(Chained::by(&Method::Epa(Epa::new(1e-5)))), 1e-5, 1.5e-2, true),
         subject(Box::new(erosion(1e-14)), 1e-7, 1e-6, false),
         subject(Box::new(erosion(1e-4)), 1e-3, 2e-2, false),
         of_superellipsoids(subject(Box::new(SmoothCommonNormal), ROUNDING, 1e-7, true)),
         of_superellipsoids(subject(Box::new(Chained::by(&Method::Auto)), ROUNDING, 1e-7, true)),
-        of_superellipsoids(subject(Box::new(Epa { tolerance: 1e-8 }), 1e-8, 5e-3, true)),
+        of_superellipsoids(subject(Box::new(Epa::new(1e-8)), 1e-8, 5e-3, true)),
         rounded(Box::new(Cores), ROUNDING, 1e-12),
         rounded(Box::new(Chained::by(&Method::Auto)), ROUNDING, 1e-12),
-        rounded(Box::new(Epa { tolerance: 1e-8 }), 1e-8, 5e-4),
+        rounded(Box::new(Epa::new(1e-8)), 1e-8, 5e-4),
     ]
 }
 
@@ -481,7 +481,7 @@ fn walls_have_closed_forms() {
 /// Closed forms are chosen by the pair, never by the method.
 #[test]
 fn the_table_serves_every_pair() {
-    let methods = [Method::Auto, Method::CommonNormal, Method::Epa { tolerance: 1e-6 }];
+    let methods = [Method::Auto, Method::CommonNormal, Method::Epa(Epa::new(1e-6))];
     for (method, name) in methods.iter().zip(["common-normal", "common-normal", "epa"]) {
         let table = table(method, &Kind::ALL);
         let serving = |a, b| table.get((a, b)).map(ContactResolver::name);

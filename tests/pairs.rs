@@ -119,12 +119,14 @@ fn the_program_gives_the_bits_of_the_library() {
     ] {
         check_bits(file, &[], &Method::Auto);
     }
-    let erosion = Method::GjkErosion { ratio: 0.02, increment: 0.01, tolerance: 1e-8 };
+    let erosion = Method::GjkErosion(ErodedGjk { ratio: 0.02, increment: 0.01, tolerance: 1e-8 });
     let settings =
         ["--method", "gjk-erosion", "--set", "erosion_ratio=0.02", "--set", "tolerance=1e-8"];
     check_bits("caseI.csv", &settings, &erosion);
-    let epa = Method::Epa { tolerance: 1e-6 };
-    check_bits("caseI.csv", &["--method", "epa", "--set", "tolerance=1e-6"], &epa);
+    let epa = Epa::new(1e-6);
+    check_bits("caseI.csv", &["--method", "epa", "--set", "tolerance=1e-6"], &Method::Epa(epa));
+    let plain = ["--method", "epa", "--set", "tolerance=1e-6", "--set", "polish=false"];
+    check_bits("caseI.csv", &plain, &Method::Epa(Epa { polish: false, ..epa }));
 }
 
 /// Clearances too are those of the reference, and continuous through touching.
@@ -181,6 +183,7 @@ fn a_bad_file_is_one_message() {
         (&["no/such/file.csv"][..], "cannot read no/such/file.csv"),
         (&["-", "--method", "epa", "--set", "erosion_ratio=0.1"], "the method here is epa"),
         (&["-", "--method", "epa", "--set", "tolerance=2"], "must lie between 0 and 1"),
+        (&["-", "--method", "epa", "--set", "polish=no"], "polish=no"),
         (&["-", "--set", "tolerance"], "write KEY=VALUE"),
     ] {
         let output = dem_contact(arguments, &ellipsoid);
@@ -380,7 +383,7 @@ fn section_2_is_drawn() {
         }
     }
     let table = rows(text("table1.csv").as_bytes());
-    assert_eq!(table.len(), 6);
+    assert_eq!(table.len(), 9);
     assert!(table.iter().all(|row| number(row, "contact_ns") > 0.0));
     assert_eq!(rows(text("fig7.csv").as_bytes()).len(), 25 * 37);
     let report = text("report.md");

@@ -212,9 +212,9 @@ impl Subject {
         let kinds = [case.a.shape.kind(), case.b.shape.kind()];
         let all = |of: fn(Kind) -> bool| kinds.into_iter().all(of);
         match self.method {
-            Method::Epa { tolerance } => match case.resolve(&Epa { tolerance }, None) {
+            Method::Epa(epa) => match case.resolve(&epa, None) {
                 Outcome::Failed(_) => f64::INFINITY,
-                _ => 2.0 * tolerance,
+                _ => 2.0 * epa.tolerance,
             },
             Method::Auto | Method::CommonNormal if all(Kind::is_ellipsoidal) => ROUNDING,
             Method::Auto | Method::CommonNormal if all(Kind::is_smooth) => 1e-9,
@@ -225,12 +225,8 @@ impl Subject {
 }
 
 fn subjects() -> Vec<Subject> {
-    let ErodedGjk { ratio, increment, tolerance } = ErodedGjk::default();
-    let methods = [
-        Method::Auto,
-        Method::Epa { tolerance: 1e-6 },
-        Method::GjkErosion { ratio, increment, tolerance },
-    ];
+    let methods =
+        [Method::Auto, Method::Epa(Epa::new(1e-6)), Method::GjkErosion(ErodedGjk::default())];
     methods.map(|method| Subject { method, table: table(&method, &Kind::ALL) }).into()
 }
 

@@ -3,6 +3,7 @@
 
 use anyhow::{Context, Result};
 use dem_mpi::comm::wire;
+use dem_mpi::contact::{Epa, ErodedGjk};
 use dem_mpi::drive::rain::layer;
 use dem_mpi::ids::ShapeId;
 use dem_mpi::law::damping_ratio_of_restitution;
@@ -217,7 +218,10 @@ fn every_key_arrives() {
     assert_eq!((steel.tangential_stiffness, steel.friction), (3e4, 0.0), "defaults");
     assert_eq!(steel.normal_damping_ratio, 0.0, "restitution 1");
 
-    assert_eq!(scene.method, Method::GjkErosion { ratio: 0.1, increment: 0.02, tolerance: 1e-8 });
+    assert_eq!(
+        scene.method,
+        Method::GjkErosion(ErodedGjk { ratio: 0.1, increment: 0.02, tolerance: 1e-8 })
+    );
     assert_eq!((scene.dt, scene.steps), (1e-5, 100_000));
     let stop = Stop { rest: Some(1e-5), unbalanced: Some(1e-3), servo: Some(0.01) };
     assert_eq!(scene.stop, stop);
@@ -287,7 +291,7 @@ fn overrides_reach_every_place() -> Result<()> {
     assert_eq!(scene.gravity, Vec3::new(0.0, 0.0, -1.62));
     assert_eq!(scene.walls.len(), 3);
     assert_eq!(scene.out, Path::new("elsewhere/run 2"));
-    assert_eq!(scene.method, Method::Epa { tolerance: 1e-8 });
+    assert_eq!(scene.method, Method::Epa(Epa::new(1e-8)));
     assert_eq!(scene.rain.as_ref().context("it rains")?.mix.cumulative[0].1, 0.5);
     assert_eq!(scene.start.as_deref(), Some(Path::new("Cargo.toml")));
 

@@ -2,7 +2,7 @@
 //! with walls, against closed forms and independent answers.
 
 use dem_mpi::contact::{
-    AgainstHalfSpace, ContactResolver, Cores, Epa, Method, Outcome, Posed, Touch, table,
+    AgainstHalfSpace, ContactResolver, Cores, Epa, ErodedGjk, Method, Outcome, Posed, Touch, table,
 };
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::random::Random;
@@ -256,7 +256,7 @@ impl Row {
 
 #[test]
 fn epa_of_polyhedra_is_exact() {
-    let epa = Epa { tolerance: 1e-12 };
+    let epa = Epa::new(1e-12);
     let rows = rows();
     assert_eq!(rows.len(), 42);
     for row in rows {
@@ -303,7 +303,7 @@ fn body_of(kind: u64, random: &mut Random) -> Shape {
 /// Cores and EPA know nothing of each other, and no direction gives a lesser overlap.
 #[test]
 fn cores_are_exact() {
-    let epa = Epa { tolerance: 1e-11 };
+    let epa = Epa::new(1e-11);
     let (mut touching, mut apart) = (0, 0);
     for k in 0..1200 {
         let mut random = Random::of(3, k);
@@ -428,7 +428,7 @@ fn the_contact_point_of_a_tilting_cube_does_not_jump() {
         } else {
             let ground = Posed { shape: &slab, frame: &upright };
             let r = -Vec3::z() * (height + 0.5);
-            Epa { tolerance: 1e-12 }.touch(&body, &ground, &r, None)
+            Epa::new(1e-12).touch(&body, &ground, &r, None)
         };
         let Outcome::Touching(touch) = outcome else { panic!("{tilt}: {outcome:?}") };
         touch.point.x
@@ -576,8 +576,15 @@ fn a_shape_of_the_users_own_is_resolved() {
             let on_b = if k == 6 { Vec3::zeros() } else { b.support(&-normal) };
             let r = a.support(&normal) - on_b - normal * overlap;
             for (method, tolerance) in [
-                (Method::Epa { tolerance: 1e-10 }, 1e-9),
-                (Method::GjkErosion { ratio: 0.05, increment: 0.01, tolerance: 1e-10 }, erosion),
+                (Method::Epa(Epa::new(1e-10)), 1e-9),
+                (
+                    Method::GjkErosion(ErodedGjk {
+                        ratio: 0.05,
+                        increment: 0.01,
+                        tolerance: 1e-10,
+                    }),
+                    erosion,
+                ),
                 (Method::Auto, erosion),
             ] {
                 let table = table(&method, &Kind::ALL);

@@ -366,7 +366,7 @@ fn as_deep_as_epa_says() {
             let case = Case::new(&mut random, a, b, overlap);
             passed_on +=
                 usize::from(matches!(case.resolve(&SmoothCommonNormal), Outcome::Failed(_)));
-            let exact = match case.resolve(&Epa { tolerance: 1e-11 }) {
+            let exact = match case.resolve(&Epa::new(1e-11)) {
                 Outcome::Touching(touch) => touch.overlap,
                 Outcome::Apart(_) => 0.0,
                 Outcome::Failed(_) => continue,

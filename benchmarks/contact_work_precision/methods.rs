@@ -72,7 +72,7 @@ pub(crate) fn contestants(shape: &Shape) -> Vec<Contestant> {
         all.push(Contestant::new(Family::Erosion, settings, erosion));
     }
     for tolerance in [1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10] {
-        all.push(Contestant::new(Family::Epa, format!("{tolerance:e}"), Epa { tolerance }));
+        all.push(Contestant::new(Family::Epa, format!("{tolerance:e}"), Epa::new(tolerance)));
     }
     all.push(Contestant::new(Family::ParryErosion, "5 %".into(), ParryErosion::of(shape)));
     all.push(Contestant::new(Family::Parry, "its own".into(), Parry::of(shape)));

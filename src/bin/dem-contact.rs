@@ -41,7 +41,7 @@ struct Arguments {
     method: Word,
 
     /// A setting of the method: erosion_ratio (0.05) and erosion_increment (0.01) of gjk-erosion, tolerance
-    /// of gjk-erosion (1e-4) and epa (1e-8); may be repeated
+    /// of gjk-erosion (1e-6) and epa (1e-8), polish of epa (true); may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
 
@@ -178,10 +178,14 @@ fn method(word: Word, settings: &[String]) -> Result<Method> {
             (Word::GjkErosion, "erosion_increment") => &mut erosion.increment,
             (Word::GjkErosion, "tolerance") => &mut erosion.tolerance,
             (Word::Epa, "tolerance") => &mut epa.tolerance,
+            (Word::Epa, "polish") => {
+                epa.polish = value.parse().with_context(|| format!("--set {setting}"))?;
+                continue;
+            }
             _ => {
                 bail!(
                     "--set {setting}: there are erosion_ratio, erosion_increment and tolerance of \
-                     gjk-erosion, and tolerance of epa; the method here is {}",
+                     gjk-erosion, tolerance and polish of epa; the method here is {}",
                     word.to_possible_value().expect("no word is hidden").get_name()
                 )
             }
@@ -192,11 +196,8 @@ fn method(word: Word, settings: &[String]) -> Result<Method> {
     Ok(match word {
         Word::Auto => Method::Auto,
         Word::CommonNormal => Method::CommonNormal,
-        Word::GjkErosion => {
-            let ErodedGjk { ratio, increment, tolerance } = erosion;
-            Method::GjkErosion { ratio, increment, tolerance }
-        }
-        Word::Epa => Method::Epa { tolerance: epa.tolerance },
+        Word::GjkErosion => Method::GjkErosion(erosion),
+        Word::Epa => Method::Epa(epa),
     })
 }
 

@@ -16,6 +16,7 @@
 use super::gjk::{Corner, Difference, Separation, enclose, secant};
 use super::{Batch, ContactResolver, Found, Outcome, Posed, Why, touch_along};
 use crate::math::Vec3;
+use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -37,21 +38,28 @@ const WORTHWHILE: f64 = 0.25;
 ///
 /// The overlap returned is that of the *bodies* along the best direction, at most `tolerance` more
 /// than the true one and never less but for rounding.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Epa {
     /// How far the overlap may be above the true one, relative to the size of the larger body (its
     /// bounding radius, rounded down to a power of two). Of smooth bodies it is hardly ever above by more than
     /// rounding, unless the tolerance is so coarse that two minima are mixed up.
     pub tolerance: f64,
+    /// Ends with secants where both bodies are smooth. Without, this is EPA as in the paper.
+    pub polish: bool,
 }
 
 impl Default for Epa {
     fn default() -> Self {
-        Self { tolerance: 1e-8 }
+        Self::new(1e-8)
     }
 }
 
 impl Epa {
+    /// To this tolerance, with secants at the end.
+    pub const fn new(tolerance: f64) -> Self {
+        Self { tolerance, polish: true }
+    }
+
     #[inline]
     fn touch_with(self, polytope: &mut Polytope, a: &Posed, b: &Posed, r: &Vec3) -> Outcome {
         let m = Difference::new(a, b, r);
@@ -66,14 +74,14 @@ impl Epa {
         match answer {
             Separation::Beyond(distance) => return Outcome::Apart(distance * m.unit),
             Separation::Apart(_) => return Outcome::Apart(0.0),
-            Separation::NotConverged => return Outcome::Failed(Why::NoConvergence),
-            Separation::Intersecting => {}
+            // A stalled iteration leaves a polytope that may not hold the origin, which does no harm.
+            Separation::NotConverged | Separation::Intersecting => {}
         }
         match simplex.tetrahedron() {
             Some(corners) if !is_flat(corners) => polytope.begin(corners),
             _ => polytope.begin(&tetrahedron(&m, &start.normalize())),
         }
-        match polytope.expand(&m, self.tolerance + ROUNDING) {
+        match polytope.expand(&m, self.tolerance + ROUNDING, self.polish && m.is_smooth) {
             Some(normal) => touch_along(a, b, r, &normal).outcome(),
             None => Outcome::Failed(Why::NoConvergence),
         }
@@ -222,14 +230,17 @@ impl Polytope {
     }
 
     /// The direction of least overlap to within `tolerance`, or `None` if the iteration stalls.
-    fn expand(&mut self, m: &Difference, tolerance: f64) -> Option<Vec3> {
+    fn expand(&mut self, m: &Difference, tolerance: f64, polish: bool) -> Option<Vec3> {
         let mut least = f64::INFINITY;
         let mut best = Vec3::zeros();
         let mut last = 0;
-        while self.corners.len() < CORNERS {
+        let ended_at = loop {
+            if self.corners.len() >= CORNERS {
+                return None;
+            }
             let Some(nearest) = self.nearest_face() else {
                 // All are farther out than the overlap along the best direction.
-                return Some(self.refined(m, last, best, least));
+                break last;
             };
             last = nearest;
             let Face { normal, distance, .. } = self.faces[nearest as usize];
@@ -243,15 +254,15 @@ impl Polytope {
                 return Some(best);
             }
             if least - distance <= tolerance {
-                return Some(self.refined(m, nearest, best, least));
+                break nearest;
             }
             if overlap - distance <= SEES {
                 // The face cannot move: the polytope is finer than rounding.
                 return None;
             }
             self.insert(corner, nearest, least)?;
-        }
-        None
+        };
+        Some(if polish { self.refined(m, ended_at, best, least) } else { best })
     }
 
     /// Replaces every face that sees `corner`, `first` among them, by faces from their outline to it.
@@ -300,9 +311,6 @@ impl Polytope {
     fn refined(&self, m: &Difference, face: u32, best: Vec3, least: f64) -> Vec3 {
         let mut corners = self.faces[face as usize].corners.map(|c| self.corners[c as usize]);
         let (mut best, mut left) = (best, f64::INFINITY);
-        if !m.is_smooth {
-            return best;
-        }
         for _ in 0..SECANTS {
             let Some(direction) = secant(&corners, &best) else { break };
             let corner = m.corner(direction.normalize());
@@ -347,7 +355,7 @@ mod tests {
             // Less than the least radii of curvature: no other minimum.
             let overlap = 1e-3 + 0.02 * (0.9 * k).sin().abs();
             let r = a.support(&normal) - b.support(&-normal) - normal * overlap;
-            let Outcome::Touching(touch) = (Epa { tolerance: 1e-5 }).touch(&a, &b, &r, None) else {
+            let Outcome::Touching(touch) = Epa::new(1e-5).touch(&a, &b, &r, None) else {
                 panic!("pair {i} was not resolved")
             };
             assert!(

@@ -17,19 +17,9 @@ pub enum Method {
     /// [`CommonNormal`]; for smooth shapes only. Other pairs are resolved as by `Auto`.
     CommonNormal,
     /// [`ErodedGjk`].
-    GjkErosion {
-        /// See [`ErodedGjk::ratio`].
-        ratio: f64,
-        /// See [`ErodedGjk::increment`].
-        increment: f64,
-        /// See [`ErodedGjk::tolerance`].
-        tolerance: f64,
-    },
+    GjkErosion(ErodedGjk),
     /// [`Epa`].
-    Epa {
-        /// See [`Epa::tolerance`].
-        tolerance: f64,
-    },
+    Epa(Epa),
 }
 
 impl Method {
@@ -38,8 +28,8 @@ impl Method {
         match self {
             Self::Auto => "auto",
             Self::CommonNormal => "common-normal",
-            Self::GjkErosion { .. } => "gjk-erosion",
-            Self::Epa { .. } => "epa",
+            Self::GjkErosion(_) => "gjk-erosion",
+            Self::Epa(_) => "epa",
         }
     }
 
@@ -49,7 +39,7 @@ impl Method {
         // is too large by what erosion costs is better than a run that ends.
         let last_resorts = || -> Vec<Box<dyn ContactResolver>> {
             vec![
-                Box::new(Epa { tolerance: 1e-10 }),
+                Box::new(Epa::new(1e-10)),
                 Box::new(Epa::default()),
                 Box::new(ErodedGjk::default()),
             ]
@@ -68,12 +58,8 @@ impl Method {
                     (Box::new(Cores), last_resorts())
                 }
                 Self::Auto | Self::CommonNormal => (Box::new(ErodedGjk::default()), last_resorts()),
-                Self::GjkErosion { ratio, increment, tolerance } => {
-                    (Box::new(ErodedGjk { ratio, increment, tolerance }), last_resorts())
-                }
-                Self::Epa { tolerance } => {
-                    (Box::new(Epa { tolerance }), vec![Box::new(ErodedGjk::default())])
-                }
+                Self::GjkErosion(erosion) => (Box::new(erosion), last_resorts()),
+                Self::Epa(epa) => (Box::new(epa), vec![Box::new(ErodedGjk::default())]),
             };
         Chain::new(first, fallbacks)
     }

@@ -44,7 +44,7 @@ const NOTHING: f64 = 1e-28;
 /// ones.
 const DOUBTFUL: f64 = 0.1;
 /// Finds the rival: a minimum that wins may be this far above the global one [units].
-const RIVAL: Epa = Epa { tolerance: 1e-7 };
+const RIVAL: Epa = Epa::new(1e-7);
 
 /// Resolves smooth bodies of any kind by their common normal.
 #[derive(Clone, Copy, Debug, Default)]

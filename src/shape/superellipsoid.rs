@@ -14,6 +14,7 @@ use super::power::{Lanes, pow};
 use super::{Convex, Ellipsoid};
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 
 /// A superellipsoid about the origin with its axes along x, y, z.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,7 +77,7 @@ impl Convex for Superellipsoid {
         }
     }
 
-    /// `None` with an exponent above 1.6: the surface has edges, or crests that are as good as edges.
+    /// `None` with an exponent below 0.1 or above 1.6: the surface has edges, or what is as good as an edge.
     #[inline]
     fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
         match self.as_ellipsoid() {
@@ -189,9 +190,9 @@ pub(super) struct Exponents {
 /// Components of a direction smaller than this count as such in the Hessian, which is infinite
 /// across flat faces.
 const FLATTEST: f64 = 1e-12;
-/// With an exponent above this, crests are as good as edges: radii of curvature fall to zero within a few percent
-/// of the size.
-const SHARPEST: f64 = 1.6;
+/// Outside this range of exponents, surfaces have as good as edges. Above it, radii of curvature fall to zero within a
+/// few percent of the size; below it, Newton's method finds one of the many minima around rounded edges.
+const ROUND: RangeInclusive<f64> = 0.1..=1.6;
 /// A change of a component of a direction, relative to it, over which a Hessian is no longer constant.
 const BENT: f64 = 0.3;
 
@@ -206,6 +207,11 @@ impl Exponents {
 
     pub(super) fn are_one(self) -> bool {
         self.along == 1.0 && self.across == 1.0
+    }
+
+    /// Without edges, or what is as good as an edge.
+    fn is_round(self) -> bool {
+        ROUND.contains(&self.along) && ROUND.contains(&self.across)
     }
 
     /// Those of the dual norm's unit ball: with 2/e the norm's power, `2/e' = 1/(1 - e/2)`.
@@ -252,7 +258,7 @@ impl Exponents {
         semi_axes: &Vec3,
         direction: &Vec3,
     ) -> Option<CurvedSupport> {
-        if self.along > SHARPEST || self.across > SHARPEST {
+        if !self.is_round() {
             return None;
         }
         let here = self.support(semi_axes, direction);
@@ -275,9 +281,8 @@ impl Exponents {
         semi_axes: [&Vec3; 2],
         directions: [&Vec3; 2],
     ) -> [Option<CurvedSupport>; 2] {
-        let smooth = |e: Self| e.along <= SHARPEST && e.across <= SHARPEST;
         let slanted = |direction: &Vec3| direction.iter().all(|x| x.abs() >= FLATTEST);
-        if exponents.into_iter().all(smooth) && directions.into_iter().all(slanted) {
+        if exponents.into_iter().all(Self::is_round) && directions.into_iter().all(slanted) {
             return Self::supports(exponents, semi_axes, directions).map(Some);
         }
         [0, 1].map(|k| exponents[k].curved_support(semi_axes[k], directions[k]))

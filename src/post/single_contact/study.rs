@@ -15,7 +15,7 @@ const TIGHT: f64 = 1e-14;
 
 /// Erosion that begins at `ratio`, with GJK run to rounding.
 pub const fn erosion(ratio: f64) -> Method {
-    Method::GjkErosion { ratio, increment: 0.01, tolerance: TIGHT }
+    Method::GjkErosion(ErodedGjk { ratio, increment: 0.01, tolerance: TIGHT })
 }
 
 /// How far a method is off.
@@ -356,14 +356,22 @@ pub const EROSION: &str = "erosion 5 %";
 pub const FINE_EROSION: &str = "erosion 1 %";
 /// See [`CENTRE_LINE`].
 pub const EPA: &str = "EPA";
+/// See [`CENTRE_LINE`].
+pub const POLISHED_EPA: &str = "EPA with secants";
+
+/// EPA as in the paper, which ends with its polytope.
+const fn plain_epa(tolerance: f64) -> Method {
+    Method::Epa(Epa { tolerance, polish: false })
+}
 
 fn in_case_3(plan: &Plan) -> Result<Vec<InCase3>, StudyError> {
     let draw = |sampling| cases::case_3(Meeting::Contact, sampling, plan.count, plan.seed);
     let (lines, normals) = (draw(Sampling::CentreLine), draw(Sampling::Normal));
-    let epa = Method::Epa { tolerance: Epa::default().tolerance };
+    let Epa { tolerance, .. } = Epa::default();
     Ok(vec![
         InCase3::new(CENTRE_LINE, EROSION, &lines, &erosion(RATIO))?,
-        InCase3::new(CENTRE_LINE, EPA, &lines, &epa)?,
+        InCase3::new(CENTRE_LINE, EPA, &lines, &plain_epa(tolerance))?,
+        InCase3::new(CENTRE_LINE, POLISHED_EPA, &lines, &Method::Epa(Epa::new(tolerance)))?,
         InCase3::new(CENTRE_LINE, FINE_EROSION, &lines, &erosion(0.01))?,
         InCase3::new(NORMAL, EROSION, &normals, &erosion(RATIO))?,
     ])
@@ -376,14 +384,14 @@ fn times(plan: &Plan) -> Vec<Times> {
     let ellipsoids = (draw(Meeting::Contact), draw(Meeting::NonContact));
     let spheres = (balls(Meeting::Contact), balls(Meeting::NonContact));
     let ErodedGjk { increment, tolerance: usual, .. } = ErodedGjk::default();
-    let erosion = |tolerance| Method::GjkErosion { ratio: RATIO, increment, tolerance };
+    let erosion = |tolerance| Method::GjkErosion(ErodedGjk { ratio: RATIO, increment, tolerance });
     let measured = |bodies, (contact, apart): &(Pairs, Pairs), method: Method| {
         let of = |pairs: &Pairs| time(pairs, &resolve(pairs, &method), &method, plan.repeats);
         let (touching, apart) = (of(contact), of(apart));
         let (name, tolerance) = match method {
             _ if bodies == SPHERES => ("closed form", None),
-            Method::GjkErosion { tolerance, .. } => ("GJK-erosion", Some(tolerance)),
-            Method::Epa { tolerance } => ("EPA", Some(tolerance)),
+            Method::GjkErosion(erosion) => ("GJK-erosion", Some(erosion.tolerance)),
+            Method::Epa(epa) => (if epa.polish { POLISHED_EPA } else { EPA }, Some(epa.tolerance)),
             Method::Auto | Method::CommonNormal => ("common normal", None),
         };
         Times {
@@ -398,10 +406,13 @@ fn times(plan: &Plan) -> Vec<Times> {
         }
     };
     vec![
+        measured(ELLIPSOIDS, &ellipsoids, erosion(1e-4)),
         measured(ELLIPSOIDS, &ellipsoids, erosion(usual)),
         measured(ELLIPSOIDS, &ellipsoids, erosion(1e-8)),
-        measured(ELLIPSOIDS, &ellipsoids, Method::Epa { tolerance: 1e-4 }),
-        measured(ELLIPSOIDS, &ellipsoids, Method::Epa { tolerance: Epa::default().tolerance }),
+        measured(ELLIPSOIDS, &ellipsoids, plain_epa(1e-4)),
+        measured(ELLIPSOIDS, &ellipsoids, plain_epa(Epa::default().tolerance)),
+        measured(ELLIPSOIDS, &ellipsoids, Method::Epa(Epa::new(1e-4))),
+        measured(ELLIPSOIDS, &ellipsoids, Method::Epa(Epa::default())),
         measured(ELLIPSOIDS, &ellipsoids, Method::CommonNormal),
         measured(SPHERES, &spheres, Method::Auto),
     ]
