@@ -11,7 +11,7 @@ use dem_mpi::contact::{
 };
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::shape::{
-    Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
+    Core, Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
     Spherocylinder, Superellipsoid,
 };
 use proptest::prelude::*;
@@ -77,12 +77,17 @@ impl Case {
         self.a.shape.bounding_radius().max(self.b.shape.bounding_radius())
     }
 
-    /// At most what an exhaustive search over directions finds: a grid, the axes of both bodies and the normal of the
-    /// construction, and from the best of them downhill in ever smaller steps.
+    /// At most what an exhaustive search over directions finds: a grid, the axes and faces of both bodies and the normal of
+    /// the construction, and from the best of them downhill in ever smaller steps.
     fn searched_overlap(&self) -> f64 {
         const GRID: i32 = 500;
         let axes = [&self.a, &self.b].into_iter().flat_map(|body| body.frame.column_iter());
         let mut starts: Vec<Vec3> = axes.flat_map(|axis| [axis.into_owned(), -axis]).collect();
+        let faces = [(&self.a, 1.0), (&self.b, -1.0)].into_iter().flat_map(|(body, sign)| {
+            let planes = if let Core::Hull(hull) = body.shape.core() { hull.planes() } else { &[] };
+            planes.iter().map(move |plane| body.frame * plane.normal * sign)
+        });
+        starts.extend(faces);
         starts.extend([self.normal, self.r.try_normalize(0.0).unwrap_or_else(Vec3::x)]);
         // Whoever found it, what a direction says is true.
         starts.extend(clearance(&self.a.posed(), &self.b.posed(), &self.r).map(|t| t.normal));

@@ -234,13 +234,13 @@ impl Polytope {
         let mut least = f64::INFINITY;
         let mut best = Vec3::zeros();
         let mut last = 0;
-        let ended_at = loop {
+        loop {
             if self.corners.len() >= CORNERS {
                 return None;
             }
             let Some(nearest) = self.nearest_face() else {
                 // All are farther out than the overlap along the best direction.
-                break last;
+                break;
             };
             last = nearest;
             let Face { normal, distance, .. } = self.faces[nearest as usize];
@@ -254,15 +254,15 @@ impl Polytope {
                 return Some(best);
             }
             if least - distance <= tolerance {
-                break nearest;
+                break;
             }
             if overlap - distance <= SEES {
                 // The face cannot move: the polytope is finer than rounding.
                 return None;
             }
             self.insert(corner, nearest, least)?;
-        };
-        Some(if polish { self.refined(m, ended_at, best, least) } else { best })
+        }
+        Some(if polish { self.refined(m, last, best, least) } else { best })
     }
 
     /// Replaces every face that sees `corner`, `first` among them, by faces from their outline to it.
