@@ -194,6 +194,7 @@ fn every_method_answers_every_pair() {
                 ratio: erosion.ratio,
                 increment: erosion.increment,
                 tolerance: erosion.tolerance,
+                ..ErodedGjk::default()
             }),
             f64::INFINITY,
         ),

@@ -119,7 +119,8 @@ fn the_program_gives_the_bits_of_the_library() {
     ] {
         check_bits(file, &[], &Method::Auto);
     }
-    let erosion = Method::GjkErosion(ErodedGjk { ratio: 0.02, increment: 0.01, tolerance: 1e-8 });
+    let erosion =
+        Method::GjkErosion(ErodedGjk { ratio: 0.02, tolerance: 1e-8, ..ErodedGjk::default() });
     let settings =
         ["--method", "gjk-erosion", "--set", "erosion_ratio=0.02", "--set", "tolerance=1e-8"];
     check_bits("caseI.csv", &settings, &erosion);

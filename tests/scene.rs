@@ -220,7 +220,12 @@ fn every_key_arrives() {
 
     assert_eq!(
         scene.method,
-        Method::GjkErosion(ErodedGjk { ratio: 0.1, increment: 0.02, tolerance: 1e-8 })
+        Method::GjkErosion(ErodedGjk {
+            ratio: 0.1,
+            increment: 0.02,
+            tolerance: 1e-8,
+            spurious: false
+        })
     );
     assert_eq!((scene.dt, scene.steps), (1e-5, 100_000));
     let stop = Stop { rest: Some(1e-5), unbalanced: Some(1e-3), servo: Some(0.01) };

@@ -582,6 +582,7 @@ fn a_shape_of_the_users_own_is_resolved() {
                         ratio: 0.05,
                         increment: 0.01,
                         tolerance: 1e-10,
+                        ..ErodedGjk::default()
                     }),
                     erosion,
                 ),

@@ -41,7 +41,8 @@ struct Arguments {
     method: Word,
 
     /// A setting of the method: erosion_ratio (0.05) and erosion_increment (0.01) of gjk-erosion, tolerance
-    /// of gjk-erosion (1e-6) and epa (1e-8), polish of epa (true); may be repeated
+    /// of gjk-erosion (1e-6) and epa (1e-8), spurious of gjk-erosion (true), polish of epa (true); may be
+    /// repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
 
@@ -178,14 +179,15 @@ fn method(word: Word, settings: &[String]) -> Result<Method> {
             (Word::GjkErosion, "erosion_increment") => &mut erosion.increment,
             (Word::GjkErosion, "tolerance") => &mut erosion.tolerance,
             (Word::Epa, "tolerance") => &mut epa.tolerance,
-            (Word::Epa, "polish") => {
-                epa.polish = value.parse().with_context(|| format!("--set {setting}"))?;
+            (Word::GjkErosion, "spurious") | (Word::Epa, "polish") => {
+                let flag = value.parse().with_context(|| format!("--set {setting}"))?;
+                (erosion.spurious, epa.polish) = (flag, flag);
                 continue;
             }
             _ => {
                 bail!(
-                    "--set {setting}: there are erosion_ratio, erosion_increment and tolerance of \
-                     gjk-erosion, tolerance and polish of epa; the method here is {}",
+                    "--set {setting}: there are erosion_ratio, erosion_increment, tolerance and \
+                     spurious of gjk-erosion, tolerance and polish of epa; the method here is {}",
                     word.to_possible_value().expect("no word is hidden").get_name()
                 )
             }

@@ -189,20 +189,22 @@ fn contact(section: &Section) -> Option<(Method, bool)> {
     let default_tolerance =
         if word == Some("epa") { Epa::default().tolerance } else { ErodedGjk::default().tolerance };
     let tolerance = option("tolerance", default_tolerance, &["gjk-erosion", "epa"]);
-    let polish = match section.get("polish") {
-        Some(given) if word.is_some_and(|word| word != "epa") => {
-            given.fail("only for method = \"epa\"");
+    let flag = |key, method: &str| match section.get(key) {
+        Some(given) if word.is_some_and(|word| word != method) => {
+            given.fail(format!("only for method = \"{method}\""));
             None
         }
         Some(given) => given.boolean(),
         None => Some(true),
     };
+    let (spurious, polish) = (flag("spurious", "gjk-erosion"), flag("polish", "epa"));
     let limit_damping = section.read_or("limit_damping", true, Given::boolean);
     section.finish();
     let (ratio, increment, tolerance) = (ratio?, increment?, tolerance?);
+    let (spurious, polish) = (spurious?, polish?);
     let method = match word? {
-        "gjk-erosion" => Method::GjkErosion(ErodedGjk { ratio, increment, tolerance }),
-        "epa" => Method::Epa(Epa { tolerance, polish: polish? }),
+        "gjk-erosion" => Method::GjkErosion(ErodedGjk { ratio, increment, tolerance, spurious }),
+        "epa" => Method::Epa(Epa { tolerance, polish }),
         "common-normal" => Method::CommonNormal,
         _ => Method::Auto,
     };

@@ -64,6 +64,7 @@
 //! | `erosion_ratio` | | of `gjk-erosion`: first erosion, in (0, 1); default 0.05 |
 //! | `erosion_increment` | | of `gjk-erosion`: added until the bodies are apart; default 0.01 |
 //! | `tolerance` | | of `gjk-erosion` (default 1e-6) and `epa` (default 1e-8), relative |
+//! | `spurious` | | of `gjk-erosion`: bodies within the error of the overlap touch, though they are apart; default true. False, as the paper seems to have it, makes forces jump at touch |
 //! | `polish` | | of `epa`: secants at the end bring the normals of smooth bodies to rounding; default true, false is EPA as in the paper |
 //! | `limit_damping` | | normal dashpots never make a contact attractive; default true. The restitution asked for is met either way |
 //! | **`[time]`** | | |
