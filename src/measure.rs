@@ -146,7 +146,7 @@ pub fn measure(
             }
         } else {
             counts[1] += 1;
-            add(Of::NormalForce as usize, load.normal_force);
+            add(Of::NormalForce as usize, pairs.history(contact.pair).normal_force);
         }
     }
 

@@ -171,7 +171,8 @@ impl ForceLaw for Linear {
         let first_wall = particles.first_wall();
         for contact in contacts {
             let pair = pairs[contact.pair as usize];
-            let history = &mut memory.history[contact.pair as usize];
+            let place = memory.place[contact.pair as usize] as usize;
+            let history = &mut memory.history[place];
             let touch = &contact.touch;
             let with_wall = pair.b.index() >= first_wall;
 
@@ -190,7 +191,7 @@ impl ForceLaw for Linear {
                 dt,
             };
             let constants = meeting.constants;
-            let spring = memory.springs.get(contact.pair as usize).copied().unwrap_or_default();
+            let spring = memory.springs.get(place).copied().unwrap_or_default();
             let before = last_force(history, &spring, constants);
             let stored_before = stored(constants, history.overlap, &spring);
             meeting.press(touch.overlap, self.limit_damping, history);
@@ -199,7 +200,7 @@ impl ForceLaw for Linear {
             // What the force of the last step has and is not remembered: as much as now.
             let mut dashpot = Vec3::zeros();
             if constants.is_frictional() {
-                let spring = &mut memory.springs[contact.pair as usize];
+                let spring = &mut memory.springs[place];
                 let friction = meeting.rub(history, spring);
                 force += friction;
                 stored_now = stored(constants, touch.overlap, spring);
@@ -213,9 +214,6 @@ impl ForceLaw for Linear {
                 if with_wall { -impulse.dot(&particles.velocity[pair.b.index()]) } else { 0.0 };
             loads.push(Load {
                 force,
-                normal_force: history.normal_force,
-                torque_a: -arm_a.cross(&force),
-                torque_b: arm_b.cross(&force),
                 dissipated: if dt > 0.0 { dissipated } else { 0.0 },
                 received,
             });
@@ -233,8 +231,9 @@ impl ForceLaw for Linear {
     ) {
         let bodies = particles.bodies();
         for &pair in parted {
-            let history = &memory.history[pair as usize];
-            let spring = memory.springs.get(pair as usize).copied().unwrap_or_default();
+            let place = memory.place[pair as usize] as usize;
+            let history = &memory.history[place];
+            let spring = memory.springs.get(place).copied().unwrap_or_default();
             let pair = pairs[pair as usize];
             // Where the surfaces were nearest: A's farthest point along the last normal.
             let arm_a = bodies.posed(pair.a).support(&history.normal);
@@ -251,7 +250,7 @@ impl ForceLaw for Linear {
             loads.push(Load {
                 dissipated: if dt > 0.0 { dissipated } else { 0.0 },
                 received: -0.5 * dt * force.dot(&of_wall),
-                ..Load::default()
+                force: Vec3::zeros(),
             });
         }
     }

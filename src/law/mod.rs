@@ -140,24 +140,34 @@ impl Interactions {
 pub struct Load {
     /// Force of A on B [N]; A feels the opposite.
     pub force: Vec3,
-    /// Its magnitude along the normal, compression positive [N].
-    pub normal_force: f64,
-    /// Moment on A about its centre [N m].
-    pub torque_a: Vec3,
-    /// Moment on B about its centre [N m].
-    pub torque_b: Vec3,
     /// Energy lost since the last step [J].
     pub dissipated: f64,
     /// Work of a moving wall on A since the last step [J].
     pub received: f64,
 }
 
-/// What laws remember of the listed pairs.
+impl Load {
+    /// Moment on A about its centre, of the force at `point` seen from there [N m].
+    #[inline]
+    pub fn torque_a(&self, point: &Vec3) -> Vec3 {
+        -point.cross(&self.force)
+    }
+
+    /// Moment on B about its centre, which is at `r` from that of A [N m].
+    #[inline]
+    pub fn torque_b(&self, point: &Vec3, r: &Vec3) -> Vec3 {
+        (point - r).cross(&self.force)
+    }
+}
+
+/// What laws remember of the pairs that touch.
 #[derive(Debug)]
 pub struct Memory<'a> {
-    /// The last touch of each pair.
+    /// Where each listed pair stands in what follows.
+    pub place: &'a [u32],
+    /// The last touch.
     pub history: &'a mut [History],
-    /// Tangential spring of each pair [m]; empty if the law does not need springs.
+    /// Tangential spring [m]; empty if the law does not need springs.
     pub springs: &'a mut [Vec3],
 }
 

@@ -104,8 +104,9 @@ impl Simulation {
             table.point.push(centre + contact.touch.point);
             table.normal.push(contact.touch.normal);
             table.overlap.push(contact.touch.overlap);
-            table.normal_force.push(load.normal_force);
-            table.shear_force.push(load.force - contact.touch.normal * load.normal_force);
+            let normal_force = self.pairs.history(contact.pair).normal_force;
+            table.normal_force.push(normal_force);
+            table.shear_force.push(load.force - contact.touch.normal * normal_force);
         }
         table
     }

@@ -6,16 +6,16 @@ pub mod run;
 pub mod trace;
 
 use crate::comm::{Comm, agree};
-use crate::contact::{Batch, Found, NamedHistory, Pair, Table, Why};
+use crate::contact::{Found, NamedHistory, Pair, Table, Why};
 use crate::domain::{Domain, DomainError};
 use crate::drive::rain::RainGauge;
 use crate::drive::servo::{ServoError, Servos};
 use crate::ids::GlobalId;
-use crate::law::{ForceLaw, Load, Memory};
+use crate::law::{ForceLaw, Load};
 use crate::measure::{self, Measures};
 use crate::motion::{self, Field};
-use crate::particles::Particles;
 use crate::particles::records::Particle;
+use crate::particles::{Particles, trim};
 use crate::search::{self, PairList};
 use crate::timing::{Clock, Phase};
 
@@ -141,7 +141,7 @@ impl Simulation {
             self.exchange_and_resolve_inner(comm)?;
         }
         self.resolve(Part::Border)?;
-        self.pairs.note(&self.found, &self.particles);
+        self.pairs.note(&self.found.contacts, self.particles.needs);
         self.clock.lap(Phase::Contacts);
 
         // forces
@@ -193,7 +193,7 @@ impl Simulation {
         self.found.clear();
         self.resolve(Part::Inner)?;
         self.resolve(Part::Border)?;
-        self.pairs.note(&self.found, &self.particles);
+        self.pairs.note(&self.found.contacts, self.particles.needs);
         // No time has passed: springs do not stretch.
         self.apply_law(0.0);
         self.count_initial_energy();
@@ -226,9 +226,6 @@ impl Simulation {
         self.domain.finish_halo(&mut self.particles, comm);
         self.pairs.rebuild(&mut self.particles, found, carried);
         self.particles.trim();
-        let contacts = self.loads.len() + self.loads.len() / 8;
-        self.found.contacts.shrink_to(contacts);
-        self.loads.shrink_to(contacts);
         self.domain.traffic.rebuilds += 1;
     }
 
@@ -310,23 +307,18 @@ impl Simulation {
     }
 
     fn resolve(&mut self, part: Part) -> Result<(), StepError> {
-        let bodies = self.particles.bodies();
-        let found = &mut self.found;
-        for block in self.pairs.blocks.iter().filter(|b| b.border == (part == Part::Border)) {
-            let Some(resolver) = self.resolvers.get(block.kinds) else { continue };
-            let active = self.pairs.active(block, &self.particles);
-            let contacts = found.contacts.len();
-            let batch = Batch {
-                pairs: &self.pairs.pairs,
-                history: &self.pairs.history,
-                active: &active,
-                bodies,
-            };
-            resolver.resolve(&batch, found);
-            found.tally.listed += block.range.len() as u64;
+        let Self { pairs, particles, resolvers, found, .. } = self;
+        let contacts = found.contacts.len();
+        for piece in pairs.pieces(part == Part::Border) {
+            let Some(resolver) = resolvers.get(piece.kinds) else { continue };
+            let active = pairs.active(piece.range.clone(), particles);
+            resolver.resolve(&pairs.batch(&active, particles), found);
+            found.tally.listed += piece.range.len() as u64;
             found.tally.pairs += active.len() as u64;
-            found.tally.contacts += (found.contacts.len() - contacts) as u64;
+            pairs.let_rest(&found.apart, particles);
+            found.apart.clear();
         }
+        found.tally.contacts += (found.contacts.len() - contacts) as u64;
         self.clock.lap(Phase::Contacts);
         match found.failed.first() {
             None => Ok(()),
@@ -351,11 +343,13 @@ impl Simulation {
     fn apply_law(&mut self, dt: f64) {
         self.loads.clear();
         let Self { law, pairs, particles, found, loads, .. } = self;
-        let mut memory = Memory { history: &mut pairs.history, springs: &mut pairs.springs };
-        law.apply(&found.contacts, &pairs.pairs, &mut memory, particles, dt, loads);
-        law.part(&pairs.parted, &pairs.pairs, &memory, particles, dt, loads);
-        self.pairs.forget_parted();
-        self.pairs.gather(&self.loads, &mut self.particles);
+        let (listed, parted, mut memory) = pairs.memory();
+        law.apply(&found.contacts, listed, &mut memory, particles, dt, loads);
+        law.part(parted, listed, &memory, particles, dt, loads);
+        pairs.gather(&found.contacts, loads, particles);
+        pairs.forget_parted();
+        trim(&mut found.contacts);
+        trim(loads);
     }
 
     /// Counts the energy that all owned particles bring into a stage, contacts left out, as received.

@@ -52,9 +52,13 @@ impl Simulation {
                 continue;
             }
             let partner = particles.id[if is_a { pair.b } else { pair.a }.index()];
-            let (force, torque) =
-                if is_a { (-load.force, load.torque_a) } else { (load.force, load.torque_b) };
             let touch = &contact.touch;
+            let (force, torque) = if is_a {
+                (-load.force, load.torque_a(&touch.point))
+            } else {
+                let r = particles.bodies().relative(pair);
+                (load.force, load.torque_b(&touch.point, &r))
+            };
             let line = format!(
                 "trace step={step} particle={id} contact={} overlap={:e} normal={} point={} normal_force={:e} \
                  force={} torque={} spring={}",
@@ -62,7 +66,7 @@ impl Simulation {
                 touch.overlap,
                 commas(touch.normal.as_slice()),
                 commas(touch.point.as_slice()),
-                load.normal_force,
+                self.pairs.history(contact.pair).normal_force,
                 commas(force.as_slice()),
                 commas(torque.as_slice()),
                 commas(self.pairs.spring(contact.pair).as_slice()),
