@@ -160,20 +160,19 @@ impl ForceLaw for Linear {
 
     fn apply(
         &self,
-        contacts: &[Contact],
+        contacts: Vec<Contact>,
         pairs: &[Pair],
         memory: &mut Memory,
         particles: &Particles,
         dt: f64,
-        loads: &mut Vec<Load>,
-    ) {
+    ) -> Vec<Load> {
         let bodies = particles.bodies();
         let first_wall = particles.first_wall();
-        for contact in contacts {
+        let load = |contact: Contact| {
             let pair = pairs[contact.pair as usize];
             let place = memory.place[contact.pair as usize] as usize;
             let history = &mut memory.history[place];
-            let touch = &contact.touch;
+            let touch = contact.touch;
             let with_wall = pair.b.index() >= first_wall;
 
             let arm_a = touch.point;
@@ -212,12 +211,14 @@ impl ForceLaw for Linear {
             let dissipated = impulse.dot(&velocity) - (stored_now - stored_before);
             let received =
                 if with_wall { -impulse.dot(&particles.velocity[pair.b.index()]) } else { 0.0 };
-            loads.push(Load {
+            Load {
                 force,
+                point: touch.point,
                 dissipated: if dt > 0.0 { dissipated } else { 0.0 },
                 received,
-            });
-        }
+            }
+        };
+        contacts.into_iter().map(load).collect()
     }
 
     fn part(
@@ -250,7 +251,7 @@ impl ForceLaw for Linear {
             loads.push(Load {
                 dissipated: if dt > 0.0 { dissipated } else { 0.0 },
                 received: -0.5 * dt * force.dot(&of_wall),
-                force: Vec3::zeros(),
+                ..Load::default()
             });
         }
     }

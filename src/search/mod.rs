@@ -37,7 +37,7 @@ pub struct PairList {
     /// Until the travel of both bodies adds up to this [m], a pair need not be looked at. It may be
     /// too low, never too high, so it saves work and changes nothing.
     rests_until: Vec<f32>,
-    /// Where each pair stands among those that touch, or [`NOWHERE`].
+    /// Where each pair stands among those that touch, or `NOWHERE`.
     place: Vec<u32>,
     /// The pairs that touched at the last step, or were carried over a rebuild.
     touching: Vec<u32>,
@@ -53,6 +53,19 @@ pub struct PairList {
     /// The pairs that touched at the last step and have come apart. Until they are forgotten, what is
     /// remembered of them is still there.
     parted: Vec<u32>,
+}
+
+/// A contact of this step.
+#[derive(Clone, Copy, Debug)]
+pub struct Loaded<'a> {
+    /// Its bodies.
+    pub pair: Pair,
+    /// Normal, overlap and normal force.
+    pub history: &'a History,
+    /// Tangential spring [m]; zero without friction.
+    pub spring: Vec3,
+    /// Force and contact point.
+    pub load: &'a Load,
 }
 
 /// A pair as one of its particles sees it: twice the pair's number, and one more for the first body.
@@ -99,6 +112,7 @@ impl PairList {
         self.touching.clear();
         self.history.clear();
         self.springs.clear();
+        self.load_of.clear();
         self.parted.clear();
 
         carried.sort_unstable_by_key(|c| (c.a, c.b));
@@ -273,6 +287,7 @@ impl PairList {
             let place = std::mem::replace(&mut self.place[pair as usize], NOWHERE) as usize;
             self.touching.swap_remove(place);
             self.history.swap_remove(place);
+            self.load_of.swap_remove(place);
             if !self.springs.is_empty() {
                 self.springs.swap_remove(place);
             }
@@ -284,7 +299,7 @@ impl PairList {
 
     /// Sums the loads of this step into the owned particles, each in the order of its partners' ids: the
     /// same bits on any number of ranks. `loads` are those of the contacts, then those of the parted pairs.
-    pub fn gather(&self, contacts: &[Contact], loads: &[Load], particles: &mut Particles) {
+    pub fn gather(&self, loads: &[Load], particles: &mut Particles) {
         for slot in 0..particles.owned {
             let mut force = Vec3::zeros();
             let mut torque = Vec3::zeros();
@@ -295,19 +310,14 @@ impl PairList {
                     continue;
                 }
                 let pair = self.pairs[incidence.pair() as usize];
-                let load = self.load_of[place as usize] as usize;
-                // Pairs that have come apart have no force.
-                let point = contacts.get(load).map(|contact| contact.touch.point);
-                let load = &loads[load];
+                let load = &loads[self.load_of[place as usize] as usize];
                 if incidence.is_a() {
                     force -= load.force;
-                    torque += point.map_or_else(Vec3::zeros, |point| load.torque_a(&point));
+                    torque += load.torque_a();
                     received += load.received;
                 } else {
                     force += load.force;
-                    torque += point.map_or_else(Vec3::zeros, |point| {
-                        load.torque_b(&point, &particles.bodies().relative(pair))
-                    });
+                    torque += load.torque_b(&particles.bodies().relative(pair));
                 }
                 let with_wall = pair.b.index() >= particles.first_wall();
                 dissipated += if with_wall { load.dissipated } else { 0.5 * load.dissipated };
@@ -328,6 +338,18 @@ impl PairList {
     /// How many pairs were listed for an owned particle; 0 if it came after the last listing.
     pub fn listed_for(&self, slot: usize) -> i64 {
         if slot + 1 < self.first.len() { self.incident_to(slot).len() as i64 } else { 0 }
+    }
+
+    /// The contacts of this step, in any order. `loads` are those of the step.
+    pub fn contacts<'a>(&'a self, loads: &'a [Load]) -> impl Iterator<Item = Loaded<'a>> {
+        self.touching.iter().zip(&self.history).zip(&self.load_of).map(
+            |((&pair, history), &load)| Loaded {
+                pair: self.pairs[pair as usize],
+                history,
+                spring: self.spring(pair),
+                load: &loads[load as usize],
+            },
+        )
     }
 
     /// How many contacts an owned particle has in this step, with particles and walls.

@@ -255,7 +255,7 @@ impl Memory {
         let found = held(&sim.found.contacts) + held(&sim.found.apart) + held(&sim.loads);
         let contacts = (found + sim.pairs.memory_bytes()) as f64 / owned;
         let listed = sim.pairs.pairs.len() as f64 / owned;
-        let touching = sim.loads.len() as f64 / owned;
+        let touching = sim.pairs.touching().len() as f64 / owned;
         let parts = [columns + pairs + contacts, columns, pairs, contacts, listed, touching];
         let [all, parts @ ..] = Share::of(parts, comm);
         let [columns, pairs, contacts, listed, touching] = parts.map(|share| share.mean);
