@@ -2,13 +2,13 @@
 //! log is the same on any number of ranks.
 
 use crate::comm::Comm;
-use crate::contact::{Contact, Pair};
+use crate::contact::Pair;
 use crate::ids::Slot;
 use crate::law::{ForceLaw, Load};
 use crate::math::{ExactSum, Vec3};
 use crate::motion::Field;
 use crate::particles::Particles;
-use crate::search::PairList;
+use crate::search::{Loaded, PairList};
 
 /// The scalars of a moment.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -89,11 +89,9 @@ enum Of {
 /// Measures the whole system at the end of a step. Collective.
 ///
 /// Kinetic energies are taken at the time of the positions: half a kick ahead of the stored velocities.
-#[expect(clippy::too_many_arguments, reason = "everything that carries energy")]
 pub fn measure(
     particles: &Particles,
     pairs: &PairList,
-    contacts: &[Contact],
     loads: &[Load],
     law: &dyn ForceLaw,
     field: &Field,
@@ -127,17 +125,15 @@ pub fn measure(
         maxima[2] = larger(maxima[2], particles.position[slot].z + radius);
     }
 
-    for (contact, load) in contacts.iter().zip(loads) {
-        let Pair { a, b } = pairs.pairs[contact.pair as usize];
+    for Loaded { pair: Pair { a, b }, history, spring, load } in pairs.contacts(loads) {
         let wall = b.index().checked_sub(particles.first_wall());
         // A contact counts where its first particle is owned.
         if a.index() >= particles.owned {
             continue;
         }
-        let spring = pairs.spring(contact.pair);
         let (of_a, of_b) = (particles.material(a), particles.material(b));
-        add(Of::Stored as usize, law.stored(of_a, of_b, contact.touch.overlap, &spring));
-        maxima[0] = larger(maxima[0], contact.touch.overlap / shortest_axis(particles, a, b));
+        add(Of::Stored as usize, law.stored(of_a, of_b, history.overlap, &spring));
+        maxima[0] = larger(maxima[0], history.overlap / shortest_axis(particles, a, b));
         add(Of::ContactForce as usize, load.force.norm());
         if let Some(wall) = wall {
             counts[2] += 1;
@@ -146,7 +142,7 @@ pub fn measure(
             }
         } else {
             counts[1] += 1;
-            add(Of::NormalForce as usize, load.normal_force);
+            add(Of::NormalForce as usize, history.normal_force);
         }
     }
 

@@ -161,7 +161,13 @@ impl Pairs {
     }
 
     pub(crate) fn batch<'a>(&'a self, history: &'a [History]) -> Batch<'a> {
-        Batch { pairs: &self.slots, history, active: &self.active, bodies: self.bodies() }
+        Batch {
+            pairs: &self.slots,
+            place: &self.active,
+            history,
+            active: &self.active,
+            bodies: self.bodies(),
+        }
     }
 
     /// One pair in place.

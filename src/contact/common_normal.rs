@@ -83,7 +83,7 @@ fn resolve_with<L: Eight>(batch: &Batch, found: &mut Found) {
     let (mut touched, mut new) = (Octet::default(), Octet::default());
     let mut open = Vec::new();
     for &index in batch.active {
-        if batch.history[index as usize].touched() {
+        if batch.last_normal(index).is_some() {
             touched.push(index);
             if touched.count == WIDTH {
                 touched.follow::<L>(batch, found, &mut open);
@@ -192,9 +192,10 @@ impl Octet {
     /// The normals of the last touch.
     #[inline(always)]
     fn normals<L: Eight>(&self, batch: &Batch) -> Triple<L> {
-        let mut normals = [batch.history[self.index[0] as usize].normal.as_ref(); WIDTH];
+        let last = |index: u32| batch.history[batch.place[index as usize] as usize].normal.as_ref();
+        let mut normals = [last(self.index[0]); WIDTH];
         for (normal, index) in normals.iter_mut().zip(&self.index) {
-            *normal = batch.history[*index as usize].normal.as_ref();
+            *normal = last(*index);
         }
         Triple::of(&normals)
     }
@@ -248,7 +249,7 @@ impl Octet {
             } else if apart >> lane & 1 == 1 {
                 found.note(index, Outcome::Apart(-delta));
             } else {
-                open.push((index, batch.history[index as usize].normal));
+                open.push((index, batch.history[batch.place[index as usize] as usize].normal));
             }
         }
         self.count = 0;
@@ -604,8 +605,13 @@ mod tests {
             let active: Vec<u32> = (0..self.pairs.len() as u32).collect();
             let mut found = Found::default();
             let bodies = self.bodies();
-            let batch =
-                Batch { pairs: &self.pairs, history: &self.history, active: &active, bodies };
+            let batch = Batch {
+                pairs: &self.pairs,
+                place: &active,
+                history: &self.history,
+                active: &active,
+                bodies,
+            };
             resolve(&batch, &mut found);
             assert_eq!(found.contacts.len(), self.pairs.len(), "every pair touches");
             found.contacts.sort_by_key(|contact| contact.pair);

@@ -65,8 +65,7 @@ impl ContactResolver for Chain {
 mod tests {
     use super::Chain;
     use crate::contact::{
-        Batch, Bodies, ContactResolver, Found, History, Outcome, Pair, Posed, SphereSphere, Tally,
-        Why,
+        Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, SphereSphere, Tally, Why,
     };
     use crate::ids::{ShapeId, Slot};
     use crate::math::{Mat3, Vec3};
@@ -97,10 +96,9 @@ mod tests {
         };
         let pairs: Vec<_> =
             (1..centres.len() as u32).map(|b| Pair { a: Slot(0), b: Slot(b) }).collect();
-        let history = vec![History::default(); pairs.len()];
         let active: Vec<u32> = (0..pairs.len() as u32).collect();
         let mut found = Found::default();
-        let batch = Batch { pairs: &pairs, history: &history, active: &active, bodies };
+        let batch = Batch { pairs: &pairs, place: &active, history: &[], active: &active, bodies };
         chain.resolve(&batch, &mut found);
         found
     }

@@ -272,12 +272,23 @@ pub struct Tally {
 pub struct Batch<'a> {
     /// The whole list of pairs.
     pub pairs: &'a [Pair],
-    /// What is remembered of each.
+    /// Where in `history` each of them is remembered; past its end if it did not touch.
+    pub place: &'a [u32],
+    /// What is remembered.
     pub history: &'a [History],
     /// Which of them to look at.
     pub active: &'a [u32],
     /// Every body.
     pub bodies: Bodies<'a>,
+}
+
+impl<'a> Batch<'a> {
+    /// The normal of a pair's last touch, if it touched at the last step.
+    #[inline]
+    pub fn last_normal(&self, index: u32) -> Option<&'a Vec3> {
+        let history = self.history.get(self.place[index as usize] as usize)?;
+        history.touched().then_some(&history.normal)
+    }
 }
 
 /// What resolvers found in a step.
@@ -346,11 +357,9 @@ pub trait ContactResolver: Send + Sync {
     fn resolve(&self, batch: &Batch, found: &mut Found) {
         for &index in batch.active {
             let pair = batch.pairs[index as usize];
-            let history = &batch.history[index as usize];
             let r = batch.bodies.relative(pair);
-            let warm = history.touched().then_some(&history.normal);
             let (a, b) = (batch.bodies.posed(pair.a), batch.bodies.posed(pair.b));
-            found.note(index, self.touch(&a, &b, &r, warm));
+            found.note(index, self.touch(&a, &b, &r, batch.last_normal(index)));
         }
     }
 }

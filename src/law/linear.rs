@@ -160,19 +160,19 @@ impl ForceLaw for Linear {
 
     fn apply(
         &self,
-        contacts: &[Contact],
+        contacts: Vec<Contact>,
         pairs: &[Pair],
         memory: &mut Memory,
         particles: &Particles,
         dt: f64,
-        loads: &mut Vec<Load>,
-    ) {
+    ) -> Vec<Load> {
         let bodies = particles.bodies();
         let first_wall = particles.first_wall();
-        for contact in contacts {
+        let load = |contact: Contact| {
             let pair = pairs[contact.pair as usize];
-            let history = &mut memory.history[contact.pair as usize];
-            let touch = &contact.touch;
+            let place = memory.place[contact.pair as usize] as usize;
+            let history = &mut memory.history[place];
+            let touch = contact.touch;
             let with_wall = pair.b.index() >= first_wall;
 
             let arm_a = touch.point;
@@ -190,7 +190,7 @@ impl ForceLaw for Linear {
                 dt,
             };
             let constants = meeting.constants;
-            let spring = memory.springs.get(contact.pair as usize).copied().unwrap_or_default();
+            let spring = memory.springs.get(place).copied().unwrap_or_default();
             let before = last_force(history, &spring, constants);
             let stored_before = stored(constants, history.overlap, &spring);
             meeting.press(touch.overlap, self.limit_damping, history);
@@ -199,7 +199,7 @@ impl ForceLaw for Linear {
             // What the force of the last step has and is not remembered: as much as now.
             let mut dashpot = Vec3::zeros();
             if constants.is_frictional() {
-                let spring = &mut memory.springs[contact.pair as usize];
+                let spring = &mut memory.springs[place];
                 let friction = meeting.rub(history, spring);
                 force += friction;
                 stored_now = stored(constants, touch.overlap, spring);
@@ -211,15 +211,14 @@ impl ForceLaw for Linear {
             let dissipated = impulse.dot(&velocity) - (stored_now - stored_before);
             let received =
                 if with_wall { -impulse.dot(&particles.velocity[pair.b.index()]) } else { 0.0 };
-            loads.push(Load {
+            Load {
                 force,
-                normal_force: history.normal_force,
-                torque_a: -arm_a.cross(&force),
-                torque_b: arm_b.cross(&force),
+                point: touch.point,
                 dissipated: if dt > 0.0 { dissipated } else { 0.0 },
                 received,
-            });
-        }
+            }
+        };
+        contacts.into_iter().map(load).collect()
     }
 
     fn part(
@@ -233,8 +232,9 @@ impl ForceLaw for Linear {
     ) {
         let bodies = particles.bodies();
         for &pair in parted {
-            let history = &memory.history[pair as usize];
-            let spring = memory.springs.get(pair as usize).copied().unwrap_or_default();
+            let place = memory.place[pair as usize] as usize;
+            let history = &memory.history[place];
+            let spring = memory.springs.get(place).copied().unwrap_or_default();
             let pair = pairs[pair as usize];
             // Where the surfaces were nearest: A's farthest point along the last normal.
             let arm_a = bodies.posed(pair.a).support(&history.normal);

@@ -135,29 +135,43 @@ impl Interactions {
     }
 }
 
-/// What a contact does to its two bodies in this step.
+/// What a contact does to its two bodies in this step. As large as a [`Contact`], whose memory it takes over.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load {
     /// Force of A on B [N]; A feels the opposite.
     pub force: Vec3,
-    /// Its magnitude along the normal, compression positive [N].
-    pub normal_force: f64,
-    /// Moment on A about its centre [N m].
-    pub torque_a: Vec3,
-    /// Moment on B about its centre [N m].
-    pub torque_b: Vec3,
+    /// Where it acts, seen from the centre of A [m].
+    pub point: Vec3,
     /// Energy lost since the last step [J].
     pub dissipated: f64,
     /// Work of a moving wall on A since the last step [J].
     pub received: f64,
 }
 
-/// What laws remember of the listed pairs.
+const _: () = assert!(size_of::<Load>() == size_of::<Contact>());
+
+impl Load {
+    /// Moment on A about its centre [N m].
+    #[inline]
+    pub fn torque_a(&self) -> Vec3 {
+        -self.point.cross(&self.force)
+    }
+
+    /// Moment on B about its centre, which is at `r` from that of A [N m].
+    #[inline]
+    pub fn torque_b(&self, r: &Vec3) -> Vec3 {
+        (self.point - r).cross(&self.force)
+    }
+}
+
+/// What laws remember of the pairs that touch.
 #[derive(Debug)]
 pub struct Memory<'a> {
-    /// The last touch of each pair.
+    /// Where each listed pair stands in what follows.
+    pub place: &'a [u32],
+    /// The last touch.
     pub history: &'a mut [History],
-    /// Tangential spring of each pair [m]; empty if the law does not need springs.
+    /// Tangential spring [m]; empty if the law does not need springs.
     pub springs: &'a mut [Vec3],
 }
 
@@ -169,18 +183,16 @@ pub trait ForceLaw: Send + Sync {
     /// Which columns it reads.
     fn needs(&self) -> Needs;
 
-    /// Appends the load of each contact to `loads`, in their order, and brings the memory of
-    /// touching pairs up to date. `dt` [s] is 0 at the start of a stage: springs do not stretch, and
-    /// nothing is lost.
+    /// Turns each contact into its load, and brings the memory of touching pairs up to date. `dt` [s] is 0
+    /// at the start of a stage: springs do not stretch, and nothing is lost.
     fn apply(
         &self,
-        contacts: &[Contact],
+        contacts: Vec<Contact>,
         pairs: &[Pair],
         memory: &mut Memory,
         particles: &Particles,
         dt: f64,
-        loads: &mut Vec<Load>,
-    );
+    ) -> Vec<Load>;
 
     /// Appends a load without force for each of these pairs, which have come apart since the last step:
     /// what their last contact lost and received. The memory is that of the last touch.

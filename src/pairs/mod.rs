@@ -177,7 +177,8 @@ fn serving(table: &Table, kinds: (Kind, Kind)) -> &dyn ContactResolver {
 /// Resolves each pair by itself, without a warm start, in the order of the pairs.
 pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
     let table = table(method, &Kind::ALL);
-    let history = vec![History::default(); pairs.len()];
+    // Past the end of what is remembered: nothing.
+    let place = vec![0; pairs.len()];
     let mut found = Found::default();
     let one = |index: usize| {
         let resolver = serving(&table, pairs.kinds(index));
@@ -186,7 +187,8 @@ pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
         let active = [index as u32];
         let batch = Batch {
             pairs: &pairs.slots,
-            history: &history,
+            place: &place,
+            history: &[],
             active: &active,
             bodies: pairs.bodies(),
         };
@@ -242,6 +244,7 @@ pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) 
     }
     let history: Vec<History> =
         (0_u64..).zip(answers).map(|(id, answer)| last_step(id, answer)).collect();
+    let place: Vec<u32> = (0..pairs.len() as u32).collect();
 
     let mean = |pass: &mut dyn FnMut(&dyn ContactResolver, &[u32])| {
         let mut seconds = 0.0;
@@ -271,7 +274,7 @@ pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) 
             found.clear();
             let bodies = pairs.bodies();
             resolver.resolve(
-                &Batch { pairs: &pairs.slots, history: &history, active, bodies },
+                &Batch { pairs: &pairs.slots, place: &place, history: &history, active, bodies },
                 &mut found,
             );
             black_box(&found);

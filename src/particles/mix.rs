@@ -34,6 +34,12 @@ impl Mix {
         self.cumulative[at.min(self.cumulative.len() - 1)].0
     }
 
+    /// Shapes and their shares of 1.
+    pub fn shares(&self) -> impl Iterator<Item = (ShapeId, f64)> + '_ {
+        let below = std::iter::once(0.0).chain(self.cumulative.iter().map(|&(_, share)| share));
+        self.cumulative.iter().zip(below).map(|(&(shape, share), below)| (shape, share - below))
+    }
+
     /// The shapes.
     pub fn shapes(&self) -> impl Iterator<Item = ShapeId> + '_ {
         self.cumulative.iter().map(|&(shape, _)| shape)

@@ -151,9 +151,16 @@ impl Attitude {
     }
 }
 
-/// Leaves a column room for an eighth more than it has: growing doubles it.
-pub fn trim<T>(column: &mut Vec<T>) {
-    column.shrink_to(column.len() + column.len() / 8);
+/// Bytes that a column holds.
+pub fn held<T>(column: &Vec<T>) -> usize {
+    column.capacity() * size_of::<T>()
+}
+
+/// Gives back most of the room of a list whose length changes from step to step: growing has doubled it.
+pub fn trim<T>(list: &mut Vec<T>) {
+    if list.capacity() > list.len() + list.len() / 8 {
+        list.shrink_to(list.len() + list.len() / 16);
+    }
 }
 
 /// All bodies of a rank.
@@ -281,33 +288,30 @@ impl Particles {
 
     /// Gives back room that more particles have needed.
     pub fn trim(&mut self) {
-        trim(&mut self.id);
-        trim(&mut self.shape);
-        trim(&mut self.position);
-        trim(&mut self.velocity);
-        trim(&mut self.force);
-        trim(&mut self.listed_at);
-        trim(&mut self.travel);
-        trim(&mut self.dissipated);
-        trim(&mut self.received);
-        trim(&mut self.image);
+        self.id.shrink_to_fit();
+        self.shape.shrink_to_fit();
+        self.position.shrink_to_fit();
+        self.velocity.shrink_to_fit();
+        self.force.shrink_to_fit();
+        self.listed_at.shrink_to_fit();
+        self.travel.shrink_to_fit();
+        self.dissipated.shrink_to_fit();
+        self.received.shrink_to_fit();
+        self.image.shrink_to_fit();
         if let Some(spin) = &mut self.spin {
-            trim(&mut spin.angular_momentum);
-            trim(&mut spin.angular_velocity);
-            trim(&mut spin.torque);
+            spin.angular_momentum.shrink_to_fit();
+            spin.angular_velocity.shrink_to_fit();
+            spin.torque.shrink_to_fit();
         }
         if let Some(attitude) = &mut self.attitude {
-            trim(&mut attitude.quaternion);
-            trim(&mut attitude.frame);
-            trim(&mut attitude.form);
+            attitude.quaternion.shrink_to_fit();
+            attitude.frame.shrink_to_fit();
+            attitude.form.shrink_to_fit();
         }
     }
 
     /// Bytes that the columns hold.
     pub fn bytes(&self) -> usize {
-        fn held<T>(column: &Vec<T>) -> usize {
-            column.capacity() * size_of::<T>()
-        }
         let spin = self
             .spin
             .as_ref()

@@ -6,6 +6,7 @@ use crate::law::Constants;
 use crate::math::{ExactSum, Vec3};
 use crate::shape::moments::Placement;
 use crate::shape::{Kind, Shape};
+use std::f64::consts::PI;
 use std::fmt::Display;
 
 /// Volume of particles over volume of the bed, in estimates.
@@ -270,7 +271,7 @@ impl Share {
     fn estimate(scene: &Scene, ranks: u32, reach: f64) -> Self {
         let bed = Block::bed(scene);
         let count = scene.particle_count() as f64;
-        let per_volume = count / bed.volume();
+        let sizes = Sizes::of(scene, &bed);
         let mut blocks = Vec::new();
         bed.cut(ranks.max(1), &mut blocks);
         let periodic = scene.domain.periodic;
@@ -278,7 +279,7 @@ impl Share {
         // A sample is enough where there are very many.
         for block in blocks.iter().step_by(1 + blocks.len() / 1024) {
             let halo = block.grown(reach, &bed, periodic);
-            let ghosts = per_volume * (halo.volume() - block.volume());
+            let ghosts = sizes.ghosts(block, &bed, periodic);
             let neighbours = blocks
                 .iter()
                 .filter(|other| !std::ptr::eq(*other, block) && halo.meets(other, &bed, periodic))
@@ -288,6 +289,48 @@ impl Share {
         }
         share
     }
+}
+
+/// How the sizes of the particles are mixed in the bed.
+struct Sizes {
+    /// Bounding radius [m], and particles per volume [1/m³].
+    classes: Vec<(f64, f64)>,
+    skin: f64,
+}
+
+impl Sizes {
+    fn of(scene: &Scene, bed: &Block) -> Self {
+        let density = |(count, &radius): (f64, &f64)| (radius, count / bed.volume());
+        let classes = counts(scene).into_iter().zip(&scene.library.radius).map(density).collect();
+        Self { classes, skin: scene.skin }
+    }
+
+    /// The particles around a block that are in a pair with one in it, as if all lay at random: of a layer
+    /// at some distance, those that find at least one partner in the part of their reach beyond its face.
+    fn ghosts(&self, block: &Block, bed: &Block, periodic: [bool; 3]) -> f64 {
+        const LAYERS: u32 = 32;
+        let largest = self.classes.iter().map(|&(radius, _)| radius).fold(0.0, f64::max);
+        let of_class = |&(radius, density): &(f64, f64)| {
+            let width = (radius + largest + self.skin) / f64::from(LAYERS);
+            let volume = |layers| block.grown(f64::from(layers) * width, bed, periodic).volume();
+            let in_layer = |layer| {
+                let distance = (f64::from(layer) + 0.5) * width;
+                let partners: f64 = (self.classes.iter())
+                    .map(|&(other, density)| (radius + other + self.skin, density))
+                    .filter(|&(reach, _)| reach > distance)
+                    .map(|(reach, density)| density * cap(reach, reach - distance))
+                    .sum();
+                density * (volume(layer + 1) - volume(layer)) * (1.0 - (-partners).exp())
+            };
+            (0..LAYERS).map(in_layer).sum::<f64>()
+        };
+        self.classes.iter().map(of_class).sum()
+    }
+}
+
+/// Volume of a spherical cap of this height [m³].
+fn cap(radius: f64, height: f64) -> f64 {
+    PI * height * height * (3.0 * radius - height) / 3.0
 }
 
 /// A box.
@@ -336,12 +379,17 @@ impl Block {
         upper.cut(ranks - lower_ranks, blocks);
     }
 
-    /// Wider by `by` on all sides, but not beyond the bed where that does not repeat.
+    /// Wider by `by` on all sides, but not beyond the bed where that does not repeat, and nowhere wider than it.
     fn grown(&self, by: f64, bed: &Self, periodic: [bool; 3]) -> Self {
         let mut grown = Self { low: self.low.add_scalar(-by), high: self.high.add_scalar(by) };
-        for axis in (0..3).filter(|&axis| !periodic[axis]) {
-            grown.low[axis] = grown.low[axis].max(bed.low[axis]);
-            grown.high[axis] = grown.high[axis].min(bed.high[axis]);
+        for axis in 0..3 {
+            let (low, high) = (bed.low[axis], bed.high[axis]);
+            if !periodic[axis] {
+                grown.low[axis] = grown.low[axis].max(low);
+                grown.high[axis] = grown.high[axis].min(high);
+            } else if grown.high[axis] - grown.low[axis] > high - low {
+                (grown.low[axis], grown.high[axis]) = (low, high);
+            }
         }
         grown
     }
@@ -360,26 +408,30 @@ impl Block {
 
 /// Volume of all particles [m³].
 fn solid_volume(scene: &Scene) -> f64 {
-    let volume = |mix: &Mix, count: u64| {
-        let mut below = 0.0;
-        let mut mean = 0.0;
-        for &(shape, cumulative) in &mix.cumulative {
-            mean += (cumulative - below) * scene.library.shapes[shape.index()].volume();
-            below = cumulative;
-        }
-        count as f64 * mean
-    };
-    let initial: f64 = scene
-        .initial
-        .iter()
-        .map(|fill| match fill {
-            Fill::Lattice(lattice) => volume(&lattice.mix, fill.count()),
+    counts(scene).iter().zip(&scene.library.shapes).map(|(n, shape)| n * shape.volume()).sum()
+}
+
+/// How many particles of each shape there will be; of a mix, as its shares say.
+fn counts(scene: &Scene) -> Vec<f64> {
+    let mut counts = vec![0.0; scene.library.particle_shapes];
+    let mut mixes: Vec<(&Mix, u64)> =
+        scene.rain.iter().map(|rain| (&rain.mix, rain.count)).collect();
+    for fill in &scene.initial {
+        match fill {
+            Fill::Lattice(lattice) => mixes.push((&lattice.mix, fill.count())),
             Fill::Listed(list) => {
-                list.iter().map(|row| scene.library.shapes[row.shape.index()].volume()).sum()
+                for row in list {
+                    counts[row.shape.index()] += 1.0;
+                }
             }
-        })
-        .sum();
-    initial + scene.rain.as_ref().map_or(0.0, |rain| volume(&rain.mix, rain.count))
+        }
+    }
+    for (mix, count) in mixes {
+        for (shape, share) in mix.shares() {
+            counts[shape.index()] += share * count as f64;
+        }
+    }
+    counts
 }
 
 fn time(scene: &Scene, page: &mut Page) {
@@ -414,5 +466,47 @@ fn size(bytes: f64) -> String {
         b if b < 1e6 => format!("{:.1} kB", b / 1e3),
         b if b < 1e9 => format!("{:.1} MB", b / 1e6),
         b => format!("{:.1} GB", b / 1e9),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Block, Sizes};
+    use crate::contact::nearest_image;
+    use crate::math::Vec3;
+    use crate::random::Random;
+
+    /// Two sizes, 1:5, at random in a box that two ranks share and that repeats along their border: ghosts
+    /// counted one by one.
+    #[test]
+    fn ghosts_of_unequal_sizes_are_as_many_as_counted() {
+        let bed = Block { low: Vec3::zeros(), high: Vec3::repeat(1.0) };
+        let mut block = bed;
+        block.high.x = 0.5;
+        let (classes, skin) = ([(0.03, 600), (0.15, 20)], 0.01);
+        let sizes =
+            Sizes { classes: classes.map(|(radius, n)| (radius, f64::from(n))).to_vec(), skin };
+        let estimate = sizes.ghosts(&block, &bed, [false, true, true]);
+
+        let (mut counted, draws) = (0, 400);
+        for draw in 0..draws {
+            let mut random = Random::of(3, draw);
+            let mut bodies = Vec::new();
+            for (radius, n) in classes {
+                for _ in 0..n {
+                    bodies.push((Vec3::from_fn(|_, _| random.unit()), radius));
+                }
+            }
+            let (here, there): (Vec<_>, Vec<_>) = bodies.into_iter().partition(|(p, _)| p.x < 0.5);
+            let period = Vec3::new(f64::INFINITY, 1.0, 1.0);
+            let is_paired = |(p, r): &&(Vec3, f64)| {
+                here.iter().any(|(q, s)| nearest_image(p - q, &period).norm() < r + s + skin)
+            };
+            counted += there.iter().filter(is_paired).count();
+        }
+        let counted = counted as f64 / draws as f64;
+        assert!((estimate / counted - 1.0).abs() < 0.05, "{estimate} but {counted}");
+        let within_the_largest_reach = 0.31 * 620.0;
+        assert!(estimate < 0.5 * within_the_largest_reach, "{estimate}");
     }
 }

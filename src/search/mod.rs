@@ -8,11 +8,11 @@ mod cells;
 
 pub use cells::close_pairs;
 
-use crate::contact::{Found, History, NamedHistory, Pair, ordered};
+use crate::contact::{Batch, Contact, History, NamedHistory, Pair, ordered};
 use crate::ids::Slot;
-use crate::law::Load;
+use crate::law::{Load, Memory};
 use crate::math::Vec3;
-use crate::particles::{Particles, trim};
+use crate::particles::{Needs, Particles, held, trim};
 use crate::shape::Kind;
 use std::ops::Range;
 
@@ -32,27 +32,40 @@ pub struct Block {
 pub struct PairList {
     /// All pairs; those of one block stand together.
     pub pairs: Vec<Pair>,
-    /// What is remembered of each.
-    pub history: Vec<History>,
-    /// Tangential spring of each [m]; none without friction.
-    pub springs: Vec<Vec3>,
-    /// Runs of pairs to be resolved in one call.
+    /// Runs of pairs of the same kinds.
     pub blocks: Vec<Block>,
     /// Until the travel of both bodies adds up to this [m], a pair need not be looked at. It may be
     /// too low, never too high, so it saves work and changes nothing.
     rests_until: Vec<f32>,
-    /// The pairs that touched at the last step.
+    /// Where each pair stands among those that touch, or `NOWHERE`.
+    place: Vec<u32>,
+    /// The pairs that touched at the last step, or were carried over a rebuild.
     touching: Vec<u32>,
+    /// What is remembered of each of them.
+    history: Vec<History>,
+    /// Their tangential springs [m]; none without friction.
+    springs: Vec<Vec3>,
+    /// The load of each: those of the contacts come first, then those of `parted`.
+    load_of: Vec<u32>,
     /// Of owned particle `s`, `incident[first[s]..first[s + 1]]` are its pairs by rising id of the partner.
     first: Vec<u32>,
     incident: Vec<Incidence>,
     /// The pairs that touched at the last step and have come apart. Until they are forgotten, what is
     /// remembered of them is still there.
-    pub parted: Vec<u32>,
-    /// Which load belongs to each pair: those of the contacts come first, then those of `parted`.
-    load_of: Vec<u32>,
-    /// How many contacts there are.
-    contacts: u32,
+    parted: Vec<u32>,
+}
+
+/// A contact of this step.
+#[derive(Clone, Copy, Debug)]
+pub struct Loaded<'a> {
+    /// Its bodies.
+    pub pair: Pair,
+    /// Normal, overlap and normal force.
+    pub history: &'a History,
+    /// Tangential spring [m]; zero without friction.
+    pub spring: Vec3,
+    /// Force and contact point.
+    pub load: &'a Load,
 }
 
 /// A pair as one of its particles sees it: twice the pair's number, and one more for the first body.
@@ -73,7 +86,11 @@ impl Incidence {
     }
 }
 
-const NO_LOAD: u32 = u32::MAX;
+const NOWHERE: u32 = u32::MAX;
+
+/// This many pairs are resolved in one call: enough for its cost not to count, few enough for what it finds to
+/// take no memory worth mentioning.
+const AT_ONCE: usize = 4096;
 
 /// Leaves room for the rounding of clearances and travels, and of their sum to `f32`.
 const ROUNDING: f64 = 1.0 - 1e-6;
@@ -88,28 +105,26 @@ impl PairList {
         carried: &mut [NamedHistory],
     ) {
         self.sort_into_blocks(particles, found);
-        self.history.clear();
-        self.history.resize(self.pairs.len(), History::default());
-        self.springs.clear();
-        if particles.needs.springs {
-            self.springs.resize(self.pairs.len(), Vec3::zeros());
-        }
         self.rests_until.clear();
         self.rests_until.resize(self.pairs.len(), 0.0);
-        self.load_of.clear();
-        self.load_of.resize(self.pairs.len(), NO_LOAD);
+        self.place.clear();
+        self.place.resize(self.pairs.len(), NOWHERE);
         self.touching.clear();
+        self.history.clear();
+        self.springs.clear();
+        self.load_of.clear();
         self.parted.clear();
 
         carried.sort_unstable_by_key(|c| (c.a, c.b));
         for (index, pair) in self.pairs.iter().enumerate() {
             let key = (particles.id[pair.a.index()], particles.id[pair.b.index()]);
             if let Ok(at) = carried.binary_search_by_key(&key, |c| (c.a, c.b)) {
-                self.history[index] = carried[at].history;
-                if let Some(spring) = self.springs.get_mut(index) {
-                    *spring = carried[at].spring;
-                }
+                self.place[index] = self.touching.len() as u32;
                 self.touching.push(index as u32);
+                self.history.push(carried[at].history);
+                if particles.needs.springs {
+                    self.springs.push(carried[at].spring);
+                }
             }
         }
         self.collect_incidences(particles);
@@ -179,14 +194,28 @@ impl PairList {
         }
     }
 
-    /// The pairs of a block that must be looked at.
-    pub fn active(&self, block: &Block, particles: &Particles) -> Vec<u32> {
+    /// The blocks with or without ghosts, in pieces to be resolved in one call each.
+    pub fn pieces(&self, border: bool) -> Vec<Block> {
+        let blocks = self.blocks.iter().filter(|block| block.border == border);
+        let pieces = blocks.flat_map(|Block { kinds, range, .. }| {
+            let piece = |start| start..range.end.min(start + AT_ONCE);
+            range.clone().step_by(AT_ONCE).map(move |start| Block {
+                kinds: *kinds,
+                border,
+                range: piece(start),
+            })
+        });
+        pieces.collect()
+    }
+
+    /// Which of these pairs must be looked at.
+    pub fn active(&self, range: Range<usize>, particles: &Particles) -> Vec<u32> {
         // Every index is written, and the next one over it if the pair rests: no branch to be guessed wrongly.
-        let mut active = vec![0; block.range.len() + 1];
+        let mut active = vec![0; range.len() + 1];
         let mut count = 0;
-        let pairs = &self.pairs[block.range.clone()];
-        let rests_until = &self.rests_until[block.range.clone()];
-        for ((pair, rests_until), index) in pairs.iter().zip(rests_until).zip(block.range.start..) {
+        let pairs = &self.pairs[range.clone()];
+        let rests_until = &self.rests_until[range.clone()];
+        for ((pair, rests_until), index) in pairs.iter().zip(rests_until).zip(range.start..) {
             let travel = particles.travel[pair.a.index()] + particles.travel[pair.b.index()];
             active[count] = index as u32;
             count += usize::from(travel >= f64::from(*rests_until));
@@ -195,37 +224,75 @@ impl PairList {
         active
     }
 
-    /// After resolution: takes note of which pairs touch now, which have come apart, and how long those
-    /// that are apart can rest.
-    pub fn note(&mut self, found: &Found, particles: &Particles) {
-        for &(index, clearance) in &found.apart {
+    /// These pairs as resolvers see them.
+    pub fn batch<'a>(&'a self, active: &'a [u32], particles: &'a Particles) -> Batch<'a> {
+        Batch {
+            pairs: &self.pairs,
+            place: &self.place,
+            history: &self.history,
+            active,
+            bodies: particles.bodies(),
+        }
+    }
+
+    /// Lets pairs that are apart rest until their surfaces can have come nearer by so much [m].
+    pub fn let_rest(&mut self, apart: &[(u32, f64)], particles: &Particles) {
+        for &(index, clearance) in apart {
             let Pair { a, b } = self.pairs[index as usize];
             let travel = particles.travel[a.index()] + particles.travel[b.index()];
             self.rests_until[index as usize] = ((travel + clearance) * ROUNDING) as f32;
         }
-        self.load_of.fill(NO_LOAD);
-        for (index, contact) in found.contacts.iter().enumerate() {
-            self.load_of[contact.pair as usize] = index as u32;
-            self.rests_until[contact.pair as usize] = 0.0;
+    }
+
+    /// Takes note of which pairs touch now, and which have come apart.
+    pub fn note(&mut self, contacts: &[Contact], needs: Needs) {
+        self.load_of.clear();
+        self.load_of.resize(self.touching.len(), NOWHERE);
+        for (load, contact) in (0..).zip(contacts) {
+            let place = &mut self.place[contact.pair as usize];
+            if *place == NOWHERE {
+                *place = self.touching.len() as u32;
+                self.touching.push(contact.pair);
+                self.load_of.push(load);
+            } else {
+                self.load_of[*place as usize] = load;
+            }
         }
-        self.contacts = found.contacts.len() as u32;
+        self.history.resize(self.touching.len(), History::default());
+        if needs.springs {
+            self.springs.resize(self.touching.len(), Vec3::zeros());
+        }
         self.parted.clear();
-        for &pair in &self.touching {
-            if self.load_of[pair as usize] == NO_LOAD {
-                self.load_of[pair as usize] = self.contacts + self.parted.len() as u32;
+        for (load, &pair) in self.load_of.iter_mut().zip(&self.touching) {
+            if *load == NOWHERE {
+                *load = (contacts.len() + self.parted.len()) as u32;
                 self.parted.push(pair);
             }
         }
-        self.touching.clear();
-        self.touching.extend(found.contacts.iter().map(|c| c.pair));
+        trim(&mut self.load_of);
+        trim(&mut self.touching);
+        trim(&mut self.history);
+        trim(&mut self.springs);
     }
 
-    /// Forgets the histories of pairs that have come apart.
+    /// All pairs, those that have come apart, and what laws remember.
+    pub fn memory(&mut self) -> (&[Pair], &[u32], Memory<'_>) {
+        let Self { pairs, parted, place, history, springs, .. } = self;
+        (pairs, parted, Memory { place, history, springs })
+    }
+
+    /// Forgets the pairs that have come apart; the last that touch move to their places.
     pub fn forget_parted(&mut self) {
         for &pair in &self.parted {
-            self.history[pair as usize] = History::default();
-            if let Some(spring) = self.springs.get_mut(pair as usize) {
-                *spring = Vec3::zeros();
+            let place = std::mem::replace(&mut self.place[pair as usize], NOWHERE) as usize;
+            self.touching.swap_remove(place);
+            self.history.swap_remove(place);
+            self.load_of.swap_remove(place);
+            if !self.springs.is_empty() {
+                self.springs.swap_remove(place);
+            }
+            if let Some(&moved) = self.touching.get(place) {
+                self.place[moved as usize] = place as u32;
             }
         }
     }
@@ -238,21 +305,21 @@ impl PairList {
             let mut torque = Vec3::zeros();
             let (mut dissipated, mut received) = (0.0, 0.0);
             for incidence in self.incident_to(slot) {
-                let load = self.load_of[incidence.pair() as usize];
-                if load == NO_LOAD {
+                let place = self.place[incidence.pair() as usize];
+                if place == NOWHERE {
                     continue;
                 }
-                let load = &loads[load as usize];
+                let pair = self.pairs[incidence.pair() as usize];
+                let load = &loads[self.load_of[place as usize] as usize];
                 if incidence.is_a() {
                     force -= load.force;
-                    torque += load.torque_a;
+                    torque += load.torque_a();
                     received += load.received;
                 } else {
                     force += load.force;
-                    torque += load.torque_b;
+                    torque += load.torque_b(&particles.bodies().relative(pair));
                 }
-                let with_wall =
-                    self.pairs[incidence.pair() as usize].b.index() >= particles.first_wall();
+                let with_wall = pair.b.index() >= particles.first_wall();
                 dissipated += if with_wall { load.dissipated } else { 0.5 * load.dissipated };
             }
             particles.force[slot] = force;
@@ -273,12 +340,21 @@ impl PairList {
         if slot + 1 < self.first.len() { self.incident_to(slot).len() as i64 } else { 0 }
     }
 
+    /// The contacts of this step, in any order. `loads` are those of the step.
+    pub fn contacts<'a>(&'a self, loads: &'a [Load]) -> impl Iterator<Item = Loaded<'a>> {
+        self.touching.iter().zip(&self.history).zip(&self.load_of).map(
+            |((&pair, history), &load)| Loaded {
+                pair: self.pairs[pair as usize],
+                history,
+                spring: self.spring(pair),
+                load: &loads[load as usize],
+            },
+        )
+    }
+
     /// How many contacts an owned particle has in this step, with particles and walls.
     pub fn coordination(&self, slot: usize) -> usize {
-        self.incident_to(slot)
-            .iter()
-            .filter(|i| self.load_of[i.pair() as usize] < self.contacts)
-            .count()
+        self.incident_to(slot).iter().filter(|i| self.place[i.pair() as usize] != NOWHERE).count()
     }
 
     /// The pairs that touched at the last step, or were carried over a rebuild.
@@ -286,36 +362,43 @@ impl PairList {
         &self.touching
     }
 
-    /// The tangential spring of one pair [m]; zero without friction.
+    /// What is remembered of one pair that touches.
+    #[inline]
+    pub fn history(&self, pair: u32) -> &History {
+        &self.history[self.place[pair as usize] as usize]
+    }
+
+    /// The tangential spring of one pair that touches [m]; zero without friction.
     #[inline]
     pub fn spring(&self, pair: u32) -> Vec3 {
-        self.springs.get(pair as usize).copied().unwrap_or_default()
+        self.springs.get(self.place[pair as usize] as usize).copied().unwrap_or_default()
     }
 
     /// Gives back room that longer lists have needed.
     fn trim(&mut self) {
-        trim(&mut self.pairs);
-        trim(&mut self.history);
-        trim(&mut self.springs);
-        trim(&mut self.rests_until);
-        trim(&mut self.incident);
-        trim(&mut self.load_of);
+        self.pairs.shrink_to_fit();
+        self.rests_until.shrink_to_fit();
+        self.place.shrink_to_fit();
+        self.first.shrink_to_fit();
+        self.incident.shrink_to_fit();
     }
 
-    /// Bytes that the list and all that is remembered hold.
+    /// Bytes that the list holds.
     pub fn bytes(&self) -> usize {
-        fn held<T>(column: &Vec<T>) -> usize {
-            column.capacity() * size_of::<T>()
-        }
         held(&self.pairs)
-            + held(&self.history)
-            + held(&self.springs)
             + held(&self.rests_until)
-            + held(&self.touching)
+            + held(&self.place)
             + held(&self.first)
             + held(&self.incident)
-            + held(&self.parted)
+    }
+
+    /// Bytes that all that is remembered of touching pairs holds.
+    pub fn memory_bytes(&self) -> usize {
+        held(&self.touching)
+            + held(&self.history)
+            + held(&self.springs)
             + held(&self.load_of)
+            + held(&self.parted)
     }
 
     /// What is remembered of one pair, under its lasting name.
@@ -324,7 +407,7 @@ impl PairList {
         NamedHistory {
             a: particles.id[a.index()],
             b: particles.id[b.index()],
-            history: self.history[pair as usize],
+            history: *self.history(pair),
             spring: self.spring(pair),
         }
     }

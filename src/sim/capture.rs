@@ -7,6 +7,7 @@ use crate::ids::{GlobalId, Rank, ShapeId};
 use crate::math::{Quat, Vec3};
 use crate::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
 use crate::particles::records::Particle;
+use crate::search::Loaded;
 use crate::shape::Kind;
 use nalgebra::Quaternion;
 use std::collections::BTreeMap;
@@ -89,8 +90,7 @@ impl Simulation {
         let mut table = ContactTable::default();
         let particles = &self.particles;
         let bodies = particles.bodies();
-        for (contact, load) in self.found.contacts.iter().zip(&self.loads) {
-            let pair = self.pairs.pairs[contact.pair as usize];
+        for Loaded { pair, history, load, .. } in self.pairs.contacts(&self.loads) {
             let Pair { a, b } = pair;
             if a.index() >= particles.owned {
                 continue;
@@ -100,12 +100,12 @@ impl Simulation {
             table.a.push(particles.id[a.index()]);
             table.b.push(particles.id[b.index()]);
             table.centre.push(centre);
-            table.branch.push(if with_wall { contact.touch.point } else { bodies.relative(pair) });
-            table.point.push(centre + contact.touch.point);
-            table.normal.push(contact.touch.normal);
-            table.overlap.push(contact.touch.overlap);
-            table.normal_force.push(load.normal_force);
-            table.shear_force.push(load.force - contact.touch.normal * load.normal_force);
+            table.branch.push(if with_wall { load.point } else { bodies.relative(pair) });
+            table.point.push(centre + load.point);
+            table.normal.push(history.normal);
+            table.overlap.push(history.overlap);
+            table.normal_force.push(history.normal_force);
+            table.shear_force.push(load.force - history.normal * history.normal_force);
         }
         table
     }

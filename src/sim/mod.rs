@@ -6,17 +6,17 @@ pub mod run;
 pub mod trace;
 
 use crate::comm::{Comm, agree};
-use crate::contact::{Batch, Found, NamedHistory, Pair, Table, Why};
+use crate::contact::{Found, NamedHistory, Pair, Table, Why};
 use crate::domain::{Domain, DomainError};
 use crate::drive::rain::RainGauge;
 use crate::drive::servo::{ServoError, Servos};
 use crate::ids::GlobalId;
-use crate::law::{ForceLaw, Load, Memory};
+use crate::law::{ForceLaw, Load};
 use crate::measure::{self, Measures};
 use crate::motion::{self, Field};
-use crate::particles::Particles;
 use crate::particles::records::Particle;
-use crate::search::{self, PairList};
+use crate::particles::{Particles, trim};
+use crate::search::{self, Loaded, PairList};
 use crate::timing::{Clock, Phase};
 
 /// Everything that a rank holds. Made by `scene::assemble`.
@@ -37,9 +37,9 @@ pub struct Simulation {
     pub rain: Option<RainGauge>,
     /// Walls that keep a stress.
     pub servos: Servos,
-    /// Contacts at the current positions, and what the resolvers said of all pairs.
+    /// What the resolvers say in a step, until the contacts become loads.
     pub found: Found,
-    /// Forces of the contacts, in their order, then of pairs that have come apart.
+    /// Forces of the contacts at the current positions, then of pairs that have come apart.
     pub loads: Vec<Load>,
     /// Time step [s].
     pub dt: f64,
@@ -135,13 +135,13 @@ impl Simulation {
         // find contacts: one virtual call per kind of pair, inner pairs while the ghosts travel
         if let Some(newcomers) = self.next_rain(comm) {
             self.list_pairs(&newcomers, comm)?;
-            self.found.clear();
+            self.forget_found();
             self.resolve(Part::Inner)?;
         } else {
             self.exchange_and_resolve_inner(comm)?;
         }
         self.resolve(Part::Border)?;
-        self.pairs.note(&self.found, &self.particles);
+        self.pairs.note(&self.found.contacts, self.particles.needs);
         self.clock.lap(Phase::Contacts);
 
         // forces
@@ -168,7 +168,7 @@ impl Simulation {
         self.domain.start_halo(&self.particles, comm);
         self.clock.lap(Phase::Exchange);
         let before = self.found.tally;
-        self.found.clear();
+        self.forget_found();
         let inner = if stale_here { Ok(()) } else { self.resolve(Part::Inner) };
         self.domain.finish_halo(&mut self.particles, comm);
         self.clock.lap(Phase::Exchange);
@@ -179,8 +179,18 @@ impl Simulation {
         }
         self.found.tally = before;
         self.list_pairs(&[], comm)?;
-        self.found.clear();
+        self.forget_found();
         self.resolve(Part::Inner)
+    }
+
+    /// Makes room for new contacts, where the loads of the last step stood.
+    fn forget_found(&mut self) {
+        if !self.loads.is_empty() {
+            // Loads are as large as contacts: `collect` leaves their memory in place.
+            let loads = std::mem::take(&mut self.loads);
+            self.found.contacts = loads.into_iter().filter_map(|_| None).collect();
+        }
+        self.found.clear();
     }
 
     /// Lists pairs and finds the forces at the start of a run. Collective.
@@ -190,10 +200,10 @@ impl Simulation {
     pub fn begin(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         self.lists_since_cut = LISTS_BETWEEN_CUTS;
         self.list_pairs(&[], comm)?;
-        self.found.clear();
+        self.forget_found();
         self.resolve(Part::Inner)?;
         self.resolve(Part::Border)?;
-        self.pairs.note(&self.found, &self.particles);
+        self.pairs.note(&self.found.contacts, self.particles.needs);
         // No time has passed: springs do not stretch.
         self.apply_law(0.0);
         self.count_initial_energy();
@@ -226,9 +236,6 @@ impl Simulation {
         self.domain.finish_halo(&mut self.particles, comm);
         self.pairs.rebuild(&mut self.particles, found, carried);
         self.particles.trim();
-        let contacts = self.loads.len() + self.loads.len() / 8;
-        self.found.contacts.shrink_to(contacts);
-        self.loads.shrink_to(contacts);
         self.domain.traffic.rebuilds += 1;
     }
 
@@ -242,7 +249,6 @@ impl Simulation {
         measure::measure(
             &self.particles,
             &self.pairs,
-            &self.found.contacts,
             &self.loads,
             &*self.law,
             &self.field,
@@ -310,23 +316,18 @@ impl Simulation {
     }
 
     fn resolve(&mut self, part: Part) -> Result<(), StepError> {
-        let bodies = self.particles.bodies();
-        let found = &mut self.found;
-        for block in self.pairs.blocks.iter().filter(|b| b.border == (part == Part::Border)) {
-            let Some(resolver) = self.resolvers.get(block.kinds) else { continue };
-            let active = self.pairs.active(block, &self.particles);
-            let contacts = found.contacts.len();
-            let batch = Batch {
-                pairs: &self.pairs.pairs,
-                history: &self.pairs.history,
-                active: &active,
-                bodies,
-            };
-            resolver.resolve(&batch, found);
-            found.tally.listed += block.range.len() as u64;
+        let Self { pairs, particles, resolvers, found, .. } = self;
+        let contacts = found.contacts.len();
+        for piece in pairs.pieces(part == Part::Border) {
+            let Some(resolver) = resolvers.get(piece.kinds) else { continue };
+            let active = pairs.active(piece.range.clone(), particles);
+            resolver.resolve(&pairs.batch(&active, particles), found);
+            found.tally.listed += piece.range.len() as u64;
             found.tally.pairs += active.len() as u64;
-            found.tally.contacts += (found.contacts.len() - contacts) as u64;
+            pairs.let_rest(&found.apart, particles);
+            found.apart.clear();
         }
+        found.tally.contacts += (found.contacts.len() - contacts) as u64;
         self.clock.lap(Phase::Contacts);
         match found.failed.first() {
             None => Ok(()),
@@ -349,13 +350,14 @@ impl Simulation {
     }
 
     fn apply_law(&mut self, dt: f64) {
-        self.loads.clear();
         let Self { law, pairs, particles, found, loads, .. } = self;
-        let mut memory = Memory { history: &mut pairs.history, springs: &mut pairs.springs };
-        law.apply(&found.contacts, &pairs.pairs, &mut memory, particles, dt, loads);
-        law.part(&pairs.parted, &pairs.pairs, &memory, particles, dt, loads);
-        self.pairs.forget_parted();
-        self.pairs.gather(&self.loads, &mut self.particles);
+        let (listed, parted, mut memory) = pairs.memory();
+        let contacts = std::mem::take(&mut found.contacts);
+        *loads = law.apply(contacts, listed, &mut memory, particles, dt);
+        law.part(parted, listed, &memory, particles, dt, loads);
+        pairs.gather(loads, particles);
+        pairs.forget_parted();
+        trim(loads);
     }
 
     /// Counts the energy that all owned particles bring into a stage, contacts left out, as received.
@@ -371,12 +373,10 @@ impl Simulation {
     fn count_initial_energy(&mut self) {
         let particles = &mut self.particles;
         let mut brought: Vec<(usize, GlobalId, f64)> = Vec::new();
-        for contact in &self.found.contacts {
-            let Pair { a, b } = self.pairs.pairs[contact.pair as usize];
-            let spring = self.pairs.spring(contact.pair);
-            let overlap = contact.touch.overlap;
+        for Loaded { pair: Pair { a, b }, history, spring, .. } in self.pairs.contacts(&self.loads)
+        {
             let (of_a, of_b) = (particles.material(a), particles.material(b));
-            let stored = self.law.stored(of_a, of_b, overlap, &spring);
+            let stored = self.law.stored(of_a, of_b, history.overlap, &spring);
             let share = if b.index() >= particles.first_wall() { stored } else { 0.5 * stored };
             for (me, partner) in [(a, b), (b, a)] {
                 if me.index() < particles.owned {

@@ -3,8 +3,8 @@
 use super::Simulation;
 use super::run::{Ending, Finish};
 use crate::comm::Comm;
-use crate::contact::{Contact, Tally};
-use crate::law::Load;
+use crate::contact::Tally;
+use crate::particles::held;
 use crate::timing::Phase;
 use std::fmt::{Display, Formatter, Write};
 
@@ -103,14 +103,15 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
         traffic.migrated,
     ));
     line(format_args!(
-        "ghosts     {} per owned particle; {:.2} of all particles within the halo width (largest bounding diameter and skin)",
+        "ghosts     {} per owned particle, of {} within the halo width (largest bounding diameter and skin) around its subdomain: {:.2} of this geometric minimum",
         halo.ghosts,
+        halo.minimum,
         traffic.ghosts as f64 / traffic.offered.max(1) as f64,
     ));
     line(format_args!("balance    the busiest rank has {imbalance:.3} times the mean work"));
     line(format_args!(
-        "memory     {} bytes per owned particle: {:.0} in columns, {:.0} in {:.2} listed pairs, {:.0} in contacts and their forces",
-        memory.all, memory.columns, memory.pairs, memory.listed, memory.contacts,
+        "memory     {} bytes per owned particle: {:.0} in columns, {:.0} in {:.2} listed pairs, {:.0} in {:.2} contacts",
+        memory.all, memory.columns, memory.pairs, memory.listed, memory.contacts, memory.touching,
     ));
     line(format_args!(
         "packing    {:.3} contacts per particle with walls, mean normal force {:.3e} N, largest overlap {:.2e} of the shortest axis",
@@ -211,21 +212,25 @@ struct Halo {
     bytes: Share,
     /// Per owned particle.
     ghosts: Share,
+    /// Particles of others within the halo width, per owned particle.
+    minimum: Share,
 }
 
 impl Halo {
     fn of(sim: &Simulation, steps: u64, comm: &mut dyn Comm) -> Self {
         let traffic = &sim.domain.traffic;
         let per_step = |count: u64| count as f64 / steps.max(1) as f64;
-        let [messages, bytes, ghosts] = Share::of(
+        let per_owned = |count: u64| count as f64 / traffic.owned.max(1) as f64;
+        let [messages, bytes, ghosts, minimum] = Share::of(
             [
                 per_step(traffic.messages),
                 per_step(traffic.bytes),
-                traffic.ghosts as f64 / traffic.owned.max(1) as f64,
+                per_owned(traffic.ghosts),
+                per_owned(traffic.offered),
             ],
             comm,
         );
-        Self { messages, bytes, ghosts }
+        Self { messages, bytes, ghosts, minimum }
     }
 }
 
@@ -238,6 +243,8 @@ struct Memory {
     contacts: f64,
     /// Pairs per owned particle.
     listed: f64,
+    /// Contacts per owned particle: a contact of two of them counts once.
+    touching: f64,
 }
 
 impl Memory {
@@ -245,15 +252,13 @@ impl Memory {
         let owned = sim.particles.owned.max(1) as f64;
         let columns = sim.particles.bytes() as f64 / owned;
         let pairs = sim.pairs.bytes() as f64 / owned;
-        let held = |len: usize, each: usize| (len * each) as f64 / owned;
-        let contacts = held(sim.found.contacts.capacity(), size_of::<Contact>())
-            + held(sim.found.apart.capacity(), size_of::<(u32, f64)>())
-            + held(sim.loads.capacity(), size_of::<Load>());
+        let found = held(&sim.found.contacts) + held(&sim.found.apart) + held(&sim.loads);
+        let contacts = (found + sim.pairs.memory_bytes()) as f64 / owned;
         let listed = sim.pairs.pairs.len() as f64 / owned;
-        let parts = [columns + pairs + contacts, columns, pairs, contacts, listed];
-        let [all, columns, pairs, contacts, listed] = Share::of(parts, comm);
-        let [columns, pairs, contacts, listed] =
-            [columns, pairs, contacts, listed].map(|share| share.mean);
-        Self { all, columns, pairs, contacts, listed }
+        let touching = sim.pairs.touching().len() as f64 / owned;
+        let parts = [columns + pairs + contacts, columns, pairs, contacts, listed, touching];
+        let [all, parts @ ..] = Share::of(parts, comm);
+        let [columns, pairs, contacts, listed, touching] = parts.map(|share| share.mean);
+        Self { all, columns, pairs, contacts, listed, touching }
     }
 }

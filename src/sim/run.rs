@@ -8,6 +8,7 @@ use crate::ids::GlobalId;
 use crate::measure::{Measures, shortest_axis};
 use crate::output::table::{History, TableError};
 use crate::output::{SnapshotError, snapshot};
+use crate::search::Loaded;
 use crate::timing::Phase;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -351,12 +352,11 @@ fn save(
 /// Refuses particles that start too deep in each other, and names the worst of them.
 fn check_overlaps(sim: &Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
     let mut found: Vec<(f64, u64, i64, [f64; 3])> = Vec::new();
-    for contact in &sim.found.contacts {
-        let pair = sim.pairs.pairs[contact.pair as usize];
-        let depth = contact.touch.overlap / shortest_axis(&sim.particles, pair.a, pair.b);
+    for Loaded { pair, history, load, .. } in sim.pairs.contacts(&sim.loads) {
+        let depth = history.overlap / shortest_axis(&sim.particles, pair.a, pair.b);
         if depth > DEEPEST_START && pair.a.index() < sim.particles.owned {
             let (a, b) = (sim.particles.id[pair.a.index()], sim.particles.id[pair.b.index()]);
-            let at = sim.particles.position[pair.a.index()] + contact.touch.point;
+            let at = sim.particles.position[pair.a.index()] + load.point;
             found.push((depth, a.0, b.to_file(), at.into()));
         }
     }

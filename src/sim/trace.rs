@@ -5,6 +5,7 @@ use super::Simulation;
 use crate::comm::{Comm, wire};
 use crate::ids::GlobalId;
 use crate::math::Vec3;
+use crate::search::Loaded;
 use std::fmt::Write;
 
 impl Simulation {
@@ -45,27 +46,28 @@ impl Simulation {
             vector("torque", spin.torque[slot]);
         }
         let mut lines = Vec::new();
-        for (contact, load) in self.found.contacts.iter().zip(&self.loads) {
-            let pair = self.pairs.pairs[contact.pair as usize];
+        for Loaded { pair, history, spring, load } in self.pairs.contacts(&self.loads) {
             let is_a = pair.a.index() == slot;
             if !is_a && pair.b.index() != slot {
                 continue;
             }
             let partner = particles.id[if is_a { pair.b } else { pair.a }.index()];
-            let (force, torque) =
-                if is_a { (-load.force, load.torque_a) } else { (load.force, load.torque_b) };
-            let touch = &contact.touch;
+            let (force, torque) = if is_a {
+                (-load.force, load.torque_a())
+            } else {
+                (load.force, load.torque_b(&particles.bodies().relative(pair)))
+            };
             let line = format!(
                 "trace step={step} particle={id} contact={} overlap={:e} normal={} point={} normal_force={:e} \
                  force={} torque={} spring={}",
                 partner.to_string().replace(' ', ""),
-                touch.overlap,
-                commas(touch.normal.as_slice()),
-                commas(touch.point.as_slice()),
-                load.normal_force,
+                history.overlap,
+                commas(history.normal.as_slice()),
+                commas(load.point.as_slice()),
+                history.normal_force,
                 commas(force.as_slice()),
                 commas(torque.as_slice()),
-                commas(self.pairs.spring(contact.pair).as_slice()),
+                commas(spring.as_slice()),
             );
             lines.push((partner, line));
         }
