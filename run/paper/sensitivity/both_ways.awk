@@ -10,18 +10,14 @@ NR > 1 {
     lost += $2 > 0 && $3 <= 0
     if ($3 > 0) {
         truth[++eroded] = $2
+        spurious += $2 <= 0
         sum += $3
         excess += $3 - $2
-    }
-    if ($3 > 0 && $2 > 0) {
-        kept[++both] = $3
-        strength += $3
     }
 }
 
 END {
-    for (i = 1; i <= both; i++) weak += kept[i] < 0.3 * strength / both
-    printf ",%d,%d,%d,%d,%.5g,%.5g,%.5g\n", touch, eroded, lost, eroded - both, 2 * touch / particles, weak / both, excess / sum
+    printf ",%d,%d,%d,%d,%.5g,%.5g\n", touch, eroded, lost, spurious, 2 * touch / particles, excess / sum
     mean = sum / eroded
     for (i = 1; i <= eroded; i++) count[int(5 * truth[i] / mean + 100) - 100]++
     for (k = -10; k < 20; k++) printf "%s,%.1f,%d\n", name, k / 5, count[k] >>histogram
