@@ -42,6 +42,19 @@ impl Body {
     fn turned(&self, turn: &Mat3) -> Self {
         Self { shape: self.shape.clone(), frame: turn * self.frame }
     }
+
+    /// Normals of faces and vectors along edges, if it has any.
+    fn faces_and_edges(&self) -> [Vec<Vec3>; 2] {
+        let Core::Hull(hull) = self.shape.core() else { return Default::default() };
+        let faces = hull.planes().iter().map(|plane| self.frame * plane.normal);
+        let corner = |index: u32| hull.vertices()[index as usize];
+        let edges = hull.triangles().iter().flat_map(|triangle| {
+            let [p, q, s] = triangle.corners;
+            [(p, q), (q, s), (s, p)].into_iter().filter(|(from, to)| from < to)
+        });
+        let edges = edges.map(|(from, to)| self.frame * (corner(to) - corner(from)));
+        [faces.collect(), edges.collect()]
+    }
 }
 
 /// Two bodies in place.
@@ -77,17 +90,13 @@ impl Case {
         self.a.shape.bounding_radius().max(self.b.shape.bounding_radius())
     }
 
-    /// At most what an exhaustive search over directions finds: a grid, the axes and faces of both bodies and the normal of
-    /// the construction, and from the best of them downhill in ever smaller steps.
+    /// At most what an exhaustive search over directions finds: a grid, the axes of both bodies, their faces and pairs of edges, the
+    /// normal of the construction, and from the best of them downhill in ever smaller steps.
     fn searched_overlap(&self) -> f64 {
         const GRID: i32 = 500;
         let axes = [&self.a, &self.b].into_iter().flat_map(|body| body.frame.column_iter());
         let mut starts: Vec<Vec3> = axes.flat_map(|axis| [axis.into_owned(), -axis]).collect();
-        let faces = [(&self.a, 1.0), (&self.b, -1.0)].into_iter().flat_map(|(body, sign)| {
-            let planes = if let Core::Hull(hull) = body.shape.core() { hull.planes() } else { &[] };
-            planes.iter().map(move |plane| body.frame * plane.normal * sign)
-        });
-        starts.extend(faces);
+        starts.extend(self.normals_of_solids());
         starts.extend([self.normal, self.r.try_normalize(0.0).unwrap_or_else(Vec3::x)]);
         // Whoever found it, what a direction says is true.
         starts.extend(clearance(&self.a.posed(), &self.b.posed(), &self.r).map(|t| t.normal));
@@ -100,6 +109,18 @@ impl Case {
         let mut ranked: Vec<(f64, Vec3)> = starts.iter().map(|n| (self.delta(n), *n)).collect();
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
         ranked.iter().take(3).map(|start| self.downhill(*start)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// If solids are apart, or overlap by little, a face or two edges tell by how much.
+    fn normals_of_solids(&self) -> Vec<Vec3> {
+        let [[faces_a, edges_a], [faces_b, edges_b]] =
+            [&self.a, &self.b].map(Body::faces_and_edges);
+        let mut normals = [faces_a, faces_b].concat();
+        for along in &edges_a {
+            normals
+                .extend(edges_b.iter().filter_map(|other| along.cross(other).try_normalize(0.0)));
+        }
+        normals.iter().flat_map(|normal| [*normal, -normal]).collect()
     }
 
     fn downhill(&self, (mut least, mut normal): (f64, Vec3)) -> f64 {
