@@ -66,7 +66,7 @@ pub(crate) fn contestants(shape: &Shape) -> Vec<Contestant> {
     let paper = ErodedGjk::default();
     let ratios = [0.01, 0.02, 0.05, 0.1].map(|ratio| ErodedGjk { ratio, ..paper });
     // The last is the tolerance of parry.
-    let tolerances = [1e-3, 1e-6, 5e-8].map(|tolerance| ErodedGjk { tolerance, ..paper });
+    let tolerances = [1e-3, 1e-4, 5e-8].map(|tolerance| ErodedGjk { tolerance, ..paper });
     for erosion in ratios.into_iter().chain(tolerances) {
         let settings = format!("{} % {:e}", 100.0 * erosion.ratio, erosion.tolerance);
         all.push(Contestant::new(Family::Erosion, settings, erosion));
