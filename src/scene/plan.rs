@@ -382,9 +382,9 @@ impl Block {
     /// Wider by `by` on all sides, but not beyond the bed where that does not repeat, and nowhere wider than it.
     fn grown(&self, by: f64, bed: &Self, periodic: [bool; 3]) -> Self {
         let mut grown = Self { low: self.low.add_scalar(-by), high: self.high.add_scalar(by) };
-        for axis in 0..3 {
+        for (axis, repeats) in periodic.into_iter().enumerate() {
             let (low, high) = (bed.low[axis], bed.high[axis]);
-            if !periodic[axis] {
+            if !repeats {
                 grown.low[axis] = grown.low[axis].max(low);
                 grown.high[axis] = grown.high[axis].min(high);
             } else if grown.high[axis] - grown.low[axis] > high - low {
