@@ -90,8 +90,9 @@ impl Case {
         self.a.shape.bounding_radius().max(self.b.shape.bounding_radius())
     }
 
-    /// At most what an exhaustive search over directions finds: a grid, the axes of both bodies, their faces and pairs of edges, the
-    /// normal of the construction, and from the best of them downhill in ever smaller steps.
+    /// At most what an exhaustive search over directions finds: a grid, the axes of both bodies, their faces
+    /// and pairs of edges, the normal of the construction, and from the best of them downhill in ever smaller
+    /// steps.
     fn searched_overlap(&self) -> f64 {
         const GRID: i32 = 500;
         let axes = [&self.a, &self.b].into_iter().flat_map(|body| body.frame.column_iter());

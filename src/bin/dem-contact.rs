@@ -174,14 +174,18 @@ fn method(word: Word, settings: &[String]) -> Result<Method> {
     for setting in settings {
         let (key, value) =
             setting.split_once('=').with_context(|| format!("--set {setting}: write KEY=VALUE"))?;
+        let flag = || value.parse().with_context(|| format!("--set {setting}"));
         let place = match (word, key) {
             (Word::GjkErosion, "erosion_ratio") => &mut erosion.ratio,
             (Word::GjkErosion, "erosion_increment") => &mut erosion.increment,
             (Word::GjkErosion, "tolerance") => &mut erosion.tolerance,
             (Word::Epa, "tolerance") => &mut epa.tolerance,
-            (Word::GjkErosion, "spurious") | (Word::Epa, "polish") => {
-                let flag = value.parse().with_context(|| format!("--set {setting}"))?;
-                (erosion.spurious, epa.polish) = (flag, flag);
+            (Word::GjkErosion, "spurious") => {
+                erosion.spurious = flag()?;
+                continue;
+            }
+            (Word::Epa, "polish") => {
+                epa.polish = flag()?;
                 continue;
             }
             _ => {

@@ -192,10 +192,9 @@ impl Octet {
     /// The normals of the last touch.
     #[inline(always)]
     fn normals<L: Eight>(&self, batch: &Batch) -> Triple<L> {
-        let last = |index: u32| batch.history[batch.place[index as usize] as usize].normal.as_ref();
-        let mut normals = [last(self.index[0]); WIDTH];
+        let mut normals = [batch.normal(self.index[0]).as_ref(); WIDTH];
         for (normal, index) in normals.iter_mut().zip(&self.index) {
-            *normal = last(*index);
+            *normal = batch.normal(*index).as_ref();
         }
         Triple::of(&normals)
     }
@@ -249,7 +248,7 @@ impl Octet {
             } else if apart >> lane & 1 == 1 {
                 found.note(index, Outcome::Apart(-delta));
             } else {
-                open.push((index, batch.history[batch.place[index as usize] as usize].normal));
+                open.push((index, *batch.normal(index)));
             }
         }
         self.count = 0;

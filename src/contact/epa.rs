@@ -337,8 +337,8 @@ fn remainder(corner: &Corner) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::Epa;
-    use crate::contact::{ContactResolver, Outcome, Posed};
-    use crate::math::{Quat, Vec3};
+    use crate::contact::{ContactResolver, Outcome, Posed, attitudes};
+    use crate::math::Vec3;
     use crate::shape::{Ellipsoid, Shape};
 
     /// A coarse polytope is enough for smooth bodies: secants do the rest.
@@ -347,11 +347,9 @@ mod tests {
         let shape = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.0, 0.5, 0.4) });
         for i in 0..500 {
             let k = f64::from(i);
-            let one = Quat::from_euler_angles(k, 1.7 * k, 0.3 * k).to_rotation_matrix();
-            let other = Quat::from_euler_angles(2.1 * k, k, 0.7 * k).to_rotation_matrix();
-            let a = Posed { shape: &shape, frame: one.matrix() };
-            let b = Posed { shape: &shape, frame: other.matrix() };
-            let normal = Vec3::new((1.3 * k).sin(), (2.9 * k).sin(), (0.7 * k).cos()).normalize();
+            let ([one, other], normal) = attitudes(k);
+            let a = Posed { shape: &shape, frame: &one };
+            let b = Posed { shape: &shape, frame: &other };
             // Less than the least radii of curvature: no other minimum.
             let overlap = 1e-3 + 0.02 * (0.9 * k).sin().abs();
             let r = a.support(&normal) - b.support(&-normal) - normal * overlap;

@@ -89,8 +89,8 @@ fn intersect(m: &Difference, start: &Vec3) -> bool {
 #[cfg(test)]
 mod tests {
     use super::{Difference, ErodedGjk, Separation, separate, touch_along};
-    use crate::contact::{ContactResolver, Outcome, Posed};
-    use crate::math::{Mat3, Quat, Vec3};
+    use crate::contact::{ContactResolver, Outcome, Posed, attitudes};
+    use crate::math::{Mat3, Vec3};
     use crate::shape::{Ellipsoid, Shape, Sphere};
 
     /// Pairs rejected early are those that the rule itself rejects: touching or not is decided by the
@@ -102,11 +102,9 @@ mod tests {
         let mut met = [0, 0];
         for i in 0..4000 {
             let k = f64::from(i);
-            let frame = Quat::from_euler_angles(k, 1.7 * k, 0.3 * k).to_rotation_matrix();
-            let other = Quat::from_euler_angles(2.1 * k, k, 0.7 * k).to_rotation_matrix();
-            let a = Posed { shape: &shape, frame: frame.matrix() };
-            let b = Posed { shape: &shape, frame: other.matrix() };
-            let toward = Vec3::new((1.3 * k).sin(), (2.9 * k).sin(), (0.7 * k).cos()).normalize();
+            let ([frame, other], toward) = attitudes(k);
+            let a = Posed { shape: &shape, frame: &frame };
+            let b = Posed { shape: &shape, frame: &other };
             // About the size of the spurious overlaps, on both sides.
             let clearance = 0.01 * (0.9 * k).sin();
             let r = a.support(&toward) - b.support(&-toward) + toward * clearance;
@@ -132,11 +130,9 @@ mod tests {
         let mut met = 0;
         for i in 0..2000 {
             let k = f64::from(i);
-            let frame = Quat::from_euler_angles(k, 1.7 * k, 0.3 * k).to_rotation_matrix();
-            let other = Quat::from_euler_angles(2.1 * k, k, 0.7 * k).to_rotation_matrix();
-            let a = Posed { shape: &shape, frame: frame.matrix() };
-            let b = Posed { shape: &shape, frame: other.matrix() };
-            let toward = Vec3::new((1.3 * k).sin(), (2.9 * k).sin(), (0.7 * k).cos()).normalize();
+            let ([frame, other], toward) = attitudes(k);
+            let a = Posed { shape: &shape, frame: &frame };
+            let b = Posed { shape: &shape, frame: &other };
             let overlap = 1e-3 * (0.9 * k).sin();
             let r = a.support(&toward) - b.support(&-toward) - toward * overlap;
             let paper = ErodedGjk { spurious: false, ..method };

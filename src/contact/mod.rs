@@ -289,6 +289,12 @@ impl<'a> Batch<'a> {
         let history = self.history.get(self.place[index as usize] as usize)?;
         history.touched().then_some(&history.normal)
     }
+
+    /// The same of a pair that is known to have touched.
+    #[inline]
+    pub fn normal(&self, index: u32) -> &'a Vec3 {
+        &self.history[self.place[index as usize] as usize].normal
+    }
 }
 
 /// What resolvers found in a step.
@@ -396,4 +402,14 @@ impl Default for Table {
 /// The two kinds in the order of batches.
 pub fn ordered((a, b): (Kind, Kind)) -> (Kind, Kind) {
     if a <= b { (a, b) } else { (b, a) }
+}
+
+/// The frames of two bodies and a direction, others for each `k`: for tests.
+#[cfg(test)]
+fn attitudes(k: f64) -> ([Mat3; 2], Vec3) {
+    let frame = |roll, pitch, yaw| {
+        crate::math::Quat::from_euler_angles(roll, pitch, yaw).to_rotation_matrix().into_inner()
+    };
+    let direction = Vec3::new((1.3 * k).sin(), (2.9 * k).sin(), (0.7 * k).cos()).normalize();
+    ([frame(k, 1.7 * k, 0.3 * k), frame(2.1 * k, k, 0.7 * k)], direction)
 }

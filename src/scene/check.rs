@@ -176,27 +176,23 @@ fn check_periods(section: &Section, domain: &DomainSpec, reach: f64) {
 fn contact(section: &Section) -> Option<(Method, bool)> {
     let words = ["auto", "common-normal", "gjk-erosion", "epa"].map(|word| (word, word));
     let word = section.read_or("method", "auto", |given| given.one_of(&words));
-    let option = |key, default, methods: &[&str]| match section.get(key) {
+    // None if it is there and the method has no such setting.
+    let setting = |key, methods: &[&str]| match section.get(key) {
         Some(given) if word.is_some_and(|word| !methods.contains(&word)) => {
             given.fail(format!("only for method = \"{}\"", methods.join("\" or \"")));
             None
         }
-        Some(given) => given.number(Range::BelowOne, ""),
-        None => Some(default),
+        given => Some(given),
     };
+    let option = |key, default, methods: &[&str]| {
+        setting(key, methods)?.map_or(Some(default), |given| given.number(Range::BelowOne, ""))
+    };
+    let flag = |key, method| setting(key, &[method])?.map_or(Some(true), |given| given.boolean());
     let ratio = option("erosion_ratio", ErodedGjk::default().ratio, &["gjk-erosion"]);
     let increment = option("erosion_increment", ErodedGjk::default().increment, &["gjk-erosion"]);
     let default_tolerance =
         if word == Some("epa") { Epa::default().tolerance } else { ErodedGjk::default().tolerance };
     let tolerance = option("tolerance", default_tolerance, &["gjk-erosion", "epa"]);
-    let flag = |key, method: &str| match section.get(key) {
-        Some(given) if word.is_some_and(|word| word != method) => {
-            given.fail(format!("only for method = \"{method}\""));
-            None
-        }
-        Some(given) => given.boolean(),
-        None => Some(true),
-    };
     let (spurious, polish) = (flag("spurious", "gjk-erosion"), flag("polish", "epa"));
     let limit_damping = section.read_or("limit_damping", true, Given::boolean);
     section.finish();
