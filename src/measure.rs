@@ -4,7 +4,7 @@
 use crate::comm::Comm;
 use crate::contact::Pair;
 use crate::ids::Slot;
-use crate::law::{ForceLaw, Load};
+use crate::law::ForceLaw;
 use crate::math::{ExactSum, Vec3};
 use crate::motion::Field;
 use crate::particles::Particles;
@@ -92,7 +92,6 @@ enum Of {
 pub fn measure(
     particles: &Particles,
     pairs: &PairList,
-    loads: &[Load],
     law: &dyn ForceLaw,
     field: &Field,
     dt: f64,
@@ -125,7 +124,7 @@ pub fn measure(
         maxima[2] = larger(maxima[2], particles.position[slot].z + radius);
     }
 
-    for Loaded { pair: Pair { a, b }, history, spring, load } in pairs.contacts(loads) {
+    for Loaded { pair: Pair { a, b }, history, spring, load } in pairs.contacts() {
         let wall = b.index().checked_sub(particles.first_wall());
         // A contact counts where its first particle is owned.
         if a.index() >= particles.owned {

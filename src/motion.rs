@@ -96,17 +96,17 @@ fn turn(particles: &mut Particles, slower: f64, faster: f64, damping: f64, dt: f
         let mean_spin;
         if let Some(attitude) = attitude {
             let start = attitude.quaternion[slot];
-            let mut frame = attitude.frame[slot];
+            let mut frame = start.to_rotation_matrix().into_inner();
             let mut angular_velocity = spin_of(&frame, inertia, &momentum);
             for _ in 0..2 {
                 let halfway = turned(&start, &angular_velocity, 0.5 * dt);
-                frame = *halfway.to_rotation_matrix().matrix();
+                frame = halfway.to_rotation_matrix().into_inner();
                 angular_velocity = spin_of(&frame, inertia, &momentum);
             }
             mean_spin = angular_velocity;
             let end = turned(&start, &angular_velocity, dt);
-            attitude.set(slot, end, &library.shapes[shape[slot].index()]);
-            spin.angular_velocity[slot] = spin_of(&attitude.frame[slot], inertia, &momentum);
+            frame = attitude.set(slot, end, &library.shapes[shape[slot].index()]);
+            spin.angular_velocity[slot] = spin_of(&frame, inertia, &momentum);
             // Cayley's turn is smaller than the angle ω dt.
             travel[slot] += library.radius[shape[slot].index()] * (angular_velocity.norm() * dt);
         } else {

@@ -1,6 +1,6 @@
 //! Is the common normal ever not found, or another one found than that of least overlap?
 
-use crate::pairs::{Pairs, direction, rotation};
+use crate::pairs::{Pairs, direction};
 use crate::record;
 use dem_mpi::contact::{CommonNormal, ContactResolver, Found, Outcome};
 use dem_mpi::ids::ShapeId;
@@ -53,10 +53,10 @@ fn chunk(counted: &mut Counted, count: u64) {
     let library = randoms.iter_mut().flat_map(|random| [ellipsoid(random), ellipsoid(random)]);
     let mut pairs = Pairs::of(library.collect());
     for (k, random) in (0..).zip(&mut randoms) {
-        let frames = [(); 2].map(|()| rotation(random));
+        let quaternions = [(); 2].map(|()| random.rotation());
         // The short axis of both is 1.
         let overlap = 0.05 * (1.0 - random.unit());
-        pairs.push([ShapeId(2 * k), ShapeId(2 * k + 1)], frames, overlap, direction(random));
+        pairs.push([ShapeId(2 * k), ShapeId(2 * k + 1)], quaternions, overlap, direction(random));
     }
     let mut found = Found::default();
     CommonNormal.resolve(&pairs.batch(&pairs.strangers()), &mut found);

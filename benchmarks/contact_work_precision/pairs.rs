@@ -2,11 +2,11 @@
 
 use crate::facets;
 use dem_mpi::contact::{
-    Batch, Bodies, CommonNormal, ContactResolver, History, Outcome, Pair, Posed,
+    Batch, Bodies, CommonNormal, ContactResolver, History, Outcome, Pair, Place, Posed,
     SmoothCommonNormal, touch_along,
 };
 use dem_mpi::ids::{ShapeId, Slot};
-use dem_mpi::math::{Mat3, Vec3};
+use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::random::Random;
 use dem_mpi::shape::{Ellipsoid, Form, Kind, Polyhedron, Shape, Superellipsoid};
 
@@ -78,6 +78,7 @@ pub(crate) struct Truth {
 #[derive(Default)]
 pub(crate) struct Pairs {
     position: Vec<Vec3>,
+    quaternion: Vec<Quat>,
     frame: Vec<Mat3>,
     form: Vec<Form>,
     shape: Vec<ShapeId>,
@@ -85,6 +86,7 @@ pub(crate) struct Pairs {
     curvature_radius: Vec<f64>,
     slots: Vec<Pair>,
     active: Vec<u32>,
+    place: Vec<Place>,
     pub(crate) truth: Vec<Truth>,
 }
 
@@ -101,29 +103,33 @@ impl Pairs {
     pub(crate) fn push(
         &mut self,
         shapes: [ShapeId; 2],
-        frames: [Mat3; 2],
+        quaternions: [Quat; 2],
         overlap: f64,
         normal: Vec3,
     ) {
+        let frames = frames(quaternions);
         let [a, b] = [0, 1]
             .map(|side| Posed { shape: &self.library[shapes[side].index()], frame: &frames[side] });
         let on_a = a.support(&normal);
         let r = on_a - b.support(&-normal) - normal * overlap;
         let truth = Truth { overlap, normal, point: on_a - normal * (0.5 * overlap) };
-        self.push_known(shapes, frames, r, truth);
+        self.push_known(shapes, quaternions, r, truth);
     }
 
-    fn push_known(&mut self, shapes: [ShapeId; 2], frames: [Mat3; 2], r: Vec3, truth: Truth) {
+    fn push_known(&mut self, shapes: [ShapeId; 2], quaternions: [Quat; 2], r: Vec3, truth: Truth) {
+        let frames = frames(quaternions);
         let [a, b] = [0, 1]
             .map(|side| Posed { shape: &self.library[shapes[side].index()], frame: &frames[side] });
         self.truth.push(truth);
         self.form.extend([a.shape.form(a.frame), b.shape.form(b.frame)]);
         self.position.extend([Vec3::zeros(), r]);
+        self.quaternion.extend(quaternions);
         self.frame.extend(frames);
         self.shape.extend(shapes);
         let pair = self.slots.len() as u32;
         self.slots.push(Pair { a: Slot(2 * pair), b: Slot(2 * pair + 1) });
         self.active.push(pair);
+        self.place.push(Place::among(pair as usize));
     }
 
     /// As case III of Lai et al. (2021): both rotations and the line of centres uniform. Overlaps, or clearances
@@ -132,17 +138,18 @@ impl Pairs {
         let mut pairs = Self::of(vec![grain.shape.clone()]);
         for id in 0..count {
             let mut random = Random::of(2021, id);
-            let frames = [(); 2].map(|()| rotation(&mut random));
+            let quaternions = [(); 2].map(|()| random.rotation());
+            let frames = frames(quaternions);
             let towards = direction(&mut random);
             let overlap = overlap(1.0 - random.unit());
             if grain.shape.kind() == Kind::Polyhedron {
                 let [a, b] = frames.each_ref().map(|frame| Posed { shape: &grain.shape, frame });
                 let (r, normal) = facets::placed(&a, &b, &towards, overlap);
                 let point = touch_along(&a, &b, &r, &normal).point;
-                pairs.push_known([ShapeId(0); 2], frames, r, Truth { overlap, normal, point });
+                pairs.push_known([ShapeId(0); 2], quaternions, r, Truth { overlap, normal, point });
             } else {
                 let normal = normal_along(&grain.shape, &frames, &towards);
-                pairs.push([ShapeId(0); 2], frames, overlap, normal);
+                pairs.push([ShapeId(0); 2], quaternions, overlap, normal);
             }
         }
         pairs
@@ -151,7 +158,7 @@ impl Pairs {
     pub(crate) fn bodies(&self) -> Bodies<'_> {
         Bodies {
             position: &self.position,
-            frame: Some(&self.frame),
+            quaternion: Some(&self.quaternion),
             form: Some(&self.form),
             shape: &self.shape,
             library: &self.library,
@@ -163,7 +170,7 @@ impl Pairs {
     pub(crate) fn batch<'a>(&'a self, history: &'a [History]) -> Batch<'a> {
         Batch {
             pairs: &self.slots,
-            place: &self.active,
+            place: &self.place,
             history,
             active: &self.active,
             bodies: self.bodies(),
@@ -196,8 +203,8 @@ impl Pairs {
     }
 }
 
-pub(crate) fn rotation(random: &mut Random) -> Mat3 {
-    *random.rotation().to_rotation_matrix().matrix()
+fn frames(quaternions: [Quat; 2]) -> [Mat3; 2] {
+    quaternions.map(|q| q.to_rotation_matrix().into_inner())
 }
 
 /// Uniform on the sphere.

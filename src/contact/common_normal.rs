@@ -114,8 +114,9 @@ fn search(batch: &Batch, index: u32, start: &Vec3) -> Outcome {
     let Pair { a, b } = batch.pairs[index as usize];
     let bodies = &batch.bodies;
     let forms = bodies.form.map(|form| [form[a.index()], form[b.index()]]);
-    let (a, b, r) = (bodies.posed(a), bodies.posed(b), bodies.relative(Pair { a, b }));
-    Search::of([a.shape, b.shape], [a.frame, b.frame], forms, &r, Some(start))
+    let frames = bodies.frames(Pair { a, b });
+    let shapes = [bodies.shape_of(a), bodies.shape_of(b)];
+    Search::of(shapes, frames.each_ref(), forms, &bodies.relative(Pair { a, b }), Some(start))
 }
 
 /// The shapes of a pair.
@@ -340,7 +341,7 @@ fn forms<L: Eight>(all: &[Form], slots: &[Slot; WIDTH]) -> Symmetric<L> {
 /// The same where the caller does not keep them.
 #[inline(always)]
 fn forms_made<L: Eight>(bodies: &Bodies, slots: &[Slot; WIDTH]) -> Symmetric<L> {
-    let made = slots.map(|slot| bodies.shape_of(slot).form(bodies.posed(slot).frame));
+    let made = slots.map(|slot| bodies.shape_of(slot).form(&bodies.frame(slot)));
     Symmetric::of(&made.each_ref())
 }
 
@@ -525,16 +526,18 @@ fn vector(t: Triple<f64>) -> Vec3 {
 mod tests {
     use super::{CommonNormal, resolve_with};
     use crate::contact::lanes::Portable;
-    use crate::contact::{Batch, Bodies, ContactResolver, Found, History, Outcome, Pair, Touch};
+    use crate::contact::{
+        Batch, Bodies, ContactResolver, Found, History, Outcome, Pair, Place, Touch,
+    };
     use crate::ids::{ShapeId, Slot};
-    use crate::math::{Mat3, Vec3};
+    use crate::math::{Quat, Vec3};
     use crate::random::Random;
     use crate::shape::{Ellipsoid, Form, Shape, Sphere};
 
     /// Pairs of touching bodies far from each other, with the normals of a step before.
     struct Crowd {
         position: Vec<Vec3>,
-        frame: Vec<Mat3>,
+        quaternion: Vec<Quat>,
         form: Vec<Form>,
         shape: Vec<ShapeId>,
         library: Vec<Shape>,
@@ -554,7 +557,7 @@ mod tests {
             library.push(Shape::Sphere(Sphere { radius: 0.6 * unit }));
             let mut crowd = Self {
                 position: Vec::new(),
-                frame: Vec::new(),
+                quaternion: Vec::new(),
                 form: Vec::new(),
                 shape: Vec::new(),
                 curvature_radius: library.iter().map(Shape::smallest_curvature_radius).collect(),
@@ -565,7 +568,8 @@ mod tests {
             for k in 0..pairs {
                 let mut random = Random::of(7, u64::from(k));
                 let shapes = [k % 4, k / 4 % 4].map(|s| ShapeId(s as u16));
-                let frames = [(); 2].map(|()| *random.rotation().to_rotation_matrix().matrix());
+                let quaternions = [(); 2].map(|()| random.rotation());
+                let frames = quaternions.map(|q| q.to_rotation_matrix().into_inner());
                 let mut direction = || random.rotation() * Vec3::x();
                 let (normal, tilt) = (direction(), direction());
                 let support = |side: usize, way: &Vec3| {
@@ -576,7 +580,7 @@ mod tests {
                 let r = support(0, &normal) - support(1, &-normal) - normal * overlap;
                 for side in 0..2 {
                     crowd.position.push(r * side as f64);
-                    crowd.frame.push(frames[side]);
+                    crowd.quaternion.push(quaternions[side]);
                     crowd.form.push(crowd.library[shapes[side].index()].form(&frames[side]));
                     crowd.shape.push(shapes[side]);
                 }
@@ -590,7 +594,7 @@ mod tests {
         fn bodies(&self) -> Bodies<'_> {
             Bodies {
                 position: &self.position,
-                frame: Some(&self.frame),
+                quaternion: Some(&self.quaternion),
                 form: Some(&self.form),
                 shape: &self.shape,
                 library: &self.library,
@@ -602,11 +606,12 @@ mod tests {
         /// What a resolver finds, by pair.
         fn touches(&self, resolve: impl Fn(&Batch, &mut Found)) -> Vec<Touch> {
             let active: Vec<u32> = (0..self.pairs.len() as u32).collect();
+            let place: Vec<Place> = (0..self.pairs.len()).map(Place::among).collect();
             let mut found = Found::default();
             let bodies = self.bodies();
             let batch = Batch {
                 pairs: &self.pairs,
-                place: &active,
+                place: &place,
                 history: &self.history,
                 active: &active,
                 bodies,
@@ -661,7 +666,8 @@ mod tests {
         let bodies = crowd.bodies();
         let alone: Vec<_> = (crowd.pairs.iter())
             .map(|pair| {
-                let (a, b) = (bodies.posed(pair.a), bodies.posed(pair.b));
+                let frames = bodies.frames(*pair);
+                let (a, b) = bodies.posed(*pair, &frames);
                 match CommonNormal.touch(&a, &b, &bodies.relative(*pair), None) {
                     Outcome::Touching(touch) => touch,
                     other => panic!("{pair:?}: {other:?}"),
@@ -687,7 +693,8 @@ mod tests {
             let bodies = crowd.bodies();
             for (pair, fast) in crowd.pairs.iter().zip(&fast) {
                 let r = bodies.relative(*pair);
-                let (a, b) = (bodies.posed(pair.a), bodies.posed(pair.b));
+                let frames = bodies.frames(*pair);
+                let (a, b) = bodies.posed(*pair, &frames);
                 let Outcome::Touching(exact) = CommonNormal.touch(&a, &b, &r, None) else {
                     panic!("{pair:?} touches")
                 };

@@ -103,7 +103,8 @@ impl ContactResolver for Epa {
         for &index in batch.active {
             let pair = batch.pairs[index as usize];
             let r = batch.bodies.relative(pair);
-            let (a, b) = (batch.bodies.posed(pair.a), batch.bodies.posed(pair.b));
+            let frames = batch.bodies.frames(pair);
+            let (a, b) = batch.bodies.posed(pair, &frames);
             found.note(index, self.touch_with(&mut polytope, &a, &b, &r));
         }
     }

@@ -65,7 +65,8 @@ impl ContactResolver for Chain {
 mod tests {
     use super::Chain;
     use crate::contact::{
-        Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, SphereSphere, Tally, Why,
+        Batch, Bodies, ContactResolver, Found, Outcome, Pair, Place, Posed, SphereSphere, Tally,
+        Why,
     };
     use crate::ids::{ShapeId, Slot};
     use crate::math::{Mat3, Vec3};
@@ -87,7 +88,7 @@ mod tests {
     fn resolve(chain: &Chain, centres: &[Vec3]) -> Found {
         let bodies = Bodies {
             position: centres,
-            frame: None,
+            quaternion: None,
             form: None,
             shape: &vec![ShapeId(0); centres.len()],
             library: &[Shape::Sphere(Sphere { radius: 1.0 })],
@@ -98,7 +99,8 @@ mod tests {
             (1..centres.len() as u32).map(|b| Pair { a: Slot(0), b: Slot(b) }).collect();
         let active: Vec<u32> = (0..pairs.len() as u32).collect();
         let mut found = Found::default();
-        let batch = Batch { pairs: &pairs, place: &active, history: &[], active: &active, bodies };
+        let place = vec![Place::DUE; pairs.len()];
+        let batch = Batch { pairs: &pairs, place: &place, history: &[], active: &active, bodies };
         chain.resolve(&batch, &mut found);
         found
     }

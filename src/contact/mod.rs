@@ -38,13 +38,13 @@ pub use smooth_common_normal::SmoothCommonNormal;
 pub use sphere_sphere::SphereSphere;
 
 use crate::ids::{GlobalId, ShapeId, Slot};
-use crate::math::{Mat3, Vec3};
+use crate::math::{Mat3, Quat, Vec3};
 use crate::shape::{Core, Form, Kind, Shape};
 use serde::{Deserialize, Serialize};
 use std::cell::Cell;
 
 /// The geometry of one contact.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Touch {
     /// Penetration depth, positive [m].
     pub overlap: f64,
@@ -201,8 +201,8 @@ pub struct Contact {
 pub struct Bodies<'a> {
     /// Centres [m]; of a wall, a point of its plane.
     pub position: &'a [Vec3],
-    /// Rotations from body to world; `None` if all are spheres and planes.
-    pub frame: Option<&'a [Mat3]>,
+    /// Rotations from body to world of all but walls, which come last; `None` if all are spheres and planes.
+    pub quaternion: Option<&'a [Quat]>,
     /// Matrices of ellipsoids and spheres in place, see [`Form`]; `None` if no method asked for them.
     pub form: Option<&'a [Form]>,
     /// Shape of each body.
@@ -228,14 +228,25 @@ impl Bodies<'_> {
         &self.library[self.shape[slot.index()].index()]
     }
 
-    /// The body in place.
+    /// The rotation of a body from its own frame to the world.
     #[inline]
-    pub fn posed(&self, slot: Slot) -> Posed<'_> {
-        const UPRIGHT: Mat3 = Mat3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
-        Posed {
-            shape: self.shape_of(slot),
-            frame: self.frame.map_or(&UPRIGHT, |f| &f[slot.index()]),
-        }
+    pub fn frame(&self, slot: Slot) -> Mat3 {
+        let quaternion = self.quaternion.and_then(|all| all.get(slot.index()));
+        quaternion.map_or_else(Mat3::identity, |q| q.to_rotation_matrix().into_inner())
+    }
+
+    /// Both of a pair.
+    #[inline]
+    pub fn frames(&self, pair: Pair) -> [Mat3; 2] {
+        [self.frame(pair.a), self.frame(pair.b)]
+    }
+
+    /// A pair in place, with its [`Bodies::frames`].
+    #[inline]
+    pub fn posed<'b>(&'b self, pair: Pair, frames: &'b [Mat3; 2]) -> (Posed<'b>, Posed<'b>) {
+        let a = Posed { shape: self.shape_of(pair.a), frame: &frames[0] };
+        let b = Posed { shape: self.shape_of(pair.b), frame: &frames[1] };
+        (a, b)
     }
 }
 
@@ -267,13 +278,54 @@ pub struct Tally {
     pub fallbacks: [u64; 4],
 }
 
+/// Where a pair stands among those that touch or, if it does not, until when it rests. In one word: what rests has
+/// no sign.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place(u32);
+
+impl Place {
+    const TOUCHES: u32 = 1 << 31;
+
+    /// Does not touch, and is to be looked at.
+    pub const DUE: Self = Self::resting(0.0);
+
+    /// Touches, and stands here.
+    pub const fn among(index: usize) -> Self {
+        Self(index as u32 | Self::TOUCHES)
+    }
+
+    /// Does not touch, and need not be looked at until the travel of both bodies adds up to this [m]. It may be
+    /// too low, never too high, so it saves work and changes nothing.
+    pub const fn resting(until: f32) -> Self {
+        Self(until.max(0.0).to_bits() & !Self::TOUCHES)
+    }
+
+    /// Does it touch?
+    pub const fn touches(self) -> bool {
+        self.0 & Self::TOUCHES != 0
+    }
+
+    /// Where it stands; beyond any list if it does not touch.
+    #[inline]
+    pub const fn index(self) -> usize {
+        (self.0 ^ Self::TOUCHES) as usize
+    }
+
+    /// Is it to be looked at, when both bodies have travelled so far [m]? What touches always is: as a number,
+    /// its word is negative.
+    #[inline]
+    pub fn is_due(self, travel: f64) -> bool {
+        travel >= f64::from(f32::from_bits(self.0))
+    }
+}
+
 /// Pairs of one pair of kinds that are to be looked at.
 #[derive(Clone, Copy, Debug)]
 pub struct Batch<'a> {
     /// The whole list of pairs.
     pub pairs: &'a [Pair],
-    /// Where in `history` each of them is remembered; past its end if it did not touch.
-    pub place: &'a [u32],
+    /// Where in `history` each of them is remembered.
+    pub place: &'a [Place],
     /// What is remembered.
     pub history: &'a [History],
     /// Which of them to look at.
@@ -286,14 +338,14 @@ impl<'a> Batch<'a> {
     /// The normal of a pair's last touch, if it touched at the last step.
     #[inline]
     pub fn last_normal(&self, index: u32) -> Option<&'a Vec3> {
-        let history = self.history.get(self.place[index as usize] as usize)?;
+        let history = self.history.get(self.place[index as usize].index())?;
         history.touched().then_some(&history.normal)
     }
 
     /// The same of a pair that is known to have touched.
     #[inline]
     pub fn normal(&self, index: u32) -> &'a Vec3 {
-        &self.history[self.place[index as usize] as usize].normal
+        &self.history[self.place[index as usize].index()].normal
     }
 }
 
@@ -364,7 +416,8 @@ pub trait ContactResolver: Send + Sync {
         for &index in batch.active {
             let pair = batch.pairs[index as usize];
             let r = batch.bodies.relative(pair);
-            let (a, b) = (batch.bodies.posed(pair.a), batch.bodies.posed(pair.b));
+            let frames = batch.bodies.frames(pair);
+            let (a, b) = batch.bodies.posed(pair, &frames);
             found.note(index, self.touch(&a, &b, &r, batch.last_normal(index)));
         }
     }

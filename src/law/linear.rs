@@ -9,8 +9,8 @@
 //! values at both times the displacement. What a contact dissipates is that work minus the change of
 //! its elastic energy, from the step before the first touch to the step after the last.
 
-use super::{Constants, ForceLaw, Interactions, Load, Memory};
-use crate::contact::{Contact, History, Pair};
+use super::{Constants, ForceLaw, Interactions, Load, Memory, WallWork};
+use crate::contact::{History, Pair, Touch};
 use crate::ids::MaterialId;
 use crate::math::Vec3;
 use crate::particles::{Needs, Particles};
@@ -123,6 +123,14 @@ fn stored(constants: &Constants, overlap: f64, spring: &Vec3) -> f64 {
         + 0.5 * constants.tangential_stiffness * spring.norm_squared()
 }
 
+/// Takes note of what a wall gives to the particle that presses on it [J]; most stand still.
+#[inline]
+fn note_wall_work(pair: Pair, energy: f64, wall_work: &mut Vec<WallWork>) {
+    if energy != 0.0 {
+        wall_work.push(WallWork { pair, energy });
+    }
+}
+
 /// Sum of the angular velocities of two bodies, twice the mean [rad/s].
 #[inline]
 fn both_spins(particles: &Particles, pair: Pair) -> Vec3 {
@@ -160,19 +168,18 @@ impl ForceLaw for Linear {
 
     fn apply(
         &self,
-        contacts: Vec<Contact>,
-        pairs: &[Pair],
+        touches: Vec<Touch>,
         memory: &mut Memory,
         particles: &Particles,
         dt: f64,
+        wall_work: &mut Vec<WallWork>,
     ) -> Vec<Load> {
         let bodies = particles.bodies();
         let first_wall = particles.first_wall();
-        let load = |contact: Contact| {
-            let pair = pairs[contact.pair as usize];
-            let place = memory.place[contact.pair as usize] as usize;
+        let load = |(place, touch): (usize, Touch)| {
+            let pair = memory.pair(place);
+            let spring = memory.spring(place);
             let history = &mut memory.history[place];
-            let touch = contact.touch;
             let with_wall = pair.b.index() >= first_wall;
 
             let arm_a = touch.point;
@@ -190,7 +197,6 @@ impl ForceLaw for Linear {
                 dt,
             };
             let constants = meeting.constants;
-            let spring = memory.springs.get(place).copied().unwrap_or_default();
             let before = last_force(history, &spring, constants);
             let stored_before = stored(constants, history.overlap, &spring);
             meeting.press(touch.overlap, self.limit_damping, history);
@@ -208,51 +214,44 @@ impl ForceLaw for Linear {
             history.normal = touch.normal;
 
             let impulse = (before + force + dashpot) * (0.5 * dt);
-            let dissipated = impulse.dot(&velocity) - (stored_now - stored_before);
-            let received =
-                if with_wall { -impulse.dot(&particles.velocity[pair.b.index()]) } else { 0.0 };
-            Load {
-                force,
-                point: touch.point,
-                dissipated: if dt > 0.0 { dissipated } else { 0.0 },
-                received,
+            if with_wall {
+                let energy = -impulse.dot(&particles.velocity[pair.b.index()]);
+                note_wall_work(pair, energy, wall_work);
             }
+            let dissipated = impulse.dot(&velocity) - (stored_now - stored_before);
+            Load { force, point: touch.point, dissipated: if dt > 0.0 { dissipated } else { 0.0 } }
         };
-        contacts.into_iter().map(load).collect()
+        touches.into_iter().enumerate().map(load).collect()
     }
 
     fn part(
         &self,
-        parted: &[u32],
-        pairs: &[Pair],
         memory: &Memory,
         particles: &Particles,
         dt: f64,
         loads: &mut Vec<Load>,
+        wall_work: &mut Vec<WallWork>,
     ) {
         let bodies = particles.bodies();
-        for &pair in parted {
-            let place = memory.place[pair as usize] as usize;
-            let history = &memory.history[place];
-            let spring = memory.springs.get(place).copied().unwrap_or_default();
-            let pair = pairs[pair as usize];
+        for place in loads.len()..memory.pairs.len() {
+            let (pair, history, spring) =
+                (memory.pair(place), &memory.history[place], memory.spring(place));
             // Where the surfaces were nearest: A's farthest point along the last normal.
-            let arm_a = bodies.posed(pair.a).support(&history.normal);
+            let frames = bodies.frames(pair);
+            let (body, _) = bodies.posed(pair, &frames);
+            let arm_a = body.support(&history.normal);
             let arm_b = arm_a - bodies.relative(pair);
             let velocity = surface_velocity(particles, pair, &arm_a, &arm_b);
             let (of_a, of_b) = (particles.material(pair.a), particles.material(pair.b));
             let force = last_force(history, &spring, self.interactions.of(of_a, of_b));
             // The force fell to nothing on the way: half of it did the work.
-            let work = 0.5 * dt * force.dot(&velocity);
-            let dissipated = work + self.stored(of_a, of_b, history.overlap, &spring);
-            let with_wall = pair.b.index() >= particles.first_wall();
-            let of_wall =
-                if with_wall { particles.velocity[pair.b.index()] } else { Vec3::zeros() };
-            loads.push(Load {
-                dissipated: if dt > 0.0 { dissipated } else { 0.0 },
-                received: -0.5 * dt * force.dot(&of_wall),
-                ..Load::default()
-            });
+            let work = |velocity: &Vec3| 0.5 * dt * force.dot(velocity);
+            if pair.b.index() >= particles.first_wall() {
+                note_wall_work(pair, -work(&particles.velocity[pair.b.index()]), wall_work);
+            }
+            let dissipated = work(&velocity) + self.stored(of_a, of_b, history.overlap, &spring);
+            let dissipated = if dt > 0.0 { dissipated } else { 0.0 };
+            loads.push(Load { dissipated, ..Load::default() });
         }
     }
 

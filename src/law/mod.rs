@@ -3,7 +3,7 @@
 pub mod linear;
 pub mod stability;
 
-use crate::contact::{Contact, History, Pair};
+use crate::contact::{History, Pair, Touch};
 use crate::ids::MaterialId;
 use crate::math::Vec3;
 use crate::particles::{Needs, Particles};
@@ -135,7 +135,7 @@ impl Interactions {
     }
 }
 
-/// What a contact does to its two bodies in this step. As large as a [`Contact`], whose memory it takes over.
+/// What a contact does to its two bodies in this step. As large as a [`Touch`], whose memory it takes over.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load {
     /// Force of A on B [N]; A feels the opposite.
@@ -144,11 +144,9 @@ pub struct Load {
     pub point: Vec3,
     /// Energy lost since the last step [J].
     pub dissipated: f64,
-    /// Work of a moving wall on A since the last step [J].
-    pub received: f64,
 }
 
-const _: () = assert!(size_of::<Load>() == size_of::<Contact>());
+const _: () = assert!(size_of::<Load>() == size_of::<Touch>());
 
 impl Load {
     /// Moment on A about its centre [N m].
@@ -164,15 +162,40 @@ impl Load {
     }
 }
 
-/// What laws remember of the pairs that touch.
+/// What a moving wall did to a particle since the last step.
+#[derive(Clone, Copy, Debug)]
+pub struct WallWork {
+    /// The particle and the wall.
+    pub pair: Pair,
+    /// Work on the particle [J].
+    pub energy: f64,
+}
+
+/// The pairs that touch or have just come apart, and what laws remember of them.
 #[derive(Debug)]
 pub struct Memory<'a> {
-    /// Where each listed pair stands in what follows.
-    pub place: &'a [u32],
-    /// The last touch.
+    /// All pairs that may touch.
+    pub listed: &'a [Pair],
+    /// Which of those.
+    pub pairs: &'a [u32],
+    /// The last touch of each.
     pub history: &'a mut [History],
-    /// Tangential spring [m]; empty if the law does not need springs.
+    /// Tangential spring of each [m]; empty if the law does not need springs.
     pub springs: &'a mut [Vec3],
+}
+
+impl Memory<'_> {
+    /// The bodies of one of them.
+    #[inline]
+    pub fn pair(&self, place: usize) -> Pair {
+        self.listed[self.pairs[place] as usize]
+    }
+
+    /// The tangential spring of one of them [m]; zero if the law does not need springs.
+    #[inline]
+    pub fn spring(&self, place: usize) -> Vec3 {
+        self.springs.get(place).copied().unwrap_or_default()
+    }
 }
 
 /// A law of contact forces.
@@ -183,27 +206,26 @@ pub trait ForceLaw: Send + Sync {
     /// Which columns it reads.
     fn needs(&self) -> Needs;
 
-    /// Turns each contact into its load, and brings the memory of touching pairs up to date. `dt` [s] is 0
-    /// at the start of a stage: springs do not stretch, and nothing is lost.
+    /// Turns each touch into its load, and brings the memory up to date, of which those that touch are the first.
+    /// `dt` [s] is 0 at the start of a stage: springs do not stretch, and nothing is lost.
     fn apply(
         &self,
-        contacts: Vec<Contact>,
-        pairs: &[Pair],
+        touches: Vec<Touch>,
         memory: &mut Memory,
         particles: &Particles,
         dt: f64,
+        wall_work: &mut Vec<WallWork>,
     ) -> Vec<Load>;
 
-    /// Appends a load without force for each of these pairs, which have come apart since the last step:
-    /// what their last contact lost and received. The memory is that of the last touch.
+    /// Appends a load without force for each pair beyond, which has come apart since the last step: what its last
+    /// contact lost. The memory is that of the last touch.
     fn part(
         &self,
-        parted: &[u32],
-        pairs: &[Pair],
         memory: &Memory,
         particles: &Particles,
         dt: f64,
         loads: &mut Vec<Load>,
+        wall_work: &mut Vec<WallWork>,
     );
 
     /// How much the normal force of a pair that touches rises when its bodies come nearer within one step of

@@ -13,8 +13,8 @@ pub mod read;
 pub mod write;
 
 use crate::contact::{
-    Batch, Bodies, ContactResolver, Found, History, Method, Outcome, Pair, Posed, Table, Tally,
-    Touch, Why, clearance, directions_tried, ordered, table,
+    Batch, Bodies, ContactResolver, Found, History, Method, Outcome, Pair, Place, Posed, Table,
+    Tally, Touch, Why, clearance, directions_tried, ordered, table,
 };
 use crate::ids::{ShapeId, Slot};
 use crate::math::{Mat3, Quat, Vec3};
@@ -120,7 +120,7 @@ impl Pairs {
     fn bodies(&self) -> Bodies<'_> {
         Bodies {
             position: &self.position,
-            frame: Some(&self.frame),
+            quaternion: Some(&self.rotation),
             form: Some(&self.form),
             shape: &self.shape,
             library: &self.library,
@@ -177,8 +177,7 @@ fn serving(table: &Table, kinds: (Kind, Kind)) -> &dyn ContactResolver {
 /// Resolves each pair by itself, without a warm start, in the order of the pairs.
 pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
     let table = table(method, &Kind::ALL);
-    // Past the end of what is remembered: nothing.
-    let place = vec![0; pairs.len()];
+    let place = vec![Place::DUE; pairs.len()];
     let mut found = Found::default();
     let one = |index: usize| {
         let resolver = serving(&table, pairs.kinds(index));
@@ -244,7 +243,7 @@ pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) 
     }
     let history: Vec<History> =
         (0_u64..).zip(answers).map(|(id, answer)| last_step(id, answer)).collect();
-    let place: Vec<u32> = (0..pairs.len() as u32).collect();
+    let place: Vec<Place> = (0..pairs.len()).map(Place::among).collect();
 
     let mean = |pass: &mut dyn FnMut(&dyn ContactResolver, &[u32])| {
         let mut seconds = 0.0;

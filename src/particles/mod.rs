@@ -102,7 +102,7 @@ impl Needs {
             + 8
             + 16
             + if self.spin { 72 } else { 0 }
-            + if self.attitude { 32 + 72 } else { 0 }
+            + if self.attitude { 32 } else { 0 }
             + if self.form { 48 } else { 0 }
             + if self.image { 12 } else { 0 }
     }
@@ -124,29 +124,27 @@ pub struct Spin {
 pub struct Attitude {
     /// Body to world. Length: owned + ghosts.
     pub quaternion: Vec<Quat>,
-    /// The same as a matrix. Length: all slots.
-    pub frame: Vec<Mat3>,
-    /// Matrices of ellipsoids in place, if a method needs them. Length: all slots, or none.
+    /// Matrices of ellipsoids in place, if a method needs them. Length: owned + ghosts, or none.
     pub form: Vec<Form>,
 }
 
 impl Attitude {
-    /// Turns a body.
+    /// Turns a body. Its new frame.
     #[inline]
-    pub fn set(&mut self, slot: usize, quaternion: Quat, shape: &Shape) {
+    pub fn set(&mut self, slot: usize, quaternion: Quat, shape: &Shape) -> Mat3 {
+        let frame = quaternion.to_rotation_matrix().into_inner();
         self.quaternion[slot] = quaternion;
-        self.frame[slot] = *quaternion.to_rotation_matrix().matrix();
         if let Some(form) = self.form.get_mut(slot) {
-            *form = shape.form(&self.frame[slot]);
+            *form = shape.form(&frame);
         }
+        frame
     }
 
     /// Makes room for so many bodies, or forgets those beyond; new ones stand upright.
-    fn resize(&mut self, quaternions: usize, slots: usize, needs: Needs) {
-        self.quaternion.resize(quaternions, Quat::identity());
-        self.frame.resize(slots, Mat3::identity());
+    fn resize(&mut self, bodies: usize, needs: Needs) {
+        self.quaternion.resize(bodies, Quat::identity());
         if needs.form {
-            self.form.resize(slots, [f64::NAN; 6]);
+            self.form.resize(bodies, [f64::NAN; 6]);
         }
     }
 }
@@ -239,7 +237,7 @@ impl Particles {
     pub fn bodies(&self) -> Bodies<'_> {
         Bodies {
             position: &self.position,
-            frame: self.attitude.as_ref().map(|a| &a.frame[..]),
+            quaternion: self.attitude.as_ref().map(|a| &a.quaternion[..]),
             form: self.attitude.as_ref().filter(|_| self.needs.form).map(|a| &a.form[..]),
             shape: &self.shape,
             library: &self.library.shapes,
@@ -305,7 +303,6 @@ impl Particles {
         }
         if let Some(attitude) = &mut self.attitude {
             attitude.quaternion.shrink_to_fit();
-            attitude.frame.shrink_to_fit();
             attitude.form.shrink_to_fit();
         }
     }
@@ -316,10 +313,7 @@ impl Particles {
             .spin
             .as_ref()
             .map_or(0, |s| held(&s.angular_momentum) + held(&s.angular_velocity) + held(&s.torque));
-        let attitude = self
-            .attitude
-            .as_ref()
-            .map_or(0, |a| held(&a.quaternion) + held(&a.frame) + held(&a.form));
+        let attitude = self.attitude.as_ref().map_or(0, |a| held(&a.quaternion) + held(&a.form));
         held(&self.id)
             + held(&self.shape)
             + held(&self.position)
@@ -346,7 +340,7 @@ impl Particles {
             spin.angular_velocity.truncate(owned);
         }
         if let Some(attitude) = &mut self.attitude {
-            attitude.resize(owned, owned, self.needs);
+            attitude.resize(owned, self.needs);
         }
     }
 
@@ -380,7 +374,7 @@ impl Particles {
         }
         if let Some(attitude) = &mut self.attitude {
             let slot = self.owned;
-            attitude.resize(slot + 1, slot + 1, self.needs);
+            attitude.resize(slot + 1, self.needs);
             attitude.set(slot, *quaternion, &self.library.shapes[shape.index()]);
         }
         if let Some(spin) = &mut self.spin {
@@ -398,7 +392,6 @@ impl Particles {
         self.owned -= 1;
         self.listed_at.swap_remove(slot);
         let quaternion = self.attitude.as_mut().map_or_else(Quat::identity, |attitude| {
-            attitude.frame.swap_remove(slot);
             if self.needs.form {
                 attitude.form.swap_remove(slot);
             }
@@ -430,7 +423,7 @@ impl Particles {
         let inertia = &self.library.inertia[self.shape[slot].index()];
         match &self.attitude {
             Some(attitude) => {
-                let frame = &attitude.frame[slot];
+                let frame = attitude.quaternion[slot].to_rotation_matrix().into_inner();
                 frame * frame.tr_mul(momentum).component_div(inertia)
             }
             None => momentum / inertia.x,
@@ -456,10 +449,6 @@ impl Particles {
             self.velocity.push(wall.velocity);
             if let Some(spin) = &mut self.spin {
                 spin.angular_velocity.push(Vec3::zeros());
-            }
-            if let Some(attitude) = &mut self.attitude {
-                let quaternions = attitude.quaternion.len();
-                attitude.resize(quaternions, self.id.len(), self.needs);
             }
         }
     }

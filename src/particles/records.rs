@@ -141,7 +141,7 @@ impl Particles {
             spin.angular_velocity.resize(slots, Vec3::zeros());
         }
         if let Some(attitude) = &mut self.attitude {
-            attitude.resize(slots, slots, self.needs);
+            attitude.resize(slots, self.needs);
         }
     }
 }

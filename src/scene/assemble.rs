@@ -86,7 +86,6 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
         rain: scene.rain.clone().map(|rain| RainGauge::new(rain, scene.seed)),
         servos: Servos::new(scene.servos.clone(), &scene.library),
         found: contact::Found::default(),
-        loads: Vec::new(),
         dt: scene.dt,
         step: 0,
         stage_begin: (0, 0.0),

@@ -8,9 +8,9 @@ mod cells;
 
 pub use cells::close_pairs;
 
-use crate::contact::{Batch, Contact, History, NamedHistory, Pair, ordered};
+use crate::contact::{Batch, Contact, Found, History, NamedHistory, Pair, Place, Touch, ordered};
 use crate::ids::Slot;
-use crate::law::{Load, Memory};
+use crate::law::{ForceLaw, Load, Memory, WallWork};
 use crate::math::Vec3;
 use crate::particles::{Needs, Particles, held, trim};
 use crate::shape::Kind;
@@ -34,25 +34,24 @@ pub struct PairList {
     pub pairs: Vec<Pair>,
     /// Runs of pairs of the same kinds.
     pub blocks: Vec<Block>,
-    /// Until the travel of both bodies adds up to this [m], a pair need not be looked at. It may be
-    /// too low, never too high, so it saves work and changes nothing.
-    rests_until: Vec<f32>,
-    /// Where each pair stands among those that touch, or `NOWHERE`.
-    place: Vec<u32>,
-    /// The pairs that touched at the last step, or were carried over a rebuild.
+    /// Where each pair stands among those that touch; of those that do not, until when they rest.
+    place: Vec<Place>,
+    /// The pairs that touched at the last step, or were carried over a rebuild; then those found touching since.
     touching: Vec<u32>,
-    /// What is remembered of each of them.
+    /// What is remembered of each of them. Those found since are not there before [`PairList::note`].
     history: Vec<History>,
     /// Their tangential springs [m]; none without friction.
     springs: Vec<Vec3>,
-    /// The load of each: those of the contacts come first, then those of `parted`.
-    load_of: Vec<u32>,
+    /// What resolvers say of each in this step, until the law makes loads of it.
+    touches: Vec<Touch>,
+    /// What each does to its bodies.
+    loads: Vec<Load>,
+    /// The pairs that have come apart since the last step. From [`PairList::note`] on they stand last among those
+    /// that touch, until they are forgotten.
+    parted: Vec<u32>,
     /// Of owned particle `s`, `incident[first[s]..first[s + 1]]` are its pairs by rising id of the partner.
     first: Vec<u32>,
     incident: Vec<Incidence>,
-    /// The pairs that touched at the last step and have come apart. Until they are forgotten, what is
-    /// remembered of them is still there.
-    parted: Vec<u32>,
 }
 
 /// A contact of this step.
@@ -86,8 +85,6 @@ impl Incidence {
     }
 }
 
-const NOWHERE: u32 = u32::MAX;
-
 /// This many pairs are resolved in one call: enough for its cost not to count, few enough for what it finds to
 /// take no memory worth mentioning.
 const AT_ONCE: usize = 4096;
@@ -105,21 +102,17 @@ impl PairList {
         carried: &mut [NamedHistory],
     ) {
         self.sort_into_blocks(particles, found);
-        self.rests_until.clear();
-        self.rests_until.resize(self.pairs.len(), 0.0);
         self.place.clear();
-        self.place.resize(self.pairs.len(), NOWHERE);
+        self.place.resize(self.pairs.len(), Place::DUE);
         self.touching.clear();
         self.history.clear();
         self.springs.clear();
-        self.load_of.clear();
-        self.parted.clear();
 
         carried.sort_unstable_by_key(|c| (c.a, c.b));
         for (index, pair) in self.pairs.iter().enumerate() {
             let key = (particles.id[pair.a.index()], particles.id[pair.b.index()]);
             if let Ok(at) = carried.binary_search_by_key(&key, |c| (c.a, c.b)) {
-                self.place[index] = self.touching.len() as u32;
+                self.place[index] = Place::among(self.touching.len());
                 self.touching.push(index as u32);
                 self.history.push(carried[at].history);
                 if particles.needs.springs {
@@ -214,11 +207,10 @@ impl PairList {
         let mut active = vec![0; range.len() + 1];
         let mut count = 0;
         let pairs = &self.pairs[range.clone()];
-        let rests_until = &self.rests_until[range.clone()];
-        for ((pair, rests_until), index) in pairs.iter().zip(rests_until).zip(range.start..) {
-            let travel = particles.travel[pair.a.index()] + particles.travel[pair.b.index()];
+        let places = &self.place[range.clone()];
+        for ((pair, place), index) in pairs.iter().zip(places).zip(range.start..) {
             active[count] = index as u32;
-            count += usize::from(travel >= f64::from(*rests_until));
+            count += usize::from(place.is_due(travel(*pair, particles)));
         }
         active.truncate(count);
         active
@@ -235,86 +227,103 @@ impl PairList {
         }
     }
 
-    /// Lets pairs that are apart rest until their surfaces can have come nearer by so much [m].
-    pub fn let_rest(&mut self, apart: &[(u32, f64)], particles: &Particles) {
-        for &(index, clearance) in apart {
-            let Pair { a, b } = self.pairs[index as usize];
-            let travel = particles.travel[a.index()] + particles.travel[b.index()];
-            self.rests_until[index as usize] = ((travel + clearance) * ROUNDING) as f32;
+    /// Makes room for what resolvers say of each pair, where the loads of the last step stood. What they said
+    /// since is forgotten.
+    pub fn expect_touches(&mut self) {
+        if self.touches.is_empty() {
+            self.touches = room(std::mem::take(&mut self.loads));
+        }
+        self.touching.truncate(self.history.len());
+        self.touches.resize(self.touching.len(), Touch::default());
+        self.parted.clear();
+    }
+
+    /// Takes what a resolver has found: pairs that touch, and pairs that rest until their surfaces can have come
+    /// near enough.
+    pub fn take(&mut self, found: &mut Found, particles: &Particles) {
+        for Contact { pair, touch } in found.contacts.drain(..) {
+            let place = &mut self.place[pair as usize];
+            if let Some(known) = self.touches.get_mut(place.index()) {
+                *known = touch;
+            } else {
+                *place = Place::among(self.touching.len());
+                self.touching.push(pair);
+                self.touches.push(touch);
+            }
+        }
+        for (pair, clearance) in found.apart.drain(..) {
+            let place = &mut self.place[pair as usize];
+            if place.touches() {
+                self.parted.push(pair);
+            } else {
+                let until = travel(self.pairs[pair as usize], particles) + clearance;
+                *place = Place::resting((until * ROUNDING) as f32);
+            }
         }
     }
 
-    /// Takes note of which pairs touch now, and which have come apart.
-    pub fn note(&mut self, contacts: &[Contact], needs: Needs) {
-        self.load_of.clear();
-        self.load_of.resize(self.touching.len(), NOWHERE);
-        for (load, contact) in (0..).zip(contacts) {
-            let place = &mut self.place[contact.pair as usize];
-            if *place == NOWHERE {
-                *place = self.touching.len() as u32;
-                self.touching.push(contact.pair);
-                self.load_of.push(load);
-            } else {
-                self.load_of[*place as usize] = load;
-            }
-        }
+    /// Takes note of which pairs touch now, when all have been looked at: those that have come apart move to the end.
+    pub fn note(&mut self, needs: Needs) {
         self.history.resize(self.touching.len(), History::default());
         if needs.springs {
             self.springs.resize(self.touching.len(), Vec3::zeros());
         }
-        self.parted.clear();
-        for (load, &pair) in self.load_of.iter_mut().zip(&self.touching) {
-            if *load == NOWHERE {
-                *load = (contacts.len() + self.parted.len()) as u32;
-                self.parted.push(pair);
+        for index in 0..self.parted.len() {
+            let (place, last) =
+                (self.place[self.parted[index] as usize].index(), self.touching.len() - 1 - index);
+            self.touching.swap(place, last);
+            self.history.swap(place, last);
+            self.touches.swap(place, last);
+            if needs.springs {
+                self.springs.swap(place, last);
+            }
+            for place in [place, last] {
+                self.place[self.touching[place] as usize] = Place::among(place);
             }
         }
-        trim(&mut self.load_of);
+        self.touches.truncate(self.touching.len() - self.parted.len());
         trim(&mut self.touching);
         trim(&mut self.history);
         trim(&mut self.springs);
+        trim(&mut self.touches);
     }
 
-    /// All pairs, those that have come apart, and what laws remember.
-    pub fn memory(&mut self) -> (&[Pair], &[u32], Memory<'_>) {
-        let Self { pairs, parted, place, history, springs, .. } = self;
-        (pairs, parted, Memory { place, history, springs })
-    }
+    /// Turns touches into loads by `law`, and those into forces on the owned particles. Then the pairs that have
+    /// come apart are forgotten.
+    pub fn load(&mut self, law: &dyn ForceLaw, particles: &mut Particles, dt: f64) {
+        let Self { pairs, touching, history, springs, touches, .. } = self;
+        let mut memory = Memory { listed: pairs, pairs: touching, history, springs };
+        let mut wall_work = Vec::new();
+        let touches = std::mem::take(touches);
+        self.loads = law.apply(touches, &mut memory, particles, dt, &mut wall_work);
+        law.part(&memory, particles, dt, &mut self.loads, &mut wall_work);
+        self.gather(particles);
+        add_wall_work(wall_work, particles);
 
-    /// Forgets the pairs that have come apart; the last that touch move to their places.
-    pub fn forget_parted(&mut self) {
-        for &pair in &self.parted {
-            let place = std::mem::replace(&mut self.place[pair as usize], NOWHERE) as usize;
-            self.touching.swap_remove(place);
-            self.history.swap_remove(place);
-            self.load_of.swap_remove(place);
-            if !self.springs.is_empty() {
-                self.springs.swap_remove(place);
-            }
-            if let Some(&moved) = self.touching.get(place) {
-                self.place[moved as usize] = place as u32;
-            }
+        let still = self.touching.len() - self.parted.len();
+        for pair in self.parted.drain(..) {
+            self.place[pair as usize] = Place::DUE;
         }
+        self.touching.truncate(still);
+        self.history.truncate(still);
+        self.springs.truncate(still);
+        self.loads.truncate(still);
     }
 
     /// Sums the loads of this step into the owned particles, each in the order of its partners' ids: the
-    /// same bits on any number of ranks. `loads` are those of the contacts, then those of the parted pairs.
-    pub fn gather(&self, loads: &[Load], particles: &mut Particles) {
+    /// same bits on any number of ranks.
+    fn gather(&self, particles: &mut Particles) {
         for slot in 0..particles.owned {
             let mut force = Vec3::zeros();
             let mut torque = Vec3::zeros();
-            let (mut dissipated, mut received) = (0.0, 0.0);
+            let mut dissipated = 0.0;
             for incidence in self.incident_to(slot) {
                 let place = self.place[incidence.pair() as usize];
-                if place == NOWHERE {
-                    continue;
-                }
+                let Some(load) = self.loads.get(place.index()) else { continue };
                 let pair = self.pairs[incidence.pair() as usize];
-                let load = &loads[self.load_of[place as usize] as usize];
                 if incidence.is_a() {
                     force -= load.force;
                     torque += load.torque_a();
-                    received += load.received;
                 } else {
                     force += load.force;
                     torque += load.torque_b(&particles.bodies().relative(pair));
@@ -324,7 +333,6 @@ impl PairList {
             }
             particles.force[slot] = force;
             particles.dissipated[slot] += dissipated;
-            particles.received[slot] += received;
             if let Some(spin) = &mut particles.spin {
                 spin.torque[slot] = torque;
             }
@@ -340,44 +348,38 @@ impl PairList {
         if slot + 1 < self.first.len() { self.incident_to(slot).len() as i64 } else { 0 }
     }
 
-    /// The contacts of this step, in any order. `loads` are those of the step.
-    pub fn contacts<'a>(&'a self, loads: &'a [Load]) -> impl Iterator<Item = Loaded<'a>> {
-        self.touching.iter().zip(&self.history).zip(&self.load_of).map(
-            |((&pair, history), &load)| Loaded {
-                pair: self.pairs[pair as usize],
-                history,
-                spring: self.spring(pair),
-                load: &loads[load as usize],
-            },
-        )
+    /// The contacts of this step, in any order.
+    pub fn contacts(&self) -> impl Iterator<Item = Loaded<'_>> {
+        self.touching.iter().zip(&self.history).zip(&self.loads).map(|((&pair, history), load)| {
+            Loaded { pair: self.pairs[pair as usize], history, spring: self.spring(pair), load }
+        })
     }
 
     /// How many contacts an owned particle has in this step, with particles and walls.
     pub fn coordination(&self, slot: usize) -> usize {
-        self.incident_to(slot).iter().filter(|i| self.place[i.pair() as usize] != NOWHERE).count()
+        self.incident_to(slot).iter().filter(|i| self.place[i.pair() as usize].touches()).count()
     }
 
     /// The pairs that touched at the last step, or were carried over a rebuild.
     pub fn touching(&self) -> &[u32] {
-        &self.touching
+        &self.touching[..self.history.len()]
     }
 
     /// What is remembered of one pair that touches.
     #[inline]
     pub fn history(&self, pair: u32) -> &History {
-        &self.history[self.place[pair as usize] as usize]
+        &self.history[self.place[pair as usize].index()]
     }
 
     /// The tangential spring of one pair that touches [m]; zero without friction.
     #[inline]
     pub fn spring(&self, pair: u32) -> Vec3 {
-        self.springs.get(self.place[pair as usize] as usize).copied().unwrap_or_default()
+        self.springs.get(self.place[pair as usize].index()).copied().unwrap_or_default()
     }
 
     /// Gives back room that longer lists have needed.
     fn trim(&mut self) {
         self.pairs.shrink_to_fit();
-        self.rests_until.shrink_to_fit();
         self.place.shrink_to_fit();
         self.first.shrink_to_fit();
         self.incident.shrink_to_fit();
@@ -385,11 +387,7 @@ impl PairList {
 
     /// Bytes that the list holds.
     pub fn bytes(&self) -> usize {
-        held(&self.pairs)
-            + held(&self.rests_until)
-            + held(&self.place)
-            + held(&self.first)
-            + held(&self.incident)
+        held(&self.pairs) + held(&self.place) + held(&self.first) + held(&self.incident)
     }
 
     /// Bytes that all that is remembered of touching pairs holds.
@@ -397,7 +395,8 @@ impl PairList {
         held(&self.touching)
             + held(&self.history)
             + held(&self.springs)
-            + held(&self.load_of)
+            + held(&self.touches)
+            + held(&self.loads)
             + held(&self.parted)
     }
 
@@ -410,6 +409,28 @@ impl PairList {
             history: *self.history(pair),
             spring: self.spring(pair),
         }
+    }
+}
+
+/// How far the surfaces of a pair can have come nearer since it was listed [m].
+#[inline]
+fn travel(pair: Pair, particles: &Particles) -> f64 {
+    particles.travel[pair.a.index()] + particles.travel[pair.b.index()]
+}
+
+/// The same memory for as many touches: both are as large.
+fn room(loads: Vec<Load>) -> Vec<Touch> {
+    let touch =
+        |load: Load| Touch { overlap: load.dissipated, normal: load.force, point: load.point };
+    loads.into_iter().map(touch).collect()
+}
+
+/// Adds the work of moving walls on each particle, in the order of the walls.
+fn add_wall_work(mut wall_work: Vec<WallWork>, particles: &mut Particles) {
+    wall_work.sort_unstable_by_key(|work| (work.pair.a, work.pair.b));
+    for of_one in wall_work.chunk_by(|one, other| one.pair.a == other.pair.a) {
+        let Some(received) = particles.received.get_mut(of_one[0].pair.a.index()) else { continue };
+        *received += of_one.iter().map(|work| work.energy).sum::<f64>();
     }
 }
 

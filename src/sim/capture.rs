@@ -90,7 +90,7 @@ impl Simulation {
         let mut table = ContactTable::default();
         let particles = &self.particles;
         let bodies = particles.bodies();
-        for Loaded { pair, history, load, .. } in self.pairs.contacts(&self.loads) {
+        for Loaded { pair, history, load, .. } in self.pairs.contacts() {
             let Pair { a, b } = pair;
             if a.index() >= particles.owned {
                 continue;

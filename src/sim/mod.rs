@@ -11,11 +11,11 @@ use crate::domain::{Domain, DomainError};
 use crate::drive::rain::RainGauge;
 use crate::drive::servo::{ServoError, Servos};
 use crate::ids::GlobalId;
-use crate::law::{ForceLaw, Load};
+use crate::law::ForceLaw;
 use crate::measure::{self, Measures};
 use crate::motion::{self, Field};
+use crate::particles::Particles;
 use crate::particles::records::Particle;
-use crate::particles::{Particles, trim};
 use crate::search::{self, Loaded, PairList};
 use crate::timing::{Clock, Phase};
 
@@ -37,10 +37,8 @@ pub struct Simulation {
     pub rain: Option<RainGauge>,
     /// Walls that keep a stress.
     pub servos: Servos,
-    /// What the resolvers say in a step, until the contacts become loads.
+    /// What the resolvers say of a few pairs, and how often who answered.
     pub found: Found,
-    /// Forces of the contacts at the current positions, then of pairs that have come apart.
-    pub loads: Vec<Load>,
     /// Time step [s].
     pub dt: f64,
     /// Steps since the first stage began.
@@ -141,11 +139,11 @@ impl Simulation {
             self.exchange_and_resolve_inner(comm)?;
         }
         self.resolve(Part::Border)?;
-        self.pairs.note(&self.found.contacts, self.particles.needs);
+        self.pairs.note(self.particles.needs);
         self.clock.lap(Phase::Contacts);
 
         // forces
-        self.apply_law(self.dt);
+        self.pairs.load(&*self.law, &mut self.particles, self.dt);
         self.clock.lap(Phase::Forces);
         Ok(())
     }
@@ -183,14 +181,10 @@ impl Simulation {
         self.resolve(Part::Inner)
     }
 
-    /// Makes room for new contacts, where the loads of the last step stood.
+    /// Makes room for what resolvers say, and forgets what they said.
     fn forget_found(&mut self) {
-        if !self.loads.is_empty() {
-            // Loads are as large as contacts: `collect` leaves their memory in place.
-            let loads = std::mem::take(&mut self.loads);
-            self.found.contacts = loads.into_iter().filter_map(|_| None).collect();
-        }
         self.found.clear();
+        self.pairs.expect_touches();
     }
 
     /// Lists pairs and finds the forces at the start of a run. Collective.
@@ -203,9 +197,9 @@ impl Simulation {
         self.forget_found();
         self.resolve(Part::Inner)?;
         self.resolve(Part::Border)?;
-        self.pairs.note(&self.found.contacts, self.particles.needs);
+        self.pairs.note(self.particles.needs);
         // No time has passed: springs do not stretch.
-        self.apply_law(0.0);
+        self.pairs.load(&*self.law, &mut self.particles, 0.0);
         self.count_initial_energy();
         Ok(())
     }
@@ -246,15 +240,7 @@ impl Simulation {
 
     /// The scalars of this moment. Collective.
     pub fn measure(&self, comm: &mut dyn Comm) -> Measures {
-        measure::measure(
-            &self.particles,
-            &self.pairs,
-            &self.loads,
-            &*self.law,
-            &self.field,
-            self.dt,
-            comm,
-        )
+        measure::measure(&self.particles, &self.pairs, &*self.law, &self.field, self.dt, comm)
     }
 
     /// The particles of the next layer in this rank's subdomain, if a layer is due and its place is
@@ -317,17 +303,15 @@ impl Simulation {
 
     fn resolve(&mut self, part: Part) -> Result<(), StepError> {
         let Self { pairs, particles, resolvers, found, .. } = self;
-        let contacts = found.contacts.len();
         for piece in pairs.pieces(part == Part::Border) {
             let Some(resolver) = resolvers.get(piece.kinds) else { continue };
             let active = pairs.active(piece.range.clone(), particles);
             resolver.resolve(&pairs.batch(&active, particles), found);
             found.tally.listed += piece.range.len() as u64;
             found.tally.pairs += active.len() as u64;
-            pairs.let_rest(&found.apart, particles);
-            found.apart.clear();
+            found.tally.contacts += found.contacts.len() as u64;
+            pairs.take(found, particles);
         }
-        found.tally.contacts += (found.contacts.len() - contacts) as u64;
         self.clock.lap(Phase::Contacts);
         match found.failed.first() {
             None => Ok(()),
@@ -349,17 +333,6 @@ impl Simulation {
         }
     }
 
-    fn apply_law(&mut self, dt: f64) {
-        let Self { law, pairs, particles, found, loads, .. } = self;
-        let (listed, parted, mut memory) = pairs.memory();
-        let contacts = std::mem::take(&mut found.contacts);
-        *loads = law.apply(contacts, listed, &mut memory, particles, dt);
-        law.part(parted, listed, &memory, particles, dt, loads);
-        pairs.gather(loads, particles);
-        pairs.forget_parted();
-        trim(loads);
-    }
-
     /// Counts the energy that all owned particles bring into a stage, contacts left out, as received.
     pub fn count_free_energy(&mut self) {
         for slot in 0..self.particles.owned {
@@ -373,8 +346,7 @@ impl Simulation {
     fn count_initial_energy(&mut self) {
         let particles = &mut self.particles;
         let mut brought: Vec<(usize, GlobalId, f64)> = Vec::new();
-        for Loaded { pair: Pair { a, b }, history, spring, .. } in self.pairs.contacts(&self.loads)
-        {
+        for Loaded { pair: Pair { a, b }, history, spring, .. } in self.pairs.contacts() {
             let (of_a, of_b) = (particles.material(a), particles.material(b));
             let stored = self.law.stored(of_a, of_b, history.overlap, &spring);
             let share = if b.index() >= particles.first_wall() { stored } else { 0.5 * stored };

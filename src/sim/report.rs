@@ -252,7 +252,7 @@ impl Memory {
         let owned = sim.particles.owned.max(1) as f64;
         let columns = sim.particles.bytes() as f64 / owned;
         let pairs = sim.pairs.bytes() as f64 / owned;
-        let found = held(&sim.found.contacts) + held(&sim.found.apart) + held(&sim.loads);
+        let found = held(&sim.found.contacts) + held(&sim.found.apart);
         let contacts = (found + sim.pairs.memory_bytes()) as f64 / owned;
         let listed = sim.pairs.pairs.len() as f64 / owned;
         let touching = sim.pairs.touching().len() as f64 / owned;

@@ -352,7 +352,7 @@ fn save(
 /// Refuses particles that start too deep in each other, and names the worst of them.
 fn check_overlaps(sim: &Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
     let mut found: Vec<(f64, u64, i64, [f64; 3])> = Vec::new();
-    for Loaded { pair, history, load, .. } in sim.pairs.contacts(&sim.loads) {
+    for Loaded { pair, history, load, .. } in sim.pairs.contacts() {
         let depth = history.overlap / shortest_axis(&sim.particles, pair.a, pair.b);
         if depth > DEEPEST_START && pair.a.index() < sim.particles.owned {
             let (a, b) = (sim.particles.id[pair.a.index()], sim.particles.id[pair.b.index()]);

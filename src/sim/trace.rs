@@ -46,7 +46,7 @@ impl Simulation {
             vector("torque", spin.torque[slot]);
         }
         let mut lines = Vec::new();
-        for Loaded { pair, history, spring, load } in self.pairs.contacts(&self.loads) {
+        for Loaded { pair, history, spring, load } in self.pairs.contacts() {
             let is_a = pair.a.index() == slot;
             if !is_a && pair.b.index() != slot {
                 continue;
