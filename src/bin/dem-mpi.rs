@@ -166,10 +166,13 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
     }
 
     let out = arguments.out.clone().unwrap_or_else(|| scene.out.clone());
-    if let Err(error) = output::make_directory(&out, comm) {
-        say(comm, error);
-        return WRONG_INPUT;
-    }
+    let _held_until_the_end = match output::claim(&out, comm) {
+        Ok(lock) => lock,
+        Err(error) => {
+            say(comm, error);
+            return WRONG_INPUT;
+        }
+    };
     let mut sim = assemble::assemble(&scene, comm);
     let from = arguments
         .start

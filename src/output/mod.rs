@@ -23,6 +23,7 @@ pub mod tables;
 
 use crate::comm::{Comm, agree};
 use serde::{Deserialize, Serialize};
+use std::fs::{File, TryLockError};
 use std::io;
 use std::path::Path;
 
@@ -41,6 +42,15 @@ pub enum SnapshotError {
         rank: u32,
         /// What the system or HDF5 said.
         cause: String,
+    },
+    /// Another run writes to the same directory.
+    #[error(
+        "another run is writing to {path}. Wait for its end, or give this one a directory of its own: \
+         --out DIR, or output.directory in the scene"
+    )]
+    Busy {
+        /// The directory.
+        path: String,
     },
     /// A table handed to the writer has columns of different lengths.
     #[error(
@@ -142,6 +152,28 @@ impl SnapshotError {
 fn name_of(path: &Path) -> String {
     path.display().to_string()
 }
+
+/// Creates the directory of a run's output, if it is missing, and keeps other runs out of it for as long as rank 0
+/// holds what it gets, or lives. Where the file system has no locks, nobody is kept out. Collective.
+///
+/// # Errors
+/// On all ranks, if rank 0 cannot create it, or another run has it.
+pub fn claim(path: &Path, comm: &mut dyn Comm) -> Result<Option<File>, SnapshotError> {
+    make_directory(path, comm)?;
+    let mut lock = None;
+    on_root(path, comm, || {
+        lock = Some(File::create(path.join(LOCK))?);
+        Ok(())
+    })?;
+    let taken = lock.as_ref().map(File::try_lock);
+    let busy = matches!(taken, Some(Err(TryLockError::WouldBlock)));
+    let claimed = if busy { Err(SnapshotError::Busy { path: name_of(path) }) } else { Ok(lock) };
+    let agreed = agree(comm, claimed.as_ref().map(|_| ()).map_err(SnapshotError::clone));
+    agreed.and(claimed)
+}
+
+/// The file in a run's directory that rank 0 has locked.
+const LOCK: &str = ".lock";
 
 /// Creates the directory of a run's output, if it is missing. Collective.
 ///

@@ -1,6 +1,6 @@
 //! A signal ends a run with a snapshot from which it goes on as if it had never stopped.
 
-use super::process::{Launch, dem_mpi, mpirun, signal};
+use super::process::{Launch, dem_mpi, kill, mpirun, signal};
 use super::{assert_same_result, fresh_directory, heap_beyond, scene, snapshot};
 use dem_mpi::output::snapshot::Reader;
 use rand_chacha::ChaCha8Rng;
@@ -73,4 +73,26 @@ fn stop(seed: u64, launch: Launch, to: To, name: &str, again: Launch) {
     let to_the_end = format!("time.steps={steps}");
     dem_mpi(again, [heap_scene, "--out", out, "--start", out, "--set", &to_the_end]).succeed();
     assert_same_result(&whole.directory, &directory);
+}
+
+/// A second run into the same directory is refused for as long as the first one lives, however that ends.
+#[test]
+fn two_runs_do_not_share_a_directory() {
+    let directory = fresh_directory("shared");
+    let out = directory.to_str().unwrap();
+    let heap_scene = &*scene("heap");
+    let every = format!("output.snapshot_every={EVERY}");
+    let endless = [heap_scene, "--out", out, "--set", "time.steps=1_000_000_000", "--set", &every];
+    let mut first = dem_mpi(Launch::Alone, endless).start();
+    let written = snapshot(&directory, EVERY);
+    first.until("a snapshot", || written.exists());
+
+    let second = dem_mpi(Launch::Ranks(2), endless).end();
+    assert_eq!(second.status.code(), Some(2), "{second}");
+    second.said_once(&format!("another run is writing to {out}"));
+
+    kill(first.id());
+    first.end();
+    let go_on = [heap_scene, "--out", out, "--start", out, "--steps", "10"];
+    dem_mpi(Launch::Ranks(2), go_on).succeed();
 }
