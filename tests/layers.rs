@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Modules by row, as `src/lib.rs` explains them.
 const ROWS: [&[&str]; 10] = [
-    &["ids", "math", "timing"],
+    &["ids", "math", "lanes", "timing"],
     &["random", "shape", "comm"],
     &["contact"],
     &["particles", "pairs"],

@@ -20,12 +20,13 @@
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use super::eroded_gjk::ErodedGjk;
-use super::lanes::{self, Eight, Lanes, Symmetric, Triple, WIDTH};
 use super::newton::Ellipsoids;
 use super::{
-    Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, Touch, Why, unit_of_length,
+    Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, Touch, Why, nearest_images,
+    unit_of_length, vectors,
 };
 use crate::ids::Slot;
+use crate::lanes::{self, Eight, Kernel, Lanes, Symmetric, Triple, WIDTH};
 use crate::math::{Mat3, Vec3};
 use crate::shape::{Form, Shape};
 
@@ -58,23 +59,21 @@ impl ContactResolver for CommonNormal {
     }
 
     fn resolve(&self, batch: &Batch, found: &mut Found) {
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx") {
-            // SAFETY: the processor has AVX.
-            #[expect(unsafe_code, reason = "compiled for a processor that was just asked for")]
-            unsafe {
-                resolve_with_avx(batch, found);
-            }
-            return;
-        }
-        resolve_with::<lanes::Portable>(batch, found);
+        lanes::dispatch(Resolution { batch, found });
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx")]
-fn resolve_with_avx(batch: &Batch, found: &mut Found) {
-    resolve_with::<lanes::Avx>(batch, found);
+/// The pairs of a batch to be resolved.
+struct Resolution<'a, 'b> {
+    batch: &'a Batch<'b>,
+    found: &'a mut Found,
+}
+
+impl Kernel for Resolution<'_, '_> {
+    #[inline(always)]
+    fn run<L: Eight>(self) {
+        resolve_with::<L>(self.batch, self.found);
+    }
 }
 
 /// The batch, eight pairs at once.
@@ -318,16 +317,6 @@ impl Octet {
     }
 }
 
-/// The vectors of eight bodies.
-#[inline(always)]
-fn vectors<L: Eight>(all: &[Vec3], slots: &[Slot; WIDTH]) -> Triple<L> {
-    let mut rows = [all[slots[0].index()].as_ref(); WIDTH];
-    for (row, slot) in rows.iter_mut().zip(slots) {
-        *row = all[slot.index()].as_ref();
-    }
-    Triple::of(&rows)
-}
-
 /// The matrices of eight bodies.
 #[inline(always)]
 fn forms<L: Eight>(all: &[Form], slots: &[Slot; WIDTH]) -> Symmetric<L> {
@@ -343,19 +332,6 @@ fn forms<L: Eight>(all: &[Form], slots: &[Slot; WIDTH]) -> Symmetric<L> {
 fn forms_made<L: Eight>(bodies: &Bodies, slots: &[Slot; WIDTH]) -> Symmetric<L> {
     let made = slots.map(|slot| bodies.shape_of(slot).form(&bodies.frame(slot)));
     Symmetric::of(&made.each_ref())
-}
-
-/// [`nearest_image`](super::nearest_image) in lanes.
-#[inline(always)]
-fn nearest_images<L: Eight>(mut r: Triple<L>, period: &Vec3) -> Triple<L> {
-    for (along, period) in [&mut r.x, &mut r.y, &mut r.z].into_iter().zip(period) {
-        if period.is_finite() {
-            let (whole, half) = (L::all(*period), L::all(0.5 * period));
-            let (above, below) = (half.less(*along), along.less(L::all(0.0) - half));
-            *along = (*along - whole).or((*along + whole).or(*along, below), above);
-        }
-    }
-    r
 }
 
 /// Eight touches, number by number [m].
@@ -525,11 +501,11 @@ fn vector(t: Triple<f64>) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::{CommonNormal, resolve_with};
-    use crate::contact::lanes::Portable;
     use crate::contact::{
         Batch, Bodies, ContactResolver, Found, History, Outcome, Pair, Place, Touch,
     };
     use crate::ids::{ShapeId, Slot};
+    use crate::lanes::Portable;
     use crate::math::{Quat, Vec3};
     use crate::random::Random;
     use crate::shape::{Ellipsoid, Form, Shape, Sphere};

@@ -19,7 +19,6 @@ mod eroded_gjk;
 mod fallback;
 mod gjk;
 mod half_space;
-mod lanes;
 mod methods;
 mod newton;
 mod patch;
@@ -38,6 +37,7 @@ pub use smooth_common_normal::SmoothCommonNormal;
 pub use sphere_sphere::SphereSphere;
 
 use crate::ids::{GlobalId, ShapeId, Slot};
+use crate::lanes::{Eight, Triple, WIDTH};
 use crate::math::{Mat3, Quat, Vec3};
 use crate::shape::{Core, Form, Kind, Shape};
 use serde::{Deserialize, Serialize};
@@ -263,6 +263,31 @@ pub fn nearest_image(mut difference: Vec3, period: &Vec3) -> Vec3 {
         }
     }
     difference
+}
+
+/// The vectors of eight bodies.
+#[expect(clippy::inline_always, reason = "see `lanes`")]
+#[inline(always)]
+pub(crate) fn vectors<L: Eight>(all: &[Vec3], slots: &[Slot; WIDTH]) -> Triple<L> {
+    let mut rows = [all[slots[0].index()].as_ref(); WIDTH];
+    for (row, slot) in rows.iter_mut().zip(slots) {
+        *row = all[slot.index()].as_ref();
+    }
+    Triple::of(&rows)
+}
+
+/// [`nearest_image`] in lanes.
+#[expect(clippy::inline_always, reason = "see `lanes`")]
+#[inline(always)]
+pub(crate) fn nearest_images<L: Eight>(mut r: Triple<L>, period: &Vec3) -> Triple<L> {
+    for (along, period) in [&mut r.x, &mut r.y, &mut r.z].into_iter().zip(period) {
+        if period.is_finite() {
+            let (whole, half) = (L::all(*period), L::all(0.5 * period));
+            let (above, below) = (half.less(*along), along.less(L::all(0.0) - half));
+            *along = (*along - whole).or((*along + whole).or(*along, below), above);
+        }
+    }
+    r
 }
 
 /// How often each resolver answered, and how often it passed a pair on.

@@ -15,7 +15,7 @@
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use super::count_direction;
-use super::lanes::{Lanes, Symmetric, Triple};
+use crate::lanes::{Lanes, Symmetric, Triple};
 
 /// Longest step [rad].
 const LONGEST_STEP: f64 = 0.5;

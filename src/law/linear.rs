@@ -8,10 +8,15 @@
 //! With the leapfrog of [`crate::motion`], the work of a force between two steps is the mean of its
 //! values at both times the displacement. What a contact dissipates is that work minus the change of
 //! its elastic energy, from the step before the first touch to the step after the last.
+//!
+//! Contacts go eight at once.
+
+#![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use super::{Constants, ForceLaw, Interactions, Load, Memory, WallWork};
-use crate::contact::{History, Pair, Touch};
-use crate::ids::MaterialId;
+use crate::contact::{History, Pair, nearest_images, vectors};
+use crate::ids::{MaterialId, Slot};
+use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH};
 use crate::math::Vec3;
 use crate::particles::{Needs, Particles};
 
@@ -27,75 +32,290 @@ impl Linear {
     pub const fn new(interactions: Interactions, limit_damping: bool) -> Self {
         Self { interactions, limit_damping }
     }
-}
 
-/// Two surfaces at their contact point.
-struct Meeting<'a> {
-    constants: &'a Constants,
-    /// Reduced mass of the pair [kg].
-    mass: f64,
-    normal: Vec3,
-    /// Of A's surface against B's [m/s].
-    velocity: Vec3,
-    /// Its part along the normal [m/s].
-    approach: f64,
-    /// Turn of the pair about the normal in this step [rad].
-    twist: f64,
-    dt: f64,
-}
-
-impl Meeting<'_> {
-    /// Spring and dashpot along the normal; brings `history` up to date.
+    /// Of the materials of a pair.
     #[inline]
-    fn press(&self, overlap: f64, limited: bool, history: &mut History) {
-        let stiffness = self.constants.normal_stiffness;
-        let mut force = stiffness * overlap;
-        let ratio = self.constants.normal_damping_ratio;
-        if ratio > 0.0 {
-            force += 2.0 * ratio * (self.mass * stiffness).sqrt() * self.approach;
-            if limited && force < 0.0 {
-                force = 0.0;
-            }
-        }
-        history.overlap = overlap;
-        history.normal_force = force;
+    fn constants(&self, pair: Pair, particles: &Particles) -> &Constants {
+        self.interactions.of(particles.material(pair.a), particles.material(pair.b))
     }
 
-    /// Spring, dashpot and friction in the contact plane: the tangential force of A on B [N]; brings
-    /// `spring` up to date. `history` has this step's normal force and the last step's normal.
-    #[inline]
-    fn rub(&self, history: &History, spring: &mut Vec3) -> Vec3 {
-        let stiffness = self.constants.tangential_stiffness;
-        let before = if history.touched() {
-            let carried = carried(spring, &history.normal, &self.normal);
-            let turned = carried + self.normal.cross(&carried) * self.twist;
-            turned / (1.0 + self.twist * self.twist).sqrt()
-        } else {
-            Vec3::zeros()
-        };
-        let sliding = self.velocity - self.normal * self.approach;
-        *spring = before + sliding * self.dt;
-        let mut force = *spring * stiffness;
-        let ratio = self.constants.tangential_damping_ratio;
-        if ratio > 0.0 {
-            force += sliding * (2.0 * ratio * (self.mass * stiffness).sqrt());
+    fn has_dashpots(&self) -> bool {
+        self.interactions
+            .iter()
+            .any(|c| c.normal_damping_ratio > 0.0 || c.tangential_damping_ratio > 0.0)
+    }
+}
+
+/// Elastic energy of a contact [J].
+fn stored(constants: &Constants, overlap: f64, spring: &Vec3) -> f64 {
+    0.5 * constants.normal_stiffness * overlap * overlap
+        + 0.5 * constants.tangential_stiffness * spring.norm_squared()
+}
+
+/// Contacts whose loads are to be found.
+struct Contacts<'a, 'b> {
+    law: &'a Linear,
+    loads: &'a mut [Load],
+    memory: &'a mut Memory<'b>,
+    particles: &'a Particles,
+    dt: f64,
+    wall_work: &'a mut Vec<WallWork>,
+    /// Is there any dashpot?
+    damped: bool,
+}
+
+impl Kernel for Contacts<'_, '_> {
+    #[inline(always)]
+    fn run<L: Eight>(mut self) {
+        for first in (0..self.loads.len()).step_by(WIDTH) {
+            self.eight::<L>(first);
         }
-        let pressure = if history.normal_force > 0.0 { history.normal_force } else { 0.0 };
-        let limit = self.constants.friction * pressure;
-        let size = force.norm();
-        if size > limit {
-            force *= limit / size;
-            *spring = if stiffness > 0.0 { force / stiffness } else { Vec3::zeros() };
+    }
+}
+
+impl Contacts<'_, '_> {
+    /// The loads of up to eight contacts; the other lanes repeat the last.
+    #[inline(always)]
+    fn eight<L: Eight>(&mut self, first: usize) {
+        let Self { law, loads, memory, particles, dt, wall_work, damped } = self;
+        let (particles, dt) = (*particles, *dt);
+        let count = (loads.len() - first).min(WIDTH);
+        let mut places = [first; WIDTH];
+        let mut pairs = [memory.pair(first); WIDTH];
+        let (mut a, mut b) = ([pairs[0].a; WIDTH], [pairs[0].b; WIDTH]);
+        let mut touches = [&loads[first]; WIDTH];
+        let mut histories = [&memory.history[first]; WIDTH];
+        for lane in 0..WIDTH {
+            let place = first + lane.min(count - 1);
+            places[lane] = place;
+            pairs[lane] = memory.pair(place);
+            (a[lane], b[lane]) = (pairs[lane].a, pairs[lane].b);
+            touches[lane] = &loads[place];
+            histories[lane] = &memory.history[place];
+        }
+        let springs = Springs::<L>::of(law, &pairs, particles, *damped);
+        let (normal, point, overlap) = read_touches::<L>(&touches);
+        let (last_normal, last_overlap, last_normal_force) = read_histories::<L>(&histories);
+        let has_springs = !memory.springs.is_empty();
+        let mut last_spring = Triple::zero();
+        if has_springs {
+            let mut rows = [memory.springs[first].as_ref(); WIDTH];
+            for (row, place) in rows.iter_mut().zip(places) {
+                *row = memory.springs[place].as_ref();
+            }
+            last_spring = Triple::of(&rows);
+        }
+
+        // velocity of A's surface against B's: positive along the normal is approach
+        let position = &particles.position;
+        let to_b = vectors::<L>(position, &b).minus(vectors(position, &a));
+        let to_b = nearest_images(to_b, &particles.period);
+        let (of_a, spin_a) = surface::<L>(particles, &a, point);
+        let (of_b, spin_b) = surface::<L>(particles, &b, point.minus(to_b));
+        let velocity = of_a.minus(of_b);
+        let approach = velocity.dot(normal);
+        let twist = L::all(0.5 * dt) * spin_a.plus(spin_b).dot(normal);
+
+        // before, and now
+        let before =
+            last_normal.times(last_normal_force).plus(last_spring.times(springs.tangential));
+        let stored_before = springs.stored(last_overlap, last_spring);
+        let normal_force = springs.press(overlap, approach, law.limit_damping);
+        let mut force = normal.times(normal_force);
+        let mut spring = Triple::zero();
+        // What the force of the last step has and is not remembered: as much as now.
+        let mut dashpot = Triple::zero();
+        if springs.frictional != 0 {
+            let zero = Triple::zero();
+            let touched = L::all(0.0).less(last_normal.dot(last_normal));
+            let carried = carried(last_spring, last_normal, normal, twist).or(zero, touched);
+            let sliding = velocity.minus(normal.times(approach));
+            let (friction, stretched) =
+                springs.rub(normal_force, carried.plus(sliding.times(L::all(dt))), sliding);
+            let friction = friction.or(zero, springs.frictional);
+            spring = stretched.or(zero, springs.frictional);
+            force = force.plus(friction);
+            dashpot = friction.minus(spring.times(springs.tangential));
+        }
+
+        let impulse = before.plus(force).plus(dashpot).times(L::all(0.5 * dt));
+        let released = springs.stored(overlap, spring) - stored_before;
+        let dissipated = impulse.dot(velocity) - released;
+        let dissipated = if dt > 0.0 { dissipated.store() } else { [0.0; WIDTH] };
+
+        let (force, spring, normal) = (force.store(), spring.store(), normal.store());
+        let (overlap, normal_force) = (overlap.store(), normal_force.store());
+        let impulse = impulse.store();
+        for lane in 0..count {
+            let place = first + lane;
+            let history = &mut memory.history[place];
+            history.normal = row(&normal, lane);
+            history.overlap = overlap[lane];
+            history.normal_force = normal_force[lane];
+            if has_springs {
+                memory.springs[place] = row(&spring, lane);
+            }
+            loads[place].force = row(&force, lane);
+            loads[place].dissipated = dissipated[lane];
+            let pair = pairs[lane];
+            if pair.b.index() >= particles.first_wall() {
+                let of_wall = &particles.velocity[pair.b.index()];
+                note_wall_work(pair, -row(&impulse, lane).dot(of_wall), wall_work);
+            }
+        }
+    }
+}
+
+/// Normals, points and overlaps of touches that stand in the places of their loads.
+#[inline(always)]
+fn read_touches<L: Eight>(touches: &[&Load; WIDTH]) -> (Triple<L>, Triple<L>, L) {
+    let mut normal = [touches[0].force.as_ref(); WIDTH];
+    let mut point = [touches[0].point.as_ref(); WIDTH];
+    let mut overlap = [0.0; WIDTH];
+    for (lane, touch) in touches.iter().enumerate() {
+        normal[lane] = touch.force.as_ref();
+        point[lane] = touch.point.as_ref();
+        overlap[lane] = touch.dissipated;
+    }
+    (Triple::of(&normal), Triple::of(&point), L::load(&overlap))
+}
+
+/// Normals, overlaps and normal forces of the last touches.
+#[inline(always)]
+fn read_histories<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L, L) {
+    let mut normal = [histories[0].normal.as_ref(); WIDTH];
+    let (mut overlap, mut normal_force) = ([0.0; WIDTH], [0.0; WIDTH]);
+    for (lane, history) in histories.iter().enumerate() {
+        normal[lane] = history.normal.as_ref();
+        overlap[lane] = history.overlap;
+        normal_force[lane] = history.normal_force;
+    }
+    (Triple::of(&normal), L::load(&overlap), L::load(&normal_force))
+}
+
+/// The vector of one lane.
+#[inline(always)]
+fn row([x, y, z]: &[[f64; WIDTH]; 3], lane: usize) -> Vec3 {
+    Vec3::new(x[lane], y[lane], z[lane])
+}
+
+/// Springs, dashpots and friction of contacts.
+struct Springs<L> {
+    /// Normal stiffness [N/m].
+    normal: L,
+    /// Tangential stiffness [N/m].
+    tangential: L,
+    /// Coefficient of friction [-].
+    friction: L,
+    /// Normal and tangential dashpots [N s/m], if there are any.
+    dashpots: Option<[L; 2]>,
+    /// Which of them feel tangential motion.
+    frictional: u8,
+}
+
+impl<L: Eight> Springs<L> {
+    #[inline(always)]
+    fn of(law: &Linear, pairs: &[Pair; WIDTH], particles: &Particles, damped: bool) -> Self {
+        let (mut normal, mut tangential) = ([0.0; WIDTH], [0.0; WIDTH]);
+        let mut friction = [0.0; WIDTH];
+        let mut dashpots = [[0.0; WIDTH]; 2];
+        let mut frictional = 0;
+        for (lane, pair) in pairs.iter().enumerate() {
+            let constants = law.constants(*pair, particles);
+            normal[lane] = constants.normal_stiffness;
+            tangential[lane] = constants.tangential_stiffness;
+            friction[lane] = constants.friction;
+            frictional |= u8::from(constants.is_frictional()) << lane;
+            if damped {
+                let mass = reduced_mass(particles, *pair);
+                let dashpot = |ratio: f64, stiffness: f64| 2.0 * ratio * (mass * stiffness).sqrt();
+                dashpots[0][lane] =
+                    dashpot(constants.normal_damping_ratio, constants.normal_stiffness);
+                dashpots[1][lane] =
+                    dashpot(constants.tangential_damping_ratio, constants.tangential_stiffness);
+            }
+        }
+        Self {
+            normal: L::load(&normal),
+            tangential: L::load(&tangential),
+            friction: L::load(&friction),
+            dashpots: if damped {
+                Some([L::load(&dashpots[0]), L::load(&dashpots[1])])
+            } else {
+                None
+            },
+            frictional,
+        }
+    }
+}
+
+impl<L: Lanes> Springs<L> {
+    /// Spring and dashpot along the normal [N].
+    #[inline(always)]
+    fn press(&self, overlap: L, approach: L, limited: bool) -> L {
+        let mut force = self.normal * overlap;
+        if let Some([dashpot, _]) = self.dashpots {
+            force = force + dashpot * approach;
+            if limited {
+                let zero = L::all(0.0);
+                force = zero.or(force, force.less(zero));
+            }
         }
         force
     }
+
+    /// Spring, dashpot and friction in the contact plane: the tangential force of A on B [N], and the spring, as
+    /// long as Coulomb's limit lets it be.
+    #[inline(always)]
+    fn rub(
+        &self,
+        normal_force: L,
+        spring: Triple<L>,
+        sliding: Triple<L>,
+    ) -> (Triple<L>, Triple<L>) {
+        let zero = L::all(0.0);
+        let mut force = spring.times(self.tangential);
+        if let Some([_, dashpot]) = self.dashpots {
+            force = force.plus(sliding.times(dashpot));
+        }
+        let limit = self.friction * normal_force.or(zero, zero.less(normal_force));
+        let size = force.dot(force).sqrt();
+        let slides = limit.less(size);
+        let limited = force.times(limit / size);
+        let stretched = limited.over(self.tangential);
+        let stretched = stretched.or(Triple::zero(), zero.less(self.tangential));
+        (limited.or(force, slides), stretched.or(spring, slides))
+    }
+
+    /// Elastic energy [J].
+    #[inline(always)]
+    fn stored(&self, overlap: L, spring: Triple<L>) -> L {
+        let half = L::all(0.5);
+        half * self.normal * overlap * overlap + half * self.tangential * spring.dot(spring)
+    }
 }
 
-/// Turns a vector of the plane of `old` into the plane of `new` by the shortest rotation (Rodrigues'
-/// formula without angles).
-#[inline]
-fn carried(spring: &Vec3, old: &Vec3, new: &Vec3) -> Vec3 {
-    spring - (old + new) * (spring.dot(new) / (1.0 + old.dot(new)))
+/// Turns a spring from the plane of `old` into the plane of `new` by the shortest rotation (Rodrigues' formula
+/// without angles), and by `twist` about the normal [rad].
+#[inline(always)]
+fn carried<L: Lanes>(spring: Triple<L>, old: Triple<L>, new: Triple<L>, twist: L) -> Triple<L> {
+    let one = L::all(1.0);
+    let carried = spring.minus(old.plus(new).times(spring.dot(new) / (one + old.dot(new))));
+    let turned = carried.plus(new.cross(carried).times(twist));
+    turned.over((one + twist * twist).sqrt())
+}
+
+/// Velocities of the material points of bodies at `arm` from their centres [m/s], and angular velocities [rad/s].
+#[inline(always)]
+fn surface<L: Eight>(
+    particles: &Particles,
+    slots: &[Slot; WIDTH],
+    arm: Triple<L>,
+) -> (Triple<L>, Triple<L>) {
+    let velocity = vectors::<L>(&particles.velocity, slots);
+    let Some(spin) = &particles.spin else { return (velocity, Triple::zero()) };
+    let spin = vectors::<L>(&spin.angular_velocity, slots);
+    (velocity.plus(spin.cross(arm)), spin)
 }
 
 /// Velocity of A's surface against B's: positive along the normal is approach [m/s].
@@ -110,19 +330,6 @@ fn surface_velocity(particles: &Particles, pair: Pair, arm_a: &Vec3, arm_b: &Vec
     particles.velocity_at(pair.a, arm_a) - of_b
 }
 
-/// The force of A on B at the last touch, dashpots in the contact plane left out [N].
-#[inline]
-fn last_force(history: &History, spring: &Vec3, constants: &Constants) -> Vec3 {
-    history.normal * history.normal_force + spring * constants.tangential_stiffness
-}
-
-/// Elastic energy of a contact [J].
-#[inline]
-fn stored(constants: &Constants, overlap: f64, spring: &Vec3) -> f64 {
-    0.5 * constants.normal_stiffness * overlap * overlap
-        + 0.5 * constants.tangential_stiffness * spring.norm_squared()
-}
-
 /// Takes note of what a wall gives to the particle that presses on it [J]; most stand still.
 #[inline]
 fn note_wall_work(pair: Pair, energy: f64, wall_work: &mut Vec<WallWork>) {
@@ -131,19 +338,11 @@ fn note_wall_work(pair: Pair, energy: f64, wall_work: &mut Vec<WallWork>) {
     }
 }
 
-/// Sum of the angular velocities of two bodies, twice the mean [rad/s].
-#[inline]
-fn both_spins(particles: &Particles, pair: Pair) -> Vec3 {
-    particles.spin.as_ref().map_or_else(Vec3::zeros, |spin| {
-        spin.angular_velocity[pair.a.index()] + spin.angular_velocity[pair.b.index()]
-    })
-}
-
 /// `m_A m_B / (m_A + m_B)`, or `m_A` against a wall [kg].
 #[inline]
-fn reduced_mass(particles: &Particles, pair: Pair, with_wall: bool) -> f64 {
+fn reduced_mass(particles: &Particles, pair: Pair) -> f64 {
     let mass_a = particles.mass(pair.a.index());
-    if with_wall {
+    if pair.b.index() >= particles.first_wall() {
         return mass_a;
     }
     let mass_b = particles.mass(pair.b.index());
@@ -168,72 +367,27 @@ impl ForceLaw for Linear {
 
     fn apply(
         &self,
-        touches: Vec<Touch>,
+        loads: &mut [Load],
         memory: &mut Memory,
         particles: &Particles,
         dt: f64,
         wall_work: &mut Vec<WallWork>,
-    ) -> Vec<Load> {
-        let bodies = particles.bodies();
-        let first_wall = particles.first_wall();
-        let load = |(place, touch): (usize, Touch)| {
-            let pair = memory.pair(place);
-            let spring = memory.spring(place);
-            let history = &mut memory.history[place];
-            let with_wall = pair.b.index() >= first_wall;
-
-            let arm_a = touch.point;
-            let arm_b = touch.point - bodies.relative(pair);
-            let velocity = surface_velocity(particles, pair, &arm_a, &arm_b);
-            let meeting = Meeting {
-                constants: self
-                    .interactions
-                    .of(particles.material(pair.a), particles.material(pair.b)),
-                mass: reduced_mass(particles, pair, with_wall),
-                normal: touch.normal,
-                velocity,
-                approach: velocity.dot(&touch.normal),
-                twist: 0.5 * dt * both_spins(particles, pair).dot(&touch.normal),
-                dt,
-            };
-            let constants = meeting.constants;
-            let before = last_force(history, &spring, constants);
-            let stored_before = stored(constants, history.overlap, &spring);
-            meeting.press(touch.overlap, self.limit_damping, history);
-            let mut force = touch.normal * history.normal_force;
-            let mut stored_now = stored(constants, touch.overlap, &Vec3::zeros());
-            // What the force of the last step has and is not remembered: as much as now.
-            let mut dashpot = Vec3::zeros();
-            if constants.is_frictional() {
-                let spring = &mut memory.springs[place];
-                let friction = meeting.rub(history, spring);
-                force += friction;
-                stored_now = stored(constants, touch.overlap, spring);
-                dashpot = friction - *spring * constants.tangential_stiffness;
-            }
-            history.normal = touch.normal;
-
-            let impulse = (before + force + dashpot) * (0.5 * dt);
-            if with_wall {
-                let energy = -impulse.dot(&particles.velocity[pair.b.index()]);
-                note_wall_work(pair, energy, wall_work);
-            }
-            let dissipated = impulse.dot(&velocity) - (stored_now - stored_before);
-            Load { force, point: touch.point, dissipated: if dt > 0.0 { dissipated } else { 0.0 } }
-        };
-        touches.into_iter().enumerate().map(load).collect()
+    ) {
+        let damped = self.has_dashpots();
+        lanes::dispatch(Contacts { law: self, loads, memory, particles, dt, wall_work, damped });
     }
 
     fn part(
         &self,
+        loads: &mut [Load],
         memory: &Memory,
         particles: &Particles,
         dt: f64,
-        loads: &mut Vec<Load>,
         wall_work: &mut Vec<WallWork>,
     ) {
         let bodies = particles.bodies();
-        for place in loads.len()..memory.pairs.len() {
+        let still = memory.pairs.len() - loads.len();
+        for (place, load) in (still..).zip(loads) {
             let (pair, history, spring) =
                 (memory.pair(place), &memory.history[place], memory.spring(place));
             // Where the surfaces were nearest: A's farthest point along the last normal.
@@ -242,16 +396,16 @@ impl ForceLaw for Linear {
             let arm_a = body.support(&history.normal);
             let arm_b = arm_a - bodies.relative(pair);
             let velocity = surface_velocity(particles, pair, &arm_a, &arm_b);
-            let (of_a, of_b) = (particles.material(pair.a), particles.material(pair.b));
-            let force = last_force(history, &spring, self.interactions.of(of_a, of_b));
+            let constants = self.constants(pair, particles);
+            let force =
+                history.normal * history.normal_force + spring * constants.tangential_stiffness;
             // The force fell to nothing on the way: half of it did the work.
             let work = |velocity: &Vec3| 0.5 * dt * force.dot(velocity);
             if pair.b.index() >= particles.first_wall() {
                 note_wall_work(pair, -work(&particles.velocity[pair.b.index()]), wall_work);
             }
-            let dissipated = work(&velocity) + self.stored(of_a, of_b, history.overlap, &spring);
-            let dissipated = if dt > 0.0 { dissipated } else { 0.0 };
-            loads.push(Load { dissipated, ..Load::default() });
+            let dissipated = work(&velocity) + stored(constants, history.overlap, &spring);
+            *load = Load { dissipated: if dt > 0.0 { dissipated } else { 0.0 }, ..Load::default() };
         }
     }
 
@@ -259,7 +413,7 @@ impl ForceLaw for Linear {
         let constants =
             self.interactions.of(particles.material(pair.a), particles.material(pair.b));
         let stiffness = constants.normal_stiffness;
-        let mass = reduced_mass(particles, pair, pair.b.index() >= particles.first_wall());
+        let mass = reduced_mass(particles, pair);
         stiffness + 2.0 * constants.normal_damping_ratio * (mass * stiffness).sqrt() / dt
     }
 

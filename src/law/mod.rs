@@ -135,20 +135,23 @@ impl Interactions {
     }
 }
 
-/// What a contact does to its two bodies in this step. As large as a [`Touch`], whose memory it takes over.
+/// What a contact does to its two bodies in this step. Until a law has found it, the touch stands in its place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load {
-    /// Force of A on B [N]; A feels the opposite.
+    /// Force of A on B [N]; A feels the opposite. First the normal.
     pub force: Vec3,
     /// Where it acts, seen from the centre of A [m].
     pub point: Vec3,
-    /// Energy lost since the last step [J].
+    /// Energy lost since the last step [J]. First the overlap [m].
     pub dissipated: f64,
 }
 
-const _: () = assert!(size_of::<Load>() == size_of::<Touch>());
-
 impl Load {
+    /// The place for the load of this touch.
+    pub const fn of(touch: Touch) -> Self {
+        Self { force: touch.normal, point: touch.point, dissipated: touch.overlap }
+    }
+
     /// Moment on A about its centre [N m].
     #[inline]
     pub fn torque_a(&self) -> Vec3 {
@@ -206,25 +209,25 @@ pub trait ForceLaw: Send + Sync {
     /// Which columns it reads.
     fn needs(&self) -> Needs;
 
-    /// Turns each touch into its load, and brings the memory up to date, of which those that touch are the first.
-    /// `dt` [s] is 0 at the start of a stage: springs do not stretch, and nothing is lost.
+    /// Turns each touch into its load, and brings the memory up to date, of which these are the first. `dt` [s] is
+    /// 0 at the start of a stage: springs do not stretch, and nothing is lost.
     fn apply(
         &self,
-        touches: Vec<Touch>,
+        loads: &mut [Load],
         memory: &mut Memory,
         particles: &Particles,
         dt: f64,
         wall_work: &mut Vec<WallWork>,
-    ) -> Vec<Load>;
+    );
 
-    /// Appends a load without force for each pair beyond, which has come apart since the last step: what its last
-    /// contact lost. The memory is that of the last touch.
+    /// Finds the loads of the pairs that have come apart since the last step, the last of the memory: no force, but
+    /// what their last contact lost. The memory is that of the last touch.
     fn part(
         &self,
+        loads: &mut [Load],
         memory: &Memory,
         particles: &Particles,
         dt: f64,
-        loads: &mut Vec<Load>,
         wall_work: &mut Vec<WallWork>,
     );
 

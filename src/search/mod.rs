@@ -8,7 +8,7 @@ mod cells;
 
 pub use cells::close_pairs;
 
-use crate::contact::{Batch, Contact, Found, History, NamedHistory, Pair, Place, Touch, ordered};
+use crate::contact::{Batch, Contact, Found, History, NamedHistory, Pair, Place, ordered};
 use crate::ids::Slot;
 use crate::law::{ForceLaw, Load, Memory, WallWork};
 use crate::math::Vec3;
@@ -42,9 +42,7 @@ pub struct PairList {
     history: Vec<History>,
     /// Their tangential springs [m]; none without friction.
     springs: Vec<Vec3>,
-    /// What resolvers say of each in this step, until the law makes loads of it.
-    touches: Vec<Touch>,
-    /// What each does to its bodies.
+    /// What each does to its bodies; in the course of a step, what resolvers say of it.
     loads: Vec<Load>,
     /// The pairs that have come apart since the last step. From [`PairList::note`] on they stand last among those
     /// that touch, until they are forgotten.
@@ -227,14 +225,13 @@ impl PairList {
         }
     }
 
-    /// Makes room for what resolvers say of each pair, where the loads of the last step stood. What they said
-    /// since is forgotten.
-    pub fn expect_touches(&mut self) {
-        if self.touches.is_empty() {
-            self.touches = room(std::mem::take(&mut self.loads));
+    /// Forgets what resolvers have said since the last [`PairList::note`].
+    pub fn forget_taken(&mut self) {
+        let known = self.history.len();
+        for pair in self.touching.drain(known..) {
+            self.place[pair as usize] = Place::DUE;
         }
-        self.touching.truncate(self.history.len());
-        self.touches.resize(self.touching.len(), Touch::default());
+        self.loads.resize(known, Load::default());
         self.parted.clear();
     }
 
@@ -243,12 +240,12 @@ impl PairList {
     pub fn take(&mut self, found: &mut Found, particles: &Particles) {
         for Contact { pair, touch } in found.contacts.drain(..) {
             let place = &mut self.place[pair as usize];
-            if let Some(known) = self.touches.get_mut(place.index()) {
-                *known = touch;
+            if let Some(load) = self.loads.get_mut(place.index()) {
+                *load = Load::of(touch);
             } else {
                 *place = Place::among(self.touching.len());
                 self.touching.push(pair);
-                self.touches.push(touch);
+                self.loads.push(Load::of(touch));
             }
         }
         for (pair, clearance) in found.apart.drain(..) {
@@ -273,7 +270,7 @@ impl PairList {
                 (self.place[self.parted[index] as usize].index(), self.touching.len() - 1 - index);
             self.touching.swap(place, last);
             self.history.swap(place, last);
-            self.touches.swap(place, last);
+            self.loads.swap(place, last);
             if needs.springs {
                 self.springs.swap(place, last);
             }
@@ -281,26 +278,24 @@ impl PairList {
                 self.place[self.touching[place] as usize] = Place::among(place);
             }
         }
-        self.touches.truncate(self.touching.len() - self.parted.len());
         trim(&mut self.touching);
         trim(&mut self.history);
         trim(&mut self.springs);
-        trim(&mut self.touches);
+        trim(&mut self.loads);
     }
 
-    /// Turns touches into loads by `law`, and those into forces on the owned particles. Then the pairs that have
+    /// Turns what resolvers have said into loads by `law`, and those into forces on the owned particles. Then the pairs that have
     /// come apart are forgotten.
     pub fn load(&mut self, law: &dyn ForceLaw, particles: &mut Particles, dt: f64) {
-        let Self { pairs, touching, history, springs, touches, .. } = self;
+        let Self { pairs, touching, history, springs, loads, parted, .. } = self;
+        let still = touching.len() - parted.len();
         let mut memory = Memory { listed: pairs, pairs: touching, history, springs };
         let mut wall_work = Vec::new();
-        let touches = std::mem::take(touches);
-        self.loads = law.apply(touches, &mut memory, particles, dt, &mut wall_work);
-        law.part(&memory, particles, dt, &mut self.loads, &mut wall_work);
+        law.apply(&mut loads[..still], &mut memory, particles, dt, &mut wall_work);
+        law.part(&mut loads[still..], &memory, particles, dt, &mut wall_work);
         self.gather(particles);
         add_wall_work(wall_work, particles);
 
-        let still = self.touching.len() - self.parted.len();
         for pair in self.parted.drain(..) {
             self.place[pair as usize] = Place::DUE;
         }
@@ -313,13 +308,13 @@ impl PairList {
     /// Sums the loads of this step into the owned particles, each in the order of its partners' ids: the
     /// same bits on any number of ranks.
     fn gather(&self, particles: &mut Particles) {
+        let mut room = Vec::new();
         for slot in 0..particles.owned {
             let mut force = Vec3::zeros();
             let mut torque = Vec3::zeros();
             let mut dissipated = 0.0;
-            for incidence in self.incident_to(slot) {
-                let place = self.place[incidence.pair() as usize];
-                let Some(load) = self.loads.get(place.index()) else { continue };
+            for (incidence, place) in self.touching_of(slot, &mut room) {
+                let load = &self.loads[place.index()];
                 let pair = self.pairs[incidence.pair() as usize];
                 if incidence.is_a() {
                     force -= load.force;
@@ -337,6 +332,27 @@ impl PairList {
                 spin.torque[slot] = torque;
             }
         }
+    }
+
+    /// The incidences of pairs that touch, and their places.
+    #[inline]
+    fn touching_of<'a>(
+        &self,
+        slot: usize,
+        room: &'a mut Vec<(Incidence, Place)>,
+    ) -> &'a [(Incidence, Place)] {
+        let incident = self.incident_to(slot);
+        if room.len() <= incident.len() {
+            room.resize(incident.len() + 1, (Incidence(0), Place::DUE));
+        }
+        // As in `active`: no branch to be guessed wrongly.
+        let mut count = 0;
+        for incidence in incident {
+            let place = self.place[incidence.pair() as usize];
+            room[count] = (*incidence, place);
+            count += usize::from(place.touches());
+        }
+        &room[..count]
     }
 
     fn incident_to(&self, slot: usize) -> &[Incidence] {
@@ -395,7 +411,6 @@ impl PairList {
         held(&self.touching)
             + held(&self.history)
             + held(&self.springs)
-            + held(&self.touches)
             + held(&self.loads)
             + held(&self.parted)
     }
@@ -416,13 +431,6 @@ impl PairList {
 #[inline]
 fn travel(pair: Pair, particles: &Particles) -> f64 {
     particles.travel[pair.a.index()] + particles.travel[pair.b.index()]
-}
-
-/// The same memory for as many touches: both are as large.
-fn room(loads: Vec<Load>) -> Vec<Touch> {
-    let touch =
-        |load: Load| Touch { overlap: load.dissipated, normal: load.force, point: load.point };
-    loads.into_iter().map(touch).collect()
 }
 
 /// Adds the work of moving walls on each particle, in the order of the walls.

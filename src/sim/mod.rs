@@ -181,10 +181,10 @@ impl Simulation {
         self.resolve(Part::Inner)
     }
 
-    /// Makes room for what resolvers say, and forgets what they said.
+    /// Forgets what resolvers have said, if they are asked again.
     fn forget_found(&mut self) {
         self.found.clear();
-        self.pairs.expect_touches();
+        self.pairs.forget_taken();
     }
 
     /// Lists pairs and finds the forces at the start of a run. Collective.

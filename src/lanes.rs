@@ -10,7 +10,7 @@
 use std::ops::{Add, Div, Mul, Sub};
 
 /// One number or several that are computed alike.
-pub(super) trait Lanes:
+pub(crate) trait Lanes:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
     /// The same number in every lane.
@@ -56,11 +56,34 @@ impl Lanes for f64 {
     }
 }
 
+/// Work in eight lanes, to be done with the widest registers that this processor has.
+pub(crate) trait Kernel {
+    /// Does it. To be inlined always, and everything below it that has lanes.
+    fn run<L: Eight>(self);
+}
+
+/// Does it.
+pub(crate) fn dispatch(kernel: impl Kernel) {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx") {
+        // SAFETY: the processor has AVX.
+        unsafe { dispatch_with_avx(kernel) };
+        return;
+    }
+    kernel.run::<Portable>();
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx")]
+fn dispatch_with_avx(kernel: impl Kernel) {
+    kernel.run::<avx::Avx>();
+}
+
 /// How many pairs go together.
-pub(super) const WIDTH: usize = 8;
+pub(crate) const WIDTH: usize = 8;
 
 /// Eight lanes.
-pub(super) trait Eight: Lanes {
+pub(crate) trait Eight: Lanes {
     /// From memory.
     fn load(numbers: &[f64; WIDTH]) -> Self;
 
@@ -76,7 +99,7 @@ pub(super) trait Eight: Lanes {
 
 /// Eight lanes without vector registers, or with those that every processor has.
 #[derive(Clone, Copy)]
-pub(super) struct Portable([f64; WIDTH]);
+pub(crate) struct Portable([f64; WIDTH]);
 
 macro_rules! lanewise {
     ($trait:ident, $method:ident, $operator:tt) => {
@@ -163,9 +186,6 @@ fn columns<const N: usize>(rows: &[&[f64; N]; WIDTH]) -> [Portable; N] {
 }
 
 #[cfg(target_arch = "x86_64")]
-pub(super) use avx::Avx;
-
-#[cfg(target_arch = "x86_64")]
 mod avx {
     use super::{Eight, Lanes, WIDTH};
     use std::arch::x86_64 as intel;
@@ -176,7 +196,7 @@ mod avx {
     /// Whoever makes one has checked that the processor has AVX: only functions that are compiled for
     /// it do.
     #[derive(Clone, Copy)]
-    pub(in crate::contact) struct Avx(intel::__m256d, intel::__m256d);
+    pub(crate) struct Avx(intel::__m256d, intel::__m256d);
 
     /// All bits of a lane for each bit of a mask.
     static CHOICES: [[u64; 4]; 16] = {
@@ -365,31 +385,53 @@ mod avx {
 
 /// A vector of three.
 #[derive(Clone, Copy)]
-pub(super) struct Triple<L> {
-    pub(super) x: L,
-    pub(super) y: L,
-    pub(super) z: L,
+pub(crate) struct Triple<L> {
+    pub(crate) x: L,
+    pub(crate) y: L,
+    pub(crate) z: L,
 }
 
 impl<L: Lanes> Triple<L> {
     #[inline(always)]
-    pub(super) fn plus(self, other: Self) -> Self {
+    pub(crate) fn zero() -> Self {
+        let zero = L::all(0.0);
+        Self { x: zero, y: zero, z: zero }
+    }
+
+    #[inline(always)]
+    pub(crate) fn plus(self, other: Self) -> Self {
         Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
     }
 
     #[inline(always)]
-    pub(super) fn minus(self, other: Self) -> Self {
+    pub(crate) fn minus(self, other: Self) -> Self {
         Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
     }
 
     #[inline(always)]
-    pub(super) fn times(self, factor: L) -> Self {
+    pub(crate) fn times(self, factor: L) -> Self {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
+    }
+
+    /// Divided by a number.
+    #[inline(always)]
+    pub(crate) fn over(self, divisor: L) -> Self {
+        Self { x: self.x / divisor, y: self.y / divisor, z: self.z / divisor }
+    }
+
+    /// The vector product.
+    #[inline(always)]
+    pub(crate) fn cross(self, other: Self) -> Self {
+        Self {
+            x: self.y * other.z - self.z * other.y,
+            y: self.z * other.x - self.x * other.z,
+            z: self.x * other.y - self.y * other.x,
+        }
     }
 
     /// As for one number.
     #[inline(always)]
-    pub(super) fn or(self, other: Self, mask: u8) -> Self {
+    pub(crate) fn or(self, other: Self, mask: u8) -> Self {
         Self {
             x: self.x.or(other.x, mask),
             y: self.y.or(other.y, mask),
@@ -399,38 +441,38 @@ impl<L: Lanes> Triple<L> {
 
     /// The vector of length one.
     #[inline(always)]
-    pub(super) fn unit(self) -> Self {
+    pub(crate) fn unit(self) -> Self {
         self.times(L::all(1.0) / self.dot(self).sqrt())
     }
 
     #[inline(always)]
-    pub(super) fn dot(self, other: Self) -> L {
+    pub(crate) fn dot(self, other: Self) -> L {
         (self.x * other.x + self.y * other.y) + self.z * other.z
     }
 }
 
 /// A symmetric matrix.
 #[derive(Clone, Copy)]
-pub(super) struct Symmetric<L> {
-    pub(super) xx: L,
-    pub(super) yy: L,
-    pub(super) zz: L,
-    pub(super) xy: L,
-    pub(super) xz: L,
-    pub(super) yz: L,
+pub(crate) struct Symmetric<L> {
+    pub(crate) xx: L,
+    pub(crate) yy: L,
+    pub(crate) zz: L,
+    pub(crate) xy: L,
+    pub(crate) xz: L,
+    pub(crate) yz: L,
 }
 
 impl<L: Eight> Triple<L> {
     /// From eight places in memory.
     #[inline(always)]
-    pub(super) fn of(rows: &[&[f64; 3]; WIDTH]) -> Self {
+    pub(crate) fn of(rows: &[&[f64; 3]; WIDTH]) -> Self {
         let [x, y, z] = L::columns_of_3(rows);
         Self { x, y, z }
     }
 
     /// To memory.
     #[inline(always)]
-    pub(super) fn store(self) -> [[f64; WIDTH]; 3] {
+    pub(crate) fn store(self) -> [[f64; WIDTH]; 3] {
         [self.x.store(), self.y.store(), self.z.store()]
     }
 }
@@ -438,7 +480,7 @@ impl<L: Eight> Triple<L> {
 impl<L: Eight> Symmetric<L> {
     /// From eight places in memory: xx, yy, zz, xy, xz, yz.
     #[inline(always)]
-    pub(super) fn of(rows: &[&[f64; 6]; WIDTH]) -> Self {
+    pub(crate) fn of(rows: &[&[f64; 6]; WIDTH]) -> Self {
         let [xx, yy, zz, xy, xz, yz] = L::columns_of_6(rows);
         Self { xx, yy, zz, xy, xz, yz }
     }
@@ -447,7 +489,7 @@ impl<L: Eight> Symmetric<L> {
 impl<L: Lanes> Symmetric<L> {
     /// Every entry times a number.
     #[inline(always)]
-    pub(super) fn scaled(&self, factor: L) -> Self {
+    pub(crate) fn scaled(&self, factor: L) -> Self {
         Self {
             xx: self.xx * factor,
             yy: self.yy * factor,
@@ -460,7 +502,7 @@ impl<L: Lanes> Symmetric<L> {
 
     /// The matrix times a vector.
     #[inline(always)]
-    pub(super) fn times(&self, v: Triple<L>) -> Triple<L> {
+    pub(crate) fn times(&self, v: Triple<L>) -> Triple<L> {
         Triple {
             x: (self.xx * v.x + self.xy * v.y) + self.xz * v.z,
             y: (self.xy * v.x + self.yy * v.y) + self.yz * v.z,
@@ -470,7 +512,7 @@ impl<L: Lanes> Symmetric<L> {
 
     /// The sum of two matrices.
     #[inline(always)]
-    pub(super) fn plus(&self, other: &Self) -> Self {
+    pub(crate) fn plus(&self, other: &Self) -> Self {
         Self {
             xx: self.xx + other.xx,
             yy: self.yy + other.yy,
@@ -483,7 +525,7 @@ impl<L: Lanes> Symmetric<L> {
 
     /// The adjugate: the inverse but for the determinant.
     #[inline(always)]
-    pub(super) fn adjugate(&self) -> Self {
+    pub(crate) fn adjugate(&self) -> Self {
         Self {
             xx: self.yy * self.zz - self.yz * self.yz,
             yy: self.xx * self.zz - self.xz * self.xz,
