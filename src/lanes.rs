@@ -94,6 +94,9 @@ pub(crate) trait Eight: Lanes {
     fn columns_of_3(rows: &[&[f64; 3]; WIDTH]) -> [Self; 3];
 
     /// The same of longer rows.
+    fn columns_of_4(rows: &[&[f64; 4]; WIDTH]) -> [Self; 4];
+
+    /// The same of longer rows.
     fn columns_of_6(rows: &[&[f64; 6]; WIDTH]) -> [Self; 6];
 }
 
@@ -172,6 +175,11 @@ impl Eight for Portable {
 
     #[inline(always)]
     fn columns_of_3(rows: &[&[f64; 3]; WIDTH]) -> [Self; 3] {
+        columns(rows)
+    }
+
+    #[inline(always)]
+    fn columns_of_4(rows: &[&[f64; 4]; WIDTH]) -> [Self; 4] {
         columns(rows)
     }
 
@@ -315,6 +323,13 @@ mod avx {
         }
 
         #[inline(always)]
+        fn columns_of_4(rows: &[&[f64; 4]; WIDTH]) -> [Self; 4] {
+            let [a, b, c, d] = four_of_4(rows, 0);
+            let [p, q, r, s] = four_of_4(rows, 4);
+            [Self(a, p), Self(b, q), Self(c, r), Self(d, s)]
+        }
+
+        #[inline(always)]
         fn columns_of_6(rows: &[&[f64; 6]; WIDTH]) -> [Self; 6] {
             let [a, b, c, d, e, f] = four_of_6(rows, 0);
             let [p, q, r, s, t, u] = four_of_6(rows, 4);
@@ -353,32 +368,42 @@ mod avx {
         }
     }
 
-    /// The same of longer rows.
+    /// The same of longer rows: of their first four numbers.
     #[inline(always)]
-    fn four_of_6(rows: &[&[f64; 6]; WIDTH], first: usize) -> [intel::__m256d; 6] {
-        // SAFETY: the processor has AVX, see the type; rows hold six numbers.
+    fn four_of_4<const N: usize>(rows: &[&[f64; N]; WIDTH], first: usize) -> [intel::__m256d; 4] {
+        const { assert!(N >= 4) };
+        // SAFETY: the processor has AVX, see the type; rows hold four numbers.
         unsafe {
-            let row = [0, 1, 2, 3].map(|k| rows[first + k].as_ptr());
-            let a = intel::_mm256_loadu_pd(row[0]);
-            let b = intel::_mm256_loadu_pd(row[1]);
-            let c = intel::_mm256_loadu_pd(row[2]);
-            let d = intel::_mm256_loadu_pd(row[3]);
+            let a = intel::_mm256_loadu_pd(rows[first].as_ptr());
+            let b = intel::_mm256_loadu_pd(rows[first + 1].as_ptr());
+            let c = intel::_mm256_loadu_pd(rows[first + 2].as_ptr());
+            let d = intel::_mm256_loadu_pd(rows[first + 3].as_ptr());
             let (even_ab, odd_ab) =
                 (intel::_mm256_unpacklo_pd(a, b), intel::_mm256_unpackhi_pd(a, b));
             let (even_cd, odd_cd) =
                 (intel::_mm256_unpacklo_pd(c, d), intel::_mm256_unpackhi_pd(c, d));
-            let a = intel::_mm256_castpd128_pd256(intel::_mm_loadu_pd(row[0].add(4)));
-            let b = intel::_mm256_castpd128_pd256(intel::_mm_loadu_pd(row[1].add(4)));
-            let ac = intel::_mm256_insertf128_pd::<1>(a, intel::_mm_loadu_pd(row[2].add(4)));
-            let bd = intel::_mm256_insertf128_pd::<1>(b, intel::_mm_loadu_pd(row[3].add(4)));
             [
                 intel::_mm256_permute2f128_pd::<0x20>(even_ab, even_cd),
                 intel::_mm256_permute2f128_pd::<0x20>(odd_ab, odd_cd),
                 intel::_mm256_permute2f128_pd::<0x31>(even_ab, even_cd),
                 intel::_mm256_permute2f128_pd::<0x31>(odd_ab, odd_cd),
-                intel::_mm256_unpacklo_pd(ac, bd),
-                intel::_mm256_unpackhi_pd(ac, bd),
             ]
+        }
+    }
+
+    /// The same of rows of six.
+    #[inline(always)]
+    fn four_of_6(rows: &[&[f64; 6]; WIDTH], first: usize) -> [intel::__m256d; 6] {
+        let [xx, yy, zz, xy] = four_of_4(rows, first);
+        // SAFETY: the processor has AVX, see the type; rows hold six numbers.
+        unsafe {
+            let row = [0, 1, 2, 3].map(|k| rows[first + k].as_ptr());
+            let a = intel::_mm256_castpd128_pd256(intel::_mm_loadu_pd(row[0].add(4)));
+            let b = intel::_mm256_castpd128_pd256(intel::_mm_loadu_pd(row[1].add(4)));
+            let ac = intel::_mm256_insertf128_pd::<1>(a, intel::_mm_loadu_pd(row[2].add(4)));
+            let bd = intel::_mm256_insertf128_pd::<1>(b, intel::_mm_loadu_pd(row[3].add(4)));
+            let (xz, yz) = (intel::_mm256_unpacklo_pd(ac, bd), intel::_mm256_unpackhi_pd(ac, bd));
+            [xx, yy, zz, xy, xz, yz]
         }
     }
 }
@@ -449,6 +474,12 @@ impl<L: Lanes> Triple<L> {
     pub(crate) fn dot(self, other: Self) -> L {
         (self.x * other.x + self.y * other.y) + self.z * other.z
     }
+}
+
+/// The vector of one lane of what [`Triple::store`] gives.
+#[inline(always)]
+pub(crate) fn row([x, y, z]: &[[f64; WIDTH]; 3], lane: usize) -> [f64; 3] {
+    [x[lane], y[lane], z[lane]]
 }
 
 /// A symmetric matrix.

@@ -11,7 +11,10 @@
 //! implicit midpoint rule. A turn is the quaternion `(1, dt ω/2)`, normalised (Cayley's form): no
 //! sine, the same bits on every machine. All is second order in `dt`.
 
-use crate::math::{Mat3, Quat, Vec3};
+#![expect(clippy::inline_always, reason = "see `lanes`")]
+
+use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
+use crate::math::{Quat, Vec3};
 use crate::particles::Particles;
 use nalgebra::Quaternion;
 
@@ -43,8 +46,11 @@ pub fn kick_and_drift(particles: &mut Particles, field: &Field, dt: f64) {
         }
     }
     wrap(particles);
-    if particles.spin.is_some() {
-        turn(particles, slower, faster, field.damping, dt);
+    let damping = field.damping;
+    if particles.attitude.is_some() {
+        lanes::dispatch(Turn { particles, slower, faster, damping, dt });
+    } else if particles.spin.is_some() {
+        spin_spheres(particles, slower, faster, damping, dt);
     }
 }
 
@@ -81,57 +87,169 @@ fn wrap(particles: &mut Particles) {
     }
 }
 
-/// Kicks the angular momenta and turns the attitudes.
-fn turn(particles: &mut Particles, slower: f64, faster: f64, damping: f64, dt: f64) {
-    let Particles { spin: Some(spin), attitude, library, shape, dissipated, travel, owned, .. } =
-        particles
-    else {
+/// Kicks the angular momenta of spheres, of which nobody sees how they are turned.
+fn spin_spheres(particles: &mut Particles, slower: f64, faster: f64, damping: f64, dt: f64) {
+    let Particles { spin: Some(spin), library, shape, dissipated, owned, .. } = particles else {
         return;
     };
     for slot in 0..*owned {
-        let inertia = &library.inertia[shape[slot].index()];
         let before = spin.angular_momentum[slot];
         let momentum = (before * slower + spin.torque[slot] * dt) * faster;
         spin.angular_momentum[slot] = momentum;
-        let mean_spin;
-        if let Some(attitude) = attitude {
-            let start = attitude.quaternion[slot];
-            let mut frame = start.to_rotation_matrix().into_inner();
-            let mut angular_velocity = spin_of(&frame, inertia, &momentum);
-            for _ in 0..2 {
-                let halfway = turned(&start, &angular_velocity, 0.5 * dt);
-                frame = halfway.to_rotation_matrix().into_inner();
-                angular_velocity = spin_of(&frame, inertia, &momentum);
-            }
-            mean_spin = angular_velocity;
-            let end = turned(&start, &angular_velocity, dt);
-            frame = attitude.set(slot, end, &library.shapes[shape[slot].index()]);
-            spin.angular_velocity[slot] = spin_of(&frame, inertia, &momentum);
-            // Cayley's turn is smaller than the angle ω dt.
-            travel[slot] += library.radius[shape[slot].index()] * (angular_velocity.norm() * dt);
-        } else {
-            mean_spin = momentum / inertia.x;
-            spin.angular_velocity[slot] = mean_spin;
-        }
+        let angular_velocity = momentum / library.inertia[shape[slot].index()].x;
+        spin.angular_velocity[slot] = angular_velocity;
         if damping > 0.0 {
             let mean_momentum = (before + momentum) * 0.5;
             let ratio = mean_momentum.norm_squared() / momentum.norm_squared();
             if ratio.is_finite() {
-                dissipated[slot] += damping * dt * mean_spin.dot(&momentum) * ratio;
+                dissipated[slot] += damping * dt * angular_velocity.dot(&momentum) * ratio;
             }
         }
     }
 }
 
-/// `R I⁻¹ Rᵀ L`.
-#[inline]
-fn spin_of(frame: &Mat3, inertia: &Vec3, momentum: &Vec3) -> Vec3 {
-    frame * frame.tr_mul(momentum).component_div(inertia)
+/// Kicks the angular momenta and turns the attitudes, of eight particles at once.
+struct Turn<'a> {
+    particles: &'a mut Particles,
+    slower: f64,
+    faster: f64,
+    damping: f64,
+    dt: f64,
 }
 
-/// The attitude after turning for `dt` at a constant angular velocity in world axes.
-#[inline]
-fn turned(start: &Quat, angular_velocity: &Vec3, dt: f64) -> Quat {
-    let half = angular_velocity * (0.5 * dt);
-    Quat::new_normalize(Quaternion::new(1.0, half.x, half.y, half.z) * start.quaternion())
+impl Kernel for Turn<'_> {
+    #[inline(always)]
+    fn run<L: Eight>(mut self) {
+        for first in (0..self.particles.owned).step_by(WIDTH) {
+            self.eight::<L>(first);
+        }
+    }
+}
+
+impl Turn<'_> {
+    /// Up to eight; the other lanes repeat the last.
+    #[inline(always)]
+    fn eight<L: Eight>(&mut self, first: usize) {
+        let Self { particles, slower, faster, damping, dt } = self;
+        let Particles {
+            spin: Some(spin),
+            attitude: Some(attitude),
+            library,
+            shape,
+            dissipated,
+            travel,
+            owned,
+            ..
+        } = &mut **particles
+        else {
+            return;
+        };
+        let (damping, dt) = (*damping, *dt);
+        let count = (*owned - first).min(WIDTH);
+        let shapes = &shape[first..first + count];
+
+        let mut momenta = [spin.angular_momentum[first].as_ref(); WIDTH];
+        let mut torques = [spin.torque[first].as_ref(); WIDTH];
+        let mut quaternions = [attitude.quaternion[first].coords.as_ref(); WIDTH];
+        let mut inertias = [library.inertia[shapes[0].index()].as_ref(); WIDTH];
+        for lane in 0..WIDTH {
+            let slot = first + lane.min(count - 1);
+            momenta[lane] = spin.angular_momentum[slot].as_ref();
+            torques[lane] = spin.torque[slot].as_ref();
+            quaternions[lane] = attitude.quaternion[slot].coords.as_ref();
+            inertias[lane] = library.inertia[shape[slot].index()].as_ref();
+        }
+        let (before, torque) = (Triple::<L>::of(&momenta), Triple::of(&torques));
+        let (start, inertia) = (Rotation::of(&quaternions), Triple::of(&inertias));
+
+        let kicked = before.times(L::all(*slower)).plus(torque.times(L::all(dt)));
+        let momentum = kicked.times(L::all(*faster));
+        let mut velocity = start.angular_velocity(inertia, momentum);
+        for _ in 0..2 {
+            let halfway = start.turned(velocity, 0.5 * dt);
+            velocity = halfway.angular_velocity(inertia, momentum);
+        }
+        let end = start.turned(velocity, dt);
+        let at_end = end.angular_velocity(inertia, momentum).store();
+        // Cayley's turn is smaller than the angle ω dt.
+        let angle = (velocity.dot(velocity).sqrt() * L::all(dt)).store();
+
+        let momentum_now = momentum.store();
+        let end = end.store();
+        for (lane, shape) in shapes.iter().enumerate() {
+            let slot = first + lane;
+            spin.angular_momentum[slot] = row(&momentum_now, lane).into();
+            spin.angular_velocity[slot] = row(&at_end, lane).into();
+            let [i, j, k, w] = end.each_ref().map(|column| column[lane]);
+            let quaternion = Quat::new_unchecked(Quaternion::new(w, i, j, k));
+            attitude.set(slot, quaternion, &library.shapes[shape.index()]);
+            travel[slot] += library.radius[shape.index()] * angle[lane];
+        }
+        if damping > 0.0 {
+            let mean = before.plus(momentum).times(L::all(0.5));
+            let ratio = mean.dot(mean) / momentum.dot(momentum);
+            let lost = (L::all(damping * dt) * velocity.dot(momentum) * ratio).store();
+            for (dissipated, lost) in dissipated[first..first + count].iter_mut().zip(lost) {
+                if lost.is_finite() {
+                    *dissipated += lost;
+                }
+            }
+        }
+    }
+}
+
+/// Attitudes in lanes: unit quaternions.
+#[derive(Clone, Copy)]
+struct Rotation<L> {
+    i: L,
+    j: L,
+    k: L,
+    w: L,
+}
+
+impl<L: Eight> Rotation<L> {
+    /// From eight places in memory: i, j, k, w.
+    #[inline(always)]
+    fn of(rows: &[&[f64; 4]; WIDTH]) -> Self {
+        let [i, j, k, w] = L::columns_of_4(rows);
+        Self { i, j, k, w }
+    }
+
+    /// To memory.
+    #[inline(always)]
+    fn store(self) -> [[f64; WIDTH]; 4] {
+        [self.i.store(), self.j.store(), self.k.store(), self.w.store()]
+    }
+}
+
+impl<L: Lanes> Rotation<L> {
+    /// The attitude after turning for `dt` at a constant angular velocity in world axes.
+    #[inline(always)]
+    fn turned(self, angular_velocity: Triple<L>, dt: f64) -> Self {
+        let Triple { x, y, z } = angular_velocity.times(L::all(0.5 * dt));
+        let Self { i, j, k, w } = self;
+        // the product of (1, x, y, z) and the quaternion
+        let (new_i, new_j) = (i + x * w + y * k - z * j, j - x * k + y * w + z * i);
+        let (new_k, new_w) = (k + x * j - y * i + z * w, w - x * i - y * j - z * k);
+        let squared = (new_i * new_i + new_k * new_k) + (new_j * new_j + new_w * new_w);
+        let length = squared.sqrt();
+        Self { i: new_i / length, j: new_j / length, k: new_k / length, w: new_w / length }
+    }
+
+    /// `R I⁻¹ Rᵀ L`.
+    #[inline(always)]
+    fn angular_velocity(self, inertia: Triple<L>, momentum: Triple<L>) -> Triple<L> {
+        let Self { i, j, k, w } = self;
+        let two = L::all(2.0);
+        let (ww, ii, jj, kk) = (w * w, i * i, j * j, k * k);
+        let (ij, wk, wj) = (i * j * two, w * k * two, w * j * two);
+        let (ik, jk, wi) = (i * k * two, j * k * two, w * i * two);
+        let axis_x = Triple { x: ww + ii - jj - kk, y: wk + ij, z: ik - wj };
+        let axis_y = Triple { x: ij - wk, y: ww - ii + jj - kk, z: wi + jk };
+        let axis_z = Triple { x: wj + ik, y: jk - wi, z: ww - ii - jj + kk };
+        let along_x = axis_x.times(axis_x.dot(momentum) / inertia.x);
+        let along_y = axis_y.times(axis_y.dot(momentum) / inertia.y);
+        let along_z = axis_z.times(axis_z.dot(momentum) / inertia.z);
+        along_x.plus(along_y).plus(along_z)
+    }
 }

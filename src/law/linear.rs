@@ -16,7 +16,7 @@
 use super::{Constants, ForceLaw, Interactions, Load, Memory, WallWork};
 use crate::contact::{History, Pair, nearest_images, vectors};
 use crate::ids::{MaterialId, Slot};
-use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH};
+use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
 use crate::math::Vec3;
 use crate::particles::{Needs, Particles};
 
@@ -149,18 +149,18 @@ impl Contacts<'_, '_> {
         for lane in 0..count {
             let place = first + lane;
             let history = &mut memory.history[place];
-            history.normal = row(&normal, lane);
+            history.normal = row(&normal, lane).into();
             history.overlap = overlap[lane];
             history.normal_force = normal_force[lane];
             if has_springs {
-                memory.springs[place] = row(&spring, lane);
+                memory.springs[place] = row(&spring, lane).into();
             }
-            loads[place].force = row(&force, lane);
+            loads[place].force = row(&force, lane).into();
             loads[place].dissipated = dissipated[lane];
             let pair = pairs[lane];
             if pair.b.index() >= particles.first_wall() {
                 let of_wall = &particles.velocity[pair.b.index()];
-                note_wall_work(pair, -row(&impulse, lane).dot(of_wall), wall_work);
+                note_wall_work(pair, -Vec3::from(row(&impulse, lane)).dot(of_wall), wall_work);
             }
         }
     }
@@ -191,12 +191,6 @@ fn read_histories<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L, L) 
         normal_force[lane] = history.normal_force;
     }
     (Triple::of(&normal), L::load(&overlap), L::load(&normal_force))
-}
-
-/// The vector of one lane.
-#[inline(always)]
-fn row([x, y, z]: &[[f64; WIDTH]; 3], lane: usize) -> Vec3 {
-    Vec3::new(x[lane], y[lane], z[lane])
 }
 
 /// Springs, dashpots and friction of contacts.

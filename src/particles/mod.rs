@@ -9,7 +9,7 @@ pub mod walls;
 
 use crate::contact::Bodies;
 use crate::ids::{GlobalId, MaterialId, ShapeId, Slot};
-use crate::math::{Mat3, Quat, Vec3};
+use crate::math::{Quat, Vec3};
 use crate::shape::{Form, Shape};
 use records::Particle;
 use serde::{Deserialize, Serialize};
@@ -129,15 +129,13 @@ pub struct Attitude {
 }
 
 impl Attitude {
-    /// Turns a body. Its new frame.
+    /// Turns a body.
     #[inline]
-    pub fn set(&mut self, slot: usize, quaternion: Quat, shape: &Shape) -> Mat3 {
-        let frame = quaternion.to_rotation_matrix().into_inner();
+    pub fn set(&mut self, slot: usize, quaternion: Quat, shape: &Shape) {
         self.quaternion[slot] = quaternion;
         if let Some(form) = self.form.get_mut(slot) {
-            *form = shape.form(&frame);
+            *form = shape.form(quaternion.to_rotation_matrix().matrix());
         }
-        frame
     }
 
     /// Makes room for so many bodies, or forgets those beyond; new ones stand upright.

@@ -85,7 +85,7 @@ impl Incidence {
 
 /// This many pairs are resolved in one call: enough for its cost not to count, few enough for what it finds to
 /// take no memory worth mentioning.
-const AT_ONCE: usize = 4096;
+const AT_ONCE: usize = 1024;
 
 /// Leaves room for the rounding of clearances and travels, and of their sum to `f32`.
 const ROUNDING: f64 = 1.0 - 1e-6;

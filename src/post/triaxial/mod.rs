@@ -30,7 +30,7 @@ use std::path::{Path, PathBuf};
 pub enum TriaxialError {
     /// No run at all.
     #[error(
-        "{root} holds no run: neither of common-normal, epa and gjk-erosion has a folder packing, \
+        "{root} holds no run: none of common-normal, epa, gjk-gjk-erosion and gjk-erosion has a folder packing, \
          consolidation or shear with particles_STEP.vtkhdf in it",
         root = root.display()
     )]

@@ -4,7 +4,7 @@ use super::TriaxialError;
 use crate::post::PostError;
 use crate::post::history::History;
 use crate::post::picture::{Picture, side_by_side};
-use crate::post::plots::{BLUE, INK, ORANGE};
+use crate::post::plots::{BLUE, GREEN, INK, ORANGE};
 use crate::post::report::{Report, Summary, readable};
 use crate::post::series::{self, Choice};
 use plotters::style::RGBColor;
@@ -19,19 +19,22 @@ pub enum Method {
     CommonNormal,
     /// The paper's benchmark.
     Epa,
-    /// The method that the paper looks into.
+    /// The method that the paper looks into, as it reads: erosion, if GJK says that the bodies touch.
+    CheckedErosion,
+    /// Erosion alone, which also finds bodies that are nearly touching.
     Erosion,
 }
 
 impl Method {
     /// All, in the order of figures and reports.
-    pub const ALL: [Self; 3] = [Self::CommonNormal, Self::Epa, Self::Erosion];
+    pub const ALL: [Self; 4] = [Self::CommonNormal, Self::Epa, Self::CheckedErosion, Self::Erosion];
 
     /// The folder of its runs.
     pub const fn folder(self) -> &'static str {
         match self {
             Self::CommonNormal => "common-normal",
             Self::Epa => "epa",
+            Self::CheckedErosion => "gjk-gjk-erosion",
             Self::Erosion => "gjk-erosion",
         }
     }
@@ -41,6 +44,7 @@ impl Method {
         match self {
             Self::CommonNormal => "common normal",
             Self::Epa => "EPA",
+            Self::CheckedErosion => "GJK + erosion",
             Self::Erosion => "erosion",
         }
     }
@@ -49,6 +53,7 @@ impl Method {
         match self {
             Self::CommonNormal => INK,
             Self::Epa => ORANGE,
+            Self::CheckedErosion => GREEN,
             Self::Erosion => BLUE,
         }
     }
