@@ -253,3 +253,53 @@ impl<L: Lanes> Rotation<L> {
         along_x.plus(along_y).plus(along_z)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Turn;
+    use crate::lanes::{self, Kernel, Portable};
+    use crate::particles::{Particles, crowd};
+
+    fn turn(particles: &mut Particles) -> Turn<'_> {
+        Turn { particles, slower: 0.99, faster: 0.98, damping: 3.0, dt: 1e-5 }
+    }
+
+    fn bits(particles: &Particles, slot: usize) -> Vec<u64> {
+        let (spin, attitude) =
+            (particles.spin.as_ref().unwrap(), particles.attitude.as_ref().unwrap());
+        let numbers = (spin.angular_momentum[slot].iter())
+            .chain(&spin.angular_velocity[slot])
+            .chain(&attitude.quaternion[slot].coords)
+            .chain(&attitude.form[slot])
+            .chain([&particles.travel[slot], &particles.dissipated[slot]]);
+        numbers.map(|x| x.to_bits()).collect()
+    }
+
+    /// With and without vector registers, in any company, and as `angular_velocity_for` has it.
+    #[test]
+    fn lanes_give_the_same_bits_everywhere() {
+        let before = crowd(21);
+        let (mut dispatched, mut portable) = (before.clone(), before.clone());
+        lanes::dispatch(turn(&mut dispatched));
+        turn(&mut portable).run::<Portable>();
+        for slot in 0..before.owned {
+            assert_ne!(bits(&dispatched, slot), bits(&before, slot), "particle {slot} turns");
+            assert_eq!(bits(&dispatched, slot), bits(&portable, slot), "particle {slot}");
+            let spin = dispatched.spin.as_ref().unwrap();
+            let again = dispatched.angular_velocity_for(slot, &spin.angular_momentum[slot]);
+            assert_eq!(spin.angular_velocity[slot], again, "particle {slot}");
+
+            let mut alone = before.clone();
+            alone.strip_to_owned();
+            while alone.owned > slot + 1 {
+                alone.take_owned(slot + 1);
+            }
+            for other in (0..slot).rev() {
+                alone.take_owned(other);
+            }
+            alone.travel.truncate(1);
+            lanes::dispatch(turn(&mut alone));
+            assert_eq!(bits(&dispatched, slot), bits(&alone, 0), "particle {slot} alone");
+        }
+    }
+}

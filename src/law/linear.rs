@@ -134,7 +134,7 @@ impl Contacts<'_, '_> {
                 springs.rub(normal_force, carried.plus(sliding.times(L::all(dt))), sliding);
             let friction = friction.or(zero, springs.frictional);
             spring = stretched.or(zero, springs.frictional);
-            force = force.plus(friction);
+            force = force.plus(friction).or(force, springs.frictional);
             dashpot = friction.minus(spring.times(springs.tangential));
         }
 
@@ -413,5 +413,121 @@ impl ForceLaw for Linear {
 
     fn stored(&self, a: MaterialId, b: MaterialId, overlap: f64, spring: &Vec3) -> f64 {
         stored(self.interactions.of(a, b), overlap, spring)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Contacts, Linear};
+    use crate::contact::{History, Pair, Touch};
+    use crate::ids::Slot;
+    use crate::lanes::{self, Kernel, Portable};
+    use crate::law::{Constants, Interactions, Load, Memory};
+    use crate::math::Vec3;
+    use crate::particles::{Particles, crowd};
+    use crate::random::Random;
+
+    /// What touches, and what is remembered.
+    #[derive(Clone)]
+    struct Touching {
+        loads: Vec<Load>,
+        history: Vec<History>,
+        springs: Vec<Vec3>,
+    }
+
+    impl Touching {
+        fn of(&self, place: usize) -> Self {
+            Self {
+                loads: vec![self.loads[place]],
+                history: vec![self.history[place]],
+                springs: vec![self.springs[place]],
+            }
+        }
+
+        fn load(
+            mut self,
+            law: &Linear,
+            pairs: &[Pair],
+            particles: &Particles,
+            run: impl Fn(Contacts),
+        ) -> Self {
+            let which: Vec<u32> = (0..pairs.len() as u32).collect();
+            let (history, springs) = (&mut self.history[..], &mut self.springs[..]);
+            let mut memory = Memory { listed: pairs, pairs: &which, history, springs };
+            run(Contacts {
+                law,
+                loads: &mut self.loads,
+                memory: &mut memory,
+                particles,
+                dt: 1e-5,
+                wall_work: &mut Vec::new(),
+                damped: law.has_dashpots(),
+            });
+            self
+        }
+
+        fn bits(&self, place: usize) -> Vec<u64> {
+            let Load { force, point, dissipated } = &self.loads[place];
+            let History { normal, overlap, normal_force } = &self.history[place];
+            let vectors = [force, point, normal, &self.springs[place]];
+            let numbers = vectors.into_iter().flatten().chain([dissipated, overlap, normal_force]);
+            numbers.map(|x| x.to_bits()).collect()
+        }
+    }
+
+    /// With and without vector registers and in any company: sliding and sticking, with and without friction, for the
+    /// first time and again.
+    #[test]
+    fn lanes_give_the_same_bits_everywhere() {
+        let particles = crowd(40);
+        let rough = Constants {
+            normal_stiffness: 1e3,
+            tangential_stiffness: 800.0,
+            friction: 0.3,
+            ..Constants::default()
+        };
+        let smooth = Constants { friction: 0.0, ..rough };
+        let damped =
+            Constants { normal_damping_ratio: 0.2, tangential_damping_ratio: 0.1, ..rough };
+        let pairs: Vec<_> = (0..39).map(|k| Pair { a: Slot(k), b: Slot(k + 1) }).collect();
+        let mut random = Random::of(5, 0);
+        let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.signed());
+        let mut touching = Touching { loads: vec![], history: vec![], springs: vec![] };
+        for k in 0..pairs.len() {
+            let normal = vector(1.0).normalize();
+            let touch = Touch { overlap: 1e-5, normal, point: vector(1e-3) };
+            let last = (normal + vector(1e-3)).normalize();
+            let first_time = k % 5 == 0;
+            touching.loads.push(Load::of(touch));
+            touching.history.push(if first_time {
+                History::default()
+            } else {
+                History { normal: last, overlap: 9e-6, normal_force: 9e-3 }
+            });
+            let across = vector(5e-6 * (k % 3) as f64);
+            let spring = across - last * across.dot(&last);
+            touching.springs.push(if first_time { Vec3::zeros() } else { spring });
+        }
+        for (name, mixed, own) in [("plain", smooth, rough), ("damped", smooth, damped)] {
+            let mut interactions = Interactions::new(&[]);
+            interactions.materials = 2;
+            interactions.constants = vec![own, mixed, mixed, rough];
+            let law = Linear::new(interactions, true);
+            let mut before = touching.clone();
+            for (pair, spring) in pairs.iter().zip(&mut before.springs) {
+                if !law.constants(*pair, &particles).is_frictional() {
+                    *spring = Vec3::zeros();
+                }
+            }
+            let dispatched = before.clone().load(&law, &pairs, &particles, |c| lanes::dispatch(c));
+            let portable = before.clone().load(&law, &pairs, &particles, |c| c.run::<Portable>());
+            for (place, pair) in pairs.iter().enumerate() {
+                let bits = dispatched.bits(place);
+                assert_eq!(bits, portable.bits(place), "{name}, pair {place}");
+                let alone =
+                    before.of(place).load(&law, &[*pair], &particles, |c| lanes::dispatch(c));
+                assert_eq!(bits, alone.bits(0), "{name}, pair {place} alone");
+            }
+        }
     }
 }

@@ -461,3 +461,42 @@ impl Particles {
         }
     }
 }
+
+/// Ellipsoids and balls of two materials in any state, no two of them alike: for tests.
+#[cfg(test)]
+pub(crate) fn crowd(count: u64) -> Particles {
+    use crate::random::Random;
+    use crate::shape::{Ellipsoid, Sphere};
+
+    let mut library = Library { particle_shapes: 2, ..Library::default() };
+    let egg = Ellipsoid { semi_axes: Vec3::new(2e-3, 1.5e-3, 1e-3) };
+    library.push("egg", Shape::Ellipsoid(egg), MaterialId(0), 2500.0);
+    library.push("ball", Shape::Sphere(Sphere { radius: 1e-3 }), MaterialId(1), 1000.0);
+    let needs = Needs {
+        velocity: true,
+        spin: true,
+        springs: true,
+        attitude: true,
+        form: true,
+        image: false,
+    };
+    let period = Vec3::new(f64::INFINITY, f64::INFINITY, 0.1);
+    let mut particles = Particles::new(needs, library, Vec::new(), Vec3::zeros(), period);
+    for id in 0..count {
+        let mut random = Random::of(3, id);
+        let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.signed());
+        let position = vector(0.05) + Vec3::repeat(0.05);
+        let (velocity, momentum) = (vector(1.0), vector(1e-9));
+        let (force, torque) = (vector(1e-2), vector(1e-5));
+        particles.push_owned(&Particle {
+            velocity,
+            force,
+            torque,
+            angular_momentum: momentum,
+            quaternion: random.rotation(),
+            ..Particle::at_rest(GlobalId(id), ShapeId(u16::from(id % 3 == 0)), position)
+        });
+    }
+    particles.travel.resize(particles.slots(), 0.0);
+    particles
+}
