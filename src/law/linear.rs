@@ -498,7 +498,7 @@ mod tests {
             let touch = Touch { overlap: 1e-5, normal, point: vector(1e-3) };
             let last = (normal + vector(1e-3)).normalize();
             let first_time = k % 5 == 0;
-            touching.loads.push(Load::of(touch));
+            touching.loads.push(Load::of(&touch));
             touching.history.push(if first_time {
                 History::default()
             } else {

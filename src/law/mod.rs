@@ -148,8 +148,20 @@ pub struct Load {
 
 impl Load {
     /// The place for the load of this touch.
-    pub const fn of(touch: Touch) -> Self {
-        Self { force: touch.normal, point: touch.point, dissipated: touch.overlap }
+    pub fn of(touch: &Touch) -> Self {
+        let mut load = Self::default();
+        load.stand_for(touch);
+        load
+    }
+
+    /// The same, in place. Number by number: a whole one would go through memory twice.
+    #[inline]
+    pub fn stand_for(&mut self, touch: &Touch) {
+        for axis in 0..3 {
+            self.force[axis] = touch.normal[axis];
+            self.point[axis] = touch.point[axis];
+        }
+        self.dissipated = touch.overlap;
     }
 
     /// Moment on A about its centre [N m].

@@ -238,16 +238,17 @@ impl PairList {
     /// Takes what a resolver has found: pairs that touch, and pairs that rest until their surfaces can have come
     /// near enough.
     pub fn take(&mut self, found: &mut Found, particles: &Particles) {
-        for Contact { pair, touch } in found.contacts.drain(..) {
-            let place = &mut self.place[pair as usize];
+        for Contact { pair, touch } in &found.contacts {
+            let place = &mut self.place[*pair as usize];
             if let Some(load) = self.loads.get_mut(place.index()) {
-                *load = Load::of(touch);
+                load.stand_for(touch);
             } else {
                 *place = Place::among(self.touching.len());
-                self.touching.push(pair);
+                self.touching.push(*pair);
                 self.loads.push(Load::of(touch));
             }
         }
+        found.contacts.clear();
         for (pair, clearance) in found.apart.drain(..) {
             let place = &mut self.place[pair as usize];
             if place.touches() {
