@@ -159,6 +159,20 @@ fn what_is_missing_is_said() {
     assert_eq!(verdict(&both, "the balance of energies"), Verdict::Nearly);
 }
 
+/// Where erosion was run as the paper reads, it is that which is held against the paper.
+#[test]
+fn erosion_is_judged_as_the_paper_reads() {
+    let exact = made_up(Method::CommonNormal, 7.5, usual);
+    let checked = made_up(Method::CheckedErosion, 6.8, usual);
+    let alone = made_up(Method::Erosion, 7.5, usual);
+    let both = [exact.clone(), alone.clone()];
+    assert_eq!(verdict(&both, "and about 6.8 with erosion"), Verdict::Nearly);
+    let all = [exact, checked, alone];
+    assert_eq!(verdict(&all, "and about 6.8 with erosion"), Verdict::Yes);
+    let page = report::report(&all);
+    assert!(page.contains("erosion after GJK has said that bodies touch is compared"));
+}
+
 #[test]
 fn curves_differ_by_what_lies_between_them() {
     let a = [(0.0, 0.0), (1.0, 1.0), (3.0, 1.0)];

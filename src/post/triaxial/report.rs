@@ -148,23 +148,23 @@ fn missing(runs: &[Run]) -> String {
             ));
         }
     }
-    let benchmark = match benchmark(runs).map(|run| run.method) {
-        Some(Method::Epa) => "is compared with EPA, as in the paper",
-        Some(_) => "is compared with the common normal, for there are no runs of EPA",
-        None => "has nothing to be compared with",
-    };
     let erosion = match erosion(runs).map(|run| run.method) {
-        Some(Method::CheckedErosion) => {
-            "erosion after GJK has said that bodies touch, as the paper has it,"
-        }
+        Some(Method::CheckedErosion) => "erosion after GJK has said that bodies touch",
         _ => "erosion",
+    };
+    let compared = match benchmark(runs).map(|run| run.method) {
+        Some(Method::Epa) => format!("{erosion} is compared with EPA, as in the paper"),
+        Some(_) => {
+            format!("{erosion} is compared with the common normal, for there are no runs of EPA")
+        }
+        None => format!("there is nothing to compare {erosion} with"),
     };
     let left_out = if words.is_empty() {
         "All runs are there".to_string()
     } else {
         format!("**Left out**: {}", words.join("; "))
     };
-    format!("{left_out}; {erosion} {benchmark}.")
+    format!("{left_out}; {compared}.")
 }
 
 /// A number of each state as a row, a column for each method.
