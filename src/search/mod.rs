@@ -91,8 +91,8 @@ const AT_ONCE: usize = 1024;
 const ROUNDING: f64 = 1.0 - 1e-6;
 
 impl PairList {
-    /// Lists the pairs that [`close_pairs`] has found. `carried` has the histories of all touching contacts of owned particles, in any order; a
-    /// contact may stand there twice.
+    /// Lists the pairs that [`close_pairs`] has found. `carried` has the histories of all touching contacts of owned
+    /// particles, in any order; a contact may stand there twice.
     pub fn rebuild(
         &mut self,
         particles: &mut Particles,
@@ -285,8 +285,8 @@ impl PairList {
         trim(&mut self.loads);
     }
 
-    /// Turns what resolvers have said into loads by `law`, and those into forces on the owned particles. Then the pairs that have
-    /// come apart are forgotten.
+    /// Turns what resolvers have said into loads by `law`, and those into forces on the owned particles. Then the
+    /// pairs that have come apart are forgotten.
     pub fn load(&mut self, law: &dyn ForceLaw, particles: &mut Particles, dt: f64) {
         let Self { pairs, touching, history, springs, loads, parted, .. } = self;
         let still = touching.len() - parted.len();
