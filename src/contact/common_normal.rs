@@ -110,12 +110,11 @@ fn resolve_with<L: Eight>(batch: &Batch, found: &mut Found) {
 /// One pair of a batch on its own, from a unit vector.
 #[cold]
 fn search(batch: &Batch, index: u32, start: &Vec3) -> Outcome {
-    let Pair { a, b } = batch.pairs[index as usize];
+    let pair = batch.pairs[index as usize];
     let bodies = &batch.bodies;
-    let forms = bodies.form.map(|form| [form[a.index()], form[b.index()]]);
-    let frames = bodies.frames(Pair { a, b });
-    let shapes = [bodies.shape_of(a), bodies.shape_of(b)];
-    Search::of(shapes, frames.each_ref(), forms, &bodies.relative(Pair { a, b }), Some(start))
+    let forms = bodies.form.map(|form| [form[pair.a.index()], form[pair.b.index()]]);
+    let (frames, r) = (bodies.frames(pair), bodies.relative(pair));
+    Search::of(shapes(batch, index), frames.each_ref(), forms, &r, Some(start))
 }
 
 /// The shapes of a pair.

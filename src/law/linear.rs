@@ -222,11 +222,9 @@ impl<L: Eight> Springs<L> {
             frictional |= u8::from(constants.is_frictional()) << lane;
             if damped {
                 let mass = reduced_mass(particles, *pair);
-                let dashpot = |ratio: f64, stiffness: f64| 2.0 * ratio * (mass * stiffness).sqrt();
-                dashpots[0][lane] =
-                    dashpot(constants.normal_damping_ratio, constants.normal_stiffness);
+                dashpots[0][lane] = dashpot(constants.normal_damping_ratio, mass, normal[lane]);
                 dashpots[1][lane] =
-                    dashpot(constants.tangential_damping_ratio, constants.tangential_stiffness);
+                    dashpot(constants.tangential_damping_ratio, mass, tangential[lane]);
             }
         }
         Self {
@@ -332,6 +330,12 @@ fn note_wall_work(pair: Pair, energy: f64, wall_work: &mut Vec<WallWork>) {
     }
 }
 
+/// Force over velocity of a dashpot with this part of critical damping [N s/m].
+#[inline]
+fn dashpot(ratio: f64, mass: f64, stiffness: f64) -> f64 {
+    2.0 * ratio * (mass * stiffness).sqrt()
+}
+
 /// `m_A m_B / (m_A + m_B)`, or `m_A` against a wall [kg].
 #[inline]
 fn reduced_mass(particles: &Particles, pair: Pair) -> f64 {
@@ -404,11 +408,10 @@ impl ForceLaw for Linear {
     }
 
     fn stiffness(&self, pair: Pair, particles: &Particles, dt: f64) -> f64 {
-        let constants =
-            self.interactions.of(particles.material(pair.a), particles.material(pair.b));
+        let constants = self.constants(pair, particles);
         let stiffness = constants.normal_stiffness;
         let mass = reduced_mass(particles, pair);
-        stiffness + 2.0 * constants.normal_damping_ratio * (mass * stiffness).sqrt() / dt
+        stiffness + dashpot(constants.normal_damping_ratio, mass, stiffness) / dt
     }
 
     fn stored(&self, a: MaterialId, b: MaterialId, overlap: f64, spring: &Vec3) -> f64 {

@@ -159,17 +159,16 @@ fn name_of(path: &Path) -> String {
 /// # Errors
 /// On all ranks, if rank 0 cannot create it, or another run has it.
 pub fn claim(path: &Path, comm: &mut dyn Comm) -> Result<Option<File>, SnapshotError> {
-    make_directory(path, comm)?;
     let mut lock = None;
     on_root(path, comm, || {
+        std::fs::create_dir_all(path)?;
         lock = Some(File::create(path.join(LOCK))?);
         Ok(())
     })?;
     let taken = lock.as_ref().map(File::try_lock);
     let busy = matches!(taken, Some(Err(TryLockError::WouldBlock)));
-    let claimed = if busy { Err(SnapshotError::Busy { path: name_of(path) }) } else { Ok(lock) };
-    let agreed = agree(comm, claimed.as_ref().map(|_| ()).map_err(SnapshotError::clone));
-    agreed.and(claimed)
+    agree(comm, if busy { Err(SnapshotError::Busy { path: name_of(path) }) } else { Ok(()) })?;
+    Ok(lock)
 }
 
 /// The file in a run's directory that rank 0 has locked.

@@ -127,7 +127,7 @@ across the normals. Contacts with walls are in the stress but not in the fabric.
 fn missing(runs: &[Run]) -> String {
     let mut words = Vec::new();
     for method in Method::ALL {
-        let Some(run) = runs.iter().find(|run| run.method == method) else {
+        let Some(run) = by(method, runs) else {
             words.push(format!("{}: no runs", method.name()));
             continue;
         };
@@ -230,16 +230,19 @@ fn past_peak(run: &Run) -> Option<&Report> {
     run.peak().filter(|_| run.strain().is_some_and(|strain| strain >= *PLATEAU.start()))
 }
 
+/// The runs by a method.
+fn by(method: Method, runs: &[Run]) -> Option<&Run> {
+    runs.iter().find(|run| run.method == method)
+}
+
 /// What stands in for the truth.
 fn benchmark(runs: &[Run]) -> Option<&Run> {
-    let of = |method| runs.iter().find(move |run| run.method == method);
-    of(Method::Epa).or_else(|| of(Method::CommonNormal))
+    by(Method::Epa, runs).or_else(|| by(Method::CommonNormal, runs))
 }
 
 /// Erosion as the paper has it; if there is none, erosion alone.
 fn erosion(runs: &[Run]) -> Option<&Run> {
-    let of = |method| runs.iter().find(move |run| run.method == method);
-    of(Method::CheckedErosion).or_else(|| of(Method::Erosion))
+    by(Method::CheckedErosion, runs).or_else(|| by(Method::Erosion, runs))
 }
 
 /// Erosion and its benchmark, with a number of each.
@@ -250,8 +253,8 @@ fn compared<'a, T>(runs: &'a [Run], pick: impl Fn(&'a Run) -> Option<T>) -> Opti
 /// How far EPA and the common normal are apart: they agree to rounding on every contact, so this is what
 /// chance does to two packings of the same kind.
 fn by_chance(runs: &[Run], pick: impl Fn(&Run) -> Option<f64>) -> String {
-    let of = |method| pick(runs.iter().find(|run| run.method == method)?);
-    let both = of(Method::Epa).zip(of(Method::CommonNormal));
+    let both =
+        by(Method::Epa, runs).and_then(&pick).zip(by(Method::CommonNormal, runs).and_then(&pick));
     both.map_or(String::new(), |both| {
         format!(" (EPA and the common normal, by chance: {:+.1} %)", 100.0 * apart(both))
     })
