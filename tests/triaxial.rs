@@ -192,10 +192,43 @@ fn the_end_of_a_log_tells_what_a_run_took() {
     let log = "7046 of 200000 steps, 3.5 %\n\
                at rest: step 103300, time 1.033000 s; 500 steps of 64 particles in 1.5 s on 2 ranks\n\
                contacts   5.1e8 resolved, 1e6 per second; 40.1 ns per contact, 9.0 ns per listed pair\n";
-    let expected =
-        Cost { stage: "shear", steps: 500, seconds: 1.5, ranks: 2, contact_ns: Some(40.1) };
-    assert_eq!(Cost::of("shear", log), Some(expected));
+    let expected = Cost {
+        stage: "shear",
+        steps: 500,
+        seconds: 1.5,
+        ranks: 2,
+        core_hours: 3.0 / 3600.0,
+        contact_ns: Some(40.1),
+    };
+    assert_eq!(Cost::of("shear", log), Some(expected.clone()));
     assert_eq!(Cost::of("shear", "7046 of 200000 steps, 3.5 %\n"), None);
+
+    let earlier = "stopped by SIGTERM; 250 steps of 64 particles in 4.5 s on 4 ranks\n\
+                   contacts   1.1e8 resolved, 1e6 per second; 99.9 ns per contact\n";
+    let both = Cost { steps: 750, seconds: 6.0, core_hours: 21.0 / 3600.0, ..expected };
+    assert_eq!(Cost::of("shear", &(earlier.to_owned() + log)), Some(both));
+}
+
+#[test]
+fn core_hours_are_told_for_each_figure() {
+    let mut run = made_up(Method::Epa, 7.5, usual);
+    for (k, report) in run.shear.iter_mut().enumerate() {
+        report.summary.step = 1000 + 10 * k as u64;
+    }
+    let cost = |stage, core_hours| Cost {
+        stage,
+        steps: 700,
+        seconds: 1800.0 * core_hours,
+        ranks: 2,
+        core_hours,
+        contact_ns: None,
+    };
+    run.costs = vec![cost("packing", 2.0), cost("consolidation", 1.0), cost("shear", 7.0)];
+    // The peak is at a strain of 5 %, the tenth of 70 intervals.
+    let page = report::report(std::slice::from_ref(&run));
+    assert!(page.contains("| EPA | 2.000 | 4.000 | 10.00 |"), "{page}");
+    run.costs.remove(1);
+    assert!(report::report(&[run]).contains("| EPA | 2.000 | – | – |"));
 }
 
 /// A packing between walls on all sides, the lid this high.

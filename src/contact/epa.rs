@@ -5,13 +5,15 @@
 //! as far out as the difference itself. It needs nothing but support points and finds the true
 //! overlap however deep. Choose it for sharp shapes, or to check another method.
 //!
-//! Three departures from the textbook. The tetrahedron with which GJK ends is taken only if it is not
+//! Four departures from the textbook. The tetrahedron with which GJK ends is taken only if it is not
 //! flat; the one built otherwise need not hold the origin, because distances of
 //! faces carry a sign and a face that has the origin outside is the next to be moved out. The
 //! answer carries its own proof: the least overlap over all directions seen is an upper bound, the
-//! nearest face a lower one, and only their difference ends the iteration. And where the bodies are smooth,
+//! nearest face a lower one, and only their difference ends the iteration. Where the bodies are smooth,
 //! a few steps of the secant method from the nearest face then bring the direction, which the proof
-//! leaves uncertain by the square root of the tolerance, to rounding.
+//! leaves uncertain by the square root of the tolerance, to rounding. And where they are smooth and touched
+//! before, secants from the last normal come first, and the polytope begins with corners about what they find,
+//! where it must be fine: it has little left to do but the proof.
 
 use super::gjk::{Corner, Difference, Separation, enclose, secant};
 use super::{Batch, ContactResolver, Found, Outcome, Posed, Why, touch_along};
@@ -33,6 +35,12 @@ const CORNERS: usize = 1000;
 const SECANTS: u32 = 8;
 /// A secant that does not bring the remainder below this part of the last is the last.
 const WORTHWHILE: f64 = 0.25;
+/// With less left than this [units squared], secants have found the overlap to rounding.
+const FOUND: f64 = 1e-16;
+/// Corners around the direction that secants have found are tilted by the overlap [units], within these limits: at
+/// small overlaps, the faces inside the ring are then near enough and those outside far enough for the proof.
+const TILT: (f64, f64) = (1e-3, 0.3);
+const HALF_ROOT_3: f64 = 0.866_025_403_784_438_6;
 
 /// Resolves two convex bodies by GJK and the expanding polytope.
 ///
@@ -61,27 +69,45 @@ impl Epa {
     }
 
     #[inline]
-    fn touch_with(self, polytope: &mut Polytope, a: &Posed, b: &Posed, r: &Vec3) -> Outcome {
+    fn touch_with(
+        self,
+        polytope: &mut Polytope,
+        a: &Posed,
+        b: &Posed,
+        r: &Vec3,
+        warm: Option<&Vec3>,
+    ) -> Outcome {
         let m = Difference::new(a, b, r);
         let squared = m.r.norm_squared();
         if squared > m.reach * m.reach {
             return Outcome::Apart((squared.sqrt() - m.reach) * m.unit);
         }
-        // Coincident centres have an overlap, if no unique normal. A warm start would only put a corner
-        // where the polytope must become finest, and slivers around it.
-        let start = if squared == 0.0 { Vec3::x() } else { m.r };
-        let (answer, simplex) = enclose(&m, &start, 0.0, 0.0);
-        match answer {
-            Separation::Beyond(distance) => return Outcome::Apart(distance * m.unit),
-            Separation::Apart(_) => return Outcome::Apart(0.0),
-            // A stalled iteration leaves a polytope that may not hold the origin, which does no harm.
-            Separation::NotConverged | Separation::Intersecting => {}
+        let polish = self.polish && m.is_smooth;
+        let mut least = None;
+        if let Some(last) = warm.filter(|_| polish) {
+            let corner = m.corner(*last);
+            let overlap = corner.overlap();
+            if overlap <= 0.0 {
+                return Outcome::Apart(-overlap * m.unit);
+            }
+            least = polytope.begin_about(&m, corner);
         }
-        match simplex.tetrahedron() {
-            Some(corners) if !is_flat(corners) => polytope.begin(corners),
-            _ => polytope.begin(&tetrahedron(&m, &start.normalize())),
+        if least.is_none() {
+            // Coincident centres have an overlap, if no unique normal.
+            let start = if squared == 0.0 { Vec3::x() } else { m.r };
+            let (answer, simplex) = enclose(&m, &start, 0.0, 0.0);
+            match answer {
+                Separation::Beyond(distance) => return Outcome::Apart(distance * m.unit),
+                Separation::Apart(_) => return Outcome::Apart(0.0),
+                // A stalled iteration leaves a polytope that may not hold the origin, which does no harm.
+                Separation::NotConverged | Separation::Intersecting => {}
+            }
+            match simplex.tetrahedron() {
+                Some(corners) if !is_flat(corners) => polytope.begin(corners),
+                _ => polytope.begin(&tetrahedron(&m, &start.normalize())),
+            }
         }
-        match polytope.expand(&m, self.tolerance + ROUNDING, self.polish && m.is_smooth) {
+        match polytope.expand(&m, self.tolerance + ROUNDING, polish, least) {
             Some(normal) => touch_along(a, b, r, &normal).outcome(),
             None => Outcome::Failed(Why::NoConvergence),
         }
@@ -93,8 +119,8 @@ impl ContactResolver for Epa {
         "epa"
     }
 
-    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, _warm: Option<&Vec3>) -> Outcome {
-        self.touch_with(&mut Polytope::default(), a, b, r)
+    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
+        self.touch_with(&mut Polytope::default(), a, b, r, warm)
     }
 
     /// One after the other, in the memory of the first.
@@ -105,7 +131,8 @@ impl ContactResolver for Epa {
             let r = batch.bodies.relative(pair);
             let frames = batch.bodies.frames(pair);
             let (a, b) = batch.bodies.posed(pair, &frames);
-            found.note(index, self.touch_with(&mut polytope, &a, &b, &r));
+            let warm = batch.last_normal(index);
+            found.note(index, self.touch_with(&mut polytope, &a, &b, &r, warm));
         }
     }
 }
@@ -203,6 +230,37 @@ impl Polytope {
         }
     }
 
+    /// Begins about the direction of least overlap near that of `corner`, which secants find, and returns its corner.
+    /// There the polytope must be finest, so a ring of three corners goes around it, and others far away.
+    /// `None` if they do not find it, or rounding is in the way.
+    fn begin_about(&mut self, m: &Difference, corner: Corner) -> Option<Corner> {
+        let normal = corner.direction;
+        let u = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize();
+        let v = normal.cross(&u);
+        let [p, q, s] = [u, v * HALF_ROOT_3 - u * 0.5, -v * HALF_ROOT_3 - u * 0.5];
+        let tilt = corner.overlap().clamp(TILT.0, TILT.1);
+        let ring = [p, q, s].map(|side| m.corner((normal + side * tilt).normalize()));
+        let best = secants(m, [corner, ring[0], ring[1]], corner);
+        if best.remainder() > FOUND {
+            return None;
+        }
+        let [p, q, s] = [p, q, s].map(|side| m.corner(-side));
+        self.begin(&[p, q, s, m.corner(-normal)]);
+        for corner in [ring[0], ring[1], ring[2], best] {
+            self.grow(corner, best.overlap())?;
+        }
+        Some(best)
+    }
+
+    /// Takes in a corner, if it is outside. `None` as of [`Polytope::insert`].
+    fn grow(&mut self, corner: Corner, enough: f64) -> Option<()> {
+        let sees = |face: &Face| corner.point.dot(&face.normal) > face.distance + SEES;
+        match self.faces.iter().position(|face| !face.gone && sees(face)) {
+            Some(face) => self.insert(corner, face as u32, enough),
+            None => Some(()),
+        }
+    }
+
     /// A face as far away as `enough` will never be the nearest one.
     fn add_face(&mut self, corners: [u32; 3], neighbours: [u32; 3], enough: f64) {
         let [p, q, s] = corners.map(|c| self.corners[c as usize].point);
@@ -230,11 +288,17 @@ impl Polytope {
         }
     }
 
-    /// The direction of least overlap to within `tolerance`, or `None` if the iteration stalls.
-    fn expand(&mut self, m: &Difference, tolerance: f64, polish: bool) -> Option<Vec3> {
-        let mut least = f64::INFINITY;
-        let mut best = Vec3::zeros();
-        let mut last = 0;
+    /// The direction of least overlap to within `tolerance`, or `None` if the iteration stalls. `best` is the corner
+    /// with the least overlap so far.
+    fn expand(
+        &mut self,
+        m: &Difference,
+        tolerance: f64,
+        polish: bool,
+        mut best: Option<Corner>,
+    ) -> Option<Vec3> {
+        let mut least = best.map_or(f64::INFINITY, |corner| corner.overlap());
+        let mut last = None;
         loop {
             if self.corners.len() >= CORNERS {
                 return None;
@@ -243,16 +307,20 @@ impl Polytope {
                 // All are farther out than the overlap along the best direction.
                 break;
             };
-            last = nearest;
             let Face { normal, distance, .. } = self.faces[nearest as usize];
+            if last.is_none() && least - distance <= tolerance {
+                // Proved before it has begun.
+                break;
+            }
+            last = Some(nearest);
             let corner = m.corner(normal);
-            let overlap = corner.point.dot(&normal);
+            let overlap = corner.overlap();
             if overlap < least {
-                (least, best) = (overlap, normal);
+                (least, best) = (overlap, Some(corner));
             }
             // A direction along which the bodies do not overlap settles the matter at once.
             if least <= 0.0 {
-                return Some(best);
+                return Some(normal);
             }
             if least - distance <= tolerance {
                 break;
@@ -263,7 +331,12 @@ impl Polytope {
             }
             self.insert(corner, nearest, least)?;
         }
-        Some(if polish { self.refined(m, last, best, least) } else { best })
+        let best = best?;
+        let polished = last.filter(|_| polish).map(|face| {
+            let corners = self.faces[face as usize].corners.map(|c| self.corners[c as usize]);
+            secants(m, corners, best)
+        });
+        Some(polished.unwrap_or(best).direction)
     }
 
     /// Replaces every face that sees `corner`, `first` among them, by faces from their outline to it.
@@ -307,38 +380,43 @@ impl Polytope {
         self.horizon = horizon;
         is_closed.then_some(())
     }
-
-    /// The best direction after a few secants that start at a face and never make it worse.
-    fn refined(&self, m: &Difference, face: u32, best: Vec3, least: f64) -> Vec3 {
-        let mut corners = self.faces[face as usize].corners.map(|c| self.corners[c as usize]);
-        let (mut best, mut left) = (best, f64::INFINITY);
-        for _ in 0..SECANTS {
-            let Some(direction) = secant(&corners, &best) else { break };
-            let corner = m.corner(direction.normalize());
-            let (overlap, remainder) = remainder(&corner);
-            if !(remainder < WORTHWHILE * left && overlap <= least + ROUNDING) {
-                break;
-            }
-            (best, left) = (corner.direction, remainder);
-            let remainders = corners.each_ref().map(|corner| self::remainder(corner).1);
-            let worst = (1..3).fold(0, |k, i| if remainders[i] > remainders[k] { i } else { k });
-            corners[worst] = corner;
-        }
-        best
-    }
 }
 
-/// The overlap along a corner's direction, a unit vector, and how far its support point is off that line,
-/// squared.
-fn remainder(corner: &Corner) -> (f64, f64) {
-    let overlap = corner.point.dot(&corner.direction);
-    (overlap, (corner.point - corner.direction * overlap).norm_squared())
+/// The best corner after a few secants that start at three and never make it worse.
+fn secants(m: &Difference, mut corners: [Corner; 3], best: Corner) -> Corner {
+    let (least, mut best, mut left) = (best.overlap(), best, f64::INFINITY);
+    for _ in 0..SECANTS {
+        let Some(direction) = secant(&corners, &best.direction) else { break };
+        let corner = m.corner(direction.normalize());
+        let remainder = corner.remainder();
+        if !(remainder < WORTHWHILE * left && corner.overlap() <= least + ROUNDING) {
+            break;
+        }
+        (best, left) = (corner, remainder);
+        let remainders = corners.each_ref().map(Corner::remainder);
+        let worst = (1..3).fold(0, |k, i| if remainders[i] > remainders[k] { i } else { k });
+        corners[worst] = corner;
+    }
+    best
+}
+
+/// Of corners whose directions are unit vectors.
+impl Corner {
+    /// The overlap along its direction [units].
+    fn overlap(&self) -> f64 {
+        self.point.dot(&self.direction)
+    }
+
+    /// How far its point is off the line of its direction, squared.
+    fn remainder(&self) -> f64 {
+        (self.point - self.direction * self.overlap()).norm_squared()
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::Epa;
-    use crate::contact::{ContactResolver, Outcome, Posed, attitudes};
+    use crate::contact::{ContactResolver, Outcome, Posed, attitudes, directions_tried};
     use crate::math::Vec3;
     use crate::shape::{Ellipsoid, Shape};
 
@@ -364,6 +442,61 @@ mod tests {
             );
             // By their support points, as the polytope alone is good to 1e-3.
             assert!((touch.normal - normal).norm() < 1e-8, "pair {i}: {}", touch.normal);
+        }
+    }
+
+    /// The last normal saves half of the work or more, and a wrong one does no harm.
+    #[test]
+    fn goes_on_from_the_last_normal() {
+        let shape = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(2.0, 1.0, 1.0) });
+        let supports = |epa: Epa, within: f64, last: &dyn Fn(f64, Vec3) -> Option<Vec3>| {
+            let before = directions_tried();
+            for i in 0..500 {
+                let k = f64::from(i);
+                let ([one, other], normal) = attitudes(k);
+                let a = Posed { shape: &shape, frame: &one };
+                let b = Posed { shape: &shape, frame: &other };
+                let overlap = 1e-4 + 0.01 * (0.9 * k).sin().abs();
+                let r = a.support(&normal) - b.support(&-normal) - normal * overlap;
+                let last = last(k, normal);
+                let Outcome::Touching(touch) = epa.touch(&a, &b, &r, last.as_ref()) else {
+                    panic!("pair {i} was not resolved")
+                };
+                let off = touch.overlap - overlap;
+                assert!(off.abs() < within, "pair {i} from {last:?}: {off:e}");
+            }
+            (directions_tried() - before) as f64 / 500.0
+        };
+        let turned = |k: f64, normal: Vec3, by: f64| {
+            Some((normal + Vec3::new(k.sin(), (2.0 * k).cos(), (3.0 * k).sin()) * by).normalize())
+        };
+        for tolerance in [1e-4, 1e-6] {
+            let epa = Epa::new(tolerance);
+            let cold = supports(epa, tolerance, &|_, _| None);
+            let warm = supports(epa, 1e-14, &|k, normal| turned(k, normal, 1e-4));
+            assert!(warm < 0.6 * cold, "{tolerance:e}: {warm} after {cold}");
+            supports(epa, tolerance, &|k, normal| turned(k, normal, 0.1));
+            supports(epa, tolerance, &|_, normal| Some(-normal));
+        }
+    }
+
+    /// Bodies that have come apart are never said to touch, whatever the last normal was.
+    #[test]
+    fn the_last_normal_of_bodies_apart() {
+        let shape = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(2.0, 1.0, 0.7) });
+        for i in 0..500 {
+            let k = f64::from(i);
+            let ([one, other], normal) = attitudes(k);
+            let a = Posed { shape: &shape, frame: &one };
+            let b = Posed { shape: &shape, frame: &other };
+            let clearance = 1e-8 + 1e-6 * (0.9 * k).sin().abs();
+            let r = a.support(&normal) - b.support(&-normal) + normal * clearance;
+            for last in [normal, attitudes(k + 0.1).1, -normal] {
+                let Outcome::Apart(found) = Epa::new(1e-4).touch(&a, &b, &r, Some(&last)) else {
+                    panic!("pair {i} touches")
+                };
+                assert!(found <= clearance + 1e-15, "pair {i}: {found:e} of {clearance:e}");
+            }
         }
     }
 }

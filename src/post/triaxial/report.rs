@@ -205,24 +205,47 @@ fn numbers(runs: &[Run]) -> String {
 
 fn costs(runs: &[Run]) -> String {
     let mut table = "\
-| method | stage | steps | seconds | ranks | ms per step | contact [ns] |
-|---|---|---|---|---|---|---|
+| method | stage | steps | seconds | ranks | core-hours | ms per step | contact [ns] |
+|---|---|---|---|---|---|---|---|
 "
     .to_string();
     for run in runs {
-        for Cost { stage, steps, seconds, ranks, contact_ns } in &run.costs {
+        for Cost { stage, steps, seconds, ranks, core_hours, contact_ns } in &run.costs {
             let per_step = 1e3 * seconds / (*steps).max(1) as f64;
             let contact = contact_ns.map_or("–".into(), readable);
             let _ = writeln!(
                 table,
-                "| {} | {stage} | {steps} | {seconds} | {ranks} | {} | {contact} |",
+                "| {} | {stage} | {steps} | {seconds:.1} | {ranks} | {} | {} | {contact} |",
                 run.method.name(),
+                readable(*core_hours),
                 readable(per_step)
             );
         }
     }
+    table.push_str("\n| core-hours until | packing: Fig. 12 | peak: Figs. 11, 13, 14 | end: Figs. 9, 10 |\n|---|---|---|---|\n");
+    for run in runs {
+        let until = core_hours(run).map(|hours| hours.map_or("–".into(), readable));
+        let _ = writeln!(table, "| {} | {} |", run.method.name(), until.join(" | "));
+    }
     table
-        + "\nAs the runs tell at their ends; they compare only if nothing else ran on the machine.\n"
+        + "\nAs the runs tell at the ends of all their sittings; they compare only if nothing else ran on the machine.\n"
+}
+
+/// What it took until the packing, the peak and the end were there [h], as far as the runs tell.
+fn core_hours(run: &Run) -> [Option<f64>; 3] {
+    let of = |stage| run.costs.iter().find(|cost| cost.stage == stage).map(|cost| cost.core_hours);
+    let packing = of("packing");
+    let before = packing.zip(of("consolidation")).map(|(packing, after)| packing + after);
+    let step = |report: Option<&Report>| report.map(|report| report.summary.step as f64);
+    let (first, peak, last) =
+        (step(run.shear.first()), step(past_peak(run)), step(run.shear.last()));
+    let share = first.zip(peak).zip(last).and_then(|((f, p), l)| quotient(p - f, l - f));
+    let shear = before.zip(of("shear"));
+    [
+        packing,
+        shear.zip(share).map(|((before, shear), share)| before + share * shear),
+        shear.map(|(before, shear)| before + shear),
+    ]
 }
 
 /// The peak of a compression that went on beyond it.

@@ -76,18 +76,20 @@ pub struct Run {
     pub costs: Vec<Cost>,
 }
 
-/// What a stage took, as the report at its end tells.
+/// What a stage took, as the reports at the end of its sittings tell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cost {
     /// The stage.
     pub stage: &'static str,
-    /// Steps done.
+    /// Steps done in all sittings.
     pub steps: u64,
     /// By the wall clock [s].
     pub seconds: f64,
-    /// How many ranks shared the work.
+    /// How many ranks shared the work of the last sitting.
     pub ranks: u64,
-    /// Contact resolution for each contact [ns].
+    /// Seconds times ranks, in hours.
+    pub core_hours: f64,
+    /// Contact resolution for each contact, in the last sitting [ns].
     pub contact_ns: Option<f64>,
 }
 
@@ -240,7 +242,7 @@ fn missing_energy(stage: &Path) -> Option<f64> {
     Some(history.last("missing_J")?.abs() / dissipated)
 }
 
-/// What a run wrote at its end, from any `*.log` in its folder.
+/// What a run wrote at the end of each sitting, from the first `*.log` in its folder that has it.
 fn cost(stage: &'static str, folder: &Path) -> Option<Cost> {
     let entries = fs::read_dir(folder).ok()?.filter_map(|entry| entry.ok().map(|e| e.path()));
     let mut logs: Vec<_> =
@@ -250,20 +252,30 @@ fn cost(stage: &'static str, folder: &Path) -> Option<Cost> {
 }
 
 impl Cost {
-    /// From the text that a run writes at its end: `... 500 steps of 64 particles in 1.5 s on 2 ranks`, and
-    /// `... 40.1 ns per contact`.
+    /// From the text that each sitting of a run writes at its end: `... 500 steps of 64 particles in 1.5 s on 2 ranks`,
+    /// and `... 40.1 ns per contact`.
     pub fn of(stage: &'static str, text: &str) -> Option<Self> {
-        let told = text.lines().rev().find(|line| line.contains(" steps of "))?;
-        let (before, after) = told.split_once(" steps of ")?;
-        let (_, spent) = after.split_once(" particles in ")?;
-        let (seconds, ranks) = spent.split_once(" s on ")?;
+        let sittings: Vec<_> = text.lines().filter_map(sitting).collect();
         let contact = text.lines().rev().find_map(|line| line.split_once(" ns per contact,"));
         Some(Self {
             stage,
-            steps: before.rsplit(' ').next()?.parse().ok()?,
-            seconds: seconds.parse().ok()?,
-            ranks: ranks.split(' ').next()?.parse().ok()?,
+            steps: sittings.iter().map(|(steps, ..)| steps).sum(),
+            seconds: sittings.iter().map(|(_, seconds, _)| seconds).sum(),
+            ranks: sittings.last()?.2,
+            core_hours: sittings.iter().map(|&(_, s, ranks)| s * ranks as f64 / 3600.0).sum(),
             contact_ns: contact.and_then(|(before, _)| before.rsplit(' ').next()?.parse().ok()),
         })
     }
+}
+
+/// Steps, seconds and ranks of the sitting that this line ends.
+fn sitting(line: &str) -> Option<(u64, f64, u64)> {
+    let (before, after) = line.split_once(" steps of ")?;
+    let (_, spent) = after.split_once(" particles in ")?;
+    let (seconds, ranks) = spent.split_once(" s on ")?;
+    Some((
+        before.rsplit(' ').next()?.parse().ok()?,
+        seconds.parse().ok()?,
+        ranks.split(' ').next()?.parse().ok()?,
+    ))
 }
