@@ -6,9 +6,9 @@
 //! cargo bench --bench scaling -- --latency 5e-6 --bandwidth 2e9     for another network
 //! ```
 //!
-//! Measured: the time of steps on 1 and 2 ranks, and of a snapshot, under mpirun. Counted: particles,
-//! ghosts, contacts, messages, bytes, reductions and migrations of every rank on 1 to 64 ranks, as threads of one
-//! process. Predicted: everything beyond, by `model.rs`.
+//! Measured under mpirun: the time of steps on 1 and 2 ranks, of two runs at once that share nothing but the machine,
+//! and of a snapshot. Counted: particles, ghosts, contacts, messages, bytes, reductions and migrations of every rank
+//! on 1 to 64 ranks, as threads of one process. Predicted: everything beyond, by `model.rs`.
 
 mod counted;
 #[path = "../lines.rs"]
@@ -165,6 +165,15 @@ fn time_all(record: &Path) -> anyhow::Result<Timed> {
     println!(
         "weak, 10,000 on one rank to 20,000 on two: efficiency {:.3}",
         ones[1].step / twos[2].step
+    );
+    let apart = measured::steps(Task::Apart, 2)?;
+    let alone = Timed { step: 2.0 * ones[1].step, ..ones[1] };
+    tell(Task::Apart, 2, &Timed { particles: 2.0 * apart.particles, ..apart }, &alone)?;
+    println!(
+        "two runs of 10,000 at once keep {:.3} of the speed of one: no program can scale better here; \
+         20,000 on two ranks keep {:.3} of the speed of those two",
+        ones[1].step / apart.step,
+        apart.step / twos[2].step
     );
     fs::write(record.join("times.csv"), table)?;
     Ok(ones[2])

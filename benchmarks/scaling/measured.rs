@@ -5,6 +5,7 @@ use crate::packing::{CELL, Packing, settled};
 use anyhow::{Context, ensure};
 use clap::ValueEnum;
 use dem_mpi::comm::Comm;
+use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::world::World;
 use dem_mpi::output::snapshot;
 use dem_mpi::timing::Phase;
@@ -23,6 +24,8 @@ pub(crate) enum Task {
     Packed10,
     /// Steps of 20,000 packed ellipsoids.
     Packed20,
+    /// Steps of 10,000 packed ellipsoids on each rank, which share nothing but the machine.
+    Apart,
     /// Snapshots of 1,000,000 packed ellipsoids, and plain writes.
     Snapshot,
 }
@@ -32,6 +35,7 @@ impl Task {
         match self {
             Self::Settled => "settled",
             Self::Packed10 | Self::Packed20 => "packed",
+            Self::Apart => "apart",
             Self::Snapshot => "snapshot",
         }
     }
@@ -40,7 +44,7 @@ impl Task {
     const fn cells(self) -> [u32; 3] {
         match self {
             Self::Settled => [0; 3],
-            Self::Packed10 => [5, 2, 1],
+            Self::Packed10 | Self::Apart => [5, 2, 1],
             Self::Packed20 => [5, 2, 2],
             Self::Snapshot => [10; 3],
         }
@@ -115,7 +119,8 @@ pub(crate) fn work(task: Task) -> anyhow::Result<()> {
     let mut comm = World::new();
     let numbers = match task {
         Task::Snapshot => time_snapshots(task, &mut comm)?.to_vec(),
-        _ => time_steps(task, &mut comm)?.to_vec(),
+        Task::Apart => time_steps(task, &mut Alone::default(), Some(&mut comm))?.to_vec(),
+        _ => time_steps(task, &mut comm, None)?.to_vec(),
     };
     if comm.is_root() {
         println!("{}", numbers.iter().map(|x| format!("{x:e}")).collect::<Vec<_>>().join(" "));
@@ -123,7 +128,16 @@ pub(crate) fn work(task: Task) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn time_steps(task: Task, comm: &mut dyn Comm) -> anyhow::Result<[f64; 4]> {
+/// On the ranks of `comm`, each round together with `others`.
+fn time_steps(
+    task: Task,
+    comm: &mut dyn Comm,
+    mut others: Option<&mut World>,
+) -> anyhow::Result<[f64; 4]> {
+    let mut meet = |comm: &mut dyn Comm| match &mut others {
+        Some(others) => others.any(false),
+        None => comm.any(false),
+    };
     let mut sim = match task {
         Task::Settled => settled(comm),
         _ => Packing::new()?.begun(task.cells(), comm),
@@ -136,12 +150,12 @@ fn time_steps(task: Task, comm: &mut dyn Comm) -> anyhow::Result<[f64; 4]> {
     for _ in 0..ROUNDS {
         let contacts = sim.found.tally.contacts;
         let clock = sim.clock.clone();
-        comm.any(false);
+        meet(comm);
         let begin = Instant::now();
         for _ in 0..steps {
             sim.step(comm)?;
         }
-        comm.any(false);
+        meet(comm);
         let step = begin.elapsed().as_secs_f64() / steps as f64;
         if step < best[1] {
             let spent = |phases: &[Phase]| {

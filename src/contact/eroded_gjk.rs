@@ -63,11 +63,18 @@ impl ContactResolver for ErodedGjk {
             match separate(&m.eroded(ratio), start, self.tolerance, beyond(ratio)) {
                 // Near touch the direction decides, which moves with the bodies: nothing is certain.
                 Separation::Apart(normal) => {
-                    return match touch_along(a, b, r, &normal).outcome() {
-                        Outcome::Touching(touch) if self.spurious || intersect(&m, start) => {
-                            Outcome::Touching(touch)
+                    let touch = touch_along(a, b, r, &normal);
+                    // The contact point of most bodies that touch is in both, which is soonest seen.
+                    let intersect = || {
+                        a.contains(&touch.point) && b.contains(&(touch.point - r))
+                            || separate(&m, start, 0.0, 0.0) == Separation::Intersecting
+                    };
+                    return match touch.outcome() {
+                        Outcome::Touching(_) if !self.spurious && !intersect() => {
+                            Outcome::Apart(0.0)
                         }
-                        _ => Outcome::Apart(0.0),
+                        Outcome::Apart(_) => Outcome::Apart(0.0),
+                        outcome => outcome,
                     };
                 }
                 Separation::Beyond(distance) => {
@@ -79,11 +86,6 @@ impl ContactResolver for ErodedGjk {
         }
         Outcome::Failed(Why::TooDeep)
     }
-}
-
-/// The boolean form of GJK.
-fn intersect(m: &Difference, start: &Vec3) -> bool {
-    separate(m, start, 0.0, 0.0) == Separation::Intersecting
 }
 
 #[cfg(test)]

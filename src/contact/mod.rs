@@ -114,6 +114,12 @@ impl Posed<'_> {
     pub fn core_support(&self, direction: &Vec3) -> Vec3 {
         self.frame * self.shape.core_support(&self.frame.tr_mul(direction))
     }
+
+    /// Is a point, in world axes and seen from the body's centre [m], in the body?
+    #[inline]
+    pub fn contains(&self, point: &Vec3) -> bool {
+        self.shape.contains(&self.frame.tr_mul(point))
+    }
 }
 
 /// `δ(n)`, the bound that any direction gives, and the touch that goes with it (eq. 1 ff. of the paper:

@@ -1,4 +1,6 @@
-# A table as SVG: column y over column x (logarithmic), one line for each value of column `by`, y from low to high.
+# A table as SVG: column y over column x, one line for each value of column `by`, y from low to high. x is
+# logarithmic with a mark at each point, and a line to the standard deviation on either side if there is a column
+# y_deviation; with -v curve=1 it is linear and without marks.
 #   awk -v x=aspect_ratio -v y=coordination -v by=friction -v low=4 -v high=11 -f plot.awk table.csv > plot.svg
 
 BEGIN {
@@ -18,11 +20,13 @@ NR == 1 {
     n[g]++
     xs[g, n[g]] = $column[x]
     ys[g, n[g]] = $column[y]
+    if ((y "_deviation") in column) deviation[g, n[g]] = $column[y "_deviation"]
     if (first == "" || $column[x] < first) first = $column[x]
     if ($column[x] > last) last = $column[x]
 }
 
-function across(value) { return left + 12 + (right - left - 24) * log(value / first) / log(last / first) }
+function share(value) { return curve ? (value - first) / (last - first) : log(value / first) / log(last / first) }
+function across(value) { return left + 12 + (right - left - 24) * share(value) }
 function up(value) { return bottom - (bottom - top) * (value - low) / (high - low) }
 function words(text, at_x, at_y, anchor) {
     printf "<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">%s</text>\n", at_x, at_y, anchor, text
@@ -39,9 +43,11 @@ END {
         line(left, up(value), right, up(value), "#E3E7EB")
         words(sprintf("%.4g", value), left - 8, up(value) + 4, "end")
     }
-    for (i = 1; i <= n[1]; i++) {
-        line(across(xs[1, i]), bottom, across(xs[1, i]), bottom + 5, "#5B6672")
-        words(xs[1, i], across(xs[1, i]), bottom + 19, "middle")
+    ticks = curve ? 6 : n[1]
+    for (i = 1; i <= ticks; i++) {
+        value = curve ? first + (i - 1) * (last - first) / 5 : xs[1, i]
+        line(across(value), bottom, across(value), bottom + 5, "#5B6672")
+        words(curve ? sprintf("%.3g", value) : value, across(value), bottom + 19, "middle")
     }
     line(left, bottom, right, bottom, "#5B6672")
     gsub(/_/, " ", x); gsub(/_/, " ", y); gsub(/_/, " ", by)
@@ -51,7 +57,9 @@ END {
         printf "<polyline fill=\"none\" stroke=\"%s\" stroke-width=\"1.5\" points=\"", colour[g]
         for (i = 1; i <= n[g]; i++) printf "%.1f,%.1f ", across(xs[g, i]), up(ys[g, i])
         print "\"/>"
-        for (i = 1; i <= n[g]; i++) printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3\" fill=\"%s\"/>\n", across(xs[g, i]), up(ys[g, i]), colour[g]
+        for (i = 1; i <= n[g]; i++) if (deviation[g, i] > 0)
+            line(across(xs[g, i]), up(ys[g, i] - deviation[g, i]), across(xs[g, i]), up(ys[g, i] + deviation[g, i]), colour[g])
+        for (i = 1; i <= n[g] && !curve; i++) printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3\" fill=\"%s\"/>\n", across(xs[g, i]), up(ys[g, i]), colour[g]
         printf "<rect x=\"%d\" y=\"14\" width=\"10\" height=\"10\" fill=\"%s\"/>\n", left + 130 * (g - 1), colour[g]
         words(by " " name[g], left + 130 * (g - 1) + 15, 23, "start")
     }

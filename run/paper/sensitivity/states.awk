@@ -1,5 +1,5 @@
-# States of a triaxial test and its plateau, the mean over axial strains of 25 to 36 %: rows of gravity.csv.
-#   awk -v gravity=on -f states.awk report/summary.csv report/fig10.csv
+# States of a triaxial test and its plateau, the mean over axial strains of 25 to 36 %: rows of gravity.csv and rate.csv.
+#   awk -v name=on -f states.awk report/summary.csv report/fig10.csv
 
 BEGIN {
     FS = ","
@@ -12,7 +12,7 @@ FNR == 1 {
 }
 
 NR == FNR {
-    printf "%s,%s", gravity, $2
+    printf "%s,%s", name, $2
     for (c = 1; c <= columns; c++) printf $at[wanted[c]] == "" ? "," : ",%.4g", $at[wanted[c]]
     print ""
     next
@@ -24,7 +24,7 @@ $at["axial_strain"] >= 0.25 && $at["axial_strain"] <= 0.36 {
 }
 
 END {
-    printf "%s,plateau", gravity
+    printf "%s,plateau", name
     for (c = 1; c <= columns; c++) printf ",%.4g", sum[c] / rows
     print ""
 }
