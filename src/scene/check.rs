@@ -56,7 +56,7 @@ pub(super) fn scene(
     let neighbours = root.read_or("neighbours", (SKIN * largest, 1.2), |given| {
         let neighbours = given.section()?;
         let skin = neighbours.number_or("skin", SKIN * largest, Range::NotNegative, "m");
-        let imbalance = neighbours.number_or("imbalance", 1.2, Range::FromOne, "");
+        let imbalance = neighbours.number_or("imbalance", 1.1, Range::FromOne, "");
         neighbours.finish();
         Some((skin?, imbalance?))
     });

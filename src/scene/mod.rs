@@ -77,7 +77,7 @@
 //! | `servo` | | the stress of every servo is this near to its target, as a fraction of it |
 //! | **`[neighbours]`** | | may be left out; changes the speed, never the result |
 //! | `skin` | m | a pair is listed when its bounding spheres come this close; default: a tenth of the largest bounding radius |
-//! | `imbalance` | | subdomains are cut anew when the busiest rank has so many times the mean work; default 1.2 |
+//! | `imbalance` | | subdomains are cut anew when the busiest rank has so many times the mean work; default 1.1 |
 //! | **`[output]`** | | |
 //! | `directory` | | |
 //! | `snapshot_every` | | steps between snapshots; default 0: only at the end |

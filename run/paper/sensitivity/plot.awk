@@ -1,6 +1,6 @@
 # A table as SVG: column y over column x, one line for each value of column `by`, y from low to high. x is
 # logarithmic with a mark at each point, and a line to the standard deviation on either side if there is a column
-# y_deviation; with -v curve=1 it is linear and without marks.
+# y_deviation; with -v curve=0.05 it is linear, without marks, and numbered at multiples of that.
 #   awk -v x=aspect_ratio -v y=coordination -v by=friction -v low=4 -v high=11 -f plot.awk table.csv > plot.svg
 
 BEGIN {
@@ -43,11 +43,11 @@ END {
         line(left, up(value), right, up(value), "#E3E7EB")
         words(sprintf("%.4g", value), left - 8, up(value) + 4, "end")
     }
-    ticks = curve ? 6 : n[1]
+    ticks = curve ? 1 + int(last / curve) : n[1]
     for (i = 1; i <= ticks; i++) {
-        value = curve ? first + (i - 1) * (last - first) / 5 : xs[1, i]
+        value = curve ? (i - 1) * curve : xs[1, i]
         line(across(value), bottom, across(value), bottom + 5, "#5B6672")
-        words(curve ? sprintf("%.3g", value) : value, across(value), bottom + 19, "middle")
+        words(value, across(value), bottom + 19, "middle")
     }
     line(left, bottom, right, bottom, "#5B6672")
     gsub(/_/, " ", x); gsub(/_/, " ", y); gsub(/_/, " ", by)
