@@ -447,21 +447,27 @@ mod tests {
     use crate::math::Vec3;
     use crate::shape::{Ellipsoid, Shape};
 
+    /// What is found of the `k`-th pair of equal ellipsoids with this overlap along the normal of [`attitudes`].
+    fn found(epa: Epa, semi_axes: Vec3, k: f64, overlap: f64, last: Option<&Vec3>) -> Outcome {
+        let shape = Shape::Ellipsoid(Ellipsoid { semi_axes });
+        let ([one, other], normal) = attitudes(k);
+        let a = Posed { shape: &shape, frame: &one };
+        let b = Posed { shape: &shape, frame: &other };
+        let r = a.support(&normal) - b.support(&-normal) - normal * overlap;
+        epa.touch(&a, &b, &r, last)
+    }
+
     /// A coarse polytope is enough for smooth bodies: secants do the rest.
     #[test]
     fn secants_find_the_normal() {
-        let shape = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.0, 0.5, 0.4) });
+        let semi_axes = Vec3::new(1.0, 0.5, 0.4);
         for i in 0..500 {
             let k = f64::from(i);
-            let ([one, other], normal) = attitudes(k);
-            let a = Posed { shape: &shape, frame: &one };
-            let b = Posed { shape: &shape, frame: &other };
+            let normal = attitudes(k).1;
             // Less than the least radii of curvature: no other minimum.
             let overlap = 1e-3 + 0.02 * (0.9 * k).sin().abs();
-            let r = a.support(&normal) - b.support(&-normal) - normal * overlap;
-            let Outcome::Touching(touch) = Epa::new(1e-5).touch(&a, &b, &r, None) else {
-                panic!("pair {i} was not resolved")
-            };
+            let outcome = found(Epa::new(1e-5), semi_axes, k, overlap, None);
+            let Outcome::Touching(touch) = outcome else { panic!("pair {i} was not resolved") };
             assert!(
                 (touch.overlap - overlap).abs() < 1e-14,
                 "pair {i}: {:e}",
@@ -475,20 +481,15 @@ mod tests {
     /// The last normal saves half of the work or more, and a wrong one does no harm.
     #[test]
     fn goes_on_from_the_last_normal() {
-        let shape = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(2.0, 1.0, 1.0) });
+        let semi_axes = Vec3::new(2.0, 1.0, 1.0);
         let supports = |epa: Epa, within: f64, last: &dyn Fn(f64, Vec3) -> Option<Vec3>| {
             let before = directions_tried();
             for i in 0..500 {
                 let k = f64::from(i);
-                let ([one, other], normal) = attitudes(k);
-                let a = Posed { shape: &shape, frame: &one };
-                let b = Posed { shape: &shape, frame: &other };
                 let overlap = 1e-4 + 0.01 * (0.9 * k).sin().abs();
-                let r = a.support(&normal) - b.support(&-normal) - normal * overlap;
-                let last = last(k, normal);
-                let Outcome::Touching(touch) = epa.touch(&a, &b, &r, last.as_ref()) else {
-                    panic!("pair {i} was not resolved")
-                };
+                let last = last(k, attitudes(k).1);
+                let outcome = found(epa, semi_axes, k, overlap, last.as_ref());
+                let Outcome::Touching(touch) = outcome else { panic!("pair {i} was not resolved") };
                 let off = touch.overlap - overlap;
                 assert!(off.abs() < within, "pair {i} from {last:?}: {off:e}");
             }
@@ -510,19 +511,15 @@ mod tests {
     /// Bodies that have come apart are never said to touch, whatever the last normal was.
     #[test]
     fn the_last_normal_of_bodies_apart() {
-        let shape = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(2.0, 1.0, 0.7) });
+        let semi_axes = Vec3::new(2.0, 1.0, 0.7);
         for i in 0..500 {
             let k = f64::from(i);
-            let ([one, other], normal) = attitudes(k);
-            let a = Posed { shape: &shape, frame: &one };
-            let b = Posed { shape: &shape, frame: &other };
+            let normal = attitudes(k).1;
             let clearance = 1e-8 + 1e-6 * (0.9 * k).sin().abs();
-            let r = a.support(&normal) - b.support(&-normal) + normal * clearance;
             for last in [normal, attitudes(k + 0.1).1, -normal] {
-                let Outcome::Apart(found) = Epa::new(1e-4).touch(&a, &b, &r, Some(&last)) else {
-                    panic!("pair {i} touches")
-                };
-                assert!(found <= clearance + 4e-15, "pair {i}: {found:e} of {clearance:e}");
+                let outcome = found(Epa::new(1e-4), semi_axes, k, -clearance, Some(&last));
+                let Outcome::Apart(bound) = outcome else { panic!("pair {i} touches") };
+                assert!(bound <= clearance + 4e-15, "pair {i}: {bound:e} of {clearance:e}");
             }
         }
     }
