@@ -202,6 +202,12 @@ struct Face {
 }
 
 impl Face {
+    /// Is a point on its outer side?
+    #[inline]
+    fn is_seen_from(&self, point: &Vec3) -> bool {
+        point.dot(&self.normal) > self.distance + SEES
+    }
+
     /// Which of its edges starts at this corner, which it has.
     fn edge_from(&self, corner: u32) -> usize {
         self.corners.iter().position(|&c| c == corner).unwrap_or(0)
@@ -281,8 +287,7 @@ impl Polytope {
 
     /// Takes in a corner, if it is outside. `None` as of [`Polytope::insert`].
     fn grow(&mut self, corner: Corner, enough: f64) -> Option<()> {
-        let sees = |face: &Face| corner.point.dot(&face.normal) > face.distance + SEES;
-        match self.faces.iter().position(|face| !face.gone && sees(face)) {
+        match self.faces.iter().position(|face| !face.gone && face.is_seen_from(&corner.point)) {
             Some(face) => self.insert(corner, face as u32, enough),
             None => Some(()),
         }
@@ -384,7 +389,7 @@ impl Polytope {
                 continue;
             }
             let back = there.edge_from(to);
-            if corner.point.dot(&there.normal) > there.distance + SEES {
+            if there.is_seen_from(&corner.point) {
                 there.gone = true;
                 self.crossings.extend([(beyond, (back + 2) % 3), (beyond, (back + 1) % 3)]);
             } else {
