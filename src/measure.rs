@@ -99,7 +99,15 @@ pub fn measure(
 ) -> Measures {
     let walls = particles.walls.len();
     let mut sums = vec![ExactSum::default(); Of::FirstWall as usize + 3 * walls];
-    let mut add = |of: usize, term: f64| sums[of].add(term);
+    // Energies of numbers that are finite may not be.
+    let mut infinite = vec![0; sums.len()];
+    let mut add = |of: usize, term: f64| {
+        if term.is_finite() {
+            sums[of].add(term);
+        } else {
+            infinite[of] += 1;
+        }
+    };
     let mut maxima = [0.0, 0.0, f64::NEG_INFINITY];
     let mut counts = [particles.owned as i64, 0, 0];
 
@@ -146,12 +154,15 @@ pub fn measure(
     }
 
     let mut limbs: Vec<i64> = sums.iter().flat_map(|s| s.limbs().iter().copied()).collect();
+    limbs.extend(infinite);
     limbs.extend(counts);
     comm.sum(&mut limbs);
     comm.max(&mut maxima);
-    let (limbs, counts) = limbs.split_at(sums.len() * ExactSum::LIMBS);
-    let value = |of: usize| {
-        ExactSum::from_limbs(&limbs[of * ExactSum::LIMBS..(of + 1) * ExactSum::LIMBS]).value()
+    let (limbs, rest) = limbs.split_at(sums.len() * ExactSum::LIMBS);
+    let (infinite, counts) = rest.split_at(sums.len());
+    let value = |of: usize| match infinite[of] {
+        0 => ExactSum::from_limbs(&limbs[of * ExactSum::LIMBS..(of + 1) * ExactSum::LIMBS]).value(),
+        _ => f64::NAN,
     };
     let all_contacts = (counts[1] + counts[2]) as f64;
     let contact_force = value(Of::ContactForce as usize);

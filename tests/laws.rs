@@ -1,6 +1,6 @@
 //! The physics against closed forms and the independent reference.
 
-use crate::support::Bench;
+use crate::support::{Bench, Random};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Quat, Vec3};
 use dem_mpi::particles::records::Particle;
@@ -505,4 +505,71 @@ fn energy_is_accounted_for_in_a_collision_with_everything_in_it() {
         m.missing(),
         m.dissipated
     );
+}
+
+/// How the kinetic energy of a crystal grows in a thousand steps of this part of the stable limit. Each ball has twelve
+/// neighbours, and in the fastest motion all turn alike.
+fn growth_in_a_crystal(damping: &str, part: f64) -> f64 {
+    const CELLS: i32 = 3;
+    let (radius, overlap) = (0.01, 1e-5);
+    let edge = 2f64.sqrt() * (2.0 * radius - overlap);
+    let width = f64::from(CELLS) * edge;
+    let material = format!("density = 2650\nnormal_stiffness = 1e5\nfriction = 1e3\n{damping}");
+    let domain = format!(
+        "[domain]\nlow = [0, 0, 0]\nhigh = [{width}, {width}, {width}]\nperiodic = [true, true, true]"
+    );
+    let text = text("kind = \"sphere\"\nradius = 0.01", &material, &domain, 1.0);
+    let mut scene = crate::support::scene(&text);
+    scene.dt = part * scene.time_step_limit().expect("balls have a limit").dt;
+
+    let mut random = Random::new(1);
+    let mut balls = Vec::new();
+    for cell in 0..CELLS.pow(3) {
+        let corner = [cell % CELLS, cell / CELLS % CELLS, cell / CELLS.pow(2)].map(f64::from);
+        for place in [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5, 0.0, 0.5], [0.0, 0.5, 0.5]] {
+            let position = (Vec3::from(corner) + Vec3::from(place)) * edge;
+            let mut ball = at(balls.len() as u64, position, random.vector(-1e-8, 1e-8));
+            ball.angular_momentum = random.vector(-1e-12, 1e-12);
+            balls.push(ball);
+        }
+    }
+    let mut bench = Bench::of(&scene, &balls);
+    let before = bench.measure();
+    assert_eq!(before.contacts, 6 * before.particles);
+    (0..1000).for_each(|_| bench.step());
+    bench.measure().kinetic() / before.kinetic()
+}
+
+#[test]
+fn the_stable_step_is_stable_in_a_crystal_and_nearly_the_longest() {
+    // How much energy may be left, and a step that is too long.
+    let dashpots = [
+        ("", 10.0, 1.05),
+        ("tangential_damping_ratio = 0.1", 0.1, 1.05),
+        ("tangential_damping_ratio = 0.5", 0.1, 1.2),
+        ("restitution = 0.5\ntangential_damping_ratio = 0.5", 0.1, 1.5),
+        ("restitution = 0.1", 1.0, 2.0),
+    ];
+    for (damping, most, too_long) in dashpots {
+        let growth = growth_in_a_crystal(damping, 0.99);
+        assert!(growth < most, "{damping}: {growth:e}");
+        let growth = growth_in_a_crystal(damping, too_long);
+        assert!(growth > 1e3, "{damping}, {too_long} times the limit: {growth:e}");
+    }
+}
+
+/// Two balls, too soft, whose centres pass each other within a step: the normal turns right round.
+#[test]
+fn a_contact_that_turns_right_round_stays_a_number() {
+    let material = "density = 2650\nnormal_stiffness = 1e5\nfriction = 0.3";
+    let shape = "kind = \"sphere\"\nradius = 0.01";
+    let velocity = Vec3::new(120.0, 0.0, 0.0);
+    let balls = [at(0, Vec3::zeros(), velocity), at(1, Vec3::new(0.012, 0.0, 0.0), -velocity)];
+    let mut bench = Bench::new(&text(shape, material, OPEN_BOX, 1e-4), &balls);
+    bench.step();
+    let (first, second) = (bench.slot(0), bench.slot(1));
+    let particles = &bench.sim.particles;
+    assert!(particles.position[first].x > particles.position[second].x, "they have passed");
+    assert!(particles.force[first].norm().is_finite(), "{}", particles.force[first]);
+    assert!(particles.force[first].x > 0.0, "and part");
 }

@@ -39,6 +39,7 @@ pub(crate) fn header(step: u64) -> Header {
         dt: n.next(),
         stage_begin: (step / 2, n.next()),
         layers_fallen: 7,
+        particles_fallen: Some(70),
         next_id: u64::MAX / 3,
         low: n.vector(),
         high: n.vector(),

@@ -96,6 +96,7 @@ fn header(low: Vec3, high: Vec3, periodic: bool, semi_axes: Vec3, particles: usi
         dt: 1e-5,
         stage_begin: (0, 0.0),
         layers_fallen: 0,
+        particles_fallen: None,
         next_id: particles as u64,
         low,
         high,

@@ -23,7 +23,7 @@ density = 265000.0
 normal_stiffness = 1.5e5
 friction = 0.3
 restitution = 0.5
-tangential_damping_ratio = 0.1"#;
+tangential_damping_ratio = 0.05"#;
 
 /// The scene that a text means.
 pub(crate) fn scene(text: &str) -> Scene {
@@ -68,7 +68,7 @@ impl Bench {
         Self::of(&scene(text), particles)
     }
 
-    fn of(scene: &Scene, particles: &[Particle]) -> Self {
+    pub(crate) fn of(scene: &Scene, particles: &[Particle]) -> Self {
         let mut comm = Alone::default();
         let mut sim = assemble::assemble(scene, &comm);
         sim.particles.strip_to_owned();

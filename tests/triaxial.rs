@@ -197,7 +197,7 @@ fn the_end_of_a_log_tells_what_a_run_took() {
         steps: 500,
         seconds: 1.5,
         ranks: 2,
-        core_hours: 3.0 / 3600.0,
+        core_hours: Some(3.0 / 3600.0),
         contact_ns: Some(40.1),
     };
     assert_eq!(Cost::of("shear", log), Some(expected.clone()));
@@ -205,7 +205,7 @@ fn the_end_of_a_log_tells_what_a_run_took() {
 
     let earlier = "stopped by SIGTERM; 250 steps of 64 particles in 4.5 s on 4 ranks\n\
                    contacts   1.1e8 resolved, 1e6 per second; 99.9 ns per contact\n";
-    let both = Cost { steps: 750, seconds: 6.0, core_hours: 21.0 / 3600.0, ..expected };
+    let both = Cost { steps: 750, seconds: 6.0, core_hours: Some(21.0 / 3600.0), ..expected };
     assert_eq!(Cost::of("shear", &(earlier.to_owned() + log)), Some(both));
 }
 
@@ -215,12 +215,12 @@ fn core_hours_are_told_for_each_figure() {
     for (k, report) in run.shear.iter_mut().enumerate() {
         report.summary.step = 1000 + 10 * k as u64;
     }
-    let cost = |stage, core_hours| Cost {
+    let cost = |stage, core_hours: f64| Cost {
         stage,
         steps: 700,
         seconds: 1800.0 * core_hours,
         ranks: 2,
-        core_hours,
+        core_hours: Some(core_hours),
         contact_ns: None,
     };
     run.costs = vec![cost("packing", 2.0), cost("consolidation", 1.0), cost("shear", 7.0)];

@@ -48,8 +48,8 @@ name = "grain"
 density = {density:?}
 normal_stiffness = 1.5e5
 friction = 0.3
-restitution = 0.5
-tangential_damping_ratio = 0.1
+restitution = 0.8
+tangential_damping_ratio = 0.02
 [[shape]]
 name = "ball"
 kind = "sphere"

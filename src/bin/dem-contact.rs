@@ -198,6 +198,8 @@ fn method(word: Word, settings: &[String]) -> Result<Method> {
         };
         *place = value.parse().with_context(|| format!("--set {setting}"))?;
         ensure!(*place > 0.0 && *place < 1.0, "--set {setting}: must lie between 0 and 1");
+        let least = ErodedGjk::LEAST_INCREMENT;
+        ensure!(erosion.increment >= least, "--set {setting}: must be at least {least}");
     }
     Ok(match word {
         Word::Auto => Method::Auto,

@@ -3,7 +3,7 @@
 use clap::Parser;
 use dem_mpi::comm::{Comm, alone::Alone, threads, wire, world};
 use dem_mpi::ids::GlobalId;
-use dem_mpi::output;
+use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, From};
 use dem_mpi::scene::{Scene, plan};
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
@@ -28,7 +28,7 @@ Examples:
   dem-mpi run/packing/scene.toml                     one rank, to try or to debug
   mpirun -n 2 dem-mpi run/packing/scene.toml         two ranks, the same bits
   dem-mpi run/packing/scene.toml --plan              what the scene uses, and what it leaves out
-  dem-mpi run/packing/scene.toml --set contact.method=epa --set material.glass.friction=0.5
+  dem-mpi run/packing/scene.toml --set contact.method=epa --set material.grain.friction=0.5
   mpirun -n 4 dem-mpi run/packing/scene.toml --start out/packing/last.vtkhdf
                                                      go on where a run stopped, on any number of ranks
   mpirun -n 4 dem-mpi run/packing/scene.toml --start out/packing
@@ -47,6 +47,9 @@ struct Arguments {
     /// Where output goes, instead of the scene's output.directory
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Remove snapshots of an earlier run from the output directory, which otherwise is refused
+    #[arg(long)]
+    overwrite: bool,
     /// Do this many steps, from wherever the run starts, instead of all that are left of the stage
     #[arg(long, value_name = "N")]
     steps: Option<u64>,
@@ -137,8 +140,9 @@ fn say(comm: &dyn Comm, text: impl std::fmt::Display) {
 fn read_scene(arguments: &Arguments, comm: &mut dyn Comm) -> Result<Scene, String> {
     let mut bytes = Vec::new();
     if comm.is_root() {
-        let scene = Scene::read(&arguments.scene, &arguments.set).map_err(|e| e.to_string());
-        bytes = wire::encode(&scene);
+        let Arguments { scene, set, start, .. } = arguments;
+        let read = if start.is_some() { Scene::read_to_go_on } else { Scene::read };
+        bytes = wire::encode(&read(scene, set).map_err(|e| e.to_string()));
     }
     comm.broadcast(&mut bytes);
     wire::decode(&bytes)
@@ -208,6 +212,11 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
                 sim.step
             ),
         );
+        return WRONG_INPUT;
+    }
+    let Arguments { overwrite, start, .. } = arguments;
+    if let Err(error) = snapshot::none_later(&out, sim.step, *overwrite, start.as_deref(), comm) {
+        say(comm, error);
         return WRONG_INPUT;
     }
     let schedule = Schedule {

@@ -63,8 +63,8 @@ struct Arguments {
     lammps: bool,
 
     /// Regenerate section 3 of Lai et al. (2021) from the runs DIR/METHOD/STAGE, METHOD being
-    /// common-normal, epa, gjk-erosion and STAGE packing, consolidation, shear: figures 9 to 14, their
-    /// tables and report.md
+    /// common-normal, epa, gjk-erosion, gjk-gjk-erosion and STAGE packing, consolidation, shear: figures 9 to 14,
+    /// their tables and report.md
     #[arg(long, value_name = "DIR", conflicts_with_all = ["snapshots", "series", "lammps", "diff"])]
     section_3: Option<PathBuf>,
 
@@ -84,7 +84,7 @@ Examples:
   dem-post --diff one_rank/last.vtkhdf four_ranks/last.vtkhdf
                                                same bits on 1 and on 4 ranks?
   dem-post out/packing --lammps                also a file for OVITO
-  dem-post --section-3 out/triaxial            the paper's section 3";
+  dem-post --section-3 out/paper/triaxial      the paper's section 3";
 
 fn main() -> ExitCode {
     match run(Arguments::parse()) {

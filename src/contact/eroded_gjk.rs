@@ -35,6 +35,11 @@ impl Default for ErodedGjk {
     }
 }
 
+impl ErodedGjk {
+    /// A smaller increment would not end.
+    pub const LEAST_INCREMENT: f64 = 1e-4;
+}
+
 impl ContactResolver for ErodedGjk {
     fn name(&self) -> &'static str {
         "gjk-erosion"

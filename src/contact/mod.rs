@@ -122,7 +122,7 @@ impl Posed<'_> {
     }
 }
 
-/// `δ(n)`, the bound that any direction gives, and the touch that goes with it (eq. 1 ff. of the paper:
+/// `δ(n)`, the bound that any direction gives, and the touch that goes with it (section 1.2 of the paper:
 /// support points on the original bodies, contact point in their middle). Where an edge or a face
 /// lies along the contact, many points are support points: the contact point is then the centroid of those
 /// that both bodies share.

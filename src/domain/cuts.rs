@@ -5,7 +5,7 @@ use crate::ids::Rank;
 use crate::math::Vec3;
 use std::ops::Range;
 
-/// A box. What lies beyond an outer face of the domain belongs to the rank inside it.
+/// A box. What lies beyond an outer face of all boxes belongs to the rank inside it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Subdomain {
     /// Lowest corner [m].
@@ -45,7 +45,7 @@ enum Node {
 /// The tree of cuts.
 #[derive(Clone, Debug)]
 pub struct Cuts {
-    /// The whole domain.
+    /// All that is cut.
     space: Subdomain,
     nodes: Vec<Node>,
     subdomains: Vec<Subdomain>,
@@ -128,7 +128,12 @@ impl Cuts {
                     }
                 }
             }
-            let chosen: Vec<_> = search.iter().map(|&(axis, _, at)| (axis, at)).collect();
+            // A particle may be a little outside, a cut may not.
+            let chosen: Vec<_> = (search.iter().zip(parts))
+                .map(|(&(axis, _, at), Part { space, .. })| {
+                    (axis, at.max(space.low[axis]).min(space.high[axis]))
+                })
+                .collect();
 
             // Both sides of each cut, and what number they have among the parts to be cut next.
             let sides = parts.iter().flat_map(|part| halves(&part.ranks));
@@ -186,6 +191,11 @@ impl Cuts {
             }
         }
         Self { space: Subdomain { low, high }, nodes, subdomains }
+    }
+
+    /// All that is cut.
+    pub const fn space(&self) -> Subdomain {
+        self.space
     }
 
     /// The rank that owns a point, wherever it lies.

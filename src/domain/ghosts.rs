@@ -27,6 +27,8 @@ impl Domain {
     /// shapes and places only. Collective. Before: owned particles only, each with the owner of its
     /// place; after: ghosts, but no walls.
     pub fn offer_ghosts(&mut self, particles: &mut Particles, comm: &mut dyn Comm) {
+        let is_mine = |place: &Vec3| self.owner(place) == comm.rank();
+        debug_assert!(particles.position[..particles.owned].iter().all(is_mine));
         let period = self.period();
         let largest = particles.library.largest_radius();
         let near = self.cuts.ranks_near(comm.rank(), &period, self.halo * LEEWAY);

@@ -131,11 +131,12 @@ impl Domain {
         self.cuts.owner(point)
     }
 
-    /// The nearest point of the domain; along a periodic axis everything is inside.
+    /// The nearest point of the space that is cut; along a periodic axis everything is inside.
     fn clamped(&self, point: &Vec3) -> Vec3 {
+        let Subdomain { low, high } = self.cuts.space();
         Vec3::from_fn(|axis, _| {
             let x = point[axis];
-            if self.periodic[axis] { x } else { x.max(self.low[axis]).min(self.high[axis]) }
+            if self.periodic[axis] { x } else { x.max(low[axis]).min(high[axis]) }
         })
     }
 
@@ -147,8 +148,8 @@ impl Domain {
     /// Cuts anew, so that every rank gets an equal share of the work; particles stay where they are
     /// until they migrate. `work` is one number per owned particle. Collective.
     pub fn recut(&mut self, particles: &Particles, work: &[i64], comm: &mut dyn Comm) {
-        self.cuts =
-            Cuts::balanced(self.low, self.high, &particles.position[..particles.owned], work, comm);
+        let (low, high) = self.room(&particles.walls);
+        self.cuts = Cuts::balanced(low, high, &particles.position[..particles.owned], work, comm);
         self.neighbours.clear();
         self.knows_neighbours = false;
         self.traffic.recuts += 1;

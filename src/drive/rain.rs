@@ -4,9 +4,11 @@
 //! its cell, moved by a random step that leaves its bounding sphere inside: no two particles of a
 //! layer can overlap, not even across a periodic border, and none leaves the slab.
 
+use crate::contact::nearest_image;
 use crate::ids::GlobalId;
 use crate::math::Vec3;
 use crate::particles::mix::Mix;
+use crate::particles::walls::Wall;
 use crate::particles::{Library, Particles, records::Particle};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
@@ -42,6 +44,13 @@ impl Rain {
         self.cells().iter().map(|&n| u64::from(n)).product()
     }
 
+    /// How far the slab reaches behind a plane, in spacings; not positive if it does not, rounding forgiven.
+    pub fn behind(&self, point: &Vec3, normal: &Vec3) -> f64 {
+        let half = (self.high - self.low) * 0.5;
+        let behind = half.dot(&normal.abs()) - (self.low + half - point).dot(normal);
+        behind / self.spacing - 1e-6
+    }
+
     /// Layers in all; the last one may be partly filled.
     pub fn layers(&self) -> u64 {
         self.count.div_ceil(self.per_layer())
@@ -53,20 +62,12 @@ pub fn cells_along(length: f64, width: f64) -> u32 {
     (length / width * (1.0 + 1e-9)).floor() as u32
 }
 
-/// The particles of layer `index` (from 0); none if all have fallen. Ids count from `first_id`. Shape,
+/// The particles of the next layer, if so many are `left` to fall. Ids count from `first_id`. Shape,
 /// attitude and place are those of the id under the scene's `seed`.
-pub fn layer(
-    rain: &Rain,
-    seed: u64,
-    index: u64,
-    first_id: u64,
-    library: &Library,
-) -> Vec<Particle> {
+pub fn layer(rain: &Rain, seed: u64, left: u64, first_id: u64, library: &Library) -> Vec<Particle> {
     let [nx, ny, nz] = rain.cells().map(u64::from);
     let cell = (rain.high - rain.low).component_div(&Vec3::new(nx as f64, ny as f64, nz as f64));
-    let per_layer = nx * ny * nz;
-    let count = rain.count.saturating_sub(index * per_layer).min(per_layer);
-    (0..count)
+    (0..left.min(nx * ny * nz))
         .map(|k| {
             let id = first_id + k;
             let mut random = Random::of(seed, id);
@@ -103,10 +104,11 @@ impl RainGauge {
         Self { rain, seed, layers: 0, fallen: 0 }
     }
 
-    /// After a restart: so many layers have fallen.
-    pub fn resume(&mut self, layers: u64) {
+    /// After a restart: so many layers have fallen, and particles, if the snapshot says how many.
+    pub fn resume(&mut self, layers: u64, particles: Option<u64>) {
         self.layers = layers;
-        self.fallen = self.rain.count.min(layers * self.rain.per_layer());
+        let of_full_layers = || self.rain.count.min(layers * self.rain.per_layer());
+        self.fallen = particles.unwrap_or_else(of_full_layers);
     }
 
     /// May a layer fall after this many steps of the stage?
@@ -119,22 +121,99 @@ impl RainGauge {
         self.fallen >= self.rain.count
     }
 
-    /// Is an owned particle where the next layer would appear?
+    /// Is an owned particle where a layer would appear, or a wall that has moved in?
     pub fn is_blocked(&self, particles: &Particles) -> bool {
-        (0..particles.owned).any(|slot| {
-            let radius = particles.library.shapes[particles.shape[slot].index()].bounding_radius();
-            let p = particles.position[slot];
-            (0..3).all(|axis| {
-                p[axis] + radius > self.rain.low[axis] && p[axis] - radius < self.rain.high[axis]
-            })
-        })
+        let Rain { low, high, .. } = self.rain;
+        let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
+        let by_particle = (0..particles.owned).any(|slot| {
+            let apart = nearest_image(particles.position[slot] - middle, &particles.period).abs();
+            (0..3).all(|axis| apart[axis] < half[axis] + particles.radius(slot))
+        });
+        let by_wall = |wall: &Wall| self.rain.behind(&wall.point, &wall.normal) > 0.0;
+        by_particle || particles.walls.iter().any(by_wall)
     }
 
     /// The next layer, the same on every rank; its first particle gets the id `first_id`.
     pub fn next_layer(&mut self, first_id: u64, library: &Library) -> Vec<Particle> {
-        let layer = layer(&self.rain, self.seed, self.layers, first_id, library);
+        let left = self.rain.count.saturating_sub(self.fallen);
+        let layer = layer(&self.rain, self.seed, left, first_id, library);
         self.layers += 1;
         self.fallen += layer.len() as u64;
         layer
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Rain, RainGauge};
+    use crate::ids::{GlobalId, MaterialId, ShapeId};
+    use crate::math::Vec3;
+    use crate::particles::mix::Mix;
+    use crate::particles::records::Particle;
+    use crate::particles::walls::Wall;
+    use crate::particles::{Library, Needs, Particles};
+    use crate::shape::{HalfSpace, Shape, Sphere};
+
+    /// A slab at the low end of x, at the top of a box that repeats along x.
+    fn rain(count: u64) -> RainGauge {
+        let (low, high) = (Vec3::new(0.0, 0.0, 0.8), Vec3::new(0.3, 1.0, 1.0));
+        let mix = Mix::new(&[(ShapeId(0), 1.0)]);
+        let rain = Rain { mix, count, every: 1, low, high, spacing: 0.1, velocity: -Vec3::z() };
+        RainGauge::new(rain, 1)
+    }
+
+    fn library() -> Library {
+        let mut library = Library::default();
+        library.push("ball", Shape::Sphere(Sphere { radius: 0.05 }), MaterialId(0), 1.0);
+        library.particle_shapes = 1;
+        library
+    }
+
+    fn is_blocked(places: &[Vec3], wall: Option<(Vec3, Vec3)>) -> bool {
+        let mut library = library();
+        let walls = wall.into_iter().map(|(point, normal)| {
+            let half_space = Shape::HalfSpace(HalfSpace { normal });
+            let shape = library.push("wall", half_space, MaterialId(0), f64::INFINITY);
+            let (name, velocity) = ("wall".to_owned(), Vec3::zeros());
+            Wall { name, point, normal, velocity, moves: true, shape, listed_at: point }
+        });
+        let walls = walls.collect();
+        let period = Vec3::new(1.0, f64::INFINITY, f64::INFINITY);
+        let mut particles = Particles::new(Needs::default(), library, walls, Vec3::zeros(), period);
+        particles.strip_to_owned();
+        for (id, place) in (0..).zip(places) {
+            particles.push_owned(&Particle::at_rest(GlobalId(id), ShapeId(0), *place));
+        }
+        particles.append_walls();
+        rain(1).is_blocked(&particles)
+    }
+
+    #[test]
+    fn a_layer_waits_for_grains_in_its_place_across_a_period_too() {
+        for (x, z, blocks) in
+            [(0.1, 0.9, true), (0.5, 0.9, false), (0.98, 0.9, true), (0.98, 0.7, false)]
+        {
+            assert_eq!(is_blocked(&[Vec3::new(x, 0.5, z)], None), blocks, "{x} {z}");
+        }
+    }
+
+    #[test]
+    fn a_layer_waits_for_a_wall_in_its_place() {
+        for (z, blocks) in [(1.0, false), (0.95, true)] {
+            assert_eq!(is_blocked(&[], Some((Vec3::z() * z, -Vec3::z()))), blocks, "{z}");
+        }
+    }
+
+    /// Sixty particles fit into a layer; a hundred had fallen when two hundred were asked for.
+    #[test]
+    fn more_rain_than_there_was_falls_in_full() {
+        let mut rain = rain(200);
+        assert_eq!(rain.rain.per_layer(), 60);
+        rain.resume(2, Some(100));
+        let mut layers = Vec::new();
+        while !rain.is_over() {
+            layers.push(rain.next_layer(100, &library()).len());
+        }
+        assert_eq!(layers, [60, 40]);
     }
 }

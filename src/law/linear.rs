@@ -7,7 +7,8 @@
 //!
 //! With the leapfrog of [`crate::motion`], the work of a force between two steps is the mean of its
 //! values at both times the displacement. What a contact dissipates is that work minus the change of
-//! its elastic energy, from the step before the first touch to the step after the last.
+//! its elastic energy, from the step before the first touch to the step after the last. Where there is neither
+//! friction nor dashpot, nothing is: then the velocities of ghosts need not be known.
 //!
 //! Contacts go eight at once.
 
@@ -62,6 +63,8 @@ struct Contacts<'a, 'b> {
     wall_work: &'a mut Vec<WallWork>,
     /// Is there any dashpot?
     damped: bool,
+    /// Is there anything that dissipates?
+    lossy: bool,
 }
 
 impl Kernel for Contacts<'_, '_> {
@@ -77,7 +80,7 @@ impl Contacts<'_, '_> {
     /// The loads of up to eight contacts; the other lanes repeat the last.
     #[inline(always)]
     fn eight<L: Eight>(&mut self, first: usize) {
-        let Self { law, loads, memory, particles, dt, wall_work, damped } = self;
+        let Self { law, loads, memory, particles, dt, wall_work, damped, lossy } = self;
         let (particles, dt) = (*particles, *dt);
         let count = (loads.len() - first).min(WIDTH);
         let mut places = [first; WIDTH];
@@ -127,7 +130,9 @@ impl Contacts<'_, '_> {
         let mut dashpot = Triple::zero();
         if springs.frictional != 0 {
             let zero = Triple::zero();
-            let touched = L::all(0.0).less(last_normal.dot(last_normal));
+            // Where the normal turns right round, centres have passed each other: nothing can be carried.
+            let kept = L::all(-1.0 + 1e-8).less(last_normal.dot(normal));
+            let touched = kept & L::all(0.0).less(last_normal.dot(last_normal));
             let carried = carried(last_spring, last_normal, normal, twist).or(zero, touched);
             let sliding = velocity.minus(normal.times(approach));
             let (friction, stretched) =
@@ -141,7 +146,7 @@ impl Contacts<'_, '_> {
         let impulse = before.plus(force).plus(dashpot).times(L::all(0.5 * dt));
         let released = springs.stored(overlap, spring) - stored_before;
         let dissipated = impulse.dot(velocity) - released;
-        let dissipated = if dt > 0.0 { dissipated.store() } else { [0.0; WIDTH] };
+        let dissipated = if *lossy && dt > 0.0 { dissipated.store() } else { [0.0; WIDTH] };
 
         let (force, spring, normal) = (force.store(), spring.store(), normal.store());
         let (overlap, normal_force) = (overlap.store(), normal_force.store());
@@ -371,8 +376,17 @@ impl ForceLaw for Linear {
         dt: f64,
         wall_work: &mut Vec<WallWork>,
     ) {
-        let damped = self.has_dashpots();
-        lanes::dispatch(Contacts { law: self, loads, memory, particles, dt, wall_work, damped });
+        let (damped, lossy) = (self.has_dashpots(), self.needs().velocity);
+        lanes::dispatch(Contacts {
+            law: self,
+            loads,
+            memory,
+            particles,
+            dt,
+            wall_work,
+            damped,
+            lossy,
+        });
     }
 
     fn part(
@@ -384,6 +398,7 @@ impl ForceLaw for Linear {
         wall_work: &mut Vec<WallWork>,
     ) {
         let bodies = particles.bodies();
+        let lossy = self.needs().velocity;
         let still = memory.pairs.len() - loads.len();
         for (place, load) in (still..).zip(loads) {
             let (pair, history, spring) =
@@ -403,7 +418,8 @@ impl ForceLaw for Linear {
                 note_wall_work(pair, -work(&particles.velocity[pair.b.index()]), wall_work);
             }
             let dissipated = work(&velocity) + stored(constants, history.overlap, &spring);
-            *load = Load { dissipated: if dt > 0.0 { dissipated } else { 0.0 }, ..Load::default() };
+            let dissipated = if lossy && dt > 0.0 { dissipated } else { 0.0 };
+            *load = Load { dissipated, ..Load::default() };
         }
     }
 
@@ -458,6 +474,7 @@ mod tests {
             let (history, springs) = (&mut self.history[..], &mut self.springs[..]);
             let mut memory = Memory { listed: pairs, pairs: &which, history, springs };
             run(Contacts {
+                lossy: true,
                 law,
                 loads: &mut self.loads,
                 memory: &mut memory,

@@ -53,8 +53,7 @@ impl Constants {
 
     /// Does a contact feel tangential motion?
     pub fn is_frictional(&self) -> bool {
-        self.friction > 0.0
-            && (self.tangential_stiffness > 0.0 || self.tangential_damping_ratio > 0.0)
+        self.friction > 0.0 && self.tangential_stiffness > 0.0
     }
 }
 
@@ -162,6 +161,11 @@ impl Load {
             self.point[axis] = touch.point[axis];
         }
         self.dissipated = touch.overlap;
+    }
+
+    /// Overlap of the touch, as long as that stands here [m].
+    pub const fn touch_overlap(&self) -> f64 {
+        self.dissipated
     }
 
     /// Moment on A about its centre [N m].

@@ -52,6 +52,20 @@ pub enum SnapshotError {
         /// The directory.
         path: String,
     },
+    /// The directory has snapshots of another run, or of this one's future.
+    #[error(
+        "{path} has snapshots up to step {newest}, and this run begins at step {step}. \
+         Go on from the newest with --start {path}, give this run a directory of its own with --out DIR, \
+         or have the later ones removed with --overwrite"
+    )]
+    Later {
+        /// The directory.
+        path: String,
+        /// Where this run begins.
+        step: u64,
+        /// The latest step there.
+        newest: u64,
+    },
     /// A table handed to the writer has columns of different lengths.
     #[error(
         "rank {rank} gave {rows} rows of `{column}` where {expected} belong: a bug of the caller"

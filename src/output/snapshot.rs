@@ -77,6 +77,9 @@ const FORCE_MAGNITUDE: Column = column("/VTKHDF/CellData/force", 1, "N");
 /// No element of a column takes more [bytes].
 const ELEMENT: usize = size_of::<f64>();
 
+/// Bytes of a contact in both files, its history included.
+pub const CONTACT_BYTES: usize = ELEMENT * (OF_CONTACT + OF_HISTORY);
+
 /// Elements at most of a particle: all columns, one vertex and its end.
 const OF_PARTICLE: usize = POINTS.width
     + ID.width
@@ -179,13 +182,53 @@ pub fn write(
     Ok(directory.join(&names[1]))
 }
 
+/// Keeps a directory to one run: none of its snapshots may be later than the step at which a run begins. If
+/// `remove`, those that are go. Where the run goes on from this very directory, they were passed over as damaged, and
+/// stay. Collective.
+///
+/// # Errors
+/// On all ranks: [`SnapshotError::Later`], or rank 0 cannot remove them.
+pub fn none_later(
+    directory: &Path,
+    step: u64,
+    remove: bool,
+    start: Option<&Path>,
+    comm: &mut dyn Comm,
+) -> Result<(), SnapshotError> {
+    let is_start = |real: PathBuf| start.is_some_and(|s| s.canonicalize().is_ok_and(|s| s == real));
+    let mut later = Vec::new();
+    // As rank 0 sees the directory: others may see it late.
+    if comm.is_root() && !directory.canonicalize().is_ok_and(is_start) {
+        later = steps_in(directory);
+        later.retain(|(of, _)| *of > step);
+    }
+    if remove {
+        return on_root(directory, comm, || {
+            for (step, path) in &later {
+                fs::remove_file(path)?;
+                remove_if_there(&directory.join(contacts_name(*step)))?;
+            }
+            if later.is_empty() { Ok(()) } else { remove_if_there(&directory.join(LAST)) }
+        });
+    }
+    let newest = later.iter().map(|(step, _)| *step).max();
+    let path = super::name_of(directory);
+    agree(comm, newest.map_or(Ok(()), |newest| Err(SnapshotError::Later { path, step, newest })))
+}
+
+/// Removes a file; one that is not there is gone already.
+fn remove_if_there(path: &Path) -> io::Result<()> {
+    match fs::remove_file(path) {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
+        _ => Ok(()),
+    }
+}
+
 /// Lets [`LAST`] point to a file of the same directory.
 fn link_last(directory: &Path, name: &str) -> io::Result<()> {
     let new = directory.join(format!(".{LAST}.partial"));
-    match fs::remove_file(&new) {
-        Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(e),
-        _ => std::os::unix::fs::symlink(name, &new)?,
-    }
+    remove_if_there(&new)?;
+    std::os::unix::fs::symlink(name, &new)?;
     fs::rename(&new, directory.join(LAST))?;
     File::open(directory)?.sync_all()
 }
@@ -432,6 +475,7 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
         dt,
         stage_begin,
         layers_fallen,
+        particles_fallen,
         next_id,
         low,
         high,
@@ -450,6 +494,9 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.numbers("/run", "stage_begin_step", &[stage_begin.0])?;
     file.numbers("/run", "stage_begin_time", &[stage_begin.1])?;
     file.numbers("/run", "layers_fallen", &[*layers_fallen])?;
+    if let Some(particles_fallen) = particles_fallen {
+        file.numbers("/run", "particles_fallen", &[*particles_fallen])?;
+    }
     file.numbers("/run", "next_id", &[*next_id])?;
     file.numbers("/run", "gravity", gravity.as_slice())?;
     file.texts(&SCENE, &[scene])?;
@@ -516,6 +563,7 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
         dt: number("dt")?,
         stage_begin: (whole("stage_begin_step")?, number("stage_begin_time")?),
         layers_fallen: whole("layers_fallen")?,
+        particles_fallen: whole("particles_fallen").ok(),
         next_id: whole("next_id")?,
         low: vector("/domain", "low")?,
         high: vector("/domain", "high")?,
@@ -778,23 +826,28 @@ impl Reader {
 /// those of the steps before it. What a run left of later steps before it went back to an earlier
 /// snapshot is none of them.
 fn candidates(directory: &Path) -> Vec<PathBuf> {
-    let step_of = |path: &Path| -> Option<u64> {
-        let name = path.file_name()?.to_str()?;
-        name.strip_prefix("particles_")?.strip_suffix(".vtkhdf")?.parse().ok()
-    };
     let last = directory.join(LAST);
     let linked = fs::read_link(&last).ok();
     let newest = linked.as_deref().and_then(step_of).unwrap_or(u64::MAX);
-    let entries = fs::read_dir(directory).into_iter().flatten();
-    let mut steps: Vec<(u64, PathBuf)> = entries
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter_map(|path| step_of(&path).map(|step| (step, path)))
-        .filter(|(step, _)| *step < newest)
-        .collect();
+    let mut steps = steps_in(directory);
+    steps.retain(|(step, _)| *step < newest);
     steps.sort_unstable_by(|x, y| y.cmp(x));
     // The link may be missing, point to nothing, or be a file: a copy.
     let first = last.symlink_metadata().is_ok().then_some(last);
     first.into_iter().chain(steps.into_iter().map(|(_, path)| path)).collect()
+}
+
+/// The particles files of a directory and their steps, in any order.
+fn steps_in(directory: &Path) -> Vec<(u64, PathBuf)> {
+    let entries = fs::read_dir(directory).into_iter().flatten();
+    let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
+    paths.filter_map(|path| step_of(&path).map(|step| (step, path))).collect()
+}
+
+/// The step of a particles file, by its name.
+fn step_of(path: &Path) -> Option<u64> {
+    let name = path.file_name()?.to_str()?;
+    name.strip_prefix("particles_")?.strip_suffix(".vtkhdf")?.parse().ok()
 }
 
 /// Opens the contacts file beside a particles file, and checks that they are of one snapshot.

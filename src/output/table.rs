@@ -94,13 +94,13 @@ impl History {
             columns.push(format!("place_{name}_m"));
             columns.extend(area(walls, &period, axis).map(|_| format!("stress_{name}_Pa")));
         }
-        let mut text = columns.join(",");
+        let mut header = csv::Writer::from_writer(Vec::new());
+        header.write_record(&columns).map_err(|e| failed(&e))?;
+        let mut text = header.into_inner().map_err(|e| failed(&e))?;
         for line in kept {
-            text.push('\n');
-            text.push_str(&line);
+            text.extend(line.bytes().chain([b'\n']));
         }
-        text.push('\n');
-        file.write_all(text.as_bytes()).map_err(|e| failed(&e))?;
+        file.write_all(&text).map_err(|e| failed(&e))?;
         let writer = csv::WriterBuilder::new().has_headers(false).from_writer(file);
         Ok(Self { path, writer, period })
     }

@@ -38,6 +38,8 @@ pub struct Header {
     pub stage_begin: (u64, f64),
     /// Layers of rain that have fallen in this stage.
     pub layers_fallen: u64,
+    /// Particles of rain that have fallen in this stage; `None` without rain, and if an older version wrote it.
+    pub particles_fallen: Option<u64>,
     /// The id that the next new particle gets.
     pub next_id: u64,
     /// Lowest corner of the domain [m].

@@ -19,7 +19,7 @@ pub const NAMED: usize = 10;
 /// What a restart goes on from.
 #[derive(Clone, Debug)]
 pub struct State {
-    /// Step, time, walls.
+    /// Step, time, rain, walls.
     pub header: Header,
     /// The particles, in any order.
     pub particles: ParticleTable,
@@ -33,7 +33,7 @@ type Ends = (GlobalId, GlobalId);
 /// What differs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Difference {
-    /// Differences of step, time and walls, in words.
+    /// Differences of step, time, rain and walls, in words.
     pub header: Vec<String>,
     /// Ids of particles that only the first has.
     pub only_first: Vec<GlobalId>,
@@ -247,13 +247,25 @@ fn columns(table: &ParticleTable) -> Vec<NamedColumn<'_>> {
 }
 
 fn header_differences(first: &Header, second: &Header) -> Vec<String> {
-    let mut found = Vec::new();
-    if first.step != second.step {
-        found.push(format!("step: {} and {}", first.step, second.step));
-    }
-    if first.time.to_bits() != second.time.to_bits() {
-        found.push(format!("time: {:e} s and {:e} s", first.time, second.time));
-    }
+    let numbers = |header: &Header| {
+        let Header {
+            step, time, dt, stage_begin, layers_fallen, particles_fallen, next_id, ..
+        } = header;
+        [
+            ("step", step.to_string()),
+            ("time", format!("{time:e} s")),
+            ("time step", format!("{dt:e} s")),
+            ("begin of the stage", format!("step {}, {:e} s", stage_begin.0, stage_begin.1)),
+            ("layers of rain fallen", layers_fallen.to_string()),
+            ("particles of rain fallen", format!("{particles_fallen:?}")),
+            ("next id", next_id.to_string()),
+        ]
+    };
+    // A number is written with as many digits as tell it from all others.
+    let mut found: Vec<String> = (numbers(first).into_iter().zip(numbers(second)))
+        .filter(|(a, b)| a != b)
+        .map(|((what, a), (_, b))| format!("{what}: {a} and {b}"))
+        .collect();
     if first.walls.len() != second.walls.len() {
         found.push(format!("walls: {} and {}", first.walls.len(), second.walls.len()));
     }

@@ -133,7 +133,7 @@ fn series(out: &mut String, reports: &[Report]) {
          <tr><th>step</th><th>time (s)</th><th>particles</th><th>p (Pa)</th><th>q / p</th>\
          <th>axial strain</th><th>volumetric strain</th>\
          <th>solid fraction</th><th>Z</th><th>a<sub>c</sub></th><th>a<sub>n</sub></th><th>a<sub>t</sub></th>\
-         <th>0.4 (a<sub>c</sub> + a<sub>n</sub> + 1.5 a<sub>t</sub>) / (q / p) − 1</th></tr>\n",
+         <th>0.4 (a<sub>c</sub> + a<sub>n</sub> + a<sub>bn</sub> + 1.5 (a<sub>t</sub> + a<sub>bt</sub>)) / (q / p) − 1</th></tr>\n",
     );
     for report in reports {
         let s = &report.summary;

@@ -356,9 +356,11 @@ impl SolidVolume {
     /// the walls across it, `d` the diameter of the mean volume and `ρ` the density of the solid.
     /// `None` unless there are walls at both ends.
     pub fn inertia_of_strain(&self, header: &Header, packing: &Bounds) -> Option<f64> {
+        // Of the innermost walls, as those that bound the packing.
         let speed = |sign: f64| {
-            let mut walls = header.walls.iter();
-            Some(walls.find(|w| sign * w.normal.z > ACROSS)?.velocity.z)
+            let walls = header.walls.iter().filter(|w| sign * w.normal.z > ACROSS);
+            let innermost = walls.max_by(|a, b| (sign * a.point.z).total_cmp(&(sign * b.point.z)));
+            Some(innermost?.velocity.z)
         };
         let rate = quotient(speed(1.0)? - speed(-1.0)?, packing.lengths().z)?;
         let diameter = diameter_of(quotient(self.sum.value(), self.particles as f64)?);

@@ -17,7 +17,7 @@
 //! stress is exactly wall force over wall area; without wall contacts it is too low by
 //! about one layer of particles. For 3 × 3 × 3 spheres in a box with an overlap of
 //! 1 % of the radius: 25,379 Pa as here, 25,337 Pa to the plane (and on the wall), 16,919 Pa
-//! without. The first two differ by half an overlap per box length.
+//! without. The first two differ by one overlap per box length, half of it at each wall.
 
 use super::PostError;
 use super::region::{ACROSS, Bounds, Members};

@@ -6,13 +6,14 @@ use crate::contact::{self, NamedHistory};
 use crate::domain::{self, Domain};
 use crate::drive::rain::RainGauge;
 use crate::drive::servo::Servos;
-use crate::ids::ShapeId;
+use crate::ids::{GlobalId, ShapeId};
 use crate::motion::Field;
 use crate::output::SnapshotError;
 use crate::output::snapshot::Reader;
-use crate::output::tables::Header;
+use crate::output::tables::{Header, WallRow};
 use crate::particles::Particles;
 use crate::particles::records::Particle;
+use crate::particles::walls::Wall;
 use crate::search::PairList;
 use crate::shape::Kind;
 use crate::sim::{Simulation, capture};
@@ -135,7 +136,7 @@ pub fn take_up(
                 sim.stage_begin.1 = header.time - steps * sim.dt;
             }
             if let Some(rain) = &mut sim.rain {
-                rain.resume(header.layers_fallen);
+                rain.resume(header.layers_fallen, header.particles_fallen);
             }
         }
         From::Beginning => {
@@ -207,7 +208,19 @@ fn read_part(
         count * rank / size..count * (rank + 1) / size
     };
     let table = reader.particles(share(reader.particle_count()))?;
-    let histories = reader.histories(share(reader.history_count()))?;
+    let mut histories = reader.histories(share(reader.history_count()))?;
+    histories.retain_mut(|named| match named.b.wall_index() {
+        None => true,
+        Some(k) => {
+            // The order of walls may have changed, and a wall may be gone or turned.
+            let is = |wall: &Wall, before: &WallRow| {
+                wall.name == before.name && wall.normal == before.normal
+            };
+            let now = (header.walls.get(k))
+                .and_then(|before| scene.walls.iter().position(|wall| is(wall, before)));
+            now.inspect(|&k| named.b = GlobalId::wall(k)).is_some()
+        }
+    });
     let particles = capture::particles_of(&table, |shape| shapes[shape.index()]);
     Ok((header, particles, histories))
 }

@@ -19,6 +19,19 @@ use std::path::{Path, PathBuf};
 
 /// Skin, in largest bounding radii, if the file does not say.
 const SKIN: f64 = 0.1;
+/// Work of the busiest rank over the mean from which on the domain is cut anew, if the file does not say.
+const IMBALANCE: f64 = 1.1;
+
+/// As many shapes and walls, and as many materials, as have ids.
+const MOST_IDS: usize = 1 << u16::BITS;
+
+/// Which files that a scene names must be there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Need {
+    AllFiles,
+    /// All but the snapshot from which the stage begins.
+    NoStart,
+}
 
 pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -29,13 +42,14 @@ pub(super) fn scene(
     file: &str,
     folder: &Path,
     text: String,
+    need: Need,
 ) -> Option<Scene> {
     let root = Given::root(root, report).section()?;
     let title = root.read_or("title", file.to_owned(), |given| given.text().map(str::to_owned));
     let seed = root.read_or("seed", 1, |given| given.whole(0));
     let gravity = root.vector_or("gravity", Vec3::zeros(), "m/s2");
     let global_damping = root.number_or("global_damping", 0.0, Range::NotNegative, "1/s");
-    let start = root.read_or("start", None, |given| existing_file(given).map(Some));
+    let start = root.read_or("start", None, |given| start(given, need).map(Some));
 
     let contact = root.read_or("contact", (Method::Auto, true), |given| contact(&given.section()?));
     let limit_damping = contact.is_none_or(|(_, limit)| limit);
@@ -53,10 +67,10 @@ pub(super) fn scene(
     let servos = walls.read_servos(&root, domain.as_ref(), &shapes.library, dt);
     let stop = root.read_or("stop", Stop::default(), |given| stop(&given.section()?, &root));
     let largest = shapes.library.largest_radius();
-    let neighbours = root.read_or("neighbours", (SKIN * largest, 1.2), |given| {
+    let neighbours = root.read_or("neighbours", (SKIN * largest, IMBALANCE), |given| {
         let neighbours = given.section()?;
         let skin = neighbours.number_or("skin", SKIN * largest, Range::NotNegative, "m");
-        let imbalance = neighbours.number_or("imbalance", 1.1, Range::FromOne, "");
+        let imbalance = neighbours.number_or("imbalance", IMBALANCE, Range::FromOne, "");
         neighbours.finish();
         Some((skin?, imbalance?))
     });
@@ -70,6 +84,20 @@ pub(super) fn scene(
     .read(&root);
     root.finish();
 
+    let bodies = shapes.library.shapes.len() + walls.count();
+    for (what, count) in [("shapes and walls", bodies), ("materials", materials.items.len())] {
+        if count > MOST_IDS {
+            root.fail(format!("has {count} {what}; must be at most {MOST_IDS}"));
+        }
+    }
+    // After another stage walls may stand elsewhere.
+    if let (Some((_, Some(rain))), Some(given), Some(None)) = (&fills, root.get("fill"), &start)
+        && let Some(wall) = walls.through(rain)
+    {
+        given.fail(format!(
+            "the slab of rain reaches behind wall `{wall}`; make it smaller with `low` and `high`"
+        ));
+    }
     if let (Some(domain), Some(section), Some((skin, _))) = (&domain, &domain_section, neighbours) {
         check_periods(section, domain, 2.0 * largest + skin);
     }
@@ -125,9 +153,9 @@ pub(super) fn scene(
     })
 }
 
-fn existing_file(given: &Given) -> Option<PathBuf> {
+fn start(given: &Given, need: Need) -> Option<PathBuf> {
     let path = PathBuf::from(given.text()?);
-    if !path.exists() {
+    if need == Need::AllFiles && !path.exists() {
         given.fail(
             "no such file or directory in the working directory; has the stage before been run?",
         );
@@ -190,6 +218,11 @@ fn contact(section: &Section) -> Option<(Method, bool)> {
     let flag = |key, method| setting(key, &[method])?.map_or(Some(true), |given| given.boolean());
     let ratio = option("erosion_ratio", ErodedGjk::default().ratio, &["gjk-erosion"]);
     let increment = option("erosion_increment", ErodedGjk::default().increment, &["gjk-erosion"]);
+    if let (Some(increment), Some(given)) = (increment, section.get("erosion_increment"))
+        && increment < ErodedGjk::LEAST_INCREMENT
+    {
+        given.fail(format!("must be at least {}", ErodedGjk::LEAST_INCREMENT));
+    }
     let default_tolerance =
         if word == Some("epa") { Epa::default().tolerance } else { ErodedGjk::default().tolerance };
     let tolerance = option("tolerance", default_tolerance, &["gjk-erosion", "epa"]);

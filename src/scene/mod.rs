@@ -124,6 +124,7 @@ use crate::particles::walls::Wall;
 use crate::particles::{Library, Needs};
 use crate::shape::Kind;
 pub use crate::sim::run::Stop;
+use check::Need;
 use report::Report;
 pub use report::{Place, Problem, SceneErrors};
 use serde::{Deserialize, Serialize};
@@ -192,11 +193,23 @@ impl Scene {
     /// # Errors
     /// All mistakes of the file and the overrides, each with its place.
     pub fn read(path: &Path, overrides: &[String]) -> Result<Self, SceneErrors> {
+        Self::read_for(path, overrides, Need::AllFiles)
+    }
+
+    /// The same of a stage that goes on from a snapshot of its own: that from which it began may be gone.
+    ///
+    /// # Errors
+    /// As [`Scene::read`].
+    pub fn read_to_go_on(path: &Path, overrides: &[String]) -> Result<Self, SceneErrors> {
+        Self::read_for(path, overrides, Need::NoStart)
+    }
+
+    fn read_for(path: &Path, overrides: &[String], need: Need) -> Result<Self, SceneErrors> {
         let name = path.display().to_string();
         match std::fs::read_to_string(path) {
             Ok(text) => {
                 let folder = path.parent().unwrap_or(Path::new(""));
-                Self::parse(&text, &name, folder, overrides)
+                Self::parse_for(&text, &name, folder, overrides, need)
             }
             Err(error) => {
                 let message = format!("cannot be read: {error}");
@@ -217,11 +230,21 @@ impl Scene {
         folder: &Path,
         overrides: &[String],
     ) -> Result<Self, SceneErrors> {
+        Self::parse_for(text, file, folder, overrides, Need::AllFiles)
+    }
+
+    fn parse_for(
+        text: &str,
+        file: &str,
+        folder: &Path,
+        overrides: &[String],
+        need: Need,
+    ) -> Result<Self, SceneErrors> {
         let report = Report::default();
         let scene = input::read(text, overrides, &report).and_then(|root| {
             let effective =
                 if overrides.is_empty() { text.to_owned() } else { input::to_text(&root) };
-            check::scene(&root, &report, file, folder, effective)
+            check::scene(&root, &report, file, folder, effective, need)
         });
         match scene {
             Some(scene) if report.is_empty() => Ok(scene),

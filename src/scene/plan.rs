@@ -4,6 +4,7 @@ use super::{Fill, Mix, Scene, Stop};
 use crate::contact::{ContactResolver, table};
 use crate::law::Constants;
 use crate::math::{ExactSum, Vec3};
+use crate::output::snapshot::CONTACT_BYTES;
 use crate::shape::moments::Placement;
 use crate::shape::{Kind, Shape};
 use std::f64::consts::PI;
@@ -13,9 +14,6 @@ use std::fmt::Display;
 const PACKING_FRACTION: f64 = 0.6;
 /// Contacts over particles in a bed, in estimates.
 const CONTACTS_PER_PARTICLE: u64 = 4;
-/// Bytes of a contact in a snapshot: ids, two points of its line, contact point, normal, overlap, two
-/// forces, the line's table; and its history for a restart.
-const SNAPSHOT_BYTES_PER_CONTACT: u64 = 16 + 48 + 24 + 24 + 8 + 32 + 16 + 64;
 
 /// The sides of the domain: name, axis, and the component along it of a wall's normal.
 const SIDES: [(&str, usize, f64); 6] = [
@@ -235,8 +233,12 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
         ),
     );
     let particles = count * snapshot_bytes_per_particle(scene);
-    let contacts = count * CONTACTS_PER_PARTICLE * SNAPSHOT_BYTES_PER_CONTACT;
-    let snapshots = scene.steps.checked_div(scene.snapshot_every).unwrap_or(0).max(1);
+    let contacts = count * CONTACTS_PER_PARTICLE * CONTACT_BYTES as u64;
+    // One at the start, those on schedule, and one at the end.
+    let snapshots = match scene.snapshot_every {
+        0 => 1,
+        every => 1 + scene.steps.div_ceil(every),
+    };
     page.line(
         "snapshot",
         format!(
@@ -249,10 +251,10 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
 
 fn snapshot_bytes_per_particle(scene: &Scene) -> u64 {
     let needs = scene.needs();
-    // id, shape, coordination, rank, three vectors, two energies, the vertex's table
+    // id, shape, coordination, rank, three vectors and the semi-axes, two energies, the vertex's table
     8 + 2
         + 8
-        + 72
+        + 96
         + 16
         + 16
         + if needs.spin { 72 } else { 0 }
@@ -453,7 +455,7 @@ fn time(scene: &Scene, page: &mut Page) {
     }
     page.line("steps", format!("{}, {:.4} s", scene.steps, scene.steps as f64 * scene.dt));
     if let Some(rain) = &scene.rain
-        && (rain.layers() - 1).saturating_mul(rain.every) >= scene.steps
+        && rain.layers().saturating_mul(rain.every) > scene.steps
     {
         page.line("", "the last layers of rain will not fall: too few steps");
     }

@@ -5,6 +5,7 @@ use super::check::AXES;
 use super::matter::{Materials, Names};
 use super::reader::{Given, Range, Section};
 use super::report::suggestion;
+use crate::drive::rain::Rain;
 use crate::drive::servo::Servo;
 use crate::ids::MaterialId;
 use crate::math::Vec3;
@@ -193,6 +194,18 @@ impl Walls {
             }
         }
         Some(k)
+    }
+
+    pub(super) const fn count(&self) -> usize {
+        self.planes.len()
+    }
+
+    /// A wall behind which some of the slab of rain is.
+    pub(super) fn through(&self, rain: &Rain) -> Option<&str> {
+        let mut walls = self.planes.iter().zip(&self.names.names);
+        let is_through = |plane: &Plane| rain.behind(&plane.point, &plane.normal) > 0.0;
+        let found = walls.find(|(plane, _)| plane.as_ref().is_some_and(is_through));
+        found.map(|(_, name)| name.as_str())
     }
 
     /// The walls, with their shapes added to the library.

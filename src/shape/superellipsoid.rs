@@ -102,7 +102,7 @@ impl Convex for Superellipsoid {
         self.inscribed_radius
     }
 
-    /// From a sample, 10 % of it taken off. Zero if an exponent is above 1: the surface then has crests.
+    /// A lower bound, but for a sample of which 10 % are taken off. Zero if an exponent is above 1: the surface then has crests.
     fn smallest_curvature_radius(&self) -> f64 {
         self.smallest_curvature_radius
     }
@@ -331,7 +331,8 @@ impl Exponents {
         (farthest.sqrt(), nearest.sqrt())
     }
 
-    /// See [`Superellipsoid::smallest_curvature_radius`]: over one octant of a body that is not an ellipsoid.
+    /// See [`Superellipsoid::smallest_curvature_radius`]: over one octant of a body that is not an ellipsoid. A ball
+    /// that rolls in the body with semi-axes 1 becomes an ellipsoid, in which a smaller ball rolls: a lower bound.
     pub(super) fn smallest_curvature_radius(self, semi_axes: &Vec3) -> f64 {
         const SAMPLES: u32 = 24;
         const SAFETY: f64 = 0.9;
@@ -342,14 +343,14 @@ impl Exponents {
         for i in 0..SAMPLES {
             for j in 0..SAMPLES - i {
                 let part = Vec3::from([i, j, SAMPLES - 1 - i - j].map(|n| f64::from(n) + 0.5));
-                let direction = part.component_div(semi_axes).normalize();
-                let radius = self.support(semi_axes, &direction).smaller_curvature_radius();
+                let unit = Vec3::repeat(1.0);
+                let radius = self.support(&unit, &part.normalize()).smaller_curvature_radius();
                 if radius < least {
                     least = radius;
                 }
             }
         }
-        SAFETY * least
+        SAFETY * least * semi_axes.min() * (semi_axes.min() / semi_axes.max())
     }
 
     /// The integral of `x^i y^j z^k` over an octant of the body with semi-axes 1.
@@ -446,4 +447,39 @@ fn nearest_square(a: f64, b: f64, e: f64) -> f64 {
 /// The extreme that `ξ^e + ratio (1 - ξ)^e` has between its ends, relative to the end that it exceeds.
 fn between_axes(ratio: f64, e: f64) -> f64 {
     libm::pow(1.0 + libm::pow(ratio, 1.0 / (1.0 - e).abs()), 1.0 - e)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Superellipsoid;
+    use crate::math::Vec3;
+    use crate::shape::Convex;
+
+    /// Along curves that reach the rims of thin bodies, nothing is more curved than the bound says.
+    #[test]
+    fn no_place_is_more_curved_than_the_bound() {
+        let flat = |thickness| Vec3::new(1.0, 1.0, thickness);
+        let bodies = [
+            (flat(0.02), [0.9, 0.9]),
+            (flat(0.01), [0.9, 0.9]),
+            (flat(0.01), [1.0, 0.5]),
+            (flat(0.001), [1.0, 0.3]),
+            (Vec3::new(1.0, 0.1, 0.01), [1.0, 0.3]),
+            (Vec3::new(2.0, 1.0, 1.0), [0.5, 0.7]),
+        ];
+        for (semi_axes, exponents) in bodies {
+            let body = Superellipsoid::new(semi_axes, exponents);
+            let mut least = f64::INFINITY;
+            for i in 1..60 {
+                for j in 1..60 {
+                    let [a, b] = [i, j].map(|k| 10f64.powf(f64::from(k) / 10.0 - 3.0));
+                    let direction = Vec3::new(1.0, a, b).component_div(&semi_axes).normalize();
+                    let support = body.exponents.support(&semi_axes, &direction);
+                    least = least.min(support.smaller_curvature_radius());
+                }
+            }
+            let bound = body.smallest_curvature_radius();
+            assert!(bound > 0.0 && bound <= least, "{body:?}: {bound:e} > {least:e}");
+        }
+    }
 }

@@ -23,6 +23,7 @@ impl Simulation {
             dt: self.dt,
             stage_begin: self.stage_begin,
             layers_fallen: self.rain.as_ref().map_or(0, |rain| rain.layers),
+            particles_fallen: self.rain.as_ref().map(|rain| rain.fallen),
             next_id: self.next_id,
             low: self.domain.low,
             high: self.domain.high,

@@ -187,24 +187,35 @@ impl Simulation {
         self.pairs.forget_taken();
     }
 
-    /// Lists pairs and finds the forces at the start of a run. Collective.
+    /// Lists pairs and finds the forces at the start of a stage. Collective.
     ///
     /// # Errors
     /// As [`Simulation::step`].
     pub fn begin(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
+        self.find_first_contacts(comm)?;
+        self.find_first_forces();
+        Ok(())
+    }
+
+    /// The first half of [`Simulation::begin`]. Collective.
+    fn find_first_contacts(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         self.lists_since_cut = LISTS_BETWEEN_CUTS;
         self.list_pairs(&[], comm)?;
         self.forget_found();
         self.resolve(Part::Inner)?;
         self.resolve(Part::Border)?;
         self.pairs.note(self.particles.needs);
-        // No time has passed: springs do not stretch.
-        self.pairs.load(&*self.law, &mut self.particles, 0.0);
-        self.count_initial_energy();
         Ok(())
     }
 
-    /// Makes subdomains, ghosts and pairs anew, with `newcomers` in places that this rank owns.
+    /// The second half of [`Simulation::begin`].
+    fn find_first_forces(&mut self) {
+        // No time has passed: springs do not stretch.
+        self.pairs.load(&*self.law, &mut self.particles, 0.0);
+        self.count_initial_energy();
+    }
+
+    /// Makes subdomains, ghosts and pairs anew, with those of `newcomers` whose places this rank then owns.
     /// Collective.
     fn list_pairs(&mut self, newcomers: &[Particle], comm: &mut dyn Comm) -> Result<(), StepError> {
         let step = self.step;
@@ -212,8 +223,11 @@ impl Simulation {
         agree(comm, checked).map_err(|error| StepError::Domain { step, error })?;
         self.recut_if_unbalanced(comm);
         let mut carried = self.domain.migrate(&mut self.particles, &self.pairs, comm);
+        let me = comm.rank();
         for particle in newcomers {
-            self.insert(particle);
+            if self.domain.owner(&particle.position) == me {
+                self.insert(particle);
+            }
         }
         self.relist(&mut carried, comm);
         self.clock.lap(Phase::Rebuild);
@@ -243,8 +257,7 @@ impl Simulation {
         measure::measure(&self.particles, &self.pairs, &*self.law, &self.field, self.dt, comm)
     }
 
-    /// The particles of the next layer in this rank's subdomain, if a layer is due and its place is
-    /// free; `None` on all ranks if not. Collective where one is due.
+    /// The next layer, if one is due and its place is free; `None` on all ranks if not. Collective where one is due.
     fn next_rain(&mut self, comm: &mut dyn Comm) -> Option<Vec<Particle>> {
         let rain = self.rain.as_mut()?;
         let stage_step = self.step - self.stage_begin.0;
@@ -253,8 +266,7 @@ impl Simulation {
         }
         let layer = rain.next_layer(self.next_id, &self.particles.library);
         self.next_id += layer.len() as u64;
-        let me = comm.rank();
-        Some(layer.into_iter().filter(|p| self.domain.owner(&p.position) == me).collect())
+        Some(layer)
     }
 
     /// Adds a particle that this rank shall own, with the energy that it brings. Ghosts and walls must

@@ -136,7 +136,7 @@ fn spent(sim: &Simulation, comm: &mut dyn Comm) -> Vec<(Phase, Spent)> {
     let seconds = Phase::ALL.map(|phase| sim.clock.seconds(phase));
     let mut slowest = seconds;
     let mut fastest = seconds.map(|s| -s);
-    let mut total = seconds.map(|s| (s * 1e9) as i64);
+    let mut total = seconds.map(|s| (s * PARTS) as i64);
     comm.max(&mut slowest);
     comm.max(&mut fastest);
     comm.sum(&mut total);
@@ -144,7 +144,7 @@ fn spent(sim: &Simulation, comm: &mut dyn Comm) -> Vec<(Phase, Spent)> {
         .into_iter()
         .enumerate()
         .map(|(k, phase)| {
-            let total = total[k] as f64 * 1e-9;
+            let total = total[k] as f64 / PARTS;
             (phase, Spent { slowest: slowest[k], fastest: -fastest[k], total })
         })
         .collect()
@@ -180,6 +180,10 @@ fn totals(sim: &Simulation, comm: &mut dyn Comm) -> (Tally, crate::domain::Traff
     (tally, traffic)
 }
 
+/// Numbers are summed over ranks in so many parts of their units: fine enough, and a sum of megabytes of a million
+/// ranks, or of their days, still fits.
+const PARTS: f64 = 1e6;
+
 /// A number of each rank: the mean, and the most.
 #[derive(Clone, Copy, Debug)]
 struct Share {
@@ -188,14 +192,14 @@ struct Share {
 }
 
 impl Share {
-    /// Numbers to nine digits behind the point. Collective.
+    /// Collective.
     fn of<const N: usize>(here: [f64; N], comm: &mut dyn Comm) -> [Self; N] {
         let mut most = here;
-        let mut total = here.map(|value| (value * 1e9) as i64);
+        let mut total = here.map(|value| (value * PARTS) as i64);
         comm.max(&mut most);
         comm.sum(&mut total);
         let ranks = f64::from(comm.size());
-        std::array::from_fn(|k| Self { mean: total[k] as f64 * 1e-9 / ranks, most: most[k] })
+        std::array::from_fn(|k| Self { mean: total[k] as f64 / PARTS / ranks, most: most[k] })
     }
 }
 

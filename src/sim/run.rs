@@ -9,7 +9,7 @@ use crate::measure::{Measures, shortest_axis};
 use crate::output::table::{History, TableError};
 use crate::output::{SnapshotError, snapshot};
 use crate::search::Loaded;
-use crate::timing::Phase;
+use crate::timing::{Clock, Phase};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -115,7 +115,7 @@ pub enum RunError {
     /// The history could not be written. Known on rank 0 only: abort the others.
     #[error(transparent)]
     History(#[from] TableError),
-    /// Particles are too deep in each other at the start. Known on all ranks.
+    /// Bodies are too deep in each other at the start of a stage. Known on all ranks.
     #[error("{0}")]
     Overlap(String),
 }
@@ -135,12 +135,13 @@ pub fn run(
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Finish, RunError> {
     if !schedule.resumed {
-        begin(sim, comm)?;
-        // Particles of an earlier stage are where the forces put them.
-        if sim.step == 0 {
-            check_overlaps(sim, comm)?;
-        }
+        let found = sim.find_first_contacts(comm);
+        found.map_err(|error| explain(error, sim, comm))?;
+        check_overlaps(sim, comm)?;
+        sim.find_first_forces();
     }
+    // What came before belongs to no phase of the run.
+    sim.clock = Clock::new();
     let started = Instant::now();
     let first_step = sim.step;
     let mut history = if comm.is_root() {
@@ -157,13 +158,14 @@ pub fn run(
     let mut particle_steps = 0;
     let mut ending = Ending::LastStep;
     let mut last: Option<Measures> = None;
+    let mut saved = None;
     if !schedule.resumed {
         let measures = sim.measure(comm);
         if let Some(history) = &mut history {
             history.push(sim.step, sim.time(), &measures, &sim.particles.walls)?;
         }
         if schedule.snapshot_every > 0 {
-            save(sim, schedule, &measures, comm)?;
+            saved = Some(save(sim, schedule, &measures, comm)?);
         }
         last = Some(measures);
     }
@@ -179,7 +181,7 @@ pub fn run(
         let snapshot_due = due(sim.step, schedule.snapshot_every);
         let rest_due = schedule.stop != Stop::default() && due(sim.step, REST_CHECK);
         let signal = stop_check.signal(sim.step, &schedule.signal, comm);
-        last = None;
+        (last, saved) = (None, None);
         if row_due || snapshot_due || rest_due {
             let measures = sim.measure(comm);
             let at_rest = rest_due && is_at_rest(sim, &schedule.stop, &measures);
@@ -187,7 +189,7 @@ pub fn run(
                 history.push(sim.step, sim.time(), &measures, &sim.particles.walls)?;
             }
             if snapshot_due {
-                save(sim, schedule, &measures, comm)?;
+                saved = Some(save(sim, schedule, &measures, comm)?);
             }
             last = Some(measures);
             if at_rest {
@@ -215,7 +217,10 @@ pub fn run(
         Some(measures) => measures,
         None => sim.measure(comm),
     };
-    let snapshot = save(sim, schedule, &measures, comm)?;
+    let snapshot = match saved {
+        Some(snapshot) => snapshot,
+        None => save(sim, schedule, &measures, comm)?,
+    };
     sim.clock.lap(Phase::Output);
     let mut total = [particle_steps as i64];
     comm.sum(&mut total);
@@ -244,12 +249,6 @@ fn is_at_rest(sim: &Simulation, stop: &Stop, measures: &Measures) -> bool {
         && stop.rest.is_none_or(|limit| measures.kinetic() < limit * measures.dissipated)
         && stop.unbalanced.is_none_or(|limit| measures.unbalanced < limit)
         && stop.servo.is_none_or(|limit| error < limit)
-}
-
-/// Finds the forces at the start. Collective.
-fn begin(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
-    let begun = sim.begin(comm);
-    begun.map_err(|error| explain(error, sim, comm))
 }
 
 /// Adds to an error that all ranks have what only one of them knows of the particle. Collective for those.
@@ -349,12 +348,14 @@ fn save(
     )?)
 }
 
-/// Refuses particles that start too deep in each other, and names the worst of them.
+/// Refuses bodies that start too deep in each other, and names the worst of them. Those that touched at the end of
+/// the stage before are where the forces have put them.
 fn check_overlaps(sim: &Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
     let mut found: Vec<(f64, u64, i64, [f64; 3])> = Vec::new();
     for Loaded { pair, history, load, .. } in sim.pairs.contacts() {
-        let depth = history.overlap / shortest_axis(&sim.particles, pair.a, pair.b);
-        if depth > DEEPEST_START && pair.a.index() < sim.particles.owned {
+        let depth = load.touch_overlap() / shortest_axis(&sim.particles, pair.a, pair.b);
+        let is_new = !history.touched() && pair.a.index() < sim.particles.owned;
+        if is_new && depth > DEEPEST_START {
             let (a, b) = (sim.particles.id[pair.a.index()], sim.particles.id[pair.b.index()]);
             let at = sim.particles.position[pair.a.index()] + load.point;
             found.push((depth, a.0, b.to_file(), at.into()));

@@ -85,7 +85,7 @@ fn a_mistake_ends_in_one_message() {
             scene: &heap_scene,
             arguments: &["--set", "time.step=1e-3"],
             status: WRONG_INPUT,
-            message: &["time.step = 0.001: over the stable limit of 4.40e-5 s", "`egg`"],
+            message: &["time.step = 0.001: over the stable limit of 4.81e-5 s", "`egg`"],
         },
         Mistake {
             scene: &heap_scene,
@@ -139,7 +139,7 @@ fn check(mistake: &Mistake, launch: Launch, out: &Path) {
     let mut arguments = vec![mistake.scene.to_str().unwrap()];
     arguments.extend(mistake.arguments);
     if !arguments.contains(&"--out") {
-        arguments.extend(["--out", out.to_str().unwrap()]);
+        arguments.extend(["--out", out.to_str().unwrap(), "--overwrite"]);
     }
     let ended = dem_mpi(launch, arguments).end();
     assert_eq!(ended.status.code(), Some(mistake.status), "{ended}");

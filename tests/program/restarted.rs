@@ -1,7 +1,11 @@
 //! Stopped and continued, a run ends as if it had never stopped.
 
 use super::process::{Launch, dem_mpi};
-use super::{HEAP_STEPS, assert_same_result, column, fresh_directory, heap, scene, snapshot};
+use super::{
+    HEAP_STEPS, assert_same_result, column, fresh_directory, heap, history, scene, snapshot,
+};
+use dem_mpi::output::snapshot::Reader;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
@@ -40,11 +44,67 @@ fn an_earlier_snapshot_continues_on_any_number_of_ranks() {
     for launch in [Launch::Ranks(3), Launch::Ranks(1), Launch::Alone] {
         let middle = snapshot(&directory, 1000);
         let start = ["--start", middle.to_str().unwrap()];
-        let ended = heap_in(&directory, launch, &start).succeed();
+        let refused = heap_in(&directory, launch, &start).end();
+        assert_eq!(refused.status.code(), Some(2), "{refused}");
+        refused.said_once("and this run begins at step 1000");
+        let ended = heap_in(&directory, launch, &[&start[..], &["--overwrite"]].concat()).succeed();
         ended.said_once("steps 1000 to 3000");
         assert_same_result(&whole.directory, &directory);
         fs::remove_file(snapshot(&directory, HEAP_STEPS)).unwrap();
     }
+}
+
+/// A directory that has been used holds one run: nothing of it is lost unless the user says so.
+#[test]
+fn a_used_directory_is_refused() {
+    let directory = fresh_directory("used");
+    let fresh = ["--set", "output.snapshot_every=100", "--steps"];
+    heap_in(&directory, Launch::Alone, &[&fresh[..], &["300"]].concat()).succeed();
+    let before = history(&directory);
+    let again = [&fresh[..], &["150"]].concat();
+    let refused = heap_in(&directory, Launch::Ranks(2), &again).end();
+    assert_eq!(refused.status.code(), Some(2), "{refused}");
+    refused.said_once("has snapshots up to step 300, and this run begins at step 0");
+    assert_eq!(history(&directory), before);
+    assert!(snapshot(&directory, 300).exists());
+
+    heap_in(&directory, Launch::Ranks(2), &[&again[..], &["--overwrite"]].concat()).succeed();
+    let there = [0, 100, 150, 200, 300].map(|step| snapshot(&directory, step).exists());
+    assert_eq!(there, [true, true, true, false, false]);
+}
+
+/// Walls are known by their names: in another order they keep what is remembered of their contacts. And a stage
+/// goes on when that before it is gone.
+#[test]
+fn walls_keep_their_contacts_in_any_order() {
+    let directory = fresh_directory("reordered");
+    let run = |arguments: &[&str]| {
+        dem_mpi(Launch::Alone, arguments).from(&directory).succeed();
+    };
+    run(&[&scene("heap"), "--steps", "1500"]);
+    let turned = "domain.walls=['+z', '-z', '+y', '-y', '+x', '-x']";
+    let tilted = &*scene("tilted");
+    let set = ["--set", turned, "--set", "output.snapshot_every=400"];
+    run(&[&[tilted, "--steps", "400"], &set[..]].concat());
+
+    let [before, after] = ["heap", "tilted"].map(|stage| {
+        let reader = Reader::open(&snapshot(&directory.join(stage), 1500)).unwrap();
+        let walls = &reader.header().walls;
+        let histories = reader.histories(0..reader.history_count()).unwrap();
+        let of_walls = histories.iter().filter_map(|named| {
+            let wall = named.b.wall_index()?;
+            Some(((named.a, walls[wall].name.clone()), named.spring))
+        });
+        of_walls.collect::<BTreeMap<_, _>>()
+    });
+    assert!(before.len() > 20 && before.values().any(|spring| spring.norm() > 1e-7), "{before:?}");
+    assert!(before.keys().eq(after.keys()));
+    for (name, spring) in &before {
+        assert!((spring - after[name]).norm() <= 1e-9 * spring.norm(), "{name:?}");
+    }
+
+    fs::remove_dir_all(directory.join("heap")).unwrap();
+    run(&[&[tilted, "--start", "tilted"], &set[..]].concat());
 }
 
 /// A stage that starts from the end of another; the second is stopped and continued, too.

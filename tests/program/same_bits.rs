@@ -34,6 +34,30 @@ fn a_periodic_box_has_the_same_bits_on_any_number_of_ranks() {
     }
 }
 
+/// Layers of rain close behind each other, so that the domain is cut anew when one falls: it goes to the new owners.
+/// Without friction and dashpots ghosts have no velocities, and nothing dissipates.
+#[test]
+fn rain_falls_to_whom_the_new_cuts_give_it() {
+    let alone = finished("shower", Launch::Alone);
+    assert!(column(&alone.directory, "contacts").values().any(|&count| count > 50.0));
+    assert!(column(&alone.directory, "dissipated_J").values().all(|&energy| energy == 0.0));
+    for ranks in [2, 3] {
+        let together = finished("shower", Launch::Ranks(ranks));
+        assert_same_result(&alone.directory, &together.directory);
+    }
+}
+
+/// The bed follows a wall far out of the domain, and the cuts follow the bed.
+#[test]
+fn cuts_follow_a_wall_out_of_the_domain() {
+    let alone = finished("sinking", Launch::Alone);
+    assert!(column(&alone.directory, "place_-z_m").values().any(|&place| place < -0.02));
+    for ranks in [2, 3] {
+        let together = finished("sinking", Launch::Ranks(ranks));
+        assert_same_result(&alone.directory, &together.directory);
+    }
+}
+
 /// From a report: how often pairs were listed, how often the domain was cut, how many particles
 /// migrated.
 fn traffic(ended: &Ended) -> [u64; 3] {

@@ -27,6 +27,7 @@ fn a_trace_is_the_same_on_any_number_of_ranks() {
             &steps,
             "--trace-particle",
             "17",
+            "--overwrite",
         ];
         let ended = dem_mpi(launch, [&arguments[..], more].concat()).succeed();
         let lines = ended.output.lines().filter(|line| line.starts_with("trace "));

@@ -2,8 +2,8 @@
 //! to its triaxial compression.
 //!
 //! Figures 9 to 14, each beside what the paper says of it, from the snapshots of runs:
-//! `ROOT/METHOD/STAGE/`, with the method `common-normal`, `epa` or `gjk-erosion` and the stage `packing`,
-//! `consolidation` or `shear`. What is not there is left out, and the report says so.
+//! `ROOT/METHOD/STAGE/`, with the method `common-normal`, `epa`, `gjk-erosion` or `gjk-gjk-erosion` and the stage
+//! `packing`, `consolidation` or `shear`. What is not there is left out, and the report says so.
 //!
 //! The paper compares erosion with EPA, which it takes as the truth. Where there are no runs of EPA, the
 //! common normal stands in: the truth itself for these bodies.

@@ -87,8 +87,8 @@ pub struct Cost {
     pub seconds: f64,
     /// How many ranks shared the work of the last sitting.
     pub ranks: u64,
-    /// Seconds times ranks, in hours.
-    pub core_hours: f64,
+    /// Seconds times ranks, in hours; `None` if the reports leave out some of the stage's steps.
+    pub core_hours: Option<f64>,
     /// Contact resolution for each contact, in the last sitting [ns].
     pub contact_ns: Option<f64>,
 }
@@ -138,7 +138,7 @@ impl Run {
             None => (Vec::new(), Picture::default()),
         };
         let stages = ["packing", "consolidation", "shear"];
-        let run = Self {
+        let mut run = Self {
             method,
             packing: packing.as_ref().map(|(report, _)| report.clone()),
             consolidation: consolidation.map(|(report, _)| report),
@@ -149,10 +149,29 @@ impl Run {
                 .collect(),
             costs: stages.into_iter().filter_map(|name| cost(name, &stage(name))).collect(),
         };
+        let mut costs = std::mem::take(&mut run.costs);
+        for cost in &mut costs {
+            let is_whole = run.steps_of(cost.stage) == Some(cost.steps);
+            cost.core_hours = cost.core_hours.filter(|_| is_whole);
+        }
+        run.costs = costs;
         let pictures = packing
             .filter(|_| !run.shear.is_empty())
             .map(|(_, packing)| Pictures { packing, sheared: shear.1 });
         Ok((run, pictures))
+    }
+
+    /// Steps of a stage, by the states before and after it.
+    fn steps_of(&self, stage: &str) -> Option<u64> {
+        let step = |report: Option<&Report>| report.map(|report| report.summary.step);
+        let (packed, consolidated) =
+            (step(self.packing.as_ref()), step(self.consolidation.as_ref()));
+        let (begin, end) = match stage {
+            "packing" => (Some(0), packed),
+            "consolidation" => (packed, consolidated),
+            _ => (consolidated, step(self.shear.last())),
+        };
+        end?.checked_sub(begin?)
     }
 
     /// Whether there was nothing to read.
@@ -262,7 +281,7 @@ impl Cost {
             steps: sittings.iter().map(|(steps, ..)| steps).sum(),
             seconds: sittings.iter().map(|(_, seconds, _)| seconds).sum(),
             ranks: sittings.last()?.2,
-            core_hours: sittings.iter().map(|&(_, s, ranks)| s * ranks as f64 / 3600.0).sum(),
+            core_hours: Some(sittings.iter().map(|&(_, s, ranks)| s * ranks as f64 / 3600.0).sum()),
             contact_ns: contact.and_then(|(before, _)| before.rsplit(' ').next()?.parse().ok()),
         })
     }
