@@ -49,6 +49,8 @@ pub(crate) fn write(
     rejections: &[Rejections],
     load_before: &str,
 ) -> anyhow::Result<()> {
+    // Before the tables: they are changes to the commit.
+    let machine = machine();
     let mut table =
         String::from("grain,start,method,settings,ns_median,ns_quartile_1,ns_quartile_3");
     for error in ["overlap", "relative_overlap", "normal_rad", "point"] {
@@ -73,7 +75,7 @@ pub(crate) fn write(
         writeln!(table, "{},{},{}", row_start(&r.entry, &r.time), r.spurious, r.failed)?;
     }
     write_file(folder, "rejections.csv", &table)?;
-    write_file(folder, "machine.txt", &format!("{}load before: {load_before}\n", machine()))
+    write_file(folder, "machine.txt", &format!("{machine}load before: {load_before}\n"))
 }
 
 fn row_start(entry: &Entry, time: &Time) -> String {
