@@ -111,6 +111,11 @@ impl RainGauge {
         self.fallen = particles.unwrap_or_else(of_full_layers);
     }
 
+    /// How many particles will fall in all.
+    pub const fn count(&self) -> u64 {
+        self.rain.count
+    }
+
     /// May a layer fall after this many steps of the stage?
     pub const fn is_due(&self, stage_step: u64) -> bool {
         !self.is_over() && stage_step.is_multiple_of(self.rain.every)

@@ -153,3 +153,28 @@ impl History {
         written.map_err(|cause| TableError { path: self.path.clone(), cause })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{COLUMNS, History};
+    use crate::ids::ShapeId;
+    use crate::math::Vec3;
+    use crate::particles::walls::Wall;
+
+    /// A name may hold what separates columns.
+    #[test]
+    fn any_name_of_a_wall_stays_in_its_column() {
+        let (point, normal) = (Vec3::zeros(), Vec3::z());
+        let name = "left, \"upper\"".to_owned();
+        let shape = ShapeId(0);
+        let wall =
+            Wall { name, point, normal, velocity: point, moves: false, shape, listed_at: point };
+        let folder = tempfile::tempdir().unwrap();
+        let period = Vec3::repeat(f64::INFINITY);
+        drop(History::open(folder.path(), &[wall], period, |_| false).unwrap());
+        let mut reader = csv::Reader::from_path(folder.path().join("history.csv")).unwrap();
+        let header = reader.headers().unwrap();
+        assert_eq!(header.len(), COLUMNS.len() + 3);
+        assert_eq!(&header[COLUMNS.len()], "force_left, \"upper\"_x_N");
+    }
+}

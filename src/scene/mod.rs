@@ -38,7 +38,7 @@
 //! | `name` | | |
 //! | `density` | kg/m³ | |
 //! | `normal_stiffness` | N/m | of a contact between two bodies of this material |
-//! | `tangential_stiffness` | N/m | default: the normal stiffness |
+//! | `tangential_stiffness` | N/m | default: the normal stiffness; friction needs more than 0 |
 //! | `friction` | | coefficient of friction; default 0 |
 //! | `restitution` | | rebound over approach velocity, in (0, 1]; default 1 |
 //! | `tangential_damping_ratio` | | fraction of critical damping; default 0 |
@@ -62,7 +62,7 @@
 //! | **`[contact]`** | | how contacts are resolved; may be left out |
 //! | `method` | | `"auto"` (default: the best for each pair of kinds), `"common-normal"` (smooth shapes only), `"gjk-erosion"` or `"epa"` |
 //! | `erosion_ratio` | | of `gjk-erosion`: first erosion, in (0, 1); default 0.05 |
-//! | `erosion_increment` | | of `gjk-erosion`: added until the bodies are apart; default 0.01 |
+//! | `erosion_increment` | | of `gjk-erosion`: added until the bodies are apart; from 1e-4, default 0.01 |
 //! | `tolerance` | | of `gjk-erosion` (default 1e-6) and `epa` (default 1e-8), relative |
 //! | `spurious` | | of `gjk-erosion`: bodies within the error of the overlap touch, though they are apart; default true. False, as the paper seems to have it, makes forces jump at touch |
 //! | `polish` | | of `epa`: secants at the end bring the normals of smooth bodies to rounding; default true, false is EPA as in the paper |

@@ -113,6 +113,12 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
         "memory     {} bytes per owned particle: {:.0} in columns, {:.0} in {:.2} listed pairs, {:.0} in {:.2} contacts",
         memory.all, memory.columns, memory.pairs, memory.listed, memory.contacts, memory.touching,
     ));
+    if let Some(rain) = sim.rain.as_ref().filter(|rain| !rain.is_over()) {
+        let (fallen, count) = (rain.fallen, rain.count());
+        line(format_args!(
+            "rain       {fallen} of {count} particles have fallen: too few steps, or the slab was never free"
+        ));
+    }
     line(format_args!(
         "packing    {:.3} contacts per particle with walls, mean normal force {:.3e} N, largest overlap {:.2e} of the shortest axis",
         m.coordination(),
