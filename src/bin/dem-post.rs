@@ -111,7 +111,7 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     }
     let files = particle_files(&arguments.snapshots, arguments.series)?;
     if arguments.diff {
-        return compare(&arguments.snapshots, &files);
+        return compare(&files);
     }
     let snapshots = series::open(&files)?;
     let newest = snapshots.last().map(|(path, _)| path.clone()).context("no snapshot given")?;
@@ -156,7 +156,7 @@ fn particle_files(arguments: &[PathBuf], whole_series: bool) -> Result<Vec<PathB
     let mut files = Vec::new();
     for argument in arguments {
         let name = argument.file_name().unwrap_or_default().to_string_lossy();
-        if name.starts_with("contacts_") {
+        if name.starts_with("contacts_") && !argument.is_dir() {
             continue;
         }
         let named = match argument.is_dir() {
@@ -183,9 +183,9 @@ fn region(numbers: &[f64]) -> Result<Region> {
     Ok(Region::Box(Bounds { low: Vec3::new(x0, y0, z0), high: Vec3::new(x1, y1, z1) }))
 }
 
-fn compare(named: &[PathBuf], files: &[PathBuf]) -> Result<ExitCode> {
+fn compare(files: &[PathBuf]) -> Result<ExitCode> {
     let [first, second] = files else {
-        bail!("--diff takes two snapshots, not {}", named.len());
+        bail!("--diff takes two snapshots, not {}", files.len());
     };
     let state = |path: &PathBuf| -> Result<State> {
         let reader = Reader::open(path)?;

@@ -337,7 +337,7 @@ pub struct Rose {
     /// Mean normal force [N].
     #[serde(rename = "normal_force_n")]
     pub normal_force: Vec<Option<f64>>,
-    /// Mean tangential force towards the vertical, of the upper end on the lower [N].
+    /// Mean tangential force towards the vertical, of the lower end on the upper [N].
     #[serde(rename = "shear_force_n")]
     pub shear_force: Vec<Option<f64>>,
 }

@@ -185,7 +185,8 @@ impl ForceCount {
             }
             forces.largest_normal_force = forces.largest_normal_force.max(normal);
             if let Some(ratio) = quotient(shear, normal).filter(|_| normal > 0.0) {
-                forces.friction_used.add(ratio, halves);
+                // Where a contact slides the ratio is the coefficient but for rounding, and that an edge.
+                forces.friction_used.add(ratio * (1.0 + 1e-9), halves);
                 forces.largest_friction_used = forces.largest_friction_used.max(ratio);
                 self.ratio_sum.add(0.5 * halves as f64 * ratio);
                 self.ratio_halves += halves;

@@ -146,6 +146,12 @@ impl Fills<'_> {
         let upwards = self.gravity[axis] > 0.0;
         match (low, high) {
             (Some(low), Some(high)) => (low, high),
+            (Some(low), None) if upwards => {
+                let mut high = domain.high;
+                high[axis] = low[axis] + thickness;
+                (low, high)
+            }
+            (None, Some(high)) if upwards => (domain.low, high),
             (Some(low), None) => (low, domain.high),
             (None, Some(high)) => {
                 let mut low = domain.low;

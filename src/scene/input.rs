@@ -98,7 +98,12 @@ fn value_of(value: &DeValue, place: &dyn Fn(usize) -> Place) -> Value {
         DeValue::Integer(i) => match i64::from_str_radix(i.as_str(), i.radix()) {
             Ok(i) => Value::Integer(i),
             // Too long for an integer; whoever wants a whole number will refuse it.
-            Err(_) => Value::Number(i.as_str().parse().unwrap_or(f64::INFINITY)),
+            Err(_) if i.radix() == 10 => Value::Number(i.as_str().parse().unwrap_or(f64::INFINITY)),
+            Err(_) => {
+                let radix = f64::from(i.radix());
+                let digits = i.as_str().chars().filter_map(|c| c.to_digit(i.radix()));
+                Value::Number(digits.fold(0.0, |x, digit| x * radix + f64::from(digit)))
+            }
         },
         DeValue::Float(x) => Value::Number(x.as_str().parse().unwrap_or(f64::NAN)),
         DeValue::String(s) => Value::Text(s.to_string()),

@@ -26,20 +26,20 @@ pub(super) fn read(
     first_id: u64,
     outside: &dyn Fn(&Vec3) -> Option<String>,
 ) -> Result<Vec<Listed>, Vec<String>> {
-    let reader = csv::ReaderBuilder::new()
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| vec![format!("{} cannot be read: {error}", path.display())])?;
+    let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
         .flexible(true)
-        .from_path(path);
-    let mut reader =
-        reader.map_err(|error| vec![format!("{} cannot be read: {error}", path.display())])?;
+        .from_reader(text.as_bytes());
     let header = reader.headers().map_err(|error| vec![error.to_string()])?.clone();
     let columns = Columns::find(&header, shapes)?;
 
     let mut rows = Vec::new();
     let mut mistakes = Vec::new();
     for (k, record) in reader.records().enumerate() {
-        let line = |record: &StringRecord| record.position().map_or(0, csv::Position::line);
+        let line = |record: &StringRecord| line_of(record, &text);
         match record {
             Err(error) => mistakes.push(error.to_string()),
             Ok(record) => match columns.row(&record, shapes) {
@@ -70,6 +70,14 @@ pub(super) fn read(
         mistakes.push(format!("{more} more lines have mistakes"));
     }
     Err(mistakes)
+}
+
+/// The line in which a record stands. Its position may be before blank lines and comments.
+fn line_of(record: &StringRecord, text: &str) -> usize {
+    let begin = record.position().map_or(0, |position| position.byte() as usize);
+    let (before, after) = text.split_at(begin);
+    let is_skipped = |line: &&str| line.trim().is_empty() || line.starts_with('#');
+    1 + before.matches('\n').count() + after.lines().take_while(is_skipped).count()
 }
 
 /// Where each group of columns stands.
@@ -122,6 +130,13 @@ impl Columns {
     }
 
     fn row(&self, record: &StringRecord, shapes: &[&str]) -> Result<Listed, String> {
+        if record.iter().skip(self.header.len()).any(|cell| !cell.is_empty()) {
+            return Err(format!(
+                "it has {} cells, but there are {} columns; decimals are written with a point",
+                record.len(),
+                self.header.len()
+            ));
+        }
         let cell = |column: usize| record.get(column).unwrap_or_default();
         let number = |column: usize| match cell(column).parse::<f64>() {
             Ok(x) if x.is_finite() => Ok(x),

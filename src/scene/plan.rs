@@ -210,7 +210,7 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
         page.line("servos", format!("a sum of {bytes} bytes over all ranks in each step"));
     }
     page.line("halo width", format!("{reach:.4e} m, largest bounding diameter and skin"));
-    if count == 0 {
+    if count == 0 || scene.start.is_some() {
         page.line("particles", "known when the start snapshot is read");
         return;
     }

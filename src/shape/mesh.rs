@@ -7,7 +7,7 @@ use super::hull::{Hull, HullError, size};
 use super::polyhedron::deepest;
 use crate::math::Vec3;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Cursor};
 use std::path::Path;
 
 /// How far a mesh may be from convex, relative to its size.
@@ -70,10 +70,36 @@ pub fn read(path: &Path, scale: f64) -> Result<Vec<Vec3>, MeshError> {
 
 fn stl(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
     let unreadable = |error: std::io::Error| MeshError::Unreadable(error.to_string());
-    let mut reader = BufReader::new(File::open(path).map_err(unreadable)?);
-    let triangles = stl_io::create_stl_reader(&mut reader).map_err(unreadable)?;
-    let corners = |t: stl_io::Triangle| t.vertices.map(|v| Vec3::from(v.0.map(f64::from)));
-    triangles.map(|triangle| triangle.map(corners).map_err(unreadable)).collect()
+    let bytes = std::fs::read(path).map_err(unreadable)?;
+    let mut triangles = Vec::new();
+    for solid in solids(bytes) {
+        let mut reader = Cursor::new(solid);
+        let corners = |t: stl_io::Triangle| t.vertices.map(|v| Vec3::from(v.0.map(f64::from)));
+        for triangle in stl_io::create_stl_reader(&mut reader).map_err(unreadable)? {
+            triangles.push(triangle.map(corners).map_err(unreadable)?);
+        }
+    }
+    Ok(triangles)
+}
+
+/// A binary file as it is; of a text the patches one by one, for the library reads no more than the first, and only if
+/// it has a name.
+fn solids(bytes: Vec<u8>) -> Vec<Vec<u8>> {
+    let Some(text) = std::str::from_utf8(&bytes)
+        .ok()
+        .filter(|text| text.trim_start().starts_with("solid") && text.contains("facet"))
+    else {
+        return vec![bytes];
+    };
+    let mut solids: Vec<Vec<u8>> = Vec::new();
+    for line in text.lines().map(str::trim) {
+        if line.starts_with("solid") {
+            solids.push(b"solid patch\n".to_vec());
+        } else if let Some(solid) = solids.last_mut() {
+            solid.extend(line.bytes().chain([b'\n']));
+        }
+    }
+    solids
 }
 
 fn obj(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
@@ -125,7 +151,8 @@ fn corners(triangles: &[[Vec3; 3]]) -> Result<Vec<Vec3>, MeshError> {
     if depth > CONVEX * size {
         return Err(MeshError::Dented { depth, size });
     }
-    let origin = hull.vertices()[0];
+    // From inside: a hole whose plane holds the origin would not show.
+    let origin = hull.vertices().iter().sum::<Vec3>() / hull.vertices().len() as f64;
     let volume = |[a, b, c]: [Vec3; 3]| (a - origin).dot(&(b - origin).cross(&(c - origin))) / 6.0;
     let mesh_volume: f64 = triangles.iter().map(|&t| volume(t)).sum();
     let corner = |k: u32| hull.vertices()[k as usize];
@@ -135,4 +162,59 @@ fn corners(triangles: &[[Vec3; 3]]) -> Result<Vec<Vec3>, MeshError> {
         return Err(MeshError::Open { volume: mesh_volume.abs(), hull: hull_volume });
     }
     Ok(hull.vertices().to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{MeshError, corners, stl};
+    use crate::math::Vec3;
+    use std::fmt::Write;
+
+    /// A cube, two triangles for each side.
+    fn cube() -> Vec<[Vec3; 3]> {
+        let mut triangles = Vec::new();
+        for axis in 0..3 {
+            for side in [-1.0, 1.0] {
+                let at = |u: f64, v: f64| {
+                    let mut corner = Vec3::zeros();
+                    corner[axis] = side;
+                    corner[(axis + 1) % 3] = u * side;
+                    corner[(axis + 2) % 3] = v;
+                    corner
+                };
+                let [a, b, c, d] = [at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)];
+                triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        triangles
+    }
+
+    #[test]
+    fn a_hole_on_any_side_is_found() {
+        assert_eq!(corners(&cube()).unwrap().len(), 8);
+        for side in 0..6 {
+            let mut open = cube();
+            open.drain(2 * side..2 * side + 2);
+            assert!(matches!(corners(&open), Err(MeshError::Open { .. })), "{side}");
+        }
+    }
+
+    #[test]
+    fn all_patches_of_a_text_are_read() {
+        let mut text = String::new();
+        for patch in cube().chunks(5) {
+            text += "solid\n";
+            for triangle in patch {
+                text += " facet normal 0 0 0\n  outer loop\n";
+                for corner in triangle {
+                    writeln!(text, "   vertex {} {} {}", corner.x, corner.y, corner.z).unwrap();
+                }
+                text += "  endloop\n endfacet\n";
+            }
+            text += "endsolid\n";
+        }
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), text).unwrap();
+        assert_eq!(stl(file.path()).unwrap(), cube());
+    }
 }
