@@ -68,6 +68,7 @@ fn wrap(particles: &mut Particles) {
     if !particles.needs.image {
         return;
     }
+    let mut is_any_far = false;
     for slot in 0..particles.owned {
         for axis in 0..3 {
             let period = particles.period[axis];
@@ -79,10 +80,37 @@ fn wrap(particles: &mut Particles) {
             if *x >= low + period {
                 *x -= period;
                 particles.image[slot][axis] += 1;
+                is_any_far |= *x > low + period;
             } else if *x < low {
                 *x += period;
                 particles.image[slot][axis] -= 1;
+                is_any_far |= *x < low;
             }
+        }
+    }
+    if is_any_far {
+        bring_back(particles);
+    }
+}
+
+/// Brings back along periodic axes what is farther out than a step of a sound run can carry it: the state of a domain
+/// that begins elsewhere, or of a run that has become unstable. Each particle is then where its owner's subdomain is.
+pub fn bring_back(particles: &mut Particles) {
+    if !particles.needs.image {
+        return;
+    }
+    for slot in 0..particles.owned {
+        for axis in 0..3 {
+            let (low, period) = (particles.low[axis], particles.period[axis]);
+            let x = &mut particles.position[slot][axis];
+            // The high face is left alone, where rounding may have put a particle until the next step.
+            if !period.is_finite() || !x.is_finite() || (low..=low + period).contains(x) {
+                continue;
+            }
+            let turns = ((*x - low) / period).floor();
+            *x = (*x - turns * period).clamp(low, low + period);
+            let image = &mut particles.image[slot][axis];
+            *image = image.saturating_add(turns as i32);
         }
     }
 }

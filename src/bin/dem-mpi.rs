@@ -103,7 +103,7 @@ fn stop_signals() -> Arc<AtomicUsize> {
     for signal in [SIGTERM, SIGUSR1] {
         let set = signal_hook::flag::register_usize(signal, Arc::clone(&stop), signal as usize);
         if let Err(error) = set {
-            eprintln!("signal {signal} will end the run at once: {error}");
+            tell(format_args!("signal {signal} will end the run at once: {error}"));
         }
     }
     stop
@@ -132,8 +132,13 @@ fn on_this_rank(
 /// Says something once, however many ranks there are.
 fn say(comm: &dyn Comm, text: impl std::fmt::Display) {
     if comm.is_root() {
-        eprintln!("{text}");
+        tell(text);
     }
+}
+
+/// To standard error; that nobody reads it does not end a run.
+fn tell(text: impl std::fmt::Display) {
+    let _ = writeln!(std::io::stderr(), "{text}");
 }
 
 /// Reads the scene on rank 0 and hands it, or the errors in it, to all.
@@ -306,7 +311,7 @@ fn run(
                 // The rank that owns A has met the same, and says so.
                 std::thread::sleep(OTHERS_FIRST);
             }
-            eprintln!("rank {}: {error}", comm.rank().0);
+            tell(format_args!("rank {}: {error}", comm.rank().0));
             if in_threads {
                 std::process::exit(i32::from(FAILED));
             }
@@ -324,7 +329,8 @@ fn run(
     display.end();
     let text = report(sim, &finish, comm);
     if comm.is_root() {
-        print!("\n{text}\nsnapshot   {}\n", finish.snapshot.display());
+        let snapshot = finish.snapshot.display();
+        let _ = write!(std::io::stdout(), "\n{text}\nsnapshot   {snapshot}\n");
     }
     Ok(finish)
 }
@@ -363,7 +369,7 @@ impl Display {
         }
         for warning in progress.warnings {
             let text = format!("warning: {warning}");
-            self.bar.as_ref().map_or_else(|| eprintln!("{text}"), |bar| bar.println(&text));
+            self.bar.as_ref().map_or_else(|| tell(&text), |bar| bar.println(&text));
         }
         if let Some(m) = progress.measures {
             self.last_state = format!(
@@ -384,12 +390,12 @@ impl Display {
             let Progress { done, of, .. } = *progress;
             let per_second = done as f64 / self.begin.elapsed().as_secs_f64();
             let left = Duration::from_secs(((of - done) as f64 / per_second) as u64);
-            eprintln!(
+            tell(format_args!(
                 "{done} of {of} steps, {:.1} %, {per_second:.1} steps/s, {} left; {}",
                 100.0 * done as f64 / of as f64,
                 indicatif::HumanDuration(left),
                 self.last_state
-            );
+            ));
         }
     }
 

@@ -9,6 +9,7 @@ use mpi::ffi;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{AsRaw, Communicator, Root};
 use std::ffi::{c_int, c_void};
+use std::io::{self, Write};
 use std::mem::MaybeUninit;
 
 /// Tags keep expected and unexpected parcels apart.
@@ -66,7 +67,8 @@ impl World {
         let rank = comm.rank();
         let print = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |info| {
-            eprintln!("rank {rank} met a bug of dem-mpi and ends the run:");
+            // Where nobody listens, that is no reason to hang.
+            let _ = writeln!(io::stderr(), "rank {rank} met a bug of dem-mpi and ends the run:");
             print(info);
             // SAFETY: MPI is initialised, and MPI_Abort may be called at any moment.
             unsafe { ffi::MPI_Abort(ffi::RSMPI_COMM_WORLD, 101) };

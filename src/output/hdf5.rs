@@ -394,11 +394,8 @@ fn check_seal(path: &Path, comm: &mut dyn Comm) -> Result<(), SnapshotError> {
     };
     let read = read();
     let (here, sum) = agree(comm, read)?;
-    if add_up(comm, here) == sum {
-        Ok(())
-    } else {
-        Err(SnapshotError::damaged(path, "the whole file"))
-    }
+    let same = add_up(comm, here) == sum;
+    agree(comm, if same { Ok(()) } else { Err(SnapshotError::damaged(path, "the whole file")) })
 }
 
 /// The checksum of this rank's share of the first `length` bytes of a file.
@@ -720,9 +717,11 @@ impl StoredFile {
                 Ok((self.sum_of(&stored, rows)?, self.expected(&stored)?))
             });
             let (here, expected) = agree(comm, checked)?;
-            if add_up(comm, here) != expected {
-                return Err(SnapshotError::damaged(&self.path, &place));
-            }
+            let same = add_up(comm, here) == expected;
+            agree(
+                comm,
+                if same { Ok(()) } else { Err(SnapshotError::damaged(&self.path, &place)) },
+            )?;
         }
         Ok(())
     }

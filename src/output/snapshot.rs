@@ -182,9 +182,9 @@ pub fn write(
     Ok(directory.join(&names[1]))
 }
 
-/// Keeps a directory to one run: none of its snapshots may be later than the step at which a run begins. If
-/// `remove`, those that are go. Where the run goes on from this very directory, they were passed over as damaged, and
-/// stay. Collective.
+/// Keeps a directory to one run: none of its snapshots may be later than the step at which a run begins, and there are
+/// earlier ones only if it goes on from one of them. If `remove`, those that are later go. Where the run goes on from the
+/// directory as a whole, they were passed over as damaged, and stay. Collective.
 ///
 /// # Errors
 /// On all ranks: [`SnapshotError::Later`], or rank 0 cannot remove them.
@@ -195,12 +195,14 @@ pub fn none_later(
     start: Option<&Path>,
     comm: &mut dyn Comm,
 ) -> Result<(), SnapshotError> {
-    let is_start = |real: PathBuf| start.is_some_and(|s| s.canonicalize().is_ok_and(|s| s == real));
+    let [here, start] = [Some(directory), start].map(|path| path?.canonicalize().ok());
+    let is_one_of_them = start.as_deref().and_then(Path::parent) == here.as_deref();
     let mut later = Vec::new();
     // As rank 0 sees the directory: others may see it late.
-    if comm.is_root() && !directory.canonicalize().is_ok_and(is_start) {
+    if comm.is_root() && start != here {
         later = steps_in(directory);
-        later.retain(|(of, _)| *of > step);
+        let is_strange = step > 0 && !remove && !is_one_of_them;
+        later.retain(|(of, _)| *of > step || is_strange);
     }
     if remove {
         return on_root(directory, comm, || {

@@ -72,7 +72,9 @@ impl History {
         let kept: Vec<String> = if path.exists() {
             std::fs::read_to_string(&path)
                 .map_err(|e| failed(&e))?
-                .lines()
+                .split_inclusive('\n')
+                // A crash may have left half a line.
+                .filter_map(|line| line.strip_suffix('\n'))
                 .filter(|line| {
                     let step = line.split(',').next().and_then(|s| s.parse::<u64>().ok());
                     step.is_some_and(&keep)
@@ -82,7 +84,6 @@ impl History {
         } else {
             Vec::new()
         };
-        let mut file = File::create(&path).map_err(|e| failed(&e))?;
         let mut columns = COLUMNS.map(str::to_owned).to_vec();
         for Wall { name, .. } in walls {
             columns.extend(["x", "y", "z"].map(|axis| format!("force_{name}_{axis}_N")));
@@ -100,9 +101,22 @@ impl History {
         for line in kept {
             text.extend(line.bytes().chain([b'\n']));
         }
-        file.write_all(&text).map_err(|e| failed(&e))?;
+        // The rows of before are there at any moment.
+        let partial = directory.join(".history.csv.partial");
+        let mut file = File::create(&partial).map_err(|e| failed(&e))?;
+        file.write_all(&text).and_then(|()| file.sync_all()).map_err(|e| failed(&e))?;
+        std::fs::rename(&partial, &path).map_err(|e| failed(&e))?;
         let writer = csv::WriterBuilder::new().has_headers(false).from_writer(file);
         Ok(Self { path, writer, period })
+    }
+
+    /// Waits until all rows are on the disk, where a snapshot will be that goes on from them.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn sync(&self) -> Result<(), TableError> {
+        let synced = self.writer.get_ref().sync_data();
+        synced.map_err(|e| TableError { path: self.path.clone(), cause: e.to_string() })
     }
 
     /// Appends a row; the walls are those of [`History::open`], where they stand now.

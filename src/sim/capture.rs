@@ -5,6 +5,7 @@ use crate::comm::{Comm, Parcel, wire};
 use crate::contact::{NamedHistory, Pair};
 use crate::ids::{GlobalId, Rank, ShapeId};
 use crate::math::{Quat, Vec3};
+use crate::motion;
 use crate::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
 use crate::particles::records::Particle;
 use crate::search::Loaded;
@@ -135,6 +136,7 @@ impl Simulation {
         for particle in particles {
             self.particles.push_owned(particle);
         }
+        motion::bring_back(&mut self.particles);
         let work = vec![1; self.particles.owned];
         self.domain.recut(&self.particles, &work, comm);
         self.domain.migrate(&mut self.particles, &self.pairs, comm);

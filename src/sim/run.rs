@@ -165,7 +165,7 @@ pub fn run(
             history.push(sim.step, sim.time(), &measures, &sim.particles.walls)?;
         }
         if schedule.snapshot_every > 0 {
-            saved = Some(save(sim, schedule, &measures, comm)?);
+            saved = Some(save(sim, schedule, history.as_ref(), &measures, comm)?);
         }
         last = Some(measures);
     }
@@ -189,7 +189,7 @@ pub fn run(
                 history.push(sim.step, sim.time(), &measures, &sim.particles.walls)?;
             }
             if snapshot_due {
-                saved = Some(save(sim, schedule, &measures, comm)?);
+                saved = Some(save(sim, schedule, history.as_ref(), &measures, comm)?);
             }
             last = Some(measures);
             if at_rest {
@@ -219,7 +219,7 @@ pub fn run(
     };
     let snapshot = match saved {
         Some(snapshot) => snapshot,
-        None => save(sim, schedule, &measures, comm)?,
+        None => save(sim, schedule, history.as_ref(), &measures, comm)?,
     };
     sim.clock.lap(Phase::Output);
     let mut total = [particle_steps as i64];
@@ -323,13 +323,15 @@ impl StopCheck {
     }
 }
 
-/// Writes a snapshot of this moment, if its state is one to go on from. Collective.
+/// Writes a snapshot of this moment, if its state is one to go on from, after the rows of before. Collective.
 fn save(
     sim: &Simulation,
     schedule: &Schedule,
+    history: Option<&History>,
     measures: &Measures,
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, RunError> {
+    history.map_or(Ok(()), History::sync)?;
     let checked = sim.domain.check(&sim.particles).and_then(|()| {
         let forces = sim.particles.id.iter().zip(&sim.particles.force);
         match forces.into_iter().find(|(_, force)| !force.norm().is_finite()) {

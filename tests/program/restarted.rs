@@ -2,7 +2,8 @@
 
 use super::process::{Launch, dem_mpi};
 use super::{
-    HEAP_STEPS, assert_same_result, column, fresh_directory, heap, history, scene, snapshot,
+    HEAP_STEPS, assert_same_result, column, finished, fresh_directory, heap, history, scene,
+    snapshot,
 };
 use dem_mpi::output::snapshot::Reader;
 use std::collections::BTreeMap;
@@ -71,6 +72,36 @@ fn a_used_directory_is_refused() {
     heap_in(&directory, Launch::Ranks(2), &[&again[..], &["--overwrite"]].concat()).succeed();
     let there = [0, 100, 150, 200, 300].map(|step| snapshot(&directory, step).exists());
     assert_eq!(there, [true, true, true, false, false]);
+}
+
+/// A directory with an earlier stage keeps the table of that stage.
+#[test]
+fn a_stage_does_not_write_over_the_one_before() {
+    let directory = fresh_directory("over");
+    dem_mpi(Launch::Alone, [&scene("heap"), "--steps", "1500"]).from(&directory).succeed();
+    let before = history(&directory.join("heap"));
+    let refused =
+        dem_mpi(Launch::Alone, [&scene("tilted"), "--out", "heap"]).from(&directory).end();
+    assert_eq!(refused.status.code(), Some(2), "{refused}");
+    refused.said_once("has snapshots up to step 1500, and this run begins at step 1500");
+    assert_eq!(history(&directory.join("heap")), before);
+}
+
+/// The same periods, but the domain begins elsewhere: particles come to where it is.
+#[test]
+fn a_periodic_domain_may_begin_elsewhere() {
+    let whole = finished("periodic", Launch::Alone);
+    let start = ["--start", whole.directory.to_str().unwrap(), "--steps", "200"];
+    let set = ["--set", "domain.low=[-0.019, -0.0225, -0.021]", "--set"];
+    let [alone, together] = [Launch::Alone, Launch::Ranks(3)].map(|launch| {
+        let directory = fresh_directory(&format!("elsewhere_{launch:?}"));
+        let out = ["--out", directory.to_str().unwrap()];
+        let high = ["domain.high=[0.021, 0.0175, 0.019]"];
+        let periodic = [&*scene("periodic")];
+        dem_mpi(launch, [&periodic[..], &start, &set, &high, &out].concat()).succeed();
+        directory
+    });
+    assert_same_result(&alone, &together);
 }
 
 /// Walls are known by their names: in another order they keep what is remembered of their contacts. And a stage
