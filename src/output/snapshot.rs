@@ -847,7 +847,7 @@ fn steps_in(directory: &Path) -> Vec<(u64, PathBuf)> {
 }
 
 /// The step of a particles file, by its name.
-fn step_of(path: &Path) -> Option<u64> {
+pub fn step_of(path: &Path) -> Option<u64> {
     let name = path.file_name()?.to_str()?;
     name.strip_prefix("particles_")?.strip_suffix(".vtkhdf")?.parse().ok()
 }

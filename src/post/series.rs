@@ -4,7 +4,7 @@ use super::picture::Picture;
 use super::region::Margin;
 use super::report::Report;
 use super::{PostError, Settings, analyse, inside};
-use crate::output::snapshot::Reader;
+use crate::output::snapshot::{Reader, step_of};
 use std::path::{Path, PathBuf};
 
 /// The newest snapshot of a folder: the one that `last.vtkhdf` points to, else that of the latest step.
@@ -24,15 +24,11 @@ pub fn newest(folder: &Path) -> Result<PathBuf, PostError> {
 /// # Errors
 /// As [`newest`].
 pub fn all(folder: &Path) -> Result<Vec<PathBuf>, PostError> {
-    let step_of = |path: &PathBuf| -> Option<u64> {
-        let name = path.file_name()?.to_str()?;
-        name.strip_prefix("particles_")?.strip_suffix(".vtkhdf")?.parse().ok()
-    };
     let unlisted = |cause| PostError::Unlisted { folder: folder.to_path_buf(), cause };
     let entries = std::fs::read_dir(folder).map_err(unlisted)?;
     let paths = entries.filter_map(|entry| entry.ok().map(|e| e.path()));
     let mut files: Vec<PathBuf> = paths.filter(|path| step_of(path).is_some()).collect();
-    files.sort_by_key(step_of);
+    files.sort_by_key(|path| step_of(path));
     if files.is_empty() {
         return Err(PostError::NoSnapshot { folder: folder.to_path_buf() });
     }

@@ -144,30 +144,14 @@ impl Fills<'_> {
     ) -> (Vec3, Vec3) {
         let axis = if self.gravity == Vec3::zeros() { 2 } else { self.gravity.iamax() };
         let upwards = self.gravity[axis] > 0.0;
-        match (low, high) {
-            (Some(low), Some(high)) => (low, high),
-            (Some(low), None) if upwards => {
-                let mut high = domain.high;
-                high[axis] = low[axis] + thickness;
-                (low, high)
-            }
-            (None, Some(high)) if upwards => (domain.low, high),
-            (Some(low), None) => (low, domain.high),
-            (None, Some(high)) => {
-                let mut low = domain.low;
-                low[axis] = high[axis] - thickness;
-                (low, high)
-            }
-            (None, None) => {
-                let (mut low, mut high) = (domain.low, domain.high);
-                if upwards {
-                    high[axis] = low[axis] + thickness;
-                } else {
-                    low[axis] = high[axis] - thickness;
-                }
-                (low, high)
-            }
+        let is_thin = if upwards { high.is_none() } else { low.is_none() };
+        let (mut low, mut high) = (low.unwrap_or(domain.low), high.unwrap_or(domain.high));
+        if is_thin && upwards {
+            high[axis] = low[axis] + thickness;
+        } else if is_thin {
+            low[axis] = high[axis] - thickness;
         }
+        (low, high)
     }
 
     fn lattice(&self, section: &Section) -> Option<Lattice> {

@@ -147,14 +147,13 @@ impl Run {
                 .into_iter()
                 .filter_map(|name| Some((name, missing_energy(&stage(name))?)))
                 .collect(),
-            costs: stages.into_iter().filter_map(|name| cost(name, &stage(name))).collect(),
+            costs: Vec::new(),
         };
-        let mut costs = std::mem::take(&mut run.costs);
-        for cost in &mut costs {
+        let costs = stages.into_iter().filter_map(|name| cost(name, &stage(name))).map(|cost| {
             let is_whole = run.steps_of(cost.stage) == Some(cost.steps);
-            cost.core_hours = cost.core_hours.filter(|_| is_whole);
-        }
-        run.costs = costs;
+            Cost { core_hours: cost.core_hours.filter(|_| is_whole), ..cost }
+        });
+        run.costs = costs.collect();
         let pictures = packing
             .filter(|_| !run.shear.is_empty())
             .map(|(_, packing)| Pictures { packing, sheared: shear.1 });
