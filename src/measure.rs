@@ -122,8 +122,9 @@ pub fn measure(
         add(Of::Dissipated as usize, particles.dissipated[slot]);
         add(Of::Received as usize, particles.received[slot]);
         if let Some(spin) = &particles.spin {
-            let kick = spin.torque[slot] - spin.angular_momentum[slot] * field.damping;
-            let momentum = spin.angular_momentum[slot] + kick * (0.5 * dt);
+            let before = particles.angular_momentum(slot);
+            let kick = spin.torque[slot] - before * field.damping;
+            let momentum = before + kick * (0.5 * dt);
             let angular_velocity = particles.angular_velocity_for(slot, &momentum);
             add(Of::Rotation as usize, 0.5 * angular_velocity.dot(&momentum));
         }
@@ -132,7 +133,9 @@ pub fn measure(
         maxima[2] = larger(maxima[2], particles.position[slot].z + radius);
     }
 
-    for Loaded { pair: Pair { a, b }, history, spring, load } in pairs.contacts() {
+    for contact in pairs.contacts(law, particles) {
+        let Loaded { pair: Pair { a, b }, history, spring, normal_force, force, point: _ } =
+            contact;
         let wall = b.index().checked_sub(particles.first_wall());
         // A contact counts where its first particle is owned.
         if a.index() >= particles.owned {
@@ -141,15 +144,15 @@ pub fn measure(
         let (of_a, of_b) = (particles.material(a), particles.material(b));
         add(Of::Stored as usize, law.stored(of_a, of_b, history.overlap, &spring));
         maxima[0] = larger(maxima[0], history.overlap / shortest_axis(particles, a, b));
-        add(Of::ContactForce as usize, load.force.norm());
+        add(Of::ContactForce as usize, force.norm());
         if let Some(wall) = wall {
             counts[2] += 1;
             for axis in 0..3 {
-                add(Of::FirstWall as usize + 3 * wall + axis, load.force[axis]);
+                add(Of::FirstWall as usize + 3 * wall + axis, force[axis]);
             }
         } else {
             counts[1] += 1;
-            add(Of::NormalForce as usize, history.normal_force);
+            add(Of::NormalForce as usize, normal_force);
         }
     }
 
@@ -202,8 +205,8 @@ pub fn energy_when_free(particles: &Particles, slot: usize, field: &Field, dt: f
     let velocity = particles.velocity[slot] * later + field.gravity * (0.5 * dt);
     let mut energy = 0.5 * mass * velocity.norm_squared()
         - mass * unwrapped(particles, slot).dot(&field.gravity);
-    if let Some(spin) = &particles.spin {
-        let momentum = spin.angular_momentum[slot] * later;
+    if particles.spin.is_some() {
+        let momentum = particles.angular_momentum(slot) * later;
         energy += 0.5 * particles.angular_velocity_for(slot, &momentum).dot(&momentum);
     }
     energy

@@ -115,23 +115,19 @@ pub fn bring_back(particles: &mut Particles) {
     }
 }
 
-/// Kicks the angular momenta of spheres, of which nobody sees how they are turned.
+/// Kicks the angular velocities of spheres, of which nobody sees how they are turned.
 fn spin_spheres(particles: &mut Particles, slower: f64, faster: f64, damping: f64, dt: f64) {
     let Particles { spin: Some(spin), library, shape, dissipated, owned, .. } = particles else {
         return;
     };
     for slot in 0..*owned {
-        let before = spin.angular_momentum[slot];
-        let momentum = (before * slower + spin.torque[slot] * dt) * faster;
-        spin.angular_momentum[slot] = momentum;
-        let angular_velocity = momentum / library.inertia[shape[slot].index()].x;
-        spin.angular_velocity[slot] = angular_velocity;
+        let inertia = library.inertia[shape[slot].index()].x;
+        let before = spin.angular_velocity[slot];
+        let after = (before * slower + spin.torque[slot] * (dt / inertia)) * faster;
+        spin.angular_velocity[slot] = after;
         if damping > 0.0 {
-            let mean_momentum = (before + momentum) * 0.5;
-            let ratio = mean_momentum.norm_squared() / momentum.norm_squared();
-            if ratio.is_finite() {
-                dissipated[slot] += damping * dt * angular_velocity.dot(&momentum) * ratio;
-            }
+            let mean = (before + after) * 0.5;
+            dissipated[slot] += damping * dt * inertia * mean.norm_squared();
         }
     }
 }

@@ -529,7 +529,7 @@ fn growth_in_a_crystal(damping: &str, part: f64) -> f64 {
         for place in [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5, 0.0, 0.5], [0.0, 0.5, 0.5]] {
             let position = (Vec3::from(corner) + Vec3::from(place)) * edge;
             let mut ball = at(balls.len() as u64, position, random.vector(-1e-8, 1e-8));
-            ball.angular_momentum = random.vector(-1e-12, 1e-12);
+            ball.angular_velocity = random.vector(-2e-6, 2e-6);
             balls.push(ball);
         }
     }

@@ -59,7 +59,15 @@ fn imports_point_up_the_rows() {
             assert!(["lib", "bin"].contains(&module), "{module} has no row");
             continue;
         };
-        for import in imports(&fs::read_to_string(&path).unwrap()) {
+        let text = fs::read_to_string(&path).unwrap();
+        for hidden in ["crate::{", "super::super::"] {
+            assert!(
+                !text.contains(hidden),
+                "{}: {hidden} hides what is imported",
+                inside.display()
+            );
+        }
+        for import in imports(&text) {
             let Some(&of) = row_of.get(import.as_str()) else {
                 wrong.push(format!("{}: crate::{import} has no row", inside.display()));
                 continue;

@@ -41,6 +41,7 @@ pub(crate) fn header(step: u64) -> Header {
         layers_fallen: 7,
         particles_fallen: Some(70),
         next_id: u64::MAX / 3,
+        stop: if step.is_multiple_of(2) { "rest = 1e-6".to_owned() } else { String::new() },
         low: n.vector(),
         high: n.vector(),
         periodic: [true, false, true],
@@ -119,8 +120,9 @@ pub(crate) fn contacts(rows: Range<u64>) -> ContactTable {
 pub(crate) fn histories(rows: Range<u64>) -> HistoryTable {
     rows.map(|k| {
         let mut n = Numbers(k + 3000);
-        let history = History { normal: n.vector(), overlap: n.next(), normal_force: n.next() };
-        NamedHistory { a: GlobalId(k), b: partner(k), history, spring: n.vector() }
+        let history = History { normal: n.vector(), overlap: n.next() };
+        let (spring, normal_force) = (n.vector(), n.next());
+        NamedHistory { a: GlobalId(k), b: partner(k), history, spring, normal_force }
     })
     .collect()
 }

@@ -10,6 +10,7 @@ use dem_mpi::post::single_contact::statistics::Summary;
 use dem_mpi::post::single_contact::study::{InCase3, at_offset, case_1, case_2, erosion, errors};
 use dem_mpi::shape::Kind;
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::io::Write;
 use std::process::{Command, Output, Stdio};
 
@@ -216,6 +217,51 @@ fn superellipsoids_of_any_exponent_and_solids_are_read() {
         let said = said(&output);
         assert!(said.contains("input:4: ") && said.lines().count() == 1, "{said}");
     }
+}
+
+/// Ellipsoids a metre apart, of these semi-axes.
+fn ellipsoids_of(sizes: impl Iterator<Item = f64>) -> String {
+    let mut text =
+        "id,aA,bA,cA,aB,bB,cB,xA,yA,zA,qwA,qxA,qyA,qzA,xB,yB,zB,qwB,qxB,qyB,qzB\n".to_owned();
+    for (id, size) in sizes.enumerate() {
+        let axes = format!("{size:?},1.0,1.0");
+        writeln!(text, "{id},{axes},{axes},0,0,0,1,0,0,0,1,0,0,1,0,0,0").unwrap();
+    }
+    text
+}
+
+/// A hundred sizes, each of which comes again after all the others, are a hundred shapes.
+#[test]
+fn shapes_that_come_up_again_are_not_new() {
+    let pairs = 70_000;
+    let size = |pair: u32| 1.0 + f64::from(pair % 100) / 64.0;
+    let text = ellipsoids_of((0..pairs).map(size));
+    let read_back = read("sizes", &text).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(read_back.len(), pairs as usize);
+    for pair in 0..pairs {
+        let (a, b, _) = read_back.posed(pair as usize);
+        assert_eq!([a, b].map(|body| body.shape.semi_axes().x), [size(pair); 2], "{pair}");
+    }
+    // So many that are all different are still too many.
+    let text = ellipsoids_of((0..pairs).map(|pair| 1.0 + f64::from(pair) / 1e6));
+    let error = read("sizes", &text).unwrap_err().to_string();
+    assert_eq!(error, "sizes:65538: more than 65,536 different shapes: split the file");
+}
+
+/// So far apart that the square of the distance overflows: the closed form still says apart, but nobody how far.
+#[test]
+fn nobody_is_named_where_there_is_no_answer() {
+    let pair =
+        |x: &str| r#"{"id": "X", "rA": 1, "rB": 1, "cA": [0,0,0], "cB": [X,0,0]}"#.replace('X', x);
+    let output = dem_contact(&["-", "--repeats", "0"], &[pair("3"), pair("1e200")].join("\n"));
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    let solvers = rows(&output.stdout).into_iter().map(|mut row| {
+        let numbers =
+            [row.remove("overlap"), row.remove("nx"), row.remove("Cz")].map(Option::unwrap);
+        (row.remove("solver").unwrap(), numbers.iter().all(String::is_empty))
+    });
+    let solvers: Vec<_> = solvers.collect();
+    assert_eq!(solvers, [("sphere-sphere".into(), false), (String::new(), true)]);
 }
 
 /// Cases I and II are placed as the reference has them.

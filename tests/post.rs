@@ -12,10 +12,14 @@ use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::{Among, FabricSum, ForceFabricSum, Rose, degree};
 use dem_mpi::post::forces::Histogram;
 use dem_mpi::post::history::{Curve, History};
-use dem_mpi::post::region::{Bounds, Extent, Members, Region, SampledSolid, Strain};
+use dem_mpi::post::region::{Bounds, Extent, Margin, Members, Region, SampledSolid, Strain};
+use dem_mpi::post::report::readable;
+use dem_mpi::post::section::Verdict;
 use dem_mpi::post::stress::{Stress, StressSum};
+use dem_mpi::post::triaxial::{Method, Run};
 use dem_mpi::post::{
-    Analysis, ParticlePass, PostError, Report, Settings, analyse, lammps, page, panels,
+    Analysis, ParticlePass, PostError, Report, Settings, analyse, lammps, page, panels, plots,
+    triaxial,
 };
 use dem_mpi::shape::{
     Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
@@ -25,9 +29,11 @@ use nalgebra::Quaternion;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
 use serde_json::Value;
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 use std::fs::File;
 use std::path::Path;
+use std::process::Command;
 
 /// Sums are exact; what is left is the rounding of each term and of the reference.
 const ROUNDING: f64 = 1e-12;
@@ -98,6 +104,7 @@ fn header(low: Vec3, high: Vec3, periodic: bool, semi_axes: Vec3, particles: usi
         layers_fallen: 0,
         particles_fallen: None,
         next_id: particles as u64,
+        stop: String::new(),
         low,
         high,
         periodic: [periodic; 3],
@@ -1334,4 +1341,302 @@ fn wrong_arguments_end_in_one_message_and_status_2() {
         assert!(message.contains(expected), "{arguments:?}: {message}");
         assert!(!message.contains("panicked"), "{message}");
     }
+}
+
+/// Writes a snapshot into a folder, which is made.
+fn store(folder: &Path, snapshot: &Snapshot) {
+    let Snapshot { header, particles, contacts } = snapshot;
+    snapshot::write(folder, header, particles, contacts, &[], &mut Alone::default())
+        .expect("a snapshot");
+}
+
+fn ended(command: &mut Command) -> (Option<i32>, String) {
+    let output = command.output().expect("the program can be started");
+    (output.status.code(), String::from_utf8(output.stderr).expect("text"))
+}
+
+#[test]
+fn two_snapshots_of_one_step_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let runs = ["one", "two"].map(|name| folder.path().join(name));
+    for run in &runs {
+        store(run, &ellipsoids(2, 7));
+    }
+    let dem_post = || Command::new(env!("CARGO_BIN_EXE_dem-post"));
+    let (status, message) = ended(dem_post().args(&runs));
+    assert_eq!(status, Some(2), "{message}");
+    assert_eq!(message.lines().count(), 1, "{message}");
+    for text in ["one/particles_000001000", "two/particles_000001000", "of step 1000", "--diff"] {
+        assert!(message.contains(text), "{message}");
+    }
+    assert!(!runs[1].join("post").exists(), "nothing is written");
+    // One file named twice is one snapshot.
+    let (status, message) = ended(dem_post().args([&runs[0], &runs[0]]));
+    assert_eq!(status, Some(0), "{message}");
+}
+
+#[test]
+fn a_series_may_be_longer_than_a_process_may_open_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut snapshot = ellipsoids(2, 7);
+    for step in 0..30 {
+        snapshot.header.step = step;
+        store(folder.path(), &snapshot);
+    }
+    let limited = ["-c", r#"ulimit -n 28; exec "$0" "$@""#, env!("CARGO_BIN_EXE_dem-post")];
+    let mut dem_post = Command::new("sh");
+    dem_post.args(limited).arg(folder.path()).args(["--series", "--lammps"]);
+    let (status, message) = ended(&mut dem_post);
+    assert_eq!(status, Some(0), "{message}");
+    let written = folder.path().join("post");
+    let table = std::fs::read_to_string(written.join("report.csv")).unwrap();
+    assert_eq!(table.lines().count(), 31);
+    let dumps = written
+        .read_dir()
+        .unwrap()
+        .flatten()
+        .filter(|entry| entry.path().extension().is_some_and(|extension| extension == "dump"));
+    assert_eq!(dumps.count(), 30);
+}
+
+/// A packing with a floor and sides, and a lid at this height.
+fn closed(height: f64) -> Snapshot {
+    let mut snapshot = ellipsoids(3, 9);
+    snapshot.header.walls.push(WallRow {
+        name: "+z".into(),
+        point: Vec3::z() * height,
+        normal: -Vec3::z(),
+        velocity: Vec3::zeros(),
+        force: Vec3::zeros(),
+    });
+    snapshot
+}
+
+/// Where no wall and no period ends a packing, a grain that is thrown up is no strain.
+#[test]
+fn an_open_packing_has_no_strain() {
+    let both = |first: &Snapshot, now: &Snapshot| {
+        let reports = [first, now].map(|snapshot| {
+            let mut report = snapshot.report();
+            report.strain_against(&first.report());
+            report
+        });
+        let s = &reports[1].summary;
+        (
+            (s.axial_strain.is_some(), s.volumetric_strain.is_some()),
+            plots::series(&reports).unwrap(),
+        )
+    };
+    let open = ellipsoids(3, 9);
+    let mut thrown = open.clone();
+    thrown.particles.position[26].z += 0.01;
+    let (strained, drawn) = both(&open, &thrown);
+    assert_eq!(strained, (false, false));
+    assert!(drawn.iter().all(|plot| plot.caption.ends_with("against time.")));
+    assert!(drawn.iter().all(|plot| plot.name != "volumetric_strain"));
+
+    let (high, low) = (closed(0.02), closed(0.019));
+    let (strained, drawn) = both(&high, &low);
+    assert_eq!(strained, (true, true));
+    assert!(drawn.iter().all(|plot| plot.caption.ends_with("against axial strain.")));
+    assert_eq!(both(&open, &low).0, (false, false), "the first has no lid");
+    assert_eq!(both(&high, &open).0, (false, false), "the second has none");
+
+    // Between a floor and a lid, first without sides, then with periods.
+    let between = |mut snapshot: Snapshot, periodic: bool| {
+        snapshot.header.walls.retain(|wall| wall.normal.z != 0.0);
+        snapshot.header.periodic = [periodic, periodic, false];
+        snapshot
+    };
+    let plates =
+        |periodic| both(&between(closed(0.02), periodic), &between(closed(0.019), periodic));
+    assert_eq!(plates(false).0, (true, false));
+    assert_eq!(plates(true).0, (true, true));
+}
+
+#[test]
+fn half_a_line_at_the_end_of_a_history_is_passed_over() {
+    let whole = "step,time_s,top_m,overlap\n0,0,1,0.5\n10,0.1,2,2e-6\n";
+    let history = History::read(whole.as_bytes()).unwrap();
+    assert_eq!(history.curves.len(), 2);
+    // In the middle of a cell, after the last comma, in half a number.
+    for cut in ["20,0.2,1", "20,0.2,", "20,0.2,3,2e", "20,0.2,3,2e-6", "\u{0}\u{0}"] {
+        let read = History::read(format!("{whole}{cut}").as_bytes());
+        assert_eq!(read.expect(cut), history, "{cut}");
+    }
+}
+
+#[test]
+fn captions_tell_what_is_beyond_a_plot() {
+    let captions = |forces: &[(f64, Vec3)]| {
+        let (_, contacts) = contacts_with(&vec![Vec3::x(); forces.len()], forces);
+        let header = header(Vec3::zeros(), Vec3::repeat(1.0), false, Vec3::repeat(0.1), 2);
+        let particles = particles_at(vec![Vec3::zeros(), Vec3::repeat(0.2)]);
+        let forces = Snapshot { header, particles, contacts }.report().forces.unwrap();
+        [
+            plots::force_distribution(&forces.normal, &forces.shear).unwrap().caption,
+            plots::friction(&forces.friction_used).unwrap().caption,
+        ]
+    };
+    let mut forces = vec![(1.0, Vec3::zeros()); 21];
+    assert!(captions(&forces).iter().all(|caption| !caption.contains("eyond")));
+    // One of 21 twenty times as strong as the mean; one that uses more friction than fits.
+    forces[3].0 = 400.0;
+    forces[7].1 = Vec3::z() * 1.5;
+    let [distribution, friction] = captions(&forces);
+    assert!(distribution.ends_with("at 8 times the mean and above: 4.762 % of the normal forces."));
+    assert!(friction.ends_with("at 1 and above: 4.762 % of the contacts."), "{friction}");
+    forces[3].1 = Vec3::z() * 200.0;
+    let [distribution, _] = captions(&forces);
+    assert!(
+        distribution.ends_with("4.762 % of the normal forces, 4.762 % of the tangential forces.")
+    );
+}
+
+/// Runs of a method: a packing, and a compression to 35 % with its peak at 5 %, if any.
+fn run_of(method: Method, sheared: bool, settings: impl Fn(&Snapshot) -> Settings) -> Run {
+    let report = |strain: f64| {
+        let mut snapshot = closed(0.02 * (-strain).exp());
+        for wall in &mut snapshot.header.walls {
+            wall.force = -wall.normal;
+        }
+        let mut report = snapshot.analyse(settings(&snapshot)).unwrap().report;
+        report.summary.axial_strain = Some(strain);
+        report.summary.q_over_p = Some(if strain == 0.05 { 1.0 } else { 0.7 });
+        report
+    };
+    Run {
+        method,
+        packing: Some(report(0.0)),
+        consolidation: None,
+        shear: (0..=7).filter(|_| sheared).map(|k| report(f64::from(k) * 0.05)).collect(),
+        missing_energy: Vec::new(),
+        costs: Vec::new(),
+    }
+}
+
+/// What was found of the statement that begins like this, and the verdict.
+fn found(runs: &[Run], statement: &str) -> (String, Verdict) {
+    let parts = triaxial::report::parts(runs);
+    let mut findings = parts.into_iter().flat_map(|part| part.findings);
+    let finding = findings.find(|f| f.statement.starts_with(statement)).expect(statement);
+    (finding.here, finding.verdict)
+}
+
+#[test]
+fn a_part_of_a_packing_is_not_taken_for_the_whole() {
+    const COUNT: &str = "5,120 particles";
+    const STRESS: &str = "stress from contacts is load over area";
+    const NOT_IN_FABRIC: &str = "in the stress but not in the fabric";
+    let runs = |settings: &dyn Fn(&Snapshot) -> Settings| [run_of(Method::Epa, true, settings)];
+    let whole = runs(&|_| Settings::default());
+    assert_eq!(found(&whole, COUNT).1, Verdict::No);
+    assert_ne!(found(&whole, STRESS).1, Verdict::Untold);
+    let page = triaxial::report::report(&whole);
+    assert!(!page.contains("Measured") && page.contains(NOT_IN_FABRIC), "{page}");
+
+    let region = Region::Box(Bounds { low: Vec3::repeat(1e-3), high: Vec3::repeat(6e-3) });
+    let fixed = runs(&|_| Settings { region, ..Settings::default() });
+    let following = runs(&|snapshot| {
+        let packing = snapshot.report().bounds_m.unwrap();
+        let region = Region::Box(packing.shrunk(&snapshot.header, Margin::Metres(1e-3)));
+        Settings { region, ..Settings::default() }
+    });
+    for (runs, place) in [
+        (&fixed, "in x 0.001000…0.006000, y 0.001000…0.006000, z 0.001000…0.006000 m"),
+        (&following, "without a layer of 0.001000 m along the sides of each packing"),
+    ] {
+        assert_eq!(found(runs, COUNT), ("–".into(), Verdict::Untold));
+        assert_eq!(found(runs, STRESS), ("–".into(), Verdict::Untold));
+        let page = triaxial::report::report(runs);
+        assert!(page.contains(&format!("**Measured {place}.**")), "{page}");
+    }
+
+    let with_walls = runs(&|_| Settings { among: Among::ParticlesAndWalls, ..Settings::default() });
+    assert_eq!(found(&with_walls, COUNT).1, Verdict::No);
+    let page = triaxial::report::report(&with_walls);
+    assert!(page.contains("**Measured with walls.**") && !page.contains(NOT_IN_FABRIC), "{page}");
+}
+
+/// The force distributions count contacts with walls: so must the contacts per particle by which they are weighed.
+#[test]
+fn contacts_per_particle_are_those_of_the_distributions() {
+    let statement = "erosion dismisses a considerable number";
+    let weak_each = |among| {
+        let of = |method| run_of(method, false, |_| Settings { among, ..Settings::default() });
+        let runs = [of(Method::Epa), of(Method::Erosion)];
+        let s = &runs[0].packing.as_ref().unwrap().summary;
+        let counted = match among {
+            Among::Particles => s.contacts_between_particles,
+            Among::ParticlesAndWalls => s.contacts_between_particles + s.contacts_with_walls as f64,
+        };
+        let each = s.share_below_0_3_mean.unwrap() * counted / s.particles as f64;
+        (found(&runs, statement).0, format!("per particle {}", readable(each)))
+    };
+    for among in [Among::Particles, Among::ParticlesAndWalls] {
+        let (here, expected) = weak_each(among);
+        assert!(here.contains(&expected), "{here}, not {expected}");
+    }
+}
+
+/// Runs of EPA that are not over leave the compression to the common normal.
+#[test]
+fn the_common_normal_stands_in_for_what_epa_has_not_told() {
+    let of = |method, sheared| run_of(method, sheared, |_| Settings::default());
+    let erosion = of(Method::Erosion, true);
+    let partial = [of(Method::CommonNormal, true), of(Method::Epa, false), erosion.clone()];
+    let whole = [of(Method::CommonNormal, true), of(Method::Epa, true), erosion];
+    let compression = [
+        "erosion and EPA: the same peak",
+        "the same plateau",
+        "the whole curve fairly identical",
+        "the difference in Z is smaller",
+        "at the peak they are consistent",
+    ];
+    let packing = ["erosion's histogram is shifted", "erosion dismisses a considerable number"];
+    let stand_in = "benchmark here: the common normal";
+    for statement in compression {
+        let (here, verdict) = found(&partial, statement);
+        assert_ne!(verdict, Verdict::Untold, "{statement}");
+        assert!(here.contains(stand_in), "{statement}: {here}");
+        assert_eq!(found(&partial, statement).1, found(&whole, statement).1, "{statement}");
+    }
+    for (runs, statement) in packing
+        .map(|statement| (&partial, statement))
+        .into_iter()
+        .chain(compression.map(|statement| (&whole, statement)))
+    {
+        assert!(!found(runs, statement).0.contains(stand_in), "{statement}");
+    }
+    let page = triaxial::report::report(&partial);
+    assert!(page.contains("EPA, as in the paper, and where EPA has no number with the common"));
+}
+
+/// Names in the legends of fig. 11 end within their panel.
+#[test]
+fn legends_stay_in_the_picture() {
+    let runs = Method::ALL.map(|method| run_of(method, true, |_| Settings::default()));
+    let figures = triaxial::figures::all(&runs).unwrap();
+    let (_, svg) = figures.iter().find(|(name, _)| *name == "fig11.svg").expect("the figure");
+    // Units of the drawing to a pixel; widths in pixels.
+    let (fine, panel, letter) = (8.0, 560.0, 6.5);
+    let mut places = Vec::new();
+    for text in svg.split("<text ").skip(1) {
+        let (attributes, rest) = text.split_once(">\n").unwrap();
+        let name = rest.split('\n').next().unwrap();
+        if name.contains(", mean") {
+            let at = |key: &str| -> f64 {
+                let (_, rest) = attributes.split_once(&format!("{key}=\"")).unwrap();
+                rest.split('"').next().unwrap().parse::<f64>().unwrap() / fine
+            };
+            let (x, y) = (at("x"), at("y"));
+            let end = x % panel + letter * name.chars().count() as f64;
+            assert!(end < panel, "{name} at {x} ends at {end}");
+            places.push((x >= panel, y));
+        }
+    }
+    let of_panel = |right| places.iter().filter(move |place| place.0 == right);
+    assert_eq!((of_panel(false).count(), of_panel(true).count()), (4, 4), "{places:?}");
+    let rows: BTreeSet<u64> = places.iter().map(|place| place.1.to_bits()).collect();
+    assert_eq!(rows.len(), 2, "{places:?}");
 }

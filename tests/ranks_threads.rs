@@ -148,7 +148,7 @@ fn state(parts: &[Part]) -> State {
             let h = &named.history;
             let mut row = bits_of(&h.normal);
             row.extend(bits_of(&named.spring));
-            row.extend(bits_of([&h.overlap, &h.normal_force]));
+            row.extend(bits_of([&h.overlap, &named.normal_force]));
             (named.a.0, named.b.0, row)
         }));
     }

@@ -471,6 +471,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         form: false,
         image: true,
         springs: true,
+        dashpots: true,
     };
     assert_eq!(scene.needs(), needs);
     let all = plan(&scene, 4);
@@ -480,8 +481,8 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "moving walls    -y, +y, -z, lid",
         "servo           -y, +y: 1e5 Pa, at most 5e-1 m/s, gain 0.8",
         "a sum of 1072 bytes over all ranks in each step",
-        "columns         position, velocity, force; angular momentum, angular velocity, torque; \
-         attitude; counts of periods",
+        "columns         position, velocity, force; angular velocity, torque; \
+         attitude, angular momentum; counts of periods",
         "104 bytes in the message of each step",
         "Left out\n  nothing\n",
     ] {

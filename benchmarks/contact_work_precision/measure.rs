@@ -25,7 +25,8 @@ impl Effort {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Start {
     Cold,
-    /// The normal, off by [`TURNED`].
+    /// The method's own normal, off by [`TURNED`], as a run remembers it; of a pair that is apart, and so has just come
+    /// apart, the true one.
     Warm,
 }
 
@@ -130,19 +131,25 @@ pub(crate) fn grain(
             settings: contestant.settings.clone(),
             method: contestant.name(),
         };
-        let remembered = |pairs: &Pairs| match start {
-            Start::Cold => pairs.strangers(),
-            Start::Warm => pairs.acquaintances(TURNED),
+        let remembered = |pairs: &Pairs| -> Vec<Vec<History>> {
+            let of = |contestant| match start {
+                Start::Cold => pairs.strangers(),
+                Start::Warm => {
+                    let found = resolve(contestant, pairs, &pairs.strangers());
+                    pairs.acquaintances(&found.contacts, TURNED)
+                }
+            };
+            contestants.iter().map(of).collect()
         };
-        let history = remembered(&touching);
-        let times = times(contestants, &touching, &history, effort);
-        for (contestant, time) in contestants.iter().zip(times) {
-            contacts.push(errors(contestant, &touching, &history, entry(contestant), time));
+        let histories = remembered(&touching);
+        let times = times(contestants, &touching, &histories, effort);
+        for ((contestant, history), time) in contestants.iter().zip(&histories).zip(times) {
+            contacts.push(errors(contestant, &touching, history, entry(contestant), time));
         }
-        let history = remembered(&apart);
-        let times = self::times(contestants, &apart, &history, effort);
-        for (contestant, time) in contestants.iter().zip(times) {
-            let found = resolve(contestant, &apart, &history);
+        let histories = remembered(&apart);
+        let times = self::times(contestants, &apart, &histories, effort);
+        for ((contestant, history), time) in contestants.iter().zip(&histories).zip(times) {
+            let found = resolve(contestant, &apart, history);
             let (spurious, failed) = (found.contacts.len(), found.failed.len());
             rejections.push(Rejections { entry: entry(contestant), time, spurious, failed });
         }
@@ -189,17 +196,19 @@ fn resolve(contestant: &Contestant, pairs: &Pairs, history: &[History]) -> Found
 fn times(
     contestants: &[Contestant],
     pairs: &Pairs,
-    history: &[History],
+    histories: &[Vec<History>],
     effort: &Effort,
 ) -> Vec<Time> {
-    let all = pairs.batch(history);
+    let batches: Vec<Batch> = histories.iter().map(|history| pairs.batch(history)).collect();
+    let Some(&all) = batches.first() else { return Vec::new() };
     let mut found = Found::default();
     let mut sums = vec![[0.0; 3]; contestants.len()];
     for active in all.active.chunks(TOGETHER) {
-        let batch = Batch { active, ..all };
         let mut samples = vec![Vec::new(); contestants.len()];
         for _ in 0..effort.rounds {
-            for (contestant, samples) in contestants.iter().zip(&mut samples) {
+            for ((contestant, batch), samples) in contestants.iter().zip(&batches).zip(&mut samples)
+            {
+                let batch = Batch { active, ..*batch };
                 let begin = Instant::now();
                 let mut runs = 0;
                 let spent = loop {

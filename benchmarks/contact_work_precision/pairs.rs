@@ -2,7 +2,7 @@
 
 use crate::facets;
 use dem_mpi::contact::{
-    Batch, Bodies, CommonNormal, ContactResolver, History, Outcome, Pair, Place, Posed,
+    Batch, Bodies, CommonNormal, Contact, ContactResolver, History, Outcome, Pair, Place, Posed,
     SmoothCommonNormal, touch_along,
 };
 use dem_mpi::ids::{ShapeId, Slot};
@@ -192,14 +192,23 @@ impl Pairs {
         vec![History::default(); self.slots.len()]
     }
 
-    /// The normals of a step before: off by `turned` rad in a random direction.
-    pub(crate) fn acquaintances(&self, turned: f64) -> Vec<History> {
-        let remembered = |(id, truth): (u64, &Truth)| {
-            let aside = truth.normal.cross(&direction(&mut Random::of(1, id))).normalize();
-            let normal = (truth.normal + aside * turned).normalize();
-            History { normal, ..History::default() }
+    /// The normals of a step before, where a method found these: off by `turned` rad in a random direction. Of pairs that
+    /// are apart, the true ones.
+    pub(crate) fn acquaintances(&self, found: &[Contact], turned: f64) -> Vec<History> {
+        let unless_it_touches =
+            |truth: &Truth| if truth.overlap > 0.0 { Vec3::zeros() } else { truth.normal };
+        let mut normals: Vec<Vec3> = self.truth.iter().map(unless_it_touches).collect();
+        for contact in found {
+            normals[contact.pair as usize] = contact.touch.normal;
+        }
+        let remembered = |(id, normal): (u64, Vec3)| {
+            if normal == Vec3::zeros() {
+                return History::default();
+            }
+            let aside = normal.cross(&direction(&mut Random::of(1, id))).normalize();
+            History { normal: (normal + aside * turned).normalize(), ..History::default() }
         };
-        (0..).zip(&self.truth).map(remembered).collect()
+        (0..).zip(normals).map(remembered).collect()
     }
 }
 

@@ -10,7 +10,7 @@ use dem_mpi::comm::world::World;
 use dem_mpi::output::snapshot;
 use dem_mpi::timing::Phase;
 use std::fs::{self, File};
-use std::io::Write;
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -77,7 +77,7 @@ pub(crate) struct Written {
     pub(crate) bytes: f64,
     /// From the simulation to files on the disk under their names [s].
     pub(crate) snapshot: f64,
-    /// Of one process, to a new file on the disk [s].
+    /// Of the same bytes by as many processes, each to a new file of its own on the disk [s].
     pub(crate) plain: f64,
 }
 
@@ -179,9 +179,9 @@ fn time_snapshots(task: Task, comm: &mut dyn Comm) -> anyhow::Result<[f64; 3]> {
     let sim = Packing::new()?.begun(task.cells(), comm);
     ensure!(sim.next_id == 1000 * u64::from(CELL), "a million");
     let folder = Path::new("target/scaling/snapshots");
-    let mut bytes = 0.0;
+    let mut share = Vec::new();
     let mut times = [Vec::new(), Vec::new()];
-    for _ in 0..SNAPSHOTS {
+    for round in 0..=SNAPSHOTS {
         comm.any(false);
         let begin = Instant::now();
         let header = sim.header("", &[]);
@@ -189,26 +189,65 @@ fn time_snapshots(task: Task, comm: &mut dyn Comm) -> anyhow::Result<[f64; 3]> {
         let histories = sim.histories();
         let path = snapshot::write(folder, &header, &particles, &contacts, &histories, comm)?;
         comm.any(false);
-        times[0].push(begin.elapsed().as_secs_f64());
-        if comm.is_root() {
-            let mut content = fs::read(path)?;
-            content.extend(fs::read(folder.join(snapshot::contacts_name(header.step)))?);
-            bytes = content.len() as f64;
-            let plain = folder.join("plain");
-            let begin = Instant::now();
-            let mut file = File::create(&plain)?;
-            for chunk in content.chunks(CHUNK) {
-                file.write_all(chunk)?;
+        let spent = begin.elapsed().as_secs_f64();
+        if round == 0 {
+            // Not timed, as its bytes are read now.
+            for path in [&path, &folder.join(snapshot::contacts_name(header.step))] {
+                share.extend(part_of(path, comm)?);
             }
-            file.sync_all()?;
-            times[1].push(begin.elapsed().as_secs_f64());
-            fs::remove_dir_all(folder)?;
+        } else {
+            times[0].push(spent);
         }
         comm.any(false);
+        if comm.is_root() {
+            fs::remove_dir_all(folder)?;
+            fs::create_dir(folder)?;
+        }
+        if round < SNAPSHOTS {
+            times[1].push(time_plain(
+                &folder.join(format!("plain_{}", comm.rank().0)),
+                &share,
+                comm,
+            )?);
+        }
     }
+    comm.any(false);
+    if comm.is_root() {
+        fs::remove_dir_all(folder)?;
+    }
+    let mut bytes = [share.len() as i64];
+    comm.sum(&mut bytes);
+    let bytes = bytes[0] as f64;
     let [snapshot, plain] = times.map(|mut times| {
         times.sort_by(f64::total_cmp);
         times.get(times.len() / 2).copied().unwrap_or(0.0)
     });
     Ok([bytes, snapshot, plain])
+}
+
+/// This rank's share of the bytes of a file.
+fn part_of(path: &Path, comm: &dyn Comm) -> anyhow::Result<Vec<u8>> {
+    let mut file = File::open(path)?;
+    let length = file.metadata()?.len();
+    let end = |rank: u64| length * rank / u64::from(comm.size());
+    let (from, to) = (end(u64::from(comm.rank().0)), end(u64::from(comm.rank().0) + 1));
+    file.seek(SeekFrom::Start(from))?;
+    let mut bytes = Vec::new();
+    file.take(to - from).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// The time in which all ranks write their shares, each into a file of its own [s].
+fn time_plain(path: &Path, share: &[u8], comm: &mut dyn Comm) -> anyhow::Result<f64> {
+    comm.any(false);
+    let begin = Instant::now();
+    let mut file = File::create(path)?;
+    for chunk in share.chunks(CHUNK) {
+        file.write_all(chunk)?;
+    }
+    file.sync_all()?;
+    comm.any(false);
+    let spent = begin.elapsed().as_secs_f64();
+    fs::remove_file(path)?;
+    Ok(spent)
 }

@@ -23,7 +23,7 @@ use std::process::ExitCode;
 /// their middle. A pair that is apart has a negative overlap: minus the clearance, with the
 /// direction of the shortest distance, by GJK to rounding whatever the method (methods only tell that a pair
 /// is apart). `solver` names the stage of the method's chain that answered; it and the numbers are empty
-/// where no stage did. `iterations` counts the directions that all stages tried together, each of which takes one
+/// where there is no answer. `iterations` counts the directions that all stages tried together, each of which takes one
 /// support point of each body; closed forms take none.
 ///
 /// Standard error has the time per pair, medians of the repeats: cold, one by one without a guess; warm, one by

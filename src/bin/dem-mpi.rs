@@ -4,7 +4,7 @@ use clap::Parser;
 use dem_mpi::comm::{Comm, alone::Alone, threads, wire, world};
 use dem_mpi::ids::GlobalId;
 use dem_mpi::output::{self, snapshot};
-use dem_mpi::scene::assemble::{self, From};
+use dem_mpi::scene::assemble::{self, From, TakenUp};
 use dem_mpi::scene::{Scene, plan};
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError, report::report};
@@ -188,13 +188,15 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         .as_ref()
         .map(|path| (path, From::Middle))
         .or_else(|| scene.start.as_ref().map(|path| (path, From::Beginning)));
+    let mut held = String::new();
     match from {
         None => assemble::fill(&mut sim, &scene, comm),
         Some((path, from)) => match assemble::take_up(&mut sim, &scene, path, from, comm) {
-            Ok(passed_over) => {
+            Ok(TakenUp { passed_over, stop }) => {
                 for error in passed_over {
                     say(comm, format!("passed over: {error}"));
                 }
+                held = stop;
             }
             Err(error) => {
                 say(comm, error);
@@ -205,19 +207,13 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
     let resumed = arguments.start.is_some();
 
     let last_step = match arguments.steps {
-        Some(steps) => sim.step + steps,
+        Some(steps) => sim.step.saturating_add(steps),
         None => sim.stage_begin.0 + scene.steps,
     };
-    if resumed && last_step <= sim.step {
-        say(
-            comm,
-            format!(
-                "nothing left to do: the snapshot is at step {}, and the stage ends at step {last_step}. \
-             Ask for more with --steps N or --set time.steps=N",
-                sim.step
-            ),
-        );
-        return WRONG_INPUT;
+    if resumed && let Some((why, status)) = nothing_left(arguments, &scene, &sim, &held, last_step)
+    {
+        say(comm, format!("nothing left to do: {why}"));
+        return status;
     }
     let Arguments { overwrite, start, .. } = arguments;
     if let Err(error) = snapshot::none_later(&out, sim.step, *overwrite, start.as_deref(), comm) {
@@ -248,6 +244,32 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         },
         Err(status) => status,
     }
+}
+
+/// Why a stage does not go on from the snapshot that the simulation has taken up, if it does not, and the status to
+/// end with: a job that is queued once more has done its work. `held` is the `[stop]` that held then.
+fn nothing_left(
+    arguments: &Arguments,
+    scene: &Scene,
+    sim: &Simulation,
+    held: &str,
+    last_step: u64,
+) -> Option<(String, u8)> {
+    let step = sim.step;
+    if last_step <= step {
+        let why = format!(
+            "the snapshot is at step {step}, and the stage ends at step {last_step}. \
+             Ask for more with --steps N or --set time.steps=N"
+        );
+        return Some((why, if last_step < step { WRONG_INPUT } else { 0 }));
+    }
+    (arguments.steps.is_none() && !held.is_empty() && held == scene.stop.to_string()).then(|| {
+        let why = format!(
+            "the stage ended at step {step} by its [stop]: {held}. \
+             Ask for more with --steps N or a lower limit"
+        );
+        (why, 0)
+    })
 }
 
 /// The command, without mpirun, that goes on from a snapshot.

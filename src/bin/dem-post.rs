@@ -19,10 +19,10 @@ use std::process::ExitCode;
 
 /// Computes stress, coordination, fabric and force distributions from snapshots of dem-mpi.
 ///
-/// Give one snapshot for its numbers and plots, or several for their evolution too: strains are then
-/// taken against the earliest. A directory stands for its newest snapshot, with --series for all. Results go to a folder
-/// `post` beside the last snapshot: index.html to look at, report.csv and report.json to
-/// compute with, every plot as SVG.
+/// Give one snapshot for its numbers and plots, or several of one run for their evolution too: strains are then
+/// taken against the earliest, where a period or walls on both sides end the packing. A directory stands for its
+/// newest snapshot, with --series for all. Results go to a folder `post` beside the last snapshot: index.html to look
+/// at, report.csv and report.json to compute with, every plot as SVG.
 #[derive(Parser)]
 #[command(version, max_term_width = 100, after_help = EXAMPLES)]
 #[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
@@ -114,22 +114,22 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
         return compare(&files);
     }
     let snapshots = series::open(&files)?;
-    let newest = snapshots.last().map(|(path, _)| path.clone()).context("no snapshot given")?;
+    let newest = &snapshots.last().context("no snapshot given")?.path;
     let beside = newest.parent().unwrap_or(Path::new("."));
     let out = arguments.out.unwrap_or_else(|| beside.join("post"));
     fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
 
     let (reports, picture) = series::reports(&snapshots, &choice)?;
     if arguments.lammps {
-        for (path, reader) in &snapshots {
-            write_lammps(&out, reader).with_context(|| path.display().to_string())?;
+        for snapshot in &snapshots {
+            let reader = Reader::open(&snapshot.path)?;
+            write_lammps(&out, &reader).with_context(|| snapshot.path.display().to_string())?;
         }
     }
     let bounds = reports.last().and_then(|r| r.bounds_m);
     let drawing = picture.svg(bounds.as_ref());
     let history = history_beside(beside);
-    let walls = snapshots.last().map_or(&[][..], |(_, reader)| &reader.header().walls);
-    let plots = page::plots(&reports, drawing, &history, walls)?;
+    let plots = page::plots(&reports, drawing, &history, &Reader::open(newest)?.header().walls)?;
     write_all(&out, &title(beside), &reports, &plots)?;
 
     let table = reports.last().map(table).unwrap_or_default();

@@ -141,6 +141,12 @@ pub fn touch_along(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Touch {
     Touch { overlap, normal: *normal, point }
 }
 
+/// Where a ball of this radius touches another body, seen from its centre: in the middle of the overlap [m].
+#[inline]
+pub fn touch_of_ball(radius: f64, normal: &Vec3, overlap: f64) -> Vec3 {
+    normal * (radius - 0.5 * overlap)
+}
+
 /// The unit of length of a pair [m]: the power of two at or below the longer of two lengths.
 ///
 /// Iterative methods divide all lengths by it before they compare anything with a tolerance, so a
@@ -168,8 +174,6 @@ pub struct History {
     pub normal: Vec3,
     /// Overlap of the last touch [m].
     pub overlap: f64,
-    /// Normal force of the last touch [N].
-    pub normal_force: f64,
 }
 
 impl History {
@@ -191,6 +195,8 @@ pub struct NamedHistory {
     pub history: History,
     /// Tangential spring, the stretch of A's surface against B's [m]; zero without friction.
     pub spring: Vec3,
+    /// Normal force of the last touch [N]; needed with dashpots only, without it follows from the overlap.
+    pub normal_force: f64,
 }
 
 /// A pair that touches now.

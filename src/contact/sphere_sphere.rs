@@ -2,7 +2,7 @@
 //!
 //! Always chosen for this pair: exact, and ten times cheaper than any iteration.
 
-use super::{ContactResolver, Outcome, Posed, Touch, Why};
+use super::{ContactResolver, Outcome, Posed, Touch, Why, touch_of_ball};
 use crate::math::Vec3;
 use crate::shape::Shape;
 
@@ -34,6 +34,6 @@ impl ContactResolver for SphereSphere {
         let distance = squared.sqrt();
         let overlap = reach - distance;
         let normal = r / distance;
-        Touch { overlap, normal, point: normal * (a.radius - 0.5 * overlap) }.outcome()
+        Touch { overlap, normal, point: touch_of_ball(a.radius, &normal, overlap) }.outcome()
     }
 }

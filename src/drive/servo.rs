@@ -172,7 +172,7 @@ impl Servos {
             let pair = pairs.pairs[index as usize];
             let Some(wall) = pair.b.index().checked_sub(particles.first_wall()) else { continue };
             let Some(servo) = servo_of[wall] else { continue };
-            let force = pairs.history(index).normal_force;
+            let force = pairs.normal_force(index, law, particles);
             // A state that is not a number is told when the list of pairs is made anew.
             if force.is_finite() {
                 sums[servo][0].add(force);

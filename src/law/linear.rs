@@ -97,16 +97,22 @@ impl Contacts<'_, '_> {
             histories[lane] = &memory.history[place];
         }
         let springs = Springs::<L>::of(law, &pairs, particles, *damped);
-        let (normal, point, overlap) = read_touches::<L>(&touches);
-        let (last_normal, last_overlap, last_normal_force) = read_histories::<L>(&histories);
+        let (normal, overlap) = read_touches::<L>(&touches);
+        let point = if memory.points.is_empty() {
+            normal.times(radii::<L>(particles, &a) - L::all(0.5) * overlap)
+        } else {
+            triples(memory.points, &places)
+        };
+        let (last_normal, last_overlap) = read_histories::<L>(&histories);
+        let last_normal_force = if *damped {
+            L::load(&places.map(|place| memory.normal_forces[place]))
+        } else {
+            springs.normal * last_overlap
+        };
         let has_springs = !memory.springs.is_empty();
         let mut last_spring = Triple::zero();
         if has_springs {
-            let mut rows = [memory.springs[first].as_ref(); WIDTH];
-            for (row, place) in rows.iter_mut().zip(places) {
-                *row = memory.springs[place].as_ref();
-            }
-            last_spring = Triple::of(&rows);
+            last_spring = triples(memory.springs, &places);
         }
 
         // velocity of A's surface against B's: positive along the normal is approach
@@ -156,7 +162,9 @@ impl Contacts<'_, '_> {
             let history = &mut memory.history[place];
             history.normal = row(&normal, lane).into();
             history.overlap = overlap[lane];
-            history.normal_force = normal_force[lane];
+            if *damped {
+                memory.normal_forces[place] = normal_force[lane];
+            }
             if has_springs {
                 memory.springs[place] = row(&spring, lane).into();
             }
@@ -171,31 +179,44 @@ impl Contacts<'_, '_> {
     }
 }
 
-/// Normals, points and overlaps of touches that stand in the places of their loads.
+/// Normals and overlaps of touches that stand in the places of their loads.
 #[inline(always)]
-fn read_touches<L: Eight>(touches: &[&Load; WIDTH]) -> (Triple<L>, Triple<L>, L) {
+fn read_touches<L: Eight>(touches: &[&Load; WIDTH]) -> (Triple<L>, L) {
     let mut normal = [touches[0].force.as_ref(); WIDTH];
-    let mut point = [touches[0].point.as_ref(); WIDTH];
     let mut overlap = [0.0; WIDTH];
-    for (lane, touch) in touches.iter().enumerate() {
-        normal[lane] = touch.force.as_ref();
-        point[lane] = touch.point.as_ref();
-        overlap[lane] = touch.dissipated;
+    for (lane, load) in touches.iter().enumerate() {
+        let touch = load.touch();
+        (normal[lane], overlap[lane]) = (touch.0.as_ref(), touch.1);
     }
-    (Triple::of(&normal), Triple::of(&point), L::load(&overlap))
+    (Triple::of(&normal), L::load(&overlap))
 }
 
-/// Normals, overlaps and normal forces of the last touches.
+/// Normals and overlaps of the last touches.
 #[inline(always)]
-fn read_histories<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L, L) {
+fn read_histories<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L) {
     let mut normal = [histories[0].normal.as_ref(); WIDTH];
-    let (mut overlap, mut normal_force) = ([0.0; WIDTH], [0.0; WIDTH]);
+    let mut overlap = [0.0; WIDTH];
     for (lane, history) in histories.iter().enumerate() {
         normal[lane] = history.normal.as_ref();
         overlap[lane] = history.overlap;
-        normal_force[lane] = history.normal_force;
     }
-    (Triple::of(&normal), L::load(&overlap), L::load(&normal_force))
+    (Triple::of(&normal), L::load(&overlap))
+}
+
+/// The vectors that stand at these places.
+#[inline(always)]
+fn triples<L: Eight>(all: &[Vec3], places: &[usize; WIDTH]) -> Triple<L> {
+    let mut rows = [all[places[0]].as_ref(); WIDTH];
+    for (row, place) in rows.iter_mut().zip(places) {
+        *row = all[*place].as_ref();
+    }
+    Triple::of(&rows)
+}
+
+/// The radii of balls [m].
+#[inline(always)]
+fn radii<L: Eight>(particles: &Particles, slots: &[Slot; WIDTH]) -> L {
+    L::load(&slots.map(|slot| particles.radius(slot.index())))
 }
 
 /// Springs, dashpots and friction of contacts.
@@ -364,6 +385,7 @@ impl ForceLaw for Linear {
             velocity: friction || dashpot,
             spin: friction,
             springs: friction,
+            dashpots: self.has_dashpots(),
             ..Needs::default()
         }
     }
@@ -410,8 +432,12 @@ impl ForceLaw for Linear {
             let arm_b = arm_a - bodies.relative(pair);
             let velocity = surface_velocity(particles, pair, &arm_a, &arm_b);
             let constants = self.constants(pair, particles);
-            let force =
-                history.normal * history.normal_force + spring * constants.tangential_stiffness;
+            let normal_force = memory
+                .normal_forces
+                .get(place)
+                .copied()
+                .unwrap_or(constants.normal_stiffness * history.overlap);
+            let force = history.normal * normal_force + spring * constants.tangential_stiffness;
             // The force fell to nothing on the way: half of it did the work.
             let work = |velocity: &Vec3| 0.5 * dt * force.dot(velocity);
             if pair.b.index() >= particles.first_wall() {
@@ -421,6 +447,10 @@ impl ForceLaw for Linear {
             let dissipated = if lossy && dt > 0.0 { dissipated } else { 0.0 };
             *load = Load { dissipated, ..Load::default() };
         }
+    }
+
+    fn elastic(&self, pair: Pair, particles: &Particles, overlap: f64) -> f64 {
+        self.constants(pair, particles).normal_stiffness * overlap
     }
 
     fn stiffness(&self, pair: Pair, particles: &Particles, dt: f64) -> f64 {
@@ -452,6 +482,8 @@ mod tests {
         loads: Vec<Load>,
         history: Vec<History>,
         springs: Vec<Vec3>,
+        normal_forces: Vec<f64>,
+        points: Vec<Vec3>,
     }
 
     impl Touching {
@@ -460,6 +492,8 @@ mod tests {
                 loads: vec![self.loads[place]],
                 history: vec![self.history[place]],
                 springs: vec![self.springs[place]],
+                normal_forces: vec![self.normal_forces[place]],
+                points: self.points.get(place).copied().into_iter().collect(),
             }
         }
 
@@ -471,8 +505,14 @@ mod tests {
             run: impl Fn(Contacts),
         ) -> Self {
             let which: Vec<u32> = (0..pairs.len() as u32).collect();
-            let (history, springs) = (&mut self.history[..], &mut self.springs[..]);
-            let mut memory = Memory { listed: pairs, pairs: &which, history, springs };
+            let mut memory = Memory {
+                listed: pairs,
+                pairs: &which,
+                history: &mut self.history,
+                springs: &mut self.springs,
+                normal_forces: &mut self.normal_forces,
+                points: &self.points,
+            };
             run(Contacts {
                 lossy: true,
                 law,
@@ -487,10 +527,11 @@ mod tests {
         }
 
         fn bits(&self, place: usize) -> Vec<u64> {
-            let Load { force, point, dissipated } = &self.loads[place];
-            let History { normal, overlap, normal_force } = &self.history[place];
-            let vectors = [force, point, normal, &self.springs[place]];
-            let numbers = vectors.into_iter().flatten().chain([dissipated, overlap, normal_force]);
+            let Load { force, dissipated } = &self.loads[place];
+            let History { normal, overlap } = &self.history[place];
+            let vectors = [force, normal, &self.springs[place]];
+            let scalars = [dissipated, overlap, &self.normal_forces[place]];
+            let numbers = vectors.into_iter().flatten().chain(scalars);
             numbers.map(|x| x.to_bits()).collect()
         }
     }
@@ -512,28 +553,43 @@ mod tests {
         let pairs: Vec<_> = (0..39).map(|k| Pair { a: Slot(k), b: Slot(k + 1) }).collect();
         let mut random = Random::of(5, 0);
         let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.signed());
-        let mut touching = Touching { loads: vec![], history: vec![], springs: vec![] };
+        let mut touching = Touching {
+            loads: vec![],
+            history: vec![],
+            springs: vec![],
+            normal_forces: vec![],
+            points: vec![],
+        };
         for k in 0..pairs.len() {
             let normal = vector(1.0).normalize();
             let touch = Touch { overlap: 1e-5, normal, point: vector(1e-3) };
             let last = (normal + vector(1e-3)).normalize();
             let first_time = k % 5 == 0;
             touching.loads.push(Load::of(&touch));
+            touching.points.push(touch.point);
             touching.history.push(if first_time {
                 History::default()
             } else {
-                History { normal: last, overlap: 9e-6, normal_force: 9e-3 }
+                History { normal: last, overlap: 9e-6 }
             });
+            touching.normal_forces.push(if first_time { 0.0 } else { 9e-3 });
             let across = vector(5e-6 * (k % 3) as f64);
             let spring = across - last * across.dot(&last);
             touching.springs.push(if first_time { Vec3::zeros() } else { spring });
         }
-        for (name, mixed, own) in [("plain", smooth, rough), ("damped", smooth, damped)] {
+        for (name, mixed, own, all_balls) in [
+            ("plain", smooth, rough, false),
+            ("damped", smooth, damped, false),
+            ("balls", smooth, rough, true),
+        ] {
             let mut interactions = Interactions::new(&[]);
             interactions.materials = 2;
             interactions.constants = vec![own, mixed, mixed, rough];
             let law = Linear::new(interactions, true);
             let mut before = touching.clone();
+            if all_balls {
+                before.points.clear();
+            }
             for (pair, spring) in pairs.iter().zip(&mut before.springs) {
                 if !law.constants(*pair, &particles).is_frictional() {
                     *spring = Vec3::zeros();

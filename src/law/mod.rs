@@ -139,8 +139,6 @@ impl Interactions {
 pub struct Load {
     /// Force of A on B [N]; A feels the opposite. First the normal.
     pub force: Vec3,
-    /// Where it acts, seen from the centre of A [m].
-    pub point: Vec3,
     /// Energy lost since the last step [J]. First the overlap [m].
     pub dissipated: f64,
 }
@@ -158,26 +156,13 @@ impl Load {
     pub fn stand_for(&mut self, touch: &Touch) {
         for axis in 0..3 {
             self.force[axis] = touch.normal[axis];
-            self.point[axis] = touch.point[axis];
         }
         self.dissipated = touch.overlap;
     }
 
-    /// Overlap of the touch, as long as that stands here [m].
-    pub const fn touch_overlap(&self) -> f64 {
-        self.dissipated
-    }
-
-    /// Moment on A about its centre [N m].
-    #[inline]
-    pub fn torque_a(&self) -> Vec3 {
-        -self.point.cross(&self.force)
-    }
-
-    /// Moment on B about its centre, which is at `r` from that of A [N m].
-    #[inline]
-    pub fn torque_b(&self, r: &Vec3) -> Vec3 {
-        (self.point - r).cross(&self.force)
+    /// Normal and overlap [m] of the touch, as long as that stands here.
+    pub const fn touch(&self) -> (&Vec3, f64) {
+        (&self.force, self.dissipated)
     }
 }
 
@@ -201,6 +186,10 @@ pub struct Memory<'a> {
     pub history: &'a mut [History],
     /// Tangential spring of each [m]; empty if the law does not need springs.
     pub springs: &'a mut [Vec3],
+    /// Normal force of each [N]; empty if the law has no dashpots, and it follows from the overlap.
+    pub normal_forces: &'a mut [f64],
+    /// Where each acts, seen from the centre of A [m]; empty if all are balls, where it follows from the overlap.
+    pub points: &'a [Vec3],
 }
 
 impl Memory<'_> {
@@ -246,6 +235,9 @@ pub trait ForceLaw: Send + Sync {
         dt: f64,
         wall_work: &mut Vec<WallWork>,
     );
+
+    /// The normal force of a pair that touches without dashpots [N].
+    fn elastic(&self, pair: Pair, particles: &Particles, overlap: f64) -> f64;
 
     /// How much the normal force of a pair that touches rises when its bodies come nearer within one step of
     /// `dt` [s], over the way [N/m].

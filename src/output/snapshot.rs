@@ -124,6 +124,7 @@ const OF_PART: usize = 13;
 
 // The header.
 const SCENE: Column = column("/run/scene", 1, "");
+const STOP: Column = column("/run/stop", 1, "");
 const WALL_NAME: Column = column("/walls/name", 1, "");
 const WALL_POINT: Column = column("/walls/point", 3, "m");
 const WALL_NORMAL: Column = column("/walls/normal", 3, "1");
@@ -201,7 +202,7 @@ pub fn none_later(
     // As rank 0 sees the directory: others may see it late.
     if comm.is_root() && start != here {
         later = steps_in(directory);
-        let is_strange = step > 0 && !remove && !is_one_of_them;
+        let is_strange = (step > 0 || remove) && !is_one_of_them;
         later.retain(|(of, _)| *of > step || is_strange);
     }
     if remove {
@@ -369,9 +370,8 @@ fn write_particles(
     file.rows(&HISTORY_NORMAL, numbers(&vectors(|h| h.normal)))?;
     let springs: Vec<_> = histories.iter().map(|h| h.spring).collect();
     file.rows(&HISTORY_SPRING, numbers(&springs))?;
-    let scalars =
-        |get: fn(&History) -> f64| histories.iter().map(|h| get(&h.history)).collect::<Vec<_>>();
-    file.rows(&HISTORY_OVERLAP, &scalars(|h| h.overlap))?;
+    let scalars = |get: fn(&NamedHistory) -> f64| histories.iter().map(get).collect::<Vec<_>>();
+    file.rows(&HISTORY_OVERLAP, &scalars(|h| h.history.overlap))?;
     file.rows(&HISTORY_NORMAL_FORCE, &scalars(|h| h.normal_force))?;
 
     write_header(&mut file, header)?;
@@ -479,6 +479,7 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
         layers_fallen,
         particles_fallen,
         next_id,
+        stop,
         low,
         high,
         periodic,
@@ -502,6 +503,9 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.numbers("/run", "next_id", &[*next_id])?;
     file.numbers("/run", "gravity", gravity.as_slice())?;
     file.texts(&SCENE, &[scene])?;
+    if !stop.is_empty() {
+        file.texts(&STOP, &[stop])?;
+    }
 
     file.group("/domain")?;
     file.text("/domain", "units", "low, high: m")?;
@@ -567,6 +571,7 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
         layers_fallen: whole("layers_fallen")?,
         particles_fallen: whole("particles_fallen").ok(),
         next_id: whole("next_id")?,
+        stop: if file.has(STOP.place) { file.texts(&STOP)?.concat() } else { String::new() },
         low: vector("/domain", "low")?,
         high: vector("/domain", "high")?,
         periodic: file.numbers::<u8, 3>("/domain", "periodic")?.map(|p| p != 0),
@@ -798,12 +803,9 @@ impl Reader {
             .map(|k| NamedHistory {
                 a: a[k],
                 b: b[k],
-                history: History {
-                    normal: normal[k],
-                    overlap: overlap[k],
-                    normal_force: normal_force[k],
-                },
+                history: History { normal: normal[k], overlap: overlap[k] },
                 spring: spring[k],
+                normal_force: normal_force[k],
             })
             .collect())
     }

@@ -42,6 +42,8 @@ pub struct Header {
     pub particles_fallen: Option<u64>,
     /// The id that the next new particle gets.
     pub next_id: u64,
+    /// The scene's `[stop]`, if it holds at this moment and the stage is over; else empty.
+    pub stop: String,
     /// Lowest corner of the domain [m].
     pub low: Vec3,
     /// Highest corner of the domain [m].

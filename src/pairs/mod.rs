@@ -47,6 +47,8 @@ pub struct Pairs {
     shape: Vec<ShapeId>,
     library: Vec<Shape>,
     curvature_radius: Vec<f64>,
+    /// Shapes of the library by kind, and by bits of semi-axes and volume: hardly ever more than one.
+    alike: BTreeMap<(Kind, [u64; 4]), Vec<ShapeId>>,
 }
 
 /// There are more different shapes than a [`ShapeId`] can name.
@@ -75,16 +77,19 @@ impl Pairs {
         Ok(())
     }
 
-    /// Shapes that came up lately are not stored again: most files have one or two.
+    /// A shape that came up before is not stored again.
     fn shape_id(&mut self, shape: Shape) -> Result<ShapeId, TooManyShapes> {
-        let lately = self.library.len().saturating_sub(16);
-        let known = self.library[lately..].iter().position(|other| *other == shape);
-        let index = known.map_or(self.library.len(), |k| lately + k);
-        if known.is_none() {
-            self.curvature_radius.push(shape.smallest_curvature_radius());
-            self.library.push(shape);
+        let lengths = shape.semi_axes();
+        let sizes = [lengths.x, lengths.y, lengths.z, shape.volume()].map(f64::to_bits);
+        let alike = self.alike.entry((shape.kind(), sizes)).or_default();
+        if let Some(known) = alike.iter().find(|id| self.library[id.index()] == shape) {
+            return Ok(*known);
         }
-        u16::try_from(index).map(ShapeId).map_err(|_| TooManyShapes)
+        let id = u16::try_from(self.library.len()).map(ShapeId).map_err(|_| TooManyShapes)?;
+        alike.push(id);
+        self.curvature_radius.push(shape.smallest_curvature_radius());
+        self.library.push(shape);
+        Ok(id)
     }
 
     /// How many pairs there are.
@@ -143,7 +148,7 @@ pub struct Answer {
     pub touch: Result<Touch, Why>,
     /// Do the bodies touch? By this method: erosion says yes to some that do not.
     pub touching: bool,
-    /// The stage of the method's chain that answered; empty if none did.
+    /// The stage of the method's chain that answered; empty if there is no touch.
     pub stage: &'static str,
     /// How many directions all stages tried together, see [`directions_tried`].
     pub iterations: u64,
@@ -201,13 +206,15 @@ pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
             _ => unreachable!("a pair goes into one of the lists"),
         };
         let (a, b, r) = pairs.posed(index);
+        let touch = signed(outcome, &a, &b, &r);
         // The tally counts what the first stage passed on.
         let stage = found.tally.fallbacks.iter().position(|&n| n > 0).map_or(0, |k| k + 1);
         Answer {
-            touch: signed(outcome, &a, &b, &r),
+            // A stage may say that the pair is apart, and the clearance still fail.
+            stage: if touch.is_ok() { resolver.stages()[stage] } else { "" },
+            touch,
             touching: matches!(outcome, Outcome::Touching(_)),
             iterations,
-            stage: if found.failed.is_empty() { resolver.stages()[stage] } else { "" },
         }
     };
     (0..pairs.len()).map(one).collect()

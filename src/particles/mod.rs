@@ -1,7 +1,7 @@
 //! Columns of everything that a rank owns or sees.
 //!
 //! Slots run owned | ghosts | walls. A column that the scene does not need does not exist: spheres
-//! without friction carry no angular momentum, a scene of spheres only no attitude.
+//! without friction do not turn, a scene of spheres only has no attitude.
 
 pub mod mix;
 pub mod records;
@@ -74,11 +74,14 @@ impl Library {
 pub struct Needs {
     /// Velocities of ghosts: a law with friction or dashpots.
     pub velocity: bool,
-    /// Angular momentum, angular velocity, torque.
+    /// Angular velocity, torque.
     pub spin: bool,
     /// Tangential springs of contacts: a law with friction.
     pub springs: bool,
-    /// Attitude, for any shape but the sphere. Implies `spin`.
+    /// Normal forces of contacts, which otherwise follow from their overlaps: a law with dashpots.
+    pub dashpots: bool,
+    /// Attitude and angular momentum, for any shape but the sphere, and contact points, which of balls follow from
+    /// their overlaps. Implies `spin`.
     pub attitude: bool,
     /// Matrices of ellipsoids, for the common-normal method. Implies `attitude`.
     pub form: bool,
@@ -101,8 +104,8 @@ impl Needs {
             + 4 * 24
             + 8
             + 16
-            + if self.spin { 72 } else { 0 }
-            + if self.attitude { 32 } else { 0 }
+            + if self.spin { 48 } else { 0 }
+            + if self.attitude { 24 + 32 } else { 0 }
             + if self.form { 48 } else { 0 }
             + if self.image { 12 } else { 0 }
     }
@@ -111,7 +114,7 @@ impl Needs {
 /// Rotation columns, where the scene needs them.
 #[derive(Clone, Debug, Default)]
 pub struct Spin {
-    /// World axes, half a step behind the positions [kg m²/s]. Length: owned.
+    /// World axes, half a step behind the positions [kg m²/s]. Length: owned, or none if all are balls.
     pub angular_momentum: Vec<Vec3>,
     /// World axes [rad/s]. Length: all slots.
     pub angular_velocity: Vec<Vec3>,
@@ -154,8 +157,8 @@ pub fn held<T>(column: &Vec<T>) -> usize {
 
 /// Gives back most of the room of a list whose length changes from step to step: growing has doubled it.
 pub fn trim<T>(list: &mut Vec<T>) {
-    if list.capacity() > list.len() + list.len() / 8 {
-        list.shrink_to(list.len() + list.len() / 16);
+    if list.capacity() > list.len() + list.len() / 16 {
+        list.shrink_to(list.len() + list.len() / 32);
     }
 }
 
@@ -356,6 +359,7 @@ impl Particles {
             image,
             quaternion,
             angular_momentum,
+            angular_velocity,
             torque,
             histories: _,
         } = particle;
@@ -375,19 +379,23 @@ impl Particles {
             attitude.resize(slot + 1, self.needs);
             attitude.set(slot, *quaternion, &self.library.shapes[shape.index()]);
         }
+        self.owned += 1;
+        let angular_velocity = match &self.attitude {
+            Some(_) => self.angular_velocity_for(self.owned - 1, angular_momentum),
+            None => *angular_velocity,
+        };
         if let Some(spin) = &mut self.spin {
-            spin.angular_momentum.push(*angular_momentum);
-            spin.angular_velocity.push(Vec3::zeros());
+            if self.needs.attitude {
+                spin.angular_momentum.push(*angular_momentum);
+            }
+            spin.angular_velocity.push(angular_velocity);
             spin.torque.push(*torque);
         }
-        self.owned += 1;
-        self.refresh_angular_velocity(self.owned - 1);
     }
 
     /// Takes an owned particle out; the last owned one moves to its slot. Its contacts' histories
     /// are the caller's to add. Ghosts and walls must be stripped.
     pub fn take_owned(&mut self, slot: usize) -> Particle {
-        self.owned -= 1;
         self.listed_at.swap_remove(slot);
         let quaternion = self.attitude.as_mut().map_or_else(Quat::identity, |attitude| {
             if self.needs.form {
@@ -395,11 +403,14 @@ impl Particles {
             }
             attitude.quaternion.swap_remove(slot)
         });
-        let (angular_momentum, torque) = self.spin.as_mut().map_or_else(Default::default, |spin| {
-            spin.angular_velocity.swap_remove(slot);
-            (spin.angular_momentum.swap_remove(slot), spin.torque.swap_remove(slot))
+        let angular_momentum = self.angular_momentum(slot);
+        let (angular_velocity, torque) = self.spin.as_mut().map_or_else(Default::default, |spin| {
+            if self.needs.attitude {
+                spin.angular_momentum.swap_remove(slot);
+            }
+            (spin.angular_velocity.swap_remove(slot), spin.torque.swap_remove(slot))
         });
-        Particle {
+        let particle = Particle {
             id: self.id.swap_remove(slot),
             shape: self.shape.swap_remove(slot),
             position: self.position.swap_remove(slot),
@@ -410,9 +421,22 @@ impl Particles {
             image: if self.needs.image { self.image.swap_remove(slot) } else { [0; 3] },
             quaternion,
             angular_momentum,
+            angular_velocity,
             torque,
             histories: Vec::new(),
-        }
+        };
+        self.owned -= 1;
+        particle
+    }
+
+    /// Angular momentum of an owned particle, half a step behind its position; zero if the scene does not need it
+    /// [kg m²/s].
+    #[inline]
+    pub fn angular_momentum(&self, slot: usize) -> Vec3 {
+        let Some(spin) = &self.spin else { return Vec3::zeros() };
+        let of_ball =
+            || spin.angular_velocity[slot] * self.library.inertia[self.shape[slot].index()].x;
+        spin.angular_momentum.get(slot).copied().unwrap_or_else(of_ball)
     }
 
     /// Angular velocity of a particle with this angular momentum in its attitude: `R I⁻¹ Rᵀ L`.
@@ -425,16 +449,6 @@ impl Particles {
                 frame * frame.tr_mul(momentum).component_div(inertia)
             }
             None => momentum / inertia.x,
-        }
-    }
-
-    /// Brings an owned particle's angular velocity up to date.
-    #[inline]
-    pub fn refresh_angular_velocity(&mut self, slot: usize) {
-        let Some(spin) = &self.spin else { return };
-        let angular_velocity = self.angular_velocity_for(slot, &spin.angular_momentum[slot]);
-        if let Some(spin) = &mut self.spin {
-            spin.angular_velocity[slot] = angular_velocity;
         }
     }
 
@@ -476,6 +490,7 @@ pub(crate) fn crowd(count: u64) -> Particles {
         velocity: true,
         spin: true,
         springs: true,
+        dashpots: true,
         attitude: true,
         form: true,
         image: false,

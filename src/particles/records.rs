@@ -6,8 +6,8 @@
 //! | position | x | x | x |
 //! | velocity | x | x, if a law needs it | x, if a law needs it |
 //! | attitude | x | x, if a shape needs it | x, if a shape needs it |
-//! | angular momentum | x | | |
-//! | angular velocity | | x, if a law needs it | x, if a law needs it |
+//! | angular momentum | x, unless all are balls | | |
+//! | angular velocity | x, if all are balls | x, if a law needs it | x, if a law needs it |
 //! | force, torque, energies, image | x | | |
 //! | histories of touching contacts | x | | |
 
@@ -41,6 +41,8 @@ pub struct Particle {
     pub quaternion: Quat,
     /// World axes, half a step behind the position [kg m²/s].
     pub angular_momentum: Vec3,
+    /// World axes [rad/s]. Of balls alone it is the state, and the angular momentum follows; of others the other way round.
+    pub angular_velocity: Vec3,
     /// World axes [N m].
     pub torque: Vec3,
     /// Of its touching contacts.
@@ -61,6 +63,7 @@ impl Particle {
             image: [0; 3],
             quaternion: Quat::identity(),
             angular_momentum: Vec3::zeros(),
+            angular_velocity: Vec3::zeros(),
             torque: Vec3::zeros(),
             histories: Vec::new(),
         }

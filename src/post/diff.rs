@@ -210,13 +210,13 @@ impl ContactDifference {
 
 /// What is remembered of a contact, column by column.
 fn remembered(named: &NamedHistory) -> [(&'static str, Vec3); 4] {
-    let NamedHistory { a: _, b: _, history, spring } = named;
+    let NamedHistory { a: _, b: _, history, spring, normal_force } = named;
     let scalar = |value| Vec3::new(value, 0.0, 0.0);
     [
         ("spring", *spring),
         ("normal", history.normal),
         ("overlap", scalar(history.overlap)),
-        ("normal_force", scalar(history.normal_force)),
+        ("normal_force", scalar(*normal_force)),
     ]
 }
 
@@ -249,8 +249,24 @@ fn columns(table: &ParticleTable) -> Vec<NamedColumn<'_>> {
 fn header_differences(first: &Header, second: &Header) -> Vec<String> {
     let numbers = |header: &Header| {
         let Header {
-            step, time, dt, stage_begin, layers_fallen, particles_fallen, next_id, ..
+            step,
+            time,
+            dt,
+            stage_begin,
+            layers_fallen,
+            particles_fallen,
+            next_id,
+            // Why the run ended, and what the user wrote, are no state.
+            stop: _,
+            scene: _,
+            low,
+            high,
+            periodic,
+            gravity,
+            walls,
+            shapes,
         } = header;
+        let shapes = shapes.iter().map(|shape| format!("{shape:?}"));
         [
             ("step", step.to_string()),
             ("time", format!("{time:e} s")),
@@ -259,6 +275,11 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             ("layers of rain fallen", layers_fallen.to_string()),
             ("particles of rain fallen", format!("{particles_fallen:?}")),
             ("next id", next_id.to_string()),
+            ("domain", format!("{:?} to {:?} m", low.as_slice(), high.as_slice())),
+            ("periodic", format!("{periodic:?}")),
+            ("gravity", format!("{:?} m/s2", gravity.as_slice())),
+            ("names of walls", format!("{:?}", walls.iter().map(|w| &w.name).collect::<Vec<_>>())),
+            ("shapes", shapes.collect::<Vec<_>>().join("; ")),
         ]
     };
     // A number is written with as many digits as tell it from all others.

@@ -120,6 +120,11 @@ impl Histogram {
         self.halves.iter().sum::<u64>() + self.halves_below + self.halves_above
     }
 
+    /// The share at the last edge and above, which the bins leave out; `None` if nothing is there.
+    pub fn share_above(&self) -> Option<f64> {
+        quotient(self.halves_above as f64, self.total_halves() as f64).filter(|&share| share > 0.0)
+    }
+
     /// The middle of each bin and its probability density: the integral over all values is 1.
     pub fn density(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let total = self.total_halves() as f64;

@@ -5,6 +5,9 @@ use std::io::Read;
 /// Why a history could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum HistoryError {
+    /// The system says so.
+    #[error("cannot be read: {0}")]
+    Unreadable(#[from] std::io::Error),
     /// Not a table.
     #[error("not a table of comma-separated values: {0}")]
     NotATable(#[from] csv::Error),
@@ -34,12 +37,15 @@ pub struct Curve {
 
 impl History {
     /// Reads a table with names in its first row. Columns in which a row holds anything but a number (or
-    /// nothing) are left out, and so is the step.
+    /// nothing) are left out, and so is the step. A line without an end is not read: a full disk or a crash cut it.
     ///
     /// # Errors
     /// See [`HistoryError`].
-    pub fn read(source: impl Read) -> Result<Self, HistoryError> {
-        let mut table = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(source);
+    pub fn read(mut source: impl Read) -> Result<Self, HistoryError> {
+        let mut text = Vec::new();
+        source.read_to_end(&mut text)?;
+        let lines = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
+        let mut table = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&text[..lines]);
         let names: Vec<String> = table.headers()?.iter().map(str::to_string).collect();
         let is_time = |name: &String| {
             let name = name.to_lowercase();

@@ -124,6 +124,21 @@ pub enum PostError {
         /// The folder.
         folder: PathBuf,
     },
+    /// Two snapshots of one step: nobody could tell their rows apart, nor their dumps.
+    #[error(
+        "{first} and {second} are both of step {step}: leave one of them out, give one run at a time, \
+         or compare them with --diff",
+        first = first.display(),
+        second = second.display()
+    )]
+    SameStep {
+        /// The step.
+        step: u64,
+        /// One file.
+        first: PathBuf,
+        /// The other.
+        second: PathBuf,
+    },
     /// An error with the file in which it is.
     #[error("{file}: {error}")]
     In {

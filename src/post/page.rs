@@ -4,6 +4,7 @@
 use super::history::History;
 use super::panels::panels;
 use super::plots::{self, Plot, PlotError};
+use super::region::Bounds;
 use super::report::{Report, readable};
 use super::rose::roses;
 use crate::output::tables::WallRow;
@@ -94,10 +95,7 @@ pub fn page(title: &str, reports: &[Report], plots: &[Plot]) -> String {
 fn head(out: &mut String, title: &str, report: &Report) {
     let place = match report.region_m {
         None => "the whole packing".to_string(),
-        Some(b) => {
-            let side = |k: usize| format!("{}…{}", readable(b.low[k]), readable(b.high[k]));
-            format!("region x {}, y {}, z {} m", side(0), side(1), side(2))
-        }
+        Some(region) => format!("region {}", sides(&region)),
     };
     let walls = if report.walls_in_fabric { "; fabric and forces with wall contacts" } else { "" };
     let _ = write!(
@@ -107,6 +105,12 @@ fn head(out: &mut String, title: &str, report: &Report) {
         report.summary.step,
         readable(report.summary.time_s)
     );
+}
+
+/// A box by its sides.
+pub(super) fn sides(bounds: &Bounds) -> String {
+    let side = |k: usize| format!("{}…{}", readable(bounds.low[k]), readable(bounds.high[k]));
+    format!("x {}, y {}, z {} m", side(0), side(1), side(2))
 }
 
 fn numbers(out: &mut String, report: &Report) {

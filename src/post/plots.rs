@@ -143,15 +143,22 @@ pub(super) fn chart(size: (u32, u32), axes: &Axes, series: &[Series]) -> Result<
     drawing(size.0, size.1, |canvas| panel(canvas, axes, series))
 }
 
+/// Left of a legend [px].
+const LEGEND_LEFT: i32 = 72;
+/// Height of a row of a legend [px].
+const LEGEND_ROW: i32 = 18;
+/// Right of a chart and its legend [px].
+const RIGHT: i32 = 18;
+
 /// A chart with a legend above it, as a part of a drawing.
 pub(super) fn panel(canvas: &Canvas, axes: &Axes, series: &[Series]) -> Result<(), PlotError> {
     let named: Vec<&Series> = series.iter().filter(|s| !s.name.is_empty()).collect();
-    legend(canvas, &named)?;
-    let top = if named.is_empty() { 14 } else { 36 };
+    let rows = legend(canvas, &named)?;
+    let top = if rows == 0 { 14 } else { 18 + LEGEND_ROW * rows };
     let mut builder = ChartBuilder::on(canvas);
     builder
         .margin_top(px(top))
-        .margin_right(px(18))
+        .margin_right(px(RIGHT))
         .margin_left(px(4))
         .margin_bottom(px(4))
         .x_label_area_size(px(46))
@@ -225,20 +232,25 @@ where
     Ok(())
 }
 
-/// Swatches and names in a row.
-fn legend(canvas: &Canvas, series: &[&Series]) -> Result<(), PlotError> {
-    let mut x = px(72);
-    let y = px(17);
+/// Swatches and names in as many rows as they need, which are counted.
+fn legend(canvas: &Canvas, series: &[&Series]) -> Result<i32, PlotError> {
+    let end = canvas.dim_in_pixel().0 as i32 - px(RIGHT);
+    let (mut x, mut rows) = (end, 0);
     for s in series {
+        // About the width of a letter; text is measured by whoever shows the drawing.
+        let width = px(15) + s.name.chars().count() as i32 * px(13) / 2;
+        if rows == 0 || x + width > end {
+            (x, rows) = (px(LEGEND_LEFT), rows + 1);
+        }
+        let y = px(LEGEND_ROW * rows - 1);
         let swatch = [(x, y - px(5)), (x + px(10), y + px(5))];
         let rule = [(x, y - px(1)), (x + px(10), y + px(1))];
         let area = if matches!(s.mark, Mark::Line | Mark::Rule) { rule } else { swatch };
         canvas.draw(&Rectangle::new(area, s.colour.filled()))?;
         label(canvas, &s.name, (x + px(15), y), 12, MUTED, Anchor::Left)?;
-        // About the width of a letter; text is measured by whoever shows the drawing.
-        x += px(15 + 22) + s.name.chars().count() as i32 * px(13) / 2;
+        x += width + px(22);
     }
-    Ok(())
+    Ok(rows)
 }
 
 #[derive(Clone, Copy)]
@@ -385,15 +397,32 @@ pub(super) fn rule(colour: RGBColor, x: f64) -> Series {
 /// See [`PlotError`].
 pub fn force_distribution(normal: &Histogram, shear: &Histogram) -> Result<Plot, PlotError> {
     let (axes, series) = densities(&both(normal, shear), Mark::Dots);
+    let caption = "Probability density of normal and tangential contact forces, both over the mean \
+                   normal force; a straight tail is an exponential distribution of strong forces.";
+    let left_out =
+        beyond(&[("normal forces", normal), ("tangential forces", shear)], " times the mean");
     Ok(Plot {
         name: "force_distribution".into(),
         title: "Contact forces".into(),
-        caption: "Probability density of normal and tangential contact forces, both over the mean \
-                  normal force; a straight tail is an exponential distribution of strong forces."
-            .into(),
+        caption: format!("{caption}{left_out}"),
         wide: false,
         svg: chart(SIZE, &axes, &series)?,
     })
+}
+
+/// A sentence on what is above the last bin of histograms with the same edges; none if nothing is.
+fn beyond(histograms: &[(&str, &Histogram)], unit: &str) -> String {
+    let share = |&(what, histogram): &(&str, &Histogram)| {
+        Some(format!("{} % of the {what}", readable(100.0 * histogram.share_above()?)))
+    };
+    let shares: Vec<String> = histograms.iter().filter_map(share).collect();
+    let edge = histograms.first().and_then(|(_, histogram)| histogram.edges.last());
+    match edge {
+        Some(edge) if !shares.is_empty() => {
+            format!(" Beyond the plot, at {edge}{unit} and above: {}.", shares.join(", "))
+        }
+        _ => String::new(),
+    }
 }
 
 /// The same by logarithm of the force, which shows the weak contacts (fig. 13 of Lai et al. 2021).
@@ -469,12 +498,12 @@ pub fn friction(used: &Histogram) -> Result<Plot, PlotError> {
     let axes = linear("tangential / normal force of a contact", "contacts (%)", x, y);
     let bars =
         Series { name: String::new(), colour: BLUE, mark: Mark::Bars(0.85 * width, 0.0), points };
+    let caption = "Ratio of tangential to normal force; sliding contacts pile up at the \
+                   coefficient of friction.";
     Ok(Plot {
         name: "friction".into(),
         title: "Friction used".into(),
-        caption: "Ratio of tangential to normal force; sliding contacts pile up at the \
-                  coefficient of friction."
-            .into(),
+        caption: format!("{caption}{}", beyond(&[("contacts", used)], "")),
         wide: false,
         svg: chart(SIZE, &axes, &[bars])?,
     })

@@ -211,6 +211,15 @@ impl Extent {
     }
 }
 
+/// Along which axes a period or walls on both sides end the packing. Along the others the box of an [`Extent`] ends at
+/// the outermost particle, so that one grain that bounces would be a strain.
+pub fn enclosed(header: &Header) -> [bool; 3] {
+    [0, 1, 2].map(|k| {
+        let wall = |sign: f64| header.walls.iter().any(|w| sign * w.normal[k] > ACROSS);
+        header.periodic[k] || (wall(1.0) && wall(-1.0))
+    })
+}
+
 /// A wall stands across an axis if its normal has at least this cosine with it: tilted by less than
 /// 0.1 mrad.
 pub(super) const ACROSS: f64 = 1.0 - 5e-9;

@@ -3,7 +3,7 @@
 use super::coordination::Coordination;
 use super::fabric::{Among, Degrees, Fabric, ForceFabric, Rose, degree};
 use super::forces::Forces;
-use super::region::{Bounds, Region, Strain};
+use super::region::{Bounds, Region, Strain, enclosed};
 use super::stress::{Principal, Stress, on_walls};
 use super::sums::quotient;
 use crate::output::tables::Header;
@@ -18,6 +18,8 @@ pub struct Report {
     pub snapshot: String,
     /// The box of the whole packing [m].
     pub packing_m: Option<Bounds>,
+    /// Whether it ends at a period or at walls on both sides, along x, y and z; else there is no strain.
+    pub enclosed: [bool; 3],
     /// The box that the user gave [m]; null for the whole packing.
     pub region_m: Option<Bounds>,
     /// Whether fabric and forces include contacts with walls.
@@ -66,9 +68,11 @@ pub struct Summary {
     pub solid_fraction: Option<f64>,
     /// Volume of voids over volume of particles.
     pub void_ratio: Option<f64>,
-    /// `ln(H0/H)` of the whole packing against the first snapshot.
+    /// `ln(H0/H)` of the whole packing against the first snapshot; null unless a period or walls on both sides end
+    /// both along z.
     pub axial_strain: Option<f64>,
-    /// `ln(V0/V)` of the whole packing against the first snapshot; negative: dilation.
+    /// `ln(V0/V)` of the whole packing against the first snapshot; negative: dilation. Null unless periods or walls
+    /// end both on all sides.
     pub volumetric_strain: Option<f64>,
     /// Stress `σ_xx`, compression positive; as all `σ_ij` here.
     pub stress_xx_pa: Option<f64>,
@@ -237,6 +241,7 @@ impl Report {
             program_version: env!("CARGO_PKG_VERSION").to_string(),
             snapshot: snapshot.to_string(),
             packing_m: parts.packing,
+            enclosed: enclosed(header),
             region_m: match parts.region {
                 Region::Whole => None,
                 Region::Box(bounds) => Some(bounds),
@@ -255,12 +260,14 @@ impl Report {
         }
     }
 
-    /// Sets the strains of the whole packing against a first snapshot.
+    /// Sets the strains of the whole packing against a first snapshot, as far as both are enclosed.
     pub fn strain_against(&mut self, first: &Self) {
         let boxes = first.packing_m.zip(self.packing_m);
         let strain = boxes.and_then(|(first, now)| Strain::between(&first, &now));
-        self.summary.axial_strain = strain.map(|s| s.axial);
-        self.summary.volumetric_strain = strain.map(|s| s.volumetric);
+        let both = |k: usize| first.enclosed[k] && self.enclosed[k];
+        let (along_z, on_all_sides) = (both(2), (0..3).all(both));
+        self.summary.axial_strain = strain.filter(|_| along_z).map(|s| s.axial);
+        self.summary.volumetric_strain = strain.filter(|_| on_all_sides).map(|s| s.volumetric);
     }
 
     /// The numbers a reader wants first, in groups: for the terminal and the page.

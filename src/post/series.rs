@@ -35,17 +35,33 @@ pub fn all(folder: &Path) -> Result<Vec<PathBuf>, PostError> {
     Ok(files)
 }
 
-/// Opens snapshots, each once, by step.
+/// A snapshot of a series, closed: an open one holds two files, and a process may have a thousand at once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Snapshot {
+    /// Its particles file.
+    pub path: PathBuf,
+    /// Its step.
+    pub step: u64,
+}
+
+/// Opens snapshots, each once and one after the other, and lists them by step.
 ///
 /// # Errors
-/// A file that is none.
-pub fn open(files: &[PathBuf]) -> Result<Vec<(PathBuf, Reader)>, PostError> {
+/// A file that is none, or two of one step.
+pub fn open(files: &[PathBuf]) -> Result<Vec<Snapshot>, PostError> {
     let mut files = files.to_vec();
     files.sort();
     files.dedup();
-    let opened = files.into_iter().map(|file| Ok((file.clone(), Reader::open(&file)?)));
+    let opened = files.into_iter().map(|path| {
+        let step = Reader::open(&path)?.header().step;
+        Ok(Snapshot { path, step })
+    });
     let mut snapshots = opened.collect::<Result<Vec<_>, PostError>>()?;
-    snapshots.sort_by_key(|(_, reader)| reader.header().step);
+    snapshots.sort_by_key(|snapshot| snapshot.step);
+    if let Some(same) = snapshots.windows(2).find(|two| two[0].step == two[1].step) {
+        let [first, second] = [0, 1].map(|k| same[k].path.clone());
+        return Err(PostError::SameStep { step: same[0].step, first, second });
+    }
     Ok(snapshots)
 }
 
@@ -63,12 +79,13 @@ pub struct Choice {
 /// # Errors
 /// See [`PostError`], with the file.
 pub fn reports(
-    snapshots: &[(PathBuf, Reader)],
+    snapshots: &[Snapshot],
     choice: &Choice,
 ) -> Result<(Vec<Report>, Picture), PostError> {
     let mut reports: Vec<Report> = Vec::new();
     let mut picture = Picture::default();
-    for (path, reader) in snapshots {
+    for Snapshot { path, .. } in snapshots {
+        let reader = &Reader::open(path)?;
         let name = path.display().to_string();
         let analysed = || {
             let mut settings = choice.settings;

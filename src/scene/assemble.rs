@@ -98,6 +98,15 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
     }
 }
 
+/// What a snapshot says to a run that goes on from it.
+#[derive(Clone, Debug)]
+pub struct TakenUp {
+    /// What is wrong with newer ones that were passed over.
+    pub passed_over: Vec<SnapshotError>,
+    /// The `[stop]` that held when it was written; empty if none did.
+    pub stop: String,
+}
+
 /// Puts the scene's own particles into a simulation that has none.
 pub fn fill(sim: &mut Simulation, scene: &Scene, comm: &dyn Comm) {
     sim.particles.strip_to_owned();
@@ -109,8 +118,7 @@ pub fn fill(sim: &mut Simulation, scene: &Scene, comm: &dyn Comm) {
     }
 }
 
-/// Takes up the state of a snapshot, or of the newest good one of a directory. Returns what is wrong
-/// with those that were passed over. Collective.
+/// Takes up the state of a snapshot, or of the newest good one of a directory. Collective.
 ///
 /// # Errors
 /// On all ranks, if any of them could not read its part, or if the snapshot does not fit the scene.
@@ -120,7 +128,7 @@ pub fn take_up(
     path: &Path,
     from: From,
     comm: &mut dyn Comm,
-) -> Result<Vec<SnapshotError>, StartError> {
+) -> Result<TakenUp, StartError> {
     let reader = Reader::open_together(path, comm)?;
     let read = read_part(&reader, reader.path(), scene, comm);
     let (header, mut particles, histories) = agree(comm, read)?;
@@ -158,7 +166,7 @@ pub fn take_up(
     if from == From::Beginning {
         sim.count_free_energy();
     }
-    Ok(reader.passed_over().to_vec())
+    Ok(TakenUp { passed_over: reader.passed_over().to_vec(), stop: header.stop })
 }
 
 /// This rank's share of the rows of a snapshot.
@@ -170,10 +178,11 @@ fn read_part(
 ) -> Result<(Header, Vec<Particle>, Vec<NamedHistory>), StartError> {
     let header = reader.header().clone();
     let spec = &scene.domain;
-    let period = |low, high, periodic| domain::period(low, high, periodic);
-    if period(&header.low, &header.high, header.periodic)
-        != period(&spec.low, &spec.high, spec.periodic)
-    {
+    let before = domain::period(&header.low, &header.high, header.periodic);
+    let now = domain::period(&spec.low, &spec.high, spec.periodic);
+    // A domain that begins elsewhere has the same length but for rounding.
+    let differs = |(a, b): (&f64, &f64)| (a - b).abs() > 1e-12 * a.min(*b);
+    if before.iter().zip(&now).any(differs) {
         return Err(StartError::Period { path: path.to_owned() });
     }
     let shapes = header
@@ -221,6 +230,11 @@ fn read_part(
             now.inspect(|&k| named.b = GlobalId::wall(k)).is_some()
         }
     });
-    let particles = capture::particles_of(&table, |shape| shapes[shape.index()]);
+    let mut particles = capture::particles_of(&table, |shape| shapes[shape.index()]);
+    for (particle, before) in particles.iter_mut().zip(&table.shape) {
+        // Of another density now: it goes on as fast as it was, and turns as fast.
+        let mass = scene.library.mass[particle.shape.index()];
+        particle.angular_momentum *= mass / header.shapes[before.index()].mass;
+    }
     Ok((header, particles, histories))
 }

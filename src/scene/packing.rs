@@ -43,6 +43,7 @@ fn listed(row: &Listed, id: u64, library: &Library) -> Particle {
         velocity: row.velocity,
         quaternion: row.quaternion,
         angular_momentum: row.quaternion * inertia.component_mul(&local),
+        angular_velocity: row.angular_velocity,
         ..Particle::at_rest(GlobalId(id), row.shape, row.position)
     }
 }

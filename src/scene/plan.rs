@@ -130,8 +130,8 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     let needs = scene.needs();
     let columns = [
         (true, "position, velocity, force"),
-        (needs.spin, "angular momentum, angular velocity, torque"),
-        (needs.attitude, "attitude"),
+        (needs.spin, "angular velocity, torque"),
+        (needs.attitude, "attitude, angular momentum"),
         (needs.image, "counts of periods"),
     ];
     let columns: Vec<&str> =
@@ -210,19 +210,17 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
         page.line("servos", format!("a sum of {bytes} bytes over all ranks in each step"));
     }
     page.line("halo width", format!("{reach:.4e} m, largest bounding diameter and skin"));
+    let ranks_seen = format!("({ranks} rank{})", if ranks == 1 { "" } else { "s" });
     if count == 0 || scene.start.is_some() {
-        page.line("particles", "known when the start snapshot is read");
+        page.line("particles", format!("known when the start snapshot is read {ranks_seen}"));
         return;
     }
     let share = Share::estimate(scene, ranks, reach);
     page.line(
         "rank",
         format!(
-            "about {:.0} owned and {:.0} ghost particles, {} neighbours ({ranks} rank{})",
-            share.owned,
-            share.ghosts,
-            share.neighbours,
-            if ranks == 1 { "" } else { "s" }
+            "about {:.0} owned and {:.0} ghost particles, {} neighbours {ranks_seen}",
+            share.owned, share.ghosts, share.neighbours,
         ),
     );
     page.line(

@@ -8,7 +8,9 @@ mod cells;
 
 pub use cells::close_pairs;
 
-use crate::contact::{Batch, Contact, Found, History, NamedHistory, Pair, Place, ordered};
+use crate::contact::{
+    Batch, Contact, Found, History, NamedHistory, Pair, Place, Touch, ordered, touch_of_ball,
+};
 use crate::ids::Slot;
 use crate::law::{ForceLaw, Load, Memory, WallWork};
 use crate::math::Vec3;
@@ -42,8 +44,12 @@ pub struct PairList {
     history: Vec<History>,
     /// Their tangential springs [m]; none without friction.
     springs: Vec<Vec3>,
+    /// Their normal forces [N]; none without dashpots.
+    normal_forces: Vec<f64>,
     /// What each does to its bodies; in the course of a step, what resolvers say of it.
     loads: Vec<Load>,
+    /// Where each acts, seen from the centre of A [m]; none if all are balls.
+    points: Vec<Vec3>,
     /// The pairs that have come apart since the last step. From [`PairList::note`] on they stand last among those
     /// that touch, until they are forgotten.
     parted: Vec<u32>,
@@ -57,12 +63,16 @@ pub struct PairList {
 pub struct Loaded<'a> {
     /// Its bodies.
     pub pair: Pair,
-    /// Normal, overlap and normal force.
+    /// Normal and overlap.
     pub history: &'a History,
     /// Tangential spring [m]; zero without friction.
     pub spring: Vec3,
-    /// Force and contact point.
-    pub load: &'a Load,
+    /// Normal force [N].
+    pub normal_force: f64,
+    /// Force of A on B [N]; A feels the opposite.
+    pub force: Vec3,
+    /// Where it acts, seen from the centre of A [m].
+    pub point: Vec3,
 }
 
 /// A pair as one of its particles sees it: twice the pair's number, and one more for the first body.
@@ -85,7 +95,7 @@ impl Incidence {
 
 /// This many pairs are resolved in one call: enough for its cost not to count, few enough for what it finds to
 /// take no memory worth mentioning.
-const AT_ONCE: usize = 1024;
+const AT_ONCE: usize = 512;
 
 /// Leaves room for the rounding of clearances and travels, and of their sum to `f32`.
 const ROUNDING: f64 = 1.0 - 1e-6;
@@ -105,6 +115,7 @@ impl PairList {
         self.touching.clear();
         self.history.clear();
         self.springs.clear();
+        self.normal_forces.clear();
 
         carried.sort_unstable_by_key(|c| (c.a, c.b));
         for (index, pair) in self.pairs.iter().enumerate() {
@@ -115,6 +126,9 @@ impl PairList {
                 self.history.push(carried[at].history);
                 if particles.needs.springs {
                     self.springs.push(carried[at].spring);
+                }
+                if particles.needs.dashpots {
+                    self.normal_forces.push(carried[at].normal_force);
                 }
             }
         }
@@ -232,20 +246,31 @@ impl PairList {
             self.place[pair as usize] = Place::DUE;
         }
         self.loads.resize(known, Load::default());
+        self.points.truncate(known);
         self.parted.clear();
     }
 
     /// Takes what a resolver has found: pairs that touch, and pairs that rest until their surfaces can have come
     /// near enough.
     pub fn take(&mut self, found: &mut Found, particles: &Particles) {
+        let has_points = particles.needs.attitude;
+        if has_points {
+            self.points.resize(self.loads.len(), Vec3::zeros());
+        }
         for Contact { pair, touch } in &found.contacts {
             let place = &mut self.place[*pair as usize];
             if let Some(load) = self.loads.get_mut(place.index()) {
                 load.stand_for(touch);
+                if has_points {
+                    self.points[place.index()] = touch.point;
+                }
             } else {
                 *place = Place::among(self.touching.len());
                 self.touching.push(*pair);
                 self.loads.push(Load::of(touch));
+                if has_points {
+                    self.points.push(touch.point);
+                }
             }
         }
         found.contacts.clear();
@@ -266,6 +291,9 @@ impl PairList {
         if needs.springs {
             self.springs.resize(self.touching.len(), Vec3::zeros());
         }
+        if needs.dashpots {
+            self.normal_forces.resize(self.touching.len(), 0.0);
+        }
         for index in 0..self.parted.len() {
             let (place, last) =
                 (self.place[self.parted[index] as usize].index(), self.touching.len() - 1 - index);
@@ -275,6 +303,12 @@ impl PairList {
             if needs.springs {
                 self.springs.swap(place, last);
             }
+            if needs.dashpots {
+                self.normal_forces.swap(place, last);
+            }
+            if needs.attitude {
+                self.points.swap(place, last);
+            }
             for place in [place, last] {
                 self.place[self.touching[place] as usize] = Place::among(place);
             }
@@ -282,15 +316,20 @@ impl PairList {
         trim(&mut self.touching);
         trim(&mut self.history);
         trim(&mut self.springs);
+        trim(&mut self.normal_forces);
         trim(&mut self.loads);
+        trim(&mut self.points);
     }
 
     /// Turns what resolvers have said into loads by `law`, and those into forces on the owned particles. Then the
     /// pairs that have come apart are forgotten.
     pub fn load(&mut self, law: &dyn ForceLaw, particles: &mut Particles, dt: f64) {
-        let Self { pairs, touching, history, springs, loads, parted, .. } = self;
+        let Self {
+            pairs, touching, history, springs, normal_forces, loads, points, parted, ..
+        } = self;
         let still = touching.len() - parted.len();
-        let mut memory = Memory { listed: pairs, pairs: touching, history, springs };
+        let mut memory =
+            Memory { listed: pairs, pairs: touching, history, springs, normal_forces, points };
         let mut wall_work = Vec::new();
         law.apply(&mut loads[..still], &mut memory, particles, dt, &mut wall_work);
         law.part(&mut loads[still..], &memory, particles, dt, &mut wall_work);
@@ -303,7 +342,9 @@ impl PairList {
         self.touching.truncate(still);
         self.history.truncate(still);
         self.springs.truncate(still);
+        self.normal_forces.truncate(still);
         self.loads.truncate(still);
+        self.points.truncate(still);
     }
 
     /// Sums the loads of this step into the owned particles, each in the order of its partners' ids: the
@@ -319,10 +360,16 @@ impl PairList {
                 let pair = self.pairs[incidence.pair() as usize];
                 if incidence.is_a() {
                     force -= load.force;
-                    torque += load.torque_a();
                 } else {
                     force += load.force;
-                    torque += load.torque_b(&particles.bodies().relative(pair));
+                }
+                if particles.needs.spin {
+                    let point = self.point(*place, pair, particles);
+                    if incidence.is_a() {
+                        torque -= point.cross(&load.force);
+                    } else {
+                        torque += (point - particles.bodies().relative(pair)).cross(&load.force);
+                    }
                 }
                 let with_wall = pair.b.index() >= particles.first_wall();
                 dissipated += if with_wall { load.dissipated } else { 0.5 * load.dissipated };
@@ -366,10 +413,45 @@ impl PairList {
     }
 
     /// The contacts of this step, in any order.
-    pub fn contacts(&self) -> impl Iterator<Item = Loaded<'_>> {
-        self.touching.iter().zip(&self.history).zip(&self.loads).map(|((&pair, history), load)| {
-            Loaded { pair: self.pairs[pair as usize], history, spring: self.spring(pair), load }
+    pub fn contacts<'a>(
+        &'a self,
+        law: &dyn ForceLaw,
+        particles: &Particles,
+    ) -> impl Iterator<Item = Loaded<'a>> {
+        self.touching.iter().zip(&self.history).zip(&self.loads).enumerate().map(
+            move |(place, ((&index, history), load))| {
+                let pair = self.pairs[index as usize];
+                Loaded {
+                    pair,
+                    history,
+                    spring: self.spring(index),
+                    normal_force: self.normal_force(index, law, particles),
+                    force: load.force,
+                    point: self.point(Place::among(place), pair, particles),
+                }
+            },
+        )
+    }
+
+    /// Pairs that did not touch at the last step and do now, as long as no law has found their loads.
+    pub fn new_touches(&self, particles: &Particles) -> impl Iterator<Item = (Pair, Touch)> {
+        let all = self.touching.iter().zip(&self.history).zip(&self.loads).enumerate();
+        let new = all.filter(|(_, ((_, history), _))| !history.touched());
+        new.map(|(place, ((&pair, _), load))| {
+            let pair = self.pairs[pair as usize];
+            let (&normal, overlap) = load.touch();
+            let of_ball = || touch_of_ball(particles.radius(pair.a.index()), &normal, overlap);
+            let point = self.points.get(place).copied().unwrap_or_else(of_ball);
+            (pair, Touch { overlap, normal, point })
         })
+    }
+
+    /// Where a contact of this step acts, seen from the centre of A [m].
+    #[inline]
+    fn point(&self, place: Place, pair: Pair, particles: &Particles) -> Vec3 {
+        let History { normal, overlap } = &self.history[place.index()];
+        let of_ball = || touch_of_ball(particles.radius(pair.a.index()), normal, *overlap);
+        self.points.get(place.index()).copied().unwrap_or_else(of_ball)
     }
 
     /// How many contacts an owned particle has in this step, with particles and walls.
@@ -394,6 +476,15 @@ impl PairList {
         self.springs.get(self.place[pair as usize].index()).copied().unwrap_or_default()
     }
 
+    /// The normal force of one pair that touches [N].
+    #[inline]
+    pub fn normal_force(&self, pair: u32, law: &dyn ForceLaw, particles: &Particles) -> f64 {
+        let place = self.place[pair as usize].index();
+        let elastic =
+            || law.elastic(self.pairs[pair as usize], particles, self.history[place].overlap);
+        self.normal_forces.get(place).copied().unwrap_or_else(elastic)
+    }
+
     /// Gives back room that longer lists have needed.
     fn trim(&mut self) {
         self.pairs.shrink_to_fit();
@@ -412,18 +503,22 @@ impl PairList {
         held(&self.touching)
             + held(&self.history)
             + held(&self.springs)
+            + held(&self.normal_forces)
             + held(&self.loads)
+            + held(&self.points)
             + held(&self.parted)
     }
 
     /// What is remembered of one pair, under its lasting name.
     pub fn named(&self, pair: u32, particles: &Particles) -> NamedHistory {
         let Pair { a, b } = self.pairs[pair as usize];
+        let place = self.place[pair as usize].index();
         NamedHistory {
             a: particles.id[a.index()],
             b: particles.id[b.index()],
             history: *self.history(pair),
             spring: self.spring(pair),
+            normal_force: self.normal_forces.get(place).copied().unwrap_or_default(),
         }
     }
 }

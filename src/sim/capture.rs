@@ -26,6 +26,7 @@ impl Simulation {
             layers_fallen: self.rain.as_ref().map_or(0, |rain| rain.layers),
             particles_fallen: self.rain.as_ref().map(|rain| rain.fallen),
             next_id: self.next_id,
+            stop: String::new(),
             low: self.domain.low,
             high: self.domain.high,
             periodic: self.domain.periodic,
@@ -80,7 +81,7 @@ impl Simulation {
                 attitude.quaternion[owned.clone()].iter().map(|q| [q.w, q.i, q.j, q.k]).collect();
         }
         if let Some(spin) = &particles.spin {
-            table.angular_momentum.clone_from(&spin.angular_momentum);
+            table.angular_momentum = owned.clone().map(|s| particles.angular_momentum(s)).collect();
             table.angular_velocity = spin.angular_velocity[owned].to_vec();
             table.torque.clone_from(&spin.torque);
         }
@@ -92,7 +93,8 @@ impl Simulation {
         let mut table = ContactTable::default();
         let particles = &self.particles;
         let bodies = particles.bodies();
-        for Loaded { pair, history, load, .. } in self.pairs.contacts() {
+        for contact in self.pairs.contacts(&*self.law, particles) {
+            let Loaded { pair, history, normal_force, force, point, spring: _ } = contact;
             let Pair { a, b } = pair;
             if a.index() >= particles.owned {
                 continue;
@@ -102,12 +104,12 @@ impl Simulation {
             table.a.push(particles.id[a.index()]);
             table.b.push(particles.id[b.index()]);
             table.centre.push(centre);
-            table.branch.push(if with_wall { load.point } else { bodies.relative(pair) });
-            table.point.push(centre + load.point);
+            table.branch.push(if with_wall { point } else { bodies.relative(pair) });
+            table.point.push(centre + point);
             table.normal.push(history.normal);
             table.overlap.push(history.overlap);
-            table.normal_force.push(history.normal_force);
-            table.shear_force.push(load.force - history.normal * history.normal_force);
+            table.normal_force.push(normal_force);
+            table.shear_force.push(force - history.normal * normal_force);
         }
         table
     }
@@ -119,7 +121,10 @@ impl Simulation {
             .touching()
             .iter()
             .filter(|&&pair| self.pairs.pairs[pair as usize].a.index() < owned)
-            .map(|&pair| self.pairs.named(pair, &self.particles))
+            .map(|&pair| NamedHistory {
+                normal_force: self.pairs.normal_force(pair, &*self.law, &self.particles),
+                ..self.pairs.named(pair, &self.particles)
+            })
             .collect()
     }
 
@@ -214,6 +219,7 @@ pub fn particles_of(table: &ParticleTable, shape_of: impl Fn(ShapeId) -> ShapeId
                 Quat::new_unchecked(Quaternion::new(w, x, y, z))
             }),
             angular_momentum: vector(&table.angular_momentum, row),
+            angular_velocity: vector(&table.angular_velocity, row),
             torque: vector(&table.torque, row),
             histories: Vec::new(),
         })

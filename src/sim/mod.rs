@@ -323,6 +323,10 @@ impl Simulation {
             found.tally.pairs += active.len() as u64;
             found.tally.contacts += found.contacts.len() as u64;
             pairs.take(found, particles);
+            if !found.failed.is_empty() {
+                // Nobody else is to try them.
+                break;
+            }
         }
         self.clock.lap(Phase::Contacts);
         match found.failed.first() {
@@ -358,7 +362,8 @@ impl Simulation {
     fn count_initial_energy(&mut self) {
         let particles = &mut self.particles;
         let mut brought: Vec<(usize, GlobalId, f64)> = Vec::new();
-        for Loaded { pair: Pair { a, b }, history, spring, .. } in self.pairs.contacts() {
+        for contact in self.pairs.contacts(&*self.law, particles) {
+            let Loaded { pair: Pair { a, b }, history, spring, .. } = contact;
             let (of_a, of_b) = (particles.material(a), particles.material(b));
             let stored = self.law.stored(of_a, of_b, history.overlap, &spring);
             let share = if b.index() >= particles.first_wall() { stored } else { 0.5 * stored };

@@ -5,12 +5,13 @@ use crate::comm::{Comm, agree, wire};
 use crate::domain::DomainError;
 use crate::drive::rain::RainGauge;
 use crate::ids::GlobalId;
+use crate::math::Vec3;
 use crate::measure::{Measures, shortest_axis};
 use crate::output::table::{History, TableError};
 use crate::output::{SnapshotError, snapshot};
-use crate::search::Loaded;
 use crate::timing::{Clock, Phase};
 use serde::{Deserialize, Serialize};
+use std::fmt::{Display, Formatter};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -48,6 +49,16 @@ pub struct Stop {
     pub unbalanced: Option<f64>,
     /// The stress of every servo is this near to its target, over the target.
     pub servo: Option<f64>,
+}
+
+/// As the scene has it.
+impl Display for Stop {
+    fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
+        let Self { rest, unbalanced, servo } = self;
+        let all = [("rest", rest), ("unbalanced", unbalanced), ("servo", servo)];
+        let given = all.iter().filter_map(|(name, limit)| limit.map(|is| format!("{name} = {is}")));
+        f.write_str(&given.collect::<Vec<_>>().join(", "))
+    }
 }
 
 /// Why a run ended well.
@@ -149,7 +160,7 @@ pub fn run(
         let stage_begin = sim.stage_begin.0;
         let keep = |step: u64| {
             let scheduled = step == stage_begin || due(step, schedule.history_every);
-            schedule.resumed && step <= first_step && scheduled
+            schedule.resumed && (step < first_step || (step == first_step && scheduled))
         };
         Some(History::open(&schedule.out, &sim.particles.walls, sim.domain.period(), keep)?)
     } else {
@@ -165,7 +176,7 @@ pub fn run(
             history.push(sim.step, sim.time(), &measures, &sim.particles.walls)?;
         }
         if schedule.snapshot_every > 0 {
-            saved = Some(save(sim, schedule, history.as_ref(), &measures, comm)?);
+            saved = Some(save(sim, schedule, ending, history.as_ref(), &measures, comm)?);
         }
         last = Some(measures);
     }
@@ -184,17 +195,16 @@ pub fn run(
         (last, saved) = (None, None);
         if row_due || snapshot_due || rest_due {
             let measures = sim.measure(comm);
-            let at_rest = rest_due && is_at_rest(sim, &schedule.stop, &measures);
-            if let Some(history) = history.as_mut().filter(|_| row_due || at_rest) {
+            if rest_due && is_at_rest(sim, &schedule.stop, &measures) {
+                ending = Ending::Rest;
+            }
+            if let Some(history) = history.as_mut().filter(|_| row_due || ending == Ending::Rest) {
                 history.push(sim.step, sim.time(), &measures, &sim.particles.walls)?;
             }
             if snapshot_due {
-                saved = Some(save(sim, schedule, history.as_ref(), &measures, comm)?);
+                saved = Some(save(sim, schedule, ending, history.as_ref(), &measures, comm)?);
             }
             last = Some(measures);
-            if at_rest {
-                ending = Ending::Rest;
-            }
         }
         if let Some(signal) = signal.filter(|_| !is_last && ending == Ending::LastStep) {
             ending = Ending::Signal(signal);
@@ -219,7 +229,7 @@ pub fn run(
     };
     let snapshot = match saved {
         Some(snapshot) => snapshot,
-        None => save(sim, schedule, history.as_ref(), &measures, comm)?,
+        None => save(sim, schedule, ending, history.as_ref(), &measures, comm)?,
     };
     sim.clock.lap(Phase::Output);
     let mut total = [particle_steps as i64];
@@ -244,8 +254,11 @@ const fn due(step: u64, every: u64) -> bool {
 fn is_at_rest(sim: &Simulation, stop: &Stop, measures: &Measures) -> bool {
     let all_there = sim.rain.as_ref().is_none_or(RainGauge::is_over);
     let error = sim.servos.largest_error(&sim.particles, &measures.wall_forces);
+    // In the moments at the end of a rebound when a dashpot has taken all the force, grains touch but carry nothing.
+    let carries = measures.mean_normal_force > 0.0
+        || measures.wall_forces.iter().any(|f| *f != Vec3::zeros());
     all_there
-        && measures.contacts + measures.wall_contacts > 0
+        && carries
         && stop.rest.is_none_or(|limit| measures.kinetic() < limit * measures.dissipated)
         && stop.unbalanced.is_none_or(|limit| measures.unbalanced < limit)
         && stop.servo.is_none_or(|limit| error < limit)
@@ -265,7 +278,7 @@ fn lost(step: u64, error: DomainError, sim: &Simulation, comm: &mut dyn Comm) ->
     let particles = &sim.particles;
     let slot = particles.id[..particles.owned].iter().position(|&other| other == id);
     let state = slot.map_or_else(String::new, |slot| {
-        let vector = |v: crate::math::Vec3| format!("({:e}, {:e}, {:e})", v.x, v.y, v.z);
+        let vector = |v: Vec3| format!("({:e}, {:e}, {:e})", v.x, v.y, v.z);
         format!(
             "particle {id}: position {} m, velocity {} m/s, force of its contacts {} N",
             vector(particles.position[slot]),
@@ -327,6 +340,7 @@ impl StopCheck {
 fn save(
     sim: &Simulation,
     schedule: &Schedule,
+    ending: Ending,
     history: Option<&History>,
     measures: &Measures,
     comm: &mut dyn Comm,
@@ -340,9 +354,13 @@ fn save(
         }
     });
     agree(comm, checked).map_err(|error| lost(sim.step, error, sim, comm))?;
+    let mut header = sim.header(&schedule.scene, &measures.wall_forces);
+    if ending == Ending::Rest {
+        header.stop = schedule.stop.to_string();
+    }
     Ok(snapshot::write(
         &schedule.out,
-        &sim.header(&schedule.scene, &measures.wall_forces),
+        &header,
         &sim.particle_table(comm.rank()),
         &sim.contact_table(),
         &sim.histories(),
@@ -354,12 +372,11 @@ fn save(
 /// the stage before are where the forces have put them.
 fn check_overlaps(sim: &Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
     let mut found: Vec<(f64, u64, i64, [f64; 3])> = Vec::new();
-    for Loaded { pair, history, load, .. } in sim.pairs.contacts() {
-        let depth = load.touch_overlap() / shortest_axis(&sim.particles, pair.a, pair.b);
-        let is_new = !history.touched() && pair.a.index() < sim.particles.owned;
-        if is_new && depth > DEEPEST_START {
+    for (pair, touch) in sim.pairs.new_touches(&sim.particles) {
+        let depth = touch.overlap / shortest_axis(&sim.particles, pair.a, pair.b);
+        if pair.a.index() < sim.particles.owned && depth > DEEPEST_START {
             let (a, b) = (sim.particles.id[pair.a.index()], sim.particles.id[pair.b.index()]);
-            let at = sim.particles.position[pair.a.index()] + load.point;
+            let at = sim.particles.position[pair.a.index()] + touch.point;
             found.push((depth, a.0, b.to_file(), at.into()));
         }
     }

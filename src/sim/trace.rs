@@ -42,20 +42,21 @@ impl Simulation {
             let mut vector = |name, value: Vec3| {
                 let _ = write!(text, " {name}={}", commas(value.as_slice()));
             };
-            vector("angular_momentum", spin.angular_momentum[slot]);
+            vector("angular_momentum", particles.angular_momentum(slot));
             vector("torque", spin.torque[slot]);
         }
         let mut lines = Vec::new();
-        for Loaded { pair, history, spring, load } in self.pairs.contacts() {
+        for contact in self.pairs.contacts(&*self.law, particles) {
+            let Loaded { pair, history, spring, normal_force, force, point } = contact;
             let is_a = pair.a.index() == slot;
             if !is_a && pair.b.index() != slot {
                 continue;
             }
             let partner = particles.id[if is_a { pair.b } else { pair.a }.index()];
             let (force, torque) = if is_a {
-                (-load.force, load.torque_a())
+                (-force, -point.cross(&force))
             } else {
-                (load.force, load.torque_b(&particles.bodies().relative(pair)))
+                (force, (point - particles.bodies().relative(pair)).cross(&force))
             };
             let line = format!(
                 "trace step={step} particle={id} contact={} overlap={:e} normal={} point={} normal_force={:e} \
@@ -63,8 +64,8 @@ impl Simulation {
                 partner.to_string().replace(' ', ""),
                 history.overlap,
                 commas(history.normal.as_slice()),
-                commas(load.point.as_slice()),
-                history.normal_force,
+                commas(point.as_slice()),
+                normal_force,
                 commas(force.as_slice()),
                 commas(torque.as_slice()),
                 commas(spring.as_slice()),

@@ -72,6 +72,25 @@ fn a_used_directory_is_refused() {
     heap_in(&directory, Launch::Ranks(2), &[&again[..], &["--overwrite"]].concat()).succeed();
     let there = [0, 100, 150, 200, 300].map(|step| snapshot(&directory, step).exists());
     assert_eq!(there, [true, true, true, false, false]);
+
+    // Of a run without earlier snapshots, none stays.
+    let only_the_last = ["--set", "output.snapshot_every=0", "--steps", "150", "--overwrite"];
+    heap_in(&directory, Launch::Alone, &only_the_last).succeed();
+    let there = [0, 100, 150].map(|step| snapshot(&directory, step).exists());
+    assert_eq!(there, [false, false, true]);
+}
+
+/// What has been written of the history stays, also if less is asked for from now on.
+#[test]
+fn a_coarser_history_loses_nothing() {
+    let directory = fresh_directory("coarser");
+    let start = ["--start", directory.to_str().unwrap(), "--steps", "30", "--set"];
+    heap_in(&directory, Launch::Alone, &["--steps", "30", "--set", "output.history_every=10"])
+        .succeed();
+    heap_in(&directory, Launch::Alone, &[&start[..], &["output.history_every=1000"]].concat())
+        .succeed();
+    let steps: Vec<u64> = column(&directory, "particles").into_keys().collect();
+    assert_eq!(steps, [0, 10, 20, 60]);
 }
 
 /// A directory with an earlier stage keeps the table of that stage.
@@ -92,11 +111,11 @@ fn a_stage_does_not_write_over_the_one_before() {
 fn a_periodic_domain_may_begin_elsewhere() {
     let whole = finished("periodic", Launch::Alone);
     let start = ["--start", whole.directory.to_str().unwrap(), "--steps", "200"];
-    let set = ["--set", "domain.low=[-0.019, -0.0225, -0.021]", "--set"];
+    let set = ["--set", "domain.low=[-0.019, -0.0225, -0.0215]", "--set"];
     let [alone, together] = [Launch::Alone, Launch::Ranks(3)].map(|launch| {
         let directory = fresh_directory(&format!("elsewhere_{launch:?}"));
         let out = ["--out", directory.to_str().unwrap()];
-        let high = ["domain.high=[0.021, 0.0175, 0.019]"];
+        let high = ["domain.high=[0.021, 0.0175, 0.0185]"];
         let periodic = [&*scene("periodic")];
         dem_mpi(launch, [&periodic[..], &start, &set, &high, &out].concat()).succeed();
         directory
@@ -138,6 +157,29 @@ fn walls_keep_their_contacts_in_any_order() {
     run(&[&[tilted, "--start", "tilted"], &set[..]].concat());
 }
 
+/// Grains of another density go on as fast as they were, and turn as fast.
+#[test]
+fn a_stage_may_change_the_density() {
+    let directory = fresh_directory("denser");
+    let run = |arguments: &[&str]| {
+        dem_mpi(Launch::Alone, arguments).from(&directory).succeed();
+    };
+    run(&[&scene("heap"), "--steps", "1500"]);
+    run(&[&scene("tilted"), "--steps", "0", "--set", "material.stone.density=250_000"]);
+    let [before, after] = ["heap", "tilted"].map(|stage| {
+        let reader = Reader::open(&snapshot(&directory.join(stage), 1500)).unwrap();
+        let table = reader.particles(0..reader.particle_count()).unwrap();
+        let state = table.velocity.into_iter().zip(table.angular_velocity);
+        table.id.into_iter().zip(state).collect::<BTreeMap<_, _>>()
+    });
+    assert!(before.keys().eq(after.keys()));
+    assert!(before.values().any(|(_, turning)| turning.norm() > 1e-3), "{before:?}");
+    for (id, (velocity, turning)) in &before {
+        assert_eq!(*velocity, after[id].0, "{id}");
+        assert!((turning - after[id].1).norm() <= 1e-12 * turning.norm(), "{id}");
+    }
+}
+
 /// A stage that starts from the end of another; the second is stopped and continued, too.
 #[test]
 fn stages_follow_each_other() {
@@ -170,17 +212,42 @@ fn stages_follow_each_other() {
     assert!((end.1 - 0.023).abs() < 1e-12, "and so does time: {end:?}");
 }
 
-/// A finished run is not run again, and says how to ask for more.
+/// A finished run is not run again, and says how to ask for more. For the job that asks, all is well: it may have been
+/// queued again. A snapshot beyond the end of the stage is a mistake.
 #[test]
 fn nothing_is_left_to_do() {
     for launch in [Launch::Alone, Launch::Ranks(2)] {
         let whole = heap(launch);
         let start = ["--start", whole.directory.to_str().unwrap()];
         let elsewhere = fresh_directory("nothing_left");
-        let ended = heap_in(&elsewhere, launch, &start).end();
-        assert_eq!(ended.status.code(), Some(2), "{ended}");
-        ended.said_once("nothing left to do: the snapshot is at step 3000");
-        ended.said_once("--steps N");
-        assert!(!elsewhere.join("history.csv").exists());
+        for (more, status) in [(&[][..], 0), (&["--set", "time.steps=2999"], 2)] {
+            let ended = heap_in(&elsewhere, launch, &[&start[..], more].concat()).end();
+            assert_eq!(ended.status.code(), Some(status), "{ended}");
+            ended.said_once("nothing left to do: the snapshot is at step 3000");
+            ended.said_once("--steps N");
+            assert!(!elsewhere.join("history.csv").exists());
+        }
+    }
+}
+
+/// A stage that its `[stop]` has ended is over, whatever its steps, unless the user wants more of it.
+#[test]
+fn a_stage_ended_by_stop_is_over() {
+    for launch in [Launch::Alone, Launch::Ranks(2)] {
+        let directory = fresh_directory("ended");
+        let start = ["--start", directory.to_str().unwrap(), "--set"];
+        // A limit that any heap is below, as soon as all rain has fallen; looked at every 100 steps.
+        heap_in(&directory, launch, &["--set", "stop.rest=0.99"]).succeed().said_once("at rest");
+        let (end, _) = column(&directory, "particles").pop_last().unwrap();
+        assert!(end < HEAP_STEPS && end.is_multiple_of(100), "{end}");
+
+        let again = heap_in(&directory, launch, &[&start[..], &["stop.rest=0.99"]].concat());
+        again
+            .succeed()
+            .said_once(&format!("the stage ended at step {end} by its [stop]: rest = 0.99"));
+        assert_eq!(column(&directory, "particles").pop_last().unwrap().0, end);
+        let lower = heap_in(&directory, launch, &[&start[..], &["stop.rest=1e-15"]].concat());
+        lower.succeed().said_once("all steps done");
+        assert_eq!(column(&directory, "particles").pop_last().unwrap().0, HEAP_STEPS);
     }
 }

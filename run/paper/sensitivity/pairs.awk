@@ -1,10 +1,10 @@
-# A LAMMPS dump of dem-post, periodic along x and y, as pairs for dem-contact: those whose bounding spheres touch,
-# B at the image nearest to A, A at the origin.
-#   awk -f pairs.awk particles.dump > pairs.csv
+# A LAMMPS dump of dem-post, periodic along x and y (with -v walls=1: not periodic), as pairs for dem-contact: those
+# whose bounding spheres touch, B at the image nearest to A, A at the origin.
+#   awk [-v walls=1] -f pairs.awk particles.dump > pairs.csv
 
 /^ITEM: BOX BOUNDS/ { side = 1; next }
 /^ITEM: ATOMS/ { side = 0; atoms = 1; next }
-side { period[side++] = $2 - $1 }
+side { period[side++] = walls ? 1e99 : $2 - $1 }
 atoms {
     n++
     id[n] = $1

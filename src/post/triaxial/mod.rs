@@ -5,8 +5,8 @@
 //! `ROOT/METHOD/STAGE/`, with the method `common-normal`, `epa`, `gjk-erosion` or `gjk-gjk-erosion` and the stage
 //! `packing`, `consolidation` or `shear`. What is not there is left out, and the report says so.
 //!
-//! The paper compares erosion with EPA, which it takes as the truth. Where there are no runs of EPA, the
-//! common normal stands in: the truth itself for these bodies.
+//! The paper compares erosion with EPA, which it takes as the truth. Where EPA has no number, for its runs are not
+//! there or not over, the common normal stands in: the truth itself for these bodies.
 //!
 //! | file | what it is |
 //! |---|---|
@@ -50,7 +50,7 @@ pub enum TriaxialError {
 }
 
 /// All files of the section: names and contents. Whole packings as in the paper, unless `choice` says
-/// otherwise.
+/// otherwise; then the report does, too.
 ///
 /// # Errors
 /// See [`TriaxialError`].
