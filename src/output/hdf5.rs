@@ -116,6 +116,8 @@ pub struct SnapshotFile<'a> {
     path: PathBuf,
     /// `None` on a rank that leaves the writing to rank 0.
     file: Option<File>,
+    /// On rank 0, the same file: to have what is written go to the disk at once.
+    writeback: Option<fs::File>,
     /// What was made room for [bytes].
     room: u64,
     collective_writes: usize,
@@ -144,8 +146,14 @@ impl<'a> SnapshotFile<'a> {
         };
         let file = agree(comm, created)?;
         // Once more, because creating has emptied it.
-        on_root(path, comm, || reserve(&fs::File::options().write(true).open(path)?, room))?;
-        Ok(Self { comm, path: path.to_owned(), file, room, collective_writes: 0 })
+        let mut writeback = None;
+        on_root(path, comm, || {
+            let opened = fs::File::options().write(true).open(path)?;
+            reserve(&opened, room)?;
+            writeback = Some(opened);
+            Ok(())
+        })?;
+        Ok(Self { comm, path: path.to_owned(), file, writeback, room, collective_writes: 0 })
     }
 
     /// How many datasets HDF5 says it wrote collectively so far.
@@ -283,14 +291,15 @@ impl<'a> SnapshotFile<'a> {
                 list.was_collective()
             })?;
             self.collective_writes += 1;
-            Ok(())
         } else {
             let all = self.comm.gather(bytes.to_vec()).unwrap_or_default().concat();
             self.everywhere(|file| {
                 let dataset = file.dataset(column.place)?;
                 transfer(&dataset, 0..total, h5p::H5P_DEFAULT, Buffer::Write(&all))
-            })
+            })?;
         }
+        self.writeback.as_ref().inspect(|file| start_writeback(file));
+        Ok(())
     }
 
     /// Does the same on every rank that has the file open; all fail if one fails.
@@ -346,6 +355,13 @@ fn reserve(mut file: &fs::File, bytes: u64) -> io::Result<()> {
         }
         _ => Err(error),
     }
+}
+
+/// Has the disk begin with what was written so far, while the next dataset is made: `close`, which waits for all of it,
+/// then has little to wait for. Where this is not possible, nothing is lost but time.
+fn start_writeback(file: &fs::File) {
+    // SAFETY: the descriptor is open.
+    unsafe { libc::sync_file_range(file.as_raw_fd(), 0, 0, libc::SYNC_FILE_RANGE_WRITE) };
 }
 
 /// Frees what was reserved beyond the end of a closed HDF5 file. Returns its length [bytes].

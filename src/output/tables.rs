@@ -164,6 +164,21 @@ pub struct ContactTable {
 }
 
 impl ContactTable {
+    /// An empty one with room for so many contacts.
+    pub fn with_capacity(contacts: usize) -> Self {
+        Self {
+            a: Vec::with_capacity(contacts),
+            b: Vec::with_capacity(contacts),
+            centre: Vec::with_capacity(contacts),
+            branch: Vec::with_capacity(contacts),
+            point: Vec::with_capacity(contacts),
+            normal: Vec::with_capacity(contacts),
+            overlap: Vec::with_capacity(contacts),
+            normal_force: Vec::with_capacity(contacts),
+            shear_force: Vec::with_capacity(contacts),
+        }
+    }
+
     /// The whole force that A exerts on B [N].
     pub fn force(&self, contact: usize) -> Vec3 {
         self.normal[contact] * self.normal_force[contact] + self.shear_force[contact]

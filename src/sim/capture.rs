@@ -90,7 +90,7 @@ impl Simulation {
 
     /// The contacts of which this rank owns the first particle.
     pub fn contact_table(&self) -> ContactTable {
-        let mut table = ContactTable::default();
+        let mut table = ContactTable::with_capacity(self.pairs.touching().len());
         let particles = &self.particles;
         let bodies = particles.bodies();
         for contact in self.pairs.contacts(&*self.law, particles) {
@@ -117,15 +117,14 @@ impl Simulation {
     /// The histories of the touching contacts of which this rank owns the first particle.
     pub fn histories(&self) -> Vec<NamedHistory> {
         let owned = self.particles.owned;
-        self.pairs
-            .touching()
-            .iter()
-            .filter(|&&pair| self.pairs.pairs[pair as usize].a.index() < owned)
-            .map(|&pair| NamedHistory {
-                normal_force: self.pairs.normal_force(pair, &*self.law, &self.particles),
-                ..self.pairs.named(pair, &self.particles)
-            })
-            .collect()
+        let touching = self.pairs.touching();
+        let is_mine = |&&pair: &&u32| self.pairs.pairs[pair as usize].a.index() < owned;
+        let mut histories = Vec::with_capacity(touching.len());
+        histories.extend(touching.iter().filter(is_mine).map(|&pair| NamedHistory {
+            normal_force: self.pairs.normal_force(pair, &*self.law, &self.particles),
+            ..self.pairs.named(pair, &self.particles)
+        }));
+        histories
     }
 
     /// Takes up a state from a snapshot: on each rank any part of its particles and histories, which
