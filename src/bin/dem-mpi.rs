@@ -2,6 +2,7 @@
 
 use clap::Parser;
 use dem_mpi::comm::{Comm, alone::Alone, threads, wire, world};
+use dem_mpi::drive::rain::RainGauge;
 use dem_mpi::ids::GlobalId;
 use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, From, TakenUp};
@@ -216,7 +217,9 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         return status;
     }
     let Arguments { overwrite, start, .. } = arguments;
-    if let Err(error) = snapshot::none_later(&out, sim.step, *overwrite, start.as_deref(), comm) {
+    let before = if resumed { None } else { scene.start.as_deref() };
+    let kept = snapshot::none_later(&out, sim.step, *overwrite, start.as_deref(), before, comm);
+    if let Err(error) = kept {
         say(comm, error);
         return WRONG_INPUT;
     }
@@ -263,7 +266,10 @@ fn nothing_left(
         );
         return Some((why, if last_step < step { WRONG_INPUT } else { 0 }));
     }
-    (arguments.steps.is_none() && !held.is_empty() && held == scene.stop.to_string()).then(|| {
+    // More rain than before is more to do.
+    let all_there = sim.rain.as_ref().is_none_or(RainGauge::is_over);
+    let is_over = all_there && !held.is_empty() && held == scene.stop.to_string();
+    (arguments.steps.is_none() && is_over).then(|| {
         let why = format!(
             "the stage ended at step {step} by its [stop]: {held}. \
              Ask for more with --steps N or a lower limit"

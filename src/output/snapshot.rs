@@ -185,7 +185,8 @@ pub fn write(
 
 /// Keeps a directory to one run: none of its snapshots may be later than the step at which a run begins, and there are
 /// earlier ones only if it goes on from one of them. If `remove`, those that are later go. Where the run goes on from the
-/// directory as a whole, they were passed over as damaged, and stay. Collective.
+/// directory as a whole, they were passed over as damaged, and stay. `start` is what the same stage goes on from, `before`
+/// the stage before, if this one begins with it. Collective.
 ///
 /// # Errors
 /// On all ranks: [`SnapshotError::Later`], or rank 0 cannot remove them.
@@ -194,15 +195,21 @@ pub fn none_later(
     step: u64,
     remove: bool,
     start: Option<&Path>,
+    before: Option<&Path>,
     comm: &mut dyn Comm,
 ) -> Result<(), SnapshotError> {
-    let [here, start] = [Some(directory), start].map(|path| path?.canonicalize().ok());
-    let is_one_of_them = start.as_deref().and_then(Path::parent) == here.as_deref();
+    let [here, start, before] =
+        [Some(directory), start, before].map(|path| path?.canonicalize().ok());
+    let is_in_here =
+        |path: &Option<PathBuf>| path.as_deref().and_then(Path::parent) == here.as_deref();
+    let is_one_of_them = is_in_here(&start);
+    // The stage before is kept, so that the run can be done once more.
+    let follows_them = before == here || is_in_here(&before);
     let mut later = Vec::new();
     // As rank 0 sees the directory: others may see it late.
     if comm.is_root() && start != here {
         later = steps_in(directory);
-        let is_strange = (step > 0 || remove) && !is_one_of_them;
+        let is_strange = !is_one_of_them && if remove { !follows_them } else { step > 0 };
         later.retain(|(of, _)| *of > step || is_strange);
     }
     if remove {

@@ -104,6 +104,14 @@ fn a_stage_does_not_write_over_the_one_before() {
     assert_eq!(refused.status.code(), Some(2), "{refused}");
     refused.said_once("has snapshots up to step 1500, and this run begins at step 1500");
     assert_eq!(history(&directory.join("heap")), before);
+
+    // Not even if it may: it would remove what it begins with.
+    let over = ["--out", "heap", "--overwrite", "--steps", "100"];
+    let tilted = scene("tilted");
+    let words = [&[&*tilted], &over[..]].concat();
+    dem_mpi(Launch::Alone, words).from(&directory).succeed();
+    let there = [1000, 1500, 1600].map(|step| snapshot(&directory.join("heap"), step).exists());
+    assert_eq!(there, [true, true, true]);
 }
 
 /// The same periods, but the domain begins elsewhere: particles come to where it is.
