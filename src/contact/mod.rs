@@ -281,9 +281,16 @@ pub fn nearest_image(mut difference: Vec3, period: &Vec3) -> Vec3 {
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
 pub(crate) fn vectors<L: Eight>(all: &[Vec3], slots: &[Slot; WIDTH]) -> Triple<L> {
-    let mut rows = [all[slots[0].index()].as_ref(); WIDTH];
-    for (row, slot) in rows.iter_mut().zip(slots) {
-        *row = all[slot.index()].as_ref();
+    vectors_at(all, &slots.map(Slot::index))
+}
+
+/// The vectors that stand at these places.
+#[expect(clippy::inline_always, reason = "see `lanes`")]
+#[inline(always)]
+pub(crate) fn vectors_at<L: Eight>(all: &[Vec3], places: &[usize; WIDTH]) -> Triple<L> {
+    let mut rows = [all[places[0]].as_ref(); WIDTH];
+    for (row, place) in rows.iter_mut().zip(places) {
+        *row = all[*place].as_ref();
     }
     Triple::of(&rows)
 }

@@ -15,7 +15,7 @@
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use super::{Constants, ForceLaw, Interactions, Load, Memory, WallWork};
-use crate::contact::{History, Pair, nearest_images, vectors};
+use crate::contact::{History, Pair, nearest_images, vectors, vectors_at};
 use crate::ids::{MaterialId, Slot};
 use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
 use crate::math::Vec3;
@@ -101,7 +101,7 @@ impl Contacts<'_, '_> {
         let point = if memory.points.is_empty() {
             normal.times(radii::<L>(particles, &a) - L::all(0.5) * overlap)
         } else {
-            triples(memory.points, &places)
+            vectors_at(memory.points, &places)
         };
         let (last_normal, last_overlap) = read_histories::<L>(&histories);
         let last_normal_force = if *damped {
@@ -112,7 +112,7 @@ impl Contacts<'_, '_> {
         let has_springs = !memory.springs.is_empty();
         let mut last_spring = Triple::zero();
         if has_springs {
-            last_spring = triples(memory.springs, &places);
+            last_spring = vectors_at(memory.springs, &places);
         }
 
         // velocity of A's surface against B's: positive along the normal is approach
@@ -201,16 +201,6 @@ fn read_histories<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L) {
         overlap[lane] = history.overlap;
     }
     (Triple::of(&normal), L::load(&overlap))
-}
-
-/// The vectors that stand at these places.
-#[inline(always)]
-fn triples<L: Eight>(all: &[Vec3], places: &[usize; WIDTH]) -> Triple<L> {
-    let mut rows = [all[places[0]].as_ref(); WIDTH];
-    for (row, place) in rows.iter_mut().zip(places) {
-        *row = all[*place].as_ref();
-    }
-    Triple::of(&rows)
 }
 
 /// The radii of balls [m].

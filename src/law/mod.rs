@@ -166,6 +166,18 @@ impl Load {
     }
 }
 
+/// Moment on A about its centre of a force of A on B [N] at `point` from that centre [m], in N m.
+#[inline]
+pub fn torque_on_a(force: &Vec3, point: &Vec3) -> Vec3 {
+    -point.cross(force)
+}
+
+/// The same on B about its centre, which is at `r` from that of A [m].
+#[inline]
+pub fn torque_on_b(force: &Vec3, point: &Vec3, r: &Vec3) -> Vec3 {
+    (point - r).cross(force)
+}
+
 /// What a moving wall did to a particle since the last step.
 #[derive(Clone, Copy, Debug)]
 pub struct WallWork {

@@ -12,7 +12,7 @@ use crate::contact::{
     Batch, Contact, Found, History, NamedHistory, Pair, Place, Touch, ordered, touch_of_ball,
 };
 use crate::ids::Slot;
-use crate::law::{ForceLaw, Load, Memory, WallWork};
+use crate::law::{ForceLaw, Load, Memory, WallWork, torque_on_a, torque_on_b};
 use crate::math::Vec3;
 use crate::particles::{Needs, Particles, held, trim};
 use crate::shape::Kind;
@@ -365,11 +365,11 @@ impl PairList {
                 }
                 if particles.needs.spin {
                     let point = self.point(*place, pair, particles);
-                    if incidence.is_a() {
-                        torque -= point.cross(&load.force);
+                    torque += if incidence.is_a() {
+                        torque_on_a(&load.force, &point)
                     } else {
-                        torque += (point - particles.bodies().relative(pair)).cross(&load.force);
-                    }
+                        torque_on_b(&load.force, &point, &particles.bodies().relative(pair))
+                    };
                 }
                 let with_wall = pair.b.index() >= particles.first_wall();
                 dissipated += if with_wall { load.dissipated } else { 0.5 * load.dissipated };

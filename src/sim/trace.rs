@@ -4,6 +4,7 @@
 use super::Simulation;
 use crate::comm::{Comm, wire};
 use crate::ids::GlobalId;
+use crate::law::{torque_on_a, torque_on_b};
 use crate::math::Vec3;
 use crate::search::Loaded;
 use std::fmt::Write;
@@ -54,9 +55,9 @@ impl Simulation {
             }
             let partner = particles.id[if is_a { pair.b } else { pair.a }.index()];
             let (force, torque) = if is_a {
-                (-force, -point.cross(&force))
+                (-force, torque_on_a(&force, &point))
             } else {
-                (force, (point - particles.bodies().relative(pair)).cross(&force))
+                (force, torque_on_b(&force, &point, &particles.bodies().relative(pair)))
             };
             let line = format!(
                 "trace step={step} particle={id} contact={} overlap={:e} normal={} point={} normal_force={:e} \
