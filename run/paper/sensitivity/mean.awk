@@ -1,4 +1,5 @@
 # Means and standard deviations of columns over the rows with the same keys, in the order in which these first appear.
+# Nothing, if one of the rows has no value.
 #   awk -v keys="aspect_ratio friction" -v values="solid_fraction coordination" -f mean.awk table.csv
 
 BEGIN {
@@ -19,6 +20,7 @@ FNR == 1 {
     count[name]++
     for (i = 1; i <= n_values; i++) {
         x = $at[value[i]]
+        if (x == "") without[name, i] = 1
         sum[name, i] += x
         squares[name, i] += x * x
     }
@@ -35,6 +37,10 @@ END {
         n = count[name]
         line = name "," n
         for (i = 1; i <= n_values; i++) {
+            if ((name, i) in without) {
+                line = line ",,"
+                continue
+            }
             mean = sum[name, i] / n
             variance = n > 1 ? (squares[name, i] - n * mean * mean) / (n - 1) : 0
             line = line sprintf(",%.5g,%.2g", mean, variance > 0 ? sqrt(variance) : 0)
