@@ -1513,6 +1513,7 @@ fn run_of(method: Method, sheared: bool, settings: impl Fn(&Snapshot) -> Setting
         packing: Some(report(0.0)),
         consolidation: None,
         shear: (0..=7).filter(|_| sheared).map(|k| report(f64::from(k) * 0.05)).collect(),
+        unfinished: Vec::new(),
         missing_energy: Vec::new(),
         costs: Vec::new(),
     }

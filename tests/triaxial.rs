@@ -40,6 +40,7 @@ fn made_up(method: Method, z: f64, curve: impl Fn(f64) -> (f64, f64)) -> Run {
         packing: Some(packing),
         consolidation: None,
         shear: (0..=70).map(at).collect(),
+        unfinished: Vec::new(),
         missing_energy: vec![("packing", 1e-3), ("shear", 0.02)],
         costs: Vec::new(),
     }
@@ -91,11 +92,14 @@ fn a_response_without_peak_or_dilation_does_not_reproduce() {
     // One method that does not reproduce is enough.
     let both = [usual[0].clone(), Run { method: Method::Epa, ..rising[0].clone() }];
     assert_eq!(verdict(&both, peak), Verdict::No);
-    // A compression that is not over has no verdict.
+    // A compression that is not over has no verdict, until it has dilated.
     let mut short = usual;
     short[0].shear.truncate(30);
-    assert_eq!(verdict(&short, peak), Verdict::Untold);
+    assert_eq!((verdict(&short, peak), verdict(&short, volume)), (Verdict::Untold, Verdict::Yes));
+    assert_eq!(verdict(&short, "compression to an axial strain"), Verdict::Untold);
     assert!(report::report(&short).contains("compressed to 14.50 % only"));
+    short[0].shear.truncate(15);
+    assert_eq!(verdict(&short, volume), Verdict::Untold);
 }
 
 #[test]
@@ -113,6 +117,7 @@ fn coordination_is_compared_with_the_paper_s() {
     assert_eq!(verdict(&runs(6.9, 7.5), "EPA's Z is nearer"), Verdict::No);
     // A tenth of it at the peak.
     assert_eq!(verdict(&runs(7.5, 6.9), "the difference in Z is smaller"), Verdict::Yes);
+    assert_eq!(verdict(&runs(7.5, 7.53), "the difference in Z is smaller"), Verdict::No);
     let shift = "erosion's histogram is shifted";
     // The same histogram: a mean that is said to be smaller is not all.
     assert_eq!(verdict(&runs(7.5, 7.5), shift), Verdict::No);
@@ -150,6 +155,8 @@ fn what_is_missing_is_said() {
     let alone = report::report(std::slice::from_ref(&erosion));
     assert!(alone.contains("EPA: no runs") && alone.contains("nothing to compare erosion with"));
     assert_eq!(verdict(std::slice::from_ref(&erosion), "the same plateau"), Verdict::Untold);
+    let exact = made_up(Method::CommonNormal, 7.5, usual);
+    assert!(report::report(&[exact]).contains("there is no erosion to compare"));
     let exact = made_up(Method::CommonNormal, 7.5, usual);
     let both = [exact, erosion];
     let page = report::report(&both);
@@ -293,6 +300,53 @@ fn stored_runs_give_every_figure_and_table() {
     );
     for (name, text) in &files {
         assert!(!text.contains("NaN") && !text.contains("inf\""), "{name}");
+    }
+}
+
+#[test]
+fn a_stage_that_is_not_over_is_compared_with_nothing() {
+    let root = tempfile::tempdir().unwrap();
+    let run = root.path().join("epa");
+    let page = || {
+        let files = regenerate(root.path(), &Choice::default()).unwrap();
+        files.into_iter().find(|(name, _)| name == "report.md").expect("a report").1
+    };
+    store(&run.join("packing"), &ellipsoids(5, 8));
+    let begun = page();
+    assert!(begun.contains("EPA: packing is not over, no consolidation, no shear"), "{begun}");
+    assert!(!begun.contains("| packing |"), "{begun}");
+
+    // The next stage begins from a packing that is over.
+    store(&run.join("consolidation"), &boxed(0.02, 100));
+    let consolidating = page();
+    assert!(consolidating.contains("EPA: consolidation is not over, no shear"), "{consolidating}");
+    assert!(consolidating.contains("| packing |") && !consolidating.contains("| consolidation |"));
+
+    // It is over if it says so, or if the script that ran it does.
+    std::fs::write(run.join("consolidation/done"), "").unwrap();
+    assert!(page().contains("EPA: no shear"));
+    std::fs::remove_dir_all(run.join("consolidation")).unwrap();
+    let mut rested = ellipsoids(5, 8);
+    rested.header.step = 200;
+    rested.header.stop = "unbalanced = 0.005".into();
+    store(&run.join("packing"), &rested);
+    assert!(page().contains("EPA: no consolidation, no shear"));
+}
+
+#[test]
+fn a_compression_is_to_start_from_what_the_paper_says() {
+    let statement = "it starts from 100 kPa";
+    let mut run = made_up(Method::Epa, 7.5, usual);
+    assert_eq!(verdict(std::slice::from_ref(&run), statement), Verdict::Untold);
+    for (pressure, expected) in
+        [(1.01e5, Verdict::Yes), (1.05e5, Verdict::Nearly), (1.4e5, Verdict::No)]
+    {
+        let mut consolidated = run.shear[0].clone();
+        let s = &mut consolidated.summary;
+        (s.wall_stress_xx_pa, s.wall_stress_yy_pa) = (Some(1e5), Some(0.99e5));
+        s.wall_stress_zz_pa = Some(pressure);
+        run.consolidation = Some(consolidated);
+        assert_eq!(verdict(std::slice::from_ref(&run), statement), expected, "{pressure}");
     }
 }
 

@@ -35,7 +35,7 @@ struct Arguments {
     #[arg(long)]
     series: bool,
 
-    /// Where to write [default: `post` beside the last snapshot]
+    /// Where to write [default: `post` beside the last snapshot; of --section-3, in DIR]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 

@@ -1,6 +1,7 @@
 //! The runs of a method, from packing to shear.
 
 use super::TriaxialError;
+use crate::output::snapshot::Reader;
 use crate::post::PostError;
 use crate::post::history::History;
 use crate::post::picture::{Picture, side_by_side};
@@ -70,6 +71,8 @@ pub struct Run {
     pub consolidation: Option<Report>,
     /// All snapshots of the compression, with strains against the first.
     pub shear: Vec<Report>,
+    /// Stages before the compression whose newest snapshot is not their last: nothing to compare yet.
+    pub unfinished: Vec<&'static str>,
     /// Energy that the balance misses, over the energy dissipated, at the end of each stage.
     pub missing_energy: Vec<(&'static str, f64)>,
     /// What each stage took.
@@ -127,22 +130,35 @@ impl Run {
     ) -> Result<(Self, Option<Pictures>), TriaxialError> {
         let folder = root.join(method.folder());
         let stage = |name: &str| folder.join(name);
-        let last = |name: &str| -> Result<Option<(Report, Picture)>, TriaxialError> {
-            let Some(file) = if_any(series::newest(&stage(name)))? else { return Ok(None) };
-            let (mut reports, picture) = series::reports(&series::open(&[file])?, choice)?;
-            Ok(reports.pop().map(|report| (report, picture)))
-        };
-        let (packing, consolidation) = (last("packing")?, last("consolidation")?);
         let shear = match if_any(series::all(&stage("shear")))? {
             Some(files) => series::reports(&series::open(&files)?, choice)?,
             None => (Vec::new(), Picture::default()),
         };
+        let mut unfinished = Vec::new();
+        let mut next_has_begun = !shear.0.is_empty();
+        // A stage is over if the next one has begun from it, or if it or the script that ran it says so.
+        let mut last = |name| -> Result<Option<(Report, Picture)>, TriaxialError> {
+            let Some(file) = if_any(series::newest(&stage(name)))? else { return Ok(None) };
+            let reader = Reader::open(&file).map_err(PostError::from)?;
+            let says_so = !reader.header().stop.is_empty() || stage(name).join("done").exists();
+            if !next_has_begun && !says_so {
+                unfinished.push(name);
+            }
+            next_has_begun = true;
+            if unfinished.contains(&name) {
+                return Ok(None);
+            }
+            let (mut reports, picture) = series::reports(&series::open(&[file])?, choice)?;
+            Ok(reports.pop().map(|report| (report, picture)))
+        };
+        let (consolidation, packing) = (last("consolidation")?, last("packing")?);
         let stages = ["packing", "consolidation", "shear"];
         let mut run = Self {
             method,
             packing: packing.as_ref().map(|(report, _)| report.clone()),
             consolidation: consolidation.map(|(report, _)| report),
             shear: shear.0,
+            unfinished,
             missing_energy: stages
                 .into_iter()
                 .filter_map(|name| Some((name, missing_energy(&stage(name))?)))
@@ -175,7 +191,10 @@ impl Run {
 
     /// Whether there was nothing to read.
     pub fn is_empty(&self) -> bool {
-        self.packing.is_none() && self.consolidation.is_none() && self.shear.is_empty()
+        self.packing.is_none()
+            && self.consolidation.is_none()
+            && self.shear.is_empty()
+            && self.unfinished.is_empty()
     }
 
     /// The snapshot with the largest `q/p` of the compression.
