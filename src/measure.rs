@@ -39,7 +39,8 @@ pub struct Measures {
     pub largest_speed: f64,
     /// Highest point of a particle's bounding sphere along z [m].
     pub top: f64,
-    /// Mean resultant force of a particle over the mean contact force; 0 without contacts [-].
+    /// Mean resultant force of a particle over the mean contact force, of as many contacts as particles at least: one
+    /// hard blow among grains that fall does not stand for all; 0 without contacts [-].
     pub unbalanced: f64,
     /// Force of the particles on each wall [N].
     pub wall_forces: Vec<Vec3>,
@@ -185,7 +186,8 @@ pub fn measure(
             value(Of::NormalForce as usize) / counts[1] as f64
         },
         unbalanced: if contact_force > 0.0 {
-            value(Of::Resultant as usize) * all_contacts / (contact_force * counts[0] as f64)
+            let among = all_contacts.max(counts[0] as f64);
+            value(Of::Resultant as usize) * among / (contact_force * counts[0] as f64)
         } else {
             0.0
         },

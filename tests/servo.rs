@@ -243,6 +243,86 @@ fn a_servo_that_swings_is_told_once() {
     }
 }
 
+/// A wall with a servo may slide along itself: shear under a normal stress.
+#[test]
+fn a_wall_under_stress_slides_as_the_scene_says() {
+    let servo = Servo { walls: vec![1], stress: 1e5, max_speed: 1.0, gain: 1.0 };
+    let text = column_scene(0.01, 0.005, 6e-5, 1.5e5, 6e4, &servo)
+        .replace("[[servo]]", "wall_velocity = { \"+x\" = [0, 0.1, -0.2] }\n[[servo]]")
+        .replace("normal_stiffness", "friction = 0.5\nnormal_stiffness");
+    let mut bench = Bench::new(&text, &[sphere(0, Vec3::new(0.005, 0.0, 0.0))]);
+    for _ in 0..3000 {
+        bench.step();
+    }
+    let wall = bench.sim.particles.walls[1].clone();
+    assert_eq!((wall.velocity.y, wall.velocity.z), (0.1, -0.2));
+    let moved = 3000.0 * 1e-5;
+    assert!((wall.point.y - (0.02 + 0.1 * moved)).abs() < 1e-12, "{:?}", wall.point);
+    let (stress, _) = on_top(&mut bench);
+    assert!((stress / 1e5 - 1.0).abs() < 1e-3, "{stress}");
+    // It drags the sphere along, by no more than friction allows.
+    let velocity = bench.sim.particles.velocity[0];
+    assert!(velocity.y > 1e-3 && velocity.z < -2e-3, "{velocity:?}");
+}
+
+/// Of a hundred balls that fall, one hits the floor hard: nothing is at rest, and nothing says so. That it goes deep
+/// into the floor is told once.
+#[test]
+fn a_blow_among_falling_grains_is_no_rest() {
+    let text = r#"
+gravity = [0, 0, -9.81]
+[domain]
+low = [0, 0, 0]
+high = [0.02, 0.02, 0.06]
+walls = ["-x", "+x", "-y", "+y", "-z"]
+[[material]]
+name = "soft"
+density = 2500.0
+normal_stiffness = 200
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = 0.001
+[[fill.lattice]]
+low = [0, 0, 0.03]
+high = [0.02, 0.02, 0.05]
+[[fill.lattice]]
+first = [0.01, 0.01, 0.0015]
+count = [1, 1, 1]
+velocity = [0, 0, -1]
+[time]
+step = 1e-5
+steps = 200
+[stop]
+unbalanced = 0.05
+[output]
+directory = "out"
+history_every = 10
+"#;
+    let scene = scene(text);
+    let mut comm = Alone::default();
+    let mut sim = assemble::assemble(&scene, &comm);
+    assemble::fill(&mut sim, &scene, &comm);
+    let folder = tempfile::tempdir().unwrap();
+    let (mut told, mut touched) = (Vec::new(), false);
+    let finish = run::run(
+        &mut sim,
+        &schedule(&scene, scene.steps, folder.path()),
+        &mut comm,
+        &mut |progress| {
+            told.extend_from_slice(progress.warnings);
+            touched |=
+                progress.done == 100 && progress.measures.is_some_and(|m| m.wall_contacts == 1);
+        },
+    );
+    let finish = finish.unwrap();
+    assert!(touched, "it is on the floor when that is looked at");
+    assert_eq!((finish.ending, finish.steps_done), (Ending::LastStep, 200));
+    assert!(finish.unmet.contains("carries"), "{}", finish.unmet);
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(told[0].contains("the largest overlap is") && told[0].contains("5 %"), "{told:?}");
+}
+
 /// A stress that one sphere cannot bear, and a wall with nothing before it.
 #[test]
 fn a_target_out_of_reach_ends_the_run() {

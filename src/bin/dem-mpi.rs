@@ -146,12 +146,34 @@ fn tell(text: impl std::fmt::Display) {
 fn read_scene(arguments: &Arguments, comm: &mut dyn Comm) -> Result<Scene, String> {
     let mut bytes = Vec::new();
     if comm.is_root() {
-        let Arguments { scene, set, start, .. } = arguments;
+        let Arguments { scene, set, start, out, .. } = arguments;
         let read = if start.is_some() { Scene::read_to_go_on } else { Scene::read };
-        bytes = wire::encode(&read(scene, set).map_err(|e| e.to_string()));
+        let read = read(scene, set).map_err(|e| e.to_string());
+        let of_this_stage = |scene: Scene| match start.as_ref().zip(scene.start.as_ref()) {
+            // Stages may also share a folder.
+            Some((given, before))
+                if folder(given).is_some_and(|f| Some(f) == folder(before))
+                    && folder(given) != folder(out.as_ref().unwrap_or(&scene.out)) =>
+            {
+                Err(format!(
+                    "--start {}: that is the stage before, the scene's `start`; leave --start out to begin from its \
+                     end, or name a snapshot of this stage",
+                    given.display()
+                ))
+            }
+            _ => Ok(scene),
+        };
+        bytes = wire::encode(&read.and_then(of_this_stage));
     }
     comm.broadcast(&mut bytes);
     wire::decode(&bytes)
+}
+
+/// Where a snapshot is, or a directory of them, if it is there.
+fn folder(snapshot: &Path) -> Option<PathBuf> {
+    let folder = if snapshot.is_dir() { snapshot } else { snapshot.parent()? };
+    let folder = if folder == Path::new("") { Path::new(".") } else { folder };
+    folder.canonicalize().ok()
 }
 
 fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) -> u8 {
@@ -168,15 +190,14 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         }
         return 0;
     }
-    if arguments.check {
-        if comm.is_root() {
-            println!("{}: no errors found", arguments.scene.display());
-        }
-        return 0;
+    if arguments.check && scene.start.is_none() && arguments.start.is_none() {
+        return checked(arguments, comm);
     }
 
     let out = arguments.out.clone().unwrap_or_else(|| scene.out.clone());
-    let _held_until_the_end = match output::claim(&out, comm) {
+    // To check writes nothing.
+    let claimed = (!arguments.check).then(|| output::claim(&out, comm)).transpose();
+    let _held_until_the_end = match claimed {
         Ok(lock) => lock,
         Err(error) => {
             say(comm, error);
@@ -193,9 +214,19 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
     match from {
         None => assemble::fill(&mut sim, &scene, comm),
         Some((path, from)) => match assemble::take_up(&mut sim, &scene, path, from, comm) {
-            Ok(TakenUp { passed_over, stop }) => {
+            Ok(TakenUp { passed_over, stop, walls_elsewhere }) => {
                 for error in passed_over {
                     say(comm, format!("passed over: {error}"));
+                }
+                if !walls_elsewhere.is_empty() {
+                    let off = |(name, off): &(String, f64)| format!("{name} by {off:.4e} m");
+                    let all = walls_elsewhere.iter().map(off).collect::<Vec<_>>().join(", ");
+                    say(
+                        comm,
+                        format!(
+                            "walls stand where the stage before left them, off the scene's: {all}"
+                        ),
+                    );
                 }
                 held = stop;
             }
@@ -204,6 +235,9 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
                 return WRONG_INPUT;
             }
         },
+    }
+    if arguments.check {
+        return checked(arguments, comm);
     }
     let resumed = arguments.start.is_some();
 
@@ -247,6 +281,14 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         },
         Err(status) => status,
     }
+}
+
+/// Nothing was found.
+fn checked(arguments: &Arguments, comm: &dyn Comm) -> u8 {
+    if comm.is_root() {
+        println!("{}: no errors found", arguments.scene.display());
+    }
+    0
 }
 
 /// Why a stage does not go on from the snapshot that the simulation has taken up, if it does not, and the status to
@@ -313,15 +355,21 @@ fn run(
     comm: &mut dyn Comm,
 ) -> Result<Finish, u8> {
     let ranks = comm.size();
+    let limit = scene.time_step_limit().map_or(String::new(), |limit| {
+        let share = 100.0 * scene.dt / limit.dt;
+        let warning = if share > 100.0 { ": OVER THE LIMIT, the run may blow up" } else { "" };
+        format!(", {share:.0} % of the stable limit{warning}")
+    });
     say(
         comm,
         format!(
-            "{}: {} on {ranks} rank{}, steps {} to {}",
+            "{}: {} on {ranks} rank{}, steps {} to {} of {:e} s{limit}",
             scene.title,
             scene.method.name(),
             if ranks == 1 { "" } else { "s" },
             sim.step,
             schedule.last_step,
+            scene.dt,
         ),
     );
     let mut display = Display::new(comm.is_root(), schedule.last_step - sim.step);

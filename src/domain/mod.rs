@@ -33,8 +33,7 @@ struct Neighbour {
 pub enum DomainError {
     /// It left the box.
     #[error(
-        "particle {id} has left the domain: it is at ({x:e}, {y:e}, {z:e}) m with velocity {speed:e} m/s. \
-         Put a wall on that side, enlarge the domain, or reduce the time step"
+        "particle {id} has left the domain: it is at ({x:e}, {y:e}, {z:e}) m with velocity {speed:e} m/s"
     )]
     Outside {
         /// Which particle.

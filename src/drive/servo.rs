@@ -73,7 +73,8 @@ pub enum ServoError {
     #[error(
         "servo: wall \"{wall}\" is {gap:e} m from the opposite side, less than half the thickness of the thinnest \
          grain, and its stress is {stress:e} Pa of {target:e} Pa. There are too few grains between its walls to reach \
-         the target, or they have escaped: put more in, or lower `stress`"
+         the target, they have escaped, or they are too soft for it: put more in, lower `stress`, or raise \
+         `normal_stiffness`"
     )]
     Closed {
         /// Its name.
@@ -217,7 +218,9 @@ impl Servos {
                 if outside > width {
                     return Err(ServoError::Open { wall: name(), stress, target });
                 }
-                velocities.push((k, wall.normal * (displacement / dt)));
+                // Along the wall it goes on as the scene says.
+                let along = wall.velocity - wall.normal * wall.normal.dot(&wall.velocity);
+                velocities.push((k, wall.normal * (displacement / dt) + along));
             }
             if watch.swings(1.0 - pressed.force / (servo.stress * area)) {
                 let walls = servo.walls.iter().map(|&k| &*particles.walls[k].name);

@@ -26,7 +26,7 @@ pub struct History {
     period: Vec3,
 }
 
-const COLUMNS: [&str; 18] = [
+const COLUMNS: [&str; 19] = [
     "step",
     "time_s",
     "particles",
@@ -45,6 +45,7 @@ const COLUMNS: [&str; 18] = [
     "largest_overlap",
     "largest_speed_m_per_s",
     "top_m",
+    "unbalanced",
 ];
 
 /// The walls of which place and stress are written: where any wall moves, all that stand across an axis.
@@ -88,9 +89,6 @@ impl History {
         for Wall { name, .. } in walls {
             columns.extend(["x", "y", "z"].map(|axis| format!("force_{name}_{axis}_N")));
         }
-        if walls.iter().any(|wall| wall.moves) {
-            columns.push("unbalanced".to_owned());
-        }
         for (_, Wall { name, .. }, axis) in told(walls) {
             columns.push(format!("place_{name}_m"));
             columns.extend(area(walls, &period, axis).map(|_| format!("stress_{name}_Pa")));
@@ -130,7 +128,6 @@ impl History {
         m: &Measures,
         walls: &[Wall],
     ) -> Result<(), TableError> {
-        let unbalanced = walls.iter().any(|wall| wall.moves).then_some(m.unbalanced);
         let moved = told(walls).flat_map(|(k, wall, axis)| {
             let stress = |area| -m.wall_forces[k].dot(&wall.normal) / area;
             let stress = area(walls, &self.period, axis).map(stress);
@@ -153,10 +150,10 @@ impl History {
             m.largest_overlap,
             m.largest_speed,
             m.top,
+            m.unbalanced,
         ]
         .into_iter()
         .chain(m.wall_forces.iter().flat_map(|force| force.iter().copied()))
-        .chain(unbalanced)
         .chain(moved)
         .map(|number| format!("{number:e}"));
         let written = self

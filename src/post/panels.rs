@@ -44,7 +44,7 @@ struct Panel<'a> {
     columns: &'a [(&'a str, &'a str)],
 }
 
-const PANELS: [Panel; 7] = [
+const PANELS: [Panel; 8] = [
     Panel {
         name: "counts",
         title: "Particles and contacts",
@@ -110,6 +110,14 @@ const PANELS: [Panel; 7] = [
         y_label: "z (m)",
         scale: Linear,
         columns: &[("top_m", "")],
+    },
+    Panel {
+        name: "unbalanced",
+        title: "Unbalanced force",
+        caption: "Mean resultant force of a particle over the mean contact force: how far from rest.",
+        y_label: "resultant / contact force",
+        scale: Logarithmic,
+        columns: &[("unbalanced", "")],
     },
 ];
 

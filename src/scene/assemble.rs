@@ -105,6 +105,9 @@ pub struct TakenUp {
     pub passed_over: Vec<SnapshotError>,
     /// The `[stop]` that held when it was written; empty if none did.
     pub stop: String,
+    /// Walls that stand elsewhere than the scene says, because the stage before left them there: name, and how far
+    /// off along the normal [m]. Of a stage that begins.
+    pub walls_elsewhere: Vec<(String, f64)>,
 }
 
 /// Puts the scene's own particles into a simulation that has none.
@@ -155,8 +158,13 @@ pub fn take_up(
             }
         }
     }
+    let mut walls_elsewhere = Vec::new();
     for wall in &mut sim.particles.walls {
         if let Some(row) = header.walls.iter().find(|row| row.name == wall.name) {
+            let off = (row.point - wall.point).dot(&wall.normal).abs();
+            if from == From::Beginning && off > 1e-12 * wall.point.amax().max(row.point.amax()) {
+                walls_elsewhere.push((wall.name.clone(), off));
+            }
             // A wall keeps its place from stage to stage; whether it moves, the scene says.
             wall.point = row.point;
             wall.listed_at = row.point;
@@ -166,7 +174,8 @@ pub fn take_up(
     if from == From::Beginning {
         sim.count_free_energy();
     }
-    Ok(TakenUp { passed_over: reader.passed_over().to_vec(), stop: header.stop })
+    let passed_over = reader.passed_over().to_vec();
+    Ok(TakenUp { passed_over, stop: header.stop, walls_elsewhere })
 }
 
 /// This rank's share of the rows of a snapshot.

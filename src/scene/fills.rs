@@ -7,6 +7,7 @@ use super::{DomainSpec, Fill, Lattice, Mix, Rain, listed};
 use crate::drive::rain::cells_along;
 use crate::ids::ShapeId;
 use crate::math::Vec3;
+use crate::sim::run::DEEPEST_START;
 use std::path::Path;
 
 /// Width of a cell of rain or lattice, in largest bounding diameters, if the file does not say.
@@ -187,6 +188,9 @@ impl Fills<'_> {
                 return None;
             }
         };
+        if let Some(mix) = &mix {
+            self.check_spacing(section, mix, &spacing, &count);
+        }
         let last = first + Vec3::from_fn(|axis, _| f64::from(count[axis] - 1) * spacing[axis]);
         for (name, position) in [("first", first), ("last", last)] {
             if let Some(axis) = outside(domain, &position) {
@@ -207,6 +211,25 @@ impl Fills<'_> {
             random_orientation: random_orientation?,
             velocity: velocity?,
         })
+    }
+
+    /// Neighbours on a lattice overlap, whatever their attitudes, if the balls in them do.
+    fn check_spacing(&self, section: &Section, mix: &Mix, spacing: &Vec3, count: &[u32; 3]) {
+        let shape = |id: ShapeId| &self.shapes.library.shapes[id.index()];
+        let thinnest = mix.shapes().map(|id| 2.0 * shape(id).inscribed_radius());
+        let least = (1.0 - DEEPEST_START) * thinnest.fold(f64::INFINITY, f64::min);
+        let narrow = |axis: &usize| count[*axis] > 1 && spacing[*axis] < least;
+        if self.shapes.complete
+            && let Some(axis) = (0..3).find(narrow)
+        {
+            section.fail(format!(
+                "`spacing` ({:.4e} m along {}) is less than the shortest axis of the smallest particle, {:.4e} m: \
+                 neighbours overlap",
+                spacing[axis],
+                AXES[axis],
+                least / (1.0 - DEEPEST_START)
+            ));
+        }
     }
 
     fn file(&self, section: &Section, first_id: u64) -> Option<Fill> {

@@ -123,7 +123,10 @@ fn constants(
     let friction =
         section.number_or("friction", mixed.map_or(0.0, |m| m.friction), Range::NotNegative, "");
     // One with a mistake has no stiffness at all.
-    let is_known = mixed.is_none_or(|mixed| mixed.normal_stiffness > 0.0);
+    let is_known = match mixed {
+        Some(mixed) => mixed.normal_stiffness > 0.0,
+        None => normal_stiffness.is_some() || section.get("tangential_stiffness").is_some(),
+    };
     if is_known && friction.is_some_and(|f| f > 0.0) && tangential_stiffness == Some(0.0) {
         section.fail("friction needs a spring: `tangential_stiffness` must be greater than 0");
     }

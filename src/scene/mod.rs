@@ -23,13 +23,13 @@
 //! | `walls` | | sides of the box that are fixed walls: `"-x"` `"+x"` `"-y"` `"+y"` `"-z"` `"+z"`; default none |
 //! | `wall_material` | | of these walls; default: the scene's only material |
 //! | `wall_velocity` | m/s | of those that move, as in `{ "+z" = [0, 0, -0.001] }` |
-//! | **`[[wall]]`** | | any other plane |
+//! | **`[[wall]]`** | | any other plane; walls have no edges, and move without turning |
 //! | `name` | | |
 //! | `point`, `normal` | m | a point of the plane; a direction of any length, towards the particles |
 //! | `velocity` | m/s | default 0 |
 //! | `material` | | default: the scene's only material |
 //! | **`[[servo]]`** | | walls that keep a stress: they move towards the particles by `gain · (stress - current) · area / stiffness` of their contacts in a step |
-//! | `walls` | | names of walls across x, y or z; along the two other axes there must be walls on both sides, or a period |
+//! | `walls` | | names of walls across x, y or z, which may have a velocity along themselves; along the two other axes there must be walls on both sides, or a period |
 //! | `stress` | Pa | target, compression positive: normal force over the area between the other walls |
 //! | `max_speed` | m/s | of these walls, and their speed while nothing touches them; default 1 |
 //! | `coupled` | | all move by one displacement for the mean stress of all, so a pair closes symmetrically; default false: each on its own |
@@ -42,7 +42,7 @@
 //! | `friction` | | coefficient of friction; default 0 |
 //! | `restitution` | | rebound over approach velocity, in (0, 1]; default 1 |
 //! | `tangential_damping_ratio` | | fraction of critical damping; default 0 |
-//! | **`[[interaction]]`** | | constants of two materials; what it leaves out is mixed from both |
+//! | **`[[interaction]]`** | | constants of two materials; what it leaves out, and two materials without one, are mixed: stiffnesses a, b give 2ab/(a + b), friction is the smaller, damping ratios (of which the restitution makes the normal one) are averaged. `--plan` says what comes out |
 //! | `between` | | names of the two materials |
 //! | | | any key of `[[material]]` from `normal_stiffness` on |
 //! | **`[[shape]]`** | | |
@@ -73,7 +73,7 @@
 //! | `allow_unstable` | | take a step over the limit; default false |
 //! | **`[stop]`** | | may be left out; ends the stage when all that is asked for holds, looked at every 100 steps |
 //! | `rest` | | the kinetic energy is below this fraction of the energy dissipated |
-//! | `unbalanced` | | the mean resultant force of a particle is below this fraction of the mean contact force |
+//! | `unbalanced` | | the mean resultant force of a particle is below this fraction of the mean contact force (of as many contacts as particles at least) |
 //! | `servo` | | the stress of every servo is this near to its target, as a fraction of it |
 //! | **`[neighbours]`** | | may be left out; changes the speed, never the result |
 //! | `skin` | m | a pair is listed when its bounding spheres come this close; default: a tenth of the largest bounding radius |

@@ -2,11 +2,13 @@
 
 use super::{Fill, Mix, Scene, Stop};
 use crate::contact::{ContactResolver, table};
+use crate::ids::MaterialId;
 use crate::law::Constants;
 use crate::math::{ExactSum, Vec3};
 use crate::output::snapshot::CONTACT_BYTES;
 use crate::shape::moments::Placement;
 use crate::shape::{Kind, Shape};
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 use std::fmt::Display;
 
@@ -124,6 +126,20 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
             ),
         );
     }
+    for (a, b) in pairs_of_materials(scene) {
+        let constants = scene.interactions.of(a, b);
+        let [a, b] = [a, b].map(|id| &*scene.materials[id.index()].name);
+        page.line(
+            "constants",
+            format!(
+                "{a}-{b}: normal stiffness {:.4e} N/m, tangential {:.4e} N/m, friction {}, damping ratio {:.4}",
+                constants.normal_stiffness,
+                constants.tangential_stiffness,
+                constants.friction,
+                constants.normal_damping_ratio
+            ),
+        );
+    }
     for (a, b) in pairs_of_kinds(scene) {
         page.line("contacts", format!("{}-{}: {}", a.name(), b.name(), resolver(scene, a, b)));
     }
@@ -137,6 +153,14 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     let columns: Vec<&str> =
         columns.iter().filter(|(is_in, _)| *is_in).map(|&(_, name)| name).collect();
     page.line("columns", columns.join("; "));
+}
+
+/// Which materials can meet.
+fn pairs_of_materials(scene: &Scene) -> BTreeSet<(MaterialId, MaterialId)> {
+    let (grains, all) =
+        (&scene.library.materials[..scene.library.particle_shapes], &scene.library.materials);
+    let with = |&a: &MaterialId| all.iter().map(move |&b| (a.min(b), a.max(b)));
+    grains.iter().flat_map(with).collect()
 }
 
 /// Which kinds of shapes can meet.

@@ -13,8 +13,23 @@ use crate::particles::Library;
 use crate::particles::walls::Wall;
 use crate::shape::{HalfSpace, Shape};
 
-/// The most that a servo may move a wall in a step, over the shortest axis of any grain.
+/// The most that a wall may move in a step, over the shortest axis of any grain.
 const LONGEST_MOVE: f64 = 0.05;
+
+/// What is wrong with a wall of this speed [m/s], if it moves too far in a step of `dt` [s].
+fn too_fast(speed: f64, dt: Option<f64>, library: &Library) -> Option<String> {
+    let thinnest = library.shapes.iter().map(|s| 2.0 * s.inscribed_radius());
+    let (dt, most) = (dt?, LONGEST_MOVE * thinnest.fold(f64::INFINITY, f64::min));
+    (speed * dt > most).then(|| {
+        format!(
+            "({speed:?} m/s) moves a wall by {:.2e} m in a step, more than {} % of the shortest axis of \
+             the smallest grain; must be at most {:.2e} m/s",
+            speed * dt,
+            100.0 * LONGEST_MOVE,
+            0.995 * most / dt
+        )
+    })
+}
 
 /// A wall on its way into the library.
 struct Plane {
@@ -110,6 +125,32 @@ impl Walls {
         }
     }
 
+    /// Looks whether walls go too fast along their normals for the grains and a time step of `dt` [s].
+    pub(super) fn check_speeds(
+        &self,
+        root: &Section,
+        domain_section: Option<&Section>,
+        library: &Library,
+        dt: Option<f64>,
+    ) {
+        let sides = domain_section.and_then(|section| section.get("wall_velocity"));
+        let mut places = sides.and_then(|given| given.entries()).unwrap_or_default();
+        let others = root.sections("wall");
+        let velocities = others.iter().map(|section| section.get("velocity"));
+        let names = self.names.names[self.planes.len() - others.len()..].iter();
+        places.extend(
+            names.zip(velocities).filter_map(|(name, given)| Some((name.as_str(), given?))),
+        );
+        for (name, given) in places {
+            let k = self.names.names.iter().position(|known| known == name);
+            let Some(plane) = k.and_then(|k| self.planes[k].as_ref()) else { continue };
+            let speed = plane.velocity.dot(&plane.normal).abs();
+            if let Some(wrong) = too_fast(speed, dt, library) {
+                given.fail(wrong);
+            }
+        }
+    }
+
     /// The servos; the walls hear of them. `dt` is the time step [s], if that and all shapes are known.
     pub(super) fn read_servos(
         &mut self,
@@ -144,18 +185,8 @@ impl Walls {
         let gain = section.number_or("gain", 1.0, Range::Positive, "");
         let coupled = section.read_or("coupled", false, Given::boolean);
         section.finish();
-        let thinnest = library.shapes.iter().map(|s| 2.0 * s.inscribed_radius());
-        let most = LONGEST_MOVE * thinnest.fold(f64::INFINITY, f64::min);
-        if let (Some(speed), Some(dt)) = (max_speed, dt)
-            && speed * dt > most
-        {
-            section.fail(format!(
-                "`max_speed` ({speed:?} m/s) moves a wall by {:.2e} m in a step, more than {} % of the shortest axis of \
-                 the smallest grain; must be at most {:.2e} m/s",
-                speed * dt,
-                100.0 * LONGEST_MOVE,
-                0.995 * most / dt
-            ));
+        if let Some(wrong) = max_speed.and_then(|speed| too_fast(speed, dt, library)) {
+            section.fail(format!("`max_speed` {wrong}"));
         }
         let (walls, stress, max_speed, gain) = (walls?, stress?, max_speed?, gain?);
         let servo = |walls| Servo { walls, stress, max_speed, gain };
@@ -176,8 +207,8 @@ impl Walls {
         if plane.has_servo {
             given.fail("this wall has a servo already");
         }
-        if plane.velocity != Vec3::zeros() {
-            given.fail("this wall has a velocity; leave out that, or the servo");
+        if plane.velocity.dot(&plane.normal) != 0.0 {
+            given.fail("this wall has a velocity along its normal; leave out that, or the servo");
         }
         plane.has_servo = true;
         let Some(across) = (0..3).find(|&axis| plane.normal[axis].abs() == 1.0) else {

@@ -50,6 +50,9 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
         comm.size(),
         if comm.size() == 1 { "" } else { "s" },
     ));
+    if !finish.unmet.is_empty() {
+        line(format_args!("[stop] was not reached: {}", finish.unmet));
+    }
     line(format_args!(
         "{:.3e} particle-steps per second ({:.3} µs per particle-step and rank)",
         finish.particle_steps as f64 / wall,

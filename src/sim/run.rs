@@ -45,7 +45,7 @@ pub struct Schedule {
 pub struct Stop {
     /// The kinetic energy is below this fraction of the energy dissipated.
     pub rest: Option<f64>,
-    /// The mean resultant force of a particle is below this fraction of the mean contact force.
+    /// The mean resultant force of a particle is below this fraction of the mean contact force: [`Measures::unbalanced`].
     pub unbalanced: Option<f64>,
     /// The stress of every servo is this near to its target, over the target.
     pub servo: Option<f64>,
@@ -85,6 +85,8 @@ pub struct Finish {
     pub wall_seconds: f64,
     /// The last scalars.
     pub measures: Measures,
+    /// What the stage's [`Stop`] still asks for, where it is over all the same; empty if nothing.
+    pub unmet: String,
     /// The last snapshot.
     pub snapshot: PathBuf,
 }
@@ -170,6 +172,7 @@ pub fn run(
     let mut ending = Ending::LastStep;
     let mut last: Option<Measures> = None;
     let mut saved = None;
+    let mut depths = DEPTHS.into_iter().peekable();
     if !schedule.resumed {
         let measures = sim.measure(comm);
         if let Some(history) = &mut history {
@@ -192,11 +195,15 @@ pub fn run(
         let snapshot_due = due(sim.step, schedule.snapshot_every);
         let rest_due = schedule.stop != Stop::default() && due(sim.step, REST_CHECK);
         let signal = stop_check.signal(sim.step, &schedule.signal, comm);
+        let mut warnings = std::mem::take(&mut sim.servos.warnings);
         (last, saved) = (None, None);
         if row_due || snapshot_due || rest_due {
             let measures = sim.measure(comm);
-            if rest_due && is_at_rest(sim, &schedule.stop, &measures) {
+            if rest_due && unmet(sim, &schedule.stop, &measures).is_empty() {
                 ending = Ending::Rest;
+            }
+            while depths.next_if(|&depth| measures.largest_overlap > depth).is_some() {
+                warnings.push(too_deep(sim.step, measures.largest_overlap));
             }
             if let Some(history) = history.as_mut().filter(|_| row_due || ending == Ending::Rest) {
                 history.push(sim.step, sim.time(), &measures, &sim.particles.walls)?;
@@ -215,7 +222,7 @@ pub fn run(
             of: schedule.last_step - first_step,
             measures: last.as_ref(),
             trace: &trace,
-            warnings: &std::mem::take(&mut sim.servos.warnings),
+            warnings: &warnings,
         });
         sim.clock.lap(Phase::Output);
         if ending != Ending::LastStep {
@@ -234,8 +241,10 @@ pub fn run(
     sim.clock.lap(Phase::Output);
     let mut total = [particle_steps as i64];
     comm.sum(&mut total);
+    let has_ended = ending == Ending::LastStep && schedule.stop != Stop::default();
     Ok(Finish {
         ending,
+        unmet: if has_ended { unmet(sim, &schedule.stop, &measures) } else { String::new() },
         steps_done: sim.step - first_step,
         particle_steps: total[0] as u64,
         wall_seconds: started.elapsed().as_secs_f64(),
@@ -251,17 +260,42 @@ const fn due(step: u64, every: u64) -> bool {
     every > 0 && step.is_multiple_of(every)
 }
 
-fn is_at_rest(sim: &Simulation, stop: &Stop, measures: &Measures) -> bool {
-    let all_there = sim.rain.as_ref().is_none_or(RainGauge::is_over);
-    let error = sim.servos.largest_error(&sim.particles, &measures.wall_forces);
+/// What is asked for and does not hold now; empty if all does.
+fn unmet(sim: &Simulation, stop: &Stop, measures: &Measures) -> String {
+    let mut unmet = Vec::new();
+    if !sim.rain.as_ref().is_none_or(RainGauge::is_over) {
+        unmet.push("rain still falls".to_owned());
+    }
     // In the moments at the end of a rebound when a dashpot has taken all the force, grains touch but carry nothing.
-    let carries = measures.mean_normal_force > 0.0
-        || measures.wall_forces.iter().any(|f| *f != Vec3::zeros());
-    all_there
-        && carries
-        && stop.rest.is_none_or(|limit| measures.kinetic() < limit * measures.dissipated)
-        && stop.unbalanced.is_none_or(|limit| measures.unbalanced < limit)
-        && stop.servo.is_none_or(|limit| error < limit)
+    if measures.mean_normal_force == 0.0 && measures.wall_forces.iter().all(|f| *f == Vec3::zeros())
+    {
+        unmet.push("no contact carries a force".to_owned());
+    }
+    let error = sim.servos.largest_error(&sim.particles, &measures.wall_forces);
+    let limits = [
+        ("rest", measures.kinetic() / measures.dissipated, stop.rest),
+        ("unbalanced", measures.unbalanced, stop.unbalanced),
+        ("servo", error, stop.servo),
+    ];
+    for (name, is, limit) in limits {
+        // What is not a number is below no limit.
+        if let Some(limit) = limit.filter(|&limit| is >= limit || is.is_nan()) {
+            unmet.push(format!("{name} is {is:.2e}, not below {limit}"));
+        }
+    }
+    unmet.join("; ")
+}
+
+/// Largest overlaps, over the shortest axis, at which a run says so.
+const DEPTHS: [f64; 2] = [DEEPEST_START, 4.0 * DEEPEST_START];
+
+fn too_deep(step: u64, overlap: f64) -> String {
+    format!(
+        "the largest overlap is {:.1} % of the shortest axis of the smaller body at step {step}; DEM commonly permits \
+         {} %. Stiffer contacts, or less speed or pressure, make it smaller",
+        100.0 * overlap,
+        100.0 * DEEPEST_START
+    )
 }
 
 /// Adds to an error that all ranks have what only one of them knows of the particle. Collective for those.
@@ -299,8 +333,19 @@ fn lost(step: u64, error: DomainError, sim: &Simulation, comm: &mut dyn Comm) ->
             None => format!("particle {id}"),
         })
         .collect();
+    let touched_walls = names.iter().any(|name| name.starts_with("wall"));
     let touched = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
-    RunError::Particle { step, error, particle: format!("{state}; it last touched {touched}") }
+    let advice = match error {
+        DomainError::NotFinite { .. } => "",
+        DomainError::Outside { .. } if touched_walls => {
+            "\nA wall has not held it: make contacts stiffer or the time step shorter, or press or throw less hard"
+        }
+        DomainError::Outside { .. } => {
+            "\nPut a wall on that side, enlarge the domain, or reduce the time step"
+        }
+    };
+    let particle = format!("{state}; it last touched {touched}{advice}");
+    RunError::Particle { step, error, particle }
 }
 
 /// Looks now and then whether a signal has come on any rank: a reduction every [`StopCheck::SECONDS`], not
@@ -423,6 +468,13 @@ fn overlap_message(
     if found.len() > 5 {
         text.push_str("\n  ...");
     }
-    text.push_str("\nMove them apart, or use a larger spacing");
+    let is_wall = |b: i64| crate::ids::GlobalId::from_file(b).wall_index().is_some();
+    text.push_str(if found[0].0 >= 1.0 && is_wall(found[0].2) {
+        "\nIs that particle behind the wall? A wall's normal points towards the particles"
+    } else if found.iter().all(|&(_, _, b, _)| is_wall(b)) {
+        "\nMove them apart: the walls, or the particles"
+    } else {
+        "\nMove them apart, or use a larger spacing"
+    });
     text
 }

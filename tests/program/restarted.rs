@@ -1,6 +1,6 @@
 //! Stopped and continued, a run ends as if it had never stopped.
 
-use super::process::{Launch, dem_mpi};
+use super::process::{Ended, Launch, dem_mpi};
 use super::{
     HEAP_STEPS, assert_same_result, column, finished, fresh_directory, heap, history, scene,
     snapshot,
@@ -218,6 +218,37 @@ fn stages_follow_each_other() {
     let (begin, end) = (steps.first_key_value().unwrap(), steps.last_key_value().unwrap());
     assert_eq!((begin.0, end.0), (&1500, &2300), "steps count on from stage to stage");
     assert!((end.1 - 0.023).abs() < 1e-12, "and so does time: {end:?}");
+}
+
+/// What a scene says of its walls and its `start` is held against the snapshot, also by --check; a stage does not go on
+/// from the stage before as if that were its own.
+#[test]
+fn the_stage_before_is_told_from_this_one() {
+    for launch in [Launch::Alone, Launch::Ranks(2)] {
+        let directory = fresh_directory("before");
+        let run = |arguments: &[&str]| dem_mpi(launch, arguments).from(&directory).end();
+        let succeeds = |ended: &Ended| assert!(ended.status.success(), "{ended}");
+        succeeds(&run(&[&scene("heap"), "--steps", "100"]));
+        let tilted = &*scene("tilted");
+        for start in ["heap", "heap/last.vtkhdf", "./heap/"] {
+            let ended = run(&[tilted, "--start", start]);
+            assert_eq!(ended.status.code(), Some(2), "{ended}");
+            ended.said_once(&format!("--start {start}: that is the stage before"));
+        }
+        let narrower = ["--set", "domain.high=[0.055, 0.06, 0.06]"];
+        let ended = run(&[&[tilted, "--steps", "1"], &narrower[..]].concat());
+        succeeds(&ended);
+        ended.said_once("walls stand where the stage before left them");
+        ended.said_once("+x by 5.0000e-3 m");
+        ended.said_once("of the stable limit");
+
+        succeeds(&run(&[tilted, "--check"]));
+        std::fs::remove_file(directory.join("heap/last.vtkhdf")).unwrap();
+        std::fs::write(directory.join("heap/last.vtkhdf"), "no snapshot").unwrap();
+        let ended = run(&[tilted, "--check"]);
+        assert_eq!(ended.status.code(), Some(2), "{ended}");
+        ended.said_once("cannot be read as a snapshot");
+    }
 }
 
 /// A finished run is not run again, and says how to ask for more. For the job that asks, all is well: it may have been
