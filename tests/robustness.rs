@@ -238,15 +238,17 @@ impl Subject {
     fn excess(&self, case: &Case) -> f64 {
         let kinds = [case.a.shape.kind(), case.b.shape.kind()];
         let all = |of: fn(Kind) -> bool| kinds.into_iter().all(of);
+        let by_epa = |epa: Epa| match case.resolve(&epa, None) {
+            Outcome::Failed(_) => f64::INFINITY,
+            _ => 2.0 * epa.tolerance,
+        };
         match self.method {
-            Method::Epa(epa) => match case.resolve(&epa, None) {
-                Outcome::Failed(_) => f64::INFINITY,
-                _ => 2.0 * epa.tolerance,
-            },
+            Method::Epa(epa) => by_epa(epa),
             Method::Auto | Method::CommonNormal if all(Kind::is_ellipsoidal) => ROUNDING,
             Method::Auto | Method::CommonNormal if all(Kind::is_smooth) => 1e-9,
             Method::Auto | Method::CommonNormal if kinds.into_iter().any(Kind::has_margin) => 2e-7,
-            _ => f64::INFINITY,
+            Method::Auto | Method::CommonNormal => by_epa(Epa::default()),
+            Method::GjkErosion(_) => f64::INFINITY,
         }
     }
 }

@@ -96,7 +96,7 @@ fn solids_are_read() -> Result<()> {
     let page = plan(&scene, 1);
     for line in [
         "spherocylinder-polyhedron: cores",
-        "polyhedron-polyhedron: gjk-erosion",
+        "polyhedron-polyhedron: epa",
         "its centre lies at [1.0000e-2, 2.0000e-2, 3.0000e-2] m of its file, its axes turned by the \
          quaternion [1.000000, 0.000000, 0.000000, 0.000000]",
     ] {

@@ -385,6 +385,65 @@ fn as_deep_as_epa_says() {
     }
 }
 
+/// A small thin body beside a crest of a large one: from the line of centres, Newton's method comes to a minimum on the
+/// crest's other side, deeper than the small body is thick.
+#[test]
+fn crests_are_not_passed_through() {
+    let method = table(&Method::Auto, &Kind::ALL);
+    let chain = method.get((Kind::Superellipsoid, Kind::Superellipsoid)).unwrap();
+    for (a, turn_a, b, turn_b, r, expected) in [
+        (
+            superellipsoid(Vec3::new(1.0, 0.09669034368372989, 0.030337109217934487), [1.5, 0.1]),
+            [-0.21647848457903113, 0.6972323206076063, 0.646662598021077, 0.22097882508314992],
+            superellipsoid(
+                Vec3::new(0.09810549824459748, 0.013973124947149803, 0.0015325406353342006),
+                [1.2, 1.5],
+            ),
+            [0.027733467517411604, 0.5186657261491244, -0.8263902301014789, -0.21747622143693476],
+            Vec3::new(0.03992052622688018, 0.8957047115115891, 0.6068915484722817),
+            9.1e-8,
+        ),
+        (
+            superellipsoid(
+                Vec3::new(0.06379001768049414, 0.0014164962889007624, 0.004157965025468463),
+                [1.6, 1.6],
+            ),
+            [0.07608118950457333, 0.8724332459342468, 0.2923668016273069, -0.38417904328375657],
+            superellipsoid(Vec3::new(1.0, 0.050226443545561154, 0.03374264001631506), [1.5, 0.8]),
+            [-0.12794889950695526, 0.32122355563755894, -0.6147336512955235, -0.7089055257108643],
+            Vec3::new(0.7952968744488925, 0.24249764435400895, 0.5568240314518118),
+            8.8e-9,
+        ),
+        (
+            superellipsoid(Vec3::new(1.0, 0.013647928008470053, 0.6133830647585241), [0.8, 1.6]),
+            [0.23331117909574786, -0.1173790176476188, -0.4446027343384141, 0.8568059690173951],
+            superellipsoid(
+                Vec3::new(0.002126541712665119, 0.00011379987403923826, 0.00017907887672736323),
+                [1.2, 1.5],
+            ),
+            [0.6936676082975757, -0.5633118533200493, -0.2915570462546801, 0.34132022191352596],
+            Vec3::new(0.2480207844675857, -0.6708386211553841, 0.3161832682175309),
+            3.3e-10,
+        ),
+    ] {
+        let frame = |[w, x, y, z]: [f64; 4]| {
+            *Quat::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
+                .to_rotation_matrix()
+                .matrix()
+        };
+        let (frame_a, frame_b) = (frame(turn_a), frame(turn_b));
+        let (a, b) = (Posed { shape: &a, frame: &frame_a }, Posed { shape: &b, frame: &frame_b });
+        let overlap = |resolver: &dyn ContactResolver| match resolver.touch(&a, &b, &r, None) {
+            Outcome::Touching(touch) => touch.overlap,
+            Outcome::Apart(_) => 0.0,
+            Outcome::Failed(why) => panic!("{expected:e}: {why:?}"),
+        };
+        let (found, exact) = (overlap(chain), overlap(&Epa::new(1e-11)));
+        println!("{found:e} {exact:e} {expected:e}");
+        assert!((found - exact).abs() < 1e-9, "{found:e}, by EPA {exact:e}");
+    }
+}
+
 /// The same bits on every machine and with every compiler: a sum over results as they were when this
 /// was written.
 #[test]

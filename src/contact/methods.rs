@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 /// How pairs without a closed form are resolved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Method {
-    /// [`CommonNormal`] for two smooth shapes, [`Cores`] if one of them has a margin, [`ErodedGjk`] for
-    /// all others.
+    /// [`CommonNormal`] for two smooth shapes, [`Cores`] if one of them has a margin, [`Epa`] for all others: beside an
+    /// edge, erosion takes more of a polyhedron than the overlap is wide, and answers with another direction.
     #[default]
     Auto,
     /// [`CommonNormal`]; for smooth shapes only. Other pairs are resolved as by `Auto`.
@@ -44,6 +44,9 @@ impl Method {
                 Box::new(ErodedGjk::default()),
             ]
         };
+        let by_epa = |epa: Epa| -> (Box<dyn ContactResolver>, Vec<Box<dyn ContactResolver>>) {
+            (Box::new(epa), vec![Box::new(ErodedGjk::default())])
+        };
         let (first, fallbacks): (Box<dyn ContactResolver>, Vec<Box<dyn ContactResolver>>) =
             match *self {
                 Self::Auto | Self::CommonNormal if a.is_ellipsoidal() && b.is_ellipsoidal() => {
@@ -57,9 +60,9 @@ impl Method {
                 Self::Auto | Self::CommonNormal if a.has_margin() || b.has_margin() => {
                     (Box::new(Cores), last_resorts())
                 }
-                Self::Auto | Self::CommonNormal => (Box::new(ErodedGjk::default()), last_resorts()),
                 Self::GjkErosion(erosion) => (Box::new(erosion), last_resorts()),
-                Self::Epa(epa) => (Box::new(epa), vec![Box::new(ErodedGjk::default())]),
+                Self::Auto | Self::CommonNormal => by_epa(Epa::default()),
+                Self::Epa(epa) => by_epa(epa),
             };
         Chain::new(first, fallbacks)
     }

@@ -204,8 +204,9 @@ impl SmoothPair<'_> {
         };
         let [a, b] = self.bodies;
         let certain = a.shape.smallest_curvature_radius() + b.shape.smallest_curvature_radius();
-        // A flat face has any radius of curvature, and is a minimum from the far side of the body, too.
-        let inscribed = a.shape.inscribed_radius() + b.shape.inscribed_radius();
+        // A flat face has any radius of curvature, and is a minimum from the far side of the body, too; the smaller body's
+        // is no deeper than that body.
+        let inscribed = a.shape.inscribed_radius().min(b.shape.inscribed_radius());
         let radius = radius.min(inscribed * self.per_metre);
         if touch.overlap < certain * self.per_metre || touch.overlap < DOUBTFUL * radius {
             return settled(touch);

@@ -13,8 +13,8 @@
 //! them, and they turn a body by no more than its flatness lets them. Partners are taken as heavy as the heaviest grain;
 //! walls are few.
 //!
-//! More contacts than [`CONTACTS`] at full stiffness on one grain would need a shorter step; fewer is
-//! the rule, and the bound is then on the safe side.
+//! A grain among smaller ones has more than [`CONTACTS`], as many more as their caps fit on its surface. More contacts
+//! than that at full stiffness would need a shorter step; fewer is the rule, and the bound is then on the safe side.
 
 use super::{Constants, Interactions};
 use crate::ids::ShapeId;
@@ -43,6 +43,8 @@ pub struct TimeStepLimit {
 pub fn time_step_limit(library: &Library, interactions: &Interactions) -> Option<TimeStepLimit> {
     let masses = &library.mass[..library.particle_shapes];
     let heaviest = masses.iter().copied().fold(0.0, f64::max);
+    let radius = |index: usize| library.shapes[index].volume().cbrt();
+    let smallest = (0..library.particle_shapes).map(radius).fold(f64::INFINITY, f64::min);
     (0..library.particle_shapes)
         .map(|index| {
             let constants = interactions.of_material(library.materials[index]);
@@ -66,7 +68,8 @@ pub fn time_step_limit(library: &Library, interactions: &Interactions) -> Option
             let compliance = shape.surface_compliance();
             let flatness = shape.inscribed_radius() / shape.bounding_radius();
             let across = 1.0 + (compliance - 1.0) * (1.0 - flatness * flatness);
-            let contacts = 2.0 * CONTACTS / mass;
+            let among_the_smallest = (0.5 * (1.0 + radius(index) / smallest)).powi(2);
+            let contacts = 2.0 * CONTACTS * among_the_smallest / mass;
             let frequency_squared = contacts * TOGETHER * compliance * stiffness;
             let rate = contacts * (TOGETHER * compliance * tangential + across / 3.0 * normal);
             let dt = 4.0 / (rate + (rate * rate + 4.0 * frequency_squared).sqrt());

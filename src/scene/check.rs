@@ -15,6 +15,7 @@ use crate::law::Interactions;
 use crate::law::stability::time_step_limit;
 use crate::math::Vec3;
 use crate::particles::Library;
+use crate::shape::Shape;
 use std::path::{Path, PathBuf};
 
 /// Skin, in largest bounding radii, if the file does not say.
@@ -68,9 +69,10 @@ pub(super) fn scene(
     walls.check_speeds(&root, domain_section.as_ref(), &shapes.library, dt);
     let stop = root.read_or("stop", Stop::default(), |given| stop(&given.section()?, &root));
     let largest = shapes.library.largest_radius();
-    let neighbours = root.read_or("neighbours", (SKIN * largest, IMBALANCE), |given| {
+    let default_skin = default_skin(&shapes.library);
+    let neighbours = root.read_or("neighbours", (default_skin, IMBALANCE), |given| {
         let neighbours = given.section()?;
-        let skin = neighbours.number_or("skin", SKIN * largest, Range::NotNegative, "m");
+        let skin = neighbours.number_or("skin", default_skin, Range::NotNegative, "m");
         let imbalance = neighbours.number_or("imbalance", IMBALANCE, Range::FromOne, "");
         neighbours.finish();
         Some((skin?, imbalance?))
@@ -163,6 +165,12 @@ fn start(given: &Given, need: Need) -> Option<PathBuf> {
         return None;
     }
     Some(path)
+}
+
+/// The skin if the file does not say [m]: not so wide that small grains list all the others around them.
+fn default_skin(library: &Library) -> f64 {
+    let smallest = library.shapes.iter().map(Shape::bounding_radius).fold(f64::INFINITY, f64::min);
+    (SKIN * library.largest_radius()).min(smallest)
 }
 
 // --- domain ---

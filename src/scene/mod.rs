@@ -76,7 +76,7 @@
 //! | `unbalanced` | | the mean resultant force of a particle is below this fraction of the mean contact force (of as many contacts as particles at least) |
 //! | `servo` | | the stress of every servo is this near to its target, as a fraction of it |
 //! | **`[neighbours]`** | | may be left out; changes the speed, never the result |
-//! | `skin` | m | a pair is listed when its bounding spheres come this close; default: a tenth of the largest bounding radius |
+//! | `skin` | m | a pair is listed when its bounding spheres come this close; default: a tenth of the largest bounding radius, at most the smallest one |
 //! | `imbalance` | | subdomains are cut anew when the busiest rank has so many times the mean work; default 1.1 |
 //! | **`[output]`** | | |
 //! | `directory` | | |

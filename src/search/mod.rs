@@ -80,6 +80,9 @@ pub struct Loaded<'a> {
 struct Incidence(u32);
 
 impl Incidence {
+    /// As many pairs as have numbers.
+    const MOST: usize = 1 << (u32::BITS - 1);
+
     const fn new(pair: usize, is_a: bool) -> Self {
         Self((pair as u32) << 1 | is_a as u32)
     }
@@ -109,6 +112,10 @@ impl PairList {
         found: Vec<Pair>,
         carried: &mut [NamedHistory],
     ) {
+        assert!(
+            found.len() <= Incidence::MOST,
+            "2^31 pairs on a rank: take more ranks, or a smaller skin"
+        );
         self.sort_into_blocks(particles, found);
         self.place.clear();
         self.place.resize(self.pairs.len(), Place::DUE);
