@@ -8,8 +8,9 @@ use super::{Posed, Touch, touch_along};
 use crate::math::Vec3;
 
 /// Bodies that GJK cannot tell from touching are shrunk by the first of these that parts them. The
-/// direction is then off by about as much, and `δ` by its square.
-const SHRUNK: [f64; 3] = [0.0, 3e-8, 1e-6];
+/// direction is then off by about as much, and `δ` by its square. Where rounding keeps GJK from an end, it is asked for
+/// less: ratio and tolerance.
+const TRIES: [(f64, f64); 5] = [(0.0, 0.0), (3e-8, 0.0), (1e-6, 0.0), (0.0, 1e-9), (0.0, 1e-6)];
 
 /// The points of two bodies nearest to each other, as the [`Touch`] with `overlap = -clearance` [m]: the
 /// least `δ(n)`, which is continuous through touching. `r` is from the centre of A to the centre of B [m].
@@ -18,8 +19,8 @@ const SHRUNK: [f64; 3] = [0.0, 3e-8, 1e-6];
 /// overlap; within 1e-6 of the larger body this cannot be told, and the overlap may come out positive.
 pub fn clearance(a: &Posed, b: &Posed, r: &Vec3) -> Option<Touch> {
     let bodies = Difference::new(a, b, r);
-    SHRUNK.into_iter().find_map(|ratio| {
-        match separate(&bodies.eroded(ratio), &bodies.r, 0.0, f64::INFINITY) {
+    TRIES.into_iter().find_map(|(ratio, tolerance)| {
+        match separate(&bodies.eroded(ratio), &bodies.r, tolerance, f64::INFINITY) {
             Separation::Apart(normal) => Some(touch_along(a, b, r, &normal)),
             _ => None,
         }

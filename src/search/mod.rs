@@ -106,6 +106,9 @@ const ROUNDING: f64 = 1.0 - 1e-6;
 impl PairList {
     /// Lists the pairs that [`close_pairs`] has found. `carried` has the histories of all touching contacts of owned
     /// particles, in any order; a contact may stand there twice.
+    ///
+    /// # Panics
+    /// If there are more pairs than have numbers, 2^31.
     pub fn rebuild(
         &mut self,
         particles: &mut Particles,
