@@ -561,7 +561,8 @@ pub fn moved_squared(particles: &Particles) -> f64 {
         sound &= moved.is_finite();
     }
     for wall in &particles.walls {
-        let moved = (wall.point - wall.listed_at).norm_squared();
+        // Along itself a wall may slide as far as it likes.
+        let moved = (wall.point - wall.listed_at).dot(&wall.normal).powi(2);
         if moved > largest {
             largest = moved;
         }
