@@ -10,7 +10,8 @@ use crate::math::Vec3;
 /// Bodies that GJK cannot tell from touching are shrunk by the first of these that parts them. The
 /// direction is then off by about as much, and `δ` by its square. Where rounding keeps GJK from an end, it is asked for
 /// less: ratio and tolerance.
-const TRIES: [(f64, f64); 5] = [(0.0, 0.0), (3e-8, 0.0), (1e-6, 0.0), (0.0, 1e-9), (0.0, 1e-6)];
+const TRIES: [(f64, f64); 7] =
+    [(0.0, 0.0), (3e-8, 0.0), (1e-6, 0.0), (0.0, 1e-9), (0.0, 1e-6), (1e-6, 1e-4), (1e-4, 1e-6)];
 
 /// The points of two bodies nearest to each other, as the [`Touch`] with `overlap = -clearance` [m]: the
 /// least `δ(n)`, which is continuous through touching. `r` is from the centre of A to the centre of B [m].
@@ -32,7 +33,25 @@ mod tests {
     use super::clearance;
     use crate::contact::Posed;
     use crate::math::{Mat3, Vec3};
-    use crate::shape::{Ellipsoid, Shape};
+    use crate::shape::{Ellipsoid, Polyhedron, Shape};
+
+    /// A small cube that touches a face of a large one.
+    #[test]
+    fn faces_that_touch() {
+        let cube = |half: f64| {
+            let sides = [-half, half];
+            let corners = sides.into_iter().flat_map(|x| {
+                sides.into_iter().flat_map(move |y| sides.map(move |z| Vec3::new(x, y, z)))
+            });
+            let polyhedron = Polyhedron::new(&corners.collect::<Vec<_>>()).expect("a cube");
+            Shape::Polyhedron(Box::new(polyhedron))
+        };
+        let (large, small, frame) = (cube(1.0), cube(0.5), Mat3::identity());
+        let [a, b] = [&large, &small].map(|shape| Posed { shape, frame: &frame });
+        let touch = clearance(&a, &b, &Vec3::new(1.5, 0.25, 0.125)).expect("they do not overlap");
+        assert!(touch.overlap.abs() < 1e-9, "{touch:?}");
+        assert!((touch.normal - Vec3::x()).norm() < 1e-6, "{touch:?}");
+    }
 
     #[test]
     fn a_known_gap() {
