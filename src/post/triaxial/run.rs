@@ -141,11 +141,8 @@ impl Run {
             let Some(file) = if_any(series::newest(&stage(name)))? else { return Ok(None) };
             let reader = Reader::open(&file).map_err(PostError::from)?;
             let says_so = !reader.header().stop.is_empty() || stage(name).join("done").exists();
-            if !next_has_begun && !says_so {
+            if !std::mem::replace(&mut next_has_begun, true) && !says_so {
                 unfinished.push(name);
-            }
-            next_has_begun = true;
-            if unfinished.contains(&name) {
                 return Ok(None);
             }
             let (mut reports, picture) = series::reports(&series::open(&[file])?, choice)?;
