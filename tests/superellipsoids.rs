@@ -482,9 +482,8 @@ fn crests_are_not_passed_through() {
                 .to_rotation_matrix()
                 .matrix()
         };
-        let (frame_a, frame_b) = (frame(turn_a), frame(turn_b));
-        let (a, b) = (Posed { shape: &a, frame: &frame_a }, Posed { shape: &b, frame: &frame_b });
-        let overlap = |resolver: &dyn ContactResolver| match resolver.touch(&a, &b, &r, None) {
+        let case = Case { a: (a, frame(turn_a)), b: (b, frame(turn_b)), r };
+        let overlap = |resolver: &dyn ContactResolver| match case.resolve(resolver) {
             Outcome::Touching(touch) => touch.overlap,
             Outcome::Apart(_) => 0.0,
             Outcome::Failed(why) => panic!("{expected:e}: {why:?}"),

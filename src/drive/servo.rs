@@ -17,7 +17,6 @@ use crate::math::{ExactSum, Vec3};
 use crate::particles::walls::{Wall, area, ends};
 use crate::particles::{Library, Particles};
 use crate::search::PairList;
-use crate::shape::Shape;
 use serde::{Deserialize, Serialize};
 
 /// Walls that move by one displacement so as to keep a stress.
@@ -149,8 +148,7 @@ impl Servos {
     /// At the start.
     pub fn new(all: Vec<Servo>, library: &Library) -> Self {
         let watches = vec![Watch::default(); all.len()];
-        let grains = &library.shapes[..library.particle_shapes];
-        let least_gap = grains.iter().map(Shape::inscribed_radius).fold(f64::INFINITY, f64::min);
+        let least_gap = library.least_inscribed_radius();
         Self { all, watches, least_gap, warnings: Vec::new() }
     }
 

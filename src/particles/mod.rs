@@ -66,6 +66,12 @@ impl Library {
     pub fn largest_radius(&self) -> f64 {
         self.radius[..self.particle_shapes].iter().copied().fold(0.0, f64::max)
     }
+
+    /// Half the thickness of the thinnest of the particles' shapes [m]; infinite without any.
+    pub fn least_inscribed_radius(&self) -> f64 {
+        let shapes = &self.shapes[..self.particle_shapes];
+        shapes.iter().map(Shape::inscribed_radius).fold(f64::INFINITY, f64::min)
+    }
 }
 
 /// Which columns a scene needs.

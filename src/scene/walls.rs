@@ -18,8 +18,7 @@ const LONGEST_MOVE: f64 = 0.05;
 
 /// What is wrong with a wall of this speed [m/s], if it moves too far in a step of `dt` [s].
 fn too_fast(speed: f64, dt: Option<f64>, library: &Library) -> Option<String> {
-    let thinnest = library.shapes.iter().map(|s| 2.0 * s.inscribed_radius());
-    let (dt, most) = (dt?, LONGEST_MOVE * thinnest.fold(f64::INFINITY, f64::min));
+    let (dt, most) = (dt?, LONGEST_MOVE * 2.0 * library.least_inscribed_radius());
     (speed * dt > most).then(|| {
         format!(
             "({speed:?} m/s) moves a wall by {:.2e} m in a step, more than {} % of the shortest axis of \

@@ -267,8 +267,9 @@ fn unmet(sim: &Simulation, stop: &Stop, measures: &Measures) -> String {
         unmet.push("rain still falls".to_owned());
     }
     // In the moments at the end of a rebound when a dashpot has taken all the force, grains touch but carry nothing.
-    if measures.mean_normal_force == 0.0 && measures.wall_forces.iter().all(|f| *f == Vec3::zeros())
-    {
+    let carries = measures.mean_normal_force > 0.0
+        || measures.wall_forces.iter().any(|f| *f != Vec3::zeros());
+    if !carries {
         unmet.push("no contact carries a force".to_owned());
     }
     let error = sim.servos.largest_error(&sim.particles, &measures.wall_forces);
@@ -333,7 +334,7 @@ fn lost(step: u64, error: DomainError, sim: &Simulation, comm: &mut dyn Comm) ->
             None => format!("particle {id}"),
         })
         .collect();
-    let touched_walls = names.iter().any(|name| name.starts_with("wall"));
+    let touched_walls = touched.iter().any(|id| id.wall_index().is_some());
     let touched = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
     let advice = match error {
         DomainError::NotFinite { .. } => "",
