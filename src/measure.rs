@@ -6,7 +6,7 @@ use crate::contact::Pair;
 use crate::ids::Slot;
 use crate::law::ForceLaw;
 use crate::math::{ExactSum, Vec3};
-use crate::motion::Field;
+use crate::motion::{self, Field};
 use crate::particles::Particles;
 use crate::search::{Loaded, PairList};
 
@@ -27,6 +27,8 @@ pub struct Measures {
     pub gravity: f64,
     /// Elastic energy of contacts [J].
     pub stored: f64,
+    /// What central differences conserve beyond these energies, see [`motion::step_energy`] [J].
+    pub step_energy: f64,
     /// Energy dissipated so far [J].
     pub dissipated: f64,
     /// Energy that came in with particles and from moving walls so far [J].
@@ -57,9 +59,9 @@ impl Measures {
         self.kinetic() + self.gravity + self.stored
     }
 
-    /// What the balance is short of: received - (mechanical + dissipated) [J].
+    /// What the balance is short of: received - (mechanical + step energy + dissipated) [J].
     pub fn missing(&self) -> f64 {
-        self.received - self.mechanical() - self.dissipated
+        self.received - self.mechanical() - self.step_energy - self.dissipated
     }
 
     /// Mean number of contacts of a particle, with walls.
@@ -77,6 +79,7 @@ enum Of {
     Rotation,
     Gravity,
     Stored,
+    StepEnergy,
     Dissipated,
     Received,
     NormalForce,
@@ -87,9 +90,7 @@ enum Of {
     FirstWall,
 }
 
-/// Measures the whole system at the end of a step. Collective.
-///
-/// Kinetic energies are taken at the time of the positions: half a kick ahead of the stored velocities.
+/// Measures the whole system at the end of a step of `dt` [s]. Collective.
 pub fn measure(
     particles: &Particles,
     pairs: &PairList,
@@ -114,21 +115,14 @@ pub fn measure(
 
     for slot in 0..particles.owned {
         let mass = particles.mass(slot);
-        let resultant = particles.force[slot] + field.gravity * mass;
-        add(Of::Resultant as usize, resultant.norm());
-        let force = resultant - particles.velocity[slot] * (field.damping * mass);
-        let velocity = particles.velocity[slot] + force * (0.5 * dt / mass);
+        add(Of::Resultant as usize, field.force(particles, slot).norm());
+        let velocity = particles.velocity[slot];
         add(Of::Translation as usize, 0.5 * mass * velocity.norm_squared());
         add(Of::Gravity as usize, -mass * unwrapped(particles, slot).dot(&field.gravity));
         add(Of::Dissipated as usize, particles.dissipated[slot]);
         add(Of::Received as usize, particles.received[slot]);
-        if let Some(spin) = &particles.spin {
-            let before = particles.angular_momentum(slot);
-            let kick = spin.torque[slot] - before * field.damping;
-            let momentum = before + kick * (0.5 * dt);
-            let angular_velocity = particles.angular_velocity_for(slot, &momentum);
-            add(Of::Rotation as usize, 0.5 * angular_velocity.dot(&momentum));
-        }
+        add(Of::Rotation as usize, rotation(particles, slot));
+        add(Of::StepEnergy as usize, motion::step_energy(particles, slot, field, dt));
         let radius = particles.library.shapes[particles.shape[slot].index()].bounding_radius();
         maxima[1] = larger(maxima[1], velocity.norm());
         maxima[2] = larger(maxima[2], particles.position[slot].z + radius);
@@ -178,6 +172,7 @@ pub fn measure(
         rotation: value(Of::Rotation as usize),
         gravity: value(Of::Gravity as usize),
         stored: value(Of::Stored as usize),
+        step_energy: value(Of::StepEnergy as usize),
         dissipated: value(Of::Dissipated as usize),
         received: value(Of::Received as usize),
         mean_normal_force: if counts[1] == 0 {
@@ -200,18 +195,17 @@ pub fn measure(
     }
 }
 
-/// Kinetic energy and energy in gravity that [`measure`] finds for a particle without contacts [J].
-pub fn energy_when_free(particles: &Particles, slot: usize, field: &Field, dt: f64) -> f64 {
+/// Kinetic energy and energy in gravity of an owned particle [J].
+pub fn free_energy(particles: &Particles, slot: usize, field: &Field) -> f64 {
     let mass = particles.mass(slot);
-    let later = 1.0 - 0.5 * field.damping * dt;
-    let velocity = particles.velocity[slot] * later + field.gravity * (0.5 * dt);
-    let mut energy = 0.5 * mass * velocity.norm_squared()
-        - mass * unwrapped(particles, slot).dot(&field.gravity);
-    if particles.spin.is_some() {
-        let momentum = particles.angular_momentum(slot) * later;
-        energy += 0.5 * particles.angular_velocity_for(slot, &momentum).dot(&momentum);
-    }
-    energy
+    let translation = 0.5 * mass * particles.velocity[slot].norm_squared();
+    let gravity = -mass * unwrapped(particles, slot).dot(&field.gravity);
+    translation + gravity + rotation(particles, slot)
+}
+
+/// Kinetic energy of rotation of an owned particle [J].
+fn rotation(particles: &Particles, slot: usize) -> f64 {
+    0.5 * particles.angular_velocity(slot).dot(&particles.angular_momentum(slot))
 }
 
 /// The shortest axis of the smaller of two bodies, a diameter [m].

@@ -1,21 +1,26 @@
-//! Integration: the leapfrog of the paper, with its global damping.
+//! Integration: the central differences of the paper, with its global damping, as kick, drift, kick.
 //!
-//! Velocities and angular momenta stand half a step behind positions and attitudes. With damping `ξ`
-//! (a force `-ξ m v` and a moment `-ξ I ω`; Lim and Andrade 2014, DOI 10.1002/nag.2203)
+//! After every step, velocities and angular momenta are those of the time of the positions and orientations. A step of
+//! `dt = 2h` under forces `F` and damping `ξ` (a force `-ξ m v` and a moment `-ξ I ω`; Lim and Andrade 2014,
+//! DOI 10.1002/nag.2203) is
 //!
-//! `v⁺ = ((1 - ξ dt/2) v⁻ + dt F/m) / (1 + ξ dt/2)`, `x⁺ = x + dt v⁺`,
+//! `v⁺ = (1 - ξ h) v + h F/m`, `x' = x + dt v⁺`, forces `F'` at `x'` with `v⁺`, `v' = (v⁺ + h F'/m) / (1 + ξ h)`,
 //!
-//! and the same for the angular momentum `L` with the moment: in world axes the damping moment is
-//! `-ξ L`, so free bodies keep `L` to the last bit. The attitude turns by the angular velocity at
-//! mid-step, `ω = R I⁻¹ Rᵀ L⁺`, where `R` is the attitude half-way, found by two sweeps of the
-//! implicit midpoint rule. A turn is the quaternion `(1, dt ω/2)`, normalised (Cayley's form): no
-//! sine, the same bits on every machine. All is second order in `dt`.
+//! which is the paper's `v⁺ = ((1 - ξ h) v⁻ + dt F/m) / (1 + ξ h)` for the velocities in the middle of the steps (velocity
+//! Verlet: Swope et al. 1982, DOI 10.1063/1.442716). The angular momentum `L` is kicked by the moment in the same way: in
+//! world axes the damping moment is `-ξ L`, so free bodies keep `L` to the last bit.
+//!
+//! A free turn follows the implicit midpoint rule in the body's axes: its angular velocity `ω` there solves
+//! `I ω + h ω × I ω = Rᵀ L`, and the orientation turns by the quaternion `(1, h ω)`, normalised (Cayley's form: no sine,
+//! the same bits on every machine). `ω` is found to rounding, so a free turn keeps the kinetic energy to rounding, for
+//! needles and discs, too (Austin, Krishnaprasad and Wang 1993, DOI 10.1006/jcph.1993.1128). All is of second order in `dt`.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
 use crate::math::{Quat, Vec3};
 use crate::particles::Particles;
+use crate::shape::Kind;
 use nalgebra::Quaternion;
 
 /// What acts on every particle.
@@ -27,31 +32,165 @@ pub struct Field {
     pub damping: f64,
 }
 
-/// Advances all owned particles by a step of `dt` [s], from the forces at their positions.
-pub fn kick_and_drift(particles: &mut Particles, field: &Field, dt: f64) {
-    let slower = 1.0 - 0.5 * field.damping * dt;
-    let faster = 1.0 / (1.0 + 0.5 * field.damping * dt);
-    for slot in 0..particles.owned {
-        let mass = particles.mass(slot);
-        let force = particles.force[slot] + field.gravity * mass;
-        let before = particles.velocity[slot];
-        let after = (before * slower + force * (dt / mass)) * faster;
-        particles.velocity[slot] = after;
-        particles.position[slot] += after * dt;
-        particles.travel[slot] += after.norm() * dt;
-        if field.damping > 0.0 {
-            // With the mean velocity this is exact: the change of kinetic energy is (F v - ξ m v²) dt.
-            let mean = (before + after) * 0.5;
-            particles.dissipated[slot] += field.damping * dt * mass * mean.norm_squared();
+impl Field {
+    /// Force on a particle but for global damping: its contacts and gravity [N].
+    #[inline]
+    pub fn force(&self, particles: &Particles, slot: usize) -> Vec3 {
+        particles.force[slot] + self.gravity * particles.mass(slot)
+    }
+
+    /// The velocity that the second kick of a step of `dt` [s] turns into `velocity` where nothing touches [m/s]: that of
+    /// a particle that appears within a step.
+    pub fn before_last_kick(&self, velocity: &Vec3, dt: f64) -> Vec3 {
+        velocity * (1.0 + 0.5 * self.damping * dt) - self.gravity * (0.5 * dt)
+    }
+}
+
+/// The largest motions of owned particles in a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Farthest {
+    /// Distance of a centre [m], and the slot.
+    pub moved: (f64, usize),
+    /// Angle [rad], and the slot. Spheres are left out: nobody sees how they are turned.
+    pub turned: (f64, usize),
+}
+
+/// Half of a step's change of velocities: `v⁺ = (slower v + half F/m) faster`.
+#[derive(Clone, Copy)]
+struct Kick {
+    /// Half the step [s].
+    half: f64,
+    /// Global damping [1/s].
+    damping: f64,
+    slower: f64,
+    faster: f64,
+    /// Does it begin at the time of the positions, or end there?
+    is_first: bool,
+}
+
+impl Kick {
+    fn first(field: &Field, dt: f64) -> Self {
+        let (half, damping) = (0.5 * dt, field.damping);
+        Self { half, damping, slower: 1.0 - half * damping, faster: 1.0, is_first: true }
+    }
+
+    fn last(field: &Field, dt: f64) -> Self {
+        let (half, damping) = (0.5 * dt, field.damping);
+        Self { half, damping, slower: 1.0, faster: 1.0 / (1.0 + half * damping), is_first: false }
+    }
+
+    /// The velocity after it, from that before and the acceleration but for damping.
+    #[inline]
+    fn after(&self, before: &Vec3, force: &Vec3, mass: f64) -> Vec3 {
+        (before * self.slower + force * (self.half / mass)) * self.faster
+    }
+
+    /// What damping takes per mass, or the same of an angular momentum and its velocities: the damping force belongs to
+    /// the velocity at the time of the positions, its work to the mean of before and after.
+    #[inline]
+    fn lost(&self, at_positions: &Vec3, before: &Vec3, after: &Vec3) -> f64 {
+        self.half * self.damping * at_positions.dot(&((before + after) * 0.5))
+    }
+
+    /// Kicks the angular velocities of spheres, of which nobody sees how they are turned.
+    fn spheres(self, particles: &mut Particles) {
+        let Particles { spin: Some(spin), library, shape, dissipated, owned, .. } = particles
+        else {
+            return;
+        };
+        for slot in 0..*owned {
+            let inertia = library.inertia[shape[slot].index()].x;
+            let before = spin.angular_velocity[slot];
+            let after = self.after(&before, &spin.torque[slot], inertia);
+            spin.angular_velocity[slot] = after;
+            if self.damping > 0.0 {
+                let at_positions = if self.is_first { &before } else { &after };
+                dissipated[slot] += inertia * self.lost(at_positions, &before, &after);
+            }
         }
     }
-    wrap(particles);
-    let damping = field.damping;
-    if particles.attitude.is_some() {
-        lanes::dispatch(Turn { particles, slower, faster, damping, dt });
-    } else if particles.spin.is_some() {
-        spin_spheres(particles, slower, faster, damping, dt);
+}
+
+/// Kicks all owned particles by the forces at their positions for half of `dt` [s], and moves them for all of it.
+pub fn kick_and_drift(particles: &mut Particles, field: &Field, dt: f64) -> Farthest {
+    let kick = Kick::first(field, dt);
+    let mut farthest = Farthest::default();
+    let mut farthest_squared = 0.0;
+    for slot in 0..particles.owned {
+        let mass = particles.mass(slot);
+        let before = particles.velocity[slot];
+        let after = kick.after(&before, &field.force(particles, slot), mass);
+        particles.velocity[slot] = after;
+        let from = particles.position[slot];
+        let to = from + after * dt;
+        particles.position[slot] = to;
+        // Between the rounded positions: far from the origin `after · dt` may be shorter.
+        let moved_squared = (to - from).norm_squared();
+        particles.travel[slot] += moved_squared.sqrt();
+        if moved_squared > farthest_squared {
+            farthest_squared = moved_squared;
+            farthest.moved.1 = slot;
+        }
+        if kick.damping > 0.0 {
+            particles.dissipated[slot] += mass * kick.lost(&before, &before, &after);
+        }
     }
+    farthest.moved.0 = farthest_squared.sqrt();
+    wrap(particles);
+    if particles.attitude.is_some() {
+        lanes::dispatch(Turn { particles, kick, dt, turned: &mut farthest.turned });
+    } else {
+        kick.spheres(particles);
+    }
+    farthest
+}
+
+/// The second kick of a step of `dt` [s], by the forces that belong to the new positions.
+pub fn kick(particles: &mut Particles, field: &Field, dt: f64) {
+    let kick = Kick::last(field, dt);
+    for slot in 0..particles.owned {
+        let mass = particles.mass(slot);
+        let before = particles.velocity[slot];
+        let after = kick.after(&before, &field.force(particles, slot), mass);
+        particles.velocity[slot] = after;
+        if kick.damping > 0.0 {
+            particles.dissipated[slot] += mass * kick.lost(&after, &before, &after);
+        }
+    }
+    if particles.attitude.is_none() {
+        kick.spheres(particles);
+    } else {
+        kick_momenta(particles, kick);
+    }
+}
+
+/// The second kick of angular momenta. Angular velocities stay those of before: the next step finds them again.
+fn kick_momenta(particles: &mut Particles, kick: Kick) {
+    for slot in 0..particles.owned {
+        let Some(spin) = &mut particles.spin else { return };
+        let before = spin.angular_velocity[slot];
+        let momentum = kick.after(&spin.angular_momentum[slot], &spin.torque[slot], 1.0);
+        spin.angular_momentum[slot] = momentum;
+        if kick.damping > 0.0 {
+            let after = particles.angular_velocity_for(slot, &momentum);
+            particles.dissipated[slot] += kick.lost(&momentum, &before, &after);
+        }
+    }
+}
+
+/// What the energy that central differences conserve has beyond that of the positions and velocities [J]: for a spring
+/// `-(ω dt)²/4` of its elastic energy, by which the energy of an oscillation swings within a period without a loss.
+pub fn step_energy(particles: &Particles, slot: usize, field: &Field, dt: f64) -> f64 {
+    let force = field.force(particles, slot);
+    let velocity = particles.velocity[slot];
+    let acceleration = force / particles.mass(slot) - velocity * field.damping;
+    let mut energy = force.dot(&acceleration);
+    if let Some(spin) = &particles.spin {
+        let torque = spin.torque[slot];
+        let kick = torque - particles.angular_momentum(slot) * field.damping;
+        energy += particles.angular_velocity_for(slot, &kick).dot(&torque);
+    }
+    -0.125 * dt * dt * energy
 }
 
 /// Moves the walls by a step of `dt` [s].
@@ -69,6 +208,7 @@ fn wrap(particles: &mut Particles) {
         return;
     }
     let mut is_any_far = false;
+    let rounding = particles.rounding_of_images();
     for slot in 0..particles.owned {
         for axis in 0..3 {
             let period = particles.period[axis];
@@ -80,10 +220,12 @@ fn wrap(particles: &mut Particles) {
             if *x >= low + period {
                 *x -= period;
                 particles.image[slot][axis] += 1;
+                particles.travel[slot] += rounding;
                 is_any_far |= *x > low + period;
             } else if *x < low {
                 *x += period;
                 particles.image[slot][axis] -= 1;
+                particles.travel[slot] += rounding;
                 is_any_far |= *x < low;
             }
         }
@@ -115,30 +257,13 @@ pub fn bring_back(particles: &mut Particles) {
     }
 }
 
-/// Kicks the angular velocities of spheres, of which nobody sees how they are turned.
-fn spin_spheres(particles: &mut Particles, slower: f64, faster: f64, damping: f64, dt: f64) {
-    let Particles { spin: Some(spin), library, shape, dissipated, owned, .. } = particles else {
-        return;
-    };
-    for slot in 0..*owned {
-        let inertia = library.inertia[shape[slot].index()].x;
-        let before = spin.angular_velocity[slot];
-        let after = (before * slower + spin.torque[slot] * (dt / inertia)) * faster;
-        spin.angular_velocity[slot] = after;
-        if damping > 0.0 {
-            let mean = (before + after) * 0.5;
-            dissipated[slot] += damping * dt * inertia * mean.norm_squared();
-        }
-    }
-}
-
-/// Kicks the angular momenta and turns the attitudes, of eight particles at once.
+/// Kicks the angular momenta for half a step, and turns the orientations for a whole one, of eight particles at once.
 struct Turn<'a> {
     particles: &'a mut Particles,
-    slower: f64,
-    faster: f64,
-    damping: f64,
+    kick: Kick,
     dt: f64,
+    /// The largest angle [rad], and whose.
+    turned: &'a mut (f64, usize),
 }
 
 impl Kernel for Turn<'_> {
@@ -154,7 +279,7 @@ impl Turn<'_> {
     /// Up to eight; the other lanes repeat the last.
     #[inline(always)]
     fn eight<L: Eight>(&mut self, first: usize) {
-        let Self { particles, slower, faster, damping, dt } = self;
+        let Self { particles, kick, dt, turned } = self;
         let Particles {
             spin: Some(spin),
             attitude: Some(attitude),
@@ -168,7 +293,7 @@ impl Turn<'_> {
         else {
             return;
         };
-        let (damping, dt) = (*damping, *dt);
+        let (kick, dt) = (*kick, *dt);
         let count = (*owned - first).min(WIDTH);
         let shapes = &shape[first..first + count];
 
@@ -186,14 +311,11 @@ impl Turn<'_> {
         let (before, torque) = (Triple::<L>::of(&momenta), Triple::of(&torques));
         let (start, inertia) = (Rotation::of(&quaternions), Triple::of(&inertias));
 
-        let kicked = before.times(L::all(*slower)).plus(torque.times(L::all(dt)));
-        let momentum = kicked.times(L::all(*faster));
-        let mut velocity = start.angular_velocity(inertia, momentum);
-        for _ in 0..2 {
-            let halfway = start.turned(velocity, 0.5 * dt);
-            velocity = halfway.angular_velocity(inertia, momentum);
-        }
-        let end = start.turned(velocity, dt);
+        let half = L::all(kick.half);
+        let momentum = before.times(L::all(kick.slower)).plus(torque.times(half));
+        let in_body = start.to_body(momentum);
+        let velocity = midpoint_velocity(in_body, inertia, half);
+        let end = start.turned(velocity.times(half));
         let at_end = end.angular_velocity(inertia, momentum).store();
         // Cayley's turn is smaller than the angle ω dt.
         let angle = (velocity.dot(velocity).sqrt() * L::all(dt)).store();
@@ -208,21 +330,62 @@ impl Turn<'_> {
             let quaternion = Quat::new_unchecked(Quaternion::new(w, i, j, k));
             attitude.set(slot, quaternion, &library.shapes[shape.index()]);
             travel[slot] += library.radius[shape.index()] * angle[lane];
+            if angle[lane] > turned.0 && library.shapes[shape.index()].kind() != Kind::Sphere {
+                **turned = (angle[lane], slot);
+            }
         }
-        if damping > 0.0 {
-            let mean = before.plus(momentum).times(L::all(0.5));
-            let ratio = mean.dot(mean) / momentum.dot(momentum);
-            let lost = (L::all(damping * dt) * velocity.dot(momentum) * ratio).store();
+        if kick.damping > 0.0 {
+            let mean = start.angular_velocity(inertia, before.plus(momentum)).times(L::all(0.5));
+            let lost = (half * L::all(kick.damping) * before.dot(mean)).store();
             for (dissipated, lost) in dissipated[first..first + count].iter_mut().zip(lost) {
-                if lost.is_finite() {
-                    *dissipated += lost;
-                }
+                *dissipated += lost;
             }
         }
     }
 }
 
-/// Attitudes in lanes: unit quaternions.
+/// Newton steps at most; free turns of a stable run need one or two.
+const MOST_SWEEPS: usize = 20;
+/// A correction of this part of the angular velocity, squared, leaves the next one below rounding.
+const LAST_CORRECTION: f64 = 1e-16;
+
+/// The angular velocity `ω` of the midpoint rule in the body's axes [rad/s]: `I ω + h ω × I ω = L`, by Newton's method from
+/// Euler's equations. Each lane stops by itself, so it has the same bits in any company.
+#[inline(always)]
+fn midpoint_velocity<L: Lanes>(momentum: Triple<L>, inertia: Triple<L>, half: L) -> Triple<L> {
+    let Triple { x: ix, y: iy, z: iz } = inertia;
+    // No moment of inertia exceeds the sum of the others, so none of these exceeds h.
+    let by =
+        Triple { x: half * (iz - iy) / ix, y: half * (ix - iz) / iy, z: half * (iy - ix) / iz };
+    let at_start = Triple { x: momentum.x / ix, y: momentum.y / iy, z: momentum.z / iz };
+    let coupling =
+        |w: Triple<L>| Triple { x: by.x * w.y * w.z, y: by.y * w.z * w.x, z: by.z * w.x * w.y };
+    let mut velocity = at_start.minus(coupling(at_start));
+    let mut moving = u8::MAX;
+    for _ in 0..MOST_SWEEPS {
+        let residual = velocity.plus(coupling(velocity)).minus(at_start);
+        // The Jacobian has ones on its diagonal.
+        let (xy, xz) = (by.x * velocity.z, by.x * velocity.y);
+        let (yx, yz) = (by.y * velocity.z, by.y * velocity.x);
+        let (zx, zy) = (by.z * velocity.y, by.z * velocity.x);
+        let one = L::all(1.0);
+        let column_x = Triple { x: one - yz * zy, y: yz * zx - yx, z: yx * zy - zx };
+        let column_y = Triple { x: xz * zy - xy, y: one - xz * zx, z: xy * zx - zy };
+        let column_z = Triple { x: xy * yz - xz, y: xz * yx - yz, z: one - xy * yx };
+        let determinant = column_x.x + xy * column_x.y + xz * column_x.z;
+        let solved = column_x.times(residual.x).plus(column_y.times(residual.y));
+        let correction = solved.plus(column_z.times(residual.z)).over(determinant);
+        velocity = velocity.minus(correction).or(velocity, moving);
+        let left = L::all(LAST_CORRECTION) * velocity.dot(velocity);
+        moving &= left.less(correction.dot(correction));
+        if moving == 0 {
+            break;
+        }
+    }
+    velocity
+}
+
+/// Orientations in lanes: unit quaternions.
 #[derive(Clone, Copy)]
 struct Rotation<L> {
     i: L,
@@ -247,45 +410,63 @@ impl<L: Eight> Rotation<L> {
 }
 
 impl<L: Lanes> Rotation<L> {
-    /// The attitude after turning for `dt` at a constant angular velocity in world axes.
+    /// The orientation after a turn by the quaternion `(1, x, y, z)` of the body's axes, normalised.
     #[inline(always)]
-    fn turned(self, angular_velocity: Triple<L>, dt: f64) -> Self {
-        let Triple { x, y, z } = angular_velocity.times(L::all(0.5 * dt));
+    fn turned(self, by: Triple<L>) -> Self {
+        let Triple { x, y, z } = by;
         let Self { i, j, k, w } = self;
-        // the product of (1, x, y, z) and the quaternion
-        let (new_i, new_j) = (i + x * w + y * k - z * j, j - x * k + y * w + z * i);
-        let (new_k, new_w) = (k + x * j - y * i + z * w, w - x * i - y * j - z * k);
+        let (new_i, new_j) = (i + w * x + j * z - k * y, j + w * y + k * x - i * z);
+        let (new_k, new_w) = (k + w * z + i * y - j * x, w - i * x - j * y - k * z);
         let squared = (new_i * new_i + new_k * new_k) + (new_j * new_j + new_w * new_w);
         let length = squared.sqrt();
         Self { i: new_i / length, j: new_j / length, k: new_k / length, w: new_w / length }
     }
 
-    /// `R I⁻¹ Rᵀ L`.
+    /// The body's own axes in the world.
     #[inline(always)]
-    fn angular_velocity(self, inertia: Triple<L>, momentum: Triple<L>) -> Triple<L> {
+    fn axes(self) -> [Triple<L>; 3] {
         let Self { i, j, k, w } = self;
         let two = L::all(2.0);
         let (ww, ii, jj, kk) = (w * w, i * i, j * j, k * k);
         let (ij, wk, wj) = (i * j * two, w * k * two, w * j * two);
         let (ik, jk, wi) = (i * k * two, j * k * two, w * i * two);
-        let axis_x = Triple { x: ww + ii - jj - kk, y: wk + ij, z: ik - wj };
-        let axis_y = Triple { x: ij - wk, y: ww - ii + jj - kk, z: wi + jk };
-        let axis_z = Triple { x: wj + ik, y: jk - wi, z: ww - ii - jj + kk };
-        let along_x = axis_x.times(axis_x.dot(momentum) / inertia.x);
-        let along_y = axis_y.times(axis_y.dot(momentum) / inertia.y);
-        let along_z = axis_z.times(axis_z.dot(momentum) / inertia.z);
+        [
+            Triple { x: ww + ii - jj - kk, y: wk + ij, z: ik - wj },
+            Triple { x: ij - wk, y: ww - ii + jj - kk, z: wi + jk },
+            Triple { x: wj + ik, y: jk - wi, z: ww - ii - jj + kk },
+        ]
+    }
+
+    /// `Rᵀ v`: a vector of the world in the body's axes.
+    #[inline(always)]
+    fn to_body(self, vector: Triple<L>) -> Triple<L> {
+        let [x, y, z] = self.axes();
+        Triple { x: x.dot(vector), y: y.dot(vector), z: z.dot(vector) }
+    }
+
+    /// `R I⁻¹ Rᵀ L`.
+    #[inline(always)]
+    fn angular_velocity(self, inertia: Triple<L>, momentum: Triple<L>) -> Triple<L> {
+        let [x, y, z] = self.axes();
+        let along_x = x.times(x.dot(momentum) / inertia.x);
+        let along_y = y.times(y.dot(momentum) / inertia.y);
+        let along_z = z.times(z.dot(momentum) / inertia.z);
         along_x.plus(along_y).plus(along_z)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::Turn;
+    use super::{Field, Kick, Turn};
     use crate::lanes::{self, Kernel, Portable};
+    use crate::math::Vec3;
     use crate::particles::{Particles, crowd};
 
-    fn turn(particles: &mut Particles) -> Turn<'_> {
-        Turn { particles, slower: 0.99, faster: 0.98, damping: 3.0, dt: 1e-5 }
+    /// Turns all of them, with the kernel run in one way or another.
+    fn turn(particles: &mut Particles, run: impl Fn(Turn)) {
+        let turned = &mut (0.0, 0);
+        let field = Field { gravity: Vec3::zeros(), damping: 3.0 };
+        run(Turn { particles, kick: Kick::first(&field, 1e-5), dt: 1e-5, turned });
     }
 
     fn bits(particles: &Particles, slot: usize) -> Vec<u64> {
@@ -304,8 +485,8 @@ mod tests {
     fn lanes_give_the_same_bits_everywhere() {
         let before = crowd(21);
         let (mut dispatched, mut portable) = (before.clone(), before.clone());
-        lanes::dispatch(turn(&mut dispatched));
-        turn(&mut portable).run::<Portable>();
+        turn(&mut dispatched, |kernel| lanes::dispatch(kernel));
+        turn(&mut portable, |kernel| kernel.run::<Portable>());
         for slot in 0..before.owned {
             assert_ne!(bits(&dispatched, slot), bits(&before, slot), "particle {slot} turns");
             assert_eq!(bits(&dispatched, slot), bits(&portable, slot), "particle {slot}");
@@ -322,7 +503,7 @@ mod tests {
                 alone.take_owned(other);
             }
             alone.travel.truncate(1);
-            lanes::dispatch(turn(&mut alone));
+            turn(&mut alone, |kernel| lanes::dispatch(kernel));
             assert_eq!(bits(&dispatched, slot), bits(&alone, 0), "particle {slot} alone");
         }
     }

@@ -393,7 +393,7 @@ fn run(
             }
             comm.abort(i32::from(FAILED));
         }
-        Err(error @ RunError::Overlap(_)) => {
+        Err(error @ RunError::Start(_)) => {
             say(comm, error);
             return Err(WRONG_INPUT);
         }

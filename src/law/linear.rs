@@ -1,14 +1,17 @@
 //! Linear springs (Cundall and Strack 1979, DOI 10.1680/geot.1979.29.1.47): the paper's law.
 //!
-//! Normal: `N = k_n δ + γ_n δ̇`, by default never attractive. Tangential: a spring `ξ` in the contact plane
-//! that is carried along when the pair turns, grows with the sliding velocity and is cut at
-//! Coulomb's limit. Choose it where stiffness only has to be high enough; the contact time then does not
-//! depend on the velocity, so one time step serves a whole run.
+//! Normal: `N = k_n δ + γ_n δ̇`, by default never attractive. Tangential: `T = k_t ξ + γ_t ξ̇` with a spring `ξ` in the contact
+//! plane that is carried along when the pair turns and grows with the sliding velocity. Beyond Coulomb's limit `T` is cut
+//! to `μ N`, and the spring to `ξ = (T - γ_t ξ̇) / k_t`, so that spring and dashpot together make up the limit and nothing
+//! jumps where sliding begins or ends (Luding 2008, DOI 10.1007/s10035-008-0099-x, section 2.4). Choose it where stiffness
+//! only has to be high enough; the contact time then does not depend on the velocity, so one time step serves a whole run.
 //!
-//! With the leapfrog of [`crate::motion`], the work of a force between two steps is the mean of its
+//! With the central differences of [`crate::motion`], the work of a force between two steps is the mean of its
 //! values at both times the displacement. What a contact dissipates is that work minus the change of
-//! its elastic energy, from the step before the first touch to the step after the last. Where there is neither
-//! friction nor dashpot, nothing is: then the velocities of ghosts need not be known.
+//! its elastic energy, from the step before the first touch to the step after the last: of the normal force where it has a
+//! dashpot, of the tangential force where there is friction. The others dissipate nothing, so that what a long step makes of
+//! them is missing from the energy balance, and is reported. Where there is neither friction nor dashpot, the velocities of
+//! ghosts need not be known.
 //!
 //! Contacts go eight at once.
 
@@ -47,10 +50,12 @@ impl Linear {
     }
 }
 
-/// Elastic energy of a contact [J].
-fn stored(constants: &Constants, overlap: f64, spring: &Vec3) -> f64 {
-    0.5 * constants.normal_stiffness * overlap * overlap
-        + 0.5 * constants.tangential_stiffness * spring.norm_squared()
+/// Elastic energy of a contact in its normal and its tangential spring [J].
+fn stored(constants: &Constants, overlap: f64, spring: &Vec3) -> [f64; 2] {
+    [
+        0.5 * constants.normal_stiffness * overlap * overlap,
+        0.5 * constants.tangential_stiffness * spring.norm_squared(),
+    ]
 }
 
 /// Contacts whose loads are to be found.
@@ -119,20 +124,32 @@ impl Contacts<'_, '_> {
         let position = &particles.position;
         let to_b = vectors::<L>(position, &b).minus(vectors(position, &a));
         let to_b = nearest_images(to_b, &particles.period);
-        let (of_a, spin_a) = surface::<L>(particles, &a, point);
-        let (of_b, spin_b) = surface::<L>(particles, &b, point.minus(to_b));
-        let velocity = of_a.minus(of_b);
+        let (of_a, spin_a) = velocities::<L>(particles, &a);
+        let (of_b, spin_b) = velocities::<L>(particles, &b);
+        let centres = of_a.minus(of_b);
+        let surfaces = |arm_a: Triple<L>, arm_b: Triple<L>| {
+            centres.plus(spin_a.cross(arm_a)).minus(spin_b.cross(arm_b))
+        };
+        let velocity = surfaces(point, point.minus(to_b));
         let approach = velocity.dot(normal);
         let twist = L::all(0.5 * dt) * spin_a.plus(spin_b).dot(normal);
+        // The same where the last force acted. Of bodies other than spheres that place is not remembered.
+        let last_velocity = if memory.points.is_empty() {
+            let half = L::all(0.5) * last_overlap;
+            let arm_a = last_normal.times(radii::<L>(particles, &a) - half);
+            surfaces(arm_a, last_normal.times(half - radii::<L>(particles, &b)))
+        } else {
+            velocity
+        };
 
         // before, and now
-        let before =
-            last_normal.times(last_normal_force).plus(last_spring.times(springs.tangential));
-        let stored_before = springs.stored(last_overlap, last_spring);
+        let last_press = last_normal.times(last_normal_force);
+        let last_rub = last_spring.times(springs.tangential);
         let normal_force = springs.press(overlap, approach, law.limit_damping);
-        let mut force = normal.times(normal_force);
+        let press = normal.times(normal_force);
+        let mut rub = Triple::zero();
         let mut spring = Triple::zero();
-        // What the force of the last step has and is not remembered: as much as now.
+        // What the tangential force of the last step has and is not remembered: as much as now.
         let mut dashpot = Triple::zero();
         if springs.frictional != 0 {
             let zero = Triple::zero();
@@ -143,16 +160,24 @@ impl Contacts<'_, '_> {
             let sliding = velocity.minus(normal.times(approach));
             let (friction, stretched) =
                 springs.rub(normal_force, carried.plus(sliding.times(L::all(dt))), sliding);
-            let friction = friction.or(zero, springs.frictional);
             spring = stretched.or(zero, springs.frictional);
-            force = force.plus(friction).or(force, springs.frictional);
-            dashpot = friction.minus(spring.times(springs.tangential));
+            rub = friction.or(zero, springs.frictional);
+            dashpot = rub.minus(spring.times(springs.tangential));
         }
+        let force = press.plus(rub);
 
-        let impulse = before.plus(force).plus(dashpot).times(L::all(0.5 * dt));
-        let released = springs.stored(overlap, spring) - stored_before;
-        let dissipated = impulse.dot(velocity) - released;
+        let half_step = L::all(0.5 * dt);
+        let zero = L::all(0.0);
+        let stored = springs.stored(overlap, spring);
+        let stored_before = springs.stored(last_overlap, last_spring);
+        let pressed = last_press.dot(last_velocity) + press.dot(velocity);
+        let rubbed = last_rub.dot(last_velocity) + rub.plus(dashpot).dot(velocity);
+        let of_dashpots = half_step * pressed - (stored[0] - stored_before[0]);
+        let of_friction = half_step * rubbed - (stored[1] - stored_before[1]);
+        let dissipated =
+            of_dashpots.or(zero, springs.damped) + of_friction.or(zero, springs.frictional);
         let dissipated = if *lossy && dt > 0.0 { dissipated.store() } else { [0.0; WIDTH] };
+        let impulse = last_press.plus(last_rub).plus(force).plus(dashpot).times(half_step);
 
         let (force, spring, normal) = (force.store(), spring.store(), normal.store());
         let (overlap, normal_force) = (overlap.store(), normal_force.store());
@@ -203,10 +228,13 @@ fn read_histories<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L) {
     (Triple::of(&normal), L::load(&overlap))
 }
 
-/// The radii of balls [m].
+/// The radii of spheres; 0 of walls, which do not turn [m].
 #[inline(always)]
 fn radii<L: Eight>(particles: &Particles, slots: &[Slot; WIDTH]) -> L {
-    L::load(&slots.map(|slot| particles.radius(slot.index())))
+    L::load(&slots.map(|slot| {
+        let radius = particles.radius(slot.index());
+        if radius.is_finite() { radius } else { 0.0 }
+    }))
 }
 
 /// Springs, dashpots and friction of contacts.
@@ -219,6 +247,8 @@ struct Springs<L> {
     friction: L,
     /// Normal and tangential dashpots [N s/m], if there are any.
     dashpots: Option<[L; 2]>,
+    /// Which of them have a normal dashpot.
+    damped: u8,
     /// Which of them feel tangential motion.
     frictional: u8,
 }
@@ -229,12 +259,13 @@ impl<L: Eight> Springs<L> {
         let (mut normal, mut tangential) = ([0.0; WIDTH], [0.0; WIDTH]);
         let mut friction = [0.0; WIDTH];
         let mut dashpots = [[0.0; WIDTH]; 2];
-        let mut frictional = 0;
+        let (mut with_dashpot, mut frictional) = (0, 0);
         for (lane, pair) in pairs.iter().enumerate() {
             let constants = law.constants(*pair, particles);
             normal[lane] = constants.normal_stiffness;
             tangential[lane] = constants.tangential_stiffness;
             friction[lane] = constants.friction;
+            with_dashpot |= u8::from(constants.normal_damping_ratio > 0.0) << lane;
             frictional |= u8::from(constants.is_frictional()) << lane;
             if damped {
                 let mass = reduced_mass(particles, *pair);
@@ -252,6 +283,7 @@ impl<L: Eight> Springs<L> {
             } else {
                 None
             },
+            damped: with_dashpot,
             frictional,
         }
     }
@@ -272,8 +304,8 @@ impl<L: Lanes> Springs<L> {
         force
     }
 
-    /// Spring, dashpot and friction in the contact plane: the tangential force of A on B [N], and the spring, as
-    /// long as Coulomb's limit lets it be.
+    /// Spring, dashpot and friction in the contact plane: the tangential force of A on B [N], and the spring [m]. Where
+    /// they exceed Coulomb's limit the force is cut to it, and the spring to what the dashpot leaves of it.
     #[inline(always)]
     fn rub(
         &self,
@@ -290,16 +322,20 @@ impl<L: Lanes> Springs<L> {
         let size = force.dot(force).sqrt();
         let slides = limit.less(size);
         let limited = force.times(limit / size);
-        let stretched = limited.over(self.tangential);
+        let mut elastic = limited;
+        if let Some([_, dashpot]) = self.dashpots {
+            elastic = elastic.minus(sliding.times(dashpot));
+        }
+        let stretched = elastic.over(self.tangential);
         let stretched = stretched.or(Triple::zero(), zero.less(self.tangential));
         (limited.or(force, slides), stretched.or(spring, slides))
     }
 
-    /// Elastic energy [J].
+    /// Elastic energy in the normal and the tangential spring [J].
     #[inline(always)]
-    fn stored(&self, overlap: L, spring: Triple<L>) -> L {
+    fn stored(&self, overlap: L, spring: Triple<L>) -> [L; 2] {
         let half = L::all(0.5);
-        half * self.normal * overlap * overlap + half * self.tangential * spring.dot(spring)
+        [half * self.normal * overlap * overlap, half * self.tangential * spring.dot(spring)]
     }
 }
 
@@ -313,17 +349,12 @@ fn carried<L: Lanes>(spring: Triple<L>, old: Triple<L>, new: Triple<L>, twist: L
     turned.over((one + twist * twist).sqrt())
 }
 
-/// Velocities of the material points of bodies at `arm` from their centres [m/s], and angular velocities [rad/s].
+/// Velocities of the centres of bodies [m/s], and angular velocities [rad/s].
 #[inline(always)]
-fn surface<L: Eight>(
-    particles: &Particles,
-    slots: &[Slot; WIDTH],
-    arm: Triple<L>,
-) -> (Triple<L>, Triple<L>) {
+fn velocities<L: Eight>(particles: &Particles, slots: &[Slot; WIDTH]) -> (Triple<L>, Triple<L>) {
     let velocity = vectors::<L>(&particles.velocity, slots);
     let Some(spin) = &particles.spin else { return (velocity, Triple::zero()) };
-    let spin = vectors::<L>(&spin.angular_velocity, slots);
-    (velocity.plus(spin.cross(arm)), spin)
+    (velocity, vectors::<L>(&spin.angular_velocity, slots))
 }
 
 /// Velocity of A's surface against B's: positive along the normal is approach [m/s].
@@ -415,11 +446,16 @@ impl ForceLaw for Linear {
         for (place, load) in (still..).zip(loads) {
             let (pair, history, spring) =
                 (memory.pair(place), &memory.history[place], memory.spring(place));
-            // Where the surfaces were nearest: A's farthest point along the last normal.
+            // Where the last force acted: in the middle of the overlap of the farthest points along the last normal.
             let frames = bodies.frames(pair);
-            let (body, _) = bodies.posed(pair, &frames);
-            let arm_a = body.support(&history.normal);
-            let arm_b = arm_a - bodies.relative(pair);
+            let (body, other) = bodies.posed(pair, &frames);
+            let into = history.normal * (0.5 * history.overlap);
+            let arm_a = body.support(&history.normal) - into;
+            let arm_b = if pair.b.index() >= particles.first_wall() {
+                Vec3::zeros()
+            } else {
+                other.support(&-history.normal) + into
+            };
             let velocity = surface_velocity(particles, pair, &arm_a, &arm_b);
             let constants = self.constants(pair, particles);
             let normal_force = memory
@@ -427,14 +463,24 @@ impl ForceLaw for Linear {
                 .get(place)
                 .copied()
                 .unwrap_or(constants.normal_stiffness * history.overlap);
-            let force = history.normal * normal_force + spring * constants.tangential_stiffness;
+            let (press, rub) =
+                (history.normal * normal_force, spring * constants.tangential_stiffness);
             // The force fell to nothing on the way: half of it did the work.
-            let work = |velocity: &Vec3| 0.5 * dt * force.dot(velocity);
+            let work = |force: &Vec3, velocity: &Vec3| 0.5 * dt * force.dot(velocity);
             if pair.b.index() >= particles.first_wall() {
-                note_wall_work(pair, -work(&particles.velocity[pair.b.index()]), wall_work);
+                let of_wall = &particles.velocity[pair.b.index()];
+                note_wall_work(pair, -work(&(press + rub), of_wall), wall_work);
             }
-            let dissipated = work(&velocity) + stored(constants, history.overlap, &spring);
-            let dissipated = if lossy && dt > 0.0 { dissipated } else { 0.0 };
+            let stored = stored(constants, history.overlap, &spring);
+            let mut dissipated = 0.0;
+            if lossy && dt > 0.0 {
+                if constants.normal_damping_ratio > 0.0 {
+                    dissipated += work(&press, &velocity) + stored[0];
+                }
+                if constants.is_frictional() {
+                    dissipated += work(&rub, &velocity) + stored[1];
+                }
+            }
             *load = Load { dissipated, ..Load::default() };
         }
     }
@@ -451,7 +497,7 @@ impl ForceLaw for Linear {
     }
 
     fn stored(&self, a: MaterialId, b: MaterialId, overlap: f64, spring: &Vec3) -> f64 {
-        stored(self.interactions.of(a, b), overlap, spring)
+        stored(self.interactions.of(a, b), overlap, spring).iter().sum()
     }
 }
 

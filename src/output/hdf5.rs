@@ -650,6 +650,11 @@ impl StoredFile {
         self.file.link_exists(place)
     }
 
+    /// Has a group an attribute of this name?
+    pub fn has_attribute(&self, group: &str, name: &str) -> bool {
+        self.file.group(group).is_ok_and(|group| group.attr(name).is_ok())
+    }
+
     /// How many rows a dataset has.
     ///
     /// # Errors

@@ -498,6 +498,7 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.group("/run")?;
     file.text("/run", "program", concat!("dem-mpi ", env!("CARGO_PKG_VERSION")))?;
     file.text("/run", "units", "time, dt, stage_begin_time: s; gravity: m/s^2")?;
+    file.text("/run", VELOCITIES.0, VELOCITIES.1)?;
     file.numbers("/run", "step", &[*step])?;
     file.numbers("/run", "time", &[*time])?;
     file.numbers("/run", "dt", &[*dt])?;
@@ -540,7 +541,14 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.texts(&SHAPE_GEOMETRY, &geometries.iter().map(|g| &**g).collect::<Vec<_>>())
 }
 
+/// Says to which time velocities belong. Files without it have those of half a step before.
+const VELOCITIES: (&str, &str) = ("velocities", "at the time of the positions");
+
 fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
+    if !file.has_attribute("/run", VELOCITIES.0) {
+        let (path, lacks) = (super::name_of(file.path()), "/run/velocities".to_owned());
+        return Err(SnapshotError::Older { path, lacks });
+    }
     let walls = Tabulated { file, rows: file.count(WALL_NAME.place)? };
     let (points, normals) = (walls.vectors(&WALL_POINT)?, walls.vectors(&WALL_NORMAL)?);
     let (velocities, forces) = (walls.vectors(&WALL_VELOCITY)?, walls.vectors(&WALL_FORCE)?);

@@ -26,7 +26,7 @@ pub struct History {
     period: Vec3,
 }
 
-const COLUMNS: [&str; 19] = [
+const COLUMNS: [&str; 20] = [
     "step",
     "time_s",
     "particles",
@@ -38,6 +38,7 @@ const COLUMNS: [&str; 19] = [
     "rotation_J",
     "gravity_J",
     "stored_J",
+    "step_energy_J",
     "dissipated_J",
     "received_J",
     "missing_J",
@@ -143,6 +144,7 @@ impl History {
             m.rotation,
             m.gravity,
             m.stored,
+            m.step_energy,
             m.dissipated,
             m.received,
             m.missing(),

@@ -115,7 +115,7 @@ pub struct ParticleTable {
     pub shape: Vec<ShapeId>,
     /// Centre [m].
     pub position: Vec<Vec3>,
-    /// Velocity, half a step before `position` [m/s].
+    /// Velocity at the time of `position` [m/s].
     pub velocity: Vec<Vec3>,
     /// Sum of the contact forces at `position`; gravity and damping are not in it [N].
     pub force: Vec<Vec3>,
@@ -131,9 +131,9 @@ pub struct ParticleTable {
     pub image: Vec<[i32; 3]>,
     /// Attitude (w, x, y, z), body to world. Optional: absent if all are spheres.
     pub quaternion: Vec<[f64; 4]>,
-    /// Angular momentum, world axes, half a step before `position` [kg m²/s]. Optional.
+    /// Angular momentum at the time of `position`, world axes [kg m²/s]. Optional.
     pub angular_momentum: Vec<Vec3>,
-    /// Angular velocity, world axes [rad/s]. Optional, with `angular_momentum`.
+    /// Angular velocity at the time of `position`, world axes [rad/s]. Optional, with `angular_momentum`.
     pub angular_velocity: Vec<Vec3>,
     /// Moment at `position`, world axes [N m]. Optional, with `angular_momentum`.
     pub torque: Vec<Vec3>,

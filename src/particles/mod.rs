@@ -120,9 +120,10 @@ impl Needs {
 /// Rotation columns, where the scene needs them.
 #[derive(Clone, Debug, Default)]
 pub struct Spin {
-    /// World axes, half a step behind the positions [kg m²/s]. Length: owned, or none if all are balls.
+    /// World axes [kg m²/s]. Length: owned, or none if all are spheres.
     pub angular_momentum: Vec<Vec3>,
-    /// World axes [rad/s]. Length: all slots.
+    /// World axes, as laws need it [rad/s]. Of spheres alone it is the state; of others it is that before the second
+    /// kick, see [`Particles::angular_velocity`]. Length: all slots.
     pub angular_velocity: Vec<Vec3>,
     /// World axes [N m]. Length: owned.
     pub torque: Vec<Vec3>,
@@ -185,7 +186,8 @@ pub struct Particles {
     pub shape: Vec<ShapeId>,
     /// Centres, wrapped into the domain along periodic axes [m]. Length: all slots.
     pub position: Vec<Vec3>,
-    /// Half a step behind the positions [m/s]. Length: all slots.
+    /// After a step those of the time of the positions; before its second kick, and of ghosts, those of half a step
+    /// before [m/s]. Length: all slots.
     pub velocity: Vec<Vec3>,
     /// Sum of the contact forces; gravity and damping are not in it [N]. Length: owned.
     pub force: Vec<Vec3>,
@@ -435,14 +437,30 @@ impl Particles {
         particle
     }
 
-    /// Angular momentum of an owned particle, half a step behind its position; zero if the scene does not need it
-    /// [kg m²/s].
+    /// Angular momentum of an owned particle; zero if the scene does not need it [kg m²/s].
     #[inline]
     pub fn angular_momentum(&self, slot: usize) -> Vec3 {
         let Some(spin) = &self.spin else { return Vec3::zeros() };
         let of_ball =
             || spin.angular_velocity[slot] * self.library.inertia[self.shape[slot].index()].x;
         spin.angular_momentum.get(slot).copied().unwrap_or_else(of_ball)
+    }
+
+    /// Angular velocity of an owned particle; zero if the scene does not need it [rad/s].
+    pub fn angular_velocity(&self, slot: usize) -> Vec3 {
+        match &self.spin {
+            Some(_) if self.needs.attitude => {
+                self.angular_velocity_for(slot, &self.angular_momentum(slot))
+            }
+            Some(spin) => spin.angular_velocity[slot],
+            None => Vec3::zeros(),
+        }
+    }
+
+    /// By how much the distance of two images may be rounded otherwise than that of their particles [m].
+    pub fn rounding_of_images(&self) -> f64 {
+        let longest = self.period.iter().copied().filter(|length| length.is_finite());
+        4.0 * f64::EPSILON * longest.fold(self.low.amax(), f64::max)
     }
 
     /// Angular velocity of a particle with this angular momentum in its attitude: `R I⁻¹ Rᵀ L`.

@@ -27,7 +27,7 @@ pub struct Particle {
     pub shape: ShapeId,
     /// Centre [m].
     pub position: Vec3,
-    /// Half a step behind the position [m/s].
+    /// [m/s].
     pub velocity: Vec3,
     /// At the position [N].
     pub force: Vec3,
@@ -39,7 +39,7 @@ pub struct Particle {
     pub image: [i32; 3],
     /// Body to world.
     pub quaternion: Quat,
-    /// World axes, half a step behind the position [kg m²/s].
+    /// World axes [kg m²/s].
     pub angular_momentum: Vec3,
     /// World axes [rad/s]. Of balls alone it is the state, and the angular momentum follows; of others the other way round.
     pub angular_velocity: Vec3,
@@ -98,6 +98,7 @@ impl Particles {
     /// If there are fewer ghosts than the bytes hold: the ranks are out of step.
     pub fn unpack_halo(&mut self, first: usize, bytes: &[u8]) {
         let values: Vec<f64> = bytemuck::pod_collect_to_vec(bytes);
+        let rounding = self.rounding_of_images();
         for (k, value) in values.chunks_exact(self.needs.halo_values()).enumerate() {
             let slot = first + k;
             let mut rest = value;
@@ -107,7 +108,12 @@ impl Particles {
                 head
             };
             let position = Vec3::from_column_slice(take(3));
-            let mut moved = nearest_image(position - self.position[slot], &self.period).norm();
+            let apart = position - self.position[slot];
+            let nearest = nearest_image(apart, &self.period);
+            let mut moved = nearest.norm();
+            if nearest != apart {
+                moved += rounding;
+            }
             self.position[slot] = position;
             if self.needs.velocity {
                 self.velocity[slot] = Vec3::from_column_slice(take(3));

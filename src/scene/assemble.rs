@@ -16,7 +16,7 @@ use crate::particles::records::Particle;
 use crate::particles::walls::Wall;
 use crate::search::PairList;
 use crate::shape::Kind;
-use crate::sim::{Simulation, capture};
+use crate::sim::{Simulation, capture, watch::Watch};
 use crate::timing::Clock;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -86,6 +86,7 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
         field: Field { gravity: scene.gravity, damping: scene.global_damping },
         rain: scene.rain.clone().map(|rain| RainGauge::new(rain, scene.seed)),
         servos: Servos::new(scene.servos.clone(), &scene.library),
+        watch: Watch::new(scene.library.least_inscribed_radius()),
         found: contact::Found::default(),
         dt: scene.dt,
         step: 0,
@@ -171,8 +172,10 @@ pub fn take_up(
         }
     }
     sim.take_up(&particles, &histories, comm);
-    if from == From::Beginning {
-        sim.count_free_energy();
+    match from {
+        From::Beginning => sim.count_free_energy(),
+        From::Middle if header.dt != sim.dt => sim.change_step(header.dt),
+        From::Middle => {}
     }
     let passed_over = reader.passed_over().to_vec();
     Ok(TakenUp { passed_over, stop: header.stop, walls_elsewhere })

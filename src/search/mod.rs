@@ -100,8 +100,10 @@ impl Incidence {
 /// take no memory worth mentioning.
 const AT_ONCE: usize = 512;
 
-/// Leaves room for the rounding of clearances and travels, and of their sum to `f32`.
-const ROUNDING: f64 = 1.0 - 1e-6;
+/// Leaves room for the rounding of the sum of clearance and travels to `f32`, and of travels.
+const TO_SINGLE: f64 = 1e-6;
+/// Leaves room for the rounding of a clearance, over the radius of a body.
+const ROUNDING: f64 = 1e-12;
 
 impl PairList {
     /// Lists the pairs that [`close_pairs`] has found. `carried` has the histories of all touching contacts of owned
@@ -284,13 +286,16 @@ impl PairList {
             }
         }
         found.contacts.clear();
+        let rounding = particles.rounding_of_images();
         for (pair, clearance) in found.apart.drain(..) {
             let place = &mut self.place[pair as usize];
             if place.touches() {
                 self.parted.push(pair);
             } else {
-                let until = travel(self.pairs[pair as usize], particles) + clearance;
-                *place = Place::resting((until * ROUNDING) as f32);
+                let pair = self.pairs[pair as usize];
+                let margin = rounding + ROUNDING * particles.radius(pair.a.index());
+                let until = travel(pair, particles) + (clearance - margin);
+                *place = Place::resting((until * (1.0 - TO_SINGLE)) as f32);
             }
         }
     }

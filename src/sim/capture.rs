@@ -82,7 +82,7 @@ impl Simulation {
         }
         if let Some(spin) = &particles.spin {
             table.angular_momentum = owned.clone().map(|s| particles.angular_momentum(s)).collect();
-            table.angular_velocity = spin.angular_velocity[owned].to_vec();
+            table.angular_velocity = owned.map(|s| particles.angular_velocity(s)).collect();
             table.torque.clone_from(&spin.torque);
         }
         table

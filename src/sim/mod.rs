@@ -4,6 +4,7 @@ pub mod capture;
 pub mod report;
 pub mod run;
 pub mod trace;
+pub mod watch;
 
 use crate::comm::{Comm, agree};
 use crate::contact::{Found, NamedHistory, Pair, Table, Why};
@@ -18,6 +19,7 @@ use crate::particles::Particles;
 use crate::particles::records::Particle;
 use crate::search::{self, Loaded, PairList};
 use crate::timing::{Clock, Phase};
+use watch::{Fault, Watch};
 
 /// Everything that a rank holds. Made by `scene::assemble`.
 pub struct Simulation {
@@ -37,6 +39,8 @@ pub struct Simulation {
     pub rain: Option<RainGauge>,
     /// Walls that keep a stress.
     pub servos: Servos,
+    /// Whether steps go too far.
+    pub watch: Watch,
     /// What the resolvers say of a few pairs, and how often who answered.
     pub found: Found,
     /// Time step [s].
@@ -67,6 +71,14 @@ pub enum StepError {
         step: u64,
         /// Which particle, and why.
         error: DomainError,
+    },
+    /// A step went too far. Known on all ranks.
+    #[error("step {step}: {fault}")]
+    Fault {
+        /// Steps done.
+        step: u64,
+        /// Whose, and how far.
+        fault: Fault,
     },
     /// A wall cannot keep its stress. Known on all ranks.
     #[error("step {step}: {error}")]
@@ -104,7 +116,7 @@ pub enum StepError {
 impl StepError {
     /// Do all ranks have this error?
     pub const fn is_agreed(&self) -> bool {
-        matches!(self, Self::Domain { .. } | Self::Servo { .. })
+        matches!(self, Self::Domain { .. } | Self::Fault { .. } | Self::Servo { .. })
     }
 }
 
@@ -112,8 +124,8 @@ impl StepError {
 const LISTS_BETWEEN_CUTS: u32 = 5;
 
 impl Simulation {
-    /// Advances by a step of `dt`: leapfrog, kick and drift.
-    /// Before: forces belong to the current positions. After: the same, one step later.
+    /// Advances by a step of `dt`: kick, drift, kick.
+    /// Before: forces and velocities belong to the current positions. After: the same, one step later.
     ///
     /// # Errors
     /// What went wrong. Unless [`StepError::is_agreed`], the other ranks do not know yet, so the caller
@@ -122,11 +134,12 @@ impl Simulation {
         // move, and sum what presses on servo walls meanwhile
         self.clock.restart();
         self.servos.start_sums(&self.pairs, &self.particles, &*self.law, self.dt, comm);
-        motion::kick_and_drift(&mut self.particles, &self.field, self.dt);
+        let farthest = motion::kick_and_drift(&mut self.particles, &self.field, self.dt);
         self.clock.lap(Phase::Move);
         self.steer_walls(comm)?;
         self.clock.lap(Phase::Agree);
         motion::move_walls(&mut self.particles, self.dt);
+        self.watch.note(&farthest, &self.particles, self.dt);
         self.step += 1;
         self.clock.lap(Phase::Move);
 
@@ -145,6 +158,8 @@ impl Simulation {
         // forces
         self.pairs.load(&*self.law, &mut self.particles, self.dt);
         self.clock.lap(Phase::Forces);
+        motion::kick(&mut self.particles, &self.field, self.dt);
+        self.clock.lap(Phase::Move);
         Ok(())
     }
 
@@ -160,7 +175,7 @@ impl Simulation {
     /// resolves the pairs without ghosts while both are under way. If the list was stale, that is done
     /// again with a new one. Collective.
     fn exchange_and_resolve_inner(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
-        let stale_here = self.list_is_stale();
+        let stale_here = self.list_is_stale() || self.watch.has_fault();
         comm.start_vote(stale_here);
         self.clock.lap(Phase::Agree);
         self.domain.start_halo(&self.particles, comm);
@@ -200,6 +215,7 @@ impl Simulation {
     /// The first half of [`Simulation::begin`]. Collective.
     fn find_first_contacts(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         self.lists_since_cut = LISTS_BETWEEN_CUTS;
+        self.watch.note_ahead(&self.particles, self.dt);
         self.list_pairs(&[], comm)?;
         self.forget_found();
         self.resolve(Part::Inner)?;
@@ -219,6 +235,8 @@ impl Simulation {
     /// Collective.
     fn list_pairs(&mut self, newcomers: &[Particle], comm: &mut dyn Comm) -> Result<(), StepError> {
         let step = self.step;
+        let checked = self.watch.check(&self.particles, &self.pairs);
+        agree(comm, checked).map_err(|fault| StepError::Fault { step, fault })?;
         let checked = self.domain.check(&self.particles);
         agree(comm, checked).map_err(|error| StepError::Domain { step, error })?;
         self.recut_if_unbalanced(comm);
@@ -226,7 +244,7 @@ impl Simulation {
         let me = comm.rank();
         for particle in newcomers {
             if self.domain.owner(&particle.position) == me {
-                self.insert(particle);
+                self.insert_within_step(particle);
             }
         }
         self.relist(&mut carried, comm);
@@ -274,8 +292,16 @@ impl Simulation {
     pub fn insert(&mut self, particle: &Particle) {
         self.particles.push_owned(particle);
         let slot = self.particles.owned - 1;
-        let energy = measure::energy_when_free(&self.particles, slot, &self.field, self.dt);
-        self.particles.received[slot] += energy;
+        self.particles.received[slot] += measure::free_energy(&self.particles, slot, &self.field);
+    }
+
+    /// The same of a particle that appears, and touches nothing, after the first kick of a step.
+    fn insert_within_step(&mut self, particle: &Particle) {
+        self.insert(particle);
+        let Self { particles, field, dt, .. } = self;
+        let slot = particles.owned - 1;
+        particles.received[slot] += motion::step_energy(particles, slot, field, *dt);
+        particles.velocity[slot] = field.before_last_kick(&particle.velocity, *dt);
     }
 
     /// Has anybody here moved so far that an unlisted pair might touch?
@@ -353,7 +379,17 @@ impl Simulation {
     pub fn count_free_energy(&mut self) {
         for slot in 0..self.particles.owned {
             self.particles.received[slot] +=
-                measure::energy_when_free(&self.particles, slot, &self.field, self.dt);
+                measure::free_energy(&self.particles, slot, &self.field);
+        }
+    }
+
+    /// Counts anew, after `before` [s], what the energy of the steps has beyond that of positions and velocities.
+    pub fn change_step(&mut self, before: f64) {
+        let Self { particles, field, dt, .. } = self;
+        for slot in 0..particles.owned {
+            let [old, new] =
+                [before, *dt].map(|dt| motion::step_energy(particles, slot, field, dt));
+            particles.received[slot] += new - old;
         }
     }
 
@@ -376,6 +412,9 @@ impl Simulation {
         brought.sort_unstable_by_key(|&(me, partner, _)| (me, partner));
         for (me, _, energy) in brought {
             particles.received[me] += energy;
+        }
+        for slot in 0..particles.owned {
+            particles.received[slot] += motion::step_energy(particles, slot, &self.field, self.dt);
         }
     }
 }

@@ -129,11 +129,12 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
         m.largest_overlap,
     ));
     line(format_args!(
-        "energy     received {:.6e} J = kinetic {:.3e} + gravity {:.6e} + stored {:.3e} + dissipated {:.6e} + missing {:.1e} ({:.4} % of the dissipated)",
+        "energy     received {:.6e} J = kinetic {:.3e} + gravity {:.6e} + stored {:.3e} + of the steps {:.1e} + dissipated {:.6e} + missing {:.1e} ({:.4} % of the dissipated)",
         m.received,
         m.kinetic(),
         m.gravity,
         m.stored,
+        m.step_energy,
         m.dissipated,
         m.missing(),
         if m.dissipated > 0.0 { 100.0 * m.missing() / m.dissipated } else { 0.0 },

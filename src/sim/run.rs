@@ -128,9 +128,9 @@ pub enum RunError {
     /// The history could not be written. Known on rank 0 only: abort the others.
     #[error(transparent)]
     History(#[from] TableError),
-    /// Bodies are too deep in each other at the start of a stage. Known on all ranks.
+    /// Bodies are too deep in each other, or too fast, at the start of a stage. Known on all ranks.
     #[error("{0}")]
-    Overlap(String),
+    Start(String),
 }
 
 /// The deepest overlap that a run may begin with, over the shortest axis of the smaller body: the
@@ -149,7 +149,10 @@ pub fn run(
 ) -> Result<Finish, RunError> {
     if !schedule.resumed {
         let found = sim.find_first_contacts(comm);
-        found.map_err(|error| explain(error, sim, comm))?;
+        found.map_err(|error| match error {
+            StepError::Fault { .. } => RunError::Start(error.to_string()),
+            error => explain(error, sim, comm),
+        })?;
         check_overlaps(sim, comm)?;
         sim.find_first_forces();
     }
@@ -199,6 +202,7 @@ pub fn run(
         (last, saved) = (None, None);
         if row_due || snapshot_due || rest_due {
             let measures = sim.measure(comm);
+            warnings.extend(sim.warn_of_motions(comm));
             if rest_due && unmet(sim, &schedule.stop, &measures).is_empty() {
                 ending = Ending::Rest;
             }
@@ -253,6 +257,15 @@ pub fn run(
     })
 }
 
+impl Simulation {
+    /// What is to be said of how far bodies move in a step. Collective.
+    fn warn_of_motions(&mut self, comm: &mut dyn Comm) -> Vec<String> {
+        let mut largest = self.watch.largest();
+        comm.max(&mut largest);
+        self.watch.warnings(largest, self.dt)
+    }
+}
+
 /// Steps between looks at whether everything is at rest.
 const REST_CHECK: u64 = 100;
 
@@ -303,7 +316,9 @@ fn too_deep(step: u64, overlap: f64) -> String {
 fn explain(error: StepError, sim: &Simulation, comm: &mut dyn Comm) -> RunError {
     match error {
         StepError::Domain { step, error } => lost(step, error, sim, comm),
-        error @ (StepError::Contact { .. } | StepError::Servo { .. }) => error.into(),
+        error @ (StepError::Contact { .. } | StepError::Fault { .. } | StepError::Servo { .. }) => {
+            error.into()
+        }
     }
 }
 
@@ -438,7 +453,7 @@ fn check_overlaps(sim: &Simulation, comm: &mut dyn Comm) -> Result<(), RunError>
         bytes = overlap_message(&found, &sim.particles.walls).into_bytes();
     }
     comm.broadcast(&mut bytes);
-    Err(RunError::Overlap(String::from_utf8_lossy(&bytes).into_owned()))
+    Err(RunError::Start(String::from_utf8_lossy(&bytes).into_owned()))
 }
 
 fn overlap_message(

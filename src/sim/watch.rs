@@ -1,0 +1,196 @@
+//! What no step may do, for then contacts are missed: carry a grain too far, turn it too much, push it half through another.
+//!
+//! The rank that sees a fault has the neighbour list rebuilt, where all ranks agree on it.
+
+use crate::contact::Pair;
+use crate::ids::GlobalId;
+use crate::measure::shortest_axis;
+use crate::motion::Farthest;
+use crate::particles::Particles;
+use crate::search::PairList;
+use crate::shape::Kind;
+use serde::{Deserialize, Serialize};
+
+/// The farthest that a body may move in a step, over the smallest inscribed radius of a particle.
+const FARTHEST: f64 = 1.0;
+/// The largest angle by which a particle may turn in a step [rad].
+const WIDEST: f64 = 1.0;
+/// The deepest overlap, over the shortest axis of the smaller body: half of it is through.
+const DEEPEST: f64 = 0.5;
+/// Parts of what is allowed from which on a run warns; the first is what a sound step stays below.
+const WARNED: [f64; 2] = [0.1, 0.5];
+
+/// A step did what no step may.
+#[derive(Clone, Debug, PartialEq, thiserror::Error, Serialize, Deserialize)]
+pub enum Fault {
+    /// A body may have passed through others unseen.
+    #[error(
+        "{body} moves by {moved:e} m in a step, {:.3} times the smallest radius ({radius:e} m): it may pass through others \
+         unseen. It would move by a tenth of that radius with a time step of {works:e} s",
+        moved / radius
+    )]
+    Moved {
+        /// Which.
+        body: String,
+        /// Its way in the step [m].
+        moved: f64,
+        /// The smallest inscribed radius of a particle [m].
+        radius: f64,
+        /// The step with which it would move by a tenth of the radius [s].
+        works: f64,
+    },
+    /// A particle turns too fast for its orientation to mean anything.
+    #[error(
+        "particle {id} turns by {angle:.3} rad in a step: its orientation is no longer resolved. It would turn by a tenth of a \
+         radian with a time step of {works:e} s"
+    )]
+    Turned {
+        /// Which.
+        id: GlobalId,
+        /// The angle [rad].
+        angle: f64,
+        /// The step with which it would turn by a tenth of a radian [s].
+        works: f64,
+    },
+    /// Two bodies are so deep in each other that a contact means nothing.
+    #[error(
+        "particle {a} and {b} overlap by {:.1} % of the shortest axis of the smaller body, more than {:.0} %. Contacts are too \
+         soft for what presses or strikes, walls close on a particle, or the time step is too long: make contacts stiffer, the \
+         load, the speed or the time step smaller",
+        100.0 * depth,
+        100.0 * DEEPEST
+    )]
+    Deep {
+        /// The lower id.
+        a: GlobalId,
+        /// The other particle, or the wall.
+        b: String,
+        /// Overlap over the shortest axis.
+        depth: f64,
+    },
+}
+
+/// Looks at every step.
+#[derive(Clone, Debug)]
+pub struct Watch {
+    /// The smallest inscribed radius of a particle [m].
+    radius: f64,
+    /// The largest part of what is allowed that a motion on this rank has taken: moves, turns.
+    largest: [f64; 2],
+    /// How many of [`WARNED`] have been warned of.
+    warned: [usize; 2],
+    fault: Option<Fault>,
+}
+
+impl Watch {
+    /// Of particles of which the thinnest has this inscribed radius [m].
+    pub const fn new(radius: f64) -> Self {
+        Self { radius, largest: [0.0; 2], warned: [0; 2], fault: None }
+    }
+
+    /// Takes note of the motions of a step of `dt` [s], those of the walls included.
+    pub fn note(&mut self, farthest: &Farthest, particles: &Particles, dt: f64) {
+        let Farthest { moved: (moved, mover), turned: (angle, turner) } = *farthest;
+        self.note_move(moved, dt, || format!("particle {}", particles.id[mover]));
+        self.largest[1] = larger(self.largest[1], angle / WIDEST);
+        if angle > WIDEST {
+            let works = dt * WARNED[0] * WIDEST / angle;
+            self.fault = Some(Fault::Turned { id: particles.id[turner], angle, works });
+        }
+        for wall in &particles.walls {
+            // Along itself a wall may slide as fast as it likes.
+            let moved = (wall.velocity.dot(&wall.normal) * dt).abs();
+            self.note_move(moved, dt, || format!("wall \"{}\"", wall.name));
+        }
+    }
+
+    fn note_move(&mut self, moved: f64, dt: f64, body: impl Fn() -> String) {
+        let part = moved / (FARTHEST * self.radius);
+        self.largest[0] = larger(self.largest[0], part);
+        if part > 1.0 {
+            let (radius, works) = (self.radius, dt * WARNED[0] / part);
+            self.fault = Some(Fault::Moved { body: body(), moved, radius, works });
+        }
+    }
+
+    /// Takes note of what a step of `dt` [s] would do with the velocities as they are.
+    pub fn note_ahead(&mut self, particles: &Particles, dt: f64) {
+        let mut farthest = Farthest::default();
+        for slot in 0..particles.owned {
+            let moved = particles.velocity[slot].norm() * dt;
+            if moved > farthest.moved.0 {
+                farthest.moved = (moved, slot);
+            }
+            let shape = &particles.library.shapes[particles.shape[slot].index()];
+            let angle = particles.angular_velocity(slot).norm() * dt;
+            if angle > farthest.turned.0 && shape.kind() != Kind::Sphere {
+                farthest.turned = (angle, slot);
+            }
+        }
+        self.note(&farthest, particles, dt);
+    }
+
+    /// Has this rank seen a fault?
+    pub const fn has_fault(&self) -> bool {
+        self.fault.is_some()
+    }
+
+    /// What this rank has seen, and what is too deep now.
+    ///
+    /// # Errors
+    /// The fault.
+    pub fn check(&self, particles: &Particles, pairs: &PairList) -> Result<(), Fault> {
+        self.fault.clone().map_or(Ok(()), Err)?;
+        for &index in pairs.touching() {
+            let pair = pairs.pairs[index as usize];
+            let depth = pairs.history(index).overlap / shortest_axis(particles, pair.a, pair.b);
+            if pair.a.index() < particles.owned && depth > DEEPEST {
+                return Err(too_deep(particles, pair, depth));
+            }
+        }
+        Ok(())
+    }
+
+    /// The parts of what is allowed that have been taken so far: the largest over all ranks is to be warned of.
+    pub const fn largest(&self) -> [f64; 2] {
+        self.largest
+    }
+
+    /// What is to be said of the largest parts that any rank has seen, once for each of [`WARNED`]. `dt` in s.
+    pub fn warnings(&mut self, largest: [f64; 2], dt: f64) -> Vec<String> {
+        let mut warnings = Vec::new();
+        for (kind, part) in largest.into_iter().enumerate() {
+            let passed = WARNED.iter().filter(|&&level| part > level).count();
+            if passed > self.warned[kind] {
+                self.warned[kind] = passed;
+                let works = dt * WARNED[0] / part;
+                let what = if kind == 0 {
+                    format!(
+                        "the fastest body has moved by {part:.2} of the smallest radius in a step"
+                    )
+                } else {
+                    format!("the fastest turn of a particle was {:.2} rad in a step", part * WIDEST)
+                };
+                warnings.push(format!(
+                    "{what}, more than a tenth: collisions are poorly resolved, and a run stops at {:.0}. A time step of \
+                     {works:.2e} s would do",
+                    if kind == 0 { FARTHEST } else { WIDEST },
+                ));
+            }
+        }
+        warnings
+    }
+}
+
+fn too_deep(particles: &Particles, pair: Pair, depth: f64) -> Fault {
+    let a = particles.id[pair.a.index()];
+    let b = match pair.b.index().checked_sub(particles.first_wall()) {
+        Some(wall) => format!("wall \"{}\"", particles.walls[wall].name),
+        None => format!("particle {}", particles.id[pair.b.index()]),
+    };
+    Fault::Deep { a, b, depth }
+}
+
+fn larger(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
+}
