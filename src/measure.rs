@@ -64,6 +64,11 @@ impl Measures {
         self.received - self.mechanical() - self.step_energy - self.dissipated
     }
 
+    /// Kinetic and elastic energy: what moves, and comes and goes with the motion [J].
+    pub fn moving(&self) -> f64 {
+        self.kinetic() + self.stored
+    }
+
     /// Mean number of contacts of a particle, with walls.
     pub fn coordination(&self) -> f64 {
         if self.particles == 0 {

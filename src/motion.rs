@@ -14,6 +14,13 @@
 //! `I ω + h ω × I ω = Rᵀ L`, and the orientation turns by the quaternion `(1, h ω)`, normalised (Cayley's form: no sine,
 //! the same bits on every machine). `ω` is found to rounding, so a free turn keeps the kinetic energy to rounding, for
 //! needles and discs, too (Austin, Krishnaprasad and Wang 1993, DOI 10.1006/jcph.1993.1128). All is of second order in `dt`.
+//!
+//! Contacts begin and end between steps. An elastic collision of two spheres thereby changes their relative kinetic energy
+//! by a part that depends on where in a step it begins. Its mean is nearly zero; the largest is
+//!
+//! | step over the stable limit | 5 % | 10 % | 20 % | 40 % | 80 % |
+//! |---|---|---|---|---|---|
+//! | of one collision | 1.3e-4 | 3.7e-4 | 8.0e-4 | 8.0e-3 | 2.6e-2 |
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 

@@ -76,7 +76,7 @@ fn free_motion_is_damped_as_the_discrete_formula_says() {
     {
         let inputs = &case["inputs"];
         let (xi, dt, g) = (number(&inputs["xi"]), number(&inputs["dt"]), number(&inputs["g"]));
-        let sphere = "kind = \"sphere\"\nradius = 0.01";
+        let sphere = "kind = \"sphere\"\nradius = 10";
         let material = "density = 2650\nnormal_stiffness = 1e5";
         let mut bench = Bench::new(
             &text(
@@ -86,7 +86,8 @@ fn free_motion_is_damped_as_the_discrete_formula_says() {
                 dt,
             ),
             &[at(0, Vec3::zeros(), Vec3::new(1.0, 0.0, 0.0))],
-        );
+        )
+        .from_middle_velocities();
         let mut done = 0;
         for row in case["rows"].as_array().unwrap() {
             let n = row["n"].as_u64().unwrap();
@@ -97,9 +98,10 @@ fn free_motion_is_damped_as_the_discrete_formula_says() {
             let particles = &bench.sim.particles;
             // Rounding adds up over n steps.
             let tolerance = 1e-15 * (n as f64 + 10.0);
-            close(particles.velocity[0].x, number(&row["v_over_v0"]), tolerance, "v");
+            let velocity = bench.middle_velocity(0);
+            close(velocity.x, number(&row["v_over_v0"]), tolerance, "v");
             close(particles.position[0].x, number(&row["x_over_v0"]), tolerance, "x");
-            close(-particles.velocity[0].y, number(&row["freefall_v"]), tolerance, "fall v");
+            close(-velocity.y, number(&row["freefall_v"]), tolerance, "fall v");
             close(-particles.position[0].y, number(&row["freefall_drop"]), tolerance, "drop");
         }
     }
@@ -127,6 +129,7 @@ fn collisions_follow_the_discrete_and_the_continuous_solution() {
                 &text(&shapes, &material, &more, dt),
                 &[at(0, Vec3::zeros(), Vec3::new(get("v1"), 0.0, 0.0)), second],
             )
+            .from_middle_velocities()
         };
         let overlap = |bench: &Bench| {
             let x = &bench.sim.particles.position;
@@ -134,8 +137,7 @@ fn collisions_follow_the_discrete_and_the_continuous_solution() {
             r1 + r2 - difference.x
         };
         let relative = |bench: &Bench| {
-            let v = &bench.sim.particles.velocity;
-            (v[bench.slot(0)] - v[bench.slot(1)]).x
+            (bench.middle_velocity(bench.slot(0)) - bench.middle_velocity(bench.slot(1))).x
         };
 
         for row in case["discrete"].as_array().unwrap() {
@@ -268,11 +270,11 @@ fn damped_spin_follows_the_discrete_formula() {
         ),
         &[top],
     );
-    let before = bench.sim.particles.spin.as_ref().unwrap().angular_velocity[0].norm();
+    let before = bench.sim.particles.angular_velocity(0).norm();
     for _ in 0..1000 {
         bench.step();
     }
-    let after = bench.sim.particles.spin.as_ref().unwrap().angular_velocity[0].norm();
+    let after = bench.sim.particles.angular_velocity(0).norm();
     let factor = ((1.0 - 0.5 * xi * dt) / (1.0 + 0.5 * xi * dt)).powi(1000);
     close(after, before * factor, 1e-12, "spin");
 }
@@ -536,7 +538,11 @@ fn growth_in_a_crystal(damping: &str, part: f64) -> f64 {
     let mut bench = Bench::of(&scene, &balls);
     let before = bench.measure();
     assert_eq!(before.contacts, 6 * before.particles);
-    (0..1000).for_each(|_| bench.step());
+    for _ in 0..1000 {
+        if bench.try_step().is_err() {
+            return f64::INFINITY;
+        }
+    }
     bench.measure().kinetic() / before.kinetic()
 }
 
@@ -563,7 +569,7 @@ fn the_stable_step_is_stable_in_a_crystal_and_nearly_the_longest() {
 fn a_contact_that_turns_right_round_stays_a_number() {
     let material = "density = 2650\nnormal_stiffness = 1e5\nfriction = 0.3";
     let shape = "kind = \"sphere\"\nradius = 0.01";
-    let velocity = Vec3::new(120.0, 0.0, 0.0);
+    let velocity = Vec3::new(99.0, 0.0, 0.0);
     let balls = [at(0, Vec3::zeros(), velocity), at(1, Vec3::new(0.012, 0.0, 0.0), -velocity)];
     let mut bench = Bench::new(&text(shape, material, OPEN_BOX, 1e-4), &balls);
     bench.step();

@@ -8,6 +8,7 @@ mod kinds;
 mod laws;
 mod layers;
 mod made_up;
+mod motion;
 mod pairs;
 mod post;
 mod program;

@@ -104,7 +104,7 @@ fn geometries_keep_their_bits() {
 }
 
 #[test]
-fn a_snapshot_without_geometries_is_older() {
+fn a_snapshot_of_an_older_version_is_named() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("particles_000000001.vtkhdf");
     let mut comm = Alone::default();
@@ -127,7 +127,7 @@ fn a_snapshot_without_geometries_is_older() {
     file.close().unwrap();
     let error = Reader::open(&path).err().unwrap();
     let SnapshotError::Older { lacks, .. } = &error else { panic!("{error}") };
-    assert_eq!(lacks, "/shapes/geometry");
+    assert_eq!(lacks, "/run/velocities");
     assert!(error.to_string().contains("run its scene again"), "{error}");
 }
 

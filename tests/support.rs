@@ -11,7 +11,7 @@ use dem_mpi::shape::{
     Ellipsoid, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
     Superellipsoid,
 };
-use dem_mpi::sim::Simulation;
+use dem_mpi::sim::{Simulation, StepError};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
 use std::path::Path;
@@ -88,8 +88,32 @@ impl Bench {
         Self::of(&scene, particles)
     }
 
+    /// Takes the velocities as those of half a step before, as references that list them so do.
+    pub(crate) fn from_middle_velocities(mut self) -> Self {
+        let (half, damping) = (0.5 * self.sim.dt, self.sim.field.damping);
+        for slot in 0..self.sim.particles.owned {
+            let particles = &self.sim.particles;
+            let force = self.sim.field.force(particles, slot) / particles.mass(slot);
+            let given = particles.velocity[slot];
+            self.sim.particles.velocity[slot] = (given + force * half) / (1.0 + half * damping);
+        }
+        self
+    }
+
+    /// The velocity in the middle of the last step.
+    pub(crate) fn middle_velocity(&self, slot: usize) -> Vec3 {
+        let (half, damping) = (0.5 * self.sim.dt, self.sim.field.damping);
+        let particles = &self.sim.particles;
+        let force = self.sim.field.force(particles, slot) / particles.mass(slot);
+        particles.velocity[slot] * (1.0 + half * damping) - force * half
+    }
+
     pub(crate) fn step(&mut self) {
-        self.sim.step(&mut self.comm).expect("the step is done");
+        self.try_step().expect("the step is done");
+    }
+
+    pub(crate) fn try_step(&mut self) -> Result<(), StepError> {
+        self.sim.step(&mut self.comm)
     }
 
     pub(crate) fn measure(&mut self) -> dem_mpi::measure::Measures {

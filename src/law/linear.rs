@@ -149,20 +149,20 @@ impl Contacts<'_, '_> {
         let press = normal.times(normal_force);
         let mut rub = Triple::zero();
         let mut spring = Triple::zero();
-        // What the tangential force of the last step has and is not remembered: as much as now.
+        // What the tangential force of the last touch had and is not remembered: as much as now.
         let mut dashpot = Triple::zero();
         if springs.frictional != 0 {
             let zero = Triple::zero();
             // Where the normal turns right round, centres have passed each other: nothing can be carried.
             let kept = L::all(-1.0 + 1e-8).less(last_normal.dot(normal));
-            let touched = kept & L::all(0.0).less(last_normal.dot(last_normal));
-            let carried = carried(last_spring, last_normal, normal, twist).or(zero, touched);
+            let touched = L::all(0.0).less(last_normal.dot(last_normal));
+            let carried = carried(last_spring, last_normal, normal, twist).or(zero, kept & touched);
             let sliding = velocity.minus(normal.times(approach));
             let (friction, stretched) =
                 springs.rub(normal_force, carried.plus(sliding.times(L::all(dt))), sliding);
             spring = stretched.or(zero, springs.frictional);
             rub = friction.or(zero, springs.frictional);
-            dashpot = rub.minus(spring.times(springs.tangential));
+            dashpot = rub.minus(spring.times(springs.tangential)).or(zero, touched);
         }
         let force = press.plus(rub);
 
@@ -463,8 +463,14 @@ impl ForceLaw for Linear {
                 .get(place)
                 .copied()
                 .unwrap_or(constants.normal_stiffness * history.overlap);
-            let (press, rub) =
-                (history.normal * normal_force, spring * constants.tangential_stiffness);
+            let press = history.normal * normal_force;
+            let mut rub = spring * constants.tangential_stiffness;
+            if constants.is_frictional() {
+                let sliding = velocity - history.normal * velocity.dot(&history.normal);
+                let mass = reduced_mass(particles, pair);
+                let ratio = constants.tangential_damping_ratio;
+                rub += sliding * dashpot(ratio, mass, constants.tangential_stiffness);
+            }
             // The force fell to nothing on the way: half of it did the work.
             let work = |force: &Vec3, velocity: &Vec3| 0.5 * dt * force.dot(velocity);
             if pair.b.index() >= particles.first_wall() {

@@ -121,8 +121,10 @@ const PANELS: [Panel; 8] = [
     },
 ];
 
-/// Columns that no panel shows: parts of the kinetic energy, and energies whose zero is a convention.
-const LEFT_OUT: [&str; 4] = ["translation_J", "rotation_J", "gravity_J", "received_J"];
+/// Columns that no panel shows: parts of the kinetic energy, a part of the balance that comes and goes, and energies whose
+/// zero is a convention.
+const LEFT_OUT: [&str; 5] =
+    ["translation_J", "rotation_J", "step_energy_J", "gravity_J", "received_J"];
 
 /// The panels of a history, without those in which nothing ever changes. `walls` say which way a load
 /// on a wall points.

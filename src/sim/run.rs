@@ -85,6 +85,8 @@ pub struct Finish {
     pub wall_seconds: f64,
     /// The last scalars.
     pub measures: Measures,
+    /// The largest kinetic and elastic energy together that the run has measured [J].
+    pub most_moving: f64,
     /// What the stage's [`Stop`] still asks for, where it is over all the same; empty if nothing.
     pub unmet: String,
     /// The last snapshot.
@@ -174,6 +176,7 @@ pub fn run(
     let mut particle_steps = 0;
     let mut ending = Ending::LastStep;
     let mut last: Option<Measures> = None;
+    let mut most_moving = 0.0;
     let mut saved = None;
     let mut depths = DEPTHS.into_iter().peekable();
     if !schedule.resumed {
@@ -184,6 +187,7 @@ pub fn run(
         if schedule.snapshot_every > 0 {
             saved = Some(save(sim, schedule, ending, history.as_ref(), &measures, comm)?);
         }
+        most_moving = measures.moving();
         last = Some(measures);
     }
 
@@ -203,6 +207,7 @@ pub fn run(
         if row_due || snapshot_due || rest_due {
             let measures = sim.measure(comm);
             warnings.extend(sim.warn_of_motions(comm));
+            most_moving = f64::max(most_moving, measures.moving());
             if rest_due && unmet(sim, &schedule.stop, &measures).is_empty() {
                 ending = Ending::Rest;
             }
@@ -253,6 +258,7 @@ pub fn run(
         particle_steps: total[0] as u64,
         wall_seconds: started.elapsed().as_secs_f64(),
         measures,
+        most_moving,
         snapshot,
     })
 }
