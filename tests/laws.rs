@@ -87,7 +87,7 @@ fn free_motion_is_damped_as_the_discrete_formula_says() {
             ),
             &[at(0, Vec3::zeros(), Vec3::new(1.0, 0.0, 0.0))],
         )
-        .from_middle_velocities();
+        .with_middle_velocities();
         let mut done = 0;
         for row in case["rows"].as_array().unwrap() {
             let n = row["n"].as_u64().unwrap();
@@ -129,7 +129,7 @@ fn collisions_follow_the_discrete_and_the_continuous_solution() {
                 &text(&shapes, &material, &more, dt),
                 &[at(0, Vec3::zeros(), Vec3::new(get("v1"), 0.0, 0.0)), second],
             )
-            .from_middle_velocities()
+            .with_middle_velocities()
         };
         let overlap = |bench: &Bench| {
             let x = &bench.sim.particles.position;

@@ -12,6 +12,7 @@ mod same_bits;
 mod signalled;
 mod told;
 mod traced;
+mod watched;
 
 use process::{Ended, Launch, dem_mpi, dem_post};
 use std::collections::BTreeMap;

@@ -199,7 +199,7 @@ fn a_sphere_with_inertia_follows_the_reference() {
     let servo = Servo { walls: vec![1], stress: get("target"), max_speed: get("v_max"), gain: 1.0 };
     let text = column_scene(2.0 * radius, radius, get("mass"), get("k"), get("global_xi"), &servo);
     let sphere = sphere(0, Vec3::new(radius, 0.0, 0.0));
-    let mut bench = Bench::new(&text, &[sphere]).from_middle_velocities();
+    let mut bench = Bench::new(&text, &[sphere]).with_middle_velocities();
     let mut seen = 0;
     for row in rows(&case["trajectory_n_sigmatop_sigmabottom_x_v_H"]) {
         while (bench.sim.step as f64) < row[0] {

@@ -89,7 +89,7 @@ impl Bench {
     }
 
     /// Takes the velocities as those of half a step before, as references that list them so do.
-    pub(crate) fn from_middle_velocities(mut self) -> Self {
+    pub(crate) fn with_middle_velocities(mut self) -> Self {
         let (half, damping) = (0.5 * self.sim.dt, self.sim.field.damping);
         for slot in 0..self.sim.particles.owned {
             let particles = &self.sim.particles;

@@ -109,6 +109,7 @@ pub mod packing;
 pub mod plan;
 mod reader;
 mod report;
+pub mod rounding;
 mod walls;
 
 pub use crate::contact::Method;

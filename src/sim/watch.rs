@@ -25,8 +25,8 @@ const WARNED: [f64; 2] = [0.1, 0.5];
 pub enum Fault {
     /// A body may have passed through others unseen.
     #[error(
-        "{body} moves by {moved:e} m in a step, {:.3} times the smallest radius ({radius:e} m): it may pass through others \
-         unseen. It would move by a tenth of that radius with a time step of {works:e} s",
+        "{body} moves by {moved:.3e} m in a step, {:.3} times the smallest radius ({radius:.3e} m): it may pass through others \
+         unseen. It would move by a tenth of that radius with a time step of {works:.2e} s",
         moved / radius
     )]
     Moved {
@@ -42,7 +42,7 @@ pub enum Fault {
     /// A particle turns too fast for its orientation to mean anything.
     #[error(
         "particle {id} turns by {angle:.3} rad in a step: its orientation is no longer resolved. It would turn by a tenth of a \
-         radian with a time step of {works:e} s"
+         radian with a time step of {works:.2e} s"
     )]
     Turned {
         /// Which.

@@ -1,0 +1,66 @@
+//! Motion that rounding would swallow: far from the origin positions stand so far apart that a short step of a slow body is
+//! lost or doubled.
+
+use super::{Fill, Scene};
+use crate::math::Vec3;
+
+/// The part of a given motion that may be rounded off in a step.
+const ROUNDED_OFF: f64 = 0.01;
+/// Slower motion than this part of the speed of a fall over a grain's radius matters to nobody.
+const SLOW: f64 = 1e-6;
+
+/// Half the distance of neighbouring numbers at most, where the largest coordinate is this [m].
+fn rounding(farthest: f64) -> f64 {
+    0.5 * f64::EPSILON * farthest
+}
+
+/// What is to be said of motions of the scene that rounding would change; `None` if it keeps them all.
+pub fn lost_in_rounding(scene: &Scene) -> Option<String> {
+    let mut worst: Option<(f64, String)> = None;
+    let mut note = |what: &dyn Fn() -> String, farthest: f64, velocity: &Vec3| {
+        let part = rounding(farthest) / (velocity.norm() * scene.dt);
+        let known = worst.as_ref().map_or(ROUNDED_OFF, |(part, _)| *part);
+        if *velocity != Vec3::zeros() && part > known {
+            worst = Some((part, format!("{} at {:e} m/s", what(), velocity.norm())));
+        }
+    };
+    for wall in &scene.walls {
+        note(&|| format!("wall \"{}\"", wall.name), wall.point.amax(), &wall.velocity);
+    }
+    for fill in &scene.initial {
+        match fill {
+            Fill::Lattice(lattice) => {
+                let count = Vec3::from(lattice.count.map(f64::from)) - Vec3::repeat(1.0);
+                let last = lattice.first + lattice.spacing.component_mul(&count);
+                let farthest = lattice.first.amax().max(last.amax());
+                note(&|| "a particle of a lattice".to_owned(), farthest, &lattice.velocity);
+            }
+            Fill::Listed(rows) => {
+                for row in rows {
+                    let farthest = row.position.amax();
+                    note(&|| "a particle of a file".to_owned(), farthest, &row.velocity);
+                }
+            }
+        }
+    }
+    if let Some(rain) = &scene.rain {
+        let farthest = rain.low.amax().max(rain.high.amax());
+        note(&|| "rain".to_owned(), farthest, &rain.velocity);
+    }
+    if let Some((part, what)) = worst {
+        return Some(format!(
+            "of a step of {what} up to {:.2} % is rounded off, so far is it from the origin: put the origin near the particles, \
+             or take a longer time step",
+            100.0 * part.min(1.0)
+        ));
+    }
+    let domain = &scene.domain;
+    let lost = rounding(domain.low.amax().max(domain.high.amax())) / scene.dt;
+    let fall = (scene.gravity.norm() * scene.library.least_inscribed_radius()).sqrt();
+    (fall.is_finite() && lost > SLOW * fall && fall > 0.0).then(|| {
+        format!(
+            "at the domain's far corner motion slower than {lost:.1e} m/s is lost in rounding, so far is it from the origin: put \
+             the origin near the particles"
+        )
+    })
+}

@@ -1,0 +1,111 @@
+//! What a run says of motion that its step does not resolve: warned of, or stopped with what to do.
+
+use super::fresh_directory;
+use super::process::{Launch, dem_mpi};
+use std::path::Path;
+
+/// Grains of radius 0.01 m from a CSV text, with a wall at the bottom.
+fn written(directory: &Path, material: &str, dt: f64, rows: &str) -> String {
+    let text = format!(
+        r#"
+gravity = [0.0, 0.0, -9.81]
+[domain]
+low = [-2.0, -2.0, 0.0]
+high = [2.0, 2.0, 2.0]
+walls = ["-x", "+x", "-z"]
+[[material]]
+name = "glass"
+density = 2500.0
+normal_stiffness = 1e4
+{material}
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = 0.01
+[[fill.file]]
+path = "rows.csv"
+[time]
+step = {dt:e}
+steps = 2000
+[output]
+directory = "out"
+"#
+    );
+    std::fs::write(directory.join("rows.csv"), rows).unwrap();
+    let scene = directory.join("scene.toml");
+    std::fs::write(&scene, text).unwrap();
+    scene.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_ball_that_would_jump_over_another_does_not_start() {
+    for launch in [Launch::Alone, Launch::Ranks(2)] {
+        let directory = fresh_directory(&format!("jump_{launch:?}"));
+        // 5 radii in a step: over the other at 0.05 m.
+        let rows = "x,y,z,vx,vy,vz\n0,0,1,500,0,0\n0.05,0,1,0,0,0\n";
+        let scene = written(&directory, "", 1e-4, rows);
+        let ended = dem_mpi(launch, [&*scene]).from(&directory).end();
+        assert_eq!(ended.status.code(), Some(2), "{ended}");
+        ended.said_once(
+            "step 0: particle 0 moves by 5.000e-2 m in a step, 5.000 times the smallest radius",
+        );
+        ended.said_once("with a time step of 2.00e-6 s");
+    }
+}
+
+#[test]
+fn speed_that_comes_in_the_run_is_warned_of_and_stops_it() {
+    for launch in [Launch::Alone, Launch::Ranks(2)] {
+        let directory = fresh_directory(&format!("faster_{launch:?}"));
+        let rows = "x,y,z,vx,vy,vz\n-1,0,1.9,0,0,-2\n1,0,1.9,0,0,-1\n";
+        let scene = written(&directory, "", 3e-4, rows);
+        let pull = ["--set", "gravity=[0, 0, -150000]"];
+        let words = [&*scene, pull[0], pull[1]];
+        let ended = dem_mpi(launch, words).from(&directory).end();
+        assert_eq!(ended.status.code(), Some(1), "{ended}");
+        ended
+            .said_once("times the smallest radius (1.000e-2 m): it may pass through others unseen");
+        ended.said_once("particle 0 moves by");
+    }
+    let directory = fresh_directory("fast");
+    let scene = written(&directory, "", 3e-4, "x,y,z,vx,vy,vz\n0,0,1,4,0,0\n");
+    let ended = dem_mpi(Launch::Alone, [&*scene, "--steps", "300"]).from(&directory).succeed();
+    ended.said_once("the fastest body has moved by 0.1");
+    ended.said_once("more than a tenth");
+}
+
+/// A ball without losses bounces at a coarse step: what the step takes or makes is in the report.
+#[test]
+fn energy_lost_by_the_step_is_warned_of() {
+    let directory = fresh_directory("bouncing");
+    let rows = "x,y,z,vx,vy,vz\n0,0,0.5,0.7,0,-1\n";
+    for (material, part, warns) in
+        [("", 0.9, true), ("friction = 0.3", 0.9, true), ("", 0.01, false)]
+    {
+        let limit = 3.2e-4;
+        let scene = written(&directory, material, part * limit, rows);
+        let steps = format!("{}", (8.0 / (part * limit)) as u64);
+        let words = [&*scene, "--overwrite", "--steps", &steps];
+        let ended = dem_mpi(Launch::Alone, words).from(&directory).succeed();
+        let says = ended.output.contains("the run lost energy by its finite step")
+            || ended.output.contains("the run made energy by its finite step");
+        assert_eq!(says, warns, "{material} {part}: {ended}");
+    }
+}
+
+/// At 1e6 m from the origin a millimetre per hour is less than positions can tell.
+#[test]
+fn motion_that_rounding_swallows_is_warned_of() {
+    let directory = fresh_directory("far");
+    let rows = "x,y,z,vx,vy,vz\n1048576,0,1,3e-7,0,0\n";
+    let scene = written(&directory, "", 1e-4, rows);
+    let far = ["--set", "domain.low=[1048575, -2, 0]", "--set", "domain.high=[1048577, 2, 2]"];
+    let words = [&*scene, far[0], far[1], far[2], far[3], "--steps", "10"];
+    let ended = dem_mpi(Launch::Ranks(2), words).from(&directory).succeed();
+    ended.said_once("a particle of a file at 3e-7 m/s up to 100.00 % is rounded off");
+    // Nothing of it near the origin.
+    let scene = written(&directory, "", 1e-4, "x,y,z,vx,vy,vz\n0,0,1,3e-7,0,0\n");
+    let words = [&*scene, "--steps", "10", "--overwrite"];
+    let ended = dem_mpi(Launch::Alone, words).from(&directory).succeed();
+    assert!(!ended.errors.contains("rounded off"), "{ended}");
+}
