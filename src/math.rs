@@ -65,15 +65,22 @@ impl ExactSum {
         Self { limbs: limbs.try_into().expect("an exact sum has a fixed number of limbs") }
     }
 
-    /// The sum rounded once, to the nearest `f64`, ties to even.
-    pub fn value(&self) -> f64 {
-        // Carry, so that every digit but the highest lies in 0..2^32.
-        let mut digits = self.limbs;
+    /// Carries, so that every digit but the highest lies in 0..2³²: makes room for more terms, and gives equal sums equal
+    /// limbs.
+    pub fn carry(&mut self) {
+        let digits = &mut self.limbs;
         for k in 0..Self::LIMBS - 1 {
             let carry = digits[k] >> 32;
             digits[k] -= carry << 32;
             digits[k + 1] += carry;
         }
+    }
+
+    /// The sum rounded once, to the nearest `f64`, ties to even.
+    pub fn value(&self) -> f64 {
+        let mut carried = self.clone();
+        carried.carry();
+        let mut digits = carried.limbs;
         let negative = digits[Self::LIMBS - 1] < 0;
         if negative {
             for d in &mut digits {

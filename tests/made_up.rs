@@ -2,9 +2,9 @@
 
 use dem_mpi::contact::{History, NamedHistory};
 use dem_mpi::ids::{GlobalId, ShapeId};
-use dem_mpi::math::Vec3;
+use dem_mpi::math::{ExactSum, Vec3};
 use dem_mpi::output::tables::{
-    ContactTable, Header, HistoryTable, ParticleTable, ShapeRow, WallRow,
+    ContactTable, Header, HistoryTable, ParticleTable, ServoRow, ShapeRow, WallRow,
 };
 use dem_mpi::shape::{Shape, Sphere};
 use std::ops::Range;
@@ -53,6 +53,21 @@ pub(crate) fn header(step: u64) -> Header {
                 normal: n.vector(),
                 velocity: n.vector(),
                 force: n.vector(),
+            })
+            .to_vec(),
+        servos: ["floor", "lid"]
+            .map(|wall| ServoRow {
+                wall: wall.to_owned(),
+                target: n.next(),
+                speed: n.next(),
+                stiffness: n.next(),
+                recent: [9.0, n.next(), n.next(), n.next()],
+                course: vec![
+                    [3.0, n.next(), n.next(), n.next()];
+                    if wall == "lid" { 2 } else { 40 }
+                ],
+                force_sum: (0..3 * ExactSum::LIMBS as i64).map(|k| k - 100).collect(),
+                force_steps: u64::MAX / 7,
             })
             .to_vec(),
         shapes: [("ball", "sphere"), ("egg", "ellipsoid")]

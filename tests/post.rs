@@ -7,7 +7,7 @@ use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::table;
-use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
+use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ServoRow, ShapeRow, WallRow};
 use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::{Among, FabricSum, ForceFabricSum, Rose, degree};
 use dem_mpi::post::forces::Histogram;
@@ -110,6 +110,7 @@ fn header(low: Vec3, high: Vec3, periodic: bool, semi_axes: Vec3, particles: usi
         periodic: [periodic; 3],
         gravity: Vec3::zeros(),
         walls: Vec::new(),
+        servos: Vec::new(),
         shapes: vec![ShapeRow {
             name: "grain".into(),
             kind: "ellipsoid".into(),
@@ -1091,7 +1092,7 @@ fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
     let picture = analysis.picture.svg(analysis.report.bounds_m.as_ref());
     let reports = [analysis.report, later];
     let history = History::read(history.as_bytes()).unwrap();
-    let plots = page::plots(&reports, picture, &history, &snapshot.header.walls).unwrap();
+    let plots = page::plots(&reports, picture, &history, &snapshot.header.walls, &[]).unwrap();
     let mut drawings: Vec<_> = plots.iter().map(|p| (p.name.clone(), p.svg.clone())).collect();
     drawings.push(("page".into(), page::page("a <title>", &reports, &plots)));
     drawings
@@ -1153,7 +1154,7 @@ fn columns_that_belong_together_share_a_panel() {
                  0,1,0,0,0,1,0,0,0,0,0,0,3\n1,2,1,0.5,0.5,0,-1e-9,-3,5,4,1,1,3\n";
     let history = History::read(table.as_bytes()).unwrap();
     let names = |walls: &[WallRow]| -> Vec<String> {
-        let plots = panels::panels(&history, walls).unwrap();
+        let plots = panels::panels(&history, walls, &[]).unwrap();
         plots.into_iter().map(|plot| plot.name.replace("history_", "")).collect()
     };
     let unknown = ["force_plus_x_x_n", "force_minus_x_x_n"];
@@ -1163,10 +1164,51 @@ fn columns_that_belong_together_share_a_panel() {
     let components = [minus, "force_minus_x_y_n", "force_minus_x_z_n"];
     let alone = [&["counts", "energy"][..], &components, &[plus, &twice]].concat();
     assert_eq!(names(&[]), alone, "without walls each component stands alone");
-    let plots = panels::panels(&history, &walls).unwrap();
+    let plots = panels::panels(&history, &walls, &[]).unwrap();
     // -(-3 · 0.6 + 4 · (-0.8)) = 5 N
     assert!(plots[2].svg.contains("-x") && !plots[2].svg.contains("lid"));
     assert!(plots[2].svg.contains(">\n5\n<"), "{}", plots[2].svg);
+}
+
+/// Stresses on walls share a panel, with a level line at each target.
+#[test]
+fn targets_of_servos_are_drawn() {
+    let walls = ["-x", "+x", "lid"].map(|name| WallRow {
+        name: name.into(),
+        point: Vec3::zeros(),
+        normal: Vec3::x(),
+        velocity: Vec3::zeros(),
+        force: Vec3::zeros(),
+    });
+    let servo = |wall: &str, target: f64| ServoRow {
+        wall: wall.into(),
+        target,
+        speed: 0.0,
+        stiffness: 1.0,
+        recent: [0.0; 4],
+        course: Vec::new(),
+        force_sum: Vec::new(),
+        force_steps: 0,
+    };
+    let table = "time_s,stress_-x_Pa,stress_+x_Pa,stress_lid_Pa\n0,1,2,3\n1,640,650,900\n";
+    let history = History::read(table.as_bytes()).unwrap();
+    let servos = [servo("-x", 750.0), servo("+x", 750.0), servo("gone", 5e3)];
+    let plots = panels::panels(&history, &walls, &servos).unwrap();
+    assert_eq!(plots.len(), 1);
+    assert_eq!(plots[0].name, "history_wall_stresses");
+    assert_eq!(plots[0].svg.matches("target 750 Pa").count(), 1);
+    assert!(plots[0].svg.contains("lid") && !plots[0].svg.contains("target 5000 Pa"));
+    // Three curves, and one line that is level.
+    let polylines = plots[0].svg.split("<polyline").skip(1);
+    let points = polylines.filter_map(|text| {
+        let (_, points) = text.split_once("points=\"")?;
+        let ends = points.split_once('"')?.0.split_whitespace().map(|end| end.split_once(','));
+        ends.collect::<Option<Vec<_>>>()
+    });
+    let curves: Vec<_> = points.filter(|ends| ends.len() == 2 && ends[0].0 != ends[1].0).collect();
+    assert!(curves.iter().any(|ends| ends[0].1 == ends[1].1), "{}", plots[0].svg);
+    let without = panels::panels(&history, &walls, &[]).unwrap();
+    assert!(!without[0].svg.contains("target"));
 }
 
 /// Ellipsoids thrown onto the floor of a closed box.
@@ -1213,10 +1255,12 @@ fn fall(directory: &Path, comm: &mut dyn Comm) {
         sim.step(comm).expect("the step is done");
         let measures = sim.measure(comm);
         if let Some(history) = &mut history {
-            history.push(sim.step, sim.time(), &measures, &sim.particles.walls).expect("a row");
+            history
+                .push(sim.step, sim.time(), &measures, &measures.wall_forces, &sim.particles.walls)
+                .expect("a row");
         }
     }
-    let header = sim.header("", &sim.measure(comm).wall_forces);
+    let header = sim.header("", &sim.measure(comm).wall_forces, comm);
     let (particles, contacts) = (sim.particle_table(comm.rank()), sim.contact_table());
     snapshot::write(directory, &header, &particles, &contacts, &sim.histories(), comm)
         .expect("a snapshot");
@@ -1268,7 +1312,7 @@ fn a_run_s_files_give_its_numbers_and_its_page_whoever_wrote_them() {
     let history = |place: &Path| History::read(File::open(place.join("history.csv")).unwrap());
     let run = history(one.path()).unwrap();
     assert_eq!(run, history(three.path()).unwrap());
-    let plots = page::plots(&[report], picture, &run, &header.walls).unwrap();
+    let plots = page::plots(&[report], picture, &run, &header.walls, &header.servos).unwrap();
     let names: Vec<&str> = plots.iter().map(|plot| plot.name.as_str()).collect();
     let of_snapshot =
         ["packing", "roses", "coordination", "force_distribution", "weak_forces", "friction"];

@@ -267,7 +267,7 @@ fn the_skin_does_not_show() {
 
 fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut dyn Comm) {
     let m = sim.measure(comm);
-    let header: Header = sim.header(&scene.text, &m.wall_forces);
+    let header: Header = sim.header(&scene.text, &m.wall_forces, comm);
     let particles = sim.particle_table(comm.rank());
     snapshot::write(directory, &header, &particles, &sim.contact_table(), &sim.histories(), comm)
         .unwrap();

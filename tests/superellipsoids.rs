@@ -656,7 +656,7 @@ fn a_restart_compares_shapes() {
     threads::run(1, |comm| {
         let sim = begun(&saved, comm);
         let m = sim.measure(comm);
-        let header = sim.header(&saved.text, &m.wall_forces);
+        let header = sim.header(&saved.text, &m.wall_forces, comm);
         let particles = sim.particle_table(comm.rank());
         let (contacts, histories) = (sim.contact_table(), sim.histories());
         snapshot::write(folder.path(), &header, &particles, &contacts, &histories, comm).unwrap();

@@ -184,7 +184,7 @@ fn time_snapshots(task: Task, comm: &mut dyn Comm) -> anyhow::Result<[f64; 3]> {
     for round in 0..=SNAPSHOTS {
         comm.any(false);
         let begin = Instant::now();
-        let header = sim.header("", &[]);
+        let header = sim.header("", &[], comm);
         let (particles, contacts) = (sim.particle_table(comm.rank()), sim.contact_table());
         let histories = sim.histories();
         let path = snapshot::write(folder, &header, &particles, &contacts, &histories, comm)?;

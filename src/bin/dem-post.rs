@@ -129,7 +129,9 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     let bounds = reports.last().and_then(|r| r.bounds_m);
     let drawing = picture.svg(bounds.as_ref());
     let history = history_beside(beside);
-    let plots = page::plots(&reports, drawing, &history, &Reader::open(newest)?.header().walls)?;
+    let newest = Reader::open(newest)?;
+    let (walls, servos) = (&newest.header().walls, &newest.header().servos);
+    let plots = page::plots(&reports, drawing, &history, walls, servos)?;
     write_all(&out, &title(beside), &reports, &plots)?;
 
     let table = reports.last().map(table).unwrap_or_default();

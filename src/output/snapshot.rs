@@ -4,13 +4,15 @@
 //! ParaView's 3D Glyphs draw it, and `force` of each contact, the magnitude of the whole force [N].
 
 use super::hdf5::{Column, SnapshotFile, StoredFile};
-use super::tables::{ContactTable, Header, HistoryTable, ParticleTable, ShapeRow, WallRow};
+use super::tables::{
+    ContactTable, Header, HistoryTable, ParticleTable, ServoRow, ShapeRow, WallRow,
+};
 use super::{SnapshotError, make_directory, on_root};
 use crate::comm::alone::Alone;
 use crate::comm::{Comm, agree, wire};
 use crate::contact::{History, NamedHistory};
 use crate::ids::{GlobalId, ShapeId};
-use crate::math::Vec3;
+use crate::math::{ExactSum, Vec3};
 use crate::shape::Shape;
 use std::cell::OnceCell;
 use std::fs::{self, File};
@@ -130,6 +132,17 @@ const WALL_POINT: Column = column("/walls/point", 3, "m");
 const WALL_NORMAL: Column = column("/walls/normal", 3, "1");
 const WALL_VELOCITY: Column = column("/walls/velocity", 3, "m/s");
 const WALL_FORCE: Column = column("/walls/force", 3, "N");
+const SERVO_WALL: Column = column("/servos/wall", 1, "");
+const SERVO_TARGET: Column = column("/servos/target", 1, "Pa");
+const SERVO_SPEED: Column = column("/servos/speed", 1, "m/s");
+const SERVO_STIFFNESS: Column = column("/servos/stiffness", 1, "N/m");
+const SERVO_RECENT: Column = column("/servos/recent", 4, "1");
+const SERVO_COURSE: Column = column("/servos/course", 4 * MOST_PARTS, "1");
+const SERVO_FORCE_SUM: Column =
+    column("/servos/force_sum", 3 * ExactSum::LIMBS, "2^(32 k - 1074) N");
+const SERVO_FORCE_STEPS: Column = column("/servos/force_steps", 1, "1");
+/// Parts of a servo's course that a file has room for.
+pub const MOST_PARTS: usize = 40;
 const SHAPE_NAME: Column = column("/shapes/name", 1, "");
 const SHAPE_KIND: Column = column("/shapes/kind", 1, "");
 const SHAPE_SEMI_AXES: Column = column("/shapes/semi_axes", 3, "m");
@@ -492,6 +505,7 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
         periodic,
         gravity,
         walls,
+        servos,
         shapes,
         scene,
     } = header;
@@ -529,6 +543,8 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.table(&WALL_VELOCITY, numbers(&vectors(|w| w.velocity)))?;
     file.table(&WALL_FORCE, numbers(&vectors(|w| w.force)))?;
 
+    write_servos(file, servos)?;
+
     file.group("/shapes")?;
     let vectors = |get: fn(&ShapeRow) -> Vec3| shapes.iter().map(get).collect::<Vec<_>>();
     file.texts(&SHAPE_NAME, &shapes.iter().map(|s| &*s.name).collect::<Vec<_>>())?;
@@ -543,6 +559,59 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
 
 /// Says to which time velocities belong. Files without it have those of half a step before.
 const VELOCITIES: (&str, &str) = ("velocities", "at the time of the positions");
+
+/// Writes the walls with servos, if there are any.
+fn write_servos(file: &mut SnapshotFile, servos: &[ServoRow]) -> Result<(), SnapshotError> {
+    if servos.is_empty() {
+        return Ok(());
+    }
+    let numbers = |get: fn(&ServoRow) -> f64| servos.iter().map(get).collect::<Vec<_>>();
+    let recent = servos.iter().flat_map(|s| s.recent).collect::<Vec<_>>();
+    let course = servos.iter().flat_map(|s| {
+        let mut parts = s.course.clone();
+        parts.resize(MOST_PARTS, [0.0; 4]);
+        parts.into_flattened()
+    });
+    file.group("/servos")?;
+    file.texts(&SERVO_WALL, &servos.iter().map(|s| &*s.wall).collect::<Vec<_>>())?;
+    file.table(&SERVO_TARGET, &numbers(|s| s.target))?;
+    file.table(&SERVO_SPEED, &numbers(|s| s.speed))?;
+    file.table(&SERVO_STIFFNESS, &numbers(|s| s.stiffness))?;
+    file.table(&SERVO_RECENT, &recent)?;
+    file.table(&SERVO_COURSE, &course.collect::<Vec<_>>())?;
+    let force_sums = servos.iter().flat_map(|s| &s.force_sum).copied();
+    file.table(&SERVO_FORCE_SUM, &force_sums.collect::<Vec<_>>())?;
+    let force_steps = servos.iter().map(|s| s.force_steps);
+    file.table(&SERVO_FORCE_STEPS, &force_steps.collect::<Vec<_>>())
+}
+
+/// The walls with servos; none if there are none, or if an older version wrote the file.
+fn read_servos(file: &StoredFile) -> Result<Vec<ServoRow>, SnapshotError> {
+    if !file.has(SERVO_WALL.place) {
+        return Ok(Vec::new());
+    }
+    let walls = file.texts(&SERVO_WALL)?;
+    let servos = Tabulated { file, rows: walls.len() };
+    let (targets, speeds) = (servos.numbers(&SERVO_TARGET)?, servos.numbers(&SERVO_SPEED)?);
+    let stiffnesses = servos.numbers(&SERVO_STIFFNESS)?;
+    let recent = groups::<f64, 4>(&servos.numbers(&SERVO_RECENT)?);
+    let parts = groups::<f64, 4>(&servos.numbers(&SERVO_COURSE)?);
+    let force_sums: Vec<i64> = file.rows(&SERVO_FORCE_SUM, 0..walls.len())?;
+    let force_steps: Vec<u64> = file.rows(&SERVO_FORCE_STEPS, 0..walls.len())?;
+    let row = |(k, wall)| ServoRow {
+        wall,
+        target: targets[k],
+        speed: speeds[k],
+        stiffness: stiffnesses[k],
+        recent: recent[k],
+        course: (parts[MOST_PARTS * k..MOST_PARTS * (k + 1)].iter().copied())
+            .filter(|part| part[0] > 0.0)
+            .collect(),
+        force_sum: force_sums[SERVO_FORCE_SUM.width * k..SERVO_FORCE_SUM.width * (k + 1)].to_vec(),
+        force_steps: force_steps[k],
+    };
+    Ok(walls.into_iter().enumerate().map(row).collect())
+}
 
 fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
     if !file.has_attribute("/run", VELOCITIES.0) {
@@ -592,6 +661,7 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
         periodic: file.numbers::<u8, 3>("/domain", "periodic")?.map(|p| p != 0),
         gravity: vector("/run", "gravity")?,
         walls: walls.collect(),
+        servos: read_servos(file)?,
         shapes: shapes.collect(),
         scene: file.texts(&SCENE)?.concat(),
     })

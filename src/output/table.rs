@@ -1,5 +1,10 @@
 //! `history.csv`: the scalars of a run by time. Rank 0 writes; every digit is the same on any number
 //! of ranks.
+//!
+//! A row is of its moment, with one exception: of walls with a servo, `force_*` is the mean over the steps since the row
+//! before (`history_every`; in the first row of a stage of its moment), and `stress_*` the part of it along the normal over
+//! the area of the row's moment. A servo corrects itself within a few steps: what it leaves at even intervals can be
+//! anything. A restart does not change a digit.
 
 use crate::math::Vec3;
 use crate::measure::Measures;
@@ -118,7 +123,7 @@ impl History {
         synced.map_err(|e| TableError { path: self.path.clone(), cause: e.to_string() })
     }
 
-    /// Appends a row; the walls are those of [`History::open`], where they stand now.
+    /// Appends a row with these forces on the walls [N]; the walls are those of [`History::open`], where they stand now.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -127,10 +132,11 @@ impl History {
         step: u64,
         time: f64,
         m: &Measures,
+        forces: &[Vec3],
         walls: &[Wall],
     ) -> Result<(), TableError> {
         let moved = told(walls).flat_map(|(k, wall, axis)| {
-            let stress = |area| -m.wall_forces[k].dot(&wall.normal) / area;
+            let stress = |area| -forces[k].dot(&wall.normal) / area;
             let stress = area(walls, &self.period, axis).map(stress);
             [Some(wall.point[axis]), stress].into_iter().flatten()
         });
@@ -155,7 +161,7 @@ impl History {
             m.unbalanced,
         ]
         .into_iter()
-        .chain(m.wall_forces.iter().flat_map(|force| force.iter().copied()))
+        .chain(forces.iter().flat_map(|force| force.iter().copied()))
         .chain(moved)
         .map(|number| format!("{number:e}"));
         let written = self

@@ -264,6 +264,7 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             periodic,
             gravity,
             walls,
+            servos,
             shapes,
         } = header;
         let shapes = shapes.iter().map(|shape| format!("{shape:?}"));
@@ -279,6 +280,7 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             ("periodic", format!("{periodic:?}")),
             ("gravity", format!("{:?} m/s2", gravity.as_slice())),
             ("names of walls", format!("{:?}", walls.iter().map(|w| &w.name).collect::<Vec<_>>())),
+            ("servos", format!("{servos:?}")),
             ("shapes", shapes.collect::<Vec<_>>().join("; ")),
         ]
     };

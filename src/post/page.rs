@@ -7,11 +7,11 @@ use super::plots::{self, Plot, PlotError};
 use super::region::Bounds;
 use super::report::{Report, readable};
 use super::rose::roses;
-use crate::output::tables::WallRow;
+use crate::output::tables::{ServoRow, WallRow};
 use std::fmt::Write;
 
 /// All plots of a series, in the order of the page: those over the series, then those of its last
-/// snapshot, then the history of the run, with these walls.
+/// snapshot, then the history of the run, with these walls and servos.
 ///
 /// # Errors
 /// See [`PlotError`].
@@ -20,6 +20,7 @@ pub fn plots(
     picture: String,
     history: &History,
     walls: &[WallRow],
+    servos: &[ServoRow],
 ) -> Result<Vec<Plot>, PlotError> {
     let mut drawn = Vec::new();
     if reports.len() > 1 {
@@ -44,7 +45,7 @@ pub fn plots(
             drawn.push(plots::friction(&forces.friction_used)?);
         }
     }
-    drawn.extend(panels(history, walls)?);
+    drawn.extend(panels(history, walls, servos)?);
     Ok(drawn)
 }
 

@@ -3,10 +3,10 @@
 
 use super::history::{Curve, History};
 use super::plots::{
-    Axes, BLUE, GREEN, INK, Mark, ORANGE, PURPLE, Plot, PlotError, SIZE, Series, VERMILION, chart,
-    decades, span,
+    Axes, BLUE, GREEN, INK, MUTED, Mark, ORANGE, PURPLE, Plot, PlotError, SIZE, Series, VERMILION,
+    chart, decades, span, tick,
 };
-use crate::output::tables::WallRow;
+use crate::output::tables::{ServoRow, WallRow};
 use plotters::style::RGBColor;
 use std::collections::BTreeSet;
 
@@ -127,11 +127,15 @@ const LEFT_OUT: [&str; 5] =
     ["translation_J", "rotation_J", "step_energy_J", "gravity_J", "received_J"];
 
 /// The panels of a history, without those in which nothing ever changes. `walls` say which way a load
-/// on a wall points.
+/// on a wall points, `servos` which stress walls shall keep.
 ///
 /// # Errors
 /// See [`PlotError`].
-pub fn panels(history: &History, walls: &[WallRow]) -> Result<Vec<Plot>, PlotError> {
+pub fn panels(
+    history: &History,
+    walls: &[WallRow],
+    servos: &[ServoRow],
+) -> Result<Vec<Plot>, PlotError> {
     let mut rest: Vec<&Curve> = history.curves.iter().collect();
     let mut plots = Vec::new();
     for panel in &PANELS {
@@ -139,7 +143,7 @@ pub fn panels(history: &History, walls: &[WallRow]) -> Result<Vec<Plot>, PlotErr
             let curve = take(&mut rest, column)?;
             Some(Curve { name: name.into(), points: curve.points.clone() })
         });
-        plots.extend(draw(panel, &curves.collect::<Vec<_>>())?);
+        plots.extend(draw(panel, &curves.collect::<Vec<_>>(), &[])?);
     }
     rest.retain(|curve| !LEFT_OUT.contains(&curve.name.as_str()));
 
@@ -154,7 +158,15 @@ pub fn panels(history: &History, walls: &[WallRow]) -> Result<Vec<Plot>, PlotErr
             scale: Linear,
             columns: &[],
         };
-        plots.extend(draw(&panel, loads)?);
+        plots.extend(draw(&panel, loads, &[])?);
+    }
+    let stress = |wall: &WallRow| {
+        let curve = take(&mut rest, &format!("stress_{}_Pa", wall.name))?;
+        Some(Curve { name: wall.name.clone(), points: curve.points.clone() })
+    };
+    let stresses: Vec<Curve> = walls.iter().filter_map(stress).collect();
+    for stresses in stresses.chunks(PALETTE.len()) {
+        plots.extend(wall_stresses(stresses, servos)?);
     }
     for curve in rest {
         plots.extend(unknown(curve)?);
@@ -188,8 +200,31 @@ fn wall_load(wall: &WallRow, rest: &mut Vec<&Curve>) -> Option<Curve> {
     Some(Curve { name: wall.name.clone(), points })
 }
 
-/// A panel with these curves; `None` if none of them ever changes or nothing can be drawn.
-fn draw(panel: &Panel, curves: &[Curve]) -> Result<Option<Plot>, PlotError> {
+/// The stresses on walls, and the targets of those that have one.
+fn wall_stresses(stresses: &[Curve], servos: &[ServoRow]) -> Result<Option<Plot>, PlotError> {
+    let is_here = |servo: &&ServoRow| stresses.iter().any(|curve| curve.name == servo.wall);
+    let mut targets: Vec<f64> = servos.iter().filter(is_here).map(|servo| servo.target).collect();
+    targets.sort_by(f64::total_cmp);
+    targets.dedup();
+    let means = if targets.is_empty() {
+        ""
+    } else {
+        " Of walls with a servo each point is the mean since the one before; grey lines are their targets."
+    };
+    let caption = format!("Stress of the particles on each wall, compression positive.{means}");
+    let panel = Panel {
+        name: "wall_stresses",
+        title: "Stresses on walls",
+        caption: &caption,
+        y_label: "stress (Pa)",
+        scale: Linear,
+        columns: &[],
+    };
+    draw(&panel, stresses, &targets)
+}
+
+/// A panel with these curves, and level lines at `targets`; `None` if no curve ever changes or nothing can be drawn.
+fn draw(panel: &Panel, curves: &[Curve], targets: &[f64]) -> Result<Option<Plot>, PlotError> {
     if !curves.iter().any(Curve::changes) {
         return Ok(None);
     }
@@ -202,7 +237,7 @@ fn draw(panel: &Panel, curves: &[Curve]) -> Result<Option<Plot>, PlotError> {
         let fits = time.abs() <= LARGEST && value.abs() <= LARGEST && (!log_y || value >= smallest);
         fits.then_some((time, value))
     };
-    let series: Vec<Series> = curves
+    let mut series: Vec<Series> = curves
         .iter()
         .zip(PALETTE)
         .map(|(curve, colour)| {
@@ -218,11 +253,21 @@ fn draw(panel: &Panel, curves: &[Curve]) -> Result<Option<Plot>, PlotError> {
     }
     // All panels have the same times below them, whatever they leave out.
     let times = curves.iter().flat_map(|c| &c.points).map(|p| p.0).filter(|t| t.abs() <= LARGEST);
+    let (first, last) = times
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), t| (t.min(first), t.max(last)));
+    // Below the curves, which may hide them where a servo keeps its target.
+    let levels = targets.iter().filter(|level| level.abs() <= LARGEST).map(|&level| Series {
+        name: format!("target {} Pa", tick(level)),
+        colour: MUTED,
+        mark: Mark::Line,
+        points: vec![(first, level), (last, level)],
+    });
+    series.splice(0..0, levels);
     let values = || series.iter().flat_map(|s| &s.points).map(|p| p.1);
     let axes = Axes {
         x_label: "time (s)".into(),
         y_label: panel.y_label.into(),
-        x: span(times),
+        x: span([first, last].into_iter()),
         y: if log_y { decades(values()) } else { span(values()) },
         log_x: false,
         log_y,
@@ -251,7 +296,7 @@ fn unknown(curve: &Curve) -> Result<Option<Plot>, PlotError> {
         scale: if wide { Logarithmic } else { Linear },
         columns: &[],
     };
-    draw(&panel, &[Curve { name: String::new(), points: curve.points.clone() }])
+    draw(&panel, &[Curve { name: String::new(), points: curve.points.clone() }], &[])
 }
 
 /// A column's name as words and its unit: `kinetic_energy_j` is "kinetic energy" in "J".

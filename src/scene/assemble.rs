@@ -171,6 +171,7 @@ pub fn take_up(
             wall.listed_at = row.point;
         }
     }
+    sim.take_up_servos(&header.servos, from == From::Beginning, comm);
     sim.take_up(&particles, &histories, comm);
     match from {
         From::Beginning => sim.count_free_energy(),

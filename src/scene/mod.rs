@@ -28,12 +28,12 @@
 //! | `point`, `normal` | m | a point of the plane; a direction of any length, towards the particles |
 //! | `velocity` | m/s | default 0 |
 //! | `material` | | default: the scene's only material |
-//! | **`[[servo]]`** | | walls that keep a stress: they move towards the particles by `gain · (stress - current) · area / stiffness` of their contacts in a step |
+//! | **`[[servo]]`** | | walls that keep a stress, by a proportional and integral law on their velocity ([`crate::drive::servo`]); over 2 % off the target in the mean of the last fifth of a stage is warned at its end |
 //! | `walls` | | names of walls across x, y or z, which may have a velocity along themselves; along the two other axes there must be walls on both sides, or a period |
 //! | `stress` | Pa | target, compression positive: normal force over the area between the other walls |
 //! | `max_speed` | m/s | of these walls, and their speed while nothing touches them; default 1 |
 //! | `coupled` | | all move by one displacement for the mean stress of all, so a pair closes symmetrically; default false: each on its own |
-//! | `gain` | | less where the stress swings about its target; default 1 |
+//! | `gain` | | factor on how quickly the walls answer, for all time steps and grains alike; less is slower and softer, more than about 1.7 may swing; default 1 |
 //! | **`[[material]]`** | | |
 //! | `name` | | |
 //! | `density` | kg/m³ | |
@@ -74,14 +74,14 @@
 //! | **`[stop]`** | | may be left out; ends the stage when all that is asked for holds, looked at every 100 steps |
 //! | `rest` | | the kinetic energy is below this fraction of the energy dissipated |
 //! | `unbalanced` | | the mean resultant force of a particle is below this fraction of the mean contact force (of as many contacts as particles at least) |
-//! | `servo` | | the stress of every servo is this near to its target, as a fraction of it |
+//! | `servo` | | the stress of every servo has been this near to its target in the mean over the last 100 steps, as a fraction of it |
 //! | **`[neighbours]`** | | may be left out; changes the speed, never the result |
 //! | `skin` | m | a pair is listed when its bounding spheres come this close; default: a tenth of the largest bounding radius, at most the smallest one |
 //! | `imbalance` | | subdomains are cut anew when the busiest rank has so many times the mean work; default 1.1 |
 //! | **`[output]`** | | |
 //! | `directory` | | |
 //! | `snapshot_every` | | steps between snapshots; default 0: only at the end |
-//! | `history_every` | | steps between rows of `history.csv`; default 100; 0: only at the end |
+//! | `history_every` | | steps between rows of `history.csv`; default 100; 0: only at the end; forces and stresses on walls with a servo are means since the row before |
 //! | **`[fill.rain]`** | | layers of particles that fall in; may join a `start` |
 //! | `shapes` | | names, or `{ name = share, ... }` by number; default: the scene's only shape |
 //! | `count` | | how many particles in all |

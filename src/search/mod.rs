@@ -448,6 +448,12 @@ impl PairList {
         )
     }
 
+    /// The contacts of this step and the force of A on B [N], in any order.
+    pub fn forces(&self) -> impl Iterator<Item = (Pair, &Vec3)> {
+        let loads = self.touching.iter().zip(&self.loads);
+        loads.map(|(&index, load)| (self.pairs[index as usize], &load.force))
+    }
+
     /// Pairs that did not touch at the last step and do now, as long as no law has found their loads.
     pub fn new_touches(&self, particles: &Particles) -> impl Iterator<Item = (Pair, Touch)> {
         let all = self.touching.iter().zip(&self.history).zip(&self.loads).enumerate();

@@ -3,10 +3,12 @@
 use super::Simulation;
 use crate::comm::{Comm, Parcel, wire};
 use crate::contact::{NamedHistory, Pair};
+use crate::drive::servo::{Course, Errors, ForceSum, Memory, PARTS, State};
 use crate::ids::{GlobalId, Rank, ShapeId};
-use crate::math::{Quat, Vec3};
+use crate::math::{ExactSum, Quat, Vec3};
 use crate::motion;
-use crate::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
+use crate::output::snapshot::MOST_PARTS;
+use crate::output::tables::{ContactTable, Header, ParticleTable, ServoRow, ShapeRow, WallRow};
 use crate::particles::records::Particle;
 use crate::search::Loaded;
 use crate::shape::Kind;
@@ -15,8 +17,8 @@ use std::collections::BTreeMap;
 
 impl Simulation {
     /// What a snapshot of this moment says once; `scene` is the scene's text, `wall_forces` comes from
-    /// [`crate::measure::Measures`] [N].
-    pub fn header(&self, scene: &str, wall_forces: &[Vec3]) -> Header {
+    /// [`crate::measure::Measures`] [N]. Collective, if there are servos.
+    pub fn header(&self, scene: &str, wall_forces: &[Vec3], comm: &mut dyn Comm) -> Header {
         let library = &self.particles.library;
         Header {
             step: self.step,
@@ -44,6 +46,7 @@ impl Simulation {
                     force,
                 })
                 .collect(),
+            servos: self.servo_rows(comm),
             shapes: (0..library.particle_shapes)
                 .map(|k| ShapeRow {
                     name: library.names[k].clone(),
@@ -56,6 +59,42 @@ impl Simulation {
                 })
                 .collect(),
             scene: scene.to_owned(),
+        }
+    }
+
+    /// What each wall with a servo remembers. Collective, if there are any.
+    fn servo_rows(&self, comm: &mut dyn Comm) -> Vec<ServoRow> {
+        let row = |(wall, forces): (usize, ForceSum)| {
+            let (servo, Memory { state, course, recent }) = self.servos.of_wall(wall)?;
+            Some(ServoRow {
+                wall: self.particles.walls[wall].name.clone(),
+                target: servo.stress,
+                speed: state.speed,
+                stiffness: state.stiffness,
+                recent: errors_row(recent),
+                course: course.0.iter().map(errors_row).collect(),
+                force_sum: forces.axes.iter().flat_map(|axis| *axis.limbs()).collect(),
+                force_steps: forces.steps,
+            })
+        };
+        self.servos.force_sums(comm).into_iter().filter_map(row).collect()
+    }
+
+    /// Servos go on as the walls of the same names did; in a new stage with what their law remembers only.
+    pub fn take_up_servos(&mut self, rows: &[ServoRow], is_new_stage: bool, comm: &dyn Comm) {
+        for (k, wall) in self.particles.walls.iter().enumerate() {
+            let Some(row) = rows.iter().find(|row| row.wall == wall.name) else { continue };
+            let state = State { speed: row.speed, stiffness: row.stiffness };
+            if is_new_stage {
+                self.servos.resume(k, Memory { state, ..Memory::default() });
+                continue;
+            }
+            let course = Course(row.course.iter().map(errors_of).collect());
+            self.servos.resume(k, Memory { state, course, recent: errors_of(&row.recent) });
+            let mut axes = row.force_sum.chunks_exact(ExactSum::LIMBS).map(ExactSum::from_limbs);
+            let axes = std::array::from_fn(|_| axes.next().unwrap_or_default());
+            let sum = ForceSum { axes, steps: row.force_steps };
+            self.servos.resume_forces(k, sum, comm.is_root());
         }
     }
 
@@ -148,6 +187,21 @@ impl Simulation {
         let mut carried = histories_to_owners(owned, histories, comm);
         self.relist(&mut carried, comm);
     }
+}
+
+// A file has room for a whole course.
+const _: () = assert!(PARTS <= MOST_PARTS);
+
+/// Errors as a row of a snapshot has them.
+const fn errors_row(errors: &Errors) -> [f64; 4] {
+    let Errors { steps, sum, sizes, largest } = *errors;
+    [steps, sum, sizes, largest]
+}
+
+/// Errors from a row of a snapshot.
+const fn errors_of(row: &[f64; 4]) -> Errors {
+    let [steps, sum, sizes, largest] = *row;
+    Errors { steps, sum, sizes, largest }
 }
 
 /// Sends each history to the owners of both its particles, through a directory that is spread over

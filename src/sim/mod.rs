@@ -157,6 +157,7 @@ impl Simulation {
 
         // forces
         self.pairs.load(&*self.law, &mut self.particles, self.dt);
+        self.servos.note_forces(&self.pairs, &self.particles);
         self.clock.lap(Phase::Forces);
         motion::kick(&mut self.particles, &self.field, self.dt);
         self.clock.lap(Phase::Move);
@@ -167,7 +168,7 @@ impl Simulation {
     fn steer_walls(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         let step = self.step;
         let sides = [&self.domain.low, &self.domain.high];
-        let steered = self.servos.steer(&mut self.particles, sides, self.dt, comm);
+        let steered = self.servos.steer(&mut self.particles, sides, step, self.dt, comm);
         steered.map_err(|error| StepError::Servo { step, error })
     }
 

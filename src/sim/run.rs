@@ -4,8 +4,9 @@ use super::{Simulation, StepError};
 use crate::comm::{Comm, agree, wire};
 use crate::domain::DomainError;
 use crate::drive::rain::RainGauge;
+use crate::drive::servo::RECENT;
 use crate::ids::GlobalId;
-use crate::math::Vec3;
+use crate::math::{ExactSum, Vec3};
 use crate::measure::{Measures, shortest_axis};
 use crate::output::table::{History, TableError};
 use crate::output::{SnapshotError, snapshot};
@@ -47,7 +48,7 @@ pub struct Stop {
     pub rest: Option<f64>,
     /// The mean resultant force of a particle is below this fraction of the mean contact force: [`Measures::unbalanced`].
     pub unbalanced: Option<f64>,
-    /// The stress of every servo is this near to its target, over the target.
+    /// The mean distance of every servo's stress from its target over the last [`RECENT`] steps is below this, over the target.
     pub servo: Option<f64>,
 }
 
@@ -182,7 +183,8 @@ pub fn run(
     if !schedule.resumed {
         let measures = sim.measure(comm);
         if let Some(history) = &mut history {
-            history.push(sim.step, sim.time(), &measures, &sim.particles.walls)?;
+            let forces = &measures.wall_forces;
+            history.push(sim.step, sim.time(), &measures, forces, &sim.particles.walls)?;
         }
         if schedule.snapshot_every > 0 {
             saved = Some(save(sim, schedule, ending, history.as_ref(), &measures, comm)?);
@@ -214,8 +216,15 @@ pub fn run(
             while depths.next_if(|&depth| measures.largest_overlap > depth).is_some() {
                 warnings.push(too_deep(sim.step, measures.largest_overlap));
             }
-            if let Some(history) = history.as_mut().filter(|_| row_due || ending == Ending::Rest) {
-                history.push(sim.step, sim.time(), &measures, &sim.particles.walls)?;
+            if row_due || ending == Ending::Rest {
+                let forces = forces_of_row(sim, &measures, comm);
+                if let Some(history) = &mut history {
+                    history.push(sim.step, sim.time(), &measures, &forces, &sim.particles.walls)?;
+                }
+                // A row off the schedule would not be there had the run gone on.
+                if due(sim.step, schedule.history_every) {
+                    sim.servos.forget_forces();
+                }
             }
             if snapshot_due {
                 saved = Some(save(sim, schedule, ending, history.as_ref(), &measures, comm)?);
@@ -272,8 +281,20 @@ impl Simulation {
     }
 }
 
-/// Steps between looks at whether everything is at rest.
-const REST_CHECK: u64 = 100;
+/// Steps between looks at whether everything is at rest: those over which servos have their mean errors.
+const REST_CHECK: u64 = RECENT;
+
+/// The force of the particles on each wall for a row of the history [N]: of walls with a servo the mean over the steps
+/// since the last row, of others that of this moment. Collective.
+fn forces_of_row(sim: &Simulation, measures: &Measures, comm: &mut dyn Comm) -> Vec<Vec3> {
+    let mut forces = measures.wall_forces.clone();
+    for (wall, sum) in sim.servos.force_sums(comm) {
+        if sum.steps > 0 {
+            forces[wall] = Vec3::from(sum.axes.each_ref().map(ExactSum::value)) / sum.steps as f64;
+        }
+    }
+    forces
+}
 
 const fn due(step: u64, every: u64) -> bool {
     every > 0 && step.is_multiple_of(every)
@@ -291,7 +312,7 @@ fn unmet(sim: &Simulation, stop: &Stop, measures: &Measures) -> String {
     if !carries {
         unmet.push("no contact carries a force".to_owned());
     }
-    let error = sim.servos.largest_error(&sim.particles, &measures.wall_forces);
+    let error = sim.servos.largest_error();
     let limits = [
         ("rest", measures.kinetic() / measures.dissipated, stop.rest),
         ("unbalanced", measures.unbalanced, stop.unbalanced),
@@ -421,7 +442,7 @@ fn save(
         }
     });
     agree(comm, checked).map_err(|error| lost(sim.step, error, sim, comm))?;
-    let mut header = sim.header(&schedule.scene, &measures.wall_forces);
+    let mut header = sim.header(&schedule.scene, &measures.wall_forces, comm);
     if ending == Ending::Rest {
         header.stop = schedule.stop.to_string();
     }
