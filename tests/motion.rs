@@ -387,6 +387,6 @@ fn a_grain_between_walls_that_cross_stops_the_run() {
     }
     let (_, fault) = fault(result);
     let Fault::Deep { depth, .. } = &fault else { panic!("{fault}") };
-    assert!((0.5..0.7).contains(depth), "{depth}");
+    assert!((0.75..0.95).contains(depth), "{depth}");
     assert!(fault.to_string().contains("particle 7 and wall"), "{fault}");
 }
