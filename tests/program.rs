@@ -3,6 +3,7 @@
 mod analysed;
 mod full_disk;
 mod killed;
+mod linked;
 mod misled;
 mod opened;
 mod process;

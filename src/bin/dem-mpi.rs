@@ -1,7 +1,7 @@
 //! `dem-mpi SCENE`: arguments → scene → simulation → run.
 
 use clap::Parser;
-use dem_mpi::comm::{Comm, alone::Alone, threads, wire, world};
+use dem_mpi::comm::{Comm, alone::Alone, linked, threads, wire, world};
 use dem_mpi::drive::rain::RainGauge;
 use dem_mpi::ids::GlobalId;
 use dem_mpi::output::{self, snapshot};
@@ -86,6 +86,12 @@ const STOPPED: u8 = 3;
 const OTHERS_FIRST: Duration = Duration::from_secs(3);
 
 fn main() -> ExitCode {
+    if let Err(error) = linked::one_mpi() {
+        if linked::speaks() {
+            tell(error);
+        }
+        return ExitCode::from(FAILED);
+    }
     let arguments = Arguments::try_parse();
     if !world::launched()
         && let Ok(given @ Arguments { threads: Some(ranks), .. }) = &arguments

@@ -5,6 +5,7 @@
 //! asks how many ranks there are in order to do something different.
 
 pub mod alone;
+pub mod linked;
 pub mod threads;
 pub mod wire;
 pub mod world;
