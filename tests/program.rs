@@ -4,6 +4,7 @@ mod analysed;
 mod full_disk;
 mod killed;
 mod linked;
+mod memory;
 mod misled;
 mod opened;
 mod process;

@@ -39,13 +39,17 @@ impl Domain {
         let gone: usize = leaving.values().map(Vec::len).sum();
         self.traffic.migrated += gone as u64;
         if gone > 0 {
-            let mut of_particle: BTreeMap<GlobalId, Vec<NamedHistory>> = BTreeMap::new();
+            let mut of_particle: BTreeMap<GlobalId, &mut Vec<NamedHistory>> = leaving
+                .values_mut()
+                .flatten()
+                .map(|particle| (particle.id, &mut particle.histories))
+                .collect();
             for named in &known {
-                of_particle.entry(named.a).or_default().push(*named);
-                of_particle.entry(named.b).or_default().push(*named);
-            }
-            for particle in leaving.values_mut().flatten() {
-                particle.histories = of_particle.remove(&particle.id).unwrap_or_default();
+                for id in [named.a, named.b] {
+                    if let Some(histories) = of_particle.get_mut(&id) {
+                        histories.push(*named);
+                    }
+                }
             }
         }
 

@@ -292,10 +292,14 @@ impl<'a> SnapshotFile<'a> {
             })?;
             self.collective_writes += 1;
         } else {
-            let all = self.comm.gather(bytes.to_vec()).unwrap_or_default().concat();
+            let gathered = match self.comm.size() {
+                1 => None,
+                _ => Some(self.comm.gather(bytes.to_vec()).unwrap_or_default().concat()),
+            };
+            let all = gathered.as_deref().unwrap_or(bytes);
             self.everywhere(|file| {
                 let dataset = file.dataset(column.place)?;
-                transfer(&dataset, 0..total, h5p::H5P_DEFAULT, Buffer::Write(&all))
+                transfer(&dataset, 0..total, h5p::H5P_DEFAULT, Buffer::Write(all))
             })?;
         }
         self.writeback.as_ref().inspect(|file| start_writeback(file));

@@ -5,7 +5,8 @@
 
 use super::hdf5::{Column, SnapshotFile, StoredFile};
 use super::tables::{
-    ContactTable, Header, HistoryTable, ParticleTable, ServoRow, ShapeRow, WallRow,
+    ContactRow, ContactTable, Header, HistoryTable, ParticleTable, Rows, ServoRow, ShapeRow,
+    WallRow,
 };
 use super::{SnapshotError, make_directory, on_root};
 use crate::comm::alone::Alone;
@@ -169,6 +170,21 @@ pub fn write(
     histories: &[NamedHistory],
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, SnapshotError> {
+    write_rows(directory, header, particles, contacts, &histories, comm)
+}
+
+/// As [`write`], of contacts and histories that need not all be there at once.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_rows(
+    directory: &Path,
+    header: &Header,
+    particles: &ParticleTable,
+    contacts: &dyn Rows<ContactRow>,
+    histories: &dyn Rows<NamedHistory>,
+    comm: &mut dyn Comm,
+) -> Result<PathBuf, SnapshotError> {
     let header = &of_root(header, comm);
     let checked = check_lengths(particles, contacts, comm);
     agree(comm, checked)?;
@@ -266,24 +282,12 @@ fn of_root(header: &Header, comm: &mut dyn Comm) -> Header {
 /// Are all columns of the tables of the length of their first?
 fn check_lengths(
     particles: &ParticleTable,
-    contacts: &ContactTable,
+    contacts: &dyn Rows<ContactRow>,
     comm: &dyn Comm,
 ) -> Result<(), SnapshotError> {
-    let ContactTable { a, b, centre, branch, point, normal, overlap, normal_force, shear_force } =
-        contacts;
-    let of_contacts = [
-        ("b", b.len()),
-        ("centre", centre.len()),
-        ("branch", branch.len()),
-        ("point", point.len()),
-        ("normal", normal.len()),
-        ("overlap", overlap.len()),
-        ("normal_force", normal_force.len()),
-        ("shear_force", shear_force.len()),
-    ];
     let given = particles.columns().into_iter().filter(|c| !c.optional || c.rows > 0);
     let particles = given.map(|column| ((column.name, column.rows), particles.id.len()));
-    let contacts = of_contacts.into_iter().map(|column| (column, a.len()));
+    let contacts = contacts.uneven().map(|column| (column, contacts.count()));
     match particles.chain(contacts).find(|((_, rows), expected)| rows != expected) {
         None => Ok(()),
         Some(((column, rows), expected)) => Err(SnapshotError::Uneven {
@@ -323,7 +327,7 @@ fn write_particles(
     path: &Path,
     header: &Header,
     particles: &ParticleTable,
-    histories: &[NamedHistory],
+    histories: &dyn Rows<NamedHistory>,
     comm: &mut dyn Comm,
 ) -> Result<(), SnapshotError> {
     let count = particles.id.len();
@@ -337,7 +341,7 @@ fn write_particles(
         ],
         comm,
     );
-    let elements = count * OF_PARTICLE + histories.len() * OF_HISTORY + OF_PART;
+    let elements = count * OF_PARTICLE + histories.count() * OF_HISTORY + OF_PART;
     let mut file = create(path, elements, header, comm)?;
 
     file.group("/VTKHDF")?;
@@ -380,59 +384,54 @@ fn write_particles(
     }
 
     file.group("/restart/contacts")?;
-    let ids = |get: fn(&NamedHistory) -> GlobalId| {
-        histories.iter().map(|h| get(h).to_file()).collect::<Vec<_>>()
-    };
-    file.rows(&HISTORY_A, &ids(|h| h.a))?;
-    file.rows(&HISTORY_B, &ids(|h| h.b))?;
-    let vectors =
-        |get: fn(&History) -> Vec3| histories.iter().map(|h| get(&h.history)).collect::<Vec<_>>();
-    file.rows(&HISTORY_NORMAL, numbers(&vectors(|h| h.normal)))?;
-    let springs: Vec<_> = histories.iter().map(|h| h.spring).collect();
-    file.rows(&HISTORY_SPRING, numbers(&springs))?;
-    let scalars = |get: fn(&NamedHistory) -> f64| histories.iter().map(get).collect::<Vec<_>>();
-    file.rows(&HISTORY_OVERLAP, &scalars(|h| h.history.overlap))?;
-    file.rows(&HISTORY_NORMAL_FORCE, &scalars(|h| h.normal_force))?;
+    file.rows(&HISTORY_A, &told(histories, |h| h.a.to_file()))?;
+    file.rows(&HISTORY_B, &told(histories, |h| h.b.to_file()))?;
+    file.rows(&HISTORY_NORMAL, numbers(&told(histories, |h| h.history.normal)))?;
+    file.rows(&HISTORY_SPRING, numbers(&told(histories, |h| h.spring)))?;
+    file.rows(&HISTORY_OVERLAP, &told(histories, |h| h.history.overlap))?;
+    file.rows(&HISTORY_NORMAL_FORCE, &told(histories, |h| h.normal_force))?;
 
     write_header(&mut file, header)?;
     file.close()
 }
 
+/// One column, for as long as it is written.
+fn told<Row, T>(rows: &dyn Rows<Row>, get: impl Fn(&Row) -> T) -> Vec<T> {
+    let mut column = Vec::with_capacity(rows.count());
+    rows.each(&mut |row| column.push(get(row)));
+    column
+}
+
 fn write_contacts(
     path: &Path,
     header: &Header,
-    contacts: &ContactTable,
+    contacts: &dyn Rows<ContactRow>,
     comm: &mut dyn Comm,
 ) -> Result<(), SnapshotError> {
-    let count = contacts.a.len();
+    let count = contacts.count();
     let mut file = create(path, count * OF_CONTACT + OF_PART, header, comm)?;
 
     file.group("/VTKHDF")?;
     vtk_version(&mut file)?;
-    let ends: Vec<_> = contacts
-        .centre
-        .iter()
-        .zip(&contacts.branch)
-        .flat_map(|(centre, branch)| [*centre, centre + branch])
-        .collect();
-    file.rows(&POINT_COUNTS, &[ends.len() as i64])?;
-    file.rows(&POINTS, numbers(&ends))?;
+    file.rows(&POINT_COUNTS, &[2 * count as i64])?;
+    let ends = told(contacts, |c| [c.centre, c.centre + c.branch]);
+    file.rows(&POINTS, numbers(ends.as_flattened()))?;
+    drop(ends);
     cells(&mut file, "Lines", count, 2)?;
     for category in ["Vertices", "Polygons", "Strips"] {
         cells(&mut file, category, 0, 1)?;
     }
 
     file.group("/VTKHDF/CellData")?;
-    file.rows(&A, &file_ids(&contacts.a))?;
-    file.rows(&B, &file_ids(&contacts.b))?;
-    file.rows(&BRANCH, numbers(&contacts.branch))?;
-    file.rows(&CONTACT_POINT, numbers(&contacts.point))?;
-    file.rows(&NORMAL, numbers(&contacts.normal))?;
-    file.rows(&OVERLAP, &contacts.overlap)?;
-    file.rows(&NORMAL_FORCE, &contacts.normal_force)?;
-    file.rows(&SHEAR_FORCE, numbers(&contacts.shear_force))?;
-    let magnitudes: Vec<_> = (0..count).map(|contact| contacts.force(contact).norm()).collect();
-    file.rows(&FORCE_MAGNITUDE, &magnitudes)?;
+    file.rows(&A, &told(contacts, |c| c.a.to_file()))?;
+    file.rows(&B, &told(contacts, |c| c.b.to_file()))?;
+    file.rows(&BRANCH, numbers(&told(contacts, |c| c.branch)))?;
+    file.rows(&CONTACT_POINT, numbers(&told(contacts, |c| c.point)))?;
+    file.rows(&NORMAL, numbers(&told(contacts, |c| c.normal)))?;
+    file.rows(&OVERLAP, &told(contacts, |c| c.overlap))?;
+    file.rows(&NORMAL_FORCE, &told(contacts, |c| c.normal_force))?;
+    file.rows(&SHEAR_FORCE, numbers(&told(contacts, |c| c.shear_force)))?;
+    file.rows(&FORCE_MAGNITUDE, &told(contacts, |c| c.force().norm()))?;
 
     write_header(&mut file, header)?;
     file.close()

@@ -186,6 +186,98 @@ pub struct ContactTable {
     pub shear_force: Vec<Vec3>,
 }
 
+/// A row of a [`ContactTable`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactRow {
+    /// The lower id.
+    pub a: GlobalId,
+    /// The higher id, or a wall's.
+    pub b: GlobalId,
+    /// See [`ContactTable::centre`] [m].
+    pub centre: Vec3,
+    /// See [`ContactTable::branch`] [m].
+    pub branch: Vec3,
+    /// See [`ContactTable::point`] [m].
+    pub point: Vec3,
+    /// See [`ContactTable::normal`].
+    pub normal: Vec3,
+    /// See [`ContactTable::overlap`] [m].
+    pub overlap: f64,
+    /// See [`ContactTable::normal_force`] [N].
+    pub normal_force: f64,
+    /// See [`ContactTable::shear_force`] [N].
+    pub shear_force: Vec3,
+}
+
+impl ContactRow {
+    /// The whole force that A exerts on B [N].
+    pub fn force(&self) -> Vec3 {
+        self.normal * self.normal_force + self.shear_force
+    }
+}
+
+/// Rows that are told one by one, as often as asked: a snapshot is written column by column, and the rows of all its
+/// columns at once would be most of what a run ever holds.
+pub trait Rows<Row> {
+    /// How many.
+    fn count(&self) -> usize;
+
+    /// Tells each, always in the same order.
+    fn each(&self, take: &mut dyn FnMut(&Row));
+
+    /// A column of another length than the first, and its length. Only what is stored in columns can have one.
+    fn uneven(&self) -> Option<(&'static str, usize)> {
+        None
+    }
+}
+
+impl Rows<NamedHistory> for &[NamedHistory] {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn each(&self, take: &mut dyn FnMut(&NamedHistory)) {
+        self.iter().for_each(take);
+    }
+}
+
+impl Rows<ContactRow> for ContactTable {
+    fn count(&self) -> usize {
+        self.a.len()
+    }
+
+    fn each(&self, take: &mut dyn FnMut(&ContactRow)) {
+        for k in 0..self.a.len() {
+            take(&ContactRow {
+                a: self.a[k],
+                b: self.b[k],
+                centre: self.centre[k],
+                branch: self.branch[k],
+                point: self.point[k],
+                normal: self.normal[k],
+                overlap: self.overlap[k],
+                normal_force: self.normal_force[k],
+                shear_force: self.shear_force[k],
+            });
+        }
+    }
+
+    fn uneven(&self) -> Option<(&'static str, usize)> {
+        let Self { a, b, centre, branch, point, normal, overlap, normal_force, shear_force } = self;
+        let columns = [
+            ("b", b.len()),
+            ("centre", centre.len()),
+            ("branch", branch.len()),
+            ("point", point.len()),
+            ("normal", normal.len()),
+            ("overlap", overlap.len()),
+            ("normal_force", normal_force.len()),
+            ("shear_force", shear_force.len()),
+        ];
+        columns.into_iter().find(|(_, rows)| *rows != a.len())
+    }
+}
+
 impl ContactTable {
     /// An empty one with room for so many contacts.
     pub fn with_capacity(contacts: usize) -> Self {
@@ -200,6 +292,19 @@ impl ContactTable {
             normal_force: Vec::with_capacity(contacts),
             shear_force: Vec::with_capacity(contacts),
         }
+    }
+
+    /// Adds a contact.
+    pub fn push(&mut self, row: &ContactRow) {
+        self.a.push(row.a);
+        self.b.push(row.b);
+        self.centre.push(row.centre);
+        self.branch.push(row.branch);
+        self.point.push(row.point);
+        self.normal.push(row.normal);
+        self.overlap.push(row.overlap);
+        self.normal_force.push(row.normal_force);
+        self.shear_force.push(row.shear_force);
     }
 
     /// The whole force that A exerts on B [N].

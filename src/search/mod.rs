@@ -16,6 +16,7 @@ use crate::law::{ForceLaw, Load, Memory, WallWork, torque_on_a, torque_on_b};
 use crate::math::Vec3;
 use crate::particles::{Needs, Particles, held, trim};
 use crate::shape::Kind;
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// A run of pairs of the same kinds in the list.
@@ -121,7 +122,8 @@ impl PairList {
             found.len() <= Incidence::MOST,
             "2^31 pairs on a rank: take more ranks, or a smaller skin"
         );
-        self.sort_into_blocks(particles, found);
+        self.sort_into_blocks(particles, &found);
+        drop(found);
         self.place.clear();
         self.place.resize(self.pairs.len(), Place::DUE);
         self.touching.clear();
@@ -156,7 +158,7 @@ impl PairList {
         }
     }
 
-    fn sort_into_blocks(&mut self, particles: &Particles, found: Vec<Pair>) {
+    fn sort_into_blocks(&mut self, particles: &Particles, found: &[Pair]) {
         let kind =
             |slot: Slot| particles.library.shapes[particles.shape[slot.index()].index()].kind();
         let block_of = |pair: &Pair| {
@@ -164,17 +166,27 @@ impl PairList {
             let border = ghosts.contains(&pair.a.index()) || ghosts.contains(&pair.b.index());
             (border, ordered((kind(pair.a), kind(pair.b))))
         };
-        let mut keyed: Vec<_> = found.into_iter().map(|pair| (block_of(&pair), pair)).collect();
-        // Stable: within a block the pairs stay in the order of the cells, neighbours close in memory.
-        keyed.sort_by_key(|(block, _)| *block);
+        // Counted first, then each to its place: sorting with keys would hold all pairs three times.
+        let mut next: BTreeMap<_, usize> = BTreeMap::new();
+        for pair in found {
+            *next.entry(block_of(pair)).or_default() += 1;
+        }
         self.blocks.clear();
-        for run in keyed.chunk_by(|(x, _), (y, _)| x == y) {
-            let (border, kinds) = run[0].0;
-            let start = self.blocks.last().map_or(0, |b| b.range.end);
-            self.blocks.push(Block { kinds, border, range: start..start + run.len() });
+        let mut start = 0;
+        for (&(border, kinds), place) in &mut next {
+            let count = std::mem::replace(place, start);
+            self.blocks.push(Block { kinds, border, range: start..start + count });
+            start += count;
         }
         self.pairs.clear();
-        self.pairs.extend(keyed.into_iter().map(|(_, pair)| pair));
+        self.pairs.resize(found.len(), Pair { a: Slot(0), b: Slot(0) });
+        // Within a block the pairs stay in the order of the cells, neighbours close in memory.
+        for pair in found {
+            if let Some(place) = next.get_mut(&block_of(pair)) {
+                self.pairs[*place] = *pair;
+                *place += 1;
+            }
+        }
     }
 
     fn collect_incidences(&mut self, particles: &Particles) {

@@ -8,12 +8,77 @@ use crate::ids::{GlobalId, Rank, ShapeId};
 use crate::math::{ExactSum, Quat, Vec3};
 use crate::motion;
 use crate::output::snapshot::MOST_PARTS;
-use crate::output::tables::{ContactTable, Header, ParticleTable, ServoRow, ShapeRow, WallRow};
+use crate::output::tables::{
+    ContactRow, ContactTable, Header, ParticleTable, Rows, ServoRow, ShapeRow, WallRow,
+};
 use crate::particles::records::Particle;
-use crate::search::Loaded;
+use crate::search::{Loaded, PairList};
 use crate::shape::Kind;
 use nalgebra::Quaternion;
 use std::collections::BTreeMap;
+
+/// The touching contacts of which this rank owns the first particle.
+struct FirstOwned<'a>(&'a Simulation);
+
+impl FirstOwned<'_> {
+    fn is_one(&self, pair: Pair) -> bool {
+        pair.a.index() < self.0.particles.owned
+    }
+
+    fn how_many(&self) -> usize {
+        let PairList { pairs, .. } = &self.0.pairs;
+        self.0.pairs.touching().iter().filter(|&&pair| self.is_one(pairs[pair as usize])).count()
+    }
+}
+
+impl Rows<ContactRow> for FirstOwned<'_> {
+    fn count(&self) -> usize {
+        self.how_many()
+    }
+
+    fn each(&self, take: &mut dyn FnMut(&ContactRow)) {
+        let Simulation { particles, pairs, law, .. } = self.0;
+        let bodies = particles.bodies();
+        for contact in pairs.contacts(&**law, particles) {
+            let Loaded { pair, history, normal_force, force, point, spring: _ } = contact;
+            if !self.is_one(pair) {
+                continue;
+            }
+            let Pair { a, b } = pair;
+            let with_wall = b.index() >= particles.first_wall();
+            let centre = particles.position[a.index()];
+            take(&ContactRow {
+                a: particles.id[a.index()],
+                b: particles.id[b.index()],
+                centre,
+                branch: if with_wall { point } else { bodies.relative(pair) },
+                point: centre + point,
+                normal: history.normal,
+                overlap: history.overlap,
+                normal_force,
+                shear_force: force - history.normal * normal_force,
+            });
+        }
+    }
+}
+
+impl Rows<NamedHistory> for FirstOwned<'_> {
+    fn count(&self) -> usize {
+        self.how_many()
+    }
+
+    fn each(&self, take: &mut dyn FnMut(&NamedHistory)) {
+        let Simulation { particles, pairs, law, .. } = self.0;
+        for &pair in pairs.touching() {
+            if self.is_one(pairs.pairs[pair as usize]) {
+                take(&NamedHistory {
+                    normal_force: pairs.normal_force(pair, &**law, particles),
+                    ..pairs.named(pair, particles)
+                });
+            }
+        }
+    }
+}
 
 impl Simulation {
     /// What a snapshot of this moment says once; `scene` is the scene's text, `wall_forces` comes from
@@ -130,40 +195,26 @@ impl Simulation {
     /// The contacts of which this rank owns the first particle.
     pub fn contact_table(&self) -> ContactTable {
         let mut table = ContactTable::with_capacity(self.pairs.touching().len());
-        let particles = &self.particles;
-        let bodies = particles.bodies();
-        for contact in self.pairs.contacts(&*self.law, particles) {
-            let Loaded { pair, history, normal_force, force, point, spring: _ } = contact;
-            let Pair { a, b } = pair;
-            if a.index() >= particles.owned {
-                continue;
-            }
-            let with_wall = b.index() >= particles.first_wall();
-            let centre = particles.position[a.index()];
-            table.a.push(particles.id[a.index()]);
-            table.b.push(particles.id[b.index()]);
-            table.centre.push(centre);
-            table.branch.push(if with_wall { point } else { bodies.relative(pair) });
-            table.point.push(centre + point);
-            table.normal.push(history.normal);
-            table.overlap.push(history.overlap);
-            table.normal_force.push(normal_force);
-            table.shear_force.push(force - history.normal * normal_force);
-        }
+        self.contact_rows().each(&mut |row| table.push(row));
         table
+    }
+
+    /// The rows of [`Simulation::contact_table`].
+    pub const fn contact_rows(&self) -> impl Rows<ContactRow> {
+        FirstOwned(self)
     }
 
     /// The histories of the touching contacts of which this rank owns the first particle.
     pub fn histories(&self) -> Vec<NamedHistory> {
-        let owned = self.particles.owned;
-        let touching = self.pairs.touching();
-        let is_mine = |&&pair: &&u32| self.pairs.pairs[pair as usize].a.index() < owned;
-        let mut histories = Vec::with_capacity(touching.len());
-        histories.extend(touching.iter().filter(is_mine).map(|&pair| NamedHistory {
-            normal_force: self.pairs.normal_force(pair, &*self.law, &self.particles),
-            ..self.pairs.named(pair, &self.particles)
-        }));
+        let rows = self.history_rows();
+        let mut histories = Vec::with_capacity(rows.count());
+        rows.each(&mut |row| histories.push(*row));
         histories
+    }
+
+    /// The rows of [`Simulation::histories`].
+    pub const fn history_rows(&self) -> impl Rows<NamedHistory> {
+        FirstOwned(self)
     }
 
     /// Takes up a state from a snapshot: on each rank any part of its particles and histories, which

@@ -116,6 +116,11 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
         "memory     {} bytes per owned particle: {:.0} in columns, {:.0} in {:.2} listed pairs, {:.0} in {:.2} contacts",
         memory.all, memory.columns, memory.pairs, memory.listed, memory.contacts, memory.touching,
     ));
+    if let Some([megabytes, per_owned]) = memory.peak {
+        line(format_args!(
+            "peak       {megabytes} MB in a process, {per_owned} bytes per owned particle: with the program, its libraries, and what was held for a moment",
+        ));
+    }
     if let Some(rain) = sim.rain.as_ref().filter(|rain| !rain.is_over()) {
         let (fallen, count) = (rain.fallen, rain.count());
         line(format_args!(
@@ -329,6 +334,9 @@ struct Memory {
     listed: f64,
     /// Contacts per owned particle: a contact of two of them counts once.
     touching: f64,
+    /// The most that a process has held so far, with all that is in it [MB], and by owned particle [bytes]; `None` where
+    /// any system does not say. Ranks in threads of one process have it together.
+    peak: Option<[Share; 2]>,
 }
 
 impl Memory {
@@ -343,6 +351,19 @@ impl Memory {
         let parts = [columns + pairs + contacts, columns, pairs, contacts, listed, touching];
         let [all, parts @ ..] = Share::of(parts, comm);
         let [columns, pairs, contacts, listed, touching] = parts.map(|share| share.mean);
-        Self { all, columns, pairs, contacts, listed, touching }
+        let peak = peak_bytes();
+        let is_known = !comm.any(peak.is_none());
+        let bytes = peak.unwrap_or_default();
+        let shares = Share::of([bytes / 1e6, bytes / owned], comm);
+        let peak = is_known.then_some(shares);
+        Self { all, columns, pairs, contacts, listed, touching, peak }
     }
+}
+
+/// The most memory that this process has held so far [bytes], if the system says.
+fn peak_bytes() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kibibytes: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(1024.0 * kibibytes)
 }

@@ -446,12 +446,12 @@ fn save(
     if ending == Ending::Rest {
         header.stop = schedule.stop.to_string();
     }
-    Ok(snapshot::write(
+    Ok(snapshot::write_rows(
         &schedule.out,
         &header,
         &sim.particle_table(comm.rank()),
-        &sim.contact_table(),
-        &sim.histories(),
+        &sim.contact_rows(),
+        &sim.history_rows(),
         comm,
     )?)
 }

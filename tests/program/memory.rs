@@ -1,0 +1,105 @@
+//! What a run tells of its memory is what the system sees, and what it holds for a moment is bounded.
+
+use super::fresh_directory;
+use super::process::{Ended, Launch, dem_mpi};
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+/// Balls along an edge of the lattice: 50,653 of them, each touching six.
+const ALONG: u32 = 37;
+/// The most that a process may hold over what it has of its grains at the end, program and libraries apart. Measured: 1.82
+/// on one rank and 1.89 on two; with whole tables of contacts and histories for a snapshot it was 3.0.
+const FACTOR: f64 = 2.2;
+
+/// Balls on a lattice so narrow that neighbours touch: every list is full at once.
+fn lattice(along: u32) -> String {
+    let (radius, spacing) = (1e-3, 1.995e-3);
+    let side = f64::from(along) * 2.0 * radius;
+    format!(
+        r#"
+title = "Balls that touch"
+gravity = [0.0, 0.0, -9.81]
+[domain]
+low = [0.0, 0.0, 0.0]
+high = [{side}, {side}, {side}]
+walls = ["-z"]
+[[material]]
+name = "glass"
+density = 2500.0
+normal_stiffness = 1e4
+friction = 0.3
+restitution = 0.5
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = {radius}
+[[fill.lattice]]
+first = [{radius}, {radius}, {radius}]
+spacing = {spacing}
+count = [{along}, {along}, {along}]
+[time]
+step = 1e-6
+steps = 20
+[output]
+directory = "out"
+snapshot_every = 10
+"#
+    )
+}
+
+/// A run of such a lattice, and the most that the system has seen in its first process [bytes].
+fn run(along: u32, launch: Launch, directory: &Path) -> (Ended, f64) {
+    let (scene, out) = (directory.join("lattice.toml"), directory.join("out"));
+    fs::write(&scene, lattice(along)).unwrap();
+    let arguments = [scene.as_os_str(), "--out".as_ref(), out.as_os_str(), "--overwrite".as_ref()];
+    let running = dem_mpi(launch, arguments).start();
+    let status = format!("/proc/{}/status", running.id());
+    let mut most = 0.0_f64;
+    // A process that has ended has no such line.
+    while let Some(held) = fs::read_to_string(&status).ok().and_then(|text| {
+        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+        line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok()
+    }) {
+        most = most.max(1024.0 * held);
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let ended = running.end();
+    assert_eq!(ended.status.code(), Some(0), "{ended}");
+    (ended, most)
+}
+
+/// The number behind `(most` in the part of a report's line that ends with `unit`.
+fn most(ended: &Ended, line: &str, unit: &str) -> f64 {
+    let said = ended.output.lines().find(|said| said.starts_with(line));
+    let said = said.unwrap_or_else(|| panic!("no line `{line}`: {ended}"));
+    let part = said.split(unit).next().unwrap();
+    let number = part.rsplit("(most ").next().unwrap().trim_end().trim_end_matches(')');
+    number.parse().unwrap_or_else(|e| panic!("{number}: {e}"))
+}
+
+#[test]
+fn the_peak_is_told_and_is_not_much_more_than_what_stays() {
+    let directory = fresh_directory("memory");
+    for launch in [Launch::Alone, Launch::Ranks(2)] {
+        let (little, _) = run(2, launch, &directory);
+        let (much, seen) = run(ALONG, launch, &directory);
+        let [before, peak] = [&little, &much].map(|ended| 1e6 * most(ended, "peak ", " MB"));
+        let ranks = if launch == Launch::Alone { 1.0 } else { 2.0 };
+        if launch == Launch::Alone {
+            // Looked at from outside until shortly before the end.
+            assert!((0.95..=1.02).contains(&(seen / peak)), "{seen} seen, {peak} told");
+        }
+        let owned = f64::from(ALONG).powi(3) / ranks;
+        let per_owned = most(&much, "peak ", " bytes per owned");
+        assert!((per_owned / (peak / owned) - 1.0).abs() < 0.05, "{per_owned}, of {much}");
+
+        let grains = (peak - before) / owned;
+        let stays = most(&much, "memory ", " bytes per owned");
+        println!(
+            "{launch:?}: {grains:.0} bytes per grain at most, {stays} in the end, {before:.3e} without"
+        );
+        assert!(stays > 400.0, "no contacts? {much}");
+        assert!(grains < FACTOR * stays, "{grains} bytes per grain at most, {stays} in the end");
+    }
+}
