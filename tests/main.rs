@@ -18,6 +18,7 @@ mod scene;
 mod servo;
 mod snapshot;
 mod solids;
+mod statements;
 mod superellipsoids;
 mod support;
 mod triaxial;

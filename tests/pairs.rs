@@ -430,7 +430,7 @@ fn section_2_is_drawn() {
         }
     }
     let table = rows(text("table1.csv").as_bytes());
-    assert_eq!(table.len(), 9);
+    assert_eq!(table.len(), 12);
     assert!(table.iter().all(|row| number(row, "contact_ns") > 0.0));
     assert_eq!(rows(text("fig7.csv").as_bytes()).len(), 25 * 37);
     let report = text("report.md");

@@ -6,7 +6,7 @@ use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::tables::WallRow;
 use dem_mpi::post::region::{Bounds, Margin, Region};
-use dem_mpi::post::section::Verdict;
+use dem_mpi::post::section::{Reading, Verdict};
 use dem_mpi::post::series::{self, Choice};
 use dem_mpi::post::triaxial::run::{Cost, rms_difference};
 use dem_mpi::post::triaxial::{Method, Run, regenerate, report};
@@ -178,6 +178,57 @@ fn erosion_is_judged_as_the_paper_reads() {
     assert_eq!(verdict(&all, "and about 6.8 with erosion"), Verdict::Yes);
     let page = report::report(&all);
     assert!(page.contains("erosion after GJK has said that bodies touch is compared"));
+}
+
+/// Erosion has been read both ways where there are both: after GJK, and alone.
+#[test]
+fn findings_tell_both_readings_of_erosion() {
+    let exact = made_up(Method::CommonNormal, 7.5, usual);
+    let checked = made_up(Method::CheckedErosion, 6.8, usual);
+    let alone = made_up(Method::Erosion, 7.5, usual);
+    let verdict = |runs: &[Run], name: &str, reading: Reading| {
+        let rows = report::rows(runs);
+        rows.into_iter().find(|row| row.name == name && row.reading == reading).expect(name).verdict
+    };
+    let all = [exact.clone(), checked.clone(), alone.clone()];
+    for (name, with_gjk, by_itself) in [
+        ("z_erosion", Verdict::Yes, Verdict::Nearly),
+        ("z_at_peak", Verdict::Yes, Verdict::No),
+        ("same_curve", Verdict::Yes, Verdict::Yes),
+        // Erosion alone pushes as much and loses nothing.
+        ("pushing_away", Verdict::No, Verdict::No),
+    ] {
+        assert_eq!(verdict(&all, name, Reading::Checked), with_gjk, "{name}");
+        assert_eq!(verdict(&all, name, Reading::Alone), by_itself, "{name}");
+    }
+    // What was not run is not judged by the other.
+    let without = [exact.clone(), checked];
+    assert_eq!(verdict(&without, "z_erosion", Reading::Checked), Verdict::Yes);
+    for name in ["z_erosion", "same_curve", "pushing_away"] {
+        assert_eq!(verdict(&without, name, Reading::Alone), Verdict::Untold, "{name}");
+    }
+    let losing = [exact, made_up(Method::Erosion, 6.8, usual)];
+    assert_eq!(verdict(&losing, "pushing_away", Reading::Alone), Verdict::Yes);
+    // Every finding has a name of its own.
+    let mut names: Vec<String> = report::rows(&all).into_iter().map(|row| row.name).collect();
+    let count = names.len();
+    names.sort();
+    names.dedup();
+    assert_eq!(2 * names.len(), count);
+}
+
+#[test]
+fn a_packing_that_does_not_rest_is_told() {
+    let mut run = made_up(Method::CheckedErosion, 6.8, usual);
+    for (force, expected) in [(0.005, Verdict::Yes), (0.04, Verdict::Nearly), (0.28, Verdict::No)] {
+        let packing = run.packing.as_mut().expect("made up");
+        packing.summary.unbalanced_force_ratio = Some(force);
+        assert_eq!(verdict(std::slice::from_ref(&run), "the packing is at rest"), expected);
+    }
+    assert!(
+        report::report(&[run])
+            .contains("), but not at rest: resultant force 0.2800 of a contact's")
+    );
 }
 
 #[test]

@@ -11,7 +11,7 @@ use dem_mpi::post::plots::Plot;
 use dem_mpi::post::region::{Bounds, Margin, Region};
 use dem_mpi::post::section::csv;
 use dem_mpi::post::series::{self, Choice};
-use dem_mpi::post::{Report, Settings, lammps, page, pieces, triaxial};
+use dem_mpi::post::{Report, Settings, lammps, page, pieces, statements, triaxial};
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -28,14 +28,14 @@ use std::process::ExitCode;
 #[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 struct Arguments {
     /// Particle files (particles_STEP.vtkhdf, each with its contacts file beside it), or directories
-    #[arg(required_unless_present = "section_3", value_name = "SNAPSHOT")]
+    #[arg(required_unless_present_any = ["section_3", "statements"], value_name = "SNAPSHOT")]
     snapshots: Vec<PathBuf>,
 
     /// All snapshots of each directory instead of the newest
     #[arg(long)]
     series: bool,
 
-    /// Where to write [default: `post` beside the last snapshot; of --section-3, in DIR]
+    /// Where to write [default: `post` beside the last snapshot; of --section-3, in DIR; of --statements, the last DIR]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 
@@ -68,6 +68,11 @@ struct Arguments {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["snapshots", "series", "lammps", "diff"])]
     section_3: Option<PathBuf>,
 
+    /// Put every statement of the same paper into one table with counts, from what --section-3, dem-contact
+    /// --section-2 and run/paper/sensitivity/run wrote into these folders: statements.md and statements.csv
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["snapshots", "series", "lammps", "diff", "section_3"])]
+    statements: Option<Vec<PathBuf>>,
+
     /// Compare two snapshots particle by particle, bit for bit, and write nothing.
     /// Exit status: 0 equal, 1 different, 2 could not compare
     #[arg(long, conflicts_with_all = ["out", "region", "margin", "series", "fabric_with_walls", "lammps"])]
@@ -84,7 +89,9 @@ Examples:
   dem-post --diff one_rank/last.vtkhdf four_ranks/last.vtkhdf
                                                same bits on 1 and on 4 ranks?
   dem-post out/packing --lammps                also a file for OVITO
-  dem-post --section-3 out/paper/triaxial      the paper's section 3";
+  dem-post --section-3 out/paper/triaxial      the paper's section 3
+  dem-post --statements out/paper/single-contact out/paper/triaxial/report --out out/paper
+                                               all its statements";
 
 fn main() -> ExitCode {
     match run(Arguments::parse()) {
@@ -107,7 +114,13 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     };
     let choice = Choice { settings, margin: arguments.margin };
     if let Some(root) = &arguments.section_3 {
-        return regenerate(root, arguments.out.as_deref(), &choice);
+        let out = arguments.out.unwrap_or_else(|| root.join("post"));
+        return store(&out, triaxial::regenerate(root, &choice)?, "report.md");
+    }
+    if let Some(folders) = &arguments.statements {
+        let last = || folders.last().cloned().unwrap_or_default();
+        let out = arguments.out.unwrap_or_else(last);
+        return store(&out, statements::regenerate(folders)?, "statements.md");
     }
     let files = particle_files(&arguments.snapshots, arguments.series)?;
     if arguments.diff {
@@ -139,16 +152,14 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes all files of the section.
-fn regenerate(root: &Path, out: Option<&Path>, choice: &Choice) -> Result<ExitCode> {
-    let files = triaxial::regenerate(root, choice)?;
-    let out = out.map_or_else(|| root.join("post"), Path::to_path_buf);
-    fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
+/// Writes these files, names and contents, and says where the one to read is.
+fn store(out: &Path, files: Vec<(String, String)>, to_read: &str) -> Result<ExitCode> {
+    fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
     for (name, text) in files {
         let path = out.join(&name);
         fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
     }
-    say(&format!("report: {}\n", out.join("report.md").display()));
+    say(&format!("report: {}\n", out.join(to_read).display()));
     Ok(ExitCode::SUCCESS)
 }
 

@@ -23,6 +23,7 @@
 //! | [`section`] | statements, findings, verdicts: pages that regenerate a section of a paper |
 //! | [`single_contact`] | section 2 of Lai et al. (2021), without a snapshot |
 //! | [`triaxial`] | section 3, from the snapshots of runs |
+//! | [`statements`] | all statements of the paper with their verdicts, and its conclusions |
 
 mod check;
 pub mod coordination;
@@ -41,6 +42,7 @@ pub mod rose;
 pub mod section;
 pub mod series;
 pub mod single_contact;
+pub mod statements;
 pub mod stress;
 mod sums;
 pub mod triaxial;

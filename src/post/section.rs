@@ -1,12 +1,14 @@
 //! What the pages share that regenerate a section of the paper: statements beside findings, verdicts,
 //! tables.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 
 /// A statement of the paper, and what came of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
+    /// By which other findings refer to it; of one section no two are equal.
+    pub name: &'static str,
     /// The figure or table of the paper, or its section.
     pub figure: &'static str,
     /// What the paper says.
@@ -18,16 +20,88 @@ pub struct Finding {
 }
 
 /// Does a statement reproduce? From the best to the worst.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Verdict {
     /// It does.
+    #[serde(rename = "reproduces")]
     Yes,
     /// With a restriction that the numbers show.
+    #[serde(rename = "nearly")]
     Nearly,
     /// It does not.
+    #[serde(rename = "does not")]
     No,
     /// Numbers are missing.
+    #[serde(rename = "no data")]
     Untold,
+}
+
+/// What a finding is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Kind {
+    /// A statement of the paper on what it found.
+    #[serde(rename = "statement")]
+    Statement,
+    /// A condition that the paper sets: it holds because the runs were set up so.
+    #[serde(rename = "setting")]
+    Setting,
+    /// A check of this code's runs, which the paper does not state.
+    #[serde(rename = "check")]
+    Check,
+}
+
+/// How the paper's erosion is read; it can be read both ways.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Reading {
+    /// Erosion of bodies that GJK finds touching ("GJK + GJK-erosion", table 1).
+    #[serde(rename = "GJK + erosion")]
+    Checked,
+    /// Erosion of all bodies that come near; it also finds pairs of small clearance (fig. 3).
+    #[serde(rename = "erosion")]
+    Alone,
+}
+
+impl Reading {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Checked, Self::Alone];
+}
+
+/// A finding as a row of `findings.csv`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Row {
+    /// The part of the paper.
+    pub part: String,
+    /// See [`Finding::name`].
+    pub name: String,
+    /// What it is about.
+    pub kind: Kind,
+    /// See [`Finding::figure`].
+    pub figure: String,
+    /// See [`Finding::statement`].
+    pub statement: String,
+    /// How erosion was read.
+    pub reading: Reading,
+    /// See [`Finding::here`].
+    pub here: String,
+    /// See [`Finding::verdict`].
+    pub verdict: Verdict,
+}
+
+impl Row {
+    /// A finding of this part of the paper, with erosion read so.
+    pub fn new(part: &str, kind: Kind, reading: Reading, finding: Finding) -> Self {
+        let Finding { name, figure, statement, here, verdict } = finding;
+        Self {
+            part: part.into(),
+            name: name.into(),
+            kind,
+            figure: figure.into(),
+            statement: statement.into(),
+            reading,
+            here,
+            verdict,
+        }
+    }
 }
 
 impl Verdict {
@@ -51,7 +125,8 @@ impl Verdict {
         told.max().unwrap_or(Self::Untold)
     }
 
-    const fn words(self) -> &'static str {
+    /// In tables to read.
+    pub const fn words(self) -> &'static str {
         match self {
             Self::Yes => "reproduces",
             Self::Nearly => "nearly",

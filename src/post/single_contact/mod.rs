@@ -70,6 +70,7 @@ pub fn regenerate(plan: &Plan) -> Result<Vec<(String, String)>, StudyError> {
     for (name, svg) in figures::all(&study)? {
         files.push((name, svg));
     }
+    files.push(("findings.csv", csv(report::rows(&study))?));
     files.push(("report.md", report::report(&study, plan)));
     Ok(files.into_iter().map(|(name, text)| (name.to_string(), text)).collect())
 }

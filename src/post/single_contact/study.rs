@@ -6,16 +6,22 @@ use crate::contact::{Epa, ErodedGjk, Method, Touch};
 use crate::math::Vec3;
 use crate::pairs::cases::{self, Meeting, OFFSET, Sampling, steps};
 use crate::pairs::{Pairs, resolve, time};
+use crate::post::section::Reading;
 use serde::Serialize;
 
 /// Erosion ratio of the paper.
 pub const RATIO: f64 = 0.05;
 /// Relative duality gap of GJK where errors are measured: what is left is the erosion's.
-const TIGHT: f64 = 1e-14;
+pub const TIGHT: f64 = 1e-14;
 
 /// Erosion that begins at `ratio`, with GJK run to rounding.
 pub const fn erosion(ratio: f64) -> Method {
-    Method::GjkErosion(ErodedGjk { ratio, increment: 0.01, tolerance: TIGHT, spurious: true })
+    Method::GjkErosion(tight(ratio, Reading::Alone))
+}
+
+const fn tight(ratio: f64, reading: Reading) -> ErodedGjk {
+    let spurious = matches!(reading, Reading::Alone);
+    ErodedGjk { ratio, increment: 0.01, tolerance: TIGHT, spurious }
 }
 
 /// How far a method is off.
@@ -256,8 +262,8 @@ pub struct Study {
     pub case_1: Vec<InCase1>,
     /// The overlap at which the overlap found is twice the true one [m].
     pub twice: f64,
-    /// Clearance below which pairs of Case I are called touching [m].
-    pub spurious: f64,
+    /// Clearance below which pairs of Case I are called touching [m], for each [`Reading`] of erosion.
+    pub spurious: [f64; 2],
     /// Fig. 6 by offset.
     pub offsets: Vec<AtOffset>,
     /// Fig. 6: Case I as B goes on towards A.
@@ -293,7 +299,7 @@ impl Study {
             twice: root(1e-4, 1e-2, |overlap| {
                 Ok(case_1(RATIO, &[overlap])?[0].relative_overlap_error - 1.0)
             })?,
-            spurious: root(0.0, 1e-2, |clearance| Ok(found_at_clearance(clearance)))?,
+            spurious: [spurious(Reading::ALL[0])?, spurious(Reading::ALL[1])?],
             offsets,
             deeper: at_offset(OFFSET, &steps(0.0, 0.3, 150))?,
             case_2: case_2(RATIO, &steps(1.0, 4.0, 24), &steps(0.0, 180.0, 36))?,
@@ -322,10 +328,13 @@ impl Study {
     }
 }
 
-/// Whether erosion calls a pair of Case I touching: 1 or -1.
-fn found_at_clearance(clearance: f64) -> f64 {
-    let answers = resolve(&cases::case_1(OFFSET, &[-clearance]), &erosion(RATIO));
-    if answers[0].touching { 1.0 } else { -1.0 }
+/// Clearance below which erosion calls pairs of Case I touching [m].
+fn spurious(reading: Reading) -> Result<f64, StudyError> {
+    let method = Method::GjkErosion(tight(RATIO, reading));
+    root(0.0, 1e-2, |clearance| {
+        let answers = resolve(&cases::case_1(OFFSET, &[-clearance]), &method);
+        Ok(if answers[0].touching { 1.0 } else { -1.0 })
+    })
 }
 
 /// Where a function that is positive at `low` and negative at `high` changes its sign.
@@ -385,12 +394,15 @@ fn times(plan: &Plan) -> Vec<Times> {
     let spheres = (balls(Meeting::Contact), balls(Meeting::NonContact));
     let paper = ErodedGjk { ratio: RATIO, ..ErodedGjk::default() };
     let erosion = |tolerance| Method::GjkErosion(ErodedGjk { tolerance, ..paper });
+    let checked = |tolerance| Method::GjkErosion(ErodedGjk { tolerance, spurious: false, ..paper });
     let measured = |bodies, (contact, apart): &(Pairs, Pairs), method: Method| {
         let of = |pairs: &Pairs| time(pairs, &resolve(pairs, &method), &method, plan.repeats);
         let (touching, apart) = (of(contact), of(apart));
         let (name, tolerance) = match method {
             _ if bodies == SPHERES => ("closed form", None),
-            Method::GjkErosion(erosion) => ("GJK-erosion", Some(erosion.tolerance)),
+            Method::GjkErosion(erosion) => {
+                (if erosion.spurious { ALONE } else { CHECKED }, Some(erosion.tolerance))
+            }
             Method::Epa(epa) => (if epa.polish { POLISHED_EPA } else { EPA }, Some(epa.tolerance)),
             Method::Auto | Method::CommonNormal => ("common normal", None),
         };
@@ -409,6 +421,9 @@ fn times(plan: &Plan) -> Vec<Times> {
         measured(ELLIPSOIDS, &ellipsoids, erosion(1e-4)),
         measured(ELLIPSOIDS, &ellipsoids, erosion(paper.tolerance)),
         measured(ELLIPSOIDS, &ellipsoids, erosion(1e-8)),
+        measured(ELLIPSOIDS, &ellipsoids, checked(1e-4)),
+        measured(ELLIPSOIDS, &ellipsoids, checked(paper.tolerance)),
+        measured(ELLIPSOIDS, &ellipsoids, checked(1e-8)),
         measured(ELLIPSOIDS, &ellipsoids, plain_epa(1e-4)),
         measured(ELLIPSOIDS, &ellipsoids, plain_epa(Epa::default().tolerance)),
         measured(ELLIPSOIDS, &ellipsoids, Method::Epa(Epa::new(1e-4))),
@@ -420,6 +435,11 @@ fn times(plan: &Plan) -> Vec<Times> {
 
 /// Overlap of the sketch of fig. 6 [m]: the largest of Case I.
 pub const SKETCHED_OVERLAP: f64 = 0.05;
+
+/// Erosion in table 1, read as [`Reading::Alone`].
+pub const ALONE: &str = "GJK-erosion";
+/// Read as [`Reading::Checked`].
+pub const CHECKED: &str = "GJK + GJK-erosion";
 
 /// Bodies of table 1.
 pub const ELLIPSOIDS: &str = "ellipsoids";

@@ -22,6 +22,7 @@ pub use run::{Method, Run};
 
 use super::PostError;
 use super::plots::PlotError;
+use super::section::csv;
 use super::series::Choice;
 use std::path::{Path, PathBuf};
 
@@ -71,6 +72,7 @@ pub fn regenerate(root: &Path, choice: &Choice) -> Result<Vec<(String, String)>,
     let mut files: Vec<(&str, String)> = figures::tables(&runs)?;
     files.extend(picture.map(|svg| ("fig9.svg", svg)));
     files.extend(figures::all(&runs)?);
+    files.push(("findings.csv", csv(report::rows(&runs))?));
     files.push(("report.md", report::report(&runs)));
     Ok(files.into_iter().map(|(name, text)| (name.to_string(), text)).collect())
 }
