@@ -658,20 +658,23 @@ fn about(method: Method, paper: f64) -> impl Fn(&Run) -> Option<(String, Verdict
 
 /// The paper's reason for the lower Z. Erosion alone has the same excess of overlap and no other cause to lose contacts.
 fn pushing_away(all: &[Run]) -> Finding {
+    /// What is to be explained, where GJK + erosion has no number: the paper's 7.5 less 6.8.
+    const LOSS: f64 = 0.7;
     let z = |method| by(method, all)?.packing.as_ref()?.summary.coordination;
     let truth = z(Method::Epa).or_else(|| z(Method::CommonNormal));
-    let found = z(Method::Erosion).zip(truth).map(|(alone, truth)| {
-        let checked = z(Method::CheckedErosion)
-            .map_or(String::new(), |z| format!("; with GJK before it {z:.3}, {:.3} fewer", truth - z));
+    let found = z(Method::Erosion).zip(truth).and_then(|(alone, truth)| {
+        let loss = z(Method::CheckedErosion).map_or(LOSS, |checked| truth - checked);
+        let share = quotient(truth - alone, loss)?;
         let here = format!(
-            "erosion alone, with the same excess, has {alone:.3} contacts and the benchmark {truth:.3}{checked}"
+            "erosion alone, with the same excess, has {alone:.3} contacts and the benchmark {truth:.3}: {} of the loss of {loss:.3}",
+            percent(share)
         );
-        let verdict = match truth - alone {
-            0.1.. => Verdict::Yes,
-            0.05.. => Verdict::Nearly,
+        let verdict = match share {
+            0.5.. => Verdict::Yes,
+            0.25.. => Verdict::Nearly,
             _ => Verdict::No,
         };
-        (here, verdict)
+        Some((here, verdict))
     });
     let (here, verdict) = found.unwrap_or(("–".into(), Verdict::Untold));
     let statement = "Z falls because the overestimated forces push particles away";
