@@ -180,3 +180,27 @@ fn without_findings_there_is_no_table() {
     std::fs::write(folder.join("findings.csv"), "part,name\n2,touch\n").unwrap();
     assert!(why(&folder).contains("findings.csv: CSV deserialize error"), "{}", why(&folder));
 }
+
+/// The committed table is what the command writes from the committed findings, and README has its counts.
+#[test]
+fn the_record_and_readme_have_the_counts_of_the_findings() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let records = root.join("benchmarks/records");
+    let folder = |name: &str| records.join(format!("2026-11-{name}"));
+    let folders = ["single-contact", "triaxial", "sensitivity"].map(folder);
+    let files = regenerate(&folders).unwrap();
+    for (name, text) in &files {
+        let committed = std::fs::read_to_string(folder("triaxial").join(name)).unwrap();
+        assert!(committed == *text, "{name} is not what dem-post --statements writes");
+    }
+    let readme = std::fs::read_to_string(root.join("README.md")).unwrap();
+    let page = &files.iter().find(|(name, _)| name == "statements.md").expect("a page").1;
+    let counts: Vec<&str> = page
+        .lines()
+        .filter(|line| line.contains("| GJK + erosion |") || line.contains("| alone |"))
+        .collect();
+    assert_eq!(counts.len(), 8);
+    for line in counts {
+        assert!(readme.contains(line), "README has not {line}");
+    }
+}

@@ -110,9 +110,10 @@ but contradicts the range and the 3° of the same paragraph.\n";
 const TABLE_1: &str = "\
 Table: `table1.csv`. The paper's numbers are given in ms; only ratios can be compared, and they depend on two tolerances that the \
 paper does not tell. One pair after the other, without a guess; *warm*: from a normal that is off by 1e-4, as after a time step; \
-*batched*: many pairs at once, as in a simulation. The paper's methods both begin with GJK on the bodies themselves, as *GJK + GJK-erosion* does here; \
-*GJK-erosion* goes to the cores at once, which saves a run of GJK where bodies touch and costs more where they are apart. The \
-table below is of *GJK-erosion*; `findings.csv` has both.\n";
+*batched*: many pairs at once, as in a simulation. The paper's methods both begin with GJK on the bodies themselves. Here \
+erosion goes to the cores at once, which saves a run of GJK where bodies touch and costs more where they are apart; *GJK + \
+GJK-erosion* has the paper's answers, but looks at the bodies themselves last, and only where erosion finds a contact. The \
+findings below are of *GJK-erosion*; `findings.csv` has both.\n";
 
 const CHECKS: &str = "\
 Section 4 of the paper states these; its section 2 does not.\n";
