@@ -1,0 +1,224 @@
+//! Published cases and closed forms, each with the published and the own number. The command `verification` runs all
+//! of them, the tests run the short ones.
+//!
+//! To add a source, write a file with a function `run(effort) -> Findings` and name it in [`sources`].
+
+mod ball;
+pub(crate) mod chung_ooi;
+pub(crate) mod convergence;
+pub(crate) mod free_motion;
+pub(crate) mod incline;
+pub(crate) mod lammps;
+pub(crate) mod mfix;
+pub(crate) mod other_codes;
+pub(crate) mod packing;
+mod setup;
+mod ways;
+
+pub(crate) use ball::{Ball, Throw};
+pub(crate) use setup::{Body, Frame, Grain, Plane, Setup, least_squares};
+pub(crate) use ways::Ways;
+
+/// How much is run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Effort {
+    /// For the tests: seconds.
+    Quick,
+    /// For the record: minutes.
+    Full,
+}
+
+impl Effort {
+    /// One of two.
+    pub(crate) fn pick<T>(self, quick: T, full: T) -> T {
+        match self {
+            Self::Quick => quick,
+            Self::Full => full,
+        }
+    }
+}
+
+/// One comparison: a number that is known, and the program's.
+#[derive(Clone, Debug)]
+pub(crate) struct Row {
+    /// Which sub-case.
+    pub(crate) what: String,
+    /// Published, or of the closed form.
+    pub(crate) published: f64,
+    /// Of this program.
+    pub(crate) own: f64,
+    /// By which their difference is divided.
+    pub(crate) scale: f64,
+}
+
+impl Row {
+    /// The difference over the scale; infinite if it is not a number, so that it is the worst.
+    pub(crate) fn deviation(&self) -> f64 {
+        let deviation = (self.own - self.published).abs() / self.scale;
+        if deviation.is_nan() { f64::INFINITY } else { deviation }
+    }
+}
+
+/// A case and all its sub-cases.
+#[derive(Clone, Debug)]
+pub(crate) struct Case {
+    /// Paper, or test of a code.
+    pub(crate) source: &'static str,
+    /// What moves.
+    pub(crate) name: String,
+    /// What is compared, with its unit.
+    pub(crate) quantity: String,
+    /// The largest deviation that holds.
+    pub(crate) tolerance: f64,
+    /// Why it is not smaller.
+    pub(crate) reason: String,
+    /// The sub-cases.
+    pub(crate) rows: Vec<Row>,
+    /// Why the program cannot do it yet, if that is known.
+    pub(crate) short_until: Option<&'static str>,
+}
+
+/// What came out of a case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    /// Within the tolerance.
+    Holds,
+    /// Outside of it, as is known.
+    FallsShort,
+    /// Outside of it, and nobody knows why.
+    Fails,
+    /// Within it, though it is said to fall short: what is said is out of date.
+    HoldsNow,
+}
+
+impl Verdict {
+    /// As tables have it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Holds => "holds",
+            Self::FallsShort => "falls short",
+            Self::Fails => "FAILS",
+            Self::HoldsNow => "HOLDS, though it is said to fall short",
+        }
+    }
+
+    /// Is it what was expected?
+    pub(crate) fn is_expected(self) -> bool {
+        matches!(self, Self::Holds | Self::FallsShort)
+    }
+}
+
+impl Case {
+    /// Without sub-cases yet.
+    pub(crate) fn new(
+        source: &'static str,
+        name: impl Into<String>,
+        quantity: impl Into<String>,
+        tolerance: f64,
+        reason: impl Into<String>,
+    ) -> Self {
+        Self {
+            source,
+            name: name.into(),
+            quantity: quantity.into(),
+            tolerance,
+            reason: reason.into(),
+            rows: Vec::new(),
+            short_until: None,
+        }
+    }
+
+    /// Adds a sub-case whose deviation is relative to the published number.
+    pub(crate) fn relative(&mut self, what: impl Into<String>, published: f64, own: f64) {
+        self.over(published.abs(), what, published, own);
+    }
+
+    /// Adds a sub-case whose deviation is the difference itself.
+    pub(crate) fn absolute(&mut self, what: impl Into<String>, published: f64, own: f64) {
+        self.over(1.0, what, published, own);
+    }
+
+    /// Adds a sub-case whose difference is divided by `scale`.
+    pub(crate) fn over(&mut self, scale: f64, what: impl Into<String>, published: f64, own: f64) {
+        self.rows.push(Row { what: what.into(), published, own, scale });
+    }
+
+    /// The sub-case with the largest deviation.
+    pub(crate) fn worst(&self) -> &Row {
+        let larger = |a: &&Row, b: &&Row| a.deviation().total_cmp(&b.deviation());
+        self.rows.iter().max_by(larger).expect("a case has sub-cases")
+    }
+
+    /// Does the worst sub-case hold?
+    pub(crate) fn verdict(&self) -> Verdict {
+        let holds = self.worst().deviation() <= self.tolerance;
+        match (holds, self.short_until) {
+            (true, None) => Verdict::Holds,
+            (true, Some(_)) => Verdict::HoldsNow,
+            (false, Some(_)) => Verdict::FallsShort,
+            (false, None) => Verdict::Fails,
+        }
+    }
+}
+
+/// A line of a picture.
+#[derive(Clone, Debug)]
+pub(crate) struct Curve {
+    /// For the legend.
+    pub(crate) name: String,
+    /// x and y.
+    pub(crate) points: Vec<(f64, f64)>,
+}
+
+impl Curve {
+    /// Of these points.
+    pub(crate) fn new(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points }
+    }
+}
+
+/// What is drawn of a source.
+#[derive(Clone, Debug)]
+pub(crate) struct Picture {
+    /// Its file, without ending.
+    pub(crate) file: &'static str,
+    /// What x and y are.
+    pub(crate) axes: [&'static str; 2],
+    /// Are both axes logarithmic?
+    pub(crate) is_logarithmic: bool,
+    /// The lines.
+    pub(crate) curves: Vec<Curve>,
+}
+
+/// What a source gives.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Findings {
+    /// Its cases.
+    pub(crate) cases: Vec<Case>,
+    /// What is drawn of it.
+    pub(crate) pictures: Vec<Picture>,
+}
+
+/// A file of the independent reference of 2026-11, which the tests have, too.
+pub(crate) fn parse_reference(name: &str) -> serde_json::Value {
+    let path = format!("{}/tests/reference/{name}", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
+    serde_json::from_str(&text).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+/// A source: its name, and what runs its cases.
+pub(crate) type Source = (&'static str, fn(Effort) -> Findings);
+
+/// All sources, in the order of the table.
+pub(crate) fn sources() -> [Source; 8] {
+    [
+        ("mfix", mfix::run),
+        ("lammps", lammps::run),
+        ("chung_ooi", chung_ooi::run),
+        ("free_motion", free_motion::run),
+        ("incline", incline::run),
+        ("packing", packing::run),
+        ("convergence", convergence::run),
+        ("other_codes", other_codes::run),
+    ]
+}

@@ -1,0 +1,292 @@
+//! A few grains and planes as a user would write them: a scene's text and a file of particles, run through the
+//! program's library.
+
+use dem_mpi::comm::alone::Alone;
+use dem_mpi::comm::{Comm, threads};
+use dem_mpi::math::{Quat, Vec3};
+use dem_mpi::scene::{Scene, assemble};
+use dem_mpi::sim::Simulation;
+use std::fmt::Write;
+
+/// A grain at the start.
+#[derive(Clone, Debug)]
+pub(crate) struct Grain {
+    /// Name of its shape.
+    pub(crate) shape: &'static str,
+    /// Centre [m].
+    pub(crate) position: Vec3,
+    /// Velocity [m/s].
+    pub(crate) velocity: Vec3,
+    /// Body to world.
+    pub(crate) orientation: Quat,
+    /// Angular velocity, world axes [rad/s].
+    pub(crate) spin: Vec3,
+}
+
+impl Grain {
+    /// At rest and upright.
+    pub(crate) fn at(shape: &'static str, position: Vec3) -> Self {
+        let (velocity, spin) = (Vec3::zeros(), Vec3::zeros());
+        Self { shape, position, velocity, orientation: Quat::identity(), spin }
+    }
+
+    /// With this velocity [m/s].
+    pub(crate) fn moving(self, velocity: Vec3) -> Self {
+        Self { velocity, ..self }
+    }
+
+    /// With this angular velocity in world axes [rad/s].
+    pub(crate) fn spinning(self, spin: Vec3) -> Self {
+        Self { spin, ..self }
+    }
+
+    /// Turned so.
+    pub(crate) fn turned(self, orientation: Quat) -> Self {
+        Self { orientation, ..self }
+    }
+}
+
+/// A plane wall at rest.
+#[derive(Clone, Debug)]
+pub(crate) struct Plane {
+    /// A point of it [m].
+    pub(crate) point: Vec3,
+    /// Towards the grains.
+    pub(crate) normal: Vec3,
+    /// Name of its material.
+    pub(crate) material: &'static str,
+}
+
+impl Plane {
+    /// The floor z = 0.
+    pub(crate) fn floor(material: &'static str) -> Self {
+        Self { point: Vec3::zeros(), normal: Vec3::z(), material }
+    }
+}
+
+/// A scene of a few grains.
+#[derive(Clone, Debug)]
+pub(crate) struct Setup {
+    /// Gravity [m/s²].
+    pub(crate) gravity: Vec3,
+    /// The scene's `[[material]]`, `[[interaction]]`, `[[shape]]` and `[contact]`, as TOML.
+    pub(crate) text: String,
+    /// Walls.
+    pub(crate) planes: Vec<Plane>,
+    /// Grains, in the order of their ids.
+    pub(crate) grains: Vec<Grain>,
+    /// Time step [s].
+    pub(crate) dt: f64,
+}
+
+/// A grain at some time.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Body {
+    /// Centre [m].
+    pub(crate) position: Vec3,
+    /// Velocity [m/s].
+    pub(crate) velocity: Vec3,
+    /// Body to world.
+    pub(crate) orientation: Quat,
+    /// Angular velocity, world axes [rad/s].
+    pub(crate) spin: Vec3,
+    /// Angular momentum, world axes [kg m²/s].
+    pub(crate) angular_momentum: Vec3,
+    /// How many contacts it has.
+    pub(crate) contacts: usize,
+    /// Mass [kg].
+    pub(crate) mass: f64,
+    /// Which rank owned it.
+    pub(crate) rank: u32,
+}
+
+impl Body {
+    /// Kinetic energy of translation and rotation [J].
+    pub(crate) fn kinetic(&self) -> f64 {
+        0.5 * self.mass * self.velocity.norm_squared() + self.rotational()
+    }
+
+    /// Kinetic energy of rotation [J].
+    pub(crate) fn rotational(&self) -> f64 {
+        0.5 * self.spin.dot(&self.angular_momentum)
+    }
+}
+
+/// All grains at some time.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Frame {
+    /// Since the start [s].
+    pub(crate) time: f64,
+    /// In the order of the setup's grains.
+    pub(crate) bodies: Vec<Body>,
+}
+
+impl Frame {
+    /// Kinetic energy of all [J].
+    pub(crate) fn kinetic(&self) -> f64 {
+        self.bodies.iter().map(Body::kinetic).sum()
+    }
+
+    /// Does anything touch?
+    pub(crate) fn is_touching(&self) -> bool {
+        self.bodies.iter().any(|body| body.contacts > 0)
+    }
+}
+
+/// The domain's half width [m].
+const WIDE: f64 = 1e3;
+
+impl Setup {
+    /// The scene, and the text of its particle file. For several ranks, the cut of two stands across the axis along
+    /// which the grains are farthest apart, between them; a single grain crosses it soon. It stays there, and lists
+    /// are made in every step.
+    fn write(&self, ranks: u32) -> (String, String) {
+        let soon = |grain: &Grain| grain.position + grain.velocity * (20.5 * self.dt);
+        let middle = self.grains.iter().map(soon).sum::<Vec3>() / self.grains.len() as f64;
+        let first = self.grains[0].position;
+        let apart = self.grains.iter().fold(Vec3::zeros(), |most, grain| {
+            most.zip_map(&(grain.position - first), |a, b| if b.abs() > a { b.abs() } else { a })
+        });
+        let half = Vec3::from_fn(|axis, _| if axis == apart.imax() { 2.0 * WIDE } else { WIDE });
+        let mut scene = format!(
+            "gravity = {}\n[domain]\nlow = {}\nhigh = {}\n",
+            list(&self.gravity),
+            list(&(middle - half)),
+            list(&(middle + half)),
+        );
+        for (k, plane) in self.planes.iter().enumerate() {
+            let (point, normal, material) =
+                (list(&plane.point), list(&plane.normal), plane.material);
+            let wall = format!(
+                "name = \"{k}\"\npoint = {point}\nnormal = {normal}\nmaterial = \"{material}\""
+            );
+            writeln!(scene, "[[wall]]\n{wall}").expect("text");
+        }
+        let step = format!("[time]\nstep = {:e}\nsteps = 1", self.dt);
+        let neighbours = if ranks > 1 { "[neighbours]\nskin = 0\nimbalance = 1e9" } else { "" };
+        let file = "[[fill.file]]\npath = \"grains.csv\"\n[output]\ndirectory = \"out\"\nhistory_every = 0";
+        write!(scene, "{}\n{step}\n{neighbours}\n{file}\n", self.text).expect("text");
+        let mut grains = "shape,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n".to_owned();
+        for grain in &self.grains {
+            let q = grain.orientation.coords;
+            let numbers = grain.position.iter().chain([&q.w, &q.x, &q.y, &q.z]);
+            let numbers = numbers.chain(&grain.velocity).chain(&grain.spin);
+            let cells: Vec<String> = numbers.map(|x| format!("{x:e}")).collect();
+            writeln!(grains, "{},{}", grain.shape, cells.join(",")).expect("text");
+        }
+        (scene, grains)
+    }
+
+    /// The checked scene, for so many ranks.
+    pub(crate) fn scene(&self, ranks: u32) -> Scene {
+        let (text, grains) = self.write(ranks);
+        parse(&text, &grains)
+    }
+
+    /// So many steps on one rank: a frame at the start, after each `every` steps, and at the end.
+    pub(crate) fn run(&self, steps: u64, every: u64) -> Vec<Frame> {
+        run(&self.scene(1), steps, every)
+    }
+
+    /// The same on several ranks.
+    pub(crate) fn run_on(&self, ranks: u32, steps: u64, every: u64) -> Vec<Frame> {
+        let scene = self.scene(ranks);
+        let parts = threads::run(ranks, |comm| follow(&scene, comm, steps, every));
+        let mut all = parts.into_iter();
+        let mut frames = all.next().expect("a rank");
+        for part in all {
+            for (frame, more) in frames.iter_mut().zip(part) {
+                frame.1.extend(more.1);
+            }
+        }
+        frames.into_iter().map(in_order).collect()
+    }
+
+    /// How it is after so long [s], in the nearest number of steps.
+    pub(crate) fn after(&self, time: f64) -> Frame {
+        let steps = (time / self.dt).round() as u64;
+        self.run(steps, steps.max(1)).pop().expect("a last frame")
+    }
+}
+
+/// A scene of this text and these particles, `grains.csv`.
+pub(crate) fn parse(text: &str, grains: &str) -> Scene {
+    let folder = tempfile::tempdir().expect("a folder for the particles");
+    std::fs::write(folder.path().join("grains.csv"), grains).expect("the file of particles");
+    Scene::parse(text, "verification", folder.path(), &[])
+        .unwrap_or_else(|errors| panic!("{errors}\n{text}"))
+}
+
+/// So many steps of a scene on one rank: a frame at the start, after each `every` steps, and at the end.
+pub(crate) fn run(scene: &Scene, steps: u64, every: u64) -> Vec<Frame> {
+    let frames = follow(scene, &mut Alone::default(), steps, every);
+    frames.into_iter().map(in_order).collect()
+}
+
+/// Time, and the bodies that a rank owns, with their ids.
+type Part = (f64, Vec<(u64, Body)>);
+
+fn in_order((time, mut bodies): Part) -> Frame {
+    bodies.sort_unstable_by_key(|(id, _)| *id);
+    Frame { time, bodies: bodies.into_iter().map(|(_, body)| body).collect() }
+}
+
+/// A simulation of the scene, with its particles, pairs and forces.
+pub(crate) fn begun(scene: &Scene, comm: &mut dyn Comm) -> Simulation {
+    let mut sim = assemble::assemble(scene, comm);
+    assemble::fill(&mut sim, scene, comm);
+    sim.begin(comm).unwrap_or_else(|error| panic!("{error}"));
+    sim
+}
+
+fn follow(scene: &Scene, comm: &mut dyn Comm, steps: u64, every: u64) -> Vec<Part> {
+    let mut sim = begun(scene, comm);
+    let mut parts = vec![part(&sim, comm)];
+    for step in 1..=steps {
+        sim.step(comm).unwrap_or_else(|error| panic!("{error}"));
+        if step % every == 0 || step == steps {
+            parts.push(part(&sim, comm));
+        }
+    }
+    parts
+}
+
+fn part(sim: &Simulation, comm: &dyn Comm) -> Part {
+    let rank = comm.rank().0;
+    let bodies =
+        (0..sim.particles.owned).map(|slot| (sim.particles.id[slot].0, body(sim, slot, rank)));
+    (sim.time(), bodies.collect())
+}
+
+/// The state of a particle: the one place that knows how the program keeps it.
+pub(crate) fn body(sim: &Simulation, slot: usize, rank: u32) -> Body {
+    let particles = &sim.particles;
+    let angular_momentum = particles.angular_momentum(slot);
+    let orientation = particles.attitude.as_ref().map(|attitude| attitude.quaternion[slot]);
+    Body {
+        position: particles.position[slot],
+        velocity: particles.velocity[slot],
+        orientation: orientation.unwrap_or_default(),
+        spin: particles.angular_velocity_for(slot, &angular_momentum),
+        angular_momentum,
+        contacts: sim.pairs.coordination(slot),
+        mass: particles.mass(slot),
+        rank,
+    }
+}
+
+/// A vector as TOML has it.
+fn list(v: &Vec3) -> String {
+    format!("[{:e}, {:e}, {:e}]", v.x, v.y, v.z)
+}
+
+/// The line through points that has the least squares: its value at 0, its slope, and the share of the variance
+/// that it explains.
+pub(crate) fn least_squares(points: &[(f64, f64)]) -> (f64, f64, f64) {
+    let n = points.len() as f64;
+    let mean = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / n;
+    let (x, y) = (mean(&|p| p.0), mean(&|p| p.1));
+    let (xx, yy) = (mean(&|p| (p.0 - x).powi(2)), mean(&|p| (p.1 - y).powi(2)));
+    let xy = mean(&|p| (p.0 - x) * (p.1 - y));
+    (y - xy / xx * x, xy / xx, xy * xy / (xx * yy))
+}

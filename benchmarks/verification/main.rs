@@ -1,0 +1,89 @@
+//! Published cases, closed forms and other codes: their numbers and this program's, in one table.
+//!
+//! ```text
+//! cargo bench --bench verification                        prints the table; it and the pictures go to target/
+//! cargo bench --bench verification -- --quick             what the tests run, too
+//! cargo bench --bench verification -- --record FOLDER     the same into this folder
+//! ```
+//!
+//! It fails if a case does, unless it is known to fall short. Where LAMMPS' `lmp` is installed, its orders of
+//! convergence stand beside this program's.
+
+mod cases;
+#[path = "../lines.rs"]
+mod lines;
+mod table;
+
+use cases::{Effort, Picture};
+use clap::Parser;
+use lines::Line;
+use plotters::prelude::IntoLogRange;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+#[derive(Parser)]
+struct Arguments {
+    /// The short cases.
+    #[arg(long)]
+    quick: bool,
+    /// Write the table and the pictures into this folder.
+    #[arg(long, value_name = "FOLDER", default_value = "target/verification")]
+    record: PathBuf,
+    /// Only these sources (part of the name of a file in `cases`).
+    #[arg(long, value_name = "NAME", default_value = "")]
+    only: String,
+    /// Cargo passes this.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> anyhow::Result<()> {
+    let Arguments { quick, record, only, .. } = Arguments::parse();
+    let effort = if quick { Effort::Quick } else { Effort::Full };
+    std::fs::create_dir_all(&record)?;
+    let mut all = Vec::new();
+    let mut pictures = Vec::new();
+    for (name, run) in cases::sources() {
+        if name.contains(&only) {
+            let begin = Instant::now();
+            let findings = run(effort);
+            println!("{name}: {:.1} s", begin.elapsed().as_secs_f64());
+            table::print(&findings.cases);
+            all.extend(findings.cases);
+            pictures.extend(findings.pictures);
+        }
+    }
+    for picture in &pictures {
+        draw(&record, picture)?;
+    }
+    let command = format!(
+        "cargo bench --locked --bench verification{}",
+        if quick { " -- --quick" } else { "" }
+    );
+    table::write(&record, &command, &all, &pictures)?;
+    println!("written to {}", record.display());
+    let failed = all.iter().filter(|case| !case.verdict().is_expected()).count();
+    anyhow::ensure!(failed == 0, "{failed} of {} cases are not as expected", all.len());
+    Ok(())
+}
+
+/// Draws a picture as SVG.
+fn draw(folder: &Path, picture: &Picture) -> anyhow::Result<()> {
+    let path = folder.join(picture.file).with_extension("svg");
+    let lines: Vec<Line> = (picture.curves.iter())
+        .map(|curve| Line { name: curve.name.clone(), points: curve.points.clone() })
+        .collect();
+    let points = || picture.curves.iter().flat_map(|curve| &curve.points);
+    let range = |of: fn(&(f64, f64)) -> f64| {
+        let all = points().map(of).filter(|x| !picture.is_logarithmic || *x > 0.0);
+        all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
+    };
+    let ((left, right), (bottom, top)) = (range(|p| p.0), range(|p| p.1));
+    if picture.is_logarithmic {
+        let (x, y) = (0.8 * left..1.25 * right, 0.5 * bottom..2.0 * top);
+        lines::draw(&path, picture.axes, x.log_scale(), y.log_scale(), &lines)
+    } else {
+        let margin = 0.05 * (top - bottom);
+        lines::draw(&path, picture.axes, left..right, bottom - margin..top + margin, &lines)
+    }
+}
