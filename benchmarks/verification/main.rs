@@ -42,7 +42,7 @@ fn main() -> anyhow::Result<()> {
     let effort = if quick { Effort::Quick } else { Effort::Full };
     std::fs::create_dir_all(&record)?;
     let mut all = Vec::new();
-    let mut pictures = Vec::new();
+    let (mut pictures, mut notes) = (Vec::new(), Vec::new());
     for (name, run) in cases::sources() {
         if name.contains(&only) {
             let begin = Instant::now();
@@ -51,6 +51,8 @@ fn main() -> anyhow::Result<()> {
             table::print(&findings.cases);
             all.extend(findings.cases);
             pictures.extend(findings.pictures);
+            findings.notes.iter().for_each(|note| println!("  {note}"));
+            notes.extend(findings.notes);
         }
     }
     for picture in &pictures {
@@ -60,7 +62,7 @@ fn main() -> anyhow::Result<()> {
         "cargo bench --locked --bench verification{}",
         if quick { " -- --quick" } else { "" }
     );
-    table::write(&record, &command, &all, &pictures)?;
+    table::write(&record, &command, &all, &pictures, &notes)?;
     println!("written to {}", record.display());
     let failed = all.iter().filter(|case| !case.verdict().is_expected()).count();
     anyhow::ensure!(failed == 0, "{failed} of {} cases are not as expected", all.len());

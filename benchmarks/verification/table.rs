@@ -43,6 +43,7 @@ pub(crate) fn write(
     command: &str,
     cases: &[Case],
     pictures: &[Picture],
+    notes: &[String],
 ) -> anyhow::Result<()> {
     let count = |verdict: Verdict| cases.iter().filter(|case| case.verdict() == verdict).count();
     let mut report = format!(
@@ -54,6 +55,9 @@ pub(crate) fn write(
         count(Verdict::FallsShort),
         count(Verdict::Fails) + count(Verdict::HoldsNow),
     );
+    for note in notes {
+        writeln!(report, "\n{note}")?;
+    }
     let mut source = "";
     for case in cases {
         if case.source != source {

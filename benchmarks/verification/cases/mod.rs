@@ -6,6 +6,7 @@
 mod ball;
 pub(crate) mod chung_ooi;
 pub(crate) mod convergence;
+mod decks;
 pub(crate) mod free_motion;
 pub(crate) mod incline;
 pub(crate) mod lammps;
@@ -197,6 +198,8 @@ pub(crate) struct Findings {
     pub(crate) cases: Vec<Case>,
     /// What is drawn of it.
     pub(crate) pictures: Vec<Picture>,
+    /// What was left out, and why.
+    pub(crate) notes: Vec<String>,
 }
 
 /// A file of the independent reference of 2026-11, which the tests have, too.

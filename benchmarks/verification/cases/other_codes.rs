@@ -96,6 +96,5 @@ directory = "out"
         "a pair that just touches or just does not",
     );
     case.absolute("k 1.5e5 N/m, c 12 and 6 kg/s, friction 0.3", 13_864.0, measures.contacts as f64);
-    println!("WALLS {} {:?}", measures.wall_contacts, measures.kinetic());
     vec![case]
 }

@@ -174,8 +174,8 @@ fn jamming(effort: Effort, findings: &mut Findings) {
         JAMMING,
         "the same",
         "contacts of a sphere there, rattlers left out",
-        0.1,
-        "6 - 6/N at the point itself; here a little beyond",
+        0.15,
+        "extrapolated along the square root of the pressure",
     );
     let mut curves = Vec::new();
     for seed in 1..=effort.pick(1, 3) {
@@ -200,7 +200,7 @@ fn jamming(effort: Effort, findings: &mut Findings) {
         };
         let mut packing = relaxed(crowd(0.68, 1.0, positions), 4000);
         let mut points = Vec::new();
-        let mut last = f64::NAN;
+        let mut coordinations = Vec::new();
         let mut solid = 0.66;
         // Towards the point where nothing presses, each time half of the way that is left.
         for _ in 0..effort.pick(5, 7) {
@@ -209,16 +209,12 @@ fn jamming(effort: Effort, findings: &mut Findings) {
                 break;
             }
             points.push((solid, packing.pressure));
-            last = packing.coordination;
+            coordinations.push((packing.pressure.sqrt(), packing.coordination));
             solid -= 0.5 * (solid - vanishing(&points).unwrap_or(solid - 0.02));
         }
         let found = vanishing(&points).expect("it presses twice at least");
         fraction.absolute(format!("seed {seed}"), 0.639, found);
-        contacts.absolute(
-            format!("seed {seed}, solid fraction {:.4}", points[points.len() - 1].0),
-            6.0,
-            last,
-        );
+        contacts.absolute(format!("seed {seed}"), 6.0, least_squares(&coordinations).0);
         curves.push(Curve::new(format!("seed {seed}"), points));
     }
     findings.cases.extend([fraction, contacts]);

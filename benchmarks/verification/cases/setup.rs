@@ -183,6 +183,12 @@ impl Setup {
         parse(&text, &grains)
     }
 
+    /// The same for one rank, with more keys at the top of the scene.
+    pub(crate) fn scene_with(&self, keys: &str) -> Scene {
+        let (text, grains) = self.write(1);
+        parse(&format!("{keys}\n{text}"), &grains)
+    }
+
     /// So many steps on one rank: a frame at the start, after each `every` steps, and at the end.
     pub(crate) fn run(&self, steps: u64, every: u64) -> Vec<Frame> {
         run(&self.scene(1), steps, every)
