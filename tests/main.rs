@@ -23,3 +23,4 @@ mod superellipsoids;
 mod support;
 mod triaxial;
 mod units;
+mod verification;

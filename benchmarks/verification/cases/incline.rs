@@ -140,25 +140,24 @@ impl Block {
 }
 
 fn block(effort: Effort) -> [Case; 4] {
-    let time = effort.pick(0.1, 0.5);
+    let time = effort.pick(0.2, 0.5);
     let mut rests = Case::new(
         COULOMB,
         "block on an incline below atan mu: it rests",
-        "moved, over its width; turned (rad)",
-        2e-3,
-        "springs and dashpots come to rest",
+        "velocity in the second half of the time (m/s); turned (rad)",
+        1e-6,
+        "it comes to rest: rounding",
+    );
+    rests.short_until = Some(
+        "the one contact point of a face jumps from edge to edge: it chatters and creeps (issue 17)",
     );
     for (degrees, friction) in [(0.0, 0.5), (10.0, 0.5), (20.0, 0.5), (26.0, 0.5), (15.0, 0.3)] {
         let frames = Block { slender: 1.0, friction, degrees, spin: 0.0 }.run(time);
-        let (first, last) = (&frames[0].bodies[0], &frames[frames.len() - 1].bodies[0]);
+        let (half, last) = (&frames[frames.len() / 2], &frames[frames.len() - 1]);
+        let moved = (last.bodies[0].position - half.bodies[0].position).norm();
         let what = format!("{degrees} degrees, friction {friction}");
-        rests.over(
-            0.02,
-            format!("{what}: moved (m)"),
-            0.0,
-            (last.position - first.position).norm(),
-        );
-        rests.absolute(format!("{what}: turned (rad)"), 0.0, last.orientation.angle());
+        rests.absolute(format!("{what}: velocity"), 0.0, moved / (last.time - half.time));
+        rests.absolute(format!("{what}: turned"), 0.0, last.bodies[0].orientation.angle());
     }
 
     let mut slides = Case::new(
@@ -189,7 +188,7 @@ fn block(effort: Effort) -> [Case; 4] {
     for (slender, part, published) in
         [(2.0, 0.5, 0.0), (2.0, 0.9, 0.0), (2.0, 1.1, 1.0), (3.0, 0.9, 0.0), (3.0, 1.1, 1.0)]
     {
-        let degrees = f64::to_degrees((part / slender as f64).atan());
+        let degrees = f64::to_degrees(f64::atan(part / slender));
         let frames =
             Block { slender, friction: 1.0, degrees, spin: 0.0 }.run(effort.pick(0.3, 0.5));
         let turned = frames[frames.len() - 1].bodies[0].orientation.angle();

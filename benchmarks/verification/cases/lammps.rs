@@ -38,12 +38,12 @@ fn bounce_height(effort: Effort) -> Case {
         SOURCE,
         "bounce_height",
         "height of the first bounce: r + e^2 (h0 - r) (relative)",
-        2e-3,
-        "of hard spheres; dashpot of first order, 200 steps per contact",
+        4e-3,
+        "of hard spheres; dashpot of first order, 400 steps per contact",
     );
     for restitution in effort.pick(vec![0.5, 1.0], vec![0.3, 0.5, 0.7, 0.9, 1.0]) {
         let ball = Ball { restitution, normal: 1e7, ..bead() };
-        let (fall, dt) = (0.05, ball.contact_time() / 200.0);
+        let (fall, dt) = (0.05, ball.contact_time() / 400.0);
         let mut setup = ball.over_floor(fall, Vec3::zeros(), Vec3::zeros(), dt);
         setup.gravity = Vec3::new(0.0, 0.0, -G);
         let found = apexes(&setup, (2.0 * fall / G).sqrt() + 3.0 * ball.contact_time());

@@ -130,6 +130,15 @@ fn falling(effort: Effort, findings: &mut Findings) {
         1e-3,
         "200 steps per contact, dashpot of first order; MFIX asks 5 %",
     );
+    let mut soft = Case::new(
+        SOURCE,
+        "DEM01: springs so soft that the floor is past half of the ball",
+        "time until the program stops, over that of the case",
+        0.0,
+        "it runs to the end",
+    );
+    soft.short_until =
+        Some("overlaps over half a diameter end a run on purpose; here it is 51.5 %");
     let mut curves = Vec::new();
     for normal in effort.pick(vec![1e4, 1e5], vec![1e4, 2.5e4, 5e4, 1e5]) {
         for restitution in effort.pick(vec![0.6, 1.0], vec![0.6, 0.7, 0.8, 0.9, 1.0]) {
@@ -140,13 +149,19 @@ fn falling(effort: Effort, findings: &mut Findings) {
             let end = up.time + up.velocity / G;
             let dt = ball.contact_time() / 200.0;
             let setup = under_gravity(ball.over_floor(0.4, Vec3::zeros(), Vec3::zeros(), dt));
-            let frames = setup.run((end / dt) as u64, 1);
+            let steps = (end / dt) as u64;
+            let what = format!("k = {normal:e} N/m, e = {restitution}");
+            let (frames, error) = setup.run_until_error(steps, 1);
+            if error.is_some() {
+                soft.absolute(what, 1.0, frames.len() as f64 / (steps + 1) as f64);
+                continue;
+            }
             let off = |frame: &Frame| {
                 (frame.bodies[0].position.z - fall.height(&phases, frame.time)).abs() / 0.4
             };
             let worst = frames.iter().map(off).fold(0.0, f64::max);
-            case.absolute(format!("k = {normal:e} N/m, e = {restitution}"), 0.0, worst);
-            if normal == 1e4 && [0.6, 1.0].contains(&restitution) {
+            case.absolute(what, 0.0, worst);
+            if normal == 1e5 && [0.6, 1.0].contains(&restitution) {
                 let exact = |frame: &Frame| (frame.time, fall.height(&phases, frame.time));
                 let own = |frame: &Frame| (frame.time, frame.bodies[0].position.z);
                 let every = frames.len() / 200;
@@ -163,6 +178,9 @@ fn falling(effort: Effort, findings: &mut Findings) {
         }
     }
     findings.cases.push(case);
+    if !soft.rows.is_empty() {
+        findings.cases.push(soft);
+    }
     findings.pictures.push(Picture {
         file: "dem01",
         axes: ["time (s)", "height of the centre (m)"],
@@ -463,7 +481,7 @@ const REBOUND: [[f64; 2]; 7] = [
 ];
 
 /// The ball of aluminium oxide, with springs that many times as stiff.
-fn oxide_ball(stiffer: f64) -> Ball {
+pub(crate) fn oxide_ball(stiffer: f64) -> Ball {
     Ball {
         radius: 2.5e-3,
         density: 4000.0,
@@ -484,8 +502,8 @@ fn thrown(ball: &Ball, degrees: f64, ways: &mut Ways) -> [f64; 3] {
 }
 
 /// The same by an integration of its own, in steps so fine that its order does not matter: a ball, two springs and a
-/// slider, with the point of contact in the middle of the overlap.
-fn integrate(ball: &Ball, degrees: f64) -> [f64; 3] {
+/// slider, with a lever arm that is shorter than the radius by this part of the overlap.
+pub(crate) fn integrate(ball: &Ball, degrees: f64, shorter: f64) -> [f64; 3] {
     let (mass, mu) = (ball.mass(), ball.friction);
     let inertia = 0.4 * mass * ball.radius * ball.radius;
     let dt = ball.contact_time() / 40_000.0;
@@ -497,7 +515,7 @@ fn integrate(ball: &Ball, degrees: f64) -> [f64; 3] {
         let most = mu * normal / ball.tangential;
         spring = f64::clamp(spring, -most, most);
         let friction = -ball.tangential * spring;
-        let arm = ball.radius - 0.5 * overlap;
+        let arm = ball.radius - shorter * overlap;
         v_n -= normal / mass * dt;
         v_x += friction / mass * dt;
         spin -= friction * arm / inertia * dt;
@@ -521,8 +539,8 @@ fn oblique(effort: Effort, findings: &mut Findings, ways: &mut Ways) {
     let mut model = quantities.map(|quantity| {
         let source = "springs and slider of Cundall and Strack, integrated in the case";
         let why =
-            "400 steps per contact against 40,000 of another integration, with the same lever arm";
-        Case::new(source, "DEM05: the same", quantity, 1e-3, why)
+            "400 steps per contact against 40,000 of another integration, with the same lever arm; the slider is of first order";
+        Case::new(source, "DEM05: the same", quantity, 2e-3, why)
     });
     let mut exact = quantities.map(|quantity| {
         let why = "springs 1e6 times as stiff: the overlap is as nothing; 400 steps per contact";
@@ -546,7 +564,7 @@ fn oblique(effort: Effort, findings: &mut Findings, ways: &mut Ways) {
     for row in DEM05 {
         let degrees = row[0];
         let found = thrown(&ball, degrees, ways);
-        let integrated = integrate(&ball, degrees);
+        let integrated = integrate(&ball, degrees, 0.5);
         for k in 0..3 {
             columns[k].over(scales[k], format!("{degrees} degrees"), row[k + 1], found[k]);
             model[k].over(scales[k], format!("{degrees} degrees"), integrated[k], found[k]);

@@ -5,7 +5,7 @@ use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::math::{Quat, Vec3};
 use dem_mpi::scene::{Scene, assemble};
-use dem_mpi::sim::Simulation;
+use dem_mpi::sim::{Simulation, StepError};
 use std::fmt::Write;
 
 /// A grain at the start.
@@ -194,6 +194,17 @@ impl Setup {
         run(&self.scene(1), steps, every)
     }
 
+    /// The same, until the program stops with an error, and that.
+    pub(crate) fn run_until_error(
+        &self,
+        steps: u64,
+        every: u64,
+    ) -> (Vec<Frame>, Option<StepError>) {
+        let scene = self.scene(1);
+        let (parts, error) = follow_until_error(&scene, &mut Alone::default(), steps, every);
+        (parts.into_iter().map(in_order).collect(), error)
+    }
+
     /// The same on several ranks.
     pub(crate) fn run_on(&self, ranks: u32, steps: u64, every: u64) -> Vec<Frame> {
         let scene = self.scene(ranks);
@@ -246,15 +257,30 @@ pub(crate) fn begun(scene: &Scene, comm: &mut dyn Comm) -> Simulation {
 }
 
 fn follow(scene: &Scene, comm: &mut dyn Comm, steps: u64, every: u64) -> Vec<Part> {
+    let (parts, error) = follow_until_error(scene, comm, steps, every);
+    if let Some(error) = error {
+        panic!("{error}");
+    }
+    parts
+}
+
+fn follow_until_error(
+    scene: &Scene,
+    comm: &mut dyn Comm,
+    steps: u64,
+    every: u64,
+) -> (Vec<Part>, Option<StepError>) {
     let mut sim = begun(scene, comm);
     let mut parts = vec![part(&sim, comm)];
     for step in 1..=steps {
-        sim.step(comm).unwrap_or_else(|error| panic!("{error}"));
+        if let Err(error) = sim.step(comm) {
+            return (parts, Some(error));
+        }
         if step % every == 0 || step == steps {
             parts.push(part(&sim, comm));
         }
     }
-    parts
+    (parts, None)
 }
 
 fn part(sim: &Simulation, comm: &dyn Comm) -> Part {

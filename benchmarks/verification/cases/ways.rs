@@ -11,8 +11,8 @@ pub(crate) struct Ways {
     turned: Case,
 }
 
-/// Rounding (2e-16) over a thousand steps of a contact, times the stiffness of a step over the motion that it turns.
-const ROUNDING: f64 = 1e-9;
+/// Rounding of positions (1e-16 of a radius) over the least overlap (1e-6 of it), times a hundred: over 400 steps.
+const ROUNDING: f64 = 1e-8;
 
 /// About an axis of no symmetry.
 fn turn() -> Quat {
@@ -22,7 +22,7 @@ fn turn() -> Quat {
 impl Ways {
     /// Of the cases of this source.
     pub(crate) fn new(source: &'static str) -> Self {
-        let why = "rounding, over the steps of a contact";
+        let why = "rounding of positions over the overlap, 400 steps";
         Self {
             split: Case::new(
                 source,
