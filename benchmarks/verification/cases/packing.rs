@@ -75,7 +75,7 @@ fn normal(random: &mut Random) -> f64 {
 
 /// Smooth inelastic spheres without gravity cool as T = T0/(1 + t/tc)².
 fn cooling(effort: Effort, findings: &mut Findings) {
-    let per_side = effort.pick(7, 12);
+    let per_side = effort.pick(7, 10);
     let count = per_side * per_side * per_side;
     let (radius, solid, e, density) = (1.1e-3, 0.07, 0.9, 2500.0);
     let volume = 4.0 / 3.0 * PI * radius * radius * radius;
@@ -127,7 +127,7 @@ fn cooling(effort: Effort, findings: &mut Findings) {
     let rate = 4.0 / 3.0 * n * d * d * g0 * PI.sqrt() * (1.0 - e * e);
     let published = 2.0 / rate;
     // The lattice melts first: a few collisions of each.
-    let (melted, end) = (0.2 * published, effort.pick(2.5, 6.0) * published);
+    let (melted, end) = (0.2 * published, effort.pick(2.5, 5.0) * published);
     let mut points = Vec::new();
     loop {
         let (time, temperature) = now();
@@ -166,12 +166,12 @@ fn cooling(effort: Effort, findings: &mut Findings) {
 
 /// Spheres without friction that grow from random places, and shrink again until they no longer press.
 fn jamming(effort: Effort, findings: &mut Findings) {
-    let (count, side) = (effort.pick(300, 1000), 1.0);
+    let (count, side) = (effort.pick(300, 500), 1.0);
     let mut fraction = Case::new(
         JAMMING,
         format!("{count} spheres without friction, grown in a periodic box from random places"),
         "solid fraction where the pressure vanishes",
-        effort.pick(0.01, 0.006),
+        effort.pick(0.01, 0.008),
         "0.639 is of infinitely many; packings scatter by 0.1/sqrt N and more, and depend on how they were made",
     );
     let mut contacts = Case::new(
@@ -182,7 +182,7 @@ fn jamming(effort: Effort, findings: &mut Findings) {
         "extrapolated along the square root of the pressure",
     );
     let mut curves = Vec::new();
-    for seed in 1..=effort.pick(1, 3) {
+    for seed in 1..=effort.pick(1, 2) {
         let mut random = Random::of(seed, 0);
         let radius =
             |solid: f64| (solid * side * side * side / (count as f64 * 4.0 / 3.0 * PI)).cbrt();
@@ -209,8 +209,8 @@ fn jamming(effort: Effort, findings: &mut Findings) {
         let mut coordinations = Vec::new();
         let mut solid = 0.66;
         // Towards the point where nothing presses, each time half of the way that is left.
-        for _ in 0..effort.pick(5, 7) {
-            packing = relaxed(&crowd(solid, 0.1, packing.positions), effort.pick(5000, 20_000));
+        for _ in 0..effort.pick(5, 6) {
+            packing = relaxed(&crowd(solid, 0.1, packing.positions), effort.pick(5000, 10_000));
             if packing.pressure < 1e-9 {
                 break;
             }
