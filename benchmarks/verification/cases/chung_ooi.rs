@@ -14,6 +14,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     let mut cases = vec![restitution(effort, &mut ways)];
     cases.extend(oblique(effort, &mut ways));
     cases.extend(opposite_spins(effort, &mut ways));
+    cases.push(unequal(effort, &mut ways));
     cases.extend(ways.into_cases());
     Findings { cases, ..Findings::default() }
 }
@@ -165,4 +166,59 @@ fn opposite_spins(effort: Effort, ways: &mut Ways) -> [Case; 2] {
         }
     }
     [moves, turns]
+}
+
+/// The sizes of test 8, in gross sliding: the impulse along the normal is m* (1+e) v, friction's is mu times that.
+fn unequal(effort: Effort, ways: &mut Ways) -> Case {
+    let mut case = Case::new(
+        SOURCE,
+        "two balls of different size meet obliquely and slide (sizes of test 8)",
+        "velocities and spins after, exact for rigid bodies (over their greatest change)",
+        1e-3,
+        "the normal turns during the contact, and the overlap is not nothing",
+    );
+    let (mu, v) = (0.1, 0.2);
+    for e in effort.pick(vec![1.0], vec![0.9, 1.0]) {
+        let ball = Ball {
+            radius: 0.1,
+            density: 2700.0,
+            normal: 1e12,
+            tangential: 1e12,
+            friction: mu,
+            restitution: e,
+            pulls: false,
+        };
+        let large = 0.5;
+        let (m, big) = (ball.mass(), ball.mass() * f64::powi(large / ball.radius, 3));
+        let reduced = m * big / (m + big);
+        let dt = ball.contact_time() / 400.0;
+        let along = Vec3::new(v, 2.0 * v, 0.0);
+        let place = Vec3::x() * -(ball.radius + large + v * dt * 0.37);
+        let shape = format!("\n[[shape]]\nname = \"large\"\nkind = \"sphere\"\nradius = {large}");
+        let setup = Setup {
+            gravity: Vec3::zeros(),
+            text: ball.text() + &shape,
+            planes: Vec::new(),
+            grains: vec![Grain::at("ball", place).moving(along), Grain::at("large", Vec3::zeros())],
+            dt,
+        };
+        let frames = ways.run(&format!("unequal balls, e = {e}"), &setup, 500, 1);
+        let end = &frames[frames.len() - 1].bodies;
+        assert!(frames.iter().any(super::Frame::is_touching) && end[0].contacts == 0, "they meet");
+        let impulse = Vec3::new(1.0, mu, 0.0) * (reduced * (1.0 + e) * v);
+        let velocities = [along - impulse / m, impulse / big];
+        for k in 0..2 {
+            let (mass, radius) = [(m, ball.radius), (big, large)][k];
+            let spin = -Vec3::z() * (mu * impulse.x * radius / (0.4 * mass * radius * radius));
+            let (what, speed) = (format!("e = {e}, ball {k}"), impulse.norm() / mass);
+            case.over(
+                speed,
+                format!("{what}: velocity"),
+                0.0,
+                (end[k].velocity - velocities[k]).norm(),
+            );
+            case.over(spin.norm(), format!("{what}: spin"), 0.0, (end[k].spin - spin).norm());
+        }
+    }
+    case
 }
