@@ -9,6 +9,7 @@ mod laws;
 mod layers;
 mod made_up;
 mod motion;
+mod other_codes;
 mod pairs;
 mod post;
 mod program;

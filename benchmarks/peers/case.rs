@@ -1,0 +1,113 @@
+//! What all codes are given, and how far apart they end.
+
+use anyhow::{Context, bail, ensure};
+use dem_mpi::math::Vec3;
+use dem_mpi::scene::{Fill, Scene};
+use dem_mpi::shape::Shape;
+use std::f64::consts::PI;
+use std::path::{Path, PathBuf};
+
+/// Equal spheres at rest in a box whose low corner is the origin, with a wall on each side but the top.
+pub(crate) struct Case {
+    pub(crate) file: PathBuf,
+    /// Centres at the start [m].
+    pub(crate) start: Vec<Vec3>,
+    /// Radius [m].
+    pub(crate) radius: f64,
+    /// Density [kg/m³].
+    pub(crate) density: f64,
+    /// High corner of the box; as long as wide [m].
+    pub(crate) high: Vec3,
+    /// Gravity, downwards [m/s²].
+    pub(crate) gravity: f64,
+    /// Normal and tangential stiffness [N/m].
+    pub(crate) stiffness: [f64; 2],
+    /// Coefficient of friction [-].
+    pub(crate) friction: f64,
+    /// Normal and tangential dashpots of two spheres over their reduced mass [1/s].
+    pub(crate) damping: [f64; 2],
+    /// The same of a sphere and a wall.
+    pub(crate) wall_damping: [f64; 2],
+    /// Time step [s].
+    pub(crate) step: f64,
+    /// A pair is listed when its spheres come this close [m].
+    pub(crate) skin: f64,
+}
+
+impl Case {
+    pub(crate) fn read(file: &Path) -> anyhow::Result<Self> {
+        let scene = Scene::read(file, &[]).map_err(|errors| anyhow::anyhow!("{errors}"))?;
+        let (library, domain) = (&scene.library, &scene.domain);
+        let [Shape::Sphere(sphere)] = library.shapes[..library.particle_shapes] else {
+            bail!("{}: one shape, a sphere, is what all codes know", file.display());
+        };
+        let [Fill::Listed(list)] = &scene.initial[..] else {
+            bail!("{}: the spheres of one file are what all codes can be given", file.display());
+        };
+        ensure!(scene.materials.len() == 1, "{}: one material is needed", file.display());
+        ensure!(
+            scene.walls.len() == 5 && domain.low == Vec3::zeros() && domain.high.x == domain.high.y,
+            "{}: a box from the origin, as long as wide, with all walls but +z is needed",
+            file.display()
+        );
+        ensure!(
+            scene.gravity.xy().norm() == 0.0 && scene.limit_damping && scene.global_damping == 0.0,
+            "{}: gravity along z, limited dashpots and no global damping are needed",
+            file.display()
+        );
+        let at_rest = list.iter().all(|p| p.velocity.norm() + p.angular_velocity.norm() == 0.0);
+        ensure!(at_rest, "{}: spheres at rest are needed", file.display());
+
+        let constants = scene.interactions.iter().next().context("a material has constants")?;
+        let stiffness = [constants.normal_stiffness, constants.tangential_stiffness];
+        let ratios = [constants.normal_damping_ratio, constants.tangential_damping_ratio];
+        let mass = library.mass[0];
+        let over = |mass: f64| [0, 1].map(|k| 2.0 * ratios[k] * (stiffness[k] / mass).sqrt());
+        Ok(Self {
+            file: file.to_owned(),
+            start: list.iter().map(|p| p.position).collect(),
+            radius: sphere.radius,
+            density: mass / (4.0 / 3.0 * PI * sphere.radius.powi(3)),
+            high: domain.high,
+            gravity: -scene.gravity.z,
+            stiffness,
+            friction: constants.friction,
+            damping: over(0.5 * mass),
+            wall_damping: over(mass),
+            step: scene.dt,
+            skin: scene.skin,
+        })
+    }
+
+    /// Leaves so many spheres, those of the smallest cube about the origin, in their order.
+    pub(crate) fn cut(&mut self, count: usize) {
+        let mut sides: Vec<f64> = self.start.iter().map(Vec3::max).collect();
+        sides.sort_by(f64::total_cmp);
+        if let Some(&side) = sides.get(count) {
+            self.start.retain(|centre| centre.max() < side);
+        }
+    }
+}
+
+/// Distances of the same spheres in two states [m].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Apart {
+    pub(crate) median: f64,
+    /// Of a hundred spheres, one is farther.
+    pub(crate) percentile_99: f64,
+    pub(crate) largest: f64,
+}
+
+impl Apart {
+    pub(crate) fn of(a: &[Vec3], b: &[Vec3]) -> Self {
+        assert_eq!(a.len(), b.len());
+        let mut distances: Vec<f64> = a.iter().zip(b).map(|(a, b)| (a - b).norm()).collect();
+        distances.sort_by(f64::total_cmp);
+        let last = distances.len() - 1;
+        Self {
+            median: distances[last / 2],
+            percentile_99: distances[last * 99 / 100],
+            largest: distances[last],
+        }
+    }
+}

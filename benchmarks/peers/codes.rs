@@ -1,0 +1,242 @@
+//! How each code is told what to do, and what it says.
+
+use crate::case::Case;
+use anyhow::{Context, bail, ensure};
+use dem_mpi::math::Vec3;
+use dem_mpi::output::snapshot;
+use dem_mpi::random::Random;
+use std::fmt::Write;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// A program, and the law that it is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Code {
+    /// This program.
+    Own,
+    /// This program, with the spheres in a random order.
+    OwnShuffled,
+    /// `gran/hooke/history`.
+    Lammps,
+    /// `granular`, with `hooke` and `linear_history`.
+    LammpsGranular,
+    /// `hooke/stiffness` with `tangential history`.
+    Liggghts,
+}
+
+impl Code {
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Own => "dem-mpi",
+            Self::OwnShuffled => "dem-mpi shuffled",
+            Self::Lammps => "lammps",
+            Self::LammpsGranular => "lammps granular",
+            Self::Liggghts => "liggghts",
+        }
+    }
+
+    const fn program(self) -> &'static str {
+        match self {
+            Self::Own | Self::OwnShuffled => env!("CARGO_BIN_EXE_dem-mpi"),
+            Self::Lammps | Self::LammpsGranular => "lmp",
+            Self::Liggghts => "liggghts",
+        }
+    }
+
+    const fn deck(self) -> &'static str {
+        match self {
+            Self::Own | Self::OwnShuffled => "",
+            Self::Lammps => "lammps.in",
+            Self::LammpsGranular => "lammps_granular.in",
+            Self::Liggghts => "liggghts.in",
+        }
+    }
+
+    /// Is it there?
+    pub(crate) fn is_installed(self) -> bool {
+        let mut command = Command::new(self.program());
+        command.arg("-help").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        !command.status().is_err_and(|error| error.kind() == ErrorKind::NotFound)
+    }
+
+    /// The line in which it says its version.
+    pub(crate) fn version(self) -> anyhow::Result<String> {
+        let (argument, word) = match self {
+            Self::Own | Self::OwnShuffled => ("--version", "dem-mpi"),
+            Self::Lammps | Self::LammpsGranular => ("-help", "Parallel Simulator"),
+            Self::Liggghts => ("-help", "LIGGGHTS"),
+        };
+        let output = Command::new(self.program()).arg(argument).stdin(Stdio::null()).output()?;
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let line = text.lines().find(|line| line.contains(word)).unwrap_or("unknown");
+        Ok(line.trim().to_owned())
+    }
+}
+
+/// So many steps.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Steps {
+    /// Time step [s].
+    pub(crate) step: f64,
+    pub(crate) count: u64,
+    pub(crate) ranks: u32,
+}
+
+impl Steps {
+    /// On one rank, for so long [s].
+    pub(crate) fn until(time: f64, step: f64) -> Self {
+        Self { step, count: (time / step).round() as u64, ranks: 1 }
+    }
+}
+
+/// What came of it.
+pub(crate) struct Run {
+    /// Centres at the end, in the order of the start [m].
+    pub(crate) end: Vec<Vec3>,
+    /// Wall time of the steps, by the code's own clock [s].
+    pub(crate) seconds: f64,
+    /// CPU time of all processes, starting and reading included [s].
+    pub(crate) cpu: f64,
+}
+
+/// Runs a code.
+pub(crate) fn run(code: Code, case: &Case, steps: Steps) -> anyhow::Result<Run> {
+    // Of this process: two calls of this program do not meet.
+    let folder = std::env::temp_dir().join(format!("dem-mpi-peers-{}", std::process::id()));
+    fs::create_dir_all(&folder)?;
+    let run = match code {
+        Code::Own | Code::OwnShuffled => own(code, case, steps, &folder),
+        _ => peer(code, case, steps, &folder),
+    };
+    fs::remove_dir_all(&folder)?;
+    run.with_context(|| format!("{}, {steps:?}", code.name()))
+}
+
+fn own(code: Code, case: &Case, steps: Steps, folder: &Path) -> anyhow::Result<Run> {
+    let mut order: Vec<usize> = (0..case.start.len()).collect();
+    if code == Code::OwnShuffled {
+        order.sort_by_key(|&k| Random::of(1, k as u64).unit().to_bits());
+    }
+    let mut text = String::from("x,y,z\n");
+    for &k in &order {
+        let [x, y, z] = case.start[k].into();
+        writeln!(text, "{x},{y},{z}")?;
+    }
+    let spheres = folder.join("spheres.csv");
+    fs::write(&spheres, text)?;
+    let arguments = [
+        case.file.display().to_string(),
+        format!("--set=fill.file.0.path={}", spheres.display()),
+        format!("--set=time.step={:e}", steps.step),
+        format!("--set=time.steps={}", steps.count),
+        format!("--out={}", folder.join("own").display()),
+    ];
+    let (said, cpu) = say(code, &arguments, steps.ranks)?;
+
+    // 2.764e6 particle-steps per second (...), of which the snapshot at the end is not a step.
+    let rate = number_before(&said, "particle-steps per second")?;
+    let output = said.lines().find_map(|line| line.strip_prefix("output")).context("no output")?;
+    let output: f64 = output.split_whitespace().nth(1).context("no time of output")?.parse()?;
+    let count = steps.count as f64;
+    let seconds = count * case.start.len() as f64 / rate - count * output * 1e-6;
+
+    let last = snapshot::Reader::open(&folder.join("own/last.vtkhdf"))?;
+    let table = last.particles(0..last.particle_count())?;
+    let mut end = vec![None; case.start.len()];
+    for (id, position) in table.id.iter().zip(&table.position) {
+        end[order[id.0 as usize]] = Some(Vec3::from(*position));
+    }
+    Ok(Run { end: all(end)?, seconds, cpu })
+}
+
+fn peer(code: Code, case: &Case, steps: Steps, folder: &Path) -> anyhow::Result<Run> {
+    let (start, end) = (folder.join("start.data"), folder.join("end.dump"));
+    fs::write(&start, data_file(case)?)?;
+    let path = |path: &Path| path.display().to_string();
+    let [(gn, gt), (gnw, gtw)] = [case.damping, case.wall_damping].map(|d| (d[0], d[1]));
+    let variables = [
+        ("start", path(&start)),
+        ("end", path(&end)),
+        ("step", format!("{:e}", steps.step)),
+        ("steps", steps.count.to_string()),
+        ("skin", case.skin.to_string()),
+        ("side", case.high.x.to_string()),
+        ("gravity", case.gravity.to_string()),
+        ("kn", case.stiffness[0].to_string()),
+        ("kt", case.stiffness[1].to_string()),
+        ("mu", case.friction.to_string()),
+        ("gn", gn.to_string()),
+        ("gt", gt.to_string()),
+        ("gnw", gnw.to_string()),
+        ("gtw", gtw.to_string()),
+        ("xt", (gt / gn).to_string()),
+    ];
+    let deck = PathBuf::from("benchmarks/peers").join(code.deck());
+    let mut arguments = vec!["-in".to_owned(), path(&deck), "-log".to_owned(), "none".to_owned()];
+    for (name, value) in variables {
+        arguments.extend(["-var".to_owned(), name.to_owned(), value]);
+    }
+    let (said, cpu) = say(code, &arguments, steps.ranks)?;
+    let at = said.find("Loop time of").with_context(|| format!("no loop time:\n{said}"))?;
+    let seconds = said[at..].split_whitespace().nth(3).context("no loop time")?.parse()?;
+    Ok(Run { end: read_dump(&fs::read_to_string(&end)?, case.start.len())?, seconds, cpu })
+}
+
+/// Runs it under `mpirun`, if on more ranks than one: what it prints, and CPU time [s].
+fn say(code: Code, arguments: &[String], ranks: u32) -> anyhow::Result<(String, f64)> {
+    let mut command = Command::new("bash");
+    // Its own `time` knows the CPU time of a process and its children.
+    command.args(["-c", "TIMEFORMAT='cpu %U %S'; time \"$@\"", "bash"]);
+    if ranks > 1 {
+        command.args(["mpirun", "--oversubscribe", "-n", &ranks.to_string()]);
+    }
+    let output = command
+        .arg(code.program())
+        .args(arguments)
+        .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
+        .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
+        .env("OMP_NUM_THREADS", "1")
+        .stdin(Stdio::null())
+        .output()?;
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    ensure!(output.status.success(), "{}\n{said}\n{errors}", output.status);
+    let cpu = errors.lines().rev().find_map(|line| line.strip_prefix("cpu ")).context("no time")?;
+    let cpu: Result<Vec<f64>, _> = cpu.split_whitespace().map(str::parse).collect();
+    Ok((said, cpu?.iter().sum()))
+}
+
+/// The start as LAMMPS and LIGGGHTS read it; ids count from 1. The second type is that of LIGGGHTS' walls.
+fn data_file(case: &Case) -> anyhow::Result<String> {
+    let [x, y, z] = case.high.into();
+    let mut text = format!("\n{} atoms\n2 atom types\n", case.start.len());
+    write!(text, "0 {x} xlo xhi\n0 {y} ylo yhi\n0 {z} zlo zhi\n\nAtoms\n\n")?;
+    for (k, position) in case.start.iter().enumerate() {
+        let [x, y, z] = (*position).into();
+        writeln!(text, "{} 1 {} {} {x} {y} {z}", k + 1, 2.0 * case.radius, case.density)?;
+    }
+    Ok(text)
+}
+
+/// The positions of a dump of one frame, in the order of ids.
+fn read_dump(text: &str, count: usize) -> anyhow::Result<Vec<Vec3>> {
+    let (_, rows) = text.split_once("ITEM: ATOMS id x y z").context("no atoms in the dump")?;
+    let mut end = vec![None; count];
+    for row in rows.lines().filter(|row| !row.trim().is_empty()) {
+        let numbers: Result<Vec<f64>, _> = row.split_whitespace().map(str::parse).collect();
+        let [id, x, y, z] = numbers?[..] else { bail!("a row of the dump: {row}") };
+        end[id as usize - 1] = Some(Vec3::new(x, y, z));
+    }
+    all(end)
+}
+
+fn all(places: Vec<Option<Vec3>>) -> anyhow::Result<Vec<Vec3>> {
+    places.into_iter().collect::<Option<_>>().context("a sphere is missing at the end")
+}
+
+fn number_before(text: &str, words: &str) -> anyhow::Result<f64> {
+    let (before, _) = text.split_once(words).with_context(|| format!("no {words}:\n{text}"))?;
+    Ok(before.split_whitespace().next_back().context("no number")?.parse()?)
+}

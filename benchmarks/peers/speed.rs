@@ -1,0 +1,178 @@
+//! How long a step takes, in turns.
+
+use crate::case::{Apart, Case};
+use crate::codes::{Code, Run, Steps, run};
+use anyhow::ensure;
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+/// Codes are compared after so long, before they are timed [s].
+const CHECKED: f64 = 1e-3;
+
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Steps of a run; one of a tenth goes before, so that the CPU time of the start can be left out.
+    #[arg(long, default_value_t = 1000)]
+    steps: u64,
+    /// How often each code's turn comes.
+    #[arg(long, default_value_t = 9)]
+    rounds: u32,
+    /// Numbers of ranks.
+    #[arg(long, value_delimiter = ',', default_values_t = [1, 2])]
+    ranks: Vec<u32>,
+    /// Codes other than this program that are left out.
+    #[arg(long, value_delimiter = ',')]
+    without: Vec<String>,
+    /// Also this program with the spheres in a random order.
+    #[arg(long)]
+    shuffled: bool,
+}
+
+/// A run: µs per particle and step.
+struct Row {
+    code: Code,
+    ranks: u32,
+    round: u32,
+    wall: f64,
+    cpu: f64,
+}
+
+/// Writes `time.csv`, `versions.txt`, and prints the medians.
+pub(crate) fn time(case: &Case, options: &Options, record: &Path) -> anyhow::Result<()> {
+    let mut codes = vec![Code::Own, Code::Lammps, Code::Liggghts];
+    codes.retain(|code| !options.without.iter().any(|name| name == code.name()));
+    if options.shuffled {
+        codes.push(Code::OwnShuffled);
+    }
+    ensure!(codes.contains(&Code::Own), "this program cannot be left out");
+    let missing: Vec<_> = codes.iter().filter(|c| !c.is_installed()).map(|c| c.name()).collect();
+    ensure!(
+        missing.is_empty(),
+        "not installed: {}; install or leave out by --without",
+        missing.join(", ")
+    );
+    let mut versions = String::new();
+    for &code in &codes {
+        writeln!(versions, "{:<17}{}", code.name(), code.version()?)?;
+    }
+    fs::write(record.join("versions.txt"), versions)?;
+    compare(case, &codes)?;
+
+    let mut rows = Vec::new();
+    let mut csv =
+        String::from("ranks,round,code,steps,wall_s,cpu_s,short_steps,short_cpu_s,load\n");
+    let short = (options.steps / 10).max(1);
+    for &ranks in &options.ranks {
+        for round in 0..options.rounds {
+            // Each round begins with another code.
+            codes.rotate_left(1);
+            for &code in &codes {
+                let of = |count| run(code, case, Steps { step: case.step, count, ranks });
+                let (few, many) = (of(short)?, of(options.steps)?);
+                let load = fs::read_to_string("/proc/loadavg").unwrap_or_default();
+                let load = load.split_whitespace().next().unwrap_or("").to_owned();
+                let (name, steps) = (code.name(), options.steps);
+                writeln!(
+                    csv,
+                    "{ranks},{round},{name},{steps},{},{},{short},{},{load}",
+                    many.seconds, many.cpu, few.cpu
+                )?;
+                rows.push(row(case, code, ranks, round, options.steps, &many, short, &few));
+            }
+            fs::write(record.join("time.csv"), &csv)?;
+        }
+    }
+    print(&rows, options);
+    Ok(())
+}
+
+#[expect(clippy::too_many_arguments, reason = "one place")]
+fn row(
+    case: &Case,
+    code: Code,
+    ranks: u32,
+    round: u32,
+    steps: u64,
+    many: &Run,
+    short: u64,
+    few: &Run,
+) -> Row {
+    let particles = case.start.len() as f64 * 1e-6;
+    let wall = many.seconds / (steps as f64 * particles);
+    let cpu = (many.cpu - few.cpu) / ((steps - short) as f64 * particles);
+    Row { code, ranks, round, wall, cpu }
+}
+
+/// That all do the same, as far as their laws are the same, at this step.
+fn compare(case: &Case, codes: &[Code]) -> anyhow::Result<()> {
+    let steps = Steps::until(CHECKED, case.step);
+    let own = run(Code::Own, case, steps)?.end;
+    let way = Apart::of(&case.start, &own).median;
+    for &code in codes.iter().filter(|&&code| code != Code::Own) {
+        for ranks in [1, 2] {
+            let end = run(code, case, Steps { ranks, ..steps })?.end;
+            let apart = Apart::of(&own, &end);
+            let part = apart.median / way;
+            println!(
+                "{} on {ranks} ranks is {:.1e} m from dem-mpi after {} steps (median), {:.2} % of the way; at most {:.1e} m",
+                code.name(),
+                apart.median,
+                steps.count,
+                100.0 * part,
+                apart.largest
+            );
+            // LIGGGHTS' sliding contacts have no dashpot.
+            let allowed = if code == Code::Liggghts { 0.04 } else { 0.015 };
+            ensure!(part < allowed, "{} does something else", code.name());
+        }
+    }
+    println!();
+    Ok(())
+}
+
+/// Quartiles.
+fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
+    values.sort_by(f64::total_cmp);
+    let last = (values.len() - 1) as f64;
+    [0.25, 0.5, 0.75].map(|part| {
+        let at = part * last;
+        let (low, high) = (values[at.floor() as usize], values[at.ceil() as usize]);
+        low + (high - low) * at.fract()
+    })
+}
+
+fn print(rows: &[Row], options: &Options) {
+    println!(
+        "µs per particle-step: median (quartiles), least; ratio: median over rounds of a code's time over dem-mpi's of that round\n"
+    );
+    println!(
+        "| ranks | code | wall | least | ratio | CPU | least | ratio |\n|---|---|---|---|---|---|---|---|"
+    );
+    for &ranks in &options.ranks {
+        let mut codes: Vec<Code> = Vec::new();
+        for row in rows.iter().filter(|row| row.ranks == ranks) {
+            if !codes.contains(&row.code) {
+                codes.push(row.code);
+            }
+        }
+        codes.sort_by_key(|code| code.name());
+        for code in codes {
+            let of =
+                |code: Code| rows.iter().filter(move |row| row.ranks == ranks && row.code == code);
+            let mut line = format!("| {ranks} | {} |", code.name());
+            for value in [(|row| row.wall) as fn(&Row) -> f64, |row| row.cpu] {
+                let [low, median, high] = quartiles(of(code).map(value).collect());
+                let least = of(code).map(value).fold(f64::INFINITY, f64::min);
+                let ratios = of(code).filter_map(|row| {
+                    let own = of(Code::Own).find(|own| own.round == row.round)?;
+                    Some(value(row) / value(own))
+                });
+                let [_, ratio, _] = quartiles(ratios.collect());
+                write!(line, " {median:.3} ({low:.3} to {high:.3}) | {least:.3} | {ratio:.2} |")
+                    .expect("a string takes all");
+            }
+            println!("{line}");
+        }
+    }
+}
