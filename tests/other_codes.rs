@@ -43,7 +43,7 @@ fn ends(start: impl Iterator<Item = Vec3>, dt: f64) -> Vec<Vec3> {
 
 /// A corner of a settled packing, of which two sides have been taken away: most of its contacts slide. What is left between both
 /// codes is the arm of a contact (radius there, radius less half the overlap here). While the spring of a sliding contact was
-/// as long as the whole limit, dashpot included, it was ten times as much, whatever the step.
+/// as long as the whole limit, dashpot included, it was eight times as much, whatever the step.
 #[test]
 fn sliding_spheres_go_where_lammps_brings_them() {
     let rows = answer("lammps_corner_500.csv");
