@@ -57,6 +57,8 @@ impl Code {
     /// Is it there?
     pub(crate) fn is_installed(self) -> bool {
         let mut command = Command::new(self.program());
+        // LIGGGHTS leaves a log wherever it is started.
+        command.current_dir(std::env::temp_dir());
         command.arg("-help").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         !command.status().is_err_and(|error| error.kind() == ErrorKind::NotFound)
     }
@@ -68,7 +70,11 @@ impl Code {
             Self::Lammps | Self::LammpsGranular => ("-help", "Parallel Simulator"),
             Self::Liggghts => ("-help", "LIGGGHTS"),
         };
-        let output = Command::new(self.program()).arg(argument).stdin(Stdio::null()).output()?;
+        let output = Command::new(self.program())
+            .arg(argument)
+            .current_dir(std::env::temp_dir())
+            .stdin(Stdio::null())
+            .output()?;
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         let line = text.lines().find(|line| line.contains(word)).unwrap_or("unknown");
         Ok(line.trim().to_owned())
