@@ -105,6 +105,20 @@ fn the_response_of_softer_grains_is_held_against_that_of_the_common_normal() {
         assert_eq!(of(&rows, "softer_response", Reading::Alone), expected, "{factor}");
         assert_eq!(of(&rows, "softer_response", Reading::Checked), Verdict::Untold);
     }
+    // A volumetric strain near zero: 0.3 % off, a third of it, but 6 % of a strain of 5 %.
+    let mut responses = vec![
+        response("common-normal", 0.0, 1.5e5, 1.0),
+        response("common-normal", 0.0, 1.5e4, 1.0),
+        response("gjk-erosion", 0.05, 1.5e4, 1.0),
+    ];
+    for (strain, expected) in
+        [(-0.012, Verdict::Yes), (-0.016, Verdict::Nearly), (-0.03, Verdict::No)]
+    {
+        responses[1].plateau_volumetric_strain = -0.009;
+        responses[2].plateau_volumetric_strain = strain;
+        let rows = predictions::rows(&[], &responses);
+        assert_eq!(of(&rows, "softer_response", Reading::Alone), expected, "{strain}");
+    }
 }
 
 fn run(program: &str, arguments: &[&str]) -> (bool, String) {
