@@ -115,6 +115,12 @@ impl<'a> Difference<'a> {
         (a.along(direction) - b.along(&-direction)) * self.scale - self.r
     }
 
+    /// Is a point [m], seen from the centre of A, in both bodies as they are?
+    pub(super) fn holds(&self, point: &Vec3) -> bool {
+        let [a, b] = self.bodies;
+        a.contains(point) && b.contains(&(point - self.r * self.unit))
+    }
+
     #[inline]
     pub(super) fn corner(&self, direction: Vec3) -> Corner {
         count_direction();

@@ -33,11 +33,14 @@ const LONGEST_STEP: f64 = 0.5;
 /// Part of the predicted decrease that a step must bring (Armijo).
 const SUFFICIENT: f64 = 1e-4;
 /// The same of a step that follows a surface, or the damped step is taken instead.
-const WORTHWHILE: f64 = 0.2;
+const WORTHWHILE: f64 = 0.01;
 /// Rounding of `δ`, in units of the pair's length.
 const ROUNDING: f64 = 4e-15;
 /// With less than this to be gained [units], `δ` is all rounding and the decrement itself is what decreases.
 const NEAR: f64 = 1e-14;
+/// With less than this to be gained [units], which may be less where the Hessian is that of a flat face, a step that
+/// changes nothing is the last.
+const BELOW_ROUNDING: f64 = 1e-11;
 /// With less than this to be gained [units] after the closing correction nothing is left.
 const NOTHING: f64 = 1e-28;
 /// A minimum has to compete if its overlap is more than this part of the radii of curvature, or of the inscribed
@@ -45,6 +48,9 @@ const NOTHING: f64 = 1e-28;
 const DOUBTFUL: f64 = 0.1;
 /// Finds the rival: a minimum that wins may be this far above the global one [units].
 const RIVAL: Epa = Epa::new(1e-7);
+
+/// Finds a start, where the first one was too far off.
+const START: Epa = Epa::new(1e-10);
 
 /// Resolves smooth bodies of any kind by their common normal.
 #[derive(Clone, Copy, Debug, Default)]
@@ -160,15 +166,19 @@ impl Evaluation {
     /// its vector turned by 90° about the normal.
     #[inline]
     fn newton(&self) -> Vec3 {
-        let shift = self.shift();
+        -self.solve(&self.gradient, self.shift())
+    }
+
+    /// `(H - shift)⁻¹ v` on the tangent plane.
+    #[inline]
+    fn solve(&self, v: &Vec3, shift: f64) -> Vec3 {
         let determinant = (self.product - shift * self.trace) + shift * shift;
-        let g = &self.gradient;
-        let mut step = g * shift;
+        let mut solution = v * -shift;
         for (weight, along) in self.dyads() {
             let turned = self.normal.cross(&along);
-            step -= turned * (weight * turned.dot(g));
+            solution += turned * (weight * turned.dot(v));
         }
-        step / determinant
+        solution / determinant
     }
 
     /// The smaller eigenvalue of the Hessian on the tangent plane.
@@ -199,6 +209,7 @@ impl SmoothPair<'_> {
     fn resolve(&self, start: &Vec3) -> Outcome {
         let (touch, radius) = match self.minimise(start) {
             Minimum::Apart(clearance) => return Outcome::Apart(clearance),
+            Minimum::Failed(Why::NoConvergence) => return self.from_afar(),
             Minimum::Failed(why) => return Outcome::Failed(why),
             Minimum::At { touch, radius } => (touch, radius),
         };
@@ -225,6 +236,26 @@ impl SmoothPair<'_> {
             // No start for a rival: a minimum will do, a saddle not.
             Outcome::Failed(_) if touch.overlap < radius => settled(touch),
             failed @ Outcome::Failed(_) => failed,
+        }
+    }
+
+    /// From the direction of EPA, where Newton's method has lost its way from another.
+    fn from_afar(&self) -> Outcome {
+        let [a, b] = self.bodies;
+        let coarse = match START.touch(a, b, &(self.r * self.unit), None) {
+            Outcome::Touching(coarse) => coarse,
+            Outcome::Apart(clearance) => return Outcome::Apart(clearance * self.per_metre),
+            failed @ Outcome::Failed(_) => return failed,
+        };
+        match self.minimise(&coarse.normal) {
+            Minimum::Apart(clearance) => Outcome::Apart(clearance),
+            Minimum::At { touch, .. }
+                if touch.overlap <= coarse.overlap * self.per_metre + ROUNDING =>
+            {
+                settled(touch)
+            }
+            Minimum::At { .. } => Outcome::Failed(Why::NoConvergence),
+            Minimum::Failed(why) => Outcome::Failed(why),
         }
     }
 
@@ -303,7 +334,13 @@ impl SmoothPair<'_> {
             let Some(next) = self.advance(&here, &step, slope, &mut evaluations) else {
                 return Minimum::Failed(Why::NoConvergence);
             };
+            let changed = (next.delta - here.delta).abs();
             here = next;
+            if gain <= BELOW_ROUNDING && changed <= ROUNDING {
+                // Where a face is flatter than a Hessian can be, the gain is no more than promised.
+                let touch = self.corrected(&here, &here.newton());
+                return Minimum::At { touch, radius: here.smaller_radius() };
+            }
         }
     }
 
@@ -320,7 +357,7 @@ impl SmoothPair<'_> {
         if let Some(direction) = self.followed(here, step) {
             let there = self.evaluate(direction.normalize())?;
             *evaluations += 1;
-            let slack = if slope > -2.0 * NEAR { ROUNDING } else { 0.0 };
+            let slack = if slope > -2.0 * BELOW_ROUNDING { ROUNDING } else { 0.0 };
             if there.delta <= (here.delta + WORTHWHILE * slope) + slack {
                 return Some(there);
             }
@@ -340,17 +377,33 @@ impl SmoothPair<'_> {
         None
     }
 
-    /// Where the step leads on the surface of the flatter body, if that is any better.
+    /// Where the step leads if each body's support point moves on its surface as the step says, instead of the
+    /// direction; `None` if that is no better for either. The two directions that come of it are weighed with the
+    /// Hessians: a body decides where it is the flatter one.
     #[inline]
     fn followed(&self, here: &Evaluation, step: &Vec3) -> Option<Vec3> {
-        let flatness = |side: &Side| step.dot(&side.world.hessian_times(step));
-        let b_is_flatter = flatness(&here.sides[0]) < flatness(&here.sides[1]);
-        let sign = if b_is_flatter { -1.0 } else { 1.0 };
-        let index = usize::from(b_is_flatter);
+        let on_a = self.followed_on(0, here, step);
+        let on_b = self.followed_on(1, here, step);
+        if on_a.is_none() && on_b.is_none() {
+            return None;
+        }
+        let [a, b] = [&here.sides[0].world, &here.sides[1].world];
+        let moved =
+            a.hessian_times(&on_a.unwrap_or(*step)) + b.hessian_times(&on_b.unwrap_or(*step));
+        Some(here.normal + here.solve(&moved, 0.0))
+    }
+
+    /// By how much the normal turns if the support point of one body moves on its surface as the step says.
+    #[inline]
+    fn followed_on(&self, index: usize, here: &Evaluation, step: &Vec3) -> Option<Vec3> {
+        let sign = if index == 1 { -1.0 } else { 1.0 };
         let (body, side) = (self.bodies[index], &here.sides[index]);
         let step = body.frame.tr_mul(step) * sign;
         let direction = body.shape.follow(&side.own, &side.direction, &step)?;
-        Some(body.frame * direction * sign)
+        let direction = body.frame * direction * sign;
+        // Of height 1, like the other's.
+        let height = direction.dot(&here.normal);
+        (height > 0.0).then(|| direction / height - here.normal)
     }
 
     /// The touch after one more step with the last Hessian. Support points follow their own body's compliance,

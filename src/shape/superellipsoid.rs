@@ -192,7 +192,7 @@ pub(super) struct Exponents {
 const FLATTEST: f64 = 1e-12;
 /// Outside this range of exponents, surfaces have as good as edges. Above it, radii of curvature fall to zero within a
 /// few percent of the size; below it, Newton's method finds one of the many minima around rounded edges.
-const ROUND: RangeInclusive<f64> = 0.1..=1.6;
+const ROUND: RangeInclusive<f64> = 0.1..=1.99;
 /// A change of a component of a direction, relative to it, over which a Hessian is no longer constant.
 const BENT: f64 = 0.3;
 
@@ -297,8 +297,15 @@ impl Exponents {
         direction: &Vec3,
         step: &Vec3,
     ) -> Option<Vec3> {
-        let bent = |i: usize, e: f64| e < 1.0 && step[i].abs() > BENT * direction[i].abs();
-        if !(bent(0, self.across) || bent(1, self.across) || bent(2, self.along)) {
+        let bent = |step: f64, component: f64, e: f64| e < 1.0 && step > BENT * component;
+        let (size, by) = (direction.abs(), step.abs());
+        // A cap across z is flat with e₁, whatever e₂.
+        let (across, by_across) = (size.x + size.y, by.x + by.y);
+        if !(bent(by.x, size.x, self.across)
+            || bent(by.y, size.y, self.across)
+            || bent(by.z, size.z, self.along)
+            || bent(by_across, across, self.along))
+        {
             return None;
         }
         let point = here.point + here.hessian_times(step);
