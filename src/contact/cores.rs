@@ -9,6 +9,7 @@
 
 use super::gjk::{Difference, Separation, separate};
 use super::patch::nearest_of_segments;
+use super::polish::polished;
 use super::{ContactResolver, Outcome, Posed, Touch, Why, touch_along};
 use crate::math::Vec3;
 use crate::shape::{Core, Shape};
@@ -40,7 +41,7 @@ impl ContactResolver for Cores {
         }
         let margins = (a.shape.margin() + b.shape.margin()) / m.unit;
         match separate(&m.cores(), warm.unwrap_or(&m.r), TOLERANCE, margins) {
-            Separation::Apart(normal) => touch_along(a, b, r, &normal).outcome(),
+            Separation::Apart(normal) => polished(a, b, r, touch_along(a, b, r, &normal)).outcome(),
             Separation::Beyond(distance) => Outcome::Apart((distance - margins) * m.unit),
             Separation::Intersecting => Outcome::Failed(Why::TooDeep),
             Separation::NotConverged => Outcome::Failed(Why::NoConvergence),

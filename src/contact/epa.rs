@@ -16,6 +16,7 @@
 //! where it must be fine: it has little left to do but the proof.
 
 use super::gjk::{Corner, Difference, Separation, enclose, secant};
+use super::polish::polished;
 use super::{Batch, ContactResolver, Found, Outcome, Posed, Why, touch_along};
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
@@ -69,6 +70,12 @@ impl Epa {
         Self { tolerance, polish: true }
     }
 
+    /// With the last digits, if they are asked for.
+    fn touch_along(self, a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Outcome {
+        let touch = touch_along(a, b, r, normal);
+        if self.polish { polished(a, b, r, touch).outcome() } else { touch.outcome() }
+    }
+
     #[inline]
     fn touch_with(
         self,
@@ -93,7 +100,7 @@ impl Epa {
             if let Some(normal) =
                 begun.and_then(|()| polytope.expand(&m, tolerance, Some(corner), polish))
             {
-                return touch_along(a, b, r, &normal).outcome();
+                return self.touch_along(a, b, r, &normal);
             }
         }
         // Coincident centres have an overlap, if no unique normal.
@@ -110,7 +117,7 @@ impl Epa {
             _ => polytope.begin(&tetrahedron(&m, &start.normalize())),
         }
         match polytope.expand(&m, tolerance, None, polish) {
-            Some(normal) => touch_along(a, b, r, &normal).outcome(),
+            Some(normal) => self.touch_along(a, b, r, &normal),
             None => Outcome::Failed(Why::NoConvergence),
         }
     }

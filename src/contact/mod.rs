@@ -22,6 +22,7 @@ mod half_space;
 mod methods;
 mod newton;
 mod patch;
+mod polish;
 mod smooth_common_normal;
 mod sphere_sphere;
 

@@ -62,6 +62,8 @@ fn flat(p: &Vec3, normal: &Vec3) -> Vec3 {
 
 /// What of a body's core lies within a depth of its support plane, laid flat through the body's centre.
 enum Feature<'a> {
+    /// The support point of a curved body.
+    Round(Vec3),
     Corner(Vec3),
     /// From its upper end to its lower one, which is so much deeper [m].
     Edge {
@@ -118,7 +120,7 @@ impl<'a> Feature<'a> {
             fall: (top - bottom).dot(normal),
         };
         match body.shape.core() {
-            Core::Curved => Self::Corner(flat(&body.core_support(normal), normal)),
+            Core::Curved => Self::Round(flat(&body.core_support(normal), normal)),
             Core::Segment(half) => {
                 let end = body.frame.column(0) * half;
                 if end.dot(normal) < 0.0 { edge(-end, end) } else { edge(end, -end) }
@@ -145,7 +147,7 @@ impl<'a> Feature<'a> {
     /// segment, or a point.
     fn section(&self, depth: f64) -> Vec<Vec3> {
         match *self {
-            Self::Corner(point) => vec![point],
+            Self::Round(point) | Self::Corner(point) => vec![point],
             Self::Edge { top, bottom, fall } => {
                 let part = if fall > depth { depth / fall } else { 1.0 };
                 vec![top, top + (bottom - top) * part]
@@ -184,7 +186,13 @@ fn centre(a: &Feature, b: &Feature, across: &Vec3, depth: f64, normal: &Vec3) ->
         _ => {
             let ends = |section: &[Vec3]| [section[0], section[section.len() - 1]];
             let (p, q) = nearest_of_segments(&ends(&a.section(depth)), &ends(&section_b()));
-            return (p + q) * 0.5;
+            // Where a curved body is nearly flat, its support point moves far with the last digits of the normal;
+            // a corner or an edge does not move.
+            return match (a, b) {
+                (Feature::Round(_), Feature::Edge { .. } | Feature::Corner(_)) => q,
+                (Feature::Edge { .. } | Feature::Corner(_), Feature::Round(_)) => p,
+                _ => (p + q) * 0.5,
+            };
         }
     };
     if shared.is_empty() {

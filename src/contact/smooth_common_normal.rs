@@ -83,6 +83,18 @@ impl ContactResolver for SmoothCommonNormal {
     }
 }
 
+/// The touch at the minimum of `δ` beside a direction that another method has found.
+pub(super) fn touch_beside(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Option<Touch> {
+    let unit = unit_of_length(a.shape.bounding_radius(), b.shape.bounding_radius());
+    let pair = SmoothPair { bodies: [a, b], r: r / unit, unit, per_metre: 1.0 / unit };
+    match pair.minimise(normal) {
+        Minimum::At { touch, .. } if touch.overlap > 0.0 => {
+            Some(Touch { overlap: touch.overlap * unit, point: touch.point * unit, ..touch })
+        }
+        _ => None,
+    }
+}
+
 /// A contact, unless the closing correction brought the overlap to nothing.
 fn settled(touch: Touch) -> Outcome {
     if touch.overlap > 0.0 { Outcome::Touching(touch) } else { Outcome::Apart(0.0) }
@@ -209,7 +221,7 @@ impl SmoothPair<'_> {
     fn resolve(&self, start: &Vec3) -> Outcome {
         let (touch, radius) = match self.minimise(start) {
             Minimum::Apart(clearance) => return Outcome::Apart(clearance),
-            Minimum::Failed(Why::NoConvergence) => return self.from_afar(),
+            Minimum::Failed(Why::NoConvergence) => return self.resolve_by_epa(),
             Minimum::Failed(why) => return Outcome::Failed(why),
             Minimum::At { touch, radius } => (touch, radius),
         };
@@ -240,7 +252,7 @@ impl SmoothPair<'_> {
     }
 
     /// From the direction of EPA, where Newton's method has lost its way from another.
-    fn from_afar(&self) -> Outcome {
+    fn resolve_by_epa(&self) -> Outcome {
         let [a, b] = self.bodies;
         let coarse = match START.touch(a, b, &(self.r * self.unit), None) {
             Outcome::Touching(coarse) => coarse,
@@ -337,8 +349,9 @@ impl SmoothPair<'_> {
             let changed = (next.delta - here.delta).abs();
             here = next;
             if gain <= BELOW_ROUNDING && changed <= ROUNDING {
-                // Where a face is flatter than a Hessian can be, the gain is no more than promised.
-                let touch = self.corrected(&here, &here.newton());
+                // Where a face is flatter than a Hessian can be, there is no gain, but the point is right.
+                let point = self.corrected(&here, &here.newton()).point;
+                let touch = Touch { overlap: here.delta, normal: here.normal, point };
                 return Minimum::At { touch, radius: here.smaller_radius() };
             }
         }

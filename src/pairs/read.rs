@@ -148,8 +148,12 @@ fn superellipsoid_of(row: &Value, which: &str) -> Result<Body, String> {
     }
     let exponents =
         [one_number(&body["e1"], &column("e1"))?, one_number(&body["e2"], &column("e2"))?];
-    if let Some(e) = exponents.into_iter().find(|e| !(*e > 0.0 && *e <= 2.0)) {
-        return Err(format!("{which} has the exponent {e}, which is not in (0, 2]"));
+    let allowed = Superellipsoid::EXPONENTS;
+    if let Some(e) = exponents.into_iter().find(|e| !allowed.contains(e)) {
+        let (least, most) = (allowed.start(), allowed.end());
+        return Err(format!(
+            "{which} has the exponent {e}, which is not from {least} to {most}: give a sharper body as a polyhedron"
+        ));
     }
     let shape = if exponents == [1.0, 1.0] {
         ellipsoid(axes)

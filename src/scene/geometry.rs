@@ -109,14 +109,17 @@ fn semi_axes(section: &Section, key: &'static str) -> Option<Vec3> {
 }
 
 fn exponents(section: &Section) -> Option<[f64; 2]> {
-    let what = "a list of two: [e1, e2], each a number greater than 0 and at most 2";
+    let range = Superellipsoid::EXPONENTS;
+    let (least, most) = (range.start(), range.end());
+    let what = &*format!("a list of two: [e1, e2], each a number from {least} to {most}");
     section.require("exponents", what, |given| {
         let items = given.list(what)?;
         let [along, across] = &items[..] else {
             given.fail(format!("has {} items; must be {what}", items.len()));
             return None;
         };
-        let (along, across) = (along.number(Range::UpToTwo, ""), across.number(Range::UpToTwo, ""));
+        let (along, across) =
+            (along.number(Range::Exponent, ""), across.number(Range::Exponent, ""));
         Some([along?, across?])
     })
 }

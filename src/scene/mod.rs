@@ -54,7 +54,7 @@
 //! | `diameter`, `aspect_ratio` | m | of the ball of equal volume; first semi-axis over the other two |
 //! | `semi_axes` | m | of a superellipsoid, along its own x, y, z |
 //! | `semi_axes_positive`, `semi_axes_negative` | m | of a poly-superellipsoid, from where its octants meet towards positive and negative x, y, z; particles are placed by their centres of mass and principal axes |
-//! | `exponents` | | of both: [e1, e2] in (0, 2], of sections along z and across; towards 0 a box, 1 an ellipsoid, 2 an octahedron |
+//! | `exponents` | | of both: [e1, e2], each from 0.1 to 1.8, of sections along z and across; towards 0 a box, 1 an ellipsoid, towards 2 an octahedron. Sharper ones are polyhedra |
 //! | `length`, `radius` | m | of a spherocylinder: of its axis, from centre to centre of the balls at its ends (along its own x); of its round |
 //! | `vertices` | m | of a polyhedron or the core of a rounded one: [[x, y, z], ...], in any axes and order; or: |
 //! | `file`, `scale` | m | a closed and convex mesh, `.stl` or `.obj`; metres per unit of its lengths, default 1 |

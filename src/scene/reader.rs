@@ -7,6 +7,7 @@
 use super::input::{Node, Table, Value, name_of};
 use super::report::{Place, Report, suggestion};
 use crate::math::Vec3;
+use crate::shape::Superellipsoid;
 use std::cell::RefCell;
 use std::fmt;
 
@@ -18,8 +19,8 @@ pub(super) enum Range {
     NotNegative,
     /// In (0, 1].
     UpToOne,
-    /// In (0, 2].
-    UpToTwo,
+    /// As of a superellipsoid, [`Superellipsoid::EXPONENTS`].
+    Exponent,
     /// In (0, 1).
     BelowOne,
     /// From 1 up.
@@ -34,7 +35,7 @@ impl Range {
                 Self::Positive => x > 0.0,
                 Self::NotNegative => x >= 0.0,
                 Self::UpToOne => x > 0.0 && x <= 1.0,
-                Self::UpToTwo => x > 0.0 && x <= 2.0,
+                Self::Exponent => Superellipsoid::EXPONENTS.contains(&x),
                 Self::BelowOne => x > 0.0 && x < 1.0,
                 Self::FromOne => x >= 1.0,
             }
@@ -43,12 +44,21 @@ impl Range {
 
 impl fmt::Display for Range {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let exponents = Superellipsoid::EXPONENTS;
         f.write_str(match self {
             Self::Any => "a finite number",
             Self::Positive => "a number greater than 0",
             Self::NotNegative => "a number, 0 or greater",
             Self::UpToOne => "a number greater than 0 and at most 1",
-            Self::UpToTwo => "a number greater than 0 and at most 2",
+            Self::Exponent => {
+                return write!(
+                    f,
+                    "a number from {} to {} (a box, a cylinder, an octahedron or a cone is a \
+                     `polyhedron`, with round edges a `rounded-polyhedron`)",
+                    exponents.start(),
+                    exponents.end()
+                );
+            }
             Self::BelowOne => "a number greater than 0 and less than 1",
             Self::FromOne => "a number, 1 or greater",
         })

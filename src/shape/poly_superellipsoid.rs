@@ -178,7 +178,7 @@ impl Convex for PolySuperellipsoid {
         self.inwards(&self.exponents.support(&self.around(&along), &along).point)
     }
 
-    /// `None` with an exponent below 0.1 or above 1.6: the surface has edges, or what is as good as an edge.
+    /// `None` with an exponent below 0.1 or above 1.99: the surface has edges, or what is as good as an edge.
     #[inline]
     fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
         let along = self.axes * direction;

@@ -27,6 +27,10 @@ pub struct Superellipsoid {
 }
 
 impl Superellipsoid {
+    /// The exponents of grains. Beyond, collisions without any loss do not keep their energy to a thousandth: faces
+    /// are flat to rounding, and edges sharp beside the overlap. A polyhedron is exact.
+    pub const EXPONENTS: RangeInclusive<f64> = 0.1..=1.8;
+
     /// With these semi-axes [m] and exponents e₁ (of sections along z) and e₂ (of sections across z).
     ///
     /// # Panics
@@ -77,7 +81,7 @@ impl Convex for Superellipsoid {
         }
     }
 
-    /// `None` with an exponent below 0.1 or above 1.6: the surface has edges, or what is as good as an edge.
+    /// `None` with an exponent below 0.1 or above 1.99: the surface has edges, or what is as good as an edge.
     #[inline]
     fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
         match self.as_ellipsoid() {
@@ -190,8 +194,8 @@ pub(super) struct Exponents {
 /// Components of a direction smaller than this count as such in the Hessian, which is infinite
 /// across flat faces.
 const FLATTEST: f64 = 1e-12;
-/// Outside this range of exponents, surfaces have as good as edges. Above it, radii of curvature fall to zero within a
-/// few percent of the size; below it, Newton's method finds one of the many minima around rounded edges.
+/// Outside this range of exponents, surfaces have as good as edges and faces: a direction in double precision no longer
+/// tells where on them its support point lies.
 const ROUND: RangeInclusive<f64> = 0.1..=1.99;
 /// A change of a component of a direction, relative to it, over which a Hessian is no longer constant.
 const BENT: f64 = 0.3;

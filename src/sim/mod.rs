@@ -208,21 +208,24 @@ impl Simulation {
     /// # Errors
     /// As [`Simulation::step`].
     pub fn begin(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
-        self.find_first_contacts(comm)?;
+        let unresolved = self.find_first_contacts(comm)?;
+        if let Some(&(pair, why)) = unresolved.first() {
+            return Err(self.unresolved(pair, why));
+        }
         self.find_first_forces();
         Ok(())
     }
 
-    /// The first half of [`Simulation::begin`]. Collective.
-    fn find_first_contacts(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
+    /// The first half of [`Simulation::begin`], and the pairs here that no method could resolve. Collective.
+    fn find_first_contacts(&mut self, comm: &mut dyn Comm) -> Result<Vec<(Pair, Why)>, StepError> {
         self.lists_since_cut = LISTS_BETWEEN_CUTS;
         self.watch.note_ahead(&self.particles, self.dt);
         self.list_pairs(&[], comm)?;
         self.forget_found();
-        self.resolve(Part::Inner)?;
-        self.resolve(Part::Border)?;
+        let mut unresolved = self.try_all(Part::Inner);
+        unresolved.append(&mut self.try_all(Part::Border));
         self.pairs.note(self.particles.needs);
-        Ok(())
+        Ok(unresolved)
     }
 
     /// The second half of [`Simulation::begin`].
@@ -341,7 +344,16 @@ impl Simulation {
     }
 
     fn resolve(&mut self, part: Part) -> Result<(), StepError> {
+        match self.try_all(part).first() {
+            None => Ok(()),
+            Some(&(pair, why)) => Err(self.unresolved(pair, why)),
+        }
+    }
+
+    /// Resolves pairs, and returns those that no method could.
+    fn try_all(&mut self, part: Part) -> Vec<(Pair, Why)> {
         let Self { pairs, particles, resolvers, found, .. } = self;
+        let mut unresolved = Vec::new();
         for piece in pairs.pieces(part == Part::Border) {
             let Some(resolver) = resolvers.get(piece.kinds) else { continue };
             let active = pairs.active(piece.range.clone(), particles);
@@ -350,16 +362,12 @@ impl Simulation {
             found.tally.pairs += active.len() as u64;
             found.tally.contacts += found.contacts.len() as u64;
             pairs.take(found, particles);
-            if !found.failed.is_empty() {
-                // Nobody else is to try them.
-                break;
-            }
+            // The next piece's methods are not to try them.
+            unresolved
+                .extend(found.failed.drain(..).map(|(k, why)| (pairs.pairs[k as usize], why)));
         }
         self.clock.lap(Phase::Contacts);
-        match found.failed.first() {
-            None => Ok(()),
-            Some(&(pair, why)) => Err(self.unresolved(self.pairs.pairs[pair as usize], why)),
-        }
+        unresolved
     }
 
     fn unresolved(&self, pair: Pair, why: Why) -> StepError {

@@ -2,6 +2,7 @@
 
 use super::{Simulation, StepError};
 use crate::comm::{Comm, agree, wire};
+use crate::contact::{Pair, Why};
 use crate::domain::DomainError;
 use crate::drive::rain::RainGauge;
 use crate::drive::servo::RECENT;
@@ -151,12 +152,12 @@ pub fn run(
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Finish, RunError> {
     if !schedule.resumed {
-        let found = sim.find_first_contacts(comm);
-        found.map_err(|error| match error {
+        let unresolved = sim.find_first_contacts(comm);
+        let unresolved = unresolved.map_err(|error| match error {
             StepError::Fault { .. } => RunError::Start(error.to_string()),
             error => explain(error, sim, comm),
         })?;
-        check_overlaps(sim, comm)?;
+        check_overlaps(sim, &unresolved, comm)?;
         sim.find_first_forces();
     }
     // What came before belongs to no phase of the run.
@@ -456,15 +457,24 @@ fn save(
     )?)
 }
 
-/// Refuses bodies that start too deep in each other, and names the worst of them. Those that touched at the end of
+/// Refuses bodies that start too deep in each other, or so deep that no method has resolved them (`unresolved`),
+/// and names the worst of them. Those that touched at the end of
 /// the stage before are where the forces have put them.
-fn check_overlaps(sim: &Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
+fn check_overlaps(
+    sim: &Simulation,
+    unresolved: &[(Pair, Why)],
+    comm: &mut dyn Comm,
+) -> Result<(), RunError> {
     let mut found: Vec<(f64, u64, i64, [f64; 3])> = Vec::new();
-    for (pair, touch) in sim.pairs.new_touches(&sim.particles) {
+    let too_deep = sim.pairs.new_touches(&sim.particles).filter_map(|(pair, touch)| {
         let depth = touch.overlap / shortest_axis(&sim.particles, pair.a, pair.b);
-        if pair.a.index() < sim.particles.owned && depth > DEEPEST_START {
+        (depth > DEEPEST_START).then_some((depth, pair, touch.point))
+    });
+    let beyond_any = unresolved.iter().map(|&(pair, _)| (f64::INFINITY, pair, Vec3::zeros()));
+    for (depth, pair, point) in too_deep.chain(beyond_any) {
+        if pair.a.index() < sim.particles.owned {
             let (a, b) = (sim.particles.id[pair.a.index()], sim.particles.id[pair.b.index()]);
-            let at = sim.particles.position[pair.a.index()] + touch.point;
+            let at = sim.particles.position[pair.a.index()] + point;
             found.push((depth, a.0, b.to_file(), at.into()));
         }
     }
@@ -476,7 +486,7 @@ fn check_overlaps(sim: &Simulation, comm: &mut dyn Comm) -> Result<(), RunError>
     if let Some(all) = gathered {
         let mut found: Vec<(f64, u64, i64, [f64; 3])> =
             all.iter().flat_map(|bytes| crate::comm::wire::decode::<Vec<_>>(bytes)).collect();
-        found.sort_by(|x, y| y.0.total_cmp(&x.0));
+        found.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
         bytes = overlap_message(&found, &sim.particles.walls).into_bytes();
     }
     comm.broadcast(&mut bytes);
@@ -499,13 +509,15 @@ fn overlap_message(
             Some(k) => format!("wall \"{}\"", walls[k].name),
             None => format!("particle {b}"),
         };
+        let how_deep = if depth.is_finite() {
+            format!("{:.1} %", 100.0 * depth)
+        } else {
+            "so deep that no contact method can tell a normal,".to_owned()
+        };
         let _ = write!(
             text,
-            "\n  particle {a} and {partner}: {:.1} % at ({:.4e}, {:.4e}, {:.4e}) m",
-            100.0 * depth,
-            at[0],
-            at[1],
-            at[2]
+            "\n  particle {a} and {partner}: {how_deep} at ({:.4e}, {:.4e}, {:.4e}) m",
+            at[0], at[1], at[2]
         );
     }
     if found.len() > 5 {

@@ -41,6 +41,7 @@ fn a_mistake_ends_in_one_message() {
     // One on each of two ranks leaves, in the same step.
     let burst = Path::new(&scene("burst")).to_owned();
 
+    let coincident = scene("coincident");
     let (half, misspelt_name) = (half.to_str().unwrap(), misspelt.to_str().unwrap());
     let below_a_file = format!("{misspelt_name}/out");
     let missing = named("missing.toml");
@@ -80,6 +81,18 @@ fn a_mistake_ends_in_one_message() {
             arguments: &["--set", "fill.lattice.0.spacing=0.0038"],
             status: WRONG_INPUT,
             message: &["pairs overlap by more than 5 %", "larger spacing"],
+        },
+        // What no method can resolve is listed with what overlaps too much.
+        Mistake {
+            scene: Path::new(&coincident),
+            arguments: &[],
+            status: WRONG_INPUT,
+            message: &[
+                "8 pairs overlap by more than 5 %",
+                "particle 0 and particle 1: so deep that no contact method can tell a normal, at \
+                 (5.0000e-3, 5.0000e-3, 5.0000e-3) m",
+                "Move them apart",
+            ],
         },
         Mistake {
             scene: &heap_scene,

@@ -1,0 +1,171 @@
+//! The last digits of a contact between a superellipsoid and any other body.
+//!
+//! Where a superellipsoid is nearly flat, its support point moves far with the last digits of the normal, so that a
+//! normal which is good enough for the overlap does not tell where the bodies touch. Newton's method does, beside
+//! the normal that another method has found. A body with edges has no curvature to go by, but the corner or the edge
+//! that touches has: none, and that of an arc as good as straight.
+
+use super::smooth_common_normal::touch_beside;
+use super::{Posed, Touch};
+use crate::math::{Mat3, Vec3};
+use crate::shape::{Convex, Core, CurvedSupport, Kind, Shape};
+use std::sync::Arc;
+
+/// Radius of the arc that stands for an edge, over the size of its body: a normal is tilted by its inverse.
+const STRAIGHT: f64 = 1e10;
+/// A vertex is higher than another by at least this part of the body's size, or it may be rounding.
+const HIGHER: f64 = 1e-12;
+/// Vertices at most this far below the highest, over the body's size, belong to one face.
+const FLUSH: f64 = 1e-7;
+/// How far the overlap of corner or edge may be from that of the bodies, over their size.
+const SAME: f64 = 1e-8;
+/// Corners and edges tried.
+const FEATURES: u32 = 5;
+
+/// The touch with its normal and point to rounding, if that can be done.
+pub(super) fn polished(a: &Posed, b: &Posed, r: &Vec3, touch: Touch) -> Touch {
+    let can_be_flat =
+        |body: &Posed| matches!(body.shape.kind(), Kind::Superellipsoid | Kind::PolySuperellipsoid);
+    // What is not a contact, or not a number, is not for here.
+    let found = if touch.overlap > 0.0 && (can_be_flat(a) || can_be_flat(b)) {
+        match (a.shape.core(), b.shape.core()) {
+            (Core::Curved, Core::Curved) => {
+                touch_beside(a, b, r, &touch.normal).filter(|t| t.overlap <= touch.overlap)
+            }
+            (Core::Curved, _) => on_feature(a, b, r, &touch),
+            (_, Core::Curved) => {
+                let back = |t: Touch| Touch { normal: -t.normal, point: t.point + r, ..t };
+                let swapped = Touch { normal: -touch.normal, ..touch };
+                on_feature(b, a, &-r, &swapped).map(back)
+            }
+            _ => None,
+        }
+    } else {
+        None
+    };
+    found.unwrap_or(touch)
+}
+
+/// Of a smooth body and one with edges: goes from corner to edge to corner until the highest of its points is the one
+/// that touches. `None` where a face does.
+fn on_feature(smooth: &Posed, sharp: &Posed, r: &Vec3, touch: &Touch) -> Option<Touch> {
+    let size = sharp.shape.bounding_radius();
+    let mut feature = Feature::first(sharp, &-touch.normal, size)?;
+    let mut normal = touch.normal;
+    for _ in 0..FEATURES {
+        let stand_in = Shape::Other(Arc::new(feature));
+        let frame = Mat3::identity();
+        let found = touch_beside(smooth, &Posed { shape: &stand_in, frame: &frame }, r, &normal)?;
+        normal = found.normal;
+        let Some(next) = feature.next(sharp, &(found.point - r), &-normal, size) else {
+            let overlap = (smooth.support(&normal) - sharp.support(&-normal) - r).dot(&normal);
+            let same = (overlap - found.overlap).abs() <= SAME * size;
+            return same.then_some(Touch { overlap, ..found });
+        };
+        feature = next;
+    }
+    None
+}
+
+/// A corner or an edge of a body, with the ball that rolls around it, in world axes about the body's centre.
+#[derive(Clone, Copy, Debug)]
+struct Feature {
+    /// The corner, or the middle of the edge [m].
+    middle: Vec3,
+    /// Unit vector along the edge.
+    along: Vec3,
+    /// Half the length of the edge; 0 of a corner [m].
+    half: f64,
+    margin: f64,
+    /// Bounding radius of the body [m].
+    size: f64,
+}
+
+impl Feature {
+    fn corner(sharp: &Posed, corner: Vec3, size: f64) -> Self {
+        let margin = sharp.shape.margin();
+        Self { middle: corner, along: Vec3::x(), half: 0.0, margin, size }
+    }
+
+    fn edge(sharp: &Posed, [p, q]: [Vec3; 2], size: f64) -> Self {
+        let (middle, half) = ((p + q) * 0.5, (q - p) * 0.5);
+        let length = half.norm();
+        Self { middle, along: half / length, half: length, margin: sharp.shape.margin(), size }
+    }
+
+    /// The one farthest along a unit vector; `None` of a face.
+    fn first(sharp: &Posed, outward: &Vec3, size: f64) -> Option<Self> {
+        match sharp.shape.core() {
+            Core::Curved => None,
+            Core::Segment(half) => {
+                let end = sharp.frame.column(0) * half;
+                Some(Self::edge(sharp, [-end, end], size))
+            }
+            Core::Hull(hull) => {
+                let vertex = |k: usize| sharp.frame * hull.vertices()[k];
+                match hull.top(&sharp.frame.tr_mul(outward), FLUSH * size)[..] {
+                    [k] => Some(Self::corner(sharp, vertex(k), size)),
+                    [i, j] => Some(Self::edge(sharp, [vertex(i), vertex(j)], size)),
+                    _ => None,
+                }
+            }
+        }
+    }
+
+    /// What touches instead, if this is not it.
+    fn next(&self, sharp: &Posed, point: &Vec3, outward: &Vec3, size: f64) -> Option<Self> {
+        if self.half > 0.0 {
+            let at = (point - self.middle).dot(&self.along);
+            let end = self.middle + self.along * self.half.copysign(at);
+            return (at.abs() > self.half).then(|| Self::corner(sharp, end, size));
+        }
+        let Core::Hull(hull) = sharp.shape.core() else { return None };
+        let highest = sharp.frame * hull.support(&sharp.frame.tr_mul(outward));
+        let rise = (highest - self.middle).dot(outward);
+        (rise > HIGHER * size).then(|| Self::edge(sharp, [self.middle, highest], size))
+    }
+}
+
+/// Only what Newton's method asks for.
+impl Convex for Feature {
+    fn support(&self, direction: &Vec3) -> Vec3 {
+        let end = self.half.copysign(self.along.dot(direction));
+        self.middle + self.along * end + direction.normalize() * self.margin
+    }
+
+    /// The support function of an arc is `c·n + R (u·n)² / 2`, to the second order of the tilt `u·n`.
+    fn curved_support(&self, n: &Vec3) -> Option<CurvedSupport> {
+        let radius = if self.half > 0.0 { STRAIGHT * self.size } else { 0.0 };
+        let tilt = self.along.dot(n);
+        let moved = radius * tilt;
+        let flat = self.along - n * tilt;
+        let point = self.middle + n * self.margin + flat * moved + n * (0.5 * (moved * tilt));
+        let u = flat.try_normalize(1e-6)?;
+        Some(CurvedSupport {
+            point,
+            weight: [self.margin + radius * flat.norm_squared(), self.margin]
+                .map(|h| h / self.size / self.size),
+            along: [u * self.size, n.cross(&u) * self.size],
+        })
+    }
+
+    fn bounding_radius(&self) -> f64 {
+        self.size
+    }
+
+    fn inscribed_radius(&self) -> f64 {
+        self.margin
+    }
+
+    fn volume(&self) -> f64 {
+        0.0
+    }
+
+    fn gyration(&self) -> Vec3 {
+        Vec3::zeros()
+    }
+
+    fn contains(&self, _: &Vec3) -> bool {
+        false
+    }
+}
