@@ -160,7 +160,9 @@ impl Contacts<'_, '_> {
             let sliding = velocity.minus(normal.times(approach));
             let (friction, stretched) =
                 springs.rub(normal_force, carried.plus(sliding.times(L::all(dt))), sliding);
-            spring = stretched.or(zero, springs.frictional);
+            // At the start of a stage no time has passed: a spring stays as it was.
+            let now = if dt > 0.0 { stretched } else { carried };
+            spring = now.or(zero, springs.frictional);
             rub = friction.or(zero, springs.frictional);
             dashpot = rub.minus(spring.times(springs.tangential)).or(zero, touched);
         }
