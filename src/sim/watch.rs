@@ -157,7 +157,7 @@ impl Watch {
         self.largest
     }
 
-    /// What is to be said of the largest parts that any rank has seen, once for each of [`WARNED`]. `dt` in s.
+    /// What is to be said of the largest parts that any rank has seen, once at a tenth and once at a half of what is allowed. `dt` in s.
     pub fn warnings(&mut self, largest: [f64; 2], dt: f64) -> Vec<String> {
         let mut warnings = Vec::new();
         for (kind, part) in largest.into_iter().enumerate() {
