@@ -126,18 +126,15 @@ impl Contacts<'_, '_> {
         let to_b = nearest_images(to_b, &particles.period);
         let (of_a, spin_a) = velocities::<L>(particles, &a);
         let (of_b, spin_b) = velocities::<L>(particles, &b);
-        let centres = of_a.minus(of_b);
-        let surfaces = |arm_a: Triple<L>, arm_b: Triple<L>| {
-            centres.plus(spin_a.cross(arm_a)).minus(spin_b.cross(arm_b))
-        };
-        let velocity = surfaces(point, point.minus(to_b));
+        let bodies = Moving { approach: of_a.minus(of_b), spin_a, spin_b };
+        let velocity = bodies.surfaces(point, point.minus(to_b));
         let approach = velocity.dot(normal);
         let twist = L::all(0.5 * dt) * spin_a.plus(spin_b).dot(normal);
         // The same where the last force acted. Of bodies other than spheres that place is not remembered.
         let last_velocity = if memory.points.is_empty() {
             let half = L::all(0.5) * last_overlap;
             let arm_a = last_normal.times(radii::<L>(particles, &a) - half);
-            surfaces(arm_a, last_normal.times(half - radii::<L>(particles, &b)))
+            bodies.surfaces(arm_a, last_normal.times(half - radii::<L>(particles, &b)))
         } else {
             velocity
         };
@@ -349,6 +346,24 @@ fn carried<L: Lanes>(spring: Triple<L>, old: Triple<L>, new: Triple<L>, twist: L
     let carried = spring.minus(old.plus(new).times(spring.dot(new) / (one + old.dot(new))));
     let turned = carried.plus(new.cross(carried).times(twist));
     turned.over((one + twist * twist).sqrt())
+}
+
+/// How two bodies move. (No closure in its place: it would be compiled without vector registers.)
+#[derive(Clone, Copy)]
+struct Moving<L> {
+    /// Velocity of A's centre against B's [m/s].
+    approach: Triple<L>,
+    /// Angular velocities [rad/s].
+    spin_a: Triple<L>,
+    spin_b: Triple<L>,
+}
+
+impl<L: Lanes> Moving<L> {
+    /// Velocity of A's surface against B's, at these places from their centres [m/s].
+    #[inline(always)]
+    fn surfaces(self, arm_a: Triple<L>, arm_b: Triple<L>) -> Triple<L> {
+        self.approach.plus(self.spin_a.cross(arm_a)).minus(self.spin_b.cross(arm_b))
+    }
 }
 
 /// Velocities of the centres of bodies [m/s], and angular velocities [rad/s].
