@@ -351,6 +351,12 @@ impl Turn<'_> {
     }
 }
 
+/// Euler's products of angular velocities, each times a factor.
+#[inline(always)]
+fn coupling<L: Lanes>(by: Triple<L>, w: Triple<L>) -> Triple<L> {
+    Triple { x: by.x * w.y * w.z, y: by.y * w.z * w.x, z: by.z * w.x * w.y }
+}
+
 /// Newton steps at most; free turns of a stable run need one or two.
 const MOST_SWEEPS: usize = 20;
 /// A correction of this part of the angular velocity, squared, leaves the next one below rounding.
@@ -365,12 +371,10 @@ fn midpoint_velocity<L: Lanes>(momentum: Triple<L>, inertia: Triple<L>, half: L)
     let by =
         Triple { x: half * (iz - iy) / ix, y: half * (ix - iz) / iy, z: half * (iy - ix) / iz };
     let at_start = Triple { x: momentum.x / ix, y: momentum.y / iy, z: momentum.z / iz };
-    let coupling =
-        |w: Triple<L>| Triple { x: by.x * w.y * w.z, y: by.y * w.z * w.x, z: by.z * w.x * w.y };
-    let mut velocity = at_start.minus(coupling(at_start));
+    let mut velocity = at_start.minus(coupling(by, at_start));
     let mut moving = u8::MAX;
     for _ in 0..MOST_SWEEPS {
-        let residual = velocity.plus(coupling(velocity)).minus(at_start);
+        let residual = velocity.plus(coupling(by, velocity)).minus(at_start);
         // The Jacobian has ones on its diagonal.
         let (xy, xz) = (by.x * velocity.z, by.x * velocity.y);
         let (yx, yz) = (by.y * velocity.z, by.y * velocity.x);
