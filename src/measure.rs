@@ -232,6 +232,7 @@ pub fn unwrapped(particles: &Particles, slot: usize) -> Vec3 {
     position
 }
 
-fn larger(a: f64, b: f64) -> f64 {
+/// The larger of two numbers; the first where the second is not a number.
+pub fn larger(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }

@@ -34,7 +34,7 @@ use crate::search::PairList;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Walls that move by one displacement so as to keep a stress.
+/// Walls that move with one velocity so as to keep a stress.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Servo {
     /// Indices of walls, each across an axis; of coupled walls more than one.

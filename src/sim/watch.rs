@@ -4,7 +4,7 @@
 
 use crate::contact::Pair;
 use crate::ids::GlobalId;
-use crate::measure::shortest_axis;
+use crate::measure::{larger, shortest_axis};
 use crate::motion::Farthest;
 use crate::particles::Particles;
 use crate::search::PairList;
@@ -190,8 +190,4 @@ fn too_deep(particles: &Particles, pair: Pair, depth: f64) -> Fault {
         None => format!("particle {}", particles.id[pair.b.index()]),
     };
     Fault::Deep { a, b, depth }
-}
-
-fn larger(a: f64, b: f64) -> f64 {
-    if b > a { b } else { a }
 }
