@@ -614,8 +614,9 @@ directory = "out"
     scene
 }
 
-/// The energy after a collision at random over that before; they overlap by a hundredth of their size, about.
-fn energy_kept(scene: &Scene, seed: u64) -> Option<f64> {
+/// The energy after a collision at random over that before; they overlap by a hundredth of their size, about. `gap` is
+/// between them at the start, over their size.
+fn energy_kept(scene: &Scene, gap: f64, seed: u64) -> Option<f64> {
     let mut random = Random::new(seed);
     let library = &scene.library;
     let shapes = [&library.shapes[0], &library.shapes[1]];
@@ -627,7 +628,7 @@ fn energy_kept(scene: &Scene, seed: u64) -> Option<f64> {
     let toward = random.direction();
     // Just apart along the normal, and beside each other.
     let support = |k: usize, n: &Vec3| frames[k] * shapes[k].support(&frames[k].tr_mul(n));
-    let r = support(0, &toward) - support(1, &-toward) + toward * (0.002 * size);
+    let r = support(0, &toward) - support(1, &-toward) + toward * (gap * size);
     let aside = random.direction() * (0.4 * speed);
     let approach = aside - toward * (speed + aside.dot(&toward));
     let spins = [0, 1].map(|_| random.direction() * (0.7 * random.unit() * speed / size));
@@ -653,12 +654,12 @@ fn energy_kept(scene: &Scene, seed: u64) -> Option<f64> {
     let (before, touching) = energy(&mut bench);
     assert_eq!(touching, 0, "{seed}: apart at the start");
     let (mut touched, mut free) = (false, 0);
-    for _ in 0..5000 {
+    for _ in 0..9000 {
         bench.step();
         let touching = bench.sim.pairs.coordination(bench.slot(0)) > 0;
         touched |= touching;
         free = if touching { 0 } else { free + 1 };
-        if free > if touched { 60 } else { 1000 } {
+        if free > if touched { 60 } else { 4000 } {
             break;
         }
     }
@@ -669,7 +670,10 @@ fn energy_kept(scene: &Scene, seed: u64) -> Option<f64> {
 /// The worst of so many collisions.
 fn worst_of(shape: &str, partner: &str, method: &str, collisions: u64) -> f64 {
     let scene = meeting(shape, partner, method);
-    let kept: Vec<f64> = (0..collisions).filter_map(|seed| energy_kept(&scene, seed)).collect();
+    // Erosion finds bodies touching that are still apart.
+    let gap = if method == "gjk-erosion" { 0.03 } else { 0.002 };
+    let kept: Vec<f64> =
+        (0..collisions).filter_map(|seed| energy_kept(&scene, gap, seed)).collect();
     assert!(2 * kept.len() as u64 > collisions, "{shape}: {} of {collisions} met", kept.len());
     kept.iter().map(|e| (e - 1.0).abs()).fold(0.0, f64::max)
 }
@@ -722,6 +726,21 @@ fn collisions_by_epa_keep_their_energy() {
             let worst = worst_of(&body(exponents), partner, "epa", 12);
             assert!(worst < 2e-4, "{exponents:?} and {partner}: {worst:e}");
         }
+    }
+}
+
+/// Erosion takes a normal that is not that of the least overlap: the warning of a run tells these figures.
+#[test]
+fn collisions_by_erosion_do_not_keep_their_energy() {
+    let ellipsoid = "kind = \"ellipsoid\"\nsemi_axes = [2.0, 1.0, 1.0]";
+    for (shape, from, to) in [
+        (ellipsoid, 0.01, 0.1),
+        (&body([0.1, 0.1]), 0.1, 0.5),
+        (&body([1.0, 1.0]), 0.01, 0.1),
+        (&body([1.8, 1.8]), 0.1, 0.5),
+    ] {
+        let worst = worst_of(shape, shape, "gjk-erosion", 50);
+        assert!((from..to).contains(&worst), "{shape}: {worst:e}");
     }
 }
 

@@ -6,7 +6,7 @@ use dem_mpi::drive::rain::RainGauge;
 use dem_mpi::ids::GlobalId;
 use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, From, TakenUp};
-use dem_mpi::scene::rounding::lost_in_rounding;
+use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::{Scene, plan};
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError, report::report};
@@ -379,8 +379,8 @@ fn run(
             scene.dt,
         ),
     );
-    if let Some(lost) = lost_in_rounding(scene) {
-        say(comm, format!("warning: {lost}"));
+    for doubt in doubts(scene) {
+        say(comm, format!("warning: {doubt}"));
     }
     let mut display = Display::new(comm.is_root(), schedule.last_step - sim.step);
     let finish = match run::run(sim, schedule, comm, &mut |progress| display.show(progress)) {

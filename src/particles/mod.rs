@@ -265,6 +265,14 @@ impl Particles {
         self.owned + self.ghosts
     }
 
+    /// What messages call a body.
+    pub fn body_name(&self, id: GlobalId) -> String {
+        match id.wall_index() {
+            Some(wall) => format!("wall \"{}\"", self.walls[wall].name),
+            None => format!("particle {id}"),
+        }
+    }
+
     /// Radius of the smallest ball about the centre of a body [m].
     #[inline]
     pub fn radius(&self, slot: usize) -> f64 {

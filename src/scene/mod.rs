@@ -100,6 +100,7 @@
 
 pub mod assemble;
 mod check;
+pub mod doubts;
 mod fills;
 mod geometry;
 mod input;
@@ -109,7 +110,6 @@ pub mod packing;
 pub mod plan;
 mod reader;
 mod report;
-pub mod rounding;
 mod walls;
 
 pub use crate::contact::Method;

@@ -1,6 +1,6 @@
 //! What a scene will cost, said before it runs: `dem-mpi --plan`.
 
-use super::rounding::lost_in_rounding;
+use super::doubts::doubts;
 use super::{Fill, Mix, Scene, Stop};
 use crate::contact::{ContactResolver, table};
 use crate::ids::MaterialId;
@@ -476,8 +476,8 @@ fn time(scene: &Scene, page: &mut Page) {
             page.line("", "OVER THE LIMIT: the run may blow up");
         }
     }
-    if let Some(lost) = lost_in_rounding(scene) {
-        page.line("", lost);
+    for doubt in doubts(scene) {
+        page.line("", doubt);
     }
     page.line("steps", format!("{}, {:.4} s", scene.steps, scene.steps as f64 * scene.dt));
     if let Some(rain) = &scene.rain

@@ -98,8 +98,8 @@ pub enum StepError {
         step: u64,
         /// The lower id.
         a: GlobalId,
-        /// The higher id.
-        b: GlobalId,
+        /// The other particle, or the wall.
+        b: String,
         /// Where A is [m].
         x: f64,
         /// Where A is [m].
@@ -375,7 +375,7 @@ impl Simulation {
         StepError::Contact {
             step: self.step,
             a: self.particles.id[pair.a.index()],
-            b: self.particles.id[pair.b.index()],
+            b: self.particles.body_name(self.particles.id[pair.b.index()]),
             x: at.x,
             y: at.y,
             z: at.z,

@@ -11,6 +11,7 @@ use crate::math::{ExactSum, Vec3};
 use crate::measure::{Measures, shortest_axis};
 use crate::output::table::{History, TableError};
 use crate::output::{SnapshotError, snapshot};
+use crate::particles::Particles;
 use crate::timing::{Clock, Phase};
 use serde::{Deserialize, Serialize};
 use std::fmt::{Display, Formatter};
@@ -370,13 +371,7 @@ fn lost(step: u64, error: DomainError, sim: &Simulation, comm: &mut dyn Comm) ->
     comm.broadcast(&mut bytes);
     let state: String = wire::decode(&bytes);
     let touched = sim.touched_by(id, comm);
-    let names: Vec<String> = touched
-        .iter()
-        .map(|id| match id.wall_index() {
-            Some(k) => format!("wall \"{}\"", particles.walls[k].name),
-            None => format!("particle {id}"),
-        })
-        .collect();
+    let names: Vec<String> = touched.iter().map(|&id| particles.body_name(id)).collect();
     let touched_walls = touched.iter().any(|id| id.wall_index().is_some());
     let touched = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
     let advice = match error {
@@ -487,7 +482,7 @@ fn check_overlaps(
         let mut found: Vec<(f64, u64, i64, [f64; 3])> =
             all.iter().flat_map(|bytes| crate::comm::wire::decode::<Vec<_>>(bytes)).collect();
         found.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
-        bytes = overlap_message(&found, &sim.particles.walls).into_bytes();
+        bytes = overlap_message(&found, &sim.particles).into_bytes();
     }
     comm.broadcast(&mut bytes);
     Err(RunError::Start(String::from_utf8_lossy(&bytes).into_owned()))
@@ -495,7 +490,7 @@ fn check_overlaps(
 
 fn overlap_message(
     found: &[(f64, u64, i64, [f64; 3])],
-    walls: &[crate::particles::walls::Wall],
+    particles: &Particles,
 ) -> String {
     use std::fmt::Write;
     let mut text = format!(
@@ -505,10 +500,7 @@ fn overlap_message(
         100.0 * DEEPEST_START
     );
     for (depth, a, b, at) in found.iter().take(5) {
-        let partner = match crate::ids::GlobalId::from_file(*b).wall_index() {
-            Some(k) => format!("wall \"{}\"", walls[k].name),
-            None => format!("particle {b}"),
-        };
+        let partner = particles.body_name(GlobalId::from_file(*b));
         let how_deep = if depth.is_finite() {
             format!("{:.1} %", 100.0 * depth)
         } else {
@@ -523,7 +515,7 @@ fn overlap_message(
     if found.len() > 5 {
         text.push_str("\n  ...");
     }
-    let is_wall = |b: i64| crate::ids::GlobalId::from_file(b).wall_index().is_some();
+    let is_wall = |b: i64| GlobalId::from_file(b).wall_index().is_some();
     text.push_str(if found[0].0 >= 1.0 && is_wall(found[0].2) {
         "\nIs that particle behind the wall? A wall's normal points towards the particles"
     } else if found.iter().all(|&(_, _, b, _)| is_wall(b)) {

@@ -92,16 +92,16 @@ impl Watch {
     /// Takes note of the motions of a step of `dt` [s], those of the walls included.
     pub fn note(&mut self, farthest: &Farthest, particles: &Particles, dt: f64) {
         let Farthest { moved: (moved, mover), turned: (angle, turner) } = *farthest;
-        self.note_move(moved, dt, || format!("particle {}", particles.id[mover]));
+        self.note_move(moved, dt, || particles.body_name(particles.id[mover]));
         self.largest[1] = larger(self.largest[1], angle / WIDEST);
         if angle > WIDEST {
             let works = dt * WARNED[0] * WIDEST / angle;
             self.fault = Some(Fault::Turned { id: particles.id[turner], angle, works });
         }
-        for wall in &particles.walls {
+        for (k, wall) in particles.walls.iter().enumerate() {
             // Along itself a wall may slide as fast as it likes.
             let moved = (wall.velocity.dot(&wall.normal) * dt).abs();
-            self.note_move(moved, dt, || format!("wall \"{}\"", wall.name));
+            self.note_move(moved, dt, || particles.body_name(GlobalId::wall(k)));
         }
     }
 
@@ -184,10 +184,6 @@ impl Watch {
 }
 
 fn too_deep(particles: &Particles, pair: Pair, depth: f64) -> Fault {
-    let a = particles.id[pair.a.index()];
-    let b = match pair.b.index().checked_sub(particles.first_wall()) {
-        Some(wall) => format!("wall \"{}\"", particles.walls[wall].name),
-        None => format!("particle {}", particles.id[pair.b.index()]),
-    };
-    Fault::Deep { a, b, depth }
+    let [a, b] = [pair.a, pair.b].map(|slot| particles.id[slot.index()]);
+    Fault::Deep { a, b: particles.body_name(b), depth }
 }
