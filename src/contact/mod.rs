@@ -169,7 +169,10 @@ pub struct Pair {
 }
 
 /// What is remembered of a touching contact: state, which moves with its particles and is saved.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, bytemuck::Pod, bytemuck::Zeroable,
+)]
+#[repr(C)]
 pub struct History {
     /// The normal of the last touch, A to B; zero if the pair did not touch.
     pub normal: Vec3,

@@ -372,13 +372,12 @@ fn at<'a, T>(all: &'a [T], place: Place, otherwise: &'a T) -> &'a T {
 /// Normals and overlaps.
 #[inline(always)]
 fn read<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L) {
-    let mut normal = [histories[0].normal.as_ref(); WIDTH];
-    let mut overlap = [0.0; WIDTH];
-    for (lane, history) in histories.iter().enumerate() {
-        normal[lane] = history.normal.as_ref();
-        overlap[lane] = history.overlap;
+    let mut rows: [&[f64; 4]; WIDTH] = [bytemuck::cast_ref(histories[0]); WIDTH];
+    for (row, history) in rows.iter_mut().zip(histories) {
+        *row = bytemuck::cast_ref(*history);
     }
-    (Triple::of(&normal), L::load(&overlap))
+    let [x, y, z, overlap] = L::columns_of_4(&rows);
+    (Triple { x, y, z }, overlap)
 }
 
 /// Springs, dashpots and friction of contacts.
