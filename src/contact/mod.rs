@@ -170,7 +170,15 @@ pub struct Pair {
 
 /// What is remembered of a touching contact: state, which moves with its particles and is saved.
 #[derive(
-    Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, bytemuck::Pod, bytemuck::Zeroable,
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Serialize,
+    Deserialize,
+    bytemuck::Pod,
+    bytemuck::Zeroable,
 )]
 #[repr(C)]
 pub struct History {

@@ -105,9 +105,8 @@ const SPARE: usize = 3;
 
 /// Empty columns with room for so many contacts and not many more.
 fn room(spare: &mut Vec<Columns>, count: usize, needs: Needs) -> Columns {
-    let fits = |columns: &Columns| {
-        (count..=count + count / 8 + 4).contains(&columns.pairs.capacity())
-    };
+    let fits =
+        |columns: &Columns| (count..=count + count / 8 + 4).contains(&columns.pairs.capacity());
     if let Some(place) = spare.iter().position(fits) {
         let mut columns = spare.swap_remove(place);
         columns.clear();
@@ -149,10 +148,10 @@ pub struct Contacts {
     spare: Vec<Columns>,
     /// Of each pair of the stretch in work, where it stood at the last step.
     place: Vec<Place>,
-    /// Of each pair of the stretch in work, one more than where it stands in what has been found; 0 if it does not touch.
+    /// Of each pair of the stretch in work, where it stands in what has been found.
     found: Vec<u32>,
-    /// Room for the numbers of the pairs that touch.
-    numbers: Vec<u32>,
+    /// What has been found, in the order of the pairs.
+    order: Vec<u32>,
     /// Of each contact in work, where it stood at the last step.
     from: Vec<Place>,
     parted: Vec<Parted>,
@@ -228,39 +227,65 @@ impl Contacts {
         touching: &[contact::Contact],
         needs: Needs,
     ) {
-        let Self { stretches, now, spare, place, found, numbers, from, parted } = self;
+        self.now = room(&mut self.spare, touching.len(), needs);
+        self.from.clear();
+        if touching.is_sorted_by(|one, other| one.pair < other.pair) {
+            self.take(pairs, touching.iter(), needs);
+        } else {
+            self.sort(pairs.len(), touching);
+            let order = std::mem::take(&mut self.order);
+            self.take(pairs, order.iter().map(|&place| &touching[place as usize]), needs);
+            self.order = order;
+        }
+
+        let Self { stretches, now, from, parted, .. } = self;
+        parted.clear();
+        let before = &stretches[stretch].numbers;
+        if from.iter().filter(|&&place| place != Place::NONE).count() < before.len() {
+            for (place, number) in before.iter().enumerate() {
+                if let Err(before) = now.numbers.binary_search(number) {
+                    parted.push(Parted { place, before });
+                }
+            }
+        }
+    }
+
+    /// Finds the order of the contacts' pairs.
+    fn sort(&mut self, length: usize, touching: &[contact::Contact]) {
+        let Self { found, order, .. } = self;
         found.clear();
-        found.resize(pairs.len(), 0);
-        for (contact, place) in touching.iter().zip(1..) {
+        found.resize(length, u32::MAX);
+        for (contact, place) in touching.iter().zip(0..) {
             found[contact.pair as usize] = place;
         }
-        *now = room(spare, touching.len(), needs);
-        from.clear();
-        // Every number is written, and the next one over it if the pair does not touch: no branch to be guessed wrongly.
-        numbers.resize(pairs.len() + 1, 0);
+        // Every place is written, and the next one over it if the pair does not touch: no branch to be guessed wrongly.
+        order.clear();
+        order.resize(length + 1, 0);
         let mut count = 0;
-        for (number, &place) in found.iter().enumerate() {
-            numbers[count] = number as u32;
-            count += usize::from(place != 0);
+        for &place in &*found {
+            order[count] = place;
+            count += usize::from(place != u32::MAX);
         }
-        now.numbers.extend_from_slice(&numbers[..count]);
-        for &number in &now.numbers {
-            let Touch { overlap, normal, point } =
-                touching[found[number as usize] as usize - 1].touch;
-            now.pairs.push(pairs[number as usize]);
-            now.history.push(History { normal, overlap });
-            if needs.attitude {
-                now.points.push(point);
-            }
-            from.push(place[number as usize]);
+        order.truncate(count);
+    }
+
+    fn take<'a>(
+        &mut self,
+        pairs: &[Pair],
+        contacts: impl Iterator<Item = &'a contact::Contact> + Clone,
+        needs: Needs,
+    ) {
+        let Self { now, place, from, .. } = self;
+        now.numbers.extend(contacts.clone().map(|contact| contact.pair));
+        now.pairs.extend(contacts.clone().map(|contact| pairs[contact.pair as usize]));
+        now.history.extend(contacts.clone().map(|contact| {
+            let Touch { normal, overlap, .. } = contact.touch;
+            History { normal, overlap }
+        }));
+        if needs.attitude {
+            now.points.extend(contacts.clone().map(|contact| contact.touch.point));
         }
-        parted.clear();
-        for (place, &number) in stretches[stretch].numbers.iter().enumerate() {
-            if found[number as usize] == 0 {
-                let before = now.numbers.partition_point(|&other| other < number);
-                parted.push(Parted { place, before });
-            }
-        }
+        from.extend(contacts.map(|contact| place[contact.pair as usize]));
     }
 
     /// Lets `law` find the forces of what has been arranged, and keeps that in place of what was remembered.
@@ -405,7 +430,83 @@ impl Contacts {
 
     /// Bytes that all of it holds.
     pub fn bytes(&self) -> usize {
-        let columns: usize = self.stretches.iter().chain([&self.now]).chain(&self.spare).map(Columns::bytes).sum();
+        let columns: usize =
+            self.stretches.iter().chain([&self.now]).chain(&self.spare).map(Columns::bytes).sum();
         columns + held(&self.place) + held(&self.found) + held(&self.from) + held(&self.parted)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Contacts;
+    use crate::contact::{Contact, History, NamedHistory, Pair, Place, Touch};
+    use crate::ids::GlobalId;
+    use crate::math::Vec3;
+    use crate::particles::{Particles, crowd};
+    use crate::search::{PairList, close_pairs};
+
+    /// All pairs of a few bodies, and contacts of every third of them, remembered.
+    fn remembered(particles: &mut Particles) -> (PairList, Contacts, Vec<NamedHistory>) {
+        let mut list = PairList::default();
+        list.rebuild(particles, close_pairs(particles, 1.0));
+        let named = |(number, pair): (usize, &Pair)| NamedHistory {
+            a: particles.id[pair.a.index()],
+            b: particles.id[pair.b.index()],
+            history: History { normal: Vec3::x(), overlap: 1e-9 * (1 + number) as f64 },
+            spring: Vec3::y() * number as f64,
+            normal_force: number as f64,
+        };
+        let named: Vec<_> = list.pairs.iter().enumerate().step_by(3).map(named).collect();
+        // In any order, and some twice, as they come from other ranks.
+        let mut carried: Vec<_> = named.iter().rev().chain(&named[..5]).copied().collect();
+        let mut contacts = Contacts::default();
+        contacts.rebuild(&list, particles, &mut carried);
+        (list, contacts, named)
+    }
+
+    #[test]
+    fn pairs_stand_in_the_order_of_ids_and_contacts_are_carried() {
+        let mut particles = crowd(30);
+        particles.id.reverse();
+        let (list, contacts, named) = remembered(&mut particles);
+        let ids = |pair: &Pair| [pair.a, pair.b].map(|slot| particles.id[slot.index()]);
+        let keys: Vec<[GlobalId; 2]> = list.pairs.iter().map(ids).collect();
+        assert!(keys.len() > 400 && keys.is_sorted() && keys.iter().all(|[a, b]| a < b));
+        let kept: Vec<_> = contacts.named(&particles).map(|(_, named)| named).collect();
+        assert_eq!(kept, named);
+    }
+
+    /// Whatever the order in which resolvers find them.
+    #[test]
+    fn what_is_found_stands_beside_what_was_remembered() {
+        let mut particles = crowd(30);
+        let (list, mut contacts, _) = remembered(&mut particles);
+        let stretch = &list.stretches[0];
+        let pairs = &list.pairs[stretch.range.clone()];
+        contacts.look(0, pairs.len());
+        // Every second touches now; every sixth did before and does still.
+        let found = |pair: usize| Contact {
+            pair: pair as u32,
+            touch: Touch { overlap: pair as f64, ..Touch::default() },
+        };
+        let mut touching: Vec<Contact> = (0..pairs.len()).step_by(2).map(found).collect();
+        for _ in 0..2 {
+            contacts.arrange(0, pairs, &touching, particles.needs);
+            let now = &contacts.now;
+            let numbers: Vec<u32> = (0..pairs.len() as u32).step_by(2).collect();
+            assert_eq!(now.numbers, numbers);
+            for (place, &number) in numbers.iter().enumerate() {
+                assert_eq!(now.pairs[place], pairs[number as usize]);
+                assert_eq!(now.history[place].overlap, f64::from(number));
+                let before =
+                    if number % 3 == 0 { Place::among(number as usize / 3) } else { Place::NONE };
+                assert_eq!(contacts.from[place], before);
+            }
+            let parted: Vec<_> =
+                contacts.parted.iter().map(|parted| (parted.place, parted.before)).collect();
+            let odd = (3..pairs.len()).step_by(6);
+            assert_eq!(parted, odd.map(|pair| (pair / 3, pair.div_ceil(2))).collect::<Vec<_>>());
+            touching.reverse();
+        }
     }
 }

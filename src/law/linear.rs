@@ -17,7 +17,7 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
-use super::{Constants, ForceLaw, Interactions, Parted, Sums, Work};
+use super::{Constants, ForceLaw, Interactions, Parted, Sums, Work, add};
 use crate::contact::{History, Pair, Place, nearest_images, vectors};
 use crate::ids::{MaterialId, Slot};
 use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
@@ -263,38 +263,35 @@ impl Contacts<'_, '_> {
         let of_friction = half_step * rubbed - (stored[1] - stored_before[1]);
         let dissipated =
             of_dashpots.or(zero, springs.damped) + of_friction.or(zero, springs.frictional);
-        let dissipated = if lossy && dt > 0.0 { dissipated.store() } else { [0.0; WIDTH] };
+        let dissipated = if lossy && dt > 0.0 { dissipated } else { zero };
         let impulse = last_press.plus(last_rub).plus(force).plus(dashpot).times(half_step);
 
-        let (on_a, on_b) = (point.cross(force).store(), arm_b.cross(force).store());
-        let (force, spring, normal_force) = (force.store(), spring.store(), normal_force.store());
+        let (back, on_a, on_b) =
+            (Triple::zero().minus(force), force.cross(point), arm_b.cross(force));
+        let (forces, backs) = (force.rows(dissipated), back.rows(zero));
+        let (on_a, on_b) = (on_a.rows(zero), on_b.rows(zero));
+        let states = spring.rows(normal_force);
         let impulse = impulse.store();
         for lane in 0..count {
             let place = first + lane;
             self.part_before(place);
+            let [x, y, z, normal_force] = states[lane];
             if damped {
-                self.work.normal_forces[place] = normal_force[lane];
+                self.work.normal_forces[place] = normal_force;
             }
             if has_springs {
-                self.work.springs[place] = row(&spring, lane).into();
+                self.work.springs[place] = Vec3::new(x, y, z);
             }
-            let (pair, force) = (pairs[lane], Vec3::from(row(&force, lane)));
-            self.work.forces[place] = force;
+            let [x, y, z, lost] = forces[lane];
+            self.work.forces[place] = Vec3::new(x, y, z);
+            let pair = pairs[lane];
             let (a, b) = (pair.a.index(), pair.b.index());
-            if a < particles.owned {
-                self.sums.force[a] -= force;
-                if let Some(torque) = self.sums.torque.get_mut(a) {
-                    *torque -= Vec3::from(row(&on_a, lane));
-                }
-            }
-            if b < particles.owned {
-                self.sums.force[b] += force;
-                if let Some(torque) = self.sums.torque.get_mut(b) {
-                    *torque += Vec3::from(row(&on_b, lane));
-                }
-            }
+            add(&mut self.sums.force, a, &backs[lane]);
+            add(&mut self.sums.torque, a, &on_a[lane]);
+            add(&mut self.sums.force, b, &forces[lane]);
+            add(&mut self.sums.torque, b, &on_b[lane]);
             if lossy {
-                self.sums.lose(pair, dissipated[lane], particles.first_wall());
+                self.sums.lose(pair, lost, particles.first_wall());
             }
             if b >= particles.first_wall() {
                 let of_wall = &particles.velocity[b];

@@ -134,6 +134,17 @@ impl Interactions {
     }
 }
 
+/// Adds the first three of a row to the sum of a body, if it is one that is summed.
+#[expect(clippy::inline_always, reason = "see `lanes`")]
+#[inline(always)]
+fn add(sums: &mut [Vec3], slot: usize, row: &[f64; 4]) {
+    if let Some(sum) = sums.get_mut(slot) {
+        sum.x += row[0];
+        sum.y += row[1];
+        sum.z += row[2];
+    }
+}
+
 /// Moment on A about its centre of a force of A on B [N] at `point` from that centre [m], in N m.
 #[inline]
 pub fn torque_on_a(force: &Vec3, point: &Vec3) -> Vec3 {
