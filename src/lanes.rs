@@ -98,6 +98,9 @@ pub(crate) trait Eight: Lanes {
 
     /// The same of longer rows.
     fn columns_of_6(rows: &[&[f64; 6]; WIDTH]) -> [Self; 6];
+
+    /// The inverse of [`Eight::columns_of_4`].
+    fn rows_of_4(columns: [Self; 4]) -> [[f64; 4]; WIDTH];
 }
 
 /// Eight lanes without vector registers, or with those that every processor has.
@@ -186,6 +189,11 @@ impl Eight for Portable {
     #[inline(always)]
     fn columns_of_6(rows: &[&[f64; 6]; WIDTH]) -> [Self; 6] {
         columns(rows)
+    }
+
+    #[inline(always)]
+    fn rows_of_4(columns: [Self; 4]) -> [[f64; 4]; WIDTH] {
+        std::array::from_fn(|row| columns.map(|column| column.0[row]))
     }
 }
 
@@ -334,6 +342,39 @@ mod avx {
             let [a, b, c, d, e, f] = four_of_6(rows, 0);
             let [p, q, r, s, t, u] = four_of_6(rows, 4);
             [Self(a, p), Self(b, q), Self(c, r), Self(d, s), Self(e, t), Self(f, u)]
+        }
+
+        #[inline(always)]
+        fn rows_of_4([x, y, z, w]: [Self; 4]) -> [[f64; 4]; WIDTH] {
+            let mut rows = [[0.0; 4]; WIDTH];
+            let (low, high) = rows.split_at_mut(4);
+            rows_of_four(low, x.0, y.0, z.0, w.0);
+            rows_of_four(high, x.1, y.1, z.1, w.1);
+            rows
+        }
+    }
+
+    /// Four rows from four columns.
+    #[inline(always)]
+    fn rows_of_four(
+        rows: &mut [[f64; 4]],
+        x: intel::__m256d,
+        y: intel::__m256d,
+        z: intel::__m256d,
+        w: intel::__m256d,
+    ) {
+        // SAFETY: the processor has AVX, see the type; rows hold four numbers.
+        unsafe {
+            let (xy_02, xy_13) = (intel::_mm256_unpacklo_pd(x, y), intel::_mm256_unpackhi_pd(x, y));
+            let (zw_02, zw_13) = (intel::_mm256_unpacklo_pd(z, w), intel::_mm256_unpackhi_pd(z, w));
+            let first = intel::_mm256_permute2f128_pd::<0x20>(xy_02, zw_02);
+            let second = intel::_mm256_permute2f128_pd::<0x20>(xy_13, zw_13);
+            let third = intel::_mm256_permute2f128_pd::<0x31>(xy_02, zw_02);
+            let fourth = intel::_mm256_permute2f128_pd::<0x31>(xy_13, zw_13);
+            intel::_mm256_storeu_pd(rows[0].as_mut_ptr(), first);
+            intel::_mm256_storeu_pd(rows[1].as_mut_ptr(), second);
+            intel::_mm256_storeu_pd(rows[2].as_mut_ptr(), third);
+            intel::_mm256_storeu_pd(rows[3].as_mut_ptr(), fourth);
         }
     }
 
@@ -505,6 +546,12 @@ impl<L: Eight> Triple<L> {
     #[inline(always)]
     pub(crate) fn store(self) -> [[f64; WIDTH]; 3] {
         [self.x.store(), self.y.store(), self.z.store()]
+    }
+
+    /// To memory, each vector with a number behind it.
+    #[inline(always)]
+    pub(crate) fn rows(self, number: L) -> [[f64; 4]; WIDTH] {
+        L::rows_of_4([self.x, self.y, self.z, number])
     }
 }
 

@@ -10,11 +10,12 @@
 //! | 3 | [`contact`] | from two shapes to overlap, normal and point |
 //! | 4 | [`particles`] [`pairs`] | columns of everything a rank owns or sees; pairs that stand by themselves |
 //! | 5 | [`law`] [`motion`] | from overlap to force; from force to motion |
-//! | 6 | [`search`] | which pairs may touch, and what is remembered of those that do |
-//! | 7 | [`measure`] | energies and other scalars of the whole system |
-//! | 8 | [`domain`] [`drive`] [`output`] | who owns what; what acts from outside; what is written |
-//! | 9 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot, and from single contacts |
-//! | 10 | [`scene`] | the user's file, checked, and turned into a simulation |
+//! | 6 | [`search`] | which pairs may touch |
+//! | 7 | [`contacts`] | those that do: what is remembered of them, what acts in them |
+//! | 8 | [`measure`] | energies and other scalars of the whole system |
+//! | 9 | [`domain`] [`drive`] [`output`] | who owns what; what acts from outside; what is written |
+//! | 10 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot, and from single contacts |
+//! | 11 | [`scene`] | the user's file, checked, and turned into a simulation |
 //!
 //! Conventions everywhere: SI units; compression and overlap are positive; a contact's normal is a
 //! unit vector **from A to B**, where A is the body with the lower id (a wall is always B); slots
@@ -45,6 +46,8 @@ pub mod law;
 pub mod motion;
 
 pub mod search;
+
+pub mod contacts;
 
 pub mod measure;
 

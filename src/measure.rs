@@ -3,12 +3,12 @@
 
 use crate::comm::Comm;
 use crate::contact::Pair;
+use crate::contacts::{Contacts, Loaded};
 use crate::ids::Slot;
 use crate::law::ForceLaw;
 use crate::math::{ExactSum, Vec3};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
-use crate::search::{Loaded, PairList};
 
 /// The scalars of a moment.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -98,7 +98,7 @@ enum Of {
 /// Measures the whole system at the end of a step of `dt` [s]. Collective.
 pub fn measure(
     particles: &Particles,
-    pairs: &PairList,
+    contacts: &Contacts,
     law: &dyn ForceLaw,
     field: &Field,
     dt: f64,
@@ -133,7 +133,7 @@ pub fn measure(
         maxima[2] = larger(maxima[2], particles.position[slot].z + radius);
     }
 
-    for contact in pairs.contacts(law, particles) {
+    for contact in contacts.loaded(law, particles) {
         let Loaded { pair: Pair { a, b }, history, spring, normal_force, force, point: _ } =
             contact;
         let wall = b.index().checked_sub(particles.first_wall());

@@ -203,7 +203,7 @@ fn restitution_is_what_the_scene_asked_for_with_and_without_attraction() {
                 ],
             );
             bench.step();
-            while !bench.sim.pairs.touching().is_empty() {
+            while !bench.sim.contacts.is_empty() {
                 bench.step();
             }
             let v = &bench.sim.particles.velocity;
@@ -496,7 +496,7 @@ fn energy_is_accounted_for_in_a_collision_with_everything_in_it() {
     let mut touched = false;
     for _ in 0..20_000 {
         bench.step();
-        touched |= !bench.sim.pairs.touching().is_empty();
+        touched |= !bench.sim.contacts.is_empty();
     }
     let m = bench.measure();
     assert!(touched && m.contacts == 0, "they met and parted");

@@ -5,13 +5,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules by row, as `src/lib.rs` explains them.
-const ROWS: [&[&str]; 10] = [
+const ROWS: [&[&str]; 11] = [
     &["ids", "math", "lanes", "timing"],
     &["random", "shape", "comm"],
     &["contact"],
     &["particles", "pairs"],
     &["law", "motion"],
     &["search"],
+    &["contacts"],
     &["measure"],
     &["domain", "drive", "output"],
     &["sim", "post"],

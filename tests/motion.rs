@@ -297,7 +297,7 @@ fn slow_motion_far_from_the_origin_is_not_overlooked() {
                 let mut sim = begun(&scene, comm);
                 for _ in 0..2000 {
                     sim.step(comm).expect("the step is done");
-                    let touching = comm.any(!sim.pairs.touching().is_empty());
+                    let touching = comm.any(!sim.contacts.is_empty());
                     let positions: Vec<f64> =
                         (0..sim.particles.owned).map(|k| sim.particles.position[k].x).collect();
                     let mut ends = [f64::NEG_INFINITY, f64::NEG_INFINITY];

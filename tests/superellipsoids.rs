@@ -656,7 +656,7 @@ fn energy_kept(scene: &Scene, gap: f64, seed: u64) -> Option<f64> {
     let (mut touched, mut free) = (false, 0);
     for _ in 0..9000 {
         bench.step();
-        let touching = bench.sim.pairs.coordination(bench.slot(0)) > 0;
+        let touching = !bench.sim.contacts.is_empty();
         touched |= touching;
         free = if touching { 0 } else { free + 1 };
         if free > if touched { 60 } else { 4000 } {

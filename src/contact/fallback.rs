@@ -99,7 +99,7 @@ mod tests {
             (1..centres.len() as u32).map(|b| Pair { a: Slot(0), b: Slot(b) }).collect();
         let active: Vec<u32> = (0..pairs.len() as u32).collect();
         let mut found = Found::default();
-        let place = vec![Place::DUE; pairs.len()];
+        let place = vec![Place::NONE; pairs.len()];
         let batch = Batch { pairs: &pairs, place: &place, history: &[], active: &active, bodies };
         chain.resolve(&batch, &mut found);
         found

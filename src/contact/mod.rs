@@ -169,7 +169,18 @@ pub struct Pair {
 }
 
 /// What is remembered of a touching contact: state, which moves with its particles and is saved.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Serialize,
+    Deserialize,
+    bytemuck::Pod,
+    bytemuck::Zeroable,
+)]
+#[repr(C)]
 pub struct History {
     /// The normal of the last touch, A to B; zero if the pair did not touch.
     pub normal: Vec3,
@@ -203,7 +214,7 @@ pub struct NamedHistory {
 /// A pair that touches now.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// Its index in the list of pairs.
+    /// Its index in the batch's pairs.
     pub pair: u32,
     /// Its geometry.
     pub touch: Touch,
@@ -282,16 +293,9 @@ pub fn nearest_image(mut difference: Vec3, period: &Vec3) -> Vec3 {
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
 pub(crate) fn vectors<L: Eight>(all: &[Vec3], slots: &[Slot; WIDTH]) -> Triple<L> {
-    vectors_at(all, &slots.map(Slot::index))
-}
-
-/// The vectors that stand at these places.
-#[expect(clippy::inline_always, reason = "see `lanes`")]
-#[inline(always)]
-pub(crate) fn vectors_at<L: Eight>(all: &[Vec3], places: &[usize; WIDTH]) -> Triple<L> {
-    let mut rows = [all[places[0]].as_ref(); WIDTH];
-    for (row, place) in rows.iter_mut().zip(places) {
-        *row = all[*place].as_ref();
+    let mut rows = [all[slots[0].index()].as_ref(); WIDTH];
+    for (row, slot) in rows.iter_mut().zip(slots) {
+        *row = all[slot.index()].as_ref();
     }
     Triple::of(&rows)
 }
@@ -323,51 +327,30 @@ pub struct Tally {
     pub fallbacks: [u64; 4],
 }
 
-/// Where a pair stands among those that touch or, if it does not, until when it rests. In one word: what rests has
-/// no sign.
+/// Where a pair stands among those that touched at the last step, if it did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place(u32);
 
 impl Place {
-    const TOUCHES: u32 = 1 << 31;
+    /// It did not touch.
+    pub const NONE: Self = Self(u32::MAX);
 
-    /// Does not touch, and is to be looked at.
-    pub const DUE: Self = Self::resting(0.0);
-
-    /// Touches, and stands here.
+    /// It stands here.
     pub const fn among(index: usize) -> Self {
-        Self(index as u32 | Self::TOUCHES)
+        Self(index as u32)
     }
 
-    /// Does not touch, and need not be looked at until the travel of both bodies adds up to this [m]. It may be
-    /// too low, never too high, so it saves work and changes nothing.
-    pub const fn resting(until: f32) -> Self {
-        Self(until.max(0.0).to_bits() & !Self::TOUCHES)
-    }
-
-    /// Does it touch?
-    pub const fn touches(self) -> bool {
-        self.0 & Self::TOUCHES != 0
-    }
-
-    /// Where it stands; beyond any list if it does not touch.
+    /// As an index; beyond any list if it did not touch.
     #[inline]
     pub const fn index(self) -> usize {
-        (self.0 ^ Self::TOUCHES) as usize
-    }
-
-    /// Is it to be looked at, when both bodies have travelled so far [m]? What touches always is: as a number,
-    /// its word is negative.
-    #[inline]
-    pub fn is_due(self, travel: f64) -> bool {
-        travel >= f64::from(f32::from_bits(self.0))
+        self.0 as usize
     }
 }
 
 /// Pairs of one pair of kinds that are to be looked at.
 #[derive(Clone, Copy, Debug)]
 pub struct Batch<'a> {
-    /// The whole list of pairs.
+    /// A stretch of the list of pairs, or all of it.
     pub pairs: &'a [Pair],
     /// Where in `history` each of them is remembered.
     pub place: &'a [Place],

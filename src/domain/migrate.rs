@@ -4,10 +4,10 @@
 use super::{Domain, Neighbour};
 use crate::comm::{Comm, Parcel, wire};
 use crate::contact::NamedHistory;
+use crate::contacts::Contacts;
 use crate::ids::{GlobalId, Rank};
 use crate::particles::Particles;
 use crate::particles::records::Particle;
-use crate::search::PairList;
 use std::collections::BTreeMap;
 
 impl Domain {
@@ -17,13 +17,12 @@ impl Domain {
     pub fn migrate(
         &mut self,
         particles: &mut Particles,
-        pairs: &PairList,
+        contacts: &Contacts,
         comm: &mut dyn Comm,
     ) -> Vec<NamedHistory> {
         let me = comm.rank();
         // All histories known here, under lasting names: slots are about to change.
-        let known: Vec<NamedHistory> =
-            pairs.touching().iter().map(|&pair| pairs.named(pair, particles)).collect();
+        let known: Vec<NamedHistory> = contacts.named(particles).map(|(_, named)| named).collect();
         particles.strip_to_owned();
 
         let mut leaving: BTreeMap<_, Vec<Particle>> = BTreeMap::new();

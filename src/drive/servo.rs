@@ -26,11 +26,11 @@
 //! means are made, are saved in snapshots.
 
 use crate::comm::Comm;
+use crate::contacts::Contacts;
 use crate::law::ForceLaw;
 use crate::math::{ExactSum, Vec3};
 use crate::particles::walls::{Wall, area, ends};
 use crate::particles::{Library, Particles};
-use crate::search::PairList;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -322,12 +322,12 @@ impl Servos {
     }
 
     /// Adds the forces of this moment on walls with servos to their sums.
-    pub fn note_forces(&mut self, pairs: &PairList, particles: &Particles) {
+    pub fn note_forces(&mut self, contacts: &Contacts, particles: &Particles) {
         if self.all.is_empty() {
             return;
         }
         let mut terms = 0;
-        for (pair, force) in pairs.forces() {
+        for (pair, force) in contacts.forces() {
             let Some(wall) = pair.b.index().checked_sub(particles.first_wall()) else { continue };
             let Some(sum) = self.forces.get_mut(&wall) else { continue };
             if force.iter().all(|component| component.is_finite()) {
@@ -381,7 +381,7 @@ impl Servos {
     /// Begins to sum what presses on the walls now. Collective, if there are servos.
     pub fn start_sums(
         &self,
-        pairs: &PairList,
+        contacts: &Contacts,
         particles: &Particles,
         law: &dyn ForceLaw,
         dt: f64,
@@ -393,11 +393,9 @@ impl Servos {
         let servo_of = |wall| self.all.iter().position(|servo| servo.walls.contains(&wall));
         let servo_of: Vec<Option<usize>> = (0..particles.walls.len()).map(servo_of).collect();
         let mut sums = vec![[ExactSum::default(), ExactSum::default()]; self.all.len()];
-        for &index in pairs.touching() {
-            let pair = pairs.pairs[index as usize];
+        for (pair, force) in contacts.normal_forces(law, particles) {
             let Some(wall) = pair.b.index().checked_sub(particles.first_wall()) else { continue };
             let Some(servo) = servo_of[wall] else { continue };
-            let force = pairs.normal_force(index, law, particles);
             // A state that is not a number is told when the list of pairs is made anew.
             if force.is_finite() {
                 sums[servo][0].add(force);

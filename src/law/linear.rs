@@ -17,24 +17,43 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
-use super::{Constants, ForceLaw, Interactions, Load, Memory, WallWork};
-use crate::contact::{History, Pair, nearest_images, vectors, vectors_at};
+use super::{Constants, ForceLaw, Interactions, Parted, Sums, Work, add};
+use crate::contact::{History, Pair, Place, nearest_images, vectors};
 use crate::ids::{MaterialId, Slot};
 use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
 use crate::math::Vec3;
-use crate::particles::{Needs, Particles};
+use crate::particles::{Library, Needs, Particles};
 
 /// The linear spring and dashpot with Coulomb friction.
 #[derive(Clone, Debug)]
 pub struct Linear {
     interactions: Interactions,
     limit_damping: bool,
+    /// Constants of every pair of shapes, walls included; none if there are too many.
+    table: Vec<Row>,
+    /// How many shapes the table has.
+    shapes: usize,
+    /// Is there any dashpot?
+    damped: bool,
 }
 
+/// A table of more shapes would not stay in the cache.
+const MOST_SHAPES: usize = 128;
+
 impl Linear {
-    /// With these constants; if `limit_damping`, no dashpot makes a contact attractive.
-    pub const fn new(interactions: Interactions, limit_damping: bool) -> Self {
-        Self { interactions, limit_damping }
+    /// With these constants, between bodies of a library; if `limit_damping`, no dashpot makes a contact attractive.
+    pub fn new(interactions: Interactions, limit_damping: bool, library: &Library) -> Self {
+        let damped = interactions
+            .iter()
+            .any(|c| c.normal_damping_ratio > 0.0 || c.tangential_damping_ratio > 0.0);
+        let mut law = Self { interactions, limit_damping, table: Vec::new(), shapes: 0, damped };
+        let shapes = library.shapes.len();
+        if shapes <= MOST_SHAPES {
+            let all = (0..shapes).flat_map(|a| (0..shapes).map(move |b| (a, b)));
+            law.table = all.map(|(a, b)| law.row(a, b, library)).collect();
+            law.shapes = shapes;
+        }
+        law
     }
 
     /// Of the materials of a pair.
@@ -43,11 +62,62 @@ impl Linear {
         self.interactions.of(particles.material(pair.a), particles.material(pair.b))
     }
 
-    fn has_dashpots(&self) -> bool {
-        self.interactions
-            .iter()
-            .any(|c| c.normal_damping_ratio > 0.0 || c.tangential_damping_ratio > 0.0)
+    /// Of two shapes, from the table if they are in it.
+    #[inline(always)]
+    fn row_of(&self, (a, b): (usize, usize), particles: &Particles) -> Row {
+        match self.table.get(a * self.shapes + b) {
+            Some(row) => *row,
+            None => self.row(a, b, &particles.library),
+        }
     }
+
+    /// Normal and tangential dashpot of a pair [N s/m].
+    fn dashpots(&self, pair: Pair, particles: &Particles) -> [f64; 2] {
+        let [a, b] = [pair.a, pair.b].map(|slot| particles.shape[slot.index()].index());
+        self.row_of((a, b), particles).dashpots
+    }
+
+    /// Of two shapes; the second may be a wall.
+    #[inline(never)]
+    fn row(&self, a: usize, b: usize, library: &Library) -> Row {
+        let constants = self.interactions.of(library.materials[a], library.materials[b]);
+        let Constants { normal_stiffness, tangential_stiffness, friction, .. } = *constants;
+        let mass = reduced_mass(library, a, b);
+        Row {
+            normal: normal_stiffness,
+            tangential: tangential_stiffness,
+            friction,
+            dashpots: [
+                dashpot(constants.normal_damping_ratio, mass, normal_stiffness),
+                dashpot(constants.tangential_damping_ratio, mass, tangential_stiffness),
+            ],
+            radii: [a, b].map(|shape| {
+                let radius = library.radius[shape];
+                if radius.is_finite() { radius } else { 0.0 }
+            }),
+            is_damped: constants.normal_damping_ratio > 0.0,
+            is_frictional: constants.is_frictional(),
+        }
+    }
+}
+
+/// The constants of a contact between two shapes.
+#[derive(Clone, Copy, Debug)]
+struct Row {
+    /// Normal stiffness [N/m].
+    normal: f64,
+    /// Tangential stiffness [N/m].
+    tangential: f64,
+    /// Coefficient of friction [-].
+    friction: f64,
+    /// Normal and tangential dashpot [N s/m].
+    dashpots: [f64; 2],
+    /// Bounding radii of both; 0 of a wall, which does not turn [m].
+    radii: [f64; 2],
+    /// Is there a normal dashpot?
+    is_damped: bool,
+    /// Does it feel tangential motion?
+    is_frictional: bool,
 }
 
 /// Elastic energy of a contact in its normal and its tangential spring [J].
@@ -58,66 +128,83 @@ fn stored(constants: &Constants, overlap: f64, spring: &Vec3) -> [f64; 2] {
     ]
 }
 
-/// Contacts whose loads are to be found.
+/// Contacts whose forces are to be found.
 struct Contacts<'a, 'b> {
     law: &'a Linear,
-    loads: &'a mut [Load],
-    memory: &'a mut Memory<'b>,
+    work: &'a mut Work<'b>,
     particles: &'a Particles,
     dt: f64,
-    wall_work: &'a mut Vec<WallWork>,
-    /// Is there any dashpot?
-    damped: bool,
+    sums: &'a mut Sums,
     /// Is there anything that dissipates?
     lossy: bool,
+    /// Of those that have parted, how many have been summed.
+    summed: usize,
 }
 
 impl Kernel for Contacts<'_, '_> {
     #[inline(always)]
     fn run<L: Eight>(mut self) {
-        for first in (0..self.loads.len()).step_by(WIDTH) {
+        for first in (0..self.work.pairs.len()).step_by(WIDTH) {
             self.eight::<L>(first);
         }
+        self.part_before(usize::MAX);
     }
 }
 
+/// What is remembered of a contact that did not touch.
+static NEW: History = History { normal: Vec3::new(0.0, 0.0, 0.0), overlap: 0.0 };
+
 impl Contacts<'_, '_> {
-    /// The loads of up to eight contacts; the other lanes repeat the last.
+    /// Up to eight contacts; the other lanes repeat the last.
     #[inline(always)]
     fn eight<L: Eight>(&mut self, first: usize) {
-        let Self { law, loads, memory, particles, dt, wall_work, damped, lossy } = self;
-        let (particles, dt) = (*particles, *dt);
-        let count = (loads.len() - first).min(WIDTH);
-        let mut places = [first; WIDTH];
-        let mut pairs = [memory.pair(first); WIDTH];
+        let Self { law, particles, dt, lossy, .. } = *self;
+        let work = &*self.work;
+        let damped = law.damped;
+        let count = (work.pairs.len() - first).min(WIDTH);
+        let mut pairs = [work.pairs[first]; WIDTH];
         let (mut a, mut b) = ([pairs[0].a; WIDTH], [pairs[0].b; WIDTH]);
-        let mut touches = [&loads[first]; WIDTH];
-        let mut histories = [&memory.history[first]; WIDTH];
+        let mut touches = [&work.history[first]; WIDTH];
+        let mut histories = [&NEW; WIDTH];
+        let mut places = [Place::NONE; WIDTH];
         for lane in 0..WIDTH {
             let place = first + lane.min(count - 1);
-            places[lane] = place;
-            pairs[lane] = memory.pair(place);
+            pairs[lane] = work.pairs[place];
             (a[lane], b[lane]) = (pairs[lane].a, pairs[lane].b);
-            touches[lane] = &loads[place];
-            histories[lane] = &memory.history[place];
+            touches[lane] = &work.history[place];
+            places[lane] = work.from[place];
+            histories[lane] = at(work.last.history, places[lane], &NEW);
         }
-        let springs = Springs::<L>::of(law, &pairs, particles, *damped);
-        let (normal, overlap) = read_touches::<L>(&touches);
-        let point = if memory.points.is_empty() {
-            normal.times(radii::<L>(particles, &a) - L::all(0.5) * overlap)
+        let springs = Springs::<L>::of(law, &pairs, particles);
+        let (normal, overlap) = read::<L>(&touches);
+        let has_points = !work.points.is_empty();
+        let point = if has_points {
+            let mut rows = [work.points[first].as_ref(); WIDTH];
+            for (lane, row) in rows.iter_mut().enumerate() {
+                *row = work.points[first + lane.min(count - 1)].as_ref();
+            }
+            Triple::of(&rows)
         } else {
-            vectors_at(memory.points, &places)
+            normal.times(springs.radii[0] - L::all(0.5) * overlap)
         };
-        let (last_normal, last_overlap) = read_histories::<L>(&histories);
-        let last_normal_force = if *damped {
-            L::load(&places.map(|place| memory.normal_forces[place]))
+        let (last_normal, last_overlap) = read::<L>(&histories);
+        let last_normal_force = if damped {
+            let mut forces = [0.0; WIDTH];
+            for (force, place) in forces.iter_mut().zip(places) {
+                *force = *at(work.last.normal_forces, place, &0.0);
+            }
+            L::load(&forces)
         } else {
             springs.normal * last_overlap
         };
-        let has_springs = !memory.springs.is_empty();
+        let has_springs = !work.springs.is_empty();
         let mut last_spring = Triple::zero();
         if has_springs {
-            last_spring = vectors_at(memory.springs, &places);
+            let mut rows = [NEW.normal.as_ref(); WIDTH];
+            for (row, place) in rows.iter_mut().zip(places) {
+                *row = at(work.last.springs, place, &NEW.normal).as_ref();
+            }
+            last_spring = Triple::of(&rows);
         }
 
         // velocity of A's surface against B's: positive along the normal is approach
@@ -127,14 +214,15 @@ impl Contacts<'_, '_> {
         let (of_a, spin_a) = velocities::<L>(particles, &a);
         let (of_b, spin_b) = velocities::<L>(particles, &b);
         let bodies = Moving { approach: of_a.minus(of_b), spin_a, spin_b };
-        let velocity = bodies.surfaces(point, point.minus(to_b));
+        let arm_b = point.minus(to_b);
+        let velocity = bodies.surfaces(point, arm_b);
         let approach = velocity.dot(normal);
         let twist = L::all(0.5 * dt) * spin_a.plus(spin_b).dot(normal);
         // The same where the last force acted. Of bodies other than spheres that place is not remembered.
-        let last_velocity = if memory.points.is_empty() {
+        let last_velocity = if !has_points {
             let half = L::all(0.5) * last_overlap;
-            let arm_a = last_normal.times(radii::<L>(particles, &a) - half);
-            bodies.surfaces(arm_a, last_normal.times(half - radii::<L>(particles, &b)))
+            let arm_a = last_normal.times(springs.radii[0] - half);
+            bodies.surfaces(arm_a, last_normal.times(half - springs.radii[1]))
         } else {
             velocity
         };
@@ -175,65 +263,118 @@ impl Contacts<'_, '_> {
         let of_friction = half_step * rubbed - (stored[1] - stored_before[1]);
         let dissipated =
             of_dashpots.or(zero, springs.damped) + of_friction.or(zero, springs.frictional);
-        let dissipated = if *lossy && dt > 0.0 { dissipated.store() } else { [0.0; WIDTH] };
+        let dissipated = if lossy && dt > 0.0 { dissipated } else { zero };
         let impulse = last_press.plus(last_rub).plus(force).plus(dashpot).times(half_step);
 
-        let (force, spring, normal) = (force.store(), spring.store(), normal.store());
-        let (overlap, normal_force) = (overlap.store(), normal_force.store());
+        let (back, on_a, on_b) =
+            (Triple::zero().minus(force), force.cross(point), arm_b.cross(force));
+        let (forces, backs) = (force.rows(dissipated), back.rows(zero));
+        let (on_a, on_b) = (on_a.rows(zero), on_b.rows(zero));
+        let states = spring.rows(normal_force);
         let impulse = impulse.store();
         for lane in 0..count {
             let place = first + lane;
-            let history = &mut memory.history[place];
-            history.normal = row(&normal, lane).into();
-            history.overlap = overlap[lane];
-            if *damped {
-                memory.normal_forces[place] = normal_force[lane];
+            self.part_before(place);
+            let [x, y, z, normal_force] = states[lane];
+            if damped {
+                self.work.normal_forces[place] = normal_force;
             }
             if has_springs {
-                memory.springs[place] = row(&spring, lane).into();
+                self.work.springs[place] = Vec3::new(x, y, z);
             }
-            loads[place].force = row(&force, lane).into();
-            loads[place].dissipated = dissipated[lane];
+            let [x, y, z, lost] = forces[lane];
+            self.work.forces[place] = Vec3::new(x, y, z);
             let pair = pairs[lane];
-            if pair.b.index() >= particles.first_wall() {
-                let of_wall = &particles.velocity[pair.b.index()];
-                note_wall_work(pair, -Vec3::from(row(&impulse, lane)).dot(of_wall), wall_work);
+            let (a, b) = (pair.a.index(), pair.b.index());
+            add(&mut self.sums.force, a, &backs[lane]);
+            add(&mut self.sums.torque, a, &on_a[lane]);
+            add(&mut self.sums.force, b, &forces[lane]);
+            add(&mut self.sums.torque, b, &on_b[lane]);
+            if lossy {
+                self.sums.lose(pair, lost, particles.first_wall());
+            }
+            if b >= particles.first_wall() {
+                let of_wall = &particles.velocity[b];
+                let impulse = Vec3::from(row(&impulse, lane));
+                self.sums.note_wall_work(pair, -impulse.dot(of_wall));
             }
         }
     }
-}
 
-/// Normals and overlaps of touches that stand in the places of their loads.
-#[inline(always)]
-fn read_touches<L: Eight>(touches: &[&Load; WIDTH]) -> (Triple<L>, L) {
-    let mut normal = [touches[0].force.as_ref(); WIDTH];
-    let mut overlap = [0.0; WIDTH];
-    for (lane, load) in touches.iter().enumerate() {
-        let touch = load.touch();
-        (normal[lane], overlap[lane]) = (touch.0.as_ref(), touch.1);
+    /// Sums what the contacts lost that have come apart and stand before this one.
+    #[inline(always)]
+    fn part_before(&mut self, place: usize) {
+        while let Some(parted) = self.work.parted.get(self.summed)
+            && parted.before <= place
+        {
+            self.part(*parted);
+            self.summed += 1;
+        }
     }
-    (Triple::of(&normal), L::load(&overlap))
-}
 
-/// Normals and overlaps of the last touches.
-#[inline(always)]
-fn read_histories<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L) {
-    let mut normal = [histories[0].normal.as_ref(); WIDTH];
-    let mut overlap = [0.0; WIDTH];
-    for (lane, history) in histories.iter().enumerate() {
-        normal[lane] = history.normal.as_ref();
-        overlap[lane] = history.overlap;
+    /// No force is left, but what the last contact lost.
+    #[cold]
+    fn part(&mut self, parted: Parted) {
+        let Self { law, particles, dt, lossy, .. } = *self;
+        let last = &self.work.last;
+        let bodies = particles.bodies();
+        let (pair, history) = (last.pairs[parted.place], &last.history[parted.place]);
+        let spring = last.springs.get(parted.place).copied().unwrap_or_default();
+        // Where the last force acted: in the middle of the overlap of the farthest points along the last normal.
+        let frames = bodies.frames(pair);
+        let (body, other) = bodies.posed(pair, &frames);
+        let into = history.normal * (0.5 * history.overlap);
+        let arm_a = body.support(&history.normal) - into;
+        let with_wall = pair.b.index() >= particles.first_wall();
+        let arm_b = if with_wall { Vec3::zeros() } else { other.support(&-history.normal) + into };
+        let velocity = surface_velocity(particles, pair, &arm_a, &arm_b);
+        let constants = law.constants(pair, particles);
+        let elastic = constants.normal_stiffness * history.overlap;
+        let normal_force = last.normal_forces.get(parted.place).copied().unwrap_or(elastic);
+        let press = history.normal * normal_force;
+        let mut rub = spring * constants.tangential_stiffness;
+        if constants.is_frictional() {
+            let sliding = velocity - history.normal * velocity.dot(&history.normal);
+            rub += sliding * law.dashpots(pair, particles)[1];
+        }
+        // The force fell to nothing on the way: half of it did the work.
+        let work = |force: &Vec3, velocity: &Vec3| 0.5 * dt * force.dot(velocity);
+        if with_wall {
+            let of_wall = &particles.velocity[pair.b.index()];
+            self.sums.note_wall_work(pair, -work(&(press + rub), of_wall));
+        }
+        let stored = stored(constants, history.overlap, &spring);
+        let mut dissipated = 0.0;
+        if lossy && dt > 0.0 {
+            if constants.normal_damping_ratio > 0.0 {
+                dissipated += work(&press, &velocity) + stored[0];
+            }
+            if constants.is_frictional() {
+                dissipated += work(&rub, &velocity) + stored[1];
+            }
+        }
+        self.sums.lose(pair, dissipated, particles.first_wall());
     }
-    (Triple::of(&normal), L::load(&overlap))
 }
 
-/// The radii of spheres; 0 of walls, which do not turn [m].
+/// What stands at a place, or what stands for those that have none.
 #[inline(always)]
-fn radii<L: Eight>(particles: &Particles, slots: &[Slot; WIDTH]) -> L {
-    L::load(&slots.map(|slot| {
-        let radius = particles.radius(slot.index());
-        if radius.is_finite() { radius } else { 0.0 }
-    }))
+fn at<'a, T>(all: &'a [T], place: Place, otherwise: &'a T) -> &'a T {
+    match all.get(place.index()) {
+        Some(one) => one,
+        None => otherwise,
+    }
+}
+
+/// Normals and overlaps.
+#[inline(always)]
+fn read<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L) {
+    let mut rows: [&[f64; 4]; WIDTH] = [bytemuck::cast_ref(histories[0]); WIDTH];
+    for (row, history) in rows.iter_mut().zip(histories) {
+        *row = bytemuck::cast_ref(*history);
+    }
+    let [x, y, z, overlap] = L::columns_of_4(&rows);
+    (Triple { x, y, z }, overlap)
 }
 
 /// Springs, dashpots and friction of contacts.
@@ -246,6 +387,8 @@ struct Springs<L> {
     friction: L,
     /// Normal and tangential dashpots [N s/m], if there are any.
     dashpots: Option<[L; 2]>,
+    /// Bounding radii of A and B; 0 of walls [m].
+    radii: [L; 2],
     /// Which of them have a normal dashpot.
     damped: u8,
     /// Which of them feel tangential motion.
@@ -254,35 +397,70 @@ struct Springs<L> {
 
 impl<L: Eight> Springs<L> {
     #[inline(always)]
-    fn of(law: &Linear, pairs: &[Pair; WIDTH], particles: &Particles, damped: bool) -> Self {
+    fn of(law: &Linear, pairs: &[Pair; WIDTH], particles: &Particles) -> Self {
+        let mut shapes = [(0, 0); WIDTH];
+        let mut alike = true;
+        for (of_pair, pair) in shapes.iter_mut().zip(pairs) {
+            let a = particles.shape[pair.a.index()].index();
+            *of_pair = (a, particles.shape[pair.b.index()].index());
+        }
+        for of_pair in shapes {
+            alike &= of_pair == shapes[0];
+        }
+        if alike {
+            Self::of_one(&law.row_of(shapes[0], particles), law.damped)
+        } else {
+            Self::of_each(law, &shapes, particles)
+        }
+    }
+
+    /// As most are: eight times the same.
+    #[inline(always)]
+    fn of_one(row: &Row, damped: bool) -> Self {
+        Self {
+            normal: L::all(row.normal),
+            tangential: L::all(row.tangential),
+            friction: L::all(row.friction),
+            dashpots: if damped {
+                Some([L::all(row.dashpots[0]), L::all(row.dashpots[1])])
+            } else {
+                None
+            },
+            radii: [L::all(row.radii[0]), L::all(row.radii[1])],
+            damped: if row.is_damped { u8::MAX } else { 0 },
+            frictional: if row.is_frictional { u8::MAX } else { 0 },
+        }
+    }
+
+    #[inline(always)]
+    fn of_each(law: &Linear, shapes: &[(usize, usize); WIDTH], particles: &Particles) -> Self {
         let (mut normal, mut tangential) = ([0.0; WIDTH], [0.0; WIDTH]);
         let mut friction = [0.0; WIDTH];
-        let mut dashpots = [[0.0; WIDTH]; 2];
-        let (mut with_dashpot, mut frictional) = (0, 0);
-        for (lane, pair) in pairs.iter().enumerate() {
-            let constants = law.constants(*pair, particles);
-            normal[lane] = constants.normal_stiffness;
-            tangential[lane] = constants.tangential_stiffness;
-            friction[lane] = constants.friction;
-            with_dashpot |= u8::from(constants.normal_damping_ratio > 0.0) << lane;
-            frictional |= u8::from(constants.is_frictional()) << lane;
-            if damped {
-                let mass = reduced_mass(particles, *pair);
-                dashpots[0][lane] = dashpot(constants.normal_damping_ratio, mass, normal[lane]);
-                dashpots[1][lane] =
-                    dashpot(constants.tangential_damping_ratio, mass, tangential[lane]);
+        let (mut dashpots, mut radii) = ([[0.0; WIDTH]; 2], [[0.0; WIDTH]; 2]);
+        let (mut damped, mut frictional) = (0, 0);
+        for (lane, of_pair) in shapes.iter().enumerate() {
+            let row = law.row_of(*of_pair, particles);
+            normal[lane] = row.normal;
+            tangential[lane] = row.tangential;
+            friction[lane] = row.friction;
+            damped |= u8::from(row.is_damped) << lane;
+            frictional |= u8::from(row.is_frictional) << lane;
+            for body in 0..2 {
+                dashpots[body][lane] = row.dashpots[body];
+                radii[body][lane] = row.radii[body];
             }
         }
         Self {
             normal: L::load(&normal),
             tangential: L::load(&tangential),
             friction: L::load(&friction),
-            dashpots: if damped {
+            dashpots: if law.damped {
                 Some([L::load(&dashpots[0]), L::load(&dashpots[1])])
             } else {
                 None
             },
-            damped: with_dashpot,
+            radii: [L::load(&radii[0]), L::load(&radii[1])],
+            damped,
             frictional,
         }
     }
@@ -386,14 +564,6 @@ fn surface_velocity(particles: &Particles, pair: Pair, arm_a: &Vec3, arm_b: &Vec
     particles.velocity_at(pair.a, arm_a) - of_b
 }
 
-/// Takes note of what a wall gives to the particle that presses on it [J]; most stand still.
-#[inline]
-fn note_wall_work(pair: Pair, energy: f64, wall_work: &mut Vec<WallWork>) {
-    if energy != 0.0 {
-        wall_work.push(WallWork { pair, energy });
-    }
-}
-
 /// Force over velocity of a dashpot with this part of critical damping [N s/m].
 #[inline]
 fn dashpot(ratio: f64, mass: f64, stiffness: f64) -> f64 {
@@ -402,12 +572,12 @@ fn dashpot(ratio: f64, mass: f64, stiffness: f64) -> f64 {
 
 /// `m_A m_B / (m_A + m_B)`, or `m_A` against a wall [kg].
 #[inline]
-fn reduced_mass(particles: &Particles, pair: Pair) -> f64 {
-    let mass_a = particles.mass(pair.a.index());
-    if pair.b.index() >= particles.first_wall() {
+fn reduced_mass(library: &Library, a: usize, b: usize) -> f64 {
+    let mass_a = library.mass[a];
+    if b >= library.particle_shapes {
         return mass_a;
     }
-    let mass_b = particles.mass(pair.b.index());
+    let mass_b = library.mass[b];
     mass_a * mass_b / (mass_a + mass_b)
 }
 
@@ -423,89 +593,14 @@ impl ForceLaw for Linear {
             velocity: friction || dashpot,
             spin: friction,
             springs: friction,
-            dashpots: self.has_dashpots(),
+            dashpots: self.damped,
             ..Needs::default()
         }
     }
 
-    fn apply(
-        &self,
-        loads: &mut [Load],
-        memory: &mut Memory,
-        particles: &Particles,
-        dt: f64,
-        wall_work: &mut Vec<WallWork>,
-    ) {
-        let (damped, lossy) = (self.has_dashpots(), self.needs().velocity);
-        lanes::dispatch(Contacts {
-            law: self,
-            loads,
-            memory,
-            particles,
-            dt,
-            wall_work,
-            damped,
-            lossy,
-        });
-    }
-
-    fn part(
-        &self,
-        loads: &mut [Load],
-        memory: &Memory,
-        particles: &Particles,
-        dt: f64,
-        wall_work: &mut Vec<WallWork>,
-    ) {
-        let bodies = particles.bodies();
+    fn apply(&self, work: &mut Work, particles: &Particles, dt: f64, sums: &mut Sums) {
         let lossy = self.needs().velocity;
-        let still = memory.pairs.len() - loads.len();
-        for (place, load) in (still..).zip(loads) {
-            let (pair, history, spring) =
-                (memory.pair(place), &memory.history[place], memory.spring(place));
-            // Where the last force acted: in the middle of the overlap of the farthest points along the last normal.
-            let frames = bodies.frames(pair);
-            let (body, other) = bodies.posed(pair, &frames);
-            let into = history.normal * (0.5 * history.overlap);
-            let arm_a = body.support(&history.normal) - into;
-            let arm_b = if pair.b.index() >= particles.first_wall() {
-                Vec3::zeros()
-            } else {
-                other.support(&-history.normal) + into
-            };
-            let velocity = surface_velocity(particles, pair, &arm_a, &arm_b);
-            let constants = self.constants(pair, particles);
-            let normal_force = memory
-                .normal_forces
-                .get(place)
-                .copied()
-                .unwrap_or(constants.normal_stiffness * history.overlap);
-            let press = history.normal * normal_force;
-            let mut rub = spring * constants.tangential_stiffness;
-            if constants.is_frictional() {
-                let sliding = velocity - history.normal * velocity.dot(&history.normal);
-                let mass = reduced_mass(particles, pair);
-                let ratio = constants.tangential_damping_ratio;
-                rub += sliding * dashpot(ratio, mass, constants.tangential_stiffness);
-            }
-            // The force fell to nothing on the way: half of it did the work.
-            let work = |force: &Vec3, velocity: &Vec3| 0.5 * dt * force.dot(velocity);
-            if pair.b.index() >= particles.first_wall() {
-                let of_wall = &particles.velocity[pair.b.index()];
-                note_wall_work(pair, -work(&(press + rub), of_wall), wall_work);
-            }
-            let stored = stored(constants, history.overlap, &spring);
-            let mut dissipated = 0.0;
-            if lossy && dt > 0.0 {
-                if constants.normal_damping_ratio > 0.0 {
-                    dissipated += work(&press, &velocity) + stored[0];
-                }
-                if constants.is_frictional() {
-                    dissipated += work(&rub, &velocity) + stored[1];
-                }
-            }
-            *load = Load { dissipated, ..Load::default() };
-        }
+        lanes::dispatch(Contacts { law: self, work, particles, dt, sums, lossy, summed: 0 });
     }
 
     fn elastic(&self, pair: Pair, particles: &Particles, overlap: f64) -> f64 {
@@ -515,8 +610,7 @@ impl ForceLaw for Linear {
     fn stiffness(&self, pair: Pair, particles: &Particles, dt: f64) -> f64 {
         let constants = self.constants(pair, particles);
         let stiffness = constants.normal_stiffness;
-        let mass = reduced_mass(particles, pair);
-        stiffness + dashpot(constants.normal_damping_ratio, mass, stiffness) / dt
+        stiffness + self.dashpots(pair, particles)[0] / dt
     }
 
     fn stored(&self, a: MaterialId, b: MaterialId, overlap: f64, spring: &Vec3) -> f64 {
@@ -527,71 +621,99 @@ impl ForceLaw for Linear {
 #[cfg(test)]
 mod tests {
     use super::{Contacts, Linear};
-    use crate::contact::{History, Pair, Touch};
+    use crate::contact::{History, Pair, Place};
     use crate::ids::Slot;
     use crate::lanes::{self, Kernel, Portable};
-    use crate::law::{Constants, Interactions, Load, Memory};
+    use crate::law::{Constants, Interactions, Last, Sums, Work};
     use crate::math::Vec3;
     use crate::particles::{Particles, crowd};
     use crate::random::Random;
 
     /// What touches, and what is remembered.
-    #[derive(Clone)]
+    #[derive(Clone, Default)]
     struct Touching {
-        loads: Vec<Load>,
+        pairs: Vec<Pair>,
+        now: Vec<History>,
+        points: Vec<Vec3>,
+        from: Vec<Place>,
         history: Vec<History>,
         springs: Vec<Vec3>,
         normal_forces: Vec<f64>,
-        points: Vec<Vec3>,
+    }
+
+    /// What a law finds.
+    struct Found {
+        springs: Vec<Vec3>,
+        normal_forces: Vec<f64>,
+        forces: Vec<Vec3>,
+        sums: Sums,
     }
 
     impl Touching {
         fn of(&self, place: usize) -> Self {
             Self {
-                loads: vec![self.loads[place]],
-                history: vec![self.history[place]],
-                springs: vec![self.springs[place]],
-                normal_forces: vec![self.normal_forces[place]],
+                pairs: vec![self.pairs[place]],
+                now: vec![self.now[place]],
                 points: self.points.get(place).copied().into_iter().collect(),
+                from: vec![self.from[place]],
+                ..self.clone()
             }
         }
 
-        fn load(
-            mut self,
-            law: &Linear,
-            pairs: &[Pair],
-            particles: &Particles,
-            run: impl Fn(Contacts),
-        ) -> Self {
-            let which: Vec<u32> = (0..pairs.len() as u32).collect();
-            let mut memory = Memory {
-                listed: pairs,
-                pairs: &which,
-                history: &mut self.history,
-                springs: &mut self.springs,
-                normal_forces: &mut self.normal_forces,
+        fn apply(&self, law: &Linear, particles: &Particles, run: impl Fn(Contacts)) -> Found {
+            let count = self.pairs.len();
+            let zeros = vec![Vec3::zeros(); particles.owned];
+            let mut found = Found {
+                springs: vec![Vec3::zeros(); count],
+                normal_forces: vec![0.0; count],
+                forces: vec![Vec3::zeros(); count],
+                sums: Sums {
+                    force: zeros.clone(),
+                    torque: zeros,
+                    dissipated: vec![0.0; particles.owned],
+                    wall_work: Vec::new(),
+                },
+            };
+            let mut work = Work {
+                pairs: &self.pairs,
+                history: &self.now,
                 points: &self.points,
+                from: &self.from,
+                last: Last {
+                    pairs: &self.pairs,
+                    history: &self.history,
+                    springs: &self.springs,
+                    normal_forces: &self.normal_forces,
+                },
+                parted: &[],
+                springs: &mut found.springs,
+                normal_forces: &mut found.normal_forces,
+                forces: &mut found.forces,
             };
             run(Contacts {
-                lossy: true,
                 law,
-                loads: &mut self.loads,
-                memory: &mut memory,
+                work: &mut work,
                 particles,
                 dt: 1e-5,
-                wall_work: &mut Vec::new(),
-                damped: law.has_dashpots(),
+                sums: &mut found.sums,
+                lossy: true,
+                summed: 0,
             });
-            self
+            found
+        }
+    }
+
+    impl Found {
+        fn bits(&self, place: usize) -> Vec<u64> {
+            let vectors = [&self.forces[place], &self.springs[place]];
+            let numbers = vectors.into_iter().flatten().chain([&self.normal_forces[place]]);
+            numbers.map(|x| x.to_bits()).collect()
         }
 
-        fn bits(&self, place: usize) -> Vec<u64> {
-            let Load { force, dissipated } = &self.loads[place];
-            let History { normal, overlap } = &self.history[place];
-            let vectors = [force, normal, &self.springs[place]];
-            let scalars = [dissipated, overlap, &self.normal_forces[place]];
-            let numbers = vectors.into_iter().flatten().chain(scalars);
-            numbers.map(|x| x.to_bits()).collect()
+        fn bits_of_sums(&self) -> Vec<u64> {
+            let Sums { force, torque, dissipated, .. } = &self.sums;
+            let vectors = force.iter().chain(torque).flatten();
+            vectors.chain(dissipated).map(|x| x.to_bits()).collect()
         }
     }
 
@@ -609,32 +731,24 @@ mod tests {
         let smooth = Constants { friction: 0.0, ..rough };
         let damped =
             Constants { normal_damping_ratio: 0.2, tangential_damping_ratio: 0.1, ..rough };
-        let pairs: Vec<_> = (0..39).map(|k| Pair { a: Slot(k), b: Slot(k + 1) }).collect();
         let mut random = Random::of(5, 0);
         let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.signed());
-        let mut touching = Touching {
-            loads: vec![],
-            history: vec![],
-            springs: vec![],
-            normal_forces: vec![],
-            points: vec![],
-        };
-        for k in 0..pairs.len() {
+        let mut touching = Touching::default();
+        for k in 0..39 {
+            touching.pairs.push(Pair { a: Slot(k), b: Slot(k + 1) });
             let normal = vector(1.0).normalize();
-            let touch = Touch { overlap: 1e-5, normal, point: vector(1e-3) };
+            touching.now.push(History { normal, overlap: 1e-5 });
+            touching.points.push(vector(1e-3));
+            if k % 5 == 0 {
+                touching.from.push(Place::NONE);
+                continue;
+            }
+            touching.from.push(Place::among(touching.history.len()));
             let last = (normal + vector(1e-3)).normalize();
-            let first_time = k % 5 == 0;
-            touching.loads.push(Load::of(&touch));
-            touching.points.push(touch.point);
-            touching.history.push(if first_time {
-                History::default()
-            } else {
-                History { normal: last, overlap: 9e-6 }
-            });
-            touching.normal_forces.push(if first_time { 0.0 } else { 9e-3 });
-            let across = vector(5e-6 * (k % 3) as f64);
-            let spring = across - last * across.dot(&last);
-            touching.springs.push(if first_time { Vec3::zeros() } else { spring });
+            touching.history.push(History { normal: last, overlap: 9e-6 });
+            touching.normal_forces.push(9e-3);
+            let across = vector(5e-6 * f64::from(k % 3));
+            touching.springs.push(across - last * across.dot(&last));
         }
         for (name, mixed, own, all_balls) in [
             ("plain", smooth, rough, false),
@@ -644,23 +758,25 @@ mod tests {
             let mut interactions = Interactions::new(&[]);
             interactions.materials = 2;
             interactions.constants = vec![own, mixed, mixed, rough];
-            let law = Linear::new(interactions, true);
+            let law = Linear::new(interactions, true, &particles.library);
             let mut before = touching.clone();
             if all_balls {
                 before.points.clear();
             }
-            for (pair, spring) in pairs.iter().zip(&mut before.springs) {
-                if !law.constants(*pair, &particles).is_frictional() {
+            for (pair, place) in before.pairs.iter().zip(&before.from) {
+                if !law.constants(*pair, &particles).is_frictional()
+                    && let Some(spring) = before.springs.get_mut(place.index())
+                {
                     *spring = Vec3::zeros();
                 }
             }
-            let dispatched = before.clone().load(&law, &pairs, &particles, |c| lanes::dispatch(c));
-            let portable = before.clone().load(&law, &pairs, &particles, |c| c.run::<Portable>());
-            for (place, pair) in pairs.iter().enumerate() {
+            let dispatched = before.apply(&law, &particles, |c| lanes::dispatch(c));
+            let portable = before.apply(&law, &particles, |c| c.run::<Portable>());
+            assert_eq!(dispatched.bits_of_sums(), portable.bits_of_sums(), "{name}");
+            for place in 0..before.pairs.len() {
                 let bits = dispatched.bits(place);
                 assert_eq!(bits, portable.bits(place), "{name}, pair {place}");
-                let alone =
-                    before.of(place).load(&law, &[*pair], &particles, |c| lanes::dispatch(c));
+                let alone = before.of(place).apply(&law, &particles, |c| lanes::dispatch(c));
                 assert_eq!(bits, alone.bits(0), "{name}, pair {place} alone");
             }
         }

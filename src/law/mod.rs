@@ -3,10 +3,10 @@
 pub mod linear;
 pub mod stability;
 
-use crate::contact::{History, Pair, Touch};
+use crate::contact::{History, Pair, Place};
 use crate::ids::MaterialId;
 use crate::math::Vec3;
-use crate::particles::{Needs, Particles};
+use crate::particles::{Needs, Particles, held};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -134,35 +134,14 @@ impl Interactions {
     }
 }
 
-/// What a contact does to its two bodies in this step. Until a law has found it, the touch stands in its place.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Load {
-    /// Force of A on B [N]; A feels the opposite. First the normal.
-    pub force: Vec3,
-    /// Energy lost since the last step [J]. First the overlap [m].
-    pub dissipated: f64,
-}
-
-impl Load {
-    /// The place for the load of this touch.
-    pub fn of(touch: &Touch) -> Self {
-        let mut load = Self::default();
-        load.stand_for(touch);
-        load
-    }
-
-    /// The same, in place. Number by number: a whole one would go through memory twice.
-    #[inline]
-    pub fn stand_for(&mut self, touch: &Touch) {
-        for axis in 0..3 {
-            self.force[axis] = touch.normal[axis];
-        }
-        self.dissipated = touch.overlap;
-    }
-
-    /// Normal and overlap [m] of the touch, as long as that stands here.
-    pub const fn touch(&self) -> (&Vec3, f64) {
-        (&self.force, self.dissipated)
+/// Adds the first three of a row to the sum of a body, if it is one that is summed.
+#[expect(clippy::inline_always, reason = "see `lanes`")]
+#[inline(always)]
+fn add(sums: &mut [Vec3], slot: usize, row: &[f64; 4]) {
+    if let Some(sum) = sums.get_mut(slot) {
+        sum.x += row[0];
+        sum.y += row[1];
+        sum.z += row[2];
     }
 }
 
@@ -180,41 +159,127 @@ pub fn torque_on_b(force: &Vec3, point: &Vec3, r: &Vec3) -> Vec3 {
 
 /// What a moving wall did to a particle since the last step.
 #[derive(Clone, Copy, Debug)]
-pub struct WallWork {
+struct WallWork {
     /// The particle and the wall.
-    pub pair: Pair,
+    pair: Pair,
     /// Work on the particle [J].
-    pub energy: f64,
+    energy: f64,
 }
 
-/// The pairs that touch or have just come apart, and what laws remember of them.
+/// Contacts of this step in the order of the ids of their bodies, with what was remembered of them, and room for what a law
+/// finds. Columns that a scene does not need are empty.
 #[derive(Debug)]
-pub struct Memory<'a> {
-    /// All pairs that may touch.
-    pub listed: &'a [Pair],
-    /// Which of those.
-    pub pairs: &'a [u32],
-    /// The last touch of each.
-    pub history: &'a mut [History],
-    /// Tangential spring of each [m]; empty if the law does not need springs.
-    pub springs: &'a mut [Vec3],
-    /// Normal force of each [N]; empty if the law has no dashpots, and it follows from the overlap.
-    pub normal_forces: &'a mut [f64],
+pub struct Work<'a> {
+    /// Their bodies.
+    pub pairs: &'a [Pair],
+    /// Normal and overlap of each, now.
+    pub history: &'a [History],
     /// Where each acts, seen from the centre of A [m]; empty if all are balls, where it follows from the overlap.
     pub points: &'a [Vec3],
+    /// Where each stands among those of the last step.
+    pub from: &'a [Place],
+    /// What was remembered of those.
+    pub last: Last<'a>,
+    /// Those that have come apart since.
+    pub parted: &'a [Parted],
+    /// Room for the tangential springs [m].
+    pub springs: &'a mut [Vec3],
+    /// Room for the normal forces [N].
+    pub normal_forces: &'a mut [f64],
+    /// Room for the forces of A on B [N].
+    pub forces: &'a mut [Vec3],
 }
 
-impl Memory<'_> {
-    /// The bodies of one of them.
-    #[inline]
-    pub fn pair(&self, place: usize) -> Pair {
-        self.listed[self.pairs[place] as usize]
+/// What is remembered of the contacts of the last step.
+#[derive(Clone, Copy, Debug)]
+pub struct Last<'a> {
+    /// Their bodies.
+    pub pairs: &'a [Pair],
+    /// Normals and overlaps.
+    pub history: &'a [History],
+    /// Tangential springs [m]; empty if the law does not need springs.
+    pub springs: &'a [Vec3],
+    /// Normal forces [N]; empty if the law has no dashpots, and they follow from the overlaps.
+    pub normal_forces: &'a [f64],
+}
+
+/// A contact of the last step that is none now.
+#[derive(Clone, Copy, Debug)]
+pub struct Parted {
+    /// Where it stood.
+    pub place: usize,
+    /// How many of the contacts of now come before it.
+    pub before: usize,
+}
+
+/// What contacts do to the owned particles in a step, summed for each in the order of its partners' ids: the same bits on any
+/// number of ranks.
+#[derive(Debug, Default)]
+pub struct Sums {
+    /// Force [N].
+    force: Vec<Vec3>,
+    /// Moment about the centre [N m]; none if nothing turns.
+    torque: Vec<Vec3>,
+    /// Energy lost since the last step [J].
+    dissipated: Vec<f64>,
+    /// Of moving walls, in the order of the particles' ids, then of the walls.
+    wall_work: Vec<WallWork>,
+}
+
+impl Sums {
+    /// Begins with nothing, in the room that the columns of the particles have.
+    pub fn begin(&mut self, particles: &mut Particles) {
+        self.force = std::mem::take(&mut particles.force);
+        if let Some(spin) = &mut particles.spin {
+            self.torque = std::mem::take(&mut spin.torque);
+        }
+        for sum in [&mut self.force, &mut self.torque] {
+            sum.fill(Vec3::zeros());
+        }
+        self.dissipated.clear();
+        self.dissipated.resize(particles.owned, 0.0);
+        self.wall_work.clear();
     }
 
-    /// The tangential spring of one of them [m]; zero if the law does not need springs.
+    /// Gives the particles what has been summed.
+    pub fn end(&mut self, particles: &mut Particles) {
+        particles.force = std::mem::take(&mut self.force);
+        if let Some(spin) = &mut particles.spin {
+            spin.torque = std::mem::take(&mut self.torque);
+        }
+        for (all, lost) in particles.dissipated.iter_mut().zip(&self.dissipated) {
+            *all += lost;
+        }
+        for of_one in self.wall_work.chunk_by(|one, other| one.pair.a == other.pair.a) {
+            let slot = of_one[0].pair.a.index();
+            if let Some(received) = particles.received.get_mut(slot) {
+                *received += of_one.iter().map(|work| work.energy).sum::<f64>();
+            }
+        }
+    }
+
+    /// Bytes that it holds between two steps.
+    pub fn bytes(&self) -> usize {
+        held(&self.dissipated) + held(&self.wall_work)
+    }
+
+    /// Takes note of what a wall gives to the particle that presses on it [J]; most stand still.
     #[inline]
-    pub fn spring(&self, place: usize) -> Vec3 {
-        self.springs.get(place).copied().unwrap_or_default()
+    fn note_wall_work(&mut self, pair: Pair, energy: f64) {
+        if energy != 0.0 {
+            self.wall_work.push(WallWork { pair, energy });
+        }
+    }
+
+    /// Adds what a contact lost [J] to its particles; a wall has no share.
+    #[inline]
+    fn lose(&mut self, pair: Pair, energy: f64, first_wall: usize) {
+        let share = if pair.b.index() >= first_wall { energy } else { 0.5 * energy };
+        for slot in [pair.a.index(), pair.b.index()] {
+            if let Some(sum) = self.dissipated.get_mut(slot) {
+                *sum += share;
+            }
+        }
     }
 }
 
@@ -226,27 +291,9 @@ pub trait ForceLaw: Send + Sync {
     /// Which columns it reads.
     fn needs(&self) -> Needs;
 
-    /// Turns each touch into its load, and brings the memory up to date, of which these are the first. `dt` [s] is
-    /// 0 at the start of a stage: springs do not stretch, and nothing is lost.
-    fn apply(
-        &self,
-        loads: &mut [Load],
-        memory: &mut Memory,
-        particles: &Particles,
-        dt: f64,
-        wall_work: &mut Vec<WallWork>,
-    );
-
-    /// Finds the loads of the pairs that have come apart since the last step, the last of the memory: no force, but
-    /// what their last contact lost. The memory is that of the last touch.
-    fn part(
-        &self,
-        loads: &mut [Load],
-        memory: &Memory,
-        particles: &Particles,
-        dt: f64,
-        wall_work: &mut Vec<WallWork>,
-    );
+    /// Finds the forces of contacts and what the next step must remember of them, and sums what they do to their bodies. `dt`
+    /// [s] is 0 at the start of a stage: springs do not stretch, and nothing is lost.
+    fn apply(&self, work: &mut Work, particles: &Particles, dt: f64, sums: &mut Sums);
 
     /// The normal force of a pair that touches without dashpots [N].
     fn elastic(&self, pair: Pair, particles: &Particles, overlap: f64) -> f64;

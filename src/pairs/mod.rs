@@ -182,7 +182,7 @@ fn serving(table: &Table, kinds: (Kind, Kind)) -> &dyn ContactResolver {
 /// Resolves each pair by itself, without a warm start, in the order of the pairs.
 pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
     let table = table(method, &Kind::ALL);
-    let place = vec![Place::DUE; pairs.len()];
+    let place = vec![Place::NONE; pairs.len()];
     let mut found = Found::default();
     let one = |index: usize| {
         let resolver = serving(&table, pairs.kinds(index));

@@ -3,10 +3,12 @@
 use super::{Scene, packing};
 use crate::comm::{Comm, agree};
 use crate::contact::{self, NamedHistory};
+use crate::contacts::Contacts;
 use crate::domain::{self, Domain};
 use crate::drive::rain::RainGauge;
 use crate::drive::servo::Servos;
 use crate::ids::{GlobalId, ShapeId};
+use crate::law::Sums;
 use crate::motion::Field;
 use crate::output::SnapshotError;
 use crate::output::snapshot::Reader;
@@ -80,6 +82,8 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
             period,
         ),
         pairs: PairList::default(),
+        contacts: Contacts::default(),
+        sums: Sums::default(),
         domain: Domain::new(spec.low, spec.high, spec.periodic, halo, comm),
         resolvers: contact::table(&scene.method, &kinds),
         law: Box::new(scene.law()),

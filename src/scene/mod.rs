@@ -255,7 +255,7 @@ impl Scene {
 
     /// The force law of the scene.
     pub fn law(&self) -> Linear {
-        Linear::new(self.interactions.clone(), self.limit_damping)
+        Linear::new(self.interactions.clone(), self.limit_damping, &self.library)
     }
 
     /// The kinds of shape that particles have.

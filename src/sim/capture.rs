@@ -3,6 +3,7 @@
 use super::Simulation;
 use crate::comm::{Comm, Parcel, wire};
 use crate::contact::{NamedHistory, Pair};
+use crate::contacts::Loaded;
 use crate::drive::servo::{Course, Errors, ForceSum, Memory, PARTS, State};
 use crate::ids::{GlobalId, Rank, ShapeId};
 use crate::math::{ExactSum, Quat, Vec3};
@@ -12,7 +13,6 @@ use crate::output::tables::{
     ContactRow, ContactTable, Header, ParticleTable, Rows, ServoRow, ShapeRow, WallRow,
 };
 use crate::particles::records::Particle;
-use crate::search::{Loaded, PairList};
 use crate::shape::Kind;
 use nalgebra::Quaternion;
 use std::collections::BTreeMap;
@@ -26,8 +26,7 @@ impl FirstOwned<'_> {
     }
 
     fn how_many(&self) -> usize {
-        let PairList { pairs, .. } = &self.0.pairs;
-        self.0.pairs.touching().iter().filter(|&&pair| self.is_one(pairs[pair as usize])).count()
+        self.0.contacts.iter().filter(|&(pair, _)| self.is_one(pair)).count()
     }
 }
 
@@ -37,9 +36,9 @@ impl Rows<ContactRow> for FirstOwned<'_> {
     }
 
     fn each(&self, take: &mut dyn FnMut(&ContactRow)) {
-        let Simulation { particles, pairs, law, .. } = self.0;
+        let Simulation { particles, contacts, law, .. } = self.0;
         let bodies = particles.bodies();
-        for contact in pairs.contacts(&**law, particles) {
+        for contact in contacts.loaded(&**law, particles) {
             let Loaded { pair, history, normal_force, force, point, spring: _ } = contact;
             if !self.is_one(pair) {
                 continue;
@@ -68,13 +67,11 @@ impl Rows<NamedHistory> for FirstOwned<'_> {
     }
 
     fn each(&self, take: &mut dyn FnMut(&NamedHistory)) {
-        let Simulation { particles, pairs, law, .. } = self.0;
-        for &pair in pairs.touching() {
-            if self.is_one(pairs.pairs[pair as usize]) {
-                take(&NamedHistory {
-                    normal_force: pairs.normal_force(pair, &**law, particles),
-                    ..pairs.named(pair, particles)
-                });
+        let Simulation { particles, contacts, law, .. } = self.0;
+        let forces = contacts.normal_forces(&**law, particles);
+        for ((pair, named), (_, normal_force)) in contacts.named(particles).zip(forces) {
+            if self.is_one(pair) {
+                take(&NamedHistory { normal_force, ..named });
             }
         }
     }
@@ -173,7 +170,7 @@ impl Simulation {
             position: particles.position[owned.clone()].to_vec(),
             velocity: particles.velocity[owned.clone()].to_vec(),
             force: particles.force.clone(),
-            coordination: owned.clone().map(|s| self.pairs.coordination(s) as i32).collect(),
+            coordination: self.contacts.coordination(particles.owned),
             rank: vec![rank.0 as i32; particles.owned],
             dissipated: particles.dissipated.clone(),
             received: particles.received.clone(),
@@ -194,7 +191,7 @@ impl Simulation {
 
     /// The contacts of which this rank owns the first particle.
     pub fn contact_table(&self) -> ContactTable {
-        let mut table = ContactTable::with_capacity(self.pairs.touching().len());
+        let mut table = ContactTable::with_capacity(self.contacts.len());
         self.contact_rows().each(&mut |row| table.push(row));
         table
     }
@@ -233,7 +230,7 @@ impl Simulation {
         motion::bring_back(&mut self.particles);
         let work = vec![1; self.particles.owned];
         self.domain.recut(&self.particles, &work, comm);
-        self.domain.migrate(&mut self.particles, &self.pairs, comm);
+        self.domain.migrate(&mut self.particles, &self.contacts, comm);
         let owned = &self.particles.id[..self.particles.owned];
         let mut carried = histories_to_owners(owned, histories, comm);
         self.relist(&mut carried, comm);

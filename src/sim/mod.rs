@@ -7,17 +7,18 @@ pub mod trace;
 pub mod watch;
 
 use crate::comm::{Comm, agree};
-use crate::contact::{Found, NamedHistory, Pair, Table, Why};
+use crate::contact::{Found, NamedHistory, Pair, Table, Touch, Why};
+use crate::contacts::{Contacts, Loaded};
 use crate::domain::{Domain, DomainError};
 use crate::drive::rain::RainGauge;
 use crate::drive::servo::{ServoError, Servos};
 use crate::ids::GlobalId;
-use crate::law::ForceLaw;
+use crate::law::{ForceLaw, Sums};
 use crate::measure::{self, Measures};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
 use crate::particles::records::Particle;
-use crate::search::{self, Loaded, PairList};
+use crate::search::{self, PairList};
 use crate::timing::{Clock, Phase};
 use watch::{Fault, Watch};
 
@@ -25,8 +26,12 @@ use watch::{Fault, Watch};
 pub struct Simulation {
     /// Owned particles, ghosts, walls.
     pub particles: Particles,
-    /// Pairs that may touch, and what is remembered of those that do.
+    /// Pairs that may touch.
     pub pairs: PairList,
+    /// Those that do.
+    pub contacts: Contacts,
+    /// What they do to the particles, while it is summed.
+    pub sums: Sums,
     /// Who owns what.
     pub domain: Domain,
     /// Which method resolves which pairs.
@@ -133,7 +138,7 @@ impl Simulation {
     pub fn step(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         // move, and sum what presses on servo walls meanwhile
         self.clock.restart();
-        self.servos.start_sums(&self.pairs, &self.particles, &*self.law, self.dt, comm);
+        self.servos.start_sums(&self.contacts, &self.particles, &*self.law, self.dt, comm);
         let farthest = motion::kick_and_drift(&mut self.particles, &self.field, self.dt);
         self.clock.lap(Phase::Move);
         self.steer_walls(comm)?;
@@ -143,21 +148,14 @@ impl Simulation {
         self.step += 1;
         self.clock.lap(Phase::Move);
 
-        // find contacts: one virtual call per kind of pair, inner pairs while the ghosts travel
+        // find contacts and their forces
         if let Some(newcomers) = self.next_rain(comm) {
             self.list_pairs(&newcomers, comm)?;
-            self.forget_found();
-            self.resolve(Part::Inner)?;
         } else {
-            self.exchange_and_resolve_inner(comm)?;
+            self.exchange(comm)?;
         }
-        self.resolve(Part::Border)?;
-        self.pairs.note(self.particles.needs);
-        self.clock.lap(Phase::Contacts);
-
-        // forces
-        self.pairs.load(&*self.law, &mut self.particles, self.dt);
-        self.servos.note_forces(&self.pairs, &self.particles);
+        self.find_forces(self.dt)?;
+        self.servos.note_forces(&self.contacts, &self.particles);
         self.clock.lap(Phase::Forces);
         motion::kick(&mut self.particles, &self.field, self.dt);
         self.clock.lap(Phase::Move);
@@ -172,35 +170,17 @@ impl Simulation {
         steered.map_err(|error| StepError::Servo { step, error })
     }
 
-    /// Brings the ghosts up to date, asks all ranks whether the list is good for these positions, and
-    /// resolves the pairs without ghosts while both are under way. If the list was stale, that is done
-    /// again with a new one. Collective.
-    fn exchange_and_resolve_inner(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
-        let stale_here = self.list_is_stale() || self.watch.has_fault();
-        comm.start_vote(stale_here);
+    /// Brings the ghosts up to date, and asks all ranks whether the list is good for these positions. If not, a new one is
+    /// made. Collective.
+    fn exchange(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
+        comm.start_vote(self.list_is_stale() || self.watch.has_fault());
         self.clock.lap(Phase::Agree);
         self.domain.start_halo(&self.particles, comm);
-        self.clock.lap(Phase::Exchange);
-        let before = self.found.tally;
-        self.forget_found();
-        let inner = if stale_here { Ok(()) } else { self.resolve(Part::Inner) };
         self.domain.finish_halo(&mut self.particles, comm);
         self.clock.lap(Phase::Exchange);
         let stale = comm.finish_vote();
         self.clock.lap(Phase::Agree);
-        if !stale {
-            return inner;
-        }
-        self.found.tally = before;
-        self.list_pairs(&[], comm)?;
-        self.forget_found();
-        self.resolve(Part::Inner)
-    }
-
-    /// Forgets what resolvers have said, if they are asked again.
-    fn forget_found(&mut self) {
-        self.found.clear();
-        self.pairs.forget_taken();
+        if stale { self.list_pairs(&[], comm) } else { Ok(()) }
     }
 
     /// Lists pairs and finds the forces at the start of a stage. Collective.
@@ -208,43 +188,35 @@ impl Simulation {
     /// # Errors
     /// As [`Simulation::step`].
     pub fn begin(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
-        let unresolved = self.find_first_contacts(comm)?;
-        if let Some(&(pair, why)) = unresolved.first() {
-            return Err(self.unresolved(pair, why));
-        }
-        self.find_first_forces();
-        Ok(())
+        self.list_first(comm)?;
+        self.find_first_forces()
     }
 
-    /// The first half of [`Simulation::begin`], and the pairs here that no method could resolve. Collective.
-    fn find_first_contacts(&mut self, comm: &mut dyn Comm) -> Result<Vec<(Pair, Why)>, StepError> {
+    /// The first half of [`Simulation::begin`]. Collective.
+    fn list_first(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         self.lists_since_cut = LISTS_BETWEEN_CUTS;
         self.watch.note_ahead(&self.particles, self.dt);
-        self.list_pairs(&[], comm)?;
-        self.forget_found();
-        let mut unresolved = self.try_all(Part::Inner);
-        unresolved.append(&mut self.try_all(Part::Border));
-        self.pairs.note(self.particles.needs);
-        Ok(unresolved)
+        self.list_pairs(&[], comm)
     }
 
     /// The second half of [`Simulation::begin`].
-    fn find_first_forces(&mut self) {
+    fn find_first_forces(&mut self) -> Result<(), StepError> {
         // No time has passed: springs do not stretch.
-        self.pairs.load(&*self.law, &mut self.particles, 0.0);
+        self.find_forces(0.0)?;
         self.count_initial_energy();
+        Ok(())
     }
 
     /// Makes subdomains, ghosts and pairs anew, with those of `newcomers` whose places this rank then owns.
     /// Collective.
     fn list_pairs(&mut self, newcomers: &[Particle], comm: &mut dyn Comm) -> Result<(), StepError> {
         let step = self.step;
-        let checked = self.watch.check(&self.particles, &self.pairs);
+        let checked = self.watch.check(&self.particles, &self.contacts);
         agree(comm, checked).map_err(|fault| StepError::Fault { step, fault })?;
         let checked = self.domain.check(&self.particles);
         agree(comm, checked).map_err(|error| StepError::Domain { step, error })?;
         self.recut_if_unbalanced(comm);
-        let mut carried = self.domain.migrate(&mut self.particles, &self.pairs, comm);
+        let mut carried = self.domain.migrate(&mut self.particles, &self.contacts, comm);
         let me = comm.rank();
         for particle in newcomers {
             if self.domain.owner(&particle.position) == me {
@@ -264,7 +236,8 @@ impl Simulation {
         self.domain.keep_paired_ghosts(&mut self.particles, &mut found);
         self.domain.start_halo(&self.particles, comm);
         self.domain.finish_halo(&mut self.particles, comm);
-        self.pairs.rebuild(&mut self.particles, found, carried);
+        self.pairs.rebuild(&mut self.particles, found);
+        self.contacts.rebuild(&self.pairs, &self.particles, carried);
         self.particles.trim();
         self.domain.traffic.rebuilds += 1;
     }
@@ -276,7 +249,7 @@ impl Simulation {
 
     /// The scalars of this moment. Collective.
     pub fn measure(&self, comm: &mut dyn Comm) -> Measures {
-        measure::measure(&self.particles, &self.pairs, &*self.law, &self.field, self.dt, comm)
+        measure::measure(&self.particles, &self.contacts, &*self.law, &self.field, self.dt, comm)
     }
 
     /// The next layer, if one is due and its place is free; `None` on all ranks if not. Collective where one is due.
@@ -330,7 +303,7 @@ impl Simulation {
 
     /// The work of each owned particle: itself and its pairs.
     fn work(&self) -> Vec<i64> {
-        (0..self.particles.owned).map(|slot| 1 + self.pairs.listed_for(slot)).collect()
+        self.pairs.listed_for_each(self.particles.owned).iter().map(|listed| 1 + listed).collect()
     }
 
     /// The work of the busiest rank over the mean of all; 1 without particles. Collective.
@@ -343,31 +316,60 @@ impl Simulation {
         if total[0] == 0 { 1.0 } else { most[0] * f64::from(comm.size()) / total[0] as f64 }
     }
 
-    fn resolve(&mut self, part: Part) -> Result<(), StepError> {
-        match self.try_all(part).first() {
-            None => Ok(()),
-            Some(&(pair, why)) => Err(self.unresolved(pair, why)),
+    /// Finds contacts and their forces, stretch by stretch of the list of pairs. `dt` [s] is 0 at the start of a stage.
+    fn find_forces(&mut self, dt: f64) -> Result<(), StepError> {
+        self.sums.begin(&mut self.particles);
+        for stretch in 0..self.pairs.stretches.len() {
+            self.find_contacts(stretch);
+            if let Some(&(pair, why)) = self.found.failed.first() {
+                let pair =
+                    self.pairs.pairs[self.pairs.stretches[stretch].range.start + pair as usize];
+                return Err(self.unresolved(pair, why));
+            }
+            self.clock.lap(Phase::Contacts);
+            self.contacts.load(stretch, &*self.law, &self.particles, dt, &mut self.sums);
+            self.clock.lap(Phase::Forces);
         }
+        self.sums.end(&mut self.particles);
+        Ok(())
     }
 
-    /// Resolves pairs, and returns those that no method could.
-    fn try_all(&mut self, part: Part) -> Vec<(Pair, Why)> {
-        let Self { pairs, particles, resolvers, found, .. } = self;
-        let mut unresolved = Vec::new();
-        for piece in pairs.pieces(part == Part::Border) {
-            let Some(resolver) = resolvers.get(piece.kinds) else { continue };
-            let active = pairs.active(piece.range.clone(), particles);
-            resolver.resolve(&pairs.batch(&active, particles), found);
-            found.tally.listed += piece.range.len() as u64;
+    /// Finds the contacts of a stretch, by one virtual call per kind of pair, and puts them in order.
+    fn find_contacts(&mut self, stretch: usize) {
+        let Self { pairs, contacts, particles, resolvers, found, .. } = self;
+        found.clear();
+        let listed = &pairs.stretches[stretch];
+        let in_stretch = &pairs.pairs[listed.range.clone()];
+        contacts.look(stretch, in_stretch.len());
+        for group in &listed.groups {
+            let Some(resolver) = resolvers.get(group.kinds) else { continue };
+            let active = pairs.active(listed, group, particles);
+            let mut failed = std::mem::take(&mut found.failed);
+            resolver.resolve(&contacts.batch(stretch, in_stretch, &active, particles), found);
+            // The next group's methods are not to try them.
+            found.failed.append(&mut failed);
             found.tally.pairs += active.len() as u64;
-            found.tally.contacts += found.contacts.len() as u64;
-            pairs.take(found, particles);
-            // The next piece's methods are not to try them.
-            unresolved
-                .extend(found.failed.drain(..).map(|(k, why)| (pairs.pairs[k as usize], why)));
         }
-        self.clock.lap(Phase::Contacts);
-        unresolved
+        found.tally.listed += in_stretch.len() as u64;
+        found.tally.contacts += found.contacts.len() as u64;
+        contacts.arrange(stretch, in_stretch, &found.contacts, particles.needs);
+        pairs.rest(stretch, &found.apart, particles);
+    }
+
+    /// Touches that were not there at the last step, and pairs that no method can resolve, before any force is found.
+    pub fn find_new_touches(&mut self) -> (Vec<(Pair, Touch)>, Vec<(Pair, Why)>) {
+        let (mut new, mut unresolved) = (Vec::new(), Vec::new());
+        let tally = self.found.tally;
+        for stretch in 0..self.pairs.stretches.len() {
+            self.find_contacts(stretch);
+            new.extend(self.contacts.new_touches(&self.particles));
+            let first = self.pairs.stretches[stretch].range.start;
+            let pair = |k: u32| self.pairs.pairs[first + k as usize];
+            unresolved.extend(self.found.failed.iter().map(|&(k, why)| (pair(k), why)));
+        }
+        // They will be looked for again.
+        self.found.tally = tally;
+        (new, unresolved)
     }
 
     fn unresolved(&self, pair: Pair, why: Why) -> StepError {
@@ -407,7 +409,7 @@ impl Simulation {
     fn count_initial_energy(&mut self) {
         let particles = &mut self.particles;
         let mut brought: Vec<(usize, GlobalId, f64)> = Vec::new();
-        for contact in self.pairs.contacts(&*self.law, particles) {
+        for contact in self.contacts.loaded(&*self.law, particles) {
             let Loaded { pair: Pair { a, b }, history, spring, .. } = contact;
             let (of_a, of_b) = (particles.material(a), particles.material(b));
             let stored = self.law.stored(of_a, of_b, history.overlap, &spring);
@@ -426,13 +428,4 @@ impl Simulation {
             particles.received[slot] += motion::step_energy(particles, slot, &self.field, self.dt);
         }
     }
-}
-
-/// Which pairs to resolve.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Part {
-    /// Among owned particles and walls.
-    Inner,
-    /// With a ghost.
-    Border,
 }

@@ -345,9 +345,9 @@ impl Memory {
         let columns = sim.particles.bytes() as f64 / owned;
         let pairs = sim.pairs.bytes() as f64 / owned;
         let found = held(&sim.found.contacts) + held(&sim.found.apart);
-        let contacts = (found + sim.pairs.memory_bytes()) as f64 / owned;
+        let contacts = (found + sim.contacts.bytes() + sim.sums.bytes()) as f64 / owned;
         let listed = sim.pairs.pairs.len() as f64 / owned;
-        let touching = sim.pairs.touching().len() as f64 / owned;
+        let touching = sim.contacts.len() as f64 / owned;
         let parts = [columns + pairs + contacts, columns, pairs, contacts, listed, touching];
         let [all, parts @ ..] = Share::of(parts, comm);
         let [columns, pairs, contacts, listed, touching] = parts.map(|share| share.mean);

@@ -2,7 +2,6 @@
 
 use super::{Simulation, StepError};
 use crate::comm::{Comm, agree, wire};
-use crate::contact::{Pair, Why};
 use crate::domain::DomainError;
 use crate::drive::rain::RainGauge;
 use crate::drive::servo::RECENT;
@@ -153,13 +152,12 @@ pub fn run(
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Finish, RunError> {
     if !schedule.resumed {
-        let unresolved = sim.find_first_contacts(comm);
-        let unresolved = unresolved.map_err(|error| match error {
+        sim.list_first(comm).map_err(|error| match error {
             StepError::Fault { .. } => RunError::Start(error.to_string()),
             error => explain(error, sim, comm),
         })?;
-        check_overlaps(sim, &unresolved, comm)?;
-        sim.find_first_forces();
+        check_overlaps(sim, comm)?;
+        sim.find_first_forces().map_err(RunError::Step)?;
     }
     // What came before belongs to no phase of the run.
     sim.clock = Clock::new();
@@ -452,16 +450,12 @@ fn save(
     )?)
 }
 
-/// Refuses bodies that start too deep in each other, or so deep that no method has resolved them (`unresolved`),
-/// and names the worst of them. Those that touched at the end of
-/// the stage before are where the forces have put them.
-fn check_overlaps(
-    sim: &Simulation,
-    unresolved: &[(Pair, Why)],
-    comm: &mut dyn Comm,
-) -> Result<(), RunError> {
+/// Refuses bodies that start too deep in each other, or so deep that no method can resolve them, and names the worst of
+/// them. Those that touched at the end of the stage before are where the forces have put them.
+fn check_overlaps(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
+    let (new, unresolved) = sim.find_new_touches();
     let mut found: Vec<(f64, u64, i64, [f64; 3])> = Vec::new();
-    let too_deep = sim.pairs.new_touches(&sim.particles).filter_map(|(pair, touch)| {
+    let too_deep = new.into_iter().filter_map(|(pair, touch)| {
         let depth = touch.overlap / shortest_axis(&sim.particles, pair.a, pair.b);
         (depth > DEEPEST_START).then_some((depth, pair, touch.point))
     });
@@ -488,10 +482,7 @@ fn check_overlaps(
     Err(RunError::Start(String::from_utf8_lossy(&bytes).into_owned()))
 }
 
-fn overlap_message(
-    found: &[(f64, u64, i64, [f64; 3])],
-    particles: &Particles,
-) -> String {
+fn overlap_message(found: &[(f64, u64, i64, [f64; 3])], particles: &Particles) -> String {
     use std::fmt::Write;
     let mut text = format!(
         "{} pair{} overlap by more than {} % of the shortest axis at the start:",

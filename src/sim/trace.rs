@@ -3,10 +3,10 @@
 
 use super::Simulation;
 use crate::comm::{Comm, wire};
+use crate::contacts::Loaded;
 use crate::ids::GlobalId;
 use crate::law::{torque_on_a, torque_on_b};
 use crate::math::Vec3;
-use crate::search::Loaded;
 use std::fmt::Write;
 
 impl Simulation {
@@ -47,7 +47,7 @@ impl Simulation {
             vector("torque", spin.torque[slot]);
         }
         let mut lines = Vec::new();
-        for contact in self.pairs.contacts(&*self.law, particles) {
+        for contact in self.contacts.loaded(&*self.law, particles) {
             let Loaded { pair, history, spring, normal_force, force, point } = contact;
             let is_a = pair.a.index() == slot;
             if !is_a && pair.b.index() != slot {
@@ -85,7 +85,7 @@ impl Simulation {
     /// The ids of what a particle touched when contacts were last found; on all ranks. Collective.
     pub fn touched_by(&self, id: GlobalId, comm: &mut dyn Comm) -> Vec<GlobalId> {
         let particles = &self.particles;
-        let pairs = self.pairs.touching().iter().map(|&pair| self.pairs.pairs[pair as usize]);
+        let pairs = self.contacts.iter().map(|(pair, _)| pair);
         let mine: Vec<GlobalId> = pairs
             .map(|pair| (particles.id[pair.a.index()], particles.id[pair.b.index()]))
             .filter_map(|(a, b)| if a == id { Some(b) } else { (b == id).then_some(a) })

@@ -3,11 +3,11 @@
 //! The rank that sees a fault has the neighbour list rebuilt, where all ranks agree on it.
 
 use crate::contact::Pair;
+use crate::contacts::Contacts;
 use crate::ids::GlobalId;
 use crate::measure::{larger, shortest_axis};
 use crate::motion::Farthest;
 use crate::particles::Particles;
-use crate::search::PairList;
 use crate::shape::Kind;
 use serde::{Deserialize, Serialize};
 
@@ -140,11 +140,10 @@ impl Watch {
     ///
     /// # Errors
     /// The fault.
-    pub fn check(&self, particles: &Particles, pairs: &PairList) -> Result<(), Fault> {
+    pub fn check(&self, particles: &Particles, contacts: &Contacts) -> Result<(), Fault> {
         self.fault.clone().map_or(Ok(()), Err)?;
-        for &index in pairs.touching() {
-            let pair = pairs.pairs[index as usize];
-            let depth = pairs.history(index).overlap / shortest_axis(particles, pair.a, pair.b);
+        for (pair, history) in contacts.iter() {
+            let depth = history.overlap / shortest_axis(particles, pair.a, pair.b);
             if pair.a.index() < particles.owned && depth > DEEPEST {
                 return Err(too_deep(particles, pair, depth));
             }

@@ -269,7 +269,7 @@ fn relaxed(crowd: &Crowd, steps: usize) -> Relaxed {
         sim.step(&mut Alone::default()).unwrap_or_else(|error| panic!("{error}"));
     }
     let particles = &sim.particles;
-    let contacts: Vec<_> = sim.pairs.contacts(&*sim.law, particles).collect();
+    let contacts: Vec<_> = sim.contacts.loaded(&*sim.law, particles).collect();
     let virial: f64 = contacts
         .iter()
         .filter(|contact| contact.normal_force > 0.0)

@@ -301,7 +301,7 @@ pub(crate) fn body(sim: &Simulation, slot: usize, rank: u32) -> Body {
         orientation: orientation.unwrap_or_default(),
         spin: particles.angular_velocity_for(slot, &angular_momentum),
         angular_momentum,
-        contacts: sim.pairs.coordination(slot),
+        contacts: sim.contacts.coordination(particles.owned)[slot] as usize,
         mass: particles.mass(slot),
         rank,
     }

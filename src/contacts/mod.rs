@@ -1,0 +1,512 @@
+//! The contacts of a rank: the pairs that touch, what is remembered of them, what acts in them.
+//!
+//! They stand in the order of the list of pairs, in columns for each stretch of it. A step goes through the stretches:
+//! resolvers say what touches, [`Contacts::arrange`] puts that in order beside what was remembered, a law finds the forces,
+//! and [`Contacts::keep`] lets the new columns take the place of the old.
+
+use crate::contact::{self, Batch, History, NamedHistory, Pair, Place, Touch, touch_of_ball};
+use crate::law::{ForceLaw, Last, Parted, Sums, Work};
+use crate::math::Vec3;
+use crate::particles::{Needs, Particles, held};
+use crate::search::PairList;
+
+/// Contacts in the order of the ids of their bodies. Columns that a scene does not need are empty.
+#[derive(Clone, Debug, Default)]
+struct Columns {
+    /// Their bodies.
+    pairs: Vec<Pair>,
+    /// Their numbers in the stretch.
+    numbers: Vec<u32>,
+    /// Normals and overlaps.
+    history: Vec<History>,
+    /// Tangential springs [m]; with friction.
+    springs: Vec<Vec3>,
+    /// Normal forces [N]; with dashpots.
+    normal_forces: Vec<f64>,
+    /// Forces of A on B [N]; none until they are found.
+    forces: Vec<Vec3>,
+    /// Where they act, seen from the centre of A [m]; none if all are balls.
+    points: Vec<Vec3>,
+}
+
+impl Columns {
+    fn clear(&mut self) {
+        let Self { pairs, numbers, history, springs, normal_forces, forces, points } = self;
+        pairs.clear();
+        numbers.clear();
+        history.clear();
+        springs.clear();
+        normal_forces.clear();
+        forces.clear();
+        points.clear();
+    }
+
+    /// Makes room for so many contacts and few more: growing would double it.
+    fn reserve(&mut self, count: usize, needs: Needs) {
+        let Self { pairs, numbers, history, springs, normal_forces, forces, points } = self;
+        reserve(pairs, count);
+        reserve(numbers, count);
+        reserve(history, count);
+        reserve(forces, count);
+        if needs.springs {
+            reserve(springs, count);
+        }
+        if needs.dashpots {
+            reserve(normal_forces, count);
+        }
+        if needs.attitude {
+            reserve(points, count);
+        }
+    }
+
+    /// Makes a place for each number that a law finds.
+    fn make_places(&mut self, needs: Needs) {
+        let count = self.pairs.len();
+        self.forces.resize(count, Vec3::zeros());
+        if needs.springs {
+            self.springs.resize(count, Vec3::zeros());
+        }
+        if needs.dashpots {
+            self.normal_forces.resize(count, 0.0);
+        }
+    }
+
+    /// Gives back the room that growing has taken.
+    fn shrink(&mut self) {
+        let Self { pairs, numbers, history, springs, normal_forces, forces, points } = self;
+        pairs.shrink_to_fit();
+        numbers.shrink_to_fit();
+        history.shrink_to_fit();
+        springs.shrink_to_fit();
+        normal_forces.shrink_to_fit();
+        forces.shrink_to_fit();
+        points.shrink_to_fit();
+    }
+
+    fn bytes(&self) -> usize {
+        let Self { pairs, numbers, history, springs, normal_forces, forces, points } = self;
+        held(pairs)
+            + held(numbers)
+            + held(history)
+            + held(springs)
+            + held(normal_forces)
+            + held(forces)
+            + held(points)
+    }
+}
+
+/// Room for so many entries of an empty column, and a few more.
+fn reserve<T>(column: &mut Vec<T>, count: usize) {
+    column.reserve_exact(count + count / 32);
+}
+
+/// So much room is kept for stretches of other lengths.
+const SPARE: usize = 3;
+
+/// Empty columns with room for so many contacts and not many more.
+fn room(spare: &mut Vec<Columns>, count: usize, needs: Needs) -> Columns {
+    let fits =
+        |columns: &Columns| (count..=count + count / 8 + 4).contains(&columns.pairs.capacity());
+    if let Some(place) = spare.iter().position(fits) {
+        let mut columns = spare.swap_remove(place);
+        columns.clear();
+        return columns;
+    }
+    if spare.len() >= SPARE {
+        spare.remove(0);
+    }
+    let mut columns = Columns::default();
+    columns.reserve(count, needs);
+    columns
+}
+
+/// A contact.
+#[derive(Clone, Copy, Debug)]
+pub struct Loaded<'a> {
+    /// Its bodies.
+    pub pair: Pair,
+    /// Normal and overlap.
+    pub history: &'a History,
+    /// Tangential spring [m]; zero without friction.
+    pub spring: Vec3,
+    /// Normal force [N].
+    pub normal_force: f64,
+    /// Force of A on B [N]; A feels the opposite.
+    pub force: Vec3,
+    /// Where it acts, seen from the centre of A [m].
+    pub point: Vec3,
+}
+
+/// The touching contacts of a rank.
+#[derive(Clone, Debug, Default)]
+pub struct Contacts {
+    /// For each stretch of the list of pairs.
+    stretches: Vec<Columns>,
+    /// Those of the stretch in work, of this step.
+    now: Columns,
+    /// Room that stretches have had for those of the last step.
+    spare: Vec<Columns>,
+    /// Of each pair of the stretch in work, where it stood at the last step.
+    place: Vec<Place>,
+    /// Of each pair of the stretch in work, where it stands in what has been found.
+    found: Vec<u32>,
+    /// What has been found, in the order of the pairs.
+    order: Vec<u32>,
+    /// Of each contact in work, where it stood at the last step.
+    from: Vec<Place>,
+    parted: Vec<Parted>,
+}
+
+impl Contacts {
+    /// Takes what is remembered to a new list of pairs. `carried` has the histories of all touching contacts of owned
+    /// particles, in any order; a contact may stand there twice.
+    pub fn rebuild(
+        &mut self,
+        list: &PairList,
+        particles: &Particles,
+        carried: &mut [NamedHistory],
+    ) {
+        carried.sort_unstable_by_key(|c| (c.a, c.b));
+        self.stretches.clear();
+        self.now = Columns::default();
+        self.spare.clear();
+        let needs = particles.needs;
+        let mut rest = &*carried;
+        for stretch in &list.stretches {
+            let mut columns = Columns::default();
+            for (pair, number) in list.pairs[stretch.range.clone()].iter().zip(0..) {
+                let key = (particles.id[pair.a.index()], particles.id[pair.b.index()]);
+                // Both stand in the order of ids.
+                while rest.first().is_some_and(|named| (named.a, named.b) < key) {
+                    rest = &rest[1..];
+                }
+                let Some(named) = rest.first().filter(|named| (named.a, named.b) == key) else {
+                    continue;
+                };
+                columns.pairs.push(*pair);
+                columns.numbers.push(number);
+                columns.history.push(named.history);
+                if needs.springs {
+                    columns.springs.push(named.spring);
+                }
+                if needs.dashpots {
+                    columns.normal_forces.push(named.normal_force);
+                }
+            }
+            columns.shrink();
+            self.stretches.push(columns);
+        }
+    }
+
+    /// Prepares a stretch for being looked at: its pairs learn where they stood.
+    pub fn look(&mut self, stretch: usize, length: usize) {
+        self.place.clear();
+        self.place.resize(length, Place::NONE);
+        for (place, &number) in self.stretches[stretch].numbers.iter().enumerate() {
+            self.place[number as usize] = Place::among(place);
+        }
+    }
+
+    /// Pairs of the stretch as resolvers see them.
+    pub fn batch<'a>(
+        &'a self,
+        stretch: usize,
+        pairs: &'a [Pair],
+        active: &'a [u32],
+        particles: &'a Particles,
+    ) -> Batch<'a> {
+        let history = &self.stretches[stretch].history;
+        Batch { pairs, place: &self.place, history, active, bodies: particles.bodies() }
+    }
+
+    /// Puts what has been found in a stretch in the order of its pairs, beside what was remembered of each.
+    pub fn arrange(
+        &mut self,
+        stretch: usize,
+        pairs: &[Pair],
+        touching: &[contact::Contact],
+        needs: Needs,
+    ) {
+        self.now = room(&mut self.spare, touching.len(), needs);
+        self.from.clear();
+        if touching.is_sorted_by(|one, other| one.pair < other.pair) {
+            self.take(pairs, touching.iter(), needs);
+        } else {
+            self.sort(pairs.len(), touching);
+            let order = std::mem::take(&mut self.order);
+            self.take(pairs, order.iter().map(|&place| &touching[place as usize]), needs);
+            self.order = order;
+        }
+
+        let Self { stretches, now, from, parted, .. } = self;
+        parted.clear();
+        let before = &stretches[stretch].numbers;
+        if from.iter().filter(|&&place| place != Place::NONE).count() < before.len() {
+            for (place, number) in before.iter().enumerate() {
+                if let Err(before) = now.numbers.binary_search(number) {
+                    parted.push(Parted { place, before });
+                }
+            }
+        }
+    }
+
+    /// Finds the order of the contacts' pairs.
+    fn sort(&mut self, length: usize, touching: &[contact::Contact]) {
+        let Self { found, order, .. } = self;
+        found.clear();
+        found.resize(length, u32::MAX);
+        for (contact, place) in touching.iter().zip(0..) {
+            found[contact.pair as usize] = place;
+        }
+        // Every place is written, and the next one over it if the pair does not touch: no branch to be guessed wrongly.
+        order.clear();
+        order.resize(length + 1, 0);
+        let mut count = 0;
+        for &place in &*found {
+            order[count] = place;
+            count += usize::from(place != u32::MAX);
+        }
+        order.truncate(count);
+    }
+
+    fn take<'a>(
+        &mut self,
+        pairs: &[Pair],
+        contacts: impl Iterator<Item = &'a contact::Contact> + Clone,
+        needs: Needs,
+    ) {
+        let Self { now, place, from, .. } = self;
+        now.numbers.extend(contacts.clone().map(|contact| contact.pair));
+        now.pairs.extend(contacts.clone().map(|contact| pairs[contact.pair as usize]));
+        now.history.extend(contacts.clone().map(|contact| {
+            let Touch { normal, overlap, .. } = contact.touch;
+            History { normal, overlap }
+        }));
+        if needs.attitude {
+            now.points.extend(contacts.clone().map(|contact| contact.touch.point));
+        }
+        from.extend(contacts.map(|contact| place[contact.pair as usize]));
+    }
+
+    /// Lets `law` find the forces of what has been arranged, and keeps that in place of what was remembered.
+    pub fn load(
+        &mut self,
+        stretch: usize,
+        law: &dyn ForceLaw,
+        particles: &Particles,
+        dt: f64,
+        sums: &mut Sums,
+    ) {
+        let Self { stretches, now, spare, from, parted, .. } = self;
+        now.make_places(particles.needs);
+        let before = &stretches[stretch];
+        let mut work = Work {
+            pairs: &now.pairs,
+            history: &now.history,
+            points: &now.points,
+            from,
+            last: Last {
+                pairs: &before.pairs,
+                history: &before.history,
+                springs: &before.springs,
+                normal_forces: &before.normal_forces,
+            },
+            parted,
+            springs: &mut now.springs,
+            normal_forces: &mut now.normal_forces,
+            forces: &mut now.forces,
+        };
+        law.apply(&mut work, particles, dt, sums);
+        spare.push(std::mem::replace(&mut stretches[stretch], std::mem::take(now)));
+    }
+
+    /// What has been arranged and did not touch at the last step.
+    pub fn new_touches<'a>(
+        &'a self,
+        particles: &'a Particles,
+    ) -> impl Iterator<Item = (Pair, Touch)> + 'a {
+        let Columns { pairs, history, points, .. } = &self.now;
+        let all = pairs.iter().zip(history).zip(&self.from).enumerate();
+        let new = all.filter(|(_, (_, from))| **from == Place::NONE);
+        new.map(move |(place, ((&pair, history), _))| {
+            let &History { normal, overlap } = history;
+            let of_ball = || touch_of_ball(particles.radius(pair.a.index()), &normal, overlap);
+            let point = points.get(place).copied().unwrap_or_else(of_ball);
+            (pair, Touch { overlap, normal, point })
+        })
+    }
+
+    /// The contacts whose forces have been found, by the ids of their bodies.
+    pub fn loaded<'a>(
+        &'a self,
+        law: &'a dyn ForceLaw,
+        particles: &'a Particles,
+    ) -> impl Iterator<Item = Loaded<'a>> {
+        self.stretches.iter().flat_map(move |columns| {
+            columns.forces.iter().enumerate().map(move |(place, &force)| {
+                let (pair, history) = (columns.pairs[place], &columns.history[place]);
+                let History { normal, overlap } = history;
+                let of_ball = || touch_of_ball(particles.radius(pair.a.index()), normal, *overlap);
+                let elastic = || law.elastic(pair, particles, *overlap);
+                Loaded {
+                    pair,
+                    history,
+                    spring: columns.springs.get(place).copied().unwrap_or_default(),
+                    normal_force: columns.normal_forces.get(place).copied().unwrap_or_else(elastic),
+                    force,
+                    point: columns.points.get(place).copied().unwrap_or_else(of_ball),
+                }
+            })
+        })
+    }
+
+    /// The pairs that touch and the normal force of each [N].
+    pub fn normal_forces<'a>(
+        &'a self,
+        law: &'a dyn ForceLaw,
+        particles: &'a Particles,
+    ) -> impl Iterator<Item = (Pair, f64)> {
+        self.stretches.iter().flat_map(move |columns| {
+            columns.pairs.iter().zip(&columns.history).enumerate().map(
+                move |(place, (&pair, history))| {
+                    let elastic = || law.elastic(pair, particles, history.overlap);
+                    (pair, columns.normal_forces.get(place).copied().unwrap_or_else(elastic))
+                },
+            )
+        })
+    }
+
+    /// The pairs that touch and the force of A on B [N].
+    pub fn forces(&self) -> impl Iterator<Item = (Pair, &Vec3)> {
+        self.stretches.iter().flat_map(|columns| columns.pairs.iter().copied().zip(&columns.forces))
+    }
+
+    /// The pairs that touch, with their normals and overlaps.
+    pub fn iter(&self) -> impl Iterator<Item = (Pair, &History)> {
+        self.stretches
+            .iter()
+            .flat_map(|columns| columns.pairs.iter().copied().zip(&columns.history))
+    }
+
+    /// How many pairs touch.
+    pub fn len(&self) -> usize {
+        self.stretches.iter().map(|columns| columns.pairs.len()).sum()
+    }
+
+    /// Does nothing touch?
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// How many contacts each of the first `owned` particles has, with particles and walls.
+    pub fn coordination(&self, owned: usize) -> Vec<i32> {
+        let mut contacts = vec![0; owned];
+        for slot in self.iter().flat_map(|(pair, _)| [pair.a, pair.b]) {
+            if let Some(count) = contacts.get_mut(slot.index()) {
+                *count += 1;
+            }
+        }
+        contacts
+    }
+
+    /// What is remembered of each contact, under its lasting name. Normal forces that are not remembered are zero.
+    pub fn named<'a>(
+        &'a self,
+        particles: &'a Particles,
+    ) -> impl Iterator<Item = (Pair, NamedHistory)> {
+        self.stretches.iter().flat_map(move |columns| {
+            columns.pairs.iter().enumerate().map(move |(place, &pair)| {
+                let named = NamedHistory {
+                    a: particles.id[pair.a.index()],
+                    b: particles.id[pair.b.index()],
+                    history: columns.history[place],
+                    spring: columns.springs.get(place).copied().unwrap_or_default(),
+                    normal_force: columns.normal_forces.get(place).copied().unwrap_or_default(),
+                };
+                (pair, named)
+            })
+        })
+    }
+
+    /// Bytes that all of it holds.
+    pub fn bytes(&self) -> usize {
+        let columns: usize =
+            self.stretches.iter().chain([&self.now]).chain(&self.spare).map(Columns::bytes).sum();
+        columns + held(&self.place) + held(&self.found) + held(&self.from) + held(&self.parted)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Contacts;
+    use crate::contact::{Contact, History, NamedHistory, Pair, Place, Touch};
+    use crate::ids::GlobalId;
+    use crate::math::Vec3;
+    use crate::particles::{Particles, crowd};
+    use crate::search::{PairList, close_pairs};
+
+    /// All pairs of a few bodies, and contacts of every third of them, remembered.
+    fn remembered(particles: &mut Particles) -> (PairList, Contacts, Vec<NamedHistory>) {
+        let mut list = PairList::default();
+        list.rebuild(particles, close_pairs(particles, 1.0));
+        let named = |(number, pair): (usize, &Pair)| NamedHistory {
+            a: particles.id[pair.a.index()],
+            b: particles.id[pair.b.index()],
+            history: History { normal: Vec3::x(), overlap: 1e-9 * (1 + number) as f64 },
+            spring: Vec3::y() * number as f64,
+            normal_force: number as f64,
+        };
+        let named: Vec<_> = list.pairs.iter().enumerate().step_by(3).map(named).collect();
+        // In any order, and some twice, as they come from other ranks.
+        let mut carried: Vec<_> = named.iter().rev().chain(&named[..5]).copied().collect();
+        let mut contacts = Contacts::default();
+        contacts.rebuild(&list, particles, &mut carried);
+        (list, contacts, named)
+    }
+
+    #[test]
+    fn pairs_stand_in_the_order_of_ids_and_contacts_are_carried() {
+        let mut particles = crowd(30);
+        particles.id.reverse();
+        let (list, contacts, named) = remembered(&mut particles);
+        let ids = |pair: &Pair| [pair.a, pair.b].map(|slot| particles.id[slot.index()]);
+        let keys: Vec<[GlobalId; 2]> = list.pairs.iter().map(ids).collect();
+        assert!(keys.len() > 400 && keys.is_sorted() && keys.iter().all(|[a, b]| a < b));
+        let kept: Vec<_> = contacts.named(&particles).map(|(_, named)| named).collect();
+        assert_eq!(kept, named);
+    }
+
+    /// Whatever the order in which resolvers find them.
+    #[test]
+    fn what_is_found_stands_beside_what_was_remembered() {
+        let mut particles = crowd(30);
+        let (list, mut contacts, _) = remembered(&mut particles);
+        let stretch = &list.stretches[0];
+        let pairs = &list.pairs[stretch.range.clone()];
+        contacts.look(0, pairs.len());
+        // Every second touches now; every sixth did before and does still.
+        let found = |pair: usize| Contact {
+            pair: pair as u32,
+            touch: Touch { overlap: pair as f64, ..Touch::default() },
+        };
+        let mut touching: Vec<Contact> = (0..pairs.len()).step_by(2).map(found).collect();
+        for _ in 0..2 {
+            contacts.arrange(0, pairs, &touching, particles.needs);
+            let now = &contacts.now;
+            let numbers: Vec<u32> = (0..pairs.len() as u32).step_by(2).collect();
+            assert_eq!(now.numbers, numbers);
+            for (place, &number) in numbers.iter().enumerate() {
+                assert_eq!(now.pairs[place], pairs[number as usize]);
+                assert_eq!(now.history[place].overlap, f64::from(number));
+                let before =
+                    if number % 3 == 0 { Place::among(number as usize / 3) } else { Place::NONE };
+                assert_eq!(contacts.from[place], before);
+            }
+            let parted: Vec<_> =
+                contacts.parted.iter().map(|parted| (parted.place, parted.before)).collect();
+            let odd = (3..pairs.len()).step_by(6);
+            assert_eq!(parted, odd.map(|pair| (pair / 3, pair.div_ceil(2))).collect::<Vec<_>>());
+            touching.reverse();
+        }
+    }
+}
