@@ -105,6 +105,14 @@ fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
 /// The radii of spheres [m].
 #[inline(always)]
 fn radii<L: Eight>(bodies: &Bodies, slots: &[Slot; WIDTH]) -> L {
+    let first = bodies.shape[slots[0].index()];
+    let mut alike = true;
+    for slot in slots {
+        alike &= bodies.shape[slot.index()] == first;
+    }
+    if alike {
+        return L::all(bodies.curvature_radius[first.index()]);
+    }
     let mut radii = [0.0; WIDTH];
     for (radius, slot) in radii.iter_mut().zip(slots) {
         *radius = bodies.curvature_radius[bodies.shape[slot.index()].index()];

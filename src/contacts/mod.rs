@@ -5,6 +5,7 @@
 //! and [`Contacts::keep`] lets the new columns take the place of the old.
 
 use crate::contact::{self, Batch, History, NamedHistory, Pair, Place, Touch, touch_of_ball};
+use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Last, Parted, Sums, Work};
 use crate::math::Vec3;
 use crate::particles::{Needs, Particles, held};
@@ -166,7 +167,9 @@ impl Contacts {
         particles: &Particles,
         carried: &mut [NamedHistory],
     ) {
-        carried.sort_unstable_by_key(|c| (c.a, c.b));
+        // Both stand in one order.
+        let key = |a: GlobalId, b: GlobalId| (b.wall_index().is_some(), a, b);
+        carried.sort_unstable_by_key(|named| key(named.a, named.b));
         self.stretches.clear();
         self.now = Columns::default();
         self.spare.clear();
@@ -175,14 +178,12 @@ impl Contacts {
         for stretch in &list.stretches {
             let mut columns = Columns::default();
             for (pair, number) in list.pairs[stretch.range.clone()].iter().zip(0..) {
-                let key = (particles.id[pair.a.index()], particles.id[pair.b.index()]);
-                // Both stand in the order of ids.
-                while rest.first().is_some_and(|named| (named.a, named.b) < key) {
+                let here = key(particles.id[pair.a.index()], particles.id[pair.b.index()]);
+                while rest.first().is_some_and(|named| key(named.a, named.b) < here) {
                     rest = &rest[1..];
                 }
-                let Some(named) = rest.first().filter(|named| (named.a, named.b) == key) else {
-                    continue;
-                };
+                let is_it = |named: &&NamedHistory| key(named.a, named.b) == here;
+                let Some(named) = rest.first().filter(is_it) else { continue };
                 columns.pairs.push(*pair);
                 columns.numbers.push(number);
                 columns.history.push(named.history);
@@ -242,9 +243,13 @@ impl Contacts {
         parted.clear();
         let before = &stretches[stretch].numbers;
         if from.iter().filter(|&&place| place != Place::NONE).count() < before.len() {
-            for (place, number) in before.iter().enumerate() {
-                if let Err(before) = now.numbers.binary_search(number) {
-                    parted.push(Parted { place, before });
+            let mut at = 0;
+            for (place, &number) in before.iter().enumerate() {
+                while now.numbers.get(at).is_some_and(|&other| other < number) {
+                    at += 1;
+                }
+                if now.numbers.get(at) != Some(&number) {
+                    parted.push(Parted { place, before: at });
                 }
             }
         }

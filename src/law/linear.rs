@@ -162,49 +162,52 @@ impl Contacts<'_, '_> {
         let work = &*self.work;
         let damped = law.damped;
         let count = (work.pairs.len() - first).min(WIDTH);
-        let mut pairs = [work.pairs[first]; WIDTH];
-        let (mut a, mut b) = ([pairs[0].a; WIDTH], [pairs[0].b; WIDTH]);
-        let mut touches = [&work.history[first]; WIDTH];
-        let mut histories = [&NEW; WIDTH];
-        let mut places = [Place::NONE; WIDTH];
+        let pairs = eight_from(work.pairs, first, count);
+        let places = eight_from(work.from, first, count);
+        let (mut a, mut b) = ([Slot(0); WIDTH], [Slot(0); WIDTH]);
         for lane in 0..WIDTH {
-            let place = first + lane.min(count - 1);
-            pairs[lane] = work.pairs[place];
             (a[lane], b[lane]) = (pairs[lane].a, pairs[lane].b);
-            touches[lane] = &work.history[place];
-            places[lane] = work.from[place];
-            histories[lane] = at(work.last.history, places[lane], &NEW);
+        }
+        // As a rule all of them touched at the last step, one after the other: then they stand there as they do here.
+        let start = places[0].index();
+        let mut as_before = true;
+        for (lane, place) in places.iter().enumerate() {
+            as_before &= place.index() == start + lane;
         }
         let springs = Springs::<L>::of(law, &pairs, particles);
-        let (normal, overlap) = read::<L>(&touches);
+        let (normal, overlap) = read::<L>(&rows_from(work.history, first, count));
         let has_points = !work.points.is_empty();
         let point = if has_points {
-            let mut rows = [work.points[first].as_ref(); WIDTH];
-            for (lane, row) in rows.iter_mut().enumerate() {
-                *row = work.points[first + lane.min(count - 1)].as_ref();
-            }
-            Triple::of(&rows)
+            triple::<L>(&rows_from(work.points, first, count))
         } else {
             normal.times(springs.radii[0] - L::all(0.5) * overlap)
         };
-        let (last_normal, last_overlap) = read::<L>(&histories);
-        let last_normal_force = if damped {
+        let last_rows = if as_before {
+            rows_from(work.last.history, start, WIDTH)
+        } else {
+            rows_at(work.last.history, &places, &NEW)
+        };
+        let (last_normal, last_overlap) = read::<L>(&last_rows);
+        let last_normal_force = if !damped {
+            springs.normal * last_overlap
+        } else if as_before {
+            L::load(&eight_from(work.last.normal_forces, start, WIDTH))
+        } else {
             let mut forces = [0.0; WIDTH];
             for (force, place) in forces.iter_mut().zip(places) {
                 *force = *at(work.last.normal_forces, place, &0.0);
             }
             L::load(&forces)
-        } else {
-            springs.normal * last_overlap
         };
         let has_springs = !work.springs.is_empty();
         let mut last_spring = Triple::zero();
         if has_springs {
-            let mut rows = [NEW.normal.as_ref(); WIDTH];
-            for (row, place) in rows.iter_mut().zip(places) {
-                *row = at(work.last.springs, place, &NEW.normal).as_ref();
-            }
-            last_spring = Triple::of(&rows);
+            let rows = if as_before {
+                rows_from(work.last.springs, start, WIDTH)
+            } else {
+                rows_at(work.last.springs, &places, &NEW.normal)
+            };
+            last_spring = triple(&rows);
         }
 
         // velocity of A's surface against B's: positive along the normal is approach
@@ -364,6 +367,55 @@ fn at<'a, T>(all: &'a [T], place: Place, otherwise: &'a T) -> &'a T {
         Some(one) => one,
         None => otherwise,
     }
+}
+
+/// The same of eight.
+#[inline(always)]
+fn rows_at<'a, T>(all: &'a [T], places: &[Place; WIDTH], otherwise: &'a T) -> [&'a T; WIDTH] {
+    let mut rows = [otherwise; WIDTH];
+    for (row, place) in rows.iter_mut().zip(places) {
+        *row = at(all, *place, otherwise);
+    }
+    rows
+}
+
+/// Those from a place on; if there are less than eight, the last one again.
+#[inline(always)]
+fn rows_from<T>(all: &[T], first: usize, count: usize) -> [&T; WIDTH] {
+    let mut rows = [&all[first]; WIDTH];
+    if let Some(eight) = all[first..].first_chunk::<WIDTH>() {
+        for (row, one) in rows.iter_mut().zip(eight) {
+            *row = one;
+        }
+    } else {
+        for (lane, row) in rows.iter_mut().enumerate() {
+            *row = &all[first + lane.min(count - 1)];
+        }
+    }
+    rows
+}
+
+/// The same, copied.
+#[inline(always)]
+fn eight_from<T: Copy>(all: &[T], first: usize, count: usize) -> [T; WIDTH] {
+    if let Some(eight) = all[first..].first_chunk::<WIDTH>() {
+        return *eight;
+    }
+    let mut eight = [all[first]; WIDTH];
+    for (lane, one) in eight.iter_mut().enumerate() {
+        *one = all[first + lane.min(count - 1)];
+    }
+    eight
+}
+
+/// Vectors.
+#[inline(always)]
+fn triple<L: Eight>(vectors: &[&Vec3; WIDTH]) -> Triple<L> {
+    let mut rows = [vectors[0].as_ref(); WIDTH];
+    for (row, vector) in rows.iter_mut().zip(vectors) {
+        *row = vector.as_ref();
+    }
+    Triple::of(&rows)
 }
 
 /// Normals and overlaps.

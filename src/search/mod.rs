@@ -4,8 +4,8 @@
 //! alone, never on the rank; and since a pair that does not touch leaves no trace, neither the
 //! moment nor the order of listing shows in the trajectory.
 //!
-//! Pairs stand in the order of the ids of their bodies, first by the lower one. So whoever goes through the list
-//! meets the partners of each body by rising id.
+//! Pairs of particles stand in the order of their ids, first by the lower one; then come those with walls, in the same order.
+//! So whoever goes through the list meets the partners of each body by rising id.
 
 mod cells;
 
@@ -38,7 +38,7 @@ pub struct Stretch {
 /// The pairs that may touch, and when to look at them again.
 #[derive(Clone, Debug, Default)]
 pub struct PairList {
-    /// All pairs, by the ids of their bodies.
+    /// All pairs: of particles by their ids, then those with walls.
     pub pairs: Vec<Pair>,
     /// The list in parts.
     pub stretches: Vec<Stretch>,
@@ -50,7 +50,7 @@ pub struct PairList {
 }
 
 /// As many pairs of a group are resolved in one call, about.
-const AT_ONCE: usize = 256;
+const AT_ONCE: usize = 512;
 /// The longest stretch.
 const LONGEST: usize = 8192;
 
@@ -66,11 +66,11 @@ impl PairList {
     /// If there are more pairs than have numbers, 2^31.
     pub fn rebuild(&mut self, particles: &mut Particles, found: Vec<Pair>) {
         assert!(found.len() < 1 << 31, "2^31 pairs on a rank: take more ranks, or a smaller skin");
-        self.sort_by_ids(particles, &found);
+        let with_walls = self.sort_by_ids(particles, &found);
         drop(found);
         self.until.clear();
         self.until.resize(self.pairs.len(), 0.0);
-        self.cut_into_stretches(particles);
+        self.cut_into_stretches(particles, with_walls);
         self.pairs.shrink_to_fit();
         self.until.shrink_to_fit();
         self.order.shrink_to_fit();
@@ -84,13 +84,16 @@ impl PairList {
         }
     }
 
-    fn sort_by_ids(&mut self, particles: &Particles, found: &[Pair]) {
+    /// Puts pairs, those with walls last, in order; returns where those with walls begin.
+    fn sort_by_ids(&mut self, particles: &Particles, found: &[Pair]) -> usize {
         let id = |slot: Slot| particles.id[slot.index()];
         let mut slots: Vec<u32> = (0..particles.first_wall() as u32).collect();
         slots.sort_unstable_by_key(|&slot| id(Slot(slot)));
+        let with_walls = found.partition_point(|pair| pair.b.index() < particles.first_wall());
+        let (among, with_walls) = found.split_at(with_walls);
         // Counted first, then each to its place: sorting with keys would hold all pairs three times.
         let mut next = vec![0; slots.len()];
-        for pair in found {
+        for pair in among {
             next[pair.a.index()] += 1;
         }
         let mut start = 0;
@@ -98,8 +101,9 @@ impl PairList {
             start += std::mem::replace(&mut next[slot as usize], start);
         }
         self.pairs.clear();
-        self.pairs.resize(found.len(), Pair { a: Slot(0), b: Slot(0) });
-        for pair in found {
+        self.pairs.reserve_exact(found.len());
+        self.pairs.resize(among.len(), Pair { a: Slot(0), b: Slot(0) });
+        for pair in among {
             let place = &mut next[pair.a.index()];
             self.pairs[*place] = *pair;
             *place += 1;
@@ -107,32 +111,37 @@ impl PairList {
         for of_one in self.pairs.chunk_by_mut(|one, other| one.a == other.a) {
             of_one.sort_unstable_by_key(|pair| id(pair.b));
         }
+        self.pairs.extend_from_slice(with_walls);
+        self.pairs[among.len()..].sort_unstable_by_key(|pair| (id(pair.a), id(pair.b)));
+        among.len()
     }
 
-    fn cut_into_stretches(&mut self, particles: &Particles) {
+    /// Of which those from `with_walls` on have walls.
+    fn cut_into_stretches(&mut self, particles: &Particles, with_walls: usize) {
         let kind =
             |slot: Slot| particles.library.shapes[particles.shape[slot.index()].index()].kind();
         let kinds_of = |pair: &Pair| ordered((kind(pair.a), kind(pair.b)));
-        let mut all: Vec<_> = self.pairs.iter().map(kinds_of).collect();
-        all.sort_unstable();
-        all.dedup();
-        let length = LONGEST.min(AT_ONCE * all.len().max(1));
-
         self.stretches.clear();
         self.order.clear();
-        let mut keyed: Vec<((Kind, Kind), u32)> = Vec::new();
-        for start in (0..self.pairs.len()).step_by(length) {
-            let range = start..self.pairs.len().min(start + length);
-            keyed.clear();
-            keyed.extend(self.pairs[range.clone()].iter().map(kinds_of).zip(0..));
-            keyed.sort_unstable();
-            let mut groups = Vec::new();
-            for group in keyed.chunk_by(|one, other| one.0 == other.0) {
-                let from = self.order.len();
-                self.order.extend(group.iter().map(|&(_, pair)| pair));
-                groups.push(Group { kinds: group[0].0, range: from..self.order.len() });
+        for part in [0..with_walls, with_walls..self.pairs.len()] {
+            let mut all: Vec<_> = self.pairs[part.clone()].iter().map(kinds_of).collect();
+            all.sort_unstable();
+            all.dedup();
+            let length = LONGEST.min(AT_ONCE * all.len().max(1));
+            let mut keyed: Vec<((Kind, Kind), u32)> = Vec::new();
+            for start in part.clone().step_by(length) {
+                let range = start..part.end.min(start + length);
+                keyed.clear();
+                keyed.extend(self.pairs[range.clone()].iter().map(kinds_of).zip(0..));
+                keyed.sort_unstable();
+                let mut groups = Vec::new();
+                for group in keyed.chunk_by(|one, other| one.0 == other.0) {
+                    let from = self.order.len();
+                    self.order.extend(group.iter().map(|&(_, pair)| pair));
+                    groups.push(Group { kinds: group[0].0, range: from..self.order.len() });
+                }
+                self.stretches.push(Stretch { range, groups });
             }
-            self.stretches.push(Stretch { range, groups });
         }
     }
 
