@@ -188,16 +188,16 @@ impl Contacts<'_, '_> {
             rows_at(work.last.history, &places, &NEW)
         };
         let (last_normal, last_overlap) = read::<L>(&last_rows);
-        let last_normal_force = if !damped {
-            springs.normal * last_overlap
-        } else if as_before {
+        let last_normal_force = if damped && as_before {
             L::load(&eight_from(work.last.normal_forces, start, WIDTH))
-        } else {
+        } else if damped {
             let mut forces = [0.0; WIDTH];
             for (force, place) in forces.iter_mut().zip(places) {
                 *force = *at(work.last.normal_forces, place, &0.0);
             }
             L::load(&forces)
+        } else {
+            springs.normal * last_overlap
         };
         let has_springs = !work.springs.is_empty();
         let mut last_spring = Triple::zero();
@@ -222,12 +222,12 @@ impl Contacts<'_, '_> {
         let approach = velocity.dot(normal);
         let twist = L::all(0.5 * dt) * spin_a.plus(spin_b).dot(normal);
         // The same where the last force acted. Of bodies other than spheres that place is not remembered.
-        let last_velocity = if !has_points {
+        let last_velocity = if has_points {
+            velocity
+        } else {
             let half = L::all(0.5) * last_overlap;
             let arm_a = last_normal.times(springs.radii[0] - half);
             bodies.surfaces(arm_a, last_normal.times(half - springs.radii[1]))
-        } else {
-            velocity
         };
 
         // before, and now

@@ -125,6 +125,15 @@ impl StepError {
     }
 }
 
+/// What a first look at all pairs finds.
+#[derive(Default)]
+struct FirstLook {
+    /// Touches that were not there at the end of the stage before.
+    new: Vec<(Pair, Touch)>,
+    /// Pairs that no method can resolve.
+    unresolved: Vec<(Pair, Why)>,
+}
+
 /// How many lists are made before the domain may be cut again.
 const LISTS_BETWEEN_CUTS: u32 = 5;
 
@@ -356,20 +365,20 @@ impl Simulation {
         pairs.rest(stretch, &found.apart, particles);
     }
 
-    /// Touches that were not there at the last step, and pairs that no method can resolve, before any force is found.
-    pub fn find_new_touches(&mut self) -> (Vec<(Pair, Touch)>, Vec<(Pair, Why)>) {
-        let (mut new, mut unresolved) = (Vec::new(), Vec::new());
+    /// What the first look at all pairs finds, before any force.
+    fn look_first(&mut self) -> FirstLook {
+        let mut first = FirstLook::default();
         let tally = self.found.tally;
         for stretch in 0..self.pairs.stretches.len() {
             self.find_contacts(stretch);
-            new.extend(self.contacts.new_touches(&self.particles));
-            let first = self.pairs.stretches[stretch].range.start;
-            let pair = |k: u32| self.pairs.pairs[first + k as usize];
-            unresolved.extend(self.found.failed.iter().map(|&(k, why)| (pair(k), why)));
+            first.new.extend(self.contacts.new_touches(&self.particles));
+            let start = self.pairs.stretches[stretch].range.start;
+            let pair = |k: u32| self.pairs.pairs[start + k as usize];
+            first.unresolved.extend(self.found.failed.iter().map(|&(k, why)| (pair(k), why)));
         }
-        // They will be looked for again.
+        // They will be looked at again.
         self.found.tally = tally;
-        (new, unresolved)
+        first
     }
 
     fn unresolved(&self, pair: Pair, why: Why) -> StepError {

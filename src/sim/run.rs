@@ -1,6 +1,6 @@
 //! A run: steps, with outputs on schedule, until all is done.
 
-use super::{Simulation, StepError};
+use super::{FirstLook, Simulation, StepError};
 use crate::comm::{Comm, agree, wire};
 use crate::domain::DomainError;
 use crate::drive::rain::RainGauge;
@@ -453,7 +453,7 @@ fn save(
 /// Refuses bodies that start too deep in each other, or so deep that no method can resolve them, and names the worst of
 /// them. Those that touched at the end of the stage before are where the forces have put them.
 fn check_overlaps(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
-    let (new, unresolved) = sim.find_new_touches();
+    let FirstLook { new, unresolved } = sim.look_first();
     let mut found: Vec<(f64, u64, i64, [f64; 3])> = Vec::new();
     let too_deep = new.into_iter().filter_map(|(pair, touch)| {
         let depth = touch.overlap / shortest_axis(&sim.particles, pair.a, pair.b);
