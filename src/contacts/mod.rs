@@ -1,8 +1,8 @@
 //! The contacts of a rank: the pairs that touch, what is remembered of them, what acts in them.
 //!
 //! They stand in the order of the list of pairs, in columns for each stretch of it. A step goes through the stretches:
-//! resolvers say what touches, [`Contacts::arrange`] puts that in order beside what was remembered, a law finds the forces,
-//! and [`Contacts::keep`] lets the new columns take the place of the old.
+//! resolvers say what touches, [`Contacts::arrange`] puts that in order beside what was remembered, and in
+//! [`Contacts::load`] a law finds the forces, and the new columns take the place of the old.
 
 use crate::contact::{self, Batch, History, NamedHistory, Pair, Place, Touch, touch_of_ball};
 use crate::ids::GlobalId;

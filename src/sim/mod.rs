@@ -328,19 +328,19 @@ impl Simulation {
     /// Finds contacts and their forces, stretch by stretch of the list of pairs. `dt` [s] is 0 at the start of a stage.
     fn find_forces(&mut self, dt: f64) -> Result<(), StepError> {
         self.sums.begin(&mut self.particles);
-        for stretch in 0..self.pairs.stretches.len() {
+        let found = (0..self.pairs.stretches.len()).try_for_each(|stretch| {
             self.find_contacts(stretch);
-            if let Some(&(pair, why)) = self.found.failed.first() {
-                let pair =
-                    self.pairs.pairs[self.pairs.stretches[stretch].range.start + pair as usize];
-                return Err(self.unresolved(pair, why));
+            if let Some(&(number, why)) = self.found.failed.first() {
+                let start = self.pairs.stretches[stretch].range.start;
+                return Err(self.unresolved(self.pairs.pairs[start + number as usize], why));
             }
             self.clock.lap(Phase::Contacts);
             self.contacts.load(stretch, &*self.law, &self.particles, dt, &mut self.sums);
             self.clock.lap(Phase::Forces);
-        }
+            Ok(())
+        });
         self.sums.end(&mut self.particles);
-        Ok(())
+        found
     }
 
     /// Finds the contacts of a stretch, by one virtual call per kind of pair, and puts them in order.
