@@ -20,13 +20,14 @@
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use super::eroded_gjk::ErodedGjk;
+use super::in_lanes::{self, InLanes};
 use super::newton::Ellipsoids;
 use super::{
     Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, Touch, Why, nearest_images,
     unit_of_length, vectors,
 };
 use crate::ids::Slot;
-use crate::lanes::{self, Eight, Kernel, Lanes, Symmetric, Triple, WIDTH};
+use crate::lanes::{Eight, Lanes, Symmetric, Triple, WIDTH};
 use crate::math::{Mat3, Vec3};
 use crate::shape::{Form, Shape};
 
@@ -59,20 +60,14 @@ impl ContactResolver for CommonNormal {
     }
 
     fn resolve(&self, batch: &Batch, found: &mut Found) {
-        lanes::dispatch(Resolution { batch, found });
+        in_lanes::resolve(self, batch, found);
     }
 }
 
-/// The pairs of a batch to be resolved.
-struct Resolution<'a, 'b> {
-    batch: &'a Batch<'b>,
-    found: &'a mut Found,
-}
-
-impl Kernel for Resolution<'_, '_> {
+impl InLanes for CommonNormal {
     #[inline(always)]
-    fn run<L: Eight>(self) {
-        resolve_with::<L>(self.batch, self.found);
+    fn resolve_eights<L: Eight>(&self, batch: &Batch, found: &mut Found) {
+        resolve_with::<L>(batch, found);
     }
 }
 

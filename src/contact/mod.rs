@@ -19,6 +19,7 @@ mod eroded_gjk;
 mod fallback;
 mod gjk;
 mod half_space;
+mod in_lanes;
 mod methods;
 mod newton;
 mod patch;

@@ -4,12 +4,13 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
+use super::in_lanes::{self, InLanes};
 use super::{
     Batch, Bodies, Contact, ContactResolver, Found, Outcome, Posed, Touch, Why, nearest_images,
     touch_of_ball, vectors,
 };
 use crate::ids::Slot;
-use crate::lanes::{self, Eight, Kernel, WIDTH, row};
+use crate::lanes::{Eight, WIDTH, row};
 use crate::math::Vec3;
 use crate::shape::Shape;
 
@@ -45,21 +46,15 @@ impl ContactResolver for SphereSphere {
     }
 
     fn resolve(&self, batch: &Batch, found: &mut Found) {
-        lanes::dispatch(Resolution { batch, found });
+        in_lanes::resolve(self, batch, found);
     }
 }
 
-/// The pairs of a batch to be resolved.
-struct Resolution<'a, 'b> {
-    batch: &'a Batch<'b>,
-    found: &'a mut Found,
-}
-
-impl Kernel for Resolution<'_, '_> {
+impl InLanes for SphereSphere {
     #[inline(always)]
-    fn run<L: Eight>(self) {
-        for eight in self.batch.active.chunks(WIDTH) {
-            touch_eight::<L>(self.batch, eight, self.found);
+    fn resolve_eights<L: Eight>(&self, batch: &Batch, found: &mut Found) {
+        for eight in batch.active.chunks(WIDTH) {
+            touch_eight::<L>(batch, eight, found);
         }
     }
 }
@@ -118,4 +113,76 @@ fn radii<L: Eight>(bodies: &Bodies, slots: &[Slot; WIDTH]) -> L {
         *radius = bodies.curvature_radius[bodies.shape[slot.index()].index()];
     }
     L::load(&radii)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::SphereSphere;
+    use crate::contact::in_lanes::InLanes;
+    use crate::contact::{Batch, Bodies, ContactResolver, Found, Outcome, Pair, Place};
+    use crate::ids::{ShapeId, Slot};
+    use crate::lanes::Portable;
+    use crate::math::Vec3;
+    use crate::random::Random;
+    use crate::shape::{Shape, Sphere};
+
+    /// Each outcome of a batch, by pair.
+    fn outcomes(found: &Found, pairs: usize) -> Vec<Outcome> {
+        let mut outcomes = vec![None; pairs];
+        let touching = found.contacts.iter().map(|c| (c.pair, Outcome::Touching(c.touch)));
+        let apart = found.apart.iter().map(|&(pair, clearance)| (pair, Outcome::Apart(clearance)));
+        let failed = found.failed.iter().map(|&(pair, why)| (pair, Outcome::Failed(why)));
+        for (pair, outcome) in touching.chain(apart).chain(failed) {
+            let before = outcomes[pair as usize].replace(outcome);
+            assert_eq!(before, None, "pair {pair} twice");
+        }
+        outcomes.into_iter().map(|outcome| outcome.expect("every pair is answered")).collect()
+    }
+
+    /// With and without vector registers, of one size and of two, across a period, coincident and where no number is.
+    #[test]
+    fn lanes_say_what_one_pair_is_told() {
+        let library = [1.0, 0.4].map(|radius| Shape::Sphere(Sphere { radius }));
+        let radii = [1.0, 0.4];
+        let mut random = Random::of(7, 0);
+        let mut position: Vec<Vec3> =
+            (0..80).map(|_| Vec3::from_fn(|_, _| 4.0 * random.unit())).collect();
+        position[11] = position[10];
+        position[21].x = f64::NAN;
+        let pairs: Vec<Pair> = (0..79).map(|k| Pair { a: Slot(k), b: Slot(k + 1) }).collect();
+        let active: Vec<u32> = (0..79).collect();
+        let place = vec![Place::NONE; pairs.len()];
+        let mut met = [0; 3];
+        for sizes in [1, 2] {
+            let shape: Vec<ShapeId> = (0..80).map(|k| ShapeId(k / 3 % sizes)).collect();
+            let bodies = Bodies {
+                position: &position,
+                quaternion: None,
+                form: None,
+                shape: &shape,
+                library: &library,
+                curvature_radius: &radii,
+                period: Vec3::new(4.0, f64::INFINITY, f64::INFINITY),
+            };
+            let batch =
+                Batch { pairs: &pairs, place: &place, history: &[], active: &active, bodies };
+            let mut found = [Found::default(), Found::default()];
+            SphereSphere.resolve(&batch, &mut found[0]);
+            SphereSphere.resolve_eights::<Portable>(&batch, &mut found[1]);
+            for found in found {
+                for (pair, outcome) in pairs.iter().zip(outcomes(&found, pairs.len())) {
+                    let frames = bodies.frames(*pair);
+                    let (a, b) = bodies.posed(*pair, &frames);
+                    let alone = SphereSphere.touch(&a, &b, &bodies.relative(*pair), None);
+                    assert_eq!(outcome, alone, "{pair:?}");
+                    met[match outcome {
+                        Outcome::Touching(_) => 0,
+                        Outcome::Apart(_) => 1,
+                        Outcome::Failed(_) => 2,
+                    }] += 1;
+                }
+            }
+        }
+        assert!(met[0] > 40 && met[1] > 40 && met[2] == 12, "{met:?} of each are a poor test");
+    }
 }

@@ -84,6 +84,24 @@ impl Columns {
         points.shrink_to_fit();
     }
 
+    /// Tangential spring of a contact [m]; zero without friction.
+    fn spring(&self, place: usize) -> Vec3 {
+        self.springs.get(place).copied().unwrap_or_default()
+    }
+
+    /// Normal force of a contact [N].
+    fn normal_force(&self, place: usize, law: &dyn ForceLaw, particles: &Particles) -> f64 {
+        let elastic = || law.elastic(self.pairs[place], particles, self.history[place].overlap);
+        self.normal_forces.get(place).copied().unwrap_or_else(elastic)
+    }
+
+    /// Where a contact acts, seen from the centre of A [m].
+    fn point(&self, place: usize, particles: &Particles) -> Vec3 {
+        let History { normal, overlap } = &self.history[place];
+        let radius = || particles.radius(self.pairs[place].a.index());
+        self.points.get(place).copied().unwrap_or_else(|| touch_of_ball(radius(), normal, *overlap))
+    }
+
     fn bytes(&self) -> usize {
         let Self { pairs, numbers, history, springs, normal_forces, forces, points } = self;
         held(pairs)
@@ -330,14 +348,12 @@ impl Contacts {
         &'a self,
         particles: &'a Particles,
     ) -> impl Iterator<Item = (Pair, Touch)> + 'a {
-        let Columns { pairs, history, points, .. } = &self.now;
-        let all = pairs.iter().zip(history).zip(&self.from).enumerate();
-        let new = all.filter(|(_, (_, from))| **from == Place::NONE);
-        new.map(move |(place, ((&pair, history), _))| {
-            let &History { normal, overlap } = history;
-            let of_ball = || touch_of_ball(particles.radius(pair.a.index()), &normal, overlap);
-            let point = points.get(place).copied().unwrap_or_else(of_ball);
-            (pair, Touch { overlap, normal, point })
+        let now = &self.now;
+        let new = self.from.iter().enumerate().filter(|(_, from)| **from == Place::NONE);
+        new.map(move |(place, _)| {
+            let History { normal, overlap } = now.history[place];
+            let point = now.point(place, particles);
+            (now.pairs[place], Touch { overlap, normal, point })
         })
     }
 
@@ -348,19 +364,13 @@ impl Contacts {
         particles: &'a Particles,
     ) -> impl Iterator<Item = Loaded<'a>> {
         self.stretches.iter().flat_map(move |columns| {
-            columns.forces.iter().enumerate().map(move |(place, &force)| {
-                let (pair, history) = (columns.pairs[place], &columns.history[place]);
-                let History { normal, overlap } = history;
-                let of_ball = || touch_of_ball(particles.radius(pair.a.index()), normal, *overlap);
-                let elastic = || law.elastic(pair, particles, *overlap);
-                Loaded {
-                    pair,
-                    history,
-                    spring: columns.springs.get(place).copied().unwrap_or_default(),
-                    normal_force: columns.normal_forces.get(place).copied().unwrap_or_else(elastic),
-                    force,
-                    point: columns.points.get(place).copied().unwrap_or_else(of_ball),
-                }
+            columns.forces.iter().enumerate().map(move |(place, &force)| Loaded {
+                pair: columns.pairs[place],
+                history: &columns.history[place],
+                spring: columns.spring(place),
+                normal_force: columns.normal_force(place, law, particles),
+                force,
+                point: columns.point(place, particles),
             })
         })
     }
@@ -372,12 +382,8 @@ impl Contacts {
         particles: &'a Particles,
     ) -> impl Iterator<Item = (Pair, f64)> {
         self.stretches.iter().flat_map(move |columns| {
-            columns.pairs.iter().zip(&columns.history).enumerate().map(
-                move |(place, (&pair, history))| {
-                    let elastic = || law.elastic(pair, particles, history.overlap);
-                    (pair, columns.normal_forces.get(place).copied().unwrap_or_else(elastic))
-                },
-            )
+            let pairs = columns.pairs.iter().enumerate();
+            pairs.map(move |(place, &pair)| (pair, columns.normal_force(place, law, particles)))
         })
     }
 
@@ -425,7 +431,7 @@ impl Contacts {
                     a: particles.id[pair.a.index()],
                     b: particles.id[pair.b.index()],
                     history: columns.history[place],
-                    spring: columns.springs.get(place).copied().unwrap_or_default(),
+                    spring: columns.spring(place),
                     normal_force: columns.normal_forces.get(place).copied().unwrap_or_default(),
                 };
                 (pair, named)
@@ -437,7 +443,12 @@ impl Contacts {
     pub fn bytes(&self) -> usize {
         let columns: usize =
             self.stretches.iter().chain([&self.now]).chain(&self.spare).map(Columns::bytes).sum();
-        columns + held(&self.place) + held(&self.found) + held(&self.from) + held(&self.parted)
+        columns
+            + held(&self.place)
+            + held(&self.found)
+            + held(&self.order)
+            + held(&self.from)
+            + held(&self.parted)
     }
 }
 

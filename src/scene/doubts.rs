@@ -10,7 +10,7 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
 }
 
 /// Forces along another normal than that of the least overlap have no potential. Spheres are resolved in closed form.
-/// The figures are of `collisions_by_erosion_do_not_keep_their_energy`.
+/// The figures are the worst of 100 collisions of each pair of bodies in `collisions_by_erosion_do_not_keep_their_energy`.
 fn energy_of_erosion(scene: &Scene) -> Option<String> {
     let grains = &scene.library.shapes[..scene.library.particle_shapes];
     let is_approximate = |shape: &Shape| shape.kind() != Kind::Sphere;
