@@ -7,11 +7,12 @@
 #![expect(unsafe_code, reason = "vector registers, behind types that only AVX code makes")]
 #![expect(clippy::inline_always, reason = "a vector stays in registers only if nothing is called")]
 
+use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Sub};
 
 /// One number or several that are computed alike.
 pub(crate) trait Lanes:
-    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+    Copy + Debug + Send + Sync + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
     /// The same number in every lane.
     fn all(number: f64) -> Self;
@@ -104,7 +105,7 @@ pub(crate) trait Eight: Lanes {
 }
 
 /// Eight lanes without vector registers, or with those that every processor has.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable([f64; WIDTH]);
 
 macro_rules! lanewise {
@@ -211,7 +212,7 @@ mod avx {
     ///
     /// Whoever makes one has checked that the processor has AVX: only functions that are compiled for
     /// it do.
-    #[derive(Clone, Copy)]
+    #[derive(Clone, Copy, Debug)]
     pub(crate) struct Avx(intel::__m256d, intel::__m256d);
 
     /// All bits of a lane for each bit of a mask.

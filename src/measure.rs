@@ -134,15 +134,14 @@ pub fn measure(
     }
 
     for contact in contacts.loaded(law, particles) {
-        let Loaded { pair: Pair { a, b }, history, spring, normal_force, force, point: _ } =
-            contact;
+        let Loaded { pair, history, state, normal_force, force, point: _ } = contact;
+        let Pair { a, b } = pair;
         let wall = b.index().checked_sub(particles.first_wall());
         // A contact counts where its first particle is owned.
         if a.index() >= particles.owned {
             continue;
         }
-        let (of_a, of_b) = (particles.material(a), particles.material(b));
-        add(Of::Stored as usize, law.stored(of_a, of_b, history.overlap, &spring));
+        add(Of::Stored as usize, law.stored(pair, particles, history, state));
         maxima[0] = larger(maxima[0], history.overlap / shortest_axis(particles, a, b));
         add(Of::ContactForce as usize, force.norm());
         if let Some(wall) = wall {

@@ -1,6 +1,6 @@
 //! Made-up tables: every number differs from every other, so that nothing can be mixed up unseen.
 
-use dem_mpi::contact::{History, NamedHistory};
+use dem_mpi::contact::{History, NamedHistory, StateColumn};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{ExactSum, Vec3};
 use dem_mpi::output::tables::{
@@ -133,13 +133,19 @@ pub(crate) fn contacts(rows: Range<u64>) -> ContactTable {
 }
 
 pub(crate) fn histories(rows: Range<u64>) -> HistoryTable {
-    rows.map(|k| {
+    // In the order in which a file is read: by name.
+    let mut table = HistoryTable::of(&[
+        StateColumn::new("bond", 1, "1"),
+        StateColumn::new("spring", 3, "m"),
+        StateColumn::new("turned", 2, "rad"),
+    ]);
+    for k in rows {
         let mut n = Numbers(k + 3000);
-        let history = History { normal: n.vector(), overlap: n.next() };
-        let (spring, normal_force) = (n.vector(), n.next());
-        NamedHistory { a: GlobalId(k), b: partner(k), history, spring, normal_force }
-    })
-    .collect()
+        let geometry = History { normal: n.vector(), overlap: n.next() };
+        let state: [f64; 6] = std::array::from_fn(|_| n.next());
+        table.push(&NamedHistory { a: GlobalId(k), b: partner(k), geometry, state: &state });
+    }
+    table
 }
 
 /// What rank `rank` of `size` writes: rank 1 has nothing, the others differ in how much they have.
@@ -160,7 +166,11 @@ pub(crate) fn of_all(size: u32, spinning: bool) -> Tables {
         let Tables { particles, contacts, histories } = of_rank(rank, size, spinning);
         all.particles.append(particles);
         all.contacts.append(contacts);
-        all.histories.extend(histories);
+        if rank == 0 {
+            all.histories = histories;
+        } else {
+            all.histories.append(&histories);
+        }
     }
     all
 }

@@ -3,6 +3,7 @@
 use crate::support::{begun, scene};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
+use dem_mpi::contact::Histories;
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::output::snapshot::{self, Reader};
@@ -1007,7 +1008,7 @@ fn a_diff_finds_what_was_planted() {
         let state = |s: &Snapshot| State {
             header: s.header.clone(),
             particles: s.particles.clone(),
-            histories: Vec::new(),
+            histories: Histories::default(),
         };
         Difference::between(&state(a), &state(b))
     };
@@ -1391,7 +1392,7 @@ fn wrong_arguments_end_in_one_message_and_status_2() {
 /// Writes a snapshot into a folder, which is made.
 fn store(folder: &Path, snapshot: &Snapshot) {
     let Snapshot { header, particles, contacts } = snapshot;
-    snapshot::write(folder, header, particles, contacts, &[], &mut Alone::default())
+    snapshot::write(folder, header, particles, contacts, &Histories::default(), &mut Alone::default())
         .expect("a snapshot");
 }
 

@@ -3,7 +3,7 @@
 
 use crate::support::{MATERIAL, begun, scene};
 use dem_mpi::comm::{Comm, threads};
-use dem_mpi::contact::NamedHistory;
+use dem_mpi::contact::Histories;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::tables::{Header, ParticleTable};
@@ -100,7 +100,7 @@ fn bits_of<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> Vec<u64> {
 /// What one rank owns.
 struct Part {
     table: ParticleTable,
-    histories: Vec<NamedHistory>,
+    histories: Histories,
     walls: Vec<u64>,
     scalars: Vec<u64>,
     migrated: u64,
@@ -145,10 +145,9 @@ fn state(parts: &[Part]) -> State {
             bits.push((table.id[k].0, row));
         }
         histories.extend(named.iter().map(|named| {
-            let h = &named.history;
-            let mut row = bits_of(&h.normal);
-            row.extend(bits_of(&named.spring));
-            row.extend(bits_of([&h.overlap, &named.normal_force]));
+            let mut row = bits_of(&named.geometry.normal);
+            row.extend(bits_of(named.state));
+            row.extend(bits_of([&named.geometry.overlap]));
             (named.a.0, named.b.0, row)
         }));
     }

@@ -470,8 +470,6 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         attitude: true,
         form: false,
         image: true,
-        springs: true,
-        dashpots: true,
     };
     assert_eq!(scene.needs(), needs);
     let all = plan(&scene, 4);

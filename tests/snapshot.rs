@@ -162,7 +162,9 @@ fn pieces_are_pieces_of_the_whole() {
     let piece = reader.contacts(5..6).unwrap();
     assert_eq!(piece.centre, tables.contacts.centre[5..6]);
     assert_eq!(piece.b, tables.contacts.b[5..6]);
-    assert_eq!(reader.histories(2..4).unwrap(), tables.histories[2..4]);
+    let piece = reader.histories(2..4).unwrap();
+    assert_eq!(piece.columns(), tables.histories.columns());
+    assert!(piece.iter().eq(tables.histories.iter().skip(2).take(2)));
     assert_eq!(reader.particles(4..4).unwrap().id, []);
     let rows = reader.particle_count();
     assert!(matches!(reader.particles(0..rows + 1), Err(SnapshotError::Beyond { .. })));

@@ -2,6 +2,7 @@
 
 use crate::post::{Snapshot, ellipsoids};
 use dem_mpi::comm::alone::Alone;
+use dem_mpi::contact::Histories;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::tables::WallRow;
@@ -307,7 +308,8 @@ fn boxed(height: f64, step: u64) -> Snapshot {
 fn store(folder: &Path, snapshot: &Snapshot) {
     std::fs::create_dir_all(folder).unwrap();
     let Snapshot { header, particles, contacts } = snapshot;
-    snapshot::write(folder, header, particles, contacts, &[], &mut Alone::default()).unwrap();
+    let none = Histories::default();
+    snapshot::write(folder, header, particles, contacts, &none, &mut Alone::default()).unwrap();
 }
 
 #[test]

@@ -19,6 +19,7 @@ mod eroded_gjk;
 mod fallback;
 mod gjk;
 mod half_space;
+mod history;
 mod in_lanes;
 mod methods;
 mod newton;
@@ -34,15 +35,15 @@ pub use epa::Epa;
 pub use eroded_gjk::ErodedGjk;
 pub use fallback::Chain;
 pub use half_space::AgainstHalfSpace;
+pub use history::{Histories, History, NamedHistory, StateColumn};
 pub use methods::{Method, needs_form, table};
 pub use smooth_common_normal::SmoothCommonNormal;
 pub use sphere_sphere::SphereSphere;
 
-use crate::ids::{GlobalId, ShapeId, Slot};
+use crate::ids::{ShapeId, Slot};
 use crate::lanes::{Eight, Triple, WIDTH};
 use crate::math::{Mat3, Quat, Vec3};
 use crate::shape::{Core, Form, Kind, Shape};
-use serde::{Deserialize, Serialize};
 use std::cell::Cell;
 
 /// The geometry of one contact.
@@ -167,49 +168,6 @@ pub struct Pair {
     pub a: Slot,
     /// The other; a wall is always here.
     pub b: Slot,
-}
-
-/// What is remembered of a touching contact: state, which moves with its particles and is saved.
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    Default,
-    PartialEq,
-    Serialize,
-    Deserialize,
-    bytemuck::Pod,
-    bytemuck::Zeroable,
-)]
-#[repr(C)]
-pub struct History {
-    /// The normal of the last touch, A to B; zero if the pair did not touch.
-    pub normal: Vec3,
-    /// Overlap of the last touch [m].
-    pub overlap: f64,
-}
-
-impl History {
-    /// Did the pair touch at the last step?
-    #[inline]
-    pub fn touched(&self) -> bool {
-        self.normal != Vec3::zeros()
-    }
-}
-
-/// The history of one contact under its lasting name.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct NamedHistory {
-    /// The lower id.
-    pub a: GlobalId,
-    /// The higher id.
-    pub b: GlobalId,
-    /// What is remembered.
-    pub history: History,
-    /// Tangential spring, the stretch of A's surface against B's [m]; zero without friction.
-    pub spring: Vec3,
-    /// Normal force of the last touch [N]; needed with dashpots only, without it follows from the overlap.
-    pub normal_force: f64,
 }
 
 /// A pair that touches now.

@@ -4,7 +4,9 @@
 //! resolvers say what touches, [`Contacts::arrange`] puts that in order beside what was remembered, and in
 //! [`Contacts::load`] a law finds the forces, and the new columns take the place of the old.
 
-use crate::contact::{self, Batch, History, NamedHistory, Pair, Place, Touch, touch_of_ball};
+use crate::contact::{
+    self, Batch, Histories, History, NamedHistory, Pair, Place, StateColumn, Touch, touch_of_ball,
+};
 use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Last, Parted, Sums, Work};
 use crate::math::Vec3;
@@ -20,10 +22,8 @@ struct Columns {
     numbers: Vec<u32>,
     /// Normals and overlaps.
     history: Vec<History>,
-    /// Tangential springs [m]; with friction.
-    springs: Vec<Vec3>,
-    /// Normal forces [N]; with dashpots.
-    normal_forces: Vec<f64>,
+    /// What the law remembers: as many numbers of each as it declares.
+    state: Vec<f64>,
     /// Forces of A on B [N]; none until they are found.
     forces: Vec<Vec3>,
     /// Where they act, seen from the centre of A [m]; none if all are balls.
@@ -32,67 +32,55 @@ struct Columns {
 
 impl Columns {
     fn clear(&mut self) {
-        let Self { pairs, numbers, history, springs, normal_forces, forces, points } = self;
+        let Self { pairs, numbers, history, state, forces, points } = self;
         pairs.clear();
         numbers.clear();
         history.clear();
-        springs.clear();
-        normal_forces.clear();
+        state.clear();
         forces.clear();
         points.clear();
     }
 
     /// Makes room for so many contacts and few more: growing would double it.
-    fn reserve(&mut self, count: usize, needs: Needs) {
-        let Self { pairs, numbers, history, springs, normal_forces, forces, points } = self;
+    fn reserve(&mut self, count: usize, width: usize, needs: Needs) {
+        let Self { pairs, numbers, history, state, forces, points } = self;
         reserve(pairs, count);
         reserve(numbers, count);
         reserve(history, count);
         reserve(forces, count);
-        if needs.springs {
-            reserve(springs, count);
-        }
-        if needs.dashpots {
-            reserve(normal_forces, count);
-        }
+        reserve(state, count * width);
         if needs.attitude {
             reserve(points, count);
         }
     }
 
     /// Makes a place for each number that a law finds.
-    fn make_places(&mut self, needs: Needs) {
+    fn make_places(&mut self, width: usize) {
         let count = self.pairs.len();
         self.forces.resize(count, Vec3::zeros());
-        if needs.springs {
-            self.springs.resize(count, Vec3::zeros());
-        }
-        if needs.dashpots {
-            self.normal_forces.resize(count, 0.0);
-        }
+        self.state.resize(count * width, 0.0);
     }
 
     /// Gives back the room that growing has taken.
     fn shrink(&mut self) {
-        let Self { pairs, numbers, history, springs, normal_forces, forces, points } = self;
+        let Self { pairs, numbers, history, state, forces, points } = self;
         pairs.shrink_to_fit();
         numbers.shrink_to_fit();
         history.shrink_to_fit();
-        springs.shrink_to_fit();
-        normal_forces.shrink_to_fit();
+        state.shrink_to_fit();
         forces.shrink_to_fit();
         points.shrink_to_fit();
     }
 
-    /// Tangential spring of a contact [m]; zero without friction.
-    fn spring(&self, place: usize) -> Vec3 {
-        self.springs.get(place).copied().unwrap_or_default()
+    /// What the law remembers of a contact.
+    fn state(&self, place: usize) -> &[f64] {
+        let width = self.state.len() / self.pairs.len();
+        &self.state[place * width..][..width]
     }
 
     /// Normal force of a contact [N].
     fn normal_force(&self, place: usize, law: &dyn ForceLaw, particles: &Particles) -> f64 {
-        let elastic = || law.elastic(self.pairs[place], particles, self.history[place].overlap);
-        self.normal_forces.get(place).copied().unwrap_or_else(elastic)
+        law.normal_force(self.pairs[place], particles, &self.history[place], self.state(place))
     }
 
     /// Where a contact acts, seen from the centre of A [m].
@@ -103,12 +91,11 @@ impl Columns {
     }
 
     fn bytes(&self) -> usize {
-        let Self { pairs, numbers, history, springs, normal_forces, forces, points } = self;
+        let Self { pairs, numbers, history, state, forces, points } = self;
         held(pairs)
             + held(numbers)
             + held(history)
-            + held(springs)
-            + held(normal_forces)
+            + held(state)
             + held(forces)
             + held(points)
     }
@@ -123,7 +110,7 @@ fn reserve<T>(column: &mut Vec<T>, count: usize) {
 const SPARE: usize = 3;
 
 /// Empty columns with room for so many contacts and not many more.
-fn room(spare: &mut Vec<Columns>, count: usize, needs: Needs) -> Columns {
+fn room(spare: &mut Vec<Columns>, count: usize, width: usize, needs: Needs) -> Columns {
     let fits =
         |columns: &Columns| (count..=count + count / 8 + 4).contains(&columns.pairs.capacity());
     if let Some(place) = spare.iter().position(fits) {
@@ -135,7 +122,7 @@ fn room(spare: &mut Vec<Columns>, count: usize, needs: Needs) -> Columns {
         spare.remove(0);
     }
     let mut columns = Columns::default();
-    columns.reserve(count, needs);
+    columns.reserve(count, width, needs);
     columns
 }
 
@@ -146,8 +133,8 @@ pub struct Loaded<'a> {
     pub pair: Pair,
     /// Normal and overlap.
     pub history: &'a History,
-    /// Tangential spring [m]; zero without friction.
-    pub spring: Vec3,
+    /// What the law remembers, see [`ForceLaw::state`].
+    pub state: &'a [f64],
     /// Normal force [N].
     pub normal_force: f64,
     /// Force of A on B [N]; A feels the opposite.
@@ -159,6 +146,10 @@ pub struct Loaded<'a> {
 /// The touching contacts of a rank.
 #[derive(Clone, Debug, Default)]
 pub struct Contacts {
+    /// What the law remembers of each.
+    remembered: Vec<StateColumn>,
+    /// Numbers in these columns.
+    width: usize,
     /// For each stretch of the list of pairs.
     stretches: Vec<Columns>,
     /// Those of the stretch in work, of this step.
@@ -177,40 +168,47 @@ pub struct Contacts {
 }
 
 impl Contacts {
+    /// None, of which a law remembers these columns.
+    pub fn of(remembered: &[StateColumn]) -> Self {
+        let width = StateColumn::total_width(remembered);
+        Self { remembered: remembered.to_vec(), width, ..Self::default() }
+    }
+
+    /// What the law remembers of each.
+    pub fn remembered(&self) -> &[StateColumn] {
+        &self.remembered
+    }
+
     /// Takes what is remembered to a new list of pairs. `carried` has the histories of all touching contacts of owned
     /// particles, in any order; a contact may stand there twice.
-    pub fn rebuild(
-        &mut self,
-        list: &PairList,
-        particles: &Particles,
-        carried: &mut [NamedHistory],
-    ) {
+    pub fn rebuild(&mut self, list: &PairList, particles: &Particles, carried: &Histories) {
         // Both stand in one order.
         let key = |a: GlobalId, b: GlobalId| (b.wall_index().is_some(), a, b);
-        carried.sort_unstable_by_key(|named| key(named.a, named.b));
+        let key_of = |row: u32| {
+            let (a, b) = carried.ends(row as usize);
+            key(a, b)
+        };
+        let mut rows: Vec<u32> = (0..carried.len() as u32).collect();
+        rows.sort_unstable_by_key(|&row| key_of(row));
         self.stretches.clear();
         self.now = Columns::default();
         self.spare.clear();
-        let needs = particles.needs;
-        let mut rest = &*carried;
+        let mut rest = &*rows;
         for stretch in &list.stretches {
             let mut columns = Columns::default();
             for (pair, number) in list.pairs[stretch.range.clone()].iter().zip(0..) {
                 let here = key(particles.id[pair.a.index()], particles.id[pair.b.index()]);
-                while rest.first().is_some_and(|named| key(named.a, named.b) < here) {
+                while rest.first().is_some_and(|&row| key_of(row) < here) {
                     rest = &rest[1..];
                 }
-                let is_it = |named: &&NamedHistory| key(named.a, named.b) == here;
-                let Some(named) = rest.first().filter(is_it) else { continue };
+                let Some(&row) = rest.first().filter(|&&row| key_of(row) == here) else {
+                    continue;
+                };
+                let NamedHistory { geometry, state, .. } = carried.get(row as usize);
                 columns.pairs.push(*pair);
                 columns.numbers.push(number);
-                columns.history.push(named.history);
-                if needs.springs {
-                    columns.springs.push(named.spring);
-                }
-                if needs.dashpots {
-                    columns.normal_forces.push(named.normal_force);
-                }
+                columns.history.push(geometry);
+                columns.state.extend_from_slice(state);
             }
             columns.shrink();
             self.stretches.push(columns);
@@ -246,7 +244,7 @@ impl Contacts {
         touching: &[contact::Contact],
         needs: Needs,
     ) {
-        self.now = room(&mut self.spare, touching.len(), needs);
+        self.now = room(&mut self.spare, touching.len(), self.width, needs);
         self.from.clear();
         if touching.is_sorted_by(|one, other| one.pair < other.pair) {
             self.take(pairs, touching.iter(), needs);
@@ -320,8 +318,8 @@ impl Contacts {
         dt: f64,
         sums: &mut Sums,
     ) {
-        let Self { stretches, now, spare, from, parted, .. } = self;
-        now.make_places(particles.needs);
+        let Self { stretches, now, spare, from, parted, width, .. } = self;
+        now.make_places(*width);
         let before = &stretches[stretch];
         let mut work = Work {
             pairs: &now.pairs,
@@ -331,12 +329,10 @@ impl Contacts {
             last: Last {
                 pairs: &before.pairs,
                 history: &before.history,
-                springs: &before.springs,
-                normal_forces: &before.normal_forces,
+                state: &before.state,
             },
             parted,
-            springs: &mut now.springs,
-            normal_forces: &mut now.normal_forces,
+            state: &mut now.state,
             forces: &mut now.forces,
         };
         law.apply(&mut work, particles, dt, sums);
@@ -367,7 +363,7 @@ impl Contacts {
             columns.forces.iter().enumerate().map(move |(place, &force)| Loaded {
                 pair: columns.pairs[place],
                 history: &columns.history[place],
-                spring: columns.spring(place),
+                state: columns.state(place),
                 normal_force: columns.normal_force(place, law, particles),
                 force,
                 point: columns.point(place, particles),
@@ -420,19 +416,18 @@ impl Contacts {
         contacts
     }
 
-    /// What is remembered of each contact, under its lasting name. Normal forces that are not remembered are zero.
+    /// What is remembered of each contact, under its lasting name.
     pub fn named<'a>(
         &'a self,
         particles: &'a Particles,
-    ) -> impl Iterator<Item = (Pair, NamedHistory)> {
+    ) -> impl Iterator<Item = (Pair, NamedHistory<'a>)> {
         self.stretches.iter().flat_map(move |columns| {
             columns.pairs.iter().enumerate().map(move |(place, &pair)| {
                 let named = NamedHistory {
                     a: particles.id[pair.a.index()],
                     b: particles.id[pair.b.index()],
-                    history: columns.history[place],
-                    spring: columns.spring(place),
-                    normal_force: columns.normal_forces.get(place).copied().unwrap_or_default(),
+                    geometry: columns.history[place],
+                    state: columns.state(place),
                 };
                 (pair, named)
             })
@@ -455,28 +450,37 @@ impl Contacts {
 #[cfg(test)]
 mod tests {
     use super::Contacts;
-    use crate::contact::{Contact, History, NamedHistory, Pair, Place, Touch};
+    use crate::contact::{
+        Contact, Histories, History, NamedHistory, Pair, Place, StateColumn, Touch,
+    };
     use crate::ids::GlobalId;
     use crate::math::Vec3;
     use crate::particles::{Particles, crowd};
     use crate::search::{PairList, close_pairs};
 
+    const REMEMBERED: [StateColumn; 2] =
+        [StateColumn::new("spring", 3, "m"), StateColumn::new("normal_force", 1, "N")];
+
     /// All pairs of a few bodies, and contacts of every third of them, remembered.
-    fn remembered(particles: &mut Particles) -> (PairList, Contacts, Vec<NamedHistory>) {
+    fn remembered(particles: &mut Particles) -> (PairList, Contacts, Histories) {
         let mut list = PairList::default();
         list.rebuild(particles, close_pairs(particles, 1.0));
-        let named = |(number, pair): (usize, &Pair)| NamedHistory {
-            a: particles.id[pair.a.index()],
-            b: particles.id[pair.b.index()],
-            history: History { normal: Vec3::x(), overlap: 1e-9 * (1 + number) as f64 },
-            spring: Vec3::y() * number as f64,
-            normal_force: number as f64,
-        };
-        let named: Vec<_> = list.pairs.iter().enumerate().step_by(3).map(named).collect();
+        let mut named = Histories::of(&REMEMBERED);
+        for (number, pair) in list.pairs.iter().enumerate().step_by(3) {
+            named.push(&NamedHistory {
+                a: particles.id[pair.a.index()],
+                b: particles.id[pair.b.index()],
+                geometry: History { normal: Vec3::x(), overlap: 1e-9 * (1 + number) as f64 },
+                state: &[0.0, number as f64, 0.0, -(number as f64)],
+            });
+        }
         // In any order, and some twice, as they come from other ranks.
-        let mut carried: Vec<_> = named.iter().rev().chain(&named[..5]).copied().collect();
-        let mut contacts = Contacts::default();
-        contacts.rebuild(&list, particles, &mut carried);
+        let mut carried = Histories::of(&REMEMBERED);
+        for row in (0..named.len()).rev().chain(0..5) {
+            carried.push(&named.get(row));
+        }
+        let mut contacts = Contacts::of(&REMEMBERED);
+        contacts.rebuild(&list, particles, &carried);
         (list, contacts, named)
     }
 
@@ -488,8 +492,7 @@ mod tests {
         let ids = |pair: &Pair| [pair.a, pair.b].map(|slot| particles.id[slot.index()]);
         let keys: Vec<[GlobalId; 2]> = list.pairs.iter().map(ids).collect();
         assert!(keys.len() > 400 && keys.is_sorted() && keys.iter().all(|[a, b]| a < b));
-        let kept: Vec<_> = contacts.named(&particles).map(|(_, named)| named).collect();
-        assert_eq!(kept, named);
+        assert!(contacts.named(&particles).map(|(_, named)| named).eq(named.iter()));
     }
 
     /// Whatever the order in which resolvers find them.

@@ -3,12 +3,21 @@
 
 use super::{Domain, Neighbour};
 use crate::comm::{Comm, Parcel, wire};
-use crate::contact::NamedHistory;
+use crate::contact::Histories;
 use crate::contacts::Contacts;
 use crate::ids::{GlobalId, Rank};
 use crate::particles::Particles;
 use crate::particles::records::Particle;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+/// What one rank gives to another.
+#[derive(Default, Serialize, Deserialize)]
+struct Leaving {
+    particles: Vec<Particle>,
+    /// Of their touching contacts.
+    histories: Histories,
+}
 
 impl Domain {
     /// Hands every owned particle to the owner of its place and returns the histories of all touching
@@ -19,45 +28,46 @@ impl Domain {
         particles: &mut Particles,
         contacts: &Contacts,
         comm: &mut dyn Comm,
-    ) -> Vec<NamedHistory> {
+    ) -> Histories {
         let me = comm.rank();
         // All histories known here, under lasting names: slots are about to change.
-        let known: Vec<NamedHistory> = contacts.named(particles).map(|(_, named)| named).collect();
+        let mut histories = Histories::of(contacts.remembered());
+        contacts.named(particles).for_each(|(_, named)| histories.push(&named));
         particles.strip_to_owned();
 
-        let mut leaving: BTreeMap<_, Vec<Particle>> = BTreeMap::new();
+        let mut leaving: BTreeMap<Rank, Leaving> = BTreeMap::new();
+        let mut new_owner: BTreeMap<GlobalId, Rank> = BTreeMap::new();
         let mut slot = 0;
         while slot < particles.owned {
             let owner = self.owner(&particles.position[slot]);
             if owner == me {
                 slot += 1;
             } else {
-                leaving.entry(owner).or_default().push(particles.take_owned(slot));
+                let particle = particles.take_owned(slot);
+                new_owner.insert(particle.id, owner);
+                leaving.entry(owner).or_default().particles.push(particle);
             }
         }
-        let gone: usize = leaving.values().map(Vec::len).sum();
-        self.traffic.migrated += gone as u64;
-        if gone > 0 {
-            let mut of_particle: BTreeMap<GlobalId, &mut Vec<NamedHistory>> = leaving
-                .values_mut()
-                .flatten()
-                .map(|particle| (particle.id, &mut particle.histories))
-                .collect();
-            for named in &known {
-                for id in [named.a, named.b] {
-                    if let Some(histories) = of_particle.get_mut(&id) {
-                        histories.push(*named);
+        self.traffic.migrated += new_owner.len() as u64;
+        if !new_owner.is_empty() {
+            for leaving in leaving.values_mut() {
+                leaving.histories = Histories::of(contacts.remembered());
+            }
+            for named in histories.iter() {
+                for owner in [named.a, named.b].iter().filter_map(|id| new_owner.get(id)) {
+                    if let Some(leaving) = leaving.get_mut(owner) {
+                        leaving.histories.push(&named);
                     }
                 }
             }
         }
 
-        let mut histories = known;
         for parcel in self.hand_over(leaving, comm) {
-            for particle in wire::decode::<Vec<Particle>>(&parcel.bytes) {
-                particles.push_owned(&particle);
-                histories.extend(particle.histories);
+            let arrived: Leaving = wire::decode(&parcel.bytes);
+            for particle in &arrived.particles {
+                particles.push_owned(particle);
             }
+            histories.append(&arrived.histories);
         }
         histories
     }
@@ -65,17 +75,17 @@ impl Domain {
     /// Sends particles to their new owners, as a rule to neighbours only; returns what comes here.
     fn hand_over(
         &self,
-        mut leaving: BTreeMap<Rank, Vec<Particle>>,
+        mut leaving: BTreeMap<Rank, Leaving>,
         comm: &mut dyn Comm,
     ) -> Vec<Parcel> {
         let is_near = |rank: &Rank| self.neighbours.iter().any(|n| n.rank == *rank);
         if !self.knows_neighbours || comm.any(!leaving.keys().all(is_near)) {
-            let parcel = |(rank, particles)| Parcel { rank, bytes: wire::encode(&particles) };
+            let parcel = |(rank, leaving)| Parcel { rank, bytes: wire::encode(&leaving) };
             return comm.route(leaving.into_iter().map(parcel).collect());
         }
         let parcel = |n: &Neighbour| {
-            let particles = leaving.remove(&n.rank).unwrap_or_default();
-            Parcel { rank: n.rank, bytes: wire::encode(&particles) }
+            let leaving = leaving.remove(&n.rank).unwrap_or_default();
+            Parcel { rank: n.rank, bytes: wire::encode(&leaving) }
         };
         let outgoing = self.neighbours.iter().map(parcel).collect();
         comm.exchange(outgoing, &self.all_neighbours())

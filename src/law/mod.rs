@@ -1,12 +1,13 @@
 //! Force laws: from the geometry of a contact to the forces and moments of its bodies.
 
+mod kernel;
 pub mod linear;
 pub mod stability;
 
-use crate::contact::{History, Pair, Place};
+use crate::contact::{History, Pair, Place, StateColumn};
 use crate::ids::MaterialId;
 use crate::math::Vec3;
-use crate::particles::{Needs, Particles, held};
+use crate::particles::{Library, Needs, Particles, held};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -182,10 +183,8 @@ pub struct Work<'a> {
     pub last: Last<'a>,
     /// Those that have come apart since.
     pub parted: &'a [Parted],
-    /// Room for the tangential springs [m].
-    pub springs: &'a mut [Vec3],
-    /// Room for the normal forces [N].
-    pub normal_forces: &'a mut [f64],
+    /// Room for what the next step must know: the numbers of each, see [`ForceLaw::state`].
+    pub state: &'a mut [f64],
     /// Room for the forces of A on B [N].
     pub forces: &'a mut [Vec3],
 }
@@ -197,10 +196,8 @@ pub struct Last<'a> {
     pub pairs: &'a [Pair],
     /// Normals and overlaps.
     pub history: &'a [History],
-    /// Tangential springs [m]; empty if the law does not need springs.
-    pub springs: &'a [Vec3],
-    /// Normal forces [N]; empty if the law has no dashpots, and they follow from the overlaps.
-    pub normal_forces: &'a [f64],
+    /// What the law remembers: the numbers of each, see [`ForceLaw::state`].
+    pub state: &'a [f64],
 }
 
 /// A contact of the last step that is none now.
@@ -283,25 +280,44 @@ impl Sums {
     }
 }
 
+/// Linear springs and dashpots with friction between bodies of a library, see [`linear`]; if `limit_damping`, no dashpot
+/// makes a contact attractive.
+pub fn linear(
+    interactions: Interactions,
+    limit_damping: bool,
+    library: &Library,
+) -> Box<dyn ForceLaw> {
+    Box::new(kernel::Law::new(linear::Linear::new(interactions, limit_damping), library))
+}
+
 /// A law of contact forces.
 pub trait ForceLaw: Send + Sync {
     /// As reports name it.
     fn name(&self) -> &'static str;
 
-    /// Which columns it reads.
+    /// Which columns of particles it reads.
     fn needs(&self) -> Needs;
+
+    /// What it remembers of a touching contact. Whoever carries, saves and compares it follows this list.
+    fn state(&self) -> &[StateColumn];
 
     /// Finds the forces of contacts and what the next step must remember of them, and sums what they do to their bodies. `dt`
     /// [s] is 0 at the start of a stage: springs do not stretch, and nothing is lost.
     fn apply(&self, work: &mut Work, particles: &Particles, dt: f64, sums: &mut Sums);
 
-    /// The normal force of a pair that touches without dashpots [N].
-    fn elastic(&self, pair: Pair, particles: &Particles, overlap: f64) -> f64;
+    /// The normal force of a contact whose force has been found [N].
+    fn normal_force(
+        &self,
+        pair: Pair,
+        particles: &Particles,
+        geometry: &History,
+        state: &[f64],
+    ) -> f64;
+
+    /// Elastic energy of a contact [J].
+    fn stored(&self, pair: Pair, particles: &Particles, geometry: &History, state: &[f64]) -> f64;
 
     /// How much the normal force of a pair that touches rises when its bodies come nearer within one step of
     /// `dt` [s], over the way [N/m].
     fn stiffness(&self, pair: Pair, particles: &Particles, dt: f64) -> f64;
-
-    /// Elastic energy in a contact with this overlap [m] and tangential spring [m], in J.
-    fn stored(&self, a: MaterialId, b: MaterialId, overlap: f64, spring: &Vec3) -> f64;
 }

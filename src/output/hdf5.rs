@@ -496,6 +496,17 @@ fn attach_numbers<T: Element>(to: &Location, name: &str, values: &[T]) -> hdf5_m
     }
 }
 
+/// The inverse of [`attach_text`].
+fn attached_text(to: &Location, name: &str) -> hdf5_metno::Result<String> {
+    let attribute = to.attr(name)?;
+    let kind = attribute.dtype()?;
+    let mut bytes = vec![0_u8; kind.size()];
+    let _lock = LOCK.lock();
+    // SAFETY: the room has the size of the attribute.
+    check(unsafe { h5a::H5Aread(attribute.id(), kind.id(), bytes.as_mut_ptr().cast()) })?;
+    Ok(String::from_utf8_lossy(&bytes).trim_end_matches('\0').to_owned())
+}
+
 fn attach_text(to: &Location, name: &str, text: &str) -> hdf5_metno::Result<()> {
     // Text of length zero has no type.
     let text = if text.is_empty() { "\0" } else { text };
@@ -652,6 +663,27 @@ impl StoredFile {
     /// Does it have a dataset there?
     pub fn has(&self, place: &str) -> bool {
         self.file.link_exists(place)
+    }
+
+    /// The names of the datasets of a group, in alphabetical order.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Unreadable`].
+    pub fn members(&self, group: &str) -> Result<Vec<String>, SnapshotError> {
+        let names = self.file.group(group).and_then(|group| group.member_names());
+        let mut names = names.map_err(|e| self.wrong(&format!("{group}: {e}")))?;
+        names.sort_unstable();
+        Ok(names)
+    }
+
+    /// How many elements a row of a dataset has, and their unit.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Unreadable`].
+    pub fn width_and_unit(&self, place: &str) -> Result<(usize, String), SnapshotError> {
+        let stored = self.stored(place)?;
+        let unit = attached_text(&stored.dataset, "unit");
+        Ok((stored.width, unit.map_err(|e| self.wrong(&format!("{place}: {e}")))?))
     }
 
     /// Has a group an attribute of this name?

@@ -5,13 +5,13 @@
 
 use super::hdf5::{Column, SnapshotFile, StoredFile};
 use super::tables::{
-    ContactRow, ContactTable, Header, HistoryTable, ParticleTable, Rows, ServoRow, ShapeRow,
-    WallRow,
+    ContactRow, ContactTable, Header, HistoryRows, HistoryTable, ParticleTable, Rows, ServoRow,
+    ShapeRow, WallRow,
 };
 use super::{SnapshotError, make_directory, on_root};
 use crate::comm::alone::Alone;
 use crate::comm::{Comm, agree, wire};
-use crate::contact::{History, NamedHistory};
+use crate::contact::{Histories, History, NamedHistory, StateColumn};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::{ExactSum, Vec3};
 use crate::shape::Shape;
@@ -62,9 +62,9 @@ const ANGULAR_MOMENTUM: Column = column("/restart/particles/angular_momentum", 3
 const HISTORY_A: Column = column("/restart/contacts/a", 1, "1");
 const HISTORY_B: Column = column("/restart/contacts/b", 1, "1");
 const HISTORY_NORMAL: Column = column("/restart/contacts/normal", 3, "1");
-const HISTORY_SPRING: Column = column("/restart/contacts/spring", 3, "m");
 const HISTORY_OVERLAP: Column = column("/restart/contacts/overlap", 1, "m");
-const HISTORY_NORMAL_FORCE: Column = column("/restart/contacts/normal_force", 1, "N");
+/// Where what the law remembers stands beside them, a dataset for each column.
+const HISTORIES: &str = "/restart/contacts";
 
 // Contacts.
 const A: Column = column("/VTKHDF/CellData/a", 1, "1");
@@ -80,8 +80,10 @@ const FORCE_MAGNITUDE: Column = column("/VTKHDF/CellData/force", 1, "N");
 /// No element of a column takes more [bytes].
 const ELEMENT: usize = size_of::<f64>();
 
-/// Bytes of a contact in both files, its history included.
-pub const CONTACT_BYTES: usize = ELEMENT * (OF_CONTACT + OF_HISTORY);
+/// Bytes of a contact in both files, its history included, of which a law remembers these columns.
+pub fn contact_bytes(remembered: &[StateColumn]) -> usize {
+    ELEMENT * (OF_CONTACT + of_history(remembered))
+}
 
 /// Elements at most of a particle: all columns, one vertex and its end.
 const OF_PARTICLE: usize = POINTS.width
@@ -102,12 +104,11 @@ const OF_PARTICLE: usize = POINTS.width
     + 2;
 
 /// Elements of a history.
-const OF_HISTORY: usize = HISTORY_A.width
-    + HISTORY_B.width
-    + HISTORY_NORMAL.width
-    + HISTORY_SPRING.width
-    + HISTORY_OVERLAP.width
-    + HISTORY_NORMAL_FORCE.width;
+fn of_history(remembered: &[StateColumn]) -> usize {
+    let geometry =
+        HISTORY_A.width + HISTORY_B.width + HISTORY_NORMAL.width + HISTORY_OVERLAP.width;
+    geometry + StateColumn::total_width(remembered)
+}
 
 /// Elements of a contact: all columns, two points, one line of two ids and its end.
 const OF_CONTACT: usize = 2 * POINTS.width
@@ -167,10 +168,10 @@ pub fn write(
     header: &Header,
     particles: &ParticleTable,
     contacts: &ContactTable,
-    histories: &[NamedHistory],
+    histories: &HistoryTable,
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, SnapshotError> {
-    write_rows(directory, header, particles, contacts, &histories, comm)
+    write_rows(directory, header, particles, contacts, histories, comm)
 }
 
 /// As [`write`], of contacts and histories that need not all be there at once.
@@ -182,7 +183,7 @@ pub fn write_rows(
     header: &Header,
     particles: &ParticleTable,
     contacts: &dyn Rows<ContactRow>,
-    histories: &dyn Rows<NamedHistory>,
+    histories: &dyn HistoryRows,
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, SnapshotError> {
     let header = &of_root(header, comm);
@@ -327,7 +328,7 @@ fn write_particles(
     path: &Path,
     header: &Header,
     particles: &ParticleTable,
-    histories: &dyn Rows<NamedHistory>,
+    histories: &dyn HistoryRows,
     comm: &mut dyn Comm,
 ) -> Result<(), SnapshotError> {
     let count = particles.id.len();
@@ -341,7 +342,8 @@ fn write_particles(
         ],
         comm,
     );
-    let elements = count * OF_PARTICLE + histories.count() * OF_HISTORY + OF_PART;
+    let of_history = of_history(histories.columns());
+    let elements = count * OF_PARTICLE + histories.count() * of_history + OF_PART;
     let mut file = create(path, elements, header, comm)?;
 
     file.group("/VTKHDF")?;
@@ -383,16 +385,31 @@ fn write_particles(
         file.rows(&ANGULAR_MOMENTUM, numbers(&particles.angular_momentum))?;
     }
 
-    file.group("/restart/contacts")?;
-    file.rows(&HISTORY_A, &told(histories, |h| h.a.to_file()))?;
-    file.rows(&HISTORY_B, &told(histories, |h| h.b.to_file()))?;
-    file.rows(&HISTORY_NORMAL, numbers(&told(histories, |h| h.history.normal)))?;
-    file.rows(&HISTORY_SPRING, numbers(&told(histories, |h| h.spring)))?;
-    file.rows(&HISTORY_OVERLAP, &told(histories, |h| h.history.overlap))?;
-    file.rows(&HISTORY_NORMAL_FORCE, &told(histories, |h| h.normal_force))?;
-
+    write_histories(&mut file, histories)?;
     write_header(&mut file, header)?;
     file.close()
+}
+
+fn write_histories(
+    file: &mut SnapshotFile,
+    histories: &dyn HistoryRows,
+) -> Result<(), SnapshotError> {
+    fn told<T>(histories: &dyn HistoryRows, get: impl Fn(&NamedHistory) -> T) -> Vec<T> {
+        let mut column = Vec::with_capacity(histories.count());
+        histories.each(&mut |named| column.push(get(named)));
+        column
+    }
+    file.group(HISTORIES)?;
+    file.rows(&HISTORY_A, &told(histories, |h| h.a.to_file()))?;
+    file.rows(&HISTORY_B, &told(histories, |h| h.b.to_file()))?;
+    file.rows(&HISTORY_NORMAL, numbers(&told(histories, |h| h.geometry.normal)))?;
+    file.rows(&HISTORY_OVERLAP, &told(histories, |h| h.geometry.overlap))?;
+    for (StateColumn { name, unit, width }, numbers) in StateColumn::places(histories.columns()) {
+        let mut values = Vec::with_capacity(histories.count() * width);
+        histories.each(&mut |h| values.extend_from_slice(&h.state[numbers.clone()]));
+        file.rows(&column(&format!("{HISTORIES}/{name}"), *width, unit), &values)?;
+    }
+    Ok(())
 }
 
 /// One column, for as long as it is written.
@@ -880,18 +897,41 @@ impl Reader {
     pub fn histories(&self, rows: Range<usize>) -> Result<HistoryTable, SnapshotError> {
         let table = Piece { file: &self.particles, total: self.history_count, rows };
         let (a, b) = (table.ids(&HISTORY_A)?, table.ids(&HISTORY_B)?);
-        let (normal, spring) = (table.vectors(&HISTORY_NORMAL)?, table.vectors(&HISTORY_SPRING)?);
+        let normal = table.vectors(&HISTORY_NORMAL)?;
         let overlap: Vec<f64> = table.read(&HISTORY_OVERLAP)?;
-        let normal_force: Vec<f64> = table.read(&HISTORY_NORMAL_FORCE)?;
-        Ok((0..a.len())
-            .map(|k| NamedHistory {
-                a: a[k],
-                b: b[k],
-                history: History { normal: normal[k], overlap: overlap[k] },
-                spring: spring[k],
-                normal_force: normal_force[k],
-            })
-            .collect())
+        let remembered = self.remembered()?;
+        let mut states: Vec<Vec<f64>> = Vec::new();
+        for StateColumn { name, unit, width } in &remembered {
+            states.push(table.read(&column(&format!("{HISTORIES}/{name}"), *width, unit))?);
+        }
+        let mut histories = Histories::of(&remembered);
+        let mut state = Vec::new();
+        for k in 0..a.len() {
+            state.clear();
+            for (StateColumn { width, .. }, numbers) in remembered.iter().zip(&states) {
+                state.extend_from_slice(&numbers[k * width..][..*width]);
+            }
+            let geometry = History { normal: normal[k], overlap: overlap[k] };
+            histories.push(&NamedHistory { a: a[k], b: b[k], geometry, state: &state });
+        }
+        Ok(histories)
+    }
+
+    /// What the law remembered of touching contacts.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Unreadable`].
+    pub fn remembered(&self) -> Result<Vec<StateColumn>, SnapshotError> {
+        let geometry = [HISTORY_A, HISTORY_B, HISTORY_NORMAL, HISTORY_OVERLAP];
+        let mut remembered = Vec::new();
+        for name in self.particles.members(HISTORIES)? {
+            let place = format!("{HISTORIES}/{name}");
+            if geometry.iter().all(|column| column.place != place) {
+                let (width, unit) = self.particles.width_and_unit(&place)?;
+                remembered.push(StateColumn { name: name.into(), unit: unit.into(), width });
+            }
+        }
+        Ok(remembered)
     }
 
     /// Checks every dataset of both files against its checksum.

@@ -14,11 +14,11 @@
 //! | particles `/VTKHDF/Points` | particles × 3 | centres [m] |
 //! | particles `/VTKHDF/PointData/<name>` | particles | the other columns of [`ParticleTable`] that a picture shows |
 //! | particles `/restart/particles/<name>` | particles | `angular_momentum`, `dissipated`, `received`, `image` |
-//! | particles `/restart/contacts/<name>` | touching pairs | `a`, `b`, `normal`, `spring`, `overlap`, `normal_force` |
+//! | particles `/restart/contacts/<name>` | touching pairs | `a`, `b`, `normal`, `overlap`, and what the law remembers under its names |
 //! | contacts `/VTKHDF/Points` | 2 per contact × 3 | centre of A; centre of B's nearest image, or the foot on the wall [m] |
 //! | contacts `/VTKHDF/CellData/<name>` | contacts | the columns of [`ContactTable`] |
 
-use crate::contact::NamedHistory;
+use crate::contact::{Histories, NamedHistory, StateColumn};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
 use crate::shape::{Ellipsoid, Shape};
@@ -231,13 +231,29 @@ pub trait Rows<Row> {
     }
 }
 
-impl Rows<NamedHistory> for &[NamedHistory] {
+/// The same of histories of touching contacts.
+pub trait HistoryRows {
+    /// What the law remembers.
+    fn columns(&self) -> &[StateColumn];
+
+    /// How many.
+    fn count(&self) -> usize;
+
+    /// Tells each, always in the same order.
+    fn each(&self, take: &mut dyn FnMut(&NamedHistory));
+}
+
+impl HistoryRows for Histories {
+    fn columns(&self) -> &[StateColumn] {
+        self.columns()
+    }
+
     fn count(&self) -> usize {
         self.len()
     }
 
     fn each(&self, take: &mut dyn FnMut(&NamedHistory)) {
-        self.iter().for_each(take);
+        self.iter().for_each(|named| take(&named));
     }
 }
 
@@ -314,4 +330,4 @@ impl ContactTable {
 }
 
 /// Histories of touching contacts, for a restart.
-pub type HistoryTable = Vec<NamedHistory>;
+pub type HistoryTable = Histories;

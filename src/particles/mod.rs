@@ -82,10 +82,6 @@ pub struct Needs {
     pub velocity: bool,
     /// Angular velocity, torque.
     pub spin: bool,
-    /// Tangential springs of contacts: a law with friction.
-    pub springs: bool,
-    /// Normal forces of contacts, which otherwise follow from their overlaps: a law with dashpots.
-    pub dashpots: bool,
     /// Attitude and angular momentum, for any shape but the sphere, and contact points, which of balls follow from
     /// their overlaps. Implies `spin`.
     pub attitude: bool,
@@ -377,7 +373,6 @@ impl Particles {
             angular_momentum,
             angular_velocity,
             torque,
-            histories: _,
         } = particle;
         self.id.push(*id);
         self.shape.push(*shape);
@@ -409,8 +404,7 @@ impl Particles {
         }
     }
 
-    /// Takes an owned particle out; the last owned one moves to its slot. Its contacts' histories
-    /// are the caller's to add. Ghosts and walls must be stripped.
+    /// Takes an owned particle out; the last owned one moves to its slot. Ghosts and walls must be stripped.
     pub fn take_owned(&mut self, slot: usize) -> Particle {
         self.listed_at.swap_remove(slot);
         let quaternion = self.attitude.as_mut().map_or_else(Quat::identity, |attitude| {
@@ -439,7 +433,6 @@ impl Particles {
             angular_momentum,
             angular_velocity,
             torque,
-            histories: Vec::new(),
         };
         self.owned -= 1;
         particle
@@ -521,8 +514,6 @@ pub(crate) fn crowd(count: u64) -> Particles {
     let needs = Needs {
         velocity: true,
         spin: true,
-        springs: true,
-        dashpots: true,
         attitude: true,
         form: true,
         image: false,

@@ -12,7 +12,7 @@
 //! | histories of touching contacts | x | | |
 
 use super::Particles;
-use crate::contact::{NamedHistory, nearest_image};
+use crate::contact::nearest_image;
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
@@ -45,8 +45,6 @@ pub struct Particle {
     pub angular_velocity: Vec3,
     /// World axes [N m].
     pub torque: Vec3,
-    /// Of its touching contacts.
-    pub histories: Vec<NamedHistory>,
 }
 
 impl Particle {
@@ -65,7 +63,6 @@ impl Particle {
             angular_momentum: Vec3::zeros(),
             angular_velocity: Vec3::zeros(),
             torque: Vec3::zeros(),
-            histories: Vec::new(),
         }
     }
 }

@@ -4,14 +4,15 @@
 //! owning rank is not part of the state and is not compared. Springs and all else that is remembered of
 //! touching contacts are matched by the ids of both bodies. Both states are held in memory.
 
-use crate::contact::NamedHistory;
+use crate::contact::{NamedHistory, StateColumn};
 use crate::ids::GlobalId;
-use crate::math::Vec3;
 use crate::output::columns::NamedColumn;
 use crate::output::tables::{Header, HistoryTable, ParticleTable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
+use std::ops::Range;
+use std::slice;
 
 /// How many differences are named one by one.
 pub const NAMED: usize = 10;
@@ -60,6 +61,8 @@ pub struct ContactDifference {
     pub only_first: Vec<(GlobalId, GlobalId)>,
     /// Contacts that only the second has.
     pub only_second: Vec<(GlobalId, GlobalId)>,
+    /// What only one of them remembers.
+    pub only_one_column: Vec<String>,
     /// Contacts in both.
     pub compared: u64,
     /// Contacts in both that differ anywhere.
@@ -169,15 +172,32 @@ impl Difference {
 impl ContactDifference {
     /// Whether nothing differs.
     pub fn is_empty(&self) -> bool {
-        self.only_first.is_empty() && self.only_second.is_empty() && self.differing == 0
+        self.only_first.is_empty()
+            && self.only_second.is_empty()
+            && self.only_one_column.is_empty()
+            && self.differing == 0
     }
 
     fn between(first: &HistoryTable, second: &HistoryTable) -> Self {
         let mut found = Self::default();
-        let ends = |named: &NamedHistory| (named.a, named.b);
+        // What only one of them remembers has nothing to be compared with.
+        let mut shared = vec![];
+        for (column, place) in StateColumn::places(first.columns()) {
+            match StateColumn::places(second.columns()).find(|(other, _)| other.name == column.name)
+            {
+                Some((_, other)) => shared.push((&*column.name, place, other)),
+                None => found.only_one_column.push(column.name.to_string()),
+            }
+        }
+        for column in second.columns() {
+            if first.columns().iter().all(|other| other.name != column.name) {
+                found.only_one_column.push(column.name.to_string());
+            }
+        }
+        let ends = |named: NamedHistory| (named.a, named.b);
         for (ends, pair) in matched(first.iter().map(ends), second.iter().map(ends)) {
             match pair {
-                [Some(i), Some(j)] => found.compare(ends, &first[i], &second[j]),
+                [Some(i), Some(j)] => found.compare(ends, &shared, first.get(i), second.get(j)),
                 [Some(_), None] => found.only_first.push(ends),
                 _ => found.only_second.push(ends),
             }
@@ -185,17 +205,32 @@ impl ContactDifference {
         found
     }
 
-    fn compare(&mut self, ends: Ends, first: &NamedHistory, second: &NamedHistory) {
+    fn compare(
+        &mut self,
+        ends: Ends,
+        shared: &[SharedState],
+        first: NamedHistory,
+        second: NamedHistory,
+    ) {
         self.compared += 1;
+        let (mine, theirs) = (&first.geometry, &second.geometry);
+        let geometry = [
+            ("normal", mine.normal.as_slice(), theirs.normal.as_slice()),
+            ("overlap", slice::from_ref(&mine.overlap), slice::from_ref(&theirs.overlap)),
+        ];
+        let state = shared.iter().map(|(name, here, there)| {
+            (*name, &first.state[here.clone()], &second.state[there.clone()])
+        });
         let mut any = false;
-        for ((name, x), (_, y)) in remembered(first).iter().zip(&remembered(second)) {
-            if x.map(f64::to_bits) == y.map(f64::to_bits) {
+        for (name, x, y) in geometry.into_iter().chain(state) {
+            let pairs = || x.iter().zip(y);
+            if pairs().all(|(x, y)| x.to_bits() == y.to_bits()) {
                 continue;
             }
             any = true;
-            let entry = self.columns.entry((*name).to_owned()).or_default();
+            let entry = self.columns.entry(name.to_owned()).or_default();
             entry.rows += 1;
-            for (x, y) in x.iter().zip(y) {
+            for (x, y) in pairs() {
                 entry.largest = entry.largest.max(distance(*x, *y));
             }
         }
@@ -208,17 +243,8 @@ impl ContactDifference {
     }
 }
 
-/// What is remembered of a contact, column by column.
-fn remembered(named: &NamedHistory) -> [(&'static str, Vec3); 4] {
-    let NamedHistory { a: _, b: _, history, spring, normal_force } = named;
-    let scalar = |value| Vec3::new(value, 0.0, 0.0);
-    [
-        ("spring", *spring),
-        ("normal", history.normal),
-        ("overlap", scalar(history.overlap)),
-        ("normal_force", scalar(*normal_force)),
-    ]
-}
+/// The name of what both laws remember, and where it stands in each state.
+type SharedState<'a> = (&'a str, Range<usize>, Range<usize>);
 
 /// The rows of two tables by the names of what is in them.
 fn matched<T: Ord>(
@@ -366,6 +392,9 @@ impl fmt::Display for ContactDifference {
                 let (count, named) = (contacts.len(), named(contacts));
                 writeln!(f, "{count} contacts only in the {which}: {named}")?;
             }
+        }
+        for column in &self.only_one_column {
+            writeln!(f, "{column} of contacts is remembered in one of the two only")?;
         }
         writeln!(f, "{} of {} contacts in both differ", self.differing, self.compared)?;
         for (name, column) in &self.columns {

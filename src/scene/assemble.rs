@@ -2,7 +2,7 @@
 
 use super::{Scene, packing};
 use crate::comm::{Comm, agree};
-use crate::contact::{self, NamedHistory};
+use crate::contact::{self, Histories, StateColumn};
 use crate::contacts::Contacts;
 use crate::domain::{self, Domain};
 use crate::drive::rain::RainGauge;
@@ -47,6 +47,17 @@ pub enum StartError {
         /// Its semi-axes [m].
         semi_axes: String,
     },
+    /// The stage cannot go on, because the law of the scene remembers more.
+    #[error(
+        "{path}: it has no `{column}` of contacts, which the scene's law remembers: friction or restitution have \
+         been added since. Give it to a new stage, as `start` of the scene"
+    )]
+    Forgotten {
+        /// The snapshot.
+        path: PathBuf,
+        /// What is missing.
+        column: String,
+    },
     /// Its domain repeats along other axes or with other lengths.
     #[error("{path}: its periodic axes or their lengths differ from the scene's [domain]")]
     Period {
@@ -73,6 +84,7 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
     if !scene.walls.is_empty() {
         kinds.push(Kind::HalfSpace);
     }
+    let law = scene.law();
     Simulation {
         particles: Particles::new(
             scene.needs(),
@@ -82,11 +94,11 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
             period,
         ),
         pairs: PairList::default(),
-        contacts: Contacts::default(),
+        contacts: Contacts::of(law.state()),
         sums: Sums::default(),
         domain: Domain::new(spec.low, spec.high, spec.periodic, halo, comm),
         resolvers: contact::table(&scene.method, &kinds),
-        law: Box::new(scene.law()),
+        law,
         field: Field { gravity: scene.gravity, damping: scene.global_damping },
         rain: scene.rain.clone().map(|rain| RainGauge::new(rain, scene.seed)),
         servos: Servos::new(scene.servos.clone(), &scene.library),
@@ -140,6 +152,14 @@ pub fn take_up(
     let reader = Reader::open_together(path, comm)?;
     let read = read_part(&reader, reader.path(), scene, comm);
     let (header, mut particles, histories) = agree(comm, read)?;
+    // A stage that begins finds the forces of its law anew; one that goes on needs all that the law remembered.
+    let is_known = |wanted: &&StateColumn| histories.columns().contains(wanted);
+    if from == From::Middle
+        && let Some(column) = sim.law.state().iter().find(|column| !is_known(column))
+    {
+        let (path, column) = (reader.path().to_owned(), column.name.to_string());
+        return Err(StartError::Forgotten { path, column });
+    }
 
     sim.next_id = header.next_id;
     sim.step = header.step;
@@ -192,7 +212,7 @@ fn read_part(
     path: &Path,
     scene: &Scene,
     comm: &dyn Comm,
-) -> Result<(Header, Vec<Particle>, Vec<NamedHistory>), StartError> {
+) -> Result<(Header, Vec<Particle>, Histories), StartError> {
     let header = reader.header().clone();
     let spec = &scene.domain;
     let before = domain::period(&header.low, &header.high, header.periodic);
@@ -234,18 +254,15 @@ fn read_part(
         count * rank / size..count * (rank + 1) / size
     };
     let table = reader.particles(share(reader.particle_count()))?;
-    let mut histories = reader.histories(share(reader.history_count()))?;
-    histories.retain_mut(|named| match named.b.wall_index() {
-        None => true,
-        Some(k) => {
-            // The order of walls may have changed, and a wall may be gone or turned.
-            let is = |wall: &Wall, before: &WallRow| {
-                wall.name == before.name && wall.normal == before.normal
-            };
-            let now = (header.walls.get(k))
-                .and_then(|before| scene.walls.iter().position(|wall| is(wall, before)));
-            now.inspect(|&k| named.b = GlobalId::wall(k)).is_some()
-        }
+    let histories = reader.histories(share(reader.history_count()))?;
+    let histories = histories.renamed(|id| {
+        let Some(k) = id.wall_index() else { return Some(id) };
+        // The order of walls may have changed, and a wall may be gone or turned.
+        let is = |wall: &Wall, before: &WallRow| {
+            wall.name == before.name && wall.normal == before.normal
+        };
+        let before = header.walls.get(k)?;
+        scene.walls.iter().position(|wall| is(wall, before)).map(GlobalId::wall)
     });
     let mut particles = capture::particles_of(&table, |shape| shapes[shape.index()]);
     for (particle, before) in particles.iter_mut().zip(&table.shape) {

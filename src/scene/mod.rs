@@ -116,9 +116,8 @@ pub use crate::contact::Method;
 pub use crate::drive::rain::Rain;
 pub use crate::drive::servo::Servo;
 use crate::ids::ShapeId;
-use crate::law::linear::Linear;
 use crate::law::stability::{self, TimeStepLimit};
-use crate::law::{ForceLaw, Interactions, Material};
+use crate::law::{self, ForceLaw, Interactions, Material};
 use crate::math::{Quat, Vec3};
 pub use crate::particles::mix::Mix;
 use crate::particles::walls::Wall;
@@ -254,8 +253,8 @@ impl Scene {
     }
 
     /// The force law of the scene.
-    pub fn law(&self) -> Linear {
-        Linear::new(self.interactions.clone(), self.limit_damping, &self.library)
+    pub fn law(&self) -> Box<dyn ForceLaw> {
+        law::linear(self.interactions.clone(), self.limit_damping, &self.library)
     }
 
     /// The kinds of shape that particles have.

@@ -6,7 +6,7 @@ use crate::contact::{ContactResolver, table};
 use crate::ids::MaterialId;
 use crate::law::Constants;
 use crate::math::{ExactSum, Vec3};
-use crate::output::snapshot::CONTACT_BYTES;
+use crate::output::snapshot::contact_bytes;
 use crate::shape::moments::Placement;
 use crate::shape::{Kind, Shape};
 use std::collections::BTreeSet;
@@ -256,7 +256,7 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
         ),
     );
     let particles = count * snapshot_bytes_per_particle(scene);
-    let contacts = count * CONTACTS_PER_PARTICLE * CONTACT_BYTES as u64;
+    let contacts = count * CONTACTS_PER_PARTICLE * contact_bytes(scene.law().state()) as u64;
     // One at the start, those on schedule, and one at the end.
     let snapshots = match scene.snapshot_every {
         0 => 1,

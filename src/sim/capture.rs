@@ -2,7 +2,7 @@
 
 use super::Simulation;
 use crate::comm::{Comm, Parcel, wire};
-use crate::contact::{NamedHistory, Pair};
+use crate::contact::{Histories, NamedHistory, Pair, StateColumn};
 use crate::contacts::Loaded;
 use crate::drive::servo::{Course, Errors, ForceSum, Memory, PARTS, State};
 use crate::ids::{GlobalId, Rank, ShapeId};
@@ -10,7 +10,7 @@ use crate::math::{ExactSum, Quat, Vec3};
 use crate::motion;
 use crate::output::snapshot::MOST_PARTS;
 use crate::output::tables::{
-    ContactRow, ContactTable, Header, ParticleTable, Rows, ServoRow, ShapeRow, WallRow,
+    ContactRow, ContactTable, Header, HistoryRows, ParticleTable, Rows, ServoRow, ShapeRow, WallRow,
 };
 use crate::particles::records::Particle;
 use crate::shape::Kind;
@@ -39,7 +39,7 @@ impl Rows<ContactRow> for FirstOwned<'_> {
         let Simulation { particles, contacts, law, .. } = self.0;
         let bodies = particles.bodies();
         for contact in contacts.loaded(&**law, particles) {
-            let Loaded { pair, history, normal_force, force, point, spring: _ } = contact;
+            let Loaded { pair, history, normal_force, force, point, state: _ } = contact;
             if !self.is_one(pair) {
                 continue;
             }
@@ -61,17 +61,19 @@ impl Rows<ContactRow> for FirstOwned<'_> {
     }
 }
 
-impl Rows<NamedHistory> for FirstOwned<'_> {
+impl HistoryRows for FirstOwned<'_> {
+    fn columns(&self) -> &[StateColumn] {
+        self.0.contacts.remembered()
+    }
+
     fn count(&self) -> usize {
         self.how_many()
     }
 
     fn each(&self, take: &mut dyn FnMut(&NamedHistory)) {
-        let Simulation { particles, contacts, law, .. } = self.0;
-        let forces = contacts.normal_forces(&**law, particles);
-        for ((pair, named), (_, normal_force)) in contacts.named(particles).zip(forces) {
+        for (pair, named) in self.0.contacts.named(&self.0.particles) {
             if self.is_one(pair) {
-                take(&NamedHistory { normal_force, ..named });
+                take(&named);
             }
         }
     }
@@ -202,15 +204,15 @@ impl Simulation {
     }
 
     /// The histories of the touching contacts of which this rank owns the first particle.
-    pub fn histories(&self) -> Vec<NamedHistory> {
+    pub fn histories(&self) -> Histories {
         let rows = self.history_rows();
-        let mut histories = Vec::with_capacity(rows.count());
-        rows.each(&mut |row| histories.push(*row));
+        let mut histories = Histories::of(rows.columns());
+        rows.each(&mut |row| histories.push(row));
         histories
     }
 
     /// The rows of [`Simulation::histories`].
-    pub const fn history_rows(&self) -> impl Rows<NamedHistory> {
+    pub const fn history_rows(&self) -> impl HistoryRows {
         FirstOwned(self)
     }
 
@@ -220,7 +222,7 @@ impl Simulation {
     pub fn take_up(
         &mut self,
         particles: &[Particle],
-        histories: &[NamedHistory],
+        histories: &Histories,
         comm: &mut dyn Comm,
     ) {
         self.particles.strip_to_owned();
@@ -232,8 +234,9 @@ impl Simulation {
         self.domain.recut(&self.particles, &work, comm);
         self.domain.migrate(&mut self.particles, &self.contacts, comm);
         let owned = &self.particles.id[..self.particles.owned];
-        let mut carried = histories_to_owners(owned, histories, comm);
-        self.relist(&mut carried, comm);
+        let histories = histories.with_columns(self.contacts.remembered());
+        let carried = histories_to_owners(owned, &histories, comm);
+        self.relist(&carried, comm);
     }
 }
 
@@ -256,9 +259,9 @@ const fn errors_of(row: &[f64; 4]) -> Errors {
 /// all ranks by id: no rank holds more than its share. Collective.
 fn histories_to_owners(
     owned: &[GlobalId],
-    histories: &[NamedHistory],
+    histories: &Histories,
     comm: &mut dyn Comm,
-) -> Vec<NamedHistory> {
+) -> Histories {
     let size = u64::from(comm.size());
     let home = |id: GlobalId| Rank((id.0 % size) as u32);
 
@@ -273,29 +276,36 @@ fn histories_to_owners(
         }
     }
 
-    let mut asked: BTreeMap<Rank, Vec<(GlobalId, NamedHistory)>> = BTreeMap::new();
-    for named in histories {
+    // Whose directory, and about whom it is asked in each row.
+    let none = || (Vec::new(), Histories::of(histories.columns()));
+    let mut asked: BTreeMap<Rank, (Vec<GlobalId>, Histories)> = BTreeMap::new();
+    for named in histories.iter() {
         for id in [named.a, named.b] {
             if id.wall_index().is_none() {
-                asked.entry(home(id)).or_default().push((id, *named));
+                let (ids, rows) = asked.entry(home(id)).or_insert_with(none);
+                ids.push(id);
+                rows.push(&named);
             }
         }
     }
-    let mut forwarded: BTreeMap<Rank, Vec<NamedHistory>> = BTreeMap::new();
+    let none = || Histories::of(histories.columns());
+    let mut forwarded: BTreeMap<Rank, Histories> = BTreeMap::new();
     for parcel in comm.route(to_parcels(asked)) {
-        for (id, named) in wire::decode::<Vec<(GlobalId, NamedHistory)>>(&parcel.bytes) {
-            if let Some(&owner) = directory.get(&id) {
-                forwarded.entry(owner).or_default().push(named);
+        let (ids, rows): (Vec<GlobalId>, Histories) = wire::decode(&parcel.bytes);
+        for (id, named) in ids.iter().zip(rows.iter()) {
+            if let Some(&owner) = directory.get(id) {
+                forwarded.entry(owner).or_insert_with(none).push(&named);
             }
         }
     }
-    comm.route(to_parcels(forwarded))
-        .iter()
-        .flat_map(|parcel| wire::decode::<Vec<NamedHistory>>(&parcel.bytes))
-        .collect()
+    let mut mine = none();
+    for parcel in comm.route(to_parcels(forwarded)) {
+        mine.append(&wire::decode(&parcel.bytes));
+    }
+    mine
 }
 
-fn to_parcels<T: serde::Serialize>(by_rank: BTreeMap<Rank, Vec<T>>) -> Vec<Parcel> {
+fn to_parcels<T: serde::Serialize>(by_rank: BTreeMap<Rank, T>) -> Vec<Parcel> {
     by_rank
         .into_iter()
         .map(|(rank, values)| Parcel { rank, bytes: wire::encode(&values) })
@@ -322,7 +332,6 @@ pub fn particles_of(table: &ParticleTable, shape_of: impl Fn(ShapeId) -> ShapeId
             angular_momentum: vector(&table.angular_momentum, row),
             angular_velocity: vector(&table.angular_velocity, row),
             torque: vector(&table.torque, row),
-            histories: Vec::new(),
         })
         .collect()
 }

@@ -7,7 +7,7 @@ pub mod trace;
 pub mod watch;
 
 use crate::comm::{Comm, agree};
-use crate::contact::{Found, NamedHistory, Pair, Table, Touch, Why};
+use crate::contact::{Found, Histories, Pair, Table, Touch, Why};
 use crate::contacts::{Contacts, Loaded};
 use crate::domain::{Domain, DomainError};
 use crate::drive::rain::RainGauge;
@@ -225,21 +225,21 @@ impl Simulation {
         let checked = self.domain.check(&self.particles);
         agree(comm, checked).map_err(|error| StepError::Domain { step, error })?;
         self.recut_if_unbalanced(comm);
-        let mut carried = self.domain.migrate(&mut self.particles, &self.contacts, comm);
+        let carried = self.domain.migrate(&mut self.particles, &self.contacts, comm);
         let me = comm.rank();
         for particle in newcomers {
             if self.domain.owner(&particle.position) == me {
                 self.insert_within_step(particle);
             }
         }
-        self.relist(&mut carried, comm);
+        self.relist(&carried, comm);
         self.clock.lap(Phase::Rebuild);
         Ok(())
     }
 
     /// Makes ghosts and pairs for particles that are all with their owners; `carried` are the histories
     /// of their touching contacts. Collective.
-    pub fn relist(&mut self, carried: &mut [NamedHistory], comm: &mut dyn Comm) {
+    pub fn relist(&mut self, carried: &Histories, comm: &mut dyn Comm) {
         self.domain.offer_ghosts(&mut self.particles, comm);
         let mut found = search::close_pairs(&self.particles, self.skin);
         self.domain.keep_paired_ghosts(&mut self.particles, &mut found);
@@ -419,9 +419,9 @@ impl Simulation {
         let particles = &mut self.particles;
         let mut brought: Vec<(usize, GlobalId, f64)> = Vec::new();
         for contact in self.contacts.loaded(&*self.law, particles) {
-            let Loaded { pair: Pair { a, b }, history, spring, .. } = contact;
-            let (of_a, of_b) = (particles.material(a), particles.material(b));
-            let stored = self.law.stored(of_a, of_b, history.overlap, &spring);
+            let Loaded { pair, history, state, .. } = contact;
+            let Pair { a, b } = pair;
+            let stored = self.law.stored(pair, particles, history, state);
             let share = if b.index() >= particles.first_wall() { stored } else { 0.5 * stored };
             for (me, partner) in [(a, b), (b, a)] {
                 if me.index() < particles.owned {

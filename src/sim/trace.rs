@@ -3,6 +3,7 @@
 
 use super::Simulation;
 use crate::comm::{Comm, wire};
+use crate::contact::StateColumn;
 use crate::contacts::Loaded;
 use crate::ids::GlobalId;
 use crate::law::{torque_on_a, torque_on_b};
@@ -48,7 +49,7 @@ impl Simulation {
         }
         let mut lines = Vec::new();
         for contact in self.contacts.loaded(&*self.law, particles) {
-            let Loaded { pair, history, spring, normal_force, force, point } = contact;
+            let Loaded { pair, history, state, normal_force, force, point } = contact;
             let is_a = pair.a.index() == slot;
             if !is_a && pair.b.index() != slot {
                 continue;
@@ -59,9 +60,9 @@ impl Simulation {
             } else {
                 (force, torque_on_b(&force, &point, &particles.bodies().relative(pair)))
             };
-            let line = format!(
+            let mut line = format!(
                 "trace step={step} particle={id} contact={} overlap={:e} normal={} point={} normal_force={:e} \
-                 force={} torque={} spring={}",
+                 force={} torque={}",
                 partner.to_string().replace(' ', ""),
                 history.overlap,
                 commas(history.normal.as_slice()),
@@ -69,8 +70,13 @@ impl Simulation {
                 normal_force,
                 commas(force.as_slice()),
                 commas(torque.as_slice()),
-                commas(spring.as_slice()),
             );
+            for (column, place) in StateColumn::places(self.contacts.remembered()) {
+                // The force is told already.
+                if column.name != "normal_force" {
+                    let _ = write!(line, " {}={}", column.name, commas(&state[place]));
+                }
+            }
             lines.push((partner, line));
         }
         lines.sort_unstable();

@@ -5,6 +5,8 @@ use super::{
     HEAP_STEPS, assert_same_result, column, finished, fresh_directory, heap, history, scene,
     snapshot,
 };
+use dem_mpi::contact::StateColumn;
+use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::Reader;
 use std::collections::BTreeMap;
 use std::fs;
@@ -149,9 +151,13 @@ fn walls_keep_their_contacts_in_any_order() {
         let reader = Reader::open(&snapshot(&directory.join(stage), 1500)).unwrap();
         let walls = &reader.header().walls;
         let histories = reader.histories(0..reader.history_count()).unwrap();
+        let (_, spring) = StateColumn::places(histories.columns())
+            .find(|(column, _)| column.name == "spring")
+            .unwrap();
         let of_walls = histories.iter().filter_map(|named| {
             let wall = named.b.wall_index()?;
-            Some(((named.a, walls[wall].name.clone()), named.spring))
+            let spring = Vec3::from_column_slice(&named.state[spring.clone()]);
+            Some(((named.a, walls[wall].name.clone()), spring))
         });
         of_walls.collect::<BTreeMap<_, _>>()
     });

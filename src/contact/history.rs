@@ -1,0 +1,182 @@
+//! What is remembered of touching contacts: state, which moves with its particles and is saved.
+
+use crate::ids::GlobalId;
+use crate::math::Vec3;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::ops::Range;
+
+/// The geometry of a contact at the last step.
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Serialize,
+    Deserialize,
+    bytemuck::Pod,
+    bytemuck::Zeroable,
+)]
+#[repr(C)]
+pub struct History {
+    /// The normal of the last touch, A to B; zero if the pair did not touch.
+    pub normal: Vec3,
+    /// Overlap of the last touch [m].
+    pub overlap: f64,
+}
+
+impl History {
+    /// Did the pair touch at the last step?
+    #[inline]
+    pub fn touched(&self) -> bool {
+        self.normal != Vec3::zeros()
+    }
+}
+
+/// Numbers that a law remembers of each touching contact.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StateColumn {
+    /// As files and reports name it.
+    pub name: Cow<'static, str>,
+    /// Unit, as text.
+    pub unit: Cow<'static, str>,
+    /// How many numbers: 3 of a vector.
+    pub width: usize,
+}
+
+impl StateColumn {
+    /// One that a law declares.
+    pub const fn new(name: &'static str, width: usize, unit: &'static str) -> Self {
+        Self { name: Cow::Borrowed(name), unit: Cow::Borrowed(unit), width }
+    }
+
+    /// Numbers of a contact in all of these columns.
+    pub fn total_width(columns: &[Self]) -> usize {
+        columns.iter().map(|column| column.width).sum()
+    }
+
+    /// Each column with the place of its numbers among those of a contact.
+    pub fn places(columns: &[Self]) -> impl Iterator<Item = (&Self, Range<usize>)> {
+        columns.iter().scan(0, |start, column| {
+            let place = *start..*start + column.width;
+            *start = place.end;
+            Some((column, place))
+        })
+    }
+}
+
+/// What is remembered of touching contacts, under their lasting names.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Histories {
+    columns: Vec<StateColumn>,
+    ends: Vec<(GlobalId, GlobalId)>,
+    geometry: Vec<History>,
+    state: Vec<f64>,
+}
+
+/// What is remembered of one contact, under its lasting name.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NamedHistory<'a> {
+    /// The lower id.
+    pub a: GlobalId,
+    /// The higher id.
+    pub b: GlobalId,
+    /// Normal and overlap.
+    pub geometry: History,
+    /// What the law remembers, column after column.
+    pub state: &'a [f64],
+}
+
+impl Histories {
+    /// None, of which a law remembers these columns.
+    pub fn of(columns: &[StateColumn]) -> Self {
+        Self { columns: columns.to_vec(), ..Self::default() }
+    }
+
+    /// What a law remembers.
+    pub fn columns(&self) -> &[StateColumn] {
+        &self.columns
+    }
+
+    /// How many.
+    pub const fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Are there none?
+    pub const fn is_empty(&self) -> bool {
+        self.ends.is_empty()
+    }
+
+    /// The ids of the bodies of one of them, the lower first.
+    pub fn ends(&self, row: usize) -> (GlobalId, GlobalId) {
+        self.ends[row]
+    }
+
+    /// One of them.
+    pub fn get(&self, row: usize) -> NamedHistory<'_> {
+        let (a, b) = self.ends[row];
+        let width = StateColumn::total_width(&self.columns);
+        let state = &self.state[row * width..(row + 1) * width];
+        NamedHistory { a, b, geometry: self.geometry[row], state }
+    }
+
+    /// All of them.
+    pub fn iter(&self) -> impl Iterator<Item = NamedHistory<'_>> {
+        (0..self.len()).map(|row| self.get(row))
+    }
+
+    /// Adds one with as many numbers as the columns have.
+    pub fn push(&mut self, named: &NamedHistory) {
+        let NamedHistory { a, b, geometry, state } = *named;
+        debug_assert_eq!(state.len(), StateColumn::total_width(&self.columns));
+        self.ends.push((a, b));
+        self.geometry.push(geometry);
+        self.state.extend_from_slice(state);
+    }
+
+    /// Adds those of `other`, which has the same columns.
+    pub fn append(&mut self, other: &Self) {
+        debug_assert!(other.is_empty() || other.columns == self.columns);
+        self.ends.extend_from_slice(&other.ends);
+        self.geometry.extend_from_slice(&other.geometry);
+        self.state.extend_from_slice(&other.state);
+    }
+
+    /// The same under other names for the second bodies; without those that get none.
+    pub fn renamed(&self, name: impl Fn(GlobalId) -> Option<GlobalId>) -> Self {
+        let mut renamed = Self::of(&self.columns);
+        for named in self.iter() {
+            if let Some(b) = name(named.b) {
+                renamed.push(&NamedHistory { b, ..named });
+            }
+        }
+        renamed
+    }
+
+    /// The same with other columns: numbers of columns that are not there are zero.
+    pub fn with_columns(&self, columns: &[StateColumn]) -> Self {
+        let place_of = |wanted: &StateColumn| {
+            StateColumn::places(&self.columns)
+                .find(|(column, _)| *column == wanted)
+                .map(|(_, place)| place)
+        };
+        let places: Vec<_> = columns.iter().map(place_of).collect();
+        let mut state = Vec::with_capacity(self.len() * StateColumn::total_width(columns));
+        for named in self.iter() {
+            for (column, place) in columns.iter().zip(&places) {
+                match place {
+                    Some(place) => state.extend_from_slice(&named.state[place.clone()]),
+                    None => state.extend(std::iter::repeat_n(0.0, column.width)),
+                }
+            }
+        }
+        Self {
+            columns: columns.to_vec(),
+            ends: self.ends.clone(),
+            geometry: self.geometry.clone(),
+            state,
+        }
+    }
+}

@@ -1,0 +1,820 @@
+//! What all laws have in common: gathering eight contacts, how their surfaces move, what is carried over from the last
+//! step, work and energy, and the sums over bodies.
+//!
+//! With the central differences of [`crate::motion`], the work of a force between two steps is the mean of its
+//! values at both times the displacement. What a contact dissipates is that work minus the change of
+//! its elastic energy, from the step before the first touch to the step after the last; only of channels that can
+//! dissipate. The others dissipate nothing, so that what a long step makes of them is missing from the energy balance, and
+//! is reported. Where nothing depends on velocities, those of ghosts need not be known.
+
+#![expect(clippy::inline_always, reason = "see `lanes`")]
+
+use super::{ForceLaw, Parted, Sums, Work, add};
+use crate::contact::{History, Pair, Place, StateColumn, nearest_images, vectors};
+use crate::ids::Slot;
+use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
+use crate::math::Vec3;
+use crate::particles::{Library, Needs, Particles};
+
+/// No law remembers more numbers of a contact.
+pub(crate) const MOST_STATE: usize = 8;
+
+/// Contacts, each lane one, as a law sees them.
+#[derive(Clone, Copy)]
+pub(crate) struct Contact<L> {
+    /// Unit normal, A to B.
+    pub(crate) normal: Triple<L>,
+    /// The normal of the last touch; zero if there was none.
+    pub(crate) last_normal: Triple<L>,
+    /// Overlap [m].
+    pub(crate) overlap: L,
+    /// Velocity of approach along the normal [m/s].
+    pub(crate) approach: L,
+    /// Velocity of A's surface against B's in the contact plane [m/s].
+    pub(crate) sliding: Triple<L>,
+    /// By how much the pair has turned about the normal since the last step [rad].
+    pub(crate) twist: L,
+    /// Which of them touched at the last step.
+    pub(crate) touched: u8,
+    /// Time since the last step [s]; 0 at the start of a stage.
+    pub(crate) dt: f64,
+}
+
+/// What acts in contacts.
+#[derive(Clone, Copy)]
+pub(crate) struct Action<L> {
+    /// Normal force, positive if it pushes [N].
+    pub(crate) press: L,
+    /// Tangential force of A on B [N].
+    pub(crate) rub: Triple<L>,
+    /// What of it is not remembered: that of dashpots [N].
+    pub(crate) viscous: Triple<L>,
+    /// Elastic energy in the normal and the tangential direction [J].
+    pub(crate) stored: [L; 2],
+}
+
+/// Constants of contacts, from one set for all lanes or one for each.
+pub(crate) trait Spread<C, L> {
+    /// One of the constants.
+    fn of(&self, get: impl Fn(&C) -> f64) -> L;
+}
+
+/// What a law knows and others do not. Constants of a contact stand in a type with a number for each, for one contact or
+/// for eight.
+pub(crate) trait Model: std::fmt::Debug + Send + Sync {
+    /// Constants of contacts.
+    type Constants<L: Lanes>: Copy + std::fmt::Debug + Send + Sync;
+
+    /// As reports name it.
+    fn name(&self) -> &'static str;
+
+    /// Which columns of particles it reads.
+    fn needs(&self) -> Needs;
+
+    /// What it remembers of a touching contact.
+    fn state(&self) -> &[StateColumn];
+
+    /// Of contacts between bodies of two shapes of a library; the second may be a wall.
+    fn constants(&self, a: usize, b: usize, library: &Library) -> Self::Constants<f64>;
+
+    /// The same in lanes.
+    fn spread<L: Lanes>(of: &impl Spread<Self::Constants<f64>, L>) -> Self::Constants<L>;
+
+    /// Which contacts can dissipate energy in the normal, and which in the tangential direction.
+    fn dissipates<L: Lanes>(&self, constants: &Self::Constants<L>) -> [u8; 2];
+
+    /// What acted at the last step, as far as that is remembered.
+    fn last<L: Lanes>(
+        &self,
+        constants: &Self::Constants<L>,
+        overlap: L,
+        state: &[L],
+    ) -> Action<L>;
+
+    /// The tangential force of dashpots at this sliding velocity [m/s], in N.
+    fn viscous<L: Lanes>(
+        &self,
+        constants: &Self::Constants<L>,
+        sliding: Triple<L>,
+    ) -> Triple<L>;
+
+    /// What acts now. `state` has what is remembered of the last step, and gets what the next step must know.
+    fn act<L: Lanes>(
+        &self,
+        constants: &Self::Constants<L>,
+        contact: &Contact<L>,
+        state: &mut [L],
+    ) -> Action<L>;
+
+    /// How much the normal force rises when bodies come nearer within one step of `dt` [s], over the way [N/m].
+    fn stiffness(&self, constants: &Self::Constants<f64>, dt: f64) -> f64;
+}
+
+/// A law for the bodies of a library.
+#[derive(Debug)]
+pub(crate) struct Law<M: Model> {
+    model: M,
+    /// Constants of every pair of shapes, walls included; none if there are too many.
+    table: Vec<Row<M::Constants<f64>>>,
+    /// How many shapes the table has.
+    shapes: usize,
+    /// Numbers remembered of a contact.
+    width: usize,
+    needs: Needs,
+}
+
+/// Of two shapes.
+#[derive(Clone, Copy, Debug)]
+struct Row<C> {
+    /// Constants of the law.
+    constants: C,
+    /// Bounding radii of both; 0 of a wall, which does not turn [m].
+    radii: [f64; 2],
+}
+
+/// A table of more shapes would not stay in the cache.
+const MOST_SHAPES: usize = 128;
+
+impl<M: Model> Law<M> {
+    /// Between bodies of a library.
+    pub(crate) fn new(model: M, library: &Library) -> Self {
+        let width = StateColumn::total_width(model.state());
+        assert!(width <= MOST_STATE, "{} remembers more than {MOST_STATE} numbers", model.name());
+        let needs = model.needs();
+        let mut law = Self { model, table: Vec::new(), shapes: 0, width, needs };
+        let shapes = library.shapes.len();
+        if shapes <= MOST_SHAPES {
+            let all = (0..shapes).flat_map(|a| (0..shapes).map(move |b| (a, b)));
+            law.table = all.map(|(a, b)| law.row(a, b, library)).collect();
+            law.shapes = shapes;
+        }
+        law
+    }
+
+    /// Of two shapes, from the table if they are in it.
+    #[inline(always)]
+    fn row_of(&self, (a, b): (usize, usize), particles: &Particles) -> Row<M::Constants<f64>> {
+        match self.table.get(a * self.shapes + b) {
+            Some(row) => *row,
+            None => self.row(a, b, &particles.library),
+        }
+    }
+
+    #[inline(never)]
+    fn row(&self, a: usize, b: usize, library: &Library) -> Row<M::Constants<f64>> {
+        let radius = |shape: usize| {
+            let radius = library.radius[shape];
+            if radius.is_finite() { radius } else { 0.0 }
+        };
+        Row { constants: self.model.constants(a, b, library), radii: [radius(a), radius(b)] }
+    }
+
+    /// Of a pair.
+    fn constants(&self, pair: Pair, particles: &Particles) -> M::Constants<f64> {
+        let [a, b] = [pair.a, pair.b].map(|slot| particles.shape[slot.index()].index());
+        self.row_of((a, b), particles).constants
+    }
+}
+
+impl<M: Model> ForceLaw for Law<M> {
+    fn name(&self) -> &'static str {
+        self.model.name()
+    }
+
+    fn needs(&self) -> Needs {
+        self.needs
+    }
+
+    fn state(&self) -> &[StateColumn] {
+        self.model.state()
+    }
+
+    fn apply(&self, work: &mut Work, particles: &Particles, dt: f64, sums: &mut Sums) {
+        lanes::dispatch(Contacts { law: self, work, particles, dt, sums, summed: 0 });
+    }
+
+    fn normal_force(
+        &self,
+        pair: Pair,
+        particles: &Particles,
+        geometry: &History,
+        state: &[f64],
+    ) -> f64 {
+        let constants = self.constants(pair, particles);
+        self.model.last(&constants, geometry.overlap, state).press
+    }
+
+    fn stored(&self, pair: Pair, particles: &Particles, geometry: &History, state: &[f64]) -> f64 {
+        let constants = self.constants(pair, particles);
+        self.model.last(&constants, geometry.overlap, state).stored.iter().sum()
+    }
+
+    fn stiffness(&self, pair: Pair, particles: &Particles, dt: f64) -> f64 {
+        self.model.stiffness(&self.constants(pair, particles), dt)
+    }
+}
+
+/// Eight times the same.
+struct Same<'a, C>(&'a Row<C>);
+
+/// Eight.
+struct Each<'a, C>(&'a [Row<C>; WIDTH]);
+
+impl<C, L: Eight> Spread<C, L> for Same<'_, C> {
+    #[inline(always)]
+    fn of(&self, get: impl Fn(&C) -> f64) -> L {
+        L::all(get(&self.0.constants))
+    }
+}
+
+impl<C, L: Eight> Spread<C, L> for Each<'_, C> {
+    #[inline(always)]
+    fn of(&self, get: impl Fn(&C) -> f64) -> L {
+        let mut numbers = [0.0; WIDTH];
+        for (number, row) in numbers.iter_mut().zip(self.0) {
+            *number = get(&row.constants);
+        }
+        L::load(&numbers)
+    }
+}
+
+/// Contacts whose forces are to be found.
+struct Contacts<'a, 'b, M: Model> {
+    law: &'a Law<M>,
+    work: &'a mut Work<'b>,
+    particles: &'a Particles,
+    dt: f64,
+    sums: &'a mut Sums,
+    /// Of those that have parted, how many have been summed.
+    summed: usize,
+}
+
+impl<M: Model> Kernel for Contacts<'_, '_, M> {
+    #[inline(always)]
+    fn run<L: Eight>(mut self) {
+        for first in (0..self.work.pairs.len()).step_by(WIDTH) {
+            self.eight::<L>(first);
+        }
+        self.part_before(usize::MAX);
+    }
+}
+
+/// What is remembered of a contact that did not touch.
+static NEW: History = History { normal: Vec3::new(0.0, 0.0, 0.0), overlap: 0.0 };
+static NO_STATE: [f64; MOST_STATE] = [0.0; MOST_STATE];
+
+impl<M: Model> Contacts<'_, '_, M> {
+    /// Up to eight contacts; the other lanes repeat the last.
+    #[inline(always)]
+    fn eight<L: Eight>(&mut self, first: usize) {
+        let Self { law, particles, dt, .. } = *self;
+        let work = &*self.work;
+        let lossy = law.needs.velocity;
+        let count = (work.pairs.len() - first).min(WIDTH);
+        let pairs = eight_from(work.pairs, first, count);
+        let places = eight_from(work.from, first, count);
+        let (mut a, mut b) = ([Slot(0); WIDTH], [Slot(0); WIDTH]);
+        for lane in 0..WIDTH {
+            (a[lane], b[lane]) = (pairs[lane].a, pairs[lane].b);
+        }
+        // As a rule all of them touched at the last step, one after the other: then they stand there as they do here.
+        let start = places[0].index();
+        let mut as_before = true;
+        for (lane, place) in places.iter().enumerate() {
+            as_before &= place.index() == start + lane;
+        }
+        let (constants, radii) = constants_of::<M, L>(law, &pairs, particles);
+        let (normal, overlap) = read::<L>(&rows_from(work.history, first, count));
+        let has_points = !work.points.is_empty();
+        let point = if has_points {
+            triple::<L>(&rows_from(work.points, first, count))
+        } else {
+            normal.times(radii[0] - L::all(0.5) * overlap)
+        };
+        let last_rows = if as_before {
+            rows_from(work.last.history, start, WIDTH)
+        } else {
+            rows_at(work.last.history, &places, &NEW)
+        };
+        let (last_normal, last_overlap) = read::<L>(&last_rows);
+        let mut state = [L::all(0.0); MOST_STATE];
+        let state = &mut state[..law.width];
+        read_state(work.last.state, law.width, &places, state);
+
+        // velocity of A's surface against B's: positive along the normal is approach
+        let position = &particles.position;
+        let to_b = vectors::<L>(position, &b).minus(vectors(position, &a));
+        let to_b = nearest_images(to_b, &particles.period);
+        let (of_a, spin_a) = velocities::<L>(particles, &a);
+        let (of_b, spin_b) = velocities::<L>(particles, &b);
+        let bodies = Moving { approach: of_a.minus(of_b), spin_a, spin_b };
+        let arm_b = point.minus(to_b);
+        let velocity = bodies.surfaces(point, arm_b);
+        let approach = velocity.dot(normal);
+        let twist = L::all(0.5 * dt) * spin_a.plus(spin_b).dot(normal);
+        // The same where the last force acted. Of bodies other than spheres that place is not remembered.
+        let last_velocity = if has_points {
+            velocity
+        } else {
+            let half = L::all(0.5) * last_overlap;
+            let arm_a = last_normal.times(radii[0] - half);
+            bodies.surfaces(arm_a, last_normal.times(half - radii[1]))
+        };
+
+        // before, and now
+        let zero = L::all(0.0);
+        let before = law.model.last(&constants, last_overlap, state);
+        let last_press = last_normal.times(before.press);
+        let sliding = velocity.minus(normal.times(approach));
+        let touched = zero.less(last_normal.dot(last_normal));
+        let contact =
+            Contact { normal, last_normal, overlap, approach, sliding, twist, touched, dt };
+        let now = law.model.act(&constants, &contact, state);
+        let press = normal.times(now.press);
+        let force = press.plus(now.rub);
+
+        // What the tangential force of the last touch had and is not remembered: as much as now.
+        let viscous = now.viscous.or(Triple::zero(), touched);
+        let half_step = L::all(0.5 * dt);
+        let pressed = last_press.dot(last_velocity) + press.dot(velocity);
+        let rubbed = before.rub.dot(last_velocity) + now.rub.plus(viscous).dot(velocity);
+        let of_dashpots = half_step * pressed - (now.stored[0] - before.stored[0]);
+        let of_friction = half_step * rubbed - (now.stored[1] - before.stored[1]);
+        let [normally, tangentially] = law.model.dissipates(&constants);
+        let dissipated = of_dashpots.or(zero, normally) + of_friction.or(zero, tangentially);
+        let dissipated = if lossy && dt > 0.0 { dissipated } else { zero };
+        let impulse = last_press.plus(before.rub).plus(force).plus(viscous).times(half_step);
+
+        let (back, on_a, on_b) =
+            (Triple::zero().minus(force), force.cross(point), arm_b.cross(force));
+        let (forces, backs) = (force.rows(dissipated), back.rows(zero));
+        let (on_a, on_b) = (on_a.rows(zero), on_b.rows(zero));
+        write_state(self.work.state, law.width, first, count, state);
+        let impulse = impulse.store();
+        for lane in 0..count {
+            let place = first + lane;
+            self.part_before(place);
+            let [x, y, z, lost] = forces[lane];
+            self.work.forces[place] = Vec3::new(x, y, z);
+            let pair = pairs[lane];
+            let (a, b) = (pair.a.index(), pair.b.index());
+            add(&mut self.sums.force, a, &backs[lane]);
+            add(&mut self.sums.torque, a, &on_a[lane]);
+            add(&mut self.sums.force, b, &forces[lane]);
+            add(&mut self.sums.torque, b, &on_b[lane]);
+            if lossy {
+                self.sums.lose(pair, lost, particles.first_wall());
+            }
+            if b >= particles.first_wall() {
+                let of_wall = &particles.velocity[b];
+                let impulse = Vec3::from(row(&impulse, lane));
+                self.sums.note_wall_work(pair, -impulse.dot(of_wall));
+            }
+        }
+    }
+
+    /// Sums what the contacts lost that have come apart and stand before this one.
+    #[inline(always)]
+    fn part_before(&mut self, place: usize) {
+        while let Some(parted) = self.work.parted.get(self.summed)
+            && parted.before <= place
+        {
+            self.part(*parted);
+            self.summed += 1;
+        }
+    }
+
+    /// No force is left, but what the last contact lost.
+    #[cold]
+    fn part(&mut self, parted: Parted) {
+        let Self { law, particles, dt, .. } = *self;
+        let last = &self.work.last;
+        let bodies = particles.bodies();
+        let (pair, history) = (last.pairs[parted.place], &last.history[parted.place]);
+        // Where the last force acted: in the middle of the overlap of the farthest points along the last normal.
+        let frames = bodies.frames(pair);
+        let (body, other) = bodies.posed(pair, &frames);
+        let into = history.normal * (0.5 * history.overlap);
+        let arm_a = body.support(&history.normal) - into;
+        let with_wall = pair.b.index() >= particles.first_wall();
+        let arm_b = if with_wall { Vec3::zeros() } else { other.support(&-history.normal) + into };
+        let velocity = surface_velocity(particles, pair, &arm_a, &arm_b);
+        let sliding = velocity - history.normal * velocity.dot(&history.normal);
+
+        let constants = law.constants(pair, particles);
+        let state = &last.state[parted.place * law.width..][..law.width];
+        let before = law.model.last(&constants, history.overlap, state);
+        let sliding = Triple { x: sliding.x, y: sliding.y, z: sliding.z };
+        let Triple { x, y, z } = before.rub.plus(law.model.viscous(&constants, sliding));
+        let press = history.normal * before.press;
+        let rub = Vec3::new(x, y, z);
+        // The force fell to nothing on the way: half of it did the work.
+        let work = |force: &Vec3, velocity: &Vec3| 0.5 * dt * force.dot(velocity);
+        if with_wall {
+            let of_wall = &particles.velocity[pair.b.index()];
+            self.sums.note_wall_work(pair, -work(&(press + rub), of_wall));
+        }
+        let mut dissipated = 0.0;
+        if law.needs.velocity && dt > 0.0 {
+            let [normally, tangentially] = law.model.dissipates(&constants);
+            if normally & 1 == 1 {
+                dissipated += work(&press, &velocity) + before.stored[0];
+            }
+            if tangentially & 1 == 1 {
+                dissipated += work(&rub, &velocity) + before.stored[1];
+            }
+        }
+        self.sums.lose(pair, dissipated, particles.first_wall());
+    }
+}
+
+/// Constants of eight contacts, and the bounding radii of their bodies, 0 of walls [m].
+#[inline(always)]
+fn constants_of<M: Model, L: Eight>(
+    law: &Law<M>,
+    pairs: &[Pair; WIDTH],
+    particles: &Particles,
+) -> (M::Constants<L>, [L; 2]) {
+    let mut shapes = [(0, 0); WIDTH];
+    let mut alike = true;
+    for (of_pair, pair) in shapes.iter_mut().zip(pairs) {
+        let a = particles.shape[pair.a.index()].index();
+        *of_pair = (a, particles.shape[pair.b.index()].index());
+    }
+    for of_pair in shapes {
+        alike &= of_pair == shapes[0];
+    }
+    // As most are: eight times the same.
+    let one = law.row_of(shapes[0], particles);
+    if alike {
+        return (M::spread(&Same(&one)), [L::all(one.radii[0]), L::all(one.radii[1])]);
+    }
+    let mut rows = [one; WIDTH];
+    let mut radii = [[0.0; WIDTH]; 2];
+    for (lane, of_pair) in shapes.iter().enumerate() {
+        rows[lane] = law.row_of(*of_pair, particles);
+        for body in 0..2 {
+            radii[body][lane] = rows[lane].radii[body];
+        }
+    }
+    (M::spread(&Each(&rows)), [L::load(&radii[0]), L::load(&radii[1])])
+}
+
+/// What is remembered of eight contacts, column by column: zero of those that did not touch.
+#[inline(always)]
+fn read_state<L: Eight>(all: &[f64], width: usize, places: &[Place; WIDTH], columns: &mut [L]) {
+    let mut rows = [&NO_STATE[..width]; WIDTH];
+    for (row, place) in rows.iter_mut().zip(places) {
+        if *place != Place::NONE {
+            *row = &all[place.index() * width..][..width];
+        }
+    }
+    let mut at = 0;
+    while at < width {
+        if let Some(four) = pieces::<4>(&rows, at) {
+            columns[at..at + 4].copy_from_slice(&L::columns_of_4(&four));
+            at += 4;
+        } else if let Some(three) = pieces::<3>(&rows, at) {
+            columns[at..at + 3].copy_from_slice(&L::columns_of_3(&three));
+            at += 3;
+        } else {
+            let mut numbers = [0.0; WIDTH];
+            for (number, row) in numbers.iter_mut().zip(rows) {
+                *number = row[at];
+            }
+            columns[at] = L::load(&numbers);
+            at += 1;
+        }
+    }
+}
+
+/// So many numbers of each row; `None` if rows are too short.
+#[inline(always)]
+fn pieces<'a, const N: usize>(rows: &[&'a [f64]; WIDTH], at: usize) -> Option<[&'a [f64; N]; WIDTH]> {
+    let mut pieces = [rows[0].get(at..)?.first_chunk::<N>()?; WIDTH];
+    for (piece, row) in pieces.iter_mut().zip(rows) {
+        *piece = row.get(at..)?.first_chunk::<N>()?;
+    }
+    Some(pieces)
+}
+
+/// The inverse, of the first `count` contacts.
+#[inline(always)]
+fn write_state<L: Eight>(all: &mut [f64], width: usize, first: usize, count: usize, columns: &[L]) {
+    let rows = &mut all[first * width..(first + count) * width];
+    let mut at = 0;
+    while at < width {
+        let several = (width - at).min(4);
+        let column = |k: usize| columns[(at + k).min(width - 1)];
+        let block = L::rows_of_4([column(0), column(1), column(2), column(3)]);
+        if width == 4 {
+            for (row, numbers) in rows.as_chunks_mut::<4>().0.iter_mut().zip(&block) {
+                *row = *numbers;
+            }
+        } else {
+            for (row, numbers) in rows.chunks_exact_mut(width).zip(&block) {
+                row[at..at + several].copy_from_slice(&numbers[..several]);
+            }
+        }
+        at += several;
+    }
+}
+
+/// What stands at a place, or what stands for those that have none.
+#[inline(always)]
+fn at<'a, T>(all: &'a [T], place: Place, otherwise: &'a T) -> &'a T {
+    match all.get(place.index()) {
+        Some(one) => one,
+        None => otherwise,
+    }
+}
+
+/// The same of eight.
+#[inline(always)]
+fn rows_at<'a, T>(all: &'a [T], places: &[Place; WIDTH], otherwise: &'a T) -> [&'a T; WIDTH] {
+    let mut rows = [otherwise; WIDTH];
+    for (row, place) in rows.iter_mut().zip(places) {
+        *row = at(all, *place, otherwise);
+    }
+    rows
+}
+
+/// Those from a place on; if there are less than eight, the last one again.
+#[inline(always)]
+fn rows_from<T>(all: &[T], first: usize, count: usize) -> [&T; WIDTH] {
+    let mut rows = [&all[first]; WIDTH];
+    if let Some(eight) = all[first..].first_chunk::<WIDTH>() {
+        for (row, one) in rows.iter_mut().zip(eight) {
+            *row = one;
+        }
+    } else {
+        for (lane, row) in rows.iter_mut().enumerate() {
+            *row = &all[first + lane.min(count - 1)];
+        }
+    }
+    rows
+}
+
+/// The same, copied.
+#[inline(always)]
+fn eight_from<T: Copy>(all: &[T], first: usize, count: usize) -> [T; WIDTH] {
+    if let Some(eight) = all[first..].first_chunk::<WIDTH>() {
+        return *eight;
+    }
+    let mut eight = [all[first]; WIDTH];
+    for (lane, one) in eight.iter_mut().enumerate() {
+        *one = all[first + lane.min(count - 1)];
+    }
+    eight
+}
+
+/// Vectors.
+#[inline(always)]
+fn triple<L: Eight>(vectors: &[&Vec3; WIDTH]) -> Triple<L> {
+    let mut rows = [vectors[0].as_ref(); WIDTH];
+    for (row, vector) in rows.iter_mut().zip(vectors) {
+        *row = vector.as_ref();
+    }
+    Triple::of(&rows)
+}
+
+/// Normals and overlaps.
+#[inline(always)]
+fn read<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L) {
+    let mut rows: [&[f64; 4]; WIDTH] = [bytemuck::cast_ref(histories[0]); WIDTH];
+    for (row, history) in rows.iter_mut().zip(histories) {
+        *row = bytemuck::cast_ref(*history);
+    }
+    let [x, y, z, overlap] = L::columns_of_4(&rows);
+    (Triple { x, y, z }, overlap)
+}
+
+/// How two bodies move. (No closure in its place: it would be compiled without vector registers.)
+#[derive(Clone, Copy)]
+struct Moving<L> {
+    /// Velocity of A's centre against B's [m/s].
+    approach: Triple<L>,
+    /// Angular velocities [rad/s].
+    spin_a: Triple<L>,
+    spin_b: Triple<L>,
+}
+
+impl<L: Lanes> Moving<L> {
+    /// Velocity of A's surface against B's, at these places from their centres [m/s].
+    #[inline(always)]
+    fn surfaces(self, arm_a: Triple<L>, arm_b: Triple<L>) -> Triple<L> {
+        self.approach.plus(self.spin_a.cross(arm_a)).minus(self.spin_b.cross(arm_b))
+    }
+}
+
+/// Velocities of the centres of bodies [m/s], and angular velocities [rad/s].
+#[inline(always)]
+fn velocities<L: Eight>(particles: &Particles, slots: &[Slot; WIDTH]) -> (Triple<L>, Triple<L>) {
+    let velocity = vectors::<L>(&particles.velocity, slots);
+    let Some(spin) = &particles.spin else { return (velocity, Triple::zero()) };
+    (velocity, vectors::<L>(&spin.angular_velocity, slots))
+}
+
+/// Velocity of A's surface against B's: positive along the normal is approach [m/s].
+#[inline]
+fn surface_velocity(particles: &Particles, pair: Pair, arm_a: &Vec3, arm_b: &Vec3) -> Vec3 {
+    // A wall does not turn, and its arm is as long as the plane is wide.
+    let of_b = if pair.b.index() >= particles.first_wall() {
+        particles.velocity[pair.b.index()]
+    } else {
+        particles.velocity_at(pair.b, arm_b)
+    };
+    particles.velocity_at(pair.a, arm_a) - of_b
+}
+
+/// Turns a vector of the last contact plane into the plane of now, by the shortest rotation (Rodrigues' formula
+/// without angles), and by the twist about the normal. Zero if there was no contact, and where the normal turns right
+/// round: centres have passed each other.
+#[inline(always)]
+pub(crate) fn carried<L: Lanes>(vector: Triple<L>, contact: &Contact<L>) -> Triple<L> {
+    let Contact { normal: new, last_normal: old, twist, touched, .. } = *contact;
+    let one = L::all(1.0);
+    let carried = vector.minus(old.plus(new).times(vector.dot(new) / (one + old.dot(new))));
+    let turned = carried.plus(new.cross(carried).times(twist));
+    let turned = turned.over((one + twist * twist).sqrt());
+    let kept = L::all(-1.0 + 1e-8).less(old.dot(new));
+    turned.or(Triple::zero(), kept & touched)
+}
+
+/// Force over velocity of a dashpot with this part of critical damping [N s/m].
+#[inline]
+pub(crate) fn dashpot(ratio: f64, mass: f64, stiffness: f64) -> f64 {
+    2.0 * ratio * (mass * stiffness).sqrt()
+}
+
+/// `m_A m_B / (m_A + m_B)`, or `m_A` against a wall [kg].
+#[inline]
+pub(crate) fn reduced_mass(library: &Library, a: usize, b: usize) -> f64 {
+    let mass_a = library.mass[a];
+    if b >= library.particle_shapes {
+        return mass_a;
+    }
+    let mass_b = library.mass[b];
+    mass_a * mass_b / (mass_a + mass_b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Contacts, Law};
+    use crate::contact::{History, Pair, Place};
+    use crate::ids::Slot;
+    use crate::lanes::{self, Kernel, Portable};
+    use crate::law::linear::Linear;
+    use crate::law::{Constants, ForceLaw, Interactions, Last, Sums, Work};
+    use crate::math::Vec3;
+    use crate::particles::{Particles, crowd};
+    use crate::random::Random;
+
+    /// What touches, and what is remembered.
+    #[derive(Clone, Default)]
+    struct Touching {
+        pairs: Vec<Pair>,
+        now: Vec<History>,
+        points: Vec<Vec3>,
+        from: Vec<Place>,
+        history: Vec<History>,
+        state: Vec<f64>,
+    }
+
+    /// What a law finds.
+    struct Found {
+        state: Vec<f64>,
+        forces: Vec<Vec3>,
+        sums: Sums,
+    }
+
+    impl Touching {
+        fn of(&self, place: usize) -> Self {
+            Self {
+                pairs: vec![self.pairs[place]],
+                now: vec![self.now[place]],
+                points: self.points.get(place).copied().into_iter().collect(),
+                from: vec![self.from[place]],
+                ..self.clone()
+            }
+        }
+
+        fn apply(
+            &self,
+            law: &Law<Linear>,
+            particles: &Particles,
+            run: impl Fn(Contacts<Linear>),
+        ) -> Found {
+            let count = self.pairs.len();
+            let zeros = vec![Vec3::zeros(); particles.owned];
+            let mut found = Found {
+                state: vec![0.0; count * law.width],
+                forces: vec![Vec3::zeros(); count],
+                sums: Sums {
+                    force: zeros.clone(),
+                    torque: zeros,
+                    dissipated: vec![0.0; particles.owned],
+                    wall_work: Vec::new(),
+                },
+            };
+            let mut work = Work {
+                pairs: &self.pairs,
+                history: &self.now,
+                points: &self.points,
+                from: &self.from,
+                last: Last { pairs: &self.pairs, history: &self.history, state: &self.state },
+                parted: &[],
+                state: &mut found.state,
+                forces: &mut found.forces,
+            };
+            let sums = &mut found.sums;
+            run(Contacts { law, work: &mut work, particles, dt: 1e-5, sums, summed: 0 });
+            found
+        }
+    }
+
+    impl Found {
+        fn bits(&self, place: usize, width: usize) -> Vec<u64> {
+            let state = &self.state[place * width..][..width];
+            self.forces[place].iter().chain(state).map(|x| x.to_bits()).collect()
+        }
+
+        fn bits_of_sums(&self) -> Vec<u64> {
+            let Sums { force, torque, dissipated, .. } = &self.sums;
+            let vectors = force.iter().chain(torque).flatten();
+            vectors.chain(dissipated).map(|x| x.to_bits()).collect()
+        }
+    }
+
+    /// With and without vector registers and in any company: sliding and sticking, with and without friction and
+    /// dashpots, for the first time and again.
+    #[test]
+    fn lanes_give_the_same_bits_everywhere() {
+        let particles = crowd(40);
+        let rough = Constants {
+            normal_stiffness: 1e3,
+            tangential_stiffness: 800.0,
+            friction: 0.3,
+            ..Constants::default()
+        };
+        let smooth = Constants { friction: 0.0, ..rough };
+        let damped =
+            Constants { normal_damping_ratio: 0.2, tangential_damping_ratio: 0.1, ..rough };
+        let damped_only = Constants { friction: 0.0, ..damped };
+        for (name, mixed, own, other, all_balls, width) in [
+            ("plain", smooth, rough, rough, false, 3),
+            ("damped", smooth, damped, rough, false, 4),
+            ("without friction", smooth, damped_only, damped_only, false, 1),
+            ("springs alone", smooth, smooth, smooth, false, 0),
+            ("balls", smooth, rough, rough, true, 3),
+        ] {
+            let mut interactions = Interactions::new(&[]);
+            interactions.materials = 2;
+            interactions.constants = vec![own, mixed, mixed, other];
+            let law = Law::new(Linear::new(interactions.clone(), true), &particles.library);
+            assert_eq!(law.width, width, "{name}");
+            let has = |column: &str| law.state().iter().any(|state| state.name == column);
+
+            let mut random = Random::of(5, 0);
+            let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.signed());
+            let mut before = Touching::default();
+            for k in 0..39 {
+                let pair = Pair { a: Slot(k), b: Slot(k + 1) };
+                before.pairs.push(pair);
+                let normal = vector(1.0).normalize();
+                before.now.push(History { normal, overlap: 1e-5 });
+                if !all_balls {
+                    before.points.push(vector(1e-3));
+                }
+                if k % 5 == 0 {
+                    before.from.push(Place::NONE);
+                    continue;
+                }
+                before.from.push(Place::among(before.history.len()));
+                let last = (normal + vector(1e-3)).normalize();
+                before.history.push(History { normal: last, overlap: 9e-6 });
+                let across = vector(5e-6 * f64::from(k % 3));
+                let mut spring = across - last * across.dot(&last);
+                let of = |slot| particles.material(slot);
+                if !interactions.of(of(pair.a), of(pair.b)).is_frictional() {
+                    spring = Vec3::zeros();
+                }
+                if has("spring") {
+                    before.state.extend(spring.iter());
+                }
+                if has("normal_force") {
+                    before.state.push(9e-3);
+                }
+            }
+            let dispatched = before.apply(&law, &particles, |c| lanes::dispatch(c));
+            let portable = before.apply(&law, &particles, |c| c.run::<Portable>());
+            assert_eq!(dispatched.bits_of_sums(), portable.bits_of_sums(), "{name}");
+            for place in 0..before.pairs.len() {
+                let bits = dispatched.bits(place, width);
+                assert_eq!(bits, portable.bits(place, width), "{name}, pair {place}");
+                let alone = before.of(place).apply(&law, &particles, |c| lanes::dispatch(c));
+                assert_eq!(bits, alone.bits(0, width), "{name}, pair {place} alone");
+            }
+        }
+    }
+}
