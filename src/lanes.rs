@@ -66,12 +66,25 @@ pub(crate) trait Kernel {
 /// Does it.
 pub(crate) fn dispatch(kernel: impl Kernel) {
     #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx") {
-        // SAFETY: the processor has AVX.
-        unsafe { dispatch_with_avx(kernel) };
-        return;
+    {
+        if std::arch::is_x86_feature_detected!("avx512f") {
+            // SAFETY: the processor has AVX-512.
+            unsafe { dispatch_with_avx512(kernel) };
+            return;
+        }
+        if std::arch::is_x86_feature_detected!("avx") {
+            // SAFETY: the processor has AVX.
+            unsafe { dispatch_with_avx(kernel) };
+            return;
+        }
     }
     kernel.run::<Portable>();
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f")]
+fn dispatch_with_avx512(kernel: impl Kernel) {
+    kernel.run::<avx512::Avx512>();
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -200,6 +213,144 @@ impl Eight for Portable {
 
 fn columns<const N: usize>(rows: &[&[f64; N]; WIDTH]) -> [Portable; N] {
     std::array::from_fn(|column| Portable(rows.map(|row| row[column])))
+}
+
+#[cfg(target_arch = "x86_64")]
+mod avx512 {
+    use super::avx::{four_of_3, four_of_4, four_of_6, rows_of_four};
+    use super::{Eight, Lanes, WIDTH};
+    use std::arch::x86_64 as intel;
+    use std::ops::{Add, Div, Mul, Sub};
+
+    /// Eight lanes in one AVX-512 register.
+    ///
+    /// Whoever makes one has checked that the processor has AVX-512: only functions that are compiled for
+    /// it do.
+    #[derive(Clone, Copy, Debug)]
+    pub(crate) struct Avx512(intel::__m512d);
+
+    impl Avx512 {
+        /// From its two halves.
+        #[inline(always)]
+        fn of(low: intel::__m256d, high: intel::__m256d) -> Self {
+            // SAFETY: the processor has AVX-512, see the type.
+            unsafe {
+                let low = intel::_mm512_castpd256_pd512(low);
+                Self(intel::_mm512_insertf64x4::<1>(low, high))
+            }
+        }
+
+        #[inline(always)]
+        fn halves(self) -> [intel::__m256d; 2] {
+            // SAFETY: the processor has AVX-512, see the type.
+            unsafe {
+                [intel::_mm512_castpd512_pd256(self.0), intel::_mm512_extractf64x4_pd::<1>(self.0)]
+            }
+        }
+    }
+
+    macro_rules! registerwise {
+        ($trait:ident, $method:ident, $instruction:ident) => {
+            impl $trait for Avx512 {
+                type Output = Self;
+
+                #[inline(always)]
+                fn $method(self, other: Self) -> Self {
+                    // SAFETY: the processor has AVX-512, see the type.
+                    unsafe { Self(intel::$instruction(self.0, other.0)) }
+                }
+            }
+        };
+    }
+    registerwise!(Add, add, _mm512_add_pd);
+    registerwise!(Sub, sub, _mm512_sub_pd);
+    registerwise!(Mul, mul, _mm512_mul_pd);
+    registerwise!(Div, div, _mm512_div_pd);
+
+    impl Lanes for Avx512 {
+        #[inline(always)]
+        fn all(number: f64) -> Self {
+            // SAFETY: the processor has AVX-512, see the type.
+            unsafe { Self(intel::_mm512_set1_pd(number)) }
+        }
+
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            // SAFETY: the processor has AVX-512, see the type.
+            unsafe { Self(intel::_mm512_sqrt_pd(self.0)) }
+        }
+
+        #[inline(always)]
+        fn less(self, other: Self) -> u8 {
+            // SAFETY: the processor has AVX-512, see the type.
+            unsafe { intel::_mm512_cmp_pd_mask::<{ intel::_CMP_LT_OQ }>(self.0, other.0) }
+        }
+
+        #[inline(always)]
+        fn at_most(self, other: Self) -> u8 {
+            // SAFETY: the processor has AVX-512, see the type.
+            unsafe { intel::_mm512_cmp_pd_mask::<{ intel::_CMP_LE_OQ }>(self.0, other.0) }
+        }
+
+        #[inline(always)]
+        fn or(self, other: Self, mask: u8) -> Self {
+            // SAFETY: the processor has AVX-512, see the type.
+            unsafe { Self(intel::_mm512_mask_blend_pd(mask, other.0, self.0)) }
+        }
+    }
+
+    impl Eight for Avx512 {
+        #[inline(always)]
+        fn load(numbers: &[f64; WIDTH]) -> Self {
+            // SAFETY: the processor has AVX-512, see the type; the array holds eight numbers.
+            unsafe { Self(intel::_mm512_loadu_pd(numbers.as_ptr())) }
+        }
+
+        #[inline(always)]
+        fn store(self) -> [f64; WIDTH] {
+            let mut numbers = [0.0; WIDTH];
+            // SAFETY: the processor has AVX-512, see the type; the array holds eight numbers.
+            unsafe { intel::_mm512_storeu_pd(numbers.as_mut_ptr(), self.0) };
+            numbers
+        }
+
+        #[inline(always)]
+        fn columns_of_3(rows: &[&[f64; 3]; WIDTH]) -> [Self; 3] {
+            let [[x, y, z], [u, v, w]] = [four_of_3(rows, 0), four_of_3(rows, 4)];
+            [Self::of(x, u), Self::of(y, v), Self::of(z, w)]
+        }
+
+        #[inline(always)]
+        fn columns_of_4(rows: &[&[f64; 4]; WIDTH]) -> [Self; 4] {
+            let [a, b, c, d] = four_of_4(rows, 0);
+            let [p, q, r, s] = four_of_4(rows, 4);
+            [Self::of(a, p), Self::of(b, q), Self::of(c, r), Self::of(d, s)]
+        }
+
+        #[inline(always)]
+        fn columns_of_6(rows: &[&[f64; 6]; WIDTH]) -> [Self; 6] {
+            let [a, b, c, d, e, f] = four_of_6(rows, 0);
+            let [p, q, r, s, t, u] = four_of_6(rows, 4);
+            [
+                Self::of(a, p),
+                Self::of(b, q),
+                Self::of(c, r),
+                Self::of(d, s),
+                Self::of(e, t),
+                Self::of(f, u),
+            ]
+        }
+
+        #[inline(always)]
+        fn rows_of_4([x, y, z, w]: [Self; 4]) -> [[f64; 4]; WIDTH] {
+            let mut rows = [[0.0; 4]; WIDTH];
+            let (low, high) = rows.split_at_mut(4);
+            let [x, y, z, w] = [x.halves(), y.halves(), z.halves(), w.halves()];
+            rows_of_four(low, x[0], y[0], z[0], w[0]);
+            rows_of_four(high, x[1], y[1], z[1], w[1]);
+            rows
+        }
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -357,7 +508,7 @@ mod avx {
 
     /// Four rows from four columns.
     #[inline(always)]
-    fn rows_of_four(
+    pub(super) fn rows_of_four(
         rows: &mut [[f64; 4]],
         x: intel::__m256d,
         y: intel::__m256d,
@@ -382,7 +533,7 @@ mod avx {
     /// Columns of four rows from the `first` on. Numbers go from memory to registers once and change places
     /// there: put one by one into arrays, they would have to reach memory before they could be loaded again.
     #[inline(always)]
-    fn four_of_3(rows: &[&[f64; 3]; WIDTH], first: usize) -> [intel::__m256d; 3] {
+    pub(super) fn four_of_3(rows: &[&[f64; 3]; WIDTH], first: usize) -> [intel::__m256d; 3] {
         // SAFETY: the processor has AVX, see the type; rows hold three numbers.
         unsafe {
             let a = three(rows[first]);
@@ -402,17 +553,16 @@ mod avx {
     /// Three numbers, and a zero.
     #[inline(always)]
     fn three(row: &[f64; 3]) -> intel::__m256d {
-        let row = row.as_ptr();
-        // SAFETY: the processor has AVX, see the type; the row holds three numbers.
+        // SAFETY: the processor has AVX, see the type; the row holds three numbers, and no more are read.
         unsafe {
-            let low = intel::_mm256_castpd128_pd256(intel::_mm_loadu_pd(row));
-            intel::_mm256_insertf128_pd::<1>(low, intel::_mm_load_sd(row.add(2)))
+            let three = intel::_mm256_setr_epi64x(-1, -1, -1, 0);
+            intel::_mm256_maskload_pd(row.as_ptr(), three)
         }
     }
 
     /// The same of longer rows: of their first four numbers.
     #[inline(always)]
-    fn four_of_4<const N: usize>(rows: &[&[f64; N]; WIDTH], first: usize) -> [intel::__m256d; 4] {
+    pub(super) fn four_of_4<const N: usize>(rows: &[&[f64; N]; WIDTH], first: usize) -> [intel::__m256d; 4] {
         const { assert!(N >= 4) };
         // SAFETY: the processor has AVX, see the type; rows hold four numbers.
         unsafe {
@@ -435,7 +585,7 @@ mod avx {
 
     /// The same of rows of six.
     #[inline(always)]
-    fn four_of_6(rows: &[&[f64; 6]; WIDTH], first: usize) -> [intel::__m256d; 6] {
+    pub(super) fn four_of_6(rows: &[&[f64; 6]; WIDTH], first: usize) -> [intel::__m256d; 6] {
         let [xx, yy, zz, xy] = four_of_4(rows, first);
         // SAFETY: the processor has AVX, see the type; rows hold six numbers.
         unsafe {
@@ -446,6 +596,49 @@ mod avx {
             let bd = intel::_mm256_insertf128_pd::<1>(b, intel::_mm_loadu_pd(row[3].add(4)));
             let (xz, yz) = (intel::_mm256_unpacklo_pd(ac, bd), intel::_mm256_unpackhi_pd(ac, bd));
             [xx, yy, zz, xy, xz, yz]
+        }
+    }
+}
+
+/// Eight places in columns of one length, checked once.
+#[derive(Clone, Copy)]
+pub(crate) struct Places {
+    at: [u32; WIDTH],
+    length: usize,
+}
+
+impl Places {
+    /// # Panics
+    /// If one is beyond the length.
+    #[inline(always)]
+    pub(crate) fn new(at: [u32; WIDTH], length: usize) -> Self {
+        let mut largest = at[0];
+        for place in at {
+            largest = if place > largest { place } else { largest };
+        }
+        assert!((largest as usize) < length, "a place beyond the column");
+        Self { at, length }
+    }
+
+    /// What stands there in a column.
+    ///
+    /// # Panics
+    /// If the column is shorter than was said.
+    #[inline(always)]
+    pub(crate) fn rows<T>(self, column: &[T]) -> [&T; WIDTH] {
+        assert!(column.len() >= self.length, "a column that is too short");
+        // SAFETY: all places are below the length, which the column has.
+        unsafe {
+            [
+                column.get_unchecked(self.at[0] as usize),
+                column.get_unchecked(self.at[1] as usize),
+                column.get_unchecked(self.at[2] as usize),
+                column.get_unchecked(self.at[3] as usize),
+                column.get_unchecked(self.at[4] as usize),
+                column.get_unchecked(self.at[5] as usize),
+                column.get_unchecked(self.at[6] as usize),
+                column.get_unchecked(self.at[7] as usize),
+            ]
         }
     }
 }
@@ -540,6 +733,13 @@ impl<L: Eight> Triple<L> {
     #[inline(always)]
     pub(crate) fn of(rows: &[&[f64; 3]; WIDTH]) -> Self {
         let [x, y, z] = L::columns_of_3(rows);
+        Self { x, y, z }
+    }
+
+    /// The first three numbers of each row.
+    #[inline(always)]
+    pub(crate) fn of_four(rows: &[&[f64; 4]; WIDTH]) -> Self {
+        let [x, y, z, _] = L::columns_of_4(rows);
         Self { x, y, z }
     }
 

@@ -2,6 +2,8 @@
 
 /// A vector of three.
 pub type Vec3 = nalgebra::Vector3<f64>;
+/// A vector of three, and a number.
+pub type Vec4 = nalgebra::Vector4<f64>;
 /// A three-by-three matrix.
 pub type Mat3 = nalgebra::Matrix3<f64>;
 /// A rotation from a body's own axes to the world.

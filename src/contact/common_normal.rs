@@ -24,7 +24,7 @@ use super::in_lanes::{self, InLanes};
 use super::newton::Ellipsoids;
 use super::{
     Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, Touch, Why, nearest_images,
-    unit_of_length, vectors,
+    places, unit_of_length, vectors,
 };
 use crate::ids::Slot;
 use crate::lanes::{Eight, Lanes, Symmetric, Triple, WIDTH};
@@ -148,7 +148,8 @@ impl Octet {
             slots[0][lane] = a;
             slots[1][lane] = b;
         }
-        let [from, to] = [vectors::<L>(position, &slots[0]), vectors::<L>(position, &slots[1])];
+        let [from, to] = slots.map(|slots| places(&slots, position.len()));
+        let (from, to) = (vectors::<L>(position, from), vectors::<L>(position, to));
         let r = nearest_images(to.minus(from), &period);
         let [a, b] = if let Some(form) = form {
             [forms(form, &slots[0]), forms(form, &slots[1])]

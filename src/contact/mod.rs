@@ -41,7 +41,7 @@ pub use smooth_common_normal::SmoothCommonNormal;
 pub use sphere_sphere::SphereSphere;
 
 use crate::ids::{ShapeId, Slot};
-use crate::lanes::{Eight, Triple, WIDTH};
+use crate::lanes::{Eight, Places, Triple, WIDTH};
 use crate::math::{Mat3, Quat, Vec3};
 use crate::shape::{Core, Form, Kind, Shape};
 use std::cell::Cell;
@@ -248,15 +248,32 @@ pub fn nearest_image(mut difference: Vec3, period: &Vec3) -> Vec3 {
     difference
 }
 
+/// The slots of eight bodies.
+#[expect(clippy::inline_always, reason = "see `lanes`")]
+#[inline(always)]
+pub(crate) fn places(slots: &[Slot; WIDTH], length: usize) -> Places {
+    let mut at = [0; WIDTH];
+    for (place, slot) in at.iter_mut().zip(slots) {
+        *place = slot.0;
+    }
+    Places::new(at, length)
+}
+
 /// The vectors of eight bodies.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
-pub(crate) fn vectors<L: Eight>(all: &[Vec3], slots: &[Slot; WIDTH]) -> Triple<L> {
-    let mut rows = [all[slots[0].index()].as_ref(); WIDTH];
-    for (row, slot) in rows.iter_mut().zip(slots) {
-        *row = all[slot.index()].as_ref();
-    }
-    Triple::of(&rows)
+pub(crate) fn vectors<L: Eight>(all: &[Vec3], places: Places) -> Triple<L> {
+    let [a, b, c, d, e, f, g, h] = places.rows(all);
+    Triple::of(&[
+        a.as_ref(),
+        b.as_ref(),
+        c.as_ref(),
+        d.as_ref(),
+        e.as_ref(),
+        f.as_ref(),
+        g.as_ref(),
+        h.as_ref(),
+    ])
 }
 
 /// [`nearest_image`] in lanes.

@@ -7,7 +7,7 @@
 use super::in_lanes::{self, InLanes};
 use super::{
     Batch, Bodies, Contact, ContactResolver, Found, Outcome, Posed, Touch, Why, nearest_images,
-    touch_of_ball, vectors,
+    places, touch_of_ball, vectors,
 };
 use crate::ids::Slot;
 use crate::lanes::{Eight, WIDTH, row};
@@ -68,7 +68,9 @@ fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
     for (lane, &index) in indices.iter().enumerate() {
         (a[lane], b[lane]) = (pairs[index as usize].a, pairs[index as usize].b);
     }
-    let r = vectors::<L>(bodies.position, &b).minus(vectors(bodies.position, &a));
+    let bodies_in_all = bodies.position.len();
+    let (of_a, of_b) = (places(&a, bodies_in_all), places(&b, bodies_in_all));
+    let r = vectors::<L>(bodies.position, of_b).minus(vectors(bodies.position, of_a));
     let r = nearest_images(r, &bodies.period);
     let radius = radii::<L>(bodies, &a);
     let reach = radius + radii(bodies, &b);

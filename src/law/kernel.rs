@@ -10,9 +10,9 @@
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use super::{ForceLaw, Parted, Sums, Work, add};
-use crate::contact::{History, Pair, Place, StateColumn, nearest_images, vectors};
+use crate::contact::{History, Pair, Place, StateColumn, nearest_images, places, vectors};
 use crate::ids::Slot;
-use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
+use crate::lanes::{self, Eight, Kernel, Lanes, Places, Triple, WIDTH, row};
 use crate::math::Vec3;
 use crate::particles::{Library, Needs, Particles};
 
@@ -272,41 +272,44 @@ impl<M: Model> Contacts<'_, '_, M> {
         let lossy = law.needs.velocity;
         let count = (work.pairs.len() - first).min(WIDTH);
         let pairs = eight_from(work.pairs, first, count);
-        let places = eight_from(work.from, first, count);
+        let from = eight_from(work.from, first, count);
         let (mut a, mut b) = ([Slot(0); WIDTH], [Slot(0); WIDTH]);
         for lane in 0..WIDTH {
             (a[lane], b[lane]) = (pairs[lane].a, pairs[lane].b);
         }
-        // As a rule all of them touched at the last step, one after the other: then they stand there as they do here.
-        let start = places[0].index();
-        let mut as_before = true;
-        for (lane, place) in places.iter().enumerate() {
-            as_before &= place.index() == start + lane;
-        }
-        let (constants, radii) = constants_of::<M, L>(law, &pairs, particles);
-        let (normal, overlap) = read::<L>(&rows_from(work.history, first, count));
+        let slots = particles.slots();
+        let (at_a, at_b) = (places(&a, slots), places(&b, slots));
+        let (constants, radii) = constants_of::<M, L>(law, at_a, at_b, particles);
+        let (normal, overlap) = geometry::<L>(&eight_from_rows(work.history, first, count));
         let has_points = !work.points.is_empty();
         let point = if has_points {
-            triple::<L>(&rows_from(work.points, first, count))
+            triple::<L>(&eight_from_rows(work.points, first, count))
         } else {
             normal.times(radii[0] - L::all(0.5) * overlap)
         };
-        let last_rows = if as_before {
-            rows_from(work.last.history, start, WIDTH)
-        } else {
-            rows_at(work.last.history, &places, &NEW)
-        };
-        let (last_normal, last_overlap) = read::<L>(&last_rows);
+        // As a rule all of them touched at the last step, one after the other: then they stand there as they do here.
+        let start = from[0].index();
+        let mut as_before = true;
+        for (lane, place) in from.iter().enumerate() {
+            as_before &= place.index() == start + lane;
+        }
         let mut state = [L::all(0.0); MOST_STATE];
         let state = &mut state[..law.width];
-        read_state(work.last.state, law.width, &places, state);
+        let last = work.last;
+        let (last_normal, last_overlap) = if as_before {
+            read_state(&rows_of(last.state, law.width, start), state);
+            geometry::<L>(&eight_rows(last.history, start))
+        } else {
+            read_state(&rows_at(last.state, law.width, &from), state);
+            geometry::<L>(&histories_at(last.history, &from))
+        };
 
         // velocity of A's surface against B's: positive along the normal is approach
         let position = &particles.position;
-        let to_b = vectors::<L>(position, &b).minus(vectors(position, &a));
+        let to_b = vectors::<L>(position, at_b).minus(vectors(position, at_a));
         let to_b = nearest_images(to_b, &particles.period);
-        let (of_a, spin_a) = velocities::<L>(particles, &a);
-        let (of_b, spin_b) = velocities::<L>(particles, &b);
+        let (of_a, spin_a) = velocities::<L>(particles, at_a);
+        let (of_b, spin_b) = velocities::<L>(particles, at_b);
         let bodies = Moving { approach: of_a.minus(of_b), spin_a, spin_b };
         let arm_b = point.minus(to_b);
         let velocity = bodies.surfaces(point, arm_b);
@@ -343,32 +346,32 @@ impl<M: Model> Contacts<'_, '_, M> {
         let [normally, tangentially] = law.model.dissipates(&constants);
         let dissipated = of_dashpots.or(zero, normally) + of_friction.or(zero, tangentially);
         let dissipated = if lossy && dt > 0.0 { dissipated } else { zero };
-        let impulse = last_press.plus(before.rub).plus(force).plus(viscous).times(half_step);
-
+        write_state(self.work.state, law.width, first, count, state);
         let (back, on_a, on_b) =
             (Triple::zero().minus(force), force.cross(point), arm_b.cross(force));
-        let (forces, backs) = (force.rows(dissipated), back.rows(zero));
+        // Each body loses half; a wall has no share. Pairs with walls stand among themselves.
+        let with_walls = b[0].index() >= particles.first_wall();
+        let share = if with_walls { dissipated } else { L::all(0.5) * dissipated };
+        let (forces, backs) = (force.rows(share), back.rows(share));
         let (on_a, on_b) = (on_a.rows(zero), on_b.rows(zero));
-        write_state(self.work.state, law.width, first, count, state);
-        let impulse = impulse.store();
+        let impulse = last_press.plus(before.rub).plus(force).plus(viscous).times(half_step);
+        let impulse = if with_walls { impulse.store() } else { [[0.0; WIDTH]; 3] };
+        let next_parted = self.work.parted.get(self.summed).map_or(usize::MAX, |p| p.before);
+        let some_part = next_parted < first + count;
         for lane in 0..count {
-            let place = first + lane;
-            self.part_before(place);
-            let [x, y, z, lost] = forces[lane];
-            self.work.forces[place] = Vec3::new(x, y, z);
-            let pair = pairs[lane];
-            let (a, b) = (pair.a.index(), pair.b.index());
+            if some_part {
+                self.part_before(first + lane);
+            }
+            let [x, y, z, _] = forces[lane];
+            self.work.forces[first + lane] = Vec3::new(x, y, z);
+            let (a, b) = (a[lane].index(), b[lane].index());
             add(&mut self.sums.force, a, &backs[lane]);
             add(&mut self.sums.torque, a, &on_a[lane]);
             add(&mut self.sums.force, b, &forces[lane]);
             add(&mut self.sums.torque, b, &on_b[lane]);
-            if lossy {
-                self.sums.lose(pair, lost, particles.first_wall());
-            }
-            if b >= particles.first_wall() {
-                let of_wall = &particles.velocity[b];
+            if with_walls {
                 let impulse = Vec3::from(row(&impulse, lane));
-                self.sums.note_wall_work(pair, -impulse.dot(of_wall));
+                self.sums.note_wall_work(pairs[lane], -impulse.dot(&particles.velocity[b]));
             }
         }
     }
@@ -432,17 +435,16 @@ impl<M: Model> Contacts<'_, '_, M> {
 #[inline(always)]
 fn constants_of<M: Model, L: Eight>(
     law: &Law<M>,
-    pairs: &[Pair; WIDTH],
+    a: Places,
+    b: Places,
     particles: &Particles,
 ) -> (M::Constants<L>, [L; 2]) {
+    let (of_a, of_b) = (a.rows(&particles.shape), b.rows(&particles.shape));
     let mut shapes = [(0, 0); WIDTH];
     let mut alike = true;
-    for (of_pair, pair) in shapes.iter_mut().zip(pairs) {
-        let a = particles.shape[pair.a.index()].index();
-        *of_pair = (a, particles.shape[pair.b.index()].index());
-    }
-    for of_pair in shapes {
-        alike &= of_pair == shapes[0];
+    for lane in 0..WIDTH {
+        shapes[lane] = (of_a[lane].index(), of_b[lane].index());
+        alike &= of_a[lane] == of_a[0] && of_b[lane] == of_b[0];
     }
     // As most are: eight times the same.
     let one = law.row_of(shapes[0], particles);
@@ -460,21 +462,16 @@ fn constants_of<M: Model, L: Eight>(
     (M::spread(&Each(&rows)), [L::load(&radii[0]), L::load(&radii[1])])
 }
 
-/// What is remembered of eight contacts, column by column: zero of those that did not touch.
+/// What is remembered of eight contacts, column by column.
 #[inline(always)]
-fn read_state<L: Eight>(all: &[f64], width: usize, places: &[Place; WIDTH], columns: &mut [L]) {
-    let mut rows = [&NO_STATE[..width]; WIDTH];
-    for (row, place) in rows.iter_mut().zip(places) {
-        if *place != Place::NONE {
-            *row = &all[place.index() * width..][..width];
-        }
-    }
+fn read_state<L: Eight>(rows: &[&[f64]; WIDTH], columns: &mut [L]) {
+    let width = columns.len();
     let mut at = 0;
     while at < width {
-        if let Some(four) = pieces::<4>(&rows, at) {
+        if let Some(four) = pieces::<4>(rows, at) {
             columns[at..at + 4].copy_from_slice(&L::columns_of_4(&four));
             at += 4;
-        } else if let Some(three) = pieces::<3>(&rows, at) {
+        } else if let Some(three) = pieces::<3>(rows, at) {
             columns[at..at + 3].copy_from_slice(&L::columns_of_3(&three));
             at += 3;
         } else {
@@ -520,37 +517,55 @@ fn write_state<L: Eight>(all: &mut [f64], width: usize, first: usize, count: usi
     }
 }
 
-/// What stands at a place, or what stands for those that have none.
+/// The rows of eight contacts that stand one after the other.
 #[inline(always)]
-fn at<'a, T>(all: &'a [T], place: Place, otherwise: &'a T) -> &'a T {
-    match all.get(place.index()) {
-        Some(one) => one,
-        None => otherwise,
-    }
-}
-
-/// The same of eight.
-#[inline(always)]
-fn rows_at<'a, T>(all: &'a [T], places: &[Place; WIDTH], otherwise: &'a T) -> [&'a T; WIDTH] {
-    let mut rows = [otherwise; WIDTH];
-    for (row, place) in rows.iter_mut().zip(places) {
-        *row = at(all, *place, otherwise);
+fn rows_of(all: &[f64], width: usize, start: usize) -> [&[f64]; WIDTH] {
+    let eight = &all[start * width..][..WIDTH * width];
+    let mut rows = [&eight[..width]; WIDTH];
+    for (lane, row) in rows.iter_mut().enumerate() {
+        *row = &eight[lane * width..][..width];
     }
     rows
 }
 
-/// Those from a place on; if there are less than eight, the last one again.
+/// The same of any eight: zeros of those that have no place.
 #[inline(always)]
-fn rows_from<T>(all: &[T], first: usize, count: usize) -> [&T; WIDTH] {
+fn rows_at<'a>(all: &'a [f64], width: usize, places: &[Place; WIDTH]) -> [&'a [f64]; WIDTH] {
+    let mut rows = [&NO_STATE[..width]; WIDTH];
+    for (row, place) in rows.iter_mut().zip(places) {
+        if *place != Place::NONE {
+            *row = &all[place.index() * width..][..width];
+        }
+    }
+    rows
+}
+
+/// Where contacts were at the last step, if they touched.
+#[inline(always)]
+fn histories_at<'a>(all: &'a [History], places: &[Place; WIDTH]) -> [&'a History; WIDTH] {
+    let mut rows = [&NEW; WIDTH];
+    for (row, place) in rows.iter_mut().zip(places) {
+        *row = all.get(place.index()).unwrap_or(&NEW);
+    }
+    rows
+}
+
+/// Those from a place on.
+#[inline(always)]
+fn eight_rows<T>(all: &[T], first: usize) -> [&T; WIDTH] {
+    let [a, b, c, d, e, f, g, h] = &all[first..][..WIDTH] else { unreachable!("eight are eight") };
+    [a, b, c, d, e, f, g, h]
+}
+
+/// The same; if there are less than eight, the last one again.
+#[inline(always)]
+fn eight_from_rows<T>(all: &[T], first: usize, count: usize) -> [&T; WIDTH] {
+    if count == WIDTH {
+        return eight_rows(all, first);
+    }
     let mut rows = [&all[first]; WIDTH];
-    if let Some(eight) = all[first..].first_chunk::<WIDTH>() {
-        for (row, one) in rows.iter_mut().zip(eight) {
-            *row = one;
-        }
-    } else {
-        for (lane, row) in rows.iter_mut().enumerate() {
-            *row = &all[first + lane.min(count - 1)];
-        }
+    for (lane, row) in rows.iter_mut().enumerate() {
+        *row = &all[first + lane.min(count - 1)];
     }
     rows
 }
@@ -570,22 +585,27 @@ fn eight_from<T: Copy>(all: &[T], first: usize, count: usize) -> [T; WIDTH] {
 
 /// Vectors.
 #[inline(always)]
-fn triple<L: Eight>(vectors: &[&Vec3; WIDTH]) -> Triple<L> {
-    let mut rows = [vectors[0].as_ref(); WIDTH];
-    for (row, vector) in rows.iter_mut().zip(vectors) {
-        *row = vector.as_ref();
-    }
-    Triple::of(&rows)
+fn triple<L: Eight>([a, b, c, d, e, f, g, h]: &[&Vec3; WIDTH]) -> Triple<L> {
+    let rows = [a.as_ref(), b.as_ref(), c.as_ref(), d.as_ref()];
+    let more = [e.as_ref(), f.as_ref(), g.as_ref(), h.as_ref()];
+    let ([a, b, c, d], [e, f, g, h]) = (rows, more);
+    Triple::of(&[a, b, c, d, e, f, g, h])
 }
 
 /// Normals and overlaps.
 #[inline(always)]
-fn read<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L) {
-    let mut rows: [&[f64; 4]; WIDTH] = [bytemuck::cast_ref(histories[0]); WIDTH];
-    for (row, history) in rows.iter_mut().zip(histories) {
-        *row = bytemuck::cast_ref(*history);
-    }
-    let [x, y, z, overlap] = L::columns_of_4(&rows);
+fn geometry<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L) {
+    let [a, b, c, d, e, f, g, h] = histories;
+    let [x, y, z, overlap] = L::columns_of_4(&[
+        bytemuck::cast_ref(*a),
+        bytemuck::cast_ref(*b),
+        bytemuck::cast_ref(*c),
+        bytemuck::cast_ref(*d),
+        bytemuck::cast_ref(*e),
+        bytemuck::cast_ref(*f),
+        bytemuck::cast_ref(*g),
+        bytemuck::cast_ref(*h),
+    ]);
     (Triple { x, y, z }, overlap)
 }
 
@@ -609,10 +629,10 @@ impl<L: Lanes> Moving<L> {
 
 /// Velocities of the centres of bodies [m/s], and angular velocities [rad/s].
 #[inline(always)]
-fn velocities<L: Eight>(particles: &Particles, slots: &[Slot; WIDTH]) -> (Triple<L>, Triple<L>) {
-    let velocity = vectors::<L>(&particles.velocity, slots);
+fn velocities<L: Eight>(particles: &Particles, places: Places) -> (Triple<L>, Triple<L>) {
+    let velocity = vectors::<L>(&particles.velocity, places);
     let Some(spin) = &particles.spin else { return (velocity, Triple::zero()) };
-    (velocity, vectors::<L>(&spin.angular_velocity, slots))
+    (velocity, vectors::<L>(&spin.angular_velocity, places))
 }
 
 /// Velocity of A's surface against B's: positive along the normal is approach [m/s].
@@ -666,7 +686,7 @@ mod tests {
     use crate::lanes::{self, Kernel, Portable};
     use crate::law::linear::Linear;
     use crate::law::{Constants, ForceLaw, Interactions, Last, Sums, Work};
-    use crate::math::Vec3;
+    use crate::math::{Vec3, Vec4};
     use crate::particles::{Particles, crowd};
     use crate::random::Random;
 
@@ -706,16 +726,11 @@ mod tests {
             run: impl Fn(Contacts<Linear>),
         ) -> Found {
             let count = self.pairs.len();
-            let zeros = vec![Vec3::zeros(); particles.owned];
+            let zeros = vec![Vec4::zeros(); particles.owned];
             let mut found = Found {
                 state: vec![0.0; count * law.width],
                 forces: vec![Vec3::zeros(); count],
-                sums: Sums {
-                    force: zeros.clone(),
-                    torque: zeros,
-                    dissipated: vec![0.0; particles.owned],
-                    wall_work: Vec::new(),
-                },
+                sums: Sums { force: zeros.clone(), torque: zeros, wall_work: Vec::new() },
             };
             let mut work = Work {
                 pairs: &self.pairs,
@@ -740,9 +755,8 @@ mod tests {
         }
 
         fn bits_of_sums(&self) -> Vec<u64> {
-            let Sums { force, torque, dissipated, .. } = &self.sums;
-            let vectors = force.iter().chain(torque).flatten();
-            vectors.chain(dissipated).map(|x| x.to_bits()).collect()
+            let Sums { force, torque, .. } = &self.sums;
+            force.iter().chain(torque).flatten().map(|x| x.to_bits()).collect()
         }
     }
 

@@ -6,7 +6,7 @@ pub mod stability;
 
 use crate::contact::{History, Pair, Place, StateColumn};
 use crate::ids::MaterialId;
-use crate::math::Vec3;
+use crate::math::{Vec3, Vec4};
 use crate::particles::{Library, Needs, Particles, held};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -135,14 +135,12 @@ impl Interactions {
     }
 }
 
-/// Adds the first three of a row to the sum of a body, if it is one that is summed.
+/// Adds a row to the sum of a body, if it is one that is summed.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
-fn add(sums: &mut [Vec3], slot: usize, row: &[f64; 4]) {
+fn add(sums: &mut [Vec4], slot: usize, row: &[f64; 4]) {
     if let Some(sum) = sums.get_mut(slot) {
-        sum.x += row[0];
-        sum.y += row[1];
-        sum.z += row[2];
+        *sum += Vec4::from(*row);
     }
 }
 
@@ -213,12 +211,10 @@ pub struct Parted {
 /// number of ranks.
 #[derive(Debug, Default)]
 pub struct Sums {
-    /// Force [N].
-    force: Vec<Vec3>,
-    /// Moment about the centre [N m]; none if nothing turns.
-    torque: Vec<Vec3>,
-    /// Energy lost since the last step [J].
-    dissipated: Vec<f64>,
+    /// Force [N], and energy lost since the last step [J].
+    force: Vec<Vec4>,
+    /// Moment about the centre [N m], and a zero; none if nothing turns.
+    torque: Vec<Vec4>,
     /// Of moving walls, in the order of the particles' ids, then of the walls.
     wall_work: Vec<WallWork>,
 }
@@ -231,10 +227,8 @@ impl Sums {
             self.torque = std::mem::take(&mut spin.torque);
         }
         for sum in [&mut self.force, &mut self.torque] {
-            sum.fill(Vec3::zeros());
+            sum.fill(Vec4::zeros());
         }
-        self.dissipated.clear();
-        self.dissipated.resize(particles.owned, 0.0);
         self.wall_work.clear();
     }
 
@@ -244,8 +238,8 @@ impl Sums {
         if let Some(spin) = &mut particles.spin {
             spin.torque = std::mem::take(&mut self.torque);
         }
-        for (all, lost) in particles.dissipated.iter_mut().zip(&self.dissipated) {
-            *all += lost;
+        for (all, sum) in particles.dissipated.iter_mut().zip(&particles.force) {
+            *all += sum.w;
         }
         for of_one in self.wall_work.chunk_by(|one, other| one.pair.a == other.pair.a) {
             let slot = of_one[0].pair.a.index();
@@ -257,7 +251,7 @@ impl Sums {
 
     /// Bytes that it holds between two steps.
     pub fn bytes(&self) -> usize {
-        held(&self.dissipated) + held(&self.wall_work)
+        held(&self.wall_work)
     }
 
     /// Takes note of what a wall gives to the particle that presses on it [J]; most stand still.
@@ -268,14 +262,11 @@ impl Sums {
         }
     }
 
-    /// Adds what a contact lost [J] to its particles; a wall has no share.
-    #[inline]
+    /// Adds what a contact lost that has come apart [J] to its particles; a wall has no share.
     fn lose(&mut self, pair: Pair, energy: f64, first_wall: usize) {
         let share = if pair.b.index() >= first_wall { energy } else { 0.5 * energy };
         for slot in [pair.a.index(), pair.b.index()] {
-            if let Some(sum) = self.dissipated.get_mut(slot) {
-                *sum += share;
-            }
+            add(&mut self.force, slot, &[0.0, 0.0, 0.0, share]);
         }
     }
 }

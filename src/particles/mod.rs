@@ -9,7 +9,7 @@ pub mod walls;
 
 use crate::contact::Bodies;
 use crate::ids::{GlobalId, MaterialId, ShapeId, Slot};
-use crate::math::{Quat, Vec3};
+use crate::math::{Quat, Vec3, Vec4};
 use crate::shape::{Form, Shape};
 use records::Particle;
 use serde::{Deserialize, Serialize};
@@ -103,10 +103,10 @@ impl Needs {
     pub const fn column_bytes(&self) -> usize {
         // id, shape, position, velocity, force, position at the last listing, travel, two energies
         8 + 2
-            + 4 * 24
+            + 4 * 24 + 8
             + 8
             + 16
-            + if self.spin { 48 } else { 0 }
+            + if self.spin { 56 } else { 0 }
             + if self.attitude { 24 + 32 } else { 0 }
             + if self.form { 48 } else { 0 }
             + if self.image { 12 } else { 0 }
@@ -121,8 +121,8 @@ pub struct Spin {
     /// World axes, as laws need it [rad/s]. Of spheres alone it is the state; of others it is that before the second
     /// kick, see [`Particles::angular_velocity`]. Length: all slots.
     pub angular_velocity: Vec<Vec3>,
-    /// World axes [N m]. Length: owned.
-    pub torque: Vec<Vec3>,
+    /// World axes [N m], and a zero: four numbers are added at once. Length: owned.
+    pub torque: Vec<Vec4>,
 }
 
 /// Attitude columns, where the scene needs them.
@@ -185,8 +185,9 @@ pub struct Particles {
     /// After a step those of the time of the positions; before its second kick, and of ghosts, those of half a step
     /// before [m/s]. Length: all slots.
     pub velocity: Vec<Vec3>,
-    /// Sum of the contact forces; gravity and damping are not in it [N]. Length: owned.
-    pub force: Vec<Vec3>,
+    /// Sum of the contact forces, gravity and damping not in it [N], and the energy that contacts lost in the last step [J]:
+    /// four numbers are added at once. Length: owned.
+    pub force: Vec<Vec4>,
     /// Positions when the pairs were listed [m]. Length: owned.
     pub listed_at: Vec<Vec3>,
     /// How far any point of the body can have moved since the pairs were listed, along its way [m].
@@ -378,7 +379,7 @@ impl Particles {
         self.shape.push(*shape);
         self.position.push(*position);
         self.velocity.push(*velocity);
-        self.force.push(*force);
+        self.force.push(force.push(0.0));
         self.listed_at.push(*position);
         self.dissipated.push(*dissipated);
         self.received.push(*received);
@@ -400,7 +401,7 @@ impl Particles {
                 spin.angular_momentum.push(*angular_momentum);
             }
             spin.angular_velocity.push(angular_velocity);
-            spin.torque.push(*torque);
+            spin.torque.push(torque.push(0.0));
         }
     }
 
@@ -418,14 +419,14 @@ impl Particles {
             if self.needs.attitude {
                 spin.angular_momentum.swap_remove(slot);
             }
-            (spin.angular_velocity.swap_remove(slot), spin.torque.swap_remove(slot))
+            (spin.angular_velocity.swap_remove(slot), spin.torque.swap_remove(slot).xyz())
         });
         let particle = Particle {
             id: self.id.swap_remove(slot),
             shape: self.shape.swap_remove(slot),
             position: self.position.swap_remove(slot),
             velocity: self.velocity.swap_remove(slot),
-            force: self.force.swap_remove(slot),
+            force: self.force.swap_remove(slot).xyz(),
             dissipated: self.dissipated.swap_remove(slot),
             received: self.received.swap_remove(slot),
             image: if self.needs.image { self.image.swap_remove(slot) } else { [0; 3] },

@@ -360,7 +360,7 @@ fn lost(step: u64, error: DomainError, sim: &Simulation, comm: &mut dyn Comm) ->
             "particle {id}: position {} m, velocity {} m/s, force of its contacts {} N",
             vector(particles.position[slot]),
             vector(particles.velocity[slot]),
-            vector(particles.force[slot]),
+            vector(particles.force[slot].xyz()),
         )
     });
     let states = comm.gather(wire::encode(&state)).unwrap_or_default();
