@@ -62,7 +62,7 @@ fn chunk(counted: &mut Counted, count: u64) {
     CommonNormal.resolve(&pairs.batch(&pairs.strangers()), &mut found);
     counted.not_converged += found.failed.len() as u64;
     counted.missed += found.apart.len() as u64;
-    for contact in &found.contacts {
+    for contact in found.contacts.iter() {
         let index = contact.pair as usize;
         let (a, b, r) = pairs.pair(index);
         let size = a.shape.bounding_radius().max(b.shape.bounding_radius());

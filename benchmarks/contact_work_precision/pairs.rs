@@ -2,7 +2,7 @@
 
 use crate::facets;
 use dem_mpi::contact::{
-    Batch, Bodies, CommonNormal, Contact, ContactResolver, History, Outcome, Pair, Place, Posed,
+    Batch, Bodies, CommonNormal, Touching, ContactResolver, History, Outcome, Pair, Place, Posed,
     SmoothCommonNormal, touch_along,
 };
 use dem_mpi::ids::{ShapeId, Slot};
@@ -194,11 +194,11 @@ impl Pairs {
 
     /// The normals of a step before, where a method found these: off by `turned` rad in a random direction. Of pairs that
     /// are apart, the true ones.
-    pub(crate) fn acquaintances(&self, found: &[Contact], turned: f64) -> Vec<History> {
+    pub(crate) fn acquaintances(&self, found: &Touching, turned: f64) -> Vec<History> {
         let unless_it_touches =
             |truth: &Truth| if truth.overlap > 0.0 { Vec3::zeros() } else { truth.normal };
         let mut normals: Vec<Vec3> = self.truth.iter().map(unless_it_touches).collect();
-        for contact in found {
+        for contact in found.iter() {
             normals[contact.pair as usize] = contact.touch.normal;
         }
         let remembered = |(id, normal): (u64, Vec3)| {

@@ -589,8 +589,9 @@ mod tests {
             };
             resolve(&batch, &mut found);
             assert_eq!(found.contacts.len(), self.pairs.len(), "every pair touches");
-            found.contacts.sort_by_key(|contact| contact.pair);
-            found.contacts.iter().map(|contact| contact.touch).collect()
+            let mut contacts: Vec<_> = found.contacts.iter().collect();
+            contacts.sort_by_key(|contact| contact.pair);
+            contacts.iter().map(|contact| contact.touch).collect()
         }
     }
 

@@ -179,6 +179,63 @@ pub struct Contact {
     pub touch: Touch,
 }
 
+/// Pairs that touch now, in columns.
+#[derive(Clone, Debug, Default)]
+pub struct Touching {
+    /// Their indices in the batch's pairs.
+    pub pair: Vec<u32>,
+    /// Their normals and overlaps.
+    pub geometry: Vec<History>,
+    /// Where each touches, seen from the centre of A [m]; none if they are left out.
+    pub point: Vec<Vec3>,
+    /// Are points left out? Of balls they follow from normal and overlap.
+    pub without_points: bool,
+}
+
+impl Touching {
+    /// How many.
+    pub const fn len(&self) -> usize {
+        self.pair.len()
+    }
+
+    /// Are there none?
+    pub const fn is_empty(&self) -> bool {
+        self.pair.is_empty()
+    }
+
+    /// All of them; points that are left out are zero.
+    pub fn iter(&self) -> impl Iterator<Item = Contact> {
+        (0..self.len()).map(|row| {
+            let History { normal, overlap } = self.geometry[row];
+            let point = self.point.get(row).copied().unwrap_or_default();
+            Contact { pair: self.pair[row], touch: Touch { overlap, normal, point } }
+        })
+    }
+
+    #[inline]
+    fn push(&mut self, pair: u32, touch: &Touch) {
+        let Touch { overlap, normal, point } = *touch;
+        self.pair.push(pair);
+        self.geometry.push(History { normal, overlap });
+        if !self.without_points {
+            self.point.push(point);
+        }
+    }
+
+    fn clear(&mut self) {
+        self.pair.clear();
+        self.geometry.clear();
+        self.point.clear();
+    }
+
+    /// Bytes that it holds.
+    pub fn bytes(&self) -> usize {
+        self.pair.capacity() * size_of::<u32>()
+            + self.geometry.capacity() * size_of::<History>()
+            + self.point.capacity() * size_of::<Vec3>()
+    }
+}
+
 /// Read-only view of all bodies of a rank, indexed by slot.
 #[derive(Clone, Copy, Debug)]
 pub struct Bodies<'a> {
@@ -357,7 +414,7 @@ impl<'a> Batch<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct Found {
     /// Pairs that touch.
-    pub contacts: Vec<Contact>,
+    pub contacts: Touching,
     /// Pairs that do not, and how much nearer their surfaces may come before they could [m].
     pub apart: Vec<(u32, f64)>,
     /// Pairs of which the resolver could not tell.
@@ -379,7 +436,7 @@ impl Found {
     pub fn note(&mut self, pair: u32, outcome: Outcome) {
         match outcome {
             Outcome::Apart(clearance) => self.apart.push((pair, clearance)),
-            Outcome::Touching(touch) => self.contacts.push(Contact { pair, touch }),
+            Outcome::Touching(touch) => self.contacts.push(pair, &touch),
             Outcome::Failed(why) => self.failed.push((pair, why)),
         }
     }

@@ -6,7 +6,7 @@
 
 use super::in_lanes::{self, InLanes};
 use super::{
-    Batch, Bodies, Contact, ContactResolver, Found, Outcome, Posed, Touch, Why, nearest_images,
+    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Touching, Why, nearest_images,
     places, touch_of_ball, vectors,
 };
 use crate::ids::Slot;
@@ -77,24 +77,34 @@ fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
     let distance = r.dot(r).sqrt();
     let overlap = reach - distance;
     let normal = r.over(distance);
-    let point = normal.times(radius - L::all(0.5) * overlap);
     let zero = L::all(0.0);
     let (touching, apart) = (zero.less(overlap) & zero.less(distance), overlap.at_most(zero));
 
-    let (overlap, normal, point) = (overlap.store(), normal.store(), point.store());
-    for (lane, &pair) in indices.iter().enumerate() {
+    let geometry = normal.rows(overlap);
+    let Touching { pair, geometry: all, point, without_points } = &mut found.contacts;
+    if !*without_points {
+        let points = normal.times(radius - L::all(0.5) * overlap).store();
+        for lane in 0..indices.len() {
+            if touching >> lane & 1 == 1 {
+                point.push(row(&points, lane).into());
+            }
+        }
+    }
+    if touching == u8::MAX && indices.len() == WIDTH {
+        // As most are that are looked at.
+        pair.extend_from_slice(indices);
+        all.extend_from_slice(bytemuck::cast_slice(&geometry));
+        return;
+    }
+    for (lane, &index) in indices.iter().enumerate() {
         if touching >> lane & 1 == 1 {
-            let touch = Touch {
-                overlap: overlap[lane],
-                normal: row(&normal, lane).into(),
-                point: row(&point, lane).into(),
-            };
-            found.contacts.push(Contact { pair, touch });
+            pair.push(index);
+            all.push(bytemuck::cast(geometry[lane]));
         } else if apart >> lane & 1 == 1 {
-            found.apart.push((pair, -overlap[lane]));
+            found.apart.push((index, -geometry[lane][3]));
         } else {
-            let coincide = bodies.relative(pairs[pair as usize]) == Vec3::zeros();
-            found.failed.push((pair, if coincide { Why::TooDeep } else { Why::NotFinite }));
+            let coincide = bodies.relative(pairs[index as usize]) == Vec3::zeros();
+            found.failed.push((index, if coincide { Why::TooDeep } else { Why::NotFinite }));
         }
     }
 }

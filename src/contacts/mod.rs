@@ -5,7 +5,8 @@
 //! [`Contacts::load`] a law finds the forces, and the new columns take the place of the old.
 
 use crate::contact::{
-    self, Batch, Histories, History, NamedHistory, Pair, Place, StateColumn, Touch, touch_of_ball,
+    Batch, Histories, History, NamedHistory, Pair, Place, StateColumn, Touch, Touching,
+    touch_of_ball,
 };
 use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Last, Parted, Sums, Work};
@@ -241,19 +242,22 @@ impl Contacts {
         &mut self,
         stretch: usize,
         pairs: &[Pair],
-        touching: &[contact::Contact],
+        touching: &Touching,
         needs: Needs,
     ) {
         self.now = room(&mut self.spare, touching.len(), self.width, needs);
-        self.from.clear();
-        if touching.is_sorted_by(|one, other| one.pair < other.pair) {
-            self.take(pairs, touching.iter(), needs);
+        if touching.pair.is_sorted() {
+            let now = &mut self.now;
+            now.numbers.extend_from_slice(&touching.pair);
+            now.history.extend_from_slice(&touching.geometry);
+            now.points.extend_from_slice(&touching.point);
         } else {
             self.sort(pairs.len(), touching);
-            let order = std::mem::take(&mut self.order);
-            self.take(pairs, order.iter().map(|&place| &touching[place as usize]), needs);
-            self.order = order;
         }
+        let Self { now, place, from, .. } = self;
+        from.clear();
+        from.extend(now.numbers.iter().map(|&pair| place[pair as usize]));
+        now.pairs.extend(now.numbers.iter().map(|&pair| pairs[pair as usize]));
 
         let Self { stretches, now, from, parted, .. } = self;
         parted.clear();
@@ -271,13 +275,13 @@ impl Contacts {
         }
     }
 
-    /// Finds the order of the contacts' pairs.
-    fn sort(&mut self, length: usize, touching: &[contact::Contact]) {
-        let Self { found, order, .. } = self;
+    /// Puts what touches in the order of pairs, of which there are so many.
+    fn sort(&mut self, length: usize, touching: &Touching) {
+        let Self { found, order, now, .. } = self;
         found.clear();
         found.resize(length, u32::MAX);
-        for (contact, place) in touching.iter().zip(0..) {
-            found[contact.pair as usize] = place;
+        for (&pair, place) in touching.pair.iter().zip(0..) {
+            found[pair as usize] = place;
         }
         // Every place is written, and the next one over it if the pair does not touch: no branch to be guessed wrongly.
         order.clear();
@@ -287,26 +291,12 @@ impl Contacts {
             order[count] = place;
             count += usize::from(place != u32::MAX);
         }
-        order.truncate(count);
-    }
-
-    fn take<'a>(
-        &mut self,
-        pairs: &[Pair],
-        contacts: impl Iterator<Item = &'a contact::Contact> + Clone,
-        needs: Needs,
-    ) {
-        let Self { now, place, from, .. } = self;
-        now.numbers.extend(contacts.clone().map(|contact| contact.pair));
-        now.pairs.extend(contacts.clone().map(|contact| pairs[contact.pair as usize]));
-        now.history.extend(contacts.clone().map(|contact| {
-            let Touch { normal, overlap, .. } = contact.touch;
-            History { normal, overlap }
-        }));
-        if needs.attitude {
-            now.points.extend(contacts.clone().map(|contact| contact.touch.point));
+        let order = &order[..count];
+        now.numbers.extend(order.iter().map(|&place| touching.pair[place as usize]));
+        now.history.extend(order.iter().map(|&place| touching.geometry[place as usize]));
+        if !touching.point.is_empty() {
+            now.points.extend(order.iter().map(|&place| touching.point[place as usize]));
         }
-        from.extend(contacts.map(|contact| place[contact.pair as usize]));
     }
 
     /// Lets `law` find the forces of what has been arranged, and keeps that in place of what was remembered.
@@ -451,7 +441,7 @@ impl Contacts {
 mod tests {
     use super::Contacts;
     use crate::contact::{
-        Contact, Histories, History, NamedHistory, Pair, Place, StateColumn, Touch,
+        Histories, History, NamedHistory, Pair, Place, StateColumn, Touching,
     };
     use crate::ids::GlobalId;
     use crate::math::Vec3;
@@ -504,11 +494,14 @@ mod tests {
         let pairs = &list.pairs[stretch.range.clone()];
         contacts.look(0, pairs.len());
         // Every second touches now; every sixth did before and does still.
-        let found = |pair: usize| Contact {
-            pair: pair as u32,
-            touch: Touch { overlap: pair as f64, ..Touch::default() },
+        let found = (0..pairs.len()).step_by(2);
+        let geometry = |pair: usize| History { overlap: pair as f64, ..History::default() };
+        let mut touching = Touching {
+            pair: found.clone().map(|pair| pair as u32).collect(),
+            geometry: found.clone().map(geometry).collect(),
+            point: found.map(|pair| Vec3::repeat(pair as f64)).collect(),
+            without_points: false,
         };
-        let mut touching: Vec<Contact> = (0..pairs.len()).step_by(2).map(found).collect();
         for _ in 0..2 {
             contacts.arrange(0, pairs, &touching, particles.needs);
             let now = &contacts.now;
@@ -517,6 +510,7 @@ mod tests {
             for (place, &number) in numbers.iter().enumerate() {
                 assert_eq!(now.pairs[place], pairs[number as usize]);
                 assert_eq!(now.history[place].overlap, f64::from(number));
+                assert_eq!(now.points[place].y, f64::from(number));
                 let before =
                     if number % 3 == 0 { Place::among(number as usize / 3) } else { Place::NONE };
                 assert_eq!(contacts.from[place], before);
@@ -525,7 +519,9 @@ mod tests {
                 contacts.parted.iter().map(|parted| (parted.place, parted.before)).collect();
             let odd = (3..pairs.len()).step_by(6);
             assert_eq!(parted, odd.map(|pair| (pair / 3, pair.div_ceil(2))).collect::<Vec<_>>());
-            touching.reverse();
+            touching.pair.reverse();
+            touching.geometry.reverse();
+            touching.point.reverse();
         }
     }
 }

@@ -199,10 +199,11 @@ pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
         let before = directions_tried();
         resolver.resolve(&batch, &mut found);
         let iterations = directions_tried() - before;
-        let outcome = match (&found.contacts[..], &found.apart[..], &found.failed[..]) {
-            ([contact], [], []) => Outcome::Touching(contact.touch),
-            ([], [(_, clearance)], []) => Outcome::Apart(*clearance),
-            ([], [], [(_, why)]) => Outcome::Failed(*why),
+        let contact = found.contacts.iter().next();
+        let outcome = match (contact, &found.apart[..], &found.failed[..]) {
+            (Some(contact), [], []) => Outcome::Touching(contact.touch),
+            (None, [(_, clearance)], []) => Outcome::Apart(*clearance),
+            (None, [], [(_, why)]) => Outcome::Failed(*why),
             _ => unreachable!("a pair goes into one of the lists"),
         };
         let (a, b, r) = pairs.posed(index);

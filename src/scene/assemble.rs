@@ -85,6 +85,8 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
         kinds.push(Kind::HalfSpace);
     }
     let law = scene.law();
+    let mut found = contact::Found::default();
+    found.contacts.without_points = !scene.needs().attitude;
     Simulation {
         particles: Particles::new(
             scene.needs(),
@@ -103,7 +105,7 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
         rain: scene.rain.clone().map(|rain| RainGauge::new(rain, scene.seed)),
         servos: Servos::new(scene.servos.clone(), &scene.library),
         watch: Watch::new(scene.library.least_inscribed_radius()),
-        found: contact::Found::default(),
+        found,
         dt: scene.dt,
         step: 0,
         stage_begin: (0, 0.0),
