@@ -1,4 +1,4 @@
-//! Numbers in lanes: the same formula for one pair, or for eight at once.
+//! Numbers in lanes: the same formula for one contact, or for eight at once.
 //!
 //! Every operation is `+ - * / √` on each lane by itself, correctly rounded, never fused: a pair gets
 //! the same bits whatever its neighbours, the number of lanes or the machine. Processors with AVX
@@ -11,7 +11,7 @@ use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Sub};
 
 /// One number or several that are computed alike.
-pub(crate) trait Lanes:
+pub trait Lanes:
     Copy + Debug + Send + Sync + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
     /// The same number in every lane.
@@ -94,10 +94,10 @@ fn dispatch_with_avx(kernel: impl Kernel) {
 }
 
 /// How many pairs go together.
-pub(crate) const WIDTH: usize = 8;
+pub const WIDTH: usize = 8;
 
 /// Eight lanes.
-pub(crate) trait Eight: Lanes {
+pub trait Eight: Lanes {
     /// From memory.
     fn load(numbers: &[f64; WIDTH]) -> Self;
 
@@ -643,45 +643,52 @@ impl Places {
     }
 }
 
-/// A vector of three.
-#[derive(Clone, Copy)]
-pub(crate) struct Triple<L> {
-    pub(crate) x: L,
-    pub(crate) y: L,
-    pub(crate) z: L,
+/// A vector of three, or several that are computed alike.
+#[derive(Clone, Copy, Debug)]
+pub struct Triple<L> {
+    /// First component.
+    pub x: L,
+    /// Second component.
+    pub y: L,
+    /// Third component.
+    pub z: L,
 }
 
 impl<L: Lanes> Triple<L> {
+    /// The vector without length.
     #[inline(always)]
-    pub(crate) fn zero() -> Self {
+    pub fn zero() -> Self {
         let zero = L::all(0.0);
         Self { x: zero, y: zero, z: zero }
     }
 
+    /// The sum.
     #[inline(always)]
-    pub(crate) fn plus(self, other: Self) -> Self {
+    pub fn plus(self, other: Self) -> Self {
         Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
     }
 
+    /// The difference.
     #[inline(always)]
-    pub(crate) fn minus(self, other: Self) -> Self {
+    pub fn minus(self, other: Self) -> Self {
         Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
     }
 
+    /// Times a number.
     #[inline(always)]
-    pub(crate) fn times(self, factor: L) -> Self {
+    pub fn times(self, factor: L) -> Self {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
     }
 
     /// Divided by a number.
     #[inline(always)]
-    pub(crate) fn over(self, divisor: L) -> Self {
+    pub fn over(self, divisor: L) -> Self {
         Self { x: self.x / divisor, y: self.y / divisor, z: self.z / divisor }
     }
 
     /// The vector product.
     #[inline(always)]
-    pub(crate) fn cross(self, other: Self) -> Self {
+    pub fn cross(self, other: Self) -> Self {
         Self {
             x: self.y * other.z - self.z * other.y,
             y: self.z * other.x - self.x * other.z,
@@ -689,9 +696,9 @@ impl<L: Lanes> Triple<L> {
         }
     }
 
-    /// As for one number.
+    /// As [`Lanes::or`].
     #[inline(always)]
-    pub(crate) fn or(self, other: Self, mask: u8) -> Self {
+    pub fn or(self, other: Self, mask: u8) -> Self {
         Self {
             x: self.x.or(other.x, mask),
             y: self.y.or(other.y, mask),
@@ -701,12 +708,13 @@ impl<L: Lanes> Triple<L> {
 
     /// The vector of length one.
     #[inline(always)]
-    pub(crate) fn unit(self) -> Self {
+    pub fn unit(self) -> Self {
         self.times(L::all(1.0) / self.dot(self).sqrt())
     }
 
+    /// The scalar product.
     #[inline(always)]
-    pub(crate) fn dot(self, other: Self) -> L {
+    pub fn dot(self, other: Self) -> L {
         (self.x * other.x + self.y * other.y) + self.z * other.z
     }
 }

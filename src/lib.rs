@@ -5,7 +5,7 @@
 //!
 //! | row | modules | what they are |
 //! |---|---|---|
-//! | 1 | [`ids`] [`math`] `lanes` [`timing`] | names of things, vectors, eight numbers at once, the clock |
+//! | 1 | [`ids`] [`math`] [`lanes`] [`timing`] | names of things, vectors, eight numbers at once, the clock |
 //! | 2 | [`random`] [`shape`] [`comm`] | chance; what a grain is; how ranks talk |
 //! | 3 | [`contact`] | from two shapes to overlap, normal and point |
 //! | 4 | [`particles`] [`pairs`] | columns of everything a rank owns or sees; pairs that stand by themselves |
@@ -29,7 +29,7 @@
 //!   what is remembered of a pair that does not touch never changes a result.
 
 pub mod ids;
-mod lanes;
+pub mod lanes;
 pub mod math;
 pub mod timing;
 

@@ -14,6 +14,10 @@ use crate::math::Vec3;
 use crate::particles::{Needs, Particles, held};
 use crate::search::PairList;
 
+/// Bytes of a contact in the columns that every scene needs: bodies, number, geometry, force.
+pub const CONTACT_COLUMNS: usize =
+    size_of::<Pair>() + size_of::<u32>() + size_of::<History>() + size_of::<Vec3>();
+
 /// Contacts in the order of the ids of their bodies. Columns that a scene does not need are empty.
 #[derive(Clone, Debug, Default)]
 struct Columns {
@@ -89,6 +93,21 @@ impl Columns {
         let History { normal, overlap } = &self.history[place];
         let radius = || particles.radius(self.pairs[place].a.index());
         self.points.get(place).copied().unwrap_or_else(|| touch_of_ball(radius(), normal, *overlap))
+    }
+
+    fn loaded<'a>(
+        &'a self,
+        law: &'a dyn ForceLaw,
+        particles: &'a Particles,
+    ) -> impl Iterator<Item = Loaded<'a>> {
+        self.forces.iter().enumerate().map(move |(place, &force)| Loaded {
+            pair: self.pairs[place],
+            history: &self.history[place],
+            state: self.state(place),
+            normal_force: self.normal_force(place, law, particles),
+            force,
+            point: self.point(place, particles),
+        })
     }
 
     fn bytes(&self) -> usize {
@@ -343,39 +362,26 @@ impl Contacts {
         })
     }
 
-    /// The contacts whose forces have been found, by the ids of their bodies.
+    /// The contacts whose forces have been found, by the ids of their bodies; those with walls are the last.
     pub fn loaded<'a>(
         &'a self,
         law: &'a dyn ForceLaw,
         particles: &'a Particles,
     ) -> impl Iterator<Item = Loaded<'a>> {
-        self.stretches.iter().flat_map(move |columns| {
-            columns.forces.iter().enumerate().map(move |(place, &force)| Loaded {
-                pair: columns.pairs[place],
-                history: &columns.history[place],
-                state: columns.state(place),
-                normal_force: columns.normal_force(place, law, particles),
-                force,
-                point: columns.point(place, particles),
-            })
-        })
+        self.stretches.iter().flat_map(move |columns| columns.loaded(law, particles))
     }
 
-    /// The pairs that touch and the normal force of each [N].
-    pub fn normal_forces<'a>(
+    /// Those with walls alone.
+    pub fn with_walls<'a>(
         &'a self,
         law: &'a dyn ForceLaw,
         particles: &'a Particles,
-    ) -> impl Iterator<Item = (Pair, f64)> {
-        self.stretches.iter().flat_map(move |columns| {
-            let pairs = columns.pairs.iter().enumerate();
-            pairs.map(move |(place, &pair)| (pair, columns.normal_force(place, law, particles)))
-        })
-    }
-
-    /// The pairs that touch and the force of A on B [N].
-    pub fn forces(&self) -> impl Iterator<Item = (Pair, &Vec3)> {
-        self.stretches.iter().flat_map(|columns| columns.pairs.iter().copied().zip(&columns.forces))
+    ) -> impl Iterator<Item = Loaded<'a>> {
+        // They stand in stretches of their own.
+        let is_with_wall = |pair: &Pair| pair.b.index() >= particles.first_wall();
+        let has_walls = move |columns: &&Columns| columns.pairs.first().is_some_and(is_with_wall);
+        let stretches = self.stretches.iter().filter(has_walls);
+        stretches.flat_map(move |columns| columns.loaded(law, particles))
     }
 
     /// The pairs that touch, with their normals and overlaps.

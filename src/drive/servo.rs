@@ -26,7 +26,7 @@
 //! means are made, are saved in snapshots.
 
 use crate::comm::Comm;
-use crate::contacts::Contacts;
+use crate::contacts::{Contacts, Loaded};
 use crate::law::ForceLaw;
 use crate::math::{ExactSum, Vec3};
 use crate::particles::walls::{Wall, area, ends};
@@ -322,16 +322,16 @@ impl Servos {
     }
 
     /// Adds the forces of this moment on walls with servos to their sums.
-    pub fn note_forces(&mut self, contacts: &Contacts, particles: &Particles) {
+    pub fn note_forces(&mut self, contacts: &Contacts, particles: &Particles, law: &dyn ForceLaw) {
         if self.all.is_empty() {
             return;
         }
         let mut terms = 0;
-        for (pair, force) in contacts.forces() {
-            let Some(wall) = pair.b.index().checked_sub(particles.first_wall()) else { continue };
+        for Loaded { pair, force, .. } in contacts.with_walls(law, particles) {
+            let wall = pair.b.index() - particles.first_wall();
             let Some(sum) = self.forces.get_mut(&wall) else { continue };
             if force.iter().all(|component| component.is_finite()) {
-                for (axis, &component) in sum.axes.iter_mut().zip(force) {
+                for (axis, &component) in sum.axes.iter_mut().zip(&force) {
                     axis.add(component);
                 }
                 terms += 1;
@@ -393,13 +393,15 @@ impl Servos {
         let servo_of = |wall| self.all.iter().position(|servo| servo.walls.contains(&wall));
         let servo_of: Vec<Option<usize>> = (0..particles.walls.len()).map(servo_of).collect();
         let mut sums = vec![[ExactSum::default(), ExactSum::default()]; self.all.len()];
-        for (pair, force) in contacts.normal_forces(law, particles) {
-            let Some(wall) = pair.b.index().checked_sub(particles.first_wall()) else { continue };
+        for Loaded { pair, history, normal_force: force, .. } in
+            contacts.with_walls(law, particles)
+        {
+            let wall = pair.b.index() - particles.first_wall();
             let Some(servo) = servo_of[wall] else { continue };
             // A state that is not a number is told when the list of pairs is made anew.
             if force.is_finite() {
                 sums[servo][0].add(force);
-                sums[servo][1].add(law.stiffness(pair, particles, dt));
+                sums[servo][1].add(law.stiffness(pair, particles, history, dt));
             }
         }
         comm.start_sum(sums.iter().flatten().flat_map(|sum| *sum.limbs()).collect());

@@ -9,59 +9,59 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
-use super::{ForceLaw, Parted, Sums, Work, add};
+use super::{ForceLaw, Hardest, Parted, Sums, Work, add};
 use crate::contact::{History, Pair, Place, StateColumn, nearest_images, places, vectors};
-use crate::ids::Slot;
+use crate::ids::{MaterialId, Slot};
 use crate::lanes::{self, Eight, Kernel, Lanes, Places, Triple, WIDTH, row};
 use crate::math::Vec3;
 use crate::particles::{Library, Needs, Particles};
 
 /// No law remembers more numbers of a contact.
-pub(crate) const MOST_STATE: usize = 8;
+pub const MOST_STATE: usize = 8;
 
 /// Contacts, each lane one, as a law sees them.
-#[derive(Clone, Copy)]
-pub(crate) struct Contact<L> {
+#[derive(Clone, Copy, Debug)]
+pub struct Contact<L> {
     /// Unit normal, A to B.
-    pub(crate) normal: Triple<L>,
+    pub normal: Triple<L>,
     /// The normal of the last touch; zero if there was none.
-    pub(crate) last_normal: Triple<L>,
+    pub last_normal: Triple<L>,
     /// Overlap [m].
-    pub(crate) overlap: L,
+    pub overlap: L,
     /// Velocity of approach along the normal [m/s].
-    pub(crate) approach: L,
+    pub approach: L,
     /// Velocity of A's surface against B's in the contact plane [m/s].
-    pub(crate) sliding: Triple<L>,
+    pub sliding: Triple<L>,
     /// By how much the pair has turned about the normal since the last step [rad].
-    pub(crate) twist: L,
+    pub twist: L,
     /// Which of them touched at the last step.
-    pub(crate) touched: u8,
+    pub touched: u8,
     /// Time since the last step [s]; 0 at the start of a stage.
-    pub(crate) dt: f64,
+    pub dt: f64,
 }
 
 /// What acts in contacts.
-#[derive(Clone, Copy)]
-pub(crate) struct Action<L> {
+#[derive(Clone, Copy, Debug)]
+pub struct Action<L> {
     /// Normal force, positive if it pushes [N].
-    pub(crate) press: L,
+    pub press: L,
     /// Tangential force of A on B [N].
-    pub(crate) rub: Triple<L>,
+    pub rub: Triple<L>,
     /// What of it is not remembered: that of dashpots [N].
-    pub(crate) viscous: Triple<L>,
+    pub viscous: Triple<L>,
     /// Elastic energy in the normal and the tangential direction [J].
-    pub(crate) stored: [L; 2],
+    pub stored: [L; 2],
 }
 
 /// Constants of contacts, from one set for all lanes or one for each.
-pub(crate) trait Spread<C, L> {
+pub trait Spread<C, L> {
     /// One of the constants.
     fn of(&self, get: impl Fn(&C) -> f64) -> L;
 }
 
-/// What a law knows and others do not. Constants of a contact stand in a type with a number for each, for one contact or
-/// for eight.
-pub(crate) trait Model: std::fmt::Debug + Send + Sync {
+/// What one law knows and others do not; [`super`] walks through one. Constants of a contact stand in a type with a
+/// number for each, for one contact or for eight.
+pub trait Model: std::fmt::Debug + Send + Sync {
     /// Constants of contacts.
     type Constants<L: Lanes>: Copy + std::fmt::Debug + Send + Sync;
 
@@ -71,8 +71,10 @@ pub(crate) trait Model: std::fmt::Debug + Send + Sync {
     /// Which columns of particles it reads.
     fn needs(&self) -> Needs;
 
-    /// What it remembers of a touching contact.
-    fn state(&self) -> &[StateColumn];
+    /// What it remembers of a touching contact: at most [`MOST_STATE`] numbers.
+    fn state(&self) -> &[StateColumn] {
+        &[]
+    }
 
     /// Of contacts between bodies of two shapes of a library; the second may be a wall.
     fn constants(&self, a: usize, b: usize, library: &Library) -> Self::Constants<f64>;
@@ -80,23 +82,8 @@ pub(crate) trait Model: std::fmt::Debug + Send + Sync {
     /// The same in lanes.
     fn spread<L: Lanes>(of: &impl Spread<Self::Constants<f64>, L>) -> Self::Constants<L>;
 
-    /// Which contacts can dissipate energy in the normal, and which in the tangential direction.
-    fn dissipates<L: Lanes>(&self, constants: &Self::Constants<L>) -> [u8; 2];
-
-    /// What acted at the last step, as far as that is remembered.
-    fn last<L: Lanes>(
-        &self,
-        constants: &Self::Constants<L>,
-        overlap: L,
-        state: &[L],
-    ) -> Action<L>;
-
-    /// The tangential force of dashpots at this sliding velocity [m/s], in N.
-    fn viscous<L: Lanes>(
-        &self,
-        constants: &Self::Constants<L>,
-        sliding: Triple<L>,
-    ) -> Triple<L>;
+    /// What acted at the last step, as far as that is remembered, for an overlap [m].
+    fn last<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L, state: &[L]) -> Action<L>;
 
     /// What acts now. `state` has what is remembered of the last step, and gets what the next step must know.
     fn act<L: Lanes>(
@@ -106,13 +93,39 @@ pub(crate) trait Model: std::fmt::Debug + Send + Sync {
         state: &mut [L],
     ) -> Action<L>;
 
-    /// How much the normal force rises when bodies come nearer within one step of `dt` [s], over the way [N/m].
-    fn stiffness(&self, constants: &Self::Constants<f64>, dt: f64) -> f64;
+    /// Which contacts can dissipate energy in the normal, and which in the tangential direction; by default none.
+    fn dissipates<L: Lanes>(&self, _constants: &Self::Constants<L>) -> [u8; 2] {
+        [0, 0]
+    }
+
+    /// The tangential force of dashpots at this sliding velocity [m/s], in N; by default none.
+    fn viscous<L: Lanes>(
+        &self,
+        _constants: &Self::Constants<L>,
+        _sliding: Triple<L>,
+    ) -> Triple<L> {
+        Triple::zero()
+    }
+
+    /// How much the normal force at an overlap [m] rises when bodies come nearer within one step of `dt` [s], over the
+    /// way [N/m].
+    fn stiffness(&self, constants: &Self::Constants<f64>, overlap: f64, dt: f64) -> f64;
+
+    /// What bounds the time step of a body of this shape, among all others.
+    fn hardest(&self, shape: usize, reduced_mass: f64, library: &Library) -> Hardest;
+
+    /// The constants of a contact between two materials in words, for `--plan`.
+    fn words(&self, a: MaterialId, b: MaterialId) -> String;
+
+    /// What the scene does not need of it, and why, for `--plan`.
+    fn left_out(&self) -> Vec<&'static str> {
+        Vec::new()
+    }
 }
 
 /// A law for the bodies of a library.
 #[derive(Debug)]
-pub(crate) struct Law<M: Model> {
+pub struct Law<M: Model> {
     model: M,
     /// Constants of every pair of shapes, walls included; none if there are too many.
     table: Vec<Row<M::Constants<f64>>>,
@@ -137,7 +150,10 @@ const MOST_SHAPES: usize = 128;
 
 impl<M: Model> Law<M> {
     /// Between bodies of a library.
-    pub(crate) fn new(model: M, library: &Library) -> Self {
+    ///
+    /// # Panics
+    /// If the law remembers more than [`MOST_STATE`] numbers of a contact.
+    pub fn new(model: M, library: &Library) -> Self {
         let width = StateColumn::total_width(model.state());
         assert!(width <= MOST_STATE, "{} remembers more than {MOST_STATE} numbers", model.name());
         let needs = model.needs();
@@ -209,8 +225,20 @@ impl<M: Model> ForceLaw for Law<M> {
         self.model.last(&constants, geometry.overlap, state).stored.iter().sum()
     }
 
-    fn stiffness(&self, pair: Pair, particles: &Particles, dt: f64) -> f64 {
-        self.model.stiffness(&self.constants(pair, particles), dt)
+    fn stiffness(&self, pair: Pair, particles: &Particles, geometry: &History, dt: f64) -> f64 {
+        self.model.stiffness(&self.constants(pair, particles), geometry.overlap, dt)
+    }
+
+    fn hardest(&self, shape: usize, reduced_mass: f64, library: &Library) -> Hardest {
+        self.model.hardest(shape, reduced_mass, library)
+    }
+
+    fn words(&self, a: MaterialId, b: MaterialId) -> String {
+        self.model.words(a, b)
+    }
+
+    fn left_out(&self) -> Vec<&'static str> {
+        self.model.left_out()
     }
 }
 
@@ -651,7 +679,7 @@ fn surface_velocity(particles: &Particles, pair: Pair, arm_a: &Vec3, arm_b: &Vec
 /// without angles), and by the twist about the normal. Zero if there was no contact, and where the normal turns right
 /// round: centres have passed each other.
 #[inline(always)]
-pub(crate) fn carried<L: Lanes>(vector: Triple<L>, contact: &Contact<L>) -> Triple<L> {
+pub fn carried<L: Lanes>(vector: Triple<L>, contact: &Contact<L>) -> Triple<L> {
     let Contact { normal: new, last_normal: old, twist, touched, .. } = *contact;
     let one = L::all(1.0);
     let carried = vector.minus(old.plus(new).times(vector.dot(new) / (one + old.dot(new))));
@@ -663,13 +691,13 @@ pub(crate) fn carried<L: Lanes>(vector: Triple<L>, contact: &Contact<L>) -> Trip
 
 /// Force over velocity of a dashpot with this part of critical damping [N s/m].
 #[inline]
-pub(crate) fn dashpot(ratio: f64, mass: f64, stiffness: f64) -> f64 {
+pub fn dashpot(ratio: f64, mass: f64, stiffness: f64) -> f64 {
     2.0 * ratio * (mass * stiffness).sqrt()
 }
 
 /// `m_A m_B / (m_A + m_B)`, or `m_A` against a wall [kg].
 #[inline]
-pub(crate) fn reduced_mass(library: &Library, a: usize, b: usize) -> f64 {
+pub fn reduced_mass(library: &Library, a: usize, b: usize) -> f64 {
     let mass_a = library.mass[a];
     if b >= library.particle_shapes {
         return mass_a;

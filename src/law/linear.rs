@@ -11,8 +11,9 @@
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use super::kernel::{Action, Contact, Model, Spread, carried, dashpot, reduced_mass};
-use super::{Constants, Interactions};
+use super::{Constants, Hardest, Interactions};
 use crate::contact::StateColumn;
+use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
 use crate::particles::{Library, Needs};
 
@@ -230,8 +231,47 @@ impl Model for Linear {
         }
     }
 
-    fn stiffness(&self, springs: &Springs<f64>, dt: f64) -> f64 {
+    fn stiffness(&self, springs: &Springs<f64>, _overlap: f64, dt: f64) -> f64 {
         springs.normal + springs.dashpots[0] / dt
+    }
+
+    fn hardest(&self, shape: usize, reduced_mass: f64, library: &Library) -> Hardest {
+        let constants = self.interactions.of_material(library.materials[shape]);
+        let largest = |of: fn(&Constants) -> f64| constants.iter().map(of).fold(0.0, f64::max);
+        let stiffness = largest(|c| {
+            if c.is_frictional() {
+                c.normal_stiffness.max(c.tangential_stiffness)
+            } else {
+                c.normal_stiffness
+            }
+        });
+        let dashpot = |of: fn(&Constants) -> f64| 2.0 * largest(of) * reduced_mass.sqrt();
+        let normal = dashpot(|c| c.normal_damping_ratio * c.normal_stiffness.sqrt());
+        let tangential = dashpot(|c| {
+            let ratio = if c.is_frictional() { c.tangential_damping_ratio } else { 0.0 };
+            ratio * c.tangential_stiffness.sqrt()
+        });
+        Hardest { stiffness, dashpots: [normal, tangential] }
+    }
+
+    fn words(&self, a: MaterialId, b: MaterialId) -> String {
+        let constants = self.interactions.of(a, b);
+        format!(
+            "normal stiffness {:.4e} N/m, tangential {:.4e} N/m, friction {}, damping ratio {:.4}",
+            constants.normal_stiffness,
+            constants.tangential_stiffness,
+            constants.friction,
+            constants.normal_damping_ratio
+        )
+    }
+
+    fn left_out(&self) -> Vec<&'static str> {
+        let dashpots = self.interactions.iter().any(|c| c.normal_damping_ratio > 0.0);
+        let reasons = [
+            (!self.frictional, "no tangential history: friction is 0 everywhere"),
+            (!dashpots, "no dashpots: restitution is 1 everywhere"),
+        ];
+        reasons.into_iter().filter(|(is_out, _)| *is_out).map(|(_, reason)| reason).collect()
     }
 }
 

@@ -1,6 +1,114 @@
 //! Force laws: from the geometry of a contact to the forces and moments of its bodies.
+//!
+//! # A law of one's own
+//!
+//! A law is a type with a [`kernel::Model`]: its constants, its force, its elastic energy, its state if it has any, what
+//! bounds its time step. [`kernel::Law`] does what all laws share. This one is whole: Hertz's elastic contact of balls
+//! (1882, DOI 10.1515/crll.1882.92.156), here of a ball that meets a wall.
+//!
+//! ```
+//! use dem_mpi::comm::alone::Alone;
+//! use dem_mpi::ids::MaterialId;
+//! use dem_mpi::lanes::{Lanes, Triple};
+//! use dem_mpi::law::Hardest;
+//! use dem_mpi::law::kernel::{Action, Contact, Law, Model, Spread};
+//! use dem_mpi::particles::{Library, Needs};
+//! use dem_mpi::scene::{Scene, assemble};
+//! use std::path::Path;
+//!
+//! /// `N = 4/3 E* √R* δ^(3/2)`, without friction.
+//! #[derive(Debug)]
+//! struct Hertz {
+//!     /// E* of all contacts [Pa].
+//!     modulus: f64,
+//! }
+//!
+//! impl Hertz {
+//!     fn action<L: Lanes>(factor: L, overlap: L) -> Action<L> {
+//!         let press = factor * overlap * overlap.sqrt();
+//!         let stored = [L::all(0.4) * press * overlap, L::all(0.0)];
+//!         Action { press, rub: Triple::zero(), viscous: Triple::zero(), stored }
+//!     }
+//! }
+//!
+//! impl Model for Hertz {
+//!     /// `4/3 E* √R*` [N/m^(3/2)].
+//!     type Constants<L: Lanes> = L;
+//!
+//!     fn name(&self) -> &'static str {
+//!         "hertz"
+//!     }
+//!
+//!     fn needs(&self) -> Needs {
+//!         Needs::default()
+//!     }
+//!
+//!     fn constants(&self, a: usize, b: usize, library: &Library) -> f64 {
+//!         // A wall's radius is infinite.
+//!         let radius = 1.0 / (1.0 / library.radius[a] + 1.0 / library.radius[b]);
+//!         4.0 / 3.0 * self.modulus * radius.sqrt()
+//!     }
+//!
+//!     fn spread<L: Lanes>(of: &impl Spread<f64, L>) -> L {
+//!         of.of(|factor| *factor)
+//!     }
+//!
+//!     fn last<L: Lanes>(&self, factor: &L, overlap: L, _state: &[L]) -> Action<L> {
+//!         Self::action(*factor, overlap)
+//!     }
+//!
+//!     fn act<L: Lanes>(&self, factor: &L, contact: &Contact<L>, _state: &mut [L]) -> Action<L> {
+//!         Self::action(*factor, contact.overlap)
+//!     }
+//!
+//!     fn stiffness(&self, factor: &f64, overlap: f64, _dt: f64) -> f64 {
+//!         1.5 * factor * overlap.sqrt()
+//!     }
+//!
+//!     fn hardest(&self, shape: usize, _reduced_mass: f64, library: &Library) -> Hardest {
+//!         // No overlap is to be more than a hundredth of the radius.
+//!         let radius = library.radius[shape];
+//!         Hardest { stiffness: 2.0 * self.modulus * radius * 0.1, dashpots: [0.0; 2] }
+//!     }
+//!
+//!     fn words(&self, _: MaterialId, _: MaterialId) -> String {
+//!         format!("modulus {:.3e} Pa", self.modulus)
+//!     }
+//! }
+//!
+//! let text = r#"
+//!     domain = { low = [0, 0, 0], high = [0.01, 0.01, 0.01], walls = ["-z"] }
+//!     material = [{ name = "glass", density = 2500, normal_stiffness = 1e4 }]
+//!     shape = [{ name = "bead", kind = "sphere", radius = 1e-3 }]
+//!     time = { step = 1e-8, steps = 6000 }
+//!     output = { directory = "out" }
+//!     [[fill.lattice]]
+//!     first = [5e-3, 5e-3, 1.0005e-3]
+//!     count = [1, 1, 1]
+//!     velocity = [0, 0, -0.1]
+//! "#;
+//! let scene = Scene::parse(text, "bead.toml", Path::new("."), &[]).unwrap();
+//! let mut comm = Alone::default();
+//! let law = Law::new(Hertz { modulus: 1e9 }, &scene.library);
+//! let mut sim = assemble::assemble_with(&scene, Box::new(law), &comm);
+//! assemble::fill(&mut sim, &scene, &comm);
+//! sim.begin(&mut comm).unwrap();
+//! let mut deepest: f64 = 0.0;
+//! for _ in 0..scene.steps {
+//!     sim.step(&mut comm).unwrap();
+//!     deepest = sim.contacts.iter().map(|(_, geometry)| geometry.overlap).fold(deepest, f64::max);
+//! }
+//!
+//! // 1/2 m v² = 8/15 E* √R δ^(5/2), and the bead flies off as fast as it came.
+//! let energy = 0.5 * scene.library.mass[0] * 0.1 * 0.1;
+//! let expected = (15.0 / 8.0 * energy / (1e9 * 1e-3_f64.sqrt())).powf(0.4);
+//! assert!((deepest / expected - 1.0).abs() < 1e-6, "{deepest:e} m, {expected:e} m");
+//! let measures = sim.measure(&mut comm);
+//! assert_eq!(measures.wall_contacts, 0);
+//! assert!((measures.kinetic() / energy - 1.0).abs() < 1e-6, "{measures:?}");
+//! ```
 
-mod kernel;
+pub mod kernel;
 pub mod linear;
 pub mod stability;
 
@@ -281,7 +389,16 @@ pub fn linear(
     Box::new(kernel::Law::new(linear::Linear::new(interactions, limit_damping), library))
 }
 
-/// A law of contact forces.
+/// The hardest contact that a body can have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hardest {
+    /// Stiffness, normal or tangential [N/m].
+    pub stiffness: f64,
+    /// Normal and tangential dashpot [N s/m].
+    pub dashpots: [f64; 2],
+}
+
+/// A law of contact forces, as the rest of the program sees it.
 pub trait ForceLaw: Send + Sync {
     /// As reports name it.
     fn name(&self) -> &'static str;
@@ -308,7 +425,16 @@ pub trait ForceLaw: Send + Sync {
     /// Elastic energy of a contact [J].
     fn stored(&self, pair: Pair, particles: &Particles, geometry: &History, state: &[f64]) -> f64;
 
-    /// How much the normal force of a pair that touches rises when its bodies come nearer within one step of
+    /// How much the normal force of a contact rises when its bodies come nearer within one step of
     /// `dt` [s], over the way [N/m].
-    fn stiffness(&self, pair: Pair, particles: &Particles, dt: f64) -> f64;
+    fn stiffness(&self, pair: Pair, particles: &Particles, geometry: &History, dt: f64) -> f64;
+
+    /// What bounds the time step of a body of this shape, among all others.
+    fn hardest(&self, shape: usize, reduced_mass: f64, library: &Library) -> Hardest;
+
+    /// The constants of a contact between two materials in words.
+    fn words(&self, a: MaterialId, b: MaterialId) -> String;
+
+    /// What the scene does not need of it, and why.
+    fn left_out(&self) -> Vec<&'static str>;
 }

@@ -16,7 +16,7 @@
 //! A grain among smaller ones has more than [`CONTACTS`], as many more as their caps fit on its surface. More contacts
 //! than that at full stiffness would need a shorter step; fewer is the rule, and the bound is then on the safe side.
 
-use super::{Constants, Interactions};
+use super::{ForceLaw, Hardest};
 use crate::ids::ShapeId;
 use crate::particles::Library;
 
@@ -40,30 +40,17 @@ pub struct TimeStepLimit {
 }
 
 /// The limit over all shapes of particles; `None` if there are none.
-pub fn time_step_limit(library: &Library, interactions: &Interactions) -> Option<TimeStepLimit> {
+pub fn time_step_limit(library: &Library, law: &dyn ForceLaw) -> Option<TimeStepLimit> {
     let masses = &library.mass[..library.particle_shapes];
     let heaviest = masses.iter().copied().fold(0.0, f64::max);
     let radius = |index: usize| library.shapes[index].volume().cbrt();
     let smallest = (0..library.particle_shapes).map(radius).fold(f64::INFINITY, f64::min);
     (0..library.particle_shapes)
         .map(|index| {
-            let constants = interactions.of_material(library.materials[index]);
-            let largest = |of: fn(&Constants) -> f64| constants.iter().map(of).fold(0.0, f64::max);
-            let stiffness = largest(|c| {
-                if c.is_frictional() {
-                    c.normal_stiffness.max(c.tangential_stiffness)
-                } else {
-                    c.normal_stiffness
-                }
-            });
             let mass = library.mass[index];
             let reduced_mass = mass * heaviest / (mass + heaviest);
-            let dashpot = |of: fn(&Constants) -> f64| 2.0 * largest(of) * reduced_mass.sqrt();
-            let normal = dashpot(|c| c.normal_damping_ratio * c.normal_stiffness.sqrt());
-            let tangential = dashpot(|c| {
-                let ratio = if c.is_frictional() { c.tangential_damping_ratio } else { 0.0 };
-                ratio * c.tangential_stiffness.sqrt()
-            });
+            let Hardest { stiffness, dashpots: [normal, tangential] } =
+                law.hardest(index, reduced_mass, library);
             let shape = &library.shapes[index];
             let compliance = shape.surface_compliance();
             let flatness = shape.inscribed_radius() / shape.bounding_radius();

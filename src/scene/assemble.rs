@@ -8,7 +8,7 @@ use crate::domain::{self, Domain};
 use crate::drive::rain::RainGauge;
 use crate::drive::servo::Servos;
 use crate::ids::{GlobalId, ShapeId};
-use crate::law::Sums;
+use crate::law::{ForceLaw, Sums};
 use crate::motion::Field;
 use crate::output::SnapshotError;
 use crate::output::snapshot::Reader;
@@ -77,6 +77,12 @@ pub enum From {
 
 /// The scene's simulation, without particles.
 pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
+    assemble_with(scene, scene.law(), comm)
+}
+
+/// The same with a law of one's own in place of the scene's.
+pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> Simulation {
+    let needs = scene.needs_with(&*law);
     let spec = &scene.domain;
     let halo = 2.0 * scene.library.largest_radius() + scene.skin;
     let period = domain::period(&spec.low, &spec.high, spec.periodic);
@@ -84,12 +90,11 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
     if !scene.walls.is_empty() {
         kinds.push(Kind::HalfSpace);
     }
-    let law = scene.law();
     let mut found = contact::Found::default();
-    found.contacts.without_points = !scene.needs().attitude;
+    found.contacts.without_points = !needs.attitude;
     Simulation {
         particles: Particles::new(
-            scene.needs(),
+            needs,
             scene.library.clone(),
             scene.walls.clone(),
             spec.low,

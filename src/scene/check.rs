@@ -11,7 +11,7 @@ use super::report::Report;
 use super::walls::Walls;
 use super::{DomainSpec, Method, Scene, Stop};
 use crate::contact::{Epa, ErodedGjk};
-use crate::law::Interactions;
+use crate::law::{self, ForceLaw};
 use crate::law::stability::time_step_limit;
 use crate::math::Vec3;
 use crate::particles::Library;
@@ -52,8 +52,10 @@ pub(super) fn scene(
     let global_damping = root.number_or("global_damping", 0.0, Range::NotNegative, "1/s");
     let start = root.read_or("start", None, |given| start(given, need).map(Some));
 
-    let contact = root.read_or("contact", (Method::Auto, true), |given| contact(&given.section()?));
-    let limit_damping = contact.is_none_or(|(_, limit)| limit);
+    let contact = root.read_or("contact", (Method::Auto, None), |given| contact(&given.section()?));
+    let in_contact = contact.and_then(|(_, limit)| limit);
+    let law = root.read_or("law", None, |given| law(&given.section()?, in_contact));
+    let limit_damping = law.flatten().or(in_contact).unwrap_or(true);
 
     let materials = Materials::read(&root, limit_damping);
     let interactions = interactions(&root, &materials, limit_damping);
@@ -107,7 +109,8 @@ pub(super) fn scene(
     if let (Some(time), Some(section), Some(interactions)) = (&time, &time_section, &interactions)
         && shapes.complete
     {
-        check_step(section, time, &shapes.library, interactions);
+        let law = law::linear(interactions.clone(), limit_damping, &shapes.library);
+        check_step(section, time, &shapes.library, &*law);
     }
     if let (Some(time), Some(ξ), Some(given)) = (&time, global_damping, root.get("global_damping"))
         && ξ * time.dt >= 2.0
@@ -209,8 +212,8 @@ fn check_periods(section: &Section, domain: &DomainSpec, reach: f64) {
 
 // --- contact, time, output ---
 
-/// The method, and whether dashpots are kept from attracting.
-fn contact(section: &Section) -> Option<(Method, bool)> {
+/// The method, and whether dashpots are kept from attracting, if it is said here.
+fn contact(section: &Section) -> Option<(Method, Option<bool>)> {
     let words = ["auto", "common-normal", "gjk-erosion", "epa"].map(|word| (word, word));
     let word = section.read_or("method", "auto", |given| given.one_of(&words));
     // None if it is there and the method has no such setting.
@@ -236,7 +239,7 @@ fn contact(section: &Section) -> Option<(Method, bool)> {
         if word == Some("epa") { Epa::default().tolerance } else { ErodedGjk::default().tolerance };
     let tolerance = option("tolerance", default_tolerance, &["gjk-erosion", "epa"]);
     let (spurious, polish) = (flag("spurious", "gjk-erosion"), flag("polish", "epa"));
-    let limit_damping = section.read_or("limit_damping", true, Given::boolean);
+    let limit_damping = section.read_or("limit_damping", None, |given| given.boolean().map(Some));
     section.finish();
     let (ratio, increment, tolerance) = (ratio?, increment?, tolerance?);
     let (spurious, polish) = (spurious?, polish?);
@@ -247,6 +250,19 @@ fn contact(section: &Section) -> Option<(Method, bool)> {
         _ => Method::Auto,
     };
     Some((method, limit_damping?))
+}
+
+/// Whether dashpots are kept from attracting, if it is said here; `in_contact` is what `[contact]` says of it.
+fn law(section: &Section, in_contact: Option<bool>) -> Option<Option<bool>> {
+    let kind = section.read_or("kind", (), |given| given.one_of(&[("linear", ())]));
+    let limit_damping = section.read_or("limit_damping", None, |given| {
+        if in_contact.is_some() {
+            given.fail("stands in [contact], too: say it once");
+        }
+        given.boolean().map(Some)
+    });
+    section.finish();
+    kind.and(limit_damping)
 }
 
 /// A common normal that the user insists on needs curvature everywhere.
@@ -300,8 +316,8 @@ impl Time {
     }
 }
 
-fn check_step(section: &Section, time: &Time, library: &Library, interactions: &Interactions) {
-    let Some(limit) = time_step_limit(library, interactions) else { return };
+fn check_step(section: &Section, time: &Time, library: &Library, law: &dyn ForceLaw) {
+    let Some(limit) = time_step_limit(library, law) else { return };
     if time.dt > limit.dt
         && !time.allow_unstable
         && let Some(given) = section.get("step")

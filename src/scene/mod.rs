@@ -66,7 +66,9 @@
 //! | `tolerance` | | of `gjk-erosion` (default 1e-6) and `epa` (default 1e-8), relative |
 //! | `spurious` | | of `gjk-erosion`: bodies within the error of the overlap touch, though they are apart; default true. False, as the paper seems to have it, makes forces jump at touch |
 //! | `polish` | | of `epa`: secants at the end bring the normals of smooth bodies to rounding; default true, false is EPA as in the paper |
-//! | `limit_damping` | | normal dashpots never make a contact attractive; default true. The restitution asked for is met either way |
+//! | **`[law]`** | | from overlap to force ([`crate::law`]); may be left out |
+//! | `kind` | | `"linear"`: linear springs and dashpots with friction, the default and so far the only one |
+//! | `limit_damping` | | normal dashpots never make a contact attractive; default true. The restitution asked for is met either way. It may stand in `[contact]` instead |
 //! | **`[time]`** | | |
 //! | `step` | s | at most the stable limit |
 //! | `steps` | | at most so many |
@@ -265,7 +267,12 @@ impl Scene {
 
     /// Which columns the scene needs.
     pub fn needs(&self) -> Needs {
-        let law = self.law().needs();
+        self.needs_with(&*self.law())
+    }
+
+    /// The same with another law.
+    pub fn needs_with(&self, law: &dyn ForceLaw) -> Needs {
+        let law = law.needs();
         let attitude = self.particle_kinds().iter().any(|&kind| kind != Kind::Sphere);
         Needs {
             spin: law.spin || attitude,
@@ -278,7 +285,7 @@ impl Scene {
 
     /// The largest stable time step; `None` if nothing pushes.
     pub fn time_step_limit(&self) -> Option<TimeStepLimit> {
-        stability::time_step_limit(&self.library, &self.interactions)
+        stability::time_step_limit(&self.library, &*self.law())
     }
 
     /// Particles in all, those of a start snapshot left out.

@@ -2,9 +2,9 @@
 
 use super::doubts::doubts;
 use super::{Fill, Mix, Scene, Stop};
-use crate::contact::{ContactResolver, table};
+use crate::contact::{ContactResolver, StateColumn, table};
+use crate::contacts::CONTACT_COLUMNS;
 use crate::ids::MaterialId;
-use crate::law::Constants;
 use crate::math::{ExactSum, Vec3};
 use crate::output::snapshot::contact_bytes;
 use crate::shape::moments::Placement;
@@ -127,19 +127,12 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
             ),
         );
     }
+    let law = scene.law();
+    page.line("law", law.name());
     for (a, b) in pairs_of_materials(scene) {
-        let constants = scene.interactions.of(a, b);
+        let words = law.words(a, b);
         let [a, b] = [a, b].map(|id| &*scene.materials[id.index()].name);
-        page.line(
-            "constants",
-            format!(
-                "{a}-{b}: normal stiffness {:.4e} N/m, tangential {:.4e} N/m, friction {}, damping ratio {:.4}",
-                constants.normal_stiffness,
-                constants.tangential_stiffness,
-                constants.friction,
-                constants.normal_damping_ratio
-            ),
-        );
+        page.line("constants", format!("{a}-{b}: {words}"));
     }
     for (a, b) in pairs_of_kinds(scene) {
         page.line("contacts", format!("{}-{}: {}", a.name(), b.name(), resolver(scene, a, b)));
@@ -187,8 +180,7 @@ fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
 
 fn what_is_left_out(scene: &Scene, page: &mut Page) {
     let needs = scene.needs();
-    let all = |what: fn(&Constants) -> bool| scene.interactions.iter().all(what);
-    let no_friction = all(|c| !c.is_frictional());
+    let law = scene.law();
     let open: Vec<&str> = SIDES
         .into_iter()
         .filter(|&(_, axis, inwards)| {
@@ -200,11 +192,6 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
     let reasons = [
         (!needs.attitude, "no attitude: all shapes are spheres".to_owned()),
         (!needs.spin, "no rotation: spheres without friction feel no moment".to_owned()),
-        (no_friction, "no tangential history: friction is 0 everywhere".to_owned()),
-        (
-            all(|c| c.normal_damping_ratio == 0.0),
-            "no dashpots: restitution is 1 everywhere".to_owned(),
-        ),
         (!needs.velocity, "no velocities of ghosts: no friction, no dashpots".to_owned()),
         (!needs.image, "no counts of periods: no axis is periodic".to_owned()),
         (scene.global_damping == 0.0, "no global damping".to_owned()),
@@ -214,12 +201,14 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         (!open.is_empty(), format!("no walls on these sides of the domain: {}", open.join(", "))),
     ];
     page.section("Left out");
-    let mut reasons = reasons.iter().filter(|(is_out, _)| *is_out).peekable();
+    let reasons = reasons.into_iter().filter(|(is_out, _)| *is_out).map(|(_, reason)| reason);
+    let of_law = law.left_out().into_iter().map(str::to_owned);
+    let mut reasons = of_law.chain(reasons).peekable();
     if reasons.peek().is_none() {
         page.text("nothing");
     }
-    for (_, reason) in reasons {
-        page.text(reason);
+    for reason in reasons {
+        page.text(&reason);
     }
 }
 
@@ -228,6 +217,16 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     let count = scene.particle_count();
     page.section("Memory and messages");
     page.line("owned particle", format!("{} bytes in columns", needs.column_bytes()));
+    let remembered = scene.law();
+    let state = remembered.state();
+    let mut words = vec![format!("{CONTACT_COLUMNS} bytes of bodies, normal, overlap and force")];
+    if needs.attitude {
+        words.push("24 of the point".to_owned());
+    }
+    for StateColumn { name, width, .. } in state {
+        words.push(format!("{} of `{name}`", width * size_of::<f64>()));
+    }
+    page.line("contact", words.join(", "));
     page.line("ghost", format!("{} bytes in the message of each step", 8 * needs.halo_values()));
     let reach = 2.0 * scene.library.largest_radius() + scene.skin;
     if !scene.servos.is_empty() {

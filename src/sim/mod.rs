@@ -164,7 +164,7 @@ impl Simulation {
             self.exchange(comm)?;
         }
         self.find_forces(self.dt)?;
-        self.servos.note_forces(&self.contacts, &self.particles);
+        self.servos.note_forces(&self.contacts, &self.particles, &*self.law);
         self.clock.lap(Phase::Forces);
         motion::kick(&mut self.particles, &self.field, self.dt);
         self.clock.lap(Phase::Move);
