@@ -12,12 +12,20 @@ use std::ops::{Add, Div, Mul, Sub};
 
 /// One number or several that are computed alike.
 pub trait Lanes:
-    Copy + Debug + Send + Sync + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+    Copy
+    + Debug
+    + Send
+    + Sync
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
 {
     /// The same number in every lane.
     fn all(number: f64) -> Self;
 
     /// The square root.
+    #[must_use]
     fn sqrt(self) -> Self;
 
     /// Bit `k` is set where lane `k` is less than that of `other`; never where one is not a number.
@@ -27,6 +35,7 @@ pub trait Lanes:
     fn at_most(self, other: Self) -> u8;
 
     /// Of each lane this number where its bit of `mask` is set, else that of `other`.
+    #[must_use]
     fn or(self, other: Self, mask: u8) -> Self;
 }
 
@@ -562,7 +571,10 @@ mod avx {
 
     /// The same of longer rows: of their first four numbers.
     #[inline(always)]
-    pub(super) fn four_of_4<const N: usize>(rows: &[&[f64; N]; WIDTH], first: usize) -> [intel::__m256d; 4] {
+    pub(super) fn four_of_4<const N: usize>(
+        rows: &[&[f64; N]; WIDTH],
+        first: usize,
+    ) -> [intel::__m256d; 4] {
         const { assert!(N >= 4) };
         // SAFETY: the processor has AVX, see the type; rows hold four numbers.
         unsafe {
@@ -645,6 +657,7 @@ impl Places {
 
 /// A vector of three, or several that are computed alike.
 #[derive(Clone, Copy, Debug)]
+#[must_use]
 pub struct Triple<L> {
     /// First component.
     pub x: L,

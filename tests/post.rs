@@ -1392,8 +1392,15 @@ fn wrong_arguments_end_in_one_message_and_status_2() {
 /// Writes a snapshot into a folder, which is made.
 fn store(folder: &Path, snapshot: &Snapshot) {
     let Snapshot { header, particles, contacts } = snapshot;
-    snapshot::write(folder, header, particles, contacts, &Histories::default(), &mut Alone::default())
-        .expect("a snapshot");
+    snapshot::write(
+        folder,
+        header,
+        particles,
+        contacts,
+        &Histories::default(),
+        &mut Alone::default(),
+    )
+    .expect("a snapshot");
 }
 
 fn ended(command: &mut Command) -> (Option<i32>, String) {

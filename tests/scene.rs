@@ -211,7 +211,7 @@ fn every_key_arrives() {
     let between = scene.interactions.of(library.materials[0], library.materials[2]);
     assert_eq!(between.normal_stiffness, 2e4);
     assert_eq!(between.friction, 0.2);
-    assert_eq!(between.normal_damping_ratio, damping_ratio_of_restitution(0.5, true));
+    assert_eq!(between.normal_damping_ratio, damping_ratio_of_restitution(0.5, false));
     let glass = &scene.materials[0].contact;
     assert_eq!((glass.tangential_stiffness, glass.tangential_damping_ratio), (8e3, 0.1));
     let steel = &scene.materials[1].contact;
@@ -464,13 +464,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         assert!(balls.contains(line), "no \"{line}\" in\n{balls}");
     }
     let scene = every_key();
-    let needs = Needs {
-        velocity: true,
-        spin: true,
-        attitude: true,
-        form: false,
-        image: true,
-    };
+    let needs = Needs { velocity: true, spin: true, attitude: true, form: false, image: true };
     assert_eq!(scene.needs(), needs);
     let all = plan(&scene, 4);
     for line in [

@@ -2,8 +2,8 @@
 
 use crate::facets;
 use dem_mpi::contact::{
-    Batch, Bodies, CommonNormal, Touching, ContactResolver, History, Outcome, Pair, Place, Posed,
-    SmoothCommonNormal, touch_along,
+    Batch, Bodies, CommonNormal, ContactResolver, History, Outcome, Pair, Place, Posed,
+    SmoothCommonNormal, Touching, touch_along,
 };
 use dem_mpi::ids::{ShapeId, Slot};
 use dem_mpi::math::{Mat3, Quat, Vec3};

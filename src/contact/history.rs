@@ -145,6 +145,7 @@ impl Histories {
     }
 
     /// The same under other names for the second bodies; without those that get none.
+    #[must_use]
     pub fn renamed(&self, name: impl Fn(GlobalId) -> Option<GlobalId>) -> Self {
         let mut renamed = Self::of(&self.columns);
         for named in self.iter() {
@@ -156,6 +157,7 @@ impl Histories {
     }
 
     /// The same with other columns: numbers of columns that are not there are zero.
+    #[must_use]
     pub fn with_columns(&self, columns: &[StateColumn]) -> Self {
         let place_of = |wanted: &StateColumn| {
             StateColumn::places(&self.columns)

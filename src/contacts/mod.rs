@@ -112,12 +112,7 @@ impl Columns {
 
     fn bytes(&self) -> usize {
         let Self { pairs, numbers, history, state, forces, points } = self;
-        held(pairs)
-            + held(numbers)
-            + held(history)
-            + held(state)
-            + held(forces)
-            + held(points)
+        held(pairs) + held(numbers) + held(history) + held(state) + held(forces) + held(points)
     }
 }
 
@@ -257,13 +252,7 @@ impl Contacts {
     }
 
     /// Puts what has been found in a stretch in the order of its pairs, beside what was remembered of each.
-    pub fn arrange(
-        &mut self,
-        stretch: usize,
-        pairs: &[Pair],
-        touching: &Touching,
-        needs: Needs,
-    ) {
+    pub fn arrange(&mut self, stretch: usize, pairs: &[Pair], touching: &Touching, needs: Needs) {
         self.now = room(&mut self.spare, touching.len(), self.width, needs);
         if touching.pair.is_sorted() {
             let now = &mut self.now;
@@ -335,11 +324,7 @@ impl Contacts {
             history: &now.history,
             points: &now.points,
             from,
-            last: Last {
-                pairs: &before.pairs,
-                history: &before.history,
-                state: &before.state,
-            },
+            last: Last { pairs: &before.pairs, history: &before.history, state: &before.state },
             parted,
             state: &mut now.state,
             forces: &mut now.forces,
@@ -446,9 +431,7 @@ impl Contacts {
 #[cfg(test)]
 mod tests {
     use super::Contacts;
-    use crate::contact::{
-        Histories, History, NamedHistory, Pair, Place, StateColumn, Touching,
-    };
+    use crate::contact::{Histories, History, NamedHistory, Pair, Place, StateColumn, Touching};
     use crate::ids::GlobalId;
     use crate::math::Vec3;
     use crate::particles::{Particles, crowd};

@@ -73,11 +73,7 @@ impl Domain {
     }
 
     /// Sends particles to their new owners, as a rule to neighbours only; returns what comes here.
-    fn hand_over(
-        &self,
-        mut leaving: BTreeMap<Rank, Leaving>,
-        comm: &mut dyn Comm,
-    ) -> Vec<Parcel> {
+    fn hand_over(&self, mut leaving: BTreeMap<Rank, Leaving>, comm: &mut dyn Comm) -> Vec<Parcel> {
         let is_near = |rank: &Rank| self.neighbours.iter().any(|n| n.rank == *rank);
         if !self.knows_neighbours || comm.any(!leaving.keys().all(is_near)) {
             let parcel = |(rank, leaving)| Parcel { rank, bytes: wire::encode(&leaving) };

@@ -393,8 +393,7 @@ impl Servos {
         let servo_of = |wall| self.all.iter().position(|servo| servo.walls.contains(&wall));
         let servo_of: Vec<Option<usize>> = (0..particles.walls.len()).map(servo_of).collect();
         let mut sums = vec![[ExactSum::default(), ExactSum::default()]; self.all.len()];
-        for Loaded { pair, history, normal_force: force, .. } in
-            contacts.with_walls(law, particles)
+        for Loaded { pair, history, normal_force: force, .. } in contacts.with_walls(law, particles)
         {
             let wall = pair.b.index() - particles.first_wall();
             let Some(servo) = servo_of[wall] else { continue };

@@ -99,11 +99,7 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     }
 
     /// The tangential force of dashpots at this sliding velocity [m/s], in N; by default none.
-    fn viscous<L: Lanes>(
-        &self,
-        _constants: &Self::Constants<L>,
-        _sliding: Triple<L>,
-    ) -> Triple<L> {
+    fn viscous<L: Lanes>(&self, _constants: &Self::Constants<L>, _sliding: Triple<L>) -> Triple<L> {
         Triple::zero()
     }
 
@@ -483,9 +479,7 @@ fn constants_of<M: Model, L: Eight>(
     let mut radii = [[0.0; WIDTH]; 2];
     for (lane, of_pair) in shapes.iter().enumerate() {
         rows[lane] = law.row_of(*of_pair, particles);
-        for body in 0..2 {
-            radii[body][lane] = rows[lane].radii[body];
-        }
+        [radii[0][lane], radii[1][lane]] = rows[lane].radii;
     }
     (M::spread(&Each(&rows)), [L::load(&radii[0]), L::load(&radii[1])])
 }
@@ -515,7 +509,10 @@ fn read_state<L: Eight>(rows: &[&[f64]; WIDTH], columns: &mut [L]) {
 
 /// So many numbers of each row; `None` if rows are too short.
 #[inline(always)]
-fn pieces<'a, const N: usize>(rows: &[&'a [f64]; WIDTH], at: usize) -> Option<[&'a [f64; N]; WIDTH]> {
+fn pieces<'a, const N: usize>(
+    rows: &[&'a [f64]; WIDTH],
+    at: usize,
+) -> Option<[&'a [f64; N]; WIDTH]> {
     let mut pieces = [rows[0].get(at..)?.first_chunk::<N>()?; WIDTH];
     for (piece, row) in pieces.iter_mut().zip(rows) {
         *piece = row.get(at..)?.first_chunk::<N>()?;

@@ -139,11 +139,7 @@ impl Model for Linear {
 
     fn needs(&self) -> Needs {
         let dashpot = self.interactions.iter().any(|c| c.normal_damping_ratio > 0.0);
-        Needs {
-            velocity: self.frictional || dashpot,
-            spin: self.frictional,
-            ..Needs::default()
-        }
+        Needs { velocity: self.frictional || dashpot, spin: self.frictional, ..Needs::default() }
     }
 
     fn state(&self) -> &[StateColumn] {
@@ -274,4 +270,3 @@ impl Model for Linear {
         reasons.into_iter().filter(|(is_out, _)| *is_out).map(|(_, reason)| reason).collect()
     }
 }
-

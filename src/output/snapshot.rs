@@ -105,8 +105,7 @@ const OF_PARTICLE: usize = POINTS.width
 
 /// Elements of a history.
 fn of_history(remembered: &[StateColumn]) -> usize {
-    let geometry =
-        HISTORY_A.width + HISTORY_B.width + HISTORY_NORMAL.width + HISTORY_OVERLAP.width;
+    let geometry = HISTORY_A.width + HISTORY_B.width + HISTORY_NORMAL.width + HISTORY_OVERLAP.width;
     geometry + StateColumn::total_width(remembered)
 }
 

@@ -103,7 +103,8 @@ impl Needs {
     pub const fn column_bytes(&self) -> usize {
         // id, shape, position, velocity, force, position at the last listing, travel, two energies
         8 + 2
-            + 4 * 24 + 8
+            + 4 * 24
+            + 8
             + 8
             + 16
             + if self.spin { 56 } else { 0 }
@@ -512,13 +513,7 @@ pub(crate) fn crowd(count: u64) -> Particles {
     let egg = Ellipsoid { semi_axes: Vec3::new(2e-3, 1.5e-3, 1e-3) };
     library.push("egg", Shape::Ellipsoid(egg), MaterialId(0), 2500.0);
     library.push("ball", Shape::Sphere(Sphere { radius: 1e-3 }), MaterialId(1), 1000.0);
-    let needs = Needs {
-        velocity: true,
-        spin: true,
-        attitude: true,
-        form: true,
-        image: false,
-    };
+    let needs = Needs { velocity: true, spin: true, attitude: true, form: true, image: false };
     let period = Vec3::new(f64::INFINITY, f64::INFINITY, 0.1);
     let mut particles = Particles::new(needs, library, Vec::new(), Vec3::zeros(), period);
     for id in 0..count {

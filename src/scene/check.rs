@@ -11,8 +11,8 @@ use super::report::Report;
 use super::walls::Walls;
 use super::{DomainSpec, Method, Scene, Stop};
 use crate::contact::{Epa, ErodedGjk};
-use crate::law::{self, ForceLaw};
 use crate::law::stability::time_step_limit;
+use crate::law::{self, ForceLaw};
 use crate::math::Vec3;
 use crate::particles::Library;
 use crate::shape::Shape;
@@ -54,8 +54,9 @@ pub(super) fn scene(
 
     let contact = root.read_or("contact", (Method::Auto, None), |given| contact(&given.section()?));
     let in_contact = contact.and_then(|(_, limit)| limit);
-    let law = root.read_or("law", None, |given| law(&given.section()?, in_contact));
-    let limit_damping = law.flatten().or(in_contact).unwrap_or(true);
+    let in_contact_or = in_contact.unwrap_or(true);
+    let law = root.read_or("law", in_contact_or, |given| law(&given.section()?, in_contact));
+    let limit_damping = law.unwrap_or(in_contact_or);
 
     let materials = Materials::read(&root, limit_damping);
     let interactions = interactions(&root, &materials, limit_damping);
@@ -252,14 +253,14 @@ fn contact(section: &Section) -> Option<(Method, Option<bool>)> {
     Some((method, limit_damping?))
 }
 
-/// Whether dashpots are kept from attracting, if it is said here; `in_contact` is what `[contact]` says of it.
-fn law(section: &Section, in_contact: Option<bool>) -> Option<Option<bool>> {
+/// Whether dashpots are kept from attracting; `in_contact` is what `[contact]` says of it.
+fn law(section: &Section, in_contact: Option<bool>) -> Option<bool> {
     let kind = section.read_or("kind", (), |given| given.one_of(&[("linear", ())]));
-    let limit_damping = section.read_or("limit_damping", None, |given| {
+    let limit_damping = section.read_or("limit_damping", in_contact.unwrap_or(true), |given| {
         if in_contact.is_some() {
             given.fail("stands in [contact], too: say it once");
         }
-        given.boolean().map(Some)
+        given.boolean()
     });
     section.finish();
     kind.and(limit_damping)

@@ -219,12 +219,7 @@ impl Simulation {
     /// Takes up a state from a snapshot: on each rank any part of its particles and histories, which
     /// go to their owners. Forces come from the snapshot, so the next step continues as if nothing
     /// had happened. Collective.
-    pub fn take_up(
-        &mut self,
-        particles: &[Particle],
-        histories: &Histories,
-        comm: &mut dyn Comm,
-    ) {
+    pub fn take_up(&mut self, particles: &[Particle], histories: &Histories, comm: &mut dyn Comm) {
         self.particles.strip_to_owned();
         for particle in particles {
             self.particles.push_owned(particle);
