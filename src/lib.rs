@@ -6,7 +6,7 @@
 //! | row | modules | what they are |
 //! |---|---|---|
 //! | 1 | [`ids`] [`math`] [`lanes`] [`timing`] | names of things, vectors, eight numbers at once, the clock |
-//! | 2 | [`random`] [`shape`] [`comm`] | chance; what a grain is; how ranks talk |
+//! | 2 | [`cell`] [`random`] [`shape`] [`comm`] | the box and how it repeats; chance; what a grain is; how ranks talk |
 //! | 3 | [`contact`] | from two shapes to overlap, normal and point |
 //! | 4 | [`particles`] [`pairs`] | columns of everything a rank owns or sees; pairs that stand by themselves |
 //! | 5 | [`law`] [`motion`] | from overlap to force; from force to motion |
@@ -33,6 +33,7 @@ pub mod lanes;
 pub mod math;
 pub mod timing;
 
+pub mod cell;
 pub mod comm;
 pub mod random;
 pub mod shape;

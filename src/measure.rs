@@ -220,15 +220,12 @@ pub fn shortest_axis(particles: &Particles, a: Slot, b: Slot) -> f64 {
 
 /// Where a particle would be without periods [m].
 pub fn unwrapped(particles: &Particles, slot: usize) -> Vec3 {
-    let mut position = particles.position[slot];
+    let position = particles.position[slot];
     if particles.needs.image {
-        for axis in 0..3 {
-            if particles.period[axis].is_finite() {
-                position[axis] += f64::from(particles.image[slot][axis]) * particles.period[axis];
-            }
-        }
+        particles.cell.unwrapped(position, &particles.image[slot])
+    } else {
+        position
     }
-    position
 }
 
 /// The larger of two numbers; the first where the second is not a number.

@@ -215,27 +215,14 @@ fn wrap(particles: &mut Particles) {
         return;
     }
     let mut is_any_far = false;
-    let rounding = particles.rounding_of_images();
+    let rounding = particles.cell.rounding_of_images();
     for slot in 0..particles.owned {
-        for axis in 0..3 {
-            let period = particles.period[axis];
-            if !period.is_finite() {
-                continue;
-            }
-            let low = particles.low[axis];
-            let x = &mut particles.position[slot][axis];
-            if *x >= low + period {
-                *x -= period;
-                particles.image[slot][axis] += 1;
-                particles.travel[slot] += rounding;
-                is_any_far |= *x > low + period;
-            } else if *x < low {
-                *x += period;
-                particles.image[slot][axis] -= 1;
-                particles.travel[slot] += rounding;
-                is_any_far |= *x < low;
-            }
+        let Particles { cell, position, image, travel, .. } = &mut *particles;
+        let (faces, is_far) = cell.wrap(&mut position[slot], &mut image[slot]);
+        for _ in 0..faces {
+            travel[slot] += rounding;
         }
+        is_any_far |= is_far;
     }
     if is_any_far {
         bring_back(particles);
@@ -249,18 +236,8 @@ pub fn bring_back(particles: &mut Particles) {
         return;
     }
     for slot in 0..particles.owned {
-        for axis in 0..3 {
-            let (low, period) = (particles.low[axis], particles.period[axis]);
-            let x = &mut particles.position[slot][axis];
-            // The high face is left alone, where rounding may have put a particle until the next step.
-            if !period.is_finite() || !x.is_finite() || (low..=low + period).contains(x) {
-                continue;
-            }
-            let turns = ((*x - low) / period).floor();
-            *x = (*x - turns * period).clamp(low, low + period);
-            let image = &mut particles.image[slot][axis];
-            *image = image.saturating_add(turns as i32);
-        }
+        let Particles { cell, position, image, .. } = &mut *particles;
+        cell.bring_back(&mut position[slot], &mut image[slot]);
     }
 }
 

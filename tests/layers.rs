@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// Modules by row, as `src/lib.rs` explains them.
 const ROWS: [&[&str]; 11] = [
     &["ids", "math", "lanes", "timing"],
-    &["random", "shape", "comm"],
+    &["cell", "random", "shape", "comm"],
     &["contact"],
     &["particles", "pairs"],
     &["law", "motion"],

@@ -1248,10 +1248,10 @@ directory = "out"
 fn fall(directory: &Path, comm: &mut dyn Comm) {
     let scene = scene(FALLING);
     let mut sim = begun(&scene, comm);
-    let (walls, period) = (sim.particles.walls.clone(), sim.domain.period());
+    let (walls, cell) = (sim.particles.walls.clone(), sim.domain.cell);
     let mut history = comm
         .is_root()
-        .then(|| table::History::open(directory, &walls, period, |_| false).expect("a new table"));
+        .then(|| table::History::open(directory, &walls, cell, |_| false).expect("a new table"));
     for _ in 0..scene.steps {
         sim.step(comm).expect("the step is done");
         let measures = sim.measure(comm);

@@ -174,7 +174,7 @@ fn every_key_arrives() {
     let scene = every_key();
     assert_eq!(scene.title, "Everything");
     assert_eq!(scene.seed, 18_446_744_073_709);
-    assert_eq!(scene.domain.periodic, [true, false, false]);
+    assert_eq!(scene.domain.periodic(), [true, false, false]);
     let walls: Vec<(&str, [f64; 3])> =
         scene.walls.iter().map(|w| (w.name.as_str(), w.normal.into())).collect();
     let planes = [
@@ -327,7 +327,7 @@ fn wrong_overrides_are_named() {
         (
             "stopp.rest=1e-6",
             "stopp: no such key, did you mean `stop`? (allowed here: title, seed, gravity, \
-             global_damping, start, contact, material, interaction, shape, domain, wall, time, \
+             global_damping, start, contact, law, material, interaction, shape, domain, wall, time, \
              servo, stop, neighbours, output, fill)",
         ),
         ("shape.ball.radius=-1", "shape.ball.radius = -1: must be a number greater than 0 [m]"),

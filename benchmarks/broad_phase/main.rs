@@ -12,6 +12,7 @@
 mod lines;
 
 use clap::Parser;
+use dem_mpi::cell::Cell;
 use dem_mpi::ids::{GlobalId, MaterialId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
@@ -71,8 +72,7 @@ fn balls(mix: &Mix, count: usize) -> Particles {
     library.particle_shapes = mix.len();
     let volume = |shape: &ShapeId| library.shapes[shape.index()].volume();
     let side = (shapes.iter().map(volume).sum::<f64>() / SOLID).cbrt();
-    let open = Vec3::repeat(f64::INFINITY);
-    let mut particles = Particles::new(Needs::default(), library, Vec::new(), Vec3::zeros(), open);
+    let mut particles = Particles::new(Needs::default(), library, Vec::new(), Cell::OPEN);
     for (k, &shape) in shapes.iter().enumerate() {
         let mut random = Random::of(1, k as u64);
         let place = Vec3::from_fn(|_, _| 0.5 * side * random.signed());

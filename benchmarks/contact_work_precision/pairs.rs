@@ -1,6 +1,7 @@
 //! Random pairs whose overlap, normal and contact point are known because they were built from them.
 
 use crate::facets;
+use dem_mpi::cell::Cell;
 use dem_mpi::contact::{
     Batch, Bodies, CommonNormal, ContactResolver, History, Outcome, Pair, Place, Posed,
     SmoothCommonNormal, Touching, touch_along,
@@ -163,7 +164,7 @@ impl Pairs {
             shape: &self.shape,
             library: &self.library,
             curvature_radius: &self.curvature_radius,
-            period: Vec3::repeat(f64::INFINITY),
+            cell: &Cell::OPEN,
         }
     }
 

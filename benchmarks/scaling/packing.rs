@@ -1,6 +1,7 @@
 //! What is run: a periodic cell of packed ellipsoids, put side by side as often as wanted, and a settled box.
 
 use anyhow::anyhow;
+use dem_mpi::cell::Cell;
 use dem_mpi::comm::Comm;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::ids::{GlobalId, Rank};
@@ -50,6 +51,11 @@ pub(crate) struct Packing {
     particles: Vec<Particle>,
 }
 
+/// A box that repeats along all axes, from the origin [m].
+fn cube(edges: Vec3) -> Cell {
+    Cell::new(Vec3::zeros(), edges, [true; 3])
+}
+
 impl Packing {
     /// Compresses a lattice of ellipsoids, turned at random, to a packing at rest.
     pub(crate) fn new() -> anyhow::Result<Self> {
@@ -57,13 +63,13 @@ impl Packing {
             Scene::parse(DILUTE, "packing", Path::new(""), &[]).map_err(|e| anyhow!("{e}"))?;
         let mut particles: Vec<Particle> = packing::initial(&scene).collect();
         let grains = f64::from(CELL) * scene.library.shapes[0].volume();
-        let (first, last) = (scene.domain.high.x, (grains / SOLID).cbrt());
+        let (first, last) = (scene.domain.high().x, (grains / SOLID).cbrt());
         let (stages, steps) = STAGES;
         for stage in 1..=stages + 10 {
             let side =
                 first * (last / first).powf(f64::from(stage.min(stages)) / f64::from(stages));
-            let shrink = side / scene.domain.high.x;
-            scene.domain.high = Vec3::repeat(side);
+            let shrink = side / scene.domain.high().x;
+            scene.domain = cube(Vec3::repeat(side));
             let mut comm = Alone::default();
             let mut sim = assemble::assemble(&scene, &comm);
             sim.field.damping = DAMPING;
@@ -89,9 +95,9 @@ impl Packing {
 
     /// So many cells along each axis, with this rank's particles in it.
     pub(crate) fn begun(&self, cells: [u32; 3], comm: &mut dyn Comm) -> Simulation {
-        let side = self.scene.domain.high.x;
+        let side = self.scene.domain.high().x;
         let mut scene = self.scene.clone();
-        scene.domain.high = Vec3::from(cells.map(|count| f64::from(count) * side));
+        scene.domain = cube(Vec3::from(cells.map(|count| f64::from(count) * side)));
         let mut sim = assemble::assemble(&scene, comm);
         sim.particles.strip_to_owned();
         for x in 0..cells[0] {

@@ -23,8 +23,8 @@ use super::eroded_gjk::ErodedGjk;
 use super::in_lanes::{self, InLanes};
 use super::newton::Ellipsoids;
 use super::{
-    Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, Touch, Why, nearest_images,
-    places, unit_of_length, vectors,
+    Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, Touch, Why, places,
+    unit_of_length, vectors,
 };
 use crate::ids::Slot;
 use crate::lanes::{Eight, Lanes, Symmetric, Triple, WIDTH};
@@ -140,7 +140,7 @@ impl Octet {
     /// In metres.
     #[inline(always)]
     fn pairs<L: Eight>(&self, batch: &Batch) -> Ellipsoids<L> {
-        let Bodies { position, form, period, .. } = batch.bodies;
+        let Bodies { position, form, cell, .. } = batch.bodies;
         let first = batch.pairs[self.index[0] as usize];
         let mut slots = [[first.a; WIDTH], [first.b; WIDTH]];
         for (lane, index) in self.index.iter().enumerate() {
@@ -150,7 +150,7 @@ impl Octet {
         }
         let [from, to] = slots.map(|slots| places(&slots, position.len()));
         let (from, to) = (vectors::<L>(position, from), vectors::<L>(position, to));
-        let r = nearest_images(to.minus(from), &period);
+        let r = cell.nearest_of(to.minus(from));
         let [a, b] = if let Some(form) = form {
             [forms(form, &slots[0]), forms(form, &slots[1])]
         } else {
@@ -496,6 +496,7 @@ fn vector(t: Triple<f64>) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::{CommonNormal, resolve_with};
+    use crate::cell::Cell;
     use crate::contact::{
         Batch, Bodies, ContactResolver, Found, History, Outcome, Pair, Place, Touch,
     };
@@ -570,7 +571,7 @@ mod tests {
                 shape: &self.shape,
                 library: &self.library,
                 curvature_radius: &self.curvature_radius,
-                period: Vec3::repeat(f64::INFINITY),
+                cell: &Cell::OPEN,
             }
         }
 

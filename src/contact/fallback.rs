@@ -64,6 +64,7 @@ impl ContactResolver for Chain {
 #[cfg(test)]
 mod tests {
     use super::Chain;
+    use crate::cell::Cell;
     use crate::contact::{
         Batch, Bodies, ContactResolver, Found, Outcome, Pair, Place, Posed, SphereSphere, Tally,
         Why,
@@ -93,7 +94,7 @@ mod tests {
             shape: &vec![ShapeId(0); centres.len()],
             library: &[Shape::Sphere(Sphere { radius: 1.0 })],
             curvature_radius: &[1.0],
-            period: Vec3::repeat(f64::INFINITY),
+            cell: &Cell::OPEN,
         };
         let pairs: Vec<_> =
             (1..centres.len() as u32).map(|b| Pair { a: Slot(0), b: Slot(b) }).collect();

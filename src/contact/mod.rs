@@ -40,11 +40,11 @@ pub use methods::{Method, needs_form, table};
 pub use smooth_common_normal::SmoothCommonNormal;
 pub use sphere_sphere::SphereSphere;
 
+use crate::cell::Cell;
 use crate::ids::{ShapeId, Slot};
 use crate::lanes::{Eight, Places, Triple, WIDTH};
 use crate::math::{Mat3, Quat, Vec3};
 use crate::shape::{Core, Form, Kind, Shape};
-use std::cell::Cell;
 
 /// The geometry of one contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -251,15 +251,15 @@ pub struct Bodies<'a> {
     pub library: &'a [Shape],
     /// Their least radii of curvature [m].
     pub curvature_radius: &'a [f64],
-    /// Length of the period along each axis, infinite where the domain is not periodic [m].
-    pub period: Vec3,
+    /// How the domain repeats.
+    pub cell: &'a Cell,
 }
 
 impl Bodies<'_> {
     /// From the centre of A to the nearest image of the centre of B [m].
     #[inline]
     pub fn relative(&self, pair: Pair) -> Vec3 {
-        nearest_image(self.position[pair.b.index()] - self.position[pair.a.index()], &self.period)
+        self.cell.nearest(self.position[pair.b.index()] - self.position[pair.a.index()])
     }
 
     /// The shape of a body.
@@ -290,21 +290,6 @@ impl Bodies<'_> {
     }
 }
 
-/// The shortest of all images of `difference` under the periods. Depends on positions alone, so a
-/// pair has the same bits on every rank. Periods are longer than twice the largest reach.
-#[inline]
-pub fn nearest_image(mut difference: Vec3, period: &Vec3) -> Vec3 {
-    for axis in 0..3 {
-        let half = 0.5 * period[axis];
-        if difference[axis] > half {
-            difference[axis] -= period[axis];
-        } else if difference[axis] < -half {
-            difference[axis] += period[axis];
-        }
-    }
-    difference
-}
-
 /// The slots of eight bodies.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
@@ -331,20 +316,6 @@ pub(crate) fn vectors<L: Eight>(all: &[Vec3], places: Places) -> Triple<L> {
         g.as_ref(),
         h.as_ref(),
     ])
-}
-
-/// [`nearest_image`] in lanes.
-#[expect(clippy::inline_always, reason = "see `lanes`")]
-#[inline(always)]
-pub(crate) fn nearest_images<L: Eight>(mut r: Triple<L>, period: &Vec3) -> Triple<L> {
-    for (along, period) in [&mut r.x, &mut r.y, &mut r.z].into_iter().zip(period) {
-        if period.is_finite() {
-            let (whole, half) = (L::all(*period), L::all(0.5 * period));
-            let (above, below) = (half.less(*along), along.less(L::all(0.0) - half));
-            *along = (*along - whole).or((*along + whole).or(*along, below), above);
-        }
-    }
-    r
 }
 
 /// How often each resolver answered, and how often it passed a pair on.
@@ -443,7 +414,7 @@ impl Found {
 }
 
 thread_local! {
-    static DIRECTIONS: Cell<u64> = const { Cell::new(0) };
+    static DIRECTIONS: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
 }
 
 /// How many directions were tried so far on this thread: what GJK, EPA and Newton's method have in common is that

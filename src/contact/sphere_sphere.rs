@@ -6,8 +6,8 @@
 
 use super::in_lanes::{self, InLanes};
 use super::{
-    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Touching, Why, nearest_images,
-    places, touch_of_ball, vectors,
+    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Touching, Why, places,
+    touch_of_ball, vectors,
 };
 use crate::ids::Slot;
 use crate::lanes::{Eight, WIDTH, row};
@@ -71,7 +71,7 @@ fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
     let bodies_in_all = bodies.position.len();
     let (of_a, of_b) = (places(&a, bodies_in_all), places(&b, bodies_in_all));
     let r = vectors::<L>(bodies.position, of_b).minus(vectors(bodies.position, of_a));
-    let r = nearest_images(r, &bodies.period);
+    let r = bodies.cell.nearest_of(r);
     let radius = radii::<L>(bodies, &a);
     let reach = radius + radii(bodies, &b);
     let distance = r.dot(r).sqrt();
@@ -130,6 +130,7 @@ fn radii<L: Eight>(bodies: &Bodies, slots: &[Slot; WIDTH]) -> L {
 #[cfg(test)]
 mod tests {
     use super::SphereSphere;
+    use crate::cell::Cell;
     use crate::contact::in_lanes::InLanes;
     use crate::contact::{Batch, Bodies, ContactResolver, Found, Outcome, Pair, Place};
     use crate::ids::{ShapeId, Slot};
@@ -174,7 +175,7 @@ mod tests {
                 shape: &shape,
                 library: &library,
                 curvature_radius: &radii,
-                period: Vec3::new(4.0, f64::INFINITY, f64::INFINITY),
+                cell: &Cell::new(Vec3::zeros(), Vec3::repeat(4.0), [true, false, false]),
             };
             let batch =
                 Batch { pairs: &pairs, place: &place, history: &[], active: &active, bodies };

@@ -356,17 +356,35 @@ impl Contacts {
         self.stretches.iter().flat_map(move |columns| columns.loaded(law, particles))
     }
 
-    /// Those with walls alone.
-    pub fn with_walls<'a>(
+    /// What presses on walls: bodies, geometry and normal force [N] of each contact. Known after a restart, too, before
+    /// any force has been found.
+    pub fn pressing_on_walls<'a>(
         &'a self,
         law: &'a dyn ForceLaw,
         particles: &'a Particles,
-    ) -> impl Iterator<Item = Loaded<'a>> {
-        // They stand in stretches of their own.
+    ) -> impl Iterator<Item = (Pair, &'a History, f64)> {
+        self.with_walls(particles).flat_map(move |columns| {
+            columns.pairs.iter().enumerate().map(move |(place, &pair)| {
+                let normal_force = columns.normal_force(place, law, particles);
+                (pair, &columns.history[place], normal_force)
+            })
+        })
+    }
+
+    /// The contacts with walls, and the force on the wall [N] of each, once forces have been found.
+    pub fn forces_on_walls<'a>(
+        &'a self,
+        particles: &'a Particles,
+    ) -> impl Iterator<Item = (Pair, &'a Vec3)> {
+        let columns = self.with_walls(particles);
+        columns.flat_map(|columns| columns.pairs.iter().copied().zip(&columns.forces))
+    }
+
+    /// Contacts with walls stand in stretches of their own.
+    fn with_walls<'a>(&'a self, particles: &'a Particles) -> impl Iterator<Item = &'a Columns> {
         let is_with_wall = |pair: &Pair| pair.b.index() >= particles.first_wall();
         let has_walls = move |columns: &&Columns| columns.pairs.first().is_some_and(is_with_wall);
-        let stretches = self.stretches.iter().filter(has_walls);
-        stretches.flat_map(move |columns| columns.loaded(law, particles))
+        self.stretches.iter().filter(has_walls)
     }
 
     /// The pairs that touch, with their normals and overlaps.

@@ -1,5 +1,6 @@
 //! The tree of cuts that gives each rank its subdomain: the same tree on every rank.
 
+use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::ids::Rank;
 use crate::math::Vec3;
@@ -15,23 +16,14 @@ pub struct Subdomain {
 }
 
 impl Subdomain {
-    /// Distance of a point from the box, the nearest of its images under the periods [m].
-    pub fn distance(&self, point: &Vec3, period: &Vec3) -> f64 {
-        self.gap(&Self { low: *point, high: *point }, period)
+    /// Distance of a point from the box, the nearest of its images [m].
+    pub fn distance(&self, point: &Vec3, cell: &Cell) -> f64 {
+        cell.gap([&self.low, &self.high], [point, point])
     }
 
     /// Distance of two boxes, the nearest of their images [m].
-    pub fn gap(&self, other: &Self, period: &Vec3) -> f64 {
-        let along = |axis: usize| {
-            let gap = |shift: f64| {
-                let below = self.low[axis] - (other.high[axis] + shift);
-                let above = other.low[axis] + shift - self.high[axis];
-                below.max(above).max(0.0)
-            };
-            let length = period[axis];
-            if length.is_finite() { gap(0.0).min(gap(length)).min(gap(-length)) } else { gap(0.0) }
-        };
-        Vec3::new(along(0), along(1), along(2)).norm()
+    pub fn gap(&self, other: &Self, cell: &Cell) -> f64 {
+        cell.gap([&self.low, &self.high], [&other.low, &other.high])
     }
 }
 
@@ -218,7 +210,7 @@ impl Cuts {
 
     /// The other ranks whose boxes come closer than `reach` to that of a rank [m], in rising order. If
     /// one rank is near another, so is the other to the one. Descends the tree of cuts.
-    pub fn ranks_near(&self, me: Rank, period: &Vec3, reach: f64) -> Vec<Rank> {
+    pub fn ranks_near(&self, me: Rank, cell: &Cell, reach: f64) -> Vec<Rank> {
         let here = self.subdomain(me);
         let mut near = Vec::new();
         let mut open = vec![(0, self.space)];
@@ -228,7 +220,7 @@ impl Cuts {
                 Node::Leaf(rank) => {
                     // Both sides ask the same question, so that rounding gives one answer.
                     let (first, second) = if rank < me { (space, here) } else { (here, space) };
-                    if first.gap(&second, period) < reach {
+                    if first.gap(&second, cell) < reach {
                         near.push(rank);
                     }
                 }
@@ -237,7 +229,7 @@ impl Cuts {
                     lower.high[axis] = at;
                     upper.low[axis] = at;
                     for (node, space) in [(below, lower), (above, upper)] {
-                        if space.gap(&here, period) < reach * (1.0 + 1e-9) {
+                        if space.gap(&here, cell) < reach * (1.0 + 1e-9) {
                             open.push((node, space));
                         }
                     }
@@ -271,6 +263,7 @@ fn share_below(part: &Part) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::Cuts;
+    use crate::cell::Cell;
     use crate::comm::threads;
     use crate::ids::Rank;
     use crate::math::Vec3;
@@ -303,17 +296,18 @@ mod tests {
     #[test]
     fn the_tree_finds_the_same_neighbours_as_a_look_at_all() {
         let high = Vec3::new(1.0, 2.0, 3.0);
-        for period in [Vec3::repeat(f64::INFINITY), high, Vec3::new(1.0, f64::INFINITY, 3.0)] {
+        for periodic in [[false; 3], [true; 3], [true, false, true]] {
+            let cell = Cell::new(Vec3::zeros(), high, periodic);
             for ranks in [1, 2, 3, 8, 13, 64] {
                 let cuts = Cuts::even(Vec3::zeros(), high, ranks);
                 for me in (0..ranks).map(Rank) {
-                    let near = cuts.ranks_near(me, &period, 0.2);
+                    let near = cuts.ranks_near(me, &cell, 0.2);
                     let all = (0..ranks).map(Rank).filter(|&rank| {
-                        let gap = cuts.subdomain(rank).gap(&cuts.subdomain(me), &period);
+                        let gap = cuts.subdomain(rank).gap(&cuts.subdomain(me), &cell);
                         rank != me && gap < 0.2
                     });
                     assert_eq!(near, all.collect::<Vec<_>>());
-                    assert!(near.iter().all(|&r| cuts.ranks_near(r, &period, 0.2).contains(&me)));
+                    assert!(near.iter().all(|&r| cuts.ranks_near(r, &cell, 0.2).contains(&me)));
                 }
             }
         }

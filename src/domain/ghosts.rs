@@ -29,9 +29,8 @@ impl Domain {
     pub fn offer_ghosts(&mut self, particles: &mut Particles, comm: &mut dyn Comm) {
         let is_mine = |place: &Vec3| self.owner(place) == comm.rank();
         debug_assert!(particles.position[..particles.owned].iter().all(is_mine));
-        let period = self.period();
         let largest = particles.library.largest_radius();
-        let near = self.cuts.ranks_near(comm.rank(), &period, self.halo * LEEWAY);
+        let near = self.cuts.ranks_near(comm.rank(), &self.cell, self.halo * LEEWAY);
         // A soft wall lets particles out a little, but their owner is inside.
         let inside: Vec<Vec3> =
             particles.position[..particles.owned].iter().map(|p| self.clamped(p)).collect();
@@ -42,7 +41,7 @@ impl Domain {
                 let sent = (0..particles.owned as u32)
                     .filter(|&slot| {
                         let reach = self.halo - (largest - particles.radius(slot as usize));
-                        there.distance(&inside[slot as usize], &period) < reach * LEEWAY
+                        there.distance(&inside[slot as usize], &self.cell) < reach * LEEWAY
                     })
                     .collect();
                 Neighbour { rank, sent, received: 0..0 }

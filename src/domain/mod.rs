@@ -9,6 +9,7 @@ mod cuts;
 mod ghosts;
 mod migrate;
 
+use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::ids::{GlobalId, Rank};
 use crate::math::Vec3;
@@ -83,12 +84,8 @@ pub struct Traffic {
 /// The domain as one rank sees it.
 #[derive(Clone, Debug)]
 pub struct Domain {
-    /// Lowest corner [m].
-    pub low: Vec3,
-    /// Highest corner [m].
-    pub high: Vec3,
-    /// Which axes repeat.
-    pub periodic: [bool; 3],
+    /// The whole of it, and how it repeats.
+    pub cell: Cell,
     /// A particle of the largest size is offered to every rank whose subdomain it comes this close to,
     /// a smaller one by the difference of the radii closer [m].
     halo: f64,
@@ -105,12 +102,10 @@ pub struct Domain {
 
 impl Domain {
     /// Cut evenly among all ranks; `halo` is the halo width, largest reach plus skin [m].
-    pub fn new(low: Vec3, high: Vec3, periodic: [bool; 3], halo: f64, comm: &dyn Comm) -> Self {
-        let cuts = Cuts::even(low, high, comm.size());
+    pub fn new(cell: Cell, halo: f64, comm: &dyn Comm) -> Self {
+        let cuts = Cuts::even(cell.low(), cell.high(), comm.size());
         Self {
-            low,
-            high,
-            periodic,
+            cell,
             halo,
             cuts,
             neighbours: Vec::new(),
@@ -118,11 +113,6 @@ impl Domain {
             offered: 0,
             traffic: Traffic::default(),
         }
-    }
-
-    /// Length of the period along each axis, infinite where there is none [m].
-    pub fn period(&self) -> Vec3 {
-        period(&self.low, &self.high, self.periodic)
     }
 
     /// The rank that owns a point.
@@ -133,10 +123,7 @@ impl Domain {
     /// The nearest point of the space that is cut; along a periodic axis everything is inside.
     fn clamped(&self, point: &Vec3) -> Vec3 {
         let Subdomain { low, high } = self.cuts.space();
-        Vec3::from_fn(|axis, _| {
-            let x = point[axis];
-            if self.periodic[axis] { x } else { x.max(low[axis]).min(high[axis]) }
-        })
+        self.cell.clamped(point, &low, &high)
     }
 
     /// The box of a rank [m].
@@ -156,7 +143,7 @@ impl Domain {
 
     /// The box in which particles may be: the domain, and as far as walls have moved out of it [m].
     fn room(&self, walls: &[Wall]) -> (Vec3, Vec3) {
-        let (mut low, mut high) = (self.low, self.high);
+        let (mut low, mut high) = (self.cell.low(), self.cell.high());
         for wall in walls {
             match wall.across() {
                 Some((axis, 1.0)) => low[axis] = low[axis].min(wall.point[axis]),
@@ -181,19 +168,10 @@ impl Domain {
             }
             // Walls give a little: a particle is lost once its centre is outside by its own size.
             let slack = particles.library.shapes[particles.shape[slot].index()].bounding_radius();
-            let inside = (0..3).all(|axis| {
-                self.periodic[axis]
-                    || (p[axis] >= low[axis] - slack && p[axis] <= high[axis] + slack)
-            });
-            if !inside {
+            if !self.cell.has_within(&p, &low, &high, slack) {
                 return Err(DomainError::Outside { id, x: p.x, y: p.y, z: p.z, speed });
             }
         }
         Ok(())
     }
-}
-
-/// Length of the period along each axis, infinite where there is none [m].
-pub fn period(low: &Vec3, high: &Vec3, periodic: [bool; 3]) -> Vec3 {
-    Vec3::from_fn(|axis, _| if periodic[axis] { high[axis] - low[axis] } else { f64::INFINITY })
 }

@@ -4,7 +4,6 @@
 //! its cell, moved by a random step that leaves its bounding sphere inside: no two particles of a
 //! layer can overlap, not even across a periodic border, and none leaves the slab.
 
-use crate::contact::nearest_image;
 use crate::ids::GlobalId;
 use crate::math::Vec3;
 use crate::particles::mix::Mix;
@@ -131,7 +130,7 @@ impl RainGauge {
         let Rain { low, high, .. } = self.rain;
         let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
         let by_particle = (0..particles.owned).any(|slot| {
-            let apart = nearest_image(particles.position[slot] - middle, &particles.period).abs();
+            let apart = particles.cell.nearest(particles.position[slot] - middle).abs();
             (0..3).all(|axis| apart[axis] < half[axis] + particles.radius(slot))
         });
         let by_wall = |wall: &Wall| self.rain.behind(&wall.point, &wall.normal) > 0.0;
@@ -151,6 +150,7 @@ impl RainGauge {
 #[cfg(test)]
 mod tests {
     use super::{Rain, RainGauge};
+    use crate::cell::Cell;
     use crate::ids::{GlobalId, MaterialId, ShapeId};
     use crate::math::Vec3;
     use crate::particles::mix::Mix;
@@ -183,8 +183,8 @@ mod tests {
             Wall { name, point, normal, velocity, moves: true, shape, listed_at: point }
         });
         let walls = walls.collect();
-        let period = Vec3::new(1.0, f64::INFINITY, f64::INFINITY);
-        let mut particles = Particles::new(Needs::default(), library, walls, Vec3::zeros(), period);
+        let cell = Cell::new(Vec3::zeros(), Vec3::repeat(1.0), [true, false, false]);
+        let mut particles = Particles::new(Needs::default(), library, walls, cell);
         particles.strip_to_owned();
         for (id, place) in (0..).zip(places) {
             particles.push_owned(&Particle::at_rest(GlobalId(id), ShapeId(0), *place));

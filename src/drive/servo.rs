@@ -26,7 +26,7 @@
 //! means are made, are saved in snapshots.
 
 use crate::comm::Comm;
-use crate::contacts::{Contacts, Loaded};
+use crate::contacts::Contacts;
 use crate::law::ForceLaw;
 use crate::math::{ExactSum, Vec3};
 use crate::particles::walls::{Wall, area, ends};
@@ -63,7 +63,7 @@ impl Servo {
     fn area(&self, particles: &Particles) -> f64 {
         let of_wall = |&k: &usize| {
             let (axis, _) = particles.walls[k].across()?;
-            area(&particles.walls, &particles.period, axis)
+            area(&particles.walls, &particles.cell, axis)
         };
         // The scene has checked that every wall has one.
         self.walls.iter().filter_map(of_wall).sum()
@@ -322,16 +322,16 @@ impl Servos {
     }
 
     /// Adds the forces of this moment on walls with servos to their sums.
-    pub fn note_forces(&mut self, contacts: &Contacts, particles: &Particles, law: &dyn ForceLaw) {
+    pub fn note_forces(&mut self, contacts: &Contacts, particles: &Particles) {
         if self.all.is_empty() {
             return;
         }
         let mut terms = 0;
-        for Loaded { pair, force, .. } in contacts.with_walls(law, particles) {
+        for (pair, force) in contacts.forces_on_walls(particles) {
             let wall = pair.b.index() - particles.first_wall();
             let Some(sum) = self.forces.get_mut(&wall) else { continue };
             if force.iter().all(|component| component.is_finite()) {
-                for (axis, &component) in sum.axes.iter_mut().zip(&force) {
+                for (axis, &component) in sum.axes.iter_mut().zip(force) {
                     axis.add(component);
                 }
                 terms += 1;
@@ -393,14 +393,13 @@ impl Servos {
         let servo_of = |wall| self.all.iter().position(|servo| servo.walls.contains(&wall));
         let servo_of: Vec<Option<usize>> = (0..particles.walls.len()).map(servo_of).collect();
         let mut sums = vec![[ExactSum::default(), ExactSum::default()]; self.all.len()];
-        for Loaded { pair, history, normal_force: force, .. } in contacts.with_walls(law, particles)
-        {
+        for (pair, geometry, force) in contacts.pressing_on_walls(law, particles) {
             let wall = pair.b.index() - particles.first_wall();
             let Some(servo) = servo_of[wall] else { continue };
             // A state that is not a number is told when the list of pairs is made anew.
             if force.is_finite() {
                 sums[servo][0].add(force);
-                sums[servo][1].add(law.stiffness(pair, particles, history, dt));
+                sums[servo][1].add(law.stiffness(pair, particles, geometry, dt));
             }
         }
         comm.start_sum(sums.iter().flatten().flat_map(|sum| *sum.limbs()).collect());

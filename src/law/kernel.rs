@@ -10,7 +10,7 @@
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use super::{ForceLaw, Hardest, Parted, Sums, Work, add};
-use crate::contact::{History, Pair, Place, StateColumn, nearest_images, places, vectors};
+use crate::contact::{History, Pair, Place, StateColumn, places, vectors};
 use crate::ids::{MaterialId, Slot};
 use crate::lanes::{self, Eight, Kernel, Lanes, Places, Triple, WIDTH, row};
 use crate::math::Vec3;
@@ -331,7 +331,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         // velocity of A's surface against B's: positive along the normal is approach
         let position = &particles.position;
         let to_b = vectors::<L>(position, at_b).minus(vectors(position, at_a));
-        let to_b = nearest_images(to_b, &particles.period);
+        let to_b = particles.cell.nearest_of(to_b);
         let (of_a, spin_a) = velocities::<L>(particles, at_a);
         let (of_b, spin_b) = velocities::<L>(particles, at_b);
         let bodies = Moving { approach: of_a.minus(of_b), spin_a, spin_b };

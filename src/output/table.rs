@@ -6,6 +6,7 @@
 //! the area of the row's moment. A servo corrects itself within a few steps: what it leaves at even intervals can be
 //! anything. A restart does not change a digit.
 
+use crate::cell::Cell;
 use crate::math::Vec3;
 use crate::measure::Measures;
 use crate::particles::walls::{Wall, area};
@@ -28,7 +29,7 @@ pub struct TableError {
 pub struct History {
     path: PathBuf,
     writer: csv::Writer<File>,
-    period: Vec3,
+    cell: Cell,
 }
 
 const COLUMNS: [&str; 20] = [
@@ -70,7 +71,7 @@ impl History {
     pub fn open(
         directory: &Path,
         walls: &[Wall],
-        period: Vec3,
+        cell: Cell,
         keep: impl Fn(u64) -> bool,
     ) -> Result<Self, TableError> {
         let path = directory.join("history.csv");
@@ -97,7 +98,7 @@ impl History {
         }
         for (_, Wall { name, .. }, axis) in told(walls) {
             columns.push(format!("place_{name}_m"));
-            columns.extend(area(walls, &period, axis).map(|_| format!("stress_{name}_Pa")));
+            columns.extend(area(walls, &cell, axis).map(|_| format!("stress_{name}_Pa")));
         }
         let mut header = csv::Writer::from_writer(Vec::new());
         header.write_record(&columns).map_err(|e| failed(&e))?;
@@ -111,7 +112,7 @@ impl History {
         file.write_all(&text).and_then(|()| file.sync_all()).map_err(|e| failed(&e))?;
         std::fs::rename(&partial, &path).map_err(|e| failed(&e))?;
         let writer = csv::WriterBuilder::new().has_headers(false).from_writer(file);
-        Ok(Self { path, writer, period })
+        Ok(Self { path, writer, cell })
     }
 
     /// Waits until all rows are on the disk, where a snapshot will be that goes on from them.
@@ -137,7 +138,7 @@ impl History {
     ) -> Result<(), TableError> {
         let moved = told(walls).flat_map(|(k, wall, axis)| {
             let stress = |area| -forces[k].dot(&wall.normal) / area;
-            let stress = area(walls, &self.period, axis).map(stress);
+            let stress = area(walls, &self.cell, axis).map(stress);
             [Some(wall.point[axis]), stress].into_iter().flatten()
         });
         let counts = [step.to_string(), time.to_string()]
@@ -176,6 +177,7 @@ impl History {
 #[cfg(test)]
 mod tests {
     use super::{COLUMNS, History};
+    use crate::cell::Cell;
     use crate::ids::ShapeId;
     use crate::math::Vec3;
     use crate::particles::walls::Wall;
@@ -189,8 +191,7 @@ mod tests {
         let wall =
             Wall { name, point, normal, velocity: point, moves: false, shape, listed_at: point };
         let folder = tempfile::tempdir().unwrap();
-        let period = Vec3::repeat(f64::INFINITY);
-        drop(History::open(folder.path(), &[wall], period, |_| false).unwrap());
+        drop(History::open(folder.path(), &[wall], Cell::OPEN, |_| false).unwrap());
         let mut reader = csv::Reader::from_path(folder.path().join("history.csv")).unwrap();
         let header = reader.headers().unwrap();
         assert_eq!(header.len(), COLUMNS.len() + 3);

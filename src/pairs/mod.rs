@@ -12,6 +12,7 @@ pub mod cases;
 pub mod read;
 pub mod write;
 
+use crate::cell::Cell;
 use crate::contact::{
     Batch, Bodies, ContactResolver, Found, History, Method, Outcome, Pair, Place, Posed, Table,
     Tally, Touch, Why, clearance, directions_tried, ordered, table,
@@ -130,7 +131,7 @@ impl Pairs {
             shape: &self.shape,
             library: &self.library,
             curvature_radius: &self.curvature_radius,
-            period: Vec3::repeat(f64::INFINITY),
+            cell: &Cell::OPEN,
         }
     }
 

@@ -7,6 +7,7 @@ pub mod mix;
 pub mod records;
 pub mod walls;
 
+use crate::cell::Cell;
 use crate::contact::Bodies;
 use crate::ids::{GlobalId, MaterialId, ShapeId, Slot};
 use crate::math::{Quat, Vec3, Vec4};
@@ -204,17 +205,15 @@ pub struct Particles {
     pub spin: Option<Spin>,
     /// Attitude, if any shape needs it.
     pub attitude: Option<Attitude>,
-    /// Lowest corner of the domain, where periods begin [m].
-    pub low: Vec3,
-    /// Length of the period along each axis, infinite where there is none [m].
-    pub period: Vec3,
+    /// The domain, and how it repeats.
+    pub cell: Cell,
     /// The walls, the same on all ranks.
     pub walls: Vec<Wall>,
 }
 
 impl Particles {
     /// No particles yet, only walls.
-    pub fn new(needs: Needs, library: Library, walls: Vec<Wall>, low: Vec3, period: Vec3) -> Self {
+    pub fn new(needs: Needs, library: Library, walls: Vec<Wall>, cell: Cell) -> Self {
         let mut particles = Self {
             needs,
             library,
@@ -232,8 +231,7 @@ impl Particles {
             image: Vec::new(),
             spin: needs.spin.then(Spin::default),
             attitude: needs.attitude.then(Attitude::default),
-            low,
-            period,
+            cell,
             walls,
         };
         particles.append_walls();
@@ -249,7 +247,7 @@ impl Particles {
             shape: &self.shape,
             library: &self.library.shapes,
             curvature_radius: &self.library.curvature_radius,
-            period: self.period,
+            cell: &self.cell,
         }
     }
 
@@ -460,12 +458,6 @@ impl Particles {
         }
     }
 
-    /// By how much the distance of two images may be rounded otherwise than that of their particles [m].
-    pub fn rounding_of_images(&self) -> f64 {
-        let longest = self.period.iter().copied().filter(|length| length.is_finite());
-        4.0 * f64::EPSILON * longest.fold(self.low.amax(), f64::max)
-    }
-
     /// Angular velocity of a particle with this angular momentum in its attitude: `R I⁻¹ Rᵀ L`.
     #[inline]
     pub fn angular_velocity_for(&self, slot: usize, momentum: &Vec3) -> Vec3 {
@@ -514,8 +506,8 @@ pub(crate) fn crowd(count: u64) -> Particles {
     library.push("egg", Shape::Ellipsoid(egg), MaterialId(0), 2500.0);
     library.push("ball", Shape::Sphere(Sphere { radius: 1e-3 }), MaterialId(1), 1000.0);
     let needs = Needs { velocity: true, spin: true, attitude: true, form: true, image: false };
-    let period = Vec3::new(f64::INFINITY, f64::INFINITY, 0.1);
-    let mut particles = Particles::new(needs, library, Vec::new(), Vec3::zeros(), period);
+    let cell = Cell::new(Vec3::zeros(), Vec3::repeat(0.1), [false, false, true]);
+    let mut particles = Particles::new(needs, library, Vec::new(), cell);
     for id in 0..count {
         let mut random = Random::of(3, id);
         let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.signed());

@@ -12,7 +12,6 @@
 //! | histories of touching contacts | x | | |
 
 use super::Particles;
-use crate::contact::nearest_image;
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
@@ -95,7 +94,7 @@ impl Particles {
     /// If there are fewer ghosts than the bytes hold: the ranks are out of step.
     pub fn unpack_halo(&mut self, first: usize, bytes: &[u8]) {
         let values: Vec<f64> = bytemuck::pod_collect_to_vec(bytes);
-        let rounding = self.rounding_of_images();
+        let rounding = self.cell.rounding_of_images();
         for (k, value) in values.chunks_exact(self.needs.halo_values()).enumerate() {
             let slot = first + k;
             let mut rest = value;
@@ -106,7 +105,7 @@ impl Particles {
             };
             let position = Vec3::from_column_slice(take(3));
             let apart = position - self.position[slot];
-            let nearest = nearest_image(apart, &self.period);
+            let nearest = self.cell.nearest(apart);
             let mut moved = nearest.norm();
             if nearest != apart {
                 moved += rounding;

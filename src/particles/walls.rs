@@ -1,5 +1,6 @@
 //! Plane walls: every rank has them all.
 
+use crate::cell::Cell;
 use crate::ids::ShapeId;
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
@@ -42,11 +43,11 @@ pub fn ends(walls: &[Wall], axis: usize) -> [Option<f64>; 2] {
 
 /// Area on which the particles press against a wall across an axis: periods, or distances of walls, along
 /// both other axes [m²]; `None` if a side is open.
-pub fn area(walls: &[Wall], period: &Vec3, axis: usize) -> Option<f64> {
-    let width = |axis: usize| match ends(walls, axis) {
-        _ if period[axis].is_finite() => Some(period[axis]),
+pub fn area(walls: &[Wall], cell: &Cell, axis: usize) -> Option<f64> {
+    let between_walls = |axis| match ends(walls, axis) {
         [Some(low), Some(high)] => Some(high - low),
         _ => None,
     };
+    let width = |axis| cell.period(axis).or_else(|| between_walls(axis));
     Some(width((axis + 1) % 3)? * width((axis + 2) % 3)?)
 }

@@ -1,10 +1,11 @@
 //! From a scene to a simulation: the only place that names concrete parts.
 
 use super::{Scene, packing};
+use crate::cell::Cell;
 use crate::comm::{Comm, agree};
 use crate::contact::{self, Histories, StateColumn};
 use crate::contacts::Contacts;
-use crate::domain::{self, Domain};
+use crate::domain::Domain;
 use crate::drive::rain::RainGauge;
 use crate::drive::servo::Servos;
 use crate::ids::{GlobalId, ShapeId};
@@ -83,9 +84,7 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
 /// The same with a law of one's own in place of the scene's.
 pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> Simulation {
     let needs = scene.needs_with(&*law);
-    let spec = &scene.domain;
     let halo = 2.0 * scene.library.largest_radius() + scene.skin;
-    let period = domain::period(&spec.low, &spec.high, spec.periodic);
     let mut kinds = scene.particle_kinds();
     if !scene.walls.is_empty() {
         kinds.push(Kind::HalfSpace);
@@ -93,17 +92,11 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
     let mut found = contact::Found::default();
     found.contacts.without_points = !needs.attitude;
     Simulation {
-        particles: Particles::new(
-            needs,
-            scene.library.clone(),
-            scene.walls.clone(),
-            spec.low,
-            period,
-        ),
+        particles: Particles::new(needs, scene.library.clone(), scene.walls.clone(), scene.domain),
         pairs: PairList::default(),
         contacts: Contacts::of(law.state()),
         sums: Sums::default(),
-        domain: Domain::new(spec.low, spec.high, spec.periodic, halo, comm),
+        domain: Domain::new(scene.domain, halo, comm),
         resolvers: contact::table(&scene.method, &kinds),
         law,
         field: Field { gravity: scene.gravity, damping: scene.global_damping },
@@ -221,12 +214,7 @@ fn read_part(
     comm: &dyn Comm,
 ) -> Result<(Header, Vec<Particle>, Histories), StartError> {
     let header = reader.header().clone();
-    let spec = &scene.domain;
-    let before = domain::period(&header.low, &header.high, header.periodic);
-    let now = domain::period(&spec.low, &spec.high, spec.periodic);
-    // A domain that begins elsewhere has the same length but for rounding.
-    let differs = |(a, b): (&f64, &f64)| (a - b).abs() > 1e-12 * a.min(*b);
-    if before.iter().zip(&now).any(differs) {
+    if Cell::new(header.low, header.high, header.periodic).repeats_otherwise(&scene.domain) {
         return Err(StartError::Period { path: path.to_owned() });
     }
     let shapes = header

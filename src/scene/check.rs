@@ -9,7 +9,8 @@ use super::matter::{Materials, Shapes, interactions};
 use super::reader::{Given, Range, Section};
 use super::report::Report;
 use super::walls::Walls;
-use super::{DomainSpec, Method, Scene, Stop};
+use super::{Method, Scene, Stop};
+use crate::cell::Cell;
 use crate::contact::{Epa, ErodedGjk};
 use crate::law::stability::time_step_limit;
 use crate::law::{self, ForceLaw};
@@ -179,7 +180,7 @@ fn default_skin(library: &Library) -> f64 {
 
 // --- domain ---
 
-fn domain(section: &Section) -> Option<DomainSpec> {
+fn domain(section: &Section) -> Option<Cell> {
     let low = section.vector("low", "m");
     let high = section.vector("high", "m");
     let periodic = section.read_or("periodic", [false; 3], Given::three_booleans);
@@ -190,13 +191,13 @@ fn domain(section: &Section) -> Option<DomainSpec> {
         section.get("high")?.fail(format!("must be above `low` along {}", flat.join(", ")));
         return None;
     }
-    Some(DomainSpec { low, high, periodic: periodic? })
+    Some(Cell::new(low, high, periodic?))
 }
 
 /// A periodic image must never meet the same particle, or another of its images.
-fn check_periods(section: &Section, domain: &DomainSpec, reach: f64) {
-    let extent = domain.high - domain.low;
-    for axis in (0..3).filter(|&axis| domain.periodic[axis]) {
+fn check_periods(section: &Section, domain: &Cell, reach: f64) {
+    let extent = domain.high() - domain.low();
+    for axis in (0..3).filter(|&axis| domain.periodic()[axis]) {
         if extent[axis] < 2.0 * reach
             && let Some(given) = section.get("periodic")
         {

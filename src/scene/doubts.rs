@@ -74,7 +74,7 @@ fn lost_in_rounding(scene: &Scene) -> Option<String> {
         ));
     }
     let domain = &scene.domain;
-    let lost = rounding(domain.low.amax().max(domain.high.amax())) / scene.dt;
+    let lost = rounding(domain.low().amax().max(domain.high().amax())) / scene.dt;
     let fall = (scene.gravity.norm() * scene.library.least_inscribed_radius()).sqrt();
     (fall.is_finite() && lost > SLOW * fall && fall > 0.0).then(|| {
         format!(

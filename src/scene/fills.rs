@@ -3,7 +3,8 @@
 use super::check::AXES;
 use super::matter::Shapes;
 use super::reader::{Range, Section};
-use super::{DomainSpec, Fill, Lattice, Mix, Rain, listed};
+use super::{Fill, Lattice, Mix, Rain, listed};
+use crate::cell::Cell;
 use crate::drive::rain::cells_along;
 use crate::ids::ShapeId;
 use crate::math::Vec3;
@@ -18,7 +19,7 @@ const MOST: f64 = 1e12;
 /// What the reading of a fill looks at.
 pub(super) struct Fills<'a> {
     pub(super) shapes: &'a Shapes,
-    pub(super) domain: Option<&'a DomainSpec>,
+    pub(super) domain: Option<&'a Cell>,
     pub(super) gravity: Vec3,
     /// Of the scene's file.
     pub(super) folder: &'a Path,
@@ -117,14 +118,18 @@ impl Fills<'_> {
         let (low, high) = self.slab(domain, spacing, low?, high?);
         let rain = Rain { mix: mix?, count: count?, every: every?, low, high, spacing, velocity };
 
-        let outside = (0..3).find(|&k| low[k] < domain.low[k] || high[k] > domain.high[k]);
+        let outside = (0..3).find(|&k| low[k] < domain.low()[k] || high[k] > domain.high()[k]);
         if let Some(axis) = outside {
             let what = format!(
                 "the slab reaches out of the domain along {}: from {:?} to {:?} m, the domain from \
                  {:?} to {:?} m",
-                AXES[axis], low[axis], high[axis], domain.low[axis], domain.high[axis]
+                AXES[axis],
+                low[axis],
+                high[axis],
+                domain.low()[axis],
+                domain.high()[axis]
             );
-            let key = if high[axis] > domain.high[axis] { "high" } else { "low" };
+            let key = if high[axis] > domain.high()[axis] { "high" } else { "low" };
             section.get(key).map_or_else(|| section.fail(&what), |given| given.fail(&what));
         }
         cells_between(section, &low, &high, &Vec3::repeat(spacing));
@@ -138,7 +143,7 @@ impl Fills<'_> {
     /// pulls (the top, without gravity).
     fn slab(
         &self,
-        domain: &DomainSpec,
+        domain: &Cell,
         thickness: f64,
         low: Option<Vec3>,
         high: Option<Vec3>,
@@ -146,7 +151,7 @@ impl Fills<'_> {
         let axis = if self.gravity == Vec3::zeros() { 2 } else { self.gravity.iamax() };
         let upwards = self.gravity[axis] > 0.0;
         let is_thin = if upwards { high.is_none() } else { low.is_none() };
-        let (mut low, mut high) = (low.unwrap_or(domain.low), high.unwrap_or(domain.high));
+        let (mut low, mut high) = (low.unwrap_or(domain.low()), high.unwrap_or(domain.high()));
         if is_thin && upwards {
             high[axis] = low[axis] + thickness;
         } else if is_thin {
@@ -198,8 +203,8 @@ impl Fills<'_> {
                     "its {name} particle, at {}, is outside the domain along {}: {:?} to {:?} m",
                     written(&position),
                     AXES[axis],
-                    domain.low[axis],
-                    domain.high[axis]
+                    domain.low()[axis],
+                    domain.high()[axis]
                 ));
             }
         }
@@ -241,7 +246,9 @@ impl Fills<'_> {
                 let axis = outside(domain, position)?;
                 Some(format!(
                     "outside the domain along {}: {:?} to {:?} m",
-                    AXES[axis], domain.low[axis], domain.high[axis]
+                    AXES[axis],
+                    domain.low()[axis],
+                    domain.high()[axis]
                 ))
             };
             match listed::read(&path, &names, first_id, &outside) {
@@ -290,8 +297,8 @@ fn is_possible(section: &Section, count: f64) -> bool {
 }
 
 /// The first axis along which a place is outside the domain.
-fn outside(domain: &DomainSpec, position: &Vec3) -> Option<usize> {
-    (0..3).find(|&axis| !(domain.low[axis]..=domain.high[axis]).contains(&position[axis]))
+fn outside(domain: &Cell, position: &Vec3) -> Option<usize> {
+    (0..3).find(|&axis| !(domain.low()[axis]..=domain.high()[axis]).contains(&position[axis]))
 }
 
 /// A place, as messages have it.

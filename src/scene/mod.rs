@@ -114,6 +114,7 @@ mod reader;
 mod report;
 mod walls;
 
+use crate::cell::Cell;
 pub use crate::contact::Method;
 pub use crate::drive::rain::Rain;
 pub use crate::drive::servo::Servo;
@@ -140,7 +141,7 @@ pub struct Scene {
     /// Seed of all that is random.
     pub seed: u64,
     /// Where particles may be.
-    pub domain: DomainSpec,
+    pub domain: Cell,
     /// Materials, by `MaterialId`.
     pub materials: Vec<Material>,
     /// Contact constants of every pair of materials.
@@ -278,7 +279,7 @@ impl Scene {
             spin: law.spin || attitude,
             attitude,
             form: crate::contact::needs_form(&self.method, &self.particle_kinds()),
-            image: self.domain.periodic.contains(&true),
+            image: self.domain.repeats(),
             ..law
         }
     }
@@ -293,17 +294,6 @@ impl Scene {
         let initial: u64 = self.initial.iter().map(Fill::count).sum();
         initial + self.rain.as_ref().map_or(0, |rain| rain.count)
     }
-}
-
-/// A box, and which of its axes repeat.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct DomainSpec {
-    /// Lowest corner [m].
-    pub low: Vec3,
-    /// Highest corner [m].
-    pub high: Vec3,
-    /// Which axes are periodic.
-    pub periodic: [bool; 3],
 }
 
 /// Particles that are there at the start.

@@ -185,7 +185,7 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         .into_iter()
         .filter(|&(_, axis, inwards)| {
             let closed = scene.walls.iter().any(|wall| wall.normal[axis] == inwards);
-            !scene.domain.periodic[axis] && !closed
+            !scene.domain.periodic()[axis] && !closed
         })
         .map(|(name, _, _)| name)
         .collect();
@@ -298,7 +298,7 @@ impl Share {
         let sizes = Sizes::of(scene, &bed);
         let mut blocks = Vec::new();
         bed.cut(ranks.max(1), &mut blocks);
-        let periodic = scene.domain.periodic;
+        let periodic = scene.domain.periodic();
         let mut share = Self { owned: count / f64::from(ranks.max(1)), ghosts: 0.0, neighbours: 0 };
         // A sample is enough where there are very many.
         for block in blocks.iter().step_by(1 + blocks.len() / 1024) {
@@ -367,7 +367,7 @@ struct Block {
 impl Block {
     /// Where the particles will lie: on the side to which gravity pulls, or in the whole domain.
     fn bed(scene: &Scene) -> Self {
-        let mut bed = Self { low: scene.domain.low, high: scene.domain.high };
+        let mut bed = Self { low: scene.domain.low(), high: scene.domain.high() };
         if scene.gravity != Vec3::zeros() {
             let axis = scene.gravity.iamax();
             let extent = bed.high[axis] - bed.low[axis];
@@ -499,7 +499,7 @@ fn size(bytes: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::{Block, Sizes};
-    use crate::contact::nearest_image;
+    use crate::cell::Cell;
     use crate::math::Vec3;
     use crate::random::Random;
 
@@ -525,9 +525,9 @@ mod tests {
                 }
             }
             let (here, there): (Vec<_>, Vec<_>) = bodies.into_iter().partition(|(p, _)| p.x < 0.5);
-            let period = Vec3::new(f64::INFINITY, 1.0, 1.0);
+            let cell = Cell::new(Vec3::zeros(), Vec3::repeat(1.0), [false, true, true]);
             let is_paired = |(p, r): &&(Vec3, f64)| {
-                here.iter().any(|(q, s)| nearest_image(p - q, &period).norm() < r + s + skin)
+                here.iter().any(|(q, s)| cell.nearest(p - q).norm() < r + s + skin)
             };
             counted += there.iter().filter(is_paired).count();
         }

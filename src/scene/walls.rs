@@ -1,10 +1,10 @@
 //! Walls and what moves them: from the file as written.
 
-use super::DomainSpec;
 use super::check::AXES;
 use super::matter::{Materials, Names};
 use super::reader::{Given, Range, Section};
 use super::report::suggestion;
+use crate::cell::Cell;
 use crate::drive::rain::Rain;
 use crate::drive::servo::Servo;
 use crate::ids::MaterialId;
@@ -49,7 +49,7 @@ impl Walls {
     pub(super) fn read(
         root: &Section,
         domain_section: Option<&Section>,
-        domain: Option<&DomainSpec>,
+        domain: Option<&Cell>,
         materials: &Materials,
     ) -> Self {
         let mut walls = Self { names: Names::of("wall"), planes: Vec::new() };
@@ -65,12 +65,7 @@ impl Walls {
         walls
     }
 
-    fn read_sides(
-        &mut self,
-        section: &Section,
-        domain: Option<&DomainSpec>,
-        materials: &Materials,
-    ) {
+    fn read_sides(&mut self, section: &Section, domain: Option<&Cell>, materials: &Materials) {
         let Some(given) = section.get("walls") else {
             if let Some(material) = section.get("wall_material") {
                 material.fail("there are no `walls` in [domain] for it");
@@ -88,14 +83,14 @@ impl Walls {
             self.names.names.push(name.unwrap_or_default().to_owned());
             self.planes.push(name.zip(domain).and_then(|(name, domain)| {
                 let axis = AXES.iter().position(|axis| name.ends_with(axis))?;
-                if domain.periodic[axis] {
+                if domain.periodic()[axis] {
                     item.fail(format!("{} is periodic, it has no walls", AXES[axis]));
                 }
                 let low = name.starts_with('-');
                 let mut normal = Vec3::zeros();
                 normal[axis] = if low { 1.0 } else { -1.0 };
                 Some(Plane {
-                    point: if low { domain.low } else { domain.high },
+                    point: if low { domain.low() } else { domain.high() },
                     normal,
                     velocity: Vec3::zeros(),
                     material: material?,
@@ -154,7 +149,7 @@ impl Walls {
     pub(super) fn read_servos(
         &mut self,
         root: &Section,
-        domain: Option<&DomainSpec>,
+        domain: Option<&Cell>,
         library: &Library,
         dt: Option<f64>,
     ) -> Option<Vec<Servo>> {
@@ -167,7 +162,7 @@ impl Walls {
     fn servo(
         &mut self,
         section: &Section,
-        domain: Option<&DomainSpec>,
+        domain: Option<&Cell>,
         library: &Library,
         dt: Option<f64>,
     ) -> Option<Vec<Servo>> {
@@ -199,7 +194,7 @@ impl Walls {
     }
 
     /// A wall that shall have a servo.
-    fn steered(&mut self, given: &Given, domain: Option<&DomainSpec>) -> Option<usize> {
+    fn steered(&mut self, given: &Given, domain: Option<&Cell>) -> Option<usize> {
         let k = self.names.find(given, given.text()?)?;
         let normals: Vec<Vec3> = self.planes.iter().flatten().map(|plane| plane.normal).collect();
         let plane = self.planes[k].as_mut()?;
@@ -216,7 +211,7 @@ impl Walls {
         };
         for axis in [(across + 1) % 3, (across + 2) % 3] {
             let closed = [1.0, -1.0].iter().all(|side| normals.iter().any(|n| n[axis] == *side));
-            if !closed && !domain?.periodic[axis] {
+            if !closed && !domain?.periodic()[axis] {
                 given.fail(format!(
                     "its area is not known: the domain is open along {}; add walls on both sides, or make it periodic",
                     AXES[axis]
@@ -253,7 +248,7 @@ impl Walls {
 }
 
 /// A `[[wall]]`.
-fn plane(section: &Section, domain: Option<&DomainSpec>, materials: &Materials) -> Option<Plane> {
+fn plane(section: &Section, domain: Option<&Cell>, materials: &Materials) -> Option<Plane> {
     let point = section.vector("point", "m");
     let normal = section.require("normal", "[x, y, z], towards the particles", |given| {
         let normal = given.vector(Range::Any, "")?;
@@ -262,7 +257,7 @@ fn plane(section: &Section, domain: Option<&DomainSpec>, materials: &Materials) 
             return None;
         }
         let along =
-            |axis: &usize| domain.is_some_and(|d| d.periodic[*axis]) && normal[*axis] != 0.0;
+            |axis: &usize| domain.is_some_and(|d| d.periodic()[*axis]) && normal[*axis] != 0.0;
         if let Some(axis) = (0..3).find(along) {
             given.fail(format!("must be 0 along {}, which is periodic", AXES[axis]));
         }

@@ -8,7 +8,8 @@
 //! The grids span the bodies that are there, with the images nearest to the owned ones, so that a rank
 //! has cells for its own part of a periodic axis only; they go round the period where its bodies do.
 
-use crate::contact::{Pair, nearest_image};
+use crate::cell::Cell;
+use crate::contact::Pair;
 use crate::ids::Slot;
 use crate::math::Vec3;
 use crate::particles::{Library, Particles};
@@ -28,8 +29,7 @@ pub fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
             if i >= particles.owned && j >= particles.owned {
                 return;
             }
-            let difference =
-                nearest_image(particles.position[j] - particles.position[i], &particles.period);
+            let difference = particles.cell.nearest(particles.position[j] - particles.position[i]);
             let limit = particles.radius(i) + particles.radius(j) + skin;
             if difference.norm_squared() < limit * limit {
                 let (a, b) = if particles.id[i] < particles.id[j] { (i, j) } else { (j, i) };
@@ -81,9 +81,9 @@ fn for_each_candidate(
     mut visit: impl FnMut(usize, usize),
 ) {
     let bodies = particles.first_wall();
-    let positions = unfolded(&particles.position[..bodies], particles.owned, &particles.period);
+    let positions = unfolded(&particles.position[..bodies], particles.owned, &particles.cell);
     let reach = |a: usize, b: usize| (classes.radius[a] + classes.radius[b] + skin) * LEEWAY;
-    let space = Space::around(&positions, &particles.period, reach(0, 0));
+    let space = Space::around(&positions, &particles.cell, reach(0, 0));
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); classes.radius.len()];
     for (slot, shape) in particles.shape[..bodies].iter().enumerate() {
         members[classes.of_shape[shape.index()]].push(slot as u32);
@@ -106,17 +106,13 @@ fn for_each_candidate(
 }
 
 /// Positions in the images nearest to the middle of the owned ones.
-fn unfolded<'a>(positions: &'a [Vec3], owned: usize, period: &Vec3) -> Cow<'a, [Vec3]> {
-    if period.iter().all(|length| length.is_infinite()) {
+fn unfolded<'a>(positions: &'a [Vec3], owned: usize, cell: &Cell) -> Cow<'a, [Vec3]> {
+    if !cell.repeats() {
         return Cow::Borrowed(positions);
     }
     let (low, high) = bounds(&positions[..owned]);
     let middle = (low + high) * 0.5;
-    let unfold = |p: &Vec3| {
-        let image = middle + nearest_image(p - middle, period);
-        Vec3::from_fn(|axis, _| if period[axis].is_finite() { image[axis] } else { p[axis] })
-    };
-    positions.iter().map(unfold).collect()
+    positions.iter().map(|place| cell.image_near(place, &middle)).collect()
 }
 
 /// Lowest and highest corner.
@@ -134,13 +130,17 @@ struct Space {
 }
 
 impl Space {
-    fn around(positions: &[Vec3], period: &Vec3, reach: f64) -> Self {
+    fn around(positions: &[Vec3], cell: &Cell, reach: f64) -> Self {
         let (low, high) = bounds(positions);
         let mut extent = high - low;
         // With a reach to spare before the period closes, no two images of a body are within reach.
-        let wraps = [0, 1, 2].map(|axis| extent[axis] + reach > period[axis]);
-        for axis in (0..3).filter(|&axis| wraps[axis]) {
-            extent[axis] = period[axis];
+        let mut wraps = [false; 3];
+        for axis in 0..3 {
+            if let Some(period) = cell.period(axis).filter(|&period| extent[axis] + reach > period)
+            {
+                wraps[axis] = true;
+                extent[axis] = period;
+            }
         }
         Self { low, extent, wraps }
     }
@@ -325,7 +325,7 @@ const HALF_OF_NEIGHBOURS: [[isize; 3]; 13] = [
 #[cfg(test)]
 mod tests {
     use super::close_pairs;
-    use crate::contact::nearest_image;
+    use crate::cell::Cell;
     use crate::ids::{GlobalId, MaterialId, ShapeId};
     use crate::math::Vec3;
     use crate::particles::records::Particle;
@@ -340,14 +340,14 @@ mod tests {
     }
 
     /// Balls of these radii at the points; those in the lower `share` of x are owned, the rest ghosts.
-    fn balls(radii: &[f64], positions: &[Vec3], period: Vec3, share: f64) -> Particles {
+    fn balls(radii: &[f64], positions: &[Vec3], cell: Cell, share: f64) -> Particles {
         let mut library = Library::default();
         for &radius in radii {
             library.push("ball", Shape::Sphere(Sphere { radius }), MaterialId(0), 1.0);
         }
         library.particle_shapes = radii.len();
         let needs = Needs::default();
-        let mut particles = Particles::new(needs, library, Vec::new(), Vec3::zeros(), period);
+        let mut particles = Particles::new(needs, library, Vec::new(), cell);
         let width = positions.iter().map(|p| p.x).fold(0.0, f64::max);
         let mut ghosts = Vec::new();
         for (k, &position) in positions.iter().enumerate() {
@@ -370,21 +370,20 @@ mod tests {
 
     #[test]
     fn cells_find_what_brute_force_finds() {
-        let infinite = f64::INFINITY;
         let mut all = 0;
-        for period in [
-            Vec3::repeat(infinite),
-            Vec3::new(1.0, infinite, 0.5),
-            Vec3::new(1.0, 0.5, 2.0),
-            Vec3::new(0.25, 1.0, 1.0),
+        for (high, periodic) in [
+            (Vec3::repeat(1.0), [false; 3]),
+            (Vec3::new(1.0, 1.0, 0.5), [true, false, true]),
+            (Vec3::new(1.0, 0.5, 2.0), [true; 3]),
+            (Vec3::new(0.25, 1.0, 1.0), [true; 3]),
         ] {
+            let cell = Cell::new(Vec3::zeros(), high, periodic);
             for radii in [&[0.05][..], &[0.06], &[0.003, 0.06], &[0.003, 0.004, 0.011, 0.024, 0.06]]
             {
                 for share in [0.3, 0.7, 1.0] {
-                    let scale = period.map(|p| if p.is_finite() { p } else { 1.0 });
                     let positions: Vec<_> =
-                        (0..600).map(|i| point(i).component_mul(&scale)).collect();
-                    let particles = balls(radii, &positions, period, share);
+                        (0..600).map(|i| point(i).component_mul(&high)).collect();
+                    let particles = balls(radii, &positions, cell, share);
                     let skin = 0.004;
                     let mut found = BTreeSet::new();
                     for pair in close_pairs(&particles, skin) {
@@ -394,14 +393,14 @@ mod tests {
                     let close = |i: usize, j: usize| {
                         let apart = particles.position[j] - particles.position[i];
                         let reach = particles.radius(i) + particles.radius(j) + skin;
-                        nearest_image(apart, &period).norm_squared() < reach * reach
+                        cell.nearest(apart).norm_squared() < reach * reach
                     };
                     let expected: BTreeSet<_> = (0..positions.len())
                         .flat_map(|j| (0..j.min(particles.owned)).map(move |i| (i, j)))
                         .filter(|&(i, j)| close(i, j))
                         .collect();
                     all += expected.len();
-                    assert_eq!(found, expected, "period {period}, radii {radii:?}, {share} owned");
+                    assert_eq!(found, expected, "{cell:?}, radii {radii:?}, {share} owned");
                 }
             }
         }

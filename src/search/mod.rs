@@ -164,7 +164,7 @@ impl PairList {
     /// Lets pairs of a stretch that do not touch rest until their surfaces can have come nearer by a clearance [m].
     pub fn rest(&mut self, stretch: usize, apart: &[(u32, f64)], particles: &Particles) {
         let first = self.stretches[stretch].range.start;
-        let rounding = particles.rounding_of_images();
+        let rounding = particles.cell.rounding_of_images();
         for &(pair, clearance) in apart {
             let index = first + pair as usize;
             let pair = self.pairs[index];
@@ -203,7 +203,7 @@ pub fn moved_squared(particles: &Particles) -> f64 {
     let mut largest = 0.0;
     let mut sound = true;
     for (now, then) in particles.position.iter().zip(&particles.listed_at) {
-        let moved = crate::contact::nearest_image(now - then, &particles.period).norm_squared();
+        let moved = particles.cell.nearest(now - then).norm_squared();
         if moved > largest {
             largest = moved;
         }

@@ -93,9 +93,9 @@ impl Simulation {
             particles_fallen: self.rain.as_ref().map(|rain| rain.fallen),
             next_id: self.next_id,
             stop: String::new(),
-            low: self.domain.low,
-            high: self.domain.high,
-            periodic: self.domain.periodic,
+            low: self.domain.cell.low(),
+            high: self.domain.cell.high(),
+            periodic: self.domain.cell.periodic(),
             gravity: self.field.gravity,
             walls: self
                 .particles

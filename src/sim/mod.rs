@@ -164,7 +164,7 @@ impl Simulation {
             self.exchange(comm)?;
         }
         self.find_forces(self.dt)?;
-        self.servos.note_forces(&self.contacts, &self.particles, &*self.law);
+        self.servos.note_forces(&self.contacts, &self.particles);
         self.clock.lap(Phase::Forces);
         motion::kick(&mut self.particles, &self.field, self.dt);
         self.clock.lap(Phase::Move);
@@ -174,7 +174,7 @@ impl Simulation {
     /// Gives servo walls their velocities. Collective, if there are any.
     fn steer_walls(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         let step = self.step;
-        let sides = [&self.domain.low, &self.domain.high];
+        let sides = [&self.domain.cell.low(), &self.domain.cell.high()];
         let steered = self.servos.steer(&mut self.particles, sides, step, self.dt, comm);
         steered.map_err(|error| StepError::Servo { step, error })
     }
