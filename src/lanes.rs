@@ -352,12 +352,10 @@ mod avx512 {
 
         #[inline(always)]
         fn rows_of_4([x, y, z, w]: [Self; 4]) -> [[f64; 4]; WIDTH] {
-            let mut rows = [[0.0; 4]; WIDTH];
-            let (low, high) = rows.split_at_mut(4);
             let [x, y, z, w] = [x.halves(), y.halves(), z.halves(), w.halves()];
-            rows_of_four(low, x[0], y[0], z[0], w[0]);
-            rows_of_four(high, x[1], y[1], z[1], w[1]);
-            rows
+            let [a, b, c, d] = rows_of_four(x[0], y[0], z[0], w[0]);
+            let [e, f, g, h] = rows_of_four(x[1], y[1], z[1], w[1]);
+            [a, b, c, d, e, f, g, h]
         }
     }
 }
@@ -507,36 +505,40 @@ mod avx {
 
         #[inline(always)]
         fn rows_of_4([x, y, z, w]: [Self; 4]) -> [[f64; 4]; WIDTH] {
-            let mut rows = [[0.0; 4]; WIDTH];
-            let (low, high) = rows.split_at_mut(4);
-            rows_of_four(low, x.0, y.0, z.0, w.0);
-            rows_of_four(high, x.1, y.1, z.1, w.1);
-            rows
+            let [a, b, c, d] = rows_of_four(x.0, y.0, z.0, w.0);
+            let [e, f, g, h] = rows_of_four(x.1, y.1, z.1, w.1);
+            [a, b, c, d, e, f, g, h]
         }
     }
 
     /// Four rows from four columns.
     #[inline(always)]
     pub(super) fn rows_of_four(
-        rows: &mut [[f64; 4]],
         x: intel::__m256d,
         y: intel::__m256d,
         z: intel::__m256d,
         w: intel::__m256d,
-    ) {
-        // SAFETY: the processor has AVX, see the type; rows hold four numbers.
+    ) -> [[f64; 4]; 4] {
+        // SAFETY: the processor has AVX, see the type.
         unsafe {
             let (xy_02, xy_13) = (intel::_mm256_unpacklo_pd(x, y), intel::_mm256_unpackhi_pd(x, y));
             let (zw_02, zw_13) = (intel::_mm256_unpacklo_pd(z, w), intel::_mm256_unpackhi_pd(z, w));
-            let first = intel::_mm256_permute2f128_pd::<0x20>(xy_02, zw_02);
-            let second = intel::_mm256_permute2f128_pd::<0x20>(xy_13, zw_13);
-            let third = intel::_mm256_permute2f128_pd::<0x31>(xy_02, zw_02);
-            let fourth = intel::_mm256_permute2f128_pd::<0x31>(xy_13, zw_13);
-            intel::_mm256_storeu_pd(rows[0].as_mut_ptr(), first);
-            intel::_mm256_storeu_pd(rows[1].as_mut_ptr(), second);
-            intel::_mm256_storeu_pd(rows[2].as_mut_ptr(), third);
-            intel::_mm256_storeu_pd(rows[3].as_mut_ptr(), fourth);
+            [
+                row(intel::_mm256_permute2f128_pd::<0x20>(xy_02, zw_02)),
+                row(intel::_mm256_permute2f128_pd::<0x20>(xy_13, zw_13)),
+                row(intel::_mm256_permute2f128_pd::<0x31>(xy_02, zw_02)),
+                row(intel::_mm256_permute2f128_pd::<0x31>(xy_13, zw_13)),
+            ]
         }
+    }
+
+    /// The numbers of a register.
+    #[inline(always)]
+    fn row(register: intel::__m256d) -> [f64; 4] {
+        let mut row = [0.0; 4];
+        // SAFETY: the processor has AVX, see the type; the row holds four numbers.
+        unsafe { intel::_mm256_storeu_pd(row.as_mut_ptr(), register) };
+        row
     }
 
     /// Columns of four rows from the `first` on. Numbers go from memory to registers once and change places

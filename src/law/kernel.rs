@@ -370,32 +370,48 @@ impl<M: Model> Contacts<'_, '_, M> {
         let [normally, tangentially] = law.model.dissipates(&constants);
         let dissipated = of_dashpots.or(zero, normally) + of_friction.or(zero, tangentially);
         let dissipated = if lossy && dt > 0.0 { dissipated } else { zero };
+        let impulse = last_press.plus(before.rub).plus(force).plus(viscous).times(half_step);
+
         write_state(self.work.state, law.width, first, count, state);
-        let (back, on_a, on_b) =
-            (Triple::zero().minus(force), force.cross(point), arm_b.cross(force));
         // Each body loses half; a wall has no share. Pairs with walls stand among themselves.
         let with_walls = b[0].index() >= particles.first_wall();
         let share = if with_walls { dissipated } else { L::all(0.5) * dissipated };
-        let (forces, backs) = (force.rows(share), back.rows(share));
-        let (on_a, on_b) = (on_a.rows(zero), on_b.rows(zero));
-        let impulse = last_press.plus(before.rub).plus(force).plus(viscous).times(half_step);
-        let impulse = if with_walls { impulse.store() } else { [[0.0; WIDTH]; 3] };
+        let (back, on_a, on_b) =
+            (Triple::zero().minus(force), force.cross(point), arm_b.cross(force));
+        let on_a = [&back.rows(share), &on_a.rows(zero)];
+        let on_b = [&force.rows(share), &on_b.rows(zero)];
+        let impulse = if with_walls { Some(impulse.store()) } else { None };
+        self.sum(first, &pairs[..count], on_a, on_b, impulse.as_ref());
+    }
+
+    /// Adds what contacts do to their bodies, one after the other: force [N] with the energy that the body loses [J], and
+    /// moment [N m]; `impulse` on walls since the last step [N s].
+    #[inline(always)]
+    fn sum(
+        &mut self,
+        first: usize,
+        pairs: &[Pair],
+        [force_on_a, torque_on_a]: [&[[f64; 4]; WIDTH]; 2],
+        [force_on_b, torque_on_b]: [&[[f64; 4]; WIDTH]; 2],
+        impulse: Option<&[[f64; WIDTH]; 3]>,
+    ) {
         let next_parted = self.work.parted.get(self.summed).map_or(usize::MAX, |p| p.before);
-        let some_part = next_parted < first + count;
-        for lane in 0..count {
+        let some_part = next_parted < first + pairs.len();
+        for (lane, pair) in pairs.iter().enumerate() {
             if some_part {
                 self.part_before(first + lane);
             }
-            let [x, y, z, _] = forces[lane];
+            let [x, y, z, _] = force_on_b[lane];
             self.work.forces[first + lane] = Vec3::new(x, y, z);
-            let (a, b) = (a[lane].index(), b[lane].index());
-            add(&mut self.sums.force, a, &backs[lane]);
-            add(&mut self.sums.torque, a, &on_a[lane]);
-            add(&mut self.sums.force, b, &forces[lane]);
-            add(&mut self.sums.torque, b, &on_b[lane]);
-            if with_walls {
-                let impulse = Vec3::from(row(&impulse, lane));
-                self.sums.note_wall_work(pairs[lane], -impulse.dot(&particles.velocity[b]));
+            let (a, b) = (pair.a.index(), pair.b.index());
+            add(&mut self.sums.force, a, &force_on_a[lane]);
+            add(&mut self.sums.torque, a, &torque_on_a[lane]);
+            add(&mut self.sums.force, b, &force_on_b[lane]);
+            add(&mut self.sums.torque, b, &torque_on_b[lane]);
+            if let Some(impulse) = impulse {
+                let impulse = Vec3::from(row(impulse, lane));
+                let of_wall = &self.particles.velocity[b];
+                self.sums.note_wall_work(*pair, -impulse.dot(of_wall));
             }
         }
     }

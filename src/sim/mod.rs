@@ -182,9 +182,11 @@ impl Simulation {
     /// Brings the ghosts up to date, and asks all ranks whether the list is good for these positions. If not, a new one is
     /// made. Collective.
     fn exchange(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
+        self.domain.start_halo(&self.particles, comm);
+        self.clock.lap(Phase::Exchange);
+        // While ghosts are on their way.
         comm.start_vote(self.list_is_stale() || self.watch.has_fault());
         self.clock.lap(Phase::Agree);
-        self.domain.start_halo(&self.particles, comm);
         self.domain.finish_halo(&mut self.particles, comm);
         self.clock.lap(Phase::Exchange);
         let stale = comm.finish_vote();
