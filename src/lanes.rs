@@ -614,34 +614,36 @@ mod avx {
     }
 }
 
-/// Eight places in columns of one length, checked once.
+/// Eight rows to be gathered from columns of one length, checked once.
 #[derive(Clone, Copy)]
-pub(crate) struct Places {
+pub(crate) struct Gather {
     at: [u32; WIDTH],
     length: usize,
 }
 
-impl Places {
+impl Gather {
+    /// Those that stand there.
+    ///
     /// # Panics
     /// If one is beyond the length.
     #[inline(always)]
     pub(crate) fn new(at: [u32; WIDTH], length: usize) -> Self {
         let mut largest = at[0];
-        for place in at {
-            largest = if place > largest { place } else { largest };
+        for row in at {
+            largest = if row > largest { row } else { largest };
         }
-        assert!((largest as usize) < length, "a place beyond the column");
+        assert!((largest as usize) < length, "a row beyond the column");
         Self { at, length }
     }
 
-    /// What stands there in a column.
+    /// The rows of a column.
     ///
     /// # Panics
     /// If the column is shorter than was said.
     #[inline(always)]
     pub(crate) fn rows<T>(self, column: &[T]) -> [&T; WIDTH] {
         assert!(column.len() >= self.length, "a column that is too short");
-        // SAFETY: all places are below the length, which the column has.
+        // SAFETY: all rows are below the length, which the column has.
         unsafe {
             [
                 column.get_unchecked(self.at[0] as usize),

@@ -23,7 +23,7 @@ use super::eroded_gjk::ErodedGjk;
 use super::in_lanes::{self, InLanes};
 use super::newton::Ellipsoids;
 use super::{
-    Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, Touch, Why, places,
+    Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, Touch, Why, bodies_at,
     unit_of_length, vectors,
 };
 use crate::ids::Slot;
@@ -148,7 +148,7 @@ impl Octet {
             slots[0][lane] = a;
             slots[1][lane] = b;
         }
-        let [from, to] = slots.map(|slots| places(&slots, position.len()));
+        let [from, to] = slots.map(|slots| bodies_at(&slots, position.len()));
         let (from, to) = (vectors::<L>(position, from), vectors::<L>(position, to));
         let r = cell.nearest_of(to.minus(from));
         let [a, b] = if let Some(form) = form {

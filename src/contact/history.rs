@@ -56,8 +56,8 @@ impl StateColumn {
         columns.iter().map(|column| column.width).sum()
     }
 
-    /// Each column with the place of its numbers among those of a contact.
-    pub fn places(columns: &[Self]) -> impl Iterator<Item = (&Self, Range<usize>)> {
+    /// Each column with where its numbers stand among those of a contact.
+    pub fn ranges(columns: &[Self]) -> impl Iterator<Item = (&Self, Range<usize>)> {
         columns.iter().scan(0, |start, column| {
             let place = *start..*start + column.width;
             *start = place.end;
@@ -160,7 +160,7 @@ impl Histories {
     #[must_use]
     pub fn with_columns(&self, columns: &[StateColumn]) -> Self {
         let place_of = |wanted: &StateColumn| {
-            StateColumn::places(&self.columns)
+            StateColumn::ranges(&self.columns)
                 .find(|(column, _)| *column == wanted)
                 .map(|(_, place)| place)
         };

@@ -42,7 +42,7 @@ pub use sphere_sphere::SphereSphere;
 
 use crate::cell::Cell;
 use crate::ids::{ShapeId, Slot};
-use crate::lanes::{Eight, Places, Triple, WIDTH};
+use crate::lanes::{Eight, Gather, Triple, WIDTH};
 use crate::math::{Mat3, Quat, Vec3};
 use crate::shape::{Core, Form, Kind, Shape};
 
@@ -290,22 +290,22 @@ impl Bodies<'_> {
     }
 }
 
-/// The slots of eight bodies.
+/// Eight bodies, of so many.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
-pub(crate) fn places(slots: &[Slot; WIDTH], length: usize) -> Places {
+pub(crate) fn bodies_at(slots: &[Slot; WIDTH], length: usize) -> Gather {
     let mut at = [0; WIDTH];
     for (place, slot) in at.iter_mut().zip(slots) {
         *place = slot.0;
     }
-    Places::new(at, length)
+    Gather::new(at, length)
 }
 
 /// The vectors of eight bodies.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
-pub(crate) fn vectors<L: Eight>(all: &[Vec3], places: Places) -> Triple<L> {
-    let [a, b, c, d, e, f, g, h] = places.rows(all);
+pub(crate) fn vectors<L: Eight>(all: &[Vec3], bodies: Gather) -> Triple<L> {
+    let [a, b, c, d, e, f, g, h] = bodies.rows(all);
     Triple::of(&[
         a.as_ref(),
         b.as_ref(),

@@ -6,7 +6,7 @@
 
 use super::in_lanes::{self, InLanes};
 use super::{
-    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Touching, Why, places,
+    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Touching, Why, bodies_at,
     touch_of_ball, vectors,
 };
 use crate::ids::Slot;
@@ -68,8 +68,8 @@ fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
     for (lane, &index) in indices.iter().enumerate() {
         (a[lane], b[lane]) = (pairs[index as usize].a, pairs[index as usize].b);
     }
-    let bodies_in_all = bodies.position.len();
-    let (of_a, of_b) = (places(&a, bodies_in_all), places(&b, bodies_in_all));
+    let count = bodies.position.len();
+    let (of_a, of_b) = (bodies_at(&a, count), bodies_at(&b, count));
     let r = vectors::<L>(bodies.position, of_b).minus(vectors(bodies.position, of_a));
     let r = bodies.cell.nearest_of(r);
     let radius = radii::<L>(bodies, &a);

@@ -10,9 +10,9 @@
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use super::{ForceLaw, Hardest, Parted, Sums, Work, add};
-use crate::contact::{History, Pair, Place, StateColumn, places, vectors};
+use crate::contact::{History, Pair, Place, StateColumn, bodies_at, vectors};
 use crate::ids::{MaterialId, Slot};
-use crate::lanes::{self, Eight, Kernel, Lanes, Places, Triple, WIDTH, row};
+use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Triple, WIDTH, row};
 use crate::math::Vec3;
 use crate::particles::{Library, Needs, Particles};
 
@@ -302,7 +302,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             (a[lane], b[lane]) = (pairs[lane].a, pairs[lane].b);
         }
         let slots = particles.slots();
-        let (at_a, at_b) = (places(&a, slots), places(&b, slots));
+        let (at_a, at_b) = (bodies_at(&a, slots), bodies_at(&b, slots));
         let (constants, radii) = constants_of::<M, L>(law, at_a, at_b, particles);
         let (normal, overlap) = geometry::<L>(&eight_from_rows(work.history, first, count));
         let has_points = !work.points.is_empty();
@@ -475,8 +475,8 @@ impl<M: Model> Contacts<'_, '_, M> {
 #[inline(always)]
 fn constants_of<M: Model, L: Eight>(
     law: &Law<M>,
-    a: Places,
-    b: Places,
+    a: Gather,
+    b: Gather,
     particles: &Particles,
 ) -> (M::Constants<L>, [L; 2]) {
     let (of_a, of_b) = (a.rows(&particles.shape), b.rows(&particles.shape));
@@ -670,10 +670,10 @@ impl<L: Lanes> Moving<L> {
 
 /// Velocities of the centres of bodies [m/s], and angular velocities [rad/s].
 #[inline(always)]
-fn velocities<L: Eight>(particles: &Particles, places: Places) -> (Triple<L>, Triple<L>) {
-    let velocity = vectors::<L>(&particles.velocity, places);
+fn velocities<L: Eight>(particles: &Particles, bodies: Gather) -> (Triple<L>, Triple<L>) {
+    let velocity = vectors::<L>(&particles.velocity, bodies);
     let Some(spin) = &particles.spin else { return (velocity, Triple::zero()) };
-    (velocity, vectors::<L>(&spin.angular_velocity, places))
+    (velocity, vectors::<L>(&spin.angular_velocity, bodies))
 }
 
 /// Velocity of A's surface against B's: positive along the normal is approach [m/s].

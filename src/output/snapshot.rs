@@ -403,7 +403,7 @@ fn write_histories(
     file.rows(&HISTORY_B, &told(histories, |h| h.b.to_file()))?;
     file.rows(&HISTORY_NORMAL, numbers(&told(histories, |h| h.geometry.normal)))?;
     file.rows(&HISTORY_OVERLAP, &told(histories, |h| h.geometry.overlap))?;
-    for (StateColumn { name, unit, width }, numbers) in StateColumn::places(histories.columns()) {
+    for (StateColumn { name, unit, width }, numbers) in StateColumn::ranges(histories.columns()) {
         let mut values = Vec::with_capacity(histories.count() * width);
         histories.each(&mut |h| values.extend_from_slice(&h.state[numbers.clone()]));
         file.rows(&column(&format!("{HISTORIES}/{name}"), *width, unit), &values)?;

@@ -182,8 +182,8 @@ impl ContactDifference {
         let mut found = Self::default();
         // What only one of them remembers has nothing to be compared with.
         let mut shared = vec![];
-        for (column, place) in StateColumn::places(first.columns()) {
-            match StateColumn::places(second.columns()).find(|(other, _)| other.name == column.name)
+        for (column, place) in StateColumn::ranges(first.columns()) {
+            match StateColumn::ranges(second.columns()).find(|(other, _)| other.name == column.name)
             {
                 Some((_, other)) => shared.push((&*column.name, place, other)),
                 None => found.only_one_column.push(column.name.to_string()),

@@ -71,7 +71,7 @@ impl Simulation {
                 commas(force.as_slice()),
                 commas(torque.as_slice()),
             );
-            for (column, place) in StateColumn::places(self.contacts.remembered()) {
+            for (column, place) in StateColumn::ranges(self.contacts.remembered()) {
                 // The force is told already.
                 if column.name != "normal_force" {
                     let _ = write!(line, " {}={}", column.name, commas(&state[place]));

@@ -151,7 +151,7 @@ fn walls_keep_their_contacts_in_any_order() {
         let reader = Reader::open(&snapshot(&directory.join(stage), 1500)).unwrap();
         let walls = &reader.header().walls;
         let histories = reader.histories(0..reader.history_count()).unwrap();
-        let (_, spring) = StateColumn::places(histories.columns())
+        let (_, spring) = StateColumn::ranges(histories.columns())
             .find(|(column, _)| column.name == "spring")
             .unwrap();
         let of_walls = histories.iter().filter_map(|named| {
@@ -191,6 +191,26 @@ fn a_stage_may_change_the_density() {
     for (id, (velocity, turning)) in &before {
         assert_eq!(*velocity, after[id].0, "{id}");
         assert!((turning - after[id].1).norm() <= 1e-12 * turning.norm(), "{id}");
+    }
+}
+
+/// Friction that comes in the middle of a stage finds no springs to go on with; a new stage begins with none.
+#[test]
+fn what_a_law_remembers_must_be_there_to_go_on() {
+    for (name, launch) in [("forgotten", Launch::Alone), ("forgotten_together", Launch::Ranks(2))] {
+        let directory = fresh_directory(name);
+        let run = |arguments: &[&str]| dem_mpi(launch, arguments).from(&directory).end();
+        let heap = &*scene("heap");
+        let smooth = "material.stone.friction=0";
+        let ended = run(&[heap, "--steps", "900", "--set", smooth]);
+        assert!(ended.status.success(), "{ended}");
+        let ended = run(&[heap, "--start", "heap"]);
+        assert_eq!(ended.status.code(), Some(2), "{ended}");
+        ended.said_once("it has no `spring` of contacts, which the scene's law remembers");
+        let ended = run(&[&scene("tilted"), "--steps", "10"]);
+        assert!(ended.status.success(), "{ended}");
+        let ended = run(&[heap, "--start", "heap", "--set", smooth, "--steps", "10"]);
+        assert!(ended.status.success(), "{ended}");
     }
 }
 

@@ -1,0 +1,262 @@
+//! What each feature of a scene costs: time, memory and instructions, rung by rung, beside a hand-written loop for the
+//! lowest rung alone.
+//!
+//! ```text
+//! cargo bench --bench ladder                        time and memory
+//! cargo bench --bench ladder -- --count             instructions, too: by callgrind, of valgrind
+//! cargo bench --bench ladder -- --record FOLDER     the table as CSV into this folder
+//! ```
+//!
+//! 8,000 bodies on a cubic lattice, each in touch with its neighbours; nothing moves far enough for a contact to be lost or a
+//! list to be made anew. One rank. Times are medians over rounds in which all rungs take turns.
+
+mod plain;
+
+use anyhow::{Context, anyhow, ensure};
+use clap::Parser;
+use dem_mpi::comm::alone::Alone;
+use dem_mpi::scene::{Scene, assemble};
+use dem_mpi::sim::Simulation;
+use plain::Plain;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+#[derive(Parser)]
+struct Arguments {
+    /// Count instructions, too.
+    #[arg(long)]
+    count: bool,
+    /// Write the table into this folder.
+    #[arg(long, value_name = "FOLDER")]
+    record: Option<PathBuf>,
+    /// Only do steps of one rung, to be counted: 0 is the hand-written loop.
+    #[arg(long, hide = true)]
+    one: Option<usize>,
+    /// So many.
+    #[arg(long, hide = true, default_value_t = 0)]
+    steps: u32,
+    /// Cargo passes this.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// Bodies along each axis.
+const ALONG: u32 = 20;
+/// Half the shortest axis [m].
+const SIZE: f64 = 1e-3;
+/// Distance of neighbours over their size.
+const TIGHT: f64 = 1.0 - 1e-4;
+/// Normal stiffness [N/m].
+const STIFFNESS: f64 = 1e4;
+/// Density [kg/m³].
+const DENSITY: f64 = 2500.0;
+/// Time step [s].
+const STEP: f64 = 1e-7;
+/// Steps of a round.
+const STEPS: u32 = 20;
+const ROUNDS: usize = 9;
+
+/// What a scene has.
+#[derive(Clone, Copy, Default)]
+struct Rung {
+    name: &'static str,
+    /// Lines of the shape, and its semi-axes over [`SIZE`].
+    shape: Option<(&'static str, [f64; 3])>,
+    dashpots: bool,
+    friction: bool,
+    floor: bool,
+    periodic: bool,
+    servo: bool,
+}
+
+const RUNGS: [Rung; 8] = {
+    let spheres = Rung {
+        name: "spheres with springs alone",
+        shape: None,
+        dashpots: false,
+        friction: false,
+        floor: false,
+        periodic: false,
+        servo: false,
+    };
+    let dashpots = Rung { name: "and dashpots", dashpots: true, ..spheres };
+    let friction = Rung { name: "and friction", friction: true, ..dashpots };
+    let floor = Rung { name: "and a floor", floor: true, ..friction };
+    let periodic = Rung { name: "and periods along x and y", periodic: true, ..floor };
+    let servo = Rung { name: "and a lid with a servo", servo: true, ..periodic };
+    let ellipsoids = Rung {
+        name: "the same of ellipsoids",
+        shape: Some(("kind = \"ellipsoid\"", [1.2, 1.1, 1.0])),
+        ..servo
+    };
+    let superellipsoids = Rung {
+        name: "the same of superellipsoids",
+        shape: Some(("kind = \"superellipsoid\"\nexponents = [0.8, 0.8]", [1.2, 1.1, 1.0])),
+        ..servo
+    };
+    [spheres, dashpots, friction, floor, periodic, servo, ellipsoids, superellipsoids]
+};
+
+impl Rung {
+    fn scene(&self) -> anyhow::Result<Scene> {
+        let (kind, axes) = self.shape.unwrap_or(("kind = \"ellipsoid\"", [1.0; 3]));
+        let axes = axes.map(|axis| axis * SIZE);
+        let spacing = axes.map(|axis| 2.0 * TIGHT * axis);
+        let shape = match self.shape {
+            Some(_) => format!("{kind}\nsemi_axes = {axes:?}"),
+            None => format!("kind = \"sphere\"\nradius = {SIZE:e}"),
+        };
+        let walls = match (self.floor, self.servo) {
+            (false, _) => "[]",
+            (true, false) => "[\"-z\"]",
+            (true, true) => "[\"-z\", \"+z\"]",
+        };
+        let text = format!(
+            "[domain]\nlow = [0, 0, 0]\nhigh = {high:?}\nperiodic = [{p}, {p}, false]\nwalls = {walls}\n\
+             [[material]]\nname = \"glass\"\ndensity = {DENSITY}\nnormal_stiffness = {STIFFNESS}\n\
+             friction = {friction}\nrestitution = {restitution}\ntangential_damping_ratio = {tangential}\n\
+             [[shape]]\nname = \"grain\"\n{shape}\n\
+             [[fill.lattice]]\nfirst = {first:?}\ncount = [{ALONG}, {ALONG}, {ALONG}]\nspacing = {spacing:?}\n\
+             orientation = \"upright\"\n\
+             [time]\nstep = {STEP:e}\nsteps = 1\n[output]\ndirectory = \"none\"\n{servo}",
+            high = spacing.map(|spacing| spacing * f64::from(ALONG)),
+            first = spacing.map(|spacing| 0.5 * spacing),
+            p = self.periodic,
+            friction = if self.friction { 0.3 } else { 0.0 },
+            restitution = if self.dashpots { 0.7 } else { 1.0 },
+            tangential = if self.dashpots && self.friction { 0.1 } else { 0.0 },
+            servo = if self.servo { "[[servo]]\nwalls = [\"+z\"]\nstress = 500\n" } else { "" },
+        );
+        Scene::parse(&text, self.name, Path::new(""), &[]).map_err(|e| anyhow!("{e}"))
+    }
+
+    fn begun(&self) -> anyhow::Result<Simulation> {
+        let scene = self.scene()?;
+        let mut comm = Alone::default();
+        let mut sim = assemble::assemble(&scene, &comm);
+        assemble::fill(&mut sim, &scene, &comm);
+        sim.begin(&mut comm)?;
+        Ok(sim)
+    }
+}
+
+/// What is timed: the loop, or a rung.
+enum Runner {
+    Plain(Plain),
+    Rung(Box<Simulation>),
+}
+
+impl Runner {
+    fn of(number: usize) -> anyhow::Result<Self> {
+        if number == 0 {
+            let sim = RUNGS[0].begun()?;
+            let pairs = sim.pairs.pairs.iter().map(|pair| [pair.a.0, pair.b.0]).collect();
+            let (mass, skin) = (sim.particles.mass(0), sim.skin);
+            let particles = &sim.particles;
+            return Ok(Self::Plain(Plain::new(particles.position.clone(), pairs, mass, skin)));
+        }
+        Ok(Self::Rung(Box::new(RUNGS[number - 1].begun()?)))
+    }
+
+    fn steps(&mut self, count: u32) -> anyhow::Result<()> {
+        for _ in 0..count {
+            match self {
+                Self::Plain(plain) => ensure!(plain.step(), "the list is too old"),
+                Self::Rung(sim) => sim.step(&mut Alone::default())?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Bytes, listed pairs and contacts.
+    fn size(&self) -> [usize; 3] {
+        match self {
+            Self::Plain(plain) => [plain.bytes(), plain.pairs.len(), plain.touching()],
+            Self::Rung(sim) => {
+                let Simulation { particles, pairs, contacts, sums, .. } = &**sim;
+                let bytes = particles.bytes() + pairs.bytes() + contacts.bytes() + sums.bytes();
+                [bytes, pairs.pairs.len(), contacts.len()]
+            }
+        }
+    }
+}
+
+/// Instructions of a step: of two runs of one length and another.
+fn instructions(number: usize) -> anyhow::Result<f64> {
+    let of = |steps: u32| {
+        let program = std::env::current_exe()?;
+        let output = Command::new("valgrind")
+            .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
+            .arg(program)
+            .args(["--one", &number.to_string(), "--steps", &steps.to_string()])
+            .output()
+            .context("valgrind, which counts instructions, does not start")?;
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        let counted = told.lines().find_map(|line| line.split("Collected :").nth(1));
+        let counted = counted.with_context(|| format!("valgrind counted nothing:\n{told}"))?;
+        Ok::<f64, anyhow::Error>(counted.trim().parse()?)
+    };
+    let (few, many) = (2, 6);
+    Ok((of(many)? - of(few)?) / f64::from(many - few))
+}
+
+fn main() -> anyhow::Result<()> {
+    let Arguments { count, record, one, steps, .. } = Arguments::parse();
+    if let Some(number) = one {
+        return Runner::of(number)?.steps(steps);
+    }
+    let names = ["a loop for the first rung alone"].into_iter().chain(RUNGS.map(|rung| rung.name));
+    let names: Vec<&str> = names.collect();
+    let mut times = vec![Vec::new(); names.len()];
+    let mut sizes = Vec::new();
+    for _ in 0..ROUNDS {
+        sizes.clear();
+        for (number, times) in times.iter_mut().enumerate() {
+            let mut runner = Runner::of(number)?;
+            runner.steps(3)?;
+            let begin = Instant::now();
+            runner.steps(STEPS)?;
+            times.push(begin.elapsed().as_secs_f64() / f64::from(STEPS));
+            sizes.push(runner.size());
+        }
+    }
+
+    let bodies = f64::from(ALONG.pow(3));
+    let mut table =
+        "rung,listed_pairs,contacts,bytes,nanoseconds,over_the_loop,instructions\n".to_owned();
+    println!("one rank, per particle (and step): median over {ROUNDS} rounds");
+    println!(
+        "{:<34} {:>6} {:>9} {:>6} {:>7} {:>10} {:>13}",
+        "", "listed", "contacts", "bytes", "ns", "over loop", "instructions"
+    );
+    let mut over_the_loop = Vec::new();
+    for (number, name) in names.iter().enumerate() {
+        let mut ratios: Vec<f64> =
+            times[number].iter().zip(&times[0]).map(|(time, of_loop)| time / of_loop).collect();
+        let (time, ratio) =
+            (1e9 * median(&mut times[number].clone()) / bodies, median(&mut ratios));
+        over_the_loop.push(ratio);
+        let [bytes, listed, contacts] = sizes[number].map(|size| size as f64 / bodies);
+        let counted = if count { Some(instructions(number)? / bodies) } else { None };
+        let counted = counted.map_or_else(String::new, |counted| format!("{counted:.0}"));
+        println!(
+            "{name:<34} {listed:>6.2} {contacts:>9.2} {bytes:>6.0} {time:>7.1} {ratio:>10.2} {counted:>13}"
+        );
+        writeln!(
+            table,
+            "{name},{listed:.3},{contacts:.3},{bytes:.0},{time:.2},{ratio:.3},{counted}"
+        )?;
+    }
+    if let Some(record) = record {
+        std::fs::create_dir_all(&record)?;
+        std::fs::write(record.join("ladder.csv"), table)?;
+    }
+    Ok(())
+}
+
+fn median(numbers: &mut [f64]) -> f64 {
+    numbers.sort_unstable_by(f64::total_cmp);
+    numbers[numbers.len() / 2]
+}
