@@ -276,8 +276,12 @@ struct Contacts<'a, 'b, M: Model> {
 impl<M: Model> Kernel for Contacts<'_, '_, M> {
     #[inline(always)]
     fn run<L: Eight>(mut self) {
-        for first in (0..self.work.pairs.len()).step_by(WIDTH) {
-            self.eight::<L>(first);
+        // What is left out leaves no branch behind.
+        match (self.law.needs.velocity, self.particles.spin.is_some()) {
+            (true, true) => self.all::<L, true, true>(),
+            (true, false) => self.all::<L, true, false>(),
+            (false, true) => self.all::<L, false, true>(),
+            (false, false) => self.all::<L, false, false>(),
         }
         self.part_before(usize::MAX);
     }
@@ -288,12 +292,19 @@ static NEW: History = History { normal: Vec3::new(0.0, 0.0, 0.0), overlap: 0.0 }
 static NO_STATE: [f64; MOST_STATE] = [0.0; MOST_STATE];
 
 impl<M: Model> Contacts<'_, '_, M> {
-    /// Up to eight contacts; the other lanes repeat the last.
     #[inline(always)]
-    fn eight<L: Eight>(&mut self, first: usize) {
+    fn all<L: Eight, const MOVES: bool, const TURNS: bool>(&mut self) {
+        for first in (0..self.work.pairs.len()).step_by(WIDTH) {
+            self.eight::<L, MOVES, TURNS>(first);
+        }
+    }
+
+    /// Up to eight contacts; the other lanes repeat the last. `MOVES` if the law asks how surfaces move, `TURNS` if bodies feel
+    /// moments.
+    #[inline(always)]
+    fn eight<L: Eight, const MOVES: bool, const TURNS: bool>(&mut self, first: usize) {
         let Self { law, particles, dt, .. } = *self;
         let work = &*self.work;
-        let lossy = law.needs.velocity;
         let count = (work.pairs.len() - first).min(WIDTH);
         let pairs = eight_from(work.pairs, first, count);
         let from = eight_from(work.from, first, count);
@@ -328,25 +339,29 @@ impl<M: Model> Contacts<'_, '_, M> {
             geometry::<L>(&histories_at(last.history, &from))
         };
 
-        // velocity of A's surface against B's: positive along the normal is approach
+        // how surfaces move: where a law asks, or a moment acts
         let position = &particles.position;
-        let to_b = vectors::<L>(position, at_b).minus(vectors(position, at_a));
-        let to_b = particles.cell.nearest_of(to_b);
-        let (of_a, spin_a) = velocities::<L>(particles, at_a);
-        let (of_b, spin_b) = velocities::<L>(particles, at_b);
-        let bodies = Moving { approach: of_a.minus(of_b), spin_a, spin_b };
-        let arm_b = point.minus(to_b);
-        let velocity = bodies.surfaces(point, arm_b);
-        let approach = velocity.dot(normal);
-        let twist = L::all(0.5 * dt) * spin_a.plus(spin_b).dot(normal);
-        // The same where the last force acted. Of bodies other than spheres that place is not remembered.
-        let last_velocity = if has_points {
-            velocity
+        let arm_b = if MOVES || TURNS {
+            let to_b = vectors::<L>(position, at_b).minus(vectors(position, at_a));
+            point.minus(particles.cell.nearest_of(to_b))
+        } else {
+            point
+        };
+        // Of bodies other than spheres it is not remembered where the last force acted.
+        let last_arms = if has_points {
+            [point, arm_b]
         } else {
             let half = L::all(0.5) * last_overlap;
-            let arm_a = last_normal.times(radii[0] - half);
-            bodies.surfaces(arm_a, last_normal.times(half - radii[1]))
+            [last_normal.times(radii[0] - half), last_normal.times(half - radii[1])]
         };
+        let motion = if MOVES {
+            Motion::of(particles, [at_a, at_b], [point, arm_b], last_arms)
+        } else {
+            Motion::none()
+        };
+        let Motion { velocity, last_velocity, spin } = motion;
+        let approach = velocity.dot(normal);
+        let twist = L::all(0.5 * dt) * spin.dot(normal);
 
         // before, and now
         let zero = L::all(0.0);
@@ -363,36 +378,43 @@ impl<M: Model> Contacts<'_, '_, M> {
         // What the tangential force of the last touch had and is not remembered: as much as now.
         let viscous = now.viscous.or(Triple::zero(), touched);
         let half_step = L::all(0.5 * dt);
-        let pressed = last_press.dot(last_velocity) + press.dot(velocity);
-        let rubbed = before.rub.dot(last_velocity) + now.rub.plus(viscous).dot(velocity);
-        let of_dashpots = half_step * pressed - (now.stored[0] - before.stored[0]);
-        let of_friction = half_step * rubbed - (now.stored[1] - before.stored[1]);
-        let [normally, tangentially] = law.model.dissipates(&constants);
-        let dissipated = of_dashpots.or(zero, normally) + of_friction.or(zero, tangentially);
-        let dissipated = if lossy && dt > 0.0 { dissipated } else { zero };
+        let dissipated = if MOVES && dt > 0.0 {
+            let pressed = last_press.dot(last_velocity) + press.dot(velocity);
+            let rubbed = before.rub.dot(last_velocity) + now.rub.plus(viscous).dot(velocity);
+            let of_dashpots = half_step * pressed - (now.stored[0] - before.stored[0]);
+            let of_friction = half_step * rubbed - (now.stored[1] - before.stored[1]);
+            let [normally, tangentially] = law.model.dissipates(&constants);
+            of_dashpots.or(zero, normally) + of_friction.or(zero, tangentially)
+        } else {
+            zero
+        };
         let impulse = last_press.plus(before.rub).plus(force).plus(viscous).times(half_step);
 
         write_state(self.work.state, law.width, first, count, state);
         // Each body loses half; a wall has no share. Pairs with walls stand among themselves.
         let with_walls = b[0].index() >= particles.first_wall();
         let share = if with_walls { dissipated } else { L::all(0.5) * dissipated };
-        let (back, on_a, on_b) =
-            (Triple::zero().minus(force), force.cross(point), arm_b.cross(force));
-        let on_a = [&back.rows(share), &on_a.rows(zero)];
-        let on_b = [&force.rows(share), &on_b.rows(zero)];
+        let forces = [&Triple::zero().minus(force).rows(share), &force.rows(share)];
+        let (on_a, on_b);
+        let torques = if TURNS {
+            (on_a, on_b) = (force.cross(point).rows(zero), arm_b.cross(force).rows(zero));
+            Some([&on_a, &on_b])
+        } else {
+            None
+        };
         let impulse = if with_walls { Some(impulse.store()) } else { None };
-        self.sum(first, &pairs[..count], on_a, on_b, impulse.as_ref());
+        self.sum(first, &pairs[..count], forces, torques, impulse.as_ref());
     }
 
-    /// Adds what contacts do to their bodies, one after the other: force [N] with the energy that the body loses [J], and
-    /// moment [N m]; `impulse` on walls since the last step [N s].
+    /// Adds what contacts do to their bodies, one after the other: forces on A and B [N], each with the energy that the body
+    /// loses [J], and moments [N m]; `impulse` on walls since the last step [N s].
     #[inline(always)]
     fn sum(
         &mut self,
         first: usize,
         pairs: &[Pair],
-        [force_on_a, torque_on_a]: [&[[f64; 4]; WIDTH]; 2],
-        [force_on_b, torque_on_b]: [&[[f64; 4]; WIDTH]; 2],
+        forces: [&[[f64; 4]; WIDTH]; 2],
+        torques: Option<[&[[f64; 4]; WIDTH]; 2]>,
         impulse: Option<&[[f64; WIDTH]; 3]>,
     ) {
         let next_parted = self.work.parted.get(self.summed).map_or(usize::MAX, |p| p.before);
@@ -401,13 +423,15 @@ impl<M: Model> Contacts<'_, '_, M> {
             if some_part {
                 self.part_before(first + lane);
             }
-            let [x, y, z, _] = force_on_b[lane];
+            let [x, y, z, _] = forces[1][lane];
             self.work.forces[first + lane] = Vec3::new(x, y, z);
             let (a, b) = (pair.a.index(), pair.b.index());
-            add(&mut self.sums.force, a, &force_on_a[lane]);
-            add(&mut self.sums.torque, a, &torque_on_a[lane]);
-            add(&mut self.sums.force, b, &force_on_b[lane]);
-            add(&mut self.sums.torque, b, &torque_on_b[lane]);
+            add(&mut self.sums.force, a, &forces[0][lane]);
+            add(&mut self.sums.force, b, &forces[1][lane]);
+            if let Some([on_a, on_b]) = torques {
+                add(&mut self.sums.torque, a, &on_a[lane]);
+                add(&mut self.sums.torque, b, &on_b[lane]);
+            }
             if let Some(impulse) = impulse {
                 let impulse = Vec3::from(row(impulse, lane));
                 let of_wall = &self.particles.velocity[b];
@@ -650,21 +674,37 @@ fn geometry<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L) {
     (Triple { x, y, z }, overlap)
 }
 
-/// How two bodies move. (No closure in its place: it would be compiled without vector registers.)
-#[derive(Clone, Copy)]
-struct Moving<L> {
-    /// Velocity of A's centre against B's [m/s].
-    approach: Triple<L>,
-    /// Angular velocities [rad/s].
-    spin_a: Triple<L>,
-    spin_b: Triple<L>,
+/// How A's surface moves against B's.
+struct Motion<L> {
+    /// Where they touch [m/s]: positive along the normal is approach.
+    velocity: Triple<L>,
+    /// Where the last force acted [m/s].
+    last_velocity: Triple<L>,
+    /// Sum of both angular velocities [rad/s].
+    spin: Triple<L>,
 }
 
-impl<L: Lanes> Moving<L> {
-    /// Velocity of A's surface against B's, at these places from their centres [m/s].
+impl<L: Eight> Motion<L> {
+    /// Where nobody asks.
     #[inline(always)]
-    fn surfaces(self, arm_a: Triple<L>, arm_b: Triple<L>) -> Triple<L> {
-        self.approach.plus(self.spin_a.cross(arm_a)).minus(self.spin_b.cross(arm_b))
+    fn none() -> Self {
+        Self { velocity: Triple::zero(), last_velocity: Triple::zero(), spin: Triple::zero() }
+    }
+
+    /// Of bodies A and B, at these arms from their centres, and at those of the last force [m].
+    #[inline(always)]
+    fn of(
+        particles: &Particles,
+        [a, b]: [Gather; 2],
+        [arm_a, arm_b]: [Triple<L>; 2],
+        [last_a, last_b]: [Triple<L>; 2],
+    ) -> Self {
+        let (of_a, spin_a) = velocities::<L>(particles, a);
+        let (of_b, spin_b) = velocities::<L>(particles, b);
+        let centres = of_a.minus(of_b);
+        let velocity = centres.plus(spin_a.cross(arm_a)).minus(spin_b.cross(arm_b));
+        let last_velocity = centres.plus(spin_a.cross(last_a)).minus(spin_b.cross(last_b));
+        Self { velocity, last_velocity, spin: spin_a.plus(spin_b) }
     }
 }
 
