@@ -59,7 +59,8 @@ const STEPS: u32 = 20;
 const ROUNDS: usize = 9;
 
 /// What a scene has.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
+#[expect(clippy::struct_excessive_bools, reason = "each feature is there or not, on its own")]
 struct Rung {
     name: &'static str,
     /// Lines of the shape, and its semi-axes over [`SIZE`].
