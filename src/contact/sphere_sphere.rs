@@ -6,8 +6,8 @@
 
 use super::in_lanes::{self, InLanes};
 use super::{
-    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Touching, Why, bodies_at,
-    touch_of_ball, vectors,
+    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Why, bodies_at, touch_of_ball,
+    vectors,
 };
 use crate::ids::Slot;
 use crate::lanes::{Eight, WIDTH, row};
@@ -81,30 +81,24 @@ fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
     let (touching, apart) = (zero.less(overlap) & zero.less(distance), overlap.at_most(zero));
 
     let geometry = normal.rows(overlap);
-    let Touching { pair, geometry: all, point, without_points } = &mut found.contacts;
-    if !*without_points {
-        let points = normal.times(radius - L::all(0.5) * overlap).store();
-        for lane in 0..indices.len() {
-            if touching >> lane & 1 == 1 {
-                point.push(row(&points, lane).into());
-            }
-        }
-    }
-    if touching == u8::MAX && indices.len() == WIDTH {
+    let contacts = &mut found.contacts;
+    if touching == u8::MAX && indices.len() == WIDTH && contacts.without_points {
         // As most are that are looked at.
-        pair.extend_from_slice(indices);
-        all.extend_from_slice(bytemuck::cast_slice(&geometry));
+        contacts.pair.extend_from_slice(indices);
+        contacts.geometry.extend_from_slice(bytemuck::cast_slice(&geometry));
         return;
     }
-    for (lane, &index) in indices.iter().enumerate() {
+    let points = normal.times(radius - L::all(0.5) * overlap).store();
+    for (lane, &pair) in indices.iter().enumerate() {
+        let [x, y, z, overlap] = geometry[lane];
         if touching >> lane & 1 == 1 {
-            pair.push(index);
-            all.push(bytemuck::cast(geometry[lane]));
+            let (normal, point) = (Vec3::new(x, y, z), row(&points, lane).into());
+            found.contacts.push(pair, &Touch { overlap, normal, point });
         } else if apart >> lane & 1 == 1 {
-            found.apart.push((index, -geometry[lane][3]));
+            found.apart.push((pair, -overlap));
         } else {
-            let coincide = bodies.relative(pairs[index as usize]) == Vec3::zeros();
-            found.failed.push((index, if coincide { Why::TooDeep } else { Why::NotFinite }));
+            let coincide = bodies.relative(pairs[pair as usize]) == Vec3::zeros();
+            found.failed.push((pair, if coincide { Why::TooDeep } else { Why::NotFinite }));
         }
     }
 }

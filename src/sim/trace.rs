@@ -72,9 +72,10 @@ impl Simulation {
                 commas(torque.as_slice()),
             );
             for (column, place) in StateColumn::ranges(self.contacts.remembered()) {
-                // The force is told already.
-                if column.name != "normal_force" {
-                    let _ = write!(line, " {}={}", column.name, commas(&state[place]));
+                // What the line has told is not told again.
+                let name = format!(" {}=", column.name);
+                if !line.contains(&name) {
+                    let _ = write!(line, "{name}{}", commas(&state[place]));
                 }
             }
             lines.push((partner, line));
