@@ -76,8 +76,11 @@ pub(crate) trait Kernel {
 pub(crate) fn dispatch(kernel: impl Kernel) {
     #[cfg(target_arch = "x86_64")]
     {
-        if std::arch::is_x86_feature_detected!("avx512f") {
-            // SAFETY: the processor has AVX-512.
+        if std::arch::is_x86_feature_detected!("avx512f")
+            && std::arch::is_x86_feature_detected!("avx512vl")
+            && std::arch::is_x86_feature_detected!("avx512dq")
+        {
+            // SAFETY: the processor has AVX-512, also for shorter registers.
             unsafe { dispatch_with_avx512(kernel) };
             return;
         }
@@ -91,7 +94,7 @@ pub(crate) fn dispatch(kernel: impl Kernel) {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f")]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq")]
 fn dispatch_with_avx512(kernel: impl Kernel) {
     kernel.run::<avx512::Avx512>();
 }
@@ -105,8 +108,42 @@ fn dispatch_with_avx(kernel: impl Kernel) {
 /// How many pairs go together.
 pub const WIDTH: usize = 8;
 
+/// Four numbers on their way to memory.
+pub trait Row: Copy + Debug {
+    /// Writes them.
+    fn write(self, to: &mut [f64; 4]);
+
+    /// Adds them.
+    fn add_to(self, sum: &mut [f64; 4]);
+
+    /// As numbers.
+    #[inline(always)]
+    fn numbers(self) -> [f64; 4] {
+        let mut numbers = [0.0; 4];
+        self.write(&mut numbers);
+        numbers
+    }
+}
+
+impl Row for [f64; 4] {
+    #[inline(always)]
+    fn write(self, to: &mut Self) {
+        *to = self;
+    }
+
+    #[inline(always)]
+    fn add_to(self, sum: &mut Self) {
+        for (sum, number) in sum.iter_mut().zip(self) {
+            *sum += number;
+        }
+    }
+}
+
 /// Eight lanes.
 pub trait Eight: Lanes {
+    /// One of the rows that [`Eight::rows_of_4`] makes: in a register, since memory written in halves and read whole is slow.
+    type Row: Row;
+
     /// From memory.
     fn load(numbers: &[f64; WIDTH]) -> Self;
 
@@ -123,7 +160,7 @@ pub trait Eight: Lanes {
     fn columns_of_6(rows: &[&[f64; 6]; WIDTH]) -> [Self; 6];
 
     /// The inverse of [`Eight::columns_of_4`].
-    fn rows_of_4(columns: [Self; 4]) -> [[f64; 4]; WIDTH];
+    fn rows_of_4(columns: [Self; 4]) -> [Self::Row; WIDTH];
 }
 
 /// Eight lanes without vector registers, or with those that every processor has.
@@ -189,6 +226,8 @@ impl Lanes for Portable {
 }
 
 impl Eight for Portable {
+    type Row = [f64; 4];
+
     #[inline(always)]
     fn load(numbers: &[f64; WIDTH]) -> Self {
         Self(*numbers)
@@ -226,7 +265,7 @@ fn columns<const N: usize>(rows: &[&[f64; N]; WIDTH]) -> [Portable; N] {
 
 #[cfg(target_arch = "x86_64")]
 mod avx512 {
-    use super::avx::{four_of_3, four_of_4, four_of_6, rows_of_four};
+    use super::avx::{AvxRow, four_of_3, four_of_4, four_of_6, rows_of_four};
     use super::{Eight, Lanes, WIDTH};
     use std::arch::x86_64 as intel;
     use std::ops::{Add, Div, Mul, Sub};
@@ -309,6 +348,8 @@ mod avx512 {
     }
 
     impl Eight for Avx512 {
+        type Row = AvxRow;
+
         #[inline(always)]
         fn load(numbers: &[f64; WIDTH]) -> Self {
             // SAFETY: the processor has AVX-512, see the type; the array holds eight numbers.
@@ -351,7 +392,7 @@ mod avx512 {
         }
 
         #[inline(always)]
-        fn rows_of_4([x, y, z, w]: [Self; 4]) -> [[f64; 4]; WIDTH] {
+        fn rows_of_4([x, y, z, w]: [Self; 4]) -> [AvxRow; WIDTH] {
             let [x, y, z, w] = [x.halves(), y.halves(), z.halves(), w.halves()];
             let [a, b, c, d] = rows_of_four(x[0], y[0], z[0], w[0]);
             let [e, f, g, h] = rows_of_four(x[1], y[1], z[1], w[1]);
@@ -362,7 +403,7 @@ mod avx512 {
 
 #[cfg(target_arch = "x86_64")]
 mod avx {
-    use super::{Eight, Lanes, WIDTH};
+    use super::{Eight, Lanes, Row, WIDTH};
     use std::arch::x86_64 as intel;
     use std::ops::{Add, Div, Mul, Sub};
 
@@ -464,6 +505,8 @@ mod avx {
     }
 
     impl Eight for Avx {
+        type Row = AvxRow;
+
         #[inline(always)]
         fn load(numbers: &[f64; WIDTH]) -> Self {
             let start = numbers.as_ptr();
@@ -504,7 +547,7 @@ mod avx {
         }
 
         #[inline(always)]
-        fn rows_of_4([x, y, z, w]: [Self; 4]) -> [[f64; 4]; WIDTH] {
+        fn rows_of_4([x, y, z, w]: [Self; 4]) -> [AvxRow; WIDTH] {
             let [a, b, c, d] = rows_of_four(x.0, y.0, z.0, w.0);
             let [e, f, g, h] = rows_of_four(x.1, y.1, z.1, w.1);
             [a, b, c, d, e, f, g, h]
@@ -518,27 +561,39 @@ mod avx {
         y: intel::__m256d,
         z: intel::__m256d,
         w: intel::__m256d,
-    ) -> [[f64; 4]; 4] {
+    ) -> [AvxRow; 4] {
         // SAFETY: the processor has AVX, see the type.
         unsafe {
             let (xy_02, xy_13) = (intel::_mm256_unpacklo_pd(x, y), intel::_mm256_unpackhi_pd(x, y));
             let (zw_02, zw_13) = (intel::_mm256_unpacklo_pd(z, w), intel::_mm256_unpackhi_pd(z, w));
             [
-                row(intel::_mm256_permute2f128_pd::<0x20>(xy_02, zw_02)),
-                row(intel::_mm256_permute2f128_pd::<0x20>(xy_13, zw_13)),
-                row(intel::_mm256_permute2f128_pd::<0x31>(xy_02, zw_02)),
-                row(intel::_mm256_permute2f128_pd::<0x31>(xy_13, zw_13)),
+                AvxRow(intel::_mm256_permute2f128_pd::<0x20>(xy_02, zw_02)),
+                AvxRow(intel::_mm256_permute2f128_pd::<0x20>(xy_13, zw_13)),
+                AvxRow(intel::_mm256_permute2f128_pd::<0x31>(xy_02, zw_02)),
+                AvxRow(intel::_mm256_permute2f128_pd::<0x31>(xy_13, zw_13)),
             ]
         }
     }
 
-    /// The numbers of a register.
-    #[inline(always)]
-    fn row(register: intel::__m256d) -> [f64; 4] {
-        let mut row = [0.0; 4];
-        // SAFETY: the processor has AVX, see the type; the row holds four numbers.
-        unsafe { intel::_mm256_storeu_pd(row.as_mut_ptr(), register) };
-        row
+    /// Four numbers in an AVX register; made like [`Avx`].
+    #[derive(Clone, Copy, Debug)]
+    pub(crate) struct AvxRow(intel::__m256d);
+
+    impl Row for AvxRow {
+        #[inline(always)]
+        fn write(self, to: &mut [f64; 4]) {
+            // SAFETY: the processor has AVX, see the type; the row holds four numbers.
+            unsafe { intel::_mm256_storeu_pd(to.as_mut_ptr(), self.0) };
+        }
+
+        #[inline(always)]
+        fn add_to(self, sum: &mut [f64; 4]) {
+            // SAFETY: the processor has AVX, see the type; the row holds four numbers.
+            unsafe {
+                let total = intel::_mm256_add_pd(intel::_mm256_loadu_pd(sum.as_ptr()), self.0);
+                intel::_mm256_storeu_pd(sum.as_mut_ptr(), total);
+            }
+        }
     }
 
     /// Columns of four rows from the `first` on. Numbers go from memory to registers once and change places
@@ -774,9 +829,9 @@ impl<L: Eight> Triple<L> {
         [self.x.store(), self.y.store(), self.z.store()]
     }
 
-    /// To memory, each vector with a number behind it.
+    /// Each vector with a number behind it.
     #[inline(always)]
-    pub(crate) fn rows(self, number: L) -> [[f64; 4]; WIDTH] {
+    pub(crate) fn rows(self, number: L) -> [L::Row; WIDTH] {
         L::rows_of_4([self.x, self.y, self.z, number])
     }
 }

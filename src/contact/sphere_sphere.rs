@@ -6,11 +6,11 @@
 
 use super::in_lanes::{self, InLanes};
 use super::{
-    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Why, bodies_at, touch_of_ball,
-    vectors,
+    Batch, Bodies, ContactResolver, Found, History, Outcome, Posed, Touch, Why, bodies_at,
+    touch_of_ball, vectors,
 };
 use crate::ids::Slot;
-use crate::lanes::{Eight, WIDTH, row};
+use crate::lanes::{Eight, Row as _, WIDTH, row};
 use crate::math::Vec3;
 use crate::shape::Shape;
 
@@ -85,12 +85,16 @@ fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
     if touching == u8::MAX && indices.len() == WIDTH && contacts.without_points {
         // As most are that are looked at.
         contacts.pair.extend_from_slice(indices);
-        contacts.geometry.extend_from_slice(bytemuck::cast_slice(&geometry));
+        let start = contacts.geometry.len();
+        contacts.geometry.resize(start + WIDTH, History::default());
+        for (contact, row) in contacts.geometry[start..].iter_mut().zip(geometry) {
+            row.write(bytemuck::cast_mut(contact));
+        }
         return;
     }
     let points = normal.times(radius - L::all(0.5) * overlap).store();
     for (lane, &pair) in indices.iter().enumerate() {
-        let [x, y, z, overlap] = geometry[lane];
+        let [x, y, z, overlap] = geometry[lane].numbers();
         if touching >> lane & 1 == 1 {
             let (normal, point) = (Vec3::new(x, y, z), row(&points, lane).into());
             found.contacts.push(pair, &Touch { overlap, normal, point });

@@ -36,14 +36,12 @@ struct Columns {
 }
 
 impl Columns {
+    /// Forgets what touches. A law writes over what it found and remembered, so that stays.
     fn clear(&mut self) {
-        let Self { pairs, numbers, history, state, forces, points } = self;
-        pairs.clear();
-        numbers.clear();
-        history.clear();
-        state.clear();
-        forces.clear();
-        points.clear();
+        self.pairs.clear();
+        self.numbers.clear();
+        self.history.clear();
+        self.points.clear();
     }
 
     /// Makes room for so many contacts and few more: growing would double it.
@@ -57,6 +55,13 @@ impl Columns {
         if needs.attitude {
             reserve(points, count);
         }
+    }
+
+    /// Hands over what touches, for what has touched or its room.
+    fn swap(&mut self, touching: &mut Touching) {
+        std::mem::swap(&mut self.numbers, &mut touching.pair);
+        std::mem::swap(&mut self.history, &mut touching.geometry);
+        std::mem::swap(&mut self.points, &mut touching.point);
     }
 
     /// Makes a place for each number that a law finds.
@@ -121,14 +126,17 @@ fn reserve<T>(column: &mut Vec<T>, count: usize) {
     column.reserve_exact(count + count / 32);
 }
 
+/// Is there room for so many contacts, and not for many more?
+fn fits(columns: &Columns, count: usize) -> bool {
+    (count..=count + count / 8 + 4).contains(&columns.numbers.capacity())
+}
+
 /// So much room is kept for stretches of other lengths.
 const SPARE: usize = 3;
 
 /// Empty columns with room for so many contacts and not many more.
 fn room(spare: &mut Vec<Columns>, count: usize, width: usize, needs: Needs) -> Columns {
-    let fits =
-        |columns: &Columns| (count..=count + count / 8 + 4).contains(&columns.pairs.capacity());
-    if let Some(place) = spare.iter().position(fits) {
+    if let Some(place) = spare.iter().position(|columns| fits(columns, count)) {
         let mut columns = spare.swap_remove(place);
         columns.clear();
         return columns;
@@ -230,8 +238,11 @@ impl Contacts {
         }
     }
 
-    /// Prepares a stretch for being looked at: its pairs learn where they stood.
-    pub fn look(&mut self, stretch: usize, length: usize) {
+    /// Prepares a stretch for being looked at: its pairs learn where they stood, and what touches goes where it will stay.
+    pub fn look(&mut self, stretch: usize, length: usize, touching: &mut Touching, needs: Needs) {
+        let before = self.stretches[stretch].numbers.len();
+        self.now = room(&mut self.spare, before, self.width, needs);
+        self.now.swap(touching);
         self.place.clear();
         self.place.resize(length, Place::NONE);
         for (place, &number) in self.stretches[stretch].numbers.iter().enumerate() {
@@ -252,17 +263,22 @@ impl Contacts {
     }
 
     /// Puts what has been found in a stretch in the order of its pairs, beside what was remembered of each.
-    pub fn arrange(&mut self, stretch: usize, pairs: &[Pair], touching: &Touching, needs: Needs) {
-        self.now = room(&mut self.spare, touching.len(), self.width, needs);
+    pub fn arrange(
+        &mut self,
+        stretch: usize,
+        pairs: &[Pair],
+        touching: &mut Touching,
+        needs: Needs,
+    ) {
         if touching.pair.is_sorted() {
-            let now = &mut self.now;
-            now.numbers.extend_from_slice(&touching.pair);
-            now.history.extend_from_slice(&touching.geometry);
-            now.points.extend_from_slice(&touching.point);
+            self.now.swap(touching);
         } else {
-            self.sort(pairs.len(), touching);
+            self.sort(pairs.len(), touching, needs);
         }
         let Self { now, place, from, .. } = self;
+        if !fits(now, now.numbers.len()) {
+            now.shrink();
+        }
         from.clear();
         from.extend(now.numbers.iter().map(|&pair| place[pair as usize]));
         now.pairs.extend(now.numbers.iter().map(|&pair| pairs[pair as usize]));
@@ -284,8 +300,12 @@ impl Contacts {
     }
 
     /// Puts what touches in the order of pairs, of which there are so many.
-    fn sort(&mut self, length: usize, touching: &Touching) {
-        let Self { found, order, now, .. } = self;
+    fn sort(&mut self, length: usize, touching: &Touching, needs: Needs) {
+        let Self { found, order, now, width, .. } = self;
+        if !fits(now, touching.len()) {
+            *now = Columns::default();
+            now.reserve(touching.len(), *width, needs);
+        }
         found.clear();
         found.resize(length, u32::MAX);
         for (&pair, place) in touching.pair.iter().zip(0..) {
@@ -499,7 +519,6 @@ mod tests {
         let (list, mut contacts, _) = remembered(&mut particles);
         let stretch = &list.stretches[0];
         let pairs = &list.pairs[stretch.range.clone()];
-        contacts.look(0, pairs.len());
         // Every second touches now; every sixth did before and does still.
         let found = (0..pairs.len()).step_by(2);
         let geometry = |pair: usize| History { overlap: pair as f64, ..History::default() };
@@ -510,7 +529,12 @@ mod tests {
             without_points: false,
         };
         for _ in 0..2 {
-            contacts.arrange(0, pairs, &touching, particles.needs);
+            let mut found = Touching::default();
+            contacts.look(0, pairs.len(), &mut found, particles.needs);
+            found.pair.extend(&touching.pair);
+            found.geometry.extend(&touching.geometry);
+            found.point.extend(&touching.point);
+            contacts.arrange(0, pairs, &mut found, particles.needs);
             let now = &contacts.now;
             let numbers: Vec<u32> = (0..pairs.len() as u32).step_by(2).collect();
             assert_eq!(now.numbers, numbers);

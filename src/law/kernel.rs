@@ -12,7 +12,7 @@
 use super::{ForceLaw, Hardest, Parted, Sums, Work, add};
 use crate::contact::{History, Pair, Place, StateColumn, bodies_at, vectors};
 use crate::ids::{MaterialId, Slot};
-use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Triple, WIDTH, row};
+use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row as InRegister, Triple, WIDTH, row};
 use crate::math::Vec3;
 use crate::particles::{Library, Needs, Particles};
 
@@ -294,15 +294,32 @@ static NO_STATE: [f64; MOST_STATE] = [0.0; MOST_STATE];
 impl<M: Model> Contacts<'_, '_, M> {
     #[inline(always)]
     fn all<L: Eight, const MOVES: bool, const TURNS: bool>(&mut self) {
+        let alike = self.alike::<L>();
         for first in (0..self.work.pairs.len()).step_by(WIDTH) {
-            self.eight::<L, MOVES, TURNS>(first);
+            self.eight::<L, MOVES, TURNS>(first, alike.as_ref());
         }
+    }
+
+    /// Constants and radii of all contacts, if all particles have one shape and none of these touches a wall.
+    #[inline(always)]
+    fn alike<L: Eight>(&self) -> Option<(M::Constants<L>, [L; 2])> {
+        let pair = self.work.pairs.first()?;
+        let with_walls = pair.b.index() >= self.particles.first_wall();
+        if with_walls || self.particles.library.particle_shapes > 1 {
+            return None;
+        }
+        let row = self.law.row_of((0, 0), self.particles);
+        Some((M::spread(&Same(&row)), [L::all(row.radii[0]), L::all(row.radii[1])]))
     }
 
     /// Up to eight contacts; the other lanes repeat the last. `MOVES` if the law asks how surfaces move, `TURNS` if bodies feel
     /// moments.
     #[inline(always)]
-    fn eight<L: Eight, const MOVES: bool, const TURNS: bool>(&mut self, first: usize) {
+    fn eight<L: Eight, const MOVES: bool, const TURNS: bool>(
+        &mut self,
+        first: usize,
+        alike: Option<&(M::Constants<L>, [L; 2])>,
+    ) {
         let Self { law, particles, dt, .. } = *self;
         let work = &*self.work;
         let count = (work.pairs.len() - first).min(WIDTH);
@@ -314,7 +331,10 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
         let slots = particles.slots();
         let (at_a, at_b) = (bodies_at(&a, slots), bodies_at(&b, slots));
-        let (constants, radii) = constants_of::<M, L>(law, at_a, at_b, particles);
+        let (constants, radii) = match alike {
+            Some(alike) => *alike,
+            None => constants_of::<M, L>(law, at_a, at_b, particles),
+        };
         let (normal, overlap) = geometry::<L>(&eight_from_rows(work.history, first, count));
         let has_points = !work.points.is_empty();
         let point = if has_points {
@@ -394,47 +414,75 @@ impl<M: Model> Contacts<'_, '_, M> {
         // Each body loses half; a wall has no share. Pairs with walls stand among themselves.
         let with_walls = b[0].index() >= particles.first_wall();
         let share = if with_walls { dissipated } else { L::all(0.5) * dissipated };
-        let forces = [&Triple::zero().minus(force).rows(share), &force.rows(share)];
-        let (on_a, on_b);
+        let forces = [Triple::zero().minus(force).rows(share), force.rows(share)];
         let torques = if TURNS {
-            (on_a, on_b) = (force.cross(point).rows(zero), arm_b.cross(force).rows(zero));
-            Some([&on_a, &on_b])
+            Some([force.cross(point).rows(zero), arm_b.cross(force).rows(zero)])
         } else {
             None
         };
         let impulse = if with_walls { Some(impulse.store()) } else { None };
-        self.sum(first, &pairs[..count], forces, torques, impulse.as_ref());
+        self.sum::<L>((first, count), &pairs, &forces, torques.as_ref(), impulse.as_ref());
     }
 
-    /// Adds what contacts do to their bodies, one after the other: forces on A and B [N], each with the energy that the body
-    /// loses [J], and moments [N m]; `impulse` on walls since the last step [N s].
+    /// Adds what up to eight contacts do to their bodies: forces on A and B [N], each with the energy that the body loses [J],
+    /// and moments [N m]; `impulse` on walls since the last step [N s].
     #[inline(always)]
-    fn sum(
+    fn sum<L: Eight>(
         &mut self,
-        first: usize,
-        pairs: &[Pair],
-        forces: [&[[f64; 4]; WIDTH]; 2],
-        torques: Option<[&[[f64; 4]; WIDTH]; 2]>,
+        (first, count): (usize, usize),
+        pairs: &[Pair; WIDTH],
+        forces: &[[L::Row; WIDTH]; 2],
+        torques: Option<&[[L::Row; WIDTH]; 2]>,
         impulse: Option<&[[f64; WIDTH]; 3]>,
     ) {
         let next_parted = self.work.parted.get(self.summed).map_or(usize::MAX, |p| p.before);
-        let some_part = next_parted < first + pairs.len();
+        if count < WIDTH || impulse.is_some() || next_parted < first + count {
+            self.sum_in_turn::<L>(first, &pairs[..count], forces, torques, impulse);
+            return;
+        }
+        let kept = self.work.forces[first..].first_chunk_mut::<WIDTH>().expect("eight places");
+        for (force, row) in kept.iter_mut().zip(&forces[1]) {
+            *force = first_three(*row);
+        }
+        // A body is B of its contacts with lower ids, which stand before those of which it is A: all B may come before all A.
+        let Sums { force, torque, .. } = &mut *self.sums;
+        for (pair, row) in pairs.iter().zip(&forces[1]) {
+            add(force, pair.b.index(), *row);
+        }
+        for (pair, row) in pairs.iter().zip(&forces[0]) {
+            add(force, pair.a.index(), *row);
+        }
+        let Some([on_a, on_b]) = torques else { return };
+        for (pair, row) in pairs.iter().zip(on_b) {
+            add(torque, pair.b.index(), *row);
+        }
+        for (pair, row) in pairs.iter().zip(on_a) {
+            add(torque, pair.a.index(), *row);
+        }
+    }
+
+    /// The same one after the other, with what contacts lost that have come apart in between.
+    #[inline(always)]
+    fn sum_in_turn<L: Eight>(
+        &mut self,
+        first: usize,
+        pairs: &[Pair],
+        forces: &[[L::Row; WIDTH]; 2],
+        torques: Option<&[[L::Row; WIDTH]; 2]>,
+        impulse: Option<&[[f64; WIDTH]; 3]>,
+    ) {
         for (lane, pair) in pairs.iter().enumerate() {
-            if some_part {
-                self.part_before(first + lane);
-            }
-            let [x, y, z, _] = forces[1][lane];
-            self.work.forces[first + lane] = Vec3::new(x, y, z);
-            let (a, b) = (pair.a.index(), pair.b.index());
-            add(&mut self.sums.force, a, &forces[0][lane]);
-            add(&mut self.sums.force, b, &forces[1][lane]);
-            if let Some([on_a, on_b]) = torques {
-                add(&mut self.sums.torque, a, &on_a[lane]);
-                add(&mut self.sums.torque, b, &on_b[lane]);
+            self.part_before(first + lane);
+            self.work.forces[first + lane] = first_three(forces[1][lane]);
+            for (slot, of_body) in [pair.a, pair.b].into_iter().zip([0, 1]) {
+                add(&mut self.sums.force, slot.index(), forces[of_body][lane]);
+                if let Some(torques) = torques {
+                    add(&mut self.sums.torque, slot.index(), torques[of_body][lane]);
+                }
             }
             if let Some(impulse) = impulse {
                 let impulse = Vec3::from(row(impulse, lane));
-                let of_wall = &self.particles.velocity[b];
+                let of_wall = &self.particles.velocity[pair.b.index()];
                 self.sums.note_wall_work(*pair, -impulse.dot(of_wall));
             }
         }
@@ -493,6 +541,13 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
         self.sums.lose(pair, dissipated, particles.first_wall());
     }
+}
+
+/// A force without what stands behind it.
+#[inline(always)]
+fn first_three(row: impl InRegister) -> Vec3 {
+    let [x, y, z, _] = row.numbers();
+    Vec3::new(x, y, z)
 }
 
 /// Constants of eight contacts, and the bounding radii of their bodies, 0 of walls [m].
@@ -571,11 +626,11 @@ fn write_state<L: Eight>(all: &mut [f64], width: usize, first: usize, count: usi
         let block = L::rows_of_4([column(0), column(1), column(2), column(3)]);
         if width == 4 {
             for (row, numbers) in rows.as_chunks_mut::<4>().0.iter_mut().zip(&block) {
-                *row = *numbers;
+                numbers.write(row);
             }
         } else {
             for (row, numbers) in rows.chunks_exact_mut(width).zip(&block) {
-                row[at..at + several].copy_from_slice(&numbers[..several]);
+                row[at..at + several].copy_from_slice(&numbers.numbers()[..several]);
             }
         }
         at += several;

@@ -114,6 +114,7 @@ pub mod stability;
 
 use crate::contact::{History, Pair, Place, StateColumn};
 use crate::ids::MaterialId;
+use crate::lanes::Row;
 use crate::math::{Vec3, Vec4};
 use crate::particles::{Library, Needs, Particles, held};
 use serde::{Deserialize, Serialize};
@@ -246,9 +247,9 @@ impl Interactions {
 /// Adds a row to the sum of a body, if it is one that is summed.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
-fn add(sums: &mut [Vec4], slot: usize, row: &[f64; 4]) {
+fn add(sums: &mut [Vec4], slot: usize, row: impl Row) {
     if let Some(sum) = sums.get_mut(slot) {
-        *sum += Vec4::from(*row);
+        row.add_to(sum.as_mut());
     }
 }
 
@@ -374,7 +375,7 @@ impl Sums {
     fn lose(&mut self, pair: Pair, energy: f64, first_wall: usize) {
         let share = if pair.b.index() >= first_wall { energy } else { 0.5 * energy };
         for slot in [pair.a.index(), pair.b.index()] {
-            add(&mut self.force, slot, &[0.0, 0.0, 0.0, share]);
+            add(&mut self.force, slot, [0.0, 0.0, 0.0, share]);
         }
     }
 }

@@ -351,7 +351,7 @@ impl Simulation {
         found.clear();
         let listed = &pairs.stretches[stretch];
         let in_stretch = &pairs.pairs[listed.range.clone()];
-        contacts.look(stretch, in_stretch.len());
+        contacts.look(stretch, in_stretch.len(), &mut found.contacts, particles.needs);
         for group in &listed.groups {
             let Some(resolver) = resolvers.get(group.kinds) else { continue };
             let active = pairs.active(listed, group, particles);
@@ -363,7 +363,7 @@ impl Simulation {
         }
         found.tally.listed += in_stretch.len() as u64;
         found.tally.contacts += found.contacts.len() as u64;
-        contacts.arrange(stretch, in_stretch, &found.contacts, particles.needs);
+        contacts.arrange(stretch, in_stretch, &mut found.contacts, particles.needs);
         pairs.rest(stretch, &found.apart, particles);
     }
 
