@@ -185,7 +185,7 @@ pub struct Contacts {
     found: Vec<u32>,
     /// What has been found, in the order of the pairs.
     order: Vec<u32>,
-    /// Of each contact in work, where it stood at the last step.
+    /// Of each contact in work, where it stood at the last step; empty if the same pairs touch.
     from: Vec<Place>,
     parted: Vec<Parted>,
 }
@@ -275,17 +275,20 @@ impl Contacts {
         } else {
             self.sort(pairs.len(), touching, needs);
         }
-        let Self { now, place, from, .. } = self;
+        let Self { stretches, now, place, from, parted, .. } = self;
         if !fits(now, now.numbers.len()) {
             now.shrink();
         }
         from.clear();
+        parted.clear();
+        let before = &stretches[stretch];
+        if now.numbers == before.numbers {
+            now.pairs.extend_from_slice(&before.pairs);
+            return;
+        }
         from.extend(now.numbers.iter().map(|&pair| place[pair as usize]));
         now.pairs.extend(now.numbers.iter().map(|&pair| pairs[pair as usize]));
-
-        let Self { stretches, now, from, parted, .. } = self;
-        parted.clear();
-        let before = &stretches[stretch].numbers;
+        let before = &before.numbers;
         if from.iter().filter(|&&place| place != Place::NONE).count() < before.len() {
             let mut at = 0;
             for (place, &number) in before.iter().enumerate() {

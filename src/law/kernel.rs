@@ -324,7 +324,6 @@ impl<M: Model> Contacts<'_, '_, M> {
         let work = &*self.work;
         let count = (work.pairs.len() - first).min(WIDTH);
         let pairs = eight_from(work.pairs, first, count);
-        let from = eight_from(work.from, first, count);
         let (mut a, mut b) = ([Slot(0); WIDTH], [Slot(0); WIDTH]);
         for lane in 0..WIDTH {
             (a[lane], b[lane]) = (pairs[lane].a, pairs[lane].b);
@@ -343,21 +342,18 @@ impl<M: Model> Contacts<'_, '_, M> {
             normal.times(radii[0] - L::all(0.5) * overlap)
         };
         // As a rule all of them touched at the last step, one after the other: then they stand there as they do here.
-        let start = from[0].index();
-        let mut as_before = true;
-        for (lane, place) in from.iter().enumerate() {
-            as_before &= place.index() == start + lane;
-        }
         let mut state = [L::all(0.0); MOST_STATE];
         let state = &mut state[..law.width];
         let last = work.last;
-        let (last_normal, last_overlap) = if as_before {
-            read_state(&rows_of(last.state, law.width, start), state);
-            geometry::<L>(&eight_rows(last.history, start))
-        } else {
-            read_state(&rows_at(last.state, law.width, &from), state);
-            geometry::<L>(&histories_at(last.history, &from))
-        };
+        let (last_normal, last_overlap) =
+            if let Some(start) = stood_in_a_row(work.from, first, count) {
+                read_state(&rows_of(last.state, law.width, start), state);
+                geometry::<L>(&eight_rows(last.history, start))
+            } else {
+                let from = places_before(work.from, first, count);
+                read_state(&rows_at(last.state, law.width, &from), state);
+                geometry::<L>(&histories_at(last.history, &from))
+            };
 
         // how surfaces move: where a law asks, or a moment acts
         let position = &particles.position;
@@ -710,6 +706,34 @@ fn triple<L: Eight>([a, b, c, d, e, f, g, h]: &[&Vec3; WIDTH]) -> Triple<L> {
     let more = [e.as_ref(), f.as_ref(), g.as_ref(), h.as_ref()];
     let ([a, b, c, d], [e, f, g, h]) = (rows, more);
     Triple::of(&[a, b, c, d, e, f, g, h])
+}
+
+/// Where the first of eight contacts stood at the last step, if all touched and stood one after the other.
+#[inline(always)]
+fn stood_in_a_row(from: &[Place], first: usize, count: usize) -> Option<usize> {
+    if from.is_empty() {
+        return if count == WIDTH { Some(first) } else { None };
+    }
+    let places = from[first..].first_chunk::<WIDTH>()?;
+    let start = places[0].index();
+    let mut in_a_row = true;
+    for (lane, place) in places.iter().enumerate() {
+        in_a_row &= place.index() == start + lane;
+    }
+    if in_a_row { Some(start) } else { None }
+}
+
+/// Where up to eight contacts stood at the last step.
+#[inline(always)]
+fn places_before(from: &[Place], first: usize, count: usize) -> [Place; WIDTH] {
+    if !from.is_empty() {
+        return eight_from(from, first, count);
+    }
+    let mut places = [Place::NONE; WIDTH];
+    for (lane, place) in places.iter_mut().enumerate() {
+        *place = Place::among(first + lane.min(count - 1));
+    }
+    places
 }
 
 /// Normals and overlaps.

@@ -284,7 +284,7 @@ pub struct Work<'a> {
     pub history: &'a [History],
     /// Where each acts, seen from the centre of A [m]; empty if all are balls, where it follows from the overlap.
     pub points: &'a [Vec3],
-    /// Where each stands among those of the last step.
+    /// Where each stands among those of the last step; empty if these are the same.
     pub from: &'a [Place],
     /// What was remembered of those.
     pub last: Last<'a>,

@@ -104,6 +104,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
         servos: Servos::new(scene.servos.clone(), &scene.library),
         watch: Watch::new(scene.library.least_inscribed_radius()),
         found,
+        active: Vec::new(),
         dt: scene.dt,
         step: 0,
         stage_begin: (0, 0.0),

@@ -145,10 +145,18 @@ impl PairList {
         }
     }
 
-    /// Which pairs of a group must be looked at: numbers within the stretch.
-    pub fn active(&self, stretch: &Stretch, group: &Group, particles: &Particles) -> Vec<u32> {
+    /// Which pairs of a group must be looked at: numbers within the stretch, in the room of `active`.
+    pub fn active<'a>(
+        &self,
+        stretch: &Stretch,
+        group: &Group,
+        particles: &Particles,
+        active: &'a mut Vec<u32>,
+    ) -> &'a [u32] {
         // Every number is written, and the next one over it if the pair rests: no branch to be guessed wrongly.
-        let mut active = vec![0; group.range.len() + 1];
+        if active.len() <= group.range.len() {
+            active.resize(group.range.len() + 1, 0);
+        }
         let mut count = 0;
         let pairs = &self.pairs[stretch.range.clone()];
         let until = &self.until[stretch.range.clone()];
@@ -157,8 +165,7 @@ impl PairList {
             let travel = travel(pairs[pair as usize], particles);
             count += usize::from(travel >= f64::from(until[pair as usize]));
         }
-        active.truncate(count);
-        active
+        &active[..count]
     }
 
     /// Lets pairs of a stretch that do not touch rest until their surfaces can have come nearer by a clearance [m].
@@ -195,6 +202,12 @@ impl PairList {
 #[inline]
 fn travel(pair: Pair, particles: &Particles) -> f64 {
     particles.travel[pair.a.index()] + particles.travel[pair.b.index()]
+}
+
+/// Can no owned particle or wall have moved farther than this since the pairs were listed [m]?
+pub fn all_within(particles: &Particles, distance: f64) -> bool {
+    let (owned, walls) = (0..particles.owned, particles.first_wall()..particles.slots());
+    owned.chain(walls).all(|slot| particles.travel[slot] <= distance)
 }
 
 /// Square of the largest distance that an owned particle or a wall has moved since the pairs were

@@ -48,6 +48,8 @@ pub struct Simulation {
     pub watch: Watch,
     /// What the resolvers say of a few pairs, and how often who answered.
     pub found: Found,
+    /// Which pairs they are to look at.
+    pub active: Vec<u32>,
     /// Time step [s].
     pub dt: f64,
     /// Steps since the first stage began.
@@ -294,6 +296,9 @@ impl Simulation {
 
     /// Has anybody here moved so far that an unlisted pair might touch?
     fn list_is_stale(&self) -> bool {
+        if search::all_within(&self.particles, 0.5 * self.skin) {
+            return false;
+        }
         // Written so that a position that is not a number makes the list stale, and is found.
         let still_good = search::moved_squared(&self.particles) <= 0.25 * self.skin * self.skin;
         !still_good
@@ -347,16 +352,16 @@ impl Simulation {
 
     /// Finds the contacts of a stretch, by one virtual call per kind of pair, and puts them in order.
     fn find_contacts(&mut self, stretch: usize) {
-        let Self { pairs, contacts, particles, resolvers, found, .. } = self;
+        let Self { pairs, contacts, particles, resolvers, found, active, .. } = self;
         found.clear();
         let listed = &pairs.stretches[stretch];
         let in_stretch = &pairs.pairs[listed.range.clone()];
         contacts.look(stretch, in_stretch.len(), &mut found.contacts, particles.needs);
         for group in &listed.groups {
             let Some(resolver) = resolvers.get(group.kinds) else { continue };
-            let active = pairs.active(listed, group, particles);
+            let active = pairs.active(listed, group, particles, active);
             let mut failed = std::mem::take(&mut found.failed);
-            resolver.resolve(&contacts.batch(stretch, in_stretch, &active, particles), found);
+            resolver.resolve(&contacts.batch(stretch, in_stretch, active, particles), found);
             // The next group's methods are not to try them.
             found.failed.append(&mut failed);
             found.tally.pairs += active.len() as u64;

@@ -344,7 +344,7 @@ impl Memory {
         let owned = sim.particles.owned.max(1) as f64;
         let columns = sim.particles.bytes() as f64 / owned;
         let pairs = sim.pairs.bytes() as f64 / owned;
-        let found = sim.found.contacts.bytes() + held(&sim.found.apart);
+        let found = sim.found.contacts.bytes() + held(&sim.found.apart) + held(&sim.active);
         let contacts = (found + sim.contacts.bytes() + sim.sums.bytes()) as f64 / owned;
         let listed = sim.pairs.pairs.len() as f64 / owned;
         let touching = sim.contacts.len() as f64 / owned;
