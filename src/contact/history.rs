@@ -18,7 +18,8 @@ use std::ops::Range;
     bytemuck::Pod,
     bytemuck::Zeroable,
 )]
-#[repr(C)]
+// Aligned so that no row lies in two lines of the cache.
+#[repr(C, align(32))]
 pub struct History {
     /// The normal of the last touch, A to B; zero if the pair did not touch.
     pub normal: Vec3,

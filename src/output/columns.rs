@@ -1,96 +1,403 @@
-//! The columns of [`ParticleTable`] one by one, for whoever treats all of them alike.
+//! The columns of particles in snapshots. Each is declared once, in [`PARTICLE_COLUMNS`]: writing, reading, comparing and the
+//! bytes of `--plan` follow.
 
+use super::SnapshotError;
+use super::hdf5::{Column, Element, Piece, SnapshotFile};
 use super::tables::ParticleTable;
+use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
+use crate::particles::Needs;
+use std::borrow::Cow;
 
-/// A column of a table as numbers.
-pub struct NamedColumn<'a> {
-    /// The name of its field.
+/// A column of the particles file.
+pub struct ParticleColumn {
+    /// What messages call it.
     pub name: &'static str,
-    /// What follows the name for each component.
-    pub components: &'static [&'static str],
-    /// A table may leave it empty.
-    pub optional: bool,
-    /// How many rows it has.
-    pub rows: usize,
-    /// The number in a row and component, in the column's unit.
-    pub value: Box<dyn Fn(usize, usize) -> f64 + 'a>,
+    /// Where in the file, from `/`. Columns of one group stand one after the other.
+    pub place: &'static str,
+    /// Unit of its numbers; `1` for a pure number.
+    pub unit: &'static str,
+    /// Is it there? A column that is always there counts as present without rows, too.
+    pub presence: Presence,
+    /// Of a table.
+    get: fn(&ParticleTable) -> &dyn Values,
+    /// The same, to be filled.
+    get_mut: fn(&mut ParticleTable) -> &mut dyn Values,
+}
+
+/// When a column is there.
+pub enum Presence {
+    /// In every snapshot.
+    Always,
+    /// Where the scene needs it; else the table leaves it empty.
+    If(fn(&Needs) -> bool),
+}
+
+/// All of them, in the order in which they are written.
+pub static PARTICLE_COLUMNS: [ParticleColumn; 14] = [
+    ParticleColumn {
+        name: "position",
+        place: "/VTKHDF/Points",
+        unit: "m",
+        presence: Presence::Always,
+        get: |table| &table.position,
+        get_mut: |table| &mut table.position,
+    },
+    ParticleColumn {
+        name: "id",
+        place: "/VTKHDF/PointData/id",
+        unit: "1",
+        presence: Presence::Always,
+        get: |table| &table.id,
+        get_mut: |table| &mut table.id,
+    },
+    ParticleColumn {
+        name: "shape",
+        place: "/VTKHDF/PointData/shape",
+        unit: "1",
+        presence: Presence::Always,
+        get: |table| &table.shape,
+        get_mut: |table| &mut table.shape,
+    },
+    ParticleColumn {
+        name: "quaternion",
+        place: "/VTKHDF/PointData/quaternion",
+        unit: "1",
+        presence: Presence::If(|needs| needs.attitude),
+        get: |table| &table.quaternion,
+        get_mut: |table| &mut table.quaternion,
+    },
+    ParticleColumn {
+        name: "velocity",
+        place: "/VTKHDF/PointData/velocity",
+        unit: "m/s",
+        presence: Presence::Always,
+        get: |table| &table.velocity,
+        get_mut: |table| &mut table.velocity,
+    },
+    ParticleColumn {
+        name: "angular_velocity",
+        place: "/VTKHDF/PointData/angular_velocity",
+        unit: "rad/s",
+        presence: Presence::If(|needs| needs.spin),
+        get: |table| &table.angular_velocity,
+        get_mut: |table| &mut table.angular_velocity,
+    },
+    ParticleColumn {
+        name: "force",
+        place: "/VTKHDF/PointData/force",
+        unit: "N",
+        presence: Presence::Always,
+        get: |table| &table.force,
+        get_mut: |table| &mut table.force,
+    },
+    ParticleColumn {
+        name: "torque",
+        place: "/VTKHDF/PointData/torque",
+        unit: "N m",
+        presence: Presence::If(|needs| needs.spin),
+        get: |table| &table.torque,
+        get_mut: |table| &mut table.torque,
+    },
+    ParticleColumn {
+        name: "coordination",
+        place: "/VTKHDF/PointData/coordination",
+        unit: "1",
+        presence: Presence::Always,
+        get: |table| &table.coordination,
+        get_mut: |table| &mut table.coordination,
+    },
+    ParticleColumn {
+        name: "rank",
+        place: "/VTKHDF/PointData/rank",
+        unit: "1",
+        presence: Presence::Always,
+        get: |table| &table.rank,
+        get_mut: |table| &mut table.rank,
+    },
+    ParticleColumn {
+        name: "dissipated",
+        place: "/restart/particles/dissipated",
+        unit: "J",
+        presence: Presence::Always,
+        get: |table| &table.dissipated,
+        get_mut: |table| &mut table.dissipated,
+    },
+    ParticleColumn {
+        name: "received",
+        place: "/restart/particles/received",
+        unit: "J",
+        presence: Presence::Always,
+        get: |table| &table.received,
+        get_mut: |table| &mut table.received,
+    },
+    ParticleColumn {
+        name: "image",
+        place: "/restart/particles/image",
+        unit: "1",
+        presence: Presence::If(|needs| needs.image),
+        get: |table| &table.image,
+        get_mut: |table| &mut table.image,
+    },
+    ParticleColumn {
+        name: "angular_momentum",
+        place: "/restart/particles/angular_momentum",
+        unit: "kg m^2/s",
+        presence: Presence::If(|needs| needs.spin),
+        get: |table| &table.angular_momentum,
+        get_mut: |table| &mut table.angular_momentum,
+    },
+];
+
+impl ParticleColumn {
+    /// Its numbers in a table.
+    pub fn of<'a>(&self, table: &'a ParticleTable) -> &'a dyn Values {
+        (self.get)(table)
+    }
+
+    /// May a table leave it empty?
+    pub const fn is_optional(&self) -> bool {
+        matches!(self.presence, Presence::If(_))
+    }
+
+    /// The group in which it stands.
+    pub fn group(&self) -> &'static str {
+        self.place.rsplit_once('/').map_or("", |(group, _)| group)
+    }
+
+    /// Fills it from a file; a column that the file does not have stays empty if it may.
+    pub(super) fn read(
+        &self,
+        table: &mut ParticleTable,
+        piece: &Piece,
+    ) -> Result<(), SnapshotError> {
+        if self.is_optional() && !piece.has(self.place) {
+            return Ok(());
+        }
+        let values = (self.get_mut)(table);
+        let column = Column { place: self.place, width: values.labels().len(), unit: self.unit };
+        values.read(piece, &column)
+    }
+
+    /// Writes the rows of this rank. Collective.
+    pub(super) fn write(
+        &self,
+        table: &ParticleTable,
+        file: &mut SnapshotFile,
+    ) -> Result<(), SnapshotError> {
+        let values = self.of(table);
+        let column = Column { place: self.place, width: values.labels().len(), unit: self.unit };
+        values.write(file, &column)
+    }
+}
+
+/// Bytes of a particle in the columns that a scene needs.
+pub fn particle_bytes(needs: &Needs) -> usize {
+    let is_there = |column: &&ParticleColumn| match column.presence {
+        Presence::Always => true,
+        Presence::If(is_needed) => is_needed(needs),
+    };
+    let empty = ParticleTable::default();
+    PARTICLE_COLUMNS.iter().filter(is_there).map(|column| column.of(&empty).row_bytes()).sum()
+}
+
+/// Numbers of particles, so many of each.
+pub trait Values {
+    /// How many rows there are.
+    fn rows(&self) -> usize;
+
+    /// What follows the name of the column for each number of a row.
+    fn labels(&self) -> &'static [&'static str];
+
+    /// A number of a row; of names and counts, too.
+    fn number(&self, row: usize, k: usize) -> f64;
+
+    /// Bytes of a row in a file.
+    fn row_bytes(&self) -> usize;
+
+    /// Writes all rows. Collective.
+    ///
+    /// # Errors
+    /// As [`SnapshotFile::rows`].
+    fn write(&self, file: &mut SnapshotFile, column: &Column) -> Result<(), SnapshotError>;
+
+    /// Replaces all rows by those of a file.
+    ///
+    /// # Errors
+    /// As [`Piece::read`].
+    fn read(&mut self, piece: &Piece, column: &Column) -> Result<(), SnapshotError>;
+}
+
+impl<T: Value> Values for Vec<T> {
+    fn rows(&self) -> usize {
+        self.len()
+    }
+
+    fn labels(&self) -> &'static [&'static str] {
+        T::LABELS
+    }
+
+    fn number(&self, row: usize, k: usize) -> f64 {
+        self[row].number(k)
+    }
+
+    fn row_bytes(&self) -> usize {
+        T::LABELS.len() * size_of::<T::Element>()
+    }
+
+    fn write(&self, file: &mut SnapshotFile, column: &Column) -> Result<(), SnapshotError> {
+        file.rows(column, &T::to_elements(self))
+    }
+
+    fn read(&mut self, piece: &Piece, column: &Column) -> Result<(), SnapshotError> {
+        *self = T::from_elements(piece.read(column)?);
+        Ok(())
+    }
 }
 
 const SCALAR: &[&str] = &[""];
 const VECTOR: &[&str] = &[".x", ".y", ".z"];
-const QUATERNION: &[&str] = &[".w", ".x", ".y", ".z"];
 
-impl ParticleTable {
-    /// Every column but the id. The pattern names all fields, so that a new one does not compile
-    /// until someone decides here.
-    pub fn columns(&self) -> Vec<NamedColumn<'_>> {
-        let Self {
-            id: _,
-            shape,
-            position,
-            velocity,
-            force,
-            coordination,
-            rank,
-            dissipated,
-            received,
-            image,
-            quaternion,
-            angular_momentum,
-            angular_velocity,
-            torque,
-        } = self;
-        vec![
-            scalars("shape", shape, |shape| f64::from(shape.0)),
-            vectors("position", position),
-            vectors("velocity", velocity),
-            vectors("force", force),
-            scalars("coordination", coordination, |&count| f64::from(count)),
-            scalars("rank", rank, |&rank| f64::from(rank)),
-            scalars("dissipated", dissipated, |&energy| energy),
-            scalars("received", received, |&energy| energy),
-            NamedColumn {
-                name: "image",
-                components: VECTOR,
-                optional: true,
-                rows: image.len(),
-                value: Box::new(|row, k| f64::from(image[row][k])),
-            },
-            NamedColumn {
-                name: "quaternion",
-                components: QUATERNION,
-                optional: true,
-                rows: quaternion.len(),
-                value: Box::new(|row, k| quaternion[row][k]),
-            },
-            NamedColumn { optional: true, ..vectors("angular_momentum", angular_momentum) },
-            NamedColumn { optional: true, ..vectors("angular_velocity", angular_velocity) },
-            NamedColumn { optional: true, ..vectors("torque", torque) },
-        ]
+/// What a column has of a particle.
+pub trait Value: Copy {
+    /// As a file holds its numbers.
+    type Element: Element;
+
+    /// What follows the name of the column for each number.
+    const LABELS: &'static [&'static str];
+
+    /// One of its numbers.
+    fn number(&self, k: usize) -> f64;
+
+    /// As a file holds them.
+    fn to_elements(rows: &[Self]) -> Cow<'_, [Self::Element]>;
+
+    /// From a file.
+    fn from_elements(elements: Vec<Self::Element>) -> Vec<Self>;
+}
+
+impl Value for f64 {
+    type Element = Self;
+
+    const LABELS: &'static [&'static str] = SCALAR;
+
+    fn number(&self, _k: usize) -> f64 {
+        *self
+    }
+
+    fn to_elements(rows: &[Self]) -> Cow<'_, [Self]> {
+        rows.into()
+    }
+
+    fn from_elements(elements: Vec<Self>) -> Vec<Self> {
+        elements
     }
 }
 
-fn scalars<'a, T>(
-    name: &'static str,
-    column: &'a [T],
-    number: impl Fn(&T) -> f64 + 'a,
-) -> NamedColumn<'a> {
-    NamedColumn {
-        name,
-        components: SCALAR,
-        optional: false,
-        rows: column.len(),
-        value: Box::new(move |row, _| number(&column[row])),
+impl Value for i32 {
+    type Element = Self;
+
+    const LABELS: &'static [&'static str] = SCALAR;
+
+    fn number(&self, _k: usize) -> f64 {
+        f64::from(*self)
+    }
+
+    fn to_elements(rows: &[Self]) -> Cow<'_, [Self]> {
+        rows.into()
+    }
+
+    fn from_elements(elements: Vec<Self>) -> Vec<Self> {
+        elements
     }
 }
 
-fn vectors<'a>(name: &'static str, column: &'a [Vec3]) -> NamedColumn<'a> {
-    NamedColumn {
-        name,
-        components: VECTOR,
-        optional: false,
-        rows: column.len(),
-        value: Box::new(|row, k| column[row][k]),
+impl Value for GlobalId {
+    type Element = i64;
+
+    const LABELS: &'static [&'static str] = SCALAR;
+
+    fn number(&self, _k: usize) -> f64 {
+        self.to_file() as f64
+    }
+
+    fn to_elements(rows: &[Self]) -> Cow<'_, [i64]> {
+        rows.iter().map(|id| id.to_file()).collect()
+    }
+
+    fn from_elements(elements: Vec<i64>) -> Vec<Self> {
+        elements.into_iter().map(Self::from_file).collect()
+    }
+}
+
+impl Value for ShapeId {
+    type Element = u16;
+
+    const LABELS: &'static [&'static str] = SCALAR;
+
+    fn number(&self, _k: usize) -> f64 {
+        f64::from(self.0)
+    }
+
+    fn to_elements(rows: &[Self]) -> Cow<'_, [u16]> {
+        rows.iter().map(|shape| shape.0).collect()
+    }
+
+    fn from_elements(elements: Vec<u16>) -> Vec<Self> {
+        elements.into_iter().map(Self).collect()
+    }
+}
+
+impl Value for Vec3 {
+    type Element = f64;
+
+    const LABELS: &'static [&'static str] = VECTOR;
+
+    fn number(&self, k: usize) -> f64 {
+        self[k]
+    }
+
+    fn to_elements(rows: &[Self]) -> Cow<'_, [f64]> {
+        bytemuck::cast_slice(rows).into()
+    }
+
+    fn from_elements(elements: Vec<f64>) -> Vec<Self> {
+        elements.as_chunks().0.iter().copied().map(Self::from).collect()
+    }
+}
+
+impl Value for [i32; 3] {
+    type Element = i32;
+
+    const LABELS: &'static [&'static str] = VECTOR;
+
+    fn number(&self, k: usize) -> f64 {
+        f64::from(self[k])
+    }
+
+    fn to_elements(rows: &[Self]) -> Cow<'_, [i32]> {
+        rows.as_flattened().into()
+    }
+
+    fn from_elements(elements: Vec<i32>) -> Vec<Self> {
+        elements.as_chunks().0.to_vec()
+    }
+}
+
+impl Value for [f64; 4] {
+    type Element = f64;
+
+    const LABELS: &'static [&'static str] = &[".w", ".x", ".y", ".z"];
+
+    fn number(&self, k: usize) -> f64 {
+        self[k]
+    }
+
+    fn to_elements(rows: &[Self]) -> Cow<'_, [f64]> {
+        rows.as_flattened().into()
+    }
+
+    fn from_elements(elements: Vec<f64>) -> Vec<Self> {
+        elements.as_chunks().0.to_vec()
     }
 }

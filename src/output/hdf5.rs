@@ -660,6 +660,11 @@ impl StoredFile {
         &self.path
     }
 
+    /// A column of it does not have as many rows as it should.
+    pub fn uneven(&self, column: &Column) -> SnapshotError {
+        SnapshotError::unreadable(&self.path, &format!("{} has another length", column.place))
+    }
+
     /// Does it have a dataset there?
     pub fn has(&self, place: &str) -> bool {
         self.file.link_exists(place)
@@ -859,3 +864,32 @@ struct Stored {
     width: usize,
     row_bytes: usize,
 }
+
+/// Rows of a file whose columns have `total` rows.
+pub struct Piece<'a> {
+    /// The file.
+    pub file: &'a StoredFile,
+    /// Rows of each column.
+    pub total: usize,
+    /// Which of them.
+    pub rows: Range<usize>,
+}
+
+impl Piece<'_> {
+    /// Does the file have a dataset there?
+    pub fn has(&self, place: &str) -> bool {
+        self.file.has(place)
+    }
+
+    /// The elements of the rows in a column.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Unreadable`] if the column has another length, or as [`StoredFile::rows`].
+    pub fn read<T: Element>(&self, column: &Column) -> Result<Vec<T>, SnapshotError> {
+        if self.file.count(column.place)? != self.total {
+            return Err(self.file.uneven(column));
+        }
+        self.file.rows(column, self.rows.clone())
+    }
+}
+

@@ -3,7 +3,8 @@
 //! Two columns are there for pictures alone: `semi_axes` of each particle, with which and `quaternion`
 //! ParaView's 3D Glyphs draw it, and `force` of each contact, the magnitude of the whole force [N].
 
-use super::hdf5::{Column, SnapshotFile, StoredFile};
+use super::columns::{self, PARTICLE_COLUMNS, ParticleColumn, Value as _};
+use super::hdf5::{Column, Piece, SnapshotFile, StoredFile};
 use super::tables::{
     ContactRow, ContactTable, Header, HistoryRows, HistoryTable, ParticleTable, Rows, ServoRow,
     ShapeRow, WallRow,
@@ -12,8 +13,9 @@ use super::{SnapshotError, make_directory, on_root};
 use crate::comm::alone::Alone;
 use crate::comm::{Comm, agree, wire};
 use crate::contact::{Histories, History, NamedHistory, StateColumn};
-use crate::ids::{GlobalId, ShapeId};
+use crate::ids::GlobalId;
 use crate::math::{ExactSum, Vec3};
+use crate::particles::Needs;
 use crate::shape::Shape;
 use std::cell::OnceCell;
 use std::fs::{self, File};
@@ -42,23 +44,10 @@ const fn column<'a>(place: &'a str, width: usize, unit: &'a str) -> Column<'a> {
 const POINT_COUNTS: Column = column("/VTKHDF/NumberOfPoints", 1, "");
 const POINTS: Column = column("/VTKHDF/Points", 3, "m");
 
-// Particles, as a picture shows them.
-const ID: Column = column("/VTKHDF/PointData/id", 1, "1");
-const SHAPE: Column = column("/VTKHDF/PointData/shape", 1, "1");
-const VELOCITY: Column = column("/VTKHDF/PointData/velocity", 3, "m/s");
-const FORCE: Column = column("/VTKHDF/PointData/force", 3, "N");
-const COORDINATION: Column = column("/VTKHDF/PointData/coordination", 1, "1");
-const RANK: Column = column("/VTKHDF/PointData/rank", 1, "1");
+/// The axes with which pictures draw a particle.
 const GLYPH_SEMI_AXES: Column = column("/VTKHDF/PointData/semi_axes", 3, "m");
-const QUATERNION: Column = column("/VTKHDF/PointData/quaternion", 4, "1");
-const ANGULAR_VELOCITY: Column = column("/VTKHDF/PointData/angular_velocity", 3, "rad/s");
-const TORQUE: Column = column("/VTKHDF/PointData/torque", 3, "N m");
 
-// What only a restart needs.
-const DISSIPATED: Column = column("/restart/particles/dissipated", 1, "J");
-const RECEIVED: Column = column("/restart/particles/received", 1, "J");
-const IMAGE: Column = column("/restart/particles/image", 3, "1");
-const ANGULAR_MOMENTUM: Column = column("/restart/particles/angular_momentum", 3, "kg m^2/s");
+// What a restart needs of contacts.
 const HISTORY_A: Column = column("/restart/contacts/a", 1, "1");
 const HISTORY_B: Column = column("/restart/contacts/b", 1, "1");
 const HISTORY_NORMAL: Column = column("/restart/contacts/normal", 3, "1");
@@ -85,23 +74,17 @@ pub fn contact_bytes(remembered: &[StateColumn]) -> usize {
     ELEMENT * (OF_CONTACT + of_history(remembered))
 }
 
-/// Elements at most of a particle: all columns, one vertex and its end.
-const OF_PARTICLE: usize = POINTS.width
-    + ID.width
-    + SHAPE.width
-    + VELOCITY.width
-    + FORCE.width
-    + COORDINATION.width
-    + RANK.width
-    + GLYPH_SEMI_AXES.width
-    + QUATERNION.width
-    + ANGULAR_VELOCITY.width
-    + TORQUE.width
-    + DISSIPATED.width
-    + RECEIVED.width
-    + IMAGE.width
-    + ANGULAR_MOMENTUM.width
-    + 2;
+/// Elements at most of a particle: all columns, the axes, one vertex and its end.
+fn elements_of_particle() -> usize {
+    let empty = ParticleTable::default();
+    let columns = PARTICLE_COLUMNS.iter().map(|column| column.of(&empty).labels().len());
+    columns.sum::<usize>() + GLYPH_SEMI_AXES.width + 2
+}
+
+/// Bytes of a particle in a snapshot of a scene with these needs, what is remembered of its contacts left out.
+pub fn particle_bytes(needs: &Needs) -> usize {
+    columns::particle_bytes(needs) + ELEMENT * (GLYPH_SEMI_AXES.width + 2)
+}
 
 /// Elements of a history.
 fn of_history(remembered: &[StateColumn]) -> usize {
@@ -285,8 +268,9 @@ fn check_lengths(
     contacts: &dyn Rows<ContactRow>,
     comm: &dyn Comm,
 ) -> Result<(), SnapshotError> {
-    let given = particles.columns().into_iter().filter(|c| !c.optional || c.rows > 0);
-    let particles = given.map(|column| ((column.name, column.rows), particles.id.len()));
+    let rows = |column: &ParticleColumn| column.of(particles).rows();
+    let given = PARTICLE_COLUMNS.iter().filter(|c| !c.is_optional() || rows(c) > 0);
+    let particles = given.map(|column| ((column.name, rows(column)), particles.id.len()));
     let contacts = contacts.uneven().map(|column| (column, contacts.count()));
     match particles.chain(contacts).find(|((_, rows), expected)| rows != expected) {
         None => Ok(()),
@@ -316,13 +300,6 @@ fn check_shapes(
     }
 }
 
-/// Whether any rank has rows of `columns`; one without particles cannot tell by itself.
-fn present<const N: usize>(columns: [usize; N], comm: &mut dyn Comm) -> [bool; N] {
-    let mut rows = columns.map(|rows| rows as i64);
-    comm.sum(&mut rows);
-    rows.map(|rows| rows > 0)
-}
-
 fn write_particles(
     path: &Path,
     header: &Header,
@@ -331,58 +308,32 @@ fn write_particles(
     comm: &mut dyn Comm,
 ) -> Result<(), SnapshotError> {
     let count = particles.id.len();
-    let [image, quaternion, angular_momentum, angular_velocity, torque] = present(
-        [
-            particles.image.len(),
-            particles.quaternion.len(),
-            particles.angular_momentum.len(),
-            particles.angular_velocity.len(),
-            particles.torque.len(),
-        ],
-        comm,
-    );
+    // A rank without particles cannot tell by itself which columns the scene needs.
+    let mut rows = PARTICLE_COLUMNS.each_ref().map(|column| column.of(particles).rows() as i64);
+    comm.sum(&mut rows);
+    let is_there = |column: &ParticleColumn, rows: i64| rows > 0 || !column.is_optional();
     let of_history = of_history(histories.columns());
-    let elements = count * OF_PARTICLE + histories.count() * of_history + OF_PART;
+    let elements = count * elements_of_particle() + histories.count() * of_history + OF_PART;
     let mut file = create(path, elements, header, comm)?;
 
     file.group("/VTKHDF")?;
     vtk_version(&mut file)?;
     file.rows(&POINT_COUNTS, &[count as i64])?;
-    file.rows(&POINTS, numbers(&particles.position))?;
     cells(&mut file, "Vertices", count, 1)?;
     for category in ["Lines", "Polygons", "Strips"] {
         cells(&mut file, category, 0, 1)?;
     }
-
-    file.group("/VTKHDF/PointData")?;
-    file.rows(&ID, &file_ids(&particles.id))?;
-    file.rows(&SHAPE, &particles.shape.iter().map(|s| s.0).collect::<Vec<_>>())?;
+    file.group("/restart")?;
+    for group in ["/VTKHDF/PointData", "/restart/particles"] {
+        file.group(group)?;
+    }
+    for (column, rows) in PARTICLE_COLUMNS.iter().zip(rows) {
+        if is_there(column, rows) {
+            column.write(particles, &mut file)?;
+        }
+    }
     let semi_axes = particles.shape.iter().map(|s| header.shapes[s.index()].semi_axes);
     file.rows(&GLYPH_SEMI_AXES, numbers(&semi_axes.collect::<Vec<_>>()))?;
-    if quaternion {
-        file.rows(&QUATERNION, particles.quaternion.as_flattened())?;
-    }
-    file.rows(&VELOCITY, numbers(&particles.velocity))?;
-    if angular_velocity {
-        file.rows(&ANGULAR_VELOCITY, numbers(&particles.angular_velocity))?;
-    }
-    file.rows(&FORCE, numbers(&particles.force))?;
-    if torque {
-        file.rows(&TORQUE, numbers(&particles.torque))?;
-    }
-    file.rows(&COORDINATION, &particles.coordination)?;
-    file.rows(&RANK, &particles.rank)?;
-
-    file.group("/restart")?;
-    file.group("/restart/particles")?;
-    file.rows(&DISSIPATED, &particles.dissipated)?;
-    file.rows(&RECEIVED, &particles.received)?;
-    if image {
-        file.rows(&IMAGE, particles.image.as_flattened())?;
-    }
-    if angular_momentum {
-        file.rows(&ANGULAR_MOMENTUM, numbers(&particles.angular_momentum))?;
-    }
 
     write_histories(&mut file, histories)?;
     write_header(&mut file, header)?;
@@ -699,7 +650,7 @@ impl Tabulated<'_> {
 
     fn texts(&self, column: &Column) -> Result<Vec<String>, SnapshotError> {
         let texts = self.file.texts(column)?;
-        if texts.len() == self.rows { Ok(texts) } else { Err(uneven(self.file, column)) }
+        if texts.len() == self.rows { Ok(texts) } else { Err(self.file.uneven(column)) }
     }
 
     fn geometries(&self) -> Result<Vec<Option<Shape>>, SnapshotError> {
@@ -716,10 +667,6 @@ impl Tabulated<'_> {
         let texts = self.texts(&SHAPE_GEOMETRY)?;
         texts.iter().map(|text| serde_json::from_str(text).map_err(unreadable)).collect()
     }
-}
-
-fn uneven(file: &StoredFile, column: &Column) -> SnapshotError {
-    SnapshotError::unreadable(file.path(), &format!("{} has another length", column.place))
 }
 
 /// An opened snapshot, read serially: any rank, or a program without MPI, opens it for itself.
@@ -795,7 +742,7 @@ impl Reader {
         let real = agree(comm, real)?;
         let particles = StoredFile::open(&real, comm)?;
         let read = || {
-            if !particles.has(ID.place) {
+            if !particles.has("/VTKHDF/PointData/id") {
                 let cause =
                     "it has no particles; was a contacts file meant to be a particles file?";
                 return Err(SnapshotError::unreadable(&real, &cause));
@@ -835,22 +782,11 @@ impl Reader {
     /// [`SnapshotError::Beyond`], [`SnapshotError::Unreadable`], [`SnapshotError::Damaged`].
     pub fn particles(&self, rows: Range<usize>) -> Result<ParticleTable, SnapshotError> {
         let table = Piece { file: &self.particles, total: self.particle_count, rows };
-        Ok(ParticleTable {
-            id: table.ids(&ID)?,
-            shape: table.read::<u16>(&SHAPE)?.into_iter().map(ShapeId).collect(),
-            position: table.vectors(&POINTS)?,
-            velocity: table.vectors(&VELOCITY)?,
-            force: table.vectors(&FORCE)?,
-            coordination: table.read(&COORDINATION)?,
-            rank: table.read(&RANK)?,
-            dissipated: table.read(&DISSIPATED)?,
-            received: table.read(&RECEIVED)?,
-            image: table.if_there(&IMAGE, |c| Ok(groups(&table.read::<i32>(c)?)))?,
-            quaternion: table.if_there(&QUATERNION, |c| Ok(groups(&table.read::<f64>(c)?)))?,
-            angular_momentum: table.if_there(&ANGULAR_MOMENTUM, |c| table.vectors(c))?,
-            angular_velocity: table.if_there(&ANGULAR_VELOCITY, |c| table.vectors(c))?,
-            torque: table.if_there(&TORQUE, |c| table.vectors(c))?,
-        })
+        let mut particles = ParticleTable::default();
+        for column in &PARTICLE_COLUMNS {
+            column.read(&mut particles, &table)?;
+        }
+        Ok(particles)
     }
 
     /// How many contacts it has.
@@ -872,15 +808,15 @@ impl Reader {
         let ends = Piece { file, total: 2 * total, rows: twice(&rows) };
         let table = Piece { file, total, rows };
         Ok(ContactTable {
-            a: table.ids(&A)?,
-            b: table.ids(&B)?,
-            centre: ends.vectors(&POINTS)?.into_iter().step_by(2).collect(),
-            branch: table.vectors(&BRANCH)?,
-            point: table.vectors(&CONTACT_POINT)?,
-            normal: table.vectors(&NORMAL)?,
+            a: ids(&table, &A)?,
+            b: ids(&table, &B)?,
+            centre: read_vectors(&ends, &POINTS)?.into_iter().step_by(2).collect(),
+            branch: read_vectors(&table, &BRANCH)?,
+            point: read_vectors(&table, &CONTACT_POINT)?,
+            normal: read_vectors(&table, &NORMAL)?,
             overlap: table.read(&OVERLAP)?,
             normal_force: table.read(&NORMAL_FORCE)?,
-            shear_force: table.vectors(&SHEAR_FORCE)?,
+            shear_force: read_vectors(&table, &SHEAR_FORCE)?,
         })
     }
 
@@ -895,8 +831,8 @@ impl Reader {
     /// As [`Reader::particles`].
     pub fn histories(&self, rows: Range<usize>) -> Result<HistoryTable, SnapshotError> {
         let table = Piece { file: &self.particles, total: self.history_count, rows };
-        let (a, b) = (table.ids(&HISTORY_A)?, table.ids(&HISTORY_B)?);
-        let normal = table.vectors(&HISTORY_NORMAL)?;
+        let (a, b) = (ids(&table, &HISTORY_A)?, ids(&table, &HISTORY_B)?);
+        let normal = read_vectors(&table, &HISTORY_NORMAL)?;
         let overlap: Vec<f64> = table.read(&HISTORY_OVERLAP)?;
         let remembered = self.remembered()?;
         let mut states: Vec<Vec<f64>> = Vec::new();
@@ -993,41 +929,12 @@ fn open_contacts(particles: &Path, header: &Header) -> Result<StoredFile, Snapsh
     }
 }
 
-/// Rows of a file whose columns have `total` rows.
-struct Piece<'a> {
-    file: &'a StoredFile,
-    total: usize,
-    rows: Range<usize>,
+fn ids(piece: &Piece, column: &Column) -> Result<Vec<GlobalId>, SnapshotError> {
+    Ok(GlobalId::from_elements(piece.read(column)?))
 }
 
-impl Piece<'_> {
-    fn read<T: super::hdf5::Element>(&self, column: &Column) -> Result<Vec<T>, SnapshotError> {
-        if self.file.count(column.place)? != self.total {
-            return Err(uneven(self.file, column));
-        }
-        self.file.rows(column, self.rows.clone())
-    }
-
-    fn vectors(&self, column: &Column) -> Result<Vec<Vec3>, SnapshotError> {
-        self.read(column).map(|numbers| vectors(&numbers))
-    }
-
-    fn ids(&self, column: &Column) -> Result<Vec<GlobalId>, SnapshotError> {
-        Ok(self.read::<i64>(column)?.into_iter().map(GlobalId::from_file).collect())
-    }
-
-    /// An optional column is empty if the file does not have it.
-    fn if_there<T>(
-        &self,
-        column: &Column,
-        read: impl FnOnce(&Column) -> Result<Vec<T>, SnapshotError>,
-    ) -> Result<Vec<T>, SnapshotError> {
-        if self.file.has(column.place) { read(column) } else { Ok(Vec::new()) }
-    }
-}
-
-fn file_ids(ids: &[GlobalId]) -> Vec<i64> {
-    ids.iter().map(|id| id.to_file()).collect()
+fn read_vectors(piece: &Piece, column: &Column) -> Result<Vec<Vec3>, SnapshotError> {
+    Ok(vectors(&piece.read(column)?))
 }
 
 fn numbers(vectors: &[Vec3]) -> &[f64] {

@@ -6,7 +6,7 @@
 
 use crate::contact::{NamedHistory, StateColumn};
 use crate::ids::GlobalId;
-use crate::output::columns::NamedColumn;
+use crate::output::columns::{PARTICLE_COLUMNS, ParticleColumn, Values};
 use crate::output::tables::{Header, HistoryTable, ParticleTable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -114,15 +114,17 @@ impl Difference {
             ..Self::default()
         };
         let (first, second) = (&first.particles, &second.particles);
-        let (mine, theirs) = (columns(first), columns(second));
         // An optional column may be missing in one: then there is nothing to compare it with.
         let mut shared = Vec::new();
-        for (a, b) in mine.iter().zip(&theirs) {
+        // Matched by id; the owner is no state.
+        let compared = PARTICLE_COLUMNS.iter().filter(|c| !["id", "rank"].contains(&c.name));
+        for column in compared {
+            let (a, b) = (column.of(first), column.of(second));
             // In a table without rows every column counts as present: nobody can tell.
-            match (a.rows == first.id.len(), b.rows == second.id.len()) {
-                (true, true) => shared.push((a, b)),
+            match (a.rows() == first.id.len(), b.rows() == second.id.len()) {
+                (true, true) => shared.push((column, a, b)),
                 (false, false) => {}
-                _ => found.only_one_column.push(a.name.to_string()),
+                _ => found.only_one_column.push(column.name.to_string()),
             }
         }
         for (id, pair) in matched(first.id.iter().copied(), second.id.iter().copied()) {
@@ -138,30 +140,31 @@ impl Difference {
     fn compare_rows(
         &mut self,
         id: GlobalId,
-        shared: &[(&NamedColumn, &NamedColumn)],
+        shared: &[(&ParticleColumn, &dyn Values, &dyn Values)],
         first_row: usize,
         second_row: usize,
     ) {
         self.compared += 1;
         let mut any = false;
-        for (a, b) in shared {
+        for (column, a, b) in shared {
+            let name = column.name;
             let mut differs = false;
-            for (component, label) in a.components.iter().enumerate() {
-                let (x, y) = ((a.value)(first_row, component), (b.value)(second_row, component));
+            for (component, label) in a.labels().iter().enumerate() {
+                let (x, y) = (a.number(first_row, component), b.number(second_row, component));
                 if x.to_bits() == y.to_bits() {
                     continue;
                 }
                 differs = true;
                 let distance = distance(x, y);
-                let entry = self.columns.entry(a.name.to_string()).or_default();
+                let entry = self.columns.entry(name.to_string()).or_default();
                 entry.largest = entry.largest.max(distance);
                 if self.first.len() < NAMED {
-                    let column = format!("{}{label}", a.name);
+                    let column = format!("{name}{label}");
                     self.first.push(ValueDifference { id, column, first: x, second: y });
                 }
             }
             if differs {
-                self.columns.entry(a.name.to_string()).or_default().rows += 1;
+                self.columns.entry(name.to_string()).or_default().rows += 1;
                 any = true;
             }
         }
@@ -265,11 +268,6 @@ fn matched<T: Ord>(
 fn distance(x: f64, y: f64) -> f64 {
     let distance = (x - y).abs();
     if distance.is_nan() { f64::INFINITY } else { distance }
-}
-
-/// The columns of the state: all but the owner.
-fn columns(table: &ParticleTable) -> Vec<NamedColumn<'_>> {
-    table.columns().into_iter().filter(|column| column.name != "rank").collect()
 }
 
 fn header_differences(first: &Header, second: &Header) -> Vec<String> {

@@ -6,7 +6,7 @@ use crate::contact::{ContactResolver, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
 use crate::ids::MaterialId;
 use crate::math::{ExactSum, Vec3};
-use crate::output::snapshot::contact_bytes;
+use crate::output::snapshot::{contact_bytes, particle_bytes};
 use crate::shape::moments::Placement;
 use crate::shape::{Kind, Shape};
 use std::collections::BTreeSet;
@@ -254,7 +254,7 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
             size(share.ghosts * 8.0 * needs.halo_values() as f64)
         ),
     );
-    let particles = count * snapshot_bytes_per_particle(scene);
+    let particles = count * particle_bytes(&scene.needs()) as u64;
     let contacts = count * CONTACTS_PER_PARTICLE * contact_bytes(scene.law().state()) as u64;
     // One at the start, those on schedule, and one at the end.
     let snapshots = match scene.snapshot_every {
@@ -269,19 +269,6 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
             size(contacts as f64)
         ),
     );
-}
-
-fn snapshot_bytes_per_particle(scene: &Scene) -> u64 {
-    let needs = scene.needs();
-    // id, shape, coordination, rank, three vectors and the semi-axes, two energies, the vertex's table
-    8 + 2
-        + 8
-        + 96
-        + 16
-        + 16
-        + if needs.spin { 72 } else { 0 }
-        + if needs.attitude { 32 } else { 0 }
-        + if needs.image { 12 } else { 0 }
 }
 
 /// The share of the busiest of several ranks in the settled bed.
