@@ -2,12 +2,26 @@
 
 /// A vector of three.
 pub type Vec3 = nalgebra::Vector3<f64>;
-/// A vector of three, and a number.
-pub type Vec4 = nalgebra::Vector4<f64>;
 /// A three-by-three matrix.
 pub type Mat3 = nalgebra::Matrix3<f64>;
 /// A rotation from a body's own axes to the world.
 pub type Quat = nalgebra::UnitQuaternion<f64>;
+
+/// A vector of three and a number, in one line of the cache: four numbers are added at once.
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C, align(32))]
+pub struct Vec3AndNumber {
+    /// The vector.
+    pub vector: Vec3,
+    /// What stands behind it.
+    pub number: f64,
+}
+
+impl From<Vec3> for Vec3AndNumber {
+    fn from(vector: Vec3) -> Self {
+        Self { vector, number: 0.0 }
+    }
+}
 
 /// The exact sum of any number of finite `f64`: a fixed-point number wide enough for all of them.
 ///

@@ -43,7 +43,7 @@ impl Field {
     /// Force on a particle but for global damping: its contacts and gravity [N].
     #[inline]
     pub fn force(&self, particles: &Particles, slot: usize) -> Vec3 {
-        particles.force[slot].xyz() + self.gravity * particles.mass(slot)
+        particles.force[slot].vector + self.gravity * particles.mass(slot)
     }
 
     /// The velocity that the second kick of a step of `dt` [s] turns into `velocity` where nothing touches [m/s]: that of
@@ -108,7 +108,7 @@ impl Kick {
         for slot in 0..*owned {
             let inertia = library.inertia[shape[slot].index()].x;
             let before = spin.angular_velocity[slot];
-            let after = self.after(&before, &spin.torque[slot].xyz(), inertia);
+            let after = self.after(&before, &spin.torque[slot].vector, inertia);
             spin.angular_velocity[slot] = after;
             if self.damping > 0.0 {
                 let at_positions = if self.is_first { &before } else { &after };
@@ -176,7 +176,7 @@ fn kick_momenta(particles: &mut Particles, kick: Kick) {
     for slot in 0..particles.owned {
         let Some(spin) = &mut particles.spin else { return };
         let before = spin.angular_velocity[slot];
-        let momentum = kick.after(&spin.angular_momentum[slot], &spin.torque[slot].xyz(), 1.0);
+        let momentum = kick.after(&spin.angular_momentum[slot], &spin.torque[slot].vector, 1.0);
         spin.angular_momentum[slot] = momentum;
         if kick.damping > 0.0 {
             let after = particles.angular_velocity_for(slot, &momentum);
@@ -193,7 +193,7 @@ pub fn step_energy(particles: &Particles, slot: usize, field: &Field, dt: f64) -
     let acceleration = force / particles.mass(slot) - velocity * field.damping;
     let mut energy = force.dot(&acceleration);
     if let Some(spin) = &particles.spin {
-        let torque = spin.torque[slot].xyz();
+        let torque = spin.torque[slot].vector;
         let kick = torque - particles.angular_momentum(slot) * field.damping;
         energy += particles.angular_velocity_for(slot, &kick).dot(&torque);
     }
@@ -282,13 +282,13 @@ impl Turn<'_> {
         let shapes = &shape[first..first + count];
 
         let mut momenta = [spin.angular_momentum[first].as_ref(); WIDTH];
-        let mut torques = [spin.torque[first].as_ref(); WIDTH];
+        let mut torques = [bytemuck::cast_ref(&spin.torque[first]); WIDTH];
         let mut quaternions = [attitude.quaternion[first].coords.as_ref(); WIDTH];
         let mut inertias = [library.inertia[shapes[0].index()].as_ref(); WIDTH];
         for lane in 0..WIDTH {
             let slot = first + lane.min(count - 1);
             momenta[lane] = spin.angular_momentum[slot].as_ref();
-            torques[lane] = spin.torque[slot].as_ref();
+            torques[lane] = bytemuck::cast_ref(&spin.torque[slot]);
             quaternions[lane] = attitude.quaternion[slot].coords.as_ref();
             inertias[lane] = library.inertia[shape[slot].index()].as_ref();
         }

@@ -846,7 +846,7 @@ mod tests {
     use crate::lanes::{self, Kernel, Portable};
     use crate::law::linear::Linear;
     use crate::law::{Constants, ForceLaw, Interactions, Last, Sums, Work};
-    use crate::math::{Vec3, Vec4};
+    use crate::math::{Vec3, Vec3AndNumber};
     use crate::particles::{Particles, crowd};
     use crate::random::Random;
 
@@ -886,7 +886,7 @@ mod tests {
             run: impl Fn(Contacts<Linear>),
         ) -> Found {
             let count = self.pairs.len();
-            let zeros = vec![Vec4::zeros(); particles.owned];
+            let zeros = vec![Vec3AndNumber::default(); particles.owned];
             let mut found = Found {
                 state: vec![0.0; count * law.width],
                 forces: vec![Vec3::zeros(); count],
@@ -916,7 +916,11 @@ mod tests {
 
         fn bits_of_sums(&self) -> Vec<u64> {
             let Sums { force, torque, .. } = &self.sums;
-            force.iter().chain(torque).flatten().map(|x| x.to_bits()).collect()
+            bytemuck::cast_slice(force)
+                .iter()
+                .chain(bytemuck::cast_slice(torque))
+                .copied()
+                .collect()
         }
     }
 

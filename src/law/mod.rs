@@ -115,7 +115,7 @@ pub mod stability;
 use crate::contact::{History, Pair, Place, StateColumn};
 use crate::ids::MaterialId;
 use crate::lanes::Row;
-use crate::math::{Vec3, Vec4};
+use crate::math::{Vec3, Vec3AndNumber};
 use crate::particles::{Library, Needs, Particles, held};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -247,9 +247,9 @@ impl Interactions {
 /// Adds a row to the sum of a body, if it is one that is summed.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
-fn add(sums: &mut [Vec4], slot: usize, row: impl Row) {
+fn add(sums: &mut [Vec3AndNumber], slot: usize, row: impl Row) {
     if let Some(sum) = sums.get_mut(slot) {
-        row.add_to(sum.as_mut());
+        row.add_to(bytemuck::cast_mut(sum));
     }
 }
 
@@ -321,9 +321,9 @@ pub struct Parted {
 #[derive(Debug, Default)]
 pub struct Sums {
     /// Force [N], and energy lost since the last step [J].
-    force: Vec<Vec4>,
+    force: Vec<Vec3AndNumber>,
     /// Moment about the centre [N m], and a zero; none if nothing turns.
-    torque: Vec<Vec4>,
+    torque: Vec<Vec3AndNumber>,
     /// Of moving walls, in the order of the particles' ids, then of the walls.
     wall_work: Vec<WallWork>,
 }
@@ -336,7 +336,7 @@ impl Sums {
             self.torque = std::mem::take(&mut spin.torque);
         }
         for sum in [&mut self.force, &mut self.torque] {
-            sum.fill(Vec4::zeros());
+            sum.fill(Vec3AndNumber::default());
         }
         self.wall_work.clear();
     }
@@ -348,7 +348,7 @@ impl Sums {
             spin.torque = std::mem::take(&mut self.torque);
         }
         for (all, sum) in particles.dissipated.iter_mut().zip(&particles.force) {
-            *all += sum.w;
+            *all += sum.number;
         }
         for of_one in self.wall_work.chunk_by(|one, other| one.pair.a == other.pair.a) {
             let slot = of_one[0].pair.a.index();

@@ -892,4 +892,3 @@ impl Piece<'_> {
         self.file.rows(column, self.rows.clone())
     }
 }
-

@@ -10,7 +10,7 @@ pub mod walls;
 use crate::cell::Cell;
 use crate::contact::Bodies;
 use crate::ids::{GlobalId, MaterialId, ShapeId, Slot};
-use crate::math::{Quat, Vec3, Vec4};
+use crate::math::{Quat, Vec3, Vec3AndNumber};
 use crate::shape::{Form, Shape};
 use records::Particle;
 use serde::{Deserialize, Serialize};
@@ -124,7 +124,7 @@ pub struct Spin {
     /// kick, see [`Particles::angular_velocity`]. Length: all slots.
     pub angular_velocity: Vec<Vec3>,
     /// World axes [N m], and a zero: four numbers are added at once. Length: owned.
-    pub torque: Vec<Vec4>,
+    pub torque: Vec<Vec3AndNumber>,
 }
 
 /// Attitude columns, where the scene needs them.
@@ -189,7 +189,7 @@ pub struct Particles {
     pub velocity: Vec<Vec3>,
     /// Sum of the contact forces, gravity and damping not in it [N], and the energy that contacts lost in the last step [J]:
     /// four numbers are added at once. Length: owned.
-    pub force: Vec<Vec4>,
+    pub force: Vec<Vec3AndNumber>,
     /// Positions when the pairs were listed [m]. Length: owned.
     pub listed_at: Vec<Vec3>,
     /// How far any point of the body can have moved since the pairs were listed, along its way [m].
@@ -378,7 +378,7 @@ impl Particles {
         self.shape.push(*shape);
         self.position.push(*position);
         self.velocity.push(*velocity);
-        self.force.push(force.push(0.0));
+        self.force.push((*force).into());
         self.listed_at.push(*position);
         self.dissipated.push(*dissipated);
         self.received.push(*received);
@@ -400,7 +400,7 @@ impl Particles {
                 spin.angular_momentum.push(*angular_momentum);
             }
             spin.angular_velocity.push(angular_velocity);
-            spin.torque.push(torque.push(0.0));
+            spin.torque.push((*torque).into());
         }
     }
 
@@ -418,14 +418,14 @@ impl Particles {
             if self.needs.attitude {
                 spin.angular_momentum.swap_remove(slot);
             }
-            (spin.angular_velocity.swap_remove(slot), spin.torque.swap_remove(slot).xyz())
+            (spin.angular_velocity.swap_remove(slot), spin.torque.swap_remove(slot).vector)
         });
         let particle = Particle {
             id: self.id.swap_remove(slot),
             shape: self.shape.swap_remove(slot),
             position: self.position.swap_remove(slot),
             velocity: self.velocity.swap_remove(slot),
-            force: self.force.swap_remove(slot).xyz(),
+            force: self.force.swap_remove(slot).vector,
             dissipated: self.dissipated.swap_remove(slot),
             received: self.received.swap_remove(slot),
             image: if self.needs.image { self.image.swap_remove(slot) } else { [0; 3] },

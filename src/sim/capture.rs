@@ -6,7 +6,7 @@ use crate::contact::{Histories, NamedHistory, Pair, StateColumn};
 use crate::contacts::Loaded;
 use crate::drive::servo::{Course, Errors, ForceSum, Memory, PARTS, State};
 use crate::ids::{GlobalId, Rank, ShapeId};
-use crate::math::{ExactSum, Quat, Vec3, Vec4};
+use crate::math::{ExactSum, Quat, Vec3};
 use crate::motion;
 use crate::output::snapshot::MOST_PARTS;
 use crate::output::tables::{
@@ -171,7 +171,7 @@ impl Simulation {
             shape: particles.shape[owned.clone()].to_vec(),
             position: particles.position[owned.clone()].to_vec(),
             velocity: particles.velocity[owned.clone()].to_vec(),
-            force: particles.force.iter().map(Vec4::xyz).collect(),
+            force: particles.force.iter().map(|row| row.vector).collect(),
             coordination: self.contacts.coordination(particles.owned),
             rank: vec![rank.0 as i32; particles.owned],
             dissipated: particles.dissipated.clone(),
@@ -186,7 +186,7 @@ impl Simulation {
         if let Some(spin) = &particles.spin {
             table.angular_momentum = owned.clone().map(|s| particles.angular_momentum(s)).collect();
             table.angular_velocity = owned.map(|s| particles.angular_velocity(s)).collect();
-            table.torque = spin.torque.iter().map(Vec4::xyz).collect();
+            table.torque = spin.torque.iter().map(|row| row.vector).collect();
         }
         table
     }

@@ -360,7 +360,7 @@ fn lost(step: u64, error: DomainError, sim: &Simulation, comm: &mut dyn Comm) ->
             "particle {id}: position {} m, velocity {} m/s, force of its contacts {} N",
             vector(particles.position[slot]),
             vector(particles.velocity[slot]),
-            vector(particles.force[slot].xyz()),
+            vector(particles.force[slot].vector),
         )
     });
     let states = comm.gather(wire::encode(&state)).unwrap_or_default();
@@ -430,7 +430,10 @@ fn save(
     history.map_or(Ok(()), History::sync)?;
     let checked = sim.domain.check(&sim.particles).and_then(|()| {
         let forces = sim.particles.id.iter().zip(&sim.particles.force);
-        match forces.into_iter().find(|(_, force)| !force.norm().is_finite()) {
+        match forces
+            .into_iter()
+            .find(|(_, force)| !(force.vector.norm() + force.number).is_finite())
+        {
             Some((&id, _)) => Err(DomainError::NotFinite { id }),
             None => Ok(()),
         }

@@ -35,7 +35,7 @@ impl Simulation {
         };
         vector("position", particles.position[slot]);
         vector("velocity", particles.velocity[slot]);
-        vector("force", particles.force[slot].xyz());
+        vector("force", particles.force[slot].vector);
         if let Some(attitude) = &particles.attitude {
             let q = attitude.quaternion[slot];
             let _ = write!(text, " quaternion={}", commas(&[q.w, q.i, q.j, q.k]));
@@ -45,7 +45,7 @@ impl Simulation {
                 let _ = write!(text, " {name}={}", commas(value.as_slice()));
             };
             vector("angular_momentum", particles.angular_momentum(slot));
-            vector("torque", spin.torque[slot].xyz());
+            vector("torque", spin.torque[slot].vector);
         }
         let mut lines = Vec::new();
         for contact in self.contacts.loaded(&*self.law, particles) {

@@ -109,7 +109,7 @@ fn contacts_after(scene: &Scene, steps: u32, kicked: bool) -> f64 {
             let force = sim.field.force(&sim.particles, slot);
             sim.particles.velocity[slot] = force * (half / sim.particles.mass(slot));
             let spin = sim.particles.spin.as_mut().expect("grains turn");
-            spin.angular_momentum[slot] = spin.torque[slot].xyz() * half;
+            spin.angular_momentum[slot] = spin.torque[slot].vector * half;
         }
     }
     for _ in 0..steps {
