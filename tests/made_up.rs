@@ -1,11 +1,9 @@
 //! Made-up tables: every number differs from every other, so that nothing can be mixed up unseen.
 
-use dem_mpi::contact::{History, NamedHistory, StateColumn};
+use dem_mpi::contact::{Histories, History, NamedHistory, StateColumn};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{ExactSum, Vec3};
-use dem_mpi::output::tables::{
-    ContactTable, Header, HistoryTable, ParticleTable, ServoRow, ShapeRow, WallRow,
-};
+use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ServoRow, ShapeRow, WallRow};
 use dem_mpi::shape::{Shape, Sphere};
 use std::ops::Range;
 
@@ -14,7 +12,7 @@ use std::ops::Range;
 pub(crate) struct Tables {
     pub(crate) particles: ParticleTable,
     pub(crate) contacts: ContactTable,
-    pub(crate) histories: HistoryTable,
+    pub(crate) histories: Histories,
 }
 
 /// Numbers that are exact nowhere and all different.
@@ -132,9 +130,9 @@ pub(crate) fn contacts(rows: Range<u64>) -> ContactTable {
     table
 }
 
-pub(crate) fn histories(rows: Range<u64>) -> HistoryTable {
+pub(crate) fn histories(rows: Range<u64>) -> Histories {
     // In the order in which a file is read: by name.
-    let mut table = HistoryTable::of(&[
+    let mut table = Histories::of(&[
         StateColumn::new("bond", 1, "1"),
         StateColumn::new("spring", 3, "m"),
         StateColumn::new("turned", 2, "rad"),

@@ -6,8 +6,7 @@
 use super::columns::{self, PARTICLE_COLUMNS, ParticleColumn, Value as _};
 use super::hdf5::{Column, Piece, SnapshotFile, StoredFile};
 use super::tables::{
-    ContactRow, ContactTable, Header, HistoryRows, HistoryTable, ParticleTable, Rows, ServoRow,
-    ShapeRow, WallRow,
+    ContactRow, ContactTable, Header, HistoryRows, ParticleTable, Rows, ServoRow, ShapeRow, WallRow,
 };
 use super::{SnapshotError, make_directory, on_root};
 use crate::comm::alone::Alone;
@@ -150,7 +149,7 @@ pub fn write(
     header: &Header,
     particles: &ParticleTable,
     contacts: &ContactTable,
-    histories: &HistoryTable,
+    histories: &Histories,
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, SnapshotError> {
     write_rows(directory, header, particles, contacts, histories, comm)
@@ -829,7 +828,7 @@ impl Reader {
     ///
     /// # Errors
     /// As [`Reader::particles`].
-    pub fn histories(&self, rows: Range<usize>) -> Result<HistoryTable, SnapshotError> {
+    pub fn histories(&self, rows: Range<usize>) -> Result<Histories, SnapshotError> {
         let table = Piece { file: &self.particles, total: self.history_count, rows };
         let (a, b) = (ids(&table, &HISTORY_A)?, ids(&table, &HISTORY_B)?);
         let normal = read_vectors(&table, &HISTORY_NORMAL)?;

@@ -328,6 +328,3 @@ impl ContactTable {
         self.normal[contact] * self.normal_force[contact] + self.shear_force[contact]
     }
 }
-
-/// Histories of touching contacts, for a restart.
-pub type HistoryTable = Histories;

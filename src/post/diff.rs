@@ -4,10 +4,10 @@
 //! owning rank is not part of the state and is not compared. Springs and all else that is remembered of
 //! touching contacts are matched by the ids of both bodies. Both states are held in memory.
 
-use crate::contact::{NamedHistory, StateColumn};
+use crate::contact::{Histories, NamedHistory, StateColumn};
 use crate::ids::GlobalId;
 use crate::output::columns::{PARTICLE_COLUMNS, ParticleColumn, Values};
-use crate::output::tables::{Header, HistoryTable, ParticleTable};
+use crate::output::tables::{Header, ParticleTable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -25,7 +25,7 @@ pub struct State {
     /// The particles, in any order.
     pub particles: ParticleTable,
     /// What is remembered of touching contacts, in any order.
-    pub histories: HistoryTable,
+    pub histories: Histories,
 }
 
 /// Names a contact: the lower id, the higher id.
@@ -181,7 +181,7 @@ impl ContactDifference {
             && self.differing == 0
     }
 
-    fn between(first: &HistoryTable, second: &HistoryTable) -> Self {
+    fn between(first: &Histories, second: &Histories) -> Self {
         let mut found = Self::default();
         // What only one of them remembers has nothing to be compared with.
         let mut shared = vec![];
