@@ -82,9 +82,12 @@ fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
 
     let geometry = normal.rows(overlap);
     let contacts = &mut found.contacts;
-    if touching == u8::MAX && indices.len() == WIDTH && contacts.without_points {
+    if let Some(eight) = indices.first_chunk::<WIDTH>()
+        && touching == u8::MAX
+        && contacts.without_points
+    {
         // As most are that are looked at.
-        contacts.pair.extend_from_slice(indices);
+        contacts.pair.extend_from_slice(eight);
         let start = contacts.geometry.len();
         contacts.geometry.resize(start + WIDTH, History::default());
         for (contact, row) in contacts.geometry[start..].iter_mut().zip(geometry) {
