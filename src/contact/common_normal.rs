@@ -233,6 +233,11 @@ impl Octet {
         let certain = overlap.less(self.certain(batch));
         let touching = zero.less(before.delta) & zero.less(overlap);
         let good = downhill & short & trusted & certain & touching;
+        if good == u8::MAX && self.count == WIDTH {
+            found.contacts.push_eight(&self.index, overlap, normal, point);
+            self.count = 0;
+            return;
+        }
 
         let touches = Touches::of(overlap, normal, point);
         let delta = before.delta.store();

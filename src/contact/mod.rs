@@ -42,7 +42,7 @@ pub use sphere_sphere::SphereSphere;
 
 use crate::cell::Cell;
 use crate::ids::{ShapeId, Slot};
-use crate::lanes::{Eight, Gather, Triple, WIDTH};
+use crate::lanes::{Eight, Gather, Row as _, Triple, WIDTH};
 use crate::math::{Mat3, Quat, Vec3};
 use crate::shape::{Core, Form, Kind, Shape};
 
@@ -219,6 +219,31 @@ impl Touching {
         self.geometry.push(History { normal, overlap });
         if !self.without_points {
             self.point.push(point);
+        }
+    }
+
+    /// The same of eight pairs.
+    #[expect(clippy::inline_always, reason = "see `lanes`")]
+    #[inline(always)]
+    fn push_eight<L: Eight>(
+        &mut self,
+        pairs: &[u32; WIDTH],
+        overlap: L,
+        normal: Triple<L>,
+        point: Triple<L>,
+    ) {
+        let start = self.pair.len();
+        self.pair.extend_from_slice(pairs);
+        self.geometry.resize(start + WIDTH, History::default());
+        for (geometry, row) in self.geometry[start..].iter_mut().zip(normal.rows(overlap)) {
+            row.write(bytemuck::cast_mut(geometry));
+        }
+        if !self.without_points {
+            self.point.resize(start + WIDTH, Vec3::zeros());
+            for (point, row) in self.point[start..].iter_mut().zip(point.rows(overlap)) {
+                let [x, y, z, _] = row.numbers();
+                *point = Vec3::new(x, y, z);
+            }
         }
     }
 

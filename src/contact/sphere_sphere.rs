@@ -6,8 +6,8 @@
 
 use super::in_lanes::{self, InLanes};
 use super::{
-    Batch, Bodies, ContactResolver, Found, History, Outcome, Posed, Touch, Why, bodies_at,
-    touch_of_ball, vectors,
+    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Why, bodies_at, touch_of_ball,
+    vectors,
 };
 use crate::ids::Slot;
 use crate::lanes::{Eight, Row as _, WIDTH, row};
@@ -80,22 +80,15 @@ fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
     let zero = L::all(0.0);
     let (touching, apart) = (zero.less(overlap) & zero.less(distance), overlap.at_most(zero));
 
-    let geometry = normal.rows(overlap);
-    let contacts = &mut found.contacts;
+    let point = normal.times(radius - L::all(0.5) * overlap);
     if let Some(eight) = indices.first_chunk::<WIDTH>()
         && touching == u8::MAX
-        && contacts.without_points
     {
         // As most are that are looked at.
-        contacts.pair.extend_from_slice(eight);
-        let start = contacts.geometry.len();
-        contacts.geometry.resize(start + WIDTH, History::default());
-        for (contact, row) in contacts.geometry[start..].iter_mut().zip(geometry) {
-            row.write(bytemuck::cast_mut(contact));
-        }
+        found.contacts.push_eight(eight, overlap, normal, point);
         return;
     }
-    let points = normal.times(radius - L::all(0.5) * overlap).store();
+    let (geometry, points) = (normal.rows(overlap), point.store());
     for (lane, &pair) in indices.iter().enumerate() {
         let [x, y, z, overlap] = geometry[lane].numbers();
         if touching >> lane & 1 == 1 {
