@@ -1,9 +1,9 @@
-//! The columns of particles in snapshots. Each is declared once, in [`PARTICLE_COLUMNS`]: writing, reading, comparing and the
-//! bytes of `--plan` follow.
+//! The columns of particles and contacts in snapshots. Each is declared once, in [`PARTICLE_COLUMNS`] or
+//! [`CONTACT_COLUMNS`]: writing, reading, comparing and the bytes of `--plan` follow.
 
 use super::SnapshotError;
 use super::hdf5::{Column, Element, Piece, SnapshotFile};
-use super::tables::ParticleTable;
+use super::tables::{ContactRow, ContactTable, ParticleTable, Rows};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
 use crate::particles::Needs;
@@ -175,8 +175,7 @@ impl ParticleColumn {
             return Ok(());
         }
         let values = (self.get_mut)(table);
-        let column = Column { place: self.place, width: values.labels().len(), unit: self.unit };
-        values.read(piece, &column)
+        values.read(piece, &column(self.place, self.unit, values))
     }
 
     /// Writes the rows of this rank. Collective.
@@ -186,9 +185,144 @@ impl ParticleColumn {
         file: &mut SnapshotFile,
     ) -> Result<(), SnapshotError> {
         let values = self.of(table);
-        let column = Column { place: self.place, width: values.labels().len(), unit: self.unit };
-        values.write(file, &column)
+        values.write(file, &column(self.place, self.unit, values))
     }
+}
+
+/// A column of the contacts file.
+pub struct ContactColumn {
+    /// What messages call it.
+    pub name: &'static str,
+    /// Where in the file, from `/`.
+    pub place: &'static str,
+    /// Unit of its numbers; `1` for a pure number.
+    pub unit: &'static str,
+    /// Of a table.
+    get: fn(&ContactTable) -> &dyn Values,
+    /// The same, to be filled.
+    get_mut: fn(&mut ContactTable) -> &mut dyn Values,
+    /// Of rows that come one by one.
+    collect: fn(&dyn Rows<ContactRow>) -> Box<dyn Values>,
+}
+
+/// All of them, in the order in which they are written. The centre of A is a point of the lines that the file shows.
+pub static CONTACT_COLUMNS: [ContactColumn; 8] = [
+    ContactColumn {
+        name: "a",
+        place: "/VTKHDF/CellData/a",
+        unit: "1",
+        get: |table| &table.a,
+        get_mut: |table| &mut table.a,
+        collect: |rows| collected(rows, |row| row.a),
+    },
+    ContactColumn {
+        name: "b",
+        place: "/VTKHDF/CellData/b",
+        unit: "1",
+        get: |table| &table.b,
+        get_mut: |table| &mut table.b,
+        collect: |rows| collected(rows, |row| row.b),
+    },
+    ContactColumn {
+        name: "branch",
+        place: "/VTKHDF/CellData/branch",
+        unit: "m",
+        get: |table| &table.branch,
+        get_mut: |table| &mut table.branch,
+        collect: |rows| collected(rows, |row| row.branch),
+    },
+    ContactColumn {
+        name: "point",
+        place: "/VTKHDF/CellData/point",
+        unit: "m",
+        get: |table| &table.point,
+        get_mut: |table| &mut table.point,
+        collect: |rows| collected(rows, |row| row.point),
+    },
+    ContactColumn {
+        name: "normal",
+        place: "/VTKHDF/CellData/normal",
+        unit: "1",
+        get: |table| &table.normal,
+        get_mut: |table| &mut table.normal,
+        collect: |rows| collected(rows, |row| row.normal),
+    },
+    ContactColumn {
+        name: "overlap",
+        place: "/VTKHDF/CellData/overlap",
+        unit: "m",
+        get: |table| &table.overlap,
+        get_mut: |table| &mut table.overlap,
+        collect: |rows| collected(rows, |row| row.overlap),
+    },
+    ContactColumn {
+        name: "normal_force",
+        place: "/VTKHDF/CellData/normal_force",
+        unit: "N",
+        get: |table| &table.normal_force,
+        get_mut: |table| &mut table.normal_force,
+        collect: |rows| collected(rows, |row| row.normal_force),
+    },
+    ContactColumn {
+        name: "shear_force",
+        place: "/VTKHDF/CellData/shear_force",
+        unit: "N",
+        get: |table| &table.shear_force,
+        get_mut: |table| &mut table.shear_force,
+        collect: |rows| collected(rows, |row| row.shear_force),
+    },
+];
+
+impl ContactColumn {
+    /// Its numbers in a table.
+    pub fn of<'a>(&self, table: &'a ContactTable) -> &'a dyn Values {
+        (self.get)(table)
+    }
+
+    /// Fills it from a file.
+    pub(super) fn read(
+        &self,
+        table: &mut ContactTable,
+        piece: &Piece,
+    ) -> Result<(), SnapshotError> {
+        let values = (self.get_mut)(table);
+        values.read(piece, &column(self.place, self.unit, values))
+    }
+
+    /// Writes the rows of this rank; only this column of them is ever held. Collective.
+    pub(super) fn write(
+        &self,
+        rows: &dyn Rows<ContactRow>,
+        file: &mut SnapshotFile,
+    ) -> Result<(), SnapshotError> {
+        let values = (self.collect)(rows);
+        values.write(file, &column(self.place, self.unit, &*values))
+    }
+}
+
+/// One column of rows that come one by one.
+fn collected<T: Value + 'static>(
+    rows: &dyn Rows<ContactRow>,
+    get: impl Fn(&ContactRow) -> T,
+) -> Box<dyn Values> {
+    let mut column = Vec::with_capacity(rows.count());
+    rows.each(&mut |row| column.push(get(row)));
+    Box::new(column)
+}
+
+/// As a file knows a column.
+fn column<'a>(place: &'a str, unit: &'a str, values: &dyn Values) -> Column<'a> {
+    Column { place, width: values.labels().len(), unit }
+}
+
+/// Elements of a particle, and of a contact, in all columns.
+pub fn elements() -> [usize; 2] {
+    let (particles, contacts) = (ParticleTable::default(), ContactTable::default());
+    let width = |values: &dyn Values| values.labels().len();
+    [
+        PARTICLE_COLUMNS.iter().map(|column| width(column.of(&particles))).sum(),
+        CONTACT_COLUMNS.iter().map(|column| width(column.of(&contacts))).sum(),
+    ]
 }
 
 /// Bytes of a particle in the columns that a scene needs.

@@ -3,7 +3,7 @@
 //! Two columns are there for pictures alone: `semi_axes` of each particle, with which and `quaternion`
 //! ParaView's 3D Glyphs draw it, and `force` of each contact, the magnitude of the whole force [N].
 
-use super::columns::{self, PARTICLE_COLUMNS, ParticleColumn, Value as _};
+use super::columns::{self, CONTACT_COLUMNS, PARTICLE_COLUMNS, ParticleColumn, Value as _};
 use super::hdf5::{Column, Piece, SnapshotFile, StoredFile};
 use super::tables::{
     ContactRow, ContactTable, Header, HistoryRows, ParticleTable, Rows, ServoRow, ShapeRow, WallRow,
@@ -54,15 +54,7 @@ const HISTORY_OVERLAP: Column = column("/restart/contacts/overlap", 1, "m");
 /// Where what the law remembers stands beside them, a dataset for each column.
 const HISTORIES: &str = "/restart/contacts";
 
-// Contacts.
-const A: Column = column("/VTKHDF/CellData/a", 1, "1");
-const B: Column = column("/VTKHDF/CellData/b", 1, "1");
-const BRANCH: Column = column("/VTKHDF/CellData/branch", 3, "m");
-const CONTACT_POINT: Column = column("/VTKHDF/CellData/point", 3, "m");
-const NORMAL: Column = column("/VTKHDF/CellData/normal", 3, "1");
-const OVERLAP: Column = column("/VTKHDF/CellData/overlap", 1, "m");
-const NORMAL_FORCE: Column = column("/VTKHDF/CellData/normal_force", 1, "N");
-const SHEAR_FORCE: Column = column("/VTKHDF/CellData/shear_force", 3, "N");
+/// The magnitude of the whole force, for pictures.
 const FORCE_MAGNITUDE: Column = column("/VTKHDF/CellData/force", 1, "N");
 
 /// No element of a column takes more [bytes].
@@ -70,14 +62,13 @@ const ELEMENT: usize = size_of::<f64>();
 
 /// Bytes of a contact in both files, its history included, of which a law remembers these columns.
 pub fn contact_bytes(remembered: &[StateColumn]) -> usize {
-    ELEMENT * (OF_CONTACT + of_history(remembered))
+    ELEMENT * (elements_of_contact() + of_history(remembered))
 }
 
 /// Elements at most of a particle: all columns, the axes, one vertex and its end.
 fn elements_of_particle() -> usize {
-    let empty = ParticleTable::default();
-    let columns = PARTICLE_COLUMNS.iter().map(|column| column.of(&empty).labels().len());
-    columns.sum::<usize>() + GLYPH_SEMI_AXES.width + 2
+    let [columns, _] = columns::elements();
+    columns + GLYPH_SEMI_AXES.width + 2
 }
 
 /// Bytes of a particle in a snapshot of a scene with these needs, what is remembered of its contacts left out.
@@ -91,18 +82,11 @@ fn of_history(remembered: &[StateColumn]) -> usize {
     geometry + StateColumn::total_width(remembered)
 }
 
-/// Elements of a contact: all columns, two points, one line of two ids and its end.
-const OF_CONTACT: usize = 2 * POINTS.width
-    + A.width
-    + B.width
-    + BRANCH.width
-    + CONTACT_POINT.width
-    + NORMAL.width
-    + OVERLAP.width
-    + NORMAL_FORCE.width
-    + SHEAR_FORCE.width
-    + FORCE_MAGNITUDE.width
-    + 3;
+/// Elements of a contact: all columns, the force, two points, one line of two ids and its end.
+fn elements_of_contact() -> usize {
+    let [_, columns] = columns::elements();
+    columns + FORCE_MAGNITUDE.width + 2 * POINTS.width + 3
+}
 
 /// Elements of a part: its counts, and the first offset of each category.
 const OF_PART: usize = 13;
@@ -375,7 +359,7 @@ fn write_contacts(
     comm: &mut dyn Comm,
 ) -> Result<(), SnapshotError> {
     let count = contacts.count();
-    let mut file = create(path, count * OF_CONTACT + OF_PART, header, comm)?;
+    let mut file = create(path, count * elements_of_contact() + OF_PART, header, comm)?;
 
     file.group("/VTKHDF")?;
     vtk_version(&mut file)?;
@@ -389,14 +373,9 @@ fn write_contacts(
     }
 
     file.group("/VTKHDF/CellData")?;
-    file.rows(&A, &told(contacts, |c| c.a.to_file()))?;
-    file.rows(&B, &told(contacts, |c| c.b.to_file()))?;
-    file.rows(&BRANCH, numbers(&told(contacts, |c| c.branch)))?;
-    file.rows(&CONTACT_POINT, numbers(&told(contacts, |c| c.point)))?;
-    file.rows(&NORMAL, numbers(&told(contacts, |c| c.normal)))?;
-    file.rows(&OVERLAP, &told(contacts, |c| c.overlap))?;
-    file.rows(&NORMAL_FORCE, &told(contacts, |c| c.normal_force))?;
-    file.rows(&SHEAR_FORCE, numbers(&told(contacts, |c| c.shear_force)))?;
+    for column in &CONTACT_COLUMNS {
+        column.write(contacts, &mut file)?;
+    }
     file.rows(&FORCE_MAGNITUDE, &told(contacts, |c| c.force().norm()))?;
 
     write_header(&mut file, header)?;
@@ -793,7 +772,7 @@ impl Reader {
     /// # Errors
     /// What stood against opening the contacts file.
     pub fn contact_count(&self) -> Result<usize, SnapshotError> {
-        self.contacts_file()?.count(A.place)
+        self.contacts_file()?.count(CONTACT_COLUMNS[0].place)
     }
 
     /// Contacts, in the order in which they were written.
@@ -802,21 +781,18 @@ impl Reader {
     /// As [`Reader::particles`], or what stood against opening the contacts file.
     pub fn contacts(&self, rows: Range<usize>) -> Result<ContactTable, SnapshotError> {
         let file = self.contacts_file()?;
-        let total = file.count(A.place)?;
+        let total = file.count(CONTACT_COLUMNS[0].place)?;
         let twice = |r: &Range<usize>| r.start.saturating_mul(2)..r.end.saturating_mul(2);
         let ends = Piece { file, total: 2 * total, rows: twice(&rows) };
         let table = Piece { file, total, rows };
-        Ok(ContactTable {
-            a: ids(&table, &A)?,
-            b: ids(&table, &B)?,
+        let mut contacts = ContactTable {
             centre: read_vectors(&ends, &POINTS)?.into_iter().step_by(2).collect(),
-            branch: read_vectors(&table, &BRANCH)?,
-            point: read_vectors(&table, &CONTACT_POINT)?,
-            normal: read_vectors(&table, &NORMAL)?,
-            overlap: table.read(&OVERLAP)?,
-            normal_force: table.read(&NORMAL_FORCE)?,
-            shear_force: read_vectors(&table, &SHEAR_FORCE)?,
-        })
+            ..ContactTable::default()
+        };
+        for column in &CONTACT_COLUMNS {
+            column.read(&mut contacts, &table)?;
+        }
+        Ok(contacts)
     }
 
     /// How many histories of touching contacts it has.

@@ -18,6 +18,7 @@
 //! | contacts `/VTKHDF/Points` | 2 per contact × 3 | centre of A; centre of B's nearest image, or the foot on the wall [m] |
 //! | contacts `/VTKHDF/CellData/<name>` | contacts | the columns of [`ContactTable`] |
 
+use super::columns::CONTACT_COLUMNS;
 use crate::contact::{Histories, NamedHistory, StateColumn};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
@@ -279,37 +280,13 @@ impl Rows<ContactRow> for ContactTable {
     }
 
     fn uneven(&self) -> Option<(&'static str, usize)> {
-        let Self { a, b, centre, branch, point, normal, overlap, normal_force, shear_force } = self;
-        let columns = [
-            ("b", b.len()),
-            ("centre", centre.len()),
-            ("branch", branch.len()),
-            ("point", point.len()),
-            ("normal", normal.len()),
-            ("overlap", overlap.len()),
-            ("normal_force", normal_force.len()),
-            ("shear_force", shear_force.len()),
-        ];
-        columns.into_iter().find(|(_, rows)| *rows != a.len())
+        let centres = [("centre", self.centre.len())];
+        let others = CONTACT_COLUMNS.iter().map(|column| (column.name, column.of(self).rows()));
+        others.chain(centres).find(|(_, rows)| *rows != self.a.len())
     }
 }
 
 impl ContactTable {
-    /// An empty one with room for so many contacts.
-    pub fn with_capacity(contacts: usize) -> Self {
-        Self {
-            a: Vec::with_capacity(contacts),
-            b: Vec::with_capacity(contacts),
-            centre: Vec::with_capacity(contacts),
-            branch: Vec::with_capacity(contacts),
-            point: Vec::with_capacity(contacts),
-            normal: Vec::with_capacity(contacts),
-            overlap: Vec::with_capacity(contacts),
-            normal_force: Vec::with_capacity(contacts),
-            shear_force: Vec::with_capacity(contacts),
-        }
-    }
-
     /// Adds a contact.
     pub fn push(&mut self, row: &ContactRow) {
         self.a.push(row.a);

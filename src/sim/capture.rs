@@ -193,7 +193,7 @@ impl Simulation {
 
     /// The contacts of which this rank owns the first particle.
     pub fn contact_table(&self) -> ContactTable {
-        let mut table = ContactTable::with_capacity(self.contacts.len());
+        let mut table = ContactTable::default();
         self.contact_rows().each(&mut |row| table.push(row));
         table
     }
