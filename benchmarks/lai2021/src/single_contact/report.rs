@@ -6,10 +6,10 @@ use super::study::{
     ALONE, AtOffset, CENTRE_LINE, CHECKED, ELLIPSOIDS, EPA, EROSION, FINE_EROSION, InCase1,
     InCase2, InCase3, NORMAL, POLISHED_EPA, RATIO, SPHERES, Study, TIGHT, Times,
 };
-use crate::contact::{Epa, ErodedGjk};
-use crate::pairs::cases::OFFSET;
-use crate::post::report::readable;
-use crate::post::section::{Finding, Kind, Reading, Row, Verdict, table};
+use crate::cases::OFFSET;
+use crate::findings::{Finding, Kind, Reading, Row, Verdict, table};
+use dem_mpi::contact::{Epa, ErodedGjk};
+use dem_mpi::post::report::readable;
 use std::fmt::Write;
 
 /// The page of the section, as Markdown.
@@ -21,7 +21,7 @@ pub fn report(study: &Study, plan: &Plan) -> String {
          {} % of each body and 1 % more until they are apart; GJK run to rounding, so that what is left is the \
          erosion's error. The exact answers are this code's common normal, which agrees with 50-digit \
          references to rounding. Case III and table 1: {} random pairs each, seed {}.\n\n\
-         Written by `dem-contact --section-2`; the verdicts follow from the numbers. Erosion is asked about all pairs \
+         Written by `lai2021 section-2`; the verdicts follow from the numbers. Erosion is asked about all pairs \
          here; asked only where GJK finds bodies touching it gives the same contacts, but for the row of Fig. 3 and \
          table 1: `findings.csv` has the verdicts on both.\n",
         100.0 * RATIO,

@@ -1,8 +1,8 @@
 //! The table of all statements: what follows from what, and that the counts are those of the rows.
 
-use dem_mpi::post::section::{Kind, Reading, Row, Verdict};
-use dem_mpi::post::statements::predictions::{self, Packing, Response};
-use dem_mpi::post::statements::{conclusions, regenerate};
+use lai2021::findings::{Kind, Reading, Row, Verdict};
+use lai2021::statements::predictions::{self, Packing, Response};
+use lai2021::statements::{conclusions, regenerate};
 use std::path::Path;
 use std::process::Command;
 
@@ -121,8 +121,8 @@ fn the_response_of_softer_grains_is_held_against_that_of_the_common_normal() {
     }
 }
 
-fn run(program: &str, arguments: &[&str]) -> (bool, String) {
-    let output = Command::new(program).args(arguments).output().unwrap();
+fn run(arguments: &[&str]) -> (bool, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_lai2021")).args(arguments).output().unwrap();
     (output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
@@ -133,12 +133,12 @@ fn all_statements_are_counted() {
     let path = |name: &str| root.path().join(name);
     let (single, out) = (path("single"), path("out"));
     let (single_s, out_s) = (single.to_str().unwrap(), out.to_str().unwrap());
-    let words = ["--section-2", single_s, "--count", "1000", "--repeats", "1"];
-    let (well, said) = run(env!("CARGO_BIN_EXE_dem-contact"), &words);
+    let words = ["section-2", "--out", single_s, "--count", "1000", "--repeats", "1"];
+    let (well, said) = run(&words);
     assert!(well, "{said}");
 
-    let words = ["--statements", single_s, "--out", out_s];
-    let (well, said) = run(env!("CARGO_BIN_EXE_dem-post"), &words);
+    let words = ["statements", single_s, "--out", out_s];
+    let (well, said) = run(&words);
     assert!(well, "{said}");
     let text = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
     let rows: Vec<Row> = csv::Reader::from_reader(text("statements.csv").as_bytes())
@@ -198,14 +198,14 @@ fn without_findings_there_is_no_table() {
 /// The committed table is what the command writes from the committed findings, and README has its counts.
 #[test]
 fn the_record_and_readme_have_the_counts_of_the_findings() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let records = root.join("benchmarks/records");
     let folder = |name: &str| records.join(format!("2026-11-{name}"));
     let folders = ["single-contact", "triaxial", "sensitivity"].map(folder);
     let files = regenerate(&folders).unwrap();
     for (name, text) in &files {
         let committed = std::fs::read_to_string(folder("triaxial").join(name)).unwrap();
-        assert!(committed == *text, "{name} is not what dem-post --statements writes");
+        assert!(committed == *text, "{name} is not what lai2021 statements writes");
     }
     let readme = std::fs::read_to_string(root.join("README.md")).unwrap();
     let page = &files.iter().find(|(name, _)| name == "statements.md").expect("a page").1;

@@ -1,8 +1,8 @@
 //! What section 3.4 predicts of grains of reduced stiffness, from means over packings: `erosion_means.csv` and
 //! `response_means.csv` of `run/paper/sensitivity/run`.
 
-use crate::post::report::readable;
-use crate::post::section::{Kind, Reading, Row, Verdict};
+use crate::findings::{Kind, Reading, Row, Verdict};
+use dem_mpi::post::report::readable;
 use serde::Deserialize;
 
 /// A row of `erosion_means.csv`.

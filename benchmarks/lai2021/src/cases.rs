@@ -1,11 +1,11 @@
 //! The pairs of Lai et al. (2021), section 2.1: A at the origin, its axes along x, y, z; B placed so that the
 //! overlap is as wanted. Lengths in metres, short axis 1 m (semi-axis 0.5 m).
 
-use super::{Body, Pairs, signed};
-use crate::contact::{CommonNormal, ContactResolver, Posed};
-use crate::math::{Mat3, Quat, Vec3};
-use crate::random::Random;
-use crate::shape::{Ellipsoid, Shape, Sphere};
+use dem_mpi::contact::{CommonNormal, ContactResolver, Posed};
+use dem_mpi::math::{Mat3, Quat, Vec3};
+use dem_mpi::pairs::{Body, Pairs, signed};
+use dem_mpi::random::Random;
+use dem_mpi::shape::{Ellipsoid, Shape, Sphere};
 
 /// Offset of B's centre along y in Cases I and II [m].
 pub const OFFSET: f64 = 0.35;
@@ -45,29 +45,29 @@ fn place(a: &Posed, b: &Posed, foot: &Vec3, along: &Vec3, overlap: f64) -> Vec3 
     foot + along * at
 }
 
-/// Both bodies of a pair, A at the origin.
-fn bodies(shape: &Shape, rotation: Quat, r: Vec3) -> (Body, Body) {
-    (
-        Body { shape: shape.clone(), centre: Vec3::zeros(), rotation: Quat::identity() },
-        Body { shape: shape.clone(), centre: r, rotation },
-    )
+/// Adds a pair, A at the origin and B at `r`.
+fn add(pairs: &mut Pairs, name: String, shape: &Shape, rotation: Quat, r: Vec3) {
+    let a = Body { shape: shape.clone(), centre: Vec3::zeros(), rotation: Quat::identity() };
+    let b = Body { shape: shape.clone(), centre: r, rotation };
+    pairs.push(name, a, b).expect("a case has few shapes");
 }
 
-impl Pairs {
-    fn add(&mut self, name: String, shape: &Shape, rotation: Quat, r: Vec3) {
-        let (a, b) = bodies(shape, rotation, r);
-        self.push(name, a, b).expect("a case has few shapes");
-    }
-
-    fn add_in_plane(&mut self, name: String, long_axis: f64, degrees: f64, y: f64, overlap: f64) {
-        let shape = grain(long_axis);
-        let rotation = Quat::from_axis_angle(&Vec3::z_axis(), degrees.to_radians());
-        let frame = rotation.to_rotation_matrix();
-        let a = Posed { shape: &shape, frame: &Mat3::identity() };
-        let b = Posed { shape: &shape, frame: frame.matrix() };
-        let r = place(&a, &b, &(Vec3::y() * y), &Vec3::x(), overlap);
-        self.add(name, &shape, rotation, r);
-    }
+/// Adds a pair whose long axes lie in the plane of x and y, `degrees` between them.
+fn add_in_plane(
+    pairs: &mut Pairs,
+    name: String,
+    long_axis: f64,
+    degrees: f64,
+    y: f64,
+    overlap: f64,
+) {
+    let shape = grain(long_axis);
+    let rotation = Quat::from_axis_angle(&Vec3::z_axis(), degrees.to_radians());
+    let frame = rotation.to_rotation_matrix();
+    let a = Posed { shape: &shape, frame: &Mat3::identity() };
+    let b = Posed { shape: &shape, frame: frame.matrix() };
+    let r = place(&a, &b, &(Vec3::y() * y), &Vec3::x(), overlap);
+    add(pairs, name, &shape, rotation, r);
 }
 
 /// Case I: parallel 1:2 ellipsoids, B's centre at `y` [m], one pair for each overlap [m] (negative: a
@@ -75,7 +75,7 @@ impl Pairs {
 pub fn case_1(y: f64, overlaps: &[f64]) -> Pairs {
     let mut pairs = Pairs::default();
     for overlap in overlaps {
-        pairs.add_in_plane(format!("I_{overlap:?}"), 2.0, 0.0, y, *overlap);
+        add_in_plane(&mut pairs, format!("I_{overlap:?}"), 2.0, 0.0, y, *overlap);
     }
     pairs
 }
@@ -92,7 +92,7 @@ pub fn case_2(long_axes: &[f64], degrees: &[f64]) -> Pairs {
     for long_axis in long_axes {
         for angle in degrees {
             let name = format!("II_{long_axis:?}_{angle:?}");
-            pairs.add_in_plane(name, *long_axis, *angle, OFFSET, 0.02);
+            add_in_plane(&mut pairs, name, *long_axis, *angle, OFFSET, 0.02);
         }
     }
     pairs
@@ -142,7 +142,7 @@ pub fn case_3(meeting: Meeting, sampling: Sampling, count: usize, seed: u64) -> 
                 a.support(&direction) - b.support(&-direction) - direction * overlap
             }
         };
-        pairs.add(format!("III_{id}"), &shape, rotation, r);
+        add(&mut pairs, format!("III_{id}"), &shape, rotation, r);
     }
     pairs
 }
@@ -155,7 +155,7 @@ pub fn spheres(meeting: Meeting, count: usize, seed: u64) -> Pairs {
         let mut random = Random::of(seed, id as u64);
         let direction = random.rotation() * Vec3::x();
         let r = direction * (1.0 - meeting.overlap(&mut random));
-        pairs.add(format!("sphere_{id}"), &shape, Quat::identity(), r);
+        add(&mut pairs, format!("sphere_{id}"), &shape, Quat::identity(), r);
     }
     pairs
 }

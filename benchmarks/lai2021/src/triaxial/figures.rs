@@ -1,16 +1,13 @@
 //! Figures 10 to 14 as drawings, and all figures as tables.
 
 use super::run::{Pick, Run};
-use crate::post::coordination::CoordinationNumbers;
-use crate::post::fabric::Rose;
-use crate::post::forces::{Forces, Histogram};
-use crate::post::plots::{
-    Mark, Named, PlotError, Series, bars, densities, grid, linear, panel, rule, shares_per_decade,
-    span,
-};
-use crate::post::report::{Report, Summary};
-use crate::post::rose::rose_rows;
-use crate::post::section::csv;
+use dem_mpi::post::coordination::CoordinationNumbers;
+use dem_mpi::post::draw::{Mark, PlotError, Series, grid, linear, panel, rule, span};
+use dem_mpi::post::fabric::Rose;
+use dem_mpi::post::forces::{Forces, Histogram};
+use dem_mpi::post::plots::{Named, bars, densities, shares_per_decade};
+use dem_mpi::post::report::{Report, Summary, csv};
+use dem_mpi::post::rose::rose_rows;
 use serde::Serialize;
 
 /// Of one panel of two [px].

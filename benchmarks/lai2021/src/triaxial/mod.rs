@@ -13,17 +13,21 @@
 //! | [`run`] | the runs of a method: what was read, peak, plateau, curves |
 //! | [`figures`] | figures and their tables |
 //! | [`report`] | the paper's statements, this code's numbers, verdicts |
+//! | [`stages`] | packing, consolidation and compression by dem-mpi |
+//! | [`cost`] | what contacts cost in the compression, and by themselves |
 
+pub mod cost;
 pub mod figures;
 pub mod report;
 pub mod run;
+pub mod stages;
 
 pub use run::{Method, Run};
 
-use super::PostError;
-use super::plots::PlotError;
-use super::section::csv;
-use super::series::Choice;
+use dem_mpi::post::PostError;
+use dem_mpi::post::draw::PlotError;
+use dem_mpi::post::report::csv;
+use dem_mpi::post::series::Choice;
 use std::path::{Path, PathBuf};
 
 /// Why the section could not be regenerated.

@@ -1,5 +1,5 @@
 //! All statements of Lai et al. (2021) with their verdicts: those of sections 2 and 3 from the findings of
-//! [`super::single_contact`] and [`super::triaxial`], what section 3.4 predicts from the tables of the sensitivity
+//! [`crate::single_contact`] and [`crate::triaxial`], what section 3.4 predicts from the tables of the sensitivity
 //! study, and the conclusions of section 4, which follow from the others.
 //!
 //! Left out are advice (how to choose the erosion ratio) and likeness by eye (the curves are those of medium dense sand).
@@ -12,7 +12,8 @@
 pub mod conclusions;
 pub mod predictions;
 
-use super::section::{Kind, Reading, Row, Verdict, csv};
+use crate::findings::{Kind, Reading, Row, Verdict};
+use dem_mpi::post::report::csv;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -21,7 +22,7 @@ use std::path::{Path, PathBuf};
 pub enum StatementsError {
     /// Nothing to put together.
     #[error(
-        "no findings.csv in {}: dem-contact --section-2 and dem-post --section-3 write one",
+        "no findings.csv in {}: lai2021 section-2 and section-3 write one",
         folders.iter().map(|folder| folder.display().to_string()).collect::<Vec<_>>().join(", ")
     )]
     Nothing {
@@ -97,7 +98,7 @@ const HEAD: &str = "\
 # Every statement of Lai et al. (2021), and what came of it
 
 Z. Lai, S. Zhao, J. Zhao, L. Huang, *Revisiting the GJK and shape erosion method for contact resolution in DEM*, Powder \
-Technology (2021). Written by `dem-post --statements` from the findings of both sections (`findings.csv`) and the sensitivity study; \
+Technology (2021). Written by `lai2021 statements` from the findings of both sections (`findings.csv`) and the sensitivity study; \
 the same as a table: `statements.csv`.
 
 The paper can be read in two ways. Its table 1 says *GJK + GJK-erosion*: erosion is asked only about bodies that GJK finds touching. Its fig. 3 \

@@ -1,13 +1,13 @@
 //! The paper's statements, this code's numbers beside them, and verdicts that follow from the numbers.
 
 use super::run::{Cost, Method, Pick, Run, rms_difference};
-use crate::math::Mat3;
-use crate::post::forces::Forces;
-use crate::post::page::sides;
-use crate::post::region::Bounds;
-use crate::post::report::{Report, Summary, readable};
-use crate::post::section::{Finding, Kind, Reading, Row, Verdict, table};
-use crate::post::sums::{inner, quotient};
+use crate::findings::{Finding, Kind, Reading, Row, Verdict, table};
+use dem_mpi::math::Mat3;
+use dem_mpi::post::forces::Forces;
+use dem_mpi::post::page::sides;
+use dem_mpi::post::region::Bounds;
+use dem_mpi::post::report::{Report, Summary, readable};
+use dem_mpi::post::sums::{inner, quotient};
 use std::fmt::Write;
 use std::ops::RangeInclusive;
 
@@ -43,7 +43,7 @@ pub fn report(runs: &[Run]) -> String {
 Z. Lai, S. Zhao, J. Zhao, L. Huang, *Revisiting the GJK and shape erosion method for contact resolution in DEM*, \
 Powder Technology (2021), section 3: random packing and triaxial compression of ellipsoids.
 
-Written by `dem-post --section-3`; the verdicts follow from the numbers.\n\n"
+Written by `lai2021 section-3`; the verdicts follow from the numbers.\n\n"
         .to_string();
     let _ = writeln!(page, "{}{}\n\n{}", measured(runs), missing(runs), numbers(runs));
     for part in parts(runs) {

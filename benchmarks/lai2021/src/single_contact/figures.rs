@@ -5,13 +5,13 @@ use super::study::{
     AtOffset, CENTRE_LINE, EPA, EROSION, FINE_EROSION, InCase1, InCase2, SKETCHED_OVERLAP, Study,
     normals,
 };
-use crate::math::Vec3;
-use crate::pairs::cases::OFFSET;
-use crate::post::plots::{
+use crate::cases::OFFSET;
+use crate::single_contact::statistics::{Summary, per_decade};
+use dem_mpi::math::Vec3;
+use dem_mpi::post::draw::{
     Anchor, Axes, BLUE, Canvas, FINE, GREEN, INK, MUTED, Mark, ORANGE, PlotError, Series,
     VERMILION, decades, grid, label, linear, panel, px, tick,
 };
-use crate::post::single_contact::statistics::{Summary, per_decade};
 use plotters::prelude::*;
 use std::f64::consts::TAU;
 

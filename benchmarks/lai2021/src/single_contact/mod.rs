@@ -16,19 +16,43 @@ pub mod report;
 pub mod statistics;
 pub mod study;
 
-use super::plots::PlotError;
-use super::section::csv;
-use crate::contact::Why;
+use crate::record::{load, machine, store};
+use anyhow::Result;
+use clap::Args;
+use dem_mpi::contact::Why;
+use dem_mpi::post::draw::PlotError;
+use dem_mpi::post::report::csv;
+use std::path::Path;
 
 /// How much of it to do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
-    /// Random pairs of Case III, touching and apart each. The paper has a million.
-    pub count: usize,
-    /// Of the random pairs.
+    /// Random pairs of Case III, touching and apart each; the paper has a million
+    #[arg(long, default_value_t = 1_000_000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
+    pub count: u32,
+    /// Of the random pairs: the same seed gives the same pairs on every machine
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Of each time of table 1, of which the median counts.
-    pub repeats: usize,
+    /// Measurements of each time of table 1, of which the median counts
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+    pub repeats: u32,
+}
+
+impl Plan {
+    /// Regenerates the section in this folder, with `machine.txt`, from the checkout as current directory.
+    ///
+    /// # Errors
+    /// See [`StudyError`]; files that cannot be written.
+    pub fn run(&self, out: &Path) -> Result<()> {
+        let Self { count, seed, repeats } = self;
+        store(out, &regenerate(self)?)?;
+        let command = format!(
+            "run/paper/single-contact/run --count {count} --seed {seed} --repeats {repeats}"
+        );
+        let text = machine(&command, &format!(", load {}", load()));
+        print!("{text}");
+        store(out, &[("machine.txt".into(), text)])
+    }
 }
 
 /// Why the section could not be regenerated.

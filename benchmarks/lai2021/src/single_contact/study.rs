@@ -2,11 +2,11 @@
 
 use super::statistics::{Summary, per_decade};
 use super::{Plan, StudyError};
-use crate::contact::{Epa, ErodedGjk, Method, Touch};
-use crate::math::Vec3;
-use crate::pairs::cases::{self, Meeting, OFFSET, Sampling, steps};
-use crate::pairs::{Pairs, resolve, time};
-use crate::post::section::Reading;
+use crate::cases::{self, Meeting, OFFSET, Sampling, steps};
+use crate::findings::Reading;
+use dem_mpi::contact::{Epa, ErodedGjk, Method, Touch};
+use dem_mpi::math::Vec3;
+use dem_mpi::pairs::{Pairs, resolve, time};
 use serde::Serialize;
 
 /// Erosion ratio of the paper.
@@ -374,7 +374,7 @@ const fn plain_epa(tolerance: f64) -> Method {
 }
 
 fn in_case_3(plan: &Plan) -> Result<Vec<InCase3>, StudyError> {
-    let draw = |sampling| cases::case_3(Meeting::Contact, sampling, plan.count, plan.seed);
+    let draw = |sampling| cases::case_3(Meeting::Contact, sampling, plan.count as usize, plan.seed);
     let (lines, normals) = (draw(Sampling::CentreLine), draw(Sampling::Normal));
     let Epa { tolerance, .. } = Epa::default();
     Ok(vec![
@@ -388,15 +388,17 @@ fn in_case_3(plan: &Plan) -> Result<Vec<InCase3>, StudyError> {
 
 /// Table 1, the paper's rows and this code's.
 fn times(plan: &Plan) -> Vec<Times> {
-    let draw = |meeting| cases::case_3(meeting, Sampling::CentreLine, plan.count, plan.seed);
-    let balls = |meeting| cases::spheres(meeting, plan.count, plan.seed);
+    let draw =
+        |meeting| cases::case_3(meeting, Sampling::CentreLine, plan.count as usize, plan.seed);
+    let balls = |meeting| cases::spheres(meeting, plan.count as usize, plan.seed);
     let ellipsoids = (draw(Meeting::Contact), draw(Meeting::NonContact));
     let spheres = (balls(Meeting::Contact), balls(Meeting::NonContact));
     let paper = ErodedGjk { ratio: RATIO, ..ErodedGjk::default() };
     let erosion = |tolerance| Method::GjkErosion(ErodedGjk { tolerance, ..paper });
     let checked = |tolerance| Method::GjkErosion(ErodedGjk { tolerance, spurious: false, ..paper });
     let measured = |bodies, (contact, apart): &(Pairs, Pairs), method: Method| {
-        let of = |pairs: &Pairs| time(pairs, &resolve(pairs, &method), &method, plan.repeats);
+        let of =
+            |pairs: &Pairs| time(pairs, &resolve(pairs, &method), &method, plan.repeats as usize);
         let (touching, apart) = (of(contact), of(apart));
         let (name, tolerance) = match method {
             _ if bodies == SPHERES => ("closed form", None),

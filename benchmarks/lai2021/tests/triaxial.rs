@@ -1,19 +1,18 @@
 //! Section 3 of the paper from made-up runs: verdicts follow from the numbers, and what is missing is said.
 
-use crate::post::{Snapshot, ellipsoids};
-use dem_mpi::comm::alone::Alone;
-use dem_mpi::contact::Histories;
+use crate::packings::{Snapshot, boxed, closed, ellipsoids, store};
 use dem_mpi::math::Vec3;
-use dem_mpi::output::snapshot::{self, Reader};
-use dem_mpi::output::tables::WallRow;
+use dem_mpi::output::performance::Performance;
+use dem_mpi::post::fabric::Among;
 use dem_mpi::post::region::{Bounds, Margin, Region};
-use dem_mpi::post::section::{Reading, Verdict};
-use dem_mpi::post::series::{self, Choice};
-use dem_mpi::post::triaxial::run::{Cost, rms_difference};
-use dem_mpi::post::triaxial::{Method, Run, regenerate, report};
-use dem_mpi::post::{Report, Settings, inside};
-use std::f64::consts::PI;
-use std::path::Path;
+use dem_mpi::post::report::readable;
+use dem_mpi::post::series::Choice;
+use dem_mpi::post::{Report, Settings};
+use lai2021::findings::{Reading, Verdict};
+use lai2021::triaxial::run::{Cost, rms_difference};
+use lai2021::triaxial::{Method, Run, figures, regenerate, report};
+use std::collections::BTreeSet;
+use std::process::Command;
 
 /// `q/p` rises to 1 at 5 % and falls to 0.7; the volume shrinks by 0.4 % and then grows.
 fn usual(strain: f64) -> (f64, f64) {
@@ -247,10 +246,17 @@ fn curves_differ_by_what_lies_between_them() {
 }
 
 #[test]
-fn the_end_of_a_log_tells_what_a_run_took() {
-    let log = "7046 of 200000 steps, 3.5 %\n\
-               at rest: step 103300, time 1.033000 s; 500 steps of 64 particles in 1.5 s on 2 ranks\n\
-               contacts   5.1e8 resolved, 1e6 per second; 40.1 ns per contact, 9.0 ns per listed pair\n";
+fn the_rows_of_its_runs_tell_what_a_stage_took() {
+    let last = Performance {
+        ranks: 2,
+        steps: 500,
+        particle_steps: 32_000,
+        wall_s: 1.5,
+        contact_resolution_s: 0.401,
+        listed_pairs: 40_000_000,
+        resolved_pairs: 20_000_000,
+        contacts: 10_000_000,
+    };
     let expected = Cost {
         stage: "shear",
         steps: 500,
@@ -259,13 +265,15 @@ fn the_end_of_a_log_tells_what_a_run_took() {
         core_hours: Some(3.0 / 3600.0),
         contact_ns: Some(40.1),
     };
-    assert_eq!(Cost::of("shear", log), Some(expected.clone()));
-    assert_eq!(Cost::of("shear", "7046 of 200000 steps, 3.5 %\n"), None);
+    assert_eq!(Cost::of("shear", &[last]), Some(expected.clone()));
+    assert_eq!(Cost::of("shear", &[]), None);
 
-    let earlier = "stopped by SIGTERM; 250 steps of 64 particles in 4.5 s on 4 ranks\n\
-                   contacts   1.1e8 resolved, 1e6 per second; 99.9 ns per contact\n";
+    let earlier =
+        Performance { ranks: 4, steps: 250, wall_s: 4.5, contact_resolution_s: 9.0, ..last };
     let both = Cost { steps: 750, seconds: 6.0, core_hours: Some(21.0 / 3600.0), ..expected };
-    assert_eq!(Cost::of("shear", &(earlier.to_owned() + log)), Some(both));
+    assert_eq!(Cost::of("shear", &[earlier, last]), Some(both));
+    let nothing = Performance { contacts: 0, contact_resolution_s: 0.0, ..last };
+    assert_eq!(Cost::of("shear", &[nothing]).unwrap().contact_ns, None);
 }
 
 #[test]
@@ -288,28 +296,6 @@ fn core_hours_are_told_for_each_figure() {
     assert!(page.contains("| EPA | 2.000 | 4.000 | 10.00 |"), "{page}");
     run.costs.remove(1);
     assert!(report::report(&[run]).contains("| EPA | 2.000 | – | – |"));
-}
-
-/// A packing between walls on all sides, the lid this high.
-fn boxed(height: f64, step: u64) -> Snapshot {
-    let mut snapshot = ellipsoids(5, 8);
-    snapshot.header.step = step;
-    let wall = |name: &str, point: Vec3, normal: Vec3| WallRow {
-        name: name.into(),
-        point,
-        normal,
-        velocity: Vec3::zeros(),
-        force: Vec3::zeros(),
-    };
-    snapshot.header.walls.push(wall("+z", Vec3::z() * height, -Vec3::z()));
-    snapshot
-}
-
-fn store(folder: &Path, snapshot: &Snapshot) {
-    std::fs::create_dir_all(folder).unwrap();
-    let Snapshot { header, particles, contacts } = snapshot;
-    let none = Histories::default();
-    snapshot::write(folder, header, particles, contacts, &none, &mut Alone::default()).unwrap();
 }
 
 #[test]
@@ -403,72 +389,169 @@ fn a_compression_is_to_start_from_what_the_paper_says() {
     }
 }
 
-#[test]
-fn a_margin_follows_the_walls_and_strains_stay_those_of_the_whole() {
-    let folder = tempfile::tempdir().unwrap();
-    for (step, height) in [(1, 0.02), (2, 0.018)] {
-        store(folder.path(), &boxed(height, step));
+/// Runs of a method: a packing, and a compression to 35 % with its peak at 5 %, if any.
+fn run_of(method: Method, sheared: bool, settings: impl Fn(&Snapshot) -> Settings) -> Run {
+    let report = |strain: f64| {
+        let mut snapshot = closed(0.02 * (-strain).exp());
+        for wall in &mut snapshot.header.walls {
+            wall.force = -wall.normal;
+        }
+        let mut report = snapshot.analyse(settings(&snapshot)).unwrap().report;
+        report.summary.axial_strain = Some(strain);
+        report.summary.q_over_p = Some(if strain == 0.05 { 1.0 } else { 0.7 });
+        report
+    };
+    Run {
+        method,
+        packing: Some(report(0.0)),
+        consolidation: None,
+        shear: (0..=7).filter(|_| sheared).map(|k| report(f64::from(k) * 0.05)).collect(),
+        unfinished: Vec::new(),
+        missing_energy: Vec::new(),
+        costs: Vec::new(),
     }
-    let files = series::all(folder.path()).unwrap();
-    assert_eq!(files.len(), 2);
-    let choice = Choice { margin: Some("0.001".parse().unwrap()), ..Choice::default() };
-    let (reports, _) = series::reports(&series::open(&files).unwrap(), &choice).unwrap();
-    let side = 5.0 * 2.6e-3;
-    for (report, height) in reports.iter().zip([0.02, 0.018]) {
-        let Bounds { low, high } = report.bounds_m.unwrap();
-        assert!((low - Vec3::repeat(1e-3)).amax() < 1e-15, "{low}");
-        let expected = Vec3::new(side - 1e-3, side - 1e-3, height - 1e-3);
-        assert!((high - expected).amax() < 1e-15, "{high}");
-        assert!(report.summary.particles < 125);
-    }
-    let strain = reports[1].summary.axial_strain.unwrap();
-    assert!((strain - (0.02_f64 / 0.018).ln()).abs() < 1e-12, "{strain}");
+}
 
-    // A diameter is that of the ball of equal volume.
-    let reader = Reader::open(&files[0]).unwrap();
-    let region = inside(&reader, Margin::Diameters(0.5)).unwrap();
-    let Region::Box(bounds) = region else { panic!("{region:?}") };
-    let semi_axes = reader.header().shapes[0].semi_axes;
-    assert!((bounds.low.x - semi_axes.product().cbrt()).abs() < 1e-12, "{bounds:?}");
-    let error = inside(&reader, Margin::Metres(1.0)).unwrap_err().to_string();
-    assert!(error.contains("the region has no length along x"), "{error}");
-    assert!("1.5d".parse() == Ok(Margin::Diameters(1.5)) && "-1".parse::<Margin>().is_err());
+/// What was found of the statement that begins like this, and the verdict.
+fn found(runs: &[Run], statement: &str) -> (String, Verdict) {
+    let parts = report::parts(runs);
+    let mut findings = parts.into_iter().flat_map(|part| part.findings);
+    let finding = findings.find(|f| f.statement.starts_with(statement)).expect(statement);
+    (finding.here, finding.verdict)
 }
 
 #[test]
-fn walls_tell_stress_and_inertial_number() {
-    let mut snapshot = boxed(0.02, 1);
-    for wall in &mut snapshot.header.walls {
-        // Twice the load on the floor, as under weight.
-        let load = if wall.normal.z > 0.0 { 20.0 } else { 10.0 };
-        wall.force = wall.normal * -load;
+fn a_part_of_a_packing_is_not_taken_for_the_whole() {
+    const COUNT: &str = "5,120 particles";
+    const STRESS: &str = "stress from contacts is load over area";
+    const NOT_IN_FABRIC: &str = "in the stress but not in the fabric";
+    let runs = |settings: &dyn Fn(&Snapshot) -> Settings| [run_of(Method::Epa, true, settings)];
+    let whole = runs(&|_| Settings::default());
+    assert_eq!(found(&whole, COUNT).1, Verdict::No);
+    assert_ne!(found(&whole, STRESS).1, Verdict::Untold);
+    let page = report::report(&whole);
+    assert!(!page.contains("Measured") && page.contains(NOT_IN_FABRIC), "{page}");
+
+    let region = Region::Box(Bounds { low: Vec3::repeat(1e-3), high: Vec3::repeat(6e-3) });
+    let fixed = runs(&|_| Settings { region, ..Settings::default() });
+    let following = runs(&|snapshot| {
+        let packing = snapshot.report().bounds_m.unwrap();
+        let region = Region::Box(packing.shrunk(&snapshot.header, Margin::Metres(1e-3)));
+        Settings { region, ..Settings::default() }
+    });
+    for (runs, place) in [
+        (&fixed, "in x 0.001000…0.006000, y 0.001000…0.006000, z 0.001000…0.006000 m"),
+        (&following, "without a layer of 0.001000 m along the sides of each packing"),
+    ] {
+        assert_eq!(found(runs, COUNT), ("–".into(), Verdict::Untold));
+        assert_eq!(found(runs, STRESS), ("–".into(), Verdict::Untold));
+        let page = report::report(runs);
+        assert!(page.contains(&format!("**Measured {place}.**")), "{page}");
     }
-    snapshot.header.walls.last_mut().unwrap().velocity = Vec3::z() * -0.1;
-    let report = snapshot.report();
-    let s = &report.summary;
-    let side: f64 = 5.0 * 2.6e-3;
-    let close = |found: Option<f64>, expected: f64| {
-        assert!((found.unwrap() / expected - 1.0).abs() < 1e-12, "{found:?} but {expected}");
+
+    let with_walls = runs(&|_| Settings { among: Among::ParticlesAndWalls, ..Settings::default() });
+    assert_eq!(found(&with_walls, COUNT).1, Verdict::No);
+    let page = report::report(&with_walls);
+    assert!(page.contains("**Measured with walls.**") && !page.contains(NOT_IN_FABRIC), "{page}");
+}
+
+/// The force distributions count contacts with walls: so must the contacts per particle by which they are weighed.
+#[test]
+fn contacts_per_particle_are_those_of_the_distributions() {
+    let statement = "erosion dismisses a considerable number";
+    let weak_each = |among| {
+        let of = |method| run_of(method, false, |_| Settings { among, ..Settings::default() });
+        let runs = [of(Method::Epa), of(Method::Erosion)];
+        let s = &runs[0].packing.as_ref().unwrap().summary;
+        let counted = match among {
+            Among::Particles => s.contacts_between_particles,
+            Among::ParticlesAndWalls => s.contacts_between_particles + s.contacts_with_walls as f64,
+        };
+        let each = s.share_below_0_3_mean.unwrap() * counted / s.particles as f64;
+        (found(&runs, statement).0, format!("per particle {}", readable(each)))
     };
-    close(s.wall_stress_xx_pa, 10.0 / (side * 0.02));
-    close(s.wall_stress_yy_pa, 10.0 / (side * 0.02));
-    close(s.wall_stress_zz_pa, 15.0 / (side * side));
-    let shape = &snapshot.header.shapes[0];
-    let diameter = (6.0 / PI * shape.volume).cbrt();
-    let inertia = 0.1 / 0.02 * diameter * (shape.mass / shape.volume / s.p_pa.unwrap()).sqrt();
-    close(s.inertial_number, inertia);
-    let relation = s.q_over_p_from_fabric.unwrap() / s.q_over_p.unwrap() - 1.0;
-    close(s.fabric_relation_error, relation);
+    for among in [Among::Particles, Among::ParticlesAndWalls] {
+        let (here, expected) = weak_each(among);
+        assert!(here.contains(&expected), "{here}, not {expected}");
+    }
+}
 
-    // A wall beyond the lid does not bound the packing.
-    let lid = snapshot.header.walls.pop().unwrap();
-    let beyond = WallRow { point: Vec3::z() * 0.03, velocity: Vec3::zeros(), ..lid.clone() };
-    snapshot.header.walls.extend([beyond, lid]);
-    close(snapshot.report().summary.inertial_number, inertia);
+/// Runs of EPA that are not over leave the compression to the common normal.
+#[test]
+fn the_common_normal_stands_in_for_what_epa_has_not_told() {
+    let of = |method, sheared| run_of(method, sheared, |_| Settings::default());
+    let erosion = of(Method::Erosion, true);
+    let partial = [of(Method::CommonNormal, true), of(Method::Epa, false), erosion.clone()];
+    let whole = [of(Method::CommonNormal, true), of(Method::Epa, true), erosion];
+    let compression = [
+        "erosion and EPA: the same peak",
+        "the same plateau",
+        "the whole curve fairly identical",
+        "the difference in Z is smaller",
+        "at the peak they are consistent",
+    ];
+    let packing = ["erosion's histogram is shifted", "erosion dismisses a considerable number"];
+    let stand_in = "benchmark here: the common normal";
+    for statement in compression {
+        let (here, verdict) = found(&partial, statement);
+        assert_ne!(verdict, Verdict::Untold, "{statement}");
+        assert!(here.contains(stand_in), "{statement}: {here}");
+        assert_eq!(found(&partial, statement).1, found(&whole, statement).1, "{statement}");
+    }
+    for (runs, statement) in packing
+        .map(|statement| (&partial, statement))
+        .into_iter()
+        .chain(compression.map(|statement| (&whole, statement)))
+    {
+        assert!(!found(runs, statement).0.contains(stand_in), "{statement}");
+    }
+    let page = report::report(&partial);
+    assert!(page.contains("EPA, as in the paper, and where EPA has no number with the common"));
+}
 
-    // Without a lid the load on the floor is not the stress in between.
-    let open = ellipsoids(5, 8);
-    let s = open.analyse(Settings::default()).unwrap().report.summary;
-    assert_eq!((s.wall_stress_zz_pa, s.inertial_number), (None, None));
-    assert!(s.wall_stress_xx_pa.is_some());
+/// Names in the legends of fig. 11 end within their panel.
+#[test]
+fn legends_stay_in_the_picture() {
+    let runs = Method::ALL.map(|method| run_of(method, true, |_| Settings::default()));
+    let figures = figures::all(&runs).unwrap();
+    let (_, svg) = figures.iter().find(|(name, _)| *name == "fig11.svg").expect("the figure");
+    // Units of the drawing to a pixel; widths in pixels.
+    let (fine, panel, letter) = (8.0, 560.0, 6.5);
+    let mut places = Vec::new();
+    for text in svg.split("<text ").skip(1) {
+        let (attributes, rest) = text.split_once(">\n").unwrap();
+        let name = rest.split('\n').next().unwrap();
+        if name.contains(", mean") {
+            let at = |key: &str| -> f64 {
+                let (_, rest) = attributes.split_once(&format!("{key}=\"")).unwrap();
+                rest.split('"').next().unwrap().parse::<f64>().unwrap() / fine
+            };
+            let (x, y) = (at("x"), at("y"));
+            let end = x % panel + letter * name.chars().count() as f64;
+            assert!(end < panel, "{name} at {x} ends at {end}");
+            places.push((x >= panel, y));
+        }
+    }
+    let of_panel = |right| places.iter().filter(move |place| place.0 == right);
+    assert_eq!((of_panel(false).count(), of_panel(true).count()), (4, 4), "{places:?}");
+    let rows: BTreeSet<u64> = places.iter().map(|place| place.1.to_bits()).collect();
+    assert_eq!(rows.len(), 2, "{places:?}");
+}
+
+#[test]
+fn wrong_arguments_end_in_one_message_and_status_2() {
+    let directory = tempfile::tempdir().unwrap();
+    let empty = directory.path().to_str().unwrap();
+    for (arguments, expected) in [
+        (vec!["section-3", empty], "holds no run"),
+        (vec!["section-3", "no/such/folder"], "holds no run"),
+        (vec!["section-3", empty, "Cargo.toml"], "unexpected argument"),
+        (vec!["section-3", empty, "--region", "0,1,0"], "six numbers"),
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_lai2021")).args(&arguments).output().unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains(expected), "{arguments:?}: {message}");
+        assert!(!message.contains("panicked"), "{message}");
+    }
 }

@@ -1,13 +1,18 @@
 //! The runs of a method, from packing to shear.
 
 use super::TriaxialError;
-use crate::output::snapshot::Reader;
-use crate::post::PostError;
-use crate::post::history::History;
-use crate::post::picture::{Picture, side_by_side};
-use crate::post::plots::{BLUE, GREEN, INK, ORANGE};
-use crate::post::report::{Report, Summary, readable};
-use crate::post::series::{self, Choice};
+use clap::ValueEnum;
+use clap::builder::PossibleValue;
+use dem_mpi::contact::{self, Epa, ErodedGjk};
+use dem_mpi::output::performance::Performance;
+use dem_mpi::output::snapshot::Reader;
+use dem_mpi::post::PostError;
+use dem_mpi::post::draw::{BLUE, GREEN, INK, ORANGE};
+use dem_mpi::post::history::History;
+use dem_mpi::post::picture::{Picture, side_by_side};
+use dem_mpi::post::report::{Report, Summary, readable};
+use dem_mpi::post::series::{self, Choice};
+use dem_mpi::post::sums::quotient;
 use plotters::style::RGBColor;
 use std::fs;
 use std::ops::RangeInclusive;
@@ -40,6 +45,34 @@ impl Method {
         }
     }
 
+    /// Its settings in a scene's table `contact`.
+    pub const fn settings(self) -> &'static [(&'static str, &'static str)] {
+        match self {
+            Self::CommonNormal => &[("method", "common-normal")],
+            // With its secants, EPA has all digits of nearly every contact from this tolerance on.
+            Self::Epa => &[("method", "epa"), ("tolerance", "1e-4")],
+            Self::CheckedErosion => &[("method", "gjk-erosion"), ("spurious", "false")],
+            Self::Erosion => &[("method", "gjk-erosion")],
+        }
+    }
+
+    /// For pairs by themselves, the same.
+    pub fn resolver(self) -> contact::Method {
+        match self {
+            Self::CommonNormal => contact::Method::CommonNormal,
+            Self::Epa => contact::Method::Epa(Epa { tolerance: 1e-4, ..Epa::default() }),
+            Self::CheckedErosion => {
+                contact::Method::GjkErosion(ErodedGjk { spurious: false, ..ErodedGjk::default() })
+            }
+            Self::Erosion => contact::Method::GjkErosion(ErodedGjk::default()),
+        }
+    }
+
+    /// Of the two that read the paper's erosion in one way or the other.
+    pub const fn is_erosion(self) -> bool {
+        matches!(self, Self::CheckedErosion | Self::Erosion)
+    }
+
     /// In figures and reports.
     pub const fn name(self) -> &'static str {
         match self {
@@ -50,13 +83,24 @@ impl Method {
         }
     }
 
-    pub(super) const fn colour(self) -> RGBColor {
+    pub(crate) const fn colour(self) -> RGBColor {
         match self {
             Self::CommonNormal => INK,
             Self::Epa => ORANGE,
             Self::CheckedErosion => GREEN,
             Self::Erosion => BLUE,
         }
+    }
+}
+
+/// As the folders of its runs are named.
+impl ValueEnum for Method {
+    fn value_variants<'a>() -> &'a [Self] {
+        &Self::ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.folder()))
     }
 }
 
@@ -79,32 +123,32 @@ pub struct Run {
     pub costs: Vec<Cost>,
 }
 
-/// What a stage took, as the reports at the end of its sittings tell.
+/// What a stage took, in all runs that did a part of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cost {
     /// The stage.
     pub stage: &'static str,
-    /// Steps done in all sittings.
+    /// Steps done in all runs.
     pub steps: u64,
     /// By the wall clock [s].
     pub seconds: f64,
-    /// How many ranks shared the work of the last sitting.
-    pub ranks: u64,
-    /// Seconds times ranks, in hours; `None` if the reports leave out some of the stage's steps.
+    /// How many ranks shared the work of the last run.
+    pub ranks: u32,
+    /// Seconds times ranks, in hours; `None` if some of the stage's steps are not in them.
     pub core_hours: Option<f64>,
-    /// Contact resolution for each contact, in the last sitting [ns].
+    /// Contact resolution for each contact, in the last run [ns].
     pub contact_ns: Option<f64>,
 }
 
 /// The packing before and after.
-pub(super) struct Pictures {
+pub(crate) struct Pictures {
     packing: Picture,
     sheared: Picture,
 }
 
 impl Pictures {
     /// Fig. 9.
-    pub(super) fn drawn(self, run: &Run) -> String {
+    pub(crate) fn drawn(self, run: &Run) -> String {
         let name = run.method.name();
         let strain = run.shear.last().and_then(|r| r.summary.axial_strain);
         let at =
@@ -123,7 +167,7 @@ impl Pictures {
 
 impl Run {
     /// Reads what there is in `root` of a method. Pictures if there are both states.
-    pub(super) fn read(
+    pub(crate) fn read(
         root: &Path,
         method: Method,
         choice: &Choice,
@@ -276,40 +320,23 @@ fn missing_energy(stage: &Path) -> Option<f64> {
     Some(history.last("missing_J")?.abs() / dissipated)
 }
 
-/// What a run wrote at the end of each sitting, from the first `*.log` in its folder that has it.
+/// What the runs of a stage took, if they tell.
 fn cost(stage: &'static str, folder: &Path) -> Option<Cost> {
-    let entries = fs::read_dir(folder).ok()?.filter_map(|entry| entry.ok().map(|e| e.path()));
-    let mut logs: Vec<_> =
-        entries.filter(|p| p.extension().is_some_and(|ending| ending == "log")).collect();
-    logs.sort();
-    logs.iter().find_map(|log| Cost::of(stage, &fs::read_to_string(log).ok()?))
+    Cost::of(stage, &Performance::read(folder).ok()?)
 }
 
 impl Cost {
-    /// From the text that each sitting of a run writes at its end: `... 500 steps of 64 particles in 1.5 s on 2 ranks`,
-    /// and `... 40.1 ns per contact`.
-    pub fn of(stage: &'static str, text: &str) -> Option<Self> {
-        let sittings: Vec<_> = text.lines().filter_map(sitting).collect();
-        let contact = text.lines().rev().find_map(|line| line.split_once(" ns per contact,"));
+    /// From the rows of the stage's runs, of which there must be one.
+    pub fn of(stage: &'static str, runs: &[Performance]) -> Option<Self> {
+        let last = runs.last()?;
+        let hours = |run: &Performance| run.wall_s * f64::from(run.ranks) / 3600.0;
         Some(Self {
             stage,
-            steps: sittings.iter().map(|(steps, ..)| steps).sum(),
-            seconds: sittings.iter().map(|(_, seconds, _)| seconds).sum(),
-            ranks: sittings.last()?.2,
-            core_hours: Some(sittings.iter().map(|&(_, s, ranks)| s * ranks as f64 / 3600.0).sum()),
-            contact_ns: contact.and_then(|(before, _)| before.rsplit(' ').next()?.parse().ok()),
+            steps: runs.iter().map(|run| run.steps).sum(),
+            seconds: runs.iter().map(|run| run.wall_s).sum(),
+            ranks: last.ranks,
+            core_hours: Some(runs.iter().map(hours).sum()),
+            contact_ns: quotient(1e9 * last.contact_resolution_s, last.contacts as f64),
         })
     }
-}
-
-/// Steps, seconds and ranks of the sitting that this line ends.
-fn sitting(line: &str) -> Option<(u64, f64, u64)> {
-    let (before, after) = line.split_once(" steps of ")?;
-    let (_, spent) = after.split_once(" particles in ")?;
-    let (seconds, ranks) = spent.split_once(" s on ")?;
-    Some((
-        before.rsplit(' ').next()?.parse().ok()?,
-        seconds.parse().ok()?,
-        ranks.split(' ').next()?.parse().ok()?,
-    ))
 }

@@ -1,5 +1,4 @@
-//! What the pages share that regenerate a section of the paper: statements beside findings, verdicts,
-//! tables.
+//! What the reports on both sections share: statements of the paper beside findings, verdicts, tables.
 
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
@@ -144,17 +143,4 @@ pub fn table(whose: &str, findings: &[Finding]) -> String {
         let _ = writeln!(table, "| {} | {} | {} | {words} |", f.figure, f.statement, f.here);
     }
     table
-}
-
-/// CSV with the names of the fields as header; empty without rows.
-///
-/// # Errors
-/// Rows that are no flat records.
-pub fn csv<T: Serialize>(rows: impl IntoIterator<Item = T>) -> Result<String, csv::Error> {
-    let mut table = csv::Writer::from_writer(Vec::new());
-    for row in rows {
-        table.serialize(row)?;
-    }
-    let bytes = table.into_inner().map_err(|e| csv::Error::from(e.into_error()))?;
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
 }

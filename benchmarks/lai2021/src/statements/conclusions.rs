@@ -1,6 +1,6 @@
 //! Section 4: conclusions, each with the worst verdict of the findings that it rests on.
 
-use crate::post::section::{Kind, Reading, Row, Verdict};
+use crate::findings::{Kind, Reading, Row, Verdict};
 
 /// A sentence of section 4.
 struct Conclusion {
