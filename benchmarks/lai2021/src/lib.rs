@@ -8,6 +8,7 @@
 //! | [`single_contact`] | section 2: figures 5 to 8, table 1 |
 //! | [`triaxial`] | section 3, from the snapshots of runs: figures 9 to 14 |
 //! | [`packed`] | the pairs of a packing, by themselves |
+//! | [`sensitivity`] | what the packings of section 3 depend on |
 //! | [`statements`] | all statements in one table with counts, and the conclusions |
 //! | [`simulation`] | runs of dem-mpi under mpirun |
 //! | [`record`] | what is kept of a part: its files, and where they come from |
@@ -16,6 +17,7 @@ pub mod cases;
 pub mod findings;
 pub mod packed;
 pub mod record;
+pub mod sensitivity;
 pub mod simulation;
 pub mod single_contact;
 pub mod statements;

@@ -8,13 +8,13 @@ use dem_mpi::post::fabric::Among;
 use dem_mpi::post::region::{Bounds, Margin, Region};
 use dem_mpi::post::series::Choice;
 use lai2021::cases::{self, Meeting, Sampling};
-use lai2021::record::{machine, store};
+use lai2021::record::store;
 use lai2021::simulation::{CHECKOUT, STOPPED, Signals, SimulationError, absolute};
 use lai2021::triaxial::{cost, stages};
-use lai2021::{simulation, single_contact, statements, triaxial};
+use lai2021::{sensitivity, single_contact, statements, triaxial};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 
 /// Lai et al. (2021), regenerated: GJK with radial erosion beside EPA and the common normal.
 #[derive(Parser)]
@@ -37,12 +37,7 @@ enum Part {
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
-    /// Print what `machine.txt` has to say of where a record comes from
-    Machine {
-        /// The command that made the record
-        command: String,
-    },
-    /// All: section-2, triaxial, run/paper/sensitivity/run, and the table of all statements
+    /// All: section-2, triaxial, sensitivity, and the table of all statements
     All {
         /// Smaller packings, fewer pairs, no EPA and no sensitivity: minutes
         #[arg(long)]
@@ -75,9 +70,12 @@ enum Part {
         #[command(flatten)]
         measured: Measured,
     },
+    /// How the packings of section 3 depend on erosion ratio and stiffness, shape, gravity and rate. Stopped at any moment it
+    /// goes on when called again with the same words
+    Sensitivity(sensitivity::Plan),
     /// Every statement in one table with counts: statements.md and statements.csv
     Statements {
-        /// What section-2, section-3 and run/paper/sensitivity/run wrote
+        /// What section-2, section-3 and sensitivity wrote
         #[arg(required = true, value_name = "DIR")]
         folders: Vec<PathBuf>,
         /// Where to write [default: the last DIR]
@@ -175,9 +173,9 @@ fn run(part: Part) -> Result<()> {
             store(&out, &statements::regenerate(&folders)?)?;
             look_at(&out.join("statements.md"));
         }
-        Part::Machine { command } => {
+        Part::Sensitivity(plan) => {
             in_the_checkout()?;
-            print!("{}", machine(&command, ""));
+            look_at(&plan.run(&Signals::take()?)?);
         }
         Part::All { quick } => all(quick)?,
     }
@@ -204,9 +202,7 @@ fn all(quick: bool) -> Result<()> {
     plan.run(Path::new(SINGLE_CONTACT))?;
     let mut folders = vec![PathBuf::from(SINGLE_CONTACT), runs.run(&signals)?];
     if !quick {
-        let (script, log) = ("run/paper/sensitivity/run", Path::new("out/paper/sensitivity.log"));
-        simulation::run(Command::new(script), script, log, true, &signals)?;
-        folders.push("out/paper/sensitivity/report".into());
+        folders.push(sensitivity::Plan::default().run(&signals)?);
     }
     store(Path::new(out), &statements::regenerate(&folders)?)?;
     look_at(&Path::new(out).join("statements.md"));

@@ -7,8 +7,8 @@ use std::io::{self, PipeReader, Read, Write};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// The checkout that this program was built from, the current directory of all runs: their scenes are there, and where
@@ -59,6 +59,8 @@ pub enum SimulationError {
 pub struct Signals {
     end_at_once: Arc<AtomicBool>,
     received: Arc<AtomicBool>,
+    /// Runs under way.
+    runs: Mutex<usize>,
 }
 
 impl Signals {
@@ -70,6 +72,7 @@ impl Signals {
         let signals = Self {
             end_at_once: Arc::new(AtomicBool::new(true)),
             received: Arc::new(AtomicBool::new(false)),
+            runs: Mutex::new(0),
         };
         for signal in [SIGTERM, SIGINT] {
             let (end, received) = (&signals.end_at_once, &signals.received);
@@ -82,16 +85,39 @@ impl Signals {
         }
         Ok(signals)
     }
+
+    /// Ends all runs as if a signal had come.
+    pub fn stop(&self) {
+        self.received.store(true, Ordering::SeqCst);
+    }
+
+    fn is_received(&self) -> bool {
+        self.received.load(Ordering::SeqCst)
+    }
+
+    /// Counts the runs under way by one more, or one less.
+    fn count(&self, change: isize) {
+        let mut runs = self.runs.lock().unwrap_or_else(PoisonError::into_inner);
+        *runs = runs.saturating_add_signed(change);
+        self.end_at_once.store(*runs == 0, Ordering::SeqCst);
+    }
 }
 
-/// dem-mpi with a scene on so many ranks. It is the one beside this program, and mpirun that of the environment.
+/// Where a program of dem-mpi is: beside this one.
+///
+/// # Errors
+/// If this program does not know where it is.
+pub fn program(name: &str) -> io::Result<PathBuf> {
+    Ok(std::env::current_exe()?.with_file_name(name))
+}
+
+/// dem-mpi with a scene on so many ranks, by the mpirun of the environment.
 ///
 /// # Errors
 /// If this program does not know where it is.
 pub fn dem_mpi(ranks: u32, scene: &str, arguments: &[String]) -> io::Result<Command> {
-    let program = std::env::current_exe()?.with_file_name("dem-mpi");
     let mut command = Command::new(std::env::var_os("MPIRUN").unwrap_or("mpirun".into()));
-    command.args(["-n", &ranks.to_string()]).arg(program).arg(scene);
+    command.args(["-n", &ranks.to_string()]).arg(program("dem-mpi")?).arg(scene);
     command.args(arguments);
     if ranks as usize > cores() {
         // A rank that waits must give way, as in run/environment.
@@ -112,6 +138,10 @@ pub fn run(
     signals: &Signals,
 ) -> Result<(), SimulationError> {
     let failed = |cause| SimulationError::System { what: what.to_owned(), cause };
+    let stopped = || SimulationError::Stopped { what: what.to_owned() };
+    if signals.is_received() {
+        return Err(stopped());
+    }
     let (from, to) = io::pipe().map_err(failed)?;
     let file = File::options().create(true).append(true).open(log).map_err(|cause| {
         SimulationError::System { what: format!("cannot write {}", log.display()), cause }
@@ -119,7 +149,7 @@ pub fn run(
     command.stdin(Stdio::null()).stdout(to.try_clone().map_err(failed)?).stderr(to);
     // In a group of its own, as a terminal's Ctrl-C is for this program, which asks for a snapshot.
     command.process_group(0);
-    signals.end_at_once.store(false, Ordering::SeqCst);
+    signals.count(1);
     let child = command.spawn().map_err(|cause| SimulationError::System {
         what: format!("cannot start {}", command.get_program().display()),
         cause,
@@ -132,12 +162,10 @@ pub fn run(
         let copied = copy.join().unwrap_or_else(|_| Err(io::ErrorKind::Other.into()));
         copied.map_err(failed).map(|()| status)
     });
-    signals.end_at_once.store(true, Ordering::SeqCst);
+    signals.count(-1);
     match ended? {
-        status if status.success() && !signals.received.load(Ordering::SeqCst) => Ok(()),
-        _ if signals.received.load(Ordering::SeqCst) => {
-            Err(SimulationError::Stopped { what: what.to_owned() })
-        }
+        _ if signals.is_received() => Err(stopped()),
+        status if status.success() => Ok(()),
         status => {
             let (what, log) = (what.to_owned(), log.to_path_buf());
             Err(SimulationError::Failed { what, status, log })
@@ -153,7 +181,7 @@ fn ended(mut child: Child, signals: &Signals) -> io::Result<ExitStatus> {
         if let Some(status) = child.try_wait()? {
             return Ok(status);
         }
-        if !is_told && signals.received.load(Ordering::SeqCst) {
+        if !is_told && signals.is_received() {
             is_told = true;
             Command::new("kill").args(["-TERM", &child.id().to_string()]).status()?;
         }

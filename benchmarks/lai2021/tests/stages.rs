@@ -1,67 +1,10 @@
-//! The stages of section 3 as a user runs them, with a stand-in for mpirun and dem-mpi that leaves prepared snapshots.
+//! The stages of section 3 as a user runs them.
 
-use crate::packings::{boxed, store};
+use crate::machine::Machine;
 use std::fs;
-use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::path::Path;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-
-/// A folder with an `mpirun` of its own.
-struct Machine(tempfile::TempDir);
-
-impl Machine {
-    /// `last` is what mpirun does at the end of a call.
-    fn new(last: &str) -> Self {
-        let machine = Self(tempfile::tempdir().unwrap());
-        for (k, stage) in (1..).zip(["packing", "consolidation", "shear"]) {
-            store(&machine.path(&format!("prepared/{stage}")), &boxed(0.02, 100 * k));
-        }
-        let mpirun = machine.path("mpirun");
-        let script = format!(
-            "#!/bin/sh\n\
-             echo \"$*\" >>'{here}/calls'\n\
-             while [ \"$1\" != --out ]; do shift; done\n\
-             cp -r '{here}/prepared/'$(basename \"$2\")/. \"$2\"\n\
-             echo said\n\
-             {last}\n",
-            here = machine.0.path().display()
-        );
-        fs::write(&mpirun, script).unwrap();
-        fs::set_permissions(&mpirun, fs::Permissions::from_mode(0o755)).unwrap();
-        machine
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn text(&self, name: &str) -> String {
-        fs::read_to_string(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
-    }
-
-    /// What mpirun was called with, without what differs from checkout to checkout.
-    fn calls(&self) -> Vec<String> {
-        let text = self.text("calls").replace(self.0.path().to_str().unwrap(), "HERE");
-        let call = |line: &str| {
-            let (ranks, rest) = line.split_once(" /").unwrap();
-            format!("{ranks} {}", rest.split_once("/dem-mpi ").unwrap().1)
-        };
-        text.lines().map(call).collect()
-    }
-
-    fn command(&self, words: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_lai2021"));
-        command.arg("triaxial").args(words).arg("--out").arg(self.path("out"));
-        command.env("MPIRUN", self.path("mpirun"));
-        command
-    }
-
-    fn run(&self, words: &[&str]) -> (Option<i32>, String) {
-        let Output { status, stderr, .. } = self.command(words).output().unwrap();
-        (status.code(), String::from_utf8(stderr).unwrap())
-    }
-}
 
 const WORDS: [&str; 8] =
     ["--quick", "--gravity", "--seed", "7", "--stiffness", "1.5e4", "--method", "gjk-gjk-erosion"];
@@ -69,7 +12,7 @@ const WORDS: [&str; 8] =
 #[test]
 fn stages_are_run_once_one_from_the_other() {
     let machine = Machine::new("");
-    let (status, said) = machine.run(&WORDS);
+    let (status, said) = machine.run("triaxial", &WORDS);
     assert_eq!(status, Some(0), "{said}");
     let stiffness = "--set material.grain.normal_stiffness=1.5e4 --set material.grain.tangential_stiffness=1.5e4 \
                      --set material.wall.normal_stiffness=1.5e4 --set material.wall.tangential_stiffness=1.5e4";
@@ -107,16 +50,16 @@ fn stages_are_run_once_one_from_the_other() {
     assert!(machine.text("out/report/report.md").starts_with("# Section 3 of Lai et al. (2021)"));
 
     // What is done is not run again; what is not goes on from its snapshots.
-    assert_eq!(machine.run(&WORDS).0, Some(0));
+    assert_eq!(machine.run("triaxial", &WORDS).0, Some(0));
     assert_eq!(machine.calls().len(), 3);
     fs::remove_file(machine.path(&format!("{here}/done"))).unwrap();
-    assert_eq!(machine.run(&WORDS).0, Some(0));
+    assert_eq!(machine.run("triaxial", &WORDS).0, Some(0));
     assert_eq!(machine.calls()[3], format!("{} --start {folder}/shear", expected[2]));
     assert_eq!(machine.text(&format!("{here}/run.log")), "said\nsaid\n");
 
     // Other words need another folder, whatever the method.
-    for words in [&WORDS[..6], &["--quick"]] {
-        let (status, said) = machine.run(words);
+    for words in [&WORDS[..4], &["--quick"]] {
+        let (status, said) = machine.run("triaxial", words);
         assert_eq!(status, Some(2), "{said}");
         assert!(said.contains("is of a run with other words"), "{said}");
     }
@@ -126,20 +69,21 @@ fn stages_are_run_once_one_from_the_other() {
 #[test]
 fn a_run_that_fails_ends_the_stages() {
     let machine = Machine::new("exit 9");
-    let (status, said) = machine.run(&["--quick"]);
+    let (status, said) = machine.run("triaxial", &["--quick"]);
     assert_eq!(status, Some(1), "{said}");
     assert!(said.contains("packing has not ended well") && said.contains("run.log"), "{said}");
     assert_eq!(machine.calls().len(), 1);
     assert!(!machine.path("out/common-normal/packing/done").exists());
     for words in [["--rate", "0"], ["--erosion-ratio", "2"], ["--method", "gjk"]] {
-        assert_eq!(machine.run(&words).0, Some(2), "{words:?}");
+        assert_eq!(machine.run("triaxial", &words).0, Some(2), "{words:?}");
     }
 }
 
 #[test]
 fn a_signal_reaches_the_run_and_ends_the_stages() {
     let machine = Machine::new("trap 'echo snapshot; exit 3' TERM; while :; do sleep 0.05; done");
-    let mut child = machine.command(&["--quick"]).stdout(Stdio::null()).spawn().unwrap();
+    let mut child =
+        machine.command("triaxial", &["--quick"]).stdout(Stdio::null()).spawn().unwrap();
     let log = machine.path("out/common-normal/packing/run.log");
     let begun = Instant::now();
     let is_waiting = |log: &Path| fs::read_to_string(log).is_ok_and(|text| text.contains("said"));

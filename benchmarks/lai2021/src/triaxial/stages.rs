@@ -46,6 +46,9 @@ pub struct Plan {
     /// Where runs and report go [default: out/paper/triaxial, with --quick out/paper/quick, in the checkout]
     #[arg(long, value_name = "DIR", value_parser = absolute)]
     pub out: Option<PathBuf>,
+    /// Print what the runs print
+    #[arg(skip = true)]
+    pub aloud: bool,
 }
 
 /// As it was written, a number above zero.
@@ -62,15 +65,30 @@ fn part_of_one(text: &str) -> Result<String, String> {
 
 /// Arguments of dem-mpi.
 #[derive(Clone, Debug, Default)]
-struct Words(Vec<String>);
+pub struct Words(Vec<String>);
 
 impl Words {
-    fn set(&mut self, key: &str, value: impl std::fmt::Display) {
+    /// Changes a value of the scene.
+    pub fn set(&mut self, key: &str, value: impl std::fmt::Display) {
         self.0.extend(["--set".to_owned(), format!("{key}={value}")]);
     }
 
+    /// Changes the stiffness of all contacts [N/m].
+    pub fn set_stiffness(&mut self, stiffness: &str) {
+        for material in ["grain", "wall"] {
+            for direction in ["normal", "tangential"] {
+                self.set(&format!("material.{material}.{direction}_stiffness"), stiffness);
+            }
+        }
+    }
+
+    /// One by one.
+    pub fn arguments(&self) -> &[String] {
+        &self.0
+    }
+
     /// As they stand in the file `words`.
-    fn line(&self) -> String {
+    pub fn line(&self) -> String {
         self.0.join(" ")
     }
 }
@@ -96,6 +114,7 @@ impl Plan {
             methods,
             ranks: 2,
             out: None,
+            aloud: true,
         }
     }
 
@@ -132,12 +151,7 @@ impl Plan {
         }
         if let Some(stiffness) = &self.stiffness {
             for words in [&mut packing, &mut consolidation, &mut shear] {
-                for material in ["grain", "wall"] {
-                    for direction in ["normal", "tangential"] {
-                        let key = format!("material.{material}.{direction}_stiffness");
-                        words.set(&key, stiffness);
-                    }
-                }
+                words.set_stiffness(stiffness);
             }
         }
         if self.gravity {
@@ -215,7 +229,9 @@ impl Plan {
         store(&report, &regenerate(&out, &Choice::default())?)?;
         let text = machine(&self.command(), "") + &commits(&out)?;
         store(&report, &[("machine.txt".into(), text.clone())])?;
-        print!("{text}");
+        if self.aloud {
+            print!("{text}");
+        }
         Ok(report)
     }
 
@@ -254,7 +270,7 @@ impl Plan {
         }
         let scene = format!("run/paper/triaxial/{}.toml", stage.name);
         let command = dem_mpi(self.ranks, &scene, &arguments.0)?;
-        run(command, &directory, &log, true, signals)?;
+        run(command, &directory, &log, self.aloud, signals)?;
         store(&here, &[("done".into(), String::new())])
     }
 }
