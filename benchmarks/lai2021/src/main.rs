@@ -18,7 +18,7 @@ use std::process::ExitCode;
 
 /// Lai et al. (2021), regenerated: GJK with radial erosion beside EPA and the common normal.
 #[derive(Parser)]
-#[command(version, max_term_width = 100, args_override_self = true)]
+#[command(version, max_term_width = 100)]
 struct Arguments {
     #[command(subcommand)]
     part: Part,
