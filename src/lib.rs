@@ -14,7 +14,7 @@
 //! | 7 | [`contacts`] | those that do: what is remembered of them, what acts in them |
 //! | 8 | [`measure`] | energies and other scalars of the whole system |
 //! | 9 | [`domain`] [`drive`] [`output`] | who owns what; what acts from outside; what is written |
-//! | 10 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot, and from single contacts |
+//! | 10 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot |
 //! | 11 | [`scene`] | the user's file, checked, and turned into a simulation |
 //!
 //! Conventions everywhere: SI units; compression and overlap are positive; a contact's normal is a

@@ -3,10 +3,8 @@
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Parser, ValueEnum};
 use dem_mpi::contact::{Epa, ErodedGjk, Method};
-use dem_mpi::pairs::cases::{self, Meeting, Sampling};
 use dem_mpi::pairs::read::read;
 use dem_mpi::pairs::{Answer, Pairs, resolve, time, write};
-use dem_mpi::post::single_contact::{self, Plan};
 use std::fs;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -33,8 +31,7 @@ use std::process::ExitCode;
 #[command(version, max_term_width = 100, args_override_self = true, after_help = EXAMPLES)]
 struct Arguments {
     /// File of pairs, `-` for standard input
-    #[arg(required_unless_present_any = ["generate", "section_2"])]
-    pairs: Option<PathBuf>,
+    pairs: PathBuf,
 
     /// How to resolve what is not two spheres, which have a closed form
     #[arg(long, value_enum, default_value_t = Word::Auto)]
@@ -49,22 +46,6 @@ struct Arguments {
     /// Measurements of each time, of which the median counts; 0: none
     #[arg(long, default_value_t = 5)]
     repeats: usize,
-
-    /// Write the pairs of a case of Lai et al. (2021), section 2, instead of reading any
-    #[arg(long, value_enum, value_name = "CASE", conflicts_with_all = ["pairs", "method", "set"])]
-    generate: Option<Case>,
-
-    /// Regenerate figures 5 to 8 and table 1 of the same paper in this folder
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["pairs", "method", "set", "generate"])]
-    section_2: Option<PathBuf>,
-
-    /// How many random pairs to draw
-    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
-    count: u32,
-
-    /// Of the random pairs: the same seed gives the same pairs on every machine
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
 }
 
 const EXAMPLES: &str = "\
@@ -72,8 +53,7 @@ Examples:
   dem-contact pairs.csv                               the common normal of every pair
   dem-contact pairs.csv --method gjk-erosion --set erosion_ratio=0.02 --set tolerance=1e-8
   dem-contact pairs.csv --method epa --repeats 0      answers only, no times
-  dem-contact --generate case-iii --count 1000000 | dem-contact - > answers.csv
-  dem-contact --section-2 out/section_2 --count 100000
+  some-program | dem-contact - > answers.csv          pairs from standard input
 
 Exit status: 0 every pair has an answer; 1 some have none; 2 the file or an argument is wrong.";
 
@@ -83,22 +63,6 @@ enum Word {
     CommonNormal,
     GjkErosion,
     Epa,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum Case {
-    /// Parallel 1:2 ellipsoids, overlap 0 to 0.05 m
-    #[value(name = "case-i")]
-    Parallel,
-    /// Long axis 1 to 4 m, B turned by 0 to 180 degrees, overlap 0.02 m
-    #[value(name = "case-ii")]
-    Turned,
-    /// Random 1:2 ellipsoids, overlap 0 to 0.05 m
-    #[value(name = "case-iii")]
-    Random,
-    /// Random 1:2 ellipsoids, clearance 0 to 1 m
-    #[value(name = "case-iii-apart")]
-    Apart,
 }
 
 /// Some pairs have no answer.
@@ -128,15 +92,8 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
 
 fn run(arguments: &Arguments) -> Result<ExitCode> {
     let to = BufWriter::new(std::io::stdout().lock());
-    if let Some(case) = arguments.generate {
-        write::pairs(&generate(case, arguments), to)?;
-        return Ok(ExitCode::SUCCESS);
-    }
-    if let Some(folder) = &arguments.section_2 {
-        return regenerate(folder, arguments);
-    }
     let method = method(arguments.method, &arguments.set)?;
-    let (file, text) = text(arguments.pairs.as_deref())?;
+    let (file, text) = text(&arguments.pairs)?;
     let pairs = read(&file, &text)?;
     let answers = resolve(&pairs, &method);
     write::answers(&pairs, &answers, to)?;
@@ -210,8 +167,7 @@ fn method(word: Word, settings: &[String]) -> Result<Method> {
 }
 
 /// The name of the file in messages, and what it holds.
-fn text(path: Option<&Path>) -> Result<(String, String)> {
-    let path = path.context("no file of pairs was given")?;
+fn text(path: &Path) -> Result<(String, String)> {
     if path == Path::new("-") {
         let text =
             std::io::read_to_string(std::io::stdin()).context("cannot read standard input")?;
@@ -220,31 +176,4 @@ fn text(path: Option<&Path>) -> Result<(String, String)> {
     let name = path.display().to_string();
     let text = fs::read_to_string(path).with_context(|| format!("cannot read {name}"))?;
     Ok((name, text))
-}
-
-fn generate(case: Case, arguments: &Arguments) -> Pairs {
-    let random = |meeting| {
-        cases::case_3(meeting, Sampling::CentreLine, arguments.count as usize, arguments.seed)
-    };
-    match case {
-        Case::Parallel => cases::case_1(cases::OFFSET, &cases::overlaps_of_case_1()),
-        Case::Turned => cases::case_2(&cases::steps(1.0, 4.0, 6), &cases::steps(0.0, 180.0, 36)),
-        Case::Random => random(Meeting::Contact),
-        Case::Apart => random(Meeting::NonContact),
-    }
-}
-
-fn regenerate(folder: &Path, arguments: &Arguments) -> Result<ExitCode> {
-    fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    let plan = Plan {
-        count: arguments.count as usize,
-        seed: arguments.seed,
-        repeats: arguments.repeats.max(1),
-    };
-    for (name, text) in single_contact::regenerate(&plan)? {
-        let path = folder.join(&name);
-        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-    }
-    eprintln!("report: {}", folder.join("report.md").display());
-    Ok(ExitCode::SUCCESS)
 }

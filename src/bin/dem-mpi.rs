@@ -1,15 +1,16 @@
 //! `dem-mpi SCENE`: arguments → scene → simulation → run.
 
 use clap::Parser;
-use dem_mpi::comm::{Comm, alone::Alone, linked, threads, wire, world};
+use dem_mpi::comm::{Comm, agree, alone::Alone, linked, threads, wire, world};
 use dem_mpi::drive::rain::RainGauge;
 use dem_mpi::ids::GlobalId;
 use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, From, TakenUp};
 use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::{Scene, plan};
+use dem_mpi::sim::report::{performance, report};
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
-use dem_mpi::sim::{Simulation, StepError, report::report};
+use dem_mpi::sim::{Simulation, StepError};
 use indicatif::{ProgressBar, ProgressStyle};
 use signal_hook::consts::{SIGTERM, SIGUSR1};
 use std::io::{IsTerminal, Write};
@@ -417,6 +418,12 @@ fn run(
     if comm.is_root() {
         let snapshot = finish.snapshot.display();
         let _ = write!(std::io::stdout(), "\n{text}\nsnapshot   {snapshot}\n");
+    }
+    let row = performance(sim, &finish, comm);
+    let stored = if comm.is_root() { row.store(&schedule.out, schedule.resumed) } else { Ok(()) };
+    if let Err(error) = agree(comm, stored) {
+        say(comm, error);
+        return Err(FAILED);
     }
     Ok(finish)
 }

@@ -2,16 +2,15 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Parser;
-use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::Among;
 use dem_mpi::post::history::History;
 use dem_mpi::post::plots::Plot;
 use dem_mpi::post::region::{Bounds, Margin, Region};
-use dem_mpi::post::section::csv;
+use dem_mpi::post::report::csv;
 use dem_mpi::post::series::{self, Choice};
-use dem_mpi::post::{Report, Settings, lammps, page, pieces, statements, triaxial};
+use dem_mpi::post::{Report, Settings, lammps, page, pieces};
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -28,26 +27,20 @@ use std::process::ExitCode;
 #[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 struct Arguments {
     /// Particle files (particles_STEP.vtkhdf, each with its contacts file beside it), or directories
-    #[arg(required_unless_present_any = ["section_3", "statements"], value_name = "SNAPSHOT")]
+    #[arg(required = true, value_name = "SNAPSHOT")]
     snapshots: Vec<PathBuf>,
 
     /// All snapshots of each directory instead of the newest
     #[arg(long)]
     series: bool,
 
-    /// Where to write [default: `post` beside the last snapshot; of --section-3, in DIR; of --statements, the last DIR]
+    /// Where to write [default: `post` beside the last snapshot]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 
     /// Measure only in this box, in metres; a particle belongs to it if its centre does
-    #[arg(
-        long,
-        value_name = "x0,x1,y0,y1,z0,z1",
-        value_delimiter = ',',
-        num_args = 1,
-        allow_hyphen_values = true
-    )]
-    region: Option<Vec<f64>>,
+    #[arg(long, value_name = "x0,x1,y0,y1,z0,z1", allow_hyphen_values = true)]
+    region: Option<Bounds>,
 
     /// Leave out a layer along the sides, in metres (0.004) or grain diameters (1.5d). The sides are walls where
     /// they stand in each snapshot, else the outermost grains
@@ -61,17 +54,6 @@ struct Arguments {
     /// Also write a LAMMPS dump of each snapshot, for OVITO
     #[arg(long)]
     lammps: bool,
-
-    /// Regenerate section 3 of Lai et al. (2021) from the runs DIR/METHOD/STAGE, METHOD being
-    /// common-normal, epa, gjk-erosion, gjk-gjk-erosion and STAGE packing, consolidation, shear: figures 9 to 14,
-    /// their tables and report.md
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["snapshots", "series", "lammps", "diff"])]
-    section_3: Option<PathBuf>,
-
-    /// Put every statement of the same paper into one table with counts, from what --section-3, dem-contact
-    /// --section-2 and run/paper/sensitivity/run wrote into these folders: statements.md and statements.csv
-    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["snapshots", "series", "lammps", "diff", "section_3"])]
-    statements: Option<Vec<PathBuf>>,
 
     /// Compare two snapshots particle by particle, bit for bit, and write nothing.
     /// Exit status: 0 equal, 1 different, 2 could not compare
@@ -88,10 +70,7 @@ Examples:
                                                a part of it
   dem-post --diff one_rank/last.vtkhdf four_ranks/last.vtkhdf
                                                same bits on 1 and on 4 ranks?
-  dem-post out/packing --lammps                also a file for OVITO
-  dem-post --section-3 out/paper/triaxial      the paper's section 3
-  dem-post --statements out/paper/single-contact out/paper/triaxial/report --out out/paper
-                                               all its statements";
+  dem-post out/packing --lammps                also a file for OVITO";
 
 fn main() -> ExitCode {
     match run(Arguments::parse()) {
@@ -105,7 +84,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: Arguments) -> Result<ExitCode> {
     let settings = Settings {
-        region: arguments.region.as_deref().map_or(Ok(Region::Whole), region)?,
+        region: arguments.region.map_or(Region::Whole, Region::Box),
         among: if arguments.fabric_with_walls {
             Among::ParticlesAndWalls
         } else {
@@ -113,15 +92,6 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
         },
     };
     let choice = Choice { settings, margin: arguments.margin };
-    if let Some(root) = &arguments.section_3 {
-        let out = arguments.out.unwrap_or_else(|| root.join("post"));
-        return store(&out, triaxial::regenerate(root, &choice)?, "report.md");
-    }
-    if let Some(folders) = &arguments.statements {
-        let last = || folders.last().cloned().unwrap_or_default();
-        let out = arguments.out.unwrap_or_else(last);
-        return store(&out, statements::regenerate(folders)?, "statements.md");
-    }
     let files = particle_files(&arguments.snapshots, arguments.series)?;
     if arguments.diff {
         return compare(&files);
@@ -152,17 +122,6 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes these files, names and contents, and says where the one to read is.
-fn store(out: &Path, files: Vec<(String, String)>, to_read: &str) -> Result<ExitCode> {
-    fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
-    for (name, text) in files {
-        let path = out.join(&name);
-        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-    }
-    say(&format!("report: {}\n", out.join(to_read).display()));
-    Ok(ExitCode::SUCCESS)
-}
-
 /// The particle files that the arguments stand for. Contact files, which a pattern such as
 /// `*.vtkhdf` also matches, are passed over: they are read with their particles.
 fn particle_files(arguments: &[PathBuf], whole_series: bool) -> Result<Vec<PathBuf>> {
@@ -187,13 +146,6 @@ fn particle_files(arguments: &[PathBuf], whole_series: bool) -> Result<Vec<PathB
     }
     ensure!(!files.is_empty(), "only contact files were given; name the particle files instead");
     Ok(files)
-}
-
-fn region(numbers: &[f64]) -> Result<Region> {
-    let [x0, x1, y0, y1, z0, z1] = *numbers else {
-        bail!("--region takes six numbers x0,x1,y0,y1,z0,z1 in metres, not {}", numbers.len());
-    };
-    Ok(Region::Box(Bounds { low: Vec3::new(x0, y0, z0), high: Vec3::new(x1, y1, z1) }))
 }
 
 fn compare(files: &[PathBuf]) -> Result<ExitCode> {

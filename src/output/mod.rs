@@ -6,6 +6,7 @@
 //! | [`columns`] | the columns of a table one by one |
 //! | [`snapshot`] | [`snapshot::write`] and [`snapshot::Reader`]: tables to files and back |
 //! | [`table`] | `history.csv`, the scalars of a run by time |
+//! | [`performance`] | `performance.csv`, what a run did and what it took |
 //! | [`hdf5`] | the only file that calls HDF5: columns, attributes and checksums |
 //!
 //! With MPI all ranks write one file together, each its rows; without, rank 0 gathers and writes.
@@ -17,6 +18,7 @@
 
 pub mod columns;
 pub mod hdf5;
+pub mod performance;
 pub mod snapshot;
 pub mod table;
 pub mod tables;

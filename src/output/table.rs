@@ -10,12 +10,13 @@ use crate::cell::Cell;
 use crate::math::Vec3;
 use crate::measure::Measures;
 use crate::particles::walls::{Wall, area};
+use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// The table could not be written.
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error, Serialize, Deserialize)]
 #[error("cannot write {path}: {cause}. Check that the directory exists, is writable and has space")]
 pub struct TableError {
     /// Which file.

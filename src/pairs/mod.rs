@@ -1,4 +1,4 @@
-//! Pairs that stand by themselves: read from a file or made up, resolved by a method, and timed.
+//! Pairs that stand by themselves: read from a file, resolved by a method, and timed.
 //!
 //! This is how a contact is checked by hand, without a simulation around it.
 //!
@@ -6,9 +6,7 @@
 //! |---|---|
 //! | [`read`] | pairs from CSV and JSON Lines |
 //! | [`write`] | pairs and answers as CSV |
-//! | [`cases`] | the pairs of section 2 of Lai et al. (2021) |
 
-pub mod cases;
 pub mod read;
 pub mod write;
 

@@ -17,17 +17,15 @@
 //! | [`report`] | the numbers of a snapshot, as JSON, as a row of CSV, and to read |
 //! | [`series`] | the snapshots of a run, one after the other |
 //! | [`history`] | the scalars that the run wrote by time |
+//! | [`draw`] | charts: series, axes, panels |
 //! | [`plots`] [`panels`] [`rose`] [`picture`] [`page`] | what there is to look at |
 //! | [`diff`] | whether two snapshots are the same, bit for bit |
 //! | [`lammps`] | particles for OVITO |
-//! | [`section`] | statements, findings, verdicts: pages that regenerate a section of a paper |
-//! | [`single_contact`] | section 2 of Lai et al. (2021), without a snapshot |
-//! | [`triaxial`] | section 3, from the snapshots of runs |
-//! | [`statements`] | all statements of the paper with their verdicts, and its conclusions |
 
 mod check;
 pub mod coordination;
 pub mod diff;
+pub mod draw;
 pub mod fabric;
 pub mod forces;
 pub mod history;
@@ -39,13 +37,9 @@ pub mod plots;
 pub mod region;
 pub mod report;
 pub mod rose;
-pub mod section;
 pub mod series;
-pub mod single_contact;
-pub mod statements;
 pub mod stress;
-mod sums;
-pub mod triaxial;
+pub mod sums;
 
 pub use report::{Report, Summary};
 

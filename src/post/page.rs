@@ -1,9 +1,10 @@
 //! One HTML page with the numbers and the plots of a post-processing: it stands alone (plots and style
 //! inside, no scripts), and follows the reader's light or dark setting.
 
+use super::draw::PlotError;
 use super::history::History;
 use super::panels::panels;
-use super::plots::{self, Plot, PlotError};
+use super::plots::{self, Plot};
 use super::region::Bounds;
 use super::report::{Report, readable};
 use super::rose::roses;
@@ -108,8 +109,8 @@ fn head(out: &mut String, title: &str, report: &Report) {
     );
 }
 
-/// A box by its sides.
-pub(super) fn sides(bounds: &Bounds) -> String {
+/// A box by its sides [m], as a report has it.
+pub fn sides(bounds: &Bounds) -> String {
     let side = |k: usize| format!("{}…{}", readable(bounds.low[k]), readable(bounds.high[k]));
     format!("x {}, y {}, z {} m", side(0), side(1), side(2))
 }

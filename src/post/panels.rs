@@ -1,11 +1,12 @@
 //! The plots of a run's history: curves that belong together share a panel, and columns that nobody
 //! here knows get a small one each.
 
-use super::history::{Curve, History};
-use super::plots::{
-    Axes, BLUE, GREEN, INK, MUTED, Mark, ORANGE, PURPLE, Plot, PlotError, SIZE, Series, VERMILION,
-    chart, decades, span, tick,
+use super::draw::{
+    Axes, BLUE, GREEN, INK, MUTED, Mark, ORANGE, PURPLE, PlotError, SIZE, Series, VERMILION, chart,
+    decades, span, tick,
 };
+use super::history::{Curve, History};
+use super::plots::Plot;
 use crate::output::tables::{ServoRow, WallRow};
 use plotters::style::RGBColor;
 use std::collections::BTreeSet;

@@ -22,6 +22,21 @@ pub struct Bounds {
     pub high: Vec3,
 }
 
+impl FromStr for Bounds {
+    type Err = String;
+
+    /// `x0,x1,y0,y1,z0,z1` in metres.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |word: &str| word.trim().parse().map_err(|_| format!("'{word}' is no number"));
+        let numbers = text.split(',').map(number).collect::<Result<Vec<f64>, String>>()?;
+        let [x0, x1, y0, y1, z0, z1] = numbers[..] else {
+            let given = numbers.len();
+            return Err(format!("six numbers x0,x1,y0,y1,z0,z1 in metres are needed, not {given}"));
+        };
+        Ok(Self { low: Vec3::new(x0, y0, z0), high: Vec3::new(x1, y1, z1) })
+    }
+}
+
 impl Bounds {
     /// Length of the sides [m].
     pub fn lengths(&self) -> Vec3 {

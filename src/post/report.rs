@@ -397,6 +397,19 @@ pub fn readable(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
+/// CSV with the names of the fields as header; empty without rows.
+///
+/// # Errors
+/// Rows that are no flat records.
+pub fn csv<T: Serialize>(rows: impl IntoIterator<Item = T>) -> Result<String, csv::Error> {
+    let mut table = csv::Writer::from_writer(Vec::new());
+    for row in rows {
+        table.serialize(row)?;
+    }
+    let bytes = table.into_inner().map_err(|e| csv::Error::from(e.into_error()))?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}
+
 /// A count with its thousands set apart, and one half if there is one.
 fn grouped(value: f64) -> String {
     let digits = (value.floor() as u64).to_string();

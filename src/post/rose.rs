@@ -1,10 +1,11 @@
 //! Roses: contact normals and forces by their angle to the vertical.
 
-use super::fabric::Rose;
-use super::plots::{
-    Anchor, BLUE, Canvas, FINE, GRID, INK, MUTED, ORANGE, Plot, PlotError, VERMILION, drawing,
-    label, px, scientific, tick,
+use super::draw::{
+    Anchor, BLUE, Canvas, FINE, GRID, INK, MUTED, ORANGE, PlotError, VERMILION, drawing, label, px,
+    scientific, tick,
 };
+use super::fabric::Rose;
+use super::plots::Plot;
 use super::report::{Report, readable};
 use crate::math::Mat3;
 use plotters::prelude::*;

@@ -1,4 +1,4 @@
-//! Exact sums of vectors and tensors: the same digits whatever the order of the rows, hence
+//! Arithmetic of tensors. Their sums are exact: the same digits whatever the order of the rows, hence
 //! whatever the number of ranks that wrote them.
 
 use crate::math::{ExactSum, Mat3, Vec3};
@@ -43,17 +43,17 @@ pub(super) mod rows {
 }
 
 /// `numerator / denominator`, or `None` where the quotient has no meaning.
-pub(super) fn quotient(numerator: f64, denominator: f64) -> Option<f64> {
+pub fn quotient(numerator: f64, denominator: f64) -> Option<f64> {
     let value = numerator / denominator;
     value.is_finite().then_some(value)
 }
 
 /// The deviatoric part of a tensor.
-pub(super) fn deviator(tensor: &Mat3) -> Mat3 {
+pub fn deviator(tensor: &Mat3) -> Mat3 {
     tensor - Mat3::identity() * (tensor.trace() / 3.0)
 }
 
 /// `a_ij b_ij`.
-pub(super) fn inner(a: &Mat3, b: &Mat3) -> f64 {
+pub fn inner(a: &Mat3, b: &Mat3) -> f64 {
     a.component_mul(b).sum()
 }

@@ -4,9 +4,31 @@ use super::Simulation;
 use super::run::{Ending, Finish};
 use crate::comm::Comm;
 use crate::contact::Tally;
+use crate::output::performance::Performance;
 use crate::particles::held;
 use crate::timing::Phase;
 use std::fmt::{Display, Formatter, Write};
+
+/// The row of a finished run in `performance.csv`. Collective.
+pub fn performance(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> Performance {
+    let (tally, _) = totals(sim, comm);
+    let spent = spent(sim, comm);
+    Performance {
+        ranks: comm.size(),
+        steps: finish.steps_done,
+        particle_steps: finish.particle_steps,
+        wall_s: finish.wall_seconds,
+        contact_resolution_s: resolving(&spent),
+        listed_pairs: tally.listed,
+        resolved_pairs: tally.pairs,
+        contacts: tally.contacts,
+    }
+}
+
+/// Contact resolution, the sum over the ranks [s].
+fn resolving(phases: &[(Phase, Spent)]) -> f64 {
+    phases.iter().find(|(phase, _)| *phase == Phase::Contacts).map_or(0.0, |(_, s)| s.total)
+}
 
 /// Where the time of one phase went, over all ranks [s].
 #[derive(Clone, Copy, Debug)]
@@ -75,8 +97,7 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
         ));
     }
 
-    let resolving =
-        phases.iter().find(|(p, _)| *p == Phase::Contacts).map_or(0.0, |(_, s)| s.total);
+    let resolving = resolving(&phases);
     line(format_args!(""));
     line(format_args!(
         "contacts   {:.3e} resolved, {:.3e} per second; {:.1} ns per contact, {:.1} ns per listed pair; {:.1} % of listed pairs were looked at",

@@ -1,0 +1,24 @@
+//! Lai, Zhao, Zhao and Huang (2021), *Revisiting the GJK and shape erosion method for contact resolution in DEM*,
+//! with dem-mpi: its cases, figures and tables, each statement beside this code's number and a verdict.
+//!
+//! | module | what it is |
+//! |---|---|
+//! | [`cases`] | the pairs of section 2 |
+//! | [`findings`] | statements, findings, verdicts |
+//! | [`single_contact`] | section 2: figures 5 to 8, table 1 |
+//! | [`triaxial`] | section 3, from the snapshots of runs: figures 9 to 14 |
+//! | [`packed`] | the pairs of a packing, by themselves |
+//! | [`sensitivity`] | what the packings of section 3 depend on |
+//! | [`statements`] | all statements in one table with counts, and the conclusions |
+//! | [`simulation`] | runs of dem-mpi under mpirun |
+//! | [`record`] | what is kept of a part: its files, and where they come from |
+
+pub mod cases;
+pub mod findings;
+pub mod packed;
+pub mod record;
+pub mod sensitivity;
+pub mod simulation;
+pub mod single_contact;
+pub mod statements;
+pub mod triaxial;

@@ -1,0 +1,117 @@
+//! How the packings of section 3 depend on what the paper chose: erosion ratio and stiffness, in packings, in their rest
+//! and in their compression; the shape of the grains, gravity in the compression, the rate of the compression.
+//!
+//! | file | what it is |
+//! |---|---|
+//! | [`cases`] | packings and tests run, so many at a time |
+//! | [`packings`] | the tables of packings: erosion, rest, aspect |
+//! | [`compressions`] | the tables of triaxial tests: response, gravity, rate |
+//! | [`table`] [`plot`] | tables, means, drawings |
+
+pub mod cases;
+pub mod compressions;
+pub mod packings;
+pub mod plot;
+pub mod table;
+
+use crate::record::{machine, store};
+use crate::simulation::{Signals, absolute};
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use std::path::{Path, PathBuf};
+
+/// What depends on what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Part {
+    /// Packings by erosion ratio and stiffness
+    Erosion,
+    /// Whether such packings come to rest
+    Rest,
+    /// Triaxial tests by erosion ratio and stiffness
+    Response,
+    /// Packings by the shape of the grains
+    Aspect,
+    /// Triaxial tests with gravity and without
+    Gravity,
+    /// Triaxial tests at two rates
+    Rate,
+}
+
+/// What to run.
+#[derive(Args, Clone, Debug)]
+pub struct Plan {
+    /// A part; may be repeated [default: all six]
+    #[arg(long, value_name = "PART", value_enum)]
+    pub only: Vec<Part>,
+    /// So many packings of each kind in all but rate
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
+    pub seeds: u64,
+    /// Grains in rest and response: 600, or the paper's 5120
+    #[arg(long, value_name = "N", default_value_t = 600, value_parser = grains)]
+    pub grains: u32,
+    /// Speed of the lid in response [mm/s] [default: 5, of 5120 grains 10]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=999))]
+    pub lid: Option<u32>,
+    /// So many runs at a time, one core each
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..))]
+    pub jobs: u32,
+    /// Where runs and report go [default: out/paper/sensitivity in the checkout]
+    #[arg(long, value_name = "DIR", value_parser = absolute)]
+    pub out: Option<PathBuf>,
+}
+
+fn grains(text: &str) -> Result<u32, String> {
+    match text {
+        "600" => Ok(600),
+        "5120" => Ok(5120),
+        _ => Err("must be 600 or 5120".into()),
+    }
+}
+
+impl Default for Plan {
+    fn default() -> Self {
+        Self { only: Vec::new(), seeds: 3, grains: 600, lid: None, jobs: 2, out: None }
+    }
+}
+
+impl Plan {
+    fn lid(&self) -> u32 {
+        self.lid.unwrap_or(if self.grains == 600 { 5 } else { 10 })
+    }
+
+    /// Runs what is missing, from the checkout as current directory, and writes the tables. Says where they are.
+    ///
+    /// # Errors
+    /// A folder of a run with other words, a run that fails or is stopped, files that cannot be written or read.
+    pub fn run(&self, signals: &Signals) -> Result<PathBuf> {
+        let out = self.out.clone().unwrap_or_else(|| "out/paper/sensitivity".into());
+        let report = out.join("report");
+        let parts = if self.only.is_empty() { Part::value_variants() } else { &self.only };
+        for part in parts {
+            let files = match part {
+                Part::Erosion => packings::erosion(self, &out, signals)?,
+                Part::Rest => packings::rest(self, &out, signals)?,
+                Part::Aspect => packings::aspect(self, &out, signals)?,
+                Part::Response => compressions::response(self, &out, signals)?,
+                Part::Gravity => compressions::gravity(self, &out, signals)?,
+                Part::Rate => compressions::rate(&out, signals)?,
+            };
+            store(&report, &files)?;
+            self.record(*part, &report)?;
+        }
+        Ok(report)
+    }
+
+    fn record(&self, part: Part, report: &Path) -> Result<()> {
+        let name = part.to_possible_value().expect("no part is hidden").get_name().to_owned();
+        let Self { seeds, grains, jobs, .. } = self;
+        let command = format!(
+            "run/paper/sensitivity/run --only {name} --seeds {seeds} --grains {grains} --lid {} --jobs {jobs}",
+            self.lid()
+        );
+        store(report, &[(format!("machine_{name}.txt"), machine(&command, ""))])
+    }
+}
+
+/// A file, by its name and contents.
+type Files = Vec<(String, String)>;

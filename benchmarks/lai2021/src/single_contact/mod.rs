@@ -1,0 +1,100 @@
+//! Section 2 of Lai et al. (2021) regenerated: what erosion costs a single contact, and what it saves.
+//!
+//! Figures 5, 6, 7 and 8 and table 1, each beside what the paper says of it. The exact answers are those of
+//! the common-normal method, which agrees with 50-digit references to rounding
+//! (`tests/contact_reference.rs`); the erosion is 5 % of each body, 1 % more until they are apart.
+//!
+//! | file | what it is |
+//! |---|---|
+//! | [`study`] | the cases resolved: tables of errors and times |
+//! | [`statistics`] | of the errors of random pairs |
+//! | [`figures`] | the tables as drawings |
+//! | [`report`] | the paper's statements, this code's numbers, verdicts |
+
+pub mod figures;
+pub mod report;
+pub mod statistics;
+pub mod study;
+
+use crate::record::{load, machine, store};
+use anyhow::Result;
+use clap::Args;
+use dem_mpi::contact::Why;
+use dem_mpi::post::draw::PlotError;
+use dem_mpi::post::report::csv;
+use std::path::Path;
+
+/// How much of it to do.
+#[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Plan {
+    /// Random pairs of Case III, touching and apart each; the paper has a million
+    #[arg(long, default_value_t = 1_000_000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
+    pub count: u32,
+    /// Of the random pairs: the same seed gives the same pairs on every machine
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Measurements of each time of table 1, of which the median counts
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+    pub repeats: u32,
+}
+
+impl Plan {
+    /// Regenerates the section in this folder, with `machine.txt`, from the checkout as current directory.
+    ///
+    /// # Errors
+    /// See [`StudyError`]; files that cannot be written.
+    pub fn run(&self, out: &Path) -> Result<()> {
+        let Self { count, seed, repeats } = self;
+        store(out, &regenerate(self)?)?;
+        let command = format!(
+            "run/paper/single-contact/run --count {count} --seed {seed} --repeats {repeats}"
+        );
+        let text = machine(&command, &format!(", load {}", load()));
+        print!("{text}");
+        store(out, &[("machine.txt".into(), text)])
+    }
+}
+
+/// Why the section could not be regenerated.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// A pair has no answer.
+    #[error("{method} gives no answer for {pair}: {why:?}")]
+    Unresolved {
+        /// The method.
+        method: &'static str,
+        /// The pair's name.
+        pair: String,
+        /// What it says.
+        why: Why,
+    },
+    /// A figure could not be drawn.
+    #[error(transparent)]
+    Plot(#[from] PlotError),
+    /// A table could not be written.
+    #[error("cannot write a table: {0}")]
+    Table(#[from] csv::Error),
+}
+
+/// All files of the section: names and contents.
+///
+/// # Errors
+/// See [`StudyError`].
+pub fn regenerate(plan: &Plan) -> Result<Vec<(String, String)>, StudyError> {
+    let study = study::Study::new(plan)?;
+    let mut files = vec![
+        ("fig5.csv", csv(&study.case_1)?),
+        ("fig6.csv", csv(&study.offsets)?),
+        ("fig6_deeper.csv", csv(&study.deeper)?),
+        ("fig7.csv", csv(&study.case_2)?),
+        ("fig8.csv", csv(study.distributions())?),
+        ("fig8_summary.csv", csv(study.summaries())?),
+        ("table1.csv", csv(&study.times)?),
+    ];
+    for (name, svg) in figures::all(&study)? {
+        files.push((name, svg));
+    }
+    files.push(("findings.csv", csv(report::rows(&study))?));
+    files.push(("report.md", report::report(&study, plan)));
+    Ok(files.into_iter().map(|(name, text)| (name.to_string(), text)).collect())
+}

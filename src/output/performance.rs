@@ -1,0 +1,100 @@
+//! `performance.csv`: what a run did and what it took, a row for each time that it was started and came to an end.
+//! Rank 0 writes, when all else is written.
+
+use super::table::TableError;
+use serde::{Deserialize, Serialize};
+use std::fs::OpenOptions;
+use std::path::{Path, PathBuf};
+
+/// A row of the table.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Performance {
+    /// Ranks that shared the work.
+    pub ranks: u32,
+    /// Steps done.
+    pub steps: u64,
+    /// Particles of all ranks, summed over the steps.
+    pub particle_steps: u64,
+    /// Wall clock [s].
+    pub wall_s: f64,
+    /// Contact resolution, the sum over the ranks [s].
+    pub contact_resolution_s: f64,
+    /// Pairs on the neighbour lists, summed over ranks and steps.
+    pub listed_pairs: u64,
+    /// Those of them that were resolved.
+    pub resolved_pairs: u64,
+    /// Those of them that touch.
+    pub contacts: u64,
+}
+
+/// Where the table of a run is.
+fn path(directory: &Path) -> PathBuf {
+    directory.join("performance.csv")
+}
+
+impl Performance {
+    /// Writes the row into `directory`: below those of before where the run continues one, else as the first.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn store(&self, directory: &Path, continues: bool) -> Result<(), TableError> {
+        let path = path(directory);
+        let is_first = !(continues && path.exists());
+        let written = || -> Result<(), csv::Error> {
+            let file = OpenOptions::new()
+                .create(true)
+                .write(true)
+                .append(!is_first)
+                .truncate(is_first)
+                .open(&path)?;
+            let mut table = csv::WriterBuilder::new().has_headers(is_first).from_writer(file);
+            table.serialize(self)?;
+            Ok(table.flush()?)
+        };
+        written().map_err(|cause| TableError { path: path.clone(), cause: cause.to_string() })
+    }
+
+    /// The rows in `directory`, in the order in which they were written; none if there is no table.
+    ///
+    /// # Errors
+    /// A table that cannot be read.
+    pub fn read(directory: &Path) -> Result<Vec<Self>, csv::Error> {
+        let path = path(directory);
+        if !path.exists() {
+            return Ok(Vec::new());
+        }
+        csv::Reader::from_path(path)?.deserialize().collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Performance;
+
+    #[test]
+    fn rows_are_read_as_they_were_written() {
+        let row = |steps| Performance {
+            ranks: 2,
+            steps,
+            particle_steps: 64 * steps,
+            wall_s: 0.1 * steps as f64,
+            contact_resolution_s: 1.0 / 3.0,
+            listed_pairs: 7 * steps,
+            resolved_pairs: 5 * steps,
+            contacts: 3 * steps,
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let rows = || Performance::read(folder.path()).unwrap();
+        assert_eq!(rows(), []);
+        row(10).store(folder.path(), true).unwrap();
+        row(20).store(folder.path(), true).unwrap();
+        assert_eq!(rows(), [row(10), row(20)]);
+        row(30).store(folder.path(), false).unwrap();
+        assert_eq!(rows(), [row(30)]);
+        let gone = folder.path().join("gone");
+        let error = row(1).store(&gone, false).unwrap_err().to_string();
+        assert!(error.contains("cannot write") && error.contains("performance.csv"), "{error}");
+        std::fs::write(folder.path().join("performance.csv"), "ranks\ntwo\n").unwrap();
+        assert!(Performance::read(folder.path()).is_err());
+    }
+}
