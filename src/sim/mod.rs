@@ -10,8 +10,7 @@ use crate::comm::{Comm, agree};
 use crate::contact::{Found, Histories, Pair, Table, Touch, Why};
 use crate::contacts::{Contacts, Loaded};
 use crate::domain::{Domain, DomainError};
-use crate::drive::rain::RainGauge;
-use crate::drive::servo::{ServoError, Servos};
+use crate::drive::{Drive, DriveError, Moment};
 use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Sums};
 use crate::measure::{self, Measures};
@@ -40,10 +39,8 @@ pub struct Simulation {
     pub law: Box<dyn ForceLaw>,
     /// Gravity and global damping.
     pub field: Field,
-    /// Particles still to come.
-    pub rain: Option<RainGauge>,
-    /// Walls that keep a stress.
-    pub servos: Servos,
+    /// What acts from outside, in the order in which it acts.
+    pub drives: Vec<Box<dyn Drive>>,
     /// Whether steps go too far.
     pub watch: Watch,
     /// What the resolvers say of a few pairs, and how often who answered.
@@ -85,13 +82,13 @@ pub enum StepError {
         /// Whose, and how far.
         fault: Fault,
     },
-    /// A wall cannot keep its stress. Known on all ranks.
+    /// A drive cannot go on. Known on all ranks.
     #[error("step {step}: {error}")]
-    Servo {
+    Drive {
         /// Steps done.
         step: u64,
-        /// Which wall, and why.
-        error: ServoError,
+        /// Which, and why.
+        error: DriveError,
     },
     /// A pair that no contact method could resolve. Known on one rank only.
     #[error(
@@ -121,7 +118,7 @@ pub enum StepError {
 impl StepError {
     /// Do all ranks have this error?
     pub const fn is_agreed(&self) -> bool {
-        matches!(self, Self::Domain { .. } | Self::Fault { .. } | Self::Servo { .. })
+        matches!(self, Self::Domain { .. } | Self::Fault { .. } | Self::Drive { .. })
     }
 }
 
@@ -145,12 +142,12 @@ impl Simulation {
     /// What went wrong. Unless [`StepError::is_agreed`], the other ranks do not know yet, so the caller
     /// must abort them.
     pub fn step(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
-        // move, and sum what presses on servo walls meanwhile
+        // move, and sum what drives ask for meanwhile
         self.clock.restart();
-        self.servos.start_sums(&self.contacts, &self.particles, &*self.law, self.dt, comm);
+        let asked = self.start_sums(comm);
         let farthest = motion::kick_and_drift(&mut self.particles, &self.field, self.dt);
         self.clock.lap(Phase::Move);
-        self.steer_walls(comm)?;
+        self.steer_walls(&asked, comm)?;
         self.clock.lap(Phase::Agree);
         motion::move_walls(&mut self.particles, self.dt);
         self.watch.note(&farthest, &self.particles, self.dt);
@@ -158,25 +155,50 @@ impl Simulation {
         self.clock.lap(Phase::Move);
 
         // find contacts and their forces
-        if let Some(newcomers) = self.next_rain(comm) {
-            self.list_pairs(&newcomers, comm)?;
-        } else {
+        let newcomers = self.newcomers(comm);
+        if newcomers.is_empty() {
             self.exchange(comm)?;
+        } else {
+            self.list_pairs(&newcomers, comm)?;
         }
         self.find_forces(self.dt)?;
-        self.servos.note_forces(&self.contacts, &self.particles);
+        for drive in &mut self.drives {
+            drive.after_forces(&self.contacts, &self.particles);
+        }
         self.clock.lap(Phase::Forces);
         motion::kick(&mut self.particles, &self.field, self.dt);
         self.clock.lap(Phase::Move);
         Ok(())
     }
 
-    /// Gives servo walls their velocities. Collective, if there are any.
-    fn steer_walls(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
-        let step = self.step;
-        let sides = [&self.domain.cell.low(), &self.domain.cell.high()];
-        let steered = self.servos.steer(&mut self.particles, sides, step, self.dt, comm);
-        steered.map_err(|error| StepError::Servo { step, error })
+    /// Begins to add up what drives ask for; returns how many numbers each has asked for. Collective, if any has.
+    fn start_sums(&self, comm: &mut dyn Comm) -> Vec<usize> {
+        let moment = self.moment();
+        let (mut asked, mut sums) = (Vec::new(), Vec::new());
+        for drive in &self.drives {
+            let numbers = drive.sums(&moment, &self.particles, &self.contacts, &*self.law);
+            asked.push(numbers.len());
+            sums.extend(numbers);
+        }
+        if !sums.is_empty() {
+            comm.start_sum(sums);
+        }
+        asked
+    }
+
+    /// Lets drives give walls their velocities, each with the sums that it has `asked` for. Collective, if any has.
+    fn steer_walls(&mut self, asked: &[usize], comm: &mut dyn Comm) -> Result<(), StepError> {
+        let moment = self.moment();
+        let all = if asked.iter().any(|&count| count > 0) { comm.finish_sum() } else { Vec::new() };
+        let mut rest = &*all;
+        for (drive, &count) in self.drives.iter_mut().zip(asked) {
+            let (sums, others) = rest.split_at(count);
+            rest = others;
+            let Particles { cell, walls, .. } = &mut self.particles;
+            let steered = drive.steer(&moment, sums, cell, walls);
+            steered.map_err(|error| StepError::Drive { step: moment.step, error })?;
+        }
+        Ok(())
     }
 
     /// Brings the ghosts up to date, and asks all ranks whether the list is good for these positions. If not, a new one is
@@ -258,21 +280,27 @@ impl Simulation {
         self.stage_begin.1 + (self.step - self.stage_begin.0) as f64 * self.dt
     }
 
+    /// Where the simulation stands.
+    fn moment(&self) -> Moment {
+        let (step, stage_step) = (self.step, self.step - self.stage_begin.0);
+        Moment { step, stage_step, time: self.time(), dt: self.dt }
+    }
+
     /// The scalars of this moment. Collective.
     pub fn measure(&self, comm: &mut dyn Comm) -> Measures {
         measure::measure(&self.particles, &self.contacts, &*self.law, &self.field, self.dt, comm)
     }
 
-    /// The next layer, if one is due and its place is free; `None` on all ranks if not. Collective where one is due.
-    fn next_rain(&mut self, comm: &mut dyn Comm) -> Option<Vec<Particle>> {
-        let rain = self.rain.as_mut()?;
-        let stage_step = self.step - self.stage_begin.0;
-        if !rain.is_due(stage_step) || comm.any(rain.is_blocked(&self.particles)) {
-            return None;
+    /// Particles that drives insert now, the same on all ranks. Collective.
+    fn newcomers(&mut self, comm: &mut dyn Comm) -> Vec<Particle> {
+        let moment = self.moment();
+        let mut newcomers = Vec::new();
+        for drive in &mut self.drives {
+            let inserted = drive.insert(&moment, self.next_id, &self.particles, comm);
+            self.next_id += inserted.len() as u64;
+            newcomers.extend(inserted);
         }
-        let layer = rain.next_layer(self.next_id, &self.particles.library);
-        self.next_id += layer.len() as u64;
-        Some(layer)
+        newcomers
     }
 
     /// Adds a particle that this rank shall own, with the energy that it brings. Ghosts and walls must
