@@ -4,6 +4,7 @@ use dem_mpi::contact::{History, NamedHistory, StateColumn};
 use dem_mpi::drive::{SavedColumn, SavedState, Values};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
+use dem_mpi::measure::Departed;
 use dem_mpi::output::tables::{
     ContactTable, Header, HistoryTable, ParticleTable, ShapeRow, WallRow,
 };
@@ -40,6 +41,7 @@ pub(crate) fn header(step: u64) -> Header {
         dt: n.next(),
         stage_begin: (step / 2, n.next()),
         next_id: u64::MAX / 3,
+        departed: Departed { received: n.next(), dissipated: n.next() },
         stop: if step.is_multiple_of(2) { "rest = 1e-6".to_owned() } else { String::new() },
         low: n.vector(),
         high: n.vector(),
@@ -79,8 +81,8 @@ fn drives(n: &mut Numbers) -> Vec<SavedState> {
     let walls = ["floor", "left wall, très loin"].map(str::to_owned);
     let columns = vec![
         column("course", 160, "1", Values::Reals((0..320).map(|_| n.next()).collect())),
-        column("force_sum", 201, "2^(32 k - 1074) N", Values::Integers(limbs)),
         column("force_steps", 1, "1", Values::Counts(vec![u64::MAX / 7, 1])),
+        column("force_sum", 201, "2^(32 k - 1074) N", Values::Integers(limbs)),
         column("speed", 1, "m/s", Values::Reals(vec![n.next(), n.next()])),
         column("wall", 1, "", Values::Texts(walls.to_vec())),
     ];

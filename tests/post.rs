@@ -7,6 +7,7 @@ use dem_mpi::contact::{Histories, StateColumn};
 use dem_mpi::drive::{SavedColumn, SavedState, Values, servo};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
+use dem_mpi::measure::Departed;
 use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::table;
 use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
@@ -104,6 +105,7 @@ fn header(low: Vec3, high: Vec3, periodic: bool, semi_axes: Vec3, particles: usi
         dt: 1e-5,
         stage_begin: (0, 0.0),
         next_id: particles as u64,
+        departed: Departed::default(),
         stop: String::new(),
         low,
         high,

@@ -6,7 +6,8 @@
 //! 1. ask for sums over all ranks, which are found while the particles move ([`Drive::sums`]);
 //! 2. give walls their velocities ([`Drive::steer`]);
 //! 3. insert particles, before the list of pairs is made ([`Drive::insert`]);
-//! 4. look at the forces ([`Drive::after_forces`]).
+//! 4. take out particles that have left the domain ([`Drive::take`]);
+//! 5. look at the forces ([`Drive::after_forces`]).
 //!
 //! The state of a drive is the same on all ranks, but for sums that are not yet added up. It is saved in snapshots under the
 //! drive's name ([`Drive::save`], [`Drive::resume`]).
@@ -136,7 +137,7 @@ pub trait Drive: Send + Sync {
     }
 
     /// Gives walls their velocities for the step that begins at this moment. `sums` is what [`Drive::sums`] asked for, of
-    /// all ranks. All ranks must do the same.
+    /// all ranks. All ranks must do the same. A wall has its place in `history.csv` if [`Wall::moves`] is set.
     ///
     /// # Errors
     /// Why the run cannot go on.
@@ -160,6 +161,18 @@ pub trait Drive: Send + Sync {
         _comm: &mut dyn Comm,
     ) -> Vec<Particle> {
         Vec::new()
+    }
+
+    /// May it take particles out? If no drive may, nothing looks in every step at whether a particle has left the domain.
+    fn is_outlet(&self) -> bool {
+        false
+    }
+
+    /// Takes a particle that has left the domain of `cell` out of the simulation, or not; an error if no drive does. Asked on
+    /// all ranks, in the order of the ids; not asked of what a drive before it has taken. The velocity is that of half a
+    /// step before the positions, the force that of the positions before.
+    fn take(&mut self, _leaver: &Particle, _cell: &Cell) -> bool {
+        false
     }
 
     /// Looks at the forces at the end of a step.

@@ -15,6 +15,7 @@ use crate::contact::{Histories, History, NamedHistory, StateColumn};
 use crate::drive::{SavedColumn, SavedState, Values};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
+use crate::measure::Departed;
 use crate::shape::Shape;
 use std::cell::OnceCell;
 use std::fs::{self, File};
@@ -508,6 +509,7 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
         dt,
         stage_begin,
         next_id,
+        departed,
         stop,
         low,
         high,
@@ -529,6 +531,9 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.numbers("/run", "stage_begin_time", &[stage_begin.1])?;
     file.numbers("/run", "next_id", &[*next_id])?;
     file.numbers("/run", "gravity", gravity.as_slice())?;
+    if *departed != Departed::default() {
+        file.numbers("/run", DEPARTED, &[departed.received, departed.dissipated])?;
+    }
     file.texts(&SCENE, &[scene])?;
     if !stop.is_empty() {
         file.texts(&STOP, &[stop])?;
@@ -565,6 +570,9 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     let geometries = geometries(header);
     file.texts(&SHAPE_GEOMETRY, &geometries.iter().map(|g| &**g).collect::<Vec<_>>())
 }
+
+/// What particles that were taken out have left behind [J]: received, dissipated. Not there before one was.
+const DEPARTED: &str = "departed_received_dissipated_J";
 
 /// Says to which time velocities belong. Files without it have those of half a step before.
 const VELOCITIES: (&str, &str) = ("velocities", "at the time of the positions");
@@ -637,12 +645,17 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
     let number = |name| file.numbers::<f64, 1>("/run", name).map(|[n]| n);
     let whole = |name| file.numbers::<u64, 1>("/run", name).map(|[n]| n);
     let vector = |group, name| file.numbers::<f64, 3>(group, name).map(Vec3::from);
+    let mut departed = Departed::default();
+    if file.has_attribute("/run", DEPARTED) {
+        [departed.received, departed.dissipated] = file.numbers("/run", DEPARTED)?;
+    }
     Ok(Header {
         step: whole("step")?,
         time: number("time")?,
         dt: number("dt")?,
         stage_begin: (whole("stage_begin_step")?, number("stage_begin_time")?),
         next_id: whole("next_id")?,
+        departed,
         stop: if file.has(STOP.place) { file.texts(&STOP)?.concat() } else { String::new() },
         low: vector("/domain", "low")?,
         high: vector("/domain", "high")?,

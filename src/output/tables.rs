@@ -22,6 +22,7 @@ use crate::contact::{Histories, NamedHistory, StateColumn};
 use crate::drive::SavedState;
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
+use crate::measure::Departed;
 use crate::shape::{Ellipsoid, Shape};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -39,6 +40,8 @@ pub struct Header {
     pub stage_begin: (u64, f64),
     /// The id that the next new particle gets.
     pub next_id: u64,
+    /// What particles that were taken out have left behind in the balance of energies [J].
+    pub departed: Departed,
     /// The scene's `[stop]`, if it holds at this moment and the stage is over; else empty.
     pub stop: String,
     /// Lowest corner of the domain [m].

@@ -7,6 +7,7 @@
 use crate::contact::{NamedHistory, StateColumn};
 use crate::drive::{SavedColumn, SavedState};
 use crate::ids::GlobalId;
+use crate::measure::Departed;
 use crate::output::columns::NamedColumn;
 use crate::output::tables::{Header, HistoryTable, ParticleTable};
 use serde::{Deserialize, Serialize};
@@ -281,6 +282,7 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             dt,
             stage_begin,
             next_id,
+            departed,
             // Why the run ended, and what the user wrote, are no state.
             stop: _,
             scene: _,
@@ -299,6 +301,7 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             ("time step", format!("{dt:e} s")),
             ("begin of the stage", format!("step {}, {:e} s", stage_begin.0, stage_begin.1)),
             ("next id", next_id.to_string()),
+            ("left behind by particles that are gone", left_behind(*departed)),
             ("domain", format!("{:?} to {:?} m", low.as_slice(), high.as_slice())),
             ("periodic", format!("{periodic:?}")),
             ("gravity", format!("{:?} m/s2", gravity.as_slice())),
@@ -335,6 +338,10 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
         }
     }
     found
+}
+
+fn left_behind(Departed { received, dissipated }: Departed) -> String {
+    format!("received {received:e} J, dissipated {dissipated:e} J")
 }
 
 /// What each drive has saved, by the names of drive and column.

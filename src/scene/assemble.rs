@@ -11,6 +11,7 @@ use crate::drive::servo::Servos;
 use crate::drive::{Drive, DriveError};
 use crate::ids::{GlobalId, ShapeId};
 use crate::law::{ForceLaw, Sums};
+use crate::measure::Departed;
 use crate::motion::Field;
 use crate::output::SnapshotError;
 use crate::output::snapshot::Reader;
@@ -116,6 +117,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
         step: 0,
         stage_begin: (0, 0.0),
         next_id: 0,
+        departed: Departed::default(),
         skin: scene.skin,
         imbalance: scene.imbalance,
         lists_since_cut: 0,
@@ -187,6 +189,7 @@ pub fn take_up(
         From::Middle => {
             // The same time step continues the same clock; another begins its own.
             sim.stage_begin = header.stage_begin;
+            sim.departed = header.departed;
             if header.dt != sim.dt {
                 let steps = (header.step - header.stage_begin.0) as f64;
                 sim.stage_begin.1 = header.time - steps * sim.dt;

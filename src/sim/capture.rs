@@ -14,7 +14,7 @@ use crate::output::tables::{
 use crate::particles::records::Particle;
 use crate::shape::Kind;
 use nalgebra::Quaternion;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The touching contacts of which this rank owns the first particle.
 struct FirstOwned<'a>(&'a Simulation);
@@ -89,6 +89,7 @@ impl Simulation {
             dt: self.dt,
             stage_begin: self.stage_begin,
             next_id: self.next_id,
+            departed: self.departed,
             stop: String::new(),
             low: self.domain.cell.low(),
             high: self.domain.cell.high(),
@@ -216,7 +217,7 @@ impl Simulation {
         motion::bring_back(&mut self.particles);
         let work = vec![1; self.particles.owned];
         self.domain.recut(&self.particles, &work, comm);
-        self.domain.migrate(&mut self.particles, &self.contacts, comm);
+        self.domain.migrate(&mut self.particles, &self.contacts, &BTreeSet::new(), comm);
         let owned = &self.particles.id[..self.particles.owned];
         let histories = histories.with_columns(self.contacts.remembered());
         let carried = histories_to_owners(owned, &histories, comm);

@@ -6,19 +6,20 @@ pub mod run;
 pub mod trace;
 pub mod watch;
 
-use crate::comm::{Comm, agree};
+use crate::comm::{Comm, agree, everywhere};
 use crate::contact::{Found, Histories, Pair, Table, Touch, Why};
 use crate::contacts::{Contacts, Loaded};
 use crate::domain::{Domain, DomainError};
 use crate::drive::{Drive, DriveError, Moment};
 use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Sums};
-use crate::measure::{self, Measures};
+use crate::measure::{self, Departed, Measures};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
 use crate::particles::records::Particle;
 use crate::search::{self, PairList};
 use crate::timing::{Clock, Phase};
+use std::collections::BTreeSet;
 use watch::{Fault, Watch};
 
 /// Everything that a rank holds. Made by `scene::assemble`.
@@ -53,6 +54,8 @@ pub struct Simulation {
     pub stage_begin: (u64, f64),
     /// The id of the next new particle.
     pub next_id: u64,
+    /// What particles that were taken out have left behind in the balance of energies; the same on all ranks.
+    pub departed: Departed,
     /// A pair is listed when its bounding spheres come this close [m].
     pub skin: f64,
     /// Cut anew when the busiest rank has this many times the mean work.
@@ -159,7 +162,7 @@ impl Simulation {
         if newcomers.is_empty() {
             self.exchange(comm)?;
         } else {
-            self.list_pairs(&newcomers, comm)?;
+            self.list_pairs(&newcomers, self.dt, comm)?;
         }
         self.find_forces(self.dt)?;
         for drive in &mut self.drives {
@@ -207,13 +210,13 @@ impl Simulation {
         self.domain.start_halo(&self.particles, comm);
         self.clock.lap(Phase::Exchange);
         // While ghosts are on their way.
-        comm.start_vote(self.list_is_stale() || self.watch.has_fault());
+        comm.start_vote(self.list_is_stale() || self.watch.has_fault() || self.has_leaver());
         self.clock.lap(Phase::Agree);
         self.domain.finish_halo(&mut self.particles, comm);
         self.clock.lap(Phase::Exchange);
         let stale = comm.finish_vote();
         self.clock.lap(Phase::Agree);
-        if stale { self.list_pairs(&[], comm) } else { Ok(()) }
+        if stale { self.list_pairs(&[], self.dt, comm) } else { Ok(()) }
     }
 
     /// Lists pairs and finds the forces at the start of a stage. Collective.
@@ -229,7 +232,8 @@ impl Simulation {
     fn list_first(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         self.lists_since_cut = LISTS_BETWEEN_CUTS;
         self.watch.note_ahead(&self.particles, self.dt);
-        self.list_pairs(&[], comm)
+        // No time has passed: nothing is within a step.
+        self.list_pairs(&[], 0.0, comm)
     }
 
     /// The second half of [`Simulation::begin`].
@@ -240,16 +244,22 @@ impl Simulation {
         Ok(())
     }
 
-    /// Makes subdomains, ghosts and pairs anew, with those of `newcomers` whose places this rank then owns.
-    /// Collective.
-    fn list_pairs(&mut self, newcomers: &[Particle], comm: &mut dyn Comm) -> Result<(), StepError> {
+    /// Makes subdomains, ghosts and pairs anew, without what drives take out, and with those of `newcomers` whose places this
+    /// rank then owns. `dt` [s] is 0 at the start of a stage. Collective.
+    fn list_pairs(
+        &mut self,
+        newcomers: &[Particle],
+        dt: f64,
+        comm: &mut dyn Comm,
+    ) -> Result<(), StepError> {
         let step = self.step;
         let checked = self.watch.check(&self.particles, &self.contacts);
         agree(comm, checked).map_err(|fault| StepError::Fault { step, fault })?;
-        let checked = self.domain.check(&self.particles);
+        let taken = self.take_leavers(dt, comm);
+        let checked = self.domain.check(&self.particles, &taken);
         agree(comm, checked).map_err(|error| StepError::Domain { step, error })?;
         self.recut_if_unbalanced(comm);
-        let carried = self.domain.migrate(&mut self.particles, &self.contacts, comm);
+        let carried = self.domain.migrate(&mut self.particles, &self.contacts, &taken, comm);
         let me = comm.rank();
         for particle in newcomers {
             if self.domain.owner(&particle.position) == me {
@@ -288,7 +298,11 @@ impl Simulation {
 
     /// The scalars of this moment. Collective.
     pub fn measure(&self, comm: &mut dyn Comm) -> Measures {
-        measure::measure(&self.particles, &self.contacts, &*self.law, &self.field, self.dt, comm)
+        let Self { particles, contacts, law, field, dt, departed, .. } = self;
+        let mut measures = measure::measure(particles, contacts, &**law, field, *dt, comm);
+        measures.received += departed.received;
+        measures.dissipated += departed.dissipated;
+        measures
     }
 
     /// Particles that drives insert now, the same on all ranks. Collective.
@@ -301,6 +315,65 @@ impl Simulation {
             newcomers.extend(inserted);
         }
         newcomers
+    }
+
+    /// Has a particle left the domain that a drive may take?
+    fn has_leaver(&self) -> bool {
+        let is_open = self.drives.iter().any(|drive| drive.is_outlet());
+        is_open && self.domain.leavers(&self.particles).next().is_some()
+    }
+
+    /// Offers particles that have left the domain to the drives, and books out what they take; the ids are the same on all
+    /// ranks. `dt` [s] is 0 at the start of a stage. Collective, if a drive may take any.
+    fn take_leavers(&mut self, dt: f64, comm: &mut dyn Comm) -> BTreeSet<GlobalId> {
+        let mut taken = BTreeSet::new();
+        if !self.drives.iter().any(|drive| drive.is_outlet()) || !comm.any(self.has_leaver()) {
+            return taken;
+        }
+        let Self { particles, domain, drives, .. } = self;
+        let here = domain.leavers(particles).map(|slot| particles.owned_particle(slot));
+        let mut leavers = everywhere(comm, &here.collect::<Vec<_>>());
+        leavers.sort_unstable_by_key(|leaver| leaver.id);
+        for leaver in leavers.iter().filter(|leaver| leaver.position.norm().is_finite()) {
+            if drives.iter_mut().any(|drive| drive.take(leaver, &particles.cell)) {
+                taken.insert(leaver.id);
+            }
+        }
+        self.book_out(&taken, dt, comm);
+        taken
+    }
+
+    /// Books what these particles take away and leave behind. They end their step as if nothing touched them any more; what
+    /// their contacts have stored goes with them. `dt` [s] is 0 at the start of a stage. Collective.
+    fn book_out(&mut self, taken: &BTreeSet<GlobalId>, dt: f64, comm: &mut dyn Comm) {
+        let Self { particles, contacts, law, field, departed, .. } = self;
+        // By bodies, received and dissipated.
+        let mut entries: Vec<(GlobalId, GlobalId, f64, f64)> = Vec::new();
+        for slot in 0..particles.owned {
+            let id = particles.id[slot];
+            if taken.contains(&id) {
+                // The last half of a kick by gravity, and what the step's energy is then: together this work.
+                let weight = field.gravity * particles.mass(slot);
+                let work = 0.5 * dt * weight.dot(&particles.velocity[slot]);
+                let energy = measure::free_energy(particles, slot, field) + work;
+                let (received, dissipated) = (particles.received[slot], particles.dissipated[slot]);
+                entries.push((id, id, received - energy, dissipated));
+            }
+        }
+        // At the start of a stage nobody has counted yet what contacts store.
+        for (pair, contact) in contacts.named(particles).filter(|_| dt > 0.0) {
+            let is_here = pair.a.index() < particles.owned;
+            if is_here && (taken.contains(&contact.a) || taken.contains(&contact.b)) {
+                let stored = law.stored(pair, particles, &contact.geometry, contact.state);
+                entries.push((contact.a, contact.b, -stored, 0.0));
+            }
+        }
+        let mut entries = everywhere(comm, &entries);
+        entries.sort_unstable_by_key(|&(a, b, ..)| (a, b));
+        for (_, _, received, dissipated) in entries {
+            departed.received += received;
+            departed.dissipated += dissipated;
+        }
     }
 
     /// Adds a particle that this rank shall own, with the energy that it brings. Ghosts and walls must

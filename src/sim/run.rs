@@ -12,6 +12,7 @@ use crate::output::{SnapshotError, snapshot};
 use crate::particles::Particles;
 use crate::timing::{Clock, Phase};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::fmt::{Display, Formatter};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -417,7 +418,7 @@ fn save(
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, RunError> {
     history.map_or(Ok(()), History::sync)?;
-    let checked = sim.domain.check(&sim.particles).and_then(|()| {
+    let checked = sim.domain.check(&sim.particles, &BTreeSet::new()).and_then(|()| {
         let forces = sim.particles.id.iter().zip(&sim.particles.force);
         match forces.into_iter().find(|(_, force)| !force.norm().is_finite()) {
             Some((&id, _)) => Err(DomainError::NotFinite { id }),
