@@ -98,8 +98,16 @@ pub struct RainGauge {
     fallen: u64,
 }
 
+/// Names [`RainGauge`] among the drives.
+const NAME: &str = "rain";
 /// Particles that have fallen in this stage.
 const FALLEN: StateColumn = StateColumn::new("fallen", 1, "1");
+
+/// What a snapshot holds when so many particles have fallen.
+pub fn saved(fallen: u64) -> SavedState {
+    let columns = vec![SavedColumn::new(FALLEN, Values::Counts(vec![fallen]))];
+    SavedState { drive: NAME.to_owned(), columns }
+}
 
 impl RainGauge {
     /// Before the first layer.
@@ -140,7 +148,7 @@ impl RainGauge {
 
 impl Drive for RainGauge {
     fn name(&self) -> &'static str {
-        "rain"
+        NAME
     }
 
     /// The next layer, if one is due and its place is free on all ranks.
@@ -172,7 +180,7 @@ impl Drive for RainGauge {
     }
 
     fn save(&self, _walls: &[Wall], _comm: &mut dyn Comm) -> Vec<SavedColumn> {
-        vec![SavedColumn::new(FALLEN, Values::Counts(vec![self.fallen]))]
+        saved(self.fallen).columns
     }
 
     /// In a new stage all of it falls again.

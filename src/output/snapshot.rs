@@ -12,7 +12,7 @@ use super::{SnapshotError, make_directory, on_root};
 use crate::comm::alone::Alone;
 use crate::comm::{Comm, agree, wire};
 use crate::contact::{Histories, History, NamedHistory, StateColumn};
-use crate::drive::{SavedColumn, SavedState, Values};
+use crate::drive::{SavedState, rain};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
 use crate::measure::Departed;
@@ -598,7 +598,7 @@ fn read_drives(file: &StoredFile) -> Result<Vec<SavedState>, SnapshotError> {
     Ok(drives)
 }
 
-/// What rain has saved in a file of before, where it stood beside the step.
+/// What rain has saved in a file of an older version, where it stands beside the step.
 fn rain_of_run(file: &StoredFile) -> Result<Option<SavedState>, SnapshotError> {
     let whole = |name| file.numbers::<u64, 1>("/run", name).map(|[n]| n);
     if !file.has_attribute("/run", "layers_fallen") || whole("layers_fallen")? == 0 {
@@ -607,8 +607,7 @@ fn rain_of_run(file: &StoredFile) -> Result<Option<SavedState>, SnapshotError> {
     let lacks = "/run/particles_fallen".to_owned();
     let path = super::name_of(file.path());
     let fallen = whole("particles_fallen").map_err(|_| SnapshotError::Older { path, lacks })?;
-    let fallen = SavedColumn::new(StateColumn::new("fallen", 1, "1"), Values::Counts(vec![fallen]));
-    Ok(Some(SavedState { drive: "rain".to_owned(), columns: vec![fallen] }))
+    Ok(Some(rain::saved(fallen)))
 }
 
 fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {

@@ -134,7 +134,7 @@ impl Simulation {
         saved.filter(|saved| !saved.columns.is_empty()).collect()
     }
 
-    /// Each drive goes on from what the one of its name has saved; one of another name begins anew.
+    /// Each drive goes on from what the one of its name has saved. A drive of which nothing was saved stays as it is.
     ///
     /// # Errors
     /// If a drive cannot go on from it.

@@ -323,8 +323,8 @@ impl Simulation {
         is_open && self.domain.leavers(&self.particles).next().is_some()
     }
 
-    /// Offers particles that have left the domain to the drives, and books out what they take; the ids are the same on all
-    /// ranks. `dt` [s] is 0 at the start of a stage. Collective, if a drive may take any.
+    /// Offers particles that have left the domain to the drives, and books out what they take. Returns the ids of those
+    /// particles, the same on all ranks. `dt` [s] is 0 at the start of a stage. Collective, if a drive may take any.
     fn take_leavers(&mut self, dt: f64, comm: &mut dyn Comm) -> BTreeSet<GlobalId> {
         let mut taken = BTreeSet::new();
         if !self.drives.iter().any(|drive| drive.is_outlet()) || !comm.any(self.has_leaver()) {
@@ -343,8 +343,9 @@ impl Simulation {
         taken
     }
 
-    /// Books what these particles take away and leave behind. They end their step as if nothing touched them any more; what
-    /// their contacts have stored goes with them. `dt` [s] is 0 at the start of a stage. Collective.
+    /// Books what these particles take away and leave behind. They end their step as if nothing touched them any more. What
+    /// their contacts have stored goes with them; what such a contact gave to its other body in this step is not booked.
+    /// `dt` [s] is 0 at the start of a stage. Collective.
     fn book_out(&mut self, taken: &BTreeSet<GlobalId>, dt: f64, comm: &mut dyn Comm) {
         let Self { particles, contacts, law, field, departed, .. } = self;
         // By bodies, received and dissipated.
