@@ -600,14 +600,16 @@ fn read_drives(file: &StoredFile) -> Result<Vec<SavedState>, SnapshotError> {
 
 /// What rain has saved in a file of an older version, where it stands beside the step.
 fn rain_of_run(file: &StoredFile) -> Result<Option<SavedState>, SnapshotError> {
+    let (fallen, layers) = ("particles_fallen", "layers_fallen");
     let whole = |name| file.numbers::<u64, 1>("/run", name).map(|[n]| n);
-    if !file.has_attribute("/run", "layers_fallen") || whole("layers_fallen")? == 0 {
-        return Ok(None);
+    if file.has_attribute("/run", fallen) {
+        return Ok(Some(rain::saved(whole(fallen)?)));
     }
-    let lacks = "/run/particles_fallen".to_owned();
-    let path = super::name_of(file.path());
-    let fallen = whole("particles_fallen").map_err(|_| SnapshotError::Older { path, lacks })?;
-    Ok(Some(rain::saved(fallen)))
+    if file.has_attribute("/run", layers) && whole(layers)? > 0 {
+        let (path, lacks) = (super::name_of(file.path()), format!("/run/{fallen}"));
+        return Err(SnapshotError::Older { path, lacks });
+    }
+    Ok(None)
 }
 
 fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
