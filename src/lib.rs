@@ -13,9 +13,10 @@
 //! | 6 | [`search`] | which pairs may touch |
 //! | 7 | [`contacts`] | those that do: what is remembered of them, what acts in them |
 //! | 8 | [`measure`] | energies and other scalars of the whole system |
-//! | 9 | [`domain`] [`drive`] [`output`] | who owns what; what acts from outside; what is written |
-//! | 10 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot |
-//! | 11 | [`scene`] | the user's file, checked, and turned into a simulation |
+//! | 9 | [`domain`] [`drive`] | who owns what; what acts from outside |
+//! | 10 | [`output`] | what is written |
+//! | 11 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot |
+//! | 12 | [`scene`] | the user's file, checked, and turned into a simulation |
 //!
 //! Conventions everywhere: SI units; compression and overlap are positive; a contact's normal is a
 //! unit vector **from A to B**, where A is the body with the lower id (a wall is always B); slots
@@ -54,6 +55,7 @@ pub mod measure;
 
 pub mod domain;
 pub mod drive;
+
 pub mod output;
 
 pub mod post;

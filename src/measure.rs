@@ -9,6 +9,16 @@ use crate::law::ForceLaw;
 use crate::math::{ExactSum, Vec3};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
+use serde::{Deserialize, Serialize};
+
+/// What particles that were taken out have left behind in the balance of energies [J].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Departed {
+    /// What they had received, less what they have taken away.
+    pub received: f64,
+    /// What had been dissipated at them.
+    pub dissipated: f64,
+}
 
 /// The scalars of a moment.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,7 +41,7 @@ pub struct Measures {
     pub step_energy: f64,
     /// Energy dissipated so far [J].
     pub dissipated: f64,
-    /// Energy that came in with particles and from moving walls so far [J].
+    /// Energy that came in with particles and from moving walls so far, less what went out with particles [J].
     pub received: f64,
     /// Mean normal force between particles [N].
     pub mean_normal_force: f64,

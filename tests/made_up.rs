@@ -1,9 +1,11 @@
 //! Made-up tables: every number differs from every other, so that nothing can be mixed up unseen.
 
 use dem_mpi::contact::{Histories, History, NamedHistory, StateColumn};
+use dem_mpi::drive::{SavedColumn, SavedState, Values};
 use dem_mpi::ids::{GlobalId, ShapeId};
-use dem_mpi::math::{ExactSum, Vec3};
-use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ServoRow, ShapeRow, WallRow};
+use dem_mpi::math::Vec3;
+use dem_mpi::measure::Departed;
+use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
 use dem_mpi::shape::{Shape, Sphere};
 use std::ops::Range;
 
@@ -36,9 +38,8 @@ pub(crate) fn header(step: u64) -> Header {
         time: n.next(),
         dt: n.next(),
         stage_begin: (step / 2, n.next()),
-        layers_fallen: 7,
-        particles_fallen: Some(70),
         next_id: u64::MAX / 3,
+        departed: Departed { received: n.next(), dissipated: n.next() },
         stop: if step.is_multiple_of(2) { "rest = 1e-6".to_owned() } else { String::new() },
         low: n.vector(),
         high: n.vector(),
@@ -53,21 +54,7 @@ pub(crate) fn header(step: u64) -> Header {
                 force: n.vector(),
             })
             .to_vec(),
-        servos: ["floor", "lid"]
-            .map(|wall| ServoRow {
-                wall: wall.to_owned(),
-                target: n.next(),
-                speed: n.next(),
-                stiffness: n.next(),
-                recent: [9.0, n.next(), n.next(), n.next()],
-                course: vec![
-                    [3.0, n.next(), n.next(), n.next()];
-                    if wall == "lid" { 2 } else { 40 }
-                ],
-                force_sum: (0..3 * ExactSum::LIMBS as i64).map(|k| k - 100).collect(),
-                force_steps: u64::MAX / 7,
-            })
-            .to_vec(),
+        drives: drives(&mut n),
         shapes: [("ball", "sphere"), ("egg", "ellipsoid")]
             .map(|(name, kind)| ShapeRow {
                 name: name.to_owned(),
@@ -81,6 +68,27 @@ pub(crate) fn header(step: u64) -> Header {
             .to_vec(),
         scene: "# a scene, with µ in a comment\n[contact]\nmethod = \"auto\"\n".repeat(20),
     }
+}
+
+/// Two drives, of which one has a column of each type, one of the width of another times its rows, and a text that is longer
+/// than the others. In the order in which a file is read: by name.
+fn drives(n: &mut Numbers) -> Vec<SavedState> {
+    let column =
+        |name, width, unit, values| SavedColumn::new(StateColumn::new(name, width, unit), values);
+    let limbs = (0..402).map(|k| k - 100).collect();
+    let walls = ["floor", "left wall, très loin"].map(str::to_owned);
+    let columns = vec![
+        column("course", 160, "1", Values::Reals((0..320).map(|_| n.next()).collect())),
+        column("force_steps", 1, "1", Values::Counts(vec![u64::MAX / 7, 1])),
+        column("force_sum", 201, "2^(32 k - 1074) N", Values::Integers(limbs)),
+        column("speed", 1, "m/s", Values::Reals(vec![n.next(), n.next()])),
+        column("wall", 1, "", Values::Texts(walls.to_vec())),
+    ];
+    let fallen = vec![column("fallen", 1, "1", Values::Counts(vec![70]))];
+    vec![
+        SavedState { drive: "rain".to_owned(), columns: fallen },
+        SavedState { drive: "walls that press".to_owned(), columns },
+    ]
 }
 
 /// A table of `rows` particles of all columns if `spinning`, else without the optional ones.

@@ -4,6 +4,7 @@ mod comm;
 mod comm_cases;
 mod contact_reference;
 mod contract;
+mod drives;
 mod kinds;
 mod laws;
 mod layers;

@@ -4,6 +4,7 @@ use dem_mpi::comm::alone::Alone;
 use dem_mpi::contact::Histories;
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
+use dem_mpi::measure::Departed;
 use dem_mpi::output::snapshot;
 use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
 use dem_mpi::post::{Analysis, ParticlePass, PostError, Report, Settings};
@@ -48,16 +49,15 @@ pub(crate) fn header(
         time: 0.01,
         dt: 1e-5,
         stage_begin: (0, 0.0),
-        layers_fallen: 0,
-        particles_fallen: None,
         next_id: particles as u64,
+        departed: Departed::default(),
         stop: String::new(),
         low,
         high,
         periodic: [periodic; 3],
         gravity: Vec3::zeros(),
         walls: Vec::new(),
-        servos: Vec::new(),
+        drives: Vec::new(),
         shapes: vec![ShapeRow {
             name: "grain".into(),
             kind: "ellipsoid".into(),

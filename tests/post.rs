@@ -6,12 +6,13 @@ use crate::packings::{
 use crate::support::{begun, scene};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
-use dem_mpi::contact::Histories;
+use dem_mpi::contact::{Histories, StateColumn};
+use dem_mpi::drive::{SavedColumn, SavedState, Values, servo};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::table;
-use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ServoRow, WallRow};
+use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, WallRow};
 use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::{Among, FabricSum, ForceFabricSum, Rose, degree};
 use dem_mpi::post::forces::Histogram;
@@ -837,6 +838,19 @@ fn a_diff_finds_what_was_planted() {
     assert_eq!(equal.compared, 27);
     assert!(equal.to_string().starts_with("equal bit for bit"));
 
+    let mut rains = [70, 80].map(|fallen| {
+        let fallen = Values::Counts(vec![fallen]);
+        let columns = vec![SavedColumn::new(StateColumn::new("fallen", 1, "1"), fallen)];
+        let mut rains = first.clone();
+        rains.header.drives = vec![SavedState { drive: "rain".into(), columns }];
+        rains
+    });
+    assert_eq!(compare(&rains[0], &rains[1]).header, ["rain, fallen: [70] and [80]"]);
+    assert_eq!(compare(&first, &rains[1]).header, ["rain, fallen: nothing and [80]"]);
+    rains[0].header.drives[0].drive = "snow".into();
+    let names = ["rain, fallen: [80] and nothing", "snow, fallen: nothing and [70]"];
+    assert_eq!(compare(&rains[1], &rains[0]).header, names);
+
     let z = &mut second.particles.position[0].z; // id 26, in its last place
     *z = f64::from_bits(z.to_bits() + 1);
     second.particles.velocity[0].x = 0.5;
@@ -1001,20 +1015,18 @@ fn targets_of_servos_are_drawn() {
         velocity: Vec3::zeros(),
         force: Vec3::zeros(),
     });
-    let servo = |wall: &str, target: f64| ServoRow {
-        wall: wall.into(),
-        target,
-        speed: 0.0,
-        stiffness: 1.0,
-        recent: [0.0; 4],
-        course: Vec::new(),
-        force_sum: Vec::new(),
-        force_steps: 0,
-    };
+    let walls_with_servo = ["-x", "+x", "gone"].map(str::to_owned).to_vec();
+    let wall = StateColumn::new("wall", 1, "");
+    let stresses = StateColumn::new("target", 1, "Pa");
+    let columns = vec![
+        SavedColumn::new(wall, Values::Texts(walls_with_servo)),
+        SavedColumn::new(stresses, Values::Reals(vec![750.0, 750.0, 5e3])),
+    ];
+    let targets = servo::targets(&[SavedState { drive: "servos".into(), columns }]);
+    assert_eq!(targets.len(), 3);
     let table = "time_s,stress_-x_Pa,stress_+x_Pa,stress_lid_Pa\n0,1,2,3\n1,640,650,900\n";
     let history = History::read(table.as_bytes()).unwrap();
-    let servos = [servo("-x", 750.0), servo("+x", 750.0), servo("gone", 5e3)];
-    let plots = panels::panels(&history, &walls, &servos).unwrap();
+    let plots = panels::panels(&history, &walls, &targets).unwrap();
     assert_eq!(plots.len(), 1);
     assert_eq!(plots[0].name, "history_wall_stresses");
     assert_eq!(plots[0].svg.matches("target 750 Pa").count(), 1);
@@ -1133,7 +1145,8 @@ fn a_run_s_files_give_its_numbers_and_its_page_whoever_wrote_them() {
     let history = |place: &Path| History::read(File::open(place.join("history.csv")).unwrap());
     let run = history(one.path()).unwrap();
     assert_eq!(run, history(three.path()).unwrap());
-    let plots = page::plots(&[report], picture, &run, &header.walls, &header.servos).unwrap();
+    let targets = servo::targets(&header.drives);
+    let plots = page::plots(&[report], picture, &run, &header.walls, &targets).unwrap();
     let names: Vec<&str> = plots.iter().map(|plot| plot.name.as_str()).collect();
     let of_snapshot =
         ["packing", "roses", "coordination", "force_distribution", "weak_forces", "friction"];

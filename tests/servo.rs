@@ -3,6 +3,7 @@
 use crate::support::{Bench, begun, scene};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::threads;
+use dem_mpi::contact::StateColumn;
 use dem_mpi::drive::servo::{Pressed, Servo, State};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
@@ -11,9 +12,9 @@ use dem_mpi::particles::records::Particle;
 use dem_mpi::post::history::History;
 use dem_mpi::post::{Settings, analyse};
 use dem_mpi::scene::assemble::{self, From};
-use dem_mpi::sim::StepError;
 use dem_mpi::sim::report::report;
 use dem_mpi::sim::run::{self, Ending, Schedule};
+use dem_mpi::sim::{Simulation, StepError};
 use serde_json::Value;
 use std::f64::consts::PI;
 use std::fs::File;
@@ -145,9 +146,12 @@ fn a_restart_leaves_no_trace_in_means() {
     assert!(history(whole.path()) == history(legs.path()), "rows differ");
     let [one, other] =
         [&whole, &legs].map(|folder| Reader::open(folder.path()).unwrap().header().clone());
-    assert_eq!(one.servos.len(), 4);
-    assert!(one.servos.iter().all(|servo| servo.force_steps == 10 && servo.speed != 0.0));
-    assert_eq!(one.servos, other.servos);
+    let [saved] = &*one.drives else { panic!("{:?}", one.drives) };
+    let force_steps = saved.counts(&StateColumn::new("force_steps", 1, "1")).unwrap();
+    let speeds = saved.reals(&StateColumn::new("speed", 1, "m/s")).unwrap();
+    assert_eq!(force_steps, [10; 4]);
+    assert!(speeds.len() == 4 && speeds.iter().all(|&speed| speed != 0.0), "{speeds:?}");
+    assert_eq!(one.drives, other.drives);
     assert_eq!(one.walls, other.walls);
     assert_eq!(told.0, told_in_legs.0);
     let servos = |report: &str| {
@@ -232,6 +236,11 @@ fn sphere(id: u64, position: Vec3) -> Particle {
     Particle::at_rest(GlobalId(id), ShapeId(0), position)
 }
 
+/// What its drives have to say.
+fn warnings(sim: &mut Simulation) -> Vec<String> {
+    sim.drives.iter_mut().flat_map(|drive| drive.warnings()).collect()
+}
+
 /// Stress on the wall across x that looks to -x [Pa], and where it stands [m].
 fn on_top(bench: &mut Bench) -> (f64, f64) {
     (bench.measure().wall_forces[1].x / 0.0016, bench.sim.particles.walls[1].point.x)
@@ -281,7 +290,8 @@ fn columns_of_spheres_follow_the_reference() {
         let moved = (length - place) / get("wall_displacement_at_target");
         assert!((stress / get("target") - 1.0).abs() < 1e-9, "{name}: {stress}");
         assert!((moved - 1.0).abs() < 1e-9, "{name}: {moved}");
-        assert!(bench.sim.servos.warnings.is_empty(), "{name}: {:?}", bench.sim.servos.warnings);
+        let warnings = warnings(&mut bench.sim);
+        assert!(warnings.is_empty(), "{name}: {warnings:?}");
     }
 }
 
@@ -320,14 +330,15 @@ fn a_sphere_with_inertia_ends_as_in_the_reference() {
 #[test]
 fn a_servo_that_swings_is_told_once() {
     let servo = |gain| Servo { walls: vec![1], stress: 1e5, max_speed: 1.0, gain };
-    for (gain, warnings) in [(1.0, 0), (8.0, 1)] {
+    for (gain, expected) in [(1.0, 0), (8.0, 1)] {
         let text = column_scene(0.01, 0.005, 6e-5, 1.5e5, 6e4, &servo(gain));
         let mut bench = Bench::new(&text, &[sphere(0, Vec3::new(0.005, 0.0, 0.0))]);
         for _ in 0..3000 {
             bench.step();
         }
-        assert_eq!(bench.sim.servos.warnings.len(), warnings, "{:?}", bench.sim.servos.warnings);
-        for warning in &bench.sim.servos.warnings {
+        let warnings = warnings(&mut bench.sim);
+        assert_eq!(warnings.len(), expected, "{warnings:?}");
+        for warning in &warnings {
             assert!(warning.contains("+x") && warning.contains("`gain` = 4.00"), "{warning}");
         }
     }
@@ -434,7 +445,7 @@ fn a_target_out_of_reach_ends_the_run() {
             }
             assert!(bench.sim.step < 2000, "it goes on");
         };
-        assert!(error.is_agreed() && matches!(error, StepError::Servo { .. }), "{error}");
+        assert!(error.is_agreed() && matches!(error, StepError::Drive { .. }), "{error}");
         let text = error.to_string();
         assert!(
             text.contains(&format!("step {}: servo: wall \"+x\" is", bench.sim.step)),
@@ -521,7 +532,7 @@ fn schedule(scene: &dem_mpi::scene::Scene, last_step: u64, out: &Path) -> Schedu
         last_step,
         snapshot_every: 0,
         history_every: scene.history_every,
-        stop: scene.stop,
+        stop: scene.stop.clone(),
         out: out.to_owned(),
         scene: scene.text.clone(),
         resumed: false,
@@ -797,7 +808,8 @@ fn the_work_of_walls_is_counted() {
             println!("work {work:e}, begin {:e}, missing at most {largest:e}", begin.received);
             assert!(work > 10.0 * begin.received, "walls do the work: {work:e}");
             assert!(largest < 1e-3 * work, "{largest:e} of {work:e} is missing");
-            assert!(sim.servos.warnings.is_empty(), "{:?}", sim.servos.warnings);
+            let warnings = warnings(&mut sim);
+            assert!(warnings.is_empty(), "{warnings:?}");
         }
     }
 }

@@ -2,7 +2,6 @@
 
 use clap::Parser;
 use dem_mpi::comm::{Comm, agree, alone::Alone, linked, threads, wire, world};
-use dem_mpi::drive::rain::RainGauge;
 use dem_mpi::ids::GlobalId;
 use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, From, TakenUp};
@@ -269,7 +268,7 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         last_step,
         snapshot_every: scene.snapshot_every,
         history_every: scene.history_every,
-        stop: scene.stop,
+        stop: scene.stop.clone(),
         out,
         scene: scene.text.clone(),
         resumed,
@@ -317,7 +316,7 @@ fn nothing_left(
         return Some((why, if last_step < step { WRONG_INPUT } else { 0 }));
     }
     // More rain than before is more to do.
-    let all_there = sim.rain.as_ref().is_none_or(RainGauge::is_over);
+    let all_there = sim.drives.iter().all(|drive| drive.unfinished().is_none());
     let is_over = all_there && !held.is_empty() && held == scene.stop.to_string();
     (arguments.steps.is_none() && is_over).then(|| {
         let why = format!(

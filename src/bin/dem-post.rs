@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Parser;
+use dem_mpi::drive::servo;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::Among;
@@ -113,8 +114,8 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     let drawing = picture.svg(bounds.as_ref());
     let history = history_beside(beside);
     let newest = Reader::open(newest)?;
-    let (walls, servos) = (&newest.header().walls, &newest.header().servos);
-    let plots = page::plots(&reports, drawing, &history, walls, servos)?;
+    let targets = servo::targets(&newest.header().drives);
+    let plots = page::plots(&reports, drawing, &history, &newest.header().walls, &targets)?;
     write_all(&out, &title(beside), &reports, &plots)?;
 
     let table = reports.last().map(table).unwrap_or_default();

@@ -107,6 +107,15 @@ pub trait Comm {
     }
 }
 
+/// What all ranks have, by rank, on every rank. For rare events only. Collective.
+pub fn everywhere<T: Serialize + DeserializeOwned>(comm: &mut dyn Comm, here: &[T]) -> Vec<T> {
+    let all = comm.gather(wire::encode(&here)).unwrap_or_default();
+    let all: Vec<T> = all.iter().flat_map(|bytes| wire::decode::<Vec<T>>(bytes)).collect();
+    let mut bytes = wire::encode(&all);
+    comm.broadcast(&mut bytes);
+    wire::decode(&bytes)
+}
+
 /// Lets all ranks fail if one does, each with the error of the lowest rank that failed; stands before
 /// every collective call that a failed rank would not join. Collective.
 ///

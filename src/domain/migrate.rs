@@ -9,7 +9,7 @@ use crate::ids::{GlobalId, Rank};
 use crate::particles::Particles;
 use crate::particles::records::Particle;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// What one rank gives to another.
 #[derive(Default, Serialize, Deserialize)]
@@ -20,13 +20,14 @@ struct Leaving {
 }
 
 impl Domain {
-    /// Hands every owned particle to the owner of its place and returns the histories of all touching
-    /// contacts of the particles that this rank now owns (some of them twice). Collective. After
-    /// it there are neither ghosts nor walls.
+    /// Hands every owned particle to the owner of its place, and drops those that are `taken` out. Returns the histories of
+    /// all touching contacts of the particles that this rank now owns (some of them twice, and some with particles that are
+    /// gone). Collective. After it there are neither ghosts nor walls.
     pub fn migrate(
         &mut self,
         particles: &mut Particles,
         contacts: &Contacts,
+        taken: &BTreeSet<GlobalId>,
         comm: &mut dyn Comm,
     ) -> Histories {
         let me = comm.rank();
@@ -40,7 +41,9 @@ impl Domain {
         let mut slot = 0;
         while slot < particles.owned {
             let owner = self.owner(&particles.position[slot]);
-            if owner == me {
+            if taken.contains(&particles.id[slot]) {
+                particles.take_owned(slot);
+            } else if owner == me {
                 slot += 1;
             } else {
                 let particle = particles.take_owned(slot);

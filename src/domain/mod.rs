@@ -17,6 +17,7 @@ use crate::particles::Particles;
 use crate::particles::walls::Wall;
 pub use cuts::{Cuts, Subdomain};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// A rank with which this one shares particles.
@@ -154,21 +155,36 @@ impl Domain {
         (low, high)
     }
 
-    /// Looks at every owned particle.
+    /// Is an owned particle outside of the room between two corners?
+    fn is_outside(&self, particles: &Particles, slot: usize, (low, high): &(Vec3, Vec3)) -> bool {
+        // Walls give a little: a particle has left once its centre is outside by its own size.
+        let slack = particles.library.shapes[particles.shape[slot].index()].bounding_radius();
+        !self.cell.has_within(&particles.position[slot], low, high, slack)
+    }
+
+    /// Slots of the owned particles that have left the domain.
+    pub fn leavers(&self, particles: &Particles) -> impl Iterator<Item = usize> {
+        let room = self.room(&particles.walls);
+        (0..particles.owned).filter(move |&slot| self.is_outside(particles, slot, &room))
+    }
+
+    /// Looks at every owned particle but those that are `taken` out.
     ///
     /// # Errors
     /// The first particle that has left the domain or is not finite.
-    pub fn check(&self, particles: &Particles) -> Result<(), DomainError> {
-        let (low, high) = self.room(&particles.walls);
+    pub fn check(
+        &self,
+        particles: &Particles,
+        taken: &BTreeSet<GlobalId>,
+    ) -> Result<(), DomainError> {
+        let room = self.room(&particles.walls);
         for slot in 0..particles.owned {
             let (id, p) = (particles.id[slot], particles.position[slot]);
             let speed = particles.velocity[slot].norm();
             if !(p.norm().is_finite() && speed.is_finite()) {
                 return Err(DomainError::NotFinite { id });
             }
-            // Walls give a little: a particle is lost once its centre is outside by its own size.
-            let slack = particles.library.shapes[particles.shape[slot].index()].bounding_radius();
-            if !self.cell.has_within(&p, &low, &high, slack) {
+            if self.is_outside(particles, slot, &room) && !taken.contains(&id) {
                 return Err(DomainError::Outside { id, x: p.x, y: p.y, z: p.z, speed });
             }
         }

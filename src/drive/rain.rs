@@ -4,6 +4,9 @@
 //! its cell, moved by a random step that leaves its bounding sphere inside: no two particles of a
 //! layer can overlap, not even across a periodic border, and none leaves the slab.
 
+use super::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
+use crate::comm::Comm;
+use crate::contact::StateColumn;
 use crate::ids::GlobalId;
 use crate::math::Vec3;
 use crate::particles::mix::Mix;
@@ -91,42 +94,39 @@ pub fn layer(rain: &Rain, seed: u64, left: u64, first_id: u64, library: &Library
 pub struct RainGauge {
     rain: Rain,
     seed: u64,
-    /// Layers that have fallen in this stage.
-    pub layers: u64,
     /// Particles that have fallen in this stage.
-    pub fallen: u64,
+    fallen: u64,
+}
+
+/// Names [`RainGauge`] among the drives.
+const NAME: &str = "rain";
+/// Particles that have fallen in this stage.
+const FALLEN: StateColumn = StateColumn::new("fallen", 1, "1");
+
+/// What a snapshot holds when so many particles have fallen.
+pub fn saved(fallen: u64) -> SavedState {
+    let columns = vec![SavedColumn::new(FALLEN, Values::Counts(vec![fallen]))];
+    SavedState { drive: NAME.to_owned(), columns }
 }
 
 impl RainGauge {
     /// Before the first layer.
     pub const fn new(rain: Rain, seed: u64) -> Self {
-        Self { rain, seed, layers: 0, fallen: 0 }
-    }
-
-    /// After a restart: so many layers have fallen, and particles, if the snapshot says how many.
-    pub fn resume(&mut self, layers: u64, particles: Option<u64>) {
-        self.layers = layers;
-        let of_full_layers = || self.rain.count.min(layers * self.rain.per_layer());
-        self.fallen = particles.unwrap_or_else(of_full_layers);
-    }
-
-    /// How many particles will fall in all.
-    pub const fn count(&self) -> u64 {
-        self.rain.count
+        Self { rain, seed, fallen: 0 }
     }
 
     /// May a layer fall after this many steps of the stage?
-    pub const fn is_due(&self, stage_step: u64) -> bool {
+    const fn is_due(&self, stage_step: u64) -> bool {
         !self.is_over() && stage_step.is_multiple_of(self.rain.every)
     }
 
     /// Has everything fallen?
-    pub const fn is_over(&self) -> bool {
+    const fn is_over(&self) -> bool {
         self.fallen >= self.rain.count
     }
 
     /// Is an owned particle where a layer would appear, or a wall that has moved in?
-    pub fn is_blocked(&self, particles: &Particles) -> bool {
+    fn is_blocked(&self, particles: &Particles) -> bool {
         let Rain { low, high, .. } = self.rain;
         let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
         let by_particle = (0..particles.owned).any(|slot| {
@@ -138,12 +138,63 @@ impl RainGauge {
     }
 
     /// The next layer, the same on every rank; its first particle gets the id `first_id`.
-    pub fn next_layer(&mut self, first_id: u64, library: &Library) -> Vec<Particle> {
+    fn next_layer(&mut self, first_id: u64, library: &Library) -> Vec<Particle> {
         let left = self.rain.count.saturating_sub(self.fallen);
         let layer = layer(&self.rain, self.seed, left, first_id, library);
-        self.layers += 1;
         self.fallen += layer.len() as u64;
         layer
+    }
+}
+
+impl Drive for RainGauge {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    /// The next layer, if one is due and its place is free on all ranks.
+    fn insert(
+        &mut self,
+        moment: &Moment,
+        first_id: u64,
+        particles: &Particles,
+        comm: &mut dyn Comm,
+    ) -> Vec<Particle> {
+        if !self.is_due(moment.stage_step) || comm.any(self.is_blocked(particles)) {
+            return Vec::new();
+        }
+        self.next_layer(first_id, &particles.library)
+    }
+
+    fn unfinished(&self) -> Option<&'static str> {
+        (!self.is_over()).then_some("rain still falls")
+    }
+
+    fn report(&self, _walls: &[Wall]) -> Vec<String> {
+        if self.is_over() {
+            return Vec::new();
+        }
+        vec![format!(
+            "rain       {} of {} particles have fallen: too few steps, or the slab was never free",
+            self.fallen, self.rain.count
+        )]
+    }
+
+    fn save(&self, _walls: &[Wall], _comm: &mut dyn Comm) -> Vec<SavedColumn> {
+        saved(self.fallen).columns
+    }
+
+    /// In a new stage all of it falls again.
+    fn resume(
+        &mut self,
+        saved: &SavedState,
+        is_new_stage: bool,
+        _walls: &[Wall],
+        _is_root: bool,
+    ) -> Result<(), DriveError> {
+        if !is_new_stage {
+            self.fallen = saved.counts(&FALLEN)?.iter().sum();
+        }
+        Ok(())
     }
 }
 
@@ -214,7 +265,7 @@ mod tests {
     fn more_rain_than_there_was_falls_in_full() {
         let mut rain = rain(200);
         assert_eq!(rain.rain.per_layer(), 60);
-        rain.resume(2, Some(100));
+        rain.fallen = 100;
         let mut layers = Vec::new();
         while !rain.is_over() {
             layers.push(rain.next_layer(100, &library()).len());

@@ -25,7 +25,10 @@
 //! any number of ranks. They come from what contacts remember; integral, stiffness, and the sums over steps from which
 //! means are made, are saved in snapshots.
 
+use super::{CHECK_EVERY, Drive, DriveError, Moment, SavedColumn, SavedState, Values};
+use crate::cell::Cell;
 use crate::comm::Comm;
+use crate::contact::StateColumn;
 use crate::contacts::Contacts;
 use crate::law::ForceLaw;
 use crate::math::{ExactSum, Vec3};
@@ -60,10 +63,10 @@ pub struct Pressed {
 
 impl Servo {
     /// Sum of the areas of its walls [m²].
-    fn area(&self, particles: &Particles) -> f64 {
+    fn area(&self, walls: &[Wall], cell: &Cell) -> f64 {
         let of_wall = |&k: &usize| {
-            let (axis, _) = particles.walls[k].across()?;
-            area(&particles.walls, &particles.cell, axis)
+            let (axis, _) = walls[k].across()?;
+            area(walls, cell, axis)
         };
         // The scene has checked that every wall has one.
         self.walls.iter().filter_map(of_wall).sum()
@@ -105,18 +108,30 @@ pub struct State {
 
 /// How a servo kept its target over steps on end; errors are (stress - target) / target.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Errors {
+struct Errors {
     /// How many steps, a whole number.
-    pub steps: f64,
+    steps: f64,
     /// Sum of the errors.
-    pub sum: f64,
+    sum: f64,
     /// Sum of their magnitudes.
-    pub sizes: f64,
+    sizes: f64,
     /// The largest magnitude.
-    pub largest: f64,
+    largest: f64,
 }
 
 impl Errors {
+    /// As a snapshot has them.
+    const fn numbers(&self) -> [f64; 4] {
+        let Self { steps, sum, sizes, largest } = *self;
+        [steps, sum, sizes, largest]
+    }
+
+    /// From what a snapshot has.
+    const fn of(numbers: &[f64; 4]) -> Self {
+        let [steps, sum, sizes, largest] = *numbers;
+        Self { steps, sum, sizes, largest }
+    }
+
     fn and(self, other: Self) -> Self {
         Self {
             steps: self.steps + other.steps,
@@ -127,22 +142,22 @@ impl Errors {
     }
 
     /// Mean magnitude of the errors.
-    pub fn mean_size(&self) -> f64 {
+    fn mean_size(&self) -> f64 {
         self.sizes / self.steps
     }
 
     /// The error of the mean stress.
-    pub fn of_mean(&self) -> f64 {
+    fn of_mean(&self) -> f64 {
         self.sum / self.steps
     }
 }
 
 /// The most parts of a stage that are told apart.
-pub const PARTS: usize = 40;
+const PARTS: usize = 40;
 
 /// The errors of a stage in equal parts, of which the last may still grow: when there are [`PARTS`], two become one.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Course(pub Vec<Errors>);
+struct Course(Vec<Errors>);
 
 impl Course {
     fn add(&mut self, step: Errors) {
@@ -159,7 +174,7 @@ impl Course {
     }
 
     /// Over the last fifth of the stage so far, or a little more, as parts end.
-    pub fn last_fifth(&self) -> Errors {
+    fn last_fifth(&self) -> Errors {
         let steps: f64 = self.0.iter().map(|part| part.steps).sum();
         let mut late = Errors::default();
         for part in self.0.iter().rev() {
@@ -172,32 +187,71 @@ impl Course {
     }
 }
 
-/// Steps over which a stage's `[stop]` takes the mean error of a servo.
-pub const RECENT: u64 = 100;
-
 /// All that a servo remembers.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Memory {
+struct Memory {
     /// Of its law.
-    pub state: State,
+    state: State,
     /// Its errors since the stage began.
-    pub course: Course,
-    /// Its errors since the last step that [`RECENT`] divides.
-    pub recent: Errors,
+    course: Course,
+    /// Its errors since the last step that [`CHECK_EVERY`] divides.
+    recent: Errors,
 }
 
 /// The sum of the forces of the particles on a wall over steps, of the contacts of one rank.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct ForceSum {
+struct ForceSum {
     /// Sums along x, y, z [N].
-    pub axes: [ExactSum; 3],
+    axes: [ExactSum; 3],
     /// Over how many steps.
-    pub steps: u64,
+    steps: u64,
 }
 
-/// A servo cannot reach its target, or loses it. Known on all ranks.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ServoError {
+// What a snapshot holds: a row for each wall with a servo. What coupled walls have in common stands with each of them.
+/// The wall's name in the scene.
+const WALL: StateColumn = StateColumn::new("wall", 1, "");
+/// Target stress, compression positive.
+const TARGET: StateColumn = StateColumn::new("target", 1, "Pa");
+/// [`State::speed`].
+const SPEED: StateColumn = StateColumn::new("speed", 1, "m/s");
+/// [`State::stiffness`].
+const STIFFNESS: StateColumn = StateColumn::new("stiffness", 1, "N/m");
+/// [`Memory::recent`].
+const RECENT: StateColumn = StateColumn::new("recent", 4, "1");
+/// [`Memory::course`]; parts without steps are not there.
+const COURSE: StateColumn = StateColumn::new("course", 4 * PARTS, "1");
+/// Sum of the forces on the wall since the last row of the history, exactly: limbs along x, y, z.
+const FORCE_SUM: StateColumn =
+    StateColumn::new("force_sum", 3 * ExactSum::LIMBS, "2^(32 k - 1074) N");
+/// Over how many steps.
+const FORCE_STEPS: StateColumn = StateColumn::new("force_steps", 1, "1");
+
+/// The stress that a wall is to keep.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Target {
+    /// The wall's name.
+    pub wall: String,
+    /// Compression positive [Pa].
+    pub stress: f64,
+}
+
+/// The targets of all walls with a servo, from what the drives of a simulation have saved.
+pub fn targets(saved: &[SavedState]) -> Vec<Target> {
+    let read = || {
+        let saved = saved.iter().find(|saved| saved.drive == NAME)?;
+        let (walls, stresses) = (saved.texts(&WALL).ok()?, saved.reals(&TARGET).ok()?);
+        let target = |(wall, &stress): (&String, &f64)| Target { wall: wall.clone(), stress };
+        Some(walls.iter().zip(stresses).map(target).collect())
+    };
+    read().unwrap_or_default()
+}
+
+/// Names [`Servos`] among the drives.
+const NAME: &str = "servos";
+
+/// A servo cannot reach its target, or loses it.
+#[derive(Debug, thiserror::Error)]
+enum Lost {
     /// The wall has come so near to the opposite side that nothing fits between.
     #[error(
         "servo: wall \"{wall}\" is {gap:e} m from the opposite side, less than half the thickness of the thinnest \
@@ -229,6 +283,12 @@ pub enum ServoError {
         /// Target stress [Pa].
         target: f64,
     },
+}
+
+impl From<Lost> for DriveError {
+    fn from(lost: Lost) -> Self {
+        Self(lost.to_string())
+    }
 }
 
 /// Steps on end in which the stress must jump from one side of its target to the other, and jump no less,
@@ -276,7 +336,7 @@ pub struct Servos {
     /// Half the thickness of the thinnest grain: no wall comes nearer to the other side [m].
     least_gap: f64,
     /// What is to be said, once, of servos that swing.
-    pub warnings: Vec<String>,
+    warnings: Vec<String>,
 }
 
 /// So many terms are summed before digits are carried: few of what an [`ExactSum`] holds.
@@ -293,39 +353,127 @@ impl Servos {
         Self { all, watches, memories, forces, terms: 0, least_gap, warnings: Vec::new() }
     }
 
-    /// Each servo and what it remembers.
-    pub fn iter(&self) -> impl Iterator<Item = (&Servo, &Memory)> {
-        self.all.iter().zip(&self.memories)
-    }
-
     /// The servo of a wall, and what it remembers.
-    pub fn of_wall(&self, wall: usize) -> Option<(&Servo, &Memory)> {
-        self.iter().find(|(servo, _)| servo.walls.contains(&wall))
+    fn of_wall(&self, wall: usize) -> Option<(&Servo, &Memory)> {
+        let mut all = self.all.iter().zip(&self.memories);
+        all.find(|(servo, _)| servo.walls.contains(&wall))
     }
 
-    /// The servo that begins with this wall goes on with that memory.
-    pub fn resume(&mut self, wall: usize, memory: Memory) {
-        let servo = self.all.iter().position(|servo| servo.walls.first() == Some(&wall));
-        if let Some(servo) = servo {
-            self.memories[servo] = memory;
+    /// The sums of the forces since the last row of the history, of all ranks, by wall. Collective.
+    fn force_sums(&self, comm: &mut dyn Comm) -> BTreeMap<usize, ForceSum> {
+        let mut all = self.forces.clone();
+        let axes = all.values_mut().flat_map(|sum| &mut sum.axes);
+        let mut limbs: Vec<i64> = axes
+            .flat_map(|axis| {
+                axis.carry();
+                *axis.limbs()
+            })
+            .collect();
+        comm.sum(&mut limbs);
+        let axes = all.values_mut().flat_map(|sum| &mut sum.axes);
+        for (axis, limbs) in axes.zip(limbs.chunks_exact(ExactSum::LIMBS)) {
+            *axis = ExactSum::from_limbs(limbs);
+            axis.carry();
         }
+        all
     }
 
-    /// The forces on a wall that were summed before, of all ranks: one rank takes them.
-    pub fn resume_forces(&mut self, wall: usize, sum: ForceSum, is_root: bool) {
-        if let Some(forces) = self.forces.get_mut(&wall) {
-            forces.steps = sum.steps;
-            if is_root {
-                forces.axes = sum.axes;
+    /// The velocity of each wall [m/s] under the force [N] and the stiffness [N/m] that press on each servo.
+    fn velocities(
+        &mut self,
+        Moment { step, dt, .. }: &Moment,
+        pressed: &[[f64; 2]],
+        cell: &Cell,
+        walls: &[Wall],
+    ) -> Result<Vec<(usize, Vec3)>, Lost> {
+        let mut velocities = Vec::new();
+        let memories = self.watches.iter_mut().zip(&mut self.memories);
+        for ((servo, (watch, memory)), &[force, stiffness]) in
+            self.all.iter().zip(memories).zip(pressed)
+        {
+            let area = servo.area(walls, cell);
+            let pressed = Pressed { area, force, stiffness };
+            let velocity = servo.velocity(&mut memory.state, &pressed, *dt);
+            for &k in &servo.walls {
+                let wall = &walls[k];
+                let Room { gap, outside, width } = Room::of(wall, walls, cell);
+                let (stress, target) = (pressed.force / area, servo.stress);
+                let name = || wall.name.clone();
+                if gap < self.least_gap {
+                    return Err(Lost::Closed { wall: name(), gap, stress, target });
+                }
+                if outside > width {
+                    return Err(Lost::Open { wall: name(), stress, target });
+                }
+                // Along the wall it goes on as the scene says.
+                let along = wall.velocity - wall.normal * wall.normal.dot(&wall.velocity);
+                velocities.push((k, wall.normal * velocity + along));
+            }
+            let error = pressed.force / (servo.stress * area) - 1.0;
+            let now = Errors { steps: 1.0, sum: error, sizes: error.abs(), largest: error.abs() };
+            memory.course.add(now);
+            let before =
+                if step.is_multiple_of(CHECK_EVERY) { Errors::default() } else { memory.recent };
+            memory.recent = before.and(now);
+            if watch.swings(error) {
+                let walls = servo.walls.iter().map(|&k| &*walls[k].name);
+                self.warnings.push(format!(
+                    "the stress on wall {} has jumped from one side of its target to the other for {SWINGS} steps, \
+                     and jumps no less: the servo is too quick for these grains. Set its `gain` = {:.2} or lower",
+                    walls.collect::<Vec<_>>().join(", "),
+                    0.5 * servo.gain,
+                ));
             }
         }
+        Ok(velocities)
+    }
+}
+
+impl Drive for Servos {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    /// What presses on the walls: the limbs of force and stiffness of each servo.
+    fn sums(
+        &self,
+        moment: &Moment,
+        particles: &Particles,
+        contacts: &Contacts,
+        law: &dyn ForceLaw,
+    ) -> Vec<i64> {
+        let servo_of = |wall| self.all.iter().position(|servo| servo.walls.contains(&wall));
+        let servo_of: Vec<Option<usize>> = (0..particles.walls.len()).map(servo_of).collect();
+        let mut sums = vec![[ExactSum::default(), ExactSum::default()]; self.all.len()];
+        for (pair, geometry, force) in contacts.pressing_on_walls(law, particles) {
+            let wall = pair.b.index() - particles.first_wall();
+            let Some(servo) = servo_of[wall] else { continue };
+            // A state that is not a number is told when the list of pairs is made anew.
+            if force.is_finite() {
+                sums[servo][0].add(force);
+                sums[servo][1].add(law.stiffness(pair, particles, geometry, moment.dt));
+            }
+        }
+        sums.iter().flatten().flat_map(|sum| *sum.limbs()).collect()
+    }
+
+    fn steer(
+        &mut self,
+        moment: &Moment,
+        sums: &[i64],
+        cell: &Cell,
+        walls: &mut [Wall],
+    ) -> Result<(), DriveError> {
+        let sums = sums.chunks_exact(ExactSum::LIMBS);
+        let sums: Vec<f64> = sums.map(|limbs| ExactSum::from_limbs(limbs).value()).collect();
+        for (k, velocity) in self.velocities(moment, sums.as_chunks().0, cell, walls)? {
+            walls[k].velocity = velocity;
+        }
+        Ok(())
     }
 
     /// Adds the forces of this moment on walls with servos to their sums.
-    pub fn note_forces(&mut self, contacts: &Contacts, particles: &Particles) {
-        if self.all.is_empty() {
-            return;
-        }
+    fn after_forces(&mut self, contacts: &Contacts, particles: &Particles) {
         let mut terms = 0;
         for (pair, force) in contacts.forces_on_walls(particles) {
             let wall = pair.b.index() - particles.first_wall();
@@ -350,134 +498,145 @@ impl Servos {
         }
     }
 
-    /// The sums of the forces since [`Servos::forget_forces`], of all ranks, by wall. Collective, if there are servos.
-    pub fn force_sums(&self, comm: &mut dyn Comm) -> BTreeMap<usize, ForceSum> {
-        let mut all = self.forces.clone();
-        if all.is_empty() {
-            return all;
-        }
-        let axes = all.values_mut().flat_map(|sum| &mut sum.axes);
-        let mut limbs: Vec<i64> = axes
-            .flat_map(|axis| {
-                axis.carry();
-                *axis.limbs()
-            })
-            .collect();
-        comm.sum(&mut limbs);
-        let axes = all.values_mut().flat_map(|sum| &mut sum.axes);
-        for (axis, limbs) in axes.zip(limbs.chunks_exact(ExactSum::LIMBS)) {
-            *axis = ExactSum::from_limbs(limbs);
-            axis.carry();
-        }
-        all
-    }
-
-    /// Begins the sums of forces anew.
-    pub fn forget_forces(&mut self) {
-        self.forces.values_mut().for_each(|sum| *sum = ForceSum::default());
-        self.terms = 0;
-    }
-
-    /// Begins to sum what presses on the walls now. Collective, if there are servos.
-    pub fn start_sums(
-        &self,
-        contacts: &Contacts,
-        particles: &Particles,
-        law: &dyn ForceLaw,
-        dt: f64,
-        comm: &mut dyn Comm,
-    ) {
-        if self.all.is_empty() {
-            return;
-        }
-        let servo_of = |wall| self.all.iter().position(|servo| servo.walls.contains(&wall));
-        let servo_of: Vec<Option<usize>> = (0..particles.walls.len()).map(servo_of).collect();
-        let mut sums = vec![[ExactSum::default(), ExactSum::default()]; self.all.len()];
-        for (pair, geometry, force) in contacts.pressing_on_walls(law, particles) {
-            let wall = pair.b.index() - particles.first_wall();
-            let Some(servo) = servo_of[wall] else { continue };
-            // A state that is not a number is told when the list of pairs is made anew.
-            if force.is_finite() {
-                sums[servo][0].add(force);
-                sums[servo][1].add(law.stiffness(pair, particles, geometry, dt));
-            }
-        }
-        comm.start_sum(sums.iter().flatten().flat_map(|sum| *sum.limbs()).collect());
-    }
-
-    /// Gives the walls their velocities for the step after `step`, from the sums that [`Servos::start_sums`] began. The
-    /// domain reaches from `low` to `high` [m]. Collective, if there are servos.
-    ///
-    /// # Errors
-    /// If a wall has gone where it cannot keep its stress.
-    pub fn steer(
-        &mut self,
-        particles: &mut Particles,
-        [low, high]: [&Vec3; 2],
-        step: u64,
-        dt: f64,
-        comm: &mut dyn Comm,
-    ) -> Result<(), ServoError> {
-        if self.all.is_empty() {
-            return Ok(());
-        }
-        let limbs = comm.finish_sum();
-        let mut sums =
-            limbs.chunks_exact(ExactSum::LIMBS).map(|limbs| ExactSum::from_limbs(limbs).value());
-        let mut sum = || sums.next().unwrap_or_default();
-        let mut velocities = Vec::new();
-        let memories = self.watches.iter_mut().zip(&mut self.memories);
-        for (servo, (watch, memory)) in self.all.iter().zip(memories) {
-            let area = servo.area(particles);
-            let pressed = Pressed { area, force: sum(), stiffness: sum() };
-            let velocity = servo.velocity(&mut memory.state, &pressed, dt);
-            for &k in &servo.walls {
-                let wall = &particles.walls[k];
-                let Room { gap, outside, width } = Room::of(wall, &particles.walls, low, high);
-                let (stress, target) = (pressed.force / area, servo.stress);
-                let name = || wall.name.clone();
-                if gap < self.least_gap {
-                    return Err(ServoError::Closed { wall: name(), gap, stress, target });
-                }
-                if outside > width {
-                    return Err(ServoError::Open { wall: name(), stress, target });
-                }
-                // Along the wall it goes on as the scene says.
-                let along = wall.velocity - wall.normal * wall.normal.dot(&wall.velocity);
-                velocities.push((k, wall.normal * velocity + along));
-            }
-            let error = pressed.force / (servo.stress * area) - 1.0;
-            let now = Errors { steps: 1.0, sum: error, sizes: error.abs(), largest: error.abs() };
-            memory.course.add(now);
-            let before =
-                if step.is_multiple_of(RECENT) { Errors::default() } else { memory.recent };
-            memory.recent = before.and(now);
-            if watch.swings(error) {
-                let walls = servo.walls.iter().map(|&k| &*particles.walls[k].name);
-                self.warnings.push(format!(
-                    "the stress on wall {} has jumped from one side of its target to the other for {SWINGS} steps, \
-                     and jumps no less: the servo is too quick for these grains. Set its `gain` = {:.2} or lower",
-                    walls.collect::<Vec<_>>().join(", "),
-                    0.5 * servo.gain,
-                ));
-            }
-        }
-        for (k, velocity) in velocities {
-            particles.walls[k].velocity = velocity;
-        }
-        Ok(())
-    }
-
-    /// Of each servo the mean difference of its stress from the target over the last [`RECENT`] steps, or those since the
-    /// last that [`RECENT`] divides; the largest of all, over the target. 0 without servos.
-    pub fn largest_error(&self) -> f64 {
+    /// Of each servo the mean difference of its stress from the target since the last step that [`CHECK_EVERY`] divides; the
+    /// largest of all, over the target.
+    fn error(&self) -> Option<(&'static str, f64)> {
         // Before the first step nothing is known.
         let error = |memory: &Memory| {
             if memory.recent.steps > 0.0 { memory.recent.mean_size() } else { f64::INFINITY }
         };
-        self.memories.iter().map(error).fold(0.0, f64::max)
+        Some(("servo", self.memories.iter().map(error).fold(0.0, f64::max)))
+    }
+
+    /// The mean force on each wall with a servo over the steps since the row before.
+    fn row(&mut self, wall_forces: &mut [Vec3], scheduled: bool, comm: &mut dyn Comm) {
+        for (wall, sum) in self.force_sums(comm) {
+            if sum.steps > 0 {
+                let force = Vec3::from(sum.axes.each_ref().map(ExactSum::value));
+                wall_forces[wall] = force / sum.steps as f64;
+            }
+        }
+        if scheduled {
+            self.forces.values_mut().for_each(|sum| *sum = ForceSum::default());
+            self.terms = 0;
+        }
+    }
+
+    fn warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
+    }
+
+    /// How each servo kept its target over the last fifth of the stage.
+    fn report(&self, walls: &[Wall]) -> Vec<String> {
+        let mut lines = Vec::new();
+        for (servo, memory) in self.all.iter().zip(&self.memories) {
+            let names = servo.walls.iter().map(|&k| &*walls[k].name).collect::<Vec<_>>();
+            let names = names.join(", ");
+            let late = memory.course.last_fifth();
+            if late.steps == 0.0 {
+                continue;
+            }
+            let (mean, largest) = (late.mean_size(), late.largest);
+            let target = servo.stress;
+            lines.push(format!(
+                "servo      {names}: mean stress {:.5e} Pa of {target:e} Pa over the last {} steps of the stage; off its target by {:.3} % in the mean, at most by {:.3} %{}",
+                (1.0 + late.of_mean()) * target,
+                late.steps,
+                100.0 * mean,
+                100.0 * largest,
+                if mean <= OFF_TARGET && largest > OFF_TARGET { ", over 2 % at times" } else { "" },
+            ));
+            if mean > OFF_TARGET || mean.is_nan() {
+                lines.push(format!(
+                    "           WARNING: wall {names} has not kept its stress: over 2 % off in the mean. {}",
+                    if late.of_mean().abs() > 0.5 * mean {
+                        "Give it more steps, a higher `max_speed`, or grains that can bear the stress"
+                    } else {
+                        "The grains knock on it: let them lose energy (`restitution`, `friction`, `global_damping`), strain \
+                         them more slowly, or take a shorter time step; if it swings, a lower `gain`"
+                    },
+                ));
+            }
+        }
+        lines
+    }
+
+    fn save(&self, walls: &[Wall], comm: &mut dyn Comm) -> Vec<SavedColumn> {
+        let (mut names, mut force_sums, mut force_steps) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut targets, mut speeds, mut stiffnesses) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut recents, mut courses) = (Vec::new(), Vec::new());
+        for (wall, forces) in self.force_sums(comm) {
+            let Some((servo, Memory { state, course, recent })) = self.of_wall(wall) else {
+                continue;
+            };
+            names.push(walls[wall].name.clone());
+            targets.push(servo.stress);
+            speeds.push(state.speed);
+            stiffnesses.push(state.stiffness);
+            recents.extend(recent.numbers());
+            let mut parts: Vec<_> = course.0.iter().map(Errors::numbers).collect();
+            parts.resize(PARTS, [0.0; 4]);
+            courses.extend(parts.into_flattened());
+            force_sums.extend(forces.axes.iter().flat_map(|axis| *axis.limbs()));
+            force_steps.push(forces.steps);
+        }
+        vec![
+            SavedColumn::new(WALL, Values::Texts(names)),
+            SavedColumn::new(TARGET, Values::Reals(targets)),
+            SavedColumn::new(SPEED, Values::Reals(speeds)),
+            SavedColumn::new(STIFFNESS, Values::Reals(stiffnesses)),
+            SavedColumn::new(RECENT, Values::Reals(recents)),
+            SavedColumn::new(COURSE, Values::Reals(courses)),
+            SavedColumn::new(FORCE_SUM, Values::Integers(force_sums)),
+            SavedColumn::new(FORCE_STEPS, Values::Counts(force_steps)),
+        ]
+    }
+
+    /// Servos go on as the walls of the same names did; in a new stage with what their law remembers only.
+    fn resume(
+        &mut self,
+        saved: &SavedState,
+        is_new_stage: bool,
+        walls: &[Wall],
+        is_root: bool,
+    ) -> Result<(), DriveError> {
+        let names = saved.texts(&WALL)?;
+        let (speeds, stiffnesses) = (saved.reals(&SPEED)?, saved.reals(&STIFFNESS)?);
+        let (recents, courses) = (saved.reals(&RECENT)?, saved.reals(&COURSE)?);
+        let (force_sums, force_steps) = (saved.integers(&FORCE_SUM)?, saved.counts(&FORCE_STEPS)?);
+        let row_of = |wall: usize| names.iter().position(|name| *name == walls[wall].name);
+        for (servo, memory) in self.all.iter().zip(&mut self.memories) {
+            let Some(row) = servo.walls.first().and_then(|&wall| row_of(wall)) else { continue };
+            let state = State { speed: speeds[row], stiffness: stiffnesses[row] };
+            *memory = Memory { state, ..Memory::default() };
+            if !is_new_stage {
+                let errors = |numbers: &[f64]| -> Vec<Errors> {
+                    numbers.as_chunks().0.iter().map(Errors::of).collect()
+                };
+                memory.recent = errors(&recents[RECENT.width * row..][..RECENT.width])[0];
+                let mut course = errors(&courses[COURSE.width * row..][..COURSE.width]);
+                course.retain(|part| part.steps > 0.0);
+                memory.course = Course(course);
+            }
+        }
+        if is_new_stage {
+            return Ok(());
+        }
+        for (&wall, forces) in &mut self.forces {
+            let Some(row) = row_of(wall) else { continue };
+            forces.steps = force_steps[row];
+            if is_root {
+                let limbs = &force_sums[FORCE_SUM.width * row..][..FORCE_SUM.width];
+                let mut axes = limbs.chunks_exact(ExactSum::LIMBS).map(ExactSum::from_limbs);
+                forces.axes = std::array::from_fn(|_| axes.next().unwrap_or_default());
+            }
+        }
+        Ok(())
     }
 }
+
+/// A servo whose error is larger, over its target, is warned of.
+const OFF_TARGET: f64 = 0.02;
 
 /// Where a wall stands along the axis that it crosses [m].
 struct Room {
@@ -490,7 +649,8 @@ struct Room {
 }
 
 impl Room {
-    fn of(wall: &Wall, walls: &[Wall], low: &Vec3, high: &Vec3) -> Self {
+    fn of(wall: &Wall, walls: &[Wall], cell: &Cell) -> Self {
+        let (low, high) = (cell.low(), cell.high());
         let (axis, inwards) = wall.across().expect("the scene has checked that it is not tilted");
         let [lowest, highest] = ends(walls, axis);
         let (place, own, facing) = if inwards > 0.0 {

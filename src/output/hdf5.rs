@@ -15,6 +15,8 @@
 
 use super::{SnapshotError, name_of, on_root};
 use crate::comm::{Comm, agree};
+use crate::contact::StateColumn;
+use crate::drive::{SavedColumn, Values};
 use hdf5_metno::file::{FileAccessBuilder, FileCloseDegree};
 use hdf5_metno::plist::DatasetCreate;
 use hdf5_metno::plist::dataset_create::FillTime;
@@ -233,6 +235,26 @@ impl<'a> SnapshotFile<'a> {
             }
         }
         self.dataset(column, &TypeDescriptor::FixedUnicode(length), &bytes)
+    }
+
+    /// Writes a dataset of a group that all ranks know, of whatever type; the values of rank 0 are taken.
+    ///
+    /// # Errors
+    /// As [`SnapshotFile::rows`].
+    ///
+    /// # Panics
+    /// As [`SnapshotFile::rows`].
+    pub fn saved(&mut self, group: &str, saved: &SavedColumn) -> Result<(), SnapshotError> {
+        let StateColumn { name, unit, width } = &saved.column;
+        let column = Column { place: &format!("{group}/{name}"), width: *width, unit };
+        match &saved.values {
+            Values::Texts(texts) => {
+                self.texts(&column, &texts.iter().map(|text| &**text).collect::<Vec<_>>())
+            }
+            Values::Reals(values) => self.table(&column, values),
+            Values::Integers(values) => self.table(&column, values),
+            Values::Counts(values) => self.table(&column, values),
+        }
     }
 
     /// Closes the file, gives back the room it did not need, seals it with the checksum of all its bytes,
@@ -748,6 +770,40 @@ impl StoredFile {
                 text.map(str::to_owned).map_err(|e| self.wrong(&format!("{}: {e}", column.place)))
             })
             .collect()
+    }
+
+    /// Reads all datasets of a group, of whatever types, in alphabetical order.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Unreadable`], [`SnapshotError::Damaged`].
+    pub fn saved(&self, group: &str) -> Result<Vec<SavedColumn>, SnapshotError> {
+        let read = |name: String| {
+            let place = &*format!("{group}/{name}");
+            let Stored { dataset, rows, width, .. } = self.stored(place)?;
+            let unit = if dataset.attr("unit").is_ok() {
+                attached_text(&dataset, "unit").map_err(|e| self.wrong(&format!("{place}: {e}")))?
+            } else {
+                String::new()
+            };
+            let column = Column { place, width, unit: &unit };
+            let kind = dataset.dtype().and_then(|t| t.to_descriptor());
+            let values = match kind.map_err(|e| self.wrong(&format!("{place}: {e}")))? {
+                TypeDescriptor::FixedUnicode(_) => Values::Texts(self.texts(&column)?),
+                kind if kind == f64::type_descriptor() => {
+                    Values::Reals(self.rows(&column, 0..rows)?)
+                }
+                kind if kind == i64::type_descriptor() => {
+                    Values::Integers(self.rows(&column, 0..rows)?)
+                }
+                kind if kind == u64::type_descriptor() => {
+                    Values::Counts(self.rows(&column, 0..rows)?)
+                }
+                kind => return Err(self.wrong(&format!("{place} has unknown elements, {kind}"))),
+            };
+            let column = StateColumn { name: name.into(), unit: unit.into(), width };
+            Ok(SavedColumn::new(column, values))
+        };
+        self.members(group)?.into_iter().map(read).collect()
     }
 
     /// Reads an attribute of `N` numbers.

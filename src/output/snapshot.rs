@@ -6,14 +6,16 @@
 use super::columns::{self, CONTACT_COLUMNS, PARTICLE_COLUMNS, ParticleColumn, Value as _};
 use super::hdf5::{Column, Piece, SnapshotFile, StoredFile};
 use super::tables::{
-    ContactRow, ContactTable, Header, HistoryRows, ParticleTable, Rows, ServoRow, ShapeRow, WallRow,
+    ContactRow, ContactTable, Header, HistoryRows, ParticleTable, Rows, ShapeRow, WallRow,
 };
 use super::{SnapshotError, make_directory, on_root};
 use crate::comm::alone::Alone;
 use crate::comm::{Comm, agree, wire};
 use crate::contact::{Histories, History, NamedHistory, StateColumn};
+use crate::drive::{SavedState, rain};
 use crate::ids::GlobalId;
-use crate::math::{ExactSum, Vec3};
+use crate::math::Vec3;
+use crate::measure::Departed;
 use crate::particles::Needs;
 use crate::shape::Shape;
 use std::cell::OnceCell;
@@ -99,17 +101,6 @@ const WALL_POINT: Column = column("/walls/point", 3, "m");
 const WALL_NORMAL: Column = column("/walls/normal", 3, "1");
 const WALL_VELOCITY: Column = column("/walls/velocity", 3, "m/s");
 const WALL_FORCE: Column = column("/walls/force", 3, "N");
-const SERVO_WALL: Column = column("/servos/wall", 1, "");
-const SERVO_TARGET: Column = column("/servos/target", 1, "Pa");
-const SERVO_SPEED: Column = column("/servos/speed", 1, "m/s");
-const SERVO_STIFFNESS: Column = column("/servos/stiffness", 1, "N/m");
-const SERVO_RECENT: Column = column("/servos/recent", 4, "1");
-const SERVO_COURSE: Column = column("/servos/course", 4 * MOST_PARTS, "1");
-const SERVO_FORCE_SUM: Column =
-    column("/servos/force_sum", 3 * ExactSum::LIMBS, "2^(32 k - 1074) N");
-const SERVO_FORCE_STEPS: Column = column("/servos/force_steps", 1, "1");
-/// Parts of a servo's course that a file has room for.
-pub const MOST_PARTS: usize = 40;
 const SHAPE_NAME: Column = column("/shapes/name", 1, "");
 const SHAPE_KIND: Column = column("/shapes/kind", 1, "");
 const SHAPE_SEMI_AXES: Column = column("/shapes/semi_axes", 3, "m");
@@ -152,7 +143,7 @@ pub fn write_rows(
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, SnapshotError> {
     let header = &of_root(header, comm);
-    let checked = check_lengths(particles, contacts, comm);
+    let checked = check_lengths(header, particles, contacts, comm);
     agree(comm, checked)?;
     let shapes = check_shapes(directory, header, particles, comm);
     agree(comm, shapes)?;
@@ -247,6 +238,7 @@ fn of_root(header: &Header, comm: &mut dyn Comm) -> Header {
 
 /// Are all columns of the tables of the length of their first?
 fn check_lengths(
+    header: &Header,
     particles: &ParticleTable,
     contacts: &dyn Rows<ContactRow>,
     comm: &dyn Comm,
@@ -255,7 +247,10 @@ fn check_lengths(
     let given = PARTICLE_COLUMNS.iter().filter(|c| !c.is_optional() || rows(c) > 0);
     let particles = given.map(|column| ((column.name, rows(column)), particles.id.len()));
     let contacts = contacts.uneven().map(|column| (column, contacts.count()));
-    match particles.chain(contacts).find(|((_, rows), expected)| rows != expected) {
+    let drives = header.drives.iter().flat_map(|SavedState { columns, .. }| {
+        columns.iter().map(|saved| ((&*saved.column.name, saved.rows()), columns[0].rows()))
+    });
+    match particles.chain(contacts).chain(drives).find(|((_, rows), expected)| rows != expected) {
         None => Ok(()),
         Some(((column, rows), expected)) => Err(SnapshotError::Uneven {
             rank: comm.rank().0,
@@ -382,7 +377,7 @@ fn write_contacts(
     file.close()
 }
 
-/// Creates a file with room for so many elements of this rank, the scene and the shapes.
+/// Creates a file with room for so many elements of this rank, the scene, the shapes and the drives.
 fn create<'a>(
     path: &Path,
     elements: usize,
@@ -392,7 +387,9 @@ fn create<'a>(
     let texts = if comm.is_root() {
         // All geometries take the room of the longest.
         let longest = geometries(header).iter().map(String::len).max().unwrap_or(0);
-        header.scene.len() + header.shapes.len() * longest
+        let saved = header.drives.iter().flat_map(|drive| &drive.columns);
+        let drives: usize = saved.map(|column| column.values.bytes()).sum();
+        header.scene.len() + header.shapes.len() * longest + drives
     } else {
         0
     };
@@ -440,16 +437,15 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
         time,
         dt,
         stage_begin,
-        layers_fallen,
-        particles_fallen,
         next_id,
+        departed,
         stop,
         low,
         high,
         periodic,
         gravity,
         walls,
-        servos,
+        drives,
         shapes,
         scene,
     } = header;
@@ -462,12 +458,11 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.numbers("/run", "dt", &[*dt])?;
     file.numbers("/run", "stage_begin_step", &[stage_begin.0])?;
     file.numbers("/run", "stage_begin_time", &[stage_begin.1])?;
-    file.numbers("/run", "layers_fallen", &[*layers_fallen])?;
-    if let Some(particles_fallen) = particles_fallen {
-        file.numbers("/run", "particles_fallen", &[*particles_fallen])?;
-    }
     file.numbers("/run", "next_id", &[*next_id])?;
     file.numbers("/run", "gravity", gravity.as_slice())?;
+    if *departed != Departed::default() {
+        file.numbers("/run", DEPARTED, &[departed.received, departed.dissipated])?;
+    }
     file.texts(&SCENE, &[scene])?;
     if !stop.is_empty() {
         file.texts(&STOP, &[stop])?;
@@ -487,7 +482,11 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.table(&WALL_VELOCITY, numbers(&vectors(|w| w.velocity)))?;
     file.table(&WALL_FORCE, numbers(&vectors(|w| w.force)))?;
 
-    write_servos(file, servos)?;
+    for SavedState { drive, columns } in drives {
+        let group = format!("/{drive}");
+        file.group(&group)?;
+        columns.iter().try_for_each(|column| file.saved(&group, column))?;
+    }
 
     file.group("/shapes")?;
     let vectors = |get: fn(&ShapeRow) -> Vec3| shapes.iter().map(get).collect::<Vec<_>>();
@@ -501,60 +500,45 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.texts(&SHAPE_GEOMETRY, &geometries.iter().map(|g| &**g).collect::<Vec<_>>())
 }
 
+/// What particles that were taken out have left behind [J]: received, dissipated. Not there before one was.
+const DEPARTED: &str = "departed_received_dissipated_J";
+
 /// Says to which time velocities belong. Files without it have those of half a step before.
 const VELOCITIES: (&str, &str) = ("velocities", "at the time of the positions");
 
-/// Writes the walls with servos, if there are any.
-fn write_servos(file: &mut SnapshotFile, servos: &[ServoRow]) -> Result<(), SnapshotError> {
-    if servos.is_empty() {
-        return Ok(());
+/// The groups of both files that hold no state of a drive.
+const GROUPS: [&str; 6] = ["VTKHDF", "restart", "run", "domain", "walls", "shapes"];
+
+/// What drives have saved.
+fn read_drives(file: &StoredFile) -> Result<Vec<SavedState>, SnapshotError> {
+    let mut drives = Vec::new();
+    for drive in file.members("/")? {
+        if GROUPS.contains(&&*drive) {
+            continue;
+        }
+        let saved = SavedState { columns: file.saved(&format!("/{drive}"))?, drive };
+        if let Some(column) = saved.columns.iter().find(|c| c.rows() != saved.columns[0].rows()) {
+            let cause = format!("/{}/{} has another length", saved.drive, column.column.name);
+            return Err(SnapshotError::unreadable(file.path(), &cause));
+        }
+        drives.push(saved);
     }
-    let numbers = |get: fn(&ServoRow) -> f64| servos.iter().map(get).collect::<Vec<_>>();
-    let recent = servos.iter().flat_map(|s| s.recent).collect::<Vec<_>>();
-    let course = servos.iter().flat_map(|s| {
-        let mut parts = s.course.clone();
-        parts.resize(MOST_PARTS, [0.0; 4]);
-        parts.into_flattened()
-    });
-    file.group("/servos")?;
-    file.texts(&SERVO_WALL, &servos.iter().map(|s| &*s.wall).collect::<Vec<_>>())?;
-    file.table(&SERVO_TARGET, &numbers(|s| s.target))?;
-    file.table(&SERVO_SPEED, &numbers(|s| s.speed))?;
-    file.table(&SERVO_STIFFNESS, &numbers(|s| s.stiffness))?;
-    file.table(&SERVO_RECENT, &recent)?;
-    file.table(&SERVO_COURSE, &course.collect::<Vec<_>>())?;
-    let force_sums = servos.iter().flat_map(|s| &s.force_sum).copied();
-    file.table(&SERVO_FORCE_SUM, &force_sums.collect::<Vec<_>>())?;
-    let force_steps = servos.iter().map(|s| s.force_steps);
-    file.table(&SERVO_FORCE_STEPS, &force_steps.collect::<Vec<_>>())
+    drives.extend(rain_of_run(file)?);
+    Ok(drives)
 }
 
-/// The walls with servos; none if there are none, or if an older version wrote the file.
-fn read_servos(file: &StoredFile) -> Result<Vec<ServoRow>, SnapshotError> {
-    if !file.has(SERVO_WALL.place) {
-        return Ok(Vec::new());
+/// What rain has saved in a file of an older version, where it stands beside the step.
+fn rain_of_run(file: &StoredFile) -> Result<Option<SavedState>, SnapshotError> {
+    let (fallen, layers) = ("particles_fallen", "layers_fallen");
+    let whole = |name| file.numbers::<u64, 1>("/run", name).map(|[n]| n);
+    if file.has_attribute("/run", fallen) {
+        return Ok(Some(rain::saved(whole(fallen)?)));
     }
-    let walls = file.texts(&SERVO_WALL)?;
-    let servos = Tabulated { file, rows: walls.len() };
-    let (targets, speeds) = (servos.numbers(&SERVO_TARGET)?, servos.numbers(&SERVO_SPEED)?);
-    let stiffnesses = servos.numbers(&SERVO_STIFFNESS)?;
-    let recent = groups::<f64, 4>(&servos.numbers(&SERVO_RECENT)?);
-    let parts = groups::<f64, 4>(&servos.numbers(&SERVO_COURSE)?);
-    let force_sums: Vec<i64> = file.rows(&SERVO_FORCE_SUM, 0..walls.len())?;
-    let force_steps: Vec<u64> = file.rows(&SERVO_FORCE_STEPS, 0..walls.len())?;
-    let row = |(k, wall)| ServoRow {
-        wall,
-        target: targets[k],
-        speed: speeds[k],
-        stiffness: stiffnesses[k],
-        recent: recent[k],
-        course: (parts[MOST_PARTS * k..MOST_PARTS * (k + 1)].iter().copied())
-            .filter(|part| part[0] > 0.0)
-            .collect(),
-        force_sum: force_sums[SERVO_FORCE_SUM.width * k..SERVO_FORCE_SUM.width * (k + 1)].to_vec(),
-        force_steps: force_steps[k],
-    };
-    Ok(walls.into_iter().enumerate().map(row).collect())
+    if file.has_attribute("/run", layers) && whole(layers)? > 0 {
+        let (path, lacks) = (super::name_of(file.path()), format!("/run/{fallen}"));
+        return Err(SnapshotError::Older { path, lacks });
+    }
+    Ok(None)
 }
 
 fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
@@ -591,21 +575,24 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
     let number = |name| file.numbers::<f64, 1>("/run", name).map(|[n]| n);
     let whole = |name| file.numbers::<u64, 1>("/run", name).map(|[n]| n);
     let vector = |group, name| file.numbers::<f64, 3>(group, name).map(Vec3::from);
+    let mut departed = Departed::default();
+    if file.has_attribute("/run", DEPARTED) {
+        [departed.received, departed.dissipated] = file.numbers("/run", DEPARTED)?;
+    }
     Ok(Header {
         step: whole("step")?,
         time: number("time")?,
         dt: number("dt")?,
         stage_begin: (whole("stage_begin_step")?, number("stage_begin_time")?),
-        layers_fallen: whole("layers_fallen")?,
-        particles_fallen: whole("particles_fallen").ok(),
         next_id: whole("next_id")?,
+        departed,
         stop: if file.has(STOP.place) { file.texts(&STOP)?.concat() } else { String::new() },
         low: vector("/domain", "low")?,
         high: vector("/domain", "high")?,
         periodic: file.numbers::<u8, 3>("/domain", "periodic")?.map(|p| p != 0),
         gravity: vector("/run", "gravity")?,
         walls: walls.collect(),
-        servos: read_servos(file)?,
+        drives: read_drives(file)?,
         shapes: shapes.collect(),
         scene: file.texts(&SCENE)?.concat(),
     })
@@ -918,8 +905,4 @@ fn numbers(vectors: &[Vec3]) -> &[f64] {
 
 fn vectors(numbers: &[f64]) -> Vec<Vec3> {
     numbers.as_chunks().0.iter().copied().map(Vec3::from).collect()
-}
-
-fn groups<T: Copy, const N: usize>(numbers: &[T]) -> Vec<[T; N]> {
-    numbers.as_chunks().0.to_vec()
 }

@@ -5,9 +5,9 @@
 //!
 //! A snapshot is two HDF5 files, each valid VTKHDF `PolyData` with one part per writing rank:
 //! `particles_<step>.vtkhdf` (vertices) and `contacts_<step>.vtkhdf` (lines). Both carry the groups
-//! `/run`, `/domain`, `/walls`, `/shapes` and, if there are any, `/servos` ([`Header`]); the first also carries `/restart`, all that a
-//! restart needs and a picture does not. A column that the scene does not need is not there. The geometry of
-//! a shape is a JSON text, `/shapes/geometry`.
+//! `/run`, `/domain`, `/walls`, `/shapes` and, for each drive that saves its state, one of the drive's name, such as `/rain`
+//! ([`Header`]); the first also carries `/restart`, all that a restart needs and a picture does not. A column that the scene
+//! does not need is not there. The geometry of a shape is a JSON text, `/shapes/geometry`.
 //!
 //! | place | rows | content |
 //! |---|---|---|
@@ -20,8 +20,10 @@
 
 use super::columns::CONTACT_COLUMNS;
 use crate::contact::{Histories, NamedHistory, StateColumn};
+use crate::drive::SavedState;
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
+use crate::measure::Departed;
 use crate::shape::{Ellipsoid, Shape};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -37,12 +39,10 @@ pub struct Header {
     pub dt: f64,
     /// The step at which this stage began, and the time then [s].
     pub stage_begin: (u64, f64),
-    /// Layers of rain that have fallen in this stage.
-    pub layers_fallen: u64,
-    /// Particles of rain that have fallen in this stage; `None` without rain, and if an older version wrote it.
-    pub particles_fallen: Option<u64>,
     /// The id that the next new particle gets.
     pub next_id: u64,
+    /// What particles that were taken out have left behind in the balance of energies [J].
+    pub departed: Departed,
     /// The scene's `[stop]`, if it holds at this moment and the stage is over; else empty.
     pub stop: String,
     /// Lowest corner of the domain [m].
@@ -55,8 +55,8 @@ pub struct Header {
     pub gravity: Vec3,
     /// The walls, in the order of their ids.
     pub walls: Vec<WallRow>,
-    /// Walls with a servo, in the order of their ids.
-    pub servos: Vec<ServoRow>,
+    /// What drives have saved, by name.
+    pub drives: Vec<SavedState>,
     /// The shapes, in the order of their ids.
     pub shapes: Vec<ShapeRow>,
     /// The scene as it ran, as TOML.
@@ -76,27 +76,6 @@ pub struct WallRow {
     pub velocity: Vec3,
     /// Force of the particles on it [N].
     pub force: Vec3,
-}
-
-/// A wall with a servo. What coupled walls have in common stands with each of them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ServoRow {
-    /// The wall's name in the scene.
-    pub wall: String,
-    /// Target stress, compression positive [Pa].
-    pub target: f64,
-    /// Integral of its law: the speed at which nothing is missing [m/s].
-    pub speed: f64,
-    /// Stiffness of the contacts when it last had any; 0 before that [N/m].
-    pub stiffness: f64,
-    /// Its relative errors since the last look at `[stop]`: steps, sum, sum of magnitudes, largest magnitude.
-    pub recent: [f64; 4],
-    /// The same in parts of the stage, in their order.
-    pub course: Vec<[f64; 4]>,
-    /// Sum of the forces on the wall since the last row of the history [N], exactly: limbs along x, y, z.
-    pub force_sum: Vec<i64>,
-    /// Over how many steps.
-    pub force_steps: u64,
 }
 
 /// One shape of the scene.

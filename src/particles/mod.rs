@@ -404,36 +404,53 @@ impl Particles {
         }
     }
 
+    /// An owned particle with all its state.
+    pub fn owned_particle(&self, slot: usize) -> Particle {
+        let spin = self.spin.as_ref();
+        let attitude = self.attitude.as_ref();
+        Particle {
+            id: self.id[slot],
+            shape: self.shape[slot],
+            position: self.position[slot],
+            velocity: self.velocity[slot],
+            force: self.force[slot].vector,
+            dissipated: self.dissipated[slot],
+            received: self.received[slot],
+            image: self.image.get(slot).copied().unwrap_or_default(),
+            quaternion: attitude.map_or_else(Quat::identity, |attitude| attitude.quaternion[slot]),
+            angular_momentum: self.angular_momentum(slot),
+            angular_velocity: spin.map_or_else(Vec3::zeros, |spin| spin.angular_velocity[slot]),
+            torque: spin.map_or_else(Vec3::zeros, |spin| spin.torque[slot].vector),
+        }
+    }
+
     /// Takes an owned particle out; the last owned one moves to its slot. Ghosts and walls must be stripped.
     pub fn take_owned(&mut self, slot: usize) -> Particle {
+        let particle = self.owned_particle(slot);
+        self.id.swap_remove(slot);
+        self.shape.swap_remove(slot);
+        self.position.swap_remove(slot);
+        self.velocity.swap_remove(slot);
+        self.force.swap_remove(slot);
         self.listed_at.swap_remove(slot);
-        let quaternion = self.attitude.as_mut().map_or_else(Quat::identity, |attitude| {
+        self.dissipated.swap_remove(slot);
+        self.received.swap_remove(slot);
+        if self.needs.image {
+            self.image.swap_remove(slot);
+        }
+        if let Some(attitude) = &mut self.attitude {
+            attitude.quaternion.swap_remove(slot);
             if self.needs.form {
                 attitude.form.swap_remove(slot);
             }
-            attitude.quaternion.swap_remove(slot)
-        });
-        let angular_momentum = self.angular_momentum(slot);
-        let (angular_velocity, torque) = self.spin.as_mut().map_or_else(Default::default, |spin| {
+        }
+        if let Some(spin) = &mut self.spin {
             if self.needs.attitude {
                 spin.angular_momentum.swap_remove(slot);
             }
-            (spin.angular_velocity.swap_remove(slot), spin.torque.swap_remove(slot).vector)
-        });
-        let particle = Particle {
-            id: self.id.swap_remove(slot),
-            shape: self.shape.swap_remove(slot),
-            position: self.position.swap_remove(slot),
-            velocity: self.velocity.swap_remove(slot),
-            force: self.force.swap_remove(slot).vector,
-            dissipated: self.dissipated.swap_remove(slot),
-            received: self.received.swap_remove(slot),
-            image: if self.needs.image { self.image.swap_remove(slot) } else { [0; 3] },
-            quaternion,
-            angular_momentum,
-            angular_velocity,
-            torque,
-        };
+            spin.angular_velocity.swap_remove(slot);
+            spin.torque.swap_remove(slot);
+        }
         self.owned -= 1;
         particle
     }

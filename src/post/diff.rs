@@ -5,7 +5,9 @@
 //! touching contacts are matched by the ids of both bodies. Both states are held in memory.
 
 use crate::contact::{Histories, NamedHistory, StateColumn};
+use crate::drive::{SavedColumn, SavedState};
 use crate::ids::GlobalId;
+use crate::measure::Departed;
 use crate::output::columns::{PARTICLE_COLUMNS, ParticleColumn, Values};
 use crate::output::tables::{Header, ParticleTable};
 use serde::{Deserialize, Serialize};
@@ -20,7 +22,7 @@ pub const NAMED: usize = 10;
 /// What a restart goes on from.
 #[derive(Clone, Debug)]
 pub struct State {
-    /// Step, time, rain, walls.
+    /// Step, time, walls, drives.
     pub header: Header,
     /// The particles, in any order.
     pub particles: ParticleTable,
@@ -34,7 +36,7 @@ type Ends = (GlobalId, GlobalId);
 /// What differs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Difference {
-    /// Differences of step, time, rain and walls, in words.
+    /// Differences of step, time, walls and drives, in words.
     pub header: Vec<String>,
     /// Ids of particles that only the first has.
     pub only_first: Vec<GlobalId>,
@@ -277,9 +279,8 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             time,
             dt,
             stage_begin,
-            layers_fallen,
-            particles_fallen,
             next_id,
+            departed,
             // Why the run ended, and what the user wrote, are no state.
             stop: _,
             scene: _,
@@ -288,7 +289,7 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             periodic,
             gravity,
             walls,
-            servos,
+            drives: _,
             shapes,
         } = header;
         let shapes = shapes.iter().map(|shape| format!("{shape:?}"));
@@ -297,14 +298,12 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             ("time", format!("{time:e} s")),
             ("time step", format!("{dt:e} s")),
             ("begin of the stage", format!("step {}, {:e} s", stage_begin.0, stage_begin.1)),
-            ("layers of rain fallen", layers_fallen.to_string()),
-            ("particles of rain fallen", format!("{particles_fallen:?}")),
             ("next id", next_id.to_string()),
+            ("left behind by particles that are gone", left_behind(*departed)),
             ("domain", format!("{:?} to {:?} m", low.as_slice(), high.as_slice())),
             ("periodic", format!("{periodic:?}")),
             ("gravity", format!("{:?} m/s2", gravity.as_slice())),
             ("names of walls", format!("{:?}", walls.iter().map(|w| &w.name).collect::<Vec<_>>())),
-            ("servos", format!("{servos:?}")),
             ("shapes", shapes.collect::<Vec<_>>().join("; ")),
         ]
     };
@@ -313,6 +312,13 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
         .filter(|(a, b)| a != b)
         .map(|((what, a), (_, b))| format!("{what}: {a} and {b}"))
         .collect();
+    let (mine, theirs) = (states_of_drives(first), states_of_drives(second));
+    for what in mine.keys().chain(theirs.keys().filter(|what| !mine.contains_key(*what))) {
+        let [a, b] = [&mine, &theirs].map(|states| states.get(what).map_or("nothing", |s| &**s));
+        if a != b {
+            found.push(format!("{what}: {a} and {b}"));
+        }
+    }
     if first.walls.len() != second.walls.len() {
         found.push(format!("walls: {} and {}", first.walls.len(), second.walls.len()));
     }
@@ -330,6 +336,21 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
         }
     }
     found
+}
+
+fn left_behind(Departed { received, dissipated }: Departed) -> String {
+    format!("received {received:e} J, dissipated {dissipated:e} J")
+}
+
+/// What each drive has saved, by the names of drive and column.
+fn states_of_drives(header: &Header) -> BTreeMap<String, String> {
+    let of_drive = |saved: &SavedState| {
+        let named = |SavedColumn { column, values }: &SavedColumn| {
+            (format!("{}, {}", saved.drive, column.name), values.words())
+        };
+        saved.columns.iter().map(named).collect::<Vec<_>>()
+    };
+    header.drives.iter().flat_map(of_drive).collect()
 }
 
 impl fmt::Display for Difference {

@@ -8,11 +8,12 @@ use super::plots::{self, Plot};
 use super::region::Bounds;
 use super::report::{Report, readable};
 use super::rose::roses;
-use crate::output::tables::{ServoRow, WallRow};
+use crate::drive::servo::Target;
+use crate::output::tables::WallRow;
 use std::fmt::Write;
 
 /// All plots of a series, in the order of the page: those over the series, then those of its last
-/// snapshot, then the history of the run, with these walls and servos.
+/// snapshot, then the history of the run, with these walls and targets of their stresses.
 ///
 /// # Errors
 /// See [`PlotError`].
@@ -21,7 +22,7 @@ pub fn plots(
     picture: String,
     history: &History,
     walls: &[WallRow],
-    servos: &[ServoRow],
+    targets: &[Target],
 ) -> Result<Vec<Plot>, PlotError> {
     let mut drawn = Vec::new();
     if reports.len() > 1 {
@@ -46,7 +47,7 @@ pub fn plots(
             drawn.push(plots::friction(&forces.friction_used)?);
         }
     }
-    drawn.extend(panels(history, walls, servos)?);
+    drawn.extend(panels(history, walls, targets)?);
     Ok(drawn)
 }
 

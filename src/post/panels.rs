@@ -7,7 +7,8 @@ use super::draw::{
 };
 use super::history::{Curve, History};
 use super::plots::Plot;
-use crate::output::tables::{ServoRow, WallRow};
+use crate::drive::servo::Target;
+use crate::output::tables::WallRow;
 use plotters::style::RGBColor;
 use std::collections::BTreeSet;
 
@@ -128,14 +129,14 @@ const LEFT_OUT: [&str; 5] =
     ["translation_J", "rotation_J", "step_energy_J", "gravity_J", "received_J"];
 
 /// The panels of a history, without those in which nothing ever changes. `walls` say which way a load
-/// on a wall points, `servos` which stress walls shall keep.
+/// on a wall points, `targets` which stress walls shall keep.
 ///
 /// # Errors
 /// See [`PlotError`].
 pub fn panels(
     history: &History,
     walls: &[WallRow],
-    servos: &[ServoRow],
+    targets: &[Target],
 ) -> Result<Vec<Plot>, PlotError> {
     let mut rest: Vec<&Curve> = history.curves.iter().collect();
     let mut plots = Vec::new();
@@ -167,7 +168,7 @@ pub fn panels(
     };
     let stresses: Vec<Curve> = walls.iter().filter_map(stress).collect();
     for stresses in stresses.chunks(PALETTE.len()) {
-        plots.extend(wall_stresses(stresses, servos)?);
+        plots.extend(wall_stresses(stresses, targets)?);
     }
     for curve in rest {
         plots.extend(unknown(curve)?);
@@ -202,9 +203,10 @@ fn wall_load(wall: &WallRow, rest: &mut Vec<&Curve>) -> Option<Curve> {
 }
 
 /// The stresses on walls, and the targets of those that have one.
-fn wall_stresses(stresses: &[Curve], servos: &[ServoRow]) -> Result<Option<Plot>, PlotError> {
-    let is_here = |servo: &&ServoRow| stresses.iter().any(|curve| curve.name == servo.wall);
-    let mut targets: Vec<f64> = servos.iter().filter(is_here).map(|servo| servo.target).collect();
+fn wall_stresses(stresses: &[Curve], targets: &[Target]) -> Result<Option<Plot>, PlotError> {
+    let is_here = |target: &&Target| stresses.iter().any(|curve| curve.name == target.wall);
+    let mut targets: Vec<f64> =
+        targets.iter().filter(is_here).map(|target| target.stress).collect();
     targets.sort_by(f64::total_cmp);
     targets.dedup();
     let means = if targets.is_empty() {

@@ -8,8 +8,10 @@ use crate::contacts::Contacts;
 use crate::domain::Domain;
 use crate::drive::rain::RainGauge;
 use crate::drive::servo::Servos;
+use crate::drive::{Drive, DriveError};
 use crate::ids::{GlobalId, ShapeId};
 use crate::law::{ForceLaw, Sums};
+use crate::measure::Departed;
 use crate::motion::Field;
 use crate::output::SnapshotError;
 use crate::output::snapshot::Reader;
@@ -59,6 +61,14 @@ pub enum StartError {
         /// What is missing.
         column: String,
     },
+    /// A drive of the scene cannot go on from it.
+    #[error("{path}: {error}")]
+    Drive {
+        /// The snapshot.
+        path: PathBuf,
+        /// Which, and why.
+        error: DriveError,
+    },
     /// Its domain repeats along other axes or with other lengths.
     #[error("{path}: its periodic axes or their lengths differ from the scene's [domain]")]
     Period {
@@ -100,8 +110,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
         resolvers: contact::table(&scene.method, &kinds),
         law,
         field: Field { gravity: scene.gravity, damping: scene.global_damping },
-        rain: scene.rain.clone().map(|rain| RainGauge::new(rain, scene.seed)),
-        servos: Servos::new(scene.servos.clone(), &scene.library),
+        drives: drives(scene),
         watch: Watch::new(scene.library.least_inscribed_radius()),
         found,
         active: Vec::new(),
@@ -109,11 +118,24 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
         step: 0,
         stage_begin: (0, 0.0),
         next_id: 0,
+        departed: Departed::default(),
         skin: scene.skin,
         imbalance: scene.imbalance,
         lists_since_cut: 0,
         clock: Clock::new(),
     }
+}
+
+/// What the scene has act from outside.
+fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
+    let mut drives: Vec<Box<dyn Drive>> = Vec::new();
+    if let Some(rain) = &scene.rain {
+        drives.push(Box::new(RainGauge::new(rain.clone(), scene.seed)));
+    }
+    if !scene.servos.is_empty() {
+        drives.push(Box::new(Servos::new(scene.servos.clone(), &scene.library)));
+    }
+    drives
 }
 
 /// What a snapshot says to a run that goes on from it.
@@ -168,12 +190,10 @@ pub fn take_up(
         From::Middle => {
             // The same time step continues the same clock; another begins its own.
             sim.stage_begin = header.stage_begin;
+            sim.departed = header.departed;
             if header.dt != sim.dt {
                 let steps = (header.step - header.stage_begin.0) as f64;
                 sim.stage_begin.1 = header.time - steps * sim.dt;
-            }
-            if let Some(rain) = &mut sim.rain {
-                rain.resume(header.layers_fallen, header.particles_fallen);
             }
         }
         From::Beginning => {
@@ -196,7 +216,8 @@ pub fn take_up(
             wall.listed_at = row.point;
         }
     }
-    sim.take_up_servos(&header.servos, from == From::Beginning, comm);
+    let resumed = sim.resume_drives(&header.drives, from == From::Beginning, comm);
+    resumed.map_err(|error| StartError::Drive { path: reader.path().to_owned(), error })?;
     sim.take_up(&particles, &histories, comm);
     match from {
         From::Beginning => sim.count_free_energy(),

@@ -295,7 +295,8 @@ fn stop(section: &Section, root: &Section) -> Option<Stop> {
     if let (Some(given), None) = (section.get("servo"), root.get("servo")) {
         given.fail("there is no [[servo]]");
     }
-    let stop = Stop { rest: rest?, unbalanced: unbalanced?, servo: servo? };
+    let drives = servo?.map(|limit| ("servo".to_owned(), limit)).into_iter().collect();
+    let stop = Stop { rest: rest?, unbalanced: unbalanced?, drives };
     if stop == Stop::default() {
         section.fail("give at least one of `rest`, `unbalanced` and `servo`");
     }

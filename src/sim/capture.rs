@@ -4,18 +4,17 @@ use super::Simulation;
 use crate::comm::{Comm, Parcel, wire};
 use crate::contact::{Histories, NamedHistory, Pair, StateColumn};
 use crate::contacts::Loaded;
-use crate::drive::servo::{Course, Errors, ForceSum, Memory, PARTS, State};
+use crate::drive::{DriveError, SavedState};
 use crate::ids::{GlobalId, Rank, ShapeId};
-use crate::math::{ExactSum, Quat, Vec3};
+use crate::math::{Quat, Vec3};
 use crate::motion;
-use crate::output::snapshot::MOST_PARTS;
 use crate::output::tables::{
-    ContactRow, ContactTable, Header, HistoryRows, ParticleTable, Rows, ServoRow, ShapeRow, WallRow,
+    ContactRow, ContactTable, Header, HistoryRows, ParticleTable, Rows, ShapeRow, WallRow,
 };
 use crate::particles::records::Particle;
 use crate::shape::Kind;
 use nalgebra::Quaternion;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The touching contacts of which this rank owns the first particle.
 struct FirstOwned<'a>(&'a Simulation);
@@ -81,7 +80,7 @@ impl HistoryRows for FirstOwned<'_> {
 
 impl Simulation {
     /// What a snapshot of this moment says once; `scene` is the scene's text, `wall_forces` comes from
-    /// [`crate::measure::Measures`] [N]. Collective, if there are servos.
+    /// [`crate::measure::Measures`] [N]. Collective, if there are drives.
     pub fn header(&self, scene: &str, wall_forces: &[Vec3], comm: &mut dyn Comm) -> Header {
         let library = &self.particles.library;
         Header {
@@ -89,9 +88,8 @@ impl Simulation {
             time: self.time(),
             dt: self.dt,
             stage_begin: self.stage_begin,
-            layers_fallen: self.rain.as_ref().map_or(0, |rain| rain.layers),
-            particles_fallen: self.rain.as_ref().map(|rain| rain.fallen),
             next_id: self.next_id,
+            departed: self.departed,
             stop: String::new(),
             low: self.domain.cell.low(),
             high: self.domain.cell.high(),
@@ -110,7 +108,7 @@ impl Simulation {
                     force,
                 })
                 .collect(),
-            servos: self.servo_rows(comm),
+            drives: self.saved_drives(comm),
             shapes: (0..library.particle_shapes)
                 .map(|k| ShapeRow {
                     name: library.names[k].clone(),
@@ -126,40 +124,32 @@ impl Simulation {
         }
     }
 
-    /// What each wall with a servo remembers. Collective, if there are any.
-    fn servo_rows(&self, comm: &mut dyn Comm) -> Vec<ServoRow> {
-        let row = |(wall, forces): (usize, ForceSum)| {
-            let (servo, Memory { state, course, recent }) = self.servos.of_wall(wall)?;
-            Some(ServoRow {
-                wall: self.particles.walls[wall].name.clone(),
-                target: servo.stress,
-                speed: state.speed,
-                stiffness: state.stiffness,
-                recent: errors_row(recent),
-                course: course.0.iter().map(errors_row).collect(),
-                force_sum: forces.axes.iter().flat_map(|axis| *axis.limbs()).collect(),
-                force_steps: forces.steps,
-            })
-        };
-        self.servos.force_sums(comm).into_iter().filter_map(row).collect()
+    /// The state of each drive that has one. Collective, if there are drives.
+    fn saved_drives(&self, comm: &mut dyn Comm) -> Vec<SavedState> {
+        let walls = &self.particles.walls;
+        let saved = self.drives.iter().map(|drive| SavedState {
+            drive: drive.name().to_owned(),
+            columns: drive.save(walls, comm),
+        });
+        saved.filter(|saved| !saved.columns.is_empty()).collect()
     }
 
-    /// Servos go on as the walls of the same names did; in a new stage with what their law remembers only.
-    pub fn take_up_servos(&mut self, rows: &[ServoRow], is_new_stage: bool, comm: &dyn Comm) {
-        for (k, wall) in self.particles.walls.iter().enumerate() {
-            let Some(row) = rows.iter().find(|row| row.wall == wall.name) else { continue };
-            let state = State { speed: row.speed, stiffness: row.stiffness };
-            if is_new_stage {
-                self.servos.resume(k, Memory { state, ..Memory::default() });
-                continue;
+    /// Each drive goes on from what the one of its name has saved. A drive of which nothing was saved stays as it is.
+    ///
+    /// # Errors
+    /// If a drive cannot go on from it.
+    pub fn resume_drives(
+        &mut self,
+        saved: &[SavedState],
+        is_new_stage: bool,
+        comm: &dyn Comm,
+    ) -> Result<(), DriveError> {
+        for drive in &mut self.drives {
+            if let Some(saved) = saved.iter().find(|saved| saved.drive == drive.name()) {
+                drive.resume(saved, is_new_stage, &self.particles.walls, comm.is_root())?;
             }
-            let course = Course(row.course.iter().map(errors_of).collect());
-            self.servos.resume(k, Memory { state, course, recent: errors_of(&row.recent) });
-            let mut axes = row.force_sum.chunks_exact(ExactSum::LIMBS).map(ExactSum::from_limbs);
-            let axes = std::array::from_fn(|_| axes.next().unwrap_or_default());
-            let sum = ForceSum { axes, steps: row.force_steps };
-            self.servos.resume_forces(k, sum, comm.is_root());
         }
+        Ok(())
     }
 
     /// The owned particles.
@@ -227,27 +217,12 @@ impl Simulation {
         motion::bring_back(&mut self.particles);
         let work = vec![1; self.particles.owned];
         self.domain.recut(&self.particles, &work, comm);
-        self.domain.migrate(&mut self.particles, &self.contacts, comm);
+        self.domain.migrate(&mut self.particles, &self.contacts, &BTreeSet::new(), comm);
         let owned = &self.particles.id[..self.particles.owned];
         let histories = histories.with_columns(self.contacts.remembered());
         let carried = histories_to_owners(owned, &histories, comm);
         self.relist(&carried, comm);
     }
-}
-
-// A file has room for a whole course.
-const _: () = assert!(PARTS <= MOST_PARTS);
-
-/// Errors as a row of a snapshot has them.
-const fn errors_row(errors: &Errors) -> [f64; 4] {
-    let Errors { steps, sum, sizes, largest } = *errors;
-    [steps, sum, sizes, largest]
-}
-
-/// Errors from a row of a snapshot.
-const fn errors_of(row: &[f64; 4]) -> Errors {
-    let [steps, sum, sizes, largest] = *row;
-    Errors { steps, sum, sizes, largest }
 }
 
 /// Sends each history to the owners of both its particles, through a directory that is spread over

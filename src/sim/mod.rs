@@ -6,20 +6,20 @@ pub mod run;
 pub mod trace;
 pub mod watch;
 
-use crate::comm::{Comm, agree};
+use crate::comm::{Comm, agree, everywhere};
 use crate::contact::{Found, Histories, Pair, Table, Touch, Why};
 use crate::contacts::{Contacts, Loaded};
 use crate::domain::{Domain, DomainError};
-use crate::drive::rain::RainGauge;
-use crate::drive::servo::{ServoError, Servos};
+use crate::drive::{Drive, DriveError, Moment};
 use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Sums};
-use crate::measure::{self, Measures};
+use crate::measure::{self, Departed, Measures};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
 use crate::particles::records::Particle;
 use crate::search::{self, PairList};
 use crate::timing::{Clock, Phase};
+use std::collections::BTreeSet;
 use watch::{Fault, Watch};
 
 /// Everything that a rank holds. Made by `scene::assemble`.
@@ -40,10 +40,8 @@ pub struct Simulation {
     pub law: Box<dyn ForceLaw>,
     /// Gravity and global damping.
     pub field: Field,
-    /// Particles still to come.
-    pub rain: Option<RainGauge>,
-    /// Walls that keep a stress.
-    pub servos: Servos,
+    /// What acts from outside, in the order in which it acts.
+    pub drives: Vec<Box<dyn Drive>>,
     /// Whether steps go too far.
     pub watch: Watch,
     /// What the resolvers say of a few pairs, and how often who answered.
@@ -58,6 +56,8 @@ pub struct Simulation {
     pub stage_begin: (u64, f64),
     /// The id of the next new particle.
     pub next_id: u64,
+    /// What particles that were taken out have left behind in the balance of energies; the same on all ranks.
+    pub departed: Departed,
     /// A pair is listed when its bounding spheres come this close [m].
     pub skin: f64,
     /// Cut anew when the busiest rank has this many times the mean work.
@@ -87,13 +87,13 @@ pub enum StepError {
         /// Whose, and how far.
         fault: Fault,
     },
-    /// A wall cannot keep its stress. Known on all ranks.
+    /// A drive cannot go on. Known on all ranks.
     #[error("step {step}: {error}")]
-    Servo {
+    Drive {
         /// Steps done.
         step: u64,
-        /// Which wall, and why.
-        error: ServoError,
+        /// Which, and why.
+        error: DriveError,
     },
     /// A pair that no contact method could resolve. Known on one rank only.
     #[error(
@@ -123,7 +123,7 @@ pub enum StepError {
 impl StepError {
     /// Do all ranks have this error?
     pub const fn is_agreed(&self) -> bool {
-        matches!(self, Self::Domain { .. } | Self::Fault { .. } | Self::Servo { .. })
+        matches!(self, Self::Domain { .. } | Self::Fault { .. } | Self::Drive { .. })
     }
 }
 
@@ -147,12 +147,12 @@ impl Simulation {
     /// What went wrong. Unless [`StepError::is_agreed`], the other ranks do not know yet, so the caller
     /// must abort them.
     pub fn step(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
-        // move, and sum what presses on servo walls meanwhile
+        // move, and sum what drives ask for meanwhile
         self.clock.restart();
-        self.servos.start_sums(&self.contacts, &self.particles, &*self.law, self.dt, comm);
+        let asked = self.start_sums(comm);
         let farthest = motion::kick_and_drift(&mut self.particles, &self.field, self.dt);
         self.clock.lap(Phase::Move);
-        self.steer_walls(comm)?;
+        self.steer_walls(&asked, comm)?;
         self.clock.lap(Phase::Agree);
         motion::move_walls(&mut self.particles, self.dt);
         self.watch.note(&farthest, &self.particles, self.dt);
@@ -160,25 +160,50 @@ impl Simulation {
         self.clock.lap(Phase::Move);
 
         // find contacts and their forces
-        if let Some(newcomers) = self.next_rain(comm) {
-            self.list_pairs(&newcomers, comm)?;
-        } else {
+        let newcomers = self.newcomers(comm);
+        if newcomers.is_empty() {
             self.exchange(comm)?;
+        } else {
+            self.list_pairs(&newcomers, self.dt, comm)?;
         }
         self.find_forces(self.dt)?;
-        self.servos.note_forces(&self.contacts, &self.particles);
+        for drive in &mut self.drives {
+            drive.after_forces(&self.contacts, &self.particles);
+        }
         self.clock.lap(Phase::Forces);
         motion::kick(&mut self.particles, &self.field, self.dt);
         self.clock.lap(Phase::Move);
         Ok(())
     }
 
-    /// Gives servo walls their velocities. Collective, if there are any.
-    fn steer_walls(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
-        let step = self.step;
-        let sides = [&self.domain.cell.low(), &self.domain.cell.high()];
-        let steered = self.servos.steer(&mut self.particles, sides, step, self.dt, comm);
-        steered.map_err(|error| StepError::Servo { step, error })
+    /// Begins to add up what drives ask for; returns how many numbers each has asked for. Collective, if any has.
+    fn start_sums(&self, comm: &mut dyn Comm) -> Vec<usize> {
+        let moment = self.moment();
+        let (mut asked, mut sums) = (Vec::new(), Vec::new());
+        for drive in &self.drives {
+            let numbers = drive.sums(&moment, &self.particles, &self.contacts, &*self.law);
+            asked.push(numbers.len());
+            sums.extend(numbers);
+        }
+        if !sums.is_empty() {
+            comm.start_sum(sums);
+        }
+        asked
+    }
+
+    /// Lets drives give walls their velocities, each with the sums that it has `asked` for. Collective, if any has.
+    fn steer_walls(&mut self, asked: &[usize], comm: &mut dyn Comm) -> Result<(), StepError> {
+        let moment = self.moment();
+        let all = if asked.iter().any(|&count| count > 0) { comm.finish_sum() } else { Vec::new() };
+        let mut rest = &*all;
+        for (drive, &count) in self.drives.iter_mut().zip(asked) {
+            let (sums, others) = rest.split_at(count);
+            rest = others;
+            let Particles { cell, walls, .. } = &mut self.particles;
+            let steered = drive.steer(&moment, sums, cell, walls);
+            steered.map_err(|error| StepError::Drive { step: moment.step, error })?;
+        }
+        Ok(())
     }
 
     /// Brings the ghosts up to date, and asks all ranks whether the list is good for these positions. If not, a new one is
@@ -187,13 +212,13 @@ impl Simulation {
         self.domain.start_halo(&self.particles, comm);
         self.clock.lap(Phase::Exchange);
         // While ghosts are on their way.
-        comm.start_vote(self.list_is_stale() || self.watch.has_fault());
+        comm.start_vote(self.list_is_stale() || self.watch.has_fault() || self.has_leaver());
         self.clock.lap(Phase::Agree);
         self.domain.finish_halo(&mut self.particles, comm);
         self.clock.lap(Phase::Exchange);
         let stale = comm.finish_vote();
         self.clock.lap(Phase::Agree);
-        if stale { self.list_pairs(&[], comm) } else { Ok(()) }
+        if stale { self.list_pairs(&[], self.dt, comm) } else { Ok(()) }
     }
 
     /// Lists pairs and finds the forces at the start of a stage. Collective.
@@ -209,7 +234,8 @@ impl Simulation {
     fn list_first(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         self.lists_since_cut = LISTS_BETWEEN_CUTS;
         self.watch.note_ahead(&self.particles, self.dt);
-        self.list_pairs(&[], comm)
+        // No time has passed: nothing is within a step.
+        self.list_pairs(&[], 0.0, comm)
     }
 
     /// The second half of [`Simulation::begin`].
@@ -220,16 +246,22 @@ impl Simulation {
         Ok(())
     }
 
-    /// Makes subdomains, ghosts and pairs anew, with those of `newcomers` whose places this rank then owns.
-    /// Collective.
-    fn list_pairs(&mut self, newcomers: &[Particle], comm: &mut dyn Comm) -> Result<(), StepError> {
+    /// Makes subdomains, ghosts and pairs anew, without what drives take out, and with those of `newcomers` whose places this
+    /// rank then owns. `dt` [s] is 0 at the start of a stage. Collective.
+    fn list_pairs(
+        &mut self,
+        newcomers: &[Particle],
+        dt: f64,
+        comm: &mut dyn Comm,
+    ) -> Result<(), StepError> {
         let step = self.step;
         let checked = self.watch.check(&self.particles, &self.contacts);
         agree(comm, checked).map_err(|fault| StepError::Fault { step, fault })?;
-        let checked = self.domain.check(&self.particles);
+        let taken = self.take_leavers(dt, comm);
+        let checked = self.domain.check(&self.particles, &taken);
         agree(comm, checked).map_err(|error| StepError::Domain { step, error })?;
         self.recut_if_unbalanced(comm);
-        let carried = self.domain.migrate(&mut self.particles, &self.contacts, comm);
+        let carried = self.domain.migrate(&mut self.particles, &self.contacts, &taken, comm);
         let me = comm.rank();
         for particle in newcomers {
             if self.domain.owner(&particle.position) == me {
@@ -260,21 +292,91 @@ impl Simulation {
         self.stage_begin.1 + (self.step - self.stage_begin.0) as f64 * self.dt
     }
 
-    /// The scalars of this moment. Collective.
-    pub fn measure(&self, comm: &mut dyn Comm) -> Measures {
-        measure::measure(&self.particles, &self.contacts, &*self.law, &self.field, self.dt, comm)
+    /// Where the simulation stands.
+    fn moment(&self) -> Moment {
+        let (step, stage_step) = (self.step, self.step - self.stage_begin.0);
+        Moment { step, stage_step, time: self.time(), dt: self.dt }
     }
 
-    /// The next layer, if one is due and its place is free; `None` on all ranks if not. Collective where one is due.
-    fn next_rain(&mut self, comm: &mut dyn Comm) -> Option<Vec<Particle>> {
-        let rain = self.rain.as_mut()?;
-        let stage_step = self.step - self.stage_begin.0;
-        if !rain.is_due(stage_step) || comm.any(rain.is_blocked(&self.particles)) {
-            return None;
+    /// The scalars of this moment. Collective.
+    pub fn measure(&self, comm: &mut dyn Comm) -> Measures {
+        let Self { particles, contacts, law, field, dt, departed, .. } = self;
+        let mut measures = measure::measure(particles, contacts, &**law, field, *dt, comm);
+        measures.received += departed.received;
+        measures.dissipated += departed.dissipated;
+        measures
+    }
+
+    /// Particles that drives insert now, the same on all ranks. Collective.
+    fn newcomers(&mut self, comm: &mut dyn Comm) -> Vec<Particle> {
+        let moment = self.moment();
+        let mut newcomers = Vec::new();
+        for drive in &mut self.drives {
+            let inserted = drive.insert(&moment, self.next_id, &self.particles, comm);
+            self.next_id += inserted.len() as u64;
+            newcomers.extend(inserted);
         }
-        let layer = rain.next_layer(self.next_id, &self.particles.library);
-        self.next_id += layer.len() as u64;
-        Some(layer)
+        newcomers
+    }
+
+    /// Has a particle left the domain that a drive may take?
+    fn has_leaver(&self) -> bool {
+        let is_open = self.drives.iter().any(|drive| drive.is_outlet());
+        is_open && self.domain.leavers(&self.particles).next().is_some()
+    }
+
+    /// Offers particles that have left the domain to the drives, and books out what they take. Returns the ids of those
+    /// particles, the same on all ranks. `dt` [s] is 0 at the start of a stage. Collective, if a drive may take any.
+    fn take_leavers(&mut self, dt: f64, comm: &mut dyn Comm) -> BTreeSet<GlobalId> {
+        let mut taken = BTreeSet::new();
+        if !self.drives.iter().any(|drive| drive.is_outlet()) || !comm.any(self.has_leaver()) {
+            return taken;
+        }
+        let Self { particles, domain, drives, .. } = self;
+        let here = domain.leavers(particles).map(|slot| particles.owned_particle(slot));
+        let mut leavers = everywhere(comm, &here.collect::<Vec<_>>());
+        leavers.sort_unstable_by_key(|leaver| leaver.id);
+        for leaver in leavers.iter().filter(|leaver| leaver.position.norm().is_finite()) {
+            if drives.iter_mut().any(|drive| drive.take(leaver, &particles.cell)) {
+                taken.insert(leaver.id);
+            }
+        }
+        self.book_out(&taken, dt, comm);
+        taken
+    }
+
+    /// Books what these particles take away and leave behind. They end their step as if nothing touched them any more. What
+    /// their contacts have stored goes with them; what such a contact gave to its other body in this step is not booked.
+    /// `dt` [s] is 0 at the start of a stage. Collective.
+    fn book_out(&mut self, taken: &BTreeSet<GlobalId>, dt: f64, comm: &mut dyn Comm) {
+        let Self { particles, contacts, law, field, departed, .. } = self;
+        // By bodies, received and dissipated.
+        let mut entries: Vec<(GlobalId, GlobalId, f64, f64)> = Vec::new();
+        for slot in 0..particles.owned {
+            let id = particles.id[slot];
+            if taken.contains(&id) {
+                // The last half of a kick by gravity, and what the step's energy is then: together this work.
+                let weight = field.gravity * particles.mass(slot);
+                let work = 0.5 * dt * weight.dot(&particles.velocity[slot]);
+                let energy = measure::free_energy(particles, slot, field) + work;
+                let (received, dissipated) = (particles.received[slot], particles.dissipated[slot]);
+                entries.push((id, id, received - energy, dissipated));
+            }
+        }
+        // At the start of a stage nobody has counted yet what contacts store.
+        for (pair, contact) in contacts.named(particles).filter(|_| dt > 0.0) {
+            let is_here = pair.a.index() < particles.owned;
+            if is_here && (taken.contains(&contact.a) || taken.contains(&contact.b)) {
+                let stored = law.stored(pair, particles, &contact.geometry, contact.state);
+                entries.push((contact.a, contact.b, -stored, 0.0));
+            }
+        }
+        let mut entries = everywhere(comm, &entries);
+        entries.sort_unstable_by_key(|&(a, b, ..)| (a, b));
+        for (_, _, received, dissipated) in entries {
+            departed.received += received;
+            departed.dissipated += dissipated;
+        }
     }
 
     /// Adds a particle that this rank shall own, with the energy that it brings. Ghosts and walls must

@@ -142,13 +142,7 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
             "peak       {megabytes} MB in a process, {per_owned} bytes per owned particle: with the program, its libraries, and what was held for a moment",
         ));
     }
-    if let Some(rain) = sim.rain.as_ref().filter(|rain| !rain.is_over()) {
-        let (fallen, count) = (rain.fallen, rain.count());
-        line(format_args!(
-            "rain       {fallen} of {count} particles have fallen: too few steps, or the slab was never free"
-        ));
-    }
-    for text in servos(sim) {
+    for text in sim.drives.iter().flat_map(|drive| drive.report(&sim.particles.walls)) {
         line(format_args!("{text}"));
     }
     line(format_args!(
@@ -198,44 +192,6 @@ fn poor_balance(finish: &Finish, dt: f64) -> Option<String> {
             100.0 * MAY_MISS,
         )
     })
-}
-
-/// A servo whose error is larger, over its target, is warned of.
-const OFF_TARGET: f64 = 0.02;
-
-/// How each servo kept its target over the last fifth of the stage.
-fn servos(sim: &Simulation) -> Vec<String> {
-    let mut lines = Vec::new();
-    for (servo, memory) in sim.servos.iter() {
-        let names = servo.walls.iter().map(|&k| &*sim.particles.walls[k].name).collect::<Vec<_>>();
-        let names = names.join(", ");
-        let late = memory.course.last_fifth();
-        if late.steps == 0.0 {
-            continue;
-        }
-        let (mean, largest) = (late.mean_size(), late.largest);
-        let target = servo.stress;
-        lines.push(format!(
-            "servo      {names}: mean stress {:.5e} Pa of {target:e} Pa over the last {} steps of the stage; off its target by {:.3} % in the mean, at most by {:.3} %{}",
-            (1.0 + late.of_mean()) * target,
-            late.steps,
-            100.0 * mean,
-            100.0 * largest,
-            if mean <= OFF_TARGET && largest > OFF_TARGET { ", over 2 % at times" } else { "" },
-        ));
-        if mean > OFF_TARGET || mean.is_nan() {
-            lines.push(format!(
-                "           WARNING: wall {names} has not kept its stress: over 2 % off in the mean. {}",
-                if late.of_mean().abs() > 0.5 * mean {
-                    "Give it more steps, a higher `max_speed`, or grains that can bear the stress"
-                } else {
-                    "The grains knock on it: let them lose energy (`restitution`, `friction`, `global_damping`), strain \
-                     them more slowly, or take a shorter time step; if it swings, a lower `gain`"
-                },
-            ));
-        }
-    }
-    lines
 }
 
 fn spent(sim: &Simulation, comm: &mut dyn Comm) -> Vec<(Phase, Spent)> {

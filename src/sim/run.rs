@@ -3,16 +3,16 @@
 use super::{FirstLook, Simulation, StepError};
 use crate::comm::{Comm, agree, wire};
 use crate::domain::DomainError;
-use crate::drive::rain::RainGauge;
-use crate::drive::servo::RECENT;
+use crate::drive::CHECK_EVERY;
 use crate::ids::GlobalId;
-use crate::math::{ExactSum, Vec3};
+use crate::math::Vec3;
 use crate::measure::{Measures, shortest_axis};
 use crate::output::table::{History, TableError};
 use crate::output::{SnapshotError, snapshot};
 use crate::particles::Particles;
 use crate::timing::{Clock, Phase};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::fmt::{Display, Formatter};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -43,22 +43,24 @@ pub struct Schedule {
 }
 
 /// When a stage has done its work: when all that is asked for holds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stop {
     /// The kinetic energy is below this fraction of the energy dissipated.
     pub rest: Option<f64>,
     /// The mean resultant force of a particle is below this fraction of the mean contact force: [`Measures::unbalanced`].
     pub unbalanced: Option<f64>,
-    /// The mean distance of every servo's stress from its target over the last [`RECENT`] steps is below this, over the target.
-    pub servo: Option<f64>,
+    /// The error of a drive is below this, by the drive's key: [`crate::drive::Drive::error`].
+    pub drives: Vec<(String, f64)>,
 }
 
 /// As the scene has it.
 impl Display for Stop {
     fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
-        let Self { rest, unbalanced, servo } = self;
-        let all = [("rest", rest), ("unbalanced", unbalanced), ("servo", servo)];
-        let given = all.iter().filter_map(|(name, limit)| limit.map(|is| format!("{name} = {is}")));
+        let Self { rest, unbalanced, drives } = self;
+        let own = [("rest", *rest), ("unbalanced", *unbalanced)];
+        let own = own.into_iter().filter_map(|(key, limit)| Some((key, limit?)));
+        let given = own.chain(drives.iter().map(|(key, limit)| (&**key, *limit)));
+        let given = given.map(|(key, limit)| format!("{key} = {limit}"));
         f.write_str(&given.collect::<Vec<_>>().join(", "))
     }
 }
@@ -202,9 +204,10 @@ pub fn run(
         let is_last = sim.step == schedule.last_step;
         let row_due = is_last || due(sim.step, schedule.history_every);
         let snapshot_due = due(sim.step, schedule.snapshot_every);
-        let rest_due = schedule.stop != Stop::default() && due(sim.step, REST_CHECK);
+        let rest_due = schedule.stop != Stop::default() && due(sim.step, CHECK_EVERY);
         let signal = stop_check.signal(sim.step, &schedule.signal, comm);
-        let mut warnings = std::mem::take(&mut sim.servos.warnings);
+        let mut warnings: Vec<String> =
+            sim.drives.iter_mut().flat_map(|drive| drive.warnings()).collect();
         (last, saved) = (None, None);
         if row_due || snapshot_due || rest_due {
             let measures = sim.measure(comm);
@@ -217,13 +220,14 @@ pub fn run(
                 warnings.push(too_deep(sim.step, measures.largest_overlap));
             }
             if row_due || ending == Ending::Rest {
-                let forces = forces_of_row(sim, &measures, comm);
+                // A row off the schedule would not be there had the run gone on.
+                let scheduled = due(sim.step, schedule.history_every);
+                let mut forces = measures.wall_forces.clone();
+                for drive in &mut sim.drives {
+                    drive.row(&mut forces, scheduled, comm);
+                }
                 if let Some(history) = &mut history {
                     history.push(sim.step, sim.time(), &measures, &forces, &sim.particles.walls)?;
-                }
-                // A row off the schedule would not be there had the run gone on.
-                if due(sim.step, schedule.history_every) {
-                    sim.servos.forget_forces();
                 }
             }
             if snapshot_due {
@@ -281,44 +285,30 @@ impl Simulation {
     }
 }
 
-/// Steps between looks at whether everything is at rest: those over which servos have their mean errors.
-const REST_CHECK: u64 = RECENT;
-
-/// The force of the particles on each wall for a row of the history [N]: of walls with a servo the mean over the steps
-/// since the last row, of others that of this moment. Collective.
-fn forces_of_row(sim: &Simulation, measures: &Measures, comm: &mut dyn Comm) -> Vec<Vec3> {
-    let mut forces = measures.wall_forces.clone();
-    for (wall, sum) in sim.servos.force_sums(comm) {
-        if sum.steps > 0 {
-            forces[wall] = Vec3::from(sum.axes.each_ref().map(ExactSum::value)) / sum.steps as f64;
-        }
-    }
-    forces
-}
-
 const fn due(step: u64, every: u64) -> bool {
     every > 0 && step.is_multiple_of(every)
 }
 
 /// What is asked for and does not hold now; empty if all does.
 fn unmet(sim: &Simulation, stop: &Stop, measures: &Measures) -> String {
-    let mut unmet = Vec::new();
-    if !sim.rain.as_ref().is_none_or(RainGauge::is_over) {
-        unmet.push("rain still falls".to_owned());
-    }
+    let unfinished = sim.drives.iter().filter_map(|drive| drive.unfinished());
+    let mut unmet: Vec<String> = unfinished.map(str::to_owned).collect();
     // In the moments at the end of a rebound when a dashpot has taken all the force, grains touch but carry nothing.
     let carries = measures.mean_normal_force > 0.0
         || measures.wall_forces.iter().any(|f| *f != Vec3::zeros());
     if !carries {
         unmet.push("no contact carries a force".to_owned());
     }
-    let error = sim.servos.largest_error();
-    let limits = [
+    let own = [
         ("rest", measures.kinetic() / measures.dissipated, stop.rest),
         ("unbalanced", measures.unbalanced, stop.unbalanced),
-        ("servo", error, stop.servo),
     ];
-    for (name, is, limit) in limits {
+    let of_drives = sim.drives.iter().filter_map(|drive| {
+        let (key, error) = drive.error()?;
+        let limit = stop.drives.iter().find(|(of, _)| of == key);
+        Some((key, error, limit.map(|(_, limit)| *limit)))
+    });
+    for (name, is, limit) in own.into_iter().chain(of_drives) {
         // What is not a number is below no limit.
         if let Some(limit) = limit.filter(|&limit| is >= limit || is.is_nan()) {
             unmet.push(format!("{name} is {is:.2e}, not below {limit}"));
@@ -343,7 +333,7 @@ fn too_deep(step: u64, overlap: f64) -> String {
 fn explain(error: StepError, sim: &Simulation, comm: &mut dyn Comm) -> RunError {
     match error {
         StepError::Domain { step, error } => lost(step, error, sim, comm),
-        error @ (StepError::Contact { .. } | StepError::Fault { .. } | StepError::Servo { .. }) => {
+        error @ (StepError::Contact { .. } | StepError::Fault { .. } | StepError::Drive { .. }) => {
             error.into()
         }
     }
@@ -428,7 +418,7 @@ fn save(
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, RunError> {
     history.map_or(Ok(()), History::sync)?;
-    let checked = sim.domain.check(&sim.particles).and_then(|()| {
+    let checked = sim.domain.check(&sim.particles, &BTreeSet::new()).and_then(|()| {
         let forces = sim.particles.id.iter().zip(&sim.particles.force);
         match forces
             .into_iter()

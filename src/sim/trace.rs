@@ -2,7 +2,7 @@
 //! `name=value`, the same on any number of ranks.
 
 use super::Simulation;
-use crate::comm::{Comm, wire};
+use crate::comm::{Comm, everywhere, wire};
 use crate::contact::StateColumn;
 use crate::contacts::Loaded;
 use crate::ids::GlobalId;
@@ -97,15 +97,11 @@ impl Simulation {
             .map(|pair| (particles.id[pair.a.index()], particles.id[pair.b.index()]))
             .filter_map(|(a, b)| if a == id { Some(b) } else { (b == id).then_some(a) })
             .collect();
-        let all = comm.gather(wire::encode(&mine)).unwrap_or_default();
         // Both owners of a pair know it.
-        let mut ids: Vec<GlobalId> =
-            all.iter().flat_map(|bytes| wire::decode::<Vec<GlobalId>>(bytes)).collect();
+        let mut ids = everywhere(comm, &mine);
         ids.sort_unstable();
         ids.dedup();
-        let mut bytes = wire::encode(&ids);
-        comm.broadcast(&mut bytes);
-        wire::decode(&bytes)
+        ids
     }
 }
 

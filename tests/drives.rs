@@ -1,0 +1,324 @@
+//! Drives that the library does not know: a spout that inserts grains and an outlet that takes out what falls through the
+//! bottom.
+
+use crate::support::{MATERIAL, motion, scene};
+use dem_mpi::cell::Cell;
+use dem_mpi::comm::alone::Alone;
+use dem_mpi::comm::{Comm, threads};
+use dem_mpi::contact::StateColumn;
+use dem_mpi::drive::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
+use dem_mpi::ids::{GlobalId, ShapeId};
+use dem_mpi::math::Vec3;
+use dem_mpi::output::snapshot::{self, Reader};
+use dem_mpi::particles::Particles;
+use dem_mpi::particles::records::Particle;
+use dem_mpi::particles::walls::Wall;
+use dem_mpi::scene::Scene;
+use dem_mpi::scene::assemble::{self, From};
+use dem_mpi::sim::{Simulation, StepError};
+use std::path::Path;
+
+const COUNT: StateColumn = StateColumn::new("count", 1, "1");
+
+fn saved(count: u64) -> Vec<SavedColumn> {
+    vec![SavedColumn::new(COUNT, Values::Counts(vec![count]))]
+}
+
+/// Drops a grain every 150 steps, at four places in turn.
+struct Spout {
+    count: u64,
+}
+
+impl Drive for Spout {
+    fn name(&self) -> &'static str {
+        "spout"
+    }
+
+    fn insert(
+        &mut self,
+        moment: &Moment,
+        first_id: u64,
+        _particles: &Particles,
+        _comm: &mut dyn Comm,
+    ) -> Vec<Particle> {
+        if !moment.stage_step.is_multiple_of(150) {
+            return Vec::new();
+        }
+        let place = Vec3::new(0.004 + 0.004 * (self.count % 4) as f64, 0.01, 0.038);
+        let grain = Particle::at_rest(GlobalId(first_id), ShapeId(0), place);
+        self.count += 1;
+        vec![Particle { velocity: Vec3::new(0.2, 0.1, -1.0), ..grain }]
+    }
+
+    fn save(&self, _walls: &[Wall], _comm: &mut dyn Comm) -> Vec<SavedColumn> {
+        saved(self.count)
+    }
+
+    fn resume(
+        &mut self,
+        saved: &SavedState,
+        _is_new_stage: bool,
+        _walls: &[Wall],
+        _is_root: bool,
+    ) -> Result<(), DriveError> {
+        self.count = saved.counts(&COUNT)?[0];
+        Ok(())
+    }
+}
+
+/// Takes what leaves through the bottom.
+struct Outlet {
+    count: u64,
+}
+
+impl Drive for Outlet {
+    fn name(&self) -> &'static str {
+        "outlet"
+    }
+
+    fn is_outlet(&self) -> bool {
+        true
+    }
+
+    fn take(&mut self, leaver: &Particle, cell: &Cell) -> bool {
+        let takes = leaver.position.z < cell.low().z;
+        self.count += u64::from(takes);
+        takes
+    }
+
+    fn save(&self, _walls: &[Wall], _comm: &mut dyn Comm) -> Vec<SavedColumn> {
+        saved(self.count)
+    }
+
+    fn resume(
+        &mut self,
+        saved: &SavedState,
+        is_new_stage: bool,
+        _walls: &[Wall],
+        _is_root: bool,
+    ) -> Result<(), DriveError> {
+        if !is_new_stage {
+            self.count = saved.counts(&COUNT)?[0];
+        }
+        Ok(())
+    }
+}
+
+/// Eggs that fall through a box without a bottom.
+const SHAFT: &str = r#"
+gravity = [0.5, 0.2, -9.81]
+global_damping = 2.0
+[domain]
+low = [0, 0, 0]
+high = [0.02, 0.02, 0.04]
+walls = ["-x", "+x", "-y", "+y"]
+MATERIAL
+[[shape]]
+name = "egg"
+kind = "ellipsoid"
+semi_axes = [0.001, 0.0008, 0.0009]
+[[fill.lattice]]
+low = [0, 0, 0.001]
+high = [0.02, 0.02, 0.03]
+spacing = 0.0021
+velocity = [0.4, -0.3, -0.5]
+[time]
+step = 1e-5
+steps = 4000
+[neighbours]
+imbalance = 1.05
+[output]
+directory = "out"
+"#;
+
+fn shaft() -> Scene {
+    scene(&SHAFT.replace("MATERIAL", MATERIAL))
+}
+
+fn assembled(scene: &Scene, comm: &dyn Comm) -> Simulation {
+    let mut sim = assemble::assemble(scene, comm);
+    sim.drives.push(Box::new(Spout { count: 0 }));
+    sim.drives.push(Box::new(Outlet { count: 0 }));
+    sim
+}
+
+/// Everything of which the future is made.
+#[derive(Debug, PartialEq)]
+struct State {
+    bits: Vec<(u64, Vec<u64>)>,
+    scalars: Vec<u64>,
+    drives: Vec<SavedState>,
+}
+
+/// What one rank has, and what is missing from the balance [J].
+fn state(sim: &Simulation, comm: &mut dyn Comm) -> (State, f64) {
+    let m = sim.measure(comm);
+    let scalars = [m.kinetic(), m.gravity, m.stored, m.dissipated, m.received, m.missing()];
+    let state = State {
+        bits: motion(&sim.particle_table(comm.rank())).collect(),
+        scalars: scalars.map(f64::to_bits).to_vec(),
+        drives: sim.header("", &m.wall_forces, comm).drives,
+    };
+    (state, m.missing())
+}
+
+fn joined(ranks: Vec<(State, f64)>) -> (State, f64) {
+    let mut ranks = ranks.into_iter();
+    let (mut all, missing) = ranks.next().unwrap();
+    for (State { bits, scalars, drives }, _) in ranks {
+        assert_eq!((&scalars, &drives), (&all.scalars, &all.drives), "all ranks have the same");
+        all.bits.extend(bits);
+    }
+    all.bits.sort();
+    (all, missing)
+}
+
+fn run(scene: &Scene, ranks: u32, steps: u64) -> (State, f64) {
+    joined(threads::run(ranks, |comm| {
+        let mut sim = assembled(scene, comm);
+        assemble::fill(&mut sim, scene, comm);
+        sim.begin(comm).unwrap();
+        for _ in 0..steps {
+            sim.step(comm).unwrap();
+        }
+        state(&sim, comm)
+    }))
+}
+
+/// The same, saved half-way and taken up on another number of ranks.
+fn restarted(scene: &Scene, before: u32, after: u32, steps: u64, folder: &Path) -> (State, f64) {
+    threads::run(before, |comm| {
+        let mut sim = assembled(scene, comm);
+        assemble::fill(&mut sim, scene, comm);
+        sim.begin(comm).unwrap();
+        for _ in 0..steps / 2 {
+            sim.step(comm).unwrap();
+        }
+        let forces = sim.measure(comm).wall_forces;
+        let header = sim.header(&scene.text, &forces, comm);
+        let particles = sim.particle_table(comm.rank());
+        let (contacts, histories) = (sim.contact_table(), sim.histories());
+        snapshot::write(folder, &header, &particles, &contacts, &histories, comm).unwrap();
+    });
+    joined(threads::run(after, |comm| {
+        let mut sim = assembled(scene, comm);
+        assemble::take_up(&mut sim, scene, folder, From::Middle, comm).unwrap();
+        while sim.step < steps {
+            sim.step(comm).unwrap();
+        }
+        state(&sim, comm)
+    }))
+}
+
+fn count_of(state: &State, drive: &str) -> u64 {
+    let saved = state.drives.iter().find(|saved| saved.drive == drive).unwrap();
+    saved.counts(&COUNT).unwrap()[0]
+}
+
+/// What comes in and goes out is the same on any number of ranks, and nothing is missing from the balance.
+#[test]
+fn grains_come_and_go_the_same_on_any_number_of_ranks() {
+    let (scene, steps) = (shaft(), 4000);
+    let (alone, missing) = run(&scene, 1, steps);
+    let (sent, taken) = (count_of(&alone, "spout"), count_of(&alone, "outlet"));
+    let first = scene.particle_count();
+    assert!(first > 500 && sent == 26, "{first} {sent}");
+    assert!(taken > 300 && alone.bits.len() as u64 == first + sent - taken, "{taken} are gone");
+    // Collisions of few steps lose a little: no more than where nothing leaves, because the shaft goes on.
+    let text = SHAFT.replace("MATERIAL", MATERIAL);
+    let deep = crate::support::scene(&text.replace("low = [0, 0, 0]\n", "low = [0, 0, -1]\n"));
+    let (deep, at_most) = run(&deep, 1, steps);
+    assert_eq!((deep.bits.len() as u64, count_of(&deep, "outlet")), (first + sent, 0));
+    println!("{taken} of {first} are gone, {missing:e} J is missing, {at_most:e} J if none leaves");
+    assert!(
+        missing.abs() < at_most.abs(),
+        "{missing:e} J is missing, {at_most:e} J if none leaves"
+    );
+    let (three, _) = run(&scene, 3, steps);
+    assert!(alone == three, "three ranks");
+    let folder = tempfile::tempdir().unwrap();
+    let (again, _) = restarted(&scene, 3, 2, steps, folder.path());
+    let half_way = Reader::open(folder.path()).unwrap().header().clone();
+    assert!(half_way.departed.dissipated > 0.0, "{:?}", half_way.departed);
+    assert!(alone == again, "a restart");
+}
+
+/// The skin of the list of pairs decides when it is made anew, but not when a grain leaves.
+#[test]
+fn the_skin_does_not_show_in_what_leaves() {
+    let scene = shaft();
+    let usual = run(&scene, 2, 1500);
+    assert!(count_of(&usual.0, "outlet") > 50);
+    let wide = Scene { skin: 3.0 * scene.skin, ..scene.clone() };
+    assert!(usual == run(&wide, 2, 1500));
+}
+
+/// One egg, turning, damped, alone: to rounding.
+#[test]
+fn a_free_grain_takes_its_energy_with_it() {
+    let text = SHAFT
+        .replace("MATERIAL", MATERIAL)
+        .replace("low = [0, 0, 0.001]\nhigh = [0.02, 0.02, 0.03]", "first = [0.01, 0.01, 0.002]")
+        .replace("spacing = 0.0021", "count = [1, 1, 1]");
+    let scene = scene(&text);
+    let mut comm = Alone::default();
+    let mut sim = assemble::assemble(&scene, &comm);
+    sim.drives.push(Box::new(Outlet { count: 0 }));
+    let momentum = Vec3::new(1e-9, -2e-9, 3e-9);
+    let grain = Particle::at_rest(GlobalId(0), ShapeId(0), Vec3::new(0.01, 0.01, 0.002));
+    let velocity = Vec3::new(0.1, 0.2, -0.5);
+    sim.particles.strip_to_owned();
+    sim.insert(&Particle { velocity, angular_momentum: momentum, ..grain });
+    sim.begin(&mut comm).unwrap();
+    let mut before = sim.measure(&mut comm);
+    while sim.particles.owned > 0 {
+        before = sim.measure(&mut comm);
+        sim.step(&mut comm).unwrap();
+        assert!(sim.step < 1000, "it does not leave");
+    }
+    let after = sim.measure(&mut comm);
+    assert!(sim.step > 100 && before.kinetic() > 0.0 && before.rotation > 0.0);
+    assert_eq!((after.particles, after.kinetic(), after.gravity), (0, 0.0, 0.0));
+    assert!(after.dissipated > 0.0 && after.received > 0.0);
+    let missing = [before.missing(), after.missing()].map(|missing| missing / before.kinetic());
+    assert!((missing[0] - missing[1]).abs() < 1e-12, "{missing:?}");
+    // A walk through an empty box.
+    sim.step(&mut comm).unwrap();
+}
+
+/// What no drive takes is lost, as if there were no outlet.
+#[test]
+fn an_outlet_takes_only_what_is_its_own() {
+    let open = SHAFT
+        .replace("MATERIAL", MATERIAL)
+        .replace(r#"walls = ["-x", "+x", "#, r#"walls = ["-x", "#)
+        .replace("gravity = [0.5, 0.2, -9.81]", "gravity = [300.0, 0.0, 0.0]");
+    let scene = scene(&open);
+    let errors = threads::run(2, |comm| {
+        let mut sim = assembled(&scene, comm);
+        assemble::fill(&mut sim, &scene, comm);
+        sim.begin(comm).unwrap();
+        loop {
+            if let Err(error) = sim.step(comm) {
+                break error;
+            }
+            assert!(sim.step < 4000, "it goes on");
+        }
+    });
+    for error in &errors {
+        assert!(matches!(error, StepError::Domain { .. }), "{error}");
+        assert!(error.to_string().contains("has left the domain"), "{error}");
+        assert_eq!(error.to_string(), errors[0].to_string());
+    }
+}
+
+/// What another version has saved is refused, with the drive's name and what to do.
+#[test]
+fn a_state_that_does_not_fit_is_refused() {
+    let columns = vec![SavedColumn::new(COUNT, Values::Reals(vec![7.0]))];
+    let saved = SavedState { drive: "outlet".to_owned(), columns };
+    let mut outlet = Outlet { count: 0 };
+    let error = outlet.resume(&saved, false, &[], true).unwrap_err().to_string();
+    assert!(error.contains("`outlet` has no column `count` of 1 numbers"), "{error}");
+    assert!(error.contains("run the scene again"), "{error}");
+}
