@@ -134,6 +134,32 @@ impl Cell {
         }
     }
 
+    /// The image of a place [m] between the periodic faces, from any distance.
+    #[must_use]
+    pub fn inside(&self, mut place: Vec3) -> Vec3 {
+        for axis in (0..3).filter(|&axis| self.periodic[axis]) {
+            let (low, period) = (self.low[axis], self.period[axis]);
+            place[axis] -= period * ((place[axis] - low) / period).floor();
+        }
+        place
+    }
+
+    /// From a body to its images a period away at most, itself among them [m].
+    pub fn shifts(&self) -> impl Iterator<Item = Vec3> {
+        let along = |axis: usize| match self.period(axis) {
+            Some(period) => vec![-period, 0.0, period],
+            None => vec![0.0],
+        };
+        let [x, y, z] = [along(0), along(1), along(2)];
+        let mut shifts = Vec::new();
+        for &i in &x {
+            for &j in &y {
+                shifts.extend(z.iter().map(|&k| Vec3::new(i, j, k)));
+            }
+        }
+        shifts.into_iter()
+    }
+
     /// Where a body would be without periods [m].
     pub fn unwrapped(&self, mut place: Vec3, image: &[i32; 3]) -> Vec3 {
         for axis in (0..3).filter(|&axis| self.periodic[axis]) {

@@ -1,5 +1,6 @@
 //! Made-up tables: every number differs from every other, so that nothing can be mixed up unseen.
 
+use dem_mpi::cell::Cell;
 use dem_mpi::contact::{Histories, History, NamedHistory, StateColumn};
 use dem_mpi::drive::{SavedColumn, SavedState, Values};
 use dem_mpi::ids::{GlobalId, ShapeId};
@@ -41,9 +42,7 @@ pub(crate) fn header(step: u64) -> Header {
         next_id: u64::MAX / 3,
         departed: Departed { received: n.next(), dissipated: n.next() },
         stop: if step.is_multiple_of(2) { "rest = 1e-6".to_owned() } else { String::new() },
-        low: n.vector(),
-        high: n.vector(),
-        periodic: [true, false, true],
+        cell: Cell::new(n.vector(), n.vector(), [true, false, true]),
         gravity: n.vector(),
         walls: ["floor", "left wall, très loin", "lid"]
             .map(|name| WallRow {

@@ -1,5 +1,6 @@
 //! Packings made up in memory, as snapshots; benchmarks/lai2021 tests with them, too.
 
+use dem_mpi::cell::Cell;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::contact::Histories;
 use dem_mpi::ids::{GlobalId, ShapeId};
@@ -52,9 +53,7 @@ pub(crate) fn header(
         next_id: particles as u64,
         departed: Departed::default(),
         stop: String::new(),
-        low,
-        high,
-        periodic: [periodic; 3],
+        cell: Cell::new(low, high, [periodic; 3]),
         gravity: Vec3::zeros(),
         walls: Vec::new(),
         drives: Vec::new(),

@@ -4,6 +4,7 @@ use crate::packings::{
     Dice, Snapshot, boxed, closed, ellipsoids, header, particles_at, push, push_force, store,
 };
 use crate::support::{begun, scene};
+use dem_mpi::cell::Cell;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::{Histories, StateColumn};
@@ -558,7 +559,7 @@ fn extents_of_turned_ellipsoids_are_exact() {
             force: Vec3::zeros(),
         });
     }
-    header.periodic[0] = true;
+    header.cell = Cell::new(header.cell.low(), header.cell.high(), [true, false, false]);
     let found = extent.finish(&header).unwrap();
     assert_eq!((found.low.z, found.high.z), (3.5, 6.5));
     assert_eq!((found.low.x, found.high.x), (0.0, 9.0));
@@ -730,7 +731,7 @@ fn silhouettes_are_those_of_the_bodies() {
 fn sampled_solid_fraction_of_a_periodic_lattice() {
     let (case, snapshot) = lattice_case("SC_periodic");
     // The whole period, moved by nothing: images must be counted.
-    let bounds = Bounds { low: snapshot.header.low, high: snapshot.header.high };
+    let bounds = Bounds { low: snapshot.header.cell.low(), high: snapshot.header.cell.high() };
     let mut sampled = SampledSolid::new(bounds);
     sampled.add(&snapshot.header, &snapshot.particles);
     // Sampling error, and the lenses of overlap which the exact sum counts twice.
@@ -1122,7 +1123,7 @@ fn a_run_s_files_give_its_numbers_and_its_page_whoever_wrote_them() {
     let ends: i32 = particles.coordination.iter().sum();
     assert_eq!(s.coordination_with_walls, Some(f64::from(ends) / 64.0));
 
-    let volume = (header.high - header.low).product();
+    let volume = (header.cell.high() - header.cell.low()).product();
     close(s.volume_m3.unwrap() / volume, 1.0, ROUNDING, "volume");
     let solid = 64.0 * header.shapes[0].volume / volume;
     close(s.solid_fraction.unwrap(), solid, ROUNDING, "solid fraction");
@@ -1301,7 +1302,8 @@ fn an_open_packing_has_no_strain() {
     // Between a floor and a lid, first without sides, then with periods.
     let between = |mut snapshot: Snapshot, periodic: bool| {
         snapshot.header.walls.retain(|wall| wall.normal.z != 0.0);
-        snapshot.header.periodic = [periodic, periodic, false];
+        let cell = snapshot.header.cell;
+        snapshot.header.cell = Cell::new(cell.low(), cell.high(), [periodic, periodic, false]);
         snapshot
     };
     let plates =

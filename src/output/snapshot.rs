@@ -9,6 +9,7 @@ use super::tables::{
     ContactRow, ContactTable, Header, HistoryRows, ParticleTable, Rows, ShapeRow, WallRow,
 };
 use super::{SnapshotError, make_directory, on_root};
+use crate::cell::Cell;
 use crate::comm::alone::Alone;
 use crate::comm::{Comm, agree, wire};
 use crate::contact::{Histories, History, NamedHistory, StateColumn};
@@ -440,9 +441,7 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
         next_id,
         departed,
         stop,
-        low,
-        high,
-        periodic,
+        cell,
         gravity,
         walls,
         drives,
@@ -470,9 +469,9 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
 
     file.group("/domain")?;
     file.text("/domain", "units", "low, high: m")?;
-    file.numbers("/domain", "low", low.as_slice())?;
-    file.numbers("/domain", "high", high.as_slice())?;
-    file.numbers("/domain", "periodic", &periodic.map(u8::from))?;
+    file.numbers("/domain", "low", cell.low().as_slice())?;
+    file.numbers("/domain", "high", cell.high().as_slice())?;
+    file.numbers("/domain", "periodic", &cell.periodic().map(u8::from))?;
 
     file.group("/walls")?;
     let vectors = |get: fn(&WallRow) -> Vec3| walls.iter().map(get).collect::<Vec<_>>();
@@ -579,6 +578,7 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
     if file.has_attribute("/run", DEPARTED) {
         [departed.received, departed.dissipated] = file.numbers("/run", DEPARTED)?;
     }
+    let periodic = file.numbers::<u8, 3>("/domain", "periodic")?.map(|p| p != 0);
     Ok(Header {
         step: whole("step")?,
         time: number("time")?,
@@ -587,9 +587,7 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
         next_id: whole("next_id")?,
         departed,
         stop: if file.has(STOP.place) { file.texts(&STOP)?.concat() } else { String::new() },
-        low: vector("/domain", "low")?,
-        high: vector("/domain", "high")?,
-        periodic: file.numbers::<u8, 3>("/domain", "periodic")?.map(|p| p != 0),
+        cell: Cell::new(vector("/domain", "low")?, vector("/domain", "high")?, periodic),
         gravity: vector("/run", "gravity")?,
         walls: walls.collect(),
         drives: read_drives(file)?,

@@ -19,6 +19,7 @@
 //! | contacts `/VTKHDF/CellData/<name>` | contacts | the columns of [`ContactTable`] |
 
 use super::columns::CONTACT_COLUMNS;
+use crate::cell::Cell;
 use crate::contact::{Histories, NamedHistory, StateColumn};
 use crate::drive::SavedState;
 use crate::ids::{GlobalId, ShapeId};
@@ -45,12 +46,8 @@ pub struct Header {
     pub departed: Departed,
     /// The scene's `[stop]`, if it holds at this moment and the stage is over; else empty.
     pub stop: String,
-    /// Lowest corner of the domain [m].
-    pub low: Vec3,
-    /// Highest corner of the domain [m].
-    pub high: Vec3,
-    /// Which axes are periodic.
-    pub periodic: [bool; 3],
+    /// The domain, and how it repeats.
+    pub cell: Cell,
     /// Gravity [m/s²].
     pub gravity: Vec3,
     /// The walls, in the order of their ids.

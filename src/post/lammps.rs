@@ -12,12 +12,12 @@ use std::io::{self, Write};
 /// # Errors
 /// The writer's.
 pub fn write_header(out: &mut impl Write, header: &Header, particles: usize) -> io::Result<()> {
-    let sides = header.periodic.map(|periodic| if periodic { "pp" } else { "ff" });
+    let sides = header.cell.periodic().map(|periodic| if periodic { "pp" } else { "ff" });
     writeln!(out, "ITEM: TIMESTEP\n{}", header.step)?;
     writeln!(out, "ITEM: NUMBER OF ATOMS\n{particles}")?;
     writeln!(out, "ITEM: BOX BOUNDS {}", sides.join(" "))?;
     for k in 0..3 {
-        writeln!(out, "{:e} {:e}", header.low[k], header.high[k])?;
+        writeln!(out, "{:e} {:e}", header.cell.low()[k], header.cell.high()[k])?;
     }
     writeln!(out, "ITEM: ATOMS id type x y z quati quatj quatk quatw shapex shapey shapez vx vy vz")
 }

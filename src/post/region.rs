@@ -52,7 +52,7 @@ impl Bounds {
     #[must_use]
     pub fn shrunk(mut self, header: &Header, margin: Margin) -> Self {
         let thickness = margin.metres(header);
-        for k in (0..3).filter(|&k| !header.periodic[k]) {
+        for k in (0..3).filter(|&k| header.cell.period(k).is_none()) {
             self.low[k] += thickness;
             self.high[k] -= thickness;
         }
@@ -88,13 +88,14 @@ impl Region {
             if !(low < high && low.is_finite() && high.is_finite()) {
                 return Err(PostError::EmptyRegion { axis, low, high });
             }
-            if header.periodic[k] && (low < header.low[k] || header.high[k] < high) {
+            let (period_low, period_high) = (header.cell.low()[k], header.cell.high()[k]);
+            if header.cell.period(k).is_some() && (low < period_low || period_high < high) {
                 return Err(PostError::RegionBeyondPeriod {
                     axis,
                     low,
                     high,
-                    period_low: header.low[k],
-                    period_high: header.high[k],
+                    period_low,
+                    period_high,
                 });
             }
         }
@@ -210,8 +211,8 @@ impl Extent {
     pub fn finish(&self, header: &Header) -> Option<Bounds> {
         let mut bounds = Bounds { low: self.low, high: self.high };
         for k in 0..3 {
-            if header.periodic[k] {
-                (bounds.low[k], bounds.high[k]) = (header.low[k], header.high[k]);
+            if header.cell.period(k).is_some() {
+                (bounds.low[k], bounds.high[k]) = (header.cell.low()[k], header.cell.high()[k]);
                 continue;
             }
             let across = |sign: f64| {
@@ -231,7 +232,7 @@ impl Extent {
 pub fn enclosed(header: &Header) -> [bool; 3] {
     [0, 1, 2].map(|k| {
         let wall = |sign: f64| header.walls.iter().any(|w| sign * w.normal[k] > ACROSS);
-        header.periodic[k] || (wall(1.0) && wall(-1.0))
+        header.cell.period(k).is_some() || (wall(1.0) && wall(-1.0))
     })
 }
 
@@ -282,7 +283,7 @@ impl Members {
             }
             let inside = match &self.region {
                 Region::Whole => true,
-                Region::Box(bounds) => bounds.contains(&wrapped(header, *position)),
+                Region::Box(bounds) => bounds.contains(&header.cell.inside(*position)),
             };
             self.places[slot] = if inside { Place::Inside } else { Place::Outside };
             self.inside += u64::from(inside);
@@ -343,17 +344,6 @@ impl Ends {
             (a, b, _) => a as u64 + b as u64,
         }
     }
-}
-
-/// A point brought back into the domain along its periodic axes [m].
-fn wrapped(header: &Header, mut point: Vec3) -> Vec3 {
-    for k in 0..3 {
-        if header.periodic[k] {
-            let period = header.high[k] - header.low[k];
-            point[k] -= period * ((point[k] - header.low[k]) / period).floor();
-        }
-    }
-    point
 }
 
 /// The volume of all particles over the volume of the whole: the exact sum, in which an
@@ -420,19 +410,12 @@ impl SampledSolid {
 
     /// Marks the points that these particles, and their periodic images, cover.
     pub fn add(&mut self, header: &Header, particles: &ParticleTable) {
-        let period = header.high - header.low;
-        let images = |axis: usize| if header.periodic[axis] { -1..=1 } else { 0..=0 };
         for (row, position) in particles.position.iter().enumerate() {
             let body = Turned::of(header, particles, row);
             let around = body.bounds();
-            let centre = wrapped(header, *position);
-            for i in images(0) {
-                for j in images(1) {
-                    for k in images(2) {
-                        let shift = Vec3::new(f64::from(i), f64::from(j), f64::from(k));
-                        self.mark(&(centre + shift.component_mul(&period)), &body, &around);
-                    }
-                }
+            let centre = header.cell.inside(*position);
+            for shift in header.cell.shifts() {
+                self.mark(&(centre + shift), &body, &around);
             }
         }
     }

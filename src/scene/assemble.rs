@@ -1,7 +1,6 @@
 //! From a scene to a simulation: the only place that names concrete parts.
 
 use super::{Scene, packing};
-use crate::cell::Cell;
 use crate::comm::{Comm, agree};
 use crate::contact::{self, Histories, StateColumn};
 use crate::contacts::Contacts;
@@ -236,7 +235,7 @@ fn read_part(
     comm: &dyn Comm,
 ) -> Result<(Header, Vec<Particle>, Histories), StartError> {
     let header = reader.header().clone();
-    if Cell::new(header.low, header.high, header.periodic).repeats_otherwise(&scene.domain) {
+    if header.cell.repeats_otherwise(&scene.domain) {
         return Err(StartError::Period { path: path.to_owned() });
     }
     let shapes = header

@@ -91,9 +91,7 @@ impl Simulation {
             next_id: self.next_id,
             departed: self.departed,
             stop: String::new(),
-            low: self.domain.cell.low(),
-            high: self.domain.cell.high(),
-            periodic: self.domain.cell.periodic(),
+            cell: self.domain.cell,
             gravity: self.field.gravity,
             walls: self
                 .particles

@@ -1,7 +1,6 @@
 //! The pairs of a packing as it lies, to be resolved by themselves.
 
 use anyhow::Result;
-use dem_mpi::cell::Cell;
 use dem_mpi::ids::GlobalId;
 use dem_mpi::math::{Quat, Vec3};
 use dem_mpi::output::snapshot::Reader;
@@ -30,7 +29,7 @@ impl Packed {
                 Body { shape, centre: table.position[row], rotation }
             })
             .collect();
-        let cell = Cell::new(header.low, header.high, header.periodic);
+        let cell = header.cell;
         let radius: Vec<f64> = bodies.iter().map(|body| body.shape.bounding_radius()).collect();
         let mut pairs = Vec::new();
         for a in 0..bodies.len() {
