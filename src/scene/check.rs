@@ -197,7 +197,7 @@ fn domain(section: &Section) -> Option<Cell> {
 /// A periodic image must never meet the same particle, or another of its images.
 fn check_periods(section: &Section, domain: &Cell, reach: f64) {
     let extent = domain.high() - domain.low();
-    for axis in (0..3).filter(|&axis| domain.periodic()[axis]) {
+    for axis in (0..3).filter(|&axis| domain.period(axis).is_some()) {
         if extent[axis] < 2.0 * reach
             && let Some(given) = section.get("periodic")
         {

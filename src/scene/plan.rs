@@ -185,7 +185,7 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         .into_iter()
         .filter(|&(_, axis, inwards)| {
             let closed = scene.walls.iter().any(|wall| wall.normal[axis] == inwards);
-            !scene.domain.periodic()[axis] && !closed
+            scene.domain.period(axis).is_none() && !closed
         })
         .map(|(name, _, _)| name)
         .collect();

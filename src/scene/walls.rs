@@ -83,7 +83,7 @@ impl Walls {
             self.names.names.push(name.unwrap_or_default().to_owned());
             self.planes.push(name.zip(domain).and_then(|(name, domain)| {
                 let axis = AXES.iter().position(|axis| name.ends_with(axis))?;
-                if domain.periodic()[axis] {
+                if domain.period(axis).is_some() {
                     item.fail(format!("{} is periodic, it has no walls", AXES[axis]));
                 }
                 let low = name.starts_with('-');
@@ -211,7 +211,7 @@ impl Walls {
         };
         for axis in [(across + 1) % 3, (across + 2) % 3] {
             let closed = [1.0, -1.0].iter().all(|side| normals.iter().any(|n| n[axis] == *side));
-            if !closed && !domain?.periodic()[axis] {
+            if !closed && domain?.period(axis).is_none() {
                 given.fail(format!(
                     "its area is not known: the domain is open along {}; add walls on both sides, or make it periodic",
                     AXES[axis]
@@ -256,8 +256,9 @@ fn plane(section: &Section, domain: Option<&Cell>, materials: &Materials) -> Opt
             given.fail("must have a length greater than 0");
             return None;
         }
-        let along =
-            |axis: &usize| domain.is_some_and(|d| d.periodic()[*axis]) && normal[*axis] != 0.0;
+        let along = |axis: &usize| {
+            domain.is_some_and(|d| d.period(*axis).is_some()) && normal[*axis] != 0.0
+        };
         if let Some(axis) = (0..3).find(along) {
             given.fail(format!("must be 0 along {}, which is periodic", AXES[axis]));
         }
