@@ -1,12 +1,14 @@
 //! What every contact resolver promises, on random pairs: a new resolver is added to [`resolvers`] and
 //! has to pass. Cases come from a seed and a number, both in the message of a failure.
 
-use crate::support::{Random, scaled};
+use crate::random::Draw;
+use crate::support::scaled;
 use dem_mpi::contact::{
     AgainstHalfSpace, CommonNormal, ContactResolver, Cores, Epa, ErodedGjk, Method, Outcome, Posed,
     SeededCommonNormal, SmoothCommonNormal, SphereSphere, Table, Touch, table,
 };
 use dem_mpi::math::{Mat3, Vec3};
+use dem_mpi::random::Random;
 use dem_mpi::shape::{
     Ellipsoid, HalfSpace, Kind, PolySuperellipsoid, RoundedPolyhedron, Shape, Sphere,
     Spherocylinder, Superellipsoid,
@@ -162,8 +164,8 @@ struct Case {
 impl Case {
     /// Random bodies with this overlap, or clearance if negative, along a random common normal.
     fn with_overlap(family: Family, random: &mut Random, overlap: f64) -> Self {
-        let a = (family.shape(random), random.rotation());
-        let b = (family.shape(random), random.rotation());
+        let a = (family.shape(random), random.rotation().to_rotation_matrix().into_inner());
+        let b = (family.shape(random), random.rotation().to_rotation_matrix().into_inner());
         let mut case = Self { a, b, r: Vec3::zeros() };
         let normal = random.direction();
         case.r = case.a().support(&normal) - case.b().support(&-normal) - normal * overlap;
@@ -213,7 +215,7 @@ fn assert_same(case: usize, subject: &Subject, size: f64, found: &Touch, expecte
 fn for_touching(check: impl Fn(usize, &Subject, &Case, &mut Random)) {
     for subject in resolvers() {
         for i in 0..CASES {
-            let mut random = Random::new(SEED + i as u64);
+            let mut random = Random::of(SEED + i as u64, 0);
             let overlap = random.between(0.002, 0.05);
             let case = subject.case(&mut random, overlap);
             check(i, &subject, &case, &mut random);
@@ -236,7 +238,7 @@ fn swapping_the_bodies_turns_the_normal() {
 fn a_rigid_motion_moves_the_answer() {
     for_touching(|i, subject, case, random| {
         let touch = case.touch(&*subject.resolver);
-        let turn = random.rotation();
+        let turn = random.rotation().to_rotation_matrix().into_inner();
         let moved = Case {
             a: (case.a.0.clone(), turn * case.a.1),
             b: (case.b.0.clone(), turn * case.b.1),
@@ -254,12 +256,20 @@ fn a_rigid_motion_moves_the_answer() {
 fn ellipsoids_with_equal_axes_are_spheres() {
     for subject in ellipsoid_resolvers() {
         for i in 0..CASES {
-            let mut random = Random::new(SEED + i as u64);
+            let mut random = Random::of(SEED + i as u64, 0);
             let radii = [random.between(0.1, 1.0), random.between(0.1, 1.0)];
-            let [a, b] = radii.map(|radius| (Shape::Sphere(Sphere { radius }), random.rotation()));
+            let [a, b] = radii.map(|radius| {
+                (
+                    Shape::Sphere(Sphere { radius }),
+                    random.rotation().to_rotation_matrix().into_inner(),
+                )
+            });
             let [round_a, round_b] = radii.map(|radius| {
                 let semi_axes = Vec3::repeat(radius);
-                (Shape::Ellipsoid(Ellipsoid { semi_axes }), random.rotation())
+                (
+                    Shape::Ellipsoid(Ellipsoid { semi_axes }),
+                    random.rotation().to_rotation_matrix().into_inner(),
+                )
             });
             let r = random.direction() * (radii[0] + radii[1] - random.between(1e-3, 0.02));
             let closed = Case { a: a.clone(), b: b.clone(), r }.touch(&SphereSphere);
@@ -284,7 +294,7 @@ fn the_overlap_goes_smoothly_through_touch() {
         for i in 0..CASES / 3 {
             let mut last: Option<(f64, f64)> = None;
             for overlap in OVERLAPS {
-                let case = subject.case(&mut Random::new(SEED + i as u64), overlap);
+                let case = subject.case(&mut Random::of(SEED + i as u64, 0), overlap);
                 let tolerance = 2.0 * subject.overlap * case.size();
                 let found = match case.resolve(&*subject.resolver, None) {
                     Outcome::Touching(touch) => touch.overlap,
@@ -353,7 +363,7 @@ fn resolvers_agree_and_none_finds_too_little() {
 fn bodies_that_are_apart_do_not_touch() {
     for subject in resolvers().iter().filter(|subject| subject.exact) {
         for i in 0..CASES {
-            let mut random = Random::new(SEED + i as u64);
+            let mut random = Random::of(SEED + i as u64, 0);
             let clearance = random.between(1e-4, 1.0);
             let case = subject.case(&mut random, -clearance);
             let name = subject.resolver.name();
@@ -373,7 +383,7 @@ fn a_pair_that_rests_misses_nothing() {
     for subject in &resolvers() {
         let mut promises = 0;
         for i in 0..CASES {
-            let mut random = Random::new(SEED + i as u64);
+            let mut random = Random::of(SEED + i as u64, 0);
             let mut case = subject.case(&mut random, -0.3 * random_square(i));
             let Outcome::Apart(promised) = case.resolve(&*subject.resolver, None) else {
                 continue; // spurious contacts of erosion
@@ -439,8 +449,10 @@ fn no_answer_is_not_a_number() {
                 }
             }
         }
-        let lost =
-            Case { r: Vec3::new(0.1, f64::NAN, 0.1), ..subject.case(&mut Random::new(SEED), 0.1) };
+        let lost = Case {
+            r: Vec3::new(0.1, f64::NAN, 0.1),
+            ..subject.case(&mut Random::of(SEED, 0), 0.1)
+        };
         let outcome = lost.resolve(&*subject.resolver, None);
         assert!(matches!(outcome, Outcome::Failed(_)), "{}: {outcome:?}", subject.resolver.name());
     }
@@ -450,8 +462,9 @@ fn no_answer_is_not_a_number() {
 #[test]
 fn walls_have_closed_forms() {
     for i in 0..CASES {
-        let mut random = Random::new(SEED + i as u64);
-        let (shape, frame) = (ellipsoid(&mut random), random.rotation());
+        let mut random = Random::of(SEED + i as u64, 0);
+        let (shape, frame) =
+            (ellipsoid(&mut random), random.rotation().to_rotation_matrix().into_inner());
         let wall = Shape::HalfSpace(HalfSpace { normal: random.direction() });
         let Shape::HalfSpace(HalfSpace { normal }) = wall else { unreachable!() };
         let axes = frame.tr_mul(&normal).component_mul(&shape.semi_axes());

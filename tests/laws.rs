@@ -1,9 +1,11 @@
 //! The physics against closed forms and the independent reference.
 
-use crate::support::{Bench, Random};
+use crate::random::Draw;
+use crate::support::Bench;
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Quat, Vec3};
 use dem_mpi::particles::records::Particle;
+use dem_mpi::random::Random;
 use nalgebra::Quaternion;
 use serde_json::Value;
 use std::f64::consts::PI;
@@ -524,7 +526,7 @@ fn growth_in_a_crystal(damping: &str, part: f64) -> f64 {
     let mut scene = crate::support::scene(&text);
     scene.dt = part * scene.time_step_limit().expect("balls have a limit").dt;
 
-    let mut random = Random::new(1);
+    let mut random = Random::of(1, 0);
     let mut balls = Vec::new();
     for cell in 0..CELLS.pow(3) {
         let corner = [cell % CELLS, cell / CELLS % CELLS, cell / CELLS.pow(2)].map(f64::from);

@@ -15,6 +15,7 @@ mod packings;
 mod pairs;
 mod post;
 mod program;
+mod random;
 mod ranks_threads;
 mod robustness;
 mod scene;

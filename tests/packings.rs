@@ -1,5 +1,6 @@
 //! Packings made up in memory, as snapshots; benchmarks/lai2021 tests with them, too.
 
+use crate::random::Draw;
 use dem_mpi::cell::Cell;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::contact::Histories;
@@ -9,8 +10,7 @@ use dem_mpi::measure::Departed;
 use dem_mpi::output::snapshot;
 use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
 use dem_mpi::post::{Analysis, ParticlePass, PostError, Report, Settings};
-use rand_chacha::ChaCha8Rng;
-use rand_core::{RngCore, SeedableRng};
+use dem_mpi::random::Random;
 use std::f64::consts::PI;
 use std::path::Path;
 
@@ -114,26 +114,10 @@ pub(crate) fn push_force(
     table.shear_force.push(shear);
 }
 
-/// Random numbers in [0, 1).
-pub(crate) struct Dice(pub(crate) ChaCha8Rng);
-
-impl Dice {
-    pub(crate) fn unit(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    pub(crate) fn direction(&mut self) -> Vec3 {
-        let z = 2.0 * self.unit() - 1.0;
-        let angle = 2.0 * PI * self.unit();
-        let ring = (1.0 - z * z).sqrt();
-        Vec3::new(ring * angle.cos(), ring * angle.sin(), z)
-    }
-}
-
 /// `side`³ ellipsoids at random attitudes about a lattice in a box with a floor and four sides;
 /// neighbours are taken to touch, with forces that grow downwards.
 pub(crate) fn ellipsoids(side: u32, seed: u64) -> Snapshot {
-    let mut dice = Dice(ChaCha8Rng::seed_from_u64(seed));
+    let mut dice = Random::of(seed, 0);
     let spacing = 2.6e-3;
     let count = side.pow(3);
     let length = f64::from(side) * spacing;
@@ -168,7 +152,7 @@ pub(crate) fn ellipsoids(side: u32, seed: u64) -> Snapshot {
         .collect();
     particles.force = (0..count).map(|_| dice.direction() * 1e-3).collect();
     let mut contacts = ContactTable::default();
-    let mut touch = |a: usize, b: GlobalId, branch: Vec3, arm: Vec3, dice: &mut Dice| {
+    let mut touch = |a: usize, b: GlobalId, branch: Vec3, arm: Vec3, dice: &mut Random| {
         let normal = (branch / branch.norm() + dice.direction() * 0.3).normalize();
         let depth = 1.2 - position[a].z / length;
         let force = -0.08 * depth * (1.0 - dice.unit()).ln() * (1.0 + 0.6 * normal.z * normal.z);

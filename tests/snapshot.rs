@@ -1,6 +1,7 @@
 //! Snapshots: what goes in comes out bit for bit, and damage is found.
 
 use crate::made_up::{self, Tables, header};
+use crate::support::below;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::drive::rain;
@@ -9,12 +10,11 @@ use dem_mpi::output::SnapshotError;
 use dem_mpi::output::hdf5::{Column, SnapshotFile, checksum};
 use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::tables::{Header, ShapeRow};
+use dem_mpi::random::Random;
 use dem_mpi::shape::{
     Ellipsoid, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
     Superellipsoid,
 };
-use rand_chacha::ChaCha8Rng;
-use rand_core::{RngCore, SeedableRng};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -72,8 +72,8 @@ fn nothing_at_all_round_trip() {
 #[test]
 fn geometries_keep_their_bits() {
     let directory = tempfile::tempdir().unwrap();
-    let mut random = ChaCha8Rng::seed_from_u64(3);
-    let mut next = || (random.next_u64() >> 11) as f64 * 1e-19;
+    let mut random = Random::of(3, 0);
+    let mut next = || random.unit() * 1e-3;
     for round in 0..20 {
         let mut vector = || Vec3::new(next(), next(), next());
         let points: Vec<Vec3> = (0..4).map(|_| vector()).collect();
@@ -363,8 +363,8 @@ fn a_thousand_damaged_snapshots_are_refused() {
     let original = (header(1), tables);
     let files = [path.clone(), directory.path().join(snapshot::contacts_name(1))];
     let whole = files.each_ref().map(|file| fs::read(file).unwrap());
-    let mut random = ChaCha8Rng::seed_from_u64(SEED);
-    let mut below = |limit: usize| random.next_u64() as usize % limit;
+    let mut random = Random::of(SEED, 0);
+    let mut below = |limit: usize| below(&mut random, limit as u64) as usize;
     let mut refused = [0; 4];
     for damage in 0..DAMAGES {
         let (file, whole) = (&files[damage % 2], &whole[damage % 2]);

@@ -1,7 +1,8 @@
 //! Superellipsoids and poly-superellipsoids: geometry against closed forms, differences and sampling; their
 //! common normal against answers of 50 digits and against EPA; and a packing of them.
 
-use crate::support::{Bench, Random, begun, motion, scene};
+use crate::random::Draw;
+use crate::support::{Bench, begun, motion, scene};
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::{
     CommonNormal, ContactResolver, Epa, Method, Outcome, Posed, SmoothCommonNormal, Touch, table,
@@ -10,6 +11,7 @@ use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::output::snapshot;
 use dem_mpi::particles::records::Particle;
+use dem_mpi::random::Random;
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble::{self, From, StartError};
 use dem_mpi::shape::{Convex, Ellipsoid, Kind, PolySuperellipsoid, Shape, Sphere, Superellipsoid};
@@ -65,7 +67,7 @@ fn implicit_of(shape: &Shape, point: &Vec3) -> f64 {
 #[test]
 fn support_points_are_the_farthest_of_the_surface() {
     for (i, exponents) in every_pair_of_exponents().enumerate() {
-        let mut random = Random::new(i as u64);
+        let mut random = Random::of(i as u64, 0);
         for shape in shapes(&mut random, exponents) {
             let direction = random.direction();
             let point = shape.support(&direction);
@@ -100,7 +102,7 @@ fn support_points_are_the_farthest_of_the_surface() {
 fn derivatives_agree_with_differences() {
     const STEP: f64 = 1e-6;
     for (i, exponents) in every_pair_of_exponents().enumerate() {
-        let mut random = Random::new(i as u64);
+        let mut random = Random::of(i as u64, 0);
         let shapes = shapes(&mut random, exponents);
         for k in 0..200 {
             let (shape, u) = (&shapes[k % shapes.len()], random.direction());
@@ -130,7 +132,7 @@ fn derivatives_agree_with_differences() {
 #[test]
 fn radii_are_tight() {
     for (i, exponents) in every_pair_of_exponents().enumerate() {
-        let mut random = Random::new(100 + i as u64);
+        let mut random = Random::of(100 + i as u64, 0);
         let shape = octants(random.vector(0.5, 1.5), random.vector(0.5, 1.5), exponents);
         let mut farthest: f64 = 0.0;
         for _ in 0..100 {
@@ -161,7 +163,7 @@ fn radii_are_tight() {
 #[test]
 fn smallest_radius_of_curvature() {
     for exponents in every_pair_of_exponents() {
-        let mut random = Random::new(3);
+        let mut random = Random::of(3, 0);
         let shape = octants(random.vector(0.5, 1.5), random.vector(0.5, 1.5), exponents);
         let radius = shape.smallest_curvature_radius();
         if exponents.iter().any(|&e| e > 1.0) {
@@ -321,7 +323,10 @@ struct Case {
 impl Case {
     /// These shapes, turned at random, with this overlap along a random normal; the least may be less.
     fn new(random: &mut Random, a: &Shape, b: &Shape, overlap: f64) -> Self {
-        let (a, b) = ((a.clone(), random.rotation()), (b.clone(), random.rotation()));
+        let (a, b) = (
+            (a.clone(), random.rotation().to_rotation_matrix().into_inner()),
+            (b.clone(), random.rotation().to_rotation_matrix().into_inner()),
+        );
         let mut case = Self { a, b, r: Vec3::zeros() };
         let normal = random.direction();
         case.r = case.a().support(&normal) - case.b().support(&-normal) - normal * overlap;
@@ -359,11 +364,11 @@ fn as_deep_as_epa_says() {
         ([1.0, 1.0], [0.5, 0.3]),
     ];
     for (of_a, of_b) in kinds {
-        let mut random = Random::new(5);
+        let mut random = Random::of(5, 0);
         let (shapes_a, shapes_b) = (shapes(&mut random, of_a), shapes(&mut random, of_b));
         let (mut passed_on, mut tied) = (0, 0);
         for i in 0..PAIRS {
-            let mut random = Random::new(i as u64);
+            let mut random = Random::of(i as u64, 0);
             let overlap = random.between(1e-9, 0.05);
             let (a, b) = (&shapes_a[i % shapes_a.len()], &shapes_b[i / 3 % shapes_b.len()]);
             let case = Case::new(&mut random, a, b, overlap);
@@ -504,7 +509,7 @@ fn bits_are_pinned() {
     let mut hash: u64 = 0;
     let mut add = |x: f64| hash = hash.rotate_left(1) ^ x.to_bits();
     for (i, exponents) in every_pair_of_exponents().enumerate() {
-        let mut random = Random::new(i as u64);
+        let mut random = Random::of(i as u64, 0);
         let other = octants(random.vector(0.5, 1.5), random.vector(0.5, 1.5), [0.7, 1.2]);
         for shape in shapes(&mut random, exponents) {
             let case = Case::new(&mut random, &shape, &other, 0.03);
@@ -523,9 +528,11 @@ fn bits_are_pinned() {
 #[test]
 fn exponents_of_one_are_ellipsoids() {
     for i in 0..200 {
-        let mut random = Random::new(i);
+        let mut random = Random::of(i, 0);
         let axes = [random.vector(0.5, 1.5), random.vector(0.5, 1.5)];
-        let [a, b] = axes.map(|axes| (superellipsoid(axes, [1.0, 1.0]), random.rotation()));
+        let [a, b] = axes.map(|axes| {
+            (superellipsoid(axes, [1.0, 1.0]), random.rotation().to_rotation_matrix().into_inner())
+        });
         let r = random.direction() * random.between(0.5, 3.0);
         let case = Case { a, b, r };
         let [a, b] = axes.map(|semi_axes| Shape::Ellipsoid(Ellipsoid { semi_axes }));
@@ -617,14 +624,17 @@ directory = "out"
 /// The energy after a collision at random over that before; they overlap by a hundredth of their size, about. `gap` is
 /// between them at the start, over their size.
 fn energy_kept(scene: &Scene, gap: f64, seed: u64) -> Option<f64> {
-    let mut random = Random::new(seed);
+    let mut random = Random::of(seed, 0);
     let library = &scene.library;
     let shapes = [&library.shapes[0], &library.shapes[1]];
     let [m, n] = [library.mass[0], library.mass[1]];
     let size =
         0.6 * shapes.map(|shape| shape.volume().cbrt()).into_iter().fold(f64::INFINITY, f64::min);
     let speed = 0.01 * size * (1.0 / m + 1.0 / n).sqrt();
-    let frames = [random.rotation(), random.rotation()];
+    let frames = [
+        random.rotation().to_rotation_matrix().into_inner(),
+        random.rotation().to_rotation_matrix().into_inner(),
+    ];
     let toward = random.direction();
     // Just apart along the normal, and beside each other.
     let support = |k: usize, n: &Vec3| frames[k] * shapes[k].support(&frames[k].tr_mul(n));

@@ -1,19 +1,18 @@
-//! What tests share: a simulation from a scene's text on one rank, chance, and shapes in another unit.
+//! What tests share: a simulation from a scene's text on one rank, and shapes in another unit.
 
 use dem_mpi::comm::Comm;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::ids::GlobalId;
-use dem_mpi::math::{Mat3, Quat, Vec3};
+use dem_mpi::math::Vec3;
 use dem_mpi::output::tables::ParticleTable;
 use dem_mpi::particles::records::Particle;
+use dem_mpi::random::Random;
 use dem_mpi::scene::{Scene, assemble};
 use dem_mpi::shape::{
     Ellipsoid, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
     Superellipsoid,
 };
 use dem_mpi::sim::{Simulation, StepError};
-use rand_chacha::ChaCha8Rng;
-use rand_core::{RngCore, SeedableRng};
 use std::path::Path;
 
 /// Grains with friction and dashpots.
@@ -127,43 +126,9 @@ impl Bench {
     }
 }
 
-/// Chance that a seed repeats.
-pub(crate) struct Random(ChaCha8Rng);
-
-impl Random {
-    pub(crate) fn new(seed: u64) -> Self {
-        Self(ChaCha8Rng::seed_from_u64(seed))
-    }
-
-    /// In 0..1.
-    pub(crate) fn unit(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-
-    /// Each component evenly.
-    pub(crate) fn vector(&mut self, low: f64, high: f64) -> Vec3 {
-        Vec3::from_fn(|_, _| self.between(low, high))
-    }
-
-    /// Uniform on the sphere.
-    pub(crate) fn direction(&mut self) -> Vec3 {
-        loop {
-            let v = self.vector(-1.0, 1.0);
-            if (0.01..1.0).contains(&v.norm()) {
-                return v.normalize();
-            }
-        }
-    }
-
-    pub(crate) fn rotation(&mut self) -> Mat3 {
-        let q =
-            nalgebra::Quaternion::from(nalgebra::Vector4::from_fn(|_, _| self.between(-1.0, 1.0)));
-        Quat::from_quaternion(q).to_rotation_matrix().into_inner()
-    }
+/// A random integer in `0..limit`.
+pub(crate) fn below(random: &mut Random, limit: u64) -> u64 {
+    (random.unit() * limit as f64) as u64
 }
 
 /// The same shape with all lengths times `unit`. Solids are made anew from their corners, which moves the last

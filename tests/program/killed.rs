@@ -2,9 +2,9 @@
 
 use super::process::{Launch, dem_mpi, dem_post, kill};
 use super::{assert_same_result, fresh_directory, heap_beyond, scene, snapshot};
+use crate::support::below;
 use dem_mpi::output::snapshot::Reader;
-use rand_chacha::ChaCha8Rng;
-use rand_core::{RngCore, SeedableRng};
+use dem_mpi::random::Random;
 use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -45,8 +45,8 @@ struct Killed {
 }
 
 fn kill_a_rank(seed: u64) -> Killed {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut below = |limit: u64| random.next_u64() % limit;
+    let mut random = Random::of(seed, 0);
+    let mut below = |limit| below(&mut random, limit);
     let ranks = 2 + below(3) as u32;
     let victim = below(u64::from(ranks)) as u32;
     let from = EVERY * (1 + below(60));

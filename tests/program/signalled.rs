@@ -2,9 +2,9 @@
 
 use super::process::{Launch, dem_mpi, kill, mpirun, signal};
 use super::{assert_same_result, fresh_directory, heap_beyond, scene, snapshot};
+use crate::support::below;
 use dem_mpi::output::snapshot::Reader;
-use rand_chacha::ChaCha8Rng;
-use rand_core::{RngCore, SeedableRng};
+use dem_mpi::random::Random;
 use std::time::Duration;
 
 /// The run can go on.
@@ -37,9 +37,9 @@ fn a_signal_ends_a_run_that_can_go_on() {
 
 fn stop(seed: u64, launch: Launch, to: To, name: &str, again: Launch) {
     let case = format!("seed {seed}: SIG{name} to {to:?} of {launch:?}");
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let from = EVERY * (1 + random.next_u64() % 25);
-    let pause = Duration::from_micros(random.next_u64() % 100_000);
+    let mut random = Random::of(seed, 0);
+    let from = EVERY * (1 + below(&mut random, 25));
+    let pause = Duration::from_micros(below(&mut random, 100_000));
     let directory = fresh_directory(&format!("signalled_{seed}"));
     let out = directory.to_str().unwrap();
     let heap_scene = &*scene("heap");

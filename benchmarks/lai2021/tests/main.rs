@@ -3,6 +3,8 @@
 mod machine;
 #[path = "../../../tests/packings.rs"]
 mod packings;
+#[path = "../../../tests/random.rs"]
+mod random;
 mod sensitivity;
 mod single_contact;
 mod stages;

@@ -1,0 +1,50 @@
+//! What is computed from a snapshot, against closed forms and the independent reference.
+
+mod fabric;
+mod files;
+mod pieces;
+mod plots;
+mod program;
+mod region;
+mod stress;
+
+use crate::packings::Snapshot;
+use dem_mpi::math::Mat3;
+use dem_mpi::post::region::{Members, Region};
+use serde_json::Value;
+
+/// Sums are exact; what is left is the rounding of each term and of the reference.
+const ROUNDING: f64 = 1e-12;
+
+fn close(value: f64, expected: f64, tolerance: f64, what: &str) {
+    let scale = expected.abs().max(1.0);
+    assert!((value - expected).abs() <= tolerance * scale, "{what}: {value} but {expected}");
+}
+
+fn close_matrix(value: &Mat3, expected: &Mat3, tolerance: f64, what: &str) {
+    let scale = expected.amax().max(1.0);
+    assert!((value - expected).amax() <= tolerance * scale, "{what}: {value} but {expected}");
+}
+
+fn reference(name: &str) -> String {
+    let path = format!("{}/tests/reference/{name}", env!("CARGO_MANIFEST_DIR"));
+    std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"))
+}
+
+fn json(name: &str) -> Value {
+    serde_json::from_str(&reference(name)).expect("the reference is JSON")
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
+}
+
+fn matrix(value: &Value) -> Mat3 {
+    Mat3::from_fn(|i, j| number(&value[i][j]))
+}
+
+fn members(snapshot: &Snapshot) -> Members {
+    let mut members = Members::new(Region::Whole);
+    members.add(&snapshot.header, &snapshot.particles).expect("sound ids");
+    members
+}

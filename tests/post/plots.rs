@@ -1,0 +1,162 @@
+//! Plots and the page.
+
+use super::fabric::contacts_with;
+use crate::packings::{Snapshot, ellipsoids, header, particles_at};
+use dem_mpi::contact::StateColumn;
+use dem_mpi::drive::{SavedColumn, SavedState, Values, servo};
+use dem_mpi::math::Vec3;
+use dem_mpi::output::tables::{ContactTable, ParticleTable, WallRow};
+use dem_mpi::post::history::History;
+use dem_mpi::post::{Settings, page, panels, plots};
+
+/// Every plot and the page of a snapshot.
+fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
+    let analysis = snapshot.analyse(Settings::default()).unwrap();
+    let mut later = analysis.report.clone();
+    later.strain_against(&analysis.report);
+    let picture = analysis.picture.svg(analysis.report.bounds_m.as_ref());
+    let reports = [analysis.report, later];
+    let history = History::read(history.as_bytes()).unwrap();
+    let plots = page::plots(&reports, picture, &history, &snapshot.header.walls, &[]).unwrap();
+    let mut drawings: Vec<_> = plots.iter().map(|p| (p.name.clone(), p.svg.clone())).collect();
+    drawings.push(("page".into(), page::page("a <title>", &reports, &plots)));
+    drawings
+}
+
+#[test]
+fn plots_are_finite_for_empty_tiny_and_usual_snapshots() {
+    let nothing = Snapshot {
+        header: header(Vec3::zeros(), Vec3::repeat(1.0), false, Vec3::repeat(0.1), 0),
+        particles: ParticleTable::default(),
+        contacts: ContactTable::default(),
+    };
+    let (_, contacts) = contacts_with(&[Vec3::z()], &[(0.0, Vec3::zeros())]);
+    let two = particles_at(vec![Vec3::zeros(), Vec3::repeat(0.2)]);
+    let one_contact = Snapshot {
+        header: header(Vec3::zeros(), Vec3::repeat(1.0), false, Vec3::repeat(0.1), 2),
+        particles: two,
+        contacts,
+    };
+    let mut with_force = one_contact.clone();
+    with_force.contacts.normal_force[0] = 1.0;
+    let usual = ellipsoids(5, 8);
+    let flat = "time,energy\n0,0\n1,0\n";
+    let steep = "time,energy\n0,1e9\n1,1e-3\n2,1e-12\n";
+    let odd = "time,kinetic_J,missing_J,largest_overlap,top_m,other\n\
+               0,0,-1e-17,0,-inf,1e300\n1,1,0,-1,NaN,-1e300\n2,1e-320,1e-3,0,0.1,inf\n3,1e300,-2,0,0.2,1\n";
+    for (name, snapshot) in
+        [("nothing", &nothing), ("one", &one_contact), ("force", &with_force), ("usual", &usual)]
+    {
+        for history in [flat, steep, odd] {
+            for (plot, svg) in drawn(snapshot, history) {
+                for bad in ["NaN", "nan\"", "inf\"", "Infinity", "-inf"] {
+                    assert!(!svg.contains(bad), "{name}: {plot} holds {bad}");
+                }
+                // plotters would saturate a coordinate that is not finite.
+                assert!(
+                    !svg.contains("2147483647") && !svg.contains("-2147483648"),
+                    "{name}: {plot}"
+                );
+            }
+        }
+    }
+    let (_, page) = drawn(&usual, steep).pop().unwrap();
+    assert!(page.contains("<title>a &lt;title&gt;</title>"));
+    assert!(!page.contains("<script") && !page.contains("href="));
+}
+
+#[test]
+fn columns_that_belong_together_share_a_panel() {
+    let walls = ["-x", "lid"].map(|name| WallRow {
+        name: name.into(),
+        point: Vec3::zeros(),
+        normal: Vec3::new(0.6, 0.0, -0.8),
+        velocity: Vec3::zeros(),
+        force: Vec3::zeros(),
+    });
+    let table = "time_s,particles,contacts,kinetic_J,translation_J,gravity_J,missing_J,\
+                 force_-x_x_N,force_-x_y_N,force_-x_z_N,force_+x_x_N,force_-x_x-N,still\n\
+                 0,1,0,0,0,1,0,0,0,0,0,0,3\n1,2,1,0.5,0.5,0,-1e-9,-3,5,4,1,1,3\n";
+    let history = History::read(table.as_bytes()).unwrap();
+    let names = |walls: &[WallRow]| -> Vec<String> {
+        let plots = panels::panels(&history, walls, &[]).unwrap();
+        plots.into_iter().map(|plot| plot.name.replace("history_", "")).collect()
+    };
+    let unknown = ["force_plus_x_x_n", "force_minus_x_x_n"];
+    let (plus, minus) = (unknown[0], unknown[1]);
+    assert_eq!(names(&walls), ["counts", "energy", "wall_loads", plus, minus]);
+    let twice = format!("{minus}_2");
+    let components = [minus, "force_minus_x_y_n", "force_minus_x_z_n"];
+    let alone = [&["counts", "energy"][..], &components, &[plus, &twice]].concat();
+    assert_eq!(names(&[]), alone, "without walls each component stands alone");
+    let plots = panels::panels(&history, &walls, &[]).unwrap();
+    // -(-3 · 0.6 + 4 · (-0.8)) = 5 N
+    assert!(plots[2].svg.contains("-x") && !plots[2].svg.contains("lid"));
+    assert!(plots[2].svg.contains(">\n5\n<"), "{}", plots[2].svg);
+}
+
+/// Stresses on walls share a panel, with a level line at each target.
+#[test]
+fn targets_of_servos_are_drawn() {
+    let walls = ["-x", "+x", "lid"].map(|name| WallRow {
+        name: name.into(),
+        point: Vec3::zeros(),
+        normal: Vec3::x(),
+        velocity: Vec3::zeros(),
+        force: Vec3::zeros(),
+    });
+    let walls_with_servo = ["-x", "+x", "gone"].map(str::to_owned).to_vec();
+    let wall = StateColumn::new("wall", 1, "");
+    let stresses = StateColumn::new("target", 1, "Pa");
+    let columns = vec![
+        SavedColumn::new(wall, Values::Texts(walls_with_servo)),
+        SavedColumn::new(stresses, Values::Reals(vec![750.0, 750.0, 5e3])),
+    ];
+    let targets = servo::targets(&[SavedState { drive: "servos".into(), columns }]);
+    assert_eq!(targets.len(), 3);
+    let table = "time_s,stress_-x_Pa,stress_+x_Pa,stress_lid_Pa\n0,1,2,3\n1,640,650,900\n";
+    let history = History::read(table.as_bytes()).unwrap();
+    let plots = panels::panels(&history, &walls, &targets).unwrap();
+    assert_eq!(plots.len(), 1);
+    assert_eq!(plots[0].name, "history_wall_stresses");
+    assert_eq!(plots[0].svg.matches("target 750 Pa").count(), 1);
+    assert!(plots[0].svg.contains("lid") && !plots[0].svg.contains("target 5000 Pa"));
+    // Three curves, and one line that is level.
+    let polylines = plots[0].svg.split("<polyline").skip(1);
+    let points = polylines.filter_map(|text| {
+        let (_, points) = text.split_once("points=\"")?;
+        let ends = points.split_once('"')?.0.split_whitespace().map(|end| end.split_once(','));
+        ends.collect::<Option<Vec<_>>>()
+    });
+    let curves: Vec<_> = points.filter(|ends| ends.len() == 2 && ends[0].0 != ends[1].0).collect();
+    assert!(curves.iter().any(|ends| ends[0].1 == ends[1].1), "{}", plots[0].svg);
+    let without = panels::panels(&history, &walls, &[]).unwrap();
+    assert!(!without[0].svg.contains("target"));
+}
+
+#[test]
+fn captions_tell_what_is_beyond_a_plot() {
+    let captions = |forces: &[(f64, Vec3)]| {
+        let (_, contacts) = contacts_with(&vec![Vec3::x(); forces.len()], forces);
+        let header = header(Vec3::zeros(), Vec3::repeat(1.0), false, Vec3::repeat(0.1), 2);
+        let particles = particles_at(vec![Vec3::zeros(), Vec3::repeat(0.2)]);
+        let forces = Snapshot { header, particles, contacts }.report().forces.unwrap();
+        [
+            plots::force_distribution(&forces.normal, &forces.shear).unwrap().caption,
+            plots::friction(&forces.friction_used).unwrap().caption,
+        ]
+    };
+    let mut forces = vec![(1.0, Vec3::zeros()); 21];
+    assert!(captions(&forces).iter().all(|caption| !caption.contains("eyond")));
+    // One of 21 twenty times as strong as the mean; one that uses more friction than fits.
+    forces[3].0 = 400.0;
+    forces[7].1 = Vec3::z() * 1.5;
+    let [distribution, friction] = captions(&forces);
+    assert!(distribution.ends_with("at 8 times the mean and above: 4.762 % of the normal forces."));
+    assert!(friction.ends_with("at 1 and above: 4.762 % of the contacts."), "{friction}");
+    forces[3].1 = Vec3::z() * 200.0;
+    let [distribution, _] = captions(&forces);
+    assert!(
+        distribution.ends_with("4.762 % of the normal forces, 4.762 % of the tangential forces.")
+    );
+}

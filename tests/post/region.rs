@@ -1,0 +1,317 @@
+//! Bodies and regions: extents, volumes, silhouettes, strains.
+
+use super::stress::lattice_case;
+use super::{ROUNDING, close, number};
+use crate::packings::{Snapshot, boxed, closed, ellipsoids, header, particles_at, store};
+use crate::random::Draw;
+use dem_mpi::cell::Cell;
+use dem_mpi::math::{Quat, Vec3};
+use dem_mpi::output::snapshot::Reader;
+use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, WallRow};
+use dem_mpi::post::region::{Bounds, Extent, Margin, Region, SampledSolid, Strain};
+use dem_mpi::post::{Settings, inside, plots, series};
+use dem_mpi::random::Random;
+use dem_mpi::shape::{
+    Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
+    Spherocylinder, Superellipsoid,
+};
+use nalgebra::Quaternion;
+use std::f64::consts::PI;
+
+#[test]
+fn extents_of_turned_ellipsoids_are_exact() {
+    let mut header = header(Vec3::zeros(), Vec3::repeat(9.0), false, Vec3::new(2.0, 1.0, 1.0), 1);
+    let mut one = particles_at(vec![Vec3::new(5.0, 5.0, 5.0)]);
+    // 45° about z: the half-width along x is √((4 + 1)/2).
+    let half_turn: f64 = PI / 8.0;
+    one.quaternion = vec![[half_turn.cos(), 0.0, 0.0, half_turn.sin()]];
+    let mut extent = Extent::default();
+    extent.add(&header, &one);
+    let found = extent.finish(&header).unwrap();
+    let half = 2.5_f64.sqrt();
+    for (value, expected) in [
+        (found.low.x, 5.0 - half),
+        (found.high.y, 5.0 + half),
+        (found.low.z, 4.0),
+        (found.high.z, 6.0),
+    ] {
+        close(value, expected, ROUNDING, "side");
+    }
+    // A wall across an axis ends the box, the innermost counts; a period goes before both.
+    for (z, up) in [(3.5, 1.0), (3.0, 1.0), (6.5, -1.0)] {
+        header.walls.push(WallRow {
+            name: format!("wall at {z}"),
+            point: Vec3::z() * z,
+            normal: Vec3::z() * up,
+            velocity: Vec3::zeros(),
+            force: Vec3::zeros(),
+        });
+    }
+    header.cell = Cell::new(header.cell.low(), header.cell.high(), [true, false, false]);
+    let found = extent.finish(&header).unwrap();
+    assert_eq!((found.low.z, found.high.z), (3.5, 6.5));
+    assert_eq!((found.low.x, found.high.x), (0.0, 9.0));
+    assert_eq!(Extent::default().finish(&Header { walls: Vec::new(), ..header }), None);
+}
+
+/// One of each kind, about 1 m in size.
+fn bodies() -> Vec<Shape> {
+    let (long, short) = (Vec3::new(1.0, 0.7, 0.5), Vec3::new(0.6, 0.8, 0.9));
+    let mut dice = Random::of(11, 0);
+    let points: Vec<Vec3> = (0..40).map(|_| dice.direction().component_mul(&long)).collect();
+    let mut bodies = vec![
+        Shape::Sphere(Sphere { radius: 0.8 }),
+        Shape::Ellipsoid(Ellipsoid { semi_axes: long }),
+        Shape::Spherocylinder(Spherocylinder { length: 0.9, radius: 0.4 }),
+        Shape::Polyhedron(Box::new(Polyhedron::new(&points).unwrap())),
+        Shape::RoundedPolyhedron(Box::new(RoundedPolyhedron::new(&points, 0.2).unwrap())),
+        Shape::RoundedPolyhedron(Box::new(RoundedPolyhedron::new(&box_of(&short), 0.3).unwrap())),
+    ];
+    for exponents in [[0.5, 0.5], [0.2, 1.0], [1.0, 1.0], [1.4, 0.7], [2.0, 2.0]] {
+        bodies.push(Shape::Superellipsoid(Superellipsoid::new(long, exponents)));
+        let octants = PolySuperellipsoid::new(long, short, exponents);
+        bodies.push(Shape::PolySuperellipsoid(Box::new(octants)));
+    }
+    bodies
+}
+
+/// The corners of a box about the origin.
+fn box_of(half: &Vec3) -> Vec<Vec3> {
+    let sign = |set: bool| if set { 1.0 } else { -1.0 };
+    let corner = |k: u32| Vec3::new(sign(k & 1 > 0), sign(k & 2 > 0), sign(k & 4 > 0));
+    (0..8).map(|k| corner(k).component_mul(half)).collect()
+}
+
+fn snapshot_of(shape: &Shape, quaternion: [f64; 4], side: f64) -> (Header, ParticleTable) {
+    let mut header = header(Vec3::repeat(-side), Vec3::repeat(side), false, shape.semi_axes(), 1);
+    header.shapes[0].geometry = Some(shape.clone());
+    let particles = particles_at(vec![Vec3::zeros()]);
+    (header, ParticleTable { quaternion: vec![quaternion], ..particles })
+}
+
+#[test]
+fn bodies_contain_what_is_below_their_surface() {
+    let mut dice = Random::of(12, 0);
+    for body in bodies() {
+        for _ in 0..500 {
+            let direction = dice.direction();
+            let end = body.support(&direction);
+            assert!(body.contains(&(end * (1.0 - 1e-9))), "{direction} {body:?}");
+            assert!(!body.contains(&(end + direction * 1e-9)), "{direction} {body:?}");
+        }
+    }
+}
+
+/// The volume within a region against closed forms: of a whole body, and of the half of one that a plane through its
+/// centre cuts.
+#[test]
+fn volumes_of_bodies_in_a_region() {
+    let mut dice = Random::of(13, 0);
+    let side = 1.7;
+    let whole = Bounds { low: Vec3::repeat(-side), high: Vec3::repeat(side) };
+    let half = Bounds { low: Vec3::new(0.0, -side, -side), high: Vec3::repeat(side) };
+    let (mut largest, mut halves) = (0.0_f64, 0);
+    for body in bodies() {
+        let turn = dice.direction() * dice.unit();
+        let attitude = [(1.0 - turn.norm_squared()).sqrt(), turn.x, turn.y, turn.z];
+        let (header, particles) = snapshot_of(&body, attitude, side);
+        let mut check = |bounds: Bounds, expected: f64| {
+            let mut sampled = SampledSolid::new(bounds);
+            sampled.add(&header, &particles);
+            let error = sampled.finish() * bounds.volume() / expected - 1.0;
+            largest = largest.max(error.abs());
+            assert!(error.abs() < 3e-4, "{error:e} {body:?}");
+        };
+        check(whole, body.volume());
+        if matches!(
+            body.kind(),
+            Kind::Sphere | Kind::Ellipsoid | Kind::Superellipsoid | Kind::Spherocylinder
+        ) {
+            check(half, 0.5 * body.volume());
+            halves += 1;
+        }
+    }
+    assert_eq!(halves, 8);
+    println!("largest relative error of a body's volume: {largest:.1e}");
+    // A box cut by planes across its edges: between them is the rest of one edge times the face.
+    let half = Vec3::new(1.0, 0.5, 0.25);
+    let body = Shape::Polyhedron(Box::new(Polyhedron::new(&box_of(&half)).unwrap()));
+    let axis = (0..3).find(|&k| (body.half_lengths()[k] - 1.0).abs() < 1e-12).unwrap();
+    let (header, particles) = snapshot_of(&body, [1.0, 0.0, 0.0, 0.0], side);
+    let mut bounds = whole;
+    bounds.low[axis] = 0.3;
+    let mut sampled = SampledSolid::new(bounds);
+    sampled.add(&header, &particles);
+    let error = sampled.finish() * bounds.volume() / (0.7 * 1.0 * 0.5) - 1.0;
+    // Up to half a cell at each of five faces.
+    let cells = bounds.lengths() / 256.0;
+    let share = Vec3::from_fn(|k, _| {
+        let faces = if k == axis { 0.5 } else { 1.0 };
+        faces * cells[k] / if k == axis { 0.7 } else { 2.0 * body.half_lengths()[k] }
+    });
+    assert!(error.abs() <= share.sum(), "{error:e} of {share}");
+}
+
+#[test]
+fn extents_of_turned_solids_are_exact() {
+    let body = Shape::Polyhedron(Box::new(Polyhedron::new(&box_of(&Vec3::repeat(1.0))).unwrap()));
+    let half_turn: f64 = PI / 8.0;
+    let attitude = [half_turn.cos(), 0.0, half_turn.sin(), 0.0];
+    let (header, particles) = snapshot_of(&body, attitude, 2.0);
+    let mut extent = Extent::default();
+    extent.add(&header, &particles);
+    let found = extent.finish(&header).unwrap();
+    let half = Vec3::new(2.0_f64.sqrt(), 1.0, 2.0_f64.sqrt());
+    assert!((found.high - half).amax() < ROUNDING && (found.low + half).amax() < ROUNDING);
+    // And its silhouette is a square that stands on a corner.
+    let snapshot = Snapshot { header, particles, contacts: ContactTable::default() };
+    let svg = snapshot.analyse(Settings::default()).unwrap().picture.svg(None);
+    let path = r#"d="M732 372l-360 -360 -360 360 360 360z""#;
+    assert!(svg.contains(path), "{svg}");
+}
+
+/// Each corner of a drawn silhouette is on it, and no part of it is farther out than a hundredth of the size.
+#[test]
+fn silhouettes_are_those_of_the_bodies() {
+    let mut dice = Random::of(14, 0);
+    let frame = Bounds { low: Vec3::repeat(-2.0), high: Vec3::repeat(2.0) };
+    // Pixels per metre, and where the centre is.
+    let (scale, middle) = (180.0, 372.0);
+    let mut corners = 0;
+    let mut drawn = 0;
+    for body in bodies() {
+        let turn = dice.direction() * dice.unit();
+        let attitude = [(1.0 - turn.norm_squared()).sqrt(), turn.x, turn.y, turn.z];
+        let (header, particles) = snapshot_of(&body, attitude, 1.0);
+        let snapshot = Snapshot { header, particles, contacts: ContactTable::default() };
+        let svg = snapshot.analyse(Settings::default()).unwrap().picture.svg(Some(&frame));
+        let ellipses = svg.matches("<ellipse").count();
+        assert_eq!(ellipses, usize::from(body.kind().is_ellipsoidal()), "{body:?}");
+        let Some((_, path)) = svg.split_once(r#"d="M"#) else { continue };
+        let (path, _) = path.split_once('z').unwrap();
+        let numbers: Vec<f64> = path.split([' ', 'l']).map(|n| n.parse().unwrap()).collect();
+        let mut outline: Vec<[f64; 2]> = Vec::new();
+        for step in numbers.chunks(2) {
+            let [x, y] = *outline.last().unwrap_or(&[0.0; 2]);
+            outline.push([x + step[0], y + step[1]]);
+        }
+        let [w, x, y, z] = attitude;
+        let turn = Quat::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix();
+        let support = |x: f64, z: f64| {
+            let direction = Vec3::new(x, 0.0, z);
+            (turn * body.support(&turn.inverse_transform_vector(&direction))).dot(&direction)
+        };
+        let least = scale * 0.01 * body.bounding_radius();
+        for angle in (0..720).map(|k| f64::from(k) * PI / 360.0) {
+            let (x, z) = (angle.cos(), angle.sin());
+            let along = outline.iter().map(|[px, py]| (px - middle) * x - (py - middle) * z);
+            let missing = scale * support(x, z) - along.fold(f64::NEG_INFINITY, f64::max);
+            // Corners are drawn to tenths of pixels.
+            assert!((-0.1..least + 0.1).contains(&missing), "{missing} px of {least} {body:?}");
+        }
+        corners += outline.len();
+        drawn += 1;
+    }
+    println!("{} corners on average", corners / drawn);
+}
+
+#[test]
+fn sampled_solid_fraction_of_a_periodic_lattice() {
+    let (case, snapshot) = lattice_case("SC_periodic");
+    // The whole period, moved by nothing: images must be counted.
+    let bounds = Bounds { low: snapshot.header.cell.low(), high: snapshot.header.cell.high() };
+    let mut sampled = SampledSolid::new(bounds);
+    sampled.add(&snapshot.header, &snapshot.particles);
+    // Sampling error, and the lenses of overlap which the exact sum counts twice.
+    close(sampled.finish(), number(&case["solid_fraction"]), 5e-4, "solid fraction");
+    let settings = Settings { region: Region::Box(bounds), ..Settings::default() };
+    let report = snapshot.analyse(settings).unwrap().report;
+    assert_eq!(report.summary.particles, 27);
+    close(report.summary.p_pa.unwrap(), number(&case["mean_stress_p"]), 1e-11, "p of the box");
+}
+
+#[test]
+fn strains_are_logarithmic_and_positive_in_compression() {
+    let first = Bounds { low: Vec3::zeros(), high: Vec3::new(1.0, 1.0, 2.0) };
+    let now = Bounds { low: Vec3::zeros(), high: Vec3::new(1.1, 1.1, 1.8) };
+    let strain = Strain::between(&first, &now).unwrap();
+    close(strain.axial, (2.0_f64 / 1.8).ln(), ROUNDING, "axial");
+    close(strain.volumetric, (2.0_f64 / (1.21 * 1.8)).ln(), ROUNDING, "volumetric");
+    assert!(strain.axial > 0.0 && strain.volumetric < 0.0, "shorter, and dilated");
+}
+
+/// Where no wall and no period ends a packing, a grain that is thrown up is no strain.
+#[test]
+fn an_open_packing_has_no_strain() {
+    let both = |first: &Snapshot, now: &Snapshot| {
+        let reports = [first, now].map(|snapshot| {
+            let mut report = snapshot.report();
+            report.strain_against(&first.report());
+            report
+        });
+        let s = &reports[1].summary;
+        (
+            (s.axial_strain.is_some(), s.volumetric_strain.is_some()),
+            plots::series(&reports).unwrap(),
+        )
+    };
+    let open = ellipsoids(3, 9);
+    let mut thrown = open.clone();
+    thrown.particles.position[26].z += 0.01;
+    let (strained, drawn) = both(&open, &thrown);
+    assert_eq!(strained, (false, false));
+    assert!(drawn.iter().all(|plot| plot.caption.ends_with("against time.")));
+    assert!(drawn.iter().all(|plot| plot.name != "volumetric_strain"));
+
+    let (high, low) = (closed(0.02), closed(0.019));
+    let (strained, drawn) = both(&high, &low);
+    assert_eq!(strained, (true, true));
+    assert!(drawn.iter().all(|plot| plot.caption.ends_with("against axial strain.")));
+    assert_eq!(both(&open, &low).0, (false, false), "the first has no lid");
+    assert_eq!(both(&high, &open).0, (false, false), "the second has none");
+
+    // Between a floor and a lid, first without sides, then with periods.
+    let between = |mut snapshot: Snapshot, periodic: bool| {
+        snapshot.header.walls.retain(|wall| wall.normal.z != 0.0);
+        let cell = snapshot.header.cell;
+        snapshot.header.cell = Cell::new(cell.low(), cell.high(), [periodic, periodic, false]);
+        snapshot
+    };
+    let plates =
+        |periodic| both(&between(closed(0.02), periodic), &between(closed(0.019), periodic));
+    assert_eq!(plates(false).0, (true, false));
+    assert_eq!(plates(true).0, (true, true));
+}
+
+#[test]
+fn a_margin_follows_the_walls_and_strains_stay_those_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    for (step, height) in [(1, 0.02), (2, 0.018)] {
+        store(folder.path(), &boxed(height, step));
+    }
+    let files = series::all(folder.path()).unwrap();
+    assert_eq!(files.len(), 2);
+    let choice =
+        series::Choice { margin: Some("0.001".parse().unwrap()), ..series::Choice::default() };
+    let (reports, _) = series::reports(&series::open(&files).unwrap(), &choice).unwrap();
+    let side = 5.0 * 2.6e-3;
+    for (report, height) in reports.iter().zip([0.02, 0.018]) {
+        let Bounds { low, high } = report.bounds_m.unwrap();
+        assert!((low - Vec3::repeat(1e-3)).amax() < 1e-15, "{low}");
+        let expected = Vec3::new(side - 1e-3, side - 1e-3, height - 1e-3);
+        assert!((high - expected).amax() < 1e-15, "{high}");
+        assert!(report.summary.particles < 125);
+    }
+    let strain = reports[1].summary.axial_strain.unwrap();
+    assert!((strain - (0.02_f64 / 0.018).ln()).abs() < 1e-12, "{strain}");
+
+    // A diameter is that of the ball of equal volume.
+    let reader = Reader::open(&files[0]).unwrap();
+    let region = inside(&reader, Margin::Diameters(0.5)).unwrap();
+    let Region::Box(bounds) = region else { panic!("{region:?}") };
+    let semi_axes = reader.header().shapes[0].semi_axes;
+    assert!((bounds.low.x - semi_axes.product().cbrt()).abs() < 1e-12, "{bounds:?}");
+    let error = inside(&reader, Margin::Metres(1.0)).unwrap_err().to_string();
+    assert!(error.contains("the region has no length along x"), "{error}");
+    assert!("1.5d".parse() == Ok(Margin::Diameters(1.5)) && "-1".parse::<Margin>().is_err());
+}
