@@ -4,6 +4,9 @@ use crate::lanes::{Eight, Triple};
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 
+/// Names of the axes.
+pub const AXES: [&str; 3] = ["x", "y", "z"];
+
 /// A box, and which of its axes repeat.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {

@@ -6,6 +6,7 @@
 //! the area of the row's moment. A servo corrects itself within a few steps: what it leaves at even intervals can be
 //! anything. A restart does not change a digit.
 
+use crate::cell::AXES;
 use crate::cell::Cell;
 use crate::math::Vec3;
 use crate::measure::Measures;
@@ -95,7 +96,7 @@ impl History {
         };
         let mut columns = COLUMNS.map(str::to_owned).to_vec();
         for Wall { name, .. } in walls {
-            columns.extend(["x", "y", "z"].map(|axis| format!("force_{name}_{axis}_N")));
+            columns.extend(AXES.map(|axis| format!("force_{name}_{axis}_N")));
         }
         for (_, Wall { name, .. }, axis) in told(walls) {
             columns.push(format!("place_{name}_m"));

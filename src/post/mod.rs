@@ -150,7 +150,7 @@ pub enum PostError {
     #[error("the region has no length along {axis}: from {low} m to {high} m")]
     EmptyRegion {
         /// The axis.
-        axis: char,
+        axis: &'static str,
         /// Its low side [m].
         low: f64,
         /// Its high side [m].
@@ -162,7 +162,7 @@ pub enum PostError {
     )]
     RegionBeyondPeriod {
         /// The axis.
-        axis: char,
+        axis: &'static str,
         /// Low side of the region [m].
         low: f64,
         /// High side of the region [m].

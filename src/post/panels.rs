@@ -7,6 +7,7 @@ use super::draw::{
 };
 use super::history::{Curve, History};
 use super::plots::Plot;
+use crate::cell::AXES;
 use crate::drive::servo::Target;
 use crate::output::tables::WallRow;
 use plotters::style::RGBColor;
@@ -187,7 +188,7 @@ fn take<'a>(rest: &mut Vec<&'a Curve>, name: &str) -> Option<&'a Curve> {
 /// towards the particles.
 fn wall_load(wall: &WallRow, rest: &mut Vec<&Curve>) -> Option<Curve> {
     let column = |axis| format!("force_{}_{axis}_N", wall.name);
-    let columns = ["x", "y", "z"].map(column);
+    let columns = AXES.map(column);
     if !columns.iter().all(|name| rest.iter().any(|curve| curve.name == *name)) {
         return None;
     }

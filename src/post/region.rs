@@ -3,6 +3,7 @@
 
 use super::PostError;
 use super::sums::quotient;
+use crate::cell::AXES;
 use crate::ids::GlobalId;
 use crate::math::{ExactSum, Mat3, Quat, Vec3};
 use crate::output::tables::{Header, ParticleTable};
@@ -143,9 +144,6 @@ impl FromStr for Margin {
 fn diameter_of(volume: f64) -> f64 {
     (6.0 / PI * volume).cbrt()
 }
-
-/// Names of the axes.
-pub(super) const AXES: [char; 3] = ['x', 'y', 'z'];
 
 /// The body of a row about its centre, turned as it lies in the world.
 pub(super) struct Turned<'a> {

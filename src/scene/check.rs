@@ -10,7 +10,7 @@ use super::reader::{Given, Range, Section};
 use super::report::Report;
 use super::walls::Walls;
 use super::{Method, Scene, Stop};
-use crate::cell::Cell;
+use crate::cell::{AXES, Cell};
 use crate::contact::{Epa, ErodedGjk};
 use crate::law::stability::time_step_limit;
 use crate::law::{self, ForceLaw};
@@ -34,8 +34,6 @@ pub(super) enum Need {
     /// All but the snapshot from which the stage begins.
     NoStart,
 }
-
-pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// The checked scene, or `None` if the report has mistakes.
 pub(super) fn scene(

@@ -1,10 +1,9 @@
 //! Particles at the start and particles that fall in: from the file as written to [`Fill`] and [`Rain`].
 
-use super::check::AXES;
 use super::matter::Shapes;
 use super::reader::{Range, Section};
 use super::{Fill, Lattice, Mix, Rain, listed};
-use crate::cell::Cell;
+use crate::cell::{AXES, Cell};
 use crate::drive::rain::cells_along;
 use crate::ids::ShapeId;
 use crate::math::Vec3;

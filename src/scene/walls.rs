@@ -1,10 +1,9 @@
 //! Walls and what moves them: from the file as written.
 
-use super::check::AXES;
 use super::matter::{Materials, Names};
 use super::reader::{Given, Range, Section};
 use super::report::suggestion;
-use crate::cell::Cell;
+use crate::cell::{AXES, Cell};
 use crate::drive::rain::Rain;
 use crate::drive::servo::Servo;
 use crate::ids::MaterialId;
