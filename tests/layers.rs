@@ -83,3 +83,49 @@ fn imports_point_up_the_rows() {
     assert!(seen > 100, "the imports were found: {seen}");
     assert!(wrong.is_empty(), "imports against the rows:\n{}", wrong.join("\n"));
 }
+
+/// The names after `super::` that are files or folders beside this one, code only.
+fn neighbours(text: &str, beside: &[String]) -> Vec<String> {
+    let code: Vec<&str> = text.split("#[cfg(test)]").next().unwrap_or_default().lines().collect();
+    let code = code.into_iter().filter(|line| !line.trim().starts_with("//")).collect::<String>();
+    let words = code.split("super::").skip(1).flat_map(|rest| {
+        let group = rest.strip_prefix('{').and_then(|rest| rest.split('}').next());
+        let names = group.unwrap_or_else(|| rest.split([':', ';', ' ', '(']).next().unwrap_or(""));
+        names.split(',').map(|name| name.trim().split(':').next().unwrap_or("").to_owned())
+    });
+    words.filter(|name| beside.contains(name)).collect()
+}
+
+/// Nor do the files of one folder import each other in a circle.
+#[test]
+fn no_circles_within_a_folder() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    sources(&root, &mut files);
+    let mut folders: BTreeMap<PathBuf, BTreeMap<String, Vec<String>>> = BTreeMap::new();
+    let name_of = |path: &Path| path.file_stem().unwrap().to_str().unwrap().to_owned();
+    for path in &files {
+        let folder = path.parent().unwrap();
+        let beside: Vec<String> =
+            fs::read_dir(folder).unwrap().map(|entry| name_of(&entry.unwrap().path())).collect();
+        let name = name_of(path);
+        if name != "mod" && name != "lib" {
+            let imports = neighbours(&fs::read_to_string(path).unwrap(), &beside);
+            folders.entry(folder.to_owned()).or_default().insert(name, imports);
+        }
+    }
+    let mut seen = 0;
+    for (folder, mut open) in folders {
+        seen += open.values().map(Vec::len).sum::<usize>();
+        // Whoever imports nobody that is left goes; of a circle nobody ever does.
+        loop {
+            let left: Vec<String> = open.keys().cloned().collect();
+            open.retain(|name, imports| imports.iter().any(|i| i != name && left.contains(i)));
+            if open.len() == left.len() {
+                break;
+            }
+        }
+        assert!(open.is_empty(), "{}: a circle of {:?}", folder.display(), open.keys());
+    }
+    assert!(seen > 50, "only {seen} imports were found");
+}

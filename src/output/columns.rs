@@ -300,6 +300,34 @@ impl ContactColumn {
     }
 }
 
+impl Rows<ContactRow> for ContactTable {
+    fn count(&self) -> usize {
+        self.a.len()
+    }
+
+    fn each(&self, take: &mut dyn FnMut(&ContactRow)) {
+        for k in 0..self.a.len() {
+            take(&ContactRow {
+                a: self.a[k],
+                b: self.b[k],
+                centre: self.centre[k],
+                branch: self.branch[k],
+                point: self.point[k],
+                normal: self.normal[k],
+                overlap: self.overlap[k],
+                normal_force: self.normal_force[k],
+                shear_force: self.shear_force[k],
+            });
+        }
+    }
+
+    fn uneven(&self) -> Option<(&'static str, usize)> {
+        let centres = [("centre", self.centre.len())];
+        let others = CONTACT_COLUMNS.iter().map(|column| (column.name, column.of(self).rows()));
+        others.chain(centres).find(|(_, rows)| *rows != self.a.len())
+    }
+}
+
 /// One column of rows that come one by one.
 fn collected<T: Value + 'static>(
     rows: &dyn Rows<ContactRow>,

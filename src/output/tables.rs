@@ -18,7 +18,6 @@
 //! | contacts `/VTKHDF/Points` | 2 per contact × 3 | centre of A; centre of B's nearest image, or the foot on the wall [m] |
 //! | contacts `/VTKHDF/CellData/<name>` | contacts | the columns of [`ContactTable`] |
 
-use super::columns::CONTACT_COLUMNS;
 use crate::cell::Cell;
 use crate::contact::{Histories, NamedHistory, StateColumn};
 use crate::drive::SavedState;
@@ -231,34 +230,6 @@ impl HistoryRows for Histories {
 
     fn each(&self, take: &mut dyn FnMut(&NamedHistory)) {
         self.iter().for_each(|named| take(&named));
-    }
-}
-
-impl Rows<ContactRow> for ContactTable {
-    fn count(&self) -> usize {
-        self.a.len()
-    }
-
-    fn each(&self, take: &mut dyn FnMut(&ContactRow)) {
-        for k in 0..self.a.len() {
-            take(&ContactRow {
-                a: self.a[k],
-                b: self.b[k],
-                centre: self.centre[k],
-                branch: self.branch[k],
-                point: self.point[k],
-                normal: self.normal[k],
-                overlap: self.overlap[k],
-                normal_force: self.normal_force[k],
-                shear_force: self.shear_force[k],
-            });
-        }
-    }
-
-    fn uneven(&self) -> Option<(&'static str, usize)> {
-        let centres = [("centre", self.centre.len())];
-        let others = CONTACT_COLUMNS.iter().map(|column| (column.name, column.of(self).rows()));
-        others.chain(centres).find(|(_, rows)| *rows != self.a.len())
     }
 }
 
