@@ -5,8 +5,9 @@ use anyhow::{Context, Result};
 use dem_mpi::comm::wire;
 use dem_mpi::contact::{Epa, ErodedGjk};
 use dem_mpi::drive::rain::layer;
+use dem_mpi::ids::MaterialId;
 use dem_mpi::ids::ShapeId;
-use dem_mpi::law::damping_ratio_of_restitution;
+use dem_mpi::law::linear::damping_ratio_of_restitution;
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::{Library, Needs};
@@ -212,9 +213,9 @@ fn every_key_arrives() {
     assert_eq!(between.normal_stiffness, 2e4);
     assert_eq!(between.friction, 0.2);
     assert_eq!(between.normal_damping_ratio, damping_ratio_of_restitution(0.5, false));
-    let glass = &scene.materials[0].contact;
+    let glass = scene.interactions.of(MaterialId(0), MaterialId(0));
     assert_eq!((glass.tangential_stiffness, glass.tangential_damping_ratio), (8e3, 0.1));
-    let steel = &scene.materials[1].contact;
+    let steel = scene.interactions.of(MaterialId(1), MaterialId(1));
     assert_eq!((steel.tangential_stiffness, steel.friction), (3e4, 0.0), "defaults");
     assert_eq!(steel.normal_damping_ratio, 0.0, "restitution 1");
 
@@ -292,7 +293,8 @@ fn overrides_reach_every_place() -> Result<()> {
         "fill.file=[]",
     ])?;
     assert_eq!(scene.steps, 7);
-    assert_eq!(scene.materials[0].contact.friction, 0.4);
+    let grain = MaterialId(0);
+    assert_eq!(scene.interactions.of(grain, grain).friction, 0.4);
     assert_eq!(scene.library.shapes[0].bounding_radius(), 0.004);
     assert_eq!(scene.gravity, Vec3::new(0.0, 0.0, -1.62));
     assert_eq!(scene.walls.len(), 3);

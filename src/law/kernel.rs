@@ -842,10 +842,10 @@ pub fn reduced_mass(library: &Library, a: usize, b: usize) -> f64 {
 mod tests {
     use super::{Contacts, Law};
     use crate::contact::{History, Pair, Place};
-    use crate::ids::Slot;
+    use crate::ids::{MaterialId, Slot};
     use crate::lanes::{self, Kernel, Portable};
-    use crate::law::linear::Linear;
-    use crate::law::{Constants, ForceLaw, Interactions, Last, Sums, Work};
+    use crate::law::linear::{Constants, Interactions, Linear};
+    use crate::law::{ForceLaw, Last, Sums, Work};
     use crate::math::{Vec3, Vec3AndNumber};
     use crate::particles::{Particles, crowd};
     use crate::random::Random;
@@ -946,9 +946,8 @@ mod tests {
             ("springs alone", smooth, smooth, smooth, false, 0),
             ("balls", smooth, rough, rough, true, 3),
         ] {
-            let mut interactions = Interactions::new(&[]);
-            interactions.materials = 2;
-            interactions.constants = vec![own, mixed, mixed, other];
+            let mut interactions = Interactions::new(&[own, other]);
+            interactions.set(MaterialId(0), MaterialId(1), mixed);
             let law = Law::new(Linear::new(interactions.clone(), true), &particles.library);
             assert_eq!(law.width, width, "{name}");
             let has = |column: &str| law.state().iter().any(|state| state.name == column);

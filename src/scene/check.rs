@@ -13,7 +13,7 @@ use super::{Method, Scene, Stop};
 use crate::cell::{AXES, Cell};
 use crate::contact::{Epa, ErodedGjk};
 use crate::law::stability::time_step_limit;
-use crate::law::{self, ForceLaw};
+use crate::law::{ForceLaw, linear};
 use crate::math::Vec3;
 use crate::particles::Library;
 use crate::shape::Shape;
@@ -109,7 +109,7 @@ pub(super) fn scene(
     if let (Some(time), Some(section), Some(interactions)) = (&time, &time_section, &interactions)
         && shapes.complete
     {
-        let law = law::linear(interactions.clone(), limit_damping, &shapes.library);
+        let law = linear::law(interactions.clone(), limit_damping, &shapes.library);
         check_step(section, time, &shapes.library, &*law);
     }
     if let (Some(time), Some(ξ), Some(given)) = (&time, global_damping, root.get("global_damping"))

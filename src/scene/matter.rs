@@ -5,9 +5,10 @@ use super::geometry::geometry;
 use super::reader::{Given, Range, Section};
 use super::report::suggestion;
 use crate::ids::MaterialId;
-use crate::law::{Constants, Interactions, Material, damping_ratio_of_restitution};
+use crate::law::linear::{Constants, Interactions, damping_ratio_of_restitution};
 use crate::particles::Library;
 use crate::shape::{Shape, Sphere};
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 // --- names ---
@@ -68,9 +69,20 @@ impl Names {
 
 // --- materials ---
 
+/// What a body is made of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Material {
+    /// Its name.
+    pub name: String,
+    /// Density [kg/m³].
+    pub density: f64,
+}
+
 pub(super) struct Materials {
     pub(super) names: Names,
     pub(super) items: Vec<Option<Material>>,
+    /// How two bodies of each act on each other.
+    constants: Vec<Option<Constants>>,
 }
 
 impl Materials {
@@ -78,18 +90,17 @@ impl Materials {
         let mut names = Names::of("material");
         let what = "`name`, `density` [kg/m3], `normal_stiffness` [N/m]";
         let sections = root.some_sections("material", what);
-        let items = sections
-            .iter()
-            .map(|section| {
-                names.add(section);
-                let name = names.names.last()?.clone();
-                let density = section.number("density", Range::Positive, "kg/m3");
-                let contact = constants(section, None, limit_damping);
-                section.finish();
-                Some(Material { name, density: density?, contact: contact? })
-            })
-            .collect();
-        Self { names, items }
+        let read = sections.iter().map(|section| {
+            names.add(section);
+            let name = names.names.last().cloned();
+            let density = section.number("density", Range::Positive, "kg/m3");
+            let constants = constants(section, None, limit_damping);
+            section.finish();
+            let material = name.zip(density).map(|(name, density)| Material { name, density });
+            (material, constants)
+        });
+        let (items, constants) = read.unzip();
+        Self { names, items, constants }
     }
 
     pub(super) fn find_in(&self, section: &Section, key: &'static str) -> Option<MaterialId> {
@@ -155,7 +166,7 @@ pub(super) fn interactions(
     materials: &Materials,
     limit_damping: bool,
 ) -> Option<Interactions> {
-    let all: Option<Vec<Material>> = materials.items.iter().cloned().collect();
+    let all: Option<Vec<Constants>> = materials.constants.iter().copied().collect();
     let mut interactions = all.map(|all| Interactions::new(&all));
     let mut seen = Vec::new();
     let mut complete = true;

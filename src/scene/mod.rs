@@ -120,7 +120,7 @@ pub use crate::drive::rain::Rain;
 pub use crate::drive::servo::Servo;
 use crate::ids::ShapeId;
 use crate::law::stability::{self, TimeStepLimit};
-use crate::law::{self, ForceLaw, Interactions, Material};
+use crate::law::{ForceLaw, linear};
 use crate::math::{Quat, Vec3};
 pub use crate::particles::mix::Mix;
 use crate::particles::walls::Wall;
@@ -128,6 +128,7 @@ use crate::particles::{Library, Needs};
 use crate::shape::Kind;
 pub use crate::sim::run::Stop;
 use check::Need;
+pub use matter::Material;
 use report::Report;
 pub use report::{Place, Problem, SceneErrors};
 use serde::{Deserialize, Serialize};
@@ -145,7 +146,7 @@ pub struct Scene {
     /// Materials, by `MaterialId`.
     pub materials: Vec<Material>,
     /// Contact constants of every pair of materials.
-    pub interactions: Interactions,
+    pub interactions: linear::Interactions,
     /// Shapes of particles, then of walls, by `ShapeId`.
     pub library: Library,
     /// Walls, in the order of their ids.
@@ -257,7 +258,7 @@ impl Scene {
 
     /// The force law of the scene.
     pub fn law(&self) -> Box<dyn ForceLaw> {
-        law::linear(self.interactions.clone(), self.limit_damping, &self.library)
+        linear::law(self.interactions.clone(), self.limit_damping, &self.library)
     }
 
     /// The kinds of shape that particles have.

@@ -10,12 +10,27 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
+mod constants;
+
+pub use constants::{Constants, Interactions, damping_ratio_of_restitution};
+
+use super::kernel::Law;
 use super::kernel::{Action, Contact, Model, Spread, carried, dashpot, reduced_mass};
-use super::{Constants, Hardest, Interactions};
+use super::{ForceLaw, Hardest};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
 use crate::particles::{Library, Needs};
+
+/// Linear springs and dashpots with friction between bodies of a library; if `limit_damping`, no dashpot makes a contact
+/// attractive.
+pub fn law(
+    interactions: Interactions,
+    limit_damping: bool,
+    library: &Library,
+) -> Box<dyn ForceLaw> {
+    Box::new(Law::new(Linear::new(interactions, limit_damping), library))
+}
 
 /// The linear spring and dashpot with Coulomb friction.
 #[derive(Clone, Debug)]

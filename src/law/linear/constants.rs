@@ -1,0 +1,116 @@
+//! Constants of linear contacts: how those of two materials mix, and which damping ratio a restitution means.
+
+use crate::ids::MaterialId;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// The constants of a contact between two materials; by default nothing acts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Constants {
+    /// Normal stiffness of a contact [N/m].
+    pub normal_stiffness: f64,
+    /// Tangential stiffness of a contact [N/m].
+    pub tangential_stiffness: f64,
+    /// Coefficient of friction [-].
+    pub friction: f64,
+    /// Damping ratio of the normal dashpot, as a fraction of critical damping of the pair [-].
+    pub normal_damping_ratio: f64,
+    /// Damping ratio of the tangential dashpot [-].
+    pub tangential_damping_ratio: f64,
+}
+
+impl Constants {
+    /// Of a contact between two materials about which the scene says nothing more: stiffnesses as of
+    /// two half springs in series (the harmonic mean), the lower friction, the mean damping ratios.
+    pub fn mixed(a: &Self, b: &Self) -> Self {
+        let series = |x: f64, y: f64| if x + y > 0.0 { 2.0 * x * y / (x + y) } else { 0.0 };
+        Self {
+            normal_stiffness: series(a.normal_stiffness, b.normal_stiffness),
+            tangential_stiffness: series(a.tangential_stiffness, b.tangential_stiffness),
+            friction: if a.friction < b.friction { a.friction } else { b.friction },
+            normal_damping_ratio: 0.5 * (a.normal_damping_ratio + b.normal_damping_ratio),
+            tangential_damping_ratio: 0.5
+                * (a.tangential_damping_ratio + b.tangential_damping_ratio),
+        }
+    }
+
+    /// Does a contact feel tangential motion?
+    pub fn is_frictional(&self) -> bool {
+        self.friction > 0.0 && self.tangential_stiffness > 0.0
+    }
+}
+
+/// The damping ratio `ζ` of a linear dashpot that gives a head-on collision this coefficient of
+/// restitution, in (0, 1].
+///
+/// If the dashpot may attract until the overlap is zero, `e = exp(-π ζ / √(1 - ζ²))`. If `limited`, the
+/// contact ends when the force does, and with `ζ = sin θ` it is `e = exp(-(π - 2θ) tan θ)`, beyond critical
+/// damping with `ζ = cosh u` `e = exp(-2u coth u)` (Schwager and Pöschel 2007,
+/// DOI 10.1007/s10035-007-0065-z).
+pub fn damping_ratio_of_restitution(restitution: f64, limited: bool) -> f64 {
+    let wanted = -libm::log(restitution);
+    if !limited {
+        return wanted / (PI * PI + wanted * wanted).sqrt();
+    }
+    if wanted == 0.0 {
+        return 0.0;
+    }
+    // At critical damping the exponent is 2.
+    if wanted < 2.0 {
+        libm::sin(bisect(0.0, 0.5 * PI, |θ| (PI - 2.0 * θ) * libm::tan(θ) < wanted))
+    } else {
+        // u coth u lies between u and u + 1.
+        libm::cosh(bisect(0.0, 0.5 * wanted, |u| u == 0.0 || 2.0 * u / libm::tanh(u) < wanted))
+    }
+}
+
+/// The place between `low` and `high` up to which `below` holds.
+fn bisect(mut low: f64, mut high: f64, below: impl Fn(f64) -> bool) -> f64 {
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if below(middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}
+
+/// The constants of every pair of materials.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Interactions {
+    materials: usize,
+    constants: Vec<Constants>,
+}
+
+impl Interactions {
+    /// Mixed from those of each material with itself.
+    pub fn new(own: &[Constants]) -> Self {
+        let constants =
+            own.iter().flat_map(|a| own.iter().map(|b| Constants::mixed(a, b))).collect();
+        Self { materials: own.len(), constants }
+    }
+
+    /// Of these two materials, in either order.
+    #[inline]
+    pub fn of(&self, a: MaterialId, b: MaterialId) -> &Constants {
+        &self.constants[a.index() * self.materials + b.index()]
+    }
+
+    /// Replaces those of two materials.
+    pub fn set(&mut self, a: MaterialId, b: MaterialId, constants: Constants) {
+        self.constants[a.index() * self.materials + b.index()] = constants;
+        self.constants[b.index() * self.materials + a.index()] = constants;
+    }
+
+    /// Those of a material with each material.
+    pub fn of_material(&self, material: MaterialId) -> &[Constants] {
+        &self.constants[material.index() * self.materials..][..self.materials]
+    }
+
+    /// All of them.
+    pub fn iter(&self) -> impl Iterator<Item = &Constants> {
+        self.constants.iter()
+    }
+}
