@@ -155,6 +155,14 @@ impl ParticleColumn {
         (self.get)(table)
     }
 
+    /// Does a scene with these needs have it?
+    pub fn is_there(&self, needs: &Needs) -> bool {
+        match self.presence {
+            Presence::Always => true,
+            Presence::If(is_needed) => is_needed(needs),
+        }
+    }
+
     /// May a table leave it empty?
     pub const fn is_optional(&self) -> bool {
         matches!(self.presence, Presence::If(_))
@@ -355,12 +363,9 @@ pub fn elements() -> [usize; 2] {
 
 /// Bytes of a particle in the columns that a scene needs.
 pub fn particle_bytes(needs: &Needs) -> usize {
-    let is_there = |column: &&ParticleColumn| match column.presence {
-        Presence::Always => true,
-        Presence::If(is_needed) => is_needed(needs),
-    };
     let empty = ParticleTable::default();
-    PARTICLE_COLUMNS.iter().filter(is_there).map(|column| column.of(&empty).row_bytes()).sum()
+    let there = PARTICLE_COLUMNS.iter().filter(|column| column.is_there(needs));
+    there.map(|column| column.of(&empty).row_bytes()).sum()
 }
 
 /// Numbers of particles, so many of each.

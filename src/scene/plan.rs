@@ -6,6 +6,7 @@ use crate::contact::{ContactResolver, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
 use crate::ids::MaterialId;
 use crate::math::{ExactSum, Vec3};
+use crate::output::columns::PARTICLE_COLUMNS;
 use crate::output::snapshot::{contact_bytes, particle_bytes};
 use crate::shape::moments::Placement;
 use crate::shape::{Kind, Shape};
@@ -189,6 +190,8 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         })
         .map(|(name, _, _)| name)
         .collect();
+    let not_saved = PARTICLE_COLUMNS.iter().filter(|column| !column.is_there(&needs));
+    let not_saved: Vec<&str> = not_saved.map(|column| column.name).collect();
     let reasons = [
         (!needs.attitude, "no attitude: all shapes are spheres".to_owned()),
         (!needs.spin, "no rotation: spheres without friction feel no moment".to_owned()),
@@ -198,6 +201,9 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         (scene.gravity == Vec3::zeros(), "no gravity".to_owned()),
         (scene.stop == Stop::default(), "no stop criterion: all steps are taken".to_owned()),
         (scene.servos.is_empty(), "no sum over all ranks in each step: no servos".to_owned()),
+        (scene.rain.is_none(), "no insertion: no rain".to_owned()),
+        (!scene.walls.iter().any(|wall| wall.moves), "no work of walls: none moves".to_owned()),
+        (!not_saved.is_empty(), format!("not in snapshots: {}", not_saved.join(", "))),
         (!open.is_empty(), format!("no walls on these sides of the domain: {}", open.join(", "))),
     ];
     page.section("Left out");

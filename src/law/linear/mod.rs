@@ -14,8 +14,7 @@ mod constants;
 
 pub use constants::{Constants, Interactions, damping_ratio_of_restitution};
 
-use super::kernel::Law;
-use super::kernel::{Action, Contact, Model, Spread, carried, dashpot, reduced_mass};
+use super::kernel::{Action, Contact, Law, Model, Spread, carried, dashpot, reduced_mass};
 use super::{ForceLaw, Hardest};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
