@@ -5,8 +5,8 @@
 //!
 //! | row | modules | what they are |
 //! |---|---|---|
-//! | 1 | [`ids`] [`math`] [`lanes`] [`timing`] | names of things, vectors, eight numbers at once, the clock |
-//! | 2 | [`cell`] [`random`] [`shape`] [`comm`] | the box and how it repeats; chance; what a grain is; how ranks talk |
+//! | 1 | [`ids`] [`math`] [`lanes`] [`timing`] | identifiers, vectors, eight numbers at once, timing |
+//! | 2 | [`cell`] [`random`] [`shape`] [`comm`] | the box and its periods; random numbers; shapes; communication |
 //! | 3 | [`contact`] | from two shapes to overlap, normal and point |
 //! | 4 | [`particles`] [`pairs`] | columns of everything a rank owns or sees; pairs that stand by themselves |
 //! | 5 | [`law`] [`motion`] | from overlap to force; from force to motion |

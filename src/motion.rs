@@ -144,7 +144,7 @@ pub fn kick_and_drift(particles: &mut Particles, field: &Field, dt: f64) -> Fart
     }
     farthest.moved.0 = farthest_squared.sqrt();
     wrap(particles);
-    if particles.attitude.is_some() {
+    if particles.orientation.is_some() {
         lanes::dispatch(Turn { particles, kick, dt, turned: &mut farthest.turned });
     } else {
         kick.spheres(particles);
@@ -164,7 +164,7 @@ pub fn kick(particles: &mut Particles, field: &Field, dt: f64) {
             particles.dissipated[slot] += mass * kick.lost(&after, &before, &after);
         }
     }
-    if particles.attitude.is_none() {
+    if particles.orientation.is_none() {
         kick.spheres(particles);
     } else {
         kick_momenta(particles, kick);
@@ -266,7 +266,7 @@ impl Turn<'_> {
         let Self { particles, kick, dt, turned } = self;
         let Particles {
             spin: Some(spin),
-            attitude: Some(attitude),
+            orientation: Some(orientation),
             library,
             shape,
             dissipated,
@@ -283,13 +283,13 @@ impl Turn<'_> {
 
         let mut momenta = [spin.angular_momentum[first].as_ref(); WIDTH];
         let mut torques = [bytemuck::cast_ref(&spin.torque[first]); WIDTH];
-        let mut quaternions = [attitude.quaternion[first].coords.as_ref(); WIDTH];
+        let mut quaternions = [orientation.quaternion[first].coords.as_ref(); WIDTH];
         let mut inertias = [library.inertia[shapes[0].index()].as_ref(); WIDTH];
         for lane in 0..WIDTH {
             let slot = first + lane.min(count - 1);
             momenta[lane] = spin.angular_momentum[slot].as_ref();
             torques[lane] = bytemuck::cast_ref(&spin.torque[slot]);
-            quaternions[lane] = attitude.quaternion[slot].coords.as_ref();
+            quaternions[lane] = orientation.quaternion[slot].coords.as_ref();
             inertias[lane] = library.inertia[shape[slot].index()].as_ref();
         }
         let (before, torque) = (Triple::<L>::of(&momenta), Triple::of_four(&torques));
@@ -312,7 +312,7 @@ impl Turn<'_> {
             spin.angular_velocity[slot] = row(&at_end, lane).into();
             let [i, j, k, w] = end.each_ref().map(|column| column[lane]);
             let quaternion = Quat::new_unchecked(Quaternion::new(w, i, j, k));
-            attitude.set(slot, quaternion, &library.shapes[shape.index()]);
+            orientation.set(slot, quaternion, &library.shapes[shape.index()]);
             travel[slot] += library.radius[shape.index()] * angle[lane];
             if angle[lane] > turned.0 && library.shapes[shape.index()].kind() != Kind::Sphere {
                 **turned = (angle[lane], slot);
@@ -458,12 +458,12 @@ mod tests {
     }
 
     fn bits(particles: &Particles, slot: usize) -> Vec<u64> {
-        let (spin, attitude) =
-            (particles.spin.as_ref().unwrap(), particles.attitude.as_ref().unwrap());
+        let (spin, orientation) =
+            (particles.spin.as_ref().unwrap(), particles.orientation.as_ref().unwrap());
         let numbers = (spin.angular_momentum[slot].iter())
             .chain(&spin.angular_velocity[slot])
-            .chain(&attitude.quaternion[slot].coords)
-            .chain(&attitude.form[slot])
+            .chain(&orientation.quaternion[slot].coords)
+            .chain(&orientation.form[slot])
             .chain([&particles.travel[slot], &particles.dissipated[slot]]);
         numbers.map(|x| x.to_bits()).collect()
     }

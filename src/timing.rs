@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 /// A phase of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Integration of positions and attitudes, moving walls.
+    /// Integration of positions and orientations, moving walls.
     Move,
     /// Migration, ghosts, load balance and the list of pairs, when the list is rebuilt.
     Rebuild,

@@ -63,7 +63,7 @@ fn mixture() -> String {
     MIXTURE.replace("MATERIAL", &MATERIAL.replace("restitution = 0.5", "restitution = 0.85"))
 }
 
-/// Positions, attitudes, velocities, contacts: bit by bit, in the order of ids.
+/// Positions, orientations, velocities, contacts: bit by bit, in the order of ids.
 fn state(scene: &Scene, ranks: u32, steps: u64) -> (Vec<(u64, Vec<u64>)>, usize, Measures) {
     let parts = threads::run(ranks, |comm| {
         let mut sim = begun(scene, comm);

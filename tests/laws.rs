@@ -224,15 +224,15 @@ fn the_spinning_top_turns_as_euler_says_in_second_order() {
     for case in reference["cases"].as_array().unwrap() {
         let omega = vector(&case["omega0_body"]);
         let q = numbers(&case["quaternion0"]);
-        let attitude = Quat::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]));
-        let momentum = attitude * inertia.component_mul(&omega);
+        let orientation = Quat::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]));
+        let momentum = orientation * inertia.component_mul(&omega);
         let times = numbers(&case["t"]);
         let end = times.iter().position(|&t| t >= 5.0).unwrap();
         let expected_omega = vector(&case["omega_body"][end]);
         let error = |dt: f64| {
             let material = "density = 1\nnormal_stiffness = 1";
             let mut top = at(0, Vec3::zeros(), Vec3::zeros());
-            top.quaternion = attitude;
+            top.quaternion = orientation;
             top.angular_momentum = momentum;
             let mut bench = Bench::new(&text(&shape, material, OPEN_BOX, dt), &[top]);
             for _ in 0..(times[end] / dt).round() as usize {
@@ -241,7 +241,7 @@ fn the_spinning_top_turns_as_euler_says_in_second_order() {
             let particles = &bench.sim.particles;
             let spin = particles.spin.as_ref().unwrap();
             assert_eq!(spin.angular_momentum[0], momentum, "free bodies keep L to the last bit");
-            let q = particles.attitude.as_ref().unwrap().quaternion[0];
+            let q = particles.orientation.as_ref().unwrap().quaternion[0];
             assert!((q.norm() - 1.0).abs() < 1e-15, "quaternions stay unit");
             let expected = numbers(&case["quaternion_wxyz_body_to_world"][end]);
             let expected = Quaternion::new(expected[0], expected[1], expected[2], expected[3]);
@@ -439,7 +439,7 @@ fn an_ellipsoid_rocks_at_the_frequencies_of_the_reference() {
                 let mut before = tilt;
                 while crossings.len() < 4 {
                     bench.step();
-                    let q = bench.sim.particles.attitude.as_ref().unwrap().quaternion[0];
+                    let q = bench.sim.particles.orientation.as_ref().unwrap().quaternion[0];
                     let angle = 2.0 * q.imag().dot(&about);
                     if before < 0.0 && angle >= 0.0 {
                         let part = -before / (angle - before);
@@ -477,7 +477,7 @@ fn an_ellipsoid_rocks_far_as_the_reference_does() {
             while bench.sim.time() < time - 0.5 * dt {
                 bench.step();
             }
-            let q = bench.sim.particles.attitude.as_ref().unwrap().quaternion[0];
+            let q = bench.sim.particles.orientation.as_ref().unwrap().quaternion[0];
             let found = 2.0 * q.imag().y.asin();
             assert!((found - angle).abs() < 2e-4, "angle {found} at {time} s, expected {angle}");
             close(bench.sim.particles.position[0].z, height, 2e-5, "height");

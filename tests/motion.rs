@@ -262,7 +262,7 @@ fn a_symmetric_top_precesses_with_second_order() {
             let csv = "x,y,z,vx,vy,vz,wx,wy,wz\n0,0,0,0,0,0,300,40,0\n";
             let mut turned = Quat::identity();
             run(&scene(WIDE, STIFF, &shape, end / steps as f64, csv), steps, |sim, _| {
-                turned = sim.particles.attitude.as_ref().expect("it turns").quaternion[0];
+                turned = sim.particles.orientation.as_ref().expect("it turns").quaternion[0];
             });
             let precession = Quat::new(momentum / across * end);
             let own = Quat::new(Vec3::x() * (omega.x * (1.0 - along / across) * end));

@@ -114,7 +114,7 @@ pub(crate) fn push_force(
     table.shear_force.push(shear);
 }
 
-/// `side`³ ellipsoids at random attitudes about a lattice in a box with a floor and four sides;
+/// `side`³ ellipsoids at random orientations about a lattice in a box with a floor and four sides;
 /// neighbours are taken to touch, with forces that grow downwards.
 pub(crate) fn ellipsoids(side: u32, seed: u64) -> Snapshot {
     let mut dice = Random::of(seed, 0);

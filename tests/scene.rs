@@ -455,7 +455,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
     let balls = plan(&scene, 1);
     for line in [
         "sphere-sphere: closed form",
-        "no attitude: all shapes are spheres",
+        "no orientation: all shapes are spheres",
         "no rotation: spheres without friction feel no moment",
         "no tangential history: friction is 0 everywhere",
         "no gravity",
@@ -470,7 +470,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         assert!(balls.contains(line), "no \"{line}\" in\n{balls}");
     }
     let scene = every_key();
-    let needs = Needs { velocity: true, spin: true, attitude: true, form: false, image: true };
+    let needs = Needs { velocity: true, spin: true, orientation: true, form: false, image: true };
     assert_eq!(scene.needs(), needs);
     let all = plan(&scene, 4);
     for line in [
@@ -480,7 +480,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "servo           -y, +y: 1e5 Pa, at most 5e-1 m/s, gain 0.8",
         "a sum of 1072 bytes over all ranks in each step",
         "columns         position, velocity, force; angular velocity, torque; \
-         attitude, angular momentum; counts of periods",
+         orientation, angular momentum; counts of periods",
         "104 bytes in the message of each step",
         "Left out\n  nothing\n",
     ] {

@@ -455,14 +455,14 @@ impl Corner {
 #[cfg(test)]
 mod tests {
     use super::Epa;
-    use crate::contact::{ContactResolver, Outcome, Posed, attitudes, directions_tried};
+    use crate::contact::{ContactResolver, Outcome, Posed, directions_tried, orientations};
     use crate::math::Vec3;
     use crate::shape::{Ellipsoid, Shape};
 
-    /// What is found of the `k`-th pair of equal ellipsoids with this overlap along the normal of [`attitudes`].
+    /// What is found of the `k`-th pair of equal ellipsoids with this overlap along the normal of [`orientations`].
     fn found(epa: Epa, semi_axes: Vec3, k: f64, overlap: f64, last: Option<&Vec3>) -> Outcome {
         let shape = Shape::Ellipsoid(Ellipsoid { semi_axes });
-        let ([one, other], normal) = attitudes(k);
+        let ([one, other], normal) = orientations(k);
         let a = Posed { shape: &shape, frame: &one };
         let b = Posed { shape: &shape, frame: &other };
         let r = a.support(&normal) - b.support(&-normal) - normal * overlap;
@@ -475,7 +475,7 @@ mod tests {
         let semi_axes = Vec3::new(1.0, 0.5, 0.4);
         for i in 0..500 {
             let k = f64::from(i);
-            let normal = attitudes(k).1;
+            let normal = orientations(k).1;
             // Less than the least radii of curvature: no other minimum.
             let overlap = 1e-3 + 0.02 * (0.9 * k).sin().abs();
             let outcome = found(Epa::new(1e-5), semi_axes, k, overlap, None);
@@ -499,7 +499,7 @@ mod tests {
             for i in 0..500 {
                 let k = f64::from(i);
                 let overlap = 1e-4 + 0.01 * (0.9 * k).sin().abs();
-                let last = last(k, attitudes(k).1);
+                let last = last(k, orientations(k).1);
                 let outcome = found(epa, semi_axes, k, overlap, last.as_ref());
                 let Outcome::Touching(touch) = outcome else { panic!("pair {i} was not resolved") };
                 let off = touch.overlap - overlap;
@@ -526,9 +526,9 @@ mod tests {
         let semi_axes = Vec3::new(2.0, 1.0, 0.7);
         for i in 0..500 {
             let k = f64::from(i);
-            let normal = attitudes(k).1;
+            let normal = orientations(k).1;
             let clearance = 1e-8 + 1e-6 * (0.9 * k).sin().abs();
-            for last in [normal, attitudes(k + 0.1).1, -normal] {
+            for last in [normal, orientations(k + 0.1).1, -normal] {
                 let outcome = found(Epa::new(1e-4), semi_axes, k, -clearance, Some(&last));
                 let Outcome::Apart(bound) = outcome else { panic!("pair {i} touches") };
                 assert!(bound <= clearance + 4e-15, "pair {i}: {bound:e} of {clearance:e}");

@@ -101,7 +101,7 @@ fn if_intersecting(touch: Touch, told: Separation) -> Outcome {
 #[cfg(test)]
 mod tests {
     use super::{Difference, ErodedGjk, Separation, if_intersecting, separate, touch_along};
-    use crate::contact::{ContactResolver, Outcome, Posed, Touch, Why, attitudes};
+    use crate::contact::{ContactResolver, Outcome, Posed, Touch, Why, orientations};
     use crate::math::{Mat3, Vec3};
     use crate::shape::{Ellipsoid, Shape, Sphere};
 
@@ -125,7 +125,7 @@ mod tests {
         let mut met = [0, 0];
         for i in 0..4000 {
             let k = f64::from(i);
-            let ([frame, other], toward) = attitudes(k);
+            let ([frame, other], toward) = orientations(k);
             let a = Posed { shape: &shape, frame: &frame };
             let b = Posed { shape: &shape, frame: &other };
             // About the size of the spurious overlaps, on both sides.
@@ -153,7 +153,7 @@ mod tests {
         let mut met = 0;
         for i in 0..2000 {
             let k = f64::from(i);
-            let ([frame, other], toward) = attitudes(k);
+            let ([frame, other], toward) = orientations(k);
             let a = Posed { shape: &shape, frame: &frame };
             let b = Posed { shape: &shape, frame: &other };
             let overlap = 1e-3 * (0.9 * k).sin();

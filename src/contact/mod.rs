@@ -516,7 +516,7 @@ pub fn ordered((a, b): (Kind, Kind)) -> (Kind, Kind) {
 
 /// The frames of two bodies and a direction, others for each `k`: for tests.
 #[cfg(test)]
-fn attitudes(k: f64) -> ([Mat3; 2], Vec3) {
+fn orientations(k: f64) -> ([Mat3; 2], Vec3) {
     let frame = |roll, pitch, yaw| {
         crate::math::Quat::from_euler_angles(roll, pitch, yaw).to_rotation_matrix().into_inner()
     };

@@ -52,7 +52,7 @@ impl Columns {
         reserve(history, count);
         reserve(forces, count);
         reserve(state, count * width);
-        if needs.attitude {
+        if needs.orientation {
             reserve(points, count);
         }
     }

@@ -65,7 +65,7 @@ pub fn cells_along(length: f64, width: f64) -> u32 {
 }
 
 /// The particles of the next layer, if so many are `left` to fall. Ids count from `first_id`. Shape,
-/// attitude and place are those of the id under the scene's `seed`.
+/// orientation and place are those of the id under the scene's `seed`.
 pub fn layer(rain: &Rain, seed: u64, left: u64, first_id: u64, library: &Library) -> Vec<Particle> {
     let [nx, ny, nz] = rain.cells().map(u64::from);
     let cell = (rain.high - rain.low).component_div(&Vec3::new(nx as f64, ny as f64, nz as f64));

@@ -63,7 +63,7 @@ pub static PARTICLE_COLUMNS: [ParticleColumn; 14] = [
         name: "quaternion",
         place: "/VTKHDF/PointData/quaternion",
         unit: "1",
-        presence: Presence::If(|needs| needs.attitude),
+        presence: Presence::If(|needs| needs.orientation),
         get: |table| &table.quaternion,
         get_mut: |table| &mut table.quaternion,
     },

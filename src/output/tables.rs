@@ -128,7 +128,7 @@ pub struct ParticleTable {
     pub received: Vec<f64>,
     /// Whole periods added to `position` to follow the particle through a periodic domain. Optional.
     pub image: Vec<[i32; 3]>,
-    /// Attitude (w, x, y, z), body to world. Optional: absent if all are spheres.
+    /// Orientation (w, x, y, z), body to world. Optional: absent if all are spheres.
     pub quaternion: Vec<[f64; 4]>,
     /// Angular momentum at the time of `position`, world axes [kg m²/s]. Optional.
     pub angular_momentum: Vec<Vec3>,

@@ -1,7 +1,7 @@
 //! Columns of everything that a rank owns or sees.
 //!
 //! Slots run owned | ghosts | walls. A column that the scene does not need does not exist: spheres
-//! without friction do not turn, a scene of spheres only has no attitude.
+//! without friction do not turn, a scene of spheres only has no orientation.
 
 pub mod mix;
 pub mod records;
@@ -83,10 +83,10 @@ pub struct Needs {
     pub velocity: bool,
     /// Angular velocity, torque.
     pub spin: bool,
-    /// Attitude and angular momentum, for any shape but the sphere, and contact points, which of balls follow from
+    /// Orientation and angular momentum, for any shape but the sphere, and contact points, which of balls follow from
     /// their overlaps. Implies `spin`.
-    pub attitude: bool,
-    /// Matrices of ellipsoids, for the common-normal method. Implies `attitude`.
+    pub orientation: bool,
+    /// Matrices of ellipsoids, for the common-normal method. Implies `orientation`.
     pub form: bool,
     /// Counts of whole periods: a periodic domain.
     pub image: bool,
@@ -97,7 +97,7 @@ impl Needs {
     pub const fn halo_values(&self) -> usize {
         3 + if self.velocity { 3 } else { 0 }
             + if self.spin && self.velocity { 3 } else { 0 }
-            + if self.attitude { 4 } else { 0 }
+            + if self.orientation { 4 } else { 0 }
     }
 
     /// Bytes per owned particle in the columns, contacts left out.
@@ -109,7 +109,7 @@ impl Needs {
             + 8
             + 16
             + if self.spin { 56 } else { 0 }
-            + if self.attitude { 24 + 32 } else { 0 }
+            + if self.orientation { 24 + 32 } else { 0 }
             + if self.form { 48 } else { 0 }
             + if self.image { 12 } else { 0 }
     }
@@ -127,16 +127,16 @@ pub struct Spin {
     pub torque: Vec<Vec3AndNumber>,
 }
 
-/// Attitude columns, where the scene needs them.
+/// Orientation columns, where the scene needs them.
 #[derive(Clone, Debug, Default)]
-pub struct Attitude {
+pub struct Orientation {
     /// Body to world. Length: owned + ghosts.
     pub quaternion: Vec<Quat>,
     /// Matrices of ellipsoids in place, if a method needs them. Length: owned + ghosts, or none.
     pub form: Vec<Form>,
 }
 
-impl Attitude {
+impl Orientation {
     /// Turns a body.
     #[inline]
     pub fn set(&mut self, slot: usize, quaternion: Quat, shape: &Shape) {
@@ -203,8 +203,8 @@ pub struct Particles {
     pub image: Vec<[i32; 3]>,
     /// Rotation, if any shape or law needs it.
     pub spin: Option<Spin>,
-    /// Attitude, if any shape needs it.
-    pub attitude: Option<Attitude>,
+    /// Orientation, if any shape needs it.
+    pub orientation: Option<Orientation>,
     /// The domain, and how it repeats.
     pub cell: Cell,
     /// The walls, the same on all ranks.
@@ -230,7 +230,7 @@ impl Particles {
             received: Vec::new(),
             image: Vec::new(),
             spin: needs.spin.then(Spin::default),
-            attitude: needs.attitude.then(Attitude::default),
+            orientation: needs.orientation.then(Orientation::default),
             cell,
             walls,
         };
@@ -242,8 +242,8 @@ impl Particles {
     pub fn bodies(&self) -> Bodies<'_> {
         Bodies {
             position: &self.position,
-            quaternion: self.attitude.as_ref().map(|a| &a.quaternion[..]),
-            form: self.attitude.as_ref().filter(|_| self.needs.form).map(|a| &a.form[..]),
+            quaternion: self.orientation.as_ref().map(|a| &a.quaternion[..]),
+            form: self.orientation.as_ref().filter(|_| self.needs.form).map(|a| &a.form[..]),
             shape: &self.shape,
             library: &self.library.shapes,
             curvature_radius: &self.library.curvature_radius,
@@ -314,9 +314,9 @@ impl Particles {
             spin.angular_velocity.shrink_to_fit();
             spin.torque.shrink_to_fit();
         }
-        if let Some(attitude) = &mut self.attitude {
-            attitude.quaternion.shrink_to_fit();
-            attitude.form.shrink_to_fit();
+        if let Some(orientation) = &mut self.orientation {
+            orientation.quaternion.shrink_to_fit();
+            orientation.form.shrink_to_fit();
         }
     }
 
@@ -326,7 +326,8 @@ impl Particles {
             .spin
             .as_ref()
             .map_or(0, |s| held(&s.angular_momentum) + held(&s.angular_velocity) + held(&s.torque));
-        let attitude = self.attitude.as_ref().map_or(0, |a| held(&a.quaternion) + held(&a.form));
+        let orientation =
+            self.orientation.as_ref().map_or(0, |a| held(&a.quaternion) + held(&a.form));
         held(&self.id)
             + held(&self.shape)
             + held(&self.position)
@@ -338,7 +339,7 @@ impl Particles {
             + held(&self.received)
             + held(&self.image)
             + spin
-            + attitude
+            + orientation
     }
 
     /// Drops ghosts and walls, so that owned particles may come and go.
@@ -352,8 +353,8 @@ impl Particles {
         if let Some(spin) = &mut self.spin {
             spin.angular_velocity.truncate(owned);
         }
-        if let Some(attitude) = &mut self.attitude {
-            attitude.resize(owned, self.needs);
+        if let Some(orientation) = &mut self.orientation {
+            orientation.resize(owned, self.needs);
         }
     }
 
@@ -385,18 +386,18 @@ impl Particles {
         if self.needs.image {
             self.image.push(*image);
         }
-        if let Some(attitude) = &mut self.attitude {
+        if let Some(orientation) = &mut self.orientation {
             let slot = self.owned;
-            attitude.resize(slot + 1, self.needs);
-            attitude.set(slot, *quaternion, &self.library.shapes[shape.index()]);
+            orientation.resize(slot + 1, self.needs);
+            orientation.set(slot, *quaternion, &self.library.shapes[shape.index()]);
         }
         self.owned += 1;
-        let angular_velocity = match &self.attitude {
+        let angular_velocity = match &self.orientation {
             Some(_) => self.angular_velocity_for(self.owned - 1, angular_momentum),
             None => *angular_velocity,
         };
         if let Some(spin) = &mut self.spin {
-            if self.needs.attitude {
+            if self.needs.orientation {
                 spin.angular_momentum.push(*angular_momentum);
             }
             spin.angular_velocity.push(angular_velocity);
@@ -407,7 +408,7 @@ impl Particles {
     /// An owned particle with all its state.
     pub fn owned_particle(&self, slot: usize) -> Particle {
         let spin = self.spin.as_ref();
-        let attitude = self.attitude.as_ref();
+        let orientation = self.orientation.as_ref();
         Particle {
             id: self.id[slot],
             shape: self.shape[slot],
@@ -417,7 +418,8 @@ impl Particles {
             dissipated: self.dissipated[slot],
             received: self.received[slot],
             image: self.image.get(slot).copied().unwrap_or_default(),
-            quaternion: attitude.map_or_else(Quat::identity, |attitude| attitude.quaternion[slot]),
+            quaternion: orientation
+                .map_or_else(Quat::identity, |orientation| orientation.quaternion[slot]),
             angular_momentum: self.angular_momentum(slot),
             angular_velocity: spin.map_or_else(Vec3::zeros, |spin| spin.angular_velocity[slot]),
             torque: spin.map_or_else(Vec3::zeros, |spin| spin.torque[slot].vector),
@@ -438,14 +440,14 @@ impl Particles {
         if self.needs.image {
             self.image.swap_remove(slot);
         }
-        if let Some(attitude) = &mut self.attitude {
-            attitude.quaternion.swap_remove(slot);
+        if let Some(orientation) = &mut self.orientation {
+            orientation.quaternion.swap_remove(slot);
             if self.needs.form {
-                attitude.form.swap_remove(slot);
+                orientation.form.swap_remove(slot);
             }
         }
         if let Some(spin) = &mut self.spin {
-            if self.needs.attitude {
+            if self.needs.orientation {
                 spin.angular_momentum.swap_remove(slot);
             }
             spin.angular_velocity.swap_remove(slot);
@@ -467,7 +469,7 @@ impl Particles {
     /// Angular velocity of an owned particle; zero if the scene does not need it [rad/s].
     pub fn angular_velocity(&self, slot: usize) -> Vec3 {
         match &self.spin {
-            Some(_) if self.needs.attitude => {
+            Some(_) if self.needs.orientation => {
                 self.angular_velocity_for(slot, &self.angular_momentum(slot))
             }
             Some(spin) => spin.angular_velocity[slot],
@@ -475,13 +477,13 @@ impl Particles {
         }
     }
 
-    /// Angular velocity of a particle with this angular momentum in its attitude: `R I⁻¹ Rᵀ L`.
+    /// Angular velocity of a particle with this angular momentum in its orientation: `R I⁻¹ Rᵀ L`.
     #[inline]
     pub fn angular_velocity_for(&self, slot: usize, momentum: &Vec3) -> Vec3 {
         let inertia = &self.library.inertia[self.shape[slot].index()];
-        match &self.attitude {
-            Some(attitude) => {
-                let frame = attitude.quaternion[slot].to_rotation_matrix().into_inner();
+        match &self.orientation {
+            Some(orientation) => {
+                let frame = orientation.quaternion[slot].to_rotation_matrix().into_inner();
                 frame * frame.tr_mul(momentum).component_div(inertia)
             }
             None => momentum / inertia.x,
@@ -522,7 +524,7 @@ pub(crate) fn crowd(count: u64) -> Particles {
     let egg = Ellipsoid { semi_axes: Vec3::new(2e-3, 1.5e-3, 1e-3) };
     library.push("egg", Shape::Ellipsoid(egg), MaterialId(0), 2500.0);
     library.push("ball", Shape::Sphere(Sphere { radius: 1e-3 }), MaterialId(1), 1000.0);
-    let needs = Needs { velocity: true, spin: true, attitude: true, form: true, image: false };
+    let needs = Needs { velocity: true, spin: true, orientation: true, form: true, image: false };
     let cell = Cell::new(Vec3::zeros(), Vec3::repeat(0.1), [false, false, true]);
     let mut particles = Particles::new(needs, library, Vec::new(), cell);
     for id in 0..count {

@@ -5,7 +5,7 @@
 //! | id, shape | x | x | |
 //! | position | x | x | x |
 //! | velocity | x | x, if a law needs it | x, if a law needs it |
-//! | attitude | x | x, if a shape needs it | x, if a shape needs it |
+//! | orientation | x | x, if a shape needs it | x, if a shape needs it |
 //! | angular momentum | x, unless all are balls | | |
 //! | angular velocity | x, if all are balls | x, if a law needs it | x, if a law needs it |
 //! | force, torque, energies, image | x | | |
@@ -80,8 +80,8 @@ impl Particles {
                     values.extend_from_slice(spin.angular_velocity[slot].as_slice());
                 }
             }
-            if let Some(attitude) = &self.attitude {
-                values.extend_from_slice(attitude.quaternion[slot].coords.as_slice());
+            if let Some(orientation) = &self.orientation {
+                values.extend_from_slice(orientation.quaternion[slot].coords.as_slice());
             }
         }
         bytemuck::cast_slice(&values).to_vec()
@@ -117,14 +117,14 @@ impl Particles {
                     spin.angular_velocity[slot] = Vec3::from_column_slice(take(3));
                 }
             }
-            if let Some(attitude) = &mut self.attitude {
+            if let Some(orientation) = &mut self.orientation {
                 let coords = nalgebra::Vector4::from_column_slice(take(4));
                 // The owner's bits, not normalised again.
                 let quaternion = Quat::new_unchecked(coords.into());
                 // A turn by θ moves the quaternion by 2 sin(θ/4), which is more than 2θ/2.1 / 2.
-                let turned = (quaternion.coords - attitude.quaternion[slot].coords).norm();
+                let turned = (quaternion.coords - orientation.quaternion[slot].coords).norm();
                 moved += 2.1 * turned * self.library.radius[self.shape[slot].index()];
-                attitude.set(slot, quaternion, &self.library.shapes[self.shape[slot].index()]);
+                orientation.set(slot, quaternion, &self.library.shapes[self.shape[slot].index()]);
             }
             if let Some(travel) = self.travel.get_mut(slot) {
                 *travel += moved;
@@ -145,8 +145,8 @@ impl Particles {
         if let Some(spin) = &mut self.spin {
             spin.angular_velocity.resize(slots, Vec3::zeros());
         }
-        if let Some(attitude) = &mut self.attitude {
-            attitude.resize(slots, self.needs);
+        if let Some(orientation) = &mut self.orientation {
+            orientation.resize(slots, self.needs);
         }
     }
 }

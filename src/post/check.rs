@@ -24,8 +24,8 @@ pub(super) fn check_particles(header: &Header, particles: &ParticleTable) -> Res
     broken("position", not_finite(&particles.position))?;
     broken("velocity", not_finite(&particles.velocity))?;
     broken("force", not_finite(&particles.force))?;
-    let attitude = |q: &[f64; 4]| q.iter().all(|c| c.is_finite()) && q.iter().any(|&c| c != 0.0);
-    broken("quaternion", particles.quaternion.iter().position(|q| !attitude(q)))
+    let orientation = |q: &[f64; 4]| q.iter().all(|c| c.is_finite()) && q.iter().any(|&c| c != 0.0);
+    broken("quaternion", particles.quaternion.iter().position(|q| !orientation(q)))
 }
 
 /// Every number finite.

@@ -99,7 +99,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
         kinds.push(Kind::HalfSpace);
     }
     let mut found = contact::Found::default();
-    found.contacts.without_points = !needs.attitude;
+    found.contacts.without_points = !needs.orientation;
     Simulation {
         particles: Particles::new(needs, scene.library.clone(), scene.walls.clone(), scene.domain),
         pairs: PairList::default(),

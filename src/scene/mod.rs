@@ -275,10 +275,10 @@ impl Scene {
     /// The same with another law.
     pub fn needs_with(&self, law: &dyn ForceLaw) -> Needs {
         let law = law.needs();
-        let attitude = self.particle_kinds().iter().any(|&kind| kind != Kind::Sphere);
+        let orientation = self.particle_kinds().iter().any(|&kind| kind != Kind::Sphere);
         Needs {
-            spin: law.spin || attitude,
-            attitude,
+            spin: law.spin || orientation,
+            orientation,
             form: crate::contact::needs_form(&self.method, &self.particle_kinds()),
             image: self.domain.repeats(),
             ..law
@@ -327,7 +327,7 @@ pub struct Lattice {
     pub spacing: Vec3,
     /// How many along each axis.
     pub count: [u32; 3],
-    /// Random attitudes (of the scene's seed and the particle's id), or upright.
+    /// Random orientations (of the scene's seed and the particle's id), or upright.
     pub random_orientation: bool,
     /// Velocity of all [m/s].
     pub velocity: Vec3,

@@ -142,7 +142,7 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     let columns = [
         (true, "position, velocity, force"),
         (needs.spin, "angular velocity, torque"),
-        (needs.attitude, "attitude, angular momentum"),
+        (needs.orientation, "orientation, angular momentum"),
         (needs.image, "counts of periods"),
     ];
     let columns: Vec<&str> =
@@ -193,7 +193,7 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
     let not_saved = PARTICLE_COLUMNS.iter().filter(|column| !column.is_there(&needs));
     let not_saved: Vec<&str> = not_saved.map(|column| column.name).collect();
     let reasons = [
-        (!needs.attitude, "no attitude: all shapes are spheres".to_owned()),
+        (!needs.orientation, "no orientation: all shapes are spheres".to_owned()),
         (!needs.spin, "no rotation: spheres without friction feel no moment".to_owned()),
         (!needs.velocity, "no velocities of ghosts: no friction, no dashpots".to_owned()),
         (!needs.image, "no counts of periods: no axis is periodic".to_owned()),
@@ -226,7 +226,7 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     let remembered = scene.law();
     let state = remembered.state();
     let mut words = vec![format!("{CONTACT_COLUMNS} bytes of bodies, normal, overlap and force")];
-    if needs.attitude {
+    if needs.orientation {
         words.push("24 of the point".to_owned());
     }
     for StateColumn { name, width, .. } in state {

@@ -167,9 +167,11 @@ impl Simulation {
             image: particles.image.clone(),
             ..ParticleTable::default()
         };
-        if let Some(attitude) = &particles.attitude {
-            table.quaternion =
-                attitude.quaternion[owned.clone()].iter().map(|q| [q.w, q.i, q.j, q.k]).collect();
+        if let Some(orientation) = &particles.orientation {
+            table.quaternion = orientation.quaternion[owned.clone()]
+                .iter()
+                .map(|q| [q.w, q.i, q.j, q.k])
+                .collect();
         }
         if let Some(spin) = &particles.spin {
             table.angular_momentum = owned.clone().map(|s| particles.angular_momentum(s)).collect();

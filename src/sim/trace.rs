@@ -36,8 +36,8 @@ impl Simulation {
         vector("position", particles.position[slot]);
         vector("velocity", particles.velocity[slot]);
         vector("force", particles.force[slot].vector);
-        if let Some(attitude) = &particles.attitude {
-            let q = attitude.quaternion[slot];
+        if let Some(orientation) = &particles.orientation {
+            let q = orientation.quaternion[slot];
             let _ = write!(text, " quaternion={}", commas(&[q.w, q.i, q.j, q.k]));
         }
         if let Some(spin) = &particles.spin {

@@ -113,8 +113,8 @@ fn volumes_of_bodies_in_a_region() {
     let (mut largest, mut halves) = (0.0_f64, 0);
     for body in bodies() {
         let turn = dice.direction() * dice.unit();
-        let attitude = [(1.0 - turn.norm_squared()).sqrt(), turn.x, turn.y, turn.z];
-        let (header, particles) = snapshot_of(&body, attitude, side);
+        let orientation = [(1.0 - turn.norm_squared()).sqrt(), turn.x, turn.y, turn.z];
+        let (header, particles) = snapshot_of(&body, orientation, side);
         let mut check = |bounds: Bounds, expected: f64| {
             let mut sampled = SampledSolid::new(bounds);
             sampled.add(&header, &particles);
@@ -156,8 +156,8 @@ fn volumes_of_bodies_in_a_region() {
 fn extents_of_turned_solids_are_exact() {
     let body = Shape::Polyhedron(Box::new(Polyhedron::new(&box_of(&Vec3::repeat(1.0))).unwrap()));
     let half_turn: f64 = PI / 8.0;
-    let attitude = [half_turn.cos(), 0.0, half_turn.sin(), 0.0];
-    let (header, particles) = snapshot_of(&body, attitude, 2.0);
+    let orientation = [half_turn.cos(), 0.0, half_turn.sin(), 0.0];
+    let (header, particles) = snapshot_of(&body, orientation, 2.0);
     let mut extent = Extent::default();
     extent.add(&header, &particles);
     let found = extent.finish(&header).unwrap();
@@ -181,8 +181,8 @@ fn silhouettes_are_those_of_the_bodies() {
     let mut drawn = 0;
     for body in bodies() {
         let turn = dice.direction() * dice.unit();
-        let attitude = [(1.0 - turn.norm_squared()).sqrt(), turn.x, turn.y, turn.z];
-        let (header, particles) = snapshot_of(&body, attitude, 1.0);
+        let orientation = [(1.0 - turn.norm_squared()).sqrt(), turn.x, turn.y, turn.z];
+        let (header, particles) = snapshot_of(&body, orientation, 1.0);
         let snapshot = Snapshot { header, particles, contacts: ContactTable::default() };
         let svg = snapshot.analyse(Settings::default()).unwrap().picture.svg(Some(&frame));
         let ellipses = svg.matches("<ellipse").count();
@@ -195,7 +195,7 @@ fn silhouettes_are_those_of_the_bodies() {
             let [x, y] = *outline.last().unwrap_or(&[0.0; 2]);
             outline.push([x + step[0], y + step[1]]);
         }
-        let [w, x, y, z] = attitude;
+        let [w, x, y, z] = orientation;
         let turn = Quat::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix();
         let support = |x: f64, z: f64| {
             let direction = Vec3::new(x, 0.0, z);

@@ -294,7 +294,8 @@ fn part(sim: &Simulation, comm: &dyn Comm) -> Part {
 pub(crate) fn body(sim: &Simulation, slot: usize, rank: u32) -> Body {
     let particles = &sim.particles;
     let angular_momentum = particles.angular_momentum(slot);
-    let orientation = particles.attitude.as_ref().map(|attitude| attitude.quaternion[slot]);
+    let orientation =
+        particles.orientation.as_ref().map(|orientation| orientation.quaternion[slot]);
     Body {
         position: particles.position[slot],
         velocity: particles.velocity[slot],
