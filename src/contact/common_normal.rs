@@ -11,7 +11,7 @@
 //! resting when it has arrived. What is left open by the lanes (very long or very deep) is searched alone, if need be from every axis.
 //!
 //! *When a minimum is the global one.* Let ϱ be the least radius of curvature of a body's surface. A
-//! ball of radius ϱ_A + ϱ_B tangent to the difference A − B at a critical point lies inside it
+//! sphere of radius ϱ_A + ϱ_B tangent to the difference A − B at a critical point lies inside it
 //! (Blaschke's rolling theorem), so that no other point of the boundary is nearer to the origin if
 //! `δ < ϱ_A + ϱ_B`. Deeper contacts compete with starts from all principal axes.
 //!

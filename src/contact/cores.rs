@@ -1,6 +1,6 @@
 //! Bodies with a margin: the distance of their cores gives everything.
 //!
-//! A sphere is a point, a spherocylinder a segment, a rounded polyhedron a polyhedron, each with a ball
+//! A sphere is a point, a spherocylinder a segment, a rounded polyhedron a polyhedron, each with a sphere
 //! rolled around it. As long as the cores are apart, at a distance `D` along `n`, that is the common
 //! normal, and the overlap is `r_A + r_B - D`: erosion along the surface's normal, which unlike radial
 //! erosion is exact. Segments and points have closed forms, for all others GJK ends after a few

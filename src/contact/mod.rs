@@ -144,9 +144,9 @@ pub fn touch_along(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Touch {
     Touch { overlap, normal: *normal, point }
 }
 
-/// Where a ball of this radius touches another body, seen from its centre: in the middle of the overlap [m].
+/// Where a sphere of this radius touches another body, seen from its centre: in the middle of the overlap [m].
 #[inline]
-pub fn touch_of_ball(radius: f64, normal: &Vec3, overlap: f64) -> Vec3 {
+pub fn touch_of_sphere(radius: f64, normal: &Vec3, overlap: f64) -> Vec3 {
     normal * (radius - 0.5 * overlap)
 }
 
@@ -188,7 +188,7 @@ pub struct Touching {
     pub geometry: Vec<History>,
     /// Where each touches, seen from the centre of A [m]; none if they are left out.
     pub point: Vec<Vec3>,
-    /// Are points left out? Of balls they follow from normal and overlap.
+    /// Are points left out? Of spheres they follow from normal and overlap.
     pub without_points: bool,
 }
 

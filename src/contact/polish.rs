@@ -67,7 +67,7 @@ fn on_feature(smooth: &Posed, sharp: &Posed, r: &Vec3, touch: &Touch) -> Option<
     None
 }
 
-/// A corner or an edge of a body, with the ball that rolls around it, in world axes about the body's centre.
+/// A corner or an edge of a body, with the sphere that rolls around it, in world axes about the body's centre.
 #[derive(Clone, Copy, Debug)]
 struct Feature {
     /// The corner, or the middle of the edge [m].

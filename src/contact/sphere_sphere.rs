@@ -6,7 +6,7 @@
 
 use super::in_lanes::{self, InLanes};
 use super::{
-    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Why, bodies_at, touch_of_ball,
+    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Why, bodies_at, touch_of_sphere,
     vectors,
 };
 use crate::ids::Slot;
@@ -42,7 +42,7 @@ impl ContactResolver for SphereSphere {
         let distance = squared.sqrt();
         let overlap = reach - distance;
         let normal = r / distance;
-        Touch { overlap, normal, point: touch_of_ball(a.radius, &normal, overlap) }.outcome()
+        Touch { overlap, normal, point: touch_of_sphere(a.radius, &normal, overlap) }.outcome()
     }
 
     fn resolve(&self, batch: &Batch, found: &mut Found) {

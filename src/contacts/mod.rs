@@ -6,7 +6,7 @@
 
 use crate::contact::{
     Batch, Histories, History, NamedHistory, Pair, Place, StateColumn, Touch, Touching,
-    touch_of_ball,
+    touch_of_sphere,
 };
 use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Last, Parted, Sums, Work};
@@ -31,7 +31,7 @@ struct Columns {
     state: Vec<f64>,
     /// Forces of A on B [N]; none until they are found.
     forces: Vec<Vec3>,
-    /// Where they act, seen from the centre of A [m]; none if all are balls.
+    /// Where they act, seen from the centre of A [m]; none if all are spheres.
     points: Vec<Vec3>,
 }
 
@@ -97,7 +97,10 @@ impl Columns {
     fn point(&self, place: usize, particles: &Particles) -> Vec3 {
         let History { normal, overlap } = &self.history[place];
         let radius = || particles.radius(self.pairs[place].a.index());
-        self.points.get(place).copied().unwrap_or_else(|| touch_of_ball(radius(), normal, *overlap))
+        self.points
+            .get(place)
+            .copied()
+            .unwrap_or_else(|| touch_of_sphere(radius(), normal, *overlap))
     }
 
     fn loaded<'a>(

@@ -76,7 +76,7 @@ pub struct Traffic {
     pub owned: u64,
     /// Lists of pairs rebuilt.
     pub rebuilds: u64,
-    /// Times that the cuts were made anew.
+    /// How often the domain was cut again.
     pub recuts: u64,
     /// Particles handed to another rank.
     pub migrated: u64,
@@ -132,7 +132,7 @@ impl Domain {
         self.cuts.subdomain(rank)
     }
 
-    /// Cuts anew, so that every rank gets an equal share of the work; particles stay where they are
+    /// Cuts again, so that every rank gets an equal share of the work; particles stay where they are
     /// until they migrate. `work` is one number per owned particle. Collective.
     pub fn recut(&mut self, particles: &Particles, work: &[i64], comm: &mut dyn Comm) {
         let (low, high) = self.room(&particles.walls);

@@ -220,7 +220,7 @@ mod tests {
 
     fn library() -> Library {
         let mut library = Library::default();
-        library.push("ball", Shape::Sphere(Sphere { radius: 0.05 }), MaterialId(0), 1.0);
+        library.push("sphere", Shape::Sphere(Sphere { radius: 0.05 }), MaterialId(0), 1.0);
         library.particle_shapes = 1;
         library
     }

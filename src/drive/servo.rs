@@ -17,7 +17,7 @@
 //! at `max_speed` until it has touched a grain; later, where nothing touches, `K` is that of the last contacts. Walls that
 //! are coupled move with one velocity, found from the sums over all of them.
 //!
-//! Of a packing without friction and dashpots only the walls take energy: it knocks on them for long (125 balls: 6 % off in the
+//! Of a packing without friction and dashpots only the walls take energy: it knocks on them for long (125 spheres: 6 % off in the
 //! mean after 50,000 steps at a third of the stable one, 0.3 % after 200,000), and the report at the end says so. Coupled walls
 //! keep the mean of their stresses; each may be off it by what friction and inertia bear between them.
 //!
@@ -448,7 +448,7 @@ impl Drive for Servos {
         for (pair, geometry, force) in contacts.pressing_on_walls(law, particles) {
             let wall = pair.b.index() - particles.first_wall();
             let Some(servo) = servo_of[wall] else { continue };
-            // A state that is not a number is told when the list of pairs is made anew.
+            // A state that is not a number is told when the list of pairs is rebuilt.
             if force.is_finite() {
                 sums[servo][0].add(force);
                 sums[servo][1].add(law.stiffness(pair, particles, geometry, moment.dt));

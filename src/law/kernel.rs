@@ -939,12 +939,12 @@ mod tests {
         let damped =
             Constants { normal_damping_ratio: 0.2, tangential_damping_ratio: 0.1, ..rough };
         let damped_only = Constants { friction: 0.0, ..damped };
-        for (name, mixed, own, other, all_balls, width) in [
+        for (name, mixed, own, other, all_spheres, width) in [
             ("plain", smooth, rough, rough, false, 3),
             ("damped", smooth, damped, rough, false, 4),
             ("without friction", smooth, damped_only, damped_only, false, 1),
             ("springs alone", smooth, smooth, smooth, false, 0),
-            ("balls", smooth, rough, rough, true, 3),
+            ("spheres", smooth, rough, rough, true, 3),
         ] {
             let mut interactions = Interactions::new(&[own, other]);
             interactions.set(MaterialId(0), MaterialId(1), mixed);
@@ -960,7 +960,7 @@ mod tests {
                 before.pairs.push(pair);
                 let normal = vector(1.0).normalize();
                 before.now.push(History { normal, overlap: 1e-5 });
-                if !all_balls {
+                if !all_spheres {
                     before.points.push(vector(1e-3));
                 }
                 if k % 5 == 0 {

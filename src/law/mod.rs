@@ -3,8 +3,8 @@
 //! # A law of one's own
 //!
 //! A law is a type with a [`kernel::Model`]: its constants, its force, its elastic energy, its state if it has any, what
-//! bounds its time step. [`kernel::Law`] does what all laws share. This one is whole: Hertz's elastic contact of balls
-//! (1882, DOI 10.1515/crll.1882.92.156), here of a ball that meets a wall.
+//! bounds its time step. [`kernel::Law`] does what all laws share. This one is whole: Hertz's elastic contact of spheres
+//! (1882, DOI 10.1515/crll.1882.92.156), here of a sphere that meets a wall.
 //!
 //! ```
 //! use dem_mpi::comm::alone::Alone;
@@ -156,7 +156,7 @@ pub struct Work<'a> {
     pub pairs: &'a [Pair],
     /// Normal and overlap of each, now.
     pub history: &'a [History],
-    /// Where each acts, seen from the centre of A [m]; empty if all are balls, where it follows from the overlap.
+    /// Where each acts, seen from the centre of A [m]; empty if all are spheres, where it follows from the overlap.
     pub points: &'a [Vec3],
     /// Where each stands among those of the last step; empty if these are the same.
     pub from: &'a [Place],

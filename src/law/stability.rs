@@ -4,7 +4,7 @@
 //! the assembly. By Gershgorin's circles, `ω² <= 2 k C / m` for a body with `C` contacts of stiffness
 //! `k`; a contact far from the centre also turns the body, which makes its surface
 //! [`Shape::surface_compliance`](crate::shape::Shape::surface_compliance) times as compliant as its
-//! centre, 3.5 for a ball. No motion moves all contacts around a body like its most compliant: where balls turn against
+//! centre, 3.5 for a sphere. No motion moves all contacts around a body like its most compliant: where spheres turn against
 //! all their neighbours it is 5/3 in the mean, and that part is taken of every shape's.
 //!
 //! A dashpot `c` feels the velocity of half a step before: with `γ <= 2 c C / m`, found like `ω²`, the step is stable
@@ -20,10 +20,10 @@ use super::{ForceLaw, Hardest};
 use crate::ids::ShapeId;
 use crate::particles::Library;
 
-/// Contacts per particle in the estimate: those of the densest packing of balls.
+/// Contacts per particle in the estimate: those of the densest packing of spheres.
 pub const CONTACTS: f64 = 12.0;
 
-/// Compliance of a ball's surface in the motion that strains all contacts most, over that at a single one.
+/// Compliance of a sphere's surface in the motion that strains all contacts most, over that at a single one.
 const TOGETHER: f64 = (5.0 / 3.0) / 3.5;
 
 /// A bound of the time step, and what sets it.

@@ -83,7 +83,7 @@ pub struct Needs {
     pub velocity: bool,
     /// Angular velocity, torque.
     pub spin: bool,
-    /// Orientation and angular momentum, for any shape but the sphere, and contact points, which of balls follow from
+    /// Orientation and angular momentum, for any shape but the sphere, and contact points, which of spheres follow from
     /// their overlaps. Implies `spin`.
     pub orientation: bool,
     /// Matrices of ellipsoids, for the common-normal method. Implies `orientation`.
@@ -269,7 +269,7 @@ impl Particles {
         }
     }
 
-    /// Radius of the smallest ball about the centre of a body [m].
+    /// Radius of the smallest sphere about the centre of a body [m].
     #[inline]
     pub fn radius(&self, slot: usize) -> f64 {
         self.library.radius[self.shape[slot].index()]
@@ -461,9 +461,9 @@ impl Particles {
     #[inline]
     pub fn angular_momentum(&self, slot: usize) -> Vec3 {
         let Some(spin) = &self.spin else { return Vec3::zeros() };
-        let of_ball =
+        let of_sphere =
             || spin.angular_velocity[slot] * self.library.inertia[self.shape[slot].index()].x;
-        spin.angular_momentum.get(slot).copied().unwrap_or_else(of_ball)
+        spin.angular_momentum.get(slot).copied().unwrap_or_else(of_sphere)
     }
 
     /// Angular velocity of an owned particle; zero if the scene does not need it [rad/s].
@@ -514,7 +514,7 @@ impl Particles {
     }
 }
 
-/// Ellipsoids and balls of two materials in any state, no two of them alike: for tests.
+/// Ellipsoids and spheres of two materials in any state, no two of them alike: for tests.
 #[cfg(test)]
 pub(crate) fn crowd(count: u64) -> Particles {
     use crate::random::Random;
@@ -523,7 +523,7 @@ pub(crate) fn crowd(count: u64) -> Particles {
     let mut library = Library { particle_shapes: 2, ..Library::default() };
     let egg = Ellipsoid { semi_axes: Vec3::new(2e-3, 1.5e-3, 1e-3) };
     library.push("egg", Shape::Ellipsoid(egg), MaterialId(0), 2500.0);
-    library.push("ball", Shape::Sphere(Sphere { radius: 1e-3 }), MaterialId(1), 1000.0);
+    library.push("sphere", Shape::Sphere(Sphere { radius: 1e-3 }), MaterialId(1), 1000.0);
     let needs = Needs { velocity: true, spin: true, orientation: true, form: true, image: false };
     let cell = Cell::new(Vec3::zeros(), Vec3::repeat(0.1), [false, false, true]);
     let mut particles = Particles::new(needs, library, Vec::new(), cell);

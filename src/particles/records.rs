@@ -6,8 +6,8 @@
 //! | position | x | x | x |
 //! | velocity | x | x, if a law needs it | x, if a law needs it |
 //! | orientation | x | x, if a shape needs it | x, if a shape needs it |
-//! | angular momentum | x, unless all are balls | | |
-//! | angular velocity | x, if all are balls | x, if a law needs it | x, if a law needs it |
+//! | angular momentum | x, unless all are spheres | | |
+//! | angular velocity | x, if all are spheres | x, if a law needs it | x, if a law needs it |
 //! | force, torque, energies, image | x | | |
 //! | histories of touching contacts | x | | |
 
@@ -40,7 +40,7 @@ pub struct Particle {
     pub quaternion: Quat,
     /// World axes [kg m²/s].
     pub angular_momentum: Vec3,
-    /// World axes [rad/s]. Of balls alone it is the state, and the angular momentum follows; of others the other way round.
+    /// World axes [rad/s]. Of spheres alone it is the state, and the angular momentum follows; of others the other way round.
     pub angular_velocity: Vec3,
     /// World axes [N m].
     pub torque: Vec3,

@@ -175,5 +175,5 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Plots are drawn in the light colours; in the dark their ink, grid and paper are set anew here.
+/// Plots are drawn in the light colours; in the dark their ink, grid and paper are set again here.
 const STYLE: &str = include_str!("page.css");

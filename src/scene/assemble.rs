@@ -174,7 +174,7 @@ pub fn take_up(
     let reader = Reader::open_together(path, comm)?;
     let read = read_part(&reader, reader.path(), scene, comm);
     let (header, mut particles, histories) = agree(comm, read)?;
-    // A stage that begins finds the forces of its law anew; one that goes on needs all that the law remembered.
+    // A stage that begins finds the forces of its law again; one that goes on needs all that the law remembered.
     let is_known = |wanted: &&StateColumn| histories.columns().contains(wanted);
     if from == From::Middle
         && let Some(column) = sim.law.state().iter().find(|column| !is_known(column))

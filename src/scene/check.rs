@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 
 /// Skin, in largest bounding radii, if the file does not say.
 const SKIN: f64 = 0.1;
-/// Work of the busiest rank over the mean from which on the domain is cut anew, if the file does not say.
+/// Work of the busiest rank over the mean from which on the domain is cut again, if the file does not say.
 const IMBALANCE: f64 = 1.1;
 
 /// As many shapes and walls, and as many materials, as have ids.

@@ -217,7 +217,7 @@ impl Fills<'_> {
         })
     }
 
-    /// Neighbours on a lattice overlap, whatever their orientations, if the balls in them do.
+    /// Neighbours on a lattice overlap, whatever their orientations, if the spheres in them do.
     fn check_spacing(&self, section: &Section, mix: &Mix, spacing: &Vec3, count: &[u32; 3]) {
         let shape = |id: ShapeId| &self.shapes.library.shapes[id.index()];
         let thinnest = mix.shapes().map(|id| 2.0 * shape(id).inscribed_radius());

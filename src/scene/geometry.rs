@@ -80,7 +80,7 @@ fn ellipsoid(section: &Section, _: &Path) -> Option<Shape> {
         }
         _ => {
             section.fail(
-                "give either `semi_axes` = [a, b, c] [m], or `diameter` (of the ball of \
+                "give either `semi_axes` = [a, b, c] [m], or `diameter` (of the sphere of \
                  equal volume) [m] and `aspect_ratio`",
             );
             None

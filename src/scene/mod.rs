@@ -51,14 +51,14 @@
 //! | `kind` | | `"sphere"`, `"ellipsoid"`, `"superellipsoid"`, `"poly-superellipsoid"`, `"spherocylinder"`, `"polyhedron"` or `"rounded-polyhedron"` |
 //! | `radius` or `diameter` | m | of a sphere |
 //! | `semi_axes` | m | of an ellipsoid, along its own x, y, z; or: |
-//! | `diameter`, `aspect_ratio` | m | of the ball of equal volume; first semi-axis over the other two |
+//! | `diameter`, `aspect_ratio` | m | of the sphere of equal volume; first semi-axis over the other two |
 //! | `semi_axes` | m | of a superellipsoid, along its own x, y, z |
 //! | `semi_axes_positive`, `semi_axes_negative` | m | of a poly-superellipsoid, from where its octants meet towards positive and negative x, y, z; particles are placed by their centres of mass and principal axes |
 //! | `exponents` | | of both: [e1, e2], each from 0.1 to 1.8, of sections along z and across; towards 0 a box, 1 an ellipsoid, towards 2 an octahedron. Sharper ones are polyhedra |
-//! | `length`, `radius` | m | of a spherocylinder: of its axis, from centre to centre of the balls at its ends (along its own x); of its round |
+//! | `length`, `radius` | m | of a spherocylinder: of its axis, from centre to centre of the spheres at its ends (along its own x); of its round |
 //! | `vertices` | m | of a polyhedron or the core of a rounded one: [[x, y, z], ...], in any axes and order; or: |
 //! | `file`, `scale` | m | a closed and convex mesh, `.stl` or `.obj`; metres per unit of its lengths, default 1 |
-//! | `radius` | m | of the ball that rolls around a rounded polyhedron's core |
+//! | `radius` | m | of the sphere that rolls around a rounded polyhedron's core |
 //! | **`[contact]`** | | how contacts are resolved; may be left out |
 //! | `method` | | `"auto"` (default: the best for each pair of kinds), `"common-normal"` (smooth shapes only), `"gjk-erosion"` or `"epa"` |
 //! | `erosion_ratio` | | of `gjk-erosion`: first erosion, in (0, 1); default 0.05 |
@@ -79,7 +79,7 @@
 //! | `servo` | | the stress of every servo has been this near to its target in the mean over the last 100 steps, as a fraction of it |
 //! | **`[neighbours]`** | | may be left out; changes the speed, never the result |
 //! | `skin` | m | a pair is listed when its bounding spheres come this close; default: a tenth of the largest bounding radius, at most the smallest one |
-//! | `imbalance` | | subdomains are cut anew when the busiest rank has so many times the mean work; default 1.1 |
+//! | `imbalance` | | subdomains are cut again when the busiest rank has so many times the mean work; default 1.1 |
 //! | **`[output]`** | | |
 //! | `directory` | | |
 //! | `snapshot_every` | | steps between snapshots; default 0: only at the end |
@@ -175,7 +175,7 @@ pub struct Scene {
     pub stop: Stop,
     /// A pair is listed when its bounding spheres come this close [m].
     pub skin: f64,
-    /// Subdomains are cut anew when the busiest rank has this many times the mean work.
+    /// Subdomains are cut again when the busiest rank has this many times the mean work.
     pub imbalance: f64,
     /// Steps between snapshots; 0: only at the end.
     pub snapshot_every: u64,

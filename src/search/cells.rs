@@ -339,11 +339,11 @@ mod tests {
         Vec3::new((i * 0.819_172_5).fract(), (i * 0.671_043_6).fract(), (i * 0.549_700_5).fract())
     }
 
-    /// Balls of these radii at the points; those in the lower `share` of x are owned, the rest ghosts.
-    fn balls(radii: &[f64], positions: &[Vec3], cell: Cell, share: f64) -> Particles {
+    /// Spheres of these radii at the points; those in the lower `share` of x are owned, the rest ghosts.
+    fn spheres(radii: &[f64], positions: &[Vec3], cell: Cell, share: f64) -> Particles {
         let mut library = Library::default();
         for &radius in radii {
-            library.push("ball", Shape::Sphere(Sphere { radius }), MaterialId(0), 1.0);
+            library.push("sphere", Shape::Sphere(Sphere { radius }), MaterialId(0), 1.0);
         }
         library.particle_shapes = radii.len();
         let needs = Needs::default();
@@ -383,7 +383,7 @@ mod tests {
                 for share in [0.3, 0.7, 1.0] {
                     let positions: Vec<_> =
                         (0..600).map(|i| point(i).component_mul(&high)).collect();
-                    let particles = balls(radii, &positions, cell, share);
+                    let particles = spheres(radii, &positions, cell, share);
                     let skin = 0.004;
                     let mut found = BTreeSet::new();
                     for pair in close_pairs(&particles, skin) {

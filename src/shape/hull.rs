@@ -283,12 +283,12 @@ impl Hull {
         self.planes.iter().all(|plane| above(plane) <= 0.0) || self.triangles.iter().any(near)
     }
 
-    /// Radius of the smallest ball about the origin that holds the body [m].
+    /// Radius of the smallest sphere about the origin that holds the body [m].
     pub const fn bounding_radius(&self) -> f64 {
         self.bounding_radius
     }
 
-    /// Radius of the largest ball about the origin inside the body [m]; negative if the origin is outside.
+    /// Radius of the largest sphere about the origin inside the body [m]; negative if the origin is outside.
     pub const fn inscribed_radius(&self) -> f64 {
         self.inscribed_radius
     }

@@ -44,10 +44,10 @@ pub trait Convex: Debug + Send + Sync {
     /// The farthest point along `direction` (any length but zero) [m].
     fn support(&self, direction: &Vec3) -> Vec3;
 
-    /// Radius of the smallest ball about the centre that holds the body, or a little more [m].
+    /// Radius of the smallest sphere about the centre that holds the body, or a little more [m].
     fn bounding_radius(&self) -> f64;
 
-    /// Radius of the largest ball about the centre inside the body, or a little less [m].
+    /// Radius of the largest sphere about the centre inside the body, or a little less [m].
     fn inscribed_radius(&self) -> f64;
 
     /// Volume [m³].
@@ -96,7 +96,7 @@ pub trait Convex: Debug + Send + Sync {
         [f64::NAN; 6]
     }
 
-    /// Radius of the ball that rolls around the shape's core: that of a sphere, of a spherocylinder, of the
+    /// Radius of the sphere that rolls around the shape's core: that of a sphere, of a spherocylinder, of the
     /// edges of a rounded polyhedron; 0 for all others [m].
     #[inline]
     fn margin(&self) -> f64 {
@@ -229,7 +229,7 @@ macro_rules! dispatched {
 enum Fact {
     /// It has a common normal, for which it has curvature everywhere.
     Smooth,
-    /// It is a point, a segment or a polyhedron with a ball rolled around it.
+    /// It is a point, a segment or a polyhedron with a sphere rolled around it.
     Margin,
 }
 
@@ -237,7 +237,7 @@ enum Fact {
 type Other = dyn Convex;
 
 shapes! {
-    /// A ball.
+    /// A sphere.
     Sphere(Sphere), "sphere", &[Fact::Smooth, Fact::Margin];
     /// A tri-axial ellipsoid.
     Ellipsoid(Ellipsoid), "ellipsoid", &[Fact::Smooth];
@@ -245,11 +245,11 @@ shapes! {
     Superellipsoid(Superellipsoid), "superellipsoid", &[Fact::Smooth];
     /// Eight octants of superellipsoids.
     PolySuperellipsoid(Box<PolySuperellipsoid>), "poly-superellipsoid", &[Fact::Smooth];
-    /// A cylinder with a half ball on each end.
+    /// A cylinder with a hemisphere on each end.
     Spherocylinder(Spherocylinder), "spherocylinder", &[Fact::Margin];
     /// A convex polyhedron.
     Polyhedron(Box<Polyhedron>), "polyhedron", &[];
-    /// A convex polyhedron with a ball rolled around it.
+    /// A convex polyhedron with a sphere rolled around it.
     RoundedPolyhedron(Box<RoundedPolyhedron>), "rounded-polyhedron", &[Fact::Margin];
     /// Any convex body, of a program that uses this crate. Scene files and messages between ranks have none.
     Other(#[serde(with = "not_sent")] Arc<dyn Convex>), "other", &[];
@@ -285,7 +285,7 @@ impl Kind {
         matches!(self, Self::Sphere | Self::Ellipsoid)
     }
 
-    /// Is it a point, a segment or a polyhedron with a ball rolled around it?
+    /// Is it a point, a segment or a polyhedron with a sphere rolled around it?
     pub fn has_margin(self) -> bool {
         self.facts().contains(&Fact::Margin)
     }

@@ -1,8 +1,8 @@
 //! Volume, centre of mass and inertia of polyhedra, sharp and rounded: exact, piece by piece.
 //!
 //! A polyhedron is a sum of tetrahedra (with signs: no matter where they have their common corner). A
-//! polyhedron rounded by a ball of radius `r` is, by Steiner's formula, that polyhedron, a prism of
-//! height `r` on each face, a wedge of a cylinder along each edge and a sector of a ball at each corner:
+//! polyhedron rounded by a sphere of radius `r` is, by Steiner's formula, that polyhedron, a prism of
+//! height `r` on each face, a wedge of a cylinder along each edge and a sector of a sphere at each corner:
 //! `V = V₀ + S r + M r² + 4π/3 r³` with the surface `S` and half the sum `M` of edge lengths times
 //! exterior angles. The second moments of all these pieces have closed forms; those of the sectors
 //! follow from integrals of `u` and `u uᵀ` over a spherical polygon, which Stokes's theorem turns into sums
@@ -64,7 +64,7 @@ impl Moments {
         sum
     }
 
-    /// Of a polyhedron with a ball of this radius [m] rolled around it.
+    /// Of a polyhedron with a sphere of this radius [m] rolled around it.
     pub fn of_rounded(hull: &Hull, radius: f64) -> Self {
         let mut sum = Self::of(hull);
         let square = radius * radius;
@@ -196,7 +196,7 @@ impl Arc {
         (length * area, first * length, second * length)
     }
 
-    /// This arc's share of the sector of a ball at a corner: of the spherical polygon's area, the triangle
+    /// This arc's share of the sector of a sphere at a corner: of the spherical polygon's area, the triangle
     /// that the arc makes with `pivot`; of the other integrals, the term of this side of the polygon.
     fn sector(&self, corner: &Vec3, pivot: &Vec3, r: &[f64; 5]) -> Piece {
         // Van Oosterom and Strackee 1983, DOI 10.1109/TBME.1983.325207.

@@ -1,11 +1,11 @@
-//! The ball: the shape with closed forms for everything.
+//! The sphere: the shape with closed forms for everything.
 
 use super::{Convex, CurvedSupport, Ellipsoid, Form};
 use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// A ball about the origin.
+/// A sphere about the origin.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sphere {
     /// Radius [m].

@@ -5,12 +5,12 @@ use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// A cylinder along x about the origin, with a half ball on each end.
+/// A cylinder along x about the origin, with a hemisphere on each end.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spherocylinder {
-    /// Length of the axis, from the centre of one ball to that of the other [m].
+    /// Length of the axis, from the centre of one sphere to that of the other [m].
     pub length: f64,
-    /// Radius of cylinder and balls [m].
+    /// Radius of cylinder and spheres [m].
     pub radius: f64,
 }
 
@@ -19,7 +19,7 @@ impl Spherocylinder {
         PI * self.radius * self.radius * self.length
     }
 
-    fn ball(&self) -> f64 {
+    fn sphere(&self) -> f64 {
         4.0 / 3.0 * PI * self.radius * self.radius * self.radius
     }
 }
@@ -40,17 +40,17 @@ impl Convex for Spherocylinder {
     }
 
     fn volume(&self) -> f64 {
-        self.cylinder() + self.ball()
+        self.cylinder() + self.sphere()
     }
 
-    /// That of a cylinder and two half balls, whose centres of mass are `3/8 r` outside the ends of the axis.
+    /// That of a cylinder and two hemispheres, whose centres of mass are `3/8 r` outside the ends of the axis.
     fn gyration(&self) -> Vec3 {
         let (l, r) = (self.length, self.radius);
-        let (cylinder, ball) = (self.cylinder(), self.ball());
-        let along = cylinder * (0.5 * r * r) + ball * (0.4 * r * r);
+        let (cylinder, sphere) = (self.cylinder(), self.sphere());
+        let along = cylinder * (0.5 * r * r) + sphere * (0.4 * r * r);
         let across = cylinder * (0.25 * r * r + l * l / 12.0)
-            + ball * (0.4 * r * r + 0.25 * l * l + 0.375 * l * r);
-        Vec3::new(along, across, across) / (cylinder + ball)
+            + sphere * (0.4 * r * r + 0.25 * l * l + 0.375 * l * r);
+        Vec3::new(along, across, across) / (cylinder + sphere)
     }
 
     fn half_lengths(&self) -> Vec3 {

@@ -342,8 +342,8 @@ impl Exponents {
         (farthest.sqrt(), nearest.sqrt())
     }
 
-    /// See [`Superellipsoid::smallest_curvature_radius`]: over one octant of a body that is not an ellipsoid. A ball
-    /// that rolls in the body with semi-axes 1 becomes an ellipsoid, in which a smaller ball rolls: a lower bound.
+    /// See [`Superellipsoid::smallest_curvature_radius`]: over one octant of a body that is not an ellipsoid. A sphere
+    /// that rolls in the body with semi-axes 1 becomes an ellipsoid, in which a smaller sphere rolls: a lower bound.
     pub(super) fn smallest_curvature_radius(self, semi_axes: &Vec3) -> f64 {
         const SAMPLES: u32 = 24;
         const SAFETY: f64 = 0.9;

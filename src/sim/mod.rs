@@ -60,7 +60,7 @@ pub struct Simulation {
     pub departed: Departed,
     /// A pair is listed when its bounding spheres come this close [m].
     pub skin: f64,
-    /// Cut anew when the busiest rank has this many times the mean work.
+    /// Cut again when the busiest rank has this many times the mean work.
     pub imbalance: f64,
     /// Lists made since the last cut.
     pub lists_since_cut: u32,
@@ -231,7 +231,14 @@ impl Simulation {
     }
 
     /// The first half of [`Simulation::begin`]. Collective.
+    ///
+    /// # Panics
+    /// If two drives have one name: their states could not be told apart.
     fn list_first(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
+        let mut names = BTreeSet::new();
+        for drive in &self.drives {
+            assert!(names.insert(drive.name()), "two drives are called {}", drive.name());
+        }
         self.lists_since_cut = LISTS_BETWEEN_CUTS;
         self.watch.note_ahead(&self.particles, self.dt);
         // No time has passed: nothing is within a step.
@@ -246,7 +253,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Makes subdomains, ghosts and pairs anew, without what drives take out, and with those of `newcomers` whose places this
+    /// Rebuilds subdomains, ghosts and pairs, without what drives take out, and with those of `newcomers` whose places this
     /// rank then owns. `dt` [s] is 0 at the start of a stage. Collective.
     fn list_pairs(
         &mut self,
@@ -406,7 +413,7 @@ impl Simulation {
         !still_good
     }
 
-    /// Cuts anew if one rank has too much to do. Collective.
+    /// Cuts again if one rank has too much to do. Collective.
     fn recut_if_unbalanced(&mut self, comm: &mut dyn Comm) {
         self.lists_since_cut += 1;
         if self.lists_since_cut < LISTS_BETWEEN_CUTS {
@@ -512,7 +519,7 @@ impl Simulation {
         }
     }
 
-    /// Counts anew, after `before` [s], what the energy of the steps has beyond that of positions and velocities.
+    /// Counts again, after `before` [s], what the energy of the steps has beyond that of positions and velocities.
     pub fn change_step(&mut self, before: f64) {
         let Self { particles, field, dt, .. } = self;
         for slot in 0..particles.owned {
