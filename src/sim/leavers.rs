@@ -1,0 +1,69 @@
+//! Particles that leave the domain: drives may take them.
+
+use super::Simulation;
+use crate::comm::{Comm, everywhere};
+use crate::ids::GlobalId;
+use crate::measure;
+use std::collections::BTreeSet;
+
+impl Simulation {
+    /// Has a particle left the domain that a drive may take?
+    pub(super) fn has_leaver(&self) -> bool {
+        let is_open = self.drives.iter().any(|drive| drive.is_outlet());
+        is_open && self.domain.leavers(&self.particles).next().is_some()
+    }
+
+    /// Offers particles that have left the domain to the drives, and books out what they take. Returns the ids of those
+    /// particles, the same on all ranks. `dt` [s] is 0 at the start of a stage. Collective, if a drive may take any.
+    pub(super) fn take_leavers(&mut self, dt: f64, comm: &mut dyn Comm) -> BTreeSet<GlobalId> {
+        let mut taken = BTreeSet::new();
+        if !self.drives.iter().any(|drive| drive.is_outlet()) || !comm.any(self.has_leaver()) {
+            return taken;
+        }
+        let Self { particles, domain, drives, .. } = self;
+        let here = domain.leavers(particles).map(|slot| particles.owned_particle(slot));
+        let mut leavers = everywhere(comm, &here.collect::<Vec<_>>());
+        leavers.sort_unstable_by_key(|leaver| leaver.id);
+        for leaver in leavers.iter().filter(|leaver| leaver.position.norm().is_finite()) {
+            if drives.iter_mut().any(|drive| drive.take(leaver, &particles.cell)) {
+                taken.insert(leaver.id);
+            }
+        }
+        self.book_out(&taken, dt, comm);
+        taken
+    }
+
+    /// Books what these particles take away and leave behind. They end their step as if nothing touched them any more. What
+    /// their contacts have stored goes with them; what such a contact gave to its other body in this step is not booked.
+    /// `dt` [s] is 0 at the start of a stage. Collective.
+    fn book_out(&mut self, taken: &BTreeSet<GlobalId>, dt: f64, comm: &mut dyn Comm) {
+        let Self { particles, contacts, law, field, departed, .. } = self;
+        // By bodies, received and dissipated.
+        let mut entries: Vec<(GlobalId, GlobalId, f64, f64)> = Vec::new();
+        for slot in 0..particles.owned {
+            let id = particles.id[slot];
+            if taken.contains(&id) {
+                // The last half of a kick by gravity, and what the step's energy is then: together this work.
+                let weight = field.gravity * particles.mass(slot);
+                let work = 0.5 * dt * weight.dot(&particles.velocity[slot]);
+                let energy = measure::free_energy(particles, slot, field) + work;
+                let (received, dissipated) = (particles.received[slot], particles.dissipated[slot]);
+                entries.push((id, id, received - energy, dissipated));
+            }
+        }
+        // At the start of a stage nobody has counted yet what contacts store.
+        for (pair, contact) in contacts.named(particles).filter(|_| dt > 0.0) {
+            let is_here = pair.a.index() < particles.owned;
+            if is_here && (taken.contains(&contact.a) || taken.contains(&contact.b)) {
+                let stored = law.stored(pair, particles, &contact.geometry, contact.state);
+                entries.push((contact.a, contact.b, -stored, 0.0));
+            }
+        }
+        let mut entries = everywhere(comm, &entries);
+        entries.sort_unstable_by_key(|&(a, b, ..)| (a, b));
+        for (_, _, received, dissipated) in entries {
+            departed.received += received;
+            departed.dissipated += dissipated;
+        }
+    }
+}
