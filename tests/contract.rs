@@ -2,7 +2,7 @@
 //! has to pass. Cases come from a seed and a number, both in the message of a failure.
 
 use crate::random::Draw;
-use crate::support::scaled;
+use crate::support::{Frame, scaled};
 use dem_mpi::contact::{
     AgainstHalfSpace, CommonNormal, ContactResolver, Cores, Epa, ErodedGjk, Method, Outcome, Posed,
     SeededCommonNormal, SmoothCommonNormal, SphereSphere, Table, Touch, table,
@@ -164,8 +164,8 @@ struct Case {
 impl Case {
     /// Random bodies with this overlap, or clearance if negative, along a random common normal.
     fn with_overlap(family: Family, random: &mut Random, overlap: f64) -> Self {
-        let a = (family.shape(random), random.rotation().to_rotation_matrix().into_inner());
-        let b = (family.shape(random), random.rotation().to_rotation_matrix().into_inner());
+        let a = (family.shape(random), random.frame());
+        let b = (family.shape(random), random.frame());
         let mut case = Self { a, b, r: Vec3::zeros() };
         let normal = random.direction();
         case.r = case.a().support(&normal) - case.b().support(&-normal) - normal * overlap;
@@ -238,7 +238,7 @@ fn swapping_the_bodies_turns_the_normal() {
 fn a_rigid_motion_moves_the_answer() {
     for_touching(|i, subject, case, random| {
         let touch = case.touch(&*subject.resolver);
-        let turn = random.rotation().to_rotation_matrix().into_inner();
+        let turn = random.frame();
         let moved = Case {
             a: (case.a.0.clone(), turn * case.a.1),
             b: (case.b.0.clone(), turn * case.b.1),
@@ -258,18 +258,10 @@ fn ellipsoids_with_equal_axes_are_spheres() {
         for i in 0..CASES {
             let mut random = Random::of(SEED + i as u64, 0);
             let radii = [random.between(0.1, 1.0), random.between(0.1, 1.0)];
-            let [a, b] = radii.map(|radius| {
-                (
-                    Shape::Sphere(Sphere { radius }),
-                    random.rotation().to_rotation_matrix().into_inner(),
-                )
-            });
+            let [a, b] = radii.map(|radius| (Shape::Sphere(Sphere { radius }), random.frame()));
             let [round_a, round_b] = radii.map(|radius| {
                 let semi_axes = Vec3::repeat(radius);
-                (
-                    Shape::Ellipsoid(Ellipsoid { semi_axes }),
-                    random.rotation().to_rotation_matrix().into_inner(),
-                )
+                (Shape::Ellipsoid(Ellipsoid { semi_axes }), random.frame())
             });
             let r = random.direction() * (radii[0] + radii[1] - random.between(1e-3, 0.02));
             let closed = Case { a: a.clone(), b: b.clone(), r }.touch(&SphereSphere);
@@ -465,8 +457,7 @@ fn no_answer_is_not_a_number() {
 fn walls_have_closed_forms() {
     for i in 0..CASES {
         let mut random = Random::of(SEED + i as u64, 0);
-        let (shape, frame) =
-            (ellipsoid(&mut random), random.rotation().to_rotation_matrix().into_inner());
+        let (shape, frame) = (ellipsoid(&mut random), random.frame());
         let wall = Shape::HalfSpace(HalfSpace { normal: random.direction() });
         let Shape::HalfSpace(HalfSpace { normal }) = wall else { unreachable!() };
         let axes = frame.tr_mul(&normal).component_mul(&shape.semi_axes());

@@ -2,7 +2,7 @@
 //! common normal against answers of 50 digits and against EPA; and a packing of them.
 
 use crate::random::Draw;
-use crate::support::{Bench, begun, motion, scene};
+use crate::support::{Bench, Frame, begun, motion, scene};
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::{
     CommonNormal, ContactResolver, Epa, Method, Outcome, Posed, SmoothCommonNormal, Touch, table,
@@ -323,10 +323,7 @@ struct Case {
 impl Case {
     /// These shapes, turned at random, with this overlap along a random normal; the least may be less.
     fn new(random: &mut Random, a: &Shape, b: &Shape, overlap: f64) -> Self {
-        let (a, b) = (
-            (a.clone(), random.rotation().to_rotation_matrix().into_inner()),
-            (b.clone(), random.rotation().to_rotation_matrix().into_inner()),
-        );
+        let (a, b) = ((a.clone(), random.frame()), (b.clone(), random.frame()));
         let mut case = Self { a, b, r: Vec3::zeros() };
         let normal = random.direction();
         case.r = case.a().support(&normal) - case.b().support(&-normal) - normal * overlap;
@@ -530,9 +527,7 @@ fn exponents_of_one_are_ellipsoids() {
     for i in 0..200 {
         let mut random = Random::of(i, 0);
         let axes = [random.vector(0.5, 1.5), random.vector(0.5, 1.5)];
-        let [a, b] = axes.map(|axes| {
-            (superellipsoid(axes, [1.0, 1.0]), random.rotation().to_rotation_matrix().into_inner())
-        });
+        let [a, b] = axes.map(|axes| (superellipsoid(axes, [1.0, 1.0]), random.frame()));
         let r = random.direction() * random.between(0.5, 3.0);
         let case = Case { a, b, r };
         let [a, b] = axes.map(|semi_axes| Shape::Ellipsoid(Ellipsoid { semi_axes }));
@@ -631,10 +626,7 @@ fn energy_kept(scene: &Scene, gap: f64, seed: u64) -> Option<f64> {
     let size =
         0.6 * shapes.map(|shape| shape.volume().cbrt()).into_iter().fold(f64::INFINITY, f64::min);
     let speed = 0.01 * size * (1.0 / m + 1.0 / n).sqrt();
-    let frames = [
-        random.rotation().to_rotation_matrix().into_inner(),
-        random.rotation().to_rotation_matrix().into_inner(),
-    ];
+    let frames = [random.frame(), random.frame()];
     let toward = random.direction();
     // Just apart along the normal, and beside each other.
     let support = |k: usize, n: &Vec3| frames[k] * shapes[k].support(&frames[k].tr_mul(n));

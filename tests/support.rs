@@ -1,9 +1,10 @@
 //! What tests share: a simulation from a scene's text on one rank, and shapes in another unit.
 
+use crate::random::Draw;
 use dem_mpi::comm::Comm;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::ids::GlobalId;
-use dem_mpi::math::Vec3;
+use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::output::tables::ParticleTable;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
@@ -123,6 +124,19 @@ impl Bench {
     pub(crate) fn slot(&self, id: u64) -> usize {
         let ids = &self.sim.particles.id[..self.sim.particles.owned];
         ids.iter().position(|&other| other == GlobalId(id)).expect("the particle is there")
+    }
+}
+
+/// Random rotations as matrices.
+pub(crate) trait Frame {
+    /// One of them; not quite uniform.
+    fn frame(&mut self) -> Mat3;
+}
+
+impl Frame for Random {
+    fn frame(&mut self) -> Mat3 {
+        let four = nalgebra::Vector4::from_fn(|_, _| self.between(-1.0, 1.0));
+        Quat::from_quaternion(four.into()).to_rotation_matrix().into_inner()
     }
 }
 
