@@ -148,7 +148,7 @@ impl Cell {
     }
 
     /// From a body to its images a period away at most, itself among them [m].
-    pub fn shifts(&self) -> impl Iterator<Item = Vec3> {
+    pub fn shifts(&self) -> Vec<Vec3> {
         let along = |axis: usize| match self.period(axis) {
             Some(period) => vec![-period, 0.0, period],
             None => vec![0.0],
@@ -160,7 +160,7 @@ impl Cell {
                 shifts.extend(z.iter().map(|&k| Vec3::new(i, j, k)));
             }
         }
-        shifts.into_iter()
+        shifts
     }
 
     /// Where a body would be without periods [m].

@@ -123,6 +123,13 @@ pub trait Row: Copy + Debug {
         self.write(&mut numbers);
         numbers
     }
+
+    /// The first three.
+    #[inline(always)]
+    fn first_three(self) -> [f64; 3] {
+        let [x, y, z, _] = self.numbers();
+        [x, y, z]
+    }
 }
 
 impl Row for [f64; 4] {

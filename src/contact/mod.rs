@@ -241,8 +241,7 @@ impl Touching {
         if !self.without_points {
             self.point.resize(start + WIDTH, Vec3::zeros());
             for (point, row) in self.point[start..].iter_mut().zip(point.rows(overlap)) {
-                let [x, y, z, _] = row.numbers();
-                *point = Vec3::new(x, y, z);
+                *point = row.first_three().into();
             }
         }
     }

@@ -14,7 +14,7 @@
 //!
 //! # A drive of one's own
 //!
-//! This one is whole: it shakes a wall, and its amplitude may grow from stage to stage.
+//! This one is whole: it shakes a wall.
 //!
 //! ```
 //! use dem_mpi::cell::Cell;

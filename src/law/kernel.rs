@@ -438,7 +438,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
         let kept = self.work.forces[first..].first_chunk_mut::<WIDTH>().expect("eight places");
         for (force, row) in kept.iter_mut().zip(&forces[1]) {
-            *force = first_three(*row);
+            *force = row.first_three().into();
         }
         // A body is B of its contacts with lower ids, which stand before those of which it is A: all B may come before all A.
         let Sums { force, torque, .. } = &mut *self.sums;
@@ -469,7 +469,7 @@ impl<M: Model> Contacts<'_, '_, M> {
     ) {
         for (lane, pair) in pairs.iter().enumerate() {
             self.part_before(first + lane);
-            self.work.forces[first + lane] = first_three(forces[1][lane]);
+            self.work.forces[first + lane] = forces[1][lane].first_three().into();
             for (slot, of_body) in [pair.a, pair.b].into_iter().zip([0, 1]) {
                 add(&mut self.sums.force, slot.index(), forces[of_body][lane]);
                 if let Some(torques) = torques {
@@ -537,13 +537,6 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
         self.sums.lose(pair, dissipated, particles.first_wall());
     }
-}
-
-/// A force without what stands behind it.
-#[inline(always)]
-fn first_three(row: impl InRegister) -> Vec3 {
-    let [x, y, z, _] = row.numbers();
-    Vec3::new(x, y, z)
 }
 
 /// Constants of eight contacts, and the bounding radii of their bodies, 0 of walls [m].

@@ -20,9 +20,9 @@ pub struct ParticleColumn {
     /// Is it there? A column that is always there counts as present without rows, too.
     pub presence: Presence,
     /// Of a table.
-    get: fn(&ParticleTable) -> &dyn Values,
+    get: fn(&ParticleTable) -> &dyn Numbers,
     /// The same, to be filled.
-    get_mut: fn(&mut ParticleTable) -> &mut dyn Values,
+    get_mut: fn(&mut ParticleTable) -> &mut dyn Numbers,
 }
 
 /// When a column is there.
@@ -151,7 +151,7 @@ pub static PARTICLE_COLUMNS: [ParticleColumn; 14] = [
 
 impl ParticleColumn {
     /// Its numbers in a table.
-    pub fn of<'a>(&self, table: &'a ParticleTable) -> &'a dyn Values {
+    pub fn of<'a>(&self, table: &'a ParticleTable) -> &'a dyn Numbers {
         (self.get)(table)
     }
 
@@ -206,11 +206,11 @@ pub struct ContactColumn {
     /// Unit of its numbers; `1` for a pure number.
     pub unit: &'static str,
     /// Of a table.
-    get: fn(&ContactTable) -> &dyn Values,
+    get: fn(&ContactTable) -> &dyn Numbers,
     /// The same, to be filled.
-    get_mut: fn(&mut ContactTable) -> &mut dyn Values,
+    get_mut: fn(&mut ContactTable) -> &mut dyn Numbers,
     /// Of rows that come one by one.
-    collect: fn(&dyn Rows<ContactRow>) -> Box<dyn Values>,
+    collect: fn(&dyn Rows<ContactRow>) -> Box<dyn Numbers>,
 }
 
 /// All of them, in the order in which they are written. The centre of A is a point of the lines that the file shows.
@@ -283,7 +283,7 @@ pub static CONTACT_COLUMNS: [ContactColumn; 8] = [
 
 impl ContactColumn {
     /// Its numbers in a table.
-    pub fn of<'a>(&self, table: &'a ContactTable) -> &'a dyn Values {
+    pub fn of<'a>(&self, table: &'a ContactTable) -> &'a dyn Numbers {
         (self.get)(table)
     }
 
@@ -340,25 +340,27 @@ impl Rows<ContactRow> for ContactTable {
 fn collected<T: Value + 'static>(
     rows: &dyn Rows<ContactRow>,
     get: impl Fn(&ContactRow) -> T,
-) -> Box<dyn Values> {
+) -> Box<dyn Numbers> {
     let mut column = Vec::with_capacity(rows.count());
     rows.each(&mut |row| column.push(get(row)));
     Box::new(column)
 }
 
 /// As a file knows a column.
-fn column<'a>(place: &'a str, unit: &'a str, values: &dyn Values) -> Column<'a> {
+fn column<'a>(place: &'a str, unit: &'a str, values: &dyn Numbers) -> Column<'a> {
     Column { place, width: values.labels().len(), unit }
 }
 
-/// Elements of a particle, and of a contact, in all columns.
-pub fn elements() -> [usize; 2] {
-    let (particles, contacts) = (ParticleTable::default(), ContactTable::default());
-    let width = |values: &dyn Values| values.labels().len();
-    [
-        PARTICLE_COLUMNS.iter().map(|column| width(column.of(&particles))).sum(),
-        CONTACT_COLUMNS.iter().map(|column| width(column.of(&contacts))).sum(),
-    ]
+/// Elements of a particle in all columns.
+pub fn particle_elements() -> usize {
+    let empty = ParticleTable::default();
+    PARTICLE_COLUMNS.iter().map(|column| column.of(&empty).labels().len()).sum()
+}
+
+/// Elements of a contact in all columns.
+pub fn contact_elements() -> usize {
+    let empty = ContactTable::default();
+    CONTACT_COLUMNS.iter().map(|column| column.of(&empty).labels().len()).sum()
 }
 
 /// Bytes of a particle in the columns that a scene needs.
@@ -368,8 +370,8 @@ pub fn particle_bytes(needs: &Needs) -> usize {
     there.map(|column| column.of(&empty).row_bytes()).sum()
 }
 
-/// Numbers of particles, so many of each.
-pub trait Values {
+/// Numbers of particles or contacts, so many of each.
+pub trait Numbers {
     /// How many rows there are.
     fn rows(&self) -> usize;
 
@@ -395,7 +397,7 @@ pub trait Values {
     fn read(&mut self, piece: &Piece, column: &Column) -> Result<(), SnapshotError>;
 }
 
-impl<T: Value> Values for Vec<T> {
+impl<T: Value> Numbers for Vec<T> {
     fn rows(&self) -> usize {
         self.len()
     }
@@ -425,7 +427,7 @@ impl<T: Value> Values for Vec<T> {
 const SCALAR: &[&str] = &[""];
 const VECTOR: &[&str] = &[".x", ".y", ".z"];
 
-/// What a column has of a particle.
+/// What a column has of a particle or a contact.
 pub trait Value: Copy {
     /// As a file holds its numbers.
     type Element: Element;
@@ -443,39 +445,60 @@ pub trait Value: Copy {
     fn from_elements(elements: Vec<Self::Element>) -> Vec<Self>;
 }
 
-impl Value for f64 {
-    type Element = Self;
+/// Numbers that stand in memory as in a file.
+pub trait Plain: bytemuck::Pod {
+    /// One of them.
+    type Element: Element + Into<f64>;
 
-    const LABELS: &'static [&'static str] = SCALAR;
-
-    fn number(&self, _k: usize) -> f64 {
-        *self
-    }
-
-    fn to_elements(rows: &[Self]) -> Cow<'_, [Self]> {
-        rows.into()
-    }
-
-    fn from_elements(elements: Vec<Self>) -> Vec<Self> {
-        elements
-    }
+    /// As [`Value::LABELS`].
+    const LABELS: &'static [&'static str];
 }
 
-impl Value for i32 {
+impl Plain for f64 {
     type Element = Self;
 
     const LABELS: &'static [&'static str] = SCALAR;
+}
 
-    fn number(&self, _k: usize) -> f64 {
-        f64::from(*self)
+impl Plain for i32 {
+    type Element = Self;
+
+    const LABELS: &'static [&'static str] = SCALAR;
+}
+
+impl Plain for Vec3 {
+    type Element = f64;
+
+    const LABELS: &'static [&'static str] = VECTOR;
+}
+
+impl Plain for [i32; 3] {
+    type Element = i32;
+
+    const LABELS: &'static [&'static str] = VECTOR;
+}
+
+impl Plain for [f64; 4] {
+    type Element = f64;
+
+    const LABELS: &'static [&'static str] = &[".w", ".x", ".y", ".z"];
+}
+
+impl<T: Plain> Value for T {
+    type Element = T::Element;
+
+    const LABELS: &'static [&'static str] = T::LABELS;
+
+    fn number(&self, k: usize) -> f64 {
+        Self::to_elements(std::slice::from_ref(self))[k].into()
     }
 
-    fn to_elements(rows: &[Self]) -> Cow<'_, [Self]> {
-        rows.into()
+    fn to_elements(rows: &[Self]) -> Cow<'_, [T::Element]> {
+        bytemuck::cast_slice(rows).into()
     }
 
-    fn from_elements(elements: Vec<Self>) -> Vec<Self> {
-        elements
+    fn from_elements(elements: Vec<T::Element>) -> Vec<Self> {
+        bytemuck::pod_collect_to_vec(&elements)
     }
 }
 
@@ -512,59 +535,5 @@ impl Value for ShapeId {
 
     fn from_elements(elements: Vec<u16>) -> Vec<Self> {
         elements.into_iter().map(Self).collect()
-    }
-}
-
-impl Value for Vec3 {
-    type Element = f64;
-
-    const LABELS: &'static [&'static str] = VECTOR;
-
-    fn number(&self, k: usize) -> f64 {
-        self[k]
-    }
-
-    fn to_elements(rows: &[Self]) -> Cow<'_, [f64]> {
-        bytemuck::cast_slice(rows).into()
-    }
-
-    fn from_elements(elements: Vec<f64>) -> Vec<Self> {
-        elements.as_chunks().0.iter().copied().map(Self::from).collect()
-    }
-}
-
-impl Value for [i32; 3] {
-    type Element = i32;
-
-    const LABELS: &'static [&'static str] = VECTOR;
-
-    fn number(&self, k: usize) -> f64 {
-        f64::from(self[k])
-    }
-
-    fn to_elements(rows: &[Self]) -> Cow<'_, [i32]> {
-        rows.as_flattened().into()
-    }
-
-    fn from_elements(elements: Vec<i32>) -> Vec<Self> {
-        elements.as_chunks().0.to_vec()
-    }
-}
-
-impl Value for [f64; 4] {
-    type Element = f64;
-
-    const LABELS: &'static [&'static str] = &[".w", ".x", ".y", ".z"];
-
-    fn number(&self, k: usize) -> f64 {
-        self[k]
-    }
-
-    fn to_elements(rows: &[Self]) -> Cow<'_, [f64]> {
-        rows.as_flattened().into()
-    }
-
-    fn from_elements(elements: Vec<f64>) -> Vec<Self> {
-        elements.as_chunks().0.to_vec()
     }
 }

@@ -70,8 +70,7 @@ pub fn contact_bytes(remembered: &[StateColumn]) -> usize {
 
 /// Elements at most of a particle: all columns, the axes, one vertex and its end.
 fn elements_of_particle() -> usize {
-    let [columns, _] = columns::elements();
-    columns + GLYPH_SEMI_AXES.width + 2
+    columns::particle_elements() + GLYPH_SEMI_AXES.width + 2
 }
 
 /// Bytes of a particle in a snapshot of a scene with these needs, what is remembered of its contacts left out.
@@ -87,8 +86,7 @@ fn of_history(remembered: &[StateColumn]) -> usize {
 
 /// Elements of a contact: all columns, the force, two points, one line of two ids and its end.
 fn elements_of_contact() -> usize {
-    let [_, columns] = columns::elements();
-    columns + FORCE_MAGNITUDE.width + 2 * POINTS.width + 3
+    columns::contact_elements() + FORCE_MAGNITUDE.width + 2 * POINTS.width + 3
 }
 
 /// Elements of a part: its counts, and the first offset of each category.

@@ -8,7 +8,7 @@ use crate::contact::{Histories, NamedHistory, StateColumn};
 use crate::drive::{SavedColumn, SavedState};
 use crate::ids::GlobalId;
 use crate::measure::Departed;
-use crate::output::columns::{PARTICLE_COLUMNS, ParticleColumn, Values};
+use crate::output::columns::{Numbers, PARTICLE_COLUMNS, ParticleColumn};
 use crate::output::tables::{Header, ParticleTable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -142,7 +142,7 @@ impl Difference {
     fn compare_rows(
         &mut self,
         id: GlobalId,
-        shared: &[(&ParticleColumn, &dyn Values, &dyn Values)],
+        shared: &[(&ParticleColumn, &dyn Numbers, &dyn Numbers)],
         first_row: usize,
         second_row: usize,
     ) {

@@ -408,11 +408,12 @@ impl SampledSolid {
 
     /// Marks the points that these particles, and their periodic images, cover.
     pub fn add(&mut self, header: &Header, particles: &ParticleTable) {
+        let shifts = header.cell.shifts();
         for (row, position) in particles.position.iter().enumerate() {
             let body = Turned::of(header, particles, row);
             let around = body.bounds();
             let centre = header.cell.inside(*position);
-            for shift in header.cell.shifts() {
+            for shift in &shifts {
                 self.mark(&(centre + shift), &body, &around);
             }
         }
