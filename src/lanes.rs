@@ -272,7 +272,7 @@ fn columns<const N: usize>(rows: &[&[f64; N]; WIDTH]) -> [Portable; N] {
 
 #[cfg(target_arch = "x86_64")]
 mod avx512 {
-    use super::avx::{AvxRow, four_of_3, four_of_4, four_of_6, rows_of_four};
+    use super::avx::{AvxRow, four, three};
     use super::{Eight, Lanes, WIDTH};
     use std::arch::x86_64 as intel;
     use std::ops::{Add, Div, Mul, Sub};
@@ -285,7 +285,7 @@ mod avx512 {
     pub(crate) struct Avx512(intel::__m512d);
 
     impl Avx512 {
-        /// From its two halves.
+        /// Two rows of four side by side.
         #[inline(always)]
         fn of(low: intel::__m256d, high: intel::__m256d) -> Self {
             // SAFETY: the processor has AVX-512, see the type.
@@ -295,11 +295,34 @@ mod avx512 {
             }
         }
 
+        /// The columns of eight rows of four: first those of two rows, then of four and four.
         #[inline(always)]
-        fn halves(self) -> [intel::__m256d; 2] {
+        fn columns(rows: [intel::__m256d; WIDTH]) -> [Self; 4] {
+            let [a, b, c, d, e, f, g, h] = rows;
+            let (ac, bd, eg, fh) =
+                (Self::of(a, c).0, Self::of(b, d).0, Self::of(e, g).0, Self::of(f, h).0);
             // SAFETY: the processor has AVX-512, see the type.
             unsafe {
-                [intel::_mm512_castpd512_pd256(self.0), intel::_mm512_extractf64x4_pd::<1>(self.0)]
+                let even = (intel::_mm512_unpacklo_pd(ac, bd), intel::_mm512_unpacklo_pd(eg, fh));
+                let odd = (intel::_mm512_unpackhi_pd(ac, bd), intel::_mm512_unpackhi_pd(eg, fh));
+                [
+                    Self(intel::_mm512_shuffle_f64x2::<0b10_00_10_00>(even.0, even.1)),
+                    Self(intel::_mm512_shuffle_f64x2::<0b10_00_10_00>(odd.0, odd.1)),
+                    Self(intel::_mm512_shuffle_f64x2::<0b11_01_11_01>(even.0, even.1)),
+                    Self(intel::_mm512_shuffle_f64x2::<0b11_01_11_01>(odd.0, odd.1)),
+                ]
+            }
+        }
+
+        /// The two rows that stand side by side.
+        #[inline(always)]
+        fn rows(self) -> [AvxRow; 2] {
+            // SAFETY: the processor has AVX-512, see the type.
+            unsafe {
+                [
+                    AvxRow::of(intel::_mm512_castpd512_pd256(self.0)),
+                    AvxRow::of(intel::_mm512_extractf64x4_pd::<1>(self.0)),
+                ]
             }
         }
     }
@@ -373,36 +396,78 @@ mod avx512 {
 
         #[inline(always)]
         fn columns_of_3(rows: &[&[f64; 3]; WIDTH]) -> [Self; 3] {
-            let [[x, y, z], [u, v, w]] = [four_of_3(rows, 0), four_of_3(rows, 4)];
-            [Self::of(x, u), Self::of(y, v), Self::of(z, w)]
+            let [a, b, c, d, e, f, g, h] = rows;
+            let [x, y, z, _] = Self::columns([
+                three(a),
+                three(b),
+                three(c),
+                three(d),
+                three(e),
+                three(f),
+                three(g),
+                three(h),
+            ]);
+            [x, y, z]
         }
 
         #[inline(always)]
         fn columns_of_4(rows: &[&[f64; 4]; WIDTH]) -> [Self; 4] {
-            let [a, b, c, d] = four_of_4(rows, 0);
-            let [p, q, r, s] = four_of_4(rows, 4);
-            [Self::of(a, p), Self::of(b, q), Self::of(c, r), Self::of(d, s)]
+            let [a, b, c, d, e, f, g, h] = rows;
+            Self::columns([
+                four(a, 0),
+                four(b, 0),
+                four(c, 0),
+                four(d, 0),
+                four(e, 0),
+                four(f, 0),
+                four(g, 0),
+                four(h, 0),
+            ])
         }
 
         #[inline(always)]
         fn columns_of_6(rows: &[&[f64; 6]; WIDTH]) -> [Self; 6] {
-            let [a, b, c, d, e, f] = four_of_6(rows, 0);
-            let [p, q, r, s, t, u] = four_of_6(rows, 4);
-            [
-                Self::of(a, p),
-                Self::of(b, q),
-                Self::of(c, r),
-                Self::of(d, s),
-                Self::of(e, t),
-                Self::of(f, u),
-            ]
+            let [a, b, c, d, e, f, g, h] = rows;
+            let [xx, yy, zz, xy] = Self::columns([
+                four(a, 0),
+                four(b, 0),
+                four(c, 0),
+                four(d, 0),
+                four(e, 0),
+                four(f, 0),
+                four(g, 0),
+                four(h, 0),
+            ]);
+            let [_, _, xz, yz] = Self::columns([
+                four(a, 2),
+                four(b, 2),
+                four(c, 2),
+                four(d, 2),
+                four(e, 2),
+                four(f, 2),
+                four(g, 2),
+                four(h, 2),
+            ]);
+            [xx, yy, zz, xy, xz, yz]
         }
 
         #[inline(always)]
         fn rows_of_4([x, y, z, w]: [Self; 4]) -> [AvxRow; WIDTH] {
-            let [x, y, z, w] = [x.halves(), y.halves(), z.halves(), w.halves()];
-            let [a, b, c, d] = rows_of_four(x[0], y[0], z[0], w[0]);
-            let [e, f, g, h] = rows_of_four(x[1], y[1], z[1], w[1]);
+            // SAFETY: the processor has AVX-512, see the type.
+            let [[a, c], [e, g], [b, d], [f, h]] = unsafe {
+                let (xy, zw) =
+                    (intel::_mm512_unpacklo_pd(x.0, y.0), intel::_mm512_unpacklo_pd(z.0, w.0));
+                let (xy_odd, zw_odd) =
+                    (intel::_mm512_unpackhi_pd(x.0, y.0), intel::_mm512_unpackhi_pd(z.0, w.0));
+                let first = intel::_mm512_setr_epi64(0, 1, 8, 9, 2, 3, 10, 11);
+                let second = intel::_mm512_setr_epi64(4, 5, 12, 13, 6, 7, 14, 15);
+                [
+                    Self(intel::_mm512_permutex2var_pd(xy, first, zw)).rows(),
+                    Self(intel::_mm512_permutex2var_pd(xy, second, zw)).rows(),
+                    Self(intel::_mm512_permutex2var_pd(xy_odd, first, zw_odd)).rows(),
+                    Self(intel::_mm512_permutex2var_pd(xy_odd, second, zw_odd)).rows(),
+                ]
+            };
             [a, b, c, d, e, f, g, h]
         }
     }
@@ -563,7 +628,7 @@ mod avx {
 
     /// Four rows from four columns.
     #[inline(always)]
-    pub(super) fn rows_of_four(
+    fn rows_of_four(
         x: intel::__m256d,
         y: intel::__m256d,
         z: intel::__m256d,
@@ -586,6 +651,13 @@ mod avx {
     #[derive(Clone, Copy, Debug)]
     pub(crate) struct AvxRow(intel::__m256d);
 
+    impl AvxRow {
+        #[inline(always)]
+        pub(super) fn of(row: intel::__m256d) -> Self {
+            Self(row)
+        }
+    }
+
     impl Row for AvxRow {
         #[inline(always)]
         fn write(self, to: &mut [f64; 4]) {
@@ -606,7 +678,7 @@ mod avx {
     /// Columns of four rows from the `first` on. Numbers go from memory to registers once and change places
     /// there: put one by one into arrays, they would have to reach memory before they could be loaded again.
     #[inline(always)]
-    pub(super) fn four_of_3(rows: &[&[f64; 3]; WIDTH], first: usize) -> [intel::__m256d; 3] {
+    fn four_of_3(rows: &[&[f64; 3]; WIDTH], first: usize) -> [intel::__m256d; 3] {
         // SAFETY: the processor has AVX, see the type; rows hold three numbers.
         unsafe {
             let a = three(rows[first]);
@@ -625,7 +697,7 @@ mod avx {
 
     /// Three numbers, and a zero.
     #[inline(always)]
-    fn three(row: &[f64; 3]) -> intel::__m256d {
+    pub(super) fn three(row: &[f64; 3]) -> intel::__m256d {
         // SAFETY: the processor has AVX, see the type; the row holds three numbers, and no more are read.
         unsafe {
             let three = intel::_mm256_setr_epi64x(-1, -1, -1, 0);
@@ -633,19 +705,25 @@ mod avx {
         }
     }
 
+    /// Four numbers of a row.
+    #[inline(always)]
+    pub(super) fn four<const N: usize>(row: &[f64; N], at: usize) -> intel::__m256d {
+        let four = row[at..].first_chunk::<4>().expect("a row of four numbers or more");
+        // SAFETY: the processor has AVX, see the type; four numbers are read.
+        unsafe { intel::_mm256_loadu_pd(four.as_ptr()) }
+    }
+
     /// The same of longer rows: of their first four numbers.
     #[inline(always)]
-    pub(super) fn four_of_4<const N: usize>(
+    fn four_of_4<const N: usize>(
         rows: &[&[f64; N]; WIDTH],
         first: usize,
     ) -> [intel::__m256d; 4] {
         const { assert!(N >= 4) };
         // SAFETY: the processor has AVX, see the type; rows hold four numbers.
         unsafe {
-            let a = intel::_mm256_loadu_pd(rows[first].as_ptr());
-            let b = intel::_mm256_loadu_pd(rows[first + 1].as_ptr());
-            let c = intel::_mm256_loadu_pd(rows[first + 2].as_ptr());
-            let d = intel::_mm256_loadu_pd(rows[first + 3].as_ptr());
+            let (a, b) = (four(rows[first], 0), four(rows[first + 1], 0));
+            let (c, d) = (four(rows[first + 2], 0), four(rows[first + 3], 0));
             let (even_ab, odd_ab) =
                 (intel::_mm256_unpacklo_pd(a, b), intel::_mm256_unpackhi_pd(a, b));
             let (even_cd, odd_cd) =
@@ -661,7 +739,7 @@ mod avx {
 
     /// The same of rows of six.
     #[inline(always)]
-    pub(super) fn four_of_6(rows: &[&[f64; 6]; WIDTH], first: usize) -> [intel::__m256d; 6] {
+    fn four_of_6(rows: &[&[f64; 6]; WIDTH], first: usize) -> [intel::__m256d; 6] {
         let [xx, yy, zz, xy] = four_of_4(rows, first);
         // SAFETY: the processor has AVX, see the type; rows hold six numbers.
         unsafe {

@@ -380,7 +380,7 @@ impl Place {
 pub struct Batch<'a> {
     /// A stretch of the list of pairs, or all of it.
     pub pairs: &'a [Pair],
-    /// Where in `history` each of them is remembered.
+    /// Where in `history` each of them is remembered; empty if all are spheres, of which nobody asks.
     pub place: &'a [Place],
     /// What is remembered.
     pub history: &'a [History],
@@ -394,7 +394,7 @@ impl<'a> Batch<'a> {
     /// The normal of a pair's last touch, if it touched at the last step.
     #[inline]
     pub fn last_normal(&self, index: u32) -> Option<&'a Vec3> {
-        let history = self.history.get(self.place[index as usize].index())?;
+        let history = self.history.get(self.place.get(index as usize)?.index())?;
         history.touched().then_some(&history.normal)
     }
 

@@ -247,6 +247,10 @@ impl Contacts {
         self.now = room(&mut self.spare, before, self.width, needs);
         self.now.swap(touching);
         self.place.clear();
+        if !needs.orientation {
+            // Of spheres nobody asks for the last normal.
+            return;
+        }
         self.place.resize(length, Place::NONE);
         for (place, &number) in self.stretches[stretch].numbers.iter().enumerate() {
             self.place[number as usize] = Place::among(place);
@@ -265,7 +269,8 @@ impl Contacts {
         Batch { pairs, place: &self.place, history, active, bodies: particles.bodies() }
     }
 
-    /// Puts what has been found in a stretch in the order of its pairs, beside what was remembered of each.
+    /// Puts what has been found in a stretch in the order of its pairs, beside what was remembered of each. If the same pairs
+    /// touch as before, they stay where they are until [`Contacts::load`] takes them over.
     pub fn arrange(
         &mut self,
         stretch: usize,
@@ -278,7 +283,7 @@ impl Contacts {
         } else {
             self.sort(pairs.len(), touching, needs);
         }
-        let Self { stretches, now, place, from, parted, .. } = self;
+        let Self { stretches, now, from, parted, .. } = self;
         if !fits(now, now.numbers.len()) {
             now.shrink();
         }
@@ -286,23 +291,18 @@ impl Contacts {
         parted.clear();
         let before = &stretches[stretch];
         if now.numbers == before.numbers {
-            now.pairs.extend_from_slice(&before.pairs);
             return;
         }
-        from.extend(now.numbers.iter().map(|&pair| place[pair as usize]));
         now.pairs.extend(now.numbers.iter().map(|&pair| pairs[pair as usize]));
-        let before = &before.numbers;
-        if from.iter().filter(|&&place| place != Place::NONE).count() < before.len() {
-            let mut at = 0;
-            for (place, &number) in before.iter().enumerate() {
-                while now.numbers.get(at).is_some_and(|&other| other < number) {
-                    at += 1;
-                }
-                if now.numbers.get(at) != Some(&number) {
-                    parted.push(Parted { place, before: at });
-                }
+        let mut rest = before.numbers.iter().zip(0..).peekable();
+        for &number in &now.numbers {
+            while let Some((_, place)) = rest.next_if(|&(&other, _)| other < number) {
+                parted.push(Parted { place, before: from.len() });
             }
+            let same = rest.next_if(|&(&other, _)| other == number);
+            from.push(same.map_or(Place::NONE, |(_, place)| Place::among(place)));
         }
+        parted.extend(rest.map(|(_, place)| Parted { place, before: from.len() }));
     }
 
     /// Puts what touches in the order of pairs, of which there are so many.
@@ -343,8 +343,12 @@ impl Contacts {
         sums: &mut Sums,
     ) {
         let Self { stretches, now, spare, from, parted, width, .. } = self;
+        let before = &mut stretches[stretch];
+        if from.is_empty() && parted.is_empty() {
+            // The same pairs touch, and nobody will ask again for those before.
+            std::mem::swap(&mut now.pairs, &mut before.pairs);
+        }
         now.make_places(*width);
-        let before = &stretches[stretch];
         let mut work = Work {
             pairs: &now.pairs,
             history: &now.history,

@@ -347,7 +347,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let last = work.last;
         let (last_normal, last_overlap) =
             if let Some(start) = stood_in_a_row(work.from, first, count) {
-                read_state(&rows_of(last.state, law.width, start), state);
+                read_states_in_a_row(last.state, start, state);
                 geometry::<L>(&eight_rows(last.history, start))
             } else {
                 let from = places_before(work.from, first, count);
@@ -566,6 +566,16 @@ fn constants_of<M: Model, L: Eight>(
         [radii[0][lane], radii[1][lane]] = rows[lane].radii;
     }
     (M::spread(&Each(&rows)), [L::load(&radii[0]), L::load(&radii[1])])
+}
+
+/// What is remembered of eight contacts that stand one after the other, column by column.
+#[inline(always)]
+fn read_states_in_a_row<L: Eight>(all: &[f64], start: usize, columns: &mut [L]) {
+    if let Some(columns) = columns.as_mut_array::<4>() {
+        *columns = L::columns_of_4(&eight_rows(all.as_chunks().0, start));
+    } else {
+        read_state(&rows_of(all, columns.len(), start), columns);
+    }
 }
 
 /// What is remembered of eight contacts, column by column.
