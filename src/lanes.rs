@@ -116,6 +116,10 @@ pub trait Row: Copy + Debug {
     /// Adds them.
     fn add_to(self, sum: &mut [f64; 4]);
 
+    /// The first three with the other sign.
+    #[must_use]
+    fn opposite(self) -> Self;
+
     /// As numbers.
     #[inline(always)]
     fn numbers(self) -> [f64; 4] {
@@ -133,6 +137,12 @@ pub trait Row: Copy + Debug {
 }
 
 impl Row for [f64; 4] {
+    #[inline(always)]
+    fn opposite(self) -> Self {
+        let [x, y, z, w] = self;
+        [-x, -y, -z, w]
+    }
+
     #[inline(always)]
     fn write(self, to: &mut Self) {
         *to = self;
@@ -272,7 +282,7 @@ fn columns<const N: usize>(rows: &[&[f64; N]; WIDTH]) -> [Portable; N] {
 
 #[cfg(target_arch = "x86_64")]
 mod avx512 {
-    use super::avx::{AvxRow, four, three};
+    use super::avx::{AvxRow, four};
     use super::{Eight, Lanes, WIDTH};
     use std::arch::x86_64 as intel;
     use std::ops::{Add, Div, Mul, Sub};
@@ -325,6 +335,13 @@ mod avx512 {
                 ]
             }
         }
+    }
+
+    /// Three numbers, and a zero.
+    #[inline(always)]
+    fn three(row: &[f64; 3]) -> intel::__m256d {
+        // SAFETY: the processor has AVX-512, see the type; the row holds three numbers, and no more are read.
+        unsafe { intel::_mm256_maskz_loadu_pd(0b111, row.as_ptr()) }
     }
 
     macro_rules! registerwise {
@@ -660,6 +677,15 @@ mod avx {
 
     impl Row for AvxRow {
         #[inline(always)]
+        fn opposite(self) -> Self {
+            // SAFETY: the processor has AVX, see the type.
+            unsafe {
+                let signs = intel::_mm256_setr_pd(-0.0, -0.0, -0.0, 0.0);
+                Self(intel::_mm256_xor_pd(self.0, signs))
+            }
+        }
+
+        #[inline(always)]
         fn write(self, to: &mut [f64; 4]) {
             // SAFETY: the processor has AVX, see the type; the row holds four numbers.
             unsafe { intel::_mm256_storeu_pd(to.as_mut_ptr(), self.0) };
@@ -697,7 +723,7 @@ mod avx {
 
     /// Three numbers, and a zero.
     #[inline(always)]
-    pub(super) fn three(row: &[f64; 3]) -> intel::__m256d {
+    fn three(row: &[f64; 3]) -> intel::__m256d {
         // SAFETY: the processor has AVX, see the type; the row holds three numbers, and no more are read.
         unsafe {
             let three = intel::_mm256_setr_epi64x(-1, -1, -1, 0);

@@ -409,71 +409,55 @@ impl<M: Model> Contacts<'_, '_, M> {
         write_state(self.work.state, law.width, first, count, state);
         // Each body loses half; a wall has no share. Pairs with walls stand among themselves.
         let with_walls = b[0].index() >= particles.first_wall();
-        let share = if with_walls { dissipated } else { L::all(0.5) * dissipated };
-        let forces = [Triple::zero().minus(force).rows(share), force.rows(share)];
-        let torques = if TURNS {
-            Some([force.cross(point).rows(zero), arm_b.cross(force).rows(zero)])
-        } else {
-            None
-        };
-        let impulse = if with_walls { Some(impulse.store()) } else { None };
-        self.sum::<L>((first, count), &pairs, &forces, torques.as_ref(), impulse.as_ref());
-    }
-
-    /// Adds what up to eight contacts do to their bodies: forces on A and B [N], each with the energy that the body loses [J],
-    /// and moments [N m]; `impulse` on walls since the last step [N s].
-    #[inline(always)]
-    fn sum<L: Eight>(
-        &mut self,
-        (first, count): (usize, usize),
-        pairs: &[Pair; WIDTH],
-        forces: &[[L::Row; WIDTH]; 2],
-        torques: Option<&[[L::Row; WIDTH]; 2]>,
-        impulse: Option<&[[f64; WIDTH]; 3]>,
-    ) {
         let next_parted = self.work.parted.get(self.summed).map_or(usize::MAX, |p| p.before);
-        if count < WIDTH || impulse.is_some() || next_parted < first + count {
-            self.sum_in_turn::<L>(first, &pairs[..count], forces, torques, impulse);
+        if count < WIDTH || with_walls || next_parted < first + count {
+            let share = if with_walls { dissipated } else { L::all(0.5) * dissipated };
+            let impulse = if with_walls { Some(impulse.store()) } else { None };
+            let torques = [arm_b.cross(force), force.cross(point)].map(Triple::store);
+            let done = Done { force: force.store(), torques, share: share.store(), impulse };
+            self.sum_in_turn::<TURNS>(first, &pairs[..count], &done);
             return;
         }
+
+        // Rows are added as soon as they are made, or they would have to wait in memory.
         let kept = self.work.forces[first..].first_chunk_mut::<WIDTH>().expect("eight places");
-        for (force, row) in kept.iter_mut().zip(&forces[1]) {
+        let Sums { force: forces, torque: torques, .. } = &mut *self.sums;
+        let rows = force.rows(L::all(0.5) * dissipated);
+        for (force, row) in kept.iter_mut().zip(&rows) {
             *force = row.first_three().into();
         }
         // A body is B of its contacts with lower ids, which stand before those of which it is A: all B may come before all A.
-        let Sums { force, torque, .. } = &mut *self.sums;
-        for (pair, row) in pairs.iter().zip(&forces[1]) {
-            add(force, pair.b.index(), *row);
+        for (slot, row) in b.iter().zip(&rows) {
+            add(forces, slot.index(), *row);
         }
-        for (pair, row) in pairs.iter().zip(&forces[0]) {
-            add(force, pair.a.index(), *row);
+        for (slot, row) in a.iter().zip(&rows) {
+            add(forces, slot.index(), row.opposite());
         }
-        let Some([on_a, on_b]) = torques else { return };
-        for (pair, row) in pairs.iter().zip(on_b) {
-            add(torque, pair.b.index(), *row);
-        }
-        for (pair, row) in pairs.iter().zip(on_a) {
-            add(torque, pair.a.index(), *row);
+        if TURNS {
+            for (slot, row) in b.iter().zip(&arm_b.cross(force).rows(zero)) {
+                add(torques, slot.index(), *row);
+            }
+            for (slot, row) in a.iter().zip(&force.cross(point).rows(zero)) {
+                add(torques, slot.index(), *row);
+            }
         }
     }
 
-    /// The same one after the other, with what contacts lost that have come apart in between.
-    #[inline(always)]
-    fn sum_in_turn<L: Eight>(
-        &mut self,
-        first: usize,
-        pairs: &[Pair],
-        forces: &[[L::Row; WIDTH]; 2],
-        torques: Option<&[[L::Row; WIDTH]; 2]>,
-        impulse: Option<&[[f64; WIDTH]; 3]>,
-    ) {
+    /// Adds what contacts do to their bodies, one after the other, with what contacts lost that have come apart in between.
+    #[inline(never)]
+    fn sum_in_turn<const TURNS: bool>(&mut self, first: usize, pairs: &[Pair], done: &Done) {
+        let Done { force, torques, share, impulse } = done;
         for (lane, pair) in pairs.iter().enumerate() {
             self.part_before(first + lane);
-            self.work.forces[first + lane] = forces[1][lane].first_three().into();
-            for (slot, of_body) in [pair.a, pair.b].into_iter().zip([0, 1]) {
-                add(&mut self.sums.force, slot.index(), forces[of_body][lane]);
-                if let Some(torques) = torques {
-                    add(&mut self.sums.torque, slot.index(), torques[of_body][lane]);
+            let [x, y, z] = row(force, lane);
+            let share = share[lane];
+            self.work.forces[first + lane] = Vec3::new(x, y, z);
+            let forces = [[x, y, z, share], [x, y, z, share].opposite()];
+            for (k, slot) in [pair.b, pair.a].into_iter().enumerate() {
+                add(&mut self.sums.force, slot.index(), forces[k]);
+                if TURNS {
+                    let [x, y, z] = row(&torques[k], lane);
+                    add(&mut self.sums.torque, slot.index(), [x, y, z, 0.0]);
                 }
             }
             if let Some(impulse) = impulse {
@@ -537,6 +521,18 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
         self.sums.lose(pair, dissipated, particles.first_wall());
     }
+}
+
+/// What up to eight contacts do to their bodies, in columns.
+struct Done {
+    /// On B [N].
+    force: [[f64; WIDTH]; 3],
+    /// Moments on B and A [N m].
+    torques: [[[f64; WIDTH]; 3]; 2],
+    /// What each body loses [J].
+    share: [f64; WIDTH],
+    /// On walls since the last step [N s].
+    impulse: Option<[[f64; WIDTH]; 3]>,
 }
 
 /// Constants of eight contacts, and the bounding radii of their bodies, 0 of walls [m].
