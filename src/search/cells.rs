@@ -12,14 +12,14 @@ use crate::cell::Cell;
 use crate::contact::Pair;
 use crate::ids::Slot;
 use crate::math::Vec3;
-use crate::particles::{Library, Particles};
+use crate::particles::{Library, Particles, walls};
 use std::borrow::Cow;
 
 /// Distances are taken as so much longer when cells are chosen, for the rounding of positions.
 const LEEWAY: f64 = 1.0 + 1e-9;
 
-/// All pairs of owned particles, ghosts and walls with at least one owned particle and less than `skin`
-/// between bounding spheres [m]. The walls' slots follow those of the ghosts, there or not.
+/// All pairs of owned particles, ghosts and facets of walls with at least one owned particle and less than `skin`
+/// between bounding spheres [m]. The slots of facets follow those of the ghosts, there or not.
 pub fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
     let mut pairs = Vec::new();
     let bodies = particles.first_wall();
@@ -38,10 +38,10 @@ pub fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
         });
     }
 
+    let facets = walls::facets(&particles.walls);
     for slot in 0..particles.owned {
-        for (k, wall) in particles.walls.iter().enumerate() {
-            let height = (particles.position[slot] - wall.point).dot(&wall.normal);
-            if height < particles.radius(slot) + skin {
+        for (k, facet) in facets.iter().enumerate() {
+            if facet.distance(&particles.position[slot]) < particles.radius(slot) + skin {
                 pairs.push(Pair { a: Slot(slot as u32), b: Slot((bodies + k) as u32) });
             }
         }

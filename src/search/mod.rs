@@ -80,7 +80,7 @@ impl PairList {
         particles.travel.clear();
         particles.travel.resize(particles.slots(), 0.0);
         for wall in &mut particles.walls {
-            wall.listed_at = wall.point;
+            wall.note_listing();
         }
     }
 
@@ -222,9 +222,9 @@ pub fn moved_squared(particles: &Particles) -> f64 {
         }
         sound &= moved.is_finite();
     }
+    let room = particles.room_of_turning();
     for wall in &particles.walls {
-        // Along itself a wall may slide as far as it likes.
-        let moved = (wall.point - wall.listed_at).dot(&wall.normal).powi(2);
+        let moved = wall.nearer_since_listed(&room).powi(2);
         if moved > largest {
             largest = moved;
         }

@@ -155,7 +155,7 @@ impl Simulation {
         self.clock.lap(Phase::Move);
         self.steer_walls(&asked, comm)?;
         self.clock.lap(Phase::Agree);
-        motion::move_walls(&mut self.particles, self.dt);
+        self.particles.move_walls(self.step + 1, self.dt);
         self.watch.note(&farthest, &self.particles, self.dt);
         self.step += 1;
         self.clock.lap(Phase::Move);

@@ -45,6 +45,7 @@ fn extents_of_turned_ellipsoids_are_exact() {
             normal: Vec3::z() * up,
             velocity: Vec3::zeros(),
             force: Vec3::zeros(),
+            body: None,
         });
     }
     header.cell = Cell::new(header.cell.low(), header.cell.high(), [true, false, false]);
