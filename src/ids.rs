@@ -113,3 +113,25 @@ impl MaterialId {
         self.0 as usize
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::GlobalId;
+
+    #[test]
+    fn facets_are_ordered_and_come_back_from_files() {
+        let ids = [(0, 0), (0, 1), (0, 5), (1, 0), (1, 1), (70_000, 0), (70_000, 70_000)];
+        let ids = ids.map(|(wall, facet)| {
+            let id = GlobalId::facet(wall, facet);
+            assert_eq!(id.wall_and_facet(), Some((wall, facet)));
+            assert_eq!(GlobalId::from_file(id.to_file()), id);
+            id
+        });
+        assert!(ids.is_sorted());
+        let mut files = ids.map(GlobalId::to_file);
+        files.sort_unstable();
+        assert!(files.windows(2).all(|two| two[0] < two[1]) && files[6] == -1);
+        assert_eq!([GlobalId::wall(0), GlobalId::wall(2)].map(GlobalId::to_file), [-1, -3]);
+        assert_eq!(GlobalId::from_file(17).wall_index(), None);
+    }
+}

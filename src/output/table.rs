@@ -180,7 +180,6 @@ impl History {
 mod tests {
     use super::{COLUMNS, History};
     use crate::cell::Cell;
-    use crate::ids::ShapeId;
     use crate::math::Vec3;
     use crate::particles::walls::Wall;
 
@@ -189,7 +188,6 @@ mod tests {
     fn any_name_of_a_wall_stays_in_its_column() {
         let (point, normal) = (Vec3::zeros(), Vec3::z());
         let name = "left, \"upper\"".to_owned();
-        let shape = ShapeId(0);
         let wall = Wall::plane(name, point, normal);
         let folder = tempfile::tempdir().unwrap();
         drop(History::open(folder.path(), &[wall], Cell::OPEN, |_| false).unwrap());

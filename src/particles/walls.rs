@@ -443,3 +443,141 @@ pub struct FacetColumns {
     /// Does any wall turn?
     pub any_turns: bool,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Across, Corners, Wall};
+    use crate::math::{Quat, Vec3, rotation_about};
+    use crate::random::Random;
+
+    const ROOM: Corners = (Vec3::new(-1.0, -2.0, -0.5), Vec3::new(0.5, 1.0, 1.0));
+
+    /// A wall of two planes somewhere, which moves and turns.
+    fn moving(random: &mut Random) -> Wall {
+        let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.signed());
+        let planes = [0, 1].map(|_| (vector(1.0), vector(1.0).normalize()));
+        let mut wall = Wall::of_planes("wall".to_owned(), vector(1.0), &planes);
+        (wall.velocity, wall.angular_velocity) = (vector(1.0), vector(3.0));
+        wall
+    }
+
+    fn distances(wall: &Wall, point: &Vec3) -> Vec<f64> {
+        wall.in_place().map(|facet| facet.distance(point)).collect()
+    }
+
+    /// Against planes that are moved as the rotation of their wall says.
+    #[test]
+    fn planes_go_with_their_wall() {
+        for id in 0..100 {
+            let mut random = Random::of(1, id);
+            let planes = [0, 1].map(|_| {
+                let mut vector = || Vec3::from_fn(|_, _| random.signed());
+                (vector(), vector().normalize())
+            });
+            let mut vector = || Vec3::from_fn(|_, _| random.signed());
+            let (reference, velocity, turn, point) = (vector(), vector(), vector(), vector());
+            let mut wall = Wall::of_planes("wall".to_owned(), reference, &planes);
+            (wall.velocity, wall.angular_velocity) = (velocity, turn);
+            let (steps, dt) = (1000, 2e-3);
+            (1..=steps).for_each(|step| {
+                wall.advance(step, dt, &ROOM);
+            });
+            let time = steps as f64 * dt;
+            let rotation = Quat::from_scaled_axis(turn * time);
+            let moved = |point: Vec3| reference + velocity * time + rotation * (point - reference);
+            for ((through, normal), distance) in planes.iter().zip(distances(&wall, &point)) {
+                let expected = (point - moved(*through)).dot(&(rotation * normal));
+                assert!((distance - expected).abs() < 1e-12, "{id}: {distance} {expected}");
+            }
+            let (through, normal) = wall.surface();
+            assert!((normal - rotation * planes[0].1).norm() < 1e-14);
+            assert!((through - moved(planes[0].0)).dot(&normal).abs() < 1e-12);
+        }
+    }
+
+    /// No grain in the room comes nearer than is said, and some come as near.
+    #[test]
+    fn nothing_comes_nearer_than_walls_say() {
+        for id in 0..200 {
+            let mut random = Random::of(2, id);
+            let mut wall = moving(&mut random);
+            wall.note_listing();
+            let before = wall.clone();
+            let dt = 1e-3;
+            let way = wall.way(dt, &ROOM);
+            let steps = (1..=20).map(|step| wall.advance(step, dt, &ROOM)).collect::<Vec<_>>();
+            let nearer = wall.nearer_since_listed(&ROOM);
+            assert!(nearer <= steps.iter().sum::<f64>() + 1e-12);
+            assert!((way / steps[0] - 1.0).abs() < 0.02, "{way} {}", steps[0]);
+            let corners = super::corners(&ROOM);
+            let any = std::iter::repeat_with(|| {
+                let parts = Vec3::from_fn(|_, _| random.unit());
+                ROOM.0 + parts.component_mul(&(ROOM.1 - ROOM.0))
+            });
+            let came = |point: &Vec3| {
+                let both = distances(&before, point).into_iter().zip(distances(&wall, point));
+                both.map(|(then, now)| (then - now).abs()).fold(0.0, f64::max)
+            };
+            let most = any.take(200).map(|point| came(&point)).fold(0.0, f64::max);
+            assert!(most <= nearer + 1e-14 && most > 0.3 * nearer, "{id}: {most} {nearer}");
+            let at_corners = corners.iter().map(came).fold(0.0, f64::max);
+            assert!((at_corners / nearer - 1.0).abs() < 1e-12);
+        }
+    }
+
+    /// A turntable stays across its axis to the last bit and comes no nearer; a flap does not stay.
+    #[test]
+    fn a_turntable_stays_in_its_plane() {
+        let mut table = Wall::plane("table".to_owned(), Vec3::new(0.3, 0.2, 0.1), -Vec3::z());
+        table.angular_velocity = Vec3::z() * 7.0;
+        table.note_listing();
+        for step in 1..=1000 {
+            table.advance(step, 1e-3, &ROOM);
+        }
+        assert_eq!(table.across(), Some(Across { axis: 2, inwards: -1.0, place: 0.1 }));
+        assert_eq!((table.nearer_since_listed(&ROOM), table.way(1e-3, &ROOM)), (0.0, 0.0));
+        table.angular_velocity = Vec3::x();
+        assert_eq!(table.across(), None);
+        assert!(table.way(1e-3, &ROOM) > 1e-3);
+    }
+
+    /// A turn comes from the number of its steps, whatever was saved and taken up on the way; another turn begins where it
+    /// ends.
+    #[test]
+    fn a_turn_is_counted_in_steps() {
+        let axis = Vec3::new(0.48, 0.6, 0.64);
+        let mut wall = Wall::plane("wall".to_owned(), Vec3::zeros(), Vec3::x());
+        wall.angular_velocity = axis * 2.0;
+        for step in 11..=500 {
+            wall.advance(step, 1e-3, &ROOM);
+            if step == 300 {
+                let text = serde_json::to_string(&wall.saved()).unwrap();
+                let saved: Option<super::Saved> = serde_json::from_str(&text).unwrap();
+                assert_eq!(saved, wall.saved());
+                let mut library = super::Library::default();
+                let mut again = Wall::plane("wall".to_owned(), Vec3::zeros(), Vec3::x());
+                again.enter(&mut library, super::MaterialId(0));
+                again.angular_velocity = wall.angular_velocity;
+                again.go_on(&wall.surface(), saved.as_ref(), true, &mut library, &ROOM);
+                wall = again;
+            }
+        }
+        let rate = wall.angular_velocity.norm();
+        let turned = rotation_about(&(wall.angular_velocity / rate), rate * (490.0 * 1e-3));
+        assert_eq!(wall.orientation, turned);
+        wall.angular_velocity = Vec3::z();
+        wall.advance(501, 1e-3, &ROOM);
+        assert_eq!(wall.orientation, rotation_about(&Vec3::z(), 1e-3) * turned);
+    }
+
+    /// Half a box behind a plane, and a box before it.
+    #[test]
+    fn depths_of_boxes() {
+        let normal = Vec3::new(0.6, 0.0, 0.8);
+        let wall = Wall::plane("wall".to_owned(), Vec3::zeros(), normal);
+        let half = 0.5 * (0.6 + 0.8);
+        let cube = |centre: Vec3| (centre - Vec3::repeat(0.5), centre + Vec3::repeat(0.5));
+        assert!((wall.depth(&cube(Vec3::zeros())) - half).abs() < 1e-15);
+        assert!((wall.depth(&cube(normal * 2.0)) + 2.0 - half).abs() < 1e-15);
+    }
+}
