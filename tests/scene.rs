@@ -307,7 +307,7 @@ fn overrides_reach_every_place() -> Result<()> {
     assert_eq!(scene.interactions.of(grain, grain).friction, 0.4);
     assert_eq!(scene.library.shapes[0].bounding_radius(), 0.004);
     assert_eq!(scene.gravity, Vec3::new(0.0, 0.0, -1.62));
-    assert_eq!(scene.walls.len(), 3);
+    assert_eq!(scene.walls.len(), 4);
     assert_eq!(scene.out, Path::new("elsewhere/run 2"));
     assert_eq!(scene.method, Method::Epa(Epa::new(1e-8)));
     assert_eq!(scene.rain.as_ref().context("it rains")?.mix.cumulative[0].1, 0.5);

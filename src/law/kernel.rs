@@ -304,7 +304,7 @@ impl<M: Model> Contacts<'_, '_, M> {
     #[inline(always)]
     fn alike<L: Eight>(&self) -> Option<(M::Constants<L>, [L; 2])> {
         let pair = self.work.pairs.first()?;
-        let with_walls = pair.b.index() >= self.particles.first_wall();
+        let with_walls = pair.b.index() >= self.particles.first_facet();
         if with_walls || self.particles.library.particle_shapes > 1 {
             return None;
         }
@@ -356,7 +356,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             };
 
         // Pairs with walls stand among themselves.
-        let with_walls = b[0].index() >= particles.first_wall();
+        let with_walls = b[0].index() >= particles.first_facet();
         let turning_walls = TURNS && with_walls && particles.facets.any_turns;
 
         // how surfaces move: where a law asks, or a moment acts
@@ -530,7 +530,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let (body, other) = bodies.posed(pair, &frames);
         let into = history.normal * (0.5 * history.overlap);
         let arm_a = body.support(&history.normal) - into;
-        let with_wall = pair.b.index() >= particles.first_wall();
+        let with_wall = pair.b.index() >= particles.first_facet();
         let arm_b = if with_wall {
             arm_a - bodies.relative(pair)
         } else {
@@ -562,7 +562,7 @@ impl<M: Model> Contacts<'_, '_, M> {
                 dissipated += work(&rub, &velocity) + before.stored[1];
             }
         }
-        self.sums.lose(pair, dissipated, particles.first_wall());
+        self.sums.lose(pair, dissipated, particles.first_facet());
     }
 }
 

@@ -260,15 +260,15 @@ impl Particles {
         self.id.len()
     }
 
-    /// The first wall's slot.
-    pub const fn first_wall(&self) -> usize {
+    /// The slot of the first facet of a wall.
+    pub const fn first_facet(&self) -> usize {
         self.owned + self.ghosts
     }
 
     /// The index of the wall that a facet in this slot belongs to; `None` for a particle.
     #[inline]
     pub fn wall_of(&self, slot: Slot) -> Option<usize> {
-        let facet = slot.index().checked_sub(self.first_wall())?;
+        let facet = slot.index().checked_sub(self.first_facet())?;
         self.facets.wall.get(facet).map(|&wall| wall as usize)
     }
 
@@ -527,7 +527,7 @@ impl Particles {
     /// Moves the walls to where they stand after `step` steps, of which the last took `dt` [s].
     pub fn move_walls(&mut self, step: u64, dt: f64) {
         let room = self.room_of_turning();
-        let mut slot = self.first_wall();
+        let mut slot = self.first_facet();
         for wall in &mut self.walls {
             let nearer = wall.advance(step, dt, &room);
             for _ in &wall.facets {
@@ -543,7 +543,7 @@ impl Particles {
     /// # Panics
     /// If a wall turns and there is no column for it, see [`Needs::spin`].
     fn place_walls(&mut self) {
-        let mut slot = self.first_wall();
+        let mut slot = self.first_facet();
         self.facets.any_turns = false;
         for wall in &self.walls {
             let turns = wall.angular_velocity != Vec3::zeros();

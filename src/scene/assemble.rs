@@ -19,7 +19,6 @@ use crate::particles::Particles;
 use crate::particles::records::Particle;
 use crate::particles::walls::Wall;
 use crate::search::PairList;
-use crate::shape::Kind;
 use crate::sim::{Simulation, capture, watch::Watch};
 use crate::timing::Clock;
 use serde::{Deserialize, Serialize};
@@ -95,9 +94,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
     let needs = scene.needs_with(&*law);
     let halo = 2.0 * scene.library.largest_radius() + scene.skin;
     let mut kinds = scene.particle_kinds();
-    if !scene.walls.is_empty() {
-        kinds.push(Kind::HalfSpace);
-    }
+    kinds.extend(scene.facet_kinds());
     let mut found = contact::Found::default();
     found.contacts.without_points = !needs.orientation;
     Simulation {

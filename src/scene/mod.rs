@@ -269,6 +269,12 @@ impl Scene {
         Kind::ALL.into_iter().filter(|&k| shapes.iter().any(|s| s.kind() == k)).collect()
     }
 
+    /// The kinds of facet that walls have.
+    pub fn facet_kinds(&self) -> Vec<Kind> {
+        let shapes = &self.library.shapes[self.library.particle_shapes..];
+        Kind::ALL.into_iter().filter(|&k| shapes.iter().any(|s| s.kind() == k)).collect()
+    }
+
     /// Which columns the scene needs.
     pub fn needs(&self) -> Needs {
         self.needs_with(&*self.law())

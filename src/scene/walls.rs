@@ -16,20 +16,20 @@ const LONGEST_MOVE: f64 = 0.05;
 
 /// What is wrong with a wall of this speed [m/s], if it moves too far in a step of `dt` [s].
 fn too_fast(speed: f64, dt: Option<f64>, library: &Library) -> Option<String> {
-    let most = allowed(speed, dt, library)?;
+    let most = too_far(speed, dt, library)?;
     Some(format!(
         "({speed:?} m/s) moves a wall by {:.2e} m in a step, more than {} % of the shortest axis of \
          the smallest grain; must be at most {:.2e} m/s",
         speed * dt?,
         100.0 * LONGEST_MOVE,
-        0.995 * most
+        0.995 * most / dt?
     ))
 }
 
-/// The highest speed of a wall for a step of `dt` [s], if this one is higher [m/s].
-fn allowed(speed: f64, dt: Option<f64>, library: &Library) -> Option<f64> {
+/// The most that a wall may move in a step [m], if one of this speed [m/s] moves farther in a step of `dt` [s].
+fn too_far(speed: f64, dt: Option<f64>, library: &Library) -> Option<f64> {
     let (dt, most) = (dt?, LONGEST_MOVE * 2.0 * library.least_inscribed_radius());
-    (speed * dt > most).then(|| most / dt)
+    (speed * dt > most).then_some(most)
 }
 
 /// A wall on its way into the library.
@@ -143,13 +143,13 @@ impl Walls {
             turning.velocity = Vec3::zeros();
             let (rate, speed) =
                 (wall.angular_velocity.norm(), turning.way(1.0, &(domain.low(), domain.high())));
-            if let Some(most) = allowed(speed, dt, library) {
+            if let (Some(dt), Some(most)) = (dt, too_far(speed, dt, library)) {
                 given.fail(format!(
                     "({rate:?} rad/s) moves the wall by up to {:.2e} m in a step within the domain, more than {} % of the \
                      shortest axis of the smallest grain; `rate` must be at most {:.2e} rad/s",
-                    speed * dt.unwrap_or_default(),
+                    speed * dt,
                     100.0 * LONGEST_MOVE,
-                    0.995 * rate * most / speed
+                    0.995 * rate * most / (speed * dt)
                 ));
             }
         }

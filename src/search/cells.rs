@@ -22,7 +22,7 @@ const LEEWAY: f64 = 1.0 + 1e-9;
 /// between bounding spheres [m]. The slots of facets follow those of the ghosts, there or not.
 pub fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
     let mut pairs = Vec::new();
-    let bodies = particles.first_wall();
+    let bodies = particles.first_facet();
     if particles.owned > 0 {
         let classes = Classes::of(&particles.library);
         for_each_candidate(particles, &classes, skin, |i, j| {
@@ -80,7 +80,7 @@ fn for_each_candidate(
     skin: f64,
     mut visit: impl FnMut(usize, usize),
 ) {
-    let bodies = particles.first_wall();
+    let bodies = particles.first_facet();
     let positions = unfolded(&particles.position[..bodies], particles.owned, &particles.cell);
     let reach = |a: usize, b: usize| (classes.radius[a] + classes.radius[b] + skin) * LEEWAY;
     let space = Space::around(&positions, &particles.cell, reach(0, 0));

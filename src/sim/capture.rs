@@ -43,7 +43,7 @@ impl Rows<ContactRow> for FirstOwned<'_> {
                 continue;
             }
             let Pair { a, b } = pair;
-            let with_wall = b.index() >= particles.first_wall();
+            let with_wall = b.index() >= particles.first_facet();
             let centre = particles.position[a.index()];
             take(&ContactRow {
                 a: particles.id[a.index()],

@@ -479,7 +479,7 @@ impl Simulation {
             let Loaded { pair, history, state, .. } = contact;
             let Pair { a, b } = pair;
             let stored = self.law.stored(pair, particles, history, state);
-            let share = if b.index() >= particles.first_wall() { stored } else { 0.5 * stored };
+            let share = if b.index() >= particles.first_facet() { stored } else { 0.5 * stored };
             for (me, partner) in [(a, b), (b, a)] {
                 if me.index() < particles.owned {
                     brought.push((me.index(), particles.id[partner.index()], share));
