@@ -61,6 +61,13 @@ pub struct Header {
     pub scene: String,
 }
 
+impl Header {
+    /// The walls of one plane, which may end a packing.
+    pub fn planes(&self) -> impl Iterator<Item = &WallRow> {
+        self.walls.iter().filter(|wall| wall.body.as_ref().is_none_or(Saved::is_one_plane))
+    }
+}
+
 /// One wall.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WallRow {

@@ -93,6 +93,13 @@ pub struct Saved {
     facets: Vec<HalfSpace>,
 }
 
+impl Saved {
+    /// Is it the body of a wall of one plane?
+    pub const fn is_one_plane(&self) -> bool {
+        self.facets.len() == 1
+    }
+}
+
 /// A plane in place: points `p` with `(p - point) · normal = offset`.
 #[derive(Clone, Copy, Debug)]
 pub struct InPlace {
@@ -275,14 +282,14 @@ impl Wall {
         speeds.reduce(|a, b| if b.abs() > a.abs() { b } else { a }).unwrap_or(0.0)
     }
 
-    /// Its velocity if it goes towards the particles at a speed and along itself as it does [m/s]; of a wall across an axis.
+    /// Its velocity if it goes towards the particles at a speed and along itself as it does [m/s]; of a wall of one plane.
     pub fn velocity_inwards(&self, speed: f64) -> Vec3 {
         let (_, normal) = self.surface();
         let along = self.velocity - normal * normal.dot(&self.velocity);
         normal * speed + along
     }
 
-    /// What a force on a wall across an axis [N] presses with, in N.
+    /// What a force on a wall of one plane [N] presses with, in N.
     pub fn press(&self, force: &Vec3) -> f64 {
         let (_, normal) = self.surface();
         -force.dot(&normal)
