@@ -86,7 +86,7 @@ fn a_ball_on_a_turntable_goes_round_at_two_sevenths_of_its_rate() {
         worst = worst.max((bench.sim.particles.position[0] - expected).norm() / arm.norm());
     }
     println!("off the circle by {worst:e} of its radius in a turn");
-    assert!(worst < 2e-4, "{worst}");
+    assert!(worst < 1e-4, "{worst}");
 }
 
 /// A ball that leaves the axis of a turning rod as `r = L e^Ωt`, without friction: what the rod gives is its kinetic energy.
@@ -371,7 +371,7 @@ fn what_friction_holds_stays_where_it_is_on_a_turntable() {
         "the spring is {stretch:e} m long, and the ball slides by {early:e} and {late:e} of that in a turn"
     );
     assert!(((second.xy().norm() - radius) / stretch - 1.0).abs() < 0.01, "{second}");
-    assert!(late < 1e-5, "{early} {late}");
+    assert!(late < 1e-4, "{early} {late}");
 }
 
 #[test]

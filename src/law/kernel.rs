@@ -367,6 +367,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         } else {
             point
         };
+        let arm_b =
+            if turning_walls { half_a_step_ago(arm_b, particles, [at_a, at_b], dt) } else { arm_b };
         // Of bodies other than spheres it is not remembered where the last force acted.
         let last_arms = if has_points {
             [point, arm_b]
@@ -374,7 +376,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             let half = L::all(0.5) * last_overlap;
             let on_a = last_normal.times(radii[0] - half);
             let on_b = if turning_walls {
-                last_arm_on_walls(particles, [at_a, at_b], on_a.plus(arm_b.minus(point)), dt)
+                on_a.plus(arm_b.minus(point))
             } else {
                 last_normal.times(half - radii[1])
             };
@@ -532,7 +534,9 @@ impl<M: Model> Contacts<'_, '_, M> {
         let arm_a = body.support(&history.normal) - into;
         let with_wall = pair.b.index() >= particles.first_facet();
         let arm_b = if with_wall {
-            arm_a - bodies.relative(pair)
+            // As of half a step ago.
+            let [of_a, of_b] = [pair.a, pair.b].map(|slot| particles.velocity[slot.index()]);
+            arm_a - bodies.relative(pair) + (of_b - of_a) * (0.5 * dt)
         } else {
             other.support(&-history.normal) + into
         };
@@ -781,17 +785,17 @@ struct Impulse {
     turning: Option<[[f64; WIDTH]; 3]>,
 }
 
-/// Where the last forces on walls acted, seen from the reference points of then [m]; `point` is where A was touched, in its axes
-/// of then, seen from the reference points of now.
+/// What lies here, seen from the reference points of walls, as it was half a step ago [m]: there the velocity of a turning wall
+/// is that which carries its surface through the step, to second order.
 #[inline(always)]
-fn last_arm_on_walls<L: Eight>(
+fn half_a_step_ago<L: Eight>(
+    here: Triple<L>,
     particles: &Particles,
     [a, b]: [Gather; 2],
-    point: Triple<L>,
     dt: f64,
 ) -> Triple<L> {
     let velocities = [a, b].map(|bodies| vectors::<L>(&particles.velocity, bodies));
-    point.plus(velocities[1].minus(velocities[0]).times(L::all(dt)))
+    here.plus(velocities[1].minus(velocities[0]).times(L::all(0.5 * dt)))
 }
 
 /// How A's surface moves against B's.

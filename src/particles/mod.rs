@@ -1,7 +1,7 @@
 //! Columns of everything that a rank owns or sees.
 //!
-//! Slots run owned | ghosts | facets of walls; all facets of a wall have its pose. A column that the scene does not need does not exist: spheres
-//! without friction do not turn, a scene of spheres only has no orientation.
+//! Slots run owned | ghosts | facets of walls; all facets of a wall have its pose. A column that the scene does not need does not
+//! exist: spheres without friction do not turn, a scene of spheres only has no orientation.
 
 pub mod mix;
 pub mod records;
