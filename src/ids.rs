@@ -2,42 +2,68 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A body's name for life. Particles count from 0; walls stand above all particles, so that a
-/// wall is always the second body of a pair.
+/// A body's name for life. Particles count from 0; facets of walls stand above all particles, in the order of the
+/// walls, then of the facets of a wall, so that a facet is always the second body of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct GlobalId(pub u64);
 
 impl GlobalId {
     const FIRST_WALL: u64 = 1 << 62;
+    /// Bits of the number of a facet within its wall; the number of a wall in a file has as many.
+    const FACET_BITS: u32 = 30;
+    const FACET: u64 = (1 << Self::FACET_BITS) - 1;
 
-    /// The id of the wall with this index in the scene.
+    /// The id of the first facet of the wall with this index in the scene; most walls have no other.
     pub const fn wall(index: usize) -> Self {
-        Self(Self::FIRST_WALL + index as u64)
+        Self::facet(index, 0)
     }
 
-    /// The wall's index, or `None` for a particle.
+    /// The id of a facet, by the index of its wall in the scene and its own index within the wall.
+    pub const fn facet(wall: usize, facet: usize) -> Self {
+        Self(Self::FIRST_WALL + ((wall as u64) << Self::FACET_BITS) + facet as u64)
+    }
+
+    /// The index of the wall, or `None` for a particle.
     pub const fn wall_index(self) -> Option<usize> {
-        if self.0 >= Self::FIRST_WALL { Some((self.0 - Self::FIRST_WALL) as usize) } else { None }
+        match self.wall_and_facet() {
+            Some((wall, _)) => Some(wall),
+            None => None,
+        }
     }
 
-    /// As files have it: particles from 0 up, wall `k` as `-(k + 1)`.
+    /// The index of the wall and that of the facet within it, or `None` for a particle.
+    pub const fn wall_and_facet(self) -> Option<(usize, usize)> {
+        if self.0 < Self::FIRST_WALL {
+            return None;
+        }
+        let number = self.0 - Self::FIRST_WALL;
+        Some(((number >> Self::FACET_BITS) as usize, (number & Self::FACET) as usize))
+    }
+
+    /// As files have it: particles from 0 up, the first facet of wall `k` as `-(k + 1)`, its facet `f` as
+    /// `-(k + 1) - 2^30 f`.
     pub const fn to_file(self) -> i64 {
-        match self.wall_index() {
-            Some(k) => -(k as i64) - 1,
+        match self.wall_and_facet() {
+            Some((wall, facet)) => -1 - (wall as i64) - ((facet as i64) << Self::FACET_BITS),
             None => self.0 as i64,
         }
     }
 
     /// The inverse of [`GlobalId::to_file`].
     pub const fn from_file(id: i64) -> Self {
-        if id < 0 { Self::wall((-(id + 1)) as usize) } else { Self(id as u64) }
+        if id >= 0 {
+            return Self(id as u64);
+        }
+        let number = !id as u64;
+        Self::facet((number & Self::FACET) as usize, (number >> Self::FACET_BITS) as usize)
     }
 }
 
 impl std::fmt::Display for GlobalId {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.wall_index() {
-            Some(k) => write!(f, "wall {k}"),
+        match self.wall_and_facet() {
+            Some((wall, 0)) => write!(f, "wall {wall}"),
+            Some((wall, facet)) => write!(f, "wall {wall}, facet {facet}"),
             None => write!(f, "{}", self.0),
         }
     }
@@ -85,5 +111,27 @@ impl MaterialId {
     /// As an index into the list of materials.
     pub const fn index(self) -> usize {
         self.0 as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::GlobalId;
+
+    #[test]
+    fn facets_are_ordered_and_come_back_from_files() {
+        let ids = [(0, 0), (0, 1), (0, 5), (1, 0), (1, 1), (70_000, 0), (70_000, 70_000)];
+        let ids = ids.map(|(wall, facet)| {
+            let id = GlobalId::facet(wall, facet);
+            assert_eq!(id.wall_and_facet(), Some((wall, facet)));
+            assert_eq!(GlobalId::from_file(id.to_file()), id);
+            id
+        });
+        assert!(ids.is_sorted());
+        let mut files = ids.map(GlobalId::to_file);
+        files.sort_unstable();
+        assert!(files.windows(2).all(|two| two[0] < two[1]) && files[6] == -1);
+        assert_eq!([GlobalId::wall(0), GlobalId::wall(2)].map(GlobalId::to_file), [-1, -3]);
+        assert_eq!(GlobalId::from_file(17).wall_index(), None);
     }
 }

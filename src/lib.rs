@@ -19,8 +19,8 @@
 //! | 12 | [`scene`] | the user's file, checked, and turned into a simulation |
 //!
 //! Conventions everywhere: SI units; compression and overlap are positive; a contact's normal is a
-//! unit vector **from A to B**, where A is the body with the lower id (a wall is always B); slots
-//! of bodies run owned | ghosts | walls.
+//! unit vector **from A to B**, where A is the body with the lower id (a facet of a wall is always B);
+//! slots of bodies run owned | ghosts | facets.
 //!
 //! Same bits on any number of ranks, because
 //! * both owners of a pair compute it from the same numbers, A first;

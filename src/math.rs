@@ -7,6 +7,12 @@ pub type Mat3 = nalgebra::Matrix3<f64>;
 /// A rotation from a body's own axes to the world.
 pub type Quat = nalgebra::UnitQuaternion<f64>;
 
+/// The rotation about a unit vector by an angle [rad]: the same bits on every machine, as the sine of the platform is not.
+pub fn rotation_about(axis: &Vec3, angle: f64) -> Quat {
+    let (sine, cosine) = libm::sincos(0.5 * angle);
+    Quat::new_unchecked(nalgebra::Quaternion::from_parts(cosine, axis * sine))
+}
+
 /// A vector of three and a number, in one line of the cache: four numbers are added at once.
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(32))]

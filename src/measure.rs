@@ -146,7 +146,7 @@ pub fn measure(
     for contact in contacts.loaded(law, particles) {
         let Loaded { pair, history, state, normal_force, force, point: _ } = contact;
         let Pair { a, b } = pair;
-        let wall = b.index().checked_sub(particles.first_wall());
+        let wall = particles.wall_of(b);
         // A contact counts where its first particle is owned.
         if a.index() >= particles.owned {
             continue;

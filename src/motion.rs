@@ -200,14 +200,6 @@ pub fn step_energy(particles: &Particles, slot: usize, field: &Field, dt: f64) -
     -0.125 * dt * dt * energy
 }
 
-/// Moves the walls by a step of `dt` [s].
-pub fn move_walls(particles: &mut Particles, dt: f64) {
-    for wall in &mut particles.walls {
-        wall.point += wall.velocity * dt;
-    }
-    particles.refresh_walls();
-}
-
 /// Brings particles that have left through a periodic face back in through the other. In every
 /// step, so that a position never depends on when the pairs were listed.
 fn wrap(particles: &mut Particles) {

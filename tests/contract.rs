@@ -458,16 +458,18 @@ fn walls_have_closed_forms() {
     for i in 0..CASES {
         let mut random = Random::of(SEED + i as u64, 0);
         let (shape, frame) = (ellipsoid(&mut random), random.frame());
-        let wall = Shape::HalfSpace(HalfSpace { normal: random.direction() });
-        let Shape::HalfSpace(HalfSpace { normal }) = wall else { unreachable!() };
+        // A plane of a wall that is turned by any rotation, away from the wall's reference point.
+        let (of_wall, offset) = (random.frame(), random.between(-2.0, 2.0));
+        let own = random.direction();
+        let (wall, normal) = (Shape::HalfSpace(HalfSpace { normal: own, offset }), of_wall * own);
         let axes = frame.tr_mul(&normal).component_mul(&shape.semi_axes());
         let overlap = random.between(-0.1, 0.1);
         // Any point of the plane will do.
         let aside = normal.cross(&random.direction()) * 10.0;
         let r = aside - normal * (axes.norm() - overlap);
-        let (a, b) =
-            (Posed { shape: &shape, frame: &frame }, Posed { shape: &wall, frame: &frame });
-        match AgainstHalfSpace.touch(&a, &b, &r, None) {
+        let a = Posed { shape: &shape, frame: &frame };
+        let b = Posed { shape: &wall, frame: &of_wall };
+        match AgainstHalfSpace.touch(&a, &b, &(r - normal * offset), None) {
             Outcome::Apart(_) => assert!(overlap <= ROUNDING, "seed {SEED} + {i}"),
             Outcome::Failed(why) => panic!("seed {SEED} + {i}: {why:?}"),
             Outcome::Touching(touch) => {

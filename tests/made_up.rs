@@ -7,6 +7,7 @@ use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::measure::Departed;
 use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
+use dem_mpi::particles::walls::Wall;
 use dem_mpi::shape::{Shape, Sphere};
 use std::ops::Range;
 
@@ -51,6 +52,10 @@ pub(crate) fn header(step: u64) -> Header {
                 normal: n.vector(),
                 velocity: n.vector(),
                 force: n.vector(),
+                // Of one wall more, of others not.
+                body: Wall::of_planes(name.to_owned(), n.vector(), &[(n.vector(), n.vector())])
+                    .saved()
+                    .filter(|_| name == "lid"),
             })
             .to_vec(),
         drives: drives(&mut n),

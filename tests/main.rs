@@ -26,3 +26,4 @@ mod superellipsoids;
 mod support;
 mod units;
 mod verification;
+mod walls;

@@ -139,6 +139,7 @@ pub(crate) fn ellipsoids(side: u32, seed: u64) -> Snapshot {
             normal,
             velocity: Vec3::zeros(),
             force: Vec3::zeros(),
+            body: None,
         });
     }
     let mut particles = particles_at(position.clone());
@@ -204,6 +205,7 @@ fn with_lid(mut snapshot: Snapshot, height: f64) -> Snapshot {
         normal: -Vec3::z(),
         velocity: Vec3::zeros(),
         force: Vec3::zeros(),
+        body: None,
     });
     snapshot
 }

@@ -464,7 +464,7 @@ fn the_halo_is_as_small_as_the_plan_says() {
             for _ in 0..200 {
                 sim.step(comm).unwrap();
             }
-            let ghosts = sim.particles.owned..sim.particles.first_wall();
+            let ghosts = sim.particles.owned..sim.particles.first_facet();
             for ghost in ghosts {
                 let in_pair =
                     |p: &dem_mpi::contact::Pair| p.a.index() == ghost || p.b.index() == ghost;

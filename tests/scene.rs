@@ -177,24 +177,34 @@ fn every_key_arrives() {
     assert_eq!(scene.seed, 18_446_744_073_709);
     assert_eq!(scene.domain.periodic(), [true, false, false]);
     let walls: Vec<(&str, [f64; 3])> =
-        scene.walls.iter().map(|w| (w.name.as_str(), w.normal.into())).collect();
+        scene.walls.iter().map(|w| (w.name.as_str(), w.surface().1.into())).collect();
     let planes = [
         ("-y", [0.0, 1.0, 0.0]),
         ("+y", [0.0, -1.0, 0.0]),
         ("-z", [0.0, 0.0, 1.0]),
         ("lid", [0.0, 0.0, -1.0]),
+        ("trough", [0.0, 0.0, 1.0]),
     ];
     assert_eq!(walls, planes);
     assert_eq!(scene.walls[2].velocity, Vec3::new(0.0, 0.0, 0.002));
     assert_eq!(scene.walls[3].velocity, Vec3::new(0.0, 0.0, -0.01));
     assert!(scene.walls.iter().all(|wall| wall.moves));
+    let trough = &scene.walls[4];
+    assert_eq!(trough.point, Vec3::new(0.0, 0.1, -0.2));
+    assert_eq!(trough.angular_velocity, Vec3::new(-0.01, 0.0, 0.0));
+    let [bottom, side] = [0, 1].map(|k| trough.facets[k].geometry);
+    assert_eq!((bottom.normal, side.normal), (Vec3::z(), Vec3::y()));
+    assert!((bottom.offset - 0.1).abs() < 1e-15 && (side.offset + 0.2).abs() < 1e-15);
     let servo = Servo { walls: vec![0, 1], stress: 1e5, max_speed: 0.5, gain: 0.8 };
     assert_eq!(scene.servos, [servo]);
 
     let library = &scene.library;
     assert_eq!(
         library.names,
-        ["ball", "bead", "egg", "rice", "brick", "pebble", "-y", "+y", "-z", "lid"]
+        [
+            "ball", "bead", "egg", "rice", "brick", "pebble", "-y", "+y", "-z", "lid", "trough",
+            "trough"
+        ]
     );
     assert_eq!(library.particle_shapes, 6);
     assert!(library.mass[6..].iter().all(|&mass| mass == f64::INFINITY));
@@ -297,7 +307,7 @@ fn overrides_reach_every_place() -> Result<()> {
     assert_eq!(scene.interactions.of(grain, grain).friction, 0.4);
     assert_eq!(scene.library.shapes[0].bounding_radius(), 0.004);
     assert_eq!(scene.gravity, Vec3::new(0.0, 0.0, -1.62));
-    assert_eq!(scene.walls.len(), 3);
+    assert_eq!(scene.walls.len(), 4);
     assert_eq!(scene.out, Path::new("elsewhere/run 2"));
     assert_eq!(scene.method, Method::Epa(Epa::new(1e-8)));
     assert_eq!(scene.rain.as_ref().context("it rains")?.mix.cumulative[0].1, 0.5);
@@ -476,7 +486,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
     for line in [
         "sphere-ellipsoid: gjk-erosion",
         "ellipsoid-plane: closed form",
-        "moving walls    -y, +y, -z, lid",
+        "moving walls    -y, +y, -z, lid, trough",
         "servo           -y, +y: 1e5 Pa, at most 5e-1 m/s, gain 0.8",
         "a sum of 1072 bytes over all ranks in each step",
         "columns         position, velocity, force; angular velocity, torque; \

@@ -445,7 +445,7 @@ fn the_contact_point_of_a_tilting_cube_does_not_jump() {
     let cube = sharp(&corners_of_box([0.5; 3]));
     let slab = sharp(&corners_of_box([2.0, 2.0, 0.5]));
     let upright = Mat3::identity();
-    let floor = Shape::HalfSpace(HalfSpace { normal: Vec3::z() });
+    let floor = Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()));
     let overlap = 0.01;
     let at = |tilt: f64, on_wall: bool| {
         let frame = *nalgebra::Rotation3::from_axis_angle(&Vec3::y_axis(), tilt).matrix();
@@ -482,7 +482,7 @@ fn the_contact_point_of_a_tilting_cube_does_not_jump() {
 #[test]
 fn a_rod_lies_on_its_middle() {
     let upright = Mat3::identity();
-    let floor = Shape::HalfSpace(HalfSpace { normal: Vec3::z() });
+    let floor = Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()));
     let wall = Posed { shape: &floor, frame: &upright };
     let lying = AgainstHalfSpace.touch(&rod(&upright), &wall, &Vec3::new(9.0, 9.0, -0.49), None);
     let Outcome::Touching(lying) = lying else { panic!("{lying:?}") };
@@ -584,7 +584,7 @@ fn a_shape_of_the_users_own_is_resolved() {
 
     let ball = Shape::Sphere(Sphere { radius: 0.5 });
     let cube = sharp(&corners_of_box([0.5; 3]));
-    let floor = Shape::HalfSpace(HalfSpace { normal: Vec3::z() });
+    let floor = Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()));
     let (upright, aslant) = (Mat3::identity(), Quat::from_euler_angles(0.3, 0.2, 0.1));
     let aslant = *aslant.to_rotation_matrix().matrix();
     // Normals on which both bodies are balls, or one is a rim, a face or a wall.

@@ -160,6 +160,7 @@ impl Pairs {
         Bodies {
             position: &self.position,
             quaternion: Some(&self.quaternion),
+            facets: &[],
             form: Some(&self.form),
             shape: &self.shape,
             library: &self.library,

@@ -572,6 +572,7 @@ mod tests {
             Bodies {
                 position: &self.position,
                 quaternion: Some(&self.quaternion),
+                facets: &[],
                 form: Some(&self.form),
                 shape: &self.shape,
                 library: &self.library,

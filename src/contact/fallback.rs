@@ -90,6 +90,7 @@ mod tests {
         let bodies = Bodies {
             position: centres,
             quaternion: None,
+            facets: &[],
             form: None,
             shape: &vec![ShapeId(0); centres.len()],
             library: &[Shape::Sphere(Sphere { radius: 1.0 })],

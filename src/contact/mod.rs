@@ -263,10 +263,12 @@ impl Touching {
 /// Read-only view of all bodies of a rank, indexed by slot.
 #[derive(Clone, Copy, Debug)]
 pub struct Bodies<'a> {
-    /// Centres [m]; of a wall, a point of its plane.
+    /// Centres [m]; of a facet, the reference point of its wall.
     pub position: &'a [Vec3],
-    /// Rotations from body to world of all but walls, which come last; `None` if all are spheres and planes.
+    /// Rotations from body to world of all but facets, which come last; `None` if all are spheres.
     pub quaternion: Option<&'a [Quat]>,
+    /// Axes of the walls of all facets in the world, as columns.
+    pub facets: &'a [Mat3],
     /// Matrices of ellipsoids and spheres in place, see [`Form`]; `None` if no method asked for them.
     pub form: Option<&'a [Form]>,
     /// Shape of each body.
@@ -296,7 +298,12 @@ impl Bodies<'_> {
     #[inline]
     pub fn frame(&self, slot: Slot) -> Mat3 {
         let quaternion = self.quaternion.and_then(|all| all.get(slot.index()));
-        quaternion.map_or_else(Mat3::identity, |q| q.to_rotation_matrix().into_inner())
+        if let Some(quaternion) = quaternion {
+            return quaternion.to_rotation_matrix().into_inner();
+        }
+        let first = self.shape.len() - self.facets.len();
+        let facet = slot.index().checked_sub(first).and_then(|facet| self.facets.get(facet));
+        facet.copied().unwrap_or_else(Mat3::identity)
     }
 
     /// Both of a pair.

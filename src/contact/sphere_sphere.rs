@@ -165,6 +165,7 @@ mod tests {
             let bodies = Bodies {
                 position: &position,
                 quaternion: None,
+                facets: &[],
                 form: None,
                 shape: &shape,
                 library: &library,

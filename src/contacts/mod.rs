@@ -412,7 +412,7 @@ impl Contacts {
 
     /// Contacts with walls stand in stretches of their own.
     fn with_walls<'a>(&'a self, particles: &'a Particles) -> impl Iterator<Item = &'a Columns> {
-        let is_with_wall = |pair: &Pair| pair.b.index() >= particles.first_wall();
+        let is_with_wall = |pair: &Pair| pair.b.index() >= particles.first_facet();
         let has_walls = move |columns: &&Columns| columns.pairs.first().is_some_and(is_with_wall);
         self.stretches.iter().filter(has_walls)
     }

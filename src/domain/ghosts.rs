@@ -72,7 +72,7 @@ impl Domain {
     /// appends the walls.
     pub fn keep_paired_ghosts(&mut self, particles: &mut Particles, pairs: &mut [Pair]) {
         let owned = particles.owned;
-        let ghosts = owned..particles.first_wall();
+        let ghosts = owned..particles.first_facet();
         let mut kept = vec![false; ghosts.len()];
         let mut needed: Vec<Vec<bool>> =
             self.neighbours.iter().map(|n| vec![false; n.sent.len()]).collect();
@@ -128,7 +128,7 @@ impl Domain {
         offers: impl IntoIterator<Item = Vec<Offer>>,
     ) {
         for (neighbour, offers) in self.neighbours.iter_mut().zip(offers) {
-            let received = particles.first_wall()..particles.first_wall() + offers.len();
+            let received = particles.first_facet()..particles.first_facet() + offers.len();
             let names: Vec<_> = offers.iter().map(|&(id, shape, _)| (id, shape)).collect();
             particles.push_ghosts(&names);
             for (slot, (.., position)) in received.clone().zip(offers) {

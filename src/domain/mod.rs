@@ -14,7 +14,7 @@ use crate::comm::Comm;
 use crate::ids::{GlobalId, Rank};
 use crate::math::Vec3;
 use crate::particles::Particles;
-use crate::particles::walls::Wall;
+use crate::particles::walls::room;
 pub use cuts::{Cuts, Subdomain};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -135,24 +135,11 @@ impl Domain {
     /// Cuts again, so that every rank gets an equal share of the work; particles stay where they are
     /// until they migrate. `work` is one number per owned particle. Collective.
     pub fn recut(&mut self, particles: &Particles, work: &[i64], comm: &mut dyn Comm) {
-        let (low, high) = self.room(&particles.walls);
+        let (low, high) = room(&particles.walls, &self.cell);
         self.cuts = Cuts::balanced(low, high, &particles.position[..particles.owned], work, comm);
         self.neighbours.clear();
         self.knows_neighbours = false;
         self.traffic.recuts += 1;
-    }
-
-    /// The box in which particles may be: the domain, and as far as walls have moved out of it [m].
-    fn room(&self, walls: &[Wall]) -> (Vec3, Vec3) {
-        let (mut low, mut high) = (self.cell.low(), self.cell.high());
-        for wall in walls {
-            match wall.across() {
-                Some((axis, 1.0)) => low[axis] = low[axis].min(wall.point[axis]),
-                Some((axis, _)) => high[axis] = high[axis].max(wall.point[axis]),
-                None => {}
-            }
-        }
-        (low, high)
     }
 
     /// Is an owned particle outside of the room between two corners?
@@ -164,7 +151,7 @@ impl Domain {
 
     /// Slots of the owned particles that have left the domain.
     pub fn leavers(&self, particles: &Particles) -> impl Iterator<Item = usize> {
-        let room = self.room(&particles.walls);
+        let room = room(&particles.walls, &self.cell);
         (0..particles.owned).filter(move |&slot| self.is_outside(particles, slot, &room))
     }
 
@@ -177,7 +164,7 @@ impl Domain {
         particles: &Particles,
         taken: &BTreeSet<GlobalId>,
     ) -> Result<(), DomainError> {
-        let room = self.room(&particles.walls);
+        let room = room(&particles.walls, &self.cell);
         for slot in 0..particles.owned {
             let (id, p) = (particles.id[slot], particles.position[slot]);
             let speed = particles.velocity[slot].norm();

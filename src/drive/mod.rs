@@ -4,7 +4,7 @@
 //! order of the list,
 //!
 //! 1. ask for sums over all ranks, which are found while the particles move ([`Drive::sums`]);
-//! 2. give walls their velocities ([`Drive::steer`]);
+//! 2. give walls their velocities and angular velocities ([`Drive::steer`]);
 //! 3. insert particles, before the list of pairs is made ([`Drive::insert`]);
 //! 4. take out particles that have left the domain ([`Drive::take`]);
 //! 5. look at the forces ([`Drive::after_forces`]).
@@ -55,7 +55,7 @@
 //!         let Moment { time, dt, .. } = *moment;
 //!         let speed = (self.place(time + dt) - self.place(time)) / dt;
 //!         for wall in walls.iter_mut().filter(|wall| wall.name == self.wall) {
-//!             wall.velocity = wall.normal * speed;
+//!             wall.velocity = wall.velocity_inwards(speed);
 //!         }
 //!         Ok(())
 //!     }
@@ -136,7 +136,8 @@ pub trait Drive: Send + Sync {
         Vec::new()
     }
 
-    /// Gives walls their velocities for the step that begins at this moment. `sums` is what [`Drive::sums`] asked for, of
+    /// Gives walls their velocities for the step that begins at this moment, and their angular velocities, if there are columns
+    /// for those ([`crate::particles::Needs::spin`]). `sums` is what [`Drive::sums`] asked for, of
     /// all ranks. All ranks must do the same. A wall has its place in `history.csv` if [`Wall::moves`] is set.
     ///
     /// # Errors

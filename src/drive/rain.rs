@@ -46,11 +46,9 @@ impl Rain {
         self.cells().iter().map(|&n| u64::from(n)).product()
     }
 
-    /// How far the slab reaches behind a plane, in spacings; not positive if it does not, rounding forgiven.
-    pub fn behind(&self, point: &Vec3, normal: &Vec3) -> f64 {
-        let half = (self.high - self.low) * 0.5;
-        let behind = half.dot(&normal.abs()) - (self.low + half - point).dot(normal);
-        behind / self.spacing - 1e-6
+    /// Does the slab reach behind a wall? Rounding is forgiven.
+    pub fn is_through(&self, wall: &Wall) -> bool {
+        wall.depth(&(self.low, self.high)) / self.spacing > 1e-6
     }
 
     /// Layers in all; the last one may be partly filled.
@@ -133,7 +131,7 @@ impl RainGauge {
             let apart = particles.cell.nearest(particles.position[slot] - middle).abs();
             (0..3).all(|axis| apart[axis] < half[axis] + particles.radius(slot))
         });
-        let by_wall = |wall: &Wall| self.rain.behind(&wall.point, &wall.normal) > 0.0;
+        let by_wall = |wall: &Wall| self.rain.is_through(wall);
         by_particle || particles.walls.iter().any(by_wall)
     }
 
@@ -208,7 +206,7 @@ mod tests {
     use crate::particles::records::Particle;
     use crate::particles::walls::Wall;
     use crate::particles::{Library, Needs, Particles};
-    use crate::shape::{HalfSpace, Shape, Sphere};
+    use crate::shape::{Shape, Sphere};
 
     /// A slab at the low end of x, at the top of a box that repeats along x.
     fn rain(count: u64) -> RainGauge {
@@ -228,10 +226,9 @@ mod tests {
     fn is_blocked(places: &[Vec3], wall: Option<(Vec3, Vec3)>) -> bool {
         let mut library = library();
         let walls = wall.into_iter().map(|(point, normal)| {
-            let half_space = Shape::HalfSpace(HalfSpace { normal });
-            let shape = library.push("wall", half_space, MaterialId(0), f64::INFINITY);
-            let (name, velocity) = ("wall".to_owned(), Vec3::zeros());
-            Wall { name, point, normal, velocity, moves: true, shape, listed_at: point }
+            let mut wall = Wall::plane("wall".to_owned(), point, normal);
+            wall.enter(&mut library, MaterialId(0));
+            wall
         });
         let walls = walls.collect();
         let cell = Cell::new(Vec3::zeros(), Vec3::repeat(1.0), [true, false, false]);

@@ -32,7 +32,7 @@ use crate::contact::StateColumn;
 use crate::contacts::Contacts;
 use crate::law::ForceLaw;
 use crate::math::{ExactSum, Vec3};
-use crate::particles::walls::{Wall, area, ends};
+use crate::particles::walls::{Across, Wall, area, ends};
 use crate::particles::{Library, Particles};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -64,10 +64,7 @@ pub struct Pressed {
 impl Servo {
     /// Sum of the areas of its walls [m²].
     fn area(&self, walls: &[Wall], cell: &Cell) -> f64 {
-        let of_wall = |&k: &usize| {
-            let (axis, _) = walls[k].across()?;
-            area(walls, cell, axis)
-        };
+        let of_wall = |&k: &usize| area(walls, cell, walls[k].across()?.axis);
         // The scene has checked that every wall has one.
         self.walls.iter().filter_map(of_wall).sum()
     }
@@ -406,8 +403,7 @@ impl Servos {
                     return Err(Lost::Open { wall: name(), stress, target });
                 }
                 // Along the wall it goes on as the scene says.
-                let along = wall.velocity - wall.normal * wall.normal.dot(&wall.velocity);
-                velocities.push((k, wall.normal * velocity + along));
+                velocities.push((k, wall.velocity_inwards(velocity)));
             }
             let error = pressed.force / (servo.stress * area) - 1.0;
             let now = Errors { steps: 1.0, sum: error, sizes: error.abs(), largest: error.abs() };
@@ -446,8 +442,8 @@ impl Drive for Servos {
         let servo_of: Vec<Option<usize>> = (0..particles.walls.len()).map(servo_of).collect();
         let mut sums = vec![[ExactSum::default(), ExactSum::default()]; self.all.len()];
         for (pair, geometry, force) in contacts.pressing_on_walls(law, particles) {
-            let wall = pair.b.index() - particles.first_wall();
-            let Some(servo) = servo_of[wall] else { continue };
+            let servo = particles.wall_of(pair.b).and_then(|wall| servo_of[wall]);
+            let Some(servo) = servo else { continue };
             // A state that is not a number is told when the list of pairs is rebuilt.
             if force.is_finite() {
                 sums[servo][0].add(force);
@@ -476,7 +472,7 @@ impl Drive for Servos {
     fn after_forces(&mut self, contacts: &Contacts, particles: &Particles) {
         let mut terms = 0;
         for (pair, force) in contacts.forces_on_walls(particles) {
-            let wall = pair.b.index() - particles.first_wall();
+            let Some(wall) = particles.wall_of(pair.b) else { continue };
             let Some(sum) = self.forces.get_mut(&wall) else { continue };
             if force.iter().all(|component| component.is_finite()) {
                 for (axis, &component) in sum.axes.iter_mut().zip(force) {
@@ -651,12 +647,13 @@ struct Room {
 impl Room {
     fn of(wall: &Wall, walls: &[Wall], cell: &Cell) -> Self {
         let (low, high) = (cell.low(), cell.high());
-        let (axis, inwards) = wall.across().expect("the scene has checked that it is not tilted");
+        let Across { axis, inwards, place } =
+            wall.across().expect("the scene has checked that it is not tilted");
         let [lowest, highest] = ends(walls, axis);
         let (place, own, facing) = if inwards > 0.0 {
-            (wall.point[axis], low[axis], highest.unwrap_or(high[axis]))
+            (place, low[axis], highest.unwrap_or(high[axis]))
         } else {
-            (-wall.point[axis], -high[axis], -lowest.unwrap_or(low[axis]))
+            (-place, -high[axis], -lowest.unwrap_or(low[axis]))
         };
         Self { gap: facing - place, outside: own - place, width: high[axis] - low[axis] }
     }

@@ -137,7 +137,7 @@ pub struct Law<M: Model> {
 struct Row<C> {
     /// Constants of the law.
     constants: C,
-    /// Bounding radii of both; 0 of a wall, which does not turn [m].
+    /// Bounding radii of both; 0 of a facet [m].
     radii: [f64; 2],
 }
 
@@ -304,7 +304,7 @@ impl<M: Model> Contacts<'_, '_, M> {
     #[inline(always)]
     fn alike<L: Eight>(&self) -> Option<(M::Constants<L>, [L; 2])> {
         let pair = self.work.pairs.first()?;
-        let with_walls = pair.b.index() >= self.particles.first_wall();
+        let with_walls = pair.b.index() >= self.particles.first_facet();
         if with_walls || self.particles.library.particle_shapes > 1 {
             return None;
         }
@@ -355,6 +355,10 @@ impl<M: Model> Contacts<'_, '_, M> {
                 geometry::<L>(&histories_at(last.history, &from))
             };
 
+        // Pairs with walls stand among themselves.
+        let with_walls = b[0].index() >= particles.first_facet();
+        let turning_walls = TURNS && with_walls && particles.facets.any_turns;
+
         // how surfaces move: where a law asks, or a moment acts
         let position = &particles.position;
         let arm_b = if MOVES || TURNS {
@@ -363,12 +367,20 @@ impl<M: Model> Contacts<'_, '_, M> {
         } else {
             point
         };
+        let arm_b =
+            if turning_walls { half_a_step_ago(arm_b, particles, [at_a, at_b], dt) } else { arm_b };
         // Of bodies other than spheres it is not remembered where the last force acted.
         let last_arms = if has_points {
             [point, arm_b]
         } else {
             let half = L::all(0.5) * last_overlap;
-            [last_normal.times(radii[0] - half), last_normal.times(half - radii[1])]
+            let on_a = last_normal.times(radii[0] - half);
+            let on_b = if turning_walls {
+                on_a.plus(arm_b.minus(point))
+            } else {
+                last_normal.times(half - radii[1])
+            };
+            [on_a, on_b]
         };
         let motion = if MOVES {
             Motion::of(particles, [at_a, at_b], [point, arm_b], last_arms)
@@ -383,6 +395,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let zero = L::all(0.0);
         let before = law.model.last(&constants, last_overlap, state);
         let last_press = last_normal.times(before.press);
+        let last_force = last_press.plus(before.rub);
         let sliding = velocity.minus(normal.times(approach));
         let touched = zero.less(last_normal.dot(last_normal));
         let contact =
@@ -404,15 +417,24 @@ impl<M: Model> Contacts<'_, '_, M> {
         } else {
             zero
         };
-        let impulse = last_press.plus(before.rub).plus(force).plus(viscous).times(half_step);
+        let impulse = last_force.plus(force).plus(viscous).times(half_step);
 
         write_state(self.work.state, law.width, first, count, state);
-        // Each body loses half; a wall has no share. Pairs with walls stand among themselves.
-        let with_walls = b[0].index() >= particles.first_wall();
+        // Each body loses half; a wall has no share.
         let next_parted = self.work.parted.get(self.summed).map_or(usize::MAX, |p| p.before);
         if count < WIDTH || with_walls || next_parted < first + count {
             let share = if with_walls { dissipated } else { L::all(0.5) * dissipated };
-            let impulse = if with_walls { Some(impulse.store()) } else { None };
+            let impulse = if with_walls {
+                let turning = if turning_walls {
+                    let now = arm_b.cross(force.plus(viscous));
+                    Some(last_arms[1].cross(last_force).plus(now).times(half_step).store())
+                } else {
+                    None
+                };
+                Some(Impulse { straight: impulse.store(), turning })
+            } else {
+                None
+            };
             let torques = [arm_b.cross(force), force.cross(point)].map(Triple::store);
             let done = Done { force: force.store(), torques, share: share.store(), impulse };
             self.sum_in_turn::<TURNS>(first, &pairs[..count], &done);
@@ -460,10 +482,15 @@ impl<M: Model> Contacts<'_, '_, M> {
                     add(&mut self.sums.torque, slot.index(), [x, y, z, 0.0]);
                 }
             }
-            if let Some(impulse) = impulse {
-                let impulse = Vec3::from(row(impulse, lane));
+            if let Some(Impulse { straight, turning }) = impulse {
+                let impulse = Vec3::from(row(straight, lane));
                 let of_wall = &self.particles.velocity[pair.b.index()];
-                self.sums.note_wall_work(*pair, -impulse.dot(of_wall));
+                let mut energy = -impulse.dot(of_wall);
+                if let (Some(turning), Some(spin)) = (turning, &self.particles.spin) {
+                    let impulse = Vec3::from(row(turning, lane));
+                    energy -= impulse.dot(&spin.angular_velocity[pair.b.index()]);
+                }
+                self.sums.note_wall_work(*pair, energy);
             }
         }
     }
@@ -491,9 +518,16 @@ impl<M: Model> Contacts<'_, '_, M> {
         let (body, other) = bodies.posed(pair, &frames);
         let into = history.normal * (0.5 * history.overlap);
         let arm_a = body.support(&history.normal) - into;
-        let with_wall = pair.b.index() >= particles.first_wall();
-        let arm_b = if with_wall { Vec3::zeros() } else { other.support(&-history.normal) + into };
-        let velocity = surface_velocity(particles, pair, &arm_a, &arm_b);
+        let with_wall = pair.b.index() >= particles.first_facet();
+        let arm_b = if with_wall {
+            // As of half a step ago.
+            let [of_a, of_b] = [pair.a, pair.b].map(|slot| particles.velocity[slot.index()]);
+            arm_a - bodies.relative(pair) + (of_b - of_a) * (0.5 * dt)
+        } else {
+            other.support(&-history.normal) + into
+        };
+        let of_b = particles.velocity_at(pair.b, &arm_b);
+        let velocity = particles.velocity_at(pair.a, &arm_a) - of_b;
         let sliding = velocity - history.normal * velocity.dot(&history.normal);
 
         let constants = law.constants(pair, particles);
@@ -506,8 +540,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         // The force fell to nothing on the way: half of it did the work.
         let work = |force: &Vec3, velocity: &Vec3| 0.5 * dt * force.dot(velocity);
         if with_wall {
-            let of_wall = &particles.velocity[pair.b.index()];
-            self.sums.note_wall_work(pair, -work(&(press + rub), of_wall));
+            self.sums.note_wall_work(pair, -work(&(press + rub), &of_b));
         }
         let mut dissipated = 0.0;
         if law.needs.velocity && dt > 0.0 {
@@ -519,7 +552,7 @@ impl<M: Model> Contacts<'_, '_, M> {
                 dissipated += work(&rub, &velocity) + before.stored[1];
             }
         }
-        self.sums.lose(pair, dissipated, particles.first_wall());
+        self.sums.lose(pair, dissipated, particles.first_facet());
     }
 }
 
@@ -531,8 +564,8 @@ struct Done {
     torques: [[[f64; WIDTH]; 3]; 2],
     /// What each body loses [J].
     share: [f64; WIDTH],
-    /// On walls since the last step [N s].
-    impulse: Option<[[f64; WIDTH]; 3]>,
+    /// On walls since the last step.
+    impulse: Option<Impulse>,
 }
 
 /// Constants of eight contacts, and the bounding radii of their bodies, 0 of walls [m].
@@ -752,6 +785,27 @@ fn geometry<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L) {
     (Triple { x, y, z }, overlap)
 }
 
+/// What particles have done to walls since the last step, in eight contacts.
+struct Impulse {
+    /// [N s]
+    straight: [[f64; WIDTH]; 3],
+    /// About the reference points of walls that turn [N m s].
+    turning: Option<[[f64; WIDTH]; 3]>,
+}
+
+/// What lies here, seen from the reference points of walls, as it was half a step ago [m]: there the velocity of a turning wall
+/// is that which carries its surface through the step, to second order.
+#[inline(always)]
+fn half_a_step_ago<L: Eight>(
+    here: Triple<L>,
+    particles: &Particles,
+    [a, b]: [Gather; 2],
+    dt: f64,
+) -> Triple<L> {
+    let velocities = [a, b].map(|bodies| vectors::<L>(&particles.velocity, bodies));
+    here.plus(velocities[1].minus(velocities[0]).times(L::all(0.5 * dt)))
+}
+
 /// How A's surface moves against B's.
 struct Motion<L> {
     /// Where they touch [m/s]: positive along the normal is approach.
@@ -794,18 +848,6 @@ fn velocities<L: Eight>(particles: &Particles, bodies: Gather) -> (Triple<L>, Tr
     (velocity, vectors::<L>(&spin.angular_velocity, bodies))
 }
 
-/// Velocity of A's surface against B's: positive along the normal is approach [m/s].
-#[inline]
-fn surface_velocity(particles: &Particles, pair: Pair, arm_a: &Vec3, arm_b: &Vec3) -> Vec3 {
-    // A wall does not turn, and its arm is as long as the plane is wide.
-    let of_b = if pair.b.index() >= particles.first_wall() {
-        particles.velocity[pair.b.index()]
-    } else {
-        particles.velocity_at(pair.b, arm_b)
-    };
-    particles.velocity_at(pair.a, arm_a) - of_b
-}
-
 /// Turns a vector of the last contact plane into the plane of now, by the shortest rotation (Rodrigues' formula
 /// without angles), and by the twist about the normal. Zero if there was no contact, and where the normal turns right
 /// round: centres have passed each other.
@@ -826,14 +868,13 @@ pub fn dashpot(ratio: f64, mass: f64, stiffness: f64) -> f64 {
     2.0 * ratio * (mass * stiffness).sqrt()
 }
 
-/// `m_A m_B / (m_A + m_B)`, or `m_A` against a wall [kg].
+/// `m_A m_B / (m_A + m_B)`, or `m_A` against a body of infinite mass, as most walls are [kg].
 #[inline]
 pub fn reduced_mass(library: &Library, a: usize, b: usize) -> f64 {
-    let mass_a = library.mass[a];
-    if b >= library.particle_shapes {
+    let (mass_a, mass_b) = (library.mass[a], library.mass[b]);
+    if mass_b.is_infinite() {
         return mass_a;
     }
-    let mass_b = library.mass[b];
     mass_a * mass_b / (mass_a + mass_b)
 }
 

@@ -246,8 +246,8 @@ impl Sums {
     }
 
     /// Adds what a contact lost that has come apart [J] to its particles; a wall has no share.
-    fn lose(&mut self, pair: Pair, energy: f64, first_wall: usize) {
-        let share = if pair.b.index() >= first_wall { energy } else { 0.5 * energy };
+    fn lose(&mut self, pair: Pair, energy: f64, first_facet: usize) {
+        let share = if pair.b.index() >= first_facet { energy } else { 0.5 * energy };
         for slot in [pair.a.index(), pair.b.index()] {
             add(&mut self.force, slot, [0.0, 0.0, 0.0, share]);
         }

@@ -18,7 +18,9 @@ use crate::ids::GlobalId;
 use crate::math::Vec3;
 use crate::measure::Departed;
 use crate::particles::Needs;
+use crate::particles::walls::Saved;
 use crate::shape::Shape;
+use serde::de::DeserializeOwned;
 use std::cell::OnceCell;
 use std::fs::{self, File};
 use std::io;
@@ -100,6 +102,8 @@ const WALL_POINT: Column = column("/walls/point", 3, "m");
 const WALL_NORMAL: Column = column("/walls/normal", 3, "1");
 const WALL_VELOCITY: Column = column("/walls/velocity", 3, "m/s");
 const WALL_FORCE: Column = column("/walls/force", 3, "N");
+/// Null of a wall that is no more than one plane; not there if all are.
+const WALL_BODY: Column = column("/walls/body", 1, "");
 const SHAPE_NAME: Column = column("/shapes/name", 1, "");
 const SHAPE_KIND: Column = column("/shapes/kind", 1, "");
 const SHAPE_SEMI_AXES: Column = column("/shapes/semi_axes", 3, "m");
@@ -478,6 +482,12 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.table(&WALL_NORMAL, numbers(&vectors(|w| w.normal)))?;
     file.table(&WALL_VELOCITY, numbers(&vectors(|w| w.velocity)))?;
     file.table(&WALL_FORCE, numbers(&vectors(|w| w.force)))?;
+    if walls.iter().any(|wall| wall.body.is_some()) {
+        let json = |wall: &WallRow| serde_json::to_string(&wall.body);
+        let bodies: Result<Vec<String>, _> = walls.iter().map(json).collect();
+        let bodies = bodies.expect("a body can be stored");
+        file.texts(&WALL_BODY, &bodies.iter().map(|body| &**body).collect::<Vec<_>>())?;
+    }
 
     for SavedState { drive, columns } in drives {
         let group = format!("/{drive}");
@@ -546,12 +556,14 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
     let walls = Tabulated { file, rows: file.count(WALL_NAME.place)? };
     let (points, normals) = (walls.vectors(&WALL_POINT)?, walls.vectors(&WALL_NORMAL)?);
     let (velocities, forces) = (walls.vectors(&WALL_VELOCITY)?, walls.vectors(&WALL_FORCE)?);
+    let bodies = walls.bodies()?;
     let walls = file.texts(&WALL_NAME)?.into_iter().enumerate().map(|(k, name)| WallRow {
         name,
         point: points[k],
         normal: normals[k],
         velocity: velocities[k],
         force: forces[k],
+        body: bodies[k].clone(),
     });
 
     let shapes = Tabulated { file, rows: file.count(SHAPE_NAME.place)? };
@@ -622,10 +634,22 @@ impl Tabulated<'_> {
                 lacks: place.to_owned(),
             });
         }
+        self.json(&SHAPE_GEOMETRY)
+    }
+
+    fn bodies(&self) -> Result<Vec<Option<Saved>>, SnapshotError> {
+        if self.file.has(WALL_BODY.place) {
+            self.json(&WALL_BODY)
+        } else {
+            Ok(vec![None; self.rows])
+        }
+    }
+
+    fn json<T: DeserializeOwned>(&self, column: &Column) -> Result<Vec<T>, SnapshotError> {
         let unreadable = |error: serde_json::Error| {
-            SnapshotError::unreadable(self.file.path(), &format!("{place}: {error}"))
+            SnapshotError::unreadable(self.file.path(), &format!("{}: {error}", column.place))
         };
-        let texts = self.texts(&SHAPE_GEOMETRY)?;
+        let texts = self.texts(column)?;
         texts.iter().map(|text| serde_json::from_str(text).map_err(unreadable)).collect()
     }
 }

@@ -10,7 +10,7 @@ use crate::cell::AXES;
 use crate::cell::Cell;
 use crate::math::Vec3;
 use crate::measure::Measures;
-use crate::particles::walls::{Wall, area};
+use crate::particles::walls::{Across, Wall, area};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::Write;
@@ -58,10 +58,10 @@ const COLUMNS: [&str; 20] = [
 ];
 
 /// The walls of which place and stress are written: where any wall moves, all that stand across an axis.
-fn told(walls: &[Wall]) -> impl Iterator<Item = (usize, &Wall, usize)> {
+fn told(walls: &[Wall]) -> impl Iterator<Item = (usize, &Wall, Across)> {
     let any_moves = walls.iter().any(|wall| wall.moves);
     let walls = walls.iter().enumerate().filter(move |_| any_moves);
-    walls.filter_map(|(k, wall)| wall.across().map(|(axis, _)| (k, wall, axis)))
+    walls.filter_map(|(k, wall)| wall.across().map(|across| (k, wall, across)))
 }
 
 impl History {
@@ -98,7 +98,7 @@ impl History {
         for Wall { name, .. } in walls {
             columns.extend(AXES.map(|axis| format!("force_{name}_{axis}_N")));
         }
-        for (_, Wall { name, .. }, axis) in told(walls) {
+        for (_, Wall { name, .. }, Across { axis, .. }) in told(walls) {
             columns.push(format!("place_{name}_m"));
             columns.extend(area(walls, &cell, axis).map(|_| format!("stress_{name}_Pa")));
         }
@@ -138,10 +138,10 @@ impl History {
         forces: &[Vec3],
         walls: &[Wall],
     ) -> Result<(), TableError> {
-        let moved = told(walls).flat_map(|(k, wall, axis)| {
-            let stress = |area| -forces[k].dot(&wall.normal) / area;
+        let moved = told(walls).flat_map(|(k, wall, Across { axis, place, .. })| {
+            let stress = |area| wall.press(&forces[k]) / area;
             let stress = area(walls, &self.cell, axis).map(stress);
-            [Some(wall.point[axis]), stress].into_iter().flatten()
+            [Some(place), stress].into_iter().flatten()
         });
         let counts = [step.to_string(), time.to_string()]
             .into_iter()
@@ -180,7 +180,6 @@ impl History {
 mod tests {
     use super::{COLUMNS, History};
     use crate::cell::Cell;
-    use crate::ids::ShapeId;
     use crate::math::Vec3;
     use crate::particles::walls::Wall;
 
@@ -189,9 +188,7 @@ mod tests {
     fn any_name_of_a_wall_stays_in_its_column() {
         let (point, normal) = (Vec3::zeros(), Vec3::z());
         let name = "left, \"upper\"".to_owned();
-        let shape = ShapeId(0);
-        let wall =
-            Wall { name, point, normal, velocity: point, moves: false, shape, listed_at: point };
+        let wall = Wall::plane(name, point, normal);
         let folder = tempfile::tempdir().unwrap();
         drop(History::open(folder.path(), &[wall], Cell::OPEN, |_| false).unwrap());
         let mut reader = csv::Reader::from_path(folder.path().join("history.csv")).unwrap();

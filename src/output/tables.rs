@@ -7,7 +7,8 @@
 //! `particles_<step>.vtkhdf` (vertices) and `contacts_<step>.vtkhdf` (lines). Both carry the groups
 //! `/run`, `/domain`, `/walls`, `/shapes` and, for each drive that saves its state, one of the drive's name, such as `/rain`
 //! ([`Header`]); the first also carries `/restart`, all that a restart needs and a picture does not. A column that the scene
-//! does not need is not there. The geometry of a shape is a JSON text, `/shapes/geometry`.
+//! does not need is not there. The geometry of a shape is a JSON text, `/shapes/geometry`. So is, of walls that turn or have several
+//! planes, `/walls/body`: reference point, orientation (i, j, k, w), angular velocity, planes in the axes of the wall.
 //!
 //! | place | rows | content |
 //! |---|---|---|
@@ -24,6 +25,7 @@ use crate::drive::SavedState;
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
 use crate::measure::Departed;
+use crate::particles::walls::Saved;
 use crate::shape::{Ellipsoid, Shape};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -59,19 +61,28 @@ pub struct Header {
     pub scene: String,
 }
 
+impl Header {
+    /// The walls of one plane, which may end a packing.
+    pub fn planes(&self) -> impl Iterator<Item = &WallRow> {
+        self.walls.iter().filter(|wall| wall.body.as_ref().is_none_or(Saved::is_one_plane))
+    }
+}
+
 /// One wall.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WallRow {
     /// Its name in the scene.
     pub name: String,
-    /// A point of its plane [m].
+    /// A point of its first plane [m].
     pub point: Vec3,
-    /// Unit normal, towards the particles.
+    /// Unit normal there, towards the particles.
     pub normal: Vec3,
-    /// Velocity [m/s].
+    /// Velocity of its reference point [m/s].
     pub velocity: Vec3,
     /// Force of the particles on it [N].
     pub force: Vec3,
+    /// What else there is to it, if it turns, has turned or has several planes.
+    pub body: Option<Saved>,
 }
 
 /// One shape of the scene.

@@ -125,6 +125,7 @@ impl Pairs {
         Bodies {
             position: &self.position,
             quaternion: Some(&self.rotation),
+            facets: &[],
             form: Some(&self.form),
             shape: &self.shape,
             library: &self.library,

@@ -1,7 +1,7 @@
 //! Columns of everything that a rank owns or sees.
 //!
-//! Slots run owned | ghosts | walls. A column that the scene does not need does not exist: spheres
-//! without friction do not turn, a scene of spheres only has no orientation.
+//! Slots run owned | ghosts | facets of walls; all facets of a wall have its pose. A column that the scene does not need does not
+//! exist: spheres without friction do not turn, a scene of spheres only has no orientation.
 
 pub mod mix;
 pub mod records;
@@ -10,14 +10,14 @@ pub mod walls;
 use crate::cell::Cell;
 use crate::contact::Bodies;
 use crate::ids::{GlobalId, MaterialId, ShapeId, Slot};
-use crate::math::{Quat, Vec3, Vec3AndNumber};
+use crate::math::{Mat3, Quat, Vec3, Vec3AndNumber};
 use crate::shape::{Form, Shape};
 use records::Particle;
 use serde::{Deserialize, Serialize};
-use walls::Wall;
+use walls::{Corners, FacetColumns, Wall};
 
-/// Everything that particles of one shape have in common. Walls stand here too, after the shapes of
-/// the particles, with infinite mass.
+/// Everything that particles of one shape have in common. Facets of walls stand here too, after the shapes of
+/// the particles, with the mass of their walls.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct Library {
     /// Geometry.
@@ -34,12 +34,12 @@ pub struct Library {
     pub mass: Vec<f64>,
     /// Principal moments of inertia [kg m²].
     pub inertia: Vec<Vec3>,
-    /// How many of them belong to particles; the rest to walls.
+    /// How many of them belong to particles; the rest are facets of walls.
     pub particle_shapes: usize,
 }
 
 impl Library {
-    /// Adds a shape; `density` in kg/m³. Returns its id. A wall has infinite mass whatever its density.
+    /// Adds a shape; `density` in kg/m³. Returns its id. What has no volume, as a facet, has infinite mass.
     pub fn push(
         &mut self,
         name: &str,
@@ -81,7 +81,7 @@ impl Library {
 pub struct Needs {
     /// Velocities of ghosts: a law with friction or dashpots.
     pub velocity: bool,
-    /// Angular velocity, torque.
+    /// Angular velocity, torque: a law that finds moments, or a wall that turns.
     pub spin: bool,
     /// Orientation and angular momentum, for any shape but the sphere, and contact points, which of spheres follow from
     /// their overlaps. Implies `spin`.
@@ -209,6 +209,8 @@ pub struct Particles {
     pub cell: Cell,
     /// The walls, the same on all ranks.
     pub walls: Vec<Wall>,
+    /// Of their facets.
+    pub facets: FacetColumns,
 }
 
 impl Particles {
@@ -233,6 +235,7 @@ impl Particles {
             orientation: needs.orientation.then(Orientation::default),
             cell,
             walls,
+            facets: FacetColumns::default(),
         };
         particles.append_walls();
         particles
@@ -244,6 +247,7 @@ impl Particles {
             position: &self.position,
             quaternion: self.orientation.as_ref().map(|a| &a.quaternion[..]),
             form: self.orientation.as_ref().filter(|_| self.needs.form).map(|a| &a.form[..]),
+            facets: &self.facets.frame,
             shape: &self.shape,
             library: &self.library.shapes,
             curvature_radius: &self.library.curvature_radius,
@@ -256,16 +260,26 @@ impl Particles {
         self.id.len()
     }
 
-    /// The first wall's slot.
-    pub const fn first_wall(&self) -> usize {
+    /// The slot of the first facet of a wall.
+    pub const fn first_facet(&self) -> usize {
         self.owned + self.ghosts
+    }
+
+    /// The index of the wall that a facet in this slot belongs to; `None` for a particle.
+    #[inline]
+    pub fn wall_of(&self, slot: Slot) -> Option<usize> {
+        let facet = slot.index().checked_sub(self.first_facet())?;
+        self.facets.wall.get(facet).map(|&wall| wall as usize)
     }
 
     /// What messages call a body.
     pub fn body_name(&self, id: GlobalId) -> String {
-        match id.wall_index() {
-            Some(wall) => format!("wall \"{}\"", self.walls[wall].name),
-            None => format!("particle {id}"),
+        let Some((wall, facet)) = id.wall_and_facet() else { return format!("particle {id}") };
+        let Wall { name, facets, .. } = &self.walls[wall];
+        if facets.len() > 1 {
+            format!("plane {facet} of wall \"{name}\"")
+        } else {
+            format!("wall \"{name}\"")
         }
     }
 
@@ -350,6 +364,7 @@ impl Particles {
         self.shape.truncate(owned);
         self.position.truncate(owned);
         self.velocity.truncate(owned);
+        self.facets = FacetColumns::default();
         if let Some(spin) = &mut self.spin {
             spin.angular_velocity.truncate(owned);
         }
@@ -490,27 +505,77 @@ impl Particles {
         }
     }
 
-    /// Appends the walls' slots after owned particles and ghosts.
+    /// Appends the slots of the facets of walls after owned particles and ghosts.
     pub fn append_walls(&mut self) {
+        self.id.extend(walls::ids(&self.walls));
         for (k, wall) in self.walls.iter().enumerate() {
-            self.id.push(GlobalId::wall(k));
-            self.shape.push(wall.shape);
-            self.position.push(wall.point);
-            self.velocity.push(wall.velocity);
-            if let Some(spin) = &mut self.spin {
-                spin.angular_velocity.push(Vec3::zeros());
+            for facet in &wall.facets {
+                self.shape.push(facet.shape);
+                self.facets.wall.push(k as u32);
+            }
+        }
+        let slots = self.id.len();
+        self.position.resize(slots, Vec3::zeros());
+        self.velocity.resize(slots, Vec3::zeros());
+        if let Some(spin) = &mut self.spin {
+            spin.angular_velocity.resize(slots, Vec3::zeros());
+        }
+        self.facets.frame.resize(self.facets.wall.len(), Mat3::identity());
+        self.place_walls();
+    }
+
+    /// Moves the walls to where they stand after `step` steps, of which the last took `dt` [s].
+    pub fn move_walls(&mut self, step: u64, dt: f64) {
+        let room = self.room_of_turning();
+        let mut slot = self.first_facet();
+        for wall in &mut self.walls {
+            let nearer = wall.advance(step, dt, &room);
+            for _ in &wall.facets {
+                self.travel[slot] += nearer;
+                slot += 1;
+            }
+        }
+        self.place_walls();
+    }
+
+    /// Copies poses and velocities of walls to the slots of their facets.
+    ///
+    /// # Panics
+    /// If a wall turns and there is no column for it, see [`Needs::spin`].
+    fn place_walls(&mut self) {
+        let mut slot = self.first_facet();
+        self.facets.any_turns = false;
+        for wall in &self.walls {
+            let turns = wall.angular_velocity != Vec3::zeros();
+            assert!(
+                !turns || self.spin.is_some(),
+                "wall \"{}\" turns in a simulation without angular velocities",
+                wall.name
+            );
+            self.facets.any_turns |= turns;
+            let frame = wall.frame();
+            for _ in &wall.facets {
+                self.position[slot] = wall.point;
+                self.velocity[slot] = wall.velocity;
+                if let Some(spin) = &mut self.spin {
+                    spin.angular_velocity[slot] = wall.angular_velocity;
+                }
+                let facet = slot - self.owned - self.ghosts;
+                self.facets.frame[facet] = frame;
+                slot += 1;
             }
         }
     }
 
-    /// Copies the walls' positions and velocities into their slots.
-    pub fn refresh_walls(&mut self) {
-        let first = self.first_wall();
-        for (k, wall) in self.walls.iter().enumerate() {
-            self.travel[first + k] += (wall.point - self.position[first + k]).norm();
-            self.position[first + k] = wall.point;
-            self.velocity[first + k] = wall.velocity;
+    /// The box that has the centres of all particles of all ranks, if a wall turns; else it is not asked for [m].
+    pub(crate) fn room_of_turning(&self) -> Corners {
+        if !self.walls.iter().any(Wall::turns) {
+            return Corners::default();
         }
+        // A particle has left once its centre is outside by its own size.
+        let slack = Vec3::repeat(self.library.largest_radius());
+        let (low, high) = walls::room(&self.walls, &self.cell);
+        (low - slack, high + slack)
     }
 }
 

@@ -1,42 +1,417 @@
-//! Plane walls: every rank has them all.
+//! Walls: rigid bodies with facets, of which every rank has all.
+//!
+//! Here, and in the resolvers of facets, stands all that knows what a facet is: so far a plane. Other rooms ask how far a point
+//! is from a facet ([`facets`]), how far a wall has come towards grains ([`Wall::nearer_since_listed`]), how fast it does
+//! ([`Wall::way`]), how deep a box lies behind it ([`Wall::depth`]), where it ends the room of the particles ([`Across`]).
+//!
+//! A wall has a pose, which is that of its reference point and axes, and a motion. The reference point moves by
+//! `velocity · dt` in each step. The orientation comes from the number of steps since the wall began to turn as it does, in
+//! closed form: a turn of a million steps has the rounding of one, and a run that goes on from a snapshot has the same bits.
+//!
+//! What moves a wall: its scene, with constant velocities, or a drive, which sets them in each step. A wall that is free to
+//! move under its load will be a drive, too: [`Wall::mass`] is there, and its moment of inertia, and the force and moment on
+//! it about the reference point, would come in there.
 
 use crate::cell::Cell;
-use crate::ids::ShapeId;
-use crate::math::Vec3;
+use crate::ids::{GlobalId, MaterialId, ShapeId};
+use crate::math::{Mat3, Quat, Vec3, rotation_about};
+use crate::particles::Library;
+use crate::shape::{HalfSpace, Shape};
 use serde::{Deserialize, Serialize};
 
-/// A plane that particles do not pass.
+/// The lowest and the highest corner of a box [m].
+pub type Corners = (Vec3, Vec3);
+
+/// A rigid body that particles do not pass.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Wall {
     /// Its name in the scene.
     pub name: String,
-    /// A point of the plane [m].
+    /// Reference point, where its axes begin [m].
     pub point: Vec3,
-    /// Unit normal, towards the particles.
-    pub normal: Vec3,
-    /// Velocity [m/s].
+    /// Rotation from its axes to the world.
+    pub orientation: Quat,
+    /// Velocity of the reference point [m/s].
     pub velocity: Vec3,
-    /// Does the scene move it, at a given velocity or by a servo?
+    /// Angular velocity, about the reference point [rad/s].
+    pub angular_velocity: Vec3,
+    /// Mass, infinite unless contacts are to feel that it is not [kg].
+    pub mass: f64,
+    /// Does the scene move it, at given velocities or by a servo?
     pub moves: bool,
-    /// Its half-space in the library of shapes.
+    /// Its surface, in its axes.
+    pub facets: Vec<Facet>,
+    /// Since when it turns as it does; `None` before its first step, or if it does not turn.
+    turning: Option<Turning>,
+    /// Where it stood when the pairs were listed.
+    listed: Pose,
+}
+
+/// A piece of the surface of a wall.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Facet {
+    /// Its geometry, in the axes of the wall.
+    pub geometry: HalfSpace,
+    /// The same in the library of shapes, once it is there.
     pub shape: ShapeId,
-    /// Where it stood when the pairs were listed [m].
-    pub listed_at: Vec3,
+}
+
+/// Where a wall stands.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Pose {
+    point: Vec3,
+    orientation: Quat,
+}
+
+/// A turn at a constant angular velocity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Turning {
+    /// The step at which it began.
+    since: u64,
+    /// The orientation then.
+    from: Quat,
+    /// Angular velocity [rad/s].
+    velocity: Vec3,
+}
+
+impl Turning {
+    /// The orientation at a step of `dt` [s].
+    fn orientation(&self, step: u64, dt: f64) -> Quat {
+        let rate = self.velocity.norm();
+        let angle = rate * ((step - self.since) as f64 * dt);
+        rotation_about(&(self.velocity / rate), angle) * self.from
+    }
+}
+
+/// What a snapshot holds of a wall that is more than a plane through its reference point.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Saved {
+    point: Vec3,
+    orientation: Quat,
+    angular_velocity: Vec3,
+    turning: Option<Turning>,
+    facets: Vec<HalfSpace>,
+}
+
+impl Saved {
+    /// Is it the body of a wall of one plane?
+    pub const fn is_one_plane(&self) -> bool {
+        self.facets.len() == 1
+    }
+}
+
+/// A plane in place: points `p` with `(p - point) · normal = offset`.
+#[derive(Clone, Copy, Debug)]
+pub struct InPlace {
+    point: Vec3,
+    normal: Vec3,
+    offset: f64,
+}
+
+impl InPlace {
+    /// How far a point is in front of it [m].
+    #[inline]
+    pub fn distance(&self, point: &Vec3) -> f64 {
+        (point - self.point).dot(&self.normal) - self.offset
+    }
+
+    /// How much nearer it is to a point than the same facet was `before`, or farther, where that is most within `room` [m].
+    fn moved(&self, before: &Self, room: &Corners) -> f64 {
+        if self.normal == before.normal {
+            let along = (self.point - before.point).dot(&self.normal);
+            return (along + (self.offset - before.offset)).abs();
+        }
+        // The change of the distance is linear in the place of the point: the most is at a corner.
+        let moved = |corner: Vec3| (before.distance(&corner) - self.distance(&corner)).abs();
+        corners(room).into_iter().map(moved).fold(0.0, larger)
+    }
+}
+
+impl Pose {
+    /// Columns are the wall's axes in the world; what lies along the axis of the turn stays as it is, to the last bit.
+    fn frame(&self) -> Mat3 {
+        let turned = |axis: Vec3| self.orientation.transform_vector(&axis);
+        Mat3::from_columns(&[turned(Vec3::x()), turned(Vec3::y()), turned(Vec3::z())])
+    }
+
+    fn place(&self, facet: &Facet) -> InPlace {
+        let HalfSpace { normal, offset } = facet.geometry;
+        InPlace { point: self.point, normal: self.frame() * normal, offset }
+    }
+}
+
+/// A wall that stands across an axis, as one of a box does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Across {
+    /// The axis.
+    pub axis: usize,
+    /// Component of its normal, 1 or -1.
+    pub inwards: f64,
+    /// Where it stands [m].
+    pub place: f64,
 }
 
 impl Wall {
-    /// The axis along which its normal lies, and the normal's component, 1 or -1; `None` if it is tilted.
-    pub fn across(&self) -> Option<(usize, f64)> {
-        (0..3).map(|axis| (axis, self.normal[axis])).find(|&(_, along)| along.abs() == 1.0)
+    /// A wall at rest that is to have planes, each through a point [m] and with a unit normal towards the particles; its
+    /// reference point, too, in m.
+    pub fn of_planes(name: String, reference: Vec3, planes: &[(Vec3, Vec3)]) -> Self {
+        let facet = |&(point, normal): &(Vec3, Vec3)| Facet {
+            geometry: HalfSpace { normal, offset: (point - reference).dot(&normal) },
+            shape: ShapeId(0),
+        };
+        let pose = Pose { point: reference, orientation: Quat::identity() };
+        Self {
+            name,
+            point: pose.point,
+            orientation: pose.orientation,
+            velocity: Vec3::zeros(),
+            angular_velocity: Vec3::zeros(),
+            mass: f64::INFINITY,
+            moves: false,
+            facets: planes.iter().map(facet).collect(),
+            turning: None,
+            listed: pose,
+        }
     }
+
+    /// The same of one plane, with the reference point in it.
+    pub fn plane(name: String, point: Vec3, normal: Vec3) -> Self {
+        Self::of_planes(name, point, &[(point, normal)])
+    }
+
+    /// Adds its facets to a library of shapes, which say what it is made of and its mass.
+    pub fn enter(&mut self, library: &mut Library, material: MaterialId) {
+        for facet in &mut self.facets {
+            let shape = Shape::HalfSpace(facet.geometry);
+            facet.shape = library.push(&self.name, shape, material, f64::INFINITY);
+            library.mass[facet.shape.index()] = self.mass;
+        }
+    }
+
+    const fn pose(&self) -> Pose {
+        Pose { point: self.point, orientation: self.orientation }
+    }
+
+    /// Columns are its axes in the world.
+    pub fn frame(&self) -> Mat3 {
+        self.pose().frame()
+    }
+
+    fn in_place(&self) -> impl Iterator<Item = InPlace> {
+        let pose = self.pose();
+        self.facets.iter().map(move |facet| pose.place(facet))
+    }
+
+    /// A point of its first facet, and the unit normal there towards the particles: what files say of it.
+    pub fn surface(&self) -> (Vec3, Vec3) {
+        let first = self.in_place().next();
+        first.map_or((self.point, Vec3::zeros()), |InPlace { point, normal, offset }| {
+            (point + normal * offset, normal)
+        })
+    }
+
+    /// Does it turn, or has it since the pairs were listed?
+    pub fn turns(&self) -> bool {
+        self.angular_velocity != Vec3::zeros() || self.orientation != self.listed.orientation
+    }
+
+    /// How it stands across an axis and always will; `None` if it is tilted, turns out of its plane or has several facets.
+    pub fn across(&self) -> Option<Across> {
+        let [facet] = &*self.facets else { return None };
+        let InPlace { point, normal, offset } = self.pose().place(facet);
+        let (axis, inwards) =
+            (0..3).map(|axis| (axis, normal[axis])).find(|&(_, along)| along.abs() == 1.0)?;
+        let stays = self.angular_velocity.cross(&normal) == Vec3::zeros();
+        stays.then(|| Across { axis, inwards, place: point[axis] + inwards * offset })
+    }
+
+    /// Takes note of where it stands when the pairs are listed.
+    pub(crate) const fn note_listing(&mut self) {
+        self.listed = self.pose();
+    }
+
+    /// Moves it to where it stands after `step` steps, of which the last took `dt` [s]. Returns how much nearer any of its
+    /// points can have come to a grain [m]; all grains have their centres within `room`.
+    pub(crate) fn advance(&mut self, step: u64, dt: f64, room: &Corners) -> f64 {
+        let before = self.pose();
+        self.point += self.velocity * dt;
+        if self.angular_velocity == Vec3::zeros() {
+            self.turning = None;
+            return (self.point - before.point).norm();
+        }
+        let so_far = self.turning.filter(|turning| turning.velocity == self.angular_velocity);
+        let (since, from, velocity) = (step - 1, before.orientation, self.angular_velocity);
+        let turning = so_far.unwrap_or(Turning { since, from, velocity });
+        self.turning = Some(turning);
+        self.orientation = turning.orientation(step, dt);
+        self.moved_since(&before, room)
+    }
+
+    /// How much nearer its surface can have come to a grain since the pairs were listed [m]; all grains have their centres
+    /// within `room`. What slides along itself comes no nearer.
+    pub fn nearer_since_listed(&self, room: &Corners) -> f64 {
+        self.moved_since(&self.listed, room)
+    }
+
+    fn moved_since(&self, before: &Pose, room: &Corners) -> f64 {
+        let before = self.facets.iter().map(|facet| before.place(facet));
+        most_moved(self.in_place().zip(before), room)
+    }
+
+    /// How far its surface goes along its normal in a step of `dt` [s] with its velocities, where that is most within `room`
+    /// [m]. Along itself it may slide as fast as it likes.
+    pub fn way(&self, dt: f64, room: &Corners) -> f64 {
+        let mut largest = 0.0;
+        for InPlace { point, normal, .. } in self.in_place() {
+            let speed = self.velocity.dot(&normal);
+            if self.angular_velocity == Vec3::zeros() {
+                largest = larger(largest, (speed * dt).abs());
+                continue;
+            }
+            let turning = self.angular_velocity.cross(&normal);
+            for corner in corners(room) {
+                largest = larger(largest, ((speed - (corner - point).dot(&turning)) * dt).abs());
+            }
+        }
+        largest
+    }
+
+    /// Speed of its reference point towards the particles; of several facets, the largest [m/s].
+    pub fn speed_inwards(&self) -> f64 {
+        let speeds = self.in_place().map(|facet| self.velocity.dot(&facet.normal));
+        speeds.reduce(|a, b| if b.abs() > a.abs() { b } else { a }).unwrap_or(0.0)
+    }
+
+    /// Its velocity if it goes towards the particles at a speed and along itself as it does [m/s]; of a wall of one plane.
+    pub fn velocity_inwards(&self, speed: f64) -> Vec3 {
+        let (_, normal) = self.surface();
+        let along = self.velocity - normal * normal.dot(&self.velocity);
+        normal * speed + along
+    }
+
+    /// What a force on a wall of one plane [N] presses with, in N.
+    pub fn press(&self, force: &Vec3) -> f64 {
+        let (_, normal) = self.surface();
+        -force.dot(&normal)
+    }
+
+    /// How deep a box lies behind a facet, where it does most [m]; not positive if it does not.
+    pub fn depth(&self, &(low, high): &Corners) -> f64 {
+        let half = (high - low) * 0.5;
+        let behind = |facet: InPlace| half.dot(&facet.normal.abs()) - facet.distance(&(low + half));
+        self.in_place().map(behind).fold(f64::NEG_INFINITY, larger)
+    }
+
+    /// What a snapshot must hold of it besides [`Wall::surface`] and its velocity, if anything.
+    pub fn saved(&self) -> Option<Saved> {
+        let is_plain = self.orientation == Quat::identity()
+            && self.angular_velocity == Vec3::zeros()
+            && self.facets.len() == 1
+            && self.facets[0].geometry.offset == 0.0;
+        (!is_plain).then(|| Saved {
+            point: self.point,
+            orientation: self.orientation,
+            angular_velocity: self.angular_velocity,
+            turning: self.turning,
+            facets: self.facets.iter().map(|facet| facet.geometry).collect(),
+        })
+    }
+
+    /// Has it, in its axes, the facets of the wall of which a snapshot has a surface, as [`Wall::surface`] gives it, and perhaps
+    /// more?
+    pub fn is_same(&self, (_, normal): &(Vec3, Vec3), saved: Option<&Saved>) -> bool {
+        let mine = self.facets.iter().map(|facet| facet.geometry.normal);
+        match saved {
+            Some(saved) => mine.eq(saved.facets.iter().map(|facet| facet.normal)),
+            None => mine.eq([*normal]),
+        }
+    }
+
+    /// Goes on from where a snapshot has it, with the velocities of the scene, in which it stands now; `goes_on` if steps are
+    /// counted on and are as long as before. At the start of a stage it turns about the point that the scene says. Returns how
+    /// far that is off the scene's place, where that is most within `room` [m]; 0 for rounding.
+    pub fn go_on(
+        &mut self,
+        surface: &(Vec3, Vec3),
+        saved: Option<&Saved>,
+        goes_on: bool,
+        library: &mut Library,
+        room: &Corners,
+    ) -> f64 {
+        let is_same = self.is_same(surface, saved);
+        let (before, about) = (self.in_place().collect::<Vec<_>>(), self.point);
+        match saved {
+            Some(saved) if is_same => {
+                self.point = saved.point;
+                self.orientation = saved.orientation;
+                self.turning = saved.turning.filter(|_| goes_on);
+                for (facet, geometry) in self.facets.iter_mut().zip(&saved.facets) {
+                    facet.geometry = *geometry;
+                }
+            }
+            None if self.facets.len() == 1 => {
+                self.facets[0].geometry.offset = 0.0;
+                self.point = surface.0;
+            }
+            // Another wall of this name stands where the scene says.
+            _ => {}
+        }
+        if self.angular_velocity != Vec3::zeros() && !(goes_on && saved.is_some()) {
+            self.refer_to(about);
+        }
+        for facet in &self.facets {
+            library.shapes[facet.shape.index()] = Shape::HalfSpace(facet.geometry);
+        }
+        self.note_listing();
+        let off = most_moved(self.in_place().zip(before), room);
+        if off > 1e-12 * about.amax().max(self.point.amax()) { off } else { 0.0 }
+    }
+
+    /// Takes another reference point [m], and stays where it is.
+    fn refer_to(&mut self, point: Vec3) {
+        let (frame, shift) = (self.frame(), self.point - point);
+        for Facet { geometry, .. } in &mut self.facets {
+            geometry.offset += shift.dot(&(frame * geometry.normal));
+        }
+        self.point = point;
+    }
+}
+
+/// How far any facet has moved along its normal: now and before of each, where that is most within `room` [m].
+fn most_moved(facets: impl Iterator<Item = (InPlace, InPlace)>, room: &Corners) -> f64 {
+    facets.map(|(now, before)| now.moved(&before, room)).fold(0.0, larger)
+}
+
+/// The facets of all walls in place, in the order of their slots.
+pub fn facets(walls: &[Wall]) -> Vec<InPlace> {
+    walls.iter().flat_map(Wall::in_place).collect()
+}
+
+/// The ids of the facets of all walls, in the order of their slots.
+pub fn ids(walls: &[Wall]) -> impl Iterator<Item = GlobalId> {
+    let facets = walls.iter().map(|wall| 0..wall.facets.len()).enumerate();
+    facets.flat_map(|(wall, facets)| facets.map(move |facet| GlobalId::facet(wall, facet)))
+}
+
+/// The eight corners of a box.
+fn corners(&(low, high): &Corners) -> [Vec3; 8] {
+    std::array::from_fn(|k| {
+        Vec3::from_fn(|axis, _| if k >> axis & 1 == 0 { low[axis] } else { high[axis] })
+    })
+}
+
+/// The larger of two numbers; what is not a number is infinite.
+fn larger(a: f64, b: f64) -> f64 {
+    if b.is_nan() { f64::INFINITY } else { a.max(b) }
 }
 
 /// Where the room of the particles ends along an axis: at the innermost walls that stand across it [m];
 /// `None` on a side without one.
 pub fn ends(walls: &[Wall], axis: usize) -> [Option<f64>; 2] {
     let places = |inwards: f64| {
-        let facing = move |wall: &&Wall| wall.across() == Some((axis, inwards));
-        walls.iter().filter(facing).map(move |wall| wall.point[axis])
+        let stands = walls.iter().filter_map(Wall::across);
+        let facing = stands.filter(move |wall| wall.axis == axis && wall.inwards == inwards);
+        facing.map(|wall| wall.place)
     };
     [places(1.0).reduce(f64::max), places(-1.0).reduce(f64::min)]
 }
@@ -50,4 +425,166 @@ pub fn area(walls: &[Wall], cell: &Cell, axis: usize) -> Option<f64> {
     };
     let width = |axis| cell.period(axis).or_else(|| between_walls(axis));
     Some(width((axis + 1) % 3)? * width((axis + 2) % 3)?)
+}
+
+/// The box in which particles may be: the cell, and as far as walls have moved out of it [m].
+pub fn room(walls: &[Wall], cell: &Cell) -> Corners {
+    let (mut low, mut high) = (cell.low(), cell.high());
+    for Across { axis, inwards, place } in walls.iter().filter_map(Wall::across) {
+        if inwards > 0.0 {
+            low[axis] = low[axis].min(place);
+        } else {
+            high[axis] = high[axis].max(place);
+        }
+    }
+    (low, high)
+}
+
+/// What the slots of facets have besides the columns that all bodies have. Length: facets.
+#[derive(Clone, Debug, Default)]
+pub struct FacetColumns {
+    /// Index of the wall.
+    pub wall: Vec<u32>,
+    /// Columns are the axes of the wall in the world.
+    pub frame: Vec<Mat3>,
+    /// Does any wall turn?
+    pub any_turns: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Across, Corners, Wall};
+    use crate::math::{Quat, Vec3, rotation_about};
+    use crate::random::Random;
+
+    const ROOM: Corners = (Vec3::new(-1.0, -2.0, -0.5), Vec3::new(0.5, 1.0, 1.0));
+
+    /// A wall of two planes somewhere, which moves and turns.
+    fn moving(random: &mut Random) -> Wall {
+        let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.signed());
+        let planes = [0, 1].map(|_| (vector(1.0), vector(1.0).normalize()));
+        let mut wall = Wall::of_planes("wall".to_owned(), vector(1.0), &planes);
+        (wall.velocity, wall.angular_velocity) = (vector(1.0), vector(3.0));
+        wall
+    }
+
+    fn distances(wall: &Wall, point: &Vec3) -> Vec<f64> {
+        wall.in_place().map(|facet| facet.distance(point)).collect()
+    }
+
+    /// Against planes that are moved as the rotation of their wall says.
+    #[test]
+    fn planes_go_with_their_wall() {
+        for id in 0..100 {
+            let mut random = Random::of(1, id);
+            let planes = [0, 1].map(|_| {
+                let mut vector = || Vec3::from_fn(|_, _| random.signed());
+                (vector(), vector().normalize())
+            });
+            let mut vector = || Vec3::from_fn(|_, _| random.signed());
+            let (reference, velocity, turn, point) = (vector(), vector(), vector(), vector());
+            let mut wall = Wall::of_planes("wall".to_owned(), reference, &planes);
+            (wall.velocity, wall.angular_velocity) = (velocity, turn);
+            let (steps, dt) = (1000, 2e-3);
+            (1..=steps).for_each(|step| {
+                wall.advance(step, dt, &ROOM);
+            });
+            let time = steps as f64 * dt;
+            let rotation = Quat::from_scaled_axis(turn * time);
+            let moved = |point: Vec3| reference + velocity * time + rotation * (point - reference);
+            for ((through, normal), distance) in planes.iter().zip(distances(&wall, &point)) {
+                let expected = (point - moved(*through)).dot(&(rotation * normal));
+                assert!((distance - expected).abs() < 1e-12, "{id}: {distance} {expected}");
+            }
+            let (through, normal) = wall.surface();
+            assert!((normal - rotation * planes[0].1).norm() < 1e-14);
+            assert!((through - moved(planes[0].0)).dot(&normal).abs() < 1e-12);
+        }
+    }
+
+    /// No grain in the room comes nearer than is said, and some come as near.
+    #[test]
+    fn nothing_comes_nearer_than_walls_say() {
+        for id in 0..200 {
+            let mut random = Random::of(2, id);
+            let mut wall = moving(&mut random);
+            wall.note_listing();
+            let before = wall.clone();
+            let dt = 1e-3;
+            let way = wall.way(dt, &ROOM);
+            let steps = (1..=20).map(|step| wall.advance(step, dt, &ROOM)).collect::<Vec<_>>();
+            let nearer = wall.nearer_since_listed(&ROOM);
+            assert!(nearer <= steps.iter().sum::<f64>() + 1e-12);
+            assert!((way / steps[0] - 1.0).abs() < 0.02, "{way} {}", steps[0]);
+            let corners = super::corners(&ROOM);
+            let any = std::iter::repeat_with(|| {
+                let parts = Vec3::from_fn(|_, _| random.unit());
+                ROOM.0 + parts.component_mul(&(ROOM.1 - ROOM.0))
+            });
+            let came = |point: &Vec3| {
+                let both = distances(&before, point).into_iter().zip(distances(&wall, point));
+                both.map(|(then, now)| (then - now).abs()).fold(0.0, f64::max)
+            };
+            let most = any.take(200).map(|point| came(&point)).fold(0.0, f64::max);
+            assert!(most <= nearer + 1e-14 && most > 0.3 * nearer, "{id}: {most} {nearer}");
+            let at_corners = corners.iter().map(came).fold(0.0, f64::max);
+            assert!((at_corners / nearer - 1.0).abs() < 1e-12);
+        }
+    }
+
+    /// A turntable stays across its axis to the last bit and comes no nearer; a flap does not stay.
+    #[test]
+    fn a_turntable_stays_in_its_plane() {
+        let mut table = Wall::plane("table".to_owned(), Vec3::new(0.3, 0.2, 0.1), -Vec3::z());
+        table.angular_velocity = Vec3::z() * 7.0;
+        table.note_listing();
+        for step in 1..=1000 {
+            table.advance(step, 1e-3, &ROOM);
+        }
+        assert_eq!(table.across(), Some(Across { axis: 2, inwards: -1.0, place: 0.1 }));
+        assert_eq!((table.nearer_since_listed(&ROOM), table.way(1e-3, &ROOM)), (0.0, 0.0));
+        table.angular_velocity = Vec3::x();
+        assert_eq!(table.across(), None);
+        assert!(table.way(1e-3, &ROOM) > 1e-3);
+    }
+
+    /// A turn comes from the number of its steps, whatever was saved and taken up on the way; another turn begins where it
+    /// ends.
+    #[test]
+    fn a_turn_is_counted_in_steps() {
+        let axis = Vec3::new(0.48, 0.6, 0.64);
+        let mut wall = Wall::plane("wall".to_owned(), Vec3::zeros(), Vec3::x());
+        wall.angular_velocity = axis * 2.0;
+        for step in 11..=500 {
+            wall.advance(step, 1e-3, &ROOM);
+            if step == 300 {
+                let text = serde_json::to_string(&wall.saved()).unwrap();
+                let saved: Option<super::Saved> = serde_json::from_str(&text).unwrap();
+                assert_eq!(saved, wall.saved());
+                let mut library = super::Library::default();
+                let mut again = Wall::plane("wall".to_owned(), Vec3::zeros(), Vec3::x());
+                again.enter(&mut library, super::MaterialId(0));
+                again.angular_velocity = wall.angular_velocity;
+                again.go_on(&wall.surface(), saved.as_ref(), true, &mut library, &ROOM);
+                wall = again;
+            }
+        }
+        let rate = wall.angular_velocity.norm();
+        let turned = rotation_about(&(wall.angular_velocity / rate), rate * (490.0 * 1e-3));
+        assert_eq!(wall.orientation, turned);
+        wall.angular_velocity = Vec3::z();
+        wall.advance(501, 1e-3, &ROOM);
+        assert_eq!(wall.orientation, rotation_about(&Vec3::z(), 1e-3) * turned);
+    }
+
+    /// Half a box behind a plane, and a box before it.
+    #[test]
+    fn depths_of_boxes() {
+        let normal = Vec3::new(0.6, 0.0, 0.8);
+        let wall = Wall::plane("wall".to_owned(), Vec3::zeros(), normal);
+        let half = 0.5 * (0.6 + 0.8);
+        let cube = |centre: Vec3| (centre - Vec3::repeat(0.5), centre + Vec3::repeat(0.5));
+        assert!((wall.depth(&cube(Vec3::zeros())) - half).abs() < 1e-15);
+        assert!((wall.depth(&cube(normal * 2.0)) + 2.0 - half).abs() < 1e-15);
+    }
 }

@@ -332,6 +332,9 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
                 found.push(format!("wall {:?}, {what}: {x:?} and {y:?}", a.name));
             }
         }
+        if a.body != b.body {
+            found.push(format!("wall {:?}, body: {:?} and {:?}", a.name, a.body, b.body));
+        }
     }
     found
 }

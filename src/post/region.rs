@@ -214,7 +214,7 @@ impl Extent {
                 continue;
             }
             let across = |sign: f64| {
-                let faces = header.walls.iter().filter(move |w| sign * w.normal[k] > ACROSS);
+                let faces = header.planes().filter(move |w| sign * w.normal[k] > ACROSS);
                 faces.map(|w| w.point[k])
             };
             bounds.low[k] = across(1.0).reduce(f64::max).unwrap_or(bounds.low[k]);
@@ -229,7 +229,7 @@ impl Extent {
 /// the outermost particle, so that one grain that bounces would be a strain.
 pub fn enclosed(header: &Header) -> [bool; 3] {
     [0, 1, 2].map(|k| {
-        let wall = |sign: f64| header.walls.iter().any(|w| sign * w.normal[k] > ACROSS);
+        let wall = |sign: f64| header.planes().any(|w| sign * w.normal[k] > ACROSS);
         header.cell.period(k).is_some() || (wall(1.0) && wall(-1.0))
     })
 }
@@ -370,7 +370,7 @@ impl SolidVolume {
     pub fn inertia_of_strain(&self, header: &Header, packing: &Bounds) -> Option<f64> {
         // Of the innermost walls, as those that bound the packing.
         let speed = |sign: f64| {
-            let walls = header.walls.iter().filter(|w| sign * w.normal.z > ACROSS);
+            let walls = header.planes().filter(|w| sign * w.normal.z > ACROSS);
             let innermost = walls.max_by(|a, b| (sign * a.point.z).total_cmp(&(sign * b.point.z)));
             Some(innermost?.velocity.z)
         };

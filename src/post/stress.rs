@@ -76,7 +76,7 @@ pub fn on_walls(header: &Header, packing: &Bounds) -> [Option<f64>; 3] {
     [0, 1, 2].map(|k| {
         let area = lengths.product() / lengths[k];
         let side = |sign: f64| {
-            let walls = header.walls.iter().filter(move |w| sign * w.normal[k] > ACROSS);
+            let walls = header.planes().filter(move |w| sign * w.normal[k] > ACROSS);
             walls.map(|w| -sign * w.force[k]).reduce(|a, b| a + b)
         };
         quotient(0.5 * (side(1.0)? + side(-1.0)?), area)

@@ -19,7 +19,6 @@ use crate::particles::Particles;
 use crate::particles::records::Particle;
 use crate::particles::walls::Wall;
 use crate::search::PairList;
-use crate::shape::Kind;
 use crate::sim::{Simulation, capture, watch::Watch};
 use crate::timing::Clock;
 use serde::{Deserialize, Serialize};
@@ -95,9 +94,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
     let needs = scene.needs_with(&*law);
     let halo = 2.0 * scene.library.largest_radius() + scene.skin;
     let mut kinds = scene.particle_kinds();
-    if !scene.walls.is_empty() {
-        kinds.push(Kind::HalfSpace);
-    }
+    kinds.extend(scene.facet_kinds());
     let mut found = contact::Found::default();
     found.contacts.without_points = !needs.orientation;
     Simulation {
@@ -145,7 +142,7 @@ pub struct TakenUp {
     /// The `[stop]` that held when it was written; empty if none did.
     pub stop: String,
     /// Walls that stand elsewhere than the scene says, because the stage before left them there: name, and how far
-    /// off along the normal [m]. Of a stage that begins.
+    /// off along the normal, where that is most in the domain [m]. Of a stage that begins.
     pub walls_elsewhere: Vec<(String, f64)>,
 }
 
@@ -204,15 +201,17 @@ pub fn take_up(
         }
     }
     let mut walls_elsewhere = Vec::new();
-    for wall in &mut sim.particles.walls {
+    let goes_on = from == From::Middle && header.dt == sim.dt;
+    let room = (scene.domain.low(), scene.domain.high());
+    let Particles { walls, library, .. } = &mut sim.particles;
+    for wall in walls {
         if let Some(row) = header.walls.iter().find(|row| row.name == wall.name) {
-            let off = (row.point - wall.point).dot(&wall.normal).abs();
-            if from == From::Beginning && off > 1e-12 * wall.point.amax().max(row.point.amax()) {
+            // A wall keeps its place from stage to stage; whether it moves, the scene says.
+            let surface = (row.point, row.normal);
+            let off = wall.go_on(&surface, row.body.as_ref(), goes_on, library, &room);
+            if from == From::Beginning && off > 0.0 {
                 walls_elsewhere.push((wall.name.clone(), off));
             }
-            // A wall keeps its place from stage to stage; whether it moves, the scene says.
-            wall.point = row.point;
-            wall.listed_at = row.point;
         }
     }
     let resumed = sim.resume_drives(&header.drives, from == From::Beginning, comm);
@@ -272,13 +271,14 @@ fn read_part(
     let table = reader.particles(share(reader.particle_count()))?;
     let histories = reader.histories(share(reader.history_count()))?;
     let histories = histories.renamed(|id| {
-        let Some(k) = id.wall_index() else { return Some(id) };
-        // The order of walls may have changed, and a wall may be gone or turned.
-        let is = |wall: &Wall, before: &WallRow| {
-            wall.name == before.name && wall.normal == before.normal
+        let Some((wall, facet)) = id.wall_and_facet() else { return Some(id) };
+        // The order of walls may have changed, and a wall may be gone or another.
+        let is = |wall: &Wall, WallRow { name, point, normal, body, .. }: &WallRow| {
+            wall.name == *name && wall.is_same(&(*point, *normal), body.as_ref())
         };
-        let before = header.walls.get(k)?;
-        scene.walls.iter().position(|wall| is(wall, before)).map(GlobalId::wall)
+        let before = header.walls.get(wall)?;
+        let now = scene.walls.iter().position(|wall| is(wall, before))?;
+        Some(GlobalId::facet(now, facet))
     });
     let mut particles = capture::particles_of(&table, |shape| shapes[shape.index()]);
     for (particle, before) in particles.iter_mut().zip(&table.shape) {

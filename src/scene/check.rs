@@ -68,7 +68,7 @@ pub(super) fn scene(
     let time = time_section.as_ref().and_then(Time::read);
     let dt = time.as_ref().filter(|_| shapes.complete).map(|time| time.dt);
     let servos = walls.read_servos(&root, domain.as_ref(), &shapes.library, dt);
-    walls.check_speeds(&root, domain_section.as_ref(), &shapes.library, dt);
+    walls.check_speeds(&root, domain_section.as_ref(), domain.as_ref(), &shapes.library, dt);
     let stop = root.read_or("stop", Stop::default(), |given| stop(&given.section()?, &root));
     let largest = shapes.library.largest_radius();
     let default_skin = default_skin(&shapes.library);

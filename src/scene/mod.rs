@@ -23,10 +23,12 @@
 //! | `walls` | | sides of the box that are fixed walls: `"-x"` `"+x"` `"-y"` `"+y"` `"-z"` `"+z"`; default none |
 //! | `wall_material` | | of these walls; default: the scene's only material |
 //! | `wall_velocity` | m/s | of those that move, as in `{ "+z" = [0, 0, -0.001] }` |
-//! | **`[[wall]]`** | | any other plane; walls have no edges, and move without turning |
+//! | **`[[wall]]`** | | any other plane; walls have no edges |
 //! | `name` | | |
-//! | `point`, `normal` | m | a point of the plane; a direction of any length, towards the particles |
+//! | `point`, `normal` | m | a point of the plane; a direction of any length, towards the particles; or: |
+//! | `planes` | m | of a wall of several planes, which move as one body: a list of `{ point, normal }`. Particles are in front of all |
 //! | `velocity` | m/s | default 0 |
+//! | `rotation` | | `{ about, axis, rate }`: a point of the axis [m], which moves with the velocity, its direction, of any length, and the angular velocity [rad/s], anticlockwise where the axis points to the eye; default: none. Along a periodic axis only, if there is one |
 //! | `material` | | default: the scene's only material |
 //! | **`[[servo]]`** | | walls that keep a stress, by a proportional and integral law on their velocity ([`crate::drive::servo`]); over 2 % off the target in the mean of the last fifth of a stage is warned at its end |
 //! | `walls` | | names of walls across x, y or z, which may have a velocity along themselves; along the two other axes there must be walls on both sides, or a period |
@@ -267,6 +269,12 @@ impl Scene {
         Kind::ALL.into_iter().filter(|&k| shapes.iter().any(|s| s.kind() == k)).collect()
     }
 
+    /// The kinds of facet that walls have.
+    pub fn facet_kinds(&self) -> Vec<Kind> {
+        let shapes = &self.library.shapes[self.library.particle_shapes..];
+        Kind::ALL.into_iter().filter(|&k| shapes.iter().any(|s| s.kind() == k)).collect()
+    }
+
     /// Which columns the scene needs.
     pub fn needs(&self) -> Needs {
         self.needs_with(&*self.law())
@@ -277,7 +285,7 @@ impl Scene {
         let law = law.needs();
         let orientation = self.particle_kinds().iter().any(|&kind| kind != Kind::Sphere);
         Needs {
-            spin: law.spin || orientation,
+            spin: law.spin || orientation || self.walls.iter().any(Wall::turns),
             orientation,
             form: crate::contact::needs_form(&self.method, &self.particle_kinds()),
             image: self.domain.repeats(),

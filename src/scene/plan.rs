@@ -8,6 +8,7 @@ use crate::ids::MaterialId;
 use crate::math::{ExactSum, Vec3};
 use crate::output::columns::PARTICLE_COLUMNS;
 use crate::output::snapshot::{contact_bytes, particle_bytes};
+use crate::particles::walls::Wall;
 use crate::shape::moments::Placement;
 use crate::shape::{Kind, Shape};
 use std::collections::BTreeSet;
@@ -185,7 +186,8 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
     let open: Vec<&str> = SIDES
         .into_iter()
         .filter(|&(_, axis, inwards)| {
-            let closed = scene.walls.iter().any(|wall| wall.normal[axis] == inwards);
+            let mut across = scene.walls.iter().filter_map(Wall::across);
+            let closed = across.any(|wall| wall.axis == axis && wall.inwards == inwards);
             scene.domain.period(axis).is_none() && !closed
         })
         .map(|(name, _, _)| name)

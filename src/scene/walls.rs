@@ -9,31 +9,32 @@ use crate::drive::servo::Servo;
 use crate::ids::MaterialId;
 use crate::math::Vec3;
 use crate::particles::Library;
-use crate::particles::walls::Wall;
-use crate::shape::{HalfSpace, Shape};
+use crate::particles::walls::{Across, Wall};
 
 /// The most that a wall may move in a step, over the shortest axis of any grain.
 const LONGEST_MOVE: f64 = 0.05;
 
 /// What is wrong with a wall of this speed [m/s], if it moves too far in a step of `dt` [s].
 fn too_fast(speed: f64, dt: Option<f64>, library: &Library) -> Option<String> {
+    let most = too_far(speed, dt, library)?;
+    Some(format!(
+        "({speed:?} m/s) moves a wall by {:.2e} m in a step, more than {} % of the shortest axis of \
+         the smallest grain; must be at most {:.2e} m/s",
+        speed * dt?,
+        100.0 * LONGEST_MOVE,
+        0.995 * most / dt?
+    ))
+}
+
+/// The most that a wall may move in a step [m], if one of this speed [m/s] moves farther in a step of `dt` [s].
+fn too_far(speed: f64, dt: Option<f64>, library: &Library) -> Option<f64> {
     let (dt, most) = (dt?, LONGEST_MOVE * 2.0 * library.least_inscribed_radius());
-    (speed * dt > most).then(|| {
-        format!(
-            "({speed:?} m/s) moves a wall by {:.2e} m in a step, more than {} % of the shortest axis of \
-             the smallest grain; must be at most {:.2e} m/s",
-            speed * dt,
-            100.0 * LONGEST_MOVE,
-            0.995 * most / dt
-        )
-    })
+    (speed * dt > most).then_some(most)
 }
 
 /// A wall on its way into the library.
-struct Plane {
-    point: Vec3,
-    normal: Vec3,
-    velocity: Vec3,
+struct Planned {
+    wall: Wall,
     material: MaterialId,
     has_servo: bool,
 }
@@ -41,7 +42,7 @@ struct Plane {
 /// The walls on sides of the domain, then all others; `None` for what is wrong.
 pub(super) struct Walls {
     names: Names,
-    planes: Vec<Option<Plane>>,
+    all: Vec<Option<Planned>>,
 }
 
 impl Walls {
@@ -51,7 +52,7 @@ impl Walls {
         domain: Option<&Cell>,
         materials: &Materials,
     ) -> Self {
-        let mut walls = Self { names: Names::of("wall"), planes: Vec::new() };
+        let mut walls = Self { names: Names::of("wall"), all: Vec::new() };
         if let Some(section) = domain_section {
             walls.read_sides(section, domain, materials);
             walls.read_velocities(section);
@@ -59,7 +60,8 @@ impl Walls {
         }
         for section in root.sections("wall") {
             walls.names.add(&section);
-            walls.planes.push(plane(&section, domain, materials));
+            let name = walls.names.names.last().cloned().unwrap_or_default();
+            walls.all.push(planned(name, &section, domain, materials));
         }
         walls
     }
@@ -80,7 +82,7 @@ impl Walls {
                 item.fail("this side has a wall already");
             }
             self.names.names.push(name.unwrap_or_default().to_owned());
-            self.planes.push(name.zip(domain).and_then(|(name, domain)| {
+            self.all.push(name.zip(domain).and_then(|(name, domain)| {
                 let axis = AXES.iter().position(|axis| name.ends_with(axis))?;
                 if domain.period(axis).is_some() {
                     item.fail(format!("{} is periodic, it has no walls", AXES[axis]));
@@ -88,13 +90,9 @@ impl Walls {
                 let low = name.starts_with('-');
                 let mut normal = Vec3::zeros();
                 normal[axis] = if low { 1.0 } else { -1.0 };
-                Some(Plane {
-                    point: if low { domain.low() } else { domain.high() },
-                    normal,
-                    velocity: Vec3::zeros(),
-                    material: material?,
-                    has_servo: false,
-                })
+                let point = if low { domain.low() } else { domain.high() };
+                let wall = Wall::plane(name.to_owned(), point, normal);
+                Some(Planned { wall, material: material?, has_servo: false })
             }));
         }
     }
@@ -112,17 +110,18 @@ impl Walls {
                 given.fail(format!("no such wall in `domain.walls`{hint}"));
                 continue;
             };
-            if let (Some(plane), Some(velocity)) = (&mut self.planes[k], velocity) {
-                plane.velocity = velocity;
+            if let (Some(planned), Some(velocity)) = (&mut self.all[k], velocity) {
+                planned.wall.velocity = velocity;
             }
         }
     }
 
-    /// Looks whether walls go too fast along their normals for the grains and a time step of `dt` [s].
+    /// Looks whether walls go too fast towards or from the grains for a time step of `dt` [s].
     pub(super) fn check_speeds(
         &self,
         root: &Section,
         domain_section: Option<&Section>,
+        domain: Option<&Cell>,
         library: &Library,
         dt: Option<f64>,
     ) {
@@ -130,15 +129,34 @@ impl Walls {
         let mut places = sides.and_then(|given| given.entries()).unwrap_or_default();
         let others = root.sections("wall");
         let velocities = others.iter().map(|section| section.get("velocity"));
-        let names = self.names.names[self.planes.len() - others.len()..].iter();
+        let names = self.names.names[self.all.len() - others.len()..].iter();
         places.extend(
             names.zip(velocities).filter_map(|(name, given)| Some((name.as_str(), given?))),
         );
+        let rotations = others.iter().map(|section| section.get("rotation"));
+        for (planned, given) in self.all[self.all.len() - others.len()..].iter().zip(rotations) {
+            let (Some(Planned { wall, .. }), Some(given), Some(domain)) = (planned, given, domain)
+            else {
+                continue;
+            };
+            let mut turning = wall.clone();
+            turning.velocity = Vec3::zeros();
+            let (rate, speed) =
+                (wall.angular_velocity.norm(), turning.way(1.0, &(domain.low(), domain.high())));
+            if let (Some(dt), Some(most)) = (dt, too_far(speed, dt, library)) {
+                given.fail(format!(
+                    "({rate:?} rad/s) moves the wall by up to {:.2e} m in a step within the domain, more than {} % of the \
+                     shortest axis of the smallest grain; `rate` must be at most {:.2e} rad/s",
+                    speed * dt,
+                    100.0 * LONGEST_MOVE,
+                    0.995 * rate * most / (speed * dt)
+                ));
+            }
+        }
         for (name, given) in places {
             let k = self.names.names.iter().position(|known| known == name);
-            let Some(plane) = k.and_then(|k| self.planes[k].as_ref()) else { continue };
-            let speed = plane.velocity.dot(&plane.normal).abs();
-            if let Some(wrong) = too_fast(speed, dt, library) {
+            let Some(planned) = k.and_then(|k| self.all[k].as_ref()) else { continue };
+            if let Some(wrong) = too_fast(planned.wall.speed_inwards().abs(), dt, library) {
                 given.fail(wrong);
             }
         }
@@ -195,21 +213,29 @@ impl Walls {
     /// A wall that shall have a servo.
     fn steered(&mut self, given: &Given, domain: Option<&Cell>) -> Option<usize> {
         let k = self.names.find(given, given.text()?)?;
-        let normals: Vec<Vec3> = self.planes.iter().flatten().map(|plane| plane.normal).collect();
-        let plane = self.planes[k].as_mut()?;
-        if plane.has_servo {
+        let across: Vec<Across> =
+            self.all.iter().flatten().filter_map(|planned| planned.wall.across()).collect();
+        let Planned { wall, has_servo, .. } = self.all[k].as_mut()?;
+        if *has_servo {
             given.fail("this wall has a servo already");
         }
-        if plane.velocity.dot(&plane.normal) != 0.0 {
+        if wall.speed_inwards() != 0.0 {
             given.fail("this wall has a velocity along its normal; leave out that, or the servo");
         }
-        plane.has_servo = true;
-        let Some(across) = (0..3).find(|&axis| plane.normal[axis].abs() == 1.0) else {
-            given.fail("this wall is tilted; a servo needs a normal along x, y or z");
+        *has_servo = true;
+        let Some(Across { axis: own, .. }) = wall.across() else {
+            given.fail(if wall.facets.len() > 1 {
+                "this wall has several planes; a servo needs one, with a normal along x, y or z"
+            } else if wall.turns() {
+                "this wall is tilted, or turns out of its plane; a servo needs a normal that stays along x, y or z"
+            } else {
+                "this wall is tilted; a servo needs a normal along x, y or z"
+            });
             return None;
         };
-        for axis in [(across + 1) % 3, (across + 2) % 3] {
-            let closed = [1.0, -1.0].iter().all(|side| normals.iter().any(|n| n[axis] == *side));
+        for axis in [(own + 1) % 3, (own + 2) % 3] {
+            let stands = |side: f64| across.iter().any(|w| w.axis == axis && w.inwards == side);
+            let closed = stands(1.0) && stands(-1.0);
             if !closed && domain?.period(axis).is_none() {
                 given.fail(format!(
                     "its area is not known: the domain is open along {}; add walls on both sides, or make it periodic",
@@ -220,58 +246,118 @@ impl Walls {
         Some(k)
     }
 
-    pub(super) const fn count(&self) -> usize {
-        self.planes.len()
+    /// How many shapes they need.
+    pub(super) fn count(&self) -> usize {
+        let facets =
+            |planned: &Option<Planned>| planned.as_ref().map_or(1, |p| p.wall.facets.len());
+        self.all.iter().map(facets).sum()
     }
 
     /// A wall behind which some of the slab of rain is.
     pub(super) fn through(&self, rain: &Rain) -> Option<&str> {
-        let mut walls = self.planes.iter().zip(&self.names.names);
-        let is_through = |plane: &Plane| rain.behind(&plane.point, &plane.normal) > 0.0;
-        let found = walls.find(|(plane, _)| plane.as_ref().is_some_and(is_through));
-        found.map(|(_, name)| name.as_str())
+        let mut walls = self.all.iter().flatten().map(|planned| &planned.wall);
+        walls.find(|wall| rain.is_through(wall)).map(|wall| wall.name.as_str())
     }
 
     /// The walls, with their shapes added to the library.
     pub(super) fn into_library(self, library: &mut Library) -> Option<Vec<Wall>> {
-        let planes: Option<Vec<Plane>> = self.planes.into_iter().collect();
-        let wall = |(plane, name): (Plane, String)| {
-            let Plane { point, normal, velocity, material, has_servo } = plane;
-            let half_space = Shape::HalfSpace(HalfSpace { normal });
-            let shape = library.push(&name, half_space, material, f64::INFINITY);
-            let moves = has_servo || velocity != Vec3::zeros();
-            Wall { name, point, normal, velocity, moves, shape, listed_at: point }
+        let all: Option<Vec<Planned>> = self.all.into_iter().collect();
+        let wall = |Planned { mut wall, material, has_servo }| {
+            wall.enter(library, material);
+            wall.moves = has_servo || wall.velocity != Vec3::zeros() || wall.turns();
+            wall
         };
-        Some(planes?.into_iter().zip(self.names.names).map(wall).collect())
+        Some(all?.into_iter().map(wall).collect())
     }
 }
 
 /// A `[[wall]]`.
-fn plane(section: &Section, domain: Option<&Cell>, materials: &Materials) -> Option<Plane> {
-    let point = section.vector("point", "m");
-    let normal = section.require("normal", "[x, y, z], towards the particles", |given| {
-        let normal = given.vector(Range::Any, "")?;
-        if normal.amax() == 0.0 {
-            given.fail("must have a length greater than 0");
-            return None;
+fn planned(
+    name: String,
+    section: &Section,
+    domain: Option<&Cell>,
+    materials: &Materials,
+) -> Option<Planned> {
+    let planes = if section.get("planes").is_some() {
+        for key in ["point", "normal"] {
+            if let Some(given) = section.get(key) {
+                given.fail("stands beside `planes`; write it as one of them");
+            }
         }
-        let along = |axis: &usize| {
-            domain.is_some_and(|d| d.period(*axis).is_some()) && normal[*axis] != 0.0
+        let planes = section.sections("planes");
+        if planes.is_empty() {
+            section.fail("`planes` must have at least one { point, normal }");
+        }
+        let read = |section: &Section| {
+            let plane = plane(section, domain);
+            section.finish();
+            plane
         };
-        if let Some(axis) = (0..3).find(along) {
-            given.fail(format!("must be 0 along {}, which is periodic", AXES[axis]));
-        }
-        // Scaled first, because the squares of tiny components vanish.
-        Some((normal / normal.amax()).normalize())
-    });
+        let read: Vec<_> = planes.iter().map(read).collect();
+        read.into_iter().collect::<Option<Vec<_>>>()
+    } else {
+        plane(section, domain).map(|plane| vec![plane])
+    };
     let velocity = section.vector_or("velocity", Vec3::zeros(), "m/s");
+    let rotation =
+        section.read_or("rotation", None, |given| rotation(&given.section()?, domain).map(Some));
     let material = materials.find_in(section, "material");
     section.finish();
-    Some(Plane {
-        point: point?,
-        normal: normal?,
-        velocity: velocity?,
-        material: material?,
-        has_servo: false,
-    })
+
+    let (planes, rotation) = (planes?, rotation?);
+    let reference = match (rotation, &*planes) {
+        (Some((about, _)), _) => about,
+        (None, [(point, _), ..]) => *point,
+        (None, []) => return None,
+    };
+    let mut wall = Wall::of_planes(name, reference, &planes);
+    wall.velocity = velocity?;
+    wall.angular_velocity = rotation.map_or_else(Vec3::zeros, |(_, velocity)| velocity);
+    Some(Planned { wall, material: material?, has_servo: false })
+}
+
+/// A point of a plane [m] and its unit normal.
+fn plane(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
+    let point = section.vector("point", "m");
+    let normal = section.require("normal", "[x, y, z], towards the particles", |given| {
+        let normal = direction(given)?;
+        if let Some(axis) = (0..3).find(|&axis| repeats(domain, axis) && normal[axis] != 0.0) {
+            given.fail(format!("must be 0 along {}, which is periodic", AXES[axis]));
+        }
+        Some(normal)
+    });
+    Some((point?, normal?))
+}
+
+/// The point about which a wall turns [m], and its angular velocity [rad/s].
+fn rotation(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
+    let about = section.vector("about", "m");
+    let axis =
+        section.require("axis", "[x, y, z], about which the wall turns anticlockwise", |given| {
+            let direction = direction(given)?;
+            // A period must go with the turn.
+            let across = |&axis: &usize| repeats(domain, axis) && direction[axis].abs() != 1.0;
+            if let Some(axis) = (0..3).find(across) {
+                given.fail(format!("must lie along {}, which is periodic", AXES[axis]));
+            }
+            Some(direction)
+        });
+    let rate = section.number("rate", Range::Any, "rad/s");
+    section.finish();
+    Some((about?, axis? * rate?))
+}
+
+fn repeats(domain: Option<&Cell>, axis: usize) -> bool {
+    domain.is_some_and(|domain| domain.period(axis).is_some())
+}
+
+/// A unit vector from one of any length.
+fn direction(given: &Given) -> Option<Vec3> {
+    let vector = given.vector(Range::Any, "")?;
+    if vector.amax() == 0.0 {
+        given.fail("must have a length greater than 0");
+        return None;
+    }
+    // Scaled first, because the squares of tiny components vanish.
+    Some((vector / vector.amax()).normalize())
 }

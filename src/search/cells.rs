@@ -12,17 +12,17 @@ use crate::cell::Cell;
 use crate::contact::Pair;
 use crate::ids::Slot;
 use crate::math::Vec3;
-use crate::particles::{Library, Particles};
+use crate::particles::{Library, Particles, walls};
 use std::borrow::Cow;
 
 /// Distances are taken as so much longer when cells are chosen, for the rounding of positions.
 const LEEWAY: f64 = 1.0 + 1e-9;
 
-/// All pairs of owned particles, ghosts and walls with at least one owned particle and less than `skin`
-/// between bounding spheres [m]. The walls' slots follow those of the ghosts, there or not.
+/// All pairs of owned particles, ghosts and facets of walls with at least one owned particle and less than `skin`
+/// between bounding spheres [m]. The slots of facets follow those of the ghosts, there or not.
 pub fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
     let mut pairs = Vec::new();
-    let bodies = particles.first_wall();
+    let bodies = particles.first_facet();
     if particles.owned > 0 {
         let classes = Classes::of(&particles.library);
         for_each_candidate(particles, &classes, skin, |i, j| {
@@ -38,10 +38,10 @@ pub fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
         });
     }
 
+    let facets = walls::facets(&particles.walls);
     for slot in 0..particles.owned {
-        for (k, wall) in particles.walls.iter().enumerate() {
-            let height = (particles.position[slot] - wall.point).dot(&wall.normal);
-            if height < particles.radius(slot) + skin {
+        for (k, facet) in facets.iter().enumerate() {
+            if facet.distance(&particles.position[slot]) < particles.radius(slot) + skin {
                 pairs.push(Pair { a: Slot(slot as u32), b: Slot((bodies + k) as u32) });
             }
         }
@@ -80,7 +80,7 @@ fn for_each_candidate(
     skin: f64,
     mut visit: impl FnMut(usize, usize),
 ) {
-    let bodies = particles.first_wall();
+    let bodies = particles.first_facet();
     let positions = unfolded(&particles.position[..bodies], particles.owned, &particles.cell);
     let reach = |a: usize, b: usize| (classes.radius[a] + classes.radius[b] + skin) * LEEWAY;
     let space = Space::around(&positions, &particles.cell, reach(0, 0));

@@ -80,16 +80,16 @@ impl PairList {
         particles.travel.clear();
         particles.travel.resize(particles.slots(), 0.0);
         for wall in &mut particles.walls {
-            wall.listed_at = wall.point;
+            wall.note_listing();
         }
     }
 
     /// Puts pairs, those with walls last, in order; returns where those with walls begin.
     fn sort_by_ids(&mut self, particles: &Particles, found: &[Pair]) -> usize {
         let id = |slot: Slot| particles.id[slot.index()];
-        let mut slots: Vec<u32> = (0..particles.first_wall() as u32).collect();
+        let mut slots: Vec<u32> = (0..particles.first_facet() as u32).collect();
         slots.sort_unstable_by_key(|&slot| id(Slot(slot)));
-        let with_walls = found.partition_point(|pair| pair.b.index() < particles.first_wall());
+        let with_walls = found.partition_point(|pair| pair.b.index() < particles.first_facet());
         let (among, with_walls) = found.split_at(with_walls);
         // Counted first, then each to its place: sorting with keys would hold all pairs three times.
         let mut next = vec![0; slots.len()];
@@ -206,7 +206,7 @@ fn travel(pair: Pair, particles: &Particles) -> f64 {
 
 /// Can no owned particle or wall have moved farther than this since the pairs were listed [m]?
 pub fn all_within(particles: &Particles, distance: f64) -> bool {
-    let (owned, walls) = (0..particles.owned, particles.first_wall()..particles.slots());
+    let (owned, walls) = (0..particles.owned, particles.first_facet()..particles.slots());
     owned.chain(walls).all(|slot| particles.travel[slot] <= distance)
 }
 
@@ -222,9 +222,9 @@ pub fn moved_squared(particles: &Particles) -> f64 {
         }
         sound &= moved.is_finite();
     }
+    let room = particles.room_of_turning();
     for wall in &particles.walls {
-        // Along itself a wall may slide as far as it likes.
-        let moved = (wall.point - wall.listed_at).dot(&wall.normal).powi(2);
+        let moved = wall.nearer_since_listed(&room).powi(2);
         if moved > largest {
             largest = moved;
         }

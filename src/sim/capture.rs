@@ -43,7 +43,7 @@ impl Rows<ContactRow> for FirstOwned<'_> {
                 continue;
             }
             let Pair { a, b } = pair;
-            let with_wall = b.index() >= particles.first_wall();
+            let with_wall = b.index() >= particles.first_facet();
             let centre = particles.position[a.index()];
             take(&ContactRow {
                 a: particles.id[a.index()],
@@ -98,12 +98,10 @@ impl Simulation {
                 .walls
                 .iter()
                 .zip(wall_forces)
-                .map(|(wall, &force)| WallRow {
-                    name: wall.name.clone(),
-                    point: wall.point,
-                    normal: wall.normal,
-                    velocity: wall.velocity,
-                    force,
+                .map(|(wall, &force)| {
+                    let (point, normal) = wall.surface();
+                    let (name, velocity) = (wall.name.clone(), wall.velocity);
+                    WallRow { name, point, normal, velocity, force, body: wall.saved() }
                 })
                 .collect(),
             drives: self.saved_drives(comm),

@@ -155,7 +155,7 @@ impl Simulation {
         self.clock.lap(Phase::Move);
         self.steer_walls(&asked, comm)?;
         self.clock.lap(Phase::Agree);
-        motion::move_walls(&mut self.particles, self.dt);
+        self.particles.move_walls(self.step + 1, self.dt);
         self.watch.note(&farthest, &self.particles, self.dt);
         self.step += 1;
         self.clock.lap(Phase::Move);
@@ -479,7 +479,7 @@ impl Simulation {
             let Loaded { pair, history, state, .. } = contact;
             let Pair { a, b } = pair;
             let stored = self.law.stored(pair, particles, history, state);
-            let share = if b.index() >= particles.first_wall() { stored } else { 0.5 * stored };
+            let share = if b.index() >= particles.first_facet() { stored } else { 0.5 * stored };
             for (me, partner) in [(a, b), (b, a)] {
                 if me.index() < particles.owned {
                     brought.push((me.index(), particles.id[partner.index()], share));

@@ -98,10 +98,10 @@ impl Watch {
             let works = dt * WARNED[0] * WIDEST / angle;
             self.fault = Some(Fault::Turned { id: particles.id[turner], angle, works });
         }
-        for (k, wall) in particles.walls.iter().enumerate() {
-            // Along itself a wall may slide as fast as it likes.
-            let moved = (wall.velocity.dot(&wall.normal) * dt).abs();
-            self.note_move(moved, dt, || particles.body_name(GlobalId::wall(k)));
+        let room = particles.room_of_turning();
+        for wall in &particles.walls {
+            let body = || format!("wall \"{}\"", wall.name);
+            self.note_move(wall.way(dt, &room), dt, body);
         }
     }
 

@@ -73,6 +73,7 @@ fn columns_that_belong_together_share_a_panel() {
         normal: Vec3::new(0.6, 0.0, -0.8),
         velocity: Vec3::zeros(),
         force: Vec3::zeros(),
+        body: None,
     });
     let table = "time_s,particles,contacts,kinetic_J,translation_J,gravity_J,missing_J,\
                  force_-x_x_N,force_-x_y_N,force_-x_z_N,force_+x_x_N,force_-x_x-N,still\n\
@@ -104,6 +105,7 @@ fn targets_of_servos_are_drawn() {
         normal: Vec3::x(),
         velocity: Vec3::zeros(),
         force: Vec3::zeros(),
+        body: None,
     });
     let walls_with_servo = ["-x", "+x", "gone"].map(str::to_owned).to_vec();
     let wall = StateColumn::new("wall", 1, "");

@@ -8,6 +8,7 @@ use dem_mpi::cell::Cell;
 use dem_mpi::math::{Quat, Vec3};
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, WallRow};
+use dem_mpi::particles::walls::Wall;
 use dem_mpi::post::region::{Bounds, Extent, Margin, Region, SampledSolid, Strain};
 use dem_mpi::post::{Settings, inside, plots, series};
 use dem_mpi::random::Random;
@@ -45,8 +46,17 @@ fn extents_of_turned_ellipsoids_are_exact() {
             normal: Vec3::z() * up,
             velocity: Vec3::zeros(),
             force: Vec3::zeros(),
+            body: None,
         });
     }
+    // One of several planes ends nothing.
+    let planes = [(Vec3::z() * 3.9, Vec3::z()), (Vec3::x() * 2.0, Vec3::x())];
+    let drum = Wall::of_planes("drum".to_owned(), Vec3::zeros(), &planes);
+    let (point, normal) = drum.surface();
+    assert_eq!((point.z, normal), (3.9, Vec3::z()));
+    let zeros = Vec3::zeros();
+    let (name, body) = (drum.name.clone(), drum.saved());
+    header.walls.push(WallRow { name, point, normal, velocity: zeros, force: zeros, body });
     header.cell = Cell::new(header.cell.low(), header.cell.high(), [true, false, false]);
     let found = extent.finish(&header).unwrap();
     assert_eq!((found.low.z, found.high.z), (3.5, 6.5));

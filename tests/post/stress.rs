@@ -55,6 +55,7 @@ fn lattice(basis: &[Vec3], cell: Vec3, radius: f64, k: f64, box_offset: Option<f
                     normal,
                     velocity: Vec3::zeros(),
                     force: Vec3::zeros(),
+                    body: None,
                 });
                 for (a, centre) in position.iter().enumerate() {
                     let overlap = radius - (centre - point).dot(&normal);

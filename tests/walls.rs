@@ -1,0 +1,399 @@
+//! Walls that turn: balls on turntables and on rods, a drum of four planes, energy, equal bits.
+
+use crate::support::{Bench, MATERIAL, begun, motion, scene};
+use dem_mpi::comm::{Comm, threads};
+use dem_mpi::ids::{GlobalId, MaterialId, ShapeId};
+use dem_mpi::law::kernel::reduced_mass;
+use dem_mpi::math::{Vec3, rotation_about};
+use dem_mpi::measure::Measures;
+use dem_mpi::output::snapshot::{self, Reader};
+use dem_mpi::particles::Library;
+use dem_mpi::particles::records::Particle;
+use dem_mpi::particles::walls::Wall;
+use dem_mpi::scene::assemble::{self, From};
+use dem_mpi::scene::{Scene, plan::plan};
+use dem_mpi::shape::{Shape, Sphere};
+use dem_mpi::sim::Simulation;
+use std::f64::consts::TAU;
+use std::path::Path;
+
+const RADIUS: f64 = 0.01;
+const STIFFNESS: f64 = 1e6;
+
+/// One ball above a wall.
+fn ball(gravity: f64, friction: f64, wall: &str, dt: f64) -> String {
+    format!(
+        r#"
+gravity = [0, 0, {gravity:?}]
+[domain]
+low = [-0.2, -0.2, -0.2]
+high = [0.2, 0.2, 0.2]
+[[wall]]
+name = "table"
+{wall}
+[[material]]
+name = "glass"
+density = 2500
+normal_stiffness = {STIFFNESS:?}
+friction = {friction:?}
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = {RADIUS:?}
+[[fill.lattice]]
+first = [0, 0, 0.05]
+count = [1, 1, 1]
+[time]
+step = {dt:?}
+steps = 1
+[output]
+directory = "out"
+"#
+    )
+}
+
+fn at(position: Vec3, velocity: Vec3, angular_velocity: Vec3) -> Particle {
+    let at_rest = Particle::at_rest(GlobalId(0), ShapeId(0), position);
+    Particle { velocity, angular_velocity, ..at_rest }
+}
+
+/// A ball that rolls on a turntable goes round a circle at 2/7 of its rate, wherever its centre is (Weltner 1979,
+/// DOI 10.1119/1.11602). The rate of the table shows in nothing but the velocity at the contact.
+#[test]
+fn a_ball_on_a_turntable_goes_round_at_two_sevenths_of_its_rate() {
+    let (table, dt) = (20.0, 1e-5);
+    let about = Vec3::new(0.03, -0.02, 0.0);
+    let wall = format!(
+        "point = [0.1, 0.1, 0]\nnormal = [0, 0, 1]\nrotation = {{ about = [{}, {}, 0], axis = [0, 0, 2], rate = {table} }}",
+        about.x, about.y
+    );
+    let scene = scene(&ball(-9.81, 1.0, &wall, dt));
+    let pressed = scene.library.mass[0] * 9.81 / STIFFNESS;
+    let rate = 2.0 / 7.0 * table;
+    let centre = Vec3::new(0.05, 0.02, RADIUS - pressed);
+    let arm = Vec3::new(-0.03, 0.01, 0.0);
+    let velocity = (Vec3::z() * rate).cross(&arm);
+    let start = centre + arm;
+    // It rolls: v - ω × (a z) = Ω × r.
+    let slip = (velocity - (Vec3::z() * table).cross(&(start - about))) / (RADIUS - 0.5 * pressed);
+    let mut bench = Bench::of(&scene, &[at(start, velocity, Vec3::z().cross(&slip))]);
+    let steps = (TAU / rate / dt).round() as u64;
+    let mut worst: f64 = 0.0;
+    for step in 1..=steps {
+        bench.step();
+        let angle = rate * step as f64 * dt;
+        let expected = centre + rotation_about(&Vec3::z(), angle) * arm;
+        worst = worst.max((bench.sim.particles.position[0] - expected).norm() / arm.norm());
+    }
+    println!("off the circle by {worst:e} of its radius in a turn");
+    assert!(worst < 1e-4, "{worst}");
+}
+
+/// A ball that leaves the axis of a turning rod as `r = L e^Ωt`, without friction: what the rod gives is its kinetic energy.
+fn on_a_rod(dt: f64) -> (Vec3, Vec3, f64, Measures) {
+    let (rate, length) = (5.0, 0.04);
+    let wall = format!(
+        "point = [0.02, 0, 0]\nnormal = [0, 0, 1]\nrotation = {{ about = [0, 0, 0], axis = [0, -1, 0], rate = {rate} }}"
+    );
+    let scene = scene(&ball(0.0, 0.0, &wall, dt));
+    let mass = scene.library.mass[0];
+    // N = m Ω² (2r - h): it presses, and more as it goes.
+    let height = RADIUS - mass * rate * rate * (2.0 * length - RADIUS) / STIFFNESS;
+    let velocity = |r: f64| Vec3::new(rate * (r - height), 0.0, rate * r);
+    let start = at(Vec3::new(length, 0.0, height), velocity(length), Vec3::zeros());
+    let mut bench = Bench::of(&scene, &[start]);
+    let steps = (1.0 / rate / dt).round() as u64;
+    for _ in 0..steps {
+        bench.step();
+    }
+    let r = length * 1f64.exp();
+    let to_world = rotation_about(&-Vec3::y(), 1.0);
+    let position = to_world * Vec3::new(r, 0.0, height);
+    let given = 0.5 * mass * (velocity(r).norm_squared() - velocity(length).norm_squared());
+    let measures = bench.measure();
+    let started = 0.5 * mass * velocity(length).norm_squared();
+    let off = bench.sim.particles.position[0] - position;
+    (off, position, (measures.received - started) / given - 1.0, measures)
+}
+
+#[test]
+fn a_turning_rod_gives_a_ball_its_energy() {
+    let (off, position, energy, measures) = on_a_rod(1e-5);
+    println!("off its place by {:e}, energy given off by {energy:e}", off.norm() / position.norm());
+    assert!(off.norm() < 2e-4 * position.norm(), "{off:?}");
+    assert!(energy.abs() < 5e-4, "{energy}");
+    assert!(measures.dissipated == 0.0 && measures.contacts + measures.wall_contacts == 1);
+    // The balance closes to the second order of the step.
+    let missing = |dt: f64| {
+        let (.., measures) = on_a_rod(dt);
+        measures.missing() / measures.kinetic()
+    };
+    let [long, short] = [missing(2e-5), missing(5e-6)];
+    println!("missing {long:e} and {short:e} of the kinetic energy");
+    assert!(long.abs() < 1e-6 && short.abs() < 0.2 * long.abs(), "{long:e} {short:e}");
+}
+
+/// A wall that turns in its own plane is, without friction, one at rest to the last bit.
+#[test]
+fn what_turns_in_its_own_plane_does_not_show_without_friction() {
+    let path = |rotation: &str| {
+        let wall = format!("point = [0, 0, 0]\nnormal = [0, 0, 1]{rotation}");
+        let start = at(Vec3::new(0.03, 0.02, 0.012), Vec3::new(0.1, 0.0, -0.2), Vec3::zeros());
+        let mut bench = Bench::new(&ball(-9.81, 0.0, &wall, 1e-5), &[start]);
+        (0..4000).for_each(|_| bench.step());
+        assert!(bench.sim.particles.velocity[0].z.abs() > 0.01);
+        let bits = bench.sim.particles.position[0].map(f64::to_bits);
+        (bits, bench.measure().received, bench.sim.domain.traffic.rebuilds)
+    };
+    let turning = "\nrotation = { about = [0.1, 0, 0], axis = [0, 0, 1], rate = 50 }";
+    assert_eq!(path(turning), path(""));
+}
+
+/// Four planes that turn about y, and grains of two shapes in them.
+const DRUM: &str = r#"
+gravity = [0, 0, -9.81]
+[domain]
+low = [-0.02, 0, -0.02]
+high = [0.02, 0.01, 0.02]
+periodic = [false, true, false]
+[[wall]]
+name = "drum"
+planes = [
+    { point = [-0.012, 0, 0], normal = [1, 0, 0] },
+    { point = [0.012, 0, 0], normal = [-1, 0, 0] },
+    { point = [0, 0, -0.012], normal = [0, 0, 1] },
+    { point = [0, 0, 0.012], normal = [0, 0, -1] },
+]
+rotation = { about = [0, 0, 0], axis = [0, 1, 0], rate = 30 }
+MATERIAL
+[[shape]]
+name = "egg"
+kind = "ellipsoid"
+semi_axes = [0.001, 0.0008, 0.0009]
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = 0.0009
+[[fill.lattice]]
+shapes = ["egg", "ball"]
+low = [-0.01, 0, -0.01]
+high = [0.01, 0.01, 0.005]
+spacing = 0.0022
+[time]
+step = 1e-5
+steps = 6000
+[neighbours]
+imbalance = 1.05
+[output]
+directory = "out"
+"#;
+
+fn drum() -> Scene {
+    scene(&DRUM.replace("MATERIAL", MATERIAL))
+}
+
+/// All of which the future is made, joined, and the scalars of the end.
+type State = (Vec<(u64, Vec<u64>)>, Vec<u64>);
+
+fn state(sim: &Simulation, comm: &mut dyn Comm) -> State {
+    let m = sim.measure(comm);
+    let scalars = [m.kinetic(), m.gravity, m.stored, m.dissipated, m.received, m.missing()];
+    let walls = sim.particles.walls.iter().flat_map(|wall| {
+        let point = wall.point;
+        point.iter().chain(wall.orientation.coords.iter()).copied().collect::<Vec<_>>()
+    });
+    let forces = m.wall_forces.iter().flat_map(|force| force.iter().copied());
+    let scalars = scalars.into_iter().chain(walls).chain(forces).map(f64::to_bits).collect();
+    (motion(&sim.particle_table(comm.rank())).collect(), scalars)
+}
+
+fn joined(ranks: Vec<State>) -> State {
+    let scalars = ranks[0].1.clone();
+    assert!(ranks.iter().all(|(_, other)| *other == scalars), "all ranks have the same");
+    let mut bits: Vec<_> = ranks.into_iter().flat_map(|(bits, _)| bits).collect();
+    bits.sort();
+    (bits, scalars)
+}
+
+fn run(scene: &Scene, ranks: u32, steps: u64) -> State {
+    joined(threads::run(ranks, |comm| {
+        let mut sim = begun(scene, comm);
+        for _ in 0..steps {
+            sim.step(comm).unwrap();
+        }
+        state(&sim, comm)
+    }))
+}
+
+fn save(sim: &Simulation, scene: &Scene, folder: &Path, comm: &mut dyn Comm) {
+    let forces = sim.measure(comm).wall_forces;
+    let header = sim.header(&scene.text, &forces, comm);
+    let particles = sim.particle_table(comm.rank());
+    let (contacts, histories) = (sim.contact_table(), sim.histories());
+    snapshot::write(folder, &header, &particles, &contacts, &histories, comm).unwrap();
+}
+
+/// Saved half-way, and taken up on another number of ranks.
+fn restarted(scene: &Scene, before: u32, after: u32, steps: u64, folder: &Path) -> State {
+    threads::run(before, |comm| {
+        let mut sim = begun(scene, comm);
+        for _ in 0..steps / 2 {
+            sim.step(comm).unwrap();
+        }
+        save(&sim, scene, folder, comm);
+    });
+    joined(threads::run(after, |comm| {
+        let mut sim = assemble::assemble(scene, comm);
+        assemble::take_up(&mut sim, scene, folder, From::Middle, comm).unwrap();
+        while sim.step < steps {
+            sim.step(comm).unwrap();
+        }
+        state(&sim, comm)
+    }))
+}
+
+#[test]
+fn a_drum_has_the_same_bits_on_any_number_of_ranks_and_across_a_restart() {
+    let (scene, steps) = (drum(), 4000);
+    let alone = run(&scene, 1, steps);
+    assert!(alone.0.len() > 200, "{}", alone.0.len());
+    for ranks in [2, 3] {
+        assert!(alone == run(&scene, ranks, steps), "{ranks} ranks");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    assert!(alone == restarted(&scene, 3, 2, steps, folder.path()), "a restart");
+    let header = Reader::open(folder.path()).unwrap().header().clone();
+    assert_eq!(header.walls.len(), 1);
+    assert!(header.walls[0].body.is_some());
+}
+
+/// What moves a facet nearer to grains is seen, wherever they are: the skin does not show.
+#[test]
+fn the_skin_does_not_show_in_a_drum() {
+    let scene = drum();
+    let usual = run(&scene, 1, 3000);
+    for factor in [0.3, 4.0] {
+        let other = Scene { skin: factor * scene.skin, ..scene.clone() };
+        assert!(usual == run(&other, 1, 3000), "{factor} skins");
+    }
+}
+
+/// The drum lifts grains and loses energy in them; it gives what that takes.
+#[test]
+fn a_drum_gives_what_its_grains_lose() {
+    let text = DRUM.replace("MATERIAL", MATERIAL);
+    let missing = |dt: f64| {
+        let scene = scene(&text.replace("step = 1e-5", &format!("step = {dt:?}")));
+        let mut comm = dem_mpi::comm::alone::Alone::default();
+        let mut sim = begun(&scene, &mut comm);
+        let before = sim.measure(&mut comm);
+        (0..(0.05 / dt).round() as u64).for_each(|_| sim.step(&mut comm).unwrap());
+        let after = sim.measure(&mut comm);
+        let given = after.received - before.received;
+        assert!(
+            after.dissipated > 0.0 && given > 0.2 * after.kinetic() && after.wall_contacts > 20
+        );
+        println!(
+            "given {given:e} J, dissipated {:e} J, kinetic {:e} J, missing {:e} J, on walls {}",
+            after.dissipated,
+            after.kinetic(),
+            after.missing(),
+            after.wall_contacts
+        );
+        after.missing().abs() / given
+    };
+    let [long, short] = [missing(1e-5), missing(2.5e-6)];
+    println!("missing of what is given: {long:e}, {short:e}");
+    assert!(long < 1e-2 && short < 0.5 * long, "{long:e} {short:e}");
+}
+
+/// A new stage goes on from where the wall stands, and turns it about the point that its scene says.
+#[test]
+fn a_wall_keeps_its_place_from_stage_to_stage() {
+    let first = drum();
+    let folder = tempfile::tempdir().unwrap();
+    let text = DRUM.replace("MATERIAL", MATERIAL);
+    let still = scene(&text.replace("rate = 30", "rate = 0"));
+    let other = scene(&text.replace("about = [0, 0, 0]", "about = [0.002, 0, 0.001]"));
+    threads::run(1, |comm| {
+        let mut sim = begun(&first, comm);
+        (0..500).for_each(|_| sim.step(comm).unwrap());
+        save(&sim, &first, folder.path(), comm);
+        let turned = sim.particles.walls[0].clone();
+        let expected = rotation_about(&Vec3::y(), 30.0 * (500.0 * 1e-5));
+        assert_eq!(turned.orientation, expected, "of the number of steps");
+        for (scene, about) in [(&still, Vec3::zeros()), (&other, Vec3::new(0.002, 0.0, 0.001))] {
+            let mut sim = assemble::assemble(scene, comm);
+            let taken =
+                assemble::take_up(&mut sim, scene, folder.path(), From::Beginning, comm).unwrap();
+            let (name, off) = &taken.walls_elsewhere[0];
+            assert!(name == "drum" && *off > 1e-3 && *off < 1e-2, "{off}");
+            sim.begin(comm).unwrap();
+            let wall = &sim.particles.walls[0];
+            assert_eq!((wall.point, wall.orientation), (about, expected));
+            let (there, normal) = turned.surface();
+            let (point, now) = wall.surface();
+            assert_eq!(normal, now);
+            assert!((there - point).dot(&normal).abs() < 1e-15);
+            (0..500).for_each(|_| sim.step(comm).unwrap());
+            let turn = if about == Vec3::zeros() { 0.0 } else { 30.0 * (500.0 * 1e-5) };
+            let expected = rotation_about(&Vec3::y(), turn) * expected;
+            assert_eq!(sim.particles.walls[0].orientation, expected);
+        }
+    });
+}
+
+/// A ball that friction holds goes round with the table, and its spring with both: seen from the table, it stays.
+#[test]
+fn what_friction_holds_stays_where_it_is_on_a_turntable() {
+    let (table, dt) = (10.0, 2e-5);
+    let wall = format!(
+        "point = [0, 0, 0]\nnormal = [0, 0, 1]\nrotation = {{ about = [0, 0, 0], axis = [0, 0, 1], rate = {table} }}"
+    );
+    // Soft, so that the spring is long.
+    let text = ball(-9.81, 1.0, &wall, dt);
+    let soft = "tangential_stiffness = 1e3\ntangential_damping_ratio = 0.5\n[[shape]]";
+    let scene = scene(&text.replace("[[shape]]", soft));
+    let mass = scene.library.mass[0];
+    let (radius, stretch) = (0.03, mass * table * table * 0.03 / 1e3);
+    let turn = Vec3::z() * table;
+    let start = Vec3::new(radius, 0.0, RADIUS - mass * 9.81 / STIFFNESS);
+    let mut bench = Bench::heavy_to_turn(&scene, &[at(start, turn.cross(&start), turn)]);
+    let mut on_table = || {
+        let steps = (TAU / table / dt).round() as u64;
+        (0..steps).for_each(|_| bench.step());
+        let angle = table * bench.sim.step as f64 * dt;
+        rotation_about(&Vec3::z(), -angle) * bench.sim.particles.position[0]
+    };
+    let [first, second, third] = [(); 3].map(|()| on_table());
+    let [early, late] = [second - first, third - second].map(|way| way.norm() / stretch);
+    println!(
+        "the spring is {stretch:e} m long, and the ball slides by {early:e} and {late:e} of that in a turn"
+    );
+    assert!(((second.xy().norm() - radius) / stretch - 1.0).abs() < 0.01, "{second}");
+    assert!(late < 1e-4, "{early} {late}");
+}
+
+#[test]
+fn a_wall_of_finite_mass_is_one_that_says_so() {
+    let mut library = Library { particle_shapes: 1, ..Library::default() };
+    let ball = Shape::Sphere(Sphere { radius: 0.01 });
+    library.push("ball", ball, MaterialId(0), 2500.0);
+    let mut heavy = Wall::plane("heavy".to_owned(), Vec3::zeros(), Vec3::z());
+    let mut light = heavy.clone();
+    light.mass = 3.0 * library.mass[0];
+    heavy.enter(&mut library, MaterialId(0));
+    light.enter(&mut library, MaterialId(0));
+    assert_eq!(reduced_mass(&library, 0, 1), library.mass[0]);
+    assert!((reduced_mass(&library, 0, 2) / library.mass[0] - 0.75).abs() < 1e-15);
+}
+
+#[test]
+fn a_plan_knows_walls_that_turn() {
+    let page = plan(&drum(), 1);
+    assert!(page.contains("moving walls    drum"), "{page}");
+    // Spheres without friction have no moments, but the wall has an angular velocity.
+    let wall = "point = [0, 0, 0]\nnormal = [0, 0, 1]\nrotation = { about = [0, 0, 0], axis = [1, 0, 0], rate = 1 }";
+    let needs = scene(&ball(0.0, 0.0, wall, 1e-5)).needs();
+    assert!(needs.spin && !needs.orientation && !needs.velocity, "{needs:?}");
+}
