@@ -355,7 +355,7 @@ fn wrong_overrides_are_named() {
 
 /// No two bounding spheres overlap, nor with a periodic image.
 fn assert_apart(particles: &[Particle], library: &Library, period: &Vec3) {
-    let radius = |p: &Particle| library.shapes[p.shape.index()].bounding_radius();
+    let radius = |p: &Particle| library.shapes[p.shape.index()].bounding_radius() * p.scale;
     for (k, a) in particles.iter().enumerate() {
         for b in &particles[k + 1..] {
             let between = (b.position - a.position)
@@ -429,7 +429,7 @@ fn a_layer_of_rain_is_a_pure_function_inside_its_slab() {
     assert!(first.iter().enumerate().all(|(k, p)| p.id.0 == 100 + k as u64));
     assert!(first.iter().all(|p| p.velocity == rain.velocity));
     for particle in &first {
-        let radius = library.shapes[particle.shape.index()].bounding_radius();
+        let radius = library.shapes[particle.shape.index()].bounding_radius() * particle.scale;
         let room = 1e-12;
         assert!(particle.position.iter().zip(rain.low.iter()).all(|(x, l)| x - radius > l - room));
         assert!(particle.position.iter().zip(rain.high.iter()).all(|(x, h)| x + radius < h + room));
@@ -470,7 +470,14 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         assert!(balls.contains(line), "no \"{line}\" in\n{balls}");
     }
     let scene = every_key();
-    let needs = Needs { velocity: true, spin: true, orientation: true, form: false, image: true };
+    let needs = Needs {
+        velocity: true,
+        spin: true,
+        orientation: true,
+        form: false,
+        image: true,
+        scale: true,
+    };
     assert_eq!(scene.needs(), needs);
     let all = plan(&scene, 4);
     for line in [
@@ -480,7 +487,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "servo           -y, +y: 1e5 Pa, at most 5e-1 m/s, gain 0.8",
         "a sum of 1072 bytes over all ranks in each step",
         "columns         position, velocity, force; angular velocity, torque; \
-         orientation, angular momentum; counts of periods",
+         orientation, angular momentum; counts of periods; scales",
         "104 bytes in the message of each step",
         "Left out\n  nothing\n",
     ] {
