@@ -196,6 +196,6 @@ mod tests {
                 }
             }
         }
-        assert!(met[0] > 40 && met[1] > 40 && met[2] == 12, "{met:?} of each are a poor test");
+        assert!(met[0] > 40 && met[1] > 40 && met[2] == 18, "{met:?} of each are a poor test");
     }
 }

@@ -454,6 +454,9 @@ impl Particles {
     }
 
     /// Adds an owned particle. Ghosts and walls must be stripped.
+    ///
+    /// # Panics
+    /// If [`Library::admit`] was not asked for its scale, by which halo and grids are as wide as they must be.
     pub fn push_owned(&mut self, particle: &Particle) {
         // Naming every field: a new one does not compile until somebody decides where it goes.
         let Particle {
@@ -471,6 +474,11 @@ impl Particles {
             angular_velocity,
             torque,
         } = particle;
+        let [least, largest] = self.library.scales[shape.index()];
+        assert!(
+            (least..=largest).contains(scale),
+            "particle {id} of scale {scale} in a library that admits {least} to {largest}"
+        );
         self.id.push(*id);
         self.shape.push(*shape);
         if self.needs.scale {
@@ -629,6 +637,9 @@ pub(crate) fn crowd(count: u64, sized: bool) -> Particles {
     let egg = Ellipsoid { semi_axes: Vec3::new(2e-3, 1.5e-3, 1e-3) };
     library.push("egg", Shape::Ellipsoid(egg), MaterialId(0), 2500.0);
     library.push("sphere", Shape::Sphere(Sphere { radius: 1e-3 }), MaterialId(1), 1000.0);
+    if sized {
+        library.scales.fill([0.6, 1.6]);
+    }
     let needs = Needs {
         velocity: true,
         spin: true,

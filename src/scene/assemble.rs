@@ -363,6 +363,16 @@ fn read_part(
         let before = header.walls.get(k)?;
         scene.walls.iter().position(|wall| is(wall, before)).map(GlobalId::wall)
     });
+    if let Some(row) = table.scale.iter().position(|scale| !(scale.is_finite() && *scale > 0.0)) {
+        let (scale, shape) = (table.scale[row], &header.shapes[table.shape[row].index()]);
+        return Err(StartError::Size {
+            path: path.to_owned(),
+            shape: shape.name.clone(),
+            least: scale,
+            largest: scale,
+            problem: "a scale is a number greater than 0; take another snapshot".to_owned(),
+        });
+    }
     let mut particles = capture::particles_of(&table, |shape| shapes[shape.index()]);
     for (particle, before) in particles.iter_mut().zip(&table.shape) {
         // Of another density now: it goes on as fast as it was, and turns as fast.

@@ -74,7 +74,9 @@ pub(super) fn scene(
     // What follows looks at the sizes of all particles.
     for fill in fills.iter().flat_map(|(initial, _)| initial) {
         if let Fill::Listed(rows) = fill {
-            rows.iter().for_each(|row| shapes.library.admit(row.shape, row.scale));
+            for row in rows {
+                shapes.library.admit(row.shape, row.scale);
+            }
         }
     }
 

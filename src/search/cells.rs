@@ -379,6 +379,11 @@ mod tests {
             library.push("sphere", Shape::Sphere(Sphere { radius }), MaterialId(0), 1.0);
         }
         library.particle_shapes = library.shapes.len();
+        if sized {
+            for radius in radii {
+                library.admit(ShapeId(0), radius / radii[0]);
+            }
+        }
         let needs = Needs { scale: sized, ..Needs::default() };
         let mut particles = Particles::new(needs, library, Vec::new(), cell);
         let width = positions.iter().map(|p| p.x).fold(0.0, f64::max);
