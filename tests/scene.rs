@@ -330,8 +330,8 @@ fn wrong_overrides_are_named() {
         (
             "stopp.rest=1e-6",
             "stopp: no such key, did you mean `stop`? (allowed here: title, seed, gravity, \
-             global_damping, start, contact, law, material, interaction, shape, domain, wall, time, \
-             servo, stop, neighbours, output, fill)",
+             global_damping, start, contact, law, material, interaction, shape, domain, wall, fill, \
+             time, servo, stop, neighbours, output)",
         ),
         ("shape.ball.radius=-1", "shape.ball.radius = -1: must be a number greater than 0 [m]"),
         (
@@ -461,7 +461,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "no gravity",
         "no insertion: no rain",
         "no work of walls: none moves",
-        "not in snapshots: quaternion, angular_velocity, torque, image, angular_momentum",
+        "not in snapshots: scale, quaternion, angular_velocity, torque, image, angular_momentum",
         "no walls on these sides of the domain: -x, +x, -y, +y, -z, +z",
         &bytes,
         "24 bytes in the message of each step",
