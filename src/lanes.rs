@@ -741,10 +741,7 @@ mod avx {
 
     /// The same of longer rows: of their first four numbers.
     #[inline(always)]
-    fn four_of_4<const N: usize>(
-        rows: &[&[f64; N]; WIDTH],
-        first: usize,
-    ) -> [intel::__m256d; 4] {
+    fn four_of_4<const N: usize>(rows: &[&[f64; N]; WIDTH], first: usize) -> [intel::__m256d; 4] {
         const { assert!(N >= 4) };
         // SAFETY: the processor has AVX, see the type; rows hold four numbers.
         unsafe {

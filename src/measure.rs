@@ -138,9 +138,8 @@ pub fn measure(
         add(Of::Received as usize, particles.received[slot]);
         add(Of::Rotation as usize, rotation(particles, slot));
         add(Of::StepEnergy as usize, motion::step_energy(particles, slot, field, dt));
-        let radius = particles.library.shapes[particles.shape[slot].index()].bounding_radius();
         maxima[1] = larger(maxima[1], velocity.norm());
-        maxima[2] = larger(maxima[2], particles.position[slot].z + radius);
+        maxima[2] = larger(maxima[2], particles.position[slot].z + particles.radius(slot));
     }
 
     for contact in contacts.loaded(law, particles) {
@@ -224,8 +223,8 @@ fn rotation(particles: &Particles, slot: usize) -> f64 {
 
 /// The shortest axis of the smaller of two bodies, a diameter [m].
 pub fn shortest_axis(particles: &Particles, a: Slot, b: Slot) -> f64 {
-    let shape = |s: Slot| &particles.library.shapes[particles.shape[s.index()].index()];
-    2.0 * shape(a).inscribed_radius().min(shape(b).inscribed_radius())
+    let radius = |slot: Slot| particles.inscribed_radius(slot.index());
+    2.0 * radius(a).min(radius(b))
 }
 
 /// Where a particle would be without periods [m].

@@ -26,7 +26,7 @@
 
 use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
 use crate::math::{Quat, Vec3};
-use crate::particles::Particles;
+use crate::particles::{Particles, of_inertia};
 use crate::shape::Kind;
 use nalgebra::Quaternion;
 
@@ -43,7 +43,13 @@ impl Field {
     /// Force on a particle but for global damping: its contacts and gravity [N].
     #[inline]
     pub fn force(&self, particles: &Particles, slot: usize) -> Vec3 {
-        particles.force[slot].vector + self.gravity * particles.mass(slot)
+        self.force_on(particles, slot, particles.mass(slot))
+    }
+
+    /// The same on a particle of known mass [kg].
+    #[inline]
+    fn force_on(&self, particles: &Particles, slot: usize, mass: f64) -> Vec3 {
+        particles.force[slot].vector + self.gravity * mass
     }
 
     /// The velocity that the second kick of a step of `dt` [s] turns into `velocity` where nothing touches [m/s]: that of
@@ -100,13 +106,14 @@ impl Kick {
     }
 
     /// Kicks the angular velocities of spheres, of which nobody sees how they are turned.
-    fn spheres(self, particles: &mut Particles) {
-        let Particles { spin: Some(spin), library, shape, dissipated, owned, .. } = particles
+    fn spheres<const SIZED: bool>(self, particles: &mut Particles) {
+        let Particles { spin: Some(spin), library, shape, scale, dissipated, owned, .. } =
+            particles
         else {
             return;
         };
         for slot in 0..*owned {
-            let inertia = library.inertia[shape[slot].index()].x;
+            let inertia = library.inertia_at(shape[slot], scale_in::<SIZED>(scale, slot)).x;
             let before = spin.angular_velocity[slot];
             let after = self.after(&before, &spin.torque[slot].vector, inertia);
             spin.angular_velocity[slot] = after;
@@ -118,15 +125,40 @@ impl Kick {
     }
 }
 
+/// The scale of a body; 1 if the scene has no column of them. Chosen once per loop: what is left out costs nothing.
+#[inline(always)]
+fn scale_in<const SIZED: bool>(column: &[f64], slot: usize) -> f64 {
+    if SIZED { column[slot] } else { 1.0 }
+}
+
+/// Mass of a body [kg].
+#[inline(always)]
+fn mass<const SIZED: bool>(particles: &Particles, slot: usize) -> f64 {
+    let scale = scale_in::<SIZED>(&particles.scale, slot);
+    particles.library.mass_at(particles.shape[slot], scale)
+}
+
 /// Kicks all owned particles by the forces at their positions for half of `dt` [s], and moves them for all of it.
 pub fn kick_and_drift(particles: &mut Particles, field: &Field, dt: f64) -> Farthest {
+    if particles.needs.scale {
+        kick_and_drift_of::<true>(particles, field, dt)
+    } else {
+        kick_and_drift_of::<false>(particles, field, dt)
+    }
+}
+
+fn kick_and_drift_of<const SIZED: bool>(
+    particles: &mut Particles,
+    field: &Field,
+    dt: f64,
+) -> Farthest {
     let kick = Kick::first(field, dt);
     let mut farthest = Farthest::default();
     let mut farthest_squared = 0.0;
     for slot in 0..particles.owned {
-        let mass = particles.mass(slot);
+        let mass = mass::<SIZED>(particles, slot);
         let before = particles.velocity[slot];
-        let after = kick.after(&before, &field.force(particles, slot), mass);
+        let after = kick.after(&before, &field.force_on(particles, slot, mass), mass);
         particles.velocity[slot] = after;
         let from = particles.position[slot];
         let to = from + after * dt;
@@ -145,27 +177,36 @@ pub fn kick_and_drift(particles: &mut Particles, field: &Field, dt: f64) -> Fart
     farthest.moved.0 = farthest_squared.sqrt();
     wrap(particles);
     if particles.orientation.is_some() {
-        lanes::dispatch(Turn { particles, kick, dt, turned: &mut farthest.turned });
+        let turned = &mut farthest.turned;
+        lanes::dispatch(Turn::<SIZED> { particles, kick, dt, turned });
     } else {
-        kick.spheres(particles);
+        kick.spheres::<SIZED>(particles);
     }
     farthest
 }
 
 /// The second kick of a step of `dt` [s], by the forces that belong to the new positions.
 pub fn kick(particles: &mut Particles, field: &Field, dt: f64) {
+    if particles.needs.scale {
+        kick_of::<true>(particles, field, dt);
+    } else {
+        kick_of::<false>(particles, field, dt);
+    }
+}
+
+fn kick_of<const SIZED: bool>(particles: &mut Particles, field: &Field, dt: f64) {
     let kick = Kick::last(field, dt);
     for slot in 0..particles.owned {
-        let mass = particles.mass(slot);
+        let mass = mass::<SIZED>(particles, slot);
         let before = particles.velocity[slot];
-        let after = kick.after(&before, &field.force(particles, slot), mass);
+        let after = kick.after(&before, &field.force_on(particles, slot, mass), mass);
         particles.velocity[slot] = after;
         if kick.damping > 0.0 {
             particles.dissipated[slot] += mass * kick.lost(&after, &before, &after);
         }
     }
     if particles.orientation.is_none() {
-        kick.spheres(particles);
+        kick.spheres::<SIZED>(particles);
     } else {
         kick_momenta(particles, kick);
     }
@@ -234,7 +275,8 @@ pub fn bring_back(particles: &mut Particles) {
 }
 
 /// Kicks the angular momenta for half a step, and turns the orientations for a whole one, of eight particles at once.
-struct Turn<'a> {
+/// `SIZED` if particles have scales.
+struct Turn<'a, const SIZED: bool> {
     particles: &'a mut Particles,
     kick: Kick,
     dt: f64,
@@ -242,7 +284,7 @@ struct Turn<'a> {
     turned: &'a mut (f64, usize),
 }
 
-impl Kernel for Turn<'_> {
+impl<const SIZED: bool> Kernel for Turn<'_, SIZED> {
     #[inline(always)]
     fn run<L: Eight>(mut self) {
         for first in (0..self.particles.owned).step_by(WIDTH) {
@@ -251,7 +293,7 @@ impl Kernel for Turn<'_> {
     }
 }
 
-impl Turn<'_> {
+impl<const SIZED: bool> Turn<'_, SIZED> {
     /// Up to eight; the other lanes repeat the last.
     #[inline(always)]
     fn eight<L: Eight>(&mut self, first: usize) {
@@ -261,6 +303,7 @@ impl Turn<'_> {
             orientation: Some(orientation),
             library,
             shape,
+            scale,
             dissipated,
             travel,
             owned,
@@ -285,7 +328,14 @@ impl Turn<'_> {
             inertias[lane] = library.inertia[shape[slot].index()].as_ref();
         }
         let (before, torque) = (Triple::<L>::of(&momenta), Triple::of_four(&torques));
-        let (start, inertia) = (Rotation::of(&quaternions), Triple::of(&inertias));
+        let (start, mut inertia) = (Rotation::of(&quaternions), Triple::of(&inertias));
+        if SIZED {
+            let mut factors = [of_inertia(scale[first]); WIDTH];
+            for (factor, scale) in factors.iter_mut().zip(&scale[first..first + count]) {
+                *factor = of_inertia(*scale);
+            }
+            inertia = inertia.times(L::load(&factors));
+        }
 
         let half = L::all(kick.half);
         let momentum = before.times(L::all(kick.slower)).plus(torque.times(half));
@@ -304,8 +354,9 @@ impl Turn<'_> {
             spin.angular_velocity[slot] = row(&at_end, lane).into();
             let [i, j, k, w] = end.each_ref().map(|column| column[lane]);
             let quaternion = Quat::new_unchecked(Quaternion::new(w, i, j, k));
-            orientation.set(slot, quaternion, &library.shapes[shape.index()]);
-            travel[slot] += library.radius[shape.index()] * angle[lane];
+            let scale = scale_in::<SIZED>(scale, slot);
+            orientation.set(slot, quaternion, &library.shapes[shape.index()], scale);
+            travel[slot] += library.radius[shape.index()] * scale * angle[lane];
             if angle[lane] > turned.0 && library.shapes[shape.index()].kind() != Kind::Sphere {
                 **turned = (angle[lane], slot);
             }
@@ -443,7 +494,7 @@ mod tests {
     use crate::particles::{Particles, crowd};
 
     /// Turns all of them, with the kernel run in one way or another.
-    fn turn(particles: &mut Particles, run: impl Fn(Turn)) {
+    fn turn<const SIZED: bool>(particles: &mut Particles, run: impl Fn(Turn<SIZED>)) {
         let turned = &mut (0.0, 0);
         let field = Field { gravity: Vec3::zeros(), damping: 3.0 };
         run(Turn { particles, kick: Kick::first(&field, 1e-5), dt: 1e-5, turned });
@@ -463,10 +514,15 @@ mod tests {
     /// With and without vector registers, in any company, and as `angular_velocity_for` has it.
     #[test]
     fn lanes_give_the_same_bits_everywhere() {
-        let before = crowd(21);
+        same_bits::<false>();
+        same_bits::<true>();
+    }
+
+    fn same_bits<const SIZED: bool>() {
+        let before = crowd(21, SIZED);
         let (mut dispatched, mut portable) = (before.clone(), before.clone());
-        turn(&mut dispatched, |kernel| lanes::dispatch(kernel));
-        turn(&mut portable, |kernel| kernel.run::<Portable>());
+        turn::<SIZED>(&mut dispatched, |kernel| lanes::dispatch(kernel));
+        turn::<SIZED>(&mut portable, |kernel| kernel.run::<Portable>());
         for slot in 0..before.owned {
             assert_ne!(bits(&dispatched, slot), bits(&before, slot), "particle {slot} turns");
             assert_eq!(bits(&dispatched, slot), bits(&portable, slot), "particle {slot}");
@@ -483,7 +539,7 @@ mod tests {
                 alone.take_owned(other);
             }
             alone.travel.truncate(1);
-            turn(&mut alone, |kernel| lanes::dispatch(kernel));
+            turn::<SIZED>(&mut alone, |kernel| lanes::dispatch(kernel));
             assert_eq!(bits(&dispatched, slot), bits(&alone, 0), "particle {slot} alone");
         }
     }

@@ -36,8 +36,8 @@ struct Case {
 
 impl Case {
     fn resolve(&self, resolver: &dyn ContactResolver) -> Outcome {
-        let a = Posed { shape: &self.a.0, frame: &self.a.1 };
-        let b = Posed { shape: &self.b.0, frame: &self.b.1 };
+        let a = Posed::new(&self.a.0, &self.a.1);
+        let b = Posed::new(&self.b.0, &self.b.1);
         resolver.touch(&a, &b, &self.r, None)
     }
 
@@ -239,7 +239,7 @@ fn spheres() {
         let sphere = |radius| Shape::Sphere(Sphere { radius });
         let (a, b) = (sphere(number("rA")), sphere(number("rB")));
         let frame = Mat3::identity();
-        let (a, b) = (Posed { shape: &a, frame: &frame }, Posed { shape: &b, frame: &frame });
+        let (a, b) = (Posed::new(&a, &frame), Posed::new(&b, &frame));
         let (centre, r) = (vector("cA"), vector("cB") - vector("cA"));
         let error = BACKWARD * number("rA").max(number("rB"));
         match SphereSphere.touch(&a, &b, &r, None) {

@@ -173,11 +173,11 @@ impl Case {
     }
 
     fn a(&self) -> Posed<'_> {
-        Posed { shape: &self.a.0, frame: &self.a.1 }
+        Posed::new(&self.a.0, &self.a.1)
     }
 
     fn b(&self) -> Posed<'_> {
-        Posed { shape: &self.b.0, frame: &self.b.1 }
+        Posed::new(&self.b.0, &self.b.1)
     }
 
     fn resolve(&self, resolver: &dyn ContactResolver, warm: Option<&Vec3>) -> Outcome {
@@ -467,8 +467,7 @@ fn walls_have_closed_forms() {
         // Any point of the plane will do.
         let aside = normal.cross(&random.direction()) * 10.0;
         let r = aside - normal * (axes.norm() - overlap);
-        let a = Posed { shape: &shape, frame: &frame };
-        let b = Posed { shape: &wall, frame: &of_wall };
+        let (a, b) = (Posed::new(&shape, &frame), Posed::new(&wall, &of_wall));
         match AgainstHalfSpace.touch(&a, &b, &(r - normal * offset), None) {
             Outcome::Apart(_) => assert!(overlap <= ROUNDING, "seed {SEED} + {i}"),
             Outcome::Failed(why) => panic!("seed {SEED} + {i}: {why:?}"),

@@ -20,6 +20,7 @@ mod ranks_threads;
 mod robustness;
 mod scene;
 mod servo;
+mod sizes;
 mod snapshot;
 mod solids;
 mod superellipsoids;

@@ -36,7 +36,7 @@ struct Body {
 
 impl Body {
     fn posed(&self) -> Posed<'_> {
-        Posed { shape: &self.shape, frame: &self.frame }
+        Posed::new(&self.shape, &self.frame)
     }
 
     fn scaled(&self, unit: f64) -> Self {

@@ -340,8 +340,8 @@ fn wrong_overrides_are_named() {
         (
             "stopp.rest=1e-6",
             "stopp: no such key, did you mean `stop`? (allowed here: title, seed, gravity, \
-             global_damping, start, contact, law, material, interaction, shape, domain, wall, time, \
-             servo, stop, neighbours, output, fill)",
+             global_damping, start, contact, law, material, interaction, shape, domain, wall, fill, \
+             time, servo, stop, neighbours, output)",
         ),
         ("shape.ball.radius=-1", "shape.ball.radius = -1: must be a number greater than 0 [m]"),
         (
@@ -365,7 +365,7 @@ fn wrong_overrides_are_named() {
 
 /// No two bounding spheres overlap, nor with a periodic image.
 fn assert_apart(particles: &[Particle], library: &Library, period: &Vec3) {
-    let radius = |p: &Particle| library.shapes[p.shape.index()].bounding_radius();
+    let radius = |p: &Particle| library.shapes[p.shape.index()].bounding_radius() * p.scale;
     for (k, a) in particles.iter().enumerate() {
         for b in &particles[k + 1..] {
             let between = (b.position - a.position)
@@ -439,7 +439,7 @@ fn a_layer_of_rain_is_a_pure_function_inside_its_slab() {
     assert!(first.iter().enumerate().all(|(k, p)| p.id.0 == 100 + k as u64));
     assert!(first.iter().all(|p| p.velocity == rain.velocity));
     for particle in &first {
-        let radius = library.shapes[particle.shape.index()].bounding_radius();
+        let radius = library.shapes[particle.shape.index()].bounding_radius() * particle.scale;
         let room = 1e-12;
         assert!(particle.position.iter().zip(rain.low.iter()).all(|(x, l)| x - radius > l - room));
         assert!(particle.position.iter().zip(rain.high.iter()).all(|(x, h)| x + radius < h + room));
@@ -471,7 +471,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "no gravity",
         "no insertion: no rain",
         "no work of walls: none moves",
-        "not in snapshots: quaternion, angular_velocity, torque, image, angular_momentum",
+        "not in snapshots: scale, quaternion, angular_velocity, torque, image, angular_momentum",
         "no walls on these sides of the domain: -x, +x, -y, +y, -z, +z",
         &bytes,
         "24 bytes in the message of each step",
@@ -480,7 +480,14 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         assert!(balls.contains(line), "no \"{line}\" in\n{balls}");
     }
     let scene = every_key();
-    let needs = Needs { velocity: true, spin: true, orientation: true, form: false, image: true };
+    let needs = Needs {
+        velocity: true,
+        spin: true,
+        orientation: true,
+        form: false,
+        image: true,
+        scale: true,
+    };
     assert_eq!(scene.needs(), needs);
     let all = plan(&scene, 4);
     for line in [
@@ -490,7 +497,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "servo           -y, +y: 1e5 Pa, at most 5e-1 m/s, gain 0.8",
         "a sum of 1072 bytes over all ranks in each step",
         "columns         position, velocity, force; angular velocity, torque; \
-         orientation, angular momentum; counts of periods",
+         orientation, angular momentum; counts of periods; scales",
         "104 bytes in the message of each step",
         "Left out\n  nothing\n",
     ] {

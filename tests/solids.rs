@@ -155,14 +155,14 @@ fn a_rounded_pebble_by_counting() {
     let shape = Shape::RoundedPolyhedron(Box::new(solid));
     let dot = Shape::Sphere(Sphere { radius: 1e-9 });
     let upright = Mat3::identity();
-    let body = Posed { shape: &shape, frame: &upright };
+    let body = Posed::new(&shape, &upright);
     let cells = 60;
     let half = shape.bounding_radius();
     let (mut count, mut first, mut second) = (0.0, Vec3::zeros(), Mat3::zeros());
     for k in 0..cells * cells * cells {
         let index = [k % cells, k / cells % cells, k / cells / cells];
         let p = Vec3::from(index.map(|i| half * (f64::from(2 * i + 1) / f64::from(cells) - 1.0)));
-        let other = Posed { shape: &dot, frame: &upright };
+        let other = Posed::new(&dot, &upright);
         if !matches!(Cores.touch(&body, &other, &p, None), Outcome::Apart(_)) {
             count += 1.0;
             first += p;
@@ -195,7 +195,7 @@ impl Placed {
     }
 
     fn posed(&self) -> Posed<'_> {
-        Posed { shape: &self.shape, frame: &self.frame }
+        Posed::new(&self.shape, &self.frame)
     }
 
     /// The touch with another body, its point in the world.
@@ -338,8 +338,8 @@ fn cores_are_exact() {
         let mut random = Random::of(3, k);
         let shapes = [body_of(k % 4, &mut random), body_of(k / 4 % 4, &mut random)];
         let frames = [(); 2].map(|()| random.rotation().to_rotation_matrix().into_inner());
-        let a = Posed { shape: &shapes[0], frame: &frames[0] };
-        let b = Posed { shape: &shapes[1], frame: &frames[1] };
+        let a = Posed::new(&shapes[0], &frames[0]);
+        let b = Posed::new(&shapes[1], &frames[1]);
         let toward = direction(&mut random);
         let span = a.support(&toward) - b.support(&-toward);
         let r = toward * (span.norm() * (0.7 + 0.4 * random.unit()));
@@ -382,7 +382,7 @@ fn rounded_boxes_have_no_duality_gap() {
         let half = |random: &mut Random| [(); 3].map(|()| 0.2 + 0.5 * random.unit());
         let shapes = [(); 2].map(|()| rounded(&corners_of_box(half(&mut random)), 0.1));
         let frames = [(); 2].map(|()| random.rotation().to_rotation_matrix().into_inner());
-        let [a, b] = [0, 1].map(|k| Posed { shape: &shapes[k], frame: &frames[k] });
+        let [a, b] = [0, 1].map(|k| Posed::new(&shapes[k], &frames[k]));
         let toward = direction(&mut random);
         let r = toward * ((a.support(&toward) - b.support(&-toward)).dot(&toward) * 0.85);
         let Outcome::Touching(touch) = Cores.touch(&a, &b, &r, None) else { continue };
@@ -407,7 +407,7 @@ fn rounded_boxes_have_no_duality_gap() {
 
 fn rod(frame: &Mat3) -> Posed<'_> {
     const ROD: Shape = Shape::Spherocylinder(Spherocylinder { length: 2.0, radius: 0.5 });
-    Posed { shape: &ROD, frame }
+    Posed::new(&ROD, frame)
 }
 
 fn touch(a: &Posed, b: &Posed, r: Vec3) -> Touch {
@@ -432,7 +432,7 @@ fn spherocylinders_have_closed_forms() {
     check(touch(&x, &x, Vec3::new(1.5, 0.0, 0.9)), 0.1, z, Vec3::new(0.75, 0.0, 0.45));
     check(touch(&x, &x, Vec3::new(2.9, 0.0, 0.0)), 0.1, Vec3::x(), Vec3::new(1.45, 0.0, 0.0));
     let ball = Shape::Sphere(Sphere { radius: 0.25 });
-    let ball = Posed { shape: &ball, frame: &along_x };
+    let ball = Posed::new(&ball, &along_x);
     check(touch(&x, &ball, Vec3::new(0.5, 0.0, 0.7)), 0.05, z, Vec3::new(0.5, 0.0, 0.475));
 }
 
@@ -449,13 +449,13 @@ fn the_contact_point_of_a_tilting_cube_does_not_jump() {
     let overlap = 0.01;
     let at = |tilt: f64, on_wall: bool| {
         let frame = *nalgebra::Rotation3::from_axis_angle(&Vec3::y_axis(), tilt).matrix();
-        let body = Posed { shape: &cube, frame: &frame };
+        let body = Posed::new(&cube, &frame);
         let height = -body.support(&-Vec3::z()).z - overlap;
         let outcome = if on_wall {
-            let wall = Posed { shape: &floor, frame: &upright };
+            let wall = Posed::new(&floor, &upright);
             AgainstHalfSpace.touch(&body, &wall, &(-Vec3::z() * height), None)
         } else {
-            let ground = Posed { shape: &slab, frame: &upright };
+            let ground = Posed::new(&slab, &upright);
             let r = -Vec3::z() * (height + 0.5);
             Epa::new(1e-12).touch(&body, &ground, &r, None)
         };
@@ -483,7 +483,7 @@ fn the_contact_point_of_a_tilting_cube_does_not_jump() {
 fn a_rod_lies_on_its_middle() {
     let upright = Mat3::identity();
     let floor = Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()));
-    let wall = Posed { shape: &floor, frame: &upright };
+    let wall = Posed::new(&floor, &upright);
     let lying = AgainstHalfSpace.touch(&rod(&upright), &wall, &Vec3::new(9.0, 9.0, -0.49), None);
     let Outcome::Touching(lying) = lying else { panic!("{lying:?}") };
     assert!((lying.point - Vec3::new(0.0, 0.0, -0.495)).norm() < 1e-12, "{lying:?}");
@@ -600,8 +600,8 @@ fn a_shape_of_the_users_own_is_resolved() {
     ];
     for (k, (other, frame, normal, erosion)) in cases.into_iter().enumerate() {
         for overlap in [0.03, 1e-6, -1e-3] {
-            let a = Posed { shape: &lens, frame: &upright };
-            let b = Posed { shape: other, frame: &frame };
+            let a = Posed::new(&lens, &upright);
+            let b = Posed::new(other, &frame);
             let on_b = if k == 6 { Vec3::zeros() } else { b.support(&-normal) };
             let r = a.support(&normal) - on_b - normal * overlap;
             for (method, tolerance) in [

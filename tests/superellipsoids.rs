@@ -271,8 +271,8 @@ fn reference_answers() {
         let row: serde_json::Value = serde_json::from_str(line).unwrap();
         let vector = |name: &str| serde_json::from_value::<Vec3>(row[name].clone()).unwrap();
         let ((shape_a, frame_a, at), (shape_b, frame_b, b_at)) = (body(&row["A"]), body(&row["B"]));
-        let a = Posed { shape: &shape_a, frame: &frame_a };
-        let b = Posed { shape: &shape_b, frame: &frame_b };
+        let a = Posed::new(&shape_a, &frame_a);
+        let b = Posed::new(&shape_b, &frame_b);
         let (id, overlap) = (&row["id"], row["overlap"].as_f64().unwrap());
         let table = table(&Method::Auto, &[Kind::Superellipsoid]);
         let resolver = table.get((Kind::Superellipsoid, Kind::Superellipsoid)).unwrap();
@@ -331,11 +331,11 @@ impl Case {
     }
 
     fn a(&self) -> Posed<'_> {
-        Posed { shape: &self.a.0, frame: &self.a.1 }
+        Posed::new(&self.a.0, &self.a.1)
     }
 
     fn b(&self) -> Posed<'_> {
-        Posed { shape: &self.b.0, frame: &self.b.1 }
+        Posed::new(&self.b.0, &self.b.1)
     }
 
     fn resolve(&self, resolver: &dyn ContactResolver) -> Outcome {
@@ -772,7 +772,7 @@ fn a_ball_touches_a_flat_face_where_it_is() {
     let frame = Mat3::identity();
     for (exponents, depth) in [([0.1, 0.1], 1e-12), ([0.2, 0.2], 1e-6), ([0.1, 1.0], 1e-11)] {
         let plate = superellipsoid(Vec3::new(1.0, 1.0, 0.5), exponents);
-        let [a, b] = [&ball, &plate].map(|shape| Posed { shape, frame: &frame });
+        let [a, b] = [&ball, &plate].map(|shape| Posed::new(shape, &frame));
         for (x, y) in [(0.2, 0.1), (0.05, -0.1), (0.0, 0.3), (-0.15, 0.2)] {
             let r = Vec3::new(-x, -y, -0.99);
             let Outcome::Touching(touch) = chain.touch(&a, &b, &r, None) else { panic!("apart") };

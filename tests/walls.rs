@@ -3,6 +3,7 @@
 use crate::support::{Bench, MATERIAL, begun, motion, scene};
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::ids::{GlobalId, MaterialId, ShapeId};
+use dem_mpi::law::Body;
 use dem_mpi::law::kernel::reduced_mass;
 use dem_mpi::math::{Vec3, rotation_about};
 use dem_mpi::measure::Measures;
@@ -384,8 +385,9 @@ fn a_wall_of_finite_mass_is_one_that_says_so() {
     light.mass = 3.0 * library.mass[0];
     heavy.enter(&mut library, MaterialId(0));
     light.enter(&mut library, MaterialId(0));
-    assert_eq!(reduced_mass(&library, 0, 1), library.mass[0]);
-    assert!((reduced_mass(&library, 0, 2) / library.mass[0] - 0.75).abs() < 1e-15);
+    let [ball, heavy, light] = [0, 1, 2].map(|shape| Body::of(&library, ShapeId(shape), 1.0));
+    assert_eq!(reduced_mass(&ball, &heavy), ball.mass);
+    assert!((reduced_mass(&ball, &light) / ball.mass - 0.75).abs() < 1e-15);
 }
 
 #[test]

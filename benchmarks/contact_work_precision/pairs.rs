@@ -109,8 +109,8 @@ impl Pairs {
         normal: Vec3,
     ) {
         let frames = frames(quaternions);
-        let [a, b] = [0, 1]
-            .map(|side| Posed { shape: &self.library[shapes[side].index()], frame: &frames[side] });
+        let [a, b] =
+            [0, 1].map(|side| Posed::new(&self.library[shapes[side].index()], &frames[side]));
         let on_a = a.support(&normal);
         let r = on_a - b.support(&-normal) - normal * overlap;
         let truth = Truth { overlap, normal, point: on_a - normal * (0.5 * overlap) };
@@ -119,8 +119,8 @@ impl Pairs {
 
     fn push_known(&mut self, shapes: [ShapeId; 2], quaternions: [Quat; 2], r: Vec3, truth: Truth) {
         let frames = frames(quaternions);
-        let [a, b] = [0, 1]
-            .map(|side| Posed { shape: &self.library[shapes[side].index()], frame: &frames[side] });
+        let [a, b] =
+            [0, 1].map(|side| Posed::new(&self.library[shapes[side].index()], &frames[side]));
         self.truth.push(truth);
         self.form.extend([a.shape.form(a.frame), b.shape.form(b.frame)]);
         self.position.extend([Vec3::zeros(), r]);
@@ -144,7 +144,7 @@ impl Pairs {
             let towards = direction(&mut random);
             let overlap = overlap(1.0 - random.unit());
             if grain.shape.kind() == Kind::Polyhedron {
-                let [a, b] = frames.each_ref().map(|frame| Posed { shape: &grain.shape, frame });
+                let [a, b] = frames.each_ref().map(|frame| Posed::new(&grain.shape, frame));
                 let (r, normal) = facets::placed(&a, &b, &towards, overlap);
                 let point = touch_along(&a, &b, &r, &normal).point;
                 pairs.push_known([ShapeId(0); 2], quaternions, r, Truth { overlap, normal, point });
@@ -165,6 +165,7 @@ impl Pairs {
             shape: &self.shape,
             library: &self.library,
             curvature_radius: &self.curvature_radius,
+            scale: None,
             cell: &Cell::OPEN,
         }
     }
@@ -182,9 +183,9 @@ impl Pairs {
     /// One pair in place.
     pub(crate) fn pair(&self, index: usize) -> (Posed<'_>, Posed<'_>, Vec3) {
         let pair = self.slots[index];
-        let posed = |slot: Slot| Posed {
-            shape: &self.library[self.shape[slot.index()].index()],
-            frame: &self.frame[slot.index()],
+        let posed = |slot: Slot| {
+            let shape = &self.library[self.shape[slot.index()].index()];
+            Posed::new(shape, &self.frame[slot.index()])
         };
         (posed(pair.a), posed(pair.b), self.bodies().relative(pair))
     }
@@ -235,7 +236,7 @@ pub(crate) fn common_normal(a: &Posed, b: &Posed, r: &Vec3, start: Option<&Vec3>
 /// The common normal of two bodies that touch by a hundredth of the short axis, with B in this direction from A:
 /// by bisection of the distance.
 fn normal_along(shape: &Shape, frames: &[Mat3; 2], towards: &Vec3) -> Vec3 {
-    let [a, b] = frames.each_ref().map(|frame| Posed { shape, frame });
+    let [a, b] = frames.each_ref().map(|frame| Posed::new(shape, frame));
     let mut normal = *towards;
     let (mut near, mut far) = (shape.inscribed_radius(), 2.0 * shape.bounding_radius());
     for _ in 0..20 {

@@ -47,7 +47,7 @@ mod tests {
             Shape::Polyhedron(Box::new(polyhedron))
         };
         let (large, small, frame) = (cube(1.0), cube(0.5), Mat3::identity());
-        let [a, b] = [&large, &small].map(|shape| Posed { shape, frame: &frame });
+        let [a, b] = [&large, &small].map(|shape| Posed::new(shape, &frame));
         let touch = clearance(&a, &b, &Vec3::new(1.5, 0.25, 0.125)).expect("they do not overlap");
         assert!(touch.overlap.abs() < 1e-9, "{touch:?}");
         assert!((touch.normal - Vec3::x()).norm() < 1e-6, "{touch:?}");
@@ -56,7 +56,8 @@ mod tests {
     #[test]
     fn a_known_gap() {
         let shape = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.0, 0.5, 0.25) });
-        let body = Posed { shape: &shape, frame: &Mat3::identity() };
+        let frame = Mat3::identity();
+        let body = Posed::new(&shape, &frame);
         let normal = Vec3::new(0.36, 0.48, -0.8);
         for gap in [2.0, 1e-3, 1e-9] {
             let r = 2.0 * body.support(&normal) + gap * normal;

@@ -29,7 +29,7 @@ use super::{
 use crate::ids::Slot;
 use crate::lanes::{Eight, Lanes, Symmetric, Triple, WIDTH};
 use crate::math::{Mat3, Vec3};
-use crate::shape::{Form, Shape};
+use crate::shape::Form;
 
 /// Directions tried before giving up: ellipsoids of 1:2 take 5 at most, of 1:10 10, needles of 1:100 up to 60.
 const EVALUATIONS: u32 = 100;
@@ -56,7 +56,7 @@ impl ContactResolver for CommonNormal {
     /// If a body is neither an ellipsoid nor a sphere: the table of resolvers was filled wrongly.
     #[inline]
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
-        Search::of([a.shape, b.shape], [a.frame, b.frame], None, r, warm)
+        Search::of([a, b], None, r, warm)
     }
 
     fn resolve(&self, batch: &Batch, found: &mut Found) {
@@ -109,15 +109,8 @@ fn search(batch: &Batch, index: u32, start: &Vec3) -> Outcome {
     let bodies = &batch.bodies;
     let forms = bodies.form.map(|form| [form[pair.a.index()], form[pair.b.index()]]);
     let (frames, r) = (bodies.frames(pair), bodies.relative(pair));
-    Search::of(shapes(batch, index), frames.each_ref(), forms, &r, Some(start))
-}
-
-/// The shapes of a pair.
-#[inline(always)]
-fn shapes<'a>(batch: &Batch<'a>, index: u32) -> [&'a Shape; 2] {
-    let Pair { a, b } = batch.pairs[index as usize];
-    let Bodies { shape, library, .. } = batch.bodies;
-    [&library[shape[a.index()].index()], &library[shape[b.index()].index()]]
+    let (a, b) = bodies.posed(pair, &frames);
+    Search::of([&a, &b], forms, &r, Some(start))
 }
 
 /// Up to eight pairs of a batch; their places in it. Those without a pair repeat the first.
@@ -164,8 +157,11 @@ impl Octet {
     fn pairs_in_units<L: Eight>(&self, batch: &Batch) -> (Ellipsoids<L>, L) {
         let mut units = [1.0; WIDTH];
         for (unit, index) in units.iter_mut().zip(&self.index[..self.count]) {
-            let [a, b] = shapes(batch, *index);
-            *unit = unit_of_length(a.bounding_radius(), b.bounding_radius());
+            let Pair { a, b } = batch.pairs[*index as usize];
+            let [a, b] = [a, b].map(|slot| {
+                batch.bodies.shape_of(slot).bounding_radius() * batch.bodies.scale_of(slot)
+            });
+            *unit = unit_of_length(a, b);
         }
         let unit = L::load(&units);
         (self.pairs(batch).scaled(L::all(1.0) / unit), unit)
@@ -174,12 +170,21 @@ impl Octet {
     /// Overlaps below these are certainly the least [m].
     #[inline(always)]
     fn certain<L: Eight>(&self, batch: &Batch) -> L {
-        let Bodies { shape, curvature_radius, .. } = batch.bodies;
+        let Bodies { shape, curvature_radius, scale, .. } = batch.bodies;
         let mut certain = [0.0; WIDTH];
-        for (certain, index) in certain.iter_mut().zip(&self.index[..self.count]) {
-            let Pair { a, b } = batch.pairs[*index as usize];
-            let [a, b] = [shape[a.index()], shape[b.index()]];
-            *certain = curvature_radius[a.index()] + curvature_radius[b.index()];
+        let lanes = certain.iter_mut().zip(&self.index[..self.count]);
+        if scale.is_some() {
+            for (certain, index) in lanes {
+                let Pair { a, b } = batch.pairs[*index as usize];
+                let [a, b] = [a, b].map(|slot| batch.bodies.curvature_radius_of(slot));
+                *certain = a + b;
+            }
+        } else {
+            for (certain, index) in lanes {
+                let Pair { a, b } = batch.pairs[*index as usize];
+                let [a, b] = [shape[a.index()], shape[b.index()]];
+                *certain = curvature_radius[a.index()] + curvature_radius[b.index()];
+            }
         }
         L::load(&certain)
     }
@@ -330,7 +335,7 @@ fn forms<L: Eight>(all: &[Form], slots: &[Slot; WIDTH]) -> Symmetric<L> {
 /// The same where the caller does not keep them.
 #[inline(always)]
 fn forms_made<L: Eight>(bodies: &Bodies, slots: &[Slot; WIDTH]) -> Symmetric<L> {
-    let made = slots.map(|slot| bodies.shape_of(slot).form(&bodies.frame(slot)));
+    let made = slots.map(|slot| bodies.posed_body(slot, &bodies.frame(slot)).form());
     Symmetric::of(&made.each_ref())
 }
 
@@ -415,13 +420,12 @@ impl<'a> Search<'a> {
     /// Resolves a pair. The matrices of the bodies are computed if the caller does not have them.
     #[inline]
     fn of(
-        shapes: [&Shape; 2],
-        frames: [&'a Mat3; 2],
+        bodies: [&Posed<'a>; 2],
         forms: Option<[Form; 2]>,
         r: &Vec3,
         warm: Option<&Vec3>,
     ) -> Outcome {
-        let radii = shapes.map(Shape::bounding_radius);
+        let radii = bodies.map(Posed::bounding_radius);
         let reach = radii[0] + radii[1];
         let squared = r.norm_squared();
         if squared > reach * reach {
@@ -429,14 +433,14 @@ impl<'a> Search<'a> {
         }
         let unit = unit_of_length(radii[0], radii[1]);
         let per_metre = 1.0 / unit;
-        let forms = forms.unwrap_or_else(|| [shapes[0].form(frames[0]), shapes[1].form(frames[1])]);
+        let forms = forms.unwrap_or_else(|| bodies.map(Posed::form));
         let [a, b] = forms.map(|form| {
             let [xx, yy, zz, xy, xz, yz] = form.map(|entry| entry * per_metre * per_metre);
             Symmetric { xx, yy, zz, xy, xz, yz }
         });
-        let certain = shapes.map(|shape| shape.smallest_curvature_radius() * per_metre);
+        let certain = bodies.map(|body| body.smallest_curvature_radius() * per_metre);
         let search = Self {
-            frames,
+            frames: bodies.map(|body| body.frame),
             pair: Ellipsoids { a, b, r: triple(&(r * per_metre)) },
             certain: certain[0] + certain[1],
         };
@@ -577,6 +581,7 @@ mod tests {
                 shape: &self.shape,
                 library: &self.library,
                 curvature_radius: &self.curvature_radius,
+                scale: None,
                 cell: &Cell::OPEN,
             }
         }

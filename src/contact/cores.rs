@@ -10,9 +10,9 @@
 use super::gjk::{Difference, Separation, separate};
 use super::patch::nearest_of_segments;
 use super::polish::polished;
-use super::{ContactResolver, Outcome, Posed, Touch, Why, touch_along};
+use super::{ContactResolver, Outcome, Posed, PosedCore, Touch, Why, touch_along};
 use crate::math::Vec3;
-use crate::shape::{Core, Shape};
+use crate::shape::Shape;
 
 /// Relative duality gap at which GJK stops: two polyhedra reach it, or rounding, in a few steps.
 const TOLERANCE: f64 = 1e-14;
@@ -39,7 +39,7 @@ impl ContactResolver for Cores {
         if squared == 0.0 {
             return Outcome::Failed(Why::TooDeep);
         }
-        let margins = (a.shape.margin() + b.shape.margin()) / m.unit;
+        let margins = (a.margin() + b.margin()) / m.unit;
         match separate(&m.cores(), warm.unwrap_or(&m.r), TOLERANCE, margins) {
             Separation::Apart(normal) => polished(a, b, r, touch_along(a, b, r, &normal)).outcome(),
             Separation::Beyond(distance) => Outcome::Apart((distance - margins) * m.unit),
@@ -51,8 +51,8 @@ impl ContactResolver for Cores {
 
 /// From the centre to the end of the segment that is the body's core, in world axes [m]; none of a sphere.
 fn axis(body: &Posed) -> Option<Vec3> {
-    match (body.shape.core(), body.shape) {
-        (Core::Segment(half), _) => Some(body.frame.column(0) * half),
+    match (body.core(), body.shape) {
+        (PosedCore::Segment(end), _) => Some(end),
         (_, Shape::Sphere(_)) => Some(Vec3::zeros()),
         _ => None,
     }
@@ -62,7 +62,7 @@ fn axis(body: &Posed) -> Option<Vec3> {
 /// of its ends.
 fn between_axes(a: &Posed, on_a: &Vec3, b: &Posed, on_b: &Vec3, r: &Vec3) -> Outcome {
     let (p, q) = nearest_of_segments(&[-on_a, *on_a], &[r - on_b, r + on_b]);
-    let (radius_a, reach) = (a.shape.margin(), a.shape.margin() + b.shape.margin());
+    let (radius_a, reach) = (a.margin(), a.margin() + b.margin());
     let between = q - p;
     let distance = between.norm();
     if distance > reach {

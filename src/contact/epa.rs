@@ -463,8 +463,8 @@ mod tests {
     fn found(epa: Epa, semi_axes: Vec3, k: f64, overlap: f64, last: Option<&Vec3>) -> Outcome {
         let shape = Shape::Ellipsoid(Ellipsoid { semi_axes });
         let ([one, other], normal) = orientations(k);
-        let a = Posed { shape: &shape, frame: &one };
-        let b = Posed { shape: &shape, frame: &other };
+        let a = Posed::new(&shape, &one);
+        let b = Posed::new(&shape, &other);
         let r = a.support(&normal) - b.support(&-normal) - normal * overlap;
         epa.touch(&a, &b, &r, last)
     }

@@ -126,8 +126,8 @@ mod tests {
         for i in 0..4000 {
             let k = f64::from(i);
             let ([frame, other], toward) = orientations(k);
-            let a = Posed { shape: &shape, frame: &frame };
-            let b = Posed { shape: &shape, frame: &other };
+            let a = Posed::new(&shape, &frame);
+            let b = Posed::new(&shape, &other);
             // About the size of the spurious overlaps, on both sides.
             let clearance = 0.01 * (0.9 * k).sin();
             let r = a.support(&toward) - b.support(&-toward) + toward * clearance;
@@ -154,8 +154,8 @@ mod tests {
         for i in 0..2000 {
             let k = f64::from(i);
             let ([frame, other], toward) = orientations(k);
-            let a = Posed { shape: &shape, frame: &frame };
-            let b = Posed { shape: &shape, frame: &other };
+            let a = Posed::new(&shape, &frame);
+            let b = Posed::new(&shape, &other);
             let overlap = 1e-3 * (0.9 * k).sin();
             let r = a.support(&toward) - b.support(&-toward) - toward * overlap;
             let paper = ErodedGjk { spurious: false, ..method };
@@ -176,7 +176,7 @@ mod tests {
         let method = ErodedGjk::default();
         let shape = Shape::Sphere(Sphere { radius: 1.0 });
         let frame = Mat3::identity();
-        let body = Posed { shape: &shape, frame: &frame };
+        let body = Posed::new(&shape, &frame);
         for i in 0..400 {
             let k = f64::from(i);
             let toward = Vec3::new((1.3 * k).sin(), (2.9 * k).sin(), (0.7 * k).cos()).normalize();

@@ -95,6 +95,7 @@ mod tests {
             shape: &vec![ShapeId(0); centres.len()],
             library: &[Shape::Sphere(Sphere { radius: 1.0 })],
             curvature_radius: &[1.0],
+            scale: None,
             cell: &Cell::OPEN,
         };
         let pairs: Vec<_> =
@@ -127,8 +128,8 @@ mod tests {
     #[test]
     fn a_position_that_is_not_finite_is_an_error() {
         let chain = Chain::new(Box::new(SphereSphere), Vec::new());
-        let body =
-            Posed { shape: &Shape::Sphere(Sphere { radius: 1.0 }), frame: &Mat3::identity() };
+        let (shape, frame) = (Shape::Sphere(Sphere { radius: 1.0 }), Mat3::identity());
+        let body = Posed::new(&shape, &frame);
         let lost = Vec3::new(f64::INFINITY, 0.0, 0.0);
         assert_eq!(chain.touch(&body, &body, &lost, None), Outcome::Failed(Why::NotFinite));
     }

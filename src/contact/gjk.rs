@@ -13,7 +13,7 @@
 
 use super::{Posed, count_direction, unit_of_length};
 use crate::math::{Mat3, Vec3};
-use crate::shape::{Core, Shape};
+use crate::shape::Shape;
 
 /// Rounding of a difference of support points, in units of the pair's length.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
@@ -47,7 +47,7 @@ impl<'a> Support<'a> {
             Shape::Ellipsoid(e) => {
                 let mut axes = *body.frame;
                 for (mut axis, length) in axes.column_iter_mut().zip(&e.semi_axes) {
-                    axis *= *length;
+                    axis *= *length * body.scale;
                 }
                 Self::Ellipsoid(axes)
             }
@@ -89,12 +89,12 @@ pub(super) struct Difference<'a> {
 impl<'a> Difference<'a> {
     /// Of two bodies with `r` [m] from the centre of A to the centre of B.
     pub(super) fn new(a: &'a Posed<'a>, b: &'a Posed<'a>, r: &Vec3) -> Self {
-        let (radius_a, radius_b) = (a.shape.bounding_radius(), b.shape.bounding_radius());
+        let (radius_a, radius_b) = (a.bounding_radius(), b.bounding_radius());
         let unit = unit_of_length(radius_a, radius_b);
         let per_metre = 1.0 / unit;
         let reach = (radius_a + radius_b) * per_metre;
         let (bodies, supports) = ([a, b], [Support::of(a), Support::of(b)]);
-        let is_smooth = bodies.iter().all(|body| matches!(body.shape.core(), Core::Curved));
+        let is_smooth = bodies.iter().all(|body| body.is_curved());
         Self { bodies, supports, r: r * per_metre, reach, unit, scale: per_metre, is_smooth }
     }
 
@@ -402,7 +402,7 @@ mod tests {
 
     fn between(a: &Shape, b: &Shape, r: Vec3, beyond: f64) -> Separation {
         let frame = Mat3::identity();
-        let (a, b) = (Posed { shape: a, frame: &frame }, Posed { shape: b, frame: &frame });
+        let (a, b) = (Posed::new(a, &frame), Posed::new(b, &frame));
         separate(&Difference::new(&a, &b, &r), &Vec3::new(0.3, -0.2, 0.9), 1e-12, beyond)
     }
 

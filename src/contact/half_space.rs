@@ -6,7 +6,7 @@
 
 use super::{ContactResolver, Outcome, Posed, Touch, patch};
 use crate::math::Vec3;
-use crate::shape::{Core, Shape};
+use crate::shape::Shape;
 
 /// Resolves any convex shape (A) against a half-space (B). The relative position runs from the
 /// centre of A to the reference point of the wall; the plane lies in the axes of the wall.
@@ -30,7 +30,7 @@ impl ContactResolver for AgainstHalfSpace {
         let overlap = (deepest - r).dot(&normal) + plane.offset;
         // P_B is the foot of P_A on the plane; the contact point is half way.
         let mut point = deepest - normal * (0.5 * overlap);
-        if overlap > 0.0 && !matches!(a.shape.core(), Core::Curved) {
+        if overlap > 0.0 && !a.is_curved() {
             point = patch::centre_on_plane(a, &normal, overlap) + normal * point.dot(&normal);
         }
         Touch { overlap, normal, point }.outcome()

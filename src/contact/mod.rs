@@ -44,6 +44,7 @@ use crate::cell::Cell;
 use crate::ids::{ShapeId, Slot};
 use crate::lanes::{Eight, Gather, Row as _, Triple, WIDTH};
 use crate::math::{Mat3, Quat, Vec3};
+use crate::shape::hull::{Hull, Plane};
 use crate::shape::{Core, Form, Kind, Shape};
 
 /// The geometry of one contact.
@@ -96,32 +97,148 @@ pub enum Why {
     NotSmooth,
 }
 
-/// A body in place: its shape and the rotation from its own frame to the world.
+/// A body in place: its shape, the rotation from its own frame to the world, and its size.
+///
+/// All lengths of the body are those of the shape times the scale. A scale of 1 changes no bit.
 #[derive(Clone, Copy, Debug)]
 pub struct Posed<'a> {
-    /// Its geometry.
+    /// Its geometry at a scale of 1.
     pub shape: &'a Shape,
     /// Columns are the body's axes in the world.
     pub frame: &'a Mat3,
+    /// Lengths of the body over those of the shape [-].
+    pub scale: f64,
 }
 
-impl Posed<'_> {
+impl<'a> Posed<'a> {
+    /// A body of the size of its shape.
+    #[inline]
+    pub const fn new(shape: &'a Shape, frame: &'a Mat3) -> Self {
+        Self { shape, frame, scale: 1.0 }
+    }
+
     /// Farthest point along `direction`, in world axes, seen from the body's centre [m].
     #[inline]
     pub fn support(&self, direction: &Vec3) -> Vec3 {
-        self.frame * self.shape.support(&self.frame.tr_mul(direction))
+        self.frame * (self.shape.support(&self.frame.tr_mul(direction)) * self.scale)
     }
 
     /// The same of what is left without the margin.
     #[inline]
     pub fn core_support(&self, direction: &Vec3) -> Vec3 {
-        self.frame * self.shape.core_support(&self.frame.tr_mul(direction))
+        self.frame * (self.shape.core_support(&self.frame.tr_mul(direction)) * self.scale)
     }
 
     /// Is a point, in world axes and seen from the body's centre [m], in the body?
     #[inline]
     pub fn contains(&self, point: &Vec3) -> bool {
-        self.shape.contains(&self.frame.tr_mul(point))
+        self.shape.contains(&(self.frame.tr_mul(point) / self.scale))
+    }
+
+    /// [`Convex::bounding_radius`](crate::shape::Convex::bounding_radius) [m].
+    #[inline]
+    pub fn bounding_radius(&self) -> f64 {
+        self.shape.bounding_radius() * self.scale
+    }
+
+    /// [`Convex::inscribed_radius`](crate::shape::Convex::inscribed_radius) [m].
+    #[inline]
+    pub fn inscribed_radius(&self) -> f64 {
+        self.shape.inscribed_radius() * self.scale
+    }
+
+    /// [`Convex::smallest_curvature_radius`](crate::shape::Convex::smallest_curvature_radius) [m].
+    #[inline]
+    pub fn smallest_curvature_radius(&self) -> f64 {
+        self.shape.smallest_curvature_radius() * self.scale
+    }
+
+    /// [`Convex::margin`](crate::shape::Convex::margin) [m].
+    #[inline]
+    pub fn margin(&self) -> f64 {
+        self.shape.margin() * self.scale
+    }
+
+    /// Half lengths along the local axes [m], see [`Shape::semi_axes`].
+    #[inline]
+    pub fn semi_axes(&self) -> Vec3 {
+        self.shape.semi_axes() * self.scale
+    }
+
+    /// The matrix of an ellipsoid in place [m²], see [`Form`].
+    #[inline]
+    pub fn form(&self) -> Form {
+        let square = self.scale * self.scale;
+        self.shape.form(self.frame).map(|entry| entry * square)
+    }
+
+    /// What is flat of it.
+    #[inline]
+    pub(crate) fn core(&self) -> PosedCore<'a> {
+        match self.shape.core() {
+            Core::Curved => PosedCore::Curved,
+            Core::Segment(half) => PosedCore::Segment(self.frame.column(0) * (half * self.scale)),
+            Core::Hull(hull) => {
+                PosedCore::Hull(PosedHull { hull, frame: self.frame, scale: self.scale })
+            }
+        }
+    }
+
+    /// Has it no edges, faces or segments?
+    #[inline]
+    pub(crate) fn is_curved(&self) -> bool {
+        matches!(self.shape.core(), Core::Curved)
+    }
+}
+
+/// What is flat of a body, see [`Core`].
+pub(crate) enum PosedCore<'a> {
+    /// Nothing.
+    Curved,
+    /// A segment: from its middle to one of its ends, in world axes [m].
+    Segment(Vec3),
+    /// The faces and edges of a polyhedron.
+    Hull(PosedHull<'a>),
+}
+
+/// A polyhedron in place, in world axes about the body's centre.
+#[derive(Clone, Copy)]
+pub(crate) struct PosedHull<'a> {
+    hull: &'a Hull,
+    frame: &'a Mat3,
+    scale: f64,
+}
+
+impl PosedHull<'_> {
+    /// One of its vertices [m].
+    #[inline]
+    fn vertex(&self, index: usize) -> Vec3 {
+        self.frame * (self.hull.vertices()[index] * self.scale)
+    }
+
+    /// The vertices at most `depth` [m] below the highest along a unit vector, see [`Hull::top`].
+    fn top(&self, direction: &Vec3, depth: f64) -> Vec<usize> {
+        self.hull.top(&self.frame.tr_mul(direction), depth / self.scale)
+    }
+
+    /// How high a vertex is along a unit vector [m].
+    fn height(&self, index: usize, direction: &Vec3) -> f64 {
+        self.hull.vertices()[index].dot(&self.frame.tr_mul(direction)) * self.scale
+    }
+
+    /// The highest point along a direction [m].
+    fn support(&self, direction: &Vec3) -> Vec3 {
+        self.frame * (self.hull.support(&self.frame.tr_mul(direction)) * self.scale)
+    }
+
+    fn bounding_radius(&self) -> f64 {
+        self.hull.bounding_radius() * self.scale
+    }
+
+    /// The planes of its faces: outward unit normal, and distance from the centre [m].
+    fn planes(&self) -> impl Iterator<Item = (Vec3, f64)> {
+        let in_place = |plane: &Plane| (self.frame * plane.normal, plane.offset * self.scale);
+        self.hull.planes().iter().map(in_place)
     }
 }
 
@@ -135,8 +252,7 @@ pub fn touch_along(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Touch {
     let on_b = b.support(&-normal) + r;
     let overlap = (on_a - on_b).dot(normal);
     let middle = (on_a + on_b) * 0.5;
-    let curved = |body: &Posed| matches!(body.shape.core(), Core::Curved);
-    let point = if overlap > 0.0 && !(curved(a) && curved(b)) {
+    let point = if overlap > 0.0 && !(a.is_curved() && b.is_curved()) {
         patch::centre_between(a, b, r, normal, overlap) + normal * middle.dot(normal)
     } else {
         middle
@@ -277,6 +393,8 @@ pub struct Bodies<'a> {
     pub library: &'a [Shape],
     /// Their least radii of curvature [m].
     pub curvature_radius: &'a [f64],
+    /// Lengths of each body over those of its shape [-]; `None` if all are as large as their shapes.
+    pub scale: Option<&'a [f64]>,
     /// How the domain repeats.
     pub cell: &'a Cell,
 }
@@ -292,6 +410,18 @@ impl Bodies<'_> {
     #[inline]
     pub fn shape_of(&self, slot: Slot) -> &Shape {
         &self.library[self.shape[slot.index()].index()]
+    }
+
+    /// Lengths of a body over those of its shape [-].
+    #[inline]
+    pub fn scale_of(&self, slot: Slot) -> f64 {
+        self.scale.map_or(1.0, |scale| scale[slot.index()])
+    }
+
+    /// Least radius of curvature of a body [m].
+    #[inline]
+    pub fn curvature_radius_of(&self, slot: Slot) -> f64 {
+        self.curvature_radius[self.shape[slot.index()].index()] * self.scale_of(slot)
     }
 
     /// The rotation of a body from its own frame to the world.
@@ -315,9 +445,13 @@ impl Bodies<'_> {
     /// A pair in place, with its [`Bodies::frames`].
     #[inline]
     pub fn posed<'b>(&'b self, pair: Pair, frames: &'b [Mat3; 2]) -> (Posed<'b>, Posed<'b>) {
-        let a = Posed { shape: self.shape_of(pair.a), frame: &frames[0] };
-        let b = Posed { shape: self.shape_of(pair.b), frame: &frames[1] };
-        (a, b)
+        (self.posed_body(pair.a, &frames[0]), self.posed_body(pair.b, &frames[1]))
+    }
+
+    /// A body in place, with its [`Bodies::frame`].
+    #[inline]
+    pub fn posed_body<'b>(&'b self, slot: Slot, frame: &'b Mat3) -> Posed<'b> {
+        Posed { shape: self.shape_of(slot), frame, scale: self.scale_of(slot) }
     }
 }
 

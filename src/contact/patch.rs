@@ -15,9 +15,8 @@
 //! Sections are convex polygons, clipped edge by edge (Sutherland and Hodgman 1974,
 //! DOI 10.1145/360767.360802). A curved body has one support point and needs none of this.
 
-use super::Posed;
-use crate::math::{Mat3, Vec3};
-use crate::shape::{Core, hull::Hull};
+use super::{Posed, PosedCore, PosedHull};
+use crate::math::Vec3;
 
 /// Depth of the sections, as a part of the overlap: faces within that much of being flush, over their width,
 /// count as such in part.
@@ -32,7 +31,7 @@ const PARALLEL: f64 = 1e-7;
 /// The contact point of two bodies, seen along their normal from A to B: its part across the normal, from
 /// the centre of A, in world axes [m].
 pub(super) fn centre_between(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3, overlap: f64) -> Vec3 {
-    let (size_a, size_b) = (a.shape.bounding_radius(), b.shape.bounding_radius());
+    let (size_a, size_b) = (a.bounding_radius(), b.bounding_radius());
     let depth = depth(overlap, if size_a < size_b { size_a } else { size_b });
     let across = flat(r, normal);
     let (on_a, on_b) = (Feature::of(a, normal, depth), Feature::of(b, &-normal, depth));
@@ -41,7 +40,7 @@ pub(super) fn centre_between(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3, over
 
 /// The same of a body on a wall; `normal` from the body to the wall.
 pub(super) fn centre_on_plane(a: &Posed, normal: &Vec3, overlap: f64) -> Vec3 {
-    let depth = depth(overlap, a.shape.bounding_radius());
+    let depth = depth(overlap, a.bounding_radius());
     let on_a = Feature::of(a, normal, depth);
     extrapolated(depth, |depth| centroid(&on_a.section(depth), normal))
 }
@@ -76,8 +75,7 @@ enum Feature<'a> {
 
 /// A face, or a corner so blunt that its neighbours are as high.
 struct Face<'a> {
-    hull: &'a Hull,
-    frame: &'a Mat3,
+    hull: PosedHull<'a>,
     /// Along which it is the highest.
     normal: Vec3,
     /// So high above the body's centre [m].
@@ -87,13 +85,13 @@ struct Face<'a> {
 impl Face<'_> {
     /// The section of the polyhedron at this depth.
     fn section(&self, depth: f64) -> Vec<Vec3> {
-        let Self { hull, frame, normal, .. } = self;
+        let Self { hull, normal, .. } = self;
         let x = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize() * hull.bounding_radius();
         let y = normal.cross(&x);
         let mut polygon = self.shared(vec![-x - y, x - y, x + y, y - x], &Vec3::zeros(), depth);
         if polygon.is_empty() {
             // Thinner than rounding.
-            polygon.push(flat(&(*frame * hull.support(&frame.tr_mul(normal))), normal));
+            polygon.push(flat(&hull.support(normal), normal));
         }
         polygon
     }
@@ -104,9 +102,8 @@ impl Face<'_> {
         // From a point of the flat polygon to that of the section.
         let rise = self.normal * (self.height - depth) - centre;
         let mut clipped = Vec::with_capacity(16);
-        for plane in self.hull.planes() {
-            let outward = self.frame * plane.normal;
-            clip(&mut polygon, &outward, plane.offset - rise.dot(&outward), &mut clipped);
+        for (outward, offset) in self.hull.planes() {
+            clip(&mut polygon, &outward, offset - rise.dot(&outward), &mut clipped);
         }
         polygon
     }
@@ -119,25 +116,24 @@ impl<'a> Feature<'a> {
             bottom: flat(&bottom, normal),
             fall: (top - bottom).dot(normal),
         };
-        match body.shape.core() {
-            Core::Curved => Self::Round(flat(&body.core_support(normal), normal)),
-            Core::Segment(half) => {
-                let end = body.frame.column(0) * half;
-                if end.dot(normal) < 0.0 { edge(-end, end) } else { edge(end, -end) }
+        match body.core() {
+            PosedCore::Curved => Self::Round(flat(&body.core_support(normal), normal)),
+            PosedCore::Segment(end) => {
+                if end.dot(normal) < 0.0 {
+                    edge(-end, end)
+                } else {
+                    edge(end, -end)
+                }
             }
-            Core::Hull(hull) => {
-                let along = body.frame.tr_mul(normal);
-                let top = hull.top(&along, depth);
-                let vertex = |k: usize| body.frame * hull.vertices()[k];
+            PosedCore::Hull(hull) => {
+                let top = hull.top(normal, depth);
                 match top[..] {
-                    [k] => Self::Corner(flat(&vertex(k), normal)),
-                    [i, j] => edge(vertex(i), vertex(j)),
-                    _ => Self::Face(Face {
-                        hull,
-                        frame: body.frame,
-                        normal: *normal,
-                        height: hull.vertices()[top[0]].dot(&along),
-                    }),
+                    [k] => Self::Corner(flat(&hull.vertex(k), normal)),
+                    [i, j] => edge(hull.vertex(i), hull.vertex(j)),
+                    _ => {
+                        let height = hull.height(top[0], normal);
+                        Self::Face(Face { hull, normal: *normal, height })
+                    }
                 }
             }
         }

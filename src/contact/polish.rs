@@ -6,9 +6,9 @@
 //! that touches has: none, and that of an arc as good as straight.
 
 use super::smooth_common_normal::touch_beside;
-use super::{Posed, Touch};
+use super::{Posed, PosedCore, Touch};
 use crate::math::{Mat3, Vec3};
-use crate::shape::{Convex, Core, CurvedSupport, Kind, Shape};
+use crate::shape::{Convex, CurvedSupport, Kind, Shape};
 use std::sync::Arc;
 
 /// Radius of the arc that stands for an edge, over the size of its body: a normal is tilted by its inverse.
@@ -28,17 +28,17 @@ pub(super) fn polished(a: &Posed, b: &Posed, r: &Vec3, touch: Touch) -> Touch {
         |body: &Posed| matches!(body.shape.kind(), Kind::Superellipsoid | Kind::PolySuperellipsoid);
     // What is not a contact, or not a number, is not for here.
     let found = if touch.overlap > 0.0 && (can_be_flat(a) || can_be_flat(b)) {
-        match (a.shape.core(), b.shape.core()) {
-            (Core::Curved, Core::Curved) => {
+        match (a.is_curved(), b.is_curved()) {
+            (true, true) => {
                 touch_beside(a, b, r, &touch.normal).filter(|t| t.overlap <= touch.overlap)
             }
-            (Core::Curved, _) => on_feature(a, b, r, &touch),
-            (_, Core::Curved) => {
+            (true, false) => on_feature(a, b, r, &touch),
+            (false, true) => {
                 let back = |t: Touch| Touch { normal: -t.normal, point: t.point + r, ..t };
                 let swapped = Touch { normal: -touch.normal, ..touch };
                 on_feature(b, a, &-r, &swapped).map(back)
             }
-            _ => None,
+            (false, false) => None,
         }
     } else {
         None
@@ -49,13 +49,13 @@ pub(super) fn polished(a: &Posed, b: &Posed, r: &Vec3, touch: Touch) -> Touch {
 /// Of a smooth body and one with edges: goes from corner to edge to corner until the highest of its points is the one
 /// that touches. `None` where a face does.
 fn on_feature(smooth: &Posed, sharp: &Posed, r: &Vec3, touch: &Touch) -> Option<Touch> {
-    let size = sharp.shape.bounding_radius();
+    let size = sharp.bounding_radius();
     let mut feature = Feature::first(sharp, &-touch.normal, size)?;
     let mut normal = touch.normal;
     for _ in 0..FEATURES {
         let stand_in = Shape::Other(Arc::new(feature));
         let frame = Mat3::identity();
-        let found = touch_beside(smooth, &Posed { shape: &stand_in, frame: &frame }, r, &normal)?;
+        let found = touch_beside(smooth, &Posed::new(&stand_in, &frame), r, &normal)?;
         normal = found.normal;
         let Some(next) = feature.next(sharp, &(found.point - r), &-normal, size) else {
             let overlap = (smooth.support(&normal) - sharp.support(&-normal) - r).dot(&normal);
@@ -83,32 +83,26 @@ struct Feature {
 
 impl Feature {
     fn corner(sharp: &Posed, corner: Vec3, size: f64) -> Self {
-        let margin = sharp.shape.margin();
+        let margin = sharp.margin();
         Self { middle: corner, along: Vec3::x(), half: 0.0, margin, size }
     }
 
     fn edge(sharp: &Posed, [p, q]: [Vec3; 2], size: f64) -> Self {
         let (middle, half) = ((p + q) * 0.5, (q - p) * 0.5);
         let length = half.norm();
-        Self { middle, along: half / length, half: length, margin: sharp.shape.margin(), size }
+        Self { middle, along: half / length, half: length, margin: sharp.margin(), size }
     }
 
     /// The one farthest along a unit vector; `None` of a face.
     fn first(sharp: &Posed, outward: &Vec3, size: f64) -> Option<Self> {
-        match sharp.shape.core() {
-            Core::Curved => None,
-            Core::Segment(half) => {
-                let end = sharp.frame.column(0) * half;
-                Some(Self::edge(sharp, [-end, end], size))
-            }
-            Core::Hull(hull) => {
-                let vertex = |k: usize| sharp.frame * hull.vertices()[k];
-                match hull.top(&sharp.frame.tr_mul(outward), FLUSH * size)[..] {
-                    [k] => Some(Self::corner(sharp, vertex(k), size)),
-                    [i, j] => Some(Self::edge(sharp, [vertex(i), vertex(j)], size)),
-                    _ => None,
-                }
-            }
+        match sharp.core() {
+            PosedCore::Curved => None,
+            PosedCore::Segment(end) => Some(Self::edge(sharp, [-end, end], size)),
+            PosedCore::Hull(hull) => match hull.top(outward, FLUSH * size)[..] {
+                [k] => Some(Self::corner(sharp, hull.vertex(k), size)),
+                [i, j] => Some(Self::edge(sharp, [hull.vertex(i), hull.vertex(j)], size)),
+                _ => None,
+            },
         }
     }
 
@@ -119,8 +113,8 @@ impl Feature {
             let end = self.middle + self.along * self.half.copysign(at);
             return (at.abs() > self.half).then(|| Self::corner(sharp, end, size));
         }
-        let Core::Hull(hull) = sharp.shape.core() else { return None };
-        let highest = sharp.frame * hull.support(&sharp.frame.tr_mul(outward));
+        let PosedCore::Hull(hull) = sharp.core() else { return None };
+        let highest = hull.support(outward);
         let rise = (highest - self.middle).dot(outward);
         (rise > HIGHER * size).then(|| Self::edge(sharp, [self.middle, highest], size))
     }

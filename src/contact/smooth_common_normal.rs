@@ -65,11 +65,11 @@ impl ContactResolver for SmoothCommonNormal {
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
         if let (Some(round_a), Some(round_b)) = (ellipsoid(a.shape), ellipsoid(b.shape)) {
             let (round_a, round_b) = (Shape::Ellipsoid(round_a), Shape::Ellipsoid(round_b));
-            let a = Posed { shape: &round_a, frame: a.frame };
-            let b = Posed { shape: &round_b, frame: b.frame };
+            let a = Posed { shape: &round_a, ..*a };
+            let b = Posed { shape: &round_b, ..*b };
             return CommonNormal.touch(&a, &b, r, warm);
         }
-        let (radius_a, radius_b) = (a.shape.bounding_radius(), b.shape.bounding_radius());
+        let (radius_a, radius_b) = (a.bounding_radius(), b.bounding_radius());
         let reach = radius_a + radius_b;
         let squared = r.norm_squared();
         if squared > reach * reach {
@@ -85,7 +85,7 @@ impl ContactResolver for SmoothCommonNormal {
 
 /// The touch at the minimum of `δ` beside a direction that another method has found.
 pub(super) fn touch_beside(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Option<Touch> {
-    let unit = unit_of_length(a.shape.bounding_radius(), b.shape.bounding_radius());
+    let unit = unit_of_length(a.bounding_radius(), b.bounding_radius());
     let pair = SmoothPair { bodies: [a, b], r: r / unit, unit, per_metre: 1.0 / unit };
     match pair.minimise(normal) {
         Minimum::At { touch, .. } if touch.overlap > 0.0 => {
@@ -121,7 +121,7 @@ struct SmoothPair<'a> {
 
 /// A body's support point and curvature along the outward direction `n` or `-n`.
 struct Side {
-    /// Direction and support in the body's own frame [m].
+    /// Direction and support in the body's own frame, at a scale of 1 [m].
     direction: Vec3,
     own: CurvedSupport,
     /// Support in world axes [units].
@@ -206,7 +206,7 @@ impl SmoothPair<'_> {
     /// touched: `(A + B)⁻¹ r` with `A = R diag(a²) Rᵀ`.
     fn cold_start(&self) -> Option<Vec3> {
         let matrix = |body: &Posed| {
-            let axes = body.shape.semi_axes() * self.per_metre;
+            let axes = body.semi_axes() * self.per_metre;
             let stretched = body.frame * Mat3::from_diagonal(&axes);
             stretched * stretched.transpose()
         };
@@ -226,10 +226,10 @@ impl SmoothPair<'_> {
             Minimum::At { touch, radius } => (touch, radius),
         };
         let [a, b] = self.bodies;
-        let certain = a.shape.smallest_curvature_radius() + b.shape.smallest_curvature_radius();
+        let certain = a.smallest_curvature_radius() + b.smallest_curvature_radius();
         // A flat face has any radius of curvature, and is a minimum from the far side of the body, too; the smaller body's
         // is no deeper than that body.
-        let inscribed = a.shape.inscribed_radius().min(b.shape.inscribed_radius());
+        let inscribed = a.inscribed_radius().min(b.inscribed_radius());
         let radius = radius.min(inscribed * self.per_metre);
         if touch.overlap < certain * self.per_metre || touch.overlap < DOUBTFUL * radius {
             return settled(touch);
@@ -282,10 +282,11 @@ impl SmoothPair<'_> {
 
     #[inline]
     fn side(&self, body: &Posed, direction: Vec3, own: CurvedSupport) -> Side {
+        let (per_metre, unit) = (self.per_metre * body.scale, self.unit / body.scale);
         let world = CurvedSupport {
-            point: body.frame * own.point * self.per_metre,
-            weight: own.weight.map(|w| w * self.unit),
-            along: own.along.map(|v| body.frame * v * self.per_metre),
+            point: body.frame * own.point * per_metre,
+            weight: own.weight.map(|w| w * unit),
+            along: own.along.map(|v| body.frame * v * per_metre),
         };
         Side { direction, own, world }
     }

@@ -513,7 +513,7 @@ mod tests {
 
     #[test]
     fn pairs_stand_in_the_order_of_ids_and_contacts_are_carried() {
-        let mut particles = crowd(30);
+        let mut particles = crowd(30, false);
         particles.id.reverse();
         let (list, contacts, named) = remembered(&mut particles);
         let ids = |pair: &Pair| [pair.a, pair.b].map(|slot| particles.id[slot.index()]);
@@ -525,7 +525,7 @@ mod tests {
     /// Whatever the order in which resolvers find them.
     #[test]
     fn what_is_found_stands_beside_what_was_remembered() {
-        let mut particles = crowd(30);
+        let mut particles = crowd(30, false);
         let (list, mut contacts, _) = remembered(&mut particles);
         let stretch = &list.stretches[0];
         let pairs = &list.pairs[stretch.range.clone()];

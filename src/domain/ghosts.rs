@@ -14,9 +14,31 @@ use crate::contact::Pair;
 use crate::ids::{GlobalId, ShapeId, Slot};
 use crate::math::Vec3;
 use crate::particles::Particles;
+use serde::{Deserialize, Serialize};
 
-/// What makes a ghost.
-type Offer = (GlobalId, ShapeId, Vec3);
+/// What makes ghosts.
+#[derive(Default, Serialize, Deserialize)]
+struct Offers {
+    names: Vec<(GlobalId, ShapeId)>,
+    /// As many, or none if all particles have the size of their shapes.
+    scale: Vec<f64>,
+    position: Vec<Vec3>,
+}
+
+impl Offers {
+    /// Particles in these slots.
+    fn of(particles: &Particles, slots: impl Iterator<Item = usize>) -> Self {
+        let mut offers = Self::default();
+        for slot in slots {
+            offers.names.push((particles.id[slot], particles.shape[slot]));
+            offers.position.push(particles.position[slot]);
+            if particles.needs.scale {
+                offers.scale.push(particles.scale[slot]);
+            }
+        }
+        offers
+    }
+}
 
 /// A neighbour is offered what is farther away by so much, for the rounding of positions: what one
 /// rank lists, the other must see.
@@ -53,17 +75,12 @@ impl Domain {
             .neighbours
             .iter()
             .map(|n| {
-                let offers: Vec<Offer> = n
-                    .sent
-                    .iter()
-                    .map(|&slot| slot as usize)
-                    .map(|s| (particles.id[s], particles.shape[s], particles.position[s]))
-                    .collect();
+                let offers = Offers::of(particles, n.sent.iter().map(|&slot| slot as usize));
                 Parcel { rank: n.rank, bytes: wire::encode(&offers) }
             })
             .collect();
         let incoming = comm.exchange(outgoing, &self.all_neighbours());
-        let offers = incoming.iter().map(|parcel| wire::decode::<Vec<Offer>>(&parcel.bytes));
+        let offers = incoming.iter().map(|parcel| wire::decode::<Offers>(&parcel.bytes));
         self.take_ghosts(particles, offers);
         self.offered = particles.ghosts;
     }
@@ -103,12 +120,12 @@ impl Domain {
             }
         }
 
-        let offers: Vec<Vec<Offer>> = self
+        let offers: Vec<Offers> = self
             .neighbours
             .iter()
             .map(|n| {
                 let stay = n.received.clone().filter(|&slot| kept[slot - owned]);
-                stay.map(|s| (particles.id[s], particles.shape[s], particles.position[s])).collect()
+                Offers::of(particles, stay)
             })
             .collect();
         for (neighbour, needed) in self.neighbours.iter_mut().zip(needed) {
@@ -122,18 +139,11 @@ impl Domain {
     }
 
     /// Appends the ghosts of one neighbour after the other.
-    fn take_ghosts(
-        &mut self,
-        particles: &mut Particles,
-        offers: impl IntoIterator<Item = Vec<Offer>>,
-    ) {
+    fn take_ghosts(&mut self, particles: &mut Particles, offers: impl IntoIterator<Item = Offers>) {
         for (neighbour, offers) in self.neighbours.iter_mut().zip(offers) {
-            let received = particles.first_facet()..particles.first_facet() + offers.len();
-            let names: Vec<_> = offers.iter().map(|&(id, shape, _)| (id, shape)).collect();
-            particles.push_ghosts(&names);
-            for (slot, (.., position)) in received.clone().zip(offers) {
-                particles.position[slot] = position;
-            }
+            let received = particles.first_facet()..particles.first_facet() + offers.names.len();
+            particles.push_ghosts(&offers.names, &offers.scale);
+            particles.position[received.clone()].copy_from_slice(&offers.position);
             neighbour.received = received;
         }
     }

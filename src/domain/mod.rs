@@ -116,6 +116,11 @@ impl Domain {
         }
     }
 
+    /// Another halo width [m]. Before the first list of pairs.
+    pub fn widen(&mut self, halo: f64) {
+        self.halo = halo;
+    }
+
     /// The rank that owns a point.
     pub fn owner(&self, point: &Vec3) -> Rank {
         self.cuts.owner(point)
@@ -145,7 +150,7 @@ impl Domain {
     /// Is an owned particle outside of the room between two corners?
     fn is_outside(&self, particles: &Particles, slot: usize, (low, high): &(Vec3, Vec3)) -> bool {
         // Walls give a little: a particle has left once its centre is outside by its own size.
-        let slack = particles.library.shapes[particles.shape[slot].index()].bounding_radius();
+        let slack = particles.radius(slot);
         !self.cell.has_within(&particles.position[slot], low, high, slack)
     }
 

@@ -62,7 +62,7 @@ pub fn cells_along(length: f64, width: f64) -> u32 {
     (length / width * (1.0 + 1e-9)).floor() as u32
 }
 
-/// The particles of the next layer, if so many are `left` to fall. Ids count from `first_id`. Shape,
+/// The particles of the next layer, if so many are `left` to fall. Ids count from `first_id`. Shape, size,
 /// orientation and place are those of the id under the scene's `seed`.
 pub fn layer(rain: &Rain, seed: u64, left: u64, first_id: u64, library: &Library) -> Vec<Particle> {
     let [nx, ny, nz] = rain.cells().map(u64::from);
@@ -72,13 +72,15 @@ pub fn layer(rain: &Rain, seed: u64, left: u64, first_id: u64, library: &Library
             let id = first_id + k;
             let mut random = Random::of(seed, id);
             let shape = rain.mix.pick(random.unit());
-            let radius = library.shapes[shape.index()].bounding_radius();
+            let scale = library.sizes[shape.index()].draw(&mut random);
+            let radius = library.radius[shape.index()] * scale;
             let place = [k % nx, k / nx % ny, k / (nx * ny)];
             let position = Vec3::from_fn(|axis, _| {
                 let room = (0.5 * cell[axis] - radius).max(0.0);
                 rain.low[axis] + (place[axis] as f64 + 0.5) * cell[axis] + room * random.signed()
             });
             Particle {
+                scale,
                 velocity: rain.velocity,
                 quaternion: random.rotation(),
                 ..Particle::at_rest(GlobalId(id), shape, position)

@@ -9,9 +9,9 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
-use super::{ForceLaw, Hardest, Parted, Sums, Work, add};
+use super::{Body, ForceLaw, Hardest, Parted, Sums, Work, add};
 use crate::contact::{History, Pair, Place, StateColumn, bodies_at, vectors};
-use crate::ids::{MaterialId, Slot};
+use crate::ids::{MaterialId, ShapeId, Slot};
 use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row as InRegister, Triple, WIDTH, row};
 use crate::math::Vec3;
 use crate::particles::{Library, Needs, Particles};
@@ -76,8 +76,8 @@ pub trait Model: std::fmt::Debug + Send + Sync {
         &[]
     }
 
-    /// Of contacts between bodies of two shapes of a library; the second may be a wall.
-    fn constants(&self, a: usize, b: usize, library: &Library) -> Self::Constants<f64>;
+    /// Of contacts between two bodies; the second may be a wall.
+    fn constants(&self, a: &Body, b: &Body) -> Self::Constants<f64>;
 
     /// The same in lanes.
     fn spread<L: Lanes>(of: &impl Spread<Self::Constants<f64>, L>) -> Self::Constants<L>;
@@ -107,8 +107,8 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     /// way [N/m].
     fn stiffness(&self, constants: &Self::Constants<f64>, overlap: f64, dt: f64) -> f64;
 
-    /// What bounds the time step of a body of this shape, among all others.
-    fn hardest(&self, shape: usize, reduced_mass: f64, library: &Library) -> Hardest;
+    /// What bounds the time step of a body, among all others.
+    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest;
 
     /// The constants of a contact between two materials in words, for `--plan`.
     fn words(&self, a: MaterialId, b: MaterialId) -> String;
@@ -123,7 +123,8 @@ pub trait Model: std::fmt::Debug + Send + Sync {
 #[derive(Debug)]
 pub struct Law<M: Model> {
     model: M,
-    /// Constants of every pair of shapes, walls included; none if there are too many.
+    /// Constants of every pair of shapes, walls included; none if there are too many. Not for bodies of other sizes than
+    /// their shapes.
     table: Vec<Row<M::Constants<f64>>>,
     /// How many shapes the table has.
     shapes: usize,
@@ -157,7 +158,7 @@ impl<M: Model> Law<M> {
         let shapes = library.shapes.len();
         if shapes <= MOST_SHAPES {
             let all = (0..shapes).flat_map(|a| (0..shapes).map(move |b| (a, b)));
-            law.table = all.map(|(a, b)| law.row(a, b, library)).collect();
+            law.table = all.map(|pair| law.row_of_shapes(pair, library)).collect();
             law.shapes = shapes;
         }
         law
@@ -168,21 +169,37 @@ impl<M: Model> Law<M> {
     fn row_of(&self, (a, b): (usize, usize), particles: &Particles) -> Row<M::Constants<f64>> {
         match self.table.get(a * self.shapes + b) {
             Some(row) => *row,
-            None => self.row(a, b, &particles.library),
+            None => self.row_of_shapes((a, b), &particles.library),
         }
     }
 
     #[inline(never)]
-    fn row(&self, a: usize, b: usize, library: &Library) -> Row<M::Constants<f64>> {
-        let radius = |shape: usize| {
-            let radius = library.radius[shape];
-            if radius.is_finite() { radius } else { 0.0 }
-        };
-        Row { constants: self.model.constants(a, b, library), radii: [radius(a), radius(b)] }
+    fn row_of_shapes(&self, (a, b): (usize, usize), library: &Library) -> Row<M::Constants<f64>> {
+        let [a, b] = [a, b].map(|shape| Body::of(library, ShapeId(shape as u16), 1.0));
+        self.row(&a, &b)
+    }
+
+    /// Of two bodies, whatever their sizes.
+    #[inline(never)]
+    fn row_of_bodies(&self, a: Slot, b: Slot, particles: &Particles) -> Row<M::Constants<f64>> {
+        let [a, b] = [a, b].map(|slot| {
+            let scale = particles.scale_of(slot.index());
+            Body::of(&particles.library, particles.shape[slot.index()], scale)
+        });
+        self.row(&a, &b)
+    }
+
+    #[inline]
+    fn row(&self, a: &Body, b: &Body) -> Row<M::Constants<f64>> {
+        let radius = |body: &Body| if body.radius.is_finite() { body.radius } else { 0.0 };
+        Row { constants: self.model.constants(a, b), radii: [radius(a), radius(b)] }
     }
 
     /// Of a pair.
     fn constants(&self, pair: Pair, particles: &Particles) -> M::Constants<f64> {
+        if particles.needs.scale {
+            return self.row_of_bodies(pair.a, pair.b, particles).constants;
+        }
         let [a, b] = [pair.a, pair.b].map(|slot| particles.shape[slot.index()].index());
         self.row_of((a, b), particles).constants
     }
@@ -225,8 +242,8 @@ impl<M: Model> ForceLaw for Law<M> {
         self.model.stiffness(&self.constants(pair, particles), geometry.overlap, dt)
     }
 
-    fn hardest(&self, shape: usize, reduced_mass: f64, library: &Library) -> Hardest {
-        self.model.hardest(shape, reduced_mass, library)
+    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
+        self.model.hardest(body, reduced_mass)
     }
 
     fn words(&self, a: MaterialId, b: MaterialId) -> String {
@@ -300,12 +317,13 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Constants and radii of all contacts, if all particles have one shape and none of these touches a wall.
+    /// Constants and radii of all contacts, if all particles have one shape and size and none of these touches a wall.
     #[inline(always)]
     fn alike<L: Eight>(&self) -> Option<(M::Constants<L>, [L; 2])> {
         let pair = self.work.pairs.first()?;
         let with_walls = pair.b.index() >= self.particles.first_facet();
-        if with_walls || self.particles.library.particle_shapes > 1 {
+        let Particles { library, needs, .. } = self.particles;
+        if with_walls || library.particle_shapes > 1 || needs.scale {
             return None;
         }
         let row = self.law.row_of((0, 0), self.particles);
@@ -332,6 +350,13 @@ impl<M: Model> Contacts<'_, '_, M> {
         let (at_a, at_b) = (bodies_at(&a, slots), bodies_at(&b, slots));
         let (constants, radii) = match alike {
             Some(alike) => *alike,
+            None if particles.needs.scale => {
+                let mut rows = [law.row_of_bodies(a[0], b[0], particles); WIDTH];
+                for lane in 1..WIDTH {
+                    rows[lane] = law.row_of_bodies(a[lane], b[lane], particles);
+                }
+                constants_and_radii::<M, L>(&rows)
+            }
             None => constants_of::<M, L>(law, at_a, at_b, particles),
         };
         let (normal, overlap) = geometry::<L>(&eight_from_rows(work.history, first, count));
@@ -589,18 +614,28 @@ fn constants_of<M: Model, L: Eight>(
         return (M::spread(&Same(&one)), [L::all(one.radii[0]), L::all(one.radii[1])]);
     }
     let mut rows = [one; WIDTH];
-    let mut radii = [[0.0; WIDTH]; 2];
-    for (lane, of_pair) in shapes.iter().enumerate() {
-        rows[lane] = law.row_of(*of_pair, particles);
-        [radii[0][lane], radii[1][lane]] = rows[lane].radii;
+    for (row, of_pair) in rows.iter_mut().zip(&shapes) {
+        *row = law.row_of(*of_pair, particles);
     }
-    (M::spread(&Each(&rows)), [L::load(&radii[0]), L::load(&radii[1])])
+    constants_and_radii::<M, L>(&rows)
+}
+
+/// Eight rows in lanes.
+#[inline(always)]
+fn constants_and_radii<M: Model, L: Eight>(
+    rows: &[Row<M::Constants<f64>>; WIDTH],
+) -> (M::Constants<L>, [L; 2]) {
+    let mut radii = [[0.0; WIDTH]; 2];
+    for (lane, row) in rows.iter().enumerate() {
+        [radii[0][lane], radii[1][lane]] = row.radii;
+    }
+    (M::spread(&Each(rows)), [L::load(&radii[0]), L::load(&radii[1])])
 }
 
 /// What is remembered of eight contacts that stand one after the other, column by column.
 #[inline(always)]
 fn read_states_in_a_row<L: Eight>(all: &[f64], start: usize, columns: &mut [L]) {
-    if let Some(columns) = columns.as_mut_array::<4>() {
+    if let Ok(columns) = <&mut [L; 4]>::try_from(&mut *columns) {
         *columns = L::columns_of_4(&eight_rows(all.as_chunks().0, start));
     } else {
         read_state(&rows_of(all, columns.len(), start), columns);
@@ -870,12 +905,11 @@ pub fn dashpot(ratio: f64, mass: f64, stiffness: f64) -> f64 {
 
 /// `m_A m_B / (m_A + m_B)`, or `m_A` against a body of infinite mass, as most walls are [kg].
 #[inline]
-pub fn reduced_mass(library: &Library, a: usize, b: usize) -> f64 {
-    let (mass_a, mass_b) = (library.mass[a], library.mass[b]);
-    if mass_b.is_infinite() {
-        return mass_a;
+pub fn reduced_mass(a: &Body, b: &Body) -> f64 {
+    if b.mass.is_infinite() {
+        return a.mass;
     }
-    mass_a * mass_b / (mass_a + mass_b)
+    a.mass * b.mass / (a.mass + b.mass)
 }
 
 #[cfg(test)]
@@ -968,7 +1002,12 @@ mod tests {
     /// dashpots, for the first time and again.
     #[test]
     fn lanes_give_the_same_bits_everywhere() {
-        let particles = crowd(40);
+        for sized in [false, true] {
+            same_bits(&crowd(40, sized));
+        }
+    }
+
+    fn same_bits(particles: &Particles) {
         let rough = Constants {
             normal_stiffness: 1e3,
             tangential_stiffness: 800.0,
@@ -1023,13 +1062,13 @@ mod tests {
                     before.state.push(9e-3);
                 }
             }
-            let dispatched = before.apply(&law, &particles, |c| lanes::dispatch(c));
-            let portable = before.apply(&law, &particles, |c| c.run::<Portable>());
+            let dispatched = before.apply(&law, particles, |c| lanes::dispatch(c));
+            let portable = before.apply(&law, particles, |c| c.run::<Portable>());
             assert_eq!(dispatched.bits_of_sums(), portable.bits_of_sums(), "{name}");
             for place in 0..before.pairs.len() {
                 let bits = dispatched.bits(place, width);
                 assert_eq!(bits, portable.bits(place, width), "{name}, pair {place}");
-                let alone = before.of(place).apply(&law, &particles, |c| lanes::dispatch(c));
+                let alone = before.of(place).apply(&law, particles, |c| lanes::dispatch(c));
                 assert_eq!(bits, alone.bits(0, width), "{name}, pair {place} alone");
             }
         }

@@ -8,11 +8,11 @@
 //!
 //! ```
 //! use dem_mpi::comm::alone::Alone;
-//! use dem_mpi::ids::MaterialId;
+//! use dem_mpi::ids::{MaterialId, ShapeId};
 //! use dem_mpi::lanes::{Lanes, Triple};
-//! use dem_mpi::law::Hardest;
+//! use dem_mpi::law::{Body, Hardest};
 //! use dem_mpi::law::kernel::{Action, Contact, Law, Model, Spread};
-//! use dem_mpi::particles::{Library, Needs};
+//! use dem_mpi::particles::Needs;
 //! use dem_mpi::scene::{Scene, assemble};
 //! use std::path::Path;
 //!
@@ -43,9 +43,9 @@
 //!         Needs::default()
 //!     }
 //!
-//!     fn constants(&self, a: usize, b: usize, library: &Library) -> f64 {
+//!     fn constants(&self, a: &Body, b: &Body) -> f64 {
 //!         // A wall's radius is infinite.
-//!         let radius = 1.0 / (1.0 / library.radius[a] + 1.0 / library.radius[b]);
+//!         let radius = 1.0 / (1.0 / a.radius + 1.0 / b.radius);
 //!         4.0 / 3.0 * self.modulus * radius.sqrt()
 //!     }
 //!
@@ -65,10 +65,9 @@
 //!         1.5 * factor * overlap.sqrt()
 //!     }
 //!
-//!     fn hardest(&self, shape: usize, _reduced_mass: f64, library: &Library) -> Hardest {
+//!     fn hardest(&self, body: &Body, _reduced_mass: f64) -> Hardest {
 //!         // No overlap is to be more than a hundredth of the radius.
-//!         let radius = library.radius[shape];
-//!         Hardest { stiffness: 2.0 * self.modulus * radius * 0.1, dashpots: [0.0; 2] }
+//!         Hardest { stiffness: 2.0 * self.modulus * body.radius * 0.1, dashpots: [0.0; 2] }
 //!     }
 //!
 //!     fn words(&self, _: MaterialId, _: MaterialId) -> String {
@@ -113,7 +112,7 @@ pub mod linear;
 pub mod stability;
 
 use crate::contact::{History, Pair, Place, StateColumn};
-use crate::ids::MaterialId;
+use crate::ids::{MaterialId, ShapeId};
 use crate::lanes::Row;
 use crate::math::{Vec3, Vec3AndNumber};
 use crate::particles::{Library, Needs, Particles, held};
@@ -254,6 +253,29 @@ impl Sums {
     }
 }
 
+/// A body as a law sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body {
+    /// What it is made of.
+    pub material: MaterialId,
+    /// Mass; infinite of most walls [kg].
+    pub mass: f64,
+    /// Bounding radius; infinite of a wall [m].
+    pub radius: f64,
+}
+
+impl Body {
+    /// One of a shape of a library, at a scale.
+    #[inline]
+    pub fn of(library: &Library, shape: ShapeId, scale: f64) -> Self {
+        Self {
+            material: library.materials[shape.index()],
+            mass: library.mass_at(shape, scale),
+            radius: library.radius[shape.index()] * scale,
+        }
+    }
+}
+
 /// The hardest contact that a body can have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hardest {
@@ -294,8 +316,8 @@ pub trait ForceLaw: Send + Sync {
     /// `dt` [s], over the way [N/m].
     fn stiffness(&self, pair: Pair, particles: &Particles, geometry: &History, dt: f64) -> f64;
 
-    /// What bounds the time step of a body of this shape, among all others.
-    fn hardest(&self, shape: usize, reduced_mass: f64, library: &Library) -> Hardest;
+    /// What bounds the time step of a body, among all others.
+    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest;
 
     /// The constants of a contact between two materials in words.
     fn words(&self, a: MaterialId, b: MaterialId) -> String;

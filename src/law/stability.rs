@@ -13,10 +13,13 @@
 //! them, and they turn a body by no more than its flatness lets them. Partners are taken as heavy as the heaviest grain;
 //! walls are few.
 //!
+//! Of particles of many sizes the smallest and the largest of each shape are looked at, each among the heaviest and the
+//! smallest of all.
+//!
 //! A grain among smaller ones has more than [`CONTACTS`], as many more as their caps fit on its surface. More contacts
 //! than that at full stiffness would need a shorter step; fewer is the rule, and the bound is then on the safe side.
 
-use super::{ForceLaw, Hardest};
+use super::{Body, ForceLaw, Hardest};
 use crate::ids::ShapeId;
 use crate::particles::Library;
 
@@ -41,26 +44,29 @@ pub struct TimeStepLimit {
 
 /// The limit over all shapes of particles; `None` if there are none.
 pub fn time_step_limit(library: &Library, law: &dyn ForceLaw) -> Option<TimeStepLimit> {
-    let masses = &library.mass[..library.particle_shapes];
-    let heaviest = masses.iter().copied().fold(0.0, f64::max);
-    let radius = |index: usize| library.shapes[index].volume().cbrt();
-    let smallest = (0..library.particle_shapes).map(radius).fold(f64::INFINITY, f64::min);
-    (0..library.particle_shapes)
-        .map(|index| {
-            let mass = library.mass[index];
+    let mass_of = |(shape, scale): (ShapeId, f64)| library.mass_at(shape, scale);
+    let heaviest = library.extremes().map(mass_of).fold(0.0, f64::max);
+    let radius =
+        |(shape, scale): (ShapeId, f64)| library.shapes[shape.index()].volume().cbrt() * scale;
+    let smallest = library.extremes().map(radius).fold(f64::INFINITY, f64::min);
+    library
+        .extremes()
+        .map(|(id, scale)| {
+            let body = Body::of(library, id, scale);
+            let mass = body.mass;
             let reduced_mass = mass * heaviest / (mass + heaviest);
             let Hardest { stiffness, dashpots: [normal, tangential] } =
-                law.hardest(index, reduced_mass, library);
-            let shape = &library.shapes[index];
+                law.hardest(&body, reduced_mass);
+            let shape = &library.shapes[id.index()];
             let compliance = shape.surface_compliance();
             let flatness = shape.inscribed_radius() / shape.bounding_radius();
             let across = 1.0 + (compliance - 1.0) * (1.0 - flatness * flatness);
-            let among_the_smallest = (0.5 * (1.0 + radius(index) / smallest)).powi(2);
+            let among_the_smallest = (0.5 * (1.0 + radius((id, scale)) / smallest)).powi(2);
             let contacts = 2.0 * CONTACTS * among_the_smallest / mass;
             let frequency_squared = contacts * TOGETHER * compliance * stiffness;
             let rate = contacts * (TOGETHER * compliance * tangential + across / 3.0 * normal);
             let dt = 4.0 / (rate + (rate * rate + 4.0 * frequency_squared).sqrt());
-            TimeStepLimit { dt, shape: ShapeId(index as u16), mass, stiffness }
+            TimeStepLimit { dt, shape: id, mass, stiffness }
         })
         .min_by(|a, b| a.dt.total_cmp(&b.dt))
 }

@@ -34,7 +34,7 @@ pub enum Presence {
 }
 
 /// All of them, in the order in which they are written.
-pub static PARTICLE_COLUMNS: [ParticleColumn; 14] = [
+pub static PARTICLE_COLUMNS: [ParticleColumn; 15] = [
     ParticleColumn {
         name: "position",
         place: "/VTKHDF/Points",
@@ -58,6 +58,14 @@ pub static PARTICLE_COLUMNS: [ParticleColumn; 14] = [
         presence: Presence::Always,
         get: |table| &table.shape,
         get_mut: |table| &mut table.shape,
+    },
+    ParticleColumn {
+        name: "scale",
+        place: "/VTKHDF/PointData/scale",
+        unit: "1",
+        presence: Presence::If(|needs| needs.scale),
+        get: |table| &table.scale,
+        get_mut: |table| &mut table.scale,
     },
     ParticleColumn {
         name: "quaternion",

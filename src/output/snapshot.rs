@@ -313,7 +313,11 @@ fn write_particles(
             column.write(particles, &mut file)?;
         }
     }
-    let semi_axes = particles.shape.iter().map(|s| header.shapes[s.index()].semi_axes);
+    let semi_axes = particles
+        .shape
+        .iter()
+        .enumerate()
+        .map(|(row, shape)| header.shapes[shape.index()].semi_axes * particles.scale_of(row));
     file.rows(&GLYPH_SEMI_AXES, numbers(&semi_axes.collect::<Vec<_>>()))?;
 
     write_histories(&mut file, histories)?;

@@ -123,6 +123,8 @@ pub struct ParticleTable {
     pub id: Vec<GlobalId>,
     /// Shape, an index into [`Header::shapes`].
     pub shape: Vec<ShapeId>,
+    /// Lengths over those of the shape [-]. Optional: absent if all particles are as large as their shapes.
+    pub scale: Vec<f64>,
     /// Centre [m].
     pub position: Vec<Vec3>,
     /// Velocity at the time of `position` [m/s].
@@ -147,6 +149,18 @@ pub struct ParticleTable {
     pub angular_velocity: Vec<Vec3>,
     /// Moment at `position`, world axes [N m]. Optional, with `angular_momentum`.
     pub torque: Vec<Vec3>,
+}
+
+impl ParticleTable {
+    /// Lengths of a particle over those of its shape [-].
+    pub fn scale_of(&self, row: usize) -> f64 {
+        self.scale.get(row).copied().unwrap_or(1.0)
+    }
+
+    /// Volume of a particle over that of its shape, as its mass [-].
+    pub fn volume_ratio(&self, row: usize) -> f64 {
+        self.scale_of(row).powi(3)
+    }
 }
 
 /// Contacts of a snapshot, or a piece of them: columns of one length. Each contact stands once, with the

@@ -109,9 +109,9 @@ impl Pairs {
     /// A pair as resolvers see it: A, B, and `r` from the centre of A to the centre of B [m].
     pub fn posed(&self, pair: usize) -> (Posed<'_>, Posed<'_>, Vec3) {
         let pair = self.slots[pair];
-        let posed = |slot: Slot| Posed {
-            shape: &self.library[self.shape[slot.index()].index()],
-            frame: &self.frame[slot.index()],
+        let posed = |slot: Slot| {
+            let shape = &self.library[self.shape[slot.index()].index()];
+            Posed::new(shape, &self.frame[slot.index()])
         };
         (posed(pair.a), posed(pair.b), self.bodies().relative(pair))
     }
@@ -130,6 +130,7 @@ impl Pairs {
             shape: &self.shape,
             library: &self.library,
             curvature_radius: &self.curvature_radius,
+            scale: None,
             cell: &Cell::OPEN,
         }
     }

@@ -5,15 +5,17 @@
 
 pub mod mix;
 pub mod records;
+pub mod sizes;
 pub mod walls;
 
 use crate::cell::Cell;
-use crate::contact::Bodies;
+use crate::contact::{Bodies, Posed};
 use crate::ids::{GlobalId, MaterialId, ShapeId, Slot};
 use crate::math::{Mat3, Quat, Vec3, Vec3AndNumber};
 use crate::shape::{Form, Shape};
 use records::Particle;
 use serde::{Deserialize, Serialize};
+use sizes::Sizes;
 use walls::{Corners, FacetColumns, Wall};
 
 /// Everything that particles of one shape have in common. Facets of walls stand here too, after the shapes of
@@ -34,8 +36,24 @@ pub struct Library {
     pub mass: Vec<f64>,
     /// Principal moments of inertia [kg m²].
     pub inertia: Vec<Vec3>,
+    /// How the sizes of new particles are distributed.
+    pub sizes: Vec<Sizes>,
+    /// Least and largest scale of a particle: lengths of the particle over those of its shape [-].
+    pub scales: Vec<[f64; 2]>,
     /// How many of them belong to particles; the rest are facets of walls.
     pub particle_shapes: usize,
+}
+
+/// Mass over that of the shape, at a scale.
+#[inline]
+pub(crate) fn of_mass(scale: f64) -> f64 {
+    scale * scale * scale
+}
+
+/// Moments of inertia over those of the shape, at a scale.
+#[inline]
+pub(crate) fn of_inertia(scale: f64) -> f64 {
+    (scale * scale) * of_mass(scale)
 }
 
 impl Library {
@@ -58,20 +76,69 @@ impl Library {
         self.radius.push(shape.bounding_radius());
         self.curvature_radius.push(shape.smallest_curvature_radius());
         self.shapes.push(shape);
+        self.sizes.push(Sizes::default());
+        self.scales.push([1.0; 2]);
         self.names.push(name.to_owned());
         self.materials.push(material);
         ShapeId((self.shapes.len() - 1) as u16)
     }
 
-    /// The largest bounding radius of the particles' shapes [m].
-    pub fn largest_radius(&self) -> f64 {
-        self.radius[..self.particle_shapes].iter().copied().fold(0.0, f64::max)
+    /// Lets new particles of a shape have sizes of this distribution.
+    pub fn set_sizes(&mut self, shape: ShapeId, sizes: Sizes) {
+        self.scales[shape.index()] = sizes.scales();
+        self.sizes[shape.index()] = sizes;
     }
 
-    /// Half the thickness of the thinnest of the particles' shapes [m]; infinite without any.
+    /// Makes room for a particle of this scale.
+    pub fn admit(&mut self, shape: ShapeId, scale: f64) {
+        let [least, largest] = &mut self.scales[shape.index()];
+        (*least, *largest) = (least.min(scale), largest.max(scale));
+    }
+
+    /// May a particle have another size than its shape?
+    pub fn has_sizes(&self) -> bool {
+        self.scales.iter().any(|scales| *scales != [1.0; 2])
+    }
+
+    /// Shapes of particles with the scales that bound theirs: one if all are alike.
+    pub fn extremes(&self) -> impl Iterator<Item = (ShapeId, f64)> + '_ {
+        let of_shape = |(index, &[least, largest]): (usize, &[f64; 2])| {
+            let larger = (largest > least).then_some(largest);
+            let scales = std::iter::once(least).chain(larger);
+            scales.map(move |scale| (ShapeId(index as u16), scale))
+        };
+        self.scales[..self.particle_shapes].iter().enumerate().flat_map(of_shape)
+    }
+
+    /// Mass of a particle of this shape and scale [kg].
+    #[inline]
+    pub fn mass_at(&self, shape: ShapeId, scale: f64) -> f64 {
+        self.mass[shape.index()] * of_mass(scale)
+    }
+
+    /// Principal moments of inertia of a particle of this shape and scale [kg m²].
+    #[inline]
+    pub fn inertia_at(&self, shape: ShapeId, scale: f64) -> Vec3 {
+        self.inertia[shape.index()] * of_inertia(scale)
+    }
+
+    /// Are mass and moments of inertia of a particle of this shape and scale within the range of numbers?
+    pub fn has_mass_at(&self, shape: ShapeId, scale: f64) -> bool {
+        self.mass_at(shape, scale).is_normal()
+            && self.inertia_at(shape, scale).iter().all(|i| i.is_normal())
+    }
+
+    /// The largest bounding radius of a particle [m].
+    pub fn largest_radius(&self) -> f64 {
+        let radius = |(shape, scale): (ShapeId, f64)| self.radius[shape.index()] * scale;
+        self.extremes().map(radius).fold(0.0, f64::max)
+    }
+
+    /// Half the thickness of the thinnest particle [m]; infinite without shapes.
     pub fn least_inscribed_radius(&self) -> f64 {
-        let shapes = &self.shapes[..self.particle_shapes];
-        shapes.iter().map(Shape::inscribed_radius).fold(f64::INFINITY, f64::min)
+        let radius =
+            |(shape, scale): (ShapeId, f64)| self.shapes[shape.index()].inscribed_radius() * scale;
+        self.extremes().map(radius).fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -90,6 +157,8 @@ pub struct Needs {
     pub form: bool,
     /// Counts of whole periods: a periodic domain.
     pub image: bool,
+    /// Scales: particles of other sizes than their shapes.
+    pub scale: bool,
 }
 
 impl Needs {
@@ -112,6 +181,7 @@ impl Needs {
             + if self.orientation { 24 + 32 } else { 0 }
             + if self.form { 48 } else { 0 }
             + if self.image { 12 } else { 0 }
+            + if self.scale { 8 } else { 0 }
     }
 }
 
@@ -137,12 +207,13 @@ pub struct Orientation {
 }
 
 impl Orientation {
-    /// Turns a body.
+    /// Turns a body of this shape and scale.
     #[inline]
-    pub fn set(&mut self, slot: usize, quaternion: Quat, shape: &Shape) {
+    pub fn set(&mut self, slot: usize, quaternion: Quat, shape: &Shape, scale: f64) {
         self.quaternion[slot] = quaternion;
         if let Some(form) = self.form.get_mut(slot) {
-            *form = shape.form(quaternion.to_rotation_matrix().matrix());
+            let frame = quaternion.to_rotation_matrix().into_inner();
+            *form = Posed { shape, frame: &frame, scale }.form();
         }
     }
 
@@ -182,6 +253,8 @@ pub struct Particles {
     pub id: Vec<GlobalId>,
     /// Shapes. Length: all slots.
     pub shape: Vec<ShapeId>,
+    /// Lengths of each body over those of its shape; 1 of walls [-]. Length: all slots, or none.
+    pub scale: Vec<f64>,
     /// Centres, wrapped into the domain along periodic axes [m]. Length: all slots.
     pub position: Vec<Vec3>,
     /// After a step those of the time of the positions; before its second kick, and of ghosts, those of half a step
@@ -223,6 +296,7 @@ impl Particles {
             ghosts: 0,
             id: Vec::new(),
             shape: Vec::new(),
+            scale: Vec::new(),
             position: Vec::new(),
             velocity: Vec::new(),
             force: Vec::new(),
@@ -251,6 +325,7 @@ impl Particles {
             shape: &self.shape,
             library: &self.library.shapes,
             curvature_radius: &self.library.curvature_radius,
+            scale: self.needs.scale.then_some(&self.scale[..]),
             cell: &self.cell,
         }
     }
@@ -283,16 +358,33 @@ impl Particles {
         }
     }
 
+    /// Lengths of a body over those of its shape [-].
+    #[inline]
+    pub fn scale_of(&self, slot: usize) -> f64 {
+        if self.needs.scale { self.scale[slot] } else { 1.0 }
+    }
+
     /// Radius of the smallest sphere about the centre of a body [m].
     #[inline]
     pub fn radius(&self, slot: usize) -> f64 {
-        self.library.radius[self.shape[slot].index()]
+        self.library.radius[self.shape[slot].index()] * self.scale_of(slot)
+    }
+
+    /// Radius of the largest sphere about the centre of a body inside it [m].
+    pub fn inscribed_radius(&self, slot: usize) -> f64 {
+        self.library.shapes[self.shape[slot].index()].inscribed_radius() * self.scale_of(slot)
     }
 
     /// Mass of a body [kg].
     #[inline]
     pub fn mass(&self, slot: usize) -> f64 {
-        self.library.mass[self.shape[slot].index()]
+        self.library.mass_at(self.shape[slot], self.scale_of(slot))
+    }
+
+    /// Principal moments of inertia of a body [kg m²].
+    #[inline]
+    pub fn inertia(&self, slot: usize) -> Vec3 {
+        self.library.inertia_at(self.shape[slot], self.scale_of(slot))
     }
 
     /// Material of a body.
@@ -315,6 +407,7 @@ impl Particles {
     pub fn trim(&mut self) {
         self.id.shrink_to_fit();
         self.shape.shrink_to_fit();
+        self.scale.shrink_to_fit();
         self.position.shrink_to_fit();
         self.velocity.shrink_to_fit();
         self.force.shrink_to_fit();
@@ -344,6 +437,7 @@ impl Particles {
             self.orientation.as_ref().map_or(0, |a| held(&a.quaternion) + held(&a.form));
         held(&self.id)
             + held(&self.shape)
+            + held(&self.scale)
             + held(&self.position)
             + held(&self.velocity)
             + held(&self.force)
@@ -362,6 +456,7 @@ impl Particles {
         self.ghosts = 0;
         self.id.truncate(owned);
         self.shape.truncate(owned);
+        self.scale.truncate(owned);
         self.position.truncate(owned);
         self.velocity.truncate(owned);
         self.facets = FacetColumns::default();
@@ -374,11 +469,15 @@ impl Particles {
     }
 
     /// Adds an owned particle. Ghosts and walls must be stripped.
+    ///
+    /// # Panics
+    /// If [`Library::admit`] was not asked for its scale, by which halo and grids are as wide as they must be.
     pub fn push_owned(&mut self, particle: &Particle) {
         // Naming every field: a new one does not compile until somebody decides where it goes.
         let Particle {
             id,
             shape,
+            scale,
             position,
             velocity,
             force,
@@ -390,8 +489,16 @@ impl Particles {
             angular_velocity,
             torque,
         } = particle;
+        let [least, largest] = self.library.scales[shape.index()];
+        assert!(
+            (least..=largest).contains(scale),
+            "particle {id} of scale {scale} in a library that admits {least} to {largest}"
+        );
         self.id.push(*id);
         self.shape.push(*shape);
+        if self.needs.scale {
+            self.scale.push(*scale);
+        }
         self.position.push(*position);
         self.velocity.push(*velocity);
         self.force.push((*force).into());
@@ -404,7 +511,7 @@ impl Particles {
         if let Some(orientation) = &mut self.orientation {
             let slot = self.owned;
             orientation.resize(slot + 1, self.needs);
-            orientation.set(slot, *quaternion, &self.library.shapes[shape.index()]);
+            orientation.set(slot, *quaternion, &self.library.shapes[shape.index()], *scale);
         }
         self.owned += 1;
         let angular_velocity = match &self.orientation {
@@ -427,6 +534,7 @@ impl Particles {
         Particle {
             id: self.id[slot],
             shape: self.shape[slot],
+            scale: self.scale_of(slot),
             position: self.position[slot],
             velocity: self.velocity[slot],
             force: self.force[slot].vector,
@@ -446,6 +554,9 @@ impl Particles {
         let particle = self.owned_particle(slot);
         self.id.swap_remove(slot);
         self.shape.swap_remove(slot);
+        if self.needs.scale {
+            self.scale.swap_remove(slot);
+        }
         self.position.swap_remove(slot);
         self.velocity.swap_remove(slot);
         self.force.swap_remove(slot);
@@ -476,8 +587,7 @@ impl Particles {
     #[inline]
     pub fn angular_momentum(&self, slot: usize) -> Vec3 {
         let Some(spin) = &self.spin else { return Vec3::zeros() };
-        let of_sphere =
-            || spin.angular_velocity[slot] * self.library.inertia[self.shape[slot].index()].x;
+        let of_sphere = || spin.angular_velocity[slot] * self.inertia(slot).x;
         spin.angular_momentum.get(slot).copied().unwrap_or_else(of_sphere)
     }
 
@@ -495,7 +605,7 @@ impl Particles {
     /// Angular velocity of a particle with this angular momentum in its orientation: `R I⁻¹ Rᵀ L`.
     #[inline]
     pub fn angular_velocity_for(&self, slot: usize, momentum: &Vec3) -> Vec3 {
-        let inertia = &self.library.inertia[self.shape[slot].index()];
+        let inertia = &self.inertia(slot);
         match &self.orientation {
             Some(orientation) => {
                 let frame = orientation.quaternion[slot].to_rotation_matrix().into_inner();
@@ -515,6 +625,9 @@ impl Particles {
             }
         }
         let slots = self.id.len();
+        if self.needs.scale {
+            self.scale.resize(slots, 1.0);
+        }
         self.position.resize(slots, Vec3::zeros());
         self.velocity.resize(slots, Vec3::zeros());
         if let Some(spin) = &mut self.spin {
@@ -579,9 +692,9 @@ impl Particles {
     }
 }
 
-/// Ellipsoids and spheres of two materials in any state, no two of them alike: for tests.
+/// Ellipsoids and spheres of two materials in any state, no two of them alike, of many sizes if `sized`: for tests.
 #[cfg(test)]
-pub(crate) fn crowd(count: u64) -> Particles {
+pub(crate) fn crowd(count: u64, sized: bool) -> Particles {
     use crate::random::Random;
     use crate::shape::{Ellipsoid, Sphere};
 
@@ -589,7 +702,17 @@ pub(crate) fn crowd(count: u64) -> Particles {
     let egg = Ellipsoid { semi_axes: Vec3::new(2e-3, 1.5e-3, 1e-3) };
     library.push("egg", Shape::Ellipsoid(egg), MaterialId(0), 2500.0);
     library.push("sphere", Shape::Sphere(Sphere { radius: 1e-3 }), MaterialId(1), 1000.0);
-    let needs = Needs { velocity: true, spin: true, orientation: true, form: true, image: false };
+    if sized {
+        library.scales.fill([0.6, 1.6]);
+    }
+    let needs = Needs {
+        velocity: true,
+        spin: true,
+        orientation: true,
+        form: true,
+        scale: sized,
+        ..Needs::default()
+    };
     let cell = Cell::new(Vec3::zeros(), Vec3::repeat(0.1), [false, false, true]);
     let mut particles = Particles::new(needs, library, Vec::new(), cell);
     for id in 0..count {
@@ -604,6 +727,7 @@ pub(crate) fn crowd(count: u64) -> Particles {
             torque,
             angular_momentum: momentum,
             quaternion: random.rotation(),
+            scale: if sized { 0.6 + random.unit() } else { 1.0 },
             ..Particle::at_rest(GlobalId(id), ShapeId(u16::from(id % 3 == 0)), position)
         });
     }

@@ -2,7 +2,7 @@
 //!
 //! | | a new owner gets | a new ghost's rank gets | in every step |
 //! |---|---|---|---|
-//! | id, shape | x | x | |
+//! | id, shape, scale | x | x | |
 //! | position | x | x | x |
 //! | velocity | x | x, if a law needs it | x, if a law needs it |
 //! | orientation | x | x, if a shape needs it | x, if a shape needs it |
@@ -24,6 +24,8 @@ pub struct Particle {
     pub id: GlobalId,
     /// Shape.
     pub shape: ShapeId,
+    /// Lengths over those of the shape [-].
+    pub scale: f64,
     /// Centre [m].
     pub position: Vec3,
     /// [m/s].
@@ -47,11 +49,12 @@ pub struct Particle {
 }
 
 impl Particle {
-    /// A particle at rest, upright.
+    /// A particle of the size of its shape, at rest, upright.
     pub fn at_rest(id: GlobalId, shape: ShapeId, position: Vec3) -> Self {
         Self {
             id,
             shape,
+            scale: 1.0,
             position,
             velocity: Vec3::zeros(),
             force: Vec3::zeros(),
@@ -123,8 +126,10 @@ impl Particles {
                 let quaternion = Quat::new_unchecked(coords.into());
                 // A turn by θ moves the quaternion by 2 sin(θ/4), which is more than 2θ/2.1 / 2.
                 let turned = (quaternion.coords - orientation.quaternion[slot].coords).norm();
-                moved += 2.1 * turned * self.library.radius[self.shape[slot].index()];
-                orientation.set(slot, quaternion, &self.library.shapes[self.shape[slot].index()]);
+                let shape = self.shape[slot].index();
+                let scale = if self.needs.scale { self.scale[slot] } else { 1.0 };
+                moved += 2.1 * turned * (self.library.radius[shape] * scale);
+                orientation.set(slot, quaternion, &self.library.shapes[shape], scale);
             }
             if let Some(travel) = self.travel.get_mut(slot) {
                 *travel += moved;
@@ -132,12 +137,14 @@ impl Particles {
         }
     }
 
-    /// Appends ghosts with these names and shapes; their state comes with [`Particles::unpack_halo`].
-    pub fn push_ghosts(&mut self, names: &[(GlobalId, ShapeId)]) {
+    /// Appends ghosts with these names, shapes and, if the scene needs them, scales; their state comes with
+    /// [`Particles::unpack_halo`].
+    pub fn push_ghosts(&mut self, names: &[(GlobalId, ShapeId)], scales: &[f64]) {
         for &(id, shape) in names {
             self.id.push(id);
             self.shape.push(shape);
         }
+        self.scale.extend_from_slice(scales);
         self.ghosts += names.len();
         let slots = self.owned + self.ghosts;
         self.position.resize(slots, Vec3::zeros());

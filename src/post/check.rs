@@ -24,6 +24,8 @@ pub(super) fn check_particles(header: &Header, particles: &ParticleTable) -> Res
     broken("position", not_finite(&particles.position))?;
     broken("velocity", not_finite(&particles.velocity))?;
     broken("force", not_finite(&particles.force))?;
+    let is_size = |scale: &f64| *scale > 0.0 && scale.is_finite();
+    broken("scale", particles.scale.iter().position(|scale| !is_size(scale)))?;
     let orientation = |q: &[f64; 4]| q.iter().all(|c| c.is_finite()) && q.iter().any(|&c| c != 0.0);
     broken("quaternion", particles.quaternion.iter().position(|q| !orientation(q)))
 }

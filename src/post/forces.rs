@@ -39,7 +39,8 @@ impl MeanForceSum {
     ) -> Result<(), PostError> {
         for (row, &id) in particles.id.iter().enumerate() {
             if members.holds(id)? {
-                let mass = header.shapes[particles.shape[row].index()].mass;
+                let shape = &header.shapes[particles.shape[row].index()];
+                let mass = shape.mass * particles.volume_ratio(row);
                 self.resultant.add((particles.force[row] + header.gravity * mass).norm());
                 self.particles += 1;
             }

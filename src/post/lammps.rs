@@ -36,7 +36,7 @@ pub fn write_particles(
         let (x, v) = (&particles.position[row], &particles.velocity[row]);
         let [qw, qx, qy, qz] =
             particles.quaternion.get(row).copied().unwrap_or([1.0, 0.0, 0.0, 0.0]);
-        let axes = shape.semi_axes * 2.0;
+        let axes = shape.semi_axes * (2.0 * particles.scale_of(row));
         write!(out, "{} {}", id, particles.shape[row].0 + 1)?;
         for number in [x.x, x.y, x.z, qx, qy, qz, qw, axes.x, axes.y, axes.z, v.x, v.y, v.z] {
             write!(out, " {number:e}")?;

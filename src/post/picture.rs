@@ -60,7 +60,7 @@ impl Outline {
         if !body.shape.kind().is_ellipsoidal() {
             return Self::Polygon(polygon(body));
         }
-        let [xx, _, zz, _, xz, _] = body.shape.form(&body.frame);
+        let [xx, _, zz, _, xz, _] = body.posed().form();
         let mut eigen = Matrix2::new(xx, xz, xz, zz).symmetric_eigenvalues();
         if eigen.x < eigen.y {
             eigen.swap_rows(0, 1);
@@ -89,7 +89,7 @@ fn polygon(body: &Turned) -> Vec<Vector2<f64>> {
         Vector2::new(point.x, point.z)
     };
     let ends = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)].map(|(x, z)| farthest(x, z));
-    let least = BULGE * body.shape.bounding_radius();
+    let least = BULGE * body.posed().bounding_radius();
     let mut corners = Vec::new();
     // Sides that still have to be looked at, the next one last.
     let mut sides: Vec<_> = (0..4).rev().map(|k| [ends[k], ends[(k + 1) % 4]]).collect();

@@ -4,6 +4,7 @@
 use super::PostError;
 use super::sums::quotient;
 use crate::cell::AXES;
+use crate::contact::Posed;
 use crate::ids::GlobalId;
 use crate::math::{ExactSum, Mat3, Quat, Vec3};
 use crate::output::tables::{Header, ParticleTable};
@@ -109,7 +110,7 @@ impl Region {
 pub enum Margin {
     /// In metres.
     Metres(f64),
-    /// In diameters of the sphere that has the volume of the largest shape.
+    /// In diameters of the sphere that has the volume of the largest shape, at a scale of 1.
     Diameters(f64),
 }
 
@@ -150,6 +151,8 @@ pub(super) struct Turned<'a> {
     pub(super) shape: Cow<'a, Shape>,
     /// Columns are the body's axes in the world.
     pub(super) frame: Mat3,
+    /// Lengths over those of the shape [-].
+    scale: f64,
 }
 
 impl<'a> Turned<'a> {
@@ -157,17 +160,23 @@ impl<'a> Turned<'a> {
         let frame = particles.quaternion.get(row).map_or_else(Mat3::identity, |&[w, x, y, z]| {
             Quat::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix().into_inner()
         });
-        Self { shape: header.shapes[particles.shape[row].index()].body(), frame }
+        let shape = header.shapes[particles.shape[row].index()].body();
+        Self { shape, frame, scale: particles.scale_of(row) }
+    }
+
+    /// As contacts see it.
+    pub(super) fn posed(&self) -> Posed<'_> {
+        Posed { shape: &self.shape, frame: &self.frame, scale: self.scale }
     }
 
     /// The farthest point along `direction` [m].
     pub(super) fn support(&self, direction: &Vec3) -> Vec3 {
-        self.frame * self.shape.support(&self.frame.tr_mul(direction))
+        self.posed().support(direction)
     }
 
     /// Whether a point is in the body.
     fn contains(&self, point: &Vec3) -> bool {
-        self.shape.contains(&self.frame.tr_mul(point))
+        self.posed().contains(point)
     }
 
     /// The box around the body.
@@ -356,10 +365,11 @@ pub struct SolidVolume {
 impl SolidVolume {
     /// Adds these particles.
     pub fn add(&mut self, header: &Header, particles: &ParticleTable) {
-        for shape in &particles.shape {
+        for (row, shape) in particles.shape.iter().enumerate() {
             let shape = &header.shapes[shape.index()];
-            self.sum.add(shape.volume);
-            self.mass.add(shape.mass);
+            let ratio = particles.volume_ratio(row);
+            self.sum.add(shape.volume * ratio);
+            self.mass.add(shape.mass * ratio);
             self.particles += 1;
         }
     }

@@ -1,6 +1,7 @@
 //! From a scene to a simulation: the only place that names concrete parts.
 
 use super::{Scene, packing};
+use crate::cell::AXES;
 use crate::comm::{Comm, agree};
 use crate::contact::{self, Histories, StateColumn};
 use crate::contacts::Contacts;
@@ -9,6 +10,7 @@ use crate::drive::rain::RainGauge;
 use crate::drive::servo::Servos;
 use crate::drive::{Drive, DriveError};
 use crate::ids::{GlobalId, ShapeId};
+use crate::law::stability::time_step_limit;
 use crate::law::{ForceLaw, Sums};
 use crate::measure::Departed;
 use crate::motion::Field;
@@ -66,6 +68,22 @@ pub enum StartError {
         path: PathBuf,
         /// Which, and why.
         error: DriveError,
+    },
+    /// It has particles of sizes that the scene's settings do not fit.
+    #[error(
+        "{path}: it has particles of scales {least:?} to {largest:?} of shape \"{shape}\": {problem}"
+    )]
+    Size {
+        /// The snapshot.
+        path: PathBuf,
+        /// The shape's name.
+        shape: String,
+        /// The least scale of such a particle.
+        least: f64,
+        /// The largest.
+        largest: f64,
+        /// What does not fit, and what to do.
+        problem: String,
     },
     /// Its domain repeats along other axes or with other lengths.
     #[error("{path}: its periodic axes or their lengths differ from the scene's [domain]")]
@@ -180,6 +198,7 @@ pub fn take_up(
         return Err(StartError::Forgotten { path, column });
     }
 
+    admit_sizes(sim, scene, reader.path(), &particles, comm)?;
     sim.next_id = header.next_id;
     sim.step = header.step;
     match from {
@@ -224,6 +243,70 @@ pub fn take_up(
     }
     let passed_over = reader.passed_over().to_vec();
     Ok(TakenUp { passed_over, stop: header.stop, walls_elsewhere })
+}
+
+/// Makes room for the sizes of these particles, which the scene may not have known of: a list of a stage before gave
+/// them. Collective.
+fn admit_sizes(
+    sim: &mut Simulation,
+    scene: &Scene,
+    path: &Path,
+    particles: &[Particle],
+    comm: &mut dyn Comm,
+) -> Result<(), StartError> {
+    let mut library = sim.particles.library.clone();
+    for particle in particles {
+        library.admit(particle.shape, particle.scale);
+    }
+    let bounds = library.scales.iter().flat_map(|[least, largest]| [-least, *largest]);
+    let mut bounds: Vec<f64> = bounds.collect();
+    comm.max(&mut bounds);
+    for (scales, bounds) in library.scales.iter_mut().zip(bounds.chunks_exact(2)) {
+        *scales = [-bounds[0], bounds[1]];
+    }
+    if library == sim.particles.library {
+        return Ok(());
+    }
+    let wrong = |shape: ShapeId, problem: String| {
+        let [least, largest] = library.scales[shape.index()];
+        let shape = library.names[shape.index()].clone();
+        Err(StartError::Size { path: path.to_owned(), shape, least, largest, problem })
+    };
+    if let Some(limit) = time_step_limit(&library, &*sim.law)
+        && scene.dt > limit.dt
+        && !scene.allow_unstable
+    {
+        let dt = 0.995 * limit.dt;
+        return wrong(
+            limit.shape,
+            format!(
+                "time.step is over their stable limit of {dt:.2e} s; take a shorter step, or set time.allow_unstable = true"
+            ),
+        );
+    }
+    let halo = 2.0 * library.largest_radius() + scene.skin;
+    let extent = scene.domain.high() - scene.domain.low();
+    let is_narrow =
+        |&axis: &usize| scene.domain.period(axis).is_some() && extent[axis] < 2.0 * halo;
+    if let Some(axis) = (0..3).find(is_narrow) {
+        let radius = |&(shape, scale): &(ShapeId, f64)| library.radius[shape.index()] * scale;
+        let largest = library.extremes().max_by(|a, b| radius(a).total_cmp(&radius(b)));
+        return wrong(
+            largest.map_or(ShapeId(0), |(shape, _)| shape),
+            format!(
+                "a period must be at least {:.4e} m, twice the largest bounding diameter and the skin; along {} it is {:?} m",
+                2.0 * halo,
+                AXES[axis],
+                extent[axis]
+            ),
+        );
+    }
+    sim.particles.strip_to_owned();
+    sim.particles.needs.scale = library.has_sizes();
+    sim.watch = Watch::new(library.least_inscribed_radius());
+    sim.particles.library = library;
+    sim.domain.widen(halo);
+    Ok(())
 }
 
 /// This rank's share of the rows of a snapshot.
@@ -280,6 +363,16 @@ fn read_part(
         let now = scene.walls.iter().position(|wall| is(wall, before))?;
         Some(GlobalId::facet(now, facet))
     });
+    if let Some(row) = table.scale.iter().position(|scale| !(scale.is_finite() && *scale > 0.0)) {
+        let (scale, shape) = (table.scale[row], &header.shapes[table.shape[row].index()]);
+        return Err(StartError::Size {
+            path: path.to_owned(),
+            shape: shape.name.clone(),
+            least: scale,
+            largest: scale,
+            problem: "a scale is a number greater than 0; take another snapshot".to_owned(),
+        });
+    }
     let mut particles = capture::particles_of(&table, |shape| shapes[shape.index()]);
     for (particle, before) in particles.iter_mut().zip(&table.shape) {
         // Of another density now: it goes on as fast as it was, and turns as fast.

@@ -9,14 +9,14 @@ use super::matter::{Materials, Shapes, interactions};
 use super::reader::{Given, Range, Section};
 use super::report::Report;
 use super::walls::Walls;
-use super::{Method, Scene, Stop};
+use super::{Fill, Method, Scene, Stop};
 use crate::cell::{AXES, Cell};
 use crate::contact::{Epa, ErodedGjk};
+use crate::ids::ShapeId;
 use crate::law::stability::time_step_limit;
 use crate::law::{ForceLaw, linear};
 use crate::math::Vec3;
 use crate::particles::Library;
-use crate::shape::Shape;
 use std::path::{Path, PathBuf};
 
 /// Skin, in largest bounding radii, if the file does not say.
@@ -59,10 +59,26 @@ pub(super) fn scene(
 
     let materials = Materials::read(&root, limit_damping);
     let interactions = interactions(&root, &materials, limit_damping);
-    let shapes = Shapes::read(&root, &materials, folder);
+    let mut shapes = Shapes::read(&root, &materials, folder);
     let domain_section = root.section("domain", "the box of particles, `low` and `high` [m]");
     let domain = domain_section.as_ref().and_then(domain);
     let mut walls = Walls::read(&root, domain_section.as_ref(), domain.as_ref(), &materials);
+
+    let fills = Fills {
+        shapes: &shapes,
+        domain: domain.as_ref(),
+        gravity: gravity.unwrap_or_else(Vec3::zeros),
+        folder,
+    }
+    .read(&root);
+    // What follows looks at the sizes of all particles.
+    for fill in fills.iter().flat_map(|(initial, _)| initial) {
+        if let Fill::Listed(rows) = fill {
+            for row in rows {
+                shapes.library.admit(row.shape, row.scale);
+            }
+        }
+    }
 
     let time_section = root.section("time", "`step` [s] and `steps`");
     let time = time_section.as_ref().and_then(Time::read);
@@ -80,13 +96,6 @@ pub(super) fn scene(
         Some((skin?, imbalance?))
     });
     let output = root.section("output", "`directory`").as_ref().and_then(Output::read);
-    let fills = Fills {
-        shapes: &shapes,
-        domain: domain.as_ref(),
-        gravity: gravity.unwrap_or_else(Vec3::zeros),
-        folder,
-    }
-    .read(&root);
     root.finish();
 
     let bodies = shapes.library.shapes.len() + walls.count();
@@ -172,7 +181,8 @@ fn start(given: &Given, need: Need) -> Option<PathBuf> {
 
 /// The skin if the file does not say [m]: not so wide that small grains list all the others around them.
 fn default_skin(library: &Library) -> f64 {
-    let smallest = library.shapes.iter().map(Shape::bounding_radius).fold(f64::INFINITY, f64::min);
+    let radius = |(shape, scale): (ShapeId, f64)| library.radius[shape.index()] * scale;
+    let smallest = library.extremes().map(radius).fold(f64::INFINITY, f64::min);
     (SKIN * library.largest_radius()).min(smallest)
 }
 

@@ -2,11 +2,12 @@
 
 use super::matter::Shapes;
 use super::reader::{Range, Section};
-use super::{Fill, Lattice, Mix, Rain, listed};
+use super::{Fill, Lattice, Listed, Mix, Rain, listed};
 use crate::cell::{AXES, Cell};
 use crate::drive::rain::cells_along;
 use crate::ids::ShapeId;
 use crate::math::Vec3;
+use crate::particles::Library;
 use crate::sim::run::DEEPEST_START;
 use std::path::Path;
 
@@ -219,8 +220,11 @@ impl Fills<'_> {
 
     /// Neighbours on a lattice overlap, whatever their orientations, if the spheres in them do.
     fn check_spacing(&self, section: &Section, mix: &Mix, spacing: &Vec3, count: &[u32; 3]) {
-        let shape = |id: ShapeId| &self.shapes.library.shapes[id.index()];
-        let thinnest = mix.shapes().map(|id| 2.0 * shape(id).inscribed_radius());
+        let Library { shapes, sizes, .. } = &self.shapes.library;
+        let thinnest = mix.shapes().map(|id| {
+            let [scale, _] = sizes[id.index()].scales();
+            2.0 * shapes[id.index()].inscribed_radius() * scale
+        });
         let least = (1.0 - DEEPEST_START) * thinnest.fold(f64::INFINITY, f64::min);
         let narrow = |axis: &usize| count[*axis] > 1 && spacing[*axis] < least;
         if self.shapes.complete
@@ -240,9 +244,16 @@ impl Fills<'_> {
         let rows = section.require("path", "a CSV file", |given| {
             let path = self.folder.join(given.text()?);
             let names: Vec<&str> = self.shapes.names.listing().collect();
-            let outside = |position: &Vec3| {
+            let wrong = |row: &Listed| {
+                let library = &self.shapes.library;
+                if self.shapes.complete && !library.has_mass_at(row.shape, row.scale) {
+                    return Some(format!(
+                        "of scale {:?}: its mass or moment of inertia leave the range of numbers",
+                        row.scale
+                    ));
+                }
                 let domain = self.domain?;
-                let axis = outside(domain, position)?;
+                let axis = outside(domain, &row.position)?;
                 Some(format!(
                     "outside the domain along {}: {:?} to {:?} m",
                     AXES[axis],
@@ -250,7 +261,7 @@ impl Fills<'_> {
                     domain.high()[axis]
                 ))
             };
-            match listed::read(&path, &names, first_id, &outside) {
+            match listed::read(&path, &names, first_id, &wrong) {
                 Ok(rows) => Some(rows),
                 Err(mistakes) => {
                     for mistake in &mistakes {

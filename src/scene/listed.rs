@@ -2,7 +2,7 @@
 //!
 //! Columns in any order: `x,y,z` [m]; and, each group whole or not at all, `qw,qx,qy,qz` (body to
 //! world, of any length), `vx,vy,vz` [m/s], `wx,wy,wz` [rad/s, world axes]; and `shape` (a name),
-//! which may be missing if there is only one. Lines that begin with `#` are comments.
+//! which may be missing if there is only one; and `scale`, lengths over those of the shape, 1 where it is missing. Lines that begin with `#` are comments.
 
 use super::Listed;
 use super::report::suggestion;
@@ -15,16 +15,16 @@ use std::path::Path;
 /// So many mistakes of a file are listed, the others counted.
 const SHOWN: usize = 5;
 
-const COLUMNS: [&str; 14] =
-    ["x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz", "shape"];
+const COLUMNS: [&str; 15] =
+    ["x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz", "shape", "scale"];
 
-/// The particles of a file, or what is wrong with it. `outside` says of a place why no particle may
-/// be there; messages count ids from `first_id`.
+/// The particles of a file, or what is wrong with it. `wrong` says of a particle why it may not be there;
+/// messages count ids from `first_id`.
 pub(super) fn read(
     path: &Path,
     shapes: &[&str],
     first_id: u64,
-    outside: &dyn Fn(&Vec3) -> Option<String>,
+    wrong: &dyn Fn(&Listed) -> Option<String>,
 ) -> Result<Vec<Listed>, Vec<String>> {
     let text = std::fs::read_to_string(path)
         .map_err(|error| vec![format!("{} cannot be read: {error}", path.display())])?;
@@ -45,7 +45,7 @@ pub(super) fn read(
             Ok(record) => match columns.row(&record, shapes) {
                 Err(what) => mistakes.push(format!("line {}, {what}", line(&record))),
                 Ok(row) => {
-                    if let Some(why) = outside(&row.position) {
+                    if let Some(why) = wrong(&row) {
                         let [x, y, z]: [f64; 3] = row.position.into();
                         let id = first_id + k as u64;
                         mistakes.push(format!(
@@ -88,6 +88,7 @@ struct Columns {
     velocity: Option<[usize; 3]>,
     angular_velocity: Option<[usize; 3]>,
     shape: Option<usize>,
+    scale: Option<usize>,
 }
 
 impl Columns {
@@ -115,6 +116,7 @@ impl Columns {
         let velocity = group(&["vx", "vy", "vz"], false);
         let angular_velocity = group(&["wx", "wy", "wz"], false);
         let shape = group(&["shape"], shapes.len() > 1);
+        let scale = group(&["scale"], false);
         let three = |columns: Vec<usize>| [columns[0], columns[1], columns[2]];
         match position {
             Some(position) if mistakes.is_empty() => Ok(Self {
@@ -124,6 +126,7 @@ impl Columns {
                 velocity: velocity.map(three),
                 angular_velocity: angular_velocity.map(three),
                 shape: shape.map(|c| c[0]),
+                scale: scale.map(|c| c[0]),
             }),
             _ => Err(mistakes),
         }
@@ -168,8 +171,13 @@ impl Columns {
                 format!("column shape: no such shape as `{name}`{hint}")
             })?,
         };
+        let scale = self.scale.map_or(Ok(1.0), number)?;
+        if scale <= 0.0 {
+            return Err(format!("column scale: {scale:?} must be greater than 0"));
+        }
         Ok(Listed {
             shape: ShapeId(shape as u16),
+            scale,
             position,
             quaternion,
             velocity: self.velocity.map_or_else(|| Ok(Vec3::zeros()), vector)?,

@@ -4,9 +4,10 @@ use super::Mix;
 use super::geometry::geometry;
 use super::reader::{Given, Range, Section};
 use super::report::suggestion;
-use crate::ids::MaterialId;
+use crate::ids::{MaterialId, ShapeId};
 use crate::law::linear::{Constants, Interactions, damping_ratio_of_restitution};
-use crate::particles::Library;
+use crate::particles::sizes::Sizes;
+use crate::particles::{Library, of_inertia, of_mass};
 use crate::shape::{Shape, Sphere};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -224,34 +225,73 @@ impl Shapes {
             shapes.names.add(section);
             let material = materials.find_in(section, "material");
             let geometry = geometry(section, folder);
+            let sizes = section.read_or("size", Sizes::One, sizes);
             section.finish();
             let density = material.and_then(|id| materials.get(id)).map(|m| m.density);
-            shapes.complete &= match (&geometry, density) {
-                (Some(geometry), Some(density)) => has_mass(section, geometry, density),
+            shapes.complete &= match (&geometry, density, &sizes) {
+                (Some(geometry), Some(density), Some(sizes)) => {
+                    has_mass(section, geometry, density, sizes)
+                }
                 _ => false,
             };
-            shapes.library.push(
+            let id = shapes.library.push(
                 shapes.names.names.last().map_or("", String::as_str),
                 geometry.unwrap_or(Shape::Sphere(Sphere { radius: 0.0 })),
                 material.unwrap_or(MaterialId(0)),
                 density.unwrap_or_default(),
             );
+            shapes.library.set_sizes(id, sizes.unwrap_or_default());
         }
         shapes.library.particle_shapes = shapes.library.shapes.len();
         shapes
     }
 
+    /// Of the particles of a mix [m].
     pub(super) fn largest_radius(&self, mix: &Mix) -> f64 {
-        mix.shapes().map(|id| self.library.shapes[id.index()].bounding_radius()).fold(0.0, f64::max)
+        let Library { shapes, sizes, .. } = &self.library;
+        let largest = |id: ShapeId| {
+            let [_, scale] = sizes[id.index()].scales();
+            shapes[id.index()].bounding_radius() * scale
+        };
+        mix.shapes().map(largest).fold(0.0, f64::max)
     }
 }
 
+/// How sizes are distributed, by number: scales of all lengths of the shape.
+fn sizes(given: &Given) -> Option<Sizes> {
+    let section = given.section()?;
+    let what = "a list of two numbers greater than 0: the smallest scale and the largest";
+    let scales = section.require("uniform", what, |given| {
+        let items = given.list(what)?;
+        let [least, largest] = &items[..] else {
+            given.fail(format!("has {} items; must be {what}", items.len()));
+            return None;
+        };
+        let (least, largest) =
+            (least.number(Range::Positive, ""), largest.number(Range::Positive, ""));
+        let (least, largest) = (least?, largest?);
+        if least > largest {
+            given.fail(format!("{least:?} is more than {largest:?}; must be {what}"));
+            return None;
+        }
+        Some([least, largest])
+    });
+    section.finish();
+    scales.map(Sizes::Uniform)
+}
+
 /// A size of 1e-200 m is a positive number, but its volume is not.
-fn has_mass(section: &Section, geometry: &Shape, density: f64) -> bool {
+fn has_mass(section: &Section, geometry: &Shape, density: f64, sizes: &Sizes) -> bool {
     let mass = density * geometry.volume();
-    let fits = mass.is_normal() && (geometry.gyration() * mass).iter().all(|i| i.is_normal());
-    if !fits {
-        section.fail(format!("mass ({mass:e} kg) or moment of inertia leave the range of numbers"));
+    for scale in sizes.scales() {
+        let (mass, inertia) =
+            (mass * of_mass(scale), geometry.gyration() * mass * of_inertia(scale));
+        if !(mass.is_normal() && inertia.iter().all(|i| i.is_normal())) {
+            section.fail(format!(
+                "mass ({mass:e} kg) or moment of inertia leave the range of numbers"
+            ));
+            return false;
+        }
     }
-    fits
+    true
 }

@@ -61,6 +61,7 @@
 //! | `vertices` | m | of a polyhedron or the core of a rounded one: [[x, y, z], ...], in any axes and order; or: |
 //! | `file`, `scale` | m | a closed and convex mesh, `.stl` or `.obj`; metres per unit of its lengths, default 1 |
 //! | `radius` | m | of the sphere that rolls around a rounded polyhedron's core |
+//! | `size` | | how sizes of the particles of lattices and rain are distributed, by number: `{ uniform = [0.8, 1.2] }` is any scale of the lengths above between these two; default: all are as above |
 //! | **`[contact]`** | | how contacts are resolved; may be left out |
 //! | `method` | | `"auto"` (default: the best for each pair of kinds), `"common-normal"` (smooth shapes only), `"gjk-erosion"` or `"epa"` |
 //! | `erosion_ratio` | | of `gjk-erosion`: first erosion, in (0, 1); default 0.05 |
@@ -100,7 +101,7 @@
 //! | `low`, `high` | m | as many as fit into this box; or: |
 //! | `first`, `count` | m | centre of the first, how many along [x, y, z] |
 //! | **`[[fill.file]]`** | | particles one by one |
-//! | `path` | | CSV with a header: `x,y,z` and, if wanted, `qw,qx,qy,qz`, `vx,vy,vz`, `wx,wy,wz`, `shape` |
+//! | `path` | | CSV with a header: `x,y,z` and, if wanted, `qw,qx,qy,qz`, `vx,vy,vz`, `wx,wy,wz`, `shape`, `scale` (of the shape's lengths; default 1, whatever its `size`) |
 
 pub mod assemble;
 mod check;
@@ -289,6 +290,7 @@ impl Scene {
             orientation,
             form: crate::contact::needs_form(&self.method, &self.particle_kinds()),
             image: self.domain.repeats(),
+            scale: self.library.has_sizes(),
             ..law
         }
     }
@@ -346,6 +348,8 @@ pub struct Lattice {
 pub struct Listed {
     /// Shape.
     pub shape: ShapeId,
+    /// Lengths over those of the shape [-].
+    pub scale: f64,
     /// Centre [m].
     pub position: Vec3,
     /// Body to world.

@@ -15,20 +15,21 @@ pub fn initial(scene: &Scene) -> impl Iterator<Item = Particle> {
         let first = next;
         next += fill.count();
         (0..fill.count()).map(move |k| match fill {
-            Fill::Lattice(lattice) => on_lattice(lattice, k, first + k, scene.seed),
+            Fill::Lattice(lattice) => on_lattice(lattice, k, first + k, scene),
             Fill::Listed(list) => listed(&list[k as usize], first + k, &scene.library),
         })
     })
 }
 
-fn on_lattice(lattice: &Lattice, k: u64, id: u64, seed: u64) -> Particle {
-    let mut random = Random::of(seed, id);
+fn on_lattice(lattice: &Lattice, k: u64, id: u64, scene: &Scene) -> Particle {
+    let mut random = Random::of(scene.seed, id);
     let shape = lattice.mix.pick(random.unit());
+    let scale = scene.library.sizes[shape.index()].draw(&mut random);
     let [nx, ny, _] = lattice.count.map(u64::from);
     let place = Vec3::new((k % nx) as f64, (k / nx % ny) as f64, (k / (nx * ny)) as f64);
     let position = lattice.first + lattice.spacing.component_mul(&place);
-    let mut particle = Particle::at_rest(GlobalId(id), shape, position);
-    particle.velocity = lattice.velocity;
+    let still = Particle::at_rest(GlobalId(id), shape, position);
+    let mut particle = Particle { scale, velocity: lattice.velocity, ..still };
     if lattice.random_orientation {
         particle.quaternion = random.rotation();
     }
@@ -38,8 +39,9 @@ fn on_lattice(lattice: &Lattice, k: u64, id: u64, seed: u64) -> Particle {
 fn listed(row: &Listed, id: u64, library: &Library) -> Particle {
     // L = R I Rᵀ ω
     let local = row.quaternion.inverse_transform_vector(&row.angular_velocity);
-    let inertia = library.inertia[row.shape.index()];
+    let inertia = library.inertia_at(row.shape, row.scale);
     Particle {
+        scale: row.scale,
         velocity: row.velocity,
         quaternion: row.quaternion,
         angular_momentum: row.quaternion * inertia.component_mul(&local),

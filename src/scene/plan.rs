@@ -95,6 +95,12 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         let material = &scene.materials[library.materials[index].index()].name;
         let kind = shape.kind().name();
         page.line("shape", format!("{name}: {kind} of {material}, {size}, {mass:.4e} kg"));
+        let [least, largest] = library.scales[index];
+        if [least, largest] != [1.0; 2] {
+            let words = library.sizes[index].words();
+            let drawn = if words.is_empty() { words } else { format!("; drawn: {words}") };
+            page.line("", format!("lengths from {least:?} to {largest:?} times these{drawn}"));
+        }
         if let Some(Placement { centre, axes }) = shape.placement() {
             let ([x, y, z], q): ([f64; 3], _) = ((*centre).into(), axes.quaternion());
             page.line(
@@ -145,6 +151,7 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         (needs.spin, "angular velocity, torque"),
         (needs.orientation, "orientation, angular momentum"),
         (needs.image, "counts of periods"),
+        (needs.scale, "scales"),
     ];
     let columns: Vec<&str> =
         columns.iter().filter(|(is_in, _)| *is_in).map(|&(_, name)| name).collect();
@@ -199,6 +206,7 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         (!needs.spin, "no rotation: spheres without friction feel no moment".to_owned()),
         (!needs.velocity, "no velocities of ghosts: no friction, no dashpots".to_owned()),
         (!needs.image, "no counts of periods: no axis is periodic".to_owned()),
+        (!needs.scale, "no scales: all particles are as large as their shapes".to_owned()),
         (scene.global_damping == 0.0, "no global damping".to_owned()),
         (scene.gravity == Vec3::zeros(), "no gravity".to_owned()),
         (scene.stop == Stop::default(), "no stop criterion: all steps are taken".to_owned()),
@@ -319,8 +327,11 @@ struct Sizes {
 
 impl Sizes {
     fn of(scene: &Scene, bed: &Block) -> Self {
-        let density = |(count, &radius): (f64, &f64)| (radius, count / bed.volume());
-        let classes = counts(scene).into_iter().zip(&scene.library.radius).map(density).collect();
+        // Of a shape of many sizes, all have the mean volume.
+        let class = |(of_shape, &radius): (OfShape, &f64)| {
+            (radius * of_shape.mean_volume().cbrt(), of_shape.count / bed.volume())
+        };
+        let classes = counts(scene).into_iter().zip(&scene.library.radius).map(class).collect();
         Self { classes, skin: scene.skin }
     }
 
@@ -427,12 +438,28 @@ impl Block {
 
 /// Volume of all particles [m³].
 fn solid_volume(scene: &Scene) -> f64 {
-    counts(scene).iter().zip(&scene.library.shapes).map(|(n, shape)| n * shape.volume()).sum()
+    let counts = counts(scene);
+    counts.iter().zip(&scene.library.shapes).map(|(of, shape)| of.volume * shape.volume()).sum()
+}
+
+/// The particles of a shape.
+#[derive(Clone, Copy, Default)]
+struct OfShape {
+    count: f64,
+    /// Volume of all of them over that of the shape.
+    volume: f64,
+}
+
+impl OfShape {
+    /// Mean volume over that of the shape.
+    fn mean_volume(self) -> f64 {
+        if self.count > 0.0 { self.volume / self.count } else { 1.0 }
+    }
 }
 
 /// How many particles of each shape there will be; of a mix, as its shares say.
-fn counts(scene: &Scene) -> Vec<f64> {
-    let mut counts = vec![0.0; scene.library.particle_shapes];
+fn counts(scene: &Scene) -> Vec<OfShape> {
+    let mut counts = vec![OfShape::default(); scene.library.particle_shapes];
     let mut mixes: Vec<(&Mix, u64)> =
         scene.rain.iter().map(|rain| (&rain.mix, rain.count)).collect();
     for fill in &scene.initial {
@@ -440,14 +467,19 @@ fn counts(scene: &Scene) -> Vec<f64> {
             Fill::Lattice(lattice) => mixes.push((&lattice.mix, fill.count())),
             Fill::Listed(list) => {
                 for row in list {
-                    counts[row.shape.index()] += 1.0;
+                    let of_shape = &mut counts[row.shape.index()];
+                    of_shape.count += 1.0;
+                    of_shape.volume += row.scale.powi(3);
                 }
             }
         }
     }
     for (mix, count) in mixes {
         for (shape, share) in mix.shares() {
-            counts[shape.index()] += share * count as f64;
+            let of_shape = &mut counts[shape.index()];
+            let number = share * count as f64;
+            of_shape.count += number;
+            of_shape.volume += number * scene.library.sizes[shape.index()].mean_volume();
         }
     }
     counts

@@ -12,7 +12,7 @@ use crate::cell::Cell;
 use crate::contact::Pair;
 use crate::ids::Slot;
 use crate::math::Vec3;
-use crate::particles::{Library, Particles, walls};
+use crate::particles::{Particles, walls};
 use std::borrow::Cow;
 
 /// Distances are taken as so much longer when cells are chosen, for the rounding of positions.
@@ -24,7 +24,7 @@ pub fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
     let mut pairs = Vec::new();
     let bodies = particles.first_facet();
     if particles.owned > 0 {
-        let classes = Classes::of(&particles.library);
+        let classes = Classes::of(particles);
         for_each_candidate(particles, &classes, skin, |i, j| {
             if i >= particles.owned && j >= particles.owned {
                 return;
@@ -49,25 +49,54 @@ pub fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
     pairs
 }
 
-/// Shapes by size: in each class the largest has less than twice the radius of the smallest.
+/// Bodies by size: in each class the largest has at most twice the radius of the smallest.
 struct Classes {
-    /// Class of each of the particles' shapes; the first class has the largest.
-    of_shape: Vec<usize>,
+    /// Slots of each class; the first class has the largest bodies.
+    members: Vec<Vec<u32>>,
     /// The largest bounding radius of each class [m].
     radius: Vec<f64>,
 }
 
 impl Classes {
-    fn of(library: &Library) -> Self {
+    fn of(particles: &Particles) -> Self {
+        if particles.needs.scale { Self::by_size(particles) } else { Self::by_shape(particles) }
+    }
+
+    /// Each size by itself.
+    fn by_size(particles: &Particles) -> Self {
+        let bodies = 0..particles.first_facet();
+        let largest = bodies.clone().map(|slot| particles.radius(slot)).fold(0.0, f64::max);
+        let mut classes = Self { members: Vec::new(), radius: Vec::new() };
+        for slot in bodies {
+            let radius = particles.radius(slot);
+            let class = ((largest / radius).log2() as usize).min(63);
+            while classes.members.len() <= class {
+                classes.members.push(Vec::new());
+                classes.radius.push(0.0);
+            }
+            classes.members[class].push(slot as u32);
+            classes.radius[class] = classes.radius[class].max(radius);
+        }
+        classes
+    }
+
+    /// All particles of a shape together.
+    fn by_shape(particles: &Particles) -> Self {
+        let library = &particles.library;
+        let mut of_shape = vec![0; library.particle_shapes];
         let mut by_size: Vec<usize> = (0..library.particle_shapes).collect();
         by_size.sort_by(|&a, &b| library.radius[b].total_cmp(&library.radius[a]));
-        let mut classes = Self { of_shape: vec![0; by_size.len()], radius: Vec::new() };
+        let mut classes = Self { members: Vec::new(), radius: Vec::new() };
         for shape in by_size {
             let radius = library.radius[shape];
             if classes.radius.last().is_none_or(|&largest| 2.0 * radius <= largest) {
                 classes.radius.push(radius);
+                classes.members.push(Vec::new());
             }
-            classes.of_shape[shape] = classes.radius.len() - 1;
+            of_shape[shape] = classes.radius.len() - 1;
+        }
+        for (slot, shape) in particles.shape[..particles.first_facet()].iter().enumerate() {
+            classes.members[of_shape[shape.index()]].push(slot as u32);
         }
         classes
     }
@@ -84,13 +113,10 @@ fn for_each_candidate(
     let positions = unfolded(&particles.position[..bodies], particles.owned, &particles.cell);
     let reach = |a: usize, b: usize| (classes.radius[a] + classes.radius[b] + skin) * LEEWAY;
     let space = Space::around(&positions, &particles.cell, reach(0, 0));
-    let mut members: Vec<Vec<u32>> = vec![Vec::new(); classes.radius.len()];
-    for (slot, shape) in particles.shape[..bodies].iter().enumerate() {
-        members[classes.of_shape[shape.index()]].push(slot as u32);
-    }
     // From the largest to the smallest.
     let mut larger: Vec<(usize, Grid)> = Vec::new();
-    for (class, members) in members.iter().enumerate().filter(|(_, members)| !members.is_empty()) {
+    let some = classes.members.iter().enumerate().filter(|(_, members)| !members.is_empty());
+    for (class, members) in some {
         let grid = Grid::new(&space, &positions, members, reach(class, class));
         grid.for_each_candidate(&mut visit);
         for (other, theirs) in &larger {
@@ -339,29 +365,44 @@ mod tests {
         Vec3::new((i * 0.819_172_5).fract(), (i * 0.671_043_6).fract(), (i * 0.549_700_5).fract())
     }
 
-    /// Spheres of these radii at the points; those in the lower `share` of x are owned, the rest ghosts.
-    fn spheres(radii: &[f64], positions: &[Vec3], cell: Cell, share: f64) -> Particles {
+    /// Spheres of these radii at the points; those in the lower `share` of x are owned, the rest ghosts. Each size is a
+    /// shape of its own or, if `sized`, a scale of the first.
+    fn spheres(
+        radii: &[f64],
+        positions: &[Vec3],
+        cell: Cell,
+        share: f64,
+        sized: bool,
+    ) -> Particles {
         let mut library = Library::default();
-        for &radius in radii {
+        for &radius in if sized { &radii[..1] } else { radii } {
             library.push("sphere", Shape::Sphere(Sphere { radius }), MaterialId(0), 1.0);
         }
-        library.particle_shapes = radii.len();
-        let needs = Needs::default();
+        library.particle_shapes = library.shapes.len();
+        if sized {
+            for radius in radii {
+                library.admit(ShapeId(0), radius / radii[0]);
+            }
+        }
+        let needs = Needs { scale: sized, ..Needs::default() };
         let mut particles = Particles::new(needs, library, Vec::new(), cell);
         let width = positions.iter().map(|p| p.x).fold(0.0, f64::max);
         let mut ghosts = Vec::new();
         for (k, &position) in positions.iter().enumerate() {
             // The larger, the rarer.
             let size = (0..radii.len() - 1).find(|&n| k % (4 << n) != 0).unwrap_or(radii.len() - 1);
-            let (id, shape) = (GlobalId(k as u64), ShapeId(size as u16));
+            let (id, shape) = (GlobalId(k as u64), ShapeId(if sized { 0 } else { size as u16 }));
+            let scale = if sized { radii[size] / radii[0] } else { 1.0 };
             if position.x <= share * width {
-                particles.push_owned(&Particle::at_rest(id, shape, position));
+                let particle = Particle { scale, ..Particle::at_rest(id, shape, position) };
+                particles.push_owned(&particle);
             } else {
-                ghosts.push((id, shape, position));
+                ghosts.push((id, shape, scale, position));
             }
         }
-        let names: Vec<_> = ghosts.iter().map(|&(id, shape, _)| (id, shape)).collect();
-        particles.push_ghosts(&names);
+        let names: Vec<_> = ghosts.iter().map(|&(id, shape, ..)| (id, shape)).collect();
+        let scales: Vec<_> = ghosts.iter().map(|&(.., scale, _)| scale).collect();
+        particles.push_ghosts(&names, if sized { &scales } else { &[] });
         for (k, (.., position)) in ghosts.into_iter().enumerate() {
             particles.position[particles.owned + k] = position;
         }
@@ -380,10 +421,10 @@ mod tests {
             let cell = Cell::new(Vec3::zeros(), high, periodic);
             for radii in [&[0.05][..], &[0.06], &[0.003, 0.06], &[0.003, 0.004, 0.011, 0.024, 0.06]]
             {
-                for share in [0.3, 0.7, 1.0] {
+                for (share, sized) in [(0.3, false), (0.7, false), (1.0, false), (0.7, true)] {
                     let positions: Vec<_> =
                         (0..600).map(|i| point(i).component_mul(&high)).collect();
-                    let particles = spheres(radii, &positions, cell, share);
+                    let particles = spheres(radii, &positions, cell, share, sized);
                     let skin = 0.004;
                     let mut found = BTreeSet::new();
                     for pair in close_pairs(&particles, skin) {

@@ -155,6 +155,7 @@ impl Simulation {
         let mut table = ParticleTable {
             id: particles.id[owned.clone()].to_vec(),
             shape: particles.shape[owned.clone()].to_vec(),
+            scale: particles.scale.get(owned.clone()).unwrap_or_default().to_vec(),
             position: particles.position[owned.clone()].to_vec(),
             velocity: particles.velocity[owned.clone()].to_vec(),
             force: particles.force.iter().map(|row| row.vector).collect(),
@@ -287,6 +288,7 @@ pub fn particles_of(table: &ParticleTable, shape_of: impl Fn(ShapeId) -> ShapeId
         .map(|row| Particle {
             id: table.id[row],
             shape: shape_of(table.shape[row]),
+            scale: table.scale_of(row),
             position: table.position[row],
             velocity: table.velocity[row],
             force: table.force[row],

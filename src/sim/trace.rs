@@ -36,6 +36,9 @@ impl Simulation {
         vector("position", particles.position[slot]);
         vector("velocity", particles.velocity[slot]);
         vector("force", particles.force[slot].vector);
+        if particles.needs.scale {
+            let _ = write!(text, " scale={:e}", particles.scale[slot]);
+        }
         if let Some(orientation) = &particles.orientation {
             let q = orientation.quaternion[slot];
             let _ = write!(text, " quaternion={}", commas(&[q.w, q.i, q.j, q.k]));

@@ -19,6 +19,7 @@ pub(super) fn some_particles(table: &ParticleTable, rows: &[usize]) -> ParticleT
     ParticleTable {
         id: pick(&table.id, rows),
         shape: pick(&table.shape, rows),
+        scale: pick(&table.scale, rows),
         position: pick(&table.position, rows),
         velocity: pick(&table.velocity, rows),
         force: pick(&table.force, rows),

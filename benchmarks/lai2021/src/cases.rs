@@ -64,8 +64,9 @@ fn add_in_plane(
     let shape = grain(long_axis);
     let rotation = Quat::from_axis_angle(&Vec3::z_axis(), degrees.to_radians());
     let frame = rotation.to_rotation_matrix();
-    let a = Posed { shape: &shape, frame: &Mat3::identity() };
-    let b = Posed { shape: &shape, frame: frame.matrix() };
+    let upright = Mat3::identity();
+    let a = Posed::new(&shape, &upright);
+    let b = Posed::new(&shape, frame.matrix());
     let r = place(&a, &b, &(Vec3::y() * y), &Vec3::x(), overlap);
     add(pairs, name, &shape, rotation, r);
 }
@@ -126,7 +127,8 @@ impl Meeting {
 /// Case III: 1:2 ellipsoids, B turned at random. A pair depends on the seed and its number alone.
 pub fn case_3(meeting: Meeting, sampling: Sampling, count: usize, seed: u64) -> Pairs {
     let shape = grain(2.0);
-    let a = Posed { shape: &shape, frame: &Mat3::identity() };
+    let upright = Mat3::identity();
+    let a = Posed::new(&shape, &upright);
     let mut pairs = Pairs::default();
     for id in 0..count {
         let mut random = Random::of(seed, id as u64);
@@ -134,7 +136,7 @@ pub fn case_3(meeting: Meeting, sampling: Sampling, count: usize, seed: u64) -> 
         let direction = random.rotation() * Vec3::x();
         let overlap = meeting.overlap(&mut random);
         let frame = rotation.to_rotation_matrix();
-        let b = Posed { shape: &shape, frame: frame.matrix() };
+        let b = Posed::new(&shape, frame.matrix());
         let r = match sampling {
             Sampling::CentreLine => place(&a, &b, &Vec3::zeros(), &direction, overlap),
             // An overlap below the least radii of curvature leaves this normal the nearest.

@@ -15,7 +15,7 @@ mod constants;
 pub use constants::{Constants, Interactions, damping_ratio_of_restitution};
 
 use super::kernel::{Action, Contact, Law, Model, Spread, carried, dashpot, reduced_mass};
-use super::{ForceLaw, Hardest};
+use super::{Body, ForceLaw, Hardest};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
@@ -160,10 +160,10 @@ impl Model for Linear {
         &self.state
     }
 
-    fn constants(&self, a: usize, b: usize, library: &Library) -> Springs<f64> {
-        let constants = self.interactions.of(library.materials[a], library.materials[b]);
+    fn constants(&self, a: &Body, b: &Body) -> Springs<f64> {
+        let constants = self.interactions.of(a.material, b.material);
         let Constants { normal_stiffness, tangential_stiffness, friction, .. } = *constants;
-        let mass = reduced_mass(library, a, b);
+        let mass = reduced_mass(a, b);
         Springs {
             normal: normal_stiffness,
             tangential: tangential_stiffness,
@@ -245,8 +245,8 @@ impl Model for Linear {
         springs.normal + springs.dashpots[0] / dt
     }
 
-    fn hardest(&self, shape: usize, reduced_mass: f64, library: &Library) -> Hardest {
-        let constants = self.interactions.of_material(library.materials[shape]);
+    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
+        let constants = self.interactions.of_material(body.material);
         let largest = |of: fn(&Constants) -> f64| constants.iter().map(of).fold(0.0, f64::max);
         let stiffness = largest(|c| {
             if c.is_frictional() {
