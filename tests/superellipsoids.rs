@@ -766,7 +766,7 @@ fn collisions_by_epa_without_secants_nearly_keep_their_energy() {
     ] {
         let errors = errors_of(shape, shape, epa, 100);
         let found = [errors[errors.len() / 2], errors[errors.len() - 1]];
-        assert!(found[0] < median && found[1] < worst, "{shape}: {found:e?}");
+        assert!(found[0] < median && found[1] < worst, "{shape}: {:e}, {:e}", found[0], found[1]);
     }
 }
 
