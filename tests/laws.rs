@@ -1,4 +1,5 @@
-//! The physics against closed forms and the independent reference.
+//! The physics against closed forms and the independent reference, where `benchmarks/verification` does not do it: its
+//! short cases have restitution, free tops, spheres that slide and roll, small rocking.
 
 use crate::random::Draw;
 use crate::support::Bench;
@@ -191,69 +192,29 @@ fn collisions_follow_the_discrete_and_the_continuous_solution() {
 }
 
 #[test]
-fn restitution_is_what_the_scene_asked_for_with_and_without_attraction() {
-    for restitution in [0.1, 0.3, 0.5, 0.8, 0.95] {
-        for limited in [true, false] {
-            let material =
-                format!("density = 2500\nnormal_stiffness = 1e5\nrestitution = {restitution}");
-            let more = format!("{OPEN_BOX}\n[contact]\nlimit_damping = {limited}");
-            let mut bench = Bench::new(
-                &text("kind = \"sphere\"\nradius = 0.01", &material, &more, 1e-7),
-                &[
-                    at(0, Vec3::zeros(), Vec3::new(1.0, 0.0, 0.0)),
-                    at(1, Vec3::new(0.02, 0.0, 0.0), Vec3::new(-1.0, 0.0, 0.0)),
-                ],
-            );
-            bench.step();
-            while !bench.sim.contacts.is_empty() {
-                bench.step();
-            }
-            let v = &bench.sim.particles.velocity;
-            let found = 0.5 * (v[bench.slot(1)] - v[bench.slot(0)]).x;
-            close(found, restitution, 2e-3, "restitution");
-        }
-    }
-}
-
-#[test]
-fn the_spinning_top_turns_as_euler_says_in_second_order() {
+fn a_free_top_keeps_its_angular_momentum_to_the_last_bit() {
     let reference = reference("dem_euler_top.json");
     let axes = vector(&reference["semi_axes"]);
     let shape = format!("kind = \"ellipsoid\"\nsemi_axes = [{}, {}, {}]", axes.x, axes.y, axes.z);
     let inertia = vector(&reference["inertia"]);
     for case in reference["cases"].as_array().unwrap() {
-        let omega = vector(&case["omega0_body"]);
         let q = numbers(&case["quaternion0"]);
         let orientation = Quat::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]));
+        let omega = vector(&case["omega0_body"]);
         let momentum = orientation * inertia.component_mul(&omega);
-        let times = numbers(&case["t"]);
-        let end = times.iter().position(|&t| t >= 5.0).unwrap();
-        let expected_omega = vector(&case["omega_body"][end]);
-        let error = |dt: f64| {
-            let material = "density = 1\nnormal_stiffness = 1";
-            let mut top = at(0, Vec3::zeros(), Vec3::zeros());
-            top.quaternion = orientation;
-            top.angular_momentum = momentum;
-            let mut bench = Bench::new(&text(&shape, material, OPEN_BOX, dt), &[top]);
-            for _ in 0..(times[end] / dt).round() as usize {
-                bench.step();
-            }
-            let particles = &bench.sim.particles;
-            let spin = particles.spin.as_ref().unwrap();
-            assert_eq!(spin.angular_momentum[0], momentum, "free bodies keep L to the last bit");
-            let q = particles.orientation.as_ref().unwrap().quaternion[0];
-            assert!((q.norm() - 1.0).abs() < 1e-15, "quaternions stay unit");
-            let expected = numbers(&case["quaternion_wxyz_body_to_world"][end]);
-            let expected = Quaternion::new(expected[0], expected[1], expected[2], expected[3]);
-            let same = (q.into_inner() - expected).norm().min((q.into_inner() + expected).norm());
-            let omega = q.inverse() * spin.angular_velocity[0];
-            same.max((omega - expected_omega).norm())
-        };
-        let (coarse, fine) = (error(2e-3), error(1e-3));
-        let name = &case["name"];
-        assert!(fine < 2e-4, "{name}: error {fine:e} at dt = 1e-3");
-        // The case on the separatrix doubles its error in every unit of time; order 2 still shows.
-        assert!((3.5..4.5).contains(&(coarse / fine)), "{name}: {coarse:e} / {fine:e}");
+        let material = "density = 1\nnormal_stiffness = 1";
+        let mut top = at(0, Vec3::zeros(), Vec3::zeros());
+        top.quaternion = orientation;
+        top.angular_momentum = momentum;
+        let mut bench = Bench::new(&text(&shape, material, OPEN_BOX, 1e-3), &[top]);
+        for _ in 0..5000 {
+            bench.step();
+        }
+        let particles = &bench.sim.particles;
+        assert_eq!(particles.spin.as_ref().unwrap().angular_momentum[0], momentum);
+        let q = particles.orientation.as_ref().unwrap().quaternion[0];
+        assert!((q.norm() - 1.0).abs() < 1e-15, "quaternions stay unit");
+        assert!(orientation.angle_to(&q) > 0.1, "it turns");
     }
 }
 
@@ -290,72 +251,6 @@ fn slope(shape: &str, material: &str, slope: f64, dt: f64) -> String {
         -g * slope.cos()
     );
     text(shape, material, &more, dt)
-}
-
-#[test]
-fn a_sliding_sphere_ends_up_rolling_with_five_sevenths() {
-    for case in reference("dem_sliding_rolling.json")["sphere_on_plane"].as_array().unwrap() {
-        let get = |key: &str| number(&case[key]);
-        let (radius, k) = (get("R"), get("k"));
-        let material = format!(
-            "density = {}\nnormal_stiffness = {k}\ntangential_stiffness = {k}\nfriction = {}",
-            get("density"),
-            get("mu")
-        );
-        let shape = format!("kind = \"sphere\"\nradius = {radius}");
-        let dt = 1e-5;
-        let z = radius - get("static_overlap");
-        let mut bench = Bench::new(
-            &slope(&shape, &material, 0.0, dt),
-            &[at(0, Vec3::new(0.0, 0.0, z), Vec3::new(get("v0"), 0.0, 0.0))],
-        );
-        // The contact point stands in the middle of the overlap: the arm is R - δ/2.
-        let expected = &case["arm_R_minus_half_overlap"];
-        let onset = number(&expected["onset_time"]);
-        let mut at_onset = Vec3::zeros();
-        let (mut sum, mut spin, mut count) = (0.0, 0.0, 0.0);
-        while bench.sim.time() < onset + 0.1 {
-            bench.step();
-            let particles = &bench.sim.particles;
-            if (bench.sim.time() - onset).abs() <= 0.5 * dt {
-                at_onset = particles.position[0];
-            }
-            // After the onset the spring rings: compare means.
-            if bench.sim.time() > onset + 0.05 {
-                sum += particles.velocity[0].x;
-                spin += particles.spin.as_ref().unwrap().angular_velocity[0].y;
-                count += 1.0;
-            }
-        }
-        close(sum / count, number(&expected["rolling_velocity"]), 1e-4, "rolling velocity");
-        close(spin / count, number(&expected["rolling_omega"]), 1e-4, "rolling spin");
-        close(at_onset.x, number(&expected["distance_to_onset"]), 2e-4, "distance");
-    }
-}
-
-#[test]
-fn a_sphere_on_an_incline_rolls_or_slides_as_coulomb_says() {
-    for case in reference("dem_sliding_rolling.json")["sphere_on_incline"].as_array().unwrap() {
-        let angle = number(&case["slope_deg"]).to_radians();
-        let material = format!(
-            "density = 2650\nnormal_stiffness = 1e5\ntangential_stiffness = 1e5\nfriction = {}",
-            number(&case["mu"])
-        );
-        let shape = "kind = \"sphere\"\nradius = 0.01";
-        let mass = 2650.0 * 4.0 / 3.0 * PI * 1e-6;
-        let z = 0.01 - mass * 9.81 * angle.cos() / 1e5;
-        let mut bench = Bench::new(
-            &slope(shape, &material, angle, 1e-5),
-            &[at(0, Vec3::new(0.0, 0.0, z), Vec3::zeros())],
-        );
-        // From rest: x = a t²/2, free of the ringing of the spring.
-        while bench.sim.time() < 0.2 {
-            bench.step();
-        }
-        let time = bench.sim.time();
-        let found = 2.0 * bench.sim.particles.position[0].x / (time * time);
-        close(found, number(&case["acceleration"]), 2e-3, "acceleration");
-    }
 }
 
 #[test]
@@ -396,60 +291,6 @@ fn a_block_on_a_slope_slides_and_stops_as_coulomb_says() {
             assert!(bench.sim.particles.position[0].x.abs() < 1e-5, "it stays");
         } else {
             close(velocity / 0.9, get("initial_acceleration").unwrap(), 1e-3, "acceleration");
-        }
-    }
-}
-
-#[test]
-fn an_ellipsoid_rocks_at_the_frequencies_of_the_reference() {
-    for case in reference("dem_rocking.json")["cases"].as_array().unwrap() {
-        let inputs = &case["inputs"];
-        let axes = vector(&inputs["semi_axes"]);
-        let get = |key: &str| number(&inputs[key]);
-        let shape =
-            format!("kind = \"ellipsoid\"\nsemi_axes = [{}, {}, {}]", axes.x, axes.y, axes.z);
-        for (key, about, swing) in [
-            ("about_y_(axis_a_swings)", Vec3::y(), axes.x),
-            ("about_x_(axis_b_swings)", Vec3::x(), axes.y),
-        ] {
-            let expected = &case[key];
-            if number(&expected["smooth_omega"]) == 0.0 {
-                continue; // a circular section rolls: nothing drives it back
-            }
-            for (friction, omega) in [
-                (0.0, number(&expected["smooth_omega"])),
-                (1e6, number(&expected["tangential_spring_omegas_arm_c_minus_half_overlap"][0])),
-            ] {
-                let material = format!(
-                    "density = {}\nnormal_stiffness = {}\ntangential_stiffness = {}\nfriction = {friction}",
-                    get("density"),
-                    get("kn"),
-                    get("kt"),
-                );
-                let tilt: f64 = 1e-3;
-                let height = (swing * swing * tilt.sin().powi(2)
-                    + axes.z * axes.z * tilt.cos().powi(2))
-                .sqrt();
-                let z = height - number(&case["static_overlap"]);
-                let mut body = at(0, Vec3::new(0.0, 0.0, z), Vec3::zeros());
-                body.quaternion = Quat::new(about * tilt);
-                let mut bench = Bench::new(&slope(&shape, &material, 0.0, 1e-5), &[body]);
-                // Angle over time: mean of the upward zero crossings' distances.
-                let mut crossings = Vec::new();
-                let mut before = tilt;
-                while crossings.len() < 4 {
-                    bench.step();
-                    let q = bench.sim.particles.orientation.as_ref().unwrap().quaternion[0];
-                    let angle = 2.0 * q.imag().dot(&about);
-                    if before < 0.0 && angle >= 0.0 {
-                        let part = -before / (angle - before);
-                        crossings.push(bench.sim.time() - (1.0 - part) * 1e-5);
-                    }
-                    before = angle;
-                }
-                let period = (crossings[3] - crossings[0]) / 3.0;
-                close(2.0 * PI / period, omega, 1e-3, key);
-            }
         }
     }
 }

@@ -40,6 +40,9 @@ struct Arguments {
     /// Bandwidth of the network, for each rank [B/s]. The default is typical of InfiniBand, not measured.
     #[arg(long, default_value_t = 10e9)]
     bandwidth: f64,
+    /// Only time snapshots.
+    #[arg(long)]
+    snapshots: bool,
     /// What a rank of mpirun does.
     #[arg(long, hide = true)]
     task: Option<Task>,
@@ -293,27 +296,37 @@ fn decades(from: f64, to: f64) -> impl Iterator<Item = f64> {
     (0..=count).map(move |k| from * (to / from).powf(f64::from(k) / f64::from(count)))
 }
 
+/// Prints and writes how long snapshots take.
+fn time_snapshots(record: &Path) -> anyhow::Result<()> {
+    let mut table = "ranks,bytes,snapshot_s,plain_write_s\n".to_owned();
+    println!("\nsnapshot of 1,000,000 ellipsoids, and a plain write of as many bytes");
+    for ranks in [1, 2] {
+        let measured::Written { bytes, snapshot, plain } = measured::snapshots(ranks)?;
+        println!(
+            "ranks {ranks}: {:.0} MB, {snapshot:.2} s, {:.0} MB/s; plain {plain:.2} s, {:.0} MB/s; ratio {:.2}",
+            1e-6 * bytes,
+            1e-6 * bytes / snapshot,
+            1e-6 * bytes / plain,
+            plain / snapshot,
+        );
+        writeln!(table, "{ranks},{bytes},{snapshot:.4},{plain:.4}")?;
+    }
+    Ok(fs::write(record.join("snapshot.csv"), table)?)
+}
+
 fn main() -> anyhow::Result<()> {
-    let Arguments { record, latency, bandwidth, task, .. } = Arguments::parse();
+    let Arguments { record, latency, bandwidth, snapshots, task, .. } = Arguments::parse();
     if let Some(task) = task {
         return measured::work(task);
     }
     fs::create_dir_all(&record)?;
+    if snapshots {
+        return time_snapshots(&record);
+    }
     let runs = count_all()?;
     tell_counts(&runs, &record)?;
     let Timed { particle, contact, .. } = time_all(&record)?;
     let costs = Costs { particle, contact, latency, bandwidth };
     foretell(&runs, &costs, &record)?;
-
-    let measured::Written { bytes, snapshot, plain } = measured::snapshots(2)?;
-    println!(
-        "\nsnapshot of 1,000,000 ellipsoids on 2 ranks: {:.0} MB, {:.0} MB/s; a plain write of as many bytes: {:.0} MB/s; ratio {:.2}",
-        1e-6 * bytes,
-        1e-6 * bytes / snapshot,
-        1e-6 * bytes / plain,
-        plain / snapshot,
-    );
-    let table = format!("bytes,snapshot_s,plain_write_s\n{bytes},{snapshot:.4},{plain:.4}\n");
-    fs::write(record.join("snapshot.csv"), table)?;
-    Ok(())
+    time_snapshots(&record)
 }

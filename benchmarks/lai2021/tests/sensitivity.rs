@@ -27,6 +27,10 @@ fn means_are_those_of_the_record() {
     let values = ["solid_fraction", "coordination", "mechanical_coordination"];
     let of_shape = table("aspect.csv").means(&["aspect_ratio", "friction"], &values).unwrap();
     same(&of_shape.text(), "aspect_means.csv");
+    let responses = table("response.csv");
+    let values: Vec<&str> = responses.names().skip(4).collect();
+    let of_responses = responses.means(&["method", "erosion_ratio", "stiffness_n_per_m"], &values);
+    same(&of_responses.unwrap().text(), "response_means.csv");
 }
 
 #[test]
