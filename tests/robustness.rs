@@ -487,7 +487,7 @@ fn a_gjk_that_does_not_converge_is_not_apart() {
     for pair in 0..PAIRS {
         let mut random = Random::of(pair, 0);
         let frames = [(); 2].map(|()| random.rotation().to_rotation_matrix().into_inner());
-        let [a, b] = frames.each_ref().map(|frame| Posed { shape: &needle, frame });
+        let [a, b] = frames.each_ref().map(|frame| Posed::new(&needle, frame));
         let toward = random.direction();
         // In both, as both are convex and hold their centres.
         let common = a.support(&toward) * 0.94;
