@@ -282,7 +282,7 @@ fn columns<const N: usize>(rows: &[&[f64; N]; WIDTH]) -> [Portable; N] {
 
 #[cfg(target_arch = "x86_64")]
 mod avx512 {
-    use super::avx::{AvxRow, four};
+    use super::avx::{AvxRow, four, three};
     use super::{Eight, Lanes, WIDTH};
     use std::arch::x86_64 as intel;
     use std::ops::{Add, Div, Mul, Sub};
@@ -337,11 +337,23 @@ mod avx512 {
         }
     }
 
-    /// Three numbers, and a zero.
+    /// Four numbers of each row.
     #[inline(always)]
-    fn three(row: &[f64; 3]) -> intel::__m256d {
-        // SAFETY: the processor has AVX-512, see the type; the row holds three numbers, and no more are read.
-        unsafe { intel::_mm256_maskz_loadu_pd(0b111, row.as_ptr()) }
+    fn eight_fours<const N: usize>(
+        rows: &[&[f64; N]; WIDTH],
+        at: usize,
+    ) -> [intel::__m256d; WIDTH] {
+        let [a, b, c, d, e, f, g, h] = rows;
+        [
+            four(a, at),
+            four(b, at),
+            four(c, at),
+            four(d, at),
+            four(e, at),
+            four(f, at),
+            four(g, at),
+            four(h, at),
+        ]
     }
 
     macro_rules! registerwise {
@@ -429,42 +441,13 @@ mod avx512 {
 
         #[inline(always)]
         fn columns_of_4(rows: &[&[f64; 4]; WIDTH]) -> [Self; 4] {
-            let [a, b, c, d, e, f, g, h] = rows;
-            Self::columns([
-                four(a, 0),
-                four(b, 0),
-                four(c, 0),
-                four(d, 0),
-                four(e, 0),
-                four(f, 0),
-                four(g, 0),
-                four(h, 0),
-            ])
+            Self::columns(eight_fours(rows, 0))
         }
 
         #[inline(always)]
         fn columns_of_6(rows: &[&[f64; 6]; WIDTH]) -> [Self; 6] {
-            let [a, b, c, d, e, f, g, h] = rows;
-            let [xx, yy, zz, xy] = Self::columns([
-                four(a, 0),
-                four(b, 0),
-                four(c, 0),
-                four(d, 0),
-                four(e, 0),
-                four(f, 0),
-                four(g, 0),
-                four(h, 0),
-            ]);
-            let [_, _, xz, yz] = Self::columns([
-                four(a, 2),
-                four(b, 2),
-                four(c, 2),
-                four(d, 2),
-                four(e, 2),
-                four(f, 2),
-                four(g, 2),
-                four(h, 2),
-            ]);
+            let [xx, yy, zz, xy] = Self::columns(eight_fours(rows, 0));
+            let [_, _, xz, yz] = Self::columns(eight_fours(rows, 2));
             [xx, yy, zz, xy, xz, yz]
         }
 
@@ -723,7 +706,7 @@ mod avx {
 
     /// Three numbers, and a zero.
     #[inline(always)]
-    fn three(row: &[f64; 3]) -> intel::__m256d {
+    pub(super) fn three(row: &[f64; 3]) -> intel::__m256d {
         // SAFETY: the processor has AVX, see the type; the row holds three numbers, and no more are read.
         unsafe {
             let three = intel::_mm256_setr_epi64x(-1, -1, -1, 0);

@@ -173,6 +173,7 @@ impl Octet {
         let Bodies { shape, curvature_radius, scale, .. } = batch.bodies;
         let mut certain = [0.0; WIDTH];
         let lanes = certain.iter_mut().zip(&self.index[..self.count]);
+        // One loop for both would ask each body for its scale.
         if scale.is_some() {
             for (certain, index) in lanes {
                 let Pair { a, b } = batch.pairs[*index as usize];

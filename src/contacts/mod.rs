@@ -241,7 +241,8 @@ impl Contacts {
         }
     }
 
-    /// Prepares a stretch for being looked at: its pairs learn where they stood, and what touches goes where it will stay.
+    /// Prepares a stretch for being looked at: what touches goes where it will stay, and pairs of other bodies than spheres learn
+    /// where they stood.
     pub fn look(&mut self, stretch: usize, length: usize, touching: &mut Touching, needs: Needs) {
         let before = self.stretches[stretch].numbers.len();
         self.now = room(&mut self.spare, before, self.width, needs);

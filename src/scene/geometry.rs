@@ -113,13 +113,7 @@ fn exponents(section: &Section) -> Option<[f64; 2]> {
     let (least, most) = (range.start(), range.end());
     let what = &*format!("a list of two: [e1, e2], each a number from {least} to {most}");
     section.require("exponents", what, |given| {
-        let items = given.list(what)?;
-        let [along, across] = &items[..] else {
-            given.fail(format!("has {} items; must be {what}", items.len()));
-            return None;
-        };
-        let (along, across) =
-            (along.number(Range::Exponent, ""), across.number(Range::Exponent, ""));
+        let [along, across] = given.list_of(what)?.map(|item| item.number(Range::Exponent, ""));
         Some([along?, across?])
     })
 }

@@ -262,13 +262,7 @@ fn sizes(given: &Given) -> Option<Sizes> {
     let section = given.section()?;
     let what = "a list of two numbers greater than 0: the smallest scale and the largest";
     let scales = section.require("uniform", what, |given| {
-        let items = given.list(what)?;
-        let [least, largest] = &items[..] else {
-            given.fail(format!("has {} items; must be {what}", items.len()));
-            return None;
-        };
-        let (least, largest) =
-            (least.number(Range::Positive, ""), largest.number(Range::Positive, ""));
+        let [least, largest] = given.list_of(what)?.map(|item| item.number(Range::Positive, ""));
         let (least, largest) = (least?, largest?);
         if least > largest {
             given.fail(format!("{least:?} is more than {largest:?}; must be {what}"));

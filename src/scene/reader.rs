@@ -182,6 +182,17 @@ impl<'a> Given<'a> {
         }
     }
 
+    /// The same of so many items.
+    pub(super) fn list_of<const N: usize>(&self, what: &str) -> Option<[Self; N]> {
+        let items = self.list(what)?;
+        let count = items.len();
+        let exactly = items.try_into().ok();
+        if exactly.is_none() {
+            self.fail(format!("has {count} items; must be {what}"));
+        }
+        exactly
+    }
+
     fn items(&self, items: &'a [Node]) -> Vec<Self> {
         let item = |(k, node)| Self {
             node,
@@ -194,14 +205,8 @@ impl<'a> Given<'a> {
     /// Three items, each read in the same way.
     fn three<T>(&self, what: &str, read: impl Fn(&Self) -> Option<T>) -> Option<[T; 3]> {
         let what = format!("a list of three: [x, y, z], each {what}");
-        let items = self.list(&what)?;
-        if items.len() != 3 {
-            self.fail(format!("has {} items; must be {what}", items.len()));
-            return None;
-        }
-        let read: Vec<Option<T>> = items.iter().map(read).collect();
-        let read: Vec<T> = read.into_iter().collect::<Option<_>>()?;
-        read.try_into().ok()
+        let [x, y, z] = self.list_of(&what)?.map(|item| read(&item));
+        Some([x?, y?, z?])
     }
 
     pub(super) fn vector(&self, range: Range, unit: &str) -> Option<Vec3> {
