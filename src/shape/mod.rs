@@ -10,7 +10,9 @@
 //!
 //! A program that uses this crate needs none of the last two: [`Shape::Other`] holds anything convex.
 
+pub mod clip;
 pub mod ellipsoid;
+pub mod facets;
 pub mod half_space;
 pub mod hull;
 pub mod mesh;
@@ -25,6 +27,7 @@ pub mod superellipsoid;
 
 use crate::math::{Mat3, Vec3};
 pub use ellipsoid::{Ellipsoid, Form};
+use facets::Facets;
 pub use half_space::HalfSpace;
 use hull::Hull;
 use moments::Placement;
@@ -115,6 +118,13 @@ pub trait Convex: Debug + Send + Sync {
         Core::Curved
     }
 
+    /// The faces of a polyhedron, or of one that stands for the body in contacts with other such bodies and with
+    /// planes.
+    #[inline]
+    fn facets(&self) -> Option<&Facets> {
+        None
+    }
+
     /// Where its axes lie in those of the user's file, if they had to be found.
     fn placement(&self) -> Option<&Placement> {
         None
@@ -200,6 +210,7 @@ macro_rules! dispatched {
             margin() -> f64;
             core_support(direction: &Vec3) -> Vec3;
             core() -> Core<'_>;
+            facets() -> Option<&Facets>;
             placement() -> Option<&Placement>;
         }
     };
