@@ -23,6 +23,7 @@ mod history;
 mod in_lanes;
 mod methods;
 mod newton;
+mod overlap;
 mod patch;
 mod polish;
 mod smooth_common_normal;
@@ -37,6 +38,7 @@ pub use fallback::Chain;
 pub use half_space::AgainstHalfSpace;
 pub use history::{Histories, History, NamedHistory, StateColumn};
 pub use methods::{Method, needs_form, table};
+pub use overlap::{Thickness, thickness};
 pub use smooth_common_normal::SmoothCommonNormal;
 pub use sphere_sphere::SphereSphere;
 
@@ -44,7 +46,8 @@ use crate::cell::Cell;
 use crate::ids::{ShapeId, Slot};
 use crate::lanes::{Eight, Gather, Row as _, Triple, WIDTH};
 use crate::math::{Mat3, Quat, Vec3};
-use crate::shape::hull::{Hull, Plane};
+use crate::shape::facets::Plane;
+use crate::shape::hull::Hull;
 use crate::shape::{Core, Form, Kind, Shape};
 
 /// The geometry of one contact.
