@@ -61,6 +61,10 @@
 //!         Self::action(*factor, contact.overlap)
 //!     }
 //!
+//!     fn elastic(&self, factor: &f64, overlap: f64) -> f64 {
+//!         Self::action(*factor, overlap).press
+//!     }
+//!
 //!     fn stiffness(&self, factor: &f64, overlap: f64, _dt: f64) -> f64 {
 //!         1.5 * factor * overlap.sqrt()
 //!     }
@@ -111,7 +115,7 @@ pub mod kernel;
 pub mod linear;
 pub mod stability;
 
-use crate::contact::{History, Pair, Place, StateColumn};
+use crate::contact::{History, Pair, Patch, Place, StateColumn};
 use crate::ids::{MaterialId, ShapeId};
 use crate::lanes::Row;
 use crate::math::{Vec3, Vec3AndNumber};
@@ -157,6 +161,8 @@ pub struct Work<'a> {
     pub history: &'a [History],
     /// Where each acts, seen from the centre of A [m]; empty if all are spheres, where it follows from the overlap.
     pub points: &'a [Vec3],
+    /// What else there is of contacts of faces; empty if no body has any.
+    pub patches: &'a [Patch],
     /// Where each stands among those of the last step; empty if these are the same.
     pub from: &'a [Place],
     /// What was remembered of those.

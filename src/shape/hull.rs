@@ -294,6 +294,17 @@ impl Hull {
         self.planes.iter().map(below).fold(f64::INFINITY, f64::min)
     }
 
+    /// How far a point is from the body; 0 inside [m].
+    pub fn distance(&self, point: &Vec3) -> f64 {
+        if self.depth(point) >= 0.0 {
+            return 0.0;
+        }
+        let squared = |triangle: &Triangle| {
+            squared_distance(point, triangle.corners.map(|k| self.vertices[k as usize]))
+        };
+        self.triangles.iter().map(squared).fold(f64::INFINITY, f64::min).sqrt()
+    }
+
     /// Whether a point is at most `radius` [m] from the body.
     pub fn is_near(&self, point: &Vec3, radius: f64) -> bool {
         let above = |plane: &Plane| plane.normal.dot(point) - plane.offset;

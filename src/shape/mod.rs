@@ -125,6 +125,11 @@ pub trait Convex: Debug + Send + Sync {
         None
     }
 
+    /// How far the polyhedron of these faces extends beyond the body for which it stands [m].
+    fn excess(&self) -> f64 {
+        0.0
+    }
+
     /// Where its axes lie in those of the user's file, if they had to be found.
     fn placement(&self) -> Option<&Placement> {
         None
@@ -211,6 +216,7 @@ macro_rules! dispatched {
             core_support(direction: &Vec3) -> Vec3;
             core() -> Core<'_>;
             facets() -> Option<&Facets>;
+            excess() -> f64;
             placement() -> Option<&Placement>;
         }
     };
@@ -242,6 +248,8 @@ enum Fact {
     Smooth,
     /// It is a point, a segment or a polyhedron with a sphere rolled around it.
     Margin,
+    /// It has [`Convex::facets`].
+    Faces,
 }
 
 /// What [`Shape::Other`] refers to.
@@ -259,9 +267,9 @@ shapes! {
     /// A cylinder with a hemisphere on each end.
     Spherocylinder(Spherocylinder), "spherocylinder", &[Fact::Margin];
     /// A convex polyhedron.
-    Polyhedron(Box<Polyhedron>), "polyhedron", &[];
+    Polyhedron(Box<Polyhedron>), "polyhedron", &[Fact::Faces];
     /// A convex polyhedron with a sphere rolled around it.
-    RoundedPolyhedron(Box<RoundedPolyhedron>), "rounded-polyhedron", &[Fact::Margin];
+    RoundedPolyhedron(Box<RoundedPolyhedron>), "rounded-polyhedron", &[Fact::Margin, Fact::Faces];
     /// Any convex body, of a program that uses this crate. Scene files and messages between ranks have none.
     Other(#[serde(with = "not_sent")] Arc<dyn Convex>), "other", &[];
     /// The solid side of a plane: a wall.
@@ -299,6 +307,11 @@ impl Kind {
     /// Is it a point, a segment or a polyhedron with a sphere rolled around it?
     pub fn has_margin(self) -> bool {
         self.facts().contains(&Fact::Margin)
+    }
+
+    /// Is it a polyhedron, if only a rounded one?
+    pub fn has_faces(self) -> bool {
+        self.facts().contains(&Fact::Faces)
     }
 }
 

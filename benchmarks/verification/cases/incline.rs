@@ -148,9 +148,6 @@ fn block(effort: Effort) -> [Case; 4] {
         1e-6,
         "it comes to rest: rounding",
     );
-    rests.short_until = Some(
-        "the one contact point of a face jumps from edge to edge: it chatters and creeps (issue 17)",
-    );
     for (degrees, friction) in [(0.0, 0.5), (10.0, 0.5), (20.0, 0.5), (26.0, 0.5), (15.0, 0.3)] {
         let frames = Block { slender: 1.0, friction, degrees, spin: 0.0 }.run(time);
         let (half, last) = (&frames[frames.len() / 2], &frames[frames.len() - 1]);
@@ -203,8 +200,6 @@ fn block(effort: Effort) -> [Case; 4] {
         1e-2,
         "even pressure: it stops after width * omega/(6 * 0.3826 mu g)",
     );
-    spins.short_until =
-        Some("one contact point per pair carries no moment about its normal (issue 17)");
     for friction in [0.1, 0.5] {
         let spin = 5.0;
         let stop = 0.02 * spin / (6.0 * 0.3826 * friction * G);
