@@ -23,11 +23,11 @@ use super::eroded_gjk::ErodedGjk;
 use super::in_lanes::{self, InLanes};
 use super::newton::Ellipsoids;
 use super::{
-    Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, Touch, Why, bodies_at,
-    unit_of_length, vectors,
+    Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, Touch, Why, unit_of_length,
+    vectors,
 };
 use crate::ids::Slot;
-use crate::lanes::{Eight, Lanes, Symmetric, Triple, WIDTH};
+use crate::lanes::{Eight, Gather, Lanes, Symmetric, Triple, WIDTH};
 use crate::math::{Mat3, Vec3};
 use crate::shape::Form;
 
@@ -134,20 +134,19 @@ impl Octet {
     #[inline(always)]
     fn pairs<L: Eight>(&self, batch: &Batch) -> Ellipsoids<L> {
         let Bodies { position, form, cell, .. } = batch.bodies;
-        let first = batch.pairs[self.index[0] as usize];
-        let mut slots = [[first.a; WIDTH], [first.b; WIDTH]];
-        for (lane, index) in self.index.iter().enumerate() {
-            let Pair { a, b } = batch.pairs[*index as usize];
-            slots[0][lane] = a;
-            slots[1][lane] = b;
+        let mut slots = [[0; 2]; WIDTH];
+        for (slots, index) in slots.iter_mut().zip(&self.index) {
+            *slots = bytemuck::cast(batch.pairs[*index as usize]);
         }
-        let [from, to] = slots.map(|slots| bodies_at(&slots, position.len()));
-        let (from, to) = (vectors::<L>(position, from), vectors::<L>(position, to));
-        let r = cell.nearest_of(to.minus(from));
+        // Walls have no form, and are not here.
+        let bodies = form.map_or(position.len(), <[_]>::len);
+        let [from, to] = Gather::of(&slots, bodies);
+        let r = vectors::<L>(position, to).minus(vectors(position, from));
+        let r = cell.nearest_of(r);
         let [a, b] = if let Some(form) = form {
-            [forms(form, &slots[0]), forms(form, &slots[1])]
+            [Symmetric::of(&from.rows(form)), Symmetric::of(&to.rows(form))]
         } else {
-            [forms_made(&batch.bodies, &slots[0]), forms_made(&batch.bodies, &slots[1])]
+            [forms_made(&batch.bodies, from), forms_made(&batch.bodies, to)]
         };
         Ellipsoids { a, b, r }
     }
@@ -323,20 +322,14 @@ impl Octet {
     }
 }
 
-/// The matrices of eight bodies.
+/// The forms of eight bodies [m²], where the caller does not keep them.
 #[inline(always)]
-fn forms<L: Eight>(all: &[Form], slots: &[Slot; WIDTH]) -> Symmetric<L> {
-    let mut rows = [&all[slots[0].index()]; WIDTH];
-    for (row, slot) in rows.iter_mut().zip(slots) {
-        *row = &all[slot.index()];
+fn forms_made<L: Eight>(bodies: &Bodies, slots: Gather) -> Symmetric<L> {
+    let mut made = [[0.0; 6]; WIDTH];
+    for (lane, made) in made.iter_mut().enumerate() {
+        let slot = Slot(slots.at(lane) as u32);
+        *made = bodies.posed_body(slot, &bodies.frame(slot)).form();
     }
-    Symmetric::of(&rows)
-}
-
-/// The same where the caller does not keep them.
-#[inline(always)]
-fn forms_made<L: Eight>(bodies: &Bodies, slots: &[Slot; WIDTH]) -> Symmetric<L> {
-    let made = slots.map(|slot| bodies.posed_body(slot, &bodies.frame(slot)).form());
     Symmetric::of(&made.each_ref())
 }
 

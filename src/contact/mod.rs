@@ -278,7 +278,8 @@ fn unit_of_length(a: f64, b: f64) -> f64 {
 }
 
 /// Two bodies that may touch. A has the lower id.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub struct Pair {
     /// The body with the lower id.
     pub a: Slot,
@@ -453,17 +454,6 @@ impl Bodies<'_> {
     pub fn posed_body<'b>(&'b self, slot: Slot, frame: &'b Mat3) -> Posed<'b> {
         Posed { shape: self.shape_of(slot), frame, scale: self.scale_of(slot) }
     }
-}
-
-/// Eight bodies, of so many.
-#[expect(clippy::inline_always, reason = "see `lanes`")]
-#[inline(always)]
-pub(crate) fn bodies_at(slots: &[Slot; WIDTH], length: usize) -> Gather {
-    let mut at = [0; WIDTH];
-    for (place, slot) in at.iter_mut().zip(slots) {
-        *place = slot.0;
-    }
-    Gather::new(at, length)
 }
 
 /// The vectors of eight bodies.

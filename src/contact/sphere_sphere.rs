@@ -6,11 +6,9 @@
 
 use super::in_lanes::{self, InLanes};
 use super::{
-    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Why, bodies_at, touch_of_sphere,
-    vectors,
+    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Why, touch_of_sphere, vectors,
 };
-use crate::ids::Slot;
-use crate::lanes::{Eight, Row as _, WIDTH, row};
+use crate::lanes::{Eight, Gather, Row as _, WIDTH, row};
 use crate::math::Vec3;
 use crate::shape::Shape;
 
@@ -64,17 +62,15 @@ impl InLanes for SphereSphere {
 #[inline(always)]
 fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
     let Batch { pairs, bodies, .. } = batch;
-    let first = pairs[indices[0] as usize];
-    let (mut a, mut b) = ([first.a; WIDTH], [first.b; WIDTH]);
-    for (lane, &index) in indices.iter().enumerate() {
-        (a[lane], b[lane]) = (pairs[index as usize].a, pairs[index as usize].b);
+    let mut slots = [bytemuck::cast(pairs[indices[0] as usize]); WIDTH];
+    for (slots, &index) in slots.iter_mut().zip(indices) {
+        *slots = bytemuck::cast(pairs[index as usize]);
     }
-    let count = bodies.position.len();
-    let (of_a, of_b) = (bodies_at(&a, count), bodies_at(&b, count));
+    let [of_a, of_b] = Gather::of(&slots, bodies.position.len());
     let r = vectors::<L>(bodies.position, of_b).minus(vectors(bodies.position, of_a));
     let r = bodies.cell.nearest_of(r);
-    let radius = radii::<L>(bodies, &a);
-    let reach = radius + radii(bodies, &b);
+    let radius = radii::<L>(bodies, of_a);
+    let reach = radius + radii(bodies, of_b);
     let distance = r.dot(r).sqrt();
     let overlap = reach - distance;
     let normal = r.over(distance);
@@ -106,21 +102,20 @@ fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
 
 /// The radii of spheres [m].
 #[inline(always)]
-fn radii<L: Eight>(bodies: &Bodies, slots: &[Slot; WIDTH]) -> L {
-    if bodies.scale.is_some() {
-        return L::load(&slots.map(|slot| bodies.curvature_radius_of(slot)));
-    }
-    let first = bodies.shape[slots[0].index()];
+fn radii<L: Eight>(bodies: &Bodies, slots: Gather) -> L {
+    let Bodies { shape, curvature_radius, scale, .. } = bodies;
+    let shapes = slots.rows(shape);
     let mut alike = true;
-    for slot in slots {
-        alike &= bodies.shape[slot.index()] == first;
+    for shape in shapes {
+        alike &= shape == shapes[0];
     }
-    if alike {
-        return L::all(bodies.curvature_radius[first.index()]);
+    if alike && scale.is_none() {
+        return L::all(curvature_radius[shapes[0].index()]);
     }
     let mut radii = [0.0; WIDTH];
-    for (radius, slot) in radii.iter_mut().zip(slots) {
-        *radius = bodies.curvature_radius[bodies.shape[slot.index()].index()];
+    for (lane, radius) in radii.iter_mut().enumerate() {
+        let scale = scale.map_or(1.0, |scale| scale[slots.at(lane)]);
+        *radius = curvature_radius[shapes[lane].index()] * scale;
     }
     L::load(&radii)
 }
