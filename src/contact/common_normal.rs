@@ -134,10 +134,7 @@ impl Octet {
     #[inline(always)]
     fn pairs<L: Eight>(&self, batch: &Batch) -> Ellipsoids<L> {
         let Bodies { position, form, cell, .. } = batch.bodies;
-        let mut slots = [[0; 2]; WIDTH];
-        for (slots, index) in slots.iter_mut().zip(&self.index) {
-            *slots = bytemuck::cast(batch.pairs[*index as usize]);
-        }
+        let slots = batch.slots(&self.index);
         // Walls have no form, and are not here.
         let bodies = form.map_or(position.len(), <[_]>::len);
         let [from, to] = Gather::of(&slots, bodies);

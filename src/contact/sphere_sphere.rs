@@ -4,11 +4,9 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
-use super::in_lanes::{self, InLanes};
-use super::{
-    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Why, touch_of_sphere, vectors,
-};
-use crate::lanes::{Eight, Gather, Row as _, WIDTH, row};
+use super::in_lanes::{self, InLanes, sphere_radii};
+use super::{Batch, ContactResolver, Found, Outcome, Posed, Touch, Why, touch_of_sphere, vectors};
+use crate::lanes::{Eight, Gather, WIDTH};
 use crate::math::Vec3;
 use crate::shape::Shape;
 
@@ -58,66 +56,32 @@ impl InLanes for SphereSphere {
     }
 }
 
-/// [`SphereSphere::touch`] of up to eight pairs; the other lanes repeat the first.
+/// [`SphereSphere::touch`] of up to eight pairs.
 #[inline(always)]
 fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
     let Batch { pairs, bodies, .. } = batch;
-    let mut slots = [bytemuck::cast(pairs[indices[0] as usize]); WIDTH];
-    for (slots, &index) in slots.iter_mut().zip(indices) {
-        *slots = bytemuck::cast(pairs[index as usize]);
-    }
+    let slots = batch.slots(indices);
     let [of_a, of_b] = Gather::of(&slots, bodies.position.len());
     let r = vectors::<L>(bodies.position, of_b).minus(vectors(bodies.position, of_a));
     let r = bodies.cell.nearest_of(r);
-    let radius = radii::<L>(bodies, of_a);
-    let reach = radius + radii(bodies, of_b);
+    let radius = sphere_radii::<L>(bodies, of_a);
+    let reach = radius + sphere_radii(bodies, of_b);
     let distance = r.dot(r).sqrt();
     let overlap = reach - distance;
     let normal = r.over(distance);
-    let zero = L::all(0.0);
-    let (touching, apart) = (zero.less(overlap) & zero.less(distance), overlap.at_most(zero));
-
     let point = normal.times(radius - L::all(0.5) * overlap);
-    if let Some(eight) = indices.first_chunk::<WIDTH>()
-        && touching == u8::MAX
-    {
-        // As most are that are looked at.
-        found.contacts.push_eight(eight, overlap, normal, point);
+    let zero = L::all(0.0);
+    let touching = zero.less(overlap) & zero.less(distance);
+    let unknown = found.note_eight(indices, touching, overlap, normal, point);
+    if unknown == 0 {
         return;
     }
-    let (geometry, points) = (normal.rows(overlap), point.store());
     for (lane, &pair) in indices.iter().enumerate() {
-        let [x, y, z, overlap] = geometry[lane].numbers();
-        if touching >> lane & 1 == 1 {
-            let (normal, point) = (Vec3::new(x, y, z), row(&points, lane).into());
-            found.contacts.push(pair, &Touch { overlap, normal, point });
-        } else if apart >> lane & 1 == 1 {
-            found.apart.push((pair, -overlap));
-        } else {
+        if unknown >> lane & 1 == 1 {
             let coincide = bodies.relative(pairs[pair as usize]) == Vec3::zeros();
             found.failed.push((pair, if coincide { Why::TooDeep } else { Why::NotFinite }));
         }
     }
-}
-
-/// The radii of spheres [m].
-#[inline(always)]
-fn radii<L: Eight>(bodies: &Bodies, slots: Gather) -> L {
-    let Bodies { shape, curvature_radius, scale, .. } = bodies;
-    let shapes = slots.rows(shape);
-    let mut alike = true;
-    for shape in shapes {
-        alike &= shape == shapes[0];
-    }
-    if alike && scale.is_none() {
-        return L::all(curvature_radius[shapes[0].index()]);
-    }
-    let mut radii = [0.0; WIDTH];
-    for (lane, radius) in radii.iter_mut().enumerate() {
-        let scale = scale.map_or(1.0, |scale| scale[slots.at(lane)]);
-        *radius = curvature_radius[shapes[lane].index()] * scale;
-    }
-    L::load(&radii)
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use super::{Body, ForceLaw, Hardest, Last, Parted, Sums, Work, add};
-use crate::contact::{History, Pair, Place, StateColumn, vectors};
+use crate::contact::{History, Pair, Place, StateColumn, triple, vectors};
 use crate::ids::{MaterialId, ShapeId, Slot};
 use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row, RowPairs, Triple, WIDTH, row};
 use crate::math::Vec3;
@@ -889,15 +889,6 @@ fn eight_from<T: Copy>(all: &[T], first: usize, count: usize) -> [T; WIDTH] {
         *one = all[first + lane.min(count - 1)];
     }
     eight
-}
-
-/// Vectors.
-#[inline(always)]
-fn triple<L: Eight>([a, b, c, d, e, f, g, h]: &[&Vec3; WIDTH]) -> Triple<L> {
-    let rows = [a.as_ref(), b.as_ref(), c.as_ref(), d.as_ref()];
-    let more = [e.as_ref(), f.as_ref(), g.as_ref(), h.as_ref()];
-    let ([a, b, c, d], [e, f, g, h]) = (rows, more);
-    Triple::of(&[a, b, c, d, e, f, g, h])
 }
 
 /// Where the first of eight contacts stood at the last step, if all touched and stood one after the other.
