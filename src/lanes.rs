@@ -798,6 +798,23 @@ impl<'a> RowPairs<'a> {
         };
         [Gather { rows, end: 0, length }, Gather { rows, end: 1, length }]
     }
+
+    /// Up to eight that stand anywhere, in the `room` for them; the other lanes repeat the first.
+    ///
+    /// # Panics
+    /// If there are none, or one stands nowhere.
+    #[inline(always)]
+    pub(crate) fn picked(self, places: &[u32], room: &'a mut [[u32; 2]; WIDTH]) -> [Gather<'a>; 2] {
+        let Self { rows: all, length } = self;
+        if places.len() < WIDTH {
+            *room = [all[places[0] as usize]; WIDTH];
+        }
+        for (row, &place) in room.iter_mut().zip(places) {
+            *row = all[place as usize];
+        }
+        let rows = &*room;
+        [Gather { rows, end: 0, length }, Gather { rows, end: 1, length }]
+    }
 }
 
 /// The first or the second rows of eight pairs, in columns of one length.
@@ -809,16 +826,6 @@ pub(crate) struct Gather<'a> {
 }
 
 impl<'a> Gather<'a> {
-    /// First and second rows of these pairs.
-    ///
-    /// # Panics
-    /// If one is beyond the length.
-    #[inline(always)]
-    pub(crate) fn of(rows: &'a [[u32; 2]; WIDTH], length: usize) -> [Self; 2] {
-        let RowPairs { length, .. } = RowPairs::new(rows, length);
-        [Self { rows, end: 0, length }, Self { rows, end: 1, length }]
-    }
-
     /// Where the row of a lane stands.
     #[inline(always)]
     pub(crate) fn at(self, lane: usize) -> usize {

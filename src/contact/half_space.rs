@@ -60,18 +60,23 @@ struct Spheres;
 impl InLanes for Spheres {
     #[inline(always)]
     fn resolve_eights<L: Eight>(&self, batch: &Batch, found: &mut Found) {
+        let slots = batch.slots(batch.bodies.position.len());
         for eight in batch.active.chunks(WIDTH) {
-            touch_eight::<L>(batch, eight, found);
+            let mut room = [[0; 2]; WIDTH];
+            touch_eight::<L>(batch, eight, slots.picked(eight, &mut room), found);
         }
     }
 }
 
 /// [`AgainstHalfSpace::touch`] of up to eight spheres as large as their shapes.
 #[inline(always)]
-fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
+fn touch_eight<L: Eight>(
+    batch: &Batch,
+    indices: &[u32],
+    [of_a, of_b]: [Gather; 2],
+    found: &mut Found,
+) {
     let bodies = &batch.bodies;
-    let slots = batch.slots(indices);
-    let [of_a, of_b] = Gather::of(&slots, bodies.position.len());
     let (mut normals, mut offsets) = ([Vec3::zeros(); WIDTH], [0.0; WIDTH]);
     for lane in 0..WIDTH {
         (normals[lane], offsets[lane]) = plane_of(bodies, of_b.at(lane));

@@ -42,7 +42,7 @@ pub use sphere_sphere::SphereSphere;
 
 use crate::cell::Cell;
 use crate::ids::{ShapeId, Slot};
-use crate::lanes::{Eight, Gather, Row as _, Triple, WIDTH, row};
+use crate::lanes::{Eight, Gather, Row as _, RowPairs, Triple, WIDTH, row};
 use crate::math::{Mat3, Quat, Vec3};
 use crate::shape::hull::{Hull, Plane};
 use crate::shape::{Core, Form, Kind, Shape};
@@ -535,15 +535,11 @@ impl<'a> Batch<'a> {
         history.touched().then_some(&history.normal)
     }
 
-    /// The slots of up to eight pairs; the other lanes repeat the first.
+    /// The slots of the pairs, in columns of so many bodies.
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
-    fn slots(&self, indices: &[u32]) -> [[u32; 2]; WIDTH] {
-        let mut slots = [bytemuck::cast(self.pairs[indices[0] as usize]); WIDTH];
-        for (slots, &index) in slots.iter_mut().zip(indices) {
-            *slots = bytemuck::cast(self.pairs[index as usize]);
-        }
-        slots
+    fn slots(&self, bodies: usize) -> RowPairs<'a> {
+        RowPairs::new(bytemuck::cast_slice(self.pairs), bodies)
     }
 
     /// The same of a pair that is known to have touched.

@@ -50,18 +50,23 @@ impl ContactResolver for SphereSphere {
 impl InLanes for SphereSphere {
     #[inline(always)]
     fn resolve_eights<L: Eight>(&self, batch: &Batch, found: &mut Found) {
+        let slots = batch.slots(batch.bodies.position.len());
         for eight in batch.active.chunks(WIDTH) {
-            touch_eight::<L>(batch, eight, found);
+            let mut room = [[0; 2]; WIDTH];
+            touch_eight::<L>(batch, eight, slots.picked(eight, &mut room), found);
         }
     }
 }
 
 /// [`SphereSphere::touch`] of up to eight pairs.
 #[inline(always)]
-fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
+fn touch_eight<L: Eight>(
+    batch: &Batch,
+    indices: &[u32],
+    [of_a, of_b]: [Gather; 2],
+    found: &mut Found,
+) {
     let Batch { pairs, bodies, .. } = batch;
-    let slots = batch.slots(indices);
-    let [of_a, of_b] = Gather::of(&slots, bodies.position.len());
     let r = vectors::<L>(bodies.position, of_b).minus(vectors(bodies.position, of_a));
     let r = bodies.cell.nearest_of(r);
     let radius = sphere_radii::<L>(bodies, of_a);
