@@ -825,7 +825,7 @@ pub(crate) struct Gather<'a> {
     length: usize,
 }
 
-impl<'a> Gather<'a> {
+impl Gather<'_> {
     /// Where the row of a lane stands.
     #[inline(always)]
     pub(crate) fn at(self, lane: usize) -> usize {
