@@ -100,7 +100,7 @@ fn solids_are_read() -> Result<()> {
     for line in [
         "spherocylinder-polyhedron: cores",
         "polyhedron-polyhedron: thickness",
-        "rounded-polyhedron-plane: thickness",
+        "polyhedron-rounded-polyhedron: thickness",
         "its centre lies at [1.0000e-2, 2.0000e-2, 3.0000e-2] m of its file, its axes turned by the \
          quaternion [1.000000, 0.000000, 0.000000, 0.000000]",
     ] {

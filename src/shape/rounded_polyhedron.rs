@@ -169,7 +169,9 @@ fn chamfered(core: &Hull, radius: f64) -> Option<Facets> {
     let vertex = |k: u32| core.vertices()[k as usize];
     let normal = |plane: u32| core.planes()[plane as usize].normal;
     let mut planes: Vec<Plane> = core.planes().to_vec();
-    planes.iter_mut().for_each(|plane| plane.offset += radius);
+    for plane in &mut planes {
+        plane.offset += radius;
+    }
     let tangent = |across: Vec3, at: Vec3| {
         let normal = across.normalize();
         Plane { normal, offset: normal.dot(&at) + radius }

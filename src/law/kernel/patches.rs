@@ -16,7 +16,9 @@
 //! dissipated is their work: what a long step makes of the elastic ones is missing from the energy balance, and is
 //! reported. The point of a patch runs from edge to edge when a body rocks; no support point could stand for it.
 
-use super::{Contact, History, Law, MOST_STATE, Model, Pair, Parted, Particles, Sums, Work, add};
+use super::{
+    Contact, History, Law, MOST_STATE, Model, Pair, Parted, Particles, Slot, Sums, Work, add,
+};
 use crate::contact::{Patch, StateColumn};
 use crate::lanes::{Row as _, Triple};
 use crate::math::Vec3;
@@ -108,7 +110,7 @@ struct Motion {
 impl Motion {
     fn of(pair: Pair, particles: &Particles, dt: f64) -> Self {
         let r = particles.bodies().relative(pair);
-        let bodies = [pair.a, pair.b].map(|slot| slot.index());
+        let bodies = [pair.a, pair.b].map(Slot::index);
         let velocity = bodies.map(|k| particles.velocity[k]);
         let spin = bodies.map(|k| {
             particles.spin.as_ref().map_or_else(Vec3::zeros, |spin| spin.angular_velocity[k])
