@@ -9,6 +9,7 @@ use crate::law::ForceLaw;
 use crate::math::{ExactSum, Vec3};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
+use crate::particles::columns::Quantity;
 use serde::{Deserialize, Serialize};
 
 /// What particles that were taken out have left behind in the balance of energies [J].
@@ -134,8 +135,8 @@ pub fn measure(
         let velocity = particles.velocity[slot];
         add(Of::Translation as usize, 0.5 * mass * velocity.norm_squared());
         add(Of::Gravity as usize, -mass * unwrapped(particles, slot).dot(&field.gravity));
-        add(Of::Dissipated as usize, particles.dissipated[slot]);
-        add(Of::Received as usize, particles.received[slot]);
+        add(Of::Dissipated as usize, particles.accumulated[Quantity::Dissipated][slot]);
+        add(Of::Received as usize, particles.accumulated[Quantity::Received][slot]);
         add(Of::Rotation as usize, rotation(particles, slot));
         add(Of::StepEnergy as usize, motion::step_energy(particles, slot, field, dt));
         maxima[1] = larger(maxima[1], velocity.norm());

@@ -7,6 +7,7 @@ use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::measure::Departed;
 use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
+use dem_mpi::particles::columns::Quantity;
 use dem_mpi::particles::walls::Wall;
 use dem_mpi::shape::{Shape, Sphere};
 use std::ops::Range;
@@ -107,8 +108,9 @@ pub(crate) fn particles(rank: i32, rows: Range<u64>, spinning: bool) -> Particle
         table.force.push(n.vector());
         table.coordination.push(id as i32 % 13);
         table.rank.push(rank);
-        table.dissipated.push(n.next());
-        table.received.push(n.next());
+        for quantity in Quantity::ALL {
+            table.accumulated[quantity].push(n.next());
+        }
         if spinning {
             table.image.push([id as i32, -1, 2]);
             table.quaternion.push([n.next(), n.next(), n.next(), n.next()]);
@@ -199,8 +201,9 @@ impl Append for ParticleTable {
         self.force.extend(other.force);
         self.coordination.extend(other.coordination);
         self.rank.extend(other.rank);
-        self.dissipated.extend(other.dissipated);
-        self.received.extend(other.received);
+        for quantity in Quantity::ALL {
+            self.accumulated[quantity].extend(&other.accumulated[quantity]);
+        }
         self.image.extend(other.image);
         self.quaternion.extend(other.quaternion);
         self.angular_momentum.extend(other.angular_momentum);

@@ -7,6 +7,7 @@ use dem_mpi::contact::Histories;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::tables::{Header, ParticleTable};
+use dem_mpi::particles::columns::Quantity;
 use dem_mpi::scene::assemble::{self, From};
 use dem_mpi::scene::{Scene, plan};
 use dem_mpi::sim::Simulation;
@@ -139,7 +140,7 @@ fn state(parts: &[Part]) -> State {
                 row.extend(column.get(k).into_iter().flat_map(bits_of));
             }
             row.extend(table.quaternion.get(k).into_iter().flat_map(bits_of));
-            row.extend(bits_of([&table.dissipated[k], &table.received[k]]));
+            row.extend(bits_of(Quantity::ALL.map(|quantity| &table.accumulated[quantity][k])));
             row.push(table.coordination[k] as u64);
             row.extend(table.image.get(k).into_iter().flatten().map(|&n| n as u64));
             bits.push((table.id[k].0, row));

@@ -9,6 +9,7 @@ use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::output::snapshot;
 use dem_mpi::output::tables::ParticleTable;
+use dem_mpi::particles::columns::Quantity;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::post::lammps;
 use dem_mpi::post::region::SolidVolume;
@@ -497,7 +498,11 @@ fn all_bits(tables: &[ParticleTable]) -> Vec<(u64, Vec<u64>)> {
     let mut all = Vec::new();
     for table in tables {
         for (k, (id, mut row)) in motion(table).enumerate() {
-            let more = [table.scale[k], table.dissipated[k], table.received[k]];
+            let more = [
+                table.scale[k],
+                table.accumulated[Quantity::Dissipated][k],
+                table.accumulated[Quantity::Received][k],
+            ];
             row.extend(more.map(f64::to_bits));
             all.push((id, row));
         }

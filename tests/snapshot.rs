@@ -10,6 +10,7 @@ use dem_mpi::output::SnapshotError;
 use dem_mpi::output::hdf5::{Column, SnapshotFile, checksum};
 use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::tables::{Header, ShapeRow};
+use dem_mpi::particles::columns::Quantity;
 use dem_mpi::random::Random;
 use dem_mpi::shape::{
     Ellipsoid, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
@@ -197,10 +198,11 @@ fn extreme_numbers_keep_their_bits() {
         f64::MAX,
         f64::from_bits(0x7ff8_dead_beef_0001),
     ];
-    tables.particles.dissipated[..5].copy_from_slice(&odd);
+    tables.particles.accumulated[Quantity::Dissipated][..5].copy_from_slice(&odd);
     write(directory.path(), &header(1), &tables, &mut Alone::default());
     let reader = Reader::open(directory.path()).unwrap();
-    let found = reader.particles(0..5).unwrap().dissipated;
+    let found = reader.particles(0..5).unwrap().accumulated;
+    let found = &found[Quantity::Dissipated];
     assert_eq!(found.iter().map(|x| x.to_bits()).collect::<Vec<_>>(), odd.map(f64::to_bits));
 }
 

@@ -115,6 +115,7 @@ use crate::contact::{History, Pair, Place, StateColumn};
 use crate::ids::{MaterialId, ShapeId};
 use crate::lanes::Row;
 use crate::math::{Vec3, Vec3AndNumber};
+use crate::particles::columns::Quantity;
 use crate::particles::{Library, Needs, Particles, held};
 
 /// Adds a row to the sum of a body, if it is one that is summed.
@@ -220,12 +221,12 @@ impl Sums {
         if let Some(spin) = &mut particles.spin {
             spin.torque = std::mem::take(&mut self.torque);
         }
-        for (all, sum) in particles.dissipated.iter_mut().zip(&particles.force) {
+        for (all, sum) in particles.accumulated[Quantity::Dissipated].iter_mut().zip(&particles.force) {
             *all += sum.number;
         }
         for of_one in self.wall_work.chunk_by(|one, other| one.pair.a == other.pair.a) {
             let slot = of_one[0].pair.a.index();
-            if let Some(received) = particles.received.get_mut(slot) {
+            if let Some(received) = particles.accumulated[Quantity::Received].get_mut(slot) {
                 *received += of_one.iter().map(|work| work.energy).sum::<f64>();
             }
         }

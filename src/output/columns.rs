@@ -1,5 +1,5 @@
 //! The columns of particles and contacts in snapshots. Each is declared once, in [`PARTICLE_COLUMNS`] or
-//! [`CONTACT_COLUMNS`]: writing, reading, comparing and the bytes of `--plan` follow.
+//! [`CONTACT_COLUMNS`], and what accumulates as a [`Quantity`]: writing, reading, comparing and the bytes of `--plan` follow.
 
 use super::SnapshotError;
 use super::hdf5::{Column, Element, Piece, SnapshotFile};
@@ -7,168 +7,154 @@ use super::tables::{ContactRow, ContactTable, ParticleTable, Rows};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
 use crate::particles::Needs;
+use crate::particles::columns::{Presence, Quantity};
 use std::borrow::Cow;
+use std::sync::LazyLock;
 
 /// A column of the particles file.
 pub struct ParticleColumn {
     /// What messages call it.
     pub name: &'static str,
     /// Where in the file, from `/`. Columns of one group stand one after the other.
-    pub place: &'static str,
+    pub place: Cow<'static, str>,
     /// Unit of its numbers; `1` for a pure number.
     pub unit: &'static str,
     /// Is it there? A column that is always there counts as present without rows, too.
     pub presence: Presence,
-    /// Of a table.
-    get: fn(&ParticleTable) -> &dyn Numbers,
-    /// The same, to be filled.
-    get_mut: fn(&mut ParticleTable) -> &mut dyn Numbers,
+    /// Where in a table.
+    values: Values,
 }
 
-/// When a column is there.
-pub enum Presence {
-    /// In every snapshot.
-    Always,
-    /// Where the scene needs it; else the table leaves it empty.
-    If(fn(&Needs) -> bool),
+/// Where the numbers of a column stand in a table.
+enum Values {
+    /// In a field: to be read, and to be filled.
+    Own(fn(&ParticleTable) -> &dyn Numbers, fn(&mut ParticleTable) -> &mut dyn Numbers),
+    /// Among those that have accumulated.
+    Accumulated(Quantity),
 }
 
 /// All of them, in the order in which they are written.
-pub static PARTICLE_COLUMNS: [ParticleColumn; 15] = [
-    ParticleColumn {
-        name: "position",
-        place: "/VTKHDF/Points",
-        unit: "m",
-        presence: Presence::Always,
-        get: |table| &table.position,
-        get_mut: |table| &mut table.position,
-    },
-    ParticleColumn {
-        name: "id",
-        place: "/VTKHDF/PointData/id",
-        unit: "1",
-        presence: Presence::Always,
-        get: |table| &table.id,
-        get_mut: |table| &mut table.id,
-    },
-    ParticleColumn {
-        name: "shape",
-        place: "/VTKHDF/PointData/shape",
-        unit: "1",
-        presence: Presence::Always,
-        get: |table| &table.shape,
-        get_mut: |table| &mut table.shape,
-    },
-    ParticleColumn {
-        name: "scale",
-        place: "/VTKHDF/PointData/scale",
-        unit: "1",
-        presence: Presence::If(|needs| needs.scale),
-        get: |table| &table.scale,
-        get_mut: |table| &mut table.scale,
-    },
-    ParticleColumn {
-        name: "quaternion",
-        place: "/VTKHDF/PointData/quaternion",
-        unit: "1",
-        presence: Presence::If(|needs| needs.orientation),
-        get: |table| &table.quaternion,
-        get_mut: |table| &mut table.quaternion,
-    },
-    ParticleColumn {
-        name: "velocity",
-        place: "/VTKHDF/PointData/velocity",
-        unit: "m/s",
-        presence: Presence::Always,
-        get: |table| &table.velocity,
-        get_mut: |table| &mut table.velocity,
-    },
-    ParticleColumn {
-        name: "angular_velocity",
-        place: "/VTKHDF/PointData/angular_velocity",
-        unit: "rad/s",
-        presence: Presence::If(|needs| needs.spin),
-        get: |table| &table.angular_velocity,
-        get_mut: |table| &mut table.angular_velocity,
-    },
-    ParticleColumn {
-        name: "force",
-        place: "/VTKHDF/PointData/force",
-        unit: "N",
-        presence: Presence::Always,
-        get: |table| &table.force,
-        get_mut: |table| &mut table.force,
-    },
-    ParticleColumn {
-        name: "torque",
-        place: "/VTKHDF/PointData/torque",
-        unit: "N m",
-        presence: Presence::If(|needs| needs.spin),
-        get: |table| &table.torque,
-        get_mut: |table| &mut table.torque,
-    },
-    ParticleColumn {
-        name: "coordination",
-        place: "/VTKHDF/PointData/coordination",
-        unit: "1",
-        presence: Presence::Always,
-        get: |table| &table.coordination,
-        get_mut: |table| &mut table.coordination,
-    },
-    ParticleColumn {
-        name: "rank",
-        place: "/VTKHDF/PointData/rank",
-        unit: "1",
-        presence: Presence::Always,
-        get: |table| &table.rank,
-        get_mut: |table| &mut table.rank,
-    },
-    ParticleColumn {
-        name: "dissipated",
-        place: "/restart/particles/dissipated",
-        unit: "J",
-        presence: Presence::Always,
-        get: |table| &table.dissipated,
-        get_mut: |table| &mut table.dissipated,
-    },
-    ParticleColumn {
-        name: "received",
-        place: "/restart/particles/received",
-        unit: "J",
-        presence: Presence::Always,
-        get: |table| &table.received,
-        get_mut: |table| &mut table.received,
-    },
-    ParticleColumn {
-        name: "image",
-        place: "/restart/particles/image",
-        unit: "1",
-        presence: Presence::If(|needs| needs.image),
-        get: |table| &table.image,
-        get_mut: |table| &mut table.image,
-    },
-    ParticleColumn {
-        name: "angular_momentum",
-        place: "/restart/particles/angular_momentum",
-        unit: "kg m^2/s",
-        presence: Presence::If(|needs| needs.spin),
-        get: |table| &table.angular_momentum,
-        get_mut: |table| &mut table.angular_momentum,
-    },
-];
+pub static PARTICLE_COLUMNS: LazyLock<Vec<ParticleColumn>> = LazyLock::new(|| {
+    let accumulated = Quantity::ALL.map(ParticleColumn::of_quantity);
+    shown().into_iter().chain(accumulated).chain(of_restart()).collect()
+});
+
+/// What a picture shows.
+fn shown() -> [ParticleColumn; 11] {
+    let always = Presence::Always;
+    [
+        own("position", "/VTKHDF/Points", "m", always, |t| &t.position, |t| &mut t.position),
+        own("id", "/VTKHDF/PointData/id", "1", always, |t| &t.id, |t| &mut t.id),
+        own("shape", "/VTKHDF/PointData/shape", "1", always, |t| &t.shape, |t| &mut t.shape),
+        own(
+            "scale",
+            "/VTKHDF/PointData/scale",
+            "1",
+            Presence::If(|needs| needs.scale),
+            |t| &t.scale,
+            |t| &mut t.scale,
+        ),
+        own(
+            "quaternion",
+            "/VTKHDF/PointData/quaternion",
+            "1",
+            Presence::If(|needs| needs.orientation),
+            |t| &t.quaternion,
+            |t| &mut t.quaternion,
+        ),
+        own(
+            "velocity",
+            "/VTKHDF/PointData/velocity",
+            "m/s",
+            always,
+            |t| &t.velocity,
+            |t| &mut t.velocity,
+        ),
+        own(
+            "angular_velocity",
+            "/VTKHDF/PointData/angular_velocity",
+            "rad/s",
+            Presence::If(|needs| needs.spin),
+            |t| &t.angular_velocity,
+            |t| &mut t.angular_velocity,
+        ),
+        own("force", "/VTKHDF/PointData/force", "N", always, |t| &t.force, |t| &mut t.force),
+        own(
+            "torque",
+            "/VTKHDF/PointData/torque",
+            "N m",
+            Presence::If(|needs| needs.spin),
+            |t| &t.torque,
+            |t| &mut t.torque,
+        ),
+        own(
+            "coordination",
+            "/VTKHDF/PointData/coordination",
+            "1",
+            always,
+            |t| &t.coordination,
+            |t| &mut t.coordination,
+        ),
+        own("rank", "/VTKHDF/PointData/rank", "1", always, |t| &t.rank, |t| &mut t.rank),
+    ]
+}
+
+/// What a restart needs besides.
+fn of_restart() -> [ParticleColumn; 2] {
+    [
+        own(
+            "image",
+            "/restart/particles/image",
+            "1",
+            Presence::If(|needs| needs.image),
+            |t| &t.image,
+            |t| &mut t.image,
+        ),
+        own(
+            "angular_momentum",
+            "/restart/particles/angular_momentum",
+            "kg m^2/s",
+            Presence::If(|needs| needs.spin),
+            |t| &t.angular_momentum,
+            |t| &mut t.angular_momentum,
+        ),
+    ]
+}
+
+/// A column with a field of its own in the table.
+fn own(
+    name: &'static str,
+    place: &'static str,
+    unit: &'static str,
+    presence: Presence,
+    get: fn(&ParticleTable) -> &dyn Numbers,
+    get_mut: fn(&mut ParticleTable) -> &mut dyn Numbers,
+) -> ParticleColumn {
+    ParticleColumn { name, place: place.into(), unit, presence, values: Values::Own(get, get_mut) }
+}
 
 impl ParticleColumn {
+    fn of_quantity(quantity: Quantity) -> Self {
+        Self {
+            name: quantity.name(),
+            place: Cow::Owned(format!("/restart/particles/{}", quantity.name())),
+            unit: quantity.unit(),
+            presence: quantity.presence(),
+            values: Values::Accumulated(quantity),
+        }
+    }
+
     /// Its numbers in a table.
     pub fn of<'a>(&self, table: &'a ParticleTable) -> &'a dyn Numbers {
-        (self.get)(table)
+        match self.values {
+            Values::Own(get, _) => get(table),
+            Values::Accumulated(quantity) => &table.accumulated[quantity],
+        }
     }
 
     /// Does a scene with these needs have it?
     pub fn is_there(&self, needs: &Needs) -> bool {
-        match self.presence {
-            Presence::Always => true,
-            Presence::If(is_needed) => is_needed(needs),
-        }
+        self.presence.holds(needs)
     }
 
     /// May a table leave it empty?
@@ -177,7 +163,7 @@ impl ParticleColumn {
     }
 
     /// The group in which it stands.
-    pub fn group(&self) -> &'static str {
+    pub fn group(&self) -> &str {
         self.place.rsplit_once('/').map_or("", |(group, _)| group)
     }
 
@@ -187,11 +173,14 @@ impl ParticleColumn {
         table: &mut ParticleTable,
         piece: &Piece,
     ) -> Result<(), SnapshotError> {
-        if self.is_optional() && !piece.has(self.place) {
+        if self.is_optional() && !piece.has(&self.place) {
             return Ok(());
         }
-        let values = (self.get_mut)(table);
-        values.read(piece, &column(self.place, self.unit, values))
+        let values = match self.values {
+            Values::Own(_, get_mut) => get_mut(table),
+            Values::Accumulated(quantity) => &mut table.accumulated[quantity],
+        };
+        values.read(piece, &column(&self.place, self.unit, values))
     }
 
     /// Writes the rows of this rank. Collective.
@@ -201,7 +190,7 @@ impl ParticleColumn {
         file: &mut SnapshotFile,
     ) -> Result<(), SnapshotError> {
         let values = self.of(table);
-        values.write(file, &column(self.place, self.unit, values))
+        values.write(file, &column(&self.place, self.unit, values))
     }
 }
 

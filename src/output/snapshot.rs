@@ -290,7 +290,10 @@ fn write_particles(
 ) -> Result<(), SnapshotError> {
     let count = particles.id.len();
     // A rank without particles cannot tell by itself which columns the scene needs.
-    let mut rows = PARTICLE_COLUMNS.each_ref().map(|column| column.of(particles).rows() as i64);
+    let mut rows = PARTICLE_COLUMNS
+        .iter()
+        .map(|column| column.of(particles).rows() as i64)
+        .collect::<Vec<_>>();
     comm.sum(&mut rows);
     let is_there = |column: &ParticleColumn, rows: i64| rows > 0 || !column.is_optional();
     let of_history = of_history(histories.columns());
@@ -772,7 +775,7 @@ impl Reader {
     pub fn particles(&self, rows: Range<usize>) -> Result<ParticleTable, SnapshotError> {
         let table = Piece { file: &self.particles, total: self.particle_count, rows };
         let mut particles = ParticleTable::default();
-        for column in &PARTICLE_COLUMNS {
+        for column in &*PARTICLE_COLUMNS {
             column.read(&mut particles, &table)?;
         }
         Ok(particles)

@@ -14,7 +14,7 @@
 //! |---|---|---|
 //! | particles `/VTKHDF/Points` | particles × 3 | centres [m] |
 //! | particles `/VTKHDF/PointData/<name>` | particles | the other columns of [`ParticleTable`] that a picture shows |
-//! | particles `/restart/particles/<name>` | particles | `angular_momentum`, `dissipated`, `received`, `image` |
+//! | particles `/restart/particles/<name>` | particles | `angular_momentum`, `image`, and each [`crate::particles::columns::Quantity`] under its name |
 //! | particles `/restart/contacts/<name>` | touching pairs | `a`, `b`, `normal`, `overlap`, and what the law remembers under its names |
 //! | contacts `/VTKHDF/Points` | 2 per contact × 3 | centre of A; centre of B's nearest image, or the foot on the wall [m] |
 //! | contacts `/VTKHDF/CellData/<name>` | contacts | the columns of [`ContactTable`] |
@@ -25,6 +25,7 @@ use crate::drive::SavedState;
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
 use crate::measure::Departed;
+use crate::particles::columns::Accumulated;
 use crate::particles::walls::Saved;
 use crate::shape::{Ellipsoid, Shape};
 use serde::{Deserialize, Serialize};
@@ -135,10 +136,8 @@ pub struct ParticleTable {
     pub coordination: Vec<i32>,
     /// Rank that owned the particle.
     pub rank: Vec<i32>,
-    /// Energy dissipated at this particle so far [J].
-    pub dissipated: Vec<f64>,
-    /// Energy this particle brought in at its insertion or received from moving walls [J].
-    pub received: Vec<f64>,
+    /// What has accumulated over the life of each. Optional where a [`crate::particles::columns::Quantity`] is.
+    pub accumulated: Accumulated<Vec<f64>>,
     /// Whole periods added to `position` to follow the particle through a periodic domain. Optional.
     pub image: Vec<[i32; 3]>,
     /// Orientation (w, x, y, z), body to world. Optional: absent if all are spheres.

@@ -18,6 +18,7 @@ use crate::output::SnapshotError;
 use crate::output::snapshot::Reader;
 use crate::output::tables::{Header, WallRow};
 use crate::particles::Particles;
+use crate::particles::columns::Accumulated;
 use crate::particles::records::Particle;
 use crate::particles::walls::Wall;
 use crate::search::PairList;
@@ -214,8 +215,7 @@ pub fn take_up(
         From::Beginning => {
             sim.stage_begin = (header.step, header.time);
             for particle in &mut particles {
-                particle.dissipated = 0.0;
-                particle.received = 0.0;
+                particle.accumulated = Accumulated::default();
             }
         }
     }

@@ -161,8 +161,7 @@ impl Simulation {
             force: particles.force.iter().map(|row| row.vector).collect(),
             coordination: self.contacts.coordination(particles.owned),
             rank: vec![rank.0 as i32; particles.owned],
-            dissipated: particles.dissipated.clone(),
-            received: particles.received.clone(),
+            accumulated: particles.accumulated.clone(),
             image: particles.image.clone(),
             ..ParticleTable::default()
         };
@@ -292,8 +291,7 @@ pub fn particles_of(table: &ParticleTable, shape_of: impl Fn(ShapeId) -> ShapeId
             position: table.position[row],
             velocity: table.velocity[row],
             force: table.force[row],
-            dissipated: table.dissipated[row],
-            received: table.received[row],
+            accumulated: table.accumulated.row(row),
             image: table.image.get(row).copied().unwrap_or_default(),
             // The bits as they were, not normalised again.
             quaternion: table.quaternion.get(row).map_or_else(Quat::identity, |&[w, x, y, z]| {

@@ -17,6 +17,7 @@ use crate::law::{ForceLaw, Sums};
 use crate::measure::{self, Departed, Measures};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
+use crate::particles::columns::Quantity;
 use crate::particles::records::Particle;
 use crate::search::{self, PairList};
 use crate::timing::{Clock, Phase};
@@ -332,7 +333,8 @@ impl Simulation {
     pub fn insert(&mut self, particle: &Particle) {
         self.particles.push_owned(particle);
         let slot = self.particles.owned - 1;
-        self.particles.received[slot] += measure::free_energy(&self.particles, slot, &self.field);
+        self.particles.accumulated[Quantity::Received][slot] +=
+            measure::free_energy(&self.particles, slot, &self.field);
     }
 
     /// The same of a particle that appears, and touches nothing, after the first kick of a step.
@@ -340,7 +342,8 @@ impl Simulation {
         self.insert(particle);
         let Self { particles, field, dt, .. } = self;
         let slot = particles.owned - 1;
-        particles.received[slot] += motion::step_energy(particles, slot, field, *dt);
+        particles.accumulated[Quantity::Received][slot] +=
+            motion::step_energy(particles, slot, field, *dt);
         particles.velocity[slot] = field.before_last_kick(&particle.velocity, *dt);
     }
 
@@ -455,7 +458,7 @@ impl Simulation {
     /// Counts the energy that all owned particles bring into a stage, contacts left out, as received.
     pub fn count_free_energy(&mut self) {
         for slot in 0..self.particles.owned {
-            self.particles.received[slot] +=
+            self.particles.accumulated[Quantity::Received][slot] +=
                 measure::free_energy(&self.particles, slot, &self.field);
         }
     }
@@ -466,7 +469,7 @@ impl Simulation {
         for slot in 0..particles.owned {
             let [old, new] =
                 [before, *dt].map(|dt| motion::step_energy(particles, slot, field, dt));
-            particles.received[slot] += new - old;
+            particles.accumulated[Quantity::Received][slot] += new - old;
         }
     }
 
@@ -488,10 +491,11 @@ impl Simulation {
         }
         brought.sort_unstable_by_key(|&(me, partner, _)| (me, partner));
         for (me, _, energy) in brought {
-            particles.received[me] += energy;
+            particles.accumulated[Quantity::Received][me] += energy;
         }
         for slot in 0..particles.owned {
-            particles.received[slot] += motion::step_energy(particles, slot, &self.field, self.dt);
+            particles.accumulated[Quantity::Received][slot] +=
+                motion::step_energy(particles, slot, &self.field, self.dt);
         }
     }
 }
