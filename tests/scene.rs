@@ -7,7 +7,7 @@ use dem_mpi::contact::{Epa, ErodedGjk};
 use dem_mpi::drive::rain::layer;
 use dem_mpi::ids::MaterialId;
 use dem_mpi::ids::ShapeId;
-use dem_mpi::law::linear::damping_ratio_of_restitution;
+use dem_mpi::law::linear::{Interactions, damping_ratio_of_restitution};
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::{Library, Needs};
@@ -16,6 +16,11 @@ use dem_mpi::scene::plan::plan;
 use dem_mpi::scene::{Fill, Method, Place, Scene, SceneErrors, Servo, Stop};
 use dem_mpi::shape::Shape;
 use std::path::{Path, PathBuf};
+
+/// The constants of linear contacts.
+fn interactions(scene: &Scene) -> &Interactions {
+    &scene.law.linear().expect("linear contacts").interactions
+}
 
 // --- files ---
 
@@ -219,13 +224,13 @@ fn every_key_arrives() {
     let Shape::PolySuperellipsoid(pebble) = &library.shapes[5] else { panic!("no octants") };
     assert_eq!((pebble.semi_axes(), pebble.exponents()), (axes, [0.8, 1.2]));
 
-    let between = scene.interactions.of(library.materials[0], library.materials[2]);
+    let between = interactions(&scene).of(library.materials[0], library.materials[2]);
     assert_eq!(between.normal_stiffness, 2e4);
     assert_eq!(between.friction, 0.2);
     assert_eq!(between.normal_damping_ratio, damping_ratio_of_restitution(0.5, false));
-    let glass = scene.interactions.of(MaterialId(0), MaterialId(0));
+    let glass = interactions(&scene).of(MaterialId(0), MaterialId(0));
     assert_eq!((glass.tangential_stiffness, glass.tangential_damping_ratio), (8e3, 0.1));
-    let steel = scene.interactions.of(MaterialId(1), MaterialId(1));
+    let steel = interactions(&scene).of(MaterialId(1), MaterialId(1));
     assert_eq!((steel.tangential_stiffness, steel.friction), (3e4, 0.0), "defaults");
     assert_eq!(steel.normal_damping_ratio, 0.0, "restitution 1");
 
@@ -304,7 +309,7 @@ fn overrides_reach_every_place() -> Result<()> {
     ])?;
     assert_eq!(scene.steps, 7);
     let grain = MaterialId(0);
-    assert_eq!(scene.interactions.of(grain, grain).friction, 0.4);
+    assert_eq!(interactions(&scene).of(grain, grain).friction, 0.4);
     assert_eq!(scene.library.shapes[0].bounding_radius(), 0.004);
     assert_eq!(scene.gravity, Vec3::new(0.0, 0.0, -1.62));
     assert_eq!(scene.walls.len(), 4);

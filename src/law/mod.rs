@@ -107,9 +107,12 @@
 //! assert!((measures.kinetic() / energy - 1.0).abs() < 1e-6, "{measures:?}");
 //! ```
 
+mod interactions;
 pub mod kernel;
 pub mod linear;
 pub mod stability;
+
+pub use interactions::{Interactions, Mixing};
 
 use crate::contact::{History, Pair, Place, StateColumn};
 use crate::ids::{MaterialId, ShapeId};
@@ -117,6 +120,7 @@ use crate::lanes::Row;
 use crate::math::{Vec3, Vec3AndNumber};
 use crate::particles::columns::Quantity;
 use crate::particles::{Library, Needs, Particles, held};
+use serde::{Deserialize, Serialize};
 
 /// Adds a row to the sum of a body, if it is one that is summed.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
@@ -221,7 +225,9 @@ impl Sums {
         if let Some(spin) = &mut particles.spin {
             spin.torque = std::mem::take(&mut self.torque);
         }
-        for (all, sum) in particles.accumulated[Quantity::Dissipated].iter_mut().zip(&particles.force) {
+        for (all, sum) in
+            particles.accumulated[Quantity::Dissipated].iter_mut().zip(&particles.force)
+        {
             *all += sum.number;
         }
         for of_one in self.wall_work.chunk_by(|one, other| one.pair.a == other.pair.a) {
@@ -284,6 +290,29 @@ pub struct Hardest {
     pub stiffness: f64,
     /// Normal and tangential dashpot [N s/m].
     pub dashpots: [f64; 2],
+}
+
+/// The law that a scene chooses, with its constants.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Choice {
+    /// Linear springs and dashpots with friction.
+    Linear(linear::Settings),
+}
+
+impl Choice {
+    /// The law between bodies of a library.
+    pub fn law(&self, library: &Library) -> Box<dyn ForceLaw> {
+        match self {
+            Self::Linear(settings) => settings.law(library),
+        }
+    }
+
+    /// The settings of linear contacts; `None` of another law.
+    pub const fn linear(&self) -> Option<&linear::Settings> {
+        match self {
+            Self::Linear(settings) => Some(settings),
+        }
+    }
 }
 
 /// A law of contact forces, as the rest of the program sees it.

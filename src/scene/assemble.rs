@@ -105,7 +105,7 @@ pub enum From {
 
 /// The scene's simulation, without particles.
 pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
-    assemble_with(scene, scene.law(), comm)
+    assemble_with(scene, scene.force_law(), comm)
 }
 
 /// The same with a law of one's own in place of the scene's.

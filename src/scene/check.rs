@@ -5,7 +5,8 @@
 
 use super::fills::Fills;
 use super::input::Node;
-use super::matter::{Materials, Shapes, interactions};
+use super::laws;
+use super::matter::Shapes;
 use super::reader::{Given, Range, Section};
 use super::report::Report;
 use super::walls::Walls;
@@ -13,8 +14,8 @@ use super::{Fill, Method, Scene, Stop};
 use crate::cell::{AXES, Cell};
 use crate::contact::{Epa, ErodedGjk};
 use crate::ids::ShapeId;
+use crate::law::ForceLaw;
 use crate::law::stability::time_step_limit;
-use crate::law::{ForceLaw, linear};
 use crate::math::Vec3;
 use crate::particles::Library;
 use std::path::{Path, PathBuf};
@@ -53,12 +54,8 @@ pub(super) fn scene(
 
     let contact = root.read_or("contact", (Method::Auto, None), |given| contact(&given.section()?));
     let in_contact = contact.and_then(|(_, limit)| limit);
-    let in_contact_or = in_contact.unwrap_or(true);
-    let law = root.read_or("law", in_contact_or, |given| law(&given.section()?, in_contact));
-    let limit_damping = law.unwrap_or(in_contact_or);
-
-    let materials = Materials::read(&root, limit_damping);
-    let interactions = interactions(&root, &materials, limit_damping);
+    let kind = laws::kind(&root, in_contact);
+    let (materials, law) = laws::materials(&root, kind);
     let mut shapes = Shapes::read(&root, &materials, folder);
     let domain_section = root.section("domain", "the box of particles, `low` and `high` [m]");
     let domain = domain_section.as_ref().and_then(domain);
@@ -115,11 +112,10 @@ pub(super) fn scene(
     if let (Some(domain), Some(section), Some((skin, _))) = (&domain, &domain_section, neighbours) {
         check_periods(section, domain, 2.0 * largest + skin);
     }
-    if let (Some(time), Some(section), Some(interactions)) = (&time, &time_section, &interactions)
+    if let (Some(time), Some(section), Some(law)) = (&time, &time_section, &law)
         && shapes.complete
     {
-        let law = linear::law(interactions.clone(), limit_damping, &shapes.library);
-        check_step(section, time, &shapes.library, &*law);
+        check_step(section, time, &shapes.library, &*law.law(&shapes.library));
     }
     if let (Some(time), Some(ξ), Some(given)) = (&time, global_damping, root.get("global_damping"))
         && ξ * time.dt >= 2.0
@@ -144,12 +140,11 @@ pub(super) fn scene(
         seed: seed?,
         domain: domain?,
         materials: materials.items.into_iter().collect::<Option<_>>()?,
-        interactions: interactions?,
+        law: law?,
         library,
         walls,
         servos: servos?,
         method: contact?.0,
-        limit_damping,
         gravity: gravity?,
         global_damping: global_damping?,
         initial,
@@ -260,19 +255,6 @@ fn contact(section: &Section) -> Option<(Method, Option<bool>)> {
         _ => Method::Auto,
     };
     Some((method, limit_damping?))
-}
-
-/// Whether dashpots are kept from attracting; `in_contact` is what `[contact]` says of it.
-fn law(section: &Section, in_contact: Option<bool>) -> Option<bool> {
-    let kind = section.read_or("kind", (), |given| given.one_of(&[("linear", ())]));
-    let limit_damping = section.read_or("limit_damping", in_contact.unwrap_or(true), |given| {
-        if in_contact.is_some() {
-            given.fail("stands in [contact], too: say it once");
-        }
-        given.boolean()
-    });
-    section.finish();
-    kind.and(limit_damping)
 }
 
 /// A common normal that the user insists on needs curvature everywhere.

@@ -109,6 +109,7 @@ pub mod doubts;
 mod fills;
 mod geometry;
 mod input;
+mod laws;
 mod listed;
 mod matter;
 pub mod packing;
@@ -123,7 +124,7 @@ pub use crate::drive::rain::Rain;
 pub use crate::drive::servo::Servo;
 use crate::ids::ShapeId;
 use crate::law::stability::{self, TimeStepLimit};
-use crate::law::{ForceLaw, linear};
+use crate::law::{self, ForceLaw};
 use crate::math::{Quat, Vec3};
 pub use crate::particles::mix::Mix;
 use crate::particles::walls::Wall;
@@ -148,8 +149,8 @@ pub struct Scene {
     pub domain: Cell,
     /// Materials, by `MaterialId`.
     pub materials: Vec<Material>,
-    /// Contact constants of every pair of materials.
-    pub interactions: linear::Interactions,
+    /// The law of contacts, with the constants of every pair of materials.
+    pub law: law::Choice,
     /// Shapes of particles, then of walls, by `ShapeId`.
     pub library: Library,
     /// Walls, in the order of their ids.
@@ -158,8 +159,6 @@ pub struct Scene {
     pub servos: Vec<Servo>,
     /// How contacts are resolved.
     pub method: Method,
-    /// Normal dashpots never make a contact attractive.
-    pub limit_damping: bool,
     /// Gravity [m/s²].
     pub gravity: Vec3,
     /// Global damping ξ: every particle feels `-ξ m v` and `-ξ I ω` [1/s].
@@ -260,8 +259,8 @@ impl Scene {
     }
 
     /// The force law of the scene.
-    pub fn law(&self) -> Box<dyn ForceLaw> {
-        linear::law(self.interactions.clone(), self.limit_damping, &self.library)
+    pub fn force_law(&self) -> Box<dyn ForceLaw> {
+        self.law.law(&self.library)
     }
 
     /// The kinds of shape that particles have.
@@ -278,7 +277,7 @@ impl Scene {
 
     /// Which columns the scene needs.
     pub fn needs(&self) -> Needs {
-        self.needs_with(&*self.law())
+        self.needs_with(&*self.force_law())
     }
 
     /// The same with another law.
@@ -297,7 +296,7 @@ impl Scene {
 
     /// The largest stable time step; `None` if nothing pushes.
     pub fn time_step_limit(&self) -> Option<TimeStepLimit> {
-        stability::time_step_limit(&self.library, &*self.law())
+        stability::time_step_limit(&self.library, &*self.force_law())
     }
 
     /// Particles in all, those of a start snapshot left out.

@@ -135,7 +135,7 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
             ),
         );
     }
-    let law = scene.law();
+    let law = scene.force_law();
     page.line("law", law.name());
     for (a, b) in pairs_of_materials(scene) {
         let words = law.words(a, b);
@@ -189,7 +189,7 @@ fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
 
 fn what_is_left_out(scene: &Scene, page: &mut Page) {
     let needs = scene.needs();
-    let law = scene.law();
+    let law = scene.force_law();
     let open: Vec<&str> = SIDES
         .into_iter()
         .filter(|&(_, axis, inwards)| {
@@ -233,7 +233,7 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     let count = scene.particle_count();
     page.section("Memory and messages");
     page.line("owned particle", format!("{} bytes in columns", needs.column_bytes()));
-    let remembered = scene.law();
+    let remembered = scene.force_law();
     let state = remembered.state();
     let mut words = vec![format!("{CONTACT_COLUMNS} bytes of bodies, normal, overlap and force")];
     if needs.orientation {
@@ -271,7 +271,7 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
         ),
     );
     let particles = count * particle_bytes(&scene.needs()) as u64;
-    let contacts = count * CONTACTS_PER_PARTICLE * contact_bytes(scene.law().state()) as u64;
+    let contacts = count * CONTACTS_PER_PARTICLE * contact_bytes(scene.force_law().state()) as u64;
     // One at the start, those on schedule, and one at the end.
     let snapshots = match scene.snapshot_every {
         0 => 1,
