@@ -105,10 +105,9 @@ impl Particles {
                 head
             };
             let position = Vec3::from_column_slice(take(3));
-            let apart = position - self.position[slot];
-            let nearest = self.cell.nearest(apart);
-            let mut moved = nearest.norm();
-            if nearest != apart {
+            let way = self.cell.moved(&self.position[slot], &position);
+            let mut moved = way.norm();
+            if way != position - self.position[slot] {
                 moved += rounding;
             }
             self.position[slot] = position;

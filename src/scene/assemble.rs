@@ -121,7 +121,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
         pairs: PairList::default(),
         contacts: Contacts::of(law.state()),
         sums: Sums::default(),
-        domain: Domain::new(scene.domain, halo, comm),
+        domain: Domain::new(&scene.domain, halo, comm),
         resolvers: contact::table(&scene.method, &kinds),
         law,
         field: Field { gravity: scene.gravity, damping: scene.global_damping },

@@ -91,7 +91,7 @@ impl Simulation {
             next_id: self.next_id,
             departed: self.departed,
             stop: String::new(),
-            cell: self.domain.cell,
+            cell: self.particles.cell,
             gravity: self.field.gravity,
             walls: self
                 .particles

@@ -172,7 +172,7 @@ pub fn run(
             let scheduled = step == stage_begin || due(step, schedule.history_every);
             schedule.resumed && (step < first_step || (step == first_step && scheduled))
         };
-        Some(History::open(&schedule.out, &sim.particles.walls, sim.domain.cell, keep)?)
+        Some(History::open(&schedule.out, &sim.particles.walls, sim.particles.cell, keep)?)
     } else {
         None
     };
