@@ -140,7 +140,8 @@ fn state(parts: &[Part]) -> State {
                 row.extend(column.get(k).into_iter().flat_map(bits_of));
             }
             row.extend(table.quaternion.get(k).into_iter().flat_map(bits_of));
-            row.extend(bits_of(Quantity::ALL.map(|quantity| &table.accumulated[quantity][k])));
+            let accumulated = table.accumulated.row(k);
+            row.extend(bits_of(Quantity::ALL.map(|quantity| &accumulated[quantity])));
             row.push(table.coordination[k] as u64);
             row.extend(table.image.get(k).into_iter().flatten().map(|&n| n as u64));
             bits.push((table.id[k].0, row));
