@@ -14,7 +14,7 @@ use dem_mpi::particles::Particles;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::walls::Wall;
 use dem_mpi::scene::Scene;
-use dem_mpi::scene::assemble::{self, From};
+use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::sim::{Simulation, StepError};
 use std::path::Path;
 
@@ -202,7 +202,7 @@ fn restarted(scene: &Scene, before: u32, after: u32, steps: u64, folder: &Path) 
     });
     joined(threads::run(after, |comm| {
         let mut sim = assembled(scene, comm);
-        assemble::take_up(&mut sim, scene, folder, From::Middle, comm).unwrap();
+        assemble::take_up(&mut sim, scene, folder, Continuation::SameStage, comm).unwrap();
         while sim.step < steps {
             sim.step(comm).unwrap();
         }

@@ -8,7 +8,7 @@ use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::tables::{Header, ParticleTable};
 use dem_mpi::particles::columns::Quantity;
-use dem_mpi::scene::assemble::{self, From};
+use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::{Scene, plan};
 use dem_mpi::sim::Simulation;
 use std::path::Path;
@@ -285,7 +285,7 @@ fn restarted(scene: &Scene, steps: u64, before: u32, after: u32, folder: &Path) 
     });
     let parts = threads::run(after, |comm| {
         let mut sim = assemble::assemble(scene, comm);
-        assemble::take_up(&mut sim, scene, folder, From::Middle, comm).unwrap();
+        assemble::take_up(&mut sim, scene, folder, Continuation::SameStage, comm).unwrap();
         while sim.step < steps {
             sim.step(comm).unwrap();
         }

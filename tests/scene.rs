@@ -13,7 +13,7 @@ use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::{Library, Needs};
 use dem_mpi::scene::packing::initial;
 use dem_mpi::scene::plan::plan;
-use dem_mpi::scene::{Fill, Method, Place, Scene, SceneErrors, Servo, Stop};
+use dem_mpi::scene::{Fill, Location, Method, Scene, SceneErrors, Servo, Stop};
 use dem_mpi::shape::Shape;
 use std::path::{Path, PathBuf};
 
@@ -44,13 +44,13 @@ fn files_below(folder: &Path, ending: &str) -> Vec<PathBuf> {
 
 /// The messages that a file carries on `#^` lines, each below the line it is about; on top those
 /// about the file as a whole.
-fn expected(text: &str) -> Vec<(Place, String)> {
-    let mut place = Place::File;
+fn expected(text: &str) -> Vec<(Location, String)> {
+    let mut place = Location::File;
     let mut messages = Vec::new();
     for (index, line) in text.lines().enumerate() {
         match line.strip_prefix("#^ ") {
             Some(message) => messages.push((place.clone(), message.to_owned())),
-            None => place = Place::Line(index + 1),
+            None => place = Location::Line(index + 1),
         }
     }
     messages
@@ -65,8 +65,8 @@ fn bad_scenes_are_told_all_their_mistakes() -> Result<()> {
         let name = file.display();
         assert!(!expected.is_empty(), "{name} says nothing of its mistakes");
         let errors = Scene::read(&file, &[]).err().with_context(|| format!("{name} passed"))?;
-        let found: Vec<(Place, String)> =
-            errors.problems.into_iter().map(|p| (p.place, p.message)).collect();
+        let found: Vec<(Location, String)> =
+            errors.problems.into_iter().map(|p| (p.location, p.message)).collect();
         assert_eq!(found, expected, "{name}");
     }
     Ok(())
@@ -360,7 +360,7 @@ fn wrong_overrides_are_named() {
         let errors = with(&[text]).expect_err(text);
         let problem = &errors.problems[0];
         assert_eq!(problem.message, message);
-        assert_eq!(problem.place, Place::Override(text.to_owned()));
+        assert_eq!(problem.location, Location::Override(text.to_owned()));
         assert_eq!(errors.problems.len(), 1, "{errors}");
         assert!(errors.to_string().contains(&format!("\n--set {text}: ")), "{errors}");
     }

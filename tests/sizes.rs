@@ -14,7 +14,7 @@ use dem_mpi::particles::records::Particle;
 use dem_mpi::post::lammps;
 use dem_mpi::post::region::SolidVolume;
 use dem_mpi::random::Random;
-use dem_mpi::scene::assemble::{self, From, StartError};
+use dem_mpi::scene::assemble::{self, Continuation, StartError};
 use dem_mpi::scene::packing::initial;
 use dem_mpi::scene::plan::plan;
 use dem_mpi::scene::{Scene, SceneErrors};
@@ -556,7 +556,7 @@ fn sizes_are_the_same_on_any_number_of_ranks_and_after_a_restart() {
     });
     let tables = threads::run(2, |comm| {
         let mut sim = assemble::assemble(&scene, comm);
-        assemble::take_up(&mut sim, &scene, folder.path(), From::Middle, comm).unwrap();
+        assemble::take_up(&mut sim, &scene, folder.path(), Continuation::SameStage, comm).unwrap();
         while sim.step < steps {
             sim.step(comm).unwrap();
         }
@@ -586,7 +586,7 @@ fn a_stage_takes_up_sizes_that_its_scene_does_not_list() {
     let take_up = |scene: &Scene| {
         threads::run(3, |comm| {
             let mut sim = assemble::assemble(scene, comm);
-            assemble::take_up(&mut sim, scene, &snapshots, From::Beginning, comm)?;
+            assemble::take_up(&mut sim, scene, &snapshots, Continuation::NewStage, comm)?;
             sim.begin(comm).unwrap();
             for _ in 0..20 {
                 sim.step(comm).unwrap();

@@ -11,7 +11,7 @@ use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::particles::Library;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::walls::Wall;
-use dem_mpi::scene::assemble::{self, From};
+use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::{Scene, plan::plan};
 use dem_mpi::shape::{Shape, Sphere};
 use dem_mpi::sim::Simulation;
@@ -245,7 +245,7 @@ fn restarted(scene: &Scene, before: u32, after: u32, steps: u64, folder: &Path) 
     });
     joined(threads::run(after, |comm| {
         let mut sim = assemble::assemble(scene, comm);
-        assemble::take_up(&mut sim, scene, folder, From::Middle, comm).unwrap();
+        assemble::take_up(&mut sim, scene, folder, Continuation::SameStage, comm).unwrap();
         while sim.step < steps {
             sim.step(comm).unwrap();
         }
@@ -326,7 +326,8 @@ fn a_wall_keeps_its_place_from_stage_to_stage() {
         for (scene, about) in [(&still, Vec3::zeros()), (&other, Vec3::new(0.002, 0.0, 0.001))] {
             let mut sim = assemble::assemble(scene, comm);
             let taken =
-                assemble::take_up(&mut sim, scene, folder.path(), From::Beginning, comm).unwrap();
+                assemble::take_up(&mut sim, scene, folder.path(), Continuation::NewStage, comm)
+                    .unwrap();
             let (name, off) = &taken.walls_elsewhere[0];
             assert!(name == "drum" && *off > 1e-3 && *off < 1e-2, "{off}");
             sim.begin(comm).unwrap();

@@ -178,7 +178,7 @@ fn write_lammps(out: &Path, reader: &Reader) -> Result<()> {
     Ok(file.flush()?)
 }
 
-/// The scalars of the run, if it left any; a broken table is said and passed over.
+/// The scalars of the run, if there are any; a damaged table is reported and ignored.
 fn history_beside(directory: &Path) -> History {
     let path = directory.join("history.csv");
     let Ok(file) = File::open(&path) else { return History::default() };

@@ -2,7 +2,7 @@
 //!
 //! When the pairs are listed, each rank offers its neighbours all particles whose own reach comes as
 //! far as theirs can. Once the pairs are known, only those stay that are in one: both ranks list the
-//! same pairs, so each knows what the other keeps, and nothing need be said. A small particle is
+//! same pairs, so each knows what the other keeps, without a message. A small particle is
 //! thus a ghost where a partner is, whatever the size of the largest.
 //!
 //! One message per neighbour and step, plain packed `f64`, sent before and received after the

@@ -22,11 +22,11 @@ pub struct ParticleColumn {
     /// Is it there? A column that is always there counts as present without rows, too.
     pub presence: Presence,
     /// Where in a table.
-    values: Values,
+    values: Storage,
 }
 
 /// Where the numbers of a column stand in a table.
-enum Values {
+enum Storage {
     /// In a field: to be read, and to be filled.
     Own(fn(&ParticleTable) -> &dyn Numbers, fn(&mut ParticleTable) -> &mut dyn Numbers),
     /// Among those that have accumulated.
@@ -130,7 +130,7 @@ fn own(
     get: fn(&ParticleTable) -> &dyn Numbers,
     get_mut: fn(&mut ParticleTable) -> &mut dyn Numbers,
 ) -> ParticleColumn {
-    ParticleColumn { name, place: place.into(), unit, presence, values: Values::Own(get, get_mut) }
+    ParticleColumn { name, place: place.into(), unit, presence, values: Storage::Own(get, get_mut) }
 }
 
 impl ParticleColumn {
@@ -140,15 +140,15 @@ impl ParticleColumn {
             place: Cow::Owned(format!("/restart/particles/{}", quantity.name())),
             unit: quantity.unit(),
             presence: quantity.presence(),
-            values: Values::Accumulated(quantity),
+            values: Storage::Accumulated(quantity),
         }
     }
 
     /// Its numbers in a table.
     pub fn of<'a>(&self, table: &'a ParticleTable) -> &'a dyn Numbers {
         match self.values {
-            Values::Own(get, _) => get(table),
-            Values::Accumulated(quantity) => &table.accumulated[quantity],
+            Storage::Own(get, _) => get(table),
+            Storage::Accumulated(quantity) => &table.accumulated[quantity],
         }
     }
 
@@ -177,8 +177,8 @@ impl ParticleColumn {
             return Ok(());
         }
         let values = match self.values {
-            Values::Own(_, get_mut) => get_mut(table),
-            Values::Accumulated(quantity) => &mut table.accumulated[quantity],
+            Storage::Own(_, get_mut) => get_mut(table),
+            Storage::Accumulated(quantity) => &mut table.accumulated[quantity],
         };
         values.read(piece, &column(&self.place, self.unit, values))
     }

@@ -42,7 +42,7 @@ pub enum SnapshotError {
         path: String,
         /// The lowest rank that failed.
         rank: u32,
-        /// What the system or HDF5 said.
+        /// The message of the system or of HDF5.
         cause: String,
     },
     /// Another run writes to the same directory.
@@ -90,7 +90,7 @@ pub enum SnapshotError {
     Missing {
         /// Where it was looked for.
         path: String,
-        /// What the system said.
+        /// The message of the system.
         cause: String,
     },
     /// Not a snapshot, cut short, or damaged in its structure.

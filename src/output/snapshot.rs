@@ -157,7 +157,7 @@ pub fn write_rows(
     let written = write_contacts(&partial[0], header, contacts, comm)
         .and_then(|()| write_particles(&partial[1], header, particles, histories, comm));
     if written.is_err() && comm.is_root() {
-        // Room for others; if it cannot be made, the first error is still the one to tell.
+        // Room for others; if it cannot be made, the first error is still the one to report.
         let _ = partial.each_ref().map(fs::remove_file);
     }
     written?;
@@ -332,16 +332,16 @@ fn write_histories(
     file: &mut SnapshotFile,
     histories: &dyn HistoryRows,
 ) -> Result<(), SnapshotError> {
-    fn told<T>(histories: &dyn HistoryRows, get: impl Fn(&NamedHistory) -> T) -> Vec<T> {
+    fn of_all<T>(histories: &dyn HistoryRows, get: impl Fn(&NamedHistory) -> T) -> Vec<T> {
         let mut column = Vec::with_capacity(histories.count());
         histories.each(&mut |named| column.push(get(named)));
         column
     }
     file.group(HISTORIES)?;
-    file.rows(&HISTORY_A, &told(histories, |h| h.a.to_file()))?;
-    file.rows(&HISTORY_B, &told(histories, |h| h.b.to_file()))?;
-    file.rows(&HISTORY_NORMAL, numbers(&told(histories, |h| h.geometry.normal)))?;
-    file.rows(&HISTORY_OVERLAP, &told(histories, |h| h.geometry.overlap))?;
+    file.rows(&HISTORY_A, &of_all(histories, |h| h.a.to_file()))?;
+    file.rows(&HISTORY_B, &of_all(histories, |h| h.b.to_file()))?;
+    file.rows(&HISTORY_NORMAL, numbers(&of_all(histories, |h| h.geometry.normal)))?;
+    file.rows(&HISTORY_OVERLAP, &of_all(histories, |h| h.geometry.overlap))?;
     for (StateColumn { name, unit, width }, numbers) in StateColumn::ranges(histories.columns()) {
         let mut values = Vec::with_capacity(histories.count() * width);
         histories.each(&mut |h| values.extend_from_slice(&h.state[numbers.clone()]));
@@ -351,7 +351,7 @@ fn write_histories(
 }
 
 /// One column, for as long as it is written.
-fn told<Row, T>(rows: &dyn Rows<Row>, get: impl Fn(&Row) -> T) -> Vec<T> {
+fn column_of<Row, T>(rows: &dyn Rows<Row>, get: impl Fn(&Row) -> T) -> Vec<T> {
     let mut column = Vec::with_capacity(rows.count());
     rows.each(&mut |row| column.push(get(row)));
     column
@@ -369,7 +369,7 @@ fn write_contacts(
     file.group("/VTKHDF")?;
     vtk_version(&mut file)?;
     file.rows(&POINT_COUNTS, &[2 * count as i64])?;
-    let ends = told(contacts, |c| [c.centre, c.centre + c.branch]);
+    let ends = column_of(contacts, |c| [c.centre, c.centre + c.branch]);
     file.rows(&POINTS, numbers(ends.as_flattened()))?;
     drop(ends);
     cells(&mut file, "Lines", count, 2)?;
@@ -381,7 +381,7 @@ fn write_contacts(
     for column in &CONTACT_COLUMNS {
         column.write(contacts, &mut file)?;
     }
-    file.rows(&FORCE_MAGNITUDE, &told(contacts, |c| c.force().norm()))?;
+    file.rows(&FORCE_MAGNITUDE, &column_of(contacts, |c| c.force().norm()))?;
 
     write_header(&mut file, header)?;
     file.close()

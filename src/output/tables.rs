@@ -216,13 +216,13 @@ impl ContactRow {
     }
 }
 
-/// Rows that are told one by one, as often as asked: a snapshot is written column by column, and the rows of all its
+/// Rows that are visited one by one, as often as needed: a snapshot is written column by column, and the rows of all its
 /// columns at once would be most of what a run ever holds.
 pub trait Rows<Row> {
     /// How many.
     fn count(&self) -> usize;
 
-    /// Tells each, always in the same order.
+    /// Visits each, always in the same order.
     fn each(&self, take: &mut dyn FnMut(&Row));
 
     /// A column of another length than the first, and its length. Only what is stored in columns can have one.
@@ -239,7 +239,7 @@ pub trait HistoryRows {
     /// How many.
     fn count(&self) -> usize;
 
-    /// Tells each, always in the same order.
+    /// Visits each, always in the same order.
     fn each(&self, take: &mut dyn FnMut(&NamedHistory));
 }
 

@@ -157,7 +157,7 @@ pub struct Answer {
 
 /// A touch whose overlap is negative for bodies that are apart.
 ///
-/// The methods only tell *that* a pair is apart, and bound the clearance from below. Overlap and
+/// The methods only determine *that* a pair is apart, and bound the clearance from below. Overlap and
 /// normal of such a pair are therefore those of [`clearance`], whatever the method.
 ///
 /// # Errors

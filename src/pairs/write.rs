@@ -53,7 +53,7 @@ pub fn pairs(pairs: &Pairs, to: impl Write) -> Result<(), csv::Error> {
 }
 
 /// Writes one row per pair. Points are in the world; they are the support points along the normal, of the
-/// bodies themselves. Numbers that nobody could tell are empty.
+/// bodies themselves. Numbers that no method could determine are empty.
 ///
 /// # Errors
 /// If it cannot be written.

@@ -122,7 +122,7 @@ impl Difference {
         let compared = PARTICLE_COLUMNS.iter().filter(|c| !["id", "rank"].contains(&c.name));
         for column in compared {
             let (a, b) = (column.of(first), column.of(second));
-            // In a table without rows every column counts as present: nobody can tell.
+            // In a table without rows every column counts as present.
             match (a.rows() == first.id.len(), b.rows() == second.id.len()) {
                 (true, true) => shared.push((column, a, b)),
                 (false, false) => {}
@@ -305,7 +305,7 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             ("shapes", shapes.collect::<Vec<_>>().join("; ")),
         ]
     };
-    // A number is written with as many digits as tell it from all others.
+    // Numbers are written with enough digits to distinguish them from all others.
     let mut found: Vec<String> = (numbers(first).into_iter().zip(numbers(second)))
         .filter(|(a, b)| a != b)
         .map(|((what, a), (_, b))| format!("{what}: {a} and {b}"))

@@ -120,7 +120,7 @@ pub enum PostError {
         /// The folder.
         folder: PathBuf,
     },
-    /// Two snapshots of one step: nobody could tell their rows apart, nor their dumps.
+    /// Two snapshots of one step: their rows and dumps could not be distinguished.
     #[error(
         "{first} and {second} are both of step {step}: leave one of them out, give one run at a time, \
          or compare them with --diff",

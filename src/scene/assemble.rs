@@ -96,11 +96,11 @@ pub enum StartError {
 
 /// How a run goes on from a snapshot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum From {
+pub enum Continuation {
     /// In the same stage, as if it had never stopped.
-    Middle,
+    SameStage,
     /// A new stage begins with the snapshot's particles.
-    Beginning,
+    NewStage,
 }
 
 /// The scene's simulation, without particles.
@@ -184,7 +184,7 @@ pub fn take_up(
     sim: &mut Simulation,
     scene: &Scene,
     path: &Path,
-    from: From,
+    continuation: Continuation,
     comm: &mut dyn Comm,
 ) -> Result<TakenUp, StartError> {
     let reader = Reader::open_together(path, comm)?;
@@ -192,7 +192,7 @@ pub fn take_up(
     let (header, mut particles, histories) = agree(comm, read)?;
     // A stage that begins finds the forces of its law again; one that goes on needs all that the law remembered.
     let is_known = |wanted: &&StateColumn| histories.columns().contains(wanted);
-    if from == From::Middle
+    if continuation == Continuation::SameStage
         && let Some(column) = sim.law.state().iter().find(|column| !is_known(column))
     {
         let (path, column) = (reader.path().to_owned(), column.name.to_string());
@@ -202,8 +202,8 @@ pub fn take_up(
     admit_sizes(sim, scene, reader.path(), &particles, comm)?;
     sim.next_id = header.next_id;
     sim.step = header.step;
-    match from {
-        From::Middle => {
+    match continuation {
+        Continuation::SameStage => {
             // The same time step continues the same clock; another begins its own.
             sim.stage_begin = header.stage_begin;
             sim.departed = header.departed;
@@ -212,7 +212,7 @@ pub fn take_up(
                 sim.stage_begin.1 = header.time - steps * sim.dt;
             }
         }
-        From::Beginning => {
+        Continuation::NewStage => {
             sim.stage_begin = (header.step, header.time);
             for particle in &mut particles {
                 particle.accumulated = Accumulated::default();
@@ -220,7 +220,7 @@ pub fn take_up(
         }
     }
     let mut walls_elsewhere = Vec::new();
-    let goes_on = from == From::Middle && header.dt == sim.dt;
+    let goes_on = continuation == Continuation::SameStage && header.dt == sim.dt;
     let room = (scene.domain.low(), scene.domain.high());
     let Particles { walls, library, .. } = &mut sim.particles;
     for wall in walls {
@@ -228,18 +228,18 @@ pub fn take_up(
             // A wall keeps its place from stage to stage; whether it moves, the scene says.
             let surface = (row.point, row.normal);
             let off = wall.go_on(&surface, row.body.as_ref(), goes_on, library, &room);
-            if from == From::Beginning && off > 0.0 {
+            if continuation == Continuation::NewStage && off > 0.0 {
                 walls_elsewhere.push((wall.name.clone(), off));
             }
         }
     }
-    let resumed = sim.resume_drives(&header.drives, from == From::Beginning, comm);
+    let resumed = sim.resume_drives(&header.drives, continuation == Continuation::NewStage, comm);
     resumed.map_err(|error| StartError::Drive { path: reader.path().to_owned(), error })?;
     sim.take_up(&particles, &histories, comm);
-    match from {
-        From::Beginning => sim.count_free_energy(),
-        From::Middle if header.dt != sim.dt => sim.change_step(header.dt),
-        From::Middle => {}
+    match continuation {
+        Continuation::NewStage => sim.count_free_energy(),
+        Continuation::SameStage if header.dt != sim.dt => sim.change_step(header.dt),
+        Continuation::SameStage => {}
     }
     let passed_over = reader.passed_over().to_vec();
     Ok(TakenUp { passed_over, stop: header.stop, walls_elsewhere })

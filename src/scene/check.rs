@@ -1,14 +1,14 @@
 //! From the file as written to the [`Scene`] that it means.
 //!
-//! Every function here reads one part, tells the report all that is wrong with it, and returns
+//! Every function here reads one part, reports all mistakes in it, and returns
 //! `None` if anything was; the parts that are right are read on, so that all mistakes come at once.
 
 use super::fills::Fills;
 use super::input::Node;
 use super::laws;
 use super::matter::Shapes;
+use super::mistakes::Mistakes;
 use super::reader::{Given, Range, Section};
-use super::report::Report;
 use super::walls::Walls;
 use super::{Fill, Method, Scene, Stop};
 use crate::cell::{AXES, Cell};
@@ -39,13 +39,13 @@ pub(super) enum Need {
 /// The checked scene, or `None` if the report has mistakes.
 pub(super) fn scene(
     root: &Node,
-    report: &Report,
+    mistakes: &Mistakes,
     file: &str,
     folder: &Path,
     text: String,
     need: Need,
 ) -> Option<Scene> {
-    let root = Given::root(root, report).section()?;
+    let root = Given::root(root, mistakes).section()?;
     let title = root.read_or("title", file.to_owned(), |given| given.text().map(str::to_owned));
     let seed = root.read_or("seed", 1, |given| given.whole(0));
     let gravity = root.vector_or("gravity", Vec3::zeros(), "m/s2");
@@ -125,7 +125,7 @@ pub(super) fn scene(
     if let Some((Method::CommonNormal, _)) = contact {
         check_smooth(&root, &shapes.library);
     }
-    if !report.is_empty() {
+    if !mistakes.is_empty() {
         return None;
     }
 
@@ -217,7 +217,7 @@ fn check_periods(section: &Section, domain: &Cell, reach: f64) {
 
 // --- contact, time, output ---
 
-/// The method, and whether dashpots are kept from attracting, if it is said here.
+/// The method, and whether dashpots are kept from attracting, if that is given here.
 fn contact(section: &Section) -> Option<(Method, Option<bool>)> {
     let words = ["auto", "common-normal", "gjk-erosion", "epa"].map(|word| (word, word));
     let word = section.read_or("method", "auto", |given| given.one_of(&words));

@@ -2,8 +2,8 @@
 
 use super::Mix;
 use super::geometry::geometry;
+use super::mistakes::suggestion;
 use super::reader::{Given, Range, Section};
-use super::report::suggestion;
 use crate::ids::{MaterialId, ShapeId};
 use crate::particles::sizes::Sizes;
 use crate::particles::{Library, of_inertia, of_mass};

@@ -112,10 +112,10 @@ mod input;
 mod laws;
 mod listed;
 mod matter;
+mod mistakes;
 pub mod packing;
 pub mod plan;
 mod reader;
-mod report;
 mod walls;
 
 use crate::cell::Cell;
@@ -133,8 +133,8 @@ use crate::shape::Kind;
 pub use crate::sim::run::Stop;
 use check::Need;
 pub use matter::Material;
-use report::Report;
-pub use report::{Place, Problem, SceneErrors};
+use mistakes::Mistakes;
+pub use mistakes::{Location, Problem, SceneErrors};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -219,7 +219,7 @@ impl Scene {
             }
             Err(error) => {
                 let message = format!("cannot be read: {error}");
-                let problems = vec![Problem { place: Place::File, message }];
+                let problems = vec![Problem { location: Location::File, message }];
                 Err(SceneErrors { file: name, problems })
             }
         }
@@ -246,15 +246,15 @@ impl Scene {
         overrides: &[String],
         need: Need,
     ) -> Result<Self, SceneErrors> {
-        let report = Report::default();
-        let scene = input::read(text, overrides, &report).and_then(|root| {
+        let mistakes = Mistakes::default();
+        let scene = input::read(text, overrides, &mistakes).and_then(|root| {
             let effective =
                 if overrides.is_empty() { text.to_owned() } else { input::to_text(&root) };
-            check::scene(&root, &report, file, folder, effective, need)
+            check::scene(&root, &mistakes, file, folder, effective, need)
         });
         match scene {
-            Some(scene) if report.is_empty() => Ok(scene),
-            _ => Err(report.into_errors(file)),
+            Some(scene) if mistakes.is_empty() => Ok(scene),
+            _ => Err(mistakes.into_errors(file)),
         }
     }
 

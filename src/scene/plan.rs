@@ -1,4 +1,4 @@
-//! What a scene will cost, said before it runs: `dem-mpi --plan`.
+//! What a scene will cost, printed before it runs: `dem-mpi --plan`.
 
 use super::doubts::doubts;
 use super::{Fill, Mix, Scene, Stop};

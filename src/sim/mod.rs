@@ -117,7 +117,7 @@ pub enum StepError {
         z: f64,
         /// Distance of the centres [m].
         distance: f64,
-        /// What the last method said.
+        /// Why the last method failed.
         why: Why,
     },
 }
@@ -235,7 +235,7 @@ impl Simulation {
     /// The first half of [`Simulation::begin`]. Collective.
     ///
     /// # Panics
-    /// If two drives have one name: their states could not be told apart.
+    /// If two drives have one name: their saved states could not be distinguished.
     fn list_first(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         let mut names = BTreeSet::new();
         for drive in &self.drives {

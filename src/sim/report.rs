@@ -1,4 +1,4 @@
-//! What a run tells at its end.
+//! The report at the end of a run.
 
 use super::Simulation;
 use super::run::{Ending, Finish};
@@ -168,10 +168,10 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
     text
 }
 
-/// The part of an energy that may be missing from the balance without a word.
+/// The part of an energy that may be missing from the balance without a warning.
 const MAY_MISS: f64 = 5e-3;
 
-/// What is to be said of a balance that misses too much. `dt` in s.
+/// A warning about a balance that misses too much. `dt` in s.
 fn poor_balance(finish: &Finish, dt: f64) -> Option<String> {
     let m = &finish.measures;
     let missing = m.missing();

@@ -38,7 +38,7 @@ pub struct Schedule {
     pub resumed: bool,
     /// The number of the signal that asked this rank to stop; 0: none has.
     pub signal: Arc<AtomicUsize>,
-    /// Particles whose state and contacts are told at every step.
+    /// Particles whose state and contacts are printed at every step.
     pub traced: Vec<GlobalId>,
 }
 
@@ -277,7 +277,7 @@ pub fn run(
 }
 
 impl Simulation {
-    /// What is to be said of how far bodies move in a step. Collective.
+    /// Warnings about how far bodies move in a step. Collective.
     fn warn_of_motions(&mut self, comm: &mut dyn Comm) -> Vec<String> {
         let mut largest = self.watch.largest();
         comm.max(&mut largest);
@@ -488,7 +488,7 @@ fn overlap_message(found: &[(f64, u64, i64, [f64; 3])], particles: &Particles) -
         let how_deep = if depth.is_finite() {
             format!("{:.1} %", 100.0 * depth)
         } else {
-            "so deep that no contact method can tell a normal,".to_owned()
+            "so deep that no contact method can find a normal,".to_owned()
         };
         let _ = write!(
             text,

@@ -75,7 +75,7 @@ impl Simulation {
                 commas(torque.as_slice()),
             );
             for (column, place) in StateColumn::ranges(self.contacts.remembered()) {
-                // What the line has told is not told again.
+                // What the line has already is not repeated.
                 let name = format!(" {}=", column.name);
                 if !line.contains(&name) {
                     let _ = write!(line, "{name}{}", commas(&state[place]));
