@@ -8,8 +8,8 @@ use dem_mpi::drive::rain;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::SnapshotError;
 use dem_mpi::output::hdf5::{Column, SnapshotFile, checksum};
+use dem_mpi::output::header::{Header, ShapeRow};
 use dem_mpi::output::snapshot::{self, Reader};
-use dem_mpi::output::tables::{Header, ShapeRow};
 use dem_mpi::particles::columns::Quantity;
 use dem_mpi::random::Random;
 use dem_mpi::shape::{

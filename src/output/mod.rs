@@ -2,8 +2,9 @@
 //!
 //! | file | what it is |
 //! |---|---|
-//! | [`tables`] | what a snapshot holds, and where in the files |
-//! | [`columns`] | the columns of a table one by one |
+//! | [`header`] | what a snapshot says once: when, where, with what walls and shapes |
+//! | [`tables`] | what a snapshot holds of particles and contacts: each column is declared once, with its place in the files |
+//! | [`columns`] | what a column holds: numbers of any kind, in memory and in files |
 //! | [`snapshot`] | [`snapshot::write`] and [`snapshot::Reader`]: tables to files and back |
 //! | [`table`] | `history.csv`, the scalars of a run by time |
 //! | [`performance`] | `performance.csv`, what a run did and what it took |
@@ -18,6 +19,7 @@
 
 pub mod columns;
 pub mod hdf5;
+pub mod header;
 pub mod performance;
 pub mod snapshot;
 pub mod table;

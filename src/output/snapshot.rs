@@ -3,10 +3,12 @@
 //! Two columns are there for pictures alone: `semi_axes` of each particle, with which and `quaternion`
 //! ParaView's 3D Glyphs draw it, and `force` of each contact, the magnitude of the whole force [N].
 
-use super::columns::{self, CONTACT_COLUMNS, PARTICLE_COLUMNS, ParticleColumn, Value as _};
+use super::columns::Value as _;
 use super::hdf5::{Column, Piece, SnapshotFile, StoredFile};
+use super::header::{Header, ShapeRow, WallRow};
 use super::tables::{
-    ContactRow, ContactTable, Header, HistoryRows, ParticleTable, Rows, ShapeRow, WallRow,
+    self, CONTACT_COLUMNS, ContactRow, ContactTable, HistoryRows, PARTICLE_COLUMNS, ParticleColumn,
+    ParticleTable, Rows,
 };
 use super::{SnapshotError, make_directory, on_root};
 use crate::cell::Cell;
@@ -72,12 +74,12 @@ pub fn contact_bytes(remembered: &[StateColumn]) -> usize {
 
 /// Elements at most of a particle: all columns, the axes, one vertex and its end.
 fn elements_of_particle() -> usize {
-    columns::particle_elements() + GLYPH_SEMI_AXES.width + 2
+    tables::particle_elements() + GLYPH_SEMI_AXES.width + 2
 }
 
 /// Bytes of a particle in a snapshot of a scene with these needs, what is remembered of its contacts left out.
 pub fn particle_bytes(needs: &Needs) -> usize {
-    columns::particle_bytes(needs) + ELEMENT * (GLYPH_SEMI_AXES.width + 2)
+    tables::particle_bytes(needs) + ELEMENT * (GLYPH_SEMI_AXES.width + 2)
 }
 
 /// Elements of a history.
@@ -88,7 +90,7 @@ fn of_history(remembered: &[StateColumn]) -> usize {
 
 /// Elements of a contact: all columns, the force, two points, one line of two ids and its end.
 fn elements_of_contact() -> usize {
-    columns::contact_elements() + FORCE_MAGNITUDE.width + 2 * POINTS.width + 3
+    tables::contact_elements() + FORCE_MAGNITUDE.width + 2 * POINTS.width + 3
 }
 
 /// Elements of a part: its counts, and the first offset of each category.

@@ -45,8 +45,9 @@ pub use report::{Report, Summary};
 
 use crate::ids::GlobalId;
 use crate::output::SnapshotError;
+use crate::output::header::Header;
 use crate::output::snapshot::Reader;
-use crate::output::tables::{ContactTable, Header, ParticleTable};
+use crate::output::tables::{ContactTable, ParticleTable};
 use coordination::CoordinationCount;
 use fabric::{Among, Fabric, FabricSum, ForceFabricSum, RoseSum};
 use forces::{ForceCount, MeanForceSum};

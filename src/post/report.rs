@@ -6,7 +6,7 @@ use super::forces::Forces;
 use super::region::{Bounds, Region, Strain, enclosed};
 use super::stress::{Principal, Stress, on_walls};
 use super::sums::quotient;
-use crate::output::tables::Header;
+use crate::output::header::Header;
 use serde::{Deserialize, Serialize};
 
 /// Everything computed from one snapshot. What has no meaning (a mean over nothing) is null.

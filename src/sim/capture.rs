@@ -8,9 +8,8 @@ use crate::drive::{DriveError, SavedState};
 use crate::ids::{GlobalId, Rank, ShapeId};
 use crate::math::{Quat, Vec3};
 use crate::motion;
-use crate::output::tables::{
-    ContactRow, ContactTable, Header, HistoryRows, ParticleTable, Rows, ShapeRow, WallRow,
-};
+use crate::output::header::{Header, ShapeRow, WallRow};
+use crate::output::tables::{ContactRow, ContactTable, HistoryRows, ParticleTable, Rows};
 use crate::particles::records::Particle;
 use crate::shape::Kind;
 use nalgebra::Quaternion;
