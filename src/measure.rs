@@ -144,15 +144,15 @@ pub fn measure(
     }
 
     for contact in contacts.loaded(law, particles) {
-        let Loaded { pair, history, state, normal_force, force, point: _ } = contact;
+        let Loaded { pair, geometry, state, normal_force, force, point: _ } = contact;
         let Pair { a, b } = pair;
         let wall = particles.wall_of(b);
         // A contact counts where its first particle is owned.
         if a.index() >= particles.owned {
             continue;
         }
-        add(Of::Stored as usize, law.stored(pair, particles, history, state));
-        maxima[0] = larger(maxima[0], history.overlap / shortest_axis(particles, a, b));
+        add(Of::Stored as usize, law.stored(pair, particles, geometry, state));
+        maxima[0] = larger(maxima[0], geometry.overlap / shortest_axis(particles, a, b));
         add(Of::ContactForce as usize, force.norm());
         if let Some(wall) = wall {
             counts[2] += 1;

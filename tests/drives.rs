@@ -197,8 +197,8 @@ fn restarted(scene: &Scene, before: u32, after: u32, steps: u64, folder: &Path) 
         let forces = sim.measure(comm).wall_forces;
         let header = sim.header(&scene.text, &forces, comm);
         let particles = sim.particle_table(comm.rank());
-        let (contacts, histories) = (sim.contact_table(), sim.histories());
-        snapshot::write(folder, &header, &particles, &contacts, &histories, comm).unwrap();
+        let (contacts, records) = (sim.contact_table(), sim.contact_records());
+        snapshot::write(folder, &header, &particles, &contacts, &records, comm).unwrap();
     });
     joined(threads::run(after, |comm| {
         let mut sim = assembled(scene, comm);

@@ -128,7 +128,7 @@ fn another_step_leaves_the_state_and_the_energy() {
             for particle in &mut particles {
                 particle.accumulated = Accumulated::default();
             }
-            next.take_up(&particles, &sim.histories(), &mut comm);
+            next.take_up(&particles, &sim.contact_records(), &mut comm);
             next.count_free_energy();
             next.begin(&mut comm).expect("the stage begins");
             let after = (next.particle_table(dem_mpi::ids::Rank(0)), energy(&next, &mut comm));

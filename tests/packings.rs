@@ -3,7 +3,7 @@
 use crate::random::Draw;
 use dem_mpi::cell::Cell;
 use dem_mpi::comm::alone::Alone;
-use dem_mpi::contact::Histories;
+use dem_mpi::contact::ContactRecords;
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::measure::Departed;
@@ -223,7 +223,7 @@ pub(crate) fn store(folder: &Path, snapshot: &Snapshot) {
         header,
         particles,
         contacts,
-        &Histories::default(),
+        &ContactRecords::default(),
         &mut Alone::default(),
     )
     .expect("a snapshot");

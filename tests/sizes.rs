@@ -517,7 +517,7 @@ fn run(scene: &Scene, ranks: u32, steps: u64) -> (Vec<(u64, Vec<u64>)>, usize) {
         for _ in 0..steps {
             sim.step(comm).unwrap();
         }
-        (sim.particle_table(comm.rank()), sim.histories().len())
+        (sim.particle_table(comm.rank()), sim.contact_records().len())
     });
     let contacts = parts.iter().map(|(_, contacts)| contacts).sum();
     let tables: Vec<ParticleTable> = parts.into_iter().map(|(table, _)| table).collect();
@@ -528,8 +528,8 @@ fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut dyn Comm) 
     let forces = sim.measure(comm).wall_forces;
     let header = sim.header(&scene.text, &forces, comm);
     let particles = sim.particle_table(comm.rank());
-    let (contacts, histories) = (sim.contact_table(), sim.histories());
-    snapshot::write(directory, &header, &particles, &contacts, &histories, comm).unwrap();
+    let (contacts, records) = (sim.contact_table(), sim.contact_records());
+    snapshot::write(directory, &header, &particles, &contacts, &records, comm).unwrap();
 }
 
 #[test]

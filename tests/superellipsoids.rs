@@ -894,8 +894,8 @@ fn a_restart_compares_shapes() {
         let m = sim.measure(comm);
         let header = sim.header(&saved.text, &m.wall_forces, comm);
         let particles = sim.particle_table(comm.rank());
-        let (contacts, histories) = (sim.contact_table(), sim.histories());
-        snapshot::write(folder.path(), &header, &particles, &contacts, &histories, comm).unwrap();
+        let (contacts, records) = (sim.contact_table(), sim.contact_records());
+        snapshot::write(folder.path(), &header, &particles, &contacts, &records, comm).unwrap();
     });
     let take_up = |text: &str| {
         let scene = scene(text);

@@ -230,8 +230,8 @@ fn save(sim: &Simulation, scene: &Scene, folder: &Path, comm: &mut dyn Comm) {
     let forces = sim.measure(comm).wall_forces;
     let header = sim.header(&scene.text, &forces, comm);
     let particles = sim.particle_table(comm.rank());
-    let (contacts, histories) = (sim.contact_table(), sim.histories());
-    snapshot::write(folder, &header, &particles, &contacts, &histories, comm).unwrap();
+    let (contacts, records) = (sim.contact_table(), sim.contact_records());
+    snapshot::write(folder, &header, &particles, &contacts, &records, comm).unwrap();
 }
 
 /// Saved half-way, and taken up on another number of ranks.

@@ -157,7 +157,7 @@ fn compare(files: &[PathBuf]) -> Result<ExitCode> {
         let reader = Reader::open(path)?;
         Ok(State {
             particles: reader.particles(0..reader.particle_count())?,
-            histories: reader.histories(0..reader.history_count())?,
+            records: reader.contact_records(0..reader.contact_record_count())?,
             header: reader.header().clone(),
         })
     };

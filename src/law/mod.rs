@@ -114,7 +114,7 @@ pub mod stability;
 
 pub use interactions::{Interactions, Mixing};
 
-use crate::contact::{History, Pair, Place, StateColumn};
+use crate::contact::{Geometry, Pair, Previous, StateColumn};
 use crate::ids::{MaterialId, ShapeId};
 use crate::lanes::Row;
 use crate::math::{Vec3, Vec3AndNumber};
@@ -159,15 +159,15 @@ pub struct Work<'a> {
     /// Their bodies.
     pub pairs: &'a [Pair],
     /// Normal and overlap of each, now.
-    pub history: &'a [History],
+    pub geometry: &'a [Geometry],
     /// Where each acts, seen from the centre of A [m]; empty if all are spheres, where it follows from the overlap.
     pub points: &'a [Vec3],
     /// Where each stands among those of the last step; empty if these are the same.
-    pub from: &'a [Place],
+    pub from: &'a [Previous],
     /// What was remembered of those.
     pub last: Last<'a>,
-    /// Those that have come apart since.
-    pub parted: &'a [Parted],
+    /// Those that have separated since.
+    pub separated: &'a [Separated],
     /// Room for what the next step must know: the numbers of each, see [`ForceLaw::state`].
     pub state: &'a mut [f64],
     /// Room for the forces of A on B [N].
@@ -180,14 +180,14 @@ pub struct Last<'a> {
     /// Their bodies.
     pub pairs: &'a [Pair],
     /// Normals and overlaps.
-    pub history: &'a [History],
+    pub geometry: &'a [Geometry],
     /// What the law remembers: the numbers of each, see [`ForceLaw::state`].
     pub state: &'a [f64],
 }
 
 /// A contact of the last step that is none now.
 #[derive(Clone, Copy, Debug)]
-pub struct Parted {
+pub struct Separated {
     /// Where it stood.
     pub place: usize,
     /// How many of the contacts of now come before it.
@@ -258,7 +258,7 @@ impl Sums {
         }
     }
 
-    /// Adds what a contact lost that has come apart [J] to its particles; a wall has no share.
+    /// Adds what a contact lost that has separated [J] to its particles; a wall has no share.
     fn lose(&mut self, pair: Pair, energy: f64, first_facet: usize) {
         let share = if pair.b.index() >= first_facet { energy } else { 0.5 * energy };
         for slot in [pair.a.index(), pair.b.index()] {
@@ -342,16 +342,16 @@ pub trait ForceLaw: Send + Sync {
         &self,
         pair: Pair,
         particles: &Particles,
-        geometry: &History,
+        geometry: &Geometry,
         state: &[f64],
     ) -> f64;
 
     /// Elastic energy of a contact [J].
-    fn stored(&self, pair: Pair, particles: &Particles, geometry: &History, state: &[f64]) -> f64;
+    fn stored(&self, pair: Pair, particles: &Particles, geometry: &Geometry, state: &[f64]) -> f64;
 
     /// How much the normal force of a contact rises when its bodies come nearer within one step of
     /// `dt` [s], over the way [N/m].
-    fn stiffness(&self, pair: Pair, particles: &Particles, geometry: &History, dt: f64) -> f64;
+    fn stiffness(&self, pair: Pair, particles: &Particles, geometry: &Geometry, dt: f64) -> f64;
 
     /// What bounds the time step of a body, among all others.
     fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest;

@@ -26,7 +26,7 @@
 use super::SnapshotError;
 use super::columns::{Numbers, Value, column};
 use super::hdf5::{Piece, SnapshotFile};
-use crate::contact::{Histories, NamedHistory, StateColumn};
+use crate::contact::{ContactRecord, ContactRecords, StateColumn};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
 use crate::particles::Needs;
@@ -526,8 +526,8 @@ pub trait Rows<Row> {
     }
 }
 
-/// The same of histories of touching contacts.
-pub trait HistoryRows {
+/// The same of records of touching contacts.
+pub trait ContactRecordRows {
     /// What the law remembers.
     fn columns(&self) -> &[StateColumn];
 
@@ -535,10 +535,10 @@ pub trait HistoryRows {
     fn count(&self) -> usize;
 
     /// Visits each, always in the same order.
-    fn each(&self, take: &mut dyn FnMut(&NamedHistory));
+    fn each(&self, take: &mut dyn FnMut(&ContactRecord));
 }
 
-impl HistoryRows for Histories {
+impl ContactRecordRows for ContactRecords {
     fn columns(&self) -> &[StateColumn] {
         self.columns()
     }
@@ -547,7 +547,7 @@ impl HistoryRows for Histories {
         self.len()
     }
 
-    fn each(&self, take: &mut dyn FnMut(&NamedHistory)) {
+    fn each(&self, take: &mut dyn FnMut(&ContactRecord)) {
         self.iter().for_each(|named| take(&named));
     }
 }

@@ -9,7 +9,7 @@
 //! | angular momentum | x, unless all are spheres | | |
 //! | angular velocity | x, if all are spheres | x, if a law needs it | x, if a law needs it |
 //! | force, torque, what has accumulated, image | x | | |
-//! | histories of touching contacts | x | | |
+//! | records of touching contacts | x | | |
 
 use super::Particles;
 use super::columns::Accumulated;

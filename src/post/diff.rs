@@ -4,7 +4,7 @@
 //! owning rank is not part of the state and is not compared. Springs and all else that is remembered of
 //! touching contacts are matched by the ids of both bodies. Both states are held in memory.
 
-use crate::contact::{Histories, NamedHistory, StateColumn};
+use crate::contact::{ContactRecord, ContactRecords, StateColumn};
 use crate::drive::{SavedColumn, SavedState};
 use crate::ids::GlobalId;
 use crate::measure::Departed;
@@ -28,7 +28,7 @@ pub struct State {
     /// The particles, in any order.
     pub particles: ParticleTable,
     /// What is remembered of touching contacts, in any order.
-    pub histories: Histories,
+    pub records: ContactRecords,
 }
 
 /// Names a contact: the lower id, the higher id.
@@ -113,7 +113,7 @@ impl Difference {
     pub fn between(first: &State, second: &State) -> Self {
         let mut found = Self {
             header: header_differences(&first.header, &second.header),
-            contacts: ContactDifference::between(&first.histories, &second.histories),
+            contacts: ContactDifference::between(&first.records, &second.records),
             ..Self::default()
         };
         let (first, second) = (&first.particles, &second.particles);
@@ -184,7 +184,7 @@ impl ContactDifference {
             && self.differing == 0
     }
 
-    fn between(first: &Histories, second: &Histories) -> Self {
+    fn between(first: &ContactRecords, second: &ContactRecords) -> Self {
         let mut found = Self::default();
         // What only one of them remembers has nothing to be compared with.
         let mut shared = vec![];
@@ -200,7 +200,7 @@ impl ContactDifference {
                 found.only_one_column.push(column.name.to_string());
             }
         }
-        let ends = |named: NamedHistory| (named.a, named.b);
+        let ends = |named: ContactRecord| (named.a, named.b);
         for (ends, pair) in matched(first.iter().map(ends), second.iter().map(ends)) {
             match pair {
                 [Some(i), Some(j)] => found.compare(ends, &shared, first.get(i), second.get(j)),
@@ -215,8 +215,8 @@ impl ContactDifference {
         &mut self,
         ends: Ends,
         shared: &[SharedState],
-        first: NamedHistory,
-        second: NamedHistory,
+        first: ContactRecord,
+        second: ContactRecord,
     ) {
         self.compared += 1;
         let (mine, theirs) = (&first.geometry, &second.geometry);

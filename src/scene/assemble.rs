@@ -3,7 +3,7 @@
 use super::{Scene, packing};
 use crate::cell::AXES;
 use crate::comm::{Comm, agree};
-use crate::contact::{self, Histories, StateColumn};
+use crate::contact::{self, ContactRecords, StateColumn};
 use crate::contacts::Contacts;
 use crate::domain::Domain;
 use crate::drive::rain::RainGauge;
@@ -189,9 +189,9 @@ pub fn take_up(
 ) -> Result<TakenUp, StartError> {
     let reader = Reader::open_together(path, comm)?;
     let read = read_part(&reader, reader.path(), scene, comm);
-    let (header, mut particles, histories) = agree(comm, read)?;
+    let (header, mut particles, records) = agree(comm, read)?;
     // A stage that begins finds the forces of its law again; one that goes on needs all that the law remembered.
-    let is_known = |wanted: &&StateColumn| histories.columns().contains(wanted);
+    let is_known = |wanted: &&StateColumn| records.columns().contains(wanted);
     if continuation == Continuation::SameStage
         && let Some(column) = sim.law.state().iter().find(|column| !is_known(column))
     {
@@ -235,7 +235,7 @@ pub fn take_up(
     }
     let resumed = sim.resume_drives(&header.drives, continuation == Continuation::NewStage, comm);
     resumed.map_err(|error| StartError::Drive { path: reader.path().to_owned(), error })?;
-    sim.take_up(&particles, &histories, comm);
+    sim.take_up(&particles, &records, comm);
     match continuation {
         Continuation::NewStage => sim.count_free_energy(),
         Continuation::SameStage if header.dt != sim.dt => sim.change_step(header.dt),
@@ -315,7 +315,7 @@ fn read_part(
     path: &Path,
     scene: &Scene,
     comm: &dyn Comm,
-) -> Result<(Header, Vec<Particle>, Histories), StartError> {
+) -> Result<(Header, Vec<Particle>, ContactRecords), StartError> {
     let header = reader.header().clone();
     if header.cell.repeats_otherwise(&scene.domain) {
         return Err(StartError::Period { path: path.to_owned() });
@@ -352,8 +352,8 @@ fn read_part(
         count * rank / size..count * (rank + 1) / size
     };
     let table = reader.particles(share(reader.particle_count()))?;
-    let histories = reader.histories(share(reader.history_count()))?;
-    let histories = histories.renamed(|id| {
+    let records = reader.contact_records(share(reader.contact_record_count()))?;
+    let records = records.renamed(|id| {
         let Some((wall, facet)) = id.wall_and_facet() else { return Some(id) };
         // The order of walls may have changed, and a wall may be gone or another.
         let is = |wall: &Wall, WallRow { name, point, normal, body, .. }: &WallRow| {
@@ -379,5 +379,5 @@ fn read_part(
         let mass = scene.library.mass[particle.shape.index()];
         particle.angular_momentum *= mass / header.shapes[before.index()].mass;
     }
-    Ok((header, particles, histories))
+    Ok((header, particles, records))
 }

@@ -8,7 +8,7 @@ pub mod trace;
 pub mod watch;
 
 use crate::comm::{Comm, agree};
-use crate::contact::{Found, Histories, Pair, Table, Touch, Why};
+use crate::contact::{ContactRecords, Found, Pair, Table, Touch, Why};
 use crate::contacts::{Contacts, Loaded};
 use crate::domain::{Domain, DomainError};
 use crate::drive::{Drive, DriveError, Moment};
@@ -282,9 +282,9 @@ impl Simulation {
         Ok(())
     }
 
-    /// Makes ghosts and pairs for particles that are all with their owners; `carried` are the histories
+    /// Makes ghosts and pairs for particles that are all with their owners; `carried` are the records
     /// of their touching contacts. Collective.
-    pub fn relist(&mut self, carried: &Histories, comm: &mut dyn Comm) {
+    pub fn relist(&mut self, carried: &ContactRecords, comm: &mut dyn Comm) {
         self.domain.offer_ghosts(&mut self.particles, comm);
         let mut found = search::close_pairs(&self.particles, self.skin);
         self.domain.keep_paired_ghosts(&mut self.particles, &mut found);
@@ -395,7 +395,7 @@ impl Simulation {
                 return Err(self.unresolved(self.pairs.pairs[start + number as usize], why));
             }
             self.clock.lap(Phase::Contacts);
-            self.contacts.load(stretch, &*self.law, &self.particles, dt, &mut self.sums);
+            self.contacts.compute_forces(stretch, &*self.law, &self.particles, dt, &mut self.sums);
             self.clock.lap(Phase::Forces);
             Ok(())
         });
@@ -409,7 +409,7 @@ impl Simulation {
         found.clear();
         let listed = &pairs.stretches[stretch];
         let in_stretch = &pairs.pairs[listed.range.clone()];
-        contacts.look(stretch, in_stretch.len(), &mut found.contacts, particles.needs);
+        contacts.prepare(stretch, in_stretch.len(), &mut found.contacts, particles.needs);
         for group in &listed.groups {
             let Some(resolver) = resolvers.get(group.kinds) else { continue };
             let active = pairs.active(listed, group, particles, active);
@@ -479,9 +479,9 @@ impl Simulation {
         let particles = &mut self.particles;
         let mut brought: Vec<(usize, GlobalId, f64)> = Vec::new();
         for contact in self.contacts.loaded(&*self.law, particles) {
-            let Loaded { pair, history, state, .. } = contact;
+            let Loaded { pair, geometry, state, .. } = contact;
             let Pair { a, b } = pair;
-            let stored = self.law.stored(pair, particles, history, state);
+            let stored = self.law.stored(pair, particles, geometry, state);
             let share = if b.index() >= particles.first_facet() { stored } else { 0.5 * stored };
             for (me, partner) in [(a, b), (b, a)] {
                 if me.index() < particles.owned {

@@ -438,7 +438,7 @@ fn save(
         &header,
         &sim.particle_table(comm.rank()),
         &sim.contact_rows(),
-        &sim.history_rows(),
+        &sim.contact_record_rows(),
         comm,
     )?)
 }

@@ -67,7 +67,7 @@ fn fall(directory: &Path, comm: &mut dyn Comm) {
     }
     let header = sim.header("", &sim.measure(comm).wall_forces, comm);
     let (particles, contacts) = (sim.particle_table(comm.rank()), sim.contact_table());
-    snapshot::write(directory, &header, &particles, &contacts, &sim.histories(), comm)
+    snapshot::write(directory, &header, &particles, &contacts, &sim.contact_records(), comm)
         .expect("a snapshot");
 }
 

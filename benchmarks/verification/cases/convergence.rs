@@ -284,7 +284,7 @@ impl Held {
         self.ball.mass() * G / self.ball.normal
     }
 
-    /// Place [m], velocity [m/s] and spin [rad/s] at a time [s].
+    /// Previous [m], velocity [m/s] and spin [rad/s] at a time [s].
     fn at(&self, time: f64) -> [f64; 3] {
         let (m, k) = (self.ball.mass(), self.ball.tangential);
         let inertia = 0.4 * m * self.ball.radius.powi(2);

@@ -273,7 +273,7 @@ fn relaxed(crowd: &Crowd, steps: usize) -> Relaxed {
     let virial: f64 = contacts
         .iter()
         .filter(|contact| contact.normal_force > 0.0)
-        .map(|contact| contact.normal_force * (2.0 * crowd.radius - contact.history.overlap))
+        .map(|contact| contact.normal_force * (2.0 * crowd.radius - contact.geometry.overlap))
         .sum();
     // A contact with a ghost is listed on either side of the period.
     let id = |slot: dem_mpi::ids::Slot| particles.id[slot.index()].0 as usize;
