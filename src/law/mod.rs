@@ -3,7 +3,8 @@
 //! # A law of one's own
 //!
 //! A law is a type with a [`kernel::Model`]: its constants, its force, its elastic energy, its state if it has any, what
-//! bounds its time step. [`kernel::Law`] does what all laws share. This one is whole: Hertz's elastic contact of spheres
+//! bounds its time step. [`kernel::Law`] does what all laws share. A scene can ask for it by its `kind` once [`Choice`] has a
+//! variant for it and `scene/laws.rs` reads its constants. This one is whole: Hertz's elastic contact of spheres
 //! (1882, DOI 10.1515/crll.1882.92.156), here of a sphere that meets a wall.
 //!
 //! ```
