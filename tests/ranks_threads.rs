@@ -100,7 +100,7 @@ fn bits_of<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> Vec<u64> {
 }
 
 /// What one rank owns.
-struct Part {
+struct OnRank {
     table: ParticleTable,
     records: ContactRecords,
     walls: Vec<u64>,
@@ -108,12 +108,12 @@ struct Part {
     migrated: u64,
 }
 
-fn part(sim: &Simulation, comm: &mut dyn Comm) -> Part {
+fn part(sim: &Simulation, comm: &mut dyn Comm) -> OnRank {
     let m = sim.measure(comm);
     let scalars = [m.kinetic(), m.gravity, m.stored, m.dissipated, m.received, m.mean_normal_force];
     let walls = sim.particles.walls.iter().flat_map(|wall| [wall.point, wall.velocity]);
     let walls: Vec<Vec3> = walls.collect();
-    Part {
+    OnRank {
         table: sim.particle_table(comm.rank()),
         records: sim.contact_records(),
         walls: bits_of(walls.iter().flat_map(|vector| vector.iter())),
@@ -122,10 +122,10 @@ fn part(sim: &Simulation, comm: &mut dyn Comm) -> Part {
     }
 }
 
-fn state(parts: &[Part]) -> State {
+fn state(parts: &[OnRank]) -> State {
     let mut bits = Vec::new();
     let mut records = Vec::new();
-    for Part { table, records: named, walls, scalars, .. } in parts {
+    for OnRank { table, records: named, walls, scalars, .. } in parts {
         assert_eq!(*walls, parts[0].walls, "all ranks move their walls alike");
         assert_eq!(*scalars, parts[0].scalars, "all ranks measure the same");
         for k in 0..table.id.len() {

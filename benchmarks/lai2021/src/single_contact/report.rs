@@ -28,8 +28,8 @@ pub fn report(study: &Study, plan: &Plan) -> String {
         plan.count,
         plan.seed,
     );
-    for part in parts(study, Reading::Alone) {
-        let Part { title, figure, kind, findings, remark } = part;
+    for topic in topics(study, Reading::Alone) {
+        let Topic { title, figure, kind, findings, remark } = topic;
         let whose = if kind == Kind::Check { "the check" } else { "the paper" };
         let times = if remark == TABLE_1 { table_1(&study.times) } else { String::new() };
         let _ =
@@ -42,16 +42,16 @@ pub fn report(study: &Study, plan: &Plan) -> String {
 pub fn rows(study: &Study) -> Vec<Row> {
     let mut rows = Vec::new();
     for reading in Reading::ALL {
-        for part in parts(study, reading) {
-            let row = |finding| Row::new(part.title, part.kind, reading, finding);
-            rows.extend(part.findings.into_iter().map(row));
+        for topic in topics(study, reading) {
+            let row = |finding| Row::new(topic.title, topic.kind, reading, finding);
+            rows.extend(topic.findings.into_iter().map(row));
         }
     }
     rows
 }
 
 /// Findings that belong together.
-struct Part {
+struct Topic {
     title: &'static str,
     /// The figure, as Markdown.
     figure: &'static str,
@@ -60,8 +60,8 @@ struct Part {
     remark: &'static str,
 }
 
-fn parts(study: &Study, reading: Reading) -> Vec<Part> {
-    let part = |title, figure, findings, remark| Part {
+fn topics(study: &Study, reading: Reading) -> Vec<Topic> {
+    let topic = |title, figure, findings, remark| Topic {
         title,
         figure,
         kind: Kind::Statement,
@@ -69,27 +69,30 @@ fn parts(study: &Study, reading: Reading) -> Vec<Part> {
         remark,
     };
     vec![
-        part(
+        topic(
             "2.2 Case I: parallel ellipsoids",
             "![Fig. 5](fig5.svg)\n\n",
             case_1(study, reading),
             CASE_1,
         ),
-        part(
+        topic(
             "2.2 Why the normal's error changes",
             "![Fig. 6](fig6.svg)\n\n",
             reason(study),
             REASON,
         ),
-        part(
+        topic(
             "2.2 Case II: elongation and angle",
             "![Fig. 7](fig7.svg)\n\n",
             case_2(&study.case_2),
             CASE_2,
         ),
-        part("2.2 Case III: random pairs", "![Fig. 8](fig8.svg)\n\n", case_3(study), CASE_3),
-        part("2.2 Table 1: time of a pair", "", times(&study.times, reading), TABLE_1),
-        Part { kind: Kind::Check, ..part("Checks for the conclusions", "", checks(study), CHECKS) },
+        topic("2.2 Case III: random pairs", "![Fig. 8](fig8.svg)\n\n", case_3(study), CASE_3),
+        topic("2.2 Table 1: time of a pair", "", times(&study.times, reading), TABLE_1),
+        Topic {
+            kind: Kind::Check,
+            ..topic("Checks for the conclusions", "", checks(study), CHECKS)
+        },
     ]
 }
 

@@ -22,8 +22,8 @@ const SETTLED: f64 = 0.01;
 /// ... and nearly so up to this.
 const UNSETTLED: f64 = 0.05;
 
-/// Findings of a part of the section.
-pub struct Part {
+/// Findings of a topic of the section.
+pub struct Topic {
     /// Its title.
     pub title: &'static str,
     /// The figures that belong to it: file and name.
@@ -46,14 +46,14 @@ Powder Technology (2021), section 3: random packing and triaxial compression of 
 Written by `lai2021 section-3`; the verdicts follow from the numbers.\n\n"
         .to_string();
     let _ = writeln!(page, "{}{}\n\n{}", measured(runs), missing(runs), numbers(runs));
-    for part in parts(runs) {
-        let _ = write!(page, "\n## {}\n\n", part.title);
-        for (file, name) in part.figures {
+    for topic in topics(runs) {
+        let _ = write!(page, "\n## {}\n\n", topic.title);
+        for (file, name) in topic.figures {
             if drawn(file, runs) {
                 let _ = writeln!(page, "![{name}]({file})\n");
             }
         }
-        let _ = write!(page, "{}\n{}", table(part.whose(), &part.findings), part.remark);
+        let _ = write!(page, "{}\n{}", table(topic.whose(), &topic.findings), topic.remark);
     }
     if runs.iter().any(|run| !run.costs.is_empty()) {
         let _ = write!(page, "\n## Cost\n\n{}", costs(runs));
@@ -73,7 +73,7 @@ fn drawn(file: &str, runs: &[Run]) -> bool {
     })
 }
 
-impl Part {
+impl Topic {
     /// Who states what is to be found.
     const fn whose(&self) -> &'static str {
         match self.kind {
@@ -83,8 +83,8 @@ impl Part {
     }
 }
 
-/// All findings, part by part.
-pub fn parts(runs: &[Run]) -> Vec<Part> {
+/// All findings, topic by topic.
+pub fn topics(runs: &[Run]) -> Vec<Topic> {
     among(runs, runs)
 }
 
@@ -97,39 +97,39 @@ pub fn rows(runs: &[Run]) -> Vec<Row> {
             Reading::Alone => Method::CheckedErosion,
         };
         let read: Vec<Run> = runs.iter().filter(|run| run.method != other).cloned().collect();
-        for part in among(&read, runs) {
-            let row = |finding| Row::new(part.title, part.kind, reading, finding);
-            rows.extend(part.findings.into_iter().map(row));
+        for topic in among(&read, runs) {
+            let row = |finding| Row::new(topic.title, topic.kind, reading, finding);
+            rows.extend(topic.findings.into_iter().map(row));
         }
     }
     rows
 }
 
 /// Findings from some of the runs; where a reason is asked for, from all.
-fn among(runs: &[Run], all: &[Run]) -> Vec<Part> {
+fn among(runs: &[Run], all: &[Run]) -> Vec<Topic> {
     vec![
-        Part {
+        Topic {
             title: "3.1 Simulation setup",
             figures: &[("fig9.svg", "Fig. 9")],
             kind: Kind::Setting,
             findings: setup(runs),
             remark: String::new(),
         },
-        Part {
+        Topic {
             title: "3.2 Macroscopic response",
             figures: &[("fig10.svg", "Fig. 10")],
             kind: Kind::Statement,
             findings: response(runs),
             remark: RESPONSE.into(),
         },
-        Part {
+        Topic {
             title: "3.3 Coordination number",
             figures: &[("fig11.svg", "Fig. 11")],
             kind: Kind::Statement,
             findings: coordination(runs, all),
             remark: COORDINATION.into(),
         },
-        Part {
+        Topic {
             title: "3.4 Fabric anisotropy",
             figures: &[
                 ("fig12.svg", "Fig. 12"),
@@ -140,7 +140,7 @@ fn among(runs: &[Run], all: &[Run]) -> Vec<Part> {
             findings: fabric(runs),
             remark: FABRIC.into(),
         },
-        Part {
+        Topic {
             title: "Checks of the runs themselves",
             figures: &[],
             kind: Kind::Check,
