@@ -4,7 +4,8 @@
 //! ```text
 //! cargo bench --bench ladder                        time and memory
 //! cargo bench --bench ladder -- --count             instructions, too: by callgrind, of valgrind
-//! cargo bench --bench ladder -- --record FOLDER     the table as CSV into this folder
+//! cargo bench --bench ladder -- --million           a million spheres beside 20,000, per contact, and nothing else
+//! cargo bench --bench ladder -- --record FOLDER     the tables as CSV into this folder
 //! ```
 //!
 //! 8,000 bodies on a cubic lattice, each in touch with its neighbours; nothing moves far enough for a contact to be lost or a
@@ -13,6 +14,7 @@
 //! Instructions are also counted by phase, beside the floor of [`dem_mpi::sim::floor`]: an instruction with AVX2, which
 //! callgrind knows, does four operations or moves 32 bytes.
 
+mod million;
 mod phases;
 mod plain;
 
@@ -32,7 +34,10 @@ struct Arguments {
     /// Count instructions, too.
     #[arg(long)]
     count: bool,
-    /// Write the table into this folder.
+    /// Time a million spheres beside 20,000.
+    #[arg(long)]
+    million: bool,
+    /// Write the tables into this folder.
     #[arg(long, value_name = "FOLDER")]
     record: Option<PathBuf>,
     /// Only do steps of one rung, to be counted: 0 is the hand-written loop.
@@ -105,7 +110,8 @@ const RUNGS: [Rung; 8] = {
 };
 
 impl Rung {
-    fn scene(&self) -> anyhow::Result<Scene> {
+    /// With so many bodies along each axis.
+    fn scene(&self, along: u32) -> anyhow::Result<Scene> {
         let (kind, axes) = self.shape.unwrap_or(("kind = \"ellipsoid\"", [1.0; 3]));
         let axes = axes.map(|axis| axis * SIZE);
         let spacing = axes.map(|axis| 2.0 * TIGHT * axis);
@@ -123,10 +129,10 @@ impl Rung {
              [[material]]\nname = \"glass\"\ndensity = {DENSITY}\nnormal_stiffness = {STIFFNESS}\n\
              friction = {friction}\nrestitution = {restitution}\ntangential_damping_ratio = {tangential}\n\
              [[shape]]\nname = \"grain\"\n{shape}\n\
-             [[fill.lattice]]\nfirst = {first:?}\ncount = [{ALONG}, {ALONG}, {ALONG}]\nspacing = {spacing:?}\n\
+             [[fill.lattice]]\nfirst = {first:?}\ncount = [{along}, {along}, {along}]\nspacing = {spacing:?}\n\
              orientation = \"upright\"\n\
              [time]\nstep = {STEP:e}\nsteps = 1\n[output]\ndirectory = \"none\"\n{servo}",
-            high = spacing.map(|spacing| spacing * f64::from(ALONG)),
+            high = spacing.map(|spacing| spacing * f64::from(along)),
             first = spacing.map(|spacing| 0.5 * spacing),
             p = self.periodic,
             friction = if self.friction { 0.3 } else { 0.0 },
@@ -137,8 +143,8 @@ impl Rung {
         Scene::parse(&text, self.name, Path::new(""), &[]).map_err(|e| anyhow!("{e}"))
     }
 
-    fn begun(&self) -> anyhow::Result<Simulation> {
-        let scene = self.scene()?;
+    fn begun(&self, along: u32) -> anyhow::Result<Simulation> {
+        let scene = self.scene(along)?;
         let mut comm = Alone::default();
         let mut sim = assemble::assemble(&scene, &comm);
         assemble::fill(&mut sim, &scene, &comm);
@@ -156,13 +162,13 @@ enum Runner {
 impl Runner {
     fn of(number: usize) -> anyhow::Result<Self> {
         if number == 0 {
-            let sim = RUNGS[0].begun()?;
+            let sim = RUNGS[0].begun(ALONG)?;
             let pairs = sim.pairs.pairs.iter().map(|pair| [pair.a.0, pair.b.0]).collect();
             let (mass, skin) = (sim.particles.mass(0), sim.skin);
             let particles = &sim.particles;
             return Ok(Self::Plain(Plain::new(particles.position.clone(), pairs, mass, skin)));
         }
-        Ok(Self::Rung(Box::new(RUNGS[number - 1].begun()?)))
+        Ok(Self::Rung(Box::new(RUNGS[number - 1].begun(ALONG)?)))
     }
 
     fn steps(&mut self, count: u32) -> anyhow::Result<()> {
@@ -209,9 +215,15 @@ fn instructions(number: usize, function: Option<&str>) -> anyhow::Result<f64> {
 }
 
 fn main() -> anyhow::Result<()> {
-    let Arguments { count, record, one, steps, .. } = Arguments::parse();
+    let Arguments { count, million, record, one, steps, .. } = Arguments::parse();
     if let Some(number) = one {
         return Runner::of(number)?.steps(steps);
+    }
+    if let Some(record) = &record {
+        std::fs::create_dir_all(record)?;
+    }
+    if million {
+        return million::time(record.as_deref());
     }
     let names = ["a loop for the first rung alone"].into_iter().chain(RUNGS.map(|rung| rung.name));
     let names: Vec<&str> = names.collect();
@@ -256,7 +268,6 @@ fn main() -> anyhow::Result<()> {
         )?;
     }
     if let Some(record) = &record {
-        std::fs::create_dir_all(record)?;
         std::fs::write(record.join("ladder.csv"), table)?;
     }
     if count { phases::count(record.as_deref()) } else { Ok(()) }

@@ -29,7 +29,7 @@ pub(super) fn count(record: Option<&Path>) -> anyhow::Result<()> {
         "", "phase", "instructions", "operations", "bytes", "floor", "over floor"
     );
     for (number, rung) in RUNGS.iter().enumerate() {
-        let sim = rung.begun()?;
+        let sim = rung.begun(ALONG)?;
         let [listed, contacts] =
             [sim.pairs.pairs.len(), sim.contacts.len()].map(|count| count as f64 / bodies);
         for (phase, counted) in by_phase(number + 1)? {

@@ -3,6 +3,7 @@
 //! ```text
 //! cargo bench --bench scaling                        prints; tables and plots go to target/
 //! cargo bench --bench scaling -- --record FOLDER     the same into this folder
+//! cargo bench --bench scaling -- --times             steps alone; with --snapshots, snapshots alone
 //! cargo bench --bench scaling -- --latency 5e-6 --bandwidth 2e9     for another network
 //! ```
 //!
@@ -40,6 +41,9 @@ struct Arguments {
     /// Bandwidth of the network, for each rank [B/s]. The default is typical of InfiniBand, not measured.
     #[arg(long, default_value_t = 10e9)]
     bandwidth: f64,
+    /// Only time steps.
+    #[arg(long)]
+    times: bool,
     /// Only time snapshots.
     #[arg(long)]
     snapshots: bool,
@@ -338,11 +342,14 @@ fn time_snapshots(record: &Path) -> anyhow::Result<()> {
 }
 
 fn main() -> anyhow::Result<()> {
-    let Arguments { record, latency, bandwidth, snapshots, task, .. } = Arguments::parse();
+    let Arguments { record, latency, bandwidth, times, snapshots, task, .. } = Arguments::parse();
     if let Some(task) = task {
         return measured::work(task);
     }
     fs::create_dir_all(&record)?;
+    if times {
+        return time_all(&record).map(|_| ());
+    }
     if snapshots {
         return time_snapshots(&record);
     }
