@@ -3,8 +3,9 @@
 //!
 //! An addition, subtraction, multiplication, division, root or comparison of `f64` is one operation. A phase reads and
 //! writes each number that it needs once, as if all that it uses again stayed in registers. Left out is what not every
-//! scene has (gravity, damping, images across periods, scales) and what no force needs: order of sums, energies by
-//! channel, the record of each contact's force. All of that counts as distance to the floor.
+//! scene has (gravity, damping, images across periods, scales) and what no force needs: the order of sums, energies by
+//! channel, the record of each contact's force. All of that counts as distance to the floor, and so does looking up the
+//! bodies of a pair: no list is in an order in which they are neighbours in memory.
 //!
 //! | phase | for each | operations | bytes |
 //! |---|---|---|---|

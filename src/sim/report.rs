@@ -173,7 +173,7 @@ fn costs(
         ));
     }
     page.line(
-        "at least: what the formulas need for a particle in a step; reached: of that by a rank",
+        "at least: what the formulas need per particle and step; reached: that over the time",
     );
 }
 
