@@ -71,7 +71,10 @@ impl std::fmt::Display for GlobalId {
 
 /// Where a body stands in this rank's columns. Dies at each rebuild of the neighbour list: never
 /// store one beyond it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, bytemuck::Pod, bytemuck::Zeroable,
+)]
+#[repr(transparent)]
 pub struct Slot(pub u32);
 
 impl Slot {

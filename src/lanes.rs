@@ -760,26 +760,76 @@ mod avx {
     }
 }
 
-/// Eight rows to be gathered from columns of one length, checked once.
+/// Pairs of rows of columns of one length, checked once for all.
 #[derive(Clone, Copy)]
-pub(crate) struct Gather {
-    at: [u32; WIDTH],
+pub(crate) struct RowPairs<'a> {
+    rows: &'a [[u32; 2]],
     length: usize,
 }
 
-impl Gather {
-    /// Those that stand there.
+impl<'a> RowPairs<'a> {
+    /// Those pairs.
     ///
     /// # Panics
-    /// If one is beyond the length.
+    /// If a row is beyond the length.
     #[inline(always)]
-    pub(crate) fn new(at: [u32; WIDTH], length: usize) -> Self {
-        let mut largest = at[0];
-        for row in at {
-            largest = if row > largest { row } else { largest };
+    pub(crate) fn new(rows: &'a [[u32; 2]], length: usize) -> Self {
+        let mut beyond = 0;
+        for row in rows.as_flattened() {
+            let next = *row + 1;
+            beyond = if next > beyond { next } else { beyond };
         }
-        assert!((largest as usize) < length, "a row beyond the column");
-        Self { at, length }
+        assert!(beyond as usize <= length, "a row beyond the column");
+        Self { rows, length }
+    }
+
+    /// Eight of them from the `first` on; where less are left, the last one again, in the `room` for them.
+    #[inline(always)]
+    pub(crate) fn eight(self, first: usize, room: &'a mut [[u32; 2]; WIDTH]) -> [Gather<'a>; 2] {
+        let Self { rows, length } = self;
+        let rows = if let Some(rows) = rows[first..].first_chunk::<WIDTH>() {
+            rows
+        } else {
+            let last = rows.len() - 1;
+            for (lane, row) in room.iter_mut().enumerate() {
+                *row = rows[last.min(first + lane)];
+            }
+            room
+        };
+        [Gather { rows, end: 0, length }, Gather { rows, end: 1, length }]
+    }
+
+    /// Up to eight that stand anywhere, in the `room` for them; the other lanes repeat the first.
+    ///
+    /// # Panics
+    /// If there are none, or one stands nowhere.
+    #[inline(always)]
+    pub(crate) fn picked(self, places: &[u32], room: &'a mut [[u32; 2]; WIDTH]) -> [Gather<'a>; 2] {
+        let Self { rows: all, length } = self;
+        if places.len() < WIDTH {
+            *room = [all[places[0] as usize]; WIDTH];
+        }
+        for (row, &place) in room.iter_mut().zip(places) {
+            *row = all[place as usize];
+        }
+        let rows = &*room;
+        [Gather { rows, end: 0, length }, Gather { rows, end: 1, length }]
+    }
+}
+
+/// The first or the second rows of eight pairs, in columns of one length.
+#[derive(Clone, Copy)]
+pub(crate) struct Gather<'a> {
+    rows: &'a [[u32; 2]; WIDTH],
+    end: usize,
+    length: usize,
+}
+
+impl Gather<'_> {
+    /// Where the row of a lane stands.
+    #[inline(always)]
+    pub(crate) fn at(self, lane: usize) -> usize {
+        self.rows[lane][self.end] as usize
     }
 
     /// The rows of a column.
@@ -792,16 +842,39 @@ impl Gather {
         // SAFETY: all rows are below the length, which the column has.
         unsafe {
             [
-                column.get_unchecked(self.at[0] as usize),
-                column.get_unchecked(self.at[1] as usize),
-                column.get_unchecked(self.at[2] as usize),
-                column.get_unchecked(self.at[3] as usize),
-                column.get_unchecked(self.at[4] as usize),
-                column.get_unchecked(self.at[5] as usize),
-                column.get_unchecked(self.at[6] as usize),
-                column.get_unchecked(self.at[7] as usize),
+                column.get_unchecked(self.at(0)),
+                column.get_unchecked(self.at(1)),
+                column.get_unchecked(self.at(2)),
+                column.get_unchecked(self.at(3)),
+                column.get_unchecked(self.at(4)),
+                column.get_unchecked(self.at(5)),
+                column.get_unchecked(self.at(6)),
+                column.get_unchecked(self.at(7)),
             ]
         }
+    }
+
+    /// Adds a row to that of each lane, one after the other.
+    ///
+    /// # Panics
+    /// If the column is shorter than was said.
+    #[inline(always)]
+    pub(crate) fn add(self, rows: &[impl Row; WIDTH], column: &mut [[f64; 4]]) {
+        assert!(column.len() >= self.length, "a column that is too short");
+        for (lane, row) in rows.iter().enumerate() {
+            // SAFETY: all rows are below the length, which the column has.
+            row.add_to(unsafe { column.get_unchecked_mut(self.at(lane)) });
+        }
+    }
+
+    /// The same of rows whose first three numbers have the other sign.
+    #[inline(always)]
+    pub(crate) fn add_opposite<R: Row>(self, rows: &[R; WIDTH], column: &mut [[f64; 4]]) {
+        let mut opposite = *rows;
+        for row in &mut opposite {
+            *row = row.opposite();
+        }
+        self.add(&opposite, column);
     }
 }
 

@@ -23,11 +23,11 @@ use super::eroded_gjk::ErodedGjk;
 use super::in_lanes::{self, InLanes};
 use super::newton::Ellipsoids;
 use super::{
-    Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, Touch, Why, bodies_at,
-    unit_of_length, vectors,
+    Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, Touch, Why, unit_of_length,
+    vectors,
 };
 use crate::ids::Slot;
-use crate::lanes::{Eight, Lanes, Symmetric, Triple, WIDTH};
+use crate::lanes::{Eight, Gather, Lanes, RowPairs, Symmetric, Triple, WIDTH};
 use crate::math::{Mat3, Vec3};
 use crate::shape::Form;
 
@@ -76,21 +76,24 @@ impl InLanes for CommonNormal {
 fn resolve_with<L: Eight>(batch: &Batch, found: &mut Found) {
     let (mut touched, mut new) = (Octet::default(), Octet::default());
     let mut open = Vec::new();
+    // Walls have no form, and are not here.
+    let bodies = batch.bodies.form.map_or(batch.bodies.position.len(), <[_]>::len);
+    let slots = batch.slots(bodies);
     for &index in batch.active {
         if batch.last_normal(index).is_some() {
             touched.push(index);
             if touched.count == WIDTH {
-                touched.follow::<L>(batch, found, &mut open);
+                touched.follow::<L>(batch, slots, found, &mut open);
             }
         } else {
             new.push(index);
             if new.count == WIDTH {
-                new.part::<L>(batch, found, &mut open);
+                new.part::<L>(batch, slots, found, &mut open);
             }
         }
     }
-    touched.follow::<L>(batch, found, &mut open);
-    new.part::<L>(batch, found, &mut open);
+    touched.follow::<L>(batch, slots, found, &mut open);
+    new.part::<L>(batch, slots, found, &mut open);
     let mut searched = Octet::default();
     for eight in open.chunks(WIDTH) {
         let mut starts = [eight[0].1; WIDTH];
@@ -98,7 +101,7 @@ fn resolve_with<L: Eight>(batch: &Batch, found: &mut Found) {
             searched.push(*index);
             *start = *of_this;
         }
-        searched.search::<L>(batch, &starts, found);
+        searched.search::<L>(batch, slots, &starts, found);
     }
 }
 
@@ -132,29 +135,23 @@ impl Octet {
 
     /// In metres.
     #[inline(always)]
-    fn pairs<L: Eight>(&self, batch: &Batch) -> Ellipsoids<L> {
+    fn pairs<L: Eight>(&self, batch: &Batch, slots: RowPairs) -> Ellipsoids<L> {
         let Bodies { position, form, cell, .. } = batch.bodies;
-        let first = batch.pairs[self.index[0] as usize];
-        let mut slots = [[first.a; WIDTH], [first.b; WIDTH]];
-        for (lane, index) in self.index.iter().enumerate() {
-            let Pair { a, b } = batch.pairs[*index as usize];
-            slots[0][lane] = a;
-            slots[1][lane] = b;
-        }
-        let [from, to] = slots.map(|slots| bodies_at(&slots, position.len()));
-        let (from, to) = (vectors::<L>(position, from), vectors::<L>(position, to));
-        let r = cell.nearest_of(to.minus(from));
+        let mut room = [[0; 2]; WIDTH];
+        let [from, to] = slots.picked(&self.index, &mut room);
+        let r = vectors::<L>(position, to).minus(vectors(position, from));
+        let r = cell.nearest_of(r);
         let [a, b] = if let Some(form) = form {
-            [forms(form, &slots[0]), forms(form, &slots[1])]
+            [Symmetric::of(&from.rows(form)), Symmetric::of(&to.rows(form))]
         } else {
-            [forms_made(&batch.bodies, &slots[0]), forms_made(&batch.bodies, &slots[1])]
+            [forms_made(&batch.bodies, from), forms_made(&batch.bodies, to)]
         };
         Ellipsoids { a, b, r }
     }
 
     /// In units of each pair's length, with these units [m].
     #[inline(always)]
-    fn pairs_in_units<L: Eight>(&self, batch: &Batch) -> (Ellipsoids<L>, L) {
+    fn pairs_in_units<L: Eight>(&self, batch: &Batch, slots: RowPairs) -> (Ellipsoids<L>, L) {
         let mut units = [1.0; WIDTH];
         for (unit, index) in units.iter_mut().zip(&self.index[..self.count]) {
             let Pair { a, b } = batch.pairs[*index as usize];
@@ -164,7 +161,7 @@ impl Octet {
             *unit = unit_of_length(a, b);
         }
         let unit = L::load(&units);
-        (self.pairs(batch).scaled(L::all(1.0) / unit), unit)
+        (self.pairs(batch, slots).scaled(L::all(1.0) / unit), unit)
     }
 
     /// Overlaps below these are certainly the least [m].
@@ -209,11 +206,17 @@ impl Octet {
     /// Pairs that touched at the last step: one step of Newton's method and a correction with the same Hessian
     /// (together of third order), then a look at each lane. Empties the lanes.
     #[inline(always)]
-    fn follow<L: Eight>(&mut self, batch: &Batch, found: &mut Found, open: &mut Vec<(u32, Vec3)>) {
+    fn follow<L: Eight>(
+        &mut self,
+        batch: &Batch,
+        slots: RowPairs,
+        found: &mut Found,
+        open: &mut Vec<(u32, Vec3)>,
+    ) {
         if self.count == 0 {
             return;
         }
-        let pair = self.pairs::<L>(batch);
+        let pair = self.pairs::<L>(batch, slots);
         let before = pair.evaluate(self.normals(batch));
         let apart = before.delta.at_most(L::all(0.0));
         if apart == u8::MAX {
@@ -262,12 +265,18 @@ impl Octet {
 
     /// New pairs: those that the plane across the first direction parts are apart. Empties the lanes.
     #[inline(always)]
-    fn part<L: Eight>(&mut self, batch: &Batch, found: &mut Found, open: &mut Vec<(u32, Vec3)>) {
+    fn part<L: Eight>(
+        &mut self,
+        batch: &Batch,
+        slots: RowPairs,
+        found: &mut Found,
+        open: &mut Vec<(u32, Vec3)>,
+    ) {
         if self.count == 0 {
             return;
         }
         // In metres: what overflows or underflows is not found apart, and is searched.
-        let pair = self.pairs::<L>(batch);
+        let pair = self.pairs::<L>(batch, slots);
         let start = pair.cold_start().unit();
         let delta = pair.delta(start);
         let apart = delta.at_most(L::all(0.0));
@@ -298,8 +307,14 @@ impl Octet {
 
     /// The search for all others, from unit vectors. Empties the lanes.
     #[inline(always)]
-    fn search<L: Eight>(&mut self, batch: &Batch, starts: &[Vec3; WIDTH], found: &mut Found) {
-        let (pair, unit) = self.pairs_in_units::<L>(batch);
+    fn search<L: Eight>(
+        &mut self,
+        batch: &Batch,
+        slots: RowPairs,
+        starts: &[Vec3; WIDTH],
+        found: &mut Found,
+    ) {
+        let (pair, unit) = self.pairs_in_units::<L>(batch, slots);
         let mut rows = [starts[0].as_ref(); WIDTH];
         for (row, start) in rows.iter_mut().zip(starts) {
             *row = start.as_ref();
@@ -323,20 +338,14 @@ impl Octet {
     }
 }
 
-/// The matrices of eight bodies.
+/// The forms of eight bodies [m²], where the caller does not keep them.
 #[inline(always)]
-fn forms<L: Eight>(all: &[Form], slots: &[Slot; WIDTH]) -> Symmetric<L> {
-    let mut rows = [&all[slots[0].index()]; WIDTH];
-    for (row, slot) in rows.iter_mut().zip(slots) {
-        *row = &all[slot.index()];
+fn forms_made<L: Eight>(bodies: &Bodies, slots: Gather) -> Symmetric<L> {
+    let mut made = [[0.0; 6]; WIDTH];
+    for (lane, made) in made.iter_mut().enumerate() {
+        let slot = Slot(slots.at(lane) as u32);
+        *made = bodies.posed_body(slot, &bodies.frame(slot)).form();
     }
-    Symmetric::of(&rows)
-}
-
-/// The same where the caller does not keep them.
-#[inline(always)]
-fn forms_made<L: Eight>(bodies: &Bodies, slots: &[Slot; WIDTH]) -> Symmetric<L> {
-    let made = slots.map(|slot| bodies.posed_body(slot, &bodies.frame(slot)).form());
     Symmetric::of(&made.each_ref())
 }
 

@@ -4,9 +4,17 @@
 //! shape that has a support function, and always chosen for this pair. Of an edge or a face that lies on the
 //! wall, the contact point is the centroid.
 
-use super::{ContactResolver, Outcome, Posed, Touch, patch};
+#![expect(clippy::inline_always, reason = "see `lanes`")]
+
+use super::in_lanes::{self, InLanes, sphere_radii};
+use super::{
+    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Why, patch, resolve_each, triple,
+    vectors,
+};
+use crate::ids::Slot;
+use crate::lanes::{Eight, Gather, WIDTH};
 use crate::math::Vec3;
-use crate::shape::Shape;
+use crate::shape::{HalfSpace, Shape};
 
 /// Resolves any convex shape (A) against a half-space (B). The relative position runs from the
 /// centre of A to the reference point of the wall; the plane lies in the axes of the wall.
@@ -34,5 +42,138 @@ impl ContactResolver for AgainstHalfSpace {
             point = patch::centre_on_plane(a, &normal, overlap) + normal * point.dot(&normal);
         }
         Touch { overlap, normal, point }.outcome()
+    }
+
+    fn resolve(&self, batch: &Batch, found: &mut Found) {
+        let Bodies { quaternion, scale, .. } = batch.bodies;
+        if quaternion.is_none() && scale.is_none() {
+            in_lanes::resolve(&Spheres, batch, found);
+        } else {
+            resolve_each(self, batch, found);
+        }
+    }
+}
+
+/// The same where all particles are spheres as large as their shapes.
+struct Spheres;
+
+impl InLanes for Spheres {
+    #[inline(always)]
+    fn resolve_eights<L: Eight>(&self, batch: &Batch, found: &mut Found) {
+        let slots = batch.slots(batch.bodies.position.len());
+        for eight in batch.active.chunks(WIDTH) {
+            let mut room = [[0; 2]; WIDTH];
+            touch_eight::<L>(batch, eight, slots.picked(eight, &mut room), found);
+        }
+    }
+}
+
+/// [`AgainstHalfSpace::touch`] of up to eight spheres as large as their shapes.
+#[inline(always)]
+fn touch_eight<L: Eight>(
+    batch: &Batch,
+    indices: &[u32],
+    [of_a, of_b]: [Gather; 2],
+    found: &mut Found,
+) {
+    let bodies = &batch.bodies;
+    let (mut normals, mut offsets) = ([Vec3::zeros(); WIDTH], [0.0; WIDTH]);
+    for lane in 0..WIDTH {
+        (normals[lane], offsets[lane]) = plane_of(bodies, of_b.at(lane));
+    }
+    let (normal, offset) = (triple::<L>(&normals.each_ref()), L::load(&offsets));
+    let r = vectors::<L>(bodies.position, of_b).minus(vectors(bodies.position, of_a));
+    let r = bodies.cell.nearest_of(r);
+    let deepest = normal.times(sphere_radii::<L>(bodies, of_a) / normal.dot(normal).sqrt());
+    let overlap = deepest.minus(r).dot(normal) + offset;
+    let point = deepest.minus(normal.times(L::all(0.5) * overlap));
+    let touching = L::all(0.0).less(overlap);
+    let unknown = found.note_eight(indices, touching, overlap, normal, point);
+    if unknown == 0 {
+        return;
+    }
+    for (lane, &pair) in indices.iter().enumerate() {
+        if unknown >> lane & 1 == 1 {
+            found.failed.push((pair, Why::NotFinite));
+        }
+    }
+}
+
+/// The normal of a facet into its wall, and how far in front of the wall's reference point its plane lies [m].
+#[inline]
+fn plane_of(bodies: &Bodies, slot: usize) -> (Vec3, f64) {
+    let slot = Slot(slot as u32);
+    let Shape::HalfSpace(HalfSpace { normal, offset }) = bodies.shape_of(slot) else {
+        unreachable!("a facet is the second body of its pairs")
+    };
+    (-(bodies.frame(slot) * normal), *offset)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{AgainstHalfSpace, Spheres};
+    use crate::cell::Cell;
+    use crate::contact::in_lanes::InLanes;
+    use crate::contact::{Batch, Bodies, ContactResolver, Found, Pair, resolve_each};
+    use crate::ids::{ShapeId, Slot};
+    use crate::lanes::Portable;
+    use crate::math::{Mat3, Vec3};
+    use crate::random::Random;
+    use crate::shape::{HalfSpace, Shape, Sphere};
+
+    /// What is found, in the order of the pairs.
+    fn sorted(found: &Found) -> (Vec<String>, [usize; 3]) {
+        let Found { contacts, apart, failed, .. } = found;
+        let touching = contacts.iter().map(|c| (c.pair, format!("{:?}", c.touch)));
+        let apart_by = apart.iter().map(|(pair, clearance)| (*pair, format!("{clearance:?}")));
+        let unknown = failed.iter().map(|(pair, why)| (*pair, format!("{why:?}")));
+        let mut all: Vec<_> = touching.chain(apart_by).chain(unknown).collect();
+        all.sort();
+        let text = all.into_iter().map(|(pair, text)| format!("{pair}: {text}")).collect();
+        (text, [contacts.len(), apart.len(), failed.len()])
+    }
+
+    /// With and without vector registers, of two sizes, facets that are turned, and where no number is.
+    #[test]
+    fn lanes_say_what_one_sphere_is_told() {
+        let plane = |normal: Vec3, offset| Shape::HalfSpace(HalfSpace { normal, offset });
+        let library = [
+            Shape::Sphere(Sphere { radius: 1.0 }),
+            Shape::Sphere(Sphere { radius: 0.4 }),
+            plane(Vec3::z(), 0.0),
+            plane(Vec3::new(0.6, 0.0, 0.8), 0.3),
+        ];
+        let mut random = Random::of(11, 0);
+        let mut position: Vec<Vec3> =
+            (0..40).map(|_| Vec3::from_fn(|_, _| 3.0 * random.unit())).collect();
+        position[21].z = f64::NAN;
+        position.extend([Vec3::zeros(), Vec3::new(0.1, 0.2, 0.3)]);
+        let mut shape: Vec<ShapeId> = (0..40).map(|k| ShapeId(k / 3 % 2)).collect();
+        shape.extend([ShapeId(2), ShapeId(3)]);
+        let turned = crate::math::Quat::from_euler_angles(0.3, -0.2, 0.9);
+        let bodies = Bodies {
+            position: &position,
+            quaternion: None,
+            facets: &[Mat3::identity(), turned.to_rotation_matrix().into_inner()],
+            form: None,
+            shape: &shape,
+            library: &library,
+            curvature_radius: &[1.0, 0.4, f64::INFINITY, f64::INFINITY],
+            scale: None,
+            cell: &Cell::new(Vec3::zeros(), Vec3::repeat(4.0), [false; 3]),
+        };
+        let pairs: Vec<Pair> =
+            (0..79).map(|k| Pair { a: Slot(k % 40), b: Slot(40 + k % 2) }).collect();
+        let active: Vec<u32> = (0..79).collect();
+        let batch = Batch { pairs: &pairs, place: &[], history: &[], active: &active, bodies };
+        let mut found = [(); 3].map(|()| Found::default());
+        resolve_each(&AgainstHalfSpace, &batch, &mut found[0]);
+        AgainstHalfSpace.resolve(&batch, &mut found[1]);
+        Spheres.resolve_eights::<Portable>(&batch, &mut found[2]);
+        let (alone, met) = sorted(&found[0]);
+        assert!(met[0] > 15 && met[1] > 15 && met[2] == 2, "{met:?} of each are a poor test");
+        for found in &found[1..] {
+            assert_eq!(sorted(found).0, alone);
+        }
     }
 }

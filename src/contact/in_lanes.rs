@@ -2,8 +2,8 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
-use super::{Batch, Found};
-use crate::lanes::{self, Eight, Kernel};
+use super::{Batch, Bodies, Found};
+use crate::lanes::{self, Eight, Gather, Kernel, WIDTH};
 
 /// What such a resolver does with a batch. To be inlined always.
 pub(super) trait InLanes {
@@ -27,4 +27,24 @@ impl<R: InLanes> Kernel for Resolution<'_, '_, R> {
     fn run<L: Eight>(self) {
         self.resolver.resolve_eights::<L>(self.batch, self.found);
     }
+}
+
+/// The radii of spheres [m].
+#[inline(always)]
+pub(super) fn sphere_radii<L: Eight>(bodies: &Bodies, slots: Gather) -> L {
+    let Bodies { shape, curvature_radius, scale, .. } = bodies;
+    let shapes = slots.rows(shape);
+    let mut alike = true;
+    for shape in shapes {
+        alike &= shape == shapes[0];
+    }
+    if alike && scale.is_none() {
+        return L::all(curvature_radius[shapes[0].index()]);
+    }
+    let mut radii = [0.0; WIDTH];
+    for (lane, radius) in radii.iter_mut().enumerate() {
+        let scale = scale.map_or(1.0, |scale| scale[slots.at(lane)]);
+        *radius = curvature_radius[shapes[lane].index()] * scale;
+    }
+    L::load(&radii)
 }

@@ -42,7 +42,7 @@ pub use sphere_sphere::SphereSphere;
 
 use crate::cell::Cell;
 use crate::ids::{ShapeId, Slot};
-use crate::lanes::{Eight, Gather, Row as _, Triple, WIDTH};
+use crate::lanes::{Eight, Gather, Row as _, RowPairs, Triple, WIDTH, row};
 use crate::math::{Mat3, Quat, Vec3};
 use crate::shape::hull::{Hull, Plane};
 use crate::shape::{Core, Form, Kind, Shape};
@@ -278,7 +278,8 @@ fn unit_of_length(a: f64, b: f64) -> f64 {
 }
 
 /// Two bodies that may touch. A has the lower id.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub struct Pair {
     /// The body with the lower id.
     pub a: Slot,
@@ -455,22 +456,17 @@ impl Bodies<'_> {
     }
 }
 
-/// Eight bodies, of so many.
-#[expect(clippy::inline_always, reason = "see `lanes`")]
-#[inline(always)]
-pub(crate) fn bodies_at(slots: &[Slot; WIDTH], length: usize) -> Gather {
-    let mut at = [0; WIDTH];
-    for (place, slot) in at.iter_mut().zip(slots) {
-        *place = slot.0;
-    }
-    Gather::new(at, length)
-}
-
 /// The vectors of eight bodies.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
 pub(crate) fn vectors<L: Eight>(all: &[Vec3], bodies: Gather) -> Triple<L> {
-    let [a, b, c, d, e, f, g, h] = bodies.rows(all);
+    triple(&bodies.rows(all))
+}
+
+/// Eight vectors.
+#[expect(clippy::inline_always, reason = "see `lanes`")]
+#[inline(always)]
+pub(crate) fn triple<L: Eight>([a, b, c, d, e, f, g, h]: &[&Vec3; WIDTH]) -> Triple<L> {
     Triple::of(&[
         a.as_ref(),
         b.as_ref(),
@@ -539,6 +535,13 @@ impl<'a> Batch<'a> {
         history.touched().then_some(&history.normal)
     }
 
+    /// The slots of the pairs, in columns of so many bodies.
+    #[expect(clippy::inline_always, reason = "see `lanes`")]
+    #[inline(always)]
+    fn slots(&self, bodies: usize) -> RowPairs<'a> {
+        RowPairs::new(bytemuck::cast_slice(self.pairs), bodies)
+    }
+
     /// The same of a pair that is known to have touched.
     #[inline]
     pub fn normal(&self, index: u32) -> &'a Vec3 {
@@ -576,6 +579,42 @@ impl Found {
             Outcome::Failed(why) => self.failed.push((pair, why)),
         }
     }
+
+    /// Takes note of up to eight pairs: those that touch, and those that are as far apart as their overlap is negative. Returns in
+    /// which lanes there are others.
+    #[expect(clippy::inline_always, reason = "see `lanes`")]
+    #[inline(always)]
+    fn note_eight<L: Eight>(
+        &mut self,
+        pairs: &[u32],
+        touching: u8,
+        overlap: L,
+        normal: Triple<L>,
+        point: Triple<L>,
+    ) -> u8 {
+        let apart = overlap.at_most(L::all(0.0));
+        if let Some(eight) = pairs.first_chunk::<WIDTH>()
+            && touching == u8::MAX
+        {
+            // As most are that are looked at.
+            self.contacts.push_eight(eight, overlap, normal, point);
+            return 0;
+        }
+        let (geometry, points) = (normal.rows(overlap), point.store());
+        let mut others = 0;
+        for (lane, &pair) in pairs.iter().enumerate() {
+            let [x, y, z, overlap] = geometry[lane].numbers();
+            if touching >> lane & 1 == 1 {
+                let (normal, point) = (Vec3::new(x, y, z), row(&points, lane).into());
+                self.contacts.push(pair, &Touch { overlap, normal, point });
+            } else if apart >> lane & 1 == 1 {
+                self.apart.push((pair, -overlap));
+            } else {
+                others |= 1 << lane;
+            }
+        }
+        others
+    }
 }
 
 thread_local! {
@@ -610,13 +649,18 @@ pub trait ContactResolver: Send + Sync {
     /// Resolves the active pairs of a batch. Each goes into one of the lists of `found`; their order
     /// means nothing.
     fn resolve(&self, batch: &Batch, found: &mut Found) {
-        for &index in batch.active {
-            let pair = batch.pairs[index as usize];
-            let r = batch.bodies.relative(pair);
-            let frames = batch.bodies.frames(pair);
-            let (a, b) = batch.bodies.posed(pair, &frames);
-            found.note(index, self.touch(&a, &b, &r, batch.last_normal(index)));
-        }
+        resolve_each(self, batch, found);
+    }
+}
+
+/// Resolves the active pairs of a batch one after the other.
+fn resolve_each(resolver: &(impl ContactResolver + ?Sized), batch: &Batch, found: &mut Found) {
+    for &index in batch.active {
+        let pair = batch.pairs[index as usize];
+        let r = batch.bodies.relative(pair);
+        let frames = batch.bodies.frames(pair);
+        let (a, b) = batch.bodies.posed(pair, &frames);
+        found.note(index, resolver.touch(&a, &b, &r, batch.last_normal(index)));
     }
 }
 

@@ -76,7 +76,7 @@ impl ContactResolver for SmoothCommonNormal {
             return Outcome::Apart(squared.sqrt() - reach);
         }
         let unit = unit_of_length(radius_a, radius_b);
-        let pair = SmoothPair { bodies: [a, b], r: r / unit, unit, per_metre: 1.0 / unit };
+        let pair = SmoothPair::new([a, b], r, unit);
         let start = warm.copied().or_else(|| pair.cold_start());
         // Without a start the centres coincide.
         start.map_or(Outcome::Failed(Why::TooDeep), |n| pair.resolve(&n).in_metres(unit))
@@ -86,7 +86,7 @@ impl ContactResolver for SmoothCommonNormal {
 /// The touch at the minimum of `δ` beside a direction that another method has found.
 pub(super) fn touch_beside(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Option<Touch> {
     let unit = unit_of_length(a.bounding_radius(), b.bounding_radius());
-    let pair = SmoothPair { bodies: [a, b], r: r / unit, unit, per_metre: 1.0 / unit };
+    let pair = SmoothPair::new([a, b], r, unit);
     match pair.minimise(normal) {
         Minimum::At { touch, .. } if touch.overlap > 0.0 => {
             Some(Touch { overlap: touch.overlap * unit, point: touch.point * unit, ..touch })
@@ -117,6 +117,9 @@ struct SmoothPair<'a> {
     /// The unit of length [m], and its inverse.
     unit: f64,
     per_metre: f64,
+    /// The same for lengths of each body at a scale of 1.
+    own_units: [f64; 2],
+    per_own_metre: [f64; 2],
 }
 
 /// A body's support point and curvature along the outward direction `n` or `-n`.
@@ -201,7 +204,21 @@ impl Evaluation {
     }
 }
 
-impl SmoothPair<'_> {
+impl<'a> SmoothPair<'a> {
+    /// Of two bodies at `r` from each other, in a unit of length [m].
+    #[inline]
+    fn new(bodies: [&'a Posed<'a>; 2], r: &Vec3, unit: f64) -> Self {
+        let per_metre = 1.0 / unit;
+        Self {
+            bodies,
+            r: r / unit,
+            unit,
+            per_metre,
+            own_units: bodies.map(|body| unit / body.scale),
+            per_own_metre: bodies.map(|body| per_metre * body.scale),
+        }
+    }
+
     /// The normal of the ellipsoids that have the bodies' semi-axes if they were of one form and orientation and
     /// touched: `(A + B)⁻¹ r` with `A = R diag(a²) Rᵀ`.
     fn cold_start(&self) -> Option<Vec3> {
@@ -277,16 +294,17 @@ impl SmoothPair<'_> {
         let [a, b] = self.bodies;
         let (to_a, to_b) = (a.frame.tr_mul(normal), b.frame.tr_mul(&-normal));
         let [on_a, on_b] = Shape::curved_supports([a.shape, b.shape], [&to_a, &to_b]);
-        Some([self.side(a, to_a, on_a?), self.side(b, to_b, on_b?)])
+        Some([self.side(0, to_a, on_a?), self.side(1, to_b, on_b?)])
     }
 
     #[inline]
-    fn side(&self, body: &Posed, direction: Vec3, own: CurvedSupport) -> Side {
-        let (per_metre, unit) = (self.per_metre * body.scale, self.unit / body.scale);
+    fn side(&self, index: usize, direction: Vec3, own: CurvedSupport) -> Side {
+        let (per_metre, unit) = (self.per_own_metre[index], self.own_units[index]);
+        let frame = self.bodies[index].frame;
         let world = CurvedSupport {
-            point: body.frame * own.point * per_metre,
+            point: frame * own.point * per_metre,
             weight: own.weight.map(|w| w * unit),
-            along: own.along.map(|v| body.frame * v * per_metre),
+            along: own.along.map(|v| frame * v * per_metre),
         };
         Side { direction, own, world }
     }

@@ -4,13 +4,9 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
-use super::in_lanes::{self, InLanes};
-use super::{
-    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Why, bodies_at, touch_of_sphere,
-    vectors,
-};
-use crate::ids::Slot;
-use crate::lanes::{Eight, Row as _, WIDTH, row};
+use super::in_lanes::{self, InLanes, sphere_radii};
+use super::{Batch, ContactResolver, Found, Outcome, Posed, Touch, Why, touch_of_sphere, vectors};
+use crate::lanes::{Eight, Gather, WIDTH};
 use crate::math::Vec3;
 use crate::shape::Shape;
 
@@ -54,75 +50,43 @@ impl ContactResolver for SphereSphere {
 impl InLanes for SphereSphere {
     #[inline(always)]
     fn resolve_eights<L: Eight>(&self, batch: &Batch, found: &mut Found) {
+        let slots = batch.slots(batch.bodies.position.len());
         for eight in batch.active.chunks(WIDTH) {
-            touch_eight::<L>(batch, eight, found);
+            let mut room = [[0; 2]; WIDTH];
+            touch_eight::<L>(batch, eight, slots.picked(eight, &mut room), found);
         }
     }
 }
 
-/// [`SphereSphere::touch`] of up to eight pairs; the other lanes repeat the first.
+/// [`SphereSphere::touch`] of up to eight pairs.
 #[inline(always)]
-fn touch_eight<L: Eight>(batch: &Batch, indices: &[u32], found: &mut Found) {
+fn touch_eight<L: Eight>(
+    batch: &Batch,
+    indices: &[u32],
+    [of_a, of_b]: [Gather; 2],
+    found: &mut Found,
+) {
     let Batch { pairs, bodies, .. } = batch;
-    let first = pairs[indices[0] as usize];
-    let (mut a, mut b) = ([first.a; WIDTH], [first.b; WIDTH]);
-    for (lane, &index) in indices.iter().enumerate() {
-        (a[lane], b[lane]) = (pairs[index as usize].a, pairs[index as usize].b);
-    }
-    let count = bodies.position.len();
-    let (of_a, of_b) = (bodies_at(&a, count), bodies_at(&b, count));
     let r = vectors::<L>(bodies.position, of_b).minus(vectors(bodies.position, of_a));
     let r = bodies.cell.nearest_of(r);
-    let radius = radii::<L>(bodies, &a);
-    let reach = radius + radii(bodies, &b);
+    let radius = sphere_radii::<L>(bodies, of_a);
+    let reach = radius + sphere_radii(bodies, of_b);
     let distance = r.dot(r).sqrt();
     let overlap = reach - distance;
     let normal = r.over(distance);
-    let zero = L::all(0.0);
-    let (touching, apart) = (zero.less(overlap) & zero.less(distance), overlap.at_most(zero));
-
     let point = normal.times(radius - L::all(0.5) * overlap);
-    if let Some(eight) = indices.first_chunk::<WIDTH>()
-        && touching == u8::MAX
-    {
-        // As most are that are looked at.
-        found.contacts.push_eight(eight, overlap, normal, point);
+    let zero = L::all(0.0);
+    let touching = zero.less(overlap) & zero.less(distance);
+    let unknown = found.note_eight(indices, touching, overlap, normal, point);
+    if unknown == 0 {
         return;
     }
-    let (geometry, points) = (normal.rows(overlap), point.store());
     for (lane, &pair) in indices.iter().enumerate() {
-        let [x, y, z, overlap] = geometry[lane].numbers();
-        if touching >> lane & 1 == 1 {
-            let (normal, point) = (Vec3::new(x, y, z), row(&points, lane).into());
-            found.contacts.push(pair, &Touch { overlap, normal, point });
-        } else if apart >> lane & 1 == 1 {
-            found.apart.push((pair, -overlap));
-        } else {
+        if unknown >> lane & 1 == 1 {
             let coincide = bodies.relative(pairs[pair as usize]) == Vec3::zeros();
             found.failed.push((pair, if coincide { Why::TooDeep } else { Why::NotFinite }));
         }
     }
-}
-
-/// The radii of spheres [m].
-#[inline(always)]
-fn radii<L: Eight>(bodies: &Bodies, slots: &[Slot; WIDTH]) -> L {
-    if bodies.scale.is_some() {
-        return L::load(&slots.map(|slot| bodies.curvature_radius_of(slot)));
-    }
-    let first = bodies.shape[slots[0].index()];
-    let mut alike = true;
-    for slot in slots {
-        alike &= bodies.shape[slot.index()] == first;
-    }
-    if alike {
-        return L::all(bodies.curvature_radius[first.index()]);
-    }
-    let mut radii = [0.0; WIDTH];
-    for (radius, slot) in radii.iter_mut().zip(slots) {
-        *radius = bodies.curvature_radius[bodies.shape[slot.index()].index()];
-    }
-    L::load(&radii)
 }
 
 #[cfg(test)]

@@ -9,10 +9,10 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
-use super::{Body, ForceLaw, Hardest, Parted, Sums, Work, add};
-use crate::contact::{History, Pair, Place, StateColumn, bodies_at, vectors};
+use super::{Body, ForceLaw, Hardest, Last, Parted, Sums, Work, add};
+use crate::contact::{History, Pair, Place, StateColumn, triple, vectors};
 use crate::ids::{MaterialId, ShapeId, Slot};
-use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row as InRegister, Triple, WIDTH, row};
+use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row, RowPairs, Triple, WIDTH, row};
 use crate::math::Vec3;
 use crate::particles::{Library, Needs, Particles};
 
@@ -125,7 +125,7 @@ pub struct Law<M: Model> {
     model: M,
     /// Constants of every pair of shapes, walls included; none if there are too many. Not for bodies of other sizes than
     /// their shapes.
-    table: Vec<Row<M::Constants<f64>>>,
+    table: Vec<OfPair<M>>,
     /// How many shapes the table has.
     shapes: usize,
     /// Numbers remembered of a contact.
@@ -133,13 +133,39 @@ pub struct Law<M: Model> {
     needs: Needs,
 }
 
-/// Of two shapes.
+/// What is the same at every step of the contacts of two bodies, or of eight times two.
 #[derive(Clone, Copy, Debug)]
-struct Row<C> {
-    /// Constants of the law.
-    constants: C,
+struct PairConstants<C, L> {
+    /// Those of the law.
+    of_law: C,
     /// Bounding radii of both; 0 of a facet [m].
-    radii: [f64; 2],
+    radii: [L; 2],
+}
+
+/// Of one pair.
+type OfPair<M> = PairConstants<<M as Model>::Constants<f64>, f64>;
+
+/// Of eight pairs.
+type OfEight<M, L> = PairConstants<<M as Model>::Constants<L>, L>;
+
+/// Eight times the same.
+#[inline(always)]
+fn same<M: Model, L: Eight>(one: &OfPair<M>) -> OfEight<M, L> {
+    OfEight::<M, L> {
+        of_law: M::spread(&Same(one)),
+        radii: [L::all(one.radii[0]), L::all(one.radii[1])],
+    }
+}
+
+/// One for each lane.
+#[inline(always)]
+fn each<M: Model, L: Eight>(each: &[OfPair<M>; WIDTH]) -> OfEight<M, L> {
+    let mut radii = [[0.0; WIDTH]; 2];
+    for (lane, one) in each.iter().enumerate() {
+        [radii[0][lane], radii[1][lane]] = one.radii;
+    }
+    let radii = [L::load(&radii[0]), L::load(&radii[1])];
+    OfEight::<M, L> { of_law: M::spread(&Each(each)), radii }
 }
 
 /// A table of more shapes would not stay in the cache.
@@ -158,7 +184,7 @@ impl<M: Model> Law<M> {
         let shapes = library.shapes.len();
         if shapes <= MOST_SHAPES {
             let all = (0..shapes).flat_map(|a| (0..shapes).map(move |b| (a, b)));
-            law.table = all.map(|pair| law.row_of_shapes(pair, library)).collect();
+            law.table = all.map(|pair| law.of_new_shapes(pair, library)).collect();
             law.shapes = shapes;
         }
         law
@@ -166,42 +192,42 @@ impl<M: Model> Law<M> {
 
     /// Of two shapes, from the table if they are in it.
     #[inline(always)]
-    fn row_of(&self, (a, b): (usize, usize), particles: &Particles) -> Row<M::Constants<f64>> {
+    fn of_shapes(&self, (a, b): (usize, usize), particles: &Particles) -> OfPair<M> {
         match self.table.get(a * self.shapes + b) {
             Some(row) => *row,
-            None => self.row_of_shapes((a, b), &particles.library),
+            None => self.of_new_shapes((a, b), &particles.library),
         }
     }
 
     #[inline(never)]
-    fn row_of_shapes(&self, (a, b): (usize, usize), library: &Library) -> Row<M::Constants<f64>> {
+    fn of_new_shapes(&self, (a, b): (usize, usize), library: &Library) -> OfPair<M> {
         let [a, b] = [a, b].map(|shape| Body::of(library, ShapeId(shape as u16), 1.0));
-        self.row(&a, &b)
+        self.of_pair(&a, &b)
     }
 
     /// Of two bodies, whatever their sizes.
     #[inline(never)]
-    fn row_of_bodies(&self, a: Slot, b: Slot, particles: &Particles) -> Row<M::Constants<f64>> {
+    fn of_bodies(&self, a: Slot, b: Slot, particles: &Particles) -> OfPair<M> {
         let [a, b] = [a, b].map(|slot| {
             let scale = particles.scale_of(slot.index());
             Body::of(&particles.library, particles.shape[slot.index()], scale)
         });
-        self.row(&a, &b)
+        self.of_pair(&a, &b)
     }
 
     #[inline]
-    fn row(&self, a: &Body, b: &Body) -> Row<M::Constants<f64>> {
+    fn of_pair(&self, a: &Body, b: &Body) -> OfPair<M> {
         let radius = |body: &Body| if body.radius.is_finite() { body.radius } else { 0.0 };
-        Row { constants: self.model.constants(a, b), radii: [radius(a), radius(b)] }
+        PairConstants { of_law: self.model.constants(a, b), radii: [radius(a), radius(b)] }
     }
 
     /// Of a pair.
     fn constants(&self, pair: Pair, particles: &Particles) -> M::Constants<f64> {
         if particles.needs.scale {
-            return self.row_of_bodies(pair.a, pair.b, particles).constants;
+            return self.of_bodies(pair.a, pair.b, particles).of_law;
         }
         let [a, b] = [pair.a, pair.b].map(|slot| particles.shape[slot.index()].index());
-        self.row_of((a, b), particles).constants
+        self.of_shapes((a, b), particles).of_law
     }
 }
 
@@ -255,16 +281,16 @@ impl<M: Model> ForceLaw for Law<M> {
     }
 }
 
-/// Eight times the same.
-struct Same<'a, C>(&'a Row<C>);
+/// One for all lanes.
+struct Same<'a, C>(&'a PairConstants<C, f64>);
 
-/// Eight.
-struct Each<'a, C>(&'a [Row<C>; WIDTH]);
+/// One for each lane.
+struct Each<'a, C>(&'a [PairConstants<C, f64>; WIDTH]);
 
 impl<C, L: Eight> Spread<C, L> for Same<'_, C> {
     #[inline(always)]
     fn of(&self, get: impl Fn(&C) -> f64) -> L {
-        L::all(get(&self.0.constants))
+        L::all(get(&self.0.of_law))
     }
 }
 
@@ -272,8 +298,8 @@ impl<C, L: Eight> Spread<C, L> for Each<'_, C> {
     #[inline(always)]
     fn of(&self, get: impl Fn(&C) -> f64) -> L {
         let mut numbers = [0.0; WIDTH];
-        for (number, row) in numbers.iter_mut().zip(self.0) {
-            *number = get(&row.constants);
+        for (number, of_pair) in numbers.iter_mut().zip(self.0) {
+            *number = get(&of_pair.of_law);
         }
         L::load(&numbers)
     }
@@ -311,23 +337,65 @@ static NO_STATE: [f64; MOST_STATE] = [0.0; MOST_STATE];
 impl<M: Model> Contacts<'_, '_, M> {
     #[inline(always)]
     fn all<L: Eight, const MOVES: bool, const TURNS: bool>(&mut self) {
+        let pairs = bytemuck::cast_slice(self.work.pairs);
+        let pairs = RowPairs::new(pairs, self.particles.slots());
         let alike = self.alike::<L>();
         for first in (0..self.work.pairs.len()).step_by(WIDTH) {
-            self.eight::<L, MOVES, TURNS>(first, alike.as_ref());
+            let mut room = [[0; 2]; WIDTH];
+            let bodies = pairs.eight(first, &mut room);
+            let own;
+            let constants = if let Some(alike) = &alike {
+                alike
+            } else {
+                own = self.constants::<L>(bodies);
+                &own
+            };
+            self.eight::<L, MOVES, TURNS>(first, bodies, constants);
         }
     }
 
-    /// Constants and radii of all contacts, if all particles have one shape and size and none of these touches a wall.
+    /// Constants of all contacts, if all particles have one shape and size and none of these touches a wall.
     #[inline(always)]
-    fn alike<L: Eight>(&self) -> Option<(M::Constants<L>, [L; 2])> {
+    fn alike<L: Eight>(&self) -> Option<OfEight<M, L>> {
         let pair = self.work.pairs.first()?;
         let with_walls = pair.b.index() >= self.particles.first_facet();
         let Particles { library, needs, .. } = self.particles;
         if with_walls || library.particle_shapes > 1 || needs.scale {
             return None;
         }
-        let row = self.law.row_of((0, 0), self.particles);
-        Some((M::spread(&Same(&row)), [L::all(row.radii[0]), L::all(row.radii[1])]))
+        Some(same::<M, L>(&self.law.of_shapes((0, 0), self.particles)))
+    }
+
+    /// Constants of eight contacts.
+    #[inline(always)]
+    fn constants<L: Eight>(&self, [a, b]: [Gather; 2]) -> OfEight<M, L> {
+        let Self { law, particles, .. } = *self;
+        if particles.needs.scale {
+            let [first, other] = [a, b].map(|bodies| Slot(bodies.at(0) as u32));
+            let mut pairs = [law.of_bodies(first, other, particles); WIDTH];
+            for (lane, of_pair) in pairs.iter_mut().enumerate().skip(1) {
+                let (first, other) = (Slot(a.at(lane) as u32), Slot(b.at(lane) as u32));
+                *of_pair = law.of_bodies(first, other, particles);
+            }
+            return each::<M, L>(&pairs);
+        }
+        let (of_a, of_b) = (a.rows(&particles.shape), b.rows(&particles.shape));
+        let mut shapes = [(0, 0); WIDTH];
+        let mut alike = true;
+        for lane in 0..WIDTH {
+            shapes[lane] = (of_a[lane].index(), of_b[lane].index());
+            alike &= of_a[lane] == of_a[0] && of_b[lane] == of_b[0];
+        }
+        // As most are: eight times the same.
+        let one = law.of_shapes(shapes[0], particles);
+        if alike {
+            return same::<M, L>(&one);
+        }
+        let mut pairs = [one; WIDTH];
+        for (of_pair, shapes) in pairs.iter_mut().zip(&shapes) {
+            *of_pair = law.of_shapes(*shapes, particles);
+        }
+        each::<M, L>(&pairs)
     }
 
     /// Up to eight contacts; the other lanes repeat the last. `MOVES` if the law asks how surfaces move, `TURNS` if bodies feel
@@ -336,169 +404,180 @@ impl<M: Model> Contacts<'_, '_, M> {
     fn eight<L: Eight, const MOVES: bool, const TURNS: bool>(
         &mut self,
         first: usize,
-        alike: Option<&(M::Constants<L>, [L; 2])>,
+        bodies: [Gather; 2],
+        constants: &OfEight<M, L>,
     ) {
         let Self { law, particles, dt, .. } = *self;
-        let work = &*self.work;
-        let count = (work.pairs.len() - first).min(WIDTH);
-        let pairs = eight_from(work.pairs, first, count);
-        let (mut a, mut b) = ([Slot(0); WIDTH], [Slot(0); WIDTH]);
-        for lane in 0..WIDTH {
-            (a[lane], b[lane]) = (pairs[lane].a, pairs[lane].b);
+        let count = (self.work.pairs.len() - first).min(WIDTH);
+        // Pairs with walls stand among themselves.
+        let with_walls = bodies[1].at(0) >= particles.first_facet();
+        let turning_walls = TURNS && with_walls && particles.facets.any_turns;
+        let block = Block { first, count, bodies, turning_walls };
+
+        let mut state = [L::all(0.0); MOST_STATE];
+        let state = &mut state[..law.width];
+        let last = read_last::<L>(self.work, &block, state);
+        let now = Geometry::of(&eight_from_rows(self.work.history, first, count));
+        let arms = self.arms::<L, MOVES, TURNS>(&block, &constants.radii, [&last, &now]);
+        let motion =
+            if MOVES { Motion::of(particles, bodies, arms.now, arms.last) } else { Motion::none() };
+
+        let done = self.act::<L, MOVES>(constants, [&last, &now], &motion, state);
+        write_state(self.work.state, law.width, first, count, state);
+        let torques = [arms.now[1].cross(done.force), done.force.cross(arms.now[0])];
+        let next_parted = self.work.parted.get(self.summed).map_or(usize::MAX, |p| p.before);
+        if count == WIDTH && !with_walls && first + count <= next_parted {
+            self.sum_at_once::<L, TURNS>(&block, &done, torques);
+            return;
         }
-        let slots = particles.slots();
-        let (at_a, at_b) = (bodies_at(&a, slots), bodies_at(&b, slots));
-        let (constants, radii) = match alike {
-            Some(alike) => *alike,
-            None if particles.needs.scale => {
-                let mut rows = [law.row_of_bodies(a[0], b[0], particles); WIDTH];
-                for lane in 1..WIDTH {
-                    rows[lane] = law.row_of_bodies(a[lane], b[lane], particles);
-                }
-                constants_and_radii::<M, L>(&rows)
-            }
-            None => constants_of::<M, L>(law, at_a, at_b, particles),
+
+        // Each body loses half; a wall has no share.
+        let share = if with_walls { done.dissipated } else { L::all(0.5) * done.dissipated };
+        let impulse = if with_walls {
+            let half_step = L::all(0.5 * dt);
+            let straight = done.last_force.plus(done.force).plus(done.viscous).times(half_step);
+            let turning = if turning_walls {
+                let now = arms.now[1].cross(done.force.plus(done.viscous));
+                Some(arms.last[1].cross(done.last_force).plus(now).times(half_step).store())
+            } else {
+                None
+            };
+            Some(Impulse { straight: straight.store(), turning })
+        } else {
+            None
         };
-        let (normal, overlap) = geometry::<L>(&eight_from_rows(work.history, first, count));
+        let (force, torques) = (done.force.store(), torques.map(Triple::store));
+        self.sum_in_turn::<TURNS>(
+            &block,
+            &Summands { force, torques, share: share.store(), impulse },
+        );
+    }
+
+    /// Where forces act, seen from the centres of bodies.
+    #[inline(always)]
+    fn arms<L: Eight, const MOVES: bool, const TURNS: bool>(
+        &self,
+        block: &Block,
+        radii: &[L; 2],
+        [last, now]: [&Geometry<L>; 2],
+    ) -> Arms<L> {
+        let Self { work, particles, dt, .. } = self;
+        let Block { first, count, bodies: [a, b], turning_walls } = *block;
+        let half = L::all(0.5);
         let has_points = !work.points.is_empty();
         let point = if has_points {
             triple::<L>(&eight_from_rows(work.points, first, count))
         } else {
-            normal.times(radii[0] - L::all(0.5) * overlap)
+            now.normal.times(radii[0] - half * now.overlap)
         };
-        // As a rule all of them touched at the last step, one after the other: then they stand there as they do here.
-        let mut state = [L::all(0.0); MOST_STATE];
-        let state = &mut state[..law.width];
-        let last = work.last;
-        let (last_normal, last_overlap) =
-            if let Some(start) = stood_in_a_row(work.from, first, count) {
-                read_states_in_a_row(last.state, start, state);
-                geometry::<L>(&eight_rows(last.history, start))
-            } else {
-                let from = places_before(work.from, first, count);
-                read_state(&rows_at(last.state, law.width, &from), state);
-                geometry::<L>(&histories_at(last.history, &from))
-            };
-
-        // Pairs with walls stand among themselves.
-        let with_walls = b[0].index() >= particles.first_facet();
-        let turning_walls = TURNS && with_walls && particles.facets.any_turns;
-
-        // how surfaces move: where a law asks, or a moment acts
+        if !MOVES && !TURNS {
+            return Arms { now: [point; 2], last: [point; 2] };
+        }
         let position = &particles.position;
-        let arm_b = if MOVES || TURNS {
-            let to_b = vectors::<L>(position, at_b).minus(vectors(position, at_a));
-            point.minus(particles.cell.nearest_of(to_b))
-        } else {
-            point
-        };
-        let arm_b =
-            if turning_walls { half_a_step_ago(arm_b, particles, [at_a, at_b], dt) } else { arm_b };
+        let to_b = vectors::<L>(position, b).minus(vectors(position, a));
+        let mut arm_b = point.minus(particles.cell.nearest_of(to_b));
+        if turning_walls {
+            // As it was half a step ago: there the velocity of a wall that turns is that which carries its surface through
+            // the step, to second order.
+            let [of_a, of_b] = block.bodies.map(|bodies| vectors::<L>(&particles.velocity, bodies));
+            arm_b = arm_b.plus(of_b.minus(of_a).times(L::all(0.5 * dt)));
+        }
         // Of bodies other than spheres it is not remembered where the last force acted.
-        let last_arms = if has_points {
+        let last = if has_points {
             [point, arm_b]
         } else {
-            let half = L::all(0.5) * last_overlap;
-            let on_a = last_normal.times(radii[0] - half);
+            let on_a = last.normal.times(radii[0] - half * last.overlap);
             let on_b = if turning_walls {
                 on_a.plus(arm_b.minus(point))
             } else {
-                last_normal.times(half - radii[1])
+                last.normal.times(half * last.overlap - radii[1])
             };
             [on_a, on_b]
         };
-        let motion = if MOVES {
-            Motion::of(particles, [at_a, at_b], [point, arm_b], last_arms)
-        } else {
-            Motion::none()
-        };
-        let Motion { velocity, last_velocity, spin } = motion;
-        let approach = velocity.dot(normal);
-        let twist = L::all(0.5 * dt) * spin.dot(normal);
+        Arms { now: [point, arm_b], last }
+    }
 
-        // before, and now
+    /// Forces, and what is lost. `state` has what was remembered, and gets what the next step must know.
+    #[inline(always)]
+    fn act<L: Eight, const MOVES: bool>(
+        &self,
+        constants: &OfEight<M, L>,
+        [last, now]: [&Geometry<L>; 2],
+        motion: &Motion<L>,
+        state: &mut [L],
+    ) -> Done<L> {
+        let Self { law, dt, .. } = *self;
+        let constants = &constants.of_law;
         let zero = L::all(0.0);
-        let before = law.model.last(&constants, last_overlap, state);
-        let last_press = last_normal.times(before.press);
-        let last_force = last_press.plus(before.rub);
-        let sliding = velocity.minus(normal.times(approach));
-        let touched = zero.less(last_normal.dot(last_normal));
-        let contact =
-            Contact { normal, last_normal, overlap, approach, sliding, twist, touched, dt };
-        let now = law.model.act(&constants, &contact, state);
-        let press = normal.times(now.press);
-        let force = press.plus(now.rub);
+        let Motion { velocity, last_velocity, spin } = *motion;
+        let Geometry { normal, overlap } = *now;
+        let approach = velocity.dot(normal);
+        let contact = Contact {
+            normal,
+            last_normal: last.normal,
+            overlap,
+            approach,
+            sliding: velocity.minus(normal.times(approach)),
+            twist: L::all(0.5 * dt) * spin.dot(normal),
+            touched: zero.less(last.normal.dot(last.normal)),
+            dt,
+        };
+        let before = law.model.last(constants, last.overlap, state);
+        let last_press = last.normal.times(before.press);
+        let acting = law.model.act(constants, &contact, state);
+        let press = normal.times(acting.press);
 
         // What the tangential force of the last touch had and is not remembered: as much as now.
-        let viscous = now.viscous.or(Triple::zero(), touched);
+        let viscous = acting.viscous.or(Triple::zero(), contact.touched);
         let half_step = L::all(0.5 * dt);
         let dissipated = if MOVES && dt > 0.0 {
             let pressed = last_press.dot(last_velocity) + press.dot(velocity);
-            let rubbed = before.rub.dot(last_velocity) + now.rub.plus(viscous).dot(velocity);
-            let of_dashpots = half_step * pressed - (now.stored[0] - before.stored[0]);
-            let of_friction = half_step * rubbed - (now.stored[1] - before.stored[1]);
-            let [normally, tangentially] = law.model.dissipates(&constants);
+            let rubbed = before.rub.dot(last_velocity) + acting.rub.plus(viscous).dot(velocity);
+            let of_dashpots = half_step * pressed - (acting.stored[0] - before.stored[0]);
+            let of_friction = half_step * rubbed - (acting.stored[1] - before.stored[1]);
+            let [normally, tangentially] = law.model.dissipates(constants);
             of_dashpots.or(zero, normally) + of_friction.or(zero, tangentially)
         } else {
             zero
         };
-        let impulse = last_force.plus(force).plus(viscous).times(half_step);
+        let last_force = last_press.plus(before.rub);
+        Done { force: press.plus(acting.rub), last_force, viscous, dissipated }
+    }
 
-        write_state(self.work.state, law.width, first, count, state);
-        // Each body loses half; a wall has no share.
-        let next_parted = self.work.parted.get(self.summed).map_or(usize::MAX, |p| p.before);
-        if count < WIDTH || with_walls || next_parted < first + count {
-            let share = if with_walls { dissipated } else { L::all(0.5) * dissipated };
-            let impulse = if with_walls {
-                let turning = if turning_walls {
-                    let now = arm_b.cross(force.plus(viscous));
-                    Some(last_arms[1].cross(last_force).plus(now).times(half_step).store())
-                } else {
-                    None
-                };
-                Some(Impulse { straight: impulse.store(), turning })
-            } else {
-                None
-            };
-            let torques = [arm_b.cross(force), force.cross(point)].map(Triple::store);
-            let done = Done { force: force.store(), torques, share: share.store(), impulse };
-            self.sum_in_turn::<TURNS>(first, &pairs[..count], &done);
-            return;
-        }
-
-        // Rows are added as soon as they are made, or they would have to wait in memory.
-        let kept = self.work.forces[first..].first_chunk_mut::<WIDTH>().expect("eight places");
-        let Sums { force: forces, torque: torques, .. } = &mut *self.sums;
-        let rows = force.rows(L::all(0.5) * dissipated);
-        for (force, row) in kept.iter_mut().zip(&rows) {
-            *force = row.first_three().into();
-        }
+    /// Adds what eight contacts do to their bodies, if nothing stands in between. Rows are added as soon as they are made, or they
+    /// would have to wait in memory.
+    #[inline(always)]
+    fn sum_at_once<L: Eight, const TURNS: bool>(
+        &mut self,
+        block: &Block,
+        done: &Done<L>,
+        torques: [Triple<L>; 2],
+    ) {
+        let Block { first, bodies: [a, b], .. } = *block;
+        let rows = done.force.rows(L::all(0.5) * done.dissipated);
+        write_threes(&mut self.work.forces[first..], &rows);
         // A body is B of its contacts with lower ids, which stand before those of which it is A: all B may come before all A.
-        for (slot, row) in b.iter().zip(&rows) {
-            add(forces, slot.index(), *row);
-        }
-        for (slot, row) in a.iter().zip(&rows) {
-            add(forces, slot.index(), row.opposite());
-        }
+        let sums = bytemuck::cast_slice_mut(&mut self.sums.force);
+        b.add(&rows, sums);
+        a.add_opposite(&rows, sums);
         if TURNS {
-            for (slot, row) in b.iter().zip(&arm_b.cross(force).rows(zero)) {
-                add(torques, slot.index(), *row);
-            }
-            for (slot, row) in a.iter().zip(&force.cross(point).rows(zero)) {
-                add(torques, slot.index(), *row);
-            }
+            let sums = bytemuck::cast_slice_mut(&mut self.sums.torque);
+            b.add(&torques[0].rows(L::all(0.0)), sums);
+            a.add(&torques[1].rows(L::all(0.0)), sums);
         }
     }
 
     /// Adds what contacts do to their bodies, one after the other, with what contacts lost that have come apart in between.
     #[inline(never)]
-    fn sum_in_turn<const TURNS: bool>(&mut self, first: usize, pairs: &[Pair], done: &Done) {
-        let Done { force, torques, share, impulse } = done;
-        for (lane, pair) in pairs.iter().enumerate() {
-            self.part_before(first + lane);
+    fn sum_in_turn<const TURNS: bool>(&mut self, block: &Block, summands: &Summands) {
+        let Summands { force, torques, share, impulse } = summands;
+        for lane in 0..block.count {
+            let place = block.first + lane;
+            let pair = self.work.pairs[place];
+            self.part_before(place);
             let [x, y, z] = row(force, lane);
             let share = share[lane];
-            self.work.forces[first + lane] = Vec3::new(x, y, z);
+            self.work.forces[place] = Vec3::new(x, y, z);
             let forces = [[x, y, z, share], [x, y, z, share].opposite()];
             for (k, slot) in [pair.b, pair.a].into_iter().enumerate() {
                 add(&mut self.sums.force, slot.index(), forces[k]);
@@ -515,7 +594,7 @@ impl<M: Model> Contacts<'_, '_, M> {
                     let impulse = Vec3::from(row(turning, lane));
                     energy -= impulse.dot(&spin.angular_velocity[pair.b.index()]);
                 }
-                self.sums.note_wall_work(*pair, energy);
+                self.sums.note_wall_work(pair, energy);
             }
         }
     }
@@ -581,8 +660,64 @@ impl<M: Model> Contacts<'_, '_, M> {
     }
 }
 
+/// Up to eight contacts.
+#[derive(Clone, Copy)]
+struct Block<'a> {
+    /// Where the first stands.
+    first: usize,
+    /// How many there are.
+    count: usize,
+    /// Their bodies A and B.
+    bodies: [Gather<'a>; 2],
+    /// Are there walls among these that turn?
+    turning_walls: bool,
+}
+
+/// Normals and overlaps [m] of eight contacts.
+struct Geometry<L> {
+    normal: Triple<L>,
+    overlap: L,
+}
+
+impl<L: Eight> Geometry<L> {
+    #[inline(always)]
+    fn of(rows: &[&History; WIDTH]) -> Self {
+        let [a, b, c, d, e, f, g, h] = rows;
+        let [x, y, z, overlap] = L::columns_of_4(&[
+            bytemuck::cast_ref(*a),
+            bytemuck::cast_ref(*b),
+            bytemuck::cast_ref(*c),
+            bytemuck::cast_ref(*d),
+            bytemuck::cast_ref(*e),
+            bytemuck::cast_ref(*f),
+            bytemuck::cast_ref(*g),
+            bytemuck::cast_ref(*h),
+        ]);
+        Self { normal: Triple { x, y, z }, overlap }
+    }
+}
+
+/// From the centres of A and of B to where forces act [m].
+struct Arms<L> {
+    now: [Triple<L>; 2],
+    /// Of the last step.
+    last: [Triple<L>; 2],
+}
+
+/// What acts in eight contacts.
+struct Done<L> {
+    /// On B [N].
+    force: Triple<L>,
+    /// The same at the last step, as far as it is remembered [N].
+    last_force: Triple<L>,
+    /// What is not [N].
+    viscous: Triple<L>,
+    /// Energy lost since the last step [J].
+    dissipated: L,
+}
+
 /// What up to eight contacts do to their bodies, in columns.
-struct Done {
+struct Summands {
     /// On B [N].
     force: [[f64; WIDTH]; 3],
     /// Moments on B and A [N m].
@@ -593,43 +728,18 @@ struct Done {
     impulse: Option<Impulse>,
 }
 
-/// Constants of eight contacts, and the bounding radii of their bodies, 0 of walls [m].
+/// What was remembered of eight contacts: their geometry; the columns of the law's state go to `state`.
 #[inline(always)]
-fn constants_of<M: Model, L: Eight>(
-    law: &Law<M>,
-    a: Gather,
-    b: Gather,
-    particles: &Particles,
-) -> (M::Constants<L>, [L; 2]) {
-    let (of_a, of_b) = (a.rows(&particles.shape), b.rows(&particles.shape));
-    let mut shapes = [(0, 0); WIDTH];
-    let mut alike = true;
-    for lane in 0..WIDTH {
-        shapes[lane] = (of_a[lane].index(), of_b[lane].index());
-        alike &= of_a[lane] == of_a[0] && of_b[lane] == of_b[0];
+fn read_last<L: Eight>(work: &Work, block: &Block, state: &mut [L]) -> Geometry<L> {
+    let Last { history, state: all, .. } = work.last;
+    // As a rule all of them touched at the last step, one after the other: then they stand there as they do here.
+    if let Some(start) = stood_in_a_row(work.from, block.first, block.count) {
+        read_states_in_a_row(all, start, state);
+        return Geometry::of(&eight_rows(history, start));
     }
-    // As most are: eight times the same.
-    let one = law.row_of(shapes[0], particles);
-    if alike {
-        return (M::spread(&Same(&one)), [L::all(one.radii[0]), L::all(one.radii[1])]);
-    }
-    let mut rows = [one; WIDTH];
-    for (row, of_pair) in rows.iter_mut().zip(&shapes) {
-        *row = law.row_of(*of_pair, particles);
-    }
-    constants_and_radii::<M, L>(&rows)
-}
-
-/// Eight rows in lanes.
-#[inline(always)]
-fn constants_and_radii<M: Model, L: Eight>(
-    rows: &[Row<M::Constants<f64>>; WIDTH],
-) -> (M::Constants<L>, [L; 2]) {
-    let mut radii = [[0.0; WIDTH]; 2];
-    for (lane, row) in rows.iter().enumerate() {
-        [radii[0][lane], radii[1][lane]] = row.radii;
-    }
-    (M::spread(&Each(rows)), [L::load(&radii[0]), L::load(&radii[1])])
+    let from = places_before(work.from, block.first, block.count);
+    read_state(&rows_at(all, state.len(), &from), state);
+    Geometry::of(&histories_at(history, &from))
 }
 
 /// What is remembered of eight contacts that stand one after the other, column by column: by one check where
@@ -683,22 +793,36 @@ fn pieces<'a, const N: usize>(
 #[inline(always)]
 fn write_state<L: Eight>(all: &mut [f64], width: usize, first: usize, count: usize, columns: &[L]) {
     let rows = &mut all[first * width..(first + count) * width];
+    if let Ok(columns) = <&[L; 4]>::try_from(columns) {
+        let block = L::rows_of_4(*columns);
+        for (row, numbers) in rows.as_chunks_mut().0.iter_mut().zip(&block) {
+            numbers.write(row);
+        }
+        return;
+    }
     let mut at = 0;
     while at < width {
         let several = (width - at).min(4);
         let column = |k: usize| columns[(at + k).min(width - 1)];
         let block = L::rows_of_4([column(0), column(1), column(2), column(3)]);
-        if width == 4 {
-            for (row, numbers) in rows.as_chunks_mut::<4>().0.iter_mut().zip(&block) {
-                numbers.write(row);
-            }
-        } else {
-            for (row, numbers) in rows.chunks_exact_mut(width).zip(&block) {
-                row[at..at + several].copy_from_slice(&numbers.numbers()[..several]);
-            }
+        for (row, numbers) in rows.chunks_exact_mut(width).zip(&block) {
+            row[at..at + several].copy_from_slice(&numbers.numbers()[..several]);
         }
         at += several;
     }
+}
+
+/// Writes the first three numbers of eight rows. The fourth of each is written over by the next row: that takes fewer
+/// instructions than three alone.
+#[inline(always)]
+fn write_threes<R: Row>(all: &mut [Vec3], rows: &[R; WIDTH]) {
+    let eight = all.first_chunk_mut::<WIDTH>().expect("eight places");
+    let numbers: &mut [f64] = bytemuck::cast_slice_mut(eight);
+    let [rows @ .., last] = rows;
+    for (row, place) in rows.iter().zip(0..) {
+        row.write(numbers[3 * place..].first_chunk_mut().expect("a row follows"));
+    }
+    eight[WIDTH - 1] = last.first_three().into();
 }
 
 /// The rows of eight contacts that stand one after the other.
@@ -767,15 +891,6 @@ fn eight_from<T: Copy>(all: &[T], first: usize, count: usize) -> [T; WIDTH] {
     eight
 }
 
-/// Vectors.
-#[inline(always)]
-fn triple<L: Eight>([a, b, c, d, e, f, g, h]: &[&Vec3; WIDTH]) -> Triple<L> {
-    let rows = [a.as_ref(), b.as_ref(), c.as_ref(), d.as_ref()];
-    let more = [e.as_ref(), f.as_ref(), g.as_ref(), h.as_ref()];
-    let ([a, b, c, d], [e, f, g, h]) = (rows, more);
-    Triple::of(&[a, b, c, d, e, f, g, h])
-}
-
 /// Where the first of eight contacts stood at the last step, if all touched and stood one after the other.
 #[inline(always)]
 fn stood_in_a_row(from: &[Place], first: usize, count: usize) -> Option<usize> {
@@ -804,42 +919,12 @@ fn places_before(from: &[Place], first: usize, count: usize) -> [Place; WIDTH] {
     places
 }
 
-/// Normals and overlaps.
-#[inline(always)]
-fn geometry<L: Eight>(histories: &[&History; WIDTH]) -> (Triple<L>, L) {
-    let [a, b, c, d, e, f, g, h] = histories;
-    let [x, y, z, overlap] = L::columns_of_4(&[
-        bytemuck::cast_ref(*a),
-        bytemuck::cast_ref(*b),
-        bytemuck::cast_ref(*c),
-        bytemuck::cast_ref(*d),
-        bytemuck::cast_ref(*e),
-        bytemuck::cast_ref(*f),
-        bytemuck::cast_ref(*g),
-        bytemuck::cast_ref(*h),
-    ]);
-    (Triple { x, y, z }, overlap)
-}
-
 /// What particles have done to walls since the last step, in eight contacts.
 struct Impulse {
     /// [N s]
     straight: [[f64; WIDTH]; 3],
     /// About the reference points of walls that turn [N m s].
     turning: Option<[[f64; WIDTH]; 3]>,
-}
-
-/// What lies here, seen from the reference points of walls, as it was half a step ago [m]: there the velocity of a turning wall
-/// is that which carries its surface through the step, to second order.
-#[inline(always)]
-fn half_a_step_ago<L: Eight>(
-    here: Triple<L>,
-    particles: &Particles,
-    [a, b]: [Gather; 2],
-    dt: f64,
-) -> Triple<L> {
-    let velocities = [a, b].map(|bodies| vectors::<L>(&particles.velocity, bodies));
-    here.plus(velocities[1].minus(velocities[0]).times(L::all(0.5 * dt)))
 }
 
 /// How A's surface moves against B's.
@@ -961,7 +1046,7 @@ mod tests {
             run: impl Fn(Contacts<Linear>),
         ) -> Found {
             let count = self.pairs.len();
-            let zeros = vec![Vec3AndNumber::default(); particles.owned];
+            let zeros = vec![Vec3AndNumber::default(); particles.slots()];
             let mut found = Found {
                 state: vec![0.0; count * law.width],
                 forces: vec![Vec3::zeros(); count],

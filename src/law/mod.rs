@@ -208,14 +208,21 @@ impl Sums {
         if let Some(spin) = &mut particles.spin {
             self.torque = std::mem::take(&mut spin.torque);
         }
+        // Whoever is summed and not owned is nobody's: no sum has to ask.
         for sum in [&mut self.force, &mut self.torque] {
-            sum.fill(Vec3AndNumber::default());
+            if !sum.is_empty() {
+                sum.clear();
+                sum.reserve_exact(particles.slots());
+                sum.resize(particles.slots(), Vec3AndNumber::default());
+            }
         }
         self.wall_work.clear();
     }
 
     /// Gives the particles what has been summed.
     pub fn end(&mut self, particles: &mut Particles) {
+        self.force.truncate(particles.owned);
+        self.torque.truncate(particles.owned);
         particles.force = std::mem::take(&mut self.force);
         if let Some(spin) = &mut particles.spin {
             spin.torque = std::mem::take(&mut self.torque);
