@@ -221,21 +221,9 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
     match from {
         None => assemble::fill(&mut sim, &scene, comm),
         Some((path, from)) => match assemble::take_up(&mut sim, &scene, path, from, comm) {
-            Ok(TakenUp { passed_over, stop, walls_elsewhere }) => {
-                for error in passed_over {
-                    print_once(comm, format!("passed over: {error}"));
-                }
-                if !walls_elsewhere.is_empty() {
-                    let off = |(name, off): &(String, f64)| format!("{name} by {off:.4e} m");
-                    let all = walls_elsewhere.iter().map(off).collect::<Vec<_>>().join(", ");
-                    print_once(
-                        comm,
-                        format!(
-                            "walls stand where the stage before left them, off the scene's: {all}"
-                        ),
-                    );
-                }
-                held = stop;
+            Ok(taken) => {
+                print_taken_up(&taken, comm);
+                held = taken.stop;
             }
             Err(error) => {
                 print_once(comm, error);
@@ -290,6 +278,21 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
             }
         },
         Err(status) => status,
+    }
+}
+
+/// Prints which snapshots were passed over, and which walls are not where the scene puts them.
+fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
+    for error in &taken.passed_over {
+        print_once(comm, format!("passed over: {error}"));
+    }
+    if !taken.walls_elsewhere.is_empty() {
+        let off = |(name, off): &(String, f64)| format!("{name} by {off:.4e} m");
+        let all = taken.walls_elsewhere.iter().map(off).collect::<Vec<_>>().join(", ");
+        print_once(
+            comm,
+            format!("walls stand where the stage before left them, off the scene's: {all}"),
+        );
     }
 }
 

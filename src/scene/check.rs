@@ -10,7 +10,7 @@ use super::matter::Shapes;
 use super::mistakes::Mistakes;
 use super::reader::{Given, Range, Section};
 use super::walls::Walls;
-use super::{Fill, Method, Scene, Stop};
+use super::{Fill, Method, Rain, Scene, Stop};
 use crate::cell::{AXES, Cell};
 use crate::contact::{Epa, ErodedGjk};
 use crate::ids::ShapeId;
@@ -69,12 +69,8 @@ pub(super) fn scene(
     }
     .read(&root);
     // What follows looks at the sizes of all particles.
-    for fill in fills.iter().flat_map(|(initial, _)| initial) {
-        if let Fill::Listed(rows) = fill {
-            for row in rows {
-                shapes.library.admit(row.shape, row.scale);
-            }
-        }
+    for row in fills.iter().flat_map(|(initial, _)| initial).flat_map(Fill::listed) {
+        shapes.library.admit(row.shape, row.scale);
     }
 
     let time_section = root.section("time", "`step` [s] and `steps`");
@@ -86,28 +82,15 @@ pub(super) fn scene(
     let largest = shapes.library.largest_radius();
     let default_skin = default_skin(&shapes.library);
     let neighbours = root.read_or("neighbours", (default_skin, IMBALANCE), |given| {
-        let neighbours = given.section()?;
-        let skin = neighbours.number_or("skin", default_skin, Range::NotNegative, "m");
-        let imbalance = neighbours.number_or("imbalance", IMBALANCE, Range::FromOne, "");
-        neighbours.finish();
-        Some((skin?, imbalance?))
+        neighbours(&given.section()?, default_skin)
     });
     let output = root.section("output", "`directory`").as_ref().and_then(Output::read);
     root.finish();
 
-    let bodies = shapes.library.shapes.len() + walls.count();
-    for (what, count) in [("shapes and walls", bodies), ("materials", materials.items.len())] {
-        if count > MOST_IDS {
-            root.fail(format!("has {count} {what}; must be at most {MOST_IDS}"));
-        }
-    }
+    check_counts(&root, shapes.library.shapes.len() + walls.count(), materials.items.len());
     // After another stage walls may stand elsewhere.
-    if let (Some((_, Some(rain))), Some(given), Some(None)) = (&fills, root.get("fill"), &start)
-        && let Some(wall) = walls.through(rain)
-    {
-        given.fail(format!(
-            "the slab of rain reaches behind wall `{wall}`; make it smaller with `low` and `high`"
-        ));
+    if let (Some((_, Some(rain))), Some(None)) = (&fills, &start) {
+        check_rain(&root, rain, &walls);
     }
     if let (Some(domain), Some(section), Some((skin, _))) = (&domain, &domain_section, neighbours) {
         check_periods(section, domain, 2.0 * largest + skin);
@@ -117,10 +100,8 @@ pub(super) fn scene(
     {
         check_step(section, time, &shapes.library, &*law.law(&shapes.library));
     }
-    if let (Some(time), Some(ξ), Some(given)) = (&time, global_damping, root.get("global_damping"))
-        && ξ * time.dt >= 2.0
-    {
-        given.fail("turns every velocity round in one step; must be less than 2 / time.step");
+    if let (Some(time), Some(ξ)) = (&time, global_damping) {
+        check_damping(&root, ξ, time.dt);
     }
     if let Some((Method::CommonNormal, _)) = contact {
         check_smooth(&root, &shapes.library);
@@ -291,6 +272,39 @@ fn stop(section: &Section, root: &Section) -> Option<Stop> {
         section.fail("give at least one of `rest`, `unbalanced` and `servo`");
     }
     Some(stop)
+}
+
+/// Skin [m] and imbalance of `[neighbours]`.
+fn neighbours(section: &Section, default_skin: f64) -> Option<(f64, f64)> {
+    let skin = section.number_or("skin", default_skin, Range::NotNegative, "m");
+    let imbalance = section.number_or("imbalance", IMBALANCE, Range::FromOne, "");
+    section.finish();
+    Some((skin?, imbalance?))
+}
+
+fn check_counts(root: &Section, bodies: usize, materials: usize) {
+    for (what, count) in [("shapes and walls", bodies), ("materials", materials)] {
+        if count > MOST_IDS {
+            root.fail(format!("has {count} {what}; must be at most {MOST_IDS}"));
+        }
+    }
+}
+
+fn check_rain(root: &Section, rain: &Rain, walls: &Walls) {
+    if let (Some(given), Some(wall)) = (root.get("fill"), walls.through(rain)) {
+        given.fail(format!(
+            "the slab of rain reaches behind wall `{wall}`; make it smaller with `low` and `high`"
+        ));
+    }
+}
+
+/// `damping` in 1/s, `dt` in s.
+fn check_damping(root: &Section, damping: f64, dt: f64) {
+    if damping * dt >= 2.0
+        && let Some(given) = root.get("global_damping")
+    {
+        given.fail("turns every velocity round in one step; must be less than 2 / time.step");
+    }
 }
 
 struct Time {

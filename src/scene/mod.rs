@@ -323,6 +323,14 @@ impl Fill {
             Self::Listed(list) => list.len() as u64,
         }
     }
+
+    /// The particles of a list; none of a lattice.
+    fn listed(&self) -> &[Listed] {
+        match self {
+            Self::Lattice(_) => &[],
+            Self::Listed(list) => list,
+        }
+    }
 }
 
 /// Particles on a lattice, x fastest, then y, then z.

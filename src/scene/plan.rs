@@ -82,6 +82,32 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
             ),
         );
     }
+    shapes(scene, page);
+    walls(scene, page);
+    let law = scene.force_law();
+    page.line("law", law.name());
+    for (a, b) in pairs_of_materials(scene) {
+        let words = law.words(a, b);
+        let [a, b] = [a, b].map(|id| &*scene.materials[id.index()].name);
+        page.line("constants", format!("{a}-{b}: {words}"));
+    }
+    for (a, b) in pairs_of_kinds(scene) {
+        page.line("contacts", format!("{}-{}: {}", a.name(), b.name(), resolver(scene, a, b)));
+    }
+    let needs = scene.needs();
+    let columns = [
+        (true, "position, velocity, force"),
+        (needs.spin, "angular velocity, torque"),
+        (needs.orientation, "orientation, angular momentum"),
+        (needs.image, "counts of periods"),
+        (needs.scale, "scales"),
+    ];
+    let columns: Vec<&str> =
+        columns.iter().filter(|(is_in, _)| *is_in).map(|&(_, name)| name).collect();
+    page.line("columns", columns.join("; "));
+}
+
+fn shapes(scene: &Scene, page: &mut Page) {
     let library = &scene.library;
     for (index, shape) in library.shapes[..library.particle_shapes].iter().enumerate() {
         let size = if let Shape::Sphere(sphere) = shape {
@@ -113,6 +139,9 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
             );
         }
     }
+}
+
+fn walls(scene: &Scene, page: &mut Page) {
     let walls = |moving: bool| {
         let names = scene.walls.iter().filter(|wall| wall.moves == moving);
         names.map(|wall| wall.name.as_str()).collect::<Vec<_>>().join(", ")
@@ -135,27 +164,6 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
             ),
         );
     }
-    let law = scene.force_law();
-    page.line("law", law.name());
-    for (a, b) in pairs_of_materials(scene) {
-        let words = law.words(a, b);
-        let [a, b] = [a, b].map(|id| &*scene.materials[id.index()].name);
-        page.line("constants", format!("{a}-{b}: {words}"));
-    }
-    for (a, b) in pairs_of_kinds(scene) {
-        page.line("contacts", format!("{}-{}: {}", a.name(), b.name(), resolver(scene, a, b)));
-    }
-    let needs = scene.needs();
-    let columns = [
-        (true, "position, velocity, force"),
-        (needs.spin, "angular velocity, torque"),
-        (needs.orientation, "orientation, angular momentum"),
-        (needs.image, "counts of periods"),
-        (needs.scale, "scales"),
-    ];
-    let columns: Vec<&str> =
-        columns.iter().filter(|(is_in, _)| *is_in).map(|&(_, name)| name).collect();
-    page.line("columns", columns.join("; "));
 }
 
 /// Which materials can meet.

@@ -1,6 +1,7 @@
 //! The simulation: everything a rank holds, and the step.
 
 pub mod capture;
+pub mod floor;
 mod leavers;
 pub mod report;
 pub mod run;
