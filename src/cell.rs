@@ -93,6 +93,12 @@ impl Cell {
         r
     }
 
+    /// The way of a body from one place to another, through a periodic face or not [m].
+    #[inline]
+    pub fn moved(&self, from: &Vec3, to: &Vec3) -> Vec3 {
+        self.nearest(to - from)
+    }
+
     /// The image of a place [m] that is nearest to another along periodic axes.
     pub fn image_near(&self, place: &Vec3, other: &Vec3) -> Vec3 {
         let image = other + self.nearest(place - other);

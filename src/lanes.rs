@@ -835,7 +835,7 @@ impl Gather<'_> {
     /// The rows of a column.
     ///
     /// # Panics
-    /// If the column is shorter than was said.
+    /// If the column is shorter than the largest index.
     #[inline(always)]
     pub(crate) fn rows<T>(self, column: &[T]) -> [&T; WIDTH] {
         assert!(column.len() >= self.length, "a column that is too short");

@@ -9,6 +9,7 @@ use crate::law::ForceLaw;
 use crate::math::{ExactSum, Vec3};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
+use crate::particles::columns::Quantity;
 use serde::{Deserialize, Serialize};
 
 /// What particles that were taken out have left behind in the balance of energies [J].
@@ -89,6 +90,7 @@ impl Measures {
 }
 
 /// Which sum stands where.
+#[derive(Clone, Copy)]
 enum Of {
     Translation,
     Rotation,
@@ -115,96 +117,144 @@ pub fn measure(
     comm: &mut dyn Comm,
 ) -> Measures {
     let walls = particles.walls.len();
-    let mut sums = vec![ExactSum::default(); Of::FirstWall as usize + 3 * walls];
-    // Energies of numbers that are finite may not be.
-    let mut infinite = vec![0; sums.len()];
-    let mut add = |of: usize, term: f64| {
-        if term.is_finite() {
-            sums[of].add(term);
-        } else {
-            infinite[of] += 1;
-        }
-    };
-    let mut maxima = [0.0, 0.0, f64::NEG_INFINITY];
-    let mut counts = [particles.owned as i64, 0, 0];
-
+    let mut totals = Totals::new(walls);
     for slot in 0..particles.owned {
-        let mass = particles.mass(slot);
-        add(Of::Resultant as usize, field.force(particles, slot).norm());
-        let velocity = particles.velocity[slot];
-        add(Of::Translation as usize, 0.5 * mass * velocity.norm_squared());
-        add(Of::Gravity as usize, -mass * unwrapped(particles, slot).dot(&field.gravity));
-        add(Of::Dissipated as usize, particles.dissipated[slot]);
-        add(Of::Received as usize, particles.received[slot]);
-        add(Of::Rotation as usize, rotation(particles, slot));
-        add(Of::StepEnergy as usize, motion::step_energy(particles, slot, field, dt));
-        maxima[1] = larger(maxima[1], velocity.norm());
-        maxima[2] = larger(maxima[2], particles.position[slot].z + particles.radius(slot));
+        totals.add_particle(particles, slot, field, dt);
+    }
+    // A contact counts where its first particle is owned.
+    let is_owned = |contact: &Loaded| contact.pair.a.index() < particles.owned;
+    for contact in contacts.loaded(law, particles).filter(is_owned) {
+        totals.add_contact(&contact, law, particles);
+    }
+    totals.combine(comm);
+    totals.measures(walls)
+}
+
+/// Sums, counts and maxima of the owned particles, then of all.
+struct Totals {
+    sums: Vec<ExactSum>,
+    /// How many terms of each sum were not finite: energies of numbers that are finite may not be.
+    infinite: Vec<i64>,
+    /// Particles, contacts between particles, contacts with walls.
+    counts: [i64; 3],
+    /// Overlap over the shortest axis [-], speed [m/s], height [m].
+    maxima: [f64; 3],
+}
+
+impl Totals {
+    fn new(walls: usize) -> Self {
+        let count = Of::FirstWall as usize + 3 * walls;
+        Self {
+            sums: vec![ExactSum::default(); count],
+            infinite: vec![0; count],
+            counts: [0; 3],
+            maxima: [0.0, 0.0, f64::NEG_INFINITY],
+        }
     }
 
-    for contact in contacts.loaded(law, particles) {
-        let Loaded { pair, history, state, normal_force, force, point: _ } = contact;
-        let Pair { a, b } = pair;
-        let wall = particles.wall_of(b);
-        // A contact counts where its first particle is owned.
-        if a.index() >= particles.owned {
-            continue;
+    fn add(&mut self, of: Of, term: f64) {
+        self.add_at(of as usize, term);
+    }
+
+    fn add_at(&mut self, of: usize, term: f64) {
+        if term.is_finite() {
+            self.sums[of].add(term);
+        } else {
+            self.infinite[of] += 1;
         }
-        add(Of::Stored as usize, law.stored(pair, particles, history, state));
-        maxima[0] = larger(maxima[0], history.overlap / shortest_axis(particles, a, b));
-        add(Of::ContactForce as usize, force.norm());
-        if let Some(wall) = wall {
-            counts[2] += 1;
+    }
+
+    fn add_particle(&mut self, particles: &Particles, slot: usize, field: &Field, dt: f64) {
+        let mass = particles.mass(slot);
+        let velocity = particles.velocity[slot];
+        self.counts[0] += 1;
+        self.add(Of::Resultant, field.force(particles, slot).norm());
+        self.add(Of::Translation, 0.5 * mass * velocity.norm_squared());
+        self.add(Of::Gravity, -mass * unwrapped(particles, slot).dot(&field.gravity));
+        self.add(Of::Dissipated, particles.accumulated[Quantity::Dissipated][slot]);
+        self.add(Of::Received, particles.accumulated[Quantity::Received][slot]);
+        self.add(Of::Rotation, rotation(particles, slot));
+        self.add(Of::StepEnergy, motion::step_energy(particles, slot, field, dt));
+        let top = particles.position[slot].z + particles.radius(slot);
+        self.maxima[1] = larger(self.maxima[1], velocity.norm());
+        self.maxima[2] = larger(self.maxima[2], top);
+    }
+
+    fn add_contact(&mut self, contact: &Loaded, law: &dyn ForceLaw, particles: &Particles) {
+        let &Loaded { pair, geometry, state, normal_force, force, point: _ } = contact;
+        let Pair { a, b } = pair;
+        self.add(Of::Stored, law.stored(pair, particles, geometry, state));
+        self.add(Of::ContactForce, force.norm());
+        let overlap = geometry.overlap / shortest_axis(particles, a, b);
+        self.maxima[0] = larger(self.maxima[0], overlap);
+        if let Some(wall) = particles.wall_of(b) {
+            self.counts[2] += 1;
             for axis in 0..3 {
-                add(Of::FirstWall as usize + 3 * wall + axis, force[axis]);
+                self.add_at(Of::FirstWall as usize + 3 * wall + axis, force[axis]);
             }
         } else {
-            counts[1] += 1;
-            add(Of::NormalForce as usize, normal_force);
+            self.counts[1] += 1;
+            self.add(Of::NormalForce, normal_force);
         }
     }
 
-    let mut limbs: Vec<i64> = sums.iter().flat_map(|s| s.limbs().iter().copied()).collect();
-    limbs.extend(infinite);
-    limbs.extend(counts);
-    comm.sum(&mut limbs);
-    comm.max(&mut maxima);
-    let (limbs, rest) = limbs.split_at(sums.len() * ExactSum::LIMBS);
-    let (infinite, counts) = rest.split_at(sums.len());
-    let value = |of: usize| match infinite[of] {
-        0 => ExactSum::from_limbs(&limbs[of * ExactSum::LIMBS..(of + 1) * ExactSum::LIMBS]).value(),
-        _ => f64::NAN,
-    };
-    let all_contacts = (counts[1] + counts[2]) as f64;
-    let contact_force = value(Of::ContactForce as usize);
-    Measures {
-        particles: counts[0] as u64,
-        contacts: counts[1] as u64,
-        wall_contacts: counts[2] as u64,
-        translation: value(Of::Translation as usize),
-        rotation: value(Of::Rotation as usize),
-        gravity: value(Of::Gravity as usize),
-        stored: value(Of::Stored as usize),
-        step_energy: value(Of::StepEnergy as usize),
-        dissipated: value(Of::Dissipated as usize),
-        received: value(Of::Received as usize),
-        mean_normal_force: if counts[1] == 0 {
-            0.0
-        } else {
-            value(Of::NormalForce as usize) / counts[1] as f64
-        },
-        unbalanced: if contact_force > 0.0 {
-            let among = all_contacts.max(counts[0] as f64);
-            value(Of::Resultant as usize) * among / (contact_force * counts[0] as f64)
-        } else {
-            0.0
-        },
-        largest_overlap: maxima[0],
-        largest_speed: maxima[1],
-        top: maxima[2],
-        wall_forces: (0..walls)
-            .map(|k| Vec3::from_fn(|axis, _| value(Of::FirstWall as usize + 3 * k + axis)))
-            .collect(),
+    /// Those of all ranks. Collective.
+    fn combine(&mut self, comm: &mut dyn Comm) {
+        let mut numbers: Vec<i64> =
+            self.sums.iter().flat_map(|sum| sum.limbs().iter().copied()).collect();
+        numbers.extend(&self.infinite);
+        numbers.extend(self.counts);
+        comm.sum(&mut numbers);
+        comm.max(&mut self.maxima);
+        let (limbs, rest) = numbers.split_at(self.sums.len() * ExactSum::LIMBS);
+        let (infinite, counts) = rest.split_at(self.sums.len());
+        self.sums = limbs.chunks_exact(ExactSum::LIMBS).map(ExactSum::from_limbs).collect();
+        self.infinite.copy_from_slice(infinite);
+        self.counts.copy_from_slice(counts);
+    }
+
+    fn value(&self, of: Of) -> f64 {
+        self.value_at(of as usize)
+    }
+
+    fn value_at(&self, of: usize) -> f64 {
+        if self.infinite[of] == 0 { self.sums[of].value() } else { f64::NAN }
+    }
+
+    fn measures(&self, walls: usize) -> Measures {
+        let [particles, contacts, wall_contacts] = self.counts;
+        let contact_force = self.value(Of::ContactForce);
+        Measures {
+            particles: particles as u64,
+            contacts: contacts as u64,
+            wall_contacts: wall_contacts as u64,
+            translation: self.value(Of::Translation),
+            rotation: self.value(Of::Rotation),
+            gravity: self.value(Of::Gravity),
+            stored: self.value(Of::Stored),
+            step_energy: self.value(Of::StepEnergy),
+            dissipated: self.value(Of::Dissipated),
+            received: self.value(Of::Received),
+            mean_normal_force: if contacts == 0 {
+                0.0
+            } else {
+                self.value(Of::NormalForce) / contacts as f64
+            },
+            unbalanced: if contact_force > 0.0 {
+                let among = ((contacts + wall_contacts) as f64).max(particles as f64);
+                self.value(Of::Resultant) * among / (contact_force * particles as f64)
+            } else {
+                0.0
+            },
+            largest_overlap: self.maxima[0],
+            largest_speed: self.maxima[1],
+            top: self.maxima[2],
+            wall_forces: (0..walls)
+                .map(|k| {
+                    Vec3::from_fn(|axis, _| self.value_at(Of::FirstWall as usize + 3 * k + axis))
+                })
+                .collect(),
+        }
     }
 }
 

@@ -26,6 +26,7 @@
 
 use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
 use crate::math::{Quat, Vec3};
+use crate::particles::columns::Quantity;
 use crate::particles::{Particles, of_inertia};
 use crate::shape::Kind;
 use nalgebra::Quaternion;
@@ -107,7 +108,7 @@ impl Kick {
 
     /// Kicks the angular velocities of spheres, of which nobody sees how they are turned.
     fn spheres<const SIZED: bool>(self, particles: &mut Particles) {
-        let Particles { spin: Some(spin), library, shape, scale, dissipated, owned, .. } =
+        let Particles { spin: Some(spin), library, shape, scale, accumulated, owned, .. } =
             particles
         else {
             return;
@@ -119,7 +120,8 @@ impl Kick {
             spin.angular_velocity[slot] = after;
             if self.damping > 0.0 {
                 let at_positions = if self.is_first { &before } else { &after };
-                dissipated[slot] += inertia * self.lost(at_positions, &before, &after);
+                accumulated[Quantity::Dissipated][slot] +=
+                    inertia * self.lost(at_positions, &before, &after);
             }
         }
     }
@@ -171,7 +173,8 @@ fn kick_and_drift_of<const SIZED: bool>(
             farthest.moved.1 = slot;
         }
         if kick.damping > 0.0 {
-            particles.dissipated[slot] += mass * kick.lost(&before, &before, &after);
+            particles.accumulated[Quantity::Dissipated][slot] +=
+                mass * kick.lost(&before, &before, &after);
         }
     }
     farthest.moved.0 = farthest_squared.sqrt();
@@ -202,7 +205,8 @@ fn kick_of<const SIZED: bool>(particles: &mut Particles, field: &Field, dt: f64)
         let after = kick.after(&before, &field.force_on(particles, slot, mass), mass);
         particles.velocity[slot] = after;
         if kick.damping > 0.0 {
-            particles.dissipated[slot] += mass * kick.lost(&after, &before, &after);
+            particles.accumulated[Quantity::Dissipated][slot] +=
+                mass * kick.lost(&after, &before, &after);
         }
     }
     if particles.orientation.is_none() {
@@ -221,7 +225,8 @@ fn kick_momenta(particles: &mut Particles, kick: Kick) {
         spin.angular_momentum[slot] = momentum;
         if kick.damping > 0.0 {
             let after = particles.angular_velocity_for(slot, &momentum);
-            particles.dissipated[slot] += kick.lost(&momentum, &before, &after);
+            particles.accumulated[Quantity::Dissipated][slot] +=
+                kick.lost(&momentum, &before, &after);
         }
     }
 }
@@ -304,7 +309,7 @@ impl<const SIZED: bool> Turn<'_, SIZED> {
             library,
             shape,
             scale,
-            dissipated,
+            accumulated,
             travel,
             owned,
             ..
@@ -364,7 +369,8 @@ impl<const SIZED: bool> Turn<'_, SIZED> {
         if kick.damping > 0.0 {
             let mean = start.angular_velocity(inertia, before.plus(momentum)).times(L::all(0.5));
             let lost = (half * L::all(kick.damping) * before.dot(mean)).store();
-            for (dissipated, lost) in dissipated[first..first + count].iter_mut().zip(lost) {
+            let dissipated = &mut accumulated[Quantity::Dissipated][first..first + count];
+            for (dissipated, lost) in dissipated.iter_mut().zip(lost) {
                 *dissipated += lost;
             }
         }
@@ -491,6 +497,7 @@ mod tests {
     use super::{Field, Kick, Turn};
     use crate::lanes::{self, Kernel, Portable};
     use crate::math::Vec3;
+    use crate::particles::columns::Quantity;
     use crate::particles::{Particles, crowd};
 
     /// Turns all of them, with the kernel run in one way or another.
@@ -507,7 +514,7 @@ mod tests {
             .chain(&spin.angular_velocity[slot])
             .chain(&orientation.quaternion[slot].coords)
             .chain(&orientation.form[slot])
-            .chain([&particles.travel[slot], &particles.dissipated[slot]]);
+            .chain([&particles.travel[slot], &particles.accumulated[Quantity::Dissipated][slot]]);
         numbers.map(|x| x.to_bits()).collect()
     }
 

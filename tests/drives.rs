@@ -14,7 +14,7 @@ use dem_mpi::particles::Particles;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::walls::Wall;
 use dem_mpi::scene::Scene;
-use dem_mpi::scene::assemble::{self, From};
+use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::sim::{Simulation, StepError};
 use std::path::Path;
 
@@ -197,12 +197,12 @@ fn restarted(scene: &Scene, before: u32, after: u32, steps: u64, folder: &Path) 
         let forces = sim.measure(comm).wall_forces;
         let header = sim.header(&scene.text, &forces, comm);
         let particles = sim.particle_table(comm.rank());
-        let (contacts, histories) = (sim.contact_table(), sim.histories());
-        snapshot::write(folder, &header, &particles, &contacts, &histories, comm).unwrap();
+        let (contacts, records) = (sim.contact_table(), sim.contact_records());
+        snapshot::write(folder, &header, &particles, &contacts, &records, comm).unwrap();
     });
     joined(threads::run(after, |comm| {
         let mut sim = assembled(scene, comm);
-        assemble::take_up(&mut sim, scene, folder, From::Middle, comm).unwrap();
+        assemble::take_up(&mut sim, scene, folder, Continuation::SameStage, comm).unwrap();
         while sim.step < steps {
             sim.step(comm).unwrap();
         }

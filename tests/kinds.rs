@@ -71,13 +71,13 @@ fn state(scene: &Scene, ranks: u32, steps: u64) -> (Vec<(u64, Vec<u64>)>, usize,
             sim.step(comm).unwrap();
         }
         let measures = sim.measure(comm);
-        (sim.particle_table(comm.rank()), sim.histories(), measures)
+        (sim.particle_table(comm.rank()), sim.contact_records(), measures)
     });
     let mut bits = Vec::new();
     let mut contacts = 0;
-    for (table, histories, measures) in &parts {
+    for (table, records, measures) in &parts {
         assert_eq!(*measures, parts[0].2, "all ranks measure the same");
-        contacts += histories.len();
+        contacts += records.len();
         bits.extend(motion(table));
     }
     bits.sort();

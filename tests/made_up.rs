@@ -1,12 +1,14 @@
 //! Made-up tables: every number differs from every other, so that nothing can be mixed up unseen.
 
 use dem_mpi::cell::Cell;
-use dem_mpi::contact::{Histories, History, NamedHistory, StateColumn};
+use dem_mpi::contact::{ContactRecord, ContactRecords, Geometry, StateColumn};
 use dem_mpi::drive::{SavedColumn, SavedState, Values};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::measure::Departed;
-use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
+use dem_mpi::output::header::{Header, ShapeRow, WallRow};
+use dem_mpi::output::tables::{ContactTable, ParticleTable};
+use dem_mpi::particles::columns::Quantity;
 use dem_mpi::particles::walls::Wall;
 use dem_mpi::shape::{Shape, Sphere};
 use std::ops::Range;
@@ -16,7 +18,7 @@ use std::ops::Range;
 pub(crate) struct Tables {
     pub(crate) particles: ParticleTable,
     pub(crate) contacts: ContactTable,
-    pub(crate) histories: Histories,
+    pub(crate) records: ContactRecords,
 }
 
 /// Numbers that are exact nowhere and all different.
@@ -107,8 +109,9 @@ pub(crate) fn particles(rank: i32, rows: Range<u64>, spinning: bool) -> Particle
         table.force.push(n.vector());
         table.coordination.push(id as i32 % 13);
         table.rank.push(rank);
-        table.dissipated.push(n.next());
-        table.received.push(n.next());
+        for quantity in Quantity::ALL {
+            table.accumulated[quantity].push(n.next());
+        }
         if spinning {
             table.image.push([id as i32, -1, 2]);
             table.quaternion.push([n.next(), n.next(), n.next(), n.next()]);
@@ -142,18 +145,18 @@ pub(crate) fn contacts(rows: Range<u64>) -> ContactTable {
     table
 }
 
-pub(crate) fn histories(rows: Range<u64>) -> Histories {
+pub(crate) fn records(rows: Range<u64>) -> ContactRecords {
     // In the order in which a file is read: by name.
-    let mut table = Histories::of(&[
+    let mut table = ContactRecords::of(&[
         StateColumn::new("bond", 1, "1"),
         StateColumn::new("spring", 3, "m"),
         StateColumn::new("turned", 2, "rad"),
     ]);
     for k in rows {
         let mut n = Numbers(k + 3000);
-        let geometry = History { normal: n.vector(), overlap: n.next() };
+        let geometry = Geometry { normal: n.vector(), overlap: n.next() };
         let state: [f64; 6] = std::array::from_fn(|_| n.next());
-        table.push(&NamedHistory { a: GlobalId(k), b: partner(k), geometry, state: &state });
+        table.push(&ContactRecord { a: GlobalId(k), b: partner(k), geometry, state: &state });
     }
     table
 }
@@ -165,7 +168,7 @@ pub(crate) fn of_rank(rank: u32, size: u32, spinning: bool) -> Tables {
     Tables {
         particles: particles(rank as i32, rows.clone(), spinning),
         contacts: contacts(rows.start * 2..rows.end * 2),
-        histories: histories(rows),
+        records: records(rows),
     }
 }
 
@@ -173,13 +176,13 @@ pub(crate) fn of_rank(rank: u32, size: u32, spinning: bool) -> Tables {
 pub(crate) fn of_all(size: u32, spinning: bool) -> Tables {
     let mut all = Tables::default();
     for rank in 0..size {
-        let Tables { particles, contacts, histories } = of_rank(rank, size, spinning);
+        let Tables { particles, contacts, records } = of_rank(rank, size, spinning);
         all.particles.append(particles);
         all.contacts.append(contacts);
         if rank == 0 {
-            all.histories = histories;
+            all.records = records;
         } else {
-            all.histories.append(&histories);
+            all.records.append(&records);
         }
     }
     all
@@ -199,8 +202,9 @@ impl Append for ParticleTable {
         self.force.extend(other.force);
         self.coordination.extend(other.coordination);
         self.rank.extend(other.rank);
-        self.dissipated.extend(other.dissipated);
-        self.received.extend(other.received);
+        for quantity in Quantity::ALL {
+            self.accumulated[quantity].extend(&other.accumulated[quantity]);
+        }
         self.image.extend(other.image);
         self.quaternion.extend(other.quaternion);
         self.angular_momentum.extend(other.angular_momentum);

@@ -6,6 +6,7 @@ use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::threads;
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Quat, Vec3};
+use dem_mpi::particles::columns::Accumulated;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::scene::{Scene, assemble};
 use dem_mpi::sim::{StepError, capture, watch::Fault};
@@ -125,9 +126,9 @@ fn another_step_leaves_the_state_and_the_energy() {
             let mut next = assemble::assemble(stage, &comm);
             let mut particles = capture::particles_of(&before.0, |shape| shape);
             for particle in &mut particles {
-                (particle.received, particle.dissipated) = (0.0, 0.0);
+                particle.accumulated = Accumulated::default();
             }
-            next.take_up(&particles, &sim.histories(), &mut comm);
+            next.take_up(&particles, &sim.contact_records(), &mut comm);
             next.count_free_energy();
             next.begin(&mut comm).expect("the stage begins");
             let after = (next.particle_table(dem_mpi::ids::Rank(0)), energy(&next, &mut comm));

@@ -3,12 +3,14 @@
 use crate::random::Draw;
 use dem_mpi::cell::Cell;
 use dem_mpi::comm::alone::Alone;
-use dem_mpi::contact::Histories;
+use dem_mpi::contact::ContactRecords;
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::measure::Departed;
+use dem_mpi::output::header::{Header, ShapeRow, WallRow};
 use dem_mpi::output::snapshot;
-use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, ShapeRow, WallRow};
+use dem_mpi::output::tables::{ContactTable, ParticleTable};
+use dem_mpi::particles::columns::{Accumulated, Quantity};
 use dem_mpi::post::{Analysis, ParticlePass, PostError, Report, Settings};
 use dem_mpi::random::Random;
 use std::f64::consts::PI;
@@ -72,6 +74,10 @@ pub(crate) fn header(
 
 pub(crate) fn particles_at(position: Vec<Vec3>) -> ParticleTable {
     let n = position.len();
+    let mut accumulated = Accumulated::default();
+    for quantity in Quantity::ALL {
+        accumulated[quantity] = vec![0.0; n];
+    }
     ParticleTable {
         id: (0..n as u64).map(GlobalId).collect(),
         shape: vec![ShapeId(0); n],
@@ -80,8 +86,7 @@ pub(crate) fn particles_at(position: Vec<Vec3>) -> ParticleTable {
         force: vec![Vec3::zeros(); n],
         coordination: vec![0; n],
         rank: vec![0; n],
-        dissipated: vec![0.0; n],
-        received: vec![0.0; n],
+        accumulated,
         ..ParticleTable::default()
     }
 }
@@ -218,7 +223,7 @@ pub(crate) fn store(folder: &Path, snapshot: &Snapshot) {
         header,
         particles,
         contacts,
-        &Histories::default(),
+        &ContactRecords::default(),
         &mut Alone::default(),
     )
     .expect("a snapshot");

@@ -3,11 +3,13 @@
 
 use crate::support::{MATERIAL, begun, scene};
 use dem_mpi::comm::{Comm, threads};
-use dem_mpi::contact::Histories;
+use dem_mpi::contact::ContactRecords;
 use dem_mpi::math::Vec3;
+use dem_mpi::output::header::Header;
 use dem_mpi::output::snapshot::{self, Reader};
-use dem_mpi::output::tables::{Header, ParticleTable};
-use dem_mpi::scene::assemble::{self, From};
+use dem_mpi::output::tables::ParticleTable;
+use dem_mpi::particles::columns::Quantity;
+use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::{Scene, plan};
 use dem_mpi::sim::Simulation;
 use std::path::Path;
@@ -88,7 +90,7 @@ fn crowd(domain: &str, method: &str) -> Scene {
 #[derive(Debug, PartialEq)]
 struct State {
     bits: Vec<(u64, Vec<u64>)>,
-    histories: Vec<(u64, u64, Vec<u64>)>,
+    records: Vec<(u64, u64, Vec<u64>)>,
     walls: Vec<u64>,
     scalars: Vec<u64>,
 }
@@ -98,32 +100,32 @@ fn bits_of<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> Vec<u64> {
 }
 
 /// What one rank owns.
-struct Part {
+struct OnRank {
     table: ParticleTable,
-    histories: Histories,
+    records: ContactRecords,
     walls: Vec<u64>,
     scalars: Vec<u64>,
     migrated: u64,
 }
 
-fn part(sim: &Simulation, comm: &mut dyn Comm) -> Part {
+fn part(sim: &Simulation, comm: &mut dyn Comm) -> OnRank {
     let m = sim.measure(comm);
     let scalars = [m.kinetic(), m.gravity, m.stored, m.dissipated, m.received, m.mean_normal_force];
     let walls = sim.particles.walls.iter().flat_map(|wall| [wall.point, wall.velocity]);
     let walls: Vec<Vec3> = walls.collect();
-    Part {
+    OnRank {
         table: sim.particle_table(comm.rank()),
-        histories: sim.histories(),
+        records: sim.contact_records(),
         walls: bits_of(walls.iter().flat_map(|vector| vector.iter())),
         scalars: bits_of(&scalars),
         migrated: sim.domain.traffic.migrated,
     }
 }
 
-fn state(parts: &[Part]) -> State {
+fn state(parts: &[OnRank]) -> State {
     let mut bits = Vec::new();
-    let mut histories = Vec::new();
-    for Part { table, histories: named, walls, scalars, .. } in parts {
+    let mut records = Vec::new();
+    for OnRank { table, records: named, walls, scalars, .. } in parts {
         assert_eq!(*walls, parts[0].walls, "all ranks move their walls alike");
         assert_eq!(*scalars, parts[0].scalars, "all ranks measure the same");
         for k in 0..table.id.len() {
@@ -139,12 +141,13 @@ fn state(parts: &[Part]) -> State {
                 row.extend(column.get(k).into_iter().flat_map(bits_of));
             }
             row.extend(table.quaternion.get(k).into_iter().flat_map(bits_of));
-            row.extend(bits_of([&table.dissipated[k], &table.received[k]]));
+            let accumulated = table.accumulated.row(k);
+            row.extend(bits_of(Quantity::ALL.map(|quantity| &accumulated[quantity])));
             row.push(table.coordination[k] as u64);
             row.extend(table.image.get(k).into_iter().flatten().map(|&n| n as u64));
             bits.push((table.id[k].0, row));
         }
-        histories.extend(named.iter().map(|named| {
+        records.extend(named.iter().map(|named| {
             let mut row = bits_of(&named.geometry.normal);
             row.extend(bits_of(named.state));
             row.extend(bits_of([&named.geometry.overlap]));
@@ -152,8 +155,8 @@ fn state(parts: &[Part]) -> State {
         }));
     }
     bits.sort();
-    histories.sort();
-    State { bits, histories, walls: parts[0].walls.clone(), scalars: parts[0].scalars.clone() }
+    records.sort();
+    State { bits, records, walls: parts[0].walls.clone(), scalars: parts[0].scalars.clone() }
 }
 
 fn run(scene: &Scene, ranks: u32, steps: u64) -> (State, u64) {
@@ -172,8 +175,8 @@ fn expect_same(a: &State, b: &State, what: &str) {
     let differing: Vec<u64> =
         a.bits.iter().zip(&b.bits).filter(|(x, y)| x != y).map(|(x, _)| x.0).collect();
     assert!(differing.is_empty(), "{what}: particles {differing:?} differ");
-    assert_eq!(a.histories.len(), b.histories.len(), "{what}: number of contacts");
-    assert!(a.histories == b.histories, "{what}: a contact's history differs");
+    assert_eq!(a.records.len(), b.records.len(), "{what}: number of contacts");
+    assert!(a.records == b.records, "{what}: a contact's geometry differs");
     assert_eq!(a.walls, b.walls, "{what}: walls");
     assert_eq!(a.scalars, b.scalars, "{what}: energies");
 }
@@ -182,7 +185,7 @@ fn expect_same(a: &State, b: &State, what: &str) {
 fn walled_crowd_is_the_same_on_any_number_of_ranks() {
     let scene = crowd(WALLED, "");
     let (alone, _) = run(&scene, 1, 3000);
-    let (particles, contacts) = (alone.bits.len(), alone.histories.len());
+    let (particles, contacts) = (alone.bits.len(), alone.records.len());
     assert!(particles >= 500 && contacts > 500, "a crowd: {particles} with {contacts} contacts");
     for ranks in [2, 3, 4, 8] {
         let (shared, migrated) = run(&scene, ranks, 3000);
@@ -242,7 +245,7 @@ fn more_ranks_than_particles_work() {
         let (alone, _) = run(&scene, 1, 2500);
         assert_eq!(alone.bits.len(), particles);
         assert!(dissipated(&alone) > 0.0, "they meet the walls");
-        assert!(particles == 1 || alone.histories.len() > 3, "they meet: {:?}", alone.histories);
+        assert!(particles == 1 || alone.records.len() > 3, "they meet: {:?}", alone.records);
         let folder = tempfile::tempdir().unwrap();
         for ranks in [4, 8, 9] {
             let what = format!("{ranks} ranks for {particles} particles");
@@ -268,8 +271,15 @@ fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut dyn Comm) 
     let m = sim.measure(comm);
     let header: Header = sim.header(&scene.text, &m.wall_forces, comm);
     let particles = sim.particle_table(comm.rank());
-    snapshot::write(directory, &header, &particles, &sim.contact_table(), &sim.histories(), comm)
-        .unwrap();
+    snapshot::write(
+        directory,
+        &header,
+        &particles,
+        &sim.contact_table(),
+        &sim.contact_records(),
+        comm,
+    )
+    .unwrap();
 }
 
 /// After a run on some number of ranks, saved half-way and taken up on another.
@@ -283,7 +293,7 @@ fn restarted(scene: &Scene, steps: u64, before: u32, after: u32, folder: &Path) 
     });
     let parts = threads::run(after, |comm| {
         let mut sim = assemble::assemble(scene, comm);
-        assemble::take_up(&mut sim, scene, folder, From::Middle, comm).unwrap();
+        assemble::take_up(&mut sim, scene, folder, Continuation::SameStage, comm).unwrap();
         while sim.step < steps {
             sim.step(comm).unwrap();
         }

@@ -7,15 +7,20 @@ use dem_mpi::contact::{Epa, ErodedGjk};
 use dem_mpi::drive::rain::layer;
 use dem_mpi::ids::MaterialId;
 use dem_mpi::ids::ShapeId;
-use dem_mpi::law::linear::damping_ratio_of_restitution;
+use dem_mpi::law::linear::{Interactions, damping_ratio_of_restitution};
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::{Library, Needs};
 use dem_mpi::scene::packing::initial;
 use dem_mpi::scene::plan::plan;
-use dem_mpi::scene::{Fill, Method, Place, Scene, SceneErrors, Servo, Stop};
+use dem_mpi::scene::{Fill, Location, Method, Scene, SceneErrors, Servo, Stop};
 use dem_mpi::shape::Shape;
 use std::path::{Path, PathBuf};
+
+/// The constants of linear contacts.
+fn interactions(scene: &Scene) -> &Interactions {
+    &scene.law.linear().expect("linear contacts").interactions
+}
 
 // --- files ---
 
@@ -39,13 +44,13 @@ fn files_below(folder: &Path, ending: &str) -> Vec<PathBuf> {
 
 /// The messages that a file carries on `#^` lines, each below the line it is about; on top those
 /// about the file as a whole.
-fn expected(text: &str) -> Vec<(Place, String)> {
-    let mut place = Place::File;
+fn expected(text: &str) -> Vec<(Location, String)> {
+    let mut place = Location::File;
     let mut messages = Vec::new();
     for (index, line) in text.lines().enumerate() {
         match line.strip_prefix("#^ ") {
             Some(message) => messages.push((place.clone(), message.to_owned())),
-            None => place = Place::Line(index + 1),
+            None => place = Location::Line(index + 1),
         }
     }
     messages
@@ -60,8 +65,8 @@ fn bad_scenes_are_told_all_their_mistakes() -> Result<()> {
         let name = file.display();
         assert!(!expected.is_empty(), "{name} says nothing of its mistakes");
         let errors = Scene::read(&file, &[]).err().with_context(|| format!("{name} passed"))?;
-        let found: Vec<(Place, String)> =
-            errors.problems.into_iter().map(|p| (p.place, p.message)).collect();
+        let found: Vec<(Location, String)> =
+            errors.problems.into_iter().map(|p| (p.location, p.message)).collect();
         assert_eq!(found, expected, "{name}");
     }
     Ok(())
@@ -222,13 +227,13 @@ fn every_key_arrives() {
     let Shape::PolySuperellipsoid(pebble) = &library.shapes[5] else { panic!("no octants") };
     assert_eq!((pebble.semi_axes(), pebble.exponents()), (axes, [0.8, 1.2]));
 
-    let between = scene.interactions.of(library.materials[0], library.materials[2]);
+    let between = interactions(&scene).of(library.materials[0], library.materials[2]);
     assert_eq!(between.normal_stiffness, 2e4);
     assert_eq!(between.friction, 0.2);
     assert_eq!(between.normal_damping_ratio, damping_ratio_of_restitution(0.5, false));
-    let glass = scene.interactions.of(MaterialId(0), MaterialId(0));
+    let glass = interactions(&scene).of(MaterialId(0), MaterialId(0));
     assert_eq!((glass.tangential_stiffness, glass.tangential_damping_ratio), (8e3, 0.1));
-    let steel = scene.interactions.of(MaterialId(1), MaterialId(1));
+    let steel = interactions(&scene).of(MaterialId(1), MaterialId(1));
     assert_eq!((steel.tangential_stiffness, steel.friction), (3e4, 0.0), "defaults");
     assert_eq!(steel.normal_damping_ratio, 0.0, "restitution 1");
 
@@ -307,7 +312,7 @@ fn overrides_reach_every_place() -> Result<()> {
     ])?;
     assert_eq!(scene.steps, 7);
     let grain = MaterialId(0);
-    assert_eq!(scene.interactions.of(grain, grain).friction, 0.4);
+    assert_eq!(interactions(&scene).of(grain, grain).friction, 0.4);
     assert_eq!(scene.library.shapes[0].bounding_radius(), 0.004);
     assert_eq!(scene.gravity, Vec3::new(0.0, 0.0, -1.62));
     assert_eq!(scene.walls.len(), 4);
@@ -358,7 +363,7 @@ fn wrong_overrides_are_named() {
         let errors = with(&[text]).expect_err(text);
         let problem = &errors.problems[0];
         assert_eq!(problem.message, message);
-        assert_eq!(problem.place, Place::Override(text.to_owned()));
+        assert_eq!(problem.location, Location::Override(text.to_owned()));
         assert_eq!(errors.problems.len(), 1, "{errors}");
         assert!(errors.to_string().contains(&format!("\n--set {text}: ")), "{errors}");
     }

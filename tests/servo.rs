@@ -11,7 +11,7 @@ use dem_mpi::output::snapshot::Reader;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::post::history::History;
 use dem_mpi::post::{Settings, analyse};
-use dem_mpi::scene::assemble::{self, From};
+use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::sim::report::report;
 use dem_mpi::sim::run::{self, Ending, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
@@ -123,7 +123,8 @@ fn a_restart_leaves_no_trace_in_means() {
             match from {
                 None => assemble::fill(&mut sim, &scene, comm),
                 Some(from) => {
-                    assemble::take_up(&mut sim, &scene, from, From::Middle, comm).unwrap();
+                    assemble::take_up(&mut sim, &scene, from, Continuation::SameStage, comm)
+                        .unwrap();
                 }
             }
             let schedule = Schedule {
@@ -761,7 +762,7 @@ fn stages_of_a_triaxial_test() {
     let shear =
         scene(&cube(SHEAR, 0.0, "").replace("[stop]\nunbalanced = 1e-3\nservo = 1e-3\n", ""));
     let mut sim = assemble::assemble(&shear, &comm);
-    assemble::take_up(&mut sim, &shear, &first, From::Beginning, &mut comm).unwrap();
+    assemble::take_up(&mut sim, &shear, &first, Continuation::NewStage, &mut comm).unwrap();
     for (wall, row) in sim.particles.walls.iter().zip(&reader.header().walls) {
         assert_eq!((&wall.name, wall.point), (&row.name, row.point), "walls stay where they stood");
     }

@@ -9,11 +9,12 @@ use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::output::snapshot;
 use dem_mpi::output::tables::ParticleTable;
+use dem_mpi::particles::columns::Quantity;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::post::lammps;
 use dem_mpi::post::region::SolidVolume;
 use dem_mpi::random::Random;
-use dem_mpi::scene::assemble::{self, From, StartError};
+use dem_mpi::scene::assemble::{self, Continuation, StartError};
 use dem_mpi::scene::packing::initial;
 use dem_mpi::scene::plan::plan;
 use dem_mpi::scene::{Scene, SceneErrors};
@@ -497,7 +498,11 @@ fn all_bits(tables: &[ParticleTable]) -> Vec<(u64, Vec<u64>)> {
     let mut all = Vec::new();
     for table in tables {
         for (k, (id, mut row)) in motion(table).enumerate() {
-            let more = [table.scale[k], table.dissipated[k], table.received[k]];
+            let more = [
+                table.scale[k],
+                table.accumulated[Quantity::Dissipated][k],
+                table.accumulated[Quantity::Received][k],
+            ];
             row.extend(more.map(f64::to_bits));
             all.push((id, row));
         }
@@ -512,7 +517,7 @@ fn run(scene: &Scene, ranks: u32, steps: u64) -> (Vec<(u64, Vec<u64>)>, usize) {
         for _ in 0..steps {
             sim.step(comm).unwrap();
         }
-        (sim.particle_table(comm.rank()), sim.histories().len())
+        (sim.particle_table(comm.rank()), sim.contact_records().len())
     });
     let contacts = parts.iter().map(|(_, contacts)| contacts).sum();
     let tables: Vec<ParticleTable> = parts.into_iter().map(|(table, _)| table).collect();
@@ -523,8 +528,8 @@ fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut dyn Comm) 
     let forces = sim.measure(comm).wall_forces;
     let header = sim.header(&scene.text, &forces, comm);
     let particles = sim.particle_table(comm.rank());
-    let (contacts, histories) = (sim.contact_table(), sim.histories());
-    snapshot::write(directory, &header, &particles, &contacts, &histories, comm).unwrap();
+    let (contacts, records) = (sim.contact_table(), sim.contact_records());
+    snapshot::write(directory, &header, &particles, &contacts, &records, comm).unwrap();
 }
 
 #[test]
@@ -551,7 +556,7 @@ fn sizes_are_the_same_on_any_number_of_ranks_and_after_a_restart() {
     });
     let tables = threads::run(2, |comm| {
         let mut sim = assemble::assemble(&scene, comm);
-        assemble::take_up(&mut sim, &scene, folder.path(), From::Middle, comm).unwrap();
+        assemble::take_up(&mut sim, &scene, folder.path(), Continuation::SameStage, comm).unwrap();
         while sim.step < steps {
             sim.step(comm).unwrap();
         }
@@ -581,7 +586,7 @@ fn a_stage_takes_up_sizes_that_its_scene_does_not_list() {
     let take_up = |scene: &Scene| {
         threads::run(3, |comm| {
             let mut sim = assemble::assemble(scene, comm);
-            assemble::take_up(&mut sim, scene, &snapshots, From::Beginning, comm)?;
+            assemble::take_up(&mut sim, scene, &snapshots, Continuation::NewStage, comm)?;
             sim.begin(comm).unwrap();
             for _ in 0..20 {
                 sim.step(comm).unwrap();

@@ -8,8 +8,9 @@ use dem_mpi::drive::rain;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::SnapshotError;
 use dem_mpi::output::hdf5::{Column, SnapshotFile, checksum};
+use dem_mpi::output::header::{Header, ShapeRow};
 use dem_mpi::output::snapshot::{self, Reader};
-use dem_mpi::output::tables::{Header, ShapeRow};
+use dem_mpi::particles::columns::Quantity;
 use dem_mpi::random::Random;
 use dem_mpi::shape::{
     Ellipsoid, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
@@ -19,8 +20,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 fn write(directory: &Path, header: &Header, tables: &Tables, comm: &mut dyn Comm) -> PathBuf {
-    let Tables { particles, contacts, histories } = tables;
-    snapshot::write(directory, header, particles, contacts, histories, comm).unwrap()
+    let Tables { particles, contacts, records } = tables;
+    snapshot::write(directory, header, particles, contacts, records, comm).unwrap()
 }
 
 fn read(path: &Path) -> Result<(Header, Tables), SnapshotError> {
@@ -28,7 +29,7 @@ fn read(path: &Path) -> Result<(Header, Tables), SnapshotError> {
     let tables = Tables {
         particles: reader.particles(0..reader.particle_count())?,
         contacts: reader.contacts(0..reader.contact_count()?)?,
-        histories: reader.histories(0..reader.history_count())?,
+        records: reader.contact_records(0..reader.contact_record_count())?,
     };
     reader.verify()?;
     Ok((reader.header().clone(), tables))
@@ -197,10 +198,11 @@ fn extreme_numbers_keep_their_bits() {
         f64::MAX,
         f64::from_bits(0x7ff8_dead_beef_0001),
     ];
-    tables.particles.dissipated[..5].copy_from_slice(&odd);
+    tables.particles.accumulated[Quantity::Dissipated][..5].copy_from_slice(&odd);
     write(directory.path(), &header(1), &tables, &mut Alone::default());
     let reader = Reader::open(directory.path()).unwrap();
-    let found = reader.particles(0..5).unwrap().dissipated;
+    let found = reader.particles(0..5).unwrap().accumulated;
+    let found = &found[Quantity::Dissipated];
     assert_eq!(found.iter().map(|x| x.to_bits()).collect::<Vec<_>>(), odd.map(f64::to_bits));
 }
 
@@ -217,9 +219,9 @@ fn pieces_are_pieces_of_the_whole() {
     let piece = reader.contacts(5..6).unwrap();
     assert_eq!(piece.centre, tables.contacts.centre[5..6]);
     assert_eq!(piece.b, tables.contacts.b[5..6]);
-    let piece = reader.histories(2..4).unwrap();
-    assert_eq!(piece.columns(), tables.histories.columns());
-    assert!(piece.iter().eq(tables.histories.iter().skip(2).take(2)));
+    let piece = reader.contact_records(2..4).unwrap();
+    assert_eq!(piece.columns(), tables.records.columns());
+    assert!(piece.iter().eq(tables.records.iter().skip(2).take(2)));
     assert_eq!(reader.particles(4..4).unwrap().id, []);
     let rows = reader.particle_count();
     assert!(matches!(reader.particles(0..rows + 1), Err(SnapshotError::Beyond { .. })));
@@ -264,9 +266,9 @@ fn a_new_snapshot_leaves_the_old_one_until_it_is_complete() {
     // A write that fails: its partial name is taken by a directory.
     let taken = place.join(".particles_000000003.vtkhdf.partial");
     fs::create_dir(&taken).unwrap();
-    let Tables { particles, contacts, histories } = &first;
+    let Tables { particles, contacts, records } = &first;
     let mut comm = Alone::default();
-    let failed = snapshot::write(place, &header(3), particles, contacts, histories, &mut comm);
+    let failed = snapshot::write(place, &header(3), particles, contacts, records, &mut comm);
     assert!(matches!(failed, Err(SnapshotError::Write { rank: 0, .. })), "{failed:?}");
     assert_eq!(read(place).unwrap(), (header(1), first));
     // The next good one.
@@ -292,8 +294,8 @@ fn one_rank_that_fails_fails_all_alike() {
             if comm.rank().0 == 2 {
                 break_rank_two(&mut tables);
             }
-            let Tables { particles, contacts, histories } = &tables;
-            snapshot::write(place, &header(1), particles, contacts, histories, comm).unwrap_err()
+            let Tables { particles, contacts, records } = &tables;
+            snapshot::write(place, &header(1), particles, contacts, records, comm).unwrap_err()
         });
         assert!(errors.iter().all(|e| *e == errors[0]), "{errors:?}");
         errors[0].clone()

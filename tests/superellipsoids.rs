@@ -14,7 +14,7 @@ use dem_mpi::output::snapshot;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
 use dem_mpi::scene::Scene;
-use dem_mpi::scene::assemble::{self, From, StartError};
+use dem_mpi::scene::assemble::{self, Continuation, StartError};
 use dem_mpi::shape::{Convex, Ellipsoid, Kind, PolySuperellipsoid, Shape, Sphere, Superellipsoid};
 use dem_mpi::sim::Simulation;
 use std::collections::BTreeMap;
@@ -894,14 +894,14 @@ fn a_restart_compares_shapes() {
         let m = sim.measure(comm);
         let header = sim.header(&saved.text, &m.wall_forces, comm);
         let particles = sim.particle_table(comm.rank());
-        let (contacts, histories) = (sim.contact_table(), sim.histories());
-        snapshot::write(folder.path(), &header, &particles, &contacts, &histories, comm).unwrap();
+        let (contacts, records) = (sim.contact_table(), sim.contact_records());
+        snapshot::write(folder.path(), &header, &particles, &contacts, &records, comm).unwrap();
     });
     let take_up = |text: &str| {
         let scene = scene(text);
         threads::run(1, |comm| {
             let mut sim = assemble::assemble(&scene, comm);
-            assemble::take_up(&mut sim, &scene, folder.path(), From::Middle, comm)
+            assemble::take_up(&mut sim, &scene, folder.path(), Continuation::SameStage, comm)
         })
         .remove(0)
     };

@@ -115,7 +115,7 @@ fn digits(method: &str, millimetre: f64, steps: u64) -> (Vec<Vec<u64>>, usize) {
         let numbers = columns.iter().flat_map(|(column, unit)| <[f64; 3]>::from(column[k] * *unit));
         numbers.chain(table.quaternion[k]).map(f64::to_bits).collect()
     };
-    ((0..table.id.len()).map(row).collect(), sim.histories().len())
+    ((0..table.id.len()).map(row).collect(), sim.contact_records().len())
 }
 
 #[test]

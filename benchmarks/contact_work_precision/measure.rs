@@ -2,7 +2,7 @@
 
 use crate::methods::{Contestant, Family};
 use crate::pairs::{Grain, Pairs, Truth, common_normal};
-use dem_mpi::contact::{Batch, Found, History, Outcome, Touch};
+use dem_mpi::contact::{Batch, Found, Geometry, Outcome, Touch};
 use dem_mpi::shape::Kind;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -131,7 +131,7 @@ pub(crate) fn grain(
             settings: contestant.settings.clone(),
             method: contestant.name(),
         };
-        let remembered = |pairs: &Pairs| -> Vec<Vec<History>> {
+        let remembered = |pairs: &Pairs| -> Vec<Vec<Geometry>> {
             let of = |contestant| match start {
                 Start::Cold => pairs.strangers(),
                 Start::Warm => {
@@ -141,15 +141,15 @@ pub(crate) fn grain(
             };
             contestants.iter().map(of).collect()
         };
-        let histories = remembered(&touching);
-        let times = times(contestants, &touching, &histories, effort);
-        for ((contestant, history), time) in contestants.iter().zip(&histories).zip(times) {
-            contacts.push(errors(contestant, &touching, history, entry(contestant), time));
+        let geometries = remembered(&touching);
+        let times = times(contestants, &touching, &geometries, effort);
+        for ((contestant, geometry), time) in contestants.iter().zip(&geometries).zip(times) {
+            contacts.push(errors(contestant, &touching, geometry, entry(contestant), time));
         }
-        let histories = remembered(&apart);
-        let times = self::times(contestants, &apart, &histories, effort);
-        for ((contestant, history), time) in contestants.iter().zip(&histories).zip(times) {
-            let found = resolve(contestant, &apart, history);
+        let geometries = remembered(&apart);
+        let times = self::times(contestants, &apart, &geometries, effort);
+        for ((contestant, geometry), time) in contestants.iter().zip(&geometries).zip(times) {
+            let found = resolve(contestant, &apart, geometry);
             let (spurious, failed) = (found.contacts.len(), found.failed.len());
             rejections.push(Rejections { entry: entry(contestant), time, spurious, failed });
         }
@@ -185,9 +185,9 @@ fn check(pairs: &mut Pairs, grain: &Grain) {
     }
 }
 
-fn resolve(contestant: &Contestant, pairs: &Pairs, history: &[History]) -> Found {
+fn resolve(contestant: &Contestant, pairs: &Pairs, geometry: &[Geometry]) -> Found {
     let mut found = Found::default();
-    contestant.resolver.resolve(&pairs.batch(history), &mut found);
+    contestant.resolver.resolve(&pairs.batch(geometry), &mut found);
     found
 }
 
@@ -196,10 +196,10 @@ fn resolve(contestant: &Contestant, pairs: &Pairs, history: &[History]) -> Found
 fn times(
     contestants: &[Contestant],
     pairs: &Pairs,
-    histories: &[Vec<History>],
+    geometries: &[Vec<Geometry>],
     effort: &Effort,
 ) -> Vec<Time> {
-    let batches: Vec<Batch> = histories.iter().map(|history| pairs.batch(history)).collect();
+    let batches: Vec<Batch> = geometries.iter().map(|geometry| pairs.batch(geometry)).collect();
     let Some(&all) = batches.first() else { return Vec::new() };
     let mut found = Found::default();
     let mut sums = vec![[0.0; 3]; contestants.len()];
@@ -241,11 +241,11 @@ fn times(
 fn errors(
     contestant: &Contestant,
     pairs: &Pairs,
-    history: &[History],
+    geometry: &[Geometry],
     entry: Entry,
     time: Time,
 ) -> Contacts {
-    let found = resolve(contestant, pairs, history);
+    let found = resolve(contestant, pairs, geometry);
     let of_all = |error: &dyn Fn(&Touch, &Truth) -> f64| {
         let errors = found.contacts.iter().map(|contact| {
             let truth = &pairs.truth[contact.pair as usize];

@@ -3,7 +3,7 @@
 use crate::facets;
 use dem_mpi::cell::Cell;
 use dem_mpi::contact::{
-    Batch, Bodies, CommonNormal, ContactResolver, History, Outcome, Pair, Place, Posed,
+    Batch, Bodies, CommonNormal, ContactResolver, Geometry, Outcome, Pair, Posed, Previous,
     SmoothCommonNormal, Touching, touch_along,
 };
 use dem_mpi::ids::{ShapeId, Slot};
@@ -87,7 +87,7 @@ pub(crate) struct Pairs {
     curvature_radius: Vec<f64>,
     slots: Vec<Pair>,
     active: Vec<u32>,
-    place: Vec<Place>,
+    previous: Vec<Previous>,
     pub(crate) truth: Vec<Truth>,
 }
 
@@ -130,7 +130,7 @@ impl Pairs {
         let pair = self.slots.len() as u32;
         self.slots.push(Pair { a: Slot(2 * pair), b: Slot(2 * pair + 1) });
         self.active.push(pair);
-        self.place.push(Place::among(pair as usize));
+        self.previous.push(Previous::at(pair as usize));
     }
 
     /// As case III of Lai et al. (2021): both rotations and the line of centres uniform. Overlaps, or clearances
@@ -170,11 +170,11 @@ impl Pairs {
         }
     }
 
-    pub(crate) fn batch<'a>(&'a self, history: &'a [History]) -> Batch<'a> {
+    pub(crate) fn batch<'a>(&'a self, geometry: &'a [Geometry]) -> Batch<'a> {
         Batch {
             pairs: &self.slots,
-            place: &self.place,
-            history,
+            previous: &self.previous,
+            geometry,
             active: &self.active,
             bodies: self.bodies(),
         }
@@ -191,13 +191,13 @@ impl Pairs {
     }
 
     /// Nothing is known of the last step.
-    pub(crate) fn strangers(&self) -> Vec<History> {
-        vec![History::default(); self.slots.len()]
+    pub(crate) fn strangers(&self) -> Vec<Geometry> {
+        vec![Geometry::default(); self.slots.len()]
     }
 
     /// The normals of a step before, where a method found these: off by `turned` rad in a random direction. Of pairs that
     /// are apart, the true ones.
-    pub(crate) fn acquaintances(&self, found: &Touching, turned: f64) -> Vec<History> {
+    pub(crate) fn acquaintances(&self, found: &Touching, turned: f64) -> Vec<Geometry> {
         let unless_it_touches =
             |truth: &Truth| if truth.overlap > 0.0 { Vec3::zeros() } else { truth.normal };
         let mut normals: Vec<Vec3> = self.truth.iter().map(unless_it_touches).collect();
@@ -206,10 +206,10 @@ impl Pairs {
         }
         let remembered = |(id, normal): (u64, Vec3)| {
             if normal == Vec3::zeros() {
-                return History::default();
+                return Geometry::default();
             }
             let aside = normal.cross(&direction(&mut Random::of(1, id))).normalize();
-            History { normal: (normal + aside * turned).normalize(), ..History::default() }
+            Geometry { normal: (normal + aside * turned).normalize(), ..Geometry::default() }
         };
         (0..).zip(normals).map(remembered).collect()
     }

@@ -4,12 +4,18 @@
 //! ```text
 //! cargo bench --bench ladder                        time and memory
 //! cargo bench --bench ladder -- --count             instructions, too: by callgrind, of valgrind
-//! cargo bench --bench ladder -- --record FOLDER     the table as CSV into this folder
+//! cargo bench --bench ladder -- --million           a million spheres beside 20,000, per contact, and nothing else
+//! cargo bench --bench ladder -- --record FOLDER     the tables as CSV into this folder
 //! ```
 //!
 //! 8,000 bodies on a cubic lattice, each in touch with its neighbours; nothing moves far enough for a contact to be lost or a
 //! list to be made anew. One rank. Times are medians over rounds in which all rungs take turns.
+//!
+//! Instructions are also counted by phase, beside the floor of [`dem_mpi::sim::floor`]: an instruction with AVX2, which
+//! callgrind knows, does four operations or moves 32 bytes.
 
+mod million;
+mod phases;
 mod plain;
 
 use anyhow::{Context, anyhow, ensure};
@@ -28,7 +34,10 @@ struct Arguments {
     /// Count instructions, too.
     #[arg(long)]
     count: bool,
-    /// Write the table into this folder.
+    /// Time a million spheres beside 20,000.
+    #[arg(long)]
+    million: bool,
+    /// Write the tables into this folder.
     #[arg(long, value_name = "FOLDER")]
     record: Option<PathBuf>,
     /// Only do steps of one rung, to be counted: 0 is the hand-written loop.
@@ -101,7 +110,8 @@ const RUNGS: [Rung; 8] = {
 };
 
 impl Rung {
-    fn scene(&self) -> anyhow::Result<Scene> {
+    /// With so many bodies along each axis.
+    fn scene(&self, along: u32) -> anyhow::Result<Scene> {
         let (kind, axes) = self.shape.unwrap_or(("kind = \"ellipsoid\"", [1.0; 3]));
         let axes = axes.map(|axis| axis * SIZE);
         let spacing = axes.map(|axis| 2.0 * TIGHT * axis);
@@ -119,10 +129,10 @@ impl Rung {
              [[material]]\nname = \"glass\"\ndensity = {DENSITY}\nnormal_stiffness = {STIFFNESS}\n\
              friction = {friction}\nrestitution = {restitution}\ntangential_damping_ratio = {tangential}\n\
              [[shape]]\nname = \"grain\"\n{shape}\n\
-             [[fill.lattice]]\nfirst = {first:?}\ncount = [{ALONG}, {ALONG}, {ALONG}]\nspacing = {spacing:?}\n\
+             [[fill.lattice]]\nfirst = {first:?}\ncount = [{along}, {along}, {along}]\nspacing = {spacing:?}\n\
              orientation = \"upright\"\n\
              [time]\nstep = {STEP:e}\nsteps = 1\n[output]\ndirectory = \"none\"\n{servo}",
-            high = spacing.map(|spacing| spacing * f64::from(ALONG)),
+            high = spacing.map(|spacing| spacing * f64::from(along)),
             first = spacing.map(|spacing| 0.5 * spacing),
             p = self.periodic,
             friction = if self.friction { 0.3 } else { 0.0 },
@@ -133,8 +143,8 @@ impl Rung {
         Scene::parse(&text, self.name, Path::new(""), &[]).map_err(|e| anyhow!("{e}"))
     }
 
-    fn begun(&self) -> anyhow::Result<Simulation> {
-        let scene = self.scene()?;
+    fn begun(&self, along: u32) -> anyhow::Result<Simulation> {
+        let scene = self.scene(along)?;
         let mut comm = Alone::default();
         let mut sim = assemble::assemble(&scene, &comm);
         assemble::fill(&mut sim, &scene, &comm);
@@ -152,13 +162,13 @@ enum Runner {
 impl Runner {
     fn of(number: usize) -> anyhow::Result<Self> {
         if number == 0 {
-            let sim = RUNGS[0].begun()?;
+            let sim = RUNGS[0].begun(ALONG)?;
             let pairs = sim.pairs.pairs.iter().map(|pair| [pair.a.0, pair.b.0]).collect();
             let (mass, skin) = (sim.particles.mass(0), sim.skin);
             let particles = &sim.particles;
             return Ok(Self::Plain(Plain::new(particles.position.clone(), pairs, mass, skin)));
         }
-        Ok(Self::Rung(Box::new(RUNGS[number - 1].begun()?)))
+        Ok(Self::Rung(Box::new(RUNGS[number - 1].begun(ALONG)?)))
     }
 
     fn steps(&mut self, count: u32) -> anyhow::Result<()> {
@@ -184,12 +194,13 @@ impl Runner {
     }
 }
 
-/// Instructions of a step: of two runs of one length and another.
-fn instructions(number: usize) -> anyhow::Result<f64> {
+/// Instructions of a step, or of a function in it: of two runs of one length and another.
+fn instructions(number: usize, function: Option<&str>) -> anyhow::Result<f64> {
     let of = |steps: u32| {
         let program = std::env::current_exe()?;
         let output = Command::new("valgrind")
             .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
+            .args(function.map(|name| format!("--toggle-collect={name}")))
             .arg(program)
             .args(["--one", &number.to_string(), "--steps", &steps.to_string()])
             .output()
@@ -204,9 +215,15 @@ fn instructions(number: usize) -> anyhow::Result<f64> {
 }
 
 fn main() -> anyhow::Result<()> {
-    let Arguments { count, record, one, steps, .. } = Arguments::parse();
+    let Arguments { count, million, record, one, steps, .. } = Arguments::parse();
     if let Some(number) = one {
         return Runner::of(number)?.steps(steps);
+    }
+    if let Some(record) = &record {
+        std::fs::create_dir_all(record)?;
+    }
+    if million {
+        return million::time(record.as_deref());
     }
     let names = ["a loop for the first rung alone"].into_iter().chain(RUNGS.map(|rung| rung.name));
     let names: Vec<&str> = names.collect();
@@ -240,7 +257,7 @@ fn main() -> anyhow::Result<()> {
             (1e9 * median(&mut times[number].clone()) / bodies, median(&mut ratios));
         over_the_loop.push(ratio);
         let [bytes, listed, contacts] = sizes[number].map(|size| size as f64 / bodies);
-        let counted = if count { Some(instructions(number)? / bodies) } else { None };
+        let counted = if count { Some(instructions(number, None)? / bodies) } else { None };
         let counted = counted.map_or_else(String::new, |counted| format!("{counted:.0}"));
         println!(
             "{name:<34} {listed:>6.2} {contacts:>9.2} {bytes:>6.0} {time:>7.1} {ratio:>10.2} {counted:>13}"
@@ -250,11 +267,10 @@ fn main() -> anyhow::Result<()> {
             "{name},{listed:.3},{contacts:.3},{bytes:.0},{time:.2},{ratio:.3},{counted}"
         )?;
     }
-    if let Some(record) = record {
-        std::fs::create_dir_all(&record)?;
+    if let Some(record) = &record {
         std::fs::write(record.join("ladder.csv"), table)?;
     }
-    Ok(())
+    if count { phases::count(record.as_deref()) } else { Ok(()) }
 }
 
 fn median(numbers: &mut [f64]) -> f64 {

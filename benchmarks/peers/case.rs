@@ -52,15 +52,16 @@ impl Case {
             "{}: a box from the origin, as long as wide, with all walls but +z is needed",
             file.display()
         );
+        let law = scene.law.linear().context("a linear law is needed")?;
         ensure!(
-            scene.gravity.xy().norm() == 0.0 && scene.limit_damping && scene.global_damping == 0.0,
+            scene.gravity.xy().norm() == 0.0 && law.limit_damping && scene.global_damping == 0.0,
             "{}: gravity along z, limited dashpots and no global damping are needed",
             file.display()
         );
         let at_rest = list.iter().all(|p| p.velocity.norm() + p.angular_velocity.norm() == 0.0);
         ensure!(at_rest, "{}: spheres at rest are needed", file.display());
 
-        let constants = scene.interactions.iter().next().context("a material has constants")?;
+        let constants = law.interactions.iter().next().context("a material has constants")?;
         let stiffness = [constants.normal_stiffness, constants.tangential_stiffness];
         let ratios = [constants.normal_damping_ratio, constants.tangential_damping_ratio];
         let mass = library.mass[0];

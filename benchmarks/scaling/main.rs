@@ -3,6 +3,7 @@
 //! ```text
 //! cargo bench --bench scaling                        prints; tables and plots go to target/
 //! cargo bench --bench scaling -- --record FOLDER     the same into this folder
+//! cargo bench --bench scaling -- --times             steps alone; with --snapshots, snapshots alone
 //! cargo bench --bench scaling -- --latency 5e-6 --bandwidth 2e9     for another network
 //! ```
 //!
@@ -40,6 +41,9 @@ struct Arguments {
     /// Bandwidth of the network, for each rank [B/s]. The default is typical of InfiniBand, not measured.
     #[arg(long, default_value_t = 10e9)]
     bandwidth: f64,
+    /// Only time steps.
+    #[arg(long)]
+    times: bool,
     /// Only time snapshots.
     #[arg(long)]
     snapshots: bool,
@@ -193,33 +197,7 @@ fn foretell(runs: &[Run], costs: &Costs, record: &Path) -> anyhow::Result<()> {
     fitted.sort_by(|x, y| x.mean(PARTICLES).total_cmp(&y.mean(PARTICLES)));
     let alone = runs.iter().filter(packed).find(of_ranks(1)).expect("one rank is counted");
     let laws = Laws::fit(&fitted, alone);
-
-    println!("\nfitted to {MOST} ranks: a n^(2/3) + b");
-    let mut table = "quantity,particles_per_rank,counted,fitted,residual_percent\n".to_owned();
-    let mut lines = Vec::new();
-    let quantities: [(&str, Surface, Of); 3] = [
-        ("ghosts", laws.ghosts, &|run| run.mean(GHOSTS)),
-        ("bytes", laws.bytes, &|run| run.mean(BYTES)),
-        ("contacts with ghosts", laws.shared, &|run| model::shared(run, laws.contacts)),
-    ];
-    for (name, law, of) in quantities {
-        println!("{name}: a = {:.4e}, b = {:.4e}", law.a, law.b);
-        let mut points = Vec::new();
-        for run in &fitted {
-            let (n, counted) = (run.mean(PARTICLES), of(run));
-            let residual = 100.0 * (law.at(n) / counted - 1.0);
-            println!("  n = {n:>6.0}: counted {counted:>9.1}, residual {residual:>+6.2} %");
-            writeln!(table, "{name},{n:.1},{counted:.2},{:.2},{residual:.2}", law.at(n))?;
-            points.push((n, counted));
-        }
-        lines.push(Line { name: format!("{name}, counted"), points });
-        let fit = decades(100.0, LARGEST).map(|n| (n, law.at(n))).collect();
-        lines.push(Line { name: format!("{name}, fitted"), points: fit });
-    }
-    fs::write(record.join("laws.csv"), table)?;
-    let (across, up) = ((100.0..LARGEST).log_scale(), (10.0..1e10).log_scale());
-    let names = ["particles per rank", "per step and rank"];
-    lines::draw(&record.join("laws.svg"), names, across, up, &lines)?;
+    show_fit(&fitted, &laws, record)?;
 
     let Costs { particle, contact, latency, bandwidth } = costs;
     println!(
@@ -234,60 +212,109 @@ fn foretell(runs: &[Run], costs: &Costs, record: &Path) -> anyhow::Result<()> {
     let fewest = fitted[0].mean(PARTICLES);
     let mut table = "scaling,particles,ranks,particles_per_rank,efficiency,from\n".to_owned();
     for (scaling, sizes) in ["weak", "strong"].into_iter().zip(PREDICTED) {
-        let mut lines = Vec::new();
-        for size in sizes {
-            let each = |ranks: f64| if scaling == "weak" { size } else { size / ranks };
-            // From where all axes are cut to as few particles per rank as were counted.
-            let points: Vec<_> = decades(f64::from(MOST), LARGEST)
-                .filter(|&ranks| each(ranks) >= fewest)
-                .map(|ranks| (ranks, laws.efficiency(costs, each(ranks), ranks)))
-                .collect();
-            for &(ranks, efficiency) in &points {
-                let n = each(ranks);
-                writeln!(
-                    table,
-                    "{scaling},{:.0},{ranks:.0},{n:.0},{efficiency:.4},model",
-                    n * ranks
-                )?;
-            }
-            if let Some((ranks, efficiency)) = points.last() {
-                println!("{scaling} {size:.0e}: efficiency {efficiency:.3} on {ranks:.0} ranks");
-            }
-            let what = if scaling == "weak" { "per rank" } else { "in all" };
-            lines.push(Line { name: format!("{size:.0e} {what}, model"), points });
-        }
-        let counted: Vec<(String, Vec<&Run>)> = if scaling == "weak" {
-            let of_size =
-                |each: u32| move |run: &&Run| run.mean(PARTICLES).round() == f64::from(each);
-            WEAK.iter()
-                .map(|&each| {
-                    let name = format!("{each} per rank, counted");
-                    (name, runs.iter().filter(packed).filter(of_size(each)).collect())
-                })
-                .collect()
-        } else {
-            let settled = runs.iter().filter(|run| run.scene == "settled");
-            vec![("5120 in all (settled), counted".to_owned(), settled.collect())]
-        };
-        for (name, runs) in counted {
-            let alone = runs[0];
-            let mut points = Vec::new();
-            for run in runs {
-                let (ranks, efficiency) = (run.ranks.len(), costs.efficiency(run, alone));
-                let (all, n) = (run.total(PARTICLES), run.mean(PARTICLES));
-                println!(
-                    "{scaling} {n:.0} per rank, {ranks} ranks: {efficiency:.3} from the counts"
-                );
-                writeln!(table, "{scaling},{all:.0},{ranks},{n:.0},{efficiency:.4},counts")?;
-                points.push((ranks as f64, efficiency));
-            }
-            lines.push(Line { name, points });
-        }
+        let mut lines = by_model(scaling, &sizes, &laws, costs, fewest, &mut table)?;
+        lines.extend(by_counts(scaling, runs, costs, &mut table)?);
         let (across, names) = ((1.0..LARGEST).log_scale(), ["ranks", "parallel efficiency"]);
         lines::draw(&record.join(format!("{scaling}.svg")), names, across, 0.0..1.6, &lines)?;
     }
     fs::write(record.join("prediction.csv"), table)?;
     Ok(())
+}
+
+/// Prints, writes and draws what was counted beside the laws fitted to it.
+fn show_fit(fitted: &[&Run], laws: &Laws, record: &Path) -> anyhow::Result<()> {
+    println!("\nfitted to {MOST} ranks: a n^(2/3) + b");
+    let mut table = "quantity,particles_per_rank,counted,fitted,residual_percent\n".to_owned();
+    let mut lines = Vec::new();
+    let quantities: [(&str, Surface, Of); 3] = [
+        ("ghosts", laws.ghosts, &|run| run.mean(GHOSTS)),
+        ("bytes", laws.bytes, &|run| run.mean(BYTES)),
+        ("contacts with ghosts", laws.shared, &|run| model::shared(run, laws.contacts)),
+    ];
+    for (name, law, of) in quantities {
+        println!("{name}: a = {:.4e}, b = {:.4e}", law.a, law.b);
+        let mut points = Vec::new();
+        for run in fitted {
+            let (n, counted) = (run.mean(PARTICLES), of(run));
+            let residual = 100.0 * (law.at(n) / counted - 1.0);
+            println!("  n = {n:>6.0}: counted {counted:>9.1}, residual {residual:>+6.2} %");
+            writeln!(table, "{name},{n:.1},{counted:.2},{:.2},{residual:.2}", law.at(n))?;
+            points.push((n, counted));
+        }
+        lines.push(Line { name: format!("{name}, counted"), points });
+        let fit = decades(100.0, LARGEST).map(|n| (n, law.at(n))).collect();
+        lines.push(Line { name: format!("{name}, fitted"), points: fit });
+    }
+    fs::write(record.join("laws.csv"), table)?;
+    let (across, up) = ((100.0..LARGEST).log_scale(), (10.0..1e10).log_scale());
+    let names = ["particles per rank", "per step and rank"];
+    lines::draw(&record.join("laws.svg"), names, across, up, &lines)?;
+    Ok(())
+}
+
+/// Efficiencies by the fitted laws, from where all axes are cut to as few particles per rank as were counted.
+fn by_model(
+    scaling: &str,
+    sizes: &[f64],
+    laws: &Laws,
+    costs: &Costs,
+    fewest: f64,
+    table: &mut String,
+) -> anyhow::Result<Vec<Line>> {
+    let mut lines = Vec::new();
+    for &size in sizes {
+        let each = |ranks: f64| if scaling == "weak" { size } else { size / ranks };
+        let points: Vec<_> = decades(f64::from(MOST), LARGEST)
+            .filter(|&ranks| each(ranks) >= fewest)
+            .map(|ranks| (ranks, laws.efficiency(costs, each(ranks), ranks)))
+            .collect();
+        for &(ranks, efficiency) in &points {
+            let n = each(ranks);
+            writeln!(table, "{scaling},{:.0},{ranks:.0},{n:.0},{efficiency:.4},model", n * ranks)?;
+        }
+        if let Some((ranks, efficiency)) = points.last() {
+            println!("{scaling} {size:.0e}: efficiency {efficiency:.3} on {ranks:.0} ranks");
+        }
+        let what = if scaling == "weak" { "per rank" } else { "in all" };
+        lines.push(Line { name: format!("{size:.0e} {what}, model"), points });
+    }
+    Ok(lines)
+}
+
+/// Efficiencies by the counts of runs themselves.
+fn by_counts(
+    scaling: &str,
+    runs: &[Run],
+    costs: &Costs,
+    table: &mut String,
+) -> anyhow::Result<Vec<Line>> {
+    let counted: Vec<(String, Vec<&Run>)> = if scaling == "weak" {
+        let packed = |run: &&Run| run.scene == "packed";
+        let of_size = |each: u32| move |run: &&Run| run.mean(PARTICLES).round() == f64::from(each);
+        WEAK.iter()
+            .map(|&each| {
+                let name = format!("{each} per rank, counted");
+                (name, runs.iter().filter(packed).filter(of_size(each)).collect())
+            })
+            .collect()
+    } else {
+        let settled = runs.iter().filter(|run| run.scene == "settled");
+        vec![("5120 in all (settled), counted".to_owned(), settled.collect())]
+    };
+    let mut lines = Vec::new();
+    for (name, runs) in counted {
+        let alone = runs[0];
+        let mut points = Vec::new();
+        for run in runs {
+            let (ranks, efficiency) = (run.ranks.len(), costs.efficiency(run, alone));
+            let (all, n) = (run.total(PARTICLES), run.mean(PARTICLES));
+            println!("{scaling} {n:.0} per rank, {ranks} ranks: {efficiency:.3} from the counts");
+            writeln!(table, "{scaling},{all:.0},{ranks},{n:.0},{efficiency:.4},counts")?;
+            points.push((ranks as f64, efficiency));
+        }
+        lines.push(Line { name, points });
+    }
+    Ok(lines)
 }
 
 /// Ten points per decade, both ends among them.
@@ -315,11 +342,14 @@ fn time_snapshots(record: &Path) -> anyhow::Result<()> {
 }
 
 fn main() -> anyhow::Result<()> {
-    let Arguments { record, latency, bandwidth, snapshots, task, .. } = Arguments::parse();
+    let Arguments { record, latency, bandwidth, times, snapshots, task, .. } = Arguments::parse();
     if let Some(task) = task {
         return measured::work(task);
     }
     fs::create_dir_all(&record)?;
+    if times {
+        return time_all(&record).map(|_| ());
+    }
     if snapshots {
         return time_snapshots(&record);
     }

@@ -186,7 +186,7 @@ fn time_snapshots(task: Task, comm: &mut dyn Comm) -> anyhow::Result<[f64; 3]> {
         let begin = Instant::now();
         let header = sim.header("", &[], comm);
         let (particles, contacts) = (sim.particle_table(comm.rank()), sim.contact_table());
-        let histories = sim.histories();
+        let histories = sim.contact_records();
         let path = snapshot::write(folder, &header, &particles, &contacts, &histories, comm)?;
         comm.any(false);
         let spent = begin.elapsed().as_secs_f64();

@@ -45,6 +45,18 @@ pub(crate) fn write(
     pictures: &[Picture],
     notes: &[String],
 ) -> anyhow::Result<()> {
+    let report = report(command, cases, pictures, notes)?;
+    fs::write(folder.join("report.md"), report).context("cannot write report.md")?;
+    write_rows(&folder.join("cases.csv"), cases)
+}
+
+/// All cases, each with its worst sub-case, as Markdown.
+fn report(
+    command: &str,
+    cases: &[Case],
+    pictures: &[Picture],
+    notes: &[String],
+) -> Result<String, std::fmt::Error> {
     let count = |verdict: Verdict| cases.iter().filter(|case| case.verdict() == verdict).count();
     let mut report = format!(
         "# Verification\n\n```\n{command}\n```\n\n{} cases with {} sub-cases: {} hold, {} fall short as is known, {} fail. \
@@ -93,9 +105,12 @@ pub(crate) fn write(
     for picture in pictures {
         writeln!(report, "![{}]({}.svg)", picture.axes[1], picture.file)?;
     }
-    fs::write(folder.join("report.md"), report).context("cannot write report.md")?;
+    Ok(report)
+}
 
-    let mut table = csv::Writer::from_path(folder.join("cases.csv"))?;
+/// All sub-cases.
+fn write_rows(path: &Path, cases: &[Case]) -> anyhow::Result<()> {
+    let mut table = csv::Writer::from_path(path)?;
     table.write_record([
         "source",
         "case",

@@ -19,7 +19,7 @@ use std::process::ExitCode;
 ///
 /// The normal n is a unit vector from A to B, PA and PB are the support points of the bodies along it, C is
 /// their middle. A pair that is apart has a negative overlap: minus the clearance, with the
-/// direction of the shortest distance, by GJK to rounding whatever the method (methods only tell that a pair
+/// direction of the shortest distance, by GJK to rounding whatever the method (methods only determine that a pair
 /// is apart). `solver` names the stage of the method's chain that answered; it and the numbers are empty
 /// where there is no answer. `iterations` counts the directions that all stages tried together, each of which takes one
 /// support point of each body; closed forms take none. Where two polyhedra overlap, `thickness` is that of what they share, by
@@ -111,15 +111,16 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
             arguments.repeats
         );
     }
-    let complete = all_told(&pairs, &answers);
+    let complete = all_answered(&pairs, &answers);
     Ok(if complete { ExitCode::SUCCESS } else { ExitCode::from(INCOMPLETE) })
 }
 
-/// Says how many pairs nobody could tell, if any.
-fn all_told(pairs: &Pairs, answers: &[Answer]) -> bool {
-    let mut untold = (0..).zip(answers).filter_map(|(k, answer)| Some((k, answer.touch.err()?)));
-    let Some((first, why)) = untold.next() else { return true };
-    let count = 1 + untold.count();
+/// Warns of pairs without an answer; true if all have one.
+fn all_answered(pairs: &Pairs, answers: &[Answer]) -> bool {
+    let mut unanswered =
+        (0..).zip(answers).filter_map(|(k, answer)| Some((k, answer.touch.err()?)));
+    let Some((first, why)) = unanswered.next() else { return true };
+    let count = 1 + unanswered.count();
     eprintln!(
         "dem-contact: {count} pairs have no answer, the first is {}: {why:?}",
         pairs.name(first)

@@ -4,7 +4,7 @@ use clap::Parser;
 use dem_mpi::comm::{Comm, agree, alone::Alone, linked, threads, wire, world};
 use dem_mpi::ids::GlobalId;
 use dem_mpi::output::{self, snapshot};
-use dem_mpi::scene::assemble::{self, From, TakenUp};
+use dem_mpi::scene::assemble::{self, Continuation, TakenUp};
 use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::{Scene, plan};
 use dem_mpi::sim::report::{performance, report};
@@ -82,13 +82,13 @@ const FAILED: u8 = 1;
 /// A signal stopped the run, and it can go on.
 const STOPPED: u8 = 3;
 
-/// How long a rank that sees a fault of another's particle leaves it to that rank to tell.
+/// How long a rank that sees a fault of another's particle waits for that rank to report it.
 const OTHERS_FIRST: Duration = Duration::from_secs(3);
 
 fn main() -> ExitCode {
     if let Err(error) = linked::one_mpi() {
         if linked::speaks() {
-            tell(error);
+            print_error(error);
         }
         return ExitCode::from(FAILED);
     }
@@ -111,7 +111,7 @@ fn stop_signals() -> Arc<AtomicUsize> {
     for signal in [SIGTERM, SIGUSR1] {
         let set = signal_hook::flag::register_usize(signal, Arc::clone(&stop), signal as usize);
         if let Err(error) = set {
-            tell(format_args!("signal {signal} will end the run at once: {error}"));
+            print_error(format_args!("signal {signal} will end the run at once: {error}"));
         }
     }
     stop
@@ -124,7 +124,7 @@ fn on_this_rank(
 ) -> u8 {
     match arguments {
         Ok(arguments) if arguments.threads.is_some() => {
-            say(comm, "--threads N is instead of mpirun: leave one of them out");
+            print_once(comm, "--threads N is instead of mpirun: leave one of them out");
             WRONG_INPUT
         }
         Ok(arguments) => start(&arguments, stop, comm),
@@ -137,15 +137,15 @@ fn on_this_rank(
     }
 }
 
-/// Says something once, however many ranks there are.
-fn say(comm: &dyn Comm, text: impl std::fmt::Display) {
+/// Prints a message once, on rank 0.
+fn print_once(comm: &dyn Comm, text: impl std::fmt::Display) {
     if comm.is_root() {
-        tell(text);
+        print_error(text);
     }
 }
 
-/// To standard error; that nobody reads it does not end a run.
-fn tell(text: impl std::fmt::Display) {
+/// Prints to standard error; a closed one is ignored.
+fn print_error(text: impl std::fmt::Display) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
@@ -187,7 +187,7 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
     let scene = match read_scene(arguments, comm) {
         Ok(scene) => scene,
         Err(errors) => {
-            say(comm, errors);
+            print_once(comm, errors);
             return WRONG_INPUT;
         }
     };
@@ -207,7 +207,7 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
     let _held_until_the_end = match claimed {
         Ok(lock) => lock,
         Err(error) => {
-            say(comm, error);
+            print_once(comm, error);
             return WRONG_INPUT;
         }
     };
@@ -215,30 +215,18 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
     let from = arguments
         .start
         .as_ref()
-        .map(|path| (path, From::Middle))
-        .or_else(|| scene.start.as_ref().map(|path| (path, From::Beginning)));
+        .map(|path| (path, Continuation::SameStage))
+        .or_else(|| scene.start.as_ref().map(|path| (path, Continuation::NewStage)));
     let mut held = String::new();
     match from {
         None => assemble::fill(&mut sim, &scene, comm),
         Some((path, from)) => match assemble::take_up(&mut sim, &scene, path, from, comm) {
-            Ok(TakenUp { passed_over, stop, walls_elsewhere }) => {
-                for error in passed_over {
-                    say(comm, format!("passed over: {error}"));
-                }
-                if !walls_elsewhere.is_empty() {
-                    let off = |(name, off): &(String, f64)| format!("{name} by {off:.4e} m");
-                    let all = walls_elsewhere.iter().map(off).collect::<Vec<_>>().join(", ");
-                    say(
-                        comm,
-                        format!(
-                            "walls stand where the stage before left them, off the scene's: {all}"
-                        ),
-                    );
-                }
-                held = stop;
+            Ok(taken) => {
+                print_taken_up(&taken, comm);
+                held = taken.stop;
             }
             Err(error) => {
-                say(comm, error);
+                print_once(comm, error);
                 return WRONG_INPUT;
             }
         },
@@ -254,14 +242,14 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
     };
     if resumed && let Some((why, status)) = nothing_left(arguments, &scene, &sim, &held, last_step)
     {
-        say(comm, format!("nothing left to do: {why}"));
+        print_once(comm, format!("nothing left to do: {why}"));
         return status;
     }
     let Arguments { overwrite, start, .. } = arguments;
     let before = if resumed { None } else { scene.start.as_deref() };
     let kept = snapshot::none_later(&out, sim.step, *overwrite, start.as_deref(), before, comm);
     if let Err(error) = kept {
-        say(comm, error);
+        print_once(comm, error);
         return WRONG_INPUT;
     }
     let schedule = Schedule {
@@ -282,11 +270,29 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
                 let name = if signal == SIGTERM as usize { "SIGTERM" } else { "SIGUSR1" };
                 let left = arguments.steps.map(|_| last_step - sim.step);
                 let again = again(arguments, &finish.snapshot, left);
-                say(comm, format!("stopped by {name} at step {}; to go on: {again}", sim.step));
+                print_once(
+                    comm,
+                    format!("stopped by {name} at step {}; to go on: {again}", sim.step),
+                );
                 STOPPED
             }
         },
         Err(status) => status,
+    }
+}
+
+/// Prints which snapshots were passed over, and which walls are not where the scene puts them.
+fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
+    for error in &taken.passed_over {
+        print_once(comm, format!("passed over: {error}"));
+    }
+    if !taken.walls_elsewhere.is_empty() {
+        let off = |(name, off): &(String, f64)| format!("{name} by {off:.4e} m");
+        let all = taken.walls_elsewhere.iter().map(off).collect::<Vec<_>>().join(", ");
+        print_once(
+            comm,
+            format!("walls stand where the stage before left them, off the scene's: {all}"),
+        );
     }
 }
 
@@ -367,7 +373,7 @@ fn run(
         let warning = if share > 100.0 { ": OVER THE LIMIT, the run may blow up" } else { "" };
         format!(", {share:.0} % of the stable limit{warning}")
     });
-    say(
+    print_once(
         comm,
         format!(
             "{}: {} on {ranks} rank{}, steps {} to {} of {:e} s{limit}",
@@ -380,13 +386,13 @@ fn run(
         ),
     );
     for doubt in doubts(scene) {
-        say(comm, format!("warning: {doubt}"));
+        print_once(comm, format!("warning: {doubt}"));
     }
     let mut display = Display::new(comm.is_root(), schedule.last_step - sim.step);
     let finish = match run::run(sim, schedule, comm, &mut |progress| display.show(progress)) {
         Ok(finish) => finish,
         Err(RunError::Step(error)) if error.is_agreed() => {
-            say(comm, error);
+            print_once(comm, error);
             return Err(FAILED);
         }
         Err(error @ (RunError::Step(_) | RunError::History(_))) => {
@@ -397,18 +403,18 @@ fn run(
                 // The rank that owns A has met the same, and says so.
                 std::thread::sleep(OTHERS_FIRST);
             }
-            tell(format_args!("rank {}: {error}", comm.rank().0));
+            print_error(format_args!("rank {}: {error}", comm.rank().0));
             if in_threads {
                 std::process::exit(i32::from(FAILED));
             }
             comm.abort(i32::from(FAILED));
         }
         Err(error @ RunError::Start(_)) => {
-            say(comm, error);
+            print_once(comm, error);
             return Err(WRONG_INPUT);
         }
         Err(error @ (RunError::Snapshot(_) | RunError::Particle { .. })) => {
-            say(comm, error);
+            print_once(comm, error);
             return Err(FAILED);
         }
     };
@@ -421,7 +427,7 @@ fn run(
     let row = performance(sim, &finish, comm);
     let stored = if comm.is_root() { row.store(&schedule.out, schedule.resumed) } else { Ok(()) };
     if let Err(error) = agree(comm, stored) {
-        say(comm, error);
+        print_once(comm, error);
         return Err(FAILED);
     }
     Ok(finish)
@@ -461,7 +467,7 @@ impl Display {
         }
         for warning in progress.warnings {
             let text = format!("warning: {warning}");
-            self.bar.as_ref().map_or_else(|| tell(&text), |bar| bar.println(&text));
+            self.bar.as_ref().map_or_else(|| print_error(&text), |bar| bar.println(&text));
         }
         if let Some(m) = progress.measures {
             self.last_state = format!(
@@ -482,7 +488,7 @@ impl Display {
             let Progress { done, of, .. } = *progress;
             let per_second = done as f64 / self.begin.elapsed().as_secs_f64();
             let left = Duration::from_secs(((of - done) as f64 / per_second) as u64);
-            tell(format_args!(
+            print_error(format_args!(
                 "{done} of {of} steps, {:.1} %, {per_second:.1} steps/s, {} left; {}",
                 100.0 * done as f64 / of as f64,
                 indicatif::HumanDuration(left),

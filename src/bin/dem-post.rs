@@ -157,7 +157,7 @@ fn compare(files: &[PathBuf]) -> Result<ExitCode> {
         let reader = Reader::open(path)?;
         Ok(State {
             particles: reader.particles(0..reader.particle_count())?,
-            histories: reader.histories(0..reader.history_count())?,
+            records: reader.contact_records(0..reader.contact_record_count())?,
             header: reader.header().clone(),
         })
     };
@@ -178,7 +178,7 @@ fn write_lammps(out: &Path, reader: &Reader) -> Result<()> {
     Ok(file.flush()?)
 }
 
-/// The scalars of the run, if it left any; a broken table is said and passed over.
+/// The scalars of the run, if there are any; a damaged table is reported and ignored.
 fn history_beside(directory: &Path) -> History {
     let path = directory.join("history.csv");
     let Ok(file) = File::open(&path) else { return History::default() };

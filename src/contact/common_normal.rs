@@ -517,7 +517,7 @@ mod tests {
     use super::{CommonNormal, resolve_with};
     use crate::cell::Cell;
     use crate::contact::{
-        Batch, Bodies, ContactResolver, Found, History, Outcome, Pair, Place, Touch,
+        Batch, Bodies, ContactResolver, Found, Geometry, Outcome, Pair, Previous, Touch,
     };
     use crate::ids::{ShapeId, Slot};
     use crate::lanes::Portable;
@@ -534,7 +534,7 @@ mod tests {
         library: Vec<Shape>,
         curvature_radius: Vec<f64>,
         pairs: Vec<Pair>,
-        history: Vec<History>,
+        geometry: Vec<Geometry>,
     }
 
     impl Crowd {
@@ -554,7 +554,7 @@ mod tests {
                 curvature_radius: library.iter().map(Shape::smallest_curvature_radius).collect(),
                 library,
                 pairs: Vec::new(),
-                history: Vec::new(),
+                geometry: Vec::new(),
             };
             for k in 0..pairs {
                 let mut random = Random::of(7, u64::from(k));
@@ -577,7 +577,7 @@ mod tests {
                 }
                 crowd.pairs.push(Pair { a: Slot(2 * k), b: Slot(2 * k + 1) });
                 let normal = (normal + tilt * turned).normalize();
-                crowd.history.push(History { normal, ..History::default() });
+                crowd.geometry.push(Geometry { normal, ..Geometry::default() });
             }
             crowd
         }
@@ -599,13 +599,13 @@ mod tests {
         /// What a resolver finds, by pair.
         fn touches(&self, resolve: impl Fn(&Batch, &mut Found)) -> Vec<Touch> {
             let active: Vec<u32> = (0..self.pairs.len() as u32).collect();
-            let place: Vec<Place> = (0..self.pairs.len()).map(Place::among).collect();
+            let previous: Vec<Previous> = (0..self.pairs.len()).map(Previous::at).collect();
             let mut found = Found::default();
             let bodies = self.bodies();
             let batch = Batch {
                 pairs: &self.pairs,
-                place: &place,
-                history: &self.history,
+                previous: &previous,
+                geometry: &self.geometry,
                 active: &active,
                 bodies,
             };
@@ -656,7 +656,7 @@ mod tests {
     #[test]
     fn lanes_search_as_one_alone() {
         let mut crowd = Crowd::new(1003, 0.0, 1.0);
-        crowd.history.fill(History::default());
+        crowd.geometry.fill(Geometry::default());
         let bodies = crowd.bodies();
         let alone: Vec<_> = (crowd.pairs.iter())
             .map(|pair| {

@@ -66,7 +66,7 @@ mod tests {
     use super::Chain;
     use crate::cell::Cell;
     use crate::contact::{
-        Batch, Bodies, ContactResolver, Found, Outcome, Pair, Place, Posed, SphereSphere, Tally,
+        Batch, Bodies, ContactResolver, Found, Outcome, Pair, Posed, Previous, SphereSphere, Tally,
         Why,
     };
     use crate::ids::{ShapeId, Slot};
@@ -102,8 +102,9 @@ mod tests {
             (1..centres.len() as u32).map(|b| Pair { a: Slot(0), b: Slot(b) }).collect();
         let active: Vec<u32> = (0..pairs.len() as u32).collect();
         let mut found = Found::default();
-        let place = vec![Place::NONE; pairs.len()];
-        let batch = Batch { pairs: &pairs, place: &place, history: &[], active: &active, bodies };
+        let previous = vec![Previous::NONE; pairs.len()];
+        let batch =
+            Batch { pairs: &pairs, previous: &previous, geometry: &[], active: &active, bodies };
         chain.resolve(&batch, &mut found);
         found
     }

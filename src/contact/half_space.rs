@@ -165,7 +165,7 @@ mod tests {
         let pairs: Vec<Pair> =
             (0..79).map(|k| Pair { a: Slot(k % 40), b: Slot(40 + k % 2) }).collect();
         let active: Vec<u32> = (0..79).collect();
-        let batch = Batch { pairs: &pairs, place: &[], history: &[], active: &active, bodies };
+        let batch = Batch { pairs: &pairs, previous: &[], geometry: &[], active: &active, bodies };
         let mut found = [(); 3].map(|()| Found::default());
         resolve_each(&AgainstHalfSpace, &batch, &mut found[0]);
         AgainstHalfSpace.resolve(&batch, &mut found[1]);

@@ -19,13 +19,13 @@ mod eroded_gjk;
 mod fallback;
 mod gjk;
 mod half_space;
-mod history;
 mod in_lanes;
 mod methods;
 mod newton;
 mod overlap;
 mod patch;
 mod polish;
+mod record;
 mod smooth_common_normal;
 mod sphere_sphere;
 
@@ -36,9 +36,9 @@ pub use epa::Epa;
 pub use eroded_gjk::ErodedGjk;
 pub use fallback::Chain;
 pub use half_space::AgainstHalfSpace;
-pub use history::{Histories, History, NamedHistory, StateColumn};
 pub use methods::{Method, needs_form, table, table_with_patches};
 pub use overlap::{Overlap, Thickness, thickness};
+pub use record::{ContactRecord, ContactRecords, Geometry, StateColumn};
 pub use smooth_common_normal::SmoothCommonNormal;
 pub use sphere_sphere::SphereSphere;
 
@@ -337,7 +337,7 @@ pub struct Touching {
     /// Their indices in the batch's pairs.
     pub pair: Vec<u32>,
     /// Their normals and overlaps.
-    pub geometry: Vec<History>,
+    pub geometry: Vec<Geometry>,
     /// Where each touches, seen from the centre of A [m]; none if they are left out.
     pub point: Vec<Vec3>,
     /// What else there is of contacts of faces; none if they are left out.
@@ -362,7 +362,7 @@ impl Touching {
     /// All of them; points that are left out are zero.
     pub fn iter(&self) -> impl Iterator<Item = Contact> {
         (0..self.len()).map(|row| {
-            let History { normal, overlap } = self.geometry[row];
+            let Geometry { normal, overlap } = self.geometry[row];
             let point = self.point.get(row).copied().unwrap_or_default();
             Contact { pair: self.pair[row], touch: Touch { overlap, normal, point } }
         })
@@ -377,7 +377,7 @@ impl Touching {
     fn push_with(&mut self, pair: u32, touch: &Touch, patch: &Patch) {
         let Touch { overlap, normal, point } = *touch;
         self.pair.push(pair);
-        self.geometry.push(History { normal, overlap });
+        self.geometry.push(Geometry { normal, overlap });
         if !self.without_points {
             self.point.push(point);
         }
@@ -398,7 +398,7 @@ impl Touching {
     ) {
         let start = self.pair.len();
         self.pair.extend_from_slice(pairs);
-        self.geometry.resize(start + WIDTH, History::default());
+        self.geometry.resize(start + WIDTH, Geometry::default());
         for (geometry, row) in self.geometry[start..].iter_mut().zip(normal.rows(overlap)) {
             row.write(bytemuck::cast_mut(geometry));
         }
@@ -423,7 +423,7 @@ impl Touching {
     /// Bytes that it holds.
     pub fn bytes(&self) -> usize {
         self.pair.capacity() * size_of::<u32>()
-            + self.geometry.capacity() * size_of::<History>()
+            + self.geometry.capacity() * size_of::<Geometry>()
             + self.point.capacity() * size_of::<Vec3>()
             + self.patch.capacity() * size_of::<Patch>()
     }
@@ -544,16 +544,16 @@ pub struct Tally {
     pub fallbacks: [u64; 4],
 }
 
-/// Where a pair stands among those that touched at the last step, if it did.
+/// Index of the contact of a pair among those of the last step, if it touched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place(u32);
+pub struct Previous(u32);
 
-impl Place {
+impl Previous {
     /// It did not touch.
     pub const NONE: Self = Self(u32::MAX);
 
-    /// It stands here.
-    pub const fn among(index: usize) -> Self {
+    /// This contact of the last step.
+    pub const fn at(index: usize) -> Self {
         Self(index as u32)
     }
 
@@ -569,10 +569,10 @@ impl Place {
 pub struct Batch<'a> {
     /// A stretch of the list of pairs, or all of it.
     pub pairs: &'a [Pair],
-    /// Where in `history` each of them is remembered; empty if all are spheres, of which nobody asks.
-    pub place: &'a [Place],
-    /// What is remembered.
-    pub history: &'a [History],
+    /// Index in `geometry` of each; empty if all are spheres, of which no resolver asks.
+    pub previous: &'a [Previous],
+    /// Geometry of the contacts of the last step.
+    pub geometry: &'a [Geometry],
     /// Which of them to look at.
     pub active: &'a [u32],
     /// Every body.
@@ -583,8 +583,8 @@ impl<'a> Batch<'a> {
     /// The normal of a pair's last touch, if it touched at the last step.
     #[inline]
     pub fn last_normal(&self, index: u32) -> Option<&'a Vec3> {
-        let history = self.history.get(self.place.get(index as usize)?.index())?;
-        history.touched().then_some(&history.normal)
+        let geometry = self.geometry.get(self.previous.get(index as usize)?.index())?;
+        geometry.touched().then_some(&geometry.normal)
     }
 
     /// The slots of the pairs, in columns of so many bodies.
@@ -597,7 +597,7 @@ impl<'a> Batch<'a> {
     /// The same of a pair that is known to have touched.
     #[inline]
     pub fn normal(&self, index: u32) -> &'a Vec3 {
-        &self.history[self.place[index as usize].index()].normal
+        &self.geometry[self.previous[index as usize].index()].normal
     }
 }
 

@@ -94,7 +94,7 @@ mod tests {
     use super::SphereSphere;
     use crate::cell::Cell;
     use crate::contact::in_lanes::InLanes;
-    use crate::contact::{Batch, Bodies, ContactResolver, Found, Outcome, Pair, Place};
+    use crate::contact::{Batch, Bodies, ContactResolver, Found, Outcome, Pair, Previous};
     use crate::ids::{ShapeId, Slot};
     use crate::lanes::Portable;
     use crate::math::Vec3;
@@ -126,7 +126,7 @@ mod tests {
         position[21].x = f64::NAN;
         let pairs: Vec<Pair> = (0..79).map(|k| Pair { a: Slot(k), b: Slot(k + 1) }).collect();
         let active: Vec<u32> = (0..79).collect();
-        let place = vec![Place::NONE; pairs.len()];
+        let previous = vec![Previous::NONE; pairs.len()];
         let mut met = [0; 3];
         let scale: Vec<f64> = (0..80).map(|k| 0.7 + 0.01 * f64::from(k % 50)).collect();
         for (sizes, scales) in [(1, None), (2, None), (2, Some(&scale[..]))] {
@@ -142,8 +142,13 @@ mod tests {
                 scale: scales,
                 cell: &Cell::new(Vec3::zeros(), Vec3::repeat(4.0), [true, false, false]),
             };
-            let batch =
-                Batch { pairs: &pairs, place: &place, history: &[], active: &active, bodies };
+            let batch = Batch {
+                pairs: &pairs,
+                previous: &previous,
+                geometry: &[],
+                active: &active,
+                bodies,
+            };
             let mut found = [Found::default(), Found::default()];
             SphereSphere.resolve(&batch, &mut found[0]);
             SphereSphere.resolve_eights::<Portable>(&batch, &mut found[1]);

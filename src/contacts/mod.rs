@@ -2,21 +2,21 @@
 //!
 //! They stand in the order of the list of pairs, in columns for each stretch of it. A step goes through the stretches:
 //! resolvers say what touches, [`Contacts::arrange`] puts that in order beside what was remembered, and in
-//! [`Contacts::load`] a law finds the forces, and the new columns take the place of the old.
+//! [`Contacts::compute_forces`] a law finds the forces, and the new columns take the place of the old.
 
 use crate::contact::{
-    Batch, Histories, History, NamedHistory, Pair, Patch, Place, StateColumn, Touch, Touching,
-    touch_of_sphere,
+    Batch, ContactRecord, ContactRecords, Geometry, Pair, Patch, Previous, StateColumn, Touch,
+    Touching, touch_of_sphere,
 };
 use crate::ids::GlobalId;
-use crate::law::{ForceLaw, Last, Parted, Sums, Work};
+use crate::law::{ForceLaw, Last, Separated, Sums, Work};
 use crate::math::Vec3;
 use crate::particles::{Needs, Particles, held};
 use crate::search::PairList;
 
 /// Bytes of a contact in the columns that every scene needs: bodies, number, geometry, force.
 pub const CONTACT_COLUMNS: usize =
-    size_of::<Pair>() + size_of::<u32>() + size_of::<History>() + size_of::<Vec3>();
+    size_of::<Pair>() + size_of::<u32>() + size_of::<Geometry>() + size_of::<Vec3>();
 
 /// Contacts in the order of the ids of their bodies. Columns that a scene does not need are empty.
 #[derive(Clone, Debug, Default)]
@@ -26,7 +26,7 @@ struct Columns {
     /// Their numbers in the stretch.
     numbers: Vec<u32>,
     /// Normals and overlaps.
-    history: Vec<History>,
+    geometry: Vec<Geometry>,
     /// What the law remembers: as many numbers of each as it declares.
     state: Vec<f64>,
     /// Forces of A on B [N]; none until they are found.
@@ -42,17 +42,17 @@ impl Columns {
     fn clear(&mut self) {
         self.pairs.clear();
         self.numbers.clear();
-        self.history.clear();
+        self.geometry.clear();
         self.points.clear();
         self.patches.clear();
     }
 
     /// Makes room for so many contacts and few more: growing would double it.
     fn reserve(&mut self, count: usize, width: usize, needs: Needs) {
-        let Self { pairs, numbers, history, state, forces, points, patches } = self;
+        let Self { pairs, numbers, geometry, state, forces, points, patches } = self;
         reserve(pairs, count);
         reserve(numbers, count);
-        reserve(history, count);
+        reserve(geometry, count);
         reserve(forces, count);
         reserve(state, count * width);
         if needs.orientation {
@@ -66,7 +66,7 @@ impl Columns {
     /// Hands over what touches, for what has touched or its room.
     fn swap(&mut self, touching: &mut Touching) {
         std::mem::swap(&mut self.numbers, &mut touching.pair);
-        std::mem::swap(&mut self.history, &mut touching.geometry);
+        std::mem::swap(&mut self.geometry, &mut touching.geometry);
         std::mem::swap(&mut self.points, &mut touching.point);
         std::mem::swap(&mut self.patches, &mut touching.patch);
     }
@@ -80,10 +80,10 @@ impl Columns {
 
     /// Gives back the room that growing has taken.
     fn shrink(&mut self) {
-        let Self { pairs, numbers, history, state, forces, points, patches } = self;
+        let Self { pairs, numbers, geometry, state, forces, points, patches } = self;
         pairs.shrink_to_fit();
         numbers.shrink_to_fit();
-        history.shrink_to_fit();
+        geometry.shrink_to_fit();
         state.shrink_to_fit();
         forces.shrink_to_fit();
         points.shrink_to_fit();
@@ -98,12 +98,12 @@ impl Columns {
 
     /// Normal force of a contact [N].
     fn normal_force(&self, place: usize, law: &dyn ForceLaw, particles: &Particles) -> f64 {
-        law.normal_force(self.pairs[place], particles, &self.history[place], self.state(place))
+        law.normal_force(self.pairs[place], particles, &self.geometry[place], self.state(place))
     }
 
     /// Where a contact acts, seen from the centre of A [m].
     fn point(&self, place: usize, particles: &Particles) -> Vec3 {
-        let History { normal, overlap } = &self.history[place];
+        let Geometry { normal, overlap } = &self.geometry[place];
         let radius = || particles.radius(self.pairs[place].a.index());
         self.points
             .get(place)
@@ -118,7 +118,7 @@ impl Columns {
     ) -> impl Iterator<Item = Loaded<'a>> {
         self.forces.iter().enumerate().map(move |(place, &force)| Loaded {
             pair: self.pairs[place],
-            history: &self.history[place],
+            geometry: &self.geometry[place],
             state: self.state(place),
             normal_force: self.normal_force(place, law, particles),
             force,
@@ -127,10 +127,10 @@ impl Columns {
     }
 
     fn bytes(&self) -> usize {
-        let Self { pairs, numbers, history, state, forces, points, patches } = self;
+        let Self { pairs, numbers, geometry, state, forces, points, patches } = self;
         held(pairs)
             + held(numbers)
-            + held(history)
+            + held(geometry)
             + held(state)
             + held(forces)
             + held(points)
@@ -172,7 +172,7 @@ pub struct Loaded<'a> {
     /// Its bodies.
     pub pair: Pair,
     /// Normal and overlap.
-    pub history: &'a History,
+    pub geometry: &'a Geometry,
     /// What the law remembers, see [`ForceLaw::state`].
     pub state: &'a [f64],
     /// Normal force [N].
@@ -196,15 +196,15 @@ pub struct Contacts {
     now: Columns,
     /// Room that stretches have had for those of the last step.
     spare: Vec<Columns>,
-    /// Of each pair of the stretch in work, where it stood at the last step.
-    place: Vec<Place>,
+    /// Of each pair of the stretch in work, its contact of the last step.
+    previous: Vec<Previous>,
     /// Of each pair of the stretch in work, where it stands in what has been found.
     found: Vec<u32>,
     /// What has been found, in the order of the pairs.
     order: Vec<u32>,
     /// Of each contact in work, where it stood at the last step; empty if the same pairs touch.
-    from: Vec<Place>,
-    parted: Vec<Parted>,
+    from: Vec<Previous>,
+    separated: Vec<Separated>,
 }
 
 impl Contacts {
@@ -219,9 +219,9 @@ impl Contacts {
         &self.remembered
     }
 
-    /// Takes what is remembered to a new list of pairs. `carried` has the histories of all touching contacts of owned
+    /// Takes what is remembered to a new list of pairs. `carried` has the records of all touching contacts of owned
     /// particles, in any order; a contact may stand there twice.
-    pub fn rebuild(&mut self, list: &PairList, particles: &Particles, carried: &Histories) {
+    pub fn rebuild(&mut self, list: &PairList, particles: &Particles, carried: &ContactRecords) {
         // Both stand in one order.
         let key = |a: GlobalId, b: GlobalId| (b.wall_index().is_some(), a, b);
         let key_of = |row: u32| {
@@ -244,10 +244,10 @@ impl Contacts {
                 let Some(&row) = rest.first().filter(|&&row| key_of(row) == here) else {
                     continue;
                 };
-                let NamedHistory { geometry, state, .. } = carried.get(row as usize);
+                let ContactRecord { geometry, state, .. } = carried.get(row as usize);
                 columns.pairs.push(*pair);
                 columns.numbers.push(number);
-                columns.history.push(geometry);
+                columns.geometry.push(geometry);
                 columns.state.extend_from_slice(state);
             }
             columns.shrink();
@@ -257,18 +257,24 @@ impl Contacts {
 
     /// Prepares a stretch for being looked at: what touches goes where it will stay, and pairs of other bodies than spheres learn
     /// where they stood.
-    pub fn look(&mut self, stretch: usize, length: usize, touching: &mut Touching, needs: Needs) {
+    pub fn prepare(
+        &mut self,
+        stretch: usize,
+        length: usize,
+        touching: &mut Touching,
+        needs: Needs,
+    ) {
         let before = self.stretches[stretch].numbers.len();
         self.now = room(&mut self.spare, before, self.width, needs);
         self.now.swap(touching);
-        self.place.clear();
+        self.previous.clear();
         if !needs.orientation {
             // Of spheres nobody asks for the last normal.
             return;
         }
-        self.place.resize(length, Place::NONE);
+        self.previous.resize(length, Previous::NONE);
         for (place, &number) in self.stretches[stretch].numbers.iter().enumerate() {
-            self.place[number as usize] = Place::among(place);
+            self.previous[number as usize] = Previous::at(place);
         }
     }
 
@@ -280,12 +286,12 @@ impl Contacts {
         active: &'a [u32],
         particles: &'a Particles,
     ) -> Batch<'a> {
-        let history = &self.stretches[stretch].history;
-        Batch { pairs, place: &self.place, history, active, bodies: particles.bodies() }
+        let geometry = &self.stretches[stretch].geometry;
+        Batch { pairs, previous: &self.previous, geometry, active, bodies: particles.bodies() }
     }
 
     /// Puts what has been found in a stretch in the order of its pairs, beside what was remembered of each. If the same pairs
-    /// touch as before, they stay where they are until [`Contacts::load`] takes them over.
+    /// touch as before, they stay where they are until [`Contacts::compute_forces`] takes them over.
     pub fn arrange(
         &mut self,
         stretch: usize,
@@ -298,12 +304,12 @@ impl Contacts {
         } else {
             self.sort(pairs.len(), touching, needs);
         }
-        let Self { stretches, now, from, parted, .. } = self;
+        let Self { stretches, now, from, separated, .. } = self;
         if !fits(now, now.numbers.len()) {
             now.shrink();
         }
         from.clear();
-        parted.clear();
+        separated.clear();
         let before = &stretches[stretch];
         if now.numbers == before.numbers {
             return;
@@ -312,12 +318,12 @@ impl Contacts {
         let mut rest = before.numbers.iter().zip(0..).peekable();
         for &number in &now.numbers {
             while let Some((_, place)) = rest.next_if(|&(&other, _)| other < number) {
-                parted.push(Parted { place, before: from.len() });
+                separated.push(Separated { place, before: from.len() });
             }
             let same = rest.next_if(|&(&other, _)| other == number);
-            from.push(same.map_or(Place::NONE, |(_, place)| Place::among(place)));
+            from.push(same.map_or(Previous::NONE, |(_, place)| Previous::at(place)));
         }
-        parted.extend(rest.map(|(_, place)| Parted { place, before: from.len() }));
+        separated.extend(rest.map(|(_, place)| Separated { place, before: from.len() }));
     }
 
     /// Puts what touches in the order of pairs, of which there are so many.
@@ -342,7 +348,7 @@ impl Contacts {
         }
         let order = &order[..count];
         now.numbers.extend(order.iter().map(|&place| touching.pair[place as usize]));
-        now.history.extend(order.iter().map(|&place| touching.geometry[place as usize]));
+        now.geometry.extend(order.iter().map(|&place| touching.geometry[place as usize]));
         if !touching.point.is_empty() {
             now.points.extend(order.iter().map(|&place| touching.point[place as usize]));
         }
@@ -352,7 +358,7 @@ impl Contacts {
     }
 
     /// Lets `law` find the forces of what has been arranged, and keeps that in place of what was remembered.
-    pub fn load(
+    pub fn compute_forces(
         &mut self,
         stretch: usize,
         law: &dyn ForceLaw,
@@ -360,21 +366,21 @@ impl Contacts {
         dt: f64,
         sums: &mut Sums,
     ) {
-        let Self { stretches, now, spare, from, parted, width, .. } = self;
+        let Self { stretches, now, spare, from, separated, width, .. } = self;
         let before = &mut stretches[stretch];
-        if from.is_empty() && parted.is_empty() {
+        if from.is_empty() && separated.is_empty() {
             // The same pairs touch, and nobody will ask again for those before.
             std::mem::swap(&mut now.pairs, &mut before.pairs);
         }
         now.make_places(*width);
         let mut work = Work {
             pairs: &now.pairs,
-            history: &now.history,
+            geometry: &now.geometry,
             points: &now.points,
             patches: &now.patches,
             from,
-            last: Last { pairs: &before.pairs, history: &before.history, state: &before.state },
-            parted,
+            last: Last { pairs: &before.pairs, geometry: &before.geometry, state: &before.state },
+            separated,
             state: &mut now.state,
             forces: &mut now.forces,
         };
@@ -388,9 +394,9 @@ impl Contacts {
         particles: &'a Particles,
     ) -> impl Iterator<Item = (Pair, Touch)> + 'a {
         let now = &self.now;
-        let new = self.from.iter().enumerate().filter(|(_, from)| **from == Place::NONE);
+        let new = self.from.iter().enumerate().filter(|(_, from)| **from == Previous::NONE);
         new.map(move |(place, _)| {
-            let History { normal, overlap } = now.history[place];
+            let Geometry { normal, overlap } = now.geometry[place];
             let point = now.point(place, particles);
             (now.pairs[place], Touch { overlap, normal, point })
         })
@@ -411,11 +417,11 @@ impl Contacts {
         &'a self,
         law: &'a dyn ForceLaw,
         particles: &'a Particles,
-    ) -> impl Iterator<Item = (Pair, &'a History, f64)> {
+    ) -> impl Iterator<Item = (Pair, &'a Geometry, f64)> {
         self.with_walls(particles).flat_map(move |columns| {
             columns.pairs.iter().enumerate().map(move |(place, &pair)| {
                 let normal_force = columns.normal_force(place, law, particles);
-                (pair, &columns.history[place], normal_force)
+                (pair, &columns.geometry[place], normal_force)
             })
         })
     }
@@ -437,10 +443,10 @@ impl Contacts {
     }
 
     /// The pairs that touch, with their normals and overlaps.
-    pub fn iter(&self) -> impl Iterator<Item = (Pair, &History)> {
+    pub fn iter(&self) -> impl Iterator<Item = (Pair, &Geometry)> {
         self.stretches
             .iter()
-            .flat_map(|columns| columns.pairs.iter().copied().zip(&columns.history))
+            .flat_map(|columns| columns.pairs.iter().copied().zip(&columns.geometry))
     }
 
     /// How many pairs touch.
@@ -468,13 +474,13 @@ impl Contacts {
     pub fn named<'a>(
         &'a self,
         particles: &'a Particles,
-    ) -> impl Iterator<Item = (Pair, NamedHistory<'a>)> {
+    ) -> impl Iterator<Item = (Pair, ContactRecord<'a>)> {
         self.stretches.iter().flat_map(move |columns| {
             columns.pairs.iter().enumerate().map(move |(place, &pair)| {
-                let named = NamedHistory {
+                let named = ContactRecord {
                     a: particles.id[pair.a.index()],
                     b: particles.id[pair.b.index()],
-                    geometry: columns.history[place],
+                    geometry: columns.geometry[place],
                     state: columns.state(place),
                 };
                 (pair, named)
@@ -487,18 +493,20 @@ impl Contacts {
         let columns: usize =
             self.stretches.iter().chain([&self.now]).chain(&self.spare).map(Columns::bytes).sum();
         columns
-            + held(&self.place)
+            + held(&self.previous)
             + held(&self.found)
             + held(&self.order)
             + held(&self.from)
-            + held(&self.parted)
+            + held(&self.separated)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::Contacts;
-    use crate::contact::{Histories, History, NamedHistory, Pair, Place, StateColumn, Touching};
+    use crate::contact::{
+        ContactRecord, ContactRecords, Geometry, Pair, Previous, StateColumn, Touching,
+    };
     use crate::ids::GlobalId;
     use crate::math::Vec3;
     use crate::particles::{Particles, crowd};
@@ -508,20 +516,20 @@ mod tests {
         [StateColumn::new("spring", 3, "m"), StateColumn::new("normal_force", 1, "N")];
 
     /// All pairs of a few bodies, and contacts of every third of them, remembered.
-    fn remembered(particles: &mut Particles) -> (PairList, Contacts, Histories) {
+    fn remembered(particles: &mut Particles) -> (PairList, Contacts, ContactRecords) {
         let mut list = PairList::default();
         list.rebuild(particles, close_pairs(particles, 1.0));
-        let mut named = Histories::of(&REMEMBERED);
+        let mut named = ContactRecords::of(&REMEMBERED);
         for (number, pair) in list.pairs.iter().enumerate().step_by(3) {
-            named.push(&NamedHistory {
+            named.push(&ContactRecord {
                 a: particles.id[pair.a.index()],
                 b: particles.id[pair.b.index()],
-                geometry: History { normal: Vec3::x(), overlap: 1e-9 * (1 + number) as f64 },
+                geometry: Geometry { normal: Vec3::x(), overlap: 1e-9 * (1 + number) as f64 },
                 state: &[0.0, number as f64, 0.0, -(number as f64)],
             });
         }
         // In any order, and some twice, as they come from other ranks.
-        let mut carried = Histories::of(&REMEMBERED);
+        let mut carried = ContactRecords::of(&REMEMBERED);
         for row in (0..named.len()).rev().chain(0..5) {
             carried.push(&named.get(row));
         }
@@ -550,7 +558,7 @@ mod tests {
         let pairs = &list.pairs[stretch.range.clone()];
         // Every second touches now; every sixth did before and does still.
         let found = (0..pairs.len()).step_by(2);
-        let geometry = |pair: usize| History { overlap: pair as f64, ..History::default() };
+        let geometry = |pair: usize| Geometry { overlap: pair as f64, ..Geometry::default() };
         let mut touching = Touching {
             pair: found.clone().map(|pair| pair as u32).collect(),
             geometry: found.clone().map(geometry).collect(),
@@ -559,7 +567,7 @@ mod tests {
         };
         for _ in 0..2 {
             let mut found = Touching::default();
-            contacts.look(0, pairs.len(), &mut found, particles.needs);
+            contacts.prepare(0, pairs.len(), &mut found, particles.needs);
             found.pair.extend(&touching.pair);
             found.geometry.extend(&touching.geometry);
             found.point.extend(&touching.point);
@@ -569,16 +577,22 @@ mod tests {
             assert_eq!(now.numbers, numbers);
             for (place, &number) in numbers.iter().enumerate() {
                 assert_eq!(now.pairs[place], pairs[number as usize]);
-                assert_eq!(now.history[place].overlap, f64::from(number));
+                assert_eq!(now.geometry[place].overlap, f64::from(number));
                 assert_eq!(now.points[place].y, f64::from(number));
-                let before =
-                    if number % 3 == 0 { Place::among(number as usize / 3) } else { Place::NONE };
+                let before = if number % 3 == 0 {
+                    Previous::at(number as usize / 3)
+                } else {
+                    Previous::NONE
+                };
                 assert_eq!(contacts.from[place], before);
             }
-            let parted: Vec<_> =
-                contacts.parted.iter().map(|parted| (parted.place, parted.before)).collect();
+            let separated: Vec<_> = contacts
+                .separated
+                .iter()
+                .map(|separated| (separated.place, separated.before))
+                .collect();
             let odd = (3..pairs.len()).step_by(6);
-            assert_eq!(parted, odd.map(|pair| (pair / 3, pair.div_ceil(2))).collect::<Vec<_>>());
+            assert_eq!(separated, odd.map(|pair| (pair / 3, pair.div_ceil(2))).collect::<Vec<_>>());
             touching.pair.reverse();
             touching.geometry.reverse();
             touching.point.reverse();

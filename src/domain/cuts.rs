@@ -67,81 +67,11 @@ impl Cuts {
         work: &[i64],
         comm: &mut dyn Comm,
     ) -> Self {
-        let ranks = comm.size();
-        // Which part each particle is in; those of a part with one rank are done.
-        let mut part_of = vec![(ranks > 1).then_some(0); positions.len()];
-        Self::build(low, high, ranks, |parts| {
-            // The box of the particles in each part, as maxima of -low and high.
-            let mut extent = vec![f64::NEG_INFINITY; 6 * parts.len()];
-            let mut total = vec![0i64; parts.len()];
-            for ((position, &part), &work) in positions.iter().zip(&part_of).zip(work) {
-                let Some(part) = part else { continue };
-                total[part] += work;
-                for axis in 0..3 {
-                    let extent = &mut extent[6 * part..];
-                    extent[axis] = extent[axis].max(-position[axis]);
-                    extent[3 + axis] = extent[3 + axis].max(position[axis]);
-                }
-            }
-            comm.max(&mut extent);
-            comm.sum(&mut total);
-
-            let mut search: Vec<(usize, f64, f64)> = parts
-                .iter()
-                .enumerate()
-                .map(|(k, part)| {
-                    if total[k] == 0 {
-                        let (axis, at) = even_cut(part);
-                        return (axis, at, at);
-                    }
-                    let lowest = -Vec3::from_column_slice(&extent[6 * k..6 * k + 3]);
-                    let highest = Vec3::from_column_slice(&extent[6 * k + 3..6 * k + 6]);
-                    let axis = (highest - lowest).imax();
-                    (axis, lowest[axis], highest[axis])
-                })
-                .collect();
-            for _ in 0..HALVINGS {
-                let mut below = vec![0i64; parts.len()];
-                for ((position, &part), &work) in positions.iter().zip(&part_of).zip(work) {
-                    let Some(part) = part else { continue };
-                    let (axis, lowest, highest) = search[part];
-                    if position[axis] < 0.5 * (lowest + highest) {
-                        below[part] += work;
-                    }
-                }
-                comm.sum(&mut below);
-                for (k, part) in parts.iter().enumerate() {
-                    let (_, lowest, highest) = &mut search[k];
-                    let middle = 0.5 * (*lowest + *highest);
-                    if below[k] as f64 >= total[k] as f64 * share_below(part) {
-                        *highest = middle;
-                    } else {
-                        *lowest = middle;
-                    }
-                }
-            }
-            // A particle may be a little outside, a cut may not.
-            let chosen: Vec<_> = (search.iter().zip(parts))
-                .map(|(&(axis, _, at), Part { space, .. })| {
-                    (axis, at.max(space.low[axis]).min(space.high[axis]))
-                })
-                .collect();
-
-            // Both sides of each cut, and what number they have among the parts to be cut next.
-            let sides = parts.iter().flat_map(|part| halves(&part.ranks));
-            let mut undivided = 0;
-            let number: Vec<Option<usize>> = sides
-                .map(|ranks| {
-                    undivided += usize::from(ranks.len() > 1);
-                    (ranks.len() > 1).then(|| undivided - 1)
-                })
-                .collect();
-            for (position, part) in positions.iter().zip(&mut part_of) {
-                if let Some(k) = *part {
-                    let (axis, at) = chosen[k];
-                    *part = number[2 * k + usize::from(position[axis] >= at)];
-                }
-            }
+        let mut workload = Workload::new(positions, work, comm.size());
+        Self::build(low, high, comm.size(), |parts| {
+            let ranges = workload.ranges(parts, comm);
+            let chosen = workload.halve(parts, ranges, comm);
+            workload.divide(parts, &chosen);
             chosen
         })
     }
@@ -238,6 +168,118 @@ impl Cuts {
         }
         near.sort_unstable();
         near
+    }
+}
+
+/// The particles of this rank, on their way into parts with one rank each.
+struct Workload<'a> {
+    positions: &'a [Vec3],
+    work: &'a [i64],
+    /// The part that each particle is in; none once that has one rank.
+    part_of: Vec<Option<usize>>,
+}
+
+/// Where a part may be cut: a range of places along an axis [m].
+#[derive(Clone, Copy)]
+struct CutRange {
+    axis: usize,
+    lowest: f64,
+    highest: f64,
+    /// Work of all particles in the part.
+    work: i64,
+}
+
+impl<'a> Workload<'a> {
+    fn new(positions: &'a [Vec3], work: &'a [i64], ranks: u32) -> Self {
+        let part_of = vec![(ranks > 1).then_some(0); positions.len()];
+        Self { positions, work, part_of }
+    }
+
+    /// The particles in parts: part, position, work.
+    fn undivided(&self) -> impl Iterator<Item = (usize, &Vec3, i64)> {
+        let particles = self.part_of.iter().zip(self.positions).zip(self.work);
+        particles.filter_map(|((part, position), &work)| Some(((*part)?, position, work)))
+    }
+
+    /// The extent of the particles in each part along its longest axis; an even cut for a part without work. Collective.
+    fn ranges(&self, parts: &[Part], comm: &mut dyn Comm) -> Vec<CutRange> {
+        // The box of the particles in each part, as maxima of -low and high.
+        let mut extent = vec![f64::NEG_INFINITY; 6 * parts.len()];
+        let mut total = vec![0i64; parts.len()];
+        for (part, position, work) in self.undivided() {
+            total[part] += work;
+            let extent = &mut extent[6 * part..];
+            for axis in 0..3 {
+                extent[axis] = extent[axis].max(-position[axis]);
+                extent[3 + axis] = extent[3 + axis].max(position[axis]);
+            }
+        }
+        comm.max(&mut extent);
+        comm.sum(&mut total);
+        let boxes = extent.chunks_exact(6).zip(total);
+        let range = |(part, (extent, work)): (&Part, (&[f64], i64))| {
+            if work == 0 {
+                let (axis, at) = even_cut(part);
+                return CutRange { axis, lowest: at, highest: at, work };
+            }
+            let lowest = -Vec3::from_column_slice(&extent[..3]);
+            let highest = Vec3::from_column_slice(&extent[3..]);
+            let axis = (highest - lowest).imax();
+            CutRange { axis, lowest: lowest[axis], highest: highest[axis], work }
+        };
+        parts.iter().zip(boxes).map(range).collect()
+    }
+
+    /// Axis and place of each part's cut, found by halving its range. Collective.
+    fn halve(
+        &self,
+        parts: &[Part],
+        mut ranges: Vec<CutRange>,
+        comm: &mut dyn Comm,
+    ) -> Vec<(usize, f64)> {
+        for _ in 0..HALVINGS {
+            let mut below = vec![0i64; parts.len()];
+            for (part, position, work) in self.undivided() {
+                let CutRange { axis, lowest, highest, .. } = ranges[part];
+                if position[axis] < 0.5 * (lowest + highest) {
+                    below[part] += work;
+                }
+            }
+            comm.sum(&mut below);
+            for ((part, range), below) in parts.iter().zip(&mut ranges).zip(below) {
+                let middle = 0.5 * (range.lowest + range.highest);
+                if below as f64 >= range.work as f64 * share_below(part) {
+                    range.highest = middle;
+                } else {
+                    range.lowest = middle;
+                }
+            }
+        }
+        // A particle may be a little outside, a cut may not.
+        let inside = |(range, part): (CutRange, &Part)| {
+            let CutRange { axis, highest, .. } = range;
+            (axis, highest.max(part.space.low[axis]).min(part.space.high[axis]))
+        };
+        ranges.into_iter().zip(parts).map(inside).collect()
+    }
+
+    /// Puts each particle into the side of its part's cut.
+    fn divide(&mut self, parts: &[Part], chosen: &[(usize, f64)]) {
+        // Both sides of each cut, and what number they have among the parts to be cut next.
+        let sides = parts.iter().flat_map(|part| halves(&part.ranks));
+        let mut undivided = 0;
+        let number: Vec<Option<usize>> = sides
+            .map(|ranks| {
+                undivided += usize::from(ranks.len() > 1);
+                (ranks.len() > 1).then(|| undivided - 1)
+            })
+            .collect();
+        for (position, part) in self.positions.iter().zip(&mut self.part_of) {
+            if let Some(k) = *part {
+                let (axis, at) = chosen[k];
+                *part = number[2 * k + usize::from(position[axis] >= at)];
+            }
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! When the pairs are listed, each rank offers its neighbours all particles whose own reach comes as
 //! far as theirs can. Once the pairs are known, only those stay that are in one: both ranks list the
-//! same pairs, so each knows what the other keeps, and nothing need be said. A small particle is
+//! same pairs, so each knows what the other keeps, without a message. A small particle is
 //! thus a ghost where a partner is, whatever the size of the largest.
 //!
 //! One message per neighbour and step, plain packed `f64`, sent before and received after the
@@ -52,10 +52,12 @@ impl Domain {
         let is_mine = |place: &Vec3| self.owner(place) == comm.rank();
         debug_assert!(particles.position[..particles.owned].iter().all(is_mine));
         let largest = particles.library.largest_radius();
-        let near = self.cuts.ranks_near(comm.rank(), &self.cell, self.halo * LEEWAY);
+        let near = self.cuts.ranks_near(comm.rank(), &particles.cell, self.halo * LEEWAY);
         // A soft wall lets particles out a little, but their owner is inside.
-        let inside: Vec<Vec3> =
-            particles.position[..particles.owned].iter().map(|p| self.clamped(p)).collect();
+        let inside: Vec<Vec3> = particles.position[..particles.owned]
+            .iter()
+            .map(|p| self.clamped(p, &particles.cell))
+            .collect();
         self.neighbours = near
             .into_iter()
             .map(|rank| {
@@ -63,7 +65,7 @@ impl Domain {
                 let sent = (0..particles.owned as u32)
                     .filter(|&slot| {
                         let reach = self.halo - (largest - particles.radius(slot as usize));
-                        there.distance(&inside[slot as usize], &self.cell) < reach * LEEWAY
+                        there.distance(&inside[slot as usize], &particles.cell) < reach * LEEWAY
                     })
                     .collect();
                 Neighbour { rank, sent, received: 0..0 }

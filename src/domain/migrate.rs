@@ -3,7 +3,7 @@
 
 use super::{Domain, Neighbour};
 use crate::comm::{Comm, Parcel, wire};
-use crate::contact::Histories;
+use crate::contact::ContactRecords;
 use crate::contacts::Contacts;
 use crate::ids::{GlobalId, Rank};
 use crate::particles::Particles;
@@ -16,11 +16,11 @@ use std::collections::{BTreeMap, BTreeSet};
 struct Leaving {
     particles: Vec<Particle>,
     /// Of their touching contacts.
-    histories: Histories,
+    records: ContactRecords,
 }
 
 impl Domain {
-    /// Hands every owned particle to the owner of its place, and drops those that are `taken` out. Returns the histories of
+    /// Hands every owned particle to the owner of its place, and drops those that are `taken` out. Returns the records of
     /// all touching contacts of the particles that this rank now owns (some of them twice, and some with particles that are
     /// gone). Collective. After it there are neither ghosts nor walls.
     pub fn migrate(
@@ -29,11 +29,11 @@ impl Domain {
         contacts: &Contacts,
         taken: &BTreeSet<GlobalId>,
         comm: &mut dyn Comm,
-    ) -> Histories {
+    ) -> ContactRecords {
         let me = comm.rank();
-        // All histories known here, under lasting names: slots are about to change.
-        let mut histories = Histories::of(contacts.remembered());
-        contacts.named(particles).for_each(|(_, named)| histories.push(&named));
+        // All records known here, under lasting names: slots are about to change.
+        let mut records = ContactRecords::of(contacts.remembered());
+        contacts.named(particles).for_each(|(_, named)| records.push(&named));
         particles.strip_to_owned();
 
         let mut leaving: BTreeMap<Rank, Leaving> = BTreeMap::new();
@@ -54,12 +54,12 @@ impl Domain {
         self.traffic.migrated += new_owner.len() as u64;
         if !new_owner.is_empty() {
             for leaving in leaving.values_mut() {
-                leaving.histories = Histories::of(contacts.remembered());
+                leaving.records = ContactRecords::of(contacts.remembered());
             }
-            for named in histories.iter() {
+            for named in records.iter() {
                 for owner in [named.a, named.b].iter().filter_map(|id| new_owner.get(id)) {
                     if let Some(leaving) = leaving.get_mut(owner) {
-                        leaving.histories.push(&named);
+                        leaving.records.push(&named);
                     }
                 }
             }
@@ -70,9 +70,9 @@ impl Domain {
             for particle in &arrived.particles {
                 particles.push_owned(particle);
             }
-            histories.append(&arrived.histories);
+            records.append(&arrived.records);
         }
-        histories
+        records
     }
 
     /// Sends particles to their new owners, as a rule to neighbours only; returns what comes here.

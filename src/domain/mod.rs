@@ -14,7 +14,7 @@ use crate::comm::Comm;
 use crate::ids::{GlobalId, Rank};
 use crate::math::Vec3;
 use crate::particles::Particles;
-use crate::particles::walls::room;
+use crate::particles::walls::{Corners, room};
 pub use cuts::{Cuts, Subdomain};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -85,8 +85,6 @@ pub struct Traffic {
 /// The domain as one rank sees it.
 #[derive(Clone, Debug)]
 pub struct Domain {
-    /// The whole of it, and how it repeats.
-    pub cell: Cell,
     /// A particle of the largest size is offered to every rank whose subdomain it comes this close to,
     /// a smaller one by the difference of the radii closer [m].
     halo: f64,
@@ -102,11 +100,10 @@ pub struct Domain {
 }
 
 impl Domain {
-    /// Cut evenly among all ranks; `halo` is the halo width, largest reach plus skin [m].
-    pub fn new(cell: Cell, halo: f64, comm: &dyn Comm) -> Self {
+    /// A cell cut evenly among all ranks; `halo` is the halo width, largest reach plus skin [m].
+    pub fn new(cell: &Cell, halo: f64, comm: &dyn Comm) -> Self {
         let cuts = Cuts::even(cell.low(), cell.high(), comm.size());
         Self {
-            cell,
             halo,
             cuts,
             neighbours: Vec::new(),
@@ -127,9 +124,9 @@ impl Domain {
     }
 
     /// The nearest point of the space that is cut; along a periodic axis everything is inside.
-    fn clamped(&self, point: &Vec3) -> Vec3 {
+    fn clamped(&self, point: &Vec3, cell: &Cell) -> Vec3 {
         let Subdomain { low, high } = self.cuts.space();
-        self.cell.clamped(point, &low, &high)
+        cell.clamped(point, &low, &high)
     }
 
     /// The box of a rank [m].
@@ -140,7 +137,7 @@ impl Domain {
     /// Cuts again, so that every rank gets an equal share of the work; particles stay where they are
     /// until they migrate. `work` is one number per owned particle. Collective.
     pub fn recut(&mut self, particles: &Particles, work: &[i64], comm: &mut dyn Comm) {
-        let (low, high) = room(&particles.walls, &self.cell);
+        let (low, high) = room(&particles.walls, &particles.cell);
         self.cuts = Cuts::balanced(low, high, &particles.position[..particles.owned], work, comm);
         self.neighbours.clear();
         self.knows_neighbours = false;
@@ -148,16 +145,16 @@ impl Domain {
     }
 
     /// Is an owned particle outside of the room between two corners?
-    fn is_outside(&self, particles: &Particles, slot: usize, (low, high): &(Vec3, Vec3)) -> bool {
+    fn is_outside(particles: &Particles, slot: usize, (low, high): &Corners) -> bool {
         // Walls give a little: a particle has left once its centre is outside by its own size.
         let slack = particles.radius(slot);
-        !self.cell.has_within(&particles.position[slot], low, high, slack)
+        !particles.cell.has_within(&particles.position[slot], low, high, slack)
     }
 
     /// Slots of the owned particles that have left the domain.
     pub fn leavers(&self, particles: &Particles) -> impl Iterator<Item = usize> {
-        let room = room(&particles.walls, &self.cell);
-        (0..particles.owned).filter(move |&slot| self.is_outside(particles, slot, &room))
+        let room = room(&particles.walls, &particles.cell);
+        (0..particles.owned).filter(move |&slot| Self::is_outside(particles, slot, &room))
     }
 
     /// Looks at every owned particle but those that are `taken` out.
@@ -169,14 +166,14 @@ impl Domain {
         particles: &Particles,
         taken: &BTreeSet<GlobalId>,
     ) -> Result<(), DomainError> {
-        let room = room(&particles.walls, &self.cell);
+        let room = room(&particles.walls, &particles.cell);
         for slot in 0..particles.owned {
             let (id, p) = (particles.id[slot], particles.position[slot]);
             let speed = particles.velocity[slot].norm();
             if !(p.norm().is_finite() && speed.is_finite()) {
                 return Err(DomainError::NotFinite { id });
             }
-            if self.is_outside(particles, slot, &room) && !taken.contains(&id) {
+            if Self::is_outside(particles, slot, &room) && !taken.contains(&id) {
                 return Err(DomainError::Outside { id, x: p.x, y: p.y, z: p.z, speed });
             }
         }

@@ -149,7 +149,7 @@ impl Errors {
     }
 }
 
-/// The most parts of a stage that are told apart.
+/// The largest number of intervals of a stage with errors of their own.
 const PARTS: usize = 40;
 
 /// The errors of a stage in equal parts, of which the last may still grow: when there are [`PARTS`], two become one.
@@ -289,7 +289,7 @@ impl From<Lost> for DriveError {
 }
 
 /// Steps on end in which the stress must jump from one side of its target to the other, and jump no less,
-/// before a servo is said to swing.
+/// before a warning that the servo oscillates.
 const SWINGS: u32 = 100;
 /// Smaller errors than this are no swings, over the target.
 const QUIET: f64 = 1e-3;
@@ -302,11 +302,12 @@ struct Watch {
     swings: u32,
     /// The error with which the swings began.
     first: f64,
-    told: bool,
+    /// Has the warning been given?
+    warned: bool,
 }
 
 impl Watch {
-    /// Notes the error of a step; true when it is time to speak, once.
+    /// Records the error of a step; true when it is time to warn, once.
     fn swings(&mut self, error: f64) -> bool {
         let swings = error * self.error < 0.0 && error.abs() > QUIET;
         if !swings {
@@ -314,9 +315,9 @@ impl Watch {
         }
         self.swings += 1;
         self.error = error;
-        let speak = !self.told && self.swings > SWINGS && error.abs() >= self.first;
-        self.told |= speak;
-        speak
+        let warn = !self.warned && self.swings > SWINGS && error.abs() >= self.first;
+        self.warned |= warn;
+        warn
     }
 }
 
@@ -332,7 +333,7 @@ pub struct Servos {
     terms: u64,
     /// Half the thickness of the thinnest grain: no wall comes nearer to the other side [m].
     least_gap: f64,
-    /// What is to be said, once, of servos that swing.
+    /// Warnings about servos that oscillate, one each.
     warnings: Vec<String>,
 }
 
@@ -444,7 +445,7 @@ impl Drive for Servos {
         for (pair, geometry, force) in contacts.pressing_on_walls(law, particles) {
             let servo = particles.wall_of(pair.b).and_then(|wall| servo_of[wall]);
             let Some(servo) = servo else { continue };
-            // A state that is not a number is told when the list of pairs is rebuilt.
+            // A state that is not a number is reported when the list of pairs is rebuilt.
             if force.is_finite() {
                 sums[servo][0].add(force);
                 sums[servo][1].add(law.stiffness(pair, particles, geometry, moment.dt));

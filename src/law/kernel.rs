@@ -13,8 +13,8 @@ mod patches;
 
 pub use patches::Turning;
 
-use super::{Body, ForceLaw, Hardest, Last, Parted, Sums, Work, add};
-use crate::contact::{History, Pair, Place, StateColumn, triple, vectors};
+use super::{Body, ForceLaw, Hardest, Last, Separated, Sums, Work, add};
+use crate::contact::{Geometry, Pair, Previous, StateColumn, triple, vectors};
 use crate::ids::{MaterialId, ShapeId, Slot};
 use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row, RowPairs, Triple, WIDTH, row};
 use crate::math::Vec3;
@@ -277,7 +277,7 @@ impl<M: Model> ForceLaw for Law<M> {
         &self,
         pair: Pair,
         particles: &Particles,
-        geometry: &History,
+        geometry: &Geometry,
         state: &[f64],
     ) -> f64 {
         if self.needs.patches {
@@ -287,7 +287,7 @@ impl<M: Model> ForceLaw for Law<M> {
         self.model.last(&constants, geometry.overlap, state).press
     }
 
-    fn stored(&self, pair: Pair, particles: &Particles, geometry: &History, state: &[f64]) -> f64 {
+    fn stored(&self, pair: Pair, particles: &Particles, geometry: &Geometry, state: &[f64]) -> f64 {
         let constants = self.constants(pair, particles);
         let [of_model, of_patch] = state.split_at(self.width).into();
         let of_torsion = if self.needs.patches {
@@ -299,7 +299,7 @@ impl<M: Model> ForceLaw for Law<M> {
         stored.iter().sum::<f64>() + of_torsion
     }
 
-    fn stiffness(&self, pair: Pair, particles: &Particles, geometry: &History, dt: f64) -> f64 {
+    fn stiffness(&self, pair: Pair, particles: &Particles, geometry: &Geometry, dt: f64) -> f64 {
         self.model.stiffness(&self.constants(pair, particles), geometry.overlap, dt)
     }
 
@@ -347,7 +347,7 @@ struct Contacts<'a, 'b, M: Model> {
     particles: &'a Particles,
     dt: f64,
     sums: &'a mut Sums,
-    /// Of those that have parted, how many have been summed.
+    /// Of those that have separated, how many have been summed.
     summed: usize,
 }
 
@@ -361,12 +361,12 @@ impl<M: Model> Kernel for Contacts<'_, '_, M> {
             (false, true) => self.all::<L, false, true>(),
             (false, false) => self.all::<L, false, false>(),
         }
-        self.part_before(usize::MAX);
+        self.add_separated_before(usize::MAX);
     }
 }
 
 /// What is remembered of a contact that did not touch.
-static NEW: History = History { normal: Vec3::new(0.0, 0.0, 0.0), overlap: 0.0 };
+static NEW: Geometry = Geometry { normal: Vec3::new(0.0, 0.0, 0.0), overlap: 0.0 };
 static NO_STATE: [f64; MOST_STATE] = [0.0; MOST_STATE];
 
 impl<M: Model> Contacts<'_, '_, M> {
@@ -452,7 +452,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let mut state = [L::all(0.0); MOST_STATE];
         let state = &mut state[..law.width];
         let last = read_last::<L>(self.work, &block, state);
-        let now = Geometry::of(&eight_from_rows(self.work.history, first, count));
+        let now = GeometryInLanes::of(&eight_from_rows(self.work.geometry, first, count));
         let arms = self.arms::<L, MOVES, TURNS>(&block, &constants.radii, [&last, &now]);
         let motion =
             if MOVES { Motion::of(particles, bodies, arms.now, arms.last) } else { Motion::none() };
@@ -460,8 +460,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         let done = self.act::<L, MOVES>(constants, [&last, &now], &motion, state);
         write_state(self.work.state, law.width, first, count, state);
         let torques = [arms.now[1].cross(done.force), done.force.cross(arms.now[0])];
-        let next_parted = self.work.parted.get(self.summed).map_or(usize::MAX, |p| p.before);
-        if count == WIDTH && !with_walls && first + count <= next_parted {
+        let next_separated = self.work.separated.get(self.summed).map_or(usize::MAX, |p| p.before);
+        if count == WIDTH && !with_walls && first + count <= next_separated {
             self.sum_at_once::<L, TURNS>(&block, &done, torques);
             return;
         }
@@ -494,7 +494,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         &self,
         block: &Block,
         radii: &[L; 2],
-        [last, now]: [&Geometry<L>; 2],
+        [last, now]: [&GeometryInLanes<L>; 2],
     ) -> Arms<L> {
         let Self { work, particles, dt, .. } = self;
         let Block { first, count, bodies: [a, b], turning_walls } = *block;
@@ -537,7 +537,7 @@ impl<M: Model> Contacts<'_, '_, M> {
     fn act<L: Eight, const MOVES: bool>(
         &self,
         constants: &OfEight<M, L>,
-        [last, now]: [&Geometry<L>; 2],
+        [last, now]: [&GeometryInLanes<L>; 2],
         motion: &Motion<L>,
         state: &mut [L],
     ) -> Done<L> {
@@ -545,7 +545,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let constants = &constants.of_law;
         let zero = L::all(0.0);
         let Motion { velocity, last_velocity, spin } = *motion;
-        let Geometry { normal, overlap } = *now;
+        let GeometryInLanes { normal, overlap } = *now;
         let approach = velocity.dot(normal);
         let contact = Contact {
             normal,
@@ -603,14 +603,14 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Adds what contacts do to their bodies, one after the other, with what contacts lost that have come apart in between.
+    /// Adds what contacts do to their bodies, one after the other, with what contacts lost that have separated in between.
     #[inline(never)]
     fn sum_in_turn<const TURNS: bool>(&mut self, block: &Block, summands: &Summands) {
         let Summands { force, torques, share, impulse } = summands;
         for lane in 0..block.count {
             let place = block.first + lane;
             let pair = self.work.pairs[place];
-            self.part_before(place);
+            self.add_separated_before(place);
             let [x, y, z] = row(force, lane);
             let share = share[lane];
             self.work.forces[place] = Vec3::new(x, y, z);
@@ -635,47 +635,47 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Sums what the contacts lost that have come apart and stand before this one.
+    /// Sums what the contacts lost that have separated and stand before this one.
     #[inline(always)]
-    fn part_before(&mut self, place: usize) {
-        while let Some(parted) = self.work.parted.get(self.summed)
-            && parted.before <= place
+    fn add_separated_before(&mut self, place: usize) {
+        while let Some(separated) = self.work.separated.get(self.summed)
+            && separated.before <= place
         {
-            self.part(*parted);
+            self.add_separated(*separated);
             self.summed += 1;
         }
     }
 
     /// No force is left, but what the last contact lost.
     #[cold]
-    fn part(&mut self, parted: Parted) {
+    fn add_separated(&mut self, separated: Separated) {
         let Self { law, particles, dt, .. } = *self;
         let last = &self.work.last;
         let bodies = particles.bodies();
-        let (pair, history) = (last.pairs[parted.place], &last.history[parted.place]);
+        let (pair, geometry) = (last.pairs[separated.place], &last.geometry[separated.place]);
         // Where the last force acted: in the middle of the overlap of the farthest points along the last normal.
         let frames = bodies.frames(pair);
         let (body, other) = bodies.posed(pair, &frames);
-        let into = history.normal * (0.5 * history.overlap);
-        let arm_a = body.support(&history.normal) - into;
+        let into = geometry.normal * (0.5 * geometry.overlap);
+        let arm_a = body.support(&geometry.normal) - into;
         let with_wall = pair.b.index() >= particles.first_facet();
         let arm_b = if with_wall {
             // As of half a step ago.
             let [of_a, of_b] = [pair.a, pair.b].map(|slot| particles.velocity[slot.index()]);
             arm_a - bodies.relative(pair) + (of_b - of_a) * (0.5 * dt)
         } else {
-            other.support(&-history.normal) + into
+            other.support(&-geometry.normal) + into
         };
         let of_b = particles.velocity_at(pair.b, &arm_b);
         let velocity = particles.velocity_at(pair.a, &arm_a) - of_b;
-        let sliding = velocity - history.normal * velocity.dot(&history.normal);
+        let sliding = velocity - geometry.normal * velocity.dot(&geometry.normal);
 
         let constants = law.constants(pair, particles);
-        let state = &last.state[parted.place * law.width..][..law.width];
-        let before = law.model.last(&constants, history.overlap, state);
+        let state = &last.state[separated.place * law.width..][..law.width];
+        let before = law.model.last(&constants, geometry.overlap, state);
         let sliding = Triple { x: sliding.x, y: sliding.y, z: sliding.z };
         let Triple { x, y, z } = before.rub.plus(law.model.viscous(&constants, sliding));
-        let press = history.normal * before.press;
+        let press = geometry.normal * before.press;
         let rub = Vec3::new(x, y, z);
         // The force fell to nothing on the way: half of it did the work.
         let work = |force: &Vec3, velocity: &Vec3| 0.5 * dt * force.dot(velocity);
@@ -710,14 +710,14 @@ struct Block<'a> {
 }
 
 /// Normals and overlaps [m] of eight contacts.
-struct Geometry<L> {
+struct GeometryInLanes<L> {
     normal: Triple<L>,
     overlap: L,
 }
 
-impl<L: Eight> Geometry<L> {
+impl<L: Eight> GeometryInLanes<L> {
     #[inline(always)]
-    fn of(rows: &[&History; WIDTH]) -> Self {
+    fn of(rows: &[&Geometry; WIDTH]) -> Self {
         let [a, b, c, d, e, f, g, h] = rows;
         let [x, y, z, overlap] = L::columns_of_4(&[
             bytemuck::cast_ref(*a),
@@ -766,16 +766,16 @@ struct Summands {
 
 /// What was remembered of eight contacts: their geometry; the columns of the law's state go to `state`.
 #[inline(always)]
-fn read_last<L: Eight>(work: &Work, block: &Block, state: &mut [L]) -> Geometry<L> {
-    let Last { history, state: all, .. } = work.last;
+fn read_last<L: Eight>(work: &Work, block: &Block, state: &mut [L]) -> GeometryInLanes<L> {
+    let Last { geometry, state: all, .. } = work.last;
     // As a rule all of them touched at the last step, one after the other: then they stand there as they do here.
     if let Some(start) = stood_in_a_row(work.from, block.first, block.count) {
         read_states_in_a_row(all, start, state);
-        return Geometry::of(&eight_rows(history, start));
+        return GeometryInLanes::of(&eight_rows(geometry, start));
     }
     let from = places_before(work.from, block.first, block.count);
     read_state(&rows_at(all, state.len(), &from), state);
-    Geometry::of(&histories_at(history, &from))
+    GeometryInLanes::of(&geometries_at(geometry, &from))
 }
 
 /// What is remembered of eight contacts that stand one after the other, column by column: by one check where
@@ -874,10 +874,10 @@ fn rows_of(all: &[f64], width: usize, start: usize) -> [&[f64]; WIDTH] {
 
 /// The same of any eight: zeros of those that have no place.
 #[inline(always)]
-fn rows_at<'a>(all: &'a [f64], width: usize, places: &[Place; WIDTH]) -> [&'a [f64]; WIDTH] {
+fn rows_at<'a>(all: &'a [f64], width: usize, places: &[Previous; WIDTH]) -> [&'a [f64]; WIDTH] {
     let mut rows = [&NO_STATE[..width]; WIDTH];
     for (row, place) in rows.iter_mut().zip(places) {
-        if *place != Place::NONE {
+        if *place != Previous::NONE {
             *row = &all[place.index() * width..][..width];
         }
     }
@@ -886,7 +886,7 @@ fn rows_at<'a>(all: &'a [f64], width: usize, places: &[Place; WIDTH]) -> [&'a [f
 
 /// Where contacts were at the last step, if they touched.
 #[inline(always)]
-fn histories_at<'a>(all: &'a [History], places: &[Place; WIDTH]) -> [&'a History; WIDTH] {
+fn geometries_at<'a>(all: &'a [Geometry], places: &[Previous; WIDTH]) -> [&'a Geometry; WIDTH] {
     let mut rows = [&NEW; WIDTH];
     for (row, place) in rows.iter_mut().zip(places) {
         *row = all.get(place.index()).unwrap_or(&NEW);
@@ -929,7 +929,7 @@ fn eight_from<T: Copy>(all: &[T], first: usize, count: usize) -> [T; WIDTH] {
 
 /// Where the first of eight contacts stood at the last step, if all touched and stood one after the other.
 #[inline(always)]
-fn stood_in_a_row(from: &[Place], first: usize, count: usize) -> Option<usize> {
+fn stood_in_a_row(from: &[Previous], first: usize, count: usize) -> Option<usize> {
     if from.is_empty() {
         return if count == WIDTH { Some(first) } else { None };
     }
@@ -944,13 +944,13 @@ fn stood_in_a_row(from: &[Place], first: usize, count: usize) -> Option<usize> {
 
 /// Where up to eight contacts stood at the last step.
 #[inline(always)]
-fn places_before(from: &[Place], first: usize, count: usize) -> [Place; WIDTH] {
+fn places_before(from: &[Previous], first: usize, count: usize) -> [Previous; WIDTH] {
     if !from.is_empty() {
         return eight_from(from, first, count);
     }
-    let mut places = [Place::NONE; WIDTH];
+    let mut places = [Previous::NONE; WIDTH];
     for (lane, place) in places.iter_mut().enumerate() {
-        *place = Place::among(first + lane.min(count - 1));
+        *place = Previous::at(first + lane.min(count - 1));
     }
     places
 }
@@ -1037,7 +1037,7 @@ pub fn reduced_mass(a: &Body, b: &Body) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{Contacts, Law};
-    use crate::contact::{History, Pair, Place};
+    use crate::contact::{Geometry, Pair, Previous};
     use crate::ids::{MaterialId, Slot};
     use crate::lanes::{self, Kernel, Portable};
     use crate::law::linear::{Constants, Interactions, Linear};
@@ -1050,10 +1050,10 @@ mod tests {
     #[derive(Clone, Default)]
     struct Touching {
         pairs: Vec<Pair>,
-        now: Vec<History>,
+        now: Vec<Geometry>,
         points: Vec<Vec3>,
-        from: Vec<Place>,
-        history: Vec<History>,
+        from: Vec<Previous>,
+        geometry: Vec<Geometry>,
         state: Vec<f64>,
     }
 
@@ -1090,12 +1090,12 @@ mod tests {
             };
             let mut work = Work {
                 pairs: &self.pairs,
-                history: &self.now,
+                geometry: &self.now,
                 points: &self.points,
                 patches: &[],
                 from: &self.from,
-                last: Last { pairs: &self.pairs, history: &self.history, state: &self.state },
-                parted: &[],
+                last: Last { pairs: &self.pairs, geometry: &self.geometry, state: &self.state },
+                separated: &[],
                 state: &mut found.state,
                 forces: &mut found.forces,
             };
@@ -1161,17 +1161,17 @@ mod tests {
                 let pair = Pair { a: Slot(k), b: Slot(k + 1) };
                 before.pairs.push(pair);
                 let normal = vector(1.0).normalize();
-                before.now.push(History { normal, overlap: 1e-5 });
+                before.now.push(Geometry { normal, overlap: 1e-5 });
                 if !all_spheres {
                     before.points.push(vector(1e-3));
                 }
                 if k % 5 == 0 {
-                    before.from.push(Place::NONE);
+                    before.from.push(Previous::NONE);
                     continue;
                 }
-                before.from.push(Place::among(before.history.len()));
+                before.from.push(Previous::at(before.geometry.len()));
                 let last = (normal + vector(1e-3)).normalize();
-                before.history.push(History { normal: last, overlap: 9e-6 });
+                before.geometry.push(Geometry { normal: last, overlap: 9e-6 });
                 let across = vector(5e-6 * f64::from(k % 3));
                 let mut spring = across - last * across.dot(&last);
                 let of = |slot| particles.material(slot);

@@ -3,7 +3,8 @@
 //! # A law of one's own
 //!
 //! A law is a type with a [`kernel::Model`]: its constants, its force, its elastic energy, its state if it has any, what
-//! bounds its time step. [`kernel::Law`] does what all laws share. This one is whole: Hertz's elastic contact of spheres
+//! bounds its time step. [`kernel::Law`] does what all laws share. A scene can ask for it by its `kind` once [`Choice`] has a
+//! variant for it and `scene/laws.rs` reads its constants. This one is whole: Hertz's elastic contact of spheres
 //! (1882, DOI 10.1515/crll.1882.92.156), here of a sphere that meets a wall.
 //!
 //! ```
@@ -111,15 +112,20 @@
 //! assert!((measures.kinetic() / energy - 1.0).abs() < 1e-6, "{measures:?}");
 //! ```
 
+mod interactions;
 pub mod kernel;
 pub mod linear;
 pub mod stability;
 
-use crate::contact::{History, Pair, Patch, Place, StateColumn};
+pub use interactions::{Interactions, Mixing};
+
+use crate::contact::{Geometry, Pair, Patch, Previous, StateColumn};
 use crate::ids::{MaterialId, ShapeId};
 use crate::lanes::Row;
 use crate::math::{Vec3, Vec3AndNumber};
+use crate::particles::columns::Quantity;
 use crate::particles::{Library, Needs, Particles, held};
+use serde::{Deserialize, Serialize};
 
 /// Adds a row to the sum of a body, if it is one that is summed.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
@@ -158,17 +164,17 @@ pub struct Work<'a> {
     /// Their bodies.
     pub pairs: &'a [Pair],
     /// Normal and overlap of each, now.
-    pub history: &'a [History],
+    pub geometry: &'a [Geometry],
     /// Where each acts, seen from the centre of A [m]; empty if all are spheres, where it follows from the overlap.
     pub points: &'a [Vec3],
     /// What else there is of contacts of faces; empty if no body has any.
     pub patches: &'a [Patch],
     /// Where each stands among those of the last step; empty if these are the same.
-    pub from: &'a [Place],
+    pub from: &'a [Previous],
     /// What was remembered of those.
     pub last: Last<'a>,
-    /// Those that have come apart since.
-    pub parted: &'a [Parted],
+    /// Those that have separated since.
+    pub separated: &'a [Separated],
     /// Room for what the next step must know: the numbers of each, see [`ForceLaw::state`].
     pub state: &'a mut [f64],
     /// Room for the forces of A on B [N].
@@ -181,14 +187,14 @@ pub struct Last<'a> {
     /// Their bodies.
     pub pairs: &'a [Pair],
     /// Normals and overlaps.
-    pub history: &'a [History],
+    pub geometry: &'a [Geometry],
     /// What the law remembers: the numbers of each, see [`ForceLaw::state`].
     pub state: &'a [f64],
 }
 
 /// A contact of the last step that is none now.
 #[derive(Clone, Copy, Debug)]
-pub struct Parted {
+pub struct Separated {
     /// Where it stood.
     pub place: usize,
     /// How many of the contacts of now come before it.
@@ -233,12 +239,14 @@ impl Sums {
         if let Some(spin) = &mut particles.spin {
             spin.torque = std::mem::take(&mut self.torque);
         }
-        for (all, sum) in particles.dissipated.iter_mut().zip(&particles.force) {
+        for (all, sum) in
+            particles.accumulated[Quantity::Dissipated].iter_mut().zip(&particles.force)
+        {
             *all += sum.number;
         }
         for of_one in self.wall_work.chunk_by(|one, other| one.pair.a == other.pair.a) {
             let slot = of_one[0].pair.a.index();
-            if let Some(received) = particles.received.get_mut(slot) {
+            if let Some(received) = particles.accumulated[Quantity::Received].get_mut(slot) {
                 *received += of_one.iter().map(|work| work.energy).sum::<f64>();
             }
         }
@@ -257,7 +265,7 @@ impl Sums {
         }
     }
 
-    /// Adds what a contact lost that has come apart [J] to its particles; a wall has no share.
+    /// Adds what a contact lost that has separated [J] to its particles; a wall has no share.
     fn lose(&mut self, pair: Pair, energy: f64, first_facet: usize) {
         let share = if pair.b.index() >= first_facet { energy } else { 0.5 * energy };
         for slot in [pair.a.index(), pair.b.index()] {
@@ -298,6 +306,29 @@ pub struct Hardest {
     pub dashpots: [f64; 2],
 }
 
+/// The law that a scene chooses, with its constants.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Choice {
+    /// Linear springs and dashpots with friction.
+    Linear(linear::Settings),
+}
+
+impl Choice {
+    /// The law between bodies of a library.
+    pub fn law(&self, library: &Library) -> Box<dyn ForceLaw> {
+        match self {
+            Self::Linear(settings) => settings.law(library),
+        }
+    }
+
+    /// The settings of linear contacts; `None` of another law.
+    pub const fn linear(&self) -> Option<&linear::Settings> {
+        match self {
+            Self::Linear(settings) => Some(settings),
+        }
+    }
+}
+
 /// A law of contact forces, as the rest of the program sees it.
 pub trait ForceLaw: Send + Sync {
     /// As reports name it.
@@ -318,16 +349,16 @@ pub trait ForceLaw: Send + Sync {
         &self,
         pair: Pair,
         particles: &Particles,
-        geometry: &History,
+        geometry: &Geometry,
         state: &[f64],
     ) -> f64;
 
     /// Elastic energy of a contact [J].
-    fn stored(&self, pair: Pair, particles: &Particles, geometry: &History, state: &[f64]) -> f64;
+    fn stored(&self, pair: Pair, particles: &Particles, geometry: &Geometry, state: &[f64]) -> f64;
 
     /// How much the normal force of a contact rises when its bodies come nearer within one step of
     /// `dt` [s], over the way [N/m].
-    fn stiffness(&self, pair: Pair, particles: &Particles, geometry: &History, dt: f64) -> f64;
+    fn stiffness(&self, pair: Pair, particles: &Particles, geometry: &Geometry, dt: f64) -> f64;
 
     /// What bounds the time step of a body, among all others.
     fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest;

@@ -2,8 +2,9 @@
 //!
 //! | file | what it is |
 //! |---|---|
-//! | [`tables`] | what a snapshot holds, and where in the files |
-//! | [`columns`] | the columns of a table one by one |
+//! | [`header`] | what a snapshot says once: when, where, with what walls and shapes |
+//! | [`tables`] | what a snapshot holds of particles and contacts: each column is declared once, with its place in the files |
+//! | [`columns`] | what a column holds: numbers of any kind, in memory and in files |
 //! | [`snapshot`] | [`snapshot::write`] and [`snapshot::Reader`]: tables to files and back |
 //! | [`table`] | `history.csv`, the scalars of a run by time |
 //! | [`performance`] | `performance.csv`, what a run did and what it took |
@@ -18,6 +19,7 @@
 
 pub mod columns;
 pub mod hdf5;
+pub mod header;
 pub mod performance;
 pub mod snapshot;
 pub mod table;
@@ -42,7 +44,7 @@ pub enum SnapshotError {
         path: String,
         /// The lowest rank that failed.
         rank: u32,
-        /// What the system or HDF5 said.
+        /// The message of the system or of HDF5.
         cause: String,
     },
     /// Another run writes to the same directory.
@@ -90,7 +92,7 @@ pub enum SnapshotError {
     Missing {
         /// Where it was looked for.
         path: String,
-        /// What the system said.
+        /// The message of the system.
         cause: String,
     },
     /// Not a snapshot, cut short, or damaged in its structure.

@@ -3,16 +3,18 @@
 //! Two columns are there for pictures alone: `semi_axes` of each particle, with which and `quaternion`
 //! ParaView's 3D Glyphs draw it, and `force` of each contact, the magnitude of the whole force [N].
 
-use super::columns::{self, CONTACT_COLUMNS, PARTICLE_COLUMNS, ParticleColumn, Value as _};
+use super::columns::Value as _;
 use super::hdf5::{Column, Piece, SnapshotFile, StoredFile};
+use super::header::{Header, ShapeRow, WallRow};
 use super::tables::{
-    ContactRow, ContactTable, Header, HistoryRows, ParticleTable, Rows, ShapeRow, WallRow,
+    self, CONTACT_COLUMNS, ContactRecordRows, ContactRow, ContactTable, PARTICLE_COLUMNS,
+    ParticleColumn, ParticleTable, Rows,
 };
 use super::{SnapshotError, make_directory, on_root};
 use crate::cell::Cell;
 use crate::comm::alone::Alone;
 use crate::comm::{Comm, agree, wire};
-use crate::contact::{Histories, History, NamedHistory, StateColumn};
+use crate::contact::{ContactRecord, ContactRecords, Geometry, StateColumn};
 use crate::drive::{SavedState, rain};
 use crate::ids::GlobalId;
 use crate::math::Vec3;
@@ -52,12 +54,12 @@ const POINTS: Column = column("/VTKHDF/Points", 3, "m");
 const GLYPH_SEMI_AXES: Column = column("/VTKHDF/PointData/semi_axes", 3, "m");
 
 // What a restart needs of contacts.
-const HISTORY_A: Column = column("/restart/contacts/a", 1, "1");
-const HISTORY_B: Column = column("/restart/contacts/b", 1, "1");
-const HISTORY_NORMAL: Column = column("/restart/contacts/normal", 3, "1");
-const HISTORY_OVERLAP: Column = column("/restart/contacts/overlap", 1, "m");
+const RECORD_A: Column = column("/restart/contacts/a", 1, "1");
+const RECORD_B: Column = column("/restart/contacts/b", 1, "1");
+const RECORD_NORMAL: Column = column("/restart/contacts/normal", 3, "1");
+const RECORD_OVERLAP: Column = column("/restart/contacts/overlap", 1, "m");
 /// Where what the law remembers stands beside them, a dataset for each column.
-const HISTORIES: &str = "/restart/contacts";
+const RECORDS: &str = "/restart/contacts";
 
 /// The magnitude of the whole force, for pictures.
 const FORCE_MAGNITUDE: Column = column("/VTKHDF/CellData/force", 1, "N");
@@ -65,30 +67,30 @@ const FORCE_MAGNITUDE: Column = column("/VTKHDF/CellData/force", 1, "N");
 /// No element of a column takes more [bytes].
 const ELEMENT: usize = size_of::<f64>();
 
-/// Bytes of a contact in both files, its history included, of which a law remembers these columns.
+/// Bytes of a contact in both files, its record included, of which a law remembers these columns.
 pub fn contact_bytes(remembered: &[StateColumn]) -> usize {
-    ELEMENT * (elements_of_contact() + of_history(remembered))
+    ELEMENT * (elements_of_contact() + of_record(remembered))
 }
 
 /// Elements at most of a particle: all columns, the axes, one vertex and its end.
 fn elements_of_particle() -> usize {
-    columns::particle_elements() + GLYPH_SEMI_AXES.width + 2
+    tables::particle_elements() + GLYPH_SEMI_AXES.width + 2
 }
 
 /// Bytes of a particle in a snapshot of a scene with these needs, what is remembered of its contacts left out.
 pub fn particle_bytes(needs: &Needs) -> usize {
-    columns::particle_bytes(needs) + ELEMENT * (GLYPH_SEMI_AXES.width + 2)
+    tables::particle_bytes(needs) + ELEMENT * (GLYPH_SEMI_AXES.width + 2)
 }
 
-/// Elements of a history.
-fn of_history(remembered: &[StateColumn]) -> usize {
-    let geometry = HISTORY_A.width + HISTORY_B.width + HISTORY_NORMAL.width + HISTORY_OVERLAP.width;
+/// Elements of a record.
+fn of_record(remembered: &[StateColumn]) -> usize {
+    let geometry = RECORD_A.width + RECORD_B.width + RECORD_NORMAL.width + RECORD_OVERLAP.width;
     geometry + StateColumn::total_width(remembered)
 }
 
 /// Elements of a contact: all columns, the force, two points, one line of two ids and its end.
 fn elements_of_contact() -> usize {
-    columns::contact_elements() + FORCE_MAGNITUDE.width + 2 * POINTS.width + 3
+    tables::contact_elements() + FORCE_MAGNITUDE.width + 2 * POINTS.width + 3
 }
 
 /// Elements of a part: its counts, and the first offset of each category.
@@ -127,13 +129,13 @@ pub fn write(
     header: &Header,
     particles: &ParticleTable,
     contacts: &ContactTable,
-    histories: &Histories,
+    records: &ContactRecords,
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, SnapshotError> {
-    write_rows(directory, header, particles, contacts, histories, comm)
+    write_rows(directory, header, particles, contacts, records, comm)
 }
 
-/// As [`write`], of contacts and histories that need not all be there at once.
+/// As [`write`], of contacts and records that need not all be there at once.
 ///
 /// # Errors
 /// As [`write`].
@@ -142,7 +144,7 @@ pub fn write_rows(
     header: &Header,
     particles: &ParticleTable,
     contacts: &dyn Rows<ContactRow>,
-    histories: &dyn HistoryRows,
+    records: &dyn ContactRecordRows,
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, SnapshotError> {
     let header = &of_root(header, comm);
@@ -155,9 +157,9 @@ pub fn write_rows(
     let names = [contacts_name(header.step), particles_name(header.step)];
     let partial = names.each_ref().map(|name| directory.join(format!(".{name}.partial")));
     let written = write_contacts(&partial[0], header, contacts, comm)
-        .and_then(|()| write_particles(&partial[1], header, particles, histories, comm));
+        .and_then(|()| write_particles(&partial[1], header, particles, records, comm));
     if written.is_err() && comm.is_root() {
-        // Room for others; if it cannot be made, the first error is still the one to tell.
+        // Room for others; if it cannot be made, the first error is still the one to report.
         let _ = partial.each_ref().map(fs::remove_file);
     }
     written?;
@@ -285,16 +287,19 @@ fn write_particles(
     path: &Path,
     header: &Header,
     particles: &ParticleTable,
-    histories: &dyn HistoryRows,
+    records: &dyn ContactRecordRows,
     comm: &mut dyn Comm,
 ) -> Result<(), SnapshotError> {
     let count = particles.id.len();
     // A rank without particles cannot tell by itself which columns the scene needs.
-    let mut rows = PARTICLE_COLUMNS.each_ref().map(|column| column.of(particles).rows() as i64);
+    let mut rows = PARTICLE_COLUMNS
+        .iter()
+        .map(|column| column.of(particles).rows() as i64)
+        .collect::<Vec<_>>();
     comm.sum(&mut rows);
     let is_there = |column: &ParticleColumn, rows: i64| rows > 0 || !column.is_optional();
-    let of_history = of_history(histories.columns());
-    let elements = count * elements_of_particle() + histories.count() * of_history + OF_PART;
+    let of_record = of_record(records.columns());
+    let elements = count * elements_of_particle() + records.count() * of_record + OF_PART;
     let mut file = create(path, elements, header, comm)?;
 
     file.group("/VTKHDF")?;
@@ -320,35 +325,35 @@ fn write_particles(
         .map(|(row, shape)| header.shapes[shape.index()].semi_axes * particles.scale_of(row));
     file.rows(&GLYPH_SEMI_AXES, numbers(&semi_axes.collect::<Vec<_>>()))?;
 
-    write_histories(&mut file, histories)?;
+    write_records(&mut file, records)?;
     write_header(&mut file, header)?;
     file.close()
 }
 
-fn write_histories(
+fn write_records(
     file: &mut SnapshotFile,
-    histories: &dyn HistoryRows,
+    records: &dyn ContactRecordRows,
 ) -> Result<(), SnapshotError> {
-    fn told<T>(histories: &dyn HistoryRows, get: impl Fn(&NamedHistory) -> T) -> Vec<T> {
-        let mut column = Vec::with_capacity(histories.count());
-        histories.each(&mut |named| column.push(get(named)));
+    fn of_all<T>(records: &dyn ContactRecordRows, get: impl Fn(&ContactRecord) -> T) -> Vec<T> {
+        let mut column = Vec::with_capacity(records.count());
+        records.each(&mut |named| column.push(get(named)));
         column
     }
-    file.group(HISTORIES)?;
-    file.rows(&HISTORY_A, &told(histories, |h| h.a.to_file()))?;
-    file.rows(&HISTORY_B, &told(histories, |h| h.b.to_file()))?;
-    file.rows(&HISTORY_NORMAL, numbers(&told(histories, |h| h.geometry.normal)))?;
-    file.rows(&HISTORY_OVERLAP, &told(histories, |h| h.geometry.overlap))?;
-    for (StateColumn { name, unit, width }, numbers) in StateColumn::ranges(histories.columns()) {
-        let mut values = Vec::with_capacity(histories.count() * width);
-        histories.each(&mut |h| values.extend_from_slice(&h.state[numbers.clone()]));
-        file.rows(&column(&format!("{HISTORIES}/{name}"), *width, unit), &values)?;
+    file.group(RECORDS)?;
+    file.rows(&RECORD_A, &of_all(records, |h| h.a.to_file()))?;
+    file.rows(&RECORD_B, &of_all(records, |h| h.b.to_file()))?;
+    file.rows(&RECORD_NORMAL, numbers(&of_all(records, |h| h.geometry.normal)))?;
+    file.rows(&RECORD_OVERLAP, &of_all(records, |h| h.geometry.overlap))?;
+    for (StateColumn { name, unit, width }, numbers) in StateColumn::ranges(records.columns()) {
+        let mut values = Vec::with_capacity(records.count() * width);
+        records.each(&mut |h| values.extend_from_slice(&h.state[numbers.clone()]));
+        file.rows(&column(&format!("{RECORDS}/{name}"), *width, unit), &values)?;
     }
     Ok(())
 }
 
 /// One column, for as long as it is written.
-fn told<Row, T>(rows: &dyn Rows<Row>, get: impl Fn(&Row) -> T) -> Vec<T> {
+fn column_of<Row, T>(rows: &dyn Rows<Row>, get: impl Fn(&Row) -> T) -> Vec<T> {
     let mut column = Vec::with_capacity(rows.count());
     rows.each(&mut |row| column.push(get(row)));
     column
@@ -366,7 +371,7 @@ fn write_contacts(
     file.group("/VTKHDF")?;
     vtk_version(&mut file)?;
     file.rows(&POINT_COUNTS, &[2 * count as i64])?;
-    let ends = told(contacts, |c| [c.centre, c.centre + c.branch]);
+    let ends = column_of(contacts, |c| [c.centre, c.centre + c.branch]);
     file.rows(&POINTS, numbers(ends.as_flattened()))?;
     drop(ends);
     cells(&mut file, "Lines", count, 2)?;
@@ -378,7 +383,7 @@ fn write_contacts(
     for column in &CONTACT_COLUMNS {
         column.write(contacts, &mut file)?;
     }
-    file.rows(&FORCE_MAGNITUDE, &told(contacts, |c| c.force().norm()))?;
+    file.rows(&FORCE_MAGNITUDE, &column_of(contacts, |c| c.force().norm()))?;
 
     write_header(&mut file, header)?;
     file.close()
@@ -669,7 +674,7 @@ pub struct Reader {
     contacts: OnceCell<Result<StoredFile, SnapshotError>>,
     header: Header,
     particle_count: usize,
-    history_count: usize,
+    contact_record_count: usize,
     passed_over: Vec<SnapshotError>,
 }
 
@@ -736,13 +741,13 @@ impl Reader {
                     "it has no particles; was a contacts file meant to be a particles file?";
                 return Err(SnapshotError::unreadable(&real, &cause));
             }
-            let counts = (particles.count(POINTS.place)?, particles.count(HISTORY_A.place)?);
+            let counts = (particles.count(POINTS.place)?, particles.count(RECORD_A.place)?);
             Ok((read_header(&particles)?, counts))
         };
         let read = read();
-        let (header, (particle_count, history_count)) = agree(comm, read)?;
+        let (header, (particle_count, contact_record_count)) = agree(comm, read)?;
         let (contacts, passed_over) = (OnceCell::new(), Vec::new());
-        Ok(Self { particles, contacts, header, particle_count, history_count, passed_over })
+        Ok(Self { particles, contacts, header, particle_count, contact_record_count, passed_over })
     }
 
     /// The particles file.
@@ -772,7 +777,7 @@ impl Reader {
     pub fn particles(&self, rows: Range<usize>) -> Result<ParticleTable, SnapshotError> {
         let table = Piece { file: &self.particles, total: self.particle_count, rows };
         let mut particles = ParticleTable::default();
-        for column in &PARTICLE_COLUMNS {
+        for column in &*PARTICLE_COLUMNS {
             column.read(&mut particles, &table)?;
         }
         Ok(particles)
@@ -806,36 +811,36 @@ impl Reader {
         Ok(contacts)
     }
 
-    /// How many histories of touching contacts it has.
-    pub fn history_count(&self) -> usize {
-        self.history_count
+    /// How many records of touching contacts it has.
+    pub fn contact_record_count(&self) -> usize {
+        self.contact_record_count
     }
 
-    /// Histories of touching contacts, in the order in which they were written.
+    /// Records of touching contacts, in the order in which they were written.
     ///
     /// # Errors
     /// As [`Reader::particles`].
-    pub fn histories(&self, rows: Range<usize>) -> Result<Histories, SnapshotError> {
-        let table = Piece { file: &self.particles, total: self.history_count, rows };
-        let (a, b) = (ids(&table, &HISTORY_A)?, ids(&table, &HISTORY_B)?);
-        let normal = read_vectors(&table, &HISTORY_NORMAL)?;
-        let overlap: Vec<f64> = table.read(&HISTORY_OVERLAP)?;
+    pub fn contact_records(&self, rows: Range<usize>) -> Result<ContactRecords, SnapshotError> {
+        let table = Piece { file: &self.particles, total: self.contact_record_count, rows };
+        let (a, b) = (ids(&table, &RECORD_A)?, ids(&table, &RECORD_B)?);
+        let normal = read_vectors(&table, &RECORD_NORMAL)?;
+        let overlap: Vec<f64> = table.read(&RECORD_OVERLAP)?;
         let remembered = self.remembered()?;
         let mut states: Vec<Vec<f64>> = Vec::new();
         for StateColumn { name, unit, width } in &remembered {
-            states.push(table.read(&column(&format!("{HISTORIES}/{name}"), *width, unit))?);
+            states.push(table.read(&column(&format!("{RECORDS}/{name}"), *width, unit))?);
         }
-        let mut histories = Histories::of(&remembered);
+        let mut records = ContactRecords::of(&remembered);
         let mut state = Vec::new();
         for k in 0..a.len() {
             state.clear();
             for (StateColumn { width, .. }, numbers) in remembered.iter().zip(&states) {
                 state.extend_from_slice(&numbers[k * width..][..*width]);
             }
-            let geometry = History { normal: normal[k], overlap: overlap[k] };
-            histories.push(&NamedHistory { a: a[k], b: b[k], geometry, state: &state });
+            let geometry = Geometry { normal: normal[k], overlap: overlap[k] };
+            records.push(&ContactRecord { a: a[k], b: b[k], geometry, state: &state });
         }
-        Ok(histories)
+        Ok(records)
     }
 
     /// What the law remembered of touching contacts.
@@ -843,10 +848,10 @@ impl Reader {
     /// # Errors
     /// [`SnapshotError::Unreadable`].
     pub fn remembered(&self) -> Result<Vec<StateColumn>, SnapshotError> {
-        let geometry = [HISTORY_A, HISTORY_B, HISTORY_NORMAL, HISTORY_OVERLAP];
+        let geometry = [RECORD_A, RECORD_B, RECORD_NORMAL, RECORD_OVERLAP];
         let mut remembered = Vec::new();
-        for name in self.particles.members(HISTORIES)? {
-            let place = format!("{HISTORIES}/{name}");
+        for name in self.particles.members(RECORDS)? {
+            let place = format!("{RECORDS}/{name}");
             if geometry.iter().all(|column| column.place != place) {
                 let (width, unit) = self.particles.width_and_unit(&place)?;
                 remembered.push(StateColumn { name: name.into(), unit: unit.into(), width });

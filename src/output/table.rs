@@ -58,7 +58,7 @@ const COLUMNS: [&str; 20] = [
 ];
 
 /// The walls of which place and stress are written: where any wall moves, all that stand across an axis.
-fn told(walls: &[Wall]) -> impl Iterator<Item = (usize, &Wall, Across)> {
+fn written(walls: &[Wall]) -> impl Iterator<Item = (usize, &Wall, Across)> {
     let any_moves = walls.iter().any(|wall| wall.moves);
     let walls = walls.iter().enumerate().filter(move |_| any_moves);
     walls.filter_map(|(k, wall)| wall.across().map(|across| (k, wall, across)))
@@ -98,7 +98,7 @@ impl History {
         for Wall { name, .. } in walls {
             columns.extend(AXES.map(|axis| format!("force_{name}_{axis}_N")));
         }
-        for (_, Wall { name, .. }, Across { axis, .. }) in told(walls) {
+        for (_, Wall { name, .. }, Across { axis, .. }) in written(walls) {
             columns.push(format!("place_{name}_m"));
             columns.extend(area(walls, &cell, axis).map(|_| format!("stress_{name}_Pa")));
         }
@@ -138,7 +138,7 @@ impl History {
         forces: &[Vec3],
         walls: &[Wall],
     ) -> Result<(), TableError> {
-        let moved = told(walls).flat_map(|(k, wall, Across { axis, place, .. })| {
+        let moved = written(walls).flat_map(|(k, wall, Across { axis, place, .. })| {
             let stress = |area| wall.press(&forces[k]) / area;
             let stress = area(walls, &self.cell, axis).map(stress);
             [Some(place), stress].into_iter().flatten()

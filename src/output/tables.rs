@@ -1,12 +1,16 @@
 //! What a snapshot holds, as plain tables: the meeting point of the run that writes, the restart
 //! that reads and the post-processor that computes.
 //!
+//! A column is a field of [`ParticleTable`] or [`ContactTable`] and is declared once, in [`PARTICLE_COLUMNS`] or
+//! [`CONTACT_COLUMNS`]; what accumulates over the life of a particle is declared as a [`Quantity`] alone. Writing, reading,
+//! comparing and the bytes of `--plan` follow.
+//!
 //! # Files
 //!
 //! A snapshot is two HDF5 files, each valid VTKHDF `PolyData` with one part per writing rank:
 //! `particles_<step>.vtkhdf` (vertices) and `contacts_<step>.vtkhdf` (lines). Both carry the groups
 //! `/run`, `/domain`, `/walls`, `/shapes` and, for each drive that saves its state, one of the drive's name, such as `/rain`
-//! ([`Header`]); the first also carries `/restart`, all that a restart needs and a picture does not. A column that the scene
+//! ([`super::header::Header`]); the first also carries `/restart`, all that a restart needs and a picture does not. A column that the scene
 //! does not need is not there. The geometry of a shape is a JSON text, `/shapes/geometry`. So is, of walls that turn or have several
 //! planes, `/walls/body`: reference point, orientation (i, j, k, w), angular velocity, planes in the axes of the wall.
 //!
@@ -14,106 +18,23 @@
 //! |---|---|---|
 //! | particles `/VTKHDF/Points` | particles × 3 | centres [m] |
 //! | particles `/VTKHDF/PointData/<name>` | particles | the other columns of [`ParticleTable`] that a picture shows |
-//! | particles `/restart/particles/<name>` | particles | `angular_momentum`, `dissipated`, `received`, `image` |
+//! | particles `/restart/particles/<name>` | particles | `angular_momentum`, `image`, and each [`Quantity`] under its name |
 //! | particles `/restart/contacts/<name>` | touching pairs | `a`, `b`, `normal`, `overlap`, and what the law remembers under its names |
 //! | contacts `/VTKHDF/Points` | 2 per contact × 3 | centre of A; centre of B's nearest image, or the foot on the wall [m] |
 //! | contacts `/VTKHDF/CellData/<name>` | contacts | the columns of [`ContactTable`] |
 
-use crate::cell::Cell;
-use crate::contact::{Histories, NamedHistory, StateColumn};
-use crate::drive::SavedState;
+use super::SnapshotError;
+use super::columns::{Numbers, Value, column};
+use super::hdf5::{Piece, SnapshotFile};
+use crate::contact::{ContactRecord, ContactRecords, StateColumn};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
-use crate::measure::Departed;
-use crate::particles::walls::Saved;
-use crate::shape::{Ellipsoid, Shape};
-use serde::{Deserialize, Serialize};
+use crate::particles::Needs;
+use crate::particles::columns::{Accumulated, Presence, Quantity};
 use std::borrow::Cow;
+use std::sync::LazyLock;
 
-/// What a snapshot says once: when, where, with what walls and shapes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Header {
-    /// Steps since the very first stage began.
-    pub step: u64,
-    /// Time since then [s].
-    pub time: f64,
-    /// Time step [s].
-    pub dt: f64,
-    /// The step at which this stage began, and the time then [s].
-    pub stage_begin: (u64, f64),
-    /// The id that the next new particle gets.
-    pub next_id: u64,
-    /// What particles that were taken out have left behind in the balance of energies [J].
-    pub departed: Departed,
-    /// The scene's `[stop]`, if it holds at this moment and the stage is over; else empty.
-    pub stop: String,
-    /// The domain, and how it repeats.
-    pub cell: Cell,
-    /// Gravity [m/s²].
-    pub gravity: Vec3,
-    /// The walls, in the order of their ids.
-    pub walls: Vec<WallRow>,
-    /// What drives have saved, by name.
-    pub drives: Vec<SavedState>,
-    /// The shapes, in the order of their ids.
-    pub shapes: Vec<ShapeRow>,
-    /// The scene as it ran, as TOML.
-    pub scene: String,
-}
-
-impl Header {
-    /// The walls of one plane, which may end a packing.
-    pub fn planes(&self) -> impl Iterator<Item = &WallRow> {
-        self.walls.iter().filter(|wall| wall.body.as_ref().is_none_or(Saved::is_one_plane))
-    }
-}
-
-/// One wall.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct WallRow {
-    /// Its name in the scene.
-    pub name: String,
-    /// A point of its first plane [m].
-    pub point: Vec3,
-    /// Unit normal there, towards the particles.
-    pub normal: Vec3,
-    /// Velocity of its reference point [m/s].
-    pub velocity: Vec3,
-    /// Force of the particles on it [N].
-    pub force: Vec3,
-    /// What else there is to it, if it turns, has turned or has several planes.
-    pub body: Option<Saved>,
-}
-
-/// One shape of the scene.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ShapeRow {
-    /// Its name in the scene.
-    pub name: String,
-    /// Name of its kind, as in the scene file.
-    pub kind: String,
-    /// Semi-axes of an ellipsoid; of other kinds half the lengths, along the principal axes, of the
-    /// box about the centre of mass [m].
-    pub semi_axes: Vec3,
-    /// Volume [m³].
-    pub volume: f64,
-    /// Mass [kg].
-    pub mass: f64,
-    /// Principal moments of inertia [kg m²].
-    pub inertia: Vec3,
-    /// The body itself. `None` for kind `other`: a program's own type cannot be stored.
-    pub geometry: Option<Shape>,
-}
-
-impl ShapeRow {
-    /// The body; of one that is not known, the ellipsoid in the box around it.
-    pub fn body(&self) -> Cow<'_, Shape> {
-        match &self.geometry {
-            Some(shape) => Cow::Borrowed(shape),
-            None => Cow::Owned(Shape::Ellipsoid(Ellipsoid { semi_axes: self.semi_axes })),
-        }
-    }
-}
+// --- particles ---
 
 /// Particles of a snapshot, or a piece of them: columns of one length. An optional column that the
 /// scene does not need is empty.
@@ -121,7 +42,7 @@ impl ShapeRow {
 pub struct ParticleTable {
     /// Name for life.
     pub id: Vec<GlobalId>,
-    /// Shape, an index into [`Header::shapes`].
+    /// Shape, an index into [`super::header::Header::shapes`].
     pub shape: Vec<ShapeId>,
     /// Lengths over those of the shape [-]. Optional: absent if all particles are as large as their shapes.
     pub scale: Vec<f64>,
@@ -135,10 +56,8 @@ pub struct ParticleTable {
     pub coordination: Vec<i32>,
     /// Rank that owned the particle.
     pub rank: Vec<i32>,
-    /// Energy dissipated at this particle so far [J].
-    pub dissipated: Vec<f64>,
-    /// Energy this particle brought in at its insertion or received from moving walls [J].
-    pub received: Vec<f64>,
+    /// What has accumulated over the life of each. Optional where a [`Quantity`] is.
+    pub accumulated: Accumulated<Vec<f64>>,
     /// Whole periods added to `position` to follow the particle through a periodic domain. Optional.
     pub image: Vec<[i32; 3]>,
     /// Orientation (w, x, y, z), body to world. Optional: absent if all are spheres.
@@ -162,6 +81,191 @@ impl ParticleTable {
         self.scale_of(row).powi(3)
     }
 }
+
+/// A column of the particles file.
+pub struct ParticleColumn {
+    /// What messages call it.
+    pub name: &'static str,
+    /// Where in the file, from `/`. Columns of one group stand one after the other.
+    pub place: Cow<'static, str>,
+    /// Unit of its numbers; `1` for a pure number.
+    pub unit: &'static str,
+    /// Is it there? A column that is always there counts as present without rows, too.
+    pub presence: Presence,
+    /// Where in a table.
+    values: Storage,
+}
+
+/// Where the numbers of a column stand in a table.
+enum Storage {
+    /// In a field: to be read, and to be filled.
+    Own(fn(&ParticleTable) -> &dyn Numbers, fn(&mut ParticleTable) -> &mut dyn Numbers),
+    /// Among those that have accumulated.
+    Accumulated(Quantity),
+}
+
+/// All of them, in the order in which they are written.
+pub static PARTICLE_COLUMNS: LazyLock<Vec<ParticleColumn>> = LazyLock::new(|| {
+    let accumulated = Quantity::ALL.map(ParticleColumn::of_quantity);
+    shown().into_iter().chain(accumulated).chain(of_restart()).collect()
+});
+
+/// What a picture shows.
+fn shown() -> [ParticleColumn; 11] {
+    let always = Presence::Always;
+    [
+        own("position", "/VTKHDF/Points", "m", always, |t| &t.position, |t| &mut t.position),
+        own("id", "/VTKHDF/PointData/id", "1", always, |t| &t.id, |t| &mut t.id),
+        own("shape", "/VTKHDF/PointData/shape", "1", always, |t| &t.shape, |t| &mut t.shape),
+        own(
+            "scale",
+            "/VTKHDF/PointData/scale",
+            "1",
+            Presence::If(|needs| needs.scale),
+            |t| &t.scale,
+            |t| &mut t.scale,
+        ),
+        own(
+            "quaternion",
+            "/VTKHDF/PointData/quaternion",
+            "1",
+            Presence::If(|needs| needs.orientation),
+            |t| &t.quaternion,
+            |t| &mut t.quaternion,
+        ),
+        own(
+            "velocity",
+            "/VTKHDF/PointData/velocity",
+            "m/s",
+            always,
+            |t| &t.velocity,
+            |t| &mut t.velocity,
+        ),
+        own(
+            "angular_velocity",
+            "/VTKHDF/PointData/angular_velocity",
+            "rad/s",
+            Presence::If(|needs| needs.spin),
+            |t| &t.angular_velocity,
+            |t| &mut t.angular_velocity,
+        ),
+        own("force", "/VTKHDF/PointData/force", "N", always, |t| &t.force, |t| &mut t.force),
+        own(
+            "torque",
+            "/VTKHDF/PointData/torque",
+            "N m",
+            Presence::If(|needs| needs.spin),
+            |t| &t.torque,
+            |t| &mut t.torque,
+        ),
+        own(
+            "coordination",
+            "/VTKHDF/PointData/coordination",
+            "1",
+            always,
+            |t| &t.coordination,
+            |t| &mut t.coordination,
+        ),
+        own("rank", "/VTKHDF/PointData/rank", "1", always, |t| &t.rank, |t| &mut t.rank),
+    ]
+}
+
+/// What a restart needs besides.
+fn of_restart() -> [ParticleColumn; 2] {
+    [
+        own(
+            "image",
+            "/restart/particles/image",
+            "1",
+            Presence::If(|needs| needs.image),
+            |t| &t.image,
+            |t| &mut t.image,
+        ),
+        own(
+            "angular_momentum",
+            "/restart/particles/angular_momentum",
+            "kg m^2/s",
+            Presence::If(|needs| needs.spin),
+            |t| &t.angular_momentum,
+            |t| &mut t.angular_momentum,
+        ),
+    ]
+}
+
+/// A column with a field of its own in the table.
+fn own(
+    name: &'static str,
+    place: &'static str,
+    unit: &'static str,
+    presence: Presence,
+    get: fn(&ParticleTable) -> &dyn Numbers,
+    get_mut: fn(&mut ParticleTable) -> &mut dyn Numbers,
+) -> ParticleColumn {
+    ParticleColumn { name, place: place.into(), unit, presence, values: Storage::Own(get, get_mut) }
+}
+
+impl ParticleColumn {
+    fn of_quantity(quantity: Quantity) -> Self {
+        Self {
+            name: quantity.name(),
+            place: Cow::Owned(format!("/restart/particles/{}", quantity.name())),
+            unit: quantity.unit(),
+            presence: quantity.presence(),
+            values: Storage::Accumulated(quantity),
+        }
+    }
+
+    /// Its numbers in a table.
+    pub fn of<'a>(&self, table: &'a ParticleTable) -> &'a dyn Numbers {
+        match self.values {
+            Storage::Own(get, _) => get(table),
+            Storage::Accumulated(quantity) => &table.accumulated[quantity],
+        }
+    }
+
+    /// Does a scene with these needs have it?
+    pub fn is_there(&self, needs: &Needs) -> bool {
+        self.presence.holds(needs)
+    }
+
+    /// May a table leave it empty?
+    pub const fn is_optional(&self) -> bool {
+        matches!(self.presence, Presence::If(_))
+    }
+
+    /// The group in which it stands.
+    pub fn group(&self) -> &str {
+        self.place.rsplit_once('/').map_or("", |(group, _)| group)
+    }
+
+    /// Fills it from a file; a column that the file does not have stays empty if it may.
+    pub(super) fn read(
+        &self,
+        table: &mut ParticleTable,
+        piece: &Piece,
+    ) -> Result<(), SnapshotError> {
+        if self.is_optional() && !piece.has(&self.place) {
+            return Ok(());
+        }
+        let values = match self.values {
+            Storage::Own(_, get_mut) => get_mut(table),
+            Storage::Accumulated(quantity) => &mut table.accumulated[quantity],
+        };
+        values.read(piece, &column(&self.place, self.unit, values))
+    }
+
+    /// Writes the rows of this rank. Collective.
+    pub(super) fn write(
+        &self,
+        table: &ParticleTable,
+        file: &mut SnapshotFile,
+    ) -> Result<(), SnapshotError> {
+        let values = self.of(table);
+        values.write(file, &column(&self.place, self.unit, values))
+    }
+}
+
+// --- contacts ---
 
 /// Contacts of a snapshot, or a piece of them: columns of one length. Each contact stands once, with the
 /// owner of A.
@@ -217,47 +321,6 @@ impl ContactRow {
     }
 }
 
-/// Rows that are told one by one, as often as asked: a snapshot is written column by column, and the rows of all its
-/// columns at once would be most of what a run ever holds.
-pub trait Rows<Row> {
-    /// How many.
-    fn count(&self) -> usize;
-
-    /// Tells each, always in the same order.
-    fn each(&self, take: &mut dyn FnMut(&Row));
-
-    /// A column of another length than the first, and its length. Only what is stored in columns can have one.
-    fn uneven(&self) -> Option<(&'static str, usize)> {
-        None
-    }
-}
-
-/// The same of histories of touching contacts.
-pub trait HistoryRows {
-    /// What the law remembers.
-    fn columns(&self) -> &[StateColumn];
-
-    /// How many.
-    fn count(&self) -> usize;
-
-    /// Tells each, always in the same order.
-    fn each(&self, take: &mut dyn FnMut(&NamedHistory));
-}
-
-impl HistoryRows for Histories {
-    fn columns(&self) -> &[StateColumn] {
-        self.columns()
-    }
-
-    fn count(&self) -> usize {
-        self.len()
-    }
-
-    fn each(&self, take: &mut dyn FnMut(&NamedHistory)) {
-        self.iter().for_each(|named| take(&named));
-    }
-}
-
 impl ContactTable {
     /// Adds a contact.
     pub fn push(&mut self, row: &ContactRow) {
@@ -275,5 +338,216 @@ impl ContactTable {
     /// The whole force that A exerts on B [N].
     pub fn force(&self, contact: usize) -> Vec3 {
         self.normal[contact] * self.normal_force[contact] + self.shear_force[contact]
+    }
+}
+
+/// A column of the contacts file.
+pub struct ContactColumn {
+    /// What messages call it.
+    pub name: &'static str,
+    /// Where in the file, from `/`.
+    pub place: &'static str,
+    /// Unit of its numbers; `1` for a pure number.
+    pub unit: &'static str,
+    /// Of a table.
+    get: fn(&ContactTable) -> &dyn Numbers,
+    /// The same, to be filled.
+    get_mut: fn(&mut ContactTable) -> &mut dyn Numbers,
+    /// Of rows that come one by one.
+    collect: fn(&dyn Rows<ContactRow>) -> Box<dyn Numbers>,
+}
+
+/// All of them, in the order in which they are written. The centre of A is a point of the lines that the file shows.
+pub static CONTACT_COLUMNS: [ContactColumn; 8] = [
+    ContactColumn {
+        name: "a",
+        place: "/VTKHDF/CellData/a",
+        unit: "1",
+        get: |table| &table.a,
+        get_mut: |table| &mut table.a,
+        collect: |rows| collected(rows, |row| row.a),
+    },
+    ContactColumn {
+        name: "b",
+        place: "/VTKHDF/CellData/b",
+        unit: "1",
+        get: |table| &table.b,
+        get_mut: |table| &mut table.b,
+        collect: |rows| collected(rows, |row| row.b),
+    },
+    ContactColumn {
+        name: "branch",
+        place: "/VTKHDF/CellData/branch",
+        unit: "m",
+        get: |table| &table.branch,
+        get_mut: |table| &mut table.branch,
+        collect: |rows| collected(rows, |row| row.branch),
+    },
+    ContactColumn {
+        name: "point",
+        place: "/VTKHDF/CellData/point",
+        unit: "m",
+        get: |table| &table.point,
+        get_mut: |table| &mut table.point,
+        collect: |rows| collected(rows, |row| row.point),
+    },
+    ContactColumn {
+        name: "normal",
+        place: "/VTKHDF/CellData/normal",
+        unit: "1",
+        get: |table| &table.normal,
+        get_mut: |table| &mut table.normal,
+        collect: |rows| collected(rows, |row| row.normal),
+    },
+    ContactColumn {
+        name: "overlap",
+        place: "/VTKHDF/CellData/overlap",
+        unit: "m",
+        get: |table| &table.overlap,
+        get_mut: |table| &mut table.overlap,
+        collect: |rows| collected(rows, |row| row.overlap),
+    },
+    ContactColumn {
+        name: "normal_force",
+        place: "/VTKHDF/CellData/normal_force",
+        unit: "N",
+        get: |table| &table.normal_force,
+        get_mut: |table| &mut table.normal_force,
+        collect: |rows| collected(rows, |row| row.normal_force),
+    },
+    ContactColumn {
+        name: "shear_force",
+        place: "/VTKHDF/CellData/shear_force",
+        unit: "N",
+        get: |table| &table.shear_force,
+        get_mut: |table| &mut table.shear_force,
+        collect: |rows| collected(rows, |row| row.shear_force),
+    },
+];
+
+impl ContactColumn {
+    /// Its numbers in a table.
+    pub fn of<'a>(&self, table: &'a ContactTable) -> &'a dyn Numbers {
+        (self.get)(table)
+    }
+
+    /// Fills it from a file.
+    pub(super) fn read(
+        &self,
+        table: &mut ContactTable,
+        piece: &Piece,
+    ) -> Result<(), SnapshotError> {
+        let values = (self.get_mut)(table);
+        values.read(piece, &column(self.place, self.unit, values))
+    }
+
+    /// Writes the rows of this rank; only this column of them is ever held. Collective.
+    pub(super) fn write(
+        &self,
+        rows: &dyn Rows<ContactRow>,
+        file: &mut SnapshotFile,
+    ) -> Result<(), SnapshotError> {
+        let values = (self.collect)(rows);
+        values.write(file, &column(self.place, self.unit, &*values))
+    }
+}
+
+impl Rows<ContactRow> for ContactTable {
+    fn count(&self) -> usize {
+        self.a.len()
+    }
+
+    fn each(&self, take: &mut dyn FnMut(&ContactRow)) {
+        for k in 0..self.a.len() {
+            take(&ContactRow {
+                a: self.a[k],
+                b: self.b[k],
+                centre: self.centre[k],
+                branch: self.branch[k],
+                point: self.point[k],
+                normal: self.normal[k],
+                overlap: self.overlap[k],
+                normal_force: self.normal_force[k],
+                shear_force: self.shear_force[k],
+            });
+        }
+    }
+
+    fn uneven(&self) -> Option<(&'static str, usize)> {
+        let centres = [("centre", self.centre.len())];
+        let others = CONTACT_COLUMNS.iter().map(|column| (column.name, column.of(self).rows()));
+        others.chain(centres).find(|(_, rows)| *rows != self.a.len())
+    }
+}
+
+/// One column of rows that come one by one.
+fn collected<T: Value + 'static>(
+    rows: &dyn Rows<ContactRow>,
+    get: impl Fn(&ContactRow) -> T,
+) -> Box<dyn Numbers> {
+    let mut column = Vec::with_capacity(rows.count());
+    rows.each(&mut |row| column.push(get(row)));
+    Box::new(column)
+}
+
+/// Elements of a particle in all columns.
+pub fn particle_elements() -> usize {
+    let empty = ParticleTable::default();
+    PARTICLE_COLUMNS.iter().map(|column| column.of(&empty).labels().len()).sum()
+}
+
+/// Elements of a contact in all columns.
+pub fn contact_elements() -> usize {
+    let empty = ContactTable::default();
+    CONTACT_COLUMNS.iter().map(|column| column.of(&empty).labels().len()).sum()
+}
+
+/// Bytes of a particle in the columns that a scene needs.
+pub fn particle_bytes(needs: &Needs) -> usize {
+    let empty = ParticleTable::default();
+    let there = PARTICLE_COLUMNS.iter().filter(|column| column.is_there(needs));
+    there.map(|column| column.of(&empty).row_bytes()).sum()
+}
+
+// --- rows that are visited one by one ---
+
+/// Rows that are visited one by one, as often as needed: a snapshot is written column by column, and the rows of all its
+/// columns at once would be most of what a run ever holds.
+pub trait Rows<Row> {
+    /// How many.
+    fn count(&self) -> usize;
+
+    /// Visits each, always in the same order.
+    fn each(&self, take: &mut dyn FnMut(&Row));
+
+    /// A column of another length than the first, and its length. Only what is stored in columns can have one.
+    fn uneven(&self) -> Option<(&'static str, usize)> {
+        None
+    }
+}
+
+/// The same of records of touching contacts.
+pub trait ContactRecordRows {
+    /// What the law remembers.
+    fn columns(&self) -> &[StateColumn];
+
+    /// How many.
+    fn count(&self) -> usize;
+
+    /// Visits each, always in the same order.
+    fn each(&self, take: &mut dyn FnMut(&ContactRecord));
+}
+
+impl ContactRecordRows for ContactRecords {
+    fn columns(&self) -> &[StateColumn] {
+        self.columns()
+    }
+
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn each(&self, take: &mut dyn FnMut(&ContactRecord)) {
+        self.iter().for_each(|named| take(&named));
     }
 }

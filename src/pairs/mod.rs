@@ -12,7 +12,7 @@ pub mod write;
 
 use crate::cell::Cell;
 use crate::contact::{
-    Batch, Bodies, ContactResolver, Found, History, Method, Outcome, Pair, Place, Posed, Table,
+    Batch, Bodies, ContactResolver, Found, Geometry, Method, Outcome, Pair, Posed, Previous, Table,
     Tally, Touch, Why, clearance, directions_tried, ordered, table,
 };
 use crate::ids::{ShapeId, Slot};
@@ -157,7 +157,7 @@ pub struct Answer {
 
 /// A touch whose overlap is negative for bodies that are apart.
 ///
-/// The methods only tell *that* a pair is apart, and bound the clearance from below. Overlap and
+/// The methods only determine *that* a pair is apart, and bound the clearance from below. Overlap and
 /// normal of such a pair are therefore those of [`clearance`], whatever the method.
 ///
 /// # Errors
@@ -183,7 +183,7 @@ fn serving(table: &Table, kinds: (Kind, Kind)) -> &dyn ContactResolver {
 /// Resolves each pair by itself, without a warm start, in the order of the pairs.
 pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
     let table = table(method, &Kind::ALL);
-    let place = vec![Place::NONE; pairs.len()];
+    let previous = vec![Previous::NONE; pairs.len()];
     let mut found = Found::default();
     let one = |index: usize| {
         let resolver = serving(&table, pairs.kinds(index));
@@ -192,8 +192,8 @@ pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
         let active = [index as u32];
         let batch = Batch {
             pairs: &pairs.slots,
-            place: &place,
-            history: &[],
+            previous: &previous,
+            geometry: &[],
             active: &active,
             bodies: pairs.bodies(),
         };
@@ -250,9 +250,9 @@ pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) 
     for pair in 0..pairs.len() {
         groups.entry(pairs.kinds(pair)).or_default().push(pair as u32);
     }
-    let history: Vec<History> =
+    let geometry: Vec<Geometry> =
         (0_u64..).zip(answers).map(|(id, answer)| last_step(id, answer)).collect();
-    let place: Vec<Place> = (0..pairs.len()).map(Place::among).collect();
+    let previous: Vec<Previous> = (0..pairs.len()).map(Previous::at).collect();
 
     let mean = |pass: &mut dyn FnMut(&dyn ContactResolver, &[u32])| {
         let mut seconds = 0.0;
@@ -268,7 +268,7 @@ pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) 
         mean(&mut |resolver, block| {
             for &index in block {
                 let (a, b, r) = pairs.posed(index as usize);
-                let last = &history[index as usize];
+                let last = &geometry[index as usize];
                 let start = (warm && last.touched()).then_some(&last.normal);
                 black_box(resolver.touch(&a, &b, &r, start));
             }
@@ -282,7 +282,13 @@ pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) 
             found.clear();
             let bodies = pairs.bodies();
             resolver.resolve(
-                &Batch { pairs: &pairs.slots, place: &place, history: &history, active, bodies },
+                &Batch {
+                    pairs: &pairs.slots,
+                    previous: &previous,
+                    geometry: &geometry,
+                    active,
+                    bodies,
+                },
                 &mut found,
             );
             black_box(&found);
@@ -291,13 +297,13 @@ pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) 
 }
 
 /// What is remembered of a pair that has moved a little since it was resolved.
-fn last_step(id: u64, answer: &Answer) -> History {
+fn last_step(id: u64, answer: &Answer) -> Geometry {
     match &answer.touch {
         Ok(touch) if answer.touching => {
             let off = Random::of(1, id).rotation() * Vec3::x() * PERTURBATION;
-            History { normal: (touch.normal + off).normalize(), ..History::default() }
+            Geometry { normal: (touch.normal + off).normalize(), ..Geometry::default() }
         }
-        _ => History::default(),
+        _ => Geometry::default(),
     }
 }
 

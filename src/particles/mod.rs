@@ -3,6 +3,7 @@
 //! Slots run owned | ghosts | facets of walls; all facets of a wall have its pose. A column that the scene does not need does not
 //! exist: spheres without friction do not turn, a scene of spheres only has no orientation.
 
+pub mod columns;
 pub mod mix;
 pub mod records;
 pub mod sizes;
@@ -13,6 +14,8 @@ use crate::contact::{Bodies, Posed};
 use crate::ids::{GlobalId, MaterialId, ShapeId, Slot};
 use crate::math::{Mat3, Quat, Vec3, Vec3AndNumber};
 use crate::shape::{Form, Shape};
+use columns::Accumulated;
+pub use columns::Needs;
 use records::Particle;
 use serde::{Deserialize, Serialize};
 use sizes::Sizes;
@@ -142,51 +145,6 @@ impl Library {
     }
 }
 
-/// Which columns a scene needs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(clippy::struct_excessive_bools, reason = "each column is there or not, on its own")]
-pub struct Needs {
-    /// Velocities of ghosts: a law with friction or dashpots.
-    pub velocity: bool,
-    /// Angular velocity, torque: a law that finds moments, or a wall that turns.
-    pub spin: bool,
-    /// Orientation and angular momentum, for any shape but the sphere, and contact points, which of spheres follow from
-    /// their overlaps. Implies `spin`.
-    pub orientation: bool,
-    /// Matrices of ellipsoids, for the common-normal method. Implies `orientation`.
-    pub form: bool,
-    /// Counts of whole periods: a periodic domain.
-    pub image: bool,
-    /// Scales: particles of other sizes than their shapes.
-    pub scale: bool,
-    /// What contacts of faces have beside overlap, normal and point: bodies with faces. Implies `orientation`.
-    pub patches: bool,
-}
-
-impl Needs {
-    /// `f64` per ghost in the message of each step.
-    pub const fn halo_values(&self) -> usize {
-        3 + if self.velocity { 3 } else { 0 }
-            + if self.spin && self.velocity { 3 } else { 0 }
-            + if self.orientation { 4 } else { 0 }
-    }
-
-    /// Bytes per owned particle in the columns, contacts left out.
-    pub const fn column_bytes(&self) -> usize {
-        // id, shape, position, velocity, force, position at the last listing, travel, two energies
-        8 + 2
-            + 4 * 24
-            + 8
-            + 8
-            + 16
-            + if self.spin { 56 } else { 0 }
-            + if self.orientation { 24 + 32 } else { 0 }
-            + if self.form { 48 } else { 0 }
-            + if self.image { 12 } else { 0 }
-            + if self.scale { 8 } else { 0 }
-    }
-}
-
 /// Rotation columns, where the scene needs them.
 #[derive(Clone, Debug, Default)]
 pub struct Spin {
@@ -270,10 +228,8 @@ pub struct Particles {
     /// How far any point of the body can have moved since the pairs were listed, along its way [m].
     /// Length: all slots, once the pairs are listed.
     pub travel: Vec<f64>,
-    /// Energy dissipated at the particle so far [J]. Length: owned.
-    pub dissipated: Vec<f64>,
-    /// Energy it had at its insertion and was given by moving walls [J]. Length: owned.
-    pub received: Vec<f64>,
+    /// What has accumulated over the life of each. Length: owned, or none of what the scene does not need.
+    pub accumulated: Accumulated<Vec<f64>>,
     /// Whole periods to add to the position, in a periodic domain. Length: owned or none.
     pub image: Vec<[i32; 3]>,
     /// Rotation, if any shape or law needs it.
@@ -304,8 +260,7 @@ impl Particles {
             force: Vec::new(),
             listed_at: Vec::new(),
             travel: Vec::new(),
-            dissipated: Vec::new(),
-            received: Vec::new(),
+            accumulated: Accumulated::default(),
             image: Vec::new(),
             spin: needs.spin.then(Spin::default),
             orientation: needs.orientation.then(Orientation::default),
@@ -415,8 +370,7 @@ impl Particles {
         self.force.shrink_to_fit();
         self.listed_at.shrink_to_fit();
         self.travel.shrink_to_fit();
-        self.dissipated.shrink_to_fit();
-        self.received.shrink_to_fit();
+        self.accumulated.columns_mut().for_each(Vec::shrink_to_fit);
         self.image.shrink_to_fit();
         if let Some(spin) = &mut self.spin {
             spin.angular_momentum.shrink_to_fit();
@@ -445,8 +399,7 @@ impl Particles {
             + held(&self.force)
             + held(&self.listed_at)
             + held(&self.travel)
-            + held(&self.dissipated)
-            + held(&self.received)
+            + self.accumulated.bytes()
             + held(&self.image)
             + spin
             + orientation
@@ -483,8 +436,7 @@ impl Particles {
             position,
             velocity,
             force,
-            dissipated,
-            received,
+            accumulated,
             image,
             quaternion,
             angular_momentum,
@@ -505,8 +457,7 @@ impl Particles {
         self.velocity.push(*velocity);
         self.force.push((*force).into());
         self.listed_at.push(*position);
-        self.dissipated.push(*dissipated);
-        self.received.push(*received);
+        self.accumulated.push(accumulated, self.needs);
         if self.needs.image {
             self.image.push(*image);
         }
@@ -540,8 +491,7 @@ impl Particles {
             position: self.position[slot],
             velocity: self.velocity[slot],
             force: self.force[slot].vector,
-            dissipated: self.dissipated[slot],
-            received: self.received[slot],
+            accumulated: self.accumulated.row(slot),
             image: self.image.get(slot).copied().unwrap_or_default(),
             quaternion: orientation
                 .map_or_else(Quat::identity, |orientation| orientation.quaternion[slot]),
@@ -563,8 +513,7 @@ impl Particles {
         self.velocity.swap_remove(slot);
         self.force.swap_remove(slot);
         self.listed_at.swap_remove(slot);
-        self.dissipated.swap_remove(slot);
-        self.received.swap_remove(slot);
+        self.accumulated.swap_remove(slot);
         if self.needs.image {
             self.image.swap_remove(slot);
         }

@@ -8,10 +8,11 @@
 //! | orientation | x | x, if a shape needs it | x, if a shape needs it |
 //! | angular momentum | x, unless all are spheres | | |
 //! | angular velocity | x, if all are spheres | x, if a law needs it | x, if a law needs it |
-//! | force, torque, energies, image | x | | |
-//! | histories of touching contacts | x | | |
+//! | force, torque, what has accumulated, image | x | | |
+//! | records of touching contacts | x | | |
 
 use super::Particles;
+use super::columns::Accumulated;
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
@@ -32,10 +33,8 @@ pub struct Particle {
     pub velocity: Vec3,
     /// At the position [N].
     pub force: Vec3,
-    /// Energy dissipated so far [J].
-    pub dissipated: f64,
-    /// Energy received so far [J].
-    pub received: f64,
+    /// What has accumulated so far.
+    pub accumulated: Accumulated<f64>,
     /// Whole periods to add to the position.
     pub image: [i32; 3],
     /// Body to world.
@@ -58,8 +57,7 @@ impl Particle {
             position,
             velocity: Vec3::zeros(),
             force: Vec3::zeros(),
-            dissipated: 0.0,
-            received: 0.0,
+            accumulated: Accumulated::default(),
             image: [0; 3],
             quaternion: Quat::identity(),
             angular_momentum: Vec3::zeros(),
@@ -107,10 +105,9 @@ impl Particles {
                 head
             };
             let position = Vec3::from_column_slice(take(3));
-            let apart = position - self.position[slot];
-            let nearest = self.cell.nearest(apart);
-            let mut moved = nearest.norm();
-            if nearest != apart {
+            let way = self.cell.moved(&self.position[slot], &position);
+            let mut moved = way.norm();
+            if way != position - self.position[slot] {
                 moved += rounding;
             }
             self.position[slot] = position;

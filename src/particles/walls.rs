@@ -502,7 +502,7 @@ mod tests {
         }
     }
 
-    /// No grain in the room comes nearer than is said, and some come as near.
+    /// No grain in the room comes nearer than reported, and some come as near.
     #[test]
     fn nothing_comes_nearer_than_walls_say() {
         for id in 0..200 {

@@ -2,7 +2,8 @@
 
 use super::PostError;
 use crate::math::Vec3;
-use crate::output::tables::{ContactTable, Header, ParticleTable};
+use crate::output::header::Header;
+use crate::output::tables::{ContactTable, ParticleTable};
 
 /// Every shape known, every number finite.
 pub(super) fn check_particles(header: &Header, particles: &ParticleTable) -> Result<(), PostError> {

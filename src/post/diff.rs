@@ -4,12 +4,13 @@
 //! owning rank is not part of the state and is not compared. Springs and all else that is remembered of
 //! touching contacts are matched by the ids of both bodies. Both states are held in memory.
 
-use crate::contact::{Histories, NamedHistory, StateColumn};
+use crate::contact::{ContactRecord, ContactRecords, StateColumn};
 use crate::drive::{SavedColumn, SavedState};
 use crate::ids::GlobalId;
 use crate::measure::Departed;
-use crate::output::columns::{Numbers, PARTICLE_COLUMNS, ParticleColumn};
-use crate::output::tables::{Header, ParticleTable};
+use crate::output::columns::Numbers;
+use crate::output::header::Header;
+use crate::output::tables::{PARTICLE_COLUMNS, ParticleColumn, ParticleTable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -27,7 +28,7 @@ pub struct State {
     /// The particles, in any order.
     pub particles: ParticleTable,
     /// What is remembered of touching contacts, in any order.
-    pub histories: Histories,
+    pub records: ContactRecords,
 }
 
 /// Names a contact: the lower id, the higher id.
@@ -112,7 +113,7 @@ impl Difference {
     pub fn between(first: &State, second: &State) -> Self {
         let mut found = Self {
             header: header_differences(&first.header, &second.header),
-            contacts: ContactDifference::between(&first.histories, &second.histories),
+            contacts: ContactDifference::between(&first.records, &second.records),
             ..Self::default()
         };
         let (first, second) = (&first.particles, &second.particles);
@@ -122,7 +123,7 @@ impl Difference {
         let compared = PARTICLE_COLUMNS.iter().filter(|c| !["id", "rank"].contains(&c.name));
         for column in compared {
             let (a, b) = (column.of(first), column.of(second));
-            // In a table without rows every column counts as present: nobody can tell.
+            // In a table without rows every column counts as present.
             match (a.rows() == first.id.len(), b.rows() == second.id.len()) {
                 (true, true) => shared.push((column, a, b)),
                 (false, false) => {}
@@ -183,7 +184,7 @@ impl ContactDifference {
             && self.differing == 0
     }
 
-    fn between(first: &Histories, second: &Histories) -> Self {
+    fn between(first: &ContactRecords, second: &ContactRecords) -> Self {
         let mut found = Self::default();
         // What only one of them remembers has nothing to be compared with.
         let mut shared = vec![];
@@ -199,7 +200,7 @@ impl ContactDifference {
                 found.only_one_column.push(column.name.to_string());
             }
         }
-        let ends = |named: NamedHistory| (named.a, named.b);
+        let ends = |named: ContactRecord| (named.a, named.b);
         for (ends, pair) in matched(first.iter().map(ends), second.iter().map(ends)) {
             match pair {
                 [Some(i), Some(j)] => found.compare(ends, &shared, first.get(i), second.get(j)),
@@ -214,8 +215,8 @@ impl ContactDifference {
         &mut self,
         ends: Ends,
         shared: &[SharedState],
-        first: NamedHistory,
-        second: NamedHistory,
+        first: ContactRecord,
+        second: ContactRecord,
     ) {
         self.compared += 1;
         let (mine, theirs) = (&first.geometry, &second.geometry);
@@ -305,7 +306,7 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             ("shapes", shapes.collect::<Vec<_>>().join("; ")),
         ]
     };
-    // A number is written with as many digits as tell it from all others.
+    // Numbers are written with enough digits to distinguish them from all others.
     let mut found: Vec<String> = (numbers(first).into_iter().zip(numbers(second)))
         .filter(|(a, b)| a != b)
         .map(|((what, a), (_, b))| format!("{what}: {a} and {b}"))

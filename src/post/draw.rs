@@ -1,5 +1,5 @@
 //! Charts as SVG text, drawn with plotters. The colours are those of Okabe and Ito, which colour-blind
-//! readers can tell apart.
+//! readers can distinguish.
 
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{Ranged, ValueFormatter};

@@ -8,7 +8,8 @@ use super::fabric::Among;
 use super::region::Members;
 use super::sums::quotient;
 use crate::math::ExactSum;
-use crate::output::tables::{ContactTable, Header, ParticleTable};
+use crate::output::header::Header;
+use crate::output::tables::{ContactTable, ParticleTable};
 use serde::{Deserialize, Serialize};
 
 /// Adds up normal and resultant forces: the first pass.

@@ -4,7 +4,8 @@
 //! OVITO halves them to its "Aspherical Shape", which has semi-axes. The quaternion stands in OVITO's
 //! and LAMMPS' order (x, y, z, w). Types count from 1; ids are the snapshot's, from 0.
 
-use crate::output::tables::{Header, ParticleTable};
+use crate::output::header::Header;
+use crate::output::tables::ParticleTable;
 use std::io::{self, Write};
 
 /// Writes what stands above the rows of atoms.

@@ -45,8 +45,9 @@ pub use report::{Report, Summary};
 
 use crate::ids::GlobalId;
 use crate::output::SnapshotError;
+use crate::output::header::Header;
 use crate::output::snapshot::Reader;
-use crate::output::tables::{ContactTable, Header, ParticleTable};
+use crate::output::tables::{ContactTable, ParticleTable};
 use coordination::CoordinationCount;
 use fabric::{Among, Fabric, FabricSum, ForceFabricSum, RoseSum};
 use forces::{ForceCount, MeanForceSum};
@@ -120,7 +121,7 @@ pub enum PostError {
         /// The folder.
         folder: PathBuf,
     },
-    /// Two snapshots of one step: nobody could tell their rows apart, nor their dumps.
+    /// Two snapshots of one step: their rows and dumps could not be distinguished.
     #[error(
         "{first} and {second} are both of step {step}: leave one of them out, give one run at a time, \
          or compare them with --diff",

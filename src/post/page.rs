@@ -9,7 +9,7 @@ use super::region::Bounds;
 use super::report::{Report, readable};
 use super::rose::roses;
 use crate::drive::servo::Target;
-use crate::output::tables::WallRow;
+use crate::output::header::WallRow;
 use std::fmt::Write;
 
 /// All plots of a series, in the order of the page: those over the series, then those of its last

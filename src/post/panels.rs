@@ -9,7 +9,7 @@ use super::history::{Curve, History};
 use super::plots::Plot;
 use crate::cell::AXES;
 use crate::drive::servo::Target;
-use crate::output::tables::WallRow;
+use crate::output::header::WallRow;
 use plotters::style::RGBColor;
 use std::collections::BTreeSet;
 

@@ -7,7 +7,8 @@ use crate::cell::AXES;
 use crate::contact::Posed;
 use crate::ids::GlobalId;
 use crate::math::{ExactSum, Mat3, Quat, Vec3};
-use crate::output::tables::{Header, ParticleTable};
+use crate::output::header::Header;
+use crate::output::tables::ParticleTable;
 use crate::shape::Shape;
 use nalgebra::Quaternion;
 use serde::{Deserialize, Serialize};
@@ -247,11 +248,11 @@ pub fn enclosed(header: &Header) -> [bool; 3] {
 /// 0.1 mrad.
 pub(super) const ACROSS: f64 = 1.0 - 5e-9;
 
-/// Where a particle is.
+/// Whether a particle belongs to the region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Place {
+enum Membership {
     /// No particle has this id.
-    Nowhere,
+    Unknown,
     /// Out of the region.
     Outside,
     /// In the region.
@@ -262,14 +263,14 @@ enum Place {
 #[derive(Clone, Debug)]
 pub struct Members {
     region: Region,
-    places: Vec<Place>,
+    memberships: Vec<Membership>,
     inside: u64,
 }
 
 impl Members {
     /// No particles yet.
     pub const fn new(region: Region) -> Self {
-        Self { region, places: Vec::new(), inside: 0 }
+        Self { region, memberships: Vec::new(), inside: 0 }
     }
 
     /// Adds these particles, each by its centre, which a periodic axis brings back into the domain.
@@ -282,17 +283,17 @@ impl Members {
                 return Err(PostError::UnknownId { id, next_id: header.next_id });
             }
             let slot = id.0 as usize;
-            if slot >= self.places.len() {
-                self.places.resize(slot + 1, Place::Nowhere);
+            if slot >= self.memberships.len() {
+                self.memberships.resize(slot + 1, Membership::Unknown);
             }
-            if self.places[slot] != Place::Nowhere {
+            if self.memberships[slot] != Membership::Unknown {
                 return Err(PostError::TwiceTheSameId { id });
             }
             let inside = match &self.region {
                 Region::Whole => true,
                 Region::Box(bounds) => bounds.contains(&header.cell.inside(*position)),
             };
-            self.places[slot] = if inside { Place::Inside } else { Place::Outside };
+            self.memberships[slot] = if inside { Membership::Inside } else { Membership::Outside };
             self.inside += u64::from(inside);
         }
         Ok(())
@@ -308,9 +309,9 @@ impl Members {
     /// # Errors
     /// If no particle has this id: the contacts are not those of these particles.
     pub fn holds(&self, id: GlobalId) -> Result<bool, PostError> {
-        match self.places.get(id.0 as usize).copied().unwrap_or(Place::Nowhere) {
-            Place::Nowhere => Err(PostError::ContactOfNobody { id }),
-            place => Ok(place == Place::Inside),
+        match self.memberships.get(id.0 as usize).copied().unwrap_or(Membership::Unknown) {
+            Membership::Unknown => Err(PostError::ContactOfNobody { id }),
+            membership => Ok(membership == Membership::Inside),
         }
     }
 
@@ -325,7 +326,11 @@ impl Members {
 
     /// The ids of the particles in the region, ascending.
     pub(super) fn ids(&self) -> impl Iterator<Item = usize> + '_ {
-        let inside = self.places.iter().enumerate().filter(|(_, place)| **place == Place::Inside);
+        let inside = self
+            .memberships
+            .iter()
+            .enumerate()
+            .filter(|(_, membership)| **membership == Membership::Inside);
         inside.map(|(id, _)| id)
     }
 }

@@ -6,7 +6,7 @@ use super::forces::Forces;
 use super::region::{Bounds, Region, Strain, enclosed};
 use super::stress::{Principal, Stress, on_walls};
 use super::sums::quotient;
-use crate::output::tables::Header;
+use crate::output::header::Header;
 use serde::{Deserialize, Serialize};
 
 /// Everything computed from one snapshot. What has no meaning (a mean over nothing) is null.
@@ -169,20 +169,21 @@ pub(super) struct Parts<'a> {
     pub(super) unbalanced_ratio: Option<f64>,
 }
 
-impl Report {
-    pub(super) fn of(parts: Parts, snapshot: &str) -> Self {
-        let Parts { header, bounds, stress, coordination, fabric, force_fabric, forces, .. } =
-            parts;
+impl Parts<'_> {
+    /// The row of numbers; no strains, which another snapshot gives.
+    fn summary(&self) -> Summary {
+        let Self { header, bounds, stress, fabric, force_fabric, .. } = *self;
+        let forces = self.forces.as_ref();
         let degrees = fabric
             .zip(force_fabric)
             .map(|(fabric, forces)| Degrees::new(&fabric, &forces, stress.as_ref()));
-        let (without, with) = (&coordination.without_walls, &coordination.with_walls);
+        let (without, with) = (&self.coordination.without_walls, &self.coordination.with_walls);
         let entry = |i, j| stress.map(|s| s.tensor[(i, j)]);
         let [wall_xx, wall_yy, wall_zz] =
-            parts.packing.map_or([None; 3], |packing| on_walls(header, &packing));
+            self.packing.map_or([None; 3], |packing| on_walls(header, &packing));
         let q_over_p = stress.and_then(|s| s.ratio());
         let from_fabric = degrees.map(|degrees| degrees.stress_ratio());
-        let summary = Summary {
+        Summary {
             step: header.step,
             time_s: header.time,
             particles: without.particles(),
@@ -190,8 +191,8 @@ impl Report {
             contacts_with_walls: with.contact_ends() - without.contact_ends(),
             volume_m3: bounds.map(|b| b.volume()),
             height_m: bounds.map(|b| b.lengths().z),
-            solid_fraction: parts.solid_fraction,
-            void_ratio: parts.solid_fraction.filter(|&s| s > 0.0).map(|s| (1.0 - s) / s),
+            solid_fraction: self.solid_fraction,
+            void_ratio: self.solid_fraction.filter(|&s| s > 0.0).map(|s| (1.0 - s) / s),
             axial_strain: None,
             volumetric_strain: None,
             stress_xx_pa: entry(0, 0),
@@ -212,7 +213,7 @@ impl Report {
             wall_stress_zz_pa: wall_zz,
             inertial_number: stress
                 .filter(|s| s.p() > 0.0)
-                .zip(parts.inertial_number_times_root_p)
+                .zip(self.inertial_number_times_root_p)
                 .map(|(s, inertia)| inertia / s.p().sqrt()),
             coordination: without.mean(),
             coordination_with_walls: with.mean(),
@@ -229,14 +230,22 @@ impl Report {
             fabric_relation_error: from_fabric
                 .zip(q_over_p)
                 .and_then(|(from_fabric, direct)| quotient(from_fabric - direct, direct)),
-            mean_normal_force_n: parts.mean_normal_force,
-            largest_normal_force_n: forces.as_ref().map(|f| f.largest_normal_force),
-            share_below_0_3_mean: forces.as_ref().and_then(|f| f.weak_share),
-            share_below_mean: forces.as_ref().and_then(|f| f.below_mean_share),
-            mean_friction_used: forces.as_ref().and_then(|f| f.mean_friction_used),
-            largest_friction_used: forces.as_ref().map(|f| f.largest_friction_used),
-            unbalanced_force_ratio: parts.unbalanced_ratio,
-        };
+            mean_normal_force_n: self.mean_normal_force,
+            largest_normal_force_n: forces.map(|f| f.largest_normal_force),
+            share_below_0_3_mean: forces.and_then(|f| f.weak_share),
+            share_below_mean: forces.and_then(|f| f.below_mean_share),
+            mean_friction_used: forces.and_then(|f| f.mean_friction_used),
+            largest_friction_used: forces.map(|f| f.largest_friction_used),
+            unbalanced_force_ratio: self.unbalanced_ratio,
+        }
+    }
+}
+
+impl Report {
+    pub(super) fn of(parts: Parts, snapshot: &str) -> Self {
+        let summary = parts.summary();
+        let Parts { header, bounds, stress, coordination, fabric, force_fabric, forces, .. } =
+            parts;
         Self {
             program_version: env!("CARGO_PKG_VERSION").to_string(),
             snapshot: snapshot.to_string(),

@@ -23,7 +23,8 @@ use super::PostError;
 use super::region::{ACROSS, Bounds, Members};
 use super::sums::{ExactMat3, deviator, inner, quotient, rows};
 use crate::math::{Mat3, Vec3};
-use crate::output::tables::{ContactTable, Header};
+use crate::output::header::Header;
+use crate::output::tables::ContactTable;
 use serde::{Deserialize, Serialize};
 
 /// Adds up `Σ f_i l_j`.

@@ -3,7 +3,7 @@
 use super::{Scene, packing};
 use crate::cell::AXES;
 use crate::comm::{Comm, agree};
-use crate::contact::{self, Histories, StateColumn};
+use crate::contact::{self, ContactRecords, StateColumn};
 use crate::contacts::Contacts;
 use crate::domain::Domain;
 use crate::drive::rain::RainGauge;
@@ -15,9 +15,10 @@ use crate::law::{ForceLaw, Sums};
 use crate::measure::Departed;
 use crate::motion::Field;
 use crate::output::SnapshotError;
+use crate::output::header::{Header, WallRow};
 use crate::output::snapshot::Reader;
-use crate::output::tables::{Header, WallRow};
 use crate::particles::Particles;
+use crate::particles::columns::Accumulated;
 use crate::particles::records::Particle;
 use crate::particles::walls::Wall;
 use crate::search::PairList;
@@ -95,16 +96,16 @@ pub enum StartError {
 
 /// How a run goes on from a snapshot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum From {
+pub enum Continuation {
     /// In the same stage, as if it had never stopped.
-    Middle,
+    SameStage,
     /// A new stage begins with the snapshot's particles.
-    Beginning,
+    NewStage,
 }
 
 /// The scene's simulation, without particles.
 pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
-    assemble_with(scene, scene.law(), comm)
+    assemble_with(scene, scene.force_law(), comm)
 }
 
 /// The same with a law of one's own in place of the scene's.
@@ -122,7 +123,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
         pairs: PairList::default(),
         contacts: Contacts::of(law.state()),
         sums: Sums::default(),
-        domain: Domain::new(scene.domain, halo, comm),
+        domain: Domain::new(&scene.domain, halo, comm),
         resolvers: table(&scene.method, &kinds),
         law,
         field: Field { gravity: scene.gravity, damping: scene.global_damping },
@@ -185,15 +186,15 @@ pub fn take_up(
     sim: &mut Simulation,
     scene: &Scene,
     path: &Path,
-    from: From,
+    continuation: Continuation,
     comm: &mut dyn Comm,
 ) -> Result<TakenUp, StartError> {
     let reader = Reader::open_together(path, comm)?;
     let read = read_part(&reader, reader.path(), scene, comm);
-    let (header, mut particles, histories) = agree(comm, read)?;
+    let (header, mut particles, records) = agree(comm, read)?;
     // A stage that begins finds the forces of its law again; one that goes on needs all that the law remembered.
-    let is_known = |wanted: &&StateColumn| histories.columns().contains(wanted);
-    if from == From::Middle
+    let is_known = |wanted: &&StateColumn| records.columns().contains(wanted);
+    if continuation == Continuation::SameStage
         && let Some(column) = sim.law.state().iter().find(|column| !is_known(column))
     {
         let (path, column) = (reader.path().to_owned(), column.name.to_string());
@@ -203,8 +204,8 @@ pub fn take_up(
     admit_sizes(sim, scene, reader.path(), &particles, comm)?;
     sim.next_id = header.next_id;
     sim.step = header.step;
-    match from {
-        From::Middle => {
+    match continuation {
+        Continuation::SameStage => {
             // The same time step continues the same clock; another begins its own.
             sim.stage_begin = header.stage_begin;
             sim.departed = header.departed;
@@ -213,16 +214,15 @@ pub fn take_up(
                 sim.stage_begin.1 = header.time - steps * sim.dt;
             }
         }
-        From::Beginning => {
+        Continuation::NewStage => {
             sim.stage_begin = (header.step, header.time);
             for particle in &mut particles {
-                particle.dissipated = 0.0;
-                particle.received = 0.0;
+                particle.accumulated = Accumulated::default();
             }
         }
     }
     let mut walls_elsewhere = Vec::new();
-    let goes_on = from == From::Middle && header.dt == sim.dt;
+    let goes_on = continuation == Continuation::SameStage && header.dt == sim.dt;
     let room = (scene.domain.low(), scene.domain.high());
     let Particles { walls, library, .. } = &mut sim.particles;
     for wall in walls {
@@ -230,18 +230,18 @@ pub fn take_up(
             // A wall keeps its place from stage to stage; whether it moves, the scene says.
             let surface = (row.point, row.normal);
             let off = wall.go_on(&surface, row.body.as_ref(), goes_on, library, &room);
-            if from == From::Beginning && off > 0.0 {
+            if continuation == Continuation::NewStage && off > 0.0 {
                 walls_elsewhere.push((wall.name.clone(), off));
             }
         }
     }
-    let resumed = sim.resume_drives(&header.drives, from == From::Beginning, comm);
+    let resumed = sim.resume_drives(&header.drives, continuation == Continuation::NewStage, comm);
     resumed.map_err(|error| StartError::Drive { path: reader.path().to_owned(), error })?;
-    sim.take_up(&particles, &histories, comm);
-    match from {
-        From::Beginning => sim.count_free_energy(),
-        From::Middle if header.dt != sim.dt => sim.change_step(header.dt),
-        From::Middle => {}
+    sim.take_up(&particles, &records, comm);
+    match continuation {
+        Continuation::NewStage => sim.count_free_energy(),
+        Continuation::SameStage if header.dt != sim.dt => sim.change_step(header.dt),
+        Continuation::SameStage => {}
     }
     let passed_over = reader.passed_over().to_vec();
     Ok(TakenUp { passed_over, stop: header.stop, walls_elsewhere })
@@ -317,7 +317,7 @@ fn read_part(
     path: &Path,
     scene: &Scene,
     comm: &dyn Comm,
-) -> Result<(Header, Vec<Particle>, Histories), StartError> {
+) -> Result<(Header, Vec<Particle>, ContactRecords), StartError> {
     let header = reader.header().clone();
     if header.cell.repeats_otherwise(&scene.domain) {
         return Err(StartError::Period { path: path.to_owned() });
@@ -354,8 +354,8 @@ fn read_part(
         count * rank / size..count * (rank + 1) / size
     };
     let table = reader.particles(share(reader.particle_count()))?;
-    let histories = reader.histories(share(reader.history_count()))?;
-    let histories = histories.renamed(|id| {
+    let records = reader.contact_records(share(reader.contact_record_count()))?;
+    let records = records.renamed(|id| {
         let Some((wall, facet)) = id.wall_and_facet() else { return Some(id) };
         // The order of walls may have changed, and a wall may be gone or another.
         let is = |wall: &Wall, WallRow { name, point, normal, body, .. }: &WallRow| {
@@ -381,5 +381,5 @@ fn read_part(
         let mass = scene.library.mass[particle.shape.index()];
         particle.angular_momentum *= mass / header.shapes[before.index()].mass;
     }
-    Ok((header, particles, histories))
+    Ok((header, particles, records))
 }

@@ -1,20 +1,21 @@
 //! From the file as written to the [`Scene`] that it means.
 //!
-//! Every function here reads one part, tells the report all that is wrong with it, and returns
+//! Every function here reads one part, reports all mistakes in it, and returns
 //! `None` if anything was; the parts that are right are read on, so that all mistakes come at once.
 
 use super::fills::Fills;
 use super::input::Node;
-use super::matter::{Materials, Shapes, interactions};
+use super::laws;
+use super::matter::Shapes;
+use super::mistakes::Mistakes;
 use super::reader::{Given, Range, Section};
-use super::report::Report;
 use super::walls::Walls;
-use super::{Fill, Method, Scene, Stop};
+use super::{Fill, Method, Rain, Scene, Stop};
 use crate::cell::{AXES, Cell};
 use crate::contact::{Epa, ErodedGjk};
 use crate::ids::ShapeId;
+use crate::law::ForceLaw;
 use crate::law::stability::time_step_limit;
-use crate::law::{ForceLaw, linear};
 use crate::math::Vec3;
 use crate::particles::Library;
 use std::path::{Path, PathBuf};
@@ -38,13 +39,13 @@ pub(super) enum Need {
 /// The checked scene, or `None` if the report has mistakes.
 pub(super) fn scene(
     root: &Node,
-    report: &Report,
+    mistakes: &Mistakes,
     file: &str,
     folder: &Path,
     text: String,
     need: Need,
 ) -> Option<Scene> {
-    let root = Given::root(root, report).section()?;
+    let root = Given::root(root, mistakes).section()?;
     let title = root.read_or("title", file.to_owned(), |given| given.text().map(str::to_owned));
     let seed = root.read_or("seed", 1, |given| given.whole(0));
     let gravity = root.vector_or("gravity", Vec3::zeros(), "m/s2");
@@ -53,12 +54,8 @@ pub(super) fn scene(
 
     let contact = root.read_or("contact", (Method::Auto, None), |given| contact(&given.section()?));
     let in_contact = contact.and_then(|(_, limit)| limit);
-    let in_contact_or = in_contact.unwrap_or(true);
-    let law = root.read_or("law", in_contact_or, |given| law(&given.section()?, in_contact));
-    let limit_damping = law.unwrap_or(in_contact_or);
-
-    let materials = Materials::read(&root, limit_damping);
-    let interactions = interactions(&root, &materials, limit_damping);
+    let kind = laws::kind(&root, in_contact);
+    let (materials, law) = laws::materials(&root, kind);
     let mut shapes = Shapes::read(&root, &materials, folder);
     let domain_section = root.section("domain", "the box of particles, `low` and `high` [m]");
     let domain = domain_section.as_ref().and_then(domain);
@@ -72,12 +69,8 @@ pub(super) fn scene(
     }
     .read(&root);
     // What follows looks at the sizes of all particles.
-    for fill in fills.iter().flat_map(|(initial, _)| initial) {
-        if let Fill::Listed(rows) = fill {
-            for row in rows {
-                shapes.library.admit(row.shape, row.scale);
-            }
-        }
+    for row in fills.iter().flat_map(|(initial, _)| initial).flat_map(Fill::listed) {
+        shapes.library.admit(row.shape, row.scale);
     }
 
     let time_section = root.section("time", "`step` [s] and `steps`");
@@ -89,47 +82,31 @@ pub(super) fn scene(
     let largest = shapes.library.largest_radius();
     let default_skin = default_skin(&shapes.library);
     let neighbours = root.read_or("neighbours", (default_skin, IMBALANCE), |given| {
-        let neighbours = given.section()?;
-        let skin = neighbours.number_or("skin", default_skin, Range::NotNegative, "m");
-        let imbalance = neighbours.number_or("imbalance", IMBALANCE, Range::FromOne, "");
-        neighbours.finish();
-        Some((skin?, imbalance?))
+        neighbours(&given.section()?, default_skin)
     });
     let output = root.section("output", "`directory`").as_ref().and_then(Output::read);
     root.finish();
 
-    let bodies = shapes.library.shapes.len() + walls.count();
-    for (what, count) in [("shapes and walls", bodies), ("materials", materials.items.len())] {
-        if count > MOST_IDS {
-            root.fail(format!("has {count} {what}; must be at most {MOST_IDS}"));
-        }
-    }
+    check_counts(&root, shapes.library.shapes.len() + walls.count(), materials.items.len());
     // After another stage walls may stand elsewhere.
-    if let (Some((_, Some(rain))), Some(given), Some(None)) = (&fills, root.get("fill"), &start)
-        && let Some(wall) = walls.through(rain)
-    {
-        given.fail(format!(
-            "the slab of rain reaches behind wall `{wall}`; make it smaller with `low` and `high`"
-        ));
+    if let (Some((_, Some(rain))), Some(None)) = (&fills, &start) {
+        check_rain(&root, rain, &walls);
     }
     if let (Some(domain), Some(section), Some((skin, _))) = (&domain, &domain_section, neighbours) {
         check_periods(section, domain, 2.0 * largest + skin);
     }
-    if let (Some(time), Some(section), Some(interactions)) = (&time, &time_section, &interactions)
+    if let (Some(time), Some(section), Some(law)) = (&time, &time_section, &law)
         && shapes.complete
     {
-        let law = linear::law(interactions.clone(), limit_damping, &shapes.library);
-        check_step(section, time, &shapes.library, &*law);
+        check_step(section, time, &shapes.library, &*law.law(&shapes.library));
     }
-    if let (Some(time), Some(ξ), Some(given)) = (&time, global_damping, root.get("global_damping"))
-        && ξ * time.dt >= 2.0
-    {
-        given.fail("turns every velocity round in one step; must be less than 2 / time.step");
+    if let (Some(time), Some(ξ)) = (&time, global_damping) {
+        check_damping(&root, ξ, time.dt);
     }
     if let Some((Method::CommonNormal, _)) = contact {
         check_smooth(&root, &shapes.library);
     }
-    if !report.is_empty() {
+    if !mistakes.is_empty() {
         return None;
     }
 
@@ -144,12 +121,11 @@ pub(super) fn scene(
         seed: seed?,
         domain: domain?,
         materials: materials.items.into_iter().collect::<Option<_>>()?,
-        interactions: interactions?,
+        law: law?,
         library,
         walls,
         servos: servos?,
         method: contact?.0,
-        limit_damping,
         gravity: gravity?,
         global_damping: global_damping?,
         initial,
@@ -222,7 +198,7 @@ fn check_periods(section: &Section, domain: &Cell, reach: f64) {
 
 // --- contact, time, output ---
 
-/// The method, and whether dashpots are kept from attracting, if it is said here.
+/// The method, and whether dashpots are kept from attracting, if that is given here.
 fn contact(section: &Section) -> Option<(Method, Option<bool>)> {
     let words = ["auto", "common-normal", "gjk-erosion", "epa"].map(|word| (word, word));
     let word = section.read_or("method", "auto", |given| given.one_of(&words));
@@ -262,19 +238,6 @@ fn contact(section: &Section) -> Option<(Method, Option<bool>)> {
     Some((method, limit_damping?))
 }
 
-/// Whether dashpots are kept from attracting; `in_contact` is what `[contact]` says of it.
-fn law(section: &Section, in_contact: Option<bool>) -> Option<bool> {
-    let kind = section.read_or("kind", (), |given| given.one_of(&[("linear", ())]));
-    let limit_damping = section.read_or("limit_damping", in_contact.unwrap_or(true), |given| {
-        if in_contact.is_some() {
-            given.fail("stands in [contact], too: say it once");
-        }
-        given.boolean()
-    });
-    section.finish();
-    kind.and(limit_damping)
-}
-
 /// A common normal that the user insists on needs curvature everywhere.
 fn check_smooth(root: &Section, library: &Library) {
     let edged: Vec<String> = library
@@ -309,6 +272,39 @@ fn stop(section: &Section, root: &Section) -> Option<Stop> {
         section.fail("give at least one of `rest`, `unbalanced` and `servo`");
     }
     Some(stop)
+}
+
+/// Skin [m] and imbalance of `[neighbours]`.
+fn neighbours(section: &Section, default_skin: f64) -> Option<(f64, f64)> {
+    let skin = section.number_or("skin", default_skin, Range::NotNegative, "m");
+    let imbalance = section.number_or("imbalance", IMBALANCE, Range::FromOne, "");
+    section.finish();
+    Some((skin?, imbalance?))
+}
+
+fn check_counts(root: &Section, bodies: usize, materials: usize) {
+    for (what, count) in [("shapes and walls", bodies), ("materials", materials)] {
+        if count > MOST_IDS {
+            root.fail(format!("has {count} {what}; must be at most {MOST_IDS}"));
+        }
+    }
+}
+
+fn check_rain(root: &Section, rain: &Rain, walls: &Walls) {
+    if let (Some(given), Some(wall)) = (root.get("fill"), walls.through(rain)) {
+        given.fail(format!(
+            "the slab of rain reaches behind wall `{wall}`; make it smaller with `low` and `high`"
+        ));
+    }
+}
+
+/// `damping` in 1/s, `dt` in s.
+fn check_damping(root: &Section, damping: f64, dt: f64) {
+    if damping * dt >= 2.0
+        && let Some(given) = root.get("global_damping")
+    {
+        given.fail("turns every velocity round in one step; must be less than 2 / time.step");
+    }
 }
 
 struct Time {

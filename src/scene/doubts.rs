@@ -4,7 +4,7 @@ use super::{Fill, Method, Scene};
 use crate::math::Vec3;
 use crate::shape::{Kind, Shape};
 
-/// What is to be said of a scene, a sentence each.
+/// Warnings about a scene, a sentence each.
 pub fn doubts(scene: &Scene) -> Vec<String> {
     let all = [energy_of_erosion(scene), energy_of_faces(scene), lost_in_rounding(scene)];
     all.into_iter().flatten().collect()
@@ -47,7 +47,7 @@ fn rounding(farthest: f64) -> f64 {
     0.5 * f64::EPSILON * farthest
 }
 
-/// What is to be said of motions of the scene that rounding would change; `None` if it keeps them all.
+/// A warning about motions of the scene that rounding would change; `None` if it keeps them all.
 fn lost_in_rounding(scene: &Scene) -> Option<String> {
     let mut worst: Option<(f64, String)> = None;
     let mut note = |what: &dyn Fn() -> String, farthest: f64, velocity: &Vec3| {

@@ -1,7 +1,7 @@
 //! The user's file as it is written: TOML whose every value knows its place, with the overrides of the
 //! command line applied.
 
-use super::report::{Place, Report, suggestion};
+use super::mistakes::{Location, Mistakes, suggestion};
 use std::collections::BTreeMap;
 use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue};
@@ -13,7 +13,7 @@ pub(super) type Table = BTreeMap<String, Node>;
 #[derive(Clone, Debug)]
 pub(super) struct Node {
     pub(super) value: Value,
-    pub(super) place: Place,
+    pub(super) location: Location,
 }
 
 /// A TOML value; a date counts as text.
@@ -57,22 +57,23 @@ impl Value {
 // --- from text ---
 
 /// The file and the overrides, or `None` if the text is not TOML (the report says where).
-pub(super) fn read(text: &str, overrides: &[String], report: &Report) -> Option<Node> {
-    let place = |offset: usize| Place::Line(1 + text[..offset].matches('\n').count());
+pub(super) fn read(text: &str, overrides: &[String], mistakes: &Mistakes) -> Option<Node> {
+    let location = |offset: usize| Location::Line(1 + text[..offset].matches('\n').count());
     let (table, errors) = DeTable::parse_recoverable(text);
     for error in &errors {
-        let place = error.span().map_or(Place::File, |span| place(span.start.min(text.len())));
-        report.add(&place, format!("not valid TOML: {}", error.message()));
+        let location =
+            error.span().map_or(Location::File, |span| location(span.start.min(text.len())));
+        mistakes.add(&location, format!("not valid TOML: {}", error.message()));
     }
     if !errors.is_empty() {
         return None;
     }
-    let value = Value::Table(table_of(table.get_ref(), &place));
-    let mut root = Node { value, place: Place::File };
+    let value = Value::Table(table_of(table.get_ref(), &location));
+    let mut root = Node { value, location: Location::File };
     for text in overrides {
-        let place = Place::Override(text.clone());
-        if let Err(message) = apply(&mut root, text, &place) {
-            report.add(&place, message);
+        let location = Location::Override(text.clone());
+        if let Err(message) = apply(&mut root, text, &location) {
+            mistakes.add(&location, message);
         }
     }
     Some(root)
@@ -83,16 +84,19 @@ pub(super) fn to_text(root: &Node) -> String {
     toml::to_string_pretty(&root.value.to_toml()).expect("a table of plain values is valid TOML")
 }
 
-/// `place` knows where an offset in the text is.
-fn table_of(table: &DeTable, place: &dyn Fn(usize) -> Place) -> Table {
+/// `location` knows where an offset in the text is.
+fn table_of(table: &DeTable, location: &dyn Fn(usize) -> Location) -> Table {
     let entry = |(key, value): (&Spanned<DeString>, &Spanned<DeValue>)| {
-        let node = Node { value: value_of(value.get_ref(), place), place: place(key.span().start) };
+        let node = Node {
+            value: value_of(value.get_ref(), location),
+            location: location(key.span().start),
+        };
         (key.get_ref().to_string(), node)
     };
     table.iter().map(entry).collect()
 }
 
-fn value_of(value: &DeValue, place: &dyn Fn(usize) -> Place) -> Value {
+fn value_of(value: &DeValue, location: &dyn Fn(usize) -> Location) -> Value {
     match value {
         DeValue::Boolean(b) => Value::Boolean(*b),
         DeValue::Integer(i) => match i64::from_str_radix(i.as_str(), i.radix()) {
@@ -110,27 +114,27 @@ fn value_of(value: &DeValue, place: &dyn Fn(usize) -> Place) -> Value {
         DeValue::Datetime(d) => Value::Text(d.to_string()),
         DeValue::Array(list) => {
             let item = |item: &Spanned<DeValue>| Node {
-                value: value_of(item.get_ref(), place),
-                place: place(item.span().start),
+                value: value_of(item.get_ref(), location),
+                location: location(item.span().start),
             };
             Value::List(list.iter().map(item).collect())
         }
-        DeValue::Table(table) => Value::Table(table_of(table, place)),
+        DeValue::Table(table) => Value::Table(table_of(table, location)),
     }
 }
 
 // --- overrides ---
 
 /// Applies `path.to.key=value`. What is not a TOML value is taken as a string.
-fn apply(root: &mut Node, text: &str, place: &Place) -> Result<(), String> {
+fn apply(root: &mut Node, text: &str, location: &Location) -> Result<(), String> {
     let expected = "an override is `path.to.key=value`, as in `time.steps=1000`";
     let (path, value) = text.split_once('=').ok_or(expected)?;
     let path = keys_of(path).ok_or(expected)?;
     let value = match DeValue::parse(value.trim()) {
-        Ok(parsed) => value_of(parsed.get_ref(), &|_| place.clone()),
+        Ok(parsed) => value_of(parsed.get_ref(), &|_| location.clone()),
         Err(_) => Value::Text(value.trim().to_owned()),
     };
-    put(root, &path, Node { value, place: place.clone() })
+    put(root, &path, Node { value, location: location.clone() })
 }
 
 /// The keys of a dotted path, read as TOML reads them.
@@ -155,7 +159,7 @@ fn put(node: &mut Node, path: &[String], new: Node) -> Result<(), String> {
     };
     match &mut node.value {
         Value::Table(table) => {
-            let empty = Node { value: Value::Table(Table::new()), place: new.place.clone() };
+            let empty = Node { value: Value::Table(Table::new()), location: new.location.clone() };
             put(table.entry(key.clone()).or_insert(empty), rest, new)
         }
         Value::List(list) => {

@@ -5,7 +5,7 @@
 //! which may be missing if there is only one; and `scale`, lengths over those of the shape, 1 where it is missing. Lines that begin with `#` are comments.
 
 use super::Listed;
-use super::report::suggestion;
+use super::mistakes::suggestion;
 use crate::ids::ShapeId;
 use crate::math::{Quat, Vec3};
 use csv::StringRecord;

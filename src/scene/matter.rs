@@ -1,11 +1,10 @@
-//! Materials, their interactions, and shapes: from the file as written to the library.
+//! Materials and shapes: from the file as written to the library.
 
 use super::Mix;
 use super::geometry::geometry;
+use super::mistakes::suggestion;
 use super::reader::{Given, Range, Section};
-use super::report::suggestion;
 use crate::ids::{MaterialId, ShapeId};
-use crate::law::linear::{Constants, Interactions, damping_ratio_of_restitution};
 use crate::particles::sizes::Sizes;
 use crate::particles::{Library, of_inertia, of_mass};
 use crate::shape::{Shape, Sphere};
@@ -80,28 +79,35 @@ pub struct Material {
 }
 
 pub(super) struct Materials {
-    pub(super) names: Names,
+    names: Names,
     pub(super) items: Vec<Option<Material>>,
-    /// How two bodies of each act on each other.
-    constants: Vec<Option<Constants>>,
 }
 
 impl Materials {
-    pub(super) fn read(root: &Section, limit_damping: bool) -> Self {
+    /// All of them, with what `read` finds in the section of each. `needed` are keys for that which must be there.
+    pub(super) fn read<C>(
+        root: &Section,
+        needed: &str,
+        read: impl Fn(&Section) -> Option<C>,
+    ) -> (Self, Vec<Option<C>>) {
         let mut names = Names::of("material");
-        let what = "`name`, `density` [kg/m3], `normal_stiffness` [N/m]";
-        let sections = root.some_sections("material", what);
-        let read = sections.iter().map(|section| {
+        let what = format!("`name`, `density` [kg/m3], {needed}");
+        let sections = root.some_sections("material", &what);
+        let all = sections.iter().map(|section| {
             names.add(section);
             let name = names.names.last().cloned();
             let density = section.number("density", Range::Positive, "kg/m3");
-            let constants = constants(section, None, limit_damping);
+            let constants = read(section);
             section.finish();
             let material = name.zip(density).map(|(name, density)| Material { name, density });
             (material, constants)
         });
-        let (items, constants) = read.unzip();
-        Self { names, items, constants }
+        let (items, constants) = all.unzip();
+        (Self { names, items }, constants)
+    }
+
+    pub(super) fn find(&self, given: &Given) -> Option<MaterialId> {
+        self.names.find(given, given.text()?).map(|index| MaterialId(index as u16))
     }
 
     pub(super) fn find_in(&self, section: &Section, key: &'static str) -> Option<MaterialId> {
@@ -111,99 +117,6 @@ impl Materials {
     pub(super) fn get(&self, id: MaterialId) -> Option<&Material> {
         self.items[id.index()].as_ref()
     }
-}
-
-/// Contact constants of a material, or of two, with what is left out taken from `mixed`.
-fn constants(
-    section: &Section,
-    mixed: Option<&Constants>,
-    limit_damping: bool,
-) -> Option<Constants> {
-    let normal_stiffness = match mixed {
-        None => section.number("normal_stiffness", Range::Positive, "N/m"),
-        Some(mixed) => {
-            section.number_or("normal_stiffness", mixed.normal_stiffness, Range::Positive, "N/m")
-        }
-    };
-    let tangential = mixed.map_or(normal_stiffness, |m| Some(m.tangential_stiffness));
-    let tangential_stiffness = section.number_or(
-        "tangential_stiffness",
-        tangential.unwrap_or_default(),
-        Range::NotNegative,
-        "N/m",
-    );
-    let friction =
-        section.number_or("friction", mixed.map_or(0.0, |m| m.friction), Range::NotNegative, "");
-    // One with a mistake has no stiffness at all.
-    let is_known = match mixed {
-        Some(mixed) => mixed.normal_stiffness > 0.0,
-        None => normal_stiffness.is_some() || section.get("tangential_stiffness").is_some(),
-    };
-    if is_known && friction.is_some_and(|f| f > 0.0) && tangential_stiffness == Some(0.0) {
-        section.fail("friction needs a spring: `tangential_stiffness` must be greater than 0");
-    }
-    let damping = mixed.map_or(0.0, |m| m.normal_damping_ratio);
-    let normal_damping_ratio = section.read_or("restitution", damping, |given| {
-        let restitution = given.number(Range::UpToOne, "")?;
-        Some(damping_ratio_of_restitution(restitution, limit_damping))
-    });
-    let tangential_damping_ratio = section.number_or(
-        "tangential_damping_ratio",
-        mixed.map_or(0.0, |m| m.tangential_damping_ratio),
-        Range::NotNegative,
-        "",
-    );
-    Some(Constants {
-        normal_stiffness: normal_stiffness?,
-        tangential_stiffness: tangential_stiffness?,
-        friction: friction?,
-        normal_damping_ratio: normal_damping_ratio?,
-        tangential_damping_ratio: tangential_damping_ratio?,
-    })
-}
-
-pub(super) fn interactions(
-    root: &Section,
-    materials: &Materials,
-    limit_damping: bool,
-) -> Option<Interactions> {
-    let all: Option<Vec<Constants>> = materials.constants.iter().copied().collect();
-    let mut interactions = all.map(|all| Interactions::new(&all));
-    let mut seen = Vec::new();
-    let mut complete = true;
-    for section in root.sections("interaction") {
-        let pair = section.require("between", "the names of two materials", |given| {
-            let names = given.list("a list of two materials")?;
-            let [a, b] = &names[..] else {
-                given.fail("must be a list of two materials");
-                return None;
-            };
-            let id = |given: &Given| {
-                materials.names.find(given, given.text()?).map(|index| MaterialId(index as u16))
-            };
-            let (a, b) = (id(a), id(b));
-            let (a, b) = (a?.min(b?), a?.max(b?));
-            if seen.contains(&(a, b)) {
-                given.fail("these two have an interaction already");
-            }
-            seen.push((a, b));
-            Some((a, b))
-        });
-        let mixed = match (&interactions, pair) {
-            (Some(interactions), Some((a, b))) => *interactions.of(a, b),
-            // A mistake has been found; this one is only read for more of them.
-            _ => Constants::default(),
-        };
-        let constants = constants(&section, Some(&mixed), limit_damping);
-        section.finish();
-        match (&mut interactions, pair, constants) {
-            (Some(interactions), Some((a, b)), Some(constants)) => {
-                interactions.set(a, b, constants);
-            }
-            _ => complete = false,
-        }
-    }
-    interactions.filter(|_| complete)
 }
 
 // --- shapes ---

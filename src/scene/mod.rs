@@ -109,12 +109,13 @@ pub mod doubts;
 mod fills;
 mod geometry;
 mod input;
+mod laws;
 mod listed;
 mod matter;
+mod mistakes;
 pub mod packing;
 pub mod plan;
 mod reader;
-mod report;
 mod walls;
 
 use crate::cell::Cell;
@@ -123,7 +124,7 @@ pub use crate::drive::rain::Rain;
 pub use crate::drive::servo::Servo;
 use crate::ids::ShapeId;
 use crate::law::stability::{self, TimeStepLimit};
-use crate::law::{ForceLaw, linear};
+use crate::law::{self, ForceLaw};
 use crate::math::{Quat, Vec3};
 pub use crate::particles::mix::Mix;
 use crate::particles::walls::Wall;
@@ -132,8 +133,8 @@ use crate::shape::Kind;
 pub use crate::sim::run::Stop;
 use check::Need;
 pub use matter::Material;
-use report::Report;
-pub use report::{Place, Problem, SceneErrors};
+use mistakes::Mistakes;
+pub use mistakes::{Location, Problem, SceneErrors};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -148,8 +149,8 @@ pub struct Scene {
     pub domain: Cell,
     /// Materials, by `MaterialId`.
     pub materials: Vec<Material>,
-    /// Contact constants of every pair of materials.
-    pub interactions: linear::Interactions,
+    /// The law of contacts, with the constants of every pair of materials.
+    pub law: law::Choice,
     /// Shapes of particles, then of walls, by `ShapeId`.
     pub library: Library,
     /// Walls, in the order of their ids.
@@ -158,8 +159,6 @@ pub struct Scene {
     pub servos: Vec<Servo>,
     /// How contacts are resolved.
     pub method: Method,
-    /// Normal dashpots never make a contact attractive.
-    pub limit_damping: bool,
     /// Gravity [m/s²].
     pub gravity: Vec3,
     /// Global damping ξ: every particle feels `-ξ m v` and `-ξ I ω` [1/s].
@@ -220,7 +219,7 @@ impl Scene {
             }
             Err(error) => {
                 let message = format!("cannot be read: {error}");
-                let problems = vec![Problem { place: Place::File, message }];
+                let problems = vec![Problem { location: Location::File, message }];
                 Err(SceneErrors { file: name, problems })
             }
         }
@@ -247,21 +246,21 @@ impl Scene {
         overrides: &[String],
         need: Need,
     ) -> Result<Self, SceneErrors> {
-        let report = Report::default();
-        let scene = input::read(text, overrides, &report).and_then(|root| {
+        let mistakes = Mistakes::default();
+        let scene = input::read(text, overrides, &mistakes).and_then(|root| {
             let effective =
                 if overrides.is_empty() { text.to_owned() } else { input::to_text(&root) };
-            check::scene(&root, &report, file, folder, effective, need)
+            check::scene(&root, &mistakes, file, folder, effective, need)
         });
         match scene {
-            Some(scene) if report.is_empty() => Ok(scene),
-            _ => Err(report.into_errors(file)),
+            Some(scene) if mistakes.is_empty() => Ok(scene),
+            _ => Err(mistakes.into_errors(file)),
         }
     }
 
     /// The force law of the scene.
-    pub fn law(&self) -> Box<dyn ForceLaw> {
-        linear::law(self.interactions.clone(), self.limit_damping, &self.library)
+    pub fn force_law(&self) -> Box<dyn ForceLaw> {
+        self.law.law(&self.library)
     }
 
     /// The kinds of shape that particles have.
@@ -278,7 +277,7 @@ impl Scene {
 
     /// Which columns the scene needs.
     pub fn needs(&self) -> Needs {
-        self.needs_with(&*self.law())
+        self.needs_with(&*self.force_law())
     }
 
     /// The same with another law.
@@ -297,7 +296,7 @@ impl Scene {
 
     /// The largest stable time step; `None` if nothing pushes.
     pub fn time_step_limit(&self) -> Option<TimeStepLimit> {
-        stability::time_step_limit(&self.library, &*self.law())
+        stability::time_step_limit(&self.library, &*self.force_law())
     }
 
     /// Particles in all, those of a start snapshot left out.
@@ -322,6 +321,14 @@ impl Fill {
         match self {
             Self::Lattice(lattice) => lattice.count.iter().map(|&n| u64::from(n)).product(),
             Self::Listed(list) => list.len() as u64,
+        }
+    }
+
+    /// The particles of a list; none of a lattice.
+    fn listed(&self) -> &[Listed] {
+        match self {
+            Self::Lattice(_) => &[],
+            Self::Listed(list) => list,
         }
     }
 }

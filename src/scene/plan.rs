@@ -1,4 +1,4 @@
-//! What a scene will cost, said before it runs: `dem-mpi --plan`.
+//! What a scene will cost, printed before it runs: `dem-mpi --plan`.
 
 use super::doubts::doubts;
 use super::{Fill, Mix, Scene, Stop};
@@ -6,8 +6,8 @@ use crate::contact::{ContactResolver, Patch, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
 use crate::ids::MaterialId;
 use crate::math::{ExactSum, Vec3};
-use crate::output::columns::PARTICLE_COLUMNS;
 use crate::output::snapshot::{contact_bytes, particle_bytes};
+use crate::output::tables::PARTICLE_COLUMNS;
 use crate::particles::walls::Wall;
 use crate::shape::moments::Placement;
 use crate::shape::{Kind, Shape};
@@ -82,6 +82,32 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
             ),
         );
     }
+    shapes(scene, page);
+    walls(scene, page);
+    let law = scene.force_law();
+    page.line("law", law.name());
+    for (a, b) in pairs_of_materials(scene) {
+        let words = law.words(a, b);
+        let [a, b] = [a, b].map(|id| &*scene.materials[id.index()].name);
+        page.line("constants", format!("{a}-{b}: {words}"));
+    }
+    for (a, b) in pairs_of_kinds(scene) {
+        page.line("contacts", format!("{}-{}: {}", a.name(), b.name(), resolver(scene, a, b)));
+    }
+    let needs = scene.needs();
+    let columns = [
+        (true, "position, velocity, force"),
+        (needs.spin, "angular velocity, torque"),
+        (needs.orientation, "orientation, angular momentum"),
+        (needs.image, "counts of periods"),
+        (needs.scale, "scales"),
+    ];
+    let columns: Vec<&str> =
+        columns.iter().filter(|(is_in, _)| *is_in).map(|&(_, name)| name).collect();
+    page.line("columns", columns.join("; "));
+}
+
+fn shapes(scene: &Scene, page: &mut Page) {
     let library = &scene.library;
     for (index, shape) in library.shapes[..library.particle_shapes].iter().enumerate() {
         let size = if let Shape::Sphere(sphere) = shape {
@@ -113,6 +139,9 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
             );
         }
     }
+}
+
+fn walls(scene: &Scene, page: &mut Page) {
     let walls = |moving: bool| {
         let names = scene.walls.iter().filter(|wall| wall.moves == moving);
         names.map(|wall| wall.name.as_str()).collect::<Vec<_>>().join(", ")
@@ -135,27 +164,6 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
             ),
         );
     }
-    let law = scene.law();
-    page.line("law", law.name());
-    for (a, b) in pairs_of_materials(scene) {
-        let words = law.words(a, b);
-        let [a, b] = [a, b].map(|id| &*scene.materials[id.index()].name);
-        page.line("constants", format!("{a}-{b}: {words}"));
-    }
-    for (a, b) in pairs_of_kinds(scene) {
-        page.line("contacts", format!("{}-{}: {}", a.name(), b.name(), resolver(scene, a, b)));
-    }
-    let needs = scene.needs();
-    let columns = [
-        (true, "position, velocity, force"),
-        (needs.spin, "angular velocity, torque"),
-        (needs.orientation, "orientation, angular momentum"),
-        (needs.image, "counts of periods"),
-        (needs.scale, "scales"),
-    ];
-    let columns: Vec<&str> =
-        columns.iter().filter(|(is_in, _)| *is_in).map(|&(_, name)| name).collect();
-    page.line("columns", columns.join("; "));
 }
 
 /// Which materials can meet.
@@ -193,7 +201,7 @@ fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
 
 fn what_is_left_out(scene: &Scene, page: &mut Page) {
     let needs = scene.needs();
-    let law = scene.law();
+    let law = scene.force_law();
     let open: Vec<&str> = SIDES
         .into_iter()
         .filter(|&(_, axis, inwards)| {
@@ -237,7 +245,7 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     let count = scene.particle_count();
     page.section("Memory and messages");
     page.line("owned particle", format!("{} bytes in columns", needs.column_bytes()));
-    let remembered = scene.law();
+    let remembered = scene.force_law();
     let state = remembered.state();
     let mut words = vec![format!("{CONTACT_COLUMNS} bytes of bodies, normal, overlap and force")];
     if needs.orientation {
@@ -278,7 +286,7 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
         ),
     );
     let particles = count * particle_bytes(&scene.needs()) as u64;
-    let contacts = count * CONTACTS_PER_PARTICLE * contact_bytes(scene.law().state()) as u64;
+    let contacts = count * CONTACTS_PER_PARTICLE * contact_bytes(scene.force_law().state()) as u64;
     // One at the start, those on schedule, and one at the end.
     let snapshots = match scene.snapshot_every {
         0 => 1,

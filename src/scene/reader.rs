@@ -1,11 +1,11 @@
 //! Readers of values and tables, which check types and ranges.
 //!
-//! A reader never stops at a mistake. It tells the [`Report`] and returns `None`, so that one run
+//! A reader never stops at a mistake. It reports the mistake ([`Mistakes`]) and returns `None`, so that one run
 //! finds all mistakes of a file. A [`Section`] remembers which keys it was asked for; those are the
 //! keys that exist, all others are refused by [`Section::finish`].
 
 use super::input::{Node, Table, Value, name_of};
-use super::report::{Place, Report, suggestion};
+use super::mistakes::{Location, Mistakes, suggestion};
 use crate::math::Vec3;
 use crate::shape::Superellipsoid;
 use std::cell::RefCell;
@@ -70,18 +70,18 @@ impl fmt::Display for Range {
 pub(super) struct Given<'a> {
     node: &'a Node,
     path: String,
-    report: &'a Report,
+    mistakes: &'a Mistakes,
 }
 
 impl<'a> Given<'a> {
     /// The whole input.
-    pub(super) fn root(node: &'a Node, report: &'a Report) -> Self {
-        Self { node, path: String::new(), report }
+    pub(super) fn root(node: &'a Node, mistakes: &'a Mistakes) -> Self {
+        Self { node, path: String::new(), mistakes }
     }
 
     /// Where it stands.
-    pub(super) const fn place(&self) -> &'a Place {
-        &self.node.place
+    pub(super) const fn location(&self) -> &'a Location {
+        &self.node.location
     }
 
     /// Key path and value, then what is wrong.
@@ -99,7 +99,7 @@ impl<'a> Given<'a> {
             list @ Value::List(_) => format!(" = {}", list.to_toml()),
             Value::Table(_) => String::new(),
         };
-        self.report.add(&self.node.place, format!("{}{value}: {what}", self.path));
+        self.mistakes.add(&self.node.location, format!("{}{value}: {what}", self.path));
     }
 
     /// What was expected, for a value of another type.
@@ -197,7 +197,7 @@ impl<'a> Given<'a> {
         let item = |(k, node)| Self {
             node,
             path: joined(&self.path, &name_of(node, k)),
-            report: self.report,
+            mistakes: self.mistakes,
         };
         items.iter().enumerate().map(item).collect()
     }
@@ -250,7 +250,7 @@ impl<'a> Given<'a> {
         let Value::Table(table) = &self.node.value else { return None };
         let entry = |(key, node): (&'a String, &'a Node)| {
             let path = joined(&self.path, key);
-            (key.as_str(), Self { node, path, report: self.report })
+            (key.as_str(), Self { node, path, mistakes: self.mistakes })
         };
         Some(table.iter().map(entry).collect())
     }
@@ -262,8 +262,8 @@ impl<'a> Given<'a> {
             }
             Value::List(_) => {
                 let header = &self.path;
-                self.report.add(
-                    self.place(),
+                self.mistakes.add(
+                    self.location(),
                     format!("{header}: there can be only one; write [{header}], not [[{header}]]"),
                 );
                 None
@@ -279,7 +279,7 @@ impl<'a> Given<'a> {
         }
         let header = &self.path;
         let message = format!("{header}: there can be several; write [[{header}]], not [{header}]");
-        self.report.add(self.place(), message);
+        self.mistakes.add(self.location(), message);
         Vec::new()
     }
 }
@@ -322,7 +322,7 @@ impl<'a> Section<'a> {
             self.asked.borrow_mut().push(key);
         }
         let path = joined(&self.given.path, key);
-        self.table.get(key).map(|node| Given { node, path, report: self.given.report })
+        self.table.get(key).map(|node| Given { node, path, mistakes: self.given.mistakes })
     }
 
     /// The value of a key that must be there.
@@ -402,7 +402,7 @@ impl<'a> Section<'a> {
     pub(super) fn fail(&self, what: impl fmt::Display) {
         let path = &self.given.path;
         let colon = if path.is_empty() { "" } else { ": " };
-        self.given.report.add(self.given.place(), format!("{path}{colon}{what}"));
+        self.given.mistakes.add(self.given.location(), format!("{path}{colon}{what}"));
     }
 
     /// Refuses the keys that nobody asked for.
@@ -412,7 +412,8 @@ impl<'a> Section<'a> {
             if !asked.contains(&key.as_str()) {
                 let path = joined(&self.given.path, key);
                 let hint = suggestion(key, asked.iter().copied(), "allowed here");
-                Given { node, path, report: self.given.report }.fail(format!("no such key{hint}"));
+                Given { node, path, mistakes: self.given.mistakes }
+                    .fail(format!("no such key{hint}"));
             }
         }
     }

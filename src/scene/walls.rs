@@ -1,8 +1,8 @@
 //! Walls and what moves them: from the file as written.
 
 use super::matter::{Materials, Names};
+use super::mistakes::suggestion;
 use super::reader::{Given, Range, Section};
-use super::report::suggestion;
 use crate::cell::{AXES, Cell};
 use crate::drive::rain::Rain;
 use crate::drive::servo::Servo;

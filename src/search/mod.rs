@@ -216,7 +216,7 @@ pub fn moved_squared(particles: &Particles) -> f64 {
     let mut largest = 0.0;
     let mut sound = true;
     for (now, then) in particles.position.iter().zip(&particles.listed_at) {
-        let moved = particles.cell.nearest(now - then).norm_squared();
+        let moved = particles.cell.moved(then, now).norm_squared();
         if moved > largest {
             largest = moved;
         }

@@ -1,7 +1,7 @@
 //! The convex polyhedron, from its corners.
 //!
 //! Given in any axes, it is moved to its centre of mass and turned into its principal axes, in which a
-//! grain moves; [`Polyhedron::placement`] tells where those lie in the axes of the file.
+//! grain moves; [`Polyhedron::placement`] gives these in the axes of the file.
 
 use super::facets::Facets;
 use super::hull::{Hull, HullError, size};

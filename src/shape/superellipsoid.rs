@@ -195,7 +195,7 @@ pub(super) struct Exponents {
 /// across flat faces.
 const FLATTEST: f64 = 1e-12;
 /// Outside this range of exponents, surfaces have as good as edges and faces: a direction in double precision no longer
-/// tells where on them its support point lies.
+/// determines where on them its support point lies.
 const ROUND: RangeInclusive<f64> = 0.1..=1.99;
 /// A change of a component of a direction, relative to it, over which a Hessian is no longer constant.
 const BENT: f64 = 0.3;

@@ -2,15 +2,14 @@
 
 use super::Simulation;
 use crate::comm::{Comm, Parcel, wire};
-use crate::contact::{Histories, NamedHistory, Pair, StateColumn};
+use crate::contact::{ContactRecord, ContactRecords, Pair, StateColumn};
 use crate::contacts::Loaded;
 use crate::drive::{DriveError, SavedState};
 use crate::ids::{GlobalId, Rank, ShapeId};
 use crate::math::{Quat, Vec3};
 use crate::motion;
-use crate::output::tables::{
-    ContactRow, ContactTable, Header, HistoryRows, ParticleTable, Rows, ShapeRow, WallRow,
-};
+use crate::output::header::{Header, ShapeRow, WallRow};
+use crate::output::tables::{ContactRecordRows, ContactRow, ContactTable, ParticleTable, Rows};
 use crate::particles::records::Particle;
 use crate::shape::Kind;
 use nalgebra::Quaternion;
@@ -38,7 +37,7 @@ impl Rows<ContactRow> for FirstOwned<'_> {
         let Simulation { particles, contacts, law, .. } = self.0;
         let bodies = particles.bodies();
         for contact in contacts.loaded(&**law, particles) {
-            let Loaded { pair, history, normal_force, force, point, state: _ } = contact;
+            let Loaded { pair, geometry, normal_force, force, point, state: _ } = contact;
             if !self.is_one(pair) {
                 continue;
             }
@@ -51,16 +50,16 @@ impl Rows<ContactRow> for FirstOwned<'_> {
                 centre,
                 branch: if with_wall { point } else { bodies.relative(pair) },
                 point: centre + point,
-                normal: history.normal,
-                overlap: history.overlap,
+                normal: geometry.normal,
+                overlap: geometry.overlap,
                 normal_force,
-                shear_force: force - history.normal * normal_force,
+                shear_force: force - geometry.normal * normal_force,
             });
         }
     }
 }
 
-impl HistoryRows for FirstOwned<'_> {
+impl ContactRecordRows for FirstOwned<'_> {
     fn columns(&self) -> &[StateColumn] {
         self.0.contacts.remembered()
     }
@@ -69,7 +68,7 @@ impl HistoryRows for FirstOwned<'_> {
         self.how_many()
     }
 
-    fn each(&self, take: &mut dyn FnMut(&NamedHistory)) {
+    fn each(&self, take: &mut dyn FnMut(&ContactRecord)) {
         for (pair, named) in self.0.contacts.named(&self.0.particles) {
             if self.is_one(pair) {
                 take(&named);
@@ -91,7 +90,7 @@ impl Simulation {
             next_id: self.next_id,
             departed: self.departed,
             stop: String::new(),
-            cell: self.domain.cell,
+            cell: self.particles.cell,
             gravity: self.field.gravity,
             walls: self
                 .particles
@@ -161,8 +160,7 @@ impl Simulation {
             force: particles.force.iter().map(|row| row.vector).collect(),
             coordination: self.contacts.coordination(particles.owned),
             rank: vec![rank.0 as i32; particles.owned],
-            dissipated: particles.dissipated.clone(),
-            received: particles.received.clone(),
+            accumulated: particles.accumulated.clone(),
             image: particles.image.clone(),
             ..ParticleTable::default()
         };
@@ -192,23 +190,28 @@ impl Simulation {
         FirstOwned(self)
     }
 
-    /// The histories of the touching contacts of which this rank owns the first particle.
-    pub fn histories(&self) -> Histories {
-        let rows = self.history_rows();
-        let mut histories = Histories::of(rows.columns());
-        rows.each(&mut |row| histories.push(row));
-        histories
+    /// The records of the touching contacts of which this rank owns the first particle.
+    pub fn contact_records(&self) -> ContactRecords {
+        let rows = self.contact_record_rows();
+        let mut records = ContactRecords::of(rows.columns());
+        rows.each(&mut |row| records.push(row));
+        records
     }
 
-    /// The rows of [`Simulation::histories`].
-    pub const fn history_rows(&self) -> impl HistoryRows {
+    /// The rows of [`Simulation::contact_records`].
+    pub const fn contact_record_rows(&self) -> impl ContactRecordRows {
         FirstOwned(self)
     }
 
-    /// Takes up a state from a snapshot: on each rank any part of its particles and histories, which
+    /// Takes up a state from a snapshot: on each rank any part of its particles and records, which
     /// go to their owners. Forces come from the snapshot, so the next step continues as if nothing
     /// had happened. Collective.
-    pub fn take_up(&mut self, particles: &[Particle], histories: &Histories, comm: &mut dyn Comm) {
+    pub fn take_up(
+        &mut self,
+        particles: &[Particle],
+        records: &ContactRecords,
+        comm: &mut dyn Comm,
+    ) {
         self.particles.strip_to_owned();
         for particle in particles {
             self.particles.push_owned(particle);
@@ -218,19 +221,19 @@ impl Simulation {
         self.domain.recut(&self.particles, &work, comm);
         self.domain.migrate(&mut self.particles, &self.contacts, &BTreeSet::new(), comm);
         let owned = &self.particles.id[..self.particles.owned];
-        let histories = histories.with_columns(self.contacts.remembered());
-        let carried = histories_to_owners(owned, &histories, comm);
+        let records = records.with_columns(self.contacts.remembered());
+        let carried = records_to_owners(owned, &records, comm);
         self.relist(&carried, comm);
     }
 }
 
-/// Sends each history to the owners of both its particles, through a directory that is spread over
+/// Sends each record to the owners of both its particles, through a directory that is spread over
 /// all ranks by id: no rank holds more than its share. Collective.
-fn histories_to_owners(
+fn records_to_owners(
     owned: &[GlobalId],
-    histories: &Histories,
+    records: &ContactRecords,
     comm: &mut dyn Comm,
-) -> Histories {
+) -> ContactRecords {
     let size = u64::from(comm.size());
     let home = |id: GlobalId| Rank((id.0 % size) as u32);
 
@@ -246,9 +249,9 @@ fn histories_to_owners(
     }
 
     // Whose directory, and about whom it is asked in each row.
-    let none = || (Vec::new(), Histories::of(histories.columns()));
-    let mut asked: BTreeMap<Rank, (Vec<GlobalId>, Histories)> = BTreeMap::new();
-    for named in histories.iter() {
+    let none = || (Vec::new(), ContactRecords::of(records.columns()));
+    let mut asked: BTreeMap<Rank, (Vec<GlobalId>, ContactRecords)> = BTreeMap::new();
+    for named in records.iter() {
         for id in [named.a, named.b] {
             if id.wall_index().is_none() {
                 let (ids, rows) = asked.entry(home(id)).or_insert_with(none);
@@ -257,10 +260,10 @@ fn histories_to_owners(
             }
         }
     }
-    let none = || Histories::of(histories.columns());
-    let mut forwarded: BTreeMap<Rank, Histories> = BTreeMap::new();
+    let none = || ContactRecords::of(records.columns());
+    let mut forwarded: BTreeMap<Rank, ContactRecords> = BTreeMap::new();
     for parcel in comm.route(to_parcels(asked)) {
-        let (ids, rows): (Vec<GlobalId>, Histories) = wire::decode(&parcel.bytes);
+        let (ids, rows): (Vec<GlobalId>, ContactRecords) = wire::decode(&parcel.bytes);
         for (id, named) in ids.iter().zip(rows.iter()) {
             if let Some(&owner) = directory.get(id) {
                 forwarded.entry(owner).or_insert_with(none).push(&named);
@@ -292,8 +295,7 @@ pub fn particles_of(table: &ParticleTable, shape_of: impl Fn(ShapeId) -> ShapeId
             position: table.position[row],
             velocity: table.velocity[row],
             force: table.force[row],
-            dissipated: table.dissipated[row],
-            received: table.received[row],
+            accumulated: table.accumulated.row(row),
             image: table.image.get(row).copied().unwrap_or_default(),
             // The bits as they were, not normalised again.
             quaternion: table.quaternion.get(row).map_or_else(Quat::identity, |&[w, x, y, z]| {

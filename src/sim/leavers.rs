@@ -4,6 +4,7 @@ use super::Simulation;
 use crate::comm::{Comm, everywhere};
 use crate::ids::GlobalId;
 use crate::measure;
+use crate::particles::columns::Quantity;
 use std::collections::BTreeSet;
 
 impl Simulation {
@@ -47,7 +48,8 @@ impl Simulation {
                 let weight = field.gravity * particles.mass(slot);
                 let work = 0.5 * dt * weight.dot(&particles.velocity[slot]);
                 let energy = measure::free_energy(particles, slot, field) + work;
-                let (received, dissipated) = (particles.received[slot], particles.dissipated[slot]);
+                let [received, dissipated] = [Quantity::Received, Quantity::Dissipated]
+                    .map(|quantity| particles.accumulated[quantity][slot]);
                 entries.push((id, id, received - energy, dissipated));
             }
         }

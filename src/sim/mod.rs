@@ -1,6 +1,7 @@
 //! The simulation: everything a rank holds, and the step.
 
 pub mod capture;
+pub mod floor;
 mod leavers;
 pub mod report;
 pub mod run;
@@ -8,7 +9,7 @@ pub mod trace;
 pub mod watch;
 
 use crate::comm::{Comm, agree};
-use crate::contact::{Found, Histories, Pair, Table, Touch, Why};
+use crate::contact::{ContactRecords, Found, Pair, Table, Touch, Why};
 use crate::contacts::{Contacts, Loaded};
 use crate::domain::{Domain, DomainError};
 use crate::drive::{Drive, DriveError, Moment};
@@ -17,6 +18,7 @@ use crate::law::{ForceLaw, Sums};
 use crate::measure::{self, Departed, Measures};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
+use crate::particles::columns::Quantity;
 use crate::particles::records::Particle;
 use crate::search::{self, PairList};
 use crate::timing::{Clock, Phase};
@@ -116,7 +118,7 @@ pub enum StepError {
         z: f64,
         /// Distance of the centres [m].
         distance: f64,
-        /// What the last method said.
+        /// Why the last method failed.
         why: Why,
     },
 }
@@ -234,7 +236,7 @@ impl Simulation {
     /// The first half of [`Simulation::begin`]. Collective.
     ///
     /// # Panics
-    /// If two drives have one name: their states could not be told apart.
+    /// If two drives have one name: their saved states could not be distinguished.
     fn list_first(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         let mut names = BTreeSet::new();
         for drive in &self.drives {
@@ -281,9 +283,9 @@ impl Simulation {
         Ok(())
     }
 
-    /// Makes ghosts and pairs for particles that are all with their owners; `carried` are the histories
+    /// Makes ghosts and pairs for particles that are all with their owners; `carried` are the records
     /// of their touching contacts. Collective.
-    pub fn relist(&mut self, carried: &Histories, comm: &mut dyn Comm) {
+    pub fn relist(&mut self, carried: &ContactRecords, comm: &mut dyn Comm) {
         self.domain.offer_ghosts(&mut self.particles, comm);
         let mut found = search::close_pairs(&self.particles, self.skin);
         self.domain.keep_paired_ghosts(&mut self.particles, &mut found);
@@ -332,7 +334,8 @@ impl Simulation {
     pub fn insert(&mut self, particle: &Particle) {
         self.particles.push_owned(particle);
         let slot = self.particles.owned - 1;
-        self.particles.received[slot] += measure::free_energy(&self.particles, slot, &self.field);
+        self.particles.accumulated[Quantity::Received][slot] +=
+            measure::free_energy(&self.particles, slot, &self.field);
     }
 
     /// The same of a particle that appears, and touches nothing, after the first kick of a step.
@@ -340,7 +343,8 @@ impl Simulation {
         self.insert(particle);
         let Self { particles, field, dt, .. } = self;
         let slot = particles.owned - 1;
-        particles.received[slot] += motion::step_energy(particles, slot, field, *dt);
+        particles.accumulated[Quantity::Received][slot] +=
+            motion::step_energy(particles, slot, field, *dt);
         particles.velocity[slot] = field.before_last_kick(&particle.velocity, *dt);
     }
 
@@ -392,7 +396,7 @@ impl Simulation {
                 return Err(self.unresolved(self.pairs.pairs[start + number as usize], why));
             }
             self.clock.lap(Phase::Contacts);
-            self.contacts.load(stretch, &*self.law, &self.particles, dt, &mut self.sums);
+            self.contacts.compute_forces(stretch, &*self.law, &self.particles, dt, &mut self.sums);
             self.clock.lap(Phase::Forces);
             Ok(())
         });
@@ -406,7 +410,7 @@ impl Simulation {
         found.clear();
         let listed = &pairs.stretches[stretch];
         let in_stretch = &pairs.pairs[listed.range.clone()];
-        contacts.look(stretch, in_stretch.len(), &mut found.contacts, particles.needs);
+        contacts.prepare(stretch, in_stretch.len(), &mut found.contacts, particles.needs);
         for group in &listed.groups {
             let Some(resolver) = resolvers.get(group.kinds) else { continue };
             let active = pairs.active(listed, group, particles, active);
@@ -455,7 +459,7 @@ impl Simulation {
     /// Counts the energy that all owned particles bring into a stage, contacts left out, as received.
     pub fn count_free_energy(&mut self) {
         for slot in 0..self.particles.owned {
-            self.particles.received[slot] +=
+            self.particles.accumulated[Quantity::Received][slot] +=
                 measure::free_energy(&self.particles, slot, &self.field);
         }
     }
@@ -466,7 +470,7 @@ impl Simulation {
         for slot in 0..particles.owned {
             let [old, new] =
                 [before, *dt].map(|dt| motion::step_energy(particles, slot, field, dt));
-            particles.received[slot] += new - old;
+            particles.accumulated[Quantity::Received][slot] += new - old;
         }
     }
 
@@ -476,9 +480,9 @@ impl Simulation {
         let particles = &mut self.particles;
         let mut brought: Vec<(usize, GlobalId, f64)> = Vec::new();
         for contact in self.contacts.loaded(&*self.law, particles) {
-            let Loaded { pair, history, state, .. } = contact;
+            let Loaded { pair, geometry, state, .. } = contact;
             let Pair { a, b } = pair;
-            let stored = self.law.stored(pair, particles, history, state);
+            let stored = self.law.stored(pair, particles, geometry, state);
             let share = if b.index() >= particles.first_facet() { stored } else { 0.5 * stored };
             for (me, partner) in [(a, b), (b, a)] {
                 if me.index() < particles.owned {
@@ -488,10 +492,11 @@ impl Simulation {
         }
         brought.sort_unstable_by_key(|&(me, partner, _)| (me, partner));
         for (me, _, energy) in brought {
-            particles.received[me] += energy;
+            particles.accumulated[Quantity::Received][me] += energy;
         }
         for slot in 0..particles.owned {
-            particles.received[slot] += motion::step_energy(particles, slot, &self.field, self.dt);
+            particles.accumulated[Quantity::Received][slot] +=
+                motion::step_energy(particles, slot, &self.field, self.dt);
         }
     }
 }

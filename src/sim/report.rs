@@ -1,9 +1,12 @@
-//! What a run tells at its end.
+//! The report at the end of a run.
 
 use super::Simulation;
+use super::floor::{Floor, Needed};
 use super::run::{Ending, Finish};
 use crate::comm::Comm;
 use crate::contact::Tally;
+use crate::domain::Traffic;
+use crate::measure::Measures;
 use crate::output::performance::Performance;
 use crate::particles::held;
 use crate::timing::Phase;
@@ -38,9 +41,18 @@ struct Spent {
     total: f64,
 }
 
+/// Lines of the report.
+#[derive(Default)]
+struct Page(String);
+
+impl Page {
+    fn line(&mut self, line: impl Display) {
+        let _ = writeln!(self.0, "{line}");
+    }
+}
+
 /// The report of a finished run, as text; empty on all ranks but 0. Collective.
 pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String {
-    let ranks = f64::from(comm.size());
     let phases = spent(sim, comm);
     let (tally, traffic) = totals(sim, comm);
     let halo = Halo::of(sim, finish.steps_done, comm);
@@ -49,57 +61,125 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
     if !comm.is_root() {
         return String::new();
     }
-    let mut text = String::new();
-    let steps = finish.steps_done.max(1) as f64;
-    let wall = finish.wall_seconds;
-    let m = &finish.measures;
-    let mut line = |args: std::fmt::Arguments| {
-        let _ = text.write_fmt(args);
-        text.push('\n');
-    };
+    let mut page = Page::default();
+    outcome(&mut page, sim, finish, comm.size());
+    page.line("");
+    let steps_of_ranks = f64::from(comm.size()) * finish.steps_done.max(1) as f64;
+    times(&mut page, &phases, steps_of_ranks);
+    page.line("");
+    costs(&mut page, &phases, finish.particle_steps, &tally, |phase| sim.floor(phase));
+    page.line("");
+    contacts(&mut page, &tally, resolving(&phases), finish.wall_seconds);
+    halo.write(&mut page, &traffic, &sim.domain.traffic);
+    page.line(format_args!("balance    the busiest rank has {imbalance:.3} times the mean work"));
+    memory.write(&mut page);
+    for text in sim.drives.iter().flat_map(|drive| drive.report(&sim.particles.walls)) {
+        page.line(text);
+    }
+    state(&mut page, &finish.measures);
+    if let Some(warning) = poor_balance(finish, sim.dt) {
+        page.line(format_args!("warning    {warning}"));
+    }
+    page.0
+}
 
+/// How the run ended, and how fast it was.
+fn outcome(page: &mut Page, sim: &Simulation, finish: &Finish, ranks: u32) {
+    let wall = finish.wall_seconds;
     let how = match finish.ending {
         Ending::Rest => "at rest",
         Ending::LastStep => "all steps done",
         Ending::Signal(_) => "stopped by a signal",
     };
-    line(format_args!(
-        "{how}: step {}, time {:.6} s; {} steps of {} particles in {wall:.1} s on {} rank{}",
+    page.line(format_args!(
+        "{how}: step {}, time {:.6} s; {} steps of {} particles in {wall:.1} s on {ranks} rank{}",
         sim.step,
         sim.time(),
         finish.steps_done,
-        m.particles,
-        comm.size(),
-        if comm.size() == 1 { "" } else { "s" },
+        finish.measures.particles,
+        if ranks == 1 { "" } else { "s" },
     ));
     if !finish.unmet.is_empty() {
-        line(format_args!("[stop] was not reached: {}", finish.unmet));
+        page.line(format_args!("[stop] was not reached: {}", finish.unmet));
     }
-    line(format_args!(
+    page.line(format_args!(
         "{:.3e} particle-steps per second ({:.3} µs per particle-step and rank)",
         finish.particle_steps as f64 / wall,
-        1e6 * wall * ranks / finish.particle_steps.max(1) as f64,
+        1e6 * wall * f64::from(ranks) / finish.particle_steps.max(1) as f64,
     ));
-    line(format_args!(""));
-    line(format_args!(
+}
+
+/// Time by phase; `steps` are those of all ranks.
+fn times(page: &mut Page, phases: &[(Phase, Spent)], steps: f64) {
+    page.line(format_args!(
         "{:<10} {:>7} {:>10} {:>14} {:>14}",
         "phase", "share", "µs/step", "slowest rank", "fastest rank"
     ));
     let all: f64 = phases.iter().map(|(_, s)| s.total).sum();
-    for (phase, spent) in &phases {
-        line(format_args!(
+    for (phase, spent) in phases {
+        page.line(format_args!(
             "{:<10} {:>6.1}% {:>10.2} {:>12.2} s {:>12.2} s",
             phase.name(),
             100.0 * spent.total / all,
-            1e6 * spent.total / ranks / steps,
+            1e6 * spent.total / steps,
             spent.slowest,
             spent.fastest,
         ));
     }
+}
 
-    let resolving = resolving(&phases);
-    line(format_args!(""));
-    line(format_args!(
+/// Time of a rank in each phase that has a floor, beside what its formulas need at least: see [`super::floor`]. Particles
+/// are summed over steps, as the tally is.
+fn costs(
+    page: &mut Page,
+    phases: &[(Phase, Spent)],
+    particles: u64,
+    tally: &Tally,
+    floor: impl Fn(Phase) -> Option<Floor>,
+) {
+    let [particles, listed, contacts] =
+        [particles, tally.listed, tally.contacts].map(|count| count.max(1) as f64);
+    page.line(format_args!(
+        "{:<10} {:>11} {:>12} {:>11} {:>14} {:>9} {:>17} {:>12}",
+        "ns",
+        "a particle",
+        "listed pair",
+        "contact",
+        "at least: ops",
+        "bytes",
+        "reached: ops/ns",
+        "bytes/ns"
+    ));
+    for (phase, spent) in phases.iter().filter(|(phase, _)| Floor::PHASES.contains(phase)) {
+        let ns = 1e9 * spent.total;
+        let measured = format!(
+            "{:<10} {:>11.2} {:>12.2} {:>11.2}",
+            phase.name(),
+            ns / particles,
+            ns / listed,
+            ns / contacts,
+        );
+        let Some(floor) = floor(*phase) else {
+            page.line(format_args!("{measured}   no floor is known for these shapes"));
+            continue;
+        };
+        let Needed { operations, bytes } = floor.total(particles, listed, contacts);
+        page.line(format_args!(
+            "{measured} {:>14.1} {:>9.1} {:>17.3} {:>12.3}",
+            operations / particles,
+            bytes / particles,
+            operations / ns,
+            bytes / ns,
+        ));
+    }
+    page.line(
+        "at least: what the formulas need per particle and step; reached: that over the time",
+    );
+}
+
+/// How many contacts were resolved, in `resolving` seconds of all ranks and `wall` seconds of the clock, and by what.
+fn contacts(page: &mut Page, tally: &Tally, resolving: f64, wall: f64) {
+    page.line(format_args!(
         "contacts   {:.3e} resolved, {:.3e} per second; {:.1} ns per contact, {:.1} ns per listed pair; {:.1} % of listed pairs were looked at",
         tally.contacts as f64,
         tally.contacts as f64 / wall,
@@ -109,49 +189,25 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
     ));
     let passed_on: u64 = tally.fallbacks.iter().sum();
     if passed_on == 0 {
-        line(format_args!("fallbacks  none: the first method answered every pair"));
+        page.line("fallbacks  none: the first method answered every pair");
     } else {
-        line(format_args!(
+        page.line(format_args!(
             "fallbacks  {passed_on} pairs ({:.2} per million) went past the first method; by stage of the chain: {:?}",
             1e6 * passed_on as f64 / tally.pairs.max(1) as f64,
             tally.fallbacks,
         ));
     }
-    line(format_args!(
-        "halo       per step and rank {} messages, one per neighbour, and {} bytes, {:.0} per ghost; list rebuilt {} times, domain cut {} times, {} particles migrated",
-        halo.messages,
-        halo.bytes,
-        traffic.bytes as f64 / traffic.ghosts.max(1) as f64,
-        sim.domain.traffic.rebuilds,
-        sim.domain.traffic.recuts,
-        traffic.migrated,
-    ));
-    line(format_args!(
-        "ghosts     {} per owned particle, of {} within the halo width (largest bounding diameter and skin) around its subdomain: {:.2} of this geometric minimum",
-        halo.ghosts,
-        halo.minimum,
-        traffic.ghosts as f64 / traffic.offered.max(1) as f64,
-    ));
-    line(format_args!("balance    the busiest rank has {imbalance:.3} times the mean work"));
-    line(format_args!(
-        "memory     {} bytes per owned particle: {:.0} in columns, {:.0} in {:.2} listed pairs, {:.0} in {:.2} contacts",
-        memory.all, memory.columns, memory.pairs, memory.listed, memory.contacts, memory.touching,
-    ));
-    if let Some([megabytes, per_owned]) = memory.peak {
-        line(format_args!(
-            "peak       {megabytes} MB in a process, {per_owned} bytes per owned particle: with the program, its libraries, and what was held for a moment",
-        ));
-    }
-    for text in sim.drives.iter().flat_map(|drive| drive.report(&sim.particles.walls)) {
-        line(format_args!("{text}"));
-    }
-    line(format_args!(
+}
+
+/// The packing at the end, and the balance of energies.
+fn state(page: &mut Page, m: &Measures) {
+    page.line(format_args!(
         "packing    {:.3} contacts per particle with walls, mean normal force {:.3e} N, largest overlap {:.2e} of the shortest axis",
         m.coordination(),
         m.mean_normal_force,
         m.largest_overlap,
     ));
-    line(format_args!(
+    page.line(format_args!(
         "energy     received {:.6e} J = kinetic {:.3e} + gravity {:.6e} + stored {:.3e} + of the steps {:.1e} + dissipated {:.6e} + missing {:.1e} ({:.4} % of the dissipated)",
         m.received,
         m.kinetic(),
@@ -162,16 +218,12 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
         m.missing(),
         if m.dissipated > 0.0 { 100.0 * m.missing() / m.dissipated } else { 0.0 },
     ));
-    if let Some(warning) = poor_balance(finish, sim.dt) {
-        line(format_args!("warning    {warning}"));
-    }
-    text
 }
 
-/// The part of an energy that may be missing from the balance without a word.
+/// The part of an energy that may be missing from the balance without a warning.
 const MAY_MISS: f64 = 5e-3;
 
-/// What is to be said of a balance that misses too much. `dt` in s.
+/// A warning about a balance that misses too much. `dt` in s.
 fn poor_balance(finish: &Finish, dt: f64) -> Option<String> {
     let m = &finish.measures;
     let missing = m.missing();
@@ -212,7 +264,7 @@ fn spent(sim: &Simulation, comm: &mut dyn Comm) -> Vec<(Phase, Spent)> {
         .collect()
 }
 
-fn totals(sim: &Simulation, comm: &mut dyn Comm) -> (Tally, crate::domain::Traffic) {
+fn totals(sim: &Simulation, comm: &mut dyn Comm) -> (Tally, Traffic) {
     let mut tally = sim.found.tally;
     let mut traffic = sim.domain.traffic;
     let mut counts = [
@@ -298,6 +350,25 @@ impl Halo {
         );
         Self { messages, bytes, ghosts, minimum }
     }
+
+    /// `traffic` is that of all ranks, `here` that of this one.
+    fn write(&self, page: &mut Page, traffic: &Traffic, here: &Traffic) {
+        page.line(format_args!(
+            "halo       per step and rank {} messages, one per neighbour, and {} bytes, {:.0} per ghost; list rebuilt {} times, domain cut {} times, {} particles migrated",
+            self.messages,
+            self.bytes,
+            traffic.bytes as f64 / traffic.ghosts.max(1) as f64,
+            here.rebuilds,
+            here.recuts,
+            traffic.migrated,
+        ));
+        page.line(format_args!(
+            "ghosts     {} per owned particle, of {} within the halo width (largest bounding diameter and skin) around its subdomain: {:.2} of this geometric minimum",
+            self.ghosts,
+            self.minimum,
+            traffic.ghosts as f64 / traffic.offered.max(1) as f64,
+        ));
+    }
 }
 
 /// Bytes held for each owned particle, as the end of the run finds them; ghosts count with those that they
@@ -334,6 +405,18 @@ impl Memory {
         let shares = Share::of([bytes / 1e6, bytes / owned], comm);
         let peak = is_known.then_some(shares);
         Self { all, columns, pairs, contacts, listed, touching, peak }
+    }
+
+    fn write(&self, page: &mut Page) {
+        page.line(format_args!(
+            "memory     {} bytes per owned particle: {:.0} in columns, {:.0} in {:.2} listed pairs, {:.0} in {:.2} contacts",
+            self.all, self.columns, self.pairs, self.listed, self.contacts, self.touching,
+        ));
+        if let Some([megabytes, per_owned]) = self.peak {
+            page.line(format_args!(
+                "peak       {megabytes} MB in a process, {per_owned} bytes per owned particle: with the program, its libraries, and what was held for a moment",
+            ));
+        }
     }
 }
 

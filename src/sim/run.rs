@@ -12,8 +12,10 @@ use crate::output::{SnapshotError, snapshot};
 use crate::particles::Particles;
 use crate::timing::{Clock, Phase};
 use serde::{Deserialize, Serialize};
+use std::array::IntoIter;
 use std::collections::BTreeSet;
 use std::fmt::{Display, Formatter};
+use std::iter::Peekable;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -38,7 +40,7 @@ pub struct Schedule {
     pub resumed: bool,
     /// The number of the signal that asked this rank to stop; 0: none has.
     pub signal: Arc<AtomicUsize>,
-    /// Particles whose state and contacts are told at every step.
+    /// Particles whose state and contacts are printed at every step.
     pub traced: Vec<GlobalId>,
 }
 
@@ -154,87 +156,29 @@ pub fn run(
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Finish, RunError> {
     if !schedule.resumed {
-        sim.list_first(comm).map_err(|error| match error {
-            StepError::Fault { .. } => RunError::Start(error.to_string()),
-            error => explain(error, sim, comm),
-        })?;
-        check_overlaps(sim, comm)?;
-        sim.find_first_forces().map_err(RunError::Step)?;
+        begin(sim, comm)?;
     }
     // What came before belongs to no phase of the run.
     sim.clock = Clock::new();
     let started = Instant::now();
     let first_step = sim.step;
-    let mut history = if comm.is_root() {
-        // The last row of a run that was stopped off its schedule would not be there had it gone on.
-        let stage_begin = sim.stage_begin.0;
-        let keep = |step: u64| {
-            let scheduled = step == stage_begin || due(step, schedule.history_every);
-            schedule.resumed && (step < first_step || (step == first_step && scheduled))
-        };
-        Some(History::open(&schedule.out, &sim.particles.walls, sim.domain.cell, keep)?)
-    } else {
-        None
-    };
+    let mut records = Records::open(sim, schedule, comm)?;
+    if !schedule.resumed {
+        records.first(sim, comm)?;
+    }
     let mut particle_steps = 0;
     let mut ending = Ending::LastStep;
-    let mut last: Option<Measures> = None;
-    let mut most_moving = 0.0;
-    let mut saved = None;
-    let mut depths = DEPTHS.into_iter().peekable();
-    if !schedule.resumed {
-        let measures = sim.measure(comm);
-        if let Some(history) = &mut history {
-            let forces = &measures.wall_forces;
-            history.push(sim.step, sim.time(), &measures, forces, &sim.particles.walls)?;
-        }
-        if schedule.snapshot_every > 0 {
-            saved = Some(save(sim, schedule, ending, history.as_ref(), &measures, comm)?);
-        }
-        most_moving = measures.moving();
-        last = Some(measures);
-    }
-
     let mut stop_check = StopCheck::new(sim.step);
     while sim.step < schedule.last_step {
         let stepped = sim.step(comm);
         stepped.map_err(|error| explain(error, sim, comm))?;
         particle_steps += sim.particles.owned as u64;
 
-        let is_last = sim.step == schedule.last_step;
-        let row_due = is_last || due(sim.step, schedule.history_every);
-        let snapshot_due = due(sim.step, schedule.snapshot_every);
-        let rest_due = schedule.stop != Stop::default() && due(sim.step, CHECK_EVERY);
         let signal = stop_check.signal(sim.step, &schedule.signal, comm);
         let mut warnings: Vec<String> =
             sim.drives.iter_mut().flat_map(|drive| drive.warnings()).collect();
-        (last, saved) = (None, None);
-        if row_due || snapshot_due || rest_due {
-            let measures = sim.measure(comm);
-            warnings.extend(sim.warn_of_motions(comm));
-            most_moving = f64::max(most_moving, measures.moving());
-            if rest_due && unmet(sim, &schedule.stop, &measures).is_empty() {
-                ending = Ending::Rest;
-            }
-            while depths.next_if(|&depth| measures.largest_overlap > depth).is_some() {
-                warnings.push(too_deep(sim.step, measures.largest_overlap));
-            }
-            if row_due || ending == Ending::Rest {
-                // A row off the schedule would not be there had the run gone on.
-                let scheduled = due(sim.step, schedule.history_every);
-                let mut forces = measures.wall_forces.clone();
-                for drive in &mut sim.drives {
-                    drive.row(&mut forces, scheduled, comm);
-                }
-                if let Some(history) = &mut history {
-                    history.push(sim.step, sim.time(), &measures, &forces, &sim.particles.walls)?;
-                }
-            }
-            if snapshot_due {
-                saved = Some(save(sim, schedule, ending, history.as_ref(), &measures, comm)?);
-            }
-            last = Some(measures);
-        }
+        ending = records.after_step(sim, &mut warnings, comm)?;
+        let is_last = sim.step == schedule.last_step;
         if let Some(signal) = signal.filter(|_| !is_last && ending == Ending::LastStep) {
             ending = Ending::Signal(signal);
         }
@@ -242,7 +186,7 @@ pub fn run(
         progress(&Progress {
             done: sim.step - first_step,
             of: schedule.last_step - first_step,
-            measures: last.as_ref(),
+            measures: records.measures.as_ref(),
             trace: &trace,
             warnings: &warnings,
         });
@@ -252,14 +196,7 @@ pub fn run(
         }
     }
 
-    let measures = match last {
-        Some(measures) => measures,
-        None => sim.measure(comm),
-    };
-    let snapshot = match saved {
-        Some(snapshot) => snapshot,
-        None => save(sim, schedule, ending, history.as_ref(), &measures, comm)?,
-    };
+    let (measures, snapshot) = records.last(sim, ending, comm)?;
     sim.clock.lap(Phase::Output);
     let mut total = [particle_steps as i64];
     comm.sum(&mut total);
@@ -271,13 +208,148 @@ pub fn run(
         particle_steps: total[0] as u64,
         wall_seconds: started.elapsed().as_secs_f64(),
         measures,
-        most_moving,
+        most_moving: records.most_moving,
         snapshot,
     })
 }
 
+/// Lists pairs, looks for overlaps that are too deep, and finds the forces of the start. Collective.
+fn begin(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
+    sim.list_first(comm).map_err(|error| match error {
+        StepError::Fault { .. } => RunError::Start(error.to_string()),
+        error => explain(error, sim, comm),
+    })?;
+    check_overlaps(sim, comm)?;
+    sim.find_first_forces().map_err(RunError::Step)
+}
+
+/// What a run writes and measures on schedule.
+struct Records<'a> {
+    schedule: &'a Schedule,
+    /// On rank 0.
+    history: Option<History>,
+    /// Overlaps at which a run still has to warn.
+    depths: Peekable<IntoIter<f64, 2>>,
+    /// The largest kinetic and elastic energy together that was measured [J].
+    most_moving: f64,
+    /// The scalars, if they were measured after the last step.
+    measures: Option<Measures>,
+    /// The snapshot, if one was written after the last step.
+    snapshot: Option<PathBuf>,
+}
+
+impl<'a> Records<'a> {
+    fn open(sim: &Simulation, schedule: &'a Schedule, comm: &dyn Comm) -> Result<Self, RunError> {
+        let history = if comm.is_root() {
+            // The last row of a run that was stopped off its schedule would not be there had it gone on.
+            let (stage_begin, first_step) = (sim.stage_begin.0, sim.step);
+            let keep = |step: u64| {
+                let scheduled = step == stage_begin || due(step, schedule.history_every);
+                schedule.resumed && (step < first_step || (step == first_step && scheduled))
+            };
+            Some(History::open(&schedule.out, &sim.particles.walls, sim.particles.cell, keep)?)
+        } else {
+            None
+        };
+        let depths = DEPTHS.into_iter().peekable();
+        Ok(Self { schedule, history, depths, most_moving: 0.0, measures: None, snapshot: None })
+    }
+
+    /// Adds a row to the history.
+    fn push(
+        &mut self,
+        sim: &Simulation,
+        measures: &Measures,
+        forces: &[Vec3],
+    ) -> Result<(), TableError> {
+        let Some(history) = &mut self.history else { return Ok(()) };
+        history.push(sim.step, sim.time(), measures, forces, &sim.particles.walls)
+    }
+
+    /// Writes a snapshot. Collective.
+    fn save(
+        &self,
+        sim: &Simulation,
+        ending: Ending,
+        measures: &Measures,
+        comm: &mut dyn Comm,
+    ) -> Result<PathBuf, RunError> {
+        save(sim, self.schedule, ending, self.history.as_ref(), measures, comm)
+    }
+
+    /// The state before the first step of a stage. Collective.
+    fn first(&mut self, sim: &Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
+        let measures = sim.measure(comm);
+        self.push(sim, &measures, &measures.wall_forces)?;
+        if self.schedule.snapshot_every > 0 {
+            self.snapshot = Some(self.save(sim, Ending::LastStep, &measures, comm)?);
+        }
+        self.most_moving = measures.moving();
+        self.measures = Some(measures);
+        Ok(())
+    }
+
+    /// Measures, adds a row and writes a snapshot where they are due. Returns whether the packing has come to rest.
+    /// Collective.
+    fn after_step(
+        &mut self,
+        sim: &mut Simulation,
+        warnings: &mut Vec<String>,
+        comm: &mut dyn Comm,
+    ) -> Result<Ending, RunError> {
+        let schedule = self.schedule;
+        let row_due = sim.step == schedule.last_step || due(sim.step, schedule.history_every);
+        let snapshot_due = due(sim.step, schedule.snapshot_every);
+        let rest_due = schedule.stop != Stop::default() && due(sim.step, CHECK_EVERY);
+        (self.measures, self.snapshot) = (None, None);
+        if !(row_due || snapshot_due || rest_due) {
+            return Ok(Ending::LastStep);
+        }
+        let measures = sim.measure(comm);
+        warnings.extend(sim.warn_of_motions(comm));
+        self.most_moving = f64::max(self.most_moving, measures.moving());
+        let is_at_rest = rest_due && unmet(sim, &schedule.stop, &measures).is_empty();
+        let ending = if is_at_rest { Ending::Rest } else { Ending::LastStep };
+        while self.depths.next_if(|&depth| measures.largest_overlap > depth).is_some() {
+            warnings.push(too_deep(sim.step, measures.largest_overlap));
+        }
+        if row_due || is_at_rest {
+            // A row off the schedule would not be there had the run gone on.
+            let scheduled = due(sim.step, schedule.history_every);
+            let mut forces = measures.wall_forces.clone();
+            for drive in &mut sim.drives {
+                drive.row(&mut forces, scheduled, comm);
+            }
+            self.push(sim, &measures, &forces)?;
+        }
+        if snapshot_due {
+            self.snapshot = Some(self.save(sim, ending, &measures, comm)?);
+        }
+        self.measures = Some(measures);
+        Ok(ending)
+    }
+
+    /// Scalars and snapshot of the last step. Collective.
+    fn last(
+        &mut self,
+        sim: &Simulation,
+        ending: Ending,
+        comm: &mut dyn Comm,
+    ) -> Result<(Measures, PathBuf), RunError> {
+        let measures = match self.measures.take() {
+            Some(measures) => measures,
+            None => sim.measure(comm),
+        };
+        let snapshot = match self.snapshot.take() {
+            Some(snapshot) => snapshot,
+            None => self.save(sim, ending, &measures, comm)?,
+        };
+        Ok((measures, snapshot))
+    }
+}
+
 impl Simulation {
-    /// What is to be said of how far bodies move in a step. Collective.
+    /// Warnings about how far bodies move in a step. Collective.
     fn warn_of_motions(&mut self, comm: &mut dyn Comm) -> Vec<String> {
         let mut largest = self.watch.largest();
         comm.max(&mut largest);
@@ -438,7 +510,7 @@ fn save(
         &header,
         &sim.particle_table(comm.rank()),
         &sim.contact_rows(),
-        &sim.history_rows(),
+        &sim.contact_record_rows(),
         comm,
     )?)
 }
@@ -488,7 +560,7 @@ fn overlap_message(found: &[(f64, u64, i64, [f64; 3])], particles: &Particles) -
         let how_deep = if depth.is_finite() {
             format!("{:.1} %", 100.0 * depth)
         } else {
-            "so deep that no contact method can tell a normal,".to_owned()
+            "so deep that no contact method can find a normal,".to_owned()
         };
         let _ = write!(
             text,

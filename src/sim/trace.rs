@@ -52,7 +52,7 @@ impl Simulation {
         }
         let mut lines = Vec::new();
         for contact in self.contacts.loaded(&*self.law, particles) {
-            let Loaded { pair, history, state, normal_force, force, point } = contact;
+            let Loaded { pair, geometry, state, normal_force, force, point } = contact;
             let is_a = pair.a.index() == slot;
             if !is_a && pair.b.index() != slot {
                 continue;
@@ -67,15 +67,15 @@ impl Simulation {
                 "trace step={step} particle={id} contact={} overlap={:e} normal={} point={} normal_force={:e} \
                  force={} torque={}",
                 partner.to_string().replace(' ', ""),
-                history.overlap,
-                commas(history.normal.as_slice()),
+                geometry.overlap,
+                commas(geometry.normal.as_slice()),
                 commas(point.as_slice()),
                 normal_force,
                 commas(force.as_slice()),
                 commas(torque.as_slice()),
             );
             for (column, place) in StateColumn::ranges(self.contacts.remembered()) {
-                // What the line has told is not told again.
+                // What the line has already is not repeated.
                 let name = format!(" {}=", column.name);
                 if !line.contains(&name) {
                     let _ = write!(line, "{name}{}", commas(&state[place]));

@@ -156,7 +156,8 @@ impl Watch {
         self.largest
     }
 
-    /// What is to be said of the largest parts that any rank has seen, once at a tenth and once at a half of what is allowed. `dt` in s.
+    /// Warnings about the largest motions of any rank, as fractions of what is allowed: once at a tenth and once at a half.
+    /// `dt` in s.
     pub fn warnings(&mut self, largest: [f64; 2], dt: f64) -> Vec<String> {
         let mut warnings = Vec::new();
         for (kind, part) in largest.into_iter().enumerate() {

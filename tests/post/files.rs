@@ -2,7 +2,7 @@
 
 use super::pieces::some_particles;
 use crate::packings::{Snapshot, ellipsoids};
-use dem_mpi::contact::{Histories, StateColumn};
+use dem_mpi::contact::{ContactRecords, StateColumn};
 use dem_mpi::drive::{SavedColumn, SavedState, Values};
 use dem_mpi::math::Vec3;
 use dem_mpi::post::diff::{Difference, State};
@@ -20,7 +20,7 @@ fn a_diff_finds_what_was_planted() {
         let state = |s: &Snapshot| State {
             header: s.header.clone(),
             particles: s.particles.clone(),
-            histories: Histories::default(),
+            records: ContactRecords::default(),
         };
         Difference::between(&state(a), &state(b))
     };

@@ -6,6 +6,7 @@ use crate::packings::{Snapshot, ellipsoids, header, particles_at, push, push_for
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
+use dem_mpi::particles::columns::{Accumulated, Quantity};
 use dem_mpi::post::fabric::Among;
 use dem_mpi::post::forces::Histogram;
 use dem_mpi::post::region::{Bounds, Region};
@@ -16,6 +17,10 @@ pub(super) fn some_particles(table: &ParticleTable, rows: &[usize]) -> ParticleT
     fn pick<T: Copy>(column: &[T], rows: &[usize]) -> Vec<T> {
         rows.iter().filter_map(|&r| column.get(r).copied()).collect()
     }
+    let mut accumulated = Accumulated::default();
+    for quantity in Quantity::ALL {
+        accumulated[quantity] = pick(&table.accumulated[quantity], rows);
+    }
     ParticleTable {
         id: pick(&table.id, rows),
         shape: pick(&table.shape, rows),
@@ -25,8 +30,7 @@ pub(super) fn some_particles(table: &ParticleTable, rows: &[usize]) -> ParticleT
         force: pick(&table.force, rows),
         coordination: pick(&table.coordination, rows),
         rank: pick(&table.rank, rows),
-        dissipated: pick(&table.dissipated, rows),
-        received: pick(&table.received, rows),
+        accumulated,
         image: pick(&table.image, rows),
         quaternion: pick(&table.quaternion, rows),
         angular_momentum: pick(&table.angular_momentum, rows),

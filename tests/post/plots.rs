@@ -5,7 +5,8 @@ use crate::packings::{Snapshot, ellipsoids, header, particles_at};
 use dem_mpi::contact::StateColumn;
 use dem_mpi::drive::{SavedColumn, SavedState, Values, servo};
 use dem_mpi::math::Vec3;
-use dem_mpi::output::tables::{ContactTable, ParticleTable, WallRow};
+use dem_mpi::output::header::WallRow;
+use dem_mpi::output::tables::{ContactTable, ParticleTable};
 use dem_mpi::post::history::History;
 use dem_mpi::post::{Settings, page, panels, plots};
 

@@ -52,7 +52,7 @@ directory = "out"
 fn fall(directory: &Path, comm: &mut dyn Comm) {
     let scene = scene(FALLING);
     let mut sim = begun(&scene, comm);
-    let (walls, cell) = (sim.particles.walls.clone(), sim.domain.cell);
+    let (walls, cell) = (sim.particles.walls.clone(), sim.particles.cell);
     let mut history = comm
         .is_root()
         .then(|| table::History::open(directory, &walls, cell, |_| false).expect("a new table"));
@@ -67,7 +67,7 @@ fn fall(directory: &Path, comm: &mut dyn Comm) {
     }
     let header = sim.header("", &sim.measure(comm).wall_forces, comm);
     let (particles, contacts) = (sim.particle_table(comm.rank()), sim.contact_table());
-    snapshot::write(directory, &header, &particles, &contacts, &sim.histories(), comm)
+    snapshot::write(directory, &header, &particles, &contacts, &sim.contact_records(), comm)
         .expect("a snapshot");
 }
 

@@ -6,8 +6,9 @@ use crate::packings::{Snapshot, boxed, closed, ellipsoids, header, particles_at,
 use crate::random::Draw;
 use dem_mpi::cell::Cell;
 use dem_mpi::math::{Quat, Vec3};
+use dem_mpi::output::header::{Header, WallRow};
 use dem_mpi::output::snapshot::Reader;
-use dem_mpi::output::tables::{ContactTable, Header, ParticleTable, WallRow};
+use dem_mpi::output::tables::{ContactTable, ParticleTable};
 use dem_mpi::particles::walls::Wall;
 use dem_mpi::post::region::{Bounds, Extent, Margin, Region, SampledSolid, Strain};
 use dem_mpi::post::{Settings, inside, plots, series};

@@ -150,7 +150,7 @@ fn walls_keep_their_contacts_in_any_order() {
     let [before, after] = ["heap", "tilted"].map(|stage| {
         let reader = Reader::open(&snapshot(&directory.join(stage), 1500)).unwrap();
         let walls = &reader.header().walls;
-        let histories = reader.histories(0..reader.history_count()).unwrap();
+        let histories = reader.contact_records(0..reader.contact_record_count()).unwrap();
         let (_, spring) = StateColumn::ranges(histories.columns())
             .find(|(column, _)| column.name == "spring")
             .unwrap();

@@ -22,9 +22,9 @@ fn write(
     spinning: bool,
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, SnapshotError> {
-    let Tables { particles, contacts, histories } =
+    let Tables { particles, contacts, records } =
         &made_up::of_rank(comm.rank().0, comm.size(), spinning);
-    snapshot::write(directory, &header(step), particles, contacts, histories, comm)
+    snapshot::write(directory, &header(step), particles, contacts, records, comm)
 }
 
 fn read_all(path: &Path) -> Tables {
@@ -33,7 +33,7 @@ fn read_all(path: &Path) -> Tables {
     Tables {
         particles: reader.particles(0..reader.particle_count()).unwrap(),
         contacts: reader.contacts(0..reader.contact_count().unwrap()).unwrap(),
-        histories: reader.histories(0..reader.history_count()).unwrap(),
+        records: reader.contact_records(0..reader.contact_record_count()).unwrap(),
     }
 }
 
@@ -96,9 +96,9 @@ pub(crate) fn errors_agree(comm: &mut dyn Comm) {
     if comm.rank().0 == comm.size() - 1 {
         tables.contacts.overlap.push(0.0);
     }
-    let Tables { particles, contacts, histories } = &tables;
+    let Tables { particles, contacts, records } = &tables;
     let uneven =
-        snapshot::write(&directory, &header(3), particles, contacts, histories, comm).unwrap_err();
+        snapshot::write(&directory, &header(3), particles, contacts, records, comm).unwrap_err();
     for (error, of) in
         [(&no_directory, "a file/snap"), (&no_file, ".contacts"), (&too_large, "large")]
     {

@@ -21,11 +21,11 @@ use std::process::ExitCode;
 #[command(version, max_term_width = 100)]
 struct Arguments {
     #[command(subcommand)]
-    part: Part,
+    command: Command,
 }
 
 #[derive(Subcommand)]
-enum Part {
+enum Command {
     /// Write the pairs of a case of section 2 as CSV, for dem-contact
     Generate {
         #[arg(value_enum)]
@@ -130,7 +130,7 @@ const FAILED: u8 = 1;
 const WRONG_INPUT: u8 = 2;
 
 fn main() -> ExitCode {
-    let error = match run(Arguments::parse().part) {
+    let error = match run(Arguments::parse().command) {
         Ok(()) => return ExitCode::SUCCESS,
         Err(error) if is_closed_pipe(&error) => return ExitCode::SUCCESS,
         Err(error) => error,
@@ -143,41 +143,41 @@ fn main() -> ExitCode {
     })
 }
 
-fn run(part: Part) -> Result<()> {
-    match part {
-        Part::Generate { case, count, seed } => {
+fn run(command: Command) -> Result<()> {
+    match command {
+        Command::Generate { case, count, seed } => {
             let pairs = generate(case, count as usize, seed);
             write::pairs(&pairs, BufWriter::new(std::io::stdout().lock()))?;
         }
-        Part::Section2 { out, plan } => {
+        Command::Section2 { out, plan } => {
             in_the_checkout()?;
             let out = out.unwrap_or_else(|| SINGLE_CONTACT.into());
             plan.run(&out)?;
             look_at(&out.join("report.md"));
         }
-        Part::Triaxial(plan) => {
+        Command::Triaxial(plan) => {
             in_the_checkout()?;
             look_at(&plan.run(&Signals::take()?)?.join("report.md"));
         }
-        Part::Cost(plan) => {
+        Command::Cost(plan) => {
             in_the_checkout()?;
             plan.run(&Signals::take()?)?;
         }
-        Part::Section3 { runs, out, measured } => {
+        Command::Section3 { runs, out, measured } => {
             let out = out.unwrap_or_else(|| runs.join("post"));
             store(&out, &triaxial::regenerate(&runs, &measured.choice())?)?;
             look_at(&out.join("report.md"));
         }
-        Part::Statements { folders, out } => {
+        Command::Statements { folders, out } => {
             let out = out.or_else(|| folders.last().cloned()).unwrap_or_default();
             store(&out, &statements::regenerate(&folders)?)?;
             look_at(&out.join("statements.md"));
         }
-        Part::Sensitivity(plan) => {
+        Command::Sensitivity(plan) => {
             in_the_checkout()?;
             look_at(&plan.run(&Signals::take()?)?);
         }
-        Part::All { quick } => all(quick)?,
+        Command::All { quick } => all(quick)?,
     }
     Ok(())
 }

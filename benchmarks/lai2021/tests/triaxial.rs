@@ -48,8 +48,8 @@ fn made_up(method: Method, z: f64, curve: impl Fn(f64) -> (f64, f64)) -> Run {
 
 /// The verdict on the first statement that begins like this.
 fn verdict(runs: &[Run], statement: &str) -> Verdict {
-    let parts = report::parts(runs);
-    let mut findings = parts.iter().flat_map(|part| &part.findings);
+    let topics = report::topics(runs);
+    let mut findings = topics.iter().flat_map(|topic| &topic.findings);
     findings.find(|f| f.statement.starts_with(statement)).expect(statement).verdict
 }
 
@@ -414,8 +414,8 @@ fn run_of(method: Method, sheared: bool, settings: impl Fn(&Snapshot) -> Setting
 
 /// What was found of the statement that begins like this, and the verdict.
 fn found(runs: &[Run], statement: &str) -> (String, Verdict) {
-    let parts = report::parts(runs);
-    let mut findings = parts.into_iter().flat_map(|part| part.findings);
+    let topics = report::topics(runs);
+    let mut findings = topics.into_iter().flat_map(|topic| topic.findings);
     let finding = findings.find(|f| f.statement.starts_with(statement)).expect(statement);
     (finding.here, finding.verdict)
 }

@@ -33,37 +33,100 @@ struct Problem {
     of_lammps: Option<Errors>,
 }
 
+/// Cases for orders of convergence, and for the errors beside those of LAMMPS.
+struct Orders {
+    two: Case,
+    one: Case,
+    beside: Case,
+    tops: Case,
+}
+
+impl Orders {
+    fn new() -> Self {
+        Self {
+            two: Case::new(
+                SOURCE,
+                "smooth motion: order over four steps",
+                "order of convergence (less than 2 counts)",
+                0.1,
+                "not yet asymptotic at the coarsest step",
+            ),
+            one: Case::new(
+                SOURCE,
+                "motion of first order by nature: dashpots with half-step velocities, Coulomb's slider",
+                "order of convergence (less than 1 counts)",
+                0.1,
+                "not yet asymptotic at the coarsest step",
+            ),
+            beside: Case::new(
+                "LAMMPS 29Sep2021 (Debian), decks written here",
+                "error at the finest step",
+                "error here against LAMMPS' (more counts)",
+                0.1,
+                "as good as LAMMPS or better",
+            ),
+            tops: Case::new(
+                "LAMMPS 29Sep2021 (Debian), decks written here",
+                "error of free tops at the finest step",
+                "error here against LAMMPS' (more counts)",
+                1.0,
+                "another scheme of the same order: the midpoint rule keeps the energy to rounding",
+            ),
+        }
+    }
+
+    /// Adds the order of a quantity with these errors.
+    fn add(&mut self, problem: &Problem, what: &str, errors: &[f64]) {
+        let (order, finest) = (slope(errors), errors[3]);
+        let case = if problem.order == 2.0 { &mut self.two } else { &mut self.one };
+        let scale = if order < problem.order { 1.0 } else { f64::INFINITY };
+        let constant = finest * (problem.steps << 3) as f64;
+        let told = if problem.order == 2.0 {
+            format!("{what} (error {finest:.1e})")
+        } else {
+            format!("{what} (error {constant:.2e} / steps; {})", problem.why)
+        };
+        case.over(scale, told, problem.order, order);
+    }
+
+    /// Adds errors beside those of LAMMPS.
+    fn compare(&mut self, problem: &Problem, what: &str, own: &[f64], theirs: &[f64]) {
+        let (finest, published) = (own[3], theirs[3]);
+        let scale = if finest > published { published } else { f64::INFINITY };
+        let is_top = problem.name.starts_with("top");
+        let case = if is_top { &mut self.tops } else { &mut self.beside };
+        let orders = format!("orders {:.2} LAMMPS, {:.2} here", slope(theirs), slope(own));
+        case.over(scale, format!("{what} ({orders})"), published, finest);
+    }
+}
+
+impl Problem {
+    /// Steps of its four runs.
+    fn all_steps(&self) -> [u64; 4] {
+        [0, 1, 2, 3].map(|k| self.steps << k)
+    }
+
+    /// The errors of these runs, for each quantity.
+    fn errors(
+        &self,
+        of: &dyn Fn(u64) -> Vec<(&'static str, f64)>,
+    ) -> Vec<(&'static str, Vec<f64>)> {
+        let all = self.all_steps().map(of);
+        let quantity = |k: usize| (all[0][k].0, all.iter().map(|run| run[k].1).collect());
+        (0..all[0].len()).map(quantity).collect()
+    }
+
+    /// Errors over steps, as a picture has them.
+    fn points(&self, errors: &[f64]) -> Vec<(f64, f64)> {
+        let over_coarsest = |n: u64| n as f64 / self.steps as f64;
+        self.all_steps().into_iter().map(over_coarsest).zip(errors.iter().copied()).collect()
+    }
+}
+
 /// All of them.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut findings = Findings::default();
-    let mut two = Case::new(
-        SOURCE,
-        "smooth motion: order over four steps",
-        "order of convergence (less than 2 counts)",
-        0.1,
-        "not yet asymptotic at the coarsest step",
-    );
-    let mut one = Case::new(
-        SOURCE,
-        "motion of first order by nature: dashpots with half-step velocities, Coulomb's slider",
-        "order of convergence (less than 1 counts)",
-        0.1,
-        "not yet asymptotic at the coarsest step",
-    );
-    let mut beside = Case::new(
-        "LAMMPS 29Sep2021 (Debian), decks written here",
-        "error at the finest step",
-        "error here against LAMMPS' (more counts)",
-        0.1,
-        "as good as LAMMPS or better",
-    );
-    let mut tops = Case::new(
-        "LAMMPS 29Sep2021 (Debian), decks written here",
-        "error of free tops at the finest step",
-        "error here against LAMMPS' (more counts)",
-        1.0,
-        "another scheme of the same order: the midpoint rule keeps the energy to rounding",
-    );
+    let mut orders = Orders::new();
     let with_lammps = effort == Effort::Full && decks::is_there();
     if !with_lammps {
         findings.notes.push(
@@ -74,63 +137,33 @@ pub(crate) fn run(effort: Effort) -> Findings {
             .to_owned(),
         );
     }
-    let mut curves = Vec::new();
     for problem in problems() {
-        let steps: Vec<u64> = (0..4).map(|k| problem.steps << k).collect();
-        let runs = |of: &dyn Fn(u64) -> Vec<(&'static str, f64)>| {
-            let all: Vec<_> = steps.iter().map(|&n| of(n)).collect();
-            let quantity =
-                |k: usize| (all[0][k].0, all.iter().map(|run| run[k].1).collect::<Vec<_>>());
-            (0..all[0].len()).map(quantity).collect::<Vec<_>>()
-        };
-        let own = runs(&*problem.error);
-        let theirs = problem.of_lammps.as_ref().filter(|_| with_lammps).map(|of| runs(&**of));
+        let own = problem.errors(&*problem.error);
+        let of_lammps = problem.of_lammps.as_ref().filter(|_| with_lammps);
+        let theirs = of_lammps.map(|of| problem.errors(&**of));
+        let mut curves = Vec::new();
         for (k, (quantity, errors)) in own.iter().enumerate() {
             let what = format!("{}: {quantity}", problem.name);
-            let (order, finest) = (slope(errors), errors[3]);
-            let case = if problem.order == 2.0 { &mut two } else { &mut one };
-            let scale = if order < problem.order { 1.0 } else { f64::INFINITY };
-            let constant = finest * (problem.steps << 3) as f64;
-            let told = if problem.order == 2.0 {
-                format!("{what} (error {finest:.1e})")
-            } else {
-                format!("{what} (error {constant:.2e} / steps; {})", problem.why)
-            };
-            case.over(scale, told, problem.order, order);
-            let points = |errors: &[f64]| {
-                steps
-                    .iter()
-                    .zip(errors)
-                    .map(|(&n, &e)| (n as f64 / problem.steps as f64, e))
-                    .collect()
-            };
-            curves.push(Curve::new(format!("{what}, order {order:.2}"), points(errors)));
+            orders.add(&problem, &what, errors);
+            let points = problem.points(errors);
+            curves.push(Curve::new(format!("{what}, order {:.2}", slope(errors)), points));
             if let Some(theirs) = &theirs {
-                let (published, errors) = (theirs[k].1[3], &theirs[k].1);
-                let scale = if finest > published { published } else { f64::INFINITY };
-                let beside = if problem.name.starts_with("top") { &mut tops } else { &mut beside };
-                beside.over(
-                    scale,
-                    format!("{what} (orders {:.2} LAMMPS, {order:.2} here)", slope(errors)),
-                    published,
-                    finest,
-                );
-                curves.push(Curve::new(
-                    format!("LAMMPS, order {:.2}", slope(errors)),
-                    points(errors),
-                ));
+                let theirs = &theirs[k].1;
+                orders.compare(&problem, &what, errors, theirs);
+                let points = problem.points(theirs);
+                curves.push(Curve::new(format!("LAMMPS, order {:.2}", slope(theirs)), points));
             }
         }
         findings.pictures.push(Picture {
             file: problem.name,
             axes: ["steps over those of the coarsest run", "error"],
             is_logarithmic: true,
-            curves: std::mem::take(&mut curves),
+            curves,
         });
     }
-    findings.cases.extend([two, one]);
-    if !beside.rows.is_empty() {
-        findings.cases.extend([beside, tops]);
+    findings.cases.extend([orders.two, orders.one]);
+    if !orders.beside.rows.is_empty() {
+        findings.cases.extend([orders.beside, orders.tops]);
     }
     findings
 }
@@ -284,7 +317,7 @@ impl Held {
         self.ball.mass() * G / self.ball.normal
     }
 
-    /// Place [m], velocity [m/s] and spin [rad/s] at a time [s].
+    /// Previous [m], velocity [m/s] and spin [rad/s] at a time [s].
     fn at(&self, time: f64) -> [f64; 3] {
         let (m, k) = (self.ball.mass(), self.ball.tangential);
         let inertia = 0.4 * m * self.ball.radius.powi(2);

@@ -526,6 +526,14 @@ pub(crate) fn integrate(ball: &Ball, degrees: f64, shorter: f64) -> [f64; 3] {
     [v_x / (3.9 * angle.sin()), spin, (v_x / -v_n).atan().to_degrees()]
 }
 
+/// The same of a ball that slides throughout a contact without overlap, exactly.
+fn slid(ball: &Ball, degrees: f64) -> [f64; 3] {
+    let (mu, angle) = (ball.friction, degrees.to_radians());
+    let tangential = 1.0 - 2.0 * mu / angle.tan();
+    let spin = 5.0 * mu * 3.9 * angle.cos() / ball.radius;
+    [tangential, spin, (tangential * angle.tan()).atan().to_degrees()]
+}
+
 fn oblique(effort: Effort, findings: &mut Findings, ways: &mut Ways) {
     let quantities = [
         "tangential velocity, after over before",
@@ -573,16 +581,11 @@ fn oblique(effort: Effort, findings: &mut Findings, ways: &mut Ways) {
             curves[k][1].push((degrees, row[k + 1]));
         }
     }
-    let mu = ball.friction;
     for degrees in
         effort.pick(vec![35.0, 60.0], vec![33.0, 35.0, 40.0, 45.0, 50.0, 60.0, 70.0, 80.0])
     {
         let found = thrown(&oxide_ball(1e6), degrees, ways);
-        let angle: f64 = f64::to_radians(degrees);
-        let tangential = 1.0 - 2.0 * mu / angle.tan();
-        let spin = 5.0 * mu * 3.9 * angle.cos() / ball.radius;
-        let rebound = (tangential * angle.tan()).atan().to_degrees();
-        for (k, published) in [tangential, spin, rebound].into_iter().enumerate() {
+        for (k, published) in slid(&ball, degrees).into_iter().enumerate() {
             exact[k].over(scales[k], format!("{degrees} degrees"), published, found[k]);
         }
     }

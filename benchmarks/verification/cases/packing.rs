@@ -73,6 +73,27 @@ fn normal(random: &mut Random) -> f64 {
     (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
 }
 
+/// Temperature: the mean square of a component of these velocities [m²/s²].
+fn temperature(velocities: &[Vec3]) -> f64 {
+    velocities.iter().map(Vec3::norm_squared).sum::<f64>() / (3.0 * velocities.len() as f64)
+}
+
+/// Velocities of a gas [m/s]: nothing moves as a whole, and the temperature is 1 m²/s².
+fn velocities(count: i32) -> Vec<Vec3> {
+    let mut random = Random::of(7, 0);
+    let mut velocities: Vec<Vec3> =
+        (0..count).map(|_| Vec3::from_fn(|_, _| normal(&mut random))).collect();
+    let mean = velocities.iter().sum::<Vec3>() / f64::from(count);
+    for v in &mut velocities {
+        *v -= mean;
+    }
+    let size = temperature(&velocities).sqrt();
+    for v in &mut velocities {
+        *v /= size;
+    }
+    velocities
+}
+
 /// Smooth inelastic spheres without gravity cool as T = T0/(1 + t/tc)².
 fn cooling(effort: Effort, findings: &mut Findings) {
     let per_side = effort.pick(7, 10);
@@ -85,20 +106,6 @@ fn cooling(effort: Effort, findings: &mut Findings) {
         let cell = [k % per_side, k / per_side % per_side, k / per_side / per_side];
         Vec3::from(cell.map(|n| (f64::from(n) + 0.5) * spacing))
     };
-    let mut random = Random::of(7, 0);
-    let mut velocities: Vec<Vec3> =
-        (0..count).map(|_| Vec3::from_fn(|_, _| normal(&mut random))).collect();
-    // Nothing moves as a whole, and the temperature (mean square of a component) is 1 m²/s².
-    let mean = velocities.iter().sum::<Vec3>() / f64::from(count);
-    for v in &mut velocities {
-        *v -= mean;
-    }
-    let temperature =
-        |v: &[Vec3]| v.iter().map(Vec3::norm_squared).sum::<f64>() / (3.0 * v.len() as f64);
-    let size = temperature(&velocities).sqrt();
-    for v in &mut velocities {
-        *v /= size;
-    }
     // A contact takes 60 µs: a fiftieth of the time between two.
     let stiffness = 0.5 * density * volume * (PI / 6e-5f64).powi(2);
     let crowd = Crowd {
@@ -110,7 +117,7 @@ fn cooling(effort: Effort, findings: &mut Findings) {
         ),
         dt: 2.5e-6,
         positions: (0..count).map(place).collect(),
-        velocities,
+        velocities: velocities(count),
     };
     let mut sim = crowd.begun();
     let mut now = || {
@@ -273,7 +280,7 @@ fn relaxed(crowd: &Crowd, steps: usize) -> Relaxed {
     let virial: f64 = contacts
         .iter()
         .filter(|contact| contact.normal_force > 0.0)
-        .map(|contact| contact.normal_force * (2.0 * crowd.radius - contact.history.overlap))
+        .map(|contact| contact.normal_force * (2.0 * crowd.radius - contact.geometry.overlap))
         .sum();
     // A contact with a ghost is listed on either side of the period.
     let id = |slot: dem_mpi::ids::Slot| particles.id[slot.index()].0 as usize;

@@ -17,7 +17,7 @@
 //! reported. The point of a patch runs from edge to edge when a body rocks; no support point could stand for it.
 
 use super::{
-    Contact, History, Law, MOST_STATE, Model, Pair, Parted, Particles, Slot, Sums, Work, add,
+    Contact, Geometry, Law, MOST_STATE, Model, Pair, Particles, Separated, Slot, Sums, Work, add,
 };
 use crate::contact::{Patch, StateColumn};
 use crate::lanes::{Row as _, Triple};
@@ -166,14 +166,14 @@ struct Acting {
 impl<M: Model> OnPatches<'_, '_, M> {
     /// Finds what acts in all of them, in their order, and sums it.
     pub(super) fn run(mut self) {
-        let mut parted = self.work.parted.iter().peekable();
+        let mut separated = self.work.separated.iter().peekable();
         for place in 0..self.work.pairs.len() {
-            while let Some(gone) = parted.next_if(|gone| gone.before <= place) {
-                self.part(*gone);
+            while let Some(gone) = separated.next_if(|gone| gone.before <= place) {
+                self.add_separated(*gone);
             }
             self.one(place);
         }
-        parted.for_each(|gone| self.part(*gone));
+        separated.for_each(|gone| self.add_separated(*gone));
     }
 
     /// How the bodies of a pair move.
@@ -191,7 +191,7 @@ impl<M: Model> OnPatches<'_, '_, M> {
         let pair = self.work.pairs[place];
         let place_before =
             if self.work.from.is_empty() { place } else { self.work.from[place].index() };
-        let last = self.work.last.history.get(place_before).copied().unwrap_or_default();
+        let last = self.work.last.geometry.get(place_before).copied().unwrap_or_default();
         let width = law.width + Memory::WIDTH;
         let constants = law.constants(pair, particles);
         let motion = self.motion(pair);
@@ -249,13 +249,13 @@ impl<M: Model> OnPatches<'_, '_, M> {
         &self,
         place: usize,
         constants: &M::Constants<f64>,
-        last: &History,
+        last: &Geometry,
         before: &Memory,
         motion: &Motion,
         state: &mut [f64],
     ) -> Acting {
         let Self { law, dt, .. } = *self;
-        let History { normal, overlap } = self.work.history[place];
+        let Geometry { normal, overlap } = self.work.geometry[place];
         let (point, patch) = (self.work.points[place], &self.work.patches[place]);
         let velocity = motion.at(&point, 0);
         let approach = velocity.dot(&normal);
@@ -299,25 +299,25 @@ impl<M: Model> OnPatches<'_, '_, M> {
 
     /// No force is left, but what the last contact lost.
     #[cold]
-    fn part(&mut self, parted: Parted) {
+    fn add_separated(&mut self, separated: Separated) {
         let Self { law, particles, dt, .. } = *self;
         let half = 0.5 * dt;
         let last = &self.work.last;
-        let (pair, history) = (last.pairs[parted.place], &last.history[parted.place]);
+        let (pair, geometry) = (last.pairs[separated.place], &last.geometry[separated.place]);
         let width = law.width + Memory::WIDTH;
-        let (state, memory) = last.state[parted.place * width..][..width].split_at(law.width);
+        let (state, memory) = last.state[separated.place * width..][..width].split_at(law.width);
         let memory = Memory::read(memory);
         let motion = self.motion(pair);
         // The force fell to nothing on the way: half of it did the work.
         if pair.b.index() >= particles.first_facet() {
-            let force = memory.total_force(&history.normal);
+            let force = memory.total_force(&geometry.normal);
             let on_wall = motion.work_on_b(&force, &memory.moment, &memory.point, 1, half);
             self.sums.note_wall_work(pair, -on_wall);
         }
         let mut dissipated = 0.0;
         if law.needs.velocity && half > 0.0 {
             let constants = law.constants(pair, particles);
-            let stored = law.model.last(&constants, history.overlap, state).stored[1];
+            let stored = law.model.last(&constants, geometry.overlap, state).stored[1];
             let power = memory.force.dot(&motion.at(&memory.point, 1))
                 + memory.moment.dot(&motion.turning());
             dissipated = half * power + stored + memory.stored(&law.model.turning(&constants));

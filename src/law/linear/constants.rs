@@ -1,6 +1,6 @@
 //! Constants of linear contacts: how those of two materials mix, and which damping ratio a restitution means.
 
-use crate::ids::MaterialId;
+use crate::law::Mixing;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -19,10 +19,9 @@ pub struct Constants {
     pub tangential_damping_ratio: f64,
 }
 
-impl Constants {
-    /// Of a contact between two materials about which the scene says nothing more: stiffnesses as of
-    /// two half springs in series (the harmonic mean), the lower friction, the mean damping ratios.
-    pub fn mixed(a: &Self, b: &Self) -> Self {
+impl Mixing for Constants {
+    /// Stiffnesses as of two half springs in series (the harmonic mean), the lower friction, the mean damping ratios.
+    fn mixed(a: &Self, b: &Self) -> Self {
         let series = |x: f64, y: f64| if x + y > 0.0 { 2.0 * x * y / (x + y) } else { 0.0 };
         Self {
             normal_stiffness: series(a.normal_stiffness, b.normal_stiffness),
@@ -33,7 +32,9 @@ impl Constants {
                 * (a.tangential_damping_ratio + b.tangential_damping_ratio),
         }
     }
+}
 
+impl Constants {
     /// Does a contact feel tangential motion?
     pub fn is_frictional(&self) -> bool {
         self.friction > 0.0 && self.tangential_stiffness > 0.0
@@ -75,42 +76,4 @@ fn bisect(mut low: f64, mut high: f64, below: impl Fn(f64) -> bool) -> f64 {
         }
     }
     low
-}
-
-/// The constants of every pair of materials.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Interactions {
-    materials: usize,
-    constants: Vec<Constants>,
-}
-
-impl Interactions {
-    /// Mixed from those of each material with itself.
-    pub fn new(own: &[Constants]) -> Self {
-        let constants =
-            own.iter().flat_map(|a| own.iter().map(|b| Constants::mixed(a, b))).collect();
-        Self { materials: own.len(), constants }
-    }
-
-    /// Of these two materials, in either order.
-    #[inline]
-    pub fn of(&self, a: MaterialId, b: MaterialId) -> &Constants {
-        &self.constants[a.index() * self.materials + b.index()]
-    }
-
-    /// Replaces those of two materials.
-    pub fn set(&mut self, a: MaterialId, b: MaterialId, constants: Constants) {
-        self.constants[a.index() * self.materials + b.index()] = constants;
-        self.constants[b.index() * self.materials + a.index()] = constants;
-    }
-
-    /// Those of a material with each material.
-    pub fn of_material(&self, material: MaterialId) -> &[Constants] {
-        &self.constants[material.index() * self.materials..][..self.materials]
-    }
-
-    /// All of them.
-    pub fn iter(&self) -> impl Iterator<Item = &Constants> {
-        self.constants.iter()
-    }
 }

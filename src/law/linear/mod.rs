@@ -12,7 +12,7 @@
 
 mod constants;
 
-pub use constants::{Constants, Interactions, damping_ratio_of_restitution};
+pub use constants::{Constants, damping_ratio_of_restitution};
 
 use super::kernel::{Action, Contact, Law, Model, Spread, Turning, carried, dashpot, reduced_mass};
 use super::{Body, ForceLaw, Hardest};
@@ -20,15 +20,25 @@ use crate::contact::StateColumn;
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
 use crate::particles::{Library, Needs};
+use serde::{Deserialize, Serialize};
 
-/// Linear springs and dashpots with friction between bodies of a library; if `limit_damping`, no dashpot makes a contact
-/// attractive.
-pub fn law(
-    interactions: Interactions,
-    limit_damping: bool,
-    library: &Library,
-) -> Box<dyn ForceLaw> {
-    Box::new(Law::new(Linear::new(interactions, limit_damping), library))
+/// Constants of every pair of materials.
+pub type Interactions = super::Interactions<Constants>;
+
+/// What a scene says of this law.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Constants of every pair of materials.
+    pub interactions: Interactions,
+    /// Normal dashpots never make a contact attractive.
+    pub limit_damping: bool,
+}
+
+impl Settings {
+    /// Linear springs and dashpots with friction between bodies of a library.
+    pub fn law(&self, library: &Library) -> Box<dyn ForceLaw> {
+        Box::new(Law::new(Linear::new(self.interactions.clone(), self.limit_damping), library))
+    }
 }
 
 /// The linear spring and dashpot with Coulomb friction.

@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 
 /// What depends on what.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Part {
+pub enum Question {
     /// Packings by erosion ratio and stiffness
     Erosion,
     /// Whether such packings come to rest
@@ -42,7 +42,7 @@ pub enum Part {
 pub struct Plan {
     /// A part; may be repeated [default: all six]
     #[arg(long, value_name = "PART", value_enum)]
-    pub only: Vec<Part>,
+    pub only: Vec<Question>,
     /// So many packings of each kind in all but rate
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
     pub seeds: u64,
@@ -86,24 +86,25 @@ impl Plan {
     pub fn run(&self, signals: &Signals) -> Result<PathBuf> {
         let out = self.out.clone().unwrap_or_else(|| "out/paper/sensitivity".into());
         let report = out.join("report");
-        let parts = if self.only.is_empty() { Part::value_variants() } else { &self.only };
-        for part in parts {
-            let files = match part {
-                Part::Erosion => packings::erosion(self, &out, signals)?,
-                Part::Rest => packings::rest(self, &out, signals)?,
-                Part::Aspect => packings::aspect(self, &out, signals)?,
-                Part::Response => compressions::response(self, &out, signals)?,
-                Part::Gravity => compressions::gravity(self, &out, signals)?,
-                Part::Rate => compressions::rate(&out, signals)?,
+        let questions = if self.only.is_empty() { Question::value_variants() } else { &self.only };
+        for question in questions {
+            let files = match question {
+                Question::Erosion => packings::erosion(self, &out, signals)?,
+                Question::Rest => packings::rest(self, &out, signals)?,
+                Question::Aspect => packings::aspect(self, &out, signals)?,
+                Question::Response => compressions::response(self, &out, signals)?,
+                Question::Gravity => compressions::gravity(self, &out, signals)?,
+                Question::Rate => compressions::rate(&out, signals)?,
             };
             store(&report, &files)?;
-            self.record(*part, &report)?;
+            self.record(*question, &report)?;
         }
         Ok(report)
     }
 
-    fn record(&self, part: Part, report: &Path) -> Result<()> {
-        let name = part.to_possible_value().expect("no part is hidden").get_name().to_owned();
+    fn record(&self, question: Question, report: &Path) -> Result<()> {
+        let name =
+            question.to_possible_value().expect("no question is hidden").get_name().to_owned();
         let Self { seeds, grains, jobs, .. } = self;
         let command = format!(
             "run/paper/sensitivity/run --only {name} --seeds {seeds} --grains {grains} --lid {} --jobs {jobs}",

@@ -28,8 +28,8 @@ pub fn report(study: &Study, plan: &Plan) -> String {
         plan.count,
         plan.seed,
     );
-    for part in parts(study, Reading::Alone) {
-        let Part { title, figure, kind, findings, remark } = part;
+    for topic in topics(study, Reading::Alone) {
+        let Topic { title, figure, kind, findings, remark } = topic;
         let whose = if kind == Kind::Check { "the check" } else { "the paper" };
         let times = if remark == TABLE_1 { table_1(&study.times) } else { String::new() };
         let _ =
@@ -42,16 +42,16 @@ pub fn report(study: &Study, plan: &Plan) -> String {
 pub fn rows(study: &Study) -> Vec<Row> {
     let mut rows = Vec::new();
     for reading in Reading::ALL {
-        for part in parts(study, reading) {
-            let row = |finding| Row::new(part.title, part.kind, reading, finding);
-            rows.extend(part.findings.into_iter().map(row));
+        for topic in topics(study, reading) {
+            let row = |finding| Row::new(topic.title, topic.kind, reading, finding);
+            rows.extend(topic.findings.into_iter().map(row));
         }
     }
     rows
 }
 
 /// Findings that belong together.
-struct Part {
+struct Topic {
     title: &'static str,
     /// The figure, as Markdown.
     figure: &'static str,
@@ -60,8 +60,8 @@ struct Part {
     remark: &'static str,
 }
 
-fn parts(study: &Study, reading: Reading) -> Vec<Part> {
-    let part = |title, figure, findings, remark| Part {
+fn topics(study: &Study, reading: Reading) -> Vec<Topic> {
+    let topic = |title, figure, findings, remark| Topic {
         title,
         figure,
         kind: Kind::Statement,
@@ -69,27 +69,30 @@ fn parts(study: &Study, reading: Reading) -> Vec<Part> {
         remark,
     };
     vec![
-        part(
+        topic(
             "2.2 Case I: parallel ellipsoids",
             "![Fig. 5](fig5.svg)\n\n",
             case_1(study, reading),
             CASE_1,
         ),
-        part(
+        topic(
             "2.2 Why the normal's error changes",
             "![Fig. 6](fig6.svg)\n\n",
             reason(study),
             REASON,
         ),
-        part(
+        topic(
             "2.2 Case II: elongation and angle",
             "![Fig. 7](fig7.svg)\n\n",
             case_2(&study.case_2),
             CASE_2,
         ),
-        part("2.2 Case III: random pairs", "![Fig. 8](fig8.svg)\n\n", case_3(study), CASE_3),
-        part("2.2 Table 1: time of a pair", "", times(&study.times, reading), TABLE_1),
-        Part { kind: Kind::Check, ..part("Checks for the conclusions", "", checks(study), CHECKS) },
+        topic("2.2 Case III: random pairs", "![Fig. 8](fig8.svg)\n\n", case_3(study), CASE_3),
+        topic("2.2 Table 1: time of a pair", "", times(&study.times, reading), TABLE_1),
+        Topic {
+            kind: Kind::Check,
+            ..topic("Checks for the conclusions", "", checks(study), CHECKS)
+        },
     ]
 }
 
@@ -124,14 +127,35 @@ const ROUNDING: f64 = 1e-12;
 fn case_1(study: &Study, reading: Reading) -> Vec<Finding> {
     let rows: Vec<&InCase1> =
         study.case_1.iter().filter(|row| row.erosion_ratio == RATIO).collect();
+    let point = largest(&rows, |row| row.point_error_m);
+    let mut findings = overlaps_in_case_1(&rows, study.twice);
+    findings.extend(normals_in_case_1(&rows));
+    findings.push(Finding {
+        name: "point_exact",
+        figure: "5c",
+        statement: "the contact point is exact, by symmetry",
+        here: format!("off by {} m at most", readable(point)),
+        verdict: Verdict::of(point < 1e-14),
+    });
+    findings.push(spurious(study.spurious[reading as usize]));
+    findings
+}
+
+/// The largest of a number of all rows; 0 if none is positive.
+fn largest(rows: &[&InCase1], pick: fn(&InCase1) -> f64) -> f64 {
+    rows.iter().map(|row| pick(row)).fold(0.0, f64::max)
+}
+
+/// Does a number fall from each row to the next?
+fn falls(rows: &[&InCase1], pick: fn(&InCase1) -> f64) -> bool {
+    rows.windows(2).all(|w| pick(w[1]) < pick(w[0]))
+}
+
+/// `twice` is the overlap at which the relative error is 100 % [m].
+fn overlaps_in_case_1(rows: &[&InCase1], twice: f64) -> Vec<Finding> {
     let (first, last) = (rows[0], rows[rows.len() - 1]);
     let excess = |row: &InCase1| row.overlap_found_m - row.overlap_m;
-    let normal = mean(rows.iter().map(|row| row.normal_error_deg));
-    let most = |pick: fn(&InCase1) -> f64| rows.iter().map(|row| pick(row)).fold(0.0, f64::max);
-    let point = most(|row| row.point_error_m);
-    let falls = |pick: fn(&InCase1) -> f64| rows.windows(2).all(|w| pick(w[1]) < pick(w[0]));
-    let (low, high) = (excess(first), most(|row| row.overlap_found_m - row.overlap_m));
-    let clearance = study.spurious[reading as usize];
+    let (low, high) = (excess(first), largest(rows, excess));
     vec![
         Finding {
             name: "touch",
@@ -146,7 +170,7 @@ fn case_1(study: &Study, reading: Reading) -> Vec<Finding> {
             statement: "the relative error falls with the overlap, to about 2 % at an overlap of 5 %",
             here: format!("{} %", readable(100.0 * last.relative_overlap_error)),
             verdict: Verdict::of(
-                falls(|row| row.relative_overlap_error)
+                falls(rows, |row| row.relative_overlap_error)
                     && (0.015..0.025).contains(&last.relative_overlap_error),
             ),
         },
@@ -156,11 +180,11 @@ fn case_1(study: &Study, reading: Reading) -> Vec<Finding> {
             statement: "it reaches as much as 100 % for small overlaps",
             here: format!(
                 "100 % at {} m, more below: the error itself stays at {} to {} m",
-                readable(study.twice),
+                readable(twice),
                 readable(low),
                 readable(high)
             ),
-            verdict: if study.twice > 0.0 { Verdict::Nearly } else { Verdict::No },
+            verdict: if twice > 0.0 { Verdict::Nearly } else { Verdict::No },
         },
         Finding {
             name: "overestimated",
@@ -169,6 +193,13 @@ fn case_1(study: &Study, reading: Reading) -> Vec<Finding> {
             here: format!("in all {} pairs", rows.len()),
             verdict: Verdict::of(rows.iter().all(|row| excess(row) > 0.0)),
         },
+    ]
+}
+
+fn normals_in_case_1(rows: &[&InCase1]) -> [Finding; 2] {
+    let (first, last) = (rows[0], rows[rows.len() - 1]);
+    let normal = mean(rows.iter().map(|row| row.normal_error_deg));
+    [
         Finding {
             name: "normal_3_deg",
             figure: "5b",
@@ -190,27 +221,24 @@ fn case_1(study: &Study, reading: Reading) -> Vec<Finding> {
                 readable(first.normal_error_deg),
                 readable(last.normal_error_deg)
             ),
-            verdict: Verdict::of(falls(|row| row.normal_error_deg)),
-        },
-        Finding {
-            name: "point_exact",
-            figure: "5c",
-            statement: "the contact point is exact, by symmetry",
-            here: format!("off by {} m at most", readable(point)),
-            verdict: Verdict::of(point < 1e-14),
-        },
-        Finding {
-            name: "spurious",
-            figure: "3",
-            statement: "pairs of small clearance may be called touching",
-            here: if clearance > ROUNDING {
-                format!("clearances below {} m are", readable(clearance))
-            } else {
-                "none is: GJK has found them apart before".into()
-            },
-            verdict: Verdict::of(clearance > ROUNDING),
+            verdict: Verdict::of(falls(rows, |row| row.normal_error_deg)),
         },
     ]
+}
+
+/// `clearance` is the largest at which a pair is found touching [m].
+fn spurious(clearance: f64) -> Finding {
+    Finding {
+        name: "spurious",
+        figure: "3",
+        statement: "pairs of small clearance may be called touching",
+        here: if clearance > ROUNDING {
+            format!("clearances below {} m are", readable(clearance))
+        } else {
+            "none is: GJK has found them apart before".into()
+        },
+        verdict: Verdict::of(clearance > ROUNDING),
+    }
 }
 
 /// What section 4 concludes beyond section 2.
@@ -295,39 +323,60 @@ fn reason(study: &Study) -> Vec<Finding> {
     ]
 }
 
+/// A number of a pair in case II.
+type Pick = fn(&InCase2) -> f64;
+
+/// The rows of case II for each long axis of 1, 2, 3, 4 m.
+struct ByLongAxis<'a>([Vec<&'a InCase2>; 4]);
+
+impl<'a> ByLongAxis<'a> {
+    fn new(rows: &'a [InCase2]) -> Self {
+        Self([1.0, 2.0, 3.0, 4.0].map(|axis| {
+            let of_axis = |row: &&InCase2| row.long_axis_m == axis;
+            rows.iter().filter(of_axis).collect()
+        }))
+    }
+
+    /// The row with the largest of a number, for each long axis.
+    fn worst(&self, pick: Pick) -> [&'a InCase2; 4] {
+        self.0.each_ref().map(|rows| {
+            rows.iter().fold(rows[0], |best, row| if pick(row) > pick(best) { *row } else { best })
+        })
+    }
+
+    fn grows(&self, pick: Pick) -> bool {
+        self.worst(pick).windows(2).all(|w| pick(w[1]) > pick(w[0]))
+    }
+
+    /// The largest of a number for each long axis, in multiples of `1 / unit`.
+    fn in_words(&self, pick: Pick, unit: f64) -> String {
+        self.worst(pick).map(|row| format!("{:.2}", unit * pick(row))).join(" / ")
+    }
+
+    /// The angle of the largest of a number for the long axes of 2, 3, 4 m.
+    fn angles(&self, pick: Pick) -> String {
+        let [_, longer @ ..] = self.worst(pick);
+        longer.map(|row| format!("{}°", row.angle_deg)).join(", ")
+    }
+
+    /// Are these angles, as angles between axes, in a range [degrees]?
+    fn are_near(&self, pick: Pick, low: f64, high: f64) -> bool {
+        self.worst(pick)[1..].iter().all(|row| (low..=high).contains(&between_axes(row)))
+    }
+}
+
+/// The angle between the axes [degrees], at most 90.
+fn between_axes(row: &InCase2) -> f64 {
+    row.angle_deg.min(180.0 - row.angle_deg)
+}
+
 fn case_2(rows: &[InCase2]) -> Vec<Finding> {
-    type Pick = fn(&InCase2) -> f64;
     let overlap: Pick = |row| row.relative_overlap_error;
     let normal: Pick = |row| row.normal_error_deg;
     let point: Pick = |row| row.point_error_m;
-    let whole: Vec<Vec<&InCase2>> = (1..=4)
-        .map(|axis| rows.iter().filter(|row| row.long_axis_m == f64::from(axis)).collect())
-        .collect();
-    let worst = |rows: &[&InCase2], pick: Pick| -> InCase2 {
-        let most =
-            |best: InCase2, row: &&InCase2| if pick(row) > pick(&best) { **row } else { best };
-        rows.iter().fold(*rows[0], most)
-    };
-    let grows = |pick: Pick| {
-        whole.windows(2).all(|w| pick(&worst(&w[1], pick)) > pick(&worst(&w[0], pick)))
-    };
-    let by_axis = |pick: Pick, unit: f64| {
-        let most = whole.iter().map(|rows| format!("{:.2}", unit * pick(&worst(rows, pick))));
-        most.collect::<Vec<_>>().join(" / ")
-    };
-    let cross = |row: &InCase2| row.angle_deg.min(180.0 - row.angle_deg);
-    let angles = |pick: Pick| {
-        let at = whole[1..].iter().map(|rows| format!("{}°", worst(rows, pick).angle_deg));
-        at.collect::<Vec<_>>().join(", ")
-    };
-    let near = |pick: Pick, low: f64, high: f64| {
-        whole[1..].iter().all(|rows| (low..=high).contains(&cross(&worst(rows, pick))))
-    };
-    let sphere = overlap(&worst(&whole[0], overlap));
-    let most_off = point(&worst(&whole[3], point));
-    let at_angle =
-        |angle: f64| rows.iter().filter(|row| cross(row) == angle).map(point).fold(0.0, f64::max);
-    vec![
+    let whole = ByLongAxis::new(rows);
+    let sphere = overlap(whole.worst(overlap)[0]);
+    let mut findings = vec![
         Finding {
             name: "near_spheres",
             figure: "7",
@@ -341,11 +390,13 @@ fn case_2(rows: &[InCase2]) -> Vec<Finding> {
             statement: "the errors grow with elongation",
             here: format!(
                 "largest for a long axis of 1 / 2 / 3 / 4 m: overlap {} %, normal {}°, point {} %",
-                by_axis(overlap, 100.0),
-                by_axis(normal, 1.0),
-                by_axis(point, 100.0)
+                whole.in_words(overlap, 100.0),
+                whole.in_words(normal, 1.0),
+                whole.in_words(point, 100.0)
             ),
-            verdict: Verdict::of(grows(overlap) && grows(normal) && grows(point)),
+            verdict: Verdict::of(
+                [overlap, normal, point].into_iter().all(|pick| whole.grows(pick)),
+            ),
         },
         Finding {
             name: "worst_angle",
@@ -353,17 +404,31 @@ fn case_2(rows: &[InCase2]) -> Vec<Finding> {
             statement: "overlap and normal are worst near 0° or 180°",
             here: format!(
                 "for 2, 3, 4 m: overlap at {}; normal at {}",
-                angles(overlap),
-                angles(normal)
+                whole.angles(overlap),
+                whole.angles(normal)
             ),
-            verdict: Verdict::of(near(overlap, 0.0, 10.0) && near(normal, 0.0, 10.0)),
+            verdict: Verdict::of(
+                whole.are_near(overlap, 0.0, 10.0) && whole.are_near(normal, 0.0, 10.0),
+            ),
         },
+    ];
+    findings.extend(points_in_case_2(rows, &whole));
+    findings
+}
+
+fn points_in_case_2(rows: &[InCase2], whole: &ByLongAxis) -> [Finding; 4] {
+    let point: Pick = |row| row.point_error_m;
+    let most_off = point(whole.worst(point)[3]);
+    let at_angle = |angle: f64| {
+        rows.iter().filter(|row| between_axes(row) == angle).map(point).fold(0.0, f64::max)
+    };
+    [
         Finding {
             name: "point_45_deg",
             figure: "7c",
             statement: "the contact point is worst at a cross angle of about 45°",
-            here: format!("for 2, 3, 4 m: at {}", angles(point)),
-            verdict: Verdict::of(near(point, 35.0, 55.0)),
+            here: format!("for 2, 3, 4 m: at {}", whole.angles(point)),
+            verdict: Verdict::of(whole.are_near(point, 35.0, 55.0)),
         },
         Finding {
             name: "point_5_percent",
@@ -392,30 +457,46 @@ fn case_2(rows: &[InCase2]) -> Vec<Finding> {
     ]
 }
 
-fn case_3(study: &Study) -> Vec<Finding> {
-    let case = |sampling: &str, method: &str| -> &InCase3 {
-        let wanted = |c: &&InCase3| c.sampling == sampling && c.method == method;
-        study.case_3.iter().find(wanted).expect("the study has all its cases")
-    };
-    let (lines, normals) = (case(CENTRE_LINE, EROSION), case(NORMAL, EROSION));
-    let (epa, fine) = (case(CENTRE_LINE, EPA), case(CENTRE_LINE, FINE_EROSION));
-    let [overlap, normal, point] = lines.summaries();
-    let [overlap_n, normal_n, point_n] = normals.summaries();
-    let [overlap_fine, normal_fine, _] = fine.summaries();
-    let [overlap_epa, normal_epa, point_epa] = epa.summaries();
-    let [overlap_polished, normal_polished, _] = case(CENTRE_LINE, POLISHED_EPA).summaries();
-    let both = |a: f64, b: f64| format!("{} and {}", readable(a), readable(b));
-    let percent = |share: f64| format!("{} %", readable(100.0 * share));
-    let inside = |c: &InCase3| share(&c.overlap, 1e-5, 10.0);
-    let above = |values: &[f64], limit: f64| 1.0 - share(values, 0.0, limit);
-    // About: within a factor of two.
-    let about = |s: &Summary| (0.5e-3..2e-3).contains(&s.log_mean);
-    let as_a_bound = |all: bool, nearly: bool| match (all, nearly) {
+/// The pairs of case III drawn in one way and resolved by one method.
+fn in_case_3<'a>(study: &'a Study, sampling: &str, method: &str) -> &'a InCase3 {
+    let wanted = |c: &&InCase3| c.sampling == sampling && c.method == method;
+    study.case_3.iter().find(wanted).expect("the study has all its cases")
+}
+
+fn both(a: f64, b: f64) -> String {
+    format!("{} and {}", readable(a), readable(b))
+}
+
+fn percent(share: f64) -> String {
+    format!("{} %", readable(100.0 * share))
+}
+
+/// The verdict on a bound: it holds for all, for nearly all, or not.
+fn as_a_bound(all: bool, nearly: bool) -> Verdict {
+    match (all, nearly) {
         (true, _) => Verdict::Yes,
         (false, true) => Verdict::Nearly,
         (false, false) => Verdict::No,
-    };
-    let within_epa = share(&epa.overlap, 1e-10, 1e-5);
+    }
+}
+
+fn case_3(study: &Study) -> Vec<Finding> {
+    let mut findings = overlaps_in_case_3(study);
+    findings.extend(normals_and_points_in_case_3(study));
+    findings.extend(epa_in_case_3(study));
+    findings
+}
+
+fn overlaps_in_case_3(study: &Study) -> Vec<Finding> {
+    let [lines, normals, fine] =
+        [(CENTRE_LINE, EROSION), (NORMAL, EROSION), (CENTRE_LINE, FINE_EROSION)]
+            .map(|(sampling, method)| in_case_3(study, sampling, method));
+    let [overlap, ..] = lines.summaries();
+    let [overlap_n, ..] = normals.summaries();
+    let [overlap_fine, normal_fine, _] = fine.summaries();
+    let inside = |c: &InCase3| share(&c.overlap, 1e-5, 10.0);
+    // About: within a factor of two.
+    let about = |s: &Summary| (0.5e-3..2e-3).contains(&s.log_mean);
     vec![
         Finding {
             name: "overlap_range",
@@ -462,6 +543,16 @@ fn case_3(study: &Study) -> Vec<Finding> {
             ),
             verdict: Verdict::of(overlap.p0_1 > 1e3 * TIGHT),
         },
+    ]
+}
+
+fn normals_and_points_in_case_3(study: &Study) -> [Finding; 2] {
+    let [lines, normals] =
+        [CENTRE_LINE, NORMAL].map(|sampling| in_case_3(study, sampling, EROSION));
+    let [_, normal, point] = lines.summaries();
+    let [_, normal_n, point_n] = normals.summaries();
+    let above = |values: &[f64], limit: f64| 1.0 - share(values, 0.0, limit);
+    [
         Finding {
             name: "normal_below_3_deg",
             figure: "8b",
@@ -489,6 +580,16 @@ fn case_3(study: &Study) -> Vec<Finding> {
             ),
             verdict: as_a_bound(point.max < 0.01, above(&lines.point, 0.01) < 0.05),
         },
+    ]
+}
+
+fn epa_in_case_3(study: &Study) -> [Finding; 3] {
+    let epa = in_case_3(study, CENTRE_LINE, EPA);
+    let [overlap_epa, normal_epa, point_epa] = epa.summaries();
+    let [overlap_polished, normal_polished, _] =
+        in_case_3(study, CENTRE_LINE, POLISHED_EPA).summaries();
+    let within_epa = share(&epa.overlap, 1e-10, 1e-5);
+    [
         Finding {
             name: "epa_range",
             figure: "8a",

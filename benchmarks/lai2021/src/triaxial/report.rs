@@ -22,8 +22,8 @@ const SETTLED: f64 = 0.01;
 /// ... and nearly so up to this.
 const UNSETTLED: f64 = 0.05;
 
-/// Findings of a part of the section.
-pub struct Part {
+/// Findings of a topic of the section.
+pub struct Topic {
     /// Its title.
     pub title: &'static str,
     /// The figures that belong to it: file and name.
@@ -46,14 +46,14 @@ Powder Technology (2021), section 3: random packing and triaxial compression of 
 Written by `lai2021 section-3`; the verdicts follow from the numbers.\n\n"
         .to_string();
     let _ = writeln!(page, "{}{}\n\n{}", measured(runs), missing(runs), numbers(runs));
-    for part in parts(runs) {
-        let _ = write!(page, "\n## {}\n\n", part.title);
-        for (file, name) in part.figures {
+    for topic in topics(runs) {
+        let _ = write!(page, "\n## {}\n\n", topic.title);
+        for (file, name) in topic.figures {
             if drawn(file, runs) {
                 let _ = writeln!(page, "![{name}]({file})\n");
             }
         }
-        let _ = write!(page, "{}\n{}", table(part.whose(), &part.findings), part.remark);
+        let _ = write!(page, "{}\n{}", table(topic.whose(), &topic.findings), topic.remark);
     }
     if runs.iter().any(|run| !run.costs.is_empty()) {
         let _ = write!(page, "\n## Cost\n\n{}", costs(runs));
@@ -73,7 +73,7 @@ fn drawn(file: &str, runs: &[Run]) -> bool {
     })
 }
 
-impl Part {
+impl Topic {
     /// Who states what is to be found.
     const fn whose(&self) -> &'static str {
         match self.kind {
@@ -83,8 +83,8 @@ impl Part {
     }
 }
 
-/// All findings, part by part.
-pub fn parts(runs: &[Run]) -> Vec<Part> {
+/// All findings, topic by topic.
+pub fn topics(runs: &[Run]) -> Vec<Topic> {
     among(runs, runs)
 }
 
@@ -97,39 +97,39 @@ pub fn rows(runs: &[Run]) -> Vec<Row> {
             Reading::Alone => Method::CheckedErosion,
         };
         let read: Vec<Run> = runs.iter().filter(|run| run.method != other).cloned().collect();
-        for part in among(&read, runs) {
-            let row = |finding| Row::new(part.title, part.kind, reading, finding);
-            rows.extend(part.findings.into_iter().map(row));
+        for topic in among(&read, runs) {
+            let row = |finding| Row::new(topic.title, topic.kind, reading, finding);
+            rows.extend(topic.findings.into_iter().map(row));
         }
     }
     rows
 }
 
 /// Findings from some of the runs; where a reason is asked for, from all.
-fn among(runs: &[Run], all: &[Run]) -> Vec<Part> {
+fn among(runs: &[Run], all: &[Run]) -> Vec<Topic> {
     vec![
-        Part {
+        Topic {
             title: "3.1 Simulation setup",
             figures: &[("fig9.svg", "Fig. 9")],
             kind: Kind::Setting,
             findings: setup(runs),
             remark: String::new(),
         },
-        Part {
+        Topic {
             title: "3.2 Macroscopic response",
             figures: &[("fig10.svg", "Fig. 10")],
             kind: Kind::Statement,
             findings: response(runs),
             remark: RESPONSE.into(),
         },
-        Part {
+        Topic {
             title: "3.3 Coordination number",
             figures: &[("fig11.svg", "Fig. 11")],
             kind: Kind::Statement,
             findings: coordination(runs, all),
             remark: COORDINATION.into(),
         },
-        Part {
+        Topic {
             title: "3.4 Fabric anisotropy",
             figures: &[
                 ("fig12.svg", "Fig. 12"),
@@ -140,7 +140,7 @@ fn among(runs: &[Run], all: &[Run]) -> Vec<Part> {
             findings: fabric(runs),
             remark: FABRIC.into(),
         },
-        Part {
+        Topic {
             title: "Checks of the runs themselves",
             figures: &[],
             kind: Kind::Check,
@@ -467,66 +467,73 @@ fn off_within(curve: &[(f64, f64)], truth: &[(f64, f64)]) -> Option<(f64, f64, f
 }
 
 fn response(runs: &[Run]) -> Vec<Finding> {
-    let plateau = |run: &Run| run.mean_over(&PLATEAU, |s| s.q_over_p);
-    let peak = |run: &Run| past_peak(run)?.summary.q_over_p;
-    let curve = |pick: Pick| {
-        let beyond_peak = move |run: &Run| past_peak(run).map(|_| run.curve(pick));
-        move |run: &Run| beyond_peak(run).filter(|curve| !curve.is_empty())
-    };
-    vec![
+    let mut findings = vec![
         each(
             "peak_and_plateau",
             "10a",
             "q/p rises rapidly, then falls gradually to a plateau",
             runs,
-            |run| {
-                let top = run.peak()?;
-                let (highest, at) = (top.summary.q_over_p?, top.summary.axial_strain?);
-                let Some(rest) = plateau(run) else {
-                    let here = format!("up to {} so far, at {}", readable(highest), percent(at));
-                    return Some((here, Verdict::Untold));
-                };
-                let here = format!(
-                    "peak {} at {}, {} beyond 25 %",
-                    readable(highest),
-                    percent(at),
-                    readable(rest)
-                );
-                let early = at < 0.5 * run.strain()?;
-                let verdict = match rest / highest {
-                    _ if at >= *PLATEAU.start() => Verdict::No,
-                    ..=0.95 if early => Verdict::Yes,
-                    ..=0.98 => Verdict::Nearly,
-                    _ => Verdict::No,
-                };
-                Some((here, verdict))
-            },
+            peak_and_plateau,
         ),
         each(
             "dilation",
             "10b",
             "the packing first contracts slightly, then dilates",
             runs,
-            |run| {
-                let curve = run.curve(|s| s.volumetric_strain);
-                let last = curve.last()?.1;
-                let (at, most) =
-                    curve.iter().fold((0.0, 0.0), |m, p| if p.1 > m.1 { *p } else { m });
-                let here = format!(
-                    "contracts by {} until {}, ends at {}",
-                    percent(most),
-                    percent(at),
-                    percent(last)
-                );
-                let verdict = match (most > 1e-4, last < most - 5e-3) {
-                    (true, true) if last < 0.0 => Verdict::Yes,
-                    (true, _) if run.strain()? < *PLATEAU.start() => Verdict::Untold,
-                    (true, true) => Verdict::Nearly,
-                    _ => Verdict::No,
-                };
-                Some((here, verdict))
-            },
+            dilation,
         ),
+    ];
+    findings.extend(same_response(runs));
+    findings
+}
+
+/// Mean q/p beyond 25 % of strain.
+fn plateau(run: &Run) -> Option<f64> {
+    run.mean_over(&PLATEAU, |s| s.q_over_p)
+}
+
+fn peak_and_plateau(run: &Run) -> Option<(String, Verdict)> {
+    let top = run.peak()?;
+    let (highest, at) = (top.summary.q_over_p?, top.summary.axial_strain?);
+    let Some(rest) = plateau(run) else {
+        let here = format!("up to {} so far, at {}", readable(highest), percent(at));
+        return Some((here, Verdict::Untold));
+    };
+    let here =
+        format!("peak {} at {}, {} beyond 25 %", readable(highest), percent(at), readable(rest));
+    let early = at < 0.5 * run.strain()?;
+    let verdict = match rest / highest {
+        _ if at >= *PLATEAU.start() => Verdict::No,
+        ..=0.95 if early => Verdict::Yes,
+        ..=0.98 => Verdict::Nearly,
+        _ => Verdict::No,
+    };
+    Some((here, verdict))
+}
+
+fn dilation(run: &Run) -> Option<(String, Verdict)> {
+    let curve = run.curve(|s| s.volumetric_strain);
+    let last = curve.last()?.1;
+    let (at, most) = curve.iter().fold((0.0, 0.0), |m, p| if p.1 > m.1 { *p } else { m });
+    let here =
+        format!("contracts by {} until {}, ends at {}", percent(most), percent(at), percent(last));
+    let verdict = match (most > 1e-4, last < most - 5e-3) {
+        (true, true) if last < 0.0 => Verdict::Yes,
+        (true, _) if run.strain()? < *PLATEAU.start() => Verdict::Untold,
+        (true, true) => Verdict::Nearly,
+        _ => Verdict::No,
+    };
+    Some((here, verdict))
+}
+
+/// Erosion's response against its benchmark's.
+fn same_response(runs: &[Run]) -> [Finding; 4] {
+    let peak = |run: &Run| past_peak(run)?.summary.q_over_p;
+    let curve = |pick: Pick| {
+        let beyond_peak = move |run: &Run| past_peak(run).map(|_| run.curve(pick));
+        move |run: &Run| beyond_peak(run).filter(|curve| !curve.is_empty())
+    };
+    [
         between("same_peak", "10a", "erosion and EPA: the same peak", runs, peak, |both| {
             Some((differ(both) + &by_chance(runs, peak), Verdict::small(apart(both), 0.05, 0.1)))
         }),
@@ -715,31 +722,6 @@ fn contacts_each(report: &Report) -> Option<f64> {
 }
 
 fn fabric(runs: &[Run]) -> Vec<Finding> {
-    const DEGREES: [(&str, Pick); 3] = [("a_c", |s| s.a_c), ("a_n", |s| s.a_n), ("a_t", |s| s.a_t)];
-    let alike = |name, figure, statement, state: fn(&Run) -> Option<&Report>| {
-        let degrees = |run| -> Option<Vec<f64>> {
-            DEGREES.iter().map(|(_, pick)| pick(&state(run)?.summary)).collect()
-        };
-        between(name, figure, statement, runs, degrees, |(erosion, truth)| {
-            let mut words = Vec::new();
-            let mut verdicts = Vec::new();
-            for ((name, pick), (e, t)) in DEGREES.iter().zip(erosion.iter().zip(&truth)) {
-                let chance = by_chance(runs, |run| pick(&state(run)?.summary));
-                words.push(format!("{name} {} and {}{chance}", readable(*e), readable(*t)));
-                let (small, fair) = ((0.1 * t.abs()).max(0.05), (0.2 * t.abs()).max(0.1));
-                verdicts.push(Verdict::small(e - t, small, fair));
-            }
-            Some((words.join(", "), Verdict::worst(verdicts)))
-        })
-    };
-    let weak = |run: &Run| {
-        let report = run.packing()?;
-        Some((report.summary.share_below_0_3_mean?, contacts_each(report)?))
-    };
-    let forces = |run| {
-        let report = Run::packing(run)?;
-        Some((report.forces.as_ref()?, contacts_each(report)?))
-    };
     vec![
         each(
             "vertical",
@@ -762,52 +744,99 @@ fn fabric(runs: &[Run]) -> Vec<Finding> {
             let here = format!("a_t is {} of the smaller of a_c and a_n", percent(share.abs()));
             Some((here, Verdict::small(share, 1.0 / 3.0, 0.5)))
         }),
-        alike("fabric_packing", "12", "after packing, erosion and EPA differ little", Run::packing),
-        between(
-            "weak_dismissed",
-            "13a",
-            "erosion dismisses a considerable number of contacts below 0.3 of the mean normal force",
+        same_anisotropy(
+            "fabric_packing",
+            "12",
+            "after packing, erosion and EPA differ little",
             runs,
-            weak,
-            |((share_e, all_e), (share_t, all_t))| {
-                let counts = (share_e * all_e, share_t * all_t);
-                let here = format!(
-                    "{} and {} of the contacts; per particle {}{}",
-                    percent(share_e),
-                    percent(share_t),
-                    differ(counts),
-                    by_chance(runs, |run| weak(run).map(|(share, all)| share * all))
-                );
-                let verdict = match apart(counts) {
-                    ..=-0.1 => Verdict::Yes,
-                    ..=-0.03 => Verdict::Nearly,
-                    _ => Verdict::No,
-                };
-                Some((here, verdict))
-            },
+            Run::packing,
         ),
-        between(
-            "mainly_weak",
-            "13",
-            "the difference is mainly among weak contacts",
-            runs,
-            forces,
-            |((e, per_e), (t, per_t))| {
-                let off = apart((per_e, per_t));
-                if off.abs() < 0.01 {
-                    let here = format!("contacts per particle differ by {} only", percent(off));
-                    return Some((here, Verdict::No));
-                }
-                let share = share_of_difference(e, per_e, t, per_t);
-                let here = format!(
-                    "{} of the difference in contacts per particle is below 0.3",
-                    percent(share)
-                );
-                Some((here, Verdict::small(1.0 - share, 0.5, 0.65)))
-            },
-        ),
-        alike("fabric_peak", "14", "at the peak they are consistent", past_peak),
+        weak_dismissed(runs),
+        mainly_weak(runs),
+        same_anisotropy("fabric_peak", "14", "at the peak they are consistent", runs, past_peak),
     ]
+}
+
+/// Erosion's degrees of anisotropy in a state against its benchmark's.
+fn same_anisotropy(
+    name: &'static str,
+    figure: &'static str,
+    statement: &'static str,
+    runs: &[Run],
+    state: fn(&Run) -> Option<&Report>,
+) -> Finding {
+    const DEGREES: [(&str, Pick); 3] = [("a_c", |s| s.a_c), ("a_n", |s| s.a_n), ("a_t", |s| s.a_t)];
+    let degrees = |run| -> Option<Vec<f64>> {
+        DEGREES.iter().map(|(_, pick)| pick(&state(run)?.summary)).collect()
+    };
+    between(name, figure, statement, runs, degrees, |(erosion, truth)| {
+        let mut words = Vec::new();
+        let mut verdicts = Vec::new();
+        for ((name, pick), (e, t)) in DEGREES.iter().zip(erosion.iter().zip(&truth)) {
+            let chance = by_chance(runs, |run| pick(&state(run)?.summary));
+            words.push(format!("{name} {} and {}{chance}", readable(*e), readable(*t)));
+            let (small, fair) = ((0.1 * t.abs()).max(0.05), (0.2 * t.abs()).max(0.1));
+            verdicts.push(Verdict::small(e - t, small, fair));
+        }
+        Some((words.join(", "), Verdict::worst(verdicts)))
+    })
+}
+
+fn weak_dismissed(runs: &[Run]) -> Finding {
+    let weak = |run: &Run| {
+        let report = run.packing()?;
+        Some((report.summary.share_below_0_3_mean?, contacts_each(report)?))
+    };
+    between(
+        "weak_dismissed",
+        "13a",
+        "erosion dismisses a considerable number of contacts below 0.3 of the mean normal force",
+        runs,
+        weak,
+        |((share_e, all_e), (share_t, all_t))| {
+            let counts = (share_e * all_e, share_t * all_t);
+            let here = format!(
+                "{} and {} of the contacts; per particle {}{}",
+                percent(share_e),
+                percent(share_t),
+                differ(counts),
+                by_chance(runs, |run| weak(run).map(|(share, all)| share * all))
+            );
+            let verdict = match apart(counts) {
+                ..=-0.1 => Verdict::Yes,
+                ..=-0.03 => Verdict::Nearly,
+                _ => Verdict::No,
+            };
+            Some((here, verdict))
+        },
+    )
+}
+
+fn mainly_weak(runs: &[Run]) -> Finding {
+    let forces = |run| {
+        let report = Run::packing(run)?;
+        Some((report.forces.as_ref()?, contacts_each(report)?))
+    };
+    between(
+        "mainly_weak",
+        "13",
+        "the difference is mainly among weak contacts",
+        runs,
+        forces,
+        |((e, per_e), (t, per_t))| {
+            let off = apart((per_e, per_t));
+            if off.abs() < 0.01 {
+                let here = format!("contacts per particle differ by {} only", percent(off));
+                return Some((here, Verdict::No));
+            }
+            let share = share_of_difference(e, per_e, t, per_t);
+            let here = format!(
+                "{} of the difference in contacts per particle is below 0.3",
+                percent(share)
+            );
+            Some((here, Verdict::small(1.0 - share, 0.5, 0.65)))
+        },
+    )
 }
 
 /// Of the difference in contacts per particle the share of the weak ones; the others are those up to the

@@ -1,4 +1,4 @@
-//! What is remembered of touching contacts: state, which moves with its particles and is saved.
+//! Records of touching contacts: state, which migrates with its particles and is saved.
 
 use crate::ids::GlobalId;
 use crate::math::Vec3;
@@ -20,14 +20,14 @@ use std::ops::Range;
 )]
 // Aligned so that no row lies in two lines of the cache.
 #[repr(C, align(32))]
-pub struct History {
+pub struct Geometry {
     /// The normal of the last touch, A to B; zero if the pair did not touch.
     pub normal: Vec3,
     /// Overlap of the last touch [m].
     pub overlap: f64,
 }
 
-impl History {
+impl Geometry {
     /// Did the pair touch at the last step?
     #[inline]
     pub fn touched(&self) -> bool {
@@ -67,29 +67,29 @@ impl StateColumn {
     }
 }
 
-/// What is remembered of touching contacts, under their lasting names.
+/// Records of touching contacts, under the ids of their bodies.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Histories {
+pub struct ContactRecords {
     columns: Vec<StateColumn>,
     ends: Vec<(GlobalId, GlobalId)>,
-    geometry: Vec<History>,
+    geometry: Vec<Geometry>,
     state: Vec<f64>,
 }
 
-/// What is remembered of one contact, under its lasting name.
+/// The record of a touching contact, under the ids of its bodies.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NamedHistory<'a> {
+pub struct ContactRecord<'a> {
     /// The lower id.
     pub a: GlobalId,
     /// The higher id.
     pub b: GlobalId,
     /// Normal and overlap.
-    pub geometry: History,
+    pub geometry: Geometry,
     /// What the law remembers, column after column.
     pub state: &'a [f64],
 }
 
-impl Histories {
+impl ContactRecords {
     /// None, of which a law remembers these columns.
     pub fn of(columns: &[StateColumn]) -> Self {
         Self { columns: columns.to_vec(), ..Self::default() }
@@ -116,21 +116,21 @@ impl Histories {
     }
 
     /// One of them.
-    pub fn get(&self, row: usize) -> NamedHistory<'_> {
+    pub fn get(&self, row: usize) -> ContactRecord<'_> {
         let (a, b) = self.ends[row];
         let width = StateColumn::total_width(&self.columns);
         let state = &self.state[row * width..(row + 1) * width];
-        NamedHistory { a, b, geometry: self.geometry[row], state }
+        ContactRecord { a, b, geometry: self.geometry[row], state }
     }
 
     /// All of them.
-    pub fn iter(&self) -> impl Iterator<Item = NamedHistory<'_>> {
+    pub fn iter(&self) -> impl Iterator<Item = ContactRecord<'_>> {
         (0..self.len()).map(|row| self.get(row))
     }
 
     /// Adds one with as many numbers as the columns have.
-    pub fn push(&mut self, named: &NamedHistory) {
-        let NamedHistory { a, b, geometry, state } = *named;
+    pub fn push(&mut self, named: &ContactRecord) {
+        let ContactRecord { a, b, geometry, state } = *named;
         debug_assert_eq!(state.len(), StateColumn::total_width(&self.columns));
         self.ends.push((a, b));
         self.geometry.push(geometry);
@@ -151,7 +151,7 @@ impl Histories {
         let mut renamed = Self::of(&self.columns);
         for named in self.iter() {
             if let Some(b) = name(named.b) {
-                renamed.push(&NamedHistory { b, ..named });
+                renamed.push(&ContactRecord { b, ..named });
             }
         }
         renamed

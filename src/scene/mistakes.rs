@@ -5,7 +5,7 @@ use std::fmt;
 
 /// Where a value of the scene was given.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Place {
+pub enum Location {
     /// Nowhere: it is the file as a whole.
     File,
     /// A line of the file, from 1.
@@ -18,7 +18,7 @@ pub enum Place {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
     /// Where it is.
-    pub place: Place,
+    pub location: Location,
     /// Key path, value, what is wrong and what is allowed.
     pub message: String,
 }
@@ -36,11 +36,11 @@ impl fmt::Display for SceneErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let count = self.problems.len();
         write!(f, "{count} mistake{} in the scene", if count == 1 { "" } else { "s" })?;
-        for Problem { place, message } in &self.problems {
-            match place {
-                Place::File => write!(f, "\n{}: {message}", self.file)?,
-                Place::Line(line) => write!(f, "\n{}:{line}: {message}", self.file)?,
-                Place::Override(text) => write!(f, "\n--set {text}: {message}")?,
+        for Problem { location, message } in &self.problems {
+            match location {
+                Location::File => write!(f, "\n{}: {message}", self.file)?,
+                Location::Line(line) => write!(f, "\n{}:{line}: {message}", self.file)?,
+                Location::Override(text) => write!(f, "\n--set {text}: {message}")?,
             }
         }
         Ok(())
@@ -50,13 +50,13 @@ impl fmt::Display for SceneErrors {
 /// Collects mistakes while a scene is read. Readers share it, so it can be written to through a
 /// shared reference.
 #[derive(Debug, Default)]
-pub(super) struct Report {
+pub(super) struct Mistakes {
     problems: RefCell<Vec<Problem>>,
 }
 
-impl Report {
-    pub(super) fn add(&self, place: &Place, message: String) {
-        self.problems.borrow_mut().push(Problem { place: place.clone(), message });
+impl Mistakes {
+    pub(super) fn add(&self, location: &Location, message: String) {
+        self.problems.borrow_mut().push(Problem { location: location.clone(), message });
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -66,7 +66,7 @@ impl Report {
     /// All mistakes as an error.
     pub(super) fn into_errors(self, file: &str) -> SceneErrors {
         let mut problems = self.problems.into_inner();
-        problems.sort_by(|a, b| a.place.cmp(&b.place));
+        problems.sort_by(|a, b| a.location.cmp(&b.location));
         problems.dedup();
         SceneErrors { file: file.to_owned(), problems }
     }
