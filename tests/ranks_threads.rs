@@ -317,6 +317,69 @@ fn a_restart_on_another_number_of_ranks_leaves_no_trace() {
     }
 }
 
+/// Boxes and rounded boxes of many sizes, thrown through each other where the domain repeats, onto a floor that turns.
+const FACES: &str = r#"
+title = "boxes"
+gravity = [1.0, 0.5, -9.81]
+[domain]
+low = [0.0, 0.0, 0.0]
+high = [0.03, 0.03, 0.1]
+periodic = [true, true, false]
+MATERIAL
+[[wall]]
+name = "floor"
+point = [0.015, 0.015, 0.0]
+normal = [0.0, 0.0, 1.0]
+rotation = { about = [0.015, 0.015, 0.0], axis = [0.0, 0.0, 1.0], rate = 20.0 }
+[[shape]]
+name = "brick"
+kind = "polyhedron"
+vertices = [
+  [-1.2e-3, -1e-3, -8e-4], [1.2e-3, -1e-3, -8e-4], [-1.2e-3, 1e-3, -8e-4], [1.2e-3, 1e-3, -8e-4],
+  [-1.2e-3, -1e-3, 8e-4], [1.2e-3, -1e-3, 8e-4], [-1.2e-3, 1e-3, 8e-4], [1.2e-3, 1e-3, 8e-4],
+]
+size = { uniform = [0.8, 1.2] }
+[[shape]]
+name = "die"
+kind = "rounded-polyhedron"
+radius = 0.0002
+vertices = [
+  [-8e-4, -8e-4, -8e-4], [8e-4, -8e-4, -8e-4], [-8e-4, 8e-4, -8e-4], [8e-4, 8e-4, -8e-4],
+  [-8e-4, -8e-4, 8e-4], [8e-4, -8e-4, 8e-4], [-8e-4, 8e-4, 8e-4], [8e-4, 8e-4, 8e-4],
+]
+[[fill.lattice]]
+shapes = ["brick", "die"]
+low = [0.0, 0.0, 0.001]
+high = [0.03, 0.03, 0.0173]
+spacing = 0.0043
+velocity = [0.3, -0.2, -2.0]
+[time]
+step = 6e-6
+steps = 1500
+[neighbours]
+imbalance = 1.05
+[output]
+directory = "out"
+"#;
+
+#[test]
+fn boxes_are_the_same_on_any_number_of_ranks_and_after_a_restart() {
+    let material = MATERIAL.replace("restitution = 0.5", "restitution = 0.8");
+    let scene = scene(&FACES.replace("MATERIAL", &material));
+    let steps = 1200;
+    let (alone, _) = run(&scene, 1, steps);
+    let (particles, contacts) = (alone.bits.len(), alone.records.len());
+    assert!(particles >= 150 && contacts > 60, "a crowd: {particles} with {contacts} contacts");
+    for ranks in [2, 4] {
+        expect_same(&alone, &run(&scene, ranks, steps).0, &format!("{ranks} ranks"));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for (before, after) in [(1, 3), (4, 1)] {
+        let again = restarted(&scene, steps, before, after, folder.path());
+        expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
+    }
+}
+
 /// Energy that contacts have dissipated [J].
 fn dissipated(state: &State) -> f64 {
     f64::from_bits(state.scalars[state.scalars.len() - 3])

@@ -58,6 +58,11 @@ fn bodies_on_a_plane() {
 }
 
 #[test]
+fn bodies_with_faces() {
+    check("faces");
+}
+
+#[test]
 fn haff_and_jamming() {
     check("packing");
 }

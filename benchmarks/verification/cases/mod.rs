@@ -7,6 +7,7 @@ mod ball;
 pub(crate) mod chung_ooi;
 pub(crate) mod convergence;
 mod decks;
+pub(crate) mod faces;
 pub(crate) mod free_motion;
 pub(crate) mod incline;
 pub(crate) mod lammps;
@@ -213,13 +214,14 @@ pub(crate) fn parse_reference(name: &str) -> serde_json::Value {
 pub(crate) type Source = (&'static str, fn(Effort) -> Findings);
 
 /// All sources, in the order of the table.
-pub(crate) fn sources() -> [Source; 8] {
+pub(crate) fn sources() -> [Source; 9] {
     [
         ("mfix", mfix::run),
         ("lammps", lammps::run),
         ("chung_ooi", chung_ooi::run),
         ("free_motion", free_motion::run),
         ("incline", incline::run),
+        ("faces", faces::run),
         ("packing", packing::run),
         ("convergence", convergence::run),
         ("other_codes", other_codes::run),

@@ -1,0 +1,458 @@
+//! Bodies with faces: collisions that keep their energy, rest on slopes, restitution, a rocking block, a packing.
+
+use super::setup::{begun, parse};
+use super::{Case, Effort, Findings, Grain, Plane, Setup};
+use dem_mpi::comm::alone::Alone;
+use dem_mpi::contact::Posed;
+use dem_mpi::math::{Quat, Vec3, rotation_about};
+use dem_mpi::random::Random;
+use dem_mpi::scene::Scene;
+use dem_mpi::shape::Shape;
+use dem_mpi::sim::Simulation;
+use std::f64::consts::FRAC_PI_4;
+use std::fmt::Write;
+
+const ENERGY: &str = "conservation of energy, momentum and angular momentum";
+const COULOMB: &str = "closed form (Coulomb)";
+const HOUSNER: &str = "Housner 1963, 10.1785/BSSA0530020403";
+const G: f64 = 9.81;
+
+/// All of them.
+pub(crate) fn run(effort: Effort) -> Findings {
+    let mut cases = Vec::from(collisions(effort));
+    cases.extend(slopes(effort));
+    cases.push(restitution(effort));
+    cases.push(rocking_block());
+    cases.extend(packing(effort));
+    cases.extend(stack(effort));
+    Findings { cases, ..Findings::default() }
+}
+
+/// A solid: its name, its corners, and the radius that rolls around it [m].
+struct Solid {
+    name: &'static str,
+    corners: Vec<Vec3>,
+    radius: f64,
+}
+
+fn cuboid(edges: Vec3) -> Vec<Vec3> {
+    let side = |k: u32, i: usize| if k >> i & 1 == 1 { 0.5 * edges[i] } else { -0.5 * edges[i] };
+    (0..8).map(|k| Vec3::from_fn(|i, _| side(k, i))).collect()
+}
+
+fn solids() -> Vec<Solid> {
+    let sharp = |name, corners| Solid { name, corners, radius: 0.0 };
+    let golden = 0.5 * (1.0 + 5_f64.sqrt());
+    let corner = |k: u32| {
+        let sign = |bit: u32| if k >> bit & 1 == 1 { 0.5 } else { -0.5 };
+        let (one, other) = (sign(0), sign(1) * golden);
+        match k >> 2 {
+            0 => Vec3::new(0.0, one, other),
+            1 => Vec3::new(one, other, 0.0),
+            _ => Vec3::new(other, 0.0, one),
+        }
+    };
+    let tetrahedron =
+        [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 0.9, -0.1], [0.3, 0.2, 0.8]].map(Vec3::from);
+    let octahedron = (0..6).map(|k| Vec3::ith(k % 3, if k < 3 { 0.7 } else { -0.7 })).collect();
+    vec![
+        sharp("boxes", cuboid(Vec3::new(1.0, 0.8, 0.6))),
+        sharp("tetrahedra", tetrahedron.to_vec()),
+        sharp("octahedra", octahedron),
+        sharp("icosahedra", (0..12).map(corner).collect()),
+        sharp("plates 10:1", cuboid(Vec3::new(1.0, 1.0, 0.1))),
+        Solid { name: "rounded boxes", corners: cuboid(Vec3::new(0.8, 0.6, 0.4)), radius: 0.1 },
+    ]
+}
+
+impl Solid {
+    /// As a scene has it.
+    fn text(&self) -> String {
+        let corners: Vec<String> =
+            self.corners.iter().map(|c| format!("[{:e}, {:e}, {:e}]", c.x, c.y, c.z)).collect();
+        let kind = if self.radius > 0.0 {
+            format!("\"rounded-polyhedron\"\nradius = {}", self.radius)
+        } else {
+            "\"polyhedron\"".to_owned()
+        };
+        format!("[[shape]]\nname = \"solid\"\nkind = {kind}\nvertices = [{}]\n", corners.join(", "))
+    }
+}
+
+/// A scene with its step at this share of the stable limit.
+fn at_share(setup: &Setup, share: f64) -> Scene {
+    // A step so short that it is accepted whatever the limit.
+    let mut scene = Setup { dt: 1e-12, ..setup.clone() }.scene(1);
+    scene.dt = share * scene.time_step_limit().expect("something pushes").dt;
+    scene
+}
+
+fn step(sim: &mut Simulation) {
+    sim.step(&mut Alone::default()).unwrap_or_else(|error| panic!("{error}"));
+}
+
+fn steps(sim: &mut Simulation, time: f64) {
+    for _ in 0..(time / sim.dt) as u64 {
+        step(sim);
+    }
+}
+
+/// Momentum and angular momentum.
+fn momenta(sim: &Simulation) -> [Vec3; 2] {
+    let particles = &sim.particles;
+    let (mut momentum, mut angular) = (Vec3::zeros(), Vec3::zeros());
+    for slot in 0..particles.owned {
+        let of_one = particles.velocity[slot] * particles.mass(slot);
+        momentum += of_one;
+        angular += particles.position[slot].cross(&of_one) + particles.angular_momentum(slot);
+    }
+    [momentum, angular]
+}
+
+/// What a collision made of energy (relative), momentum and angular momentum.
+struct Change {
+    energy: f64,
+    momenta: [f64; 2],
+}
+
+/// Two equal solids that fly at each other, turning; `None` if they miss.
+fn collide(solid: &Solid, shape: &Shape, share: f64, random: &mut Random) -> Option<Change> {
+    let turns = [random.rotation(), random.rotation()];
+    let frames = turns.map(|turn| turn.to_rotation_matrix().into_inner());
+    let mut vector = || Vec3::from_fn(|_, _| random.signed());
+    let direction = vector().normalize();
+    let spins = [vector() * 0.5, vector() * 0.5];
+    let [a, b] = frames.each_ref().map(|frame| Posed::new(shape, frame));
+    let apart = a.support(&direction) - b.support(&-direction) + direction * 0.05;
+    let grain = |k: usize, position, velocity| {
+        Grain::at("solid", position).moving(velocity).turned(turns[k]).spinning(spins[k])
+    };
+    let setup = Setup {
+        gravity: Vec3::zeros(),
+        text: format!(
+            "[[material]]\nname = \"m\"\ndensity = 1.0\nnormal_stiffness = 1e3\n{}",
+            solid.text()
+        ),
+        planes: Vec::new(),
+        grains: vec![grain(0, Vec3::zeros(), direction * 0.5), grain(1, apart, direction * -0.5)],
+        dt: 0.0,
+    };
+    let mut sim = begun(&at_share(&setup, share), &mut Alone::default());
+    let energy = |sim: &Simulation| sim.measure(&mut Alone::default()).kinetic();
+    let (energy_before, before) = (energy(&sim), momenta(&sim));
+    let (mut met, mut since) = (false, 0.0);
+    while since < 0.3 && sim.time() < 3.0 {
+        step(&mut sim);
+        met |= !sim.contacts.is_empty();
+        since = if met && sim.contacts.is_empty() { since + sim.dt } else { 0.0 };
+    }
+    let after = momenta(&sim);
+    (met && sim.contacts.is_empty()).then(|| Change {
+        energy: (energy(&sim) / energy_before - 1.0).abs(),
+        momenta: [0, 1].map(|k| (after[k] - before[k]).norm()),
+    })
+}
+
+fn collisions(effort: Effort) -> [Case; 3] {
+    let mut at_tenth = Case::new(
+        ENERGY,
+        "random collisions of solids without friction, a tenth of the stable step",
+        "largest change of the kinetic energy (relative)",
+        2e-4,
+        "the leapfrog at 30 to 50 steps of a contact",
+    );
+    let mut at_fortieth = Case::new(
+        ENERGY,
+        "the same, a fortieth of the stable step",
+        "largest change of the kinetic energy (relative)",
+        2e-5,
+        "it falls with the square of the step",
+    );
+    let mut kept = Case::new(
+        ENERGY,
+        "the same",
+        "largest change of momentum and angular momentum (kg m/s, kg m2/s)",
+        1e-12,
+        "rounding of some 1e4 steps",
+    );
+    let count = effort.pick(8, 30);
+    for solid in &solids() {
+        let mut scene = at_share(
+            &Setup {
+                gravity: Vec3::zeros(),
+                text: format!(
+                    "[[material]]\nname = \"m\"\ndensity = 1.0\nnormal_stiffness = 1e3\n{}",
+                    solid.text()
+                ),
+                planes: Vec::new(),
+                grains: vec![Grain::at("solid", Vec3::zeros())],
+                dt: 0.0,
+            },
+            1.0,
+        );
+        let shape = scene.library.shapes.swap_remove(0);
+        for (share, case) in [(0.1, &mut at_tenth), (0.025, &mut at_fortieth)] {
+            let mut random = Random::of(17, 0);
+            let mut changes = Vec::new();
+            while changes.len() < count {
+                changes.extend(collide(solid, &shape, share, &mut random));
+            }
+            let largest = |of: &dyn Fn(&Change) -> f64| changes.iter().map(of).fold(0.0, f64::max);
+            case.absolute(solid.name, 0.0, largest(&|change| change.energy));
+            for (k, what) in ["momentum", "angular momentum"].into_iter().enumerate() {
+                let what = format!("{}, {what}", solid.name);
+                kept.absolute(what, 0.0, largest(&|change| change.momenta[k]));
+            }
+        }
+    }
+    [at_tenth, at_fortieth, kept]
+}
+
+const FRICTION: f64 = 0.3;
+
+fn rough(stiffness: f64, restitution: f64) -> String {
+    format!(
+        "[[material]]\nname = \"m\"\ndensity = 1000.0\nnormal_stiffness = {stiffness:e}\ntangential_stiffness = {stiffness:e}\n\
+         friction = {FRICTION}\nrestitution = {restitution}\ntangential_damping_ratio = 0.1\n"
+    )
+}
+
+/// A solid with its lowest face on a floor that is tilted by this tangent.
+fn on_slope(solid: &Solid, tangent: f64, share: f64, restitution: f64) -> Simulation {
+    let angle = tangent.atan();
+    let height = -solid.corners.iter().map(|c| c.z).fold(0.0, f64::min) + solid.radius;
+    let setup = Setup {
+        gravity: Vec3::new(G * angle.sin(), 0.0, -G * angle.cos()),
+        text: rough(1e6, restitution) + &solid.text(),
+        planes: vec![Plane::floor("m")],
+        grains: vec![Grain::at("solid", Vec3::z() * height)],
+        dt: 0.0,
+    };
+    begun(&at_share(&setup, share), &mut Alone::default())
+}
+
+fn slopes(effort: Effort) -> [Case; 2] {
+    let mut rests = Case::new(
+        COULOMB,
+        "solids on a slope of 0.96 of friction's tangent, with steps up to the limit",
+        "velocity after they have come to rest (m/s)",
+        1e-9,
+        "solids of a metre",
+    );
+    let mut slides = Case::new(
+        COULOMB,
+        "the same on a slope of 1.01 of friction's tangent",
+        "acceleration (relative)",
+        0.05,
+        "mean of two seconds, after two",
+    );
+    let blocks = solids().into_iter().filter(|solid| solid.name.contains("boxes"));
+    for solid in blocks {
+        for share in effort.pick(vec![1.0], vec![0.1, 0.3, 0.8, 1.0]) {
+            let what = format!("{}, {share} of the limit", solid.name);
+            let mut sim = on_slope(&solid, 0.96 * FRICTION, share, 0.3);
+            steps(&mut sim, 4.0);
+            let (before, since) = (sim.particles.position[0], sim.time());
+            steps(&mut sim, 2.0);
+            let moved = (sim.particles.position[0] - before).norm();
+            rests.absolute(what.clone(), 0.0, moved / (sim.time() - since));
+
+            let tangent = 1.01 * FRICTION;
+            let mut sim = on_slope(&solid, tangent, share, 0.3);
+            steps(&mut sim, 2.0);
+            let (before, since) = (sim.particles.velocity[0], sim.time());
+            steps(&mut sim, 2.0);
+            let gained = (sim.particles.velocity[0] - before).x;
+            let published = G * (tangent - FRICTION) * tangent.atan().cos();
+            slides.relative(what, published, gained / (sim.time() - since));
+        }
+    }
+    [rests, slides]
+}
+
+/// A cube falls on its face, an edge and a corner, none of which turns it.
+fn restitution(effort: Effort) -> Case {
+    let mut case = Case::new(
+        "closed form (Schwager and Poeschel 2007, 10.1007/s10035-007-0065-z)",
+        "cube dropped on a face, an edge and a corner",
+        "restitution",
+        effort.pick(5e-3, 1e-3),
+        "a hundred steps of the limit in a contact",
+    );
+    let cube = Solid { name: "cube", corners: cuboid(Vec3::repeat(1.0)), radius: 0.0 };
+    let diagonal = (1.0 / 3_f64.sqrt()).acos();
+    let on_edge = rotation_about(&Vec3::y(), FRAC_PI_4);
+    let corner = Vec3::new(1.0, -1.0, 0.0).normalize();
+    for (feature, turn, height) in [
+        ("face", Quat::identity(), 0.5),
+        ("edge", on_edge, 0.5 * 2_f64.sqrt()),
+        ("corner", rotation_about(&corner, diagonal), 0.5 * 3_f64.sqrt()),
+    ] {
+        for e in [0.2, 0.5, 0.9] {
+            let setup = Setup {
+                gravity: Vec3::zeros(),
+                text: rough(1e6, e) + &cube.text(),
+                planes: vec![Plane::floor("m")],
+                grains: vec![
+                    Grain::at("solid", Vec3::z() * (height + 1e-6))
+                        .turned(turn)
+                        .moving(Vec3::z() * -0.1),
+                ],
+                dt: 0.0,
+            };
+            let mut sim = begun(&at_share(&setup, effort.pick(0.05, 0.01)), &mut Alone::default());
+            while sim.particles.velocity[0].z < 0.0 || !sim.contacts.is_empty() {
+                step(&mut sim);
+            }
+            case.absolute(format!("{feature}, {e}"), e, sim.particles.velocity[0].z / 0.1);
+        }
+    }
+    case
+}
+
+/// A slender block that rocks from edge to edge on a rough floor.
+fn rocking_block() -> Case {
+    let mut case = Case::new(
+        HOUSNER,
+        "slender block that rocks on a rough floor from 0.4 of its critical angle",
+        "quarter of the first period; energy left by an impact (relative)",
+        0.02,
+        "a floor that gives way a little, and dashpots that keep it from bouncing",
+    );
+    let (width, height) = (0.2, 0.8);
+    let block =
+        Solid { name: "block", corners: cuboid(Vec3::new(width, width, height)), radius: 0.0 };
+    let half_diagonal: f64 = 0.5 * f64::hypot(width, height);
+    let critical = (width / height).atan();
+    let start = 0.4 * critical;
+    // It stands on the edge at +x, turned about it.
+    let arm = Vec3::new(
+        -half_diagonal * (critical - start).sin(),
+        0.0,
+        half_diagonal * (critical - start).cos(),
+    );
+    let setup = Setup {
+        gravity: Vec3::z() * -G,
+        text: format!(
+            "[[material]]\nname = \"m\"\ndensity = 1000.0\nnormal_stiffness = 1e8\ntangential_stiffness = 1e8\nfriction = 5.0\n\
+             restitution = 0.05\ntangential_damping_ratio = 0.3\n{}",
+            block.text()
+        ),
+        planes: vec![Plane::floor("m")],
+        grains: vec![Grain::at("solid", arm).turned(rotation_about(&Vec3::y(), start))],
+        dt: 0.0,
+    };
+    let mut sim = begun(&at_share(&setup, 0.5), &mut Alone::default());
+    let tilt = |sim: &Simulation| {
+        let turn = sim.particles.orientation.as_ref().expect("a block turns").quaternion[0];
+        (turn * Vec3::z()).x
+    };
+    let kinetic = |sim: &Simulation| sim.measure(&mut Alone::default()).kinetic();
+    while tilt(&sim) > 0.0 {
+        step(&mut sim);
+    }
+    let frequency = (0.75 * G / half_diagonal).sqrt();
+    let quarter = (1.0 / (1.0 - start / critical)).acosh() / frequency;
+    case.relative("quarter period", quarter, sim.time());
+    let before = kinetic(&sim);
+    // Up to the highest point on the other side, where all of the energy is that of height.
+    let floor = sim.particles.position[0].z;
+    let mut top = floor;
+    let end = 2.0 * sim.time();
+    while sim.time() < end {
+        step(&mut sim);
+        top = top.max(sim.particles.position[0].z);
+    }
+    let left = sim.particles.mass(0) * G * (top - floor) / before;
+    let published = (1.0 - 1.5 * critical.sin().powi(2)).powi(2);
+    case.relative("energy left", published, left);
+    case
+}
+
+/// Boxes that fall into a box.
+fn pouring(effort: Effort, share: f64) -> Simulation {
+    let (side, high) = effort.pick((3, 3), (3, 12));
+    let spacing = 1.35;
+    let width = spacing * f64::from(side);
+    let top = 2.0 * spacing * f64::from(high) + 2.0;
+    let solid = Solid { name: "boxes", corners: cuboid(Vec3::new(1.0, 0.8, 0.6)), radius: 0.0 };
+    let text = format!(
+        "gravity = [0, 0, -9.81]\n[domain]\nlow = [0, 0, 0]\nhigh = [{width}, {width}, {top}]\n\
+         walls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\"]\n{}{}[time]\nstep = 1e-12\nsteps = 1\n\
+         [[fill.file]]\npath = \"grains.csv\"\n[output]\ndirectory = \"out\"\n",
+        rough(1e7, 0.3),
+        solid.text()
+    );
+    let mut grains = "shape,x,y,z,qw,qx,qy,qz\n".to_owned();
+    let mut random = Random::of(5, 3);
+    for k in 0..side * side * high {
+        let cell = [k % side, k / side % side, k / side / side].map(f64::from);
+        let place = (Vec3::from(cell) + Vec3::new(0.5, 0.5, 0.6)) * spacing;
+        let q = random.rotation();
+        let numbers = [place.x, place.y, place.z, q.w, q.i, q.j, q.k].map(|x| format!("{x:e}"));
+        writeln!(grains, "solid,{}", numbers.join(",")).expect("text");
+    }
+    let mut scene = parse(&text, &grains);
+    scene.dt = share * scene.time_step_limit().expect("something pushes").dt;
+    begun(&scene, &mut Alone::default())
+}
+
+fn packing(effort: Effort) -> [Case; 1] {
+    let mut case = Case::new(
+        ENERGY,
+        format!("{} boxes poured into a box, friction 0.3, restitution 0.3", effort.pick(27, 108)),
+        "energy missing, over what is dissipated, over what is asked for (0.5 % at the limit, 0.1 % at 40 % of it)",
+        1.0,
+        "the leapfrog at a few steps of a contact; of second order",
+    );
+    for (share, allowed) in effort.pick(vec![(1.0, 5e-3)], vec![(1.0, 5e-3), (0.4, 1e-3)]) {
+        let mut sim = pouring(effort, share);
+        steps(&mut sim, effort.pick(2.0, 6.0));
+        let measures = sim.measure(&mut Alone::default());
+        let missing = measures.missing() / measures.dissipated / allowed;
+        case.absolute(format!("{share} of the limit"), 0.0, missing);
+    }
+    [case]
+}
+
+/// A stack that is left to itself.
+fn stack(effort: Effort) -> [Case; 2] {
+    let count = effort.pick(3, 10);
+    let mut moves = Case::new(
+        ENERGY,
+        format!("stack of {count} boxes, let fall from clearances of 1 mm"),
+        "way of the one that moves farthest in the last tenth of the time (sizes)",
+        1e-6,
+        "at rest",
+    );
+    let mut balance =
+        Case::new(ENERGY, "the same", "unbalanced force over mean contact force", 1e-3, "at rest");
+    let solid = Solid { name: "boxes", corners: cuboid(Vec3::new(1.0, 0.8, 0.6)), radius: 0.0 };
+    let mut random = Random::of(3, 3);
+    let grains = (0..count).map(|k| {
+        let k = f64::from(k);
+        let place = Vec3::new(
+            0.03 * random.signed(),
+            0.03 * random.signed(),
+            0.6 * (k + 0.5) + 1e-3 * (k + 1.0),
+        );
+        Grain::at("solid", place).turned(rotation_about(&Vec3::z(), 0.1 * random.signed()))
+    });
+    let setup = Setup {
+        gravity: Vec3::z() * -G,
+        text: rough(1e7, 0.3) + &solid.text(),
+        planes: vec![Plane::floor("m")],
+        grains: grains.collect(),
+        dt: 0.0,
+    };
+    let mut sim = begun(&at_share(&setup, 0.8), &mut Alone::default());
+    let time = effort.pick(10.0, 60.0);
+    steps(&mut sim, 0.9 * time);
+    let before = sim.particles.position.clone();
+    steps(&mut sim, 0.1 * time);
+    let way = |k: usize| (sim.particles.position[k] - before[k]).norm();
+    moves.absolute("largest", 0.0, (0..sim.particles.owned).map(way).fold(0.0, f64::max));
+    let measures = sim.measure(&mut Alone::default());
+    balance.absolute("at the end", 0.0, measures.unbalanced);
+    [moves, balance]
+}
