@@ -24,7 +24,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     cases.push(restitution(effort));
     cases.push(rocking_block());
     cases.extend(packing(effort));
-    cases.extend(stack(effort));
+    cases.extend(rest(effort));
     Findings { cases, ..Findings::default() }
 }
 
@@ -38,6 +38,10 @@ struct Solid {
 fn cuboid(edges: Vec3) -> Vec<Vec3> {
     let side = |k: u32, i: usize| if k >> i & 1 == 1 { 0.5 * edges[i] } else { -0.5 * edges[i] };
     (0..8).map(|k| Vec3::from_fn(|i, _| side(k, i))).collect()
+}
+
+fn boxes() -> Solid {
+    Solid { name: "boxes", corners: cuboid(Vec3::new(1.0, 0.8, 0.6)), radius: 0.0 }
 }
 
 fn solids() -> Vec<Solid> {
@@ -56,7 +60,7 @@ fn solids() -> Vec<Solid> {
         [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 0.9, -0.1], [0.3, 0.2, 0.8]].map(Vec3::from);
     let octahedron = (0..6).map(|k| Vec3::ith(k % 3, if k < 3 { 0.7 } else { -0.7 })).collect();
     vec![
-        sharp("boxes", cuboid(Vec3::new(1.0, 0.8, 0.6))),
+        boxes(),
         sharp("tetrahedra", tetrahedron.to_vec()),
         sharp("octahedra", octahedron),
         sharp("icosahedra", (0..12).map(corner).collect()),
@@ -370,12 +374,11 @@ fn rocking_block() -> Case {
 }
 
 /// Boxes that fall into a box.
-fn pouring(effort: Effort, share: f64) -> Simulation {
-    let (side, high) = effort.pick((3, 3), (3, 12));
+fn pouring(side: u32, high: u32, share: f64) -> Simulation {
     let spacing = 1.35;
     let width = spacing * f64::from(side);
     let top = 2.0 * spacing * f64::from(high) + 2.0;
-    let solid = Solid { name: "boxes", corners: cuboid(Vec3::new(1.0, 0.8, 0.6)), radius: 0.0 };
+    let solid = boxes();
     let text = format!(
         "gravity = [0, 0, -9.81]\n[domain]\nlow = [0, 0, 0]\nhigh = [{width}, {width}, {top}]\n\
          walls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\"]\n{}{}[time]\nstep = 1e-12\nsteps = 1\n\
@@ -406,7 +409,7 @@ fn packing(effort: Effort) -> [Case; 1] {
         "the leapfrog at a few steps of a contact; of second order",
     );
     for (share, allowed) in effort.pick(vec![(1.0, 5e-3)], vec![(1.0, 5e-3), (0.4, 1e-3)]) {
-        let mut sim = pouring(effort, share);
+        let mut sim = pouring(3, effort.pick(3, 12), share);
         steps(&mut sim, effort.pick(2.0, 6.0));
         let measures = sim.measure(&mut Alone::default());
         let missing = measures.missing() / measures.dissipated / allowed;
@@ -415,27 +418,13 @@ fn packing(effort: Effort) -> [Case; 1] {
     [case]
 }
 
-/// A stack that is left to itself.
-fn stack(effort: Effort) -> [Case; 2] {
-    let count = effort.pick(3, 10);
-    let mut moves = Case::new(
-        ENERGY,
-        format!("stack of {count} boxes, let fall from clearances of 1 mm"),
-        "way of the one that moves farthest in the last tenth of the time (sizes)",
-        1e-6,
-        "at rest",
-    );
-    let mut balance =
-        Case::new(ENERGY, "the same", "unbalanced force over mean contact force", 1e-3, "at rest");
-    let solid = Solid { name: "boxes", corners: cuboid(Vec3::new(1.0, 0.8, 0.6)), radius: 0.0 };
+/// Boxes one on the other, with clearances of a millimetre.
+fn stack(count: u32) -> Simulation {
+    let solid = boxes();
     let mut random = Random::of(3, 3);
     let grains = (0..count).map(|k| {
-        let k = f64::from(k);
-        let place = Vec3::new(
-            0.03 * random.signed(),
-            0.03 * random.signed(),
-            0.6 * (k + 0.5) + 1e-3 * (k + 1.0),
-        );
+        let height = 0.6 * (f64::from(k) + 0.5) + 1e-3 * (f64::from(k) + 1.0);
+        let place = Vec3::new(0.03 * random.signed(), 0.03 * random.signed(), height);
         Grain::at("solid", place).turned(rotation_about(&Vec3::z(), 0.1 * random.signed()))
     });
     let setup = Setup {
@@ -445,14 +434,46 @@ fn stack(effort: Effort) -> [Case; 2] {
         grains: grains.collect(),
         dt: 0.0,
     };
-    let mut sim = begun(&at_share(&setup, 0.8), &mut Alone::default());
-    let time = effort.pick(10.0, 60.0);
-    steps(&mut sim, 0.9 * time);
-    let before = sim.particles.position.clone();
-    steps(&mut sim, 0.1 * time);
-    let way = |k: usize| (sim.particles.position[k] - before[k]).norm();
-    moves.absolute("largest", 0.0, (0..sim.particles.owned).map(way).fold(0.0, f64::max));
-    let measures = sim.measure(&mut Alone::default());
-    balance.absolute("at the end", 0.0, measures.unbalanced);
+    begun(&at_share(&setup, 0.8), &mut Alone::default())
+}
+
+/// What has been brought to rest stays there when nothing damps it any more.
+fn rest(effort: Effort) -> [Case; 2] {
+    let mut moves = Case::new(
+        ENERGY,
+        "stack and pile of boxes, brought to rest and then left without damping",
+        "way of the one that moves farthest (bounding radii), in 1e6 steps each",
+        1e-6,
+        "at rest",
+    );
+    let mut balance =
+        Case::new(ENERGY, "the same", "unbalanced force over mean contact force", 1e-3, "at rest");
+    let count = effort.pick(3, 10);
+    let pile = effort.pick(3, 6);
+    for (what, mut sim) in [
+        (format!("stack of {count}"), stack(count)),
+        (format!("pile of {}", 9 * pile), pouring(3, pile, 0.8)),
+    ] {
+        steps(&mut sim, 2.0);
+        sim.field.damping = 10.0;
+        steps(&mut sim, effort.pick(6.0, 20.0));
+        sim.field.damping = 0.0;
+        let before: Vec<(u64, Vec3)> = places(&sim);
+        for _ in 0..effort.pick(10_000, 1_000_000) {
+            step(&mut sim);
+        }
+        let ways = places(&sim).into_iter().zip(before).map(|(now, then)| (now.1 - then.1).norm());
+        moves.absolute(&*what, 0.0, ways.fold(0.0, f64::max) / sim.particles.radius(0));
+        balance.absolute(what, 0.0, sim.measure(&mut Alone::default()).unbalanced);
+    }
     [moves, balance]
+}
+
+/// Centres, by rising ids [m].
+fn places(sim: &Simulation) -> Vec<(u64, Vec3)> {
+    let particles = &sim.particles;
+    let mut all: Vec<_> =
+        (0..particles.owned).map(|k| (particles.id[k].0, particles.position[k])).collect();
+    all.sort_by_key(|(id, _)| *id);
+    all
 }
