@@ -1,7 +1,8 @@
 //! What bodies with faces share: cutting is closed whatever the rounding, force and moment are the gradient of the energy.
 
 use crate::random::Draw;
-use crate::support::{Frame, below};
+use crate::support::{Frame, MATERIAL, begun, below, scene};
+use dem_mpi::comm::alone::Alone;
 use dem_mpi::contact::{Posed, Thickness, thickness};
 use dem_mpi::math::{Mat3, Vec3, rotation_about};
 use dem_mpi::random::Random;
@@ -315,5 +316,59 @@ fn the_order_of_a_pair_does_not_matter() {
         assert!((one.thickness - other.thickness).abs() < tolerance, "case {case}");
         assert!((one.force() + other.force()).norm() < tolerance, "case {case}");
         assert!((one.moment() + about_b).norm() < tolerance, "case {case}: {one:?}");
+    }
+}
+
+/// Boxes with friction and dashpots, on a table that turns and rises.
+const TABLE: &str = r#"
+gravity = [0.0, 0.0, -9.81]
+[domain]
+low = [0.0, 0.0, -0.01]
+high = [0.03, 0.03, 0.1]
+walls = ["-x", "+x", "-y", "+y"]
+MATERIAL
+[[wall]]
+name = "table"
+point = [0.015, 0.015, 0.0]
+normal = [0.0, 0.0, 1.0]
+MOTION
+[[shape]]
+name = "brick"
+kind = "polyhedron"
+vertices = [
+  [-1.2e-3, -1e-3, -8e-4], [1.2e-3, -1e-3, -8e-4], [-1.2e-3, 1e-3, -8e-4], [1.2e-3, 1e-3, -8e-4],
+  [-1.2e-3, -1e-3, 8e-4], [1.2e-3, -1e-3, 8e-4], [-1.2e-3, 1e-3, 8e-4], [1.2e-3, 1e-3, 8e-4],
+]
+size = { uniform = [0.8, 1.2] }
+[[fill.lattice]]
+shapes = ["brick"]
+low = [0.0, 0.0, 0.001]
+high = [0.03, 0.03, 0.0173]
+spacing = 0.0043
+velocity = [0.0, 0.0, -1.0]
+[time]
+step = 4e-6
+steps = 1
+[output]
+directory = "out"
+"#;
+
+/// What walls give, what is stored, what moves and what contacts lose add up.
+#[test]
+fn the_energy_of_boxes_on_a_moving_table_adds_up() {
+    for motion in [
+        "rotation = { about = [0.015, 0.015, 0.0], axis = [0.0, 0.0, 1.0], rate = 50.0 }",
+        "velocity = [0.0, 0.0, 0.3]",
+    ] {
+        let scene = scene(&TABLE.replace("MATERIAL", MATERIAL).replace("MOTION", motion));
+        let mut comm = Alone::default();
+        let mut sim = begun(&scene, &mut comm);
+        for _ in 0..10_000 {
+            sim.step(&mut comm).expect("the step is done");
+        }
+        let measures = sim.measure(&mut comm);
+        let missing = measures.missing() / measures.dissipated;
+        assert!(measures.contacts + measures.wall_contacts > 30, "{measures:?}");
+        assert!(missing.abs() < 1e-3, "{motion}: {missing:e} of {measures:?}");
     }
 }
