@@ -11,6 +11,7 @@ mod layers;
 mod made_up;
 mod motion;
 mod other_codes;
+mod overlap;
 mod packings;
 mod pairs;
 mod post;

@@ -1,7 +1,7 @@
 //! Which resolver serves which pair: the one place that names them all.
 
 use super::{
-    AgainstHalfSpace, Chain, CommonNormal, ContactResolver, Cores, Epa, ErodedGjk,
+    AgainstHalfSpace, Chain, CommonNormal, ContactResolver, Cores, Epa, ErodedGjk, Overlap,
     SeededCommonNormal, SmoothCommonNormal, SphereSphere, Table,
 };
 use crate::shape::Kind;
@@ -10,8 +10,9 @@ use serde::{Deserialize, Serialize};
 /// How pairs without a closed form are resolved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Method {
-    /// [`CommonNormal`] for two smooth shapes, [`Cores`] if one of them has a margin, [`Epa`] for all others: beside an
-    /// edge, erosion takes more of a polyhedron than the overlap is wide, and answers with another direction.
+    /// [`Overlap`] for two shapes with faces and for one on a plane. Of others [`CommonNormal`] for two smooth shapes,
+    /// [`Cores`] if one of them has a margin, [`Epa`] for all the rest: beside an edge, erosion takes more of a polyhedron
+    /// than the overlap is wide, and answers with another direction.
     #[default]
     Auto,
     /// [`CommonNormal`]; for smooth shapes only. Other pairs are resolved as by `Auto`.
@@ -31,6 +32,12 @@ impl Method {
             Self::GjkErosion(_) => "gjk-erosion",
             Self::Epa(_) => "epa",
         }
+    }
+
+    /// Does it find what two shapes of these kinds share, and not how deep they are in each other?
+    pub fn is_by_thickness(&self, (a, b): (Kind, Kind)) -> bool {
+        let of_faces = a.has_faces() && (b.has_faces() || b == Kind::HalfSpace);
+        of_faces && matches!(self, Self::Auto | Self::CommonNormal)
     }
 
     /// The method for pairs of two kinds, with something to fall back on.
@@ -73,20 +80,41 @@ pub fn needs_form(method: &Method, kinds: &[Kind]) -> bool {
     matches!(method, Method::Auto | Method::CommonNormal) && kinds.contains(&Kind::Ellipsoid)
 }
 
-/// The resolvers for all pairs of the kinds that a scene has. Spheres with each other and everything with a
-/// wall have closed forms, whatever the method; walls do not meet each other.
+/// The resolvers for all pairs of the kinds that a scene has, all of which find a depth. Spheres with each other and
+/// everything with a wall have closed forms, whatever the method; walls do not meet each other.
 pub fn table(method: &Method, kinds: &[Kind]) -> Table {
+    table_of(kinds, |a, b| by_depth(method, a, b))
+}
+
+/// The same for laws that know of patches: of bodies with faces the thickness of what they share, unless a method is
+/// asked for by name.
+pub fn table_with_patches(method: &Method, kinds: &[Kind]) -> Table {
+    table_of(kinds, |a, b| {
+        let by_depth = by_depth(method, a, b);
+        if method.is_by_thickness((a, b)) {
+            Box::new(Chain::new(Box::new(Overlap), vec![by_depth]))
+        } else {
+            by_depth
+        }
+    })
+}
+
+fn table_of(kinds: &[Kind], resolver: impl Fn(Kind, Kind) -> Box<dyn ContactResolver>) -> Table {
     let mut table = Table::new();
     for (i, &a) in Kind::ALL.iter().enumerate().filter(|(_, kind)| kinds.contains(kind)) {
         for &b in Kind::ALL[i..].iter().filter(|kind| kinds.contains(kind)) {
-            let resolver: Box<dyn ContactResolver> = match (a, b) {
-                (Kind::HalfSpace, Kind::HalfSpace) => continue,
-                (_, Kind::HalfSpace) => Box::new(AgainstHalfSpace),
-                (Kind::Sphere, Kind::Sphere) => Box::new(SphereSphere),
-                _ => Box::new(method.chain(a, b)),
-            };
-            table.insert((a, b), resolver);
+            if (a, b) != (Kind::HalfSpace, Kind::HalfSpace) {
+                table.insert((a, b), resolver(a, b));
+            }
         }
     }
     table
+}
+
+fn by_depth(method: &Method, a: Kind, b: Kind) -> Box<dyn ContactResolver> {
+    match (a, b) {
+        (_, Kind::HalfSpace) => Box::new(AgainstHalfSpace),
+        (Kind::Sphere, Kind::Sphere) => Box::new(SphereSphere),
+        _ => Box::new(method.chain(a, b)),
+    }
 }

@@ -22,6 +22,7 @@ mod half_space;
 mod in_lanes;
 mod methods;
 mod newton;
+mod overlap;
 mod patch;
 mod polish;
 mod record;
@@ -35,7 +36,8 @@ pub use epa::Epa;
 pub use eroded_gjk::ErodedGjk;
 pub use fallback::Chain;
 pub use half_space::AgainstHalfSpace;
-pub use methods::{Method, needs_form, table};
+pub use methods::{Method, needs_form, table, table_with_patches};
+pub use overlap::{Overlap, Thickness, thickness};
 pub use record::{ContactRecord, ContactRecords, Geometry, StateColumn};
 pub use smooth_common_normal::SmoothCommonNormal;
 pub use sphere_sphere::SphereSphere;
@@ -44,7 +46,8 @@ use crate::cell::Cell;
 use crate::ids::{ShapeId, Slot};
 use crate::lanes::{Eight, Gather, Row as _, RowPairs, Triple, WIDTH, row};
 use crate::math::{Mat3, Quat, Vec3};
-use crate::shape::hull::{Hull, Plane};
+use crate::shape::facets::Plane;
+use crate::shape::hull::Hull;
 use crate::shape::{Core, Form, Kind, Shape};
 
 /// The geometry of one contact.
@@ -69,6 +72,38 @@ impl Touch {
         } else {
             Outcome::Failed(Why::NotFinite)
         }
+    }
+}
+
+/// What a contact of faces has beside overlap, normal and point, see [`overlap`](thickness).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patch {
+    /// Force over the derivative of the energy by the overlap [-].
+    pub gain: f64,
+    /// Moment of A on B along the normal over that derivative [m].
+    pub lever: f64,
+    /// Covariance of what both bodies hold, in world axes: xx, yy, zz, yz, xz, xy [m²].
+    pub covariance: [f64; 6],
+}
+
+impl Patch {
+    /// That of a contact in one point.
+    pub const POINT: Self = Self { gain: 1.0, lever: 0.0, covariance: [0.0; 6] };
+
+    /// The covariance times a vector.
+    pub fn times(&self, v: &Vec3) -> Vec3 {
+        let [xx, yy, zz, yz, xz, xy] = self.covariance;
+        Vec3::new(
+            xx * v.x + xy * v.y + xz * v.z,
+            xy * v.x + yy * v.y + yz * v.z,
+            xz * v.x + yz * v.y + zz * v.z,
+        )
+    }
+
+    /// Radius of gyration about a unit vector, squared [m²].
+    pub fn squared_radius(&self, axis: &Vec3) -> f64 {
+        let [xx, yy, zz, ..] = self.covariance;
+        (xx + yy + zz - axis.dot(&self.times(axis))).max(0.0)
     }
 }
 
@@ -305,8 +340,12 @@ pub struct Touching {
     pub geometry: Vec<Geometry>,
     /// Where each touches, seen from the centre of A [m]; none if they are left out.
     pub point: Vec<Vec3>,
+    /// What else there is of contacts of faces; none if they are left out.
+    pub patch: Vec<Patch>,
     /// Are points left out? Of spheres they follow from normal and overlap.
     pub without_points: bool,
+    /// Are patches there? Only bodies with faces have any.
+    pub with_patches: bool,
 }
 
 impl Touching {
@@ -331,11 +370,19 @@ impl Touching {
 
     #[inline]
     fn push(&mut self, pair: u32, touch: &Touch) {
+        self.push_with(pair, touch, &Patch::POINT);
+    }
+
+    #[inline]
+    fn push_with(&mut self, pair: u32, touch: &Touch, patch: &Patch) {
         let Touch { overlap, normal, point } = *touch;
         self.pair.push(pair);
         self.geometry.push(Geometry { normal, overlap });
         if !self.without_points {
             self.point.push(point);
+        }
+        if self.with_patches {
+            self.patch.push(*patch);
         }
     }
 
@@ -361,12 +408,16 @@ impl Touching {
                 *point = row.first_three().into();
             }
         }
+        if self.with_patches {
+            self.patch.resize(start + WIDTH, Patch::POINT);
+        }
     }
 
     fn clear(&mut self) {
         self.pair.clear();
         self.geometry.clear();
         self.point.clear();
+        self.patch.clear();
     }
 
     /// Bytes that it holds.
@@ -374,6 +425,7 @@ impl Touching {
         self.pair.capacity() * size_of::<u32>()
             + self.geometry.capacity() * size_of::<Geometry>()
             + self.point.capacity() * size_of::<Vec3>()
+            + self.patch.capacity() * size_of::<Patch>()
     }
 }
 

@@ -5,8 +5,8 @@
 //! [`Contacts::compute_forces`] a law finds the forces, and the new columns take the place of the old.
 
 use crate::contact::{
-    Batch, ContactRecord, ContactRecords, Geometry, Pair, Previous, StateColumn, Touch, Touching,
-    touch_of_sphere,
+    Batch, ContactRecord, ContactRecords, Geometry, Pair, Patch, Previous, StateColumn, Touch,
+    Touching, touch_of_sphere,
 };
 use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Last, Separated, Sums, Work};
@@ -33,6 +33,8 @@ struct Columns {
     forces: Vec<Vec3>,
     /// Where they act, seen from the centre of A [m]; none if all are spheres.
     points: Vec<Vec3>,
+    /// What else there is of contacts of faces; none if no body has any.
+    patches: Vec<Patch>,
 }
 
 impl Columns {
@@ -42,11 +44,12 @@ impl Columns {
         self.numbers.clear();
         self.geometry.clear();
         self.points.clear();
+        self.patches.clear();
     }
 
     /// Makes room for so many contacts and few more: growing would double it.
     fn reserve(&mut self, count: usize, width: usize, needs: Needs) {
-        let Self { pairs, numbers, geometry, state, forces, points } = self;
+        let Self { pairs, numbers, geometry, state, forces, points, patches } = self;
         reserve(pairs, count);
         reserve(numbers, count);
         reserve(geometry, count);
@@ -55,6 +58,9 @@ impl Columns {
         if needs.orientation {
             reserve(points, count);
         }
+        if needs.patches {
+            reserve(patches, count);
+        }
     }
 
     /// Hands over what touches, for what has touched or its room.
@@ -62,6 +68,7 @@ impl Columns {
         std::mem::swap(&mut self.numbers, &mut touching.pair);
         std::mem::swap(&mut self.geometry, &mut touching.geometry);
         std::mem::swap(&mut self.points, &mut touching.point);
+        std::mem::swap(&mut self.patches, &mut touching.patch);
     }
 
     /// Makes a place for each number that a law finds.
@@ -73,13 +80,14 @@ impl Columns {
 
     /// Gives back the room that growing has taken.
     fn shrink(&mut self) {
-        let Self { pairs, numbers, geometry, state, forces, points } = self;
+        let Self { pairs, numbers, geometry, state, forces, points, patches } = self;
         pairs.shrink_to_fit();
         numbers.shrink_to_fit();
         geometry.shrink_to_fit();
         state.shrink_to_fit();
         forces.shrink_to_fit();
         points.shrink_to_fit();
+        patches.shrink_to_fit();
     }
 
     /// What the law remembers of a contact.
@@ -119,8 +127,14 @@ impl Columns {
     }
 
     fn bytes(&self) -> usize {
-        let Self { pairs, numbers, geometry, state, forces, points } = self;
-        held(pairs) + held(numbers) + held(geometry) + held(state) + held(forces) + held(points)
+        let Self { pairs, numbers, geometry, state, forces, points, patches } = self;
+        held(pairs)
+            + held(numbers)
+            + held(geometry)
+            + held(state)
+            + held(forces)
+            + held(points)
+            + held(patches)
     }
 }
 
@@ -338,6 +352,9 @@ impl Contacts {
         if !touching.point.is_empty() {
             now.points.extend(order.iter().map(|&place| touching.point[place as usize]));
         }
+        if !touching.patch.is_empty() {
+            now.patches.extend(order.iter().map(|&place| touching.patch[place as usize]));
+        }
     }
 
     /// Lets `law` find the forces of what has been arranged, and keeps that in place of what was remembered.
@@ -360,6 +377,7 @@ impl Contacts {
             pairs: &now.pairs,
             geometry: &now.geometry,
             points: &now.points,
+            patches: &now.patches,
             from,
             last: Last { pairs: &before.pairs, geometry: &before.geometry, state: &before.state },
             separated,
@@ -545,7 +563,7 @@ mod tests {
             pair: found.clone().map(|pair| pair as u32).collect(),
             geometry: found.clone().map(geometry).collect(),
             point: found.map(|pair| Vec3::repeat(pair as f64)).collect(),
-            without_points: false,
+            ..Touching::default()
         };
         for _ in 0..2 {
             let mut found = Touching::default();

@@ -9,6 +9,10 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
+mod patches;
+
+pub use patches::Turning;
+
 use super::{Body, ForceLaw, Hardest, Last, Separated, Sums, Work, add};
 use crate::contact::{Geometry, Pair, Previous, StateColumn, triple, vectors};
 use crate::ids::{MaterialId, ShapeId, Slot};
@@ -28,6 +32,8 @@ pub struct Contact<L> {
     pub last_normal: Triple<L>,
     /// Overlap [m].
     pub overlap: L,
+    /// Normal force over the derivative of the energy by the overlap: 1 but for contacts of faces [-].
+    pub gain: L,
     /// Velocity of approach along the normal [m/s].
     pub approach: L,
     /// Velocity of A's surface against B's in the contact plane [m/s].
@@ -103,6 +109,14 @@ pub trait Model: std::fmt::Debug + Send + Sync {
         Triple::zero()
     }
 
+    /// The normal force at an overlap [m] without dashpots, in N: the derivative of the energy.
+    fn elastic(&self, constants: &Self::Constants<f64>, overlap: f64) -> f64;
+
+    /// What resists turning where bodies touch with faces; by default nothing.
+    fn turning(&self, _constants: &Self::Constants<f64>) -> Turning {
+        Turning::default()
+    }
+
     /// How much the normal force at an overlap [m] rises when bodies come nearer within one step of `dt` [s], over the
     /// way [N/m].
     fn stiffness(&self, constants: &Self::Constants<f64>, overlap: f64, dt: f64) -> f64;
@@ -128,8 +142,10 @@ pub struct Law<M: Model> {
     table: Vec<OfPair<M>>,
     /// How many shapes the table has.
     shapes: usize,
-    /// Numbers remembered of a contact.
+    /// Numbers that the model remembers of a contact.
     width: usize,
+    /// What the law remembers of a contact: more where there are bodies with faces.
+    state: Vec<StateColumn>,
     needs: Needs,
 }
 
@@ -179,8 +195,13 @@ impl<M: Model> Law<M> {
     pub fn new(model: M, library: &Library) -> Self {
         let width = StateColumn::total_width(model.state());
         assert!(width <= MOST_STATE, "{} remembers more than {MOST_STATE} numbers", model.name());
-        let needs = model.needs();
-        let mut law = Self { model, table: Vec::new(), shapes: 0, width, needs };
+        let mut needs = model.needs();
+        let mut state = model.state().to_vec();
+        if library.shapes.iter().any(|shape| shape.facets().is_some()) {
+            state.extend(patches::REMEMBERED);
+            (needs.patches, needs.spin) = (true, true);
+        }
+        let mut law = Self { model, table: Vec::new(), shapes: 0, width, state, needs };
         let shapes = library.shapes.len();
         if shapes <= MOST_SHAPES {
             let all = (0..shapes).flat_map(|a| (0..shapes).map(move |b| (a, b)));
@@ -241,10 +262,14 @@ impl<M: Model> ForceLaw for Law<M> {
     }
 
     fn state(&self) -> &[StateColumn] {
-        self.model.state()
+        &self.state
     }
 
     fn apply(&self, work: &mut Work, particles: &Particles, dt: f64, sums: &mut Sums) {
+        if self.needs.patches {
+            patches::OnPatches { law: self, work, particles, dt, sums }.run();
+            return;
+        }
         lanes::dispatch(Contacts { law: self, work, particles, dt, sums, summed: 0 });
     }
 
@@ -255,13 +280,23 @@ impl<M: Model> ForceLaw for Law<M> {
         geometry: &Geometry,
         state: &[f64],
     ) -> f64 {
+        if self.needs.patches {
+            return patches::Memory::read(&state[self.width..]).press;
+        }
         let constants = self.constants(pair, particles);
         self.model.last(&constants, geometry.overlap, state).press
     }
 
     fn stored(&self, pair: Pair, particles: &Particles, geometry: &Geometry, state: &[f64]) -> f64 {
         let constants = self.constants(pair, particles);
-        self.model.last(&constants, geometry.overlap, state).stored.iter().sum()
+        let [of_model, of_patch] = state.split_at(self.width).into();
+        let of_torsion = if self.needs.patches {
+            patches::Memory::read(of_patch).stored(&self.model.turning(&constants))
+        } else {
+            0.0
+        };
+        let stored = self.model.last(&constants, geometry.overlap, of_model).stored;
+        stored.iter().sum::<f64>() + of_torsion
     }
 
     fn stiffness(&self, pair: Pair, particles: &Particles, geometry: &Geometry, dt: f64) -> f64 {
@@ -516,6 +551,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             normal,
             last_normal: last.normal,
             overlap,
+            gain: L::all(1.0),
             approach,
             sliding: velocity.minus(normal.times(approach)),
             twist: L::all(0.5 * dt) * spin.dot(normal),
@@ -1056,6 +1092,7 @@ mod tests {
                 pairs: &self.pairs,
                 geometry: &self.now,
                 points: &self.points,
+                patches: &[],
                 from: &self.from,
                 last: Last { pairs: &self.pairs, geometry: &self.geometry, state: &self.state },
                 separated: &[],

@@ -62,6 +62,10 @@
 //!         Self::action(*factor, contact.overlap)
 //!     }
 //!
+//!     fn elastic(&self, factor: &f64, overlap: f64) -> f64 {
+//!         Self::action(*factor, overlap).press
+//!     }
+//!
 //!     fn stiffness(&self, factor: &f64, overlap: f64, _dt: f64) -> f64 {
 //!         1.5 * factor * overlap.sqrt()
 //!     }
@@ -115,7 +119,7 @@ pub mod stability;
 
 pub use interactions::{Interactions, Mixing};
 
-use crate::contact::{Geometry, Pair, Previous, StateColumn};
+use crate::contact::{Geometry, Pair, Patch, Previous, StateColumn};
 use crate::ids::{MaterialId, ShapeId};
 use crate::lanes::Row;
 use crate::math::{Vec3, Vec3AndNumber};
@@ -163,6 +167,8 @@ pub struct Work<'a> {
     pub geometry: &'a [Geometry],
     /// Where each acts, seen from the centre of A [m]; empty if all are spheres, where it follows from the overlap.
     pub points: &'a [Vec3],
+    /// What else there is of contacts of faces; empty if no body has any.
+    pub patches: &'a [Patch],
     /// Where each stands among those of the last step; empty if these are the same.
     pub from: &'a [Previous],
     /// What was remembered of those.

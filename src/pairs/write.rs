@@ -1,6 +1,7 @@
 //! Pairs and answers as CSV. Numbers have as many digits as it takes to read the same bits back.
 
 use super::{Answer, Pairs};
+use crate::contact::thickness;
 use crate::math::Vec3;
 use std::io::Write;
 
@@ -10,8 +11,8 @@ pub const PAIR_COLUMNS: [&str; 21] = [
     "yB", "zB", "qwB", "qxB", "qyB", "qzB",
 ];
 
-/// Columns of [`answers`], those of the reference files, and who answered.
-pub const ANSWER_COLUMNS: [&str; 16] = [
+/// Columns of [`answers`]: those of the reference files, who answered, and what bodies with faces share.
+pub const ANSWER_COLUMNS: [&str; 24] = [
     "id",
     "overlap",
     "nx",
@@ -28,6 +29,14 @@ pub const ANSWER_COLUMNS: [&str; 16] = [
     "Cz",
     "solver",
     "iterations",
+    "thickness",
+    "Fx",
+    "Fy",
+    "Fz",
+    "Mx",
+    "My",
+    "Mz",
+    "energy",
 ];
 
 /// Writes pairs as [`super::read`] reads them. Balls are written as ellipsoids.
@@ -53,7 +62,8 @@ pub fn pairs(pairs: &Pairs, to: impl Write) -> Result<(), csv::Error> {
 }
 
 /// Writes one row per pair. Points are in the world; they are the support points along the normal, of the
-/// bodies themselves. Numbers that no method could determine are empty.
+/// bodies themselves. Numbers that no method could determine are empty, as are those of faces where there are none, or do not
+/// touch: [`thickness`], and for a stiffness of 1 N/m force [N] and moment [N m] of A on B about the centre of A, and energy [J].
 ///
 /// # Errors
 /// If it cannot be written.
@@ -76,7 +86,19 @@ pub fn answers(pairs: &Pairs, answers: &[Answer], to: impl Write) -> Result<(), 
         let head = std::iter::once(pairs.name(index));
         let iterations = answer.iterations.to_string();
         let tail = [answer.stage, &iterations];
-        table.write_record(head.chain(numbers.iter().map(String::as_str)).chain(tail))?;
+        let on_faces = on_faces(pairs, index);
+        let texts = numbers.iter().map(String::as_str).chain(tail);
+        table.write_record(head.chain(texts).chain(on_faces.iter().map(String::as_str)))?;
     }
     Ok(table.flush()?)
+}
+
+/// What a pair with faces shares.
+fn on_faces(pairs: &Pairs, index: usize) -> Vec<String> {
+    let (a, b, r) = pairs.posed(index);
+    let Some(found) = thickness(&a, &b, &r) else { return vec![String::new(); 8] };
+    let (force, moment) = (found.force(), found.moment());
+    let vectors = force.iter().chain(&moment).copied();
+    let numbers = std::iter::once(found.thickness).chain(vectors).chain([found.energy()]);
+    numbers.map(|x| format!("{x:?}")).collect()
 }

@@ -20,6 +20,8 @@ pub struct Needs {
     pub image: bool,
     /// Scales: particles of other sizes than their shapes.
     pub scale: bool,
+    /// What contacts of faces have beside overlap, normal and point: bodies with faces. Implies `orientation`.
+    pub patches: bool,
 }
 
 impl Needs {

@@ -116,13 +116,15 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
     kinds.extend(scene.facet_kinds());
     let mut found = contact::Found::default();
     found.contacts.without_points = !needs.orientation;
+    found.contacts.with_patches = needs.patches;
+    let table = if needs.patches { contact::table_with_patches } else { contact::table };
     Simulation {
         particles: Particles::new(needs, scene.library.clone(), scene.walls.clone(), scene.domain),
         pairs: PairList::default(),
         contacts: Contacts::of(law.state()),
         sums: Sums::default(),
         domain: Domain::new(&scene.domain, halo, comm),
-        resolvers: contact::table(&scene.method, &kinds),
+        resolvers: table(&scene.method, &kinds),
         law,
         field: Field { gravity: scene.gravity, damping: scene.global_damping },
         drives: drives(scene),

@@ -6,7 +6,8 @@ use crate::shape::{Kind, Shape};
 
 /// Warnings about a scene, a sentence each.
 pub fn doubts(scene: &Scene) -> Vec<String> {
-    energy_of_erosion(scene).into_iter().chain(lost_in_rounding(scene)).collect()
+    let all = [energy_of_erosion(scene), energy_of_faces(scene), lost_in_rounding(scene)];
+    all.into_iter().flatten().collect()
 }
 
 /// Forces along another normal than that of the least overlap have no potential. Spheres are resolved in closed form.
@@ -18,6 +19,19 @@ fn energy_of_erosion(scene: &Scene) -> Option<String> {
         "gjk-erosion takes a normal that is not that of the least overlap, so a collision gains or loses energy: at overlaps of \
          1 % up to 9 % between ellipsoids of 2:1, up to 41 % between superellipsoids. With method = \"auto\" it does not"
             .to_owned()
+    })
+}
+
+/// Depth has a kink where faces are flush, which heats what should rest.
+fn energy_of_faces(scene: &Scene) -> Option<String> {
+    let has_faces = scene.particle_kinds().into_iter().any(Kind::has_faces);
+    let by_depth = matches!(scene.method, Method::GjkErosion(_) | Method::Epa(_));
+    (has_faces && by_depth).then(|| {
+        format!(
+            "with method = \"{}\" contacts of faces act in one point that jumps from corner to corner: they make energy, and \
+             nothing comes to rest on a face. With method = \"auto\" they do not",
+            scene.method.name()
+        )
     })
 }
 

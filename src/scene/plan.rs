@@ -2,7 +2,7 @@
 
 use super::doubts::doubts;
 use super::{Fill, Mix, Scene, Stop};
-use crate::contact::{ContactResolver, StateColumn, table};
+use crate::contact::{ContactResolver, Patch, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
 use crate::ids::MaterialId;
 use crate::math::{ExactSum, Vec3};
@@ -190,6 +190,10 @@ fn pairs_of_kinds(scene: &Scene) -> Vec<(Kind, Kind)> {
 
 fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
     match (a, b, scene.method) {
+        (_, _, method) if method.is_by_thickness((a, b)) => {
+            "thickness of what they share; of the normal stiffness faces have all, edges half, the corner of a box 0.3, the tip of \
+             a regular tetrahedron 0.15"
+        }
         (Kind::Sphere, Kind::Sphere, _) | (_, Kind::HalfSpace, _) => "closed form",
         (_, _, method) => table(&method, &[a, b]).get((a, b)).map_or("none", ContactResolver::name),
     }
@@ -246,6 +250,9 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     let mut words = vec![format!("{CONTACT_COLUMNS} bytes of bodies, normal, overlap and force")];
     if needs.orientation {
         words.push("24 of the point".to_owned());
+    }
+    if needs.patches {
+        words.push(format!("{} of the patch", size_of::<Patch>()));
     }
     for StateColumn { name, width, .. } in state {
         words.push(format!("{} of `{name}`", width * size_of::<f64>()));

@@ -7,6 +7,7 @@
 //! plane, or a thousand of them. Time goes with the square of the number of points, which is nothing for
 //! a grain that is read once; the crates that do better bring a linear algebra of their own.
 
+use super::facets::{Facets, Plane};
 use crate::math::{Mat3, Vec3};
 use robust::{Coord3D, orient3d};
 use serde::{Deserialize, Serialize};
@@ -75,15 +76,6 @@ pub enum HullError {
     },
 }
 
-/// The plane of a face: points `p` of the body have `p · normal <= offset`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Plane {
-    /// Outward unit normal.
-    pub normal: Vec3,
-    /// Distance from the origin along the normal [m].
-    pub offset: f64,
-}
-
 /// A part of the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Triangle {
@@ -93,12 +85,34 @@ pub struct Triangle {
     pub plane: u32,
 }
 
+/// What is written of a hull; all else follows.
+#[derive(Serialize, Deserialize)]
+struct Written {
+    vertices: Vec<Vec3>,
+    triangles: Vec<Triangle>,
+    planes: Vec<Plane>,
+}
+
+impl From<Written> for Hull {
+    fn from(Written { vertices, triangles, planes }: Written) -> Self {
+        Self::assembled(vertices, triangles, planes)
+    }
+}
+
+impl From<Hull> for Written {
+    fn from(Hull { vertices, triangles, planes, .. }: Hull) -> Self {
+        Self { vertices, triangles, planes }
+    }
+}
+
 /// A convex surface, closed, with the origin inside or not.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "Written", into = "Written")]
 pub struct Hull {
     vertices: Vec<Vec3>,
     triangles: Vec<Triangle>,
     planes: Vec<Plane>,
+    facets: Facets,
     /// Neighbours of vertex `k` are `neighbours[first[k]..first[k + 1]]`.
     neighbours: Vec<u32>,
     first: Vec<u32>,
@@ -163,10 +177,15 @@ impl Hull {
             let sign = |bit: usize| if octant >> bit & 1 == 1 { 1.0 } else { -1.0 };
             farthest(&vertices, &Vec3::new(sign(0), sign(1), sign(2))) as u32
         });
+        let facets = {
+            let sides = triangles.iter().map(|t| (t.corners, t.plane));
+            Facets::of_triangles(&vertices, sides, &planes)
+        };
         Self {
             vertices,
             triangles,
             planes,
+            facets,
             neighbours,
             first,
             octants,
@@ -204,6 +223,11 @@ impl Hull {
     /// The planes of the faces, largest triangle first.
     pub fn planes(&self) -> &[Plane] {
         &self.planes
+    }
+
+    /// The faces as polygons.
+    pub const fn facets(&self) -> &Facets {
+        &self.facets
     }
 
     /// The farthest vertex along `direction` (any length but zero) [m].
@@ -268,6 +292,17 @@ impl Hull {
     pub fn depth(&self, point: &Vec3) -> f64 {
         let below = |plane: &Plane| plane.offset - plane.normal.dot(point);
         self.planes.iter().map(below).fold(f64::INFINITY, f64::min)
+    }
+
+    /// How far a point is from the body; 0 inside [m].
+    pub fn distance(&self, point: &Vec3) -> f64 {
+        if self.depth(point) >= 0.0 {
+            return 0.0;
+        }
+        let squared = |triangle: &Triangle| {
+            squared_distance(point, triangle.corners.map(|k| self.vertices[k as usize]))
+        };
+        self.triangles.iter().map(squared).fold(f64::INFINITY, f64::min).sqrt()
     }
 
     /// Whether a point is at most `radius` [m] from the body.
@@ -510,6 +545,13 @@ mod tests {
         let hull = Hull::of(&points).unwrap();
         assert!(points.iter().all(|p| hull.depth(p) > -1e-15));
         assert_eq!((hull.vertices().len(), hull.planes().len()), (8, 6), "a cube");
+    }
+
+    #[test]
+    fn what_is_written_is_the_whole_hull() {
+        let hull = Hull::of(&round(80, 0.0)).unwrap();
+        let text = serde_json::to_string(&hull).unwrap();
+        assert_eq!(serde_json::from_str::<Hull>(&text).unwrap(), hull);
     }
 
     #[test]

@@ -10,7 +10,9 @@
 //!
 //! A program that uses this crate needs none of the last two: [`Shape::Other`] holds anything convex.
 
+pub mod clip;
 pub mod ellipsoid;
+pub mod facets;
 pub mod half_space;
 pub mod hull;
 pub mod mesh;
@@ -25,6 +27,7 @@ pub mod superellipsoid;
 
 use crate::math::{Mat3, Vec3};
 pub use ellipsoid::{Ellipsoid, Form};
+use facets::Facets;
 pub use half_space::HalfSpace;
 use hull::Hull;
 use moments::Placement;
@@ -115,6 +118,18 @@ pub trait Convex: Debug + Send + Sync {
         Core::Curved
     }
 
+    /// The faces of a polyhedron, or of one that stands for the body in contacts with other such bodies and with
+    /// planes.
+    #[inline]
+    fn facets(&self) -> Option<&Facets> {
+        None
+    }
+
+    /// How far the polyhedron of these faces extends beyond the body for which it stands [m].
+    fn excess(&self) -> f64 {
+        0.0
+    }
+
     /// Where its axes lie in those of the user's file, if they had to be found.
     fn placement(&self) -> Option<&Placement> {
         None
@@ -200,6 +215,8 @@ macro_rules! dispatched {
             margin() -> f64;
             core_support(direction: &Vec3) -> Vec3;
             core() -> Core<'_>;
+            facets() -> Option<&Facets>;
+            excess() -> f64;
             placement() -> Option<&Placement>;
         }
     };
@@ -231,6 +248,8 @@ enum Fact {
     Smooth,
     /// It is a point, a segment or a polyhedron with a sphere rolled around it.
     Margin,
+    /// It has [`Convex::facets`].
+    Faces,
 }
 
 /// What [`Shape::Other`] refers to.
@@ -248,9 +267,9 @@ shapes! {
     /// A cylinder with a hemisphere on each end.
     Spherocylinder(Spherocylinder), "spherocylinder", &[Fact::Margin];
     /// A convex polyhedron.
-    Polyhedron(Box<Polyhedron>), "polyhedron", &[];
+    Polyhedron(Box<Polyhedron>), "polyhedron", &[Fact::Faces];
     /// A convex polyhedron with a sphere rolled around it.
-    RoundedPolyhedron(Box<RoundedPolyhedron>), "rounded-polyhedron", &[Fact::Margin];
+    RoundedPolyhedron(Box<RoundedPolyhedron>), "rounded-polyhedron", &[Fact::Margin, Fact::Faces];
     /// Any convex body, of a program that uses this crate. Scene files and messages between ranks have none.
     Other(#[serde(with = "not_sent")] Arc<dyn Convex>), "other", &[];
     /// The solid side of a plane: a wall.
@@ -288,6 +307,11 @@ impl Kind {
     /// Is it a point, a segment or a polyhedron with a sphere rolled around it?
     pub fn has_margin(self) -> bool {
         self.facts().contains(&Fact::Margin)
+    }
+
+    /// Is it a polyhedron, if only a rounded one?
+    pub fn has_faces(self) -> bool {
+        self.facts().contains(&Fact::Faces)
     }
 }
 

@@ -3,6 +3,7 @@
 //! Given in any axes, it is moved to its centre of mass and turned into its principal axes, in which a
 //! grain moves; [`Polyhedron::placement`] gives these in the axes of the file.
 
+use super::facets::Facets;
 use super::hull::{Hull, HullError, size};
 use super::moments::{Moments, Placement, Principal};
 use super::{Convex, Core};
@@ -78,6 +79,11 @@ impl Convex for Polyhedron {
     #[inline]
     fn core(&self) -> Core<'_> {
         Core::Hull(&self.hull)
+    }
+
+    #[inline]
+    fn facets(&self) -> Option<&Facets> {
+        Some(self.hull.facets())
     }
 
     fn placement(&self) -> Option<&Placement> {

@@ -3,7 +3,12 @@
 //! Between the cores of two of them lies a gap as wide as both radii less the overlap, so that a contact is
 //! exact for the price of a distance. Choose it for grains with worn edges; sharp ones need dearer methods,
 //! and a small radius spares them.
+//!
+//! In contacts of faces a polyhedron stands for it ([`RoundedPolyhedron::chamfered`]): its faces, and one chamfer for each edge
+//! and corner, all tangent to the rounded surface.
 
+use super::clip::inside;
+use super::facets::{Facets, Plane};
 use super::hull::{Hull, HullError};
 use super::moments::{Moments, Placement, Principal};
 use super::polyhedron::convex;
@@ -11,9 +16,14 @@ use super::{Convex, Core};
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// A rounded polyhedron about its centre of mass, in its principal axes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RoundedPolyhedron {
+/// Normals of one face, but for rounding: the sine of the angle between them.
+const SAME_FACE: f64 = 1e-12;
+/// The chamfered body lies in a cube with this half edge, over the bounding radius of the rounded one.
+const ROOM: f64 = 16.0;
+
+/// What is written of a rounded polyhedron; all else follows.
+#[derive(Serialize, Deserialize)]
+struct Written {
     core: Hull,
     radius: f64,
     volume: f64,
@@ -21,17 +31,57 @@ pub struct RoundedPolyhedron {
     placement: Placement,
 }
 
+impl From<Written> for RoundedPolyhedron {
+    fn from(Written { core, radius, volume, gyration, placement }: Written) -> Self {
+        // Those of the core only stand in for numbers that a body refuses.
+        let chamfered = chamfered(&core, radius).unwrap_or_else(|| core.facets().clone());
+        let distance = |vertex: &Vec3| core.distance(vertex);
+        let farthest = chamfered.vertices().iter().map(distance).fold(radius, f64::max);
+        let excess = farthest - radius;
+        Self { core, radius, volume, gyration, placement, chamfered, excess }
+    }
+}
+
+impl From<RoundedPolyhedron> for Written {
+    fn from(body: RoundedPolyhedron) -> Self {
+        let RoundedPolyhedron { core, radius, volume, gyration, placement, .. } = body;
+        Self { core, radius, volume, gyration, placement }
+    }
+}
+
+/// A rounded polyhedron about its centre of mass, in its principal axes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "Written", into = "Written")]
+pub struct RoundedPolyhedron {
+    core: Hull,
+    radius: f64,
+    volume: f64,
+    gyration: Vec3,
+    placement: Placement,
+    chamfered: Facets,
+    excess: f64,
+}
+
 impl RoundedPolyhedron {
     /// All points within `radius` [m] of the polyhedron with corners at `points` [m], in any axes and order.
     ///
     /// # Errors
-    /// As [`super::Polyhedron::new`].
+    /// As [`super::Polyhedron::new`], or if the radius leaves the range of numbers.
     pub fn new(points: &[Vec3], radius: f64) -> Result<Self, HullError> {
         let core = convex(points)?;
+        if chamfered(&core, radius).is_none() {
+            return Err(HullError::Size { size: core.bounding_radius() + radius });
+        }
         let Principal { volume, gyration, placement } =
             Moments::of_rounded(&core, radius).principal();
         let core = core.seen_from(&placement.centre, placement.axes.to_rotation_matrix().matrix());
-        Ok(Self { core, radius, volume, gyration, placement })
+        Ok(Written { core, radius, volume, gyration, placement }.into())
+    }
+
+    /// The polyhedron that stands for it in contacts of faces. It holds the rounded body: at a chamfered edge whose faces meet
+    /// at right angles it extends 8 % of the radius beyond.
+    pub const fn chamfered(&self) -> &Facets {
+        &self.chamfered
     }
 
     /// The polyhedron inside, about the centre of mass of the whole.
@@ -57,7 +107,7 @@ impl Convex for RoundedPolyhedron {
     }
 
     fn bounding_radius(&self) -> f64 {
-        self.core.bounding_radius() + self.radius
+        (self.core.bounding_radius() + self.radius).max(self.chamfered.bounding_radius())
     }
 
     fn inscribed_radius(&self) -> f64 {
@@ -99,7 +149,55 @@ impl Convex for RoundedPolyhedron {
         Core::Hull(&self.core)
     }
 
+    #[inline]
+    fn facets(&self) -> Option<&Facets> {
+        Some(&self.chamfered)
+    }
+
+    fn excess(&self) -> f64 {
+        self.excess
+    }
+
     fn placement(&self) -> Option<&Placement> {
         Some(&self.placement)
     }
+}
+
+/// Faces moved out by a radius, and a chamfer across each edge and corner.
+/// `None` if numbers do not reach.
+fn chamfered(core: &Hull, radius: f64) -> Option<Facets> {
+    let vertex = |k: u32| core.vertices()[k as usize];
+    let normal = |plane: u32| core.planes()[plane as usize].normal;
+    let mut planes: Vec<Plane> = core.planes().to_vec();
+    for plane in &mut planes {
+        plane.offset += radius;
+    }
+    let tangent = |across: Vec3, at: Vec3| {
+        let normal = across.normalize();
+        Plane { normal, offset: normal.dot(&at) + radius }
+    };
+
+    let triangles = core.triangles();
+    let mut sides: Vec<((u32, u32), u32)> = triangles
+        .iter()
+        .flat_map(|t| [0, 1, 2].map(|k| ((t.corners[k], t.corners[(k + 1) % 3]), t.plane)))
+        .collect();
+    sides.sort_unstable();
+    for &((from, to), plane) in sides.iter().filter(|((from, to), _)| from < to) {
+        let Ok(back) = sides.binary_search_by_key(&(to, from), |&(side, _)| side) else { continue };
+        let (left, right) = (normal(plane), normal(sides[back].1));
+        if left.cross(&right).norm() > SAME_FACE {
+            planes.push(tangent(left + right, vertex(from)));
+        }
+    }
+
+    for k in 0..core.vertices().len() as u32 {
+        let mut around: Vec<u32> =
+            triangles.iter().filter(|t| t.corners.contains(&k)).map(|t| t.plane).collect();
+        around.sort_unstable();
+        around.dedup();
+        planes.push(tangent(around.iter().map(|&plane| normal(plane)).sum(), vertex(k)));
+    }
+    let half_edge = ROOM * (core.bounding_radius() + radius);
+    inside(&planes, half_edge)
 }

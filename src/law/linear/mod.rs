@@ -14,7 +14,7 @@ mod constants;
 
 pub use constants::{Constants, damping_ratio_of_restitution};
 
-use super::kernel::{Action, Contact, Law, Model, Spread, carried, dashpot, reduced_mass};
+use super::kernel::{Action, Contact, Law, Model, Spread, Turning, carried, dashpot, reduced_mass};
 use super::{Body, ForceLaw, Hardest};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
@@ -113,10 +113,10 @@ impl<L: Lanes> Springs<L> {
 impl Linear {
     /// Spring and dashpot along the normal [N].
     #[inline(always)]
-    fn press<L: Lanes>(&self, springs: &Springs<L>, overlap: L, approach: L) -> L {
-        let mut force = springs.normal * overlap;
+    fn press<L: Lanes>(&self, springs: &Springs<L>, contact: &Contact<L>) -> L {
+        let mut force = springs.normal * contact.overlap * contact.gain;
         if self.damped {
-            force = force + springs.dashpots[0] * approach;
+            force = force + springs.dashpots[0] * contact.approach * contact.gain;
             if self.limit_damping {
                 let zero = L::all(0.0);
                 force = zero.or(force, force.less(zero));
@@ -224,7 +224,7 @@ impl Model for Linear {
         state: &mut [L],
     ) -> Action<L> {
         let zero = Triple::zero();
-        let press = self.press(springs, contact.overlap, contact.approach);
+        let press = self.press(springs, contact);
         let (mut spring, mut rub) = (zero, zero);
         let frictional = springs.frictional();
         if frictional != 0 {
@@ -248,6 +248,23 @@ impl Model for Linear {
             rub,
             viscous: rub.minus(spring.times(springs.tangential)),
             stored: springs.stored(contact.overlap, spring),
+        }
+    }
+
+    fn elastic(&self, springs: &Springs<f64>, overlap: f64) -> f64 {
+        springs.normal * overlap
+    }
+
+    fn turning(&self, springs: &Springs<f64>) -> Turning {
+        let Springs {
+            tangential, friction, dashpots: [normal_dashpot, tangential_dashpot], ..
+        } = *springs;
+        let frictional = friction > 0.0;
+        Turning {
+            normal_dashpot,
+            tangential_stiffness: if frictional { tangential } else { 0.0 },
+            tangential_dashpot: if frictional { tangential_dashpot } else { 0.0 },
+            friction,
         }
     }
 

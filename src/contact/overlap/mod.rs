@@ -1,0 +1,103 @@
+//! Contacts of bodies with faces: from what they share, not from one depth.
+//!
+//! A polyhedron on a face has no single contact point and no smooth depth: the deepest point jumps from corner to corner
+//! when the face tilts, and a force that depends on one depth gives energy, or lets a block at rest creep. Here the
+//! polyhedron that both bodies share is found exactly ([`crate::shape::clip`]), and the energy of the contact is that
+//! of a spring which is compressed by its thickness ([`thickness`]).
+
+mod thickness;
+
+pub use thickness::{Thickness, thickness};
+
+use super::gjk::{Difference, Separation, separate};
+use super::{Batch, ContactResolver, Found, Outcome, Patch, Posed, Touch, Why, touch_along};
+use crate::math::Vec3;
+use crate::shape::Shape;
+
+/// Resolves two bodies with faces, or one (A) with faces and a half-space, by the thickness of what they share.
+///
+/// That thickness stands for the overlap, and the normal is the direction of the force. A batch gets the [`Patch`] of each
+/// contact, without which a law knows only a part.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Overlap;
+
+impl Overlap {
+    /// What a pair shares, or what else is to be said of it.
+    fn shared(a: &Posed, b: &Posed, r: &Vec3, touched: bool) -> Result<Thickness, Outcome> {
+        let excess = |body: &Posed| body.shape.excess() * body.scale;
+        let beyond = excess(a) + excess(b);
+        // Bodies that touched will as a rule touch again; others are more often apart.
+        let mut known = None;
+        if !touched {
+            known = clearance(a, b, r);
+            if let Some(clear) = known.filter(|&clear| clear > beyond) {
+                return Err(Outcome::Apart(clear - beyond));
+            }
+        }
+        thickness(a, b, r).ok_or_else(|| match known.or_else(|| clearance(a, b, r)) {
+            Some(clear) => Outcome::Apart((clear - beyond).max(0.0)),
+            None => Outcome::Failed(Why::TooDeep),
+        })
+    }
+}
+
+impl ContactResolver for Overlap {
+    fn name(&self) -> &'static str {
+        "thickness"
+    }
+
+    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
+        Self::shared(a, b, r, warm.is_some())
+            .map_or_else(|outcome| outcome, |found| Outcome::Touching(touch(&found)))
+    }
+
+    fn resolve(&self, batch: &Batch, found: &mut Found) {
+        for &index in batch.active {
+            let pair = batch.pairs[index as usize];
+            let r = batch.bodies.relative(pair);
+            let frames = batch.bodies.frames(pair);
+            let (a, b) = batch.bodies.posed(pair, &frames);
+            match Self::shared(&a, &b, &r, batch.last_normal(index).is_some()) {
+                Ok(shared) => found.contacts.push_with(index, &touch(&shared), &patch(&shared)),
+                Err(outcome) => found.note(index, outcome),
+            }
+        }
+    }
+}
+
+fn touch(found: &Thickness) -> Touch {
+    Touch { overlap: found.thickness, normal: found.normal, point: found.point }
+}
+
+fn patch(found: &Thickness) -> Patch {
+    let Thickness { thickness, gain, couple, covariance: c, .. } = *found;
+    let covariance = [c.m11, c.m22, c.m33, c.m23, c.m13, c.m12];
+    Patch { gain, lever: couple / thickness, covariance }
+}
+
+/// Overlaps of less than this part of the size count as none.
+const THIN: f64 = 1e-8;
+/// Relative duality gap of the distance between bodies.
+const TOLERANCE: f64 = 1e-6;
+
+/// How far two bodies are apart at least [m], 0 if they hardly overlap; `None` if they do. Of rounded bodies, not of the polyhedra
+/// that stand for them.
+fn clearance(a: &Posed, b: &Posed, r: &Vec3) -> Option<f64> {
+    let thin = THIN * a.bounding_radius();
+    let clear = |clearance: f64| (clearance > -thin).then_some(clearance.max(0.0));
+    if let Shape::HalfSpace(plane) = b.shape {
+        let normal = -(b.frame * plane.normal);
+        let overlap = (a.support(&normal) - r).dot(&normal) + plane.offset;
+        return clear(-overlap);
+    }
+    let bodies = Difference::new(a, b, r);
+    let squared = bodies.r.norm_squared();
+    if squared > bodies.reach * bodies.reach {
+        return clear((squared.sqrt() - bodies.reach) * bodies.unit);
+    }
+    match separate(&bodies, &bodies.r, TOLERANCE, f64::INFINITY) {
+        Separation::Apart(normal) => clear(-touch_along(a, b, r, &normal).overlap),
+        Separation::Beyond(distance) => clear(distance * bodies.unit),
+        Separation::Intersecting | Separation::NotConverged => None,
+    }
+}

@@ -1,0 +1,369 @@
+//! Contacts where there are bodies with faces: one after the other, with all that a patch adds.
+//!
+//! A face presses in an area. The normal force is the model's at the overlap `D`, times the gain `g = |grad D|`, so that
+//! its energy is still the model's at `D` ([`crate::contact::thickness`]). Beside it act
+//!
+//! - the elastic couple about the normal, the rest of the gradient;
+//! - the moment of the dashpot spread over the patch, `c g n × [C (n × ω)]` on A with the covariance `C` of what both bodies
+//!   hold and `ω = ω_A - ω_B`: it dissipates rocking, and nothing where the patch is a point or about the line of an edge;
+//! - torsion: a spring `φ` [m] with `dφ = a ω·n dt`, its stretch at a distance `a` from the axis, with the constants of the
+//!   tangential spring and Coulomb's limit. Its moment is `a` times its force. When `a` changes, `φ` and its energy stay.
+//!
+//! `a` is `2√2/3` of the radius of gyration of the patch about the normal: on a disc under even pressure friction in each
+//! point has that mean distance, and on a square one that is 0.6 % less.
+//!
+//! All forces but the elastic ones along the normal are remembered with the point where they acted, so that what is
+//! dissipated is their work: what a long step makes of the elastic ones is missing from the energy balance, and is
+//! reported. The point of a patch runs from edge to edge when a body rocks; no support point could stand for it.
+
+use super::{
+    Contact, Geometry, Law, MOST_STATE, Model, Pair, Particles, Separated, Slot, Sums, Work, add,
+};
+use crate::contact::{Patch, StateColumn};
+use crate::lanes::{Row as _, Triple};
+use crate::math::Vec3;
+
+/// Mean distance of the points of a disc from its axis, over its radius of gyration: `2√2/3`.
+const MEAN_DISTANCE: f64 = 0.942_809_041_582_063_4;
+
+/// What is remembered behind the numbers of the model.
+pub(super) const REMEMBERED: [StateColumn; 5] = [
+    StateColumn::new("contact_point", 3, "m"),
+    StateColumn::new("dissipative_force", 3, "N"),
+    StateColumn::new("dissipative_moment", 3, "N m"),
+    StateColumn::new("pressing_force", 1, "N"),
+    StateColumn::new("torsion", 1, "m"),
+];
+
+/// Constants of what resists turning on a patch.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Turning {
+    /// Normal dashpot [N s/m].
+    pub normal_dashpot: f64,
+    /// Tangential stiffness; 0 without friction [N/m].
+    pub tangential_stiffness: f64,
+    /// Tangential dashpot; 0 without friction [N s/m].
+    pub tangential_dashpot: f64,
+    /// Coefficient of friction [-].
+    pub friction: f64,
+}
+
+/// The same numbers in words.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Memory {
+    /// Where the forces acted, seen from the centre of A [m].
+    point: Vec3,
+    /// Dashpots and friction, on B [N].
+    force: Vec3,
+    /// Of dashpots and torsion, on B about the point [N m].
+    moment: Vec3,
+    /// Normal force [N].
+    pub(super) press: f64,
+    /// Stretch of the torsional spring [m].
+    torsion: f64,
+}
+
+impl Memory {
+    /// How many numbers.
+    pub(super) const WIDTH: usize = 11;
+
+    /// From numbers; nothing from none.
+    pub(super) fn read(numbers: &[f64]) -> Self {
+        let Ok(&[a, b, c, d, e, f, g, h, i, press, torsion]) =
+            <&[f64; Self::WIDTH]>::try_from(numbers)
+        else {
+            return Self::default();
+        };
+        let (point, force) = (Vec3::new(a, b, c), Vec3::new(d, e, f));
+        Self { point, force, moment: Vec3::new(g, h, i), press, torsion }
+    }
+
+    fn write(&self, numbers: &mut [f64]) {
+        let Self { point, force, moment, press, torsion } = self;
+        let all = point.iter().chain(force).chain(moment).chain([press, torsion]);
+        for (number, value) in numbers.iter_mut().zip(all) {
+            *number = *value;
+        }
+    }
+
+    /// Elastic energy of torsion [J].
+    pub(super) fn stored(&self, turning: &Turning) -> f64 {
+        0.5 * turning.tangential_stiffness * self.torsion * self.torsion
+    }
+
+    /// All of the force on B, for the normal at which it acted [N].
+    fn total_force(&self, normal: &Vec3) -> Vec3 {
+        normal * (self.press - self.force.dot(normal)) + self.force
+    }
+}
+
+/// How two bodies move, and where they are.
+struct Motion {
+    /// From the centre of A to that of B, now and at the last step [m].
+    r: [Vec3; 2],
+    /// Of the centres of A and B [m/s].
+    velocity: [Vec3; 2],
+    /// [rad/s]
+    spin: [Vec3; 2],
+}
+
+impl Motion {
+    fn of(pair: Pair, particles: &Particles, dt: f64) -> Self {
+        let r = particles.bodies().relative(pair);
+        let bodies = [pair.a, pair.b].map(Slot::index);
+        let velocity = bodies.map(|k| particles.velocity[k]);
+        let spin = bodies.map(|k| {
+            particles.spin.as_ref().map_or_else(Vec3::zeros, |spin| spin.angular_velocity[k])
+        });
+        Self { r: [r, r - (velocity[1] - velocity[0]) * dt], velocity, spin }
+    }
+
+    /// Where nobody asks for velocities.
+    fn none(pair: Pair, particles: &Particles) -> Self {
+        let r = particles.bodies().relative(pair);
+        let zeros = [Vec3::zeros(); 2];
+        Self { r: [r; 2], velocity: zeros, spin: zeros }
+    }
+
+    /// Velocity of A's surface against B's at a point seen from the centre of A, now or at the last step [m/s].
+    fn at(&self, point: &Vec3, when: usize) -> Vec3 {
+        let of_a = self.velocity[0] + self.spin[0].cross(point);
+        of_a - self.velocity[1] - self.spin[1].cross(&(point - self.r[when]))
+    }
+
+    /// `ω_A - ω_B` [rad/s].
+    fn turning(&self) -> Vec3 {
+        self.spin[0] - self.spin[1]
+    }
+
+    /// Work on B of what acted at the last step until now, half of a step [J].
+    fn work_on_b(&self, force: &Vec3, moment: &Vec3, point: &Vec3, when: usize, half: f64) -> f64 {
+        let arm = point - self.r[when];
+        half * (force.dot(&self.velocity[1]) + (arm.cross(force) + moment).dot(&self.spin[1]))
+    }
+}
+
+/// Contacts whose forces are to be found.
+pub(super) struct OnPatches<'a, 'b, M: Model> {
+    pub(super) law: &'a Law<M>,
+    pub(super) work: &'a mut Work<'b>,
+    pub(super) particles: &'a Particles,
+    pub(super) dt: f64,
+    pub(super) sums: &'a mut Sums,
+}
+
+/// What acts in one contact now.
+struct Acting {
+    /// On B [N].
+    force: Vec3,
+    /// On B about the contact point [N m].
+    moment: Vec3,
+    memory: Memory,
+    /// Elastic energy of friction and torsion [J].
+    stored: f64,
+}
+
+impl<M: Model> OnPatches<'_, '_, M> {
+    /// Finds what acts in all of them, in their order, and sums it.
+    pub(super) fn run(mut self) {
+        let mut separated = self.work.separated.iter().peekable();
+        for place in 0..self.work.pairs.len() {
+            while let Some(gone) = separated.next_if(|gone| gone.before <= place) {
+                self.add_separated(*gone);
+            }
+            self.one(place);
+        }
+        separated.for_each(|gone| self.add_separated(*gone));
+    }
+
+    /// How the bodies of a pair move.
+    fn motion(&self, pair: Pair) -> Motion {
+        if self.law.needs.velocity {
+            Motion::of(pair, self.particles, self.dt)
+        } else {
+            Motion::none(pair, self.particles)
+        }
+    }
+
+    /// Finds what acts in a contact, and sums it.
+    fn one(&mut self, place: usize) {
+        let Self { law, particles, dt, .. } = *self;
+        let pair = self.work.pairs[place];
+        let place_before =
+            if self.work.from.is_empty() { place } else { self.work.from[place].index() };
+        let last = self.work.last.geometry.get(place_before).copied().unwrap_or_default();
+        let width = law.width + Memory::WIDTH;
+        let constants = law.constants(pair, particles);
+        let motion = self.motion(pair);
+
+        let mut numbers = [0.0; MOST_STATE];
+        let state = &mut numbers[..law.width];
+        let mut before = Memory::default();
+        if last.touched() {
+            let remembered = &self.work.last.state[place_before * width..][..width];
+            state.copy_from_slice(&remembered[..law.width]);
+            before = Memory::read(&remembered[law.width..]);
+        }
+        let turning = law.model.turning(&constants);
+        let stored_before =
+            law.model.last(&constants, last.overlap, state).stored[1] + before.stored(&turning);
+        let Acting { force, moment, memory, stored } =
+            self.acting(place, &constants, &last, &before, &motion, state);
+
+        let point = self.work.points[place];
+        let half = 0.5 * dt;
+        let mut dissipated = 0.0;
+        if law.needs.velocity && dt > 0.0 {
+            let work = |of: &Memory, when: usize| {
+                of.force.dot(&motion.at(&of.point, when)) + of.moment.dot(&motion.turning())
+            };
+            dissipated = half * (work(&before, 1) + work(&memory, 0)) - (stored - stored_before);
+        }
+        let row = &mut self.work.state[place * width..][..width];
+        row[..law.width].copy_from_slice(state);
+        memory.write(&mut row[law.width..]);
+        self.work.forces[place] = force;
+
+        let first_facet = particles.first_facet();
+        let with_wall = pair.b.index() >= first_facet;
+        let share = if with_wall { dissipated } else { 0.5 * dissipated };
+        let arm_b = point - motion.r[0];
+        let on_b = arm_b.cross(&force) + moment;
+        let on_a = force.cross(&point) - moment;
+        let [x, y, z] = force.into();
+        let sums = &mut *self.sums;
+        add(&mut sums.force, pair.b.index(), [x, y, z, share]);
+        add(&mut sums.force, pair.a.index(), [x, y, z, share].opposite());
+        add(&mut sums.torque, pair.b.index(), [on_b.x, on_b.y, on_b.z, 0.0]);
+        add(&mut sums.torque, pair.a.index(), [on_a.x, on_a.y, on_a.z, 0.0]);
+        if with_wall {
+            let last_force = before.total_force(&last.normal);
+            let on_wall = motion.work_on_b(&last_force, &before.moment, &before.point, 1, half)
+                + motion.work_on_b(&force, &moment, &point, 0, half);
+            sums.note_wall_work(pair, -on_wall);
+        }
+    }
+
+    /// What acts in a contact now. `state` has what the model remembers of the last step, and gets what the next must know.
+    fn acting(
+        &self,
+        place: usize,
+        constants: &M::Constants<f64>,
+        last: &Geometry,
+        before: &Memory,
+        motion: &Motion,
+        state: &mut [f64],
+    ) -> Acting {
+        let Self { law, dt, .. } = *self;
+        let Geometry { normal, overlap } = self.work.geometry[place];
+        let (point, patch) = (self.work.points[place], &self.work.patches[place]);
+        let velocity = motion.at(&point, 0);
+        let approach = velocity.dot(&normal);
+        let sliding = velocity - normal * approach;
+        let spin = motion.spin[0] + motion.spin[1];
+        let contact = Contact {
+            normal: triple(&normal),
+            last_normal: triple(&last.normal),
+            overlap,
+            gain: patch.gain,
+            approach,
+            sliding: triple(&sliding),
+            twist: 0.5 * dt * spin.dot(&normal),
+            touched: u8::from(last.touched()),
+            dt,
+        };
+        let now = law.model.act(constants, &contact, state);
+        let rub = Vec3::new(now.rub.x, now.rub.y, now.rub.z);
+        let elastic = law.model.elastic(constants, overlap);
+
+        let turning = law.model.turning(constants);
+        let twisting = motion.turning();
+        let torsion =
+            Torsion::of(&turning, patch, &normal, now.press, before.torsion, &twisting, dt);
+        let rocking = normal.cross(&patch.times(&normal.cross(&twisting)));
+        let moment = normal * torsion.moment - rocking * (turning.normal_dashpot * patch.gain);
+        let memory = Memory {
+            point,
+            force: normal * (now.press - elastic * patch.gain) + rub,
+            moment,
+            press: now.press,
+            torsion: torsion.stretch,
+        };
+        Acting {
+            force: normal * now.press + rub,
+            moment: moment + normal * (elastic * patch.lever),
+            memory,
+            stored: now.stored[1] + memory.stored(&turning),
+        }
+    }
+
+    /// No force is left, but what the last contact lost.
+    #[cold]
+    fn add_separated(&mut self, separated: Separated) {
+        let Self { law, particles, dt, .. } = *self;
+        let half = 0.5 * dt;
+        let last = &self.work.last;
+        let (pair, geometry) = (last.pairs[separated.place], &last.geometry[separated.place]);
+        let width = law.width + Memory::WIDTH;
+        let (state, memory) = last.state[separated.place * width..][..width].split_at(law.width);
+        let memory = Memory::read(memory);
+        let motion = self.motion(pair);
+        // The force fell to nothing on the way: half of it did the work.
+        if pair.b.index() >= particles.first_facet() {
+            let force = memory.total_force(&geometry.normal);
+            let on_wall = motion.work_on_b(&force, &memory.moment, &memory.point, 1, half);
+            self.sums.note_wall_work(pair, -on_wall);
+        }
+        let mut dissipated = 0.0;
+        if law.needs.velocity && half > 0.0 {
+            let constants = law.constants(pair, particles);
+            let stored = law.model.last(&constants, geometry.overlap, state).stored[1];
+            let power = memory.force.dot(&motion.at(&memory.point, 1))
+                + memory.moment.dot(&motion.turning());
+            dissipated = half * power + stored + memory.stored(&law.model.turning(&constants));
+        }
+        self.sums.lose(pair, dissipated, particles.first_facet());
+    }
+}
+
+/// Spring, dashpot and friction of turning about the normal.
+struct Torsion {
+    /// Of A on B along the normal [N m].
+    moment: f64,
+    /// [m]
+    stretch: f64,
+}
+
+impl Torsion {
+    fn of(
+        turning: &Turning,
+        patch: &Patch,
+        normal: &Vec3,
+        press: f64,
+        before: f64,
+        twisting: &Vec3,
+        dt: f64,
+    ) -> Self {
+        let Turning { tangential_stiffness, tangential_dashpot, friction, .. } = *turning;
+        if tangential_stiffness <= 0.0 || friction <= 0.0 {
+            return Self { moment: 0.0, stretch: 0.0 };
+        }
+        let lever = MEAN_DISTANCE * patch.squared_radius(normal).sqrt();
+        let speed = lever * twisting.dot(normal);
+        let stretch = before + speed * dt;
+        let viscous = tangential_dashpot * speed;
+        let force = tangential_stiffness * stretch + viscous;
+        let limit = friction * press.max(0.0);
+        if force.abs() <= limit {
+            return Self { moment: lever * force, stretch };
+        }
+        let limited = limit.copysign(force);
+        // At the start of a stage no time has passed: a spring stays as it was.
+        let slipped = if dt > 0.0 { (limited - viscous) / tangential_stiffness } else { stretch };
+        Self { moment: lever * limited, stretch: slipped }
+    }
+}
+
+fn triple(v: &Vec3) -> Triple<f64> {
+    Triple { x: v.x, y: v.y, z: v.z }
+}

@@ -1,0 +1,110 @@
+//! The faces of a convex polyhedron: planes, and polygons of vertices.
+//!
+//! Where bodies are cut by planes ([`super::clip`]), a face is one polygon, however many triangles it was given by.
+
+use crate::math::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// The plane of a face: points `p` of the body have `p · normal <= offset`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plane {
+    /// Outward unit normal.
+    pub normal: Vec3,
+    /// Distance from the origin along the normal [m].
+    pub offset: f64,
+}
+
+/// A convex polyhedron by its faces.
+///
+/// The polygons close the surface: each side of one is a side of exactly one other, in the opposite direction.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Facets {
+    vertices: Vec<Vec3>,
+    planes: Vec<Plane>,
+    /// Vertices of all faces, one face after the other.
+    corners: Vec<u32>,
+    /// The corners of face `k` are `corners[first[k]..first[k + 1]]`.
+    first: Vec<u32>,
+    bounding_radius: f64,
+}
+
+impl Facets {
+    /// Of a closed surface of triangles, each with the index of its plane.
+    pub(super) fn of_triangles(
+        vertices: &[Vec3],
+        triangles: impl Iterator<Item = ([u32; 3], u32)>,
+        planes: &[Plane],
+    ) -> Self {
+        let mut of_plane = vec![Vec::new(); planes.len()];
+        for (corners, plane) in triangles {
+            of_plane[plane as usize].push(corners);
+        }
+        let mut facets = Self::without_faces(vertices);
+        for (plane, triangles) in planes.iter().zip(&of_plane) {
+            match outline(triangles) {
+                Some(polygon) => facets.push(*plane, &polygon),
+                // An outline that meets itself, which only slivers can have.
+                None => triangles.iter().for_each(|corners| facets.push(*plane, corners)),
+            }
+        }
+        facets
+    }
+
+    /// Of a body to which faces will be added.
+    pub(super) fn without_faces(vertices: &[Vec3]) -> Self {
+        let bounding_radius = vertices.iter().map(Vec3::norm).fold(0.0, f64::max);
+        Self { vertices: vertices.to_vec(), first: vec![0], bounding_radius, ..Self::default() }
+    }
+
+    /// Adds a face.
+    pub(super) fn push(&mut self, plane: Plane, polygon: &[u32]) {
+        self.planes.push(plane);
+        self.corners.extend_from_slice(polygon);
+        self.first.push(self.corners.len() as u32);
+    }
+
+    /// The corners of the body [m].
+    pub fn vertices(&self) -> &[Vec3] {
+        &self.vertices
+    }
+
+    /// The planes of the faces.
+    pub fn planes(&self) -> &[Plane] {
+        &self.planes
+    }
+
+    /// Vertices of all faces, one face after the other, counter-clockwise seen from outside.
+    pub fn corners(&self) -> &[u32] {
+        &self.corners
+    }
+
+    /// Where each face ends among the [`Facets::corners`].
+    pub fn ends(&self) -> &[u32] {
+        &self.first[1..]
+    }
+
+    /// Radius of the smallest sphere about the origin that holds the body [m].
+    pub const fn bounding_radius(&self) -> f64 {
+        self.bounding_radius
+    }
+}
+
+/// The outline of triangles of one plane: the sides that only one of them has, in their order. `None` if it does not
+/// go round once.
+fn outline(triangles: &[[u32; 3]]) -> Option<Vec<u32>> {
+    let sides = || triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
+    let outer: Vec<(u32, u32)> =
+        sides().filter(|&(from, to)| !sides().any(|side| side == (to, from))).collect();
+    let mut polygon = Vec::with_capacity(outer.len());
+    let (mut here, start) = (outer.first()?.0, outer.first()?.0);
+    loop {
+        let mut next = outer.iter().filter(|side| side.0 == here);
+        let (Some(side), None) = (next.next(), next.next()) else { return None };
+        polygon.push(here);
+        here = side.1;
+        if here == start || polygon.len() > outer.len() {
+            break;
+        }
+    }
+    (polygon.len() == outer.len()).then_some(polygon)
+}

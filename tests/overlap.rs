@@ -1,0 +1,319 @@
+//! What bodies with faces share: cutting is closed whatever the rounding, force and moment are the gradient of the energy.
+
+use crate::random::Draw;
+use crate::support::{Frame, below};
+use dem_mpi::contact::{Posed, Thickness, thickness};
+use dem_mpi::math::{Mat3, Vec3, rotation_about};
+use dem_mpi::random::Random;
+use dem_mpi::shape::clip::Clipped;
+use dem_mpi::shape::facets::Plane;
+use dem_mpi::shape::{HalfSpace, Polyhedron, Shape};
+use std::collections::BTreeMap;
+
+const SEED: u64 = 20_261_123;
+
+fn solid(corners: &[Vec3]) -> Shape {
+    Shape::Polyhedron(Box::new(Polyhedron::new(corners).expect("a body")))
+}
+
+/// With these full edges.
+fn cuboid(edges: Vec3) -> Shape {
+    let corner = |k: u32| {
+        Vec3::from_fn(|i, _| if k >> i & 1 == 1 { 0.5 * edges[i] } else { -0.5 * edges[i] })
+    };
+    solid(&(0..8).map(corner).collect::<Vec<_>>())
+}
+
+fn icosahedron() -> Shape {
+    let golden = 0.5 * (1.0 + 5_f64.sqrt());
+    let corner = |k: u32| {
+        let sign = |bit: u32| if k >> bit & 1 == 1 { 0.5 } else { -0.5 };
+        let (one, other) = (sign(0), sign(1) * golden);
+        match k >> 2 {
+            0 => Vec3::new(0.0, one, other),
+            1 => Vec3::new(one, other, 0.0),
+            _ => Vec3::new(other, 0.0, one),
+        }
+    };
+    solid(&(0..12).map(corner).collect::<Vec<_>>())
+}
+
+/// Boxes, a plate, an irregular tetrahedron, an octahedron, an icosahedron.
+fn solids() -> Vec<Shape> {
+    let tetrahedron =
+        [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 0.9, -0.1], [0.3, 0.2, 0.8]].map(Vec3::from);
+    let octahedron: Vec<Vec3> =
+        (0..6).map(|k| Vec3::ith(k / 2, if k % 2 == 0 { 0.7 } else { -0.7 })).collect();
+    vec![
+        cuboid(Vec3::new(1.0, 0.8, 0.6)),
+        cuboid(Vec3::new(1.0, 1.0, 1.0)),
+        cuboid(Vec3::new(1.0, 1.0, 0.1)),
+        solid(&tetrahedron),
+        solid(&octahedron),
+        icosahedron(),
+    ]
+}
+
+/// Two bodies in place, the second perhaps a plane.
+#[derive(Clone)]
+struct Pose<'a> {
+    shapes: [&'a Shape; 2],
+    frames: [Mat3; 2],
+    scales: [f64; 2],
+    r: Vec3,
+}
+
+impl Pose<'_> {
+    fn bodies(&self) -> [Posed<'_>; 2] {
+        [0, 1].map(|k| Posed {
+            shape: self.shapes[k],
+            frame: &self.frames[k],
+            scale: self.scales[k],
+        })
+    }
+
+    fn thickness(&self) -> Option<Thickness> {
+        let [a, b] = self.bodies();
+        thickness(&a, &b, &self.r)
+    }
+
+    /// `D² / 2`, 0 if they are apart.
+    fn energy(&self) -> f64 {
+        self.thickness().map_or(0.0, |found| found.energy())
+    }
+
+    /// With B moved.
+    fn moved(&self, by: Vec3) -> Self {
+        Self { r: self.r + by, ..self.clone() }
+    }
+
+    /// With one of the bodies turned about its centre.
+    fn turned(&self, body: usize, axis: &Vec3, angle: f64) -> Self {
+        let mut turned = self.clone();
+        turned.frames[body] =
+            rotation_about(axis, angle).to_rotation_matrix() * turned.frames[body];
+        turned
+    }
+}
+
+/// A derivative at 0, from central differences of fourth order.
+fn derivative(of: impl Fn(f64) -> f64, step: f64) -> f64 {
+    let difference = |h: f64| (of(h) - of(-h)) / (2.0 * h);
+    (4.0 * difference(step) - difference(2.0 * step)) / 3.0
+}
+
+/// Two random bodies that overlap by 1 to 10 % along a random direction.
+fn random_pose<'a>(random: &mut Random, solids: &'a [Shape]) -> Pose<'a> {
+    let mut pick = || &solids[below(random, solids.len() as u64) as usize];
+    let shapes = [pick(), pick()];
+    let frames = [random.frame(), random.frame()];
+    let scales = [random.between(0.7, 1.4), random.between(0.7, 1.4)];
+    let mut pose = Pose { shapes, frames, scales, r: Vec3::zeros() };
+    let direction = random.direction();
+    let overlap = random.between(0.01, 0.1);
+    let [a, b] = pose.bodies();
+    pose.r = a.support(&direction) - b.support(&-direction) - direction * overlap;
+    pose
+}
+
+/// The gradient by differences of fourth order, over `D`: steps of 1e-4 `D` leave 1e-10 of rounding, and as much where the
+/// second derivative jumps, as it does when a vertex passes a plane.
+const GRADIENT: f64 = 1e-7;
+
+#[test]
+fn force_and_moment_are_the_gradient() {
+    let solids = solids();
+    let mut random = Random::of(SEED, 1);
+    let (mut worst, mut touching) = (0.0_f64, 0);
+    for case in 0..2000 {
+        let pose = random_pose(&mut random, &solids);
+        let Some(found) = pose.thickness() else { continue };
+        touching += 1;
+        let (force, moment) = (found.force(), found.moment());
+        let on_b = moment - pose.r.cross(&force);
+        let step = 1e-4 * found.thickness;
+        for k in 0..3 {
+            let axis = Vec3::ith(k, 1.0);
+            let by_place = derivative(|h| pose.moved(axis * h).energy(), step);
+            let by_a = derivative(|h| pose.turned(0, &axis, h).energy(), step);
+            let by_b = derivative(|h| pose.turned(1, &axis, h).energy(), step);
+            for error in [by_place + force[k], by_a - moment[k], by_b + on_b[k]] {
+                worst = worst.max(error.abs() / found.thickness);
+            }
+        }
+        assert!(worst < GRADIENT, "case {case}: {worst:e} {found:?}");
+        // The tip of a needle is soft.
+        assert!((0.1..1.0 + 1e-9).contains(&found.gain), "case {case}: {found:?}");
+    }
+    assert!(touching > 1500, "{touching}");
+}
+
+/// A body on a plane below it, whose depth below the plane is `depth`.
+fn on_plane(shape: &Shape, frame: Mat3, depth: f64) -> Option<Thickness> {
+    let plane = Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()));
+    let down = -Vec3::z();
+    let height = -Posed::new(shape, &frame).support(&down).z - depth;
+    let pose = Pose {
+        shapes: [shape, &plane],
+        frames: [frame, Mat3::identity()],
+        scales: [1.0; 2],
+        r: Vec3::new(0.3, -0.2, -height),
+    };
+    pose.thickness()
+}
+
+#[test]
+fn faces_edges_and_corners_have_their_closed_forms() {
+    let cube = cuboid(Vec3::new(1.0, 1.0, 1.0));
+    let depth = 1e-4;
+    // A face, tilted about y by θ with this depth in its middle, over terms of the order of (D/L)².
+    for part in [0.0, 0.3, 0.9] {
+        let angle = part * 2.0 * depth;
+        let frame = rotation_about(&Vec3::y(), angle).to_rotation_matrix().into_inner();
+        let found = on_plane(&cube, frame, depth + 0.5 * angle.sin()).unwrap();
+        let expected = depth * depth + 0.25 * angle * angle;
+        assert!((found.thickness.powi(2) / expected - 1.0).abs() < 1e-6, "{part}: {found:?}");
+        assert!((found.force() + Vec3::z() * depth).norm() < 2.0 * depth * depth, "{found:?}");
+        let moment = found.moment();
+        assert!((moment.y - 0.25 * angle).abs() < depth * depth, "{part}: {moment}");
+    }
+    // An edge, its two faces at 45 degrees: half the stiffness.
+    let frame = rotation_about(&Vec3::y(), std::f64::consts::FRAC_PI_4).to_rotation_matrix();
+    let found = on_plane(&cube, frame.into_inner(), depth).unwrap();
+    assert!((found.gain * found.thickness / (0.5 * depth) - 1.0).abs() < 1e-6, "{found:?}");
+    // A corner, its diagonal upright: 0.3 of it; of a tetrahedron's tip 0.15.
+    let diagonal = Vec3::new(1.0, 1.0, 1.0).normalize();
+    let upright = |axis: Vec3| {
+        let turn = nalgebra::Rotation3::rotation_between(&axis, &Vec3::z()).expect("not opposite");
+        turn.into_inner()
+    };
+    let found = on_plane(&cube, upright(diagonal), depth).unwrap();
+    assert!((found.gain * found.thickness / (0.3 * depth) - 1.0).abs() < 1e-9, "{found:?}");
+    assert!(found.couple.abs() < 1e-12 * depth, "{found:?}");
+}
+
+/// The 24 rotations that a cube does not show.
+fn cube_rotations() -> Vec<Mat3> {
+    let mut all = Vec::new();
+    for first in 0..6 {
+        for second in 0..6 {
+            let unit = |k: usize| Vec3::ith(k / 2, if k.is_multiple_of(2) { 1.0 } else { -1.0 });
+            let (x, y) = (unit(first), unit(second));
+            if first / 2 != second / 2 {
+                all.push(Mat3::from_columns(&[x, y, x.cross(&y)]));
+            }
+        }
+    }
+    all
+}
+
+/// Poses in which faces, edges and corners coincide: turned boxes on a lattice of half their edges, all of it turned once
+/// more so that rounding decides.
+fn degenerate_pose<'a>(random: &mut Random, boxes: &'a [Shape], turns: &[Mat3]) -> Pose<'a> {
+    let mut pick = || &boxes[below(random, boxes.len() as u64) as usize];
+    let shapes = [pick(), pick()];
+    let world = if random.unit() < 0.5 { Mat3::identity() } else { random.frame() };
+    let mut turn = || world * turns[below(random, 24) as usize];
+    let frames = [turn(), turn()];
+    let mut step = || 0.25 * (below(random, 9) as f64 - 4.0);
+    let r = world * Vec3::new(step(), step(), step());
+    Pose { shapes, frames, scales: [1.0; 2], r }
+}
+
+fn bits(found: Option<Thickness>) -> Vec<u64> {
+    let Some(found) = found else { return Vec::new() };
+    let Thickness { thickness, normal, gain, point, couple, volume, centroid, covariance } = found;
+    let numbers = [thickness, gain, couple, volume];
+    let vectors = [normal, point, centroid];
+    let all = numbers.iter().chain(vectors.iter().flatten()).chain(&covariance);
+    all.map(|x| x.to_bits()).collect()
+}
+
+/// The surface that is left when the planes of B have cut A is closed: each side of a face is a side of another, in the
+/// opposite direction.
+fn assert_closed(body: &mut Clipped, pose: &Pose) {
+    let [a, b] = [0, 1].map(|k| pose.shapes[k].facets().expect("a polyhedron"));
+    body.begin(a);
+    for plane in b.planes() {
+        let normal = pose.frames[0].tr_mul(&(pose.frames[1] * plane.normal));
+        let offset = plane.offset + normal.dot(&pose.frames[0].tr_mul(&pose.r));
+        body.cut(&Plane { normal, offset });
+    }
+    let mut sides: BTreeMap<(u32, u32), i32> = BTreeMap::new();
+    let (mut sum, mut area) = (Vec3::zeros(), 0.0);
+    for face in body.faces() {
+        assert!(face.corners.len() > 2);
+        let vertex = |k: u32| body.vertices()[k as usize];
+        let start = vertex(face.corners[0]);
+        for (k, &here) in face.corners.iter().enumerate() {
+            let next = face.corners[(k + 1) % face.corners.len()];
+            *sides.entry((here, next)).or_default() += 1;
+            *sides.entry((next, here)).or_default() -= 1;
+            let part = (vertex(here) - start).cross(&(vertex(next) - start)) * 0.5;
+            sum += part;
+            area += part.norm();
+        }
+    }
+    assert!(sides.values().all(|&count| count == 0), "{sides:?}");
+    assert!(sum.norm() <= 1e-14 * area, "{:e} of {area:e}", sum.norm());
+}
+
+#[test]
+fn coinciding_faces_edges_and_corners_do_no_harm() {
+    let boxes = [
+        cuboid(Vec3::new(1.0, 1.0, 1.0)),
+        cuboid(Vec3::new(1.0, 0.5, 1.0)),
+        cuboid(Vec3::new(0.5, 0.5, 0.5)),
+        cuboid(Vec3::new(1.0, 0.75, 0.25)),
+    ];
+    let turns = cube_rotations();
+    assert_eq!(turns.len(), 24);
+    let mut random = Random::of(SEED, 2);
+    let poses: Vec<_> =
+        (0..300_000).map(|_| degenerate_pose(&mut random, &boxes, &turns)).collect();
+    let mut clipped = Clipped::default();
+    let mut touching = 0;
+    for (case, pose) in poses.iter().enumerate() {
+        assert_closed(&mut clipped, pose);
+        let Some(found) = pose.thickness() else { continue };
+        touching += 1;
+        let Thickness { thickness, normal, gain, point, .. } = found;
+        assert!(thickness > 0.0 && thickness <= 1.0 + 1e-12, "case {case}: {found:?}");
+        assert!((normal.norm() - 1.0).abs() < 1e-14 && gain > 0.0, "case {case}: {found:?}");
+        assert!(point.norm() < 2.0 && found.moment().norm() < 2.0, "case {case}: {found:?}");
+    }
+    assert!(touching > 50_000, "{touching}");
+    // What was in the scratch before does not matter.
+    let other = |poses: &[Pose]| -> Vec<_> {
+        poses.iter().rev().map(|pose| bits(pose.thickness())).collect()
+    };
+    let mut again =
+        std::thread::scope(|scope| scope.spawn(|| other(&poses)).join().expect("no panic"));
+    again.reverse();
+    for (case, (pose, again)) in poses.iter().zip(again).enumerate() {
+        assert_eq!(bits(pose.thickness()), again, "case {case}");
+    }
+}
+
+/// The two orders of a pair agree, and what one body feels is the opposite of what the other does.
+#[test]
+fn the_order_of_a_pair_does_not_matter() {
+    let solids = solids();
+    let mut random = Random::of(SEED, 3);
+    for case in 0..2000 {
+        let pose = random_pose(&mut random, &solids);
+        let swap = |two: &[Mat3; 2]| [two[1], two[0]];
+        let swapped = Pose {
+            shapes: [pose.shapes[1], pose.shapes[0]],
+            frames: swap(&pose.frames),
+            scales: [pose.scales[1], pose.scales[0]],
+            r: -pose.r,
+        };
+        let (Some(one), Some(other)) = (pose.thickness(), swapped.thickness()) else { continue };
+        let about_b = other.moment() + other.force().cross(&-pose.r);
+        let tolerance = 1e-10 * one.thickness;
+        assert!((one.thickness - other.thickness).abs() < tolerance, "case {case}");
+        assert!((one.force() + other.force()).norm() < tolerance, "case {case}");
+        assert!((one.moment() + about_b).norm() < tolerance, "case {case}: {one:?}");
+    }
+}
