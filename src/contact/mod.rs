@@ -8,6 +8,10 @@
 //! all such segments, where edges or faces touch along more than a point).
 //! All geometry works on `r`, never on positions: a pair 10⁶ sizes from the origin loses nothing.
 //!
+//! Two bodies with faces, and one on a plane, have another definition unless a method is asked for by name: the thickness of
+//! what they share stands for the overlap, its gradient for the normal, and a [`Patch`] goes with each contact
+//! ([`thickness`]).
+//!
 //! A resolver works on a batch of pairs of one pair of kinds: one virtual call per batch. Each
 //! pair brings the normal of its last touch, if it touched, as a warm start.
 

@@ -63,7 +63,7 @@
 //! | `radius` | m | of the sphere that rolls around a rounded polyhedron's core |
 //! | `size` | | how sizes of the particles of lattices and rain are distributed, by number: `{ uniform = [0.8, 1.2] }` is any scale of the lengths above between these two; default: all are as above |
 //! | **`[contact]`** | | how contacts are resolved; may be left out |
-//! | `method` | | `"auto"` (default: the best for each pair of kinds), `"common-normal"` (smooth shapes only), `"gjk-erosion"` or `"epa"` |
+//! | `method` | | `"auto"` (default: the best for each pair of kinds, and for polyhedra the thickness of what they share), `"common-normal"` (smooth shapes only), `"gjk-erosion"` or `"epa"` |
 //! | `erosion_ratio` | | of `gjk-erosion`: first erosion, in (0, 1); default 0.05 |
 //! | `erosion_increment` | | of `gjk-erosion`: added until the bodies are apart; from 1e-4, default 0.01 |
 //! | `tolerance` | | of `gjk-erosion` (default 1e-6) and `epa` (default 1e-8), relative |
