@@ -774,12 +774,11 @@ impl<'a> RowPairs<'a> {
     /// If a row is beyond the length.
     #[inline(always)]
     pub(crate) fn new(rows: &'a [[u32; 2]], length: usize) -> Self {
-        let mut beyond = 0;
-        for row in rows.as_flattened() {
-            let next = *row + 1;
-            beyond = if next > beyond { next } else { beyond };
+        let mut largest = 0;
+        for &row in rows.as_flattened() {
+            largest = if row > largest { row } else { largest };
         }
-        assert!(beyond as usize <= length, "a row beyond the column");
+        assert!(rows.is_empty() || (largest as usize) < length, "a row beyond the column");
         Self { rows, length }
     }
 

@@ -83,13 +83,14 @@ impl Floor {
     pub const PHASES: [Phase; 3] = [Phase::Move, Phase::Contacts, Phase::Forces];
 
     /// Of a phase. `kind` is that of all particles, if it is one; `width` how many numbers the law remembers of a contact.
-    /// `None` where no floor is known: other phases, mixtures, and bodies whose methods take as many steps as they take.
+    /// `None` where no floor is known: other phases, mixtures, forces of scenes with faces, and bodies whose methods take as many
+    /// steps as they take.
     pub fn of(phase: Phase, needs: Needs, kind: Option<Kind>, width: usize) -> Option<Self> {
         match phase {
             Phase::Move => Some(Self { particle: motion(needs), ..Self::default() }),
             Phase::Contacts => Self::of_contacts(needs, kind?),
-            Phase::Forces => Some(Self::of_forces(needs, width)),
-            Phase::Rebuild | Phase::Exchange | Phase::Agree | Phase::Output => None,
+            Phase::Forces if !needs.patches => Some(Self::of_forces(needs, width)),
+            Phase::Forces | Phase::Rebuild | Phase::Exchange | Phase::Agree | Phase::Output => None,
         }
     }
 
@@ -210,6 +211,8 @@ mod tests {
         assert_eq!(of(Phase::Contacts).total(1.0, 3.0, 2.0), Needed::new(37.0, 24.0 + 24.0 + 64.0));
         assert_eq!(of(Phase::Forces).total(1.0, 3.0, 2.0), Needed::new(20.0, 24.0 + 80.0));
         assert_eq!(Floor::of(Phase::Contacts, Needs::default(), None, 0), None);
+        let faces = Needs { patches: true, ..Needs::default() };
+        assert_eq!(Floor::of(Phase::Forces, faces, None, 11), None);
         assert_eq!(Floor::of(Phase::Output, Needs::default(), Some(Kind::Sphere), 0), None);
     }
 }
