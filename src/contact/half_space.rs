@@ -6,9 +6,9 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
-use super::in_lanes::{self, InLanes, sphere_radii};
+use super::in_lanes::{self, ClosedForm, Touches, sphere_radii};
 use super::{
-    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Why, patch, resolve_each, triple,
+    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, patch, resolve_each, triple,
     vectors,
 };
 use crate::ids::Slot;
@@ -47,55 +47,28 @@ impl ContactResolver for AgainstHalfSpace {
     fn resolve(&self, batch: &Batch, found: &mut Found) {
         let Bodies { quaternion, scale, .. } = batch.bodies;
         if quaternion.is_none() && scale.is_none() {
-            in_lanes::resolve(&Spheres, batch, found);
+            in_lanes::resolve(self, batch, found);
         } else {
             resolve_each(self, batch, found);
         }
     }
 }
 
-/// The same where all particles are spheres as large as their shapes.
-struct Spheres;
-
-impl InLanes for Spheres {
+/// Of spheres as large as their shapes.
+impl ClosedForm for AgainstHalfSpace {
     #[inline(always)]
-    fn resolve_eights<L: Eight>(&self, batch: &Batch, found: &mut Found) {
-        let slots = batch.slots(batch.bodies.position.len());
-        for eight in batch.active.chunks(WIDTH) {
-            let mut room = [[0; 2]; WIDTH];
-            touch_eight::<L>(batch, eight, slots.picked(eight, &mut room), found);
+    fn touch_eight<L: Eight>(bodies: &Bodies, [of_a, of_b]: [Gather; 2]) -> Touches<L> {
+        let (mut normals, mut offsets) = ([Vec3::zeros(); WIDTH], [0.0; WIDTH]);
+        for lane in 0..WIDTH {
+            (normals[lane], offsets[lane]) = plane_of(bodies, of_b.at(lane));
         }
-    }
-}
-
-/// [`AgainstHalfSpace::touch`] of up to eight spheres as large as their shapes.
-#[inline(always)]
-fn touch_eight<L: Eight>(
-    batch: &Batch,
-    indices: &[u32],
-    [of_a, of_b]: [Gather; 2],
-    found: &mut Found,
-) {
-    let bodies = &batch.bodies;
-    let (mut normals, mut offsets) = ([Vec3::zeros(); WIDTH], [0.0; WIDTH]);
-    for lane in 0..WIDTH {
-        (normals[lane], offsets[lane]) = plane_of(bodies, of_b.at(lane));
-    }
-    let (normal, offset) = (triple::<L>(&normals.each_ref()), L::load(&offsets));
-    let r = vectors::<L>(bodies.position, of_b).minus(vectors(bodies.position, of_a));
-    let r = bodies.cell.nearest_of(r);
-    let deepest = normal.times(sphere_radii::<L>(bodies, of_a) / normal.dot(normal).sqrt());
-    let overlap = deepest.minus(r).dot(normal) + offset;
-    let point = deepest.minus(normal.times(L::all(0.5) * overlap));
-    let touching = L::all(0.0).less(overlap);
-    let unknown = found.note_eight(indices, touching, overlap, normal, point);
-    if unknown == 0 {
-        return;
-    }
-    for (lane, &pair) in indices.iter().enumerate() {
-        if unknown >> lane & 1 == 1 {
-            found.failed.push((pair, Why::NotFinite));
-        }
+        let (normal, offset) = (triple::<L>(&normals.each_ref()), L::load(&offsets));
+        let r = vectors::<L>(bodies.position, of_b).minus(vectors(bodies.position, of_a));
+        let r = bodies.cell.nearest_of(r);
+        let deepest = normal.times(sphere_radii::<L>(bodies, of_a) / normal.dot(normal).sqrt());
+        let overlap = deepest.minus(r).dot(normal) + offset;
+        let point = deepest.minus(normal.times(L::all(0.5) * overlap));
+        Touches { touching: L::all(0.0).less(overlap), overlap, normal, point }
     }
 }
 
@@ -111,7 +84,7 @@ fn plane_of(bodies: &Bodies, slot: usize) -> (Vec3, f64) {
 
 #[cfg(test)]
 mod tests {
-    use super::{AgainstHalfSpace, Spheres};
+    use super::AgainstHalfSpace;
     use crate::cell::Cell;
     use crate::contact::in_lanes::InLanes;
     use crate::contact::{Batch, Bodies, ContactResolver, Found, Pair, resolve_each};
@@ -169,7 +142,7 @@ mod tests {
         let mut found = [(); 3].map(|()| Found::default());
         resolve_each(&AgainstHalfSpace, &batch, &mut found[0]);
         AgainstHalfSpace.resolve(&batch, &mut found[1]);
-        Spheres.resolve_eights::<Portable>(&batch, &mut found[2]);
+        AgainstHalfSpace.resolve_eights::<Portable>(&batch, &mut found[2]);
         let (alone, met) = sorted(&found[0]);
         assert!(met[0] > 15 && met[1] > 15 && met[2] == 2, "{met:?} of each are a poor test");
         for found in &found[1..] {

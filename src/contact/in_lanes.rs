@@ -2,13 +2,50 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
-use super::{Batch, Bodies, Found};
-use crate::lanes::{self, Eight, Gather, Kernel, WIDTH};
+use super::{Batch, Bodies, ContactResolver, Found, resolve_one};
+use crate::lanes::{self, Eight, Gather, Kernel, Triple, WIDTH};
 
 /// What such a resolver does with a batch. To be inlined always.
 pub(super) trait InLanes {
     /// Resolves the active pairs of a batch.
     fn resolve_eights<L: Eight>(&self, batch: &Batch, found: &mut Found);
+}
+
+/// Touches of eight pairs.
+pub(super) struct Touches<L> {
+    /// Which of them touch; the others are apart, unless their overlap is positive or no number.
+    pub(super) touching: u8,
+    /// In metres.
+    pub(super) overlap: L,
+    pub(super) normal: Triple<L>,
+    /// Seen from the centres of A [m].
+    pub(super) point: Triple<L>,
+}
+
+/// A resolver with a closed form for eight pairs. To be inlined always.
+pub(super) trait ClosedForm: ContactResolver {
+    /// [`ContactResolver::touch`] of eight pairs of bodies A and B.
+    fn touch_eight<L: Eight>(bodies: &Bodies, slots: [Gather; 2]) -> Touches<L>;
+}
+
+impl<R: ClosedForm> InLanes for R {
+    #[inline(always)]
+    fn resolve_eights<L: Eight>(&self, batch: &Batch, found: &mut Found) {
+        let slots = batch.slots(batch.bodies.position.len());
+        for eight in batch.active.chunks(WIDTH) {
+            let mut room = [[0; 2]; WIDTH];
+            let touches = R::touch_eight::<L>(&batch.bodies, slots.picked(eight, &mut room));
+            let others = found.note_eight(eight, &touches);
+            if others != 0 {
+                // Rare: one alone says why.
+                for (lane, &pair) in eight.iter().enumerate() {
+                    if others >> lane & 1 == 1 {
+                        found.note(pair, resolve_one(self, batch, pair));
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// Resolves a batch with the widest registers that this processor has.

@@ -640,14 +640,8 @@ impl Found {
     /// which lanes there are others.
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
-    fn note_eight<L: Eight>(
-        &mut self,
-        pairs: &[u32],
-        touching: u8,
-        overlap: L,
-        normal: Triple<L>,
-        point: Triple<L>,
-    ) -> u8 {
+    fn note_eight<L: Eight>(&mut self, pairs: &[u32], touches: &in_lanes::Touches<L>) -> u8 {
+        let in_lanes::Touches { touching, overlap, normal, point } = *touches;
         let apart = overlap.at_most(L::all(0.0));
         if let Some(eight) = pairs.first_chunk::<WIDTH>()
             && touching == u8::MAX
@@ -712,12 +706,18 @@ pub trait ContactResolver: Send + Sync {
 /// Resolves the active pairs of a batch one after the other.
 fn resolve_each(resolver: &(impl ContactResolver + ?Sized), batch: &Batch, found: &mut Found) {
     for &index in batch.active {
-        let pair = batch.pairs[index as usize];
-        let r = batch.bodies.relative(pair);
-        let frames = batch.bodies.frames(pair);
-        let (a, b) = batch.bodies.posed(pair, &frames);
-        found.note(index, resolver.touch(&a, &b, &r, batch.last_normal(index)));
+        found.note(index, resolve_one(resolver, batch, index));
     }
+}
+
+/// Resolves one pair of a batch.
+#[inline]
+fn resolve_one(resolver: &(impl ContactResolver + ?Sized), batch: &Batch, index: u32) -> Outcome {
+    let pair = batch.pairs[index as usize];
+    let r = batch.bodies.relative(pair);
+    let frames = batch.bodies.frames(pair);
+    let (a, b) = batch.bodies.posed(pair, &frames);
+    resolver.touch(&a, &b, &r, batch.last_normal(index))
 }
 
 /// Which resolver serves which pair of kinds.

@@ -4,9 +4,11 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
-use super::in_lanes::{self, InLanes, sphere_radii};
-use super::{Batch, ContactResolver, Found, Outcome, Posed, Touch, Why, touch_of_sphere, vectors};
-use crate::lanes::{Eight, Gather, WIDTH};
+use super::in_lanes::{self, ClosedForm, Touches, sphere_radii};
+use super::{
+    Batch, Bodies, ContactResolver, Found, Outcome, Posed, Touch, Why, touch_of_sphere, vectors,
+};
+use crate::lanes::{Eight, Gather};
 use crate::math::Vec3;
 use crate::shape::Shape;
 
@@ -47,45 +49,20 @@ impl ContactResolver for SphereSphere {
     }
 }
 
-impl InLanes for SphereSphere {
+impl ClosedForm for SphereSphere {
     #[inline(always)]
-    fn resolve_eights<L: Eight>(&self, batch: &Batch, found: &mut Found) {
-        let slots = batch.slots(batch.bodies.position.len());
-        for eight in batch.active.chunks(WIDTH) {
-            let mut room = [[0; 2]; WIDTH];
-            touch_eight::<L>(batch, eight, slots.picked(eight, &mut room), found);
-        }
-    }
-}
-
-/// [`SphereSphere::touch`] of up to eight pairs.
-#[inline(always)]
-fn touch_eight<L: Eight>(
-    batch: &Batch,
-    indices: &[u32],
-    [of_a, of_b]: [Gather; 2],
-    found: &mut Found,
-) {
-    let Batch { pairs, bodies, .. } = batch;
-    let r = vectors::<L>(bodies.position, of_b).minus(vectors(bodies.position, of_a));
-    let r = bodies.cell.nearest_of(r);
-    let radius = sphere_radii::<L>(bodies, of_a);
-    let reach = radius + sphere_radii(bodies, of_b);
-    let distance = r.dot(r).sqrt();
-    let overlap = reach - distance;
-    let normal = r.over(distance);
-    let point = normal.times(radius - L::all(0.5) * overlap);
-    let zero = L::all(0.0);
-    let touching = zero.less(overlap) & zero.less(distance);
-    let unknown = found.note_eight(indices, touching, overlap, normal, point);
-    if unknown == 0 {
-        return;
-    }
-    for (lane, &pair) in indices.iter().enumerate() {
-        if unknown >> lane & 1 == 1 {
-            let coincide = bodies.relative(pairs[pair as usize]) == Vec3::zeros();
-            found.failed.push((pair, if coincide { Why::TooDeep } else { Why::NotFinite }));
-        }
+    fn touch_eight<L: Eight>(bodies: &Bodies, [of_a, of_b]: [Gather; 2]) -> Touches<L> {
+        let r = vectors::<L>(bodies.position, of_b).minus(vectors(bodies.position, of_a));
+        let r = bodies.cell.nearest_of(r);
+        let radius = sphere_radii::<L>(bodies, of_a);
+        let reach = radius + sphere_radii(bodies, of_b);
+        let distance = r.dot(r).sqrt();
+        let overlap = reach - distance;
+        let normal = r.over(distance);
+        let point = normal.times(radius - L::all(0.5) * overlap);
+        let zero = L::all(0.0);
+        let touching = zero.less(overlap) & zero.less(distance);
+        Touches { touching, overlap, normal, point }
     }
 }
 
