@@ -2,11 +2,12 @@
 //!
 //! | what the method looks for | its converged answer |
 //! |---|---|
-//! | a closed form | the same of the pair turned in space: the difference is rounding |
-//! | the least overlap, however roughly | the common normal: the direction of EPA to 1e-10, which is proof that no other overlap is less, then Newton's method until it stagnates; with a margin, the distance of the cores; with edges, EPA to 1e-12 |
-//! | the thickness of what faces share | the same with A and B exchanged, of a plane turned in space: the difference is rounding, and what depends on the order of coinciding faces |
+//! | a closed form | the same |
+//! | the least overlap, however roughly | the common normal: the direction of EPA to 1e-10, which is proof that no other overlap is less, then Newton's method until it stagnates; between points, segments and polyhedra with margins, the distance of these cores; of a curved body and one with edges or a margin, and of edges, EPA to 1e-12 |
+//! | the thickness of what faces share | the same, of two bodies with A and B exchanged: what depends on the order of coinciding faces shows |
 //!
-//! The answer does not depend on the last normal, as that of a method in a run may.
+//! All other pairs are turned in space before, so that where the run has the same formulas, rounding shows. The answer does not depend
+//! on the last normal, as that of a method in a run may.
 
 use super::common_normal::CommonNormal;
 use super::cores::Cores;
@@ -40,8 +41,10 @@ pub enum Converged {
     Ellipsoids,
     /// Of other bodies without edges.
     Smooth,
-    /// Of bodies of which one has a margin.
+    /// Of bodies of which one has a margin, and none is curved but by its margin: the distance of the cores is exact.
     Cores,
+    /// Of a body with a margin and one that is curved.
+    CurvedCores,
     /// Of bodies with edges.
     Edges,
     /// Of what bodies with faces share.
@@ -53,8 +56,8 @@ pub enum Converged {
 /// Tolerances of EPA for bodies with and without edges; where the first asks too much, the second answers.
 const WITH_EDGES: [f64; 2] = [1e-12, 1e-8];
 const SMOOTH: [f64; 2] = [1e-10, 1e-8];
-/// An overlap that is larger than EPA's by more than this part of the size belongs to another minimum.
-const SAME: f64 = 1e-9;
+/// The least overlap is the answer; up to this part of the size more is rounding.
+const ROUNDING: f64 = 1e-14;
 
 impl Converged {
     /// For pairs of these kinds, the second of which may be a half-space, and a method that looks for this.
@@ -66,7 +69,10 @@ impl Converged {
             (Kind::Sphere, Kind::Sphere, _) => Self::Spheres,
             _ if a.is_ellipsoidal() && b.is_ellipsoidal() => Self::Ellipsoids,
             _ if a.is_smooth() && b.is_smooth() => Self::Smooth,
-            _ if a.has_margin() || b.has_margin() => Self::Cores,
+            _ if a.has_margin() || b.has_margin() => {
+                let is_curved = |kind: Kind| !kind.has_margin() && !kind.has_faces();
+                if is_curved(a) || is_curved(b) { Self::CurvedCores } else { Self::Cores }
+            }
             _ => Self::Edges,
         }
     }
@@ -74,27 +80,38 @@ impl Converged {
     /// As reports name it.
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Spheres | Self::Plane => "its closed form, turned in space",
+            Self::Spheres | Self::Plane => "the closed form",
             Self::Ellipsoids | Self::Smooth => "the common normal",
             Self::Cores => "the distance of the cores",
-            Self::Edges => "EPA to 1e-12",
+            Self::CurvedCores | Self::Edges => "EPA to 1e-12",
             Self::Shared => "the thickness, A and B exchanged",
-            Self::SharedWithPlane => "the thickness, turned in space",
+            Self::SharedWithPlane => "the thickness",
         }
     }
 
     /// Resolves a pair. `r` is from the centre of A to that of B [m].
     pub fn touch(self, a: &Posed, b: &Posed, r: &Vec3) -> Outcome {
         match self {
-            Self::Spheres => turned(a, b, r, |a, b, r| SphereSphere.touch(a, b, r, None)),
-            Self::Plane => turned(a, b, r, |a, b, r| AgainstHalfSpace.touch(a, b, r, None)),
-            Self::SharedWithPlane => turned(a, b, r, shared),
             Self::Shared => exchanged(a, b, r),
+            _ => turned(a, b, r, |a, b, r| self.resolve(a, b, r)),
+        }
+    }
+
+    fn resolve(self, a: &Posed, b: &Posed, r: &Vec3) -> Outcome {
+        match self {
+            Self::Spheres => SphereSphere.touch(a, b, r, None),
+            Self::Plane => AgainstHalfSpace.touch(a, b, r, None),
+            Self::Shared | Self::SharedWithPlane => shared(a, b, r),
             Self::Ellipsoids => by_epa(a, b, r, SMOOTH, |start| CommonNormal.touch(a, b, r, start)),
             Self::Smooth => {
                 by_epa(a, b, r, SMOOTH, |start| SmoothCommonNormal.touch(a, b, r, start))
             }
-            Self::Cores => by_epa(a, b, r, WITH_EDGES, |start| Cores.touch(a, b, r, start)),
+            Self::Cores => match Cores.touch(a, b, r, None) {
+                // The cores intersect.
+                Outcome::Failed(why) => by_epa(a, b, r, WITH_EDGES, |_| Outcome::Failed(why)),
+                outcome => outcome,
+            },
+            Self::CurvedCores => by_epa(a, b, r, WITH_EDGES, |start| Cores.touch(a, b, r, start)),
             Self::Edges => by_epa(a, b, r, WITH_EDGES, |_| Outcome::Failed(Why::NotSmooth)),
         }
     }
@@ -117,7 +134,7 @@ fn by_epa(
     }
     match proved {
         Outcome::Touching(found) => {
-            let most = found.overlap + SAME * a.bounding_radius().max(b.bounding_radius());
+            let most = found.overlap + ROUNDING * a.bounding_radius().max(b.bounding_radius());
             match refine(Some(&found.normal)) {
                 Outcome::Touching(touch) if touch.overlap <= most => Outcome::Touching(touch),
                 _ => proved,

@@ -66,7 +66,7 @@ fn figures_hold_together() {
             let found: BTreeSet<&str> = table.keys().map(String::as_str).collect();
             assert_eq!(found, keys.split(' ').collect(), "{place}");
         }
-        let number = |place| number(&report, place);
+        let number = |place: &str| number(&report, place);
         assert_eq!(report["run"]["ended"], "all_steps_done");
         assert_eq!(number("/run/steps"), HEAP_STEPS as f64);
         let ranks = if launch == Launch::Alone { 1.0 } else { 3.0 };
@@ -180,8 +180,9 @@ fn figures_are_of_this_run() {
     let directory = fresh_directory("second_leg");
     let out = directory.to_str().unwrap();
     let audit = ["--set", "audit.every=200"];
+    let heap = scene("heap");
     let leg = |launch, more: &[&str]| {
-        let arguments = [&[&*scene("heap"), "--out", out][..], &audit, more].concat();
+        let arguments = [&[&*heap, "--out", out][..], &audit, more].concat();
         dem_mpi(launch, arguments).succeed();
         report(Path::new(out))
     };

@@ -1,6 +1,6 @@
 //! The report as text.
 
-use super::audit::{Audit, OfKinds};
+use super::audit::{Audit, OfKinds, Spread};
 use super::{Ended, Least, Memory, Ranks, Report, Share, Spent};
 use crate::drive::Kept;
 use crate::timing::Phase;
@@ -62,7 +62,7 @@ impl Report {
         };
         page.line(format_args!(
             "steps      {how}: {} of {} particles to step {}, {:.6} s, in {:.1} s on {} rank{}; {:.3e} particle-steps per \
-             second, {:.3} µs each and rank",
+             second ({:.3} µs per particle-step and rank)",
             run.steps,
             run.particles,
             run.last_step,
@@ -253,19 +253,16 @@ impl OfKinds {
             others(self.spurious, "do not touch"),
             others(self.unresolved, "could not be resolved again"),
         ));
-        let errors = [
-            ("overlap", &self.overlap, "of the short axis"),
-            ("", &self.relative_overlap, "of the overlap"),
-            ("normal", &self.normal_rad, "rad"),
-            ("point", &self.point, "of the short axis"),
-            ("force", &self.force, "of the mean force"),
-        ];
-        for (name, error, unit) in errors {
-            page.line(format_args!(
-                "             {name:<9} {:>8.1e} {:>8.1e} {:>8.1e} {unit}",
-                error.median, error.p99, error.max
-            ));
-        }
+        let Self { overlap, normal_rad, point, force, .. } = self;
+        page.line(format_args!(
+            "             overlap {overlap} of the short axis; normal {normal_rad} rad; point {point}; force {force} of the mean",
+        ));
+    }
+}
+
+impl Display for Spread {
+    fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
+        write!(f, "{:.1e}, {:.1e}, {:.1e}", self.median, self.p99, self.max)
     }
 }
 
