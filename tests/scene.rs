@@ -253,12 +253,6 @@ fn every_key_arrives() {
     assert_eq!(scene.stop, stop);
     assert_eq!((scene.skin, scene.imbalance), (0.001, 1.5));
     assert_eq!((scene.snapshot_every, scene.history_every), (1000, 10));
-    let audit = Settings { every: 500, contacts: Some(30), seed: 5 };
-    assert_eq!(scene.audit, audit);
-    let without = scene.text.replace("[audit]\nevery = 500\ncontacts = 30\nseed = 5\n", "");
-    let default = Scene::parse(&without, "test", Path::new("tests/scenes/good"), &[]);
-    let usual = Settings { every: Settings::EVERY, contacts: None, seed: scene.seed };
-    assert_eq!(default.expect("a good scene").audit, usual);
     assert_eq!(scene.out, Path::new("out/everything"));
     let rain = scene.rain.as_ref().expect("it rains");
     assert_eq!(rain.mix.cumulative, [(ShapeId(0), 0.25), (ShapeId(3), 1.0)]);
@@ -266,6 +260,17 @@ fn every_key_arrives() {
     let counts: Vec<u64> = scene.initial.iter().map(Fill::count).collect();
     assert_eq!(counts, [16 * 16 * 5, 100, 2]);
     assert!(scene.text.contains("# Every key"), "the text is as written");
+}
+
+#[test]
+fn audits_arrive_and_have_defaults() {
+    let scene = every_key();
+    let audit = Settings { every: 500, contacts: Some(30), seed: 5 };
+    assert_eq!(scene.audit, audit);
+    let without = scene.text.replace("[audit]\nevery = 500\ncontacts = 30\nseed = 5\n", "");
+    let default = Scene::parse(&without, "test", Path::new("tests/scenes/good"), &[]);
+    let usual = Settings { every: Settings::EVERY, contacts: None, seed: scene.seed };
+    assert_eq!(default.expect("a good scene").audit, usual);
 }
 
 #[test]
@@ -356,7 +361,7 @@ fn wrong_overrides_are_named() {
             "stopp.rest=1e-6",
             "stopp: no such key, did you mean `stop`? (allowed here: title, seed, gravity, \
              global_damping, start, contact, law, material, interaction, shape, domain, wall, fill, \
-             time, servo, stop, neighbours, output)",
+             time, servo, stop, neighbours, audit, output)",
         ),
         ("shape.ball.radius=-1", "shape.ball.radius = -1: must be a number greater than 0 [m]"),
         (
