@@ -82,7 +82,7 @@ mod tests {
         let mut parts = [0_u32; 100];
         for a in 0..1000 {
             for b in 0..1000 {
-                parts[(mixed(&[1, 1000, a, b]) >> 32) as usize * 100 >> 32] += 1;
+                parts[((mixed(&[1, 1000, a, b]) >> 32) as usize * 100) >> 32] += 1;
             }
         }
         // Six standard deviations of 10,000.

@@ -44,6 +44,7 @@ SIGTERM and SIGUSR1, on any rank, end the step: the run writes a snapshot, says 
 Exit status: 0 the run did what was asked; 1 it failed; 2 the scene or an argument is wrong;
 3 a signal stopped it, and it can go on."
 )]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 struct Arguments {
     /// The scene: what to simulate, a TOML file
     scene: PathBuf,
