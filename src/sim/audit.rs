@@ -3,7 +3,7 @@
 //!
 //! Seed, step and identifiers decide which contacts are in the sample, and who owns A resolves them: the same on any number of
 //! ranks. Counts and largest errors are of all that were resolved; of very many, medians and percentiles are of those with the
-//! [`KEPT`] least random numbers. Only contacts that touch are looked at: what a method takes for apart is not.
+//! 4,096 least random numbers. Only contacts that touch are looked at: what a method takes for apart is not.
 //!
 //! Cost: a contact takes 14 µs of ellipsoids, about 50 µs of superellipsoids, 2 µs of polyhedra, less than 1 µs of spheres. A
 //! fiftieth of the contacts every 1,000 steps takes 0.2 % of the time of settled ellipsoids, less of all others.
@@ -24,7 +24,7 @@ use std::collections::BTreeMap;
 pub struct Settings {
     /// Steps between audits; 0: none.
     pub every: u64,
-    /// So many contacts of all ranks at each, in the mean; `None`: [`Settings::sample`] decides.
+    /// So many contacts of all ranks at each, in the mean; `None`: [`Settings::ONE_OF`] and [`Settings::MOST`] decide.
     pub contacts: Option<u64>,
     /// Seed of the sample.
     pub seed: u64,
