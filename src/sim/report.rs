@@ -77,7 +77,7 @@ pub fn report(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> String 
         page.line(text);
     }
     state(&mut page, &finish.measures);
-    if let Some(warning) = poor_balance(finish, sim.dt) {
+    if let Some(warning) = finish.measures.poor_balance(finish.most_moving, sim.dt) {
         page.line(format_args!("warning    {warning}"));
     }
     page.0
@@ -218,32 +218,6 @@ fn state(page: &mut Page, m: &Measures) {
         m.missing(),
         if m.dissipated > 0.0 { 100.0 * m.missing() / m.dissipated } else { 0.0 },
     ));
-}
-
-/// The part of an energy that may be missing from the balance without a warning.
-const MAY_MISS: f64 = 5e-3;
-
-/// A warning about a balance that misses too much. `dt` in s.
-fn poor_balance(finish: &Finish, dt: f64) -> Option<String> {
-    let m = &finish.measures;
-    let missing = m.missing();
-    let (whole, of) = if m.dissipated > finish.most_moving {
-        (m.dissipated, "energy dissipated")
-    } else {
-        (finish.most_moving, "largest kinetic and elastic energy")
-    };
-    let part = missing.abs() / whole;
-    // What collisions that are resolved by few steps lose or gain falls with the square of the step.
-    let works = dt * (MAY_MISS / part).sqrt();
-    let verb = if missing > 0.0 { "lost" } else { "made" };
-    (part > MAY_MISS).then(|| {
-        format!(
-            "the run {verb} energy by its finite step: {:.2} % of the {of}. A time step of {works:.1e} s would keep it below \
-             {} %, unless faces of faceted grains touch",
-            100.0 * part,
-            100.0 * MAY_MISS,
-        )
-    })
 }
 
 fn spent(sim: &Simulation, comm: &mut dyn Comm) -> Vec<(Phase, Spent)> {
