@@ -55,7 +55,8 @@ fn last_warnings(sim: &Simulation, finish: &Finish) -> Vec<String> {
     let unmet = &finish.unmet;
     let stop = (!unmet.is_empty()).then(|| format!("[stop] was not reached: {unmet}"));
     let of_drives = sim.drives.iter().flat_map(|drive| drive.last_warnings(&sim.particles.walls));
-    stop.into_iter().chain(of_drives).chain(poor_balance(finish, sim.dt)).collect()
+    let balance = finish.measures.poor_balance(finish.most_moving, sim.dt);
+    stop.into_iter().chain(of_drives).chain(balance).collect()
 }
 
 /// How the run ended, and how fast it was.
@@ -182,32 +183,6 @@ fn resolution(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> Resolut
         largest_move_over_radius: moved,
         largest_turn_rad: turned,
     }
-}
-
-/// The part of an energy that may be missing from the balance without a warning.
-const MAY_MISS: f64 = 5e-3;
-
-/// A warning about a balance that misses too much. `dt` in s.
-fn poor_balance(finish: &Finish, dt: f64) -> Option<String> {
-    let m = &finish.measures;
-    let missing = m.missing();
-    let (whole, of) = if m.dissipated > finish.most_moving {
-        (m.dissipated, "energy dissipated")
-    } else {
-        (finish.most_moving, "largest kinetic and elastic energy")
-    };
-    let part = missing.abs() / whole;
-    // What collisions that are resolved by few steps lose or gain falls with the square of the step.
-    let works = dt * (MAY_MISS / part).sqrt();
-    let verb = if missing > 0.0 { "lost" } else { "made" };
-    (part > MAY_MISS).then(|| {
-        format!(
-            "the run {verb} energy by its finite step: {:.2} % of the {of}. A time step of {works:.1e} s would keep it below \
-             {} %, unless faces of faceted grains touch",
-            100.0 * part,
-            100.0 * MAY_MISS,
-        )
-    })
 }
 
 /// Of all ranks. Collective.

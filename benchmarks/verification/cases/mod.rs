@@ -15,6 +15,7 @@ pub(crate) mod mfix;
 pub(crate) mod other_codes;
 pub(crate) mod packing;
 mod setup;
+pub(crate) mod steps;
 mod ways;
 
 pub(crate) use ball::{Ball, Throw};
@@ -214,7 +215,7 @@ pub(crate) fn parse_reference(name: &str) -> serde_json::Value {
 pub(crate) type Source = (&'static str, fn(Effort) -> Findings);
 
 /// All sources, in the order of the table.
-pub(crate) fn sources() -> [Source; 9] {
+pub(crate) fn sources() -> [Source; 10] {
     [
         ("mfix", mfix::run),
         ("lammps", lammps::run),
@@ -223,6 +224,7 @@ pub(crate) fn sources() -> [Source; 9] {
         ("incline", incline::run),
         ("faces", faces::run),
         ("packing", packing::run),
+        ("steps", steps::run),
         ("convergence", convergence::run),
         ("other_codes", other_codes::run),
     ]
