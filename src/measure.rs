@@ -12,6 +12,9 @@ use crate::particles::Particles;
 use crate::particles::columns::Quantity;
 use serde::{Deserialize, Serialize};
 
+/// The part of an energy that may be missing from the balance without a warning.
+const MAY_MISS: f64 = 2e-3;
+
 /// What particles that were taken out have left behind in the balance of energies [J].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Departed {
@@ -78,6 +81,29 @@ impl Measures {
     /// Kinetic and elastic energy: what moves, and comes and goes with the motion [J].
     pub fn moving(&self) -> f64 {
         self.kinetic() + self.stored
+    }
+
+    /// A warning about a balance that misses too much at the end of steps of `dt` [s], which names the step that would
+    /// not: what contacts of a few steps lose or make falls with the square of the step. `most_moving` is the largest
+    /// kinetic and elastic energy of the run, for runs that dissipate less [J].
+    pub fn poor_balance(&self, most_moving: f64, dt: f64) -> Option<String> {
+        let missing = self.missing();
+        let (whole, of) = if self.dissipated > most_moving {
+            (self.dissipated, "what was dissipated")
+        } else {
+            (most_moving, "the largest kinetic and elastic energy")
+        };
+        let part = missing.abs() / whole;
+        let enough = dt * (MAY_MISS / part).sqrt();
+        let verb = if missing > 0.0 { "lost" } else { "made" };
+        (part > MAY_MISS).then(|| {
+            format!(
+                "the balance of energy misses {:.2} % of {of}, which the finite step {verb}; a step of {enough:.1e} s would \
+                 miss about {} %",
+                100.0 * part,
+                100.0 * MAY_MISS,
+            )
+        })
     }
 
     /// Mean number of contacts of a particle, with walls.

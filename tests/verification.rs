@@ -88,6 +88,11 @@ fn haff_and_jamming() {
 }
 
 #[test]
+fn largest_steps_of_smooth_bodies() {
+    check("steps");
+}
+
+#[test]
 fn orders_of_convergence() {
     check("convergence");
 }

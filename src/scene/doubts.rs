@@ -1,12 +1,19 @@
 //! What the program knows to be doubtful about a scene before it runs.
 
 use super::{Fill, Method, Scene};
+use crate::ids::ShapeId;
+use crate::law::stability::lost_levers;
 use crate::math::Vec3;
 use crate::shape::{Kind, Shape};
 
 /// Warnings about a scene, a sentence each.
 pub fn doubts(scene: &Scene) -> Vec<String> {
-    let all = [energy_of_erosion(scene), energy_of_faces(scene), lost_in_rounding(scene)];
+    let all = [
+        energy_of_erosion(scene),
+        energy_of_faces(scene),
+        restless_sides(scene),
+        lost_in_rounding(scene),
+    ];
     all.into_iter().flatten().collect()
 }
 
@@ -33,6 +40,48 @@ fn energy_of_faces(scene: &Scene) -> Option<String> {
             scene.method.name()
         )
     })
+}
+
+/// The part of a side's half length, around its middle, within which contacts may heat a body. On slopes up to 0.96 of
+/// friction's tangent blocks half a metre long creep by at most 6e-7 m/s where it is less, and by up to 6e-2 m/s where it is
+/// more: see `benchmarks/verification/cases/steps.rs`.
+const RESTLESS: f64 = 0.15;
+
+/// In the middle of sides that are nearly flat a contact turns a grain back faster than steps can follow.
+fn restless_sides(scene: &Scene) -> Option<String> {
+    let library = &scene.library;
+    let acceleration = scene.gravity.norm();
+    let part = |shape: &Shape, scale: f64, dt: f64| lost_levers(shape, scale, acceleration, dt);
+    let by_point = |id: ShapeId| library.shapes[id.index()].kind().is_smooth();
+    let (part_of_worst, id, scale) = library
+        .extremes()
+        .filter(|&(id, _)| by_point(id))
+        .map(|(id, scale)| (part(&library.shapes[id.index()], scale, scene.dt), id, scale))
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .filter(|(part, ..)| *part > RESTLESS)?;
+    let shape = &library.shapes[id.index()];
+    let mut instead = Vec::new();
+    let rests = |shape: &Shape| part(shape, scale, scene.dt) <= RESTLESS;
+    if let Some(least) = (2..20)
+        .map(|k| 0.05 * f64::from(k))
+        .find(|&e| shape.with_exponents_from(e).is_some_and(|s| rests(&s)))
+    {
+        instead.push(format!("exponents of {least:.2} or more"));
+    }
+    if let Some(dt) =
+        (1..5).map(|k| scene.dt / f64::from(1 << k)).find(|&dt| part(shape, scale, dt) <= RESTLESS)
+    {
+        instead.push(format!("a step of {dt:.1e} s"));
+    }
+    instead.push("a `polyhedron` or `rounded-polyhedron`".to_owned());
+    Some(format!(
+        "shape `{}` is so flat that steps of {:e} s cannot follow how its weight turns it within {:.0} % of the half length \
+         around the middle of a side: on it a grain rocks without coming to rest, and creeps on slopes. Take {}",
+        library.names[id.index()],
+        scene.dt,
+        100.0 * part_of_worst,
+        instead.join(", or "),
+    ))
 }
 
 // --- rounding: far from the origin, positions stand so far apart that a short step of a slow body is lost or doubled ---

@@ -8,6 +8,10 @@
 //! 2. A line in the list of shapes below, from which come [`Kind`], [`Shape`] and the names.
 //! 3. Its keys, and what reads them, in `src/scene/geometry.rs`: the compiler asks for them.
 //!
+//! Flat are the faces of polyhedra and rounded polyhedra alone, whose contacts have an area
+//! ([`crate::contact::Overlap`]). No other shape has flat ends: those of a spherocylinder are round, those of a superellipsoid
+//! nearly flat for small exponents ([`Superellipsoid::EXPONENTS`]).
+//!
 //! A program that uses this crate needs none of the last two: [`Shape::Other`] holds anything convex.
 
 pub mod clip;
@@ -323,6 +327,24 @@ impl PartialEq for dyn Convex {
 }
 
 impl Shape {
+    /// A superellipsoid or its octants with exponents of at least this, below 1; `None` of other shapes.
+    #[must_use]
+    pub fn with_exponents_from(&self, least: f64) -> Option<Self> {
+        match self {
+            Self::Superellipsoid(body) => {
+                let exponents = body.exponents().map(|e| e.max(least));
+                Some(Self::Superellipsoid(Superellipsoid::new(body.semi_axes(), exponents)))
+            }
+            Self::PolySuperellipsoid(body) => {
+                let exponents = body.exponents().map(|e| e.max(least));
+                let [positive, negative] = body.semi_axes();
+                let body = PolySuperellipsoid::new(positive, negative, exponents);
+                Some(Self::PolySuperellipsoid(Box::new(body)))
+            }
+            _ => None,
+        }
+    }
+
     /// [`Convex::half_lengths`], which are the semi-axes of an ellipsoid [m].
     pub fn semi_axes(&self) -> Vec3 {
         self.half_lengths()

@@ -17,7 +17,8 @@
 //! reported. The point of a patch runs from edge to edge when a body rocks; no support point could stand for it.
 
 use super::{
-    Contact, Geometry, Law, MOST_STATE, Model, Pair, Particles, Separated, Slot, Sums, Work, add,
+    CONTACT_POINT, Contact, Geometry, Law, MOST_STATE, Model, Pair, Particles, Separated, Slot,
+    Sums, Work, add,
 };
 use crate::contact::{Patch, StateColumn};
 use crate::lanes::{Row as _, Triple};
@@ -28,7 +29,7 @@ const MEAN_DISTANCE: f64 = 0.942_809_041_582_063_4;
 
 /// What is remembered behind the numbers of the model.
 pub(super) const REMEMBERED: [StateColumn; 5] = [
-    StateColumn::new("contact_point", 3, "m"),
+    CONTACT_POINT,
     StateColumn::new("dissipative_force", 3, "N"),
     StateColumn::new("dissipative_moment", 3, "N m"),
     StateColumn::new("pressing_force", 1, "N"),

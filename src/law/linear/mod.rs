@@ -211,6 +211,10 @@ impl Model for Linear {
         }
     }
 
+    fn is_viscous(&self) -> bool {
+        self.interactions.iter().any(|c| c.is_frictional() && c.tangential_damping_ratio > 0.0)
+    }
+
     #[inline(always)]
     fn viscous<L: Lanes>(&self, springs: &Springs<L>, sliding: Triple<L>) -> Triple<L> {
         sliding.times(springs.dashpots[1]).or(Triple::zero(), springs.frictional())
