@@ -63,6 +63,26 @@ fn bodies_with_faces() {
 }
 
 #[test]
+fn solids_come_to_balance() {
+    check("balance");
+}
+
+#[test]
+fn an_arch_stands_and_falls() {
+    check("arch");
+}
+
+#[test]
+fn dominoes() {
+    check("dominoes");
+}
+
+#[test]
+fn boxes_of_unequal_size() {
+    check("unequal");
+}
+
+#[test]
 fn haff_and_jamming() {
     check("packing");
 }

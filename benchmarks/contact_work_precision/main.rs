@@ -5,12 +5,14 @@
 //! cargo bench --bench contact_work_precision -- --quick              a few seconds, for CI
 //! cargo bench --bench contact_work_precision -- --record FOLDER      tables, plots and the machine
 //! cargo bench --bench contact_work_precision -- --count 10000000     is the common normal ever wrong?
+//! cargo bench --bench contact_work_precision -- --faces              what contacts of faces cost, beside EPA
 //! ```
 //!
 //! To add a shape, name it in [`pairs::grains`]; to add a method, in [`methods::contestants`].
 
 mod count;
 mod equal_error;
+mod faces;
 mod facets;
 mod measure;
 mod methods;
@@ -34,6 +36,9 @@ struct Arguments {
     /// Instead, count the failures of the common normal over so many random pairs.
     #[arg(long, value_name = "PAIRS")]
     count: Option<u64>,
+    /// Instead, time contacts of faces and packings of solids.
+    #[arg(long)]
+    faces: bool,
     /// Only these grains (part of the name).
     #[arg(long, value_name = "NAME", default_value = "")]
     grain: String,
@@ -55,6 +60,9 @@ fn main() -> anyhow::Result<()> {
         PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("target/contact-work-precision")
     });
 
+    if arguments.faces {
+        return faces::run(&effort, &folder);
+    }
     let before = record::load();
     let mut contacts = Vec::new();
     let mut rejections = Vec::new();

@@ -9,16 +9,19 @@ use std::time::{Duration, Instant};
 
 /// How long to measure.
 pub(crate) struct Effort {
-    pairs: u64,
-    rounds: usize,
+    pub(crate) pairs: u64,
+    pub(crate) rounds: usize,
+    /// How long a packing falls before it is timed [s].
+    pub(crate) settling: f64,
     /// A method runs at least this long at a time.
     least: Duration,
 }
 
 impl Effort {
     pub(crate) const FULL: Self =
-        Self { pairs: 1024, rounds: 21, least: Duration::from_micros(200) };
-    pub(crate) const QUICK: Self = Self { pairs: 128, rounds: 3, least: Duration::from_micros(5) };
+        Self { pairs: 1024, rounds: 21, settling: 4.0, least: Duration::from_micros(200) };
+    pub(crate) const QUICK: Self =
+        Self { pairs: 128, rounds: 3, settling: 0.5, least: Duration::from_micros(5) };
 }
 
 /// What is known before.
@@ -134,10 +137,7 @@ pub(crate) fn grain(
         let remembered = |pairs: &Pairs| -> Vec<Vec<Geometry>> {
             let of = |contestant| match start {
                 Start::Cold => pairs.strangers(),
-                Start::Warm => {
-                    let found = resolve(contestant, pairs, &pairs.strangers());
-                    pairs.acquaintances(&found.contacts, TURNED)
-                }
+                Start::Warm => warm(contestant, pairs),
             };
             contestants.iter().map(of).collect()
         };
@@ -185,7 +185,13 @@ fn check(pairs: &mut Pairs, grain: &Grain) {
     }
 }
 
-fn resolve(contestant: &Contestant, pairs: &Pairs, geometry: &[Geometry]) -> Found {
+/// What a method remembers of pairs: see [`Start::Warm`].
+pub(crate) fn warm(contestant: &Contestant, pairs: &Pairs) -> Vec<Geometry> {
+    let found = resolve(contestant, pairs, &pairs.strangers());
+    pairs.acquaintances(&found.contacts, TURNED)
+}
+
+pub(crate) fn resolve(contestant: &Contestant, pairs: &Pairs, geometry: &[Geometry]) -> Found {
     let mut found = Found::default();
     contestant.resolver.resolve(&pairs.batch(geometry), &mut found);
     found
@@ -193,7 +199,7 @@ fn resolve(contestant: &Contestant, pairs: &Pairs, geometry: &[Geometry]) -> Fou
 
 /// The time of each method: in turn, again and again, so that a busy machine slows all of them; a few pairs at a time,
 /// so that few samples are interrupted.
-fn times(
+pub(crate) fn times(
     contestants: &[Contestant],
     pairs: &Pairs,
     geometries: &[Vec<Geometry>],

@@ -15,9 +15,12 @@ pub(crate) enum Family {
     Epa,
     ParryErosion,
     Parry,
+    /// Of what both bodies share: another overlap, which is not compared with the others.
+    Thickness,
 }
 
 impl Family {
+    /// Those that find one overlap.
     pub(crate) const ALL: [Self; 5] =
         [Self::CommonNormal, Self::Erosion, Self::Epa, Self::ParryErosion, Self::Parry];
     /// Ours, and the same method by parry.
@@ -31,6 +34,7 @@ impl Family {
             Self::Epa => "GJK+EPA",
             Self::ParryErosion => "parry GJK-erosion",
             Self::Parry => "parry GJK+EPA",
+            Self::Thickness => "thickness",
         }
     }
 }
@@ -43,7 +47,11 @@ pub(crate) struct Contestant {
 }
 
 impl Contestant {
-    fn new(family: Family, settings: String, resolver: impl ContactResolver + 'static) -> Self {
+    pub(crate) fn new(
+        family: Family,
+        settings: String,
+        resolver: impl ContactResolver + 'static,
+    ) -> Self {
         Self { family, settings, resolver: Box::new(resolver) }
     }
 

@@ -46,18 +46,18 @@ pub(crate) fn grains() -> Vec<Grain> {
     all
 }
 
-fn polyhedron((name, points): (&str, Vec<Vec3>)) -> Grain {
+pub(crate) fn polyhedron((name, points): (&str, Vec<Vec3>)) -> Grain {
     let polyhedron = Polyhedron::new(&points).expect("these points are corners of a body");
     Grain { name: name.into(), shape: Shape::Polyhedron(Box::new(polyhedron)) }
 }
 
-fn corners_of_box() -> Vec<Vec3> {
+pub(crate) fn corners_of_box() -> Vec<Vec3> {
     let sign = |k: u32, bit: u32| f64::from(k >> bit & 1) - 0.5;
     (0..8).map(|k| Vec3::new(2.0 * sign(k, 0), 1.5 * sign(k, 1), sign(k, 2))).collect()
 }
 
 /// With edges of 0.66: 1 between opposite faces.
-fn corners_of_icosahedron() -> Vec<Vec3> {
+pub(crate) fn corners_of_icosahedron() -> Vec<Vec3> {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
     let signs = [-1.0, 1.0];
     let rectangle = signs.into_iter().flat_map(|i| signs.map(|j| [0.0, i, j * golden]));
@@ -117,7 +117,14 @@ impl Pairs {
         self.push_known(shapes, quaternions, r, truth);
     }
 
-    fn push_known(&mut self, shapes: [ShapeId; 2], quaternions: [Quat; 2], r: Vec3, truth: Truth) {
+    /// Two bodies of which this is known, with `r` from A to B.
+    pub(crate) fn push_known(
+        &mut self,
+        shapes: [ShapeId; 2],
+        quaternions: [Quat; 2],
+        r: Vec3,
+        truth: Truth,
+    ) {
         let frames = frames(quaternions);
         let [a, b] =
             [0, 1].map(|side| Posed::new(&self.library[shapes[side].index()], &frames[side]));
@@ -215,7 +222,7 @@ impl Pairs {
     }
 }
 
-fn frames(quaternions: [Quat; 2]) -> [Mat3; 2] {
+pub(crate) fn frames(quaternions: [Quat; 2]) -> [Mat3; 2] {
     quaternions.map(|q| q.to_rotation_matrix().into_inner())
 }
 

@@ -29,6 +29,7 @@ const fn colour(family: Family) -> RGBColor {
         Family::Epa => RGBColor(0xE6, 0x9F, 0x00),
         Family::ParryErosion => RGBColor(0xCC, 0x79, 0xA7),
         Family::Parry => RGBColor(0xD5, 0x5E, 0x00),
+        Family::Thickness => RGBColor(0x56, 0xB4, 0xE9),
     }
 }
 

@@ -3,6 +3,7 @@
 //! ```text
 //! cargo bench --bench verification                        prints the table; it and the pictures go to target/
 //! cargo bench --bench verification -- --quick             what the tests run, too
+//! cargo bench --bench verification -- --only arch         one source, or several
 //! cargo bench --bench verification -- --record FOLDER     the same into this folder
 //! ```
 //!
@@ -14,6 +15,7 @@ mod cases;
 mod lines;
 mod table;
 
+use anyhow::Context;
 use cases::{Effort, Picture};
 use clap::Parser;
 use lines::Line;
@@ -29,9 +31,9 @@ struct Arguments {
     /// Write the table and the pictures into this folder.
     #[arg(long, value_name = "FOLDER", default_value = "target/verification")]
     record: PathBuf,
-    /// Only these sources (part of the name of a file in `cases`).
-    #[arg(long, value_name = "NAME", default_value = "")]
-    only: String,
+    /// Only these sources (parts of names of files in `cases`).
+    #[arg(long, value_name = "NAME", num_args = 1..)]
+    only: Vec<String>,
     /// Cargo passes this.
     #[arg(long, hide = true)]
     bench: bool,
@@ -42,15 +44,16 @@ fn main() -> anyhow::Result<()> {
     let effort = if quick { Effort::Quick } else { Effort::Full };
     std::fs::create_dir_all(&record)?;
     let mut all = Vec::new();
-    let (mut pictures, mut notes) = (Vec::new(), Vec::new());
+    let (mut pictures, mut drawings, mut notes) = (Vec::new(), Vec::new(), Vec::new());
     for (name, run) in cases::sources() {
-        if name.contains(&only) {
+        if only.is_empty() || only.iter().any(|part| name.contains(part)) {
             let begin = Instant::now();
             let findings = run(effort);
             println!("{name}: {:.1} s", begin.elapsed().as_secs_f64());
             table::print(&findings.cases);
             all.extend(findings.cases);
             pictures.extend(findings.pictures);
+            drawings.extend(findings.drawings);
             findings.notes.iter().for_each(|note| println!("  {note}"));
             notes.extend(findings.notes);
         }
@@ -58,11 +61,25 @@ fn main() -> anyhow::Result<()> {
     for picture in &pictures {
         draw(&record, picture)?;
     }
-    let command = format!(
-        "cargo bench --locked --bench verification{}",
-        if quick { " -- --quick" } else { "" }
-    );
-    table::write(&record, &command, &all, &pictures, &notes)?;
+    for drawing in &drawings {
+        let path = record.join(drawing.file).with_extension("svg");
+        std::fs::write(&path, &drawing.svg)
+            .with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    let mut command = "cargo bench --locked --bench verification".to_owned();
+    if quick || !only.is_empty() {
+        command += " --";
+    }
+    if quick {
+        command += " --quick";
+    }
+    if !only.is_empty() {
+        command = format!("{command} --only {}", only.join(" "));
+    }
+    let of_curves = pictures.iter().map(|picture| (picture.file, picture.axes[1]));
+    let images: Vec<_> =
+        of_curves.chain(drawings.iter().map(|drawing| (drawing.file, drawing.title))).collect();
+    table::write(&record, &command, &all, &images, &notes)?;
     println!("written to {}", record.display());
     let failed = all.iter().filter(|case| !case.verdict().is_expected()).count();
     anyhow::ensure!(failed == 0, "{failed} of {} cases are not as expected", all.len());

@@ -1,6 +1,6 @@
 //! The table: on the screen, as Markdown, and all sub-cases as CSV.
 
-use crate::cases::{Case, Picture, Verdict};
+use crate::cases::{Case, Verdict};
 use anyhow::Context;
 use std::fmt::Write as _;
 use std::fs;
@@ -37,15 +37,15 @@ pub(crate) fn print(cases: &[Case]) {
     }
 }
 
-/// Writes `report.md` and `cases.csv`.
+/// Writes `report.md`, with these images (file without ending, title), and `cases.csv`.
 pub(crate) fn write(
     folder: &Path,
     command: &str,
     cases: &[Case],
-    pictures: &[Picture],
+    images: &[(&str, &str)],
     notes: &[String],
 ) -> anyhow::Result<()> {
-    let report = report(command, cases, pictures, notes)?;
+    let report = report(command, cases, images, notes)?;
     fs::write(folder.join("report.md"), report).context("cannot write report.md")?;
     write_rows(&folder.join("cases.csv"), cases)
 }
@@ -54,7 +54,7 @@ pub(crate) fn write(
 fn report(
     command: &str,
     cases: &[Case],
-    pictures: &[Picture],
+    images: &[(&str, &str)],
     notes: &[String],
 ) -> Result<String, std::fmt::Error> {
     let count = |verdict: Verdict| cases.iter().filter(|case| case.verdict() == verdict).count();
@@ -99,11 +99,11 @@ fn report(
             case.reason,
         )?;
     }
-    if !pictures.is_empty() {
+    if !images.is_empty() {
         report += "\n## Pictures\n\n";
     }
-    for picture in pictures {
-        writeln!(report, "![{}]({}.svg)", picture.axes[1], picture.file)?;
+    for (file, title) in images {
+        writeln!(report, "![{title}]({file}.svg)")?;
     }
     Ok(report)
 }

@@ -5,13 +5,18 @@
 //! The silhouette of a convex body is the convex hull of its support points along directions across the view.
 //! That of an ellipsoid with the matrix `A` (see [`crate::shape::Form`]) is the ellipse of the 2 × 2 block of `A`;
 //! it is written as an SVG ellipse, for a polygon is five times as long.
+//!
+//! On bodies with faces those that are seen are drawn, too, unless there are very many grains: of rounded ones what is flat
+//! of them.
 
 use super::PostError;
 use super::region::{Bounds, Members, Turned};
+use crate::contact::Posed;
 use crate::ids::GlobalId;
 use crate::math::Vec3;
 use crate::output::header::Header;
 use crate::output::tables::ParticleTable;
+use crate::shape::Core;
 use nalgebra::{Matrix2, Vector2};
 use std::cmp::Ordering;
 use std::fmt::Write;
@@ -30,6 +35,8 @@ struct Grain {
     /// x and z [m].
     centre: [f64; 2],
     outline: Outline,
+    /// Those that are seen.
+    faces: Vec<Face>,
     contacts: i32,
 }
 
@@ -57,11 +64,11 @@ enum Outline {
 }
 
 impl Outline {
-    fn of(body: &Turned) -> Self {
+    fn of(body: &Posed) -> Self {
         if !body.shape.kind().is_ellipsoidal() {
             return Self::Polygon(polygon(body));
         }
-        let [xx, _, zz, _, xz, _] = body.posed().form();
+        let [xx, _, zz, _, xz, _] = body.form();
         let mut eigen = Matrix2::new(xx, xz, xz, zz).symmetric_eigenvalues();
         if eigen.x < eigen.y {
             eigen.swap_rows(0, 1);
@@ -83,14 +90,14 @@ impl Outline {
 
 /// The silhouette of a body: its ends along x and z, and, as long as it bulges out of a side by more than a
 /// hundredth of its size, the farthest point there.
-fn polygon(body: &Turned) -> Vec<Vector2<f64>> {
+fn polygon(body: &Posed) -> Vec<Vector2<f64>> {
     const BULGE: f64 = 0.01;
     let farthest = |x: f64, z: f64| {
         let point = body.support(&Vec3::new(x, 0.0, z));
         Vector2::new(point.x, point.z)
     };
     let ends = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)].map(|(x, z)| farthest(x, z));
-    let least = BULGE * body.posed().bounding_radius();
+    let least = BULGE * body.bounding_radius();
     let mut corners = Vec::new();
     // Sides that still have to be looked at, the next one last.
     let mut sides: Vec<_> = (0..4).rev().map(|k| [ends[k], ends[(k + 1) % 4]]).collect();
@@ -111,9 +118,51 @@ fn polygon(body: &Turned) -> Vec<Vector2<f64>> {
     corners
 }
 
+/// What is flat of a body, seen from the side.
+#[derive(Clone, Debug)]
+struct Face {
+    /// x and z from the grain's centre [m].
+    corners: Vec<Vector2<f64>>,
+    /// How dark it is: 0 if it faces the light, 1 if it turns away.
+    shade: f64,
+}
+
+/// A face that is seen from its edge has this sine of the angle to the view at most.
+const EDGE_ON: f64 = 0.01;
+
+impl Face {
+    /// Those that the viewer sees.
+    fn seen(body: &Posed) -> Vec<Self> {
+        let Core::Hull(hull) = body.shape.core() else { return Vec::new() };
+        let facets = hull.facets();
+        let light = Vec3::new(-0.4, -0.7, 0.6);
+        let mut start = 0;
+        let mut seen = Vec::new();
+        for (&end, plane) in facets.ends().iter().zip(facets.planes()) {
+            let corners = &facets.corners()[start..end as usize];
+            start = end as usize;
+            let normal = body.frame * plane.normal;
+            if normal.y < -EDGE_ON {
+                let outwards = normal * body.shape.margin();
+                let place = |&corner: &u32| {
+                    let inner = body.frame * facets.vertices()[corner as usize];
+                    let point = (inner + outwards) * body.scale;
+                    Vector2::new(point.x, point.z)
+                };
+                let shade = 1.0 - normal.dot(&light).max(0.0);
+                seen.push(Self { corners: corners.iter().map(place).collect(), shade });
+            }
+        }
+        seen
+    }
+}
+
 impl Picture {
     /// Grains drawn at most: those with the smallest y.
     pub const LIMIT: usize = 5000;
+
+    /// Of more grains the faces are left out: a file of some megabytes.
+    const MOST_WITH_FACES: usize = 1000;
 
     /// Adds these particles if they are in the region.
     ///
@@ -126,23 +175,31 @@ impl Picture {
         members: &Members,
     ) -> Result<(), PostError> {
         for (row, &id) in particles.id.iter().enumerate() {
-            let centre = particles.position[row];
-            let depth = Depth(centre.y, id);
-            let hidden = self.left_out.is_some_and(|other| depth.nearer(&other).is_gt());
-            if !members.holds(id)? || hidden {
-                continue;
-            }
-            self.grains.push(Grain {
-                depth,
-                centre: [centre.x, centre.z],
-                outline: Outline::of(&Turned::of(header, particles, row)),
-                contacts: particles.coordination.get(row).copied().unwrap_or(0),
-            });
-            if self.grains.len() >= 2 * Self::LIMIT {
-                self.keep_nearest();
+            if members.holds(id)? {
+                let body = Turned::of(header, particles, row);
+                let contacts = particles.coordination.get(row).copied().unwrap_or(0);
+                self.push(id, &particles.position[row], &body.posed(), contacts);
             }
         }
         Ok(())
+    }
+
+    /// Adds a body with its centre there [m] and so many contacts.
+    pub fn push(&mut self, id: GlobalId, centre: &Vec3, body: &Posed, contacts: i32) {
+        let depth = Depth(centre.y, id);
+        if self.left_out.is_some_and(|other| depth.nearer(&other).is_gt()) {
+            return;
+        }
+        self.grains.push(Grain {
+            depth,
+            centre: [centre.x, centre.z],
+            outline: Outline::of(body),
+            faces: Face::seen(body),
+            contacts,
+        });
+        if self.grains.len() >= 2 * Self::LIMIT {
+            self.keep_nearest();
+        }
     }
 
     fn keep_nearest(&mut self) {
@@ -169,8 +226,12 @@ impl Picture {
     fn svg_in(&self, frame: &Frame) -> String {
         let mut out = String::new();
         frame.open(&mut out);
+        let with_faces = self.grains.len() <= Self::MOST_WITH_FACES;
         for grain in &self.grains {
             frame.draw(grain, &mut out);
+            if with_faces {
+                frame.draw_faces(grain, &mut out);
+            }
         }
         out.push_str("</g>\n");
         frame.legend(&mut out);
@@ -312,25 +373,41 @@ impl Frame {
                     writeln!(out, r#"transform="translate({x:.1} {y:.1}) rotate({turn:.0})"/>"#);
             }
             Outline::Polygon(corners) => {
-                // In tenths of pixels, each relative to the one before: short, and errors do not add up.
-                let mut tenths: Vec<_> = corners
-                    .iter()
-                    .map(|corner| self.place(x + corner.x, z + corner.y))
-                    .map(|(x, y)| [(10.0 * x).round(), (10.0 * y).round()])
-                    .collect();
-                tenths.dedup();
-                let [x, y] = tenths[0];
-                let _ =
-                    write!(out, r#"<path fill="url(#tone{tone})" d="M{} {}l"#, x / 10.0, y / 10.0);
-                for (k, pair) in tenths.windows(2).enumerate() {
-                    let [from, to] = [pair[0], pair[1]];
-                    let gap = if k == 0 { "" } else { " " };
-                    let (x, y) = ((to[0] - from[0]) / 10.0, (to[1] - from[1]) / 10.0);
-                    let _ = write!(out, "{gap}{x} {y}");
-                }
-                out.push_str("z\"/>\n");
+                let _ = write!(out, r#"<path fill="url(#tone{tone})" d=""#);
+                self.path(grain, corners, out);
+                out.push_str("\"/>\n");
             }
         }
+    }
+
+    /// What is flat of a grain, over its silhouette: dark where it turns from the light.
+    fn draw_faces(&self, grain: &Grain, out: &mut String) {
+        for Face { corners, shade } in &grain.faces {
+            let _ = write!(out, r#"<path fill-opacity="{:.2}" d=""#, 0.4 * shade);
+            self.path(grain, corners, out);
+            out.push_str("\"/>\n");
+        }
+    }
+
+    /// A polygon about a grain's centre, in tenths of pixels, each corner relative to the one before: short, and errors
+    /// do not add up.
+    fn path(&self, grain: &Grain, corners: &[Vector2<f64>], out: &mut String) {
+        let [x, z] = grain.centre;
+        let mut tenths: Vec<_> = corners
+            .iter()
+            .map(|corner| self.place(x + corner.x, z + corner.y))
+            .map(|(x, y)| [(10.0 * x).round(), (10.0 * y).round()])
+            .collect();
+        tenths.dedup();
+        let [x, y] = tenths[0];
+        let _ = write!(out, "M{} {}l", x / 10.0, y / 10.0);
+        for (k, pair) in tenths.windows(2).enumerate() {
+            let [from, to] = [pair[0], pair[1]];
+            let gap = if k == 0 { "" } else { " " };
+            let (x, y) = ((to[0] - from[0]) / 10.0, (to[1] - from[1]) / 10.0);
+            let _ = write!(out, "{gap}{x} {y}");
+        }
+        out.push('z');
     }
 
     fn open(&self, out: &mut String) {

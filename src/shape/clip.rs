@@ -27,43 +27,35 @@ pub struct Face<'a> {
 /// A face, without its corners.
 #[derive(Clone, Copy, Debug)]
 struct Outline {
-    /// Where it ends among the corners of all faces.
+    /// Where it starts and ends among the corners of all faces.
+    start: u32,
     end: u32,
     plane: Plane,
     is_cut: bool,
 }
 
-/// A closed surface.
-#[derive(Clone, Debug, Default)]
-struct Surface {
-    vertices: Vec<Vec3>,
-    /// Vertices of all faces, one face after the other.
-    corners: Vec<u32>,
-    faces: Vec<Outline>,
-}
-
-impl Surface {
-    fn clear(&mut self) {
-        self.vertices.clear();
-        self.corners.clear();
-        self.faces.clear();
-    }
-}
-
 /// A convex polyhedron that is cut by one plane after the other. It keeps its memory from one polyhedron to the next.
+///
+/// A cut appends what it makes and leaves the rest in its place: most faces are cut by few planes.
 #[derive(Clone, Debug, Default)]
 pub struct Clipped {
-    now: Surface,
-    /// What is being made of it.
-    next: Surface,
-    /// How far vertices lie outside the plane [m].
+    /// All that were made.
+    vertices: Vec<Vec3>,
+    /// Those that are not cut off, in rising order.
+    left: Vec<u32>,
+    /// Vertices of faces, also of those that are no more.
+    corners: Vec<u32>,
+    faces: Vec<Outline>,
+    /// How far vertices that were left lie outside the plane [m].
     heights: Vec<f64>,
-    /// Where vertices go that stay.
-    places: Vec<u32>,
     /// Edges that are cut, by the lower and the higher index of their ends.
     edges: Vec<(u32, u32)>,
     /// The new vertex that follows that of a cut edge in the outline of the cut.
     after: Vec<u32>,
+    /// Room for [`Clipped::pack`].
+    packed: (Vec<Vec3>, Vec<u32>),
+    /// Where vertices go in it.
+    places: Vec<u32>,
 }
 
 /// No vertex.
@@ -72,74 +64,79 @@ const NONE: u32 = u32::MAX;
 impl Clipped {
     /// Begins with a body.
     pub fn begin(&mut self, body: &Facets) {
-        self.now.clear();
-        self.now.vertices.extend_from_slice(body.vertices());
-        self.now.corners.extend_from_slice(body.corners());
-        let faces = body.ends().iter().zip(body.planes());
-        self.now.faces.extend(faces.map(|(&end, plane)| Outline {
-            end,
-            plane: *plane,
-            is_cut: false,
+        self.clear();
+        self.vertices.extend_from_slice(body.vertices());
+        self.left.extend(0..body.vertices().len() as u32);
+        self.corners.extend_from_slice(body.corners());
+        let mut start = 0;
+        self.faces.extend(body.ends().iter().zip(body.planes()).map(|(&end, &plane)| {
+            let start = std::mem::replace(&mut start, end);
+            Outline { start, end, plane, is_cut: false }
         }));
+    }
+
+    fn clear(&mut self) {
+        self.vertices.clear();
+        self.left.clear();
+        self.corners.clear();
+        self.faces.clear();
     }
 
     /// Leaves the part with `p · normal <= offset`. Is there any?
     pub fn cut(&mut self, plane: &Plane) -> bool {
         if !self.measure(plane) {
-            return !self.now.faces.is_empty();
+            return !self.faces.is_empty();
         }
-        self.next.clear();
-        self.keep_inside();
-        if self.next.vertices.is_empty() {
-            self.now.clear();
+        let heights = &self.heights;
+        self.left.retain(|&vertex| heights[vertex as usize] <= 0.0);
+        if self.left.is_empty() {
+            self.clear();
             return false;
         }
         self.edges.clear();
         self.after.clear();
-        let mut start = 0;
-        for face in 0..self.now.faces.len() {
-            let outline = self.now.faces[face];
-            self.cut_face(start, outline);
-            start = outline.end as usize;
+        let first = self.vertices.len() as u32;
+        let mut kept = 0;
+        for face in 0..self.faces.len() {
+            let outline = self.faces[face];
+            let corners = &self.corners[outline.start as usize..outline.end as usize];
+            let inside = corners.iter().filter(|&&c| self.heights[c as usize] <= 0.0).count();
+            if inside > 0 {
+                let is_whole = inside == corners.len();
+                self.faces[kept] = if is_whole { outline } else { self.cut_face(outline) };
+                kept += 1;
+            }
         }
+        self.faces.truncate(kept);
         self.close(plane);
-        std::mem::swap(&mut self.now, &mut self.next);
+        self.left.extend(first..self.vertices.len() as u32);
         true
     }
 
-    /// Finds how far all vertices lie outside a plane. Does any?
+    /// Finds how far the vertices lie outside a plane. Does any?
     fn measure(&mut self, plane: &Plane) -> bool {
-        self.heights.clear();
-        let height = |vertex: &Vec3| vertex.dot(&plane.normal) - plane.offset;
-        self.heights.extend(self.now.vertices.iter().map(height));
-        !self.heights.iter().all(|&height| height <= 0.0)
-    }
-
-    /// Takes over the vertices inside.
-    fn keep_inside(&mut self) {
-        self.places.clear();
-        for (vertex, &height) in self.now.vertices.iter().zip(&self.heights) {
-            self.places.push(self.next.vertices.len() as u32);
-            if height <= 0.0 {
-                self.next.vertices.push(*vertex);
-            }
+        self.heights.resize(self.vertices.len(), 0.0);
+        let mut all_inside = true;
+        for &vertex in &self.left {
+            let height = self.vertices[vertex as usize].dot(&plane.normal) - plane.offset;
+            self.heights[vertex as usize] = height;
+            all_inside &= height <= 0.0;
         }
+        !all_inside
     }
 
-    /// Takes over what is inside of a face.
-    fn cut_face(&mut self, start: usize, outline: Outline) {
-        let end = outline.end as usize;
-        let begin = self.next.corners.len();
-        let is_inside = |heights: &[f64], corner: u32| heights[corner as usize] <= 0.0;
-        let mut last = self.now.corners[end - 1];
-        let mut was_inside = is_inside(&self.heights, last);
+    /// What is inside of a face.
+    fn cut_face(&mut self, outline: Outline) -> Outline {
+        let start = self.corners.len() as u32;
+        let mut last = self.corners[outline.end as usize - 1];
+        let mut was_inside = self.heights[last as usize] <= 0.0;
         let (mut exit, mut first_entry) = (NONE, NONE);
-        for k in start..end {
-            let here = self.now.corners[k];
-            let inside = is_inside(&self.heights, here);
+        for k in outline.start..outline.end {
+            let here = self.corners[k as usize];
+            let inside = self.heights[here as usize] <= 0.0;
             if inside != was_inside {
                 let vertex = self.on_edge(last, here);
-                self.next.corners.push(vertex);
+                self.corners.push(vertex);
                 if was_inside {
                     exit = vertex;
                 } else if exit == NONE {
@@ -150,72 +147,96 @@ impl Clipped {
                 }
             }
             if inside {
-                self.next.corners.push(self.places[here as usize]);
+                self.corners.push(here);
             }
             (last, was_inside) = (here, inside);
         }
         if first_entry != NONE {
             self.link(first_entry, exit);
         }
-        let end = self.next.corners.len();
-        if end > begin {
-            self.next.faces.push(Outline { end: end as u32, ..outline });
-        }
+        Outline { start, end: self.corners.len() as u32, ..outline }
     }
 
     /// The new vertex on an edge, which is made once.
     fn on_edge(&mut self, one: u32, other: u32) -> u32 {
         let edge = if one < other { (one, other) } else { (other, one) };
-        let first = self.next.vertices.len() - self.edges.len();
+        let first = self.vertices.len() - self.edges.len();
         if let Some(known) = self.edges.iter().position(|known| *known == edge) {
             return (first + known) as u32;
         }
         let [from, to] = [edge.0 as usize, edge.1 as usize];
         let part = self.heights[from] / (self.heights[from] - self.heights[to]);
-        let [p, q] = [self.now.vertices[from], self.now.vertices[to]];
-        self.next.vertices.push(p + (q - p) * part);
+        let [p, q] = [self.vertices[from], self.vertices[to]];
+        self.vertices.push(p + (q - p) * part);
         self.edges.push(edge);
         self.after.push(NONE);
-        (self.next.vertices.len() - 1) as u32
+        (self.vertices.len() - 1) as u32
     }
 
     /// In the outline of the cut, `exit` follows `entry`.
     fn link(&mut self, entry: u32, exit: u32) {
-        let first = self.next.vertices.len() - self.edges.len();
+        let first = self.vertices.len() - self.edges.len();
         self.after[entry as usize - first] = exit;
     }
 
     /// Adds the polygons of the cut. One of two corners has no area, and its two sides are one edge.
     fn close(&mut self, plane: &Plane) {
-        let Self { next, after, .. } = self;
-        let first = next.vertices.len() - after.len();
-        for start in 0..after.len() {
-            let begin = next.corners.len();
-            let mut here = start;
+        let Self { vertices, corners, faces, after, .. } = self;
+        let first = vertices.len() - after.len();
+        for begin in 0..after.len() {
+            let start = corners.len();
+            let mut here = begin;
             while after[here] != NONE {
-                next.corners.push((first + here) as u32);
+                corners.push((first + here) as u32);
                 here = std::mem::replace(&mut after[here], NONE) as usize - first;
             }
-            let end = next.corners.len();
-            if end - begin > 2 {
-                next.faces.push(Outline { end: end as u32, plane: *plane, is_cut: true });
+            let end = corners.len();
+            if end - start > 2 {
+                let (start, end) = (start as u32, end as u32);
+                faces.push(Outline { start, end, plane: *plane, is_cut: true });
             } else {
-                next.corners.truncate(begin);
+                corners.truncate(start);
             }
         }
     }
 
-    /// Its vertices [m].
+    /// Forgets what was cut off: from now on there are no other vertices than those that are left.
+    pub fn pack(&mut self) {
+        let Self { vertices, left, corners, faces, packed, places, .. } = self;
+        let (packed_vertices, packed_corners) = packed;
+        packed_vertices.clear();
+        packed_corners.clear();
+        places.resize(vertices.len(), NONE);
+        for vertex in left.iter_mut() {
+            let place = packed_vertices.len() as u32;
+            places[*vertex as usize] = place;
+            packed_vertices.push(vertices[*vertex as usize]);
+            *vertex = place;
+        }
+        for face in faces {
+            let start = packed_corners.len() as u32;
+            let range = face.start as usize..face.end as usize;
+            packed_corners.extend(corners[range].iter().map(|&corner| places[corner as usize]));
+            (face.start, face.end) = (start, packed_corners.len() as u32);
+        }
+        std::mem::swap(vertices, packed_vertices);
+        std::mem::swap(corners, packed_corners);
+    }
+
+    /// The vertices that are left [m], in the order of their making.
+    pub fn left(&self) -> impl ExactSizeIterator<Item = &Vec3> + Clone {
+        self.left.iter().map(|&vertex| &self.vertices[vertex as usize])
+    }
+
+    /// All vertices that were made since it was packed [m]: the corners of faces are indices of these.
     pub fn vertices(&self) -> &[Vec3] {
-        &self.now.vertices
+        &self.vertices
     }
 
     /// Its faces: first those of the body, then the cuts in their order.
     pub fn faces(&self) -> impl Iterator<Item = Face<'_>> {
-        let mut start = 0;
-        self.now.faces.iter().map(move |&Outline { end, plane, is_cut }| {
-            let corners = &self.now.corners[start..end as usize];
-            start = end as usize;
+        self.faces.iter().map(|&Outline { start, end, plane, is_cut }| {
+            let corners = &self.corners[start as usize..end as usize];
             Face { corners, plane, is_cut }
         })
     }
@@ -227,6 +248,7 @@ pub fn inside(planes: &[Plane], half_edge: f64) -> Option<Facets> {
     let mut body = Clipped::default();
     body.begin(&cube(half_edge));
     planes.iter().all(|plane| body.cut(plane)).then(|| {
+        body.pack();
         let mut facets = Facets::without_faces(body.vertices());
         for face in body.faces() {
             facets.push(face.plane, face.corners);

@@ -181,6 +181,38 @@ fn extents_of_turned_solids_are_exact() {
     assert!(svg.contains(path), "{svg}");
 }
 
+/// A cube seen from the front, turned about z, and with a corner to the front shows one, two and three faces, which cover
+/// its silhouette, which is exact to a hundredth.
+#[test]
+fn faces_that_are_seen_cover_the_silhouette() {
+    let body = Shape::Polyhedron(Box::new(Polyhedron::new(&box_of(&Vec3::repeat(1.0))).unwrap()));
+    let frame = Bounds { low: Vec3::repeat(-2.0), high: Vec3::repeat(2.0) };
+    let about_z = Quat::from_axis_angle(&Vec3::z_axis(), 0.6);
+    let corner = Quat::from_axis_angle(&Vec3::x_axis(), 0.5) * about_z;
+    for (turn, seen) in [(Quat::identity(), 1), (about_z, 2), (corner, 3)] {
+        let (header, particles) = snapshot_of(&body, [turn.w, turn.i, turn.j, turn.k], 1.0);
+        let snapshot = Snapshot { header, particles, contacts: ContactTable::default() };
+        let svg = snapshot.analyse(Settings::default()).unwrap().picture.svg(Some(&frame));
+        let areas: Vec<f64> = svg.split(r#"d="M"#).skip(1).map(area_of).collect();
+        assert_eq!(areas.len(), 1 + seen, "{svg}");
+        let faces: f64 = areas[1..].iter().sum();
+        assert!((faces / areas[0] - 1.0).abs() < 0.02, "{areas:?}");
+    }
+}
+
+/// Twice the area of a drawn path [px²].
+fn area_of(path: &str) -> f64 {
+    let (path, _) = path.split_once('z').unwrap();
+    let numbers: Vec<f64> = path.split([' ', 'l']).map(|n| n.parse().unwrap()).collect();
+    let mut here = [0.0; 2];
+    let mut area = 0.0;
+    for step in numbers[2..].chunks(2) {
+        area += here[0] * step[1] - here[1] * step[0];
+        here = [here[0] + step[0], here[1] + step[1]];
+    }
+    area.abs()
+}
+
 /// Each corner of a drawn silhouette is on it, and no part of it is farther out than a hundredth of the size.
 #[test]
 fn silhouettes_are_those_of_the_bodies() {

@@ -3,10 +3,13 @@
 //!
 //! To add a source, write a file with a function `run(effort) -> Findings` and name it in [`sources`].
 
+pub(crate) mod arch;
+pub(crate) mod balance;
 mod ball;
 pub(crate) mod chung_ooi;
 pub(crate) mod convergence;
 mod decks;
+pub(crate) mod dominoes;
 pub(crate) mod faces;
 pub(crate) mod free_motion;
 pub(crate) mod incline;
@@ -16,6 +19,7 @@ pub(crate) mod other_codes;
 pub(crate) mod packing;
 mod setup;
 pub(crate) mod steps;
+pub(crate) mod unequal;
 mod ways;
 
 pub(crate) use ball::{Ball, Throw};
@@ -193,6 +197,17 @@ pub(crate) struct Picture {
     pub(crate) curves: Vec<Curve>,
 }
 
+/// Bodies as they lie, seen from the side.
+#[derive(Clone, Debug)]
+pub(crate) struct Drawing {
+    /// Its file, without ending.
+    pub(crate) file: &'static str,
+    /// What is seen.
+    pub(crate) title: &'static str,
+    /// The file's text.
+    pub(crate) svg: String,
+}
+
 /// What a source gives.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Findings {
@@ -200,6 +215,8 @@ pub(crate) struct Findings {
     pub(crate) cases: Vec<Case>,
     /// What is drawn of it.
     pub(crate) pictures: Vec<Picture>,
+    /// What is seen of its bodies.
+    pub(crate) drawings: Vec<Drawing>,
     /// What was left out, and why.
     pub(crate) notes: Vec<String>,
 }
@@ -215,7 +232,7 @@ pub(crate) fn parse_reference(name: &str) -> serde_json::Value {
 pub(crate) type Source = (&'static str, fn(Effort) -> Findings);
 
 /// All sources, in the order of the table.
-pub(crate) fn sources() -> [Source; 10] {
+pub(crate) fn sources() -> [Source; 14] {
     [
         ("mfix", mfix::run),
         ("lammps", lammps::run),
@@ -223,6 +240,10 @@ pub(crate) fn sources() -> [Source; 10] {
         ("free_motion", free_motion::run),
         ("incline", incline::run),
         ("faces", faces::run),
+        ("balance", balance::run),
+        ("arch", arch::run),
+        ("dominoes", dominoes::run),
+        ("unequal", unequal::run),
         ("packing", packing::run),
         ("steps", steps::run),
         ("convergence", convergence::run),

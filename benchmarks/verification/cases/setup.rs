@@ -3,7 +3,9 @@
 
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
+use dem_mpi::contact::Posed;
 use dem_mpi::math::{Quat, Vec3};
+use dem_mpi::post::picture::Picture;
 use dem_mpi::scene::{Scene, assemble};
 use dem_mpi::sim::{Simulation, StepError};
 use std::fmt::Write;
@@ -306,6 +308,21 @@ pub(crate) fn body(sim: &Simulation, slot: usize, rank: u32) -> Body {
         mass: particles.mass(slot),
         rank,
     }
+}
+
+/// What is seen of the bodies from the side.
+pub(crate) fn seen(sim: &Simulation) -> Picture {
+    let particles = &sim.particles;
+    let contacts = sim.contacts.coordination(particles.owned);
+    let mut picture = Picture::default();
+    for (slot, &touching) in contacts.iter().enumerate().take(particles.owned) {
+        let turn = particles.orientation.as_ref().map(|o| o.quaternion[slot]).unwrap_or_default();
+        let frame = turn.to_rotation_matrix().into_inner();
+        let shape = &particles.library.shapes[particles.shape[slot].index()];
+        let body = Posed { shape, frame: &frame, scale: particles.scale_of(slot) };
+        picture.push(particles.id[slot], &particles.position[slot], &body, touching);
+    }
+    picture
 }
 
 /// A vector as TOML has it.

@@ -202,7 +202,7 @@ impl Scratch {
         if !self.shared.cut(&self.planes[first]) {
             return None;
         }
-        let (centre, radius) = ball(self.shared.vertices());
+        let (centre, radius) = ball(self.shared.left());
         for (k, plane) in self.planes.iter().enumerate() {
             let cannot_cut = centre.dot(&plane.normal) + radius <= plane.offset;
             if k != first && !cannot_cut && !self.shared.cut(plane) {
@@ -214,6 +214,7 @@ impl Scratch {
 
     /// Thickness of what is shared, and its gradient, in the axes of A.
     fn measure(&mut self, size: f64) -> Option<Thickness> {
+        self.shared.pack();
         let axes = self.axes()?;
         let vertices = self.shared.vertices();
         let mean = vertices.iter().sum::<Vec3>() / vertices.len() as f64;
@@ -374,8 +375,8 @@ fn lowest(planes: &[Plane]) -> Option<usize> {
 }
 
 /// A ball that holds points.
-fn ball(points: &[Vec3]) -> (Vec3, f64) {
-    let centre = points.iter().sum::<Vec3>() / points.len() as f64;
+fn ball<'a>(points: impl ExactSizeIterator<Item = &'a Vec3> + Clone) -> (Vec3, f64) {
+    let centre = points.clone().sum::<Vec3>() / points.len() as f64;
     let squared = |point: &Vec3| (point - centre).norm_squared();
-    (centre, points.iter().map(squared).fold(0.0, f64::max).sqrt())
+    (centre, points.map(squared).fold(0.0, f64::max).sqrt())
 }
