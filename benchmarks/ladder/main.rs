@@ -67,13 +67,71 @@ const STEP: f64 = 1e-7;
 const STEPS: u32 = 20;
 const ROUNDS: usize = 9;
 
+/// The shapes of a scene.
+#[derive(Clone, Copy)]
+enum Grains {
+    Spheres,
+    /// Lines of their kind, and semi-axes over [`SIZE`].
+    Ellipsoidal(&'static str, [f64; 3]),
+    Boxes,
+    /// Spheres, ellipsoids, superellipsoids, spherocylinders and boxes, all about as long along each axis.
+    FiveKinds,
+}
+
+/// How much longer some of a mixture are along x.
+const LONGER: f64 = 1.001;
+
+impl Grains {
+    /// Semi-axes over [`SIZE`].
+    const fn axes(self) -> [f64; 3] {
+        match self {
+            Self::Spheres | Self::FiveKinds => [1.0; 3],
+            Self::Ellipsoidal(_, axes) => axes,
+            Self::Boxes => [1.2, 1.1, 1.0],
+        }
+    }
+
+    /// Shapes as a scene has them, and the names in the order in which they stand on the lattice: seven of a mixture, so that each
+    /// touches several kinds.
+    fn shapes(self) -> (String, &'static [&'static str]) {
+        let axes = self.axes().map(|axis| axis * SIZE);
+        let shape = |name: &str, lines: &str| format!("[[shape]]\nname = \"{name}\"\n{lines}\n");
+        let ball = format!("kind = \"sphere\"\nradius = {SIZE:e}");
+        let corners: Vec<[f64; 3]> = (0..8)
+            .map(|k| std::array::from_fn(|i| if k >> i & 1 == 1 { axes[i] } else { -axes[i] }))
+            .collect();
+        let brick = format!("kind = \"polyhedron\"\nvertices = {corners:?}");
+        let single: &[&str] = &["grain"];
+        match self {
+            Self::Spheres => (shape("grain", &ball), single),
+            Self::Ellipsoidal(kind, _) => {
+                (shape("grain", &format!("{kind}\nsemi_axes = {axes:?}")), single)
+            }
+            Self::Boxes => (shape("grain", &brick), single),
+            Self::FiveKinds => {
+                let longer = [LONGER * SIZE, SIZE, SIZE];
+                let round = format!("kind = \"ellipsoid\"\nsemi_axes = {longer:?}");
+                let blunt = format!(
+                    "kind = \"superellipsoid\"\nexponents = [0.8, 0.8]\nsemi_axes = {longer:?}"
+                );
+                let length = 2.0 * (LONGER - 1.0) * SIZE;
+                let rod =
+                    format!("kind = \"spherocylinder\"\nlength = {length:e}\nradius = {SIZE:e}");
+                let lines =
+                    [("ball", ball), ("egg", round), ("pill", blunt), ("rod", rod), ("box", brick)];
+                let all = lines.iter().map(|(name, lines)| shape(name, lines)).collect();
+                (all, &["ball", "egg", "pill", "rod", "box", "ball", "egg"])
+            }
+        }
+    }
+}
+
 /// What a scene has.
 #[derive(Clone, Copy)]
 #[expect(clippy::struct_excessive_bools, reason = "each feature is there or not, on its own")]
 struct Rung {
     name: &'static str,
-    /// Lines of the shape, and its semi-axes over [`SIZE`].
-    shape: Option<(&'static str, [f64; 3])>,
+    grains: Grains,
     dashpots: bool,
     friction: bool,
     floor: bool,
@@ -81,10 +139,10 @@ struct Rung {
     servo: bool,
 }
 
-const RUNGS: [Rung; 8] = {
+const RUNGS: [Rung; 10] = {
     let spheres = Rung {
         name: "spheres with springs alone",
-        shape: None,
+        grains: Grains::Spheres,
         dashpots: false,
         friction: false,
         floor: false,
@@ -98,27 +156,39 @@ const RUNGS: [Rung; 8] = {
     let servo = Rung { name: "and a lid with a servo", servo: true, ..periodic };
     let ellipsoids = Rung {
         name: "the same of ellipsoids",
-        shape: Some(("kind = \"ellipsoid\"", [1.2, 1.1, 1.0])),
+        grains: Grains::Ellipsoidal("kind = \"ellipsoid\"", [1.2, 1.1, 1.0]),
         ..servo
     };
     let superellipsoids = Rung {
         name: "the same of superellipsoids",
-        shape: Some(("kind = \"superellipsoid\"\nexponents = [0.8, 0.8]", [1.2, 1.1, 1.0])),
+        grains: Grains::Ellipsoidal(
+            "kind = \"superellipsoid\"\nexponents = [0.8, 0.8]",
+            [1.2, 1.1, 1.0],
+        ),
         ..servo
     };
-    [spheres, dashpots, friction, floor, periodic, servo, ellipsoids, superellipsoids]
+    let five_kinds =
+        Rung { name: "the same of five kinds, one with faces", grains: Grains::FiveKinds, ..servo };
+    let boxes = Rung { name: "the same of boxes", grains: Grains::Boxes, ..servo };
+    [
+        spheres,
+        dashpots,
+        friction,
+        floor,
+        periodic,
+        servo,
+        ellipsoids,
+        superellipsoids,
+        five_kinds,
+        boxes,
+    ]
 };
 
 impl Rung {
     /// With so many bodies along each axis.
     fn scene(&self, along: u32) -> anyhow::Result<Scene> {
-        let (kind, axes) = self.shape.unwrap_or(("kind = \"ellipsoid\"", [1.0; 3]));
-        let axes = axes.map(|axis| axis * SIZE);
-        let spacing = axes.map(|axis| 2.0 * TIGHT * axis);
-        let shape = match self.shape {
-            Some(_) => format!("{kind}\nsemi_axes = {axes:?}"),
-            None => format!("kind = \"sphere\"\nradius = {SIZE:e}"),
-        };
+        let spacing = self.grains.axes().map(|axis| 2.0 * TIGHT * axis * SIZE);
+        let (shapes, names) = self.grains.shapes();
         let walls = match (self.floor, self.servo) {
             (false, _) => "[]",
             (true, false) => "[\"-z\"]",
@@ -128,8 +198,8 @@ impl Rung {
             "[domain]\nlow = [0, 0, 0]\nhigh = {high:?}\nperiodic = [{p}, {p}, false]\nwalls = {walls}\n\
              [[material]]\nname = \"glass\"\ndensity = {DENSITY}\nnormal_stiffness = {STIFFNESS}\n\
              friction = {friction}\nrestitution = {restitution}\ntangential_damping_ratio = {tangential}\n\
-             [[shape]]\nname = \"grain\"\n{shape}\n\
-             [[fill.lattice]]\nfirst = {first:?}\ncount = [{along}, {along}, {along}]\nspacing = {spacing:?}\n\
+             {shapes}\
+             [[fill.lattice]]\nshapes = {names:?}\nfirst = {first:?}\ncount = [{along}, {along}, {along}]\nspacing = {spacing:?}\n\
              orientation = \"upright\"\n\
              [time]\nstep = {STEP:e}\nsteps = 1\n[output]\ndirectory = \"none\"\n{servo}",
             high = spacing.map(|spacing| spacing * f64::from(along)),

@@ -146,6 +146,10 @@ pub struct Law<M: Model> {
     width: usize,
     /// What the law remembers of a contact: more where there are bodies with faces.
     state: Vec<StateColumn>,
+    /// Numbers in these columns.
+    stride: usize,
+    /// Of each shape, whether it can be the first and the second body of a contact of faces.
+    faces: Vec<[bool; 2]>,
     needs: Needs,
 }
 
@@ -197,11 +201,15 @@ impl<M: Model> Law<M> {
         assert!(width <= MOST_STATE, "{} remembers more than {MOST_STATE} numbers", model.name());
         let mut needs = model.needs();
         let mut state = model.state().to_vec();
-        if library.shapes.iter().any(|shape| shape.facets().is_some()) {
+        let faces: Vec<[bool; 2]> =
+            library.shapes.iter().map(|s| s.kind().ends_on_faces()).collect();
+        if faces.iter().any(|[first, _]| *first) {
             state.extend(patches::REMEMBERED);
             (needs.patches, needs.spin) = (true, true);
         }
-        let mut law = Self { model, table: Vec::new(), shapes: 0, width, state, needs };
+        let stride = StateColumn::total_width(&state);
+        let mut law =
+            Self { model, table: Vec::new(), shapes: 0, width, state, stride, faces, needs };
         let shapes = library.shapes.len();
         if shapes <= MOST_SHAPES {
             let all = (0..shapes).flat_map(|a| (0..shapes).map(move |b| (a, b)));
@@ -242,6 +250,13 @@ impl<M: Model> Law<M> {
         PairConstants { of_law: self.model.constants(a, b), radii: [radius(a), radius(b)] }
     }
 
+    /// Do two bodies touch with faces? The others of a scene with such bodies have nothing to do with patches.
+    #[inline(always)]
+    fn has_patch(&self, pair: Pair, particles: &Particles) -> bool {
+        let [a, b] = [pair.a, pair.b].map(|slot| particles.shape[slot.index()].index());
+        self.faces[a][0] & self.faces[b][1]
+    }
+
     /// Of a pair.
     fn constants(&self, pair: Pair, particles: &Particles) -> M::Constants<f64> {
         if particles.needs.scale {
@@ -266,11 +281,12 @@ impl<M: Model> ForceLaw for Law<M> {
     }
 
     fn apply(&self, work: &mut Work, particles: &Particles, dt: f64, sums: &mut Sums) {
+        let contacts = Contacts { law: self, work, particles, dt, sums, summed: 0 };
         if self.needs.patches {
-            patches::OnPatches { law: self, work, particles, dt, sums }.run();
-            return;
+            lanes::dispatch(patches::WithPatches(contacts));
+        } else {
+            lanes::dispatch(contacts);
         }
-        lanes::dispatch(Contacts { law: self, work, particles, dt, sums, summed: 0 });
     }
 
     fn normal_force(
@@ -280,17 +296,18 @@ impl<M: Model> ForceLaw for Law<M> {
         geometry: &Geometry,
         state: &[f64],
     ) -> f64 {
-        if self.needs.patches {
-            return patches::Memory::read(&state[self.width..]).press;
+        let (of_model, of_patch) = state.split_at(self.width);
+        if self.has_patch(pair, particles) {
+            return patches::Memory::read(of_patch).press;
         }
         let constants = self.constants(pair, particles);
-        self.model.last(&constants, geometry.overlap, state).press
+        self.model.last(&constants, geometry.overlap, of_model).press
     }
 
     fn stored(&self, pair: Pair, particles: &Particles, geometry: &Geometry, state: &[f64]) -> f64 {
         let constants = self.constants(pair, particles);
-        let [of_model, of_patch] = state.split_at(self.width).into();
-        let of_torsion = if self.needs.patches {
+        let (of_model, of_patch) = state.split_at(self.width);
+        let of_torsion = if self.has_patch(pair, particles) {
             patches::Memory::read(of_patch).stored(&self.model.turning(&constants))
         } else {
             0.0
@@ -442,7 +459,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         bodies: [Gather; 2],
         constants: &OfEight<M, L>,
     ) {
-        let Self { law, particles, dt, .. } = *self;
+        let Self { law, particles, .. } = *self;
         let count = (self.work.pairs.len() - first).min(WIDTH);
         // Pairs with walls stand among themselves.
         let with_walls = bodies[1].at(0) >= particles.first_facet();
@@ -453,7 +470,12 @@ impl<M: Model> Contacts<'_, '_, M> {
         let state = &mut state[..law.width];
         let last = read_last::<L>(self.work, &block, state);
         let now = GeometryInLanes::of(&eight_from_rows(self.work.geometry, first, count));
-        let arms = self.arms::<L, MOVES, TURNS>(&block, &constants.radii, [&last, &now]);
+        let points = if self.work.points.is_empty() {
+            None
+        } else {
+            Some(triple::<L>(&eight_from_rows(self.work.points, first, count)))
+        };
+        let arms = self.arms::<L, MOVES, TURNS>(&block, points, &constants.radii, [&last, &now]);
         let motion =
             if MOVES { Motion::of(particles, bodies, arms.now, arms.last) } else { Motion::none() };
 
@@ -468,19 +490,8 @@ impl<M: Model> Contacts<'_, '_, M> {
 
         // Each body loses half; a wall has no share.
         let share = if with_walls { done.dissipated } else { L::all(0.5) * done.dissipated };
-        let impulse = if with_walls {
-            let half_step = L::all(0.5 * dt);
-            let straight = done.last_force.plus(done.force).plus(done.viscous).times(half_step);
-            let turning = if turning_walls {
-                let now = arms.now[1].cross(done.force.plus(done.viscous));
-                Some(arms.last[1].cross(done.last_force).plus(now).times(half_step).store())
-            } else {
-                None
-            };
-            Some(Impulse { straight: straight.store(), turning })
-        } else {
-            None
-        };
+        let impulse =
+            if with_walls { Some(self.impulse(&done, &arms, turning_walls)) } else { None };
         let (force, torques) = (done.force.store(), torques.map(Triple::store));
         self.sum_in_turn::<TURNS>(
             &block,
@@ -488,20 +499,34 @@ impl<M: Model> Contacts<'_, '_, M> {
         );
     }
 
-    /// Where forces act, seen from the centres of bodies.
+    /// What particles have done to walls since the last step.
+    #[inline(always)]
+    fn impulse<L: Eight>(&self, done: &Done<L>, arms: &Arms<L>, turning_walls: bool) -> Impulse {
+        let half_step = L::all(0.5 * self.dt);
+        let straight = done.last_force.plus(done.force).plus(done.viscous).times(half_step);
+        let turning = if turning_walls {
+            let now = arms.now[1].cross(done.force.plus(done.viscous));
+            Some(arms.last[1].cross(done.last_force).plus(now).times(half_step).store())
+        } else {
+            None
+        };
+        Impulse { straight: straight.store(), turning }
+    }
+
+    /// Where forces act, seen from the centres of bodies; `points` are left out if all are spheres.
     #[inline(always)]
     fn arms<L: Eight, const MOVES: bool, const TURNS: bool>(
         &self,
         block: &Block,
+        points: Option<Triple<L>>,
         radii: &[L; 2],
         [last, now]: [&GeometryInLanes<L>; 2],
     ) -> Arms<L> {
-        let Self { work, particles, dt, .. } = self;
-        let Block { first, count, bodies: [a, b], turning_walls } = *block;
+        let Self { particles, dt, .. } = self;
+        let Block { bodies: [a, b], turning_walls, .. } = *block;
         let half = L::all(0.5);
-        let has_points = !work.points.is_empty();
-        let point = if has_points {
-            triple::<L>(&eight_from_rows(work.points, first, count))
+        let point = if let Some(points) = points {
+            points
         } else {
             now.normal.times(radii[0] - half * now.overlap)
         };
@@ -518,7 +543,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             arm_b = arm_b.plus(of_b.minus(of_a).times(L::all(0.5 * dt)));
         }
         // Of bodies other than spheres it is not remembered where the last force acted.
-        let last = if has_points {
+        let last = if points.is_some() {
             [point, arm_b]
         } else {
             let on_a = last.normal.times(radii[0] - half * last.overlap);
@@ -622,14 +647,8 @@ impl<M: Model> Contacts<'_, '_, M> {
                     add(&mut self.sums.torque, slot.index(), [x, y, z, 0.0]);
                 }
             }
-            if let Some(Impulse { straight, turning }) = impulse {
-                let impulse = Vec3::from(row(straight, lane));
-                let of_wall = &self.particles.velocity[pair.b.index()];
-                let mut energy = -impulse.dot(of_wall);
-                if let (Some(turning), Some(spin)) = (turning, &self.particles.spin) {
-                    let impulse = Vec3::from(row(turning, lane));
-                    energy -= impulse.dot(&spin.angular_velocity[pair.b.index()]);
-                }
+            if let Some(impulse) = impulse {
+                let energy = impulse.work(lane, pair.b, self.particles);
                 self.sums.note_wall_work(pair, energy);
             }
         }
@@ -653,6 +672,10 @@ impl<M: Model> Contacts<'_, '_, M> {
         let last = &self.work.last;
         let bodies = particles.bodies();
         let (pair, geometry) = (last.pairs[separated.place], &last.geometry[separated.place]);
+        if law.has_patch(pair, particles) {
+            self.add_separated_patch(separated);
+            return;
+        }
         // Where the last force acted: in the middle of the overlap of the farthest points along the last normal.
         let frames = bodies.frames(pair);
         let (body, other) = bodies.posed(pair, &frames);
@@ -671,7 +694,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let sliding = velocity - geometry.normal * velocity.dot(&geometry.normal);
 
         let constants = law.constants(pair, particles);
-        let state = &last.state[separated.place * law.width..][..law.width];
+        let state = &last.state[separated.place * law.stride..][..law.width];
         let before = law.model.last(&constants, geometry.overlap, state);
         let sliding = Triple { x: sliding.x, y: sliding.y, z: sliding.z };
         let Triple { x, y, z } = before.rub.plus(law.model.viscous(&constants, sliding));
@@ -774,7 +797,7 @@ fn read_last<L: Eight>(work: &Work, block: &Block, state: &mut [L]) -> GeometryI
         return GeometryInLanes::of(&eight_rows(geometry, start));
     }
     let from = places_before(work.from, block.first, block.count);
-    read_state(&rows_at(all, state.len(), &from), state);
+    read_state(&rows_at(all, [state.len(); 2], &from), state);
     GeometryInLanes::of(&geometries_at(geometry, &from))
 }
 
@@ -872,13 +895,17 @@ fn rows_of(all: &[f64], width: usize, start: usize) -> [&[f64]; WIDTH] {
     rows
 }
 
-/// The same of any eight: zeros of those that have no place.
+/// The same of any eight, of rows at this stride: zeros of those that have no place.
 #[inline(always)]
-fn rows_at<'a>(all: &'a [f64], width: usize, places: &[Previous; WIDTH]) -> [&'a [f64]; WIDTH] {
+fn rows_at<'a>(
+    all: &'a [f64],
+    [stride, width]: [usize; 2],
+    places: &[Previous; WIDTH],
+) -> [&'a [f64]; WIDTH] {
     let mut rows = [&NO_STATE[..width]; WIDTH];
     for (row, place) in rows.iter_mut().zip(places) {
         if *place != Previous::NONE {
-            *row = &all[place.index() * width..][..width];
+            *row = &all[place.index() * stride..][..width];
         }
     }
     rows
@@ -963,6 +990,20 @@ struct Impulse {
     turning: Option<[[f64; WIDTH]; 3]>,
 }
 
+impl Impulse {
+    /// Work on the particle of a lane, of this wall [J].
+    #[inline(always)]
+    fn work(&self, lane: usize, wall: Slot, particles: &Particles) -> f64 {
+        let impulse = Vec3::from(row(&self.straight, lane));
+        let mut energy = -impulse.dot(&particles.velocity[wall.index()]);
+        if let (Some(turning), Some(spin)) = (&self.turning, &particles.spin) {
+            let impulse = Vec3::from(row(turning, lane));
+            energy -= impulse.dot(&spin.angular_velocity[wall.index()]);
+        }
+        energy
+    }
+}
+
 /// How A's surface moves against B's.
 struct Motion<L> {
     /// Where they touch [m/s]: positive along the normal is approach.
@@ -1036,15 +1077,17 @@ pub fn reduced_mass(a: &Body, b: &Body) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::patches::WithPatches;
     use super::{Contacts, Law};
-    use crate::contact::{Geometry, Pair, Previous};
-    use crate::ids::{MaterialId, Slot};
+    use crate::contact::{Geometry, Pair, Patch, Previous};
+    use crate::ids::{MaterialId, ShapeId, Slot};
     use crate::lanes::{self, Kernel, Portable};
     use crate::law::linear::{Constants, Interactions, Linear};
     use crate::law::{ForceLaw, Last, Sums, Work};
     use crate::math::{Vec3, Vec3AndNumber};
     use crate::particles::{Particles, crowd};
     use crate::random::Random;
+    use crate::shape::{Polyhedron, Shape};
 
     /// What touches, and what is remembered.
     #[derive(Clone, Default)]
@@ -1055,6 +1098,7 @@ mod tests {
         from: Vec<Previous>,
         geometry: Vec<Geometry>,
         state: Vec<f64>,
+        patches: Vec<Patch>,
     }
 
     /// What a law finds.
@@ -1071,6 +1115,7 @@ mod tests {
                 now: vec![self.now[place]],
                 points: self.points.get(place).copied().into_iter().collect(),
                 from: vec![self.from[place]],
+                patches: self.patches.get(place).copied().into_iter().collect(),
                 ..self.clone()
             }
         }
@@ -1084,7 +1129,7 @@ mod tests {
             let count = self.pairs.len();
             let zeros = vec![Vec3AndNumber::default(); particles.slots()];
             let mut found = Found {
-                state: vec![0.0; count * law.width],
+                state: vec![f64::NAN; count * law.stride],
                 forces: vec![Vec3::zeros(); count],
                 sums: Sums { force: zeros.clone(), torque: zeros, wall_work: Vec::new() },
             };
@@ -1092,7 +1137,7 @@ mod tests {
                 pairs: &self.pairs,
                 geometry: &self.now,
                 points: &self.points,
-                patches: &[],
+                patches: &self.patches,
                 from: &self.from,
                 last: Last { pairs: &self.pairs, geometry: &self.geometry, state: &self.state },
                 separated: &[],
@@ -1130,6 +1175,124 @@ mod tests {
         }
     }
 
+    /// A chain of bodies, each in touch with the next; every fifth pair for the first time.
+    fn touching(
+        particles: &Particles,
+        law: &Law<Linear>,
+        interactions: &Interactions,
+        all_spheres: bool,
+    ) -> Touching {
+        let has = |column: &str| law.state().iter().any(|state| state.name == column);
+        let mut random = Random::of(5, 0);
+        let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.signed());
+        let mut before = Touching::default();
+        for k in 0..particles.owned as u32 - 1 {
+            let pair = Pair { a: Slot(k), b: Slot(k + 1) };
+            before.pairs.push(pair);
+            let normal = vector(1.0).normalize();
+            before.now.push(Geometry { normal, overlap: 1e-5 });
+            if !all_spheres {
+                before.points.push(vector(1e-3));
+            }
+            if k % 5 == 0 {
+                before.from.push(Previous::NONE);
+                continue;
+            }
+            before.from.push(Previous::at(before.geometry.len()));
+            let last = (normal + vector(1e-3)).normalize();
+            before.geometry.push(Geometry { normal: last, overlap: 9e-6 });
+            let across = vector(5e-6 * f64::from(k % 3));
+            let mut spring = across - last * across.dot(&last);
+            let of = |slot| particles.material(slot);
+            if !interactions.of(of(pair.a), of(pair.b)).is_frictional() {
+                spring = Vec3::zeros();
+            }
+            if has("spring") {
+                before.state.extend(spring.iter());
+            }
+            if has("normal_force") {
+                before.state.push(9e-3);
+            }
+            before.state.extend(vec![1e-7; law.stride - law.width]);
+        }
+        before
+    }
+
+    fn with_patches(contacts: Contacts<Linear>) {
+        lanes::dispatch(WithPatches(contacts));
+    }
+
+    /// In a list with contacts of faces, the others get the bits that they get without any: normal and sliding, for the first
+    /// time and again, more than a window of them. Those of faces get the same bits in any company, too.
+    #[test]
+    fn contacts_without_a_patch_do_not_see_those_with_one() {
+        let box_of = |size: f64| {
+            let corner = |k: u32| Vec3::from_fn(|i, _| if k >> i & 1 == 1 { size } else { -size });
+            Polyhedron::new(&(0..8).map(corner).collect::<Vec<_>>()).expect("a box")
+        };
+        let rough = Constants {
+            normal_stiffness: 1e3,
+            tangential_stiffness: 800.0,
+            friction: 0.3,
+            normal_damping_ratio: 0.2,
+            tangential_damping_ratio: 0.1,
+        };
+        let smooth = Constants { friction: 0.0, ..rough };
+        for (sized, other) in [(false, rough), (true, rough), (false, smooth)] {
+            let interactions = Interactions::new(&[rough, other]);
+            let model = || Linear::new(interactions.clone(), true);
+            let plain = crowd(300, sized);
+            let law = Law::new(model(), &plain.library);
+            let without = touching(&plain, &law, &interactions, false);
+            let without = without.apply(&law, &plain, |c| lanes::dispatch(c));
+
+            let mut particles = crowd(300, sized);
+            let solid = Shape::Polyhedron(Box::new(box_of(1e-3)));
+            particles.library.push("box", solid, MaterialId(1), 2500.0);
+            particles.library.particle_shapes += 1;
+            let is_box = |slot: usize| slot % 7 >= 5 || (100..140).contains(&slot);
+            for slot in 0..particles.owned {
+                if is_box(slot) {
+                    particles.shape[slot] = ShapeId(2);
+                }
+            }
+            let law = Law::new(model(), &particles.library);
+            assert_eq!(law.stride, law.width + 11);
+            let mut before = touching(&particles, &law, &interactions, false);
+            let covariance = [2e-7, 3e-7, 1e-7, 1e-8, -2e-8, 3e-8];
+            let of_faces = Patch { gain: 0.9, lever: 1e-6, covariance };
+            let has_patch = |pair: &Pair| is_box(pair.a.index()) && is_box(pair.b.index());
+            before.patches = before
+                .pairs
+                .iter()
+                .map(|p| if has_patch(p) { of_faces } else { Patch::POINT })
+                .collect();
+
+            let found = before.apply(&law, &particles, with_patches);
+            let portable = before.apply(&law, &particles, |c| WithPatches(c).run::<Portable>());
+            assert_eq!(found.bits_of_sums(), portable.bits_of_sums());
+            let mut compared = 0;
+            for (place, pair) in before.pairs.iter().enumerate() {
+                let bits = found.bits(place, law.stride);
+                assert_eq!(bits, portable.bits(place, law.stride), "pair {place}");
+                let alone = before.of(place).apply(&law, &particles, with_patches);
+                assert_eq!(bits, alone.bits(0, law.stride), "pair {place} alone");
+                if !is_box(pair.a.index()) && !is_box(pair.b.index()) {
+                    let (known, of_patch) = bits.split_at(3 + law.width);
+                    assert_eq!(known, without.bits(place, law.width), "pair {place}");
+                    assert!(of_patch.iter().all(|&bits| bits == 0), "pair {place}");
+                    compared += 1;
+                }
+            }
+            assert!(compared > 128 && compared + 40 < before.pairs.len(), "{compared}");
+            // Bodies whose both contacts are without boxes.
+            for slot in (1..299).filter(|slot| (slot - 1..=slot + 1).all(|k| !is_box(k))) {
+                assert_eq!(found.sums.force[slot], without.sums.force[slot], "{slot}");
+                assert_eq!(found.sums.torque[slot], without.sums.torque[slot], "{slot}");
+            }
+        }
+    }
+
     fn same_bits(particles: &Particles) {
         let rough = Constants {
             normal_stiffness: 1e3,
@@ -1152,39 +1315,7 @@ mod tests {
             interactions.set(MaterialId(0), MaterialId(1), mixed);
             let law = Law::new(Linear::new(interactions.clone(), true), &particles.library);
             assert_eq!(law.width, width, "{name}");
-            let has = |column: &str| law.state().iter().any(|state| state.name == column);
-
-            let mut random = Random::of(5, 0);
-            let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.signed());
-            let mut before = Touching::default();
-            for k in 0..39 {
-                let pair = Pair { a: Slot(k), b: Slot(k + 1) };
-                before.pairs.push(pair);
-                let normal = vector(1.0).normalize();
-                before.now.push(Geometry { normal, overlap: 1e-5 });
-                if !all_spheres {
-                    before.points.push(vector(1e-3));
-                }
-                if k % 5 == 0 {
-                    before.from.push(Previous::NONE);
-                    continue;
-                }
-                before.from.push(Previous::at(before.geometry.len()));
-                let last = (normal + vector(1e-3)).normalize();
-                before.geometry.push(Geometry { normal: last, overlap: 9e-6 });
-                let across = vector(5e-6 * f64::from(k % 3));
-                let mut spring = across - last * across.dot(&last);
-                let of = |slot| particles.material(slot);
-                if !interactions.of(of(pair.a), of(pair.b)).is_frictional() {
-                    spring = Vec3::zeros();
-                }
-                if has("spring") {
-                    before.state.extend(spring.iter());
-                }
-                if has("normal_force") {
-                    before.state.push(9e-3);
-                }
-            }
+            let before = touching(particles, &law, &interactions, all_spheres);
             let dispatched = before.apply(&law, particles, |c| lanes::dispatch(c));
             let portable = before.apply(&law, particles, |c| c.run::<Portable>());
             assert_eq!(dispatched.bits_of_sums(), portable.bits_of_sums(), "{name}");

@@ -1,4 +1,8 @@
-//! Contacts where there are bodies with faces: one after the other, with all that a patch adds.
+//! Contacts where there are bodies with faces: those of two faces, or of a face and a plane, with all that a patch adds; the
+//! others as everywhere.
+//!
+//! Contacts of a window of the list are found in two lots: those without a patch eight at a time, whatever stands between
+//! them in the list, those with one after the other. Then all of them are summed in their order.
 //!
 //! A face presses in an area. The normal force is the model's at the overlap `D`, times the gain `g = |grad D|`, so that
 //! its energy is still the model's at `D` ([`crate::contact::thickness`]). Beside it act
@@ -17,10 +21,11 @@
 //! reported. The point of a patch runs from edge to edge when a body rocks; no support point could stand for it.
 
 use super::{
-    Contact, Geometry, Law, MOST_STATE, Model, Pair, Particles, Separated, Slot, Sums, Work, add,
+    Block, Contact, Contacts, Geometry, GeometryInLanes, MOST_STATE, Model, Pair, Particles,
+    Separated, Slot, add, geometries_at, read_state, rows_at, triple as in_lanes,
 };
-use crate::contact::{Patch, StateColumn};
-use crate::lanes::{Row as _, Triple};
+use crate::contact::{Patch, Previous, StateColumn};
+use crate::lanes::{Eight, Kernel, Row as _, RowPairs, Triple, WIDTH};
 use crate::math::Vec3;
 
 /// Mean distance of the points of a disc from its axis, over its radius of gyration: `2√2/3`.
@@ -144,12 +149,32 @@ impl Motion {
 }
 
 /// Contacts whose forces are to be found.
-pub(super) struct OnPatches<'a, 'b, M: Model> {
-    pub(super) law: &'a Law<M>,
-    pub(super) work: &'a mut Work<'b>,
-    pub(super) particles: &'a Particles,
-    pub(super) dt: f64,
-    pub(super) sums: &'a mut Sums,
+pub(super) struct WithPatches<'a, 'b, M: Model>(pub(super) Contacts<'a, 'b, M>);
+
+impl<M: Model> Kernel for WithPatches<'_, '_, M> {
+    #[inline(always)]
+    fn run<L: Eight>(self) {
+        let Self(mut contacts) = self;
+        if contacts.law.needs.velocity {
+            contacts.in_windows::<L, true>();
+        } else {
+            contacts.in_windows::<L, false>();
+        }
+        contacts.add_separated_before(usize::MAX);
+    }
+}
+
+/// So many contacts are found before they are summed: what they do stays in the nearest cache, and hardly a lane is empty.
+const WINDOW: usize = 128;
+
+/// What the contacts of a window do to their bodies.
+struct Window {
+    /// Force on B [N], and what each body loses [J].
+    forces: [[f64; 4]; WINDOW],
+    /// Moments on B and A [N m], and zeros.
+    torques: [[[f64; 4]; 2]; WINDOW],
+    /// Work of a wall on the particle [J].
+    wall_work: [f64; WINDOW],
 }
 
 /// What acts in one contact now.
@@ -163,17 +188,142 @@ struct Acting {
     stored: f64,
 }
 
-impl<M: Model> OnPatches<'_, '_, M> {
-    /// Finds what acts in all of them, in their order, and sums it.
-    pub(super) fn run(mut self) {
-        let mut separated = self.work.separated.iter().peekable();
-        for place in 0..self.work.pairs.len() {
-            while let Some(gone) = separated.next_if(|gone| gone.before <= place) {
-                self.add_separated(*gone);
+impl<M: Model> Contacts<'_, '_, M> {
+    /// Finds what acts in all of them, and sums it in their order.
+    #[inline(always)]
+    fn in_windows<L: Eight, const MOVES: bool>(&mut self) {
+        let all = self.work.pairs;
+        let pairs = RowPairs::new(bytemuck::cast_slice(all), self.particles.slots());
+        let mut window = Window {
+            forces: [[0.0; 4]; WINDOW],
+            torques: [[[0.0; 4]; 2]; WINDOW],
+            wall_work: [0.0; WINDOW],
+        };
+        for first in (0..all.len()).step_by(WINDOW) {
+            let count = WINDOW.min(all.len() - first);
+            // Every place is written to both, and the next one over it: no branch to be guessed wrongly.
+            let (mut points, mut faces) = ([0_u32; WINDOW + 1], [0_u32; WINDOW + 1]);
+            let (mut with_point, mut with_face) = (0, 0);
+            for (pair, place) in all[first..][..count].iter().zip(first as u32..) {
+                let has_patch = self.law.has_patch(*pair, self.particles);
+                (points[with_point], faces[with_face]) = (place, place);
+                with_point += usize::from(!has_patch);
+                with_face += usize::from(has_patch);
             }
-            self.one(place);
+            for places in points[..with_point].chunks(WIDTH) {
+                self.picked::<L, MOVES>(places, pairs, first, &mut window);
+            }
+            for &place in &faces[..with_face] {
+                self.on_patch(place as usize, first, &mut window);
+            }
+            self.sum_window(first, count, &window);
         }
-        separated.for_each(|gone| self.add_separated(*gone));
+    }
+
+    /// Finds what acts in up to eight contacts without a patch, of the window that begins at the `first`.
+    #[inline(always)]
+    fn picked<L: Eight, const MOVES: bool>(
+        &mut self,
+        places: &[u32],
+        pairs: RowPairs,
+        first: usize,
+        window: &mut Window,
+    ) {
+        let Self { law, particles, .. } = *self;
+        let mut room = [[0; 2]; WIDTH];
+        let bodies = pairs.picked(places, &mut room);
+        let constants = self.constants::<L>(bodies);
+        let with_walls = bodies[1].at(0) >= particles.first_facet();
+        let turning_walls = with_walls && particles.facets.any_turns;
+        let block = Block { first, count: places.len(), bodies, turning_walls };
+
+        let mut at = [places[0] as usize; WIDTH];
+        for (at, &place) in at.iter_mut().zip(places) {
+            *at = place as usize;
+        }
+        let mut from = [Previous::NONE; WIDTH];
+        for (from, &at) in from.iter_mut().zip(&at) {
+            *from = self.work.from.get(at).copied().unwrap_or_else(|| Previous::at(at));
+        }
+        let mut state = [L::all(0.0); MOST_STATE];
+        let state = &mut state[..law.width];
+        read_state(&rows_at(self.work.last.state, [law.stride, law.width], &from), state);
+        let last = GeometryInLanes::of(&geometries_at(self.work.last.geometry, &from));
+        let now = GeometryInLanes::of(&rows_of(self.work.geometry, &at));
+        let points = Some(in_lanes::<L>(&rows_of(self.work.points, &at)));
+
+        let arms = self.arms::<L, MOVES, true>(&block, points, &constants.radii, [&last, &now]);
+        let motion = if MOVES {
+            super::Motion::of(particles, bodies, arms.now, arms.last)
+        } else {
+            super::Motion::none()
+        };
+        let done = self.act::<L, MOVES>(&constants, [&last, &now], &motion, state);
+        self.write_state_at(&at[..places.len()], state);
+
+        let share = if with_walls { done.dissipated } else { L::all(0.5) * done.dissipated };
+        let zero = L::all(0.0);
+        let forces = done.force.rows(share);
+        let on_b = arms.now[1].cross(done.force).rows(zero);
+        let on_a = done.force.cross(arms.now[0]).rows(zero);
+        for (lane, &place) in places.iter().enumerate() {
+            let place = place as usize - first;
+            forces[lane].write(&mut window.forces[place]);
+            on_b[lane].write(&mut window.torques[place][0]);
+            on_a[lane].write(&mut window.torques[place][1]);
+        }
+        if with_walls {
+            let impulse = self.impulse(&done, &arms, turning_walls);
+            for (lane, &place) in places.iter().enumerate() {
+                let wall = Slot(bodies[1].at(lane) as u32);
+                window.wall_work[place as usize - first] = impulse.work(lane, wall, particles);
+            }
+        }
+    }
+
+    /// Writes what the next step must know of contacts without a patch: nothing behind the numbers of the model.
+    #[inline(always)]
+    fn write_state_at<L: Eight>(&mut self, places: &[usize], columns: &[L]) {
+        let (width, stride) = (columns.len(), self.law.stride);
+        let mut at = 0;
+        while at < width {
+            let last = width - 1;
+            let block = L::rows_of_4([
+                columns[at],
+                columns[last.min(at + 1)],
+                columns[last.min(at + 2)],
+                columns[last.min(at + 3)],
+            ]);
+            for (&place, numbers) in places.iter().zip(&block) {
+                // What is too much is written over.
+                let row = &mut self.work.state[place * stride..][..stride];
+                numbers.write(row[at..].first_chunk_mut().expect("a patch follows"));
+            }
+            at += 4;
+        }
+        for &place in places {
+            self.work.state[place * stride..][..stride][width..].fill(0.0);
+        }
+    }
+
+    /// Adds what the contacts of a window do to their bodies, in their order, with what contacts lost that have separated in
+    /// between.
+    #[inline(always)]
+    fn sum_window(&mut self, first: usize, count: usize, window: &Window) {
+        let Window { forces, torques, wall_work } = window;
+        let first_facet = self.particles.first_facet();
+        for (place, lane) in (first..first + count).zip(0..) {
+            self.add_separated_before(place);
+            let (pair, force) = (self.work.pairs[place], forces[lane]);
+            self.work.forces[place] = force.first_three().into();
+            add(&mut self.sums.force, pair.b.index(), force);
+            add(&mut self.sums.force, pair.a.index(), force.opposite());
+            add(&mut self.sums.torque, pair.b.index(), torques[lane][0]);
+            add(&mut self.sums.torque, pair.a.index(), torques[lane][1]);
+            if pair.b.index() >= first_facet {
+                self.sums.note_wall_work(pair, wall_work[lane]);
+            }
+        }
     }
 
     /// How the bodies of a pair move.
@@ -185,14 +335,14 @@ impl<M: Model> OnPatches<'_, '_, M> {
         }
     }
 
-    /// Finds what acts in a contact, and sums it.
-    fn one(&mut self, place: usize) {
+    /// Finds what acts in a contact with a patch, of the window that begins at the `first`.
+    #[inline(never)]
+    fn on_patch(&mut self, place: usize, first: usize, window: &mut Window) {
         let Self { law, particles, dt, .. } = *self;
         let pair = self.work.pairs[place];
         let place_before =
             if self.work.from.is_empty() { place } else { self.work.from[place].index() };
         let last = self.work.last.geometry.get(place_before).copied().unwrap_or_default();
-        let width = law.width + Memory::WIDTH;
         let constants = law.constants(pair, particles);
         let motion = self.motion(pair);
 
@@ -200,7 +350,7 @@ impl<M: Model> OnPatches<'_, '_, M> {
         let state = &mut numbers[..law.width];
         let mut before = Memory::default();
         if last.touched() {
-            let remembered = &self.work.last.state[place_before * width..][..width];
+            let remembered = &self.work.last.state[place_before * law.stride..][..law.stride];
             state.copy_from_slice(&remembered[..law.width]);
             before = Memory::read(&remembered[law.width..]);
         }
@@ -219,28 +369,23 @@ impl<M: Model> OnPatches<'_, '_, M> {
             };
             dissipated = half * (work(&before, 1) + work(&memory, 0)) - (stored - stored_before);
         }
-        let row = &mut self.work.state[place * width..][..width];
+        let row = &mut self.work.state[place * law.stride..][..law.stride];
         row[..law.width].copy_from_slice(state);
         memory.write(&mut row[law.width..]);
-        self.work.forces[place] = force;
 
-        let first_facet = particles.first_facet();
-        let with_wall = pair.b.index() >= first_facet;
+        let with_wall = pair.b.index() >= particles.first_facet();
         let share = if with_wall { dissipated } else { 0.5 * dissipated };
         let arm_b = point - motion.r[0];
         let on_b = arm_b.cross(&force) + moment;
         let on_a = force.cross(&point) - moment;
-        let [x, y, z] = force.into();
-        let sums = &mut *self.sums;
-        add(&mut sums.force, pair.b.index(), [x, y, z, share]);
-        add(&mut sums.force, pair.a.index(), [x, y, z, share].opposite());
-        add(&mut sums.torque, pair.b.index(), [on_b.x, on_b.y, on_b.z, 0.0]);
-        add(&mut sums.torque, pair.a.index(), [on_a.x, on_a.y, on_a.z, 0.0]);
+        let lane = place - first;
+        window.forces[lane] = [force.x, force.y, force.z, share];
+        window.torques[lane] = [[on_b.x, on_b.y, on_b.z, 0.0], [on_a.x, on_a.y, on_a.z, 0.0]];
         if with_wall {
             let last_force = before.total_force(&last.normal);
             let on_wall = motion.work_on_b(&last_force, &before.moment, &before.point, 1, half)
                 + motion.work_on_b(&force, &moment, &point, 0, half);
-            sums.note_wall_work(pair, -on_wall);
+            window.wall_work[lane] = -on_wall;
         }
     }
 
@@ -299,13 +444,13 @@ impl<M: Model> OnPatches<'_, '_, M> {
 
     /// No force is left, but what the last contact lost.
     #[cold]
-    fn add_separated(&mut self, separated: Separated) {
+    pub(super) fn add_separated_patch(&mut self, separated: Separated) {
         let Self { law, particles, dt, .. } = *self;
         let half = 0.5 * dt;
         let last = &self.work.last;
         let (pair, geometry) = (last.pairs[separated.place], &last.geometry[separated.place]);
-        let width = law.width + Memory::WIDTH;
-        let (state, memory) = last.state[separated.place * width..][..width].split_at(law.width);
+        let remembered = &last.state[separated.place * law.stride..][..law.stride];
+        let (state, memory) = remembered.split_at(law.width);
         let memory = Memory::read(memory);
         let motion = self.motion(pair);
         // The force fell to nothing on the way: half of it did the work.
@@ -362,6 +507,16 @@ impl Torsion {
         let slipped = if dt > 0.0 { (limited - viscous) / tangential_stiffness } else { stretch };
         Self { moment: lever * limited, stretch: slipped }
     }
+}
+
+/// The rows of eight places.
+#[inline(always)]
+fn rows_of<'a, T>(all: &'a [T], at: &[usize; WIDTH]) -> [&'a T; WIDTH] {
+    let mut rows = [&all[at[0]]; WIDTH];
+    for (row, &at) in rows.iter_mut().zip(at) {
+        *row = &all[at];
+    }
+    rows
 }
 
 fn triple(v: &Vec3) -> Triple<f64> {
