@@ -91,38 +91,36 @@ impl Grains {
         }
     }
 
-    /// Shapes as a scene has them, and the names in the order in which they stand on the lattice: seven of a mixture, so that each
-    /// touches several kinds.
-    fn shapes(self) -> (String, &'static [&'static str]) {
+    /// Shapes as a scene has them, and their names. Seven of a mixture, two of them twice: so each touches several kinds on a lattice of 20.
+    fn shapes(self) -> (String, Vec<String>) {
         let axes = self.axes().map(|axis| axis * SIZE);
-        let shape = |name: &str, lines: &str| format!("[[shape]]\nname = \"{name}\"\n{lines}\n");
-        let ball = format!("kind = \"sphere\"\nradius = {SIZE:e}");
+        let longer = [LONGER * SIZE, SIZE, SIZE];
+        let length = 2.0 * (LONGER - 1.0) * SIZE;
         let corners: Vec<[f64; 3]> = (0..8)
             .map(|k| std::array::from_fn(|i| if k >> i & 1 == 1 { axes[i] } else { -axes[i] }))
             .collect();
+        let sphere = format!("kind = \"sphere\"\nradius = {SIZE:e}");
         let brick = format!("kind = \"polyhedron\"\nvertices = {corners:?}");
-        let single: &[&str] = &["grain"];
-        match self {
-            Self::Spheres => (shape("grain", &ball), single),
-            Self::Ellipsoidal(kind, _) => {
-                (shape("grain", &format!("{kind}\nsemi_axes = {axes:?}")), single)
-            }
-            Self::Boxes => (shape("grain", &brick), single),
-            Self::FiveKinds => {
-                let longer = [LONGER * SIZE, SIZE, SIZE];
-                let round = format!("kind = \"ellipsoid\"\nsemi_axes = {longer:?}");
-                let blunt = format!(
-                    "kind = \"superellipsoid\"\nexponents = [0.8, 0.8]\nsemi_axes = {longer:?}"
-                );
-                let length = 2.0 * (LONGER - 1.0) * SIZE;
-                let rod =
-                    format!("kind = \"spherocylinder\"\nlength = {length:e}\nradius = {SIZE:e}");
-                let lines =
-                    [("ball", ball), ("egg", round), ("pill", blunt), ("rod", rod), ("box", brick)];
-                let all = lines.iter().map(|(name, lines)| shape(name, lines)).collect();
-                (all, &["ball", "egg", "pill", "rod", "box", "ball", "egg"])
-            }
-        }
+        let blunt = "kind = \"superellipsoid\"\nexponents = [0.8, 0.8]";
+        let egg = format!("kind = \"ellipsoid\"\nsemi_axes = {longer:?}");
+        let all = match self {
+            Self::Spheres => vec![sphere],
+            Self::Ellipsoidal(kind, _) => vec![format!("{kind}\nsemi_axes = {axes:?}")],
+            Self::Boxes => vec![brick],
+            Self::FiveKinds => vec![
+                sphere.clone(),
+                egg.clone(),
+                format!("{blunt}\nsemi_axes = {longer:?}"),
+                format!("kind = \"spherocylinder\"\nlength = {length:e}\nradius = {SIZE:e}"),
+                brick,
+                sphere,
+                egg,
+            ],
+        };
+        let names: Vec<String> = (0..all.len()).map(|k| k.to_string()).collect();
+        let named = names.iter().zip(&all);
+        let text = named.map(|(name, lines)| format!("[[shape]]\nname = \"{name}\"\n{lines}\n"));
+        (text.collect(), names)
     }
 }
 

@@ -1,8 +1,9 @@
-//! Contacts where there are bodies with faces: those of two faces, or of a face and a plane, with all that a patch adds; the
-//! others as everywhere.
+//! Contacts in scenes that have bodies with faces.
 //!
-//! Contacts of a window of the list are found in two lots: those without a patch eight at a time, whatever stands between
-//! them in the list, those with one after the other. Then all of them are summed in their order.
+//! Contacts of two such bodies, or of one and a plane, have a patch. They are found one after the other. The others are found
+//! eight at a time, picked from a window of the list, whatever stands between them. Then all contacts of the window are summed
+//! in their order. A contact gets the same bits in any company; force and springs of one without a patch have the bits that they
+//! have in scenes without faces.
 //!
 //! A face presses in an area. The normal force is the model's at the overlap `D`, times the gain `g = |grad D|`, so that
 //! its energy is still the model's at `D` ([`crate::contact::thickness`]). Beside it act
@@ -10,6 +11,7 @@
 //! - the elastic couple about the normal, the rest of the gradient;
 //! - the moment of the dashpot spread over the patch, `c g n × [C (n × ω)]` on A with the covariance `C` of what both bodies
 //!   hold and `ω = ω_A - ω_B`: it dissipates rocking, and nothing where the patch is a point or about the line of an edge;
+//! - the moment of a model that has one;
 //! - torsion: a spring `φ` [m] with `dφ = a ω·n dt`, its stretch at a distance `a` from the axis, with the constants of the
 //!   tangential spring and Coulomb's limit. Its moment is `a` times its force. When `a` changes, `φ` and its energy stay.
 //!
@@ -21,11 +23,11 @@
 //! reported. The point of a patch runs from edge to edge when a body rocks; no support point could stand for it.
 
 use super::{
-    Block, Contact, Contacts, Geometry, GeometryInLanes, MOST_STATE, Model, Pair, Particles,
-    Separated, Slot, add, geometries_at, read_state, rows_at, triple as in_lanes,
+    Arms, Contact, Contacts, Geometry, GeometryInLanes, MOST_STATE, Model, Pair, Particles,
+    Separated, Slot, add, geometries_at, pieces, read_state, rows_at, triple as in_lanes, vectors,
 };
 use crate::contact::{Patch, Previous, StateColumn};
-use crate::lanes::{Eight, Kernel, Row as _, RowPairs, Triple, WIDTH};
+use crate::lanes::{Eight, Gather, Kernel, Row, RowPairs, Triple, WIDTH};
 use crate::math::Vec3;
 
 /// Mean distance of the points of a disc from its axis, over its radius of gyration: `2√2/3`.
@@ -117,9 +119,7 @@ impl Motion {
         let r = particles.bodies().relative(pair);
         let bodies = [pair.a, pair.b].map(Slot::index);
         let velocity = bodies.map(|k| particles.velocity[k]);
-        let spin = bodies.map(|k| {
-            particles.spin.as_ref().map_or_else(Vec3::zeros, |spin| spin.angular_velocity[k])
-        });
+        let spin = [pair.a, pair.b].map(|slot| particles.angular_velocity_of(slot));
         Self { r: [r, r - (velocity[1] - velocity[0]) * dt], velocity, spin }
     }
 
@@ -177,6 +177,27 @@ struct Window {
     wall_work: [f64; WINDOW],
 }
 
+/// What is remembered of eight contacts without a patch.
+#[derive(Clone, Copy)]
+struct MemoryInLanes<L> {
+    /// See [`Memory`]; nothing twists.
+    point: Triple<L>,
+    force: Triple<L>,
+    moment: Triple<L>,
+    press: L,
+}
+
+/// Eight contacts without a patch.
+struct Picked<L> {
+    /// Where they stand.
+    at: [usize; WIDTH],
+    /// Seen from the centre of A [m].
+    point: Triple<L>,
+    now: GeometryInLanes<L>,
+    last: GeometryInLanes<L>,
+    before: MemoryInLanes<L>,
+}
+
 /// What acts in one contact now.
 struct Acting {
     /// On B [N].
@@ -229,61 +250,135 @@ impl<M: Model> Contacts<'_, '_, M> {
         first: usize,
         window: &mut Window,
     ) {
-        let Self { law, particles, .. } = *self;
+        let Self { law, particles, dt, .. } = *self;
         let mut room = [[0; 2]; WIDTH];
-        let bodies = pairs.picked(places, &mut room);
-        let constants = self.constants::<L>(bodies);
-        let with_walls = bodies[1].at(0) >= particles.first_facet();
-        let turning_walls = with_walls && particles.facets.any_turns;
-        let block = Block { first, count: places.len(), bodies, turning_walls };
+        let [a, b] = pairs.picked(places, &mut room);
+        let constants = self.constants::<L>([a, b]).of_law;
+        let with_walls = b.at(0) >= particles.first_facet();
+        let zero = L::all(0.0);
 
-        let mut at = [places[0] as usize; WIDTH];
-        for (at, &place) in at.iter_mut().zip(places) {
-            *at = place as usize;
-        }
-        let mut from = [Previous::NONE; WIDTH];
-        for (from, &at) in from.iter_mut().zip(&at) {
-            *from = self.work.from.get(at).copied().unwrap_or_else(|| Previous::at(at));
-        }
-        let mut state = [L::all(0.0); MOST_STATE];
+        let mut state = [zero; MOST_STATE];
         let state = &mut state[..law.width];
-        read_state(&rows_at(self.work.last.state, [law.stride, law.width], &from), state);
-        let last = GeometryInLanes::of(&geometries_at(self.work.last.geometry, &from));
-        let now = GeometryInLanes::of(&rows_of(self.work.geometry, &at));
-        let points = Some(in_lanes::<L>(&rows_of(self.work.points, &at)));
-
-        let arms = self.arms::<L, MOVES, true>(&block, points, &constants.radii, [&last, &now]);
+        let Picked { at, point, now, last, before } = self.read_picked(places, state);
+        let arms = self.arms_at::<L, MOVES>([a, b], point, before.point);
         let motion = if MOVES {
-            super::Motion::of(particles, bodies, arms.now, arms.last)
+            super::Motion::of(particles, [a, b], arms.now, arms.last)
         } else {
             super::Motion::none()
         };
-        let done = self.act::<L, MOVES>(&constants, [&last, &now], &motion, state);
-        self.write_state_at(&at[..places.len()], state);
 
-        let share = if with_walls { done.dissipated } else { L::all(0.5) * done.dissipated };
-        let zero = L::all(0.0);
-        let forces = done.force.rows(share);
-        let on_b = arms.now[1].cross(done.force).rows(zero);
-        let on_a = done.force.cross(arms.now[0]).rows(zero);
+        let contact = motion.contact(&last, &now, dt);
+        let last_stored = law.model.last(&constants, last.overlap, state).stored[1];
+        let acting = law.model.act(&constants, &contact, state);
+        let beyond = acting.press - law.model.elastic(&constants, now.overlap);
+        let now_acting = MemoryInLanes {
+            point,
+            force: now.normal.times(beyond).plus(acting.rub),
+            moment: if M::MOMENTS { acting.moment } else { Triple::zero() },
+            press: acting.press,
+        };
+        self.write_picked(&at[..places.len()], state, &now_acting);
+        let force = now.normal.times(acting.press).plus(acting.rub);
+        let mut on = [arms.now[1].cross(force), force.cross(arms.now[0])];
+        if M::MOMENTS {
+            on = [on[0].plus(acting.moment), on[1].minus(acting.moment)];
+        }
+
+        let mut dissipated = zero;
+        let half = L::all(0.5 * dt);
+        if MOVES && dt > 0.0 {
+            let mut power =
+                before.force.dot(motion.last_velocity) + now_acting.force.dot(motion.velocity);
+            if M::MOMENTS {
+                power = power + before.moment.plus(acting.moment).dot(motion.turning);
+            }
+            dissipated = half * power - (acting.stored[1] - last_stored);
+        }
+        let share = if with_walls { dissipated } else { L::all(0.5) * dissipated };
+        let (forces, [on_b, on_a]) = (force.rows(share), [on[0].rows(zero), on[1].rows(zero)]);
         for (lane, &place) in places.iter().enumerate() {
             let place = place as usize - first;
             forces[lane].write(&mut window.forces[place]);
             on_b[lane].write(&mut window.torques[place][0]);
             on_a[lane].write(&mut window.torques[place][1]);
         }
-        if with_walls {
-            let impulse = self.impulse(&done, &arms, turning_walls);
-            for (lane, &place) in places.iter().enumerate() {
-                let wall = Slot(bodies[1].at(lane) as u32);
-                window.wall_work[place as usize - first] = impulse.work(lane, wall, particles);
+        if with_walls && MOVES {
+            // As of contacts with a patch.
+            let (velocity, spin) = super::velocities::<L>(particles, b);
+            let along = last.normal.times(before.press - before.force.dot(last.normal));
+            let last_force = along.plus(before.force);
+            let moments = arms.last[1].cross(last_force).plus(before.moment).plus(on[0]);
+            let work = last_force.plus(force).dot(velocity) + moments.dot(spin);
+            let work = (zero - half * work).store();
+            for (&place, work) in places.iter().zip(work) {
+                window.wall_work[place as usize - first] = work;
             }
         }
     }
 
-    /// Writes what the next step must know of contacts without a patch: nothing behind the numbers of the model.
+    /// From the centres of A and B to contact points, those of now and of the last step, seen from A.
     #[inline(always)]
-    fn write_state_at<L: Eight>(&mut self, places: &[usize], columns: &[L]) {
+    fn arms_at<L: Eight, const MOVES: bool>(
+        &self,
+        [a, b]: [Gather; 2],
+        point: Triple<L>,
+        last_point: Triple<L>,
+    ) -> Arms<L> {
+        let Particles { position, velocity, cell, .. } = self.particles;
+        let to_b = cell.nearest_of(vectors::<L>(position, b).minus(vectors(position, a)));
+        let last_to_b = if MOVES {
+            let away = vectors::<L>(velocity, b).minus(vectors(velocity, a));
+            to_b.minus(away.times(L::all(self.dt)))
+        } else {
+            to_b
+        };
+        Arms { now: [point, point.minus(to_b)], last: [last_point, last_point.minus(last_to_b)] }
+    }
+
+    /// Up to eight contacts without a patch as they are, and as they were at the last step; the other lanes repeat the first. What
+    /// the model remembers goes to `state`.
+    #[inline(always)]
+    fn read_picked<L: Eight>(&self, places: &[u32], state: &mut [L]) -> Picked<L> {
+        let Self { law, work, .. } = self;
+        let mut at = [places[0] as usize; WIDTH];
+        for (at, &place) in at.iter_mut().zip(places) {
+            *at = place as usize;
+        }
+        let mut from = [Previous::NONE; WIDTH];
+        for (from, &at) in from.iter_mut().zip(&at) {
+            *from = if work.from.is_empty() { Previous::at(at) } else { work.from[at] };
+        }
+        let rows = rows_at(work.last.state, law.stride, &from);
+        read_state(&rows, state);
+        let mut memories = [[L::all(0.0); 4]; 3];
+        for (columns, first) in memories.iter_mut().zip([0, 4, 7]) {
+            let four = pieces::<4>(&rows, law.width + first).expect("a patch follows");
+            *columns = L::columns_of_4(&four);
+        }
+        let [[x, y, z, force_x], [force_y, force_z, moment_x, _], [moment_y, moment_z, press, _]] =
+            memories;
+        Picked {
+            at,
+            point: in_lanes(&rows_of(work.points, &at)),
+            now: GeometryInLanes::of(&rows_of(work.geometry, &at)),
+            last: GeometryInLanes::of(&geometries_at(work.last.geometry, &from)),
+            before: MemoryInLanes {
+                point: Triple { x, y, z },
+                force: Triple { x: force_x, y: force_y, z: force_z },
+                moment: Triple { x: moment_x, y: moment_y, z: moment_z },
+                press,
+            },
+        }
+    }
+
+    /// Writes what the next step must know of contacts without a patch.
+    #[inline(always)]
+    fn write_picked<L: Eight>(
+        &mut self,
+        places: &[usize],
+        columns: &[L],
+        memory: &MemoryInLanes<L>,
+    ) {
         let (width, stride) = (columns.len(), self.law.stride);
         let mut at = 0;
         while at < width {
@@ -294,15 +389,26 @@ impl<M: Model> Contacts<'_, '_, M> {
                 columns[last.min(at + 2)],
                 columns[last.min(at + 3)],
             ]);
-            for (&place, numbers) in places.iter().zip(&block) {
-                // What is too much is written over.
-                let row = &mut self.work.state[place * stride..][..stride];
-                numbers.write(row[at..].first_chunk_mut().expect("a patch follows"));
-            }
+            // What is too much is written over.
+            self.write_fours(places, at, &block);
             at += 4;
         }
-        for &place in places {
-            self.work.state[place * stride..][..stride][width..].fill(0.0);
+        let MemoryInLanes { point, force, moment, press } = *memory;
+        let block = L::rows_of_4([point.x, point.y, point.z, force.x]);
+        self.write_fours(places, width, &block);
+        let block = L::rows_of_4([force.y, force.z, moment.x, moment.y]);
+        self.write_fours(places, width + 4, &block);
+        let block = L::rows_of_4([moment.y, moment.z, press, L::all(0.0)]);
+        self.write_fours(places, stride - 4, &block);
+    }
+
+    /// Four numbers of the rows of some contacts.
+    #[inline(always)]
+    fn write_fours<R: Row>(&mut self, places: &[usize], at: usize, fours: &[R; WIDTH]) {
+        let stride = self.law.stride;
+        for (&place, four) in places.iter().zip(fours) {
+            let row = &mut self.work.state[place * stride..][..stride];
+            four.write(row[at..].first_chunk_mut().expect("a patch follows"));
         }
     }
 
@@ -414,6 +520,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             approach,
             sliding: triple(&sliding),
             twist: 0.5 * dt * spin.dot(&normal),
+            turning: triple(&motion.turning()),
             touched: u8::from(last.touched()),
             dt,
         };
@@ -426,7 +533,10 @@ impl<M: Model> Contacts<'_, '_, M> {
         let torsion =
             Torsion::of(&turning, patch, &normal, now.press, before.torsion, &twisting, dt);
         let rocking = normal.cross(&patch.times(&normal.cross(&twisting)));
-        let moment = normal * torsion.moment - rocking * (turning.normal_dashpot * patch.gain);
+        let mut moment = normal * torsion.moment - rocking * (turning.normal_dashpot * patch.gain);
+        if M::MOMENTS {
+            moment += Vec3::new(now.moment.x, now.moment.y, now.moment.z);
+        }
         let memory = Memory {
             point,
             force: normal * (now.press - elastic * patch.gain) + rub,
@@ -444,7 +554,7 @@ impl<M: Model> Contacts<'_, '_, M> {
 
     /// No force is left, but what the last contact lost.
     #[cold]
-    pub(super) fn add_separated_patch(&mut self, separated: Separated) {
+    pub(super) fn add_separated_with_patches(&mut self, separated: Separated) {
         let Self { law, particles, dt, .. } = *self;
         let half = 0.5 * dt;
         let last = &self.work.last;
