@@ -20,6 +20,7 @@ mod program;
 mod random;
 mod ranks_threads;
 mod robustness;
+mod rolling;
 mod scene;
 mod servo;
 mod sizes;

@@ -317,7 +317,7 @@ fn a_restart_on_another_number_of_ranks_leaves_no_trace() {
     }
 }
 
-/// Boxes and rounded boxes of many sizes, thrown through each other.
+/// Boxes and rounded boxes of many sizes, spheres and ellipsoids, thrown through each other.
 const FACES: &str = r#"
 title = "boxes"
 gravity = [1.0, 0.5, -9.81]
@@ -343,8 +343,16 @@ vertices = [
   [-8e-4, -8e-4, -8e-4], [8e-4, -8e-4, -8e-4], [-8e-4, 8e-4, -8e-4], [8e-4, 8e-4, -8e-4],
   [-8e-4, -8e-4, 8e-4], [8e-4, -8e-4, 8e-4], [-8e-4, 8e-4, 8e-4], [8e-4, 8e-4, 8e-4],
 ]
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = 9e-4
+[[shape]]
+name = "egg"
+kind = "ellipsoid"
+semi_axes = [1.2e-3, 9e-4, 8e-4]
 [[fill.lattice]]
-shapes = ["brick", "die"]
+shapes = ["brick", "die", "ball", "egg"]
 low = [0.0, 0.0, 0.001]
 high = [0.03, 0.03, 0.0345]
 spacing = 0.0043

@@ -67,13 +67,69 @@ const STEP: f64 = 1e-7;
 const STEPS: u32 = 20;
 const ROUNDS: usize = 9;
 
+/// The shapes of a scene.
+#[derive(Clone, Copy)]
+enum Grains {
+    Spheres,
+    /// Lines of their kind, and semi-axes over [`SIZE`].
+    Ellipsoidal(&'static str, [f64; 3]),
+    Boxes,
+    /// Spheres, ellipsoids, superellipsoids, spherocylinders and boxes, all about as long along each axis.
+    FiveKinds,
+}
+
+/// How much longer some of a mixture are along x.
+const LONGER: f64 = 1.001;
+
+impl Grains {
+    /// Semi-axes over [`SIZE`].
+    const fn axes(self) -> [f64; 3] {
+        match self {
+            Self::Spheres | Self::FiveKinds => [1.0; 3],
+            Self::Ellipsoidal(_, axes) => axes,
+            Self::Boxes => [1.2, 1.1, 1.0],
+        }
+    }
+
+    /// Shapes as a scene has them, and their names. Seven of a mixture, two of them twice: so each touches several kinds on a lattice of 20.
+    fn shapes(self) -> (String, Vec<String>) {
+        let axes = self.axes().map(|axis| axis * SIZE);
+        let longer = [LONGER * SIZE, SIZE, SIZE];
+        let length = 2.0 * (LONGER - 1.0) * SIZE;
+        let corners: Vec<[f64; 3]> = (0..8)
+            .map(|k| std::array::from_fn(|i| if k >> i & 1 == 1 { axes[i] } else { -axes[i] }))
+            .collect();
+        let sphere = format!("kind = \"sphere\"\nradius = {SIZE:e}");
+        let brick = format!("kind = \"polyhedron\"\nvertices = {corners:?}");
+        let blunt = "kind = \"superellipsoid\"\nexponents = [0.8, 0.8]";
+        let egg = format!("kind = \"ellipsoid\"\nsemi_axes = {longer:?}");
+        let all = match self {
+            Self::Spheres => vec![sphere],
+            Self::Ellipsoidal(kind, _) => vec![format!("{kind}\nsemi_axes = {axes:?}")],
+            Self::Boxes => vec![brick],
+            Self::FiveKinds => vec![
+                sphere.clone(),
+                egg.clone(),
+                format!("{blunt}\nsemi_axes = {longer:?}"),
+                format!("kind = \"spherocylinder\"\nlength = {length:e}\nradius = {SIZE:e}"),
+                brick,
+                sphere,
+                egg,
+            ],
+        };
+        let names: Vec<String> = (0..all.len()).map(|k| k.to_string()).collect();
+        let named = names.iter().zip(&all);
+        let text = named.map(|(name, lines)| format!("[[shape]]\nname = \"{name}\"\n{lines}\n"));
+        (text.collect(), names)
+    }
+}
+
 /// What a scene has.
 #[derive(Clone, Copy)]
 #[expect(clippy::struct_excessive_bools, reason = "each feature is there or not, on its own")]
 struct Rung {
     name: &'static str,
-    /// Lines of the shape, and its semi-axes over [`SIZE`].
-    shape: Option<(&'static str, [f64; 3])>,
+    grains: Grains,
     dashpots: bool,
     friction: bool,
     floor: bool,
@@ -81,10 +137,10 @@ struct Rung {
     servo: bool,
 }
 
-const RUNGS: [Rung; 8] = {
+const RUNGS: [Rung; 10] = {
     let spheres = Rung {
         name: "spheres with springs alone",
-        shape: None,
+        grains: Grains::Spheres,
         dashpots: false,
         friction: false,
         floor: false,
@@ -98,27 +154,39 @@ const RUNGS: [Rung; 8] = {
     let servo = Rung { name: "and a lid with a servo", servo: true, ..periodic };
     let ellipsoids = Rung {
         name: "the same of ellipsoids",
-        shape: Some(("kind = \"ellipsoid\"", [1.2, 1.1, 1.0])),
+        grains: Grains::Ellipsoidal("kind = \"ellipsoid\"", [1.2, 1.1, 1.0]),
         ..servo
     };
     let superellipsoids = Rung {
         name: "the same of superellipsoids",
-        shape: Some(("kind = \"superellipsoid\"\nexponents = [0.8, 0.8]", [1.2, 1.1, 1.0])),
+        grains: Grains::Ellipsoidal(
+            "kind = \"superellipsoid\"\nexponents = [0.8, 0.8]",
+            [1.2, 1.1, 1.0],
+        ),
         ..servo
     };
-    [spheres, dashpots, friction, floor, periodic, servo, ellipsoids, superellipsoids]
+    let five_kinds =
+        Rung { name: "the same of five kinds, one with faces", grains: Grains::FiveKinds, ..servo };
+    let boxes = Rung { name: "the same of boxes", grains: Grains::Boxes, ..servo };
+    [
+        spheres,
+        dashpots,
+        friction,
+        floor,
+        periodic,
+        servo,
+        ellipsoids,
+        superellipsoids,
+        five_kinds,
+        boxes,
+    ]
 };
 
 impl Rung {
     /// With so many bodies along each axis.
     fn scene(&self, along: u32) -> anyhow::Result<Scene> {
-        let (kind, axes) = self.shape.unwrap_or(("kind = \"ellipsoid\"", [1.0; 3]));
-        let axes = axes.map(|axis| axis * SIZE);
-        let spacing = axes.map(|axis| 2.0 * TIGHT * axis);
-        let shape = match self.shape {
-            Some(_) => format!("{kind}\nsemi_axes = {axes:?}"),
-            None => format!("kind = \"sphere\"\nradius = {SIZE:e}"),
-        };
+        let spacing = self.grains.axes().map(|axis| 2.0 * TIGHT * axis * SIZE);
+        let (shapes, names) = self.grains.shapes();
         let walls = match (self.floor, self.servo) {
             (false, _) => "[]",
             (true, false) => "[\"-z\"]",
@@ -128,8 +196,8 @@ impl Rung {
             "[domain]\nlow = [0, 0, 0]\nhigh = {high:?}\nperiodic = [{p}, {p}, false]\nwalls = {walls}\n\
              [[material]]\nname = \"glass\"\ndensity = {DENSITY}\nnormal_stiffness = {STIFFNESS}\n\
              friction = {friction}\nrestitution = {restitution}\ntangential_damping_ratio = {tangential}\n\
-             [[shape]]\nname = \"grain\"\n{shape}\n\
-             [[fill.lattice]]\nfirst = {first:?}\ncount = [{along}, {along}, {along}]\nspacing = {spacing:?}\n\
+             {shapes}\
+             [[fill.lattice]]\nshapes = {names:?}\nfirst = {first:?}\ncount = [{along}, {along}, {along}]\nspacing = {spacing:?}\n\
              orientation = \"upright\"\n\
              [time]\nstep = {STEP:e}\nsteps = 1\n[output]\ndirectory = \"none\"\n{servo}",
             high = spacing.map(|spacing| spacing * f64::from(along)),

@@ -12,7 +12,7 @@ const STEP: &str = "dem_mpi::sim::Simulation::step";
 /// What of it finds contacts and forces.
 const CONTACTS_AND_FORCES: &str = "dem_mpi::sim::Simulation::find_forces";
 /// What of that is the law.
-const FORCES: &str = "dem_mpi::contacts::Contacts::load";
+const FORCES: &str = "dem_mpi::contacts::Contacts::compute_forces";
 
 /// `f64` in a register, and its bytes.
 const LANES: f64 = 4.0;

@@ -36,7 +36,7 @@ impl Method {
 
     /// Does it find what two shapes of these kinds share, and not how deep they are in each other?
     pub fn is_by_thickness(&self, (a, b): (Kind, Kind)) -> bool {
-        let of_faces = a.has_faces() && (b.has_faces() || b == Kind::HalfSpace);
+        let of_faces = a.ends_on_faces()[0] && b.ends_on_faces()[1];
         of_faces && matches!(self, Self::Auto | Self::CommonNormal)
     }
 

@@ -49,12 +49,24 @@ impl Columns {
 
     /// Makes room for so many contacts and few more: growing would double it.
     fn reserve(&mut self, count: usize, width: usize, needs: Needs) {
-        let Self { pairs, numbers, geometry, state, forces, points, patches } = self;
-        reserve(pairs, count);
+        reserve(&mut self.pairs, count);
+        reserve(&mut self.forces, count);
+        reserve(&mut self.state, count * width);
+        self.reserve_touching(count, needs);
+    }
+
+    /// The same of the columns that say what touches, without anything in them. The others keep their room, and
+    /// what is in it: a law writes over it.
+    fn renew_touching(&mut self, count: usize, needs: Needs) {
+        let Self { pairs, state, forces, .. } = std::mem::take(self);
+        *self = Self { pairs, state, forces, ..Self::default() };
+        self.reserve_touching(count, needs);
+    }
+
+    fn reserve_touching(&mut self, count: usize, needs: Needs) {
+        let Self { numbers, geometry, points, patches, .. } = self;
         reserve(numbers, count);
         reserve(geometry, count);
-        reserve(forces, count);
-        reserve(state, count * width);
         if needs.orientation {
             reserve(points, count);
         }
@@ -74,8 +86,8 @@ impl Columns {
     /// Makes a place for each number that a law finds.
     fn make_places(&mut self, width: usize) {
         let count = self.pairs.len();
-        self.forces.resize(count, Vec3::zeros());
-        self.state.resize(count * width, 0.0);
+        resize(&mut self.forces, count, Vec3::zeros());
+        resize(&mut self.state, count * width, 0.0);
     }
 
     /// Gives back the room that growing has taken.
@@ -141,6 +153,15 @@ impl Columns {
 /// Room for so many entries of an empty column, and a few more.
 fn reserve<T>(column: &mut Vec<T>, count: usize) {
     column.reserve_exact(count + count / 32);
+}
+
+/// Makes it so long, in its room unless that is too small or far too large; what is in it is to be written over.
+fn resize<T: Clone>(column: &mut Vec<T>, length: usize, value: T) {
+    if !(length..=length + length / 4 + 64).contains(&column.capacity()) {
+        *column = Vec::new();
+        reserve(column, length);
+    }
+    column.resize(length, value);
 }
 
 /// Is there room for so many contacts, and not for many more?
@@ -328,10 +349,9 @@ impl Contacts {
 
     /// Puts what touches in the order of pairs, of which there are so many.
     fn sort(&mut self, length: usize, touching: &Touching, needs: Needs) {
-        let Self { found, order, now, width, .. } = self;
+        let Self { found, order, now, .. } = self;
         if !fits(now, touching.len()) {
-            *now = Columns::default();
-            now.reserve(touching.len(), *width, needs);
+            now.renew_touching(touching.len(), needs);
         }
         found.clear();
         found.resize(length, u32::MAX);

@@ -86,6 +86,8 @@ pub struct Contact<L> {
     pub sliding: Triple<L>,
     /// By how much the pair has turned about the normal since the last step [rad].
     pub twist: L,
+    /// Angular velocity of A against B [rad/s].
+    pub turning: Triple<L>,
     /// Which of them touched at the last step.
     pub touched: u8,
     /// Time since the last step [s]; 0 at the start of a stage.
@@ -101,7 +103,10 @@ pub struct Action<L> {
     pub rub: Triple<L>,
     /// What of it is not remembered: that of dashpots [N].
     pub viscous: Triple<L>,
-    /// Elastic energy in the normal and the tangential direction [J].
+    /// Moment of A on B about the contact point, if the model has [`Model::MOMENTS`] [N m]. No part of it is forgotten: what a
+    /// dashpot adds has to be in the state.
+    pub moment: Triple<L>,
+    /// Elastic energy in the normal and the tangential direction, that of moments with the latter [J].
     pub stored: [L; 2],
 }
 
@@ -116,6 +121,10 @@ pub trait Spread<C, L> {
 pub trait Model: std::fmt::Debug + Send + Sync {
     /// Constants of contacts.
     type Constants<L: Lanes>: Copy + std::fmt::Debug + Send + Sync;
+
+    /// Does it give bodies moments beside those of its forces? By default it does not, and nothing is computed for them. One that
+    /// does needs `velocity` and `spin`.
+    const MOMENTS: bool = false;
 
     /// As reports name it.
     fn name(&self) -> &'static str;
@@ -161,7 +170,7 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     }
 
     /// The normal force at an overlap [m] without dashpots, in N: the derivative of the energy.
-    fn elastic(&self, constants: &Self::Constants<f64>, overlap: f64) -> f64;
+    fn elastic<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L) -> L;
 
     /// What resists turning where bodies touch with faces; by default nothing.
     fn turning(&self, _constants: &Self::Constants<f64>) -> Turning {
@@ -199,6 +208,10 @@ pub struct Law<M: Model> {
     acted: usize,
     /// What the law remembers of a contact: more where there are bodies with faces.
     state: Vec<StateColumn>,
+    /// Numbers in these columns.
+    stride: usize,
+    /// Of each shape, whether it can be the first and the second body of a contact of faces.
+    faces: Vec<[bool; 2]>,
     needs: Needs,
 }
 
@@ -251,8 +264,10 @@ impl<M: Model> Law<M> {
         let mut needs = model.needs();
         let mut state = model.state().to_vec();
         let grains = &library.shapes[..library.particle_shapes];
+        let faces: Vec<[bool; 2]> =
+            library.shapes.iter().map(|s| s.kind().ends_on_faces()).collect();
         let mut acted = 0;
-        if library.shapes.iter().any(|shape| shape.facets().is_some()) {
+        if faces.iter().any(|[first, _]| *first) {
             state.extend(patches::REMEMBERED);
             (needs.patches, needs.spin) = (true, true);
         } else if needs.velocity && grains.iter().any(|shape| shape.kind() != Kind::Sphere) {
@@ -261,7 +276,9 @@ impl<M: Model> Law<M> {
             acted = StateColumn::total_width(&state) - width;
             needs.spin = true;
         }
-        let mut law = Self { model, table: Vec::new(), shapes: 0, width, acted, state, needs };
+        let stride = StateColumn::total_width(&state);
+        let mut law =
+            Self { model, table: Vec::new(), shapes: 0, width, acted, state, stride, faces, needs };
         let shapes = library.shapes.len();
         if shapes <= MOST_SHAPES {
             let all = (0..shapes).flat_map(|a| (0..shapes).map(move |b| (a, b)));
@@ -308,6 +325,13 @@ impl<M: Model> Law<M> {
         PairConstants { of_law: self.model.constants(a, b), radii: [radius(a), radius(b)] }
     }
 
+    /// Do two bodies touch with faces? The others of a scene with such bodies never have a patch.
+    #[inline(always)]
+    fn has_patch(&self, pair: Pair, particles: &Particles) -> bool {
+        let [a, b] = [pair.a, pair.b].map(|slot| particles.shape[slot.index()].index());
+        self.faces[a][0] & self.faces[b][1]
+    }
+
     /// Of a pair.
     fn constants(&self, pair: Pair, particles: &Particles) -> M::Constants<f64> {
         if particles.needs.scale {
@@ -332,11 +356,12 @@ impl<M: Model> ForceLaw for Law<M> {
     }
 
     fn apply(&self, work: &mut Work, particles: &Particles, dt: f64, sums: &mut Sums) {
+        let contacts = Contacts { law: self, work, particles, dt, sums, summed: 0 };
         if self.needs.patches {
-            patches::OnPatches { law: self, work, particles, dt, sums }.run();
-            return;
+            lanes::dispatch(patches::WithPatches(contacts));
+        } else {
+            lanes::dispatch(contacts);
         }
-        lanes::dispatch(Contacts { law: self, work, particles, dt, sums, summed: 0 });
     }
 
     fn normal_force(
@@ -439,7 +464,8 @@ impl<M: Model> Kernel for Contacts<'_, '_, M> {
 
 /// What is remembered of a contact that did not touch.
 static NEW: Geometry = Geometry { normal: Vec3::new(0.0, 0.0, 0.0), overlap: 0.0 };
-static NO_STATE: [f64; MOST_STATE + MOST_ACTED] = [0.0; MOST_STATE + MOST_ACTED];
+static NO_STATE: [f64; MOST_STATE + patches::Memory::WIDTH] =
+    [0.0; MOST_STATE + patches::Memory::WIDTH];
 
 impl<M: Model> Contacts<'_, '_, M> {
     #[inline(always)]
@@ -538,7 +564,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             Acted::write(arms.now[0], done.viscous_now, &mut state[law.width..]);
         }
         write_state(self.work.state, width, first, count, state);
-        let torques = [arms.now[1].cross(done.force), done.force.cross(arms.now[0])];
+        let torques = done.torques::<M>(&arms);
         let next_separated = self.work.separated.get(self.summed).map_or(usize::MAX, |p| p.before);
         if count == WIDTH && !with_walls && first + count <= next_separated {
             self.sum_at_once::<L, TURNS>(&block, &done, torques);
@@ -552,7 +578,11 @@ impl<M: Model> Contacts<'_, '_, M> {
             let straight = done.last_force.plus(done.force).plus(done.viscous).times(half_step);
             let turning = if turning_walls {
                 let now = arms.now[1].cross(done.force.plus(done.viscous));
-                Some(arms.last[1].cross(done.last_force).plus(now).times(half_step).store())
+                let mut sum = arms.last[1].cross(done.last_force).plus(now);
+                if M::MOMENTS {
+                    sum = sum.plus(done.last_moment.plus(done.moment));
+                }
+                Some(sum.times(half_step).store())
             } else {
                 None
             };
@@ -634,20 +664,9 @@ impl<M: Model> Contacts<'_, '_, M> {
         let Self { law, dt, .. } = *self;
         let constants = &constants.of_law;
         let zero = L::all(0.0);
-        let Motion { velocity, last_velocity, spin } = *motion;
-        let GeometryInLanes { normal, overlap } = *now;
-        let approach = velocity.dot(normal);
-        let contact = Contact {
-            normal,
-            last_normal: last.normal,
-            overlap,
-            gain: L::all(1.0),
-            approach,
-            sliding: velocity.minus(normal.times(approach)),
-            twist: L::all(0.5 * dt) * spin.dot(normal),
-            touched: zero.less(last.normal.dot(last.normal)),
-            dt,
-        };
+        let Motion { velocity, last_velocity, turning, .. } = *motion;
+        let GeometryInLanes { normal, .. } = *now;
+        let contact = motion.contact(last, now, dt);
         let mut before = law.model.last(constants, last.overlap, state);
         let last_press = last.normal.times(before.press);
         let acting = law.model.act(constants, &contact, state);
@@ -662,7 +681,10 @@ impl<M: Model> Contacts<'_, '_, M> {
         let half_step = L::all(0.5 * dt);
         let dissipated = if MOVES && dt > 0.0 {
             let pressed = last_press.dot(last_velocity) + press.dot(velocity);
-            let rubbed = before.rub.dot(last_velocity) + acting.rub.plus(viscous).dot(velocity);
+            let mut rubbed = before.rub.dot(last_velocity) + acting.rub.plus(viscous).dot(velocity);
+            if M::MOMENTS {
+                rubbed = rubbed + before.moment.plus(acting.moment).dot(turning);
+            }
             let of_dashpots = half_step * pressed - (acting.stored[0] - before.stored[0]);
             let of_friction = half_step * rubbed - (acting.stored[1] - before.stored[1]);
             let [normally, tangentially] = law.model.dissipates(constants);
@@ -676,6 +698,8 @@ impl<M: Model> Contacts<'_, '_, M> {
             last_force,
             viscous,
             viscous_now: acting.viscous,
+            last_moment: before.moment,
+            moment: acting.moment,
             dissipated,
         }
     }
@@ -753,6 +777,10 @@ impl<M: Model> Contacts<'_, '_, M> {
         let last = &self.work.last;
         let bodies = particles.bodies();
         let (pair, geometry) = (last.pairs[separated.place], &last.geometry[separated.place]);
+        if law.needs.patches {
+            self.add_separated_with_patches(separated);
+            return;
+        }
         let width = law.remembered();
         let (state, acted) = last.state[separated.place * width..][..width].split_at(law.width);
         let acted = Acted::read(acted);
@@ -784,10 +812,14 @@ impl<M: Model> Contacts<'_, '_, M> {
         let Triple { x, y, z } = before.rub.plus(viscous);
         let press = geometry.normal * before.press;
         let rub = Vec3::new(x, y, z);
+        let Triple { x, y, z } = if M::MOMENTS { before.moment } else { Triple::zero() };
+        let moment = Vec3::new(x, y, z);
+        let [spin_a, spin_b] = [pair.a, pair.b].map(|slot| particles.angular_velocity_of(slot));
         // The force fell to nothing on the way: half of it did the work.
         let work = |force: &Vec3, velocity: &Vec3| 0.5 * dt * force.dot(velocity);
         if with_wall {
-            self.sums.note_wall_work(pair, -work(&(press + rub), &of_b));
+            let on_wall = work(&(press + rub), &of_b) + work(&moment, &spin_b);
+            self.sums.note_wall_work(pair, -on_wall);
         }
         let mut dissipated = 0.0;
         if law.needs.velocity && dt > 0.0 {
@@ -796,7 +828,8 @@ impl<M: Model> Contacts<'_, '_, M> {
                 dissipated += work(&press, &velocity) + before.stored[0];
             }
             if tangentially & 1 == 1 {
-                dissipated += work(&rub, &velocity) + before.stored[1];
+                let turned = work(&moment, &(spin_a - spin_b));
+                dissipated += work(&rub, &velocity) + turned + before.stored[1];
             }
         }
         self.sums.lose(pair, dissipated, particles.first_facet());
@@ -857,8 +890,23 @@ struct Done<L> {
     viscous: Triple<L>,
     /// Of the force of now, what the model will not know [N].
     viscous_now: Triple<L>,
+    /// On B about the contact point, of models that have moments, at the last step and now [N m].
+    last_moment: Triple<L>,
+    moment: Triple<L>,
     /// Energy lost since the last step [J].
     dissipated: L,
+}
+
+impl<L: Eight> Done<L> {
+    /// Moments on B and A about their centres [N m].
+    #[inline(always)]
+    fn torques<M: Model>(&self, arms: &Arms<L>) -> [Triple<L>; 2] {
+        let [on_b, on_a] = [arms.now[1].cross(self.force), self.force.cross(arms.now[0])];
+        if M::MOMENTS {
+            return [on_b.plus(self.moment), on_a.minus(self.moment)];
+        }
+        [on_b, on_a]
+    }
 }
 
 /// What up to eight contacts do to their bodies, in columns.
@@ -1080,13 +1128,16 @@ struct Motion<L> {
     last_velocity: Triple<L>,
     /// Sum of both angular velocities [rad/s].
     spin: Triple<L>,
+    /// That of A without that of B [rad/s].
+    turning: Triple<L>,
 }
 
 impl<L: Eight> Motion<L> {
     /// Where nobody asks.
     #[inline(always)]
     fn none() -> Self {
-        Self { velocity: Triple::zero(), last_velocity: Triple::zero(), spin: Triple::zero() }
+        let zero = Triple::zero();
+        Self { velocity: zero, last_velocity: zero, spin: zero, turning: zero }
     }
 
     /// Of bodies A and B, at these arms from their centres, and at those of the last force [m].
@@ -1102,7 +1153,29 @@ impl<L: Eight> Motion<L> {
         let centres = of_a.minus(of_b);
         let velocity = centres.plus(spin_a.cross(arm_a)).minus(spin_b.cross(arm_b));
         let last_velocity = centres.plus(spin_a.cross(last_a)).minus(spin_b.cross(last_b));
-        Self { velocity, last_velocity, spin: spin_a.plus(spin_b) }
+        let (spin, turning) = (spin_a.plus(spin_b), spin_a.minus(spin_b));
+        Self { velocity, last_velocity, spin, turning }
+    }
+}
+
+impl<L: Eight> Motion<L> {
+    /// Contacts in one point, as a law sees them.
+    #[inline(always)]
+    fn contact(&self, last: &GeometryInLanes<L>, now: &GeometryInLanes<L>, dt: f64) -> Contact<L> {
+        let GeometryInLanes { normal, overlap } = *now;
+        let approach = self.velocity.dot(normal);
+        Contact {
+            normal,
+            last_normal: last.normal,
+            overlap,
+            gain: L::all(1.0),
+            approach,
+            sliding: self.velocity.minus(normal.times(approach)),
+            twist: L::all(0.5 * dt) * self.spin.dot(normal),
+            turning: self.turning,
+            touched: L::all(0.0).less(last.normal.dot(last.normal)),
+            dt,
+        }
     }
 }
 
@@ -1145,15 +1218,17 @@ pub fn reduced_mass(a: &Body, b: &Body) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::patches::WithPatches;
     use super::{Contacts, Law};
-    use crate::contact::{Geometry, Pair, Previous};
-    use crate::ids::{MaterialId, Slot};
+    use crate::contact::{Geometry, Pair, Patch, Previous};
+    use crate::ids::{MaterialId, ShapeId, Slot};
     use crate::lanes::{self, Kernel, Portable};
     use crate::law::linear::{Constants, Interactions, Linear};
     use crate::law::{ForceLaw, Last, Sums, Work};
     use crate::math::{Vec3, Vec3AndNumber};
     use crate::particles::{Particles, crowd};
     use crate::random::Random;
+    use crate::shape::{Polyhedron, Shape};
 
     /// What touches, and what is remembered.
     #[derive(Clone, Default)]
@@ -1164,6 +1239,7 @@ mod tests {
         from: Vec<Previous>,
         geometry: Vec<Geometry>,
         state: Vec<f64>,
+        patches: Vec<Patch>,
     }
 
     /// What a law finds.
@@ -1180,6 +1256,7 @@ mod tests {
                 now: vec![self.now[place]],
                 points: self.points.get(place).copied().into_iter().collect(),
                 from: vec![self.from[place]],
+                patches: self.patches.get(place).copied().into_iter().collect(),
                 ..self.clone()
             }
         }
@@ -1193,7 +1270,7 @@ mod tests {
             let count = self.pairs.len();
             let zeros = vec![Vec3AndNumber::default(); particles.slots()];
             let mut found = Found {
-                state: vec![0.0; count * law.remembered()],
+                state: vec![f64::NAN; count * law.stride],
                 forces: vec![Vec3::zeros(); count],
                 sums: Sums { force: zeros.clone(), torque: zeros, wall_work: Vec::new() },
             };
@@ -1201,7 +1278,7 @@ mod tests {
                 pairs: &self.pairs,
                 geometry: &self.now,
                 points: &self.points,
-                patches: &[],
+                patches: &self.patches,
                 from: &self.from,
                 last: Last { pairs: &self.pairs, geometry: &self.geometry, state: &self.state },
                 separated: &[],
@@ -1239,6 +1316,135 @@ mod tests {
         }
     }
 
+    /// A chain of bodies, each in touch with the next; every fifth pair for the first time.
+    fn touching(
+        particles: &Particles,
+        law: &Law<Linear>,
+        interactions: &Interactions,
+        all_spheres: bool,
+    ) -> Touching {
+        let has = |column: &str| law.state().iter().any(|state| state.name == column);
+        let mut random = Random::of(5, 0);
+        let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.signed());
+        let mut other = Random::of(6, 0);
+        let mut acted = |size: f64| Vec3::from_fn(|_, _| size * other.signed());
+        let mut before = Touching::default();
+        for k in 0..particles.owned as u32 - 1 {
+            let pair = Pair { a: Slot(k), b: Slot(k + 1) };
+            before.pairs.push(pair);
+            let normal = vector(1.0).normalize();
+            before.now.push(Geometry { normal, overlap: 1e-5 });
+            if !all_spheres {
+                before.points.push(vector(1e-3));
+            }
+            if k % 5 == 0 {
+                before.from.push(Previous::NONE);
+                continue;
+            }
+            before.from.push(Previous::at(before.geometry.len()));
+            let last = (normal + vector(1e-3)).normalize();
+            before.geometry.push(Geometry { normal: last, overlap: 9e-6 });
+            let across = vector(5e-6 * f64::from(k % 3));
+            let mut spring = across - last * across.dot(&last);
+            let of = |slot| particles.material(slot);
+            if !interactions.of(of(pair.a), of(pair.b)).is_frictional() {
+                spring = Vec3::zeros();
+            }
+            if has("spring") {
+                before.state.extend(spring.iter());
+            }
+            if has("normal_force") {
+                before.state.push(9e-3);
+            }
+            if law.acted == 0 {
+                before.state.extend(vec![1e-7; law.stride - law.width]);
+            } else {
+                before.state.extend(acted(1e-3).iter());
+                if has("viscous_force") {
+                    before.state.extend(acted(1e-4).iter());
+                }
+            }
+        }
+        before
+    }
+
+    fn with_patches(contacts: Contacts<Linear>) {
+        lanes::dispatch(WithPatches(contacts));
+    }
+
+    /// In a list with contacts of faces, the others get the bits that they get without any: normal and sliding, for the first
+    /// time and again, more than a window of them. Those of faces get the same bits in any company, too.
+    #[test]
+    fn contacts_without_a_patch_do_not_see_those_with_one() {
+        let box_of = |size: f64| {
+            let corner = |k: u32| Vec3::from_fn(|i, _| if k >> i & 1 == 1 { size } else { -size });
+            Polyhedron::new(&(0..8).map(corner).collect::<Vec<_>>()).expect("a box")
+        };
+        let rough = Constants {
+            normal_stiffness: 1e3,
+            tangential_stiffness: 800.0,
+            friction: 0.3,
+            normal_damping_ratio: 0.2,
+            tangential_damping_ratio: 0.1,
+        };
+        let smooth = Constants { friction: 0.0, ..rough };
+        for (sized, other) in [(false, rough), (true, rough), (false, smooth)] {
+            let interactions = Interactions::new(&[rough, other]);
+            let model = || Linear::new(interactions.clone(), true);
+            let plain = crowd(300, sized);
+            let law = Law::new(model(), &plain.library);
+            let without = touching(&plain, &law, &interactions, false);
+            let without = without.apply(&law, &plain, |c| lanes::dispatch(c));
+            let stride = law.stride;
+
+            let mut particles = crowd(300, sized);
+            let solid = Shape::Polyhedron(Box::new(box_of(1e-3)));
+            particles.library.push("box", solid, MaterialId(1), 2500.0);
+            particles.library.particle_shapes += 1;
+            let is_box = |slot: usize| slot % 7 >= 5 || (100..140).contains(&slot);
+            for slot in 0..particles.owned {
+                if is_box(slot) {
+                    particles.shape[slot] = ShapeId(2);
+                }
+            }
+            let law = Law::new(model(), &particles.library);
+            assert_eq!(law.stride, law.width + 11);
+            let mut before = touching(&particles, &law, &interactions, false);
+            let covariance = [2e-7, 3e-7, 1e-7, 1e-8, -2e-8, 3e-8];
+            let of_faces = Patch { gain: 0.9, lever: 1e-6, covariance };
+            let has_patch = |pair: &Pair| is_box(pair.a.index()) && is_box(pair.b.index());
+            before.patches = before
+                .pairs
+                .iter()
+                .map(|p| if has_patch(p) { of_faces } else { Patch::POINT })
+                .collect();
+
+            let found = before.apply(&law, &particles, with_patches);
+            let portable = before.apply(&law, &particles, |c| WithPatches(c).run::<Portable>());
+            assert_eq!(found.bits_of_sums(), portable.bits_of_sums());
+            let mut compared = 0;
+            for (place, pair) in before.pairs.iter().enumerate() {
+                let bits = found.bits(place, law.stride);
+                assert_eq!(bits, portable.bits(place, law.stride), "pair {place}");
+                let alone = before.of(place).apply(&law, &particles, with_patches);
+                assert_eq!(bits, alone.bits(0, law.stride), "pair {place} alone");
+                if !is_box(pair.a.index()) && !is_box(pair.b.index()) {
+                    let of_model = 3 + law.width;
+                    let without = without.bits(place, stride);
+                    assert_eq!(bits[..of_model], without[..of_model], "{place}");
+                    compared += 1;
+                }
+            }
+            assert!(compared > 128 && compared + 40 < before.pairs.len(), "{compared}");
+            // Bodies whose both contacts are without boxes.
+            for slot in (1..299).filter(|slot| (slot - 1..=slot + 1).all(|k| !is_box(k))) {
+                let [force, other] = [&found, &without].map(|of| of.sums.force[slot]);
+                assert_eq!(force.vector, other.vector, "{slot}");
+                assert_eq!(found.sums.torque[slot], without.sums.torque[slot], "{slot}");
+            }
+        }
+    }
+
     fn same_bits(particles: &Particles) {
         let rough = Constants {
             normal_stiffness: 1e3,
@@ -1261,44 +1467,7 @@ mod tests {
             interactions.set(MaterialId(0), MaterialId(1), mixed);
             let law = Law::new(Linear::new(interactions.clone(), true), &particles.library);
             assert_eq!(law.width, width, "{name}");
-            let has = |column: &str| law.state().iter().any(|state| state.name == column);
-
-            let mut random = Random::of(5, 0);
-            let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.signed());
-            let mut before = Touching::default();
-            for k in 0..39 {
-                let pair = Pair { a: Slot(k), b: Slot(k + 1) };
-                before.pairs.push(pair);
-                let normal = vector(1.0).normalize();
-                before.now.push(Geometry { normal, overlap: 1e-5 });
-                if !all_spheres {
-                    before.points.push(vector(1e-3));
-                }
-                if k % 5 == 0 {
-                    before.from.push(Previous::NONE);
-                    continue;
-                }
-                before.from.push(Previous::at(before.geometry.len()));
-                let last = (normal + vector(1e-3)).normalize();
-                before.geometry.push(Geometry { normal: last, overlap: 9e-6 });
-                let across = vector(5e-6 * f64::from(k % 3));
-                let mut spring = across - last * across.dot(&last);
-                let of = |slot| particles.material(slot);
-                if !interactions.of(of(pair.a), of(pair.b)).is_frictional() {
-                    spring = Vec3::zeros();
-                }
-                if has("spring") {
-                    before.state.extend(spring.iter());
-                }
-                if has("normal_force") {
-                    before.state.push(9e-3);
-                }
-                for (column, size) in [("contact_point", 1e-3), ("viscous_force", 1e-4)] {
-                    if has(column) {
-                        before.state.extend(vector(size).iter());
-                    }
-                }
-            }
+            let before = touching(particles, &law, &interactions, all_spheres);
             let dispatched = before.apply(&law, particles, |c| lanes::dispatch(c));
             let portable = before.apply(&law, particles, |c| c.run::<Portable>());
             assert_eq!(dispatched.bits_of_sums(), portable.bits_of_sums(), "{name}");

@@ -4,8 +4,14 @@
 //!
 //! A law is a type with a [`kernel::Model`]: its constants, its force, its elastic energy, its state if it has any, what
 //! bounds its time step. [`kernel::Law`] does what all laws share. A scene can ask for it by its `kind` once [`Choice`] has a
-//! variant for it and `scene/laws.rs` reads its constants. This one is whole: Hertz's elastic contact of spheres
-//! (1882, DOI 10.1515/crll.1882.92.156), here of a sphere that meets a wall.
+//! variant for it and `scene/laws.rs` reads its constants.
+//!
+//! A model with moments beside those of its forces, as of rolling resistance, sets [`kernel::Model::MOMENTS`], finds the relative
+//! angular velocity in [`kernel::Contact`], and gives the moment and its energy in [`kernel::Action`]. Both bodies feel it, and its
+//! work is in the balance of energies. `tests/rolling.rs` has such a model.
+//!
+//! This one is whole: Hertz's elastic contact of spheres (1882, DOI 10.1515/crll.1882.92.156), here of a sphere that meets a
+//! wall.
 //!
 //! ```
 //! use dem_mpi::comm::alone::Alone;
@@ -28,7 +34,8 @@
 //!     fn action<L: Lanes>(factor: L, overlap: L) -> Action<L> {
 //!         let press = factor * overlap * overlap.sqrt();
 //!         let stored = [L::all(0.4) * press * overlap, L::all(0.0)];
-//!         Action { press, rub: Triple::zero(), viscous: Triple::zero(), stored }
+//!         let zero = Triple::zero();
+//!         Action { press, rub: zero, viscous: zero, moment: zero, stored }
 //!     }
 //! }
 //!
@@ -62,7 +69,7 @@
 //!         Self::action(*factor, contact.overlap)
 //!     }
 //!
-//!     fn elastic(&self, factor: &f64, overlap: f64) -> f64 {
+//!     fn elastic<L: Lanes>(&self, factor: &L, overlap: L) -> L {
 //!         Self::action(*factor, overlap).press
 //!     }
 //!
@@ -127,13 +134,11 @@ use crate::particles::columns::Quantity;
 use crate::particles::{Library, Needs, Particles, held};
 use serde::{Deserialize, Serialize};
 
-/// Adds a row to the sum of a body, if it is one that is summed.
+/// Adds a row to the sum of a body: all of them have one, see [`Sums::begin`].
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
 fn add(sums: &mut [Vec3AndNumber], slot: usize, row: impl Row) {
-    if let Some(sum) = sums.get_mut(slot) {
-        row.add_to(bytemuck::cast_mut(sum));
-    }
+    row.add_to(bytemuck::cast_mut(&mut sums[slot]));
 }
 
 /// Moment on A about its centre of a force of A on B [N] at `point` from that centre [m], in N m.

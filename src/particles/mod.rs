@@ -360,6 +360,11 @@ impl Particles {
         }
     }
 
+    /// Angular velocity of a body; 0 where nothing turns [rad/s].
+    pub fn angular_velocity_of(&self, slot: Slot) -> Vec3 {
+        self.spin.as_ref().map_or_else(Vec3::zeros, |spin| spin.angular_velocity[slot.index()])
+    }
+
     /// Gives back room that more particles have needed.
     pub fn trim(&mut self) {
         self.id.shrink_to_fit();

@@ -317,6 +317,11 @@ impl Kind {
     pub fn has_faces(self) -> bool {
         self.facts().contains(&Fact::Faces)
     }
+
+    /// Whether it can be the first and the second body of a contact of faces: of two polyhedra, or of one and a plane.
+    pub fn ends_on_faces(self) -> [bool; 2] {
+        [self.has_faces(), self.has_faces() || self == Self::HalfSpace]
+    }
 }
 
 /// The same object, not just the same body.

@@ -1,4 +1,9 @@
-//! Contacts where there are bodies with faces: one after the other, with all that a patch adds.
+//! Contacts in scenes that have bodies with faces.
+//!
+//! Contacts of two such bodies, or of one and a plane, have a patch. They are found one after the other. The others are found
+//! eight at a time, picked from a window of the list, whatever stands between them. Then all contacts of the window are summed
+//! in their order. A contact gets the same bits in any company; force and springs of one without a patch have the bits that they
+//! have in scenes without faces.
 //!
 //! A face presses in an area. The normal force is the model's at the overlap `D`, times the gain `g = |grad D|`, so that
 //! its energy is still the model's at `D` ([`crate::contact::thickness`]). Beside it act
@@ -6,6 +11,7 @@
 //! - the elastic couple about the normal, the rest of the gradient;
 //! - the moment of the dashpot spread over the patch, `c g n × [C (n × ω)]` on A with the covariance `C` of what both bodies
 //!   hold and `ω = ω_A - ω_B`: it dissipates rocking, and nothing where the patch is a point or about the line of an edge;
+//! - the moment of a model that has one;
 //! - torsion: a spring `φ` [m] with `dφ = a ω·n dt`, its stretch at a distance `a` from the axis, with the constants of the
 //!   tangential spring and Coulomb's limit. Its moment is `a` times its force. When `a` changes, `φ` and its energy stay.
 //!
@@ -17,11 +23,12 @@
 //! reported. The point of a patch runs from edge to edge when a body rocks; no support point could stand for it.
 
 use super::{
-    CONTACT_POINT, Contact, Geometry, Law, MOST_STATE, Model, Pair, Particles, Separated, Slot,
-    Sums, Work, add,
+    Arms, CONTACT_POINT, Contact, Contacts, Geometry, GeometryInLanes, MOST_STATE, Model, Pair,
+    Particles, Separated, Slot, add, geometries_at, pieces, read_state, rows_at,
+    triple as in_lanes, vectors,
 };
-use crate::contact::{Patch, StateColumn};
-use crate::lanes::{Row as _, Triple};
+use crate::contact::{Patch, Previous, StateColumn};
+use crate::lanes::{Eight, Gather, Kernel, Row, RowPairs, Triple, WIDTH};
 use crate::math::Vec3;
 
 /// Mean distance of the points of a disc from its axis, over its radius of gyration: `2√2/3`.
@@ -113,9 +120,7 @@ impl Motion {
         let r = particles.bodies().relative(pair);
         let bodies = [pair.a, pair.b].map(Slot::index);
         let velocity = bodies.map(|k| particles.velocity[k]);
-        let spin = bodies.map(|k| {
-            particles.spin.as_ref().map_or_else(Vec3::zeros, |spin| spin.angular_velocity[k])
-        });
+        let spin = [pair.a, pair.b].map(|slot| particles.angular_velocity_of(slot));
         Self { r: [r, r - (velocity[1] - velocity[0]) * dt], velocity, spin }
     }
 
@@ -145,12 +150,53 @@ impl Motion {
 }
 
 /// Contacts whose forces are to be found.
-pub(super) struct OnPatches<'a, 'b, M: Model> {
-    pub(super) law: &'a Law<M>,
-    pub(super) work: &'a mut Work<'b>,
-    pub(super) particles: &'a Particles,
-    pub(super) dt: f64,
-    pub(super) sums: &'a mut Sums,
+pub(super) struct WithPatches<'a, 'b, M: Model>(pub(super) Contacts<'a, 'b, M>);
+
+impl<M: Model> Kernel for WithPatches<'_, '_, M> {
+    #[inline(always)]
+    fn run<L: Eight>(self) {
+        let Self(mut contacts) = self;
+        if contacts.law.needs.velocity {
+            contacts.in_windows::<L, true>();
+        } else {
+            contacts.in_windows::<L, false>();
+        }
+        contacts.add_separated_before(usize::MAX);
+    }
+}
+
+/// So many contacts are found before they are summed: what they do stays in the nearest cache, and hardly a lane is empty.
+const WINDOW: usize = 128;
+
+/// What the contacts of a window do to their bodies.
+struct Window {
+    /// Force on B [N], and what each body loses [J].
+    forces: [[f64; 4]; WINDOW],
+    /// Moments on B and A [N m], and zeros.
+    torques: [[[f64; 4]; 2]; WINDOW],
+    /// Work of a wall on the particle [J].
+    wall_work: [f64; WINDOW],
+}
+
+/// What is remembered of eight contacts without a patch.
+#[derive(Clone, Copy)]
+struct MemoryInLanes<L> {
+    /// See [`Memory`]; nothing twists.
+    point: Triple<L>,
+    force: Triple<L>,
+    moment: Triple<L>,
+    press: L,
+}
+
+/// Eight contacts without a patch.
+struct Picked<L> {
+    /// Where they stand.
+    at: [usize; WIDTH],
+    /// Seen from the centre of A [m].
+    point: Triple<L>,
+    now: GeometryInLanes<L>,
+    last: GeometryInLanes<L>,
+    before: MemoryInLanes<L>,
 }
 
 /// What acts in one contact now.
@@ -164,17 +210,232 @@ struct Acting {
     stored: f64,
 }
 
-impl<M: Model> OnPatches<'_, '_, M> {
-    /// Finds what acts in all of them, in their order, and sums it.
-    pub(super) fn run(mut self) {
-        let mut separated = self.work.separated.iter().peekable();
-        for place in 0..self.work.pairs.len() {
-            while let Some(gone) = separated.next_if(|gone| gone.before <= place) {
-                self.add_separated(*gone);
+impl<M: Model> Contacts<'_, '_, M> {
+    /// Finds what acts in all of them, and sums it in their order.
+    #[inline(always)]
+    fn in_windows<L: Eight, const MOVES: bool>(&mut self) {
+        let all = self.work.pairs;
+        let pairs = RowPairs::new(bytemuck::cast_slice(all), self.particles.slots());
+        let mut window = Window {
+            forces: [[0.0; 4]; WINDOW],
+            torques: [[[0.0; 4]; 2]; WINDOW],
+            wall_work: [0.0; WINDOW],
+        };
+        for first in (0..all.len()).step_by(WINDOW) {
+            let count = WINDOW.min(all.len() - first);
+            // Every place is written to both, and the next one over it: no branch to be guessed wrongly.
+            let (mut points, mut faces) = ([0_u32; WINDOW + 1], [0_u32; WINDOW + 1]);
+            let (mut with_point, mut with_face) = (0, 0);
+            for (pair, place) in all[first..][..count].iter().zip(first as u32..) {
+                let has_patch = self.law.has_patch(*pair, self.particles);
+                (points[with_point], faces[with_face]) = (place, place);
+                with_point += usize::from(!has_patch);
+                with_face += usize::from(has_patch);
             }
-            self.one(place);
+            for places in points[..with_point].chunks(WIDTH) {
+                self.picked::<L, MOVES>(places, pairs, first, &mut window);
+            }
+            for &place in &faces[..with_face] {
+                self.on_patch(place as usize, first, &mut window);
+            }
+            self.sum_window(first, count, &window);
         }
-        separated.for_each(|gone| self.add_separated(*gone));
+    }
+
+    /// Finds what acts in up to eight contacts without a patch, of the window that begins at the `first`.
+    #[inline(always)]
+    fn picked<L: Eight, const MOVES: bool>(
+        &mut self,
+        places: &[u32],
+        pairs: RowPairs,
+        first: usize,
+        window: &mut Window,
+    ) {
+        let Self { law, particles, dt, .. } = *self;
+        let mut room = [[0; 2]; WIDTH];
+        let [a, b] = pairs.picked(places, &mut room);
+        let constants = self.constants::<L>([a, b]).of_law;
+        let with_walls = b.at(0) >= particles.first_facet();
+        let zero = L::all(0.0);
+
+        let mut state = [zero; MOST_STATE];
+        let state = &mut state[..law.width];
+        let Picked { at, point, now, last, before } = self.read_picked(places, state);
+        let arms = self.arms_at::<L, MOVES>([a, b], point, before.point);
+        let motion = if MOVES {
+            super::Motion::of(particles, [a, b], arms.now, arms.last)
+        } else {
+            super::Motion::none()
+        };
+
+        let contact = motion.contact(&last, &now, dt);
+        let last_stored = law.model.last(&constants, last.overlap, state).stored[1];
+        let acting = law.model.act(&constants, &contact, state);
+        let beyond = acting.press - law.model.elastic(&constants, now.overlap);
+        let now_acting = MemoryInLanes {
+            point,
+            force: now.normal.times(beyond).plus(acting.rub),
+            moment: if M::MOMENTS { acting.moment } else { Triple::zero() },
+            press: acting.press,
+        };
+        self.write_picked(&at[..places.len()], state, &now_acting);
+        let force = now.normal.times(acting.press).plus(acting.rub);
+        let mut on = [arms.now[1].cross(force), force.cross(arms.now[0])];
+        if M::MOMENTS {
+            on = [on[0].plus(acting.moment), on[1].minus(acting.moment)];
+        }
+
+        let mut dissipated = zero;
+        let half = L::all(0.5 * dt);
+        if MOVES && dt > 0.0 {
+            let mut power =
+                before.force.dot(motion.last_velocity) + now_acting.force.dot(motion.velocity);
+            if M::MOMENTS {
+                power = power + before.moment.plus(acting.moment).dot(motion.turning);
+            }
+            dissipated = half * power - (acting.stored[1] - last_stored);
+        }
+        let share = if with_walls { dissipated } else { L::all(0.5) * dissipated };
+        let (forces, [on_b, on_a]) = (force.rows(share), [on[0].rows(zero), on[1].rows(zero)]);
+        for (lane, &place) in places.iter().enumerate() {
+            let place = place as usize - first;
+            forces[lane].write(&mut window.forces[place]);
+            on_b[lane].write(&mut window.torques[place][0]);
+            on_a[lane].write(&mut window.torques[place][1]);
+        }
+        if with_walls && MOVES {
+            // As of contacts with a patch.
+            let (velocity, spin) = super::velocities::<L>(particles, b);
+            let along = last.normal.times(before.press - before.force.dot(last.normal));
+            let last_force = along.plus(before.force);
+            let moments = arms.last[1].cross(last_force).plus(before.moment).plus(on[0]);
+            let work = last_force.plus(force).dot(velocity) + moments.dot(spin);
+            let work = (zero - half * work).store();
+            for (&place, work) in places.iter().zip(work) {
+                window.wall_work[place as usize - first] = work;
+            }
+        }
+    }
+
+    /// From the centres of A and B to contact points, those of now and of the last step, seen from A.
+    #[inline(always)]
+    fn arms_at<L: Eight, const MOVES: bool>(
+        &self,
+        [a, b]: [Gather; 2],
+        point: Triple<L>,
+        last_point: Triple<L>,
+    ) -> Arms<L> {
+        let Particles { position, velocity, cell, .. } = self.particles;
+        let to_b = cell.nearest_of(vectors::<L>(position, b).minus(vectors(position, a)));
+        let last_to_b = if MOVES {
+            let away = vectors::<L>(velocity, b).minus(vectors(velocity, a));
+            to_b.minus(away.times(L::all(self.dt)))
+        } else {
+            to_b
+        };
+        Arms { now: [point, point.minus(to_b)], last: [last_point, last_point.minus(last_to_b)] }
+    }
+
+    /// Up to eight contacts without a patch as they are, and as they were at the last step; the other lanes repeat the first. What
+    /// the model remembers goes to `state`.
+    #[inline(always)]
+    fn read_picked<L: Eight>(&self, places: &[u32], state: &mut [L]) -> Picked<L> {
+        let Self { law, work, .. } = self;
+        let mut at = [places[0] as usize; WIDTH];
+        for (at, &place) in at.iter_mut().zip(places) {
+            *at = place as usize;
+        }
+        let mut from = [Previous::NONE; WIDTH];
+        for (from, &at) in from.iter_mut().zip(&at) {
+            *from = if work.from.is_empty() { Previous::at(at) } else { work.from[at] };
+        }
+        let rows = rows_at(work.last.state, law.stride, &from);
+        read_state(&rows, state);
+        let mut memories = [[L::all(0.0); 4]; 3];
+        for (columns, first) in memories.iter_mut().zip([0, 4, 7]) {
+            let four = pieces::<4>(&rows, law.width + first).expect("a patch follows");
+            *columns = L::columns_of_4(&four);
+        }
+        let [[x, y, z, force_x], [force_y, force_z, moment_x, _], [moment_y, moment_z, press, _]] =
+            memories;
+        Picked {
+            at,
+            point: in_lanes(&rows_of(work.points, &at)),
+            now: GeometryInLanes::of(&rows_of(work.geometry, &at)),
+            last: GeometryInLanes::of(&geometries_at(work.last.geometry, &from)),
+            before: MemoryInLanes {
+                point: Triple { x, y, z },
+                force: Triple { x: force_x, y: force_y, z: force_z },
+                moment: Triple { x: moment_x, y: moment_y, z: moment_z },
+                press,
+            },
+        }
+    }
+
+    /// Writes what the next step must know of contacts without a patch.
+    #[inline(always)]
+    fn write_picked<L: Eight>(
+        &mut self,
+        places: &[usize],
+        columns: &[L],
+        memory: &MemoryInLanes<L>,
+    ) {
+        let (width, stride) = (columns.len(), self.law.stride);
+        let mut at = 0;
+        while at < width {
+            let last = width - 1;
+            let block = L::rows_of_4([
+                columns[at],
+                columns[last.min(at + 1)],
+                columns[last.min(at + 2)],
+                columns[last.min(at + 3)],
+            ]);
+            // What is too much is written over.
+            self.write_fours(places, at, &block);
+            at += 4;
+        }
+        let MemoryInLanes { point, force, moment, press } = *memory;
+        let block = L::rows_of_4([point.x, point.y, point.z, force.x]);
+        self.write_fours(places, width, &block);
+        let block = L::rows_of_4([force.y, force.z, press, press]);
+        self.write_fours(places, width + 4, &block);
+        // Number by number: callgrind does not know all that compilers make of columns of zeros.
+        let (moment, press) = (moment.store(), press.store());
+        for (lane, &place) in places.iter().enumerate() {
+            let row = &mut self.work.state[place * stride..][..stride];
+            let rest = row.last_chunk_mut().expect("a patch follows");
+            *rest = [moment[0][lane], moment[1][lane], moment[2][lane], press[lane], 0.0];
+        }
+    }
+
+    /// Four numbers of the rows of some contacts.
+    #[inline(always)]
+    fn write_fours<R: Row>(&mut self, places: &[usize], at: usize, fours: &[R; WIDTH]) {
+        let stride = self.law.stride;
+        for (&place, four) in places.iter().zip(fours) {
+            let row = &mut self.work.state[place * stride..][..stride];
+            four.write(row[at..].first_chunk_mut().expect("a patch follows"));
+        }
+    }
+
+    /// Adds what the contacts of a window do to their bodies, in their order, with what contacts lost that have separated in
+    /// between.
+    #[inline(always)]
+    fn sum_window(&mut self, first: usize, count: usize, window: &Window) {
+        let Window { forces, torques, wall_work } = window;
+        let first_facet = self.particles.first_facet();
+        for (place, lane) in (first..first + count).zip(0..) {
+            self.add_separated_before(place);
+            let (pair, force) = (self.work.pairs[place], forces[lane]);
+            self.work.forces[place] = force.first_three().into();
+            add(&mut self.sums.force, pair.b.index(), force);
+            add(&mut self.sums.force, pair.a.index(), force.opposite());
+            add(&mut self.sums.torque, pair.b.index(), torques[lane][0]);
+            add(&mut self.sums.torque, pair.a.index(), torques[lane][1]);
+            if pair.b.index() >= first_facet {
+                self.sums.note_wall_work(pair, wall_work[lane]);
+            }
+        }
     }
 
     /// How the bodies of a pair move.
@@ -186,14 +447,14 @@ impl<M: Model> OnPatches<'_, '_, M> {
         }
     }
 
-    /// Finds what acts in a contact, and sums it.
-    fn one(&mut self, place: usize) {
+    /// Finds what acts in a contact with a patch, of the window that begins at the `first`.
+    #[inline(never)]
+    fn on_patch(&mut self, place: usize, first: usize, window: &mut Window) {
         let Self { law, particles, dt, .. } = *self;
         let pair = self.work.pairs[place];
         let place_before =
             if self.work.from.is_empty() { place } else { self.work.from[place].index() };
         let last = self.work.last.geometry.get(place_before).copied().unwrap_or_default();
-        let width = law.width + Memory::WIDTH;
         let constants = law.constants(pair, particles);
         let motion = self.motion(pair);
 
@@ -201,7 +462,7 @@ impl<M: Model> OnPatches<'_, '_, M> {
         let state = &mut numbers[..law.width];
         let mut before = Memory::default();
         if last.touched() {
-            let remembered = &self.work.last.state[place_before * width..][..width];
+            let remembered = &self.work.last.state[place_before * law.stride..][..law.stride];
             state.copy_from_slice(&remembered[..law.width]);
             before = Memory::read(&remembered[law.width..]);
         }
@@ -220,28 +481,23 @@ impl<M: Model> OnPatches<'_, '_, M> {
             };
             dissipated = half * (work(&before, 1) + work(&memory, 0)) - (stored - stored_before);
         }
-        let row = &mut self.work.state[place * width..][..width];
+        let row = &mut self.work.state[place * law.stride..][..law.stride];
         row[..law.width].copy_from_slice(state);
         memory.write(&mut row[law.width..]);
-        self.work.forces[place] = force;
 
-        let first_facet = particles.first_facet();
-        let with_wall = pair.b.index() >= first_facet;
+        let with_wall = pair.b.index() >= particles.first_facet();
         let share = if with_wall { dissipated } else { 0.5 * dissipated };
         let arm_b = point - motion.r[0];
         let on_b = arm_b.cross(&force) + moment;
         let on_a = force.cross(&point) - moment;
-        let [x, y, z] = force.into();
-        let sums = &mut *self.sums;
-        add(&mut sums.force, pair.b.index(), [x, y, z, share]);
-        add(&mut sums.force, pair.a.index(), [x, y, z, share].opposite());
-        add(&mut sums.torque, pair.b.index(), [on_b.x, on_b.y, on_b.z, 0.0]);
-        add(&mut sums.torque, pair.a.index(), [on_a.x, on_a.y, on_a.z, 0.0]);
+        let lane = place - first;
+        window.forces[lane] = [force.x, force.y, force.z, share];
+        window.torques[lane] = [[on_b.x, on_b.y, on_b.z, 0.0], [on_a.x, on_a.y, on_a.z, 0.0]];
         if with_wall {
             let last_force = before.total_force(&last.normal);
             let on_wall = motion.work_on_b(&last_force, &before.moment, &before.point, 1, half)
                 + motion.work_on_b(&force, &moment, &point, 0, half);
-            sums.note_wall_work(pair, -on_wall);
+            window.wall_work[lane] = -on_wall;
         }
     }
 
@@ -270,6 +526,7 @@ impl<M: Model> OnPatches<'_, '_, M> {
             approach,
             sliding: triple(&sliding),
             twist: 0.5 * dt * spin.dot(&normal),
+            turning: triple(&motion.turning()),
             touched: u8::from(last.touched()),
             dt,
         };
@@ -282,7 +539,10 @@ impl<M: Model> OnPatches<'_, '_, M> {
         let torsion =
             Torsion::of(&turning, patch, &normal, now.press, before.torsion, &twisting, dt);
         let rocking = normal.cross(&patch.times(&normal.cross(&twisting)));
-        let moment = normal * torsion.moment - rocking * (turning.normal_dashpot * patch.gain);
+        let mut moment = normal * torsion.moment - rocking * (turning.normal_dashpot * patch.gain);
+        if M::MOMENTS {
+            moment += Vec3::new(now.moment.x, now.moment.y, now.moment.z);
+        }
         let memory = Memory {
             point,
             force: normal * (now.press - elastic * patch.gain) + rub,
@@ -300,13 +560,13 @@ impl<M: Model> OnPatches<'_, '_, M> {
 
     /// No force is left, but what the last contact lost.
     #[cold]
-    fn add_separated(&mut self, separated: Separated) {
+    pub(super) fn add_separated_with_patches(&mut self, separated: Separated) {
         let Self { law, particles, dt, .. } = *self;
         let half = 0.5 * dt;
         let last = &self.work.last;
         let (pair, geometry) = (last.pairs[separated.place], &last.geometry[separated.place]);
-        let width = law.width + Memory::WIDTH;
-        let (state, memory) = last.state[separated.place * width..][..width].split_at(law.width);
+        let remembered = &last.state[separated.place * law.stride..][..law.stride];
+        let (state, memory) = remembered.split_at(law.width);
         let memory = Memory::read(memory);
         let motion = self.motion(pair);
         // The force fell to nothing on the way: half of it did the work.
@@ -363,6 +623,16 @@ impl Torsion {
         let slipped = if dt > 0.0 { (limited - viscous) / tangential_stiffness } else { stretch };
         Self { moment: lever * limited, stretch: slipped }
     }
+}
+
+/// The rows of eight places.
+#[inline(always)]
+fn rows_of<'a, T>(all: &'a [T], at: &[usize; WIDTH]) -> [&'a T; WIDTH] {
+    let mut rows = [&all[at[0]]; WIDTH];
+    for (row, &at) in rows.iter_mut().zip(at) {
+        *row = &all[at];
+    }
+    rows
 }
 
 fn triple(v: &Vec3) -> Triple<f64> {

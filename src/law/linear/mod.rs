@@ -207,6 +207,7 @@ impl Model for Linear {
             press: if self.damped { state[state.len() - 1] } else { springs.normal * overlap },
             rub: spring.times(springs.tangential),
             viscous: Triple::zero(),
+            moment: Triple::zero(),
             stored: springs.stored(overlap, spring),
         }
     }
@@ -251,11 +252,13 @@ impl Model for Linear {
             press,
             rub,
             viscous: rub.minus(spring.times(springs.tangential)),
+            moment: zero,
             stored: springs.stored(contact.overlap, spring),
         }
     }
 
-    fn elastic(&self, springs: &Springs<f64>, overlap: f64) -> f64 {
+    #[inline(always)]
+    fn elastic<L: Lanes>(&self, springs: &Springs<L>, overlap: L) -> L {
         springs.normal * overlap
     }
 
