@@ -81,8 +81,6 @@ pub(crate) struct Ran {
     pub(crate) report: Value,
     /// The last snapshot.
     pub(crate) particles: ParticleTable,
-    /// How many steps the last stage was to have.
-    pub(crate) dt: f64,
     /// The last row of `history.csv` by its columns.
     history: Vec<(String, f64)>,
 }
@@ -272,7 +270,7 @@ fn told(said: &str) -> String {
 /// Holds the results of a cell that ran to its end against what is right.
 fn judge(cell: &Cell, folder: &Path, seconds: f64) -> anyhow::Result<Finding> {
     let last = cell.stages.len() - 1;
-    let ran = read(&output(folder, 1, last), cell.stages[last].dt())?;
+    let ran = read(&output(folder, 1, last))?;
     let words = [1, cell.ranks].map(|ranks| output(folder, ranks, last).into_os_string());
     let mut diff = vec!["--diff".into()];
     diff.extend(words);
@@ -300,7 +298,7 @@ fn judge(cell: &Cell, folder: &Path, seconds: f64) -> anyhow::Result<Finding> {
     Ok(Finding { outcome, why, seconds })
 }
 
-fn read(out: &Path, dt: f64) -> anyhow::Result<Ran> {
+fn read(out: &Path) -> anyhow::Result<Ran> {
     let report = serde_json::from_str(&std::fs::read_to_string(out.join("report.json"))?)?;
     let reader = Reader::open(out)?;
     let particles = reader.particles(0..reader.particle_count())?;
@@ -308,5 +306,5 @@ fn read(out: &Path, dt: f64) -> anyhow::Result<Ran> {
     let names: Vec<String> = rows.headers()?.iter().map(str::to_owned).collect();
     let row = rows.records().last().transpose()?.unwrap_or_default();
     let numbers = row.iter().map(|cell| cell.parse().unwrap_or(f64::NAN));
-    Ok(Ran { report, particles, dt, history: names.into_iter().zip(numbers).collect() })
+    Ok(Ran { report, particles, history: names.into_iter().zip(numbers).collect() })
 }

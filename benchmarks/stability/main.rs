@@ -77,6 +77,14 @@ fn run(cells: &[Cell], folder: &Path) -> anyhow::Result<Vec<Finding>> {
                     let k = next.fetch_add(1, Ordering::Relaxed);
                     let Some(cell) = cells.get(k) else { break };
                     let finding = cell::find(cell, &folder.join(k.to_string()));
+                    if let Ok(Finding { outcome, seconds, .. }) = &finding {
+                        eprintln!(
+                            "{}, {}: {}, {seconds:.2} s",
+                            cell.row,
+                            cell.value,
+                            outcome.name()
+                        );
+                    }
                     found.lock().unwrap_or_else(|e| e.into_inner()).push((k, finding));
                 }
             });

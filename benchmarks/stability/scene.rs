@@ -152,12 +152,18 @@ impl Scene {
 
     /// The largest stable step [s], as the program's library has it.
     fn limit(&self) -> Option<f64> {
-        // Any step that is accepted; particles do not matter.
-        let mut alone = Self { grains: Vec::new(), ..self.clone() };
-        "allow_unstable = true".clone_into(&mut alone.time);
-        let text = alone.text(1e-300, 1, None).replace("path = \"grains.csv\"", "path = \"none\"");
+        // Any step that is accepted, and a grain of each shape.
+        let mut other = self.clone();
+        "allow_unstable = true".clone_into(&mut other.time);
+        let text = other.text(1e-300, 1, None);
+        let middle = 0.5 * (self.low + self.high);
+        let mut grains = "shape,x,y,z\n".to_owned();
+        for name in self.tables.split("[[shape]]\nname = \"").skip(1) {
+            let name = name.split('"').next()?;
+            let _ = writeln!(grains, "{name},{:e},{:e},{:e}", middle.x, middle.y, middle.z);
+        }
         let folder = tempfile::tempdir().ok()?;
-        std::fs::write(folder.path().join("none"), "x,y,z\n").ok()?;
+        std::fs::write(folder.path().join("grains.csv"), grains).ok()?;
         let checked = Checked::parse(&text, "limit", folder.path(), &[]).ok()?;
         Some(checked.time_step_limit()?.dt)
     }

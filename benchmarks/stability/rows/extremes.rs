@@ -160,7 +160,7 @@ fn last_velocity(scene: &Scene) -> Vec3 {
 /// A grain spins freely.
 fn spinning(row: &'static str, exponent: i32, kind: &str, keys: String) -> Cell {
     let spin = 10_f64.powi(exponent);
-    let tables = material("m", DENSITY, 1e4, "") + &shape("grain", kind, &keys);
+    let tables = material("m", DENSITY, 1e4, "friction = 0.5") + &shape("grain", kind, &keys);
     let axis = Vec3::new(2.0, -1.0, 2.0) / 3.0;
     let grains = vec![Grain::at("grain", [0.0; 3]).spinning(axis * spin)];
     let mut scene = Scene::free(tables, grains);

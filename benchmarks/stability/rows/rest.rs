@@ -51,7 +51,7 @@ fn at_rest(ran: &crate::cell::Ran) -> Deviation {
 
 /// A stack of bricks, each on the one below.
 fn bricks(count: u32) -> Cell {
-    let tables = material("m", DENSITY, 1e6, "friction = 0.5\nrestitution = 0.2")
+    let tables = material("m", DENSITY, 1e5, "friction = 0.5\nrestitution = 0.2")
         + &shape("brick", "polyhedron", &cuboid([0.02, 0.016, 0.012]));
     let grains =
         (0..count).map(|k| Grain::at("brick", [0.0, 0.0, 0.012 * (f64::from(k) + 0.5)])).collect();
@@ -78,7 +78,7 @@ fn stack(
     let mut scene = Scene::on_floor(tables, grains).heavy();
     scene.keys = "global_damping = 20.0".to_owned();
     scene.step = Step::OfLimit(0.5);
-    scene.length = Length::Seconds(if count > 50 { 8.0 } else { 3.0 });
+    scene.length = Length::Seconds(if count > 50 { 8.0 } else { 1.5 });
     Cell::new(row, value, scene, move |ran| {
         vec![
             at_rest(ran),

@@ -1,7 +1,7 @@
 //! Aspect ratios, exponents, sizes.
 
 use crate::cell::{Cell, Deviation};
-use crate::scene::{DENSITY, Grain, Length, RADIUS, Scene, Step, cuboid, material, shape};
+use crate::scene::{DENSITY, Grain, Length, MASS, RADIUS, Scene, Step, cuboid, material, shape};
 use dem_mpi::math::Vec3;
 use dem_mpi::random::Random;
 
@@ -66,6 +66,9 @@ pub(super) fn cells() -> Vec<Cell> {
     }
     for exponent in 0..=3 {
         cells.push(unequal_sizes(10_f64.powi(exponent)));
+    }
+    for exponent in 0..=3 {
+        cells.push(on_a_bed(10_f64.powi(exponent)));
     }
     cells
 }
@@ -163,4 +166,27 @@ fn unequal_sizes(ratio: f64) -> Cell {
         ]
     });
     if ratio == 1000.0 { cell.quick() } else { cell }
+}
+
+/// A ball hits a bed of 25 that are smaller and lie on the floor.
+fn on_a_bed(ratio: f64) -> Cell {
+    let (stiffness, small) = (1e4, RADIUS / ratio);
+    let tables = material("m", DENSITY, stiffness, "friction = 0.3\nrestitution = 0.5")
+        + &shape("small", "sphere", &format!("radius = {small:e}"))
+        + &shape("large", "sphere", &format!("radius = {RADIUS}"));
+    let place =
+        |k: u32| Vec3::new(f64::from(k % 5) - 2.0, f64::from(k / 5) - 2.0, 0.0) * (2.1 * small);
+    let up = Vec3::new(0.0, 0.0, small);
+    let mut grains: Vec<Grain> = (0..25).map(|k| Grain::at("small", place(k) + up)).collect();
+    // Fast enough to press each in by some per cent of its radius.
+    let speed = 0.04 * small * (25.0 * stiffness / MASS).sqrt();
+    let above = Vec3::new(0.0, 0.0, 2.1 * small + RADIUS);
+    grains.push(Grain::at("large", above).moving([0.0, 0.0, -speed]));
+    let mut scene = Scene::on_floor(tables, grains);
+    scene.step = Step::OfLimit(0.3);
+    scene.length = Length::Seconds(0.1 * small / speed + 8.0 * (MASS / (25.0 * stiffness)).sqrt());
+    Cell::new("size ratio, large on small", ratio, scene, |ran| {
+        let up = ran.particles.velocity[25].z;
+        vec![Deviation { what: "large ball goes down [m/s]", is: (-up).max(0.0), allowed: 0.0 }]
+    })
 }

@@ -10,7 +10,7 @@ pub(super) fn cells() -> Vec<Cell> {
         cells.push(hit(speed));
         cells.push(closing(speed));
     }
-    for speed in [0.01, 1.0, 100.0] {
+    for speed in [0.01, 0.1, 1.0, 100.0] {
         cells.push(crossing(speed));
     }
     for (packing, spacing) in [("loose", 2.6), ("dense", 2.02)] {
@@ -52,14 +52,25 @@ fn closing(speed: f64) -> Cell {
     if speed == 1.0 { cell.quick() } else { cell }
 }
 
-/// Two walls without anything between them meet, and cross.
+/// A floor comes up through another, and takes along the ball that lies there.
 fn crossing(speed: f64) -> Cell {
-    let mut scene =
-        between(1.5, &format!("{{ \"-z\" = [0, 0, {speed:e}], \"+z\" = [0, 0, {:e}] }}", -speed));
-    scene.grains.clear();
-    scene.step = Step::Seconds(1e-6);
-    scene.length = Length::Seconds(4.0 * RADIUS / speed);
-    Cell::new("speed of walls that cross [m/s]", speed, scene, |_| Vec::new())
+    let tables = balls(1e4, "restitution = 0.3")
+        + "[[wall]]\nname = \"still\"\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\n"
+        + &format!(
+            "[[wall]]\nname = \"rising\"\npoint = [0, 0, {:e}]\nnormal = [0, 0, 1]\nvelocity = [0, 0, {speed:e}]\n",
+            -0.5 * RADIUS
+        );
+    let mut scene = Scene::free(tables, vec![Grain::at("ball", [0.0, 0.0, RADIUS])]).heavy();
+    scene.step = Step::OfLimit(0.1);
+    scene.length = Length::Seconds(5.0 * RADIUS / speed);
+    Cell::new("speed of a floor that passes another [m/s]", speed, scene, |ran| {
+        let above = ran.particles.position[0].z - 4.5 * RADIUS;
+        vec![Deviation {
+            what: "depth below the floor over the radius",
+            is: 1.0 - above / RADIUS,
+            allowed: 0.05,
+        }]
+    })
 }
 
 /// A ball in a room that is higher than wide: `half` radii up and down.
