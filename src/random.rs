@@ -9,6 +9,17 @@ use nalgebra::Quaternion;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
 
+/// A number that looks random, of several: the same on any rank, in a few nanoseconds. Each is added to the state of SplitMix64
+/// (Steele, Lea and Flood 2014, DOI 10.1145/2660193.2660195) and mixed as there.
+pub fn mixed(numbers: &[u64]) -> u64 {
+    numbers.iter().fold(0, |state, number| {
+        let state = (state ^ number).wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let state = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let state = (state ^ (state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        state ^ (state >> 31)
+    })
+}
+
 /// The random numbers of one particle.
 #[derive(Clone, Debug)]
 pub struct Random(ChaCha8Rng);
@@ -47,7 +58,7 @@ impl Random {
 
 #[cfg(test)]
 mod tests {
-    use super::Random;
+    use super::{Random, mixed};
     use crate::math::{Mat3, Vec3};
 
     #[test]
@@ -61,6 +72,21 @@ mod tests {
     #[test]
     fn the_bits_are_the_same_on_every_machine() {
         assert_eq!(Random::of(1, 7).rotation().w.to_bits(), 0xbfb2_3c3e_c702_c7ea);
+    }
+
+    /// SplitMix64's first number from the seed 0, and shares of a million names in a hundred equal parts.
+    #[test]
+    fn what_is_mixed_is_even() {
+        assert_eq!(mixed(&[0]), 0xe220_a839_7b1d_cdaf);
+        assert_ne!(mixed(&[1, 2]), mixed(&[2, 1]));
+        let mut parts = [0_u32; 100];
+        for a in 0..1000 {
+            for b in 0..1000 {
+                parts[(mixed(&[1, 1000, a, b]) >> 32) as usize * 100 >> 32] += 1;
+            }
+        }
+        // Six standard deviations of 10,000.
+        assert!(parts.iter().all(|part| part.abs_diff(10_000) < 600), "{parts:?}");
     }
 
     /// Mean and second moment of a turned axis over 20,000 particles; five standard errors.

@@ -17,19 +17,22 @@ pub enum Phase {
     Forces,
     /// Small global agreements: is the list stale, has the packing come to rest.
     Agree,
+    /// Resolving a sample of contacts again.
+    Audit,
     /// Snapshots and the table of scalars.
     Output,
 }
 
 impl Phase {
     /// All phases, in the order of a report.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Move,
         Self::Agree,
         Self::Rebuild,
         Self::Exchange,
         Self::Contacts,
         Self::Forces,
+        Self::Audit,
         Self::Output,
     ];
 
@@ -42,6 +45,7 @@ impl Phase {
             Self::Contacts => "contacts",
             Self::Forces => "forces",
             Self::Agree => "agree",
+            Self::Audit => "audit",
             Self::Output => "output",
         }
     }

@@ -1,5 +1,6 @@
 //! All tests in one binary, one module per subject; those inside MPI are in `ranks`.
 
+mod audit;
 mod comm;
 mod comm_cases;
 mod contact_reference;

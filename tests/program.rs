@@ -9,6 +9,7 @@ mod misled;
 mod opened;
 mod process;
 mod queued;
+mod reported;
 mod restarted;
 mod same_bits;
 mod signalled;
@@ -97,6 +98,13 @@ fn assert_same_result(directory: &Path, other: &Path) {
 fn history(directory: &Path) -> String {
     let path = directory.join("history.csv");
     fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// What a run has reported.
+fn report(directory: &Path) -> serde_json::Value {
+    let path = directory.join("report.json");
+    let text = fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
 /// A column of a run's table, by step.

@@ -15,6 +15,7 @@ use dem_mpi::scene::packing::initial;
 use dem_mpi::scene::plan::plan;
 use dem_mpi::scene::{Fill, Location, Method, Scene, SceneErrors, Servo, Stop};
 use dem_mpi::shape::Shape;
+use dem_mpi::sim::audit::Settings;
 use std::path::{Path, PathBuf};
 
 /// The constants of linear contacts.
@@ -262,6 +263,17 @@ fn every_key_arrives() {
 }
 
 #[test]
+fn audits_arrive_and_have_defaults() {
+    let scene = every_key();
+    let audit = Settings { every: 500, contacts: Some(30), seed: 5 };
+    assert_eq!(scene.audit, audit);
+    let without = scene.text.replace("[audit]\nevery = 500\ncontacts = 30\nseed = 5\n", "");
+    let default = Scene::parse(&without, "test", Path::new("tests/scenes/good"), &[]);
+    let usual = Settings { every: Settings::EVERY, contacts: None, seed: scene.seed };
+    assert_eq!(default.expect("a good scene").audit, usual);
+}
+
+#[test]
 fn rain_falls_from_the_side_that_gravity_pulls_away_from() -> Result<()> {
     let scene = Scene::read(Path::new("tests/scenes/good/next_stage.toml"), &[])?;
     let rain = scene.rain.context("it rains")?;
@@ -349,7 +361,7 @@ fn wrong_overrides_are_named() {
             "stopp.rest=1e-6",
             "stopp: no such key, did you mean `stop`? (allowed here: title, seed, gravity, \
              global_damping, start, contact, law, material, interaction, shape, domain, wall, fill, \
-             time, servo, stop, neighbours, output)",
+             time, servo, stop, neighbours, audit, output)",
         ),
         ("shape.ball.radius=-1", "shape.ball.radius = -1: must be a number greater than 0 [m]"),
         (
@@ -483,6 +495,8 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "no walls on these sides of the domain: -x, +x, -y, +y, -z, +z",
         &bytes,
         "24 bytes in the message of each step",
+        "audit           every 1000 steps one contact in 50, 1000 at most, resolved again",
+        "each: less than 1 % of the time",
         "about 2 owned and 0 ghost particles, 0 neighbours (1 rank)",
     ] {
         assert!(balls.contains(line), "no \"{line}\" in\n{balls}");
@@ -508,10 +522,13 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "columns         position, velocity, force; angular velocity, torque; \
          orientation, angular momentum; counts of periods; scales",
         "104 bytes in the message of each step",
+        "audit           every 500 steps about 30 contacts resolved again",
         "Left out\n  nothing\n",
     ] {
         assert!(all.contains(line), "no \"{line}\" in\n{all}");
     }
+    let without = plan(&with(&["audit={every = 0}"])?, 4);
+    assert!(without.contains("Left out\n  no audit of contacts: audit.every = 0\n"), "{without}");
     let late = with(&["time.steps=20"])?;
     assert!(plan(&late, 4).contains("the last layers of rain will not fall"));
     Ok(())

@@ -7,6 +7,7 @@ use dem_mpi::contact::StateColumn;
 use dem_mpi::drive::servo::{Pressed, Servo, State};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
+use dem_mpi::output::report::{Origin, Report};
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::post::history::History;
@@ -133,7 +134,8 @@ fn a_restart_leaves_no_trace_in_means() {
                 ..schedule(&scene, last_step, folder)
             };
             let finish = run::run(&mut sim, &schedule, comm, &mut |_| {}).unwrap();
-            (finish.unmet.clone(), report(&sim, &finish, comm))
+            let (report, _) = report(&sim, &finish, &Origin::default(), comm);
+            (finish.unmet, report.targets)
         });
         reports.into_iter().next().unwrap()
     };
@@ -155,15 +157,8 @@ fn a_restart_leaves_no_trace_in_means() {
     assert_eq!(one.drives, other.drives);
     assert_eq!(one.walls, other.walls);
     assert_eq!(told.0, told_in_legs.0);
-    let servos = |report: &str| {
-        report
-            .lines()
-            .filter(|line| line.starts_with("servo "))
-            .map(str::to_owned)
-            .collect::<Vec<_>>()
-    };
-    assert_eq!(servos(&told.1).len(), 4);
-    assert_eq!(servos(&told.1), servos(&told_in_legs.1));
+    assert_eq!(told.1.len(), 4);
+    assert_eq!(told.1, told_in_legs.1);
 }
 
 /// It comes in at its greatest speed until it touches; a wall that has lost its contacts speeds up, but does not
@@ -594,7 +589,7 @@ coupled = true"#;
 
 /// Runs 125 balls. Over the last fifth of the run's rows, of all walls with a servo, the worst: error of the mean stress, and mean
 /// distance of a step's stress from the target. With it the report.
-fn balls(walls: &str, gain: &str, restitution: f64, dt: f64, steps: u64) -> ([f64; 2], String) {
+fn balls(walls: &str, gain: &str, restitution: f64, dt: f64, steps: u64) -> ([f64; 2], Report) {
     let text = BALLS
         .replace("WALLS", walls)
         .replace("GAIN", gain)
@@ -634,17 +629,18 @@ fn balls(walls: &str, gain: &str, restitution: f64, dt: f64, steps: u64) -> ([f6
         worst[0] = worst[0].max(errors.iter().sum::<f64>().abs() / count);
         worst[1] = worst[1].max(errors.iter().map(|error| error.abs()).sum::<f64>() / count);
     }
-    (worst, report(&sim, &finish, &mut comm))
+    (worst, report(&sim, &finish, &Origin::default(), &mut comm).0)
 }
 
-/// What each line of a report on servos says of the mean error, in %.
-fn told_errors(report: &str) -> Vec<f64> {
-    let lines = report.lines().filter(|line| line.starts_with("servo "));
-    let number = |line: &str| {
-        let (_, rest) = line.split_once("off its target by ").unwrap();
-        rest.split_once(' ').unwrap().0.parse().unwrap()
-    };
-    lines.map(number).collect()
+/// The mean error of each servo, over its target.
+fn told_errors(report: &Report) -> Vec<f64> {
+    report.targets.iter().map(|target| target.mean_error).collect()
+}
+
+/// How many servos are warned of at the end.
+fn warned(report: &Report) -> usize {
+    let of_servos = |warning: &&String| warning.contains("has not kept its stress");
+    report.warnings.iter().filter(of_servos).count()
 }
 
 /// With dashpots the stress on six walls went 0, 2, 0, 2 times its target for 19,000 steps.
@@ -655,10 +651,10 @@ fn six_servos_keep_their_stress_on_dashpots() {
     {
         let ([mean, rows], report) = balls(SIX, "", restitution, dt, steps);
         println!("{restitution} {dt}: {mean:e} {rows:e} {:?}", told_errors(&report));
-        assert!(mean < 5e-3 && rows < 1e-2, "{restitution}, {dt}: {mean:e} {rows:e}\n{report}");
+        assert!(mean < 5e-3 && rows < 1e-2, "{restitution}, {dt}: {mean:e} {rows:e}\n{report:#?}");
         let told = told_errors(&report);
-        assert!(told.len() == 6 && told.iter().all(|&error| error < 1.0), "{report}");
-        assert!(!report.contains("WARNING"), "{report}");
+        assert!(told.len() == 6 && told.iter().all(|&error| error < 0.01), "{report:#?}");
+        assert_eq!(warned(&report), 0, "{report:#?}");
     }
 }
 
@@ -671,12 +667,12 @@ fn servos_keep_their_stress_under_a_moving_lid() {
         let steps = (0.4 / dt) as u64;
         let ([mean, rows], report) = balls(LID, gain, restitution, dt, steps);
         println!("{gain} {restitution} {dt}: {mean:e} {rows:e} {:?}", told_errors(&report));
-        assert!(mean < 0.02, "{gain}, {restitution}, {dt}: {mean:e} {rows:e}\n{report}");
+        assert!(mean < 0.02, "{gain}, {restitution}, {dt}: {mean:e} {rows:e}\n{report:#?}");
         let told = told_errors(&report);
-        assert_eq!(told.len(), 2, "{report}");
-        let off = told.iter().filter(|&&error| error > 2.0).count();
-        assert_eq!(report.matches("WARNING").count(), off, "{report}");
-        assert!(!gain.is_empty() || off == 0, "{report}");
+        assert_eq!(told.len(), 2, "{report:#?}");
+        let off = told.iter().filter(|&&error| error > 0.02).count();
+        assert_eq!(warned(&report), off, "{report:#?}");
+        assert!(!gain.is_empty() || off == 0, "{report:#?}");
     }
 }
 
@@ -684,8 +680,8 @@ fn servos_keep_their_stress_under_a_moving_lid() {
 #[test]
 fn a_servo_off_its_target_is_told_at_the_end() {
     let (worst, report) = balls(LID, "max_speed = 1e-4", 0.3, 5e-6, 20_000);
-    assert!(told_errors(&report).iter().all(|&error| error > 2.0), "{worst:?} {report}");
-    assert_eq!(report.matches("has not kept its stress").count(), 2, "{report}");
+    assert!(told_errors(&report).iter().all(|&error| error > 0.02), "{worst:?} {report:#?}");
+    assert_eq!(warned(&report), 2, "{report:#?}");
 }
 
 /// Rows of the history are means over the steps since the row before, of those that stand there at every step.

@@ -5,6 +5,7 @@ use anyhow::{Context, bail, ensure};
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot;
 use dem_mpi::random::Random;
+use serde_json::Value;
 use std::fmt::Write;
 use std::fs;
 use std::io::ErrorKind;
@@ -66,7 +67,9 @@ impl Code {
     /// The line in which it says its version.
     pub(crate) fn version(self) -> anyhow::Result<String> {
         let (argument, word) = match self {
-            Self::Own | Self::OwnShuffled => ("--version", "dem-mpi"),
+            Self::Own | Self::OwnShuffled => {
+                return Ok(concat!("dem-mpi ", env!("CARGO_PKG_VERSION")).to_owned());
+            }
             Self::Lammps | Self::LammpsGranular => ("-help", "Parallel Simulator"),
             Self::Liggghts => ("-help", "LIGGGHTS"),
         };
@@ -139,14 +142,13 @@ fn own(code: Code, case: &Case, steps: Steps, folder: &Path) -> anyhow::Result<R
         format!("--set=time.steps={}", steps.count),
         format!("--out={}", folder.join("own").display()),
     ];
-    let (said, cpu) = say(code, &arguments, steps.ranks)?;
+    let (_, cpu) = say(code, &arguments, steps.ranks)?;
 
-    // 2.764e6 particle-steps per second (...), of which the snapshot at the end is not a step.
-    let rate = number_before(&said, "particle-steps per second")?;
-    let output = said.lines().find_map(|line| line.strip_prefix("output")).context("no output")?;
-    let output: f64 = output.split_whitespace().nth(1).context("no time of output")?.parse()?;
-    let count = steps.count as f64;
-    let seconds = count * case.start.len() as f64 / rate - count * output * 1e-6;
+    let report: Value = serde_json::from_str(&fs::read_to_string(folder.join("own/report.json"))?)?;
+    let number = |place| report.pointer(place).and_then(Value::as_f64).context(place);
+    // The snapshot at the end is not a step.
+    let output = number("/phases/output/total_s")? / f64::from(steps.ranks);
+    let seconds = number("/run/wall_s")? - output;
 
     let last = snapshot::Reader::open(&folder.join("own/last.vtkhdf"))?;
     let table = last.particles(0..last.particle_count())?;
@@ -240,9 +242,4 @@ fn read_dump(text: &str, count: usize) -> anyhow::Result<Vec<Vec3>> {
 
 fn all(places: Vec<Option<Vec3>>) -> anyhow::Result<Vec<Vec3>> {
     places.into_iter().collect::<Option<_>>().context("a sphere is missing at the end")
-}
-
-fn number_before(text: &str, words: &str) -> anyhow::Result<f64> {
-    let (before, _) = text.split_once(words).with_context(|| format!("no {words}:\n{text}"))?;
-    Ok(before.split_whitespace().next_back().context("no number")?.parse()?)
 }

@@ -3,11 +3,12 @@
 use clap::Parser;
 use dem_mpi::comm::{Comm, agree, alone::Alone, linked, threads, wire, world};
 use dem_mpi::ids::GlobalId;
+use dem_mpi::output::performance::Performance;
+use dem_mpi::output::report::Origin;
 use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, Continuation, TakenUp};
-use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::{Scene, plan};
-use dem_mpi::sim::report::{performance, report};
+use dem_mpi::sim::report::report;
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -73,6 +74,9 @@ struct Arguments {
     /// Only say what the run would use, need and leave out
     #[arg(long)]
     plan: bool,
+    /// Print the whole report at the end, and not only its four first lines; report.json has all of it either way
+    #[arg(long)]
+    verbose: bool,
 }
 
 /// The scene or an argument is wrong: all ranks know, rank 0 has the message.
@@ -211,26 +215,10 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
             return WRONG_INPUT;
         }
     };
-    let mut sim = assemble::assemble(&scene, comm);
-    let from = arguments
-        .start
-        .as_ref()
-        .map(|path| (path, Continuation::SameStage))
-        .or_else(|| scene.start.as_ref().map(|path| (path, Continuation::NewStage)));
-    let mut held = String::new();
-    match from {
-        None => assemble::fill(&mut sim, &scene, comm),
-        Some((path, from)) => match assemble::take_up(&mut sim, &scene, path, from, comm) {
-            Ok(taken) => {
-                print_taken_up(&taken, comm);
-                held = taken.stop;
-            }
-            Err(error) => {
-                print_once(comm, error);
-                return WRONG_INPUT;
-            }
-        },
-    }
+    let (mut sim, held) = match state(arguments, &scene, comm) {
+        Ok(state) => state,
+        Err(status) => return status,
+    };
     if arguments.check {
         return checked(arguments, comm);
     }
@@ -263,22 +251,48 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         signal: Arc::clone(stop),
         traced: arguments.trace_particle.iter().map(|&id| GlobalId(id)).collect(),
     };
-    match run(&mut sim, &scene, &schedule, arguments.threads.is_some(), comm) {
-        Ok(finish) => match finish.ending {
-            Ending::LastStep | Ending::Rest => 0,
-            Ending::Signal(signal) => {
-                let name = if signal == SIGTERM as usize { "SIGTERM" } else { "SIGUSR1" };
-                let left = arguments.steps.map(|_| last_step - sim.step);
-                let again = again(arguments, &finish.snapshot, left);
-                print_once(
-                    comm,
-                    format!("stopped by {name} at step {}; to go on: {again}", sim.step),
-                );
-                STOPPED
-            }
-        },
+    match run(&mut sim, &scene, &schedule, arguments, comm) {
+        Ok(finish) => ended(arguments, &finish, sim.step, last_step, comm),
         Err(status) => status,
     }
+}
+
+/// The simulation at its start, and the `[stop]` that held there.
+fn state(
+    arguments: &Arguments,
+    scene: &Scene,
+    comm: &mut dyn Comm,
+) -> Result<(Simulation, String), u8> {
+    let mut sim = assemble::assemble(scene, comm);
+    let from = arguments
+        .start
+        .as_ref()
+        .map(|path| (path, Continuation::SameStage))
+        .or_else(|| scene.start.as_ref().map(|path| (path, Continuation::NewStage)));
+    let Some((path, from)) = from else {
+        assemble::fill(&mut sim, scene, comm);
+        return Ok((sim, String::new()));
+    };
+    match assemble::take_up(&mut sim, scene, path, from, comm) {
+        Ok(taken) => {
+            print_taken_up(&taken, comm);
+            Ok((sim, taken.stop))
+        }
+        Err(error) => {
+            print_once(comm, error);
+            Err(WRONG_INPUT)
+        }
+    }
+}
+
+/// The status of a run that ended well; one that a signal has stopped says how to go on.
+fn ended(arguments: &Arguments, finish: &Finish, step: u64, last_step: u64, comm: &dyn Comm) -> u8 {
+    let Ending::Signal(signal) = finish.ending else { return 0 };
+    let name = if signal == SIGTERM as usize { "SIGTERM" } else { "SIGUSR1" };
+    let left = arguments.steps.map(|_| last_step - step);
+    let again = again(arguments, &finish.snapshot, left);
+    print_once(comm, format!("stopped by {name} at step {step}; to go on: {again}"));
+    STOPPED
 }
 
 /// Prints which snapshots were passed over, and which walls are not where the scene puts them.
@@ -335,8 +349,7 @@ fn nothing_left(
 
 /// The command, without mpirun, that goes on from a snapshot.
 fn again(arguments: &Arguments, snapshot: &Path, left: Option<u64>) -> String {
-    let Arguments { scene, out, steps: _, start: _, threads, trace_particle: _, set, .. } =
-        arguments;
+    let Arguments { scene, out, threads, set, verbose, .. } = arguments;
     let mut words = vec!["dem-mpi".to_owned(), scene.display().to_string()];
     let mut add = |name: &str, value: String| {
         // So that a shell takes it as one word.
@@ -357,6 +370,9 @@ fn again(arguments: &Arguments, snapshot: &Path, left: Option<u64>) -> String {
         add("--steps", left.to_string());
     }
     add("--start", snapshot.display().to_string());
+    if *verbose {
+        words.push("--verbose".to_owned());
+    }
     words.join(" ")
 }
 
@@ -364,40 +380,60 @@ fn run(
     sim: &mut Simulation,
     scene: &Scene,
     schedule: &Schedule,
-    in_threads: bool,
+    arguments: &Arguments,
     comm: &mut dyn Comm,
 ) -> Result<Finish, u8> {
-    let ranks = comm.size();
+    print_once(comm, heading(scene, schedule, sim.step, comm.size()));
+    let origin = origin(scene);
+    for doubt in &origin.doubts {
+        print_once(comm, format!("warning: {doubt}"));
+    }
+    let mut display = Display::new(comm.is_root(), schedule.last_step - sim.step);
+    let finish = run::run(sim, schedule, comm, &mut |progress| display.show(progress));
+    let finish = finish.map_err(|error| failed(&error, sim, arguments.threads.is_some(), comm))?;
+    display.end();
+    let (report, warnings) = report(sim, &finish, &origin, comm);
+    let mut stored = Ok(());
+    if comm.is_root() {
+        let details =
+            if arguments.verbose { format!("\n{}", report.details()) } else { String::new() };
+        let summary = report.summary(&schedule.out, &warnings);
+        let _ = write!(std::io::stdout(), "\n{summary}{details}");
+        let row = Performance::of(&report);
+        stored =
+            report.store(&schedule.out).and_then(|()| row.store(&schedule.out, schedule.resumed));
+    }
+    if let Err(error) = agree(comm, stored) {
+        print_once(comm, error);
+        return Err(FAILED);
+    }
+    Ok(finish)
+}
+
+/// What runs, on how many ranks.
+fn heading(scene: &Scene, schedule: &Schedule, step: u64, ranks: u32) -> String {
     let limit = scene.time_step_limit().map_or(String::new(), |limit| {
         let share = 100.0 * scene.dt / limit.dt;
         let warning = if share > 100.0 { ": OVER THE LIMIT, the run may blow up" } else { "" };
         format!(", {share:.0} % of the stable limit{warning}")
     });
-    print_once(
-        comm,
-        format!(
-            "{}: {} on {ranks} rank{}, steps {} to {} of {:e} s{limit}",
-            scene.title,
-            scene.method.name(),
-            if ranks == 1 { "" } else { "s" },
-            sim.step,
-            schedule.last_step,
-            scene.dt,
-        ),
-    );
-    for doubt in doubts(scene) {
-        print_once(comm, format!("warning: {doubt}"));
-    }
-    let mut display = Display::new(comm.is_root(), schedule.last_step - sim.step);
-    let finish = match run::run(sim, schedule, comm, &mut |progress| display.show(progress)) {
-        Ok(finish) => finish,
-        Err(RunError::Step(error)) if error.is_agreed() => {
-            print_once(comm, error);
-            return Err(FAILED);
-        }
-        Err(error @ (RunError::Step(_) | RunError::History(_))) => {
+    format!(
+        "{}: {} on {ranks} rank{}, steps {step} to {} of {:e} s{limit}",
+        scene.title,
+        scene.method.name(),
+        if ranks == 1 { "" } else { "s" },
+        schedule.last_step,
+        scene.dt,
+    )
+}
+
+/// Says why a run could not go on; the status to end with. Where only this rank knows, it ends all.
+fn failed(error: &RunError, sim: &Simulation, in_threads: bool, comm: &dyn Comm) -> u8 {
+    match error {
+        RunError::Step(error) if error.is_agreed() => print_once(comm, error),
+        RunError::Step(_) | RunError::History(_) => {
             // Other ranks do not know: this one speaks, and ends them.
-            if let RunError::Step(StepError::Contact { a, .. }) = &error
+            if let RunError::Step(StepError::Contact { a, .. }) = error
                 && !sim.particles.id[..sim.particles.owned].contains(a)
             {
                 // The rank that owns A has met the same, and says so.
@@ -409,28 +445,19 @@ fn run(
             }
             comm.abort(i32::from(FAILED));
         }
-        Err(error @ RunError::Start(_)) => {
+        RunError::Start(_) => {
             print_once(comm, error);
-            return Err(WRONG_INPUT);
+            return WRONG_INPUT;
         }
-        Err(error @ (RunError::Snapshot(_) | RunError::Particle { .. })) => {
-            print_once(comm, error);
-            return Err(FAILED);
-        }
-    };
-    display.end();
-    let text = report(sim, &finish, comm);
-    if comm.is_root() {
-        let snapshot = finish.snapshot.display();
-        let _ = write!(std::io::stdout(), "\n{text}\nsnapshot   {snapshot}\n");
+        RunError::Snapshot(_) | RunError::Particle { .. } => print_once(comm, error),
     }
-    let row = performance(sim, &finish, comm);
-    let stored = if comm.is_root() { row.store(&schedule.out, schedule.resumed) } else { Ok(()) };
-    if let Err(error) = agree(comm, stored) {
-        print_once(comm, error);
-        return Err(FAILED);
-    }
-    Ok(finish)
+    FAILED
+}
+
+/// What the report says of this program and the scene.
+fn origin(scene: &Scene) -> Origin {
+    let commit = option_env!("DEM_MPI_COMMIT").filter(|commit| !commit.is_empty());
+    Origin { commit: commit.map(str::to_owned), ..scene.origin() }
 }
 
 /// A bar on a terminal, a line now and then elsewhere; nothing on ranks other than 0.

@@ -4,7 +4,7 @@
 //! so, the next one answers, and the tally shows how often: a run whose first stage is often passed over
 //! should choose another method.
 
-use super::{Batch, ContactResolver, Found, Outcome, Posed, Tally, Why};
+use super::{Batch, ContactResolver, Definition, Found, Outcome, Posed, Tally, Why};
 use crate::math::Vec3;
 
 /// A first resolver and up to four to fall back on.
@@ -33,6 +33,10 @@ impl ContactResolver for Chain {
     fn stages(&self) -> Vec<&'static str> {
         let fallbacks = self.fallbacks.iter().map(|fallback| fallback.name());
         std::iter::once(self.first.name()).chain(fallbacks).collect()
+    }
+
+    fn definition(&self) -> Definition {
+        self.first.definition()
     }
 
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {

@@ -17,6 +17,7 @@
 
 mod clearance;
 mod common_normal;
+mod converged;
 mod cores;
 mod epa;
 mod eroded_gjk;
@@ -35,6 +36,7 @@ mod sphere_sphere;
 
 pub use clearance::clearance;
 pub use common_normal::{CommonNormal, SeededCommonNormal};
+pub use converged::{Converged, Definition};
 pub use cores::Cores;
 pub use epa::Epa;
 pub use eroded_gjk::ErodedGjk;
@@ -690,6 +692,11 @@ pub trait ContactResolver: Send + Sync {
     /// The names of the stages that may answer, in their order: of a chain, more than one.
     fn stages(&self) -> Vec<&'static str> {
         vec![self.name()]
+    }
+
+    /// What it looks for.
+    fn definition(&self) -> Definition {
+        Definition::LeastOverlap
     }
 
     /// Resolves one pair. `r` is from the centre of A to the centre of B [m]; `warm` the normal of the

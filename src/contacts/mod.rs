@@ -449,6 +449,19 @@ impl Contacts {
             .flat_map(|columns| columns.pairs.iter().copied().zip(&columns.geometry))
     }
 
+    /// The same, with the contact point.
+    pub fn touches<'a>(
+        &'a self,
+        particles: &'a Particles,
+    ) -> impl Iterator<Item = (Pair, Touch)> + 'a {
+        self.stretches.iter().flat_map(move |columns| {
+            columns.pairs.iter().enumerate().map(move |(place, &pair)| {
+                let Geometry { normal, overlap } = columns.geometry[place];
+                (pair, Touch { overlap, normal, point: columns.point(place, particles) })
+            })
+        })
+    }
+
     /// How many pairs touch.
     pub fn len(&self) -> usize {
         self.stretches.iter().map(|columns| columns.pairs.len()).sum()

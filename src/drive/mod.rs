@@ -199,8 +199,13 @@ pub trait Drive: Send + Sync {
         Vec::new()
     }
 
-    /// Lines of the report at the end of a run.
-    fn report(&self, _walls: &[Wall]) -> Vec<String> {
+    /// How it has kept what it was to keep, at the end of a run.
+    fn kept(&self, _walls: &[Wall]) -> Vec<Kept> {
+        Vec::new()
+    }
+
+    /// What the user should know at the end of a run, a sentence each.
+    fn last_warnings(&self, _walls: &[Wall]) -> Vec<String> {
         Vec::new()
     }
 
@@ -223,6 +228,27 @@ pub trait Drive: Send + Sync {
     ) -> Result<(), DriveError> {
         Ok(())
     }
+}
+
+/// How a target was kept over the last fifth of the stage.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Kept {
+    /// What kept it, in a word.
+    pub drive: String,
+    /// On what: the names of walls.
+    pub of: String,
+    /// The unit of `target` and `mean`.
+    pub unit: &'static str,
+    /// What was to be kept.
+    pub target: f64,
+    /// What was, in the mean over these steps.
+    pub mean: f64,
+    /// How many steps.
+    pub steps: u64,
+    /// Mean distance from the target, over the target.
+    pub mean_error: f64,
+    /// Largest distance from the target, over the target.
+    pub largest_error: f64,
 }
 
 /// A drive cannot go on. Known on all ranks.

@@ -169,12 +169,12 @@ impl Drive for RainGauge {
         (!self.is_over()).then_some("rain still falls")
     }
 
-    fn report(&self, _walls: &[Wall]) -> Vec<String> {
+    fn last_warnings(&self, _walls: &[Wall]) -> Vec<String> {
         if self.is_over() {
             return Vec::new();
         }
         vec![format!(
-            "rain       {} of {} particles have fallen: too few steps, or the slab was never free",
+            "only {} of {} particles of rain have fallen: too few steps, or the slab was never free",
             self.fallen, self.rain.count
         )]
     }

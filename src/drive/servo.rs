@@ -25,7 +25,7 @@
 //! any number of ranks. They come from what contacts remember; integral, stiffness, and the sums over steps from which
 //! means are made, are saved in snapshots.
 
-use super::{CHECK_EVERY, Drive, DriveError, Moment, SavedColumn, SavedState, Values};
+use super::{CHECK_EVERY, Drive, DriveError, Kept, Moment, SavedColumn, SavedState, Values};
 use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::contact::StateColumn;
@@ -62,6 +62,11 @@ pub struct Pressed {
 }
 
 impl Servo {
+    /// The names of its walls.
+    pub fn names(&self, walls: &[Wall]) -> String {
+        self.walls.iter().map(|&k| &*walls[k].name).collect::<Vec<_>>().join(", ")
+    }
+
     /// Sum of the areas of its walls [m²].
     fn area(&self, walls: &[Wall], cell: &Cell) -> f64 {
         let of_wall = |&k: &usize| area(walls, cell, walls[k].across()?.axis);
@@ -357,6 +362,12 @@ impl Servos {
         all.find(|(servo, _)| servo.walls.contains(&wall))
     }
 
+    /// Each servo with its errors over the last fifth of the stage, if there were any steps.
+    fn in_the_end(&self) -> impl Iterator<Item = (&Servo, Errors)> {
+        let late = self.memories.iter().map(|memory| memory.course.last_fifth());
+        self.all.iter().zip(late).filter(|(_, late)| late.steps > 0.0)
+    }
+
     /// The sums of the forces since the last row of the history, of all ranks, by wall. Collective.
     fn force_sums(&self, comm: &mut dyn Comm) -> BTreeMap<usize, ForceSum> {
         let mut all = self.forces.clone();
@@ -413,11 +424,10 @@ impl Servos {
                 if step.is_multiple_of(CHECK_EVERY) { Errors::default() } else { memory.recent };
             memory.recent = before.and(now);
             if watch.swings(error) {
-                let walls = servo.walls.iter().map(|&k| &*walls[k].name);
                 self.warnings.push(format!(
                     "the stress on wall {} has jumped from one side of its target to the other for {SWINGS} steps, \
                      and jumps no less: the servo is too quick for these grains. Set its `gain` = {:.2} or lower",
-                    walls.collect::<Vec<_>>().join(", "),
+                    servo.names(walls),
                     0.5 * servo.gain,
                 ));
             }
@@ -523,39 +533,38 @@ impl Drive for Servos {
         std::mem::take(&mut self.warnings)
     }
 
-    /// How each servo kept its target over the last fifth of the stage.
-    fn report(&self, walls: &[Wall]) -> Vec<String> {
-        let mut lines = Vec::new();
-        for (servo, memory) in self.all.iter().zip(&self.memories) {
-            let names = servo.walls.iter().map(|&k| &*walls[k].name).collect::<Vec<_>>();
-            let names = names.join(", ");
-            let late = memory.course.last_fifth();
-            if late.steps == 0.0 {
-                continue;
-            }
-            let (mean, largest) = (late.mean_size(), late.largest);
-            let target = servo.stress;
-            lines.push(format!(
-                "servo      {names}: mean stress {:.5e} Pa of {target:e} Pa over the last {} steps of the stage; off its target by {:.3} % in the mean, at most by {:.3} %{}",
-                (1.0 + late.of_mean()) * target,
-                late.steps,
-                100.0 * mean,
-                100.0 * largest,
-                if mean <= OFF_TARGET && largest > OFF_TARGET { ", over 2 % at times" } else { "" },
-            ));
-            if mean > OFF_TARGET || mean.is_nan() {
-                lines.push(format!(
-                    "           WARNING: wall {names} has not kept its stress: over 2 % off in the mean. {}",
-                    if late.of_mean().abs() > 0.5 * mean {
-                        "Give it more steps, a higher `max_speed`, or grains that can bear the stress"
-                    } else {
-                        "The grains knock on it: let them lose energy (`restitution`, `friction`, `global_damping`), strain \
-                         them more slowly, or take a shorter time step; if it swings, a lower `gain`"
-                    },
-                ));
-            }
-        }
-        lines
+    fn kept(&self, walls: &[Wall]) -> Vec<Kept> {
+        let kept = |(servo, late): (&Servo, Errors)| Kept {
+            drive: "servo".to_owned(),
+            of: servo.names(walls),
+            unit: "Pa",
+            target: servo.stress,
+            mean: (1.0 + late.of_mean()) * servo.stress,
+            steps: late.steps as u64,
+            mean_error: late.mean_size(),
+            largest_error: late.largest,
+        };
+        self.in_the_end().map(kept).collect()
+    }
+
+    fn last_warnings(&self, walls: &[Wall]) -> Vec<String> {
+        let is_off = |(_, late): &(&Servo, Errors)| {
+            let mean = late.mean_size();
+            mean > OFF_TARGET || mean.is_nan()
+        };
+        let warning = |(servo, late): (&Servo, Errors)| {
+            format!(
+                "wall {} has not kept its stress: over 2 % off in the mean. {}",
+                servo.names(walls),
+                if late.of_mean().abs() > 0.5 * late.mean_size() {
+                    "Give it more steps, a higher `max_speed`, or grains that can bear the stress"
+                } else {
+                    "The grains knock on it: let them lose energy (`restitution`, `friction`, `global_damping`), strain \
+                     them more slowly, or take a shorter time step; if it swings, a lower `gain`"
+                },
+            )
+        };
+        self.in_the_end().filter(is_off).map(warning).collect()
     }
 
     fn save(&self, walls: &[Wall], comm: &mut dyn Comm) -> Vec<SavedColumn> {

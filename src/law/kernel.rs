@@ -287,6 +287,10 @@ impl<M: Model> ForceLaw for Law<M> {
         self.model.last(&constants, geometry.overlap, state).press
     }
 
+    fn elastic(&self, pair: Pair, particles: &Particles, overlap: f64) -> f64 {
+        self.model.elastic(&self.constants(pair, particles), overlap)
+    }
+
     fn stored(&self, pair: Pair, particles: &Particles, geometry: &Geometry, state: &[f64]) -> f64 {
         let constants = self.constants(pair, particles);
         let [of_model, of_patch] = state.split_at(self.width).into();

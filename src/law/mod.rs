@@ -353,6 +353,9 @@ pub trait ForceLaw: Send + Sync {
         state: &[f64],
     ) -> f64;
 
+    /// The normal force that the law makes of an overlap [m] alone, without dashpots [N].
+    fn elastic(&self, pair: Pair, particles: &Particles, overlap: f64) -> f64;
+
     /// Elastic energy of a contact [J].
     fn stored(&self, pair: Pair, particles: &Particles, geometry: &Geometry, state: &[f64]) -> f64;
 

@@ -70,3 +70,17 @@ pub fn time_step_limit(library: &Library, law: &dyn ForceLaw) -> Option<TimeStep
         })
         .min_by(|a, b| a.dt.total_cmp(&b.dt))
 }
+
+/// The highest frequency at which two bodies oscillate on the spring of one contact, without dashpots [rad/s]: `√(k / m)` with
+/// the largest stiffness that a body can have and the reduced mass of it and the lightest of all. `None` if nothing pushes.
+pub fn highest_frequency(library: &Library, law: &dyn ForceLaw) -> Option<f64> {
+    let bodies: Vec<Body> =
+        library.extremes().map(|(shape, scale)| Body::of(library, shape, scale)).collect();
+    let lightest = bodies.iter().map(|body| body.mass).fold(f64::INFINITY, f64::min);
+    let squared = bodies.iter().map(|body| {
+        let reduced_mass = body.mass * lightest / (body.mass + lightest);
+        law.hardest(body, reduced_mass).stiffness / reduced_mass
+    });
+    let highest = squared.fold(0.0, f64::max);
+    (highest > 0.0).then(|| highest.sqrt())
+}

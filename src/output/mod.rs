@@ -7,6 +7,7 @@
 //! | [`columns`] | what a column holds: numbers of any kind, in memory and in files |
 //! | [`snapshot`] | [`snapshot::write`] and [`snapshot::Reader`]: tables to files and back |
 //! | [`table`] | `history.csv`, the scalars of a run by time |
+//! | [`report`] | `report.json`, all figures of a run at its end, and the same as text |
 //! | [`performance`] | `performance.csv`, what a run did and what it took |
 //! | [`hdf5`] | the only file that calls HDF5: columns, attributes and checksums |
 //!
@@ -21,6 +22,7 @@ pub mod columns;
 pub mod hdf5;
 pub mod header;
 pub mod performance;
+pub mod report;
 pub mod snapshot;
 pub mod table;
 pub mod tables;

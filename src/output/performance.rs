@@ -1,7 +1,9 @@
 //! `performance.csv`: what a run did and what it took, a row for each time that it was started and came to an end.
 //! Rank 0 writes, when all else is written.
 
+use super::report::Report;
 use super::table::TableError;
+use crate::timing::Phase;
 use serde::{Deserialize, Serialize};
 use std::fs::OpenOptions;
 use std::path::{Path, PathBuf};
@@ -33,6 +35,21 @@ fn path(directory: &Path) -> PathBuf {
 }
 
 impl Performance {
+    /// What a report says of it.
+    pub fn of(report: &Report) -> Self {
+        let Report { run, contacts, .. } = report;
+        Self {
+            ranks: run.ranks,
+            steps: run.steps,
+            particle_steps: run.particle_steps,
+            wall_s: run.wall_s,
+            contact_resolution_s: report.spent(Phase::Contacts).map_or(0.0, |spent| spent.total_s),
+            listed_pairs: contacts.listed_pairs,
+            resolved_pairs: contacts.resolved_pairs,
+            contacts: contacts.contacts,
+        }
+    }
+
     /// Writes the row into `directory`: below those of before where the run continues one, else as the first.
     ///
     /// # Errors

@@ -22,7 +22,7 @@ use crate::particles::columns::Accumulated;
 use crate::particles::records::Particle;
 use crate::particles::walls::Wall;
 use crate::search::PairList;
-use crate::sim::{Simulation, capture, watch::Watch};
+use crate::sim::{Simulation, audit::Auditor, capture, watch::Watch};
 use crate::timing::Clock;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -139,6 +139,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
         skin: scene.skin,
         imbalance: scene.imbalance,
         lists_since_cut: 0,
+        audit: Auditor::new(scene.audit),
         clock: Clock::new(),
     }
 }

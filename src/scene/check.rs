@@ -18,6 +18,7 @@ use crate::law::ForceLaw;
 use crate::law::stability::time_step_limit;
 use crate::math::Vec3;
 use crate::particles::Library;
+use crate::sim::audit::Settings as Audit;
 use std::path::{Path, PathBuf};
 
 /// Skin, in largest bounding radii, if the file does not say.
@@ -84,6 +85,7 @@ pub(super) fn scene(
     let neighbours = root.read_or("neighbours", (default_skin, IMBALANCE), |given| {
         neighbours(&given.section()?, default_skin)
     });
+    let audit = audit(&root, seed.unwrap_or_default());
     let output = root.section("output", "`directory`").as_ref().and_then(Output::read);
     root.finish();
 
@@ -138,6 +140,7 @@ pub(super) fn scene(
         imbalance,
         snapshot_every,
         history_every,
+        audit: audit?,
         out,
         start: start?,
         text,
@@ -280,6 +283,22 @@ fn neighbours(section: &Section, default_skin: f64) -> Option<(f64, f64)> {
     let imbalance = section.number_or("imbalance", IMBALANCE, Range::FromOne, "");
     section.finish();
     Some((skin?, imbalance?))
+}
+
+/// How contacts are audited; `seed` is that of the scene.
+fn audit(root: &Section, seed: u64) -> Option<Audit> {
+    let default = Audit { every: Audit::EVERY, contacts: None, seed };
+    root.read_or("audit", default, |given| {
+        let section = given.section()?;
+        let every = section.read_or("every", default.every, |given| given.whole(0));
+        let contacts = section.read_or("contacts", None, |given| given.whole(1).map(Some));
+        let seed = section.read_or("seed", seed, |given| given.whole(0));
+        section.finish();
+        if let (Some(0), Some(given)) = (every, section.get("contacts")) {
+            given.fail("there is no audit: `every` is 0");
+        }
+        Some(Audit { every: every?, contacts: contacts?, seed: seed? })
+    })
 }
 
 fn check_counts(root: &Section, bodies: usize, materials: usize) {

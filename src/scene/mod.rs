@@ -83,6 +83,10 @@
 //! | **`[neighbours]`** | | may be left out; changes the speed, never the result |
 //! | `skin` | m | a pair is listed when its bounding spheres come this close; default: a tenth of the largest bounding radius, at most the smallest one |
 //! | `imbalance` | | subdomains are cut again when the busiest rank has so many times the mean work; default 1.1 |
+//! | **`[audit]`** | | may be left out; a sample of the contacts that touch is resolved again, to convergence, and the report has the errors ([`crate::sim::audit`]). Changes no result |
+//! | `every` | | steps between samples; default 1000; 0: none |
+//! | `contacts` | | how many at each, in the mean; default: one of 50, at most 1000 |
+//! | `seed` | | of the samples; default: the scene's |
 //! | **`[output]`** | | |
 //! | `directory` | | |
 //! | `snapshot_every` | | steps between snapshots; default 0: only at the end |
@@ -126,10 +130,12 @@ use crate::ids::ShapeId;
 use crate::law::stability::{self, TimeStepLimit};
 use crate::law::{self, ForceLaw};
 use crate::math::{Quat, Vec3};
+use crate::output::report::Origin;
 pub use crate::particles::mix::Mix;
 use crate::particles::walls::Wall;
 use crate::particles::{Library, Needs};
 use crate::shape::Kind;
+use crate::sim::audit;
 pub use crate::sim::run::Stop;
 use check::Need;
 pub use matter::Material;
@@ -183,6 +189,8 @@ pub struct Scene {
     pub snapshot_every: u64,
     /// Steps between rows of `history.csv`; 0: only at the end.
     pub history_every: u64,
+    /// How contacts are audited.
+    pub audit: audit::Settings,
     /// Where output goes; the command line may override.
     pub out: PathBuf,
     /// The snapshot with which this stage begins.
@@ -261,6 +269,17 @@ impl Scene {
     /// The force law of the scene.
     pub fn force_law(&self) -> Box<dyn ForceLaw> {
         self.law.law(&self.library)
+    }
+
+    /// What a report says of it; a commit is for the program to add.
+    pub fn origin(&self) -> Origin {
+        Origin {
+            program: concat!("dem-mpi ", env!("CARGO_PKG_VERSION")).to_owned(),
+            commit: None,
+            title: self.title.clone(),
+            method: self.method.name().to_owned(),
+            doubts: doubts::doubts(self),
+        }
     }
 
     /// The kinds of shape that particles have.

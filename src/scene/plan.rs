@@ -94,6 +94,9 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     for (a, b) in pairs_of_kinds(scene) {
         page.line("contacts", format!("{}-{}: {}", a.name(), b.name(), resolver(scene, a, b)));
     }
+    if scene.audit.every > 0 {
+        page.line("audit", scene.audit.words());
+    }
     let needs = scene.needs();
     let columns = [
         (true, "position, velocity, force"),
@@ -152,12 +155,11 @@ fn walls(scene: &Scene, page: &mut Page) {
         }
     }
     for servo in &scene.servos {
-        let names: Vec<&str> = servo.walls.iter().map(|&k| &*scene.walls[k].name).collect();
         page.line(
             "servo",
             format!(
                 "{}: {:e} Pa, at most {:e} m/s, gain {}",
-                names.join(", "),
+                servo.names(&scene.walls),
                 servo.stress,
                 servo.max_speed,
                 servo.gain
@@ -222,6 +224,7 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         (scene.global_damping == 0.0, "no global damping".to_owned()),
         (scene.gravity == Vec3::zeros(), "no gravity".to_owned()),
         (scene.stop == Stop::default(), "no stop criterion: all steps are taken".to_owned()),
+        (scene.audit.every == 0, "no audit of contacts: audit.every = 0".to_owned()),
         (scene.servos.is_empty(), "no sum over all ranks in each step: no servos".to_owned()),
         (scene.rain.is_none(), "no insertion: no rain".to_owned()),
         (!scene.walls.iter().any(|wall| wall.moves), "no work of walls: none moves".to_owned()),

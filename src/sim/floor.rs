@@ -90,7 +90,12 @@ impl Floor {
             Phase::Move => Some(Self { particle: motion(needs), ..Self::default() }),
             Phase::Contacts => Self::of_contacts(needs, kind?),
             Phase::Forces if !needs.patches => Some(Self::of_forces(needs, width)),
-            Phase::Forces | Phase::Rebuild | Phase::Exchange | Phase::Agree | Phase::Output => None,
+            Phase::Forces
+            | Phase::Rebuild
+            | Phase::Exchange
+            | Phase::Agree
+            | Phase::Audit
+            | Phase::Output => None,
         }
     }
 

@@ -1,5 +1,6 @@
 //! The simulation: everything a rank holds, and the step.
 
+pub mod audit;
 pub mod capture;
 pub mod floor;
 mod leavers;
@@ -22,6 +23,7 @@ use crate::particles::columns::Quantity;
 use crate::particles::records::Particle;
 use crate::search::{self, PairList};
 use crate::timing::{Clock, Phase};
+use audit::Auditor;
 use std::collections::BTreeSet;
 use watch::{Fault, Watch};
 
@@ -67,6 +69,8 @@ pub struct Simulation {
     pub imbalance: f64,
     /// Lists made since the last cut.
     pub lists_since_cut: u32,
+    /// What was found of contacts that were resolved again.
+    pub audit: Auditor,
     /// Where the time went.
     pub clock: Clock,
 }
@@ -315,6 +319,16 @@ impl Simulation {
         measures.received += departed.received;
         measures.dissipated += departed.dissipated;
         measures
+    }
+
+    /// Resolves a sample of the contacts again, if it is time. Collective at steps on which all ranks agree.
+    pub fn audit(&mut self, comm: &mut dyn Comm) {
+        if self.audit.is_due(self.step) {
+            let mut audit = self.audit.take();
+            audit.look(self, comm);
+            self.audit = audit;
+            self.clock.lap(Phase::Audit);
+        }
     }
 
     /// Particles that drives insert now, the same on all ranks. Collective.

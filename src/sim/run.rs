@@ -93,8 +93,12 @@ pub struct Finish {
     pub measures: Measures,
     /// The largest kinetic and elastic energy together that the run has measured [J].
     pub most_moving: f64,
+    /// The largest overlap over the shortest axis of the smaller body that the run has measured [-].
+    pub largest_overlap: f64,
     /// What the stage's [`Stop`] still asks for, where it is over all the same; empty if nothing.
     pub unmet: String,
+    /// What has been warned of in the run.
+    pub warnings: Vec<String>,
     /// The last snapshot.
     pub snapshot: PathBuf,
 }
@@ -169,10 +173,12 @@ pub fn run(
     let mut particle_steps = 0;
     let mut ending = Ending::LastStep;
     let mut stop_check = StopCheck::new(sim.step);
+    let mut warned = Vec::new();
     while sim.step < schedule.last_step {
         let stepped = sim.step(comm);
         stepped.map_err(|error| explain(error, sim, comm))?;
         particle_steps += sim.particles.owned as u64;
+        sim.audit(comm);
 
         let signal = stop_check.signal(sim.step, &schedule.signal, comm);
         let mut warnings: Vec<String> =
@@ -190,6 +196,7 @@ pub fn run(
             trace: &trace,
             warnings: &warnings,
         });
+        warned.append(&mut warnings);
         sim.clock.lap(Phase::Output);
         if ending != Ending::LastStep {
             break;
@@ -209,6 +216,8 @@ pub fn run(
         wall_seconds: started.elapsed().as_secs_f64(),
         measures,
         most_moving: records.most_moving,
+        largest_overlap: records.largest_overlap,
+        warnings: warned,
         snapshot,
     })
 }
@@ -232,6 +241,8 @@ struct Records<'a> {
     depths: Peekable<IntoIter<f64, 2>>,
     /// The largest kinetic and elastic energy together that was measured [J].
     most_moving: f64,
+    /// The largest overlap over the shortest axis that was measured [-].
+    largest_overlap: f64,
     /// The scalars, if they were measured after the last step.
     measures: Option<Measures>,
     /// The snapshot, if one was written after the last step.
@@ -252,7 +263,15 @@ impl<'a> Records<'a> {
             None
         };
         let depths = DEPTHS.into_iter().peekable();
-        Ok(Self { schedule, history, depths, most_moving: 0.0, measures: None, snapshot: None })
+        Ok(Self {
+            schedule,
+            history,
+            depths,
+            most_moving: 0.0,
+            largest_overlap: 0.0,
+            measures: None,
+            snapshot: None,
+        })
     }
 
     /// Adds a row to the history.
@@ -284,9 +303,15 @@ impl<'a> Records<'a> {
         if self.schedule.snapshot_every > 0 {
             self.snapshot = Some(self.save(sim, Ending::LastStep, &measures, comm)?);
         }
-        self.most_moving = measures.moving();
+        self.note(&measures);
         self.measures = Some(measures);
         Ok(())
+    }
+
+    /// Keeps the largest of what is measured.
+    fn note(&mut self, measures: &Measures) {
+        self.most_moving = f64::max(self.most_moving, measures.moving());
+        self.largest_overlap = f64::max(self.largest_overlap, measures.largest_overlap);
     }
 
     /// Measures, adds a row and writes a snapshot where they are due. Returns whether the packing has come to rest.
@@ -307,7 +332,7 @@ impl<'a> Records<'a> {
         }
         let measures = sim.measure(comm);
         warnings.extend(sim.warn_of_motions(comm));
-        self.most_moving = f64::max(self.most_moving, measures.moving());
+        self.note(&measures);
         let is_at_rest = rest_due && unmet(sim, &schedule.stop, &measures).is_empty();
         let ending = if is_at_rest { Ending::Rest } else { Ending::LastStep };
         while self.depths.next_if(|&depth| measures.largest_overlap > depth).is_some() {
@@ -340,6 +365,7 @@ impl<'a> Records<'a> {
             Some(measures) => measures,
             None => sim.measure(comm),
         };
+        self.note(&measures);
         let snapshot = match self.snapshot.take() {
             Some(snapshot) => snapshot,
             None => self.save(sim, ending, &measures, comm)?,
@@ -351,9 +377,15 @@ impl<'a> Records<'a> {
 impl Simulation {
     /// Warnings about how far bodies move in a step. Collective.
     fn warn_of_motions(&mut self, comm: &mut dyn Comm) -> Vec<String> {
+        let largest = self.largest_motions(comm);
+        self.watch.warnings(largest, self.dt)
+    }
+
+    /// The largest motions of any rank, as fractions of what is allowed. Collective.
+    pub(super) fn largest_motions(&self, comm: &mut dyn Comm) -> [f64; 2] {
         let mut largest = self.watch.largest();
         comm.max(&mut largest);
-        self.watch.warnings(largest, self.dt)
+        largest
     }
 }
 

@@ -156,6 +156,12 @@ impl Watch {
         self.largest
     }
 
+    /// The largest motions of any rank, as fractions of what is allowed, in the units of a report: way in a step over the smallest
+    /// inscribed radius, and turn in a step [rad].
+    pub const fn in_units([moved, turned]: [f64; 2]) -> [f64; 2] {
+        [FARTHEST * moved, WIDEST * turned]
+    }
+
     /// Warnings about the largest motions of any rank, as fractions of what is allowed: once at a tenth and once at a half.
     /// `dt` in s.
     pub fn warnings(&mut self, largest: [f64; 2], dt: f64) -> Vec<String> {

@@ -1,7 +1,8 @@
 //! What a run tells of its memory is what the system sees, and what it holds for a moment is bounded.
 
-use super::fresh_directory;
-use super::process::{Ended, Launch, dem_mpi};
+use super::process::{Launch, dem_mpi};
+use super::{fresh_directory, report};
+use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
@@ -48,8 +49,8 @@ snapshot_every = 10
     )
 }
 
-/// A run of such a lattice, and the most that the system has seen in its first process [bytes].
-fn run(along: u32, launch: Launch, directory: &Path) -> (Ended, f64) {
+/// The report of a run of such a lattice, and the most that the system has seen in its first process [bytes].
+fn run(along: u32, launch: Launch, directory: &Path) -> (Value, f64) {
     let (scene, out) = (directory.join("lattice.toml"), directory.join("out"));
     fs::write(&scene, lattice(along)).unwrap();
     let arguments = [scene.as_os_str(), "--out".as_ref(), out.as_os_str(), "--overwrite".as_ref()];
@@ -66,16 +67,12 @@ fn run(along: u32, launch: Launch, directory: &Path) -> (Ended, f64) {
     }
     let ended = running.end();
     assert_eq!(ended.status.code(), Some(0), "{ended}");
-    (ended, most)
+    (report(&out), most)
 }
 
-/// The number behind `(most` in the part of a report's line that ends with `unit`.
-fn most(ended: &Ended, line: &str, unit: &str) -> f64 {
-    let said = ended.output.lines().find(|said| said.starts_with(line));
-    let said = said.unwrap_or_else(|| panic!("no line `{line}`: {ended}"));
-    let part = said.split(unit).next().unwrap();
-    let number = part.rsplit("(most ").next().unwrap().trim_end().trim_end_matches(')');
-    number.parse().unwrap_or_else(|e| panic!("{number}: {e}"))
+/// The most of a figure of the memory of any rank.
+fn most(report: &Value, key: &str) -> f64 {
+    report["memory"][key]["most"].as_f64().unwrap_or_else(|| panic!("no {key}: {report:#}"))
 }
 
 #[test]
@@ -84,22 +81,22 @@ fn the_peak_is_told_and_is_not_much_more_than_what_stays() {
     for launch in [Launch::Alone, Launch::Ranks(2)] {
         let (little, _) = run(2, launch, &directory);
         let (much, seen) = run(ALONG, launch, &directory);
-        let [before, peak] = [&little, &much].map(|ended| 1e6 * most(ended, "peak ", " MB"));
+        let [before, peak] = [&little, &much].map(|report| most(report, "peak_bytes"));
         let ranks = if launch == Launch::Alone { 1.0 } else { 2.0 };
         if launch == Launch::Alone {
             // Looked at from outside until shortly before the end.
             assert!((0.95..=1.02).contains(&(seen / peak)), "{seen} seen, {peak} told");
         }
         let owned = f64::from(ALONG).powi(3) / ranks;
-        let per_owned = most(&much, "peak ", " bytes per owned");
-        assert!((per_owned / (peak / owned) - 1.0).abs() < 0.05, "{per_owned}, of {much}");
+        let per_owned = most(&much, "peak_bytes_per_owned");
+        assert!((per_owned / (peak / owned) - 1.0).abs() < 0.05, "{per_owned}, of {much:#}");
 
         let grains = (peak - before) / owned;
-        let stays = most(&much, "memory ", " bytes per owned");
+        let stays = most(&much, "bytes_per_owned");
         println!(
             "{launch:?}: {grains:.0} bytes per grain at most, {stays} in the end, {before:.3e} without"
         );
-        assert!(stays > 400.0, "no contacts? {much}");
+        assert!(stays > 400.0, "no contacts? {much:#}");
         assert!(grains < FACTOR * stays, "{grains} bytes per grain at most, {stays} in the end");
     }
 }

@@ -1,7 +1,8 @@
 //! The same bits on any number of ranks.
 
-use super::process::{Ended, Launch};
-use super::{HEAP_STEPS, assert_same_result, column, finished, heap};
+use super::process::Launch;
+use super::{HEAP_STEPS, assert_same_result, column, finished, heap, report};
+use std::path::Path;
 
 /// Walls, rain, friction, two shapes; particles migrate, and the cuts follow them.
 #[test]
@@ -14,7 +15,7 @@ fn a_heap_has_the_same_bits_on_any_number_of_ranks() {
         let together = heap(Launch::Ranks(ranks));
         assert_same_result(&alone.directory, &together.directory);
         if ranks > 1 {
-            let [rebuilt, cut, migrated] = traffic(&together.ended);
+            let [rebuilt, cut, migrated] = traffic(&together.directory);
             assert!(rebuilt > 100 && cut > 3 && migrated > 100, "{}", together.ended);
         }
     }
@@ -29,7 +30,7 @@ fn a_periodic_box_has_the_same_bits_on_any_number_of_ranks() {
     for ranks in [1, 2, 3] {
         let together = finished("periodic", Launch::Ranks(ranks));
         assert_same_result(&alone.directory, &together.directory);
-        let [_, _, migrated] = traffic(&together.ended);
+        let [_, _, migrated] = traffic(&together.directory);
         assert!(ranks == 1 || migrated > 100, "{}", together.ended);
     }
 }
@@ -58,12 +59,8 @@ fn cuts_follow_a_wall_out_of_the_domain() {
     }
 }
 
-/// From a report: how often pairs were listed, how often the domain was cut, how many particles
-/// migrated.
-fn traffic(ended: &Ended) -> [u64; 3] {
-    let line = ended.output.lines().find(|line| line.starts_with("halo"));
-    let line = line.unwrap_or_else(|| panic!("no line `halo` in {ended}"));
-    let (_, counts) = line.split_once("rebuilt").expect("how often lists were rebuilt");
-    let numbers = counts.split(' ').filter_map(|word| word.parse().ok()).collect::<Vec<_>>();
-    numbers.try_into().unwrap_or_else(|_| panic!("not three numbers: {counts}"))
+/// How often pairs were listed, how often the domain was cut, how many particles migrated.
+fn traffic(directory: &Path) -> [u64; 3] {
+    let report = report(directory);
+    ["rebuilds", "recuts", "migrated"].map(|key| report["ranks"][key].as_u64().unwrap())
 }

@@ -1,7 +1,7 @@
 //! What a run says of motion that its step does not resolve: warned of, or stopped with what to do.
 
-use super::fresh_directory;
 use super::process::{Launch, dem_mpi};
+use super::{fresh_directory, report};
 use std::path::Path;
 
 /// Grains of radius 0.01 m from a CSV text, with a wall at the bottom.
@@ -87,9 +87,15 @@ fn energy_lost_by_the_step_is_warned_of() {
         let steps = format!("{}", (8.0 / (part * limit)) as u64);
         let words = [&*scene, "--overwrite", "--steps", &steps];
         let ended = dem_mpi(Launch::Alone, words).from(&directory).succeed();
-        let says = ended.output.contains("the run lost energy by its finite step")
-            || ended.output.contains("the run made energy by its finite step");
+        let report = report(&directory.join("out"));
+        let warnings = report["warnings"].as_array().unwrap();
+        let of_energy = |text: &str| text.contains("energy by its finite step");
+        let says = warnings.iter().any(|warning| of_energy(warning.as_str().unwrap()));
         assert_eq!(says, warns, "{material} {part}: {ended}");
+        // It is printed even without --verbose.
+        assert_eq!(of_energy(&ended.output), warns, "{ended}");
+        let missing = &report["energy"]["missing_over_moved"];
+        assert_eq!(missing.as_f64().unwrap().abs() > 5e-3, warns, "{report:#}");
     }
 }
 

@@ -10,7 +10,9 @@ mod thickness;
 pub use thickness::{Thickness, thickness};
 
 use super::gjk::{Difference, Separation, separate};
-use super::{Batch, ContactResolver, Found, Outcome, Patch, Posed, Touch, Why, touch_along};
+use super::{
+    Batch, ContactResolver, Definition, Found, Outcome, Patch, Posed, Touch, Why, touch_along,
+};
 use crate::math::Vec3;
 use crate::shape::Shape;
 
@@ -44,6 +46,10 @@ impl Overlap {
 impl ContactResolver for Overlap {
     fn name(&self) -> &'static str {
         "thickness"
+    }
+
+    fn definition(&self) -> Definition {
+        Definition::Thickness
     }
 
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
