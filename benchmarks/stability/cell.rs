@@ -1,0 +1,310 @@
+//! A cell of the map: scenes that the program runs as a user would start it, and what is right for them.
+
+use crate::scene::Scene;
+use dem_mpi::output::snapshot::Reader;
+use dem_mpi::output::tables::ParticleTable;
+use serde_json::Value;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+/// A run that takes longer hangs.
+const TIME_LIMIT: Duration = Duration::from_secs(600);
+/// How much of what was dissipated the balance of energies may miss.
+const MISSING: f64 = 0.01;
+/// How many of the resolved pairs may be passed on by the first method.
+const FALLBACKS: f64 = 0.01;
+
+/// One thing that a result is held against.
+pub(crate) struct Deviation {
+    /// What it is.
+    pub(crate) what: &'static str,
+    /// How far the result is off.
+    pub(crate) is: f64,
+    /// How far it may be.
+    pub(crate) allowed: f64,
+}
+
+impl Deviation {
+    /// Of a result from what it should be, over the unit.
+    pub(crate) fn of(what: &'static str, is: f64, should: f64, unit: f64, allowed: f64) -> Self {
+        Self { what, is: ((is - should) / unit).abs(), allowed }
+    }
+
+    fn holds(&self) -> bool {
+        self.is <= self.allowed
+    }
+}
+
+/// Holds a result against closed forms.
+pub(crate) type Check = Box<dyn Fn(&Ran) -> Vec<Deviation> + Sync>;
+
+/// A cell of the map.
+pub(crate) struct Cell {
+    /// What varies along its row.
+    pub(crate) row: &'static str,
+    /// How much of it.
+    pub(crate) value: String,
+    /// Stages, each of which begins where the one before has ended.
+    pub(crate) stages: Vec<Scene>,
+    /// What is right, beside what is for every cell.
+    pub(crate) check: Check,
+    /// Ranks of the second run, which must have the same bits.
+    pub(crate) ranks: u32,
+    /// Does it run with `--quick`, too?
+    pub(crate) is_quick: bool,
+}
+
+impl Cell {
+    /// Of one stage, right if `check` says nothing against it.
+    pub(crate) fn new(
+        row: &'static str,
+        value: impl ToString,
+        scene: Scene,
+        check: impl Fn(&Ran) -> Vec<Deviation> + Sync + 'static,
+    ) -> Self {
+        let (value, stages) = (value.to_string(), vec![scene]);
+        Self { row, value, stages, check: Box::new(check), ranks: 2, is_quick: false }
+    }
+
+    /// To be run with `--quick`, too.
+    pub(crate) fn quick(self) -> Self {
+        Self { is_quick: true, ..self }
+    }
+}
+
+/// What a run has left behind.
+pub(crate) struct Ran {
+    /// `report.json`.
+    pub(crate) report: Value,
+    /// The last snapshot.
+    pub(crate) particles: ParticleTable,
+    /// The last row of `history.csv` by its columns.
+    history: Vec<(String, f64)>,
+}
+
+impl Ran {
+    /// A figure of the report; infinite if it is none.
+    pub(crate) fn figure(&self, place: &str) -> f64 {
+        self.report.pointer(place).and_then(Value::as_f64).unwrap_or(f64::INFINITY)
+    }
+
+    /// A figure of the last row of `history.csv`.
+    pub(crate) fn last(&self, column: &str) -> f64 {
+        let found = self.history.iter().find(|(name, _)| name == column);
+        found.unwrap_or_else(|| panic!("history.csv has no column {column}")).1
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        let all = self.report["warnings"].as_array().map(Vec::as_slice).unwrap_or_default();
+        all.iter().filter_map(Value::as_str).map(str::to_owned).collect()
+    }
+
+    /// What holds for every scene.
+    fn common(&self, grains: usize) -> Vec<Deviation> {
+        let table = &self.particles;
+        let vectors = table.position.iter().chain(&table.velocity).chain(&table.angular_velocity);
+        let infinite = vectors.filter(|v| !v.iter().all(|x| x.is_finite())).count();
+        let lost = grains as f64 - table.id.len() as f64;
+        // Where nothing was dissipated, over what moved.
+        let dissipated = self.figure("/energy/dissipated_j");
+        let moved = self.figure("/energy/largest_moved_j");
+        let unit = if dissipated > 1e-3 * moved { dissipated } else { moved };
+        let missing = self.figure("/energy/missing_j") / if unit > 0.0 { unit } else { 1.0 };
+        let fallbacks = self.report.pointer("/contacts/fallback_share").and_then(Value::as_f64);
+        vec![
+            Deviation { what: "numbers that are none", is: infinite as f64, allowed: 0.0 },
+            Deviation { what: "lost particles", is: lost.abs(), allowed: 0.0 },
+            Deviation { what: "missing energy", is: missing.abs(), allowed: MISSING },
+            Deviation { what: "fallbacks", is: fallbacks.unwrap_or(0.0), allowed: FALLBACKS },
+        ]
+    }
+}
+
+/// How a cell ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Outcome {
+    /// As theory has it.
+    Right,
+    /// The same, with a warning.
+    RightAndWarned,
+    /// Off, as a warning says.
+    Warned,
+    /// Stopped with a message.
+    Stopped,
+    /// Not begun.
+    Refused,
+    /// Off, and nobody said so; or a hang, a panic, other bits on more ranks.
+    Wrong,
+}
+
+impl Outcome {
+    /// All of them, the best first.
+    pub(crate) const ALL: [Self; 6] = [
+        Self::Right,
+        Self::RightAndWarned,
+        Self::Warned,
+        Self::Stopped,
+        Self::Refused,
+        Self::Wrong,
+    ];
+
+    /// In a table.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Right => "right",
+            Self::RightAndWarned => "right, warned",
+            Self::Warned => "off, warned",
+            Self::Stopped => "stopped",
+            Self::Refused => "refused",
+            Self::Wrong => "WRONG",
+        }
+    }
+}
+
+/// What came out of a cell.
+pub(crate) struct Finding {
+    pub(crate) outcome: Outcome,
+    /// What the program said, or how far it was off.
+    pub(crate) why: String,
+    /// Wall clock of the first run [s].
+    pub(crate) seconds: f64,
+}
+
+/// How a run of the program ended.
+struct Ended {
+    /// None if it hung.
+    status: Option<ExitStatus>,
+    said: String,
+}
+
+/// Runs a cell in a folder of its own.
+pub(crate) fn find(cell: &Cell, folder: &Path) -> anyhow::Result<Finding> {
+    std::fs::create_dir_all(folder)?;
+    let wrong = |why: String, seconds| Finding { outcome: Outcome::Wrong, why, seconds };
+    let begin = Instant::now();
+    let first = stages(cell, folder, 1)?;
+    let seconds = begin.elapsed().as_secs_f64();
+    let second = stages(cell, folder, cell.ranks)?;
+    let [code, again] = [&first, &second].map(|ended| ended.status.and_then(|s| s.code()));
+    let panicked = [&first, &second].into_iter().find(|e| e.said.contains("panicked at"));
+    if let Some(ended) = panicked {
+        return Ok(wrong(format!("panic: {}", ended.said), seconds));
+    }
+    if code != again {
+        let why =
+            format!("status {code:?} on 1 rank, {again:?} on {}: {}", cell.ranks, second.said);
+        return Ok(wrong(why, seconds));
+    }
+    Ok(match code {
+        Some(0) => judge(cell, folder, seconds)?,
+        Some(1) => Finding { outcome: Outcome::Stopped, why: told(&first.said), seconds },
+        Some(2) => Finding { outcome: Outcome::Refused, why: told(&first.said), seconds },
+        Some(other) => wrong(format!("status {other}: {}", first.said), seconds),
+        None => wrong("no end within the time limit, or ended by a signal".to_owned(), seconds),
+    })
+}
+
+/// Where the output of a stage is.
+fn output(folder: &Path, ranks: u32, stage: usize) -> PathBuf {
+    folder.join(format!("out_{ranks}_{stage}"))
+}
+
+/// Runs all stages, up to the first that fails.
+fn stages(cell: &Cell, folder: &Path, ranks: u32) -> anyhow::Result<Ended> {
+    let mut ended = Ended { status: None, said: String::new() };
+    for (stage, scene) in cell.stages.iter().enumerate() {
+        let before = stage.checked_sub(1).map(|before| output(folder, ranks, before));
+        let before = before.as_deref().and_then(Path::to_str);
+        let (text, grains) = scene.texts(before);
+        let path = folder.join(format!("scene_{stage}.toml"));
+        std::fs::write(&path, text)?;
+        std::fs::write(folder.join("grains.csv"), grains)?;
+        let out = output(folder, ranks, stage);
+        let mut words = vec![path.into_os_string(), "--out".into(), out.into()];
+        if ranks > 1 {
+            words.extend(["--threads".into(), ranks.to_string().into()]);
+        }
+        ended = call(env!("CARGO_BIN_EXE_dem-mpi"), &words, folder)?;
+        if ended.status.is_none_or(|status| !status.success()) {
+            break;
+        }
+    }
+    Ok(ended)
+}
+
+fn call(program: &str, words: &[std::ffi::OsString], folder: &Path) -> anyhow::Result<Ended> {
+    let said = folder.join("stderr");
+    let mut child = Command::new(program)
+        .args(words)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(File::create(&said)?)
+        .spawn()?;
+    let begin = Instant::now();
+    let mut pause = Duration::from_millis(1);
+    let status = loop {
+        if let Some(status) = child.try_wait()? {
+            break Some(status);
+        }
+        if begin.elapsed() > TIME_LIMIT {
+            child.kill()?;
+            child.wait()?;
+            break None;
+        }
+        sleep(pause);
+        pause = (2 * pause).min(Duration::from_millis(50));
+    };
+    Ok(Ended { status, said: std::fs::read_to_string(said)? })
+}
+
+/// The message with which a run has ended: its last line that is no warning.
+fn told(said: &str) -> String {
+    let lines =
+        said.lines().filter(|line| !line.starts_with("warning: ") && !line.trim().is_empty());
+    lines.last().unwrap_or_default().trim().to_owned()
+}
+
+/// Holds the results of a cell that ran to its end against what is right.
+fn judge(cell: &Cell, folder: &Path, seconds: f64) -> anyhow::Result<Finding> {
+    let last = cell.stages.len() - 1;
+    let ran = read(&output(folder, 1, last))?;
+    let words = [1, cell.ranks].map(|ranks| output(folder, ranks, last).into_os_string());
+    let mut diff = vec!["--diff".into()];
+    diff.extend(words);
+    let same = call(env!("CARGO_BIN_EXE_dem-post"), &diff, folder)?;
+    if same.status.is_none_or(|status| !status.success()) {
+        let why = format!("other bits on {} ranks", cell.ranks);
+        return Ok(Finding { outcome: Outcome::Wrong, why, seconds });
+    }
+    let mut deviations = ran.common(cell.stages[0].grains.len());
+    deviations.extend((cell.check)(&ran));
+    let off = deviations.iter().find(|deviation| !deviation.holds());
+    let warnings = ran.warnings();
+    let off_by = |d: &Deviation| format!("{} {:.2e} (allowed {:.0e})", d.what, d.is, d.allowed);
+    let (outcome, why) = match (off, warnings.first()) {
+        (None, None) => {
+            // How near: the deviation that takes the largest part of what is allowed.
+            let part = |d: &Deviation| if d.allowed > 0.0 { d.is / d.allowed } else { 0.0 };
+            let nearest = deviations.iter().max_by(|a, b| part(a).total_cmp(&part(b)));
+            (Outcome::Right, nearest.map(off_by).unwrap_or_default())
+        }
+        (None, Some(warning)) => (Outcome::RightAndWarned, warning.clone()),
+        (Some(off), Some(warning)) => (Outcome::Warned, format!("{}; {warning}", off_by(off))),
+        (Some(off), None) => (Outcome::Wrong, off_by(off)),
+    };
+    Ok(Finding { outcome, why, seconds })
+}
+
+fn read(out: &Path) -> anyhow::Result<Ran> {
+    let report = serde_json::from_str(&std::fs::read_to_string(out.join("report.json"))?)?;
+    let reader = Reader::open(out)?;
+    let particles = reader.particles(0..reader.particle_count())?;
+    let mut rows = csv::Reader::from_path(out.join("history.csv"))?;
+    let names: Vec<String> = rows.headers()?.iter().map(str::to_owned).collect();
+    let row = rows.records().last().transpose()?.unwrap_or_default();
+    let numbers = row.iter().map(|cell| cell.parse().unwrap_or(f64::NAN));
+    Ok(Ran { report, particles, history: names.into_iter().zip(numbers).collect() })
+}

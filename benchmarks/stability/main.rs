@@ -1,0 +1,152 @@
+//! The map of stability: the program in cells from the ordinary to the absurd, started as a user would start it.
+//!
+//! ```text
+//! cargo bench --bench stability                        runs all cells; table and picture go to target/stability
+//! cargo bench --bench stability -- --record FOLDER     the same into this folder
+//! cargo bench --bench stability -- --quick             some cells in a minute, held against the record
+//! cargo bench --bench stability -- --only TEXT         the rows whose name contains this text
+//! ```
+//!
+//! Each cell is run on one rank and on two (some on eight), which must agree in every bit. It ends right, as theory has it;
+//! or refused; or stopped or warned with a message. It fails if a cell ends otherwise: off without a word, not a number,
+//! hung, panicked. What is right is said by each row: closed forms and conserved quantities; for all of them no particle may
+//! be lost, at most 1 % of the dissipated energy may be missing, and the first method must answer 99 of 100 pairs.
+
+mod cell;
+mod picture;
+mod rows;
+mod scene;
+
+use cell::{Cell, Finding, Outcome};
+use clap::Parser;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+#[derive(Parser)]
+struct Arguments {
+    /// Some cells, held against the record.
+    #[arg(long)]
+    quick: bool,
+    /// Only rows whose name contains this.
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    only: String,
+    /// Write table and picture into this folder.
+    #[arg(long, value_name = "FOLDER", default_value = "target/stability")]
+    record: PathBuf,
+    /// Keep the scenes and their output in this folder.
+    #[arg(long, value_name = "FOLDER")]
+    keep: Option<PathBuf>,
+    /// Cargo passes this.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// Where the committed record stands.
+const RECORD: &str =
+    concat!(env!("CARGO_MANIFEST_DIR"), "/benchmarks/records/2026-11-stability/map.csv");
+
+fn main() -> anyhow::Result<()> {
+    let Arguments { quick, only, record, keep, .. } = Arguments::parse();
+    let mut cells = rows::all();
+    cells.retain(|cell| cell.row.contains(&only) && (!quick || cell.is_quick));
+    let scratch = tempfile::tempdir()?;
+    let findings = run(&cells, keep.as_deref().unwrap_or(scratch.path()))?;
+    print(&cells, &findings);
+    std::fs::create_dir_all(&record)?;
+    write(&record.join("map.csv"), &cells, &findings)?;
+    picture::draw(&record.join("map.svg"), &cells, &findings)?;
+    println!("written to {}", record.display());
+    let wrong = findings.iter().filter(|finding| finding.outcome == Outcome::Wrong).count();
+    anyhow::ensure!(wrong == 0, "{wrong} of {} cells are wrong without a word", cells.len());
+    if quick {
+        compare(&cells, &findings)?;
+    }
+    Ok(())
+}
+
+/// Runs all cells, as many at once as there are cores.
+fn run(cells: &[Cell], folder: &Path) -> anyhow::Result<Vec<Finding>> {
+    let next = AtomicUsize::new(0);
+    let found = Mutex::new(Vec::new());
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let k = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(cell) = cells.get(k) else { break };
+                    let finding = cell::find(cell, &folder.join(k.to_string()));
+                    if let Ok(Finding { outcome, seconds, .. }) = &finding {
+                        eprintln!(
+                            "{}, {}: {}, {seconds:.2} s",
+                            cell.row,
+                            cell.value,
+                            outcome.name()
+                        );
+                    }
+                    found.lock().unwrap_or_else(|e| e.into_inner()).push((k, finding));
+                }
+            });
+        }
+    });
+    let mut found = found.into_inner().unwrap_or_else(|e| e.into_inner());
+    found.sort_by_key(|(k, _)| *k);
+    found.into_iter().map(|(_, finding)| finding).collect()
+}
+
+fn print(cells: &[Cell], findings: &[Finding]) {
+    let mut row = "";
+    for (cell, Finding { outcome, why, seconds }) in cells.iter().zip(findings) {
+        if cell.row != row {
+            row = cell.row;
+            println!("\n{row}");
+        }
+        println!("  {:<22} {:<14} {seconds:7.2} s  {why}", cell.value, outcome.name());
+    }
+    println!();
+    for outcome in Outcome::ALL {
+        let count = findings.iter().filter(|finding| finding.outcome == outcome).count();
+        println!("{count:>4} {}", outcome.name());
+    }
+}
+
+fn write(path: &Path, cells: &[Cell], findings: &[Finding]) -> anyhow::Result<()> {
+    let mut table = csv::Writer::from_path(path)?;
+    table.write_record(["row", "value", "outcome", "seconds", "why"])?;
+    for (cell, Finding { outcome, why, seconds }) in cells.iter().zip(findings) {
+        table.write_record([
+            cell.row,
+            &cell.value,
+            outcome.name(),
+            &format!("{seconds:.2}"),
+            why,
+        ])?;
+    }
+    Ok(table.flush()?)
+}
+
+/// Holds the outcomes against those of the record.
+fn compare(cells: &[Cell], findings: &[Finding]) -> anyhow::Result<()> {
+    let mut recorded = Vec::new();
+    for row in csv::Reader::from_path(RECORD)?.records() {
+        let row = row?;
+        recorded.push(((row[0].to_owned(), row[1].to_owned()), row[2].to_owned()));
+    }
+    let mut others = Vec::new();
+    for (cell, finding) in cells.iter().zip(findings) {
+        let key = (cell.row.to_owned(), cell.value.clone());
+        let before = recorded.iter().find(|(of, _)| *of == key).map(|(_, outcome)| &**outcome);
+        if before != Some(finding.outcome.name()) {
+            let before = before.unwrap_or("not there");
+            others.push(format!(
+                "{}, {}: {} (record: {before})",
+                cell.row,
+                cell.value,
+                finding.outcome.name()
+            ));
+        }
+    }
+    anyhow::ensure!(others.is_empty(), "not as recorded:\n{}", others.join("\n"));
+    Ok(())
+}

@@ -1,0 +1,216 @@
+//! Scenes of a few grains, as a user would write them.
+
+use dem_mpi::math::{Quat, Vec3};
+use dem_mpi::scene::Scene as Checked;
+use std::fmt::Write;
+
+/// Radius of most balls [m].
+pub(crate) const RADIUS: f64 = 0.01;
+/// Density of most grains [kg/m³].
+pub(crate) const DENSITY: f64 = 2500.0;
+/// Gravity where there is some [m/s²].
+pub(crate) const G: f64 = 9.81;
+/// Mass of such a ball [kg].
+pub(crate) const MASS: f64 = 4.0 / 3.0 * std::f64::consts::PI * RADIUS * RADIUS * RADIUS * DENSITY;
+
+/// A grain at the start.
+#[derive(Clone, Debug)]
+pub(crate) struct Grain {
+    shape: &'static str,
+    position: Vec3,
+    velocity: Vec3,
+    orientation: Quat,
+    spin: Vec3,
+}
+
+impl Grain {
+    /// At rest and upright.
+    pub(crate) fn at(shape: &'static str, position: impl Into<Vec3>) -> Self {
+        let (velocity, spin) = (Vec3::zeros(), Vec3::zeros());
+        Self { shape, position: position.into(), velocity, orientation: Quat::identity(), spin }
+    }
+
+    /// With this velocity [m/s].
+    pub(crate) fn moving(self, velocity: impl Into<Vec3>) -> Self {
+        Self { velocity: velocity.into(), ..self }
+    }
+
+    /// With this angular velocity in world axes [rad/s].
+    pub(crate) fn spinning(self, spin: impl Into<Vec3>) -> Self {
+        Self { spin: spin.into(), ..self }
+    }
+
+    /// Turned so.
+    pub(crate) fn turned(self, orientation: Quat) -> Self {
+        Self { orientation, ..self }
+    }
+}
+
+/// How long a time step is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Step {
+    /// In seconds.
+    Seconds(f64),
+    /// Over the largest stable one.
+    OfLimit(f64),
+}
+
+/// How long a stage is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Length {
+    /// In steps.
+    Steps(u64),
+    /// In seconds.
+    Seconds(f64),
+}
+
+/// A scene's text, and its file of particles.
+#[derive(Clone, Debug)]
+pub(crate) struct Scene {
+    /// [m/s²]
+    pub(crate) gravity: Vec3,
+    /// Corners of the domain [m].
+    pub(crate) low: Vec3,
+    pub(crate) high: Vec3,
+    /// Keys of `[domain]`, such as its walls.
+    pub(crate) domain: String,
+    /// Keys above all tables.
+    pub(crate) keys: String,
+    /// Materials, shapes, and all other tables.
+    pub(crate) tables: String,
+    pub(crate) grains: Vec<Grain>,
+    pub(crate) step: Step,
+    pub(crate) length: Length,
+    /// Keys of `[time]`.
+    pub(crate) time: String,
+}
+
+impl Scene {
+    /// Grains that nobody pulls at, in a wide domain without walls.
+    pub(crate) fn free(tables: String, grains: Vec<Grain>) -> Self {
+        let wide = Vec3::repeat(1e3 * RADIUS);
+        Self {
+            gravity: Vec3::zeros(),
+            low: -wide,
+            high: wide,
+            domain: String::new(),
+            keys: String::new(),
+            tables,
+            grains,
+            step: Step::OfLimit(0.05),
+            length: Length::Steps(1000),
+            time: String::new(),
+        }
+    }
+
+    /// The same above a floor at z = 0.
+    pub(crate) fn on_floor(tables: String, grains: Vec<Grain>) -> Self {
+        let mut scene = Self::free(tables, grains);
+        scene.low.z = 0.0;
+        "walls = [\"-z\"]".clone_into(&mut scene.domain);
+        scene
+    }
+
+    /// The same under gravity.
+    pub(crate) fn heavy(self) -> Self {
+        Self { gravity: Vec3::new(0.0, 0.0, -G), ..self }
+    }
+
+    /// With this step and length.
+    pub(crate) fn lasting(self, step: Step, length: Length) -> Self {
+        Self { step, length, ..self }
+    }
+
+    /// The text of a stage, which begins where the snapshots in `before` end, if there are any; and that of the file
+    /// `grains.csv`.
+    pub(crate) fn texts(&self, before: Option<&str>) -> (String, String) {
+        let dt = self.dt();
+        let steps = match self.length {
+            Length::Steps(steps) => steps,
+            Length::Seconds(time) => (time / dt).ceil() as u64,
+        };
+        let text = self.text(dt, steps, before);
+        let mut grains = "shape,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n".to_owned();
+        for grain in &self.grains {
+            let q = grain.orientation.coords;
+            let numbers = grain.position.iter().chain([&q.w, &q.x, &q.y, &q.z]);
+            let numbers = numbers.chain(&grain.velocity).chain(&grain.spin);
+            let cells: Vec<String> = numbers.map(|x| format!("{x:e}")).collect();
+            let _ = writeln!(grains, "{},{}", grain.shape, cells.join(","));
+        }
+        (text, grains)
+    }
+
+    /// Time step [s].
+    pub(crate) fn dt(&self) -> f64 {
+        match self.step {
+            Step::Seconds(dt) => dt,
+            // Where the rest of the scene is refused, the program shall say so.
+            Step::OfLimit(share) => share * self.limit().unwrap_or(1e-6),
+        }
+    }
+
+    /// The largest stable step [s], as the program's library has it.
+    fn limit(&self) -> Option<f64> {
+        // Any step that is accepted, and a grain of each shape.
+        let mut other = self.clone();
+        "allow_unstable = true".clone_into(&mut other.time);
+        let text = other.text(1e-300, 1, None);
+        let middle = 0.5 * (self.low + self.high);
+        let mut grains = "shape,x,y,z\n".to_owned();
+        for name in self.tables.split("[[shape]]\nname = \"").skip(1) {
+            let name = name.split('"').next()?;
+            let _ = writeln!(grains, "{name},{:e},{:e},{:e}", middle.x, middle.y, middle.z);
+        }
+        let folder = tempfile::tempdir().ok()?;
+        std::fs::write(folder.path().join("grains.csv"), grains).ok()?;
+        let checked = Checked::parse(&text, "limit", folder.path(), &[]).ok()?;
+        Some(checked.time_step_limit()?.dt)
+    }
+
+    fn text(&self, dt: f64, steps: u64, before: Option<&str>) -> String {
+        let start = before.map_or(String::new(), |folder| format!("start = \"{folder}\"\n"));
+        let fill = if before.is_some() { "" } else { "[[fill.file]]\npath = \"grains.csv\"\n" };
+        format!(
+            "{start}{}\ngravity = {}\n[domain]\nlow = {}\nhigh = {}\n{}\n{}\n{fill}[time]\nstep = {dt:e}\nsteps = {steps}\n{}\n\
+             [output]\ndirectory = \"out\"\n",
+            self.keys,
+            list(&self.gravity),
+            list(&self.low),
+            list(&self.high),
+            self.domain,
+            self.tables,
+            self.time
+        )
+    }
+}
+
+/// A material.
+pub(crate) fn material(name: &str, density: f64, stiffness: f64, keys: &str) -> String {
+    format!(
+        "[[material]]\nname = \"{name}\"\ndensity = {density:e}\nnormal_stiffness = {stiffness:e}\n{keys}\n"
+    )
+}
+
+/// A shape of the material of its name.
+pub(crate) fn shape(name: &str, kind: &str, keys: &str) -> String {
+    format!("[[shape]]\nname = \"{name}\"\nkind = \"{kind}\"\n{keys}\n")
+}
+
+/// Balls of [`RADIUS`] of one material.
+pub(crate) fn balls(stiffness: f64, keys: &str) -> String {
+    material("m", DENSITY, stiffness, keys)
+        + &shape("ball", "sphere", &format!("radius = {RADIUS}"))
+}
+
+/// A cuboid's corners.
+pub(crate) fn cuboid(edges: [f64; 3]) -> String {
+    let side = |k: u32, i: usize| if k >> i & 1 == 1 { 0.5 * edges[i] } else { -0.5 * edges[i] };
+    let corners: Vec<String> = (0..8).map(|k| list(&Vec3::from_fn(|i, _| side(k, i)))).collect();
+    format!("vertices = [{}]", corners.join(", "))
+}
+
+/// A vector as TOML has it.
+pub(crate) fn list(v: &Vec3) -> String {
+    format!("[{:e}, {:e}, {:e}]", v.x, v.y, v.z)
+}
