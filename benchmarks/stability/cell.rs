@@ -59,6 +59,7 @@ pub(crate) struct Cell {
 
 impl Cell {
     /// Of one stage, right if `check` says nothing against it.
+    #[expect(clippy::needless_pass_by_value, reason = "a number or a text")]
     pub(crate) fn new(
         row: &'static str,
         value: impl ToString,
@@ -200,8 +201,8 @@ pub(crate) fn find(cell: &Cell, folder: &Path) -> anyhow::Result<Finding> {
     }
     Ok(match code {
         Some(0) => judge(cell, folder, seconds)?,
-        Some(1) => Finding { outcome: Outcome::Stopped, why: told(&first.said), seconds },
-        Some(2) => Finding { outcome: Outcome::Refused, why: told(&first.said), seconds },
+        Some(1) => Finding { outcome: Outcome::Stopped, why: told(&first.said, folder), seconds },
+        Some(2) => Finding { outcome: Outcome::Refused, why: told(&first.said, folder), seconds },
         Some(other) => wrong(format!("status {other}: {}", first.said), seconds),
         None => wrong("no end within the time limit, or ended by a signal".to_owned(), seconds),
     })
@@ -260,11 +261,12 @@ fn call(program: &str, words: &[std::ffi::OsString], folder: &Path) -> anyhow::R
     Ok(Ended { status, said: std::fs::read_to_string(said)? })
 }
 
-/// The message with which a run has ended: its last line that is no warning.
-fn told(said: &str) -> String {
-    let lines =
-        said.lines().filter(|line| !line.starts_with("warning: ") && !line.trim().is_empty());
-    lines.last().unwrap_or_default().trim().to_owned()
+/// The message with which a run has ended: all that was said and is no warning, in one line.
+fn told(said: &str, folder: &Path) -> String {
+    // The first line says what runs, or that there are mistakes.
+    let lines = said.lines().skip(1).filter(|line| !line.starts_with("warning: "));
+    let message = lines.map(str::trim).collect::<Vec<_>>().join(" ");
+    message.replace(&format!("{}/", folder.display()), "").trim().to_owned()
 }
 
 /// Holds the results of a cell that ran to its end against what is right.

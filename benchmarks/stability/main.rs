@@ -20,8 +20,8 @@ mod scene;
 use cell::{Cell, Finding, Outcome};
 use clap::Parser;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 #[derive(Parser)]
 struct Arguments {
@@ -85,12 +85,12 @@ fn run(cells: &[Cell], folder: &Path) -> anyhow::Result<Vec<Finding>> {
                             outcome.name()
                         );
                     }
-                    found.lock().unwrap_or_else(|e| e.into_inner()).push((k, finding));
+                    found.lock().unwrap_or_else(PoisonError::into_inner).push((k, finding));
                 }
             });
         }
     });
-    let mut found = found.into_inner().unwrap_or_else(|e| e.into_inner());
+    let mut found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
     found.sort_by_key(|(k, _)| *k);
     found.into_iter().map(|(_, finding)| finding).collect()
 }

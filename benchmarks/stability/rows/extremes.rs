@@ -28,10 +28,10 @@ pub(super) fn cells() -> Vec<Cell> {
             "spin of a ball [rad/s]",
             exponent,
             "sphere",
-            format!("radius = {RADIUS}"),
+            &format!("radius = {RADIUS}"),
         ));
         let axes = format!("semi_axes = [{}, {RADIUS}, {}]", 1.5 * RADIUS, 0.8 * RADIUS);
-        cells.push(spinning("spin of an ellipsoid [rad/s]", exponent, "ellipsoid", axes));
+        cells.push(spinning("spin of an ellipsoid [rad/s]", exponent, "ellipsoid", &axes));
     }
     cells
 }
@@ -119,7 +119,7 @@ fn units(row: &'static str, exponent: i32, powers: [i32; 3]) -> Cell {
 }
 
 fn askew([length, mass, time]: Units) -> Scene {
-    let radius = 0.0078125 * length;
+    let radius = 0.007_812_5 * length;
     let speed = length / time;
     let keys = "restitution = 0.5\nfriction = 0.5";
     let density = 2048.0 * mass / (length * length * length);
@@ -158,9 +158,9 @@ fn last_velocity(scene: &Scene) -> Vec3 {
 }
 
 /// A grain spins freely.
-fn spinning(row: &'static str, exponent: i32, kind: &str, keys: String) -> Cell {
+fn spinning(row: &'static str, exponent: i32, kind: &str, keys: &str) -> Cell {
     let spin = 10_f64.powi(exponent);
-    let tables = material("m", DENSITY, 1e4, "friction = 0.5") + &shape("grain", kind, &keys);
+    let tables = material("m", DENSITY, 1e4, "friction = 0.5") + &shape("grain", kind, keys);
     let axis = Vec3::new(2.0, -1.0, 2.0) / 3.0;
     let grains = vec![Grain::at("grain", [0.0; 3]).spinning(axis * spin)];
     let mut scene = Scene::free(tables, grains);

@@ -20,7 +20,7 @@ pub(super) fn cells() -> Vec<Cell> {
     cells.push(stage("a wide skin", |scene| scene.tables += "[neighbours]\nskin = 0.02\n"));
     cells.push(stage("epa", |scene| scene.tables += "[contact]\nmethod = \"epa\"\n"));
     cells.push(stage("gjk-erosion", |scene| {
-        scene.tables += "[contact]\nmethod = \"gjk-erosion\"\n"
+        scene.tables += "[contact]\nmethod = \"gjk-erosion\"\n";
     }));
     cells.push(stage("ten times the stiffness", |scene| {
         scene.tables = scene.tables.replace("normal_stiffness = 1e4", "normal_stiffness = 1e5");

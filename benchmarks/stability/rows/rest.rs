@@ -7,8 +7,10 @@ use crate::scene::{
 use dem_mpi::math::Vec3;
 use dem_mpi::random::Random;
 
-/// A kind of grain: its name, its keys.
-const KINDS: [(&str, &str, fn() -> String); 7] = [
+/// Its name, its kind, and its keys.
+type Grains = (&'static str, &'static str, fn() -> String);
+
+const KINDS: [Grains; 7] = [
     ("balls", "sphere", || format!("radius = {RADIUS}")),
     ("ellipsoids", "ellipsoid", || {
         format!("semi_axes = [{:e}, {RADIUS:e}, {:e}]", 1.3 * RADIUS, 0.8 * RADIUS)
@@ -76,7 +78,7 @@ fn stack(
 ) -> Cell {
     let count = grains.len();
     let mut scene = Scene::on_floor(tables, grains).heavy();
-    scene.keys = "global_damping = 20.0".to_owned();
+    "global_damping = 20.0".clone_into(&mut scene.keys);
     scene.step = Step::OfLimit(0.5);
     scene.length = Length::Seconds(if count > 50 { 8.0 } else { 1.5 });
     Cell::new(row, value, scene, move |ran| {
@@ -100,7 +102,7 @@ fn pile(name: &str, kind: &str, keys: &str, steps: u64) -> Cell {
     let mut scene = Scene::free(tables, grains).heavy();
     (scene.low, scene.high) = (Vec3::zeros(), Vec3::repeat(7.2 * RADIUS));
     "walls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\"]".clone_into(&mut scene.domain);
-    scene.keys = "global_damping = 10.0".to_owned();
+    "global_damping = 10.0".clone_into(&mut scene.keys);
     scene.step = Step::OfLimit(0.5);
     scene.length = Length::Seconds(4.0);
     let mut resting = scene.clone();

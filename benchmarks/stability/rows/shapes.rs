@@ -5,8 +5,11 @@ use crate::scene::{DENSITY, Grain, Length, MASS, RADIUS, Scene, Step, cuboid, ma
 use dem_mpi::math::Vec3;
 use dem_mpi::random::Random;
 
+/// Its kind and its keys, by its aspect ratio.
+type Solid = fn(f64) -> (&'static str, String);
+
 /// Solids by their aspect ratio, as large as a ball of [`RADIUS`].
-const SOLIDS: [(&str, fn(f64) -> (&'static str, String)); 5] = [
+const SOLIDS: [(&str, Solid); 5] = [
     ("needles", |ratio| {
         semi_axes([ratio.powf(2.0 / 3.0), ratio.powf(-1.0 / 3.0), ratio.powf(-1.0 / 3.0)])
     }),
@@ -94,8 +97,7 @@ fn packed(row: &'static str, ratio: f64, (kind, keys): (&str, String)) -> Cell {
     let tables = material("m", DENSITY, 1e4, "friction = 0.3\nrestitution = 0.3")
         + &shape("grain", kind, &keys);
     // As wide as the longest is long.
-    let wide =
-        2.2 * RADIUS * if kind == "polyhedron" { ratio } else { ratio }.powf(2.0 / 3.0) * 1.3;
+    let wide = 2.9 * RADIUS * ratio.powf(2.0 / 3.0);
     let mut random = Random::of(5, 0);
     let place = |k: u32| {
         Vec3::new(f64::from(k % 3), f64::from(k / 3 % 3), f64::from(k / 9)).add_scalar(0.5) * wide
@@ -105,7 +107,7 @@ fn packed(row: &'static str, ratio: f64, (kind, keys): (&str, String)) -> Cell {
         .collect();
     let mut scene = Scene::free(tables, grains).heavy();
     (scene.low, scene.high) = (Vec3::zeros(), Vec3::repeat(3.0 * wide));
-    scene.domain = "walls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\", \"+z\"]".to_owned();
+    "walls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\", \"+z\"]".clone_into(&mut scene.domain);
     scene.step = Step::OfLimit(0.3);
     scene.length = Length::Steps(10_000);
     Cell::new(row, ratio, scene, |_| Vec::new())

@@ -97,7 +97,7 @@ fn servo(packing: &str, spacing: f64, stiffness: f64, gain: f64) -> Cell {
         balls(stiffness, "friction = 0.3\nrestitution = 0.3")
     );
     let mut scene = Scene::free(tables, grains);
-    scene.keys = "global_damping = 5.0".to_owned();
+    "global_damping = 5.0".clone_into(&mut scene.keys);
     (scene.low, scene.high) = (Vec3::zeros(), Vec3::repeat(wide));
     "walls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\", \"+z\"]".clone_into(&mut scene.domain);
     scene.step = Step::OfLimit(0.3);
