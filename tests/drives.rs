@@ -224,16 +224,17 @@ fn grains_come_and_go_the_same_on_any_number_of_ranks() {
     let first = scene.particle_count();
     assert!(first > 500 && sent == 26, "{first} {sent}");
     assert!(taken > 300 && alone.bits.len() as u64 == first + sent - taken, "{taken} are gone");
-    // Collisions of few steps lose a little: no more than where nothing leaves, because the shaft goes on.
+    // What a grain that leaves gives to those that it touches in its last step is not booked.
+    let dissipated = f64::from_bits(alone.scalars[3]);
+    println!("{taken} of {first} are gone, {missing:e} J of {dissipated:e} J is missing");
+    assert!(missing.abs() < 2e-5 * dissipated, "{missing:e} J of {dissipated:e} J is missing");
     let text = SHAFT.replace("MATERIAL", MATERIAL);
     let deep = crate::support::scene(&text.replace("low = [0, 0, 0]\n", "low = [0, 0, -1]\n"));
-    let (deep, at_most) = run(&deep, 1, steps);
+    let (deep, missing) = run(&deep, 1, steps);
     assert_eq!((deep.bits.len() as u64, count_of(&deep, "outlet")), (first + sent, 0));
-    println!("{taken} of {first} are gone, {missing:e} J is missing, {at_most:e} J if none leaves");
-    assert!(
-        missing.abs() < at_most.abs(),
-        "{missing:e} J is missing, {at_most:e} J if none leaves"
-    );
+    let dissipated = f64::from_bits(deep.scalars[3]);
+    println!("{missing:e} J of {dissipated:e} J is missing if none leaves");
+    assert!(missing.abs() < 5e-6 * dissipated, "{missing:e} J of {dissipated:e} J");
     let (three, _) = run(&scene, 3, steps);
     assert!(alone == three, "three ranks");
     let folder = tempfile::tempdir().unwrap();
