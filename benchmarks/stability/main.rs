@@ -17,6 +17,7 @@ mod picture;
 mod rows;
 mod scene;
 
+use anyhow::Context;
 use cell::{Cell, Finding, Outcome};
 use clap::Parser;
 use std::path::{Path, PathBuf};
@@ -129,7 +130,9 @@ fn write(path: &Path, cells: &[Cell], findings: &[Finding]) -> anyhow::Result<()
 /// Holds the outcomes against those of the record.
 fn compare(cells: &[Cell], findings: &[Finding]) -> anyhow::Result<()> {
     let mut recorded = Vec::new();
-    for row in csv::Reader::from_path(RECORD)?.records() {
+    let mut record = csv::Reader::from_path(RECORD)
+        .with_context(|| format!("{RECORD}: write it with --record and its folder"))?;
+    for row in record.records() {
         let row = row?;
         recorded.push(((row[0].to_owned(), row[1].to_owned()), row[2].to_owned()));
     }

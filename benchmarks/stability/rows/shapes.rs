@@ -186,7 +186,7 @@ fn on_a_bed(ratio: f64) -> Cell {
     grains.push(Grain::at("large", above).moving([0.0, 0.0, -speed]));
     let mut scene = Scene::on_floor(tables, grains);
     scene.step = Step::OfLimit(0.3);
-    scene.length = Length::Seconds(0.1 * small / speed + 8.0 * (MASS / (25.0 * stiffness)).sqrt());
+    scene.length = Length::Seconds(0.1 * small / speed + 8.0 * (MASS / stiffness).sqrt());
     Cell::new("size ratio, large on small", ratio, scene, |ran| {
         let up = ran.particles.velocity[25].z;
         vec![Deviation { what: "large ball goes down [m/s]", is: (-up).max(0.0), allowed: 0.0 }]
