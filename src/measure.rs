@@ -83,27 +83,36 @@ impl Measures {
         self.kinetic() + self.stored
     }
 
-    /// A warning about a balance that misses too much at the end of steps of `dt` [s], which names the step that would
-    /// not: what contacts of a few steps lose or make falls with the square of the step. `most_moving` is the largest
-    /// kinetic and elastic energy of the run, for runs that dissipate less [J].
+    /// What the balance misses, over what was dissipated, or over `most_moving` where the run dissipates less: the largest
+    /// kinetic and elastic energy of the run [J].
+    fn part_missing(&self, most_moving: f64) -> f64 {
+        self.missing() / if self.dissipated > most_moving { self.dissipated } else { most_moving }
+    }
+
+    /// The step [s] with which the balance would miss what it may, if steps of `dt` [s] miss more: what contacts of a few
+    /// steps lose or make falls with the square of the step. `most_moving` is the largest kinetic and elastic energy of the
+    /// run, for runs that dissipate less [J].
+    pub fn step_that_balances(&self, most_moving: f64, dt: f64) -> Option<f64> {
+        let part = self.part_missing(most_moving).abs();
+        (part > MAY_MISS).then(|| dt * (MAY_MISS / part).sqrt())
+    }
+
+    /// A warning about a balance that misses too much, with that step.
     pub fn poor_balance(&self, most_moving: f64, dt: f64) -> Option<String> {
-        let missing = self.missing();
-        let (whole, of) = if self.dissipated > most_moving {
-            (self.dissipated, "what was dissipated")
+        let enough = self.step_that_balances(most_moving, dt)?;
+        let of = if self.dissipated > most_moving {
+            "what was dissipated"
         } else {
-            (most_moving, "the largest kinetic and elastic energy")
+            "the largest kinetic and elastic energy"
         };
-        let part = missing.abs() / whole;
-        let enough = dt * (MAY_MISS / part).sqrt();
-        let verb = if missing > 0.0 { "lost" } else { "made" };
-        (part > MAY_MISS).then(|| {
-            format!(
-                "the balance of energy misses {:.2} % of {of}, which the finite step {verb}; a step of {enough:.1e} s would \
-                 miss about {} %",
-                100.0 * part,
-                100.0 * MAY_MISS,
-            )
-        })
+        let part = self.part_missing(most_moving);
+        let verb = if part > 0.0 { "lost" } else { "made" };
+        Some(format!(
+            "the balance of energy misses {:.2} % of {of}, which the finite step {verb}; a step of {enough:.1e} s would \
+             miss about {} %",
+            100.0 * part.abs(),
+            100.0 * MAY_MISS,
+        ))
     }
 
     /// Mean number of contacts of a particle, with walls.

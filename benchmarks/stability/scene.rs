@@ -1,7 +1,13 @@
 //! Scenes of a few grains, as a user would write them.
 
-use dem_mpi::math::{Quat, Vec3};
+#[path = "../grains.rs"]
+mod grains;
+
+pub(crate) use grains::Grain;
+
+use dem_mpi::math::Vec3;
 use dem_mpi::scene::Scene as Checked;
+use grains::{csv, list};
 use std::fmt::Write;
 
 /// Radius of most balls [m].
@@ -12,39 +18,6 @@ pub(crate) const DENSITY: f64 = 2500.0;
 pub(crate) const G: f64 = 9.81;
 /// Mass of such a ball [kg].
 pub(crate) const MASS: f64 = 4.0 / 3.0 * std::f64::consts::PI * RADIUS * RADIUS * RADIUS * DENSITY;
-
-/// A grain at the start.
-#[derive(Clone, Debug)]
-pub(crate) struct Grain {
-    shape: &'static str,
-    position: Vec3,
-    velocity: Vec3,
-    orientation: Quat,
-    spin: Vec3,
-}
-
-impl Grain {
-    /// At rest and upright.
-    pub(crate) fn at(shape: &'static str, position: impl Into<Vec3>) -> Self {
-        let (velocity, spin) = (Vec3::zeros(), Vec3::zeros());
-        Self { shape, position: position.into(), velocity, orientation: Quat::identity(), spin }
-    }
-
-    /// With this velocity [m/s].
-    pub(crate) fn moving(self, velocity: impl Into<Vec3>) -> Self {
-        Self { velocity: velocity.into(), ..self }
-    }
-
-    /// With this angular velocity in world axes [rad/s].
-    pub(crate) fn spinning(self, spin: impl Into<Vec3>) -> Self {
-        Self { spin: spin.into(), ..self }
-    }
-
-    /// Turned so.
-    pub(crate) fn turned(self, orientation: Quat) -> Self {
-        Self { orientation, ..self }
-    }
-}
 
 /// How long a time step is.
 #[derive(Clone, Copy, Debug)]
@@ -130,15 +103,7 @@ impl Scene {
             Length::Seconds(time) => (time / dt).ceil() as u64,
         };
         let text = self.text(dt, steps, before);
-        let mut grains = "shape,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n".to_owned();
-        for grain in &self.grains {
-            let q = grain.orientation.coords;
-            let numbers = grain.position.iter().chain([&q.w, &q.x, &q.y, &q.z]);
-            let numbers = numbers.chain(&grain.velocity).chain(&grain.spin);
-            let cells: Vec<String> = numbers.map(|x| format!("{x:e}")).collect();
-            let _ = writeln!(grains, "{},{}", grain.shape, cells.join(","));
-        }
-        (text, grains)
+        (text, csv(&self.grains))
     }
 
     /// Time step [s].
@@ -208,9 +173,4 @@ pub(crate) fn cuboid(edges: [f64; 3]) -> String {
     let side = |k: u32, i: usize| if k >> i & 1 == 1 { 0.5 * edges[i] } else { -0.5 * edges[i] };
     let corners: Vec<String> = (0..8).map(|k| list(&Vec3::from_fn(|i, _| side(k, i)))).collect();
     format!("vertices = [{}]", corners.join(", "))
-}
-
-/// A vector as TOML has it.
-pub(crate) fn list(v: &Vec3) -> String {
-    format!("[{:e}, {:e}, {:e}]", v.x, v.y, v.z)
 }

@@ -6,8 +6,9 @@
 //! runs over the surface. Booked where the force acts now, discs of 5:1 would seem to make 2 % of what they dissipate.
 //!
 //! What a contact dissipates is that work minus the change of its elastic energy, from the step before the first touch to
-//! the step after the last; only of channels that can dissipate. The others dissipate nothing, so that what a long step makes of them is missing from the energy balance, and
-//! is reported. Where nothing depends on velocities, those of ghosts need not be known.
+//! the step after the last; only of channels that can dissipate. The others dissipate nothing: what a long step makes of
+//! them is missing from the energy balance, and is reported. Where nothing depends on velocities, those of ghosts need not
+//! be known.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -204,9 +205,7 @@ pub struct Law<M: Model> {
     shapes: usize,
     /// Numbers that the model remembers of a contact.
     width: usize,
-    /// Numbers of [`Acted`] behind those.
-    acted: usize,
-    /// What the law remembers of a contact: more where there are bodies with faces.
+    /// What the law remembers of a contact: more of bodies with faces, and of those that are no spheres.
     state: Vec<StateColumn>,
     /// Numbers in these columns.
     stride: usize,
@@ -266,19 +265,17 @@ impl<M: Model> Law<M> {
         let grains = &library.shapes[..library.particle_shapes];
         let faces: Vec<[bool; 2]> =
             library.shapes.iter().map(|s| s.kind().ends_on_faces()).collect();
-        let mut acted = 0;
         if faces.iter().any(|[first, _]| *first) {
             state.extend(patches::REMEMBERED);
             (needs.patches, needs.spin) = (true, true);
         } else if needs.velocity && grains.iter().any(|shape| shape.kind() != Kind::Sphere) {
             state.push(CONTACT_POINT);
             state.extend(model.is_viscous().then_some(VISCOUS_FORCE));
-            acted = StateColumn::total_width(&state) - width;
             needs.spin = true;
         }
         let stride = StateColumn::total_width(&state);
         let mut law =
-            Self { model, table: Vec::new(), shapes: 0, width, acted, state, stride, faces, needs };
+            Self { model, table: Vec::new(), shapes: 0, width, state, stride, faces, needs };
         let shapes = library.shapes.len();
         if shapes <= MOST_SHAPES {
             let all = (0..shapes).flat_map(|a| (0..shapes).map(move |b| (a, b)));
@@ -286,12 +283,6 @@ impl<M: Model> Law<M> {
             law.shapes = shapes;
         }
         law
-    }
-
-    /// Numbers that are remembered of a contact without a patch.
-    #[inline(always)]
-    fn remembered(&self) -> usize {
-        self.width + self.acted
     }
 
     /// Of two shapes, from the table if they are in it.
@@ -450,7 +441,7 @@ impl<M: Model> Kernel for Contacts<'_, '_, M> {
     #[inline(always)]
     fn run<L: Eight>(mut self) {
         // What is left out leaves no branch behind.
-        let points = self.law.acted > 0;
+        let points = self.law.stride > self.law.width;
         match (self.law.needs.velocity, self.particles.spin.is_some()) {
             (true, true) if points => self.all::<L, true, true, true>(),
             (true, true) => self.all::<L, true, true, false>(),
@@ -549,7 +540,7 @@ impl<M: Model> Contacts<'_, '_, M> {
 
         let (mut room, mut wide) =
             ([L::all(0.0); MOST_STATE], [L::all(0.0); MOST_STATE + MOST_ACTED]);
-        let width = if POINTS { law.remembered() } else { law.width };
+        let width = if POINTS { law.stride } else { law.width };
         let state = if POINTS { &mut wide[..width] } else { &mut room[..width] };
         let last = read_last::<L>(self.work, &block, state);
         let acted = if POINTS { Acted::read(&state[law.width..]) } else { None };
@@ -781,7 +772,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             self.add_separated_with_patches(separated);
             return;
         }
-        let width = law.remembered();
+        let width = law.stride;
         let (state, acted) = last.state[separated.place * width..][..width].split_at(law.width);
         let acted = Acted::read(acted);
         let with_wall = pair.b.index() >= particles.first_facet();
@@ -1356,7 +1347,7 @@ mod tests {
             if has("normal_force") {
                 before.state.push(9e-3);
             }
-            if law.acted == 0 {
+            if law.needs.patches {
                 before.state.extend(vec![1e-7; law.stride - law.width]);
             } else {
                 before.state.extend(acted(1e-3).iter());
@@ -1471,7 +1462,7 @@ mod tests {
             let dispatched = before.apply(&law, particles, |c| lanes::dispatch(c));
             let portable = before.apply(&law, particles, |c| c.run::<Portable>());
             assert_eq!(dispatched.bits_of_sums(), portable.bits_of_sums(), "{name}");
-            let width = law.remembered();
+            let width = law.stride;
             for place in 0..before.pairs.len() {
                 let bits = dispatched.bits(place, width);
                 assert_eq!(bits, portable.bits(place, width), "{name}, pair {place}");

@@ -49,7 +49,7 @@ const RESTLESS: f64 = 0.15;
 
 /// In the middle of sides that are nearly flat a contact turns a grain back faster than steps can follow; a spherocylinder's
 /// are straight, so that its contact jumps from end to end.
-fn restless_sides(scene: &Scene) -> Option<String> {
+pub fn restless_sides(scene: &Scene) -> Option<String> {
     let library = &scene.library;
     let acceleration = scene.gravity.norm();
     let part = |shape: &Shape, scale: f64, dt: f64| lost_levers(shape, scale, acceleration, dt);

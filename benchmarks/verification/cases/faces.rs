@@ -1,6 +1,6 @@
 //! Bodies with faces: collisions that keep their energy, rest on slopes, restitution, a rocking block, stacks at rest.
 
-use super::setup::{begun, parse};
+use super::setup::{begun, poured};
 use super::{Case, Effort, Findings, Grain, Plane, Setup};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::contact::Posed;
@@ -10,10 +10,9 @@ use dem_mpi::scene::Scene;
 use dem_mpi::shape::Shape;
 use dem_mpi::sim::Simulation;
 use std::f64::consts::FRAC_PI_4;
-use std::fmt::Write;
 
 pub(super) const ENERGY: &str = "conservation of energy, momentum and angular momentum";
-const COULOMB: &str = "closed form (Coulomb)";
+pub(super) const COULOMB: &str = "closed form (Coulomb)";
 const HOUSNER: &str = "Housner 1963, 10.1785/BSSA0530020403";
 pub(super) const G: f64 = 9.81;
 
@@ -126,7 +125,7 @@ struct Change {
     momenta: [f64; 2],
 }
 
-/// Two solids that are to collide, with the names that a scene gives them.
+/// Two bodies that are to collide, with the names that a scene gives them.
 pub(super) struct Pair {
     names: [&'static str; 2],
     shapes: [Shape; 2],
@@ -145,7 +144,8 @@ impl Pair {
         Self::with(&(one.text_as("one") + &other.text_as("other")), ["one", "other"])
     }
 
-    fn with(shapes: &str, names: [&'static str; 2]) -> Self {
+    /// Of these `[[shape]]` tables, with these names.
+    pub(super) fn with(shapes: &str, names: [&'static str; 2]) -> Self {
         let material = "[[material]]\nname = \"m\"\ndensity = 1.0\nnormal_stiffness = 1e3\n";
         let text = material.to_owned() + shapes;
         let mut setup = Setup {
@@ -420,25 +420,8 @@ fn rocking_block() -> Case {
 pub(super) fn pouring(solid: &Solid, side: u32, high: u32, share: f64) -> Simulation {
     let reach = solid.corners.iter().map(Vec3::norm).fold(0.0, f64::max) + solid.radius;
     let spacing = 1.909 * reach;
-    let width = spacing * f64::from(side);
-    let top = 2.0 * spacing * f64::from(high) + 2.0;
-    let text = format!(
-        "gravity = [0, 0, -9.81]\n[domain]\nlow = [0, 0, 0]\nhigh = [{width}, {width}, {top}]\n\
-         walls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\"]\n{}{}[time]\nstep = 1e-12\nsteps = 1\n\
-         [[fill.file]]\npath = \"grains.csv\"\n[output]\ndirectory = \"out\"\n",
-        rough(1e7, 0.3),
-        solid.text()
-    );
-    let mut grains = "shape,x,y,z,qw,qx,qy,qz\n".to_owned();
-    let mut random = Random::of(5, 3);
-    for k in 0..side * side * high {
-        let cell = [k % side, k / side % side, k / side / side].map(f64::from);
-        let place = (Vec3::from(cell) + Vec3::new(0.5, 0.5, 0.6)) * spacing;
-        let q = random.rotation();
-        let numbers = [place.x, place.y, place.z, q.w, q.i, q.j, q.k].map(|x| format!("{x:e}"));
-        writeln!(grains, "solid,{}", numbers.join(",")).expect("text");
-    }
-    let mut scene = parse(&text, &grains);
+    let tables = rough(1e7, 0.3) + &solid.text();
+    let mut scene = poured(&tables, "solid", spacing, [side, high], &mut Random::of(5, 3));
     scene.dt = share * scene.time_step_limit().expect("something pushes").dt;
     begun(&scene, &mut Alone::default())
 }

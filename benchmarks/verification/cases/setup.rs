@@ -1,52 +1,21 @@
 //! A few grains and planes as a user would write them: a scene's text and a file of particles, run through the
 //! program's library.
 
+#[path = "../../grains.rs"]
+mod grains;
+
+pub(crate) use grains::Grain;
+
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::Posed;
 use dem_mpi::math::{Quat, Vec3};
 use dem_mpi::post::picture::Picture;
+use dem_mpi::random::Random;
 use dem_mpi::scene::{Scene, assemble};
 use dem_mpi::sim::{Simulation, StepError};
+use grains::{csv, list};
 use std::fmt::Write;
-
-/// A grain at the start.
-#[derive(Clone, Debug)]
-pub(crate) struct Grain {
-    /// Name of its shape.
-    pub(crate) shape: &'static str,
-    /// Centre [m].
-    pub(crate) position: Vec3,
-    /// Velocity [m/s].
-    pub(crate) velocity: Vec3,
-    /// Body to world.
-    pub(crate) orientation: Quat,
-    /// Angular velocity, world axes [rad/s].
-    pub(crate) spin: Vec3,
-}
-
-impl Grain {
-    /// At rest and upright.
-    pub(crate) fn at(shape: &'static str, position: Vec3) -> Self {
-        let (velocity, spin) = (Vec3::zeros(), Vec3::zeros());
-        Self { shape, position, velocity, orientation: Quat::identity(), spin }
-    }
-
-    /// With this velocity [m/s].
-    pub(crate) fn moving(self, velocity: Vec3) -> Self {
-        Self { velocity, ..self }
-    }
-
-    /// With this angular velocity in world axes [rad/s].
-    pub(crate) fn spinning(self, spin: Vec3) -> Self {
-        Self { spin, ..self }
-    }
-
-    /// Turned so.
-    pub(crate) fn turned(self, orientation: Quat) -> Self {
-        Self { orientation, ..self }
-    }
-}
 
 /// A plane wall at rest.
 #[derive(Clone, Debug)]
@@ -168,15 +137,7 @@ impl Setup {
         let neighbours = if ranks > 1 { "[neighbours]\nskin = 0\nimbalance = 1e9" } else { "" };
         let file = "[[fill.file]]\npath = \"grains.csv\"\n[output]\ndirectory = \"out\"\nhistory_every = 0";
         write!(scene, "{}\n{step}\n{neighbours}\n{file}\n", self.text).expect("text");
-        let mut grains = "shape,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n".to_owned();
-        for grain in &self.grains {
-            let q = grain.orientation.coords;
-            let numbers = grain.position.iter().chain([&q.w, &q.x, &q.y, &q.z]);
-            let numbers = numbers.chain(&grain.velocity).chain(&grain.spin);
-            let cells: Vec<String> = numbers.map(|x| format!("{x:e}")).collect();
-            writeln!(grains, "{},{}", grain.shape, cells.join(",")).expect("text");
-        }
-        (scene, grains)
+        (scene, csv(&self.grains))
     }
 
     /// The checked scene, for so many ranks.
@@ -234,6 +195,30 @@ pub(crate) fn parse(text: &str, grains: &str) -> Scene {
     std::fs::write(folder.path().join("grains.csv"), grains).expect("the file of particles");
     Scene::parse(text, "verification", folder.path(), &[])
         .unwrap_or_else(|errors| panic!("{errors}\n{text}"))
+}
+
+/// A scene of bodies that fall into a box with walls and a floor, in layers of `side` by `side`, `high` of them, so far apart
+/// [m], at rest and turned at random. `tables` has their material, and their shape under the name `shape`. Its step is far
+/// below the limit.
+pub(crate) fn poured(
+    tables: &str,
+    shape: &'static str,
+    spacing: f64,
+    [side, high]: [u32; 2],
+    random: &mut Random,
+) -> Scene {
+    let (width, top) = (spacing * f64::from(side), 2.0 * spacing * f64::from(high) + 2.0);
+    let text = format!(
+        "gravity = [0, 0, -9.81]\n[domain]\nlow = [0, 0, 0]\nhigh = [{width}, {width}, {top}]\n\
+         walls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\"]\n{tables}[time]\nstep = 1e-12\nsteps = 1\n\
+         [[fill.file]]\npath = \"grains.csv\"\n[output]\ndirectory = \"out\"\n"
+    );
+    let grains = (0..side * side * high).map(|k| {
+        let cell = [k % side, k / side % side, k / side / side].map(f64::from);
+        let place = (Vec3::from(cell) + Vec3::new(0.5, 0.5, 0.6)) * spacing;
+        Grain::at(shape, place).turned(random.rotation())
+    });
+    parse(&text, &csv(&grains.collect::<Vec<_>>()))
 }
 
 /// So many steps of a scene on one rank: a frame at the start, after each `every` steps, and at the end.
@@ -323,11 +308,6 @@ pub(crate) fn seen(sim: &Simulation) -> Picture {
         picture.push(particles.id[slot], &particles.position[slot], &body, touching);
     }
     picture
-}
-
-/// A vector as TOML has it.
-fn list(v: &Vec3) -> String {
-    format!("[{:e}, {:e}, {:e}]", v.x, v.y, v.z)
 }
 
 /// The line through points that has the least squares: its value at 0, its slope, and the share of the variance

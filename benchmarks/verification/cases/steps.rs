@@ -22,21 +22,17 @@
 //! itself, with seven steps in a contact, accepted ones change by up to 5e-2, balls and ellipsoids by up to 4e-2. Discs,
 //! needles and octants have the same figures.
 
-use super::setup::{begun, parse};
+use super::faces::{self, COULOMB, G, Pair, Solid, at_share, steps};
+use super::setup::{begun, poured};
 use super::{Case, Effort, Findings, Grain, Plane, Setup};
 use dem_mpi::comm::alone::Alone;
-use dem_mpi::contact::Posed;
 use dem_mpi::math::Vec3;
 use dem_mpi::measure::Measures;
 use dem_mpi::random::Random;
 use dem_mpi::scene::Scene;
-use dem_mpi::scene::doubts::doubts;
-use dem_mpi::sim::Simulation;
-use std::fmt::Write;
+use dem_mpi::scene::doubts::restless_sides;
 
 const ENERGY: &str = "conservation of energy";
-const COULOMB: &str = "closed form (Coulomb)";
-const G: f64 = 9.81;
 
 /// All of them.
 pub(crate) fn run(effort: Effort) -> Findings {
@@ -46,7 +42,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     Findings { cases, ..Findings::default() }
 }
 
-/// A shape: its name, its lines in a scene, and how far apart such bodies stand at the start [m].
+/// A shape: its name, its table in a scene under the name "body", and how far apart such bodies stand at the start [m].
 struct Body {
     name: String,
     text: String,
@@ -54,15 +50,16 @@ struct Body {
 }
 
 impl Body {
-    fn new(name: &str, text: &str, spacing: f64) -> Self {
-        Self { name: name.to_owned(), text: text.to_owned(), spacing }
+    fn new(name: &str, keys: &str, spacing: f64) -> Self {
+        let text = format!("[[shape]]\nname = \"body\"\n{keys}\n");
+        Self { name: name.to_owned(), text, spacing }
     }
 
     fn superellipsoid([e1, e2]: [f64; 2]) -> Self {
-        let text = format!(
+        let keys = format!(
             "kind = \"superellipsoid\"\nsemi_axes = [0.5, 0.4, 0.3]\nexponents = [{e1}, {e2}]"
         );
-        Self { name: format!("superellipsoids of {e1}, {e2}"), text, spacing: 1.4 }
+        Self::new(&format!("superellipsoids of {e1}, {e2}"), &keys, 1.4)
     }
 }
 
@@ -75,12 +72,8 @@ fn needles() -> Body {
 }
 
 fn boxes() -> Body {
-    let corners = (0..8).map(|k: u32| {
-        let side = |bit: u32, half: f64| if k >> bit & 1 == 1 { half } else { -half };
-        format!("[{}, {}, {}]", side(0, 0.5), side(1, 0.4), side(2, 0.3))
-    });
-    let corners: Vec<String> = corners.collect();
-    Body::new("boxes", &format!("kind = \"polyhedron\"\nvertices = [{}]", corners.join(", ")), 1.35)
+    let Solid { name, .. } = faces::boxes();
+    Body { name: name.to_owned(), text: faces::boxes().text_as("body"), spacing: 1.35 }
 }
 
 /// What a material dissipates with.
@@ -105,43 +98,15 @@ impl Losses {
     }
 }
 
-/// Bodies in layers of nine that fall into a box, at rest and turned at random.
+/// Bodies in layers of nine that fall into a box.
 fn pouring(body: &Body, layers: u32, losses: Losses, seed: u64) -> Scene {
-    let spacing = body.spacing;
-    let (width, top) = (3.0 * spacing, 2.0 * spacing * f64::from(layers) + 2.0);
-    let text = format!(
-        "gravity = [0, 0, -{G}]\n[domain]\nlow = [0, 0, 0]\nhigh = [{width}, {width}, {top}]\n\
-         walls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\"]\n{}[[shape]]\nname = \"body\"\n{}\n\
-         [time]\nstep = 1e-12\nsteps = 1\n[[fill.file]]\npath = \"grains.csv\"\n\
-         [output]\ndirectory = \"out\"\n",
-        losses.text(1e7),
-        body.text
-    );
-    let mut grains = "shape,x,y,z,qw,qx,qy,qz\n".to_owned();
-    let mut random = Random::of(seed, 3);
-    for k in 0..9 * layers {
-        let cell = Vec3::from([k % 3, k / 3 % 3, k / 9].map(f64::from));
-        let place = (cell + Vec3::new(0.5, 0.5, 0.6)) * spacing;
-        let q = random.rotation();
-        let numbers = [place.x, place.y, place.z, q.w, q.i, q.j, q.k].map(|x| format!("{x:e}"));
-        writeln!(grains, "body,{}", numbers.join(",")).expect("text");
-    }
-    parse(&text, &grains)
+    let tables = losses.text(1e7) + &body.text;
+    poured(&tables, "body", body.spacing, [3, layers], &mut Random::of(seed, 3))
 }
 
 /// The scene's limit [s].
 fn limit(scene: &Scene) -> f64 {
     scene.time_step_limit().expect("something pushes").dt
-}
-
-fn step(sim: &mut Simulation) {
-    sim.step(&mut Alone::default()).unwrap_or_else(|error| panic!("{error}"));
-}
-
-fn steps(sim: &mut Simulation, time: f64) {
-    for _ in 0..(time / sim.dt) as u64 {
-        step(sim);
-    }
 }
 
 /// What is measured after so long [s] in steps of `dt` [s].
@@ -208,12 +173,10 @@ fn named_step(effort: Effort) -> Case {
             let part = |m: &Measures| m.missing() / m.dissipated;
             let at_limit = after(&scene, dt, time);
             let what = format!("{}, seed {seed}", body.name);
-            let Some(warning) = at_limit.poor_balance(0.0, dt) else {
+            let Some(named) = at_limit.step_that_balances(0.0, dt) else {
                 case.absolute(format!("{what}: at the limit"), 0.0, part(&at_limit));
                 continue;
             };
-            let named = warning.split("a step of ").nth(1).and_then(|rest| rest.split(' ').next());
-            let named: f64 = named.and_then(|step| step.parse().ok()).expect("a step");
             let missed = part(&after(&scene, named, time));
             let what = format!(
                 "{what}: {:.2} % at the limit; at {:.2} of it",
@@ -224,45 +187,6 @@ fn named_step(effort: Effort) -> Case {
         }
     }
     case
-}
-
-/// What a collision of two such bodies made of the kinetic energy (relative), at this share of the limit; `None` if they miss.
-fn collide(body: &Body, share: f64, random: &mut Random) -> Option<f64> {
-    let turns = [random.rotation(), random.rotation()];
-    let mut vector = || Vec3::from_fn(|_, _| random.signed());
-    let direction = vector().normalize();
-    let spins = [vector() * 0.5, vector() * 0.5];
-    let grain = |k: usize, position, velocity| {
-        Grain::at("body", position).moving(velocity).turned(turns[k]).spinning(spins[k])
-    };
-    let mut setup = Setup {
-        gravity: Vec3::zeros(),
-        text: format!(
-            "[[material]]\nname = \"m\"\ndensity = 1.0\nnormal_stiffness = 1e3\n[[shape]]\nname = \"body\"\n{}\n",
-            body.text
-        ),
-        planes: Vec::new(),
-        grains: vec![grain(0, Vec3::zeros(), direction * 0.5)],
-        // A step so short that it is accepted whatever the limit.
-        dt: 1e-12,
-    };
-    let shape = setup.scene(1).library.shapes.swap_remove(0);
-    let frames = turns.map(|turn| turn.to_rotation_matrix().into_inner());
-    let [a, b] = frames.each_ref().map(|frame| Posed::new(&shape, frame));
-    let apart = a.support(&direction) - b.support(&-direction) + direction * 0.05;
-    setup.grains.push(grain(1, apart, direction * -0.5));
-    let mut scene = setup.scene(1);
-    scene.dt = share * limit(&scene);
-    let mut sim = begun(&scene, &mut Alone::default());
-    let energy = |sim: &Simulation| sim.measure(&mut Alone::default()).kinetic();
-    let before = energy(&sim);
-    let (mut met, mut since) = (false, 0.0);
-    while since < 0.3 && sim.time() < 3.0 {
-        step(&mut sim);
-        met |= !sim.contacts.is_empty();
-        since = if met && sim.contacts.is_empty() { since + sim.dt } else { 0.0 };
-    }
-    (met && sim.contacts.is_empty()).then(|| (energy(&sim) / before - 1.0).abs())
 }
 
 fn collisions(effort: Effort) -> [Case; 2] {
@@ -287,14 +211,9 @@ fn collisions(effort: Effort) -> [Case; 2] {
         bodies.extend(exponents.iter().map(|&e2| Body::superellipsoid([e1, e2])));
     }
     for body in &bodies {
+        let pair = Pair::with(&body.text, ["body"; 2]);
         for (share, case) in [(0.1, &mut at_tenth), (0.025, &mut at_fortieth)] {
-            let mut random = Random::of(17, 0);
-            let (mut count, mut largest) = (0, 0.0_f64);
-            while count < effort.pick(6, 30) {
-                if let Some(change) = collide(body, share, &mut random) {
-                    (count, largest) = (count + 1, largest.max(change));
-                }
-            }
+            let largest = pair.changes(effort.pick(6, 30), share)[0];
             case.absolute(&*body.name, 0.0, largest);
         }
     }
@@ -325,15 +244,13 @@ fn rest(effort: Effort) -> [Case; 2] {
                 let body = Body::superellipsoid([e, e]);
                 let setup = Setup {
                     gravity: Vec3::new(G * angle.sin(), 0.0, -G * angle.cos()),
-                    text: format!("{}[[shape]]\nname = \"body\"\n{}\n", ROUGH.text(1e6), body.text),
+                    text: ROUGH.text(1e6) + &body.text,
                     planes: vec![Plane::floor("m")],
                     grains: vec![Grain::at("body", Vec3::z() * 0.3)],
-                    dt: 1e-12,
+                    dt: 0.0,
                 };
-                let mut scene = setup.scene(1);
-                scene.dt = share * limit(&scene);
-                let is_warned =
-                    doubts(&scene).iter().any(|doubt| doubt.contains("creeps on slopes"));
+                let scene = at_share(&setup, share);
+                let is_warned = restless_sides(&scene).is_some();
                 let mut sim = begun(&scene, &mut Alone::default());
                 steps(&mut sim, 4.0);
                 let (before, since) = (sim.particles.position[0], sim.time());

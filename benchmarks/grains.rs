@@ -1,0 +1,60 @@
+//! Grains at the start of a scene, and the file that has them.
+
+use dem_mpi::math::{Quat, Vec3};
+use std::fmt::Write;
+
+/// A grain at the start.
+#[derive(Clone, Debug)]
+pub(crate) struct Grain {
+    /// Name of its shape.
+    pub(crate) shape: &'static str,
+    /// Centre [m].
+    pub(crate) position: Vec3,
+    /// Velocity [m/s].
+    pub(crate) velocity: Vec3,
+    /// Body to world.
+    pub(crate) orientation: Quat,
+    /// Angular velocity, world axes [rad/s].
+    pub(crate) spin: Vec3,
+}
+
+impl Grain {
+    /// At rest and upright.
+    pub(crate) fn at(shape: &'static str, position: impl Into<Vec3>) -> Self {
+        let (velocity, spin) = (Vec3::zeros(), Vec3::zeros());
+        Self { shape, position: position.into(), velocity, orientation: Quat::identity(), spin }
+    }
+
+    /// With this velocity [m/s].
+    pub(crate) fn moving(self, velocity: impl Into<Vec3>) -> Self {
+        Self { velocity: velocity.into(), ..self }
+    }
+
+    /// With this angular velocity in world axes [rad/s].
+    pub(crate) fn spinning(self, spin: impl Into<Vec3>) -> Self {
+        Self { spin: spin.into(), ..self }
+    }
+
+    /// Turned so.
+    pub(crate) fn turned(self, orientation: Quat) -> Self {
+        Self { orientation, ..self }
+    }
+}
+
+/// The text of a file of particles, in the order of their ids.
+pub(crate) fn csv(grains: &[Grain]) -> String {
+    let mut text = "shape,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n".to_owned();
+    for grain in grains {
+        let q = grain.orientation.coords;
+        let numbers = grain.position.iter().chain([&q.w, &q.x, &q.y, &q.z]);
+        let numbers = numbers.chain(&grain.velocity).chain(&grain.spin);
+        let cells: Vec<String> = numbers.map(|x| format!("{x:e}")).collect();
+        writeln!(text, "{},{}", grain.shape, cells.join(",")).expect("text");
+    }
+    text
+}
+
+/// A vector as TOML has it.
+pub(crate) fn list(v: &Vec3) -> String {
+    format!("[{:e}, {:e}, {:e}]", v.x, v.y, v.z)
+}
