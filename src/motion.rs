@@ -25,7 +25,7 @@
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
-use crate::math::{Quat, Vec3};
+use crate::math::{Quat, Vec3, Vec3AndNumber};
 use crate::particles::columns::Quantity;
 use crate::particles::{Particles, of_inertia};
 use crate::shape::Kind;
@@ -44,13 +44,13 @@ impl Field {
     /// Force on a particle but for global damping: its contacts and gravity [N].
     #[inline]
     pub fn force(&self, particles: &Particles, slot: usize) -> Vec3 {
-        self.force_on(particles, slot, particles.mass(slot))
+        self.beside(&particles.force[slot], particles.mass(slot))
     }
 
-    /// The same on a particle of known mass [kg].
-    #[inline]
-    fn force_on(&self, particles: &Particles, slot: usize, mass: f64) -> Vec3 {
-        particles.force[slot].vector + self.gravity * mass
+    /// The same from the force of its contacts [N] and its mass [kg].
+    #[inline(always)]
+    fn beside(&self, of_contacts: &Vec3AndNumber, mass: f64) -> Vec3 {
+        of_contacts.vector + self.gravity * mass
     }
 
     /// The velocity that the second kick of a step of `dt` [s] turns into `velocity` where nothing touches [m/s]: that of
@@ -113,11 +113,14 @@ impl Kick {
         else {
             return;
         };
-        for slot in 0..*owned {
+        let owned = *owned;
+        let (shape, torque) = (&shape[..owned], &spin.torque[..owned]);
+        let angular_velocity = &mut spin.angular_velocity[..owned];
+        for slot in 0..owned {
             let inertia = library.inertia_at(shape[slot], scale_in::<SIZED>(scale, slot)).x;
-            let before = spin.angular_velocity[slot];
-            let after = self.after(&before, &spin.torque[slot].vector, inertia);
-            spin.angular_velocity[slot] = after;
+            let before = angular_velocity[slot];
+            let after = self.after(&before, &torque[slot].vector, inertia);
+            angular_velocity[slot] = after;
             if self.damping > 0.0 {
                 let at_positions = if self.is_first { &before } else { &after };
                 accumulated[Quantity::Dissipated][slot] +=
@@ -131,13 +134,6 @@ impl Kick {
 #[inline(always)]
 fn scale_in<const SIZED: bool>(column: &[f64], slot: usize) -> f64 {
     if SIZED { column[slot] } else { 1.0 }
-}
-
-/// Mass of a body [kg].
-#[inline(always)]
-fn mass<const SIZED: bool>(particles: &Particles, slot: usize) -> f64 {
-    let scale = scale_in::<SIZED>(&particles.scale, slot);
-    particles.library.mass_at(particles.shape[slot], scale)
 }
 
 /// Kicks all owned particles by the forces at their positions for half of `dt` [s], and moves them for all of it.
@@ -157,24 +153,39 @@ fn kick_and_drift_of<const SIZED: bool>(
     let kick = Kick::first(field, dt);
     let mut farthest = Farthest::default();
     let mut farthest_squared = 0.0;
-    for slot in 0..particles.owned {
-        let mass = mass::<SIZED>(particles, slot);
-        let before = particles.velocity[slot];
-        let after = kick.after(&before, &field.force_on(particles, slot, mass), mass);
-        particles.velocity[slot] = after;
-        let from = particles.position[slot];
+    let Particles {
+        library,
+        shape,
+        scale,
+        force,
+        velocity,
+        position,
+        travel,
+        accumulated,
+        owned,
+        ..
+    } = &mut *particles;
+    // Slices of one length: no place in them is checked.
+    let owned = *owned;
+    let (shape, force, velocity) = (&shape[..owned], &force[..owned], &mut velocity[..owned]);
+    let (position, travel) = (&mut position[..owned], &mut travel[..owned]);
+    for slot in 0..owned {
+        let mass = library.mass_at(shape[slot], scale_in::<SIZED>(scale, slot));
+        let before = velocity[slot];
+        let after = kick.after(&before, &field.beside(&force[slot], mass), mass);
+        velocity[slot] = after;
+        let from = position[slot];
         let to = from + after * dt;
-        particles.position[slot] = to;
+        position[slot] = to;
         // Between the rounded positions: far from the origin `after · dt` may be shorter.
         let moved_squared = (to - from).norm_squared();
-        particles.travel[slot] += moved_squared.sqrt();
+        travel[slot] += moved_squared.sqrt();
         if moved_squared > farthest_squared {
             farthest_squared = moved_squared;
             farthest.moved.1 = slot;
         }
         if kick.damping > 0.0 {
-            particles.accumulated[Quantity::Dissipated][slot] +=
-                mass * kick.lost(&before, &before, &after);
+            accumulated[Quantity::Dissipated][slot] += mass * kick.lost(&before, &before, &after);
         }
     }
     farthest.moved.0 = farthest_squared.sqrt();
@@ -199,14 +210,17 @@ pub fn kick(particles: &mut Particles, field: &Field, dt: f64) {
 
 fn kick_of<const SIZED: bool>(particles: &mut Particles, field: &Field, dt: f64) {
     let kick = Kick::last(field, dt);
-    for slot in 0..particles.owned {
-        let mass = mass::<SIZED>(particles, slot);
-        let before = particles.velocity[slot];
-        let after = kick.after(&before, &field.force_on(particles, slot, mass), mass);
-        particles.velocity[slot] = after;
+    let Particles { library, shape, scale, force, velocity, accumulated, owned, .. } =
+        &mut *particles;
+    let owned = *owned;
+    let (shape, force, velocity) = (&shape[..owned], &force[..owned], &mut velocity[..owned]);
+    for slot in 0..owned {
+        let mass = library.mass_at(shape[slot], scale_in::<SIZED>(scale, slot));
+        let before = velocity[slot];
+        let after = kick.after(&before, &field.beside(&force[slot], mass), mass);
+        velocity[slot] = after;
         if kick.damping > 0.0 {
-            particles.accumulated[Quantity::Dissipated][slot] +=
-                mass * kick.lost(&after, &before, &after);
+            accumulated[Quantity::Dissipated][slot] += mass * kick.lost(&after, &before, &after);
         }
     }
     if particles.orientation.is_none() {
