@@ -412,6 +412,29 @@ fn a_lattice_fills_its_box_and_nothing_overlaps() -> Result<()> {
     Ok(())
 }
 
+/// Without corners a lattice fills the domain; a jitter moves each particle, by no more than it says.
+#[test]
+fn a_lattice_without_corners_takes_the_domain() -> Result<()> {
+    const BOX: &str = "[domain]\nlow = [0, 0, 0]\nhigh = [0.1, 0.1, 0.1]\n\
+        [[material]]\nname = \"glass\"\ndensity = 2500\nnormal_stiffness = 1e4\n\
+        [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.01\n\
+        [time]\nstep = 2e-5\nsteps = 1\n[output]\ndirectory = \"out\"\n\
+        [[fill.lattice]]\nspacing = 0.025\n";
+    let text = |more: &str| format!("{BOX}{more}");
+    let parse = |more: &str| Scene::parse(&text(more), "lattice.toml", Path::new("."), &[]);
+    let (still, moved) = (parse("")?, parse("jitter = 2e-3\n")?);
+    let [still, moved]: [Vec<Particle>; 2] = [&still, &moved].map(|s| initial(s).collect());
+    assert_eq!(still.len(), 4 * 4 * 4);
+    assert!((still[0].position - Vec3::repeat(0.0125)).norm() < 1e-16);
+    let ways: Vec<Vec3> = still.iter().zip(&moved).map(|(a, b)| b.position - a.position).collect();
+    assert!(ways.iter().all(|way| way.amax() <= 2e-3 && way.amax() > 0.0), "{ways:?}");
+    // Uniform along each axis: the mean square is a third of the limit's.
+    let squares = ways.iter().map(Vec3::norm_squared).sum::<f64>() / (3.0 * ways.len() as f64);
+    assert!((squares / (4e-6 / 3.0) - 1.0).abs() < 0.2, "{squares:e}");
+    assert!(still.iter().zip(&moved).all(|(a, b)| a.quaternion == b.quaternion));
+    Ok(())
+}
+
 #[test]
 fn fills_follow_each_other() {
     let scene = every_key();

@@ -32,7 +32,8 @@ pub(super) fn count(record: Option<&Path>) -> anyhow::Result<()> {
         let sim = rung.begun(ALONG)?;
         let [listed, contacts] =
             [sim.pairs.pairs.len(), sim.contacts.len()].map(|count| count as f64 / bodies);
-        for (phase, counted) in by_phase(number + 1)? {
+        let Some(by_phase) = by_phase(number + 1)? else { continue };
+        for (phase, counted) in by_phase {
             let counted = counted / bodies;
             let Some(floor) = sim.floor(phase) else { continue };
             let needed = floor.total(1.0, listed, contacts);
@@ -58,13 +59,14 @@ pub(super) fn count(record: Option<&Path>) -> anyhow::Result<()> {
 
 /// Instructions of a step in the phases that have a floor. What is neither contacts nor forces counts as motion: on one rank,
 /// the halo across periods and whether the list is good still.
-fn by_phase(number: usize) -> anyhow::Result<[(Phase, f64); 3]> {
-    let [step, both, forces] = [STEP, CONTACTS_AND_FORCES, FORCES].map(|function| {
-        let counted = instructions(number, Some(function))?;
-        ensure!(counted > 0.0, "{function} is not to be found in the program: was it renamed?");
-        Ok(counted)
-    });
-    let (step, both, forces) = (step?, both?, forces?);
+fn by_phase(number: usize) -> anyhow::Result<Option<[(Phase, f64); 3]>> {
+    let mut counted = [0.0; 3];
+    for (function, counted) in [STEP, CONTACTS_AND_FORCES, FORCES].into_iter().zip(&mut counted) {
+        let Some(of_it) = instructions(number, Some(function))? else { return Ok(None) };
+        ensure!(of_it > 0.0, "{function} is not to be found in the program: was it renamed?");
+        *counted = of_it;
+    }
+    let [step, both, forces] = counted;
     let counted = [step - both, both - forces, forces];
-    Ok(std::array::from_fn(|k| (Floor::PHASES[k], counted[k])))
+    Ok(Some(std::array::from_fn(|k| (Floor::PHASES[k], counted[k]))))
 }

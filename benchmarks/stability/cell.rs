@@ -174,11 +174,20 @@ pub(crate) struct Finding {
     pub(crate) seconds: f64,
 }
 
+/// The status of a stage that has done its steps while its `[stop]` does not hold.
+const UNMET: i32 = 4;
+
 /// How a run of the program ended.
 struct Ended {
     /// None if it hung.
     status: Option<ExitStatus>,
     said: String,
+}
+
+impl Ended {
+    fn has_done_its_steps(&self) -> bool {
+        matches!(self.status.and_then(|status| status.code()), Some(0 | UNMET))
+    }
 }
 
 /// Runs a cell in a folder of its own.
@@ -200,7 +209,7 @@ pub(crate) fn find(cell: &Cell, folder: &Path) -> anyhow::Result<Finding> {
         return Ok(wrong(why, seconds));
     }
     Ok(match code {
-        Some(0) => judge(cell, folder, seconds)?,
+        Some(0 | UNMET) => judge(cell, folder, seconds)?,
         Some(1) => Finding { outcome: Outcome::Stopped, why: told(&first.said, folder), seconds },
         Some(2) => Finding { outcome: Outcome::Refused, why: told(&first.said, folder), seconds },
         Some(other) => wrong(format!("status {other}: {}", first.said), seconds),
@@ -229,7 +238,7 @@ fn stages(cell: &Cell, folder: &Path, ranks: u32) -> anyhow::Result<Ended> {
             words.extend(["--threads".into(), ranks.to_string().into()]);
         }
         ended = call(env!("CARGO_BIN_EXE_dem-mpi"), &words, folder)?;
-        if ended.status.is_none_or(|status| !status.success()) {
+        if !ended.has_done_its_steps() {
             break;
         }
     }

@@ -11,13 +11,13 @@ use dem_mpi::scene::{Scene, plan};
 use dem_mpi::sim::report::report;
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
-use indicatif::{ProgressBar, ProgressStyle};
-use signal_hook::consts::{SIGTERM, SIGUSR1};
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::{AtomicBool, AtomicUsize};
 use std::time::{Duration, Instant};
 
 /// Discrete element method for non-spherical grains, on one rank or many.
@@ -39,10 +39,11 @@ Examples:
   dem-mpi run/packing/scene.toml --start out/packing --steps 100 --trace-particle 17
                                                      repeat steps of a run, and look at a particle
 
-SIGTERM and SIGUSR1, on any rank, end the step: the run writes a snapshot, says how to go on, and exits.
+SIGTERM, SIGUSR1 and SIGINT (Ctrl-C), on any rank, end the step: the run writes a snapshot, says how to go on, and exits.
+A second SIGINT ends it at once.
 
 Exit status: 0 the run did what was asked; 1 it failed; 2 the scene or an argument is wrong;
-3 a signal stopped it, and it can go on."
+3 a signal stopped it, and it can go on; 4 the stage has done all its steps, but what [stop] asks for does not hold."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 struct Arguments {
@@ -55,7 +56,7 @@ struct Arguments {
     #[arg(long)]
     overwrite: bool,
     /// Do this many steps, from wherever the run starts, instead of all that are left of the stage
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = steps)]
     steps: Option<u64>,
     /// Go on from this snapshot of the same stage (a particles file, or a directory: its newest good one)
     #[arg(long, value_name = "SNAPSHOT")]
@@ -86,6 +87,18 @@ const WRONG_INPUT: u8 = 2;
 const FAILED: u8 = 1;
 /// A signal stopped the run, and it can go on.
 const STOPPED: u8 = 3;
+/// The stage is over, and its `[stop]` was not reached.
+const UNMET: u8 = 4;
+
+/// A number of steps as a scene may have it: 20000, 20_000 or 2e4.
+fn steps(given: &str) -> Result<u64, String> {
+    let plain = given.replace('_', "");
+    let whole = |number: &f64| number.fract() == 0.0 && (0.0..2.0_f64.powi(53)).contains(number);
+    plain
+        .parse()
+        .or_else(|_| plain.parse().ok().filter(whole).map(|number: f64| number as u64).ok_or(()))
+        .map_err(|()| "must be a whole number, such as 20000, 20_000 or 2e4".to_owned())
+}
 
 /// How long a rank that sees a fault of another's particle waits for that rank to report it.
 const OTHERS_FIRST: Duration = Duration::from_secs(3);
@@ -110,11 +123,22 @@ fn main() -> ExitCode {
     ExitCode::from(on_this_rank(arguments, &stop_signals(), &mut *comm))
 }
 
-/// Will hold the number of the signal that asks the run to stop.
+/// Will hold the number of the signal that asks the run to stop. A second Ctrl-C does not wait for the step.
 fn stop_signals() -> Arc<AtomicUsize> {
     let stop = Arc::default();
-    for signal in [SIGTERM, SIGUSR1] {
-        let set = signal_hook::flag::register_usize(signal, Arc::clone(&stop), signal as usize);
+    let interrupted = Arc::<AtomicBool>::default();
+    for signal in [SIGTERM, SIGUSR1, SIGINT] {
+        let twice = if signal == SIGINT {
+            // In this order: the first finds the flag still down.
+            signal_hook::flag::register_conditional_default(signal, Arc::clone(&interrupted))
+                .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&interrupted)))
+                .map(drop)
+        } else {
+            Ok(())
+        };
+        let set = twice.and_then(|()| {
+            signal_hook::flag::register_usize(signal, Arc::clone(&stop), signal as usize)
+        });
         if let Err(error) = set {
             print_error(format_args!("signal {signal} will end the run at once: {error}"));
         }
@@ -253,6 +277,7 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         traced: arguments.trace_particle.iter().map(|&id| GlobalId(id)).collect(),
     };
     match run(&mut sim, &scene, &schedule, arguments, comm) {
+        Ok(finish) if !finish.unmet.is_empty() && arguments.steps.is_none() => UNMET,
         Ok(finish) => ended(arguments, &finish, sim.step, last_step, comm),
         Err(status) => status,
     }
@@ -289,7 +314,7 @@ fn state(
 /// The status of a run that ended well; one that a signal has stopped says how to go on.
 fn ended(arguments: &Arguments, finish: &Finish, step: u64, last_step: u64, comm: &dyn Comm) -> u8 {
     let Ending::Signal(signal) = finish.ending else { return 0 };
-    let name = if signal == SIGTERM as usize { "SIGTERM" } else { "SIGUSR1" };
+    let name = signal_hook::low_level::signal_name(signal as i32).unwrap_or("a signal");
     let left = arguments.steps.map(|_| last_step - step);
     let again = again(arguments, &finish.snapshot, left);
     print_once(comm, format!("stopped by {name} at step {step}; to go on: {again}"));
@@ -476,8 +501,14 @@ const LINE_EVERY: Duration = Duration::from_secs(10);
 impl Display {
     fn new(is_root: bool, steps: u64) -> Self {
         let bar = (is_root && std::io::stderr().is_terminal()).then(|| {
-            let style = "{elapsed_precise} [{bar:30}] {percent}% {pos}/{len} steps, {per_sec}, {eta} left  {msg}";
-            let style = ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar());
+            let style =
+                "{elapsed} [{wide_bar}] {percent} % of {len} steps, {rate}, {eta} left; {msg}";
+            let style = ProgressStyle::with_template(style)
+                .unwrap_or_else(|_| ProgressStyle::default_bar());
+            let rate = |state: &ProgressState, text: &mut dyn std::fmt::Write| {
+                let _ = write!(text, "{:.0} steps/s", state.per_sec());
+            };
+            let style = style.with_key("rate", rate);
             ProgressBar::new(steps).with_style(style)
         });
         let lines = is_root && bar.is_none();
@@ -499,11 +530,10 @@ impl Display {
         }
         if let Some(m) = progress.measures {
             self.last_state = format!(
-                "{} particles, {:.2} contacts each, kinetic {:.1e} J, dissipated {:.1e} J",
+                "{} particles, {:.2} contacts each, kinetic {:.1e} J",
                 m.particles,
                 m.coordination(),
-                m.kinetic(),
-                m.dissipated
+                m.kinetic()
             );
         }
         if let Some(bar) = &self.bar {

@@ -97,6 +97,14 @@ pub enum SnapshotError {
         /// The message of the system.
         cause: String,
     },
+    /// Output should go where a file is.
+    #[error(
+        "{path} is a file, and a run writes into a folder: give another --out, or output.directory"
+    )]
+    NoFolder {
+        /// Its name.
+        path: String,
+    },
     /// Not a snapshot, cut short, or damaged in its structure.
     #[error(
         "{path} cannot be read as a snapshot: {cause}. \
@@ -179,6 +187,11 @@ fn name_of(path: &Path) -> String {
 /// # Errors
 /// On all ranks, if rank 0 cannot create it, or another run has it.
 pub fn claim(path: &Path, comm: &mut dyn Comm) -> Result<Option<File>, SnapshotError> {
+    let is_file = comm.is_root() && path.is_file();
+    agree(
+        comm,
+        if is_file { Err(SnapshotError::NoFolder { path: name_of(path) }) } else { Ok(()) },
+    )?;
     let mut lock = None;
     on_root(path, comm, || {
         std::fs::create_dir_all(path)?;

@@ -738,7 +738,7 @@ impl Reader {
         let read = || {
             if !particles.has("/VTKHDF/PointData/id") {
                 let cause =
-                    "it has no particles; was a contacts file meant to be a particles file?";
+                    "it has no particles; of a snapshot's two files, name particles_<step>.vtkhdf";
                 return Err(SnapshotError::unreadable(&real, &cause));
             }
             let counts = (particles.count(POINTS.place)?, particles.count(RECORD_A.place)?);

@@ -291,7 +291,6 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             drives: _,
             shapes,
         } = header;
-        let shapes = shapes.iter().map(|shape| format!("{shape:?}"));
         [
             ("step", step.to_string()),
             ("time", format!("{time:e} s")),
@@ -303,7 +302,10 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             ("periodic", format!("{:?}", cell.periodic())),
             ("gravity", format!("{:?} m/s2", gravity.as_slice())),
             ("names of walls", format!("{:?}", walls.iter().map(|w| &w.name).collect::<Vec<_>>())),
-            ("shapes", shapes.collect::<Vec<_>>().join("; ")),
+            (
+                "names of shapes",
+                format!("{:?}", shapes.iter().map(|s| &s.name).collect::<Vec<_>>()),
+            ),
         ]
     };
     // Numbers are written with enough digits to distinguish them from all others.
@@ -311,11 +313,16 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
         .filter(|(a, b)| a != b)
         .map(|((what, a), (_, b))| format!("{what}: {a} and {b}"))
         .collect();
+    let same_names = || first.shapes.iter().zip(&second.shapes).filter(|(a, b)| a.name == b.name);
+    found.extend(same_names().filter(|(a, b)| a != b).map(|(a, b)| {
+        let [a_text, b_text] = [a, b].map(|shape| shortened(&format!("{shape:?}")));
+        format!("shape {:?}: {a_text} and {b_text}", a.name)
+    }));
     let (mine, theirs) = (states_of_drives(first), states_of_drives(second));
     for what in mine.keys().chain(theirs.keys().filter(|what| !mine.contains_key(*what))) {
         let [a, b] = [&mine, &theirs].map(|states| states.get(what).map_or("nothing", |s| &**s));
         if a != b {
-            found.push(format!("{what}: {a} and {b}"));
+            found.push(format!("{what}: {} and {}", shortened(a), shortened(b)));
         }
     }
     if first.walls.len() != second.walls.len() {
@@ -338,6 +345,15 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
         }
     }
     found
+}
+
+/// The beginning of a long text.
+fn shortened(text: &str) -> String {
+    const MOST: usize = 160;
+    match text.char_indices().nth(MOST) {
+        Some((end, _)) => format!("{} ... ({} characters)", &text[..end], text.chars().count()),
+        None => text.to_owned(),
+    }
 }
 
 fn left_behind(Departed { received, dissipated }: Departed) -> String {

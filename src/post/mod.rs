@@ -147,6 +147,9 @@ pub enum PostError {
     /// A margin of nothing.
     #[error("the packing has no box of which a margin could be left out")]
     NoBox,
+    /// A region without particles.
+    #[error("no particle has its centre in the region: make it larger, or the margin smaller")]
+    NobodyThere,
     /// A region without volume.
     #[error("the region has no length along {axis}: from {low} m to {high} m")]
     EmptyRegion {

@@ -84,8 +84,10 @@ pub fn reports(
 ) -> Result<(Vec<Report>, Picture), PostError> {
     let mut reports: Vec<Report> = Vec::new();
     let mut picture = Picture::default();
+    let mut is_anybody_there = false;
     for Snapshot { path, .. } in snapshots {
         let reader = &Reader::open(path)?;
+        is_anybody_there |= reader.particle_count() > 0;
         let name = path.display().to_string();
         let analysed = || {
             let mut settings = choice.settings;
@@ -98,6 +100,9 @@ pub fn reports(
             .map_err(|error| PostError::In { file: name.clone(), error: Box::new(error) })?;
         reports.push(analysis.report);
         picture = analysis.picture;
+    }
+    if is_anybody_there && reports.iter().all(|report| report.summary.particles == 0) {
+        return Err(PostError::NobodyThere);
     }
     if let [first, _, ..] = &reports[..] {
         let first = first.clone();

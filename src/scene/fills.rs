@@ -133,10 +133,30 @@ impl Fills<'_> {
             section.get(key).map_or_else(|| section.fail(&what), |given| given.fail(&what));
         }
         cells_between(section, &low, &high, &Vec3::repeat(spacing));
+        self.check_room(section, &rain, domain);
         if self.gravity == Vec3::zeros() && velocity == Vec3::zeros() {
             section.fail("does not fall: gravity and `velocity` are 0");
         }
         Some(rain)
+    }
+
+    /// Has the domain room for what rains? Grains are counted as the smallest of the mix.
+    fn check_room(&self, section: &Section, rain: &Rain, domain: &Cell) {
+        let Library { shapes, sizes, .. } = &self.shapes.library;
+        let volumes = rain.mix.shapes().map(|id| {
+            let [scale, _] = sizes[id.index()].scales();
+            shapes[id.index()].volume() * scale.powi(3)
+        });
+        let (least, room) =
+            (volumes.fold(f64::INFINITY, f64::min), (domain.high() - domain.low()).product());
+        if self.shapes.complete && rain.count as f64 * least > room {
+            section.fail(format!(
+                "`count` = {}: so many particles have at least {:.3e} m3, the domain has {room:.3e} m3; it holds fewer than {:.3e}",
+                rain.count,
+                rain.count as f64 * least,
+                room / least
+            ));
+        }
     }
 
     /// The slab of a layer: where the file does not say, one cell thick on the side from which gravity
@@ -176,10 +196,12 @@ impl Fills<'_> {
         let (low, high) = (corner("low"), corner("high"));
         let first = corner("first");
         let count = section.read_or("count", None, |given| given.three_counts().map(Some));
+        let jitter = section.read_or("jitter", 0.0, |given| given.number(Range::NotNegative, "m"));
         section.finish();
-        let (spacing, domain) = (spacing??, self.domain?);
+        let (spacing, domain, jitter) = (spacing??, self.domain?, jitter?);
         let (first, count) = match (low?, high?, first?, count?) {
-            (Some(low), Some(high), None, None) => {
+            (low, high, None, None) => {
+                let (low, high) = (low.unwrap_or(domain.low()), high.unwrap_or(domain.high()));
                 let cells = cells_between(section, &low, &high, &spacing)?;
                 // In the middle of the box.
                 let span = Vec3::from_fn(|axis, _| f64::from(cells[axis] - 1) * spacing[axis]);
@@ -189,15 +211,16 @@ impl Fills<'_> {
                 is_possible(section, product(&count)).then_some((first, count))?
             }
             _ => {
-                section.fail("give either `low` and `high`, or `first` and `count`");
+                section.fail("give either `low` and `high`, or both of `first` and `count`");
                 return None;
             }
         };
         if let Some(mix) = &mix {
-            self.check_spacing(section, mix, &spacing, &count);
+            self.check_spacing(section, mix, &spacing, &count, jitter);
         }
         let last = first + Vec3::from_fn(|axis, _| f64::from(count[axis] - 1) * spacing[axis]);
-        for (name, position) in [("first", first), ("last", last)] {
+        let around = Vec3::repeat(jitter);
+        for (name, position) in [("first", first - around), ("last", last + around)] {
             if let Some(axis) = outside(domain, &position) {
                 section.fail(format!(
                     "its {name} particle, at {}, is outside the domain along {}: {:?} to {:?} m",
@@ -214,27 +237,36 @@ impl Fills<'_> {
             spacing,
             count,
             random_orientation: random_orientation?,
+            jitter,
             velocity: velocity?,
         })
     }
 
     /// Neighbours on a lattice overlap, whatever their orientations, if the spheres in them do.
-    fn check_spacing(&self, section: &Section, mix: &Mix, spacing: &Vec3, count: &[u32; 3]) {
+    fn check_spacing(
+        &self,
+        section: &Section,
+        mix: &Mix,
+        spacing: &Vec3,
+        count: &[u32; 3],
+        jitter: f64,
+    ) {
         let Library { shapes, sizes, .. } = &self.shapes.library;
         let thinnest = mix.shapes().map(|id| {
             let [scale, _] = sizes[id.index()].scales();
             2.0 * shapes[id.index()].inscribed_radius() * scale
         });
         let least = (1.0 - DEEPEST_START) * thinnest.fold(f64::INFINITY, f64::min);
-        let narrow = |axis: &usize| count[*axis] > 1 && spacing[*axis] < least;
+        let narrow = |axis: &usize| count[*axis] > 1 && spacing[*axis] - 2.0 * jitter < least;
         if self.shapes.complete
             && let Some(axis) = (0..3).find(narrow)
         {
             section.fail(format!(
-                "`spacing` ({:.4e} m along {}) is less than the shortest axis of the smallest particle, {:.4e} m: \
+                "`spacing` ({:.4e} m along {}{}) is less than the shortest axis of the smallest particle, {:.4e} m: \
                  neighbours overlap",
                 spacing[axis],
                 AXES[axis],
+                if jitter > 0.0 { ", less twice the `jitter`" } else { "" },
                 least / (1.0 - DEEPEST_START)
             ));
         }

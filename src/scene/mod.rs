@@ -102,8 +102,9 @@
 //! | `shapes`, `velocity` | | as in rain |
 //! | `orientation` | | `"random"` (default) or `"upright"`: own axes along x, y, z |
 //! | `spacing` | m | one number or [x, y, z]; default 1.1 largest bounding diameters |
-//! | `low`, `high` | m | as many as fit into this box; or: |
+//! | `low`, `high` | m | as many as fit into this box; default: the domain; or: |
 //! | `first`, `count` | m | centre of the first, how many along [x, y, z] |
+//! | `jitter` | m | how far from its place a particle may be along each axis, at random; default 0 |
 //! | **`[[fill.file]]`** | | particles one by one |
 //! | `path` | | CSV with a header: `x,y,z` and, if wanted, `qw,qx,qy,qz`, `vx,vy,vz`, `wx,wy,wz`, `shape`, `scale` (of the shape's lengths; default 1, whatever its `size`) |
 
@@ -365,6 +366,8 @@ pub struct Lattice {
     pub count: [u32; 3],
     /// Random orientations (of the scene's seed and the particle's id), or upright.
     pub random_orientation: bool,
+    /// How far from its place a particle may be along each axis, at random (of the scene's seed and the particle's id) [m].
+    pub jitter: f64,
     /// Velocity of all [m/s].
     pub velocity: Vec3,
 }

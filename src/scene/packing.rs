@@ -33,6 +33,9 @@ fn on_lattice(lattice: &Lattice, k: u64, id: u64, scene: &Scene) -> Particle {
     if lattice.random_orientation {
         particle.quaternion = random.rotation();
     }
+    if lattice.jitter > 0.0 {
+        particle.position += Vec3::from_fn(|_, _| lattice.jitter * (2.0 * random.unit() - 1.0));
+    }
     particle
 }
 

@@ -26,7 +26,7 @@ use std::time::Instant;
 pub struct Schedule {
     /// The last step.
     pub last_step: u64,
-    /// Steps between snapshots; 0: only at the end.
+    /// Steps between snapshots; 0: only at the start of a stage and at the end.
     pub snapshot_every: u64,
     /// Steps between rows of the history; 0: only at the end.
     pub history_every: u64,
@@ -300,9 +300,8 @@ impl<'a> Records<'a> {
     fn first(&mut self, sim: &Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
         let measures = sim.measure(comm);
         self.push(sim, &measures, &measures.wall_forces)?;
-        if self.schedule.snapshot_every > 0 {
-            self.snapshot = Some(self.save(sim, Ending::LastStep, &measures, comm)?);
-        }
+        // So that a run that fails leaves what it began with, however few snapshots are asked for.
+        self.snapshot = Some(self.save(sim, Ending::LastStep, &measures, comm)?);
         self.note(&measures);
         self.measures = Some(measures);
         Ok(())

@@ -42,6 +42,17 @@ fn a_diff_finds_what_was_planted() {
     let names = ["rain, fallen: [80] and nothing", "snow, fallen: nothing and [70]"];
     assert_eq!(compare(&rains[1], &rains[0]).header, names);
 
+    // Of what is long the beginning.
+    let mut wide = rains[0].clone();
+    wide.header.drives[0].columns[0].values = Values::Counts((0..500).collect());
+    let told = &compare(&first, &wide).header[0];
+    assert!(told.starts_with("snow, fallen: nothing and [0, 1, 2, "), "{told}");
+    assert!(told.ends_with("... (2390 characters)") && told.len() < 230, "{told}");
+    wide.header = first.header.clone();
+    wide.header.shapes[0].name = "pebble".to_owned();
+    let [theirs, ours] = [&first, &wide].map(|s| format!("[{:?}]", s.header.shapes[0].name));
+    assert_eq!(compare(&first, &wide).header, [format!("names of shapes: {theirs} and {ours}")]);
+
     let z = &mut second.particles.position[0].z; // id 26, in its last place
     *z = f64::from_bits(z.to_bits() + 1);
     second.particles.velocity[0].x = 0.5;

@@ -47,6 +47,19 @@ fn reports_are_the_same_from_one_rank_and_from_four() {
 }
 
 /// The status says equal, different or neither; the text says who differs.
+/// A report of nobody is none.
+#[test]
+fn an_empty_region_is_an_error() {
+    let run = heap(Launch::Alone);
+    let directory = run.directory.to_str().unwrap();
+    let corner = "--region=0,1e-6,0,1e-6,0,1e-6";
+    for arguments in [&[directory, corner][..], &[directory, "--series", corner]] {
+        let refused = dem_post(arguments).end();
+        assert_eq!(refused.status.code(), Some(2), "{refused}");
+        refused.said_once("no particle has its centre in the region: make it larger");
+    }
+}
+
 #[test]
 fn a_comparison_names_what_differs() {
     let run = heap(Launch::Alone);

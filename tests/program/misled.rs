@@ -39,10 +39,14 @@ fn a_mistake_ends_in_one_message() {
     let half = named("half.vtkhdf");
     fs::write(&half, &whole[..whole.len() / 2]).unwrap();
 
+    let contacts = format!("contacts_{:09}.vtkhdf", HEAP_SNAPSHOTS[1]);
+    let contacts = good.directory.join(contacts);
+
     // One on each of two ranks leaves, in the same step.
     let burst = Path::new(&scene("burst")).to_owned();
 
     let coincident = scene("coincident");
+    let contacts_file = contacts.to_str().unwrap();
     let (half, misspelt_name) = (half.to_str().unwrap(), misspelt.to_str().unwrap());
     let below_a_file = format!("{misspelt_name}/out");
     let missing = named("missing.toml");
@@ -123,6 +127,24 @@ fn a_mistake_ends_in_one_message() {
             arguments: &["--out", &below_a_file],
             status: WRONG_INPUT,
             message: &["misspelt.toml/out", "Not a directory"],
+        },
+        Mistake {
+            scene: &heap_scene,
+            arguments: &["--out", misspelt_name],
+            status: WRONG_INPUT,
+            message: &["misspelt.toml is a file, and a run writes into a folder", "another --out"],
+        },
+        Mistake {
+            scene: &heap_scene,
+            arguments: &["--steps", "1.5e0"],
+            status: WRONG_INPUT,
+            message: &["--steps", "must be a whole number, such as 20000, 20_000 or 2e4"],
+        },
+        Mistake {
+            scene: &heap_scene,
+            arguments: &["--start", contacts_file],
+            status: WRONG_INPUT,
+            message: &["of a snapshot's two files, name particles_<step>.vtkhdf"],
         },
         // No wall where gravity pulls to.
         Mistake {

@@ -75,11 +75,11 @@ fn a_used_directory_is_refused() {
     let there = [0, 100, 150, 200, 300].map(|step| snapshot(&directory, step).exists());
     assert_eq!(there, [true, true, true, false, false]);
 
-    // Of a run without earlier snapshots, none stays.
+    // Of a run without snapshots on the way, the start and the end stay.
     let only_the_last = ["--set", "output.snapshot_every=0", "--steps", "150", "--overwrite"];
     heap_in(&directory, Launch::Alone, &only_the_last).succeed();
     let there = [0, 100, 150].map(|step| snapshot(&directory, step).exists());
-    assert_eq!(there, [false, false, true]);
+    assert_eq!(there, [true, false, true]);
 }
 
 /// What has been written of the history stays, also if less is asked for from now on.
@@ -295,6 +295,9 @@ fn nothing_is_left_to_do() {
     }
 }
 
+/// The status of a stage that has done its steps while its `[stop]` does not hold.
+const UNMET: i32 = 4;
+
 /// A stage that its `[stop]` has ended is over, whatever its steps, unless the user wants more of it.
 #[test]
 fn a_stage_ended_by_stop_is_over() {
@@ -312,7 +315,10 @@ fn a_stage_ended_by_stop_is_over() {
             .said_once(&format!("the stage ended at step {end} by its [stop]: rest = 0.99"));
         assert_eq!(column(&directory, "particles").pop_last().unwrap().0, end);
         let lower = heap_in(&directory, launch, &[&start[..], &["stop.rest=1e-15"]].concat());
-        lower.succeed().said_once("all steps done");
+        let ended = lower.end();
+        assert_eq!(ended.status.code(), Some(UNMET), "{ended}");
+        ended.said_once("all steps done");
+        ended.said_once("[stop] was not reached: rest is");
         assert_eq!(column(&directory, "particles").pop_last().unwrap().0, HEAP_STEPS);
     }
 }

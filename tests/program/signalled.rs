@@ -22,8 +22,9 @@ enum To {
 
 #[test]
 fn a_signal_ends_a_run_that_can_go_on() {
-    const CASES: [(Launch, To, &str, Launch); 6] = [
+    const CASES: [(Launch, To, &str, Launch); 7] = [
         (Launch::Alone, To::Started, "TERM", Launch::Ranks(2)),
+        (Launch::Alone, To::Started, "INT", Launch::Ranks(2)),
         (Launch::Ranks(1), To::Rank(0), "USR1", Launch::Alone),
         (Launch::Ranks(2), To::Started, "USR1", Launch::Alone),
         (Launch::Ranks(2), To::Rank(1), "TERM", Launch::Ranks(3)),
