@@ -76,7 +76,7 @@
 //! | `step` | s | at most the stable limit |
 //! | `steps` | | at most so many |
 //! | `allow_unstable` | | take a step over the limit; default false |
-//! | **`[stop]`** | | may be left out; ends the stage when all that is asked for holds, looked at every 100 steps |
+//! | **`[stop]`** | | may be left out; ends the stage when all that is asked for holds, looked at every 100 steps; where it does not hold after the last step, the program ends with status 4 |
 //! | `rest` | | the kinetic energy is below this fraction of the energy dissipated |
 //! | `unbalanced` | | the mean resultant force of a particle is below this fraction of the mean contact force (of as many contacts as particles at least) |
 //! | `servo` | | the stress of every servo has been this near to its target in the mean over the last 100 steps, as a fraction of it |
@@ -89,7 +89,7 @@
 //! | `seed` | | of the samples; default: the scene's |
 //! | **`[output]`** | | |
 //! | `directory` | | |
-//! | `snapshot_every` | | steps between snapshots; default 0: only at the end |
+//! | `snapshot_every` | | steps between snapshots; default 0: only at the start and the end |
 //! | `history_every` | | steps between rows of `history.csv`; default 100; 0: only at the end; forces and stresses on walls with a servo are means since the row before |
 //! | **`[fill.rain]`** | | layers of particles that fall in; may join a `start` |
 //! | `shapes` | | names, or `{ name = share, ... }` by number; default: the scene's only shape |
@@ -186,7 +186,7 @@ pub struct Scene {
     pub skin: f64,
     /// Subdomains are cut again when the busiest rank has this many times the mean work.
     pub imbalance: f64,
-    /// Steps between snapshots; 0: only at the end.
+    /// Steps between snapshots; 0: only at the start and the end.
     pub snapshot_every: u64,
     /// Steps between rows of `history.csv`; 0: only at the end.
     pub history_every: u64,

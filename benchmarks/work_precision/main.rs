@@ -1,0 +1,377 @@
+//! Error against run time of whole simulations: what a smaller step, another contact method, softer grains or another skin
+//! cost, and what they gain.
+//!
+//! ```text
+//! cargo bench --bench work_precision                       prints; table, plots and advice go to target/
+//! cargo bench --bench work_precision -- --record FOLDER    the same into this folder
+//! cargo bench --bench work_precision -- --quick            a few small packings
+//! cargo bench --bench work_precision -- --only boxes       one kind of grains
+//! ```
+//!
+//! Packings of spheres, ellipsoids 2:1 and 5:1, superellipsoids and boxes come to rest under the same stress on all sides, and
+//! are then compressed by 6 % along z while the other sides keep their stress. Every run of a packing begins with the same
+//! snapshot; softer grains have packings of their own, so that means of the seeds are compared. The converged answer is the run with the smallest step and the method
+//! `auto`. How far the converged answers of several seeds are apart tells which errors matter: a smaller one is lost in the
+//! choice of the packing.
+//!
+//! Each run takes one core; as many run at once as there are cores.
+
+mod advice;
+#[path = "../lines.rs"]
+mod lines;
+mod runs;
+
+use anyhow::Context;
+use clap::Parser;
+use lines::Line;
+use plotters::prelude::IntoLogRange;
+use runs::{Kind, Outcome, Packing, Setting};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+#[derive(Parser)]
+struct Arguments {
+    /// Small packings, few settings.
+    #[arg(long)]
+    quick: bool,
+    /// Only kinds whose name contains this.
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    only: String,
+    /// Write table, plots and advice into this folder.
+    #[arg(long, value_name = "FOLDER", default_value = "target/work_precision")]
+    record: PathBuf,
+    /// Cargo passes this.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// How much is done.
+struct Plan {
+    along: u32,
+    seeds: u64,
+    /// Step of the converged answer over the limit.
+    converged: f64,
+    steps: &'static [f64],
+    quick: bool,
+}
+
+const FULL: Plan =
+    Plan { along: 6, seeds: 3, converged: 0.03, steps: &[1.0, 0.8, 0.5, 0.3, 0.1], quick: false };
+const QUICK: Plan = Plan { along: 4, seeds: 2, converged: 0.1, steps: &[1.0, 0.5], quick: true };
+
+/// Step over the limit with which methods, stiffnesses and skins are compared.
+const COMPARED_AT: f64 = 0.5;
+
+/// What is changed, and to what.
+#[derive(Clone, Debug, PartialEq)]
+struct Variant {
+    what: &'static str,
+    value: String,
+    setting: Setting,
+}
+
+impl Plan {
+    fn variants(&self, kind: Kind) -> Vec<Variant> {
+        let plain = Setting { step: COMPARED_AT, contact: "", stiffness: 1.0, skin: 1.0 };
+        let mut all: Vec<Variant> = Vec::new();
+        let mut add = |what, value: String, setting| all.push(Variant { what, value, setting });
+        for &step in self.steps {
+            add("step", step.to_string(), Setting { step, ..plain.clone() });
+        }
+        let methods = if self.quick { &[] } else { kind.methods() };
+        for (name, contact) in methods {
+            add("method", (*name).to_owned(), Setting { contact, ..plain.clone() });
+        }
+        for stiffness in if self.quick { &[0.1][..] } else { &[0.1, 0.01] } {
+            let setting = Setting { stiffness: *stiffness, ..plain.clone() };
+            add("stiffness", stiffness.to_string(), setting);
+        }
+        for skin in [0.5, 2.0] {
+            add("skin", skin.to_string(), Setting { skin, ..plain.clone() });
+        }
+        all
+    }
+}
+
+/// A packing's converged answer and what its variants came to.
+struct Studied {
+    kind: Kind,
+    seed: u64,
+    converged: Outcome,
+    variants: Vec<(Variant, Outcome)>,
+}
+
+/// How far a run is from the converged answer.
+#[derive(Clone, Copy, Debug, Default)]
+struct Errors {
+    /// Of the axial stress, relative.
+    stress: f64,
+    /// Of the mean coordination number, relative.
+    coordination: f64,
+    /// Of the anisotropy of normals.
+    a_c: f64,
+    /// Energy missing over what was dissipated.
+    missing: f64,
+}
+
+impl Errors {
+    fn between(run: &Outcome, converged: &Outcome) -> Self {
+        Self {
+            stress: (run.axial / converged.axial - 1.0).abs(),
+            coordination: (run.coordination / converged.coordination - 1.0).abs(),
+            a_c: (run.a_c - converged.a_c).abs(),
+            missing: run.missing.abs(),
+        }
+    }
+}
+
+/// A setting over all seeds of a kind.
+struct Row {
+    variant: Variant,
+    /// Median time [s].
+    seconds: f64,
+    /// Median of the seeds; of softer grains, but for the energy, that of their means.
+    median: Errors,
+    largest: Errors,
+}
+
+fn main() -> anyhow::Result<()> {
+    let Arguments { quick, only, record, .. } = Arguments::parse();
+    let plan = if quick { QUICK } else { FULL };
+    std::fs::create_dir_all(&record)?;
+    let scratch = tempfile::tempdir()?;
+    // The dear ones first.
+    let kinds: Vec<Kind> = Kind::ALL.into_iter().filter(|k| k.name().contains(&only)).collect();
+    let tasks = kinds.iter().rev().flat_map(|&kind| (1..=plan.seeds).map(move |seed| (kind, seed)));
+    let studied = run_all(&plan, &tasks.collect::<Vec<_>>(), scratch.path())?;
+
+    std::fs::write(record.join("runs.csv"), runs_table(&studied)?)?;
+    let (mut table, mut advice) = (TABLE.to_owned(), String::new());
+    for kind in kinds {
+        let of_kind: Vec<&Studied> = studied.iter().filter(|s| s.kind == kind).collect();
+        let (rows, spread) = (rows(&plan, kind, &of_kind), spread(&of_kind));
+        print(kind, &rows, &spread, &mut table)?;
+        draw(&record.join(kind.file()).with_extension("svg"), &rows, &spread)?;
+        writeln!(advice, "{}\n", advice::of(kind, &rows, &spread))?;
+    }
+    println!("\n{advice}written to {}", record.display());
+    std::fs::write(record.join("settings.csv"), table)?;
+    std::fs::write(record.join("advice.md"), advice)?;
+    Ok(())
+}
+
+/// Runs all packings, as many at once as there are cores.
+fn run_all(plan: &Plan, tasks: &[(Kind, u64)], folder: &Path) -> anyhow::Result<Vec<Studied>> {
+    let (next, found) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                while let Some(&(kind, seed)) = tasks.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let studied = study(plan, kind, seed, folder);
+                    let studied = studied.with_context(|| format!("{}, seed {seed}", kind.name()));
+                    found.lock().expect("no thread has panicked").push(studied);
+                }
+            });
+        }
+    });
+    found.into_inner()?.into_iter().collect()
+}
+
+fn study(plan: &Plan, kind: Kind, seed: u64, folder: &Path) -> anyhow::Result<Studied> {
+    let folder = folder.join(format!("{}_{seed}", kind.file()));
+    std::fs::create_dir_all(&folder)?;
+    let packing = Packing { kind, seed, along: plan.along, folder };
+    let rested = packing.rest(1.0)?;
+    let converged = Setting { step: plan.converged, contact: "", stiffness: 1.0, skin: 1.0 };
+    let converged = packing.shear(&rested, &converged)?;
+    let mut variants = Vec::new();
+    for variant in plan.variants(kind) {
+        let setting = &variant.setting;
+        let outcome = if setting.stiffness == 1.0 {
+            packing.shear(&rested, setting)?
+        } else {
+            packing.shear(&packing.rest(setting.stiffness)?, setting)?
+        };
+        variants.push((variant, outcome));
+    }
+    println!("{}, seed {seed}: {} steps to convergence", kind.name(), converged.steps);
+    Ok(Studied { kind, seed, converged, variants })
+}
+
+/// How far apart the converged answers of the seeds are: standard deviations, relative but for `a_c`.
+fn spread(studied: &[&Studied]) -> Errors {
+    let deviation = |of: fn(&Outcome) -> f64| {
+        let values: Vec<f64> = studied.iter().map(|s| of(&s.converged)).collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let squares = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+        (mean, (squares / (values.len() - 1).max(1) as f64).sqrt())
+    };
+    let relative = |(mean, deviation): (f64, f64)| deviation / mean;
+    Errors {
+        stress: relative(deviation(|outcome| outcome.axial)),
+        coordination: relative(deviation(|outcome| outcome.coordination)),
+        a_c: deviation(|outcome| outcome.a_c).1,
+        missing: 0.0,
+    }
+}
+
+fn rows(plan: &Plan, kind: Kind, studied: &[&Studied]) -> Vec<Row> {
+    let of_variant = |k: usize, variant: Variant| {
+        let runs = studied.iter().map(|s| (&s.variants[k].1, &s.converged));
+        let seconds = median(runs.clone().map(|(run, _)| run.seconds).collect());
+        let errors: Vec<Errors> = runs.map(|(run, best)| Errors::between(run, best)).collect();
+        let over_all = |of: fn(Vec<f64>) -> f64| {
+            let of = |column: fn(&Errors) -> f64| of(errors.iter().map(column).collect());
+            Errors {
+                stress: of(|e| e.stress),
+                coordination: of(|e| e.coordination),
+                a_c: of(|e| e.a_c),
+                missing: of(|e| e.missing),
+            }
+        };
+        let largest = over_all(|values| values.into_iter().fold(0.0, f64::max));
+        let is_another_packing = variant.setting.stiffness != 1.0;
+        let median = if is_another_packing {
+            let missing = over_all(median).missing;
+            let means = Errors::between(
+                &mean(studied, |s| &s.variants[k].1),
+                &mean(studied, |s| &s.converged),
+            );
+            Errors { missing, ..means }
+        } else {
+            over_all(median)
+        };
+        Row { variant, seconds, median, largest }
+    };
+    plan.variants(kind).into_iter().enumerate().map(|(k, v)| of_variant(k, v)).collect()
+}
+
+/// Of the outcomes of all seeds; steps and time are those of the first.
+fn mean(studied: &[&Studied], of: impl Fn(&Studied) -> &Outcome) -> Outcome {
+    let over_all = |column: fn(&Outcome) -> f64| {
+        studied.iter().map(|s| column(of(s))).sum::<f64>() / studied.len() as f64
+    };
+    Outcome {
+        axial: over_all(|outcome| outcome.axial),
+        mean: over_all(|outcome| outcome.mean),
+        coordination: over_all(|outcome| outcome.coordination),
+        a_c: over_all(|outcome| outcome.a_c),
+        missing: over_all(|outcome| outcome.missing),
+        ..of(studied[0]).clone()
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+const TABLE: &str = "kind,what,value,seconds,pareto,stress_median,stress_largest,coordination_median,\
+                     coordination_largest,a_c_median,a_c_largest,missing_median,missing_largest\n";
+
+/// Is no other setting both as fast and nearer to the converged stress?
+fn is_pareto(row: &Row, rows: &[Row]) -> bool {
+    let better = |other: &Row| {
+        other.seconds <= row.seconds
+            && other.median.stress < row.median.stress
+            && other.variant != row.variant
+    };
+    !rows.iter().any(better)
+}
+
+fn print(kind: Kind, rows: &[Row], spread: &Errors, table: &mut String) -> anyhow::Result<()> {
+    let name = kind.name();
+    println!(
+        "\n{name}: errors against the converged answer, median (largest) of the seeds, of softer grains that of the means; * no other is faster and nearer"
+    );
+    println!(
+        "{:<28} {:>8}   {:>20} {:>20} {:>20} {:>20}",
+        "", "s", "axial stress", "contacts", "a_c", "energy missing"
+    );
+    for row in rows {
+        let Row { variant: Variant { what, value, .. }, seconds, median, largest } = row;
+        let two = |of: fn(&Errors) -> f64| format!("{:.1e} ({:.1e})", of(median), of(largest));
+        let front = is_pareto(row, rows);
+        println!(
+            "{:<28} {seconds:>8.3} {} {:>20} {:>20} {:>20} {:>20}",
+            format!("{what} {value}"),
+            if front { '*' } else { ' ' },
+            two(|e| e.stress),
+            two(|e| e.coordination),
+            two(|e| e.a_c),
+            two(|e| e.missing)
+        );
+        write!(table, "{name},{what},\"{value}\",{seconds:.4},{front}")?;
+        let columns: [fn(&Errors) -> f64; 4] =
+            [|e| e.stress, |e| e.coordination, |e| e.a_c, |e| e.missing];
+        for of in columns {
+            write!(table, ",{:.3e},{:.3e}", of(median), of(largest))?;
+        }
+        table.push('\n');
+    }
+    println!(
+        "{:<28} {:>8}   {:>20.1e} {:>20.1e} {:>20.1e}",
+        "spread of the seeds", "", spread.stress, spread.coordination, spread.a_c
+    );
+    writeln!(
+        table,
+        "{name},spread of the seeds,,,,{:.3e},,{:.3e},,{:.3e},,,",
+        spread.stress, spread.coordination, spread.a_c
+    )?;
+    Ok(())
+}
+
+/// Every run.
+fn runs_table(studied: &[Studied]) -> anyhow::Result<String> {
+    let mut table =
+        "kind,seed,what,value,steps,seconds,axial_stress_pa,mean_stress_pa,coordination,a_c,missing\n"
+            .to_owned();
+    for Studied { kind, seed, converged, variants } in studied {
+        let plain = ("converged", "", converged);
+        let changed = variants.iter().map(|(v, outcome)| (v.what, &*v.value, outcome));
+        for (what, value, outcome) in std::iter::once(plain).chain(changed) {
+            let Outcome { steps, seconds, axial, mean, coordination, a_c, missing } = outcome;
+            writeln!(
+                table,
+                "{},{seed},{what},\"{value}\",{steps},{seconds:.4},{axial:.6e},{mean:.6e},{coordination:.6},{a_c:.6},{missing:.3e}",
+                kind.name()
+            )?;
+        }
+    }
+    Ok(table)
+}
+
+/// The smallest error that is drawn: an answer may be the converged one to the last bit.
+const LEAST: f64 = 1e-6;
+
+fn draw(path: &Path, rows: &[Row], spread: &Errors) -> anyhow::Result<()> {
+    let mut lines: Vec<Line> = Vec::new();
+    for what in ["step", "method", "stiffness", "skin"] {
+        let of_it = rows.iter().filter(|row| row.variant.what == what);
+        let points: Vec<(f64, f64)> =
+            of_it.map(|row| (row.seconds, row.median.stress.max(LEAST))).collect();
+        if what == "step" {
+            lines.push(Line { name: "step, 1 to 0.1 of the limit".to_owned(), points });
+            continue;
+        }
+        let named = rows.iter().filter(|row| row.variant.what == what);
+        lines.extend(named.zip(points).map(|(row, point)| Line {
+            name: format!("{what} {}", row.variant.value),
+            points: vec![point],
+        }));
+    }
+    let times = rows.iter().map(|row| row.seconds);
+    let (least, most) = times.fold((f64::INFINITY, 0.0_f64), |(a, b), s| (a.min(s), b.max(s)));
+    let level = [0.8 * least, 1.25 * most].map(|seconds| (seconds, spread.stress));
+    lines.push(Line { name: "spread of the seeds".to_owned(), points: level.to_vec() });
+    lines::draw(
+        path,
+        ["seconds on a core", "relative error of the axial stress, median"],
+        (0.7 * least..1.4 * most).log_scale(),
+        (0.5 * LEAST..1.0).log_scale(),
+        &lines,
+    )
+}

@@ -1,0 +1,305 @@
+//! The runs of the study: a packing under pressure, sheared by walls, with one setting changed.
+
+use anyhow::{Context, anyhow, ensure};
+use dem_mpi::comm::alone::Alone;
+use dem_mpi::output::make_directory;
+use dem_mpi::output::snapshot::Reader;
+use dem_mpi::post::report::Summary;
+use dem_mpi::post::{Settings, analyse};
+use dem_mpi::scene::Scene;
+use dem_mpi::scene::assemble::{self, Continuation};
+use dem_mpi::sim::run::{self, Schedule};
+use dem_mpi::timing::Phase;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A kind of grains: all about as large as a ball of this diameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Spheres,
+    Ellipsoids2,
+    Ellipsoids5,
+    Superellipsoids,
+    Boxes,
+}
+
+/// Diameter of the ball of equal volume [m].
+const DIAMETER: f64 = 2e-3;
+/// Density [kg/m³].
+const DENSITY: f64 = 2600.0;
+/// Normal stiffness, if no run says otherwise [N/m].
+const STIFFNESS: f64 = 1e4;
+/// Confining stress: overlaps are about a thousandth of the diameter [Pa].
+const STRESS: f64 = 5e3;
+/// Axial strain of the shear.
+const STRAIN: f64 = 0.06;
+/// Distance of grains on the lattice at the start, over their bounding radius: room for any orientation.
+const ROOMY: f64 = 3.0;
+/// How far they are from their places along each axis at most, over it: what comes to rest is no lattice.
+const JITTER: f64 = 0.45;
+/// Rate of that strain over `√(p/ρ)/d`.
+const INERTIAL: f64 = 6e-3;
+
+impl Kind {
+    pub(crate) const ALL: [Self; 5] =
+        [Self::Spheres, Self::Ellipsoids2, Self::Ellipsoids5, Self::Superellipsoids, Self::Boxes];
+
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Spheres => "spheres",
+            Self::Ellipsoids2 => "ellipsoids 2:1",
+            Self::Ellipsoids5 => "ellipsoids 5:1",
+            Self::Superellipsoids => "superellipsoids",
+            Self::Boxes => "boxes",
+        }
+    }
+
+    /// In a file's name.
+    pub(crate) fn file(self) -> String {
+        self.name().replace([' ', ':'], "_")
+    }
+
+    /// Its keys in a scene. Of one size, balls would come to rest as a crystal.
+    fn keys(self) -> String {
+        format!("{}size = {{ uniform = [0.75, 1.25] }}\n", self.shape())
+    }
+
+    fn shape(self) -> String {
+        let ellipsoid = |ratio: f64| {
+            format!("kind = \"ellipsoid\"\ndiameter = {DIAMETER:e}\naspect_ratio = {ratio}\n")
+        };
+        match self {
+            Self::Spheres => format!("kind = \"sphere\"\ndiameter = {DIAMETER:e}\n"),
+            Self::Ellipsoids2 => ellipsoid(2.0),
+            Self::Ellipsoids5 => ellipsoid(5.0),
+            Self::Superellipsoids => {
+                "kind = \"superellipsoid\"\nsemi_axes = [1.05e-3, 0.9e-3, 0.75e-3]\n\
+                 exponents = [0.6, 0.6]\n"
+                    .to_owned()
+            }
+            Self::Boxes => {
+                let half = [0.95e-3, 0.8e-3, 0.69e-3];
+                let corners: Vec<[f64; 3]> = (0..8)
+                    .map(|k| {
+                        std::array::from_fn(|i| if k >> i & 1 == 1 { half[i] } else { -half[i] })
+                    })
+                    .collect();
+                format!("kind = \"polyhedron\"\nvertices = {corners:?}\n")
+            }
+        }
+    }
+
+    /// Methods to compare beside that of `auto`, as keys of `[contact]`, and their names.
+    pub(crate) const fn methods(self) -> &'static [(&'static str, &'static str)] {
+        const EPA: (&str, &str) = ("epa", "method = \"epa\"");
+        const EROSION: (&str, &str) = ("gjk-erosion", "method = \"gjk-erosion\"");
+        const FINE: (&str, &str) =
+            ("gjk-erosion, 1 %", "method = \"gjk-erosion\"\nerosion_ratio = 0.01");
+        match self {
+            Self::Spheres => &[],
+            Self::Boxes => &[EPA],
+            _ => &[EPA, EROSION, FINE],
+        }
+    }
+}
+
+/// What a run has that another has not.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Setting {
+    /// Step over the stable limit.
+    pub(crate) step: f64,
+    /// Keys of `[contact]`.
+    pub(crate) contact: &'static str,
+    /// Normal stiffness over that of the others.
+    pub(crate) stiffness: f64,
+    /// Skin over the default.
+    pub(crate) skin: f64,
+}
+
+/// What the study knows of a run.
+#[derive(Clone, Debug)]
+pub(crate) struct Outcome {
+    pub(crate) steps: u64,
+    /// Of the phases but output [s].
+    pub(crate) seconds: f64,
+    /// Axial stress [Pa].
+    pub(crate) axial: f64,
+    /// Mean stress [Pa].
+    pub(crate) mean: f64,
+    /// Mean coordination number.
+    pub(crate) coordination: f64,
+    /// Anisotropy of contact normals.
+    pub(crate) a_c: f64,
+    /// Energy missing over what was dissipated.
+    pub(crate) missing: f64,
+}
+
+/// Grains of one kind and seed, in a folder of their own.
+pub(crate) struct Packing {
+    pub(crate) kind: Kind,
+    pub(crate) seed: u64,
+    /// Grains along each axis.
+    pub(crate) along: u32,
+    pub(crate) folder: PathBuf,
+}
+
+/// A packing at rest under pressure: its snapshot, and its height [m].
+#[derive(Clone, Debug)]
+pub(crate) struct Rested {
+    snapshot: PathBuf,
+    height: f64,
+}
+
+impl Packing {
+    /// The scene's text but for time, stage and output.
+    fn text(&self, setting: &Setting) -> anyhow::Result<String> {
+        let Self { kind, seed, along, .. } = self;
+        let shape = format!("[[shape]]\nname = \"grain\"\nmaterial = \"grain\"\n{}", kind.keys());
+        let radius = self.bounding_radius()?;
+        let side = ROOMY * radius * f64::from(*along);
+        let skin = setting.skin * (0.1 * radius);
+        let stiffness = setting.stiffness * STIFFNESS;
+        let material = |name: &str, friction: f64| {
+            format!(
+                "[[material]]\nname = \"{name}\"\ndensity = {DENSITY}\nnormal_stiffness = {stiffness:e}\n\
+                 friction = {friction}\nrestitution = 0.4\n"
+            )
+        };
+        let (grain, wall) = (material("grain", 0.3), material("wall", 0.0));
+        Ok(format!(
+            "title = \"work and precision\"\nseed = {seed}\n[domain]\nlow = [0, 0, 0]\nhigh = [{side:e}, {side:e}, {side:e}]\n\
+             walls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\", \"+z\"]\nwall_material = \"wall\"\n{grain}{wall}{shape}\
+             [contact]\n{}\n[neighbours]\nskin = {skin:e}\n[audit]\nevery = 0\n",
+            setting.contact
+        ))
+    }
+
+    /// Of the grain [m].
+    fn bounding_radius(&self) -> anyhow::Result<f64> {
+        let text = format!(
+            "[domain]\nlow = [0, 0, 0]\nhigh = [1, 1, 1]\n[[material]]\nname = \"grain\"\ndensity = {DENSITY}\n\
+             normal_stiffness = {STIFFNESS:e}\n[[shape]]\nname = \"grain\"\n{}[[fill.lattice]]\nfirst = [0.5, 0.5, 0.5]\ncount = [1, 1, 1]\n\
+             [time]\nstep = 1e-9\nsteps = 1\n[output]\ndirectory = \"none\"\n",
+            self.kind.keys()
+        );
+        Ok(parsed(&text, &self.folder)?.library.largest_radius())
+    }
+
+    /// Servos along these axes.
+    fn servos(axes: &[&str]) -> String {
+        let servo = |axis: &&str| {
+            format!(
+                "[[servo]]\nwalls = [\"-{axis}\", \"+{axis}\"]\ncoupled = true\nstress = {STRESS:e}\nmax_speed = 0.5\n"
+            )
+        };
+        axes.iter().map(servo).collect()
+    }
+
+    /// The stable limit [s].
+    fn limit(&self, text: &str) -> anyhow::Result<f64> {
+        let rest = "[[fill.lattice]]\ncount = [1, 1, 1]\nfirst = [1e-3, 1e-3, 1e-3]\n\
+                    [time]\nstep = 1e-9\nsteps = 1\n[output]\ndirectory = \"none\"\n";
+        let scene = parsed(&format!("{text}{rest}"), &self.folder)?;
+        Ok(scene.time_step_limit().context("grains that push each other have a limit")?.dt)
+    }
+
+    /// From a lattice to rest under the same stress on all sides.
+    pub(crate) fn rest(&self, stiffness: f64) -> anyhow::Result<Rested> {
+        let setting = Setting { step: 0.5, contact: "", stiffness, skin: 1.0 };
+        let text = self.text(&setting)?;
+        let dt = setting.step * self.limit(&text)?;
+        let (count, radius) = (self.along, self.bounding_radius()?);
+        let text = format!(
+            "{text}{}[[fill.lattice]]\nfirst = [{first:e}, {first:e}, {first:e}]\ncount = [{count}, {count}, {count}]\n\
+             spacing = {:e}\njitter = {:e}\n[time]\nstep = {dt:e}\nsteps = 200_000\n\
+             [stop]\nunbalanced = 2e-3\nservo = 5e-3\n[output]\ndirectory = \"none\"\n",
+            Self::servos(&["x", "y", "z"]),
+            ROOMY * radius,
+            JITTER * radius,
+            first = 0.5 * ROOMY * radius,
+        );
+        let out = self.folder.join(format!("rest_{stiffness:e}"));
+        let (finish, sim) = ran(&text, &self.folder, None, &out)?;
+        let there = sim.particles.owned;
+        ensure!(there == count.pow(3) as usize, "{there} grains instead of {count} cubed");
+        ensure!(finish.unmet.is_empty(), "{}: no rest: {}", self.kind.name(), finish.unmet);
+        let height = summary(&finish.snapshot)?.height_m.context("walls on both sides")?;
+        Ok(Rested { snapshot: finish.snapshot, height })
+    }
+
+    /// Compresses a packing along z, while the other sides keep their stress.
+    pub(crate) fn shear(&self, rested: &Rested, setting: &Setting) -> anyhow::Result<Outcome> {
+        let text = self.text(setting)?;
+        let rate = INERTIAL * (STRESS / DENSITY).sqrt() / DIAMETER;
+        let steps = (STRAIN / rate / (setting.step * self.limit(&text)?)).ceil();
+        let (dt, speed) = (STRAIN / rate / steps, 0.5 * rate * rested.height);
+        // The walls' velocities belong to the domain's table, which is the first.
+        let moving = format!(
+            "wall_velocity = {{ \"-z\" = [0, 0, {speed:e}], \"+z\" = [0, 0, {:e}] }}\n[[material]]",
+            -speed
+        );
+        let text = text.replacen("[[material]]", &moving, 1);
+        let text = format!(
+            "start = {:?}\n{text}{}[time]\nstep = {dt:e}\nsteps = {steps}\n[output]\ndirectory = \"none\"\n",
+            rested.snapshot,
+            Self::servos(&["x", "y"])
+        );
+        let Setting { step, stiffness, skin, contact } = setting;
+        let method = contact.replace(|c: char| !c.is_ascii_alphanumeric(), "");
+        let out = self.folder.join(format!("shear_{step}_{stiffness:e}_{skin}_{method}"));
+        let (finish, sim) = ran(&text, &self.folder, Some(&rested.snapshot), &out)?;
+        let found = summary(&finish.snapshot)?;
+        let known = |value: Option<f64>| value.with_context(|| anyhow!("a packing under stress"));
+        let phases = Phase::ALL.into_iter().filter(|phase| *phase != Phase::Output);
+        Ok(Outcome {
+            steps: finish.steps_done,
+            seconds: phases.map(|phase| sim.clock.seconds(phase)).sum(),
+            axial: known(found.stress_zz_pa)?,
+            mean: known(found.p_pa)?,
+            coordination: known(found.coordination)?,
+            a_c: known(found.a_c)?,
+            missing: finish.measures.missing() / finish.measures.dissipated,
+        })
+    }
+}
+
+fn parsed(text: &str, folder: &Path) -> anyhow::Result<Scene> {
+    Scene::parse(text, "scene", folder, &[]).map_err(|errors| anyhow!("{errors}\n{text}"))
+}
+
+/// Runs a stage on one rank.
+fn ran(
+    text: &str,
+    folder: &Path,
+    start: Option<&Path>,
+    out: &Path,
+) -> anyhow::Result<(run::Finish, dem_mpi::sim::Simulation)> {
+    let scene = parsed(text, folder)?;
+    let mut comm = Alone::default();
+    let mut sim = assemble::assemble(&scene, &comm);
+    match start {
+        None => assemble::fill(&mut sim, &scene, &comm),
+        Some(start) => {
+            assemble::take_up(&mut sim, &scene, start, Continuation::NewStage, &mut comm)?;
+        }
+    }
+    make_directory(out, &mut comm)?;
+    let schedule = Schedule {
+        last_step: sim.step + scene.steps,
+        snapshot_every: 0,
+        history_every: 0,
+        stop: scene.stop.clone(),
+        out: out.to_owned(),
+        scene: scene.text.clone(),
+        resumed: false,
+        signal: Arc::default(),
+        traced: Vec::new(),
+    };
+    let finish = run::run(&mut sim, &schedule, &mut comm, &mut |_| ())?;
+    Ok((finish, sim))
+}
+
+fn summary(snapshot: &Path) -> anyhow::Result<Summary> {
+    let reader = Reader::open(snapshot)?;
+    Ok(analyse(&reader, "packing", Settings::default())?.report.summary)
+}

@@ -1,0 +1,195 @@
+//! Eight rows at once, from the numbers that are remembered of contacts, and back.
+
+use crate::contact::{Geometry, Previous};
+use crate::lanes::{Eight, Row, WIDTH};
+use crate::math::Vec3;
+
+/// What is remembered of eight contacts that stand one after the other, column by column: by one check where
+/// [`read_state`] checks each row, for which a packing's forces take up to a third longer.
+#[inline(always)]
+pub(super) fn read_states_in_a_row<L: Eight>(all: &[f64], start: usize, columns: &mut [L]) {
+    if let Ok(columns) = <&mut [L; 4]>::try_from(&mut *columns) {
+        *columns = L::columns_of_4(&eight_rows(all.as_chunks().0, start));
+    } else {
+        read_state(&rows_of(all, columns.len(), start), columns);
+    }
+}
+
+/// What is remembered of eight contacts, column by column.
+#[inline(always)]
+pub(super) fn read_state<L: Eight>(rows: &[&[f64]; WIDTH], columns: &mut [L]) {
+    let width = columns.len();
+    let mut at = 0;
+    while at < width {
+        if let Some(four) = pieces::<4>(rows, at) {
+            columns[at..at + 4].copy_from_slice(&L::columns_of_4(&four));
+            at += 4;
+        } else if let Some(three) = pieces::<3>(rows, at) {
+            columns[at..at + 3].copy_from_slice(&L::columns_of_3(&three));
+            at += 3;
+        } else {
+            let mut numbers = [0.0; WIDTH];
+            for (number, row) in numbers.iter_mut().zip(rows) {
+                *number = row[at];
+            }
+            columns[at] = L::load(&numbers);
+            at += 1;
+        }
+    }
+}
+
+/// So many numbers of each row; `None` if rows are too short.
+#[inline(always)]
+pub(super) fn pieces<'a, const N: usize>(
+    rows: &[&'a [f64]; WIDTH],
+    at: usize,
+) -> Option<[&'a [f64; N]; WIDTH]> {
+    let mut pieces = [rows[0].get(at..)?.first_chunk::<N>()?; WIDTH];
+    for (piece, row) in pieces.iter_mut().zip(rows) {
+        *piece = row.get(at..)?.first_chunk::<N>()?;
+    }
+    Some(pieces)
+}
+
+/// The inverse, of the first `count` contacts.
+#[inline(always)]
+pub(super) fn write_state<L: Eight>(
+    all: &mut [f64],
+    width: usize,
+    first: usize,
+    count: usize,
+    columns: &[L],
+) {
+    let rows = &mut all[first * width..(first + count) * width];
+    if let Ok(columns) = <&[L; 4]>::try_from(columns) {
+        let block = L::rows_of_4(*columns);
+        for (row, numbers) in rows.as_chunks_mut().0.iter_mut().zip(&block) {
+            numbers.write(row);
+        }
+        return;
+    }
+    let mut at = 0;
+    while at < width {
+        let several = (width - at).min(4);
+        let column = |k: usize| columns[(at + k).min(width - 1)];
+        let block = L::rows_of_4([column(0), column(1), column(2), column(3)]);
+        for (row, numbers) in rows.chunks_exact_mut(width).zip(&block) {
+            row[at..at + several].copy_from_slice(&numbers.numbers()[..several]);
+        }
+        at += several;
+    }
+}
+
+/// Writes the first three numbers of eight rows. The fourth of each is written over by the next row: that takes fewer
+/// instructions than three alone.
+#[inline(always)]
+pub(super) fn write_threes<R: Row>(all: &mut [Vec3], rows: &[R; WIDTH]) {
+    let eight = all.first_chunk_mut::<WIDTH>().expect("eight places");
+    let numbers: &mut [f64] = bytemuck::cast_slice_mut(eight);
+    let [rows @ .., last] = rows;
+    for (row, place) in rows.iter().zip(0..) {
+        row.write(numbers[3 * place..].first_chunk_mut().expect("a row follows"));
+    }
+    eight[WIDTH - 1] = last.first_three().into();
+}
+
+/// The rows of eight contacts that stand one after the other.
+#[inline(always)]
+pub(super) fn rows_of(all: &[f64], width: usize, start: usize) -> [&[f64]; WIDTH] {
+    let eight = &all[start * width..][..WIDTH * width];
+    let mut rows = [&eight[..width]; WIDTH];
+    for (lane, row) in rows.iter_mut().enumerate() {
+        *row = &eight[lane * width..][..width];
+    }
+    rows
+}
+
+/// The same of any eight: zeros of those that have no place.
+#[inline(always)]
+pub(super) fn rows_at<'a>(
+    all: &'a [f64],
+    width: usize,
+    places: &[Previous; WIDTH],
+) -> [&'a [f64]; WIDTH] {
+    let mut rows = [&NO_STATE[..width]; WIDTH];
+    for (row, place) in rows.iter_mut().zip(places) {
+        if *place != Previous::NONE {
+            *row = &all[place.index() * width..][..width];
+        }
+    }
+    rows
+}
+
+/// Where contacts were at the last step, if they touched.
+#[inline(always)]
+pub(super) fn geometries_at<'a>(
+    all: &'a [Geometry],
+    places: &[Previous; WIDTH],
+) -> [&'a Geometry; WIDTH] {
+    let mut rows = [&NEW; WIDTH];
+    for (row, place) in rows.iter_mut().zip(places) {
+        *row = all.get(place.index()).unwrap_or(&NEW);
+    }
+    rows
+}
+
+/// Those from a place on.
+#[inline(always)]
+pub(super) fn eight_rows<T>(all: &[T], first: usize) -> [&T; WIDTH] {
+    let [a, b, c, d, e, f, g, h] = &all[first..][..WIDTH] else { unreachable!("eight are eight") };
+    [a, b, c, d, e, f, g, h]
+}
+
+/// The same; if there are less than eight, the last one again.
+#[inline(always)]
+pub(super) fn eight_from_rows<T>(all: &[T], first: usize, count: usize) -> [&T; WIDTH] {
+    if count == WIDTH {
+        return eight_rows(all, first);
+    }
+    let mut rows = [&all[first]; WIDTH];
+    for (lane, row) in rows.iter_mut().enumerate() {
+        *row = &all[first + lane.min(count - 1)];
+    }
+    rows
+}
+
+/// The same, copied.
+#[inline(always)]
+pub(super) fn eight_from<T: Copy>(all: &[T], first: usize, count: usize) -> [T; WIDTH] {
+    if let Some(eight) = all[first..].first_chunk::<WIDTH>() {
+        return *eight;
+    }
+    let mut eight = [all[first]; WIDTH];
+    for (lane, one) in eight.iter_mut().enumerate() {
+        *one = all[first + lane.min(count - 1)];
+    }
+    eight
+}
+
+/// Where the first of eight contacts stood at the last step, if all touched and stood one after the other.
+#[inline(always)]
+pub(super) fn stood_in_a_row(from: &[Previous], first: usize, count: usize) -> Option<usize> {
+    if from.is_empty() {
+        return if count == WIDTH { Some(first) } else { None };
+    }
+    let places = from[first..].first_chunk::<WIDTH>()?;
+    let start = places[0].index();
+    let mut in_a_row = true;
+    for (lane, place) in places.iter().enumerate() {
+        in_a_row &= place.index() == start + lane;
+    }
+    if in_a_row { Some(start) } else { None }
+}
+
+/// Where up to eight contacts stood at the last step.
+#[inline(always)]
+pub(super) fn places_before(from: &[Previous], first: usize, count: usize) -> [Previous; WIDTH] {
+    if !from.is_empty() {
+        return eight_from(from, first, count);
+    }
+    let mut places = [Previous::NONE; WIDTH];
+    for (lane, place) in places.iter_mut().enumerate() {
+        *place = Previous::at(first + lane.min(count - 1));
+    }
+    places
+}

@@ -1,0 +1,259 @@
+//! The kernel by itself: portable lanes against those of the machine, and what contacts of one company do in another.
+
+use super::patches::WithPatches;
+use super::{Contacts, Law};
+use crate::contact::{Geometry, Pair, Patch, Previous};
+use crate::ids::{MaterialId, ShapeId, Slot};
+use crate::lanes::{self, Kernel, Portable};
+use crate::law::linear::{Constants, Interactions, Linear};
+use crate::law::{ForceLaw, Last, Sums, Work};
+use crate::math::{Vec3, Vec3AndNumber};
+use crate::particles::{Particles, crowd};
+use crate::random::Random;
+use crate::shape::{Polyhedron, Shape};
+
+/// What touches, and what is remembered.
+#[derive(Clone, Default)]
+struct Touching {
+    pairs: Vec<Pair>,
+    now: Vec<Geometry>,
+    points: Vec<Vec3>,
+    from: Vec<Previous>,
+    geometry: Vec<Geometry>,
+    state: Vec<f64>,
+    patches: Vec<Patch>,
+}
+
+/// What a law finds.
+struct Found {
+    state: Vec<f64>,
+    forces: Vec<Vec3>,
+    sums: Sums,
+}
+
+impl Touching {
+    fn of(&self, place: usize) -> Self {
+        Self {
+            pairs: vec![self.pairs[place]],
+            now: vec![self.now[place]],
+            points: self.points.get(place).copied().into_iter().collect(),
+            from: vec![self.from[place]],
+            patches: self.patches.get(place).copied().into_iter().collect(),
+            ..self.clone()
+        }
+    }
+
+    fn apply(
+        &self,
+        law: &Law<Linear>,
+        particles: &Particles,
+        run: impl Fn(Contacts<Linear>),
+    ) -> Found {
+        let count = self.pairs.len();
+        let zeros = vec![Vec3AndNumber::default(); particles.slots()];
+        let mut found = Found {
+            state: vec![f64::NAN; count * law.stride],
+            forces: vec![Vec3::zeros(); count],
+            sums: Sums { force: zeros.clone(), torque: zeros, wall_work: Vec::new() },
+        };
+        let mut work = Work {
+            pairs: &self.pairs,
+            geometry: &self.now,
+            points: &self.points,
+            patches: &self.patches,
+            from: &self.from,
+            last: Last { pairs: &self.pairs, geometry: &self.geometry, state: &self.state },
+            separated: &[],
+            state: &mut found.state,
+            forces: &mut found.forces,
+        };
+        let sums = &mut found.sums;
+        run(Contacts { law, work: &mut work, particles, dt: 1e-5, sums, summed: 0 });
+        found
+    }
+}
+
+impl Found {
+    fn bits(&self, place: usize, width: usize) -> Vec<u64> {
+        let state = &self.state[place * width..][..width];
+        self.forces[place].iter().chain(state).map(|x| x.to_bits()).collect()
+    }
+
+    fn bits_of_sums(&self) -> Vec<u64> {
+        let Sums { force, torque, .. } = &self.sums;
+        bytemuck::cast_slice(force).iter().chain(bytemuck::cast_slice(torque)).copied().collect()
+    }
+}
+
+/// With and without vector registers and in any company: sliding and sticking, with and without friction and
+/// dashpots, for the first time and again.
+#[test]
+fn lanes_give_the_same_bits_everywhere() {
+    for sized in [false, true] {
+        same_bits(&crowd(40, sized));
+    }
+}
+
+/// A chain of bodies, each in touch with the next; every fifth pair for the first time.
+fn touching(
+    particles: &Particles,
+    law: &Law<Linear>,
+    interactions: &Interactions,
+    all_spheres: bool,
+) -> Touching {
+    let has = |column: &str| law.state().iter().any(|state| state.name == column);
+    let mut random = Random::of(5, 0);
+    let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.signed());
+    let mut other = Random::of(6, 0);
+    let mut acted = |size: f64| Vec3::from_fn(|_, _| size * other.signed());
+    let mut before = Touching::default();
+    for k in 0..particles.owned as u32 - 1 {
+        let pair = Pair { a: Slot(k), b: Slot(k + 1) };
+        before.pairs.push(pair);
+        let normal = vector(1.0).normalize();
+        before.now.push(Geometry { normal, overlap: 1e-5 });
+        if !all_spheres {
+            before.points.push(vector(1e-3));
+        }
+        if k % 5 == 0 {
+            before.from.push(Previous::NONE);
+            continue;
+        }
+        before.from.push(Previous::at(before.geometry.len()));
+        let last = (normal + vector(1e-3)).normalize();
+        before.geometry.push(Geometry { normal: last, overlap: 9e-6 });
+        let across = vector(5e-6 * f64::from(k % 3));
+        let mut spring = across - last * across.dot(&last);
+        let of = |slot| particles.material(slot);
+        if !interactions.of(of(pair.a), of(pair.b)).is_frictional() {
+            spring = Vec3::zeros();
+        }
+        if has("spring") {
+            before.state.extend(spring.iter());
+        }
+        if has("normal_force") {
+            before.state.push(9e-3);
+        }
+        if law.needs.patches {
+            before.state.extend(vec![1e-7; law.stride - law.width]);
+        } else {
+            before.state.extend(acted(1e-3).iter());
+            if has("viscous_force") {
+                before.state.extend(acted(1e-4).iter());
+            }
+        }
+    }
+    before
+}
+
+fn with_patches(contacts: Contacts<Linear>) {
+    lanes::dispatch(WithPatches(contacts));
+}
+
+/// In a list with contacts of faces, the others get the bits that they get without any: normal and sliding, for the first
+/// time and again, more than a window of them. Those of faces get the same bits in any company, too.
+#[test]
+fn contacts_without_a_patch_do_not_see_those_with_one() {
+    let box_of = |size: f64| {
+        let corner = |k: u32| Vec3::from_fn(|i, _| if k >> i & 1 == 1 { size } else { -size });
+        Polyhedron::new(&(0..8).map(corner).collect::<Vec<_>>()).expect("a box")
+    };
+    let rough = Constants {
+        normal_stiffness: 1e3,
+        tangential_stiffness: 800.0,
+        friction: 0.3,
+        normal_damping_ratio: 0.2,
+        tangential_damping_ratio: 0.1,
+    };
+    let smooth = Constants { friction: 0.0, ..rough };
+    for (sized, other) in [(false, rough), (true, rough), (false, smooth)] {
+        let interactions = Interactions::new(&[rough, other]);
+        let model = || Linear::new(interactions.clone(), true);
+        let plain = crowd(300, sized);
+        let law = Law::new(model(), &plain.library);
+        let without = touching(&plain, &law, &interactions, false);
+        let without = without.apply(&law, &plain, |c| lanes::dispatch(c));
+        let stride = law.stride;
+
+        let mut particles = crowd(300, sized);
+        let solid = Shape::Polyhedron(Box::new(box_of(1e-3)));
+        particles.library.push("box", solid, MaterialId(1), 2500.0);
+        particles.library.particle_shapes += 1;
+        let is_box = |slot: usize| slot % 7 >= 5 || (100..140).contains(&slot);
+        for slot in 0..particles.owned {
+            if is_box(slot) {
+                particles.shape[slot] = ShapeId(2);
+            }
+        }
+        let law = Law::new(model(), &particles.library);
+        assert_eq!(law.stride, law.width + 11);
+        let mut before = touching(&particles, &law, &interactions, false);
+        let covariance = [2e-7, 3e-7, 1e-7, 1e-8, -2e-8, 3e-8];
+        let of_faces = Patch { gain: 0.9, lever: 1e-6, covariance };
+        let has_patch = |pair: &Pair| is_box(pair.a.index()) && is_box(pair.b.index());
+        before.patches = before
+            .pairs
+            .iter()
+            .map(|p| if has_patch(p) { of_faces } else { Patch::POINT })
+            .collect();
+
+        let found = before.apply(&law, &particles, with_patches);
+        let portable = before.apply(&law, &particles, |c| WithPatches(c).run::<Portable>());
+        assert_eq!(found.bits_of_sums(), portable.bits_of_sums());
+        let mut compared = 0;
+        for (place, pair) in before.pairs.iter().enumerate() {
+            let bits = found.bits(place, law.stride);
+            assert_eq!(bits, portable.bits(place, law.stride), "pair {place}");
+            let alone = before.of(place).apply(&law, &particles, with_patches);
+            assert_eq!(bits, alone.bits(0, law.stride), "pair {place} alone");
+            if !is_box(pair.a.index()) && !is_box(pair.b.index()) {
+                let of_model = 3 + law.width;
+                let without = without.bits(place, stride);
+                assert_eq!(bits[..of_model], without[..of_model], "{place}");
+                compared += 1;
+            }
+        }
+        assert!(compared > 128 && compared + 40 < before.pairs.len(), "{compared}");
+        // Bodies whose both contacts are without boxes.
+        for slot in (1..299).filter(|slot| (slot - 1..=slot + 1).all(|k| !is_box(k))) {
+            let [force, other] = [&found, &without].map(|of| of.sums.force[slot]);
+            assert_eq!(force.vector, other.vector, "{slot}");
+            assert_eq!(found.sums.torque[slot], without.sums.torque[slot], "{slot}");
+        }
+    }
+}
+
+fn same_bits(particles: &Particles) {
+    let rough = Constants {
+        normal_stiffness: 1e3,
+        tangential_stiffness: 800.0,
+        friction: 0.3,
+        ..Constants::default()
+    };
+    let smooth = Constants { friction: 0.0, ..rough };
+    let damped = Constants { normal_damping_ratio: 0.2, tangential_damping_ratio: 0.1, ..rough };
+    let damped_only = Constants { friction: 0.0, ..damped };
+    for (name, mixed, own, other, all_spheres, width) in [
+        ("plain", smooth, rough, rough, false, 3),
+        ("damped", smooth, damped, rough, false, 4),
+        ("without friction", smooth, damped_only, damped_only, false, 1),
+        ("springs alone", smooth, smooth, smooth, false, 0),
+        ("spheres", smooth, rough, rough, true, 3),
+    ] {
+        let mut interactions = Interactions::new(&[own, other]);
+        interactions.set(MaterialId(0), MaterialId(1), mixed);
+        let law = Law::new(Linear::new(interactions.clone(), true), &particles.library);
+        assert_eq!(law.width, width, "{name}");
+        let before = touching(particles, &law, &interactions, all_spheres);
+        let dispatched = before.apply(&law, particles, |c| lanes::dispatch(c));
+        let portable = before.apply(&law, particles, |c| c.run::<Portable>());
+        assert_eq!(dispatched.bits_of_sums(), portable.bits_of_sums(), "{name}");
+        let width = law.stride;
+        for place in 0..before.pairs.len() {
+            let bits = dispatched.bits(place, width);
+            assert_eq!(bits, portable.bits(place, width), "{name}, pair {place}");
+            let alone = before.of(place).apply(&law, particles, |c| lanes::dispatch(c));
+            assert_eq!(bits, alone.bits(0, width), "{name}, pair {place} alone");
+        }
+    }
+}
