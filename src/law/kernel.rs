@@ -86,6 +86,8 @@ pub struct Contact<L> {
     pub last_normal: Triple<L>,
     /// Overlap [m].
     pub overlap: L,
+    /// That of the last touch; 0 if there was none [m].
+    pub last_overlap: L,
     /// Normal force over the derivative of the energy by the overlap: 1 but for contacts of faces [-].
     pub gain: L,
     /// Velocity of approach along the normal [m/s].
@@ -989,6 +991,7 @@ impl<L: Eight> Motion<L> {
             normal,
             last_normal: last.normal,
             overlap,
+            last_overlap: last.overlap,
             gain: L::all(1.0),
             approach,
             sliding: self.velocity.minus(normal.times(approach)),

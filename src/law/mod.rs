@@ -119,6 +119,7 @@
 //! assert!((measures.kinetic() / energy - 1.0).abs() < 1e-6, "{measures:?}");
 //! ```
 
+pub mod hertz;
 mod interactions;
 pub mod kernel;
 pub mod linear;
@@ -316,6 +317,8 @@ pub struct Hardest {
 pub enum Choice {
     /// Linear springs and dashpots with friction.
     Linear(linear::Settings),
+    /// Elastic spheres: Hertz, with Mindlin's friction.
+    Hertz(hertz::Settings),
 }
 
 impl Choice {
@@ -323,6 +326,7 @@ impl Choice {
     pub fn law(&self, library: &Library) -> Box<dyn ForceLaw> {
         match self {
             Self::Linear(settings) => settings.law(library),
+            Self::Hertz(settings) => settings.law(library),
         }
     }
 
@@ -330,6 +334,7 @@ impl Choice {
     pub const fn linear(&self) -> Option<&linear::Settings> {
         match self {
             Self::Linear(settings) => Some(settings),
+            Self::Hertz(_) => None,
         }
     }
 }

@@ -97,6 +97,11 @@ pub(super) fn scene(
     if let (Some(domain), Some(section), Some((skin, _))) = (&domain, &domain_section, neighbours) {
         check_periods(section, domain, 2.0 * largest + skin);
     }
+    if let Some(law) = &law
+        && shapes.complete
+    {
+        laws::check_shapes(&root, law, &shapes.library);
+    }
     if let (Some(time), Some(section), Some(law)) = (&time, &time_section, &law)
         && shapes.complete
     {

@@ -5,8 +5,11 @@
 use super::matter::Materials;
 use super::reader::{Range, Section};
 use crate::ids::MaterialId;
+use crate::law::hertz;
 use crate::law::linear::{self, damping_ratio_of_restitution};
 use crate::law::{Choice, Interactions, Mixing};
+use crate::particles::Library;
+use crate::shape::Kind as ShapeKind;
 
 /// A law and its settings, without the constants of materials.
 #[derive(Clone, Copy, Debug)]
@@ -16,12 +19,25 @@ pub(super) enum Kind {
         /// Are dashpots kept from attracting?
         limit_damping: bool,
     },
+    /// Elastic spheres.
+    Hertz {
+        /// Are dashpots kept from attracting?
+        limit_damping: bool,
+        /// Does `tangential` ask for friction?
+        mindlin: bool,
+        /// The overlap that the time step is made for, over the radius [-].
+        largest_overlap: f64,
+    },
 }
+
+/// Overlap over radius that the step of Hertzian contacts is made for, if the scene says nothing.
+const LARGEST_OVERLAP: f64 = 0.01;
 
 /// The law that `[law]` asks for. `in_contact` is what `[contact]` says of dashpots; they may be limited there instead.
 pub(super) fn kind(root: &Section, in_contact: Option<bool>) -> Kind {
     let default = in_contact.unwrap_or(true);
-    let law = root.read_or("law", default, |given| {
+    let linear = Kind::Linear { limit_damping: default };
+    let law = root.read_or("law", linear, |given| {
         let section = given.section()?;
         let kind = section.read_or("kind", (), |given| given.one_of(&[("linear", ())]));
         let limit_damping = section.read_or("limit_damping", default, |given| {
@@ -30,10 +46,71 @@ pub(super) fn kind(root: &Section, in_contact: Option<bool>) -> Kind {
             }
             given.boolean()
         });
+        let is_hertz = section.read_or("normal", false, |given| {
+            let is_hertz = given.one_of(&[("linear", false), ("hertz", true)])?;
+            if is_hertz && section.get("kind").is_some() {
+                given.fail("`kind = \"linear\"` asks for another law: leave `kind` out");
+            }
+            Some(is_hertz)
+        });
+        let kind = kind.and(parts(&section, is_hertz?, limit_damping?));
         section.finish();
-        kind.and(limit_damping)
+        kind
     });
-    Kind::Linear { limit_damping: law.unwrap_or(default) }
+    law.unwrap_or(linear)
+}
+
+/// The law from its parts along the normal and in the contact plane.
+fn parts(section: &Section, is_hertz: bool, limit_damping: bool) -> Option<Kind> {
+    if !is_hertz {
+        section.read_or("tangential", (), |given| {
+            let offered = [("linear", true), ("none", false), ("mindlin", false)];
+            if !given.one_of(&offered)? {
+                given.fail(
+                    "linear normal springs go with \"linear\" (friction 0 leaves it out); \"none\" and \
+                     \"mindlin\" need normal = \"hertz\"",
+                );
+            }
+            Some(())
+        })?;
+        refuse(section, &["largest_overlap"], "hertz");
+        return Some(Kind::Linear { limit_damping });
+    }
+    let mindlin = section.read_or("tangential", true, |given| {
+        let offered = [("mindlin", Some(true)), ("none", Some(false)), ("linear", None)];
+        let mindlin = given.one_of(&offered)?;
+        if mindlin.is_none() {
+            given.fail(
+                "the tangential stiffness of Hertzian contacts grows with their area: \"mindlin\" or \
+                 \"none\", or normal = \"linear\"",
+            );
+        }
+        mindlin
+    })?;
+    let largest_overlap =
+        section.number_or("largest_overlap", LARGEST_OVERLAP, Range::BelowOne, "")?;
+    Some(Kind::Hertz { limit_damping, mindlin, largest_overlap })
+}
+
+/// Refuses keys that only another normal law uses.
+fn refuse(section: &Section, keys: &[&'static str], normal: &str) {
+    for given in keys.iter().filter_map(|key| section.get(key)) {
+        given.fail(format!("is not used by this law, but by [law] normal = \"{normal}\""));
+    }
+}
+
+/// Says of the shapes of particles which the law cannot have.
+pub(super) fn check_shapes(root: &Section, law: &Choice, library: &Library) {
+    let is_sphere = |id: &usize| library.shapes[*id].kind() == ShapeKind::Sphere;
+    if let Choice::Hertz(_) = law
+        && let Some(id) = (0..library.particle_shapes).find(|id| !is_sphere(id))
+        && let Some(section) = root.sections("shape").get(id)
+    {
+        section.fail(format!(
+            "`{}` is no sphere, and normal = \"hertz\" is only for spheres: take normal = \"linear\"",
+            library.names[id]
+        ));
+    }
 }
 
 /// The materials, and the law with their constants, `None` if any is wrong.
@@ -46,6 +123,17 @@ pub(super) fn materials(root: &Section, kind: Kind) -> (Materials, Option<Choice
             let (materials, interactions) = with_constants(root, "`normal_stiffness` [N/m]", read);
             let law = interactions.map(|interactions| {
                 Choice::Linear(linear::Settings { interactions, limit_damping })
+            });
+            (materials, law)
+        }
+        Kind::Hertz { limit_damping, mindlin, largest_overlap } => {
+            let read = |section: &Section, mixed: Option<&hertz::Constants>| {
+                of_hertz(section, mixed, limit_damping, mindlin)
+            };
+            let needed = "`youngs_modulus` [Pa], `poisson_ratio`";
+            let (materials, interactions) = with_constants(root, needed, read);
+            let law = interactions.map(|interactions| {
+                Choice::Hertz(hertz::Settings { interactions, limit_damping, largest_overlap })
             });
             (materials, law)
         }
@@ -111,6 +199,7 @@ fn of_linear(
     mixed: Option<&linear::Constants>,
     limit_damping: bool,
 ) -> Option<linear::Constants> {
+    refuse(section, &["youngs_modulus", "poisson_ratio"], "hertz");
     let normal_stiffness = match mixed {
         None => section.number("normal_stiffness", Range::Positive, "N/m"),
         Some(mixed) => {
@@ -151,5 +240,50 @@ fn of_linear(
         friction: friction?,
         normal_damping_ratio: normal_damping_ratio?,
         tangential_damping_ratio: tangential_damping_ratio?,
+    })
+}
+
+/// The same of Hertzian contacts.
+fn of_hertz(
+    section: &Section,
+    mixed: Option<&hertz::Constants>,
+    limit_damping: bool,
+    mindlin: bool,
+) -> Option<hertz::Constants> {
+    let others = ["normal_stiffness", "tangential_stiffness", "tangential_damping_ratio"];
+    refuse(section, &others, "linear");
+    let elastic = if mixed.is_some() {
+        for key in ["youngs_modulus", "poisson_ratio"] {
+            if let Some(given) = section.get(key) {
+                given.fail("is of one material: say it in [[material]]");
+            }
+        }
+        Some((0.0, 0.0))
+    } else {
+        let youngs = section.number("youngs_modulus", Range::Positive, "Pa");
+        youngs.zip(section.require("poisson_ratio", "a number from 0 to 0.5", |given| {
+            let ratio = given.number(Range::NotNegative, "")?;
+            if ratio > 0.5 {
+                given.fail(format!("{ratio:?} is more than 0.5, that of what keeps its volume"));
+                return None;
+            }
+            Some(ratio)
+        }))
+    };
+    let friction = section.read_or("friction", mixed.map_or(0.0, |m| m.friction), |given| {
+        if !mindlin {
+            given.fail("is not used with [law] tangential = \"none\", but with \"mindlin\"");
+        }
+        given.number(Range::NotNegative, "")
+    });
+    let damping = mixed.map_or(0.0, |m| m.damping_ratio);
+    let damping_ratio = section.read_or("restitution", damping, |given| {
+        let restitution = given.number(Range::UpToOne, "")?;
+        Some(damping_ratio_of_restitution(restitution, limit_damping))
+    });
+    let ((youngs, poisson), friction, damping_ratio) = (elastic?, friction?, damping_ratio?);
+    Some(match mixed {
+        Some(mixed) => hertz::Constants { friction, damping_ratio, ..*mixed },
+        None => hertz::Constants::of_material(youngs, poisson, friction, damping_ratio),
     })
 }

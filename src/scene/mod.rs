@@ -44,9 +44,11 @@
 //! | `friction` | | coefficient of friction; default 0 |
 //! | `restitution` | | rebound over approach velocity, in (0, 1]; default 1 |
 //! | `tangential_damping_ratio` | | fraction of critical damping; default 0 |
+//! | `youngs_modulus` | Pa | with `normal = "hertz"`, in place of both stiffnesses and `tangential_damping_ratio` |
+//! | `poisson_ratio` | | from 0 to 0.5, with `normal = "hertz"` |
 //! | **`[[interaction]]`** | | constants of two materials; what it leaves out, and two materials without one, are mixed: stiffnesses a, b give 2ab/(a + b), friction is the smaller, damping ratios (of which the restitution makes the normal one) are averaged. `--plan` says what comes out |
 //! | `between` | | names of the two materials |
-//! | | | any key of `[[material]]` from `normal_stiffness` on |
+//! | | | any key of `[[material]]` from `normal_stiffness` to `tangential_damping_ratio` |
 //! | **`[[shape]]`** | | |
 //! | `name` | | |
 //! | `material` | | default: the scene's only material |
@@ -70,7 +72,10 @@
 //! | `spurious` | | of `gjk-erosion`: bodies within the error of the overlap touch, though they are apart; default true. False, as the paper seems to have it, makes forces jump at touch |
 //! | `polish` | | of `epa`: secants at the end bring the normals of smooth bodies to rounding; default true, false is EPA as in the paper |
 //! | **`[law]`** | | from overlap to force ([`crate::law`]); may be left out |
-//! | `kind` | | `"linear"`: linear springs and dashpots with friction, the default and so far the only one |
+//! | `kind` | | `"linear"`, as `normal = "linear"` |
+//! | `normal` | | `"linear"`: linear springs and dashpots, the default ([`crate::law::linear`]); `"hertz"`: elastic spheres ([`crate::law::hertz`]), not for other shapes |
+//! | `tangential` | | `"linear"` with linear springs; `"mindlin"`, the default, or `"none"` with `"hertz"` |
+//! | `largest_overlap` | | `"hertz"`: the overlap over the radius that the stable time step is found for, in (0, 1); default 0.01. Steps are too long for what is pressed further |
 //! | `limit_damping` | | normal dashpots never make a contact attractive; default true. The restitution asked for is met either way. It may stand in `[contact]` instead |
 //! | **`[time]`** | | |
 //! | `step` | s | at most the stable limit |

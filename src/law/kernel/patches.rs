@@ -522,6 +522,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             normal: triple(&normal),
             last_normal: triple(&last.normal),
             overlap,
+            last_overlap: last.overlap,
             gain: patch.gain,
             approach,
             sliding: triple(&sliding),

@@ -1,0 +1,322 @@
+//! Elastic spheres: Hertz along the normal (1882, DOI 10.1515/crll.1882.92.156), Mindlin in the contact plane (1949, DOI
+//! 10.1115/1.4009973).
+//!
+//! Normal: `N = 4/3 E* √R* δ^(3/2) + γ_n δ̇`, by default never attractive, with `γ_n = 2 √(5/6) β √(S m*)` and
+//! `S = 2 E* √(R* δ)`. In `y = δ^(5/4)` and the time `∫ δ^(1/4) dt` that is the linear oscillator of damping ratio `β`
+//! (Antypov and Elliott 2011, DOI 10.1209/0295-5075/94/50004), and the force is zero where that of the linear one is. So
+//! [`super::linear::damping_ratio_of_restitution`] holds for it as it stands, with the attraction cut off or not.
+//!
+//! Tangential: what is remembered is the elastic force `T`, which grows by `k_t du` with `k_t = 8 G* √(R* δ)`. Where the
+//! contact unloads it shrinks with `k_t`, or energy would come from nowhere (Thornton, Cummins, Cleary 2013, DOI
+//! 10.1016/j.powtec.2012.08.012). Beyond Coulomb's limit the force is cut to `μ N`, and `T` to the limit less the dashpot
+//! `2 √(5/6) β √(k_t m*)` (Luding 2008, DOI 10.1007/s10035-008-0099-x, section 2.4). The energy in it is `T² / (2 k_t)`.
+//!
+//! Only of spheres: `R*` is that of their radii. Walls count as planes, their edges and corners too.
+
+#![expect(clippy::inline_always, reason = "see `lanes`")]
+
+mod constants;
+
+pub use constants::Constants;
+
+use super::kernel::{Action, Contact, Law, Model, Spread, carried, reduced_mass};
+use super::{Body, ForceLaw, Hardest};
+use crate::contact::StateColumn;
+use crate::ids::MaterialId;
+use crate::lanes::{Lanes, Triple};
+use crate::particles::{Library, Needs};
+use serde::{Deserialize, Serialize};
+
+/// Constants of every pair of materials.
+pub type Interactions = super::Interactions<Constants>;
+
+/// What a scene says of this law.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Constants of every pair of materials.
+    pub interactions: Interactions,
+    /// Normal dashpots never make a contact attractive.
+    pub limit_damping: bool,
+    /// The overlap that the time step is made for, over the radius of the smaller body [-].
+    pub largest_overlap: f64,
+}
+
+impl Settings {
+    /// Hertzian contacts between spheres of a library.
+    pub fn law(&self, library: &Library) -> Box<dyn ForceLaw> {
+        Box::new(Law::new(Hertz::new(self.clone()), library))
+    }
+}
+
+/// Elastic spheres with dashpots and friction.
+#[derive(Clone, Debug)]
+struct Hertz {
+    settings: Settings,
+    /// Is there any dashpot?
+    damped: bool,
+    /// Does any contact feel tangential motion?
+    frictional: bool,
+    state: Vec<StateColumn>,
+}
+
+/// Elastic tangential force of A on B: where there is friction.
+const TANGENTIAL_FORCE: StateColumn = StateColumn::new("tangential_force", 3, "N");
+/// Normal force of the last touch: where there are dashpots. Without them it follows from the overlap.
+const NORMAL_FORCE: StateColumn = StateColumn::new("normal_force", 1, "N");
+
+/// `2 √(5/6)`.
+fn dashpot_factor() -> f64 {
+    2.0 * (5.0_f64 / 6.0).sqrt()
+}
+
+/// What a contact has at an overlap of 1 m.
+#[derive(Clone, Copy, Debug)]
+struct Elastic<L> {
+    /// Normal force, `4/3 E* √R*` [N/m^(3/2)].
+    normal: L,
+    /// Tangential stiffness, `8 G* √R*` [N/m^(3/2)].
+    tangential: L,
+    /// Coefficient of friction [-].
+    friction: L,
+    /// Normal and tangential dashpots [N s/m^(5/4)].
+    dashpots: [L; 2],
+}
+
+impl<L: Lanes> Elastic<L> {
+    /// Which of them feel tangential motion.
+    #[inline(always)]
+    fn frictional(&self) -> u8 {
+        L::all(0.0).less(self.friction)
+    }
+
+    /// Elastic energy in the normal and the tangential direction [J].
+    #[inline(always)]
+    fn stored(&self, overlap: L, root: L, tangential: Triple<L>) -> [L; 2] {
+        let zero = L::all(0.0);
+        let stiffness = self.tangential * root;
+        let sheared = L::all(0.5) * tangential.dot(tangential) / stiffness;
+        [
+            L::all(0.4) * self.normal * root * overlap * overlap,
+            sheared.or(zero, zero.less(stiffness)),
+        ]
+    }
+}
+
+impl Hertz {
+    fn new(settings: Settings) -> Self {
+        let damped = settings.interactions.iter().any(|c| c.damping_ratio > 0.0);
+        let frictional = settings.interactions.iter().any(|c| c.friction > 0.0);
+        let columns = [(frictional, TANGENTIAL_FORCE), (damped, NORMAL_FORCE)];
+        let state = columns.into_iter().filter(|(is_in, _)| *is_in).map(|(_, c)| c).collect();
+        Self { settings, damped, frictional, state }
+    }
+
+    /// The elastic tangential force that is remembered [N].
+    #[inline(always)]
+    fn tangential<L: Lanes>(&self, state: &[L]) -> Triple<L> {
+        if self.frictional {
+            Triple { x: state[0], y: state[1], z: state[2] }
+        } else {
+            Triple::zero()
+        }
+    }
+
+    /// Force along the normal [N]; `root` is that of the overlap.
+    #[inline(always)]
+    fn press<L: Lanes>(&self, elastic: &Elastic<L>, contact: &Contact<L>, root: L) -> L {
+        let mut force = elastic.normal * root * contact.overlap * contact.gain;
+        if self.damped {
+            force = force + elastic.dashpots[0] * root.sqrt() * contact.approach * contact.gain;
+            if self.settings.limit_damping {
+                let zero = L::all(0.0);
+                force = zero.or(force, force.less(zero));
+            }
+        }
+        force
+    }
+
+    /// The tangential force of A on B, and the elastic part of it [N].
+    #[inline(always)]
+    fn rub<L: Lanes>(
+        &self,
+        elastic: &Elastic<L>,
+        contact: &Contact<L>,
+        (root, press): (L, L),
+        before: Triple<L>,
+    ) -> [Triple<L>; 2] {
+        let (zero, one) = (L::all(0.0), L::all(1.0));
+        let stiffness = elastic.tangential * root;
+        let shrunk = (contact.overlap / contact.last_overlap).sqrt();
+        let shrunk = shrunk.or(one, contact.overlap.less(contact.last_overlap));
+        let stretch = contact.sliding.times(L::all(contact.dt) * stiffness);
+        let spring = before.times(shrunk).plus(stretch);
+        let viscous = if self.damped {
+            contact.sliding.times(elastic.dashpots[1] * root.sqrt())
+        } else {
+            Triple::zero()
+        };
+        let force = spring.plus(viscous);
+        let limit = elastic.friction * press.or(zero, zero.less(press));
+        let size = force.dot(force).sqrt();
+        let slides = limit.less(size);
+        let limited = force.times(limit / size);
+        [limited.or(force, slides), limited.minus(viscous).or(spring, slides)]
+    }
+}
+
+/// The root of what may be 0 or less, where it is 0.
+#[inline(always)]
+fn root<L: Lanes>(overlap: L) -> L {
+    let zero = L::all(0.0);
+    overlap.or(zero, zero.less(overlap)).sqrt()
+}
+
+impl Model for Hertz {
+    type Constants<L: Lanes> = Elastic<L>;
+
+    fn name(&self) -> &'static str {
+        if self.frictional { "hertz-mindlin" } else { "hertz" }
+    }
+
+    fn needs(&self) -> Needs {
+        let velocity = self.frictional || self.damped;
+        Needs { velocity, spin: self.frictional, ..Needs::default() }
+    }
+
+    fn state(&self) -> &[StateColumn] {
+        &self.state
+    }
+
+    fn constants(&self, a: &Body, b: &Body) -> Elastic<f64> {
+        let constants = self.settings.interactions.of(a.material, b.material);
+        let root_of_radius = (1.0 / (1.0 / a.radius + 1.0 / b.radius)).sqrt();
+        let normal = 4.0 / 3.0 * constants.modulus * root_of_radius;
+        let tangential = 8.0 * constants.shear_modulus * root_of_radius;
+        let mass = reduced_mass(a, b);
+        let dashpot =
+            |stiffness: f64| dashpot_factor() * constants.damping_ratio * (mass * stiffness).sqrt();
+        Elastic {
+            normal,
+            tangential,
+            friction: constants.friction,
+            dashpots: [dashpot(1.5 * normal), dashpot(tangential)],
+        }
+    }
+
+    #[inline(always)]
+    fn spread<L: Lanes>(of: &impl Spread<Elastic<f64>, L>) -> Elastic<L> {
+        Elastic {
+            normal: of.of(|c| c.normal),
+            tangential: of.of(|c| c.tangential),
+            friction: of.of(|c| c.friction),
+            dashpots: [of.of(|c| c.dashpots[0]), of.of(|c| c.dashpots[1])],
+        }
+    }
+
+    #[inline(always)]
+    fn dissipates<L: Lanes>(&self, elastic: &Elastic<L>) -> [u8; 2] {
+        [L::all(0.0).less(elastic.dashpots[0]), elastic.frictional()]
+    }
+
+    #[inline(always)]
+    fn last<L: Lanes>(&self, elastic: &Elastic<L>, overlap: L, state: &[L]) -> Action<L> {
+        let tangential = self.tangential(state);
+        let root = root(overlap);
+        let press =
+            if self.damped { state[state.len() - 1] } else { elastic.normal * root * overlap };
+        Action {
+            press,
+            rub: tangential,
+            viscous: Triple::zero(),
+            moment: Triple::zero(),
+            stored: elastic.stored(overlap, root, tangential),
+        }
+    }
+
+    fn is_viscous(&self) -> bool {
+        self.settings.interactions.iter().any(|c| c.friction > 0.0 && c.damping_ratio > 0.0)
+    }
+
+    #[inline(always)]
+    fn act<L: Lanes>(
+        &self,
+        elastic: &Elastic<L>,
+        contact: &Contact<L>,
+        state: &mut [L],
+    ) -> Action<L> {
+        let zero = Triple::zero();
+        let root = root(contact.overlap);
+        let press = self.press(elastic, contact, root);
+        let (mut spring, mut rub) = (zero, zero);
+        let frictional = elastic.frictional();
+        if frictional != 0 {
+            let carried = carried(self.tangential(state), contact);
+            let [force, stretched] = self.rub(elastic, contact, (root, press), carried);
+            // At the start of a stage no time has passed: what is elastic stays as it was.
+            let now = if contact.dt > 0.0 { stretched } else { carried };
+            spring = now.or(zero, frictional);
+            rub = force.or(zero, frictional);
+        }
+        if self.frictional {
+            [state[0], state[1], state[2]] = [spring.x, spring.y, spring.z];
+        }
+        if self.damped {
+            state[state.len() - 1] = press;
+        }
+        Action {
+            press,
+            rub,
+            viscous: rub.minus(spring),
+            moment: zero,
+            stored: elastic.stored(contact.overlap, root, spring),
+        }
+    }
+
+    #[inline(always)]
+    fn elastic<L: Lanes>(&self, elastic: &Elastic<L>, overlap: L) -> L {
+        elastic.normal * root(overlap) * overlap
+    }
+
+    fn stiffness(&self, elastic: &Elastic<f64>, overlap: f64, dt: f64) -> f64 {
+        let root = root(overlap);
+        1.5 * elastic.normal * root + elastic.dashpots[0] * root.sqrt() / dt
+    }
+
+    /// On a plane, at the largest overlap that is expected.
+    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
+        let constants = self.settings.interactions.of_material(body.material);
+        let size = body.radius * self.settings.largest_overlap.sqrt();
+        let mut hardest = Hardest { stiffness: 0.0, dashpots: [0.0; 2] };
+        for constants in constants {
+            let normal = 2.0 * constants.modulus * size;
+            let tangential =
+                if constants.friction > 0.0 { 8.0 * constants.shear_modulus * size } else { 0.0 };
+            hardest.stiffness = hardest.stiffness.max(normal).max(tangential);
+            for (largest, stiffness) in hardest.dashpots.iter_mut().zip([normal, tangential]) {
+                let ratio = dashpot_factor() * constants.damping_ratio;
+                *largest = largest.max(ratio * (stiffness * reduced_mass).sqrt());
+            }
+        }
+        hardest
+    }
+
+    fn words(&self, a: MaterialId, b: MaterialId) -> String {
+        let constants = self.settings.interactions.of(a, b);
+        format!(
+            "E* {:.4e} Pa, G* {:.4e} Pa, friction {}, damping ratio {:.4}, step for overlaps up to {} of a radius",
+            constants.modulus,
+            constants.shear_modulus,
+            constants.friction,
+            constants.damping_ratio,
+            self.settings.largest_overlap
+        )
+    }
+
+    fn left_out(&self) -> Vec<&'static str> {
+        let reasons = [
+            (!self.frictional, "no tangential history: friction is 0 everywhere"),
+            (!self.damped, "no dashpots: restitution is 1 everywhere"),
+        ];
+        reasons.into_iter().filter(|(is_out, _)| *is_out).map(|(_, reason)| reason).collect()
+    }
+}
