@@ -20,15 +20,15 @@ mod tests;
 pub use patches::Turning;
 
 use super::{Body, ForceLaw, Hardest, Last, Separated, Sums, Work, add};
-use crate::contact::{Geometry, Pair, Previous, StateColumn, triple, vectors};
+use crate::contact::{Geometry, Pair, StateColumn, triple, vectors};
 use crate::ids::{MaterialId, ShapeId, Slot};
 use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row, RowPairs, Triple, WIDTH, row};
 use crate::math::Vec3;
 use crate::particles::{Library, Needs, Particles};
 use crate::shape::Kind;
 use rows::{
-    eight_from, eight_from_rows, eight_rows, geometries_at, pieces, places_before, read_state,
-    read_states_in_a_row, rows_at, rows_of, stood_in_a_row, write_state, write_threes,
+    eight_from_rows, eight_rows, geometries_at, pieces, places_before, read_state,
+    read_states_in_a_row, rows_at, stood_in_a_row, write_state, write_threes,
 };
 
 /// No law remembers more numbers of a contact.
@@ -461,11 +461,6 @@ impl<M: Model> Kernel for Contacts<'_, '_, M> {
         self.add_separated_before(usize::MAX);
     }
 }
-
-/// What is remembered of a contact that did not touch.
-static NEW: Geometry = Geometry { normal: Vec3::new(0.0, 0.0, 0.0), overlap: 0.0 };
-static NO_STATE: [f64; MOST_STATE + patches::Memory::WIDTH] =
-    [0.0; MOST_STATE + patches::Memory::WIDTH];
 
 impl<M: Model> Contacts<'_, '_, M> {
     #[inline(always)]

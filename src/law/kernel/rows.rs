@@ -1,8 +1,14 @@
 //! Eight rows at once, from the numbers that are remembered of contacts, and back.
 
+use super::MOST_STATE;
+use super::patches::Memory;
 use crate::contact::{Geometry, Previous};
 use crate::lanes::{Eight, Row, WIDTH};
 use crate::math::Vec3;
+
+/// What is remembered of a contact that did not touch.
+static NEW: Geometry = Geometry { normal: Vec3::new(0.0, 0.0, 0.0), overlap: 0.0 };
+static NO_STATE: [f64; MOST_STATE + Memory::WIDTH] = [0.0; MOST_STATE + Memory::WIDTH];
 
 /// What is remembered of eight contacts that stand one after the other, column by column: by one check where
 /// [`read_state`] checks each row, for which a packing's forces take up to a third longer.
@@ -95,7 +101,7 @@ pub(super) fn write_threes<R: Row>(all: &mut [Vec3], rows: &[R; WIDTH]) {
 
 /// The rows of eight contacts that stand one after the other.
 #[inline(always)]
-pub(super) fn rows_of(all: &[f64], width: usize, start: usize) -> [&[f64]; WIDTH] {
+fn rows_of(all: &[f64], width: usize, start: usize) -> [&[f64]; WIDTH] {
     let eight = &all[start * width..][..WIDTH * width];
     let mut rows = [&eight[..width]; WIDTH];
     for (lane, row) in rows.iter_mut().enumerate() {
@@ -155,7 +161,7 @@ pub(super) fn eight_from_rows<T>(all: &[T], first: usize, count: usize) -> [&T; 
 
 /// The same, copied.
 #[inline(always)]
-pub(super) fn eight_from<T: Copy>(all: &[T], first: usize, count: usize) -> [T; WIDTH] {
+fn eight_from<T: Copy>(all: &[T], first: usize, count: usize) -> [T; WIDTH] {
     if let Some(eight) = all[first..].first_chunk::<WIDTH>() {
         return *eight;
     }
