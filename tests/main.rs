@@ -6,6 +6,7 @@ mod comm_cases;
 mod contact_reference;
 mod contract;
 mod drives;
+mod hertz;
 mod kinds;
 mod laws;
 mod layers;

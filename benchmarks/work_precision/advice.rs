@@ -1,6 +1,7 @@
 //! What the numbers say to someone who chooses settings.
 
 use super::{COMPARED_AT, Errors, Kind, Row};
+use std::fmt::Write;
 
 /// Energy that may be missing: what the program warns of.
 const MAY_MISS: f64 = 2e-3;
@@ -16,7 +17,7 @@ pub(crate) fn of(kind: Kind, rows: &[Row], spread: &Errors) -> String {
     let mut steps: Vec<&Row> = of_what("step").collect();
     steps.sort_by(|a, b| b.variant.setting.step.total_cmp(&a.variant.setting.step));
     let keeps = steps.iter().find(|row| fits(row) && row.largest.missing < MAY_MISS);
-    told += &match keeps {
+    let of_step = match keeps {
         Some(row) => format!(
             "a step of {} of the limit is enough: all seeds are within the spread of the packings (stress {:.1} %, \
              contacts {:.1} %, a_c {:.3}), and at most {:.2} % of the energy is missing.",
@@ -29,11 +30,12 @@ pub(crate) fn of(kind: Kind, rows: &[Row], spread: &Errors) -> String {
         None => "no step that was tried keeps all seeds within the spread of the packings and all but 0.2 % of the energy."
             .to_owned(),
     };
+    told.push_str(&of_step);
     let plain = steps.iter().find(|row| row.variant.setting.step == COMPARED_AT);
     for row in of_what("method").chain(of_what("stiffness")) {
         let times = plain.map_or(f64::NAN, |plain| row.seconds / plain.seconds);
         let verdict = if fits(&row) { "within" } else { "outside" };
-        told += &format!(
+        let compared = format!(
             " {} {}: {times:.2} times the time; stress off by {:.2} (at most {:.2}) %, contacts by {:.1} ({:.1}) %, a_c by \
              {:.3} ({:.3}): {verdict} the spread.",
             capital(row.variant.what),
@@ -45,6 +47,7 @@ pub(crate) fn of(kind: Kind, rows: &[Row], spread: &Errors) -> String {
             row.median.a_c,
             row.largest.a_c,
         );
+        told.push_str(&compared);
     }
     let skins: Vec<String> = of_what("skin")
         .filter_map(|row| {
@@ -52,7 +55,7 @@ pub(crate) fn of(kind: Kind, rows: &[Row], spread: &Errors) -> String {
         })
         .collect();
     if !skins.is_empty() {
-        told += &format!(" Skin, times the time of the default: {}.", skins.join(", "));
+        let _ = write!(told, " Skin, times the time of the default: {}.", skins.join(", "));
     }
     told
 }

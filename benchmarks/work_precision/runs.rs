@@ -240,8 +240,8 @@ impl Packing {
         );
         let text = text.replacen("[[material]]", &moving, 1);
         let text = format!(
-            "start = {:?}\n{text}{}[time]\nstep = {dt:e}\nsteps = {steps}\n[output]\ndirectory = \"none\"\n",
-            rested.snapshot,
+            "start = '{}'\n{text}{}[time]\nstep = {dt:e}\nsteps = {steps}\n[output]\ndirectory = \"none\"\n",
+            rested.snapshot.display(),
             Self::servos(&["x", "y"])
         );
         let Setting { step, stiffness, skin, contact } = setting;

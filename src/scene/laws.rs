@@ -94,8 +94,9 @@ fn parts(section: &Section, is_hertz: bool, limit_damping: bool) -> Option<Kind>
 
 /// Refuses keys that only another normal law uses.
 fn refuse(section: &Section, keys: &[&'static str], normal: &str) {
-    for given in keys.iter().filter_map(|key| section.get(key)) {
-        given.fail(format!("is not used by this law, but by [law] normal = \"{normal}\""));
+    for key in keys {
+        section
+            .refuse(key, &format!("is not used by this law, but by [law] normal = \"{normal}\""));
     }
 }
 
@@ -254,9 +255,7 @@ fn of_hertz(
     refuse(section, &others, "linear");
     let elastic = if mixed.is_some() {
         for key in ["youngs_modulus", "poisson_ratio"] {
-            if let Some(given) = section.get(key) {
-                given.fail("is of one material: say it in [[material]]");
-            }
+            section.refuse(key, "is of one material: say it in [[material]]");
         }
         Some((0.0, 0.0))
     } else {

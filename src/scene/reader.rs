@@ -325,6 +325,15 @@ impl<'a> Section<'a> {
         self.table.get(key).map(|node| Given { node, path, mistakes: self.given.mistakes })
     }
 
+    /// Says of a key that is given why it is of no use here; one that is not given stays unknown.
+    pub(super) fn refuse(&self, key: &'static str, why: &str) {
+        if self.table.get(key).is_some()
+            && let Some(given) = self.get(key)
+        {
+            given.fail(why);
+        }
+    }
+
     /// The value of a key that must be there.
     pub(super) fn require<T>(
         &self,
