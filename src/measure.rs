@@ -1,6 +1,7 @@
 //! System-wide scalars: energies, momentum, contacts. Every sum is exact, so that every digit of the
 //! log is the same on any number of ranks.
 
+use crate::cell::{Cell, Shear};
 use crate::comm::Comm;
 use crate::contact::Pair;
 use crate::contacts::{Contacts, Loaded};
@@ -60,7 +61,24 @@ pub struct Measures {
     pub unbalanced: f64,
     /// Force of the particles on each wall [N].
     pub wall_forces: Vec<Vec3>,
+    /// Of a sheared cell.
+    pub bulk: Option<Bulk>,
 }
+
+/// Stress in the whole of a sheared cell, compression positive, by [`COMPONENTS`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Bulk {
+    /// Displacement over height so far [-].
+    pub strain: f64,
+    /// Of the contacts: the symmetric part of the sum of force times branch over the volume (Love 1927; Christoffersen,
+    /// Mehrabadi and Nemat-Nasser 1981, DOI 10.1115/1.3157619) [Pa].
+    pub of_contacts: [f64; 6],
+    /// Of the motion against the mean flow: the sum of mass times velocity times velocity over the volume [Pa].
+    pub of_motion: [f64; 6],
+}
+
+/// Axes of the components of a stress, as they are written.
+pub const COMPONENTS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
 
 impl Measures {
     /// Kinetic energy [J].
@@ -152,7 +170,7 @@ pub fn measure(
     comm: &mut dyn Comm,
 ) -> Measures {
     let walls = particles.walls.len();
-    let mut totals = Totals::new(walls);
+    let mut totals = Totals::new(walls, particles.cell.shear().is_some());
     for slot in 0..particles.owned {
         totals.add_particle(particles, slot, field, dt);
     }
@@ -162,7 +180,12 @@ pub fn measure(
         totals.add_contact(&contact, law, particles);
     }
     totals.combine(comm);
-    totals.measures(walls)
+    let bulk = particles.cell.shear().map(|Shear { strain, .. }| Bulk {
+        strain,
+        of_contacts: totals.stress(0, &particles.cell),
+        of_motion: totals.stress(1, &particles.cell),
+    });
+    Measures { bulk, ..totals.measures(walls) }
 }
 
 /// Sums, counts and maxima of the owned particles, then of all.
@@ -174,17 +197,37 @@ struct Totals {
     counts: [i64; 3],
     /// Overlap over the shortest axis [-], speed [m/s], height [m].
     maxima: [f64; 3],
+    /// Where the sums of stresses begin, if there are any.
+    stresses: Option<usize>,
 }
 
 impl Totals {
-    fn new(walls: usize) -> Self {
-        let count = Of::FirstWall as usize + 3 * walls;
+    fn new(walls: usize, is_sheared: bool) -> Self {
+        let first = Of::FirstWall as usize + 3 * walls;
+        let (count, stresses) =
+            if is_sheared { (first + 2 * COMPONENTS.len(), Some(first)) } else { (first, None) };
         Self {
             sums: vec![ExactSum::default(); count],
             infinite: vec![0; count],
             counts: [0; 3],
             maxima: [0.0, 0.0, f64::NEG_INFINITY],
+            stresses,
         }
+    }
+
+    /// Adds to the stress of contacts, 0, or of motion, 1, the symmetric part of a product [J].
+    fn add_stress(&mut self, kind: usize, product: impl Fn(usize, usize) -> f64) {
+        let Some(first) = self.stresses else { return };
+        for (k, [i, j]) in COMPONENTS.into_iter().enumerate() {
+            let both = 0.5 * (product(i, j) + product(j, i));
+            self.add_at(first + kind * COMPONENTS.len() + k, both);
+        }
+    }
+
+    /// The stress of contacts, 0, or of motion, 1 [Pa].
+    fn stress(&self, kind: usize, cell: &Cell) -> [f64; 6] {
+        let first = self.stresses.unwrap_or_default() + kind * COMPONENTS.len();
+        std::array::from_fn(|k| self.value_at(first + k) / cell.volume())
     }
 
     fn add(&mut self, of: Of, term: f64) {
@@ -210,6 +253,10 @@ impl Totals {
         self.add(Of::Received, particles.accumulated[Quantity::Received][slot]);
         self.add(Of::Rotation, rotation(particles, slot));
         self.add(Of::StepEnergy, motion::step_energy(particles, slot, field, dt));
+        if self.stresses.is_some() {
+            let own = velocity - particles.cell.flow_at(&particles.position[slot]);
+            self.add_stress(1, |i, j| mass * own[i] * own[j]);
+        }
         let top = particles.position[slot].z + particles.radius(slot);
         self.maxima[1] = larger(self.maxima[1], velocity.norm());
         self.maxima[2] = larger(self.maxima[2], top);
@@ -220,6 +267,10 @@ impl Totals {
         let Pair { a, b } = pair;
         self.add(Of::Stored, law.stored(pair, particles, geometry, state));
         self.add(Of::ContactForce, force.norm());
+        if self.stresses.is_some() {
+            let branch = particles.bodies().relative(pair);
+            self.add_stress(0, |i, j| force[i] * branch[j]);
+        }
         let overlap = geometry.overlap / shortest_axis(particles, a, b);
         self.maxima[0] = larger(self.maxima[0], overlap);
         if let Some(wall) = particles.wall_of(b) {
@@ -289,6 +340,7 @@ impl Totals {
                     Vec3::from_fn(|axis, _| self.value_at(Of::FirstWall as usize + 3 * k + axis))
                 })
                 .collect(),
+            bulk: None,
         }
     }
 }

@@ -269,10 +269,15 @@ fn wrap(particles: &mut Particles) {
     let mut is_any_far = false;
     let rounding = particles.cell.rounding_of_images();
     for slot in 0..particles.owned {
-        let Particles { cell, position, image, travel, .. } = &mut *particles;
-        let (faces, is_far) = cell.wrap(&mut position[slot], &mut image[slot]);
+        let Particles { cell, position, velocity, image, travel, .. } = &mut *particles;
+        let before = velocity[slot];
+        let (faces, is_far) =
+            cell.wrap(&mut position[slot], &mut velocity[slot], &mut image[slot]);
         for _ in 0..faces {
             travel[slot] += rounding;
+        }
+        if faces > 0 {
+            count_change_of_frame(particles, slot, &before);
         }
         is_any_far |= is_far;
     }
@@ -288,8 +293,20 @@ pub fn bring_back(particles: &mut Particles) {
         return;
     }
     for slot in 0..particles.owned {
-        let Particles { cell, position, image, .. } = &mut *particles;
-        cell.bring_back(&mut position[slot], &mut image[slot]);
+        let Particles { cell, position, velocity, image, .. } = &mut *particles;
+        let before = velocity[slot];
+        cell.bring_back(&mut position[slot], &mut velocity[slot], &mut image[slot]);
+        count_change_of_frame(particles, slot, &before);
+    }
+}
+
+/// A particle that goes over to an image that slides has another kinetic energy there: it is given by what shears the cell.
+/// `before` is its velocity on the other side [m/s].
+fn count_change_of_frame(particles: &mut Particles, slot: usize, before: &Vec3) {
+    let after = particles.velocity[slot];
+    if after != *before {
+        let gained = 0.5 * particles.mass(slot) * (after - before).dot(&(after + before));
+        particles.accumulated[Quantity::Received][slot] += gained;
     }
 }
 

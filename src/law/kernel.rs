@@ -617,8 +617,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let to_b = vectors::<L>(position, b).minus(vectors(position, a));
         let mut arm_b = point.minus(particles.cell.nearest_of(to_b));
         let parted = if turning_walls || acted.is_some() {
-            let of_a = vectors::<L>(&particles.velocity, a);
-            vectors::<L>(&particles.velocity, b).minus(of_a).times(L::all(0.5 * dt))
+            parting::<L>(particles, [a, b]).times(L::all(0.5 * dt))
         } else {
             Triple::zero()
         };
@@ -782,7 +781,9 @@ impl<M: Model> Contacts<'_, '_, M> {
         let with_wall = pair.b.index() >= particles.first_facet();
         // A wall as of half a step ago.
         let ago = if with_wall { 0.5 * dt } else { dt };
-        let [of_a, of_b] = [pair.a, pair.b].map(|slot| particles.velocity[slot.index()]);
+        let of_a = particles.velocity[pair.a.index()];
+        let slides = particles.sliding_of_image(pair);
+        let of_b = particles.velocity[pair.b.index()] + slides;
         let from_b = |arm: Vec3| arm - bodies.relative(pair) + (of_b - of_a) * ago;
         let into = geometry.normal * (0.5 * geometry.overlap);
         let (arm_a, arm_b) = if let Some(Acted { point: Triple { x, y, z }, .. }) = acted {
@@ -795,7 +796,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             let arm_a = body.support(&geometry.normal) - into;
             (arm_a, if with_wall { from_b(arm_a) } else { other.support(&-geometry.normal) + into })
         };
-        let of_b = particles.velocity_at(pair.b, &arm_b);
+        let of_b = particles.velocity_at(pair.b, &arm_b) + slides;
         let velocity = particles.velocity_at(pair.a, &arm_a) - of_b;
         let sliding = velocity - geometry.normal * velocity.dot(&geometry.normal);
 
@@ -967,7 +968,10 @@ impl<L: Eight> Motion<L> {
         [last_a, last_b]: [Triple<L>; 2],
     ) -> Self {
         let (of_a, spin_a) = velocities::<L>(particles, a);
-        let (of_b, spin_b) = velocities::<L>(particles, b);
+        let (mut of_b, spin_b) = velocities::<L>(particles, b);
+        if let Some(slides) = sliding_of_images(particles, [a, b]) {
+            of_b = of_b.plus(slides);
+        }
         let centres = of_a.minus(of_b);
         let velocity = centres.plus(spin_a.cross(arm_a)).minus(spin_b.cross(arm_b));
         let last_velocity = centres.plus(spin_a.cross(last_a)).minus(spin_b.cross(last_b));
@@ -995,6 +999,27 @@ impl<L: Eight> Motion<L> {
             touched: L::all(0.0).less(last.normal.dot(last.normal)),
             dt,
         }
+    }
+}
+
+/// Velocities of the images of B that A sees against B themselves [m/s]; `None` if no image slides.
+#[inline(always)]
+fn sliding_of_images<L: Eight>(
+    particles: &Particles,
+    [a, b]: [Gather; 2],
+) -> Option<Triple<L>> {
+    let Particles { position, cell, .. } = particles;
+    cell.velocity_of_nearest_in_lanes(|| vectors::<L>(position, b).minus(vectors(position, a)))
+}
+
+/// How fast the centres of B leave those of A [m/s].
+#[inline(always)]
+fn parting<L: Eight>(particles: &Particles, [a, b]: [Gather; 2]) -> Triple<L> {
+    let of_a = vectors::<L>(&particles.velocity, a);
+    let parting = vectors::<L>(&particles.velocity, b).minus(of_a);
+    match sliding_of_images(particles, [a, b]) {
+        Some(slides) => parting.plus(slides),
+        None => parting,
     }
 }
 

@@ -687,6 +687,11 @@ impl StoredFile {
         SnapshotError::unreadable(&self.path, &format!("{} has another length", column.place))
     }
 
+    /// What stands in a group means nothing.
+    pub fn damaged(&self, place: &str) -> SnapshotError {
+        SnapshotError::damaged(&self.path, place)
+    }
+
     /// Does it have a dataset there?
     pub fn has(&self, place: &str) -> bool {
         self.file.link_exists(place)

@@ -11,7 +11,7 @@ use super::tables::{
     ParticleColumn, ParticleTable, Rows,
 };
 use super::{SnapshotError, make_directory, on_root};
-use crate::cell::Cell;
+use crate::cell::{Cell, Shear};
 use crate::comm::alone::Alone;
 use crate::comm::{Comm, agree, wire};
 use crate::contact::{ContactRecord, ContactRecords, Geometry, StateColumn};
@@ -483,6 +483,11 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.numbers("/domain", "low", cell.low().as_slice())?;
     file.numbers("/domain", "high", cell.high().as_slice())?;
     file.numbers("/domain", "periodic", &cell.periodic().map(u8::from))?;
+    if let Some(Shear { along, across, rate, strain }) = cell.shear() {
+        file.text("/domain", "shear", "axes along and across, 0 to 2; rate [1/s] and strain of images")?;
+        file.numbers("/domain", SHEAR_AXES, &[along as u64, across as u64])?;
+        file.numbers("/domain", SHEAR, &[rate, strain])?;
+    }
 
     file.group("/walls")?;
     let vectors = |get: fn(&WallRow) -> Vec3| walls.iter().map(get).collect::<Vec<_>>();
@@ -517,6 +522,8 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
 }
 
 /// What particles that were taken out have left behind [J]: received, dissipated. Not there before one was.
+const SHEAR_AXES: &str = "shear_along_across";
+const SHEAR: &str = "shear_rate_strain";
 const DEPARTED: &str = "departed_received_dissipated_J";
 
 /// Says to which time velocities belong. Files without it have those of half a step before.
@@ -598,6 +605,13 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
         [departed.received, departed.dissipated] = file.numbers("/run", DEPARTED)?;
     }
     let periodic = file.numbers::<u8, 3>("/domain", "periodic")?.map(|p| p != 0);
+    let mut cell = Cell::new(vector("/domain", "low")?, vector("/domain", "high")?, periodic);
+    if file.has_attribute("/domain", SHEAR) {
+        let [along, across] = file.numbers::<u64, 2>("/domain", SHEAR_AXES)?.map(|axis| axis as usize);
+        let [rate, strain] = file.numbers("/domain", SHEAR)?;
+        let sheared = cell.with_shear(Shear { along, across, rate, strain });
+        cell = sheared.ok_or_else(|| file.damaged("/domain"))?;
+    }
     Ok(Header {
         step: whole("step")?,
         time: number("time")?,
@@ -606,7 +620,7 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
         next_id: whole("next_id")?,
         departed,
         stop: if file.has(STOP.place) { file.texts(&STOP)?.concat() } else { String::new() },
-        cell: Cell::new(vector("/domain", "low")?, vector("/domain", "high")?, periodic),
+        cell,
         gravity: vector("/run", "gravity")?,
         walls: walls.collect(),
         drives: read_drives(file)?,

@@ -5,11 +5,13 @@
 //! before (`history_every`; in the first row of a stage of its moment), and `stress_*` the part of it along the normal over
 //! the area of the row's moment. A servo corrects itself within a few steps: what it leaves at even intervals can be
 //! anything. A restart does not change a digit.
+//!
+//! Of a sheared cell there are the strain and the stresses of [`crate::measure::Bulk`] besides.
 
 use crate::cell::AXES;
 use crate::cell::Cell;
 use crate::math::Vec3;
-use crate::measure::Measures;
+use crate::measure::{COMPONENTS, Measures};
 use crate::particles::walls::{Across, Wall, area};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
@@ -102,6 +104,13 @@ impl History {
             columns.push(format!("place_{name}_m"));
             columns.extend(area(walls, &cell, axis).map(|_| format!("stress_{name}_Pa")));
         }
+        if cell.shear().is_some() {
+            columns.push("strain".to_owned());
+            for kind in ["contact", "kinetic"] {
+                let name = |[i, j]: [usize; 2]| format!("{kind}_stress_{}{}_Pa", AXES[i], AXES[j]);
+                columns.extend(COMPONENTS.map(name));
+            }
+        }
         let mut header = csv::Writer::from_writer(Vec::new());
         header.write_record(&columns).map_err(|e| failed(&e))?;
         let mut text = header.into_inner().map_err(|e| failed(&e))?;
@@ -166,6 +175,10 @@ impl History {
         .into_iter()
         .chain(forces.iter().flat_map(|force| force.iter().copied()))
         .chain(moved)
+        .chain(m.bulk.iter().flat_map(|bulk| {
+            let stresses = bulk.of_contacts.into_iter().chain(bulk.of_motion);
+            std::iter::once(bulk.strain).chain(stresses)
+        }))
         .map(|number| format!("{number:e}"));
         let written = self
             .writer

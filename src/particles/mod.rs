@@ -10,7 +10,7 @@ pub mod sizes;
 pub mod walls;
 
 use crate::cell::Cell;
-use crate::contact::{Bodies, Posed};
+use crate::contact::{Bodies, Pair, Posed};
 use crate::ids::{GlobalId, MaterialId, ShapeId, Slot};
 use crate::math::{Mat3, Quat, Vec3, Vec3AndNumber};
 use crate::shape::{Form, Shape};
@@ -270,6 +270,25 @@ impl Particles {
         };
         particles.append_walls();
         particles
+    }
+
+    /// Shears the cell on for a step of `dt` [s]. Two bodies may come nearer by as much as its images slide.
+    pub fn move_cell(&mut self, dt: f64) {
+        let slid = 0.5 * dt * self.cell.velocity_above().norm();
+        if slid > 0.0 {
+            self.cell.advance(dt);
+            let bodies = self.first_facet();
+            for travel in &mut self.travel[..bodies] {
+                *travel += slid;
+            }
+        }
+    }
+
+    /// Velocity of the image of B that A sees against B itself [m/s]; zero if no image slides.
+    #[inline]
+    pub fn sliding_of_image(&self, pair: Pair) -> Vec3 {
+        let [a, b] = [pair.a, pair.b].map(|slot| self.position[slot.index()]);
+        self.cell.velocity_of_nearest(&(b - a))
     }
 
     /// The bodies as contact resolution sees them.

@@ -300,6 +300,7 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             ("left behind by particles that are gone", left_behind(*departed)),
             ("domain", format!("{:?} to {:?} m", cell.low().as_slice(), cell.high().as_slice())),
             ("periodic", format!("{:?}", cell.periodic())),
+            ("shear", cell.shear().map_or_else(|| "none".to_owned(), |shear| format!("{shear:?}"))),
             ("gravity", format!("{:?} m/s2", gravity.as_slice())),
             ("names of walls", format!("{:?}", walls.iter().map(|w| &w.name).collect::<Vec<_>>())),
             (

@@ -4,11 +4,15 @@
 //! OVITO halves them to its "Aspherical Shape", which has semi-axes. The quaternion stands in OVITO's
 //! and LAMMPS' order (x, y, z, w). Types count from 1; ids are the snapshot's, from 0.
 
+use crate::cell::Shear;
 use crate::output::header::Header;
 use crate::output::tables::ParticleTable;
 use std::io::{self, Write};
 
-/// Writes what stands above the rows of atoms.
+/// Along and across which axes LAMMPS tilts a box: xy, xz, yz. It knows no others.
+const TILTS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
+
+/// Writes what stands above the rows of atoms. Of a sheared cell the box is tilted, if LAMMPS can.
 ///
 /// # Errors
 /// The writer's.
@@ -16,9 +20,24 @@ pub fn write_header(out: &mut impl Write, header: &Header, particles: usize) -> 
     let sides = header.cell.periodic().map(|periodic| if periodic { "pp" } else { "ff" });
     writeln!(out, "ITEM: TIMESTEP\n{}", header.step)?;
     writeln!(out, "ITEM: NUMBER OF ATOMS\n{particles}")?;
-    writeln!(out, "ITEM: BOX BOUNDS {}", sides.join(" "))?;
-    for k in 0..3 {
-        writeln!(out, "{:e} {:e}", header.cell.low()[k], header.cell.high()[k])?;
+    let (low, high) = (header.cell.low(), header.cell.high());
+    let tilt = header.cell.shear().and_then(|Shear { along, across, .. }| {
+        TILTS.iter().position(|axes| *axes == (along, across)).map(|tilt| (tilt, along))
+    });
+    if let Some((tilt, along)) = tilt {
+        // The box that is tilted, and the bounds around it.
+        let slid = header.cell.slid();
+        writeln!(out, "ITEM: BOX BOUNDS xy xz yz {}", sides.join(" "))?;
+        for k in 0..3 {
+            let wider = if k == along { [slid.min(0.0), slid.max(0.0)] } else { [0.0; 2] };
+            let tilted = if k == tilt { slid } else { 0.0 };
+            writeln!(out, "{:e} {:e} {:e}", low[k] + wider[0], high[k] + wider[1], tilted)?;
+        }
+    } else {
+        writeln!(out, "ITEM: BOX BOUNDS {}", sides.join(" "))?;
+        for k in 0..3 {
+            writeln!(out, "{:e} {:e}", low[k], high[k])?;
+        }
     }
     writeln!(out, "ITEM: ATOMS id type x y z quati quatj quatk quatw shapex shapey shapez vx vy vz")
 }

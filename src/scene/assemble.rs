@@ -1,7 +1,7 @@
 //! From a scene to a simulation: the only place that names concrete parts.
 
 use super::{Scene, packing};
-use crate::cell::AXES;
+use crate::cell::{AXES, Cell, Shear};
 use crate::comm::{Comm, agree};
 use crate::contact::{self, ContactRecords, StateColumn};
 use crate::contacts::Contacts;
@@ -85,6 +85,21 @@ pub enum StartError {
         largest: f64,
         /// What does not fit, and what to do.
         problem: String,
+    },
+    /// Its images have slid, along other axes than the scene's.
+    #[error(
+        "{path}: it has been sheared along {along} across {across}, by a strain of {strain}. Give the scene the same `along` and \
+         `across` in domain.shear; rate = 0 holds its images where they are"
+    )]
+    Sheared {
+        /// The snapshot.
+        path: PathBuf,
+        /// Axes.
+        along: String,
+        /// Axes.
+        across: String,
+        /// By how much.
+        strain: f64,
     },
     /// Its domain repeats along other axes or with other lengths.
     #[error("{path}: its periodic axes or their lengths differ from the scene's [domain]")]
@@ -171,8 +186,9 @@ pub struct TakenUp {
 /// Puts the scene's own particles into a simulation that has none.
 pub fn fill(sim: &mut Simulation, scene: &Scene, comm: &dyn Comm) {
     sim.particles.strip_to_owned();
-    for particle in packing::initial(scene) {
+    for mut particle in packing::initial(scene) {
         sim.next_id = particle.id.0 + 1;
+        particle.velocity += scene.domain.flow_at(&particle.position);
         if sim.domain.owner(&particle.position) == comm.rank() {
             sim.insert(&particle);
         }
@@ -202,6 +218,7 @@ pub fn take_up(
         return Err(StartError::Forgotten { path, column });
     }
 
+    sim.particles.cell = sheared_on(scene, &header, reader.path())?;
     admit_sizes(sim, scene, reader.path(), &particles, comm)?;
     sim.next_id = header.next_id;
     sim.step = header.step;
@@ -217,8 +234,12 @@ pub fn take_up(
         }
         Continuation::NewStage => {
             sim.stage_begin = (header.step, header.time);
+            // The flow of now in place of that of before.
+            let flows = [&header.cell, &sim.particles.cell];
             for particle in &mut particles {
                 particle.accumulated = Accumulated::default();
+                let [before, now] = flows.map(|cell| cell.flow_at(&particle.position));
+                particle.velocity += now - before;
             }
         }
     }
@@ -246,6 +267,20 @@ pub fn take_up(
     }
     let passed_over = reader.passed_over().to_vec();
     Ok(TakenUp { passed_over, stop: header.stop, walls_elsewhere })
+}
+
+/// The scene's cell, with images where the snapshot has left them.
+fn sheared_on(scene: &Scene, header: &Header, path: &Path) -> Result<Cell, StartError> {
+    let (now, before) = (scene.domain.shear(), header.cell.shear());
+    let Some(Shear { along, across, strain, .. }) = before else { return Ok(scene.domain) };
+    let goes_on = now.filter(|now| (now.along, now.across) == (along, across));
+    let cell = goes_on.and_then(|now| scene.domain.with_shear(Shear { strain, ..now }));
+    cell.ok_or_else(|| StartError::Sheared {
+        path: path.to_owned(),
+        along: AXES[along].to_owned(),
+        across: AXES[across].to_owned(),
+        strain,
+    })
 }
 
 /// Makes room for the sizes of these particles, which the scene may not have known of: a list of a stage before gave

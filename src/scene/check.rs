@@ -11,7 +11,7 @@ use super::mistakes::Mistakes;
 use super::reader::{Given, Range, Section};
 use super::walls::Walls;
 use super::{Fill, Method, Rain, Scene, Stop};
-use crate::cell::{AXES, Cell};
+use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
 use crate::ids::ShapeId;
 use crate::law::ForceLaw;
@@ -96,6 +96,9 @@ pub(super) fn scene(
     }
     if let (Some(domain), Some(section), Some((skin, _))) = (&domain, &domain_section, neighbours) {
         check_periods(section, domain, 2.0 * largest + skin);
+    }
+    if let Some(domain) = &domain {
+        check_shear(&root, domain, gravity, walls.count());
     }
     if let Some(law) = &law
         && shapes.complete
@@ -183,7 +186,69 @@ fn domain(section: &Section) -> Option<Cell> {
         section.get("high")?.fail(format!("must be above `low` along {}", flat.join(", ")));
         return None;
     }
-    Some(Cell::new(low, high, periodic?))
+    let cell = Cell::new(low, high, periodic?);
+    match section.get("shear") {
+        None => Some(cell),
+        Some(given) => cell.with_shear(shear(&given, &cell)?),
+    }
+}
+
+/// How the images of a cell slide.
+fn shear(given: &Given, cell: &Cell) -> Option<Shear> {
+    let section = given.section()?;
+    let words = [("x", 0), ("y", 1), ("z", 2)];
+    let axis = |key, what| {
+        section.require(key, what, |given| {
+            let axis = given.one_of(&words)?;
+            if cell.period(axis).is_none() {
+                given.fail(format!(
+                    "domain.periodic is false along {}; images slide along and across axes that repeat",
+                    AXES[axis]
+                ));
+                return None;
+            }
+            Some(axis)
+        })
+    };
+    let along = axis("along", "the axis of the velocity, \"x\", \"y\" or \"z\"");
+    let across = axis("across", "the axis along which the velocity grows");
+    let rate = section.number("rate", Range::Any, "1/s");
+    section.finish();
+    let (along, across, rate) = (along?, across?, rate?);
+    if along == across {
+        section.get("across")?.fail("must be another axis than `along`");
+        return None;
+    }
+    Some(Shear { along, across, rate, strain: 0.0 })
+}
+
+/// What has no meaning where images slide, or none yet.
+fn check_shear(root: &Section, domain: &Cell, gravity: Option<Vec3>, walls: usize) {
+    let Some(Shear { along, .. }) = domain.shear() else { return };
+    if gravity.is_some_and(|gravity| gravity[along] != 0.0)
+        && let Some(given) = root.get("gravity")
+    {
+        given.fail(format!(
+            "must be 0 along {}, where images slide: it would push without end",
+            AXES[along]
+        ));
+    }
+    if let Some(given) = root.get("global_damping") {
+        given.fail(
+            "would stop the flow of a sheared domain, for it acts on velocities against the box; damp contacts by restitution",
+        );
+    }
+    if walls > 0
+        && let Some(given) = root.get("domain")
+    {
+        given.fail(
+            "has walls and `shear`: a wall would have to slide against itself. Leave the walls out, or shear by walls that move \
+             in place of `shear`",
+        );
+    }
+    if let Some(given) = root.get("fill").and_then(|fill| fill.section()?.get("rain")) {
+        given.fail("not in a sheared domain: take [[fill.lattice]] or [[fill.file]], or `start` from a stage without `shear`");
+    }
 }
 
 /// A periodic image must never meet the same particle, or another of its images.

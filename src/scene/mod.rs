@@ -20,6 +20,7 @@
 //! | **`[domain]`** | | |
 //! | `low`, `high` | m | corners of the box in which particles may be |
 //! | `periodic` | | [x, y, z], true or false; default false |
+//! | `shear` | | `{ along, across, rate }`: simple shear without walls (Lees and Edwards). Images slide along one axis, faster the farther up another (both periodic): velocity over height `rate` [1/s]. Particles begin with the flow's velocity, of which another stage gets what it lacks; default: none |
 //! | `walls` | | sides of the box that are fixed walls: `"-x"` `"+x"` `"-y"` `"+y"` `"-z"` `"+z"`; default none |
 //! | `wall_material` | | of these walls; default: the scene's only material |
 //! | `wall_velocity` | m/s | of those that move, as in `{ "+z" = [0, 0, -0.001] }` |

@@ -220,6 +220,7 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         (!needs.spin, "no rotation: spheres without friction feel no moment".to_owned()),
         (!needs.velocity, "no velocities of ghosts: no friction, no dashpots".to_owned()),
         (!needs.image, "no counts of periods: no axis is periodic".to_owned()),
+        (scene.domain.shear().is_none(), "no sliding images: the domain is not sheared".to_owned()),
         (!needs.scale, "no scales: all particles are as large as their shapes".to_owned()),
         (scene.global_damping == 0.0, "no global damping".to_owned()),
         (scene.gravity == Vec3::zeros(), "no gravity".to_owned()),

@@ -8,7 +8,7 @@
 //! The grids span the bodies that are there, with the images nearest to the owned ones, so that a rank
 //! has cells for its own part of a periodic axis only; they go round the period where its bodies do.
 
-use crate::cell::Cell;
+use crate::cell::{Cell, Shear};
 use crate::contact::Pair;
 use crate::ids::Slot;
 use crate::math::Vec3;
@@ -113,21 +113,86 @@ fn for_each_candidate(
     let positions = unfolded(&particles.position[..bodies], particles.owned, &particles.cell);
     let reach = |a: usize, b: usize| (classes.radius[a] + classes.radius[b] + skin) * LEEWAY;
     let space = Space::around(&positions, &particles.cell, reach(0, 0));
+    let across = Across { cell: &particles.cell, positions: &positions };
+    let mut visit_direct = |i: usize, j: usize| {
+        if !across.is_between(i, j) {
+            visit(i, j);
+        }
+    };
     // From the largest to the smallest.
     let mut larger: Vec<(usize, Grid)> = Vec::new();
     let some = classes.members.iter().enumerate().filter(|(_, members)| !members.is_empty());
     for (class, members) in some {
         let grid = Grid::new(&space, &positions, members, reach(class, class));
-        grid.for_each_candidate(&mut visit);
+        grid.for_each_candidate(&mut visit_direct);
         for (other, theirs) in &larger {
             let reach = reach(class, *other);
             for &slot in members {
                 theirs.for_each_near(&positions[slot as usize], reach, |other| {
-                    visit(slot as usize, other);
+                    visit_direct(slot as usize, other);
                 });
             }
         }
         larger.push((class, grid));
+    }
+    for (k, (class, grid)) in larger.iter().enumerate() {
+        for (other, _) in &larger[k..] {
+            // Of two bodies of one class the lower looks up.
+            let shifts = if class == other { &[1.0][..] } else { &[1.0, -1.0] };
+            for (&slot, &up) in
+                classes.members[*other].iter().flat_map(|slot| shifts.iter().map(move |up| (slot, up)))
+            {
+                across.for_each_near(slot as usize, up, grid, reach(*class, *other), &mut visit);
+            }
+        }
+    }
+}
+
+/// Pairs of bodies between which images slide: the grids do not go round the period there.
+struct Across<'a> {
+    cell: &'a Cell,
+    /// As the grids have them.
+    positions: &'a [Vec3],
+}
+
+impl Across<'_> {
+    /// Is there a face with sliding images between two bodies?
+    fn is_between(&self, i: usize, j: usize) -> bool {
+        let Some((Shear { across, .. }, period)) = self.shear() else { return false };
+        (self.positions[j][across] - self.positions[i][across]).abs() > 0.5 * period
+    }
+
+    /// The shear, and the period across it [m].
+    fn shear(&self) -> Option<(Shear, f64)> {
+        let shear = self.cell.shear()?;
+        Some((shear, self.cell.period(shear.across)?))
+    }
+
+    /// Calls `visit` for the bodies of a grid within reach [m] of the image of a body above it, or below.
+    fn for_each_near(
+        &self,
+        slot: usize,
+        up: f64,
+        grid: &Grid,
+        reach: f64,
+        visit: &mut impl FnMut(usize, usize),
+    ) {
+        let Some((Shear { along, across, .. }, period)) = self.shear() else { return };
+        let Space { low, extent, .. } = grid.space;
+        let mut image = self.positions[slot];
+        image[across] += up * period;
+        if image[across] < low[across] - reach || low[across] + extent[across] + reach < image[across]
+        {
+            return;
+        }
+        let middle = low + extent * 0.5;
+        image[along] += up * self.cell.slid();
+        image[along] = self.cell.image_along(along, image[along], middle[along]);
+        grid.for_each_near(&image, reach, |other| {
+            if self.is_between(slot, other) {
+                visit(slot, other);
+            }
+        });
     }
 }
 
@@ -161,7 +226,8 @@ impl Space {
         let mut extent = high - low;
         // With a reach to spare before the period closes, no two images of a body are within reach.
         let mut wraps = [false; 3];
-        for axis in 0..3 {
+        let slides = cell.shear().map(|shear| shear.across);
+        for axis in (0..3).filter(|&axis| slides != Some(axis)) {
             if let Some(period) = cell.period(axis).filter(|&period| extent[axis] + reach > period)
             {
                 wraps[axis] = true;

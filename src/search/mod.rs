@@ -79,6 +79,7 @@ impl PairList {
         particles.listed_at.copy_from_slice(&particles.position[..owned]);
         particles.travel.clear();
         particles.travel.resize(particles.slots(), 0.0);
+        particles.cell.note_listing();
         for wall in &mut particles.walls {
             wall.note_listing();
         }
@@ -211,7 +212,7 @@ pub fn all_within(particles: &Particles, distance: f64) -> bool {
 }
 
 /// Square of the largest distance that an owned particle or a wall has moved since the pairs were
-/// listed [m²]; infinite if a position is not a number.
+/// listed, and half of that by which images have slid [m²]; infinite if a position is not a number.
 pub fn moved_squared(particles: &Particles) -> f64 {
     let mut largest = 0.0;
     let mut sound = true;
@@ -228,6 +229,10 @@ pub fn moved_squared(particles: &Particles) -> f64 {
         if moved > largest {
             largest = moved;
         }
+    }
+    let slid = 0.5 * particles.cell.slid_since_listed();
+    if slid > 0.0 {
+        largest = (largest.sqrt() + slid).powi(2);
     }
     if sound { largest } else { f64::INFINITY }
 }

@@ -16,6 +16,7 @@ use crate::domain::{Domain, DomainError};
 use crate::drive::{Drive, DriveError, Moment};
 use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Sums};
+use crate::math::Vec3;
 use crate::measure::{self, Departed, Measures};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
@@ -157,6 +158,8 @@ impl Simulation {
         // move, and sum what drives ask for meanwhile
         self.clock.restart();
         let asked = self.start_sums(comm);
+        self.count_work_of_images(0.5 * self.dt);
+        self.particles.move_cell(self.dt);
         let farthest = motion::kick_and_drift(&mut self.particles, &self.field, self.dt);
         self.clock.lap(Phase::Move);
         self.steer_walls(&asked, comm)?;
@@ -174,6 +177,7 @@ impl Simulation {
             self.list_pairs(&newcomers, self.dt, comm)?;
         }
         self.find_forces(self.dt)?;
+        self.count_work_of_images(0.5 * self.dt);
         for drive in &mut self.drives {
             drive.after_forces(&self.contacts, &self.particles);
         }
@@ -485,6 +489,26 @@ impl Simulation {
             let [old, new] =
                 [before, *dt].map(|dt| motion::step_energy(particles, slot, field, dt));
             particles.accumulated[Quantity::Received][slot] += new - old;
+        }
+    }
+
+    /// Counts as received what images that slide give in a time [s] through the contacts with them, half by each body.
+    fn count_work_of_images(&mut self, time: f64) {
+        if self.particles.cell.velocity_above() == Vec3::zeros() {
+            return;
+        }
+        let particles = &mut self.particles;
+        let mut given: Vec<(usize, f64)> = Vec::new();
+        for Loaded { pair, force, .. } in self.contacts.loaded(&*self.law, particles) {
+            let slides = particles.sliding_of_image(pair);
+            if slides != Vec3::zeros() {
+                let share = -0.5 * time * force.dot(&slides);
+                given.extend([pair.a, pair.b].map(|slot| (slot.index(), share)));
+            }
+        }
+        // Each body meets its partners in the order of their ids.
+        for (slot, energy) in given.into_iter().filter(|(slot, _)| *slot < particles.owned) {
+            particles.accumulated[Quantity::Received][slot] += energy;
         }
     }
 

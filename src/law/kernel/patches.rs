@@ -119,7 +119,8 @@ impl Motion {
     fn of(pair: Pair, particles: &Particles, dt: f64) -> Self {
         let r = particles.bodies().relative(pair);
         let bodies = [pair.a, pair.b].map(Slot::index);
-        let velocity = bodies.map(|k| particles.velocity[k]);
+        let mut velocity = bodies.map(|k| particles.velocity[k]);
+        velocity[1] += particles.sliding_of_image(pair);
         let spin = [pair.a, pair.b].map(|slot| particles.angular_velocity_of(slot));
         Self { r: [r, r - (velocity[1] - velocity[0]) * dt], velocity, spin }
     }
@@ -325,11 +326,10 @@ impl<M: Model> Contacts<'_, '_, M> {
         point: Triple<L>,
         last_point: Triple<L>,
     ) -> Arms<L> {
-        let Particles { position, velocity, cell, .. } = self.particles;
+        let Particles { position, cell, .. } = self.particles;
         let to_b = cell.nearest_of(vectors::<L>(position, b).minus(vectors(position, a)));
         let last_to_b = if MOVES {
-            let away = vectors::<L>(velocity, b).minus(vectors(velocity, a));
-            to_b.minus(away.times(L::all(self.dt)))
+            to_b.minus(super::parting::<L>(self.particles, [a, b]).times(L::all(self.dt)))
         } else {
             to_b
         };
