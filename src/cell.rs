@@ -409,7 +409,8 @@ impl Cell {
         };
         let rest = along(3 - flow - across, 0.0);
         let image = |k: f64| {
-            Vec3::new(along(flow, k * offset), between(across, k * self.period[across]), rest).norm()
+            Vec3::new(along(flow, k * offset), between(across, k * self.period[across]), rest)
+                .norm()
         };
         image(0.0).min(image(1.0)).min(image(-1.0))
     }
@@ -447,7 +448,8 @@ mod tests {
         ] {
             let (mut place, mut image) = (out, [0; 3]);
             let faces = turns.iter().filter(|&&turn: &&i32| turn != 0).count() as u32;
-            assert_eq!(cell.wrap(&mut place, &mut image), (faces, false));
+            let mut velocity = Vec3::zeros();
+            assert_eq!(cell.wrap(&mut place, &mut velocity, &mut image), (faces, false));
             assert_eq!(image, turns);
             assert!((place.x + 1.0).min(1.0 - place.x).min(place.z - 2.0) >= 0.0, "{place}");
             assert!((cell.unwrapped(place, &image) - out).norm() < 1e-15);
@@ -455,8 +457,9 @@ mod tests {
         }
         // Far out: one face at a time is not enough.
         let (mut place, mut image) = (Vec3::new(6.5, 0.0, 3.0), [0; 3]);
-        assert_eq!(cell.wrap(&mut place, &mut image), (1, true));
-        cell.bring_back(&mut place, &mut image);
+        let mut velocity = Vec3::zeros();
+        assert_eq!(cell.wrap(&mut place, &mut velocity, &mut image), (1, true));
+        cell.bring_back(&mut place, &mut velocity, &mut image);
         assert_eq!((place, image), (Vec3::new(0.5, 0.0, 3.0), [3, 0, 0]));
     }
 

@@ -178,6 +178,7 @@ pub fn measure(
     let is_owned = |contact: &Loaded| contact.pair.a.index() < particles.owned;
     for contact in contacts.loaded(law, particles).filter(is_owned) {
         totals.add_contact(&contact, law, particles);
+        totals.add_work_ahead(&contact, particles, dt);
     }
     totals.combine(comm);
     let bulk = particles.cell.shear().map(|Shear { strain, .. }| Bulk {
@@ -281,6 +282,14 @@ impl Totals {
         } else {
             self.counts[1] += 1;
             self.add(Of::NormalForce, normal_force);
+        }
+    }
+
+    /// Takes back what images that slide give only in the first half of the next step.
+    fn add_work_ahead(&mut self, contact: &Loaded, particles: &Particles, dt: f64) {
+        if self.stresses.is_some() {
+            let slides = particles.sliding_of_image(contact.pair);
+            self.add(Of::Received, 0.5 * dt * contact.force.dot(&slides));
         }
     }
 

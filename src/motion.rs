@@ -271,8 +271,7 @@ fn wrap(particles: &mut Particles) {
     for slot in 0..particles.owned {
         let Particles { cell, position, velocity, image, travel, .. } = &mut *particles;
         let before = velocity[slot];
-        let (faces, is_far) =
-            cell.wrap(&mut position[slot], &mut velocity[slot], &mut image[slot]);
+        let (faces, is_far) = cell.wrap(&mut position[slot], &mut velocity[slot], &mut image[slot]);
         for _ in 0..faces {
             travel[slot] += rounding;
         }

@@ -24,6 +24,7 @@ mod robustness;
 mod rolling;
 mod scene;
 mod servo;
+mod shear;
 mod sizes;
 mod snapshot;
 mod solids;

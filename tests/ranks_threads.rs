@@ -1,7 +1,7 @@
 //! The same bits on any number of ranks, as threads of one process, and after a restart in the middle
 //! on another number. (`tests/program.rs` does the same under MPI.)
 
-use crate::support::{MATERIAL, begun, scene};
+use crate::support::{MATERIAL, begun, save, scene};
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::ContactRecords;
 use dem_mpi::math::Vec3;
@@ -260,6 +260,47 @@ fn a_hertzian_crowd_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
     }
 }
 
+/// All kinds of grains in a cell that is sheared.
+fn sheared_crowd() -> Scene {
+    let domain =
+        "periodic = [true, true, true]\nshear = { along = \"y\", across = \"x\", rate = 80.0 }";
+    let boxes = "kind = \"polyhedron\"\nvertices = [[-0.0012, -0.001, -0.0008], [-0.0012, -0.001, 0.0008], [-0.0012, 0.001, -0.0008], \
+        [-0.0012, 0.001, 0.0008], [0.0012, -0.001, -0.0008], [0.0012, -0.001, 0.0008], [0.0012, 0.001, -0.0008], \
+        [0.0012, 0.001, 0.0008]]\nsize = { uniform = [0.8, 1.2] }";
+    let text = CROWD.replace("MATERIAL", MATERIAL).replace("DOMAIN", domain).replace("METHOD", "");
+    let (begin, rest) = text.split_once("[fill.rain]").unwrap();
+    let (_, rest) = rest.split_once("[time]").unwrap();
+    let text = format!("{begin}[time]{rest}")
+        .replace("gravity = [1.0, 0.5, -9.81]\nglobal_damping = 2.0\n", "")
+        .replace("high = [0.03, 0.03, 0.2]", "high = [0.03, 0.03, 0.0735]")
+        .replace("step = 1e-5", "step = 5e-6")
+        .replace("high = [0.03, 0.03, 0.0735]\nspacing", "high = [0.03, 0.03, 0.035]\nspacing")
+        .replace(
+            "[time]",
+            "[[fill.lattice]]\nshapes = { long = 3, flat = 2, ball = 1 }\nlow = [0.0, 0.0, 0.037]\n\
+             high = [0.03, 0.03, 0.0735]\nspacing = 0.0049\nvelocity = [-0.2, 0.4, 1.5]\n[time]",
+        )
+        .replace("kind = \"ellipsoid\"\nsemi_axes = [0.0016, 0.0014, 0.0008]", boxes);
+    scene(&text)
+}
+
+#[test]
+fn a_sheared_crowd_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
+    let scene = sheared_crowd();
+    let (alone, _) = run(&scene, 1, 1500);
+    assert!(alone.records.len() > 50, "a crowd: {} contacts", alone.records.len());
+    for ranks in [2, 3, 4, 8] {
+        let (shared, migrated) = run(&scene, ranks, 1500);
+        expect_same(&alone, &shared, &format!("{ranks} ranks"));
+        assert!(migrated > 100, "particles change hands: {migrated}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for (before, after) in [(1, 3), (3, 1)] {
+        let again = restarted(&scene, 1500, before, after, folder.path());
+        expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
+    }
+}
+
 /// One to four particles that fall and meet in a corner: most subdomains are empty, also of those that
 /// write a snapshot and take it up again.
 #[test]
@@ -301,22 +342,6 @@ fn the_skin_does_not_show() {
     }
 }
 
-fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut dyn Comm) {
-    let m = sim.measure(comm);
-    let header: Header = sim.header(&scene.text, &m.wall_forces, comm);
-    let particles = sim.particle_table(comm.rank());
-    snapshot::write(
-        directory,
-        &header,
-        &particles,
-        &sim.contact_table(),
-        &sim.contact_records(),
-        comm,
-    )
-    .unwrap();
-}
-
-/// After a run on some number of ranks, saved half-way and taken up on another.
 fn restarted(scene: &Scene, steps: u64, before: u32, after: u32, folder: &Path) -> State {
     threads::run(before, |comm| {
         let mut sim = begun(scene, comm);

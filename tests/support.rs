@@ -5,6 +5,8 @@ use dem_mpi::comm::Comm;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::ids::GlobalId;
 use dem_mpi::math::{Mat3, Quat, Vec3};
+use dem_mpi::output::header::Header;
+use dem_mpi::output::snapshot;
 use dem_mpi::output::tables::ParticleTable;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
@@ -38,6 +40,23 @@ pub(crate) fn begun(scene: &Scene, comm: &mut dyn Comm) -> Simulation {
     sim
 }
 
+/// Writes a snapshot of this moment. Collective.
+pub(crate) fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut dyn Comm) {
+    let m = sim.measure(comm);
+    let header: Header = sim.header(&scene.text, &m.wall_forces, comm);
+    let particles = sim.particle_table(comm.rank());
+    snapshot::write(
+        directory,
+        &header,
+        &particles,
+        &sim.contact_table(),
+        &sim.contact_records(),
+        comm,
+    )
+    .unwrap();
+}
+
+/// After a run on some number of ranks, saved half-way and taken up on another.
 /// The bits of what moves each particle, under its id.
 pub(crate) fn motion(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<u64>)> + '_ {
     (0..table.id.len()).map(move |k| {

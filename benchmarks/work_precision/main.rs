@@ -71,8 +71,7 @@ const FULL: Plan = Plan {
 const FULL_OF_DEAR: Plan = Plan { converged: 0.05, steps: &[1.0, 0.8, 0.5, 0.3, 0.1], ..FULL };
 /// Of boxes, whose contacts take ten times as long as those.
 const FULL_OF_BOXES: Plan = Plan { along: 5, ..FULL_OF_DEAR };
-const QUICK: Plan =
-    Plan { along: 4, seeds: 2, converged: 0.1, steps: &[1.0, 0.5], quick: true };
+const QUICK: Plan = Plan { along: 4, seeds: 2, converged: 0.1, steps: &[1.0, 0.5], quick: true };
 
 /// Step over the limit with which methods, stiffnesses and skins are compared.
 const COMPARED_AT: f64 = 0.5;

@@ -1004,10 +1004,7 @@ impl<L: Eight> Motion<L> {
 
 /// Velocities of the images of B that A sees against B themselves [m/s]; `None` if no image slides.
 #[inline(always)]
-fn sliding_of_images<L: Eight>(
-    particles: &Particles,
-    [a, b]: [Gather; 2],
-) -> Option<Triple<L>> {
+fn sliding_of_images<L: Eight>(particles: &Particles, [a, b]: [Gather; 2]) -> Option<Triple<L>> {
     let Particles { position, cell, .. } = particles;
     cell.velocity_of_nearest_in_lanes(|| vectors::<L>(position, b).minus(vectors(position, a)))
 }

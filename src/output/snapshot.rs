@@ -484,7 +484,11 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.numbers("/domain", "high", cell.high().as_slice())?;
     file.numbers("/domain", "periodic", &cell.periodic().map(u8::from))?;
     if let Some(Shear { along, across, rate, strain }) = cell.shear() {
-        file.text("/domain", "shear", "axes along and across, 0 to 2; rate [1/s] and strain of images")?;
+        file.text(
+            "/domain",
+            "shear",
+            "axes along and across, 0 to 2; rate [1/s] and strain of images",
+        )?;
         file.numbers("/domain", SHEAR_AXES, &[along as u64, across as u64])?;
         file.numbers("/domain", SHEAR, &[rate, strain])?;
     }
@@ -607,7 +611,8 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
     let periodic = file.numbers::<u8, 3>("/domain", "periodic")?.map(|p| p != 0);
     let mut cell = Cell::new(vector("/domain", "low")?, vector("/domain", "high")?, periodic);
     if file.has_attribute("/domain", SHEAR) {
-        let [along, across] = file.numbers::<u64, 2>("/domain", SHEAR_AXES)?.map(|axis| axis as usize);
+        let [along, across] =
+            file.numbers::<u64, 2>("/domain", SHEAR_AXES)?.map(|axis| axis as usize);
         let [rate, strain] = file.numbers("/domain", SHEAR)?;
         let sheared = cell.with_shear(Shear { along, across, rate, strain });
         cell = sheared.ok_or_else(|| file.damaged("/domain"))?;

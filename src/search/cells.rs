@@ -139,8 +139,9 @@ fn for_each_candidate(
         for (other, _) in &larger[k..] {
             // Of two bodies of one class the lower looks up.
             let shifts = if class == other { &[1.0][..] } else { &[1.0, -1.0] };
-            for (&slot, &up) in
-                classes.members[*other].iter().flat_map(|slot| shifts.iter().map(move |up| (slot, up)))
+            for (&slot, &up) in classes.members[*other]
+                .iter()
+                .flat_map(|slot| shifts.iter().map(move |up| (slot, up)))
             {
                 across.for_each_near(slot as usize, up, grid, reach(*class, *other), &mut visit);
             }
@@ -181,7 +182,8 @@ impl Across<'_> {
         let Space { low, extent, .. } = grid.space;
         let mut image = self.positions[slot];
         image[across] += up * period;
-        if image[across] < low[across] - reach || low[across] + extent[across] + reach < image[across]
+        if image[across] < low[across] - reach
+            || low[across] + extent[across] + reach < image[across]
         {
             return;
         }
@@ -417,7 +419,7 @@ const HALF_OF_NEIGHBOURS: [[isize; 3]; 13] = [
 #[cfg(test)]
 mod tests {
     use super::close_pairs;
-    use crate::cell::Cell;
+    use crate::cell::{Cell, Shear};
     use crate::ids::{GlobalId, MaterialId, ShapeId};
     use crate::math::Vec3;
     use crate::particles::records::Particle;
@@ -478,13 +480,20 @@ mod tests {
     #[test]
     fn cells_find_what_brute_force_finds() {
         let mut all = 0;
-        for (high, periodic) in [
-            (Vec3::repeat(1.0), [false; 3]),
-            (Vec3::new(1.0, 1.0, 0.5), [true, false, true]),
-            (Vec3::new(1.0, 0.5, 2.0), [true; 3]),
-            (Vec3::new(0.25, 1.0, 1.0), [true; 3]),
+        let slid = |along, across, strain| Some(Shear { along, across, rate: 0.0, strain });
+        for (high, periodic, shear) in [
+            (Vec3::repeat(1.0), [false; 3], None),
+            (Vec3::new(1.0, 1.0, 0.5), [true, false, true], None),
+            (Vec3::new(1.0, 0.5, 2.0), [true; 3], None),
+            (Vec3::new(0.25, 1.0, 1.0), [true; 3], None),
+            (Vec3::new(1.0, 0.5, 2.0), [true; 3], slid(2, 0, 0.3)),
+            (Vec3::new(0.25, 1.0, 1.0), [true; 3], slid(0, 1, 7.41)),
+            (Vec3::new(1.0, 0.7, 0.5), [true, false, true], slid(0, 2, -0.49)),
         ] {
-            let cell = Cell::new(Vec3::zeros(), high, periodic);
+            let mut cell = Cell::new(Vec3::zeros(), high, periodic);
+            if let Some(shear) = shear {
+                cell = cell.with_shear(shear).expect("both axes repeat");
+            }
             for radii in [&[0.05][..], &[0.06], &[0.003, 0.06], &[0.003, 0.004, 0.011, 0.024, 0.06]]
             {
                 for (share, sized) in [(0.3, false), (0.7, false), (1.0, false), (0.7, true)] {

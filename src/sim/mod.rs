@@ -158,7 +158,6 @@ impl Simulation {
         // move, and sum what drives ask for meanwhile
         self.clock.restart();
         let asked = self.start_sums(comm);
-        self.count_work_of_images(0.5 * self.dt);
         self.particles.move_cell(self.dt);
         let farthest = motion::kick_and_drift(&mut self.particles, &self.field, self.dt);
         self.clock.lap(Phase::Move);
@@ -177,7 +176,7 @@ impl Simulation {
             self.list_pairs(&newcomers, self.dt, comm)?;
         }
         self.find_forces(self.dt)?;
-        self.count_work_of_images(0.5 * self.dt);
+        self.count_work_of_images(self.dt);
         for drive in &mut self.drives {
             drive.after_forces(&self.contacts, &self.particles);
         }
@@ -261,6 +260,7 @@ impl Simulation {
         // No time has passed: springs do not stretch.
         self.find_forces(0.0)?;
         self.count_initial_energy();
+        self.count_work_of_images(0.5 * self.dt);
         Ok(())
     }
 
@@ -492,7 +492,8 @@ impl Simulation {
         }
     }
 
-    /// Counts as received what images that slide give in a time [s] through the contacts with them, half by each body.
+    /// Counts as received what images that slide give in a time [s] through the contacts with them, half by each body. Forces act
+    /// in the halves of the steps before and after: the latter is counted ahead, and [`measure::measure`] leaves it out.
     fn count_work_of_images(&mut self, time: f64) {
         if self.particles.cell.velocity_above() == Vec3::zeros() {
             return;
