@@ -88,6 +88,11 @@ fn haff_and_jamming() {
 }
 
 #[test]
+fn a_sheared_gas() {
+    check("shear");
+}
+
+#[test]
 fn largest_steps_of_smooth_bodies() {
     check("steps");
 }

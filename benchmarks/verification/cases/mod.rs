@@ -18,6 +18,7 @@ pub(crate) mod mfix;
 pub(crate) mod other_codes;
 pub(crate) mod packing;
 mod setup;
+pub(crate) mod shear;
 pub(crate) mod steps;
 pub(crate) mod unequal;
 mod ways;
@@ -232,7 +233,7 @@ pub(crate) fn parse_reference(name: &str) -> serde_json::Value {
 pub(crate) type Source = (&'static str, fn(Effort) -> Findings);
 
 /// All sources, in the order of the table.
-pub(crate) fn sources() -> [Source; 14] {
+pub(crate) fn sources() -> [Source; 15] {
     [
         ("mfix", mfix::run),
         ("lammps", lammps::run),
@@ -245,6 +246,7 @@ pub(crate) fn sources() -> [Source; 14] {
         ("dominoes", dominoes::run),
         ("unequal", unequal::run),
         ("packing", packing::run),
+        ("shear", shear::run),
         ("steps", steps::run),
         ("convergence", convergence::run),
         ("other_codes", other_codes::run),

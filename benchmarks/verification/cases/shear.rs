@@ -1,0 +1,174 @@
+//! Simple shear of spheres without walls: the pressure of a granular gas, and the yield of a dense packing.
+
+use super::setup::{begun, parse};
+use super::{Case, Effort, Findings};
+use dem_mpi::comm::alone::Alone;
+use dem_mpi::measure::Bulk;
+use dem_mpi::random::Random;
+use std::f64::consts::PI;
+use std::fmt::Write;
+
+const LUN: &str = "Lun et al. 1984, 10.1017/S0022112084000586";
+const CHIALVO: &str = "Chialvo, Sun and Sundaresan 2012, 10.1103/PhysRevE.85.021305";
+
+/// Diameter [m].
+const DIAMETER: f64 = 1e-3;
+/// Density [kg/m³].
+const DENSITY: f64 = 2500.0;
+
+/// All of them.
+pub(crate) fn run(effort: Effort) -> Findings {
+    let mut cases = vec![gas(effort)];
+    if effort == Effort::Full {
+        cases.push(yielding());
+    }
+    Findings { cases, ..Findings::default() }
+}
+
+/// Spheres in a cell that is sheared.
+struct Flow {
+    /// Places of the spheres over the edge of the cell.
+    places: Vec<[f64; 3]>,
+    /// Volume of the spheres over that of the cell.
+    fraction: f64,
+    /// Velocity over height [1/s].
+    rate: f64,
+    /// Velocities against the flow, of each component at most, over rate times diameter.
+    agitation: f64,
+    stiffness: f64,
+    friction: f64,
+    restitution: f64,
+    dt: f64,
+    /// Strain until a steady state, and until the end.
+    strains: [f64; 2],
+}
+
+/// Means of a steady flow, compression positive [Pa].
+struct Steady {
+    /// Mean of the normal stresses of the motion, and of all.
+    pressure: [f64; 2],
+    /// Shear stress of all.
+    shear: f64,
+}
+
+impl Flow {
+    fn steady(&self) -> Steady {
+        let count = self.places.len() as f64;
+        let edge = DIAMETER * (count * PI / (6.0 * self.fraction)).cbrt();
+        let Self { rate, stiffness, friction, restitution, dt, .. } = self;
+        let text = format!(
+            "title = \"shear\"\n[domain]\nlow = [0, 0, 0]\nhigh = [{edge:e}, {edge:e}, {edge:e}]\nperiodic = [true, true, true]\n\
+             shear = {{ along = \"x\", across = \"y\", rate = {rate:e} }}\n[[material]]\nname = \"m\"\ndensity = {DENSITY}\n\
+             normal_stiffness = {stiffness:e}\ntangential_stiffness = {:e}\nfriction = {friction}\nrestitution = {restitution}\n\
+             [[shape]]\nname = \"ball\"\nkind = \"sphere\"\ndiameter = {DIAMETER:e}\n[[fill.file]]\npath = \"grains.csv\"\n\
+             [time]\nstep = {dt:e}\nsteps = 1\n[output]\ndirectory = \"out\"\n",
+            stiffness * 2.0 / 7.0
+        );
+        let mut random = Random::of(11, 0);
+        let mut grains = "x,y,z,vx,vy,vz\n".to_owned();
+        for place in &self.places {
+            let [x, y, z] = place.map(|x| x * edge);
+            let [u, v, w] = [0; 3].map(|_| self.agitation * rate * DIAMETER * random.signed());
+            writeln!(grains, "{x:e},{y:e},{z:e},{u:e},{v:e},{w:e}").expect("text");
+        }
+        let mut sim = begun(&parse(&text, &grains), &mut Alone::default());
+        let [from, to] = self.strains.map(|strain| (strain / (rate * dt)) as u64);
+        let mut all: Vec<Bulk> = Vec::new();
+        for step in 0..to {
+            sim.step(&mut Alone::default()).expect("a sound step");
+            if step >= from && step % 50 == 0 {
+                all.extend(sim.measure(&mut Alone::default()).bulk);
+            }
+        }
+        let mean = |of: &dyn Fn(&Bulk) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
+        let normal = |stress: &[f64; 6]| stress[..3].iter().sum::<f64>() / 3.0;
+        Steady {
+            pressure: [
+                mean(&|bulk| normal(&bulk.of_motion)),
+                mean(&|bulk| normal(&bulk.of_motion) + normal(&bulk.of_contacts)),
+            ],
+            shear: mean(&|bulk| bulk.of_motion[3] + bulk.of_contacts[3]),
+        }
+    }
+}
+
+/// A cubic lattice of so many places along each edge, each at random by so much of their distance.
+fn lattice(along: u32, first: f64, jitter: f64, random: &mut Random) -> Vec<[f64; 3]> {
+    let mut places = Vec::new();
+    for i in 0..along {
+        for j in 0..along {
+            for k in 0..along {
+                let at = |n: u32, by: f64| (f64::from(n) + first + jitter * by) / f64::from(along);
+                places.push([i, j, k].map(|n| at(n, random.signed())));
+            }
+        }
+    }
+    places
+}
+
+/// Smooth inelastic spheres: the pressure over that of a gas without contacts.
+fn gas(effort: Effort) -> Case {
+    let mut case = Case::new(
+        LUN,
+        "sheared gas of smooth spheres, restitution 0.9",
+        "pressure over density times granular temperature",
+        0.05,
+        "the theory is of first order in gradients and in losses; DIRT allows 0.15",
+    );
+    let (restitution, along) = (0.9, effort.pick(8, 11));
+    for fraction in effort.pick(&[0.3][..], &[0.1, 0.2, 0.3, 0.4, 0.45]) {
+        // Of touching spheres the lattice takes 0.52.
+        let room = 1.0 - (fraction * 6.0 / PI).cbrt();
+        let flow = Flow {
+            places: lattice(along, 0.5, 0.45 * room, &mut Random::of(3, u64::from(along))),
+            fraction: *fraction,
+            rate: 100.0,
+            agitation: 1.0,
+            stiffness: 1e3,
+            friction: 0.0,
+            restitution,
+            dt: 3e-6,
+            strains: effort.pick([4.0, 14.0], [10.0, 50.0]),
+        };
+        let Steady { pressure: [of_motion, all], .. } = flow.steady();
+        let at_contact = (2.0 - fraction) / (2.0 * (1.0 - fraction).powi(3));
+        // Density times temperature is the pressure of the motion over the volume fraction.
+        let own = all / of_motion * fraction;
+        let theory = fraction * (1.0 + 2.0 * (1.0 + restitution) * fraction * at_contact);
+        case.relative(format!("volume fraction {fraction}"), theory, own);
+    }
+    case
+}
+
+/// Frictional spheres above the volume fraction at which they jam: shear stress over pressure of slow flow.
+fn yielding() -> Case {
+    let mut case = Case::new(
+        CHIALVO,
+        "dense spheres sheared slowly, restitution 0.7, tangential over normal stiffness 2/7",
+        "shear stress over pressure",
+        0.02,
+        "1,024 spheres, one seed each, strain 2 to 5 at an inertial number of 1e-3; published are limits of no inertia, by fits",
+    );
+    // Friction, volume fraction, published.
+    let published =
+        [(0.1, 0.64, 0.268), (0.3, 0.62, 0.357), (0.5, 0.61, 0.382), (1.0, 0.61, 0.405)];
+    for (friction, fraction, ratio) in published {
+        let mut random = Random::of(5, 1);
+        let mut places = lattice(8, 0.25, 0.01, &mut random);
+        places.extend(lattice(8, 0.75, 0.01, &mut random));
+        let flow = Flow {
+            places,
+            fraction,
+            rate: 6.0,
+            agitation: 0.0,
+            stiffness: 1e4,
+            friction,
+            restitution: 0.7,
+            dt: 2.5e-6,
+            strains: [2.0, 5.0],
+        };
+        let Steady { pressure: [_, all], shear } = flow.steady();
+        case.absolute(format!("friction {friction}"), ratio, -shear / all);
+    }
+    case
+}
