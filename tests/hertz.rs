@@ -1,11 +1,13 @@
 //! Hertz and Mindlin between spheres against closed forms: the impacts of Chung and Ooi (2011, DOI
 //! 10.1007/s10035-011-0277-0), restitution, gross sliding, and the balance of energies.
 
-use crate::support::{Bench, scene};
+use crate::support::{Bench, begun, scene, schedule};
+use dem_mpi::comm::alone::Alone;
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::scene::Scene;
+use dem_mpi::sim::run;
 use std::path::Path;
 
 /// A sphere and a floor that is rigid, or of the same material.
@@ -282,5 +284,37 @@ fn keys_of_another_law_are_refused() {
         };
         let mistakes = mistakes.to_string();
         assert!(mistakes.contains(said), "{to}: {mistakes}");
+    }
+}
+
+/// A ball that strikes harder than the scene says: its contact is stiffer than the stable step was found for.
+#[test]
+fn an_overlap_beyond_what_the_step_was_found_for_is_warned_of_once() {
+    let case = Case {
+        material: [1e9, 0.3, 2500.0],
+        radius: 0.01,
+        contact: "",
+        law: "largest_overlap = 0.02",
+    };
+    for (speed, warned) in [(1.0, false), (4.0, true)] {
+        let [time, overlap, _] = case.closed_form(speed, true);
+        let step = time / 400.0;
+        let text = case
+            .text(step)
+            .replace("spacing = 1", &format!("spacing = 1\nvelocity = [0, 0, -{speed}]"));
+        let text = text.replace("steps = 1", "steps = 600");
+        let scene = scene(&text.replace("[output]", "[output]\nhistory_every = 10"));
+        assert_eq!(overlap / case.radius > 0.02, warned, "{overlap:e}");
+        let (mut sim, mut comm) = (begun(&scene, &mut Alone::default()), Alone::default());
+        let folder = tempfile::tempdir().unwrap();
+        let mut told = Vec::new();
+        let schedule = schedule(&scene, scene.steps, folder.path());
+        run::run(&mut sim, &schedule, &mut comm, &mut |progress| {
+            told.extend_from_slice(progress.warnings);
+        })
+        .unwrap();
+        assert_eq!(told.len(), usize::from(warned), "{told:?}");
+        let says = ["an overlap is 0.02", "found for 0.02", "law.largest_overlap"];
+        assert!(told.iter().all(|text| says.iter().all(|part| text.contains(part))), "{told:?}");
     }
 }

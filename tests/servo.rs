@@ -1,6 +1,6 @@
 //! Walls that keep a stress or move at a given velocity.
 
-use crate::support::{Bench, begun, scene};
+use crate::support::{Bench, begun, scene, schedule};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::threads;
 use dem_mpi::contact::StateColumn;
@@ -20,7 +20,6 @@ use serde_json::Value;
 use std::f64::consts::PI;
 use std::fs::File;
 use std::path::Path;
-use std::sync::Arc;
 
 fn reference() -> Value {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/reference/dem_servo.json");
@@ -521,20 +520,6 @@ fn cube(walls: &str, wall_friction: f64, restitution: &str) -> String {
     CUBE.replace("WALLS", walls)
         .replace("RESTITUTION", restitution)
         .replace("FRICTION", &wall_friction.to_string())
-}
-
-fn schedule(scene: &dem_mpi::scene::Scene, last_step: u64, out: &Path) -> Schedule {
-    Schedule {
-        last_step,
-        snapshot_every: 0,
-        history_every: scene.history_every,
-        stop: scene.stop.clone(),
-        out: out.to_owned(),
-        scene: scene.text.clone(),
-        resumed: false,
-        signal: Arc::default(),
-        traced: Vec::new(),
-    }
 }
 
 /// 125 balls with friction and dashpots, and walls as WALLS says.

@@ -15,8 +15,10 @@ use dem_mpi::shape::{
     Ellipsoid, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
     Superellipsoid,
 };
+use dem_mpi::sim::run::Schedule;
 use dem_mpi::sim::{Simulation, StepError};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Grains with friction and dashpots.
 pub(crate) const MATERIAL: &str = r#"[[material]]
@@ -38,6 +40,20 @@ pub(crate) fn begun(scene: &Scene, comm: &mut dyn Comm) -> Simulation {
     assemble::fill(&mut sim, scene, comm);
     sim.begin(comm).expect("the scene begins well");
     sim
+}
+
+pub(crate) fn schedule(scene: &Scene, last_step: u64, out: &Path) -> Schedule {
+    Schedule {
+        last_step,
+        snapshot_every: 0,
+        history_every: scene.history_every,
+        stop: scene.stop.clone(),
+        out: out.to_owned(),
+        scene: scene.text.clone(),
+        resumed: false,
+        signal: Arc::default(),
+        traced: Vec::new(),
+    }
 }
 
 /// Writes a snapshot of this moment. Collective.

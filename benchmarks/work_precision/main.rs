@@ -6,6 +6,7 @@
 //! cargo bench --bench work_precision -- --record FOLDER    the same into this folder
 //! cargo bench --bench work_precision -- --quick            a few small packings
 //! cargo bench --bench work_precision -- --only boxes       one kind of grains
+//! cargo bench --bench work_precision -- --again FOLDER     table, plots and advice anew from the runs that are there
 //! ```
 //!
 //! Packings of spheres, ellipsoids 2:1 and 5:1, superellipsoids and boxes come to rest under the same stress on all sides, and
@@ -44,6 +45,9 @@ struct Arguments {
     /// Write table, plots and advice into this folder.
     #[arg(long, value_name = "FOLDER", default_value = "target/work_precision")]
     record: PathBuf,
+    /// Draws anew from the runs of a record that is there.
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["quick", "only"])]
+    again: Option<PathBuf>,
     /// Cargo passes this.
     #[arg(long, hide = true)]
     bench: bool,
@@ -159,16 +163,24 @@ struct Row {
 }
 
 fn main() -> anyhow::Result<()> {
-    let Arguments { quick, only, record, .. } = Arguments::parse();
+    let Arguments { quick, only, mut record, again, .. } = Arguments::parse();
+    if let Some(folder) = &again {
+        record.clone_from(folder);
+    }
     std::fs::create_dir_all(&record)?;
-    let scratch = tempfile::tempdir()?;
-    // The dear ones first.
     let kinds: Vec<Kind> = Kind::ALL.into_iter().filter(|k| k.name().contains(&only)).collect();
-    let seeds = |kind| 1..=Plan::of(kind, quick).seeds;
-    let tasks = kinds.iter().rev().flat_map(|&kind| seeds(kind).map(move |seed| (kind, seed)));
-    let studied = run_all(quick, &tasks.collect::<Vec<_>>(), scratch.path())?;
+    let studied = if let Some(folder) = again {
+        read_runs(&std::fs::read_to_string(folder.join(RUNS))?)?
+    } else {
+        // The dear ones first.
+        let seeds = |kind| 1..=Plan::of(kind, quick).seeds;
+        let tasks = kinds.iter().rev().flat_map(|&kind| seeds(kind).map(move |seed| (kind, seed)));
+        let scratch = tempfile::tempdir()?;
+        let studied = run_all(quick, &tasks.collect::<Vec<_>>(), scratch.path())?;
+        std::fs::write(record.join(RUNS), runs_table(&studied)?)?;
+        studied
+    };
 
-    std::fs::write(record.join("runs.csv"), runs_table(&studied)?)?;
     let (mut table, mut advice) = (TABLE.to_owned(), String::new());
     for kind in kinds {
         let of_kind: Vec<&Studied> = studied.iter().filter(|s| s.kind == kind).collect();
@@ -343,6 +355,40 @@ fn print(kind: Kind, rows: &[Row], spread: &Errors, table: &mut String) -> anyho
         spread.stress, spread.coordination, spread.a_c
     )?;
     Ok(())
+}
+
+/// The table of all runs.
+const RUNS: &str = "runs.csv";
+
+/// The runs of a table, as [`runs_table`] has written it.
+fn read_runs(text: &str) -> anyhow::Result<Vec<Studied>> {
+    let mut studied: Vec<Studied> = Vec::new();
+    for row in csv::Reader::from_reader(text.as_bytes()).into_records() {
+        let row = row?;
+        let number = |column: usize| row[column].parse::<f64>().context("a number");
+        let kind = Kind::ALL.into_iter().find(|kind| *kind.name() == row[0]);
+        let (kind, seed) = (kind.context("a kind of grains")?, row[1].parse()?);
+        let outcome = Outcome {
+            steps: row[4].parse()?,
+            seconds: number(5)?,
+            axial: number(6)?,
+            mean: number(7)?,
+            coordination: number(8)?,
+            a_c: number(9)?,
+            missing: number(10)?,
+        };
+        if row[2] == *"converged" {
+            studied.push(Studied { kind, seed, converged: outcome, variants: Vec::new() });
+            continue;
+        }
+        let variants = Plan::of(kind, false).variants(kind);
+        let variant = variants.into_iter().find(|v| *v.what == row[2] && v.value == row[3]);
+        let variant =
+            variant.with_context(|| format!("{} {} is not in the study", &row[2], &row[3]))?;
+        let of_packing = studied.last_mut().context("the converged run comes first")?;
+        of_packing.variants.push((variant, outcome));
+    }
+    Ok(studied)
 }
 
 /// Every run.

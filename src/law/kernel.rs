@@ -201,6 +201,11 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     fn left_out(&self) -> Vec<&'static str> {
         Vec::new()
     }
+
+    /// The overlap over the radius of the smaller body up to which [`Model::hardest`] holds; by default it holds for all.
+    fn hardest_up_to(&self) -> Option<f64> {
+        None
+    }
 }
 
 /// A law for the bodies of a library.
@@ -408,6 +413,10 @@ impl<M: Model> ForceLaw for Law<M> {
 
     fn left_out(&self) -> Vec<&'static str> {
         self.model.left_out()
+    }
+
+    fn hardest_up_to(&self) -> Option<f64> {
+        self.model.hardest_up_to()
     }
 }
 

@@ -381,4 +381,9 @@ pub trait ForceLaw: Send + Sync {
 
     /// What the scene does not need of it, and why.
     fn left_out(&self) -> Vec<&'static str>;
+
+    /// The overlap over the radius of the smaller body up to which [`ForceLaw::hardest`] holds; `None` if it holds for all.
+    fn hardest_up_to(&self) -> Option<f64> {
+        None
+    }
 }

@@ -239,6 +239,8 @@ struct Records<'a> {
     history: Option<History>,
     /// Overlaps at which a run still has to warn.
     depths: Peekable<IntoIter<f64, 2>>,
+    /// The overlap over the radius of the smaller body at which the law's stable step ends, until it is warned of.
+    hardest_up_to: Option<f64>,
     /// The largest kinetic and elastic energy together that was measured [J].
     most_moving: f64,
     /// The largest overlap over the shortest axis that was measured [-].
@@ -267,6 +269,7 @@ impl<'a> Records<'a> {
             schedule,
             history,
             depths,
+            hardest_up_to: sim.law.hardest_up_to(),
             most_moving: 0.0,
             largest_overlap: 0.0,
             measures: None,
@@ -336,6 +339,10 @@ impl<'a> Records<'a> {
         let ending = if is_at_rest { Ending::Rest } else { Ending::LastStep };
         while self.depths.next_if(|&depth| measures.largest_overlap > depth).is_some() {
             warnings.push(too_deep(sim.step, measures.largest_overlap));
+        }
+        let over_radius = 2.0 * measures.largest_overlap;
+        if let Some(meant) = self.hardest_up_to.take_if(|meant| over_radius > *meant) {
+            warnings.push(too_hard(sim.step, over_radius, meant));
         }
         if row_due || is_at_rest {
             // A row off the schedule would not be there had the run gone on.
@@ -429,6 +436,15 @@ fn too_deep(step: u64, overlap: f64) -> String {
          {} %. Stiffer contacts, or less speed or pressure, make it smaller",
         100.0 * overlap,
         100.0 * DEEPEST_START
+    )
+}
+
+/// The frequency of a Hertzian contact grows with the fourth root of its overlap.
+fn too_hard(step: u64, overlap: f64, meant: f64) -> String {
+    format!(
+        "an overlap is {overlap:.3} of the radius of the smaller body at step {step}; the stable step was found for {meant}: \
+         contacts are stiffer, and it is {:.2} times as long now. Give law.largest_overlap what will come",
+        (meant / overlap).powf(0.25)
     )
 }
 

@@ -312,6 +312,10 @@ impl Model for Hertz {
         )
     }
 
+    fn hardest_up_to(&self) -> Option<f64> {
+        Some(self.settings.largest_overlap)
+    }
+
     fn left_out(&self) -> Vec<&'static str> {
         let reasons = [
             (!self.frictional, "no tangential history: friction is 0 everywhere"),
