@@ -2,6 +2,7 @@
 
 use super::doubts::doubts;
 use super::{Fill, Mix, Scene, Stop};
+use crate::cell::{AXES, Shear};
 use crate::contact::{ContactResolver, Patch, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
 use crate::ids::MaterialId;
@@ -154,6 +155,10 @@ fn walls(scene: &Scene, page: &mut Page) {
             page.line(label, names);
         }
     }
+    if let Some(Shear { along, across, rate, .. }) = scene.domain.shear() {
+        let axes = format!("along {}, faster the farther up {}", AXES[along], AXES[across]);
+        page.line("images slide", format!("{axes}: {rate} 1/s; at the faces bodies change velocity, and each contact looks for it"));
+    }
     for servo in &scene.servos {
         page.line(
             "servo",
@@ -213,6 +218,7 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         })
         .map(|(name, _, _)| name)
         .collect();
+    let could_slide = scene.domain.periodic().into_iter().filter(|periodic| *periodic).count() > 1;
     let not_saved = PARTICLE_COLUMNS.iter().filter(|column| !column.is_there(&needs));
     let not_saved: Vec<&str> = not_saved.map(|column| column.name).collect();
     let reasons = [
@@ -220,7 +226,10 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         (!needs.spin, "no rotation: spheres without friction feel no moment".to_owned()),
         (!needs.velocity, "no velocities of ghosts: no friction, no dashpots".to_owned()),
         (!needs.image, "no counts of periods: no axis is periodic".to_owned()),
-        (scene.domain.shear().is_none(), "no sliding images: the domain is not sheared".to_owned()),
+        (
+            could_slide && scene.domain.shear().is_none(),
+            "no images that slide: no domain.shear".to_owned(),
+        ),
         (!needs.scale, "no scales: all particles are as large as their shapes".to_owned()),
         (scene.global_damping == 0.0, "no global damping".to_owned()),
         (scene.gravity == Vec3::zeros(), "no gravity".to_owned()),
