@@ -260,7 +260,7 @@ fn a_hertzian_crowd_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
 }
 
 /// All kinds of grains in a cell that is sheared.
-fn sheared_crowd() -> Scene {
+fn sheared_crowd(neighbours: &str) -> Scene {
     let domain =
         "periodic = [true, true, true]\nshear = { along = \"y\", across = \"x\", rate = 80.0 }";
     let boxes = "kind = \"polyhedron\"\nvertices = [[-0.0012, -0.001, -0.0008], [-0.0012, -0.001, 0.0008], [-0.0012, 0.001, -0.0008], \
@@ -273,6 +273,7 @@ fn sheared_crowd() -> Scene {
         .replace("gravity = [1.0, 0.5, -9.81]\nglobal_damping = 2.0\n", "")
         .replace("high = [0.03, 0.03, 0.2]", "high = [0.03, 0.03, 0.0735]")
         .replace("step = 1e-5", "step = 5e-6")
+        .replace("imbalance = 1.05", neighbours)
         .replace("high = [0.03, 0.03, 0.0735]\nspacing", "high = [0.03, 0.03, 0.035]\nspacing")
         .replace(
             "[time]",
@@ -285,8 +286,9 @@ fn sheared_crowd() -> Scene {
 
 #[test]
 fn a_sheared_crowd_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
-    let scene = sheared_crowd();
+    let scene = sheared_crowd("imbalance = 1.05");
     let (alone, _) = run(&scene, 1, 1500);
+    expect_same(&alone, &run(&sheared_crowd("skin = 0.0007"), 2, 1500).0, "another skin");
     assert!(alone.records.len() > 50, "a crowd: {} contacts", alone.records.len());
     for ranks in [2, 3, 4, 8] {
         let (shared, migrated) = run(&scene, ranks, 1500);

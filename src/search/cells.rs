@@ -113,9 +113,9 @@ fn for_each_candidate(
     let positions = unfolded(&particles.position[..bodies], particles.owned, &particles.cell);
     let reach = |a: usize, b: usize| (classes.radius[a] + classes.radius[b] + skin) * LEEWAY;
     let space = Space::around(&positions, &particles.cell, reach(0, 0));
-    let across = Across { cell: &particles.cell, positions: &positions };
+    let across = Across::of(&particles.cell, &positions);
     let mut visit_direct = |i: usize, j: usize| {
-        if !across.is_between(i, j) {
+        if across.as_ref().is_none_or(|across| !across.is_between(i, j)) {
             visit(i, j);
         }
     };
@@ -135,6 +135,7 @@ fn for_each_candidate(
         }
         larger.push((class, grid));
     }
+    let Some(across) = across else { return };
     for (k, (class, grid)) in larger.iter().enumerate() {
         for (other, _) in &larger[k..] {
             // Of two bodies of one class the lower looks up.
@@ -152,21 +153,24 @@ fn for_each_candidate(
 /// Pairs of bodies between which images slide: the grids do not go round the period there.
 struct Across<'a> {
     cell: &'a Cell,
+    shear: Shear,
+    /// Across which images slide [m].
+    period: f64,
     /// As the grids have them.
     positions: &'a [Vec3],
 }
 
-impl Across<'_> {
-    /// Is there a face with sliding images between two bodies?
-    fn is_between(&self, i: usize, j: usize) -> bool {
-        let Some((Shear { across, .. }, period)) = self.shear() else { return false };
-        (self.positions[j][across] - self.positions[i][across]).abs() > 0.5 * period
+impl<'a> Across<'a> {
+    /// `None` if no image slides.
+    fn of(cell: &'a Cell, positions: &'a [Vec3]) -> Option<Self> {
+        let shear = cell.shear()?;
+        Some(Self { cell, shear, period: cell.period(shear.across)?, positions })
     }
 
-    /// The shear, and the period across it [m].
-    fn shear(&self) -> Option<(Shear, f64)> {
-        let shear = self.cell.shear()?;
-        Some((shear, self.cell.period(shear.across)?))
+    /// Is there a face with sliding images between two bodies?
+    fn is_between(&self, i: usize, j: usize) -> bool {
+        let Self { shear: Shear { across, .. }, period, positions, .. } = *self;
+        (positions[j][across] - positions[i][across]).abs() > 0.5 * period
     }
 
     /// Calls `visit` for the bodies of a grid within reach [m] of the image of a body above it, or below.
@@ -178,18 +182,17 @@ impl Across<'_> {
         reach: f64,
         visit: &mut impl FnMut(usize, usize),
     ) {
-        let Some((Shear { along, across, .. }, period)) = self.shear() else { return };
+        let Self { cell, shear: Shear { along, across, .. }, period, positions } = *self;
         let Space { low, extent, .. } = grid.space;
-        let mut image = self.positions[slot];
+        let (bottom, top) = (low[across] - reach, low[across] + extent[across] + reach);
+        let mut image = positions[slot];
         image[across] += up * period;
-        if image[across] < low[across] - reach
-            || low[across] + extent[across] + reach < image[across]
-        {
+        if !(bottom..=top).contains(&image[across]) {
             return;
         }
         let middle = low + extent * 0.5;
-        image[along] += up * self.cell.slid();
-        image[along] = self.cell.image_along(along, image[along], middle[along]);
+        image[along] += up * cell.slid();
+        image[along] = cell.image_along(along, image[along], middle[along]);
         grid.for_each_near(&image, reach, |other| {
             if self.is_between(slot, other) {
                 visit(slot, other);
