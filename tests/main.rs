@@ -25,6 +25,7 @@ mod rolling;
 mod scene;
 mod servo;
 mod shear;
+mod sides;
 mod sizes;
 mod snapshot;
 mod solids;

@@ -223,8 +223,8 @@ fn degenerate_pose<'a>(random: &mut Random, boxes: &'a [Shape], turns: &[Mat3]) 
 
 fn bits(found: Option<Thickness>) -> Vec<u64> {
     let Some(found) = found else { return Vec::new() };
-    let Thickness { thickness, normal, gain, point, couple, volume, centroid, covariance } = found;
-    let numbers = [thickness, gain, couple, volume];
+    let Thickness { thickness, normal, gain, point, couple, centroid, covariance } = found;
+    let numbers = [thickness, gain, couple];
     let vectors = [normal, point, centroid];
     let all = numbers.iter().chain(vectors.iter().flatten()).chain(&covariance);
     all.map(|x| x.to_bits()).collect()

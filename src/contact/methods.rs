@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// How pairs without a closed form are resolved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Method {
-    /// [`Overlap`] for two shapes with faces and for one on a plane. Of others [`CommonNormal`] for two smooth shapes,
+    /// [`Overlap`] for two shapes with faces or with straight sides, and for one on a plane. Of others [`CommonNormal`] for two smooth shapes,
     /// [`Cores`] if one of them has a margin, [`Epa`] for all the rest: beside an edge, erosion takes more of a polyhedron
     /// than the overlap is wide, and answers with another direction.
     #[default]
@@ -36,8 +36,8 @@ impl Method {
 
     /// Does it find what two shapes of these kinds share, and not how deep they are in each other?
     pub fn is_by_thickness(&self, (a, b): (Kind, Kind)) -> bool {
-        let of_faces = a.ends_on_faces()[0] && b.ends_on_faces()[1];
-        of_faces && matches!(self, Self::Auto | Self::CommonNormal)
+        let is_extended = a.extended()[0] & b.extended()[1] != 0;
+        is_extended && matches!(self, Self::Auto | Self::CommonNormal)
     }
 
     /// The method for pairs of two kinds, with something to fall back on.
@@ -86,8 +86,8 @@ pub fn table(method: &Method, kinds: &[Kind]) -> Table {
     table_of(kinds, |a, b| by_depth(method, a, b))
 }
 
-/// The same for laws that know of patches: of bodies with faces the thickness of what they share, unless a method is
-/// asked for by name.
+/// The same for laws that know of patches: of bodies with faces or straight sides the thickness of what they share, unless
+/// a method is asked for by name.
 pub fn table_with_patches(method: &Method, kinds: &[Kind]) -> Table {
     table_of(kinds, |a, b| {
         let by_depth = by_depth(method, a, b);

@@ -88,7 +88,7 @@ pub struct Contact<L> {
     pub overlap: L,
     /// That of the last touch; 0 if there was none [m].
     pub last_overlap: L,
-    /// Normal force over the derivative of the energy by the overlap: 1 but for contacts of faces [-].
+    /// Normal force over the derivative of the energy by the overlap: 1 but for contacts of faces and straight sides [-].
     pub gain: L,
     /// Velocity of approach along the normal [m/s].
     pub approach: L,
@@ -182,7 +182,7 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     /// The normal force at an overlap [m] without dashpots, in N: the derivative of the energy.
     fn elastic<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L) -> L;
 
-    /// What resists turning where bodies touch with faces; by default nothing.
+    /// What resists turning where bodies touch with faces or straight sides; by default nothing.
     fn turning(&self, _constants: &Self::Constants<f64>) -> Turning {
         Turning::default()
     }
@@ -219,12 +219,12 @@ pub struct Law<M: Model> {
     shapes: usize,
     /// Numbers that the model remembers of a contact.
     width: usize,
-    /// What the law remembers of a contact: more of bodies with faces, and of those that are no spheres.
+    /// What the law remembers of a contact: more of bodies with faces or straight sides, and of those that are no spheres.
     state: Vec<StateColumn>,
     /// Numbers in these columns.
     stride: usize,
-    /// Of each shape, whether it can be the first and the second body of a contact of faces.
-    faces: Vec<[bool; 2]>,
+    /// Of each shape, which contacts with an extent it can be the first and the second body of.
+    extended: Vec<[u8; 2]>,
     needs: Needs,
 }
 
@@ -277,9 +277,8 @@ impl<M: Model> Law<M> {
         let mut needs = model.needs();
         let mut state = model.state().to_vec();
         let grains = &library.shapes[..library.particle_shapes];
-        let faces: Vec<[bool; 2]> =
-            library.shapes.iter().map(|s| s.kind().ends_on_faces()).collect();
-        if faces.iter().any(|[first, _]| *first) {
+        let extended: Vec<[u8; 2]> = library.shapes.iter().map(|s| s.kind().extended()).collect();
+        if extended.iter().any(|[first, _]| *first > 0) {
             state.extend(patches::REMEMBERED);
             (needs.patches, needs.spin) = (true, true);
         } else if needs.velocity && grains.iter().any(|shape| shape.kind() != Kind::Sphere) {
@@ -289,7 +288,7 @@ impl<M: Model> Law<M> {
         }
         let stride = StateColumn::total_width(&state);
         let mut law =
-            Self { model, table: Vec::new(), shapes: 0, width, state, stride, faces, needs };
+            Self { model, table: Vec::new(), shapes: 0, width, state, stride, extended, needs };
         let shapes = library.shapes.len();
         if shapes <= MOST_SHAPES {
             let all = (0..shapes).flat_map(|a| (0..shapes).map(move |b| (a, b)));
@@ -330,11 +329,11 @@ impl<M: Model> Law<M> {
         PairConstants { of_law: self.model.constants(a, b), radii: [radius(a), radius(b)] }
     }
 
-    /// Do two bodies touch with faces? The others of a scene with such bodies never have a patch.
+    /// Do two bodies touch with faces or straight sides? The others of a scene with such bodies never have a patch.
     #[inline(always)]
     fn has_patch(&self, pair: Pair, particles: &Particles) -> bool {
         let [a, b] = [pair.a, pair.b].map(|slot| particles.shape[slot.index()].index());
-        self.faces[a][0] & self.faces[b][1]
+        self.extended[a][0] & self.extended[b][1] != 0
     }
 
     /// Of a pair.

@@ -62,8 +62,8 @@ pub fn pairs(pairs: &Pairs, to: impl Write) -> Result<(), csv::Error> {
 }
 
 /// Writes one row per pair. Points are in the world; they are the support points along the normal, of the
-/// bodies themselves. Numbers that no method could determine are empty, as are those of faces where there are none, or do not
-/// touch: [`thickness`], and for a stiffness of 1 N/m force [N] and moment [N m] of A on B about the centre of A, and energy [J].
+/// bodies themselves. Numbers that no method could determine are empty, as are those of faces and straight sides where there are
+/// none, or do not touch: [`thickness`], and for a stiffness of 1 N/m force [N] and moment [N m] of A on B about the centre of A, and energy [J].
 ///
 /// # Errors
 /// If it cannot be written.
@@ -93,7 +93,7 @@ pub fn answers(pairs: &Pairs, answers: &[Answer], to: impl Write) -> Result<(), 
     Ok(table.flush()?)
 }
 
-/// What a pair with faces shares.
+/// What a pair with faces or straight sides shares.
 fn on_faces(pairs: &Pairs, index: usize) -> Vec<String> {
     let (a, b, r) = pairs.posed(index);
     let Some(found) = thickness(&a, &b, &r) else { return vec![String::new(); 8] };

@@ -11,6 +11,7 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
     let all = [
         energy_of_erosion(scene),
         energy_of_faces(scene),
+        sides_on_faces(scene),
         restless_sides(scene),
         lost_in_rounding(scene),
     ];
@@ -31,14 +32,25 @@ fn energy_of_erosion(scene: &Scene) -> Option<String> {
 
 /// Depth has a kink where faces are flush, which heats what should rest.
 fn energy_of_faces(scene: &Scene) -> Option<String> {
-    let has_faces = scene.particle_kinds().into_iter().any(Kind::has_faces);
+    let has_faces = scene.particle_kinds().into_iter().any(|kind| kind.extended()[0] > 0);
     let by_depth = matches!(scene.method, Method::GjkErosion(_) | Method::Epa(_));
     (has_faces && by_depth).then(|| {
         format!(
-            "with method = \"{}\" contacts of faces act in one point that jumps from corner to corner: they make energy, and \
-             nothing comes to rest on a face. With method = \"auto\" they do not",
+            "with method = \"{}\" contacts of faces and straight sides act in one point that jumps from corner to corner: they make \
+             energy, and nothing comes to rest on them. With method = \"auto\" they do not",
             scene.method.name()
         )
+    })
+}
+
+/// A spherocylinder has an extended contact with its like and with planes alone.
+fn sides_on_faces(scene: &Scene) -> Option<String> {
+    let kinds = scene.particle_kinds();
+    let is_there = |has: fn(Kind) -> bool| kinds.iter().any(|&kind| has(kind));
+    (is_there(Kind::has_side) && is_there(Kind::has_faces)).then(|| {
+        "a spherocylinder that lies on a face of a polyhedron touches it in one point that jumps from end to end: there it rocks \
+         without coming to rest. Take a `rounded-polyhedron` in place of one of them"
+            .to_owned()
     })
 }
 
@@ -47,13 +59,12 @@ fn energy_of_faces(scene: &Scene) -> Option<String> {
 /// more: see `benchmarks/verification/cases/steps.rs`.
 const RESTLESS: f64 = 0.15;
 
-/// In the middle of sides that are nearly flat a contact turns a grain back faster than steps can follow; a spherocylinder's
-/// are straight, so that its contact jumps from end to end.
+/// In the middle of sides that are nearly flat a contact turns a grain back faster than steps can follow.
 pub fn restless_sides(scene: &Scene) -> Option<String> {
     let library = &scene.library;
     let acceleration = scene.gravity.norm();
     let part = |shape: &Shape, scale: f64, dt: f64| lost_levers(shape, scale, acceleration, dt);
-    let by_point = |id: ShapeId| !library.shapes[id.index()].kind().has_faces();
+    let by_point = |id: ShapeId| library.shapes[id.index()].kind().extended()[0] == 0;
     let (part_of_worst, id, scale) = library
         .extremes()
         .filter(|&(id, _)| by_point(id))

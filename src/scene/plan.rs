@@ -197,6 +197,9 @@ fn pairs_of_kinds(scene: &Scene) -> Vec<(Kind, Kind)> {
 
 fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
     match (a, b, scene.method) {
+        (_, _, method) if method.is_by_thickness((a, b)) && a.has_side() => {
+            "thickness along straight sides; of the normal stiffness sides that lie flat have all, crossing ones 0.69, round ends half"
+        }
         (_, _, method) if method.is_by_thickness((a, b)) => {
             "thickness of what they share; of the normal stiffness faces have all, edges half, the corner of a box 0.3, the tip of \
              a regular tetrahedron 0.15"

@@ -8,8 +8,8 @@
 //! 2. A line in the list of shapes below, from which come [`Kind`], [`Shape`] and the names.
 //! 3. Its keys, and what reads them, in `src/scene/geometry.rs`: the compiler asks for them.
 //!
-//! Flat are the faces of polyhedra and rounded polyhedra alone, whose contacts have an area
-//! ([`crate::contact::Overlap`]). No other shape has flat ends: those of a spherocylinder are round, those of a superellipsoid
+//! Flat are the faces of polyhedra and rounded polyhedra alone, whose contacts have an area, and straight the sides of
+//! spherocylinders, whose contacts have a length ([`crate::contact::Overlap`]). Those of a superellipsoid are
 //! nearly flat for small exponents ([`Superellipsoid::EXPONENTS`]).
 //!
 //! A program that uses this crate needs none of the last two: [`Shape::Other`] holds anything convex.
@@ -318,9 +318,16 @@ impl Kind {
         self.facts().contains(&Fact::Faces)
     }
 
-    /// Whether it can be the first and the second body of a contact of faces: of two polyhedra, or of one and a plane.
-    pub fn ends_on_faces(self) -> [bool; 2] {
-        [self.has_faces(), self.has_faces() || self == Self::HalfSpace]
+    /// Has it a straight side?
+    pub fn has_side(self) -> bool {
+        self == Self::Spherocylinder
+    }
+
+    /// Contacts of faces, of two polyhedra, and of straight sides, of two spherocylinders, have an extent, as have those of
+    /// both with planes. Which of them it can have as the first and as the second body, as bits: a pair with one in common has that.
+    pub fn extended(self) -> [u8; 2] {
+        let own = u8::from(self.has_faces()) | u8::from(self.has_side()) << 1;
+        [own, if self == Self::HalfSpace { 3 } else { own }]
     }
 }
 

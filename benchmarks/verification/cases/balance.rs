@@ -1,6 +1,6 @@
 //! Solids that are poured: their energy adds up, and they come to balance, as `[stop] unbalanced = 1e-3` asks.
 
-use super::faces::{ENERGY, boxes, pouring, solids, stack, step, steps};
+use super::faces::{ENERGY, boxes, pouring, rods, solids, stack, step, steps};
 use super::setup::seen;
 use super::{Case, Drawing, Effort, Findings};
 use dem_mpi::comm::alone::Alone;
@@ -24,7 +24,10 @@ pub(crate) fn run(effort: Effort) -> Findings {
     );
     let mut drawings = Vec::new();
     for damping in effort.pick(vec![0.0], vec![0.0, 1.0]) {
-        let mut scenes = vec![("27 boxes poured into a box", pouring(&boxes(), 3, 3, 0.8))];
+        let mut scenes = vec![
+            ("27 boxes poured into a box", pouring(&boxes(), 3, 3, 0.8)),
+            ("27 rods poured into a box", pouring(&rods(), 3, 3, 0.8)),
+        ];
         if effort == Effort::Full {
             let rounded = solids().pop().expect("a rounded box");
             scenes.push((PILE, pouring(&boxes(), 3, 6, 0.8)));
@@ -54,7 +57,7 @@ fn packing(effort: Effort) -> Case {
         "the leapfrog at a few steps of a contact; of second order",
     );
     let icosahedra = || solids().swap_remove(3);
-    let solids = effort.pick(vec![boxes()], vec![boxes(), icosahedra()]);
+    let solids = effort.pick(vec![boxes(), rods()], vec![boxes(), icosahedra(), rods()]);
     for solid in &solids {
         for (share, allowed) in effort.pick(vec![(1.0, 5e-3)], vec![(1.0, 5e-3), (0.4, 1e-3)]) {
             let mut sim = pouring(solid, 3, effort.pick(3, 12), share);

@@ -1,4 +1,4 @@
-//! Bodies with faces: collisions that keep their energy, rest on slopes, restitution, a rocking block, stacks at rest.
+//! Bodies with faces or straight sides: collisions that keep their energy, rest on slopes, restitution, a rocking block, stacks at rest.
 
 use super::setup::{begun, poured};
 use super::{Case, Effort, Findings, Grain, Plane, Setup};
@@ -26,7 +26,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     Findings { cases, ..Findings::default() }
 }
 
-/// A solid: its name, its corners, and the radius that rolls around it [m].
+/// A solid: its name, its corners, and the radius that rolls around it [m]. A spherocylinder has two corners, on x.
 pub(super) struct Solid {
     pub(super) name: &'static str,
     pub(super) corners: Vec<Vec3>,
@@ -40,6 +40,10 @@ pub(super) fn cuboid(edges: Vec3) -> Vec<Vec3> {
 
 pub(super) fn boxes() -> Solid {
     Solid { name: "boxes", corners: cuboid(Vec3::new(1.0, 0.8, 0.6)), radius: 0.0 }
+}
+
+pub(super) fn rods() -> Solid {
+    Solid { name: "rods 3:1", corners: vec![-0.5 * Vec3::x(), 0.5 * Vec3::x()], radius: 0.25 }
 }
 
 pub(super) fn solids() -> Vec<Solid> {
@@ -63,6 +67,7 @@ pub(super) fn solids() -> Vec<Solid> {
         sharp("octahedra", octahedron),
         sharp("icosahedra", (0..12).map(corner).collect()),
         sharp("plates 10:1", cuboid(Vec3::new(1.0, 1.0, 0.1))),
+        rods(),
         Solid { name: "rounded boxes", corners: cuboid(Vec3::new(0.8, 0.6, 0.4)), radius: 0.1 },
     ]
 }
@@ -75,6 +80,13 @@ impl Solid {
 
     /// The same under another name.
     pub(super) fn text_as(&self, name: &str) -> String {
+        if let [one, other] = &self.corners[..] {
+            return format!(
+                "[[shape]]\nname = \"{name}\"\nkind = \"spherocylinder\"\nlength = {:e}\nradius = {:e}\n",
+                (other - one).norm(),
+                self.radius
+            );
+        }
         let corners: Vec<String> =
             self.corners.iter().map(|c| format!("[{:e}, {:e}, {:e}]", c.x, c.y, c.z)).collect();
         let kind = if self.radius > 0.0 {
@@ -293,8 +305,8 @@ fn slopes(effort: Effort) -> [Case; 2] {
         0.05,
         "mean of two seconds, after two",
     );
-    let blocks = solids().into_iter().filter(|solid| solid.name.contains("boxes"));
-    for solid in blocks {
+    let rests_flat = |solid: &Solid| solid.name.contains("boxes") || solid.name == rods().name;
+    for solid in solids().into_iter().filter(rests_flat) {
         for share in effort.pick(vec![1.0], vec![0.1, 0.3, 0.8, 1.0]) {
             let what = format!("{}, {share} of the limit", solid.name);
             let mut sim = on_slope(&solid, 0.96 * FRICTION, share, 0.3);
@@ -449,7 +461,7 @@ pub(super) fn stack(count: u32) -> Simulation {
 fn rest(effort: Effort) -> [Case; 2] {
     let mut moves = Case::new(
         ENERGY,
-        "stack and pile of boxes, brought to rest and then left without damping",
+        "stack and piles of boxes and rods, brought to rest and then left without damping",
         "way of the one that moves farthest (bounding radii), in 1e6 steps each",
         1e-6,
         "at rest",
@@ -457,10 +469,11 @@ fn rest(effort: Effort) -> [Case; 2] {
     let mut balance =
         Case::new(ENERGY, "the same", "unbalanced force over mean contact force", 1e-3, "at rest");
     let count = effort.pick(3, 10);
-    let mut left = vec![("stack", stack(count))];
+    let mut left = vec![("stack of boxes", stack(count))];
     if effort == Effort::Full {
-        left.push(("pile", pouring(&boxes(), 3, 6, 0.8)));
+        left.push(("pile of boxes", pouring(&boxes(), 3, 6, 0.8)));
     }
+    left.push(("pile of rods", pouring(&rods(), effort.pick(2, 3), effort.pick(2, 6), 0.8)));
     for (what, mut sim) in left {
         steps(&mut sim, 2.0);
         sim.field.damping = 10.0;
@@ -471,7 +484,7 @@ fn rest(effort: Effort) -> [Case; 2] {
             step(&mut sim);
         }
         let ways = places(&sim).into_iter().zip(before).map(|(now, then)| (now.1 - then.1).norm());
-        let what = format!("{what} of {}", sim.particles.owned);
+        let what = format!("{what}, {}", sim.particles.owned);
         moves.absolute(&*what, 0.0, ways.fold(0.0, f64::max) / sim.particles.radius(0));
         balance.absolute(what, 0.0, sim.measure(&mut Alone::default()).unbalanced);
     }

@@ -1,12 +1,16 @@
-//! Contacts of bodies with faces: from what they share, not from one depth.
+//! Contacts of bodies with faces, or with straight sides: from what they share, not from one depth.
 //!
 //! A polyhedron on a face has no single contact point and no smooth depth: the deepest point jumps from corner to corner
 //! when the face tilts, and a force that depends on one depth gives energy, or lets a block at rest creep. Here the
 //! polyhedron that both bodies share is found exactly ([`crate::shape::clip`]), and the energy of the contact is that
-//! of a spring which is compressed by its thickness ([`thickness`]).
+//! of a spring which is compressed by its thickness ([`thickness`]). A spherocylinder has the same fault along its straight side, and
+//! gets the thickness of a line ([`sides`]).
 
+mod sides;
 mod thickness;
 
+use sides::of_sides;
+use thickness::of_faces;
 pub use thickness::{Thickness, thickness};
 
 use super::gjk::{Difference, Separation, separate};
@@ -16,7 +20,7 @@ use super::{
 use crate::math::Vec3;
 use crate::shape::Shape;
 
-/// Resolves two bodies with faces, or one (A) with faces and a half-space, by the thickness of what they share.
+/// Resolves two bodies with faces, or two spherocylinders, or one of these (A) and a half-space, by the thickness of what they share.
 ///
 /// That thickness stands for the overlap, and the normal is the direction of the force. A batch gets the [`Patch`] of each
 /// contact, without which a law knows only a part.
@@ -26,6 +30,9 @@ pub struct Overlap;
 impl Overlap {
     /// What a pair shares, or what else is to be said of it.
     fn shared(a: &Posed, b: &Posed, r: &Vec3, touched: bool) -> Result<Thickness, Outcome> {
+        if let Some(found) = of_sides(a, b, r) {
+            return found;
+        }
         let excess = |body: &Posed| body.shape.excess() * body.scale;
         let beyond = excess(a) + excess(b);
         // Bodies that touched will as a rule touch again; others are more often apart.
@@ -36,7 +43,7 @@ impl Overlap {
                 return Err(Outcome::Apart(clear - beyond));
             }
         }
-        thickness(a, b, r).ok_or_else(|| match known.or_else(|| clearance(a, b, r)) {
+        of_faces(a, b, r).ok_or_else(|| match known.or_else(|| clearance(a, b, r)) {
             Some(clear) => Outcome::Apart((clear - beyond).max(0.0)),
             None => Outcome::Failed(Why::TooDeep),
         })

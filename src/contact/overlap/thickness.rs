@@ -53,6 +53,7 @@
 //! simulation*, thesis, University of Waterloo) and, with the extent of the contact patch from its second moments, by
 //! Bouchard et al. (2015, *6D frictional contact for rigid bodies*, Graphics Interface).
 
+use super::sides::of_sides;
 use crate::contact::Posed;
 use crate::math::{Mat3, Vec3};
 use crate::shape::Shape;
@@ -61,7 +62,7 @@ use crate::shape::facets::{Facets, Plane};
 use std::cell::RefCell;
 
 /// A contact thinner than this part of the size of A has no force that is more than rounding.
-const THIN: f64 = 1e-9;
+pub(super) const THIN: f64 = 1e-9;
 
 /// A force whose axis lies farther from the centroid than this many times the radius of what is shared is none: the
 /// bodies are so deep in each other that hardly anything but a moment is left.
@@ -81,9 +82,7 @@ pub struct Thickness {
     /// Moment of A on B along the normal that remains there, over the stiffness [m²]: rounding but where faces are twisted against
     /// each other.
     pub couple: f64,
-    /// Volume of what both bodies hold [m³].
-    pub volume: f64,
-    /// Its centroid, seen from the centre of A [m].
+    /// Centroid of what both bodies hold, seen from the centre of A [m].
     pub centroid: Vec3,
     /// Its covariance [m²].
     pub covariance: Mat3,
@@ -114,7 +113,6 @@ impl Thickness {
             gain: self.gain,
             point: frame * (self.point * scale),
             couple: self.couple * square,
-            volume: self.volume * (square * scale),
             centroid: frame * (self.centroid * scale),
             covariance: frame * (self.covariance * square) * frame.transpose(),
         }
@@ -137,13 +135,21 @@ thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
 
-/// What two bodies share, of which the first has faces and the second has faces or is a half-space; `r` is from the centre
-/// of A to that of B, or to the reference point of its wall [m]. `None` if they share nothing, or one of them has no
-/// faces, or one is swallowed by the other, so that no force is left.
+/// What two bodies share, of which the first has faces and the second has faces or is a half-space, or of two with straight sides
+/// ([`super::sides`]); `r` is from the centre of A to that of B, or to the reference point of its wall [m]. `None` if they
+/// share nothing, or are others, or one is swallowed by the other, so that no force is left.
 ///
 /// Everything is computed in the axes and with the unit of length of A. The two orders of a pair agree but for
 /// rounding, and where faces coincide, not even so: callers pass the body with the lower id first.
 pub fn thickness(a: &Posed, b: &Posed, r: &Vec3) -> Option<Thickness> {
+    if let Some(found) = of_sides(a, b, r) {
+        return found.ok();
+    }
+    of_faces(a, b, r)
+}
+
+/// Of bodies with faces.
+pub(super) fn of_faces(a: &Posed, b: &Posed, r: &Vec3) -> Option<Thickness> {
     let body = a.shape.facets()?;
     SCRATCH.with_borrow_mut(|scratch| {
         let per_metre = 1.0 / a.scale;
@@ -252,7 +258,6 @@ impl Scratch {
             gain: length / thickness,
             point: centroid + lever / squared,
             couple: moment.dot(&normal),
-            volume,
             centroid,
             covariance,
         };

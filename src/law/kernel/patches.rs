@@ -1,6 +1,6 @@
-//! Contacts in scenes that have bodies with faces.
+//! Contacts in scenes that have bodies with faces or straight sides.
 //!
-//! Contacts of two such bodies, or of one and a plane, have a patch. They are found one after the other. The others are found
+//! Contacts of two polyhedra, of two spherocylinders, or of one of them and a plane, have a patch. They are found one after the other. The others are found
 //! eight at a time, picked from a window of the list, whatever stands between them. Then all contacts of the window are summed
 //! in their order. A contact gets the same bits in any company; force and springs of one without a patch have the bits that they
 //! have in scenes without faces.
@@ -16,7 +16,8 @@
 //!   tangential spring and Coulomb's limit. Its moment is `a` times its force. When `a` changes, `φ` and its energy stay.
 //!
 //! `a` is `2√2/3` of the radius of gyration of the patch about the normal: on a disc under even pressure friction in each
-//! point has that mean distance, and on a square one that is 0.6 % less.
+//! point has that mean distance, and on a square one that is 0.6 % less. The covariance of a line is given as small as to make
+//! it a quarter of the length ([`crate::contact::thickness`]).
 //!
 //! All forces but the elastic ones along the normal are remembered with the point where they acted, so that what is
 //! dissipated is their work: what a long step makes of the elastic ones is missing from the energy balance, and is
