@@ -22,7 +22,7 @@ use clap::Parser;
 use counted::{BYTES, CONTACTS, GHOSTS, MESSAGES, MIGRATED, NAMES, PARTICLES, REDUCTIONS, Run};
 use dem_mpi::comm::threads;
 use lines::Line;
-use measured::{Task, Timed};
+use measured::{PHASES, Task, Timed};
 use model::{Costs, Laws, Surface};
 use packing::{CELL, Packing, arranged, settled};
 use plotters::prelude::IntoLogRange;
@@ -139,7 +139,11 @@ fn tell_counts(runs: &[Run], record: &Path) -> anyhow::Result<()> {
 /// Times steps, prints and writes them; returns those of one rank with 20,000 particles.
 fn time_all(record: &Path) -> anyhow::Result<Timed> {
     let mut table =
-        "scene,ranks,particles,step_s,ns_per_particle_step_and_rank,strong_efficiency\n".to_owned();
+        "scene,ranks,particles,step_s,ns_per_particle_step_and_rank,strong_efficiency".to_owned();
+    for phase in PHASES {
+        write!(table, ",{}_ns", phase.name())?;
+    }
+    table.push('\n');
     println!("\nmeasured under mpirun: fastest of several rounds");
     let mut tell = |task: Task, ranks: u32, timed: &Timed, alone: &Timed| -> anyhow::Result<()> {
         let each = 1e9 * timed.step * f64::from(ranks) / timed.particles;
@@ -150,13 +154,21 @@ fn time_all(record: &Path) -> anyhow::Result<Timed> {
             timed.particles,
             1e3 * timed.step,
         );
-        writeln!(
+        write!(
             table,
             "{},{ranks},{},{:.6e},{each:.1},{efficiency:.4}",
             task.name(),
             timed.particles,
             timed.step
         )?;
+        print!("        ");
+        for (phase, seconds) in PHASES.into_iter().zip(timed.phases) {
+            let of_each = each * seconds / timed.step;
+            print!(" {} {of_each:.0} ns", phase.name());
+            write!(table, ",{of_each:.1}")?;
+        }
+        println!();
+        table.push('\n');
         Ok(())
     };
     let mut ones = Vec::new();

@@ -69,7 +69,13 @@ pub(crate) struct Timed {
     pub(crate) particle: f64,
     /// The same: resolution and force, per contact [s].
     pub(crate) contact: f64,
+    /// Of that round: each of [`PHASES`] per step, in the mean over the ranks [s].
+    pub(crate) phases: [f64; PHASES.len()],
 }
+
+/// What a step consists of.
+pub(crate) const PHASES: [Phase; 6] =
+    [Phase::Move, Phase::Agree, Phase::Rebuild, Phase::Exchange, Phase::Contacts, Phase::Forces];
 
 /// A snapshot beside a plain write, the median of each.
 #[derive(Clone, Copy, Debug)]
@@ -104,8 +110,9 @@ fn start<const N: usize>(task: Task, ranks: u32) -> anyhow::Result<[f64; N]> {
 
 /// Times steps on so many ranks.
 pub(crate) fn steps(task: Task, ranks: u32) -> anyhow::Result<Timed> {
-    let [particles, step, particle, contact] = start(task, ranks)?;
-    Ok(Timed { particles, step, particle, contact })
+    let [particles, step, particle, contact, phases @ ..] =
+        start::<{ 4 + PHASES.len() }>(task, ranks)?;
+    Ok(Timed { particles, step, particle, contact, phases })
 }
 
 /// Times snapshots on so many ranks.
@@ -133,8 +140,8 @@ fn time_steps(
     task: Task,
     comm: &mut dyn Comm,
     mut others: Option<&mut World>,
-) -> anyhow::Result<[f64; 4]> {
-    let mut meet = |comm: &mut dyn Comm| match &mut others {
+) -> anyhow::Result<[f64; 4 + PHASES.len()]> {
+    let meet = |comm: &mut dyn Comm, others: &mut Option<&mut World>| match others {
         Some(others) => others.any(false),
         None => comm.any(false),
     };
@@ -146,30 +153,40 @@ fn time_steps(
     comm.sum(&mut total);
     let particles = total[0] as usize;
     let steps = ROUND / particles;
-    let mut best = [particles as f64, f64::INFINITY, 0.0, 0.0];
+    let mut best = [0.0; 4 + PHASES.len()];
+    best[..2].copy_from_slice(&[particles as f64, f64::INFINITY]);
     for _ in 0..ROUNDS {
         let contacts = sim.found.tally.contacts;
         let clock = sim.clock.clone();
-        meet(comm);
+        meet(comm, &mut others);
         let begin = Instant::now();
         for _ in 0..steps {
             sim.step(comm)?;
         }
-        meet(comm);
+        meet(comm, &mut others);
         let step = begin.elapsed().as_secs_f64() / steps as f64;
+        let since = |phase: Phase| sim.clock.seconds(phase) - clock.seconds(phase);
+        let mut nanoseconds = PHASES.map(|phase| (1e9 * since(phase)) as i64);
+        let ranks = if let Some(others) = &mut others {
+            others.sum(&mut nanoseconds);
+            others.size()
+        } else {
+            comm.sum(&mut nanoseconds);
+            comm.size()
+        };
         if step < best[1] {
-            let spent = |phases: &[Phase]| {
-                let since = |&phase: &Phase| sim.clock.seconds(phase) - clock.seconds(phase);
-                phases.iter().map(since).sum::<f64>()
-            };
+            let spent = |phases: &[Phase]| phases.iter().map(|&phase| since(phase)).sum::<f64>();
             let contacts = sim.found.tally.contacts - contacts;
             let slots = (sim.particles.owned + sim.particles.ghosts) * steps;
             let of_particle = [Phase::Move, Phase::Rebuild, Phase::Exchange, Phase::Agree];
-            best[1..].copy_from_slice(&[
+            best[1..4].copy_from_slice(&[
                 step,
                 spent(&of_particle) / slots as f64,
                 spent(&[Phase::Contacts, Phase::Forces]) / contacts as f64,
             ]);
+            best[4..].copy_from_slice(
+                &nanoseconds.map(|ns| 1e-9 * ns as f64 / (steps as f64 * f64::from(ranks))),
+            );
         }
     }
     Ok(best)

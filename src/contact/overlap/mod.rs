@@ -3,15 +3,16 @@
 //! A polyhedron on a face has no single contact point and no smooth depth: the deepest point jumps from corner to corner
 //! when the face tilts, and a force that depends on one depth gives energy, or lets a block at rest creep. Here the
 //! polyhedron that both bodies share is found exactly ([`crate::shape::clip`]), and the energy of the contact is that
-//! of a spring which is compressed by its thickness ([`thickness`]). A spherocylinder has the same fault along its straight side, and
+//! of a spring which is compressed by its thickness ([`faces`]). A spherocylinder has the same fault along its straight side, and
 //! gets the thickness of a line ([`sides`]).
 
+mod faces;
 mod sides;
 mod thickness;
 
+use faces::of_faces;
 use sides::of_sides;
-use thickness::of_faces;
-pub use thickness::{Thickness, thickness};
+pub use thickness::Thickness;
 
 use super::gjk::{Difference, Separation, separate};
 use super::{
@@ -19,6 +20,13 @@ use super::{
 };
 use crate::math::Vec3;
 use crate::shape::Shape;
+
+/// What two bodies share, of which the first has faces and the second has faces or is a half-space, or the first has a straight
+/// side and the second has one or is a half-space; `r` is from the centre of A to that of B, or to the reference point of its
+/// wall [m]. `None` if they share nothing, or are others, or one is swallowed by the other, so that no force is left.
+pub fn thickness(a: &Posed, b: &Posed, r: &Vec3) -> Option<Thickness> {
+    of_sides(a, b, r).map_or_else(|| of_faces(a, b, r), Result::ok)
+}
 
 /// Resolves two bodies with faces, or two spherocylinders, or one of these (A) and a half-space, by the thickness of what they share.
 ///

@@ -13,7 +13,7 @@
 //!
 //! Where A lies flat on B, `δ` is the same everywhere, and `D = δ`, whatever the length. Of two spherocylinders `D²` is the mean
 //! of both axes' values, so that their order does not matter. The elastic energy is `k D² / 2`, as of faces
-//! ([`super::thickness`]), and force and moment are its gradient: where the point at `s` is pushed along `n(s)`,
+//! ([`super::faces`]), and force and moment are its gradient: where the point at `s` is pushed along `n(s)`,
 //!
 //! `dU = k/2 ∫ (3 δ² - D²) dδ ds / ∫ δ ds`
 //!
