@@ -166,7 +166,7 @@ const RUNGS: [Rung; 10] = {
         ..servo
     };
     let five_kinds =
-        Rung { name: "the same of five kinds, one with faces", grains: Grains::FiveKinds, ..servo };
+        Rung { name: "the same of five kinds (one has faces)", grains: Grains::FiveKinds, ..servo };
     let boxes = Rung { name: "the same of boxes", grains: Grains::Boxes, ..servo };
     [
         spheres,
