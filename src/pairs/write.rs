@@ -11,7 +11,7 @@ pub const PAIR_COLUMNS: [&str; 21] = [
     "yB", "zB", "qwB", "qxB", "qyB", "qzB",
 ];
 
-/// Columns of [`answers`]: those of the reference files, who answered, and what bodies with faces share.
+/// Columns of [`answers`]: those of the reference files, who answered, and what bodies with faces or straight sides share.
 pub const ANSWER_COLUMNS: [&str; 24] = [
     "id",
     "overlap",
