@@ -57,15 +57,15 @@ fn solids() -> Vec<Shape> {
 
 /// Two bodies in place, the second perhaps a plane.
 #[derive(Clone)]
-struct Pose<'a> {
-    shapes: [&'a Shape; 2],
-    frames: [Mat3; 2],
-    scales: [f64; 2],
-    r: Vec3,
+pub(crate) struct Pose<'a> {
+    pub(crate) shapes: [&'a Shape; 2],
+    pub(crate) frames: [Mat3; 2],
+    pub(crate) scales: [f64; 2],
+    pub(crate) r: Vec3,
 }
 
 impl Pose<'_> {
-    fn bodies(&self) -> [Posed<'_>; 2] {
+    pub(crate) fn bodies(&self) -> [Posed<'_>; 2] {
         [0, 1].map(|k| Posed {
             shape: self.shapes[k],
             frame: &self.frames[k],
@@ -73,7 +73,7 @@ impl Pose<'_> {
         })
     }
 
-    fn thickness(&self) -> Option<Thickness> {
+    pub(crate) fn thickness(&self) -> Option<Thickness> {
         let [a, b] = self.bodies();
         thickness(&a, &b, &self.r)
     }
@@ -94,6 +94,35 @@ impl Pose<'_> {
         turned.frames[body] =
             rotation_about(axis, angle).to_rotation_matrix() * turned.frames[body];
         turned
+    }
+
+    /// The largest difference of force and moment from the gradient by differences, over the thickness that was found.
+    pub(crate) fn error_of_gradient(&self, found: &Thickness) -> f64 {
+        let (force, moment) = (found.force(), found.moment());
+        let on_b = moment - self.r.cross(&force);
+        let step = 1e-4 * found.thickness;
+        let mut worst = 0.0_f64;
+        for k in 0..3 {
+            let axis = Vec3::ith(k, 1.0);
+            let by_place = derivative(|h| self.moved(axis * h).energy(), step);
+            let by_a = derivative(|h| self.turned(0, &axis, h).energy(), step);
+            let by_b = derivative(|h| self.turned(1, &axis, h).energy(), step);
+            for error in [by_place + force[k], by_a - moment[k], by_b + on_b[k]] {
+                worst = worst.max(error.abs() / found.thickness);
+            }
+        }
+        worst
+    }
+
+    /// The same two bodies in the other order.
+    pub(crate) fn swapped(&self) -> Self {
+        let Self { shapes: [a, b], frames, scales, r } = *self;
+        Self {
+            shapes: [b, a],
+            frames: [frames[1], frames[0]],
+            scales: [scales[1], scales[0]],
+            r: -r,
+        }
     }
 }
 
@@ -130,18 +159,7 @@ fn force_and_moment_are_the_gradient() {
         let pose = random_pose(&mut random, &solids);
         let Some(found) = pose.thickness() else { continue };
         touching += 1;
-        let (force, moment) = (found.force(), found.moment());
-        let on_b = moment - pose.r.cross(&force);
-        let step = 1e-4 * found.thickness;
-        for k in 0..3 {
-            let axis = Vec3::ith(k, 1.0);
-            let by_place = derivative(|h| pose.moved(axis * h).energy(), step);
-            let by_a = derivative(|h| pose.turned(0, &axis, h).energy(), step);
-            let by_b = derivative(|h| pose.turned(1, &axis, h).energy(), step);
-            for error in [by_place + force[k], by_a - moment[k], by_b + on_b[k]] {
-                worst = worst.max(error.abs() / found.thickness);
-            }
-        }
+        worst = worst.max(pose.error_of_gradient(&found));
         assert!(worst < GRADIENT, "case {case}: {worst:e} {found:?}");
         // The tip of a needle is soft.
         assert!((0.1..1.0 + 1e-9).contains(&found.gain), "case {case}: {found:?}");
@@ -305,13 +323,7 @@ fn the_order_of_a_pair_does_not_matter() {
     let mut random = Random::of(SEED, 3);
     for case in 0..2000 {
         let pose = random_pose(&mut random, &solids);
-        let swap = |two: &[Mat3; 2]| [two[1], two[0]];
-        let swapped = Pose {
-            shapes: [pose.shapes[1], pose.shapes[0]],
-            frames: swap(&pose.frames),
-            scales: [pose.scales[1], pose.scales[0]],
-            r: -pose.r,
-        };
+        let swapped = pose.swapped();
         let (Some(one), Some(other)) = (pose.thickness(), swapped.thickness()) else { continue };
         let about_b = other.moment() + other.force().cross(&-pose.r);
         let tolerance = 1e-10 * one.thickness;

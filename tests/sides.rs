@@ -1,8 +1,9 @@
 //! Spherocylinders that lie side by side or on a plane: force and moment are the gradient of the energy, and they come to rest.
 
+use crate::overlap::Pose;
 use crate::random::Draw;
 use crate::support::Frame;
-use dem_mpi::contact::{Posed, Thickness, thickness};
+use dem_mpi::contact::{Posed, Thickness};
 use dem_mpi::math::{Mat3, Vec3, rotation_about};
 use dem_mpi::random::Random;
 use dem_mpi::shape::{HalfSpace, Shape, Spherocylinder};
@@ -11,46 +12,6 @@ const SEED: u64 = 20_261_124;
 
 fn rod(length: f64, radius: f64) -> Shape {
     Shape::Spherocylinder(Spherocylinder { length, radius })
-}
-
-/// Two bodies in place.
-#[derive(Clone)]
-struct Pose<'a> {
-    shapes: [&'a Shape; 2],
-    frames: [Mat3; 2],
-    r: Vec3,
-}
-
-impl Pose<'_> {
-    fn bodies(&self) -> [Posed<'_>; 2] {
-        [0, 1].map(|k| Posed::new(self.shapes[k], &self.frames[k]))
-    }
-
-    fn thickness(&self) -> Option<Thickness> {
-        let [a, b] = self.bodies();
-        thickness(&a, &b, &self.r)
-    }
-
-    fn energy(&self) -> f64 {
-        self.thickness().map_or(0.0, |found| found.energy())
-    }
-
-    fn moved(&self, by: Vec3) -> Self {
-        Self { r: self.r + by, ..self.clone() }
-    }
-
-    fn turned(&self, body: usize, axis: &Vec3, angle: f64) -> Self {
-        let mut turned = self.clone();
-        turned.frames[body] =
-            rotation_about(axis, angle).to_rotation_matrix() * turned.frames[body];
-        turned
-    }
-}
-
-/// A derivative at 0, from central differences of fourth order.
-fn derivative(of: impl Fn(f64) -> f64, step: f64) -> f64 {
-    let difference = |h: f64| (of(h) - of(-h)) / (2.0 * h);
-    (4.0 * difference(step) - difference(2.0 * step)) / 3.0
 }
 
 /// How parallel the two of a random pose are: their axes differ by about this angle [rad].
@@ -64,7 +25,7 @@ fn random_pose<'a>(random: &mut Random, shapes: &'a [Shape], plane: bool, angle:
     let turn = rotation_about(&axis, angle * random.signed()).to_rotation_matrix().into_inner();
     let frames = [frame, turn * frame];
     let overlap = 0.3 * 10.0_f64.powf(random.between(-4.0, -1.0));
-    let mut pose = Pose { shapes, frames, r: Vec3::zeros() };
+    let mut pose = Pose { shapes, frames, scales: [1.0; 2], r: Vec3::zeros() };
     if plane {
         let normal = -(frames[1] * Vec3::z());
         let [a, _] = pose.bodies();
@@ -98,19 +59,7 @@ fn force_and_moment_are_the_gradient() {
         let pose = random_pose(&mut random, &shapes, on_plane, angle);
         let Some(found) = pose.thickness() else { continue };
         touching[usize::from(on_plane)] += 1;
-        let (force, moment) = (found.force(), found.moment());
-        let on_b = moment - pose.r.cross(&force);
-        let step = 1e-4 * found.thickness;
-        let mut worst = 0.0_f64;
-        for k in 0..3 {
-            let axis = Vec3::ith(k, 1.0);
-            let by_place = derivative(|h| pose.moved(axis * h).energy(), step);
-            let by_a = derivative(|h| pose.turned(0, &axis, h).energy(), step);
-            let by_b = derivative(|h| pose.turned(1, &axis, h).energy(), step);
-            for error in [by_place + force[k], by_a - moment[k], by_b + on_b[k]] {
-                worst = worst.max(error.abs() / found.thickness);
-            }
-        }
+        let worst = pose.error_of_gradient(&found);
         assert!(worst < 1e-6, "case {case}: {worst:e} {found:?} {pose:?}", pose = pose.r);
         assert!((0.49..1.0 + 1e-9).contains(&found.gain), "case {case}: {found:?}");
     }
@@ -127,7 +76,9 @@ fn on_plane(shape: &Shape, tilt: f64, depth: f64) -> Thickness {
     let frame = rotation_about(&Vec3::y(), tilt).to_rotation_matrix().into_inner();
     let height = -Posed::new(shape, &frame).support(&-Vec3::z()).z - depth;
     let r = Vec3::new(0.3, -0.2, -height);
-    Pose { shapes: [shape, &plane], frames: [frame, Mat3::identity()], r }.thickness().unwrap()
+    Pose { shapes: [shape, &plane], frames: [frame, Mat3::identity()], scales: [1.0; 2], r }
+        .thickness()
+        .unwrap()
 }
 
 #[test]
@@ -157,7 +108,9 @@ fn crossed(shapes: [&Shape; 2], angle: f64, along: f64, depth: f64) -> Thickness
     let turn = rotation_about(&Vec3::z(), angle).to_rotation_matrix().into_inner();
     let frames = [Mat3::identity(), turn];
     let reach: f64 = shapes.map(Shape::margin).iter().sum();
-    Pose { shapes, frames, r: Vec3::new(along, 0.0, reach - depth) }.thickness().unwrap()
+    Pose { shapes, frames, scales: [1.0; 2], r: Vec3::new(along, 0.0, reach - depth) }
+        .thickness()
+        .unwrap()
 }
 
 #[test]
@@ -182,7 +135,7 @@ fn sides_have_their_closed_forms() {
     // Two ends in line: half of the stiffness.
     let frames = [Mat3::identity(); 2];
     let r = Vec3::new(2.5 + 0.8 - depth, 0.0, 0.0);
-    let found = Pose { shapes: [&long, &short], frames, r }.thickness().unwrap();
+    let found = Pose { shapes: [&long, &short], frames, scales: [1.0; 2], r }.thickness().unwrap();
     assert!((found.thickness.powi(2) / (0.5 * depth * depth) - 1.0).abs() < 1e-9, "{found:?}");
     // Without length they are balls.
     let balls = [&rod(0.0, 0.5), &rod(0.0, 0.3)];
@@ -203,11 +156,7 @@ fn order_and_frame_do_not_matter() {
         let turn = random.frame();
         let Some(one) = pose.thickness() else { continue };
         touching += 1;
-        let swapped = Pose {
-            shapes: [pose.shapes[1], pose.shapes[0]],
-            frames: [pose.frames[1], pose.frames[0]],
-            r: -pose.r,
-        };
+        let swapped = pose.swapped();
         let other = swapped.thickness().unwrap();
         assert_eq!(one.thickness.to_bits(), other.thickness.to_bits(), "case {case}");
         assert_eq!(one.force(), -other.force(), "case {case}");

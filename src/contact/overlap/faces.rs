@@ -160,7 +160,8 @@ impl Scratch {
     /// Thickness of what is shared, and its gradient, in the axes of A.
     fn measure(&mut self, size: f64) -> Option<Thickness> {
         self.shared.pack();
-        let axes = self.axes()?;
+        let by_cuts = self.has_fewer_cuts()?;
+        let axes = self.axes(by_cuts)?;
         let vertices = self.shared.vertices();
         let origin = vertices[ORIGIN as usize];
         self.local.clear();
@@ -180,7 +181,7 @@ impl Scratch {
         if !is_thick {
             return None;
         }
-        let (force, moment) = self.gradient(&(cofactors / sum), &centroid, s);
+        let (force, moment) = self.gradient(&(cofactors / sum), &centroid, s, by_cuts);
         let (force, moment) = (force * (6.0 / volume), moment * (6.0 / volume));
         let squared = force.norm_squared();
         let lever = force.cross(&moment);
@@ -208,22 +209,19 @@ impl Scratch {
         })
     }
 
-    /// How many faces, and how many of them are cuts.
-    fn count(&self) -> (usize, usize) {
-        let cuts = self.shared.faces().filter(|face| face.is_cut);
-        (self.shared.faces().count(), cuts.count())
+    /// Whether no more than half of the faces are cuts. `None` if one of the bodies has no facet here.
+    fn has_fewer_cuts(&self) -> Option<bool> {
+        let all = self.shared.faces().count();
+        let cut = self.shared.faces().filter(|face| face.is_cut).count();
+        (cut > 0 && cut < all).then_some(2 * cut <= all)
     }
 
     /// Axes, as columns, of which the third is along the vector area of the facets of A: there the second moments of a
-    /// thin plate do not lose their small one in the large ones. `None` if one of the bodies has no facet here.
-    fn axes(&self) -> Option<Mat3> {
+    /// thin plate do not lose their small one in the large ones. `None` if they have no
+    /// area.
+    fn axes(&self, by_cuts: bool) -> Option<Mat3> {
         let vertices = self.shared.vertices();
-        let (all, cut) = self.count();
-        if cut == 0 || cut == all {
-            return None;
-        }
         // The whole surface has none: those of the cuts have the opposite one.
-        let by_cuts = 2 * cut <= all;
         let mut area = Vec3::zeros();
         for face in self.shared.faces().filter(|face| face.is_cut == by_cuts) {
             for [a, b, c] in fan(face.corners) {
@@ -273,15 +271,13 @@ impl Scratch {
     }
 
     /// `Σ n ∫ (|w|² - s) dA` over the facets of A, and the same of the moment about the centroid, in local axes: force and
-    /// moment of A on B. From those of B, with the opposite sign, if there are fewer of them.
-    fn gradient(&mut self, k: &Mat3, centroid: &Vec3, s: f64) -> (Vec3, Vec3) {
+    /// moment of A on B. From those of B, with the opposite sign, `by_cuts`.
+    fn gradient(&mut self, k: &Mat3, centroid: &Vec3, s: f64, by_cuts: bool) -> (Vec3, Vec3) {
         for vertex in &mut self.local {
             *vertex -= centroid;
         }
         self.turned.clear();
         self.turned.extend(self.local.iter().map(|vertex| k * vertex));
-        let (all, cut) = self.count();
-        let by_cuts = 2 * cut <= all;
         let (mut force, mut moment) = (Vec3::zeros(), Vec3::zeros());
         for face in self.shared.faces().filter(|face| face.is_cut == by_cuts) {
             for [a, b, c] in fan(face.corners) {

@@ -38,7 +38,7 @@ use super::thickness::{THIN, Thickness};
 use crate::contact::patch::nearest_of_segments;
 use crate::contact::{Outcome, Posed, PosedCore, Why};
 use crate::math::{Mat3, Vec3};
-use crate::shape::{Kind, Shape};
+use crate::shape::Shape;
 
 /// Places and weights of Gauss' rule with eight points on [-1, 1], the positive half.
 const GAUSS: [[f64; 2]; 4] = [
@@ -63,7 +63,7 @@ struct Side {
 impl Side {
     fn of(body: &Posed) -> Option<Self> {
         match body.core() {
-            PosedCore::Segment(end) if body.shape.kind() == Kind::Spherocylinder => {
+            PosedCore::Segment(end) if body.shape.kind().has_side() => {
                 Some(Self { end, radius: body.margin() })
             }
             _ => None,
