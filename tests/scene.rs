@@ -556,3 +556,26 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
     assert!(plan(&late, 4).contains("the last layers of rain will not fall"));
     Ok(())
 }
+
+/// 48 balls fall from rest in three layers of a slab of 10 mm: each needs 45.15 ms to leave it, 452 steps of 100 µs, which
+/// are three times the 200 between layers.
+#[test]
+fn the_plan_counts_the_steps_that_rain_needs() -> Result<()> {
+    let with_steps = |set: &str| -> Result<String> {
+        let scene = "[domain]\nlow = [0, 0, 0]\nhigh = [0.04, 0.04, 0.2]\nwalls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\"]\n\
+                     [[material]]\nname = \"glass\"\ndensity = 2500.0\nnormal_stiffness = 10.0\n\
+                     [[shape]]\nname = \"ball\"\nkind = \"sphere\"\ndiameter = 0.01\n\
+                     [fill.rain]\nshapes = { ball = 1.0 }\ncount = 48\nevery = 200\nspacing = 0.01\n\
+                     [time]\nstep = 1e-4\nsteps = 1200\n[output]\ndirectory = \"none\"\n";
+        let overrides = ["gravity=[0, 0, -9.81]".to_owned(), set.to_owned()];
+        Ok(plan(&Scene::parse(scene, "rain", Path::new(""), &overrides)?, 1))
+    };
+    let late = "a layer leaves its slab after 600 steps, so the last of 3 appears at step 1200 or later, and there are 1200 steps";
+    let short = with_steps("time.steps=1200")?;
+    assert!(short.contains(late) && short.contains("one in 600 steps"), "{short}");
+    for enough in ["time.steps=1201", "fill.rain.velocity=[0, 0, -0.3]"] {
+        let long = with_steps(enough)?;
+        assert!(!long.contains("will not fall"), "{long}");
+    }
+    Ok(())
+}

@@ -55,6 +55,32 @@ impl Rain {
     pub fn layers(&self) -> u64 {
         self.count.div_ceil(self.per_layer())
     }
+
+    /// Steps from one layer to the next, if nothing else holds them up: as many as a layer needs to fall out of the slab,
+    /// rounded up to a multiple of `every`. `None` if it does not fall out. Gravity in m/s², the step in s.
+    pub fn interval(&self, gravity: &Vec3, periodic: [bool; 3], dt: f64) -> Option<u64> {
+        let extent = self.high - self.low;
+        let out = (0..3)
+            .filter(|&axis| !periodic[axis])
+            .filter_map(|axis| time_to_go(extent[axis], self.velocity[axis], gravity[axis]))
+            .reduce(f64::min)?;
+        Some(((out / dt).ceil() as u64).max(1).div_ceil(self.every) * self.every)
+    }
+}
+
+/// When a body that starts at a velocity [m/s] under an acceleration [m/s²] is first a distance [m] away; `None` for never [s].
+fn time_to_go(distance: f64, velocity: f64, acceleration: f64) -> Option<f64> {
+    // Against the acceleration it may get there before it turns.
+    let before_it_turns = velocity * velocity - 2.0 * acceleration.abs() * distance;
+    let is_braked = velocity * acceleration < 0.0;
+    let speed = velocity.abs();
+    if acceleration == 0.0 || (is_braked && before_it_turns >= 0.0) {
+        let later = if acceleration == 0.0 { speed } else { before_it_turns.sqrt() };
+        return (speed > 0.0).then(|| 2.0 * distance / (speed + later));
+    }
+    let towards = if is_braked { -speed } else { speed };
+    let there = 2.0f64.mul_add(acceleration.abs() * distance, speed * speed).sqrt();
+    Some((there - towards) / acceleration.abs())
 }
 
 /// How many cells of at least this width fit into a length, rounding forgiven.
@@ -200,7 +226,7 @@ impl Drive for RainGauge {
 
 #[cfg(test)]
 mod tests {
-    use super::{Rain, RainGauge};
+    use super::{Rain, RainGauge, time_to_go};
     use crate::cell::Cell;
     use crate::ids::{GlobalId, MaterialId, ShapeId};
     use crate::math::Vec3;
@@ -257,6 +283,22 @@ mod tests {
         for (z, blocks) in [(1.0, false), (0.95, true)] {
             assert_eq!(is_blocked(&[], Some((Vec3::z() * z, -Vec3::z()))), blocks, "{z}");
         }
+    }
+
+    /// The way after the time is the distance, and half as long before it is not, whichever way it started.
+    #[test]
+    fn the_time_out_of_the_slab_is_that_of_a_fall() {
+        for (velocity, acceleration) in
+            [(0.0, -9.81), (-2.0, -9.81), (2.0, -9.81), (3.0, -1.0), (-0.5, 0.0), (0.1, 0.3)]
+        {
+            let way = |t: f64| (velocity * t + 0.5 * acceleration * t * t).abs();
+            let time = time_to_go(0.7, velocity, acceleration).unwrap();
+            assert!((way(time) - 0.7).abs() < 1e-14, "{velocity} {acceleration}: {}", way(time));
+            for k in 1..1000 {
+                assert!(way(time * f64::from(k) / 1000.0) < 0.7, "{velocity} {acceleration} {k}");
+            }
+        }
+        assert_eq!(time_to_go(0.7, 0.0, 0.0), None);
     }
 
     /// Sixty particles fit into a layer; a hundred had fallen when two hundred were asked for.

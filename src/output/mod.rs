@@ -72,6 +72,15 @@ pub enum SnapshotError {
         /// The latest step there.
         newest: u64,
     },
+    /// A stage should go into the folder of the stage before.
+    #[error(
+        "{path} is the folder of the stage that `start` goes on from, and a stage keeps the snapshots of the one before. \
+         Give it a folder of its own: --out DIR, or output.directory in the scene"
+    )]
+    StageBefore {
+        /// The directory.
+        path: String,
+    },
     /// A table handed to the writer has columns of different lengths.
     #[error(
         "rank {rank} gave {rows} rows of `{column}` where {expected} belong: a bug of the caller"

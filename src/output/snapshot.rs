@@ -180,7 +180,7 @@ pub fn write_rows(
 /// the stage before, if this one begins with it. Collective.
 ///
 /// # Errors
-/// On all ranks: [`SnapshotError::Later`], or rank 0 cannot remove them.
+/// On all ranks: [`SnapshotError::Later`], [`SnapshotError::StageBefore`], or rank 0 cannot remove them.
 pub fn none_later(
     directory: &Path,
     step: u64,
@@ -212,9 +212,12 @@ pub fn none_later(
             if later.is_empty() { Ok(()) } else { remove_if_there(&directory.join(LAST)) }
         });
     }
-    let newest = later.iter().map(|(step, _)| *step).max();
     let path = super::name_of(directory);
-    agree(comm, newest.map_or(Ok(()), |newest| Err(SnapshotError::Later { path, step, newest })))
+    let found = later.iter().map(|(step, _)| *step).max().map(|newest| match newest > step {
+        false if follows_them => SnapshotError::StageBefore { path },
+        _ => SnapshotError::Later { path, step, newest },
+    });
+    agree(comm, found.map_or(Ok(()), Err))
 }
 
 /// Removes a file; one that is not there is gone already.

@@ -136,6 +136,20 @@ pub enum PostError {
         /// The other.
         second: PathBuf,
     },
+    /// Two snapshots that no one run can have written.
+    #[error(
+        "{first} and {second} are of different runs: {because}. Give one run at a time, or compare them with --diff",
+        first = first.display(),
+        second = second.display()
+    )]
+    OtherRun {
+        /// The file of the lower step.
+        first: PathBuf,
+        /// The other.
+        second: PathBuf,
+        /// What cannot have come about.
+        because: String,
+    },
     /// An error with the file in which it is.
     #[error("{file}: {error}")]
     In {

@@ -337,7 +337,7 @@ impl Report {
                     Row::number("branches across a_bt", s.a_bt, ""),
                     Row::number("q / p from these five", s.q_over_p_from_fabric, ""),
                     Row::number("the same over q / p, less 1", s.fabric_relation_error, "%"),
-                    Row::number("mean normal force", s.mean_normal_force_n, "N"),
+                    Row::number("mean normal force between particles", s.mean_normal_force_n, "N"),
                     Row::number("contacts below 0.3 mean", s.share_below_0_3_mean, "%"),
                     Row::number("contacts below mean", s.share_below_mean, "%"),
                     Row::number("mean friction used, |f_t| / f_n", s.mean_friction_used, ""),

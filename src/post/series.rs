@@ -4,6 +4,7 @@ use super::picture::Picture;
 use super::region::Margin;
 use super::report::Report;
 use super::{PostError, Settings, analyse, inside};
+use crate::output::header::{Header, ShapeRow};
 use crate::output::snapshot::{Reader, step_of};
 use std::path::{Path, PathBuf};
 
@@ -47,22 +48,57 @@ pub struct Snapshot {
 /// Opens snapshots, each once and one after the other, and lists them by step.
 ///
 /// # Errors
-/// A file that is none, or two of one step.
+/// A file that is none, two of one step, or two that no one run can have written.
 pub fn open(files: &[PathBuf]) -> Result<Vec<Snapshot>, PostError> {
     let mut files = files.to_vec();
     files.sort();
     files.dedup();
     let opened = files.into_iter().map(|path| {
-        let step = Reader::open(&path)?.header().step;
-        Ok(Snapshot { path, step })
+        let header = Reader::open(&path)?.header().clone();
+        Ok((Snapshot { path, step: header.step }, header))
     });
     let mut snapshots = opened.collect::<Result<Vec<_>, PostError>>()?;
-    snapshots.sort_by_key(|snapshot| snapshot.step);
-    if let Some(same) = snapshots.windows(2).find(|two| two[0].step == two[1].step) {
-        let [first, second] = [0, 1].map(|k| same[k].path.clone());
-        return Err(PostError::SameStep { step: same[0].step, first, second });
+    snapshots.sort_by_key(|(snapshot, _)| snapshot.step);
+    for two in snapshots.windows(2) {
+        let [(before, earlier), (after, later)] = two else { continue };
+        let [first, second] = [before, after].map(|snapshot| snapshot.path.clone());
+        if before.step == after.step {
+            return Err(PostError::SameStep { step: before.step, first, second });
+        }
+        if let Some(because) = why_not_one_run(earlier, later) {
+            return Err(PostError::OtherRun { first, second, because });
+        }
     }
-    Ok(snapshots)
+    Ok(snapshots.into_iter().map(|(snapshot, _)| snapshot).collect())
+}
+
+/// What a run, with all its stages, cannot have done between two snapshots of rising step.
+fn why_not_one_run(earlier: &Header, later: &Header) -> Option<String> {
+    if later.time <= earlier.time {
+        return Some(format!(
+            "step {} is at {:e} s, and step {} at {:e} s",
+            earlier.step, earlier.time, later.step, later.time
+        ));
+    }
+    if later.next_id < earlier.next_id {
+        return Some(format!(
+            "by step {} there have been {} particles, by step {} only {}",
+            earlier.step, earlier.next_id, later.step, later.next_id
+        ));
+    }
+    let same_name = |shape: &ShapeRow| later.shapes.iter().find(|other| other.name == shape.name);
+    let mut common = earlier.shapes.iter().filter_map(|shape| Some((shape, same_name(shape)?)));
+    if let Some((shape, other)) = common
+        .clone()
+        .find(|(shape, other)| shape.kind != other.kind || shape.volume != other.volume)
+    {
+        return Some(format!(
+            "shape `{}` is a {} of {:e} m3 in one and a {} of {:e} m3 in the other",
+            shape.name, shape.kind, shape.volume, other.kind, other.volume
+        ));
+    }
+    (common.next().is_none() && !earlier.shapes.is_empty())
+        .then(|| "they have no shape in common".to_owned())
 }
 
 /// Where to measure in each snapshot of a series, and which contacts.

@@ -14,6 +14,7 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         sides_on_faces(scene),
         restless_sides(scene),
         lost_in_rounding(scene),
+        rain_cut_short(scene),
     ];
     all.into_iter().flatten().collect()
 }
@@ -94,6 +95,25 @@ pub fn restless_sides(scene: &Scene) -> Option<String> {
         100.0 * part_of_worst,
         instead.join(", or "),
     ))
+}
+
+/// A layer appears when the one before has fallen out of the slab, not before.
+fn rain_cut_short(scene: &Scene) -> Option<String> {
+    let rain = scene.rain.as_ref()?;
+    let Some(interval) = rain.interval(&scene.gravity, scene.domain.periodic(), scene.dt) else {
+        return (rain.layers() > 1).then(|| {
+            "nothing moves the first layer of rain out of its slab, so there will be no second: give it a `velocity`".to_owned()
+        });
+    };
+    let last = (rain.layers() - 1).saturating_mul(interval);
+    (last >= scene.steps).then(|| {
+        format!(
+            "the last layers of rain will not fall: a layer leaves its slab after {interval} steps, so the last of {} appears at \
+             step {last} or later, and there are {} steps. Take more steps, a thinner slab, or a `velocity`",
+            rain.layers(),
+            scene.steps
+        )
+    })
 }
 
 // --- rounding: far from the origin, positions stand so far apart that a short step of a slow body is lost or doubled ---

@@ -75,11 +75,12 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         page.line(
             "rain",
             format!(
-                "{} particles in {} layers of {}, one in {} steps at most",
+                "{} particles in {} layers of {}, one in {} steps",
                 rain.count,
                 rain.layers(),
                 rain.per_layer(),
-                rain.every
+                rain.interval(&scene.gravity, scene.domain.periodic(), scene.dt)
+                    .unwrap_or(rain.every)
             ),
         );
     }
@@ -537,11 +538,6 @@ fn time(scene: &Scene, page: &mut Page) {
         page.line("", doubt);
     }
     page.line("steps", format!("{}, {:.4} s", scene.steps, scene.steps as f64 * scene.dt));
-    if let Some(rain) = &scene.rain
-        && rain.layers().saturating_mul(rain.every) > scene.steps
-    {
-        page.line("", "the last layers of rain will not fall: too few steps");
-    }
 }
 
 /// Bytes, as people read them.

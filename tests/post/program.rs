@@ -7,6 +7,7 @@ use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::drive::servo;
 use dem_mpi::math::Mat3;
+use dem_mpi::output::header::Header;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::output::{snapshot, table};
 use dem_mpi::post::history::History;
@@ -194,6 +195,45 @@ fn wrong_arguments_end_in_one_message_and_status_2() {
 fn ended(command: &mut Command) -> (Option<i32>, String) {
     let output = command.output().expect("the program can be started");
     (output.status.code(), String::from_utf8(output.stderr).expect("text"))
+}
+
+/// Each of these rows could stand beside the others without a word: strains and rates against another run's packing.
+#[test]
+fn snapshots_of_different_runs_are_no_series() {
+    let run = ellipsoids(2, 7);
+    let earlier = |change: &dyn Fn(&mut Header)| {
+        let mut other = run.clone();
+        other.header.step = 500;
+        other.header.time *= 0.5;
+        change(&mut other.header);
+        other
+    };
+    let others: [(&dyn Fn(&mut Header), Option<&str>); 5] = [
+        (&|_| (), None),
+        (&|header| header.time *= 4.0, Some("step 500 is at")),
+        (&|header| header.next_id += 1, Some("by step 500 there have been")),
+        (&|header| header.shapes[0].volume *= 2.0, Some("in one and a")),
+        (
+            &|header| header.shapes.iter_mut().for_each(|s| s.name.push('2')),
+            Some("no shape in common"),
+        ),
+    ];
+    for (change, says) in others {
+        let folder = tempfile::tempdir().unwrap();
+        let runs = ["one", "two"].map(|name| folder.path().join(name));
+        store(&runs[0], &earlier(change));
+        store(&runs[1], &run);
+        let mut dem_post = Command::new(env!("CARGO_BIN_EXE_dem-post"));
+        let (status, message) = ended(dem_post.args(&runs).arg("--series"));
+        assert_eq!(status, Some(if says.is_some() { 2 } else { 0 }), "{message}");
+        let Some(says) = says else { continue };
+        assert_eq!(message.lines().count(), 1, "{message}");
+        for text in
+            ["one/particles_000000500", "two/particles_000001000", "are of different runs", says]
+        {
+            assert!(message.contains(text), "no {text} in {message}");
+        }
+    }
 }
 
 #[test]

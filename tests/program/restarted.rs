@@ -104,7 +104,7 @@ fn a_stage_does_not_write_over_the_one_before() {
     let refused =
         dem_mpi(Launch::Alone, [&scene("tilted"), "--out", "heap"]).from(&directory).end();
     assert_eq!(refused.status.code(), Some(2), "{refused}");
-    refused.said_once("has snapshots up to step 1500, and this run begins at step 1500");
+    refused.said_once("heap is the folder of the stage that `start` goes on from");
     assert_eq!(history(&directory.join("heap")), before);
 
     // Not even if it may: it would remove what it begins with.

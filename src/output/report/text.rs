@@ -175,8 +175,13 @@ impl Report {
     fn state(&self, page: &mut Page) {
         let (packing, energy, resolution) = (&self.packing, &self.energy, &self.resolution);
         page.line(format_args!(
-            "packing    {:.3} contacts per particle with walls, mean normal force {:.3e} N",
-            packing.coordination, packing.mean_normal_force_n,
+            "packing    {:.3} contacts per particle with walls, {}",
+            packing.coordination,
+            if packing.contacts == 0 {
+                "none between particles".to_owned()
+            } else {
+                format!("mean normal force between particles {:.3e} N", packing.mean_normal_force_n)
+            },
         ));
         page.line(format_args!(
             "balance    received {:.6e} J = kinetic {:.3e} + gravity {:.6e} + stored {:.3e} + of the steps {:.1e} + dissipated \
