@@ -60,6 +60,7 @@ def check_particles(path):
         found = [vtk_to_numpy(p.GetPoints().GetData()) for p in parts if p.GetNumberOfPoints() > 0]
         assert np.array_equal(np.concatenate(found), points)
         assert set(file["/VTKHDF/PointData"]) == set(POINT_DATA.split())
+        assert file["/VTKHDF/PointData/quaternion"].attrs["order"] == b"w, x, y, z"
         same(parts, file, "PointData", POINT_DATA.split(), lambda part: part.GetPointData())
         assert file["/restart/particles/angular_momentum"].shape == (count, 3)
         check_rest(file)

@@ -70,6 +70,46 @@ fn nothing_at_all_round_trip() {
     assert_eq!(read(directory.path()).unwrap(), (empty, Tables::default()));
 }
 
+/// The files of a list for `ParaView`, with their times.
+fn listed(directory: &Path, list: &str) -> Vec<(String, f64)> {
+    let text = fs::read_to_string(directory.join(list)).unwrap();
+    let series: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(series["file-series-version"], "1.0");
+    let files = series["files"].as_array().unwrap().iter();
+    files.map(|f| (f["name"].as_str().unwrap().to_owned(), f["time"].as_f64().unwrap())).collect()
+}
+
+/// Also where a list was lost, a snapshot was removed or damaged, or one is written anew with another time.
+#[test]
+fn lists_give_the_time_of_every_snapshot() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let lists = [("particles", "particles.vtkhdf.series"), ("contacts", "contacts.vtkhdf.series")];
+    let store = |header: &Header| {
+        threads::run(2, |comm| write(here, header, &Tables::default(), comm));
+    };
+    let expect = |steps: &[(u64, f64)]| {
+        for (what, list) in lists {
+            let files: Vec<(String, f64)> =
+                steps.iter().map(|(k, t)| (format!("{what}_{k:09}.vtkhdf"), *t)).collect();
+            assert_eq!(listed(here, list), files);
+        }
+    };
+    let time = |step: u64| header(step).time;
+    for step in [20, 3, 100] {
+        store(&header(step));
+    }
+    expect(&[(3, time(3)), (20, time(20)), (100, time(100))]);
+    fs::remove_file(here.join(lists[0].1)).unwrap();
+    fs::remove_file(here.join("particles_000000020.vtkhdf")).unwrap();
+    store(&header(200));
+    expect(&[(3, time(3)), (100, time(100)), (200, time(200))]);
+    fs::write(here.join(lists[0].1), "no list").unwrap();
+    fs::write(here.join("particles_000000003.vtkhdf"), "no snapshot").unwrap();
+    store(&Header { time: 7.5, ..header(100) });
+    expect(&[(100, 7.5), (200, time(200))]);
+}
+
 #[test]
 fn geometries_keep_their_bits() {
     let directory = tempfile::tempdir().unwrap();

@@ -194,6 +194,14 @@ impl<'a> SnapshotFile<'a> {
         self.everywhere(|file| attach_text(&*file.group(group)?, name, text))
     }
 
+    /// Gives a dataset a text as an attribute.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Write`].
+    pub fn note(&mut self, dataset: &str, name: &str, text: &str) -> Result<(), SnapshotError> {
+        self.everywhere(|file| attach_text(&*file.dataset(dataset)?, name, text))
+    }
+
     /// Writes a dataset of this rank's rows, one after the other in `values`, and those of all others.
     ///
     /// # Errors

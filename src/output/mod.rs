@@ -6,6 +6,7 @@
 //! | [`tables`] | what a snapshot holds of particles and contacts: each column is declared once, with its place in the files |
 //! | [`columns`] | what a column holds: numbers of any kind, in memory and in files |
 //! | [`snapshot`] | [`snapshot::write`] and [`snapshot::Reader`]: tables to files and back |
+//! | [`series`] | the lists by which ParaView knows the times of snapshots |
 //! | [`table`] | `history.csv`, the scalars of a run by time |
 //! | [`report`] | `report.json`, all figures of a run at its end, and the same as text |
 //! | [`performance`] | `performance.csv`, what a run did and what it took |
@@ -23,6 +24,7 @@ pub mod hdf5;
 pub mod header;
 pub mod performance;
 pub mod report;
+pub mod series;
 pub mod snapshot;
 pub mod table;
 pub mod tables;

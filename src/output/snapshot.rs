@@ -8,9 +8,9 @@ use super::hdf5::{Column, Piece, SnapshotFile, StoredFile};
 use super::header::{Header, ShapeRow, WallRow};
 use super::tables::{
     self, CONTACT_COLUMNS, ContactRecordRows, ContactRow, ContactTable, PARTICLE_COLUMNS,
-    ParticleColumn, ParticleTable, Rows,
+    ParticleColumn, ParticleTable, QUATERNION, Rows,
 };
-use super::{SnapshotError, make_directory, on_root};
+use super::{SnapshotError, make_directory, on_root, series};
 use crate::cell::{Cell, Shear};
 use crate::comm::alone::Alone;
 use crate::comm::{Comm, agree, wire};
@@ -31,6 +31,11 @@ use std::path::{Path, PathBuf};
 
 /// The link in a snapshot directory to the newest particles file.
 pub const LAST: &str = "last.vtkhdf";
+
+/// The particles files of a directory with their times, for ParaView.
+pub const PARTICLES_LIST: &str = "particles.vtkhdf.series";
+/// The contacts files likewise.
+pub const CONTACTS_LIST: &str = "contacts.vtkhdf.series";
 
 /// Name of the particles file of a step.
 pub fn particles_name(step: u64) -> String {
@@ -169,9 +174,32 @@ pub fn write_rows(
         }
         // The names are on the disk before the link speaks of them.
         File::open(directory)?.sync_all()?;
-        link_last(directory, &names[1])
+        link_last(directory, &names[1])?;
+        list_with_times(directory, header)
     })?;
     Ok(directory.join(&names[1]))
+}
+
+/// Lists all snapshots of the directory, the one of this header among them, for ParaView.
+fn list_with_times(directory: &Path, header: &Header) -> io::Result<()> {
+    let known = series::times(&directory.join(PARTICLES_LIST));
+    let time_of = |step: u64, path: &Path| match known.get(&particles_name(step)) {
+        _ if step == header.step => Some(header.time),
+        Some(time) => Some(*time),
+        // Of a time before there were lists. One that is damaged is not listed.
+        None => Reader::open(path).ok().map(|reader| reader.header().time),
+    };
+    let mut steps = steps_in(directory);
+    steps.sort();
+    let timed: Vec<(u64, f64)> =
+        steps.iter().filter_map(|(step, path)| Some((*step, time_of(*step, path)?))).collect();
+    for (list, name) in
+        [(PARTICLES_LIST, particles_name as fn(u64) -> String), (CONTACTS_LIST, contacts_name)]
+    {
+        let files = timed.iter().map(|&(step, time)| (name(step), time)).collect();
+        series::write(directory, list, files)?;
+    }
+    Ok(())
 }
 
 /// Keeps a directory to one run: none of its snapshots may be later than the step at which a run begins, and there are
@@ -319,6 +347,9 @@ fn write_particles(
     for (column, rows) in PARTICLE_COLUMNS.iter().zip(rows) {
         if is_there(column, rows) {
             column.write(particles, &mut file)?;
+        }
+        if is_there(column, rows) && column.name == QUATERNION {
+            file.note(&column.place, "order", "w, x, y, z")?;
         }
     }
     let semi_axes = particles

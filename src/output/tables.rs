@@ -17,7 +17,7 @@
 //! | place | rows | content |
 //! |---|---|---|
 //! | particles `/VTKHDF/Points` | particles × 3 | centres [m] |
-//! | particles `/VTKHDF/PointData/<name>` | particles | the other columns of [`ParticleTable`] that a picture shows |
+//! | particles `/VTKHDF/PointData/<name>` | particles | the other columns of [`ParticleTable`] that a picture shows; the attribute `order` of `quaternion` is `w, x, y, z` |
 //! | particles `/restart/particles/<name>` | particles | `angular_momentum`, `image`, and each [`Quantity`] under its name |
 //! | particles `/restart/contacts/<name>` | touching pairs | `a`, `b`, `normal`, `overlap`, and what the law remembers under its names |
 //! | contacts `/VTKHDF/Points` | 2 per contact × 3 | centre of A; centre of B's nearest image, or the foot on the wall [m] |
@@ -110,6 +110,9 @@ pub static PARTICLE_COLUMNS: LazyLock<Vec<ParticleColumn>> = LazyLock::new(|| {
     shown().into_iter().chain(accumulated).chain(of_restart()).collect()
 });
 
+/// The column of orientations.
+pub const QUATERNION: &str = "quaternion";
+
 /// What a picture shows.
 fn shown() -> [ParticleColumn; 11] {
     let always = Presence::Always;
@@ -126,7 +129,7 @@ fn shown() -> [ParticleColumn; 11] {
             |t| &mut t.scale,
         ),
         own(
-            "quaternion",
+            QUATERNION,
             "/VTKHDF/PointData/quaternion",
             "1",
             Presence::If(|needs| needs.orientation),
