@@ -30,6 +30,7 @@ mod sizes;
 mod snapshot;
 mod solids;
 mod superellipsoids;
+mod suggest;
 mod support;
 mod units;
 mod verification;

@@ -13,6 +13,7 @@ mod reported;
 mod restarted;
 mod same_bits;
 mod signalled;
+mod suggested;
 mod told;
 mod traced;
 mod watched;

@@ -7,6 +7,7 @@
 //! cargo bench --bench work_precision -- --quick            a few small packings
 //! cargo bench --bench work_precision -- --only boxes       one kind of grains
 //! cargo bench --bench work_precision -- --again FOLDER     table, plots and advice anew from the runs that are there
+//! cargo bench --bench work_precision -- --suggest          does what `dem-mpi --suggest` proposes keep its error?
 //! ```
 //!
 //! Packings of spheres, ellipsoids 2:1 and 5:1, superellipsoids and boxes come to rest under the same stress on all sides, and
@@ -23,6 +24,7 @@ mod advice;
 #[path = "../lines.rs"]
 mod lines;
 mod runs;
+mod suggested;
 
 use anyhow::Context;
 use clap::Parser;
@@ -48,6 +50,9 @@ struct Arguments {
     /// Draws anew from the runs of a record that is there.
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["quick", "only"])]
     again: Option<PathBuf>,
+    /// Try what `dem-mpi --suggest` proposes, on 10 seeds of three scenes; fails if fewer than 9 keep their error.
+    #[arg(long, conflicts_with = "again")]
+    suggest: bool,
     /// Cargo passes this.
     #[arg(long, hide = true)]
     bench: bool,
@@ -163,11 +168,15 @@ struct Row {
 }
 
 fn main() -> anyhow::Result<()> {
-    let Arguments { quick, only, mut record, again, .. } = Arguments::parse();
+    let Arguments { quick, only, mut record, again, suggest, .. } = Arguments::parse();
     if let Some(folder) = &again {
         record.clone_from(folder);
     }
     std::fs::create_dir_all(&record)?;
+    if suggest {
+        let scratch = tempfile::tempdir()?;
+        return suggested::hold(&only, quick, &record, scratch.path());
+    }
     let kinds: Vec<Kind> = Kind::ALL.into_iter().filter(|k| k.name().contains(&only)).collect();
     let studied = if let Some(folder) = again {
         read_runs(&std::fs::read_to_string(folder.join(RUNS))?)?

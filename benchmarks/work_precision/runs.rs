@@ -271,12 +271,12 @@ fn seconds_of_this_thread() -> anyhow::Result<f64> {
     Ok(1e-9 * ns.parse::<f64>()?)
 }
 
-fn parsed(text: &str, folder: &Path) -> anyhow::Result<Scene> {
+pub(crate) fn parsed(text: &str, folder: &Path) -> anyhow::Result<Scene> {
     Scene::parse(text, "scene", folder, &[]).map_err(|errors| anyhow!("{errors}\n{text}"))
 }
 
 /// Runs a stage on one rank.
-fn ran(
+pub(crate) fn ran(
     text: &str,
     folder: &Path,
     start: Option<&Path>,

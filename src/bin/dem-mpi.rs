@@ -7,6 +7,7 @@ use dem_mpi::output::performance::Performance;
 use dem_mpi::output::report::Origin;
 use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, Continuation, TakenUp};
+use dem_mpi::scene::suggest::{self, Question, Suggestion, Unanswered};
 use dem_mpi::scene::{Scene, plan};
 use dem_mpi::sim::report::report;
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
@@ -31,6 +32,7 @@ Examples:
   dem-mpi run/packing/scene.toml                     one rank, to try or to debug
   mpirun -n 2 dem-mpi run/packing/scene.toml         two ranks, the same bits
   dem-mpi run/packing/scene.toml --plan              what the scene uses, and what it leaves out
+  dem-mpi run/first/scene.toml --suggest --error 1%  which step and method keep an error
   dem-mpi run/packing/scene.toml --set contact.method=epa --set material.grain.friction=0.5
   mpirun -n 4 dem-mpi run/packing/scene.toml --start out/packing/last.vtkhdf
                                                      go on where a run stopped, on any number of ranks
@@ -43,7 +45,8 @@ SIGTERM, SIGUSR1 and SIGINT (Ctrl-C), on any rank, end the step: the run writes 
 A second SIGINT ends it at once.
 
 Exit status: 0 the run did what was asked; 1 it failed; 2 the scene or an argument is wrong;
-3 a signal stopped it, and it can go on; 4 the stage has done all its steps, but what [stop] asks for does not hold."
+3 a signal stopped it, and it can go on; 4 the stage has done all its steps, but what [stop] asks for does not hold,
+or --suggest has found no step that keeps the error."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 struct Arguments {
@@ -76,6 +79,22 @@ struct Arguments {
     /// Only say what the run would use, need and leave out
     #[arg(long)]
     plan: bool,
+    /// Only propose a step and a contact method that keep an error, from trials on one rank; with --start, from that state.
+    ///
+    /// The error is that of a trial against the same trial with converged settings: the largest of the mean stress of the
+    /// contacts and the mean coordination number, both relative and in the mean over the trial's last fifth, and the energy that
+    /// the balance misses at its end, over what was dissipated (or over the largest kinetic and elastic energy, if that is more).
+    ///
+    /// A trial lasts 20000 steps of the stable limit, or 4e6 over the number of particles if that is less, but at least 400; or
+    /// the whole stage, if that is shorter. Some 15 trials run, each shorter step twice as long as the one before. They also tell how far apart runs are
+    /// that begin alike (the floor): an error below it no step can promise for single values.
+    ///
+    /// Prints lines to put into the scene, with the error and the run time to expect. Writes no file
+    #[arg(long, conflicts_with_all = ["out", "overwrite", "steps", "threads", "trace_particle", "check", "plan", "verbose"])]
+    suggest: bool,
+    /// The error that --suggest is to keep: 1% or 0.01
+    #[arg(long, value_name = "SHARE", default_value = "1%", requires = "suggest", value_parser = share)]
+    error: f64,
     /// Print the whole report at the end, and not only its four first lines; report.json has all of it either way
     #[arg(long)]
     verbose: bool,
@@ -98,6 +117,15 @@ fn steps(given: &str) -> Result<u64, String> {
         .parse()
         .or_else(|_| plain.parse().ok().filter(whole).map(|number: f64| number as u64).ok_or(()))
         .map_err(|()| "must be a whole number, such as 20000, 20_000 or 2e4".to_owned())
+}
+
+/// A share of one: 1% or 0.01.
+fn share(given: &str) -> Result<f64, String> {
+    let (number, of) = given.trim().strip_suffix('%').map_or((given, 1.0), |part| (part, 100.0));
+    let share = number.trim().parse().ok().map(|number: f64| number / of);
+    share
+        .filter(|share| *share > 0.0 && *share < 1.0)
+        .ok_or_else(|| "must be more than 0 and less than 1, such as 1% or 0.01".to_owned())
 }
 
 /// How long a rank that sees a fault of another's particle waits for that rank to report it.
@@ -213,6 +241,9 @@ fn folder(snapshot: &Path) -> Option<PathBuf> {
 }
 
 fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) -> u8 {
+    if arguments.suggest {
+        return suggested(arguments, stop, comm);
+    }
     let scene = match read_scene(arguments, comm) {
         Ok(scene) => scene,
         Err(errors) => {
@@ -280,6 +311,31 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         Ok(finish) if !finish.unmet.is_empty() && arguments.steps.is_none() => UNMET,
         Ok(finish) => ended(arguments, &finish, sim.step, last_step, comm),
         Err(status) => status,
+    }
+}
+
+/// Prints what trials propose.
+fn suggested(arguments: &Arguments, stop: &AtomicUsize, comm: &dyn Comm) -> u8 {
+    if comm.size() > 1 {
+        print_once(comm, "--suggest tries the scene on one rank: leave mpirun out");
+        return WRONG_INPUT;
+    }
+    let Arguments { scene, set, start, error, .. } = arguments;
+    let start = start.as_deref();
+    let question = Question { scene, overrides: set, start, error: *error, signal: stop };
+    match suggest::suggest(&question, &mut |line| print_error(line)) {
+        Ok(Suggestion { text, is_kept, .. }) => {
+            let _ = writeln!(std::io::stdout(), "{text}");
+            if is_kept { 0 } else { UNMET }
+        }
+        Err(unanswered) => {
+            print_error(&unanswered);
+            match unanswered {
+                Unanswered::Input(_) => WRONG_INPUT,
+                Unanswered::Signal(_) => STOPPED,
+                Unanswered::Trial(_) | Unanswered::Slower => FAILED,
+            }
+        }
     }
 }
 

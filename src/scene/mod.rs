@@ -127,6 +127,7 @@ mod mistakes;
 pub mod packing;
 pub mod plan;
 mod reader;
+pub mod suggest;
 mod walls;
 
 use crate::cell::Cell;

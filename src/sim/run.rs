@@ -223,7 +223,10 @@ pub fn run(
 }
 
 /// Lists pairs, looks for overlaps that are too deep, and finds the forces of the start. Collective.
-fn begin(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
+///
+/// # Errors
+/// See [`RunError`].
+pub fn begin(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
     sim.list_first(comm).map_err(|error| match error {
         StepError::Fault { .. } => RunError::Start(error.to_string()),
         error => explain(error, sim, comm),

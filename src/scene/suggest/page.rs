@@ -1,0 +1,207 @@
+//! What is said of a suggestion.
+
+use super::estimate::{self, Bound, Floor, Rung};
+use super::trial::{Answer, SOFTER, Trials, Unanswered};
+use super::{COPIES, FINER, Question};
+use crate::scene::Scene;
+
+type Keys = &'static [(&'static str, &'static str)];
+type Tried = Result<(Bound, Answer), Unanswered>;
+
+/// All that was found.
+pub(super) struct Found<'a> {
+    pub(super) question: &'a Question<'a>,
+    pub(super) trials: &'a Trials<'a>,
+    pub(super) rungs: &'a [Rung],
+    pub(super) floor: Floor,
+    pub(super) is_kept: bool,
+    /// With the proposed settings.
+    pub(super) run: Answer,
+    /// With the same step and `auto`.
+    pub(super) plain: &'a Answer,
+    pub(super) method: Keys,
+    pub(super) bound: Bound,
+    /// Other methods.
+    pub(super) others: Vec<(Keys, Tried)>,
+    pub(super) softer: Option<Tried>,
+}
+
+impl Found<'_> {
+    pub(super) fn page(&self) -> String {
+        let mut lines = vec![self.heading()];
+        let of_rung = |k| of_rung(self.trials, self.rungs, k);
+        lines.extend((0..self.rungs.len()).map(of_rung));
+        lines.extend(self.others.iter().map(|(keys, tried)| {
+            let run = tried.clone().map(|(_, run)| run);
+            of_method(keys, &run)
+        }));
+        lines.push(String::new());
+        lines.push(self.scene_lines());
+        lines.push(self.expected());
+        lines.push(self.floor_line());
+        lines.push(self.how_sure());
+        lines.push(self.run_time());
+        lines.extend(self.softer.iter().map(|tried| self.softer_line(tried)));
+        lines.join("\n")
+    }
+
+    fn heading(&self) -> String {
+        let Self { trials, .. } = self;
+        let whole =
+            if trials.time() > 0.99 * trials.left { ", all that is left of the stage" } else { "" };
+        format!(
+            "{}: trials of {} particles over {:.3e} s{whole}; stress and contacts in the mean over the last fifth",
+            trials.scene.title,
+            trials.particles,
+            trials.time()
+        )
+    }
+
+    /// Lines of TOML.
+    fn scene_lines(&self) -> String {
+        let Self { trials, run, method, .. } = self;
+        let scene: &Scene = &trials.scene;
+        let steps = trials.behind + (trials.left / run.dt).ceil() as u64;
+        let mut lines = vec!["[time]".to_owned(), format!("step = {:e}", run.dt)];
+        lines.push(format!("steps = {steps}"));
+        lines.push("[contact]".to_owned());
+        lines.extend(method.iter().map(|(key, value)| format!("{key} = {value}")));
+        let scaled = |every: u64| (every as f64 * scene.dt / run.dt).round().max(1.0);
+        let rhythms =
+            [("snapshot_every", scene.snapshot_every), ("history_every", scene.history_every)];
+        let rhythms: Vec<String> = rhythms
+            .into_iter()
+            .filter(|(_, every)| *every > 0)
+            .map(|(key, every)| format!("{key} = {}", scaled(every)))
+            .collect();
+        if !rhythms.is_empty() {
+            lines.push("[output]".to_owned());
+            lines.extend(rhythms);
+        }
+        if let Some(rain) = &scene.rain {
+            lines.push("[fill.rain]".to_owned());
+            lines.push(format!("every = {}", trials.rain_every(rain, run.dt)));
+        }
+        lines.join("\n") + "\n"
+    }
+
+    fn expected(&self) -> String {
+        let Self { bound, question, .. } = self;
+        let Bound { stress, contacts, energy } = *bound;
+        let what = format!(
+            "stress {}, contacts {}, energy {}",
+            percent(stress),
+            percent(contacts),
+            percent(energy)
+        );
+        let asked = percent(question.error);
+        if self.is_kept {
+            format!("error      at most {what}; asked for: {asked}")
+        } else if self.floor.largest() > question.error {
+            format!(
+                "error      {what}; asked for: {asked}. No step can promise that for single values: runs that begin alike differ \
+                 by more. The step above is for means over many runs: what it changes is lost in that floor"
+            )
+        } else {
+            format!("error      {what}; asked for: {asked}. No step that was tried keeps that")
+        }
+    }
+
+    fn floor_line(&self) -> String {
+        let Floor { stress, contacts } = self.floor;
+        format!(
+            "floor      stress {}, contacts {}: with 95 %, runs differ by less whose starts differ by 1e-9 of a radius",
+            percent(stress),
+            percent(contacts)
+        )
+    }
+
+    fn how_sure(&self) -> String {
+        let Self { bound, question, .. } = self;
+        let part = bound.largest() / question.error;
+        let word = if !self.is_kept {
+            "not kept".to_owned()
+        } else if part <= 0.5 {
+            format!("well: the bound is {:.0} % of what is asked", 100.0 * part)
+        } else {
+            format!("just: the bound is {:.0} % of what is asked", 100.0 * part)
+        };
+        let runs: usize = self.rungs.iter().map(|rung| rung.runs.len()).sum();
+        format!(
+            "how sure   {word}; of {runs} trials of this start, {COPIES} of each longer step. A bound is twice the largest \
+             difference from shorter steps, with the floor in quadrature"
+        )
+    }
+
+    fn run_time(&self) -> String {
+        let Self { run, trials, .. } = self;
+        let per_step = run.seconds / run.steps as f64;
+        let steps = (trials.left / run.dt).ceil();
+        format!(
+            "run time   {:.3} s on one rank for the {steps} steps that are left at most, {:.2e} s each, if all are like those tried",
+            per_step * steps,
+            per_step
+        )
+    }
+
+    fn softer_line(&self, tried: &Tried) -> String {
+        match tried {
+            Ok((bound, run)) => format!(
+                "softer     {SOFTER} of the stiffness with {:.2} times the step: {:.2} of the time; error at most stress {}, contacts \
+                 {}, energy {}; largest overlap {} of the axis instead of {}",
+                run.dt / self.plain.dt,
+                run.seconds / self.plain.seconds,
+                percent(bound.stress),
+                percent(bound.contacts),
+                percent(bound.energy),
+                percent(run.largest_overlap),
+                percent(self.run.largest_overlap)
+            ),
+            Err(why) => format!("softer     {SOFTER} of the stiffness: {why}"),
+        }
+    }
+}
+
+/// How a step of the ladder compares with those shorter ones that have run.
+pub(super) fn of_rung(trials: &Trials, rungs: &[Rung], k: usize) -> String {
+    let rung = &rungs[k];
+    let Some(run) = rung.runs.first() else {
+        let why = rung.why_not.as_deref().unwrap_or_default();
+        return format!("  step {:.3e} s: {why}", trials.first / 2.0_f64.powi(k as i32));
+    };
+    let seconds: f64 = rung.runs.iter().map(|run| run.seconds).sum();
+    let name = format!("  step {:.4e} s, {:.4} of the limit", run.dt, run.dt / trials.limit);
+    let missing = percent(run.missing.abs());
+    let compared = match estimate::difference(rungs, k) {
+        Some(d) if k + FINER < rungs.len() => format!(
+            "differs from shorter ones by stress {}, contacts {}",
+            percent(d.stress),
+            percent(d.contacts)
+        ),
+        _ => format!("stress x volume {:.4e} J, contacts {:.4}", run.stress, run.coordination),
+    };
+    format!(
+        "{name}: {compared}; energy missing {missing}; {} runs, {seconds:.2} s",
+        rung.runs.len()
+    )
+}
+
+/// How another method did.
+pub(super) fn of_method(keys: &[(&str, &str)], tried: &Result<Answer, Unanswered>) -> String {
+    let name: Vec<String> = keys.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+    let name = name.join(", ");
+    match tried {
+        Ok(run) => format!(
+            "  {name}: stress x volume {:.4e} J, contacts {:.4}; energy missing {}; {:.2} s",
+            run.stress,
+            run.coordination,
+            percent(run.missing.abs()),
+            run.seconds
+        ),
+        Err(why) => format!("  {name}: {why}"),
+    }
+}
+
+fn percent(part: f64) -> String {
+    format!("{:.3} %", 100.0 * part)
+}

@@ -1,0 +1,353 @@
+//! One scene, run over one time, again and again: with another step, method or stiffness, or a start that was moved a little.
+
+use super::{FIRST, LONGEST, NUDGE, Question, SHORTEST, WORK};
+use crate::comm::Comm;
+use crate::comm::alone::Alone;
+use crate::contacts::Loaded;
+use crate::random::{Random, mixed};
+use crate::scene::assemble::{self, Continuation};
+use crate::scene::check::Need;
+use crate::scene::{Rain, Scene};
+use crate::sim::{Simulation, run};
+use std::fmt::Display;
+use std::path::Path;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+use toml::{Table, Value};
+
+/// Which part of a trial is averaged over: one of so many.
+const LAST_PART: u64 = 5;
+/// How often energies are looked at in a trial.
+const LOOKS: u64 = 50;
+/// Keys of `[contact]` that belong to a method.
+const OF_METHODS: [&str; 6] =
+    ["method", "erosion_ratio", "erosion_increment", "tolerance", "spurious", "polish"];
+/// Stiffness of softer contacts over the scene's [-].
+pub(super) const SOFTER: f64 = 0.1;
+
+/// Why there is no answer.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unanswered {
+    /// The scene, its start or the question is wrong.
+    #[error("{0}")]
+    Input(String),
+    /// A trial could not go on.
+    #[error("{0}")]
+    Trial(String),
+    /// It took longer than it may.
+    #[error("slower")]
+    Slower,
+    /// A signal of this number asked for the end.
+    #[error("stopped by a signal")]
+    Signal(usize),
+}
+
+/// What a trial came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Answer {
+    /// Step [s].
+    pub dt: f64,
+    /// Steps.
+    pub steps: u64,
+    /// Wall clock of the steps [s].
+    pub seconds: f64,
+    /// Sum over the contacts of force times branch, a third of the trace: mean stress times volume, in the mean over the
+    /// last fifth [J].
+    pub stress: f64,
+    /// Mean coordination number with walls, in the mean over the last fifth [-].
+    pub coordination: f64,
+    /// Energy missing over what was dissipated, or over the largest kinetic and elastic energy where that is more [-].
+    pub missing: f64,
+    /// Largest overlap that was seen, over the shortest axis of the smaller body [-].
+    pub largest_overlap: f64,
+}
+
+/// What makes a trial another.
+#[derive(Clone, Copy, Debug)]
+pub struct Variant<'a> {
+    /// The step is [`FIRST`] of the limit, halved so many times.
+    pub halvings: usize,
+    /// Which moved start; 0: unmoved.
+    pub copy: u64,
+    /// Keys of `[contact]` in place of the scene's; none: the method `auto`.
+    pub contact: &'a [(&'a str, &'a str)],
+    /// With contacts of a tenth of the stiffness, and a step √10 times as long.
+    pub softer: bool,
+    /// It may not take longer [s].
+    pub longest: f64,
+}
+
+impl Variant<'_> {
+    /// The scene with the method `auto`, unmoved.
+    pub const fn of(halvings: usize) -> Self {
+        Self { halvings, copy: 0, contact: &[], softer: false, longest: f64::INFINITY }
+    }
+}
+
+/// What all trials of a scene have in common.
+#[derive(Debug)]
+pub struct Trials<'a> {
+    pub(super) question: &'a Question<'a>,
+    /// The scene as it is.
+    pub(super) scene: Scene,
+    /// The stable limit [s].
+    pub(super) limit: f64,
+    /// The longest step that is tried [s].
+    pub(super) first: f64,
+    /// Steps of a trial with it.
+    pub(super) steps: u64,
+    /// Particles, those included that will rain.
+    pub(super) particles: u64,
+    /// Steps of the stage that are behind the start, and time that is left of it [s].
+    pub(super) behind: u64,
+    pub(super) left: f64,
+}
+
+impl<'a> Trials<'a> {
+    /// Reads the scene and its start.
+    ///
+    /// # Errors
+    /// If they are wrong, or if there is no stable limit.
+    pub fn new(question: &'a Question<'a>) -> Result<Self, Unanswered> {
+        let read = if question.start.is_some() { Scene::read_to_go_on } else { Scene::read };
+        let scene = read(question.scene, question.overrides).map_err(wrong)?;
+        let Some(limit) = scene.time_step_limit() else {
+            return Err(Unanswered::Input(format!(
+                "{}: nothing pushes, so there is no stable limit to measure steps by; give a material a stiffness",
+                question.scene.display()
+            )));
+        };
+        let (sim, _) = started(&scene, question.start)?;
+        let rain = scene.rain.as_ref().map_or(0, |rain| rain.count);
+        let particles = sim.particles.owned as u64 + rain;
+        let behind = sim.step - sim.stage_begin.0;
+        let left = scene.steps.saturating_sub(behind) as f64 * scene.dt;
+        if particles == 0 || left == 0.0 {
+            return Err(Unanswered::Input(format!(
+                "{}: no particles or no steps are left to try",
+                question.scene.display()
+            )));
+        }
+        let first = rounded_down(FIRST * limit.dt);
+        let longest = (WORK / particles as f64).clamp(SHORTEST, LONGEST) * limit.dt;
+        let parts = (longest.min(left) / (LAST_PART as f64 * first)).round().max(1.0);
+        let steps = LAST_PART * parts as u64;
+        Ok(Self { question, scene, limit: limit.dt, first, steps, particles, behind, left })
+    }
+
+    /// The stable limit [s].
+    pub const fn limit(&self) -> f64 {
+        self.limit
+    }
+
+    /// Time of a trial [s].
+    pub fn time(&self) -> f64 {
+        self.steps as f64 * self.first
+    }
+
+    /// Nothing to compare.
+    pub(super) fn nothing(&self) -> Unanswered {
+        Unanswered::Input(format!(
+            "{}: no grains touch each other or a wall in the last fifth of the trial, which lasts {:.3e} s, so there is nothing to \
+             compare: begin with a snapshot in which they touch (--start)",
+            self.question.scene.display(),
+            self.time()
+        ))
+    }
+
+    /// Steps between drops of the rain.
+    pub(super) fn rain_every(&self, rain: &Rain, dt: f64) -> u64 {
+        // Of the longest step, so that layers fall at the same moments with all of them.
+        let every = (rain.every as f64 * self.scene.dt / self.first).round().max(1.0);
+        (every * self.first / dt).round() as u64
+    }
+
+    /// Runs one.
+    ///
+    /// # Errors
+    /// If it cannot be run to its end.
+    pub fn run(&self, variant: &Variant) -> Result<Answer, Unanswered> {
+        let finer = self.steps << variant.halvings;
+        let steps = if variant.softer {
+            LAST_PART * (finer as f64 * SOFTER.sqrt() / LAST_PART as f64).ceil() as u64
+        } else {
+            finer
+        };
+        let dt = self.first * (self.steps as f64 / steps as f64);
+        let scene = self.varied(variant, dt)?;
+        let (mut sim, resumed) = started(&scene, self.question.start)?;
+        if variant.copy > 0 {
+            nudge(&mut sim, mixed(&[scene.seed, variant.copy]));
+        }
+        let mut comm = Alone::default();
+        if !resumed {
+            run::begin(&mut sim, &mut comm).map_err(wrong)?;
+        }
+        self.go(&mut sim, (steps, u64::from(resumed)), variant.longest, &mut comm)
+    }
+
+    /// Steps through a trial, and looks. The balance of energies begins after so many `unseen` steps: contacts that come from a
+    /// snapshot have no forces, and no energy, before the first.
+    fn go(
+        &self,
+        sim: &mut Simulation,
+        (steps, unseen): (u64, u64),
+        longest: f64,
+        comm: &mut dyn Comm,
+    ) -> Result<Answer, Unanswered> {
+        let between = (steps / self.steps).max(1);
+        let mut done = 0;
+        while done < unseen {
+            sim.step(comm).map_err(|error| Unanswered::Trial(error.to_string()))?;
+            done += 1;
+        }
+        let begin = sim.measure(comm);
+        let (mut most_moving, mut largest_overlap) = (begin.moving(), begin.largest_overlap);
+        let (mut stress, mut coordination, mut samples) = (0.0, 0.0, 0_u64);
+        let mut seconds = 0.0;
+        while done < steps {
+            match self.question.signal.load(Ordering::Relaxed) {
+                0 => {}
+                signal => return Err(Unanswered::Signal(signal)),
+            }
+            let started = Instant::now();
+            let until = ((done / between + 1) * between).min(steps);
+            while done < until {
+                sim.step(comm).map_err(|error| Unanswered::Trial(error.to_string()))?;
+                done += 1;
+            }
+            seconds += started.elapsed().as_secs_f64();
+            if seconds > longest {
+                return Err(Unanswered::Slower);
+            }
+            if done > steps - steps / LAST_PART {
+                let [product, contacts] = contacts_of(sim);
+                (stress, coordination) = (stress + product, coordination + contacts);
+                samples += 1;
+            }
+            if done.is_multiple_of((steps / LOOKS).max(1) * between) || done == steps {
+                let now = sim.measure(comm);
+                most_moving = most_moving.max(now.moving());
+                largest_overlap = largest_overlap.max(now.largest_overlap);
+            }
+        }
+        let end = sim.measure(comm);
+        let of = (end.dissipated - begin.dissipated).max(most_moving);
+        let missing = if of > 0.0 { (end.missing() - begin.missing()) / of } else { 0.0 };
+        let [stress, coordination] = [stress, coordination].map(|sum| sum / samples as f64);
+        if !(stress.is_finite() && missing.is_finite()) {
+            return Err(Unanswered::Trial("a stress or an energy is not a number".to_owned()));
+        }
+        if stress == 0.0 || coordination == 0.0 {
+            return Err(self.nothing());
+        }
+        Ok(Answer { dt: sim.dt, steps, seconds, stress, coordination, missing, largest_overlap })
+    }
+
+    /// The scene with another step, method or stiffness.
+    fn varied(&self, variant: &Variant, dt: f64) -> Result<Scene, Unanswered> {
+        let mut root: Table = self.scene.text.parse().map_err(wrong)?;
+        section(&mut root, "time").insert("step".to_owned(), Value::Float(dt));
+        section(&mut root, "audit").insert("every".to_owned(), Value::Integer(0));
+        if let Some(rain) = &self.scene.rain {
+            let every = Value::Integer(self.rain_every(rain, dt) as i64);
+            section(section(&mut root, "fill"), "rain").insert("every".to_owned(), every);
+        }
+        let contact = section(&mut root, "contact");
+        contact.retain(|key, _| !OF_METHODS.contains(&key));
+        for (key, value) in variant.contact {
+            let given: Table = format!("{key} = {value}").parse().map_err(wrong)?;
+            contact.extend(given);
+        }
+        if variant.softer {
+            soften(&mut root);
+        }
+        let Question { scene, start, .. } = self.question;
+        let folder = scene.parent().unwrap_or(Path::new(""));
+        let need = if start.is_some() { Need::NoStart } else { Need::AllFiles };
+        let text = root.to_string();
+        let of_trial = Scene::parse_for(&text, "the trial's scene", folder, &[], need);
+        of_trial.map_err(|errors| Unanswered::Trial(errors.to_string()))
+    }
+}
+
+fn wrong(error: impl Display) -> Unanswered {
+    Unanswered::Input(error.to_string())
+}
+
+/// The same number with three digits, or a little less.
+fn rounded_down(number: f64) -> f64 {
+    let unit = 10.0_f64.powi(number.log10().floor() as i32 - 2);
+    // Through decimal digits: its halves then have few, too.
+    let text = format!("{}e{}", (number / unit).floor(), unit.log10().round());
+    text.parse().unwrap_or(number)
+}
+
+/// The simulation at its start, and whether it goes on within a stage.
+fn started(scene: &Scene, start: Option<&Path>) -> Result<(Simulation, bool), Unanswered> {
+    let mut comm = Alone::default();
+    let mut sim = assemble::assemble(scene, &comm);
+    let same = start.map(|path| (path, Continuation::SameStage));
+    let before = scene.start.as_deref().map(|path| (path, Continuation::NewStage));
+    match same.or(before) {
+        None => assemble::fill(&mut sim, scene, &comm),
+        Some((path, how)) => {
+            assemble::take_up(&mut sim, scene, path, how, &mut comm).map_err(wrong)?;
+        }
+    }
+    Ok((sim, start.is_some()))
+}
+
+/// Moves every particle a little.
+fn nudge(sim: &mut Simulation, seed: u64) {
+    let particles = &mut sim.particles;
+    let most = NUDGE * particles.library.least_inscribed_radius();
+    for slot in 0..particles.owned {
+        let mut random = Random::of(seed, particles.id[slot].0);
+        for axis in 0..3 {
+            particles.position[slot][axis] += most * random.signed();
+        }
+    }
+}
+
+/// Sum over the contacts of force times branch, a third of the trace [J]; mean number of contacts of a particle.
+fn contacts_of(sim: &Simulation) -> [f64; 2] {
+    let particles = &sim.particles;
+    let (mut product, mut ends) = (0.0, 0_u64);
+    for contact in sim.contacts.loaded(&*sim.law, particles) {
+        let Loaded { pair, force, point, .. } = contact;
+        if pair.a.index() >= particles.owned {
+            continue;
+        }
+        let is_wall = pair.b.index() >= particles.first_facet();
+        let branch = if is_wall { point } else { particles.bodies().relative(pair) };
+        product += force.dot(&branch) / 3.0;
+        ends += if is_wall { 1 } else { 2 };
+    }
+    [product, ends as f64 / particles.owned.max(1) as f64]
+}
+
+/// A table of this name, made if it is not there.
+fn section<'a>(table: &'a mut Table, name: &str) -> &'a mut Table {
+    let entry = table.entry(name.to_owned()).or_insert_with(|| Value::Table(Table::new()));
+    if !entry.is_table() {
+        *entry = Value::Table(Table::new());
+    }
+    entry.as_table_mut().expect("made a table above")
+}
+
+/// Makes all contacts a tenth as stiff.
+fn soften(root: &mut Table) {
+    for name in ["material", "interaction"] {
+        let list = root.get_mut(name).and_then(Value::as_array_mut);
+        for table in list.into_iter().flatten().filter_map(Value::as_table_mut) {
+            for key in ["normal_stiffness", "tangential_stiffness", "youngs_modulus"] {
+                let Some(value) = table.get_mut(key) else { continue };
+                let number = value.as_float().or_else(|| value.as_integer().map(|n| n as f64));
+                if let Some(number) = number {
+                    *value = Value::Float(SOFTER * number);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! `--suggest` as a user meets it.
+
+use super::fresh_directory;
+use super::process::{Launch, dem_mpi};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The heap is at rest soon enough for a short trial: two balls and a floor are enough here.
+const SCENE: &str = r#"
+title = "Two balls on a floor"
+gravity = [0.0, 0.0, -9.81]
+[domain]
+low = [0.0, 0.0, 0.0]
+high = [0.01, 0.01, 0.01]
+walls = ["-z"]
+[[material]]
+name = "grain"
+density = 2500.0
+normal_stiffness = 1e4
+restitution = 0.5
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = 1e-3
+[[fill.lattice]]
+first = [3e-3, 3e-3, 1e-3]
+spacing = 3e-3
+count = [2, 1, 1]
+[time]
+step = 1e-6
+steps = 2000
+[output]
+directory = "out"
+snapshot_every = 500
+"#;
+
+fn written(directory: &Path) -> PathBuf {
+    let path = directory.join("scene.toml");
+    fs::write(&path, SCENE).unwrap();
+    path
+}
+
+#[test]
+fn what_it_prints_can_be_put_into_the_scene() {
+    let directory = fresh_directory("suggested");
+    let scene = written(&directory);
+    let scene = scene.to_str().unwrap();
+    let ended =
+        dem_mpi(Launch::Alone, [scene, "--suggest", "--error", "1%"]).from(&directory).succeed();
+    for text in
+        ["[time]\n", "[contact]\nmethod = \"auto\"\n", "\nfloor ", "\nhow sure ", "\nsofter "]
+    {
+        ended.said_once(text);
+    }
+    let files: Vec<_> = directory.read_dir().unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert_eq!(files, ["scene.toml"], "it writes nothing");
+
+    let key = |name: &str| {
+        let line = ended.output.lines().find(|line| line.starts_with(&format!("{name} = ")));
+        line.unwrap_or_else(|| panic!("no {name}: {ended}")).replace(" = ", "=")
+    };
+    let sets = [
+        format!("time.{}", key("step")),
+        format!("time.{}", key("steps")),
+        format!("output.{}", key("snapshot_every")),
+    ];
+    let mut again = vec![scene, "--check"];
+    again.extend(sets.iter().flat_map(|set| ["--set", set]));
+    dem_mpi(Launch::Alone, again).from(&directory).succeed();
+    let number = |set: &str| set.split_once('=').unwrap().1.parse::<f64>().unwrap();
+    let span = number(&sets[0]) * number(&sets[1]);
+    assert!((2e-3..2e-3 + number(&sets[0])).contains(&span), "the stage lasts as long: {span}");
+}
+
+/// The balance of energies of a trial that goes on from a snapshot is that of the trial: balls that lie there miss nothing.
+#[test]
+fn trials_go_on_from_a_snapshot() {
+    let directory = fresh_directory("suggested_from");
+    let scene = written(&directory);
+    let scene = scene.to_str().unwrap();
+    dem_mpi(Launch::Alone, [scene, "--out", "before", "--steps", "1500"])
+        .from(&directory)
+        .succeed();
+    let from = [scene, "--suggest", "--start", "before"];
+    let ended = dem_mpi(Launch::Alone, from).from(&directory).succeed();
+    let error = ended.output.lines().find(|line| line.starts_with("error ")).unwrap();
+    let energy = error.split("energy ").nth(1).unwrap().split(' ').next().unwrap();
+    assert!(energy.parse::<f64>().unwrap() < 0.1, "{ended}");
+    // The steps that are behind count in the stage, with whatever step.
+    let number = |name: &str| {
+        let line = ended.output.lines().find(|line| line.starts_with(name)).unwrap();
+        line.split(" = ").nth(1).unwrap().parse::<f64>().unwrap()
+    };
+    let left = (number("steps") - 1500.0) * number("step ");
+    assert!((5e-4..5e-4 + number("step ")).contains(&left), "{ended}");
+    assert_eq!(directory.read_dir().unwrap().count(), 2, "{ended}");
+}
+
+#[test]
+fn wrong_questions_are_refused_with_one_message() {
+    let directory = fresh_directory("suggested_wrongly");
+    let scene = written(&directory);
+    let scene = scene.to_str().unwrap();
+    let between = "must be more than 0 and less than 1, such as 1% or 0.01";
+    let wrong: [(Launch, &[&str], &str); 8] = [
+        (Launch::Alone, &["--suggest", "--error", "0"], between),
+        (Launch::Alone, &["--suggest", "--error=-1%"], between),
+        (Launch::Alone, &["--suggest", "--error", "150%"], between),
+        (Launch::Alone, &["--suggest", "--error", "NaN"], between),
+        (Launch::Alone, &["--suggest", "--error", "little"], between),
+        (Launch::Alone, &["--error", "1%"], "--suggest"),
+        (Launch::Alone, &["--suggest", "--plan"], "cannot be used with"),
+        (Launch::Ranks(2), &["--suggest"], "--suggest tries the scene on one rank"),
+    ];
+    for (launch, arguments, message) in wrong {
+        let mut all = vec![scene];
+        all.extend(arguments);
+        let ended = dem_mpi(launch, all).from(&directory).end();
+        assert_eq!(ended.status.code(), Some(2), "{ended}");
+        assert_eq!(ended.output, "", "{ended}");
+        assert!(ended.errors.contains(message), "{ended}");
+    }
+    assert_eq!(directory.read_dir().unwrap().count(), 1, "a question leaves no files");
+}
