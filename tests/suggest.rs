@@ -85,7 +85,7 @@ fn a_proposed_step_keeps_its_error_against_a_closed_form() {
         let off = (found.run.stress / exact - 1.0).abs();
         // The branch ends at the contact point, within the overlap.
         let branch = 1e-4;
-        assert!(off <= found.bound.stress + branch, "{off:e}: {}", found.text);
+        assert!(off <= found.expected.stress + branch, "{off:e}: {}", found.text);
         assert!(off <= error, "{off:e} of {error}: {}", found.text);
         // The longest step would have kept 5 %, and would not have kept a tenth of a percent.
         let of_coarsest = (coarsest.stress / exact - 1.0).abs();
@@ -114,7 +114,7 @@ fn a_proposal_is_the_same_again() {
     let ((_folder, file), signal) = (file(&swinging()), AtomicUsize::new(0));
     let question = asked(&file, 0.01, &signal);
     let [one, two] = [0, 1].map(|_| suggest(&question, &mut |_| ()).unwrap());
-    assert_eq!((one.run.dt, one.bound, one.floor), (two.run.dt, two.bound, two.floor));
+    assert_eq!((one.run.dt, one.expected, one.floor), (two.run.dt, two.expected, two.floor));
     assert_eq!(one.run.stress.to_bits(), two.run.stress.to_bits());
     assert_eq!(one.contact, two.contact);
 }

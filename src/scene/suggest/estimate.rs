@@ -1,4 +1,4 @@
-//! From the answers of trials to what their errors are at most. See [`super`].
+//! From the answers of trials to the errors that are expected of them. See [`super`].
 
 use super::trial::Answer;
 
@@ -84,9 +84,9 @@ impl Difference {
         self.stress <= floor.stress && self.contacts <= floor.contacts
     }
 
-    fn bound(&self, missing: f64, floor: &Floor) -> Bound {
+    fn expected(&self, missing: f64, floor: &Floor) -> Expected {
         let both = |difference: f64, floor: f64| (MARGIN * difference).hypot(floor);
-        Bound {
+        Expected {
             stress: both(self.stress, floor.stress),
             contacts: both(self.contacts, floor.contacts),
             energy: missing.abs(),
@@ -94,9 +94,9 @@ impl Difference {
     }
 }
 
-/// How large errors are at most, relative [-].
+/// How large errors are expected to be, relative [-].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bound {
+pub struct Expected {
     /// Of the mean stress.
     pub stress: f64,
     /// Of the coordination number.
@@ -105,13 +105,13 @@ pub struct Bound {
     pub energy: f64,
 }
 
-impl Bound {
+impl Expected {
     /// The largest of them.
     pub fn largest(&self) -> f64 {
         self.stress.max(self.contacts).max(self.energy)
     }
 
-    /// What is not a number is no bound.
+    /// What is not a number is expected of nothing.
     pub(super) fn is_at_most(&self, error: f64) -> bool {
         [self.stress, self.contacts, self.energy].into_iter().all(|part| part <= error)
     }
@@ -132,14 +132,14 @@ pub(super) fn difference(rungs: &[Rung], k: usize) -> Option<Difference> {
     })
 }
 
-/// What a step's errors are at most.
-pub(super) fn bound(rungs: &[Rung], k: usize, floor: &Floor) -> Option<Bound> {
+/// The errors that are expected of a step.
+pub(super) fn expected(rungs: &[Rung], k: usize, floor: &Floor) -> Option<Expected> {
     let missing = rungs[k].runs.iter().map(|run| run.missing.abs()).fold(0.0, f64::max);
-    Some(difference(rungs, k)?.bound(missing, floor))
+    Some(difference(rungs, k)?.expected(missing, floor))
 }
 
 /// The same of a run against the answer of the shortest step.
-pub(super) fn from(run: &Answer, best: &[f64; 2], floor: &Floor) -> Bound {
+pub(super) fn from(run: &Answer, best: &[f64; 2], floor: &Floor) -> Expected {
     let difference = Difference::between([run.stress, run.coordination], *best);
-    difference.bound(run.missing, floor)
+    difference.expected(run.missing, floor)
 }

@@ -28,8 +28,13 @@
 //! floor is `t √2 s`, where t is Student's factor of 95 %. No step keeps single values nearer than the floor. A short trial of
 //! a few collisions may not have made a difference of [`NUDGE`] grow to its full size, so that a longer run has a higher floor.
 //!
-//! The **bound** of a step is `√((2 difference)² + floor²)` for stress and contacts, and what is missing for the energy. A
-//! step is proposed if its bound and that of half of it are within what is asked: one alone may be so by chance.
+//! The **expected error** of a step is `√((2 difference)² + floor²)` for stress and contacts, and what is missing for the energy. A
+//! step is proposed if its expected error and that of half of it are within what is asked: one alone may be so by chance.
+//!
+//! # How often it is right
+//! `cargo bench --bench work_precision -- --suggest` asks for 5 % and 1 % in 20 scenes that can keep them, and compares with
+//! converged steps: 39 of 40 errors were within what was asked, the other was 1.01 %. The expected error is no bound: contacts
+//! that carry next to nothing open and close with any change of the step, so the error of their number was up to 3.8 times the expected one.
 
 mod estimate;
 mod page;
@@ -37,7 +42,7 @@ mod trial;
 
 use crate::shape::Kind;
 use estimate::Rung;
-pub use estimate::{Bound, Floor};
+pub use estimate::{Expected, Floor};
 use std::path::Path;
 use std::sync::atomic::AtomicUsize;
 pub use trial::{Answer, Trials, Unanswered, Variant};
@@ -96,8 +101,8 @@ pub struct Suggestion {
     pub run: Answer,
     /// Keys of `[contact]` and their values, as TOML has them.
     pub contact: Vec<(String, String)>,
-    /// How large the errors of `run` are at most.
-    pub bound: Bound,
+    /// How large the errors of `run` are expected to be.
+    pub expected: Expected,
     /// How far apart runs are that begin alike.
     pub floor: Floor,
     /// For a person: the lines of the scene to change, what to expect, what was tried, how sure it is.
@@ -122,7 +127,7 @@ pub fn suggest(
         let why_not = rungs.iter().rev().find_map(|rung| rung.why_not.clone());
         return Err(why_not.map_or_else(|| trials.nothing(), Unanswered::Trial));
     };
-    let bound = estimate::bound(&rungs, rung, &floor).ok_or_else(|| trials.nothing())?;
+    let expected = estimate::expected(&rungs, rung, &floor).ok_or_else(|| trials.nothing())?;
     let mut found = page::Found {
         question,
         trials: &trials,
@@ -132,7 +137,7 @@ pub fn suggest(
         run: rungs[rung].runs[0].clone(),
         plain: &rungs[rung].runs[0],
         method: AUTO,
-        bound,
+        expected,
         others: Vec::new(),
         softer: None,
     };
@@ -147,7 +152,7 @@ pub fn suggest(
             if let Ok(run) = &tried {
                 let of_method = estimate::from(run, &best, &floor);
                 if of_method.is_at_most(question.error) && is_kept {
-                    (found.run, found.method, found.bound) = (run.clone(), method, of_method);
+                    (found.run, found.method, found.expected) = (run.clone(), method, of_method);
                 }
             }
             found
@@ -162,10 +167,10 @@ pub fn suggest(
     progress("  softer contacts: tried");
     found.softer = Some(softer.map(|run| (estimate::from(&run, &best, &Floor::NONE), run)));
     let text = found.page();
-    let page::Found { run, method, bound, .. } = found;
+    let page::Found { run, method, expected, .. } = found;
     let owned = |&(key, value): &(&str, &str)| (key.to_owned(), value.to_owned());
     let contact = method.iter().map(owned).collect();
-    Ok(Suggestion { is_kept, run, contact, bound, floor, text })
+    Ok(Suggestion { is_kept, run, contact, expected, floor, text })
 }
 
 /// Runs the ladder until a step keeps the error; which one that is, if any.
@@ -195,7 +200,7 @@ fn climb(
         }
         let floor = Floor::of(&rungs);
         let keeps = |j: usize| {
-            estimate::bound(&rungs, j, &floor).is_some_and(|bound| bound.is_at_most(error))
+            estimate::expected(&rungs, j, &floor).is_some_and(|expected| expected.is_at_most(error))
         };
         if let Some(first) = (0..=k - FINER).find(|&j| keeps(j) && keeps(j + 1)) {
             return Ok((rungs, Some(first)));
@@ -214,9 +219,9 @@ fn lost(rungs: &[Rung], floor: &Floor) -> Option<usize> {
     (0..rungs.len().saturating_sub(FINER)).find(is_lost).filter(|_| floor.largest() > 0.0)
 }
 
-/// The step with the smallest bound.
+/// The step with the smallest expected error.
 fn nearest(rungs: &[Rung], floor: &Floor) -> Option<usize> {
-    let bound = |k| Some((estimate::bound(rungs, k, floor)?.largest(), k));
-    let bounds = (0..rungs.len().saturating_sub(FINER)).filter_map(bound);
-    bounds.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
+    let expected = |k| Some((estimate::expected(rungs, k, floor)?.largest(), k));
+    let all = (0..rungs.len().saturating_sub(FINER)).filter_map(expected);
+    all.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
 }
