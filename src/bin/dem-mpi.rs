@@ -8,7 +8,7 @@ use dem_mpi::output::report::Origin;
 use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, Continuation, TakenUp};
 use dem_mpi::scene::suggest::{self, Question, Suggestion, Unanswered};
-use dem_mpi::scene::{Scene, plan};
+use dem_mpi::scene::{Scene, keys, plan};
 use dem_mpi::sim::report::report;
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
@@ -32,6 +32,7 @@ Examples:
   dem-mpi run/packing/scene.toml                     one rank, to try or to debug
   mpirun -n 2 dem-mpi run/packing/scene.toml         two ranks, the same bits
   dem-mpi run/packing/scene.toml --plan              what the scene uses, and what it leaves out
+  dem-mpi --keys material                            the keys of a table of the scene; without a name, of all
   dem-mpi run/first/scene.toml --suggest --error 1%  which step and method keep an error
   dem-mpi run/packing/scene.toml --set contact.method=epa --set material.grain.friction=0.5
   mpirun -n 4 dem-mpi run/packing/scene.toml --start out/packing/last.vtkhdf
@@ -51,7 +52,12 @@ or --suggest has found no step that keeps the error."
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 struct Arguments {
     /// The scene: what to simulate, a TOML file
-    scene: PathBuf,
+    #[arg(required_unless_present = "keys")]
+    scene: Option<PathBuf>,
+    /// List the keys that a scene may have, with units, defaults and meaning: all, or those of a table such as `domain`
+    #[arg(long, value_name = "TABLE", exclusive = true)]
+    #[expect(clippy::option_option, reason = "not asked for, asked for all, or for one table")]
+    keys: Option<Option<String>>,
     /// Where output goes, instead of the scene's output.directory
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -98,6 +104,13 @@ struct Arguments {
     /// Print the whole report at the end, and not only its four first lines; report.json has all of it either way
     #[arg(long)]
     verbose: bool,
+}
+
+impl Arguments {
+    /// The scene's file; none is asked for with `--keys` alone.
+    fn scene(&self) -> &Path {
+        self.scene.as_deref().unwrap_or_else(|| Path::new(""))
+    }
 }
 
 /// The scene or an argument is wrong: all ranks know, rank 0 has the message.
@@ -210,9 +223,9 @@ fn print_error(text: impl std::fmt::Display) {
 fn read_scene(arguments: &Arguments, comm: &mut dyn Comm) -> Result<Scene, String> {
     let mut bytes = Vec::new();
     if comm.is_root() {
-        let Arguments { scene, set, start, out, .. } = arguments;
+        let Arguments { set, start, out, .. } = arguments;
         let read = if start.is_some() { Scene::read_to_go_on } else { Scene::read };
-        let read = read(scene, set).map_err(|e| e.to_string());
+        let read = read(arguments.scene(), set).map_err(|e| e.to_string());
         let of_this_stage = |scene: Scene| match start.as_ref().zip(scene.start.as_ref()) {
             // Stages may also share a folder.
             Some((given, before))
@@ -233,6 +246,23 @@ fn read_scene(arguments: &Arguments, comm: &mut dyn Comm) -> Result<Scene, Strin
     wire::decode(&bytes)
 }
 
+/// Lists the keys of scenes.
+fn listed(table: Option<&str>, comm: &dyn Comm) -> u8 {
+    match keys::text(table) {
+        Ok(text) => {
+            if comm.is_root() {
+                // A pager may have closed it.
+                let _ = write!(std::io::stdout(), "{text}");
+            }
+            0
+        }
+        Err(error) => {
+            print_once(comm, error);
+            WRONG_INPUT
+        }
+    }
+}
+
 /// Where a snapshot is, or a directory of them, if it is there.
 fn folder(snapshot: &Path) -> Option<PathBuf> {
     let folder = if snapshot.is_dir() { snapshot } else { snapshot.parent()? };
@@ -241,6 +271,9 @@ fn folder(snapshot: &Path) -> Option<PathBuf> {
 }
 
 fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) -> u8 {
+    if let Some(table) = &arguments.keys {
+        return listed(table.as_deref(), comm);
+    }
     if arguments.suggest {
         return suggested(arguments, stop, comm);
     }
@@ -320,7 +353,7 @@ fn suggested(arguments: &Arguments, stop: &AtomicUsize, comm: &dyn Comm) -> u8 {
         print_once(comm, "--suggest tries the scene on one rank: leave mpirun out");
         return WRONG_INPUT;
     }
-    let Arguments { scene, set, start, error, .. } = arguments;
+    let (scene, Arguments { set, start, error, .. }) = (arguments.scene(), arguments);
     let start = start.as_deref();
     let question = Question { scene, overrides: set, start, error: *error, signal: stop };
     match suggest::suggest(&question, &mut |line| print_error(line)) {
@@ -395,7 +428,7 @@ fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
 /// Nothing was found.
 fn checked(arguments: &Arguments, comm: &dyn Comm) -> u8 {
     if comm.is_root() {
-        println!("{}: no errors found", arguments.scene.display());
+        println!("{}: no errors found", arguments.scene().display());
     }
     0
 }
@@ -431,7 +464,7 @@ fn nothing_left(
 
 /// The command, without mpirun, that goes on from a snapshot.
 fn again(arguments: &Arguments, snapshot: &Path, left: Option<u64>) -> String {
-    let Arguments { scene, out, threads, set, verbose, .. } = arguments;
+    let (scene, Arguments { out, threads, set, verbose, .. }) = (arguments.scene(), arguments);
     let mut words = vec!["dem-mpi".to_owned(), scene.display().to_string()];
     let mut add = |name: &str, value: String| {
         // So that a shell takes it as one word.

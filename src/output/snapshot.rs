@@ -241,9 +241,12 @@ pub fn none_later(
         });
     }
     let path = super::name_of(directory);
-    let found = later.iter().map(|(step, _)| *step).max().map(|newest| match newest > step {
-        false if follows_them => SnapshotError::StageBefore { path },
-        _ => SnapshotError::Later { path, step, newest },
+    let found = later.iter().map(|(step, _)| *step).max().map(|newest| {
+        if follows_them && newest <= step {
+            SnapshotError::StageBefore { path }
+        } else {
+            SnapshotError::Later { path, step, newest }
+        }
     });
     agree(comm, found.map_or(Ok(()), Err))
 }

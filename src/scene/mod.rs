@@ -10,109 +10,7 @@
 //! A polyhedron is moved to its centre of mass and turned into its principal axes; positions and
 //! quaternions of particles are those of its centre and these axes, and `--plan` says where they lie in the file.
 //!
-//! | key | unit | meaning |
-//! |---|---|---|
-//! | `title` | | one line for the log; default: the file's name |
-//! | `seed` | | of all that is random; default 1 |
-//! | `gravity` | m/s² | [x, y, z]; default 0 |
-//! | `global_damping` | 1/s | every particle feels `-ξ m v` and `-ξ I ω`; default 0 |
-//! | `start` | | the snapshot with which this stage begins, or a directory: its newest good one; default: none |
-//! | **`[domain]`** | | |
-//! | `low`, `high` | m | corners of the box in which particles may be |
-//! | `periodic` | | [x, y, z], true or false; default false |
-//! | `shear` | | `{ along, across, rate }`: simple shear without walls (Lees and Edwards). Images slide along one axis, faster the farther up another (both periodic): velocity over height `rate` [1/s]. Particles begin with the flow's velocity, of which another stage gets what it lacks; default: none |
-//! | `walls` | | sides of the box that are fixed walls: `"-x"` `"+x"` `"-y"` `"+y"` `"-z"` `"+z"`; default none |
-//! | `wall_material` | | of these walls; default: the scene's only material |
-//! | `wall_velocity` | m/s | of those that move, as in `{ "+z" = [0, 0, -0.001] }` |
-//! | **`[[wall]]`** | | any other plane; walls have no edges |
-//! | `name` | | |
-//! | `point`, `normal` | m | a point of the plane; a direction of any length, towards the particles; or: |
-//! | `planes` | m | of a wall of several planes, which move as one body: a list of `{ point, normal }`. Particles are in front of all |
-//! | `velocity` | m/s | default 0 |
-//! | `rotation` | | `{ about, axis, rate }`: a point of the axis [m], which moves with the velocity, its direction, of any length, and the angular velocity [rad/s], anticlockwise where the axis points to the eye; default: none. Along a periodic axis only, if there is one |
-//! | `material` | | default: the scene's only material |
-//! | **`[[servo]]`** | | walls that keep a stress, by a proportional and integral law on their velocity ([`crate::drive::servo`]); over 2 % off the target in the mean of the last fifth of a stage is warned at its end |
-//! | `walls` | | names of walls across x, y or z, which may have a velocity along themselves; along the two other axes there must be walls on both sides, or a period |
-//! | `stress` | Pa | target, compression positive: normal force over the area between the other walls |
-//! | `max_speed` | m/s | of these walls, and their speed while nothing touches them; default 1 |
-//! | `coupled` | | all move by one displacement for the mean stress of all, so a pair closes symmetrically; default false: each on its own |
-//! | `gain` | | factor on how quickly the walls answer, for all time steps and grains alike; less is slower and softer, more than about 1.7 may swing; default 1 |
-//! | **`[[material]]`** | | |
-//! | `name` | | |
-//! | `density` | kg/m³ | |
-//! | `normal_stiffness` | N/m | of a contact between two bodies of this material |
-//! | `tangential_stiffness` | N/m | default: the normal stiffness; friction needs more than 0 |
-//! | `friction` | | coefficient of friction; default 0 |
-//! | `restitution` | | rebound over approach velocity, in (0, 1]; default 1 |
-//! | `tangential_damping_ratio` | | fraction of critical damping; default 0 |
-//! | `youngs_modulus` | Pa | with `normal = "hertz"`, in place of both stiffnesses and `tangential_damping_ratio` |
-//! | `poisson_ratio` | | from 0 to 0.5, with `normal = "hertz"` |
-//! | **`[[interaction]]`** | | constants of two materials; what it leaves out, and two materials without one, are mixed: stiffnesses a, b give 2ab/(a + b), friction is the smaller, damping ratios (of which the restitution makes the normal one) are averaged. `--plan` says what comes out |
-//! | `between` | | names of the two materials |
-//! | | | any key of `[[material]]` from `normal_stiffness` to `tangential_damping_ratio` |
-//! | **`[[shape]]`** | | |
-//! | `name` | | |
-//! | `material` | | default: the scene's only material |
-//! | `kind` | | `"sphere"`, `"ellipsoid"`, `"superellipsoid"`, `"poly-superellipsoid"`, `"spherocylinder"`, `"polyhedron"` or `"rounded-polyhedron"` |
-//! | `radius` or `diameter` | m | of a sphere |
-//! | `semi_axes` | m | of an ellipsoid, along its own x, y, z; or: |
-//! | `diameter`, `aspect_ratio` | m | of the sphere of equal volume; first semi-axis over the other two |
-//! | `semi_axes` | m | of a superellipsoid, along its own x, y, z |
-//! | `semi_axes_positive`, `semi_axes_negative` | m | of a poly-superellipsoid, from where its octants meet towards positive and negative x, y, z; particles are placed by their centres of mass and principal axes |
-//! | `exponents` | | of both: [e1, e2], each from 0.1 to 1.8, of sections along z and across; towards 0 a box, 1 an ellipsoid, towards 2 an octahedron. Sharper ones are polyhedra |
-//! | `length`, `radius` | m | of a spherocylinder: of its axis, from centre to centre of the spheres at its ends (along its own x); of its round |
-//! | `vertices` | m | of a polyhedron or the core of a rounded one: [[x, y, z], ...], in any axes and order; or: |
-//! | `file`, `scale` | m | a closed and convex mesh, `.stl` or `.obj`; metres per unit of its lengths, default 1 |
-//! | `radius` | m | of the sphere that rolls around a rounded polyhedron's core |
-//! | `size` | | how sizes of the particles of lattices and rain are distributed, by number: `{ uniform = [0.8, 1.2] }` is any scale of the lengths above between these two; default: all are as above |
-//! | **`[contact]`** | | how contacts are resolved; may be left out |
-//! | `method` | | `"auto"` (default: the best for each pair of kinds, and for polyhedra the thickness of what they share), `"common-normal"` (smooth shapes only), `"gjk-erosion"` or `"epa"` |
-//! | `erosion_ratio` | | of `gjk-erosion`: first erosion, in (0, 1); default 0.05 |
-//! | `erosion_increment` | | of `gjk-erosion`: added until the bodies are apart; from 1e-4, default 0.01 |
-//! | `tolerance` | | of `gjk-erosion` (default 1e-6) and `epa` (default 1e-8), relative |
-//! | `spurious` | | of `gjk-erosion`: bodies within the error of the overlap touch, though they are apart; default true. False, as the paper seems to have it, makes forces jump at touch |
-//! | `polish` | | of `epa`: secants at the end bring the normals of smooth bodies to rounding; default true, false is EPA as in the paper |
-//! | **`[law]`** | | from overlap to force ([`crate::law`]); may be left out |
-//! | `kind` | | `"linear"`, as `normal = "linear"` |
-//! | `normal` | | `"linear"`: linear springs and dashpots, the default ([`crate::law::linear`]); `"hertz"`: elastic spheres ([`crate::law::hertz`]), not for other shapes |
-//! | `tangential` | | `"linear"` with linear springs; `"mindlin"`, the default, or `"none"` with `"hertz"` |
-//! | `largest_overlap` | | `"hertz"`: the overlap over the radius that the stable time step is found for, in (0, 1); default 0.01. Steps are too long for what is pressed further |
-//! | `limit_damping` | | normal dashpots never make a contact attractive; default true. The restitution asked for is met either way. It may stand in `[contact]` instead |
-//! | **`[time]`** | | |
-//! | `step` | s | at most the stable limit |
-//! | `steps` | | at most so many |
-//! | `allow_unstable` | | take a step over the limit; default false |
-//! | **`[stop]`** | | may be left out; ends the stage when all that is asked for holds, looked at every 100 steps; where it does not hold after the last step, the program ends with status 4 |
-//! | `rest` | | the kinetic energy is below this fraction of the energy dissipated |
-//! | `unbalanced` | | the mean resultant force of a particle is below this fraction of the mean contact force (of as many contacts as particles at least) |
-//! | `servo` | | the stress of every servo has been this near to its target in the mean over the last 100 steps, as a fraction of it |
-//! | **`[neighbours]`** | | may be left out; changes the speed, never the result |
-//! | `skin` | m | a pair is listed when its bounding spheres come this close; default: a tenth of the largest bounding radius, at most the smallest one |
-//! | `imbalance` | | subdomains are cut again when the busiest rank has so many times the mean work; default 1.1 |
-//! | **`[audit]`** | | may be left out; a sample of the contacts that touch is resolved again, to convergence, and the report has the errors ([`crate::sim::audit`]). Changes no result |
-//! | `every` | | steps between samples; default 1000; 0: none |
-//! | `contacts` | | how many at each, in the mean; default: one of 50, at most 1000 |
-//! | `seed` | | of the samples; default: the scene's |
-//! | **`[output]`** | | |
-//! | `directory` | | |
-//! | `snapshot_every` | | steps between snapshots; default 0: only at the start and the end |
-//! | `history_every` | | steps between rows of `history.csv`; default 100; 0: only at the end; forces and stresses on walls with a servo are means since the row before |
-//! | **`[fill.rain]`** | | layers of particles that fall in; may join a `start` |
-//! | `shapes` | | names, or `{ name = share, ... }` by number; default: the scene's only shape |
-//! | `count` | | how many particles in all |
-//! | `every` | | steps between layers, a layer waits until its place is free; default 100 |
-//! | `spacing` | m | width of a particle's cell; default 1.1 largest bounding diameters |
-//! | `low`, `high` | m | the slab of a layer; default: one cell thick, across the domain's top (from where gravity pulls) |
-//! | `velocity` | m/s | default 0 |
-//! | **`[[fill.lattice]]`** | | particles on a lattice |
-//! | `shapes`, `velocity` | | as in rain |
-//! | `orientation` | | `"random"` (default) or `"upright"`: own axes along x, y, z |
-//! | `spacing` | m | one number or [x, y, z]; default 1.1 largest bounding diameters |
-//! | `low`, `high` | m | as many as fit into this box; default: the domain; or: |
-//! | `first`, `count` | m | centre of the first, how many along [x, y, z] |
-//! | `jitter` | m | how far from its place a particle may be along each axis, at random; default 0 |
-//! | **`[[fill.file]]`** | | particles one by one |
-//! | `path` | | CSV with a header: `x,y,z` and, if wanted, `qw,qx,qy,qz`, `vx,vy,vz`, `wx,wy,wz`, `shape`, `scale` (of the shape's lengths; default 1, whatever its `size`) |
+#![doc = include_str!("keys.md")]
 
 pub mod assemble;
 mod check;
@@ -120,6 +18,7 @@ pub mod doubts;
 mod fills;
 mod geometry;
 mod input;
+pub mod keys;
 mod laws;
 mod listed;
 mod matter;

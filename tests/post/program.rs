@@ -197,18 +197,20 @@ fn ended(command: &mut Command) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8(output.stderr).expect("text"))
 }
 
+type Change<'a> = &'a dyn Fn(&mut Header);
+
 /// Each of these rows could stand beside the others without a word: strains and rates against another run's packing.
 #[test]
 fn snapshots_of_different_runs_are_no_series() {
     let run = ellipsoids(2, 7);
-    let earlier = |change: &dyn Fn(&mut Header)| {
+    let earlier = |change: Change| {
         let mut other = run.clone();
         other.header.step = 500;
         other.header.time *= 0.5;
         change(&mut other.header);
         other
     };
-    let others: [(&dyn Fn(&mut Header), Option<&str>); 5] = [
+    let others: [(Change, Option<&str>); 5] = [
         (&|_| (), None),
         (&|header| header.time *= 4.0, Some("step 500 is at")),
         (&|header| header.next_id += 1, Some("by step 500 there have been")),
