@@ -17,6 +17,7 @@
 //! | 10 | [`output`] | what is written |
 //! | 11 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot |
 //! | 12 | [`scene`] | the user's file, checked, and turned into a simulation |
+//! | 13 | [`guide`] | how to use it: pages to read |
 //!
 //! Conventions everywhere: SI units; compression and overlap are positive; a contact's normal is a
 //! unit vector **from A to B**, where A is the body with the lower id (a facet of a wall is always B);
@@ -62,3 +63,5 @@ pub mod post;
 pub mod sim;
 
 pub mod scene;
+
+pub mod guide;

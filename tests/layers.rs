@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules by row, as `src/lib.rs` explains them.
-const ROWS: [&[&str]; 12] = [
+const ROWS: [&[&str]; 13] = [
     &["ids", "math", "lanes", "timing"],
     &["cell", "random", "shape", "comm"],
     &["contact"],
@@ -18,6 +18,7 @@ const ROWS: [&[&str]; 12] = [
     &["output"],
     &["sim", "post"],
     &["scene"],
+    &["guide"],
 ];
 
 fn sources(folder: &Path, into: &mut Vec<PathBuf>) {

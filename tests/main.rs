@@ -6,6 +6,7 @@ mod comm_cases;
 mod contact_reference;
 mod contract;
 mod drives;
+mod guide;
 mod hertz;
 mod kinds;
 mod laws;

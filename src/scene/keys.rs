@@ -24,12 +24,12 @@ pub struct Key {
 pub fn all() -> Vec<Key> {
     let mut table = String::new();
     let rows = TABLE.lines().skip(2).map(|row| {
-        let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
-        let [key, unit, meaning] = cells[..] else { panic!("not three cells: {row}") };
+        let mut cells = row.trim_matches('|').splitn(3, '|').map(str::trim);
+        let [key, unit, meaning] = [(); 3].map(|()| cells.next().unwrap_or_default());
         let names = quoted(key);
         let is_table = key.starts_with("**");
         if is_table {
-            table = names[0].trim_matches(['[', ']']).to_owned();
+            names[0].trim_matches(['[', ']']).clone_into(&mut table);
         }
         let names = if is_table { Vec::new() } else { names };
         Key { table: table.clone(), names, unit: unit.to_owned(), meaning: plain(meaning) }
@@ -46,7 +46,7 @@ pub fn text(table: Option<&str>) -> Result<String, String> {
     let asked = table.map(|name| name.trim_matches(['[', ']']));
     for key in all().iter().filter(|key| asked.is_none_or(|asked| asked == key.table)) {
         if before != Some(&key.table) && !key.table.is_empty() {
-            text += &format!("\n[{}]\n", key.table);
+            text.extend(["\n[", &key.table, "]\n"]);
         }
         before = Some(&key.table);
         if key.names.is_empty() && key.meaning.is_empty() {

@@ -1,0 +1,29 @@
+//! The guide: how to use dem-mpi.
+//!
+//! | page | what it is for |
+//! |---|---|
+//! | [`start`] | from nothing to a first scene of one's own |
+//! | [`scenes`] | what a scene is made of: grains, walls, servos, shear, stages |
+//! | [`choose`] | time step, contact method, stiffness: what the studies found |
+//! | [`outputs`] | the files of a run, in ParaView, Python and OVITO |
+//! | [`from_others`] | commands of LAMMPS, LIGGGHTS, Yade and MercuryDPM beside ours |
+//!
+//! All keys of a scene: [`crate::scene`], or `dem-mpi --keys`. A law of one's own: [`crate::law`]. A shape of one's own:
+//! [`crate::shape`]. How the program is built: the [crate's front page](crate).
+//!
+//! `tests/guide.rs` reads every scene in these pages as the program would.
+
+#[doc = include_str!("start.md")]
+pub mod start {}
+
+#[doc = include_str!("scenes.md")]
+pub mod scenes {}
+
+#[doc = include_str!("choose.md")]
+pub mod choose {}
+
+#[doc = include_str!("outputs.md")]
+pub mod outputs {}
+
+#[doc = include_str!("from_others.md")]
+pub mod from_others {}

@@ -1,0 +1,113 @@
+//! The guide says what is so: its scenes can be read, and its keys are there.
+
+use anyhow::Context;
+use dem_mpi::scene::{Scene, keys};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+use toml::{Table, Value};
+
+/// The blocks of TOML in a page.
+fn scenes(page: &str) -> Vec<String> {
+    let blocks = page.split("```toml\n").skip(1);
+    blocks.map(|rest| rest.split("```").next().unwrap().to_owned()).collect()
+}
+
+/// A part of a scene has its other tables from the first one.
+fn completed(part: &str) -> anyhow::Result<String> {
+    let mut scene: Table = fs::read_to_string("run/first/scene.toml")?.parse()?;
+    let part: Table = part.parse()?;
+    // A shape of the first scene would need the material of the first scene.
+    if part.contains_key("shape") {
+        scene.insert(
+            "fill".to_owned(),
+            Value::Table("lattice = [{ shapes = [\"ball\"] }]".parse()?),
+        );
+    }
+    scene.extend(part.into_iter().filter(|(key, _)| key != "start"));
+    Ok(toml::to_string(&scene)?)
+}
+
+#[test]
+fn every_scene_of_the_guide_can_be_read() -> anyhow::Result<()> {
+    let mut count = 0;
+    for entry in fs::read_dir("src/guide")? {
+        let path = entry?.path();
+        if path.extension().is_none_or(|e| e != "md") {
+            continue;
+        }
+        for (k, block) in scenes(&fs::read_to_string(&path)?).iter().enumerate() {
+            let name = format!("{}, block {k}", path.display());
+            let text = if block.contains("[time]") { block.clone() } else { completed(block)? };
+            Scene::parse(&text, &name, Path::new(""), &[]).with_context(|| name)?;
+            count += 1;
+        }
+    }
+    assert!(count >= 9, "{count} scenes");
+    Ok(())
+}
+
+/// Tables and keys of a scene file, tables within tables as `fill.rain`.
+fn named(table: &str, value: &Value, into: &mut BTreeSet<(String, String)>) {
+    let all = match value {
+        Value::Array(tables) => tables.iter().collect(),
+        other => vec![other],
+    };
+    for entry in all.into_iter().filter_map(Value::as_table) {
+        for (key, value) in entry {
+            if table == "fill" {
+                named(&format!("fill.{key}"), value, into);
+            } else {
+                into.insert((table.to_owned(), key.clone()));
+            }
+        }
+    }
+}
+
+/// What the program reads is in the list of keys, and what is in the list it reads.
+#[test]
+fn the_list_of_keys_is_that_of_scenes() -> anyhow::Result<()> {
+    let mut used = BTreeSet::new();
+    for entry in fs::read_dir("tests/scenes/good")? {
+        let path = entry?.path();
+        if path.extension().is_none_or(|e| e != "toml") {
+            continue;
+        }
+        // Without mistakes, so that each key in it is one that is read.
+        Scene::read(&path, &[]).with_context(|| path.display().to_string())?;
+        let scene: Table = fs::read_to_string(&path)?.parse()?;
+        for (key, value) in &scene {
+            match value {
+                Value::Table(_) => named(key, value, &mut used),
+                Value::Array(list) if list.iter().any(Value::is_table) => {
+                    named(key, value, &mut used)
+                }
+                _ => drop(used.insert((String::new(), key.clone()))),
+            }
+        }
+    }
+    let listed: BTreeSet<(String, String)> = keys::all()
+        .into_iter()
+        .flat_map(|key| key.names.into_iter().map(move |name| (key.table.clone(), name)))
+        .collect();
+    let unlisted: Vec<_> =
+        used.difference(&listed).filter(|(table, _)| table != "interaction").collect();
+    let unused: Vec<_> = listed.difference(&used).collect();
+    assert!(
+        unlisted.is_empty() && unused.is_empty(),
+        "not listed: {unlisted:?}; in no scene: {unused:?}"
+    );
+    Ok(())
+}
+
+#[test]
+fn keys_are_printed_by_table() {
+    let domain = keys::text(Some("domain")).unwrap();
+    assert!(domain.starts_with("[domain]\n  low, high [m]  "), "{domain}");
+    assert_eq!(domain, keys::text(Some("[domain]")).unwrap());
+    assert!(domain.lines().all(|line| line.chars().count() <= 110), "{domain}");
+    let all = keys::text(None).unwrap();
+    assert!(all.contains(&domain) && all.contains("\n[fill.file]\n"));
+    assert!(!all.contains("crate::") && !all.contains('`'), "{all}");
+    assert!(keys::text(Some("domains")).unwrap_err().contains("there are domain, wall"));
+}
