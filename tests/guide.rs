@@ -80,7 +80,7 @@ fn the_list_of_keys_is_that_of_scenes() -> anyhow::Result<()> {
             match value {
                 Value::Table(_) => named(key, value, &mut used),
                 Value::Array(list) if list.iter().any(Value::is_table) => {
-                    named(key, value, &mut used)
+                    named(key, value, &mut used);
                 }
                 _ => drop(used.insert((String::new(), key.clone()))),
             }

@@ -3,6 +3,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Parser, ValueEnum};
 use dem_mpi::contact::{Epa, ErodedGjk, Method};
+use dem_mpi::output::report::version;
 use dem_mpi::pairs::read::read;
 use dem_mpi::pairs::{Answer, Pairs, resolve, time, write};
 use std::fs;
@@ -30,7 +31,7 @@ use std::process::ExitCode;
 /// one from normals that are off by 1e-4; batched, many at once from the same normals, as in a
 /// simulation.
 #[derive(Parser)]
-#[command(version, max_term_width = 100, args_override_self = true, after_help = EXAMPLES)]
+#[command(version = version(), max_term_width = 100, args_override_self = true, after_help = EXAMPLES)]
 struct Arguments {
     /// File of pairs, `-` for standard input
     pairs: PathBuf,

@@ -4,7 +4,7 @@ use clap::Parser;
 use dem_mpi::comm::{Comm, agree, alone::Alone, linked, threads, wire, world};
 use dem_mpi::ids::GlobalId;
 use dem_mpi::output::performance::Performance;
-use dem_mpi::output::report::Origin;
+use dem_mpi::output::report::{Origin, commit, version};
 use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, Continuation, TakenUp};
 use dem_mpi::scene::suggest::{self, Question, Suggestion, Unanswered};
@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 /// Discrete element method for non-spherical grains, on one rank or many.
 #[derive(Parser, Debug)]
 #[command(
-    version,
+    version = version(),
     // Under mpirun standard output looks like a terminal even where it ends in a file.
     color = clap::ColorChoice::Never,
     after_help = "\
@@ -571,8 +571,7 @@ fn failed(error: &RunError, sim: &Simulation, in_threads: bool, comm: &dyn Comm)
 
 /// What the report says of this program and the scene.
 fn origin(scene: &Scene) -> Origin {
-    let commit = option_env!("DEM_MPI_COMMIT").filter(|commit| !commit.is_empty());
-    Origin { commit: commit.map(str::to_owned), ..scene.origin() }
+    Origin { commit: commit().map(str::to_owned), ..scene.origin() }
 }
 
 /// A bar on a terminal, a line now and then elsewhere; nothing on ranks other than 0.

@@ -3,6 +3,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use clap::Parser;
 use dem_mpi::drive::servo;
+use dem_mpi::output::report::version;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::Among;
@@ -24,7 +25,7 @@ use std::process::ExitCode;
 /// newest snapshot, with --series for all. Results go to a folder `post` beside the last snapshot: index.html to look
 /// at, report.csv and report.json to compute with, every plot as SVG.
 #[derive(Parser)]
-#[command(version, max_term_width = 100, after_help = EXAMPLES)]
+#[command(version = version(), max_term_width = 100, after_help = EXAMPLES)]
 #[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 struct Arguments {
     /// Particle files (particles_STEP.vtkhdf, each with its contacts file beside it), or directories

@@ -9,7 +9,7 @@ const LAUNCHES: [Launch; 2] = [Launch::Alone, Launch::Ranks(2)];
 fn questions_are_answered_once() {
     let heap = &*scene("heap");
     let version = concat!("dem-mpi ", env!("CARGO_PKG_VERSION"));
-    let answers: [(&[&str], &[&str]); 4] = [
+    let answers: [(&[&str], &[&str]); 5] = [
         (&[heap, "--check"], &["heap.toml: no errors found"]),
         (
             &[heap, "--plan"],
@@ -17,6 +17,7 @@ fn questions_are_answered_once() {
         ),
         (&["--help"], &["Usage: dem-mpi", "--start <SNAPSHOT>", "Exit status: 0"]),
         (&["--version"], &[version]),
+        (&["--keys", "stop"], &["[stop]\n", "  unbalanced  "]),
     ];
     for launch in LAUNCHES {
         let directory = fresh_directory("questions");

@@ -15,6 +15,7 @@ use crate::timing::Phase;
 use audit::Audit;
 use serde::{Serialize, Serializer};
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 /// Everything that is known of a run when it has ended.
 #[derive(Clone, Debug, Serialize)]
@@ -46,6 +47,20 @@ pub struct Report {
     pub memory: Memory,
     /// Every warning of the run, each once.
     pub warnings: Vec<String>,
+}
+
+/// The commit from which this program was built, if `DEM_MPI_COMMIT` told it when it was.
+pub fn commit() -> Option<&'static str> {
+    option_env!("DEM_MPI_COMMIT").filter(|commit| !commit.is_empty())
+}
+
+/// Version of this program, and the commit if it is known: `0.1.0 (f8ca4e2)`.
+pub fn version() -> &'static str {
+    static VERSION: LazyLock<String> = LazyLock::new(|| {
+        let commit = commit().map_or_else(String::new, |commit| format!(" ({commit})"));
+        format!("{}{commit}", env!("CARGO_PKG_VERSION"))
+    });
+    &VERSION
 }
 
 /// Which program, scene and settings a run had.
