@@ -5,11 +5,12 @@
 //! | [`start`] | from nothing to a first scene of one's own |
 //! | [`scenes`] | what a scene is made of: grains, walls, servos, shear, stages |
 //! | [`choose`] | time step, contact method, stiffness: what the studies found |
+//! | [`parallel`] | ranks, clusters, restarts, and how to look for a fault |
 //! | [`outputs`] | the files of a run, in ParaView, Python and OVITO |
 //! | [`from_others`] | commands of LAMMPS, LIGGGHTS, Yade and MercuryDPM beside ours |
+//! | [`extend`] | a law, a shape, a wall, a column of one's own |
 //!
-//! All keys of a scene: [`crate::scene`], or `dem-mpi --keys`. A law of one's own: [`crate::law`]. A shape of one's own:
-//! [`crate::shape`]. How the program is built: the [crate's front page](crate).
+//! All keys of a scene: [`crate::scene`], or `dem-mpi --keys`. How the program is built: the [crate's front page](crate).
 //!
 //! `tests/guide.rs` reads every scene in these pages as the program would.
 
@@ -27,3 +28,9 @@ pub mod outputs {}
 
 #[doc = include_str!("from_others.md")]
 pub mod from_others {}
+
+#[doc = include_str!("parallel.md")]
+pub mod parallel {}
+
+#[doc = include_str!("extend.md")]
+pub mod extend {}
