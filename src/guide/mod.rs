@@ -9,6 +9,7 @@
 //! | [`outputs`] | the files of a run, in ParaView, Python and OVITO |
 //! | [`from_others`] | commands of LAMMPS, LIGGGHTS, Yade and MercuryDPM beside ours |
 //! | [`extend`] | a law, a shape, a wall, a column of one's own |
+//! | [`changes`] | what changed |
 //!
 //! All keys of a scene: [`crate::scene`], or `dem-mpi --keys`. How the program is built: the [crate's front page](crate).
 //!
@@ -34,3 +35,6 @@ pub mod parallel {}
 
 #[doc = include_str!("extend.md")]
 pub mod extend {}
+
+#[doc = include_str!("changes.md")]
+pub mod changes {}
