@@ -64,7 +64,8 @@ impl Rain {
             .filter(|&axis| !periodic[axis])
             .filter_map(|axis| time_to_go(extent[axis], self.velocity[axis], gravity[axis]))
             .reduce(f64::min)?;
-        Some(((out / dt).ceil() as u64).max(1).div_ceil(self.every) * self.every)
+        let steps = ((out / dt).ceil() as u64).max(1);
+        Some(steps.div_ceil(self.every).saturating_mul(self.every))
     }
 }
 

@@ -264,6 +264,7 @@ fn a_series_may_be_longer_than_a_process_may_open_files() {
     let mut snapshot = ellipsoids(2, 7);
     for step in 0..30 {
         snapshot.header.step = step;
+        snapshot.header.time = step as f64;
         store(folder.path(), &snapshot);
     }
     let limited = ["-c", r#"ulimit -n 28; exec "$0" "$@""#, env!("CARGO_BIN_EXE_dem-post")];
