@@ -5,6 +5,7 @@ mod comm;
 mod comm_cases;
 mod contact_reference;
 mod contract;
+mod curvature;
 mod drives;
 mod guide;
 mod hertz;

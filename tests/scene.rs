@@ -533,6 +533,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         image: true,
         scale: true,
         patches: false,
+        curvature: false,
     };
     assert_eq!(scene.needs(), needs);
     let all = plan(&scene, 4);

@@ -19,6 +19,7 @@ mod clearance;
 mod common_normal;
 mod converged;
 mod cores;
+pub mod curvature;
 mod epa;
 mod eroded_gjk;
 mod fallback;

@@ -4,6 +4,7 @@
 //! resolvers say what touches, [`Contacts::arrange`] puts that in order beside what was remembered, and in
 //! [`Contacts::compute_forces`] a law finds the forces, and the new columns take the place of the old.
 
+use crate::contact::curvature::{self, Curvature};
 use crate::contact::{
     Batch, ContactRecord, ContactRecords, Geometry, Pair, Patch, Previous, StateColumn, Touch,
     Touching, touch_of_sphere,
@@ -226,6 +227,8 @@ pub struct Contacts {
     /// Of each contact in work, where it stood at the last step; empty if the same pairs touch.
     from: Vec<Previous>,
     separated: Vec<Separated>,
+    /// How curved the bodies of the contacts in work are; none if the law does not ask.
+    curvatures: Vec<Curvature>,
 }
 
 impl Contacts {
@@ -386,18 +389,22 @@ impl Contacts {
         dt: f64,
         sums: &mut Sums,
     ) {
-        let Self { stretches, now, spare, from, separated, width, .. } = self;
+        let Self { stretches, now, spare, from, separated, width, curvatures, .. } = self;
         let before = &mut stretches[stretch];
         if from.is_empty() && separated.is_empty() {
             // The same pairs touch, and nobody will ask again for those before.
             std::mem::swap(&mut now.pairs, &mut before.pairs);
         }
         now.make_places(*width);
+        if particles.needs.curvature {
+            curvature::find(&particles.bodies(), &now.pairs, &now.geometry, curvatures);
+        }
         let mut work = Work {
             pairs: &now.pairs,
             geometry: &now.geometry,
             points: &now.points,
             patches: &now.patches,
+            curvatures,
             from,
             last: Last { pairs: &before.pairs, geometry: &before.geometry, state: &before.state },
             separated,
@@ -531,6 +538,7 @@ impl Contacts {
             + held(&self.order)
             + held(&self.from)
             + held(&self.separated)
+            + held(&self.curvatures)
     }
 }
 

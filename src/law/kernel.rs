@@ -20,6 +20,7 @@ mod tests;
 pub use patches::Turning;
 
 use super::{Body, ForceLaw, Hardest, Last, Separated, Sums, Work, add};
+use crate::contact::curvature::{self, Curvatures};
 use crate::contact::{Geometry, Pair, StateColumn, triple, vectors};
 use crate::ids::{MaterialId, ShapeId, Slot};
 use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row, RowPairs, Triple, WIDTH, row};
@@ -136,6 +137,13 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     /// does needs `velocity` and `spin`.
     const MOMENTS: bool = false;
 
+    /// May it ask for the curvature of bodies where they touch, by its [`Needs`]? Then [`Model::curved`] gives the constants of a
+    /// contact, and the elastic energy along the normal is a constant times [`Curvature::root_of_radius`] and `δ^(5/2)`, as Hertz's
+    /// is: the kernel adds the rest of its gradient. By default it does not, and nothing is computed for it.
+    ///
+    /// [`Curvature::root_of_radius`]: crate::contact::curvature::Curvature::root_of_radius
+    const BY_CURVATURE: bool = false;
+
     /// As reports name it.
     fn name(&self) -> &'static str;
 
@@ -152,6 +160,15 @@ pub trait Model: std::fmt::Debug + Send + Sync {
 
     /// The same in lanes.
     fn spread<L: Lanes>(of: &impl Spread<Self::Constants<f64>, L>) -> Self::Constants<L>;
+
+    /// Constants of contacts with this root of the radius [√m], of models by curvature. [`Model::last`] gets those of before.
+    fn curved<L: Lanes>(
+        &self,
+        constants: &Self::Constants<L>,
+        _root_of_radius: L,
+    ) -> Self::Constants<L> {
+        *constants
+    }
 
     /// What acted at the last step, as far as that is remembered, for an overlap [m].
     fn last<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L, state: &[L]) -> Action<L>;
@@ -275,6 +292,7 @@ impl<M: Model> Law<M> {
         let width = StateColumn::total_width(model.state());
         assert!(width <= MOST_STATE, "{} remembers more than {MOST_STATE} numbers", model.name());
         let mut needs = model.needs();
+        assert!(M::BY_CURVATURE || !needs.curvature, "{} does not say so", model.name());
         let mut state = model.state().to_vec();
         let grains = &library.shapes[..library.particle_shapes];
         let extended: Vec<[u8; 2]> = library.shapes.iter().map(|s| s.kind().extended()).collect();
@@ -327,6 +345,24 @@ impl<M: Model> Law<M> {
     fn of_pair(&self, a: &Body, b: &Body) -> OfPair<M> {
         let radius = |body: &Body| if body.radius.is_finite() { body.radius } else { 0.0 };
         PairConstants { of_law: self.model.constants(a, b), radii: [radius(a), radius(b)] }
+    }
+
+    /// Of a pair that touches as it does now.
+    fn constants_now(
+        &self,
+        pair: Pair,
+        particles: &Particles,
+        geometry: &Geometry,
+    ) -> M::Constants<f64> {
+        let constants = self.constants(pair, particles);
+        if !(M::BY_CURVATURE && self.needs.curvature) {
+            return constants;
+        }
+        let bodies = particles.bodies();
+        let frames = bodies.frames(pair);
+        let (a, b) = bodies.posed(pair, &frames);
+        let curvature = curvature::of_pair(&a, &b, &geometry.normal, geometry.overlap);
+        self.model.curved(&constants, curvature.root_of_radius)
     }
 
     /// Do two bodies touch with faces or straight sides? The others of a scene with such bodies never have a patch.
@@ -382,8 +418,8 @@ impl<M: Model> ForceLaw for Law<M> {
         self.model.last(&constants, geometry.overlap, &state[..self.width]).press
     }
 
-    fn elastic(&self, pair: Pair, particles: &Particles, overlap: f64) -> f64 {
-        self.model.elastic(&self.constants(pair, particles), overlap)
+    fn elastic(&self, pair: Pair, particles: &Particles, geometry: &Geometry) -> f64 {
+        self.model.elastic(&self.constants_now(pair, particles, geometry), geometry.overlap)
     }
 
     fn stored(&self, pair: Pair, particles: &Particles, geometry: &Geometry, state: &[f64]) -> f64 {
@@ -399,7 +435,7 @@ impl<M: Model> ForceLaw for Law<M> {
     }
 
     fn stiffness(&self, pair: Pair, particles: &Particles, geometry: &Geometry, dt: f64) -> f64 {
-        self.model.stiffness(&self.constants(pair, particles), geometry.overlap, dt)
+        self.model.stiffness(&self.constants_now(pair, particles, geometry), geometry.overlap, dt)
     }
 
     fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
@@ -459,12 +495,22 @@ impl<M: Model> Kernel for Contacts<'_, '_, M> {
     fn run<L: Eight>(mut self) {
         // What is left out leaves no branch behind.
         let points = self.law.stride > self.law.width;
-        match (self.law.needs.velocity, self.particles.spin.is_some()) {
-            (true, true) if points => self.all::<L, true, true, true>(),
-            (true, true) => self.all::<L, true, true, false>(),
-            (true, false) => self.all::<L, true, false, false>(),
-            (false, true) => self.all::<L, false, true, false>(),
-            (false, false) => self.all::<L, false, false, false>(),
+        let velocity = self.law.needs.velocity;
+        if M::BY_CURVATURE && self.law.needs.curvature {
+            // Whose bodies turn, and have points.
+            if velocity {
+                self.all::<L, true, true, true, true>();
+            } else {
+                self.all::<L, false, true, false, true>();
+            }
+        } else {
+            match (velocity, self.particles.spin.is_some()) {
+                (true, true) if points => self.all::<L, true, true, true, false>(),
+                (true, true) => self.all::<L, true, true, false, false>(),
+                (true, false) => self.all::<L, true, false, false, false>(),
+                (false, true) => self.all::<L, false, true, false, false>(),
+                (false, false) => self.all::<L, false, false, false, false>(),
+            }
         }
         self.add_separated_before(usize::MAX);
     }
@@ -472,7 +518,15 @@ impl<M: Model> Kernel for Contacts<'_, '_, M> {
 
 impl<M: Model> Contacts<'_, '_, M> {
     #[inline(always)]
-    fn all<L: Eight, const MOVES: bool, const TURNS: bool, const POINTS: bool>(&mut self) {
+    fn all<
+        L: Eight,
+        const MOVES: bool,
+        const TURNS: bool,
+        const POINTS: bool,
+        const CURVED: bool,
+    >(
+        &mut self,
+    ) {
         let pairs = bytemuck::cast_slice(self.work.pairs);
         let pairs = RowPairs::new(pairs, self.particles.slots());
         let alike = self.alike::<L>();
@@ -486,7 +540,7 @@ impl<M: Model> Contacts<'_, '_, M> {
                 own = self.constants::<L>(bodies);
                 &own
             };
-            self.eight::<L, MOVES, TURNS, POINTS>(first, bodies, constants);
+            self.eight::<L, MOVES, TURNS, POINTS, CURVED>(first, bodies, constants);
         }
     }
 
@@ -535,9 +589,15 @@ impl<M: Model> Contacts<'_, '_, M> {
     }
 
     /// Up to eight contacts; the other lanes repeat the last. `MOVES` if the law asks how surfaces move, `TURNS` if bodies feel
-    /// moments, `POINTS` if [`Acted`] is remembered.
+    /// moments, `POINTS` if [`Acted`] is remembered, `CURVED` if the law goes by the curvature of bodies.
     #[inline(always)]
-    fn eight<L: Eight, const MOVES: bool, const TURNS: bool, const POINTS: bool>(
+    fn eight<
+        L: Eight,
+        const MOVES: bool,
+        const TURNS: bool,
+        const POINTS: bool,
+        const CURVED: bool,
+    >(
         &mut self,
         first: usize,
         bodies: [Gather; 2],
@@ -561,13 +621,19 @@ impl<M: Model> Contacts<'_, '_, M> {
         let motion =
             if MOVES { Motion::of(particles, bodies, arms.now, arms.last) } else { Motion::none() };
 
+        let curvatures = if CURVED {
+            Some(Curvatures::of(&eight_from_rows(self.work.curvatures, first, count)))
+        } else {
+            None
+        };
         let of_model = &mut state[..law.width];
-        let done = self.act::<L, MOVES>(constants, [&last, &now], &motion, of_model, acted);
+        let done =
+            self.act::<L, MOVES>(constants, [&last, &now], &motion, of_model, acted, curvatures);
         if POINTS {
             Acted::write(arms.now[0], done.viscous_now, &mut state[law.width..]);
         }
         write_state(self.work.state, width, first, count, state);
-        let torques = done.torques::<M>(&arms);
+        let torques = done.torques::<M, CURVED>(&arms);
         let next_separated = self.work.separated.get(self.summed).map_or(usize::MAX, |p| p.before);
         if count == WIDTH && !with_walls && first + count <= next_separated {
             self.sum_at_once::<L, TURNS>(&block, &done, torques);
@@ -582,7 +648,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             let turning = if turning_walls {
                 let now = arms.now[1].cross(done.force.plus(done.viscous));
                 let mut sum = arms.last[1].cross(done.last_force).plus(now);
-                if M::MOMENTS {
+                if M::MOMENTS || CURVED {
                     sum = sum.plus(done.last_moment.plus(done.moment));
                 }
                 Some(sum.times(half_step).store())
@@ -662,14 +728,22 @@ impl<M: Model> Contacts<'_, '_, M> {
         motion: &Motion<L>,
         state: &mut [L],
         acted: Option<Acted<L>>,
+        curvatures: Option<Curvatures<L>>,
     ) -> Done<L> {
         let Self { law, dt, .. } = *self;
-        let constants = &constants.of_law;
+        let of_last = &constants.of_law;
+        let curved;
+        let constants = if let Some(Curvatures { root_of_radius, .. }) = curvatures {
+            curved = law.model.curved(of_last, root_of_radius);
+            &curved
+        } else {
+            of_last
+        };
         let zero = L::all(0.0);
         let Motion { velocity, last_velocity, turning, .. } = *motion;
         let GeometryInLanes { normal, .. } = *now;
         let contact = motion.contact(last, now, dt);
-        let mut before = law.model.last(constants, last.overlap, state);
+        let mut before = law.model.last(of_last, last.overlap, state);
         let last_press = last.normal.times(before.press);
         let acting = law.model.act(constants, &contact, state);
         let press = normal.times(acting.press);
@@ -682,12 +756,21 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
         let half_step = L::all(0.5 * dt);
         let dissipated = if MOVES && dt > 0.0 {
-            let pressed = last_press.dot(last_velocity) + press.dot(velocity);
+            let (pressed, gained) = if curvatures.is_some() {
+                // Of dashpots alone: bodies that turn change the energy at the same overlap.
+                let last_beyond = before.press - of_curved(before.stored[0], last.overlap);
+                let beyond = acting.press - of_curved(acting.stored[0], now.overlap);
+                let last_approach = last.normal.dot(last_velocity);
+                (last_beyond * last_approach + beyond * contact.approach, zero)
+            } else {
+                let pressed = last_press.dot(last_velocity) + press.dot(velocity);
+                (pressed, acting.stored[0] - before.stored[0])
+            };
             let mut rubbed = before.rub.dot(last_velocity) + acting.rub.plus(viscous).dot(velocity);
             if M::MOMENTS {
                 rubbed = rubbed + before.moment.plus(acting.moment).dot(turning);
             }
-            let of_dashpots = half_step * pressed - (acting.stored[0] - before.stored[0]);
+            let of_dashpots = half_step * pressed - gained;
             let of_friction = half_step * rubbed - (acting.stored[1] - before.stored[1]);
             let [normally, tangentially] = law.model.dissipates(constants);
             of_dashpots.or(zero, normally) + of_friction.or(zero, tangentially)
@@ -695,13 +778,23 @@ impl<M: Model> Contacts<'_, '_, M> {
             zero
         };
         let last_force = last_press.plus(before.rub);
+        let (mut force, mut moment) = (press.plus(acting.rub), acting.moment);
+        let mut last_moment = before.moment;
+        if let Some(curvatures) = curvatures {
+            let stored = acting.stored[0];
+            let elastic = curvatures.moment.times(stored);
+            force = force.plus(curvatures.force.times(stored));
+            // Of the last touch nobody knows it: as much as now.
+            last_moment = last_moment.plus(elastic.or(Triple::zero(), contact.touched));
+            moment = moment.plus(elastic);
+        }
         Done {
-            force: press.plus(acting.rub),
+            force,
             last_force,
             viscous,
             viscous_now: acting.viscous,
-            last_moment: before.moment,
-            moment: acting.moment,
+            last_moment,
+            moment,
             dissipated,
         }
     }
@@ -829,7 +922,12 @@ impl<M: Model> Contacts<'_, '_, M> {
         if law.needs.velocity && dt > 0.0 {
             let [normally, tangentially] = law.model.dissipates(&constants);
             if normally & 1 == 1 {
-                dissipated += work(&press, &velocity) + before.stored[0];
+                dissipated += if law.needs.curvature {
+                    let elastic = of_curved(before.stored[0], geometry.overlap);
+                    work(&(geometry.normal * (before.press - elastic)), &velocity)
+                } else {
+                    work(&press, &velocity) + before.stored[0]
+                };
             }
             if tangentially & 1 == 1 {
                 let turned = work(&moment, &(spin_a - spin_b));
@@ -904,9 +1002,9 @@ struct Done<L> {
 impl<L: Eight> Done<L> {
     /// Moments on B and A about their centres [N m].
     #[inline(always)]
-    fn torques<M: Model>(&self, arms: &Arms<L>) -> [Triple<L>; 2] {
+    fn torques<M: Model, const CURVED: bool>(&self, arms: &Arms<L>) -> [Triple<L>; 2] {
         let [on_b, on_a] = [arms.now[1].cross(self.force), self.force.cross(arms.now[0])];
-        if M::MOMENTS {
+        if M::MOMENTS || CURVED {
             return [on_b.plus(self.moment), on_a.minus(self.moment)];
         }
         [on_b, on_a]
@@ -1048,6 +1146,13 @@ pub fn carried<L: Lanes>(vector: Triple<L>, contact: &Contact<L>) -> Triple<L> {
     let turned = turned.over((one + twist * twist).sqrt());
     let kept = L::all(-1.0 + 1e-8).less(old.dot(new));
     turned.or(Triple::zero(), kept & touched)
+}
+
+/// The derivative of an energy that goes with `δ^(5/2)`; 0 where there is no overlap.
+#[inline(always)]
+fn of_curved<L: Lanes>(energy: L, overlap: L) -> L {
+    let zero = L::all(0.0);
+    (L::all(2.5) * energy / overlap).or(zero, zero.less(overlap))
 }
 
 /// Force over velocity of a dashpot with this part of critical damping [N s/m].

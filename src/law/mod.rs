@@ -127,6 +127,7 @@ pub mod stability;
 
 pub use interactions::{Interactions, Mixing};
 
+use crate::contact::curvature::Curvature;
 use crate::contact::{Geometry, Pair, Patch, Previous, StateColumn};
 use crate::ids::{MaterialId, ShapeId};
 use crate::lanes::Row;
@@ -175,6 +176,8 @@ pub struct Work<'a> {
     pub points: &'a [Vec3],
     /// What else there is of contacts of faces; empty if no body has any.
     pub patches: &'a [Patch],
+    /// How curved the bodies of each are; empty if the law does not ask.
+    pub curvatures: &'a [Curvature],
     /// Where each stands among those of the last step; empty if these are the same.
     pub from: &'a [Previous],
     /// What was remembered of those.
@@ -283,6 +286,10 @@ impl Sums {
 /// A body as a law sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
+    /// Its shape, at a scale of 1.
+    pub shape: ShapeId,
+    /// Lengths of the body over those of the shape [-].
+    pub scale: f64,
     /// What it is made of.
     pub material: MaterialId,
     /// Mass; infinite of most walls [kg].
@@ -296,6 +303,8 @@ impl Body {
     #[inline]
     pub fn of(library: &Library, shape: ShapeId, scale: f64) -> Self {
         Self {
+            shape,
+            scale,
             material: library.materials[shape.index()],
             mass: library.mass_at(shape, scale),
             radius: library.radius[shape.index()] * scale,
@@ -363,8 +372,8 @@ pub trait ForceLaw: Send + Sync {
         state: &[f64],
     ) -> f64;
 
-    /// The normal force that the law makes of an overlap [m] alone, without dashpots [N].
-    fn elastic(&self, pair: Pair, particles: &Particles, overlap: f64) -> f64;
+    /// The normal force that the law makes of normal and overlap alone, without dashpots [N].
+    fn elastic(&self, pair: Pair, particles: &Particles, geometry: &Geometry) -> f64;
 
     /// Elastic energy of a contact [J].
     fn stored(&self, pair: Pair, particles: &Particles, geometry: &Geometry, state: &[f64]) -> f64;

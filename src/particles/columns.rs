@@ -22,6 +22,9 @@ pub struct Needs {
     pub scale: bool,
     /// What contacts of faces have beside overlap, normal and point: bodies with faces. Implies `orientation`.
     pub patches: bool,
+    /// How curved bodies are where they touch: a law whose stiffness depends on it, of other bodies than spheres. Implies
+    /// `orientation`.
+    pub curvature: bool,
 }
 
 impl Needs {

@@ -4,12 +4,13 @@
 
 use super::matter::Materials;
 use super::reader::{Range, Section};
+use crate::contact::curvature::LARGEST_RATIO;
 use crate::ids::MaterialId;
 use crate::law::hertz;
 use crate::law::linear::{self, damping_ratio_of_restitution};
 use crate::law::{Choice, Interactions, Mixing};
 use crate::particles::Library;
-use crate::shape::Kind as ShapeKind;
+use crate::shape::{Kind as ShapeKind, Shape};
 
 /// A law and its settings, without the constants of materials.
 #[derive(Clone, Copy, Debug)]
@@ -102,16 +103,28 @@ fn refuse(section: &Section, keys: &[&'static str], normal: &str) {
 
 /// Says of the shapes of particles which the law cannot have.
 pub(super) fn check_shapes(root: &Section, law: &Choice, library: &Library) {
-    let is_sphere = |id: &usize| library.shapes[*id].kind() == ShapeKind::Sphere;
-    if let Choice::Hertz(_) = law
-        && let Some(id) = (0..library.particle_shapes).find(|id| !is_sphere(id))
-        && let Some(section) = root.sections("shape").get(id)
-    {
-        section.fail(format!(
-            "`{}` is no sphere, and normal = \"hertz\" is only for spheres: take normal = \"linear\"",
-            library.names[id]
-        ));
+    let Choice::Hertz(_) = law else { return };
+    for (section, id) in root.sections("shape").iter().zip(0..library.particle_shapes) {
+        let (shape, name) = (&library.shapes[id], &library.names[id]);
+        if !shape.kind().is_smooth() {
+            section.fail(format!(
+                "`{name}` has flat faces or straight sides, along which it touches in more than a point, and normal = \"hertz\" \
+                 goes by the curvature in a point: take normal = \"linear\", or a superellipsoid"
+            ));
+        } else if shape.kind() == ShapeKind::Ellipsoid && is_long(shape) {
+            section.fail(format!(
+                "`{name}` is more than {:.0} times as long as it is thin: the elliptic integrals of normal = \"hertz\" are good up \
+                 to that, take normal = \"linear\"",
+                LARGEST_RATIO.sqrt()
+            ));
+        }
     }
+}
+
+/// Can the ratio of its radii of curvature exceed that up to which Hertz's law is fitted?
+fn is_long(shape: &Shape) -> bool {
+    let half = shape.half_lengths();
+    half.max() / half.min() > LARGEST_RATIO.sqrt()
 }
 
 /// The materials, and the law with their constants, `None` if any is wrong.

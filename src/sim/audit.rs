@@ -10,7 +10,7 @@
 
 use super::Simulation;
 use crate::comm::{Comm, wire};
-use crate::contact::{Converged, Outcome, Pair, Touch, ordered};
+use crate::contact::{Converged, Geometry, Outcome, Pair, Touch, ordered};
 use crate::math::ExactSum;
 use crate::measure::{larger, shortest_axis};
 use crate::output::report::audit::{Audit, OfKinds, Spread};
@@ -140,15 +140,17 @@ impl Auditor {
         let (a, b) = bodies.posed(pair, &frames);
         let converged = Converged::of(kinds, resolver.definition());
         let outcome = converged.touch(&a, &b, &bodies.relative(pair));
-        let elastic = |overlap| sim.law.elastic(pair, &sim.particles, overlap);
+        let elastic = |normal, overlap| {
+            sim.law.elastic(pair, &sim.particles, &Geometry { normal, overlap })
+        };
         let axis = shortest_axis(&sim.particles, pair.a, pair.b);
         let found = self.of_kinds.entry(kinds).or_default();
         found.contacts += 1;
         let Touch { overlap, normal, point } = *touch;
-        let force = elastic(overlap);
+        let force = elastic(normal, overlap);
         let errors = match outcome {
             Outcome::Touching(truth) => {
-                let true_force = elastic(truth.overlap);
+                let true_force = elastic(truth.normal, truth.overlap);
                 found.add_force(true_force);
                 [
                     (overlap - truth.overlap).abs() / axis,

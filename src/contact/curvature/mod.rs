@@ -1,0 +1,426 @@
+//! How curved two bodies are where they touch: what Hertz's law asks for.
+//!
+//! # The radius of a contact
+//!
+//! With `h` the support function of a body, its second derivatives `H` on the plane across the normal are the inverse of its shape
+//! operator, radii of curvature in place of curvatures. Those of both bodies are taken in one frame of that plane; the relative
+//! curvature is `K = H_A⁻¹ + H_B⁻¹`, of a body on a plane `H_A⁻¹`. Its eigenvalues are `1/R'` and `1/R''` (Johnson 1985, *Contact
+//! Mechanics*, DOI 10.1017/CBO9781139171731, section 4.1), and the contact is as stiff as that of a sphere of radius
+//! `R = √(R' R'') / F2³` on a plane ([`elliptic`]). This holds for any angle between the axes of both bodies.
+//!
+//! # The rest of the gradient
+//!
+//! The elastic energy `U = 8/15 E* √R δ^(5/2)` depends on where the bodies touch, not on the overlap alone. Without the forces that
+//! belong to that, an oblique impact of ellipsoids would gain or lose `1.5 δ/R` of its energy at any step. With the
+//! derivatives of `H` along the surface they have closed forms. Let
+//!
+//! - `c_A`, `c_B` be how `ln √R` changes through `H_A` and `H_B` when the normal turns with both bodies at rest, and `c` their sum;
+//! - `q = W⁻¹ c` with `W = H_A + H_B - δ`: the normal turns by `W⁻¹ dr` when the centres move by `dr` across it;
+//! - `d = ((c_B - H_B q) - (c_A - H_A q)) / 2`;
+//! - `w = -2 (N H_B⁻¹ - H_B⁻¹ N)₁₂` with `N = ∂ ln √R / ∂K`: twisting one ellipse against the other.
+//!
+//! Then `-U q` acts on B in the contact point beside the force along the normal, and the moment `U (n × d - w n)` about it; on A
+//! the opposite. On a plane `q = 0`, `d = -c` and `w = 0`. The force is of the order of `0.2 δ/R` of the normal force. Momentum
+//! and angular momentum are conserved, and energy as well as the integrator can.
+//!
+//! # Shapes
+//!
+//! Ellipsoids and spheres go eight at once, with their exact derivatives: with `v` the part of the support point across the normal,
+//! `∂H_ij/∂k = -(H_ij v_k + H_jk v_i + H_ik v_j) / h`. Superellipsoids and their octants have exact `H`, whose derivatives are taken
+//! from differences. Their sides are flat and their crests sharp: radii of curvature of such a body count as no more than
+//! [`FLATTEST`] and no less than [`SHARPEST`] of its bounding radius. A contact on a flat side is wider than where the side is
+//! flat: with `|x|^4` the surface has bent by an overlap of a thousandth at a fifth of the size, as a sphere of 16 times
+//! the size has, and by one of a hundredth as one of 5 times.
+
+#![expect(clippy::inline_always, reason = "see `lanes`")]
+
+mod elliptic;
+
+pub use elliptic::{LARGEST_RATIO, stiffening_of_ratio};
+
+use super::{Bodies, Geometry, Pair, Posed, triple};
+use crate::ids::Slot;
+use crate::lanes::{self, Eight, Kernel, Lanes, Row as _, RowPairs, Symmetric, Triple, WIDTH};
+use crate::math::{Mat3, Vec3};
+use crate::shape::{Ellipsoid, Form, Shape};
+
+/// The largest radius of curvature of bodies that have flat sides, over their bounding radius.
+pub const FLATTEST: f64 = 10.0;
+/// The least of bodies that have edges or crests.
+pub const SHARPEST: f64 = 0.01;
+
+/// What Hertz's law must know of a contact beside its overlap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Curvature {
+    /// Root of the radius of a sphere that would be as stiff on a plane [√m].
+    pub root_of_radius: f64,
+    /// Force on B beside that along the normal, over the elastic energy [1/m].
+    pub force: Vec3,
+    /// Moment on B about the contact point, over the elastic energy [-].
+    pub moment: Vec3,
+    /// For rows of four.
+    rest: f64,
+}
+
+/// The same of several contacts.
+#[derive(Clone, Copy)]
+pub(crate) struct Curvatures<L> {
+    pub(crate) root_of_radius: L,
+    pub(crate) force: Triple<L>,
+    pub(crate) moment: Triple<L>,
+}
+
+impl<L: Eight> Curvatures<L> {
+    /// Of eight places in memory.
+    #[inline(always)]
+    pub(crate) fn of(rows: &[&Curvature; WIDTH]) -> Self {
+        let mut halves = [[&[0.0; 4]; WIDTH]; 2];
+        for (lane, row) in rows.iter().enumerate() {
+            let row: &[[f64; 4]; 2] = bytemuck::cast_ref(*row);
+            [halves[0][lane], halves[1][lane]] = [&row[0], &row[1]];
+        }
+        let [root_of_radius, x, y, z] = L::columns_of_4(&halves[0]);
+        let moment = Triple::of_four(&halves[1]);
+        Self { root_of_radius, force: Triple { x, y, z }, moment }
+    }
+}
+
+/// Of touching pairs in the order in which they stand, all with walls or none; `into` gets one for each.
+pub fn find(bodies: &Bodies, pairs: &[Pair], geometry: &[Geometry], into: &mut Vec<Curvature>) {
+    into.clear();
+    into.resize(pairs.len(), Curvature::default());
+    lanes::dispatch(All { bodies, pairs, geometry, into });
+}
+
+/// Of one pair of smooth bodies, or of one and a plane, for their common normal and overlap [m]. Not a number of others.
+pub fn of_pair(a: &Posed, b: &Posed, normal: &Vec3, overlap: f64) -> Curvature {
+    let frame = Frame::of(Triple { x: normal.x, y: normal.y, z: normal.z });
+    let on_a = surface_of(a, normal, &frame, 1.0);
+    let on_b = match b.shape {
+        Shape::HalfSpace(_) => None,
+        _ => Some(surface_of(b, normal, &frame, -1.0)),
+    };
+    let Curvatures { root_of_radius, force, moment } =
+        relative(&on_a, on_b.as_ref(), overlap, &frame);
+    let vector = |t: Triple<f64>| Vec3::new(t.x, t.y, t.z);
+    Curvature { root_of_radius, force: vector(force), moment: vector(moment), rest: 0.0 }
+}
+
+/// Root of the radius of the stiffest contact that a shape can have, where it is the flattest and on a plane [√m]; not a number
+/// of shapes that are not smooth.
+pub fn flattest(shape: &Shape) -> f64 {
+    let frame = Mat3::identity();
+    let body = Posed::new(shape, &frame);
+    let plane = Shape::HalfSpace(crate::shape::HalfSpace::at_reference(Vec3::z()));
+    let plane = Posed { shape: &plane, ..body };
+    let root = |normal: &Vec3| of_pair(&body, &plane, normal, 0.0).root_of_radius;
+    let axes = (0..3).flat_map(|k| [Vec3::ith(k, 1.0), Vec3::ith(k, -1.0)]);
+    if matches!(shape, Shape::Sphere(_) | Shape::Ellipsoid(_)) {
+        return axes.map(|axis| root(&axis)).fold(f64::NAN, f64::max);
+    }
+    // Spherical Fibonacci points; only a bound is wanted, so the platform's sine will do.
+    let count = 1026;
+    let points = (0..count).map(|i| {
+        let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(count);
+        let angle = 2.399_963_229_728_653 * f64::from(i);
+        let ring = (1.0 - z * z).sqrt();
+        Vec3::new(ring * angle.cos(), ring * angle.sin(), z)
+    });
+    axes.chain(points).map(|normal| root(&normal)).fold(f64::NAN, f64::max)
+}
+
+/// Two unit vectors across a normal, with which it makes a right-handed frame. That of the opposite normal has the second of
+/// them reversed, bit by bit.
+#[derive(Clone, Copy)]
+struct Frame<L> {
+    normal: Triple<L>,
+    across: [Triple<L>; 2],
+}
+
+impl<L: Lanes> Frame<L> {
+    /// Duff et al. (2017), "Building an orthonormal basis, revisited".
+    #[inline(always)]
+    fn of(normal: Triple<L>) -> Self {
+        let (zero, one) = (L::all(0.0), L::all(1.0));
+        let Triple { x, y, z } = normal;
+        let sign = L::all(-1.0).or(one, z.less(zero));
+        let a = L::all(-1.0) / (sign + z);
+        let b = x * y * a;
+        let across = [
+            Triple { x: one + sign * (x * x * a), y: sign * b, z: zero - sign * x },
+            Triple { x: b, y: sign + y * y * a, z: zero - y },
+        ];
+        Self { normal, across }
+    }
+
+    /// The vector with these components across the normal.
+    #[inline(always)]
+    fn vector(&self, [x, y]: [L; 2]) -> Triple<L> {
+        self.across[0].times(x).plus(self.across[1].times(y))
+    }
+}
+
+/// A symmetric matrix on the plane across the normal: 11, 12, 22.
+type Flat<L> = [L; 3];
+
+/// How a body is curved along a normal.
+#[derive(Clone, Copy)]
+struct Surface<L> {
+    /// Its radii of curvature `H` [m].
+    radii: Flat<L>,
+    /// By how much they change when the normal turns towards the first vector across, and towards the second [m].
+    change: [Flat<L>; 2],
+}
+
+impl<L: Lanes> Surface<L> {
+    /// Of an ellipsoid, from its matrix [m²]; not a number of others.
+    #[inline(always)]
+    fn of_form(form: &Symmetric<L>, frame: &Frame<L>) -> Self {
+        let Frame { normal, across: [first, second] } = frame;
+        let point = form.times(*normal);
+        let inverse = L::all(1.0) / normal.dot(point).sqrt();
+        let v = [first.dot(point) * inverse, second.dot(point) * inverse];
+        let (along_first, along_second) = (form.times(*first), form.times(*second));
+        let radii = [
+            (first.dot(along_first) - v[0] * v[0]) * inverse,
+            (first.dot(along_second) - v[0] * v[1]) * inverse,
+            (second.dot(along_second) - v[1] * v[1]) * inverse,
+        ];
+        let minus = L::all(0.0) - inverse;
+        let (u, w) = (minus * v[0], minus * v[1]);
+        let (two, three) = (L::all(2.0), L::all(3.0));
+        let mixed = [two * radii[1] * u + radii[0] * w, radii[2] * u + two * radii[1] * w];
+        let change =
+            [[three * radii[0] * u, mixed[0], mixed[1]], [mixed[0], mixed[1], three * radii[2] * w]];
+        Self { radii, change }
+    }
+
+    /// `Σ s_ij ∂H_ij/∂k`
+    #[inline(always)]
+    fn contracted(&self, [s11, s12, s22]: Flat<L>) -> [L; 2] {
+        let two = L::all(2.0);
+        let [[a, b, c], [d, e, f]] = self.change;
+        [s11 * a + two * s12 * b + s22 * c, s11 * d + two * s12 * e + s22 * f]
+    }
+}
+
+/// The inverse.
+#[inline(always)]
+fn inverse<L: Lanes>([a, b, c]: Flat<L>) -> Flat<L> {
+    let by = L::all(1.0) / (a * c - b * b);
+    [c * by, (L::all(0.0) - b) * by, a * by]
+}
+
+/// Times a vector.
+#[inline(always)]
+fn times<L: Lanes>([a, b, c]: Flat<L>, [x, y]: [L; 2]) -> [L; 2] {
+    [a * x + b * y, b * x + c * y]
+}
+
+/// `A (p + q K) A`
+#[inline(always)]
+fn between<L: Lanes>(a: Flat<L>, [p, q]: [L; 2], k: Flat<L>) -> Flat<L> {
+    let middle = [p + q * k[0], q * k[1], p + q * k[2]];
+    let [first, second] = [times(middle, [a[0], a[1]]), times(middle, [a[1], a[2]])];
+    [
+        a[0] * first[0] + a[1] * first[1],
+        a[0] * second[0] + a[1] * second[1],
+        a[1] * second[0] + a[2] * second[1],
+    ]
+}
+
+/// Of the surfaces of A and B, or of A and a plane, at an overlap [m].
+#[inline(always)]
+fn relative<L: Lanes>(
+    a: &Surface<L>,
+    b: Option<&Surface<L>>,
+    overlap: L,
+    frame: &Frame<L>,
+) -> Curvatures<L> {
+    let (zero, two, half) = (L::all(0.0), L::all(2.0), L::all(0.5));
+    let curved_a = inverse(a.radii);
+    let curved_b = if let Some(b) = b { inverse(b.radii) } else { [zero; 3] };
+    let sum = [curved_a[0] + curved_b[0], curved_a[1] + curved_b[1], curved_a[2] + curved_b[2]];
+    let trace = sum[0] + sum[2];
+    let product = sum[0] * sum[2] - sum[1] * sum[1];
+    let mean = product.sqrt();
+    let [stiffening, by_m] = elliptic::stiffening(L::all(4.0) * mean / (trace + two * mean));
+    let root_of_radius = stiffening / mean.sqrt();
+
+    // N = p + q K
+    let by_mean = half * by_m / mean;
+    let q = (L::all(0.25) + half * by_mean * trace) / product;
+    let p = by_mean - q * trace;
+    let from_a = a.contracted(between(curved_a, [p, q], sum));
+    let Some(b) = b else {
+        let [x, y] = from_a;
+        // n × d with d = -c, and this is -c.
+        return Curvatures {
+            root_of_radius,
+            force: Triple::zero(),
+            moment: frame.vector([zero - y, x]),
+        };
+    };
+    let from_b = b.contracted(between(curved_b, [p, q], sum));
+    // With the other sign, as H⁻¹ falls when H grows.
+    let total = [from_a[0] + from_b[0], from_a[1] + from_b[1]];
+    let w = [
+        a.radii[0] + b.radii[0] - overlap,
+        a.radii[1] + b.radii[1],
+        a.radii[2] + b.radii[2] - overlap,
+    ];
+    let slope = times(inverse(w), total);
+    let [by_a, by_b] = [times(a.radii, slope), times(b.radii, slope)];
+    let d = [
+        half * ((from_a[0] - by_a[0]) - (from_b[0] - by_b[0])),
+        half * ((from_a[1] - by_a[1]) - (from_b[1] - by_b[1])),
+    ];
+    let twist = two
+        * q
+        * ((curved_a[0] * curved_b[1] + curved_a[1] * curved_b[2])
+            - (curved_b[0] * curved_a[1] + curved_b[1] * curved_a[2]));
+    let moment = frame.vector([zero - d[1], d[0]]).plus(frame.normal.times(twist));
+    Curvatures { root_of_radius, force: frame.vector(slope), moment }
+}
+
+/// The matrix of what is an ellipsoid, under whatever name; not a number of others.
+fn form_of(body: &Posed) -> Form {
+    let square = body.scale * body.scale;
+    let form = match body.shape {
+        Shape::Superellipsoid(shape) => match shape.as_ellipsoid() {
+            Some(Ellipsoid { semi_axes }) => {
+                Shape::Ellipsoid(Ellipsoid { semi_axes }).form(body.frame)
+            }
+            None => body.shape.form(body.frame),
+        },
+        shape => shape.form(body.frame),
+    };
+    form.map(|entry| entry * square)
+}
+
+/// Of one body, along the normal or, with a `side` of -1, against it.
+fn surface_of(body: &Posed, normal: &Vec3, frame: &Frame<f64>, side: f64) -> Surface<f64> {
+    let form @ [xx, yy, zz, xy, xz, yz] = form_of(body);
+    if form.iter().all(|entry| entry.is_finite()) {
+        return Surface::of_form(&Symmetric { xx, yy, zz, xy, xz, yz }, frame);
+    }
+    // Halves of rounding and of the third derivative.
+    const TURN: f64 = 1e-4;
+    let [first, second] = frame.across.map(|t| Vec3::new(t.x, t.y, t.z));
+    let straight = 1.0 - 0.5 * TURN * TURN;
+    let beside = |towards: &Vec3, turn: f64| normal * straight + towards * turn;
+    let back = |towards: &Vec3, turn: f64| towards * straight - normal * turn;
+    let difference = |more: Flat<f64>, less: Flat<f64>| {
+        [0, 1, 2].map(|k| (more[k] - less[k]) * (0.5 / TURN))
+    };
+    let radii = |normal: &Vec3, across: [&Vec3; 2]| radii_of(body, &(normal * side), across);
+    let turned = [TURN, -TURN];
+    let [more, less] = turned.map(|t| radii(&beside(&first, t), [&back(&first, t), &second]));
+    let along_first = difference(more, less);
+    let [more, less] = turned.map(|t| radii(&beside(&second, t), [&first, &back(&second, t)]));
+    let along_second = difference(more, less);
+    Surface { radii: radii(normal, [&first, &second]), change: [along_first, along_second] }
+}
+
+/// Radii of curvature of a body along a unit vector, within the bounds [m]; not a number if it has edges.
+fn radii_of(body: &Posed, direction: &Vec3, across: [&Vec3; 2]) -> Flat<f64> {
+    let Some(support) = body.shape.curved_support(&body.frame.tr_mul(direction)) else {
+        return [f64::NAN; 3];
+    };
+    let local = across.map(|t| body.frame.tr_mul(t));
+    let [first, second] = [0, 1].map(|k| support.hessian_times(&local[k]) * body.scale);
+    let [a, b, c] = [first.dot(&local[0]), first.dot(&local[1]), second.dot(&local[1])];
+    let (middle, apart) = (0.5 * (a + c), 0.5 * (a - c));
+    let spread = (apart * apart + b * b).sqrt();
+    let size = body.bounding_radius();
+    let bounded = |radius: f64| radius.clamp(SHARPEST * size, FLATTEST * size);
+    let [large, small] = [bounded(middle + spread), bounded(middle - spread)];
+    let (middle, part) =
+        (0.5 * (large + small), if spread > 0.0 { 0.5 * (large - small) / spread } else { 0.0 });
+    [middle + part * apart, part * b, middle - part * apart]
+}
+
+/// Touching pairs.
+struct All<'a, 'b> {
+    bodies: &'a Bodies<'b>,
+    pairs: &'a [Pair],
+    geometry: &'a [Geometry],
+    into: &'a mut [Curvature],
+}
+
+impl Kernel for All<'_, '_> {
+    #[inline(always)]
+    fn run<L: Eight>(self) {
+        let Self { bodies, pairs, geometry, into } = self;
+        let first_facet = bodies.shape.len() - bodies.facets.len();
+        let with_walls = pairs.first().is_some_and(|pair| pair.b.index() >= first_facet);
+        let rows = RowPairs::new(bytemuck::cast_slice(pairs), bodies.shape.len());
+        let eights = geometry.chunks(WIDTH).zip(into.chunks_mut(WIDTH));
+        for ((geometry, into), first) in eights.zip((0..).step_by(WIDTH)) {
+            let mut room = [[0; 2]; WIDTH];
+            let [a, b] = rows.eight(first, &mut room);
+            let mut forms = [[[f64::NAN; 6]; WIDTH]; 2];
+            for lane in 0..WIDTH {
+                forms[0][lane] = form_in_place(bodies, a.at(lane));
+                if !with_walls {
+                    forms[1][lane] = form_in_place(bodies, b.at(lane));
+                }
+            }
+            let mut touches = [&geometry[0]; WIDTH];
+            for (touch, of_lane) in touches.iter_mut().zip(geometry) {
+                *touch = of_lane;
+            }
+            let (mut normals, mut overlaps) = ([&touches[0].normal; WIDTH], [0.0; WIDTH]);
+            for (lane, touch) in touches.iter().enumerate() {
+                (normals[lane], overlaps[lane]) = (&touch.normal, touch.overlap);
+            }
+            let frame = Frame::<L>::of(triple(&normals));
+            let on_a = Surface::of_form(&Symmetric::of(&forms[0].each_ref()), &frame);
+            let on_b = Surface::of_form(&Symmetric::of(&forms[1].each_ref()), &frame);
+            let on_b = if with_walls { None } else { Some(&on_b) };
+            let found = relative(&on_a, on_b, L::load(&overlaps), &frame);
+            let Triple { x, y, z } = found.force;
+            let halves = [
+                L::rows_of_4([found.root_of_radius, x, y, z]),
+                found.moment.rows(L::all(0.0)),
+            ];
+            for (lane, into) in into.iter_mut().enumerate() {
+                let row: &mut [[f64; 4]; 2] = bytemuck::cast_mut(into);
+                halves[0][lane].write(&mut row[0]);
+                halves[1][lane].write(&mut row[1]);
+            }
+            let known = L::all(0.0).less(found.root_of_radius);
+            if known != u8::MAX {
+                for (lane, into) in into.iter_mut().enumerate() {
+                    if known >> lane & 1 == 0 {
+                        *into = alone(bodies, pairs[first + lane], &geometry[lane]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The matrix of an ellipsoid or a sphere in place, made if nobody keeps it; not a number of others [m²].
+#[inline(always)]
+fn form_in_place(bodies: &Bodies, slot: usize) -> Form {
+    if let Some(form) = bodies.form.and_then(|forms| forms.get(slot)) {
+        return *form;
+    }
+    form_made(bodies, slot)
+}
+
+#[inline(never)]
+fn form_made(bodies: &Bodies, slot: usize) -> Form {
+    let slot = Slot(slot as u32);
+    bodies.posed_body(slot, &bodies.frame(slot)).form()
+}
+
+/// Of a pair that is none of ellipsoids.
+#[inline(never)]
+fn alone(bodies: &Bodies, pair: Pair, geometry: &Geometry) -> Curvature {
+    let frames = bodies.frames(pair);
+    let (a, b) = bodies.posed(pair, &frames);
+    of_pair(&a, &b, &geometry.normal, geometry.overlap)
+}

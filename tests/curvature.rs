@@ -1,0 +1,263 @@
+//! How curved bodies are where they touch, and what Hertz's law makes of it: against elliptic integrals by quadrature, second
+//! differences of support functions, differences of the energy, and impacts with closed forms.
+
+use crate::support::Bench;
+use dem_mpi::contact::curvature::{Curvature, LARGEST_RATIO, flattest, of_pair, stiffening_of_ratio};
+use dem_mpi::contact::{Method, Outcome, Posed, Touch, ordered, table};
+use dem_mpi::ids::{GlobalId, ShapeId};
+use dem_mpi::math::{Mat3, Quat, Vec3};
+use dem_mpi::particles::records::Particle;
+use dem_mpi::random::Random;
+use dem_mpi::shape::{
+    Convex, Ellipsoid, HalfSpace, Kind, PolySuperellipsoid, Shape, Sphere, Superellipsoid,
+};
+
+/// A contact ellipse with axes in this ratio of the shorter to the longer: `R'/R''`, and `F2` (Johnson 1985, 4.26 to 4.32).
+/// Integrals by the trapezoidal rule, which converges geometrically for what is periodic.
+pub(crate) fn ellipse(axes: f64) -> [f64; 2] {
+    const COUNT: u32 = 20_000;
+    let (mut of_cos, mut of_sin) = (0.0, 0.0);
+    for k in 0..=COUNT {
+        let (sin, cos) = (std::f64::consts::FRAC_PI_2 * f64::from(k) / f64::from(COUNT)).sin_cos();
+        let weight = if k == 0 || k == COUNT { 0.5 } else { 1.0 };
+        let root = (cos * cos + axes * axes * sin * sin).sqrt();
+        of_cos += weight * cos * cos / root;
+        of_sin += weight * sin * sin / root;
+    }
+    let step = std::f64::consts::FRAC_PI_2 / f64::from(COUNT);
+    (of_cos, of_sin) = (of_cos * step, of_sin * step);
+    // With e² = 1 - (b/a)²: ∫ cos²/Δ = (E - (b/a)² K) / e², ∫ sin²/Δ = (K - E) / e², and K is their sum.
+    let ratio = of_cos / of_sin / (axes * axes);
+    let f1 = (4.0 / std::f64::consts::PI * axes.sqrt() * (of_cos * of_sin).sqrt()).cbrt();
+    let f2 = 2.0 / std::f64::consts::PI * axes.sqrt() * (of_cos + of_sin) / f1;
+    [ratio, f2]
+}
+
+/// `F2` for a ratio of radii, by bisection.
+fn f2_of(ratio: f64) -> f64 {
+    let (mut low, mut high) = (1e-4_f64, 1.0);
+    for _ in 0..60 {
+        let middle = (low * high).sqrt();
+        if ellipse(middle)[0] > ratio { low = middle } else { high = middle }
+    }
+    ellipse(high)[1]
+}
+
+/// `F2` over the whole range to 1e-12, and its published values.
+#[test]
+fn the_fit_is_that_of_elliptic_integrals() {
+    let mut worst = 0.0_f64;
+    for k in 0..400 {
+        let axes = 0.0022_f64.powf(f64::from(k) / 399.0);
+        let [ratio, f2] = ellipse(axes);
+        assert!(ratio < 1.1 * LARGEST_RATIO);
+        for ratio in [ratio, 1.0 / ratio] {
+            let off = (stiffening_of_ratio(ratio) * f2.powf(1.5) - 1.0).abs();
+            if ratio < LARGEST_RATIO {
+                worst = worst.max(off);
+            }
+        }
+    }
+    println!("F2 off by at most {worst:.1e}");
+    assert!(worst < 1e-12, "{worst:e}");
+    for (ratio, axes, f2) in [(2.0, 0.63060, 0.99339), (4.0, 0.39989, 0.97431), (100.0, 0.05498, 0.78600)]
+    {
+        assert!((ellipse(axes)[0] / ratio - 1.0).abs() < 2e-4, "{ratio}");
+        assert!((f2_of(ratio) - f2).abs() < 1e-5, "{ratio}");
+    }
+}
+
+fn shapes() -> Vec<Shape> {
+    let superellipsoid =
+        |axes: [f64; 3], e| Shape::Superellipsoid(Superellipsoid::new(Vec3::from(axes), e));
+    let octants = PolySuperellipsoid::new(
+        Vec3::new(1.0, 0.8, 0.7),
+        Vec3::new(0.6, 0.9, 1.1),
+        [0.9, 1.1],
+    );
+    vec![
+        Shape::Sphere(Sphere { radius: 0.7 }),
+        Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.0, 0.5, 0.5) }),
+        Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(0.9, 0.7, 0.4) }),
+        Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.0, 1.0, 0.2) }),
+        superellipsoid([0.8, 0.6, 0.5], [1.0, 1.0]),
+        superellipsoid([0.8, 0.6, 0.7], [0.8, 1.2]),
+        superellipsoid([0.9, 0.8, 0.7], [0.7, 0.7]),
+        Shape::PolySuperellipsoid(Box::new(octants)),
+    ]
+}
+
+fn frame(random: &mut Random) -> Mat3 {
+    random.rotation().to_rotation_matrix().into_inner()
+}
+
+/// Two unit vectors across another.
+fn across(normal: &Vec3) -> [Vec3; 2] {
+    let first = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize();
+    [first, normal.cross(&first)]
+}
+
+/// Radii of curvature along a normal, from second differences of the support function: h of any vector.
+fn radii(body: &Posed, normal: &Vec3) -> [[f64; 2]; 2] {
+    const STEP: f64 = 1e-3;
+    let axes = across(normal);
+    let height = |x: f64, y: f64| {
+        let v = normal + axes[0] * (STEP * x) + axes[1] * (STEP * y);
+        body.support(&v).dot(&v)
+    };
+    // Of fourth order along the axes.
+    let second = |at: &dyn Fn(f64) -> f64| {
+        (16.0 * (at(1.0) + at(-1.0)) - (at(2.0) + at(-2.0)) - 30.0 * at(0.0)) / (12.0 * STEP * STEP)
+    };
+    let xx = second(&|t| height(t, 0.0));
+    let yy = second(&|t| height(0.0, t));
+    let diagonal = second(&|t| height(t, t));
+    let xy = 0.5 * (diagonal - xx - yy);
+    [[xx, xy], [xy, yy]]
+}
+
+fn inverse([[a, b], [_, d]]: [[f64; 2]; 2]) -> [f64; 3] {
+    let determinant = a * d - b * b;
+    [d / determinant, -b / determinant, a / determinant]
+}
+
+/// `√R` from curvatures 11, 12, 22.
+fn root_of_radius([a, b, c]: [f64; 3]) -> f64 {
+    let spread = (0.25 * (a - c) * (a - c) + b * b).sqrt();
+    let [large, small] = [0.5 * (a + c) + spread, 0.5 * (a + c) - spread];
+    (large * small).powf(-0.25) * f2_of(large / small).powf(-1.5)
+}
+
+/// Of every shape on a plane and of every two, in any orientation and size.
+#[test]
+fn curvatures_are_second_derivatives_of_support_functions() {
+    let mut random = Random::of(11, 0);
+    let plane = Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()));
+    let mut worst = 0.0_f64;
+    for (k, shape) in shapes().iter().enumerate() {
+        for other in shapes().iter().take(k + 1).chain([&plane]) {
+            let frames = [frame(&mut random), frame(&mut random)];
+            let a = Posed { scale: 1.3, ..Posed::new(shape, &frames[0]) };
+            let b = Posed { scale: 0.8, ..Posed::new(other, &frames[1]) };
+            let normal = random.rotation() * Vec3::x();
+            let mut sum = inverse(radii(&a, &normal));
+            if other.kind() != Kind::HalfSpace {
+                // Seen from the other side the second vector across is the opposite.
+                let of_b = radii(&b, &-normal);
+                let axes = [across(&normal), across(&-normal)];
+                let turn = Mat3::from_fn(|i, j| if i < 2 && j < 2 { axes[0][i].dot(&axes[1][j]) } else { 0.0 });
+                let of_b = Mat3::from_fn(|i, j| if i < 2 && j < 2 { of_b[i][j] } else { 0.0 });
+                let of_b = turn * of_b * turn.transpose();
+                let of_b = inverse([[of_b[(0, 0)], of_b[(0, 1)]], [of_b[(1, 0)], of_b[(1, 1)]]]);
+                sum = [sum[0] + of_b[0], sum[1] + of_b[1], sum[2] + of_b[2]];
+            }
+            let found = of_pair(&a, &b, &normal, 0.0).root_of_radius;
+            let off = (found / root_of_radius(sum) - 1.0).abs();
+            println!("{} and {}: off by {off:.1e}", shape.kind().name(), other.kind().name());
+            worst = worst.max(off);
+        }
+    }
+    assert!(worst < 1e-6, "{worst:e}");
+}
+
+/// Closed forms, and bounds.
+#[test]
+fn radii_of_simple_contacts() {
+    let (identity, turned) = (Mat3::identity(), Mat3::from_columns(&[Vec3::y(), -Vec3::x(), Vec3::z()]));
+    let plane = Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()));
+    let on_plane = Posed::new(&plane, &identity);
+    let ellipsoid = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(2.0, 1.0, 1.0) });
+    let lying = Posed::new(&ellipsoid, &identity);
+    let down = -Vec3::z();
+    // R' = 4, R'' = 1.
+    let root = of_pair(&lying, &on_plane, &down, 0.0).root_of_radius;
+    assert!((root / (2.0_f64.sqrt() * f2_of(4.0).powf(-1.5)) - 1.0).abs() < 1e-12, "{root}");
+    assert!((flattest(&ellipsoid) / root - 1.0).abs() < 1e-15);
+    // 1/4 + 1 both ways: a circle.
+    let crossed = Posed::new(&ellipsoid, &turned);
+    let found = of_pair(&lying, &crossed, &down, 0.01);
+    assert!((found.root_of_radius / 0.8_f64.sqrt() - 1.0).abs() < 1e-12);
+    // Side by side: 1/2 and 2.
+    let aligned = of_pair(&lying, &lying, &down, 0.01).root_of_radius;
+    assert!((aligned / (f2_of(4.0).powf(-1.5)) - 1.0).abs() < 1e-12);
+    for curvature in [found, of_pair(&lying, &on_plane, &down, 0.01)] {
+        assert!(curvature.force.norm() < 1e-15 && curvature.moment.norm() < 1e-15);
+    }
+    // Spheres under both names.
+    for (radius, other) in [(0.3, 0.7), (1.0, 1.0)] {
+        let shapes = [radius, other].map(|r| Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::repeat(r) }));
+        let [a, b] = [0, 1].map(|k| Posed::new(&shapes[k], &turned));
+        let expected = (1.0 / (1.0 / radius + 1.0 / other)).sqrt();
+        let Curvature { root_of_radius, force, moment, .. } =
+            of_pair(&a, &b, &Vec3::new(0.48, 0.6, 0.64), 0.01);
+        assert!((root_of_radius / expected - 1.0).abs() < 1e-13);
+        assert!(force.norm() < 1e-13 && moment.norm() < 1e-13, "{force:?} {moment:?}");
+    }
+    // A flat side: 10 bounding radii.
+    let blunt = Superellipsoid::new(Vec3::repeat(1.0), [0.4, 0.4]);
+    let most = (10.0 * blunt.bounding_radius()).sqrt();
+    assert!((flattest(&Shape::Superellipsoid(blunt)) / most - 1.0).abs() < 1e-12);
+}
+
+/// The pair, touching, with B's centre at `r`.
+fn touching(shapes: [&Shape; 2], frames: [&Mat3; 2], r: &Vec3) -> (Touch, Curvature) {
+    let (a, b) = (Posed::new(shapes[0], frames[0]), Posed::new(shapes[1], frames[1]));
+    let kinds = ordered((shapes[0].kind(), shapes[1].kind()));
+    let table = table(&Method::Auto, &[kinds.0, kinds.1]);
+    let Outcome::Touching(touch) = table.get(kinds).unwrap().touch(&a, &b, r, None) else {
+        panic!("{shapes:?} touch")
+    };
+    let curvature = of_pair(&a, &b, &touch.normal, touch.overlap);
+    (touch, curvature)
+}
+
+/// Forces and moments are the gradient of the energy, along all ways in which two bodies can move and turn.
+#[test]
+fn forces_are_the_gradient_of_the_energy() {
+    let plane = Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()));
+    let mut random = Random::of(3, 1);
+    let mut worst = [0.0_f64; 2];
+    for shape in shapes() {
+        for other in shapes().iter().chain([&plane]) {
+            let frames = [frame(&mut random), frame(&mut random)];
+            let normal = if other.kind() == Kind::HalfSpace { -(frames[1] * Vec3::z()) } else { random.rotation() * Vec3::x() };
+            let (a, b) = (Posed::new(&shape, &frames[0]), Posed::new(other, &frames[1]));
+            let mut r = a.support(&normal) - normal * 0.02;
+            if other.kind() != Kind::HalfSpace {
+                r -= b.support(&-normal);
+            }
+            let energy = |turns: [Vec3; 2], shift: Vec3| {
+                let frames = [0, 1].map(|k| Quat::from_scaled_axis(turns[k]).to_rotation_matrix() * frames[k]);
+                let (touch, curvature) = touching([&shape, other], [&frames[0], &frames[1]], &(r + shift));
+                curvature.root_of_radius * touch.overlap.powf(2.5)
+            };
+            let (touch, curvature) = touching([&shape, other], [&frames[0], &frames[1]], &r);
+            let stored = curvature.root_of_radius * touch.overlap.powf(2.5);
+            let force = touch.normal * (2.5 * stored / touch.overlap) + curvature.force * stored;
+            let moment = curvature.moment * stored;
+            let on_a = -touch.point.cross(&force) - moment;
+            let on_b = (touch.point - r).cross(&force) + moment;
+            let way = 1e-5;
+            for axis in 0..3 {
+                let step = Vec3::ith(axis, way);
+                let zero = Vec3::zeros();
+                for (found, expected, is_moment) in [
+                    (force[axis], energy([zero; 2], -step) - energy([zero; 2], step), 0),
+                    (on_a[axis], energy([-step, zero], zero) - energy([step, zero], zero), 1),
+                    (on_b[axis], energy([zero, -step], zero) - energy([zero, step], zero), 1),
+                ] {
+                    let expected = expected / (2.0 * way);
+                    let off = (found - expected).abs() / force.norm();
+                    worst[is_moment] = worst[is_moment].max(off);
+                    assert!(
+                        off < 2e-6,
+                        "{} and {}, axis {axis}: {found:e}, expected {expected:e}",
+                        shape.kind().name(),
+                        other.kind().name()
+                    );
+                }
+            }
+        }
+    }
+    println!("forces off by {:.1e}, moments by {:.1e} of the force", worst[0], worst[1]);
+}
