@@ -7,6 +7,7 @@ mod contact_reference;
 mod contract;
 mod curvature;
 mod drives;
+mod elliptic;
 mod guide;
 mod hertz;
 mod kinds;

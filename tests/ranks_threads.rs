@@ -225,14 +225,16 @@ fn every_method_is_the_same_on_any_number_of_ranks() {
     }
 }
 
-/// Balls with Hertz-Mindlin contacts.
-fn elastic_crowd() -> Scene {
+/// Grains with Hertz-Mindlin contacts: `balls` alone, or ellipsoids with them.
+fn elastic_crowd(balls: bool) -> Scene {
     let material = "[law]\nnormal = \"hertz\"\nlargest_overlap = 0.05\n[[material]]\nname = \"grain\"\ndensity = 2650.0\n\
         youngs_modulus = 1e6\npoisson_ratio = 0.3\nfriction = 0.3\nrestitution = 0.5";
-    let text = CROWD
-        .replace("MATERIAL", material)
-        .replace("DOMAIN", WALLED)
-        .replace("METHOD", "")
+    let text =
+        CROWD.replace("MATERIAL", material).replace("DOMAIN", WALLED).replace("METHOD", "");
+    if !balls {
+        return scene(&text);
+    }
+    let text = text
         .replace(
             "kind = \"ellipsoid\"\ndiameter = 0.003\naspect_ratio = 2.0",
             "kind = \"sphere\"\nradius = 0.002",
@@ -246,16 +248,18 @@ fn elastic_crowd() -> Scene {
 
 #[test]
 fn a_hertzian_crowd_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
-    let scene = elastic_crowd();
-    let (alone, _) = run(&scene, 1, 2000);
-    assert!(alone.records.len() > 500, "a crowd: {} contacts", alone.records.len());
-    for ranks in [2, 3, 4, 8] {
-        expect_same(&alone, &run(&scene, ranks, 2000).0, &format!("{ranks} ranks"));
-    }
-    let folder = tempfile::tempdir().unwrap();
-    for (before, after) in [(1, 3), (2, 1)] {
-        let again = restarted(&scene, 2000, before, after, folder.path());
-        expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
+    for balls in [true, false] {
+        let scene = elastic_crowd(balls);
+        let (alone, _) = run(&scene, 1, 2000);
+        assert!(alone.records.len() > 500, "a crowd: {} contacts", alone.records.len());
+        for ranks in [2, 3, 4, 8] {
+            expect_same(&alone, &run(&scene, ranks, 2000).0, &format!("{ranks} ranks"));
+        }
+        let folder = tempfile::tempdir().unwrap();
+        for (before, after) in [(1, 3), (2, 1)] {
+            let again = restarted(&scene, 2000, before, after, folder.path());
+            expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
+        }
     }
 }
 
