@@ -182,7 +182,8 @@ fn meeting(k: u64, shape: &str, first: u64, turn: &Quat, slanted: f64, text: &st
     let support = |body: &Particle, way: &Vec3| {
         body.quaternion * shape.support(&body.quaternion.inverse_transform_vector(way))
     };
-    let r = support(&bodies[0], &normal) - support(&bodies[1], &-normal);
+    // Not just touching: rounding would say when it begins.
+    let r = support(&bodies[0], &normal) - support(&bodies[1], &-normal) + normal * 1.3e-7;
     let inertia = scene.library.inertia[0];
     for (body, sign) in bodies.iter_mut().zip([1.0, -1.0]) {
         body.position = r * (-0.5 * sign);
