@@ -38,9 +38,9 @@ mod elliptic;
 
 pub use elliptic::{LARGEST_RATIO, stiffening_of_ratio};
 
-use super::{Bodies, Geometry, Pair, Posed, triple};
+use super::{Bodies, Geometry, Pair, Posed};
 use crate::ids::Slot;
-use crate::lanes::{self, Eight, Kernel, Lanes, Row as _, RowPairs, Symmetric, Triple, WIDTH};
+use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row as _, RowPairs, Symmetric, Triple, WIDTH};
 use crate::math::{Mat3, Vec3};
 use crate::shape::{Ellipsoid, Form, Shape};
 
@@ -205,10 +205,14 @@ impl<L: Lanes> Surface<L> {
     }
 }
 
-/// The inverse.
 #[inline(always)]
-fn inverse<L: Lanes>([a, b, c]: Flat<L>) -> Flat<L> {
-    let by = L::all(1.0) / (a * c - b * b);
+fn determinant<L: Lanes>([a, b, c]: Flat<L>) -> L {
+    a * c - b * b
+}
+
+/// The inverse, from that of the determinant.
+#[inline(always)]
+fn inverse<L: Lanes>([a, b, c]: Flat<L>, by: L) -> Flat<L> {
     [c * by, (L::all(0.0) - b) * by, a * by]
 }
 
@@ -238,19 +242,26 @@ fn relative<L: Lanes>(
     overlap: L,
     frame: &Frame<L>,
 ) -> Curvatures<L> {
-    let (zero, two, half) = (L::all(0.0), L::all(2.0), L::all(0.5));
-    let curved_a = inverse(a.radii);
-    let curved_b = if let Some(b) = b { inverse(b.radii) } else { [zero; 3] };
+    let (zero, one, two, half) = (L::all(0.0), L::all(1.0), L::all(2.0), L::all(0.5));
+    // Divisions take longer than all else: one for two.
+    let of_a = determinant(a.radii);
+    let (curved_a, curved_b) = if let Some(b) = b {
+        let of_b = determinant(b.radii);
+        let by = one / (of_a * of_b);
+        (inverse(a.radii, by * of_b), inverse(b.radii, by * of_a))
+    } else {
+        (inverse(a.radii, one / of_a), [zero; 3])
+    };
     let sum = [curved_a[0] + curved_b[0], curved_a[1] + curved_b[1], curved_a[2] + curved_b[2]];
     let trace = sum[0] + sum[2];
-    let product = sum[0] * sum[2] - sum[1] * sum[1];
-    let mean = product.sqrt();
-    let [stiffening, by_m] = elliptic::stiffening(L::all(4.0) * mean / (trace + two * mean));
-    let root_of_radius = stiffening / mean.sqrt();
+    let mean = determinant(sum).sqrt();
+    let radius = one / mean;
+    let [stiffening, by_m] = elliptic::stiffening(L::all(4.0) / (radius * trace + two));
+    let root_of_radius = stiffening * radius.sqrt();
 
     // N = p + q K
-    let by_mean = half * by_m / mean;
-    let q = (L::all(0.25) + half * by_mean * trace) / product;
+    let by_mean = half * by_m * radius;
+    let q = (L::all(0.25) + half * by_mean * trace) * (radius * radius);
     let p = by_mean - q * trace;
     let from_a = a.contracted(between(curved_a, [p, q], sum));
     let Some(b) = b else {
@@ -270,7 +281,7 @@ fn relative<L: Lanes>(
         a.radii[1] + b.radii[1],
         a.radii[2] + b.radii[2] - overlap,
     ];
-    let slope = times(inverse(w), total);
+    let slope = times(inverse(w, one / determinant(w)), total);
     let [by_a, by_b] = [times(a.radii, slope), times(b.radii, slope)];
     let d = [
         half * ((from_a[0] - by_a[0]) - (from_b[0] - by_b[0])),
@@ -355,31 +366,35 @@ impl Kernel for All<'_, '_> {
         let Self { bodies, pairs, geometry, into } = self;
         let first_facet = bodies.shape.len() - bodies.facets.len();
         let with_walls = pairs.first().is_some_and(|pair| pair.b.index() >= first_facet);
-        let rows = RowPairs::new(bytemuck::cast_slice(pairs), bodies.shape.len());
+        let slots = if with_walls { bodies.shape.len() } else { first_facet };
+        let rows = RowPairs::new(bytemuck::cast_slice(pairs), slots);
         let eights = geometry.chunks(WIDTH).zip(into.chunks_mut(WIDTH));
         for ((geometry, into), first) in eights.zip((0..).step_by(WIDTH)) {
             let mut room = [[0; 2]; WIDTH];
             let [a, b] = rows.eight(first, &mut room);
-            let mut forms = [[[f64::NAN; 6]; WIDTH]; 2];
-            for lane in 0..WIDTH {
-                forms[0][lane] = form_in_place(bodies, a.at(lane));
-                if !with_walls {
-                    forms[1][lane] = form_in_place(bodies, b.at(lane));
+            let forms = match bodies.form {
+                Some(forms) if !with_walls => {
+                    [Symmetric::of(&a.rows(forms)), Symmetric::of(&b.rows(forms))]
                 }
-            }
-            let mut touches = [&geometry[0]; WIDTH];
+                _ => {
+                    let of_a = Symmetric::of(&forms_in_place(bodies, a).each_ref());
+                    let of_b = if with_walls { a } else { b };
+                    [of_a, Symmetric::of(&forms_in_place(bodies, of_b).each_ref())]
+                }
+            };
+            let mut touches: [&[f64; 4]; WIDTH] = [bytemuck::cast_ref(&geometry[0]); WIDTH];
             for (touch, of_lane) in touches.iter_mut().zip(geometry) {
-                *touch = of_lane;
+                *touch = bytemuck::cast_ref(of_lane);
             }
-            let (mut normals, mut overlaps) = ([&touches[0].normal; WIDTH], [0.0; WIDTH]);
-            for (lane, touch) in touches.iter().enumerate() {
-                (normals[lane], overlaps[lane]) = (&touch.normal, touch.overlap);
-            }
-            let frame = Frame::<L>::of(triple(&normals));
-            let on_a = Surface::of_form(&Symmetric::of(&forms[0].each_ref()), &frame);
-            let on_b = Surface::of_form(&Symmetric::of(&forms[1].each_ref()), &frame);
-            let on_b = if with_walls { None } else { Some(&on_b) };
-            let found = relative(&on_a, on_b, L::load(&overlaps), &frame);
+            let [x, y, z, overlap] = L::columns_of_4(&touches);
+            let frame = Frame::of(Triple { x, y, z });
+            let on_a = Surface::of_form(&forms[0], &frame);
+            let found = if with_walls {
+                relative(&on_a, None, overlap, &frame)
+            } else {
+                let on_b = Surface::of_form(&forms[1], &frame);
+                relative(&on_a, Some(&on_b), overlap, &frame)
+            };
             let Triple { x, y, z } = found.force;
             let halves = [
                 L::rows_of_4([found.root_of_radius, x, y, z]),
@@ -402,19 +417,20 @@ impl Kernel for All<'_, '_> {
     }
 }
 
-/// The matrix of an ellipsoid or a sphere in place, made if nobody keeps it; not a number of others [m²].
-#[inline(always)]
-fn form_in_place(bodies: &Bodies, slot: usize) -> Form {
-    if let Some(form) = bodies.form.and_then(|forms| forms.get(slot)) {
-        return *form;
-    }
-    form_made(bodies, slot)
-}
-
+/// The matrices of eight ellipsoids or spheres in place, made if nobody keeps them; not numbers of others [m²].
 #[inline(never)]
-fn form_made(bodies: &Bodies, slot: usize) -> Form {
-    let slot = Slot(slot as u32);
-    bodies.posed_body(slot, &bodies.frame(slot)).form()
+fn forms_in_place(bodies: &Bodies, slots: Gather) -> [Form; WIDTH] {
+    let mut all = [[f64::NAN; 6]; WIDTH];
+    for (lane, form) in all.iter_mut().enumerate() {
+        let slot = slots.at(lane);
+        *form = if let Some(kept) = bodies.form.and_then(|forms| forms.get(slot)) {
+            *kept
+        } else {
+            let slot = Slot(slot as u32);
+            bodies.posed_body(slot, &bodies.frame(slot)).form()
+        };
+    }
+    all
 }
 
 /// Of a pair that is none of ellipsoids.
