@@ -1,44 +1,16 @@
 //! How curved bodies are where they touch, and what Hertz's law makes of it: against elliptic integrals by quadrature, second
 //! differences of support functions, differences of the energy, and impacts with closed forms.
 
-use dem_mpi::contact::curvature::{Curvature, LARGEST_RATIO, flattest, of_pair, stiffening_of_ratio};
+use crate::verification::cases::elliptic::{ellipse, f2_of};
+use dem_mpi::contact::curvature::{
+    Curvature, LARGEST_RATIO, flattest, of_pair, stiffening_of_ratio,
+};
 use dem_mpi::contact::{Method, Outcome, Posed, Touch, ordered, table};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::random::Random;
 use dem_mpi::shape::{
     Convex, Ellipsoid, HalfSpace, Kind, PolySuperellipsoid, Shape, Sphere, Superellipsoid,
 };
-
-/// A contact ellipse with axes in this ratio of the shorter to the longer: `R'/R''`, and `F2` (Johnson 1985, 4.26 to 4.32).
-/// Integrals by the trapezoidal rule, which converges geometrically for what is periodic.
-fn ellipse(axes: f64) -> [f64; 2] {
-    const COUNT: u32 = 20_000;
-    let (mut of_cos, mut of_sin) = (0.0, 0.0);
-    for k in 0..=COUNT {
-        let (sin, cos) = (std::f64::consts::FRAC_PI_2 * f64::from(k) / f64::from(COUNT)).sin_cos();
-        let weight = if k == 0 || k == COUNT { 0.5 } else { 1.0 };
-        let root = (cos * cos + axes * axes * sin * sin).sqrt();
-        of_cos += weight * cos * cos / root;
-        of_sin += weight * sin * sin / root;
-    }
-    let step = std::f64::consts::FRAC_PI_2 / f64::from(COUNT);
-    (of_cos, of_sin) = (of_cos * step, of_sin * step);
-    // With e² = 1 - (b/a)²: ∫ cos²/Δ = (E - (b/a)² K) / e², ∫ sin²/Δ = (K - E) / e², and K is their sum.
-    let ratio = of_cos / of_sin / (axes * axes);
-    let f1 = (4.0 / std::f64::consts::PI * axes.sqrt() * (of_cos * of_sin).sqrt()).cbrt();
-    let f2 = 2.0 / std::f64::consts::PI * axes.sqrt() * (of_cos + of_sin) / f1;
-    [ratio, f2]
-}
-
-/// `F2` for a ratio of radii, by bisection.
-pub(crate) fn f2_of(ratio: f64) -> f64 {
-    let (mut low, mut high) = (1e-4_f64, 1.0);
-    for _ in 0..60 {
-        let middle = (low * high).sqrt();
-        if ellipse(middle)[0] > ratio { low = middle } else { high = middle }
-    }
-    ellipse(high)[1]
-}
 
 /// `F2` over the whole range to 1e-12, and its published values.
 #[test]
@@ -57,7 +29,8 @@ fn the_fit_is_that_of_elliptic_integrals() {
     }
     println!("F2 off by at most {worst:.1e} up to {largest}");
     assert!(worst < 1e-12 && largest > 0.9 * LARGEST_RATIO, "{worst:e} up to {largest}");
-    for (ratio, axes, f2) in [(2.0, 0.63060, 0.99339), (4.0, 0.39989, 0.97431), (100.0, 0.05498, 0.78600)]
+    for (ratio, axes, f2) in
+        [(2.0, 0.63060, 0.99339), (4.0, 0.39989, 0.97431), (100.0, 0.05498, 0.78600)]
     {
         assert!((ellipse(axes)[0] / ratio - 1.0).abs() < 2e-4, "{ratio}");
         assert!((f2_of(ratio) - f2).abs() < 1e-5, "{ratio}");
@@ -67,11 +40,8 @@ fn the_fit_is_that_of_elliptic_integrals() {
 fn shapes() -> Vec<Shape> {
     let superellipsoid =
         |axes: [f64; 3], e| Shape::Superellipsoid(Superellipsoid::new(Vec3::from(axes), e));
-    let octants = PolySuperellipsoid::new(
-        Vec3::new(1.0, 0.8, 0.7),
-        Vec3::new(0.6, 0.9, 1.1),
-        [0.9, 1.1],
-    );
+    let octants =
+        PolySuperellipsoid::new(Vec3::new(1.0, 0.8, 0.7), Vec3::new(0.6, 0.9, 1.1), [0.9, 1.1]);
     vec![
         Shape::Sphere(Sphere { radius: 0.7 }),
         Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.0, 0.5, 0.5) }),
@@ -142,7 +112,10 @@ fn curvatures_are_second_derivatives_of_support_functions() {
                 // Seen from the other side the second vector across is the opposite.
                 let of_b = radii(&b, &-normal);
                 let axes = [across(&normal), across(&-normal)];
-                let turn = Mat3::from_fn(|i, j| if i < 2 && j < 2 { axes[0][i].dot(&axes[1][j]) } else { 0.0 });
+                let turn =
+                    Mat3::from_fn(
+                        |i, j| if i < 2 && j < 2 { axes[0][i].dot(&axes[1][j]) } else { 0.0 },
+                    );
                 let of_b = Mat3::from_fn(|i, j| if i < 2 && j < 2 { of_b[i][j] } else { 0.0 });
                 let of_b = turn * of_b * turn.transpose();
                 let of_b = inverse([[of_b[(0, 0)], of_b[(0, 1)]], [of_b[(1, 0)], of_b[(1, 1)]]]);
@@ -161,7 +134,8 @@ fn curvatures_are_second_derivatives_of_support_functions() {
 /// Closed forms, and bounds.
 #[test]
 fn radii_of_simple_contacts() {
-    let (identity, turned) = (Mat3::identity(), Mat3::from_columns(&[Vec3::y(), -Vec3::x(), Vec3::z()]));
+    let (identity, turned) =
+        (Mat3::identity(), Mat3::from_columns(&[Vec3::y(), -Vec3::x(), Vec3::z()]));
     let plane = Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()));
     let on_plane = Posed::new(&plane, &identity);
     let ellipsoid = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(2.0, 1.0, 1.0) });
@@ -183,7 +157,8 @@ fn radii_of_simple_contacts() {
     }
     // Spheres under both names.
     for (radius, other) in [(0.3, 0.7), (1.0, 1.0)] {
-        let shapes = [radius, other].map(|r| Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::repeat(r) }));
+        let shapes =
+            [radius, other].map(|r| Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::repeat(r) }));
         let [a, b] = [0, 1].map(|k| Posed::new(&shapes[k], &turned));
         let expected = (1.0 / (1.0 / radius + 1.0 / other)).sqrt();
         let Curvature { root_of_radius, force, moment, .. } =
@@ -218,15 +193,21 @@ fn forces_are_the_gradient_of_the_energy() {
     for shape in shapes() {
         for other in shapes().iter().chain([&plane]) {
             let frames = [frame(&mut random), frame(&mut random)];
-            let normal = if other.kind() == Kind::HalfSpace { -(frames[1] * Vec3::z()) } else { random.rotation() * Vec3::x() };
+            let normal = if other.kind() == Kind::HalfSpace {
+                -(frames[1] * Vec3::z())
+            } else {
+                random.rotation() * Vec3::x()
+            };
             let (a, b) = (Posed::new(&shape, &frames[0]), Posed::new(other, &frames[1]));
             let mut r = a.support(&normal) - normal * 0.02;
             if other.kind() != Kind::HalfSpace {
                 r -= b.support(&-normal);
             }
             let energy = |turns: [Vec3; 2], shift: Vec3| {
-                let frames = [0, 1].map(|k| Quat::from_scaled_axis(turns[k]).to_rotation_matrix() * frames[k]);
-                let (touch, curvature) = touching([&shape, other], [&frames[0], &frames[1]], &(r + shift));
+                let frames = [0, 1]
+                    .map(|k| Quat::from_scaled_axis(turns[k]).to_rotation_matrix() * frames[k]);
+                let (touch, curvature) =
+                    touching([&shape, other], [&frames[0], &frames[1]], &(r + shift));
                 curvature.root_of_radius * touch.overlap.powf(2.5)
             };
             let (touch, curvature) = touching([&shape, other], [&frames[0], &frames[1]], &r);

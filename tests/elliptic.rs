@@ -1,6 +1,6 @@
-//! Impacts of ellipsoids by Hertz's law: the exact elliptic solution, restitution, energy, and what must not matter.
+//! Impacts of ellipsoids by Hertz's law: restitution, energy, and what must not matter. The exact elliptic solution stands in
+//! `benchmarks/verification/cases/elliptic.rs`.
 
-use crate::curvature::f2_of;
 use crate::support::Bench;
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
@@ -58,83 +58,6 @@ const LONG: &str = "kind = \"ellipsoid\"\nsemi_axes = [0.002, 0.001, 0.001]";
 
 fn at(id: u64, position: Vec3, velocity: Vec3) -> Particle {
     Particle { velocity, ..Particle::at_rest(GlobalId(id), ShapeId(0), position) }
-}
-
-/// Mass of the long ellipsoid [kg].
-fn mass() -> f64 {
-    4.0 / 3.0 * std::f64::consts::PI * 2.0 * MM.powi(3) * DENSITY
-}
-
-/// Contact time [s], largest force [N] of an impact with `N = k δ^(3/2)`.
-fn closed_form(k: f64, mass: f64, speed: f64) -> [f64; 2] {
-    let overlap = (1.25 * mass * speed * speed / k).powf(0.4);
-    // 2 √π Γ(1.4) / Γ(0.9)
-    [2.943_275_2 * overlap / speed, k * overlap.powf(1.5)]
-}
-
-/// Contact time [s], largest force on the first particle [N].
-fn impact(bench: &mut Bench) -> [f64; 2] {
-    let (mut force, mut largest, mut touched) = (0.0, 0.0_f64, 0);
-    for step in 1..100_000 {
-        bench.step();
-        let before = std::mem::replace(&mut force, Vec3::from(bench.sim.particles.force[0].vector).norm());
-        largest = largest.max(force);
-        if force > 0.0 && before == 0.0 {
-            touched = step;
-        }
-        if touched > 0 && force == 0.0 {
-            // The first force is that of a step's approach, the last is found like it.
-            let end = f64::from(step - touched);
-            return [end * bench.sim.dt, largest];
-        }
-    }
-    panic!("they never part");
-}
-
-/// On its side on a plane, where the radii of curvature are 4 and 1 mm, and crossed on another, where both are 0.8 mm:
-/// contact time and largest force to 1e-4. Beside it what the radius of the sphere of the same volume makes of the first, and the
-/// mean curvature.
-#[test]
-fn impacts_on_the_side_are_those_of_the_elliptic_solution() {
-    let modulus = YOUNGS / (1.0 - POISSON * POISSON);
-    let speed = 0.5;
-    let k = |radius: f64| 4.0 / 3.0 * modulus * radius.sqrt();
-    let exact = k(2.0 * MM) * f2_of(4.0).powf(-1.5);
-    let expected = closed_form(exact, mass(), speed);
-    const STEPS: f64 = 20_000.0;
-    let step = expected[0] / STEPS;
-    let law = "tangential = \"none\"";
-    let floor = |turn: Quat| {
-        let body = Particle { quaternion: turn, ..at(0, Vec3::new(0.0, 0.0, MM), Vec3::z() * -speed) };
-        Bench::new(&text(LONG, "", law, step), &[body])
-    };
-    for angle in [0.0, 0.7] {
-        let found = impact(&mut floor(Quat::from_axis_angle(&Vec3::z_axis(), angle)));
-        for (k, what) in ["contact time", "largest force"].into_iter().enumerate() {
-            close(found[k], expected[k], 1e-4, what);
-        }
-    }
-    let others = [("volume", k(2.0_f64.cbrt() * MM)), ("mean curvature", k(1.6 * MM)), ("Gaussian curvature", k(2.0 * MM))];
-    for ((what, k), least) in others.into_iter().zip([0.02, 0.02, 0.007]) {
-        let [time, force] = closed_form(k, mass(), speed);
-        let off = [time / expected[0] - 1.0, force / expected[1] - 1.0];
-        println!("{what}: contact time off by {:.1} %, force by {:.1} %", 100.0 * off[0], 100.0 * off[1]);
-        assert!(off[0] > least && off[1] < -least, "{what}: {off:?}");
-    }
-
-    // Half of E*, half of the mass; twice the speed of each.
-    let crossed = closed_form(0.5 * k(0.8 * MM), 0.5 * mass(), speed);
-    let step = crossed[0] / STEPS;
-    let middle = Vec3::new(0.0, 0.0, 0.05);
-    let upper = Particle {
-        quaternion: Quat::from_axis_angle(&Vec3::z_axis(), std::f64::consts::FRAC_PI_2),
-        ..at(1, middle + Vec3::z() * MM, Vec3::z() * (-0.5 * speed))
-    };
-    let lower = at(0, middle - Vec3::z() * MM, Vec3::z() * (0.5 * speed));
-    let found = impact(&mut Bench::new(&text(LONG, "", law, step), &[lower, upper]));
-    for (k, what) in ["contact time, crossed", "largest force, crossed"].into_iter().enumerate() {
-        close(found[k], crossed[k], 1e-4, what);
-    }
 }
 
 fn close(found: f64, expected: f64, tolerance: f64, what: &str) {
@@ -224,11 +147,16 @@ fn change_of_energy(bench: &mut Bench) -> [f64; 2] {
 /// About the contact time of the long ellipsoids at 0.5 m/s [s].
 const TIME: f64 = 5e-5;
 
-/// Oblique impacts without losses keep their energy, to second order in the step and beyond.
+/// Oblique impacts without losses keep their energy, to second order in the step and beyond; those of superellipsoids but for the
+/// bounds of their radii and the differences by which their curvature is known to change.
 #[test]
 fn oblique_impacts_keep_their_energy() {
     let triaxial = "kind = \"ellipsoid\"\nsemi_axes = [0.0015, 0.001, 0.0006]";
-    for shape in [LONG, triaxial] {
+    let blunt =
+        "kind = \"superellipsoid\"\nsemi_axes = [0.0015, 0.001, 0.001]\nexponents = [0.8, 0.8]";
+    let pointed =
+        "kind = \"superellipsoid\"\nsemi_axes = [0.0015, 0.001, 0.001]\nexponents = [1.2, 1.3]";
+    for (shape, most) in [(LONG, 1e-6), (triaxial, 1e-6), (blunt, 1e-4), (pointed, 1e-4)] {
         let worst = |steps: f64| {
             let text = text(shape, "", "tangential = \"none\"", TIME / steps);
             let changes = (0..12).map(|k| {
@@ -239,8 +167,8 @@ fn oblique_impacts_keep_their_energy() {
         };
         let found = [250.0, 500.0, 1000.0, 2000.0].map(worst);
         println!("{shape}: energy off by {found:?} in 250, 500, 1000, 2000 steps");
-        assert!(found[3] < 1e-6, "{found:?}");
-        assert!(found[3] < 0.2 * found[1], "{found:?}");
+        assert!(found[3] < most, "{found:?}");
+        assert!(most > 1e-6 || found[3] < 0.2 * found[1], "{found:?}");
     }
 }
 
@@ -303,7 +231,10 @@ fn names_and_axes_do_not_matter() {
 /// Spheres that are called ellipsoids feel what spheres feel.
 #[test]
 fn spheres_are_spheres_under_any_name() {
-    let shapes = ["kind = \"sphere\"\nradius = 0.001", "kind = \"ellipsoid\"\nsemi_axes = [0.001, 0.001, 0.001]"];
+    let shapes = [
+        "kind = \"sphere\"\nradius = 0.001",
+        "kind = \"ellipsoid\"\nsemi_axes = [0.001, 0.001, 0.001]",
+    ];
     let [spheres, ellipsoids] = shapes.map(|shape| {
         let text = text(shape, "friction = 0.3\nrestitution = 0.7", "", 1e-7);
         let mut bench = meeting(2, shape, 0, &Quat::identity(), 0.6, &text);

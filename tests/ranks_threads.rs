@@ -229,8 +229,7 @@ fn every_method_is_the_same_on_any_number_of_ranks() {
 fn elastic_crowd(balls: bool) -> Scene {
     let material = "[law]\nnormal = \"hertz\"\nlargest_overlap = 0.05\n[[material]]\nname = \"grain\"\ndensity = 2650.0\n\
         youngs_modulus = 1e6\npoisson_ratio = 0.3\nfriction = 0.3\nrestitution = 0.5";
-    let text =
-        CROWD.replace("MATERIAL", material).replace("DOMAIN", WALLED).replace("METHOD", "");
+    let text = CROWD.replace("MATERIAL", material).replace("DOMAIN", WALLED).replace("METHOD", "");
     if !balls {
         return scene(&text);
     }

@@ -2,7 +2,7 @@
 
 #[path = "../benchmarks/verification/cases/mod.rs"]
 #[allow(dead_code, reason = "pictures and LAMMPS are for the command")]
-mod cases;
+pub(crate) mod cases;
 
 use cases::{Effort, Verdict};
 
@@ -45,6 +45,11 @@ fn lammps() {
 #[test]
 fn chung_and_ooi() {
     check("chung_ooi");
+}
+
+#[test]
+fn elliptic_contacts() {
+    check("elliptic");
 }
 
 #[test]

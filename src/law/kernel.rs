@@ -214,6 +214,11 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     /// The constants of a contact between two materials in words, for `--plan`.
     fn words(&self, a: MaterialId, b: MaterialId) -> String;
 
+    /// Where it departs from its formulas, for `--plan`; by default nowhere.
+    fn limits(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// What the scene does not need of it, and why, for `--plan`.
     fn left_out(&self) -> Vec<&'static str> {
         Vec::new()
@@ -444,6 +449,10 @@ impl<M: Model> ForceLaw for Law<M> {
 
     fn words(&self, a: MaterialId, b: MaterialId) -> String {
         self.model.words(a, b)
+    }
+
+    fn limits(&self) -> Vec<String> {
+        self.model.limits()
     }
 
     fn left_out(&self) -> Vec<&'static str> {
@@ -756,21 +765,23 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
         let half_step = L::all(0.5 * dt);
         let dissipated = if MOVES && dt > 0.0 {
-            let (pressed, gained) = if curvatures.is_some() {
+            let pressed = if curvatures.is_some() {
                 // Of dashpots alone: bodies that turn change the energy at the same overlap.
                 let last_beyond = before.press - of_curved(before.stored[0], last.overlap);
                 let beyond = acting.press - of_curved(acting.stored[0], now.overlap);
                 let last_approach = last.normal.dot(last_velocity);
-                (last_beyond * last_approach + beyond * contact.approach, zero)
+                last_beyond * last_approach + beyond * contact.approach
             } else {
-                let pressed = last_press.dot(last_velocity) + press.dot(velocity);
-                (pressed, acting.stored[0] - before.stored[0])
+                last_press.dot(last_velocity) + press.dot(velocity)
             };
             let mut rubbed = before.rub.dot(last_velocity) + acting.rub.plus(viscous).dot(velocity);
             if M::MOMENTS {
                 rubbed = rubbed + before.moment.plus(acting.moment).dot(turning);
             }
-            let of_dashpots = half_step * pressed - gained;
+            let mut of_dashpots = half_step * pressed;
+            if curvatures.is_none() {
+                of_dashpots = of_dashpots - (acting.stored[0] - before.stored[0]);
+            }
             let of_friction = half_step * rubbed - (acting.stored[1] - before.stored[1]);
             let [normally, tangentially] = law.model.dissipates(constants);
             of_dashpots.or(zero, normally) + of_friction.or(zero, tangentially)

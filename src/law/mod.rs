@@ -326,7 +326,7 @@ pub struct Hardest {
 pub enum Choice {
     /// Linear springs and dashpots with friction.
     Linear(linear::Settings),
-    /// Elastic spheres: Hertz, with Mindlin's friction.
+    /// Elastic bodies: Hertz, with Mindlin's friction.
     Hertz(hertz::Settings),
 }
 
@@ -387,6 +387,9 @@ pub trait ForceLaw: Send + Sync {
 
     /// The constants of a contact between two materials in words.
     fn words(&self, a: MaterialId, b: MaterialId) -> String;
+
+    /// Where it departs from its formulas, a sentence each.
+    fn limits(&self) -> Vec<String>;
 
     /// What the scene does not need of it, and why.
     fn left_out(&self) -> Vec<&'static str>;

@@ -20,13 +20,13 @@ pub(super) enum Kind {
         /// Are dashpots kept from attracting?
         limit_damping: bool,
     },
-    /// Elastic spheres.
+    /// Elastic bodies.
     Hertz {
         /// Are dashpots kept from attracting?
         limit_damping: bool,
         /// Does `tangential` ask for friction?
         mindlin: bool,
-        /// The overlap that the time step is made for, over the radius [-].
+        /// The overlap that the time step is made for, over the radius or least half length [-].
         largest_overlap: f64,
     },
 }

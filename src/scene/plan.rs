@@ -93,6 +93,9 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         let [a, b] = [a, b].map(|id| &*scene.materials[id.index()].name);
         page.line("constants", format!("{a}-{b}: {words}"));
     }
+    for limit in law.limits() {
+        page.line("bounds", limit);
+    }
     for (a, b) in pairs_of_kinds(scene) {
         page.line("contacts", format!("{}-{}: {}", a.name(), b.name(), resolver(scene, a, b)));
     }

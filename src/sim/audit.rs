@@ -140,9 +140,8 @@ impl Auditor {
         let (a, b) = bodies.posed(pair, &frames);
         let converged = Converged::of(kinds, resolver.definition());
         let outcome = converged.touch(&a, &b, &bodies.relative(pair));
-        let elastic = |normal, overlap| {
-            sim.law.elastic(pair, &sim.particles, &Geometry { normal, overlap })
-        };
+        let elastic =
+            |normal, overlap| sim.law.elastic(pair, &sim.particles, &Geometry { normal, overlap });
         let axis = shortest_axis(&sim.particles, pair.a, pair.b);
         let found = self.of_kinds.entry(kinds).or_default();
         found.contacts += 1;

@@ -83,13 +83,15 @@ impl Floor {
     pub const PHASES: [Phase; 3] = [Phase::Move, Phase::Contacts, Phase::Forces];
 
     /// Of a phase. `kind` is that of all particles, if it is one; `width` how many numbers the law remembers of a contact.
-    /// `None` where no floor is known: other phases, mixtures, forces of scenes with faces, and bodies whose methods take as many
+    /// `None` where no floor is known: other phases, mixtures, forces of scenes with faces or by curvature, and bodies whose methods take as many
     /// steps as they take.
     pub fn of(phase: Phase, needs: Needs, kind: Option<Kind>, width: usize) -> Option<Self> {
         match phase {
             Phase::Move => Some(Self { particle: motion(needs), ..Self::default() }),
             Phase::Contacts => Self::of_contacts(needs, kind?),
-            Phase::Forces if !needs.patches => Some(Self::of_forces(needs, width)),
+            Phase::Forces if !(needs.patches || needs.curvature) => {
+                Some(Self::of_forces(needs, width))
+            }
             Phase::Forces
             | Phase::Rebuild
             | Phase::Exchange

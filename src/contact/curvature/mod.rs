@@ -40,7 +40,9 @@ pub use elliptic::{LARGEST_RATIO, stiffening_of_ratio};
 
 use super::{Bodies, Geometry, Pair, Posed};
 use crate::ids::Slot;
-use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row as _, RowPairs, Symmetric, Triple, WIDTH};
+use crate::lanes::{
+    self, Eight, Gather, Kernel, Lanes, Row as _, RowPairs, Symmetric, Triple, WIDTH,
+};
 use crate::math::{Mat3, Vec3};
 use crate::shape::{Ellipsoid, Form, Shape};
 
@@ -191,8 +193,10 @@ impl<L: Lanes> Surface<L> {
         let (u, w) = (minus * v[0], minus * v[1]);
         let (two, three) = (L::all(2.0), L::all(3.0));
         let mixed = [two * radii[1] * u + radii[0] * w, radii[2] * u + two * radii[1] * w];
-        let change =
-            [[three * radii[0] * u, mixed[0], mixed[1]], [mixed[0], mixed[1], three * radii[2] * w]];
+        let change = [
+            [three * radii[0] * u, mixed[0], mixed[1]],
+            [mixed[0], mixed[1], three * radii[2] * w],
+        ];
         Self { radii, change }
     }
 
@@ -322,9 +326,8 @@ fn surface_of(body: &Posed, normal: &Vec3, frame: &Frame<f64>, side: f64) -> Sur
     let straight = 1.0 - 0.5 * TURN * TURN;
     let beside = |towards: &Vec3, turn: f64| normal * straight + towards * turn;
     let back = |towards: &Vec3, turn: f64| towards * straight - normal * turn;
-    let difference = |more: Flat<f64>, less: Flat<f64>| {
-        [0, 1, 2].map(|k| (more[k] - less[k]) * (0.5 / TURN))
-    };
+    let difference =
+        |more: Flat<f64>, less: Flat<f64>| [0, 1, 2].map(|k| (more[k] - less[k]) * (0.5 / TURN));
     let radii = |normal: &Vec3, across: [&Vec3; 2]| radii_of(body, &(normal * side), across);
     let turned = [TURN, -TURN];
     let [more, less] = turned.map(|t| radii(&beside(&first, t), [&back(&first, t), &second]));
@@ -396,10 +399,8 @@ impl Kernel for All<'_, '_> {
                 relative(&on_a, Some(&on_b), overlap, &frame)
             };
             let Triple { x, y, z } = found.force;
-            let halves = [
-                L::rows_of_4([found.root_of_radius, x, y, z]),
-                found.moment.rows(L::all(0.0)),
-            ];
+            let halves =
+                [L::rows_of_4([found.root_of_radius, x, y, z]), found.moment.rows(L::all(0.0))];
             for (lane, into) in into.iter_mut().enumerate() {
                 let row: &mut [[f64; 4]; 2] = bytemuck::cast_mut(into);
                 halves[0][lane].write(&mut row[0]);

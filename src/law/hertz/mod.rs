@@ -1,4 +1,4 @@
-//! Elastic spheres: Hertz along the normal (1882, DOI 10.1515/crll.1882.92.156), Mindlin in the contact plane (1949, DOI
+//! Elastic bodies: Hertz along the normal (1882, DOI 10.1515/crll.1882.92.156), Mindlin in the contact plane (1949, DOI
 //! 10.1115/1.4009973).
 //!
 //! Normal: `N = 4/3 E* √R* δ^(3/2) + γ_n δ̇`, by default never attractive, with `γ_n = 2 √(5/6) β √(S m*)` and
@@ -53,7 +53,7 @@ pub struct Settings {
     pub interactions: Interactions,
     /// Normal dashpots never make a contact attractive.
     pub limit_damping: bool,
-    /// The overlap that the time step is made for, over the radius of the smaller body [-].
+    /// The overlap that the time step is made for, over the radius of the smaller body, or its least half length [-].
     pub largest_overlap: f64,
 }
 
@@ -74,6 +74,8 @@ struct Hertz {
     frictional: bool,
     /// Is any particle no sphere?
     curved: bool,
+    /// Has any particle flat sides or crests, whose curvature is bounded?
+    bounded: bool,
     /// Of each shape, the radius of its flattest contact with a plane at an overlap of its least half length [m].
     widest: Vec<f64>,
     state: Vec<StateColumn>,
@@ -133,12 +135,14 @@ impl Hertz {
         let damped = settings.interactions.iter().any(|c| c.damping_ratio > 0.0);
         let frictional = settings.interactions.iter().any(|c| c.friction > 0.0);
         let is_sphere = |shape: &Shape| shape.kind() == Kind::Sphere;
-        let curved = !library.shapes[..library.particle_shapes].iter().all(is_sphere);
+        let shapes = &library.shapes[..library.particle_shapes];
+        let curved = !shapes.iter().all(is_sphere);
+        let bounded = shapes.iter().any(|shape| !shape.kind().is_ellipsoidal());
         let columns =
             [(frictional, TANGENTIAL_FORCE), (damped, NORMAL_FORCE), (curved, CONTACT_RADIUS)];
         let state = columns.into_iter().filter(|(is_in, _)| *is_in).map(|(_, c)| c).collect();
         let widest = library.shapes.iter().map(widest).collect();
-        Self { settings, damped, frictional, curved, widest, state }
+        Self { settings, damped, frictional, curved, bounded, widest, state }
     }
 
     /// The normal force that is remembered [N].
@@ -289,8 +293,7 @@ impl Model for Hertz {
     fn last<L: Lanes>(&self, elastic: &Elastic<L>, overlap: L, state: &[L]) -> Action<L> {
         let tangential = self.tangential(state);
         let root = if self.curved { state[state.len() - 1] } else { root(overlap) };
-        let press =
-            if self.damped { self.pressed(state) } else { elastic.normal * root * overlap };
+        let press = if self.damped { self.pressed(state) } else { elastic.normal * root * overlap };
         Action {
             press,
             rub: tangential,
@@ -377,17 +380,34 @@ impl Model for Hertz {
     fn words(&self, a: MaterialId, b: MaterialId) -> String {
         let constants = self.settings.interactions.of(a, b);
         format!(
-            "E* {:.4e} Pa, G* {:.4e} Pa, friction {}, damping ratio {:.4}, step for overlaps up to {} of a radius",
+            "E* {:.4e} Pa, G* {:.4e} Pa, friction {}, damping ratio {:.4}, step for overlaps up to {} of a {}{}",
             constants.modulus,
             constants.shear_modulus,
             constants.friction,
             constants.damping_ratio,
-            self.settings.largest_overlap
+            self.settings.largest_overlap,
+            if self.curved { "least half length" } else { "radius" },
+            if self.curved {
+                "; contacts are ellipses, by the curvature of both bodies"
+            } else {
+                ""
+            },
         )
     }
 
     fn hardest_up_to(&self) -> Option<f64> {
         Some(self.settings.largest_overlap)
+    }
+
+    fn limits(&self) -> Vec<String> {
+        if !self.bounded {
+            return Vec::new();
+        }
+        vec![format!(
+            "radii of curvature of superellipsoids count as no less than {} and no more than {} bounding radii",
+            curvature::SHARPEST,
+            curvature::FLATTEST
+        )]
     }
 
     fn left_out(&self) -> Vec<&'static str> {
