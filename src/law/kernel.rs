@@ -9,6 +9,9 @@
 //! the step after the last; only of channels that can dissipate. The others dissipate nothing: what a long step makes of
 //! them is missing from the energy balance, and is reported. Where nothing depends on velocities, those of ghosts need not
 //! be known.
+//!
+//! Where a law goes by the curvature of bodies, its normal channel dissipates the work of what its force has beyond the derivative
+//! of the energy: that of dashpots. The elastic force beside the normal and its moment have no other channel, and dissipate nothing.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 

@@ -51,7 +51,7 @@ pub(crate) fn f2_of(ratio: f64) -> f64 {
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut ways = Ways::new(SOURCE);
     let steps = effort.pick(1000.0, 4000.0);
-    let mut cases = vec![on_a_plane(steps, &mut ways), crossed(steps, &mut ways)];
+    let mut cases = vec![on_a_plane(steps), crossed(steps)];
     cases.push(restitution(effort));
     cases.push(oblique(effort, &mut ways));
     cases.extend(ways.into_cases());
@@ -108,7 +108,7 @@ fn impact(case: &mut Case, what: &str, expected: [f64; 2], found: [f64; 2]) {
 }
 
 /// On its side, where the radii of curvature are 4 and 1 times the size.
-fn on_a_plane(steps: f64, ways: &mut Ways) -> Case {
+fn on_a_plane(steps: f64) -> Case {
     let mut case = Case::new(
         SOURCE,
         "an ellipsoid of 1:2 drops on its side on a rigid plane, R'/R'' = 4",
@@ -132,14 +132,14 @@ fn on_a_plane(steps: f64, ways: &mut Ways) -> Case {
             dt,
         };
         let what = format!("{angle} rad about the normal");
-        let frames = ways.run(&what, &setup, (1.1 * steps) as u64, 1);
+        let frames = setup.run((1.1 * steps) as u64, 1);
         impact(&mut case, &what, expected, measured(&frames, |f| f.bodies[0].position.z - SIZE));
     }
     case
 }
 
 /// Two of them: crossed at a right angle both radii of relative curvature are 4/5 of the size; side by side they are 2 and 1/2.
-fn crossed(steps: f64, ways: &mut Ways) -> Case {
+fn crossed(steps: f64) -> Case {
     let mut case = Case::new(
         SOURCE,
         "two ellipsoids of 1:2 meet with their sides, crossed and side by side",
@@ -167,7 +167,7 @@ fn crossed(steps: f64, ways: &mut Ways) -> Case {
             ],
             dt,
         };
-        let frames = ways.run(what, &setup, (1.1 * steps) as u64, 1);
+        let frames = setup.run((1.1 * steps) as u64, 1);
         let gap = |f: &Frame| f.bodies[0].position.z - f.bodies[1].position.z - 2.0 * SIZE;
         impact(&mut case, what, expected, measured(&frames, gap));
     }
