@@ -159,8 +159,7 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     let header = newest.header();
     let targets = servo::targets(&header.drives);
     let views = bounds.map(|bounds| Views::of(&newest, &bounds)).transpose()?;
-    let plots =
-        page::plots(&reports, drawing, views.as_ref(), &history, &header.walls, &targets)?;
+    let plots = page::plots(&reports, drawing, views.as_ref(), &history, &header.walls, &targets)?;
     write_all(&out, &header.title().unwrap_or_else(|| title(beside)), &reports, &plots)?;
 
     let table = reports.last().map(table).unwrap_or_default();

@@ -200,8 +200,10 @@ pub fn write_in(
     agree(comm, checked)?;
     let shapes = check_shapes(directory, header, particles, comm);
     agree(comm, shapes)?;
-    if way == Way::Together || comm.size() == 1 {
+    if way == Way::Together {
         write_files(directory, header, particles, contacts, records, comm)?;
+    } else if comm.size() == 1 {
+        write_files(directory, header, particles, contacts, records, &mut Alone::default())?;
     } else {
         let mut written = Ok(());
         if let Some((particles, contacts, records)) = gather(particles, contacts, records, comm) {
@@ -225,8 +227,9 @@ fn gather(
     records.each(&mut |named| mine.push(named));
     let here = (particles.bytes(), ContactTable::bytes(contacts), mine);
     let parcels = comm.gather(wire::encode(&here))?;
-    let mut all = (ParticleTable::default(), ContactTable::default(), ContactRecords::of(records.columns()));
-        for parcel in parcels {
+    let mut all =
+        (ParticleTable::default(), ContactTable::default(), ContactRecords::of(records.columns()));
+    for parcel in parcels {
         let (particles, contacts, records): (Columns, Columns, ContactRecords) =
             wire::decode(&parcel);
         all.0.append(&particles);
@@ -423,7 +426,8 @@ fn write_particles(
     comm.sum(&mut rows);
     let is_there = |column: &ParticleColumn, rows: i64| rows > 0 || !column.is_optional();
     let of_record = of_record(records.columns());
-    let elements = particles.id.len() * elements_of_particle() + records.count() * of_record + OF_PART;
+    let elements =
+        particles.id.len() * elements_of_particle() + records.count() * of_record + OF_PART;
     let mut file = create(path, elements, header, comm)?;
 
     file.group("/VTKHDF")?;

@@ -4,7 +4,7 @@ use super::surface::{Detail, Surface};
 use super::vtp::{Array, Cells, NORMALS, PolyData};
 use super::{PostError, check, pieces, region::Turned};
 use crate::math::Vec3;
-use crate::output::header::Header;
+use crate::output::header::{Header, WallRow};
 use crate::output::snapshot::Reader;
 use crate::output::tables::{CONTACT_COLUMNS, ContactTable, PARTICLE_COLUMNS, ParticleTable};
 
@@ -124,7 +124,7 @@ fn room(reader: &Reader) -> Result<Room, PostError> {
             high[k] = high[k].max(point[k] + reach);
         }
     };
-    for (point, _) in header.walls.iter().flat_map(|wall| wall.planes()) {
+    for (point, _) in header.walls.iter().flat_map(WallRow::planes) {
         hold(&point, 0.0);
     }
     for rows in pieces(reader.particle_count()) {
@@ -152,7 +152,12 @@ fn square(point: &Vec3, normal: &Vec3, [low, high]: &Room) -> Vec<Vec3> {
     let reach = (high - low).norm();
     let across = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize() * reach;
     let along = normal.cross(&across);
-    vec![centre - across - along, centre + across - along, centre + across + along, centre - across + along]
+    vec![
+        centre - across - along,
+        centre + across - along,
+        centre + across + along,
+        centre - across + along,
+    ]
 }
 
 /// What of a polygon is in front of all these planes, or on them.

@@ -30,16 +30,16 @@ pub fn roses(report: &Report) -> Result<Vec<Plot>, PlotError> {
     ];
     let plot = |((name, caption), petals): ((&str, &str), &Petals)| {
         let largest = petals.largest();
-        let centre = (px(SIDE / 2), px(SIDE / 2 - 22));
+        let centre = (px(SIDE / 2), px(SIDE / 2 - 26));
         let title = petals.title;
         Ok(Plot {
             name: name.into(),
             title: title[..1].to_uppercase() + &title[1..],
             caption: format!("{caption} Red: the second-order tensor."),
             width: Width::Third,
-            svg: drawing(SIDE as u32, SIDE as u32 - 16, |canvas| {
+            svg: drawing(SIDE as u32, SIDE as u32 - 10, |canvas| {
                 petals.draw(canvas, centre, largest)?;
-                let at = (px(SIDE / 2), px(SIDE - 30));
+                let at = (px(SIDE / 2), px(SIDE - 24));
                 label(canvas, &petals.degree, at, 14, INK, Anchor::Middle)
             })?,
         })
@@ -48,7 +48,7 @@ pub fn roses(report: &Report) -> Result<Vec<Plot>, PlotError> {
 }
 
 /// Width of a rose [px].
-const SIDE: i32 = 340;
+const SIDE: i32 = 344;
 
 /// The roses of several packings, a row for each, with its name if it has one. Roses below each other have one
 /// scale.
@@ -191,7 +191,7 @@ impl Petals {
             )?;
         }
         let foot = (centre.0, centre.1 + px(Self::RADIUS + 16));
-        label(canvas, "vertical ↑   horizontal →", (foot.0, foot.1), 12, MUTED, Anchor::Middle)
+        label(canvas, "vertical ↑, horizontal →", (foot.0, foot.1), 12, MUTED, Anchor::Middle)
     }
 
     /// What it shows, above it.

@@ -60,7 +60,8 @@ impl Surface {
             return Self::of_spherocylinder(half, shape.margin(), detail);
         }
         let (directions, triangles) = sphere(detail);
-        let points: Vec<Vec3> = directions.iter().map(|direction| shape.support(direction)).collect();
+        let points: Vec<Vec3> =
+            directions.iter().map(|direction| shape.support(direction)).collect();
         let mut surface = Self { points, normals: directions, ..Self::default() };
         for corners in triangles {
             surface.push(&corners);
@@ -105,7 +106,7 @@ impl Surface {
                 }
             }
         }
-        for ring in 0..2 * rings + 1 {
+        for ring in 0..=2 * rings {
             for k in 0..around {
                 let next = (k + 1) % around;
                 let [low, high] = [ring * around, (ring + 1) * around];

@@ -115,13 +115,19 @@ impl PolyData {
             Cells::Lines => "Lines",
             Cells::Polygons => "Polys",
         };
-        let of_cells = [
-            Array::new("connectivity", 1, &self.members),
-            Array::new("offsets", 1, &self.ends),
-        ];
-        section(out, name, &of_cells)?;
+        section(
+            out,
+            name,
+            &[indices("connectivity", &self.members), indices("offsets", &self.ends)],
+        )?;
         out.write_all(b"</Piece>\n</PolyData>\n</VTKFile>\n")
     }
+}
+
+/// Of half the size, where they fit.
+fn indices(name: &str, values: &[i64]) -> Array {
+    let narrow: Result<Vec<i32>, _> = values.iter().map(|&value| value.try_into()).collect();
+    narrow.map_or_else(|_| Array::new(name, 1, values), |narrow| Array::new(name, 1, &narrow))
 }
 
 fn section(out: &mut impl Write, name: &str, arrays: &[Array]) -> io::Result<()> {
@@ -153,7 +159,9 @@ pub const NORMALS: &str = "Normals";
 /// # Errors
 /// The writer's.
 pub fn write_list(out: &mut impl Write, files: &[(String, f64)]) -> io::Result<()> {
-    out.write_all(b"<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n")?;
+    out.write_all(
+        b"<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n",
+    )?;
     for (file, time) in files {
         writeln!(out, r#"<DataSet timestep="{time:e}" part="0" file="{file}"/>"#)?;
     }

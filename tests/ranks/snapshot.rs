@@ -98,9 +98,8 @@ pub(crate) fn rows_by_id(comm: &mut dyn Comm) {
             let [mine, other] = [mine, other].map(|path| checksums(path).unwrap());
             assert!(mine.len() > 30 && mine == other, "{mine:?} {other:?}");
         }
-        let bytes = |particles: &Path| {
-            [particles, &beside(particles)].map(|path| fs::read(path).unwrap())
-        };
+        let bytes =
+            |particles: &Path| [particles, &beside(particles)].map(|path| fs::read(path).unwrap());
         assert!(bytes(&through_root) == bytes(&alone), "through rank 0");
     }
     comm.any(false);

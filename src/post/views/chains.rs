@@ -1,15 +1,17 @@
 //! Force chains: the strongest contacts as lines, the wider the stronger.
 
 use crate::math::Vec3;
-use crate::post::plots::Plot;
+use crate::post::plots::{Plot, Width};
 use crate::post::region::Bounds;
 use crate::post::report::readable;
 use crate::post::side::Side;
 use std::fmt::Write;
 
 /// The strongest contacts.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Chains {
+    /// Of a grain, about [m].
+    diameter: f64,
     lines: Vec<Line>,
     /// Sum of all forces [N], and how many contacts.
     sum: (f64, u64),
@@ -27,8 +29,13 @@ impl Chains {
     /// Lines drawn at most.
     const LIMIT: usize = 4000;
 
-    /// The widest line [px].
-    const WIDEST: f64 = 7.0;
+    /// Widths of the widest line [px], which goes with the grains between these.
+    const WIDEST: [f64; 2] = [1.5, 6.0];
+
+    /// Without contacts, of grains about so large [m].
+    pub(super) fn new(diameter: f64) -> Self {
+        Self { diameter, lines: Vec::new(), sum: (0.0, 0) }
+    }
 
     pub(super) fn add(&mut self, centre: &Vec3, branch: &Vec3, force: f64) {
         self.sum.0 += force;
@@ -60,9 +67,12 @@ impl Chains {
         svg.push_str("<g stroke-linecap=\"round\">\n");
         // The widest lines are those of the strongest two in a hundred.
         let full = chains.lines[chains.lines.len() / 50].force;
+        // A quarter of a grain, so that chains in front leave something of those behind.
+        let [narrow, wide] = Self::WIDEST;
+        let widest = (0.25 * self.diameter * side.scale).max(narrow).min(wide);
         for line in chains.lines.iter().rev().filter(|line| line.force > 0.0) {
             let [[x0, y0], [x1, y1]] = line.ends.map(|[x, z]| side.place(x, z));
-            let width = Self::WIDEST * (line.force / full).min(1.0);
+            let width = widest * (line.force / full).min(1.0);
             let colour = if line.force >= mean { "#0072B2" } else { "#A9B2BC" };
             let _ = writeln!(
                 svg,
@@ -84,7 +94,7 @@ impl Chains {
                 "Side view: a line for each contact{left_out}, as wide as its normal force is large; \
                  blue above the mean."
             ),
-            width: crate::post::plots::Width::Half,
+            width: Width::Half,
             svg,
         })
     }

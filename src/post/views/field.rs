@@ -34,7 +34,8 @@ impl Field {
 
     pub(super) fn add(&mut self, centre: &Vec3, velocity: &Vec3, mass: f64) {
         let place = [centre.x, centre.z];
-        let cell: [f64; 2] = std::array::from_fn(|k| ((place[k] - self.low[k]) / self.side).floor());
+        let cell: [f64; 2] =
+            std::array::from_fn(|k| ((place[k] - self.low[k]) / self.side).floor());
         if (0..2).all(|k| cell[k] >= 0.0 && cell[k] < self.cells[k] as f64) {
             let sum = &mut self.sums[cell[1] as usize * self.cells[0] + cell[0] as usize];
             let more = [mass * velocity.x, mass * velocity.z, mass];
@@ -57,10 +58,13 @@ impl Field {
         let longest = self.side * view.scale;
         let mut svg = String::new();
         view.open(bounds, &mut svg);
-        svg.push_str("<g fill=\"none\" stroke=\"#0072B2\" stroke-width=\"1.3\" stroke-linecap=\"round\">\n");
+        svg.push_str(
+            "<g fill=\"none\" stroke=\"#0072B2\" stroke-width=\"1.3\" stroke-linecap=\"round\">\n",
+        );
         for (k, mean) in means.iter().enumerate() {
             let Some([vx, vz]) = mean else { continue };
-            let [column, row] = [k % self.cells[0], k / self.cells[0]].map(|cell| cell as f64 + 0.5);
+            let [column, row] =
+                [k % self.cells[0], k / self.cells[0]].map(|cell| cell as f64 + 0.5);
             let [x, y] =
                 view.place(self.low[0] + column * self.side, self.low[1] + row * self.side);
             arrow([x, y], [vx / fastest * longest, -vz / fastest * longest], &mut svg);
@@ -70,9 +74,10 @@ impl Field {
         Some(Plot {
             name: "velocity_field".into(),
             title: "Velocities".into(),
-            caption: "Side view: velocity of the centre of mass of the grains in each cell, through \
+            caption:
+                "Side view: velocity of the centre of mass of the grains in each cell, through \
                       the whole depth."
-                .into(),
+                    .into(),
             width: Width::Half,
             svg,
         })
@@ -87,9 +92,7 @@ fn arrow([x, y]: [f64; 2], [dx, dy]: [f64; 2], out: &mut String) {
         return;
     }
     let (tip, head) = ([x + 0.5 * dx, y + 0.5 * dy], (0.35 * length).min(4.0) / length);
-    let barb = |turn: f64| {
-        [-head * (dx - turn * 0.7 * dy), -head * (dy + turn * 0.7 * dx)]
-    };
+    let barb = |turn: f64| [-head * (dx - turn * 0.7 * dy), -head * (dy + turn * 0.7 * dx)];
     let [[ax, ay], [bx, by]] = [barb(1.0), barb(-1.0)];
     let _ = writeln!(
         out,

@@ -51,7 +51,7 @@ impl Views {
         let diameter = diameters.sum::<f64>() / header.shapes.len().max(1) as f64;
         Self {
             bounds: *bounds,
-            chains: Chains::default(),
+            chains: Chains::new(diameter),
             field: Field::new(bounds, diameter),
             profile: Profile::new(header, bounds, diameter),
         }
