@@ -4,14 +4,19 @@
 #   PARTICLES     particles files, each with its contacts file beside it;
 #                 without: made-up ones, written under mpirun on 1, 2 and 4 ranks
 #   VTK_VERSION   in the environment: another VTK than the newest, e.g. 9.3.1
-# Makes a virtual environment with both under target/, once. Exit status 3: they cannot be fetched.
+# usage: tests/open_in_vtk.sh --exports PARTICLES FOLDER
+#   the folder has what dem-post has made of them: VTP files and dem.py
+# Makes a virtual environment with these and pyvista under target/, once. Exit status 3: they cannot be fetched.
 set -eu
 cd "$(dirname "$0")/.."
 version=${VTK_VERSION:-}
 python=target/vtk$version
-if ! "$python/bin/python" -c 'import vtk, h5py' 2>/dev/null; then
+if ! "$python/bin/python" -c 'import vtk, h5py, pyvista' 2>/dev/null; then
     { python3 -m venv "$python" &&
-        "$python/bin/pip" install --quiet "vtk${version:+==$version}" h5py; } || exit 3
+        "$python/bin/pip" install --quiet "vtk${version:+==$version}" h5py pyvista; } || exit 3
+fi
+if [ "${1:-}" = --exports ]; then
+    exec "$python/bin/python" tests/open_exports.py "$2" "$3"
 fi
 if [ $# -eq 0 ]; then
     snapshots=$PWD/target/tmp/open_in_vtk

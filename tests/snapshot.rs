@@ -5,11 +5,13 @@ use crate::support::below;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::drive::rain;
+use dem_mpi::ids::GlobalId;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::SnapshotError;
 use dem_mpi::output::hdf5::{Column, SnapshotFile, checksum};
 use dem_mpi::output::header::{Header, ShapeRow};
-use dem_mpi::output::snapshot::{self, Reader};
+use dem_mpi::output::order::{Order, Shares};
+use dem_mpi::output::snapshot::{self, Reader, Way};
 use dem_mpi::particles::columns::Quantity;
 use dem_mpi::random::Random;
 use dem_mpi::shape::{
@@ -58,6 +60,50 @@ fn threads_round_trip_with_an_empty_rank() {
             let (found, tables) = read(directory.path()).unwrap();
             assert_eq!(found, header(9));
             assert_eq!(tables, made_up::of_all(size, spinning), "{size} ranks");
+        }
+    }
+}
+
+/// Each rank writes as many particles as any other, however uneven the ids lie; rows come by their keys.
+#[test]
+fn every_rank_writes_its_share_of_the_rows() {
+    for size in [1, 2, 3, 7] {
+        // Nearly all have left, of those who came first; a few are still there.
+        let ids: Vec<u64> = (0..10).chain(1_000_000..1_000_090).collect();
+        let parts = threads::run(size, |comm| {
+            let rank = u64::from(comm.rank().0);
+            let is_mine = |id: &&u64| **id * **id % 11 % u64::from(size) == rank;
+            let keys: Vec<_> = ids.iter().rev().filter(is_mine).map(|&id| GlobalId(id)).collect();
+            let shares = Shares::of(&keys, comm);
+            let keys: Vec<_> = keys.iter().map(|&id| (id, id)).collect();
+            let order = Order::of(&keys, &shares, comm);
+            let ids: Vec<[u64; 2]> = keys.iter().map(|(id, _)| [id.0, id.0 + 1]).collect();
+            order.moved(ids.as_flattened(), 2, comm)
+        });
+        let even = 2 * ids.len() / size as usize;
+        assert!(parts.iter().all(|part| part.len().abs_diff(even) <= 2), "{size} ranks");
+        let expected: Vec<u64> = ids.iter().flat_map(|id| [*id, id + 1]).collect();
+        assert_eq!(parts.concat(), expected, "{size} ranks");
+    }
+}
+
+/// Rows dealt out to any number of ranks make the same files, byte for byte, as those of one rank.
+#[test]
+fn files_do_not_tell_how_many_ranks_wrote_them() {
+    let files = |size: u32, way: Way| {
+        let directory = tempfile::tempdir().unwrap();
+        let place = directory.path();
+        threads::run(size, |comm| {
+            let Tables { particles, contacts, records } = &made_up::dealt(comm.rank().0, size);
+            snapshot::write_in(way, place, &header(7), particles, contacts, records, comm).unwrap()
+        });
+        [snapshot::particles_name(7), snapshot::contacts_name(7)]
+            .map(|name| fs::read(place.join(name)).unwrap())
+    };
+    let alone = files(1, Way::Together);
+    for size in [2, 3, 4, 8] {
+        for way in [Way::Together, Way::ThroughRoot] {
+            assert!(files(size, way) == alone, "{size} ranks, {way:?}");
         }
     }
 }

@@ -11,10 +11,13 @@ use dem_mpi::post::history::History;
 use dem_mpi::post::plots::Plot;
 use dem_mpi::post::region::{Bounds, Margin, Region};
 use dem_mpi::post::report::csv;
-use dem_mpi::post::series::{self, Choice};
-use dem_mpi::post::{Report, Settings, lammps, page, pieces};
+use dem_mpi::post::series::{self, Choice, Snapshot};
+use dem_mpi::post::surface::Detail;
+use dem_mpi::post::views::Views;
+use dem_mpi::post::vtp::{self, PolyData};
+use dem_mpi::post::{PostError, Report, Settings, export, lammps, page, pieces};
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -22,21 +25,21 @@ use std::process::ExitCode;
 ///
 /// Give one snapshot for its numbers and plots, or several of one run for their evolution too: strains are then
 /// taken against the earliest, where a period or walls on both sides end the packing. A directory stands for its
-/// newest snapshot, with --series for all. Results go to a folder `post` beside the last snapshot: index.html to look
-/// at, report.csv and report.json to compute with, every plot as SVG.
+/// newest snapshot, with --series for all. Results go to a folder beside the last snapshot, `post` of one and `post_series`
+/// of several: index.html to look at, report.csv and report.json to compute with, every plot as SVG.
 #[derive(Parser)]
 #[command(version = version(), max_term_width = 100, after_help = EXAMPLES)]
 #[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 struct Arguments {
     /// Particle files (particles_STEP.vtkhdf, each with its contacts file beside it), or directories
-    #[arg(required = true, value_name = "SNAPSHOT")]
+    #[arg(required_unless_present = "python", value_name = "SNAPSHOT")]
     snapshots: Vec<PathBuf>,
 
     /// All snapshots of each directory instead of the newest
     #[arg(long)]
     series: bool,
 
-    /// Where to write [default: `post` beside the last snapshot]
+    /// Where to write [default: `post`, of several snapshots `post_series`, beside the last]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 
@@ -57,9 +60,28 @@ struct Arguments {
     #[arg(long)]
     lammps: bool,
 
+    /// Also write the true surfaces of all grains and walls of each snapshot, grains_STEP.vtp and walls_STEP.vtp, and lists
+    /// with times, grains.pvd and walls.pvd: for ParaView, pyvista, and through them Blender
+    #[arg(long)]
+    surfaces: bool,
+
+    /// How fine curved surfaces are, 0 to 5: 20, 80, 320, 1280, 5120 or 20480 triangles of each grain
+    #[arg(long, value_name = "N", default_value = "2", requires = "surfaces")]
+    detail: Detail,
+
+    /// Also write particles and contacts of each snapshot as particles_STEP.vtp and contacts_STEP.vtp, and lists with times,
+    /// particles.pvd and contacts.pvd: for programs without a reader of VTKHDF, such as ParaView before 5.12
+    #[arg(long)]
+    vtp: bool,
+
+    /// Print a module for Python that reads snapshots as numpy arrays and VTK objects, and do nothing else:
+    /// dem-post --python > dem.py
+    #[arg(long, exclusive = true)]
+    python: bool,
+
     /// Compare two snapshots particle by particle, bit for bit, and write nothing.
     /// Exit status: 0 equal, 1 different, 2 could not compare
-    #[arg(long, conflicts_with_all = ["out", "region", "margin", "series", "fabric_with_walls", "lammps"])]
+    #[arg(long, conflicts_with_all = ["out", "region", "margin", "series", "fabric_with_walls", "lammps", "surfaces", "vtp"])]
     diff: bool,
 }
 
@@ -72,7 +94,12 @@ Examples:
                                                a part of it
   dem-post --diff one_rank/last.vtkhdf four_ranks/last.vtkhdf
                                                same bits on 1 and on 4 ranks?
-  dem-post out/packing --lammps                also a file for OVITO";
+  dem-post out/packing --lammps                also a file for OVITO
+  dem-post out/shear --series --surfaces       also true shapes, to be played by ParaView
+  dem-post --python > dem.py                   a reader for Python";
+
+/// What `--python` prints.
+const PYTHON: &str = include_str!("../post/dem.py");
 
 fn main() -> ExitCode {
     match run(Arguments::parse()) {
@@ -85,6 +112,10 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: Arguments) -> Result<ExitCode> {
+    if arguments.python {
+        say(PYTHON);
+        return Ok(ExitCode::SUCCESS);
+    }
     let settings = Settings {
         region: arguments.region.map_or(Region::Whole, Region::Box),
         among: if arguments.fabric_with_walls {
@@ -101,7 +132,9 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     let snapshots = series::open(&files)?;
     let newest = &snapshots.last().context("no snapshot given")?.path;
     let beside = newest.parent().unwrap_or(Path::new("."));
-    let out = arguments.out.unwrap_or_else(|| beside.join("post"));
+    // One of several has plots that one of one has not, and must not be replaced by it.
+    let folder = if snapshots.len() > 1 { "post_series" } else { "post" };
+    let out = arguments.out.unwrap_or_else(|| beside.join(folder));
     fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
 
     let (reports, picture) = series::reports(&snapshots, &choice)?;
@@ -111,13 +144,23 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
             write_lammps(&out, &reader).with_context(|| snapshot.path.display().to_string())?;
         }
     }
+    if arguments.surfaces {
+        write_vtp(&out, &snapshots, "grains", |reader| export::grains(reader, arguments.detail))?;
+        write_vtp(&out, &snapshots, "walls", export::walls)?;
+    }
+    if arguments.vtp {
+        write_vtp(&out, &snapshots, "particles", export::particles)?;
+        write_vtp(&out, &snapshots, "contacts", export::contacts)?;
+    }
     let bounds = reports.last().and_then(|r| r.bounds_m);
     let drawing = picture.svg(bounds.as_ref());
     let history = history_beside(beside);
     let newest = Reader::open(newest)?;
-    let targets = servo::targets(&newest.header().drives);
-    let plots = page::plots(&reports, drawing, &history, &newest.header().walls, &targets)?;
-    write_all(&out, &title(beside), &reports, &plots)?;
+    let header = newest.header();
+    let targets = servo::targets(&header.drives);
+    let views = bounds.map(|bounds| Views::of(&newest, &bounds)).transpose()?;
+    let plots = page::plots(&reports, drawing, views.as_ref(), &history, &header.walls, &targets)?;
+    write_all(&out, &header.title().unwrap_or_else(|| title(beside)), &reports, &plots)?;
 
     let table = reports.last().map(table).unwrap_or_default();
     say(&format!("{table}\npage: {}\n", out.join("index.html").display()));
@@ -179,6 +222,32 @@ fn write_lammps(out: &Path, reader: &Reader) -> Result<()> {
     Ok(file.flush()?)
 }
 
+/// Writes a file of each snapshot, and the list of them with their times.
+fn write_vtp(
+    out: &Path,
+    snapshots: &[Snapshot],
+    name: &str,
+    of: impl Fn(&Reader) -> Result<PolyData, PostError>,
+) -> Result<()> {
+    let write = |file: &str, write: &dyn Fn(&mut BufWriter<File>) -> io::Result<()>| {
+        let path = out.join(file);
+        let written = File::create(&path).and_then(|file| {
+            let mut file = BufWriter::new(file);
+            write(&mut file)?;
+            file.flush()
+        });
+        written.with_context(|| format!("cannot write {}", path.display()))
+    };
+    let mut files = Vec::new();
+    for Snapshot { path, step } in snapshots {
+        let data = of(&Reader::open(path)?).with_context(|| path.display().to_string())?;
+        let file = format!("{name}_{step:09}.vtp");
+        write(&file, &|file| data.write(file))?;
+        files.push((file, data.time));
+    }
+    write(&format!("{name}.pvd"), &|file| vtp::write_list(file, &files))
+}
+
 /// The scalars of the run, if there are any; a damaged table is reported and ignored.
 fn history_beside(directory: &Path) -> History {
     let path = directory.join("history.csv");
@@ -189,7 +258,7 @@ fn history_beside(directory: &Path) -> History {
     })
 }
 
-/// A run is called after its folder.
+/// A run without a title is called after its folder.
 fn title(directory: &Path) -> String {
     let name = directory.file_name().map(|n| n.to_string_lossy().into_owned());
     name.unwrap_or_else(|| "Snapshot".into())

@@ -2,6 +2,7 @@
 
 use super::SnapshotError;
 use super::hdf5::{Column, Element, Piece, SnapshotFile};
+use super::order::Order;
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
 use std::borrow::Cow;
@@ -25,11 +26,25 @@ pub trait Numbers {
     /// Bytes of a row in a file.
     fn row_bytes(&self) -> usize;
 
-    /// Writes all rows. Collective.
+    /// Writes all rows in this order. Collective.
     ///
     /// # Errors
     /// As [`SnapshotFile::rows`].
-    fn write(&self, file: &mut SnapshotFile, column: &Column) -> Result<(), SnapshotError>;
+    fn write(
+        &self,
+        file: &mut SnapshotFile,
+        column: &Column,
+        order: &Order,
+    ) -> Result<(), SnapshotError>;
+
+    /// All rows as a file has them.
+    fn bytes(&self) -> Vec<u8>;
+
+    /// What VTK calls the type of the numbers in a file.
+    fn vtk_name(&self) -> &'static str;
+
+    /// Adds the rows of another rank.
+    fn add_rows(&mut self, bytes: &[u8]);
 
     /// Replaces all rows by those of a file.
     ///
@@ -55,8 +70,25 @@ impl<T: Value> Numbers for Vec<T> {
         T::LABELS.len() * size_of::<T::Element>()
     }
 
-    fn write(&self, file: &mut SnapshotFile, column: &Column) -> Result<(), SnapshotError> {
-        file.rows(column, &T::to_elements(self))
+    fn write(
+        &self,
+        file: &mut SnapshotFile,
+        column: &Column,
+        order: &Order,
+    ) -> Result<(), SnapshotError> {
+        file.rows_in(order, column, &T::to_elements(self))
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        bytemuck::cast_slice(&T::to_elements(self)).to_vec()
+    }
+
+    fn vtk_name(&self) -> &'static str {
+        T::Element::VTK
+    }
+
+    fn add_rows(&mut self, bytes: &[u8]) {
+        self.extend(T::from_elements(bytemuck::pod_collect_to_vec(bytes)));
     }
 
     fn read(&mut self, piece: &Piece, column: &Column) -> Result<(), SnapshotError> {

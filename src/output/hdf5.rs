@@ -13,6 +13,7 @@
 
 #![expect(unsafe_code, reason = "collective transfers and fixed-length text have no safe wrapper")]
 
+use super::order::Order;
 use super::{SnapshotError, name_of, on_root};
 use crate::comm::{Comm, agree};
 use crate::contact::StateColumn;
@@ -25,6 +26,7 @@ use hdf5_metno::{Dataset, Dataspace, Datatype, Error, File, Group, H5Type, Locat
 use hdf5_metno_sys::h5::{herr_t, hsize_t};
 use hdf5_metno_sys::h5i::hid_t;
 use hdf5_metno_sys::{LOCK, h5a, h5d, h5p, h5s};
+use std::collections::BTreeMap;
 use std::ffi::{CString, c_int};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
@@ -62,14 +64,34 @@ unsafe extern "C" {
 }
 
 /// A number that a file holds as memory does.
-pub trait Element: H5Type + bytemuck::Pod {}
+pub trait Element: H5Type + bytemuck::Pod {
+    /// What VTK calls its type.
+    const VTK: &'static str;
+}
 
-impl Element for f64 {}
-impl Element for u64 {}
-impl Element for i64 {}
-impl Element for i32 {}
-impl Element for u16 {}
-impl Element for u8 {}
+impl Element for f64 {
+    const VTK: &'static str = "Float64";
+}
+
+impl Element for u64 {
+    const VTK: &'static str = "UInt64";
+}
+
+impl Element for i64 {
+    const VTK: &'static str = "Int64";
+}
+
+impl Element for i32 {
+    const VTK: &'static str = "Int32";
+}
+
+impl Element for u16 {
+    const VTK: &'static str = "UInt16";
+}
+
+impl Element for u8 {
+    const VTK: &'static str = "UInt8";
+}
 
 /// A dataset: one row per particle, contact, wall, ...
 #[derive(Clone, Copy, Debug)]
@@ -213,6 +235,28 @@ impl<'a> SnapshotFile<'a> {
         self.dataset(column, &T::type_descriptor(), bytemuck::cast_slice(values))
     }
 
+    /// The same of rows that other ranks may write: `values` are those that this rank has.
+    ///
+    /// # Errors
+    /// As [`SnapshotFile::rows`].
+    ///
+    /// # Panics
+    /// As [`SnapshotFile::rows`].
+    pub fn rows_in<T: Element>(
+        &mut self,
+        order: &Order,
+        column: &Column,
+        values: &[T],
+    ) -> Result<(), SnapshotError> {
+        let moved = order.moved(values, column.width, self.comm);
+        self.rows(column, &moved)
+    }
+
+    /// By which the ranks talk that write it.
+    pub(super) fn comm(&mut self) -> &mut dyn Comm {
+        self.comm
+    }
+
     /// Writes a dataset that all ranks know; the values of rank 0 are taken.
     ///
     /// # Errors
@@ -351,7 +395,7 @@ impl<'a> SnapshotFile<'a> {
     }
 
     /// How many rows stand before those of this rank, and how many there are in all.
-    fn share(&mut self, here: usize) -> (usize, usize) {
+    pub(super) fn share(&mut self, here: usize) -> (usize, usize) {
         let rank = self.comm.rank().index();
         let mut rows = vec![0; self.comm.size() as usize];
         rows[rank] = here as i64;
@@ -840,14 +884,14 @@ impl StoredFile {
     /// [`SnapshotError::Damaged`] with the first dataset that has changed, or
     /// [`SnapshotError::Unreadable`].
     pub fn verify(&self, comm: &mut dyn Comm) -> Result<(), SnapshotError> {
-        let places = agree(comm, self.datasets())?;
-        for place in places {
+        let checksums = agree(comm, self.checksums())?;
+        for (place, expected) in checksums {
             let (rank, ranks) = (comm.rank().index(), comm.size() as usize);
             let checked = self.stored(&place).and_then(|stored| {
                 let rows = stored.rows * rank / ranks..stored.rows * (rank + 1) / ranks;
-                Ok((self.sum_of(&stored, rows)?, self.expected(&stored)?))
+                self.sum_of(&stored, rows)
             });
-            let (here, expected) = agree(comm, checked)?;
+            let here = agree(comm, checked)?;
             let same = add_up(comm, here) == expected;
             agree(
                 comm,
@@ -855,6 +899,18 @@ impl StoredFile {
             )?;
         }
         Ok(())
+    }
+
+    /// The places of all datasets, with the checksums of the rows that were written there.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Unreadable`].
+    pub fn checksums(&self) -> Result<BTreeMap<String, u64>, SnapshotError> {
+        let checksum = |place: String| {
+            let expected = self.expected(&self.stored(&place)?)?;
+            Ok((place, expected))
+        };
+        self.datasets()?.into_iter().map(checksum).collect()
     }
 
     /// The places of all datasets.

@@ -41,6 +41,13 @@ pub struct Header {
 }
 
 impl Header {
+    /// The title of the scene, if it has one.
+    pub fn title(&self) -> Option<String> {
+        let scene: toml::Table = self.scene.parse().ok()?;
+        let title = scene.get("title")?.as_str()?.trim();
+        (!title.is_empty()).then(|| title.to_owned())
+    }
+
     /// The walls of one plane, which may end a packing.
     pub fn planes(&self) -> impl Iterator<Item = &WallRow> {
         self.walls.iter().filter(|wall| wall.body.as_ref().is_none_or(Saved::is_one_plane))
@@ -62,6 +69,16 @@ pub struct WallRow {
     pub force: Vec3,
     /// What else there is to it, if it turns, has turned or has several planes.
     pub body: Option<Saved>,
+}
+
+impl WallRow {
+    /// Its planes in place, each a point of it [m] and its unit normal, towards the particles.
+    pub fn planes(&self) -> Vec<(Vec3, Vec3)> {
+        match &self.body {
+            Some(body) => body.planes().collect(),
+            None => vec![(self.point, self.normal)],
+        }
+    }
 }
 
 /// One shape of the scene.

@@ -5,6 +5,7 @@
 //! | [`header`] | what a snapshot says once: when, where, with what walls and shapes |
 //! | [`tables`] | what a snapshot holds of particles and contacts: each column is declared once, with its place in the files |
 //! | [`columns`] | what a column holds: numbers of any kind, in memory and in files |
+//! | [`order`] | rows by id: from the ranks that have them to the ranks that write them |
 //! | [`snapshot`] | [`snapshot::write`] and [`snapshot::Reader`]: tables to files and back |
 //! | [`series`] | the lists by which ParaView knows the times of snapshots |
 //! | [`table`] | `history.csv`, the scalars of a run by time |
@@ -12,8 +13,8 @@
 //! | [`performance`] | `performance.csv`, what a run did and what it took |
 //! | [`hdf5`] | the only file that calls HDF5: columns, attributes and checksums |
 //!
-//! With MPI all ranks write one file together, each its rows; without, rank 0 gathers and writes.
-//! The code above is one. Rows keep the order of the ranks and, within a rank, of its table.
+//! With MPI all ranks write a large snapshot together, each the rows of a range of ids; a small one, or one without MPI,
+//! rank 0 gathers and writes. The files are the same, whatever the number of ranks.
 //!
 //! A file appears under its own name only when it is complete and on the disk, so a crash leaves
 //! the last good snapshot. It ends with a [`hdf5::checksum`] of all its bytes, and every dataset carries
@@ -22,6 +23,7 @@
 pub mod columns;
 pub mod hdf5;
 pub mod header;
+pub mod order;
 pub mod performance;
 pub mod report;
 pub mod series;

@@ -6,6 +6,7 @@
 use super::columns::Value as _;
 use super::hdf5::{Column, Piece, SnapshotFile, StoredFile};
 use super::header::{Header, ShapeRow, WallRow};
+use super::order::{Key, Order, Shares};
 use super::tables::{
     self, CONTACT_COLUMNS, ContactRecordRows, ContactRow, ContactTable, PARTICLE_COLUMNS,
     ParticleColumn, ParticleTable, QUATERNION, Rows,
@@ -51,7 +52,7 @@ const fn column<'a>(place: &'a str, width: usize, unit: &'a str) -> Column<'a> {
     Column { place, width, unit }
 }
 
-// What VTK asks for, with one entry per part.
+// What VTK asks for, with one entry per part, of which there is one.
 const POINT_COUNTS: Column = column("/VTKHDF/NumberOfPoints", 1, "");
 const POINTS: Column = column("/VTKHDF/Points", 3, "m");
 
@@ -100,6 +101,26 @@ fn elements_of_contact() -> usize {
 
 /// Elements of a part: its counts, and the first offset of each category.
 const OF_PART: usize = 13;
+
+/// How the ranks of a run write a snapshot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// All together, each its share of the rows: nothing grows with the whole on any rank.
+    Together,
+    /// Rank 0 gathers all rows and writes alone: of little data it is faster, because ranks that write together wait for each
+    /// other some hundred times.
+    ThroughRoot,
+}
+
+impl Way {
+    /// A snapshot of fewer bytes in all goes through rank 0.
+    pub const SMALL: u64 = 16 << 20;
+
+    /// The faster one for so many bytes in all.
+    pub const fn for_bytes(bytes: u64) -> Self {
+        if bytes < Self::SMALL { Self::ThroughRoot } else { Self::Together }
+    }
+}
 
 // The header.
 const SCENE: Column = column("/run/scene", 1, "");
@@ -152,17 +173,87 @@ pub fn write_rows(
     records: &dyn ContactRecordRows,
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, SnapshotError> {
+    let here = particles.id.len() * elements_of_particle()
+        + contacts.count() * elements_of_contact()
+        + records.count() * of_record(records.columns());
+    let mut all = [here as i64];
+    comm.sum(&mut all);
+    let way = Way::for_bytes(all[0] as u64 * ELEMENT as u64);
+    write_in(way, directory, header, particles, contacts, records, comm)
+}
+
+/// As [`write_rows`], in this way, however large the snapshot is. The files are the same.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_in(
+    way: Way,
+    directory: &Path,
+    header: &Header,
+    particles: &ParticleTable,
+    contacts: &dyn Rows<ContactRow>,
+    records: &dyn ContactRecordRows,
+    comm: &mut dyn Comm,
+) -> Result<PathBuf, SnapshotError> {
     let header = &of_root(header, comm);
     let checked = check_lengths(header, particles, contacts, comm);
     agree(comm, checked)?;
     let shapes = check_shapes(directory, header, particles, comm);
     agree(comm, shapes)?;
-    make_directory(directory, comm)?;
+    if way == Way::Together {
+        write_files(directory, header, particles, contacts, records, comm)?;
+    } else if comm.size() == 1 {
+        write_files(directory, header, particles, contacts, records, &mut Alone::default())?;
+    } else {
+        let mut written = Ok(());
+        if let Some((particles, contacts, records)) = gather(particles, contacts, records, comm) {
+            let alone = &mut Alone::default();
+            written = write_files(directory, header, &particles, &contacts, &records, alone);
+        }
+        agree(comm, written)?;
+    }
+    Ok(directory.join(particles_name(header.step)))
+}
 
+/// The rows of all ranks, on rank 0; `None` elsewhere. Collective.
+fn gather(
+    particles: &ParticleTable,
+    contacts: &dyn Rows<ContactRow>,
+    records: &dyn ContactRecordRows,
+    comm: &mut dyn Comm,
+) -> Option<(ParticleTable, ContactTable, ContactRecords)> {
+    type Columns = Vec<Vec<u8>>;
+    let mut mine = ContactRecords::of(records.columns());
+    records.each(&mut |named| mine.push(named));
+    let here = (particles.bytes(), ContactTable::bytes(contacts), mine);
+    let parcels = comm.gather(wire::encode(&here))?;
+    let mut all =
+        (ParticleTable::default(), ContactTable::default(), ContactRecords::of(records.columns()));
+    for parcel in parcels {
+        let (particles, contacts, records): (Columns, Columns, ContactRecords) =
+            wire::decode(&parcel);
+        all.0.append(&particles);
+        all.1.append(&contacts);
+        all.2.append(&records);
+    }
+    Some(all)
+}
+
+/// Writes both files and lets them appear under their names. Collective.
+fn write_files(
+    directory: &Path,
+    header: &Header,
+    particles: &ParticleTable,
+    contacts: &dyn Rows<ContactRow>,
+    records: &dyn ContactRecordRows,
+    comm: &mut dyn Comm,
+) -> Result<(), SnapshotError> {
+    make_directory(directory, comm)?;
     let names = [contacts_name(header.step), particles_name(header.step)];
     let partial = names.each_ref().map(|name| directory.join(format!(".{name}.partial")));
-    let written = write_contacts(&partial[0], header, contacts, comm)
-        .and_then(|()| write_particles(&partial[1], header, particles, records, comm));
+    let shares = &Shares::of(&particles.id, comm);
+    let written = write_contacts(&partial[0], header, contacts, shares, comm)
+        .and_then(|()| write_particles(&partial[1], header, particles, records, shares, comm));
     if written.is_err() && comm.is_root() {
         // Room for others; if it cannot be made, the first error is still the one to report.
         let _ = partial.each_ref().map(fs::remove_file);
@@ -176,8 +267,7 @@ pub fn write_rows(
         File::open(directory)?.sync_all()?;
         link_last(directory, &names[1])?;
         list_with_times(directory, header)
-    })?;
-    Ok(directory.join(&names[1]))
+    })
 }
 
 /// Lists all snapshots of the directory, the one of this header among them, for ParaView.
@@ -322,9 +412,12 @@ fn write_particles(
     header: &Header,
     particles: &ParticleTable,
     records: &dyn ContactRecordRows,
+    shares: &Shares,
     comm: &mut dyn Comm,
 ) -> Result<(), SnapshotError> {
-    let count = particles.id.len();
+    let keys: Vec<Key> = particles.id.iter().map(|&id| (id, id)).collect();
+    let order = Order::of(&keys, shares, comm);
+    drop(keys);
     // A rank without particles cannot tell by itself which columns the scene needs.
     let mut rows = PARTICLE_COLUMNS
         .iter()
@@ -333,13 +426,14 @@ fn write_particles(
     comm.sum(&mut rows);
     let is_there = |column: &ParticleColumn, rows: i64| rows > 0 || !column.is_optional();
     let of_record = of_record(records.columns());
-    let elements = count * elements_of_particle() + records.count() * of_record + OF_PART;
+    let elements =
+        particles.id.len() * elements_of_particle() + records.count() * of_record + OF_PART;
     let mut file = create(path, elements, header, comm)?;
 
     file.group("/VTKHDF")?;
     vtk_version(&mut file)?;
-    file.rows(&POINT_COUNTS, &[count as i64])?;
-    cells(&mut file, "Vertices", count, 1)?;
+    points_of_cells(&mut file, order.rows(), 1)?;
+    cells(&mut file, "Vertices", order.rows(), 1)?;
     for category in ["Lines", "Polygons", "Strips"] {
         cells(&mut file, category, 0, 1)?;
     }
@@ -349,7 +443,7 @@ fn write_particles(
     }
     for (column, rows) in PARTICLE_COLUMNS.iter().zip(rows) {
         if is_there(column, rows) {
-            column.write(particles, &mut file)?;
+            column.write(particles, &order, &mut file)?;
         }
         if is_there(column, rows) && column.name == QUATERNION {
             file.note(&column.place, "order", "w, x, y, z")?;
@@ -360,9 +454,10 @@ fn write_particles(
         .iter()
         .enumerate()
         .map(|(row, shape)| header.shapes[shape.index()].semi_axes * particles.scale_of(row));
-    file.rows(&GLYPH_SEMI_AXES, numbers(&semi_axes.collect::<Vec<_>>()))?;
+    file.rows_in(&order, &GLYPH_SEMI_AXES, numbers(&semi_axes.collect::<Vec<_>>()))?;
+    drop(order);
 
-    write_records(&mut file, records)?;
+    write_records(&mut file, records, shares)?;
     write_header(&mut file, header)?;
     file.close()
 }
@@ -370,6 +465,7 @@ fn write_particles(
 fn write_records(
     file: &mut SnapshotFile,
     records: &dyn ContactRecordRows,
+    shares: &Shares,
 ) -> Result<(), SnapshotError> {
     fn of_all<T>(records: &dyn ContactRecordRows, get: impl Fn(&ContactRecord) -> T) -> Vec<T> {
         let mut column = Vec::with_capacity(records.count());
@@ -377,14 +473,17 @@ fn write_records(
         column
     }
     file.group(RECORDS)?;
-    file.rows(&RECORD_A, &of_all(records, |h| h.a.to_file()))?;
-    file.rows(&RECORD_B, &of_all(records, |h| h.b.to_file()))?;
-    file.rows(&RECORD_NORMAL, numbers(&of_all(records, |h| h.geometry.normal)))?;
-    file.rows(&RECORD_OVERLAP, &of_all(records, |h| h.geometry.overlap))?;
+    let order = &Order::of(&of_all(records, |h| (h.a, h.b)), shares, file.comm());
+    file.rows_in(order, &RECORD_A, &of_all(records, |h| h.a.to_file()))?;
+    file.rows_in(order, &RECORD_B, &of_all(records, |h| h.b.to_file()))?;
+    let normals = of_all(records, |h| h.geometry.normal);
+    file.rows_in(order, &RECORD_NORMAL, numbers(&normals))?;
+    drop(normals);
+    file.rows_in(order, &RECORD_OVERLAP, &of_all(records, |h| h.geometry.overlap))?;
     for (StateColumn { name, unit, width }, numbers) in StateColumn::ranges(records.columns()) {
         let mut values = Vec::with_capacity(records.count() * width);
         records.each(&mut |h| values.extend_from_slice(&h.state[numbers.clone()]));
-        file.rows(&column(&format!("{RECORDS}/{name}"), *width, unit), &values)?;
+        file.rows_in(order, &column(&format!("{RECORDS}/{name}"), *width, unit), &values)?;
     }
     Ok(())
 }
@@ -400,27 +499,30 @@ fn write_contacts(
     path: &Path,
     header: &Header,
     contacts: &dyn Rows<ContactRow>,
+    shares: &Shares,
     comm: &mut dyn Comm,
 ) -> Result<(), SnapshotError> {
-    let count = contacts.count();
-    let mut file = create(path, count * elements_of_contact() + OF_PART, header, comm)?;
+    let order = &Order::of(&column_of(contacts, |c| (c.a, c.b)), shares, comm);
+    let elements = contacts.count() * elements_of_contact() + OF_PART;
+    let mut file = create(path, elements, header, comm)?;
 
     file.group("/VTKHDF")?;
     vtk_version(&mut file)?;
-    file.rows(&POINT_COUNTS, &[2 * count as i64])?;
+    points_of_cells(&mut file, order.rows(), 2)?;
     let ends = column_of(contacts, |c| [c.centre, c.centre + c.branch]);
-    file.rows(&POINTS, numbers(ends.as_flattened()))?;
+    let ends = order.moved(numbers(ends.as_flattened()), 2 * POINTS.width, file.comm());
+    file.rows(&POINTS, &ends)?;
     drop(ends);
-    cells(&mut file, "Lines", count, 2)?;
+    cells(&mut file, "Lines", order.rows(), 2)?;
     for category in ["Vertices", "Polygons", "Strips"] {
         cells(&mut file, category, 0, 1)?;
     }
 
     file.group("/VTKHDF/CellData")?;
     for column in &CONTACT_COLUMNS {
-        column.write(contacts, &mut file)?;
+        column.write(contacts, order, &mut file)?;
     }
-    file.rows(&FORCE_MAGNITUDE, &column_of(contacts, |c| c.force().norm()))?;
+    file.rows_in(order, &FORCE_MAGNITUDE, &column_of(contacts, |c| c.force().norm()))?;
 
     write_header(&mut file, header)?;
     file.close()
@@ -451,28 +553,37 @@ fn geometries(header: &Header) -> Vec<String> {
     header.shapes.iter().map(json).collect::<Result<_, _>>().expect("a geometry can be stored")
 }
 
-/// Writes this rank's part of one of the four categories of cells that PolyData has: `count` cells,
-/// each of the next `points` points of the part. An empty part still has one offset.
+/// Writes how many points all cells have, of which this rank writes `count` of `points` points each.
+fn points_of_cells(
+    file: &mut SnapshotFile,
+    count: usize,
+    points: usize,
+) -> Result<(), SnapshotError> {
+    let (_, total) = file.share(count);
+    file.table(&POINT_COUNTS, &[(total * points) as i64])
+}
+
+/// Writes one of the four categories of cells that `PolyData` has: `count` cells of this rank after those of the ranks
+/// before, each of the next `points` points. Without any cell there is still one offset.
 fn cells(
     file: &mut SnapshotFile,
     category: &str,
     count: usize,
     points: usize,
 ) -> Result<(), SnapshotError> {
-    let ids = (count * points) as i64;
-    let offsets: Vec<_> = (0..=ids).step_by(points).collect();
-    let members: Vec<_> = (0..ids).collect();
+    let (before, total) = file.share(count);
+    let ids = |cells: usize| (cells * points) as i64;
+    let first = file.comm().is_root().then_some(0);
+    let ends = (before + 1..=before + count).map(ids);
+    let offsets: Vec<i64> = first.into_iter().chain(ends).collect();
+    let members: Vec<i64> = (ids(before)..ids(before + count)).collect();
     let group = format!("/VTKHDF/{category}");
     file.group(&group)?;
-    for (name, values) in [
-        ("NumberOfCells", &[count as i64][..]),
-        ("NumberOfConnectivityIds", &[ids]),
-        ("Offsets", &offsets),
-        ("Connectivity", &members),
-    ] {
-        file.rows(&column(&format!("{group}/{name}"), 1, ""), values)?;
-    }
-    Ok(())
+    let name = |name| format!("{group}/{name}");
+    file.table(&column(&name("NumberOfCells"), 1, ""), &[total as i64])?;
+    file.table(&column(&name("NumberOfConnectivityIds"), 1, ""), &[ids(total)])?;
+    file.rows(&column(&name("Offsets"), 1, ""), &offsets)?;
+    file.rows(&column(&name("Connectivity"), 1, ""), &members)
 }
 
 fn vtk_version(file: &mut SnapshotFile) -> Result<(), SnapshotError> {
@@ -826,7 +937,7 @@ impl Reader {
         self.particle_count
     }
 
-    /// Particles, in the order in which they were written.
+    /// Particles, in the order of their ids; of an older version, in that of the ranks that wrote them.
     ///
     /// # Errors
     /// [`SnapshotError::Beyond`], [`SnapshotError::Unreadable`], [`SnapshotError::Damaged`].
@@ -847,7 +958,7 @@ impl Reader {
         self.contacts_file()?.count(CONTACT_COLUMNS[0].place)
     }
 
-    /// Contacts, in the order in which they were written.
+    /// Contacts, in the order of the ids of A, then of B; of an older version, in that of the ranks.
     ///
     /// # Errors
     /// As [`Reader::particles`], or what stood against opening the contacts file.
@@ -872,7 +983,7 @@ impl Reader {
         self.contact_record_count
     }
 
-    /// Records of touching contacts, in the order in which they were written.
+    /// Records of touching contacts, as [`Reader::contacts`].
     ///
     /// # Errors
     /// As [`Reader::particles`].

@@ -7,8 +7,10 @@
 //!
 //! # Files
 //!
-//! A snapshot is two HDF5 files, each valid VTKHDF `PolyData` with one part per writing rank:
-//! `particles_<step>.vtkhdf` (vertices) and `contacts_<step>.vtkhdf` (lines). Both carry the groups
+//! A snapshot is two HDF5 files, each valid VTKHDF `PolyData` of one part:
+//! `particles_<step>.vtkhdf` (vertices) and `contacts_<step>.vtkhdf` (lines). Particles stand in the order of their ids,
+//! contacts in that of the ids of A, then of B, whatever the number of ranks; only the column `rank` tells it. (Files of older
+//! versions have one part per rank, in the order of the ranks, and are read all the same.) Both carry the groups
 //! `/run`, `/domain`, `/walls`, `/shapes` and, for each drive that saves its state, one of the drive's name, such as `/rain`
 //! ([`super::header::Header`]); the first also carries `/restart`, all that a restart needs and a picture does not. A column that the scene
 //! does not need is not there. The geometry of a shape is a JSON text, `/shapes/geometry`. So is, of walls that turn or have several
@@ -26,6 +28,7 @@
 use super::SnapshotError;
 use super::columns::{Numbers, Value, column};
 use super::hdf5::{Piece, SnapshotFile};
+use super::order::Order;
 use crate::contact::{ContactRecord, ContactRecords, StateColumn};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
@@ -36,7 +39,7 @@ use std::sync::LazyLock;
 
 // --- particles ---
 
-/// Particles of a snapshot, or a piece of them: columns of one length. An optional column that the
+/// Particles of a snapshot, or a piece of them, or those of a rank: columns of one length. An optional column that the
 /// scene does not need is empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ParticleTable {
@@ -79,6 +82,18 @@ impl ParticleTable {
     /// Volume of a particle over that of its shape, as its mass [-].
     pub fn volume_ratio(&self, row: usize) -> f64 {
         self.scale_of(row).powi(3)
+    }
+
+    /// All columns, for another rank.
+    pub(super) fn bytes(&self) -> Vec<Vec<u8>> {
+        PARTICLE_COLUMNS.iter().map(|column| column.of(self).bytes()).collect()
+    }
+
+    /// Adds the rows of another rank.
+    pub(super) fn append(&mut self, columns: &[Vec<u8>]) {
+        for (column, bytes) in PARTICLE_COLUMNS.iter().zip(columns) {
+            column.of_mut(self).add_rows(bytes);
+        }
     }
 }
 
@@ -250,21 +265,26 @@ impl ParticleColumn {
         if self.is_optional() && !piece.has(&self.place) {
             return Ok(());
         }
-        let values = match self.values {
+        let values = self.of_mut(table);
+        values.read(piece, &column(&self.place, self.unit, values))
+    }
+
+    fn of_mut<'a>(&self, table: &'a mut ParticleTable) -> &'a mut dyn Numbers {
+        match self.values {
             Storage::Own(_, get_mut) => get_mut(table),
             Storage::Accumulated(quantity) => &mut table.accumulated[quantity],
-        };
-        values.read(piece, &column(&self.place, self.unit, values))
+        }
     }
 
     /// Writes the rows of this rank. Collective.
     pub(super) fn write(
         &self,
         table: &ParticleTable,
+        order: &Order,
         file: &mut SnapshotFile,
     ) -> Result<(), SnapshotError> {
         let values = self.of(table);
-        values.write(file, &column(&self.place, self.unit, values))
+        values.write(file, &column(&self.place, self.unit, values), order)
     }
 }
 
@@ -341,6 +361,23 @@ impl ContactTable {
     /// The whole force that A exerts on B [N].
     pub fn force(&self, contact: usize) -> Vec3 {
         self.normal[contact] * self.normal_force[contact] + self.shear_force[contact]
+    }
+
+    /// All columns of these rows, for another rank.
+    pub(super) fn bytes(rows: &dyn Rows<ContactRow>) -> Vec<Vec<u8>> {
+        let centres: Box<dyn Numbers> = collected(rows, |row| row.centre);
+        let columns = CONTACT_COLUMNS.iter().map(|column| (column.collect)(rows));
+        columns.chain([centres]).map(|column| column.bytes()).collect()
+    }
+
+    /// Adds the rows of another rank.
+    pub(super) fn append(&mut self, columns: &[Vec<u8>]) {
+        for (column, bytes) in CONTACT_COLUMNS.iter().zip(columns) {
+            (column.get_mut)(self).add_rows(bytes);
+        }
+        if let Some(centres) = columns.last() {
+            self.centre.add_rows(centres);
+        }
     }
 }
 
@@ -448,10 +485,11 @@ impl ContactColumn {
     pub(super) fn write(
         &self,
         rows: &dyn Rows<ContactRow>,
+        order: &Order,
         file: &mut SnapshotFile,
     ) -> Result<(), SnapshotError> {
         let values = (self.collect)(rows);
-        values.write(file, &column(self.place, self.unit, &*values))
+        values.write(file, &column(self.place, self.unit, &*values), order)
     }
 }
 

@@ -98,6 +98,14 @@ impl Saved {
     pub const fn is_one_plane(&self) -> bool {
         self.facets.len() == 1
     }
+
+    /// Its planes in place, each a point of it [m] and its unit normal, towards the particles.
+    pub fn planes(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
+        self.facets.iter().map(|facet| {
+            let normal = self.orientation.transform_vector(&facet.normal);
+            (self.point + normal * facet.offset, normal)
+        })
+    }
 }
 
 /// A plane in place: points `p` with `(p - point) · normal = offset`.

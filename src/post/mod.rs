@@ -18,14 +18,17 @@
 //! | [`series`] | the snapshots of a run, one after the other |
 //! | [`history`] | the scalars that the run wrote by time |
 //! | [`draw`] | charts: series, axes, panels |
+//! | [`views`] | what stands where: force chains, velocities, averages by height |
 //! | [`plots`] [`panels`] [`rose`] [`picture`] [`page`] | what there is to look at |
 //! | [`diff`] | whether two snapshots are the same, bit for bit |
 //! | [`lammps`] | particles for OVITO |
+//! | [`surface`] [`export`] [`vtp`] | surfaces of bodies; a snapshot as VTP; its file |
 
 mod check;
 pub mod coordination;
 pub mod diff;
 pub mod draw;
+pub mod export;
 pub mod fabric;
 pub mod forces;
 pub mod history;
@@ -38,8 +41,12 @@ pub mod region;
 pub mod report;
 pub mod rose;
 pub mod series;
+mod side;
 pub mod stress;
 pub mod sums;
+pub mod surface;
+pub mod views;
+pub mod vtp;
 
 pub use report::{Report, Summary};
 

@@ -4,22 +4,24 @@
 use super::draw::PlotError;
 use super::history::History;
 use super::panels::panels;
-use super::plots::{self, Plot};
+use super::plots::{self, Plot, Width};
 use super::region::Bounds;
 use super::report::{Report, readable};
 use super::rose::roses;
+use super::views::Views;
 use crate::drive::servo::Target;
 use crate::output::header::WallRow;
 use std::fmt::Write;
 
 /// All plots of a series, in the order of the page: those over the series, then those of its last
-/// snapshot, then the history of the run, with these walls and targets of their stresses.
+/// snapshot, with what stands where in it, then the history of the run, with these walls and targets of their stresses.
 ///
 /// # Errors
 /// See [`PlotError`].
 pub fn plots(
     reports: &[Report],
     picture: String,
+    views: Option<&Views>,
     history: &History,
     walls: &[WallRow],
     targets: &[Target],
@@ -36,10 +38,13 @@ pub fn plots(
                 "Side view along y (x to the right, z up): exact outlines of the nearest grains, \
                       darker with more contacts; grains with fewer than two contacts are yellow."
                     .into(),
-            wide: true,
+            width: Width::Full,
             svg: picture,
         });
-        drawn.push(roses(report)?);
+        if let Some(views) = views {
+            drawn.extend(views.plots()?);
+        }
+        drawn.extend(roses(report)?);
         drawn.push(plots::coordination(&report.coordination)?);
         if let Some(forces) = &report.forces {
             drawn.push(plots::force_distribution(&forces.normal, &forces.shear)?);
@@ -70,7 +75,11 @@ pub fn page(title: &str, reports: &[Report], plots: &[Plot]) -> String {
     }
     out.push_str("<section class=\"plots\">\n");
     for plot in plots {
-        let class = if plot.wide { " class=\"wide\"" } else { "" };
+        let class = match plot.width {
+            Width::Third => " class=\"third\"",
+            Width::Half => "",
+            Width::Full => " class=\"wide\"",
+        };
         let _ = write!(
             out,
             "<figure id=\"{}\"{class}>\n<h2>{}</h2>\n{}<figcaption>{}</figcaption>\n</figure>\n",

@@ -6,7 +6,7 @@ use super::draw::{
     decades, span, tick,
 };
 use super::history::{Curve, History};
-use super::plots::Plot;
+use super::plots::{Plot, Width};
 use crate::cell::AXES;
 use crate::drive::servo::Target;
 use crate::output::header::WallRow;
@@ -124,6 +124,42 @@ const PANELS: [Panel; 8] = [
     },
 ];
 
+/// Of walls that stand across an axis.
+const WAYS: Panel = Panel {
+    name: "wall_ways",
+    title: "Ways of walls",
+    caption: "How far each wall has come inwards since the first row, negative where it has gone outwards.",
+    y_label: "way (m)",
+    scale: Linear,
+    columns: &[],
+};
+
+/// Of a sheared cell: what its columns begin with.
+const OF_THE_CELL: [(&str, Panel); 2] = [
+    (
+        "contact",
+        Panel {
+            name: "contact_stress",
+            title: "Stress of contacts",
+            caption: "Components of the stress of contacts in the whole cell, compression positive.",
+            y_label: "stress (Pa)",
+            scale: Linear,
+            columns: &[],
+        },
+    ),
+    (
+        "kinetic",
+        Panel {
+            name: "kinetic_stress",
+            title: "Stress of motion",
+            caption: "Components of the stress of velocity fluctuations in the whole cell, compression positive.",
+            y_label: "stress (Pa)",
+            scale: Linear,
+            columns: &[],
+        },
+    ),
+];
+
 /// Columns that no panel shows: parts of the kinetic energy, a part of the balance that comes and goes, and energies whose
 /// zero is a convention.
 const LEFT_OUT: [&str; 5] =
@@ -171,6 +207,19 @@ pub fn panels(
     for stresses in stresses.chunks(PALETTE.len()) {
         plots.extend(wall_stresses(stresses, targets)?);
     }
+    let ways: Vec<Curve> = walls.iter().filter_map(|wall| wall_way(wall, &mut rest)).collect();
+    for ways in ways.chunks(PALETTE.len()) {
+        plots.extend(draw(&WAYS, ways, &[])?);
+    }
+    for (kind, panel) in &OF_THE_CELL {
+        let components = ["xx", "yy", "zz", "xy", "xz", "yz"];
+        let stress = |component: &str| {
+            let curve = take(&mut rest, &format!("{kind}_stress_{component}_Pa"))?;
+            Some(Curve { name: component.into(), points: curve.points.clone() })
+        };
+        let curves: Vec<Curve> = components.into_iter().filter_map(stress).collect();
+        plots.extend(draw(panel, &curves, &[])?);
+    }
     for curve in rest {
         plots.extend(unknown(curve)?);
     }
@@ -201,6 +250,15 @@ fn wall_load(wall: &WallRow, rest: &mut Vec<&Curve>) -> Option<Curve> {
         }
     }
     Some(Curve { name: wall.name.clone(), points })
+}
+
+/// How far a wall across an axis has come inwards [m].
+fn wall_way(wall: &WallRow, rest: &mut Vec<&Curve>) -> Option<Curve> {
+    let curve = take(rest, &format!("place_{}_m", wall.name))?;
+    let (_, first) = *curve.points.first()?;
+    let inwards = wall.normal[wall.normal.iamax()].signum();
+    let points = curve.points.iter().map(|&(time, place)| (time, inwards * (place - first)));
+    Some(Curve { name: wall.name.clone(), points: points.collect() })
 }
 
 /// The stresses on walls, and the targets of those that have one.
@@ -280,7 +338,7 @@ fn draw(panel: &Panel, curves: &[Curve], targets: &[f64]) -> Result<Option<Plot>
         name: format!("history_{}", panel.name),
         title: panel.title.into(),
         caption: panel.caption.into(),
-        wide: false,
+        width: Width::Half,
         svg: chart(SIZE, &axes, &series)?,
     }))
 }

@@ -11,6 +11,7 @@
 
 use super::PostError;
 use super::region::{Bounds, Members, Turned};
+use super::side::scale_bar;
 use crate::contact::Posed;
 use crate::ids::GlobalId;
 use crate::math::Vec3;
@@ -312,7 +313,7 @@ struct Frame {
 
 impl Frame {
     const MARGIN: f64 = 12.0;
-    const LEGEND: f64 = 46.0;
+    const LEGEND: f64 = 66.0;
     const LONGEST: f64 = 720.0;
     /// The legend needs as much.
     const NARROWEST: f64 = 500.0;
@@ -439,6 +440,7 @@ impl Frame {
 
     fn legend(&self, out: &mut String) {
         let y = self.height - Self::LEGEND + 14.0;
+        scale_bar(self.scale, 120.0, [Self::MARGIN, y + 32.0], out);
         let _ = writeln!(
             out,
             r##"<g font-family="sans-serif" font-size="12" fill="#5B6672"><text x="{:.0}" y="{:.1}">contacts</text>"##,

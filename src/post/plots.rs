@@ -9,6 +9,17 @@ use super::forces::Histogram;
 use super::report::{Report, readable};
 use plotters::style::RGBColor;
 
+/// How much of the width of a page a plot takes; of a narrow page every one takes all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Width {
+    /// A third.
+    Third,
+    /// A half.
+    Half,
+    /// All.
+    Full,
+}
+
 /// A plot, ready to be shown.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Plot {
@@ -18,8 +29,8 @@ pub struct Plot {
     pub title: String,
     /// What it shows, in one sentence.
     pub caption: String,
-    /// Takes the whole width of the page.
-    pub wide: bool,
+    /// How much of the page's width it takes.
+    pub width: Width,
     /// The drawing.
     pub svg: String,
 }
@@ -44,7 +55,7 @@ pub fn coordination(coordination: &Coordination) -> Result<Plot, PlotError> {
         caption:
             "Share of particles by number of contacts; the line is the mean between particles."
                 .into(),
-        wide: false,
+        width: Width::Half,
         svg: chart(SIZE, &axes, &series)?,
     })
 }
@@ -83,7 +94,7 @@ pub fn force_distribution(normal: &Histogram, shear: &Histogram) -> Result<Plot,
         name: "force_distribution".into(),
         title: "Contact forces".into(),
         caption: format!("{caption}{left_out}"),
-        wide: false,
+        width: Width::Half,
         svg: chart(SIZE, &axes, &series)?,
     })
 }
@@ -113,7 +124,7 @@ pub fn weak_forces(normal: &Histogram, shear: &Histogram) -> Result<Plot, PlotEr
         name: "weak_forces".into(),
         title: "Weak and strong contacts".into(),
         caption: "The same forces by decade: how many contacts are weak, and how weak.".into(),
-        wide: false,
+        width: Width::Half,
         svg: chart(SIZE, &axes, &series)?,
     })
 }
@@ -182,7 +193,7 @@ pub fn friction(used: &Histogram) -> Result<Plot, PlotError> {
         name: "friction".into(),
         title: "Friction used".into(),
         caption: format!("{caption}{}", beyond(&[("contacts", used)], "")),
-        wide: false,
+        width: Width::Half,
         svg: chart(SIZE, &axes, &[bars])?,
     })
 }
@@ -257,7 +268,7 @@ pub fn series(reports: &[Report]) -> Result<Vec<Plot>, PlotError> {
             name: name.into(),
             title: title.into(),
             caption: format!("{title} of each snapshot against {against}."),
-            wide: false,
+            width: Width::Half,
             svg: chart(SIZE, &axes, &curves)?,
         });
     }

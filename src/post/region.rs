@@ -153,7 +153,7 @@ pub(super) struct Turned<'a> {
     /// Columns are the body's axes in the world.
     pub(super) frame: Mat3,
     /// Lengths over those of the shape [-].
-    scale: f64,
+    pub(super) scale: f64,
 }
 
 impl<'a> Turned<'a> {

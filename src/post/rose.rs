@@ -5,7 +5,7 @@ use super::draw::{
     scientific, tick,
 };
 use super::fabric::Rose;
-use super::plots::Plot;
+use super::plots::{Plot, Width};
 use super::report::{Report, readable};
 use crate::math::Mat3;
 use plotters::prelude::*;
@@ -16,19 +16,39 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 ///
 /// # Errors
 /// See [`PlotError`].
-pub fn roses(report: &Report) -> Result<Plot, PlotError> {
-    Ok(Plot {
-        name: "roses".into(),
-        title: "Anisotropy".into(),
-        caption:
-            "By angle to the vertical, averaged around it: density of contact normals and mean \
-                  normal force over their means (dark ring), mean shear force over the mean normal \
-                  force (orange: towards the horizontal); red: the second-order tensors."
-                .into(),
-        wide: true,
-        svg: rose_rows(&[("", report)])?,
-    })
+pub fn roses(report: &Report) -> Result<Vec<Plot>, PlotError> {
+    const CAPTIONS: [(&str, &str); 3] = [
+        (
+            "rose_normals",
+            "Density of contact normals by angle to the vertical, averaged around it, over its mean (dark ring).",
+        ),
+        ("rose_normal_forces", "Mean normal force by the same angle, over its mean (dark ring)."),
+        (
+            "rose_shear_forces",
+            "Mean shear force over the mean normal force (orange: towards the horizontal).",
+        ),
+    ];
+    let plot = |((name, caption), petals): ((&str, &str), &Petals)| {
+        let largest = petals.largest();
+        let centre = (px(SIDE / 2), px(SIDE / 2 - 26));
+        let title = petals.title;
+        Ok(Plot {
+            name: name.into(),
+            title: title[..1].to_uppercase() + &title[1..],
+            caption: format!("{caption} Red: the second-order tensor."),
+            width: Width::Third,
+            svg: drawing(SIDE as u32, SIDE as u32 - 10, |canvas| {
+                petals.draw(canvas, centre, largest)?;
+                let at = (px(SIDE / 2), px(SIDE - 24));
+                label(canvas, &petals.degree, at, 14, INK, Anchor::Middle)
+            })?,
+        })
+    };
+    CAPTIONS.into_iter().zip(&petals(report)).map(plot).collect()
 }
+
+/// Width of a rose [px].
+const SIDE: i32 = 344;
 
 /// The roses of several packings, a row for each, with its name if it has one. Roses below each other have one
 /// scale.
@@ -49,6 +69,7 @@ pub fn rose_rows(packings: &[(&str, &Report)]) -> Result<String, PlotError> {
                 let largest = rows.iter().map(|row| row[k].largest()).fold(0.0, f64::max);
                 let centre = (px(inset + 180 + 360 * k as i32), top + px(206));
                 petals.draw(canvas, centre, largest)?;
+                petals.head(canvas, centre)?;
             }
         }
         Ok(())
@@ -164,15 +185,19 @@ impl Petals {
                 canvas,
                 &tick(value),
                 (place.0 + px(3), place.1 + px(8)),
-                11,
+                12,
                 MUTED,
                 Anchor::Left,
             )?;
         }
+        let foot = (centre.0, centre.1 + px(Self::RADIUS + 16));
+        label(canvas, "vertical ↑, horizontal →", (foot.0, foot.1), 12, MUTED, Anchor::Middle)
+    }
+
+    /// What it shows, above it.
+    fn head(&self, canvas: &Canvas, centre: (i32, i32)) -> Result<(), PlotError> {
         label(canvas, self.title, (centre.0, centre.1 - px(188)), 14, INK, Anchor::Middle)?;
-        label(canvas, &self.degree, (centre.0, centre.1 - px(166)), 13, MUTED, Anchor::Middle)?;
-        let foot = (centre.0, centre.1 + px(Self::RADIUS + 26));
-        label(canvas, "vertical ↑   horizontal →", (foot.0, foot.1), 11, MUTED, Anchor::Middle)
+        label(canvas, &self.degree, (centre.0, centre.1 - px(166)), 13, MUTED, Anchor::Middle)
     }
 }
 

@@ -18,7 +18,9 @@ fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
     let picture = analysis.picture.svg(analysis.report.bounds_m.as_ref());
     let reports = [analysis.report, later];
     let history = History::read(history.as_bytes()).unwrap();
-    let plots = page::plots(&reports, picture, &history, &snapshot.header.walls, &[]).unwrap();
+    let views = reports[0].bounds_m.map(|bounds| snapshot.views(&bounds));
+    let walls = &snapshot.header.walls;
+    let plots = page::plots(&reports, picture, views.as_ref(), &history, walls, &[]).unwrap();
     let mut drawings: Vec<_> = plots.iter().map(|p| (p.name.clone(), p.svg.clone())).collect();
     drawings.push(("page".into(), page::page("a <title>", &reports, &plots)));
     drawings

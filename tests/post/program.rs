@@ -11,6 +11,7 @@ use dem_mpi::output::header::Header;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::output::{snapshot, table};
 use dem_mpi::post::history::History;
+use dem_mpi::post::views::Views;
 use dem_mpi::post::{Report, Settings, analyse, page};
 use serde_json::Value;
 use std::fs::File;
@@ -119,10 +120,26 @@ fn a_run_s_files_give_its_numbers_and_its_page_whoever_wrote_them() {
     let run = history(one.path()).unwrap();
     assert_eq!(run, history(three.path()).unwrap());
     let targets = servo::targets(&header.drives);
-    let plots = page::plots(&[report], picture, &run, &header.walls, &targets).unwrap();
+    let views = |reader: &Reader| Views::of(reader, &report.bounds_m.unwrap()).unwrap();
+    let (views, of_three) = (views(&reader), views(&of_three));
+    assert_eq!(views.plots().unwrap(), of_three.plots().unwrap());
+    let (walls, views) = (&header.walls, Some(&views));
+    let plots = page::plots(&[report], picture, views, &run, walls, &targets).unwrap();
     let names: Vec<&str> = plots.iter().map(|plot| plot.name.as_str()).collect();
-    let of_snapshot =
-        ["packing", "roses", "coordination", "force_distribution", "weak_forces", "friction"];
+    let of_snapshot = [
+        "packing",
+        "force_chains",
+        "velocity_field",
+        "profile_density",
+        "profile_stress",
+        "rose_normals",
+        "rose_normal_forces",
+        "rose_shear_forces",
+        "coordination",
+        "force_distribution",
+        "weak_forces",
+        "friction",
+    ];
     let of_run = [
         "counts",
         "coordination",
@@ -272,7 +289,7 @@ fn a_series_may_be_longer_than_a_process_may_open_files() {
     dem_post.args(limited).arg(folder.path()).args(["--series", "--lammps"]);
     let (status, message) = ended(&mut dem_post);
     assert_eq!(status, Some(0), "{message}");
-    let written = folder.path().join("post");
+    let written = folder.path().join("post_series");
     let table = std::fs::read_to_string(written.join("report.csv")).unwrap();
     assert_eq!(table.lines().count(), 31);
     let dumps = written

@@ -1,7 +1,9 @@
 //! Snapshots of a real run, opened by others.
 
-use super::process::{Call, Launch};
-use super::{HEAP_STEPS, heap, snapshot};
+use super::process::{Call, Launch, dem_post};
+use super::{HEAP_STEPS, finished, fresh_directory, heap, snapshot};
+use std::ffi::OsStr;
+use std::fs;
 use std::time::Duration;
 
 /// The first time, the script fetches VTK: 100 MB.
@@ -23,4 +25,17 @@ fn vtk_opens_the_snapshots_of_a_run() {
     }
     assert_eq!(ended.status.code(), Some(0), "{ended}");
     assert_eq!(ended.output.matches("good: vtk").count(), files.len(), "{ended}");
+
+    // Grains of all kinds as dem-post gives them to others: surfaces, points, lines, a reader for Python.
+    let kinds = finished("kinds", Launch::Ranks(2)).directory;
+    let folder = fresh_directory("exports");
+    let out = ["--out".as_ref(), folder.as_os_str()];
+    let exports = ["--surfaces", "--vtp"].map(OsStr::new);
+    dem_post([&[kinds.as_os_str()][..], &out, &exports].concat()).succeed();
+    fs::write(folder.join("dem.py"), dem_post(["--python"]).succeed().output).unwrap();
+    let last = kinds.join("last.vtkhdf").canonicalize().unwrap();
+    let arguments = ["--exports".as_ref(), last.as_os_str(), folder.as_os_str()];
+    let ended = Call::new(vec![], script, arguments).within(WITH_DOWNLOAD).end();
+    assert_eq!(ended.status.code(), Some(0), "{ended}");
+    ended.said_once("good: 288 grains");
 }

@@ -32,6 +32,7 @@ const CASES: &[Case] = &[
     Case { name: "broadcast_and_gather", ranks: &[1, 2, 4], run: comm::broadcast_and_gather },
     Case { name: "snapshot_round_trip", ranks: &[1, 2, 4], run: snapshot::round_trip },
     Case { name: "snapshot_is_collective", ranks: &[1, 2, 4], run: snapshot::is_collective },
+    Case { name: "snapshot_rows_by_id", ranks: &[1, 2, 3, 4, 8], run: snapshot::rows_by_id },
     Case { name: "snapshot_errors_agree", ranks: &[1, 2, 4], run: snapshot::errors_agree },
     Case { name: "snapshot_same_as_threads", ranks: &[2, 4], run: snapshot::same_as_threads },
 ];

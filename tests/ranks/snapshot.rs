@@ -1,10 +1,11 @@
 //! Snapshots that all ranks write together.
 
 use crate::made_up::{self, Tables, header};
+use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::output::SnapshotError;
 use dem_mpi::output::hdf5::{Column, SnapshotFile, StoredFile};
-use dem_mpi::output::snapshot::{self, Reader};
+use dem_mpi::output::snapshot::{self, Reader, Way};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -22,9 +23,19 @@ fn write(
     spinning: bool,
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, SnapshotError> {
+    write_in(Way::Together, directory, step, spinning, comm)
+}
+
+fn write_in(
+    way: Way,
+    directory: &Path,
+    step: u64,
+    spinning: bool,
+    comm: &mut dyn Comm,
+) -> Result<PathBuf, SnapshotError> {
     let Tables { particles, contacts, records } =
         &made_up::of_rank(comm.rank().0, comm.size(), spinning);
-    snapshot::write(directory, &header(step), particles, contacts, records, comm)
+    snapshot::write_in(way, directory, &header(step), particles, contacts, records, comm)
 }
 
 fn read_all(path: &Path) -> Tables {
@@ -45,8 +56,11 @@ pub(crate) fn round_trip(comm: &mut dyn Comm) {
         Some(kept) => PathBuf::from(kept).join(comm.size().to_string()),
         None => directory.join("out/packing"),
     };
-    for (step, spinning) in [(3, true), (4, false), (4, true)] {
-        let path = write(&nested, step, spinning, comm).unwrap();
+    let [together, through_root] = [Way::Together, Way::ThroughRoot];
+    for (way, step, spinning) in
+        [(together, 3, true), (through_root, 4, false), (together, 4, false), (together, 4, true)]
+    {
+        let path = write_in(way, &nested, step, spinning, comm).unwrap();
         if comm.is_root() {
             let expected = made_up::of_all(comm.size(), spinning);
             assert_eq!(read_all(&path), expected);
@@ -56,6 +70,39 @@ pub(crate) fn round_trip(comm: &mut dyn Comm) {
         comm.any(false);
         Reader::open_together(&path, comm).unwrap();
     }
+}
+
+/// Rows dealt out to any number of ranks make the same files as those of one rank: byte for byte if rank 0 writes, dataset for
+/// dataset if all do, for MPI's HDF5 orders its structures in another way.
+pub(crate) fn rows_by_id(comm: &mut dyn Comm) {
+    let (directory, _kept) = shared_directory(comm);
+    let store = |folder: &str, way, tables: &Tables, comm: &mut dyn Comm| {
+        let Tables { particles, contacts, records } = tables;
+        let place = directory.join(folder);
+        snapshot::write_in(way, &place, &header(7), particles, contacts, records, comm).unwrap()
+    };
+    let mine = made_up::dealt(comm.rank().0, comm.size());
+    let together = store("together", Way::Together, &mine, comm);
+    let through_root = store("through root", Way::ThroughRoot, &mine, comm);
+    if comm.is_root() {
+        let all = Tables {
+            particles: made_up::particles(0, 0..67, true),
+            contacts: made_up::contacts(0..67),
+            records: made_up::records(0..67),
+        };
+        let alone = store("alone", Way::Together, &all, &mut Alone::default());
+        assert_eq!(read_all(&together), all);
+        let beside = |path: &Path| path.with_file_name(snapshot::contacts_name(7));
+        for (mine, other) in [(&together, &alone), (&beside(&together), &beside(&alone))] {
+            let checksums = |path| StoredFile::open(path, &mut Alone::default())?.checksums();
+            let [mine, other] = [mine, other].map(|path| checksums(path).unwrap());
+            assert!(mine.len() > 30 && mine == other, "{mine:?} {other:?}");
+        }
+        let bytes =
+            |particles: &Path| [particles, &beside(particles)].map(|path| fs::read(path).unwrap());
+        assert!(bytes(&through_root) == bytes(&alone), "through rank 0");
+    }
+    comm.any(false);
 }
 
 /// HDF5 says that it wrote collectively, also if only one rank has rows.
@@ -110,6 +157,9 @@ pub(crate) fn errors_agree(comm: &mut dyn Comm) {
     if let Some(all) = comm.gather(mine.clone().into_bytes()) {
         assert!(all.iter().all(|theirs| *theirs == mine.as_bytes()));
     }
+    // Rank 0 alone fails.
+    let alone = write_in(Way::ThroughRoot, &directory, 2, true, comm).unwrap_err();
+    assert!(matches!(&alone, SnapshotError::Write { rank: 0, path, .. } if path.contains(".cont")));
     // The ranks are still in step.
     write(&directory, 4, true, comm).unwrap();
 }

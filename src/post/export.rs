@@ -1,0 +1,249 @@
+//! A snapshot as VTP: surfaces of grains and walls, and its rows as points and lines.
+
+use super::surface::{Detail, Surface};
+use super::vtp::{Array, Cells, NORMALS, PolyData};
+use super::{PostError, check, pieces, region::Turned};
+use crate::math::Vec3;
+use crate::output::header::{Header, WallRow};
+use crate::output::snapshot::Reader;
+use crate::output::tables::{CONTACT_COLUMNS, ContactTable, PARTICLE_COLUMNS, ParticleTable};
+
+/// The surfaces of all grains. Of each point `id`, `shape`, `velocity` [m/s] and `coordination` of its grain.
+///
+/// # Errors
+/// A file that cannot be read, or makes no sense.
+pub fn grains(reader: &Reader, detail: Detail) -> Result<PolyData, PostError> {
+    let header = reader.header();
+    let surfaces: Vec<Surface> =
+        header.shapes.iter().map(|row| Surface::of(&row.body(), detail)).collect();
+    let (mut points, mut normals): (Vec<[f32; 3]>, Vec<[f32; 3]>) = (Vec::new(), Vec::new());
+    let (mut members, mut ends) = (Vec::new(), Vec::new());
+    let (mut ids, mut shapes): (Vec<i64>, Vec<i32>) = (Vec::new(), Vec::new());
+    let (mut velocities, mut contacts): (Vec<[f32; 3]>, Vec<i32>) = (Vec::new(), Vec::new());
+    for rows in pieces(reader.particle_count()) {
+        let particles = reader.particles(rows)?;
+        check::check_particles(header, &particles)?;
+        for (row, centre) in particles.position.iter().enumerate() {
+            let (shape, body) = (particles.shape[row], Turned::of(header, &particles, row));
+            let surface = &surfaces[shape.index()];
+            let (first, before) = (points.len() as i64, members.len() as i64);
+            let size = particles.scale_of(row);
+            let place = |point: &Vec3| single(&(centre + body.frame * (point * size)));
+            points.extend(surface.points.iter().map(place));
+            normals.extend(surface.normals.iter().map(|normal| single(&(body.frame * normal))));
+            members.extend(surface.members.iter().map(|&member| first + i64::from(member)));
+            ends.extend(surface.ends.iter().map(|&end| before + i64::from(end)));
+            let count = surface.points.len();
+            ids.extend(std::iter::repeat_n(particles.id[row].to_file(), count));
+            shapes.extend(std::iter::repeat_n(i32::from(shape.0), count));
+            velocities.extend(std::iter::repeat_n(single(&particles.velocity[row]), count));
+            contacts.extend(std::iter::repeat_n(particles.coordination[row], count));
+        }
+    }
+    Ok(PolyData {
+        time: header.time,
+        point_count: points.len(),
+        points: Array::new("Points", 3, points.as_flattened()),
+        cells: Cells::Polygons,
+        members,
+        ends,
+        of_points: vec![
+            Array::new(NORMALS, 3, normals.as_flattened()),
+            Array::new("id", 1, &ids),
+            Array::new("shape", 1, &shapes),
+            Array::new("velocity", 3, velocities.as_flattened()),
+            Array::new("coordination", 1, &contacts),
+        ],
+        of_cells: Vec::new(),
+    })
+}
+
+/// With half the digits: a picture needs no more, and there are many points.
+fn single(vector: &Vec3) -> [f32; 3] {
+    [vector.x as f32, vector.y as f32, vector.z as f32]
+}
+
+/// The planes of walls, as far as they bound the room of the grains: the domain, and what of it walls leave free. Of each
+/// polygon the `wall`, counted as in the snapshot, with its `velocity` [m/s] and the `force` on it [N].
+///
+/// # Errors
+/// A file that cannot be read, or makes no sense.
+pub fn walls(reader: &Reader) -> Result<PolyData, PostError> {
+    let header = reader.header();
+    let room = room(reader)?;
+    let planes: Vec<(usize, Vec3, Vec3)> = header
+        .walls
+        .iter()
+        .enumerate()
+        .flat_map(|(k, wall)| wall.planes().into_iter().map(move |(p, normal)| (k, p, normal)))
+        .collect();
+    let (mut points, mut members, mut ends) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut numbers, mut velocities, mut forces) = (Vec::new(), Vec::new(), Vec::new());
+    for (this, (wall, point, normal)) in planes.iter().enumerate() {
+        let others = planes.iter().enumerate().filter(|(other, _)| *other != this);
+        let others = others.map(|(_, (_, point, normal))| (*point, *normal));
+        let polygon = cut(square(point, normal, &room), others.chain(sides(&room)), &room);
+        if polygon.len() < 3 {
+            continue;
+        }
+        let first = points.len() as i64;
+        points.extend(polygon.iter().map(|corner| [corner.x, corner.y, corner.z]));
+        members.extend(first..points.len() as i64);
+        ends.push(points.len() as i64);
+        numbers.push(*wall as i32);
+        let row = &header.walls[*wall];
+        velocities.extend_from_slice(row.velocity.as_slice());
+        forces.extend_from_slice(row.force.as_slice());
+    }
+    Ok(PolyData {
+        time: header.time,
+        point_count: points.len(),
+        points: Array::new("Points", 3, points.as_flattened()),
+        cells: Cells::Polygons,
+        members,
+        ends,
+        of_points: Vec::new(),
+        of_cells: vec![
+            Array::new("wall", 1, &numbers),
+            Array::new("velocity", 3, &velocities),
+            Array::new("force", 3, &forces),
+        ],
+    })
+}
+
+/// Two opposite corners of what is drawn [m].
+type Room = [Vec3; 2];
+
+/// The domain, and all grains and walls that are out of it; along periodic axes the domain alone.
+fn room(reader: &Reader) -> Result<Room, PostError> {
+    let header = reader.header();
+    let [mut low, mut high] = [header.cell.low(), header.cell.high()];
+    let mut hold = |point: &Vec3, reach: f64| {
+        for k in (0..3).filter(|&k| header.cell.period(k).is_none()) {
+            low[k] = low[k].min(point[k] - reach);
+            high[k] = high[k].max(point[k] + reach);
+        }
+    };
+    for (point, _) in header.walls.iter().flat_map(WallRow::planes) {
+        hold(&point, 0.0);
+    }
+    for rows in pieces(reader.particle_count()) {
+        let particles = reader.particles(rows)?;
+        check::check_particles(header, &particles)?;
+        for (row, centre) in particles.position.iter().enumerate() {
+            let shape = header.shapes[particles.shape[row].index()].body();
+            hold(centre, shape.bounding_radius() * particles.scale_of(row));
+        }
+    }
+    Ok([low, high])
+}
+
+/// The six sides of a box, each a point of it and its normal inwards.
+fn sides([low, high]: &Room) -> impl Iterator<Item = (Vec3, Vec3)> {
+    [(*low, 1.0), (*high, -1.0)]
+        .into_iter()
+        .flat_map(|(corner, sign)| (0..3).map(move |k| (corner, Vec3::ith(k, sign))))
+}
+
+/// A square of the plane that holds all of it in a box; counter-clockwise seen from where the normal points.
+fn square(point: &Vec3, normal: &Vec3, [low, high]: &Room) -> Vec<Vec3> {
+    let middle = (low + high) * 0.5;
+    let centre = middle - normal * (middle - point).dot(normal);
+    let reach = (high - low).norm();
+    let across = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize() * reach;
+    let along = normal.cross(&across);
+    vec![
+        centre - across - along,
+        centre + across - along,
+        centre + across + along,
+        centre - across + along,
+    ]
+}
+
+/// What of a polygon is in front of all these planes, or on them.
+fn cut(
+    polygon: Vec<Vec3>,
+    planes: impl Iterator<Item = (Vec3, Vec3)>,
+    [low, high]: &Room,
+) -> Vec<Vec3> {
+    // A plane that stands in another one, up to rounding, takes nothing of it.
+    let rounding = 1e-9 * (high - low).norm();
+    planes.fold(polygon, |polygon, (point, normal)| {
+        let height = |corner: &Vec3| (corner - point).dot(&normal) + rounding;
+        let mut left = Vec::new();
+        for (k, corner) in polygon.iter().enumerate() {
+            let next = &polygon[(k + 1) % polygon.len()];
+            let (here, there) = (height(corner), height(next));
+            if here >= 0.0 {
+                left.push(*corner);
+            }
+            if (here < 0.0) != (there < 0.0) {
+                left.push(corner + (next - corner) * (here / (here - there)));
+            }
+        }
+        left
+    })
+}
+
+/// Particles as points with what a picture shows of them.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn particles(reader: &Reader) -> Result<PolyData, PostError> {
+    let table = reader.particles(0..reader.particle_count())?;
+    let header = reader.header();
+    check::check_particles(header, &table)?;
+    let is_shown = |place: &str| place.starts_with("/VTKHDF/PointData/");
+    let columns = PARTICLE_COLUMNS.iter().filter(|column| is_shown(&column.place));
+    let there = columns.filter(|column| column.of(&table).rows() == table.id.len());
+    let mut of_points: Vec<Array> =
+        there.map(|column| Array::of_column(column.name, column.of(&table))).collect();
+    of_points.push(Array::of_column("semi_axes", &semi_axes(header, &table)));
+    let count = table.id.len() as i64;
+    Ok(PolyData {
+        time: header.time,
+        point_count: table.id.len(),
+        points: Array::of_column("Points", &table.position),
+        cells: Cells::Vertices,
+        members: (0..count).collect(),
+        ends: (1..=count).collect(),
+        of_points,
+        of_cells: Vec::new(),
+    })
+}
+
+fn semi_axes(header: &Header, table: &ParticleTable) -> Vec<Vec3> {
+    let axes = |(row, shape): (usize, &crate::ids::ShapeId)| {
+        header.shapes[shape.index()].semi_axes * table.scale_of(row)
+    };
+    table.shape.iter().enumerate().map(axes).collect()
+}
+
+/// Contacts as lines from centre to centre, or to the foot on a wall, with all columns and `force`, the magnitude of the
+/// whole force [N].
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn contacts(reader: &Reader) -> Result<PolyData, PostError> {
+    let table: ContactTable = reader.contacts(0..reader.contact_count()?)?;
+    check::check_contacts(&table)?;
+    let count = table.a.len();
+    let ends = table.centre.iter().zip(&table.branch);
+    let points: Vec<Vec3> = ends.flat_map(|(centre, branch)| [*centre, centre + branch]).collect();
+    let mut of_cells: Vec<Array> = CONTACT_COLUMNS
+        .iter()
+        .map(|column| Array::of_column(column.name, column.of(&table)))
+        .collect();
+    let forces: Vec<f64> = (0..count).map(|contact| table.force(contact).norm()).collect();
+    of_cells.push(Array::new("force", 1, &forces));
+    Ok(PolyData {
+        time: reader.header().time,
+        point_count: points.len(),
+        points: Array::of_column("Points", &points),
+        cells: Cells::Lines,
+        members: (0..2 * count as i64).collect(),
+        ends: (1..=count as i64).map(|line| 2 * line).collect(),
+        of_points: Vec::new(),
+        of_cells,
+    })
+}

@@ -1,0 +1,197 @@
+//! The surface of a body as triangles and polygons, to be drawn.
+//!
+//! Of a polyhedron these are its faces. Of any other convex body the points are its support points along the corners of a
+//! sphere of triangles (an icosahedron whose triangles were divided in four several times), which lie on its surface; the
+//! direction is the normal there. What is flat stays flat, and edges are as sharp as they are. A spherocylinder has its circles
+//! where its cylinder ends, so that this is straight.
+
+use crate::math::Vec3;
+use crate::shape::{Core, Kind, Shape};
+use std::collections::HashMap;
+use std::f64::consts::{PI, TAU};
+
+/// The surface of a shape, in its axes and about its centre.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Surface {
+    /// Points on it [m].
+    pub points: Vec<Vec3>,
+    /// The outward unit normal of each.
+    pub normals: Vec<Vec3>,
+    /// The points of all faces, one face after the other, counter-clockwise seen from outside.
+    pub members: Vec<u32>,
+    /// Where in `members` each face ends.
+    pub ends: Vec<u32>,
+}
+
+/// How often the triangles of an icosahedron are divided in four: 20, 80, 320, 1,280, ... remain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Detail(u8);
+
+impl Detail {
+    /// More would be finer than any picture, and a grain would take a megabyte.
+    pub const FINEST: u8 = 5;
+}
+
+impl Default for Detail {
+    fn default() -> Self {
+        Self(2)
+    }
+}
+
+impl std::str::FromStr for Detail {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let is_known = |detail: &u8| *detail <= Self::FINEST;
+        let known = text.parse().ok().filter(is_known);
+        known.map(Self).ok_or_else(|| format!("a whole number from 0 to {}", Self::FINEST))
+    }
+}
+
+impl Surface {
+    /// Of a shape.
+    pub fn of(shape: &Shape, detail: Detail) -> Self {
+        if shape.kind() == Kind::Polyhedron
+            && let Some(facets) = shape.facets()
+        {
+            return Self::of_faces(facets);
+        }
+        if let Core::Segment(half) = shape.core() {
+            return Self::of_spherocylinder(half, shape.margin(), detail);
+        }
+        let (directions, triangles) = sphere(detail);
+        let points: Vec<Vec3> =
+            directions.iter().map(|direction| shape.support(direction)).collect();
+        let mut surface = Self { points, normals: directions, ..Self::default() };
+        for corners in triangles {
+            surface.push(&corners);
+        }
+        surface
+    }
+
+    fn of_faces(facets: &crate::shape::facets::Facets) -> Self {
+        let mut surface = Self::default();
+        let mut first = 0;
+        for (plane, &end) in facets.planes().iter().zip(facets.ends()) {
+            let corners = &facets.corners()[first..end as usize];
+            first = end as usize;
+            let begin = surface.points.len() as u32;
+            // A point for each face at a corner: each has the normal of its face.
+            for &corner in corners {
+                surface.points.push(facets.vertices()[corner as usize]);
+                surface.normals.push(plane.normal);
+            }
+            surface.members.extend(begin..begin + corners.len() as u32);
+            surface.ends.push(surface.members.len() as u32);
+        }
+        surface
+    }
+
+    /// About the local x.
+    fn of_spherocylinder(half: f64, radius: f64, Detail(detail): Detail) -> Self {
+        let around = 5_u32 << detail;
+        let rings = (around / 4).max(1);
+        let mut surface = Self::default();
+        // From the pole at -x to that at +x; the equator stands twice, once at each end of the cylinder.
+        for end in [-1.0, 1.0] {
+            for ring in 0..=rings {
+                let towards_equator = if end < 0.0 { ring } else { rings - ring };
+                let latitude = 0.5 * PI * f64::from(towards_equator) / f64::from(rings);
+                for k in 0..around {
+                    let (sin, cos) = (TAU * f64::from(k) / f64::from(around)).sin_cos();
+                    let normal =
+                        Vec3::new(end * latitude.cos(), latitude.sin() * cos, latitude.sin() * sin);
+                    surface.points.push(Vec3::new(end * half, 0.0, 0.0) + normal * radius);
+                    surface.normals.push(normal);
+                }
+            }
+        }
+        for ring in 0..=2 * rings {
+            for k in 0..around {
+                let next = (k + 1) % around;
+                let [low, high] = [ring * around, (ring + 1) * around];
+                let corners = match ring {
+                    0 => vec![low, high + next, high + k],
+                    last if last == 2 * rings => vec![low + k, low + next, high],
+                    _ => vec![low + k, low + next, high + next, high + k],
+                };
+                surface.push(&corners);
+            }
+        }
+        surface
+    }
+
+    /// Adds a face, unless it has two corners in one place.
+    fn push(&mut self, corners: &[u32]) {
+        let point = |k: usize| self.points[corners[k % corners.len()] as usize];
+        if (0..corners.len()).all(|k| point(k) != point(k + 1)) {
+            self.members.extend(corners);
+            self.ends.push(self.members.len() as u32);
+        }
+    }
+
+    /// The faces, each by its points.
+    pub fn faces(&self) -> impl Iterator<Item = &[u32]> {
+        let firsts = std::iter::once(0).chain(self.ends.iter().copied());
+        firsts.zip(&self.ends).map(|(first, &end)| &self.members[first as usize..end as usize])
+    }
+}
+
+/// Unit vectors and triangles of them, counter-clockwise seen from outside.
+fn sphere(Detail(detail): Detail) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    const FACES: [[u32; 3]; 20] = [
+        [0, 11, 5],
+        [0, 5, 1],
+        [0, 1, 7],
+        [0, 7, 10],
+        [0, 10, 11],
+        [1, 5, 9],
+        [5, 11, 4],
+        [11, 10, 2],
+        [10, 7, 6],
+        [7, 1, 8],
+        [3, 9, 4],
+        [3, 4, 2],
+        [3, 2, 6],
+        [3, 6, 8],
+        [3, 8, 9],
+        [4, 9, 5],
+        [2, 4, 11],
+        [6, 2, 10],
+        [8, 6, 7],
+        [9, 8, 1],
+    ];
+    let golden = 0.5 * (1.0 + 5.0_f64.sqrt());
+    let corners = [
+        [-1.0, golden, 0.0],
+        [1.0, golden, 0.0],
+        [-1.0, -golden, 0.0],
+        [1.0, -golden, 0.0],
+        [0.0, -1.0, golden],
+        [0.0, 1.0, golden],
+        [0.0, -1.0, -golden],
+        [0.0, 1.0, -golden],
+        [golden, 0.0, -1.0],
+        [golden, 0.0, 1.0],
+        [-golden, 0.0, -1.0],
+        [-golden, 0.0, 1.0],
+    ];
+    let mut points: Vec<Vec3> = corners.iter().map(|c| Vec3::from(*c).normalize()).collect();
+    let mut triangles = FACES.to_vec();
+    for _ in 0..detail {
+        let mut middles = HashMap::new();
+        let mut middle = |points: &mut Vec<Vec3>, a: u32, b: u32| {
+            *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                points.push((points[a as usize] + points[b as usize]).normalize());
+                points.len() as u32 - 1
+            })
+        };
+        let mut finer = Vec::with_capacity(4 * triangles.len());
+        for [a, b, c] in triangles {
+            let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(a, b)| middle(&mut points, a, b));
+            finer.extend([[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]);
+        }
+        triangles = finer;
+    }
+    (points, triangles)
+}

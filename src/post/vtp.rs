@@ -1,0 +1,169 @@
+//! VTP, the XML files of VTK for points, lines and polygons: every ParaView since 5.0 opens them, and VTK, pyvista and `meshio`.
+//!
+//! Numbers stand in base64, each array with its length in front (`header_type="UInt64"`), little-endian, not compressed.
+
+use crate::output::columns::Numbers;
+use base64::engine::general_purpose::STANDARD;
+use base64::write::EncoderWriter;
+use std::io::{self, Write};
+
+/// Numbers as VTK calls them.
+pub trait Element: bytemuck::Pod {
+    /// VTK's name of the type.
+    const NAME: &'static str;
+}
+
+impl Element for f64 {
+    const NAME: &'static str = "Float64";
+}
+
+impl Element for f32 {
+    const NAME: &'static str = "Float32";
+}
+
+impl Element for i64 {
+    const NAME: &'static str = "Int64";
+}
+
+impl Element for i32 {
+    const NAME: &'static str = "Int32";
+}
+
+/// A named array of rows.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Array {
+    name: String,
+    /// VTK's name of the type.
+    kind: &'static str,
+    /// Numbers in a row.
+    width: usize,
+    bytes: Vec<u8>,
+}
+
+impl Array {
+    /// Of rows of `width` numbers, one after the other.
+    pub fn new<T: Element>(name: &str, width: usize, values: &[T]) -> Self {
+        let bytes = bytemuck::cast_slice(values).to_vec();
+        Self { name: name.to_owned(), kind: T::NAME, width, bytes }
+    }
+
+    /// A column of a snapshot, as its file has it.
+    pub fn of_column(name: &str, column: &dyn Numbers) -> Self {
+        let (kind, width) = (column.vtk_name(), column.labels().len());
+        Self { name: name.to_owned(), kind, width, bytes: column.bytes() }
+    }
+}
+
+/// What cells are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cells {
+    /// Single points.
+    Vertices,
+    /// Lines of several points.
+    Lines,
+    /// Polygons, counter-clockwise seen from outside.
+    Polygons,
+}
+
+/// Points, cells of one sort, and what is known of each.
+#[derive(Clone, Debug)]
+pub struct PolyData {
+    /// Of the snapshot [s].
+    pub time: f64,
+    /// Rows of three.
+    pub points: Array,
+    /// How many points.
+    pub point_count: usize,
+    /// What the cells are.
+    pub cells: Cells,
+    /// The points of all cells, one cell after the other.
+    pub members: Vec<i64>,
+    /// Where in `members` each cell ends.
+    pub ends: Vec<i64>,
+    /// Of each point.
+    pub of_points: Vec<Array>,
+    /// Of each cell.
+    pub of_cells: Vec<Array>,
+}
+
+impl PolyData {
+    /// Writes a file.
+    ///
+    /// # Errors
+    /// The writer's.
+    pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        let counts = [Cells::Vertices, Cells::Lines, Cells::Polygons]
+            .map(|kind| if kind == self.cells { self.ends.len() } else { 0 });
+        let [vertices, lines, polygons] = counts;
+        write!(
+            out,
+            r#"<?xml version="1.0"?>
+<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">
+<PolyData>
+<FieldData>
+<DataArray type="Float64" Name="TimeValue" NumberOfTuples="1" format="ascii">{:e}</DataArray>
+</FieldData>
+<Piece NumberOfPoints="{}" NumberOfVerts="{vertices}" NumberOfLines="{lines}" NumberOfStrips="0" NumberOfPolys="{polygons}">
+"#,
+            self.time, self.point_count
+        )?;
+        section(out, "PointData", &self.of_points)?;
+        section(out, "CellData", &self.of_cells)?;
+        section(out, "Points", std::slice::from_ref(&self.points))?;
+        let name = match self.cells {
+            Cells::Vertices => "Verts",
+            Cells::Lines => "Lines",
+            Cells::Polygons => "Polys",
+        };
+        section(
+            out,
+            name,
+            &[indices("connectivity", &self.members), indices("offsets", &self.ends)],
+        )?;
+        out.write_all(b"</Piece>\n</PolyData>\n</VTKFile>\n")
+    }
+}
+
+/// Of half the size, where they fit.
+fn indices(name: &str, values: &[i64]) -> Array {
+    let narrow: Result<Vec<i32>, _> = values.iter().map(|&value| value.try_into()).collect();
+    narrow.map_or_else(|_| Array::new(name, 1, values), |narrow| Array::new(name, 1, &narrow))
+}
+
+fn section(out: &mut impl Write, name: &str, arrays: &[Array]) -> io::Result<()> {
+    // With this attribute VTK shades by them.
+    let is_normal = |array: &&Array| array.name == NORMALS;
+    let normals = if name == "PointData" { arrays.iter().find(is_normal) } else { None };
+    let attribute = normals.map_or(String::new(), |_| format!(" Normals=\"{NORMALS}\""));
+    writeln!(out, "<{name}{attribute}>")?;
+    for Array { name, kind, width, bytes } in arrays {
+        write!(
+            out,
+            r#"<DataArray type="{kind}" Name="{name}" NumberOfComponents="{width}" format="binary">"#
+        )?;
+        let mut encoder = EncoderWriter::new(&mut *out, &STANDARD);
+        encoder.write_all(&(bytes.len() as u64).to_le_bytes())?;
+        encoder.write_all(bytes)?;
+        encoder.finish()?;
+        drop(encoder);
+        out.write_all(b"</DataArray>\n")?;
+    }
+    writeln!(out, "</{name}>")
+}
+
+/// Unit normals of points: with them a viewer shades curved surfaces smoothly.
+pub const NORMALS: &str = "Normals";
+
+/// Writes a list of files with their times [s], a `.pvd`, which ParaView plays.
+///
+/// # Errors
+/// The writer's.
+pub fn write_list(out: &mut impl Write, files: &[(String, f64)]) -> io::Result<()> {
+    out.write_all(
+        b"<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n",
+    )?;
+    for (file, time) in files {
+        writeln!(out, r#"<DataSet timestep="{time:e}" part="0" file="{file}"/>"#)?;
+    }
+    out.write_all(b"</Collection>\n</VTKFile>\n")
+}
