@@ -26,6 +26,7 @@ mod ranks_threads;
 mod robustness;
 mod rolling;
 mod scene;
+mod schema;
 mod servo;
 mod shear;
 mod sides;

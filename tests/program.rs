@@ -9,6 +9,7 @@ mod misled;
 mod opened;
 mod process;
 mod queued;
+mod ready;
 mod reported;
 mod restarted;
 mod same_bits;

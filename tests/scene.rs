@@ -11,6 +11,7 @@ use dem_mpi::law::linear::{Interactions, damping_ratio_of_restitution};
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::{Library, Needs};
+use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::packing::initial;
 use dem_mpi::scene::plan::plan;
 use dem_mpi::scene::{Fill, Location, Method, Scene, SceneErrors, Servo, Stop};
@@ -558,6 +559,24 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
     Ok(())
 }
 
+/// On one lattice nothing would touch; two in each other's gaps collide.
+#[test]
+fn a_sheared_lattice_that_never_touches_is_doubtful() -> Result<()> {
+    let text = std::fs::read_to_string("run/shear/scene.toml")?;
+    let (one, _) = text.rsplit_once("[[fill.lattice]]").context("two lattices")?;
+    let (_, rest) = text.rsplit_once("[time]").context("a time")?;
+    let doubts_of = |text: &str| -> Result<Vec<String>> {
+        Ok(doubts(&Scene::parse(text, "shear", Path::new(""), &[])?))
+    };
+    assert_eq!(doubts_of(&text)?, Vec::<String>::new());
+    let [doubt] = &doubts_of(&format!("{one}[time]{rest}"))?[..] else { panic!("one doubt") };
+    assert!(
+        doubt.contains("at least 1.280e-3 m apart along y, and particles at most 1.100e-3 m wide"),
+        "{doubt}"
+    );
+    Ok(())
+}
+
 /// 48 balls fall from rest in three layers of a slab of 10 mm: each needs 45.15 ms to leave it, 452 steps of 100 µs, which
 /// are three times the 200 between layers.
 #[test]
@@ -578,5 +597,10 @@ fn the_plan_counts_the_steps_that_rain_needs() -> Result<()> {
         let long = with_steps(enough)?;
         assert!(!long.contains("will not fall"), "{long}");
     }
+    // 48 balls make a bed of 25 mm, from which the slab is 165 mm away: a fall of 183.6 ms after step 1200.
+    let falling = "the last appears at step 1200 or later and needs some 1837 steps to the bed, and there are 3000 steps";
+    let short = with_steps("time.steps=3000")?;
+    assert!(short.contains(falling), "{short}");
+    assert!(!with_steps("time.steps=3100")?.contains("rain will"));
     Ok(())
 }

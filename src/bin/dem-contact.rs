@@ -1,13 +1,14 @@
 //! dem-contact: overlap, normal and contact point of pairs, one row for each.
 
 use anyhow::{Context, Result, bail, ensure};
-use clap::{Parser, ValueEnum};
+use clap::{CommandFactory, Parser, ValueEnum};
+use dem_mpi::arguments::About;
 use dem_mpi::contact::{Epa, ErodedGjk, Method};
 use dem_mpi::output::report::version;
 use dem_mpi::pairs::read::read;
 use dem_mpi::pairs::{Answer, Pairs, resolve, time, write};
 use std::fs;
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -31,10 +32,14 @@ use std::process::ExitCode;
 /// one from normals that are off by 1e-4; batched, many at once from the same normals, as in a
 /// simulation.
 #[derive(Parser)]
-#[command(version = version(), max_term_width = 100, args_override_self = true, after_help = EXAMPLES)]
+#[command(name = "dem-contact", version = version(), max_term_width = 100, args_override_self = true, after_help = EXAMPLES)]
 struct Arguments {
     /// File of pairs, `-` for standard input
-    pairs: PathBuf,
+    #[arg(required = true)]
+    pairs: Option<PathBuf>,
+
+    #[command(flatten)]
+    about: About,
 
     /// How to resolve what is not two spheres, which have a closed form
     #[arg(long, value_enum, default_value_t = Word::Auto)]
@@ -74,7 +79,12 @@ const INCOMPLETE: u8 = 1;
 const WRONG_INPUT: u8 = 2;
 
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
+    let arguments = Arguments::parse();
+    if let Some(text) = arguments.about.text(Arguments::command()) {
+        let _ = std::io::stdout().write_all(text.as_bytes());
+        return ExitCode::SUCCESS;
+    }
+    match run(&arguments) {
         Ok(code) => code,
         Err(error) if is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
@@ -96,7 +106,8 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
 fn run(arguments: &Arguments) -> Result<ExitCode> {
     let to = BufWriter::new(std::io::stdout().lock());
     let method = method(arguments.method, &arguments.set)?;
-    let (file, text) = text(&arguments.pairs)?;
+    let pairs = arguments.pairs.as_deref().context("no pairs given")?;
+    let (file, text) = text(pairs)?;
     let pairs = read(&file, &text)?;
     let answers = resolve(&pairs, &method);
     write::answers(&pairs, &answers, to)?;

@@ -1,6 +1,7 @@
 //! `dem-mpi SCENE`: arguments → scene → simulation → run.
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
+use dem_mpi::arguments::About;
 use dem_mpi::comm::{Comm, agree, alone::Alone, linked, threads, wire, world};
 use dem_mpi::ids::GlobalId;
 use dem_mpi::output::performance::Performance;
@@ -8,7 +9,7 @@ use dem_mpi::output::report::{Origin, commit, version};
 use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, Continuation, TakenUp};
 use dem_mpi::scene::suggest::{self, Question, Suggestion, Unanswered};
-use dem_mpi::scene::{Scene, keys, plan};
+use dem_mpi::scene::{Scene, Stop, keys, plan, schema};
 use dem_mpi::sim::report::report;
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
@@ -33,6 +34,8 @@ Examples:
   mpirun -n 2 dem-mpi run/packing/scene.toml         two ranks, the same bits
   dem-mpi run/packing/scene.toml --plan              what the scene uses, and what it leaves out
   dem-mpi --keys material                            the keys of a table of the scene; without a name, of all
+  dem-mpi --schema > scene.schema.json               for an editor; the first line of a scene is then
+                                                     #:schema ./scene.schema.json
   dem-mpi run/first/scene.toml --suggest --error 1%  which step and method keep an error
   dem-mpi run/packing/scene.toml --set contact.method=epa --set material.grain.friction=0.5
   mpirun -n 4 dem-mpi run/packing/scene.toml --start out/packing/last.vtkhdf
@@ -52,12 +55,17 @@ or --suggest has found no step that keeps the error."
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 struct Arguments {
     /// The scene: what to simulate, a TOML file
-    #[arg(required_unless_present = "keys")]
+    #[arg(required = true)]
     scene: Option<PathBuf>,
     /// List the keys that a scene may have, with units, defaults and meaning: all, or those of a table such as `domain`
     #[arg(long, value_name = "TABLE", exclusive = true)]
     #[expect(clippy::option_option, reason = "not asked for, asked for all, or for one table")]
     keys: Option<Option<String>>,
+    /// Print a JSON schema of scenes, by which editors complete and check them
+    #[arg(long, exclusive = true)]
+    schema: bool,
+    #[command(flatten)]
+    about: About,
     /// Where output goes, instead of the scene's output.directory
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -107,7 +115,7 @@ struct Arguments {
 }
 
 impl Arguments {
-    /// The scene's file; none is asked for with `--keys` alone.
+    /// The scene's file; there is none with the options that only print.
     fn scene(&self) -> &Path {
         self.scene.as_deref().unwrap_or_else(|| Path::new(""))
     }
@@ -246,9 +254,20 @@ fn read_scene(arguments: &Arguments, comm: &mut dyn Comm) -> Result<Scene, Strin
     wire::decode(&bytes)
 }
 
-/// Lists the keys of scenes.
-fn listed(table: Option<&str>, comm: &dyn Comm) -> u8 {
-    match keys::text(table) {
+/// What is to be printed instead of a run, if anything is.
+fn printed(arguments: &Arguments) -> Option<Result<String, String>> {
+    if let Some(table) = &arguments.keys {
+        return Some(keys::text(table.as_deref()));
+    }
+    if arguments.schema {
+        return Some(Ok(format!("{:#}\n", schema::schema())));
+    }
+    arguments.about.text(Arguments::command()).map(Ok)
+}
+
+/// Prints it, on rank 0.
+fn print(text: Result<String, String>, comm: &dyn Comm) -> u8 {
+    match text {
         Ok(text) => {
             if comm.is_root() {
                 // A pager may have closed it.
@@ -271,8 +290,8 @@ fn folder(snapshot: &Path) -> Option<PathBuf> {
 }
 
 fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) -> u8 {
-    if let Some(table) = &arguments.keys {
-        return listed(table.as_deref(), comm);
+    if let Some(text) = printed(arguments) {
+        return print(text, comm);
     }
     if arguments.suggest {
         return suggested(arguments, stop, comm);
@@ -443,16 +462,21 @@ fn nothing_left(
     last_step: u64,
 ) -> Option<(String, u8)> {
     let step = sim.step;
+    // More rain than before is more to do.
+    let all_there = sim.drives.iter().all(|drive| drive.unfinished().is_none());
+    let is_over = all_there && !held.is_empty() && held == scene.stop.to_string();
     if last_step <= step {
         let why = format!(
             "the snapshot is at step {step}, and the stage ends at step {last_step}. \
              Ask for more with --steps N or --set time.steps=N"
         );
-        return Some((why, if last_step < step { WRONG_INPUT } else { 0 }));
+        let status = match scene.stop == Stop::default() || is_over {
+            _ if last_step < step => WRONG_INPUT,
+            true => 0,
+            false => UNMET,
+        };
+        return Some((why, status));
     }
-    // More rain than before is more to do.
-    let all_there = sim.drives.iter().all(|drive| drive.unfinished().is_none());
-    let is_over = all_there && !held.is_empty() && held == scene.stop.to_string();
     (arguments.steps.is_none() && is_over).then(|| {
         let why = format!(
             "the stage ended at step {step} by its [stop]: {held}. \
@@ -505,7 +529,10 @@ fn run(
     }
     let mut display = Display::new(comm.is_root(), schedule.last_step - sim.step);
     let finish = run::run(sim, schedule, comm, &mut |progress| display.show(progress));
-    let finish = finish.map_err(|error| failed(&error, sim, arguments.threads.is_some(), comm))?;
+    let finish = finish.map_err(|error| {
+        let before = before_fault(&error, sim.step, schedule, arguments);
+        failed(&error, &before, sim, arguments.threads.is_some(), comm)
+    })?;
     display.end();
     let (report, warnings) = report(sim, &finish, &origin, comm);
     let mut stored = Ok(());
@@ -542,10 +569,31 @@ fn heading(scene: &Scene, schedule: &Schedule, step: u64, ranks: u32) -> String 
     )
 }
 
+/// A line with the command that stops one step before a fault in this step, with a snapshot.
+fn before_fault(error: &RunError, step: u64, schedule: &Schedule, arguments: &Arguments) -> String {
+    let newest = std::fs::read_link(schedule.out.join("last.vtkhdf")).ok();
+    let at = newest.as_deref().and_then(snapshot::step_of);
+    match (error, newest, at.and_then(|at| step.checked_sub(at + 1))) {
+        (RunError::Step(_) | RunError::Particle { .. }, Some(newest), Some(left)) if left > 0 => {
+            let command = again(arguments, &schedule.out.join(newest), Some(left));
+            format!("\nThe same steps up to the one before, which leave a snapshot: {command}")
+        }
+        _ => String::new(),
+    }
+}
+
 /// Says why a run could not go on; the status to end with. Where only this rank knows, it ends all.
-fn failed(error: &RunError, sim: &Simulation, in_threads: bool, comm: &dyn Comm) -> u8 {
+fn failed(
+    error: &RunError,
+    before: &str,
+    sim: &Simulation,
+    in_threads: bool,
+    comm: &dyn Comm,
+) -> u8 {
     match error {
-        RunError::Step(error) if error.is_agreed() => print_once(comm, error),
+        RunError::Step(error) if error.is_agreed() => {
+            print_once(comm, format_args!("{error}{before}"));
+        }
         RunError::Step(_) | RunError::History(_) => {
             // Other ranks do not know: this one speaks, and ends them.
             if let RunError::Step(StepError::Contact { a, .. }) = error
@@ -554,7 +602,7 @@ fn failed(error: &RunError, sim: &Simulation, in_threads: bool, comm: &dyn Comm)
                 // The rank that owns A has met the same, and says so.
                 std::thread::sleep(OTHERS_FIRST);
             }
-            print_error(format_args!("rank {}: {error}", comm.rank().0));
+            print_error(format_args!("rank {}: {error}{before}", comm.rank().0));
             if in_threads {
                 std::process::exit(i32::from(FAILED));
             }
@@ -564,7 +612,9 @@ fn failed(error: &RunError, sim: &Simulation, in_threads: bool, comm: &dyn Comm)
             print_once(comm, error);
             return WRONG_INPUT;
         }
-        RunError::Snapshot(_) | RunError::Particle { .. } => print_once(comm, error),
+        RunError::Snapshot(_) | RunError::Particle { .. } => {
+            print_once(comm, format_args!("{error}{before}"));
+        }
     }
     FAILED
 }
@@ -589,8 +639,9 @@ const LINE_EVERY: Duration = Duration::from_secs(10);
 impl Display {
     fn new(is_root: bool, steps: u64) -> Self {
         let bar = (is_root && std::io::stderr().is_terminal()).then(|| {
+            // The message gives way where the terminal is narrow.
             let style =
-                "{elapsed} [{wide_bar}] {percent} % of {len} steps, {rate}, {eta} left; {msg}";
+                "{elapsed} [{bar:12}] {percent} % of {len} steps, {rate}, {eta} left; {wide_msg}";
             let style = ProgressStyle::with_template(style)
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
             let rate = |state: &ProgressState, text: &mut dyn std::fmt::Write| {

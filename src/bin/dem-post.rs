@@ -1,7 +1,8 @@
 //! dem-post: from snapshots to numbers, plots and one page.
 
 use anyhow::{Context, Result, bail, ensure};
-use clap::Parser;
+use clap::{CommandFactory, Parser};
+use dem_mpi::arguments::About;
 use dem_mpi::drive::servo;
 use dem_mpi::output::report::version;
 use dem_mpi::output::snapshot::Reader;
@@ -28,7 +29,7 @@ use std::process::ExitCode;
 /// newest snapshot, with --series for all. Results go to a folder beside the last snapshot, `post` of one and `post_series`
 /// of several: index.html to look at, report.csv and report.json to compute with, every plot as SVG.
 #[derive(Parser)]
-#[command(version = version(), max_term_width = 100, after_help = EXAMPLES)]
+#[command(name = "dem-post", version = version(), max_term_width = 100, after_help = EXAMPLES)]
 #[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 struct Arguments {
     /// Particle files (particles_STEP.vtkhdf, each with its contacts file beside it), or directories
@@ -83,6 +84,9 @@ struct Arguments {
     /// Exit status: 0 equal, 1 different, 2 could not compare
     #[arg(long, conflicts_with_all = ["out", "region", "margin", "series", "fabric_with_walls", "lammps", "surfaces", "vtp"])]
     diff: bool,
+
+    #[command(flatten)]
+    about: About,
 }
 
 const EXAMPLES: &str = "\
@@ -102,7 +106,12 @@ Examples:
 const PYTHON: &str = include_str!("../post/dem.py");
 
 fn main() -> ExitCode {
-    match run(Arguments::parse()) {
+    let arguments = Arguments::parse();
+    if let Some(text) = arguments.about.text(Arguments::command()) {
+        let _ = std::io::stdout().write_all(text.as_bytes());
+        return ExitCode::SUCCESS;
+    }
+    match run(arguments) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("dem-post: {error:#}");

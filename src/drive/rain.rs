@@ -67,6 +67,17 @@ impl Rain {
         let steps = ((out / dt).ceil() as u64).max(1);
         Some(steps.div_ceil(self.every).saturating_mul(self.every))
     }
+
+    /// How many steps a particle needs to fall from the slab to a bed of this depth [m] on the far side of the box from `low`
+    /// to `high` [m]. `None` if it does not get there. Gravity in m/s², the step in s.
+    pub fn fall(&self, low: &Vec3, high: &Vec3, bed: f64, gravity: &Vec3, dt: f64) -> Option<u64> {
+        let axis = if *gravity == Vec3::zeros() { self.velocity.iamax() } else { gravity.iamax() };
+        let (speed, pull) = (self.velocity[axis], gravity[axis]);
+        let is_down = pull < 0.0 || (pull == 0.0 && speed < 0.0);
+        let distance =
+            if is_down { self.low[axis] - low[axis] } else { high[axis] - self.high[axis] };
+        Some((time_to_go((distance - bed).max(0.0), speed, pull)? / dt).ceil() as u64)
+    }
 }
 
 /// When a body that starts at a velocity [m/s] under an acceleration [m/s²] is first a distance [m] away; `None` for never [s].

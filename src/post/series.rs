@@ -123,7 +123,7 @@ pub fn reports(
     let mut is_anybody_there = false;
     for Snapshot { path, .. } in snapshots {
         let reader = &Reader::open(path)?;
-        is_anybody_there |= reader.particle_count() > 0;
+        is_anybody_there = reader.particle_count() > 0;
         let name = path.display().to_string();
         let analysed = || {
             let mut settings = choice.settings;
@@ -137,7 +137,9 @@ pub fn reports(
         reports.push(analysis.report);
         picture = analysis.picture;
     }
-    if is_anybody_there && reports.iter().all(|report| report.summary.particles == 0) {
+    // The newest is what is shown first.
+    let is_last_empty = reports.last().is_some_and(|report| report.summary.particles == 0);
+    if is_anybody_there && is_last_empty {
         return Err(PostError::NobodyThere);
     }
     if let [first, _, ..] = &reports[..] {

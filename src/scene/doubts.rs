@@ -1,6 +1,7 @@
 //! What the program knows to be doubtful about a scene before it runs.
 
-use super::{Fill, Method, Scene};
+use super::{Fill, Method, Rain, Scene};
+use crate::cell::AXES;
 use crate::ids::ShapeId;
 use crate::law::stability::lost_levers;
 use crate::math::Vec3;
@@ -15,6 +16,7 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         restless_sides(scene),
         lost_in_rounding(scene),
         rain_cut_short(scene),
+        layers_that_miss(scene),
     ];
     all.into_iter().flatten().collect()
 }
@@ -106,12 +108,58 @@ fn rain_cut_short(scene: &Scene) -> Option<String> {
         });
     };
     let last = (rain.layers() - 1).saturating_mul(interval);
-    (last >= scene.steps).then(|| {
-        format!(
+    if last >= scene.steps {
+        return Some(format!(
             "the last layers of rain will not fall: a layer leaves its slab after {interval} steps, so the last of {} appears at \
              step {last} or later, and there are {} steps. Take more steps, a thinner slab, or a `velocity`",
             rain.layers(),
             scene.steps
+        ));
+    }
+    let (low, high) = (scene.domain.low(), scene.domain.high());
+    let fall = rain.fall(&low, &high, bed(scene, rain), &scene.gravity, scene.dt)?;
+    (last.saturating_add(fall) >= scene.steps).then(|| {
+        format!(
+            "the last layers of rain will still be falling at the end: the last appears at step {last} or later and needs some \
+             {fall} steps to the bed, and there are {} steps. Take more steps, or a `velocity`",
+            scene.steps
+        )
+    })
+}
+
+/// How deep the rain lies on a floor as wide as the domain [m], packed like spheres at their densest in disorder.
+fn bed(scene: &Scene, rain: &Rain) -> f64 {
+    let library = &scene.library;
+    let volume = |id: ShapeId| {
+        let [least, most] = library.sizes[id.index()].scales();
+        library.shapes[id.index()].volume() * (0.5 * (least + most)).powi(3)
+    };
+    let shapes: Vec<f64> = rain.mix.shapes().map(volume).collect();
+    let mean = shapes.iter().sum::<f64>() / shapes.len() as f64;
+    let extent = scene.domain.high() - scene.domain.low();
+    let axis = if scene.gravity == Vec3::zeros() { 2 } else { scene.gravity.iamax() };
+    rain.count as f64 * mean / 0.64 * extent[axis] / extent.product()
+}
+
+/// A lattice that is sheared stays one of layers, until they touch.
+fn layers_that_miss(scene: &Scene) -> Option<String> {
+    let (across, [Fill::Lattice(lattice)]) = (scene.domain.shear()?.across, &scene.initial[..])
+    else {
+        return None;
+    };
+    let library = &scene.library;
+    let width = |id: ShapeId| {
+        let [_, scale] = library.sizes[id.index()].scales();
+        2.0 * library.radius[id.index()] * scale
+    };
+    let widest = lattice.mix.shapes().map(width).fold(0.0, f64::max);
+    let apart = lattice.spacing[across] - 2.0 * lattice.jitter;
+    (apart >= widest).then(|| {
+        format!(
+            "layers of the lattice are at least {apart:.3e} m apart along {}, and particles at most {widest:.3e} m wide: the shear \
+             slides them past each other, and they may never touch. Put a second lattice into the gaps, or take what a stage before \
+             has packed (`start`)",
+            AXES[across]
         )
     })
 }

@@ -33,6 +33,11 @@ fn reader(kind: Kind) -> Option<Reader> {
     Some(Reader { keys, read })
 }
 
+/// The keys of a kind, some of which stand for each other; `None` for what is no grain.
+pub(super) fn keys(kind: Kind) -> Option<&'static [&'static str]> {
+    reader(kind).map(|reader| reader.keys)
+}
+
 /// The shape that a section means.
 pub(super) fn geometry(section: &Section, folder: &Path) -> Option<Shape> {
     let readers: Vec<(&str, Reader)> =

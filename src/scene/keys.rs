@@ -12,6 +12,8 @@ const INDENT: usize = 30;
 pub struct Key {
     /// As it stands in the file: `domain`, `fill.lattice`; empty at the top.
     pub table: String,
+    /// There may be several such tables: `[[wall]]`.
+    pub is_list: bool,
     /// `low`, `high`; none in the row of a table itself and in a row that goes on.
     pub names: Vec<String>,
     /// Unit, or empty.
@@ -22,7 +24,7 @@ pub struct Key {
 
 /// All rows, in the order of the list.
 pub fn all() -> Vec<Key> {
-    let mut table = String::new();
+    let (mut table, mut is_list) = (String::new(), false);
     let rows = TABLE.lines().skip(2).map(|row| {
         let mut cells = row.trim_matches('|').splitn(3, '|').map(str::trim);
         let [key, unit, meaning] = [(); 3].map(|()| cells.next().unwrap_or_default());
@@ -30,9 +32,10 @@ pub fn all() -> Vec<Key> {
         let is_table = key.starts_with("**");
         if is_table {
             names[0].trim_matches(['[', ']']).clone_into(&mut table);
+            is_list = names[0].starts_with("[[");
         }
         let names = if is_table { Vec::new() } else { names };
-        Key { table: table.clone(), names, unit: unit.to_owned(), meaning: plain(meaning) }
+        Key { table: table.clone(), is_list, names, unit: unit.to_owned(), meaning: plain(meaning) }
     });
     rows.collect()
 }

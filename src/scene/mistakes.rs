@@ -72,6 +72,22 @@ impl Mistakes {
     }
 }
 
+/// What other codes have and this one has not yet, by parts of the names of keys.
+const NOT_YET: [(&str, &str); 6] = [
+    ("bond", "bonds"),
+    ("liquid", "liquid bridges"),
+    ("capillar", "liquid bridges"),
+    ("temperature", "heat and temperatures"),
+    ("conductivity", "heat and temperatures"),
+    ("clump", "clumps"),
+];
+
+/// What stands behind "no such key" if the key asks for something that is not there yet.
+pub(super) fn not_yet(key: &str) -> String {
+    let known = NOT_YET.iter().find(|(part, _)| key.to_lowercase().contains(part));
+    known.map_or_else(String::new, |(_, what)| format!(": {what} are not supported yet"))
+}
+
 /// What stands behind "no such …": a guess, if a known name is close to what was written, and the
 /// known names.
 pub(super) fn suggestion<'a>(

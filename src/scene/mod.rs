@@ -26,6 +26,7 @@ mod mistakes;
 pub mod packing;
 pub mod plan;
 mod reader;
+pub mod schema;
 pub mod suggest;
 mod walls;
 
@@ -52,6 +53,19 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// A checked scene: one stage of a run.
+///
+/// ```
+/// use dem_mpi::scene::Scene;
+/// use std::path::Path;
+///
+/// let path = Path::new("run/first/scene.toml");
+/// let scene = Scene::read(path, &["material.glass.friction=0.6".to_owned()]).unwrap();
+/// assert_eq!(scene.particle_count(), 64);
+/// assert!(scene.dt < scene.time_step_limit().unwrap().dt);
+///
+/// let mistakes = Scene::read(path, &["material.glass.fricton=0.6".to_owned()]).unwrap_err();
+/// assert!(mistakes.to_string().contains("no such key, did you mean `friction`?"));
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scene {
     /// One line for the log.

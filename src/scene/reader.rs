@@ -5,7 +5,7 @@
 //! keys that exist, all others are refused by [`Section::finish`].
 
 use super::input::{Node, Table, Value, name_of};
-use super::mistakes::{Location, Mistakes, suggestion};
+use super::mistakes::{Location, Mistakes, not_yet, suggestion};
 use crate::math::Vec3;
 use crate::shape::Superellipsoid;
 use std::cell::RefCell;
@@ -422,7 +422,7 @@ impl<'a> Section<'a> {
                 let path = joined(&self.given.path, key);
                 let hint = suggestion(key, asked.iter().copied(), "allowed here");
                 Given { node, path, mistakes: self.given.mistakes }
-                    .fail(format!("no such key{hint}"));
+                    .fail(format!("no such key{}{hint}", not_yet(key)));
             }
         }
     }

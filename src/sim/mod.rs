@@ -29,6 +29,27 @@ use std::collections::BTreeSet;
 use watch::{Fault, Watch};
 
 /// Everything that a rank holds. Made by `scene::assemble`.
+///
+/// Sixty-four balls fall freely for a hundredth of a second:
+///
+/// ```
+/// use dem_mpi::comm::alone::Alone;
+/// use dem_mpi::scene::{Scene, assemble};
+/// use std::path::Path;
+///
+/// let scene = Scene::read(Path::new("run/first/scene.toml"), &[]).unwrap();
+/// let mut comm = Alone::default();
+/// let mut sim = assemble::assemble(&scene, &comm);
+/// assemble::fill(&mut sim, &scene, &comm);
+/// sim.begin(&mut comm).unwrap();
+/// while sim.time() < 0.01 {
+///     sim.step(&mut comm).unwrap();
+/// }
+/// let speed = 9.81 * sim.time();
+/// assert!(sim.particles.velocity.iter().all(|v| (v.z + speed).abs() < 1e-12 && v.x == 0.0));
+/// let kinetic = 64.0 * 0.5 * scene.library.mass[0] * speed * speed;
+/// assert!((sim.measure(&mut comm).kinetic() / kinetic - 1.0).abs() < 1e-12);
+/// ```
 pub struct Simulation {
     /// Owned particles, ghosts, walls.
     pub particles: Particles,

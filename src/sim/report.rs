@@ -54,7 +54,9 @@ pub fn report(
 fn last_warnings(sim: &Simulation, finish: &Finish) -> Vec<String> {
     let unmet = &finish.unmet;
     let stop = (!unmet.is_empty()).then(|| format!("[stop] was not reached: {unmet}"));
-    let of_drives = sim.drives.iter().flat_map(|drive| drive.last_warnings(&sim.particles.walls));
+    // What a signal has cut short goes on.
+    let drives = if matches!(finish.ending, Ending::Signal(_)) { &[][..] } else { &sim.drives[..] };
+    let of_drives = drives.iter().flat_map(|drive| drive.last_warnings(&sim.particles.walls));
     let balance = finish.measures.poor_balance(finish.most_moving, sim.dt);
     stop.into_iter().chain(of_drives).chain(balance).collect()
 }

@@ -151,6 +151,40 @@ pub const DEEPEST_START: f64 = 0.05;
 
 /// Runs until the schedule says that all is done. Collective.
 ///
+/// What `dem-mpi` does, and what it leaves:
+///
+/// ```
+/// use dem_mpi::comm::alone::Alone;
+/// use dem_mpi::output::snapshot::Reader;
+/// use dem_mpi::scene::{Scene, assemble};
+/// use dem_mpi::sim::run::{Schedule, run};
+/// use std::path::Path;
+/// use std::sync::Arc;
+///
+/// let scene = Scene::read(Path::new("run/first/scene.toml"), &[]).unwrap();
+/// let mut comm = Alone::default();
+/// let mut sim = assemble::assemble(&scene, &comm);
+/// assemble::fill(&mut sim, &scene, &comm);
+/// let folder = tempfile::tempdir().unwrap();
+/// let schedule = Schedule {
+///     last_step: 100,
+///     snapshot_every: 50,
+///     history_every: 10,
+///     stop: scene.stop.clone(),
+///     out: folder.path().into(),
+///     scene: scene.text.clone(),
+///     resumed: false,
+///     signal: Arc::default(),
+///     traced: Vec::new(),
+/// };
+/// run(&mut sim, &schedule, &mut comm, &mut |_| ()).unwrap();
+///
+/// let snapshot = Reader::open(folder.path()).unwrap();
+/// assert_eq!(snapshot.header().step, 100);
+/// let particles = snapshot.particles(0..snapshot.particle_count()).unwrap();
+/// assert_eq!(particles.position, sim.particles.position);
+/// ```
+///
 /// # Errors
 /// See [`RunError`].
 pub fn run(

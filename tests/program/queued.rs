@@ -93,6 +93,20 @@ fn a_stage_that_follows_another_is_queued() {
     assert_eq!(asked(&slurm), "");
 }
 
+/// A stage that has done its steps, but not reached what it was to reach, ends the chain with its status.
+#[test]
+fn a_stage_that_falls_short_is_not_queued_again() {
+    let (slurm, out) = (slurm("slurm_short", 2), fresh_directory("queued_short"));
+    let more = ["--set", "time.steps=50", "--set", "stop.rest=1e-30"];
+    for said in ["warning    [stop] was not reached", "nothing left to do"] {
+        let ended = job(&slurm, "heap", &out, &more).end();
+        assert_eq!(ended.status.code(), Some(4), "{ended}");
+        ended.said_once(said);
+        ended.said_once("[stop] was not reached, so it is not queued again");
+    }
+    assert_eq!(asked(&slurm), "");
+}
+
 /// As where `srun` starts the ranks of another MPI.
 #[test]
 fn ranks_that_do_not_see_each_other_do_not_run() {

@@ -1,0 +1,151 @@
+//! The ready scenes of `run/`: what their pages promise, on shorter runs.
+
+use super::process::{Launch, dem_mpi};
+use super::{fresh_directory, report};
+use dem_mpi::comm::alone::Alone;
+use dem_mpi::scene::doubts::doubts;
+use dem_mpi::scene::{Scene, assemble};
+use dem_mpi::sim::Simulation;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const FOLDERS: [&str; 6] = ["heap", "mixture", "shear", "triaxial", "incline", "polyhedra"];
+
+fn folder(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("run").join(name)
+}
+
+fn read(file: &str, overrides: &[&str]) -> Scene {
+    let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
+    Scene::read_to_go_on(&folder(file), &overrides).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// So many steps of a scene.
+fn run(scene: &Scene, steps: u64) -> Simulation {
+    let mut comm = Alone::default();
+    let mut sim = assemble::assemble(scene, &comm);
+    assemble::fill(&mut sim, scene, &comm);
+    sim.begin(&mut comm).unwrap();
+    for _ in 0..steps {
+        sim.step(&mut comm).unwrap_or_else(|error| panic!("{error}"));
+    }
+    sim
+}
+
+#[test]
+fn each_has_a_page_and_a_picture_and_nothing_doubtful() {
+    for name in FOLDERS {
+        let files: Vec<PathBuf> =
+            fs::read_dir(folder(name)).unwrap().map(|entry| entry.unwrap().path()).collect();
+        let with = |ending: &str| {
+            files
+                .iter()
+                .filter(|path| path.extension().is_some_and(|e| e == ending))
+                .collect::<Vec<_>>()
+        };
+        let page = fs::read_to_string(folder(name).join("README.md")).unwrap();
+        let pictures = with("svg");
+        assert!(!pictures.is_empty() && !with("toml").is_empty(), "{name}: {files:?}");
+        for picture in pictures {
+            let file = picture.file_name().unwrap().to_str().unwrap();
+            assert!(page.contains(file), "{name}: the page does not show {file}");
+            assert!(fs::metadata(picture).unwrap().len() < 300_000, "{}", picture.display());
+        }
+        for scene in with("toml") {
+            let scene = Scene::read_to_go_on(scene, &[]).unwrap_or_else(|error| panic!("{error}"));
+            assert_eq!(doubts(&scene), Vec::<String>::new(), "{}", scene.title);
+        }
+    }
+}
+
+/// After a twentieth of a second, against Coulomb's law and rolling without slip.
+#[test]
+fn bodies_on_the_incline_move_as_in_the_textbook() {
+    let scene = read("incline/scene.toml", &[]);
+    let sim = run(&scene, 5000);
+    let (down, press) = (scene.gravity.x, -scene.gravity.z);
+    assert!((down / press - 0.4).abs() < 1e-4);
+    let accelerations = [0.0, down - 0.3 * press, down * 5.0 / 7.0, down - 0.05 * press];
+    for (k, acceleration) in accelerations.into_iter().enumerate() {
+        let (velocity, expected) = (sim.particles.velocity[k].x, acceleration * sim.time());
+        assert!((velocity - expected).abs() < 1e-3, "body {k}: {velocity} m/s, {expected} m/s");
+    }
+}
+
+/// How fast the uppermost of a stack turns [rad/s], and a voussoir's highest speed [m/s].
+#[test]
+fn stack_and_arch_stand_or_fall() {
+    let top = |file: &str| {
+        let sim =
+            run(&read("polyhedra/stack.toml", &[&format!("fill.file.0.path={file}")]), 10_000);
+        sim.particles.spin.as_ref().unwrap().angular_velocity[4].norm()
+    };
+    let (stands, falls) = (top("stack_stands.csv"), top("stack_falls.csv"));
+    assert!(stands < 0.05 && falls > 0.2, "{stands} and {falls} rad/s");
+    let keystone = |friction: &str| {
+        let sim = run(&read("polyhedra/arch.toml", &[friction]), 10_000);
+        sim.particles.velocity[3].norm()
+    };
+    let (stands, falls) =
+        (keystone("material.stone.friction=0.32"), keystone("material.stone.friction=0.28"));
+    assert!(stands < 1e-4 && falls > 1e-3, "{stands} and {falls} m/s");
+}
+
+#[test]
+fn heap_and_mixture_begin_to_rain() {
+    for name in ["heap", "mixture"] {
+        let scene = read(&format!("{name}/scene.toml"), &["fill.rain.count=60"]);
+        let sim = run(&scene, 3000);
+        assert!(sim.particles.owned > 20, "{name}: {} grains", sim.particles.owned);
+        let measures = sim.measure(&mut Alone::default());
+        assert!(measures.missing().abs() < 1e-3 * measures.kinetic(), "{name}: {measures:?}");
+    }
+}
+
+/// The shear stress has the sign of the flow, and pressure rises with the square of the rate.
+#[test]
+fn sheared_spheres_press_with_the_square_of_the_rate() {
+    let stresses = |rate: f64| {
+        let scene = read("shear/scene.toml", &[&format!("domain.shear.rate={rate}")]);
+        let strain_of_one = (1.0 / (rate * scene.dt)) as u64;
+        let (mut comm, mut sim) = (Alone::default(), run(&scene, strain_of_one));
+        let (mut pressure, mut shear, samples) = (0.0, 0.0, 40);
+        for _ in 0..samples {
+            for _ in 0..strain_of_one / 40 {
+                sim.step(&mut comm).unwrap();
+            }
+            let bulk = sim.measure(&mut comm).bulk.unwrap();
+            let sum = |k: usize| bulk.of_contacts[k] + bulk.of_motion[k];
+            pressure += (sum(0) + sum(1) + sum(2)) / 3.0 / f64::from(samples);
+            shear += sum(3) / f64::from(samples);
+        }
+        (pressure, shear)
+    };
+    let ((slow, slow_shear), (fast, _)) = (stresses(400.0), stresses(800.0));
+    assert!(slow > 0.0 && (3.0..5.0).contains(&(fast / slow)), "{slow} and {fast} Pa");
+    let friction = -slow_shear / slow;
+    assert!((0.2..0.9).contains(&friction), "{friction}");
+}
+
+/// Each stage takes up the one before, and ends with a status by which a chain stops.
+#[test]
+fn the_three_stages_of_the_triaxial_test_follow_each_other() {
+    let out = fresh_directory("triaxial");
+    let stage = |name: &str, before: Option<&str>, more: &[&str]| {
+        let directory = out.join(name);
+        let start = before.map(|before| format!("start={}", out.join(before).display()));
+        let mut words = vec![folder("triaxial").join(format!("{name}.toml")).display().to_string()];
+        words.extend(["--out".to_owned(), directory.display().to_string()]);
+        words.extend(start.into_iter().flat_map(|start| ["--set".to_owned(), start]));
+        words.extend(more.iter().map(|&word| word.to_owned()));
+        (dem_mpi(Launch::Alone, words).end(), directory)
+    };
+    let loose = ["--set", "stop.servo=0.9", "--set", "stop.unbalanced=0.9"];
+    let (ended, packed) = stage("1-pack", None, &loose);
+    assert_eq!(ended.status.code(), Some(0), "{ended}");
+    assert_eq!(report(&packed)["run"]["particles"], 1088);
+    let (ended, _) = stage("2-compress", Some("1-pack"), &["--set", "time.steps=100"]);
+    assert_eq!(ended.status.code(), Some(4), "a stage that was cut short: {ended}");
+    let (ended, _) = stage("3-shear", Some("2-compress"), &["--set", "time.steps=200"]);
+    assert_eq!(ended.status.code(), Some(0), "{ended}");
+}

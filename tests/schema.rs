@@ -1,0 +1,212 @@
+//! The schema of scenes: it refuses what the reader refuses of a single table, and nothing else.
+
+use anyhow::{Context, Result};
+use dem_mpi::scene::{Scene, keys, schema};
+use serde_json::{Map, Value, json};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn scenes(folder: &str) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_dir() {
+            files.extend(scenes(&path.to_string_lossy())?);
+        } else if path.extension().is_some_and(|e| e == "toml") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+fn read(path: &Path) -> Result<Value> {
+    let scene: toml::Table = fs::read_to_string(path)?.parse()?;
+    Ok(serde_json::to_value(scene)?)
+}
+
+/// Does a value keep to a schema? Knows the keywords of draft 7 that the schema of scenes has, and no others.
+fn keeps(value: &Value, schema: &Value) -> bool {
+    let Value::Object(schema) = schema else { return schema == &Value::Bool(true) };
+    schema.iter().all(|(keyword, asked)| keeps_one(value, schema, keyword, asked))
+}
+
+fn keeps_one(value: &Value, schema: &Map<String, Value>, keyword: &str, asked: &Value) -> bool {
+    let number = |holds: fn(f64, f64) -> bool| {
+        value.as_f64().is_none_or(|x| holds(x, asked.as_f64().unwrap()))
+    };
+    let count = |length: Option<usize>, holds: fn(u64, u64) -> bool| {
+        length.is_none_or(|length| holds(length as u64, asked.as_u64().unwrap()))
+    };
+    let (list, table) = (value.as_array(), value.as_object());
+    match keyword {
+        "$schema" | "title" | "description" | "then" => true,
+        "type" => match asked.as_str().unwrap() {
+            "object" => table.is_some(),
+            "array" => list.is_some(),
+            "string" => value.is_string(),
+            "boolean" => value.is_boolean(),
+            "number" => value.is_number(),
+            "integer" => value.as_f64().is_some_and(|x| x.fract() == 0.0),
+            other => panic!("type {other}"),
+        },
+        "enum" => asked.as_array().unwrap().contains(value),
+        "const" => asked == value,
+        "minimum" => number(|x, least| x >= least),
+        "maximum" => number(|x, most| x <= most),
+        "exclusiveMinimum" => number(|x, least| x > least),
+        "exclusiveMaximum" => number(|x, most| x < most),
+        "minLength" => {
+            count(value.as_str().map(|text| text.chars().count()), |n, least| n >= least)
+        }
+        "minItems" => count(list.map(Vec::len), |n, least| n >= least),
+        "maxItems" => count(list.map(Vec::len), |n, most| n <= most),
+        "minProperties" => count(table.map(Map::len), |n, least| n >= least),
+        "items" => list.is_none_or(|items| items.iter().all(|item| keeps(item, asked))),
+        "required" => table.is_none_or(|table| {
+            asked.as_array().unwrap().iter().all(|key| table.contains_key(key.as_str().unwrap()))
+        }),
+        "properties" => table.is_none_or(|table| {
+            let known = asked.as_object().unwrap();
+            table.iter().all(|(key, value)| known.get(key).is_none_or(|asked| keeps(value, asked)))
+        }),
+        "additionalProperties" => table.is_none_or(|table| {
+            let known = schema.get("properties").and_then(Value::as_object);
+            let is_known = |key: &String| known.is_some_and(|known| known.contains_key(key));
+            table.iter().all(|(key, value)| is_known(key) || keeps(value, asked))
+        }),
+        "anyOf" => asked.as_array().unwrap().iter().any(|one| keeps(value, one)),
+        "allOf" => asked.as_array().unwrap().iter().all(|one| keeps(value, one)),
+        "if" => !keeps(value, asked) || keeps(value, &schema["then"]),
+        other => panic!("the test does not know the keyword {other}"),
+    }
+}
+
+#[test]
+fn good_scenes_keep_to_the_schema() -> Result<()> {
+    let schema = schema::schema();
+    let mut files = scenes("tests/scenes/good")?;
+    files.extend(scenes("run")?);
+    assert!(files.len() > 15, "{} files", files.len());
+    for file in files {
+        assert!(keeps(&read(&file)?, &schema), "{}", file.display());
+    }
+    Ok(())
+}
+
+/// Messages of the reader about what a schema can see.
+fn is_of_form(message: &str) -> bool {
+    let says = |word: &str| message.contains(word);
+    says("no such key") || says(": must be a ") || says(": must be true") || says("no such choice")
+}
+
+#[test]
+fn bad_scenes_do_not() -> Result<()> {
+    let schema = schema::schema();
+    let mut refused = 0;
+    for file in scenes("tests/scenes/bad")? {
+        let Ok(scene) = read(&file) else { continue };
+        let problems = Scene::read(&file, &[]).err().context("a bad scene")?.problems;
+        if problems.iter().any(|problem| is_of_form(&problem.message)) {
+            let kept = keeps(&scene, &schema);
+            assert!(!kept, "{}: keeps to the schema, but {problems:#?}", file.display());
+            refused += 1;
+        }
+    }
+    assert!(refused >= 15, "{refused} scenes");
+    Ok(())
+}
+
+#[test]
+fn every_key_has_a_type_in_the_schema() {
+    let all = keys::all();
+    let named = all.iter().flat_map(|key| key.names.iter().map(move |name| (&key.table, name)));
+    let untyped: Vec<_> =
+        named.filter(|(table, name)| schema::value(table, name).is_none()).collect();
+    assert!(untyped.is_empty(), "say in src/scene/schema.rs what these may be: {untyped:?}");
+}
+
+/// Values of all kinds, of which each key takes some.
+fn samples() -> Vec<Value> {
+    let numbers = [-1.5, -1.0, 0.0, 1e-9, 0.05, 0.3, 0.5, 0.7, 1.0, 1.5, 1.8, 1.9, 3.0];
+    let mut all: Vec<Value> = numbers.map(|x| json!(x)).into();
+    all.extend([json!(0), json!(1), json!(-1), json!(true), json!("no such word"), json!("")]);
+    all.extend([
+        json!([]),
+        json!({}),
+        json!([1.0, 2.0]),
+        json!([1, 1, 1]),
+        json!([0.5, 0.5, -0.5]),
+    ]);
+    all.extend([json!([true, true, true]), json!(["-x"]), json!({ "no such key": 1 })]);
+    all
+}
+
+/// All scenes that differ from this one by the value of one key.
+fn changed(scene: &Value) -> Vec<(String, Value)> {
+    let mut paths = Vec::new();
+    collect(scene, String::new(), &mut paths);
+    let mut all = Vec::new();
+    for path in paths {
+        for sample in samples() {
+            let mut changed = scene.clone();
+            *changed.pointer_mut(&path).expect("it is there") = sample.clone();
+            all.push((format!("{path} = {sample}"), changed));
+        }
+        let (parent, key) = path.rsplit_once('/').expect("it begins with one");
+        let mut without = scene.clone();
+        if let Some(Value::Object(table)) = without.pointer_mut(parent) {
+            table.remove(key);
+            all.push((format!("without {path}"), without));
+        }
+    }
+    all
+}
+
+fn collect(value: &Value, path: String, into: &mut Vec<String>) {
+    let mut inside = |key: &str, value: &Value| {
+        let path = format!("{path}/{key}");
+        into.push(path.clone());
+        collect(value, path, into);
+    };
+    match value {
+        Value::Object(table) => table.iter().for_each(|(key, value)| inside(key, value)),
+        // Of long lists some will do.
+        Value::Array(list) => {
+            list.iter().take(2).enumerate().for_each(|(k, value)| inside(&k.to_string(), value));
+        }
+        _ => {}
+    }
+}
+
+fn to_toml(scene: &Value) -> Result<String> {
+    let table: Map<String, Value> = serde_json::from_value(scene.clone())?;
+    Ok(toml::to_string(&table)?)
+}
+
+/// What the schema refuses the reader refuses; what the reader finds wrong with the type, the range or the name of a value
+/// the schema refuses. Tried with every key of the good scenes.
+#[test]
+fn the_schema_says_what_the_reader_says() -> Result<()> {
+    let (schema, folder) = (schema::schema(), Path::new("tests/scenes/good"));
+    let (mut both, mut wrong) = (0, Vec::new());
+    for name in ["every_key.toml", "hertz.toml", "solids.toml"] {
+        for (change, scene) in changed(&read(&folder.join(name))?) {
+            let Ok(text) = to_toml(&scene) else { continue };
+            let problems =
+                Scene::parse(&text, name, folder, &[]).err().map_or(vec![], |e| e.problems);
+            let kept = keeps(&scene, &schema);
+            if !kept && problems.is_empty() {
+                wrong.push(format!("{name}: {change}: refused by the schema alone"));
+            }
+            if kept && problems.iter().any(|problem| is_of_form(&problem.message)) {
+                let messages: Vec<&str> = problems.iter().map(|p| &*p.message).collect();
+                wrong.push(format!("{name}: {change}: refused by the reader alone: {messages:?}"));
+            }
+            both += usize::from(!kept && !problems.is_empty());
+        }
+    }
+    assert!(wrong.is_empty(), "{} differ:\n{}", wrong.len(), wrong.join("\n"));
+    assert!(both > 1000, "{both} refused by both");
+    Ok(())
+}
