@@ -258,6 +258,7 @@ fn assert_closed(body: &mut Clipped, pose: &Pose) {
         let offset = plane.offset + normal.dot(&pose.frames[0].tr_mul(&pose.r));
         body.cut(&Plane { normal, offset });
     }
+    body.end();
     body.pack();
     assert_eq!(body.left().len(), body.vertices().len());
     let mut sides: BTreeMap<(u32, u32), i32> = BTreeMap::new();

@@ -1,16 +1,16 @@
 //! Cutting a convex polyhedron by planes: exact in its combinatorics, without tolerances.
 //!
-//! A vertex lies inside a plane or outside; nothing lies on it. Where an edge goes from inside to outside, one new
-//! vertex is made for it, from the end with the lower index to the other, and both faces at that edge use it. In each
-//! face the edge by which its outline leaves the plane's inside is linked with the one by which it comes back. Each new
-//! vertex is such an exit of one of its two faces, and an entry of the other. So these links are a permutation of the
-//! new vertices, and its cycles are the polygons of the cut.
+//! A vertex lies inside a plane or outside; nothing lies on it. An edge is two sides, one of each of its faces, in opposite
+//! directions. A side that goes from inside to outside is an exit, its twin an entry, and the edge gets one new vertex,
+//! at which both its sides end and begin. In each face an exit is linked with the next entry by a new side, whose twin
+//! is a side of the cut. Each new vertex is that of one exit and of one entry. So the sides of the cut
+//! are a permutation of the new vertices, and its cycles are the polygons of the cut.
 //!
 //! The surface therefore stays closed whatever the rounding of vertices and planes: for coplanar faces, for shared edges
 //! and corners, and where rounding lets an outline cross a plane four times. (Compare Sutherland and Hodgman 1974,
 //! DOI 10.1145/360767.360802, who cut one polygon.)
 
-use super::facets::{Facets, Plane};
+use super::facets::{Edge, Facets, Plane};
 use crate::math::Vec3;
 
 /// A face of a cut polyhedron.
@@ -27,11 +27,10 @@ pub struct Face<'a> {
 /// A face, without its corners.
 #[derive(Clone, Copy, Debug)]
 struct Outline {
-    /// Where it starts and ends among the corners of all faces.
-    start: u32,
+    /// Where it ends among the corners of all faces; it starts where the one before it ends.
     end: u32,
-    plane: Plane,
-    is_cut: bool,
+    /// Whose plane it has.
+    plane: u32,
 }
 
 /// A convex polyhedron that is cut by one plane after the other. It keeps its memory from one polyhedron to the next.
@@ -43,23 +42,27 @@ pub struct Clipped {
     vertices: Vec<Vec3>,
     /// Those that are not cut off, in rising order.
     left: Vec<u32>,
-    /// Vertices of faces, also of those that are no more.
-    corners: Vec<u32>,
-    faces: Vec<Outline>,
     /// How far vertices that were left lie outside the plane [m].
     heights: Vec<f64>,
-    /// Edges that are cut, by the lower and the higher index of their ends.
-    edges: Vec<(u32, u32)>,
-    /// The new vertex that follows that of a cut edge in the outline of the cut.
-    after: Vec<u32>,
-    /// Room for [`Clipped::pack`].
-    packed: (Vec<Vec3>, Vec<u32>),
-    /// Where vertices go in it.
-    places: Vec<u32>,
+    /// All that were made.
+    edges: Vec<Edge>,
+    /// Those that are not cut off, in rising order.
+    edges_left: Vec<u32>,
+    /// Sides that go from inside to outside.
+    exits: Vec<u32>,
+    /// The side of the cut that begins at each new vertex.
+    of_cut: Vec<u32>,
+    /// Those of the body's faces, then those of the cuts.
+    planes: Vec<Plane>,
+    /// How many are the body's.
+    of_body: usize,
+    /// Corners of all faces, see [`Clipped::end`].
+    corners: Vec<u32>,
+    faces: Vec<Outline>,
 }
 
-/// No vertex.
-const NONE: u32 = u32::MAX;
+/// The face of a side that is among the corners.
+const DONE: u32 = u32::MAX;
 
 impl Clipped {
     /// Begins with a body.
@@ -67,17 +70,18 @@ impl Clipped {
         self.clear();
         self.vertices.extend_from_slice(body.vertices());
         self.left.extend(0..body.vertices().len() as u32);
-        self.corners.extend_from_slice(body.corners());
-        let mut start = 0;
-        self.faces.extend(body.ends().iter().zip(body.planes()).map(|(&end, &plane)| {
-            let start = std::mem::replace(&mut start, end);
-            Outline { start, end, plane, is_cut: false }
-        }));
+        self.edges.extend_from_slice(body.edges());
+        self.edges_left.extend(0..body.edges().len() as u32);
+        self.planes.extend_from_slice(body.planes());
+        self.of_body = body.planes().len();
     }
 
     fn clear(&mut self) {
         self.vertices.clear();
         self.left.clear();
+        self.edges.clear();
+        self.edges_left.clear();
+        self.planes.clear();
         self.corners.clear();
         self.faces.clear();
     }
@@ -85,7 +89,7 @@ impl Clipped {
     /// Leaves the part with `p · normal <= offset`. Is there any?
     pub fn cut(&mut self, plane: &Plane) -> bool {
         if !self.measure(plane) {
-            return !self.faces.is_empty();
+            return !self.left.is_empty();
         }
         let heights = &self.heights;
         self.left.retain(|&vertex| heights[vertex as usize] <= 0.0);
@@ -93,23 +97,11 @@ impl Clipped {
             self.clear();
             return false;
         }
-        self.edges.clear();
-        self.after.clear();
+        self.find_exits();
         let first = self.vertices.len() as u32;
-        let mut kept = 0;
-        for face in 0..self.faces.len() {
-            let outline = self.faces[face];
-            let corners = &self.corners[outline.start as usize..outline.end as usize];
-            let inside = corners.iter().filter(|&&c| self.heights[c as usize] <= 0.0).count();
-            if inside > 0 {
-                let is_whole = inside == corners.len();
-                self.faces[kept] = if is_whole { outline } else { self.cut_face(outline) };
-                kept += 1;
-            }
-        }
-        self.faces.truncate(kept);
-        self.close(plane);
+        self.make_vertices();
         self.left.extend(first..self.vertices.len() as u32);
+        self.link(first, plane);
         true
     }
 
@@ -125,121 +117,157 @@ impl Clipped {
         !all_inside
     }
 
-    /// What is inside of a face.
-    fn cut_face(&mut self, outline: Outline) -> Outline {
-        let start = self.corners.len() as u32;
-        let mut last = self.corners[outline.end as usize - 1];
-        let mut was_inside = self.heights[last as usize] <= 0.0;
-        let (mut exit, mut first_entry) = (NONE, NONE);
-        for k in outline.start..outline.end {
-            let here = self.corners[k as usize];
-            let inside = self.heights[here as usize] <= 0.0;
-            if inside != was_inside {
-                let vertex = self.on_edge(last, here);
-                self.corners.push(vertex);
-                if was_inside {
-                    exit = vertex;
-                } else if exit == NONE {
-                    first_entry = vertex;
-                } else {
-                    self.link(vertex, exit);
-                    exit = NONE;
+    /// Leaves the edges of which an end is inside, and finds the sides that go out. Without branches, as nobody can guess them.
+    fn find_exits(&mut self) {
+        let Self { heights, edges, edges_left, exits, .. } = self;
+        exits.resize(edges_left.len(), 0);
+        let (mut left, mut out) = (0, 0);
+        for k in 0..edges_left.len() {
+            let edge = edges_left[k];
+            let [from, to] = edges[edge as usize].from;
+            let (one, other) = (heights[from as usize] <= 0.0, heights[to as usize] <= 0.0);
+            edges_left[left] = edge;
+            left += usize::from(one | other);
+            exits[out] = 2 * edge + u32::from(other);
+            out += usize::from(one != other);
+        }
+        edges_left.truncate(left);
+        exits.truncate(out);
+    }
+
+    /// On each edge that is cut, a vertex where its entry begins.
+    fn make_vertices(&mut self) {
+        let Self { vertices, heights, edges, exits, .. } = self;
+        for &exit in exits.iter() {
+            let (edge, side) = place(exit);
+            let from = &mut edges[edge].from;
+            let [inside, outside] = [from[side], from[1 - side]];
+            from[1 - side] = vertices.len() as u32;
+            let (below, above) = (heights[inside as usize], heights[outside as usize]);
+            let (p, q) = (vertices[inside as usize], vertices[outside as usize]);
+            vertices.push(p + (q - p) * (below / (below - above)));
+        }
+    }
+
+    /// Links exits with entries, and makes the sides of the cut. New vertices begin with the `first`.
+    fn link(&mut self, first: u32, plane: &Plane) {
+        let Self { edges, exits, of_cut, planes, .. } = self;
+        let cut = planes.len() as u32;
+        planes.push(*plane);
+        of_cut.resize(exits.len(), 0);
+        let new = edges.len() as u32;
+        for (number, &exit) in (0..).zip(exits.iter()) {
+            let (edge, side) = place(exit);
+            let mut next = edges[edge].next[side];
+            let entry = loop {
+                let (edge, side) = place(next);
+                let from = edges[edge].from[side];
+                if from >= first {
+                    break from;
                 }
-            }
-            if inside {
-                self.corners.push(here);
-            }
-            (last, was_inside) = (here, inside);
+                next = edges[edge].next[side];
+            };
+            let here = 2 * (new + number);
+            edges[edge].next[side] = here;
+            of_cut[(entry - first) as usize] = here + 1;
+            let face = [edges[edge].face[side], cut];
+            edges.push(Edge { from: [first + number, entry], next: [next, 0], face });
         }
-        if first_entry != NONE {
-            self.link(first_entry, exit);
-        }
-        Outline { start, end: self.corners.len() as u32, ..outline }
+        self.close(new);
     }
 
-    /// The new vertex on an edge, which is made once.
-    fn on_edge(&mut self, one: u32, other: u32) -> u32 {
-        let edge = if one < other { (one, other) } else { (other, one) };
-        let first = self.vertices.len() - self.edges.len();
-        if let Some(known) = self.edges.iter().position(|known| *known == edge) {
-            return (first + known) as u32;
-        }
-        let [from, to] = [edge.0 as usize, edge.1 as usize];
-        let part = self.heights[from] / (self.heights[from] - self.heights[to]);
-        let [p, q] = [self.vertices[from], self.vertices[to]];
-        self.vertices.push(p + (q - p) * part);
-        self.edges.push(edge);
-        self.after.push(NONE);
-        (self.vertices.len() - 1) as u32
-    }
-
-    /// In the outline of the cut, `exit` follows `entry`.
-    fn link(&mut self, entry: u32, exit: u32) {
-        let first = self.vertices.len() - self.edges.len();
-        self.after[entry as usize - first] = exit;
-    }
-
-    /// Adds the polygons of the cut. One of two corners has no area, and its two sides are one edge.
-    fn close(&mut self, plane: &Plane) {
-        let Self { vertices, corners, faces, after, .. } = self;
-        let first = vertices.len() - after.len();
-        for begin in 0..after.len() {
-            let start = corners.len();
-            let mut here = begin;
-            while after[here] != NONE {
-                corners.push((first + here) as u32);
-                here = std::mem::replace(&mut after[here], NONE) as usize - first;
-            }
-            let end = corners.len();
-            if end - start > 2 {
-                let (start, end) = (start as u32, end as u32);
-                faces.push(Outline { start, end, plane: *plane, is_cut: true });
+    /// Links the sides of the cut with each other. Edges of the cut begin with the `new`.
+    fn close(&mut self, new: u32) {
+        for number in 0..self.of_cut.len() as u32 {
+            let next = self.of_cut[number as usize];
+            self.edges[(new + number) as usize].next[1] = next;
+            let after = next / 2 - new;
+            let is_pair = self.of_cut[after as usize] / 2 - new == number;
+            if !is_pair || number < after {
+                self.edges_left.push(new + number);
             } else {
-                corners.truncate(start);
+                self.join(new, [after, number]);
             }
         }
     }
 
-    /// Forgets what was cut off: from now on there are no other vertices than those that are left.
+    /// Where the cut has two corners, its polygon has no area: the two sides beyond it are one edge.
+    fn join(&mut self, new: u32, [one, other]: [u32; 2]) {
+        let Edge { from, next, face } = self.edges[(new + other) as usize];
+        let joined = &mut self.edges[(new + one) as usize];
+        (joined.from[1], joined.next[1], joined.face[1]) = (from[0], next[0], face[0]);
+        let (edge, side) = place(self.exits[other as usize]);
+        self.edges[edge].next[side] = 2 * (new + one) + 1;
+    }
+
+    /// Ends the cutting: finds the faces, by going round each.
+    pub fn end(&mut self) {
+        let Self { edges, edges_left, corners, faces, .. } = self;
+        corners.clear();
+        faces.clear();
+        for &edge in edges_left.iter() {
+            for side in 0..2 {
+                let plane = edges[edge as usize].face[side];
+                if plane == DONE {
+                    continue;
+                }
+                let first = 2 * edge + side as u32;
+                let mut here = first;
+                loop {
+                    let (edge, side) = place(here);
+                    let edge = &mut edges[edge];
+                    edge.face[side] = DONE;
+                    corners.push(edge.from[side]);
+                    here = edge.next[side];
+                    if here == first {
+                        break;
+                    }
+                }
+                faces.push(Outline { end: corners.len() as u32, plane });
+            }
+        }
+        edges_left.clear();
+    }
+
+    /// Once it has ended, forgets what was cut off, so that there are no other vertices than those that are left.
     pub fn pack(&mut self) {
-        let Self { vertices, left, corners, faces, packed, places, .. } = self;
-        let (packed_vertices, packed_corners) = packed;
-        packed_vertices.clear();
-        packed_corners.clear();
-        places.resize(vertices.len(), NONE);
-        for vertex in left.iter_mut() {
-            let place = packed_vertices.len() as u32;
+        let mut places = vec![0; self.vertices.len()];
+        for (place, vertex) in (0..).zip(&mut self.left) {
+            self.vertices[place as usize] = self.vertices[*vertex as usize];
             places[*vertex as usize] = place;
-            packed_vertices.push(vertices[*vertex as usize]);
             *vertex = place;
         }
-        for face in faces {
-            let start = packed_corners.len() as u32;
-            let range = face.start as usize..face.end as usize;
-            packed_corners.extend(corners[range].iter().map(|&corner| places[corner as usize]));
-            (face.start, face.end) = (start, packed_corners.len() as u32);
+        self.vertices.truncate(self.left.len());
+        for corner in &mut self.corners {
+            *corner = places[*corner as usize];
         }
-        std::mem::swap(vertices, packed_vertices);
-        std::mem::swap(corners, packed_corners);
     }
 
-    /// The vertices that are left [m], in the order of their making.
-    pub fn left(&self) -> impl ExactSizeIterator<Item = &Vec3> + Clone {
-        self.left.iter().map(|&vertex| &self.vertices[vertex as usize])
+    /// Indices of the vertices that are left, in the order of their making.
+    pub fn left(&self) -> &[u32] {
+        &self.left
     }
 
-    /// All vertices that were made since it was packed [m]: the corners of faces are indices of these.
+    /// All vertices that were made [m], also those that were cut off.
     pub fn vertices(&self) -> &[Vec3] {
         &self.vertices
     }
 
-    /// Its faces: first those of the body, then the cuts in their order.
+    /// Its faces, once it has ended.
     pub fn faces(&self) -> impl Iterator<Item = Face<'_>> {
-        self.faces.iter().map(|&Outline { start, end, plane, is_cut }| {
-            let corners = &self.corners[start as usize..end as usize];
-            Face { corners, plane, is_cut }
+        let mut start = 0;
+        self.faces.iter().map(move |&Outline { end, plane }| {
+            let corners = &self.corners[start..end as usize];
+            start = end as usize;
+            let plane = plane as usize;
+            Face { corners, plane: self.planes[plane], is_cut: plane >= self.of_body }
         })
     }
+}
+
+/// The edge of a side, and which of its two sides it is.
+const fn place(side: u32) -> (usize, usize) {
+    ((side / 2) as usize, (side % 2) as usize)
 }
 
 /// The body inside planes, as far as it lies in the cube about the origin with this half edge [m]. `None` if
@@ -248,12 +276,13 @@ pub fn inside(planes: &[Plane], half_edge: f64) -> Option<Facets> {
     let mut body = Clipped::default();
     body.begin(&cube(half_edge));
     planes.iter().all(|plane| body.cut(plane)).then(|| {
+        body.end();
         body.pack();
         let mut facets = Facets::without_faces(body.vertices());
         for face in body.faces() {
             facets.push(face.plane, face.corners);
         }
-        facets
+        facets.closed()
     })
 }
 
@@ -269,5 +298,5 @@ fn cube(half_edge: f64) -> Facets {
         let sign = if k % 2 == 0 { -1.0 } else { 1.0 };
         cube.push(Plane { normal: Vec3::ith(k / 2, sign), offset: half_edge }, polygon);
     }
-    cube
+    cube.closed()
 }

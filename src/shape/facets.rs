@@ -14,6 +14,19 @@ pub struct Plane {
     pub offset: f64,
 }
 
+/// An edge: a side of each of its two faces, in opposite directions.
+///
+/// Sides have numbers: those of edge `e` are `2 e` and `2 e + 1`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Edge {
+    /// The vertices where the sides begin.
+    pub(super) from: [u32; 2],
+    /// The next side of either's face.
+    pub(super) next: [u32; 2],
+    /// Either's face.
+    pub(super) face: [u32; 2],
+}
+
 /// A convex polyhedron by its faces.
 ///
 /// The polygons close the surface: each side of one is a side of exactly one other, in the opposite direction.
@@ -25,6 +38,7 @@ pub struct Facets {
     corners: Vec<u32>,
     /// The corners of face `k` are `corners[first[k]..first[k + 1]]`.
     first: Vec<u32>,
+    edges: Vec<Edge>,
     bounding_radius: f64,
 }
 
@@ -47,10 +61,10 @@ impl Facets {
                 None => triangles.iter().for_each(|corners| facets.push(*plane, corners)),
             }
         }
-        facets
+        facets.closed()
     }
 
-    /// Of a body to which faces will be added.
+    /// Of a body to which faces will be added, until it is [`Facets::closed`].
     pub(super) fn without_faces(vertices: &[Vec3]) -> Self {
         let bounding_radius = vertices.iter().map(Vec3::norm).fold(0.0, f64::max);
         Self { vertices: vertices.to_vec(), first: vec![0], bounding_radius, ..Self::default() }
@@ -61,6 +75,54 @@ impl Facets {
         self.planes.push(plane);
         self.corners.extend_from_slice(polygon);
         self.first.push(self.corners.len() as u32);
+    }
+
+    /// With all faces: finds the edges, in the order in which their first sides stand among the corners.
+    pub(super) fn closed(mut self) -> Self {
+        let mut sides = Vec::with_capacity(self.corners.len());
+        for (face, ends) in (0..).zip(self.first.windows(2)) {
+            let corners = &self.corners[ends[0] as usize..ends[1] as usize];
+            for (k, &from) in corners.iter().enumerate() {
+                let last = k + 1 == corners.len();
+                let (to, next) = if last {
+                    (corners[0], ends[0])
+                } else {
+                    (corners[k + 1], ends[0] + k as u32 + 1)
+                };
+                sides.push((from, to, next, face));
+            }
+        }
+        let mut forth: Vec<usize> = (0..sides.len()).collect();
+        let mut back = forth.clone();
+        forth.sort_by_key(|&side| (sides[side].0, sides[side].1));
+        back.sort_by_key(|&side| (sides[side].1, sides[side].0));
+        let mut twin = vec![0; sides.len()];
+        for (side, beyond) in forth.into_iter().zip(back) {
+            twin[side] = beyond;
+        }
+        let mut number = vec![0; sides.len()];
+        let firsts: Vec<usize> = (0..sides.len()).filter(|&side| side < twin[side]).collect();
+        for (edge, &side) in (0..).zip(&firsts) {
+            number[side] = 2 * edge;
+            number[twin[side]] = 2 * edge + 1;
+        }
+        self.edges = firsts
+            .iter()
+            .map(|&side| {
+                let both = [sides[side], sides[twin[side]]];
+                Edge {
+                    from: both.map(|(from, ..)| from),
+                    next: both.map(|(_, _, next, _)| number[next as usize]),
+                    face: both.map(|(.., face)| face),
+                }
+            })
+            .collect();
+        self
+    }
+
+    /// The edges.
+    pub(super) fn edges(&self) -> &[Edge] {
+        &self.edges
     }
 
     /// The corners of the body [m].

@@ -65,14 +65,11 @@ use std::cell::RefCell;
 /// bodies are so deep in each other that hardly anything but a moment is left.
 const FAR: f64 = 2.0;
 
-/// The vertex about which the moments of what is shared are found.
-const ORIGIN: u32 = 0;
-
 /// Room for what is cut, kept from one pair to the next.
 #[derive(Default)]
 struct Scratch {
     shared: Clipped,
-    /// Vertices about one of them, in axes of which the third is across what is shared.
+    /// Vertices that are left, about one of them, in axes of which the third is across what is shared.
     local: Vec<Vec3>,
     /// `K (x - c)` of the vertices.
     turned: Vec<Vec3>,
@@ -147,7 +144,7 @@ impl Scratch {
         if !self.shared.cut(&self.planes[first]) {
             return None;
         }
-        let (centre, radius) = ball(self.shared.left());
+        let (centre, radius) = self.ball();
         for (k, plane) in self.planes.iter().enumerate() {
             let cannot_cut = centre.dot(&plane.normal) + radius <= plane.offset;
             if k != first && !cannot_cut && !self.shared.cut(plane) {
@@ -157,16 +154,27 @@ impl Scratch {
         Some(())
     }
 
+    /// A ball that holds what is left.
+    fn ball(&self) -> (Vec3, f64) {
+        let left = || self.shared.left().iter().map(|&k| &self.shared.vertices()[k as usize]);
+        let centre = left().sum::<Vec3>() / self.shared.left().len() as f64;
+        let squared = |point: &Vec3| (point - centre).norm_squared();
+        (centre, left().map(squared).fold(0.0, f64::max).sqrt())
+    }
+
     /// Thickness of what is shared, and its gradient, in the axes of A.
     fn measure(&mut self, size: f64) -> Option<Thickness> {
-        self.shared.pack();
+        self.shared.end();
         let by_cuts = self.has_fewer_cuts()?;
         let axes = self.axes(by_cuts)?;
         let vertices = self.shared.vertices();
-        let origin = vertices[ORIGIN as usize];
-        self.local.clear();
-        self.local.extend(vertices.iter().map(|vertex| axes.tr_mul(&(vertex - origin))));
-        let Moments { volume, centroid, covariance } = self.moments()?;
+        let &first = self.shared.left().first()?;
+        let origin = vertices[first as usize];
+        self.local.resize(vertices.len(), Vec3::zeros());
+        for &vertex in self.shared.left() {
+            self.local[vertex as usize] = axes.tr_mul(&(vertices[vertex as usize] - origin));
+        }
+        let Moments { volume, centroid, covariance } = self.moments(first)?;
 
         let cofactors = cofactors(&covariance);
         let sum = cofactors.trace();
@@ -185,7 +193,8 @@ impl Scratch {
         let (force, moment) = (force * (6.0 / volume), moment * (6.0 / volume));
         let squared = force.norm_squared();
         let lever = force.cross(&moment);
-        let reach = self.local.iter().map(Vec3::norm_squared).fold(0.0, f64::max);
+        let far = |vertex: &u32| self.local[*vertex as usize].norm_squared();
+        let reach = self.shared.left().iter().map(far).fold(0.0, f64::max);
         let has_axis = lever.norm_squared() < FAR * FAR * reach * squared * squared;
         if !has_axis {
             return None;
@@ -237,12 +246,12 @@ impl Scratch {
         Some(Mat3::from_columns(&[across, up.cross(&across), up]))
     }
 
-    /// Volume, centroid and covariance in local axes. `None` if there is no volume.
-    fn moments(&self) -> Option<Moments> {
+    /// Volume, centroid and covariance in local axes, with this vertex as their origin. `None` if there is no volume.
+    fn moments(&self, origin: u32) -> Option<Moments> {
         let (mut volume, mut first) = (0.0, Vec3::zeros());
         let (mut squares, mut products) = (Vec3::zeros(), Vec3::zeros());
         // Nothing is between the origin and a face on which it lies.
-        for face in self.shared.faces().filter(|face| !face.corners.contains(&ORIGIN)) {
+        for face in self.shared.faces().filter(|face| !face.corners.contains(&origin)) {
             for [a, b, c] in fan(face.corners) {
                 let [a, b, c] = [&self.local[a], &self.local[b], &self.local[c]];
                 // The tetrahedron from the origin to the triangle, six times its volume.
@@ -273,11 +282,12 @@ impl Scratch {
     /// `Σ n ∫ (|w|² - s) dA` over the facets of A, and the same of the moment about the centroid, in local axes: force and
     /// moment of A on B. From those of B, with the opposite sign, `by_cuts`.
     fn gradient(&mut self, k: &Mat3, centroid: &Vec3, s: f64, by_cuts: bool) -> (Vec3, Vec3) {
-        for vertex in &mut self.local {
-            *vertex -= centroid;
+        self.turned.resize(self.local.len(), Vec3::zeros());
+        for &vertex in self.shared.left() {
+            let vertex = vertex as usize;
+            self.local[vertex] -= centroid;
+            self.turned[vertex] = k * self.local[vertex];
         }
-        self.turned.clear();
-        self.turned.extend(self.local.iter().map(|vertex| k * vertex));
         let (mut force, mut moment) = (Vec3::zeros(), Vec3::zeros());
         for face in self.shared.faces().filter(|face| face.is_cut == by_cuts) {
             for [a, b, c] in fan(face.corners) {
@@ -326,11 +336,4 @@ fn lowest(planes: &[Plane]) -> Option<usize> {
         }
     }
     best
-}
-
-/// A ball that holds points.
-fn ball<'a>(points: impl ExactSizeIterator<Item = &'a Vec3> + Clone) -> (Vec3, f64) {
-    let centre = points.clone().sum::<Vec3>() / points.len() as f64;
-    let squared = |point: &Vec3| (point - centre).norm_squared();
-    (centre, points.map(squared).fold(0.0, f64::max).sqrt())
 }

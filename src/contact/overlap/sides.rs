@@ -37,15 +37,31 @@
 use super::thickness::{THIN, Thickness};
 use crate::contact::patch::nearest_of_segments;
 use crate::contact::{Outcome, Posed, PosedCore, Why};
+use crate::lanes::{Eight, Kernel, Triple, WIDTH, dispatch};
 use crate::math::{Mat3, Vec3};
 use crate::shape::Shape;
 
-/// Places and weights of Gauss' rule with eight points on [-1, 1], the positive half.
-const GAUSS: [[f64; 2]; 4] = [
-    [0.183_434_642_495_649_8, 0.362_683_783_378_362],
-    [0.525_532_409_916_329, 0.313_706_645_877_887_3],
-    [0.796_666_477_413_626_7, 0.222_381_034_453_374_48],
-    [0.960_289_856_497_536_3, 0.101_228_536_290_376_26],
+/// Places of Gauss' rule with eight points on [-1, 1].
+const PLACES: [f64; WIDTH] = [
+    -0.960_289_856_497_536_3,
+    -0.796_666_477_413_626_7,
+    -0.525_532_409_916_329,
+    -0.183_434_642_495_649_8,
+    0.183_434_642_495_649_8,
+    0.525_532_409_916_329,
+    0.796_666_477_413_626_7,
+    0.960_289_856_497_536_3,
+];
+/// Their weights.
+const WEIGHTS: [f64; WIDTH] = [
+    0.101_228_536_290_376_26,
+    0.222_381_034_453_374_48,
+    0.313_706_645_877_887_3,
+    0.362_683_783_378_362,
+    0.362_683_783_378_362,
+    0.313_706_645_877_887_3,
+    0.222_381_034_453_374_48,
+    0.101_228_536_290_376_26,
 ];
 
 /// The points of a line have a mean distance from its middle of `√3/2` of their radius of gyration, those of a disc
@@ -110,25 +126,66 @@ impl Integrals {
     /// Adds the part from `low` to `high`, where the nearest point of the other axis is seen from the one at `s` along `w[0] + s w[1]`.
     fn add(&mut self, [low, high]: [f64; 2], w: &[Vec3; 2], reach: f64) {
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-        for [place, weight] in GAUSS {
-            for s in [middle - half * place, middle + half * place] {
-                let to_other = w[0] + w[1] * s;
-                let distance = to_other.norm();
-                let (normal, depth) = (to_other / distance, reach - distance);
-                let weight = half * weight;
-                let [once, squared] = [weight * depth, depth * depth];
-                for (sum, part) in
-                    self.depth.iter_mut().zip([once, once * s, once * (s * s), once * squared])
-                {
-                    *sum += part;
-                }
-                for (k, weight) in [weight, weight * squared].into_iter().enumerate() {
-                    self.normal[k] += normal * weight;
-                    self.moment[k] += normal * (weight * s);
-                }
-            }
+        let mut sums = [0.0; 10];
+        dispatch(Part { middle, half, w, reach, sums: &mut sums });
+        for (sum, part) in self.depth.iter_mut().zip(sums) {
+            *sum += half * part;
+        }
+        // The direction is `(w[0] + s w[1]) / |w|`.
+        for (k, [zeroth, first, second]) in
+            [[sums[4], sums[5], sums[6]], [sums[7], sums[8], sums[9]]].into_iter().enumerate()
+        {
+            self.normal[k] += (w[0] * zeroth + w[1] * first) * half;
+            self.moment[k] += (w[0] * first + w[1] * second) * half;
         }
     }
+}
+
+/// A part of an axis, with all points of Gauss' rule at once.
+struct Part<'a> {
+    middle: f64,
+    half: f64,
+    w: &'a [Vec3; 2],
+    reach: f64,
+    /// Of `δ`, `s δ`, `s² δ`, `δ³`, and of `1`, `s`, `s²` and `δ²`, `s δ²`, `s² δ²` over the distance `|w|`.
+    sums: &'a mut [f64; 10],
+}
+
+impl Kernel for Part<'_> {
+    #[inline(always)]
+    fn run<L: Eight>(self) {
+        let Self { middle, half, w: [start, slope], reach, sums } = self;
+        let all = |v: &Vec3| Triple { x: L::all(v.x), y: L::all(v.y), z: L::all(v.z) };
+        let weight = L::load(&WEIGHTS);
+        let s = L::all(middle) + L::all(half) * L::load(&PLACES);
+        let to_other = all(start).plus(all(slope).times(s));
+        let distance = to_other.dot(to_other).sqrt();
+        let depth = L::all(reach) - distance;
+        let squared = depth * depth;
+        let inverse = weight / distance;
+        let once = weight * depth;
+        let pushed = squared * inverse;
+        let (by_s, inverse_by_s, pushed_by_s) = (once * s, inverse * s, pushed * s);
+        *sums = [
+            total(once),
+            total(by_s),
+            total(by_s * s),
+            total(once * squared),
+            total(inverse),
+            total(inverse_by_s),
+            total(inverse_by_s * s),
+            total(pushed),
+            total(pushed_by_s),
+            total(pushed_by_s * s),
+        ];
+    }
+}
+
+/// The sum over all lanes.
+#[inline(always)]
+fn total<L: Eight>(lanes: L) -> f64 {
+    let [a, b, c, d, e, f, g, h] = lanes.store();
+    ((a + e) + (c + g)) + ((b + f) + (d + h))
 }
 
 /// Where `|w[0] + s w[1]| < reach` between two values of `s`.
