@@ -48,6 +48,11 @@ fn chung_and_ooi() {
 }
 
 #[test]
+fn oblique_impacts_of_elastic_balls() {
+    check("elastic");
+}
+
+#[test]
 fn free_motion() {
     check("free_motion");
 }

@@ -54,7 +54,12 @@ impl Touching {
         let mut found = Found {
             state: vec![f64::NAN; count * law.stride],
             forces: vec![Vec3::zeros(); count],
-            sums: Sums { force: zeros.clone(), torque: zeros, wall_work: Vec::new() },
+            sums: Sums {
+                force: zeros.clone(),
+                torque: zeros,
+                turned: Vec::new(),
+                wall_work: Vec::new(),
+            },
         };
         let mut work = Work {
             pairs: &self.pairs,
