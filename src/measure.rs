@@ -161,9 +161,9 @@ enum Of {
     Stored,
     StepEnergy,
     Dissipated,
-    OfFriction,
-    OfTurning,
-    OfDamping,
+    Rubbed,
+    Turned,
+    Damped,
     Received,
     NormalForce,
     /// Of a particle: its contacts and gravity.
@@ -174,7 +174,7 @@ enum Of {
 }
 
 /// Those of [`Quantity::CHANNELS`].
-const CHANNELS: [Of; 3] = [Of::OfFriction, Of::OfTurning, Of::OfDamping];
+const CHANNELS: [Of; 3] = [Of::Rubbed, Of::Turned, Of::Damped];
 
 /// Measures the whole system at the end of a step of `dt` [s]. Collective.
 pub fn measure(

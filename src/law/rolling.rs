@@ -70,6 +70,8 @@ const ABOUT_CENTRE: f64 = 0.4;
 const ROLLED: StateColumn = StateColumn::new("rolled", 3, "rad");
 /// Angle by which A has twisted against B about the normal.
 const TWISTED: StateColumn = StateColumn::new("twisted", 1, "rad");
+/// Normal stiffness `k_n` of the last touch: angles and this have the energy.
+const NORMAL_STIFFNESS: StateColumn = StateColumn::new("turning_load_stiffness", 1, "N/m");
 /// All of the moment of the last touch: where there are dashpots, or where twisting has made a part of it.
 const MOMENT: StateColumn = StateColumn::new("turning_moment", 3, "N m");
 
@@ -95,7 +97,12 @@ impl<M: Model> Rolling<M> {
         let rolls = any(|c| c.rolling_friction > 0.0);
         let twists = any(|c| c.twisting_friction > 0.0);
         let remembers = twists || any(|c| c.rolling_friction > 0.0 && c.damping_ratio > 0.0);
-        let columns = [(rolls, ROLLED), (twists, TWISTED), (remembers, MOMENT)];
+        let columns = [
+            (rolls, ROLLED),
+            (twists, TWISTED),
+            (rolls || twists, NORMAL_STIFFNESS),
+            (remembers, MOMENT),
+        ];
         let mut state: Vec<_> =
             columns.into_iter().filter(|(is_in, _)| *is_in).map(|(_, c)| c).collect();
         let own = StateColumn::total_width(&state);
@@ -112,7 +119,12 @@ impl<M: Model> Rolling<M> {
     #[inline(always)]
     fn read<L: Lanes>(&self, state: &[L]) -> Turned<L> {
         let zero = L::all(0.0);
-        let mut turned = Turned { rolled: Triple::zero(), twisted: zero, moment: Triple::zero() };
+        let mut turned = Turned {
+            rolled: Triple::zero(),
+            twisted: zero,
+            stiffness: zero,
+            moment: Triple::zero(),
+        };
         let mut at = 0;
         if self.rolls {
             turned.rolled = triple(state);
@@ -122,8 +134,9 @@ impl<M: Model> Rolling<M> {
             turned.twisted = state[at];
             at += 1;
         }
+        turned.stiffness = state[at];
         if self.remembers {
-            turned.moment = triple(&state[at..]);
+            turned.moment = triple(&state[at + 1..]);
         }
         turned
     }
@@ -139,8 +152,9 @@ impl<M: Model> Rolling<M> {
             state[at] = turned.twisted;
             at += 1;
         }
+        state[at] = turned.stiffness;
         if self.remembers {
-            write(turned.moment, &mut state[at..]);
+            write(turned.moment, &mut state[at + 1..]);
         }
     }
 
@@ -151,20 +165,6 @@ impl<M: Model> Rolling<M> {
         let stiffness = self.forces.elastic(&constants.forces, overlap) / overlap;
         stiffness.or(zero, zero.less(overlap))
     }
-
-    /// Elastic energy of both springs [J].
-    #[inline(always)]
-    fn stored<L: Lanes>(
-        &self,
-        constants: &Resisting<M::Constants<L>, L>,
-        stiffness: L,
-        turned: &Turned<L>,
-    ) -> L {
-        let Resisting { rolling, twisting, .. } = constants;
-        let rolled = rolling.stiffness * turned.rolled.dot(turned.rolled);
-        let twisted = twisting.stiffness * turned.twisted * turned.twisted;
-        L::all(0.5) * stiffness * (rolled + twisted)
-    }
 }
 
 /// How A has turned against B.
@@ -174,6 +174,8 @@ struct Turned<L> {
     rolled: Triple<L>,
     /// About the normal [rad].
     twisted: L,
+    /// Of the normal force [N/m].
+    stiffness: L,
     /// Of A on B at the last touch, if it is remembered [N m].
     moment: Triple<L>,
 }
@@ -250,6 +252,17 @@ pub struct Resisting<C, L> {
     twisting: Spring<L>,
 }
 
+impl<C, L: Lanes> Resisting<C, L> {
+    /// Elastic energy of both springs [J].
+    #[inline(always)]
+    fn stored(&self, turned: &Turned<L>) -> L {
+        let Turned { rolled, twisted, stiffness, .. } = *turned;
+        let rolled = self.rolling.stiffness * rolled.dot(rolled);
+        let twisted = self.twisting.stiffness * twisted * twisted;
+        L::all(0.5) * stiffness * (rolled + twisted)
+    }
+}
+
 /// Constants of the forces beneath.
 struct OfForces<'a, S>(&'a S);
 
@@ -318,12 +331,11 @@ impl<M: Model> Model for Rolling<M> {
             return action;
         }
         let turned = self.read(own);
-        let stiffness = self.stiffness_of(constants, overlap);
-        action.stored[1] = action.stored[1] + self.stored(constants, stiffness, &turned);
+        action.stored[1] = action.stored[1] + constants.stored(&turned);
         action.moment = if self.remembers {
             turned.moment
         } else {
-            turned.rolled.times(constants.rolling.stiffness * stiffness)
+            turned.rolled.times(constants.rolling.stiffness * turned.stiffness)
         };
         action
     }
@@ -342,14 +354,14 @@ impl<M: Model> Model for Rolling<M> {
         }
         let zero = L::all(0.0);
         let Contact { normal, turning, touched, dt, .. } = *contact;
-        let last_stiffness = self.stiffness_of(constants, contact.last_overlap);
         let stiffness = self.stiffness_of(constants, contact.overlap);
         let press = action.press.or(zero, zero.less(action.press));
         let load = Load { press, stiffness, root: stiffness.sqrt() };
         // Where the contact has become stiffer the moment stays, and the angle does not.
-        let kept = (last_stiffness / stiffness).or(L::all(1.0), last_stiffness.less(stiffness));
-
         let mut turned = self.read(own);
+        let stiffer = turned.stiffness.less(stiffness);
+        let kept = (turned.stiffness / stiffness).or(L::all(1.0), stiffer);
+        turned.stiffness = stiffness;
         turned.moment = Triple::zero();
         let twisting = turning.dot(normal);
         if self.rolls {
@@ -370,17 +382,16 @@ impl<M: Model> Model for Rolling<M> {
         }
         self.write(&turned, own);
         action.moment = turned.moment;
-        action.stored[1] = action.stored[1] + self.stored(constants, stiffness, &turned);
+        action.stored[1] = action.stored[1] + constants.stored(&turned);
         action
     }
 
     #[inline(always)]
-    fn turned<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L, state: &[L]) -> L {
+    fn turned<L: Lanes>(&self, constants: &Self::Constants<L>, _overlap: L, state: &[L]) -> L {
         if !self.turns() {
             return L::all(0.0);
         }
-        let stiffness = self.stiffness_of(constants, overlap);
-        self.stored(constants, stiffness, &self.read(state))
+        constants.stored(&self.read(state))
     }
 
     /// Whatever forces do in the plane, moments are there.

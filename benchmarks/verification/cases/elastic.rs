@@ -334,7 +334,7 @@ fn test_6(effort: Effort, ways: &mut Ways) -> Case {
 }
 
 /// Two balls that meet head-on along x, with spins about z; the second may be another shape.
-fn meeting(thrown: &Thrown, more: &str, grains: [Grain; 2]) -> Setup {
+fn meeting(thrown: &Thrown, more: &str, grains: &[Grain; 2]) -> Setup {
     Setup {
         gravity: Vec3::zeros(),
         text: thrown.text() + more,
@@ -370,7 +370,7 @@ fn test_7(effort: Effort, ways: &mut Ways) -> [Case; 2] {
                 .moving(Vec3::x() * (-0.2 * side))
                 .spinning(Vec3::z() * (spin * side))
         };
-        let setup = meeting(&thrown, "", [ball(-1.0), ball(1.0)]);
+        let setup = meeting(&thrown, "", &[ball(-1.0), ball(1.0)]);
         let frames = ways.run(&format!("test 7, {spin} rad/s"), &setup, 2 * STEPS as u64, 20);
         let end = &frames[frames.len() - 1];
         assert!(frames.iter().any(Frame::is_touching) && !end.is_touching(), "they meet");
@@ -416,7 +416,7 @@ fn test_8(effort: Effort, ways: &mut Ways) -> Case {
                 .spinning(Vec3::z() * (surface / 0.1)),
             Grain::at("large", Vec3::zeros()),
         ];
-        let setup = meeting(&thrown, &shape, grains);
+        let setup = meeting(&thrown, &shape, &grains);
         let frames = ways.run(&format!("test 8, x = {x}"), &setup, 2 * STEPS as u64, 20);
         let end = &frames[frames.len() - 1];
         assert!(frames.iter().any(Frame::is_touching) && !end.is_touching(), "they meet");
