@@ -23,6 +23,8 @@ pub struct Departed {
     pub received: f64,
     /// What had been dissipated at them.
     pub dissipated: f64,
+    /// The parts of that, see [`Quantity::CHANNELS`].
+    pub channels: [f64; 3],
 }
 
 /// The scalars of a moment.
@@ -46,6 +48,8 @@ pub struct Measures {
     pub step_energy: f64,
     /// Energy dissipated so far [J].
     pub dissipated: f64,
+    /// The parts of that which friction, resistance to turning and global damping took, see [`Quantity::CHANNELS`] [J].
+    pub channels: [f64; 3],
     /// Energy that came in with particles and from moving walls so far, less what went out with particles [J].
     pub received: f64,
     /// Mean normal force between particles [N].
@@ -94,6 +98,12 @@ impl Measures {
     /// What the balance is short of: received - (mechanical + step energy + dissipated) [J].
     pub fn missing(&self) -> f64 {
         self.received - self.mechanical() - self.step_energy - self.dissipated
+    }
+
+    /// What normal dashpots have dissipated: the rest [J].
+    pub fn of_dashpots(&self) -> f64 {
+        let [friction, turning, damping] = self.channels;
+        self.dissipated - friction - turning - damping
     }
 
     /// Kinetic and elastic energy: what moves, and comes and goes with the motion [J].
@@ -151,6 +161,9 @@ enum Of {
     Stored,
     StepEnergy,
     Dissipated,
+    Rubbed,
+    Turned,
+    Damped,
     Received,
     NormalForce,
     /// Of a particle: its contacts and gravity.
@@ -159,6 +172,9 @@ enum Of {
     ContactForce,
     FirstWall,
 }
+
+/// Those of [`Quantity::CHANNELS`].
+const CHANNELS: [Of; 3] = [Of::Rubbed, Of::Turned, Of::Damped];
 
 /// Measures the whole system at the end of a step of `dt` [s]. Collective.
 pub fn measure(
@@ -251,6 +267,11 @@ impl Totals {
         self.add(Of::Translation, 0.5 * mass * velocity.norm_squared());
         self.add(Of::Gravity, -mass * unwrapped(particles, slot).dot(&field.gravity));
         self.add(Of::Dissipated, particles.accumulated[Quantity::Dissipated][slot]);
+        for (of, quantity) in CHANNELS.into_iter().zip(Quantity::CHANNELS) {
+            if let Some(energy) = particles.accumulated[quantity].get(slot) {
+                self.add(of, *energy);
+            }
+        }
         self.add(Of::Received, particles.accumulated[Quantity::Received][slot]);
         self.add(Of::Rotation, rotation(particles, slot));
         self.add(Of::StepEnergy, motion::step_energy(particles, slot, field, dt));
@@ -329,6 +350,7 @@ impl Totals {
             stored: self.value(Of::Stored),
             step_energy: self.value(Of::StepEnergy),
             dissipated: self.value(Of::Dissipated),
+            channels: CHANNELS.map(|of| self.value(of)),
             received: self.value(Of::Received),
             mean_normal_force: if contacts == 0 {
                 0.0

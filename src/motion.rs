@@ -123,8 +123,7 @@ impl Kick {
             angular_velocity[slot] = after;
             if self.damping > 0.0 {
                 let at_positions = if self.is_first { &before } else { &after };
-                accumulated[Quantity::Dissipated][slot] +=
-                    inertia * self.lost(at_positions, &before, &after);
+                accumulated.damp(slot, inertia * self.lost(at_positions, &before, &after));
             }
         }
     }
@@ -185,7 +184,7 @@ fn kick_and_drift_of<const SIZED: bool>(
             farthest.moved.1 = slot;
         }
         if kick.damping > 0.0 {
-            accumulated[Quantity::Dissipated][slot] += mass * kick.lost(&before, &before, &after);
+            accumulated.damp(slot, mass * kick.lost(&before, &before, &after));
         }
     }
     farthest.moved.0 = farthest_squared.sqrt();
@@ -220,7 +219,7 @@ fn kick_of<const SIZED: bool>(particles: &mut Particles, field: &Field, dt: f64)
         let after = kick.after(&before, &field.beside(&force[slot], mass), mass);
         velocity[slot] = after;
         if kick.damping > 0.0 {
-            accumulated[Quantity::Dissipated][slot] += mass * kick.lost(&after, &before, &after);
+            accumulated.damp(slot, mass * kick.lost(&after, &before, &after));
         }
     }
     if particles.orientation.is_none() {
@@ -239,8 +238,7 @@ fn kick_momenta(particles: &mut Particles, kick: Kick) {
         spin.angular_momentum[slot] = momentum;
         if kick.damping > 0.0 {
             let after = particles.angular_velocity_for(slot, &momentum);
-            particles.accumulated[Quantity::Dissipated][slot] +=
-                kick.lost(&momentum, &before, &after);
+            particles.accumulated.damp(slot, kick.lost(&momentum, &before, &after));
         }
     }
 }
@@ -399,9 +397,8 @@ impl<const SIZED: bool> Turn<'_, SIZED> {
         if kick.damping > 0.0 {
             let mean = start.angular_velocity(inertia, before.plus(momentum)).times(L::all(0.5));
             let lost = (half * L::all(kick.damping) * before.dot(mean)).store();
-            let dissipated = &mut accumulated[Quantity::Dissipated][first..first + count];
-            for (dissipated, lost) in dissipated.iter_mut().zip(lost) {
-                *dissipated += lost;
+            for (slot, lost) in (first..first + count).zip(lost) {
+                accumulated.damp(slot, lost);
             }
         }
     }

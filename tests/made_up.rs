@@ -43,7 +43,11 @@ pub(crate) fn header(step: u64) -> Header {
         dt: n.next(),
         stage_begin: (step / 2, n.next()),
         next_id: u64::MAX / 3,
-        departed: Departed { received: n.next(), dissipated: n.next() },
+        departed: Departed {
+            received: n.next(),
+            dissipated: n.next(),
+            channels: [n.next(), n.next(), n.next()],
+        },
         stop: if step.is_multiple_of(2) { "rest = 1e-6".to_owned() } else { String::new() },
         cell: Cell::new(n.vector(), n.vector(), [true, false, true]),
         gravity: n.vector(),

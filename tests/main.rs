@@ -1,5 +1,6 @@
 //! All tests in one binary, one module per subject; those inside MPI are in `ranks`.
 
+mod adhesion;
 mod audit;
 mod comm;
 mod comm_cases;
@@ -36,6 +37,7 @@ mod solids;
 mod suggest;
 mod superellipsoids;
 mod support;
+mod turning;
 mod units;
 mod verification;
 mod walls;

@@ -260,3 +260,56 @@ fn defaults_are_the_papers() {
     assert_eq!((ErodedGjk::default().ratio, ErodedGjk::default().increment), (0.05, 0.01));
     assert_eq!(Epa::default().tolerance, 1e-8);
 }
+
+/// `--law` has the force, moment and energy of the scene's law: two balls with Hertz' contact and adhesion, and with linear springs.
+#[test]
+fn a_law_says_what_acts() {
+    let scene = |law: &str, material: &str| {
+        format!(
+            "domain = {{ low = [0, 0, 0], high = [1, 1, 1] }}\nlaw = {{ {law} }}\n\
+             material = [{{ name = \"m\", density = 2500, {material} }}]\n\
+             shape = [{{ name = \"ball\", kind = \"sphere\", radius = 0.01 }}]\ntime = {{ step = 1e-7, steps = 1 }}\n\
+             output = {{ directory = \"out\" }}\nfill.lattice = [{{ first = [0.5, 0.5, 0.5], count = [1, 1, 1] }}]\n"
+        )
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.toml");
+    let (radius, other, overlap) = (2e-3, 1e-3, 1e-6);
+    let pair = format!(
+        "{{\"id\": \"p\", \"rA\": {radius}, \"rB\": {other}, \"cA\": [0, 0, 0], \"cB\": [0, {}, 0]}}\n",
+        radius + other - overlap
+    );
+    let reduced: f64 = radius * other / (radius + other);
+    let modulus = 0.5 * 1e9 / (1.0 - 0.09);
+    let hertz = 4.0 / 3.0 * modulus * reduced.sqrt() * overlap.powf(1.5);
+    let pulls = 4.0 * std::f64::consts::PI * 0.02 * reduced;
+    for (law, material, force, energy) in [
+        ("", "normal_stiffness = 1e5", 1e5 * overlap, 0.5e5 * overlap * overlap),
+        (
+            "normal = \"hertz\", adhesion = \"dmt\"",
+            "youngs_modulus = 1e9, poisson_ratio = 0.3, surface_energy = 0.02, friction = 0.5",
+            hertz - pulls,
+            0.4 * hertz * overlap - pulls * overlap,
+        ),
+    ] {
+        std::fs::write(&path, scene(law, material)).unwrap();
+        let output = dem_contact(&["-", "--repeats", "0", "--law", path.to_str().unwrap()], &pair);
+        assert!(output.status.success(), "{}", said(&output));
+        let row = &rows(&output.stdout)[0];
+        // The overlap is the difference of lengths of 3 mm.
+        let close = |found: f64, expected: f64| (found / expected - 1.0).abs() < 1e-9;
+        let found = vector(row, "law_F");
+        assert!(
+            close(found.y, force) && found.x == 0.0 && found.z == 0.0,
+            "{found} N, {force:e} N"
+        );
+        assert!(vector(row, "law_M").norm() < 1e-18);
+        assert!(close(number(row, "law_energy"), energy), "{} J, {energy:e} J", row["law_energy"]);
+    }
+    let egg = "id,aA,bA,cA,aB,bB,cB,xA,yA,zA,qwA,qxA,qyA,qzA,xB,yB,zB,qwB,qxB,qyB,qzB\n\
+               e,1,1,2,1,1,1,0,0,0,1,0,0,0,0,0,2.9,1,0,0,0\n";
+    let output = dem_contact(&["-", "--law", path.to_str().unwrap()], egg);
+    assert!(said(&output).contains("is no sphere"), "{}", said(&output));
+    let wrong = dem_contact(&["-", "--law", path.to_str().unwrap(), "--materials", "m,n"], &pair);
+    assert!(said(&wrong).contains("no material `n`: there are m"), "{}", said(&wrong));
+}

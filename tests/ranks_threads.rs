@@ -109,7 +109,18 @@ struct OnRank {
 
 fn part(sim: &Simulation, comm: &mut dyn Comm) -> OnRank {
     let m = sim.measure(comm);
-    let scalars = [m.kinetic(), m.gravity, m.stored, m.dissipated, m.received, m.mean_normal_force];
+    let [friction, turning, damping] = m.channels;
+    let scalars = [
+        m.kinetic(),
+        m.gravity,
+        m.stored,
+        friction,
+        turning,
+        damping,
+        m.dissipated,
+        m.received,
+        m.mean_normal_force,
+    ];
     let walls = sim.particles.walls.iter().flat_map(|wall| [wall.point, wall.velocity]);
     let walls: Vec<Vec3> = walls.collect();
     OnRank {
@@ -257,6 +268,47 @@ fn a_hertzian_crowd_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
         let folder = tempfile::tempdir().unwrap();
         for (before, after) in [(1, 3), (2, 1)] {
             let again = restarted(&scene, 2000, before, after, folder.path());
+            expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
+        }
+    }
+}
+
+/// The scene of another, with resistance to rolling and twisting.
+fn resisting(text: &str, law: &str) -> Scene {
+    let material = "friction = 0.3\nrolling_friction = 0.2\ntwisting_friction = 0.1";
+    assert!(text.contains("friction = 0.3"));
+    let text = text.replace("friction = 0.3", material);
+    let springs = format!("[law]\nrolling = \"spring\"\ntwisting = \"spring\"\n{law}");
+    scene(&if text.contains("[law]") {
+        text.replace("[law]", &springs)
+    } else {
+        text.replacen("[[material]]", &format!("{springs}\n[[material]]"), 1)
+    })
+}
+
+#[test]
+fn crowds_that_resist_rolling_and_stick_are_the_same_on_any_number_of_ranks_and_after_a_restart() {
+    let eggs =
+        CROWD.replace("MATERIAL", MATERIAL).replace("DOMAIN", PERIODIC).replace("METHOD", "");
+    let boxes = FACES.replace("MATERIAL", MATERIAL).replace("DOMAIN", TURNING);
+    let elastic = elastic_crowd(false).text;
+    let sticking = elastic_crowd(true)
+        .text
+        .replace("poisson_ratio = 0.3", "poisson_ratio = 0.3\nsurface_energy = 0.01");
+    for (scene, steps) in [
+        (resisting(&eggs.replace("step = 1e-5", "step = 6e-6"), ""), 1500),
+        (resisting(&boxes.replace("step = 4e-6", "step = 2.5e-6"), ""), 4000),
+        (resisting(&elastic.replace("step = 1e-5", "step = 6e-6"), ""), 1500),
+        (resisting(&sticking.replace("step = 1e-5", "step = 6e-6"), "adhesion = \"dmt\""), 2000),
+    ] {
+        let (alone, _) = run(&scene, 1, steps);
+        assert!(alone.records.len() > 10, "a crowd: {} contacts", alone.records.len());
+        for ranks in [2, 3, 4, 8] {
+            expect_same(&alone, &run(&scene, ranks, steps).0, &format!("{ranks} ranks"));
+        }
+        let folder = tempfile::tempdir().unwrap();
+        for (before, after) in [(1, 3), (4, 1)] {
+            let again = restarted(&scene, steps, before, after, folder.path());
             expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
         }
     }

@@ -53,6 +53,11 @@ fn elliptic_contacts() {
 }
 
 #[test]
+fn oblique_impacts_of_elastic_balls() {
+    check("elastic");
+}
+
+#[test]
 fn free_motion() {
     check("free_motion");
 }

@@ -4,9 +4,12 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::{CommandFactory, Parser, ValueEnum};
 use dem_mpi::arguments::About;
 use dem_mpi::contact::{Epa, ErodedGjk, Method};
+use dem_mpi::ids::MaterialId;
 use dem_mpi::output::report::version;
 use dem_mpi::pairs::read::read;
 use dem_mpi::pairs::{Answer, Pairs, resolve, time, write};
+use dem_mpi::scene::Scene;
+use dem_mpi::scene::pair::Acting;
 use std::fs;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -51,6 +54,15 @@ struct Arguments {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
 
+    /// Scene whose law says what acts in each pair: force F of A on B, its moment M about the centre of A and the stored energy,
+    /// at rest and without anything remembered, in columns law_Fx to law_energy
+    #[arg(long, value_name = "SCENE")]
+    law: Option<PathBuf>,
+
+    /// Materials of A and B in that scene; may be left out if it has only one
+    #[arg(long, value_name = "A,B", requires = "law", value_delimiter = ',')]
+    materials: Vec<String>,
+
     /// Measurements of each time, of which the median counts; 0: none
     #[arg(long, default_value_t = 5)]
     repeats: usize,
@@ -61,6 +73,7 @@ Examples:
   dem-contact pairs.csv                               the common normal of every pair
   dem-contact pairs.csv --method gjk-erosion --set erosion_ratio=0.02 --set tolerance=1e-8
   dem-contact pairs.csv --method epa --repeats 0      answers only, no times
+  dem-contact pairs.csv --law scene.toml              with forces and energies by the law of a scene
   some-program | dem-contact - > answers.csv          pairs from standard input
 
 Exit status: 0 every pair has an answer; 1 some have none; 2 the file or an argument is wrong.";
@@ -110,7 +123,11 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     let (file, text) = text(pairs)?;
     let pairs = read(&file, &text)?;
     let answers = resolve(&pairs, &method);
-    write::answers(&pairs, &answers, to)?;
+    let by_law = match &arguments.law {
+        Some(scene) => Some(by_law(scene, &arguments.materials, &pairs)?),
+        None => None,
+    };
+    write::answers(&pairs, &answers, by_law.as_deref(), to)?;
     if arguments.repeats > 0 && !pairs.is_empty() {
         let times = time(&pairs, &answers, &method, arguments.repeats);
         eprintln!(
@@ -125,6 +142,25 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     let complete = all_answered(&pairs, &answers);
     Ok(if complete { ExitCode::SUCCESS } else { ExitCode::from(INCOMPLETE) })
+}
+
+/// Force, moment and stored energy of each pair by the law of a scene.
+fn by_law(scene: &Path, materials: &[String], pairs: &Pairs) -> Result<Vec<[f64; 7]>> {
+    let scene = Scene::read(scene, &[])?;
+    let materials = match materials {
+        [] if scene.materials.len() == 1 => [MaterialId(0); 2],
+        [one] => [scene.material(one)?; 2],
+        [a, b] => [scene.material(a)?, scene.material(b)?],
+        _ => bail!("--materials A,B: write the names of two materials of the scene"),
+    };
+    let of_pair = |index: usize| {
+        let [a, b] = pairs.bodies_of(index);
+        let acting = scene.acting([&a, &b], materials);
+        let Acting { force, moment, stored } =
+            acting.with_context(|| format!("--law, pair {}", pairs.name(index)))?;
+        Ok([force.x, force.y, force.z, moment.x, moment.y, moment.z, stored])
+    };
+    (0..pairs.len()).map(of_pair).collect()
 }
 
 /// Warns of pairs without an answer; true if all have one.

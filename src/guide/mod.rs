@@ -5,6 +5,7 @@
 //! | [`start`] | from nothing to a first scene of one's own |
 //! | [`scenes`] | what a scene is made of: grains, walls, servos, shear, stages |
 //! | [`models`] | shapes, contact methods, laws, walls, servos: formulas, units, sources |
+//! | [`laws`] | rolling, twisting, adhesion: formulas, units, sources |
 //! | [`choose`] | time step, contact method, stiffness: what the studies found |
 //! | [`parallel`] | ranks, clusters, restarts, and how to look for a fault |
 //! | [`outputs`] | the files of a run, in ParaView, Python and OVITO |
@@ -24,6 +25,9 @@ pub mod scenes {}
 
 #[doc = include_str!("models.md")]
 pub mod models {}
+
+#[doc = include_str!("laws.md")]
+pub mod laws {}
 
 #[doc = include_str!("choose.md")]
 pub mod choose {}

@@ -9,6 +9,12 @@ pub trait Mixing: Copy {
     fn mixed(a: &Self, b: &Self) -> Self;
 }
 
+impl<C: Mixing, D: Mixing> Mixing for (C, D) {
+    fn mixed(a: &Self, b: &Self) -> Self {
+        (C::mixed(&a.0, &b.0), D::mixed(&a.1, &b.1))
+    }
+}
+
 /// The constants of every pair of materials.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Interactions<C> {
@@ -21,6 +27,12 @@ impl<C: Mixing> Interactions<C> {
     pub fn new(own: &[C]) -> Self {
         let constants = own.iter().flat_map(|a| own.iter().map(|b| C::mixed(a, b))).collect();
         Self { materials: own.len(), constants }
+    }
+
+    /// A part of each.
+    pub fn map<P>(&self, part: impl Fn(&C) -> P) -> Interactions<P> {
+        let constants = self.constants.iter().map(part).collect();
+        Interactions { materials: self.materials, constants }
     }
 
     /// Of these two materials, in either order.

@@ -22,7 +22,7 @@ mod tests;
 
 pub use patches::Turning;
 
-use super::{Body, ForceLaw, Hardest, Last, Separated, Sums, Work, add};
+use super::{Body, ForceLaw, Hardest, Last, Lost, Separated, Sums, Work, add};
 use crate::contact::curvature::{self, Curvatures};
 use crate::contact::{Geometry, Pair, StateColumn, triple, vectors};
 use crate::ids::{MaterialId, ShapeId, Slot};
@@ -37,6 +37,8 @@ use rows::{
 
 /// No law remembers more numbers of a contact.
 pub const MOST_STATE: usize = 8;
+/// The same of one with moments.
+pub const MOST_STATE_OF_MOMENTS: usize = 16;
 
 /// Where the force acted, seen from the centre of A: what it does in a step is its work there. Of bodies other than
 /// spheres it runs over the surface, faster the flatter that is, and cannot be found again from the normal.
@@ -104,6 +106,8 @@ pub struct Contact<L> {
     pub turning: Triple<L>,
     /// Which of them touched at the last step.
     pub touched: u8,
+    /// Do they touch with faces or straight sides, where friction resists turning by its extent?
+    pub extended: bool,
     /// Time since the last step [s]; 0 at the start of a stage.
     pub dt: f64,
 }
@@ -153,7 +157,7 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     /// Which columns of particles it reads.
     fn needs(&self) -> Needs;
 
-    /// What it remembers of a touching contact: at most [`MOST_STATE`] numbers.
+    /// What it remembers of a touching contact: at most [`MOST_STATE`] numbers, or [`MOST_STATE_OF_MOMENTS`].
     fn state(&self) -> &[StateColumn] {
         &[]
     }
@@ -187,6 +191,11 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     /// Which contacts can dissipate energy in the normal, and which in the tangential direction; by default none.
     fn dissipates<L: Lanes>(&self, _constants: &Self::Constants<L>) -> [u8; 2] {
         [0, 0]
+    }
+
+    /// Which part of the energy that is stored in the plane moments have stored, for an overlap [m], in J; by default none.
+    fn turned<L: Lanes>(&self, _: &Self::Constants<L>, _overlap: L, _state: &[L]) -> L {
+        L::all(0.0)
     }
 
     /// Has the tangential force a part that [`Model::last`] does not know, as that of dashpots is? By default not.
@@ -295,10 +304,11 @@ impl<M: Model> Law<M> {
     /// Between bodies of a library.
     ///
     /// # Panics
-    /// If the law remembers more than [`MOST_STATE`] numbers of a contact.
+    /// If the law remembers more numbers of a contact than there may be.
     pub fn new(model: M, library: &Library) -> Self {
         let width = StateColumn::total_width(model.state());
-        assert!(width <= MOST_STATE, "{} remembers more than {MOST_STATE} numbers", model.name());
+        let most = if M::MOMENTS { MOST_STATE_OF_MOMENTS } else { MOST_STATE };
+        assert!(width <= most, "{} remembers more than {most} numbers", model.name());
         let mut needs = model.needs();
         assert!(M::BY_CURVATURE || !needs.curvature, "{} does not say so", model.name());
         let mut state = model.state().to_vec();
@@ -624,8 +634,13 @@ impl<M: Model> Contacts<'_, '_, M> {
 
         let (mut room, mut wide) =
             ([L::all(0.0); MOST_STATE], [L::all(0.0); MOST_STATE + MOST_ACTED]);
+        let mut widest = [L::all(0.0); MOST_STATE_OF_MOMENTS + MOST_ACTED];
         let width = if POINTS { law.stride } else { law.width };
-        let state = if POINTS { &mut wide[..width] } else { &mut room[..width] };
+        let state = match (M::MOMENTS, POINTS) {
+            (true, _) => &mut widest[..width],
+            (false, true) => &mut wide[..width],
+            (false, false) => &mut room[..width],
+        };
         let last = read_last::<L>(self.work, &block, state);
         let acted = if POINTS { Acted::read(&state[law.width..]) } else { None };
         let now = GeometryInLanes::of(&eight_from_rows(self.work.geometry, first, count));
@@ -653,7 +668,9 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
 
         // Each body loses half; a wall has no share.
-        let share = if with_walls { done.dissipated } else { L::all(0.5) * done.dissipated };
+        let share_of = |energy| if with_walls { energy } else { L::all(0.5) * energy };
+        let share = share_of(done.dissipated);
+        let [of_friction, of_turning] = [done.rubbed, done.turned].map(|e| share_of(e).store());
         let impulse = if with_walls {
             let half_step = L::all(0.5 * dt);
             let straight = done.last_force.plus(done.force).plus(done.viscous).times(half_step);
@@ -674,7 +691,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let (force, torques) = (done.force.store(), torques.map(Triple::store));
         self.sum_in_turn::<TURNS>(
             &block,
-            &Summands { force, torques, share: share.store(), impulse },
+            &Summands { force, torques, share: share.store(), of_friction, of_turning, impulse },
         );
     }
 
@@ -757,6 +774,10 @@ impl<M: Model> Contacts<'_, '_, M> {
         let contact = motion.contact(last, now, dt);
         let mut before = law.model.last(of_last, last.overlap, state);
         let last_press = last.normal.times(before.press);
+        let of_moments = |overlap: L, state: &[L]| {
+            if M::MOMENTS { law.model.turned(constants, overlap, state) } else { zero }
+        };
+        let turned_before = of_moments(last.overlap, state);
         let acting = law.model.act(constants, &contact, state);
         let press = normal.times(acting.press);
 
@@ -767,6 +788,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             viscous = Triple::zero();
         }
         let half_step = L::all(0.5 * dt);
+        let (mut rubbed_off, mut turned_off) = (zero, zero);
         let dissipated = if MOVES && dt > 0.0 {
             let pressed = if curvatures.is_some() {
                 // Of dashpots alone: bodies that turn change the energy at the same overlap.
@@ -779,7 +801,10 @@ impl<M: Model> Contacts<'_, '_, M> {
             };
             let mut rubbed = before.rub.dot(last_velocity) + acting.rub.plus(viscous).dot(velocity);
             if M::MOMENTS {
-                rubbed = rubbed + before.moment.plus(acting.moment).dot(turning);
+                let turned = before.moment.plus(acting.moment).dot(turning);
+                rubbed = rubbed + turned;
+                let stored = of_moments(now.overlap, state) - turned_before;
+                turned_off = half_step * turned - stored;
             }
             let mut of_dashpots = half_step * pressed;
             if curvatures.is_none() {
@@ -787,7 +812,11 @@ impl<M: Model> Contacts<'_, '_, M> {
             }
             let of_friction = half_step * rubbed - (acting.stored[1] - before.stored[1]);
             let [normally, tangentially] = law.model.dissipates(constants);
-            of_dashpots.or(zero, normally) + of_friction.or(zero, tangentially)
+            turned_off = turned_off.or(zero, tangentially);
+            rubbed_off = of_friction.or(zero, tangentially);
+            let all = of_dashpots.or(zero, normally) + rubbed_off;
+            rubbed_off = if M::MOMENTS { rubbed_off - turned_off } else { rubbed_off };
+            all
         } else {
             zero
         };
@@ -810,6 +839,8 @@ impl<M: Model> Contacts<'_, '_, M> {
             last_moment,
             moment,
             dissipated,
+            rubbed: rubbed_off,
+            turned: turned_off,
         }
     }
 
@@ -830,16 +861,25 @@ impl<M: Model> Contacts<'_, '_, M> {
         b.add(&rows, sums);
         a.add_opposite(&rows, sums);
         if TURNS {
+            let share = L::all(0.5) * done.rubbed;
             let sums = bytemuck::cast_slice_mut(&mut self.sums.torque);
-            b.add(&torques[0].rows(L::all(0.0)), sums);
-            a.add(&torques[1].rows(L::all(0.0)), sums);
+            b.add(&torques[0].rows(share), sums);
+            a.add(&torques[1].rows(share), sums);
+        }
+        if M::MOMENTS && !self.sums.turned.is_empty() {
+            let share = (L::all(0.5) * done.turned).store();
+            for bodies in [b, a] {
+                for (lane, share) in share.iter().enumerate() {
+                    self.sums.turned[bodies.at(lane)] += share;
+                }
+            }
         }
     }
 
     /// Adds what contacts do to their bodies, one after the other, with what contacts lost that have separated in between.
     #[inline(never)]
     fn sum_in_turn<const TURNS: bool>(&mut self, block: &Block, summands: &Summands) {
-        let Summands { force, torques, share, impulse } = summands;
+        let Summands { force, torques, share, of_friction, of_turning, impulse } = summands;
         for lane in 0..block.count {
             let place = block.first + lane;
             let pair = self.work.pairs[place];
@@ -852,7 +892,12 @@ impl<M: Model> Contacts<'_, '_, M> {
                 add(&mut self.sums.force, slot.index(), forces[k]);
                 if TURNS {
                     let [x, y, z] = row(&torques[k], lane);
-                    add(&mut self.sums.torque, slot.index(), [x, y, z, 0.0]);
+                    add(&mut self.sums.torque, slot.index(), [x, y, z, of_friction[lane]]);
+                }
+                if M::MOMENTS
+                    && let Some(turned) = self.sums.turned.get_mut(slot.index())
+                {
+                    *turned += of_turning[lane];
                 }
             }
             if let Some(Impulse { straight, turning }) = impulse {
@@ -932,11 +977,11 @@ impl<M: Model> Contacts<'_, '_, M> {
             let on_wall = work(&(press + rub), &of_b) + work(&moment, &spin_b);
             self.sums.note_wall_work(pair, -on_wall);
         }
-        let mut dissipated = 0.0;
+        let mut lost = Lost::default();
         if law.needs.velocity && dt > 0.0 {
             let [normally, tangentially] = law.model.dissipates(&constants);
             if normally & 1 == 1 {
-                dissipated += if law.needs.curvature {
+                lost.all += if law.needs.curvature {
                     let elastic = of_curved(before.stored[0], geometry.overlap);
                     work(&(geometry.normal * (before.press - elastic)), &velocity)
                 } else {
@@ -945,10 +990,13 @@ impl<M: Model> Contacts<'_, '_, M> {
             }
             if tangentially & 1 == 1 {
                 let turned = work(&moment, &(spin_a - spin_b));
-                dissipated += work(&rub, &velocity) + turned + before.stored[1];
+                let rubbed = work(&rub, &velocity) + turned + before.stored[1];
+                lost.all += rubbed;
+                lost.of_turning = turned + law.model.turned(&constants, geometry.overlap, state);
+                lost.of_friction = rubbed - lost.of_turning;
             }
         }
-        self.sums.lose(pair, dissipated, particles.first_facet());
+        self.sums.lose(pair, lost, particles.first_facet());
     }
 }
 
@@ -1011,6 +1059,9 @@ struct Done<L> {
     moment: Triple<L>,
     /// Energy lost since the last step [J].
     dissipated: L,
+    /// The part of friction, and that of the model's moments [J].
+    rubbed: L,
+    turned: L,
 }
 
 impl<L: Eight> Done<L> {
@@ -1031,8 +1082,10 @@ struct Summands {
     force: [[f64; WIDTH]; 3],
     /// Moments on B and A [N m].
     torques: [[[f64; WIDTH]; 3]; 2],
-    /// What each body loses [J].
+    /// What each body loses [J], of that to friction and to the model's moments.
     share: [f64; WIDTH],
+    of_friction: [f64; WIDTH],
+    of_turning: [f64; WIDTH],
     /// On walls since the last step.
     impulse: Option<Impulse>,
 }
@@ -1117,6 +1170,7 @@ impl<L: Eight> Motion<L> {
             twist: L::all(0.5 * dt) * self.spin.dot(normal),
             turning: self.turning,
             touched: L::all(0.0).less(last.normal.dot(last.normal)),
+            extended: false,
             dt,
         }
     }

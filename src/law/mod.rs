@@ -119,10 +119,12 @@
 //! assert!((measures.kinetic() / energy - 1.0).abs() < 1e-6, "{measures:?}");
 //! ```
 
+pub mod dmt;
 pub mod hertz;
 mod interactions;
 pub mod kernel;
 pub mod linear;
+pub mod rolling;
 pub mod stability;
 
 pub use interactions::{Interactions, Mixing};
@@ -216,8 +218,10 @@ pub struct Separated {
 pub struct Sums {
     /// Force [N], and energy lost since the last step [J].
     force: Vec<Vec3AndNumber>,
-    /// Moment about the centre [N m], and a zero; none if nothing turns.
+    /// Moment about the centre [N m], and the part of the energy that friction took [J]; none if nothing turns.
     torque: Vec<Vec3AndNumber>,
+    /// The part that resistance to rolling and twisting took [J]; none if nothing resists.
+    turned: Vec<f64>,
     /// Of moving walls, in the order of the particles' ids, then of the walls.
     wall_work: Vec<WallWork>,
 }
@@ -237,6 +241,10 @@ impl Sums {
                 sum.resize(particles.slots(), Vec3AndNumber::default());
             }
         }
+        self.turned.clear();
+        if particles.needs.turning {
+            self.turned.resize(particles.slots(), 0.0);
+        }
         self.wall_work.clear();
     }
 
@@ -253,6 +261,13 @@ impl Sums {
         {
             *all += sum.number;
         }
+        let torques = particles.spin.iter().flat_map(|spin| &spin.torque);
+        for (all, sum) in particles.accumulated[Quantity::OfFriction].iter_mut().zip(torques) {
+            *all += sum.number;
+        }
+        for (all, sum) in particles.accumulated[Quantity::OfTurning].iter_mut().zip(&self.turned) {
+            *all += sum;
+        }
         for of_one in self.wall_work.chunk_by(|one, other| one.pair.a == other.pair.a) {
             let slot = of_one[0].pair.a.index();
             if let Some(received) = particles.accumulated[Quantity::Received].get_mut(slot) {
@@ -263,7 +278,7 @@ impl Sums {
 
     /// Bytes that it holds between two steps.
     pub fn bytes(&self) -> usize {
-        held(&self.wall_work)
+        held(&self.wall_work) + held(&self.turned)
     }
 
     /// Takes note of what a wall gives to the particle that presses on it [J]; most stand still.
@@ -274,13 +289,33 @@ impl Sums {
         }
     }
 
-    /// Adds what a contact lost that has separated [J] to its particles; a wall has no share.
-    fn lose(&mut self, pair: Pair, energy: f64, first_facet: usize) {
-        let share = if pair.b.index() >= first_facet { energy } else { 0.5 * energy };
+    /// Adds what a contact lost that has separated to its particles; a wall has no share.
+    fn lose(
+        &mut self,
+        pair: Pair,
+        Lost { all, of_friction, of_turning }: Lost,
+        first_facet: usize,
+    ) {
+        let share = if pair.b.index() >= first_facet { 1.0 } else { 0.5 };
         for slot in [pair.a.index(), pair.b.index()] {
-            add(&mut self.force, slot, [0.0, 0.0, 0.0, share]);
+            add(&mut self.force, slot, [0.0, 0.0, 0.0, share * all]);
+            if !self.torque.is_empty() {
+                add(&mut self.torque, slot, [0.0, 0.0, 0.0, share * of_friction]);
+            }
+            if let Some(turned) = self.turned.get_mut(slot) {
+                *turned += share * of_turning;
+            }
         }
     }
+}
+
+/// What a contact has lost [J].
+#[derive(Clone, Copy, Debug, Default)]
+struct Lost {
+    all: f64,
+    /// The part of friction, and that of resistance to rolling and twisting.
+    of_friction: f64,
+    of_turning: f64,
 }
 
 /// A body as a law sees it.
@@ -328,22 +363,68 @@ pub enum Choice {
     Linear(linear::Settings),
     /// Elastic bodies: Hertz, with Mindlin's friction.
     Hertz(hertz::Settings),
+    /// One of these, with more beside it.
+    With(Box<Choice>, Beside),
+}
+
+/// What a law can have beside its forces.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Beside {
+    /// Resistance to rolling and twisting.
+    pub turning: Option<rolling::Interactions>,
+    /// Attraction.
+    pub adhesion: Option<dmt::Interactions>,
+}
+
+impl Beside {
+    /// The law of a model with all of this.
+    fn law<M: kernel::Model + Clone + 'static>(
+        self,
+        model: M,
+        library: &Library,
+    ) -> Box<dyn ForceLaw> {
+        let Self { turning, adhesion } = self;
+        // Fewer combinations to compile: what sticks has springs against turning, if only such that nothing resists.
+        let without =
+            |adhesion: &dmt::Interactions| adhesion.map(|_| rolling::Constants::default());
+        let Some(turning) = turning.or_else(|| adhesion.as_ref().map(without)) else {
+            return Box::new(kernel::Law::new(model, library));
+        };
+        let model = rolling::Rolling::new(model, turning);
+        match adhesion {
+            None => Box::new(kernel::Law::new(model, library)),
+            Some(adhesion) => Box::new(kernel::Law::new(dmt::Dmt::new(model, adhesion), library)),
+        }
+    }
 }
 
 impl Choice {
     /// The law between bodies of a library.
     pub fn law(&self, library: &Library) -> Box<dyn ForceLaw> {
+        self.with(Beside::default(), library)
+    }
+
+    fn with(&self, beside: Beside, library: &Library) -> Box<dyn ForceLaw> {
         match self {
-            Self::Linear(settings) => settings.law(library),
-            Self::Hertz(settings) => settings.law(library),
+            Self::Linear(settings) => beside.law(settings.model(), library),
+            Self::Hertz(settings) => beside.law(settings.model(library), library),
+            Self::With(forces, beside) => forces.with(beside.clone(), library),
+        }
+    }
+
+    /// The law of its forces alone.
+    pub fn forces(&self) -> &Self {
+        match self {
+            Self::With(forces, _) => forces.forces(),
+            forces => forces,
         }
     }
 
     /// The settings of linear contacts; `None` of another law.
-    pub const fn linear(&self) -> Option<&linear::Settings> {
-        match self {
+    pub fn linear(&self) -> Option<&linear::Settings> {
+        match self.forces() {
             Self::Linear(settings) => Some(settings),
-            Self::Hertz(_) => None,
+            _ => None,
         }
     }
 }

@@ -620,6 +620,7 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.numbers("/run", "gravity", gravity.as_slice())?;
     if *departed != Departed::default() {
         file.numbers("/run", DEPARTED, &[departed.received, departed.dissipated])?;
+        file.numbers("/run", DEPARTED_CHANNELS, &departed.channels)?;
     }
     file.texts(&SCENE, &[scene])?;
     if !stop.is_empty() {
@@ -677,6 +678,8 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
 const SHEAR_AXES: &str = "shear_along_across";
 const SHEAR: &str = "shear_rate_strain";
 const DEPARTED: &str = "departed_received_dissipated_J";
+/// Parts of what they had dissipated [J]: friction, turning, damping.
+const DEPARTED_CHANNELS: &str = "departed_dissipated_by_friction_turning_damping_J";
 
 /// Says to which time velocities belong. Files without it have those of half a step before.
 const VELOCITIES: (&str, &str) = ("velocities", "at the time of the positions");
@@ -755,6 +758,9 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
     let mut departed = Departed::default();
     if file.has_attribute("/run", DEPARTED) {
         [departed.received, departed.dissipated] = file.numbers("/run", DEPARTED)?;
+    }
+    if file.has_attribute("/run", DEPARTED_CHANNELS) {
+        departed.channels = file.numbers("/run", DEPARTED_CHANNELS)?;
     }
     let periodic = file.numbers::<u8, 3>("/domain", "periodic")?.map(|p| p != 0);
     let mut cell = Cell::new(vector("/domain", "low")?, vector("/domain", "high")?, periodic);

@@ -36,7 +36,7 @@ pub struct History {
     cell: Cell,
 }
 
-const COLUMNS: [&str; 20] = [
+const COLUMNS: [&str; 24] = [
     "step",
     "time_s",
     "particles",
@@ -50,6 +50,10 @@ const COLUMNS: [&str; 20] = [
     "stored_J",
     "step_energy_J",
     "dissipated_J",
+    "dissipated_by_normal_dashpots_J",
+    "dissipated_by_friction_J",
+    "dissipated_by_turning_J",
+    "dissipated_by_damping_J",
     "received_J",
     "missing_J",
     "mean_normal_force_N",
@@ -155,6 +159,7 @@ impl History {
         let counts = [step.to_string(), time.to_string()]
             .into_iter()
             .chain([m.particles, m.contacts, m.wall_contacts].map(|count| count.to_string()));
+        let [of_friction, of_turning, of_damping] = m.channels;
         let numbers = [
             m.coordination(),
             m.kinetic(),
@@ -164,6 +169,10 @@ impl History {
             m.stored,
             m.step_energy,
             m.dissipated,
+            m.of_dashpots(),
+            of_friction,
+            of_turning,
+            of_damping,
             m.received,
             m.missing(),
             m.mean_normal_force,

@@ -116,6 +116,16 @@ impl Pairs {
         (posed(pair.a), posed(pair.b), self.bodies().relative(pair))
     }
 
+    /// Body A and B of a pair.
+    pub fn bodies_of(&self, pair: usize) -> [Body; 2] {
+        let Pair { a, b } = self.slots[pair];
+        [a, b].map(|slot| {
+            let k = slot.index();
+            let shape = self.library[self.shape[k].index()].clone();
+            Body { shape, centre: self.position[k], rotation: self.rotation[k] }
+        })
+    }
+
     /// The centre of A [m].
     pub fn centre_of_a(&self, pair: usize) -> Vec3 {
         self.position[self.slots[pair].a.index()]

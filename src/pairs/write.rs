@@ -39,6 +39,11 @@ pub const ANSWER_COLUMNS: [&str; 24] = [
     "energy",
 ];
 
+/// Columns that [`answers`] has more if there are such numbers: force of A on B [N], its moment about the centre of A [N m] and
+/// stored energy [J] by the law of a scene.
+pub const LAW_COLUMNS: [&str; 7] =
+    ["law_Fx", "law_Fy", "law_Fz", "law_Mx", "law_My", "law_Mz", "law_energy"];
+
 /// Writes pairs as [`super::read`] reads them. Balls are written as ellipsoids.
 ///
 /// # Errors
@@ -64,12 +69,19 @@ pub fn pairs(pairs: &Pairs, to: impl Write) -> Result<(), csv::Error> {
 /// Writes one row per pair. Points are in the world; they are the support points along the normal, of the
 /// bodies themselves. Numbers that no method could determine are empty, as are those of faces and straight sides where there are
 /// none, or do not touch: [`thickness`], and for a stiffness of 1 N/m force [N] and moment [N m] of A on B about the centre of A, and energy [J].
+/// `by_law` are the numbers of [`LAW_COLUMNS`] of each pair.
 ///
 /// # Errors
 /// If it cannot be written.
-pub fn answers(pairs: &Pairs, answers: &[Answer], to: impl Write) -> Result<(), csv::Error> {
+pub fn answers(
+    pairs: &Pairs,
+    answers: &[Answer],
+    by_law: Option<&[[f64; 7]]>,
+    to: impl Write,
+) -> Result<(), csv::Error> {
     let mut table = csv::Writer::from_writer(to);
-    table.write_record(ANSWER_COLUMNS)?;
+    let of_law = if by_law.is_some() { &LAW_COLUMNS[..] } else { &[] };
+    table.write_record(ANSWER_COLUMNS.iter().chain(of_law))?;
     for (index, answer) in answers.iter().enumerate() {
         let numbers = match &answer.touch {
             Err(_) => vec![String::new(); 13],
@@ -88,7 +100,10 @@ pub fn answers(pairs: &Pairs, answers: &[Answer], to: impl Write) -> Result<(), 
         let tail = [answer.stage, &iterations];
         let on_faces = on_faces(pairs, index);
         let texts = numbers.iter().map(String::as_str).chain(tail);
-        table.write_record(head.chain(texts).chain(on_faces.iter().map(String::as_str)))?;
+        let of_law: Vec<String> =
+            by_law.iter().flat_map(|rows| rows[index]).map(|x| format!("{x:?}")).collect();
+        let behind = on_faces.iter().chain(&of_law).map(String::as_str);
+        table.write_record(head.chain(texts).chain(behind))?;
     }
     Ok(table.flush()?)
 }

@@ -25,6 +25,12 @@ pub struct Needs {
     /// How curved bodies are where they touch: a law whose stiffness depends on it, of other bodies than spheres. Implies
     /// `orientation`.
     pub curvature: bool,
+    /// What friction has dissipated: a law with friction.
+    pub friction: bool,
+    /// What resistance to rolling and twisting has dissipated: a law with moments of its own.
+    pub turning: bool,
+    /// What global damping has dissipated.
+    pub damping: bool,
 }
 
 impl Needs {
@@ -76,6 +82,12 @@ impl Presence {
 pub enum Quantity {
     /// Energy dissipated at the particle.
     Dissipated,
+    /// The part of that which sliding and tangential dashpots have taken.
+    OfFriction,
+    /// The part of resistance to rolling and twisting.
+    OfTurning,
+    /// The part of global damping.
+    OfDamping,
     /// Energy it had at its insertion and was given by moving walls.
     Received,
 }
@@ -85,12 +97,19 @@ const QUANTITIES: usize = Quantity::ALL.len();
 
 impl Quantity {
     /// All of them, in the order of their columns.
-    pub const ALL: [Self; 2] = [Self::Dissipated, Self::Received];
+    pub const ALL: [Self; 5] =
+        [Self::Dissipated, Self::OfFriction, Self::OfTurning, Self::OfDamping, Self::Received];
+
+    /// The parts of what is dissipated. The rest is of normal dashpots.
+    pub const CHANNELS: [Self; 3] = [Self::OfFriction, Self::OfTurning, Self::OfDamping];
 
     /// As snapshots name it.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Dissipated => "dissipated",
+            Self::OfFriction => "dissipated_by_friction",
+            Self::OfTurning => "dissipated_by_turning",
+            Self::OfDamping => "dissipated_by_damping",
             Self::Received => "received",
         }
     }
@@ -98,7 +117,11 @@ impl Quantity {
     /// Unit of its numbers.
     pub const fn unit(self) -> &'static str {
         match self {
-            Self::Dissipated | Self::Received => "J",
+            Self::Dissipated
+            | Self::OfFriction
+            | Self::OfTurning
+            | Self::OfDamping
+            | Self::Received => "J",
         }
     }
 
@@ -106,6 +129,9 @@ impl Quantity {
     pub const fn presence(self) -> Presence {
         match self {
             Self::Dissipated | Self::Received => Presence::Always,
+            Self::OfFriction => Presence::If(|needs| needs.friction),
+            Self::OfTurning => Presence::If(|needs| needs.turning),
+            Self::OfDamping => Presence::If(|needs| needs.damping),
         }
     }
 
@@ -134,6 +160,15 @@ impl<T> IndexMut<Quantity> for Accumulated<T> {
 }
 
 impl Accumulated<Vec<f64>> {
+    /// Adds what global damping takes from a particle [J].
+    #[inline]
+    pub fn damp(&mut self, slot: usize, energy: f64) {
+        self[Quantity::Dissipated][slot] += energy;
+        if let Some(damped) = self[Quantity::OfDamping].get_mut(slot) {
+            *damped += energy;
+        }
+    }
+
     /// The numbers of one particle; 0 of columns that are not there.
     pub fn row(&self, row: usize) -> Accumulated<f64> {
         Accumulated(std::array::from_fn(|k| self.0[k].get(row).copied().unwrap_or_default()))

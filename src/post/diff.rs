@@ -357,7 +357,7 @@ fn shortened(text: &str) -> String {
     }
 }
 
-fn left_behind(Departed { received, dissipated }: Departed) -> String {
+fn left_behind(Departed { received, dissipated, .. }: Departed) -> String {
     format!("received {received:e} J, dissipated {dissipated:e} J")
 }
 

@@ -6,9 +6,9 @@ use super::matter::Materials;
 use super::reader::{Range, Section};
 use crate::contact::curvature::LARGEST_RATIO;
 use crate::ids::MaterialId;
-use crate::law::hertz;
 use crate::law::linear::{self, damping_ratio_of_restitution};
-use crate::law::{Choice, Interactions, Mixing};
+use crate::law::{Beside, Choice, Interactions, Mixing};
+use crate::law::{dmt, hertz, rolling};
 use crate::particles::Library;
 use crate::shape::{Kind as ShapeKind, Shape};
 
@@ -31,13 +31,28 @@ pub(super) enum Kind {
     },
 }
 
+/// What `[law]` asks for beside forces.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Asked {
+    rolling: bool,
+    twisting: bool,
+    /// Attraction after Derjaguin, Muller and Toporov?
+    dmt: bool,
+}
+
+impl Asked {
+    const fn turning(self) -> bool {
+        self.rolling || self.twisting
+    }
+}
+
 /// Overlap over radius that the step of Hertzian contacts is made for, if the scene says nothing.
 const LARGEST_OVERLAP: f64 = 0.01;
 
 /// The law that `[law]` asks for. `in_contact` is what `[contact]` says of dashpots; they may be limited there instead.
-pub(super) fn kind(root: &Section, in_contact: Option<bool>) -> Kind {
+pub(super) fn kind(root: &Section, in_contact: Option<bool>) -> (Kind, Asked) {
     let default = in_contact.unwrap_or(true);
-    let linear = Kind::Linear { limit_damping: default };
+    let linear = (Kind::Linear { limit_damping: default }, Asked::default());
     let law = root.read_or("law", linear, |given| {
         let section = given.section()?;
         let kind = section.read_or("kind", (), |given| given.one_of(&[("linear", ())]));
@@ -54,11 +69,23 @@ pub(super) fn kind(root: &Section, in_contact: Option<bool>) -> Kind {
             }
             Some(is_hertz)
         });
+        let asked = asked(&section);
         let kind = kind.and(parts(&section, is_hertz?, limit_damping?));
         section.finish();
-        kind
+        kind.zip(asked)
     });
     law.unwrap_or(linear)
+}
+
+/// What there is beside forces.
+fn asked(section: &Section) -> Option<Asked> {
+    let spring = |key| {
+        section.read_or(key, false, |given| given.one_of(&[("none", false), ("spring", true)]))
+    };
+    let (rolling, twisting) = (spring("rolling"), spring("twisting"));
+    let dmt =
+        section.read_or("adhesion", false, |given| given.one_of(&[("none", false), ("dmt", true)]));
+    Some(Asked { rolling: rolling?, twisting: twisting?, dmt: dmt? })
 }
 
 /// The law from its parts along the normal and in the contact plane.
@@ -103,22 +130,55 @@ fn refuse(section: &Section, keys: &[&'static str], normal: &str) {
 
 /// Says of the shapes of particles which the law cannot have.
 pub(super) fn check_shapes(root: &Section, law: &Choice, library: &Library) {
-    let Choice::Hertz(_) = law else { return };
-    for (section, id) in root.sections("shape").iter().zip(0..library.particle_shapes) {
-        let (shape, name) = (&library.shapes[id], &library.names[id]);
-        if !shape.kind().is_smooth() {
-            section.fail(format!(
-                "`{name}` has flat faces or straight sides, along which it touches in more than a point, and normal = \"hertz\" \
-                 goes by the curvature in a point: take normal = \"linear\", or a superellipsoid"
-            ));
-        } else if shape.kind() == ShapeKind::Ellipsoid && is_long(shape) {
-            section.fail(format!(
-                "`{name}` is more than {:.0} times as long as it is thin: the elliptic integrals of normal = \"hertz\" are good up \
-                 to that, take normal = \"linear\"",
-                LARGEST_RATIO.sqrt()
-            ));
+    let sections = root.sections("shape");
+    for (id, message) in unfit(law, library) {
+        if let Some(section) = sections.get(id) {
+            section.fail(message);
         }
     }
+}
+
+/// The first shape of particles that each part of the law cannot have, with the reason.
+pub(super) fn unfit(law: &Choice, library: &Library) -> Vec<(usize, String)> {
+    let shapes = 0..library.particle_shapes;
+    let first = |reason: &dyn Fn(&Shape, &str) -> Option<String>| {
+        let of = |id: usize| Some((id, reason(&library.shapes[id], &library.names[id])?));
+        shapes.clone().find_map(of)
+    };
+    let of_forces = match law.forces() {
+        Choice::Hertz(_) => first(&unfit_for_hertz),
+        _ => None,
+    };
+    let of_adhesion = match law {
+        Choice::With(_, Beside { adhesion: Some(_), .. }) => first(&unfit_for_dmt),
+        _ => None,
+    };
+    of_forces.into_iter().chain(of_adhesion).collect()
+}
+
+fn unfit_for_hertz(shape: &Shape, name: &str) -> Option<String> {
+    if !shape.kind().is_smooth() {
+        return Some(format!(
+            "`{name}` has flat faces or straight sides, along which it touches in more than a point, and normal = \"hertz\" \
+             goes by the curvature in a point: take normal = \"linear\", or a superellipsoid"
+        ));
+    }
+    (shape.kind() == ShapeKind::Ellipsoid && is_long(shape)).then(|| {
+        format!(
+            "`{name}` is more than {:.0} times as long as it is thin: the elliptic integrals of normal = \"hertz\" are good up \
+             to that, take normal = \"linear\"",
+            LARGEST_RATIO.sqrt()
+        )
+    })
+}
+
+fn unfit_for_dmt(shape: &Shape, name: &str) -> Option<String> {
+    (shape.kind() != ShapeKind::Sphere).then(|| {
+        format!(
+            "`{name}` is no sphere, and adhesion = \"dmt\" is only for spheres, as its attraction is that of a radius: \
+             take adhesion = \"none\""
+        )
+    })
 }
 
 /// Can the ratio of its radii of curvature exceed that up to which Hertz's law is fitted?
@@ -128,30 +188,109 @@ fn is_long(shape: &Shape) -> bool {
 }
 
 /// The materials, and the law with their constants, `None` if any is wrong.
-pub(super) fn materials(root: &Section, kind: Kind) -> (Materials, Option<Choice>) {
+pub(super) fn materials(
+    root: &Section,
+    (kind, asked): (Kind, Asked),
+) -> (Materials, Option<Choice>) {
     match kind {
         Kind::Linear { limit_damping } => {
             let read = |section: &Section, mixed: Option<&linear::Constants>| {
                 of_linear(section, mixed, limit_damping)
             };
-            let (materials, interactions) = with_constants(root, "`normal_stiffness` [N/m]", read);
-            let law = interactions.map(|interactions| {
-                Choice::Linear(linear::Settings { interactions, limit_damping })
-            });
-            (materials, law)
+            let law =
+                |interactions| Choice::Linear(linear::Settings { interactions, limit_damping });
+            with_more(root, "`normal_stiffness` [N/m]", asked, read, law)
         }
         Kind::Hertz { limit_damping, mindlin, largest_overlap } => {
             let read = |section: &Section, mixed: Option<&hertz::Constants>| {
                 of_hertz(section, mixed, limit_damping, mindlin)
             };
             let needed = "`youngs_modulus` [Pa], `poisson_ratio`";
-            let (materials, interactions) = with_constants(root, needed, read);
-            let law = interactions.map(|interactions| {
+            let law = |interactions| {
                 Choice::Hertz(hertz::Settings { interactions, limit_damping, largest_overlap })
-            });
-            (materials, law)
+            };
+            with_more(root, needed, asked, read, law)
         }
     }
+}
+
+/// The materials, and the law of these constants with what is asked for beside it.
+fn with_more<C: Mixing + Default>(
+    root: &Section,
+    needed: &str,
+    asked: Asked,
+    read: impl Fn(&Section, Option<&C>) -> Option<C>,
+    law: impl Fn(Interactions<C>) -> Choice,
+) -> (Materials, Option<Choice>) {
+    let all = |section: &Section, mixed: Option<&(C, (rolling::Constants, dmt::Constants))>| {
+        let forces = read(section, mixed.map(|(forces, _)| forces));
+        let turning = of_turning(section, mixed.map(|(_, (turning, _))| turning), asked);
+        let adhesion = of_adhesion(section, mixed.map(|(_, (_, adhesion))| adhesion), asked);
+        Some((forces?, (turning?, adhesion?)))
+    };
+    let (materials, interactions) = with_constants(root, needed, all);
+    let law = interactions.map(|all| {
+        let forces = law(all.map(|(forces, _)| *forces));
+        if !asked.turning() && !asked.dmt {
+            return forces;
+        }
+        let turning = asked.turning().then(|| all.map(|(_, (turning, _))| *turning));
+        let adhesion = asked.dmt.then(|| all.map(|(_, (_, adhesion))| *adhesion));
+        Choice::With(Box::new(forces), Beside { turning, adhesion })
+    });
+    (materials, law)
+}
+
+/// What attracts in contacts of a material, or of two, with what is left out taken from `mixed`.
+fn of_adhesion(
+    section: &Section,
+    mixed: Option<&dmt::Constants>,
+    asked: Asked,
+) -> Option<dmt::Constants> {
+    let mixed = mixed.copied().unwrap_or_default();
+    if !asked.dmt {
+        section
+            .refuse("surface_energy", "is not used by this law, but by [law] adhesion = \"dmt\"");
+        return Some(mixed);
+    }
+    let energy =
+        section.number_or("surface_energy", mixed.surface_energy, Range::NotNegative, "J/m2");
+    Some(dmt::Constants { surface_energy: energy? })
+}
+
+/// Damping ratio of rolling and twisting springs, if the scene says nothing: that of Ai et al.
+const TURNING_DAMPING_RATIO: f64 = 0.3;
+
+/// What resists rolling and twisting in contacts of a material, or of two, with what is left out taken from `mixed`.
+fn of_turning(
+    section: &Section,
+    mixed: Option<&rolling::Constants>,
+    asked: Asked,
+) -> Option<rolling::Constants> {
+    let mixed = mixed.copied().unwrap_or(rolling::Constants {
+        damping_ratio: TURNING_DAMPING_RATIO,
+        ..rolling::Constants::default()
+    });
+    let used = |key, used: bool, by: &str| {
+        if !used {
+            section.refuse(key, &format!("is not used by this law, but by [law] {by}"));
+        }
+    };
+    used("rolling_friction", asked.rolling, "rolling = \"spring\"");
+    used("twisting_friction", asked.twisting, "twisting = \"spring\"");
+    let either = "rolling = \"spring\" or twisting = \"spring\"";
+    used("turning_damping_ratio", asked.turning(), either);
+    let number = |key, is_asked: bool, default| {
+        if is_asked { section.number_or(key, default, Range::NotNegative, "") } else { Some(0.0) }
+    };
+    let rolling = number("rolling_friction", asked.rolling, mixed.rolling_friction);
+    let twisting = number("twisting_friction", asked.twisting, mixed.twisting_friction);
+    let ratio = number("turning_damping_ratio", asked.turning(), mixed.damping_ratio);
+    Some(rolling::Constants {
+        rolling_friction: rolling?,
+        twisting_friction: twisting?,
+        damping_ratio: ratio?,
+    })
 }
 
 /// The materials, and their constants as `read` finds them in a section: those of one material, or of two, with what is left

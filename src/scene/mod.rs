@@ -24,6 +24,7 @@ mod listed;
 mod matter;
 mod mistakes;
 pub mod packing;
+pub mod pair;
 pub mod plan;
 mod reader;
 pub mod schema;
@@ -230,6 +231,7 @@ impl Scene {
             form: crate::contact::needs_form(&self.method, &self.particle_kinds()),
             image: self.domain.repeats(),
             scale: self.library.has_sizes(),
+            damping: self.global_damping > 0.0,
             ..law
         }
     }

@@ -39,8 +39,8 @@ impl Simulation {
     /// `dt` [s] is 0 at the start of a stage. Collective.
     fn book_out(&mut self, taken: &BTreeSet<GlobalId>, dt: f64, comm: &mut dyn Comm) {
         let Self { particles, contacts, law, field, departed, .. } = self;
-        // By bodies, received and dissipated.
-        let mut entries: Vec<(GlobalId, GlobalId, f64, f64)> = Vec::new();
+        // By bodies, received, dissipated and its parts.
+        let mut entries: Vec<(GlobalId, GlobalId, f64, f64, [f64; 3])> = Vec::new();
         for slot in 0..particles.owned {
             let id = particles.id[slot];
             if taken.contains(&id) {
@@ -48,9 +48,11 @@ impl Simulation {
                 let weight = field.gravity * particles.mass(slot);
                 let work = 0.5 * dt * weight.dot(&particles.velocity[slot]);
                 let energy = measure::free_energy(particles, slot, field) + work;
+                let accumulated = particles.accumulated.row(slot);
                 let [received, dissipated] = [Quantity::Received, Quantity::Dissipated]
-                    .map(|quantity| particles.accumulated[quantity][slot]);
-                entries.push((id, id, received - energy, dissipated));
+                    .map(|quantity| accumulated[quantity]);
+                let channels = Quantity::CHANNELS.map(|quantity| accumulated[quantity]);
+                entries.push((id, id, received - energy, dissipated, channels));
             }
         }
         // At the start of a stage nobody has counted yet what contacts store.
@@ -58,14 +60,17 @@ impl Simulation {
             let is_here = pair.a.index() < particles.owned;
             if is_here && (taken.contains(&contact.a) || taken.contains(&contact.b)) {
                 let stored = law.stored(pair, particles, &contact.geometry, contact.state);
-                entries.push((contact.a, contact.b, -stored, 0.0));
+                entries.push((contact.a, contact.b, -stored, 0.0, [0.0; 3]));
             }
         }
         let mut entries = everywhere(comm, &entries);
         entries.sort_unstable_by_key(|&(a, b, ..)| (a, b));
-        for (_, _, received, dissipated) in entries {
+        for (_, _, received, dissipated, channels) in entries {
             departed.received += received;
             departed.dissipated += dissipated;
+            for (all, one) in departed.channels.iter_mut().zip(channels) {
+                *all += one;
+            }
         }
     }
 }

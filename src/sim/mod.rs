@@ -343,6 +343,9 @@ impl Simulation {
         let mut measures = measure::measure(particles, contacts, &**law, field, *dt, comm);
         measures.received += departed.received;
         measures.dissipated += departed.dissipated;
+        for (energy, of_departed) in measures.channels.iter_mut().zip(departed.channels) {
+            *energy += of_departed;
+        }
         measures
     }
 

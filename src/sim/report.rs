@@ -10,8 +10,8 @@ use crate::domain::Traffic;
 use crate::law::stability::{highest_frequency, time_step_limit};
 use crate::measure::Measures;
 use crate::output::report::{
-    Contacts, Ended, Energy, Least, Memory, Origin, Packing, Ranks, Report, Resolution, Run, Share,
-    Spent, number,
+    Contacts, DissipatedBy, Ended, Energy, Least, Memory, Origin, Packing, Ranks, Report,
+    Resolution, Run, Share, Spent, number,
 };
 use crate::particles::held;
 use crate::timing::Phase;
@@ -154,6 +154,12 @@ fn energy(finish: &Finish) -> Energy {
         stored_j: m.stored,
         step_j: m.step_energy,
         dissipated_j: m.dissipated,
+        dissipated_by: DissipatedBy {
+            normal_dashpots_j: m.of_dashpots(),
+            friction_j: m.channels[0],
+            turning_j: m.channels[1],
+            damping_j: m.channels[2],
+        },
         missing_j: m.missing(),
         largest_moved_j: finish.most_moving,
         missing_over_dissipated: over(m.dissipated),

@@ -10,6 +10,7 @@ pub(crate) mod chung_ooi;
 pub(crate) mod convergence;
 mod decks;
 pub(crate) mod dominoes;
+pub(crate) mod elastic;
 pub(crate) mod elliptic;
 pub(crate) mod faces;
 pub(crate) mod free_motion;
@@ -234,12 +235,13 @@ pub(crate) fn parse_reference(name: &str) -> serde_json::Value {
 pub(crate) type Source = (&'static str, fn(Effort) -> Findings);
 
 /// All sources, in the order of the table.
-pub(crate) fn sources() -> [Source; 16] {
+pub(crate) fn sources() -> [Source; 17] {
     [
         ("mfix", mfix::run),
         ("lammps", lammps::run),
         ("chung_ooi", chung_ooi::run),
         ("elliptic", elliptic::run),
+        ("elastic", elastic::run),
         ("free_motion", free_motion::run),
         ("incline", incline::run),
         ("faces", faces::run),

@@ -60,13 +60,18 @@ pub struct Settings {
 impl Settings {
     /// Hertzian contacts between bodies of a library.
     pub fn law(&self, library: &Library) -> Box<dyn ForceLaw> {
-        Box::new(Law::new(Hertz::new(self.clone(), library), library))
+        Box::new(Law::new(self.model(library), library))
+    }
+
+    /// The same as a model.
+    pub(super) fn model(&self, library: &Library) -> Hertz {
+        Hertz::new(self.clone(), library)
     }
 }
 
 /// Elastic bodies with dashpots and friction.
 #[derive(Clone, Debug)]
-struct Hertz {
+pub(super) struct Hertz {
     settings: Settings,
     /// Is there any dashpot?
     damped: bool,
@@ -96,7 +101,7 @@ fn dashpot_factor() -> f64 {
 
 /// What a contact has at an overlap of 1 m.
 #[derive(Clone, Copy, Debug)]
-struct Elastic<L> {
+pub(super) struct Elastic<L> {
     /// Normal force, `4/3 E* √R*` [N/m^(3/2)].
     normal: L,
     /// Tangential stiffness, `8 G* √R*` [N/m^(3/2)].
@@ -236,7 +241,13 @@ impl Model for Hertz {
 
     fn needs(&self) -> Needs {
         let velocity = self.frictional || self.damped;
-        Needs { velocity, spin: self.frictional, curvature: self.curved, ..Needs::default() }
+        Needs {
+            velocity,
+            spin: self.frictional,
+            friction: self.frictional,
+            curvature: self.curved,
+            ..Needs::default()
+        }
     }
 
     fn state(&self) -> &[StateColumn] {

@@ -24,9 +24,9 @@
 //! reported. The point of a patch runs from edge to edge when a body rocks; no support point could stand for it.
 
 use super::{
-    Arms, CONTACT_POINT, Contact, Contacts, Geometry, GeometryInLanes, MOST_STATE, Model, Pair,
-    Particles, Separated, Slot, add, geometries_at, pieces, read_state, rows_at,
-    triple as in_lanes, vectors,
+    Arms, CONTACT_POINT, Contact, Contacts, Geometry, GeometryInLanes, Lost, MOST_STATE,
+    MOST_STATE_OF_MOMENTS, Model, Pair, Particles, Separated, Slot, add, geometries_at, pieces,
+    read_state, rows_at, triple as in_lanes, vectors,
 };
 use crate::contact::{Patch, Previous, StateColumn};
 use crate::lanes::{Eight, Gather, Kernel, Row, RowPairs, Triple, WIDTH};
@@ -98,6 +98,14 @@ impl Memory {
     /// Elastic energy of torsion [J].
     pub(super) fn stored(&self, turning: &Turning) -> f64 {
         0.5 * turning.tangential_stiffness * self.torsion * self.torsion
+    }
+
+    /// Power of what friction does in the plane and about the normal, for the normal at which it acted and the moment of the
+    /// model in it [W].
+    fn rubbing(&self, normal: &Vec3, of_model: &Vec3, motion: &Motion, when: usize) -> f64 {
+        let in_plane = self.force - normal * self.force.dot(normal);
+        let torsion = (self.moment - of_model).dot(normal);
+        in_plane.dot(&motion.at(&self.point, when)) + torsion * motion.turning().dot(normal)
     }
 
     /// All of the force on B, for the normal at which it acted [N].
@@ -174,8 +182,10 @@ const WINDOW: usize = 128;
 struct Window {
     /// Force on B [N], and what each body loses [J].
     forces: [[f64; 4]; WINDOW],
-    /// Moments on B and A [N m], and zeros.
+    /// Moments on B and A [N m], and what each body loses to friction [J].
     torques: [[[f64; 4]; 2]; WINDOW],
+    /// What each body loses to the model's moments [J].
+    turned: [f64; WINDOW],
     /// Work of a wall on the particle [J].
     wall_work: [f64; WINDOW],
 }
@@ -208,6 +218,8 @@ struct Acting {
     /// On B about the contact point [N m].
     moment: Vec3,
     memory: Memory,
+    /// The part of the moment that the model has made [N m].
+    of_model: Vec3,
     /// Elastic energy of friction and torsion [J].
     stored: f64,
 }
@@ -221,6 +233,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let mut window = Window {
             forces: [[0.0; 4]; WINDOW],
             torques: [[[0.0; 4]; 2]; WINDOW],
+            turned: [0.0; WINDOW],
             wall_work: [0.0; WINDOW],
         };
         for first in (0..all.len()).step_by(WINDOW) {
@@ -260,8 +273,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         let with_walls = b.at(0) >= particles.first_facet();
         let zero = L::all(0.0);
 
-        let mut state = [zero; MOST_STATE];
-        let state = &mut state[..law.width];
+        let (mut room, mut wide) = ([zero; MOST_STATE], [zero; MOST_STATE_OF_MOMENTS]);
+        let state = if M::MOMENTS { &mut wide[..law.width] } else { &mut room[..law.width] };
         let Picked { at, point, now, last, before } = self.read_picked(places, state);
         let arms = self.arms_at::<L, MOVES>([a, b], point, before.point);
         let motion = if MOVES {
@@ -272,6 +285,10 @@ impl<M: Model> Contacts<'_, '_, M> {
 
         let contact = motion.contact(&last, &now, dt);
         let last_stored = law.model.last(&constants, last.overlap, state).stored[1];
+        let of_moments = |overlap: L, state: &[L]| {
+            if M::MOMENTS { law.model.turned(&constants, overlap, state) } else { zero }
+        };
+        let turned_before = of_moments(last.overlap, state);
         let acting = law.model.act(&constants, &contact, state);
         let beyond = acting.press - law.model.elastic(&constants, now.overlap);
         let now_acting = MemoryInLanes {
@@ -287,18 +304,31 @@ impl<M: Model> Contacts<'_, '_, M> {
             on = [on[0].plus(acting.moment), on[1].minus(acting.moment)];
         }
 
-        let mut dissipated = zero;
+        let (mut dissipated, mut of_friction, mut of_turning) = (zero, zero, zero);
         let half = L::all(0.5 * dt);
         if MOVES && dt > 0.0 {
             let mut power =
                 before.force.dot(motion.last_velocity) + now_acting.force.dot(motion.velocity);
             if M::MOMENTS {
-                power = power + before.moment.plus(acting.moment).dot(motion.turning);
+                let turned = before.moment.plus(acting.moment).dot(motion.turning);
+                power = power + turned;
+                of_turning = half * turned - (of_moments(now.overlap, state) - turned_before);
             }
-            dissipated = half * power - (acting.stored[1] - last_stored);
+            let stored = acting.stored[1] - last_stored;
+            dissipated = half * power - stored;
+            // What does not act along the normal.
+            let pressed = before.force.dot(last.normal) * motion.last_velocity.dot(last.normal)
+                + beyond * motion.velocity.dot(now.normal);
+            of_friction = half * (power - pressed) - stored - of_turning;
         }
-        let share = if with_walls { dissipated } else { L::all(0.5) * dissipated };
-        let (forces, [on_b, on_a]) = (force.rows(share), [on[0].rows(zero), on[1].rows(zero)]);
+        let share_of = |energy| if with_walls { energy } else { L::all(0.5) * energy };
+        let (share, rubbed) = (share_of(dissipated), share_of(of_friction));
+        let (forces, [on_b, on_a]) = (force.rows(share), [on[0].rows(rubbed), on[1].rows(rubbed)]);
+        if M::MOMENTS {
+            for (&place, turned) in places.iter().zip(share_of(of_turning).store()) {
+                window.turned[place as usize - first] = turned;
+            }
+        }
         for (lane, &place) in places.iter().enumerate() {
             let place = place as usize - first;
             forces[lane].write(&mut window.forces[place]);
@@ -423,7 +453,7 @@ impl<M: Model> Contacts<'_, '_, M> {
     /// between.
     #[inline(always)]
     fn sum_window(&mut self, first: usize, count: usize, window: &Window) {
-        let Window { forces, torques, wall_work } = window;
+        let Window { forces, torques, turned, wall_work } = window;
         let first_facet = self.particles.first_facet();
         for (place, lane) in (first..first + count).zip(0..) {
             self.add_separated_before(place);
@@ -433,6 +463,10 @@ impl<M: Model> Contacts<'_, '_, M> {
             add(&mut self.sums.force, pair.a.index(), force.opposite());
             add(&mut self.sums.torque, pair.b.index(), torques[lane][0]);
             add(&mut self.sums.torque, pair.a.index(), torques[lane][1]);
+            if M::MOMENTS && !self.sums.turned.is_empty() {
+                self.sums.turned[pair.b.index()] += turned[lane];
+                self.sums.turned[pair.a.index()] += turned[lane];
+            }
             if pair.b.index() >= first_facet {
                 self.sums.note_wall_work(pair, wall_work[lane]);
             }
@@ -459,8 +493,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         let constants = law.constants(pair, particles);
         let motion = self.motion(pair);
 
-        let mut numbers = [0.0; MOST_STATE];
-        let state = &mut numbers[..law.width];
+        let (mut room, mut wide) = ([0.0; MOST_STATE], [0.0; MOST_STATE_OF_MOMENTS]);
+        let state = if M::MOMENTS { &mut wide[..law.width] } else { &mut room[..law.width] };
         let mut before = Memory::default();
         if last.touched() {
             let remembered = &self.work.last.state[place_before * law.stride..][..law.stride];
@@ -468,32 +502,44 @@ impl<M: Model> Contacts<'_, '_, M> {
             before = Memory::read(&remembered[law.width..]);
         }
         let turning = law.model.turning(&constants);
-        let stored_before =
-            law.model.last(&constants, last.overlap, state).stored[1] + before.stored(&turning);
-        let Acting { force, moment, memory, stored } =
+        let last_action = law.model.last(&constants, last.overlap, state);
+        let stored_before = last_action.stored[1] + before.stored(&turning);
+        let turned_before = law.model.turned(&constants, last.overlap, state);
+        let Acting { force, moment, memory, of_model, stored } =
             self.acting(place, &constants, &last, &before, &motion, state);
 
         let point = self.work.points[place];
         let half = 0.5 * dt;
-        let mut dissipated = 0.0;
+        let mut lost = Lost::default();
         if law.needs.velocity && dt > 0.0 {
             let work = |of: &Memory, when: usize| {
                 of.force.dot(&motion.at(&of.point, when)) + of.moment.dot(&motion.turning())
             };
-            dissipated = half * (work(&before, 1) + work(&memory, 0)) - (stored - stored_before);
+            lost.all = half * (work(&before, 1) + work(&memory, 0)) - (stored - stored_before);
+            let Geometry { normal, overlap } = self.work.geometry[place];
+            let of_last = if M::MOMENTS { vector(last_action.moment) } else { Vec3::zeros() };
+            let turned = (of_last + of_model).dot(&motion.turning());
+            let stored_by_moments = law.model.turned(&constants, overlap, state) - turned_before;
+            lost.of_turning = half * turned - stored_by_moments;
+            let rubbed = before.rubbing(&last.normal, &of_last, &motion, 1)
+                + memory.rubbing(&normal, &of_model, &motion, 0);
+            lost.of_friction =
+                half * (rubbed + turned) - (stored - stored_before) - lost.of_turning;
         }
         let row = &mut self.work.state[place * law.stride..][..law.stride];
         row[..law.width].copy_from_slice(state);
         memory.write(&mut row[law.width..]);
 
         let with_wall = pair.b.index() >= particles.first_facet();
-        let share = if with_wall { dissipated } else { 0.5 * dissipated };
+        let share_of = |energy| if with_wall { energy } else { 0.5 * energy };
+        let (share, rubbed) = (share_of(lost.all), share_of(lost.of_friction));
         let arm_b = point - motion.r[0];
         let on_b = arm_b.cross(&force) + moment;
         let on_a = force.cross(&point) - moment;
         let lane = place - first;
         window.forces[lane] = [force.x, force.y, force.z, share];
-        window.torques[lane] = [[on_b.x, on_b.y, on_b.z, 0.0], [on_a.x, on_a.y, on_a.z, 0.0]];
+        window.torques[lane] = [[on_b.x, on_b.y, on_b.z, rubbed], [on_a.x, on_a.y, on_a.z, rubbed]];
+        window.turned[lane] = share_of(lost.of_turning);
         if with_wall {
             let last_force = before.total_force(&last.normal);
             let on_wall = motion.work_on_b(&last_force, &before.moment, &before.point, 1, half)
@@ -530,6 +576,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             twist: 0.5 * dt * spin.dot(&normal),
             turning: triple(&motion.turning()),
             touched: u8::from(last.touched()),
+            extended: true,
             dt,
         };
         let now = law.model.act(constants, &contact, state);
@@ -542,8 +589,9 @@ impl<M: Model> Contacts<'_, '_, M> {
             Torsion::of(&turning, patch, &normal, now.press, before.torsion, &twisting, dt);
         let rocking = normal.cross(&patch.times(&normal.cross(&twisting)));
         let mut moment = normal * torsion.moment - rocking * (turning.normal_dashpot * patch.gain);
+        let of_model = if M::MOMENTS { vector(now.moment) } else { Vec3::zeros() };
         if M::MOMENTS {
-            moment += Vec3::new(now.moment.x, now.moment.y, now.moment.z);
+            moment += of_model;
         }
         let memory = Memory {
             point,
@@ -556,6 +604,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             force: normal * now.press + rub,
             moment: moment + normal * (elastic * patch.lever),
             memory,
+            of_model,
             stored: now.stored[1] + memory.stored(&turning),
         }
     }
@@ -577,15 +626,22 @@ impl<M: Model> Contacts<'_, '_, M> {
             let on_wall = motion.work_on_b(&force, &memory.moment, &memory.point, 1, half);
             self.sums.note_wall_work(pair, -on_wall);
         }
-        let mut dissipated = 0.0;
+        let mut lost = Lost::default();
         if law.needs.velocity && half > 0.0 {
             let constants = law.constants(pair, particles);
-            let stored = law.model.last(&constants, geometry.overlap, state).stored[1];
+            let last = law.model.last(&constants, geometry.overlap, state);
+            let stored = last.stored[1];
             let power = memory.force.dot(&motion.at(&memory.point, 1))
                 + memory.moment.dot(&motion.turning());
-            dissipated = half * power + stored + memory.stored(&law.model.turning(&constants));
+            let of_torsion = memory.stored(&law.model.turning(&constants));
+            lost.all = half * power + stored + of_torsion;
+            let of_model = if M::MOMENTS { vector(last.moment) } else { Vec3::zeros() };
+            let turned = law.model.turned(&constants, geometry.overlap, state);
+            lost.of_turning = half * of_model.dot(&motion.turning()) + turned;
+            let rubbed = memory.rubbing(&geometry.normal, &of_model, &motion, 1);
+            lost.of_friction = half * rubbed + stored + of_torsion - turned;
         }
-        self.sums.lose(pair, dissipated, particles.first_facet());
+        self.sums.lose(pair, lost, particles.first_facet());
     }
 }
 
@@ -635,6 +691,10 @@ fn rows_of<'a, T>(all: &'a [T], at: &[usize; WIDTH]) -> [&'a T; WIDTH] {
         *row = &all[at];
     }
     rows
+}
+
+fn vector(v: Triple<f64>) -> Vec3 {
+    Vec3::new(v.x, v.y, v.z)
 }
 
 fn triple(v: &Vec3) -> Triple<f64> {

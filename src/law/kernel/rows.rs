@@ -1,6 +1,6 @@
 //! Eight rows at once, from the numbers that are remembered of contacts, and back.
 
-use super::MOST_STATE;
+use super::MOST_STATE_OF_MOMENTS;
 use super::patches::Memory;
 use crate::contact::{Geometry, Previous};
 use crate::lanes::{Eight, Row, WIDTH};
@@ -8,7 +8,8 @@ use crate::math::Vec3;
 
 /// What is remembered of a contact that did not touch.
 static NEW: Geometry = Geometry { normal: Vec3::new(0.0, 0.0, 0.0), overlap: 0.0 };
-static NO_STATE: [f64; MOST_STATE + Memory::WIDTH] = [0.0; MOST_STATE + Memory::WIDTH];
+static NO_STATE: [f64; MOST_STATE_OF_MOMENTS + Memory::WIDTH] =
+    [0.0; MOST_STATE_OF_MOMENTS + Memory::WIDTH];
 
 /// What is remembered of eight contacts that stand one after the other, column by column: by one check where
 /// [`read_state`] checks each row, for which a packing's forces take up to a third longer.
@@ -27,10 +28,15 @@ pub(super) fn read_state<L: Eight>(rows: &[&[f64]; WIDTH], columns: &mut [L]) {
     let width = columns.len();
     let mut at = 0;
     while at < width {
-        if let Some(four) = pieces::<4>(rows, at) {
+        // Behind them may stand what is not of the model.
+        if at + 4 <= width
+            && let Some(four) = pieces::<4>(rows, at)
+        {
             columns[at..at + 4].copy_from_slice(&L::columns_of_4(&four));
             at += 4;
-        } else if let Some(three) = pieces::<3>(rows, at) {
+        } else if at + 3 <= width
+            && let Some(three) = pieces::<3>(rows, at)
+        {
             columns[at..at + 3].copy_from_slice(&L::columns_of_3(&three));
             at += 3;
         } else {

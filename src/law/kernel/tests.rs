@@ -54,13 +54,19 @@ impl Touching {
         let mut found = Found {
             state: vec![f64::NAN; count * law.stride],
             forces: vec![Vec3::zeros(); count],
-            sums: Sums { force: zeros.clone(), torque: zeros, wall_work: Vec::new() },
+            sums: Sums {
+                force: zeros.clone(),
+                torque: zeros,
+                turned: Vec::new(),
+                wall_work: Vec::new(),
+            },
         };
         let mut work = Work {
             pairs: &self.pairs,
             geometry: &self.now,
             points: &self.points,
             patches: &self.patches,
+            curvatures: &[],
             from: &self.from,
             last: Last { pairs: &self.pairs, geometry: &self.geometry, state: &self.state },
             separated: &[],

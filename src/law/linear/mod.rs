@@ -37,7 +37,12 @@ pub struct Settings {
 impl Settings {
     /// Linear springs and dashpots with friction between bodies of a library.
     pub fn law(&self, library: &Library) -> Box<dyn ForceLaw> {
-        Box::new(Law::new(Linear::new(self.interactions.clone(), self.limit_damping), library))
+        Box::new(Law::new(self.model(), library))
+    }
+
+    /// The same as a model.
+    pub(super) fn model(&self) -> Linear {
+        Linear::new(self.interactions.clone(), self.limit_damping)
     }
 }
 
@@ -163,7 +168,12 @@ impl Model for Linear {
 
     fn needs(&self) -> Needs {
         let dashpot = self.interactions.iter().any(|c| c.normal_damping_ratio > 0.0);
-        Needs { velocity: self.frictional || dashpot, spin: self.frictional, ..Needs::default() }
+        Needs {
+            velocity: self.frictional || dashpot,
+            spin: self.frictional,
+            friction: self.frictional,
+            ..Needs::default()
+        }
     }
 
     fn state(&self) -> &[StateColumn] {

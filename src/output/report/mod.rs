@@ -190,6 +190,8 @@ pub struct Energy {
     pub step_j: f64,
     /// Lost to friction and dashpots.
     pub dissipated_j: f64,
+    /// The parts of that.
+    pub dissipated_by: DissipatedBy,
     /// What the balance is short of; negative if the steps have made energy.
     pub missing_j: f64,
     /// The largest kinetic and elastic energy together that this run has measured.
@@ -198,6 +200,19 @@ pub struct Energy {
     pub missing_over_dissipated: Option<f64>,
     /// `missing_j` over `largest_moved_j`; `null` if nothing has moved.
     pub missing_over_moved: Option<f64>,
+}
+
+/// What has dissipated energy since the stage began; parts that the scene does not have are 0.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct DissipatedBy {
+    /// What is left of the whole.
+    pub normal_dashpots_j: f64,
+    /// Sliding and tangential dashpots; torsion of faces, too.
+    pub friction_j: f64,
+    /// Resistance to rolling and twisting.
+    pub turning_j: f64,
+    /// Global damping.
+    pub damping_j: f64,
 }
 
 /// The packing at the end.

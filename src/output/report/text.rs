@@ -1,7 +1,7 @@
 //! The report as text.
 
 use super::audit::{Audit, OfKinds, Spread};
-use super::{Ended, Least, Memory, Ranks, Report, Share, Spent};
+use super::{DissipatedBy, Ended, Least, Memory, Ranks, Report, Share, Spent};
 use crate::drive::Kept;
 use crate::timing::Phase;
 use std::fmt::{Display, Formatter, Write};
@@ -193,6 +193,12 @@ impl Report {
             energy.step_j,
             energy.dissipated_j,
             energy.missing_j,
+        ));
+        let DissipatedBy { normal_dashpots_j, friction_j, turning_j, damping_j } =
+            energy.dissipated_by;
+        page.line(format_args!(
+            "dissipated by normal dashpots {normal_dashpots_j:.3e} J, friction {friction_j:.3e} J, rolling and twisting \
+             {turning_j:.3e} J, global damping {damping_j:.3e} J"
         ));
         let oscillation = resolution
             .steps_per_oscillation

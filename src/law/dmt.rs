@@ -1,0 +1,185 @@
+//! Adhesion after Derjaguin, Muller and Toporov (1975, DOI 10.1016/0021-9797(75)90018-1): an attraction beside the forces of any
+//! model, for hard and small spheres.
+//!
+//! While two spheres overlap they attract each other with `F_a = 2π w R*`, whatever the overlap: `N = N_model - F_a`. `1/R*` is the sum
+//! of `1/R` of both, of a wall 0; `w` is the work of adhesion per area [J/m²], `w = 2 √(γ_A γ_B)` with the surface energies of
+//! the materials. What pulls them apart must be `F_a` (the pull-off force, at an overlap of 0). The energy `-F_a δ` of it is
+//! stored: with the elastic force of Hertz a contact is deepest in a hollow of it, and who comes in with no energy of motion gets
+//! out with none. Nothing is lost to adhesion itself, unlike that of Johnson, Kendall and Roberts, where contacts outlive the overlap.
+//!
+//! Friction and resistance to rolling and twisting have their limits from the force that presses the surfaces together, `N + F_a`.
+//!
+//! It holds for small Tabor parameters, `(R* w² / (E*² z³))^(1/3) < 0.1` or so with the distance `z` of atoms, 0.2 to 0.4 nm
+//! (Johnson and Greenwood 1997, DOI 10.1006/jcis.1997.4984).
+
+#![expect(clippy::inline_always, reason = "see `lanes`")]
+
+use super::kernel::{Action, Contact, Model, Spread, Turning};
+use super::{Body, Hardest, Mixing};
+use crate::contact::StateColumn;
+use crate::ids::MaterialId;
+use crate::lanes::{Lanes, Triple};
+use crate::particles::Needs;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// The constants of a contact between two materials; by default nothing attracts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Constants {
+    /// Surface energy `γ`, half the work of adhesion [J/m²].
+    pub surface_energy: f64,
+}
+
+impl Mixing for Constants {
+    /// The geometric mean (Girifalco and Good 1957, DOI 10.1021/j150556a008).
+    fn mixed(a: &Self, b: &Self) -> Self {
+        Self { surface_energy: (a.surface_energy * b.surface_energy).sqrt() }
+    }
+}
+
+/// Constants of every pair of materials.
+pub type Interactions = super::Interactions<Constants>;
+
+/// A model of forces, with attraction.
+#[derive(Clone, Debug)]
+pub struct Dmt<M> {
+    forces: M,
+    interactions: Interactions,
+}
+
+impl<M: Model> Dmt<M> {
+    /// Beside these forces.
+    pub fn new(forces: M, interactions: Interactions) -> Self {
+        Self { forces, interactions }
+    }
+}
+
+/// Constants of a contact: those of the forces, and the attraction [N].
+#[derive(Clone, Copy, Debug)]
+pub struct Attracting<C, L> {
+    forces: C,
+    attraction: L,
+}
+
+impl<C, L: Lanes> Attracting<C, L> {
+    /// The attraction at an overlap [N].
+    #[inline(always)]
+    fn at(&self, overlap: L) -> L {
+        let zero = L::all(0.0);
+        self.attraction.or(zero, zero.less(overlap))
+    }
+
+    /// Takes it from what the forces do.
+    #[inline(always)]
+    fn attracted(&self, mut action: Action<L>, overlap: L) -> Action<L> {
+        let attraction = self.at(overlap);
+        action.press = action.press - attraction;
+        action.stored[0] = action.stored[0] - attraction * overlap;
+        action
+    }
+}
+
+/// Constants of the forces beneath.
+struct OfForces<'a, S>(&'a S);
+
+impl<C, L, S: Spread<Attracting<C, f64>, L>> Spread<C, L> for OfForces<'_, S> {
+    #[inline(always)]
+    fn of(&self, get: impl Fn(&C) -> f64) -> L {
+        self.0.of(|constants| get(&constants.forces))
+    }
+}
+
+impl<M: Model> Model for Dmt<M> {
+    type Constants<L: Lanes> = Attracting<M::Constants<L>, L>;
+
+    const MOMENTS: bool = M::MOMENTS;
+
+    fn name(&self) -> &'static str {
+        self.forces.name()
+    }
+
+    fn needs(&self) -> Needs {
+        self.forces.needs()
+    }
+
+    fn state(&self) -> &[StateColumn] {
+        self.forces.state()
+    }
+
+    fn constants(&self, a: &Body, b: &Body) -> Self::Constants<f64> {
+        let work = 2.0 * self.interactions.of(a.material, b.material).surface_energy;
+        let radius = 1.0 / (1.0 / a.radius + 1.0 / b.radius);
+        Attracting { forces: self.forces.constants(a, b), attraction: 2.0 * PI * work * radius }
+    }
+
+    #[inline(always)]
+    fn spread<L: Lanes>(of: &impl Spread<Self::Constants<f64>, L>) -> Self::Constants<L> {
+        Attracting { forces: M::spread(&OfForces(of)), attraction: of.of(|c| c.attraction) }
+    }
+
+    #[inline(always)]
+    fn last<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L, state: &[L]) -> Action<L> {
+        constants.attracted(self.forces.last(&constants.forces, overlap, state), overlap)
+    }
+
+    #[inline(always)]
+    fn act<L: Lanes>(
+        &self,
+        constants: &Self::Constants<L>,
+        contact: &Contact<L>,
+        state: &mut [L],
+    ) -> Action<L> {
+        let action = self.forces.act(&constants.forces, contact, state);
+        constants.attracted(action, contact.overlap)
+    }
+
+    #[inline(always)]
+    fn dissipates<L: Lanes>(&self, constants: &Self::Constants<L>) -> [u8; 2] {
+        self.forces.dissipates(&constants.forces)
+    }
+
+    #[inline(always)]
+    fn turned<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L, state: &[L]) -> L {
+        self.forces.turned(&constants.forces, overlap, state)
+    }
+
+    fn is_viscous(&self) -> bool {
+        self.forces.is_viscous()
+    }
+
+    #[inline(always)]
+    fn viscous<L: Lanes>(&self, constants: &Self::Constants<L>, sliding: Triple<L>) -> Triple<L> {
+        self.forces.viscous(&constants.forces, sliding)
+    }
+
+    #[inline(always)]
+    fn elastic<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L) -> L {
+        self.forces.elastic(&constants.forces, overlap) - constants.at(overlap)
+    }
+
+    fn turning(&self, constants: &Self::Constants<f64>) -> Turning {
+        self.forces.turning(&constants.forces)
+    }
+
+    fn stiffness(&self, constants: &Self::Constants<f64>, overlap: f64, dt: f64) -> f64 {
+        self.forces.stiffness(&constants.forces, overlap, dt)
+    }
+
+    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
+        self.forces.hardest(body, reduced_mass)
+    }
+
+    fn hardest_up_to(&self) -> Option<f64> {
+        self.forces.hardest_up_to()
+    }
+
+    fn words(&self, a: MaterialId, b: MaterialId) -> String {
+        let Constants { surface_energy } = *self.interactions.of(a, b);
+        let forces = self.forces.words(a, b);
+        format!("{forces}, surface energy {surface_energy} J/m2 (adhesion of DMT)")
+    }
+
+    fn left_out(&self) -> Vec<&'static str> {
+        self.forces.left_out()
+    }
+}
