@@ -22,7 +22,8 @@ impl About {
             let name = command.get_name().to_owned();
             clap_complete::generate(shell, &mut command, name, &mut text);
         } else if self.man {
-            clap_mangen::Man::new(command).render(&mut text).expect("a vector takes all");
+            // A vector takes all.
+            let _ = clap_mangen::Man::new(command).render(&mut text);
         } else {
             return None;
         }

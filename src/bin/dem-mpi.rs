@@ -470,10 +470,12 @@ fn nothing_left(
             "the snapshot is at step {step}, and the stage ends at step {last_step}. \
              Ask for more with --steps N or --set time.steps=N"
         );
-        let status = match scene.stop == Stop::default() || is_over {
-            _ if last_step < step => WRONG_INPUT,
-            true => 0,
-            false => UNMET,
+        let status = if last_step < step {
+            WRONG_INPUT
+        } else if is_over || scene.stop == Stop::default() {
+            0
+        } else {
+            UNMET
         };
         return Some((why, status));
     }

@@ -179,6 +179,7 @@ fn domain(section: &Section) -> Option<Cell> {
     let low = section.vector("low", "m");
     let high = section.vector("high", "m");
     let periodic = section.read_or("periodic", [false; 3], Given::three_booleans);
+    let sheared = section.get("shear");
     let (low, high) = (low?, high?);
     let flat: Vec<&str> =
         (0..3).filter(|&axis| high[axis] <= low[axis]).map(|axis| AXES[axis]).collect();
@@ -187,7 +188,7 @@ fn domain(section: &Section) -> Option<Cell> {
         return None;
     }
     let cell = Cell::new(low, high, periodic?);
-    match section.get("shear") {
+    match sheared {
         None => Some(cell),
         Some(given) => cell.with_shear(shear(&given, &cell)?),
     }

@@ -37,7 +37,7 @@ pub fn schema() -> Value {
             _ => root["properties"][&name.table] = one,
         }
     }
-    root["properties"]["fill"] = closed(fill, &[]);
+    root["properties"]["fill"] = closed(&fill, &[]);
     root["$schema"] = json!("http://json-schema.org/draft-07/schema#");
     root["title"] = json!("Scene of dem-mpi");
     root
@@ -66,7 +66,7 @@ fn table(name: &str) -> Value {
             properties.insert(key.to_owned(), material["properties"][key].clone());
         }
     }
-    let mut object = closed(properties, required(name));
+    let mut object = closed(&properties, required(name));
     if name == "shape" {
         object["allOf"] = Kind::ALL.into_iter().filter_map(keys_of_kind).collect();
     }
@@ -117,6 +117,7 @@ fn required(table: &str) -> &'static [&'static str] {
 }
 
 /// What a key may be; `None` of one that is not known here.
+#[expect(clippy::match_same_arms, reason = "table by table, as the keys are listed")]
 pub fn value(table: &str, key: &str) -> Option<Value> {
     let any = number(Range::Any);
     let positive = number(Range::Positive);
@@ -138,7 +139,7 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("domain", "wall_material") => text(),
         ("domain", "wall_velocity") => {
             let sides = SIDES.map(|side| (side.to_owned(), vector(&any)));
-            closed(sides.into_iter().collect(), &[])
+            closed(&sides.into_iter().collect(), &[])
         }
 
         ("wall", "name" | "material") => text(),
@@ -271,10 +272,10 @@ fn either(values: &[Value]) -> Value {
 fn object(keys: &[(&str, Value)]) -> Value {
     let required: Vec<&str> = keys.iter().map(|(key, _)| *key).collect();
     let properties = keys.iter().map(|(key, value)| ((*key).to_owned(), value.clone()));
-    closed(properties.collect(), &required)
+    closed(&properties.collect(), &required)
 }
 
 /// A table that has no other keys than these.
-fn closed(properties: Map<String, Value>, required: &[&str]) -> Value {
+fn closed(properties: &Map<String, Value>, required: &[&str]) -> Value {
     json!({ "type": "object", "properties": properties, "required": required, "additionalProperties": false })
 }

@@ -46,7 +46,8 @@ use watch::{Fault, Watch};
 ///     sim.step(&mut comm).unwrap();
 /// }
 /// let speed = 9.81 * sim.time();
-/// assert!(sim.particles.velocity.iter().all(|v| (v.z + speed).abs() < 1e-12 && v.x == 0.0));
+/// let owned = &sim.particles.velocity[..sim.particles.owned];
+/// assert!(owned.iter().all(|v| (v.z + speed).abs() < 1e-12 && v.x == 0.0));
 /// let kinetic = 64.0 * 0.5 * scene.library.mass[0] * speed * speed;
 /// assert!((sim.measure(&mut comm).kinetic() / kinetic - 1.0).abs() < 1e-12);
 /// ```

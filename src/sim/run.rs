@@ -182,7 +182,7 @@ pub const DEEPEST_START: f64 = 0.05;
 /// let snapshot = Reader::open(folder.path()).unwrap();
 /// assert_eq!(snapshot.header().step, 100);
 /// let particles = snapshot.particles(0..snapshot.particle_count()).unwrap();
-/// assert_eq!(particles.position, sim.particles.position);
+/// assert_eq!(particles.position, sim.particles.position[..sim.particles.owned]);
 /// ```
 ///
 /// # Errors

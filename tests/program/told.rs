@@ -9,7 +9,7 @@ const LAUNCHES: [Launch; 2] = [Launch::Alone, Launch::Ranks(2)];
 fn questions_are_answered_once() {
     let heap = &*scene("heap");
     let version = concat!("dem-mpi ", env!("CARGO_PKG_VERSION"));
-    let answers: [(&[&str], &[&str]); 5] = [
+    let answers: [(&[&str], &[&str]); 8] = [
         (&[heap, "--check"], &["heap.toml: no errors found"]),
         (
             &[heap, "--plan"],
@@ -18,6 +18,9 @@ fn questions_are_answered_once() {
         (&["--help"], &["Usage: dem-mpi", "--start <SNAPSHOT>", "Exit status: 0"]),
         (&["--version"], &[version]),
         (&["--keys", "stop"], &["[stop]\n", "  unbalanced  "]),
+        (&["--schema"], &["http://json-schema.org/draft-07/schema#"]),
+        (&["--completion", "bash"], &["_dem__mpi() {"]),
+        (&["--man"], &[".TH dem-mpi 1"]),
     ];
     for launch in LAUNCHES {
         let directory = fresh_directory("questions");
