@@ -199,7 +199,8 @@ pub(crate) fn closed(height: f64) -> Snapshot {
 /// 125 grains between walls on all sides, the lid at this height [m], at this step.
 pub(crate) fn boxed(height: f64, step: u64) -> Snapshot {
     let mut snapshot = with_lid(ellipsoids(5, 8), height);
-    snapshot.header.step = step;
+    let header = &mut snapshot.header;
+    (header.step, header.time) = (step, step as f64 * header.dt);
     snapshot
 }
 

@@ -214,9 +214,9 @@ fn print_once(comm: &dyn Comm, text: impl std::fmt::Display) {
     }
 }
 
-/// Prints to standard error; a closed one is ignored.
+/// Prints to standard error in one piece, or mpirun's own words may come between; a closed one is ignored.
 fn print_error(text: impl std::fmt::Display) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    let _ = std::io::stderr().write_all(format!("{text}\n").as_bytes());
 }
 
 /// Reads the scene on rank 0 and hands it, or the errors in it, to all.

@@ -68,7 +68,8 @@ impl World {
         let print = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |info| {
             // Where nobody listens, that is no reason to hang.
-            let _ = writeln!(io::stderr(), "rank {rank} met a bug of dem-mpi and ends the run:");
+            let text = format!("rank {rank} met a bug of dem-mpi and ends the run:\n");
+            let _ = io::stderr().write_all(text.as_bytes());
             print(info);
             // SAFETY: MPI is initialised, and MPI_Abort may be called at any moment.
             unsafe { ffi::MPI_Abort(ffi::RSMPI_COMM_WORLD, 101) };

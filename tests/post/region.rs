@@ -330,9 +330,7 @@ fn an_open_packing_has_no_strain() {
 fn a_margin_follows_the_walls_and_strains_stay_those_of_the_whole() {
     let folder = tempfile::tempdir().unwrap();
     for (step, height) in [(1, 0.02), (2, 0.018)] {
-        let mut snapshot = boxed(height, step);
-        snapshot.header.time = step as f64;
-        store(folder.path(), &snapshot);
+        store(folder.path(), &boxed(height, step));
     }
     let files = series::all(folder.path()).unwrap();
     assert_eq!(files.len(), 2);

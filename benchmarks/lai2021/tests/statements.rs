@@ -197,7 +197,7 @@ fn without_findings_there_is_no_table() {
 
 /// The committed table is what the command writes from the committed findings, and README has its counts.
 #[test]
-fn the_record_and_readme_have_the_counts_of_the_findings() {
+fn the_record_and_the_page_of_benchmarks_have_the_counts_of_the_findings() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let records = root.join("benchmarks/records");
     let folder = |name: &str| records.join(format!("2026-11-{name}"));
@@ -207,7 +207,7 @@ fn the_record_and_readme_have_the_counts_of_the_findings() {
         let committed = std::fs::read_to_string(folder("triaxial").join(name)).unwrap();
         assert!(committed == *text, "{name} is not what lai2021 statements writes");
     }
-    let readme = std::fs::read_to_string(root.join("README.md")).unwrap();
+    let measured = std::fs::read_to_string(root.join("benchmarks/README.md")).unwrap();
     let page = &files.iter().find(|(name, _)| name == "statements.md").expect("a page").1;
     let counts: Vec<&str> = page
         .lines()
@@ -215,6 +215,6 @@ fn the_record_and_readme_have_the_counts_of_the_findings() {
         .collect();
     assert_eq!(counts.len(), 8);
     for line in counts {
-        assert!(readme.contains(line), "README has not {line}");
+        assert!(measured.contains(line), "benchmarks/README.md has not {line}");
     }
 }
