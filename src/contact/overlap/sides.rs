@@ -34,6 +34,8 @@
 //! `δ` has its singularities 2 half widths off the real axis, and the rule is good to `4.4⁻¹⁶ = 1e-10`. The derivatives are those of
 //! the exact integrals.
 
+#![expect(clippy::inline_always, reason = "see `lanes`")]
+
 use super::thickness::{THIN, Thickness};
 use crate::contact::patch::nearest_of_segments;
 use crate::contact::{Outcome, Posed, PosedCore, Why};
