@@ -61,6 +61,7 @@ impl Touching {
             geometry: &self.now,
             points: &self.points,
             patches: &self.patches,
+            curvatures: &[],
             from: &self.from,
             last: Last { pairs: &self.pairs, geometry: &self.geometry, state: &self.state },
             separated: &[],
