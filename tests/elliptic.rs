@@ -245,7 +245,7 @@ fn spheres_are_spheres_under_any_name() {
             })
             .collect::<Vec<_>>()
     });
-    let largest = spheres.iter().map(|f| f.norm()).fold(0.0, f64::max);
+    let largest = spheres.iter().map(Vec3::norm).fold(0.0, f64::max);
     assert!(largest > 0.0 && spheres.last() == Some(&Vec3::zeros()), "they meet and part");
     for (step, (one, other)) in spheres.iter().zip(&ellipsoids).enumerate() {
         assert!((one - other).norm() < 1e-11 * largest, "step {step}: {one} {other}");

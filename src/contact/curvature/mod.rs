@@ -314,14 +314,15 @@ fn form_of(body: &Posed) -> Form {
     form.map(|entry| entry * square)
 }
 
+/// By how much the normal turns for differences [rad].
+const TURN: f64 = 1e-4;
+
 /// Of one body, along the normal or, with a `side` of -1, against it.
 fn surface_of(body: &Posed, normal: &Vec3, frame: &Frame<f64>, side: f64) -> Surface<f64> {
     let form @ [xx, yy, zz, xy, xz, yz] = form_of(body);
     if form.iter().all(|entry| entry.is_finite()) {
         return Surface::of_form(&Symmetric { xx, yy, zz, xy, xz, yz }, frame);
     }
-    // Halves of rounding and of the third derivative.
-    const TURN: f64 = 1e-4;
     let [first, second] = frame.across.map(|t| Vec3::new(t.x, t.y, t.z));
     let straight = 1.0 - 0.5 * TURN * TURN;
     let beside = |towards: &Vec3, turn: f64| normal * straight + towards * turn;
@@ -440,4 +441,83 @@ fn alone(bodies: &Bodies, pair: Pair, geometry: &Geometry) -> Curvature {
     let frames = bodies.frames(pair);
     let (a, b) = bodies.posed(pair, &frames);
     of_pair(&a, &b, &geometry.normal, geometry.overlap)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{All, Curvature, find, of_pair};
+    use crate::cell::Cell;
+    use crate::contact::{Bodies, Geometry, Pair};
+    use crate::ids::{ShapeId, Slot};
+    use crate::lanes::{Kernel, Portable};
+    use crate::math::{Mat3, Vec3};
+    use crate::random::Random;
+    use crate::shape::{Ellipsoid, Form, HalfSpace, Shape, Sphere, Superellipsoid};
+
+    fn bits(all: &[Curvature]) -> Vec<u64> {
+        bytemuck::cast_slice(all).to_vec()
+    }
+
+    /// With and without vector registers, in any company, whether matrices are kept or made; with the names of both bodies
+    /// exchanged forces and moments are the opposite, bit by bit.
+    #[test]
+    fn lanes_give_the_same_bits_everywhere() {
+        let library = [
+            Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.0, 0.5, 0.7) }),
+            Shape::Sphere(Sphere { radius: 0.6 }),
+            Shape::Superellipsoid(Superellipsoid::new(Vec3::new(1.0, 0.8, 0.7), [0.8, 1.1])),
+            Shape::HalfSpace(HalfSpace::at_reference(Vec3::z())),
+        ];
+        for (kinds, on_wall) in [(2, false), (3, false), (2, true), (3, true)] {
+            let mut random = Random::of(9, 0);
+            let count = 61;
+            let quaternion: Vec<_> = (0..count).map(|_| random.rotation()).collect();
+            let facets = [Mat3::identity()];
+            let position = vec![Vec3::zeros(); count + 1];
+            let shape: Vec<_> =
+                (0..count).map(|k| k % kinds).chain([3]).map(|k| ShapeId(k as u16)).collect();
+            let form: Vec<Form> = (0..count)
+                .map(|k| library[k % kinds].form(quaternion[k].to_rotation_matrix().matrix()))
+                .collect();
+            let pairs: Vec<_> = (0..count as u32 - 1)
+                .map(|k| Pair { a: Slot(k), b: Slot(if on_wall { count as u32 } else { k + 1 }) })
+                .collect();
+            let normals = (0..pairs.len()).map(|_| random.rotation() * Vec3::x());
+            let geometry: Vec<_> =
+                normals.map(|normal| Geometry { normal, overlap: 0.02 }).collect();
+            let bodies = Bodies {
+                position: &position,
+                quaternion: Some(&quaternion),
+                facets: &facets,
+                form: Some(&form),
+                shape: &shape,
+                library: &library,
+                curvature_radius: &[],
+                scale: None,
+                cell: &Cell::OPEN,
+            };
+            let mut found = Vec::new();
+            find(&bodies, &pairs, &geometry, &mut found);
+            assert!(found.iter().all(|one| one.root_of_radius > 0.0));
+            let mut into = vec![Curvature::default(); pairs.len()];
+            All { bodies: &bodies, pairs: &pairs, geometry: &geometry, into: &mut into }
+                .run::<Portable>();
+            assert_eq!(bits(&found), bits(&into), "{kinds} kinds, on a wall: {on_wall}");
+            let mut made = Vec::new();
+            find(&Bodies { form: None, ..bodies }, &pairs, &geometry, &mut made);
+            assert_eq!(bits(&found), bits(&made));
+            for (k, pair) in pairs.iter().enumerate() {
+                let frames = bodies.frames(*pair);
+                let (a, b) = bodies.posed(*pair, &frames);
+                let Geometry { normal, overlap } = geometry[k];
+                let alone = of_pair(&a, &b, &normal, overlap);
+                assert_eq!(bits(&found[k..=k]), bits(&[alone]), "{pair:?} alone");
+                if !on_wall {
+                    let swapped = of_pair(&b, &a, &-normal, overlap);
+                    assert_eq!(alone.root_of_radius, swapped.root_of_radius);
+                    assert_eq!((alone.force, alone.moment), (-swapped.force, -swapped.moment));
+                }
+            }
+        }
+    }
 }

@@ -79,8 +79,8 @@ pub(super) struct Hertz {
     frictional: bool,
     /// Is any particle no sphere?
     curved: bool,
-    /// Has any particle flat sides or crests, whose curvature is bounded?
-    bounded: bool,
+    /// Where it departs from its formulas.
+    limits: Vec<String>,
     /// Of each shape, the radius of its flattest contact with a plane at an overlap of its least half length [m].
     widest: Vec<f64>,
     state: Vec<StateColumn>,
@@ -143,11 +143,19 @@ impl Hertz {
         let shapes = &library.shapes[..library.particle_shapes];
         let curved = !shapes.iter().all(is_sphere);
         let bounded = shapes.iter().any(|shape| !shape.kind().is_ellipsoidal());
+        let limit = || {
+            format!(
+                "radii of curvature of superellipsoids count as no less than {} and no more than {} bounding radii",
+                curvature::SHARPEST,
+                curvature::FLATTEST
+            )
+        };
+        let limits = bounded.then(limit).into_iter().collect();
         let columns =
             [(frictional, TANGENTIAL_FORCE), (damped, NORMAL_FORCE), (curved, CONTACT_RADIUS)];
         let state = columns.into_iter().filter(|(is_in, _)| *is_in).map(|(_, c)| c).collect();
         let widest = library.shapes.iter().map(widest).collect();
-        Self { settings, damped, frictional, curved, bounded, widest, state }
+        Self { settings, damped, frictional, curved, limits, widest, state }
     }
 
     /// The normal force that is remembered [N].
@@ -411,14 +419,7 @@ impl Model for Hertz {
     }
 
     fn limits(&self) -> Vec<String> {
-        if !self.bounded {
-            return Vec::new();
-        }
-        vec![format!(
-            "radii of curvature of superellipsoids count as no less than {} and no more than {} bounding radii",
-            curvature::SHARPEST,
-            curvature::FLATTEST
-        )]
+        self.limits.clone()
     }
 
     fn left_out(&self) -> Vec<&'static str> {
