@@ -9,8 +9,15 @@ use dem_mpi::output::header::WallRow;
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
 use dem_mpi::post::history::History;
 use dem_mpi::post::region::Bounds;
-use dem_mpi::post::views::Layer;
+use dem_mpi::post::views::{Layer, Views};
 use dem_mpi::post::{Settings, page, panels, plots};
+
+fn views(snapshot: &Snapshot, bounds: &Bounds) -> Views {
+    let mut views = Views::new(&snapshot.header, bounds);
+    views.add_particles(&snapshot.header, &snapshot.particles);
+    views.add_contacts(&snapshot.contacts);
+    views
+}
 
 /// Every plot and the page of a snapshot.
 fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
@@ -20,7 +27,7 @@ fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
     let picture = analysis.picture.svg(analysis.report.bounds_m.as_ref());
     let reports = [analysis.report, later];
     let history = History::read(history.as_bytes()).unwrap();
-    let views = reports[0].bounds_m.map(|bounds| snapshot.views(&bounds));
+    let views = reports[0].bounds_m.map(|bounds| views(snapshot, &bounds));
     let walls = &snapshot.header.walls;
     let plots = page::plots(&reports, picture, views.as_ref(), &history, walls, &[]).unwrap();
     let mut drawings: Vec<_> = plots.iter().map(|p| (p.name.clone(), p.svg.clone())).collect();
@@ -174,7 +181,7 @@ fn the_layers_of_a_profile_make_up_the_packing() {
     for seed in [8, 9] {
         let snapshot = ellipsoids(5, seed);
         let report = snapshot.report();
-        let layers = snapshot.views(&report.bounds_m.unwrap()).profile.layers();
+        let layers = views(&snapshot, &report.bounds_m.unwrap()).profile.layers();
         assert!(layers.len() >= 4);
         let mean =
             |of: &dyn Fn(&Layer) -> f64| layers.iter().map(of).sum::<f64>() / layers.len() as f64;
@@ -202,7 +209,7 @@ fn a_layer_has_the_segment_of_a_ball() {
         particles: particles_at(vec![Vec3::new(2.0, 2.0, 1.5)]),
         contacts: ContactTable::default(),
     };
-    let layers = snapshot.views(&Bounds { low, high }).profile.layers();
+    let layers = views(&snapshot, &Bounds { low, high }).profile.layers();
     assert_eq!(layers.len(), 4);
     let cap = |height: f64| std::f64::consts::PI * height * height * (3.0 - height) / 3.0;
     let all = cap(2.0);
