@@ -11,8 +11,6 @@ use dem_mpi::output::header::{Header, ShapeRow, WallRow};
 use dem_mpi::output::snapshot;
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
 use dem_mpi::particles::columns::{Accumulated, Quantity};
-use dem_mpi::post::region::Bounds;
-use dem_mpi::post::views::Views;
 use dem_mpi::post::{Analysis, ParticlePass, PostError, Report, Settings};
 use dem_mpi::random::Random;
 use std::f64::consts::PI;
@@ -35,13 +33,6 @@ impl Snapshot {
         let mut forces = contacts.finish();
         forces.add_contacts(&self.contacts)?;
         Ok(forces.finish("in memory"))
-    }
-
-    pub(crate) fn views(&self, bounds: &Bounds) -> Views {
-        let mut views = Views::new(&self.header, bounds);
-        views.add_particles(&self.header, &self.particles);
-        views.add_contacts(&self.contacts);
-        views
     }
 
     pub(crate) fn report(&self) -> Report {

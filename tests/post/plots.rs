@@ -8,7 +8,16 @@ use dem_mpi::math::Vec3;
 use dem_mpi::output::header::WallRow;
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
 use dem_mpi::post::history::History;
+use dem_mpi::post::region::Bounds;
+use dem_mpi::post::views::{Layer, Views};
 use dem_mpi::post::{Settings, page, panels, plots};
+
+fn views(snapshot: &Snapshot, bounds: &Bounds) -> Views {
+    let mut views = Views::new(&snapshot.header, bounds);
+    views.add_particles(&snapshot.header, &snapshot.particles);
+    views.add_contacts(&snapshot.contacts);
+    views
+}
 
 /// Every plot and the page of a snapshot.
 fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
@@ -18,7 +27,7 @@ fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
     let picture = analysis.picture.svg(analysis.report.bounds_m.as_ref());
     let reports = [analysis.report, later];
     let history = History::read(history.as_bytes()).unwrap();
-    let views = reports[0].bounds_m.map(|bounds| snapshot.views(&bounds));
+    let views = reports[0].bounds_m.map(|bounds| views(snapshot, &bounds));
     let walls = &snapshot.header.walls;
     let plots = page::plots(&reports, picture, views.as_ref(), &history, walls, &[]).unwrap();
     let mut drawings: Vec<_> = plots.iter().map(|p| (p.name.clone(), p.svg.clone())).collect();
@@ -164,4 +173,50 @@ fn captions_tell_what_is_beyond_a_plot() {
     assert!(
         distribution.ends_with("4.762 % of the normal forces, 4.762 % of the tangential forces.")
     );
+}
+
+/// Nothing is lost between the layers of a profile: their means are the density and the stress of the whole packing.
+#[test]
+fn the_layers_of_a_profile_make_up_the_packing() {
+    for seed in [8, 9] {
+        let snapshot = ellipsoids(5, seed);
+        let report = snapshot.report();
+        let layers = views(&snapshot, &report.bounds_m.unwrap()).profile.layers();
+        assert!(layers.len() >= 4);
+        let mean =
+            |of: &dyn Fn(&Layer) -> f64| layers.iter().map(of).sum::<f64>() / layers.len() as f64;
+        let solid = mean(&|layer| layer.solid_fraction) / report.summary.solid_fraction.unwrap();
+        assert!((solid - 1.0).abs() < 1e-9, "{solid}");
+        let expected = report.stress_pa.unwrap().tensor;
+        for k in 0..9 {
+            let found = mean(&|layer| layer.stress[k]);
+            assert!(
+                (found - expected[k]).abs() < 1e-9 * expected.norm(),
+                "{found} {}",
+                expected[k]
+            );
+        }
+    }
+}
+
+/// A ball of radius 1 across layers: each has the segment of the ball that is in it.
+#[test]
+fn a_layer_has_the_segment_of_a_ball() {
+    let (low, high) = (Vec3::zeros(), Vec3::repeat(4.0));
+    let header = header(low, high, false, Vec3::repeat(1.0), 1);
+    let snapshot = Snapshot {
+        header,
+        particles: particles_at(vec![Vec3::new(2.0, 2.0, 1.5)]),
+        contacts: ContactTable::default(),
+    };
+    let layers = views(&snapshot, &Bounds { low, high }).profile.layers();
+    assert_eq!(layers.len(), 4);
+    let cap = |height: f64| std::f64::consts::PI * height * height * (3.0 - height) / 3.0;
+    let all = cap(2.0);
+    let expected = [cap(0.5), all - 2.0 * cap(0.5), cap(0.5), 0.0];
+    let volume = snapshot.header.shapes[0].volume;
+    for (layer, expected) in layers.iter().zip(expected) {
+        let found = layer.solid_fraction * 16.0;
+        assert!((found - expected * volume / all).abs() < 1e-12, "{found} {expected}");
+    }
 }

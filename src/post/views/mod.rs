@@ -16,7 +16,7 @@ use crate::output::snapshot::Reader;
 use crate::output::tables::{ContactTable, ParticleTable};
 use chains::Chains;
 use field::Field;
-pub use profile::Profile;
+pub use profile::{Layer, Profile};
 
 /// All of a snapshot.
 #[derive(Clone, Debug)]
@@ -75,7 +75,8 @@ impl Views {
     pub fn add_contacts(&mut self, contacts: &ContactTable) {
         for row in 0..contacts.a.len() {
             let (centre, branch) = (contacts.centre[row], contacts.branch[row]);
-            if !is_over(&self.bounds, &(centre + branch * 0.5)) {
+            // The other end may lie beyond a period.
+            if !is_over(&self.bounds, &centre) {
                 continue;
             }
             self.profile.add_contact(&centre, &branch, &contacts.force(row));
