@@ -83,6 +83,19 @@ const PANELS: [Panel; 8] = [
         ],
     },
     Panel {
+        name: "losses",
+        title: "Where energy went",
+        caption: "Energy dissipated so far by each of what dissipates. Friction has tangential dashpots and torsion in it.",
+        y_label: "energy (J)",
+        scale: Logarithmic,
+        columns: &[
+            ("dissipated_by_normal_dashpots_J", "normal dashpots"),
+            ("dissipated_by_friction_J", "friction"),
+            ("dissipated_by_turning_J", "rolling and twisting"),
+            ("dissipated_by_damping_J", "global damping"),
+        ],
+    },
+    Panel {
         name: "largest_overlap",
         title: "Largest overlap",
         caption: "Largest overlap of a contact over the shortest axis of its smaller particle.",
