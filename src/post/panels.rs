@@ -47,7 +47,7 @@ struct Panel<'a> {
     columns: &'a [(&'a str, &'a str)],
 }
 
-const PANELS: [Panel; 8] = [
+const PANELS: [Panel; 9] = [
     Panel {
         name: "counts",
         title: "Particles and contacts",
