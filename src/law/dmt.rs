@@ -10,7 +10,7 @@
 //! Friction and resistance to rolling and twisting have their limits from the force that presses the surfaces together, `N + F_a`.
 //!
 //! It holds for small Tabor parameters, `(R* w² / (E*² z³))^(1/3) < 0.1` or so with the distance `z` of atoms, 0.2 to 0.4 nm
-//! (Johnson and Greenwood 1997, DOI 10.1006/jcis.1997.4984).
+//! (Johnson and Greenwood 1997, J. Colloid Interface Sci. 192, 326).
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -31,7 +31,7 @@ pub struct Constants {
 }
 
 impl Mixing for Constants {
-    /// The geometric mean (Girifalco and Good 1957, DOI 10.1021/j150556a008).
+    /// The geometric mean (Girifalco and Good 1957, J. Phys. Chem. 61, 904).
     fn mixed(a: &Self, b: &Self) -> Self {
         Self { surface_energy: (a.surface_energy * b.surface_energy).sqrt() }
     }

@@ -6,8 +6,7 @@
 //! `M = k θ + c ω`, at most `μ R_r N`, with `k = 2.25 k_n (μ R_r)²` and `c = 2 η √(I k)`.
 //!
 //! That is the elastic-plastic spring of type C of Ai, Chen, Rotter and Ooi (2011, DOI 10.1016/j.powtec.2010.09.030, section
-//! 3.3; the stiffness is its equation 21, after Jiang, Yu and Harris 2005, DOI 10.1016/j.compgeo.2005.05.001), and the same
-//! for twisting.
+//! 3.3) with their stiffness, and the same for twisting.
 //!
 //! - `1/R_r = 1/R_A + 1/R_B` with the bounding radii, whatever the shapes; of a wall it is the radius of the particle.
 //! - `k_n` is the normal force without dashpots over the overlap: the stiffness of a linear spring, `4/3 E* √(R* δ)` of Hertz.

@@ -47,7 +47,7 @@ struct Panel<'a> {
     columns: &'a [(&'a str, &'a str)],
 }
 
-const PANELS: [Panel; 8] = [
+const PANELS: [Panel; 9] = [
     Panel {
         name: "counts",
         title: "Particles and contacts",
@@ -80,6 +80,19 @@ const PANELS: [Panel; 8] = [
             ("stored_J", "stored"),
             ("dissipated_J", "dissipated"),
             ("missing_J", "|missing|"),
+        ],
+    },
+    Panel {
+        name: "losses",
+        title: "Where energy went",
+        caption: "Energy dissipated so far by each of what dissipates. Friction has tangential dashpots and torsion in it.",
+        y_label: "energy (J)",
+        scale: Logarithmic,
+        columns: &[
+            ("dissipated_by_normal_dashpots_J", "normal dashpots"),
+            ("dissipated_by_friction_J", "friction"),
+            ("dissipated_by_turning_J", "rolling and twisting"),
+            ("dissipated_by_damping_J", "global damping"),
         ],
     },
     Panel {

@@ -144,6 +144,7 @@ fn a_run_s_files_give_its_numbers_and_its_page_whoever_wrote_them() {
         "counts",
         "coordination",
         "energy",
+        "losses",
         "largest_overlap",
         "mean_normal_force",
         "largest_speed",

@@ -35,7 +35,7 @@ const KEYS: [(&str, &str); 13] = [
     ("/audit/of_kinds/0/force", "max median p99"),
     (
         "/energy",
-        "dissipated_j gravity_j kinetic_j largest_moved_j missing_j missing_over_dissipated missing_over_moved received_j \
+        "dissipated_by dissipated_j gravity_j kinetic_j largest_moved_j missing_j missing_over_dissipated missing_over_moved received_j \
          step_j stored_j",
     ),
     ("/packing", "contacts coordination mean_normal_force_n unbalanced wall_contacts"),
