@@ -5,7 +5,7 @@
 //! | [`start`] | from nothing to a first scene of one's own |
 //! | [`scenes`] | what a scene is made of: grains, walls, servos, shear, stages |
 //! | [`models`] | shapes, contact methods, laws, walls, servos: formulas, units, sources |
-//! | [`laws`] | rolling, twisting, adhesion: formulas, units, sources |
+//! | [`laws`] | rolling, twisting, adhesion, and where energy goes |
 //! | [`choose`] | time step, contact method, stiffness: what the studies found |
 //! | [`parallel`] | ranks, clusters, restarts, and how to look for a fault |
 //! | [`outputs`] | the files of a run, in ParaView, Python and OVITO |

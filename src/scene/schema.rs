@@ -13,12 +13,16 @@ use serde_json::{Map, Value, json};
 /// Sides of the domain.
 const SIDES: [&str; 6] = ["-x", "+x", "-y", "+y", "-z", "+z"];
 /// Keys of `[[material]]` that an `[[interaction]]` may have, too.
-const OF_TWO_MATERIALS: [&str; 5] = [
+const OF_TWO_MATERIALS: [&str; 9] = [
     "normal_stiffness",
     "tangential_stiffness",
     "friction",
     "restitution",
     "tangential_damping_ratio",
+    "rolling_friction",
+    "twisting_friction",
+    "turning_damping_ratio",
+    "surface_energy",
 ];
 
 /// The schema of a scene file, of draft 7.
@@ -158,6 +162,10 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("material", "tangential_stiffness" | "friction" | "tangential_damping_ratio") => {
             not_negative
         }
+        ("material", "rolling_friction" | "twisting_friction" | "turning_damping_ratio") => {
+            not_negative
+        }
+        ("material", "surface_energy") => not_negative,
         ("material", "restitution") => number(Range::UpToOne),
         ("material", "poisson_ratio") => json!({ "type": "number", "minimum": 0, "maximum": 0.5 }),
         ("interaction", "between") => exactly(2, &text()),
@@ -181,6 +189,8 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("law", "normal") => words(&["linear", "hertz"]),
         ("law", "tangential") => words(&["linear", "mindlin", "none"]),
         ("law", "largest_overlap") => below_one,
+        ("law", "rolling" | "twisting") => words(&["none", "spring"]),
+        ("law", "adhesion") => words(&["none", "dmt"]),
         ("law" | "contact", "limit_damping") => boolean(),
 
         ("time", "step") => positive,
