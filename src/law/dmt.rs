@@ -179,6 +179,10 @@ impl<M: Model> Model for Dmt<M> {
         format!("{forces}, surface energy {surface_energy} J/m2 (adhesion of DMT)")
     }
 
+    fn limits(&self) -> Vec<String> {
+        self.forces.limits()
+    }
+
     fn left_out(&self) -> Vec<&'static str> {
         self.forces.left_out()
     }

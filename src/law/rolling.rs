@@ -469,6 +469,10 @@ impl<M: Model> Model for Rolling<M> {
         )
     }
 
+    fn limits(&self) -> Vec<String> {
+        self.forces.limits()
+    }
+
     fn left_out(&self) -> Vec<&'static str> {
         let reasons = [
             (!self.rolls, "no resistance to rolling: rolling_friction is 0 everywhere"),
