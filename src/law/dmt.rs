@@ -52,6 +52,11 @@ impl<M: Model> Dmt<M> {
     pub fn new(forces: M, interactions: Interactions) -> Self {
         Self { forces, interactions }
     }
+
+    /// Do any materials?
+    fn attracts(&self) -> bool {
+        self.interactions.iter().any(|constants| constants.surface_energy > 0.0)
+    }
 }
 
 /// Constants of a contact: those of the forces, and the attraction [N].
@@ -93,6 +98,8 @@ impl<M: Model> Model for Dmt<M> {
     type Constants<L: Lanes> = Attracting<M::Constants<L>, L>;
 
     const MOMENTS: bool = M::MOMENTS;
+    const BY_CURVATURE: bool = M::BY_CURVATURE;
+    const FACES: bool = M::FACES;
 
     fn name(&self) -> &'static str {
         self.forces.name()
@@ -115,6 +122,16 @@ impl<M: Model> Model for Dmt<M> {
     #[inline(always)]
     fn spread<L: Lanes>(of: &impl Spread<Self::Constants<f64>, L>) -> Self::Constants<L> {
         Attracting { forces: M::spread(&OfForces(of)), attraction: of.of(|c| c.attraction) }
+    }
+
+    #[inline(always)]
+    fn curved<L: Lanes>(
+        &self,
+        constants: &Self::Constants<L>,
+        root_of_radius: L,
+    ) -> Self::Constants<L> {
+        let forces = self.forces.curved(&constants.forces, root_of_radius);
+        Attracting { forces, ..*constants }
     }
 
     #[inline(always)]
@@ -176,6 +193,9 @@ impl<M: Model> Model for Dmt<M> {
     fn words(&self, a: MaterialId, b: MaterialId) -> String {
         let Constants { surface_energy } = *self.interactions.of(a, b);
         let forces = self.forces.words(a, b);
+        if !self.attracts() {
+            return forces;
+        }
         format!("{forces}, surface energy {surface_energy} J/m2 (adhesion of DMT)")
     }
 

@@ -151,6 +151,9 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     /// [`Curvature::root_of_radius`]: crate::contact::curvature::Curvature::root_of_radius
     const BY_CURVATURE: bool = false;
 
+    /// Does it know contacts of faces and straight sides? By default it does; one that does not costs less to compile.
+    const FACES: bool = true;
+
     /// As reports name it.
     fn name(&self) -> &'static str;
 
@@ -304,18 +307,20 @@ impl<M: Model> Law<M> {
     /// Between bodies of a library.
     ///
     /// # Panics
-    /// If the law remembers more numbers of a contact than there may be.
+    /// If the law remembers more numbers of a contact than there may be, and if it does not know what touches.
     pub fn new(model: M, library: &Library) -> Self {
         let width = StateColumn::total_width(model.state());
         let most = if M::MOMENTS { MOST_STATE_OF_MOMENTS } else { MOST_STATE };
         assert!(width <= most, "{} remembers more than {most} numbers", model.name());
         let mut needs = model.needs();
         assert!(M::BY_CURVATURE || !needs.curvature, "{} does not say so", model.name());
+        assert!(!M::MOMENTS || needs.velocity && needs.spin, "{} turns nothing", model.name());
         let mut state = model.state().to_vec();
         let grains = &library.shapes[..library.particle_shapes];
         let extended: Vec<[u8; 2]> = library.shapes.iter().map(|s| s.kind().extended()).collect();
         if extended.iter().any(|[first, _]| *first > 0) {
             state.extend(patches::REMEMBERED);
+            assert!(M::FACES, "{} does not know faces", model.name());
             (needs.patches, needs.spin) = (true, true);
         } else if needs.velocity && grains.iter().any(|shape| shape.kind() != Kind::Sphere) {
             state.push(CONTACT_POINT);
@@ -415,7 +420,7 @@ impl<M: Model> ForceLaw for Law<M> {
 
     fn apply(&self, work: &mut Work, particles: &Particles, dt: f64, sums: &mut Sums) {
         let contacts = Contacts { law: self, work, particles, dt, sums, summed: 0 };
-        if self.needs.patches {
+        if M::FACES && self.needs.patches {
             lanes::dispatch(patches::WithPatches(contacts));
         } else {
             lanes::dispatch(contacts);
@@ -520,10 +525,17 @@ impl<M: Model> Kernel for Contacts<'_, '_, M> {
         let velocity = self.law.needs.velocity;
         if M::BY_CURVATURE && self.law.needs.curvature {
             // Whose bodies turn, and have points.
-            if velocity {
+            if M::MOMENTS || velocity {
                 self.all::<L, true, true, true, true>();
             } else {
                 self.all::<L, false, true, false, true>();
+            }
+        } else if M::MOMENTS {
+            // Which need both.
+            if points {
+                self.all::<L, true, true, true, false>();
+            } else {
+                self.all::<L, true, true, false, false>();
             }
         } else {
             match (velocity, self.particles.spin.is_some()) {

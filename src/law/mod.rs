@@ -384,17 +384,18 @@ impl Beside {
         library: &Library,
     ) -> Box<dyn ForceLaw> {
         let Self { turning, adhesion } = self;
-        // Fewer combinations to compile: what sticks has springs against turning, if only such that nothing resists.
-        let without =
-            |adhesion: &dmt::Interactions| adhesion.map(|_| rolling::Constants::default());
-        let Some(turning) = turning.or_else(|| adhesion.as_ref().map(without)) else {
-            return Box::new(kernel::Law::new(model, library));
+        // One model for all of this takes less time to compile than one for each: what is not asked for does nothing.
+        let (turning, adhesion) = match (turning, adhesion) {
+            (None, None) => return Box::new(kernel::Law::new(model, library)),
+            (Some(turning), None) => {
+                let adhesion = turning.map(|_| dmt::Constants::default());
+                (turning, adhesion)
+            }
+            (None, Some(adhesion)) => (adhesion.map(|_| rolling::Constants::default()), adhesion),
+            (Some(turning), Some(adhesion)) => (turning, adhesion),
         };
-        let model = rolling::Rolling::new(model, turning);
-        match adhesion {
-            None => Box::new(kernel::Law::new(model, library)),
-            Some(adhesion) => Box::new(kernel::Law::new(dmt::Dmt::new(model, adhesion), library)),
-        }
+        let model = dmt::Dmt::new(rolling::Rolling::new(model, turning), adhesion);
+        Box::new(kernel::Law::new(model, library))
     }
 }
 

@@ -287,17 +287,14 @@ impl<M: Model> Model for Rolling<M> {
 
     const MOMENTS: bool = true;
     const BY_CURVATURE: bool = M::BY_CURVATURE;
+    const FACES: bool = M::FACES;
 
     fn name(&self) -> &'static str {
         self.forces.name()
     }
 
     fn needs(&self) -> Needs {
-        let needs = self.forces.needs();
-        if !self.turns() {
-            return needs;
-        }
-        Needs { velocity: true, spin: true, turning: true, ..needs }
+        Needs { velocity: true, spin: true, turning: self.turns(), ..self.forces.needs() }
     }
 
     fn state(&self) -> &[StateColumn] {

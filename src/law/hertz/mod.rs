@@ -242,6 +242,7 @@ impl Model for Hertz {
     type Constants<L: Lanes> = Elastic<L>;
 
     const BY_CURVATURE: bool = true;
+    const FACES: bool = false;
 
     fn name(&self) -> &'static str {
         if self.frictional { "hertz-mindlin" } else { "hertz" }
