@@ -78,7 +78,7 @@ fn every_rank_writes_its_share_of_the_rows() {
             let keys: Vec<_> = keys.iter().map(|&id| (id, id)).collect();
             let order = Order::of(&keys, &shares, comm);
             let ids: Vec<[u64; 2]> = keys.iter().map(|(id, _)| [id.0, id.0 + 1]).collect();
-            order.moved(ids.as_flattened(), 2, comm)
+            order.moved(ids.as_flattened(), 2, comm).into_owned()
         });
         let even = 2 * ids.len() / size as usize;
         assert!(parts.iter().all(|part| part.len().abs_diff(even) <= 2), "{size} ranks");

@@ -6,6 +6,7 @@
 
 use crate::comm::{Comm, Parcel, Source, wire};
 use crate::ids::{GlobalId, Rank};
+use std::borrow::Cow;
 
 /// By what rows are ordered: particles by their id, contacts by both of theirs.
 pub type Key = (GlobalId, GlobalId);
@@ -58,6 +59,8 @@ pub struct Order {
     sources: Vec<(Rank, usize)>,
     /// Of each row that this rank writes, its place among those that come.
     places: Vec<u32>,
+    /// Does this rank write its own rows as they stand, and no others?
+    stays: bool,
 }
 
 impl Order {
@@ -70,6 +73,8 @@ impl Order {
             .chunk_by(|one, next| writer(one) == writer(next))
             .map(|rows| (writer(&rows[0]), rows.to_vec()))
             .collect();
+        let stand = rows.iter().zip(0..).all(|(&row, place)| row == place);
+        drop(rows);
         let parcels = outgoing.iter().map(|(rank, rows)| {
             let keys: Vec<Key> = rows.iter().map(|&row| keys[row as usize]).collect();
             Parcel { rank: *rank, bytes: wire::encode(&keys) }
@@ -83,7 +88,11 @@ impl Order {
         }
         let mut places: Vec<u32> = (0..incoming.len() as u32).collect();
         places.sort_by_key(|&place| incoming[place as usize]);
-        Self { outgoing, sources, places }
+        let here = comm.rank();
+        let stays = stand
+            && outgoing.iter().all(|(rank, _)| *rank == here)
+            && sources.iter().all(|(rank, _)| *rank == here);
+        Self { outgoing, sources, places, stays }
     }
 
     /// How many rows this rank writes.
@@ -92,16 +101,23 @@ impl Order {
     }
 
     /// A column of the rows that this rank writes, of the column of those that it has, `width` numbers a row. Collective.
-    pub fn moved<T: bytemuck::Pod>(
+    pub fn moved<'a, T: bytemuck::Pod>(
         &self,
-        values: &[T],
+        values: &'a [T],
         width: usize,
         comm: &mut dyn Comm,
-    ) -> Vec<T> {
+    ) -> Cow<'a, [T]> {
+        // Then no other rank waits for this one.
+        if self.stays {
+            return Cow::Borrowed(values);
+        }
         let of_row = |row: u32| row as usize * width..(row as usize + 1) * width;
         let outgoing = self.outgoing.iter().map(|(rank, rows)| {
-            let numbers = rows.iter().flat_map(|&row| bytemuck::cast_slice(&values[of_row(row)]));
-            Parcel { rank: *rank, bytes: numbers.copied().collect() }
+            let mut bytes = Vec::with_capacity(rows.len() * width * size_of::<T>());
+            for &row in rows {
+                bytes.extend_from_slice(bytemuck::cast_slice(&values[of_row(row)]));
+            }
+            Parcel { rank: *rank, bytes }
         });
         let size = |rows: usize| Some(rows * width * size_of::<T>());
         let sources: Vec<Source> =
@@ -110,6 +126,10 @@ impl Order {
         for parcel in comm.exchange(outgoing.collect(), &sources) {
             come.extend(bytemuck::pod_collect_to_vec::<u8, T>(&parcel.bytes));
         }
-        self.places.iter().flat_map(|&place| &come[of_row(place)]).copied().collect()
+        let mut moved = Vec::with_capacity(come.len());
+        for &place in &self.places {
+            moved.extend_from_slice(&come[of_row(place)]);
+        }
+        Cow::Owned(moved)
     }
 }

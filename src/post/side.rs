@@ -78,12 +78,11 @@ pub(super) fn scale_bar(scale: f64, most: f64, [x, y]: [f64; 2], out: &mut Strin
     let metres = step * 10f64.powi(exponent);
     let end = x + metres * scale;
     let words = length(metres);
+    let (above, below) = (y - 4.0, y + 4.0);
     let _ = writeln!(
         out,
-        r##"<path d="M{x:.1} {:.1}v8m0 -4H{end:.1}m0 -4v8" fill="none" stroke="#1F2933" stroke-width="1.5"/><text x="{:.1}" y="{:.1}" font-family="sans-serif" font-size="12" fill="#1F2933">{words}</text>"##,
-        y - 4.0,
+        r##"<polyline points="{x:.1} {above:.1} {x:.1} {below:.1} {x:.1} {y:.1} {end:.1} {y:.1} {end:.1} {above:.1} {end:.1} {below:.1}" fill="none" stroke="#1F2933" stroke-width="1.5"/><text x="{:.1}" y="{below:.1}" font-family="sans-serif" font-size="12" fill="#1F2933">{words}</text>"##,
         end + 7.0,
-        y + 4.0
     );
     end + 7.0 + 7.0 * words.chars().count() as f64
 }

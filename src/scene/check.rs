@@ -100,13 +100,11 @@ pub(super) fn scene(
     if let Some(domain) = &domain {
         check_shear(&root, domain, gravity, walls.count());
     }
-    if let Some(law) = &law
-        && shapes.complete
-    {
-        laws::check_shapes(&root, law, &shapes.library);
-    }
+    let law_fits = law
+        .as_ref()
+        .is_some_and(|law| shapes.complete && laws::check_shapes(&root, law, &shapes.library));
     if let (Some(time), Some(section), Some(law)) = (&time, &time_section, &law)
-        && shapes.complete
+        && law_fits
     {
         check_step(section, time, &shapes.library, &*law.law(&shapes.library));
     }

@@ -128,14 +128,16 @@ fn refuse(section: &Section, keys: &[&'static str], normal: &str) {
     }
 }
 
-/// Says of the shapes of particles which the law cannot have.
-pub(super) fn check_shapes(root: &Section, law: &Choice, library: &Library) {
+/// Says of the shapes of particles which the law cannot have; `false` if there are any.
+pub(super) fn check_shapes(root: &Section, law: &Choice, library: &Library) -> bool {
     let sections = root.sections("shape");
-    for (id, message) in unfit(law, library) {
-        if let Some(section) = sections.get(id) {
-            section.fail(message);
+    let unfit = unfit(law, library);
+    for (id, message) in &unfit {
+        if let Some(section) = sections.get(*id) {
+            section.fail(message.clone());
         }
     }
+    unfit.is_empty()
 }
 
 /// The first shape of particles that each part of the law cannot have, with the reason.

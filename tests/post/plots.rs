@@ -2,10 +2,11 @@
 
 use super::fabric::contacts_with;
 use crate::packings::{Snapshot, ellipsoids, header, particles_at};
+use dem_mpi::cell::Cell;
 use dem_mpi::contact::StateColumn;
 use dem_mpi::drive::{SavedColumn, SavedState, Values, servo};
 use dem_mpi::math::Vec3;
-use dem_mpi::output::header::WallRow;
+use dem_mpi::output::header::{Header, WallRow};
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
 use dem_mpi::post::history::History;
 use dem_mpi::post::region::Bounds;
@@ -179,7 +180,12 @@ fn captions_tell_what_is_beyond_a_plot() {
 #[test]
 fn the_layers_of_a_profile_make_up_the_packing() {
     for seed in [8, 9] {
-        let snapshot = ellipsoids(5, seed);
+        let mut snapshot = ellipsoids(5, seed);
+        // So low that no body reaches through the floor.
+        let Header { cell, walls, .. } = &mut snapshot.header;
+        let deeper = Vec3::z() * 2e-3;
+        *cell = Cell::new(cell.low() - deeper, cell.high(), [false; 3]);
+        walls[0].point -= deeper;
         let report = snapshot.report();
         let layers = views(&snapshot, &report.bounds_m.unwrap()).profile.layers();
         assert!(layers.len() >= 4);

@@ -6,7 +6,7 @@
 //! operator, radii of curvature in place of curvatures. Those of both bodies are taken in one frame of that plane; the relative
 //! curvature is `K = H_A⁻¹ + H_B⁻¹`, of a body on a plane `H_A⁻¹`. Its eigenvalues are `1/R'` and `1/R''` (Johnson 1985, *Contact
 //! Mechanics*, DOI 10.1017/CBO9781139171731, section 4.1), and the contact is as stiff as that of a sphere of radius
-//! `R = √(R' R'') / F2³` on a plane ([`elliptic`]). This holds for any angle between the axes of both bodies.
+//! `R = √(R' R'') / F2³` on a plane ([`stiffening_of_ratio`]). This holds for any angle between the axes of both bodies.
 //!
 //! # The rest of the gradient
 //!

@@ -222,9 +222,10 @@ fn contacts_without_a_patch_do_not_see_those_with_one() {
         assert!(compared > 128 && compared + 40 < before.pairs.len(), "{compared}");
         // Bodies whose both contacts are without boxes.
         for slot in (1..299).filter(|slot| (slot - 1..=slot + 1).all(|k| !is_box(k))) {
-            let [force, other] = [&found, &without].map(|of| of.sums.force[slot]);
-            assert_eq!(force.vector, other.vector, "{slot}");
-            assert_eq!(found.sums.torque[slot], without.sums.torque[slot], "{slot}");
+            // Energies depend on what is remembered of the last force, which differs.
+            let sums = [&found, &without]
+                .map(|of| [of.sums.force[slot].vector, of.sums.torque[slot].vector]);
+            assert_eq!(sums[0], sums[1], "{slot}");
         }
     }
 }
