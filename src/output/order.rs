@@ -53,51 +53,66 @@ impl Shares {
 
 /// Where the rows of a table go, from each rank that has some to each that writes some.
 pub struct Order {
-    /// To whom, and which rows of this rank.
+    /// To which other rank, and which rows of this one.
     outgoing: Vec<(Rank, Vec<u32>)>,
-    /// From whom, and how many.
+    /// From which other rank, and how many.
     sources: Vec<(Rank, usize)>,
-    /// Of each row that this rank writes, its place among those that come.
+    /// Of each row that this rank writes, its place among those that come; with [`OWN`], among those that this rank has.
     places: Vec<u32>,
-    /// Does this rank write its own rows as they stand, and no others?
+    /// How many rows this rank writes.
+    rows: usize,
+    /// Are they its own, as they stand?
     stays: bool,
 }
 
+/// The top bit.
+const OWN: u32 = 1 << 31;
+
 impl Order {
-    /// Of a table of which this rank has rows with these keys. Rows of the same key keep their order. Collective.
+    /// Of a table of which this rank has rows with these keys. Collective.
     pub fn of(keys: &[Key], shares: &Shares, comm: &mut dyn Comm) -> Self {
-        let mut rows: Vec<u32> = (0..keys.len() as u32).collect();
-        rows.sort_by_key(|&row| keys[row as usize]);
-        let writer = |row: &u32| shares.writer(keys[*row as usize].0);
-        let outgoing: Vec<(Rank, Vec<u32>)> = rows
-            .chunk_by(|one, next| writer(one) == writer(next))
-            .map(|rows| (writer(&rows[0]), rows.to_vec()))
-            .collect();
-        let stand = rows.iter().zip(0..).all(|(&row, place)| row == place);
-        drop(rows);
-        let parcels = outgoing.iter().map(|(rank, rows)| {
+        let here = comm.rank();
+        let writer = |row: u32| shares.writer(keys[row as usize].0);
+        let count = keys.len() as u32;
+        let stays = keys.is_sorted() && (0..count).all(|row| writer(row) == here);
+        let mut order = Self {
+            outgoing: Vec::new(),
+            sources: Vec::new(),
+            places: Vec::new(),
+            rows: keys.len(),
+            stays: !comm.any(!stays),
+        };
+        if order.stays {
+            return order;
+        }
+        let mut leaving: Vec<u32> = (0..count).filter(|&row| writer(row) != here).collect();
+        leaving.sort_by_key(|&row| keys[row as usize]);
+        for rows in leaving.chunk_by(|&one, &next| writer(one) == writer(next)) {
+            order.outgoing.push((writer(rows[0]), rows.to_vec()));
+        }
+        let parcels = order.outgoing.iter().map(|(rank, rows)| {
             let keys: Vec<Key> = rows.iter().map(|&row| keys[row as usize]).collect();
             Parcel { rank: *rank, bytes: wire::encode(&keys) }
         });
         let mut incoming: Vec<Key> = Vec::new();
-        let mut sources = Vec::new();
         for Parcel { rank, bytes } in comm.route(parcels.collect()) {
             let keys: Vec<Key> = wire::decode(&bytes);
-            sources.push((rank, keys.len()));
+            order.sources.push((rank, keys.len()));
             incoming.extend(keys);
         }
-        let mut places: Vec<u32> = (0..incoming.len() as u32).collect();
-        places.sort_by_key(|&place| incoming[place as usize]);
-        let here = comm.rank();
-        let stays = stand
-            && outgoing.iter().all(|(rank, _)| *rank == here)
-            && sources.iter().all(|(rank, _)| *rank == here);
-        Self { outgoing, sources, places, stays }
+        let own = (0..count).filter(|&row| writer(row) == here).map(|row| row | OWN);
+        order.places = own.chain(0..incoming.len() as u32).collect();
+        order.places.sort_unstable_by_key(|&place| match place & OWN {
+            0 => incoming[place as usize],
+            _ => keys[(place & !OWN) as usize],
+        });
+        order.rows = order.places.len();
+        order
     }
 
     /// How many rows this rank writes.
-    pub fn rows(&self) -> usize {
-        self.places.len()
+    pub const fn rows(&self) -> usize {
+        self.rows
     }
 
     /// A column of the rows that this rank writes, of the column of those that it has, `width` numbers a row. Collective.
@@ -107,28 +122,42 @@ impl Order {
         width: usize,
         comm: &mut dyn Comm,
     ) -> Cow<'a, [T]> {
-        // Then no other rank waits for this one.
+        // On all ranks or on none.
         if self.stays {
             return Cow::Borrowed(values);
         }
-        let of_row = |row: u32| row as usize * width..(row as usize + 1) * width;
+        let values: &[u8] = bytemuck::cast_slice(values);
+        let width = width * size_of::<T>();
+        let of_row = |row: usize| row * width..(row + 1) * width;
         let outgoing = self.outgoing.iter().map(|(rank, rows)| {
-            let mut bytes = Vec::with_capacity(rows.len() * width * size_of::<T>());
+            let mut bytes = Vec::with_capacity(rows.len() * width);
             for &row in rows {
-                bytes.extend_from_slice(bytemuck::cast_slice(&values[of_row(row)]));
+                bytes.extend_from_slice(&values[of_row(row as usize)]);
             }
             Parcel { rank: *rank, bytes }
         });
-        let size = |rows: usize| Some(rows * width * size_of::<T>());
+        let size = |rows: usize| Some(rows * width);
         let sources: Vec<Source> =
             self.sources.iter().map(|&(rank, rows)| Source { rank, size: size(rows) }).collect();
-        let mut come: Vec<T> = Vec::with_capacity(self.rows() * width);
-        for parcel in comm.exchange(outgoing.collect(), &sources) {
-            come.extend(bytemuck::pod_collect_to_vec::<u8, T>(&parcel.bytes));
+        let parcels = comm.exchange(outgoing.collect(), &sources);
+        // The first row of each parcel among all that come.
+        let mut firsts = Vec::new();
+        let mut before = 0;
+        for (_, rows) in &self.sources {
+            firsts.push(before);
+            before += rows;
         }
-        let mut moved = Vec::with_capacity(come.len());
-        for &place in &self.places {
-            moved.extend_from_slice(&come[of_row(place)]);
+        let come = |row: usize| {
+            let parcel = firsts.partition_point(|&first| first <= row) - 1;
+            &parcels[parcel].bytes[of_row(row - firsts[parcel])]
+        };
+        let mut moved: Vec<T> = vec![T::zeroed(); self.rows * width / size_of::<T>()];
+        let rows = bytemuck::cast_slice_mut::<T, u8>(&mut moved).chunks_exact_mut(width.max(1));
+        for (row, &place) in rows.zip(&self.places) {
+            row.copy_from_slice(match place & OWN {
+                0 => come(place as usize),
+                _ => &values[of_row((place & !OWN) as usize)],
+            });
         }
         Cow::Owned(moved)
     }

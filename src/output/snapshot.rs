@@ -510,8 +510,9 @@ fn write_contacts(
     vtk_version(&mut file)?;
     points_of_cells(&mut file, order.rows(), 2)?;
     let ends = column_of(contacts, |c| [c.centre, c.centre + c.branch]);
-    let ends = order.moved(numbers(ends.as_flattened()), 2 * POINTS.width, file.comm());
-    file.rows(&POINTS, &ends)?;
+    let moved = order.moved(numbers(ends.as_flattened()), 2 * POINTS.width, file.comm());
+    file.rows(&POINTS, &moved)?;
+    drop(moved);
     drop(ends);
     cells(&mut file, "Lines", order.rows(), 2)?;
     for category in ["Vertices", "Polygons", "Strips"] {
