@@ -280,7 +280,11 @@ fn the_balance_of_a_crowd_closes() {
     let linear = ("", "normal_stiffness = 1e5\ntangential_damping_ratio = 0.2");
     let hertz =
         ("normal = \"hertz\"\nlargest_overlap = 0.1", "youngs_modulus = 2e7\npoisson_ratio = 0.3");
-    for (law, shape) in [(linear, balls), (hertz, balls), (linear, eggs), (linear, boxes)] {
+    // Between spheres nobody remembers the force of tangential dashpots, which Hertz always has: that part is of first order.
+    let springs = ("", "normal_stiffness = 1e5");
+    for (law, shape, most) in
+        [(springs, balls, 1e-9), (hertz, balls, 1e-3), (linear, eggs, 1e-5), (linear, boxes, 1e-3)]
+    {
         let own = "friction = 0.4\nrolling_friction = 0.3\ntwisting_friction = 0.2";
         let text = text(law, own, Vec3::new(0.0, 0.0, -GRAVITY), 2.5e-6)
             .replace(
@@ -309,7 +313,7 @@ fn the_balance_of_a_crowd_closes() {
         println!("dashpots, friction, turning: {parts:?}");
         assert!(parts.iter().all(|part| *part > 0.01 * after.dissipated), "{parts:?}");
         assert_eq!(after.channels[2], 0.0, "no global damping");
-        assert!(missing < 2e-3, "{shape}: {missing:.1e} of what is lost is missing");
+        assert!(missing < most, "{shape}: {missing:.1e} of what is lost is missing");
     }
 }
 
