@@ -270,8 +270,7 @@ fn what_turns_as_one_body_feels_no_moment() {
     }
 }
 
-/// Grains of all kinds that fall into a box, with both laws where there are only spheres. The balance closes, to first order in
-/// the step: the forces of dashpots begin with a jump.
+/// Grains of all kinds that fall into a box, with both laws where there are only spheres. The balance closes.
 #[test]
 fn the_balance_of_a_crowd_closes() {
     let balls = "kind = \"sphere\"\nradius = 0.006\nsize = { uniform = [0.5, 1.0] }";
@@ -281,45 +280,41 @@ fn the_balance_of_a_crowd_closes() {
     let linear = ("", "normal_stiffness = 1e5\ntangential_damping_ratio = 0.2");
     let hertz =
         ("normal = \"hertz\"\nlargest_overlap = 0.1", "youngs_modulus = 2e7\npoisson_ratio = 0.3");
-    for (law, shape) in [(linear, balls), (hertz, balls), (linear, eggs), (linear, boxes)] {
-        let [missing, in_quarters] = [1, 4].map(|parts| missing_of_crowd(law, shape, parts));
-        println!(
-            "{shape}: {missing:.1e} of what is lost is missing, in quarter steps {in_quarters:.1e}"
-        );
-        assert!(missing < 5e-3, "{shape}: {missing:.1e}");
-        assert!(in_quarters < 0.45 * missing, "{shape}: {in_quarters:.1e} of {missing:.1e}");
+    // Between spheres nobody remembers the force of tangential dashpots, which Hertz always has: that part is of first order.
+    let springs = ("", "normal_stiffness = 1e5");
+    for (law, shape, most) in
+        [(springs, balls, 1e-9), (hertz, balls, 1e-3), (linear, eggs, 1e-5), (linear, boxes, 1e-3)]
+    {
+        let own = "friction = 0.4\nrolling_friction = 0.3\ntwisting_friction = 0.2";
+        let text = text(law, own, Vec3::new(0.0, 0.0, -GRAVITY), 2.5e-6)
+            .replace(
+                "low = [-10, -10, 0]\nhigh = [10, 10, 10]",
+                "low = [0, 0, 0]\nhigh = [0.06, 0.06, 0.2]",
+            )
+            .replace("walls = [\"-z\"]", "walls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\"]")
+            .replace("kind = \"sphere\"\nradius = 0.01", shape)
+            .replace(
+                "first = [0, 0, 0.01]\ncount = [1, 1, 1]\nspacing = 1",
+                "low = [0, 0, 0]\nhigh = [0.06, 0.06, 0.06]\nvelocity = [0.5, -0.3, -1.5]",
+            );
+        let scene = scene(&text);
+        let mut comm = dem_mpi::comm::alone::Alone::default();
+        let mut sim = crate::support::begun(&scene, &mut comm);
+        let before = sim.measure(&mut comm);
+        for _ in 0..20_000 {
+            sim.step(&mut comm).unwrap();
+        }
+        let after = sim.measure(&mut comm);
+        let missing = (after.missing() - before.missing()).abs() / after.dissipated;
+        println!("{shape}: {missing:.1e} of {:e} J, stored {:e} J", after.dissipated, after.stored);
+        let contacts = after.contacts + after.wall_contacts;
+        assert!(contacts > 20, "{shape}: {contacts} contacts");
+        let parts = [after.of_dashpots(), after.channels[0], after.channels[1]];
+        println!("dashpots, friction, turning: {parts:?}");
+        assert!(parts.iter().all(|part| *part > 0.01 * after.dissipated), "{parts:?}");
+        assert_eq!(after.channels[2], 0.0, "no global damping");
+        assert!(missing < most, "{shape}: {missing:.1e} of what is lost is missing");
     }
-}
-
-/// The energy that is missing of a crowd that has fallen, over that which is lost, with so many steps in 2.5 µs.
-fn missing_of_crowd(law: (&str, &str), shape: &str, parts: u32) -> f64 {
-    let own = "friction = 0.4\nrolling_friction = 0.3\ntwisting_friction = 0.2";
-    let step = 2.5e-6 / f64::from(parts);
-    let text = text(law, own, Vec3::new(0.0, 0.0, -GRAVITY), step)
-        .replace(
-            "low = [-10, -10, 0]\nhigh = [10, 10, 10]",
-            "low = [0, 0, 0]\nhigh = [0.06, 0.06, 0.2]",
-        )
-        .replace("walls = [\"-z\"]", "walls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\"]")
-        .replace("kind = \"sphere\"\nradius = 0.01", shape)
-        .replace(
-            "first = [0, 0, 0.01]\ncount = [1, 1, 1]\nspacing = 1",
-            "low = [0, 0, 0]\nhigh = [0.06, 0.06, 0.06]\nvelocity = [0.5, -0.3, -1.5]",
-        );
-    let scene = scene(&text);
-    let mut comm = dem_mpi::comm::alone::Alone::default();
-    let mut sim = crate::support::begun(&scene, &mut comm);
-    let before = sim.measure(&mut comm);
-    for _ in 0..20_000 * parts {
-        sim.step(&mut comm).unwrap();
-    }
-    let after = sim.measure(&mut comm);
-    let contacts = after.contacts + after.wall_contacts;
-    assert!(contacts > 20, "{shape}: {contacts} contacts");
-    let lost = [after.of_dashpots(), after.channels[0], after.channels[1]];
-    assert!(lost.iter().all(|part| *part > 0.01 * after.dissipated), "{lost:?}");
-    assert_eq!(after.channels[2], 0.0, "no global damping");
-    (after.missing() - before.missing()).abs() / after.dissipated
 }
 
 /// A box on its face that spins on the spot: friction takes the moment of its extent, and the twisting spring adds none.
