@@ -1,7 +1,7 @@
 //! Impacts of ellipsoids by Hertz's law: restitution, energy, and what must not matter. The exact elliptic solution stands in
 //! `benchmarks/verification/cases/elliptic.rs`.
 
-use crate::support::Bench;
+use crate::support::{Bench, close};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::particles::records::Particle;
@@ -58,12 +58,6 @@ const LONG: &str = "kind = \"ellipsoid\"\nsemi_axes = [0.002, 0.001, 0.001]";
 
 fn at(id: u64, position: Vec3, velocity: Vec3) -> Particle {
     Particle { velocity, ..Particle::at_rest(GlobalId(id), ShapeId(0), position) }
-}
-
-fn close(found: f64, expected: f64, tolerance: f64, what: &str) {
-    let off = (found / expected - 1.0).abs();
-    println!("{what}: {found:e}, expected {expected:e}, off by {off:.1e}");
-    assert!(off <= tolerance, "{what}: {found:e}, expected {expected:e}, off by {off:.1e}");
 }
 
 /// The restitution asked for comes out, attraction cut off or not.

@@ -34,6 +34,24 @@ pub(crate) fn scene(text: &str) -> Scene {
     Scene::parse(text, "test", Path::new(""), &[]).unwrap_or_else(|errors| panic!("{errors}"))
 }
 
+/// A scene is refused once a part of its text is another, and `said` stands in the message.
+pub(crate) fn expect_refused(good: &str, from: &str, to: &str, said: &str) {
+    assert!(good.contains(from), "{from}");
+    let text = good.replacen(from, to, 1);
+    let Err(mistakes) = Scene::parse(&text, "test", Path::new(""), &[]) else {
+        panic!("accepted: {to}");
+    };
+    let mistakes = mistakes.to_string();
+    assert!(mistakes.contains(said), "{to}: {mistakes}");
+}
+
+/// A number is what is expected, up to a part of it.
+pub(crate) fn close(found: f64, expected: f64, tolerance: f64, what: &str) {
+    let off = (found / expected - 1.0).abs();
+    println!("{what}: {found:e}, expected {expected:e}, off by {off:.1e}");
+    assert!(off <= tolerance, "{what}: {found:e}, expected {expected:e}, off by {off:.1e}");
+}
+
 /// The scene's simulation on the ranks of `comm`, with all particles, pairs listed and forces known.
 pub(crate) fn begun(scene: &Scene, comm: &mut dyn Comm) -> Simulation {
     let mut sim = assemble::assemble(scene, comm);

@@ -1,13 +1,11 @@
 //! Resistance to rolling and twisting as a scene asks for it: closed forms of a sphere on a plane, what observers and the order
 //! of ids may not change, bodies of all kinds, and the balance of energies. (`rolling.rs` has a law of one's own.)
 
-use crate::support::{Bench, Frame, scene};
+use crate::support::{Bench, Frame, close, expect_refused, scene};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
-use dem_mpi::scene::Scene;
-use std::path::Path;
 
 const RADIUS: f64 = 0.01;
 const DENSITY: f64 = 2500.0;
@@ -78,12 +76,6 @@ fn resting(law: (&str, &str), own: &str, down: Vec3, velocity: Vec3, spin: Vec3)
         ..Particle::at_rest(GlobalId(0), ShapeId(0), Vec3::new(0.0, 0.0, height))
     };
     Bench::new(&text(law, own, down, step), &[ball])
-}
-
-fn close(found: f64, expected: f64, tolerance: f64, what: &str) {
-    let off = (found / expected - 1.0).abs();
-    println!("{what}: {found:e}, expected {expected:e}, off by {off:.1e}");
-    assert!(off <= tolerance, "{what}: {found:e}, expected {expected:e}, off by {off:.1e}");
 }
 
 /// `a = -5/7 μ_r g`, and it stops after `7 v² / (10 μ_r g)` and half of the way on which the spring is stretched, `δ / (2.25
@@ -359,12 +351,6 @@ fn keys_of_springs_that_are_not_there_are_refused() {
             "rolling_friction = 0.1",
             "rolling_friction = 0.1\ntwisting_friction = 0.1\nturning_damping_ratio = 0.1",
         );
-        assert!(good.contains(from), "{from}");
-        let text = good.replacen(from, to, 1);
-        let Err(mistakes) = Scene::parse(&text, "test", Path::new(""), &[]) else {
-            panic!("accepted: {to}");
-        };
-        let mistakes = mistakes.to_string();
-        assert!(mistakes.contains(said), "{to}: {mistakes}");
+        expect_refused(&good, from, to, said);
     }
 }

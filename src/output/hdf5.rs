@@ -73,6 +73,10 @@ impl Element for f64 {
     const VTK: &'static str = "Float64";
 }
 
+impl Element for f32 {
+    const VTK: &'static str = "Float32";
+}
+
 impl Element for u64 {
     const VTK: &'static str = "UInt64";
 }

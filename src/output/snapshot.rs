@@ -17,7 +17,7 @@ use crate::comm::alone::Alone;
 use crate::comm::{Comm, agree, wire};
 use crate::contact::{ContactRecord, ContactRecords, Geometry, StateColumn};
 use crate::drive::{SavedState, rain};
-use crate::ids::GlobalId;
+use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
 use crate::measure::Departed;
 use crate::particles::Needs;
@@ -449,17 +449,20 @@ fn write_particles(
             file.note(&column.place, "order", "w, x, y, z")?;
         }
     }
-    let semi_axes = particles
-        .shape
-        .iter()
-        .enumerate()
-        .map(|(row, shape)| header.shapes[shape.index()].semi_axes * particles.scale_of(row));
-    file.rows_in(&order, &GLYPH_SEMI_AXES, numbers(&semi_axes.collect::<Vec<_>>()))?;
+    file.rows_in(&order, &GLYPH_SEMI_AXES, numbers(&semi_axes(header, particles)))?;
     drop(order);
 
     write_records(&mut file, records, shares)?;
     write_header(&mut file, header)?;
     file.close()
+}
+
+/// Half lengths of each particle along its axes, with which pictures draw it [m].
+pub fn semi_axes(header: &Header, particles: &ParticleTable) -> Vec<Vec3> {
+    let of_row = |(row, shape): (usize, &ShapeId)| {
+        header.shapes[shape.index()].semi_axes * particles.scale_of(row)
+    };
+    particles.shape.iter().enumerate().map(of_row).collect()
 }
 
 fn write_records(

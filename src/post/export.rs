@@ -4,9 +4,9 @@ use super::surface::{Detail, Surface};
 use super::vtp::{Array, Cells, NORMALS, PolyData};
 use super::{PostError, check, pieces, region::Turned};
 use crate::math::Vec3;
-use crate::output::header::{Header, WallRow};
-use crate::output::snapshot::Reader;
-use crate::output::tables::{CONTACT_COLUMNS, ContactTable, PARTICLE_COLUMNS, ParticleTable};
+use crate::output::header::WallRow;
+use crate::output::snapshot::{self, Reader};
+use crate::output::tables::{CONTACT_COLUMNS, ContactTable, PARTICLE_COLUMNS};
 
 /// The surfaces of all grains. Of each point `id`, `shape`, `velocity` [m/s] and `coordination` of its grain.
 ///
@@ -198,7 +198,7 @@ pub fn particles(reader: &Reader) -> Result<PolyData, PostError> {
     let there = columns.filter(|column| column.of(&table).rows() == table.id.len());
     let mut of_points: Vec<Array> =
         there.map(|column| Array::of_column(column.name, column.of(&table))).collect();
-    of_points.push(Array::of_column("semi_axes", &semi_axes(header, &table)));
+    of_points.push(Array::of_column("semi_axes", &snapshot::semi_axes(header, &table)));
     let count = table.id.len() as i64;
     Ok(PolyData {
         time: header.time,
@@ -210,13 +210,6 @@ pub fn particles(reader: &Reader) -> Result<PolyData, PostError> {
         of_points,
         of_cells: Vec::new(),
     })
-}
-
-fn semi_axes(header: &Header, table: &ParticleTable) -> Vec<Vec3> {
-    let axes = |(row, shape): (usize, &crate::ids::ShapeId)| {
-        header.shapes[shape.index()].semi_axes * table.scale_of(row)
-    };
-    table.shape.iter().enumerate().map(axes).collect()
 }
 
 /// Contacts as lines from centre to centre, or to the foot on a wall, with all columns and `force`, the magnitude of the

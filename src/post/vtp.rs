@@ -3,31 +3,10 @@
 //! Numbers stand in base64, each array with its length in front (`header_type="UInt64"`), little-endian, not compressed.
 
 use crate::output::columns::Numbers;
+use crate::output::hdf5::Element;
 use base64::engine::general_purpose::STANDARD;
 use base64::write::EncoderWriter;
 use std::io::{self, Write};
-
-/// Numbers as VTK calls them.
-pub trait Element: bytemuck::Pod {
-    /// VTK's name of the type.
-    const NAME: &'static str;
-}
-
-impl Element for f64 {
-    const NAME: &'static str = "Float64";
-}
-
-impl Element for f32 {
-    const NAME: &'static str = "Float32";
-}
-
-impl Element for i64 {
-    const NAME: &'static str = "Int64";
-}
-
-impl Element for i32 {
-    const NAME: &'static str = "Int32";
-}
 
 /// A named array of rows.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -44,7 +23,7 @@ impl Array {
     /// Of rows of `width` numbers, one after the other.
     pub fn new<T: Element>(name: &str, width: usize, values: &[T]) -> Self {
         let bytes = bytemuck::cast_slice(values).to_vec();
-        Self { name: name.to_owned(), kind: T::NAME, width, bytes }
+        Self { name: name.to_owned(), kind: T::VTK, width, bytes }
     }
 
     /// A column of a snapshot, as its file has it.

@@ -3,7 +3,7 @@
 //! off the paper's curves are the numbers of Kratos (`applications/DEMApplication/tests`). Where balls slide all the time, rigid bodies
 //! are exact; where they stick, curves stand beside, and nothing is fitted to them.
 
-use super::{Case, Effort, Findings, Frame, Grain, Plane, Setup, Ways};
+use super::{Case, Effort, Findings, Frame, Grain, Plane, Setup, Ways, mfix};
 use dem_mpi::math::Vec3;
 use std::f64::consts::PI;
 
@@ -442,17 +442,6 @@ const DEM05: [[f64; 4]; 10] = [
     [45.0, 0.8160, 505.3, 39.214],
     [60.0, 0.8938, 357.7, 57.139],
 ];
-/// The experiment: angle [degrees], tangential velocity after over before.
-const EXPERIMENT: [[f64; 2]; 7] = [
-    [2.03, 0.794],
-    [3.93, 0.745],
-    [9.6, 0.673],
-    [20.1, 0.596],
-    [30.2, 0.688],
-    [49.5, 0.847],
-    [59.8, 0.902],
-];
-
 fn dem05(effort: Effort, ways: &mut Ways) -> [Case; 3] {
     let mut column = Case::new(
         MFIX,
@@ -500,7 +489,7 @@ fn dem05(effort: Effort, ways: &mut Ways) -> [Case; 3] {
             case.over(scales[k], what, row[k + 1], found[k]);
         }
     }
-    for [degrees, found_there] in EXPERIMENT.iter().step_by(some) {
+    for [degrees, found_there] in mfix::TANGENTIAL.iter().step_by(some) {
         experiment.absolute(format!("{degrees} degrees"), *found_there, thrown(*degrees)[0]);
     }
     [column, sticking, experiment]

@@ -459,8 +459,8 @@ const DEM05: [[f64; 4]; 10] = [
     [60.0, 0.8938, 358.0, 57.137],
 ];
 
-/// The experiment: angle [degrees] and what was found there.
-const TANGENTIAL: [[f64; 2]; 7] = [
+/// The experiment of Kharaz et al. (2001): angle [degrees], and tangential velocity after over before.
+pub(crate) const TANGENTIAL: [[f64; 2]; 7] = [
     [2.03, 0.794],
     [3.93, 0.745],
     [9.6, 0.673],
@@ -469,6 +469,7 @@ const TANGENTIAL: [[f64; 2]; 7] = [
     [49.5, 0.847],
     [59.8, 0.902],
 ];
+/// The same of the angular velocity [rad/s] and of the rebound [degrees].
 const SPIN: [[f64; 2]; 6] =
     [[6.0, 135.6], [11.0, 264.5], [21.2, 577.0], [31.1, 612.6], [50.2, 452.9], [60.2, 381.3]];
 const REBOUND: [[f64; 2]; 7] = [

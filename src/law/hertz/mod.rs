@@ -34,8 +34,8 @@ mod constants;
 
 pub use constants::Constants;
 
-use super::kernel::{Action, Contact, Law, Model, Spread, carried, reduced_mass};
-use super::{Body, ForceLaw, Hardest};
+use super::kernel::{Action, Contact, Model, Spread, carried, reduced_mass};
+use super::{Body, Hardest};
 use crate::contact::{StateColumn, curvature};
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
@@ -59,11 +59,6 @@ pub struct Settings {
 
 impl Settings {
     /// Hertzian contacts between bodies of a library.
-    pub fn law(&self, library: &Library) -> Box<dyn ForceLaw> {
-        Box::new(Law::new(self.model(library), library))
-    }
-
-    /// The same as a model.
     pub(super) fn model(&self, library: &Library) -> Hertz {
         Hertz::new(self.clone(), library)
     }

@@ -14,12 +14,12 @@ mod constants;
 
 pub use constants::{Constants, damping_ratio_of_restitution};
 
-use super::kernel::{Action, Contact, Law, Model, Spread, Turning, carried, dashpot, reduced_mass};
-use super::{Body, ForceLaw, Hardest};
+use super::kernel::{Action, Contact, Model, Spread, Turning, carried, dashpot, reduced_mass};
+use super::{Body, Hardest};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
-use crate::particles::{Library, Needs};
+use crate::particles::Needs;
 use serde::{Deserialize, Serialize};
 
 /// Constants of every pair of materials.
@@ -35,12 +35,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Linear springs and dashpots with friction between bodies of a library.
-    pub fn law(&self, library: &Library) -> Box<dyn ForceLaw> {
-        Box::new(Law::new(self.model(), library))
-    }
-
-    /// The same as a model.
+    /// Linear springs and dashpots with friction.
     pub(super) fn model(&self) -> Linear {
         Linear::new(self.interactions.clone(), self.limit_damping)
     }
