@@ -28,7 +28,7 @@ fn reader(kind: Kind) -> Option<Reader> {
         Kind::Spherocylinder => (&["length", "radius"], spherocylinder),
         Kind::Polyhedron => (&["vertices", "file", "scale"], polyhedron),
         Kind::RoundedPolyhedron => (&["vertices", "file", "scale", "radius"], rounded_polyhedron),
-        Kind::Other | Kind::HalfSpace => return None,
+        Kind::Other | Kind::HalfSpace | Kind::TriangleMesh => return None,
     };
     Some(Reader { keys, read })
 }
