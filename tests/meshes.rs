@@ -4,8 +4,10 @@ use crate::support::{Bench, MATERIAL, begun, close, motion, save, scene};
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::{AgainstTriangleMesh, ContactResolver, Outcome, Posed, Touch};
 use dem_mpi::ids::{GlobalId, ShapeId};
-use dem_mpi::math::{Mat3, Quat, Vec3};
+use dem_mpi::math::{Mat3, Quat, Vec3, rotation_about};
+use dem_mpi::output::snapshot::Reader;
 use dem_mpi::particles::records::Particle;
+use dem_mpi::post::export;
 use dem_mpi::random::Random;
 use dem_mpi::scene::assemble::Continuation;
 use dem_mpi::scene::{Scene, assemble};
@@ -432,6 +434,7 @@ fn tray(folder: &Path) -> Scene {
     tub.retain(|t| t.iter().any(|c| c.z < 0.0));
     triangles.extend(tub);
     write_obj(&triangles, &file);
+    let file = file.display();
     scene(&format!(
         r#"
 seed = 3
@@ -443,7 +446,7 @@ high = [0.05, 0.05, 0.1]
 walls = ["-x", "+x", "-y", "+y", "-z", "+z"]
 [[wall]]
 name = "tray"
-mesh = {file:?}
+mesh = "{file}"
 shift = [0.001, 0.0, 0.0]
 rotation = {{ about = [0.0, 0.0, 0.0], axis = [0.1, 0.2, 1.0], rate = 15.0 }}
 {MATERIAL}
@@ -520,6 +523,21 @@ fn a_turning_tray_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
         state(before, None, steps / 2, Some(&saved));
         assert!(state(after, Some(&saved), steps, None) == alone, "{before} ranks, then {after}");
     }
+
+    // The snapshot has the tray as it stands.
+    let reader = Reader::open(&saved).unwrap();
+    let mesh = &scene.walls[6].mesh.as_ref().unwrap().surface;
+    let axis = Vec3::new(0.1, 0.2, 1.0).normalize();
+    let turn = rotation_about(&axis, 15.0 * reader.header().time);
+    let placed = reader.header().triangles_in_place();
+    assert_eq!(placed.len(), mesh.len());
+    for ((wall, found), expected) in placed.iter().zip(mesh.triangles()) {
+        assert_eq!(*wall, 6);
+        let off = |k: usize| (found[k] - turn * expected[k]).norm();
+        assert!((0..3).all(|k| off(k) < 1e-15), "{found:?}");
+    }
+    // Six planes, too, each a polygon.
+    assert!(export::walls(&reader).unwrap().ends.len() > mesh.len());
 }
 
 #[test]
@@ -559,6 +577,23 @@ fn meshes_that_are_no_surface_are_refused_and_others_are_described() {
         0.0,
         "contacts in a fold",
     );
+}
+
+/// Boxes beside a tilted sheet and boxes through it: by the distances of their corners.
+#[test]
+fn boxes_know_whether_a_triangle_comes_into_them() {
+    let place = |u: f64, v: f64| Vec3::new(0.6 * u, v, 0.8 * u);
+    let mesh = TriangleMesh::new(&sheet(5, 4.0, place), 0.1).unwrap();
+    let (normal, mut random) = (Vec3::new(0.8, 0.0, -0.6), Random::of(8, 8));
+    let mut counts = [0; 2];
+    for _ in 0..2000 {
+        let middle = Vec3::from_fn(|_, _| 0.5 * random.signed());
+        let half = Vec3::from_fn(|_, _| 0.02 + 0.2 * random.unit());
+        let comes = middle.dot(&normal).abs() < half.dot(&normal.abs());
+        assert_eq!(mesh.comes_into(&(middle - half), &(middle + half)), comes);
+        counts[usize::from(comes)] += 1;
+    }
+    assert!(counts.iter().all(|&count| count > 300), "{counts:?}");
 }
 
 /// As many triangles as files have: found through cells, little memory for each.

@@ -107,15 +107,42 @@ pub struct Saved {
     angular_velocity: Vec3,
     turning: Option<Turning>,
     facets: Vec<HalfSpace>,
-    /// Checksum of the triangles.
+    /// Of its triangles, if it has any.
     #[serde(default)]
-    mesh: Option<u64>,
+    mesh: Option<SavedMesh>,
+}
+
+/// What a snapshot holds of the triangles of a wall besides their corners.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct SavedMesh {
+    checksum: u64,
+    triangles: u64,
+}
+
+impl SavedMesh {
+    fn of(mesh: &Mesh) -> Self {
+        let triangles = mesh.surface.len() as u64;
+        Self { checksum: mesh.surface.checksum(), triangles }
+    }
 }
 
 impl Saved {
     /// Is it the body of a wall of one plane?
     pub const fn is_one_plane(&self) -> bool {
         self.facets.len() == 1
+    }
+
+    /// How many triangles it has.
+    pub fn triangles(&self) -> usize {
+        self.mesh.map_or(0, |mesh| mesh.triangles as usize)
+    }
+
+    /// A triangle in place, from its corners in the axes of the wall [m].
+    pub fn in_place(&self, corners: &[f64; 9]) -> [Vec3; 3] {
+        [0, 3, 6].map(|k| {
+            let corner = Vec3::new(corners[k], corners[k + 1], corners[k + 2]);
+            self.point + self.orientation.transform_vector(&corner)
+        })
     }
 
     /// Its planes in place, each a point of it [m] and its unit normal, towards the particles.
@@ -395,7 +422,7 @@ impl Wall {
             angular_velocity: self.angular_velocity,
             turning: self.turning,
             facets: self.facets.iter().map(|facet| facet.geometry).collect(),
-            mesh: self.mesh.as_ref().map(|mesh| mesh.surface.checksum()),
+            mesh: self.mesh.as_ref().map(SavedMesh::of),
         })
     }
 
@@ -403,7 +430,7 @@ impl Wall {
     /// more?
     pub fn is_same(&self, (_, normal): &(Vec3, Vec3), saved: Option<&Saved>) -> bool {
         let mine = self.facets.iter().map(|facet| facet.geometry.normal);
-        let triangles = self.mesh.as_ref().map(|mesh| mesh.surface.checksum());
+        let triangles = self.mesh.as_ref().map(SavedMesh::of);
         if triangles != saved.and_then(|saved| saved.mesh) {
             return false;
         }

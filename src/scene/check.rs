@@ -112,7 +112,7 @@ pub(super) fn scene(
     if let (Some(time), Some(ξ)) = (&time, global_damping) {
         check_damping(&root, ξ, time.dt);
     }
-    walls.check_meshes(&root, &shapes.library);
+    Walls::check_meshes(&root, &shapes.library);
     if let Some((Method::CommonNormal, _)) = contact {
         check_smooth(&root, &shapes.library);
     }

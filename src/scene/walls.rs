@@ -253,7 +253,7 @@ impl Walls {
     }
 
     /// Looks whether meshes meet particles of shapes for which they have contacts.
-    pub(super) fn check_meshes(&self, root: &Section, library: &Library) {
+    pub(super) fn check_meshes(root: &Section, library: &Library) {
         let others: Vec<String> = library
             .names
             .iter()

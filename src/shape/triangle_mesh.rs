@@ -223,7 +223,7 @@ impl TriangleMesh {
             (left_out, "triangles left out that have no area or are there twice"),
         ] {
             if count > 0 {
-                text += &format!("; {count} {what}");
+                text.extend(["; ", &count.to_string(), " ", what]);
             }
         }
         text
@@ -360,13 +360,12 @@ impl TriangleMesh {
         seen
     }
 
-    /// Does a box from `low` to `high` [m], in the axes of the wall, hold a part of a triangle, or nearly?
+    /// Does a box from `low` to `high` [m], in the axes of the wall, hold a part of a triangle?
     pub fn comes_into(&self, low: &Vec3, high: &Vec3) -> bool {
         let mut found = false;
         self.grid.for_each_in(low, high, |triangle| {
             let corners = self.corners(&self.triangles[triangle as usize]);
-            let (least, most) = bounds(&corners);
-            found |= (0..3).all(|k| least[k] < high[k] && most[k] > low[k]);
+            found = found || comes_into(&corners, &((low + high) * 0.5), &((high - low) * 0.5));
         });
         found
     }
@@ -734,6 +733,24 @@ fn is_over(corners: &[Vec3; 3], point: &Vec3, tolerance: f64) -> bool {
     [(a, b), (b, c), (c, a)].iter().all(|(from, to)| {
         let inwards = normal.cross(&(*to - *from));
         (point - *from).dot(&inwards) >= -tolerance * inwards.norm()
+    })
+}
+
+/// Does a triangle come into a box of this middle and these half sides [m]? It does not if an axis separates them: one of the box, the
+/// normal of the triangle, or one at right angles to a side of both (Akenine-Möller 2001, DOI 10.1080/10867651.2001.10487535).
+fn comes_into(corners: &[Vec3; 3], middle: &Vec3, half: &Vec3) -> bool {
+    let [a, b, c] = corners.map(|corner| corner - middle);
+    let sides = [b - a, c - b, a - c];
+    let of_box = [0, 1, 2].map(|k| Vec3::ith(k, 1.0));
+    let crossed = sides.iter().flat_map(|side| of_box.iter().map(move |axis| side.cross(axis)));
+    let mut axes = of_box.iter().copied().chain([sides[0].cross(&sides[1])]).chain(crossed);
+    axes.all(|axis| {
+        let reach = half.dot(&axis.abs());
+        let places = [a, b, c].map(|corner| corner.dot(&axis));
+        let (least, most) =
+            (places[0].min(places[1]).min(places[2]), places[0].max(places[1]).max(places[2]));
+        // Along an axis of no length nothing is apart.
+        axis == Vec3::zeros() || least < reach && most > -reach
     })
 }
 
