@@ -167,7 +167,7 @@ impl<'a> Turned<'a> {
 
     /// As contacts see it.
     pub(super) fn posed(&self) -> Posed<'_> {
-        Posed { shape: &self.shape, frame: &self.frame, scale: self.scale }
+        Posed { scale: self.scale, ..Posed::new(&self.shape, &self.frame) }
     }
 
     /// The farthest point along `direction` [m].

@@ -60,7 +60,8 @@ pub(super) fn scene(
     let mut shapes = Shapes::read(&root, &materials, folder);
     let domain_section = root.section("domain", "the box of particles, `low` and `high` [m]");
     let domain = domain_section.as_ref().and_then(domain);
-    let mut walls = Walls::read(&root, domain_section.as_ref(), domain.as_ref(), &materials);
+    let mut walls =
+        Walls::read(&root, domain_section.as_ref(), domain.as_ref(), &materials, folder);
 
     let fills = Fills {
         shapes: &shapes,
@@ -110,6 +111,7 @@ pub(super) fn scene(
     if let (Some(time), Some(ξ)) = (&time, global_damping) {
         check_damping(&root, ξ, time.dt);
     }
+    Walls::check_meshes(&root, &shapes.library);
     if let Some((Method::CommonNormal, _)) = contact {
         check_smooth(&root, &shapes.library);
     }

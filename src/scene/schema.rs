@@ -146,7 +146,11 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
             closed(&sides.into_iter().collect(), &[])
         }
 
-        ("wall", "name" | "material") => text(),
+        ("wall", "name" | "material" | "mesh") => text(),
+        ("wall", "scale") => positive,
+        ("wall", "shift") => vector(&any),
+        ("wall", "turn") => object(&[("axis", vector(&any)), ("angle", any)]),
+        ("wall", "smooth") => json!({ "type": "number", "minimum": 0, "maximum": 60 }),
         ("wall", "point" | "normal" | "velocity") => vector(&any),
         ("wall", "planes") => some(&object(&[("point", vector(&any)), ("normal", vector(&any))])),
         ("wall", "rotation") => {

@@ -324,6 +324,7 @@ impl Simulation {
     /// of their touching contacts. Collective.
     pub fn relist(&mut self, carried: &ContactRecords, comm: &mut dyn Comm) {
         self.domain.offer_ghosts(&mut self.particles, comm);
+        search::note_near_facets(&mut self.particles, self.skin);
         let mut found = search::close_pairs(&self.particles, self.skin);
         self.domain.keep_paired_ghosts(&mut self.particles, &mut found);
         self.domain.start_halo(&self.particles, comm);
@@ -472,7 +473,7 @@ impl Simulation {
         }
         found.tally.listed += in_stretch.len() as u64;
         found.tally.contacts += found.contacts.len() as u64;
-        contacts.arrange(stretch, in_stretch, &mut found.contacts, particles.needs);
+        contacts.arrange(stretch, in_stretch, &mut found.contacts, particles);
         pairs.rest(stretch, &found.apart, particles);
     }
 
