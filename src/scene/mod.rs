@@ -28,6 +28,7 @@ pub mod pair;
 pub mod plan;
 mod reader;
 pub mod schema;
+mod sizes;
 pub mod suggest;
 mod walls;
 

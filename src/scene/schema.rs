@@ -179,7 +179,7 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("shape", "semi_axes" | "semi_axes_positive" | "semi_axes_negative") => vector(&positive),
         ("shape", "exponents") => exactly(2, &number(Range::Exponent)),
         ("shape", "vertices") => list(&vector(&any)),
-        ("shape", "size") => object(&[("uniform", exactly(2, &positive))]),
+        ("shape", "size") => size(&positive),
 
         ("contact", "method") => words(&["auto", "common-normal", "gjk-erosion", "epa"]),
         ("contact", "erosion_ratio" | "erosion_increment" | "tolerance") => below_one,
@@ -220,6 +220,29 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("fill.file", "path") => text(),
         _ => return None,
     })
+}
+
+/// How sizes are distributed: one law, by number or by mass.
+fn size(positive: &Value) -> Value {
+    let (two, by) = (exactly(2, positive), words(&["number", "mass"]));
+    let law = |law: &str, value: Value, has_limits: bool| {
+        let mut keys = Map::from_iter([(law.to_owned(), value), ("by".to_owned(), by.clone())]);
+        let mut required = vec![law];
+        if !has_limits {
+            keys.insert("limits".to_owned(), two.clone());
+            required.push("limits");
+        }
+        closed(&keys, &required)
+    };
+    let parameters = |names: [&str; 2]| object(&names.map(|name| (name, positive.clone())));
+    let row = exactly(2, &number(Range::NotNegative));
+    either(&[
+        law("uniform", two.clone(), true),
+        law("table", json!({ "type": "array", "items": row, "minItems": 2 }), true),
+        law("normal", parameters(["mean", "deviation"]), false),
+        law("lognormal", parameters(["median", "sigma"]), false),
+        law("weibull", parameters(["scale", "shape"]), false),
+    ])
 }
 
 fn number(range: Range) -> Value {

@@ -3,6 +3,7 @@
 use super::Simulation;
 use super::floor::{Floor, Needed};
 use super::run::{Ending, Finish};
+use super::sizes::sizes;
 use super::watch::Watch;
 use crate::comm::Comm;
 use crate::contact::Tally;
@@ -41,6 +42,7 @@ pub fn report(
         audit: sim.audit.figures(sim, comm),
         energy: energy(finish),
         packing: packing(&finish.measures),
+        sizes: sizes(&sim.particles, comm),
         resolution: resolution(sim, finish, comm),
         targets: sim.drives.iter().flat_map(|drive| drive.kept(&sim.particles.walls)).collect(),
         ranks: ranks(sim, finish.steps_done, &traffic, comm),

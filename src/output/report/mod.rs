@@ -7,6 +7,7 @@
 //! [`text`](Report::summary) shows the same to people; programs read the file.
 
 pub mod audit;
+pub mod sizes;
 mod text;
 
 use super::table::TableError;
@@ -14,6 +15,7 @@ use crate::drive::Kept;
 use crate::timing::Phase;
 use audit::Audit;
 use serde::{Serialize, Serializer};
+use sizes::SizesOf;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
@@ -37,6 +39,8 @@ pub struct Report {
     pub energy: Energy,
     /// The packing at the end.
     pub packing: Packing,
+    /// Sizes at the end, of each shape with a `size`, beside what was asked for.
+    pub sizes: Vec<SizesOf>,
     /// How well the time step resolves what happens.
     pub resolution: Resolution,
     /// What drives were to keep, and how near they came: of each servo, its stress.
