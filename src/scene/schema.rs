@@ -107,7 +107,7 @@ fn required(table: &str) -> &'static [&'static str] {
     match table {
         "" => &["domain", "material", "shape", "time", "output"],
         "domain" => &["low", "high"],
-        "wall" => &["name"],
+        "wall" | "inlet" | "outlet" => &["name"],
         "servo" => &["walls", "stress"],
         "material" => &["name", "density"],
         "interaction" => &["between"],
@@ -204,11 +204,22 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("output", "directory") => text(),
         ("output", "snapshot_every" | "history_every") => whole(0),
 
-        ("fill.rain" | "fill.lattice", "shapes") => {
+        ("fill.rain" | "fill.lattice" | "inlet", "shapes") => {
             let shares =
                 json!({ "type": "object", "additionalProperties": positive, "minProperties": 1 });
             either(&[some(&text()), shares])
         }
+        ("inlet" | "outlet", "name") => text(),
+        ("inlet" | "outlet", "low" | "high") => vector(&any),
+        ("inlet" | "outlet", "axis") => exactly(2, &vector(&any)),
+        ("inlet" | "outlet", "radius") => positive,
+        ("inlet" | "outlet", "every") => whole(1),
+        ("outlet", "point" | "normal") | ("inlet", "velocity") => vector(&any),
+        ("inlet", "rate" | "mass_rate" | "count" | "mass") => positive,
+        ("inlet", "spread") => not_negative,
+        ("inlet", "orientation") => words(&["random", "upright"]),
+        ("stop", "left") => whole(1),
+        ("stop", "remaining") => whole(0),
         ("fill.rain", "count" | "every") => whole(1),
         ("fill.rain", "spacing") => positive,
         ("fill.lattice", "spacing") => either(&[positive.clone(), vector(&positive)]),

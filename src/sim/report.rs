@@ -2,7 +2,7 @@
 
 use super::Simulation;
 use super::floor::{Floor, Needed};
-use super::run::{Ending, Finish};
+use super::run::{Ending, Finish, counted};
 use super::sizes::sizes;
 use super::watch::Watch;
 use crate::comm::Comm;
@@ -43,6 +43,7 @@ pub fn report(
         energy: energy(finish),
         packing: packing(&finish.measures),
         sizes: sizes(&sim.particles, comm),
+        counted: counted(sim).collect(),
         resolution: resolution(sim, finish, comm),
         targets: sim.drives.iter().flat_map(|drive| drive.kept(&sim.particles.walls)).collect(),
         ranks: ranks(sim, finish.steps_done, &traffic, comm),

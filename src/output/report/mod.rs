@@ -41,6 +41,9 @@ pub struct Report {
     pub packing: Packing,
     /// Sizes at the end, of each shape with a `size`, beside what was asked for.
     pub sizes: Vec<SizesOf>,
+    /// What drives have counted in this stage, as the last columns of `history.csv`: through inlets and outlets.
+    #[serde(serialize_with = "as_map")]
+    pub counted: Vec<(String, f64)>,
     /// How well the time step resolves what happens.
     pub resolution: Resolution,
     /// What drives were to keep, and how near they came: of each servo, its stress.
@@ -310,6 +313,10 @@ pub struct Memory {
 /// Entries of a map, in their order.
 fn by_name<S: Serializer>(phases: &[(Phase, Spent)], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(phases.iter().map(|(phase, spent)| (phase.name(), spent)))
+}
+
+fn as_map<S: Serializer>(counted: &[(String, f64)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(counted.iter().map(|(name, number)| (name, number)))
 }
 
 impl Report {

@@ -53,6 +53,9 @@ impl Report {
         for sizes in &self.sizes {
             page.line(sizes);
         }
+        for (name, number) in &self.counted {
+            page.line(format_args!("counted    {name} = {number}"));
+        }
         self.state(&mut page);
         page.0
     }
