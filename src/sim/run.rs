@@ -1,5 +1,6 @@
 //! A run: steps, with outputs on schedule, until all is done.
 
+use super::watch::DEEPEST;
 use super::{FirstLook, Simulation, StepError};
 use crate::comm::{Comm, agree, wire};
 use crate::domain::DomainError;
@@ -248,6 +249,7 @@ pub fn run(
     let mut total = [particle_steps as i64];
     comm.sum(&mut total);
     let has_ended = ending == Ending::LastStep && schedule.stop != Stop::default();
+    let most_moving = most_moving(sim, &measures);
     Ok(Finish {
         ending,
         unmet: if has_ended { unmet(sim, &schedule.stop, &measures) } else { String::new() },
@@ -255,7 +257,7 @@ pub fn run(
         particle_steps: total[0] as u64,
         wall_seconds: started.elapsed().as_secs_f64(),
         measures,
-        most_moving: records.most_moving,
+        most_moving,
         largest_overlap: records.largest_overlap,
         warnings: warned,
         snapshot,
@@ -284,8 +286,8 @@ struct Records<'a> {
     depths: Peekable<IntoIter<f64, 2>>,
     /// The overlap over the radius of the smaller body at which the law's stable step ends, until it is warned of.
     hardest_up_to: Option<f64>,
-    /// The largest kinetic and elastic energy together that was measured [J].
-    most_moving: f64,
+    /// Parts of the energy missing from the balance at which a run still has to warn.
+    missing: Peekable<IntoIter<f64, 3>>,
     /// The largest overlap over the shortest axis that was measured [-].
     largest_overlap: f64,
     /// The scalars, if they were measured after the last step.
@@ -315,7 +317,7 @@ impl<'a> Records<'a> {
             history,
             depths,
             hardest_up_to: sim.law.hardest_up_to(),
-            most_moving: 0.0,
+            missing: MISSING.into_iter().peekable(),
             largest_overlap: 0.0,
             measures: None,
             snapshot: None,
@@ -346,19 +348,19 @@ impl<'a> Records<'a> {
     }
 
     /// The state before the first step of a stage. Collective.
-    fn first(&mut self, sim: &Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
+    fn first(&mut self, sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
         let measures = sim.measure(comm);
+        sim.most_moving = most_moving(sim, &measures);
+        self.note(&measures);
         self.push(sim, &measures, &measures.wall_forces)?;
         // So that a run that fails leaves what it began with, however few snapshots are asked for.
         self.snapshot = Some(self.save(sim, Ending::LastStep, &measures, comm)?);
-        self.note(&measures);
         self.measures = Some(measures);
         Ok(())
     }
 
     /// Keeps the largest of what is measured.
     fn note(&mut self, measures: &Measures) {
-        self.most_moving = f64::max(self.most_moving, measures.moving());
         self.largest_overlap = f64::max(self.largest_overlap, measures.largest_overlap);
     }
 
@@ -380,7 +382,13 @@ impl<'a> Records<'a> {
         }
         let measures = sim.measure(comm);
         warnings.extend(sim.warn_of_motions(comm));
+        if due(sim.step, schedule.history_every) || snapshot_due || rest_due {
+            sim.most_moving = most_moving(sim, &measures);
+        }
         self.note(&measures);
+        if measures.largest_overlap > DEEPEST {
+            sim.agree_on_fault(comm).map_err(|error| explain(error, sim, comm))?;
+        }
         let is_at_rest = rest_due && unmet(sim, &schedule.stop, &measures).is_empty();
         let ending = if is_at_rest { Ending::Rest } else { Ending::LastStep };
         while self.depths.next_if(|&depth| measures.largest_overlap > depth).is_some() {
@@ -389,6 +397,15 @@ impl<'a> Records<'a> {
         let over_radius = 2.0 * measures.largest_overlap;
         if let Some(meant) = self.hardest_up_to.take_if(|meant| over_radius > *meant) {
             warnings.push(too_hard(sim.step, over_radius, meant));
+        }
+        let missing = measures.part_missing(most_moving(sim, &measures));
+        if self.missing.next_if(|&part| missing.abs() > part).is_some() {
+            while self.missing.next_if(|&part| missing.abs() > part).is_some() {}
+            warnings.push(format!(
+                "step {}: {}",
+                sim.step,
+                measures.what_is_missing(most_moving(sim, &measures))
+            ));
         }
         if row_due || is_at_rest {
             // A row off the schedule would not be there had the run gone on.
@@ -446,6 +463,11 @@ pub(super) fn counted(sim: &Simulation) -> impl Iterator<Item = (String, f64)> {
     sim.drives.iter().flat_map(|drive| drive.counted())
 }
 
+/// The largest kinetic and elastic energy of the stage, that of now included [J].
+fn most_moving(sim: &Simulation, now: &Measures) -> f64 {
+    f64::max(sim.most_moving, now.moving())
+}
+
 const fn due(step: u64, every: u64) -> bool {
     every > 0 && step.is_multiple_of(every)
 }
@@ -487,6 +509,9 @@ fn unmet(sim: &Simulation, stop: &Stop, measures: &Measures) -> String {
     }
     unmet.join("; ")
 }
+
+/// Parts of the energy missing from the balance at which a run says so when it happens; less is said at its end.
+const MISSING: [f64; 3] = [0.01, 0.1, 1.0];
 
 /// Largest overlaps, over the shortest axis, at which a run says so.
 const DEPTHS: [f64; 2] = [DEEPEST_START, 4.0 * DEEPEST_START];
