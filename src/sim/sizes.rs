@@ -9,7 +9,7 @@ use crate::particles::sizes::{By, Distribution};
 /// Squares and cubes of scales over the largest are summed in so many parts of 1: sums of 10^8 still fit.
 const PARTS: f64 = (1_u64 << 36) as f64;
 
-/// Of every shape whose particles differ in size by a law of the scene. The same on all ranks, whatever their number. Collective.
+/// Of every shape of which there are particles and that has a law of sizes in the scene. The same on all ranks, whatever their number. Collective.
 pub fn sizes(particles: &Particles, comm: &mut dyn Comm) -> Vec<SizesOf> {
     let library = &particles.library;
     let laws = library.sizes.iter().enumerate().filter_map(|(index, sizes)| {
@@ -18,8 +18,11 @@ pub fn sizes(particles: &Particles, comm: &mut dyn Comm) -> Vec<SizesOf> {
     });
     let laws: Vec<_> = laws.collect();
     laws.into_iter()
-        .map(|(shape, asked, law)| {
+        .filter_map(|(shape, asked, law)| {
             let found = Found::of(shape, &asked, particles, comm);
+            if found.count() == 0 {
+                return None;
+            }
             let curve = curve(&asked, &found);
             let difference = |by| {
                 let edges = (0..=SizesOf::CELLS).map(|edge| (found.edge(edge), edge));
@@ -27,7 +30,7 @@ pub fn sizes(particles: &Particles, comm: &mut dyn Comm) -> Vec<SizesOf> {
                     .map(|(s, k)| (asked.below(by, s) - found.below(by, k)).abs())
                     .fold(0.0, f64::max)
             };
-            SizesOf {
+            Some(SizesOf {
                 shape: library.names[shape.index()].clone(),
                 law,
                 particles: found.count() as u64,
@@ -36,7 +39,7 @@ pub fn sizes(particles: &Particles, comm: &mut dyn Comm) -> Vec<SizesOf> {
                 largest_difference_by_number: difference(By::Number),
                 largest_difference_by_mass: difference(By::Mass),
                 curve,
-            }
+            })
         })
         .collect()
 }
