@@ -9,6 +9,7 @@ mod contract;
 mod curvature;
 mod drives;
 mod elliptic;
+mod flows;
 mod guide;
 mod hertz;
 mod kinds;

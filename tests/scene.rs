@@ -279,7 +279,7 @@ fn every_key_arrives() {
     );
     assert_eq!((scene.dt, scene.steps), (1e-5, 100_000));
     let drives = vec![("servo".to_owned(), 0.01)];
-    let stop = Stop { rest: Some(1e-5), unbalanced: Some(1e-3), drives };
+    let stop = Stop { rest: Some(1e-5), unbalanced: Some(1e-3), drives, ..Stop::default() };
     assert_eq!(scene.stop, stop);
     assert_eq!((scene.skin, scene.imbalance), (0.001, 1.5));
     assert_eq!((scene.snapshot_every, scene.history_every), (1000, 10));
@@ -390,8 +390,7 @@ fn wrong_overrides_are_named() {
         (
             "stopp.rest=1e-6",
             "stopp: no such key, did you mean `stop`? (allowed here: title, seed, gravity, \
-             global_damping, start, contact, law, material, interaction, shape, domain, wall, fill, \
-             time, servo, stop, neighbours, audit, output)",
+             global_damping, start, contact, law, material, interaction, shape, domain, wall, inlet, fill, outlet, time, servo, stop, neighbours, audit, output)",
         ),
         ("shape.ball.radius=-1", "shape.ball.radius = -1: must be a number greater than 0 [m]"),
         (
@@ -542,7 +541,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "no rotation: spheres without friction feel no moment",
         "no tangential history: friction is 0 everywhere",
         "no gravity",
-        "no insertion: no rain",
+        "no insertion: no rain, no inlet",
         "no work of walls: none moves",
         "not in snapshots: scale, quaternion, angular_velocity, torque, dissipated_by_friction, dissipated_by_turning, \
          dissipated_by_damping, image, angular_momentum",

@@ -657,7 +657,7 @@ fn wrong_sizes_are_said_with_their_place() {
         (row("1"), "size = { uniform = [1.2, 0.8] }\n", "1.2 is more than 0.8"),
         (row("1"), "size = { uniform = [0, 1] }\n", "must be a number greater than 0"),
         (row("1"), "size = { uniform = [1] }\n", "has 1 items; must be a list of two numbers"),
-        (row("1"), "size = { normal = [1, 2] }\n", "normal"),
+        (row("1"), "size = { gauss = [1, 2] }\n", "gauss"),
         (row("1"), "size = { uniform = [1e-90, 1] }\n", "leave the range of numbers"),
     ] {
         let told = parsed(&csv, shape).unwrap_err().to_string();
@@ -689,6 +689,110 @@ fn sizes_are_drawn_as_the_scene_says() {
     );
     let other = Scene { seed: scene.seed + 1, ..scene };
     assert_ne!(initial(&other).next().map(|p| p.scale), Some(particles[0].scale));
+}
+
+/// The largest distance of the cumulative curve of `scales`, which it sorts, from a closed form.
+fn kolmogorov_smirnov(scales: &mut [f64], below: impl Fn(f64) -> f64) -> f64 {
+    scales.sort_by(f64::total_cmp);
+    let count = scales.len() as f64;
+    let off = |(k, &s): (usize, &f64)| {
+        let [low, high] = [k, k + 1].map(|k| k as f64 / count);
+        (below(s) - low).abs().max((high - below(s)).abs())
+    };
+    scales.iter().enumerate().map(off).fold(0.0, f64::max)
+}
+
+/// A lattice of 70,000 spheres of these sizes.
+fn of_sizes(size: &str) -> Scene {
+    let lattice = "[[fill.lattice]]\nlow = [0, 0, 0]\nhigh = [0.3, 0.3, 0.2]\nspacing = 0.006\n";
+    let sized = shape_text("sphere", "ball", 1.0) + &format!("size = {{ {size} }}\n");
+    let domain = BOX.replace("high = [0.03, 0.03, 0.05]", "high = [0.3, 0.3, 0.3]");
+    scene(&with_shapes(&format!("{sized}{lattice}"), &domain))
+}
+
+/// Laws by number against their closed forms cut off at the limits: below what one sample in a thousand exceeds.
+#[test]
+fn laws_of_sizes_are_met_by_number() {
+    let normal = |x: f64| 0.5 * libm::erfc(-x / 2_f64.sqrt());
+    let cases: [(&str, &dyn Fn(f64) -> f64); 4] = [
+        ("lognormal = { median = 1.0, sigma = 0.3 }, limits = [0.5, 2.0]", &|s| {
+            normal(s.ln() / 0.3)
+        }),
+        ("normal = { mean = 1.0, deviation = 0.4 }, limits = [0.5, 2.0]", &|s| {
+            normal((s - 1.0) / 0.4)
+        }),
+        ("weibull = { scale = 1.1, shape = 2.0 }, limits = [0.5, 2.0]", &|s| {
+            1.0 - (-(s / 1.1).powi(2)).exp()
+        }),
+        ("uniform = [0.5, 2.0], by = \"mass\"", &|s| -s.powi(-2)),
+    ];
+    for (size, below) in cases {
+        let mut scales: Vec<f64> = initial(&of_sizes(size)).map(|grain| grain.scale).collect();
+        let [first, last] = [0.5, 2.0].map(below);
+        let largest = kolmogorov_smirnov(&mut scales, |s| (below(s) - first) / (last - first));
+        let limit = 1.95 / (scales.len() as f64).sqrt();
+        println!("{size}: {largest:.2e} of {limit:.2e}");
+        assert!(scales.len() > 70_000 && largest < limit, "{size}: {largest}, {limit}");
+    }
+}
+
+/// A lognormal law by mass is one by number with the median of Hatch and Choate, `ln m = ln m_mass - 3 sigma^2`; summed
+/// masses, too, are what was asked for.
+#[test]
+fn a_law_by_mass_is_met_by_number_and_by_mass() {
+    let normal = |x: f64| 0.5 * libm::erfc(-x / 2_f64.sqrt());
+    let sigma = 0.2;
+    let scene =
+        of_sizes("lognormal = { median = 1.0, sigma = 0.2 }, limits = [0.4, 2.0], by = \"mass\"");
+    let mut scales: Vec<f64> = initial(&scene).map(|grain| grain.scale).collect();
+    let below = |s: f64| normal(s.ln() / sigma + 3.0 * sigma);
+    let [first, last] = [0.4, 2.0].map(below);
+    let largest = kolmogorov_smirnov(&mut scales, |s| (below(s) - first) / (last - first));
+    assert!(largest < 1.95 / (scales.len() as f64).sqrt(), "{largest}");
+    let all: f64 = scales.iter().map(|s| s.powi(3)).sum();
+    let [first, last] = [0.4, 2.0].map(|s: f64| normal(s.ln() / sigma));
+    let (mut sum, mut off) = (0.0, 0.0_f64);
+    for s in &scales {
+        sum += s.powi(3);
+        let asked = (normal(s.ln() / sigma) - first) / (last - first);
+        off = off.max((sum / all - asked).abs());
+    }
+    assert!(off < 3.0 * 1.95 / (scales.len() as f64).sqrt(), "{off}");
+}
+
+/// The report's figures of many sizes: the same on one rank and on three, and as near as so many draws come.
+#[test]
+fn the_report_holds_sizes_against_what_was_asked_for() {
+    let size = "lognormal = { median = 1.0, sigma = 0.3 }, limits = [0.5, 2.0], by = \"mass\"";
+    let scene = of_sizes(size);
+    let words = plan(&scene, 1);
+    assert!(
+        words.contains("lognormal of median 1.0 and sigma 0.3 by mass, from 0.5 to 2.0"),
+        "{words}"
+    );
+    let reported = |ranks: u32| {
+        let mut all = threads::run(ranks, |comm| {
+            let mut sim = assemble::assemble(&scene, comm);
+            assemble::fill(&mut sim, &scene, comm);
+            dem_mpi::sim::sizes::sizes(&sim.particles, comm)
+        });
+        all.swap_remove(0)
+    };
+    let sizes = reported(1);
+    assert_eq!(sizes, reported(3));
+    let [one] = &sizes[..] else { panic!("{sizes:?}") };
+    let limit = 1.95 / (one.particles as f64).sqrt();
+    assert!(one.particles > 70_000 && one.largest_difference_by_number < limit, "{one:?}");
+    assert!(one.largest_difference_by_mass < 3.0 * limit);
+    let [asked, found] = [&one.asked, &one.found];
+    for (a, b) in [(asked.mean, found.mean), (asked.sauter_mean, found.sauter_mean)] {
+        assert!((a / b - 1.0).abs() < 5e-3, "{a} {b}");
+    }
+    // Half of the mass of a law cut off at its quantiles -2.31 and 2.31 is below the median.
+    assert!((asked.by_mass_d10_d50_d90[1] - 1.0).abs() < 1e-4, "{asked:?}");
+    assert!((found.by_mass_d10_d50_d90[1] - 1.0).abs() < 1e-2, "{found:?}");
+    let plots = dem_mpi::post::sizes::plots(&sizes).unwrap();
+    assert!(plots.len() == 1 && plots[0].svg.contains("by mass, asked for"));
 }
 
 // --- files and what is computed from them ---

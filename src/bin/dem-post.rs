@@ -13,6 +13,7 @@ use dem_mpi::post::plots::Plot;
 use dem_mpi::post::region::{Bounds, Margin, Region};
 use dem_mpi::post::report::csv;
 use dem_mpi::post::series::{self, Choice, Snapshot};
+use dem_mpi::post::sizes;
 use dem_mpi::post::surface::Detail;
 use dem_mpi::post::views::Views;
 use dem_mpi::post::vtp::{self, PolyData};
@@ -168,7 +169,9 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     let header = newest.header();
     let targets = servo::targets(&header.drives);
     let views = bounds.map(|bounds| Views::of(&newest, &bounds)).transpose()?;
-    let plots = page::plots(&reports, drawing, views.as_ref(), &history, &header.walls, &targets)?;
+    let mut plots =
+        page::plots(&reports, drawing, views.as_ref(), &history, &header.walls, &targets)?;
+    plots.extend(sizes::plots(&sizes::beside(beside))?);
     write_all(&out, &header.title().unwrap_or_else(|| title(beside)), &reports, &plots)?;
 
     let table = reports.last().map(table).unwrap_or_default();

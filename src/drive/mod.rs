@@ -6,7 +6,7 @@
 //! 1. ask for sums over all ranks, which are found while the particles move ([`Drive::sums`]);
 //! 2. give walls their velocities and angular velocities ([`Drive::steer`]);
 //! 3. insert particles, before the list of pairs is made ([`Drive::insert`]);
-//! 4. take out particles that have left the domain ([`Drive::take`]);
+//! 4. take out particles that have left the domain or have reached where they leave ([`Drive::reaches`], [`Drive::take`]);
 //! 5. look at the forces ([`Drive::after_forces`]).
 //!
 //! The state of a drive is the same on all ranks, but for sums that are not yet added up. It is saved in snapshots under the
@@ -89,7 +89,10 @@
 //! assert!(measures.received > 0.0 && measures.missing().abs() < 1e-3 * measures.received);
 //! ```
 
+pub mod inlet;
+pub mod outlet;
 pub mod rain;
+pub mod region;
 pub mod servo;
 
 use crate::cell::Cell;
@@ -169,11 +172,27 @@ pub trait Drive: Send + Sync {
         false
     }
 
-    /// Takes a particle that has left the domain of `cell` out of the simulation, or not; an error if no drive does. Asked on
+    /// Has a particle inside the domain reached a place where it leaves at this moment? Asked of an outlet alone, in every step.
+    fn reaches(&self, _moment: &Moment, _position: &Vec3, _cell: &Cell) -> bool {
+        false
+    }
+
+    /// Takes a particle that has left the domain of `cell`, or that it [reaches](Drive::reaches), out of the simulation, or not; an error if no drive does. Asked on
     /// all ranks, in the order of the ids; not asked of what a drive before it has taken. The velocity is that of half a
     /// step before the positions, the force that of the positions before.
     fn take(&mut self, _leaver: &Particle, _cell: &Cell) -> bool {
         false
+    }
+
+    /// What it has counted in this stage, the same on all ranks: names of columns of `history.csv`, always the same ones, and
+    /// numbers.
+    fn counted(&self) -> Vec<(String, f64)> {
+        Vec::new()
+    }
+
+    /// How many particles it has taken out in this stage.
+    fn gone(&self) -> u64 {
+        0
     }
 
     /// Looks at the forces at the end of a step.

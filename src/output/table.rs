@@ -6,6 +6,9 @@
 //! the area of the row's moment. A servo corrects itself within a few steps: what it leaves at even intervals can be
 //! anything. A restart does not change a digit.
 //!
+//! What drives count ([`crate::drive::Drive::counted`]) stands in the last columns: what came through inlets, what left through
+//! outlets.
+//!
 //! Of a sheared cell there are the strain and the stresses of [`crate::measure::Bulk`] besides.
 
 use crate::cell::AXES;
@@ -71,7 +74,7 @@ fn written(walls: &[Wall]) -> impl Iterator<Item = (usize, &Wall, Across)> {
 }
 
 impl History {
-    /// Opens `history.csv` in `directory`. Of a file that is there already, the rows of the steps that
+    /// Opens `history.csv` in `directory`, with columns of its `own` after all others. Of a file that is there already, the rows of the steps that
     /// `keep` names stay: a run that goes on from a snapshot continues its table.
     ///
     /// # Errors
@@ -80,6 +83,7 @@ impl History {
         directory: &Path,
         walls: &[Wall],
         cell: Cell,
+        own: &[String],
         keep: impl Fn(u64) -> bool,
     ) -> Result<Self, TableError> {
         let path = directory.join("history.csv");
@@ -115,6 +119,7 @@ impl History {
                 columns.extend(COMPONENTS.map(name));
             }
         }
+        columns.extend_from_slice(own);
         let mut header = csv::Writer::from_writer(Vec::new());
         header.write_record(&columns).map_err(|e| failed(&e))?;
         let mut text = header.into_inner().map_err(|e| failed(&e))?;
@@ -139,7 +144,7 @@ impl History {
         synced.map_err(|e| TableError { path: self.path.clone(), cause: e.to_string() })
     }
 
-    /// Appends a row with these forces on the walls [N]; the walls are those of [`History::open`], where they stand now.
+    /// Appends a row with these forces on the walls [N] and numbers of its own; the walls are those of [`History::open`], where they stand now.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -150,6 +155,7 @@ impl History {
         m: &Measures,
         forces: &[Vec3],
         walls: &[Wall],
+        own: &[f64],
     ) -> Result<(), TableError> {
         let moved = written(walls).flat_map(|(k, wall, Across { axis, place, .. })| {
             let stress = |area| wall.press(&forces[k]) / area;
@@ -188,6 +194,7 @@ impl History {
             let stresses = bulk.of_contacts.into_iter().chain(bulk.of_motion);
             std::iter::once(bulk.strain).chain(stresses)
         }))
+        .chain(own.iter().copied())
         .map(|number| format!("{number:e}"));
         let written = self
             .writer
@@ -212,7 +219,7 @@ mod tests {
         let name = "left, \"upper\"".to_owned();
         let wall = Wall::plane(name, point, normal);
         let folder = tempfile::tempdir().unwrap();
-        drop(History::open(folder.path(), &[wall], Cell::OPEN, |_| false).unwrap());
+        drop(History::open(folder.path(), &[wall], Cell::OPEN, &[], |_| false).unwrap());
         let mut reader = csv::Reader::from_path(folder.path().join("history.csv")).unwrap();
         let header = reader.headers().unwrap();
         assert_eq!(header.len(), COLUMNS.len() + 3);

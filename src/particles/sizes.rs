@@ -2,8 +2,9 @@
 
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::SQRT_2;
 
-/// How the scales of the particles of a shape are distributed, by number. A scale is the ratio of a
+/// How the scales of the particles of a shape are distributed. A scale is the ratio of a
 /// particle's lengths to those of its shape; mass goes with its cube, moments of inertia with its fifth power.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Sizes {
@@ -12,38 +13,388 @@ pub enum Sizes {
     One,
     /// Any scale between these two is equally likely.
     Uniform([f64; 2]),
+    /// As a law has it between limits.
+    Drawn(Distribution),
 }
 
 impl Sizes {
     /// The scale of a new particle. Nothing is drawn if there is no choice.
     pub fn draw(&self, random: &mut Random) -> f64 {
-        match *self {
+        match self {
             Self::One => 1.0,
             Self::Uniform([least, largest]) => least + (largest - least) * random.unit(),
+            Self::Drawn(distribution) => distribution.quantile(By::Number, random.unit()),
         }
     }
 
     /// Least and largest scale.
-    pub const fn scales(&self) -> [f64; 2] {
-        match *self {
+    pub fn scales(&self) -> [f64; 2] {
+        match self {
             Self::One => [1.0; 2],
-            Self::Uniform(scales) => scales,
+            Self::Uniform(scales) => *scales,
+            Self::Drawn(distribution) => distribution.limits(),
         }
     }
 
     /// In words, for `--plan`; empty if all are alike.
     pub fn words(&self) -> String {
-        match *self {
+        match self {
             Self::One => String::new(),
             Self::Uniform([a, b]) => format!("uniform from {a:?} to {b:?}, by number"),
+            Self::Drawn(distribution) => distribution.words(),
         }
     }
 
     /// The mean cube of scales: the mean volume of particles over that of their shape.
     pub fn mean_volume(&self) -> f64 {
-        match *self {
+        match self {
             Self::One => 1.0,
             Self::Uniform([a, b]) => 0.25 * (a + b) * (a * a + b * b),
+            Self::Drawn(distribution) => distribution.mean_volume,
         }
+    }
+
+    /// The distribution, if particles differ in size.
+    pub fn distribution(&self) -> Option<Distribution> {
+        match self {
+            Self::One => None,
+            Self::Uniform(limits) => Distribution::new(&Law::Uniform, By::Number, *limits),
+            Self::Drawn(distribution) => Some(distribution.clone()),
+        }
+    }
+}
+
+/// What a share is a share of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum By {
+    /// The number of particles.
+    Number,
+    /// Their mass.
+    Mass,
+}
+
+impl By {
+    /// As a scene has it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Number => "number",
+            Self::Mass => "mass",
+        }
+    }
+}
+
+/// A law of sizes, not yet cut off at limits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Law {
+    /// The same share on every length.
+    Uniform,
+    /// Gauss' law.
+    Normal {
+        /// Mean.
+        mean: f64,
+        /// Standard deviation.
+        deviation: f64,
+    },
+    /// The logarithm has Gauss' law.
+    Lognormal {
+        /// Half is smaller.
+        median: f64,
+        /// Standard deviation of the natural logarithm.
+        sigma: f64,
+    },
+    /// `1 - exp(-(s / scale)^shape)` is smaller than s (Rosin and Rammler 1933, if by mass).
+    Weibull {
+        /// 63.2 % is smaller.
+        scale: f64,
+        /// Exponent.
+        shape: f64,
+    },
+    /// Scales in rising order, each with the share that is smaller, from 0 to 1; in between as a straight line.
+    Table(Vec<[f64; 2]>),
+}
+
+impl Law {
+    /// The share that is smaller than `s`, without limits. Of [`Law::Uniform`], which has none of its own, between these.
+    pub fn below(&self, s: f64, [least, largest]: [f64; 2]) -> f64 {
+        // erfc keeps the digits of what is far below the mean.
+        let normal = |deviations: f64| 0.5 * libm::erfc(-deviations / SQRT_2);
+        match self {
+            Self::Uniform => (s - least) / (largest - least),
+            Self::Normal { mean, deviation } => normal((s - mean) / deviation),
+            Self::Lognormal { median, sigma } => normal(libm::log(s / median) / sigma),
+            Self::Weibull { scale, shape } => -libm::expm1(-libm::pow(s / scale, *shape)),
+            Self::Table(rows) => {
+                let above = rows.partition_point(|row| row[0] <= s);
+                match (rows.get(above.wrapping_sub(1)), rows.get(above)) {
+                    (Some([a, low]), Some([b, high])) => low + (high - low) * (s - a) / (b - a),
+                    (None, _) => 0.0,
+                    (_, None) => 1.0,
+                }
+            }
+        }
+    }
+
+    fn words(&self) -> String {
+        match self {
+            Self::Uniform => "uniform".to_owned(),
+            Self::Normal { mean, deviation } => {
+                format!("normal of mean {mean:?} and deviation {deviation:?}")
+            }
+            Self::Lognormal { median, sigma } => {
+                format!("lognormal of median {median:?} and sigma {sigma:?}")
+            }
+            Self::Weibull { scale, shape } => {
+                format!("Weibull's of scale {scale:?} and shape {shape:?}")
+            }
+            Self::Table(rows) => format!("a table of {} rows", rows.len()),
+        }
+    }
+}
+
+/// A law between limits, by number or by mass, as a table of bins: inside a bin its density (by number or by mass, as the
+/// law has it) is constant. Bins are so narrow that this moves no share by more than [`Distribution::STRAIGHT`] of a bin's;
+/// uniform laws and tables are met exactly. A draw needs no more than `+ - * /` and square roots, so its bits are the same
+/// on every machine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Distribution {
+    law: Law,
+    by: By,
+    /// Edges of the bins, in rising order.
+    edges: Vec<f64>,
+    /// The share by number below each edge.
+    number: Vec<f64>,
+    /// The share by mass below each edge.
+    mass: Vec<f64>,
+    /// Mean cube of scales.
+    mean_volume: f64,
+}
+
+impl Distribution {
+    /// How far the cumulative curve may be from a straight line inside a bin, over the bin's share.
+    const STRAIGHT: f64 = 5e-4;
+    /// Bins with less than this are not divided.
+    const LEAST_SHARE: f64 = 1e-12;
+    /// A law must have at least this share between the limits.
+    pub const LEAST_INSIDE: f64 = 1e-6;
+
+    /// A law cut off at limits, `0 < least <= largest`; `None` if it has next to nothing between them.
+    pub fn new(law: &Law, by: By, limits: [f64; 2]) -> Option<Self> {
+        let [least, largest] = limits;
+        let [first, last] = limits.map(|s| law.below(s, limits));
+        let inside = last - first;
+        if least == largest || inside.is_nan() || inside < Self::LEAST_INSIDE {
+            return None;
+        }
+        let below = |s: f64| (law.below(s, limits) - first) / inside;
+        let mut edges = vec![least];
+        let own: Vec<f64> = match law {
+            Law::Table(rows) => rows.iter().map(|row| row[0]).collect(),
+            _ => Vec::new(),
+        };
+        let inner = own.into_iter().filter(|s| (least..largest).contains(s) && *s > least);
+        for end in inner.chain([largest]) {
+            let start = edges[edges.len() - 1];
+            divide([start, end], [below(start), below(end)], &below, 0, &mut edges);
+        }
+        Some(Self::of_bins(law.clone(), by, edges, &below))
+    }
+
+    fn of_bins(law: Law, by: By, edges: Vec<f64>, below: &dyn Fn(f64) -> f64) -> Self {
+        let (mut number, mut mass) = (vec![0.0], vec![0.0]);
+        let (mut all_number, mut all_mass) = (0.0, 0.0);
+        for bin in edges.windows(2) {
+            let share = (below(bin[1]) - below(bin[0])).max(0.0);
+            let volume = mean_volume_in(by, [bin[0], bin[1]]);
+            let (of_number, of_mass) = match by {
+                By::Number => (share, share * volume),
+                By::Mass => (share / volume, share),
+            };
+            all_number += of_number;
+            all_mass += of_mass;
+            number.push(all_number);
+            mass.push(all_mass);
+        }
+        for share in &mut number {
+            *share /= all_number;
+        }
+        for share in &mut mass {
+            *share /= all_mass;
+        }
+        Self { law, by, edges, number, mass, mean_volume: all_mass / all_number }
+    }
+
+    /// Least and largest scale.
+    pub fn limits(&self) -> [f64; 2] {
+        [self.edges[0], self.edges[self.edges.len() - 1]]
+    }
+
+    /// The share, by number or by mass, that is smaller than this scale.
+    pub fn below(&self, by: By, s: f64) -> f64 {
+        let bin = self.edges.partition_point(|edge| *edge <= s);
+        if bin == 0 {
+            return 0.0;
+        }
+        let shares = self.shares(by);
+        let Some(&share) = shares.get(bin) else { return 1.0 };
+        let (before, [a, b]) = (shares[bin - 1], [self.edges[bin - 1], self.edges[bin]]);
+        let part = match (self.by, by) {
+            (By::Number, By::Number) | (By::Mass, By::Mass) => (s - a) / (b - a),
+            (By::Number, By::Mass) => (s.powi(4) - a.powi(4)) / (b.powi(4) - a.powi(4)),
+            (By::Mass, By::Number) => (a.powi(-2) - s.powi(-2)) / (a.powi(-2) - b.powi(-2)),
+        };
+        before + (share - before) * part
+    }
+
+    /// The scale below which is this share, by number or by mass.
+    pub fn quantile(&self, by: By, share: f64) -> f64 {
+        let shares = self.shares(by);
+        // Bins without a share are passed over.
+        let bin = shares.partition_point(|below| *below <= share).clamp(1, shares.len() - 1);
+        let of_bin = shares[bin] - shares[bin - 1];
+        // Only the last of all can be without a share here.
+        let part = if of_bin > 0.0 { (share - shares[bin - 1]) / of_bin } else { 1.0 };
+        let part = part.clamp(0.0, 1.0);
+        let [a, b] = [self.edges[bin - 1], self.edges[bin]];
+        let s = match (self.by, by) {
+            (By::Number, By::Number) | (By::Mass, By::Mass) => a + (b - a) * part,
+            (By::Number, By::Mass) => {
+                let [a, b] = [a, b].map(|s| (s * s) * (s * s));
+                (a + (b - a) * part).sqrt().sqrt()
+            }
+            (By::Mass, By::Number) => {
+                let [a, b] = [a, b].map(|s| 1.0 / (s * s));
+                1.0 / (a - (a - b) * part).sqrt()
+            }
+        };
+        s.clamp(a, b)
+    }
+
+    fn shares(&self, by: By) -> &[f64] {
+        match by {
+            By::Number => &self.number,
+            By::Mass => &self.mass,
+        }
+    }
+
+    fn words(&self) -> String {
+        let [least, largest] = self.limits();
+        let tenths = |by| [0.1, 0.5, 0.9].map(|share| format!("{:.4}", self.quantile(by, share)));
+        format!(
+            "{} by {}, from {least:?} to {largest:?}; 10, 50 and 90 % are below {} by number, {} by mass",
+            self.law.words(),
+            self.by.name(),
+            tenths(By::Number).join(", "),
+            tenths(By::Mass).join(", "),
+        )
+    }
+}
+
+/// Adds the edges of bins from `start` (which stands there already) to `end`, in which the share `below` is nearly straight.
+fn divide(
+    [start, end]: [f64; 2],
+    [low, high]: [f64; 2],
+    below: &dyn Fn(f64) -> f64,
+    depth: u32,
+    edges: &mut Vec<f64>,
+) {
+    let share = high - low;
+    let at = |part: f64| start + part * (end - start);
+    let is_bent = |part: f64| {
+        let off = below(at(part)) - (low + part * share);
+        off.abs() > Distribution::STRAIGHT * share
+    };
+    let middle = at(0.5);
+    // Points that are not halves find a narrow law in the middle of wide limits, too.
+    let is_divided = depth < 48 && share > Distribution::LEAST_SHARE;
+    if is_divided && start < middle && middle < end && [0.29, 0.5, 0.71].into_iter().any(is_bent) {
+        let half = below(middle);
+        divide([start, middle], [low, half], below, depth + 1, edges);
+        divide([middle, end], [half, high], below, depth + 1, edges);
+    } else {
+        edges.push(end);
+    }
+}
+
+/// Mean cube of the scales by number in a bin that has a constant density by number or by mass.
+fn mean_volume_in(by: By, [a, b]: [f64; 2]) -> f64 {
+    match by {
+        By::Number => 0.25 * (a + b) * (a * a + b * b),
+        By::Mass => 2.0 * (a * b) * (a * b) / (a + b),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{By, Distribution, Law};
+
+    const LIMITS: [f64; 2] = [0.2, 5.0];
+
+    fn laws() -> [Law; 5] {
+        [
+            Law::Uniform,
+            Law::Normal { mean: 1.0, deviation: 0.3 },
+            Law::Lognormal { median: 0.9, sigma: 0.4 },
+            Law::Weibull { scale: 1.2, shape: 2.5 },
+            Law::Table(vec![[0.3, 0.0], [0.5, 0.2], [0.8, 0.2], [1.9, 1.0]]),
+        ]
+    }
+
+    /// The bins have the law that they were made of, cut off, and a draw and a share undo each other.
+    #[test]
+    fn bins_have_the_law_between_its_limits() {
+        for law in laws() {
+            for by in [By::Number, By::Mass] {
+                let limits = if let Law::Table(_) = law { [0.3, 1.9] } else { LIMITS };
+                let sizes = Distribution::new(&law, by, limits).unwrap();
+                let [first, last] = limits.map(|s| law.below(s, limits));
+                for k in 0..=1000 {
+                    let s = limits[0] + (limits[1] - limits[0]) * f64::from(k) / 1000.0;
+                    let closed = (law.below(s, limits) - first) / (last - first);
+                    let off = (sizes.below(by, s) - closed).abs();
+                    assert!(off < 5e-5, "{law:?} by {by:?} at {s}: {off:e}");
+                    for other in [By::Number, By::Mass] {
+                        let share = sizes.below(other, s);
+                        let again = sizes.below(other, sizes.quantile(other, share));
+                        assert!((share - again).abs() < 1e-12, "{law:?} {by:?} {other:?} {s}");
+                    }
+                }
+                assert!(sizes.edges.len() < 10_000, "{law:?}: {} bins", sizes.edges.len());
+            }
+        }
+    }
+
+    /// Hatch and Choate 1929: a lognormal law by number is one by mass of the same sigma, whose median is exp(3 sigma^2) times as large.
+    #[test]
+    fn number_and_mass_of_a_lognormal_law_are_hatch_and_choates() {
+        let (median, sigma) = (1.0, 0.25);
+        let limits = [0.05, 20.0];
+        let by_number =
+            Distribution::new(&Law::Lognormal { median, sigma }, By::Number, limits).unwrap();
+        let of_mass = median * (3.0 * sigma * sigma).exp();
+        let by_mass =
+            Distribution::new(&Law::Lognormal { median: of_mass, sigma }, By::Mass, limits)
+                .unwrap();
+        let volume = (4.5 * sigma * sigma).exp();
+        for sizes in [&by_number, &by_mass] {
+            assert!((sizes.quantile(By::Number, 0.5) - median).abs() < 1e-5);
+            assert!((sizes.quantile(By::Mass, 0.5) - of_mass).abs() < 1e-5);
+            assert!((sizes.mean_volume / volume - 1.0).abs() < 1e-5, "{}", sizes.mean_volume);
+        }
+        for k in 1..100 {
+            let s = f64::from(k) * 0.03;
+            for by in [By::Number, By::Mass] {
+                let off = (by_number.below(by, s) - by_mass.below(by, s)).abs();
+                assert!(off < 1e-5, "{by:?} at {s}: {off:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_narrow_law_in_wide_limits_is_found() {
+        let law = Law::Normal { mean: 50.005, deviation: 1e-3 };
+        let sizes = Distribution::new(&law, By::Number, [0.01, 100.0]).unwrap();
+        assert!((sizes.quantile(By::Number, 0.5) - 50.005).abs() < 1e-6);
+        let far = Law::Normal { mean: 1.0, deviation: 0.01 };
+        assert_eq!(Distribution::new(&far, By::Number, [2.0, 3.0]), None);
     }
 }

@@ -20,6 +20,7 @@
 //! | [`draw`] | charts: series, axes, panels |
 //! | [`views`] | what stands where: force chains, velocities, averages by height |
 //! | [`plots`] [`panels`] [`rose`] [`picture`] [`page`] | what there is to look at |
+//! | [`sizes`] | sizes of the particles beside those that were asked for |
 //! | [`diff`] | whether two snapshots are the same, bit for bit |
 //! | [`lammps`] | particles for OVITO |
 //! | [`surface`] [`export`] [`vtp`] | surfaces of bodies; a snapshot as VTP; its file |
@@ -42,6 +43,7 @@ pub mod report;
 pub mod rose;
 pub mod series;
 mod side;
+pub mod sizes;
 pub mod stress;
 pub mod sums;
 pub mod surface;

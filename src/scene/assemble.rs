@@ -6,6 +6,8 @@ use crate::comm::{Comm, agree};
 use crate::contact::{self, ContactRecords, StateColumn};
 use crate::contacts::Contacts;
 use crate::domain::Domain;
+use crate::drive::inlet::Inlets;
+use crate::drive::outlet::Outlets;
 use crate::drive::rain::RainGauge;
 use crate::drive::servo::Servos;
 use crate::drive::{Drive, DriveError};
@@ -165,6 +167,12 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
     let mut drives: Vec<Box<dyn Drive>> = Vec::new();
     if let Some(rain) = &scene.rain {
         drives.push(Box::new(RainGauge::new(rain.clone(), scene.seed)));
+    }
+    if !scene.inlets.is_empty() {
+        drives.push(Box::new(Inlets::new(scene.inlets.clone(), scene.seed)));
+    }
+    if !scene.outlets.is_empty() {
+        drives.push(Box::new(Outlets::new(scene.outlets.clone(), &scene.library)));
     }
     if !scene.servos.is_empty() {
         drives.push(Box::new(Servos::new(scene.servos.clone(), &scene.library)));

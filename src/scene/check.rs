@@ -4,6 +4,7 @@
 //! `None` if anything was; the parts that are right are read on, so that all mistakes come at once.
 
 use super::fills::Fills;
+use super::flows;
 use super::input::Node;
 use super::laws;
 use super::matter::Shapes;
@@ -68,8 +69,10 @@ pub(super) fn scene(
         domain: domain.as_ref(),
         gravity: gravity.unwrap_or_else(Vec3::zeros),
         folder,
-    }
-    .read(&root);
+    };
+    let inlets = flows::inlets(&root, &fills);
+    let fills = fills.read(&root);
+    let outlets = flows::outlets(&root, domain.as_ref());
     // What follows looks at the sizes of all particles.
     for row in fills.iter().flat_map(|(initial, _)| initial).flat_map(Fill::listed) {
         shapes.library.admit(row.shape, row.scale);
@@ -139,6 +142,8 @@ pub(super) fn scene(
         global_damping: global_damping?,
         initial,
         rain,
+        inlets: inlets?,
+        outlets: outlets?,
         dt,
         steps,
         allow_unstable,
@@ -335,14 +340,22 @@ fn stop(section: &Section, root: &Section) -> Option<Stop> {
     let limit =
         |key| section.read_or(key, None, |given| given.number(Range::BelowOne, "").map(Some));
     let (rest, unbalanced, servo) = (limit("rest"), limit("unbalanced"), limit("servo"));
+    let count = |key, least| section.read_or(key, None, |given| given.whole(least).map(Some));
+    let (left, remaining) = (count("left", 1), count("remaining", 0));
     section.finish();
+    for key in ["left", "remaining"] {
+        if let (Some(given), None) = (section.get(key), root.get("outlet")) {
+            given.fail("there is no [[outlet]]");
+        }
+    }
     if let (Some(given), None) = (section.get("servo"), root.get("servo")) {
         given.fail("there is no [[servo]]");
     }
     let drives = servo?.map(|limit| ("servo".to_owned(), limit)).into_iter().collect();
-    let stop = Stop { rest: rest?, unbalanced: unbalanced?, drives };
+    let (left, remaining) = (left?, remaining?);
+    let stop = Stop { rest: rest?, unbalanced: unbalanced?, drives, left, remaining };
     if stop == Stop::default() {
-        section.fail("give at least one of `rest`, `unbalanced` and `servo`");
+        section.fail("give at least one of `rest`, `unbalanced`, `servo`, `left` and `remaining`");
     }
     Some(stop)
 }

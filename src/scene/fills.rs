@@ -30,7 +30,7 @@ impl Fills<'_> {
         let start = root.get("start");
         let kinds = "[fill.rain], [[fill.lattice]] or [[fill.file]]";
         let Some(given) = root.get("fill") else {
-            if start.is_none() {
+            if start.is_none() && root.get("inlet").is_none() {
                 root.fail(format!("nothing to simulate: give {kinds}, or `start` = a snapshot"));
             }
             return Some((Vec::new(), None));
@@ -53,7 +53,7 @@ impl Fills<'_> {
         Some((initial.into_iter().collect::<Option<_>>()?, rain?))
     }
 
-    fn mix(&self, section: &Section) -> Option<Mix> {
+    pub(super) fn mix(&self, section: &Section) -> Option<Mix> {
         let names = &self.shapes.names;
         let Some(given) = section.get("shapes") else {
             let only = names.find_in(section, "shapes")?;

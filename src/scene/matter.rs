@@ -4,6 +4,7 @@ use super::Mix;
 use super::geometry::geometry;
 use super::mistakes::suggestion;
 use super::reader::{Given, Range, Section};
+use super::sizes::sizes;
 use crate::ids::{MaterialId, ShapeId};
 use crate::particles::sizes::Sizes;
 use crate::particles::{Library, of_inertia, of_mass};
@@ -168,23 +169,6 @@ impl Shapes {
         };
         mix.shapes().map(largest).fold(0.0, f64::max)
     }
-}
-
-/// How sizes are distributed, by number: scales of all lengths of the shape.
-fn sizes(given: &Given) -> Option<Sizes> {
-    let section = given.section()?;
-    let what = "a list of two numbers greater than 0: the smallest scale and the largest";
-    let scales = section.require("uniform", what, |given| {
-        let [least, largest] = given.list_of(what)?.map(|item| item.number(Range::Positive, ""));
-        let (least, largest) = (least?, largest?);
-        if least > largest {
-            given.fail(format!("{least:?} is more than {largest:?}; must be {what}"));
-            return None;
-        }
-        Some([least, largest])
-    });
-    section.finish();
-    scales.map(Sizes::Uniform)
 }
 
 /// A size of 1e-200 m is a positive number, but its volume is not.

@@ -16,6 +16,7 @@ pub mod assemble;
 mod check;
 pub mod doubts;
 mod fills;
+mod flows;
 mod geometry;
 mod input;
 pub mod keys;
@@ -28,11 +29,14 @@ pub mod pair;
 pub mod plan;
 mod reader;
 pub mod schema;
+mod sizes;
 pub mod suggest;
 mod walls;
 
 use crate::cell::Cell;
 pub use crate::contact::Method;
+pub use crate::drive::inlet::Inlet;
+pub use crate::drive::outlet::Outlet;
 pub use crate::drive::rain::Rain;
 pub use crate::drive::servo::Servo;
 use crate::ids::ShapeId;
@@ -95,6 +99,10 @@ pub struct Scene {
     pub initial: Vec<Fill>,
     /// Particles that fall in during the run.
     pub rain: Option<Rain>,
+    /// Where particles appear at a rate.
+    pub inlets: Vec<Inlet>,
+    /// Where particles leave.
+    pub outlets: Vec<Outlet>,
     /// Time step [s].
     pub dt: f64,
     /// Steps of this stage, at most.
@@ -244,7 +252,9 @@ impl Scene {
     /// Particles in all, those of a start snapshot left out.
     pub fn particle_count(&self) -> u64 {
         let initial: u64 = self.initial.iter().map(Fill::count).sum();
-        initial + self.rain.as_ref().map_or(0, |rain| rain.count)
+        let seconds = self.steps as f64 * self.dt;
+        let entering = self.inlets.iter().map(|inlet| inlet.expected(seconds, &self.library));
+        initial + self.rain.as_ref().map_or(0, |rain| rain.count) + entering.sum::<u64>()
     }
 }
 

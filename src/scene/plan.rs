@@ -84,6 +84,13 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
             ),
         );
     }
+    for inlet in &scene.inlets {
+        page.line("inlet", format!("{}: {}", inlet.name, inlet.words()));
+    }
+    for outlet in &scene.outlets {
+        let every = format!("looked at every {} steps", outlet.every);
+        page.line("outlet", format!("{}: {}, {every}", outlet.name, outlet.region.words()));
+    }
     shapes(scene, page);
     walls(scene, page);
     let law = scene.force_law();
@@ -248,7 +255,10 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         (scene.stop == Stop::default(), "no stop criterion: all steps are taken".to_owned()),
         (scene.audit.every == 0, "no audit of contacts: audit.every = 0".to_owned()),
         (scene.servos.is_empty(), "no sum over all ranks in each step: no servos".to_owned()),
-        (scene.rain.is_none(), "no insertion: no rain".to_owned()),
+        (
+            scene.rain.is_none() && scene.inlets.is_empty(),
+            "no insertion: no rain, no inlet".to_owned(),
+        ),
         (!scene.walls.iter().any(|wall| wall.moves), "no work of walls: none moves".to_owned()),
         (!not_saved.is_empty(), format!("not in snapshots: {}", not_saved.join(", "))),
         (!open.is_empty(), format!("no walls on these sides of the domain: {}", open.join(", "))),

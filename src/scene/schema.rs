@@ -107,7 +107,7 @@ fn required(table: &str) -> &'static [&'static str] {
     match table {
         "" => &["domain", "material", "shape", "time", "output"],
         "domain" => &["low", "high"],
-        "wall" => &["name"],
+        "wall" | "inlet" | "outlet" => &["name"],
         "servo" => &["walls", "stress"],
         "material" => &["name", "density"],
         "interaction" => &["between"],
@@ -184,7 +184,7 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("shape", "exponents") => exactly(2, &number(Range::Exponent)),
         ("shape", "vertices") => list(&vector(&any)),
         ("shape", "edges") => vector(&positive),
-        ("shape", "size") => object(&[("uniform", exactly(2, &positive))]),
+        ("shape", "size") => size(&positive),
 
         ("contact", "method") => words(&["auto", "common-normal", "gjk-erosion", "epa"]),
         ("contact", "erosion_ratio" | "erosion_increment" | "tolerance") => below_one,
@@ -210,11 +210,22 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("output", "directory") => text(),
         ("output", "snapshot_every" | "history_every") => whole(0),
 
-        ("fill.rain" | "fill.lattice", "shapes") => {
+        ("fill.rain" | "fill.lattice" | "inlet", "shapes") => {
             let shares =
                 json!({ "type": "object", "additionalProperties": positive, "minProperties": 1 });
             either(&[some(&text()), shares])
         }
+        ("inlet" | "outlet", "name") => text(),
+        ("inlet" | "outlet", "low" | "high") => vector(&any),
+        ("inlet" | "outlet", "axis") => exactly(2, &vector(&any)),
+        ("inlet" | "outlet", "radius") => positive,
+        ("inlet" | "outlet", "every") => whole(1),
+        ("outlet", "point" | "normal") | ("inlet", "velocity") => vector(&any),
+        ("inlet", "rate" | "mass_rate" | "count" | "mass") => positive,
+        ("inlet", "spread") => not_negative,
+        ("inlet", "orientation") => words(&["random", "upright"]),
+        ("stop", "left") => whole(1),
+        ("stop", "remaining") => whole(0),
         ("fill.rain", "count" | "every") => whole(1),
         ("fill.rain", "spacing") => positive,
         ("fill.lattice", "spacing") => either(&[positive.clone(), vector(&positive)]),
@@ -226,6 +237,29 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("fill.file", "path") => text(),
         _ => return None,
     })
+}
+
+/// How sizes are distributed: one law, by number or by mass.
+fn size(positive: &Value) -> Value {
+    let (two, by) = (exactly(2, positive), words(&["number", "mass"]));
+    let law = |law: &str, value: Value, has_limits: bool| {
+        let mut keys = Map::from_iter([(law.to_owned(), value), ("by".to_owned(), by.clone())]);
+        let mut required = vec![law];
+        if !has_limits {
+            keys.insert("limits".to_owned(), two.clone());
+            required.push("limits");
+        }
+        closed(&keys, &required)
+    };
+    let parameters = |names: [&str; 2]| object(&names.map(|name| (name, positive.clone())));
+    let row = exactly(2, &number(Range::NotNegative));
+    either(&[
+        law("uniform", two.clone(), true),
+        law("table", json!({ "type": "array", "items": row, "minItems": 2 }), true),
+        law("normal", parameters(["mean", "deviation"]), false),
+        law("lognormal", parameters(["median", "sigma"]), false),
+        law("weibull", parameters(["scale", "shape"]), false),
+    ])
 }
 
 fn number(range: Range) -> Value {

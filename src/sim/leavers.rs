@@ -1,4 +1,4 @@
-//! Particles that leave the domain: drives may take them.
+//! Particles that leave the domain or reach an outlet: drives may take them.
 
 use super::Simulation;
 use crate::comm::{Comm, everywhere};
@@ -8,10 +8,23 @@ use crate::particles::columns::Quantity;
 use std::collections::BTreeSet;
 
 impl Simulation {
-    /// Has a particle left the domain that a drive may take?
+    /// Is there a particle that a drive may take?
     pub(super) fn has_leaver(&self) -> bool {
         let is_open = self.drives.iter().any(|drive| drive.is_outlet());
-        is_open && self.domain.leavers(&self.particles).next().is_some()
+        is_open && self.leavers().next().is_some()
+    }
+
+    /// Slots of the owned particles that have left the domain, or that have reached an outlet. Not a matter of when the pairs
+    /// were listed.
+    fn leavers(&self) -> impl Iterator<Item = usize> {
+        let Self { particles, drives, .. } = self;
+        let moment = self.moment();
+        let reached = move |slot: &usize| {
+            let position = &particles.position[*slot];
+            drives.iter().any(|drive| drive.reaches(&moment, position, &particles.cell))
+        };
+        let inside = (0..particles.owned).filter(reached);
+        self.domain.leavers(particles).chain(inside)
     }
 
     /// Offers particles that have left the domain to the drives, and books out what they take. Returns the ids of those
@@ -21,8 +34,10 @@ impl Simulation {
         if !self.drives.iter().any(|drive| drive.is_outlet()) || !comm.any(self.has_leaver()) {
             return taken;
         }
-        let Self { particles, domain, drives, .. } = self;
-        let here = domain.leavers(particles).map(|slot| particles.owned_particle(slot));
+        // One may be both outside and where it leaves.
+        let slots: BTreeSet<usize> = self.leavers().collect();
+        let Self { particles, drives, .. } = self;
+        let here = slots.into_iter().map(|slot| particles.owned_particle(slot));
         let mut leavers = everywhere(comm, &here.collect::<Vec<_>>());
         leavers.sort_unstable_by_key(|leaver| leaver.id);
         for leaver in leavers.iter().filter(|leaver| leaver.position.norm().is_finite()) {

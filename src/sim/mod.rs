@@ -6,6 +6,7 @@ pub mod floor;
 mod leavers;
 pub mod report;
 pub mod run;
+pub mod sizes;
 pub mod trace;
 pub mod watch;
 

@@ -2,7 +2,8 @@
 
 use super::Simulation;
 use super::floor::{Floor, Needed};
-use super::run::{DEEPEST_START, Ending, Finish};
+use super::run::{DEEPEST_START, Ending, Finish, counted};
+use super::sizes::sizes;
 use super::watch::Watch;
 use crate::comm::Comm;
 use crate::contact::Tally;
@@ -35,6 +36,8 @@ pub fn report(sim: &Simulation, finish: &Finish, origin: &Origin, comm: &mut dyn
         audit: sim.audit.figures(sim, comm),
         energy: energy(finish),
         packing: packing(&finish.measures),
+        sizes: sizes(&sim.particles, comm),
+        counted: counted(sim).collect(),
         resolution: resolution(sim, finish, comm),
         targets: sim.drives.iter().flat_map(|drive| drive.kept(&sim.particles.walls)).collect(),
         ranks: ranks(sim, finish.steps_done, &traffic, comm),

@@ -52,6 +52,10 @@ pub struct Stop {
     pub rest: Option<f64>,
     /// The mean resultant force of a particle is below this fraction of the mean contact force: [`Measures::unbalanced`].
     pub unbalanced: Option<f64>,
+    /// So many particles have left through outlets in this stage.
+    pub left: Option<u64>,
+    /// No more than so many particles are there, and none are still to come.
+    pub remaining: Option<u64>,
     /// The error of a drive is below this, by the drive's key: [`crate::drive::Drive::error`].
     pub drives: Vec<(String, f64)>,
 }
@@ -59,12 +63,14 @@ pub struct Stop {
 /// As the scene has it.
 impl Display for Stop {
     fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
-        let Self { rest, unbalanced, drives } = self;
+        let Self { rest, unbalanced, drives, left, remaining } = self;
         let own = [("rest", *rest), ("unbalanced", *unbalanced)];
         let own = own.into_iter().filter_map(|(key, limit)| Some((key, limit?)));
         let given = own.chain(drives.iter().map(|(key, limit)| (&**key, *limit)));
         let given = given.map(|(key, limit)| format!("{key} = {limit}"));
-        f.write_str(&given.collect::<Vec<_>>().join(", "))
+        let counts = [("left", *left), ("remaining", *remaining)].into_iter();
+        let counts = counts.filter_map(|(key, count)| Some(format!("{key} = {}", count?)));
+        f.write_str(&given.chain(counts).collect::<Vec<_>>().join(", "))
     }
 }
 
@@ -299,7 +305,9 @@ impl<'a> Records<'a> {
                 let scheduled = step == stage_begin || due(step, schedule.history_every);
                 schedule.resumed && (step < first_step || (step == first_step && scheduled))
             };
-            Some(History::open(&schedule.out, &sim.particles.walls, sim.particles.cell, keep)?)
+            let own = counted(sim).map(|(name, _)| name).collect::<Vec<_>>();
+            let walls = &sim.particles.walls;
+            Some(History::open(&schedule.out, walls, sim.particles.cell, &own, keep)?)
         } else {
             None
         };
@@ -324,7 +332,8 @@ impl<'a> Records<'a> {
         forces: &[Vec3],
     ) -> Result<(), TableError> {
         let Some(history) = &mut self.history else { return Ok(()) };
-        history.push(sim.step, sim.time(), measures, forces, &sim.particles.walls)
+        let own: Vec<f64> = counted(sim).map(|(_, number)| number).collect();
+        history.push(sim.step, sim.time(), measures, forces, &sim.particles.walls, &own)
     }
 
     /// Writes a snapshot. Collective.
@@ -451,6 +460,11 @@ impl Simulation {
     }
 }
 
+/// What drives have counted: columns of the history and numbers.
+pub(super) fn counted(sim: &Simulation) -> impl Iterator<Item = (String, f64)> {
+    sim.drives.iter().flat_map(|drive| drive.counted())
+}
+
 /// The largest kinetic and elastic energy of the stage, that of now included [J].
 fn most_moving(sim: &Simulation, now: &Measures) -> f64 {
     f64::max(sim.most_moving, now.moving())
@@ -462,12 +476,22 @@ const fn due(step: u64, every: u64) -> bool {
 
 /// What is asked for and does not hold now; empty if all does.
 fn unmet(sim: &Simulation, stop: &Stop, measures: &Measures) -> String {
-    let unfinished = sim.drives.iter().filter_map(|drive| drive.unfinished());
-    let mut unmet: Vec<String> = unfinished.map(str::to_owned).collect();
+    let mut unmet: Vec<String> = Vec::new();
+    let of_contacts = stop.rest.is_some() || stop.unbalanced.is_some() || !stop.drives.is_empty();
+    if of_contacts || stop.remaining.is_some() {
+        unmet.extend(sim.drives.iter().filter_map(|drive| drive.unfinished()).map(str::to_owned));
+    }
+    let gone: u64 = sim.drives.iter().map(|drive| drive.gone()).sum();
+    if let Some(left) = stop.left.filter(|&left| gone < left) {
+        unmet.push(format!("{gone} of {left} particles have left"));
+    }
+    if let Some(most) = stop.remaining.filter(|&most| measures.particles > most) {
+        unmet.push(format!("{} particles remain, more than {most}", measures.particles));
+    }
     // In the moments at the end of a rebound when a dashpot has taken all the force, grains touch but carry nothing.
     let carries = measures.mean_normal_force > 0.0
         || measures.wall_forces.iter().any(|f| *f != Vec3::zeros());
-    if !carries {
+    if of_contacts && !carries {
         unmet.push("no contact carries a force".to_owned());
     }
     let own = [

@@ -55,15 +55,22 @@ fn fall(directory: &Path, comm: &mut dyn Comm) {
     let scene = scene(FALLING);
     let mut sim = begun(&scene, comm);
     let (walls, cell) = (sim.particles.walls.clone(), sim.particles.cell);
-    let mut history = comm
-        .is_root()
-        .then(|| table::History::open(directory, &walls, cell, |_| false).expect("a new table"));
+    let mut history = comm.is_root().then(|| {
+        table::History::open(directory, &walls, cell, &[], |_| false).expect("a new table")
+    });
     for _ in 0..scene.steps {
         sim.step(comm).expect("the step is done");
         let measures = sim.measure(comm);
         if let Some(history) = &mut history {
             history
-                .push(sim.step, sim.time(), &measures, &measures.wall_forces, &sim.particles.walls)
+                .push(
+                    sim.step,
+                    sim.time(),
+                    &measures,
+                    &measures.wall_forces,
+                    &sim.particles.walls,
+                    &[],
+                )
                 .expect("a row");
         }
     }

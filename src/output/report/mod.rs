@@ -7,6 +7,7 @@
 //! [`text`](Report::summary) shows the same to people; programs read the file.
 
 pub mod audit;
+pub mod sizes;
 mod text;
 
 use super::table::TableError;
@@ -14,6 +15,7 @@ use crate::drive::Kept;
 use crate::timing::Phase;
 use audit::Audit;
 use serde::{Serialize, Serializer};
+use sizes::SizesOf;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
@@ -37,6 +39,11 @@ pub struct Report {
     pub energy: Energy,
     /// The packing at the end.
     pub packing: Packing,
+    /// Sizes at the end, of each shape with a `size`, beside what was asked for.
+    pub sizes: Vec<SizesOf>,
+    /// What drives have counted in this stage, as the last columns of `history.csv`: through inlets and outlets.
+    #[serde(serialize_with = "as_map")]
+    pub counted: Vec<(String, f64)>,
     /// How well the time step resolves what happens.
     pub resolution: Resolution,
     /// What drives were to keep, and how near they came: of each servo, its stress.
@@ -306,6 +313,10 @@ pub struct Memory {
 /// Entries of a map, in their order.
 fn by_name<S: Serializer>(phases: &[(Phase, Spent)], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(phases.iter().map(|(phase, spent)| (phase.name(), spent)))
+}
+
+fn as_map<S: Serializer>(counted: &[(String, f64)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(counted.iter().map(|(name, number)| (name, number)))
 }
 
 impl Report {

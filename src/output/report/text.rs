@@ -1,6 +1,7 @@
 //! The report as text.
 
 use super::audit::{Audit, OfKinds, Spread};
+use super::sizes::SizesOf;
 use super::{DissipatedBy, Ended, Least, Memory, Ranks, Report, Share, Spent};
 use crate::drive::Kept;
 use crate::timing::Phase;
@@ -48,6 +49,12 @@ impl Report {
         self.memory.write(&mut page);
         for target in &self.targets {
             page.line(target);
+        }
+        for sizes in &self.sizes {
+            page.line(sizes);
+        }
+        for (name, number) in &self.counted {
+            page.line(format_args!("counted    {name} = {number}"));
         }
         self.state(&mut page);
         page.0
@@ -229,6 +236,23 @@ impl Display for Kept {
             100.0 * self.mean_error,
             100.0 * self.largest_error,
             unit = self.unit,
+        )
+    }
+}
+
+impl Display for SizesOf {
+    fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
+        let tenths = |all: [f64; 3]| all.map(|scale| format!("{scale:.4}")).join(", ");
+        let Self { shape, particles, asked, found, .. } = self;
+        write!(
+            f,
+            "{:<10} {particles} of {shape}: by mass 10, 50, 90 % below {} of {} asked for; largest difference of the \
+             cumulative curves {:.2} % by number, {:.2} % by mass",
+            "sizes",
+            tenths(found.by_mass_d10_d50_d90),
+            tenths(asked.by_mass_d10_d50_d90),
+            100.0 * self.largest_difference_by_number,
+            100.0 * self.largest_difference_by_mass,
         )
     }
 }

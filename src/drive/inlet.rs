@@ -1,0 +1,408 @@
+//! Inlets: regions in which grains appear at a rate.
+//!
+//! A grain of an inlet has a number, and shape, size, orientation and velocity of its number under the scene's seed: a large
+//! one that finds no place is not replaced by a smaller one, it waits, and those behind it wait. Its place is drawn anew at
+//! each try, of which a grain has [`TRIES`] at a time. A try fails where the grain's bounding sphere would meet that of
+//! a grain that is there, reach behind a wall, or meet that of a new one of a lower number. Each rank looks at its own
+//! grains alone, and one sum over all ranks tells which tries are free; the rest is the same on all ranks. So are the grains,
+//! whatever the number of ranks. At most [`MOST_AT_ONCE`] grains of an inlet appear at a time, so no rank has a list of more.
+
+use super::region::Region;
+use super::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
+use crate::comm::Comm;
+use crate::contact::StateColumn;
+use crate::ids::GlobalId;
+use crate::math::{Quat, Vec3};
+use crate::particles::mix::Mix;
+use crate::particles::records::Particle;
+use crate::particles::walls::Wall;
+use crate::particles::{Library, Particles};
+use crate::random::{Random, mixed};
+use serde::{Deserialize, Serialize};
+
+/// How often a grain looks for a place at one time.
+pub const TRIES: usize = 50;
+/// How many grains of an inlet appear at one time at most.
+pub const MOST_AT_ONCE: u64 = 1000;
+/// Names the random numbers of inlets.
+const STREAM: u64 = 0x696e_6c65_7473;
+
+/// A rate, or an amount.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Amount {
+    /// Grains.
+    Count(f64),
+    /// Mass [kg].
+    Mass(f64),
+}
+
+/// Where grains appear, and how many.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Inlet {
+    /// Its name in the scene.
+    pub name: String,
+    /// Which shapes, and their share of the grains by number.
+    pub mix: Mix,
+    /// Where centres of grains appear; it has an end.
+    pub region: Region,
+    /// Per second.
+    pub rate: Amount,
+    /// After so many it ends; `None`: never.
+    pub until: Option<Amount>,
+    /// Steps between times at which grains appear.
+    pub every: u64,
+    /// Mean velocity at the start [m/s].
+    pub velocity: Vec3,
+    /// Each component of the velocity differs from its mean by up to this, at random [m/s].
+    pub spread: f64,
+    /// Random orientations, or upright.
+    pub random_orientation: bool,
+}
+
+impl Inlet {
+    /// How many grains appear in so many seconds, about; as many as the scene would have without an end.
+    pub fn expected(&self, seconds: f64, library: &Library) -> u64 {
+        let volume = |(shape, share): (crate::ids::ShapeId, f64)| {
+            share * library.mass[shape.index()] * library.sizes[shape.index()].mean_volume()
+        };
+        let mean: f64 = self.mix.shares().map(volume).sum();
+        let count = |amount: Amount| match amount {
+            Amount::Count(count) => count,
+            Amount::Mass(mass) => mass / mean,
+        };
+        let all = count(self.rate) * seconds;
+        self.until.map_or(all, |until| all.min(count(until))).ceil() as u64
+    }
+
+    /// In words, for `--plan`.
+    pub fn words(&self) -> String {
+        let amount = |amount: Amount, per: &str| match amount {
+            Amount::Count(count) => format!("{count:?} particles{per}"),
+            Amount::Mass(mass) => format!("{mass:?} kg{per}"),
+        };
+        let until =
+            self.until.map_or_else(String::new, |until| format!(" until {}", amount(until, "")));
+        format!(
+            "{}{until}, every {} steps, {}",
+            amount(self.rate, " per second"),
+            self.every,
+            self.region.words()
+        )
+    }
+}
+
+/// What has come through an inlet in this stage.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Come {
+    /// Grains, which is the number of the next one.
+    pub count: u64,
+    /// Their mass [kg].
+    pub mass: f64,
+    /// Grains or kg that were due and had found no place when last looked at.
+    pub missing: f64,
+}
+
+/// The inlets of a running simulation.
+#[derive(Clone, Debug)]
+pub struct Inlets {
+    all: Vec<Inlet>,
+    seed: u64,
+    come: Vec<Come>,
+    /// Which have already warned.
+    warned: Vec<bool>,
+    warnings: Vec<String>,
+}
+
+/// Names [`Inlets`] among the drives.
+const NAME: &str = "inlets";
+const NAMES: StateColumn = StateColumn::new("name", 1, "1");
+const COUNT: StateColumn = StateColumn::new("entered", 1, "1");
+const MASS: StateColumn = StateColumn::new("entered_mass", 1, "kg");
+const MISSING: StateColumn = StateColumn::new("missing", 1, "1");
+
+impl Inlets {
+    /// Before the first grain.
+    pub fn new(inlets: Vec<Inlet>, seed: u64) -> Self {
+        let count = inlets.len();
+        let (come, warned) = (vec![Come::default(); count], vec![false; count]);
+        Self { all: inlets, seed, come, warned, warnings: Vec::new() }
+    }
+
+    /// What has come through each, in the order of the scene.
+    pub fn come(&self) -> &[Come] {
+        &self.come
+    }
+
+    /// A grain by its number, without place and id.
+    fn grain(&self, inlet: usize, number: u64, moment: &Moment, library: &Library) -> Particle {
+        let Inlet { mix, velocity, spread, random_orientation, .. } = &self.all[inlet];
+        // Another stage has other grains.
+        let stage = moment.step - moment.stage_step;
+        let mut random = Random::of(mixed(&[self.seed, STREAM, inlet as u64, stage]), number);
+        let shape = mix.pick(random.unit());
+        let scale = library.sizes[shape.index()].draw(&mut random);
+        let quaternion = if *random_orientation { random.rotation() } else { Quat::identity() };
+        let off = Vec3::from_fn(|_, _| spread * random.signed());
+        let still = Particle::at_rest(GlobalId(0), shape, Vec3::zeros());
+        Particle { scale, quaternion, velocity: velocity + off, ..still }
+    }
+
+    /// The grains that are due, in the order of their numbers.
+    fn due(&self, inlet: usize, moment: &Moment, library: &Library) -> Vec<Particle> {
+        let seconds = seconds(moment);
+        let (Inlet { rate, until, .. }, come) = (&self.all[inlet], self.come[inlet]);
+        let (mut count, mut mass) = (come.count, come.mass);
+        let mut due = Vec::new();
+        while count - come.count < MOST_AT_ONCE {
+            let is_over = match *until {
+                Some(Amount::Count(most)) => count as f64 >= most,
+                Some(Amount::Mass(most)) => mass >= most,
+                None => false,
+            };
+            let grain = self.grain(inlet, count, moment, library);
+            let of_grain = library.mass_at(grain.shape, grain.scale);
+            // Rounding is forgiven.
+            let has_time = match *rate {
+                Amount::Count(rate) => (count + 1) as f64 <= rate * seconds * (1.0 + 1e-12),
+                Amount::Mass(rate) => mass + of_grain <= rate * seconds * (1.0 + 1e-12),
+            };
+            if is_over || !has_time {
+                break;
+            }
+            (count, mass) = (count + 1, mass + of_grain);
+            due.push(grain);
+        }
+        due
+    }
+
+    /// The grains of an inlet that find a place now, after those that have `entered` through others. Collective.
+    fn enter(
+        &mut self,
+        inlet: usize,
+        moment: &Moment,
+        entered: &mut Vec<Particle>,
+        particles: &Particles,
+        comm: &mut dyn Comm,
+    ) {
+        let library = &particles.library;
+        let due = self.due(inlet, moment, library);
+        if due.is_empty() {
+            self.come[inlet].missing = 0.0;
+            return;
+        }
+        let region = &self.all[inlet].region;
+        let stream = mixed(&[self.seed, STREAM, inlet as u64, moment.step]);
+        let first = self.come[inlet].count;
+        let tries = (first..).zip(&due).map(|(number, grain)| {
+            let radius = library.radius[grain.shape.index()] * grain.scale;
+            let mut random = Random::of(stream, number);
+            let places = (0..TRIES).filter_map(|_| region.draw(&mut random)).collect();
+            (radius, places)
+        });
+        let tries: Vec<(f64, Vec<Vec3>)> = tries.collect();
+        let mut taken = taken_here(region, &tries, particles);
+        comm.sum(&mut taken);
+        let mut found = 0;
+        for (k, (grain, (radius, places))) in due.iter().zip(&tries).enumerate() {
+            let is_free = |place: &Vec3| {
+                entered.iter().all(|other| {
+                    let reach = radius + library.radius[other.shape.index()] * other.scale;
+                    let apart = particles.cell.nearest(place - other.position);
+                    apart.norm_squared() > reach * reach
+                })
+            };
+            let mut free = places.iter().enumerate().filter(|(t, _)| taken[k * TRIES + t] == 0);
+            let Some((_, place)) = free.find(|(_, place)| is_free(place)) else { break };
+            entered.push(Particle { position: *place, ..grain.clone() });
+            let come = &mut self.come[inlet];
+            come.count += 1;
+            come.mass += library.mass_at(grain.shape, grain.scale);
+            found += 1;
+        }
+        self.note_missing(inlet, due.len() - found, moment);
+    }
+
+    /// Grains that were due and found no place.
+    fn note_missing(&mut self, inlet: usize, waiting: usize, moment: &Moment) {
+        let Inlet { name, rate, until, .. } = &self.all[inlet];
+        let come = &mut self.come[inlet];
+        let most = |amount: f64, at: fn(&Amount) -> Option<f64>| {
+            until.as_ref().and_then(at).map_or(amount, |most| amount.min(most))
+        };
+        come.missing = match rate {
+            _ if waiting == 0 => 0.0,
+            Amount::Count(rate) => {
+                let due = most((rate * seconds(moment)).floor(), |until| match until {
+                    Amount::Count(most) => Some(*most),
+                    Amount::Mass(_) => None,
+                });
+                due - come.count as f64
+            }
+            Amount::Mass(rate) => {
+                let due = most(rate * seconds(moment), |until| match until {
+                    Amount::Mass(most) => Some(*most),
+                    Amount::Count(_) => None,
+                });
+                due - come.mass
+            }
+        };
+        if waiting > 0 && !self.warned[inlet] {
+            self.warned[inlet] = true;
+            self.warnings.push(format!(
+                "inlet `{name}`: at step {} {} of its particles found no place and wait; they come when there is one. If this goes \
+                 on, the rate is more than its region and `velocity` carry away",
+                moment.step,
+                waiting
+            ));
+        }
+    }
+}
+
+/// Time of the stage [s].
+fn seconds(moment: &Moment) -> f64 {
+    moment.stage_step as f64 * moment.dt
+}
+
+/// For every try of every grain 1 if a particle of this rank stands in its place, or a wall.
+fn taken_here(region: &Region, tries: &[(f64, Vec<Vec3>)], particles: &Particles) -> Vec<i64> {
+    let largest = tries.iter().map(|&(radius, _)| radius).fold(0.0, f64::max);
+    let Some((low, high)) = region.bounds() else { return vec![1; tries.len() * TRIES] };
+    let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
+    let near: Vec<(Vec3, f64)> = (0..particles.owned)
+        .map(|slot| (particles.position[slot], particles.radius(slot)))
+        .filter(|(position, radius)| {
+            let apart = particles.cell.nearest(position - middle).abs();
+            (0..3).all(|axis| apart[axis] < half[axis] + radius + largest)
+        })
+        .collect();
+    let mut taken = Vec::with_capacity(tries.len() * TRIES);
+    for (radius, places) in tries {
+        let around = Vec3::repeat(*radius);
+        for place in places {
+            let by_particle = near.iter().any(|(position, other)| {
+                let reach = radius + other;
+                particles.cell.nearest(place - position).norm_squared() <= reach * reach
+            });
+            let by_wall = || {
+                particles
+                    .walls
+                    .iter()
+                    .any(|wall| wall.depth(&(place - around, place + around)) > 0.0)
+            };
+            taken.push(i64::from(by_particle || by_wall()));
+        }
+    }
+    taken
+}
+
+impl Drive for Inlets {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn insert(
+        &mut self,
+        moment: &Moment,
+        first_id: u64,
+        particles: &Particles,
+        comm: &mut dyn Comm,
+    ) -> Vec<Particle> {
+        let mut entered = Vec::new();
+        for inlet in 0..self.all.len() {
+            if moment.stage_step.is_multiple_of(self.all[inlet].every) {
+                self.enter(inlet, moment, &mut entered, particles, comm);
+            }
+        }
+        for (id, particle) in (first_id..).zip(&mut entered) {
+            particle.id = GlobalId(id);
+        }
+        entered
+    }
+
+    fn unfinished(&self) -> Option<&'static str> {
+        let is_over = |(inlet, come): (&Inlet, &Come)| match inlet.until {
+            Some(Amount::Count(most)) => come.count as f64 >= most,
+            Some(Amount::Mass(most)) => come.mass >= most,
+            None => true,
+        };
+        (!self.all.iter().zip(&self.come).all(is_over)).then_some("an inlet still feeds")
+    }
+
+    fn counted(&self) -> Vec<(String, f64)> {
+        let of_one = |(Inlet { name, rate, .. }, come): (&Inlet, &Come)| {
+            let unit = if matches!(rate, Amount::Mass(_)) { "_kg" } else { "" };
+            [
+                (format!("entered_{name}"), come.count as f64),
+                (format!("entered_{name}_kg"), come.mass),
+                (format!("missing_{name}{unit}"), come.missing),
+            ]
+        };
+        self.all.iter().zip(&self.come).flat_map(of_one).collect()
+    }
+
+    fn warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
+    }
+
+    fn last_warnings(&self, _walls: &[Wall]) -> Vec<String> {
+        let mut warnings = Vec::new();
+        for (Inlet { name, rate, until, .. }, come) in self.all.iter().zip(&self.come) {
+            let unit = if matches!(rate, Amount::Mass(_)) { "kg" } else { "particles" };
+            if come.missing > 0.0 {
+                warnings.push(format!(
+                    "inlet `{name}`: {:.4e} {unit} that were due have found no place; {} particles, {:.4e} kg, came",
+                    come.missing, come.count, come.mass
+                ));
+            }
+            let short = match *until {
+                Some(Amount::Count(most)) if (come.count as f64) < most => {
+                    format!("{} of {most:?} particles", come.count)
+                }
+                Some(Amount::Mass(most)) if come.mass < most => {
+                    format!("{:.4e} of {most:?} kg", come.mass)
+                }
+                _ => continue,
+            };
+            warnings.push(format!("inlet `{name}`: only {short} came: too few steps, or no place"));
+        }
+        warnings
+    }
+
+    fn save(&self, _walls: &[Wall], _comm: &mut dyn Comm) -> Vec<SavedColumn> {
+        let names = self.all.iter().map(|inlet| inlet.name.clone()).collect();
+        let reals =
+            |of: fn(&Come) -> f64| Values::Reals(self.come.iter().map(of).collect::<Vec<_>>());
+        vec![
+            SavedColumn::new(NAMES, Values::Texts(names)),
+            SavedColumn::new(
+                COUNT,
+                Values::Counts(self.come.iter().map(|come| come.count).collect()),
+            ),
+            SavedColumn::new(MASS, reals(|come| come.mass)),
+            SavedColumn::new(MISSING, reals(|come| come.missing)),
+        ]
+    }
+
+    /// A new stage begins with the first grain.
+    fn resume(
+        &mut self,
+        saved: &SavedState,
+        is_new_stage: bool,
+        _walls: &[Wall],
+        _is_root: bool,
+    ) -> Result<(), DriveError> {
+        if is_new_stage {
+            return Ok(());
+        }
+        let (counts, masses) = (saved.counts(&COUNT)?, saved.reals(&MASS)?);
+        let missing = saved.reals(&MISSING)?;
+        for (row, name) in saved.texts(&NAMES)?.iter().enumerate() {
+            let index = self.all.iter().position(|inlet| inlet.name == *name);
+            if let Some(index) = index {
+                self.come[index] =
+                    Come { count: counts[row], mass: masses[row], missing: missing[row] };
+            }
+        }
+        Ok(())
+    }
+}

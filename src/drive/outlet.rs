@@ -1,0 +1,132 @@
+//! Outlets: regions in which grains leave the simulation.
+//!
+//! A grain is gone once its centre is in the region, at the next look, `every` so many steps. What its contacts knew goes with
+//! it; what it had of energy is booked ([`crate::measure::Departed`]), so that the balance still closes. Counts and masses are
+//! summed in the order of the ids: the same on any number of ranks.
+
+use super::region::Region;
+use super::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
+use crate::cell::Cell;
+use crate::comm::Comm;
+use crate::contact::StateColumn;
+use crate::math::Vec3;
+use crate::particles::Library;
+use crate::particles::records::Particle;
+use crate::particles::walls::Wall;
+use serde::{Deserialize, Serialize};
+
+/// Where grains leave.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outlet {
+    /// Its name in the scene.
+    pub name: String,
+    /// Where.
+    pub region: Region,
+    /// Steps between looks.
+    pub every: u64,
+}
+
+/// What has left through an outlet in this stage.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Left {
+    /// Grains.
+    pub count: u64,
+    /// Their mass [kg].
+    pub mass: f64,
+}
+
+/// The outlets of a running simulation.
+#[derive(Clone, Debug)]
+pub struct Outlets {
+    all: Vec<Outlet>,
+    left: Vec<Left>,
+    /// Mass of each shape at scale 1 [kg].
+    masses: Vec<f64>,
+}
+
+/// Names [`Outlets`] among the drives.
+const NAME: &str = "outlets";
+const NAMES: StateColumn = StateColumn::new("name", 1, "1");
+const COUNT: StateColumn = StateColumn::new("left", 1, "1");
+const MASS: StateColumn = StateColumn::new("left_mass", 1, "kg");
+
+impl Outlets {
+    /// Before anything has left.
+    pub fn new(outlets: Vec<Outlet>, library: &Library) -> Self {
+        let left = vec![Left::default(); outlets.len()];
+        Self { all: outlets, left, masses: library.mass.clone() }
+    }
+
+    /// What has left through each, in the order of the scene.
+    pub fn left(&self) -> &[Left] {
+        &self.left
+    }
+}
+
+impl Drive for Outlets {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn is_outlet(&self) -> bool {
+        true
+    }
+
+    fn reaches(&self, moment: &Moment, position: &Vec3, cell: &Cell) -> bool {
+        let is_due = |outlet: &&Outlet| moment.stage_step.is_multiple_of(outlet.every);
+        self.all.iter().filter(is_due).any(|outlet| outlet.region.holds(position, cell))
+    }
+
+    /// Of several the first one in the scene.
+    fn take(&mut self, leaver: &Particle, cell: &Cell) -> bool {
+        let holds = |outlet: &Outlet| outlet.region.holds(&leaver.position, cell);
+        let Some(index) = self.all.iter().position(holds) else { return false };
+        let left = &mut self.left[index];
+        left.count += 1;
+        left.mass += self.masses[leaver.shape.index()] * leaver.scale.powi(3);
+        true
+    }
+
+    fn counted(&self) -> Vec<(String, f64)> {
+        let of_one = |(Outlet { name, .. }, left): (&Outlet, &Left)| {
+            [(format!("left_{name}"), left.count as f64), (format!("left_{name}_kg"), left.mass)]
+        };
+        self.all.iter().zip(&self.left).flat_map(of_one).collect()
+    }
+
+    fn gone(&self) -> u64 {
+        self.left.iter().map(|left| left.count).sum()
+    }
+
+    fn save(&self, _walls: &[Wall], _comm: &mut dyn Comm) -> Vec<SavedColumn> {
+        let names = self.all.iter().map(|outlet| outlet.name.clone()).collect();
+        let counts = self.left.iter().map(|left| left.count).collect();
+        let masses = self.left.iter().map(|left| left.mass).collect();
+        vec![
+            SavedColumn::new(NAMES, Values::Texts(names)),
+            SavedColumn::new(COUNT, Values::Counts(counts)),
+            SavedColumn::new(MASS, Values::Reals(masses)),
+        ]
+    }
+
+    /// A new stage counts from 0.
+    fn resume(
+        &mut self,
+        saved: &SavedState,
+        is_new_stage: bool,
+        _walls: &[Wall],
+        _is_root: bool,
+    ) -> Result<(), DriveError> {
+        if is_new_stage {
+            return Ok(());
+        }
+        let rows = saved.texts(&NAMES)?.iter().zip(saved.counts(&COUNT)?).zip(saved.reals(&MASS)?);
+        for ((name, &count), &mass) in rows {
+            let index = self.all.iter().position(|outlet| outlet.name == *name);
+            if let Some(index) = index {
+                self.left[index] = Left { count, mass };
+            }
+        }
+        Ok(())
+    }
+}

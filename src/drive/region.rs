@@ -1,0 +1,149 @@
+//! Regions of space in which grains come or go.
+
+use crate::cell::Cell;
+use crate::math::Vec3;
+use crate::random::Random;
+use serde::{Deserialize, Serialize};
+
+/// A part of space.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Region {
+    /// All that is behind a plane.
+    Behind {
+        /// A point of the plane [m].
+        point: Vec3,
+        /// Unit normal, towards the grains.
+        normal: Vec3,
+    },
+    /// A box; as an inlet it may be flat.
+    Box {
+        /// Lowest corner [m].
+        low: Vec3,
+        /// Highest corner [m].
+        high: Vec3,
+    },
+    /// A cylinder.
+    Cylinder {
+        /// The middles of its two ends [m].
+        axis: [Vec3; 2],
+        /// [m].
+        radius: f64,
+    },
+}
+
+impl Region {
+    /// Is a place in it, or the nearest of its periodic images?
+    pub fn holds(&self, position: &Vec3, cell: &Cell) -> bool {
+        match self {
+            Self::Behind { point, normal } => normal.dot(&(position - point)) < 0.0,
+            Self::Box { low, high } => {
+                let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
+                let apart = cell.nearest(position - middle).abs();
+                (0..3).all(|axis| apart[axis] <= half[axis])
+            }
+            Self::Cylinder { axis: [from, to], radius } => {
+                let (middle, half) = ((from + to) * 0.5, (to - from) * 0.5);
+                let apart = cell.nearest(position - middle);
+                let along = apart.dot(&half) / half.norm_squared();
+                along.abs() <= 1.0 && (apart - half * along).norm_squared() <= radius * radius
+            }
+        }
+    }
+
+    /// The corners of the box around it [m]; `None` if it has no end.
+    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        match self {
+            Self::Behind { .. } => None,
+            Self::Box { low, high } => Some((*low, *high)),
+            Self::Cylinder { axis: [from, to], radius } => {
+                let along = (to - from).normalize();
+                // How far a disk across the axis reaches.
+                let reach = along.map(|part| radius * (1.0 - part * part).max(0.0).sqrt());
+                Some((from.inf(to) - reach, from.sup(to) + reach))
+            }
+        }
+    }
+
+    /// A place in it, any as likely as any other; `None` if it has no end.
+    pub fn draw(&self, random: &mut Random) -> Option<Vec3> {
+        match self {
+            Self::Behind { .. } => None,
+            Self::Box { low, high } => {
+                Some(Vec3::from_fn(|axis, _| low[axis] + (high[axis] - low[axis]) * random.unit()))
+            }
+            Self::Cylinder { axis: [from, to], radius } => {
+                let along = (to - from).normalize();
+                let mut across = Vec3::zeros();
+                across[along.iamin()] = 1.0;
+                let first = along.cross(&across).normalize();
+                let second = along.cross(&first);
+                let (x, y) = loop {
+                    let (x, y) = (random.signed(), random.signed());
+                    if x * x + y * y <= 1.0 {
+                        break (x, y);
+                    }
+                };
+                Some(from + (to - from) * random.unit() + (first * x + second * y) * *radius)
+            }
+        }
+    }
+
+    /// In words, for `--plan`.
+    pub fn words(&self) -> String {
+        let list = |v: &Vec3| format!("[{:?}, {:?}, {:?}]", v.x, v.y, v.z);
+        match self {
+            Self::Behind { point, normal } => {
+                format!("behind the plane at {} m with normal {}", list(point), list(normal))
+            }
+            Self::Box { low, high } => format!("in the box from {} to {} m", list(low), list(high)),
+            Self::Cylinder { axis: [from, to], radius } => {
+                format!(
+                    "in the cylinder of radius {radius:?} m from {} to {} m",
+                    list(from),
+                    list(to)
+                )
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Region;
+    use crate::cell::Cell;
+    use crate::math::Vec3;
+    use crate::random::Random;
+
+    /// Places that are drawn are in the region and fill it evenly: means and variances along the axis and across, five
+    /// standard errors.
+    #[test]
+    fn places_fill_a_cylinder() {
+        let (from, to) = (Vec3::new(0.1, 0.2, 0.3), Vec3::new(0.3, 0.5, 0.2));
+        let region = Region::Cylinder { axis: [from, to], radius: 0.1 };
+        let cell = Cell::new(Vec3::zeros(), Vec3::repeat(1.0), [false; 3]);
+        let (low, high) = region.bounds().unwrap();
+        let count = 20_000;
+        let (mut along_all, mut square) = (0.0, 0.0);
+        for id in 0..count {
+            let place = region.draw(&mut Random::of(9, id)).unwrap();
+            assert!(region.holds(&place, &cell));
+            assert!((0..3).all(|k| (low[k]..=high[k]).contains(&place[k])));
+            let axis = to - from;
+            let along = (place - from).dot(&axis) / axis.norm_squared();
+            along_all += along;
+            square += (place - from - axis * along).norm_squared();
+        }
+        let error = 5.0 / f64::from(count as u32).sqrt();
+        assert!((along_all / count as f64 - 0.5).abs() < error * 0.29);
+        // Mean square of the distance to the middle of a disk: r²/2, with a deviation of r²/√12.
+        assert!((square / count as f64 / 0.01 - 0.5).abs() < error * 0.29);
+    }
+
+    #[test]
+    fn a_box_across_a_period_holds_both_sides() {
+        let cell = Cell::new(Vec3::zeros(), Vec3::repeat(1.0), [true, false, false]);
+        let region = Region::Box { low: Vec3::new(0.8, 0.0, 0.0), high: Vec3::repeat(1.0) };
+        assert!(region.holds(&Vec3::new(-0.1, 0.5, 0.5), &cell));
+        assert!(!region.holds(&Vec3::new(0.1, 0.5, 0.5), &cell));
+    }
+}

@@ -1,0 +1,181 @@
+//! Inlets and outlets: from the file as written.
+
+use super::fills::Fills;
+use super::reader::{Given, Range, Section};
+use super::{Inlet, Outlet};
+use crate::cell::{AXES, Cell};
+use crate::drive::inlet::Amount;
+use crate::drive::region::Region;
+use crate::math::Vec3;
+
+/// Steps between looks of an outlet, if the file does not say.
+const LOOK_EVERY: u64 = 10;
+/// Steps between times at which grains of an inlet appear, if the file does not say.
+const ENTER_EVERY: u64 = 100;
+
+/// All `[[outlet]]`.
+pub(super) fn outlets(root: &Section, domain: Option<&Cell>) -> Option<Vec<Outlet>> {
+    let mut names = Vec::new();
+    let read = |section: &Section| {
+        let name = name(section, &mut names);
+        let every = section.read_or("every", LOOK_EVERY, |given| given.whole(1));
+        let region = region(section, true);
+        section.finish();
+        let (region, domain) = (region?, domain?);
+        if let Region::Behind { normal, .. } = region
+            && let Some(axis) =
+                (0..3).find(|&axis| domain.period(axis).is_some() && normal[axis] != 0.0)
+        {
+            section.get("normal")?.fail(format!(
+                "the domain is periodic along {}: behind a plane across it is everything. Take `low` and `high`",
+                AXES[axis]
+            ));
+            return None;
+        }
+        Some(Outlet { name: name?, region, every: every? })
+    };
+    // All are read, so that all mistakes come at once.
+    let all: Vec<Option<Outlet>> = root.sections("outlet").iter().map(read).collect();
+    all.into_iter().collect()
+}
+
+/// All `[[inlet]]`.
+pub(super) fn inlets(root: &Section, fills: &Fills) -> Option<Vec<Inlet>> {
+    let mut names = Vec::new();
+    let sections = root.sections("inlet");
+    let all: Vec<Option<Inlet>> =
+        sections.iter().map(|section| inlet(section, fills, &mut names)).collect();
+    if let (Some(section), Some(_)) = (
+        sections.first(),
+        root.get("fill")
+            .and_then(|fill| fill.entries())
+            .and_then(|all| all.into_iter().find(|(key, _)| *key == "rain")),
+    ) {
+        section.fail("not together with [fill.rain], whose layers do not look for its particles; take a second [[inlet]]");
+    }
+    if let (Some(section), Some(_)) = (sections.first(), fills.domain.and_then(Cell::shear)) {
+        section.fail("not in a sheared domain");
+    }
+    all.into_iter().collect()
+}
+
+fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<Inlet> {
+    let name = name(section, names);
+    let mix = fills.mix(section);
+    let region = region(section, false);
+    let amount = |count: &'static str, unit: &str, mass: &'static str, unit_of_mass: &str| {
+        let given = [(count, unit), (mass, unit_of_mass)]
+            .map(|(key, unit)| section.get(key).map(|given| given.number(Range::Positive, unit)));
+        match given {
+            [Some(_), Some(_)] => {
+                section.fail(format!("give either `{count}` or `{mass}`"));
+                None
+            }
+            [Some(count), None] => count.map(|count| Some(Amount::Count(count))),
+            [None, Some(mass)] => mass.map(|mass| Some(Amount::Mass(mass))),
+            [None, None] => Some(None),
+        }
+    };
+    let rate = amount("rate", "1/s", "mass_rate", "kg/s");
+    let until = amount("count", "", "mass", "kg");
+    if rate == Some(None) {
+        section.fail("`rate` is missing: particles per second [1/s]; or `mass_rate` [kg/s]");
+    }
+    let every = section.read_or("every", ENTER_EVERY, |given| given.whole(1));
+    let velocity = section.vector_or("velocity", Vec3::zeros(), "m/s");
+    let spread = section.number_or("spread", 0.0, Range::NotNegative, "m/s");
+    let random_orientation = section.read_or("orientation", true, |given| {
+        given.one_of(&[("random", true), ("upright", false)])
+    });
+    section.finish();
+    let (region, domain, velocity, spread) = (region?, fills.domain?, velocity?, spread?);
+    let (low, high) = region.bounds()?;
+    if let Some(axis) =
+        (0..3).find(|&axis| low[axis] < domain.low()[axis] || high[axis] > domain.high()[axis])
+    {
+        section.fail(format!(
+            "reaches out of the domain along {}: from {:?} to {:?} m, the domain from {:?} to {:?} m",
+            AXES[axis],
+            low[axis],
+            high[axis],
+            domain.low()[axis],
+            domain.high()[axis]
+        ));
+    }
+    if fills.gravity == Vec3::zeros() && velocity == Vec3::zeros() && spread == 0.0 {
+        section
+            .fail("its particles stay where they appear: gravity, `velocity` and `spread` are 0");
+    }
+    Some(Inlet {
+        name: name?,
+        mix: mix?,
+        region,
+        rate: rate??,
+        until: until?,
+        every: every?,
+        velocity,
+        spread,
+        random_orientation: random_orientation?,
+    })
+}
+
+/// A name that no other has.
+fn name(section: &Section, names: &mut Vec<String>) -> Option<String> {
+    section.require("name", "any text", |given| {
+        let name = given.text()?.to_owned();
+        if names.contains(&name) {
+            given.fail("another has this name");
+        }
+        names.push(name.clone());
+        Some(name)
+    })
+}
+
+/// A plane (of an outlet), a box or a cylinder.
+fn region(section: &Section, is_outlet: bool) -> Option<Region> {
+    let vector = |given: &Given| given.vector(Range::Any, "m");
+    let read = |key| section.get(key).map(|given| (vector(&given), given));
+    let plane = if is_outlet { [read("point"), read("normal")] } else { [None, None] };
+    let corners = [read("low"), read("high")];
+    let axis = section.get("axis").map(|given| {
+        let ends = given.list_of::<2>("the middles of both ends, [[x, y, z], [x, y, z]] [m]");
+        (ends.map(|ends| ends.map(|end| vector(&end))), given)
+    });
+    let radius = section.get("radius").map(|given| given.number(Range::Positive, "m"));
+    match (plane, corners, axis, radius) {
+        ([Some((point, _)), Some((normal, given))], [None, None], None, None) => {
+            let (point, normal) = (point?, normal?);
+            if normal == Vec3::zeros() {
+                given.fail("must not be 0");
+                return None;
+            }
+            Some(Region::Behind { point, normal: normal.normalize() })
+        }
+        ([None, None], [Some((low, _)), Some((high, given))], None, None) => {
+            let (low, high) = (low?, high?);
+            let is_wrong =
+                |&axis: &usize| high[axis] < low[axis] || (is_outlet && high[axis] <= low[axis]);
+            if let Some(axis) = (0..3).find(is_wrong) {
+                given.fail(format!("must be above `low` along {}", AXES[axis]));
+                return None;
+            }
+            Some(Region::Box { low, high })
+        }
+        ([None, None], [None, None], Some((ends, given)), Some(radius)) => {
+            let [from, to] = ends?;
+            let (axis, radius) = ([from?, to?], radius?);
+            if axis[0] == axis[1] {
+                given.fail("both ends are one point; a flat one is still a little long");
+                return None;
+            }
+            Some(Region::Cylinder { axis, radius })
+        }
+        _ => {
+            let plane = if is_outlet { "`point` and `normal`, " } else { "" };
+            section.fail(format!(
+                "give a region: {plane}`low` and `high`, or `axis` and `radius` of a cylinder"
+            ));
+            None
+        }
+    }
+}

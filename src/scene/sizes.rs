@@ -1,0 +1,112 @@
+//! Sizes of the particles of a shape: from the file as written to [`Sizes`].
+
+use super::reader::{Given, Range};
+use crate::particles::sizes::{By, Distribution, Law, Sizes};
+
+/// What `limits` and `uniform` are.
+const TWO: &str = "a list of two numbers greater than 0: the smallest scale and the largest";
+/// What `table` is.
+const ROWS: &str =
+    "a list of two or more [scale, share that is smaller], both rising, shares from 0 to 1";
+
+/// How sizes are distributed: scales of all lengths of the shape.
+pub(super) fn sizes(given: &Given) -> Option<Sizes> {
+    let section = given.section()?;
+    let by = section.read_or("by", By::Number, |given| {
+        given.one_of(&[("number", By::Number), ("mass", By::Mass)])
+    });
+    let limits = section.get("limits");
+    let given_limits = limits.as_ref().map(two);
+    let laws = [
+        section.get("uniform").map(|given| two(&given).map(|limits| (Law::Uniform, Some(limits)))),
+        section.get("table").map(|given| table(&given)),
+        section.get("normal").map(|given| {
+            let [mean, deviation] = parameters(&given, ["mean", "deviation"])?;
+            Some((Law::Normal { mean, deviation }, None))
+        }),
+        section.get("lognormal").map(|given| {
+            let [median, sigma] = parameters(&given, ["median", "sigma"])?;
+            Some((Law::Lognormal { median, sigma }, None))
+        }),
+        section.get("weibull").map(|given| {
+            let [scale, shape] = parameters(&given, ["scale", "shape"])?;
+            Some((Law::Weibull { scale, shape }, None))
+        }),
+    ];
+    section.finish();
+    let mut laws = laws.into_iter().flatten();
+    let (Some(law), None) = (laws.next(), laws.next()) else {
+        section.fail("give one of `uniform`, `normal`, `lognormal`, `weibull`, `table`");
+        return None;
+    };
+    let (law, own_limits) = law?;
+    let limits = match (own_limits, given_limits) {
+        (Some(own), None) => own,
+        (Some(_), Some(_)) => {
+            limits?.fail("`uniform` and `table` have limits of their own");
+            return None;
+        }
+        (None, Some(limits)) => limits?,
+        (None, None) => {
+            section.fail(format!("`limits` is missing: {TWO}"));
+            return None;
+        }
+    };
+    let by = by?;
+    if law == Law::Uniform && (by == By::Number || limits[0] == limits[1]) {
+        return Some(Sizes::Uniform(limits));
+    }
+    let inside = law.below(limits[1], limits) - law.below(limits[0], limits);
+    let distribution = Distribution::new(&law, by, limits);
+    if distribution.is_none() {
+        let least = Distribution::LEAST_INSIDE;
+        section.fail(format!(
+            "between the limits {:?} and {:?} is a share of {inside:.1e} of this law, less than {least:e}: move them, or the law",
+            limits[0], limits[1]
+        ));
+    }
+    distribution.map(Sizes::Drawn)
+}
+
+/// The two numbers of a law.
+fn parameters(given: &Given, keys: [&'static str; 2]) -> Option<[f64; 2]> {
+    let section = given.section()?;
+    let [first, second] = keys.map(|key| section.number(key, Range::Positive, ""));
+    section.finish();
+    Some([first?, second?])
+}
+
+/// The smallest scale and the largest.
+fn two(given: &Given) -> Option<[f64; 2]> {
+    let [least, largest] = given.list_of(TWO)?.map(|item| item.number(Range::Positive, ""));
+    let (least, largest) = (least?, largest?);
+    if least > largest {
+        given.fail(format!("{least:?} is more than {largest:?}; must be {TWO}"));
+        return None;
+    }
+    Some([least, largest])
+}
+
+/// A cumulative curve, and its ends.
+fn table(given: &Given) -> Option<(Law, Option<[f64; 2]>)> {
+    let rows: Vec<Option<[f64; 2]>> = given
+        .list(ROWS)?
+        .iter()
+        .map(|row| {
+            let [scale, share] = row.list_of(ROWS)?;
+            Some([scale.number(Range::Positive, "")?, share.number(Range::NotNegative, "")?])
+        })
+        .collect();
+    let rows: Vec<[f64; 2]> = rows.into_iter().collect::<Option<_>>()?;
+    let rises = rows.windows(2).all(|pair| pair[0][0] < pair[1][0] && pair[0][1] <= pair[1][1]);
+    let (Some(first), Some(last)) = (rows.first(), rows.last()) else {
+        given.fail(format!("is empty; must be {ROWS}"));
+        return None;
+    };
+    let limits = [first[0], last[0]];
+    if !rises || rows.len() < 2 || (first[1], last[1]) != (0.0, 1.0) {
+        given.fail(format!("must be {ROWS}"));
+        return None;
+    }
+    Some((Law::Table(rows), Some(limits)))
+}

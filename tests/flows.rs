@@ -1,0 +1,319 @@
+//! Grains that appear at a rate and grains that leave: counted, booked, and the same on any number of ranks.
+
+use crate::support::{begun, motion, scene};
+use dem_mpi::comm::alone::Alone;
+use dem_mpi::comm::{Comm, threads};
+use dem_mpi::drive::SavedState;
+use dem_mpi::math::Vec3;
+use dem_mpi::output::snapshot::{self, Reader};
+use dem_mpi::scene::Scene;
+use dem_mpi::scene::assemble::{self, Continuation};
+use dem_mpi::scene::plan::plan;
+use dem_mpi::sim::Simulation;
+use dem_mpi::sim::run::{Ending, Schedule, run};
+use std::path::Path;
+use std::sync::Arc;
+
+/// A shaft into which balls and eggs come, and out of which they leave through its bottom and a hatch.
+const SHAFT: &str = r#"
+gravity = [0.5, 0.2, -9.81]
+[domain]
+low = [0, 0, 0]
+high = [0.02, 0.02, 0.06]
+walls = ["-x", "+x", "-y", "+y"]
+[[material]]
+name = "stone"
+density = 2500
+normal_stiffness = 120
+friction = 0.4
+restitution = 0.5
+tangential_damping_ratio = 0.1
+[[shape]]
+name = "egg"
+kind = "ellipsoid"
+semi_axes = [0.001, 0.0008, 0.0009]
+size = { lognormal = { median = 1, sigma = 0.2 }, limits = [0.6, 1.5], by = "mass" }
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = 0.001
+[[fill.lattice]]
+low = [0, 0, 0.004]
+high = [0.02, 0.02, 0.03]
+spacing = 0.0033
+velocity = [0.4, -0.3, -0.5]
+shapes = ["egg"]
+[[inlet]]
+name = "eggs"
+shapes = { egg = 3, ball = 1 }
+low = [0.002, 0.002, 0.045]
+high = [0.018, 0.018, 0.055]
+mass_rate = 0.02
+velocity = [0, 0, -1]
+spread = 0.3
+every = 10
+[[inlet]]
+name = "balls"
+shapes = ["ball"]
+axis = [[0.01, 0.01, 0.04], [0.011, 0.012, 0.045]]
+radius = 0.004
+rate = 4000
+count = 60
+velocity = [0, 0, -1]
+every = 15
+[[outlet]]
+name = "bottom"
+point = [0, 0, 0.002]
+normal = [0, 0, 1]
+[[outlet]]
+name = "hatch"
+low = [0, 0, 0.002]
+high = [0.01, 0.02, 0.006]
+every = 7
+[time]
+step = 1e-5
+steps = 4000
+[neighbours]
+imbalance = 1.05
+[output]
+directory = "out"
+history_every = 500
+"#;
+
+const STEPS: u64 = 3000;
+
+#[derive(Debug, PartialEq)]
+struct State {
+    bits: Vec<(u64, Vec<u64>)>,
+    scalars: Vec<u64>,
+    drives: Vec<SavedState>,
+    counted: Vec<(String, u64)>,
+}
+
+fn state(sim: &Simulation, comm: &mut dyn Comm) -> (State, [f64; 2]) {
+    let m = sim.measure(comm);
+    let scalars = [m.kinetic(), m.gravity, m.stored, m.dissipated, m.received, m.missing()];
+    let counted = sim.drives.iter().flat_map(|drive| drive.counted());
+    let state = State {
+        bits: motion(&sim.particle_table(comm.rank())).collect(),
+        scalars: scalars.map(f64::to_bits).to_vec(),
+        drives: sim.header("", &m.wall_forces, comm).drives,
+        counted: counted.map(|(name, number)| (name, number.to_bits())).collect(),
+    };
+    (state, [m.missing(), m.dissipated])
+}
+
+fn joined(ranks: Vec<(State, [f64; 2])>) -> (State, [f64; 2]) {
+    let mut ranks = ranks.into_iter();
+    let (mut all, energies) = ranks.next().unwrap();
+    for (other, _) in ranks {
+        assert_eq!((&other.scalars, &other.drives), (&all.scalars, &all.drives));
+        assert_eq!(other.counted, all.counted);
+        all.bits.extend(other.bits);
+    }
+    all.bits.sort();
+    (all, energies)
+}
+
+fn ran(scene: &Scene, ranks: u32) -> (State, [f64; 2]) {
+    joined(threads::run(ranks, |comm| {
+        let mut sim = assemble::assemble(scene, comm);
+        assemble::fill(&mut sim, scene, comm);
+        sim.begin(comm).unwrap();
+        for _ in 0..STEPS {
+            sim.step(comm).unwrap();
+        }
+        state(&sim, comm)
+    }))
+}
+
+fn restarted(scene: &Scene, before: u32, after: u32, folder: &Path) -> (State, [f64; 2]) {
+    threads::run(before, |comm| {
+        let mut sim = assemble::assemble(scene, comm);
+        assemble::fill(&mut sim, scene, comm);
+        sim.begin(comm).unwrap();
+        for _ in 0..STEPS / 2 {
+            sim.step(comm).unwrap();
+        }
+        let forces = sim.measure(comm).wall_forces;
+        let header = sim.header(&scene.text, &forces, comm);
+        let particles = sim.particle_table(comm.rank());
+        let (contacts, records) = (sim.contact_table(), sim.contact_records());
+        snapshot::write(folder, &header, &particles, &contacts, &records, comm).unwrap();
+    });
+    joined(threads::run(after, |comm| {
+        let mut sim = assemble::assemble(scene, comm);
+        assemble::take_up(&mut sim, scene, folder, Continuation::SameStage, comm).unwrap();
+        while sim.step < STEPS {
+            sim.step(comm).unwrap();
+        }
+        state(&sim, comm)
+    }))
+}
+
+fn number(state: &State, name: &str) -> f64 {
+    f64::from_bits(state.counted.iter().find(|(of, _)| of == name).unwrap().1)
+}
+
+/// The same grains come and go on 1, 2, 3, 4 and 8 ranks and across a restart; none is lost, and the balance closes.
+#[test]
+fn what_comes_and_goes_is_the_same_on_any_number_of_ranks() {
+    let scene = scene(SHAFT);
+    let (alone, [missing, dissipated]) = ran(&scene, 1);
+    let all = ["entered_eggs", "entered_balls", "left_bottom", "left_hatch"];
+    let [eggs, balls, bottom, hatch] = all.map(|name| number(&alone, name));
+    let first: f64 = 6.0 * 6.0 * 7.0;
+    println!("{eggs} {balls} came, {bottom} {hatch} left, {} are there", alone.bits.len());
+    println!("{missing:e} J of {dissipated:e} J is missing");
+    assert!(eggs > 50.0 && balls == 60.0 && bottom > 50.0 && hatch > 30.0);
+    assert!((first + eggs + balls - bottom - hatch - alone.bits.len() as f64).abs() < 0.5);
+    // The mass that is due is met to the grain that is next.
+    let due = 0.02 * STEPS as f64 * scene.dt;
+    let largest = 1.5_f64.powi(3) * scene.library.mass[0];
+    let came = number(&alone, "entered_eggs_kg");
+    assert!(came <= due && came > due - largest.max(scene.library.mass[1]), "{came} of {due}");
+    assert!(missing.abs() < 5e-6 * dissipated, "{missing:e} J of {dissipated:e} J");
+    for ranks in [2, 3, 4, 8] {
+        assert!(ran(&scene, ranks).0 == alone, "{ranks} ranks");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    assert!(restarted(&scene, 3, 2, folder.path()).0 == alone, "a restart");
+    let header = Reader::open(folder.path()).unwrap().header().clone();
+    let names: Vec<&str> = header.drives.iter().map(|saved| &*saved.drive).collect();
+    assert_eq!(names, ["inlets", "outlets"]);
+    // When pairs are listed does not matter.
+    let wide = Scene { skin: 2.0 * scene.skin, ..scene };
+    assert!(ran(&wide, 2).0 == alone, "another skin");
+}
+
+/// A grain is gone at the first look at which its centre is in the region: a free fall in closed form.
+#[test]
+fn a_grain_is_gone_when_its_centre_is_through_the_plane() {
+    let text = SHAFT.split("[[inlet]]").next().unwrap().replace("0.5, 0.2, -9.81", "0, 0, -9.81");
+    let text = text.replace(
+        "low = [0, 0, 0.004]\nhigh = [0.02, 0.02, 0.03]\nspacing = 0.0033\n",
+        "first = [0.01, 0.01, 0.03]\ncount = [1, 1, 1]\n",
+    ) + "[[outlet]]\nname = \"bottom\"\npoint = [0, 0, 0.002]\nnormal = [0, 0, 1]\nevery = 1\n[time]\nstep = 1e-5\nsteps = 4000\n[output]\ndirectory = \"out\"\n";
+    let scene = scene(&text.replace("velocity = [0.4, -0.3, -0.5]\n", ""));
+    let mut comm = Alone::default();
+    let mut sim = begun(&scene, &mut comm);
+    let mut before = sim.measure(&mut comm);
+    while sim.particles.owned > 0 {
+        before = sim.measure(&mut comm);
+        sim.step(&mut comm).unwrap();
+    }
+    let expected = (2.0 * 0.028_f64 / 9.81).sqrt() / scene.dt;
+    assert!((sim.step as f64 - expected).abs() <= 1.0, "{} {expected}", sim.step);
+    let after = sim.measure(&mut comm);
+    assert_eq!((after.particles, after.kinetic()), (0, 0.0));
+    assert!((after.missing() - before.missing()).abs() < 1e-12 * before.kinetic());
+}
+
+/// No grain appears in another or in a wall, at rates that the region cannot carry away; what is short is reported, and
+/// the sizes are still those asked for, large ones not fewer.
+#[test]
+fn an_inlet_never_overlaps_and_reports_what_is_short() {
+    let text =
+        SHAFT.split("[[fill.lattice]]").next().unwrap().replace("[0.5, 0.2, -9.81]", "[0, 0, -1]")
+            + r#"
+[[inlet]]
+name = "tap"
+shapes = ["egg"]
+low = [0, 0, 0.05]
+high = [0.02, 0.02, 0.059]
+rate = 1e6
+count = 4000
+every = 50
+[time]
+step = 1e-5
+steps = 4000
+[output]
+directory = "out"
+"#;
+    let scene = scene(&text);
+    let words = plan(&scene, 1);
+    assert!(
+        words.contains("tap: 1000000.0 particles per second until 4000.0 particles"),
+        "{words}"
+    );
+    let mut comm = Alone::default();
+    let mut sim = begun(&scene, &mut comm);
+    let (mut warnings, mut entered, mut scales) = (Vec::new(), 0, Vec::new());
+    for _ in 0..1000 {
+        let before = sim.next_id;
+        sim.step(&mut comm).unwrap();
+        warnings.extend(sim.drives.iter_mut().flat_map(|drive| drive.warnings()));
+        let owned = 0..sim.particles.owned;
+        for slot in owned.clone().filter(|&slot| sim.particles.id[slot].0 >= before) {
+            let (place, radius) = (sim.particles.position[slot], sim.particles.radius(slot));
+            for other in owned.clone().filter(|&other| other != slot) {
+                let apart = (sim.particles.position[other] - place).norm();
+                assert!(apart > radius + sim.particles.radius(other), "{slot} {other}");
+            }
+            let side = Vec3::new(0.02, 0.02, 1.0) - place;
+            assert!(place.x.min(place.y).min(side.x).min(side.y) >= radius);
+            entered += 1;
+            scales.push(sim.particles.scale_of(slot));
+        }
+    }
+    assert!(entered > 60 && entered == sim.next_id, "{entered}");
+    let counted = sim.drives[0].counted();
+    assert_eq!(counted[0], ("entered_tap".to_owned(), entered as f64));
+    assert_eq!(counted[2], ("missing_tap".to_owned(), 4000.0 - entered as f64));
+    assert_eq!(warnings.len(), 1);
+    assert!(warnings[0].contains("inlet `tap`: at step 50 "), "{warnings:?}");
+    let last = sim.drives[0].last_warnings(&[]);
+    assert!(last.len() == 2 && last[1].contains("of 4000.0 particles came"), "{last:?}");
+    let asked = scene.library.sizes[0].distribution().unwrap();
+    let by = dem_mpi::particles::sizes::By::Number;
+    scales.sort_by(f64::total_cmp);
+    let count = scales.len() as f64;
+    let off =
+        scales.iter().enumerate().map(|(k, &s)| (asked.below(by, s) - k as f64 / count).abs());
+    let off = off.fold(0.0, f64::max);
+    assert!(off < 1.95 / count.sqrt(), "{off} of {count}");
+}
+
+fn schedule(scene: &Scene, folder: &Path) -> Schedule {
+    Schedule {
+        last_step: scene.steps,
+        snapshot_every: 0,
+        history_every: scene.history_every,
+        stop: scene.stop.clone(),
+        out: folder.into(),
+        scene: scene.text.clone(),
+        resumed: false,
+        signal: Arc::default(),
+        traced: Vec::new(),
+    }
+}
+
+/// A stage ends when so many have left, or when so few are there; the history has what was counted in its last columns.
+#[test]
+fn a_stage_ends_when_enough_have_left() {
+    for (stop, holds) in [("left = 40", 40.0), ("remaining = 0", 312.0)] {
+        let text = SHAFT.replace("mass_rate = 0.02", "mass_rate = 0.02\nmass = 1e-9");
+        let text = format!("{text}[stop]\n{stop}\n").replace("steps = 4000", "steps = 20000");
+        let scene = scene(&text);
+        let folder = tempfile::tempdir().unwrap();
+        let mut comm = Alone::default();
+        let mut sim = assemble::assemble(&scene, &comm);
+        assemble::fill(&mut sim, &scene, &comm);
+        let finish =
+            run(&mut sim, &schedule(&scene, folder.path()), &mut comm, &mut |_| ()).unwrap();
+        assert_eq!(finish.ending, Ending::Rest, "{stop}: {}", finish.unmet);
+        assert_eq!(Reader::open(folder.path()).unwrap().header().stop, stop);
+        let mut table = csv::Reader::from_path(folder.path().join("history.csv")).unwrap();
+        let columns: Vec<String> = table.headers().unwrap().iter().map(str::to_owned).collect();
+        let rows: Vec<csv::StringRecord> = table.records().map(Result::unwrap).collect();
+        let last = |name: &str| -> f64 {
+            let column = columns.iter().position(|column| column == name).unwrap();
+            rows[rows.len() - 1][column].parse().unwrap()
+        };
+        let left = last("left_bottom") + last("left_hatch");
+        let came = 252.0 + last("entered_balls") + last("entered_eggs");
+        assert!(left >= holds, "{stop}: {left}");
+        assert!((last("particles") - (came - left)).abs() < 0.5, "{stop}");
+        assert!(last("left_bottom_kg") > 0.0 && sim.step < 20_000);
+    }
+}
