@@ -11,6 +11,7 @@ mod drives;
 mod elliptic;
 mod guide;
 mod hertz;
+mod jkr;
 mod kinds;
 mod laws;
 mod layers;
