@@ -6,6 +6,7 @@ pub mod floor;
 mod leavers;
 pub mod report;
 pub mod run;
+mod stiffening;
 pub mod trace;
 pub mod watch;
 

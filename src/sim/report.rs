@@ -58,7 +58,7 @@ fn last_warnings(sim: &Simulation, finish: &Finish) -> Vec<String> {
     let drives = if matches!(finish.ending, Ending::Signal(_)) { &[][..] } else { &sim.drives[..] };
     let of_drives = drives.iter().flat_map(|drive| drive.last_warnings(&sim.particles.walls));
     let balance = finish.measures.poor_balance(finish.most_moving, sim.dt);
-    stop.into_iter().chain(of_drives).chain(balance).collect()
+    stop.into_iter().chain(of_drives).chain(balance).chain(finish.stiffened.clone()).collect()
 }
 
 /// How the run ended, and how fast it was.

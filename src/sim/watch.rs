@@ -2,6 +2,7 @@
 //!
 //! The rank that sees a fault has the neighbour list rebuilt, where all ranks agree on it.
 
+use super::stiffening::over_the_limit;
 use crate::contact::Pair;
 use crate::contacts::Contacts;
 use crate::ids::GlobalId;
@@ -68,6 +69,16 @@ pub enum Fault {
         b: String,
         /// Overlap over the shortest axis.
         depth: f64,
+    },
+    /// Contacts that stiffen with load have become too stiff for the step.
+    #[error("{}", over_the_limit(*dt, *limit, *overlap))]
+    Stiff {
+        /// The time step [s].
+        dt: f64,
+        /// The stable limit now [s].
+        limit: f64,
+        /// The largest overlap over the radius of the smaller body.
+        overlap: f64,
     },
 }
 
