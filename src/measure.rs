@@ -113,7 +113,7 @@ impl Measures {
 
     /// What the balance misses, over what was dissipated, or over `most_moving` where the run dissipates less: the largest
     /// kinetic and elastic energy of the run [J].
-    fn part_missing(&self, most_moving: f64) -> f64 {
+    pub fn part_missing(&self, most_moving: f64) -> f64 {
         self.missing() / if self.dissipated > most_moving { self.dissipated } else { most_moving }
     }
 
@@ -128,6 +128,15 @@ impl Measures {
     /// A warning about a balance that misses too much, with that step.
     pub fn poor_balance(&self, most_moving: f64, dt: f64) -> Option<String> {
         let enough = self.step_that_balances(most_moving, dt)?;
+        Some(format!(
+            "{}. With a step of {enough:.1e} s it would be about {} %",
+            self.what_is_missing(most_moving),
+            100.0 * MAY_MISS,
+        ))
+    }
+
+    /// How much the balance misses, of what, in words. `most_moving` as above [J].
+    pub fn what_is_missing(&self, most_moving: f64) -> String {
         let of = if self.dissipated > most_moving {
             "what was dissipated"
         } else {
@@ -135,12 +144,10 @@ impl Measures {
         };
         let part = self.part_missing(most_moving);
         let verb = if part > 0.0 { "lost" } else { "made" };
-        Some(format!(
-            "the balance of energy misses {:.2} % of {of}, which the finite step {verb}; a step of {enough:.1e} s would \
-             miss about {} %",
-            100.0 * part.abs(),
-            100.0 * MAY_MISS,
-        ))
+        format!(
+            "the balance of energy misses {:.2} % of {of}: energy was {verb}",
+            100.0 * part.abs()
+        )
     }
 
     /// Mean number of contacts of a particle, with walls.

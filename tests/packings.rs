@@ -54,6 +54,7 @@ pub(crate) fn header(
         stage_begin: (0, 0.0),
         next_id: particles as u64,
         departed: Departed::default(),
+        most_moving: 0.0,
         stop: String::new(),
         cell: Cell::new(low, high, [periodic; 3]),
         gravity: Vec3::zeros(),

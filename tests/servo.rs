@@ -133,7 +133,7 @@ fn a_restart_leaves_no_trace_in_means() {
                 ..schedule(&scene, last_step, folder)
             };
             let finish = run::run(&mut sim, &schedule, comm, &mut |_| {}).unwrap();
-            let (report, _) = report(&sim, &finish, &Origin::default(), comm);
+            let report = report(&sim, &finish, &Origin::default(), comm);
             (finish.unmet, report.targets)
         });
         reports.into_iter().next().unwrap()
@@ -614,7 +614,7 @@ fn balls(walls: &str, gain: &str, restitution: f64, dt: f64, steps: u64) -> ([f6
         worst[0] = worst[0].max(errors.iter().sum::<f64>().abs() / count);
         worst[1] = worst[1].max(errors.iter().map(|error| error.abs()).sum::<f64>() / count);
     }
-    (worst, report(&sim, &finish, &Origin::default(), &mut comm).0)
+    (worst, report(&sim, &finish, &Origin::default(), &mut comm))
 }
 
 /// The mean error of each servo, over its target.

@@ -15,7 +15,10 @@ use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble::{self, Continuation, StartError};
-use dem_mpi::shape::{Convex, Ellipsoid, Kind, PolySuperellipsoid, Shape, Sphere, Superellipsoid};
+use dem_mpi::shape::{
+    Convex, Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
+    Spherocylinder, Superellipsoid,
+};
 use dem_mpi::sim::Simulation;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -389,6 +392,78 @@ fn as_deep_as_epa_says() {
         assert!(passed_on <= PAIRS / 200, "{of_a:?} {of_b:?}: {passed_on} passed on");
         assert!(tied <= PAIRS / 500, "{of_a:?} {of_b:?}: {tied} ties");
     }
+}
+
+/// Beside a body with edges, too: the last digits come from Newton's method beside a corner or an edge, which may not leave
+/// for another side. Any direction bounds the least overlap from above.
+#[test]
+fn no_deeper_than_along_any_direction() {
+    const PAIRS: u64 = 4000;
+    let corners = [[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]];
+    let corners = corners.map(|corner| Vec3::from(corner.map(f64::from)));
+    let rounded = RoundedPolyhedron::new(&corners, 0.3).unwrap();
+    let partners = [
+        Shape::Spherocylinder(Spherocylinder { length: 3.0, radius: 0.5 }),
+        Shape::Spherocylinder(Spherocylinder { length: 0.5, radius: 0.1 }),
+        Shape::Polyhedron(Box::new(Polyhedron::new(&corners).unwrap())),
+        Shape::RoundedPolyhedron(Box::new(rounded)),
+    ];
+    let method = table(&Method::Auto, &Kind::ALL);
+    for exponents in [[0.2, 0.2], [0.25, 0.25], [0.25, 1.5], [0.5, 0.5], [1.5, 0.3]] {
+        let blunt = superellipsoid(Vec3::new(1.0, 1.0, 1.0), exponents);
+        for (k, partner) in partners.iter().enumerate() {
+            let (a, b) =
+                if blunt.kind() < partner.kind() { (&blunt, partner) } else { (partner, &blunt) };
+            let chain = method.get((a.kind(), b.kind())).unwrap();
+            for i in 0..PAIRS {
+                let mut random = Random::of(i, k as u64);
+                let overlap = random.between(1e-6, 0.05);
+                let case = Case::new(&mut random, a, b, overlap);
+                if let Outcome::Touching(touch) = case.resolve(chain) {
+                    assert!(
+                        touch.overlap <= overlap + 1e-7,
+                        "{exponents:?} and partner {k}, {i}: {} of {overlap}",
+                        touch.overlap
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// A die and a rod that met in a mixture: Newton's method left their contact for the other side of the die, where the overlap
+/// was three times the rod's diameter, and the run made energy.
+#[test]
+fn the_last_digits_do_not_leave_the_contact() {
+    let frame = |w, x, y, z| {
+        let rotation = Quat::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
+        *rotation.to_rotation_matrix().matrix()
+    };
+    let die = superellipsoid(Vec3::repeat(2.0), [0.25, 0.25]);
+    let rod = Shape::Spherocylinder(Spherocylinder { length: 6.0, radius: 1.0 });
+    let case = Case {
+        a: (
+            die,
+            frame(
+                -0.4068817891944046,
+                0.14851847060936185,
+                -0.8911603189649298,
+                -0.1349917012713776,
+            ),
+        ),
+        b: (
+            rod,
+            frame(0.11788827385358727, 0.3443008200125127, -0.7732036030056356, 0.5193413988174218),
+        ),
+        r: Vec3::new(0.996213696944446, 3.941283993738536, -1.176671264273846),
+    };
+    let method = table(&Method::Auto, &Kind::ALL);
+    let chain = method.get((Kind::Superellipsoid, Kind::Spherocylinder)).unwrap();
+    let overlap = |resolver: &dyn ContactResolver| match case.resolve(resolver) {
+        Outcome::Touching(touch) => touch.overlap,
+        other => panic!("{other:?}"),
+    };
+    assert!((overlap(chain) - overlap(&Epa::new(1e-10))).abs() < 1e-9);
 }
 
 /// A small thin body beside a crest of a large one: from the line of centres, Newton's method comes to a minimum on the

@@ -9,7 +9,7 @@ use dem_mpi::output::report::{Origin, commit, version};
 use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, Continuation, TakenUp};
 use dem_mpi::scene::suggest::{self, Question, Suggestion, Unanswered};
-use dem_mpi::scene::{Scene, Stop, keys, plan, schema};
+use dem_mpi::scene::{Fill, Scene, Stop, keys, plan, schema};
 use dem_mpi::sim::report::report;
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
@@ -307,10 +307,11 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         if comm.is_root() {
             println!("{}", plan::plan(&scene, comm.size()));
         }
-        return 0;
+        return tried(arguments, &scene, comm).err().unwrap_or(0);
     }
     if arguments.check && scene.start.is_none() && arguments.start.is_none() {
-        return checked(arguments, comm);
+        let tried = tried(arguments, &scene, comm);
+        return tried.map_or_else(|status| status, |()| checked(arguments, comm));
     }
 
     let out = arguments.out.clone().unwrap_or_else(|| scene.out.clone());
@@ -445,6 +446,30 @@ fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
     }
 }
 
+/// So many particles at most are put where they begin when a run is only planned or checked.
+const TRIED: u64 = 1_000_000;
+
+/// Puts the particles where a run that begins with this scene would have them, and looks for overlaps, as the run would. What
+/// begins with a snapshot is not tried.
+fn tried(arguments: &Arguments, scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
+    let count: u64 = scene.initial.iter().map(Fill::count).sum();
+    if scene.start.is_some() || arguments.start.is_some() || count == 0 {
+        return Ok(());
+    }
+    if count > TRIED {
+        print_once(
+            comm,
+            format!(
+                "{count} particles are too many to look for overlaps of the start without running"
+            ),
+        );
+        return Ok(());
+    }
+    let mut sim = assemble::assemble(scene, comm);
+    assemble::fill(&mut sim, scene, comm);
+    run::begin(&mut sim, comm).map_err(|error| failed(&error, "", &sim, false, comm))
+}
+
 /// Nothing was found.
 fn checked(arguments: &Arguments, comm: &dyn Comm) -> u8 {
     if comm.is_root() {
@@ -537,12 +562,12 @@ fn run(
         failed(&error, &before, sim, arguments.threads.is_some(), comm)
     })?;
     display.end();
-    let (report, warnings) = report(sim, &finish, &origin, comm);
+    let report = report(sim, &finish, &origin, comm);
     let mut stored = Ok(());
     if comm.is_root() {
         let details =
             if arguments.verbose { format!("\n{}", report.details()) } else { String::new() };
-        let summary = report.summary(&schedule.out, &warnings);
+        let summary = report.summary(&schedule.out);
         let _ = write!(std::io::stdout(), "\n{summary}{details}");
         let row = Performance::of(&report);
         stored =

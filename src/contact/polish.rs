@@ -43,7 +43,12 @@ pub(super) fn polished(a: &Posed, b: &Posed, r: &Vec3, touch: Touch) -> Touch {
     } else {
         None
     };
-    found.unwrap_or(touch)
+    // Newton's method may end on another side of a body, where the overlap is larger.
+    found
+        .filter(|t| {
+            t.overlap <= touch.overlap + SAME * a.bounding_radius().min(b.bounding_radius())
+        })
+        .unwrap_or(touch)
 }
 
 /// Of a smooth body and one with edges: goes from corner to edge to corner until the highest of its points is the one

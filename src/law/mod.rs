@@ -369,6 +369,13 @@ pub enum Choice {
     Jkr(hertz::jkr::Settings),
 }
 
+impl Choice {
+    /// Has it springs against rolling and twisting?
+    pub const fn resists_turning(&self) -> bool {
+        matches!(self, Self::With(_, Beside { turning: Some(_), .. }))
+    }
+}
+
 /// What a law can have beside its forces.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Beside {

@@ -24,6 +24,8 @@ pub struct Header {
     pub next_id: u64,
     /// What particles that were taken out have left behind in the balance of energies [J].
     pub departed: Departed,
+    /// The largest kinetic and elastic energy together that the stage has had at steps of its schedule [J].
+    pub most_moving: f64,
     /// The scene's `[stop]`, if it holds at this moment and the stage is over; else empty.
     pub stop: String,
     /// The domain, and how it repeats.

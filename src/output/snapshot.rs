@@ -603,6 +603,7 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
         stage_begin,
         next_id,
         departed,
+        most_moving,
         stop,
         cell,
         gravity,
@@ -625,6 +626,9 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     if *departed != Departed::default() {
         file.numbers("/run", DEPARTED, &[departed.received, departed.dissipated])?;
         file.numbers("/run", DEPARTED_CHANNELS, &departed.channels)?;
+    }
+    if *most_moving > 0.0 {
+        file.numbers("/run", MOST_MOVING, &[*most_moving])?;
     }
     file.texts(&SCENE, &[scene])?;
     if !stop.is_empty() {
@@ -683,6 +687,8 @@ const SHEAR_AXES: &str = "shear_along_across";
 const SHEAR: &str = "shear_rate_strain";
 const DEPARTED: &str = "departed_received_dissipated_J";
 /// Parts of what they had dissipated [J]: friction, turning, damping.
+const MOST_MOVING: &str = "largest_kinetic_and_elastic_J";
+/// See there.
 const DEPARTED_CHANNELS: &str = "departed_dissipated_by_friction_turning_damping_J";
 
 /// Says to which time velocities belong. Files without it have those of half a step before.
@@ -782,6 +788,11 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
         stage_begin: (whole("stage_begin_step")?, number("stage_begin_time")?),
         next_id: whole("next_id")?,
         departed,
+        most_moving: if file.has_attribute("/run", MOST_MOVING) {
+            number(MOST_MOVING)?
+        } else {
+            0.0
+        },
         stop: if file.has(STOP.place) { file.texts(&STOP)?.concat() } else { String::new() },
         cell,
         gravity: vector("/run", "gravity")?,

@@ -282,7 +282,8 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             stage_begin,
             next_id,
             departed,
-            // Why the run ended, and what the user wrote, are no state.
+            // Why the run ended, when it was measured, and what the user wrote, are no state.
+            most_moving: _,
             stop: _,
             scene: _,
             cell,

@@ -152,6 +152,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
         stage_begin: (0, 0.0),
         next_id: 0,
         departed: Departed::default(),
+        most_moving: 0.0,
         skin: scene.skin,
         reach,
         imbalance: scene.imbalance,
@@ -229,6 +230,7 @@ pub fn take_up(
             // The same time step continues the same clock; another begins its own.
             sim.stage_begin = header.stage_begin;
             sim.departed = header.departed;
+            sim.most_moving = header.most_moving;
             if header.dt != sim.dt {
                 let steps = (header.step - header.stage_begin.0) as f64;
                 sim.stage_begin.1 = header.time - steps * sim.dt;

@@ -14,7 +14,7 @@ use super::{Fill, Method, Rain, Scene, Stop};
 use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
 use crate::ids::ShapeId;
-use crate::law::ForceLaw;
+use crate::law::Choice;
 use crate::law::stability::time_step_limit;
 use crate::math::Vec3;
 use crate::particles::Library;
@@ -107,7 +107,7 @@ pub(super) fn scene(
     if let (Some(time), Some(section), Some(law)) = (&time, &time_section, &law)
         && law_fits
     {
-        check_step(section, time, &shapes.library, &*law.law(&shapes.library));
+        check_step(section, time, &shapes.library, law);
     }
     if let (Some(time), Some(ξ)) = (&time, global_damping) {
         check_damping(&root, ξ, time.dt);
@@ -412,14 +412,15 @@ impl Time {
     }
 }
 
-fn check_step(section: &Section, time: &Time, library: &Library, law: &dyn ForceLaw) {
-    let Some(limit) = time_step_limit(library, law) else { return };
+fn check_step(section: &Section, time: &Time, library: &Library, law: &Choice) {
+    let Some(limit) = time_step_limit(library, &*law.law(library)) else { return };
+    let with = if law.resists_turning() { ", its springs against turning included" } else { "" };
     if time.dt > limit.dt
         && !time.allow_unstable
         && let Some(given) = section.get("step")
     {
         given.fail(format!(
-            "over the stable limit of {:.2e} s, set by shape `{}` ({:.3e} kg, stiffness {:.3e} N/m); \
+            "over the stable limit of {:.2e} s, set by shape `{}` ({:.3e} kg, stiffness {:.3e} N/m{with}); \
              take a shorter step, more mass or less stiffness, or set time.allow_unstable = true",
             // Rounded down, so that the number itself is allowed.
             0.995 * limit.dt,

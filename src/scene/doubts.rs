@@ -111,9 +111,10 @@ fn rain_cut_short(scene: &Scene) -> Option<String> {
     if last >= scene.steps {
         return Some(format!(
             "the last layers of rain will not fall: a layer leaves its slab after {interval} steps, so the last of {} appears at \
-             step {last} or later, and there are {} steps. Take more steps, a thinner slab, or a `velocity`",
+             step {last} or later, and there are {} steps. Take more steps, a thinner slab, or {}",
             rain.layers(),
-            scene.steps
+            scene.steps,
+            more_speed(rain)
         ));
     }
     let (low, high) = (scene.domain.low(), scene.domain.high());
@@ -121,10 +122,16 @@ fn rain_cut_short(scene: &Scene) -> Option<String> {
     (last.saturating_add(fall) >= scene.steps).then(|| {
         format!(
             "the last layers of rain will still be falling at the end: the last appears at step {last} or later and needs some \
-             {fall} steps to the bed, and there are {} steps. Take more steps, or a `velocity`",
-            scene.steps
+             {fall} steps to the bed, and there are {} steps. Take more steps, or {}",
+            scene.steps,
+            more_speed(rain)
         )
     })
+}
+
+/// What makes rain fall faster.
+fn more_speed(rain: &Rain) -> &'static str {
+    if rain.velocity == Vec3::zeros() { "give it a `velocity`" } else { "more `velocity`" }
 }
 
 /// How deep the rain lies on a floor as wide as the domain [m], packed like spheres at their densest in disorder.

@@ -26,8 +26,10 @@ fn reader(kind: Kind) -> Option<Reader> {
             (&["semi_axes_positive", "semi_axes_negative", "exponents"], poly_superellipsoid)
         }
         Kind::Spherocylinder => (&["length", "radius"], spherocylinder),
-        Kind::Polyhedron => (&["vertices", "file", "scale"], polyhedron),
-        Kind::RoundedPolyhedron => (&["vertices", "file", "scale", "radius"], rounded_polyhedron),
+        Kind::Polyhedron => (&["vertices", "edges", "file", "scale"], polyhedron),
+        Kind::RoundedPolyhedron => {
+            (&["vertices", "edges", "file", "scale", "radius"], rounded_polyhedron)
+        }
         Kind::Other | Kind::HalfSpace => return None,
     };
     Some(Reader { keys, read })
@@ -142,22 +144,33 @@ fn rounded_polyhedron(section: &Section, folder: &Path) -> Option<Shape> {
     radius.map(|_| Shape::RoundedPolyhedron(Box::new(solid)))
 }
 
-/// What `build` makes of the corners that the file gives one by one or as a mesh.
+/// The corners of a box with edges of these lengths along x, y and z, about the origin [m].
+fn corners_of_box(edges: &Vec3) -> Vec<Vec3> {
+    let side = |corner: usize, axis: usize| if corner >> axis & 1 == 0 { -0.5 } else { 0.5 };
+    (0..8).map(|corner| Vec3::from_fn(|axis, _| side(corner, axis) * edges[axis])).collect()
+}
+
+/// What `build` makes of the corners that the file gives one by one, by a box or as a mesh.
 fn solid<T>(
     section: &Section,
     folder: &Path,
     build: impl Fn(&[Vec3]) -> Result<T, HullError>,
 ) -> Option<T> {
     let scale = section.number_or("scale", 1.0, Range::Positive, "");
-    let (given, points) = match (section.get("vertices"), section.get("file")) {
-        (Some(vertices), None) => {
-            if let Some(scale) = section.get("scale") {
-                scale.fail("only for a `file`; `vertices` are in metres");
-            }
+    let ways = ["vertices", "edges", "file"].map(|key| section.get(key));
+    if let ([Some(_), _, None] | [_, Some(_), None], Some(scale)) = (&ways, section.get("scale")) {
+        scale.fail("only for a `file`; `vertices` and `edges` are in metres");
+    }
+    let (given, points) = match ways {
+        [Some(vertices), None, None] => {
             let points = vertices.points("m")?;
             (vertices, points)
         }
-        (None, Some(file)) => {
+        [None, Some(edges), None] => {
+            let lengths = edges.vector(Range::Positive, "m")?;
+            (edges, corners_of_box(&lengths))
+        }
+        [None, None, Some(file)] => {
             let path = folder.join(file.text()?);
             match mesh::read(&path, scale?) {
                 Ok(points) => (file, points),
@@ -168,7 +181,9 @@ fn solid<T>(
             }
         }
         _ => {
-            section.fail("give either `vertices` = [[x, y, z], ...] [m], or `file` and `scale`");
+            section.fail(
+                "give one of `vertices` = [[x, y, z], ...] [m], `edges` = [x, y, z] of a box [m], and `file` with `scale`",
+            );
             return None;
         }
     };

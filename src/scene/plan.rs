@@ -545,7 +545,7 @@ fn time(scene: &Scene, page: &mut Page) {
         }
     }
     for doubt in doubts(scene) {
-        page.line("", doubt);
+        page.line("warning", doubt);
     }
     page.line("steps", format!("{}, {:.4} s", scene.steps, scene.steps as f64 * scene.dt));
 }

@@ -53,8 +53,8 @@ impl fmt::Display for Range {
             Self::Exponent => {
                 return write!(
                     f,
-                    "a number from {} to {} (a box, a cylinder, an octahedron or a cone is a \
-                     `polyhedron`, with round edges a `rounded-polyhedron`)",
+                    "a number from {} to {}: 2 / n for powers of n, so 0.25 for 8 (a box, a cylinder, an octahedron or a cone \
+                     is a `polyhedron`, with round edges a `rounded-polyhedron`)",
                     exponents.start(),
                     exponents.end()
                 );
@@ -260,8 +260,11 @@ impl<'a> Given<'a> {
             Value::Table(table) => {
                 Some(Section { given: self.clone(), table, asked: RefCell::default() })
             }
-            Value::List(_) => {
+            Value::List(items) => {
                 let header = &self.path;
+                if !items.iter().all(|item| matches!(item.value, Value::Table(_))) {
+                    return self.expected(&"a table, { key = value, ... }");
+                }
                 self.mistakes.add(
                     self.location(),
                     format!("{header}: there can be only one; write [{header}], not [[{header}]]"),

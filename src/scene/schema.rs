@@ -179,6 +179,7 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("shape", "semi_axes" | "semi_axes_positive" | "semi_axes_negative") => vector(&positive),
         ("shape", "exponents") => exactly(2, &number(Range::Exponent)),
         ("shape", "vertices") => list(&vector(&any)),
+        ("shape", "edges") => vector(&positive),
         ("shape", "size") => object(&[("uniform", exactly(2, &positive))]),
 
         ("contact", "method") => words(&["auto", "common-normal", "gjk-erosion", "epa"]),

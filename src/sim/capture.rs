@@ -89,6 +89,7 @@ impl Simulation {
             stage_begin: self.stage_begin,
             next_id: self.next_id,
             departed: self.departed,
+            most_moving: self.most_moving,
             stop: String::new(),
             cell: self.particles.cell,
             gravity: self.field.gravity,

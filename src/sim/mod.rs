@@ -87,6 +87,8 @@ pub struct Simulation {
     pub next_id: u64,
     /// What particles that were taken out have left behind in the balance of energies; the same on all ranks.
     pub departed: Departed,
+    /// The largest kinetic and elastic energy together that was measured on schedule in this stage [J].
+    pub most_moving: f64,
     /// A pair is listed when its bounding spheres come this close [m].
     pub skin: f64,
     /// So far beyond their surfaces bodies can hold on to each other [m]: pairs are listed from so much farther away.
@@ -298,8 +300,7 @@ impl Simulation {
         comm: &mut dyn Comm,
     ) -> Result<(), StepError> {
         let step = self.step;
-        let checked = self.watch.check(&self.particles, &self.contacts);
-        agree(comm, checked).map_err(|fault| StepError::Fault { step, fault })?;
+        self.agree_on_fault(comm)?;
         let taken = self.take_leavers(dt, comm);
         let checked = self.domain.check(&self.particles, &taken);
         agree(comm, checked).map_err(|error| StepError::Domain { step, error })?;
@@ -314,6 +315,12 @@ impl Simulation {
         self.relist(&carried, comm);
         self.clock.lap(Phase::Rebuild);
         Ok(())
+    }
+
+    /// A fault that any rank has seen, or sees now. Collective.
+    pub(crate) fn agree_on_fault(&self, comm: &mut dyn Comm) -> Result<(), StepError> {
+        let checked = self.watch.check(&self.particles, &self.contacts);
+        agree(comm, checked).map_err(|fault| StepError::Fault { step: self.step, fault })
     }
 
     /// Makes ghosts and pairs for particles that are all with their owners; `carried` are the records

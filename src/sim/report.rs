@@ -17,14 +17,8 @@ use crate::particles::held;
 use crate::timing::Phase;
 use std::f64::consts::TAU;
 
-/// The report of a finished run, and those of its warnings that were not given before. Complete on rank 0: the others lack what
-/// is gathered there. Collective.
-pub fn report(
-    sim: &Simulation,
-    finish: &Finish,
-    origin: &Origin,
-    comm: &mut dyn Comm,
-) -> (Report, Vec<String>) {
+/// The report of a finished run. Complete on rank 0: the others lack what is gathered there. Collective.
+pub fn report(sim: &Simulation, finish: &Finish, origin: &Origin, comm: &mut dyn Comm) -> Report {
     let (tally, traffic) = totals(sim, comm);
     let last_warnings = last_warnings(sim, finish);
     let mut warnings = Vec::new();
@@ -33,7 +27,7 @@ pub fn report(
             warnings.push(warning.clone());
         }
     }
-    let report = Report {
+    Report {
         origin: origin.clone(),
         run: outcome(sim, finish, comm.size()),
         phases: phases(sim, finish, &tally, comm),
@@ -46,8 +40,7 @@ pub fn report(
         ranks: ranks(sim, finish.steps_done, &traffic, comm),
         memory: memory(sim, comm),
         warnings,
-    };
-    (report, last_warnings)
+    }
 }
 
 /// What is known to be wrong only when a run has ended.

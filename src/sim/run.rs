@@ -1,6 +1,7 @@
 //! A run: steps, with outputs on schedule, until all is done.
 
 use super::stiffening::Stiffening;
+use super::watch::DEEPEST;
 use super::{FirstLook, Simulation, StepError};
 use crate::comm::{Comm, agree, wire};
 use crate::domain::DomainError;
@@ -248,6 +249,7 @@ pub fn run(
     let mut total = [particle_steps as i64];
     comm.sum(&mut total);
     let has_ended = ending == Ending::LastStep && schedule.stop != Stop::default();
+    let most_moving = most_moving(sim, &measures);
     Ok(Finish {
         ending,
         unmet: if has_ended { unmet(sim, &schedule.stop, &measures) } else { String::new() },
@@ -255,7 +257,7 @@ pub fn run(
         particle_steps: total[0] as u64,
         wall_seconds: started.elapsed().as_secs_f64(),
         measures,
-        most_moving: records.most_moving,
+        most_moving,
         largest_overlap: records.largest_overlap,
         stiffened: (records.stiffening.as_ref())
             .and_then(|stiffening| stiffening.words(2.0 * records.largest_overlap)),
@@ -286,8 +288,8 @@ struct Records<'a> {
     depths: Peekable<IntoIter<f64, 2>>,
     /// The stable limit, of laws that stiffen with load.
     stiffening: Option<Stiffening>,
-    /// The largest kinetic and elastic energy together that was measured [J].
-    most_moving: f64,
+    /// Parts of the energy missing from the balance at which a run still has to warn.
+    missing: Peekable<IntoIter<f64, 3>>,
     /// The largest overlap over the shortest axis that was measured [-].
     largest_overlap: f64,
     /// The scalars, if they were measured after the last step.
@@ -315,7 +317,7 @@ impl<'a> Records<'a> {
             history,
             depths,
             stiffening: Stiffening::of(sim, schedule.allow_unstable),
-            most_moving: 0.0,
+            missing: MISSING.into_iter().peekable(),
             largest_overlap: 0.0,
             measures: None,
             snapshot: None,
@@ -345,19 +347,19 @@ impl<'a> Records<'a> {
     }
 
     /// The state before the first step of a stage. Collective.
-    fn first(&mut self, sim: &Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
+    fn first(&mut self, sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
         let measures = sim.measure(comm);
+        sim.most_moving = most_moving(sim, &measures);
+        self.note(&measures);
         self.push(sim, &measures, &measures.wall_forces)?;
         // So that a run that fails leaves what it began with, however few snapshots are asked for.
         self.snapshot = Some(self.save(sim, Ending::LastStep, &measures, comm)?);
-        self.note(&measures);
         self.measures = Some(measures);
         Ok(())
     }
 
     /// Keeps the largest of what is measured.
     fn note(&mut self, measures: &Measures) {
-        self.most_moving = f64::max(self.most_moving, measures.moving());
         self.largest_overlap = f64::max(self.largest_overlap, measures.largest_overlap);
     }
 
@@ -379,7 +381,13 @@ impl<'a> Records<'a> {
         }
         let measures = sim.measure(comm);
         warnings.extend(sim.warn_of_motions(comm));
+        if due(sim.step, schedule.history_every) || snapshot_due || rest_due {
+            sim.most_moving = most_moving(sim, &measures);
+        }
         self.note(&measures);
+        if measures.largest_overlap > DEEPEST {
+            sim.agree_on_fault(comm).map_err(|error| explain(error, sim, comm))?;
+        }
         let is_at_rest = rest_due && unmet(sim, &schedule.stop, &measures).is_empty();
         let ending = if is_at_rest { Ending::Rest } else { Ending::LastStep };
         while self.depths.next_if(|&depth| measures.largest_overlap > depth).is_some() {
@@ -394,6 +402,15 @@ impl<'a> Records<'a> {
             }
             Err(fault) => Some(fault),
         };
+        let missing = measures.part_missing(most_moving(sim, &measures));
+        if self.missing.next_if(|&part| missing.abs() > part).is_some() {
+            while self.missing.next_if(|&part| missing.abs() > part).is_some() {}
+            warnings.push(format!(
+                "step {}: {}",
+                sim.step,
+                measures.what_is_missing(most_moving(sim, &measures))
+            ));
+        }
         if row_due || is_at_rest {
             // A row off the schedule would not be there had the run gone on.
             let scheduled = due(sim.step, schedule.history_every);
@@ -446,6 +463,11 @@ impl Simulation {
     }
 }
 
+/// The largest kinetic and elastic energy of the stage, that of now included [J].
+fn most_moving(sim: &Simulation, now: &Measures) -> f64 {
+    f64::max(sim.most_moving, now.moving())
+}
+
 const fn due(step: u64, every: u64) -> bool {
     every > 0 && step.is_multiple_of(every)
 }
@@ -477,6 +499,9 @@ fn unmet(sim: &Simulation, stop: &Stop, measures: &Measures) -> String {
     }
     unmet.join("; ")
 }
+
+/// Parts of the energy missing from the balance at which a run says so when it happens; less is said at its end.
+const MISSING: [f64; 3] = [0.01, 0.1, 1.0];
 
 /// Largest overlaps, over the shortest axis, at which a run says so.
 const DEPTHS: [f64; 2] = [DEEPEST_START, 4.0 * DEEPEST_START];

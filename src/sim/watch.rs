@@ -18,7 +18,7 @@ const FARTHEST: f64 = 1.0;
 const WIDEST: f64 = 1.0;
 /// The deepest overlap, over the shortest axis of the smaller body. Published cases go to a half (MFIX DEM01 with its
 /// softest spring); at 1 the smaller of two equal spheres, or of a sphere and a wall, is through.
-const DEEPEST: f64 = 0.75;
+pub(super) const DEEPEST: f64 = 0.75;
 /// Parts of what is allowed from which on a run warns; the first is what a sound step stays below.
 const WARNED: [f64; 2] = [0.1, 0.5];
 

@@ -305,7 +305,9 @@ fn a_stage_ended_by_stop_is_over() {
         let directory = fresh_directory("ended");
         let start = ["--start", directory.to_str().unwrap(), "--set"];
         // A limit that any heap is below, as soon as all rain has fallen; looked at every 100 steps.
-        heap_in(&directory, launch, &["--set", "stop.rest=0.99"]).succeed().said_once("at rest");
+        heap_in(&directory, launch, &["--set", "stop.rest=0.99"])
+            .succeed()
+            .said_once("[stop] reached");
         let (end, _) = column(&directory, "particles").pop_last().unwrap();
         assert!(end < HEAP_STEPS && end.is_multiple_of(100), "{end}");
 

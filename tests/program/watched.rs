@@ -53,6 +53,26 @@ fn a_ball_that_would_jump_over_another_does_not_start() {
     }
 }
 
+/// Overlaps that a run refuses are found without running.
+#[test]
+fn overlaps_of_the_start_are_found_by_a_check_and_a_plan() {
+    for launch in [Launch::Alone, Launch::Ranks(2)] {
+        let directory = fresh_directory(&format!("overlapping_{launch:?}"));
+        let rows = "x,y,z,vx,vy,vz\n0,0,1,0,0,0\n0.015,0,1,0,0,0\n";
+        let scene = written(&directory, "", 1e-4, rows);
+        for words in [&["--check"][..], &["--plan"], &[]] {
+            let ended = dem_mpi(launch, [&[&*scene], words].concat()).from(&directory).end();
+            assert_eq!(ended.status.code(), Some(2), "{ended}");
+            ended.said_once("1 pair overlap by more than 5 % of the shortest axis at the start");
+        }
+        let rows = "x,y,z,vx,vy,vz\n0,0,1,0,0,0\n0.0199,0,1,0,0,0\n";
+        let scene = written(&directory, "", 1e-4, rows);
+        for word in ["--check", "--plan"] {
+            dem_mpi(launch, [&*scene, word]).from(&directory).succeed();
+        }
+    }
+}
+
 #[test]
 fn speed_that_comes_in_the_run_is_warned_of_and_stops_it() {
     for launch in [Launch::Alone, Launch::Ranks(2)] {
@@ -94,6 +114,10 @@ fn energy_lost_by_the_step_is_warned_of() {
         assert_eq!(says, warns, "{material} {part}: {ended}");
         // It is printed even without --verbose.
         assert_eq!(of_energy(&ended.output), warns, "{ended}");
+        // While it runs it says so from 1 % on.
+        if material.is_empty() {
+            assert_eq!(of_energy(&ended.errors), warns, "{ended}");
+        }
         let missing = &report["energy"]["missing_over_moved"];
         assert_eq!(missing.as_f64().unwrap().abs() > 2e-3, warns, "{report:#}");
     }

@@ -261,7 +261,7 @@ fn test_5(effort: Effort, ways: &mut Ways) -> Vec<Case> {
     paper.short_until = Some(
         "two curves of the paper do not go together: where balls stick only this ratio and the stiffnesses count, and at 0.95 (5 \
          degrees) test 4 gives back +0.75 of the surface's velocity, test 5 at 1.01 gives -0.74; Mindlin's spring has 0.82 of the \
-         normal stiffness and gives +0.5, a spring of 2/7 of it -0.8. Kratos, which read the curves off, compares them where balls slide only",
+         normal stiffness and gives back about half. Kratos, which read the curves off, compares them where balls slide only",
     );
     let mut elements = Case::new(
         SOURCE,

@@ -19,8 +19,8 @@ impl Page {
 
 impl Report {
     /// What a person wants to know first, in four lines: steps and speed; contacts and fallbacks; energy; snapshot. Below them
-    /// stand the `warnings` that were not printed before. `directory` is where the report is stored.
-    pub fn summary(&self, directory: &Path, warnings: &[String]) -> String {
+    /// stand all warnings. `directory` is where the report is stored.
+    pub fn summary(&self, directory: &Path) -> String {
         let mut page = Page::default();
         self.steps(&mut page);
         self.contacts(&mut page);
@@ -30,7 +30,7 @@ impl Report {
             self.run.snapshot.display(),
             Self::path(directory).display()
         ));
-        for warning in warnings {
+        for warning in &self.warnings {
             page.line(format_args!("warning    {warning}"));
         }
         page.0
@@ -57,16 +57,16 @@ impl Report {
         let run = &self.run;
         let how = match run.ended {
             Ended::AllStepsDone => "all steps done",
-            Ended::AtRest => "at rest",
+            Ended::AtRest => "[stop] reached",
             Ended::BySignal => "stopped by a signal",
         };
         page.line(format_args!(
-            "steps      {how}: {} of {} particles to step {}, {:.6} s, in {:.1} s on {} rank{}; {:.3e} particle-steps per \
-             second ({:.3} µs per particle-step and rank)",
+            "steps      {how}: {} steps, to step {} ({:.6} s), of {} particles, in {:.1} s on {} rank{}; {:.3e} particle-steps \
+             per second ({:.3} µs per particle-step and rank)",
             run.steps,
-            run.particles,
             run.last_step,
             run.time_s,
+            run.particles,
             run.wall_s,
             run.ranks,
             if run.ranks == 1 { "" } else { "s" },
@@ -82,10 +82,13 @@ impl Report {
         let fallbacks = if passed_on == 0 {
             "no fallbacks".to_owned()
         } else {
+            let stages = contacts.fallbacks.iter().enumerate().filter(|&(_, &pairs)| pairs > 0);
+            let of_stages: Vec<String> =
+                stages.map(|(k, pairs)| format!("{pairs} to fallback {}", k + 1)).collect();
             format!(
-                "fallbacks: {passed_on} pairs ({:.2} per million), by stage of the chain {:?}",
+                "{:.2} per million pairs passed on by the first method, {}",
                 1e6 * contacts.fallback_share,
-                contacts.fallbacks,
+                of_stages.join(", "),
             )
         };
         page.line(format_args!(
