@@ -1,7 +1,7 @@
 //! The stable limit of laws that stiffen with load, while a run goes on: it falls with the fourth root of the overlap.
 
 use super::Simulation;
-use super::watch::Fault;
+use super::watch::{Fault, over_the_limit};
 use crate::law::stability::time_step_limit;
 
 /// The limit that the step was found for, and what has become of it.
@@ -68,16 +68,4 @@ impl Stiffening {
         self.warned[usize::from(is_over)] = words.is_some();
         Ok(words)
     }
-}
-
-/// That the step [s] is over the limit [s].
-pub(super) fn over_the_limit(dt: f64, limit: f64, overlap: f64) -> String {
-    format!(
-        "the time step of {dt:.3e} s is {:.1} % over the stable limit, which fell to {limit:.3e} s where an overlap of \
-         {overlap:.3} of the radius made contacts stiffer: take a step of {:.2e} s, make the load or the speed smaller, or set \
-         time.allow_unstable = true",
-        100.0 * (dt / limit - 1.0),
-        // Rounded down.
-        0.995 * limit
-    )
 }

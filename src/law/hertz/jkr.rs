@@ -394,7 +394,7 @@ mod tests {
         let normal = 4.0 / 3.0 * modulus;
         let energy =
             |part: f64| sticking.stored(normal, sticking.contact_radius(part * sticking.depth));
-        for part in [-0.4, -0.2, 0.1, 1.0, 10.0, 1000.0] {
+        for part in [-0.4_f64, -0.2, 0.1, 1.0, 10.0, 1000.0] {
             let step = 1e-4 * f64::max(part.abs(), 0.1);
             let slope = (energy(part + step) - energy(part - step)) / (2.0 * step * sticking.depth);
             let press = sticking.press(normal, sticking.contact_radius(part * sticking.depth));
