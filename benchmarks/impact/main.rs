@@ -182,8 +182,11 @@ fn heights(out: &Path) -> anyhow::Result<Vec<(f64, f64)>> {
     series::all(out)?.iter().map(of).collect()
 }
 
-/// Names of codes, and of each time [s] their heights [m].
-fn read_reference(path: &Path) -> anyhow::Result<(Vec<String>, Vec<(f64, Vec<f64>)>)> {
+/// Of each time [s] the heights of all codes [m].
+type Heights = Vec<(f64, Vec<f64>)>;
+
+/// Names of codes, and their heights.
+fn read_reference(path: &Path) -> anyhow::Result<(Vec<String>, Heights)> {
     let mut reader = csv::Reader::from_path(path)?;
     let names = reader.headers()?.iter().skip(1);
     let codes = names.map(|name| name.rsplit('_').next().unwrap_or(name).to_owned()).collect();
