@@ -276,6 +276,7 @@ directory = "out"
 
 fn schedule(scene: &Scene, folder: &Path) -> Schedule {
     Schedule {
+        allow_unstable: false,
         last_step: scene.steps,
         snapshot_every: 0,
         history_every: scene.history_every,

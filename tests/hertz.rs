@@ -4,6 +4,7 @@
 use crate::support::{Bench, begun, close, expect_refused, scene, schedule};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::ids::{GlobalId, ShapeId};
+use dem_mpi::law::stability::time_step_limit;
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::sim::run;
@@ -305,7 +306,37 @@ fn an_overlap_beyond_what_the_step_was_found_for_is_warned_of_once() {
         })
         .unwrap();
         assert_eq!(told.len(), usize::from(warned), "{told:?}");
-        let says = ["an overlap is 0.02", "found for 0.02", "law.largest_overlap"];
+        let says =
+            ["an overlap of 0.02", "law.largest_overlap = 0.02", "still below the stable limit"];
         assert!(told.iter().all(|text| says.iter().all(|part| text.contains(part))), "{told:?}");
     }
+}
+
+/// A step within the limit that the scene was made for, and over the one that a hard blow leaves: the run ends, or goes on if it may.
+#[test]
+fn a_step_over_the_limit_that_a_load_leaves_ends_the_run() {
+    let law = "largest_overlap = 0.001";
+    let case = Case { material: [1e9, 0.3, 2500.0], radius: 0.01, contact: "", law };
+    let text = case
+        .text(1e-9)
+        .replace("spacing = 1", "spacing = 1\nvelocity = [0, 0, -4]")
+        .replace("[output]", "[output]\nhistory_every = 1");
+    let made_for = scene(&text);
+    let limit = time_step_limit(&made_for.library, &*made_for.force_law()).unwrap().dt;
+    let text = text.replace("step = 1e-9", &format!("step = {:e}", 0.9 * limit));
+    let text = text.replace("steps = 1\n", "steps = 600\n");
+    let words = ["over the stable limit", "take a step of", "time.allow_unstable"];
+    let run_with = |allowed: bool| {
+        let scene = scene(&text.replace("[time]", &format!("[time]\nallow_unstable = {allowed}")));
+        let (mut sim, mut comm) = (begun(&scene, &mut Alone::default()), Alone::default());
+        let folder = tempfile::tempdir().unwrap();
+        run::run(&mut sim, &schedule(&scene, 600, folder.path()), &mut comm, &mut |_| {})
+    };
+    let fault = run_with(false).unwrap_err().to_string();
+    assert!(words.iter().all(|part| fault.contains(part)), "{fault}");
+    let finish = run_with(true).unwrap();
+    let over: Vec<_> = finish.warnings.iter().filter(|text| text.contains(words[0])).collect();
+    assert_eq!(over.len(), 1, "{:?}", finish.warnings);
+    let last = finish.stiffened.unwrap();
+    assert!(last.contains(words[0]) && last != *over[0], "the deepest overlap: {last}");
 }

@@ -12,6 +12,7 @@ mod elliptic;
 mod flows;
 mod guide;
 mod hertz;
+mod jkr;
 mod kinds;
 mod laws;
 mod layers;

@@ -273,6 +273,37 @@ fn a_hertzian_crowd_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
     }
 }
 
+/// Spheres whose contacts outlive the overlap, where the domain repeats and where it does not.
+#[test]
+fn a_crowd_that_sticks_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
+    let text = elastic_crowd(true)
+        .text
+        .replace("normal = \"hertz\"", "normal = \"hertz\"\nadhesion = \"jkr\"")
+        .replace("poisson_ratio = 0.3", "poisson_ratio = 0.3\nsurface_energy = 0.5")
+        .replace("step = 1e-5", "step = 6e-6");
+    for domain in [WALLED, PERIODIC] {
+        let scene = scene(&text.replace(WALLED, domain));
+        let (alone, _) = run(&scene, 1, 2500);
+        let overlap = |row: &[u64]| row.last().map_or(0.0, |&bits| f64::from_bits(bits));
+        let gaps = alone.records.iter().filter(|(_, _, row)| overlap(row) < 0.0).count();
+        assert!(
+            alone.records.len() > 300 && gaps > 10,
+            "{gaps} of {} contacts",
+            alone.records.len()
+        );
+        for ranks in [2, 3, 4, 8] {
+            expect_same(&alone, &run(&scene, ranks, 2500).0, &format!("{ranks} ranks"));
+        }
+        let other = Scene { skin: 0.3 * scene.skin, ..scene.clone() };
+        expect_same(&alone, &run(&other, 2, 2500).0, "another skin");
+        let folder = tempfile::tempdir().unwrap();
+        for (before, after) in [(1, 3), (4, 1)] {
+            let again = restarted(&scene, 2500, before, after, folder.path());
+            expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
+        }
+    }
+}
+
 /// The scene of another, with resistance to rolling and twisting.
 fn resisting(text: &str, law: &str) -> Scene {
     let material = "friction = 0.3\nrolling_friction = 0.2\ntwisting_friction = 0.1";

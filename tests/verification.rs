@@ -53,6 +53,11 @@ fn elliptic_contacts() {
 }
 
 #[test]
+fn what_rolls_and_what_sticks() {
+    check("sticking");
+}
+
+#[test]
 fn oblique_impacts_of_elastic_balls() {
     check("elastic");
 }

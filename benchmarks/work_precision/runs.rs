@@ -302,6 +302,7 @@ pub(crate) fn ran(
         resumed: false,
         signal: Arc::default(),
         traced: Vec::new(),
+        allow_unstable: scene.allow_unstable,
     };
     let finish = run::run(&mut sim, &schedule, &mut comm, &mut |_| ())?;
     Ok((finish, sim))

@@ -359,6 +359,7 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         resumed,
         signal: Arc::clone(stop),
         traced: arguments.trace_particle.iter().map(|&id| GlobalId(id)).collect(),
+        allow_unstable: scene.allow_unstable,
     };
     match run(&mut sim, &scene, &schedule, arguments, comm) {
         Ok(finish) if !finish.unmet.is_empty() && arguments.steps.is_none() => UNMET,

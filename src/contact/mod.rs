@@ -321,6 +321,21 @@ pub fn touch_of_sphere(radius: f64, normal: &Vec3, overlap: f64) -> Vec3 {
     normal * (radius - 0.5 * overlap)
 }
 
+/// A sphere and another or a plane across a gap between their surfaces [m]: the overlap is negative.
+///
+/// # Panics
+/// If the bodies are others.
+pub fn across_gap(bodies: &Bodies, pair: Pair, gap: f64) -> Touch {
+    let Pair { a, b } = pair;
+    let Shape::Sphere(sphere) = bodies.shape_of(a) else { panic!("only spheres outlive overlaps") };
+    let normal = match bodies.shape_of(b) {
+        Shape::HalfSpace(plane) => -(bodies.frame(b) * plane.normal),
+        _ => bodies.relative(pair).normalize(),
+    };
+    let radius = sphere.radius * bodies.scale_of(a);
+    Touch { overlap: -gap, normal, point: touch_of_sphere(radius, &normal, -gap) }
+}
+
 /// The unit of length of a pair [m]: the power of two at or below the longer of two lengths.
 ///
 /// Iterative methods divide all lengths by it before they compare anything with a tolerance, so a
@@ -389,7 +404,7 @@ impl Touching {
     }
 
     #[inline]
-    fn push(&mut self, pair: u32, touch: &Touch) {
+    pub(crate) fn push(&mut self, pair: u32, touch: &Touch) {
         self.push_with(pair, touch, &Patch::POINT);
     }
 

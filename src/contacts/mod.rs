@@ -8,8 +8,8 @@ mod surfaces;
 
 use crate::contact::curvature::{self, Curvature};
 use crate::contact::{
-    Batch, ContactRecord, ContactRecords, Geometry, Pair, Patch, Previous, StateColumn, Touch,
-    Touching, touch_of_sphere,
+    Batch, ContactRecord, ContactRecords, Found, Geometry, Pair, Patch, Previous, StateColumn,
+    Touch, Touching, across_gap, touch_of_sphere,
 };
 use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Last, Separated, Sums, Work};
@@ -314,6 +314,29 @@ impl Contacts {
     ) -> Batch<'a> {
         let geometry = &self.stretches[stretch].geometry;
         Batch { pairs, previous: &self.previous, geometry, active, bodies: particles.bodies() }
+    }
+
+    /// Takes contacts back that outlive their overlap: those of the last step whose surfaces are nearer than
+    /// [`ForceLaw::outlives`] says. They have a negative overlap, and do not rest.
+    pub fn keep_outliving(
+        &self,
+        stretch: usize,
+        pairs: &[Pair],
+        found: &mut Found,
+        law: &dyn ForceLaw,
+        particles: &Particles,
+    ) {
+        let before = &self.stretches[stretch].numbers;
+        let Found { contacts, apart, .. } = found;
+        apart.retain(|&(number, clearance)| {
+            let pair = pairs[number as usize];
+            let lasts =
+                before.binary_search(&number).is_ok() && clearance < law.outlives(pair, particles);
+            if lasts {
+                contacts.push(number, &across_gap(&particles.bodies(), pair, clearance));
+            }
+            !lasts
+        });
     }
 
     /// Puts what has been found in a stretch in the order of its pairs, beside what was remembered of each. If the same pairs

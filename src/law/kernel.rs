@@ -226,6 +226,17 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     /// What bounds the time step of a body, among all others.
     fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest;
 
+    /// The gap at which a contact ends that has once been made [m]; by default it ends where the overlap does. Only of spheres,
+    /// with each other and with planes.
+    fn outlives(&self, _constants: &Self::Constants<f64>) -> f64 {
+        0.0
+    }
+
+    /// The largest [`Model::outlives`] of bodies of a library [m].
+    fn reach(&self, _library: &Library) -> f64 {
+        0.0
+    }
+
     /// The constants of a contact between two materials in words, for `--plan`.
     fn words(&self, a: MaterialId, b: MaterialId) -> String;
 
@@ -463,6 +474,14 @@ impl<M: Model> ForceLaw for Law<M> {
 
     fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
         self.model.hardest(body, reduced_mass)
+    }
+
+    fn outlives(&self, pair: Pair, particles: &Particles) -> f64 {
+        self.model.outlives(&self.constants(pair, particles))
+    }
+
+    fn reach(&self, library: &Library) -> f64 {
+        self.model.reach(library)
     }
 
     fn words(&self, a: MaterialId, b: MaterialId) -> String {

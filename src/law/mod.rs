@@ -365,6 +365,8 @@ pub enum Choice {
     Hertz(hertz::Settings),
     /// One of these, with more beside it.
     With(Box<Choice>, Beside),
+    /// Elastic spheres that stick: Johnson, Kendall and Roberts, with Mindlin's friction. Nothing goes beside it.
+    Jkr(hertz::jkr::Settings),
 }
 
 impl Choice {
@@ -373,6 +375,9 @@ impl Choice {
         match self {
             Self::Linear(law) => law.interactions.iter().map(|c| c.friction).fold(0.0, f64::max),
             Self::Hertz(law) => law.interactions.iter().map(|c| c.friction).fold(0.0, f64::max),
+            Self::Jkr(law) => {
+                law.elastic.interactions.iter().map(|c| c.friction).fold(0.0, f64::max)
+            }
             Self::With(forces, _) => forces.highest_friction(),
         }
     }
@@ -426,6 +431,7 @@ impl Choice {
             Self::Linear(settings) => beside.law(settings.model(), library),
             Self::Hertz(settings) => beside.law(settings.model(library), library),
             Self::With(forces, beside) => forces.with(beside.clone(), library),
+            Self::Jkr(settings) => Box::new(kernel::Law::new(settings.model(library), library)),
         }
     }
 
@@ -434,6 +440,14 @@ impl Choice {
         match self {
             Self::With(forces, _) => forces.forces(),
             forces => forces,
+        }
+    }
+
+    /// The farthest gap over which contacts of spheres up to a radius [m] last, once they are made [m].
+    pub fn reach(&self, largest_radius: f64) -> f64 {
+        match self.forces() {
+            Self::Jkr(settings) => settings.reach(largest_radius),
+            _ => 0.0,
         }
     }
 
@@ -482,6 +496,16 @@ pub trait ForceLaw: Send + Sync {
 
     /// What bounds the time step of a body, among all others.
     fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest;
+
+    /// The gap at which a contact ends that has once been made [m].
+    fn outlives(&self, _pair: Pair, _particles: &Particles) -> f64 {
+        0.0
+    }
+
+    /// The largest of these gaps among bodies of a library: so far beyond their surfaces pairs are listed [m].
+    fn reach(&self, _library: &Library) -> f64 {
+        0.0
+    }
 
     /// The constants of a contact between two materials in words.
     fn words(&self, a: MaterialId, b: MaterialId) -> String;

@@ -128,7 +128,8 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
 /// The same with a law of one's own in place of the scene's.
 pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> Simulation {
     let needs = scene.needs_with(&*law);
-    let halo = 2.0 * scene.library.largest_radius() + scene.skin;
+    let reach = law.reach(&scene.library);
+    let halo = 2.0 * scene.library.largest_radius() + scene.skin + reach;
     let mut kinds = scene.particle_kinds();
     kinds.extend(scene.facet_kinds());
     let mut found = contact::Found::default();
@@ -155,6 +156,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
         departed: Departed::default(),
         most_moving: 0.0,
         skin: scene.skin,
+        reach,
         imbalance: scene.imbalance,
         lists_since_cut: 0,
         audit: Auditor::new(scene.audit),
@@ -332,7 +334,8 @@ fn admit_sizes(
             ),
         );
     }
-    let halo = 2.0 * library.largest_radius() + scene.skin;
+    let reach = sim.law.reach(&library);
+    let halo = 2.0 * library.largest_radius() + scene.skin + reach;
     let extent = scene.domain.high() - scene.domain.low();
     let is_narrow =
         |&axis: &usize| scene.domain.period(axis).is_some() && extent[axis] < 2.0 * halo;
@@ -353,6 +356,7 @@ fn admit_sizes(
     sim.particles.needs.scale = library.has_sizes();
     sim.watch = Watch::new(library.least_inscribed_radius());
     sim.particles.library = library;
+    sim.reach = reach;
     sim.domain.widen(halo);
     Ok(())
 }

@@ -103,7 +103,8 @@ pub(super) fn scene(
         check_rain(&root, rain, &walls);
     }
     if let (Some(domain), Some(section), Some((skin, _))) = (&domain, &domain_section, neighbours) {
-        check_periods(section, domain, 2.0 * largest + skin);
+        let reach = law.as_ref().map_or(0.0, |law| law.reach(largest));
+        check_periods(section, domain, 2.0 * largest + skin + reach);
     }
     if let Some(domain) = &domain {
         check_shear(&root, domain, gravity, walls.count());

@@ -6,9 +6,10 @@ use super::matter::Materials;
 use super::reader::{Range, Section};
 use crate::contact::curvature::LARGEST_RATIO;
 use crate::ids::MaterialId;
+use crate::law::hertz::{self, jkr};
 use crate::law::linear::{self, damping_ratio_of_restitution};
 use crate::law::{Beside, Choice, Interactions, Mixing};
-use crate::law::{dmt, hertz, rolling};
+use crate::law::{dmt, rolling};
 use crate::particles::Library;
 use crate::shape::{Kind as ShapeKind, Shape};
 
@@ -36,13 +37,28 @@ pub(super) enum Kind {
 pub(super) struct Asked {
     rolling: bool,
     twisting: bool,
-    /// Attraction after Derjaguin, Muller and Toporov?
-    dmt: bool,
+    /// Attraction.
+    adhesion: Adhesion,
+}
+
+/// Which attraction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Adhesion {
+    #[default]
+    None,
+    /// After Derjaguin, Muller and Toporov.
+    Dmt,
+    /// After Johnson, Kendall and Roberts.
+    Jkr,
 }
 
 impl Asked {
     const fn turning(self) -> bool {
         self.rolling || self.twisting
+    }
+
+    fn is_jkr(self) -> bool {
+        self.adhesion == Adhesion::Jkr
     }
 }
 
@@ -69,8 +85,11 @@ pub(super) fn kind(root: &Section, in_contact: Option<bool>) -> (Kind, Asked) {
             }
             Some(is_hertz)
         });
-        let asked = asked(&section);
-        let kind = kind.and(parts(&section, is_hertz?, limit_damping?));
+        let is_hertz = is_hertz?;
+        let asked = asked(&section, is_hertz);
+        // Adhesion attracts whatever dashpots do.
+        let is_jkr = asked.is_some_and(Asked::is_jkr);
+        let kind = kind.and(parts(&section, is_hertz, limit_damping? && !is_jkr));
         section.finish();
         kind.zip(asked)
     });
@@ -78,14 +97,37 @@ pub(super) fn kind(root: &Section, in_contact: Option<bool>) -> (Kind, Asked) {
 }
 
 /// What there is beside forces.
-fn asked(section: &Section) -> Option<Asked> {
+fn asked(section: &Section, is_hertz: bool) -> Option<Asked> {
     let spring = |key| {
         section.read_or(key, false, |given| given.one_of(&[("none", false), ("spring", true)]))
     };
     let (rolling, twisting) = (spring("rolling"), spring("twisting"));
-    let dmt =
-        section.read_or("adhesion", false, |given| given.one_of(&[("none", false), ("dmt", true)]));
-    Some(Asked { rolling: rolling?, twisting: twisting?, dmt: dmt? })
+    let adhesion = section.read_or("adhesion", Adhesion::None, |given| {
+        let offered = [("none", Adhesion::None), ("dmt", Adhesion::Dmt), ("jkr", Adhesion::Jkr)];
+        let adhesion = given.one_of(&offered)?;
+        if adhesion == Adhesion::Jkr && !is_hertz {
+            given.fail("\"jkr\" is of elastic bodies and needs normal = \"hertz\"; \"dmt\" goes with linear springs");
+        }
+        Some(adhesion)
+    });
+    let asked = Asked { rolling: rolling?, twisting: twisting?, adhesion: adhesion? };
+    if asked.is_jkr() {
+        for key in ["rolling", "twisting"] {
+            if let Some(given) = section.get(key)
+                && asked.turning()
+            {
+                given.fail(
+                    "does not go with adhesion = \"jkr\", whose contacts are stretched, too: its stiffness is that of a load. \
+                     Take \"none\", or adhesion = \"dmt\"",
+                );
+            }
+        }
+        section.refuse(
+            "limit_damping",
+            "is not used with adhesion = \"jkr\": contacts attract, dashpots do, too",
+        );
+    }
+    Some(asked)
 }
 
 /// The law from its parts along the normal and in the contact plane.
@@ -153,6 +195,7 @@ pub(super) fn unfit(law: &Choice, library: &Library) -> Vec<(usize, String)> {
     };
     let of_adhesion = match law {
         Choice::With(_, Beside { adhesion: Some(_), .. }) => first(&unfit_for_dmt),
+        Choice::Jkr(_) => first(&unfit_for_jkr),
         _ => None,
     };
     of_forces.into_iter().chain(of_adhesion).collect()
@@ -179,6 +222,15 @@ fn unfit_for_dmt(shape: &Shape, name: &str) -> Option<String> {
         format!(
             "`{name}` is no sphere, and adhesion = \"dmt\" is only for spheres, as its attraction is that of a radius: \
              take adhesion = \"none\""
+        )
+    })
+}
+
+fn unfit_for_jkr(shape: &Shape, name: &str) -> Option<String> {
+    (shape.kind() != ShapeKind::Sphere).then(|| {
+        format!(
+            "`{name}` is no sphere, and adhesion = \"jkr\" is only for spheres: of contacts that are ellipses there is no exact \
+             solution. Take adhesion = \"none\""
         )
     })
 }
@@ -233,11 +285,18 @@ fn with_more<C: Mixing + Default>(
     let (materials, interactions) = with_constants(root, needed, all);
     let law = interactions.map(|all| {
         let forces = law(all.map(|(forces, _)| *forces));
-        if !asked.turning() && !asked.dmt {
+        let adhesion = || all.map(|(_, (_, adhesion))| *adhesion);
+        let forces = match forces {
+            Choice::Hertz(elastic) if asked.is_jkr() => {
+                return Choice::Jkr(jkr::Settings { elastic, adhesion: adhesion() });
+            }
+            forces => forces,
+        };
+        let adhesion = (asked.adhesion == Adhesion::Dmt).then(adhesion);
+        if !asked.turning() && adhesion.is_none() {
             return forces;
         }
         let turning = asked.turning().then(|| all.map(|(_, (turning, _))| *turning));
-        let adhesion = asked.dmt.then(|| all.map(|(_, (_, adhesion))| *adhesion));
         Choice::With(Box::new(forces), Beside { turning, adhesion })
     });
     (materials, law)
@@ -250,9 +309,9 @@ fn of_adhesion(
     asked: Asked,
 ) -> Option<dmt::Constants> {
     let mixed = mixed.copied().unwrap_or_default();
-    if !asked.dmt {
-        section
-            .refuse("surface_energy", "is not used by this law, but by [law] adhesion = \"dmt\"");
+    if asked.adhesion == Adhesion::None {
+        let by = "is not used by this law, but by [law] adhesion = \"dmt\" or \"jkr\"";
+        section.refuse("surface_energy", by);
         return Some(mixed);
     }
     let energy =

@@ -294,12 +294,19 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     }
     page.line("contact", words.join(", "));
     page.line("ghost", format!("{} bytes in the message of each step", 8 * needs.halo_values()));
-    let reach = 2.0 * scene.library.largest_radius() + scene.skin;
+    let largest = scene.library.largest_radius();
+    let outlives = scene.law.reach(largest);
+    let reach = 2.0 * largest + scene.skin + outlives;
     if !scene.servos.is_empty() {
         let bytes = scene.servos.len() * 2 * 8 * ExactSum::LIMBS;
         page.line("servos", format!("a sum of {bytes} bytes over all ranks in each step"));
     }
-    page.line("halo width", format!("{reach:.4e} m, largest bounding diameter and skin"));
+    let gap = if outlives > 0.0 {
+        format!(", and {outlives:.3e} m over which contacts outlive their overlap")
+    } else {
+        String::new()
+    };
+    page.line("halo width", format!("{reach:.4e} m, largest bounding diameter and skin{gap}"));
     let ranks_seen = format!("({ranks} rank{})", if ranks == 1 { "" } else { "s" });
     if count == 0 || scene.start.is_some() {
         page.line("particles", format!("known when the start snapshot is read {ranks_seen}"));

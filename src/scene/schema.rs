@@ -195,7 +195,7 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("law", "tangential") => words(&["linear", "mindlin", "none"]),
         ("law", "largest_overlap") => below_one,
         ("law", "rolling" | "twisting") => words(&["none", "spring"]),
-        ("law", "adhesion") => words(&["none", "dmt"]),
+        ("law", "adhesion") => words(&["none", "dmt", "jkr"]),
         ("law" | "contact", "limit_damping") => boolean(),
 
         ("time", "step") => either(&[positive, words(&["auto"])]),

@@ -7,6 +7,7 @@ mod leavers;
 pub mod report;
 pub mod run;
 pub mod sizes;
+mod stiffening;
 pub mod trace;
 pub mod watch;
 
@@ -91,6 +92,8 @@ pub struct Simulation {
     pub most_moving: f64,
     /// A pair is listed when its bounding spheres come this close [m].
     pub skin: f64,
+    /// So far beyond their surfaces bodies can hold on to each other [m]: pairs are listed from so much farther away.
+    pub reach: f64,
     /// Cut again when the busiest rank has this many times the mean work.
     pub imbalance: f64,
     /// Lists made since the last cut.
@@ -325,8 +328,8 @@ impl Simulation {
     /// of their touching contacts. Collective.
     pub fn relist(&mut self, carried: &ContactRecords, comm: &mut dyn Comm) {
         self.domain.offer_ghosts(&mut self.particles, comm);
-        search::note_near_facets(&mut self.particles, self.skin);
-        let mut found = search::close_pairs(&self.particles, self.skin);
+        search::note_near_facets(&mut self.particles, self.skin + self.reach);
+        let mut found = search::close_pairs(&self.particles, self.skin + self.reach);
         self.domain.keep_paired_ghosts(&mut self.particles, &mut found);
         self.domain.start_halo(&self.particles, comm);
         self.domain.finish_halo(&mut self.particles, comm);
@@ -458,7 +461,7 @@ impl Simulation {
 
     /// Finds the contacts of a stretch, by one virtual call per kind of pair, and puts them in order.
     fn find_contacts(&mut self, stretch: usize) {
-        let Self { pairs, contacts, particles, resolvers, found, active, .. } = self;
+        let Self { pairs, contacts, particles, resolvers, law, found, active, .. } = self;
         found.clear();
         let listed = &pairs.stretches[stretch];
         let in_stretch = &pairs.pairs[listed.range.clone()];
@@ -471,6 +474,9 @@ impl Simulation {
             // The next group's methods are not to try them.
             found.failed.append(&mut failed);
             found.tally.pairs += active.len() as u64;
+        }
+        if self.reach > 0.0 {
+            contacts.keep_outliving(stretch, in_stretch, found, &**law, particles);
         }
         found.tally.listed += in_stretch.len() as u64;
         found.tally.contacts += found.contacts.len() as u64;

@@ -1,5 +1,6 @@
 //! A run: steps, with outputs on schedule, until all is done.
 
+use super::stiffening::Stiffening;
 use super::watch::DEEPEST;
 use super::{FirstLook, Simulation, StepError};
 use crate::comm::{Comm, agree, wire};
@@ -43,6 +44,8 @@ pub struct Schedule {
     pub signal: Arc<AtomicUsize>,
     /// Particles whose state and contacts are printed at every step.
     pub traced: Vec<GlobalId>,
+    /// Does the run go on where contacts that stiffen with load make the stable limit fall below the step?
+    pub allow_unstable: bool,
 }
 
 /// When a stage has done its work: when all that is asked for holds.
@@ -102,6 +105,8 @@ pub struct Finish {
     pub most_moving: f64,
     /// The largest overlap over the shortest axis of the smaller body that the run has measured [-].
     pub largest_overlap: (f64, u64),
+    /// What has become of the stable limit of a law that stiffens with load, if contacts have been stiffer than it was found for.
+    pub stiffened: Option<String>,
     /// What the stage's [`Stop`] still asks for, where it is over all the same; empty if nothing.
     pub unmet: String,
     /// What has been warned of in the run.
@@ -183,6 +188,7 @@ pub const DEEPEST_START: f64 = 0.05;
 ///     resumed: false,
 ///     signal: Arc::default(),
 ///     traced: Vec::new(),
+///     allow_unstable: scene.allow_unstable,
 /// };
 /// run(&mut sim, &schedule, &mut comm, &mut |_| ()).unwrap();
 ///
@@ -259,6 +265,8 @@ pub fn run(
         measures,
         most_moving,
         largest_overlap: records.largest_overlap,
+        stiffened: (records.stiffening.as_ref())
+            .and_then(|stiffening| stiffening.words(2.0 * records.largest_overlap.0)),
         warnings: warned,
         snapshot,
     })
@@ -284,8 +292,8 @@ struct Records<'a> {
     history: Option<History>,
     /// Overlaps at which a run still has to warn.
     depths: Peekable<IntoIter<f64, 2>>,
-    /// The overlap over the radius of the smaller body at which the law's stable step ends, until it is warned of.
-    hardest_up_to: Option<f64>,
+    /// The stable limit, of laws that stiffen with load.
+    stiffening: Option<Stiffening>,
     /// Parts of the energy missing from the balance at which a run still has to warn.
     missing: Peekable<IntoIter<f64, 3>>,
     /// The largest overlap over the shortest axis that was measured [-], and at which step.
@@ -316,7 +324,7 @@ impl<'a> Records<'a> {
             schedule,
             history,
             depths,
-            hardest_up_to: sim.law.hardest_up_to(),
+            stiffening: Stiffening::of(sim, schedule.allow_unstable),
             missing: MISSING.into_iter().peekable(),
             largest_overlap: (0.0, sim.step),
             measures: None,
@@ -396,10 +404,15 @@ impl<'a> Records<'a> {
         while self.depths.next_if(|&depth| measures.largest_overlap > depth).is_some() {
             warnings.push(too_deep(sim.step, measures.largest_overlap));
         }
-        let over_radius = 2.0 * measures.largest_overlap;
-        if let Some(meant) = self.hardest_up_to.take_if(|meant| over_radius > *meant) {
-            warnings.push(too_hard(sim.step, over_radius, meant));
-        }
+        let overlap = 2.0 * measures.largest_overlap;
+        let stiffer = self.stiffening.as_mut().map(|stiffening| stiffening.check(overlap));
+        let fault = match stiffer.transpose() {
+            Ok(warning) => {
+                warnings.extend(warning.flatten());
+                None
+            }
+            Err(fault) => Some(fault),
+        };
         let missing = measures.part_missing(most_moving(sim, &measures));
         if self.missing.next_if(|&part| missing.abs() > part).is_some() {
             while self.missing.next_if(|&part| missing.abs() > part).is_some() {}
@@ -422,7 +435,8 @@ impl<'a> Records<'a> {
             self.snapshot = Some(self.save(sim, ending, &measures, comm)?);
         }
         self.measures = Some(measures);
-        Ok(ending)
+        // The row is there to look at.
+        fault.map_or(Ok(ending), |fault| Err(StepError::Fault { step: sim.step, fault }.into()))
     }
 
     /// Scalars and snapshot of the last step. Collective.
@@ -524,15 +538,6 @@ fn too_deep(step: u64, overlap: f64) -> String {
          contacts, or less speed or pressure, make it smaller",
         100.0 * overlap,
         100.0 * DEEPEST_START
-    )
-}
-
-/// The frequency of a Hertzian contact grows with the fourth root of its overlap.
-fn too_hard(step: u64, overlap: f64, meant: f64) -> String {
-    format!(
-        "an overlap is {overlap:.3} of the radius of the smaller body at step {step}; the stable step was found for {meant}: \
-         contacts are stiffer, and it is {:.2} times as long now. Give law.largest_overlap what will come",
-        (meant / overlap).powf(0.25)
     )
 }
 

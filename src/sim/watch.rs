@@ -69,6 +69,16 @@ pub enum Fault {
         /// Overlap over the shortest axis.
         depth: f64,
     },
+    /// Contacts that stiffen with load have become too stiff for the step.
+    #[error("{}", over_the_limit(*dt, *limit, *overlap))]
+    Stiff {
+        /// The time step [s].
+        dt: f64,
+        /// The stable limit now [s].
+        limit: f64,
+        /// The largest overlap over the radius of the smaller body.
+        overlap: f64,
+    },
 }
 
 /// Looks at every step.
@@ -192,4 +202,16 @@ impl Watch {
 fn too_deep(particles: &Particles, pair: Pair, depth: f64) -> Fault {
     let [a, b] = [pair.a, pair.b].map(|slot| particles.id[slot.index()]);
     Fault::Deep { a, b: particles.body_name(b), depth }
+}
+
+/// That the step [s] is over the limit [s].
+pub(super) fn over_the_limit(dt: f64, limit: f64, overlap: f64) -> String {
+    format!(
+        "the time step of {dt:.3e} s is {:.1} % over the stable limit, which fell to {limit:.3e} s where an overlap of \
+         {overlap:.3} of the radius made contacts stiffer: take a step of {:.2e} s, make the load or the speed smaller, or set \
+         time.allow_unstable = true",
+        100.0 * (dt / limit - 1.0),
+        // Rounded down.
+        0.995 * limit
+    )
 }

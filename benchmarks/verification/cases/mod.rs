@@ -22,6 +22,7 @@ pub(crate) mod packing;
 mod setup;
 pub(crate) mod shear;
 pub(crate) mod steps;
+pub(crate) mod sticking;
 pub(crate) mod unequal;
 mod ways;
 
@@ -235,13 +236,14 @@ pub(crate) fn parse_reference(name: &str) -> serde_json::Value {
 pub(crate) type Source = (&'static str, fn(Effort) -> Findings);
 
 /// All sources, in the order of the table.
-pub(crate) fn sources() -> [Source; 17] {
+pub(crate) fn sources() -> [Source; 18] {
     [
         ("mfix", mfix::run),
         ("lammps", lammps::run),
         ("chung_ooi", chung_ooi::run),
         ("elliptic", elliptic::run),
         ("elastic", elastic::run),
+        ("sticking", sticking::run),
         ("free_motion", free_motion::run),
         ("incline", incline::run),
         ("faces", faces::run),

@@ -31,6 +31,7 @@
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 mod constants;
+pub mod jkr;
 
 pub use constants::Constants;
 
@@ -107,6 +108,23 @@ pub(super) struct Elastic<L> {
     dashpots: [L; 2],
     /// `√R`, of contacts by curvature; 1 until it is known [√m].
     root_of_radius: L,
+}
+
+impl Elastic<f64> {
+    /// Of these constants at a root of the radius [√m], for a reduced mass [kg].
+    fn of(constants: &Constants, root_of_radius: f64, mass: f64) -> Self {
+        let normal = 4.0 / 3.0 * constants.modulus * root_of_radius;
+        let tangential = 8.0 * constants.shear_modulus * root_of_radius;
+        let dashpot =
+            |stiffness: f64| dashpot_factor() * constants.damping_ratio * (mass * stiffness).sqrt();
+        Self {
+            normal,
+            tangential,
+            friction: constants.friction,
+            dashpots: [dashpot(1.5 * normal), dashpot(tangential)],
+            root_of_radius: 1.0,
+        }
+    }
 }
 
 impl<L: Lanes> Elastic<L> {
@@ -233,6 +251,22 @@ fn root<L: Lanes>(overlap: L) -> L {
     overlap.or(zero, zero.less(overlap)).sqrt()
 }
 
+/// The hardest of contacts with these constants and contact radii [m].
+fn hardest<'a>(contacts: impl Iterator<Item = (&'a Constants, f64)>, reduced_mass: f64) -> Hardest {
+    let mut hardest = Hardest { stiffness: 0.0, dashpots: [0.0; 2] };
+    for (constants, size) in contacts {
+        let normal = 2.0 * constants.modulus * size;
+        let tangential =
+            if constants.friction > 0.0 { 8.0 * constants.shear_modulus * size } else { 0.0 };
+        hardest.stiffness = hardest.stiffness.max(normal).max(tangential);
+        for (largest, stiffness) in hardest.dashpots.iter_mut().zip([normal, tangential]) {
+            let ratio = dashpot_factor() * constants.damping_ratio;
+            *largest = largest.max(ratio * (stiffness * reduced_mass).sqrt());
+        }
+    }
+    hardest
+}
+
 impl Model for Hertz {
     type Constants<L: Lanes> = Elastic<L>;
 
@@ -262,18 +296,7 @@ impl Model for Hertz {
         let constants = self.settings.interactions.of(a.material, b.material);
         let root_of_radius =
             if self.curved { 1.0 } else { (1.0 / (1.0 / a.radius + 1.0 / b.radius)).sqrt() };
-        let normal = 4.0 / 3.0 * constants.modulus * root_of_radius;
-        let tangential = 8.0 * constants.shear_modulus * root_of_radius;
-        let mass = reduced_mass(a, b);
-        let dashpot =
-            |stiffness: f64| dashpot_factor() * constants.damping_ratio * (mass * stiffness).sqrt();
-        Elastic {
-            normal,
-            tangential,
-            friction: constants.friction,
-            dashpots: [dashpot(1.5 * normal), dashpot(tangential)],
-            root_of_radius: 1.0,
-        }
+        Elastic::of(constants, root_of_radius, reduced_mass(a, b))
     }
 
     #[inline(always)]
@@ -378,18 +401,7 @@ impl Model for Hertz {
         let constants = self.settings.interactions.of_material(body.material);
         let widest = self.widest[body.shape.index()] * body.scale;
         let size = widest * self.settings.largest_overlap.sqrt();
-        let mut hardest = Hardest { stiffness: 0.0, dashpots: [0.0; 2] };
-        for constants in constants {
-            let normal = 2.0 * constants.modulus * size;
-            let tangential =
-                if constants.friction > 0.0 { 8.0 * constants.shear_modulus * size } else { 0.0 };
-            hardest.stiffness = hardest.stiffness.max(normal).max(tangential);
-            for (largest, stiffness) in hardest.dashpots.iter_mut().zip([normal, tangential]) {
-                let ratio = dashpot_factor() * constants.damping_ratio;
-                *largest = largest.max(ratio * (stiffness * reduced_mass).sqrt());
-            }
-        }
-        hardest
+        hardest(constants.iter().map(|constants| (constants, size)), reduced_mass)
     }
 
     fn words(&self, a: MaterialId, b: MaterialId) -> String {

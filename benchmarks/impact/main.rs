@@ -1,0 +1,256 @@
+//! A steel ball strikes a bed of spheres: the third case of Dosta et al. (2024), "Comparing open-source DEM frameworks for
+//! simulations of common bulk processes", DOI 10.1016/j.cpc.2023.109066. The height of the ball beside that of LIGGGHTS and MUSEN.
+//!
+//! ```text
+//! cargo bench --bench impact -- --state FILE       from the paper's bed of 25,000 spheres: 4 minutes on one core
+//! cargo bench --bench impact -- --grains N         from a bed of its own
+//! cargo bench --bench impact -- --ranks 2          on so many ranks
+//! cargo bench --bench impact -- --record FOLDER    the table and the picture into this folder
+//! ```
+//!
+//! The state is `Case3_PenetrationTest_25000_Particles.txt` of the paper's data, DOI 10.5281/zenodo.8252892: a line of words, then
+//! `radius x y z` of each sphere. A CSV file `x,y,z` is read, too. Whatever is larger than a grain is left out: the ball is added here.
+//! It fails if the ball is more than 1 mm outside of the heights of the other codes. A run that was stopped goes on when it is called again with the same words.
+
+#[path = "../lines.rs"]
+mod lines;
+
+use anyhow::{Context, ensure};
+use clap::Parser;
+use dem_mpi::math::Vec3;
+use dem_mpi::output::snapshot::Reader;
+use dem_mpi::post::series;
+use lines::Line;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+#[derive(Parser)]
+struct Arguments {
+    /// Centres of the settled grains.
+    #[arg(long, value_name = "FILE", conflicts_with = "grains")]
+    state: Option<PathBuf>,
+    /// Pack so many first.
+    #[arg(long, value_name = "N", default_value_t = 25_000)]
+    grains: u64,
+    /// Heights to compare with: time [s], and one column or more [m]; default: those of 25,000 grains.
+    #[arg(long, value_name = "FILE")]
+    reference: Option<PathBuf>,
+    /// How long [s].
+    #[arg(long, default_value_t = 0.035)]
+    until: f64,
+    #[arg(long, default_value_t = 1)]
+    ranks: u32,
+    /// Where the run goes.
+    #[arg(long, value_name = "FOLDER", default_value = "target/impact")]
+    out: PathBuf,
+    /// Write the table and the picture into this folder.
+    #[arg(long, value_name = "FOLDER")]
+    record: Option<PathBuf>,
+    /// Cargo passes this.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benchmarks/impact");
+/// Time step of the scene [s].
+const STEP: f64 = 5e-7;
+/// Radius of a grain [m].
+const RADIUS: f64 = 1e-3;
+/// The ball: centre [m] and velocity [m/s].
+const BALL: &str = "0,0,0.06,0,0,-5,ball";
+/// How far the height may be outside of those of the other codes [m]: they differ by 0.8 mm among themselves after the rebound.
+const TOLERANCE: f64 = 1e-3;
+
+fn main() -> anyhow::Result<()> {
+    let arguments = Arguments::parse();
+    let Arguments { state, grains, out, until, ranks, .. } = &arguments;
+    std::fs::create_dir_all(out)?;
+    let begin = Instant::now();
+    let centres = match state {
+        Some(path) => read_centres(path)?,
+        None => pack(*grains, *ranks, &out.join("packing"))?,
+    };
+    println!("{} grains, known after {:.0} s", centres.len(), begin.elapsed().as_secs_f64());
+    write_state(&out.join("state.csv"), &centres)?;
+    std::fs::copy(Path::new(FOLDER).join("scene.toml"), out.join("scene.toml"))?;
+    let begin = Instant::now();
+    let steps = (until / STEP).round() as u64;
+    simulate(&out.join("scene.toml"), &out.join("out"), *ranks, &[&format!("time.steps={steps}")])?;
+    println!("{steps} steps on {ranks} ranks: {:.0} s", begin.elapsed().as_secs_f64());
+
+    let own = heights(&out.join("out"))?;
+    let of_25_000 = Path::new(FOLDER).join("reference_25000.csv");
+    let (codes, reference) = read_reference(arguments.reference.as_ref().unwrap_or(&of_25_000))?;
+    let table = table(&codes, &reference, &own)?;
+    print!("{}", table.text);
+    let record = arguments.record.as_ref().unwrap_or(out);
+    std::fs::create_dir_all(record)?;
+    std::fs::write(record.join("impact.csv"), &table.text)?;
+    draw(&record.join("impact.svg"), &codes, &reference, &own)?;
+    for (code, worst) in codes.iter().zip(&table.worst) {
+        println!("largest difference to {code}: {:.3} mm", 1e3 * worst);
+    }
+    let comparable = state.is_some() && (arguments.reference.is_some() || centres.len() == 25_000);
+    if !comparable {
+        println!("the bed is not that of the reference: nothing is judged");
+        return Ok(());
+    }
+    println!("farthest outside of what these span: {:.3} mm", 1e3 * table.outside);
+    ensure!(
+        table.outside < TOLERANCE,
+        "the ball is outside by more than {:.0} mm",
+        1e3 * TOLERANCE
+    );
+    Ok(())
+}
+
+/// Centres of grains from a file of numbers with a line of words above [m].
+fn read_centres(path: &Path) -> anyhow::Result<Vec<Vec3>> {
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let mut centres = Vec::new();
+    for (line, number) in text.lines().zip(1..).skip(1) {
+        let words = line.split([',', ' ', '\t']).filter(|word| !word.is_empty());
+        let numbers: Vec<f64> = words
+            .map(str::parse)
+            .collect::<Result<_, _>>()
+            .with_context(|| format!("{}:{number}: not all are numbers", path.display()))?;
+        match numbers[..] {
+            [x, y, z] => centres.push(Vec3::new(x, y, z)),
+            [radius, x, y, z] if (radius / RADIUS - 1.0).abs() < 0.01 => {
+                centres.push(Vec3::new(x, y, z));
+            }
+            [] | [_, _, _, _] => {}
+            _ => anyhow::bail!("{}:{number}: neither x y z nor radius x y z", path.display()),
+        }
+    }
+    ensure!(!centres.is_empty(), "{} has no grains of radius {RADIUS} m", path.display());
+    Ok(centres)
+}
+
+/// Lets soft grains rain into the box until they rest.
+fn pack(grains: u64, ranks: u32, out: &Path) -> anyhow::Result<Vec<Vec3>> {
+    let count = format!("fill.rain.count={grains}");
+    simulate(&Path::new(FOLDER).join("packing.toml"), out, ranks, &[&count])?;
+    let reader = Reader::open(&series::newest(out)?)?;
+    Ok(reader.particles(0..reader.particle_count())?.position)
+}
+
+/// Grains at rest and the ball.
+fn write_state(path: &Path, centres: &[Vec3]) -> anyhow::Result<()> {
+    let mut text = "x,y,z,vx,vy,vz,shape\n".to_owned();
+    for centre in centres {
+        writeln!(text, "{:?},{:?},{:?},0,0,0,grain", centre.x, centre.y, centre.z)?;
+    }
+    writeln!(text, "{BALL}")?;
+    Ok(std::fs::write(path, text)?)
+}
+
+/// Runs a scene, or goes on where it was stopped.
+fn simulate(scene: &Path, out: &Path, ranks: u32, set: &[&str]) -> anyhow::Result<()> {
+    let program = env!("CARGO_BIN_EXE_dem-mpi");
+    let mut command = if ranks == 1 {
+        Command::new(program)
+    } else {
+        let mpirun = std::env::var("MPIRUN").unwrap_or_else(|_| "mpirun".to_owned());
+        let mut command = Command::new(mpirun);
+        command.args(["-n", &ranks.to_string(), program]);
+        command
+    };
+    command.arg(scene).arg("--out").arg(out);
+    if out.join("last.vtkhdf").exists() {
+        command.arg("--start").arg(out);
+    }
+    for value in set {
+        command.args(["--set", value]);
+    }
+    let status = command.status()?;
+    ensure!(status.success(), "the run ended with {status}");
+    Ok(())
+}
+
+/// Heights of the ball by time: it is the last particle [s, m].
+fn heights(out: &Path) -> anyhow::Result<Vec<(f64, f64)>> {
+    let of = |path: &PathBuf| {
+        let reader = Reader::open(path)?;
+        let last = reader.particle_count() - 1;
+        let ball = reader.particles(last..last + 1)?;
+        anyhow::Ok((reader.header().time, ball.position[0].z))
+    };
+    series::all(out)?.iter().map(of).collect()
+}
+
+/// Of each time [s] the heights of all codes [m].
+type Heights = Vec<(f64, Vec<f64>)>;
+
+/// Names of codes, and their heights.
+fn read_reference(path: &Path) -> anyhow::Result<(Vec<String>, Heights)> {
+    let mut reader = csv::Reader::from_path(path)?;
+    let names = reader.headers()?.iter().skip(1);
+    let codes = names.map(|name| name.rsplit('_').next().unwrap_or(name).to_owned()).collect();
+    let mut rows = Vec::new();
+    for row in reader.deserialize() {
+        let numbers: Vec<f64> = row?;
+        rows.push((numbers[0], numbers[1..].to_vec()));
+    }
+    Ok((codes, rows))
+}
+
+struct Table {
+    text: String,
+    /// Largest difference to each code [m].
+    worst: Vec<f64>,
+    /// Largest distance from what they span [m].
+    outside: f64,
+}
+
+/// All heights at the times that both have.
+fn table(
+    codes: &[String],
+    reference: &[(f64, Vec<f64>)],
+    own: &[(f64, f64)],
+) -> anyhow::Result<Table> {
+    let mut text = "time_s,z_m".to_owned();
+    codes.iter().try_for_each(|code| write!(text, ",z_m_{code}"))?;
+    text.push('\n');
+    let mut worst = vec![0.0; codes.len()];
+    let mut outside: f64 = 0.0;
+    let mut shared = 0;
+    for (time, z) in own {
+        let Some((_, others)) = reference.iter().find(|(then, _)| (then - time).abs() < 0.5 * STEP)
+        else {
+            continue;
+        };
+        shared += 1;
+        write!(text, "{time:.4},{z:.7}")?;
+        for (other, worst) in others.iter().zip(&mut worst) {
+            write!(text, ",{other:.7}")?;
+            *worst = f64::max(*worst, (z - other).abs());
+        }
+        let low = others.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = others.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        outside = outside.max(low - z).max(z - high);
+        text.push('\n');
+    }
+    ensure!(shared > 1, "the run and the reference have no times in common");
+    Ok(Table { text, worst, outside })
+}
+
+fn draw(
+    path: &Path,
+    codes: &[String],
+    reference: &[(f64, Vec<f64>)],
+    own: &[(f64, f64)],
+) -> anyhow::Result<()> {
+    let in_mm = |&(time, z): &(f64, f64)| (1e3 * time, 1e3 * z);
+    let mut lines: Vec<Line> = Vec::new();
+    for (k, code) in codes.iter().enumerate() {
+        let points = reference.iter().map(|(time, z)| in_mm(&(*time, z[k]))).collect();
+        lines.push(Line { name: code.clone(), points });
+    }
+    lines.push(Line { name: "dem-mpi".to_owned(), points: own.iter().map(in_mm).collect() });
+    let last = own.last().map_or(0.0, |&(time, _)| 1e3 * time);
+    lines::draw(path, ["time (ms)", "height of the ball (mm)"], 0.0..last, -90.0..65.0, &lines)
+}

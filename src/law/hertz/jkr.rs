@@ -1,0 +1,408 @@
+//! Adhesion after Johnson, Kendall and Roberts (1971, DOI 10.1098/rspa.1971.0141) of soft spheres, with Mindlin's friction.
+//!
+//! With the contact radius `a` and the work of adhesion `w = 2 √(γ_A γ_B)` per area [J/m²]
+//!
+//! `δ = a²/R* - √(2π w a / E*)`, `N = 4/3 E* a³/R* - √(8π w E* a³)`.
+//!
+//! Where surfaces touch, at `δ = 0`, the contact springs open to `a³ = 2π w R*²/E*` and pulls with `4/3 π w R*`. On the way out it
+//! outlives the overlap: it ends at the gap `3/4 (π² w² R*/E*²)^(1/3)`, where no `a` is left. What pulls bodies apart under a load must
+//! be `3/2 π w R*`. With `w = 0` it is Hertz.
+//!
+//! The stored energy `∫ N dδ = 8/15 E* a⁵/R*² - 2/3 √(8π w E*) a^(7/2)/R* + π w a²` is 0 without a contact. At the touch it falls at
+//! once, and at the end it is more than 0: both parts are lost, together `7.09 (w⁵ R*⁴/E*²)^(1/3)` (Thornton and Ning 1998, DOI
+//! 10.1016/S0032-5910(98)00099-0). They count as lost along the normal.
+//!
+//! # The radius from the overlap
+//!
+//! With `y = √(a/a_0)`, `a_0³ = 2π w R*²/E*` and `q = δ R*/a_0²` it is `y⁴ - y = q`. The resolvent `m³ + 4 q m = 1` has a
+//! simple root wherever there is a contact, which Newton's method finds; then `u = √m`, `y = (u + √(2/u - u²))/2`.
+//!
+//! # Beside it
+//!
+//! Dashpots and the tangential spring are those of Hertz with this `a`: `γ_n = 2 √(5/6) β √(2 E* a m*)`, `k_t = 8 G* a`. The restitution is
+//! that of the same bodies without adhesion; adhesion takes its part beside. Friction has its limit from `N + 2 · 3/2 π w R*`
+//! (Thornton 1991, DOI 10.1088/0022-3727/24/11/007).
+
+#![expect(clippy::inline_always, reason = "see `lanes`")]
+
+use super::{CONTACT_RADIUS, Elastic, Hertz, NORMAL_FORCE, TANGENTIAL_FORCE};
+use crate::contact::StateColumn;
+use crate::ids::MaterialId;
+use crate::lanes::{Lanes, Triple};
+use crate::law::kernel::{Action, Contact, Model, Spread, carried, reduced_mass};
+use crate::law::{Body, Hardest, dmt};
+use crate::particles::{Library, Needs};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// What a scene says of this law.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// What there is without adhesion. Its dashpots may attract.
+    pub elastic: super::Settings,
+    /// Surface energies of every pair of materials.
+    pub adhesion: dmt::Interactions,
+}
+
+impl Settings {
+    /// The farthest gap over which spheres up to a radius [m] hold on to each other or to a wall [m].
+    pub fn reach(&self, radius: f64) -> f64 {
+        reach(&self.elastic.interactions, &self.adhesion, radius)
+    }
+
+    /// The law of the bodies of a library.
+    pub(in crate::law) fn model(&self, library: &Library) -> Jkr {
+        Jkr::new(self.clone(), library)
+    }
+}
+
+/// See [`Settings::reach`].
+fn reach(elastic: &super::Interactions, adhesion: &dmt::Interactions, radius: f64) -> f64 {
+    let gap = elastic.iter().zip(adhesion.iter()).map(|(elastic, adhesion)| {
+        Sticking::of(elastic.modulus, radius, adhesion.surface_energy).gap()
+    });
+    gap.fold(0.0, f64::max)
+}
+
+/// Elastic spheres that stick to each other.
+#[derive(Clone, Debug)]
+pub(in crate::law) struct Jkr {
+    hertz: Hertz,
+    adhesion: dmt::Interactions,
+    /// Of the spheres of the scene [m].
+    reach: f64,
+    state: Vec<StateColumn>,
+}
+
+/// What adhesion makes of a contact.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::law) struct Sticking<L> {
+    /// `R*` [m].
+    radius: L,
+    /// `√(8π w E*)` [N/m^(3/2)].
+    pull: L,
+    /// `π w` [N/m].
+    work: L,
+    /// Contact radius where surfaces touch without load, `a_0`; 0 without adhesion [m].
+    size: L,
+    /// `a_0²/R*`; 1 without adhesion [m].
+    depth: L,
+}
+
+/// `q` where no contact is left: `-3/4 4^(-1/3)`.
+const END: f64 = -0.472_470_393_710_577_4;
+/// Steps of Newton's method: it takes five from the worst start to rounding.
+const STEPS: u32 = 7;
+
+impl Sticking<f64> {
+    /// With a modulus [Pa], a reduced radius [m] and a surface energy [J/m²].
+    fn of(modulus: f64, radius: f64, surface_energy: f64) -> Self {
+        let work = 2.0 * surface_energy;
+        let size = (2.0 * PI * work * radius * radius / modulus).cbrt();
+        let depth = if size > 0.0 { size * size / radius } else { 1.0 };
+        Self { radius, pull: (8.0 * PI * work * modulus).sqrt(), work: PI * work, size, depth }
+    }
+
+    /// The gap at which a contact ends [m].
+    fn gap(&self) -> f64 {
+        if self.size > 0.0 { -END * self.depth } else { 0.0 }
+    }
+}
+
+impl<L: Lanes> Sticking<L> {
+    /// The contact radius at an overlap [m].
+    #[inline(always)]
+    fn contact_radius(&self, overlap: L) -> L {
+        let (zero, one) = (L::all(0.0), L::all(1.0));
+        let end = L::all(END);
+        let part = overlap / self.depth;
+        let part = end.or(part, part.less(end));
+        let four = L::all(4.0) * part;
+        // From above the root.
+        let shallow = one - L::all(1.25) * part;
+        let deep = (one / four).or(one, one.less(four));
+        let mut m = deep.or(shallow, zero.less(part));
+        for _ in 0..STEPS {
+            let square = m * m;
+            m = (L::all(2.0) * square * m + one) / (L::all(3.0) * square + four);
+        }
+        let u = m.sqrt();
+        let rest = L::all(2.0) / u - m;
+        let rest = zero.or(rest, rest.less(zero));
+        let y = L::all(0.5) * (u + rest.sqrt());
+        let sticks = self.size * y * y;
+        sticks.or(super::root(self.radius * overlap), zero.less(self.size))
+    }
+
+    /// The normal force at a contact radius, with `4/3 E*` [N].
+    #[inline(always)]
+    fn press(&self, normal: L, radius: L) -> L {
+        radius * (normal * radius * radius / self.radius - self.pull * radius.sqrt())
+    }
+
+    /// The energy `∫ N dδ` [J].
+    #[inline(always)]
+    fn stored(&self, normal: L, radius: L) -> L {
+        let flat = radius * radius / self.radius;
+        let pulled = L::all(2.0 / 3.0) * self.pull * radius.sqrt() * radius * flat;
+        L::all(0.4) * normal * radius * flat * flat - pulled + self.work * radius * radius
+    }
+}
+
+/// Constants of a contact.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::law) struct Constants<L> {
+    /// For a root of the radius of 1, so that the contact radius stands for the root of the overlap.
+    elastic: Elastic<L>,
+    sticking: Sticking<L>,
+}
+
+impl<L: Lanes> Constants<L> {
+    /// Elastic energy in the normal and the tangential direction [J].
+    #[inline(always)]
+    fn stored(&self, radius: L, tangential: Triple<L>) -> [L; 2] {
+        let zero = L::all(0.0);
+        let stiffness = self.elastic.tangential * radius;
+        let sheared = L::all(0.5) * tangential.dot(tangential) / stiffness;
+        [self.sticking.stored(self.elastic.normal, radius), sheared.or(zero, zero.less(stiffness))]
+    }
+}
+
+/// Constants without adhesion.
+struct OfElastic<'a, S>(&'a S);
+
+impl<L, S: Spread<Constants<f64>, L>> Spread<Elastic<f64>, L> for OfElastic<'_, S> {
+    #[inline(always)]
+    fn of(&self, get: impl Fn(&Elastic<f64>) -> f64) -> L {
+        self.0.of(|constants| get(&constants.elastic))
+    }
+}
+
+impl Jkr {
+    fn new(settings: Settings, library: &Library) -> Self {
+        let reach = settings.reach(library.largest_radius());
+        let Settings { elastic, adhesion } = settings;
+        let hertz = Hertz::new(elastic, library);
+        let columns = [
+            (hertz.frictional, TANGENTIAL_FORCE),
+            (hertz.damped, NORMAL_FORCE),
+            (true, CONTACT_RADIUS),
+        ];
+        let state = columns.into_iter().filter(|(is_in, _)| *is_in).map(|(_, c)| c).collect();
+        Self { hertz, adhesion, reach, state }
+    }
+
+    /// Of two bodies.
+    fn sticking(&self, a: &Body, b: &Body) -> Sticking<f64> {
+        let modulus = self.hertz.settings.interactions.of(a.material, b.material).modulus;
+        let energy = self.adhesion.of(a.material, b.material).surface_energy;
+        Sticking::of(modulus, 1.0 / (1.0 / a.radius + 1.0 / b.radius), energy)
+    }
+}
+
+impl Model for Jkr {
+    type Constants<L: Lanes> = Constants<L>;
+
+    const FACES: bool = false;
+
+    fn name(&self) -> &'static str {
+        if self.hertz.frictional { "jkr-mindlin" } else { "jkr" }
+    }
+
+    /// Energy is lost whenever bodies meet or leave.
+    fn needs(&self) -> Needs {
+        Needs { velocity: true, ..self.hertz.needs() }
+    }
+
+    fn state(&self) -> &[StateColumn] {
+        &self.state
+    }
+
+    fn constants(&self, a: &Body, b: &Body) -> Constants<f64> {
+        let elastic = self.hertz.settings.interactions.of(a.material, b.material);
+        Constants {
+            elastic: Elastic::of(elastic, 1.0, reduced_mass(a, b)),
+            sticking: self.sticking(a, b),
+        }
+    }
+
+    #[inline(always)]
+    fn spread<L: Lanes>(of: &impl Spread<Constants<f64>, L>) -> Constants<L> {
+        Constants {
+            elastic: Hertz::spread(&OfElastic(of)),
+            sticking: Sticking {
+                radius: of.of(|c| c.sticking.radius),
+                pull: of.of(|c| c.sticking.pull),
+                work: of.of(|c| c.sticking.work),
+                size: of.of(|c| c.sticking.size),
+                depth: of.of(|c| c.sticking.depth),
+            },
+        }
+    }
+
+    #[inline(always)]
+    fn dissipates<L: Lanes>(&self, constants: &Constants<L>) -> [u8; 2] {
+        let [dashed, rubbed] = self.hertz.dissipates(&constants.elastic);
+        [dashed | L::all(0.0).less(constants.sticking.size), rubbed]
+    }
+
+    #[inline(always)]
+    fn last<L: Lanes>(&self, constants: &Constants<L>, _overlap: L, state: &[L]) -> Action<L> {
+        let radius = state[state.len() - 1];
+        let tangential = self.hertz.tangential(state);
+        let press = if self.hertz.damped {
+            state[state.len() - 2]
+        } else {
+            constants.sticking.press(constants.elastic.normal, radius)
+        };
+        Action {
+            press,
+            rub: tangential,
+            viscous: Triple::zero(),
+            moment: Triple::zero(),
+            stored: constants.stored(radius, tangential),
+        }
+    }
+
+    fn is_viscous(&self) -> bool {
+        self.hertz.is_viscous()
+    }
+
+    #[inline(always)]
+    fn act<L: Lanes>(
+        &self,
+        constants: &Constants<L>,
+        contact: &Contact<L>,
+        state: &mut [L],
+    ) -> Action<L> {
+        let zero = Triple::zero();
+        let Constants { elastic, sticking } = constants;
+        let width = state.len();
+        let radius = sticking.contact_radius(contact.overlap);
+        let mut press = sticking.press(elastic.normal, radius);
+        if self.hertz.damped {
+            press = press + elastic.dashpots[0] * radius.sqrt() * contact.approach;
+        }
+        let (mut spring, mut rub) = (zero, zero);
+        let frictional = elastic.frictional();
+        if frictional != 0 {
+            let carried = carried(self.hertz.tangential(state), contact);
+            let limiting = press + L::all(3.0) * sticking.work * sticking.radius;
+            let last = (carried, Some(state[width - 1]));
+            let [force, stretched] = self.hertz.rub(elastic, contact, (radius, limiting), last);
+            let now = if contact.dt > 0.0 { stretched } else { carried };
+            spring = now.or(zero, frictional);
+            rub = force.or(zero, frictional);
+        }
+        if self.hertz.frictional {
+            [state[0], state[1], state[2]] = [spring.x, spring.y, spring.z];
+        }
+        if self.hertz.damped {
+            state[width - 2] = press;
+        }
+        state[width - 1] = radius;
+        Action {
+            press,
+            rub,
+            viscous: rub.minus(spring),
+            moment: zero,
+            stored: constants.stored(radius, spring),
+        }
+    }
+
+    #[inline(always)]
+    fn elastic<L: Lanes>(&self, constants: &Constants<L>, overlap: L) -> L {
+        let Constants { elastic, sticking } = constants;
+        sticking.press(elastic.normal, sticking.contact_radius(overlap))
+    }
+
+    /// `dN/dδ` is at most `2 E* a`, that of Hertz at the same radius.
+    fn stiffness(&self, constants: &Constants<f64>, overlap: f64, dt: f64) -> f64 {
+        let Constants { elastic, sticking } = constants;
+        let radius = sticking.contact_radius(overlap);
+        1.5 * elastic.normal * radius + elastic.dashpots[0] * radius.sqrt() / dt
+    }
+
+    /// On a plane, at the largest overlap that is expected.
+    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
+        let elastic = self.hertz.settings.interactions.of_material(body.material);
+        let adhesion = self.adhesion.of_material(body.material);
+        let overlap = self.hertz.settings.largest_overlap * body.radius;
+        let radii = elastic.iter().zip(adhesion).map(|(elastic, adhesion)| {
+            Sticking::of(elastic.modulus, body.radius, adhesion.surface_energy)
+                .contact_radius(overlap)
+        });
+        super::hardest(elastic.iter().zip(radii), reduced_mass)
+    }
+
+    fn hardest_up_to(&self) -> Option<f64> {
+        self.hertz.hardest_up_to()
+    }
+
+    fn reach(&self, library: &Library) -> f64 {
+        reach(&self.hertz.settings.interactions, &self.adhesion, library.largest_radius())
+    }
+
+    fn outlives(&self, constants: &Constants<f64>) -> f64 {
+        constants.sticking.gap()
+    }
+
+    fn words(&self, a: MaterialId, b: MaterialId) -> String {
+        let dmt::Constants { surface_energy } = *self.adhesion.of(a, b);
+        let elastic = self.hertz.words(a, b);
+        format!("{elastic}, surface energy {surface_energy} J/m2 (adhesion of JKR)")
+    }
+
+    fn limits(&self) -> Vec<String> {
+        vec![format!("contacts outlive the overlap, up to a gap of {:.3e} m", self.reach)]
+    }
+
+    fn left_out(&self) -> Vec<&'static str> {
+        self.hertz.left_out()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{END, Sticking};
+
+    /// The radius gives back its overlap: from the last gap to where Hertz takes over.
+    #[test]
+    fn the_radius_is_that_of_the_overlap() {
+        let (modulus, radius, surface_energy) = (5e8, 1e-4, 0.05);
+        let sticking = Sticking::of(modulus, radius, surface_energy);
+        for k in 0..8000 {
+            let part = END + 1e-9 * 1.007_f64.powi(k);
+            let overlap = part * sticking.depth;
+            let a = sticking.contact_radius(overlap);
+            let back = a * a / radius - (2.0 * std::f64::consts::PI * 0.1 * a / modulus).sqrt();
+            let scale = overlap.abs().max(sticking.depth);
+            assert!((back - overlap).abs() < 1e-14 * scale, "{part}: {back:e}, {overlap:e}");
+            let press = sticking.press(4.0 / 3.0 * modulus, a);
+            if part > 1e8 {
+                let of_hertz = 4.0 / 3.0 * modulus * (radius * overlap).sqrt() * overlap;
+                assert!((press / of_hertz - 1.0).abs() < 1e-5, "{press:e} N, {of_hertz:e} N");
+            }
+        }
+    }
+
+    /// The force is the derivative of the energy.
+    #[test]
+    fn the_energy_is_the_integral_of_the_force() {
+        let (modulus, radius) = (5e8, 1e-4);
+        let sticking = Sticking::of(modulus, radius, 0.05);
+        let normal = 4.0 / 3.0 * modulus;
+        let energy =
+            |part: f64| sticking.stored(normal, sticking.contact_radius(part * sticking.depth));
+        for part in [-0.4_f64, -0.2, 0.1, 1.0, 10.0, 1000.0] {
+            let step = 1e-4 * f64::max(part.abs(), 0.1);
+            let slope = (energy(part + step) - energy(part - step)) / (2.0 * step * sticking.depth);
+            let press = sticking.press(normal, sticking.contact_radius(part * sticking.depth));
+            assert!((slope / press - 1.0).abs() < 1e-5, "{part}: {slope:e} N, {press:e} N");
+        }
+        // Thornton and Ning's constant.
+        let lost = energy(END) - energy(0.0);
+        let scale = (0.1_f64.powi(5) * radius.powi(4) / modulus.powi(2)).cbrt();
+        assert!((lost / scale - 7.09).abs() < 0.005, "{}", lost / scale);
+    }
+}

@@ -1,0 +1,71 @@
+//! The stable limit of laws that stiffen with load, while a run goes on: it falls with the fourth root of the overlap.
+
+use super::Simulation;
+use super::watch::{Fault, over_the_limit};
+use crate::law::stability::time_step_limit;
+
+/// The limit that the step was found for, and what has become of it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stiffening {
+    /// The overlap over the radius of the smaller body up to which the limit holds [-].
+    meant: f64,
+    /// The limit there [s].
+    limit: f64,
+    /// The time step [s].
+    dt: f64,
+    /// May the step be over the limit?
+    allowed: bool,
+    /// Has been warned of: an overlap beyond; a step over the limit.
+    warned: [bool; 2],
+}
+
+impl Stiffening {
+    /// `None` of laws whose contacts are as stiff at any load.
+    pub(super) fn of(sim: &Simulation, allowed: bool) -> Option<Self> {
+        let meant = sim.law.hardest_up_to()?;
+        let limit = time_step_limit(&sim.particles.library, &*sim.law)?.dt;
+        Some(Self { meant, limit, dt: sim.dt, allowed, warned: [false; 2] })
+    }
+
+    /// The stable limit with contacts that overlap by this part of the radius [s]: stiffness grows with the root of the overlap, and
+    /// dashpots with the root of the stiffness.
+    fn limit_at(&self, overlap: f64) -> f64 {
+        self.limit * (self.meant / overlap).powf(0.25)
+    }
+
+    /// A sentence about an overlap over the radius, if it is beyond what was meant.
+    pub(super) fn words(&self, overlap: f64) -> Option<String> {
+        let Self { meant, dt, .. } = *self;
+        let limit = self.limit_at(overlap);
+        if overlap <= meant {
+            None
+        } else if dt <= limit {
+            Some(format!(
+                "the time step of {dt:.3e} s is still below the stable limit, which fell to {limit:.3e} s where an overlap of \
+                 {overlap:.3} of the radius made contacts stiffer than at law.largest_overlap = {meant}: set that to what will come"
+            ))
+        } else {
+            Some(over_the_limit(dt, limit, overlap))
+        }
+    }
+
+    /// A warning, the first time that an overlap over the radius is beyond what was meant, and the first time that the step is over
+    /// the limit.
+    ///
+    /// # Errors
+    /// If it is over the limit and may not be.
+    pub(super) fn check(&mut self, overlap: f64) -> Result<Option<String>, Fault> {
+        let limit = self.limit_at(overlap);
+        let is_over = overlap > self.meant && self.dt > limit;
+        if is_over && !self.allowed {
+            return Err(Fault::Stiff { dt: self.dt, limit, overlap });
+        }
+        let warned = &mut self.warned[usize::from(is_over)];
+        if *warned {
+            return Ok(None);
+        }
+        let words = self.words(overlap);
+        self.warned[usize::from(is_over)] = words.is_some();
+        Ok(words)
+    }
+}
