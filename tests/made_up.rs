@@ -38,6 +38,7 @@ impl Numbers {
 pub(crate) fn header(step: u64) -> Header {
     let mut n = Numbers(step);
     Header {
+        triangles: Vec::new(),
         step,
         time: n.next(),
         dt: n.next(),

@@ -16,6 +16,7 @@ mod kinds;
 mod laws;
 mod layers;
 mod made_up;
+mod meshes;
 mod motion;
 mod other_codes;
 mod overlap;

@@ -66,11 +66,8 @@ pub(crate) struct Pose<'a> {
 
 impl Pose<'_> {
     pub(crate) fn bodies(&self) -> [Posed<'_>; 2] {
-        [0, 1].map(|k| Posed {
-            shape: self.shapes[k],
-            frame: &self.frames[k],
-            scale: self.scales[k],
-        })
+        [0, 1]
+            .map(|k| Posed { scale: self.scales[k], ..Posed::new(self.shapes[k], &self.frames[k]) })
     }
 
     pub(crate) fn thickness(&self) -> Option<Thickness> {

@@ -48,6 +48,7 @@ pub(crate) fn header(
     particles: usize,
 ) -> Header {
     Header {
+        triangles: Vec::new(),
         step: 1000,
         time: 0.01,
         dt: 1e-5,

@@ -116,6 +116,35 @@ fn solids_are_read() -> Result<()> {
     Ok(())
 }
 
+/// A step of the program's own, and steps that make up a duration.
+#[test]
+fn steps_and_duration() -> Result<()> {
+    let path = Path::new("tests/scenes/good/solids.toml");
+    let scene = Scene::read(path, &[])?;
+    let part = scene.dt / scene.time_step_limit().unwrap().dt;
+    assert!((0.75..0.85).contains(&part), "{part} of the limit");
+    let time = scene.steps as f64 * scene.dt;
+    assert!((1e-3 * (1.0 - 1e-9)..1e-3 + scene.dt).contains(&time), "{time} s");
+
+    let read = |overrides: &[&str]| {
+        let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
+        Scene::read(path, &overrides).map_err(|error| error.to_string())
+    };
+    // A whole number of steps, though the quotient of the decimal numbers is not.
+    let scene = read(&["time.step=1e-6", "time.duration=7e-6"]).unwrap();
+    assert_eq!((scene.dt, scene.steps), (1e-6, 7));
+    for (overrides, message) in [
+        (&["time.steps=5"][..], "give either `steps` or `duration`, not both"),
+        (&["time.step=automatic"], "no such choice (allowed: auto)"),
+        (&["time.duration=1e30"], "is more steps than can be counted"),
+        (&["time.step=1e-3"], "step = \"auto\""),
+    ] {
+        let error = read(overrides).unwrap_err();
+        assert!(error.contains(message), "{overrides:?}: {error}");
+    }
+    Ok(())
+}
+
 /// Whatever stands behind a key, the answer is a scene or a list of mistakes, never a panic.
 #[test]
 fn odd_values_never_panic() -> Result<()> {

@@ -144,9 +144,8 @@ impl Twice {
 
     fn by_scale(&self) -> [Posed<'_>; 2] {
         let posed = |k: usize| Posed {
-            shape: &self.shapes[k],
-            frame: &self.frames[k],
             scale: self.scales[k],
+            ..Posed::new(&self.shapes[k], &self.frames[k])
         };
         [posed(0), posed(1)]
     }
@@ -265,7 +264,7 @@ fn a_scaled_body_on_a_wall() {
             let (large, level) = (scaled(grain, 2.0), Mat3::identity());
             let ground = Posed::new(&wall, &level);
             let by_shape = Posed::new(&large, &frame);
-            let by_scale = Posed { shape: &small, frame: &frame, scale: 2.0 };
+            let by_scale = Posed { scale: 2.0, ..Posed::new(&small, &frame) };
             let r = by_shape.support(&-Vec3::z()) + Vec3::z() * 1e-5;
             let resolver = table.get((grain.kind(), Kind::HalfSpace)).unwrap();
             let [s, t] = [by_scale, by_shape].map(|body| resolver.touch(&body, &ground, &r, None));

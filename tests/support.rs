@@ -226,6 +226,8 @@ pub(crate) fn scaled(shape: &Shape, unit: f64) -> Shape {
             let solid = RoundedPolyhedron::new(&times(p.core().vertices()), p.radius() * unit);
             Shape::RoundedPolyhedron(Box::new(solid.expect("a body")))
         }
-        Shape::Other(_) | Shape::HalfSpace(_) => unreachable!("no grain of a scene"),
+        Shape::Other(_) | Shape::HalfSpace(_) | Shape::TriangleMesh(_) => {
+            unreachable!("no grain of a scene")
+        }
     }
 }

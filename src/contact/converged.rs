@@ -16,6 +16,7 @@ use super::half_space::AgainstHalfSpace;
 use super::overlap::thickness;
 use super::smooth_common_normal::SmoothCommonNormal;
 use super::sphere_sphere::SphereSphere;
+use super::triangle_mesh::AgainstTriangleMesh;
 use super::{ContactResolver, Outcome, Posed, Touch, Why};
 use crate::math::{Mat3, Vec3};
 use crate::shape::Kind;
@@ -37,6 +38,8 @@ pub enum Converged {
     Spheres,
     /// Of any body and a plane.
     Plane,
+    /// Of any body and a facet of a triangle mesh.
+    Facet,
     /// Of two ellipsoids or spheres.
     Ellipsoids,
     /// Of other bodies without edges.
@@ -66,6 +69,7 @@ impl Converged {
             (_, Kind::HalfSpace, Definition::Thickness) => Self::SharedWithPlane,
             (_, _, Definition::Thickness) => Self::Shared,
             (_, Kind::HalfSpace, _) => Self::Plane,
+            (_, Kind::TriangleMesh, _) => Self::Facet,
             (Kind::Sphere, Kind::Sphere, _) => Self::Spheres,
             _ if a.is_ellipsoidal() && b.is_ellipsoidal() => Self::Ellipsoids,
             _ if a.is_smooth() && b.is_smooth() => Self::Smooth,
@@ -82,6 +86,7 @@ impl Converged {
         match self {
             Self::Spheres | Self::Plane => "the closed form",
             Self::Ellipsoids | Self::Smooth => "the common normal",
+            Self::Facet => "faces, edges, corners",
             Self::Cores => "the distance of the cores",
             Self::CurvedCores | Self::Edges => "EPA to 1e-12",
             Self::Shared => "the thickness, A and B exchanged",
@@ -101,6 +106,7 @@ impl Converged {
         match self {
             Self::Spheres => SphereSphere.touch(a, b, r, None),
             Self::Plane => AgainstHalfSpace.touch(a, b, r, None),
+            Self::Facet => AgainstTriangleMesh::default().touch(a, b, r, None),
             Self::Shared | Self::SharedWithPlane => shared(a, b, r),
             Self::Ellipsoids => by_epa(a, b, r, SMOOTH, |start| CommonNormal.touch(a, b, r, start)),
             Self::Smooth => {

@@ -87,7 +87,7 @@ mod tests {
     use super::AgainstHalfSpace;
     use crate::cell::Cell;
     use crate::contact::in_lanes::InLanes;
-    use crate::contact::{Batch, Bodies, ContactResolver, Found, Pair, resolve_each};
+    use crate::contact::{Batch, Bodies, ContactResolver, FacetInPlace, Found, Pair, resolve_each};
     use crate::ids::{ShapeId, Slot};
     use crate::lanes::Portable;
     use crate::math::{Mat3, Vec3};
@@ -127,7 +127,8 @@ mod tests {
         let bodies = Bodies {
             position: &position,
             quaternion: None,
-            facets: &[Mat3::identity(), turned.to_rotation_matrix().into_inner()],
+            facets: &[Mat3::identity(), turned.to_rotation_matrix().into_inner()]
+                .map(|frame| FacetInPlace { frame, number: 0 }),
             form: None,
             shape: &shape,
             library: &library,

@@ -1,8 +1,8 @@
 //! Which resolver serves which pair: the one place that names them all.
 
 use super::{
-    AgainstHalfSpace, Chain, CommonNormal, ContactResolver, Cores, Epa, ErodedGjk, Overlap,
-    SeededCommonNormal, SmoothCommonNormal, SphereSphere, Table,
+    AgainstHalfSpace, AgainstTriangleMesh, Chain, CommonNormal, ContactResolver, Cores, Epa,
+    ErodedGjk, Overlap, SeededCommonNormal, SmoothCommonNormal, SphereSphere, Table,
 };
 use crate::shape::Kind;
 use serde::{Deserialize, Serialize};
@@ -103,7 +103,7 @@ fn table_of(kinds: &[Kind], resolver: impl Fn(Kind, Kind) -> Box<dyn ContactReso
     let mut table = Table::new();
     for (i, &a) in Kind::ALL.iter().enumerate().filter(|(_, kind)| kinds.contains(kind)) {
         for &b in Kind::ALL[i..].iter().filter(|kind| kinds.contains(kind)) {
-            if (a, b) != (Kind::HalfSpace, Kind::HalfSpace) {
+            if !(a.is_of_walls() && b.is_of_walls()) {
                 table.insert((a, b), resolver(a, b));
             }
         }
@@ -114,6 +114,7 @@ fn table_of(kinds: &[Kind], resolver: impl Fn(Kind, Kind) -> Box<dyn ContactReso
 fn by_depth(method: &Method, a: Kind, b: Kind) -> Box<dyn ContactResolver> {
     match (a, b) {
         (_, Kind::HalfSpace) => Box::new(AgainstHalfSpace),
+        (_, Kind::TriangleMesh) => Box::new(AgainstTriangleMesh::default()),
         (Kind::Sphere, Kind::Sphere) => Box::new(SphereSphere),
         _ => Box::new(method.chain(a, b)),
     }

@@ -34,6 +34,7 @@ mod polish;
 mod record;
 mod smooth_common_normal;
 mod sphere_sphere;
+mod triangle_mesh;
 
 pub use clearance::clearance;
 pub use common_normal::{CommonNormal, SeededCommonNormal};
@@ -48,6 +49,7 @@ pub use overlap::{Overlap, Thickness, thickness};
 pub use record::{ContactRecord, ContactRecords, Geometry, StateColumn};
 pub use smooth_common_normal::SmoothCommonNormal;
 pub use sphere_sphere::SphereSphere;
+pub use triangle_mesh::AgainstTriangleMesh;
 
 use crate::cell::Cell;
 use crate::ids::{ShapeId, Slot};
@@ -150,13 +152,24 @@ pub struct Posed<'a> {
     pub frame: &'a Mat3,
     /// Lengths of the body over those of the shape [-].
     pub scale: f64,
+    /// Which facet of a triangle mesh; 0 of all else.
+    pub facet: u32,
+}
+
+/// Where a facet of a wall stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FacetInPlace {
+    /// Columns are the axes of the wall in the world.
+    pub frame: Mat3,
+    /// Its number within the wall.
+    pub number: u32,
 }
 
 impl<'a> Posed<'a> {
     /// A body of the size of its shape.
     #[inline]
     pub const fn new(shape: &'a Shape, frame: &'a Mat3) -> Self {
-        Self { shape, frame, scale: 1.0 }
+        Self { shape, frame, scale: 1.0, facet: 0 }
     }
 
     /// Farthest point along `direction`, in world axes, seen from the body's centre [m].
@@ -435,6 +448,18 @@ impl Touching {
         }
     }
 
+    /// Keeps some of them.
+    pub(crate) fn keep(&mut self, stays: &[bool]) {
+        fn keep<T>(column: &mut Vec<T>, stays: &[bool]) {
+            let mut stays = stays.iter();
+            column.retain(|_| stays.next() == Some(&true));
+        }
+        keep(&mut self.pair, stays);
+        keep(&mut self.geometry, stays);
+        keep(&mut self.point, stays);
+        keep(&mut self.patch, stays);
+    }
+
     fn clear(&mut self) {
         self.pair.clear();
         self.geometry.clear();
@@ -458,8 +483,8 @@ pub struct Bodies<'a> {
     pub position: &'a [Vec3],
     /// Rotations from body to world of all but facets, which come last; `None` if all are spheres.
     pub quaternion: Option<&'a [Quat]>,
-    /// Axes of the walls of all facets in the world, as columns.
-    pub facets: &'a [Mat3],
+    /// All facets of walls.
+    pub facets: &'a [FacetInPlace],
     /// Matrices of ellipsoids and spheres in place, see [`Form`]; `None` if no method asked for them.
     pub form: Option<&'a [Form]>,
     /// Shape of each body.
@@ -506,9 +531,14 @@ impl Bodies<'_> {
         if let Some(quaternion) = quaternion {
             return quaternion.to_rotation_matrix().into_inner();
         }
+        self.facet(slot).map_or_else(Mat3::identity, |facet| facet.frame)
+    }
+
+    /// A facet of a wall; `None` of a particle.
+    #[inline]
+    fn facet(&self, slot: Slot) -> Option<&FacetInPlace> {
         let first = self.shape.len() - self.facets.len();
-        let facet = slot.index().checked_sub(first).and_then(|facet| self.facets.get(facet));
-        facet.copied().unwrap_or_else(Mat3::identity)
+        slot.index().checked_sub(first).and_then(|facet| self.facets.get(facet))
     }
 
     /// Both of a pair.
@@ -526,7 +556,8 @@ impl Bodies<'_> {
     /// A body in place, with its [`Bodies::frame`].
     #[inline]
     pub fn posed_body<'b>(&'b self, slot: Slot, frame: &'b Mat3) -> Posed<'b> {
-        Posed { shape: self.shape_of(slot), frame, scale: self.scale_of(slot) }
+        let facet = self.facet(slot).map_or(0, |facet| facet.number);
+        Posed { shape: self.shape_of(slot), frame, scale: self.scale_of(slot), facet }
     }
 }
 

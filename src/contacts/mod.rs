@@ -4,6 +4,8 @@
 //! resolvers say what touches, [`Contacts::arrange`] puts that in order beside what was remembered, and in
 //! [`Contacts::compute_forces`] a law finds the forces, and the new columns take the place of the old.
 
+mod surfaces;
+
 use crate::contact::curvature::{self, Curvature};
 use crate::contact::{
     Batch, ContactRecord, ContactRecords, Found, Geometry, Pair, Patch, Previous, StateColumn,
@@ -344,12 +346,16 @@ impl Contacts {
         stretch: usize,
         pairs: &[Pair],
         touching: &mut Touching,
-        needs: Needs,
+        particles: &Particles,
     ) {
+        let on_meshes = surfaces::has_meshes(pairs, particles);
+        if on_meshes {
+            surfaces::merge(touching, pairs, particles);
+        }
         if touching.pair.is_sorted() {
             self.now.swap(touching);
         } else {
-            self.sort(pairs.len(), touching, needs);
+            self.sort(pairs.len(), touching, particles.needs);
         }
         let Self { stretches, now, from, separated, .. } = self;
         if !fits(now, now.numbers.len()) {
@@ -371,6 +377,11 @@ impl Contacts {
             from.push(same.map_or(Previous::NONE, |(_, place)| Previous::at(place)));
         }
         separated.extend(rest.map(|(_, place)| Separated { place, before: from.len() }));
+        if on_meshes {
+            let (now, before) =
+                ((&*now.pairs, &*now.geometry), (&*before.pairs, &*before.geometry));
+            surfaces::pass_on(now, before, from, separated, particles);
+        }
     }
 
     /// Puts what touches in the order of pairs, of which there are so many.
@@ -635,7 +646,7 @@ mod tests {
             found.pair.extend(&touching.pair);
             found.geometry.extend(&touching.geometry);
             found.point.extend(&touching.point);
-            contacts.arrange(0, pairs, &mut found, particles.needs);
+            contacts.arrange(0, pairs, &mut found, &particles);
             let now = &contacts.now;
             let numbers: Vec<u32> = (0..pairs.len() as u32).step_by(2).collect();
             assert_eq!(now.numbers, numbers);

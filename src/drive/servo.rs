@@ -554,8 +554,9 @@ impl Drive for Servos {
         };
         let warning = |(servo, late): (&Servo, Errors)| {
             format!(
-                "wall {} has not kept its stress: over 2 % off in the mean. {}",
+                "wall {} has not kept its stress: {:.1} % off in the mean of the last fifth of the steps. {}",
                 servo.names(walls),
+                100.0 * late.mean_size(),
                 if late.of_mean().abs() > 0.5 * late.mean_size() {
                     "Give it more steps, a higher `max_speed`, or grains that can bear the stress"
                 } else {

@@ -5,6 +5,7 @@
 //! | [`start`] | from nothing to a first scene of one's own |
 //! | [`scenes`] | what a scene is made of: grains, walls, servos, shear, stages |
 //! | [`models`] | shapes, contact methods, laws, walls, servos: formulas, units, sources |
+//! | [`walls`] | planes and surfaces of triangles: what a grain touches, what a file must have |
 //! | [`laws`] | rolling, twisting, adhesion, and where energy goes |
 //! | [`choose`] | time step, contact method, stiffness: what the studies found |
 //! | [`parallel`] | ranks, clusters, restarts, and how to look for a fault |
@@ -25,6 +26,9 @@ pub mod scenes {}
 
 #[doc = include_str!("models.md")]
 pub mod models {}
+
+#[doc = include_str!("walls.md")]
+pub mod walls {}
 
 #[doc = include_str!("laws.md")]
 pub mod laws {}

@@ -370,6 +370,18 @@ pub enum Choice {
 }
 
 impl Choice {
+    /// The highest coefficient of friction of two materials.
+    pub fn highest_friction(&self) -> f64 {
+        match self {
+            Self::Linear(law) => law.interactions.iter().map(|c| c.friction).fold(0.0, f64::max),
+            Self::Hertz(law) => law.interactions.iter().map(|c| c.friction).fold(0.0, f64::max),
+            Self::With(forces, _) => forces.highest_friction(),
+            Self::Jkr(law) => {
+                law.elastic.interactions.iter().map(|c| c.friction).fold(0.0, f64::max)
+            }
+        }
+    }
+
     /// Has it springs against rolling and twisting?
     pub const fn resists_turning(&self) -> bool {
         matches!(self, Self::With(_, Beside { turning: Some(_), .. }))

@@ -34,6 +34,8 @@ pub struct Header {
     pub gravity: Vec3,
     /// The walls, in the order of their ids.
     pub walls: Vec<WallRow>,
+    /// The triangles of all walls that have any, one wall after the other: the corners of each, in the axes of its wall [m].
+    pub triangles: Vec<[f64; 9]>,
     /// What drives have saved, by name.
     pub drives: Vec<SavedState>,
     /// The shapes, in the order of their ids.
@@ -48,6 +50,19 @@ impl Header {
         let scene: toml::Table = self.scene.parse().ok()?;
         let title = scene.get("title")?.as_str()?.trim();
         (!title.is_empty()).then(|| title.to_owned())
+    }
+
+    /// The triangles of each wall in place [m].
+    pub fn triangles_in_place(&self) -> Vec<(usize, [Vec3; 3])> {
+        let mut rest = self.triangles.iter();
+        let mut all = Vec::new();
+        for (k, body) in
+            self.walls.iter().enumerate().filter_map(|(k, w)| Some((k, w.body.as_ref()?)))
+        {
+            let own = rest.by_ref().take(body.triangles());
+            all.extend(own.map(|corners| (k, body.in_place(corners))));
+        }
+        all
     }
 
     /// The walls of one plane, which may end a packing.

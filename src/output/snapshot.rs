@@ -132,6 +132,8 @@ const WALL_VELOCITY: Column = column("/walls/velocity", 3, "m/s");
 const WALL_FORCE: Column = column("/walls/force", 3, "N");
 /// Null of a wall that is no more than one plane; not there if all are.
 const WALL_BODY: Column = column("/walls/body", 1, "");
+/// The corners of all triangles, in the axes of their walls; not there without triangles.
+const WALL_TRIANGLES: Column = column("/walls/triangles", 9, "m");
 const SHAPE_NAME: Column = column("/shapes/name", 1, "");
 const SHAPE_KIND: Column = column("/shapes/kind", 1, "");
 const SHAPE_SEMI_AXES: Column = column("/shapes/semi_axes", 3, "m");
@@ -608,6 +610,7 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
         cell,
         gravity,
         walls,
+        triangles,
         drives,
         shapes,
         scene,
@@ -662,6 +665,9 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
         let bodies: Result<Vec<String>, _> = walls.iter().map(json).collect();
         let bodies = bodies.expect("a body can be stored");
         file.texts(&WALL_BODY, &bodies.iter().map(|body| &**body).collect::<Vec<_>>())?;
+    }
+    if !triangles.is_empty() {
+        file.table(&WALL_TRIANGLES, triangles.as_flattened())?;
     }
 
     for SavedState { drive, columns } in drives {
@@ -797,6 +803,12 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
         cell,
         gravity: vector("/run", "gravity")?,
         walls: walls.collect(),
+        triangles: if file.has(WALL_TRIANGLES.place) {
+            let rows = file.count(WALL_TRIANGLES.place)?;
+            file.rows::<f64>(&WALL_TRIANGLES, 0..rows)?.as_chunks().0.to_vec()
+        } else {
+            Vec::new()
+        },
         drives: read_drives(file)?,
         shapes: shapes.collect(),
         scene: file.texts(&SCENE)?.concat(),

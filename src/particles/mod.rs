@@ -10,7 +10,7 @@ pub mod sizes;
 pub mod walls;
 
 use crate::cell::Cell;
-use crate::contact::{Bodies, Pair, Posed};
+use crate::contact::{Bodies, FacetInPlace, Pair, Posed};
 use crate::ids::{GlobalId, MaterialId, ShapeId, Slot};
 use crate::math::{Mat3, Quat, Vec3, Vec3AndNumber};
 use crate::shape::{Form, Shape};
@@ -173,7 +173,7 @@ impl Orientation {
         self.quaternion[slot] = quaternion;
         if let Some(form) = self.form.get_mut(slot) {
             let frame = quaternion.to_rotation_matrix().into_inner();
-            *form = Posed { shape, frame: &frame, scale }.form();
+            *form = Posed { scale, ..Posed::new(shape, &frame) }.form();
         }
     }
 
@@ -242,11 +242,17 @@ pub struct Particles {
     pub walls: Vec<Wall>,
     /// Of their facets.
     pub facets: FacetColumns,
+    /// The facets of meshes that have slots, those near the owned particles when the pairs were listed, in rising order.
+    pub near_facets: Vec<GlobalId>,
 }
 
 impl Particles {
     /// No particles yet, only walls.
-    pub fn new(needs: Needs, library: Library, walls: Vec<Wall>, cell: Cell) -> Self {
+    pub fn new(needs: Needs, mut library: Library, walls: Vec<Wall>, cell: Cell) -> Self {
+        for mesh in walls.iter().filter_map(|wall| wall.mesh.as_ref()) {
+            // A scene that came from another rank has each surface twice.
+            library.shapes[mesh.shape.index()] = Shape::TriangleMesh(mesh.surface.clone());
+        }
         let mut particles = Self {
             needs,
             library,
@@ -267,6 +273,7 @@ impl Particles {
             cell,
             walls,
             facets: FacetColumns::default(),
+            near_facets: Vec::new(),
         };
         particles.append_walls();
         particles
@@ -297,7 +304,7 @@ impl Particles {
             position: &self.position,
             quaternion: self.orientation.as_ref().map(|a| &a.quaternion[..]),
             form: self.orientation.as_ref().filter(|_| self.needs.form).map(|a| &a.form[..]),
-            facets: &self.facets.frame,
+            facets: &self.facets.place,
             shape: &self.shape,
             library: &self.library.shapes,
             curvature_radius: &self.library.curvature_radius,
@@ -326,12 +333,8 @@ impl Particles {
     /// What messages call a body.
     pub fn body_name(&self, id: GlobalId) -> String {
         let Some((wall, facet)) = id.wall_and_facet() else { return format!("particle {id}") };
-        let Wall { name, facets, .. } = &self.walls[wall];
-        if facets.len() > 1 {
-            format!("plane {facet} of wall \"{name}\"")
-        } else {
-            format!("wall \"{name}\"")
-        }
+        let wall = &self.walls[wall];
+        format!("{}wall \"{}\"", wall.facet_name(facet), wall.name)
     }
 
     /// Lengths of a body over those of its shape [-].
@@ -599,6 +602,13 @@ impl Particles {
                 self.facets.wall.push(k as u32);
             }
         }
+        for &id in &self.near_facets {
+            let Some((wall, _)) = id.wall_and_facet() else { continue };
+            let Some(mesh) = &self.walls[wall].mesh else { continue };
+            self.id.push(id);
+            self.shape.push(mesh.shape);
+            self.facets.wall.push(wall as u32);
+        }
         let slots = self.id.len();
         if self.needs.scale {
             self.scale.resize(slots, 1.0);
@@ -608,20 +618,23 @@ impl Particles {
         if let Some(spin) = &mut self.spin {
             spin.angular_velocity.resize(slots, Vec3::zeros());
         }
-        self.facets.frame.resize(self.facets.wall.len(), Mat3::identity());
+        let ids = &self.id[self.first_facet()..];
+        let in_place = |id: &GlobalId| {
+            let number = id.wall_and_facet().map_or(0, |(_, facet)| facet as u32);
+            FacetInPlace { frame: Mat3::identity(), number }
+        };
+        self.facets.place = ids.iter().map(in_place).collect();
         self.place_walls();
     }
 
     /// Moves the walls to where they stand after `step` steps, of which the last took `dt` [s].
     pub fn move_walls(&mut self, step: u64, dt: f64) {
         let room = self.room_of_turning();
-        let mut slot = self.first_facet();
-        for wall in &mut self.walls {
-            let nearer = wall.advance(step, dt, &room);
-            for _ in &wall.facets {
-                self.travel[slot] += nearer;
-                slot += 1;
-            }
+        let nearer: Vec<f64> =
+            self.walls.iter_mut().map(|wall| wall.advance(step, dt, &room)).collect();
+        let first = self.first_facet();
+        for (travel, &wall) in self.travel[first..].iter_mut().zip(&self.facets.wall) {
+            *travel += nearer[wall as usize];
         }
         self.place_walls();
     }
@@ -631,7 +644,6 @@ impl Particles {
     /// # Panics
     /// If a wall turns and there is no column for it, see [`Needs::spin`].
     fn place_walls(&mut self) {
-        let mut slot = self.first_facet();
         self.facets.any_turns = false;
         for wall in &self.walls {
             let turns = wall.angular_velocity != Vec3::zeros();
@@ -641,17 +653,18 @@ impl Particles {
                 wall.name
             );
             self.facets.any_turns |= turns;
-            let frame = wall.frame();
-            for _ in &wall.facets {
-                self.position[slot] = wall.point;
-                self.velocity[slot] = wall.velocity;
-                if let Some(spin) = &mut self.spin {
-                    spin.angular_velocity[slot] = wall.angular_velocity;
-                }
-                let facet = slot - self.owned - self.ghosts;
-                self.facets.frame[facet] = frame;
-                slot += 1;
+        }
+        let frames: Vec<Mat3> = self.walls.iter().map(Wall::frame).collect();
+        let first = self.first_facet();
+        for (facet, &wall) in self.facets.wall.iter().enumerate() {
+            let (slot, index) = (first + facet, wall as usize);
+            let wall = &self.walls[index];
+            self.position[slot] = wall.point;
+            self.velocity[slot] = wall.velocity;
+            if let Some(spin) = &mut self.spin {
+                spin.angular_velocity[slot] = wall.angular_velocity;
             }
+            self.facets.place[facet].frame = frames[index];
         }
     }
 

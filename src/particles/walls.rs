@@ -1,7 +1,8 @@
 //! Walls: rigid bodies with facets, of which every rank has all.
 //!
-//! Here, and in the resolvers of facets, stands all that knows what a facet is: so far a plane. Other rooms ask how far a point
-//! is from a facet ([`facets`]), how far a wall has come towards grains ([`Wall::nearer_since_listed`]), how fast it does
+//! Here, and in the resolvers of facets, stands all that knows what a facet is: a plane, or a face, an edge or a corner of a mesh of
+//! triangles. All planes have slots; of a mesh only the facets near a rank's particles have. Other rooms ask how far a point
+//! is from a plane ([`facets`]), which facets of a mesh are near it ([`Wall::facets_near`]), how far a wall has come towards grains ([`Wall::nearer_since_listed`]), how fast it does
 //! ([`Wall::way`]), how deep a box lies behind it ([`Wall::depth`]), where it ends the room of the particles ([`Across`]).
 //!
 //! A wall has a pose, which is that of its reference point and axes, and a motion. The reference point moves by
@@ -13,11 +14,14 @@
 //! it about the reference point, would come in there.
 
 use crate::cell::Cell;
+use crate::contact::FacetInPlace;
 use crate::ids::{GlobalId, MaterialId, ShapeId};
 use crate::math::{Mat3, Quat, Vec3, rotation_about};
 use crate::particles::Library;
-use crate::shape::{HalfSpace, Shape};
+use crate::shape::triangle_mesh::{self, MeshFacet};
+use crate::shape::{HalfSpace, Shape, TriangleMesh};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// The lowest and the highest corner of a box [m].
 pub type Corners = (Vec3, Vec3);
@@ -39,12 +43,24 @@ pub struct Wall {
     pub mass: f64,
     /// Does the scene move it, at given velocities or by a servo?
     pub moves: bool,
-    /// Its surface, in its axes.
+    /// Its surface, in its axes, if that is of planes.
     pub facets: Vec<Facet>,
+    /// Its surface, in its axes, if that is of triangles.
+    pub mesh: Option<Mesh>,
     /// Since when it turns as it does; `None` before its first step, or if it does not turn.
     turning: Option<Turning>,
     /// Where it stood when the pairs were listed.
     listed: Pose,
+}
+
+/// The surface of a wall of triangles.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Mesh {
+    /// Its geometry, in the axes of the wall.
+    #[serde(with = "triangle_mesh::shared")]
+    pub surface: Arc<TriangleMesh>,
+    /// The same in the library of shapes, once it is there.
+    pub shape: ShapeId,
 }
 
 /// A piece of the surface of a wall.
@@ -91,12 +107,42 @@ pub struct Saved {
     angular_velocity: Vec3,
     turning: Option<Turning>,
     facets: Vec<HalfSpace>,
+    /// Of its triangles, if it has any.
+    #[serde(default)]
+    mesh: Option<SavedMesh>,
+}
+
+/// What a snapshot holds of the triangles of a wall besides their corners.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct SavedMesh {
+    checksum: u64,
+    triangles: u64,
+}
+
+impl SavedMesh {
+    fn of(mesh: &Mesh) -> Self {
+        let triangles = mesh.surface.len() as u64;
+        Self { checksum: mesh.surface.checksum(), triangles }
+    }
 }
 
 impl Saved {
     /// Is it the body of a wall of one plane?
     pub const fn is_one_plane(&self) -> bool {
         self.facets.len() == 1
+    }
+
+    /// How many triangles it has.
+    pub fn triangles(&self) -> usize {
+        self.mesh.map_or(0, |mesh| mesh.triangles as usize)
+    }
+
+    /// A triangle in place, from its corners in the axes of the wall [m].
+    pub fn in_place(&self, corners: &[f64; 9]) -> [Vec3; 3] {
+        [0, 3, 6].map(|k| {
+            let corner = Vec3::new(corners[k], corners[k + 1], corners[k + 2]);
+            self.point + self.orientation.transform_vector(&corner)
+        })
     }
 
     /// Its planes in place, each a point of it [m] and its unit normal, towards the particles.
@@ -177,6 +223,7 @@ impl Wall {
             mass: f64::INFINITY,
             moves: false,
             facets: planes.iter().map(facet).collect(),
+            mesh: None,
             turning: None,
             listed: pose,
         }
@@ -187,12 +234,40 @@ impl Wall {
         Self::of_planes(name, point, &[(point, normal)])
     }
 
+    /// A wall at rest of triangles, whose corners are seen from the reference point [m].
+    pub fn of_mesh(name: String, reference: Vec3, surface: TriangleMesh) -> Self {
+        let mesh = Some(Mesh { surface: Arc::new(surface), shape: ShapeId(0) });
+        Self { mesh, ..Self::of_planes(name, reference, &[]) }
+    }
+
+    /// How many shapes its facets need in a library.
+    pub fn shapes(&self) -> usize {
+        self.facets.len() + usize::from(self.mesh.is_some())
+    }
+
+    /// What messages call one of its facets; nothing if it is the only one.
+    pub fn facet_name(&self, facet: usize) -> String {
+        let of_mesh = self.mesh.as_ref().and_then(|mesh| mesh.surface.facets().get(facet));
+        match of_mesh {
+            Some(MeshFacet::Face { .. }) => format!("face {facet} of "),
+            Some(MeshFacet::Edge { .. }) => format!("edge {facet} of "),
+            Some(MeshFacet::Corner { .. }) => format!("corner {facet} of "),
+            None if self.facets.len() > 1 => format!("plane {facet} of "),
+            None => String::new(),
+        }
+    }
+
     /// Adds its facets to a library of shapes, which say what it is made of and its mass.
     pub fn enter(&mut self, library: &mut Library, material: MaterialId) {
         for facet in &mut self.facets {
             let shape = Shape::HalfSpace(facet.geometry);
             facet.shape = library.push(&self.name, shape, material, f64::INFINITY);
             library.mass[facet.shape.index()] = self.mass;
+        }
+        if let Some(mesh) = &mut self.mesh {
+            let shape = Shape::TriangleMesh(mesh.surface.clone());
+            mesh.shape = library.push(&self.name, shape, material, f64::INFINITY);
+            library.mass[mesh.shape.index()] = self.mass;
         }
     }
 
@@ -261,7 +336,17 @@ impl Wall {
         self.moved_since(&self.listed, room)
     }
 
+    /// The numbers of the facets of a mesh within a distance of a point [m].
+    pub fn facets_near(&self, point: &Vec3, distance: f64) -> Vec<u32> {
+        let Some(Mesh { surface, .. }) = &self.mesh else { return Vec::new() };
+        surface.near(&self.frame().tr_mul(&(point - self.point)), distance)
+    }
+
     fn moved_since(&self, before: &Pose, room: &Corners) -> f64 {
+        if let Some(Mesh { surface, .. }) = &self.mesh {
+            let turned = before.orientation.angle_to(&self.orientation);
+            return (self.point - before.point).norm() + turned * surface.reach();
+        }
         let before = self.facets.iter().map(|facet| before.place(facet));
         most_moved(self.in_place().zip(before), room)
     }
@@ -270,6 +355,10 @@ impl Wall {
     /// [m]. Along itself it may slide as fast as it likes.
     pub fn way(&self, dt: f64, room: &Corners) -> f64 {
         let mut largest = 0.0;
+        if let Some(Mesh { surface, .. }) = &self.mesh {
+            let turning = self.angular_velocity.norm() * surface.reach();
+            largest = larger(0.0, (self.velocity.norm() + turning) * dt);
+        }
         for InPlace { point, normal, .. } in self.in_place() {
             let speed = self.velocity.dot(&normal);
             if self.angular_velocity == Vec3::zeros() {
@@ -284,8 +373,11 @@ impl Wall {
         largest
     }
 
-    /// Speed of its reference point towards the particles; of several facets, the largest [m/s].
+    /// Speed of its reference point towards the particles; of several facets, the largest; of triangles, in any direction [m/s].
     pub fn speed_inwards(&self) -> f64 {
+        if self.mesh.is_some() {
+            return self.velocity.norm();
+        }
         let speeds = self.in_place().map(|facet| self.velocity.dot(&facet.normal));
         speeds.reduce(|a, b| if b.abs() > a.abs() { b } else { a }).unwrap_or(0.0)
     }
@@ -306,6 +398,14 @@ impl Wall {
     /// How deep a box lies behind a facet, where it does most [m]; not positive if it does not.
     pub fn depth(&self, &(low, high): &Corners) -> f64 {
         let half = (high - low) * 0.5;
+        if let Some(Mesh { surface, .. }) = &self.mesh {
+            // The box about the box, in the axes of the wall: the triangles behind which it lies.
+            let frame = self.frame();
+            let centre = frame.tr_mul(&(low + half - self.point));
+            let reach = frame.transpose().abs() * half;
+            let comes_in = surface.comes_into(&(centre - reach), &(centre + reach));
+            return if comes_in { half.min() } else { f64::NEG_INFINITY };
+        }
         let behind = |facet: InPlace| half.dot(&facet.normal.abs()) - facet.distance(&(low + half));
         self.in_place().map(behind).fold(f64::NEG_INFINITY, larger)
     }
@@ -322,6 +422,7 @@ impl Wall {
             angular_velocity: self.angular_velocity,
             turning: self.turning,
             facets: self.facets.iter().map(|facet| facet.geometry).collect(),
+            mesh: self.mesh.as_ref().map(SavedMesh::of),
         })
     }
 
@@ -329,6 +430,10 @@ impl Wall {
     /// more?
     pub fn is_same(&self, (_, normal): &(Vec3, Vec3), saved: Option<&Saved>) -> bool {
         let mine = self.facets.iter().map(|facet| facet.geometry.normal);
+        let triangles = self.mesh.as_ref().map(SavedMesh::of);
+        if triangles != saved.and_then(|saved| saved.mesh) {
+            return false;
+        }
         match saved {
             Some(saved) => mine.eq(saved.facets.iter().map(|facet| facet.normal)),
             None => mine.eq([*normal]),
@@ -348,6 +453,7 @@ impl Wall {
     ) -> f64 {
         let is_same = self.is_same(surface, saved);
         let (before, about) = (self.in_place().collect::<Vec<_>>(), self.point);
+        let was = self.pose();
         match saved {
             Some(saved) if is_same => {
                 self.point = saved.point;
@@ -364,14 +470,18 @@ impl Wall {
             // Another wall of this name stands where the scene says.
             _ => {}
         }
-        if self.angular_velocity != Vec3::zeros() && !(goes_on && saved.is_some()) {
+        let turns = self.angular_velocity != Vec3::zeros();
+        if turns && !(goes_on && saved.is_some()) && self.mesh.is_none() {
             self.refer_to(about);
         }
         for facet in &self.facets {
             library.shapes[facet.shape.index()] = Shape::HalfSpace(facet.geometry);
         }
         self.note_listing();
-        let off = most_moved(self.in_place().zip(before), room);
+        let mut off = most_moved(self.in_place().zip(before), room);
+        if self.mesh.is_some() {
+            off = self.moved_since(&was, room);
+        }
         if off > 1e-12 * about.amax().max(self.point.amax()) { off } else { 0.0 }
     }
 
@@ -390,12 +500,12 @@ fn most_moved(facets: impl Iterator<Item = (InPlace, InPlace)>, room: &Corners) 
     facets.map(|(now, before)| now.moved(&before, room)).fold(0.0, larger)
 }
 
-/// The facets of all walls in place, in the order of their slots.
+/// The planes of all walls in place, in the order of their slots.
 pub fn facets(walls: &[Wall]) -> Vec<InPlace> {
     walls.iter().flat_map(Wall::in_place).collect()
 }
 
-/// The ids of the facets of all walls, in the order of their slots.
+/// The ids of the planes of all walls, in the order of their slots, which come before those of the facets of meshes.
 pub fn ids(walls: &[Wall]) -> impl Iterator<Item = GlobalId> {
     let facets = walls.iter().map(|wall| 0..wall.facets.len()).enumerate();
     facets.flat_map(|(wall, facets)| facets.map(move |facet| GlobalId::facet(wall, facet)))
@@ -453,8 +563,8 @@ pub fn room(walls: &[Wall], cell: &Cell) -> Corners {
 pub struct FacetColumns {
     /// Index of the wall.
     pub wall: Vec<u32>,
-    /// Columns are the axes of the wall in the world.
-    pub frame: Vec<Mat3>,
+    /// Where each stands.
+    pub place: Vec<FacetInPlace>,
     /// Does any wall turn?
     pub any_turns: bool,
 }

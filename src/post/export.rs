@@ -63,7 +63,7 @@ fn single(vector: &Vec3) -> [f32; 3] {
     [vector.x as f32, vector.y as f32, vector.z as f32]
 }
 
-/// The planes of walls, as far as they bound the room of the grains: the domain, and what of it walls leave free. Of each
+/// The triangles of walls, and their planes, as far as they bound the room of the grains: the domain, and what of it walls leave free. Of each
 /// polygon the `wall`, counted as in the snapshot, with its `velocity` [m/s] and the `force` on it [N].
 ///
 /// # Errors
@@ -92,6 +92,16 @@ pub fn walls(reader: &Reader) -> Result<PolyData, PostError> {
         ends.push(points.len() as i64);
         numbers.push(*wall as i32);
         let row = &header.walls[*wall];
+        velocities.extend_from_slice(row.velocity.as_slice());
+        forces.extend_from_slice(row.force.as_slice());
+    }
+    for (wall, corners) in header.triangles_in_place() {
+        let first = points.len() as i64;
+        points.extend(corners.map(|corner| [corner.x, corner.y, corner.z]));
+        members.extend(first..first + 3);
+        ends.push(points.len() as i64);
+        numbers.push(wall as i32);
+        let row = &header.walls[wall];
         velocities.extend_from_slice(row.velocity.as_slice());
         forces.extend_from_slice(row.force.as_slice());
     }

@@ -147,7 +147,7 @@ fn series(out: &mut String, reports: &[Report]) {
     out.push_str(
         "<section class=\"series\">\n<table>\n<caption>All snapshots</caption>\n\
          <tr><th>step</th><th>time (s)</th><th>particles</th><th>p (Pa)</th><th>q / p</th>\
-         <th>axial strain</th><th>volumetric strain</th>\
+         <th>axial strain</th><th>volumetric strain</th><th>shear strain</th>\
          <th>solid fraction</th><th>Z</th><th>a<sub>c</sub></th><th>a<sub>n</sub></th><th>a<sub>t</sub></th>\
          <th>0.4 (a<sub>c</sub> + a<sub>n</sub> + a<sub>bn</sub> + 1.5 (a<sub>t</sub> + a<sub>bt</sub>)) / (q / p) − 1</th></tr>\n",
     );
@@ -165,6 +165,7 @@ fn series(out: &mut String, reports: &[Report]) {
             s.q_over_p,
             s.axial_strain,
             s.volumetric_strain,
+            s.shear_strain,
             s.solid_fraction,
             s.coordination,
             s.a_c,

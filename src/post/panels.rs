@@ -9,6 +9,7 @@ use super::history::{Curve, History};
 use super::plots::{Plot, Width};
 use crate::cell::AXES;
 use crate::drive::servo::Target;
+use crate::math::Vec3;
 use crate::output::header::WallRow;
 use plotters::style::RGBColor;
 use std::collections::BTreeSet;
@@ -249,6 +250,10 @@ fn take<'a>(rest: &mut Vec<&'a Curve>, name: &str) -> Option<&'a Curve> {
 /// The load on a wall [N], if all components of its force are left: against its normal, which points
 /// towards the particles.
 fn wall_load(wall: &WallRow, rest: &mut Vec<&Curve>) -> Option<Curve> {
+    if wall.normal == Vec3::zeros() {
+        // Of triangles: it has all directions.
+        return None;
+    }
     let column = |axis| format!("force_{}_{axis}_N", wall.name);
     let columns = AXES.map(column);
     if !columns.iter().all(|name| rest.iter().any(|curve| curve.name == *name)) {

@@ -6,7 +6,7 @@ use super::draw::{
     rule, span,
 };
 use super::forces::Histogram;
-use super::report::{Report, readable};
+use super::report::{Report, Summary, readable};
 use plotters::style::RGBColor;
 
 /// How much of the width of a page a plot takes; of a narrow page every one takes all.
@@ -229,26 +229,29 @@ const OVER_A_SERIES: [Wanted; 6] = [
 ];
 
 /// Stress, strain, density, coordination and anisotropy over a series of snapshots (fig. 10 of Lai et
-/// al. 2021): against axial strain if the packing is strained, else against time.
+/// al. 2021): against the shear strain if the packing is sheared, else against axial strain if it is strained, else against time.
 ///
 /// # Errors
 /// See [`PlotError`].
 pub fn series(reports: &[Report]) -> Result<Vec<Plot>, PlotError> {
-    let strained = reports.iter().any(|r| r.summary.axial_strain.is_some_and(|e| e.abs() > 1e-9));
-    let (x_label, against) =
-        if strained { ("axial strain (%)", "axial strain") } else { ("time (s)", "time") };
+    let is = |pick: fn(&Summary) -> Option<f64>| {
+        reports.iter().any(|r| pick(&r.summary).is_some_and(|strain| strain.abs() > 1e-9))
+    };
+    let (x_label, against, pick_x): (_, _, fn(&Summary) -> Option<f64>) = if is(|s| s.shear_strain)
+    {
+        // Of the first snapshot there is none.
+        ("shear strain", "shear strain", |s| Some(s.shear_strain.unwrap_or_default()))
+    } else if is(|s| s.axial_strain) {
+        ("axial strain (%)", "axial strain", |s| s.axial_strain.map(|strain| 100.0 * strain))
+    } else {
+        ("time (s)", "time", |s| Some(s.time_s))
+    };
     let mut plots = Vec::new();
     for (name, title, y_label, picks) in OVER_A_SERIES {
         let mut curves = Vec::new();
         for (&(curve, pick), colour) in picks.iter().zip([BLUE, ORANGE, VERMILION]) {
-            let points: Vec<(f64, f64)> = reports
-                .iter()
-                .filter_map(|r| {
-                    let strain = r.summary.axial_strain.map(|e| 100.0 * e);
-                    let x = if strained { strain } else { Some(r.summary.time_s) };
-                    x.zip(pick(&r.summary))
-                })
-                .collect();
+            let points: Vec<(f64, f64)> =
+                reports.iter().filter_map(|r| pick_x(&r.summary).zip(pick(&r.summary))).collect();
             let line = Series { name: curve.into(), colour, mark: Mark::Line, points };
             let dots = Series {
                 name: String::new(),

@@ -3,11 +3,11 @@
 
 use super::PostError;
 use super::sums::quotient;
-use crate::cell::AXES;
+use crate::cell::{AXES, Shear};
 use crate::contact::Posed;
 use crate::ids::GlobalId;
 use crate::math::{ExactSum, Mat3, Quat, Vec3};
-use crate::output::header::Header;
+use crate::output::header::{Header, WallRow};
 use crate::output::tables::ParticleTable;
 use crate::shape::Shape;
 use nalgebra::Quaternion;
@@ -167,7 +167,7 @@ impl<'a> Turned<'a> {
 
     /// As contacts see it.
     pub(super) fn posed(&self) -> Posed<'_> {
-        Posed { shape: &self.shape, frame: &self.frame, scale: self.scale }
+        Posed { scale: self.scale, ..Posed::new(&self.shape, &self.frame) }
     }
 
     /// The farthest point along `direction` [m].
@@ -241,6 +241,31 @@ pub fn enclosed(header: &Header) -> [bool; 3] {
     [0, 1, 2].map(|k| {
         let wall = |sign: f64| header.planes().any(|w| sign * w.normal[k] > ACROSS);
         header.cell.period(k).is_some() || (wall(1.0) && wall(-1.0))
+    })
+}
+
+/// The innermost walls at both ends of an axis, which bound the packing.
+fn walls_across(header: &Header, axis: usize) -> Option<[&WallRow; 2]> {
+    let innermost = |sign: f64| {
+        let walls = header.planes().filter(|w| sign * w.normal[axis] > ACROSS);
+        walls.max_by(|a, b| (sign * a.point[axis]).total_cmp(&(sign * b.point[axis])))
+    };
+    Some([innermost(1.0)?, innermost(-1.0)?])
+}
+
+/// Across each axis: where the wall at its end stands along itself, seen from that at its beginning, or how far a sheared cell
+/// has slid [m]. What differs from another snapshot has slid since.
+pub fn slides(header: &Header) -> [Option<[f64; 3]>; 3] {
+    [0, 1, 2].map(|axis| {
+        if let Some(Shear { along, across, strain, .. }) = header.cell.shear() {
+            let mut slides = [0.0; 3];
+            slides[along] = strain * header.cell.period(across)?;
+            return (across == axis).then_some(slides);
+        }
+        let [low, high] = walls_across(header, axis)?;
+        let mut apart = high.point - low.point;
+        apart[axis] = 0.0;
+        Some(apart.into())
     })
 }
 
@@ -379,20 +404,26 @@ impl SolidVolume {
         }
     }
 
-    /// `|ε̇| d √ρ` [√Pa]: over `√p` the inertial number of the compression along z, with the rate of
-    /// the walls across it, `d` the diameter of the mean volume and `ρ` the density of the solid.
-    /// `None` unless there are walls at both ends.
+    /// `γ̇ d √ρ` [√Pa]: over `√p` the inertial number, with `d` the diameter of the mean volume and `ρ` the density of the
+    /// solid. `γ̇` is the rate of a sheared cell, or the largest of those at which walls at both ends of an axis slide along
+    /// each other, or come together along z. `None` without such.
     pub fn inertia_of_strain(&self, header: &Header, packing: &Bounds) -> Option<f64> {
-        // Of the innermost walls, as those that bound the packing.
-        let speed = |sign: f64| {
-            let walls = header.planes().filter(|w| sign * w.normal.z > ACROSS);
-            let innermost = walls.max_by(|a, b| (sign * a.point.z).total_cmp(&(sign * b.point.z)));
-            Some(innermost?.velocity.z)
+        let between_walls = |axis: usize| {
+            let [low, high] = walls_across(header, axis)?;
+            let mut velocity = high.velocity - low.velocity;
+            if axis != 2 {
+                velocity[axis] = 0.0;
+                if velocity == Vec3::zeros() {
+                    return None;
+                }
+            }
+            quotient(velocity.norm(), packing.lengths()[axis])
         };
-        let rate = quotient(speed(1.0)? - speed(-1.0)?, packing.lengths().z)?;
+        let of_cell = header.cell.shear().map(|shear| shear.rate.abs());
+        let rate = (0..3).filter_map(between_walls).chain(of_cell).reduce(f64::max)?;
         let diameter = diameter_of(quotient(self.sum.value(), self.particles as f64)?);
         let density = quotient(self.mass.value(), self.sum.value())?;
-        Some(rate.abs() * diameter * density.sqrt())
+        Some(rate * diameter * density.sqrt())
     }
 
     /// Their volume [m³].

@@ -3,9 +3,10 @@
 use super::coordination::Coordination;
 use super::fabric::{Among, Degrees, Fabric, ForceFabric, Rose, degree};
 use super::forces::Forces;
-use super::region::{Bounds, Region, Strain, enclosed};
+use super::region::{Bounds, Region, Strain, enclosed, slides};
 use super::stress::{Principal, Stress, on_walls};
 use super::sums::quotient;
+use crate::math::Vec3;
 use crate::output::header::Header;
 use serde::{Deserialize, Serialize};
 
@@ -20,6 +21,9 @@ pub struct Report {
     pub packing_m: Option<Bounds>,
     /// Whether it ends at a period or at walls on both sides, along x, y and z; else there is no strain.
     pub enclosed: [bool; 3],
+    /// What a shear strain is found from: across each axis, how one end stands along the other [m].
+    #[serde(default)]
+    pub slides: [Option<[f64; 3]>; 3],
     /// The box that the user gave [m]; null for the whole packing.
     pub region_m: Option<Bounds>,
     /// Whether fabric and forces include contacts with walls.
@@ -74,6 +78,10 @@ pub struct Summary {
     /// `ln(V0/V)` of the whole packing against the first snapshot; negative: dilation. Null unless periods or walls
     /// end both on all sides.
     pub volumetric_strain: Option<f64>,
+    /// Of a sheared cell, or of walls that slide along each other: displacement over distance, against the first snapshot;
+    /// null where nothing slides.
+    #[serde(default)]
+    pub shear_strain: Option<f64>,
     /// Stress `σ_xx`, compression positive; as all `σ_ij` here.
     pub stress_xx_pa: Option<f64>,
     /// `σ_xy`.
@@ -106,7 +114,7 @@ pub struct Summary {
     pub wall_stress_yy_pa: Option<f64>,
     /// Across z.
     pub wall_stress_zz_pa: Option<f64>,
-    /// `|ε̇_zz| d √(ρ/p)`, the rate that of the walls across z; null without them.
+    /// `γ̇ d √(ρ/p)`, the rate that of a sheared cell, or of walls that slide along each other or, across z, come together; null without them.
     pub inertial_number: Option<f64>,
     /// Mean coordination number, contacts between particles.
     pub coordination: Option<f64>,
@@ -148,6 +156,14 @@ pub struct Summary {
     pub largest_friction_used: Option<f64>,
     /// Mean resultant force on a particle over the mean normal force.
     pub unbalanced_force_ratio: Option<f64>,
+}
+
+/// Below this ratio of stresses the relation of stress, force and fabric has nothing to explain.
+const NEARLY_ISOTROPIC: f64 = 0.1;
+
+/// Of two that are equal but for grains that move.
+fn mean(a: Option<f64>, b: Option<f64>) -> Option<f64> {
+    a.zip(b).map(|(a, b)| 0.5 * (a + b))
 }
 
 /// The parts of which a report is put together.
@@ -195,6 +211,7 @@ impl Parts<'_> {
             void_ratio: self.solid_fraction.filter(|&s| s > 0.0).map(|s| (1.0 - s) / s),
             axial_strain: None,
             volumetric_strain: None,
+            shear_strain: None,
             stress_xx_pa: entry(0, 0),
             stress_xy_pa: entry(0, 1),
             stress_xz_pa: entry(0, 2),
@@ -228,7 +245,7 @@ impl Parts<'_> {
             a_bt: degrees.map(|degrees| degrees.a_bt),
             q_over_p_from_fabric: from_fabric,
             fabric_relation_error: from_fabric
-                .zip(q_over_p)
+                .zip(q_over_p.filter(|&ratio| ratio > NEARLY_ISOTROPIC))
                 .and_then(|(from_fabric, direct)| quotient(from_fabric - direct, direct)),
             mean_normal_force_n: self.mean_normal_force,
             largest_normal_force_n: forces.map(|f| f.largest_normal_force),
@@ -251,6 +268,7 @@ impl Report {
             snapshot: snapshot.to_string(),
             packing_m: parts.packing,
             enclosed: enclosed(header),
+            slides: slides(header),
             region_m: match parts.region {
                 Region::Whole => None,
                 Region::Box(bounds) => Some(bounds),
@@ -277,6 +295,12 @@ impl Report {
         let (along_z, on_all_sides) = (both(2), (0..3).all(both));
         self.summary.axial_strain = strain.filter(|_| along_z).map(|s| s.axial);
         self.summary.volumetric_strain = strain.filter(|_| on_all_sides).map(|s| s.volumetric);
+        let slid = |axis: usize| {
+            let [first, now] = [first.slides[axis]?, self.slides[axis]?].map(Vec3::from);
+            quotient((now - first).norm(), self.packing_m?.lengths()[axis])
+        };
+        let largest = (0..3).filter_map(slid).reduce(f64::max);
+        self.summary.shear_strain = largest.filter(|&strain| strain > 0.0);
     }
 
     /// The numbers a reader wants first, in groups: for the terminal and the page.
@@ -295,6 +319,7 @@ impl Report {
                     Row::number("void ratio e", s.void_ratio, ""),
                     Row::number("axial strain, logarithmic", s.axial_strain, ""),
                     Row::number("volumetric strain", s.volumetric_strain, ""),
+                    Row::number("shear strain", s.shear_strain, ""),
                 ],
             },
             Group {
@@ -306,6 +331,9 @@ impl Report {
                     Row::number("σxx", s.stress_xx_pa, "Pa"),
                     Row::number("σyy", s.stress_yy_pa, "Pa"),
                     Row::number("σzz", s.stress_zz_pa, "Pa"),
+                    Row::number("σxy", mean(s.stress_xy_pa, s.stress_yx_pa), "Pa"),
+                    Row::number("σxz", mean(s.stress_xz_pa, s.stress_zx_pa), "Pa"),
+                    Row::number("σyz", mean(s.stress_yz_pa, s.stress_zy_pa), "Pa"),
                     Row::number("σzz on walls", s.wall_stress_zz_pa, "Pa"),
                     Row::number("asymmetry of σ", s.stress_asymmetry, ""),
                     Row::number("inertial number", s.inertial_number, ""),
@@ -336,11 +364,7 @@ impl Report {
                     Row::number("branches along normals a_bn", s.a_bn, ""),
                     Row::number("branches across a_bt", s.a_bt, ""),
                     Row::number("q / p from these five", s.q_over_p_from_fabric, ""),
-                    Row::number(
-                        "its difference from q / p, over q / p",
-                        s.fabric_relation_error,
-                        "%",
-                    ),
+                    Row::number("off the q / p of the stress", s.fabric_relation_error, "%"),
                     Row::number("mean normal force between particles", s.mean_normal_force_n, "N"),
                     Row::number("contacts below 0.3 mean", s.share_below_0_3_mean, "%"),
                     Row::number("contacts below mean", s.share_below_mean, "%"),

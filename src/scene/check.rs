@@ -15,7 +15,7 @@ use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
 use crate::ids::ShapeId;
 use crate::law::Choice;
-use crate::law::stability::time_step_limit;
+use crate::law::stability::{TimeStepLimit, time_step_limit};
 use crate::math::Vec3;
 use crate::particles::Library;
 use crate::sim::audit::Settings as Audit;
@@ -60,7 +60,8 @@ pub(super) fn scene(
     let mut shapes = Shapes::read(&root, &materials, folder);
     let domain_section = root.section("domain", "the box of particles, `low` and `high` [m]");
     let domain = domain_section.as_ref().and_then(domain);
-    let mut walls = Walls::read(&root, domain_section.as_ref(), domain.as_ref(), &materials);
+    let mut walls =
+        Walls::read(&root, domain_section.as_ref(), domain.as_ref(), &materials, folder);
 
     let fills = Fills {
         shapes: &shapes,
@@ -74,8 +75,12 @@ pub(super) fn scene(
         shapes.library.admit(row.shape, row.scale);
     }
 
+    let law_fits = law
+        .as_ref()
+        .is_some_and(|law| shapes.complete && laws::check_shapes(&root, law, &shapes.library));
+    let limit = law.as_ref().filter(|_| law_fits).map(|law| Limit::of(law, &shapes.library));
     let time_section = root.section("time", "`step` [s] and `steps`");
-    let time = time_section.as_ref().and_then(Time::read);
+    let time = time_section.as_ref().and_then(|section| Time::read(section, limit.as_ref()));
     let dt = time.as_ref().filter(|_| shapes.complete).map(|time| time.dt);
     let servos = walls.read_servos(&root, domain.as_ref(), &shapes.library, dt);
     walls.check_speeds(&root, domain_section.as_ref(), domain.as_ref(), &shapes.library, dt);
@@ -101,17 +106,13 @@ pub(super) fn scene(
     if let Some(domain) = &domain {
         check_shear(&root, domain, gravity, walls.count());
     }
-    let law_fits = law
-        .as_ref()
-        .is_some_and(|law| shapes.complete && laws::check_shapes(&root, law, &shapes.library));
-    if let (Some(time), Some(section), Some(law)) = (&time, &time_section, &law)
-        && law_fits
-    {
-        check_step(section, time, &shapes.library, law);
+    if let (Some(time), Some(section), Some(limit)) = (&time, &time_section, &limit) {
+        limit.check(section, time, &shapes.library);
     }
     if let (Some(time), Some(ξ)) = (&time, global_damping) {
         check_damping(&root, ξ, time.dt);
     }
+    Walls::check_meshes(&root, &shapes.library);
     if let Some((Method::CommonNormal, _)) = contact {
         check_smooth(&root, &shapes.library);
     }
@@ -403,31 +404,92 @@ struct Time {
 }
 
 impl Time {
-    fn read(section: &Section) -> Option<Self> {
-        let dt = section.number("step", Range::Positive, "s");
-        let steps = section.require("steps", "a whole number", |given| given.whole(0));
+    fn read(section: &Section, limit: Option<&Limit>) -> Option<Self> {
+        let what = "a number greater than 0 [s], or \"auto\"";
+        let dt = section.require("step", what, |given| {
+            if given.is_text() {
+                given.one_of(&[("auto", ())]).and_then(|()| limit?.own_step(given))
+            } else {
+                given.number(Range::Positive, "s")
+            }
+        });
+        let steps = match (section.get("steps"), section.get("duration")) {
+            (Some(steps), None) => steps.whole(0),
+            (None, Some(given)) => given
+                .number(Range::Positive, "s")
+                .zip(dt)
+                .and_then(|(duration, dt)| steps_of(duration, dt, &given)),
+            (None, None) => {
+                section.fail("`steps` is missing: a whole number; or `duration` [s]");
+                None
+            }
+            (Some(_), Some(_)) => {
+                section.fail("give either `steps` or `duration`, not both");
+                None
+            }
+        };
         let allow_unstable = section.read_or("allow_unstable", false, Given::boolean);
         section.finish();
         Some(Self { dt: dt?, steps: steps?, allow_unstable: allow_unstable? })
     }
 }
 
-fn check_step(section: &Section, time: &Time, library: &Library, law: &Choice) {
-    let Some(limit) = time_step_limit(library, &*law.law(library)) else { return };
-    let with = if law.resists_turning() { ", its springs against turning included" } else { "" };
-    if time.dt > limit.dt
-        && !time.allow_unstable
-        && let Some(given) = section.get("step")
-    {
-        given.fail(format!(
-            "over the stable limit of {:.2e} s, set by shape `{}` ({:.3e} kg, stiffness {:.3e} N/m{with}); \
-             take a shorter step, more mass or less stiffness, or set time.allow_unstable = true",
-            // Rounded down, so that the number itself is allowed.
-            0.995 * limit.dt,
-            library.names[limit.shape.index()],
-            limit.mass,
-            limit.stiffness
-        ));
+/// The steps of `dt` that last so long, at least; both in s.
+fn steps_of(duration: f64, dt: f64, given: &Given) -> Option<u64> {
+    // A whole number of steps may come out a little above.
+    let steps = (duration / dt * (1.0 - 1e-12)).ceil();
+    if steps > 1e18 {
+        given.fail("is more steps than can be counted");
+        return None;
+    }
+    Some(steps as u64)
+}
+
+/// The stable limit of the time step, if anything pushes.
+struct Limit {
+    limit: Option<TimeStepLimit>,
+    /// What else counts in its stiffness.
+    with: &'static str,
+}
+
+impl Limit {
+    /// The part of it that a scene takes which leaves the step to the program.
+    const OWN: f64 = 0.8;
+
+    fn of(law: &Choice, library: &Library) -> Self {
+        let with =
+            if law.resists_turning() { ", its springs against turning included" } else { "" };
+        Self { limit: time_step_limit(library, &*law.law(library)), with }
+    }
+
+    /// The program's own step [s].
+    fn own_step(&self, given: &Given) -> Option<f64> {
+        let Some(limit) = &self.limit else {
+            given.fail("nothing pushes, so nothing limits the step: give a number [s]");
+            return None;
+        };
+        let step = Self::OWN * limit.dt;
+        // By its decimal digits, so that the number that is printed is the number itself. Rounding goes up by 4 % at most.
+        format!("{step:.1e}").parse().ok()
+    }
+
+    fn check(&self, section: &Section, time: &Time, library: &Library) {
+        let Some(limit) = &self.limit else { return };
+        if time.dt > limit.dt
+            && !time.allow_unstable
+            && let Some(given) = section.get("step")
+        {
+            given.fail(format!(
+                "over the stable limit of {:.2e} s, set by shape `{}` ({:.3e} kg, stiffness {:.3e} N/m{}); \
+                 take a shorter step, more mass or less stiffness, step = \"auto\", or set time.allow_unstable = true",
+                // Rounded down, so that the number itself is allowed.
+                0.995 * limit.dt,
+                library.names[limit.shape.index()],
+                limit.mass,
+                limit.stiffness,
+                self.with
+            ));
+        }
     }
 }
 

@@ -3,9 +3,11 @@
 use super::{Fill, Method, Rain, Scene};
 use crate::cell::AXES;
 use crate::ids::ShapeId;
+use crate::law::Body;
 use crate::law::stability::lost_levers;
 use crate::math::Vec3;
 use crate::shape::{Kind, Shape};
+use crate::sim::run::DEEPEST_START;
 
 /// Warnings about a scene, a sentence each.
 pub fn doubts(scene: &Scene) -> Vec<String> {
@@ -17,8 +19,42 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         lost_in_rounding(scene),
         rain_cut_short(scene),
         layers_that_miss(scene),
+        friction_in_degrees(scene),
+        pressed_flat(scene),
     ];
     all.into_iter().flatten().collect()
+}
+
+/// A coefficient of friction as large as an angle of friction.
+fn friction_in_degrees(scene: &Scene) -> Option<String> {
+    let friction = scene.law.highest_friction();
+    (5.0..=60.0).contains(&friction).then(|| {
+        format!(
+            "a friction of {friction} is a coefficient; is it an angle in degrees? Its tangent is {:.2}",
+            friction.to_radians().tan()
+        )
+    })
+}
+
+/// A servo presses grains into each other by about `p d / k` of their diameter, as in a row of them.
+fn pressed_flat(scene: &Scene) -> Option<String> {
+    let stress = scene.servos.iter().map(|servo| servo.stress).fold(0.0, f64::max);
+    let law = scene.force_law();
+    let overlap = |(shape, scale)| {
+        let body = Body::of(&scene.library, shape, scale);
+        let volume = scene.library.shapes[shape.index()].volume() * scale.powi(3);
+        let diameter = libm::cbrt(6.0 * volume / std::f64::consts::PI);
+        stress * diameter / law.hardest(&body, 0.5 * body.mass).stiffness
+    };
+    let deepest = scene.library.extremes().map(overlap).fold(0.0, f64::max);
+    (deepest > DEEPEST_START).then(|| {
+        format!(
+            "a servo of {stress:e} Pa presses grains into each other by some {:.0} % of their diameter; DEM commonly permits \
+             {} %: make contacts stiffer or the stress smaller",
+            100.0 * deepest,
+            100.0 * DEEPEST_START
+        )
+    })
 }
 
 /// Forces along another normal than that of the least overlap have no potential. Spheres are resolved in closed form.

@@ -30,7 +30,7 @@ fn reader(kind: Kind) -> Option<Reader> {
         Kind::RoundedPolyhedron => {
             (&["vertices", "edges", "file", "scale", "radius"], rounded_polyhedron)
         }
-        Kind::Other | Kind::HalfSpace => return None,
+        Kind::Other | Kind::HalfSpace | Kind::TriangleMesh => return None,
     };
     Some(Reader { keys, read })
 }

@@ -56,6 +56,15 @@ impl Value {
 
 // --- from text ---
 
+/// What is wrong, and the text that it is about where the reader points at a piece of a line.
+fn not_toml(text: &str, message: &str, span: Option<std::ops::Range<usize>>) -> String {
+    let piece = span.and_then(|span| text.get(span)).map(str::trim);
+    match piece.filter(|piece| !piece.is_empty() && !piece.contains('\n') && piece.len() < 60) {
+        Some(piece) => format!("not valid TOML: {message}: `{piece}`"),
+        None => format!("not valid TOML: {message}"),
+    }
+}
+
 /// The file and the overrides, or `None` if the text is not TOML (the report says where).
 pub(super) fn read(text: &str, overrides: &[String], mistakes: &Mistakes) -> Option<Node> {
     let location = |offset: usize| Location::Line(1 + text[..offset].matches('\n').count());
@@ -63,7 +72,7 @@ pub(super) fn read(text: &str, overrides: &[String], mistakes: &Mistakes) -> Opt
     for error in &errors {
         let location =
             error.span().map_or(Location::File, |span| location(span.start.min(text.len())));
-        mistakes.add(&location, format!("not valid TOML: {}", error.message()));
+        mistakes.add(&location, not_toml(text, error.message(), error.span()));
     }
     if !errors.is_empty() {
         return None;

@@ -9,7 +9,7 @@ use crate::ids::MaterialId;
 use crate::math::{ExactSum, Vec3};
 use crate::output::snapshot::{contact_bytes, particle_bytes};
 use crate::output::tables::PARTICLE_COLUMNS;
-use crate::particles::walls::Wall;
+use crate::particles::walls::{Mesh, Wall};
 use crate::shape::moments::Placement;
 use crate::shape::{Kind, Shape};
 use std::collections::BTreeSet;
@@ -159,6 +159,10 @@ fn walls(scene: &Scene, page: &mut Page) {
             page.line(label, names);
         }
     }
+    for wall in &scene.walls {
+        let Some(Mesh { surface, .. }) = &wall.mesh else { continue };
+        page.line("triangles", format!("{}: {}", wall.name, surface.summary()));
+    }
     if let Some(Shear { along, across, rate, .. }) = scene.domain.shear() {
         let axes = format!("along {}, faster the farther up {}", AXES[along], AXES[across]);
         page.line("images slide", format!("{axes}: {rate} 1/s; at the faces bodies change velocity, and each contact looks for it"));
@@ -195,7 +199,7 @@ fn pairs_of_kinds(scene: &Scene) -> Vec<(Kind, Kind)> {
     for (k, &a) in present.iter().enumerate() {
         pairs.extend(present[k..].iter().map(|&b| (a, b)));
     }
-    pairs.retain(|&(a, _)| a != Kind::HalfSpace);
+    pairs.retain(|&(a, _)| !a.is_of_walls());
     pairs
 }
 
@@ -209,6 +213,7 @@ fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
              a regular tetrahedron 0.15"
         }
         (Kind::Sphere, Kind::Sphere, _) | (_, Kind::HalfSpace, _) => "closed form",
+        (_, Kind::TriangleMesh, _) => "faces, edges, corners",
         (_, _, method) => table(&method, &[a, b]).get((a, b)).map_or("none", ContactResolver::name),
     }
 }

@@ -152,6 +152,10 @@ impl<'a> Given<'a> {
         }
     }
 
+    pub(super) fn is_text(&self) -> bool {
+        matches!(self.node.value, Value::Text(_))
+    }
+
     pub(super) fn text(&self) -> Option<&'a str> {
         match &self.node.value {
             Value::Text(s) if !s.is_empty() => Some(s),

@@ -112,7 +112,7 @@ fn required(table: &str) -> &'static [&'static str] {
         "material" => &["name", "density"],
         "interaction" => &["between"],
         "shape" => &["name", "kind"],
-        "time" => &["step", "steps"],
+        "time" => &["step"],
         "output" => &["directory"],
         "fill.rain" => &["count"],
         "fill.file" => &["path"],
@@ -146,7 +146,11 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
             closed(&sides.into_iter().collect(), &[])
         }
 
-        ("wall", "name" | "material") => text(),
+        ("wall", "name" | "material" | "mesh") => text(),
+        ("wall", "scale") => positive,
+        ("wall", "shift") => vector(&any),
+        ("wall", "turn") => object(&[("axis", vector(&any)), ("angle", any)]),
+        ("wall", "smooth") => json!({ "type": "number", "minimum": 0, "maximum": 60 }),
         ("wall", "point" | "normal" | "velocity") => vector(&any),
         ("wall", "planes") => some(&object(&[("point", vector(&any)), ("normal", vector(&any))])),
         ("wall", "rotation") => {
@@ -194,8 +198,9 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("law", "adhesion") => words(&["none", "dmt", "jkr"]),
         ("law" | "contact", "limit_damping") => boolean(),
 
-        ("time", "step") => positive,
+        ("time", "step") => either(&[positive, words(&["auto"])]),
         ("time", "steps") => whole(0),
+        ("time", "duration") => positive,
         ("time", "allow_unstable") => boolean(),
         ("stop", "rest" | "unbalanced" | "servo") => below_one,
         ("neighbours", "skin") => not_negative,

@@ -7,9 +7,12 @@ use crate::cell::{AXES, Cell};
 use crate::drive::rain::Rain;
 use crate::drive::servo::Servo;
 use crate::ids::MaterialId;
-use crate::math::Vec3;
+use crate::math::{Quat, Vec3, rotation_about};
 use crate::particles::Library;
 use crate::particles::walls::{Across, Wall};
+use crate::shape::mesh;
+use crate::shape::triangle_mesh::TriangleMesh;
+use std::path::Path;
 
 /// The most that a wall may move in a step, over the shortest axis of any grain.
 const LONGEST_MOVE: f64 = 0.05;
@@ -51,6 +54,7 @@ impl Walls {
         domain_section: Option<&Section>,
         domain: Option<&Cell>,
         materials: &Materials,
+        folder: &Path,
     ) -> Self {
         let mut walls = Self { names: Names::of("wall"), all: Vec::new() };
         if let Some(section) = domain_section {
@@ -61,7 +65,7 @@ impl Walls {
         for section in root.sections("wall") {
             walls.names.add(&section);
             let name = walls.names.names.last().cloned().unwrap_or_default();
-            walls.all.push(planned(name, &section, domain, materials));
+            walls.all.push(planned(name, &section, domain, materials, folder));
         }
         walls
     }
@@ -224,7 +228,9 @@ impl Walls {
         }
         *has_servo = true;
         let Some(Across { axis: own, .. }) = wall.across() else {
-            given.fail(if wall.facets.len() > 1 {
+            given.fail(if wall.mesh.is_some() {
+                "this wall has triangles; a servo needs one plane, with a normal along x, y or z"
+            } else if wall.facets.len() > 1 {
                 "this wall has several planes; a servo needs one, with a normal along x, y or z"
             } else if wall.turns() {
                 "this wall is tilted, or turns out of its plane; a servo needs a normal that stays along x, y or z"
@@ -246,11 +252,31 @@ impl Walls {
         Some(k)
     }
 
+    /// Looks whether meshes meet particles of shapes for which they have contacts.
+    pub(super) fn check_meshes(root: &Section, library: &Library) {
+        let others: Vec<String> = library
+            .names
+            .iter()
+            .zip(&library.shapes)
+            .filter(|(_, shape)| !shape.kind().is_smooth())
+            .map(|(name, shape)| format!("`{name}` ({})", shape.kind().name()))
+            .collect();
+        if others.is_empty() {
+            return;
+        }
+        for given in root.sections("wall").iter().filter_map(|section| section.get("mesh")) {
+            given.fail(format!(
+                "meets {}: walls of triangles have contacts with spheres, ellipsoids and superellipsoids only; make the wall of \
+                 planes",
+                others.join(", ")
+            ));
+        }
+    }
+
     /// How many shapes they need.
     pub(super) fn count(&self) -> usize {
-        let facets =
-            |planned: &Option<Planned>| planned.as_ref().map_or(1, |p| p.wall.facets.len());
-        self.all.iter().map(facets).sum()
+        let shapes = |planned: &Option<Planned>| planned.as_ref().map_or(1, |p| p.wall.shapes());
+        self.all.iter().map(shapes).sum()
     }
 
     /// A wall behind which some of the slab of rain is.
@@ -277,8 +303,19 @@ fn planned(
     section: &Section,
     domain: Option<&Cell>,
     materials: &Materials,
+    folder: &Path,
 ) -> Option<Planned> {
-    let planes = if section.get("planes").is_some() {
+    let triangles = section.get("mesh").map(|given| {
+        for key in ["point", "normal", "planes"] {
+            if let Some(given) = section.get(key) {
+                given.fail("stands beside `mesh`; a wall is of planes or of triangles");
+            }
+        }
+        triangles(&given, section, domain, folder)
+    });
+    let planes = if triangles.is_some() {
+        Some(Vec::new())
+    } else if section.get("planes").is_some() {
         for key in ["point", "normal"] {
             if let Some(given) = section.get(key) {
                 given.fail("stands beside `planes`; write it as one of them");
@@ -305,6 +342,17 @@ fn planned(
     section.finish();
 
     let (planes, rotation) = (planes?, rotation?);
+    if let Some(triangles) = triangles {
+        let (given, Triangles { mut corners, shift, smooth }) = (section.get("mesh")?, triangles?);
+        let reference = rotation.map_or(shift, |(about, _)| about);
+        corners.iter_mut().flatten().for_each(|corner| *corner += shift - reference);
+        let surface =
+            TriangleMesh::new(&corners, smooth).map_err(|error| given.fail(error)).ok()?;
+        let mut wall = Wall::of_mesh(name, reference, surface);
+        wall.velocity = velocity?;
+        wall.angular_velocity = rotation.map_or_else(Vec3::zeros, |(_, velocity)| velocity);
+        return Some(Planned { wall, material: material?, has_servo: false });
+    }
     let reference = match (rotation, &*planes) {
         (Some((about, _)), _) => about,
         (None, [(point, _), ..]) => *point,
@@ -314,6 +362,59 @@ fn planned(
     wall.velocity = velocity?;
     wall.angular_velocity = rotation.map_or_else(Vec3::zeros, |(_, velocity)| velocity);
     Some(Planned { wall, material: material?, has_servo: false })
+}
+
+/// What a file says of a wall.
+struct Triangles {
+    /// Scaled and turned, not yet shifted [m].
+    corners: Vec<[Vec3; 3]>,
+    /// [m]
+    shift: Vec3,
+    /// The angle up to which edges are smooth [rad].
+    smooth: f64,
+}
+
+/// The largest angle between the faces of an edge that may count as smooth [°].
+const SMOOTHEST: f64 = 60.0;
+/// The default [°]: that of a cylinder of 36 strips.
+const SMOOTH: f64 = 10.0;
+
+fn triangles(
+    given: &Given,
+    section: &Section,
+    domain: Option<&Cell>,
+    folder: &Path,
+) -> Option<Triangles> {
+    if let Some(axis) = (0..3).find(|&axis| repeats(domain, axis)) {
+        given.fail(format!(
+            "the domain is periodic along {}; a wall of triangles needs a domain without periods",
+            AXES[axis]
+        ));
+    }
+    let scale = section.number_or("scale", 1.0, Range::Positive, "");
+    let turn = section.read_or("turn", Quat::identity(), |given| {
+        let section = given.section()?;
+        let axis = section.require("axis", "[x, y, z], about which the file is turned", direction);
+        let angle = section.number("angle", Range::Any, "degrees");
+        section.finish();
+        Some(rotation_about(&axis?, angle?.to_radians()))
+    });
+    let shift = section.vector_or("shift", Vec3::zeros(), "m");
+    let smooth = section.number_or("smooth", SMOOTH, Range::NotNegative, "degrees");
+    if let (Some(smooth), Some(given)) = (smooth, section.get("smooth"))
+        && smooth > SMOOTHEST
+    {
+        given.fail(format!("must be at most {SMOOTHEST:?} degrees"));
+    }
+    let path = folder.join(given.text()?);
+    let corners = mesh::triangles(&path).map_err(|error| given.fail(error)).ok()?;
+    let (scale, turn) = (scale?, turn?);
+    let placed = |corner: Vec3| {
+        let corner = corner * scale;
+        if turn == Quat::identity() { corner } else { turn * corner }
+    };
+    let corners = corners.into_iter().map(|triangle| triangle.map(placed)).collect();
+    Some(Triangles { corners, shift: shift?, smooth: smooth?.to_radians() })
 }
 
 /// A point of a plane [m] and its unit normal.

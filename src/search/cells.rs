@@ -10,7 +10,7 @@
 
 use crate::cell::{Cell, Shear};
 use crate::contact::Pair;
-use crate::ids::Slot;
+use crate::ids::{GlobalId, Slot};
 use crate::math::Vec3;
 use crate::particles::{Particles, walls};
 use std::borrow::Cow;
@@ -46,7 +46,35 @@ pub fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
             }
         }
     }
+    let first = bodies + facets.len();
+    for_each_near_facet(particles, skin, |slot, id| {
+        // All of them have been noted.
+        if let Ok(k) = particles.near_facets.binary_search(&id) {
+            pairs.push(Pair { a: Slot(slot as u32), b: Slot((first + k) as u32) });
+        }
+    });
     pairs
+}
+
+/// Takes note of the facets of meshes that come as near as `skin` [m] to the bounding sphere of an owned particle; only these get
+/// slots.
+pub fn note_near_facets(particles: &mut Particles, skin: f64) {
+    let mut near = Vec::new();
+    for_each_near_facet(particles, skin, |_, id| near.push(id));
+    near.sort_unstable();
+    near.dedup();
+    particles.near_facets = near;
+}
+
+fn for_each_near_facet(particles: &Particles, skin: f64, mut visit: impl FnMut(usize, GlobalId)) {
+    for (k, wall) in particles.walls.iter().enumerate().filter(|(_, wall)| wall.mesh.is_some()) {
+        for slot in 0..particles.owned {
+            let reach = particles.radius(slot) + skin;
+            for facet in wall.facets_near(&particles.position[slot], reach) {
+                visit(slot, GlobalId::facet(k, facet as usize));
+            }
+        }
+    }
 }
 
 /// Bodies by size: in each class the largest has at most twice the radius of the smallest.

@@ -9,7 +9,7 @@
 
 mod cells;
 
-pub use cells::close_pairs;
+pub use cells::{close_pairs, note_near_facets};
 
 use crate::contact::{Pair, ordered};
 use crate::ids::Slot;
@@ -130,8 +130,18 @@ impl PairList {
             all.dedup();
             let length = LONGEST.min(AT_ONCE * all.len().max(1));
             let mut keyed: Vec<((Kind, Kind), u32)> = Vec::new();
-            for start in part.clone().step_by(length) {
-                let range = start..part.end.min(start + length);
+            let mut start = part.start;
+            while start < part.end {
+                let mut end = part.end.min(start + length);
+                // What a particle has with walls stands in one stretch: facets of a wall share it.
+                while start >= with_walls
+                    && end < part.end
+                    && self.pairs[end].a == self.pairs[end - 1].a
+                {
+                    end += 1;
+                }
+                let range = start..end;
+                start = end;
                 keyed.clear();
                 keyed.extend(self.pairs[range.clone()].iter().map(kinds_of).zip(0..));
                 keyed.sort_unstable();

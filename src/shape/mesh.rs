@@ -1,6 +1,6 @@
-//! Grains from files of triangles: STL (text or binary) and OBJ.
+//! Files of triangles: STL (text or binary) and OBJ; and grains from them.
 //!
-//! A mesh must be closed and convex; what it says of its surface is only used to check that. STL keeps
+//! The mesh of a grain must be closed and convex; what it says of its surface is only used to check that. STL keeps
 //! seven digits, which sets the tolerance.
 
 use super::hull::{Hull, HullError, size};
@@ -59,13 +59,21 @@ pub enum MeshError {
 /// # Errors
 /// If the file cannot be read, or its mesh is not closed or not convex.
 pub fn read(path: &Path, scale: f64) -> Result<Vec<Vec3>, MeshError> {
-    let mut triangles = match path.extension().and_then(|e| e.to_str()) {
-        Some("stl" | "STL") => stl(path)?,
-        Some("obj" | "OBJ") => obj(path)?,
-        _ => return Err(MeshError::Ending),
-    };
+    let mut triangles = triangles(path)?;
     triangles.iter_mut().flatten().for_each(|corner| *corner *= scale);
     corners(&triangles)
+}
+
+/// The corners of all triangles in a file, in its units.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn triangles(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("stl" | "STL") => stl(path),
+        Some("obj" | "OBJ") => obj(path),
+        _ => Err(MeshError::Ending),
+    }
 }
 
 fn stl(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {

@@ -28,6 +28,7 @@ pub mod rounded_polyhedron;
 pub mod sphere;
 pub mod spherocylinder;
 pub mod superellipsoid;
+pub mod triangle_mesh;
 
 use crate::math::{Mat3, Vec3};
 pub use ellipsoid::{Ellipsoid, Form};
@@ -45,6 +46,7 @@ use std::borrow::Borrow;
 use std::fmt::Debug;
 use std::sync::Arc;
 pub use superellipsoid::{CurvedSupport, Superellipsoid};
+pub use triangle_mesh::TriangleMesh;
 
 /// A convex body about its centre of mass, axes along its principal axes of inertia.
 pub trait Convex: Debug + Send + Sync {
@@ -278,6 +280,8 @@ shapes! {
     Other(#[serde(with = "not_sent")] Arc<dyn Convex>), "other", &[];
     /// The solid side of a plane: a wall.
     HalfSpace(HalfSpace), "plane", &[];
+    /// The surface of a wall of triangles.
+    TriangleMesh(#[serde(with = "triangle_mesh::shared")] Arc<TriangleMesh>), "triangle-mesh", &[];
 }
 
 /// A shape of a program that uses this crate stays in its process.
@@ -298,6 +302,11 @@ mod not_sent {
 }
 
 impl Kind {
+    /// Is it a surface of a wall, and no body of particles?
+    pub const fn is_of_walls(self) -> bool {
+        matches!(self, Self::HalfSpace | Self::TriangleMesh)
+    }
+
     /// Has it a common normal, which needs curvature everywhere?
     pub fn is_smooth(self) -> bool {
         self.facts().contains(&Fact::Smooth)

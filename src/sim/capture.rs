@@ -104,6 +104,14 @@ impl Simulation {
                     WallRow { name, point, normal, velocity, force, body: wall.saved() }
                 })
                 .collect(),
+            triangles: self
+                .particles
+                .walls
+                .iter()
+                .filter_map(|wall| wall.mesh.as_ref())
+                .flat_map(|mesh| mesh.surface.triangles())
+                .map(|[a, b, c]| [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z])
+                .collect(),
             drives: self.saved_drives(comm),
             shapes: (0..library.particle_shapes)
                 .map(|k| ShapeRow {

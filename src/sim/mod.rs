@@ -327,7 +327,9 @@ impl Simulation {
     /// of their touching contacts. Collective.
     pub fn relist(&mut self, carried: &ContactRecords, comm: &mut dyn Comm) {
         self.domain.offer_ghosts(&mut self.particles, comm);
-        let mut found = search::close_pairs(&self.particles, self.skin + self.reach);
+        let listed = self.skin + self.reach;
+        search::note_near_facets(&mut self.particles, listed);
+        let mut found = search::close_pairs(&self.particles, listed);
         self.domain.keep_paired_ghosts(&mut self.particles, &mut found);
         self.domain.start_halo(&self.particles, comm);
         self.domain.finish_halo(&mut self.particles, comm);
@@ -478,7 +480,7 @@ impl Simulation {
         }
         found.tally.listed += in_stretch.len() as u64;
         found.tally.contacts += found.contacts.len() as u64;
-        contacts.arrange(stretch, in_stretch, &mut found.contacts, particles.needs);
+        contacts.arrange(stretch, in_stretch, &mut found.contacts, particles);
         pairs.rest(stretch, &found.apart, particles);
     }
 

@@ -2,7 +2,7 @@
 
 use super::Simulation;
 use super::floor::{Floor, Needed};
-use super::run::{Ending, Finish};
+use super::run::{DEEPEST_START, Ending, Finish};
 use super::watch::Watch;
 use crate::comm::Comm;
 use crate::contact::Tally;
@@ -51,7 +51,38 @@ fn last_warnings(sim: &Simulation, finish: &Finish) -> Vec<String> {
     let drives = if matches!(finish.ending, Ending::Signal(_)) { &[][..] } else { &sim.drives[..] };
     let of_drives = drives.iter().flat_map(|drive| drive.last_warnings(&sim.particles.walls));
     let balance = finish.measures.poor_balance(finish.most_moving, sim.dt);
-    stop.into_iter().chain(of_drives).chain(balance).chain(finish.stiffened.clone()).collect()
+    let others = [overlap(finish), hollow(sim, finish), balance, finish.stiffened.clone()];
+    stop.into_iter().chain(of_drives).chain(others.into_iter().flatten()).collect()
+}
+
+/// The deepest overlap, where it is deeper than commonly permitted.
+fn overlap(finish: &Finish) -> Option<String> {
+    let (largest, step) = finish.largest_overlap;
+    (largest > DEEPEST_START).then(|| {
+        format!(
+            "the largest overlap was {:.1} % of the shortest axis of the smaller body, at step {step}; DEM commonly permits \
+             {} %",
+            100.0 * largest,
+            100.0 * DEEPEST_START
+        )
+    })
+}
+
+/// Contacts of a particle that a packing under pressure has at least: of spheres with much friction four, without the
+/// particles that bear nothing.
+const BEARING: f64 = 3.0;
+
+/// A few chains of particles may carry a stress and rest, while the others float: that is no packing.
+fn hollow(sim: &Simulation, finish: &Finish) -> Option<String> {
+    let is_pressed = sim.drives.iter().any(|drive| drive.error().is_some());
+    let coordination = finish.measures.coordination();
+    (is_pressed && finish.ending == Ending::Rest && coordination < BEARING).then(|| {
+        format!(
+            "[stop] was reached with {coordination:.2} contacts per particle: chains of some particles bear the stress, the \
+             others touch nothing. A lattice needs a `jitter` to be pressed together, and a first stage without friction \
+             packs more densely"
+        )
+    })
 }
 
 /// How the run ended, and how fast it was.
@@ -60,7 +91,7 @@ fn outcome(sim: &Simulation, finish: &Finish, ranks: u32) -> Run {
     Run {
         ended: match finish.ending {
             Ending::LastStep => Ended::AllStepsDone,
-            Ending::Rest => Ended::AtRest,
+            Ending::Rest => Ended::ByStop,
             Ending::Signal(_) => Ended::BySignal,
         },
         unmet: finish.unmet.clone(),
@@ -180,7 +211,7 @@ fn resolution(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> Resolut
         steps_per_oscillation: highest_frequency(library, &*sim.law)
             .map(|frequency| TAU / (frequency * sim.dt)),
         // The axis is a diameter.
-        largest_overlap_over_radius: 2.0 * finish.largest_overlap,
+        largest_overlap_over_radius: 2.0 * finish.largest_overlap.0,
         largest_move_over_radius: moved,
         largest_turn_rad: turned,
     }

@@ -98,7 +98,7 @@ pub struct Finish {
     /// The largest kinetic and elastic energy together that the run has measured [J].
     pub most_moving: f64,
     /// The largest overlap over the shortest axis of the smaller body that the run has measured [-].
-    pub largest_overlap: f64,
+    pub largest_overlap: (f64, u64),
     /// What has become of the stable limit of a law that stiffens with load, if contacts have been stiffer than it was found for.
     pub stiffened: Option<String>,
     /// What the stage's [`Stop`] still asks for, where it is over all the same; empty if nothing.
@@ -260,7 +260,7 @@ pub fn run(
         most_moving,
         largest_overlap: records.largest_overlap,
         stiffened: (records.stiffening.as_ref())
-            .and_then(|stiffening| stiffening.words(2.0 * records.largest_overlap)),
+            .and_then(|stiffening| stiffening.words(2.0 * records.largest_overlap.0)),
         warnings: warned,
         snapshot,
     })
@@ -290,8 +290,8 @@ struct Records<'a> {
     stiffening: Option<Stiffening>,
     /// Parts of the energy missing from the balance at which a run still has to warn.
     missing: Peekable<IntoIter<f64, 3>>,
-    /// The largest overlap over the shortest axis that was measured [-].
-    largest_overlap: f64,
+    /// The largest overlap over the shortest axis that was measured [-], and at which step.
+    largest_overlap: (f64, u64),
     /// The scalars, if they were measured after the last step.
     measures: Option<Measures>,
     /// The snapshot, if one was written after the last step.
@@ -318,7 +318,7 @@ impl<'a> Records<'a> {
             depths,
             stiffening: Stiffening::of(sim, schedule.allow_unstable),
             missing: MISSING.into_iter().peekable(),
-            largest_overlap: 0.0,
+            largest_overlap: (0.0, sim.step),
             measures: None,
             snapshot: None,
         })
@@ -350,7 +350,7 @@ impl<'a> Records<'a> {
     fn first(&mut self, sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
         let measures = sim.measure(comm);
         sim.most_moving = most_moving(sim, &measures);
-        self.note(&measures);
+        self.note(sim.step, &measures);
         self.push(sim, &measures, &measures.wall_forces)?;
         // So that a run that fails leaves what it began with, however few snapshots are asked for.
         self.snapshot = Some(self.save(sim, Ending::LastStep, &measures, comm)?);
@@ -359,8 +359,10 @@ impl<'a> Records<'a> {
     }
 
     /// Keeps the largest of what is measured.
-    fn note(&mut self, measures: &Measures) {
-        self.largest_overlap = f64::max(self.largest_overlap, measures.largest_overlap);
+    fn note(&mut self, step: u64, measures: &Measures) {
+        if measures.largest_overlap > self.largest_overlap.0 {
+            self.largest_overlap = (measures.largest_overlap, step);
+        }
     }
 
     /// Measures, adds a row and writes a snapshot where they are due. Returns whether the packing has come to rest.
@@ -384,7 +386,7 @@ impl<'a> Records<'a> {
         if due(sim.step, schedule.history_every) || snapshot_due || rest_due {
             sim.most_moving = most_moving(sim, &measures);
         }
-        self.note(&measures);
+        self.note(sim.step, &measures);
         if measures.largest_overlap > DEEPEST {
             sim.agree_on_fault(comm).map_err(|error| explain(error, sim, comm))?;
         }
@@ -439,7 +441,7 @@ impl<'a> Records<'a> {
             Some(measures) => measures,
             None => sim.measure(comm),
         };
-        self.note(&measures);
+        self.note(sim.step, &measures);
         let snapshot = match self.snapshot.take() {
             Some(snapshot) => snapshot,
             None => self.save(sim, ending, &measures, comm)?,
@@ -508,8 +510,8 @@ const DEPTHS: [f64; 2] = [DEEPEST_START, 4.0 * DEEPEST_START];
 
 fn too_deep(step: u64, overlap: f64) -> String {
     format!(
-        "the largest overlap is {:.1} % of the shortest axis of the smaller body at step {step}; DEM commonly permits \
-         {} %. Stiffer contacts, or less speed or pressure, make it smaller",
+        "step {step}: an overlap is {:.1} % of the shortest axis of the smaller body; DEM commonly permits {} %. Stiffer \
+         contacts, or less speed or pressure, make it smaller",
         100.0 * overlap,
         100.0 * DEEPEST_START
     )

@@ -281,6 +281,20 @@ fn walls_tell_stress_and_inertial_number() {
     snapshot.header.walls.extend([beyond, lid]);
     close(snapshot.report().summary.inertial_number, inertia);
 
+    // A wall that slides shears: so fast, and by so much of the distance.
+    for axis in 0..3 {
+        let mut sliding = boxed(0.02, 1);
+        let along = Vec3::ith((axis + 1) % 3, 1.0);
+        let last = &mut sliding.header.walls[2 * axis + 1];
+        last.velocity = along * 0.1;
+        last.point += along * 0.003;
+        let mut now = sliding.report();
+        now.strain_against(&boxed(0.02, 1).report());
+        let length = if axis == 2 { 0.02 } else { side };
+        close(now.summary.inertial_number, inertia * 0.02 / length);
+        close(now.summary.shear_strain, 0.003 / length);
+    }
+
     // Without a lid the load on the floor is not the stress in between.
     let open = ellipsoids(5, 8);
     let s = open.analyse(Settings::default()).unwrap().report.summary;

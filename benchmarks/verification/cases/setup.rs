@@ -304,7 +304,7 @@ pub(crate) fn seen(sim: &Simulation) -> Picture {
         let turn = particles.orientation.as_ref().map(|o| o.quaternion[slot]).unwrap_or_default();
         let frame = turn.to_rotation_matrix().into_inner();
         let shape = &particles.library.shapes[particles.shape[slot].index()];
-        let body = Posed { shape, frame: &frame, scale: particles.scale_of(slot) };
+        let body = Posed { scale: particles.scale_of(slot), ..Posed::new(shape, &frame) };
         picture.push(particles.id[slot], &particles.position[slot], &body, touching);
     }
     picture

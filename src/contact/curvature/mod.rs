@@ -100,7 +100,7 @@ pub fn of_pair(a: &Posed, b: &Posed, normal: &Vec3, overlap: f64) -> Curvature {
     let frame = Frame::of(Triple { x: normal.x, y: normal.y, z: normal.z });
     let on_a = surface_of(a, normal, &frame, 1.0);
     let on_b = match b.shape {
-        Shape::HalfSpace(_) => None,
+        Shape::HalfSpace(_) | Shape::TriangleMesh(_) => None,
         _ => Some(surface_of(b, normal, &frame, -1.0)),
     };
     let Curvatures { root_of_radius, force, moment } =
@@ -447,7 +447,7 @@ fn alone(bodies: &Bodies, pair: Pair, geometry: &Geometry) -> Curvature {
 mod tests {
     use super::{All, Curvature, find, of_pair};
     use crate::cell::Cell;
-    use crate::contact::{Bodies, Geometry, Pair};
+    use crate::contact::{Bodies, FacetInPlace, Geometry, Pair};
     use crate::ids::{ShapeId, Slot};
     use crate::lanes::{Kernel, Portable};
     use crate::math::{Mat3, Vec3};
@@ -472,7 +472,7 @@ mod tests {
             let mut random = Random::of(9, 0);
             let count = 61;
             let quaternion: Vec<_> = (0..count).map(|_| random.rotation()).collect();
-            let facets = [Mat3::identity()];
+            let facets = [FacetInPlace { frame: Mat3::identity(), number: 0 }];
             let position = vec![Vec3::zeros(); count + 1];
             let shape: Vec<_> =
                 (0..count).map(|k| k % kinds).chain([3]).map(|k| ShapeId(k as u16)).collect();

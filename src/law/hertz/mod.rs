@@ -239,7 +239,7 @@ impl Hertz {
 fn widest(shape: &Shape) -> f64 {
     match shape {
         Shape::Sphere(sphere) => sphere.radius,
-        Shape::HalfSpace(_) => 0.0,
+        Shape::HalfSpace(_) | Shape::TriangleMesh(_) => 0.0,
         _ => curvature::flattest(shape) * shape.half_lengths().min().sqrt(),
     }
 }

@@ -86,7 +86,7 @@ pub enum Ended {
     /// All steps were done.
     AllStepsDone,
     /// What `[stop]` asks for holds.
-    AtRest,
+    ByStop,
     /// A signal asked for it.
     BySignal,
 }
@@ -94,7 +94,7 @@ pub enum Ended {
 /// Steps, and how fast they were.
 #[derive(Clone, Debug, Serialize)]
 pub struct Run {
-    /// `all_steps_done`, `at_rest` or `by_signal`.
+    /// `all_steps_done`, `by_stop` or `by_signal`.
     pub ended: Ended,
     /// What `[stop]` still asks for, where the run is over all the same; empty if nothing.
     pub unmet: String,

@@ -57,7 +57,7 @@ impl Report {
         let run = &self.run;
         let how = match run.ended {
             Ended::AllStepsDone => "all steps done",
-            Ended::AtRest => "[stop] reached",
+            Ended::ByStop => "[stop] reached",
             Ended::BySignal => "stopped by a signal",
         };
         page.line(format_args!(

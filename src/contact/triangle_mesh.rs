@@ -1,0 +1,245 @@
+//! A smooth body against a facet of a triangle mesh: a face, an edge or a corner ([`crate::shape::triangle_mesh`]).
+//!
+//! With `h` the support function of the body about its centre and `c` the way from a point of the facet to that centre, the
+//! bound of the overlap along a direction `n` out of the surface is `δ(n) = h(-n) - n·c`.
+//!
+//! | facet | directions | overlap |
+//! |---|---|---|
+//! | face | its normal, on the side of the centre | `δ`, if the deepest point of the body stands over the face: the answer of the plane |
+//! | edge | those between the normals of its faces | least `δ` of them, if it lies between both and on the edge: a root of `dδ/dn` in one angle |
+//! | corner | at right angles or more to its edges | least `δ`, as of a sphere without radius |
+//!
+//! All on the side of the surface on which the centre of the body is: a long body in a shallow fold would else be pushed through it.
+//!
+//! What one facet loses at its border another gains with the same normal, so forces on convex surfaces are continuous, and of
+//! edges and corners each is met once. Regions extend by [`BORDER`] over their borders, so that none is lost by rounding; what is then
+//! found twice is merged when contacts are put in order.
+
+use super::{
+    Chain, ContactResolver, Epa, Outcome, Posed, SmoothCommonNormal, Touch, Why, touch_of_sphere,
+};
+use crate::math::{Mat3, Vec3};
+use crate::shape::triangle_mesh::{MeshFacet, TriangleMesh};
+use crate::shape::{Shape, Sphere};
+
+/// How far the region of a facet goes beyond its border, over the radius of the body.
+const BORDER: f64 = 1e-9;
+/// The angle about an edge is as exact as this [rad].
+const ANGLE: f64 = 1e-15;
+
+/// Resolves any smooth shape (A) against a facet of a mesh (B). The relative position runs from the centre of A to the
+/// reference point of the wall.
+pub struct AgainstTriangleMesh {
+    /// Against a point.
+    points: Chain,
+}
+
+impl Default for AgainstTriangleMesh {
+    fn default() -> Self {
+        let fallbacks: Vec<Box<dyn ContactResolver>> =
+            vec![Box::new(Epa::new(1e-10)), Box::new(Epa::default())];
+        Self { points: Chain::new(Box::new(SmoothCommonNormal), fallbacks) }
+    }
+}
+
+impl ContactResolver for AgainstTriangleMesh {
+    fn name(&self) -> &'static str {
+        "triangle-mesh"
+    }
+
+    /// # Panics
+    /// If B is not a triangle mesh: the table of resolvers was filled wrongly.
+    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
+        let Shape::TriangleMesh(mesh) = b.shape else {
+            unreachable!("a facet is the second body of its pairs")
+        };
+        // In the axes of the wall, in which the facets stay as they are.
+        let frame = b.frame.tr_mul(a.frame);
+        let body = Body {
+            a: Posed { frame: &frame, ..*a },
+            radius: if let Shape::Sphere(Sphere { radius }) = a.shape {
+                radius * a.scale
+            } else {
+                0.0
+            },
+            centre: -b.frame.tr_mul(r),
+            border: BORDER * a.bounding_radius(),
+        };
+        let outcome = match &mesh.facets()[b.facet as usize] {
+            MeshFacet::Face { normal, offset } => body.on_face(mesh, b.facet, normal, *offset),
+            edge @ MeshFacet::Edge { .. } => body.on_edge(edge),
+            MeshFacet::Corner { at, edges } => {
+                let warm = warm.map(|normal| b.frame.tr_mul(normal));
+                body.on_corner(at, edges, &self.points, warm.as_ref())
+            }
+        };
+        match outcome {
+            Outcome::Touching(Touch { overlap, normal, point }) => Outcome::Touching(Touch {
+                overlap,
+                normal: b.frame * normal,
+                point: b.frame * point,
+            }),
+            outcome => outcome,
+        }
+    }
+}
+
+/// A body in the axes of the wall.
+struct Body<'a> {
+    a: Posed<'a>,
+    /// Of a sphere; else 0 [m].
+    radius: f64,
+    /// Its centre [m].
+    centre: Vec3,
+    /// How far over borders it is looked for [m].
+    border: f64,
+}
+
+/// Another facet has the contact: look again.
+const ELSEWHERE: Outcome = Outcome::Apart(0.0);
+
+impl Body<'_> {
+    /// Farther away from a point than the body reaches?
+    fn apart_from(&self, nearest: &Vec3) -> Option<Outcome> {
+        let clearance = (self.centre - nearest).norm() - self.a.bounding_radius();
+        (clearance > 0.0).then_some(Outcome::Apart(clearance))
+    }
+
+    fn on_face(&self, mesh: &TriangleMesh, face: u32, normal: &Vec3, offset: f64) -> Outcome {
+        let height = self.centre.dot(normal) - offset;
+        let (into, height) = if height < 0.0 { (*normal, -height) } else { (-normal, height) };
+        let deepest = self.a.support(&into);
+        let overlap = deepest.dot(&into) - height;
+        let point = deepest - into * (0.5 * overlap);
+        let touch = Touch { overlap, normal: into, point }.outcome();
+        if let Outcome::Touching(_) = touch {
+            let foot = self.centre + deepest - into * overlap;
+            if !mesh.is_on_face(face, &foot, self.border) {
+                return ELSEWHERE;
+            }
+            // The end of a body that lies over an edge comes to the back of the face beyond it.
+            if self.radius == 0.0 && !mesh.is_seen(face, &self.centre, &foot, self.border) {
+                return ELSEWHERE;
+            }
+        }
+        touch
+    }
+
+    fn on_edge(&self, edge: &MeshFacet) -> Outcome {
+        let MeshFacet::Edge { from, along, length, first, quarter, opening } = edge else {
+            unreachable!("an edge is an edge")
+        };
+        let way = self.centre - from;
+        let place = way.dot(along).clamp(0.0, *length);
+        if let Some(apart) = self.apart_from(&(from + along * place)) {
+            return apart;
+        }
+        let is_on = |place: f64| (-self.border..=length + self.border).contains(&place);
+        if self.radius > 0.0 {
+            let place = way.dot(along);
+            let out = way - along * place;
+            let angle = libm::atan2(out.dot(quarter), out.dot(first));
+            return if is_on(place) && (-BORDER..=opening + BORDER).contains(&angle) {
+                self.sphere_at(&out)
+            } else {
+                ELSEWHERE
+            };
+        }
+        let direction = |angle: f64| {
+            let (sine, cosine) = libm::sincos(angle);
+            (first * cosine + quarter * sine, quarter * cosine - first * sine)
+        };
+        // How far the deepest point along a direction lies beyond the edge, to the side of larger angles: -dδ/dθ.
+        let beyond = |angle: f64| {
+            let (out, on) = direction(angle);
+            (self.a.support(&-out) + way).dot(&on)
+        };
+        let (low, high) = (beyond(0.0), beyond(*opening));
+        if low < -self.border || high > self.border {
+            return ELSEWHERE;
+        }
+        let (out, _) = direction(root(beyond, (0.0, low), (*opening, high)));
+        if out.dot(&way) <= 0.0 {
+            return ELSEWHERE;
+        }
+        let deepest = self.a.support(&-out);
+        let on_a = deepest + way;
+        let overlap = -on_a.dot(&out);
+        if overlap > 0.0 && !is_on(on_a.dot(along)) {
+            return ELSEWHERE;
+        }
+        let touch =
+            Touch { overlap, normal: -out, point: deepest + out * (0.5 * overlap) }.outcome();
+        // Along other edges it may come nearer.
+        if let Outcome::Apart(_) = touch { ELSEWHERE } else { touch }
+    }
+
+    fn on_corner(&self, at: &Vec3, edges: &[Vec3], points: &Chain, warm: Option<&Vec3>) -> Outcome {
+        if let Some(apart) = self.apart_from(at) {
+            return apart;
+        }
+        let way = self.centre - at;
+        let outcome = if self.radius > 0.0 {
+            self.sphere_at(&way)
+        } else {
+            let (point, upright) = (Shape::Sphere(Sphere { radius: 0.0 }), Mat3::identity());
+            points.touch(&self.a, &Posed::new(&point, &upright), &-way, warm)
+        };
+        match outcome {
+            Outcome::Touching(Touch { normal, .. })
+                if normal.dot(&way) >= 0.0
+                    || edges.iter().any(|along| -normal.dot(along) > BORDER) =>
+            {
+                ELSEWHERE
+            }
+            outcome => outcome,
+        }
+    }
+
+    /// A sphere whose centre is so far from the nearest point [m].
+    fn sphere_at(&self, way: &Vec3) -> Outcome {
+        let distance = way.norm();
+        if distance == 0.0 {
+            return Outcome::Failed(Why::TooDeep);
+        }
+        let (overlap, normal) = (self.radius - distance, -way / distance);
+        Touch { overlap, normal, point: touch_of_sphere(self.radius, &normal, overlap) }.outcome()
+    }
+}
+
+/// A root of a continuous function that is not negative at the lower angle and not positive at the upper one, but for
+/// rounding: regula falsi in the form of Illinois (Dowell and Jarratt 1971, DOI 10.1007/BF01934364), and halves where that is slow.
+fn root(
+    f: impl Fn(f64) -> f64,
+    (mut a, mut at_a): (f64, f64),
+    (mut b, mut at_b): (f64, f64),
+) -> f64 {
+    if at_a <= 0.0 {
+        return a;
+    }
+    if at_b >= 0.0 {
+        return b;
+    }
+    let mut last = 0.0;
+    for step in 0..200 {
+        let width = b - a;
+        if width <= ANGLE {
+            break;
+        }
+        let secant = a + width * (at_a / (at_a - at_b));
+        let x = if step % 4 == 3 { a + 0.5 * width } else { secant.clamp(a, b) };
+        let at_x = f(x);
+        if at_x == 0.0 || x == a || x == b {
+            return x;
+        }
+        // An end that has stayed twice counts half.
+        let stayed = if at_x * last > 0.0 { 0.5 } else { 1.0 };
+        if at_x > 0.0 {
+            (a, at_a, at_b) = (x, at_x, at_b * stayed);
+        } else {
+            (b, at_b, at_a) = (x, at_x, at_a * stayed);
+        }
+        last = at_x;
+    }
+    a + 0.5 * (b - a)
+}

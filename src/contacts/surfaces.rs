@@ -1,0 +1,104 @@
+//! Contacts with walls of triangles belong to the surface, not to its facets.
+//!
+//! Where a grain touches facets that have a corner in common, with nearly the same normal, it touches one smooth surface: the
+//! deepest contact counts. Where a contact ends on one facet and one begins on another that has a corner in common with it, in
+//! the same step, the contact has gone over an edge: it takes along what is remembered.
+
+use crate::contact::{Geometry, Pair, Previous, Touching};
+use crate::ids::GlobalId;
+use crate::law::Separated;
+use crate::particles::Particles;
+use crate::shape::TriangleMesh;
+
+/// A facet of a mesh that is the second body of a pair.
+struct OnMesh<'a> {
+    wall: usize,
+    facet: u32,
+    mesh: &'a TriangleMesh,
+}
+
+impl<'a> OnMesh<'a> {
+    fn of(pair: Pair, particles: &'a Particles) -> Option<Self> {
+        let wall = particles.wall_of(pair.b)?;
+        let mesh = &*particles.walls[wall].mesh.as_ref()?.surface;
+        let (_, facet) = particles.id[pair.b.index()].wall_and_facet()?;
+        Some(Self { wall, facet: facet as u32, mesh })
+    }
+}
+
+/// Is any of these pairs with a mesh? Pairs with walls stand in stretches of their own.
+pub(super) fn has_meshes(pairs: &[Pair], particles: &Particles) -> bool {
+    !particles.near_facets.is_empty()
+        && pairs.first().is_some_and(|pair| pair.b.index() >= particles.first_facet())
+}
+
+/// Leaves out contacts of a grain with a facet that adjoins another on which it lies deeper, with nearly the same normal. Of equally deep
+/// ones that with the lower id stays.
+pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particles) {
+    let id = |row: usize| particles.id[pairs[touching.pair[row] as usize].b.index()];
+    let mut on_meshes: Vec<(u32, OnMesh, usize)> = (0..touching.len())
+        .filter_map(|row| {
+            let pair = pairs[touching.pair[row] as usize];
+            Some((pair.a.0, OnMesh::of(pair, particles)?, row))
+        })
+        .collect();
+    let key = |(a, on, _): &(u32, OnMesh, usize)| (*a, on.wall);
+    on_meshes.sort_by(|one, other| {
+        let overlap = |(_, _, row): &(u32, OnMesh, usize)| touching.geometry[*row].overlap;
+        let deeper = || overlap(other).total_cmp(&overlap(one));
+        key(one).cmp(&key(other)).then_with(deeper).then_with(|| id(one.2).cmp(&id(other.2)))
+    });
+    let mut stays = vec![true; touching.len()];
+    for of_one in on_meshes.chunk_by(|one, other| key(one) == key(other)) {
+        for (k, (_, on, row)) in of_one.iter().enumerate() {
+            let normal = &touching.geometry[*row].normal;
+            let is_there = of_one[..k].iter().any(|(_, deeper, other)| {
+                stays[*other]
+                    && on.mesh.are_one(normal, &touching.geometry[*other].normal)
+                    && on.mesh.adjoin(on.facet, deeper.facet)
+            });
+            stays[*row] = !is_there;
+        }
+    }
+    if stays.contains(&false) {
+        touching.keep(&stays);
+    }
+}
+
+/// Lets new contacts on meshes go on from those that have ended on facets beside theirs: of several, from that with the nearest normal.
+pub(super) fn pass_on(
+    (now, geometry): (&[Pair], &[Geometry]),
+    (before, geometry_before): (&[Pair], &[Geometry]),
+    from: &mut [Previous],
+    separated: &mut Vec<Separated>,
+    particles: &Particles,
+) {
+    for row in 0..from.len() {
+        if from[row] != Previous::NONE || separated.is_empty() {
+            continue;
+        }
+        let Some(on) = OnMesh::of(now[row], particles) else { continue };
+        let nearness = |ended: &Separated| {
+            let pair = before[ended.place];
+            let was = OnMesh::of(pair, particles)?;
+            let is_beside =
+                pair.a == now[row].a && was.wall == on.wall && on.mesh.adjoin(on.facet, was.facet);
+            let nearness = geometry_before[ended.place].normal.dot(&geometry[row].normal);
+            (is_beside && nearness > 0.0).then_some(nearness)
+        };
+        let mut best: Option<(f64, GlobalId, usize)> = None;
+        for (k, ended) in separated.iter().enumerate() {
+            let Some(nearness) = nearness(ended) else { continue };
+            let id = particles.id[before[ended.place].b.index()];
+            let is_better = best.is_none_or(|(nearest, of, _)| {
+                nearness > nearest || nearness == nearest && id < of
+            });
+            if is_better {
+                best = Some((nearness, id, k));
+            }
+        }
+        if let Some((_, _, k)) = best {
+            from[row] = Previous::at(separated.remove(k).place);
+        }
+    }
+}

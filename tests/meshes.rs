@@ -1,0 +1,613 @@
+//! Walls of triangles: planes however they are cut, edges and corners in closed form, folds, energy, equal bits.
+
+use crate::support::{Bench, MATERIAL, begun, close, motion, save, scene};
+use dem_mpi::comm::{Comm, threads};
+use dem_mpi::contact::{AgainstTriangleMesh, ContactResolver, Outcome, Posed, Touch};
+use dem_mpi::ids::{GlobalId, ShapeId};
+use dem_mpi::math::{Mat3, Quat, Vec3, rotation_about};
+use dem_mpi::output::snapshot::Reader;
+use dem_mpi::particles::records::Particle;
+use dem_mpi::post::export;
+use dem_mpi::random::Random;
+use dem_mpi::scene::assemble::Continuation;
+use dem_mpi::scene::{Scene, assemble};
+use dem_mpi::shape::triangle_mesh::{MeshFacet, SurfaceError, TriangleMesh};
+use dem_mpi::shape::{Ellipsoid, Shape, Sphere, Superellipsoid};
+use std::fmt::Write;
+use std::path::Path;
+use std::sync::Arc;
+
+type Triangles = Vec<[Vec3; 3]>;
+
+/// Squares of random corners in a plane, cut along either diagonal; the border is straight.
+fn sheet(count: usize, width: f64, place: impl Fn(f64, f64) -> Vec3) -> Triangles {
+    let mut random = Random::of(5, 0);
+    let mut corners = Vec::new();
+    for j in 0..=count {
+        for i in 0..=count {
+            let mut off = |k: usize| {
+                let inside = k > 0 && k < count;
+                let random = random.signed();
+                if inside { 0.45 * random } else { 0.0 }
+            };
+            let step = width / count as f64;
+            let (u, v) = ((i as f64 + off(i)) * step, (j as f64 + off(j)) * step);
+            corners.push(place(u - 0.5 * width, v - 0.5 * width));
+        }
+    }
+    let at = |i: usize, j: usize| corners[j * (count + 1) + i];
+    let mut triangles = Vec::new();
+    for j in 0..count {
+        for i in 0..count {
+            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            triangles.extend(if random.unit() < 0.5 {
+                [[a, b, c], [a, c, d]]
+            } else {
+                [[a, b, d], [b, c, d]]
+            });
+        }
+    }
+    triangles
+}
+
+/// The six sides of a box, each of two triangles.
+fn cuboid(low: Vec3, high: Vec3) -> Triangles {
+    let mut triangles = Vec::new();
+    for axis in 0..3 {
+        for side in [low, high] {
+            let at = |u: f64, v: f64| {
+                let mut corner = side;
+                corner[(axis + 1) % 3] = u;
+                corner[(axis + 2) % 3] = v;
+                corner
+            };
+            let ([u0, v0], [u1, v1]) =
+                ([low, high]).map(|c| [c[(axis + 1) % 3], c[(axis + 2) % 3]]).into();
+            let [a, b, c, d] = [at(u0, v0), at(u1, v0), at(u1, v1), at(u0, v1)];
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    triangles
+}
+
+fn write_obj(triangles: &Triangles, path: &Path) {
+    let mut text = String::new();
+    for corner in triangles.iter().flatten() {
+        writeln!(text, "v {:?} {:?} {:?}", corner.x, corner.y, corner.z).unwrap();
+    }
+    for k in 0..triangles.len() {
+        writeln!(text, "f {} {} {}", 3 * k + 1, 3 * k + 2, 3 * k + 3).unwrap();
+    }
+    std::fs::write(path, text).unwrap();
+}
+
+/// One particle of a shape and a wall.
+fn alone(shape: &str, wall: &str, gravity: Vec3, friction: f64) -> String {
+    format!(
+        r#"
+gravity = [{:?}, {:?}, {:?}]
+[domain]
+low = [-0.2, -0.2, -0.2]
+high = [0.2, 0.2, 0.2]
+[[wall]]
+name = "wall"
+{wall}
+[[material]]
+name = "glass"
+density = 2500
+normal_stiffness = 1e5
+friction = {friction:?}
+restitution = 1
+[[shape]]
+name = "grain"
+{shape}
+[[fill.lattice]]
+first = [0, 0, 0.05]
+count = [1, 1, 1]
+[time]
+step = 1e-5
+steps = 1
+[output]
+directory = "out"
+"#,
+        gravity.x, gravity.y, gravity.z
+    )
+}
+
+const BALL: &str = "kind = \"sphere\"\nradius = 0.01";
+const EGG: &str = "kind = \"ellipsoid\"\nsemi_axes = [0.012, 0.009, 0.007]";
+const BLUNT: &str =
+    "kind = \"superellipsoid\"\nsemi_axes = [0.011, 0.009, 0.008]\nexponents = [0.7, 0.8]";
+
+fn at(position: Vec3, velocity: Vec3) -> Particle {
+    Particle { velocity, ..Particle::at_rest(GlobalId(0), ShapeId(0), position) }
+}
+
+/// Grains slide and roll over a thousand edges, and over corners, of a plane: nothing of them shows.
+#[test]
+fn a_plane_of_triangles_is_the_plane() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("sheet.obj");
+    let tilt = Vec3::new(0.6, 0.0, 0.8);
+    let along = Vec3::new(0.8, 0.0, -0.6);
+    for (k, normal) in [Vec3::z(), tilt].into_iter().enumerate() {
+        let place =
+            |u: f64, v: f64| if k == 0 { Vec3::new(u, v, 0.0) } else { along * u + Vec3::y() * v };
+        write_obj(&sheet(140, 0.14, place), &file);
+        let mesh = format!("mesh = {file:?}");
+        let plane =
+            format!("point = [0, 0, 0]\nnormal = [{:?}, {:?}, {:?}]", normal.x, normal.y, normal.z);
+        for shape in [BALL, EGG, BLUNT] {
+            let scenes = [&mesh, &plane].map(|wall| {
+                let text = alone(shape, wall, -normal * 98.1, 0.4);
+                scene(&text.replace("restitution = 1", "restitution = 0.2"))
+            });
+            let surface = &scenes[0].walls[0].mesh.as_ref().unwrap().surface;
+            if k == 0 {
+                let faces = surface.facets().iter().filter(|f| matches!(f, MeshFacet::Face { .. }));
+                assert_eq!(faces.count(), 1, "a plane is one face");
+            }
+            let start = at(normal * 0.0102 - place(0.04, 0.03), place(1.0, 0.8) - normal * 0.1);
+            let turned = Particle { quaternion: Quat::from_euler_angles(0.3, 0.4, 0.5), ..start };
+            let mut benches = scenes.map(|scene| Bench::of(&scene, std::slice::from_ref(&turned)));
+            let (mut force_off, mut place_off, mut largest, mut touching): (f64, f64, f64, usize) =
+                (0.0, 0.0, 0.0, 0);
+            let mut way = 0.0;
+            for _ in 0..6000 {
+                benches.iter_mut().for_each(Bench::step);
+                let [m, p] = &benches;
+                let force = |b: &Bench| b.sim.particles.force[0].vector;
+                force_off = force_off.max((force(m) - force(p)).norm());
+                largest = largest.max(force(p).norm());
+                let off = m.sim.particles.position[0] - p.sim.particles.position[0];
+                place_off = place_off.max(off.norm());
+                assert_eq!(m.sim.contacts.len(), p.sim.contacts.len());
+                touching += p.sim.contacts.len();
+                way += p.sim.particles.velocity[0].norm() * 1e-5;
+            }
+            println!(
+                "{k} {shape:?}: {touching} touches on {way:.3} m, force off by {:e}, place by {place_off:e} m",
+                force_off / largest
+            );
+            assert!(touching > 2000 && way > 0.02);
+            assert!(force_off < 1e-12 * largest && place_off < 1e-12 * 0.01);
+        }
+    }
+}
+
+fn touch(mesh: &Arc<TriangleMesh>, facet: u32, body: &Shape, centre: Vec3, turn: Quat) -> Outcome {
+    let frame = turn.to_rotation_matrix().into_inner();
+    let (shape, upright) = (Shape::TriangleMesh(mesh.clone()), Mat3::identity());
+    let wall = Posed { facet, ..Posed::new(&shape, &upright) };
+    AgainstTriangleMesh::default().touch(&Posed::new(body, &frame), &wall, &-centre, None)
+}
+
+/// All contacts of a body with a mesh, before any are merged.
+fn touches(mesh: &Arc<TriangleMesh>, body: &Shape, centre: Vec3, turn: Quat) -> Vec<(u32, Touch)> {
+    let near = mesh.near(&centre, body.bounding_radius());
+    near.into_iter()
+        .filter_map(|facet| match touch(mesh, facet, body, centre, turn) {
+            Outcome::Touching(touch) => Some((facet, touch)),
+            Outcome::Apart(_) => None,
+            Outcome::Failed(why) => panic!("{why:?}"),
+        })
+        .collect()
+}
+
+/// A sphere at a face, an edge, a corner of a box, from all sides: the distance of its centre from the box.
+#[test]
+fn a_sphere_meets_a_box_in_closed_form() {
+    let half = Vec3::new(1.0, 0.7, 0.5);
+    let mesh = Arc::new(TriangleMesh::new(&cuboid(-half, half), 0.1).unwrap());
+    assert_eq!(mesh.facets().len(), 6 + 12 + 8);
+    let radius = 0.6;
+    let (ball, mut of_kind) = (Shape::Sphere(Sphere { radius }), [0; 3]);
+    let mut random = Random::of(1, 1);
+    for _ in 0..20_000 {
+        let centre = Vec3::from_fn(|k, _| (half[k] + radius) * random.signed());
+        let nearest = Vec3::from_fn(|k, _| centre[k].clamp(-half[k], half[k]));
+        let (way, outside) =
+            (centre - nearest, (0..3).filter(|&k| centre[k].abs() > half[k]).count());
+        if outside == 0 {
+            continue;
+        }
+        let found = touches(&mesh, &ball, centre, Quat::identity());
+        // From the outside; a thin box is met at its far side, too.
+        let front: Vec<_> =
+            found.iter().filter(|(_, t)| t.normal.dot(&way) < -0.999_999 * way.norm()).collect();
+        let overlap = radius - way.norm();
+        if overlap <= 0.0 {
+            assert!(found.is_empty(), "{centre} {found:?}");
+            continue;
+        }
+        assert_eq!(front.len(), 1, "{centre}: {found:?}");
+        let (_, touch) = front[0];
+        assert!((touch.overlap - overlap).abs() < 1e-14);
+        assert!((touch.point + way * ((radius - 0.5 * overlap) / way.norm())).norm() < 1e-14);
+        of_kind[outside - 1] += 1;
+    }
+    assert!(of_kind.iter().all(|&count| count > 300), "{of_kind:?}");
+}
+
+/// The overlap with a box along a direction out of it.
+fn overlap_along(body: &Posed, centre: &Vec3, half: &Vec3, n: &Vec3) -> f64 {
+    -(body.support(&-n) + centre).dot(n) + half.dot(&n.abs())
+}
+
+/// Least overlap along directions out of a box, by brute force.
+fn least(body: &Posed, centre: &Vec3, half: &Vec3) -> (f64, Vec3) {
+    let overlap = |n: &Vec3| overlap_along(body, centre, half, n);
+    let mut best = (f64::INFINITY, Vec3::z());
+    let try_one = |n: Vec3, best: &mut (f64, Vec3)| {
+        let found = overlap(&n);
+        if found < best.0 {
+            *best = (found, n);
+        }
+    };
+    for k in 0..4000 {
+        let z = 1.0 - 2.0 * (f64::from(k) + 0.5) / 4000.0;
+        let (s, c) = (2.399_963_229_728_653 * f64::from(k)).sin_cos();
+        let ring = (1.0 - z * z).sqrt();
+        try_one(Vec3::new(ring * c, ring * s, z), &mut best);
+    }
+    let mut random = Random::of(2, 2);
+    for k in 0..6000 {
+        let size = 0.1 * 0.997_f64.powi(k);
+        let n = (best.1 + Vec3::from_fn(|_, _| size * random.signed())).normalize();
+        try_one(n, &mut best);
+    }
+    best
+}
+
+/// Ellipsoids and superellipsoids at the surface of a box: the least overlap with the whole box, once.
+#[test]
+fn smooth_grains_meet_a_box_once_where_they_overlap_it_least() {
+    let half = Vec3::new(1.0, 0.7, 0.5);
+    let mesh = Arc::new(TriangleMesh::new(&cuboid(-half, half), 0.1).unwrap());
+    let egg = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(0.5, 0.3, 0.2) });
+    let blunt = Shape::Superellipsoid(Superellipsoid::new(Vec3::new(0.4, 0.3, 0.2), [0.7, 0.9]));
+    let (mut of_kind, mut worst) = ([0; 3], [0.0_f64; 2]);
+    let mut random = Random::of(3, 3);
+    for k in 0..500 {
+        let body = if k % 2 == 0 { &egg } else { &blunt };
+        let turn = random.rotation();
+        let frame = turn.to_rotation_matrix().into_inner();
+        let posed = Posed::new(body, &frame);
+        // So deep along a direction out of the box.
+        let mut out = Vec3::from_fn(|_, _| random.signed());
+        match k % 3 {
+            0 => out = Vec3::ith(k / 3 % 3, out.x.signum()),
+            1 => out[k / 3 % 3] = 0.0,
+            _ => {}
+        }
+        out.normalize_mut();
+        let on_box = half.component_mul(&out.map(|x| if x == 0.0 { 0.3 } else { x.signum() }));
+        let centre = on_box - posed.support(&-out) - out * 1e-3;
+        let (found_by_force, normal) = least(&posed, &centre, &half);
+        let found = touches(&mesh, body, centre, turn);
+        assert_eq!(found.len(), 1, "{k}: {found:?}, {found_by_force} along {normal}");
+        let (facet, touch) = &found[0];
+        // Any direction bounds the least overlap from above: so this is it, to rounding.
+        let bound = overlap_along(&posed, &centre, &half, &-touch.normal);
+        worst[0] = worst[0].max((touch.overlap - bound).abs());
+        worst[1] = worst[1].max(touch.overlap - found_by_force);
+        of_kind[match &mesh.facets()[*facet as usize] {
+            MeshFacet::Face { .. } => 0,
+            MeshFacet::Edge { .. } => 1,
+            MeshFacet::Corner { .. } => 2,
+        }] += 1;
+    }
+    println!("{of_kind:?} {worst:?}");
+    assert!(of_kind.iter().all(|&count| count > 100), "{of_kind:?}");
+    assert!(worst[0] < 1e-14 && worst[1] < 1e-14, "{worst:?}");
+}
+
+/// In the fold between two sheets a ball has two contacts; where they are as good as one sheet, one.
+#[test]
+fn a_fold_has_two_contacts_and_a_smooth_one_has_one() {
+    let folder = tempfile::tempdir().unwrap();
+    for (angle, smooth, contacts) in
+        [(90.0, 10.0, 2), (11.0, 10.0, 2), (9.0, 10.0, 1), (9.0, 5.0, 2)]
+    {
+        let half = 0.5 * f64::to_radians(angle);
+        let place = |u: f64, v: f64| Vec3::new(u * half.cos(), v, u.abs() * half.sin());
+        let triangles: Triangles = [(-0.05, 0.0), (0.0, 0.05)]
+            .into_iter()
+            .flat_map(|(low, high)| {
+                let [a, b] = [place(low, -0.05), place(high, -0.05)];
+                let [c, d] = [place(high, 0.05), place(low, 0.05)];
+                [[a, b, c], [a, c, d]]
+            })
+            .collect();
+        let file = folder.path().join("fold.obj");
+        write_obj(&triangles, &file);
+        let wall = format!("mesh = {file:?}\nsmooth = {smooth:?}");
+        let text = alone(BALL, &wall, Vec3::zeros(), 0.0);
+        let mut bench = Bench::of(
+            &scene(&text),
+            &[at(Vec3::z() * ((0.01 - 1e-6) / half.cos()), Vec3::zeros())],
+        );
+        assert_eq!(bench.sim.contacts.len(), contacts, "{angle} {smooth}");
+        bench.step();
+        let lifted = bench.sim.particles.force[0].vector;
+        let expected = contacts as f64 * 1e5 * 1e-6 * if contacts == 2 { half.cos() } else { 1.0 };
+        assert!((lifted.norm() / expected - 1.0).abs() < 1e-2, "{lifted} {expected}");
+    }
+}
+
+/// Thrown at the edges and corners of a box, without friction and damping, grains keep their energy, to the order of the step;
+/// with friction what is missing of the balance goes as fast.
+#[test]
+fn energy_is_kept_over_edges_and_corners() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("box.obj");
+    write_obj(&cuboid(Vec3::repeat(-0.03), Vec3::repeat(0.03)), &file);
+    let wall = format!("mesh = {file:?}");
+    for (shape, friction) in [(BALL, 0.0), (EGG, 0.0), (BALL, 0.5), (EGG, 0.5)] {
+        let missing = |dt: f64| {
+            let mut worst: f64 = 0.0;
+            let mut touched = 0;
+            for k in 0..12 {
+                let mut random = Random::of(4, k);
+                let text = alone(shape, &wall, Vec3::zeros(), friction)
+                    .replace("step = 1e-5", &format!("step = {dt:?}"));
+                let edge =
+                    Vec3::new(0.03, if k % 2 == 0 { 0.03 } else { 0.01 * random.signed() }, 0.03);
+                let aim = edge + Vec3::from_fn(|_, _| 0.004 * random.signed());
+                let way = Vec3::new(1.0, random.signed(), 1.0).normalize();
+                let turned =
+                    Particle { quaternion: random.rotation(), ..at(aim + way * 0.016, -way) };
+                let mut bench = Bench::of(&scene(&text), &[turned]);
+                let before = bench.measure().kinetic();
+                for _ in 0..(0.02 / dt) as usize {
+                    bench.step();
+                    touched += bench.sim.contacts.len();
+                }
+                let after = bench.measure();
+                assert_eq!(bench.sim.contacts.len(), 0);
+                let lost = if friction == 0.0 { before - after.kinetic() } else { after.missing() };
+                worst = worst.max(lost.abs() / before);
+            }
+            assert!(touched > 0);
+            worst
+        };
+        let [long, short] = [missing(1e-5), missing(2.5e-6)];
+        println!("{shape:?}, friction {friction}: {long:e}, {short:e}");
+        assert!(long < 2e-2 && short < 0.35 * long, "{long:e} {short:e}");
+    }
+}
+
+/// A drum of strips: the ball swings in it as in a cylinder, the better the more strips.
+#[test]
+fn a_drum_of_triangles_comes_to_the_cylinder() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("drum.obj");
+    let (drum, radius) = (0.05, 0.01);
+    let off = |strips: u32| {
+        // Through the middle between corners and strips, by area.
+        let turn = std::f64::consts::TAU / f64::from(strips);
+        let wide = drum * (turn / turn.sin()).sqrt();
+        let place = |k: u32, y: f64| {
+            let (s, c) = (f64::from(k) * turn).sin_cos();
+            Vec3::new(wide * s, y, -wide * c)
+        };
+        let mut triangles = Vec::new();
+        for k in 0..strips {
+            let [a, b] = [place(k, -0.02), place(k + 1, -0.02)];
+            let [c, d] = [place((k + 1) % strips, 0.02), place(k, 0.02)];
+            let b = if k + 1 == strips { place(0, -0.02) } else { b };
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+        write_obj(&triangles, &file);
+        let text = alone(BALL, &format!("mesh = {file:?}"), -Vec3::z() * 9.81, 0.0);
+        // It slides to and fro.
+        let swing: f64 = 0.4;
+        let start = Vec3::new(swing.sin(), 0.0, -swing.cos()) * (drum - radius);
+        let mut bench = Bench::of(&scene(&text), &[at(start, Vec3::zeros())]);
+        let (mut before, mut times) = (start.x, Vec::new());
+        for step in 1..60_000_u32 {
+            bench.step();
+            let x = bench.sim.particles.position[0].x;
+            if before > 0.0 && x <= 0.0 {
+                times.push(f64::from(step) * 1e-5);
+            }
+            before = x;
+        }
+        let period = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
+        let expected = std::f64::consts::TAU
+            * ((drum - radius) / 9.81).sqrt()
+            * (1.0 + swing.powi(2) / 16.0 + 11.0 * swing.powi(4) / 3072.0);
+        (period / expected - 1.0).abs()
+    };
+    let all = [36, 72, 144, 288].map(off);
+    println!("periods are off by {all:?}");
+    assert!(all[3] < 3e-3, "{all:?}");
+}
+
+/// A tray with a hump of triangles that turns below a crowd.
+fn tray(folder: &Path) -> Scene {
+    let file = folder.join("tray.obj");
+    let mut triangles =
+        sheet(6, 0.08, |u, v| Vec3::new(u, v, 4e-3 * libm::sin(90.0 * u) * libm::sin(110.0 * v)));
+    let mut tub = cuboid(Vec3::new(-0.02, -0.02, -0.01), Vec3::new(0.02, 0.02, 0.06));
+    // Without its lid.
+    tub.retain(|t| t.iter().any(|c| c.z < 0.0));
+    triangles.extend(tub);
+    write_obj(&triangles, &file);
+    let file = file.display();
+    scene(&format!(
+        r#"
+seed = 3
+gravity = [1.0, 0.5, -98.1]
+global_damping = 2.0
+[domain]
+low = [-0.05, -0.05, -0.05]
+high = [0.05, 0.05, 0.1]
+walls = ["-x", "+x", "-y", "+y", "-z", "+z"]
+[[wall]]
+name = "tray"
+mesh = "{file}"
+shift = [0.001, 0.0, 0.0]
+rotation = {{ about = [0.0, 0.0, 0.0], axis = [0.1, 0.2, 1.0], rate = 15.0 }}
+{MATERIAL}
+[[shape]]
+name = "long"
+kind = "ellipsoid"
+diameter = 0.003
+aspect_ratio = 2.0
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = 0.0016
+[[shape]]
+name = "blunt"
+kind = "superellipsoid"
+semi_axes = [0.0019, 0.0016, 0.0013]
+exponents = [0.7, 0.8]
+[[fill.lattice]]
+shapes = {{ long = 2, ball = 1, blunt = 1 }}
+low = [-0.017, -0.017, 0.008]
+high = [0.017, 0.017, 0.05]
+spacing = 0.005
+velocity = [0.3, -0.2, -1.0]
+[time]
+step = 1e-5
+steps = 3000
+[output]
+directory = "out"
+"#
+    ))
+}
+
+#[test]
+fn a_turning_tray_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = tray(folder.path());
+    let steps = 2400;
+    let state = |ranks: u32, from: Option<&Path>, until: u64, to: Option<&Path>| {
+        let parts = threads::run(ranks, |comm| {
+            let mut sim = if let Some(path) = from {
+                let mut sim = assemble::assemble(&scene, comm);
+                assemble::take_up(&mut sim, &scene, path, Continuation::SameStage, comm).unwrap();
+                sim
+            } else {
+                begun(&scene, comm)
+            };
+            while sim.step < until {
+                sim.step(comm).unwrap();
+            }
+            if let Some(path) = to {
+                save(&sim, path, &scene, comm);
+            }
+            let first = sim.particles.first_facet();
+            let on_mesh = |pair: &dem_mpi::contact::Pair| {
+                pair.b.index() >= first && sim.particles.wall_of(pair.b) == Some(6)
+            };
+            let meshed = sim.contacts.iter().filter(|(pair, _)| on_mesh(pair)).count();
+            let m = sim.measure(comm);
+            let scalars = [m.kinetic(), m.stored, m.dissipated, m.received].map(f64::to_bits);
+            let table = sim.particle_table(comm.rank());
+            (motion(&table).collect::<Vec<_>>(), meshed, scalars)
+        });
+        let mut all: Vec<_> = parts.iter().flat_map(|part| part.0.clone()).collect();
+        all.sort();
+        (all, parts.iter().map(|part| part.1).sum::<usize>(), parts[0].2)
+    };
+    let alone = state(1, None, steps, None);
+    assert!(alone.0.len() > 150 && alone.1 > 40, "{} with {} contacts", alone.0.len(), alone.1);
+    for ranks in [2, 3, 4, 8] {
+        assert!(state(ranks, None, steps, None) == alone, "{ranks} ranks");
+    }
+    let saved = folder.path().join("saved");
+    for (before, after) in [(1, 3), (4, 1)] {
+        state(before, None, steps / 2, Some(&saved));
+        assert!(state(after, Some(&saved), steps, None) == alone, "{before} ranks, then {after}");
+    }
+
+    // The snapshot has the tray as it stands.
+    let reader = Reader::open(&saved).unwrap();
+    let mesh = &scene.walls[6].mesh.as_ref().unwrap().surface;
+    let axis = Vec3::new(0.1, 0.2, 1.0).normalize();
+    let turn = rotation_about(&axis, 15.0 * reader.header().time);
+    let placed = reader.header().triangles_in_place();
+    assert_eq!(placed.len(), mesh.len());
+    for ((wall, found), expected) in placed.iter().zip(mesh.triangles()) {
+        assert_eq!(*wall, 6);
+        let off = |k: usize| (found[k] - turn * expected[k]).norm();
+        assert!((0..3).all(|k| off(k) < 1e-15), "{found:?}");
+    }
+    // Six planes, too, each a polygon.
+    assert!(export::walls(&reader).unwrap().ends.len() > mesh.len());
+}
+
+#[test]
+fn meshes_that_are_no_surface_are_refused_and_others_are_described() {
+    let square = |a: Vec3, b: Vec3, c: Vec3, d: Vec3| vec![[a, b, c], [a, c, d]];
+    let at = |x: f64, y: f64| Vec3::new(x, y, 0.0);
+    let whole = square(at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0));
+    // A corner in the middle of a side.
+    let mut halves = whole.clone();
+    halves.extend(square(at(1.0, 0.0), at(2.0, 0.0), at(2.0, 0.5), at(1.0, 0.5)));
+    let error = TriangleMesh::new(&halves, 0.1).unwrap_err();
+    assert_eq!(
+        error,
+        SurfaceError::CornerOnEdge { corner: at(1.0, 0.5), from: at(1.0, 0.0), to: at(1.0, 1.0) }
+    );
+    assert_eq!(
+        TriangleMesh::new(&[[at(0.0, 0.0), at(1.0, 1.0), at(2.0, 2.0)]], 0.1),
+        Err(SurfaceError::Empty)
+    );
+    let nan = [[at(0.0, 0.0), at(1.0, 1.0), at(f64::NAN, 2.0)]];
+    assert_eq!(TriangleMesh::new(&nan, 0.1), Err(SurfaceError::NotFinite(0)));
+    // Twice the same, one without area, one that is turned, and three at one edge.
+    let mut odd = whole.clone();
+    odd.push(whole[0]);
+    odd.push([at(0.0, 0.0), at(0.0, 0.0), at(1.0, 0.0)]);
+    odd.push([at(1.0, 0.0), at(1.0, 1.0), at(2.0, 0.0)]);
+    odd.push([at(1.0, 0.0), at(1.0, 1.0), Vec3::new(1.0, 0.0, 1.0)]);
+    let mesh = TriangleMesh::new(&odd, 0.1).unwrap();
+    let findings = mesh.findings();
+    assert_eq!((findings.left_out, findings.crowded_edges), (2, 1));
+    assert!(mesh.summary().contains("1 edges of three triangles or more"), "{}", mesh.summary());
+    // A ball in front of that edge touches none of it, for the third triangle stands there.
+    let ball = Shape::Sphere(Sphere { radius: 0.1 });
+    close(
+        touches(&Arc::new(mesh), &ball, Vec3::new(0.95, 0.5, 0.09), Quat::identity()).len() as f64,
+        2.0,
+        0.0,
+        "contacts in a fold",
+    );
+}
+
+/// Boxes beside a tilted sheet and boxes through it: by the distances of their corners.
+#[test]
+fn boxes_know_whether_a_triangle_comes_into_them() {
+    let place = |u: f64, v: f64| Vec3::new(0.6 * u, v, 0.8 * u);
+    let mesh = TriangleMesh::new(&sheet(5, 4.0, place), 0.1).unwrap();
+    let (normal, mut random) = (Vec3::new(0.8, 0.0, -0.6), Random::of(8, 8));
+    let mut counts = [0; 2];
+    for _ in 0..2000 {
+        let middle = Vec3::from_fn(|_, _| 0.5 * random.signed());
+        let half = Vec3::from_fn(|_, _| 0.02 + 0.2 * random.unit());
+        let comes = middle.dot(&normal).abs() < half.dot(&normal.abs());
+        assert_eq!(mesh.comes_into(&(middle - half), &(middle + half)), comes);
+        counts[usize::from(comes)] += 1;
+    }
+    assert!(counts.iter().all(|&count| count > 300), "{counts:?}");
+}
+
+/// As many triangles as files have: found through cells, little memory for each.
+#[test]
+fn a_hundred_thousand_triangles_are_read_and_searched_quickly() {
+    let wavy = |u: f64, v: f64| Vec3::new(u, v, 0.1 * libm::sin(7.0 * u) * libm::sin(5.0 * v));
+    let triangles = sheet(224, 2.0, wavy);
+    let mesh = TriangleMesh::new(&triangles, 0.1).unwrap();
+    println!("{}", mesh.summary());
+    assert!(mesh.len() > 100_000 && mesh.bytes() < 1000 * mesh.len());
+    let mut random = Random::of(7, 7);
+    for _ in 0..2000 {
+        let point = wavy(random.signed(), random.signed());
+        assert!(!mesh.near(&point, 0.01).is_empty());
+        assert!(mesh.near(&(point + Vec3::z()), 0.01).is_empty());
+    }
+}
