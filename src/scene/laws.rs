@@ -179,7 +179,18 @@ pub(super) fn check_shapes(root: &Section, law: &Choice, library: &Library) -> b
             section.fail(message.clone());
         }
     }
-    unfit.is_empty()
+    let is_jkr = matches!(law, Choice::Jkr(_));
+    let meshes: Vec<_> = root.sections("wall");
+    let meshes: Vec<_> = meshes.iter().filter_map(|wall| wall.get("mesh")).collect();
+    if is_jkr {
+        for mesh in &meshes {
+            mesh.fail(
+                "does not go with adhesion = \"jkr\": no contact with triangles outlives its overlap. Take `planes`, or adhesion = \
+                 \"dmt\"",
+            );
+        }
+    }
+    unfit.is_empty() && (meshes.is_empty() || !is_jkr)
 }
 
 /// The first shape of particles that each part of the law cannot have, with the reason.

@@ -328,8 +328,9 @@ impl Simulation {
     /// of their touching contacts. Collective.
     pub fn relist(&mut self, carried: &ContactRecords, comm: &mut dyn Comm) {
         self.domain.offer_ghosts(&mut self.particles, comm);
-        search::note_near_facets(&mut self.particles, self.skin + self.reach);
-        let mut found = search::close_pairs(&self.particles, self.skin + self.reach);
+        let listed = self.skin + self.reach;
+        search::note_near_facets(&mut self.particles, listed);
+        let mut found = search::close_pairs(&self.particles, listed);
         self.domain.keep_paired_ghosts(&mut self.particles, &mut found);
         self.domain.start_halo(&self.particles, comm);
         self.domain.finish_halo(&mut self.particles, comm);

@@ -54,7 +54,7 @@ fn last_warnings(sim: &Simulation, finish: &Finish) -> Vec<String> {
     let drives = if matches!(finish.ending, Ending::Signal(_)) { &[][..] } else { &sim.drives[..] };
     let of_drives = drives.iter().flat_map(|drive| drive.last_warnings(&sim.particles.walls));
     let balance = finish.measures.poor_balance(finish.most_moving, sim.dt);
-    let others = [overlap(finish), finish.stiffened.clone(), hollow(sim, finish), balance];
+    let others = [overlap(finish), hollow(sim, finish), balance, finish.stiffened.clone()];
     stop.into_iter().chain(of_drives).chain(others.into_iter().flatten()).collect()
 }
 
