@@ -379,9 +379,6 @@ impl Choice {
                 law.elastic.interactions.iter().map(|c| c.friction).fold(0.0, f64::max)
             }
             Self::With(forces, _) => forces.highest_friction(),
-            Self::Jkr(law) => {
-                law.elastic.interactions.iter().map(|c| c.friction).fold(0.0, f64::max)
-            }
         }
     }
 
