@@ -1,7 +1,9 @@
 //! The same bits on any number of ranks.
 
-use super::process::Launch;
-use super::{HEAP_STEPS, assert_same_result, column, finished, heap, report};
+use super::process::{Launch, dem_mpi};
+use super::{
+    HEAP_STEPS, assert_same_result, column, finished, fresh_directory, heap, report, scene,
+};
 use std::path::Path;
 
 /// Walls, rain, friction, two shapes; particles migrate, and the cuts follow them.
@@ -55,6 +57,41 @@ fn cuts_follow_a_wall_out_of_the_domain() {
     assert!(column(&alone.directory, "place_-z_m").values().any(|&place| place < -0.02));
     for ranks in [2, 3] {
         let together = finished("sinking", Launch::Ranks(ranks));
+        assert_same_result(&alone.directory, &together.directory);
+    }
+}
+
+/// An inlet, an outlet, sizes by a law, and a wall of triangles that swings: also where a run was cut in between, on other
+/// numbers of ranks.
+#[test]
+fn what_comes_and_goes_over_triangles_has_the_same_bits() {
+    let alone = finished("chute", Launch::Alone);
+    let left = column(&alone.directory, "left_below");
+    assert!(left.values().any(|&count| count > 200.0), "{left:?}");
+    assert!(column(&alone.directory, "wall_contacts").values().any(|&count| count > 30.0));
+    for ranks in [2, 3, 4] {
+        let together = finished("chute", Launch::Ranks(ranks));
+        assert_same_result(&alone.directory, &together.directory);
+    }
+    let directory = fresh_directory("chute_in_legs");
+    let scene = scene("chute");
+    let words = |rest: &[&str]| {
+        let all = [&*scene, "--out", directory.to_str().unwrap()];
+        all.iter().chain(rest).map(|&word| word.to_owned()).collect::<Vec<_>>()
+    };
+    dem_mpi(Launch::Ranks(2), words(&["--steps", "7010"])).succeed();
+    let start = ["--start", directory.to_str().unwrap()];
+    dem_mpi(Launch::Ranks(3), words(&start)).succeed();
+    assert_same_result(&alone.directory, &directory);
+}
+
+/// Contacts that outlive their overlap, also across the borders of ranks and of the period.
+#[test]
+fn what_sticks_has_the_same_bits_on_any_number_of_ranks() {
+    let alone = finished("sticky", Launch::Alone);
+    assert!(column(&alone.directory, "contacts").values().any(|&count| count > 200.0));
+    for ranks in [2, 3, 4] {
+        let together = finished("sticky", Launch::Ranks(ranks));
         assert_same_result(&alone.directory, &together.directory);
     }
 }

@@ -84,6 +84,10 @@ impl Report {
 
     fn contacts(&self, page: &mut Page) {
         let contacts = &self.contacts;
+        if contacts.contacts == 0 {
+            page.line("contacts   none");
+            return;
+        }
         let ns = self.spent(Phase::Contacts).map_or(0.0, |spent| spent.ns_per_contact);
         let passed_on: u64 = contacts.fallbacks.iter().sum();
         let fallbacks = if passed_on == 0 {
