@@ -307,10 +307,16 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         if comm.is_root() {
             println!("{}", plan::plan(&scene, comm.size()));
         }
-        return tried(arguments, &scene, comm).err().unwrap_or(0);
+        // Whether the state fits the scene is seen when it is taken up.
+        let fits = if scene.start.is_some() || arguments.start.is_some() {
+            state(arguments, &scene, comm).map(drop)
+        } else {
+            tried(&scene, comm)
+        };
+        return fits.err().unwrap_or(0);
     }
     if arguments.check && scene.start.is_none() && arguments.start.is_none() {
-        let tried = tried(arguments, &scene, comm);
+        let tried = tried(&scene, comm);
         return tried.map_or_else(|status| status, |()| checked(arguments, comm));
     }
 
@@ -449,13 +455,9 @@ fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
 /// So many particles at most are put where they begin when a run is only planned or checked.
 const TRIED: u64 = 1_000_000;
 
-/// Puts the particles where a run that begins with this scene would have them, and looks for overlaps, as the run would. What
-/// begins with a snapshot is not tried.
-fn tried(arguments: &Arguments, scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
+/// Puts the particles where a run that begins with this scene would have them, and looks for overlaps, as the run would.
+fn tried(scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
     let count: u64 = scene.initial.iter().map(Fill::count).sum();
-    if scene.start.is_some() || arguments.start.is_some() || count == 0 {
-        return Ok(());
-    }
     if count > TRIED {
         print_once(
             comm,

@@ -38,6 +38,21 @@ fn legs_on_different_numbers_of_ranks_make_one_run() {
     assert_same_result(&whole.directory, &directory);
 }
 
+/// A state that does not fit the scene is found by a check and a plan, too.
+#[test]
+fn a_plan_sees_whether_a_snapshot_fits() {
+    let whole = heap(Launch::Alone);
+    let start = whole.directory.to_str().unwrap();
+    let other = ["--set", "domain.periodic=[true, false, false]", "--set", "domain.walls=['-z']"];
+    for word in ["--plan", "--check"] {
+        let words = [&*scene("heap"), word, "--start", start];
+        dem_mpi(Launch::Alone, words).succeed();
+        let ended = dem_mpi(Launch::Alone, [&words[..], &other].concat()).end();
+        assert_eq!(ended.status.code(), Some(2), "{ended}");
+        ended.said_once("differ from the scene's [domain]");
+    }
+}
+
 /// Back to a snapshot in the middle of a run that went on: what came after it is made anew.
 #[test]
 fn an_earlier_snapshot_continues_on_any_number_of_ranks() {
