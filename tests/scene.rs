@@ -135,7 +135,7 @@ fn steps_and_duration() -> Result<()> {
     assert_eq!((scene.dt, scene.steps), (1e-6, 7));
     for (overrides, message) in [
         (&["time.steps=5"][..], "give either `steps` or `duration`, not both"),
-        (&["time.step=automatic"], "no such choice (allowed: auto)"),
+        (&["time.step=automatic"], "must be a number greater than 0 [s], or \"auto\""),
         (&["time.duration=1e30"], "is more steps than can be counted"),
         (&["time.step=1e-3"], "step = \"auto\""),
     ] {
@@ -384,7 +384,7 @@ fn wrong_overrides_are_named() {
         ("time.step.size=1", "`size` leads nowhere: before it stands a number"),
         (
             "time.stps=5",
-            "time.stps = 5: no such key, did you mean `steps`? (allowed here: step, steps, \
+            "time.stps = 5: no such key, did you mean `steps`? (allowed here: step, steps, duration, \
              allow_unstable)",
         ),
         (

@@ -104,7 +104,9 @@ pub enum StartError {
         strain: f64,
     },
     /// Its domain repeats along other axes or with other lengths.
-    #[error("{path}: its periodic axes or their lengths differ from the scene's [domain]: a stage keeps those of the one before")]
+    #[error(
+        "{path}: its periodic axes or their lengths differ from the scene's [domain]: a stage keeps those of the one before"
+    )]
     Period {
         /// The snapshot.
         path: PathBuf,

@@ -419,12 +419,10 @@ struct Time {
 impl Time {
     fn read(section: &Section, limit: Option<&Limit>) -> Option<Self> {
         let what = "a number greater than 0 [s], or \"auto\"";
-        let dt = section.require("step", what, |given| {
-            if given.is_text() {
-                given.one_of(&[("auto", ())]).and_then(|()| limit?.own_step(given))
-            } else {
-                given.number(Range::Positive, "s")
-            }
+        let dt = section.require("step", what, |given| match given.as_text() {
+            Some("auto") => limit?.own_step(given),
+            Some(_) => given.expected(&what),
+            None => given.number(Range::Positive, "s"),
         });
         let steps = match (section.get("steps"), section.get("duration")) {
             (Some(steps), None) => steps.whole(0),

@@ -103,7 +103,7 @@ impl<'a> Given<'a> {
     }
 
     /// What was expected, for a value of another type.
-    fn expected<T>(&self, what: &dyn fmt::Display) -> Option<T> {
+    pub(super) fn expected<T>(&self, what: &dyn fmt::Display) -> Option<T> {
         self.fail(format!("must be {what}, not {}", self.node.value.type_name()));
         None
     }
@@ -152,8 +152,9 @@ impl<'a> Given<'a> {
         }
     }
 
-    pub(super) fn is_text(&self) -> bool {
-        matches!(self.node.value, Value::Text(_))
+    /// The text, if it is one.
+    pub(super) fn as_text(&self) -> Option<&'a str> {
+        if let Value::Text(text) = &self.node.value { Some(text) } else { None }
     }
 
     pub(super) fn text(&self) -> Option<&'a str> {

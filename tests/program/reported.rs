@@ -10,7 +10,7 @@ use std::path::Path;
 const KEYS: [(&str, &str); 13] = [
     (
         "",
-        "audit commit contacts energy memory method packing phases program ranks resolution run targets title warnings",
+        "audit commit contacts counted energy memory method packing phases program ranks resolution run sizes targets title warnings",
     ),
     (
         "/run",
