@@ -116,6 +116,31 @@ fn solids_are_read() -> Result<()> {
     Ok(())
 }
 
+/// What is meant otherwise than it is written, most often.
+#[test]
+fn other_units_are_doubtful() -> Result<()> {
+    let doubts_with = |scene: &str, overrides: &[&str]| -> Result<Vec<String>> {
+        let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
+        let path = Path::new("tests/scenes/good").join(scene);
+        Ok(doubts(&Scene::read(&path, &overrides)?))
+    };
+    let meshes = "mesh_walls.toml";
+    assert_eq!(doubts_with(meshes, &[])?, Vec::<String>::new());
+    for (changes, words) in [
+        (&["material.glass.friction=30"][..], "is it an angle in degrees? Its tangent is 0.58"),
+        (&["wall.box.shift=[1, 0, 0]"], "stands outside the domain: is the `scale` of its mesh"),
+        (&["wall.box.scale=1", "wall.box.shift=[7, -21, -30]"], "times as large as the domain"),
+    ] {
+        let doubts = doubts_with(meshes, changes)?;
+        assert!(matches!(&doubts[..], [doubt] if doubt.contains(words)), "{changes:?}: {doubts:?}");
+    }
+    let pressed = |stress: &str| doubts_with("every_key.toml", &[stress]);
+    let is_pressed = |doubts: Vec<String>| doubts.iter().any(|d| d.contains("into each other"));
+    assert!(!is_pressed(pressed("servo.0.stress=1")?));
+    assert!(is_pressed(pressed("servo.0.stress=1e9")?));
+    Ok(())
+}
+
 /// A step of the program's own, and steps that make up a duration.
 #[test]
 fn steps_and_duration() -> Result<()> {

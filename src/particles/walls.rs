@@ -271,6 +271,14 @@ impl Wall {
         }
     }
 
+    /// The lowest and highest corner of its triangles where it stands [m], if it has some.
+    pub fn extent(&self) -> Option<Corners> {
+        let Mesh { surface, .. } = self.mesh.as_ref()?;
+        let place = |corner: Vec3| self.point + self.orientation.transform_vector(&corner);
+        let corners = surface.triangles().flatten().map(place).map(|corner| (corner, corner));
+        corners.reduce(|(low, high), (l, h)| (low.inf(&l), high.sup(&h)))
+    }
+
     const fn pose(&self) -> Pose {
         Pose { point: self.point, orientation: self.orientation }
     }

@@ -21,6 +21,7 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         layers_that_miss(scene),
         friction_in_degrees(scene),
         pressed_flat(scene),
+        triangles_elsewhere(scene),
     ];
     all.into_iter().flatten().collect()
 }
@@ -33,6 +34,29 @@ fn friction_in_degrees(scene: &Scene) -> Option<String> {
             "a friction of {friction} is a coefficient; is it an angle in degrees? Its tangent is {:.2}",
             friction.to_radians().tan()
         )
+    })
+}
+
+/// A wall of triangles that does not come into the domain, or is many times as large: most often its file has other units.
+fn triangles_elsewhere(scene: &Scene) -> Option<String> {
+    const LARGE: f64 = 10.0;
+    let (low, high) = (scene.domain.low(), scene.domain.high());
+    let size = (high - low).amax();
+    scene.walls.iter().find_map(|wall| {
+        let (lowest, highest) = wall.extent()?;
+        let apart = (0..3).any(|k| lowest[k] > high[k] || highest[k] < low[k]);
+        let times = (highest - lowest).amax() / size;
+        let what = if apart {
+            "stands outside the domain".to_owned()
+        } else if times > LARGE {
+            format!("is {times:.0} times as large as the domain")
+        } else {
+            return None;
+        };
+        Some(format!(
+            "wall \"{}\" {what}: is the `scale` of its mesh right, as 0.001 for millimetres?",
+            wall.name
+        ))
     })
 }
 

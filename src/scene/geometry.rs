@@ -182,7 +182,7 @@ fn solid<T>(
         }
         _ => {
             section.fail(
-                "give one of `vertices` = [[x, y, z], ...] [m], `edges` = [x, y, z] of a box [m], and `file` with `scale`",
+                "give one of `vertices` = [[x, y, z], ...] [m], `edges` = [x, y, z] of a box [m], or `file` with `scale`",
             );
             return None;
         }

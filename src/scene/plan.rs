@@ -169,6 +169,11 @@ fn walls(scene: &Scene, page: &mut Page) {
     for wall in &scene.walls {
         let Some(Mesh { surface, .. }) = &wall.mesh else { continue };
         page.line("triangles", format!("{}: {}", wall.name, surface.summary()));
+        if let Some((low, high)) = wall.extent() {
+            let [low, high] =
+                [low, high].map(|v| format!("[{:.3e}, {:.3e}, {:.3e}]", v.x, v.y, v.z));
+            page.line("", format!("from {low} to {high} m"));
+        }
     }
     if let Some(Shear { along, across, rate, .. }) = scene.domain.shear() {
         let axes = format!("along {}, faster the farther up {}", AXES[along], AXES[across]);

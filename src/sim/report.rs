@@ -50,8 +50,8 @@ pub fn report(sim: &Simulation, finish: &Finish, origin: &Origin, comm: &mut dyn
 fn last_warnings(sim: &Simulation, finish: &Finish) -> Vec<String> {
     let unmet = &finish.unmet;
     let stop = (!unmet.is_empty()).then(|| format!("[stop] was not reached: {unmet}"));
-    // What a signal has cut short goes on.
-    let drives = if matches!(finish.ending, Ending::Signal(_)) { &[][..] } else { &sim.drives[..] };
+    // What a signal has cut short goes on, and what `[stop]` has ended had what was asked for.
+    let drives = if finish.ending == Ending::LastStep { &sim.drives[..] } else { &[][..] };
     let of_drives = drives.iter().flat_map(|drive| drive.last_warnings(&sim.particles.walls));
     let balance = finish.measures.poor_balance(finish.most_moving, sim.dt);
     let others = [overlap(finish), hollow(sim, finish), balance, finish.stiffened.clone()];

@@ -53,6 +53,48 @@ fn a_ball_that_would_jump_over_another_does_not_start() {
     }
 }
 
+/// Straight columns of a lattice bear the stress, and all that was asked for holds; with a jitter grains come together.
+#[test]
+fn columns_that_bear_a_stress_are_no_packing() {
+    let directory = fresh_directory("hollow");
+    let text = r#"
+[domain]
+low = [0.0, 0.0, 0.0]
+high = [0.01, 0.01, 0.01]
+walls = ["-x", "+x", "-y", "+y", "-z", "+z"]
+[[material]]
+name = "glass"
+density = 2500.0
+normal_stiffness = 1e4
+restitution = 0.3
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = 0.001
+[[fill.lattice]]
+first = [0.00125, 0.00125, 0.00125]
+count = [4, 4, 4]
+spacing = 0.0025
+[[servo]]
+walls = ["-z", "+z"]
+stress = 1e3
+max_speed = 0.1
+[time]
+step = "auto"
+duration = 0.2
+[stop]
+servo = 0.02
+unbalanced = 0.01
+[output]
+directory = "out"
+"#;
+    let scene = directory.join("scene.toml");
+    std::fs::write(&scene, text).unwrap();
+    let ended = dem_mpi(Launch::Alone, [scene]).from(&directory).succeed();
+    ended.said_once("[stop] reached");
+    ended.said_once("[stop] was reached with 2.00 contacts per particle");
+}
+
 /// Overlaps that a run refuses are found without running.
 #[test]
 fn overlaps_of_the_start_are_found_by_a_check_and_a_plan() {
