@@ -152,7 +152,7 @@ impl Law {
 }
 
 /// A law between limits, by number or by mass, as a table of bins: inside a bin its density (by number or by mass, as the
-/// law has it) is constant. Bins are so narrow that this moves no share by more than [`Distribution::STRAIGHT`] of a bin's;
+/// law has it) is constant. Bins are so narrow that this moves no share by more than `STRAIGHT` of a bin's;
 /// uniform laws and tables are met exactly. A draw needs no more than `+ - * /` and square roots, so its bits are the same
 /// on every machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
