@@ -1,9 +1,7 @@
 //! Attraction after Derjaguin, Muller and Toporov against closed forms: pull-off, impacts that give all back, friction under it.
 
-use crate::support::{Bench, close, expect_refused, scene};
-use dem_mpi::ids::{GlobalId, ShapeId};
+use crate::support::{Bench, ball, close, expect_refused, scene};
 use dem_mpi::math::Vec3;
-use dem_mpi::particles::records::Particle;
 use std::f64::consts::PI;
 
 const RADIUS: f64 = 1e-4;
@@ -74,10 +72,6 @@ fn overlap(law: [&str; 2], force: f64, reduced_radius: f64) -> f64 {
         return force / STIFFNESS;
     }
     (0.75 * force / (MODULUS * reduced_radius.sqrt())).powf(2.0 / 3.0)
-}
-
-fn ball(id: u64, shape: u16, position: Vec3, velocity: Vec3) -> Particle {
-    Particle { velocity, ..Particle::at_rest(GlobalId(id), ShapeId(shape), position) }
 }
 
 /// What pulls is a thousandth less than `2π w R*`, or a thousandth more: on a floor, and at a ball of another size.

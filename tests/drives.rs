@@ -1,7 +1,7 @@
 //! Drives that the library does not know: a spout that inserts grains and an outlet that takes out what falls through the
 //! bottom.
 
-use crate::support::{MATERIAL, motion, scene};
+use crate::support::{MATERIAL, motion, save, scene};
 use dem_mpi::cell::Cell;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
@@ -9,7 +9,7 @@ use dem_mpi::contact::StateColumn;
 use dem_mpi::drive::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
-use dem_mpi::output::snapshot::{self, Reader};
+use dem_mpi::output::snapshot::Reader;
 use dem_mpi::particles::Particles;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::walls::Wall;
@@ -194,11 +194,7 @@ fn restarted(scene: &Scene, before: u32, after: u32, steps: u64, folder: &Path) 
         for _ in 0..steps / 2 {
             sim.step(comm).unwrap();
         }
-        let forces = sim.measure(comm).wall_forces;
-        let header = sim.header(&scene.text, &forces, comm);
-        let particles = sim.particle_table(comm.rank());
-        let (contacts, records) = (sim.contact_table(), sim.contact_records());
-        snapshot::write(folder, &header, &particles, &contacts, &records, comm).unwrap();
+        save(&sim, folder, scene, comm);
     });
     joined(threads::run(after, |comm| {
         let mut sim = assembled(scene, comm);

@@ -1,18 +1,17 @@
 //! Grains that appear at a rate and grains that leave: counted, booked, and the same on any number of ranks.
 
-use crate::support::{begun, motion, scene};
+use crate::support::{begun, motion, save, scene, schedule};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::drive::SavedState;
 use dem_mpi::math::Vec3;
-use dem_mpi::output::snapshot::{self, Reader};
+use dem_mpi::output::snapshot::Reader;
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::plan::plan;
 use dem_mpi::sim::Simulation;
-use dem_mpi::sim::run::{Ending, Schedule, run};
+use dem_mpi::sim::run::{Ending, run};
 use std::path::Path;
-use std::sync::Arc;
 
 /// A shaft into which balls and eggs come, and out of which they leave through its bottom and a hatch.
 const SHAFT: &str = r#"
@@ -117,9 +116,7 @@ fn joined(ranks: Vec<(State, [f64; 2])>) -> (State, [f64; 2]) {
 
 fn ran(scene: &Scene, ranks: u32) -> (State, [f64; 2]) {
     joined(threads::run(ranks, |comm| {
-        let mut sim = assemble::assemble(scene, comm);
-        assemble::fill(&mut sim, scene, comm);
-        sim.begin(comm).unwrap();
+        let mut sim = begun(scene, comm);
         for _ in 0..STEPS {
             sim.step(comm).unwrap();
         }
@@ -129,17 +126,11 @@ fn ran(scene: &Scene, ranks: u32) -> (State, [f64; 2]) {
 
 fn restarted(scene: &Scene, before: u32, after: u32, folder: &Path) -> (State, [f64; 2]) {
     threads::run(before, |comm| {
-        let mut sim = assemble::assemble(scene, comm);
-        assemble::fill(&mut sim, scene, comm);
-        sim.begin(comm).unwrap();
+        let mut sim = begun(scene, comm);
         for _ in 0..STEPS / 2 {
             sim.step(comm).unwrap();
         }
-        let forces = sim.measure(comm).wall_forces;
-        let header = sim.header(&scene.text, &forces, comm);
-        let particles = sim.particle_table(comm.rank());
-        let (contacts, records) = (sim.contact_table(), sim.contact_records());
-        snapshot::write(folder, &header, &particles, &contacts, &records, comm).unwrap();
+        save(&sim, folder, scene, comm);
     });
     joined(threads::run(after, |comm| {
         let mut sim = assemble::assemble(scene, comm);
@@ -274,21 +265,6 @@ directory = "out"
     assert!(off < 1.95 / count.sqrt(), "{off} of {count}");
 }
 
-fn schedule(scene: &Scene, folder: &Path) -> Schedule {
-    Schedule {
-        allow_unstable: false,
-        last_step: scene.steps,
-        snapshot_every: 0,
-        history_every: scene.history_every,
-        stop: scene.stop.clone(),
-        out: folder.into(),
-        scene: scene.text.clone(),
-        resumed: false,
-        signal: Arc::default(),
-        traced: Vec::new(),
-    }
-}
-
 /// A stage ends when so many have left, or when so few are there; the history has what was counted in its last columns.
 #[test]
 fn a_stage_ends_when_enough_have_left() {
@@ -301,7 +277,8 @@ fn a_stage_ends_when_enough_have_left() {
         let mut sim = assemble::assemble(&scene, &comm);
         assemble::fill(&mut sim, &scene, &comm);
         let finish =
-            run(&mut sim, &schedule(&scene, folder.path()), &mut comm, &mut |_| ()).unwrap();
+            run(&mut sim, &schedule(&scene, scene.steps, folder.path()), &mut comm, &mut |_| ())
+                .unwrap();
         assert_eq!(finish.ending, Ending::Rest, "{stop}: {}", finish.unmet);
         assert_eq!(Reader::open(folder.path()).unwrap().header().stop, stop);
         let mut table = csv::Reader::from_path(folder.path().join("history.csv")).unwrap();

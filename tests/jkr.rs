@@ -1,9 +1,7 @@
 //! Adhesion after Johnson, Kendall and Roberts against closed forms: pull-off, separation, what a loop loses, friction under it.
 
-use crate::support::{Bench, close, expect_refused, scene};
-use dem_mpi::ids::{GlobalId, ShapeId};
+use crate::support::{Bench, ball, close, expect_refused, scene};
 use dem_mpi::math::Vec3;
-use dem_mpi::particles::records::Particle;
 use std::f64::consts::PI;
 
 const RADIUS: f64 = 1e-4;
@@ -68,10 +66,6 @@ fn depth(reduced: f64) -> f64 {
 fn lost(reduced: f64) -> f64 {
     let parts = 0.6 * (2.0 * PI).powf(2.0 / 3.0) + 0.4 * (PI / 8.0).powf(2.0 / 3.0);
     PI * parts * (WORK.powi(5) * reduced.powi(4) / MODULUS.powi(2)).cbrt()
-}
-
-fn ball(id: u64, shape: u16, position: Vec3, velocity: Vec3) -> Particle {
-    Particle { velocity, ..Particle::at_rest(GlobalId(id), ShapeId(shape), position) }
 }
 
 /// A ball on the floor, and one that touches another of another size: the second is at rest, the first moves.

@@ -3,7 +3,7 @@
 use crate::random::Draw;
 use dem_mpi::comm::Comm;
 use dem_mpi::comm::alone::Alone;
-use dem_mpi::ids::GlobalId;
+use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::output::header::Header;
 use dem_mpi::output::snapshot;
@@ -52,6 +52,11 @@ pub(crate) fn close(found: f64, expected: f64, tolerance: f64, what: &str) {
     assert!(off <= tolerance, "{what}: {found:e}, expected {expected:e}, off by {off:.1e}");
 }
 
+/// A body of a shape that moves and does not turn.
+pub(crate) fn ball(id: u64, shape: u16, position: Vec3, velocity: Vec3) -> Particle {
+    Particle { velocity, ..Particle::at_rest(GlobalId(id), ShapeId(shape), position) }
+}
+
 /// The scene's simulation on the ranks of `comm`, with all particles, pairs listed and forces known.
 pub(crate) fn begun(scene: &Scene, comm: &mut dyn Comm) -> Simulation {
     let mut sim = assemble::assemble(scene, comm);
@@ -91,7 +96,6 @@ pub(crate) fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut
     .unwrap();
 }
 
-/// After a run on some number of ranks, saved half-way and taken up on another.
 /// The bits of what moves each particle, under its id.
 pub(crate) fn motion(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<u64>)> + '_ {
     (0..table.id.len()).map(move |k| {

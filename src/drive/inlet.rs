@@ -60,6 +60,15 @@ pub struct Inlet {
 }
 
 impl Inlet {
+    /// Has what was asked for come, with so many grains and so much mass [kg]? Never, if it feeds without an end.
+    fn is_over(&self, count: u64, mass: f64) -> bool {
+        match self.until {
+            Some(Amount::Count(most)) => count as f64 >= most,
+            Some(Amount::Mass(most)) => mass >= most,
+            None => false,
+        }
+    }
+
     /// How many grains appear in so many seconds, about; as many as the scene would have without an end.
     pub fn expected(&self, seconds: f64, library: &Library) -> u64 {
         let volume = |(shape, share): (crate::ids::ShapeId, f64)| {
@@ -150,23 +159,18 @@ impl Inlets {
     /// The grains that are due, in the order of their numbers.
     fn due(&self, inlet: usize, moment: &Moment, library: &Library) -> Vec<Particle> {
         let seconds = seconds(moment);
-        let (Inlet { rate, until, .. }, come) = (&self.all[inlet], self.come[inlet]);
+        let (of_inlet, come) = (&self.all[inlet], self.come[inlet]);
         let (mut count, mut mass) = (come.count, come.mass);
         let mut due = Vec::new();
-        while count - come.count < MOST_AT_ONCE {
-            let is_over = match *until {
-                Some(Amount::Count(most)) => count as f64 >= most,
-                Some(Amount::Mass(most)) => mass >= most,
-                None => false,
-            };
+        while count - come.count < MOST_AT_ONCE && !of_inlet.is_over(count, mass) {
             let grain = self.grain(inlet, count, moment, library);
             let of_grain = library.mass_at(grain.shape, grain.scale);
             // Rounding is forgiven.
-            let has_time = match *rate {
+            let has_time = match of_inlet.rate {
                 Amount::Count(rate) => (count + 1) as f64 <= rate * seconds * (1.0 + 1e-12),
                 Amount::Mass(rate) => mass + of_grain <= rate * seconds * (1.0 + 1e-12),
             };
-            if is_over || !has_time {
+            if !has_time {
                 break;
             }
             (count, mass) = (count + 1, mass + of_grain);
@@ -267,13 +271,10 @@ fn seconds(moment: &Moment) -> f64 {
 fn taken_here(region: &Region, tries: &[(f64, Vec<Vec3>)], particles: &Particles) -> Vec<i64> {
     let largest = tries.iter().map(|&(radius, _)| radius).fold(0.0, f64::max);
     let Some((low, high)) = region.bounds() else { return vec![1; tries.len() * TRIES] };
-    let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
+    let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5 + Vec3::repeat(largest));
     let near: Vec<(Vec3, f64)> = (0..particles.owned)
+        .filter(|&slot| particles.comes_into(slot, &middle, &half))
         .map(|slot| (particles.position[slot], particles.radius(slot)))
-        .filter(|(position, radius)| {
-            let apart = particles.cell.nearest(position - middle).abs();
-            (0..3).all(|axis| apart[axis] < half[axis] + radius + largest)
-        })
         .collect();
     let mut taken = Vec::with_capacity(tries.len() * TRIES);
     for (radius, places) in tries {
@@ -320,12 +321,11 @@ impl Drive for Inlets {
     }
 
     fn unfinished(&self) -> Option<&'static str> {
-        let is_over = |(inlet, come): (&Inlet, &Come)| match inlet.until {
-            Some(Amount::Count(most)) => come.count as f64 >= most,
-            Some(Amount::Mass(most)) => come.mass >= most,
-            None => true,
+        let mut all = self.all.iter().zip(&self.come);
+        let feeds = |(inlet, come): (&Inlet, &Come)| {
+            inlet.until.is_some() && !inlet.is_over(come.count, come.mass)
         };
-        (!self.all.iter().zip(&self.come).all(is_over)).then_some("an inlet still feeds")
+        all.any(feeds).then_some("an inlet still feeds")
     }
 
     fn counted(&self) -> Vec<(String, f64)> {
@@ -346,7 +346,8 @@ impl Drive for Inlets {
 
     fn last_warnings(&self, _walls: &[Wall]) -> Vec<String> {
         let mut warnings = Vec::new();
-        for (Inlet { name, rate, until, .. }, come) in self.all.iter().zip(&self.come) {
+        for (inlet, come) in self.all.iter().zip(&self.come) {
+            let Inlet { name, rate, until, .. } = inlet;
             let unit = if matches!(rate, Amount::Mass(_)) { "kg" } else { "particles" };
             if come.missing > 0.0 {
                 warnings.push(format!(
@@ -354,14 +355,13 @@ impl Drive for Inlets {
                     come.missing, come.count, come.mass
                 ));
             }
+            if inlet.is_over(come.count, come.mass) {
+                continue;
+            }
             let short = match *until {
-                Some(Amount::Count(most)) if (come.count as f64) < most => {
-                    format!("{} of {most:?} particles", come.count)
-                }
-                Some(Amount::Mass(most)) if come.mass < most => {
-                    format!("{:.4e} of {most:?} kg", come.mass)
-                }
-                _ => continue,
+                Some(Amount::Count(most)) => format!("{} of {most:?} particles", come.count),
+                Some(Amount::Mass(most)) => format!("{:.4e} of {most:?} kg", come.mass),
+                None => continue,
             };
             warnings.push(format!("inlet `{name}`: only {short} came: too few steps, or no place"));
         }

@@ -167,10 +167,8 @@ impl RainGauge {
     fn is_blocked(&self, particles: &Particles) -> bool {
         let Rain { low, high, .. } = self.rain;
         let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
-        let by_particle = (0..particles.owned).any(|slot| {
-            let apart = particles.cell.nearest(particles.position[slot] - middle).abs();
-            (0..3).all(|axis| apart[axis] < half[axis] + particles.radius(slot))
-        });
+        let mut owned = 0..particles.owned;
+        let by_particle = owned.any(|slot| particles.comes_into(slot, &middle, &half));
         let by_wall = |wall: &Wall| self.rain.is_through(wall);
         by_particle || particles.walls.iter().any(by_wall)
     }

@@ -349,6 +349,13 @@ impl Particles {
         self.library.radius[self.shape[slot].index()] * self.scale_of(slot)
     }
 
+    /// Does the box about a body's bounding sphere, or about its nearest periodic image, overlap one of this middle and half
+    /// lengths [m]?
+    pub fn comes_into(&self, slot: usize, middle: &Vec3, half: &Vec3) -> bool {
+        let apart = self.cell.nearest(self.position[slot] - middle).abs();
+        (0..3).all(|axis| apart[axis] < half[axis] + self.radius(slot))
+    }
+
     /// Radius of the largest sphere about the centre of a body inside it [m].
     pub fn inscribed_radius(&self, slot: usize) -> f64 {
         self.library.shapes[self.shape[slot].index()].inscribed_radius() * self.scale_of(slot)

@@ -1,7 +1,7 @@
 //! A run: steps, with outputs on schedule, until all is done.
 
 use super::stiffening::Stiffening;
-use super::watch::DEEPEST;
+use super::watch::{DEEPEST, Fault};
 use super::{FirstLook, Simulation, StepError};
 use crate::comm::{Comm, agree, wire};
 use crate::domain::DomainError;
@@ -103,7 +103,7 @@ pub struct Finish {
     pub measures: Measures,
     /// The largest kinetic and elastic energy together that the run has measured [J].
     pub most_moving: f64,
-    /// The largest overlap over the shortest axis of the smaller body that the run has measured [-].
+    /// The largest overlap over the shortest axis of the smaller body that the run has measured [-], and at which step.
     pub largest_overlap: (f64, u64),
     /// What has become of the stable limit of a law that stiffens with load, if contacts have been stiffer than it was found for.
     pub stiffened: Option<String>,
@@ -401,27 +401,7 @@ impl<'a> Records<'a> {
         }
         let is_at_rest = rest_due && unmet(sim, &schedule.stop, &measures).is_empty();
         let ending = if is_at_rest { Ending::Rest } else { Ending::LastStep };
-        while self.depths.next_if(|&depth| measures.largest_overlap > depth).is_some() {
-            warnings.push(too_deep(sim.step, measures.largest_overlap));
-        }
-        let overlap = 2.0 * measures.largest_overlap;
-        let stiffer = self.stiffening.as_mut().map(|stiffening| stiffening.check(overlap));
-        let fault = match stiffer.transpose() {
-            Ok(warning) => {
-                warnings.extend(warning.flatten());
-                None
-            }
-            Err(fault) => Some(fault),
-        };
-        let missing = measures.part_missing(most_moving(sim, &measures));
-        if self.missing.next_if(|&part| missing.abs() > part).is_some() {
-            while self.missing.next_if(|&part| missing.abs() > part).is_some() {}
-            warnings.push(format!(
-                "step {}: {}",
-                sim.step,
-                measures.what_is_missing(most_moving(sim, &measures))
-            ));
-        }
+        let stiff = self.warn(sim, &measures, warnings).err();
         if row_due || is_at_rest {
             // A row off the schedule would not be there had the run gone on.
             let scheduled = due(sim.step, schedule.history_every);
@@ -436,7 +416,33 @@ impl<'a> Records<'a> {
         }
         self.measures = Some(measures);
         // The row is there to look at.
-        fault.map_or(Ok(ending), |fault| Err(StepError::Fault { step: sim.step, fault }.into()))
+        stiff.map_or(Ok(ending), |fault| Err(StepError::Fault { step: sim.step, fault }.into()))
+    }
+
+    /// Says what has become doubtful.
+    ///
+    /// # Errors
+    /// If contacts have become too stiff for the step.
+    fn warn(
+        &mut self,
+        sim: &Simulation,
+        measures: &Measures,
+        warnings: &mut Vec<String>,
+    ) -> Result<(), Fault> {
+        while self.depths.next_if(|&depth| measures.largest_overlap > depth).is_some() {
+            warnings.push(too_deep(sim.step, measures.largest_overlap));
+        }
+        let most_moving = most_moving(sim, measures);
+        let missing = measures.part_missing(most_moving).abs();
+        let passed = std::iter::from_fn(|| self.missing.next_if(|&part| missing > part)).count();
+        if passed > 0 {
+            let what = measures.what_is_missing(most_moving);
+            warnings.push(format!("step {}: {what}", sim.step));
+        }
+        if let Some(stiffening) = &mut self.stiffening {
+            warnings.extend(stiffening.check(2.0 * measures.largest_overlap)?);
+        }
+        Ok(())
     }
 
     /// Scalars and snapshot of the last step. Collective.
