@@ -43,6 +43,8 @@ pub struct Wall {
     pub mass: f64,
     /// Does the scene move it, at given velocities or by a servo?
     pub moves: bool,
+    /// About what the torque on it is written, if that is to be.
+    pub torque: Option<TorqueAbout>,
     /// Its surface, in its axes, if that is of planes.
     pub facets: Vec<Facet>,
     /// Its surface, in its axes, if that is of triangles.
@@ -51,6 +53,15 @@ pub struct Wall {
     turning: Option<Turning>,
     /// Where it stood when the pairs were listed.
     listed: Pose,
+}
+
+/// About what the torque on a wall is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum TorqueAbout {
+    /// Its reference point, which moves with it.
+    Reference,
+    /// A point that stays where it is [m].
+    Fixed(Vec3),
 }
 
 /// The surface of a wall of triangles.
@@ -222,6 +233,7 @@ impl Wall {
             angular_velocity: Vec3::zeros(),
             mass: f64::INFINITY,
             moves: false,
+            torque: None,
             facets: planes.iter().map(facet).collect(),
             mesh: None,
             turning: None,
@@ -299,6 +311,24 @@ impl Wall {
         first.map_or((self.point, Vec3::zeros()), |InPlace { point, normal, offset }| {
             (point + normal * offset, normal)
         })
+    }
+
+    /// The torque on it about the point that it says [N m], from that about its reference point and the force on it [N].
+    pub fn torque_of(&self, about_reference: &Vec3, force: &Vec3) -> Vec3 {
+        match self.torque {
+            Some(TorqueAbout::Fixed(point)) => about_reference + (self.point - point).cross(force),
+            _ => *about_reference,
+        }
+    }
+
+    /// What it does on the particles with a force on it [N] and a torque about its reference point [N m], in W.
+    pub fn power(&self, force: &Vec3, torque: &Vec3) -> f64 {
+        -(force.dot(&self.velocity) + torque.dot(&self.angular_velocity))
+    }
+
+    /// Does its scene turn it, now or at any time?
+    pub fn may_turn(&self) -> bool {
+        self.angular_velocity != Vec3::zeros()
     }
 
     /// Does it turn, or has it since the pairs were listed?
@@ -575,6 +605,8 @@ pub struct FacetColumns {
     pub place: Vec<FacetInPlace>,
     /// Does any wall turn?
     pub any_turns: bool,
+    /// Must torques on walls be known: does any wall turn, or say about what?
+    pub any_torque: bool,
 }
 
 #[cfg(test)]

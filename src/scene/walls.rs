@@ -9,7 +9,7 @@ use crate::drive::servo::Servo;
 use crate::ids::MaterialId;
 use crate::math::{Quat, Vec3, rotation_about};
 use crate::particles::Library;
-use crate::particles::walls::{Across, Wall};
+use crate::particles::walls::{Across, TorqueAbout, Wall};
 use crate::shape::mesh;
 use crate::shape::triangle_mesh::TriangleMesh;
 use std::path::Path;
@@ -339,8 +339,12 @@ fn planned(
     let rotation =
         section.read_or("rotation", None, |given| rotation(&given.section()?, domain).map(Some));
     let material = materials.find_in(section, "material");
+    let torque_about = section.read_or("torque_about", None, |given| {
+        given.vector(Range::Any, "m").map(|point| Some(TorqueAbout::Fixed(point)))
+    });
     section.finish();
 
+    let torque = torque_about?.or(rotation?.map(|_| TorqueAbout::Reference));
     let (planes, rotation) = (planes?, rotation?);
     if let Some(triangles) = triangles {
         let (given, Triangles { mut corners, shift, smooth }) = (section.get("mesh")?, triangles?);
@@ -351,6 +355,7 @@ fn planned(
         let mut wall = Wall::of_mesh(name, reference, surface);
         wall.velocity = velocity?;
         wall.angular_velocity = rotation.map_or_else(Vec3::zeros, |(_, velocity)| velocity);
+        wall.torque = torque;
         return Some(Planned { wall, material: material?, has_servo: false });
     }
     let reference = match (rotation, &*planes) {
@@ -361,6 +366,7 @@ fn planned(
     let mut wall = Wall::of_planes(name, reference, &planes);
     wall.velocity = velocity?;
     wall.angular_velocity = rotation.map_or_else(Vec3::zeros, |(_, velocity)| velocity);
+    wall.torque = torque;
     Some(Planned { wall, material: material?, has_servo: false })
 }
 
