@@ -203,7 +203,8 @@ pub fn measure(
     }
     // A contact counts where its first particle is owned.
     for contact in contacts.loaded(law, particles) {
-        let moment = if particles.wall_of(contact.pair.b).is_some() { at_walls.next() } else { None };
+        let moment =
+            if particles.wall_of(contact.pair.b).is_some() { at_walls.next() } else { None };
         if contact.pair.a.index() >= particles.owned {
             continue;
         }

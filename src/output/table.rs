@@ -248,9 +248,12 @@ impl History {
         .into_iter()
         .chain(forces.iter().flat_map(|force| force.iter().copied()))
         .chain(moved)
-        .chain(self.of_walls.iter().enumerate().flat_map(|(k, of)| {
-            of.numbers(&walls[k], &m.wall_forces[k], &m.wall_torques[k])
-        }))
+        .chain(
+            self.of_walls
+                .iter()
+                .enumerate()
+                .flat_map(|(k, of)| of.numbers(&walls[k], &m.wall_forces[k], &m.wall_torques[k])),
+        )
         .chain(m.bulk.iter().flat_map(|bulk| {
             let stresses = bulk.of_contacts.into_iter().chain(bulk.of_motion);
             std::iter::once(bulk.strain).chain(stresses)

@@ -4,6 +4,7 @@
 //! exist: spheres without friction do not turn, a scene of spheres only has no orientation.
 
 pub mod columns;
+pub mod courses;
 pub mod mix;
 pub mod records;
 pub mod sizes;

@@ -109,6 +109,7 @@ fn required(table: &str) -> &'static [&'static str] {
         "domain" => &["low", "high"],
         "wall" | "inlet" | "outlet" => &["name"],
         "servo" => &["walls", "stress"],
+        "motion" => &["walls"],
         "material" => &["name", "density"],
         "interaction" => &["between"],
         "shape" => &["name", "kind"],
@@ -156,6 +157,13 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("wall", "rotation") => {
             object(&[("about", vector(&any)), ("axis", vector(&any)), ("rate", any)])
         }
+
+        ("motion", "walls") => some(&text()),
+        ("motion", "along" | "about" | "axis") => vector(&any),
+        ("motion", "amplitude" | "phase") => any,
+        ("motion", "frequency") => positive,
+        ("motion", "table") => text(),
+        ("motion", "interpolation") => words(&["linear", "smooth"]),
 
         ("servo", "walls") => some(&text()),
         ("servo", "stress" | "max_speed" | "gain") => positive,
