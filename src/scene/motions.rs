@@ -131,7 +131,9 @@ fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
         let rows = match rows(&path, if turns { "angle_deg" } else { "displacement_m" }) {
             Ok(rows) => rows,
             Err(mistakes) => {
-                mistakes.iter().for_each(|mistake| given.fail(mistake));
+                for mistake in &mistakes {
+                    given.fail(mistake);
+                }
                 return None;
             }
         };
