@@ -37,12 +37,12 @@ impl Course {
         self.velocities(of)
     }
 
-    /// The same at time 0.
+    /// Velocity [m/s] and angular velocity [rad/s] at time 0, after which it moves.
     pub fn first_velocities(&self) -> (Vec3, Vec3) {
         self.velocities(Way::first_rate)
     }
 
-    /// None is ever faster along its direction.
+    /// The largest velocity of each displacement [m/s] and the largest angular velocity [rad/s], at any time.
     pub fn fastest(&self) -> (Vec<Vec3>, Vec3) {
         let shifts = self.shifts.iter().map(|(along, way)| along * way.fastest());
         let turn = self.turn.as_ref();
