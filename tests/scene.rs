@@ -249,10 +249,17 @@ fn every_key_arrives() {
         ("-z", [0.0, 0.0, 1.0]),
         ("lid", [0.0, 0.0, -1.0]),
         ("trough", [0.0, 0.0, 1.0]),
+        ("flap", [0.0, 0.0, -1.0]),
     ];
     assert_eq!(walls, planes);
     assert_eq!(scene.walls[2].velocity, Vec3::new(0.0, 0.0, 0.002));
-    assert_eq!(scene.walls[3].velocity, Vec3::new(0.0, 0.0, -0.01));
+    let lid = &scene.walls[3];
+    // The oscillation begins at rest.
+    assert!((lid.velocity - Vec3::new(0.0, 0.0, -0.01)).norm() < 1e-15);
+    assert_eq!(lid.course.as_ref().map(|course| course.shifts.len()), Some(2));
+    let flap = &scene.walls[5];
+    assert_eq!(flap.point, Vec3::new(0.0, 0.1, 0.5));
+    assert!(flap.may_turn() && flap.across().is_none());
     assert!(scene.walls.iter().all(|wall| wall.moves));
     let trough = &scene.walls[4];
     assert_eq!(trough.point, Vec3::new(0.0, 0.1, -0.2));
@@ -268,7 +275,7 @@ fn every_key_arrives() {
         library.names,
         [
             "ball", "bead", "egg", "rice", "brick", "pebble", "-y", "+y", "-z", "lid", "trough",
-            "trough"
+            "trough", "flap"
         ]
     );
     assert_eq!(library.particle_shapes, 6);
