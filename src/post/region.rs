@@ -106,7 +106,7 @@ impl Region {
     }
 }
 
-/// The thickness of a layer along the sides.
+/// A length: the thickness of a layer along the sides, the side of a cell, a width.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Margin {
     /// In metres.
