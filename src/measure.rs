@@ -86,6 +86,9 @@ pub struct Bulk {
 /// Axes of the components of a stress, as they are written.
 pub const COMPONENTS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
 
+/// What rounding may leave of a balance of energies, over the sum of its terms.
+const ROUNDING: f64 = 1e-12;
+
 impl Measures {
     /// Kinetic energy [J].
     pub fn kinetic(&self) -> f64 {
@@ -114,8 +117,12 @@ impl Measures {
     }
 
     /// What the balance misses, over what was dissipated, or over `most_moving` where the run dissipates less: the largest
-    /// kinetic and elastic energy of the run [J].
+    /// kinetic and elastic energy of the run [J]. 0 if it is rounding.
     pub fn part_missing(&self, most_moving: f64) -> f64 {
+        let terms = [self.received, self.kinetic(), self.gravity, self.stored, self.dissipated];
+        if self.missing().abs() <= ROUNDING * terms.iter().map(|term| term.abs()).sum::<f64>() {
+            return 0.0;
+        }
         self.missing() / if self.dissipated > most_moving { self.dissipated } else { most_moving }
     }
 

@@ -49,6 +49,13 @@ impl Course {
         (shifts.collect(), turn.map_or_else(Vec3::zeros, |(axis, way)| axis * way.fastest()))
     }
 
+    /// That of its fastest oscillation, if it has one [s].
+    pub fn shortest_period(&self) -> Option<f64> {
+        let turn = self.turn.iter().map(|(_, way)| way);
+        let ways = self.shifts.iter().map(|(_, way)| way).chain(turn);
+        ways.filter_map(Way::period).reduce(f64::min)
+    }
+
     fn velocities(&self, rate: impl Fn(&Way) -> f64) -> (Vec3, Vec3) {
         let velocity = self.shifts.iter().map(|(along, way)| along * rate(way)).sum();
         let turn = self.turn.as_ref();
@@ -107,6 +114,10 @@ impl Way {
             }
             Self::Table(table) => table.first_rate(),
         }
+    }
+
+    const fn period(&self) -> Option<f64> {
+        if let Self::Oscillation { frequency, .. } = self { Some(1.0 / *frequency) } else { None }
     }
 
     /// The largest rate at any time [m/s, rad/s].
