@@ -931,6 +931,9 @@ impl<M: Model> Contacts<'_, '_, M> {
                     *turned += of_turning[lane];
                 }
             }
+            if TURNS && impulse.is_some() && self.particles.facets.any_torque {
+                self.sums.at_walls.push(row(&torques[1], lane).into());
+            }
             if let Some(Impulse { straight, turning }) = impulse {
                 let impulse = Vec3::from(row(straight, lane));
                 let of_wall = &self.particles.velocity[pair.b.index()];

@@ -245,7 +245,7 @@ pub fn enclosed(header: &Header) -> [bool; 3] {
 }
 
 /// The innermost walls at both ends of an axis, which bound the packing.
-fn walls_across(header: &Header, axis: usize) -> Option<[&WallRow; 2]> {
+pub(super) fn walls_across(header: &Header, axis: usize) -> Option<[&WallRow; 2]> {
     let innermost = |sign: f64| {
         let walls = header.planes().filter(|w| sign * w.normal[axis] > ACROSS);
         walls.max_by(|a, b| (sign * a.point[axis]).total_cmp(&(sign * b.point[axis])))
