@@ -1,7 +1,7 @@
 """Opens what dem-post exports as users do, and reads the same snapshot with dem.py.
 
 usage: open_exports.py SNAPSHOT FOLDER
-FOLDER has dem.py, from `dem-post --python`, and the files of --surfaces and --vtp.
+FOLDER has dem.py, from `dem-post --python`, and the files of --surfaces, --vtp and --fields.
 """
 
 import sys
@@ -71,6 +71,25 @@ for row in range(0, len(ids), max(1, len(ids) // 40)):
 assert np.array_equal(grains["velocity"][-1], here.particles["velocity"][-1].astype(np.float32))
 walls = read("walls")
 assert walls.GetNumberOfPolys() == len(here.walls["name"])
+
+# Fields: an image in VTKHDF and the same in XML, with all the mass.
+problems, images = [], []
+for reader, ending in [(vtk.vtkHDFReader(), "vtkhdf"), (vtk.vtkXMLImageDataReader(), "vti")]:
+    reader.AddObserver("ErrorEvent", lambda *_: problems.append("VTK reports an error"))
+    reader.SetFileName(str(folder / f"fields_{step}.{ending}"))
+    reader.Update()
+    images.append(reader.GetOutput())
+assert not problems, problems
+image, xml = images
+assert image.GetDimensions() == xml.GetDimensions() and image.GetBounds() == xml.GetBounds()
+assert image.GetCellData().GetNumberOfArrays() == xml.GetCellData().GetNumberOfArrays() == 6
+for k in range(6):
+    name = image.GetCellData().GetArrayName(k)
+    one, other = (vtk_to_numpy(data.GetCellData().GetArray(name)) for data in images)
+    assert np.array_equal(one, other), name
+density = vtk_to_numpy(image.GetCellData().GetArray("density"))
+mass = here.shapes["mass"][here.particles["shape"]] * volume / here.shapes["volume"][here.particles["shape"]]
+assert abs(density.sum() * np.prod(image.GetSpacing()) / mass.sum() - 1) < 1e-12
 
 # What dem.py makes for VTK and pyvista.
 assert pyvista.wrap(here.grains()).n_points == len(ids)

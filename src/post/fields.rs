@@ -23,8 +23,8 @@
 //! Without a region the grid reaches as far as the weights do. In a region grains outside of it count where their weights reach into it.
 
 use super::check;
+use super::errors::MeasureError;
 use super::grid::Grid;
-use super::measures::MeasureError;
 use super::pieces;
 use super::region::{Bounds, Region};
 use crate::cell::AXES;

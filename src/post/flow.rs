@@ -8,8 +8,8 @@
 //! one that is new as not. **An outlet**, from the columns `left_NAME` and `left_NAME_kg` of `history.csv`.
 
 use super::check;
+use super::errors::MeasureError;
 use super::history::History;
-use super::measures::MeasureError;
 use super::pieces;
 use super::slope::line;
 use crate::cell::AXES;

@@ -1,6 +1,6 @@
 //! A box cut into equal cells.
 
-use super::measures::MeasureError;
+use super::errors::MeasureError;
 use super::region::Bounds;
 use crate::math::Vec3;
 

@@ -12,8 +12,8 @@
 //! gives a lower `M` to the same unmixed state. A more even mixture than by chance has more than 1.
 
 use super::check;
+use super::errors::MeasureError;
 use super::grid::Grid;
-use super::measures::MeasureError;
 use super::pieces;
 use super::region::Region;
 use crate::ids::GlobalId;

@@ -20,7 +20,7 @@
 //! | [`draw`] | charts: series, axes, panels |
 //! | [`views`] | what stands where: force chains, velocities, averages by height |
 //! | [`plots`] [`panels`] [`rose`] [`picture`] [`page`] | what there is to look at |
-//! | [`measures`] | those that are made when they are asked for: |
+//! | [`measures`] [`errors`] | those that are made when they are asked for, and why they cannot be: |
 //! | [`fields`] [`mixing`] [`slope`] [`flow`] | density, velocity and stress on a [`grid`]; Lacey's index; angle of a heap; flow rates |
 //! | [`sizes`] | sizes of the particles beside those that were asked for |
 //! | [`diff`] | whether two snapshots are the same, bit for bit |
@@ -31,6 +31,7 @@ mod check;
 pub mod coordination;
 pub mod diff;
 pub mod draw;
+pub mod errors;
 pub mod export;
 pub mod fabric;
 pub mod fields;

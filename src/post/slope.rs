@@ -7,7 +7,7 @@
 //! It is positive where the surface rises along the axis; of a cone it is taken towards the middle. A column without grains has no surface.
 
 use super::check;
-use super::measures::MeasureError;
+use super::errors::MeasureError;
 use super::pieces;
 use super::region::{Margin, Region, Turned};
 use crate::math::Vec3;

@@ -30,7 +30,7 @@ fn vtk_opens_the_snapshots_of_a_run() {
     let kinds = finished("kinds", Launch::Ranks(2)).directory;
     let folder = fresh_directory("exports");
     let out = ["--out".as_ref(), folder.as_os_str()];
-    let exports = ["--surfaces", "--vtp"].map(OsStr::new);
+    let exports = ["--surfaces", "--vtp", "--fields", "0.5d"].map(OsStr::new);
     dem_post([&[kinds.as_os_str()][..], &out, &exports].concat()).succeed();
     fs::write(folder.join("dem.py"), dem_post(["--python"]).succeed().output).unwrap();
     let last = kinds.join("last.vtkhdf").canonicalize().unwrap();
