@@ -39,7 +39,7 @@ pub struct History {
     cell: Cell,
 }
 
-const COLUMNS: [&str; 24] = [
+const COLUMNS: [&str; 25] = [
     "step",
     "time_s",
     "particles",
@@ -57,6 +57,7 @@ const COLUMNS: [&str; 24] = [
     "dissipated_by_friction_J",
     "dissipated_by_turning_J",
     "dissipated_by_damping_J",
+    "dissipated_by_adhesion_J",
     "received_J",
     "missing_J",
     "mean_normal_force_N",
@@ -165,7 +166,7 @@ impl History {
         let counts = [step.to_string(), time.to_string()]
             .into_iter()
             .chain([m.particles, m.contacts, m.wall_contacts].map(|count| count.to_string()));
-        let [of_friction, of_turning, of_damping] = m.channels;
+        let [of_friction, of_turning, of_damping, of_adhesion] = m.channels;
         let numbers = [
             m.coordination(),
             m.kinetic(),
@@ -179,6 +180,7 @@ impl History {
             of_friction,
             of_turning,
             of_damping,
+            of_adhesion,
             m.received,
             m.missing(),
             m.mean_normal_force,
