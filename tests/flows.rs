@@ -1,6 +1,6 @@
 //! Grains that appear at a rate and grains that leave: counted, booked, and the same on any number of ranks.
 
-use crate::support::{begun, motion, save, scene, schedule};
+use crate::support::{begun, expect_refused, motion, save, scene, schedule};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::drive::SavedState;
@@ -294,4 +294,33 @@ fn a_stage_ends_when_enough_have_left() {
         assert!((last("particles") - (came - left)).abs() < 0.5, "{stop}");
         assert!(last("left_bottom_kg") > 0.0 && sim.step < 20_000);
     }
+}
+
+/// What appears in an outlet would be gone at once.
+#[test]
+fn an_outlet_around_an_inlet_is_refused() {
+    let around = "point = [0, 0, 0.05]\nnormal = [0, 0, 1]\n[[outlet]]\nname = \"hatch\"";
+    expect_refused(
+        SHAFT,
+        "point = [0, 0, 0.002]\nnormal = [0, 0, 1]\n[[outlet]]\nname = \"hatch\"",
+        around,
+        "inlet.eggs: lies in outlet `bottom`",
+    );
+}
+
+/// Grains that appear at rest have no energy but that of their height: the rounding of its balance is no loss.
+#[test]
+fn the_first_grains_of_an_inlet_raise_no_alarm() {
+    let text = SHAFT
+        .replace("velocity = [0, 0, -1]\nspread = 0.3\n", "")
+        .replace("history_every = 500", "history_every = 10");
+    let text =
+        text[..text.find("[[fill").unwrap()].to_owned() + &text[text.find("[[inlet").unwrap()..];
+    let scene = scene(&text);
+    let (mut sim, mut comm) = (begun(&scene, &mut Alone::default()), Alone::default());
+    let folder = tempfile::tempdir().unwrap();
+    let schedule = schedule(&scene, 60, folder.path());
+    let finish = run(&mut sim, &schedule, &mut comm, &mut |_| {}).unwrap();
+    assert!(sim.particles.owned > 0, "grains came");
+    assert!(finish.warnings.is_empty(), "{:?}", finish.warnings);
 }

@@ -7,6 +7,7 @@ use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::law::stability::time_step_limit;
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
+use dem_mpi::scene::Scene;
 use dem_mpi::sim::run;
 
 /// A sphere and a floor that is rigid, or of the same material.
@@ -301,15 +302,59 @@ fn an_overlap_beyond_what_the_step_was_found_for_is_warned_of_once() {
         let folder = tempfile::tempdir().unwrap();
         let mut told = Vec::new();
         let schedule = schedule(&scene, scene.steps, folder.path());
-        run::run(&mut sim, &schedule, &mut comm, &mut |progress| {
+        let finish = run::run(&mut sim, &schedule, &mut comm, &mut |progress| {
             told.extend_from_slice(progress.warnings);
         })
         .unwrap();
-        assert_eq!(told.len(), usize::from(warned), "{told:?}");
-        let says =
-            ["an overlap of 0.02", "law.largest_overlap = 0.02", "still below the stable limit"];
-        assert!(told.iter().all(|text| says.iter().all(|part| text.contains(part))), "{told:?}");
+        assert!(told.is_empty(), "{told:?}");
+        assert_eq!(finish.stiffened.is_some(), warned);
+        let says = ["an overlap of 0.02", "law.largest_overlap = 0.020", "are still below it"];
+        let words = finish.stiffened.iter();
+        assert!(words.clone().all(|text| says.iter().all(|part| text.contains(part))), "{words:?}");
     }
+}
+
+/// Spheres that servos press together: what the step is found for follows from their stress, four times of it where walls are driven,
+/// unless the scene says it. What comes is near.
+#[test]
+fn the_step_of_a_compression_is_found_for_its_stress() {
+    let (stress, youngs, poisson) = (5e4, 1e8, 0.25);
+    let servo = |axis: &str| {
+        format!(
+            "[[servo]]\nwalls = [\"-{axis}\", \"+{axis}\"]\nstress = {stress:e}\nmax_speed = 0.05\n"
+        )
+    };
+    let text = format!(
+        "[domain]\nlow = [0, 0, 0]\nhigh = [0.018, 0.018, 0.018]\nwalls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\", \"+z\"]\n\
+         [law]\nnormal = \"hertz\"\n\
+         [[material]]\nname = \"sand\"\ndensity = 2650\nyoungs_modulus = {youngs:e}\npoisson_ratio = {poisson}\nfriction = 0.3\nrestitution = 0.3\n\
+         [[shape]]\nname = \"grain\"\nkind = \"sphere\"\ndiameter = 2.4e-3\nsize = {{ uniform = [0.8, 1.2] }}\n\
+         [[fill.lattice]]\njitter = 1e-5\n{}{}{}\
+         [time]\nstep = \"auto\"\nsteps = 100_000\n[stop]\nservo = 0.05\nunbalanced = 0.02\n[output]\ndirectory = \"out\"\n",
+        servo("x"),
+        servo("y"),
+        servo("z")
+    );
+    let pressed = scene(&text);
+    let driven = text.replace(&servo("z"), "");
+    let driven =
+        scene(&driven.replace("[law]", "wall_velocity = { \"+z\" = [0, 0, -0.01] }\n[law]"));
+    let said = scene(&text.replace("[law]", "[law]\nlargest_overlap = 0.03"));
+    let up_to = |scene: &Scene| scene.force_law().hardest_up_to().unwrap();
+    let modulus = youngs / (2.0 * (1.0 - poisson * poisson));
+    let expected = |stress: f64| (26.0 * stress / modulus).powf(2.0 / 3.0);
+    close(up_to(&pressed), expected(stress), 0.01, "servos");
+    close(up_to(&driven), expected(4.0 * stress), 0.01, "a driven wall");
+    assert_eq!(up_to(&said), 0.03);
+
+    let (mut sim, mut comm) = (begun(&pressed, &mut Alone::default()), Alone::default());
+    let folder = tempfile::tempdir().unwrap();
+    let schedule = schedule(&pressed, pressed.steps, folder.path());
+    let finish = run::run(&mut sim, &schedule, &mut comm, &mut |_| {}).unwrap();
+    assert!(matches!(finish.ending, run::Ending::Rest), "{:?}", finish.ending);
+    let came = 2.0 * finish.largest_overlap.0;
+    println!("largest overlap {came} of the radius, found for {}", up_to(&pressed));
+    assert!((0.5..1.5).contains(&(came / up_to(&pressed))), "{came}");
 }
 
 /// A step within the limit that the scene was made for, and over the one that a hard blow leaves: the run ends, or goes on if it may.

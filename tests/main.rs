@@ -43,4 +43,5 @@ mod support;
 mod turning;
 mod units;
 mod verification;
+mod wall_motions;
 mod walls;

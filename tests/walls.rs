@@ -227,7 +227,7 @@ fn drum() -> Scene {
 }
 
 /// All of which the future is made, joined, and the scalars of the end.
-type State = (Vec<(u64, Vec<u64>)>, Vec<u64>);
+pub(crate) type State = (Vec<(u64, Vec<u64>)>, Vec<u64>);
 
 fn state(sim: &Simulation, comm: &mut dyn Comm) -> State {
     let m = sim.measure(comm);
@@ -289,7 +289,7 @@ fn restarted(scene: &Scene, before: u32, after: u32, steps: u64, folder: &Path) 
 }
 
 /// The state after these steps on one rank, if it is the same on two and on three, and after a restart.
-fn the_same_on_any_ranks(scene: &Scene, steps: u64) -> State {
+pub(crate) fn the_same_on_any_ranks(scene: &Scene, steps: u64) -> State {
     let alone = run(scene, 1, steps);
     for ranks in [2, 3] {
         assert!(alone == run(scene, ranks, steps), "{ranks} ranks");

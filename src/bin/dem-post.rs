@@ -9,6 +9,7 @@ use dem_mpi::output::snapshot::Reader;
 use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::Among;
 use dem_mpi::post::history::History;
+use dem_mpi::post::measures::{Asked, Source};
 use dem_mpi::post::plots::Plot;
 use dem_mpi::post::region::{Bounds, Margin, Region};
 use dem_mpi::post::report::csv;
@@ -76,6 +77,9 @@ struct Arguments {
     #[arg(long)]
     vtp: bool,
 
+    #[command(flatten)]
+    asked: Asked,
+
     /// Print a module for Python that reads snapshots as numpy arrays and VTK objects, and do nothing else:
     /// dem-post --python > dem.py
     #[arg(long, exclusive = true)]
@@ -83,7 +87,7 @@ struct Arguments {
 
     /// Compare two snapshots particle by particle, bit for bit, and write nothing.
     /// Exit status: 0 equal, 1 different, 2 could not compare
-    #[arg(long, conflicts_with_all = ["out", "region", "margin", "series", "fabric_with_walls", "lammps", "surfaces", "vtp"])]
+    #[arg(long, conflicts_with_all = ["out", "region", "margin", "series", "fabric_with_walls", "lammps", "surfaces", "vtp", "Asked"])]
     diff: bool,
 
     #[command(flatten)]
@@ -101,6 +105,10 @@ Examples:
                                                same bits on 1 and on 4 ranks?
   dem-post out/packing --lammps                also a file for OVITO
   dem-post out/shear --series --surfaces       also true shapes, to be played by ParaView
+  dem-post out/drum --series --mixing half:x   how grains of the left and right half mix
+  dem-post out/hopper --flow outlet:below --window 0.5,1.5
+                                               grains and kilograms per second in a window
+  dem-post out/heap --slope radial --fields 1d the angle of the heap, and its density and stress on a grid
   dem-post --python > dem.py                   a reader for Python";
 
 /// What `--python` prints.
@@ -165,6 +173,9 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     let bounds = reports.last().and_then(|r| r.bounds_m);
     let drawing = picture.svg(bounds.as_ref());
     let history = history_beside(beside);
+    let source =
+        Source { snapshots: &snapshots, history: &history, choice: &choice, as_xml: arguments.vtp };
+    let measured = arguments.asked.make(source, &out)?;
     let newest = Reader::open(newest)?;
     let header = newest.header();
     let targets = servo::targets(&header.drives);
@@ -172,10 +183,11 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     let mut plots =
         page::plots(&reports, drawing, views.as_ref(), &history, &header.walls, &targets)?;
     plots.extend(sizes::plots(&sizes::beside(beside))?);
+    plots.extend(measured.plots);
     write_all(&out, &header.title().unwrap_or_else(|| title(beside)), &reports, &plots)?;
 
     let table = reports.last().map(table).unwrap_or_default();
-    say(&format!("{table}\npage: {}\n", out.join("index.html").display()));
+    say(&format!("{table}{}\npage: {}\n", measured.text, out.join("index.html").display()));
     Ok(ExitCode::SUCCESS)
 }
 

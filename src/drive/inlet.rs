@@ -86,8 +86,8 @@ impl Inlet {
     /// In words, for `--plan`.
     pub fn words(&self) -> String {
         let amount = |amount: Amount, per: &str| match amount {
-            Amount::Count(count) => format!("{count:?} particles{per}"),
-            Amount::Mass(mass) => format!("{mass:?} kg{per}"),
+            Amount::Count(count) => format!("{count} particles{per}"),
+            Amount::Mass(mass) => format!("{mass} kg{per}"),
         };
         let until =
             self.until.map_or_else(String::new, |until| format!(" until {}", amount(until, "")));

@@ -966,6 +966,9 @@ impl<M: Model> Contacts<'_, '_, M> {
                     self.sums.stuck[slot.index()] += of_adhesion[lane];
                 }
             }
+            if TURNS && impulse.is_some() && self.particles.facets.any_torque {
+                self.sums.at_walls.push(row(&torques[1], lane).into());
+            }
             if let Some(Impulse { straight, turning }) = impulse {
                 let impulse = Vec3::from(row(straight, lane));
                 let of_wall = &self.particles.velocity[pair.b.index()];

@@ -226,6 +226,8 @@ pub struct Sums {
     stuck: Vec<f64>,
     /// Of moving walls, in the order of the particles' ids, then of the walls.
     wall_work: Vec<WallWork>,
+    /// See [`Sums::moments_at_walls`].
+    at_walls: Vec<Vec3>,
 }
 
 impl Sums {
@@ -252,6 +254,7 @@ impl Sums {
             self.stuck.resize(particles.slots(), 0.0);
         }
         self.wall_work.clear();
+        self.at_walls.clear();
     }
 
     /// Gives the particles what has been summed.
@@ -287,7 +290,13 @@ impl Sums {
 
     /// Bytes that it holds between two steps.
     pub fn bytes(&self) -> usize {
-        held(&self.wall_work) + held(&self.turned) + held(&self.stuck)
+        held(&self.wall_work) + held(&self.turned) + held(&self.stuck) + held(&self.at_walls)
+    }
+
+    /// The moment of each contact with a wall on its particle, about the particle's centre, in the order of the contacts [N m];
+    /// empty if nothing turns or no wall asks for its torque.
+    pub fn moments_at_walls(&self) -> &[Vec3] {
+        &self.at_walls
     }
 
     /// Takes note of what a wall gives to the particle that presses on it [J]; most stand still.

@@ -47,6 +47,19 @@ pub struct TimeStepLimit {
     pub mass: f64,
     /// The largest stiffness of its contacts [N/m].
     pub stiffness: f64,
+    /// The overlap over the radius of the smaller body at which they have it [-]; `None` if they have it at any.
+    pub overlap: Option<f64>,
+}
+
+impl TimeStepLimit {
+    /// What sets it, but for the name of the shape.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let overlap = self.overlap.map_or_else(String::new, |overlap| {
+            format!(" at an overlap of {overlap:.3} of the radius, law.largest_overlap")
+        });
+        format!("{:.3e} kg, stiffness {:.3e} N/m{overlap}", self.mass, self.stiffness)
+    }
 }
 
 /// The limit over all shapes of particles; `None` if there are none.
@@ -73,7 +86,7 @@ pub fn time_step_limit(library: &Library, law: &dyn ForceLaw) -> Option<TimeStep
             let frequency_squared = contacts * TOGETHER * compliance * stiffness;
             let rate = contacts * (TOGETHER * compliance * tangential + across / 3.0 * normal);
             let dt = 4.0 / (rate + (rate * rate + 4.0 * frequency_squared).sqrt());
-            TimeStepLimit { dt, shape: id, mass, stiffness }
+            TimeStepLimit { dt, shape: id, mass, stiffness, overlap: law.hardest_up_to() }
         })
         .min_by(|a, b| a.dt.total_cmp(&b.dt))
 }

@@ -261,6 +261,30 @@ impl<'a> SnapshotFile<'a> {
         self.comm
     }
 
+    /// Writes numbers of the cells of an image, x fastest, as VTK has them: by layers across z, rows along x.
+    /// The values of rank 0 are taken.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Write`], also if there are not as many values as cells.
+    pub fn image(
+        &mut self,
+        column: &Column,
+        cells: [usize; 3],
+        values: &[f64],
+    ) -> Result<(), SnapshotError> {
+        let [x, y, z] = cells;
+        let shape = if column.width == 1 { vec![z, y, x] } else { vec![z, y, x, column.width] };
+        self.everywhere(|file| {
+            create_dataset(file, column.place, &f64::type_descriptor(), &shape)?;
+            let dataset = file.dataset(column.place)?;
+            attach_text(&dataset, "unit", column.unit)
+        })?;
+        let values = if self.comm.is_root() { Some(values) } else { None };
+        self.everywhere(|file| {
+            values.map_or(Ok(()), |values| file.dataset(column.place)?.write_raw(values))
+        })
+    }
+
     /// Writes a dataset that all ranks know; the values of rank 0 are taken.
     ///
     /// # Errors

@@ -6,6 +6,11 @@
 //! the area of the row's moment. A servo corrects itself within a few steps: what it leaves at even intervals can be
 //! anything. A restart does not change a digit.
 //!
+//! Of each wall there is the force of the particles on it. Of walls that turn, or have `torque_about`, there is the torque about that
+//! point, by default the reference point; of walls that move the power, which is what they do on the particles, with the forces of
+//! the moment and the velocities of the step before it; their velocity; the reference point, if the place does not say it; and
+//! of those that turn the angular velocity and the rotation since the start, as axis times angle (at most π).
+//!
 //! What drives count ([`crate::drive::Drive::counted`]) stands in the last columns: what came through inlets, what left through
 //! outlets.
 //!
@@ -37,6 +42,57 @@ pub struct History {
     path: PathBuf,
     writer: csv::Writer<File>,
     cell: Cell,
+    /// Of each wall.
+    of_walls: Vec<OfWall>,
+}
+
+/// What is written of a wall besides its force, place and stress.
+#[derive(Clone, Copy, Debug)]
+struct OfWall {
+    torque: bool,
+    motion: bool,
+    point: bool,
+    turn: bool,
+}
+
+impl OfWall {
+    fn of(wall: &Wall) -> Self {
+        let turn = wall.moves && wall.may_turn();
+        let point = wall.moves && wall.across().is_none();
+        Self { torque: wall.torque.is_some() || turn, motion: wall.moves, point, turn }
+    }
+
+    /// Names of columns.
+    fn names(self, wall: &Wall) -> Vec<String> {
+        let name = &wall.name;
+        let three = |is_there: bool, what: &str, unit: &str| {
+            let names = AXES.map(|axis| format!("{what}_{name}_{axis}_{unit}"));
+            names.into_iter().filter(move |_| is_there)
+        };
+        let power = Some(format!("power_{name}_W")).filter(|_| self.motion);
+        three(self.torque, "torque", "N_m")
+            .chain(power)
+            .chain(three(self.motion, "velocity", "m_per_s"))
+            .chain(three(self.point, "point", "m"))
+            .chain(three(self.turn, "angular_velocity", "rad_per_s"))
+            .chain(three(self.turn, "turned", "rad"))
+            .collect()
+    }
+
+    /// Their numbers with a force on the wall [N] and a torque about its reference point [N m].
+    fn numbers(self, wall: &Wall, force: &Vec3, torque: &Vec3) -> Vec<f64> {
+        let three = |is_there: bool, vector: Vec3| {
+            (0..3).filter(move |_| is_there).map(move |axis| vector[axis])
+        };
+        let power = Some(wall.power(force, torque)).filter(|_| self.motion);
+        three(self.torque, wall.torque_of(torque, force))
+            .chain(power)
+            .chain(three(self.motion, wall.velocity))
+            .chain(three(self.point, wall.point))
+            .chain(three(self.turn, wall.angular_velocity))
+            .chain(three(self.turn, wall.orientation.scaled_axis()))
+            .collect()
+    }
 }
 
 const COLUMNS: [&str; 25] = [
@@ -113,6 +169,8 @@ impl History {
             columns.push(format!("place_{name}_m"));
             columns.extend(area(walls, &cell, axis).map(|_| format!("stress_{name}_Pa")));
         }
+        let of_walls: Vec<OfWall> = walls.iter().map(OfWall::of).collect();
+        columns.extend(walls.iter().zip(&of_walls).flat_map(|(wall, of)| of.names(wall)));
         if cell.shear().is_some() {
             columns.push("strain".to_owned());
             for kind in ["contact", "kinetic"] {
@@ -133,7 +191,7 @@ impl History {
         file.write_all(&text).and_then(|()| file.sync_all()).map_err(|e| failed(&e))?;
         std::fs::rename(&partial, &path).map_err(|e| failed(&e))?;
         let writer = csv::WriterBuilder::new().has_headers(false).from_writer(file);
-        Ok(Self { path, writer, cell })
+        Ok(Self { path, writer, cell, of_walls })
     }
 
     /// Waits until all rows are on the disk, where a snapshot will be that goes on from them.
@@ -192,6 +250,12 @@ impl History {
         .into_iter()
         .chain(forces.iter().flat_map(|force| force.iter().copied()))
         .chain(moved)
+        .chain(
+            self.of_walls
+                .iter()
+                .enumerate()
+                .flat_map(|(k, of)| of.numbers(&walls[k], &m.wall_forces[k], &m.wall_torques[k])),
+        )
         .chain(m.bulk.iter().flat_map(|bulk| {
             let stresses = bulk.of_contacts.into_iter().chain(bulk.of_motion);
             std::iter::once(bulk.strain).chain(stresses)

@@ -4,6 +4,7 @@
 //! exist: spheres without friction do not turn, a scene of spheres only has no orientation.
 
 pub mod columns;
+pub mod courses;
 pub mod mix;
 pub mod records;
 pub mod sizes;
@@ -652,6 +653,7 @@ impl Particles {
     /// If a wall turns and there is no column for it, see [`Needs::spin`].
     fn place_walls(&mut self) {
         self.facets.any_turns = false;
+        self.facets.any_torque = false;
         for wall in &self.walls {
             let turns = wall.angular_velocity != Vec3::zeros();
             assert!(
@@ -660,6 +662,7 @@ impl Particles {
                 wall.name
             );
             self.facets.any_turns |= turns;
+            self.facets.any_torque |= turns || wall.torque.is_some();
         }
         let frames: Vec<Mat3> = self.walls.iter().map(Wall::frame).collect();
         let first = self.first_facet();

@@ -9,10 +9,11 @@
 //! `velocity · dt` in each step. The orientation comes from the number of steps since the wall began to turn as it does, in
 //! closed form: a turn of a million steps has the rounding of one, and a run that goes on from a snapshot has the same bits.
 //!
-//! What moves a wall: its scene, with constant velocities, or a drive, which sets them in each step. A wall that is free to
+//! What moves a wall: its scene, with constant velocities or a course ([`super::courses`]), or a drive, which sets them in each step. A wall that is free to
 //! move under its load will be a drive, too: [`Wall::mass`] is there, and its moment of inertia, and the force and moment on
 //! it about the reference point, would come in there.
 
+use super::courses::Course;
 use crate::cell::Cell;
 use crate::contact::FacetInPlace;
 use crate::ids::{GlobalId, MaterialId, ShapeId};
@@ -43,14 +44,29 @@ pub struct Wall {
     pub mass: f64,
     /// Does the scene move it, at given velocities or by a servo?
     pub moves: bool,
+    /// About what the torque on it is written, if that is to be.
+    pub torque: Option<TorqueAbout>,
     /// Its surface, in its axes, if that is of planes.
     pub facets: Vec<Facet>,
     /// Its surface, in its axes, if that is of triangles.
     pub mesh: Option<Mesh>,
+    /// How it moves, if not with constant velocities or by a drive. Times count from the beginning of the stage.
+    pub course: Option<Course>,
     /// Since when it turns as it does; `None` before its first step, or if it does not turn.
     turning: Option<Turning>,
+    /// Since when it follows its course; `None` before its first step, or if it has none.
+    following: Option<Following>,
     /// Where it stood when the pairs were listed.
     listed: Pose,
+}
+
+/// About what the torque on a wall is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum TorqueAbout {
+    /// Its reference point, which moves with it.
+    Reference,
+    /// A point that stays where it is [m].
+    Fixed(Vec3),
 }
 
 /// The surface of a wall of triangles.
@@ -90,6 +106,24 @@ struct Turning {
     velocity: Vec3,
 }
 
+/// A course that is followed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Following {
+    /// The step at which it began.
+    since: u64,
+    /// The time of the course then [s].
+    time: f64,
+    /// Where the wall stood then.
+    from: Pose,
+}
+
+impl Following {
+    /// The time of the course after a step of those of `dt` [s].
+    fn time_at(&self, step: u64, dt: f64) -> f64 {
+        self.time + (step - self.since) as f64 * dt
+    }
+}
+
 impl Turning {
     /// The orientation at a step of `dt` [s].
     fn orientation(&self, step: u64, dt: f64) -> Quat {
@@ -106,6 +140,9 @@ pub struct Saved {
     orientation: Quat,
     angular_velocity: Vec3,
     turning: Option<Turning>,
+    /// Of a course.
+    #[serde(default)]
+    following: Option<Following>,
     facets: Vec<HalfSpace>,
     /// Of its triangles, if it has any.
     #[serde(default)]
@@ -222,9 +259,12 @@ impl Wall {
             angular_velocity: Vec3::zeros(),
             mass: f64::INFINITY,
             moves: false,
+            torque: None,
             facets: planes.iter().map(facet).collect(),
             mesh: None,
+            course: None,
             turning: None,
+            following: None,
             listed: pose,
         }
     }
@@ -301,9 +341,39 @@ impl Wall {
         })
     }
 
+    /// The torque on it about the point that it says [N m], from that about its reference point and the force on it [N].
+    pub fn torque_of(&self, about_reference: &Vec3, force: &Vec3) -> Vec3 {
+        match self.torque {
+            Some(TorqueAbout::Fixed(point)) => about_reference + (self.point - point).cross(force),
+            _ => *about_reference,
+        }
+    }
+
+    /// What it does on the particles with a force on it [N] and a torque about its reference point [N m], in W.
+    pub fn power(&self, force: &Vec3, torque: &Vec3) -> f64 {
+        -(force.dot(&self.velocity) + torque.dot(&self.angular_velocity))
+    }
+
+    /// Does its scene turn it, now or at any time?
+    pub fn may_turn(&self) -> bool {
+        self.angular_velocity != Vec3::zeros() || self.turn_of_course().is_some()
+    }
+
+    /// The axis about which its course turns it.
+    fn turn_of_course(&self) -> Option<Vec3> {
+        let (axis, _) = self.course.as_ref()?.turn.as_ref()?;
+        Some(*axis)
+    }
+
+    /// Gives it a course, in place of constant velocities.
+    pub fn follow(&mut self, course: Course) {
+        (self.velocity, self.angular_velocity) = course.first_velocities();
+        self.course = Some(course);
+    }
+
     /// Does it turn, or has it since the pairs were listed?
     pub fn turns(&self) -> bool {
-        self.angular_velocity != Vec3::zeros() || self.orientation != self.listed.orientation
+        self.may_turn() || self.orientation != self.listed.orientation
     }
 
     /// How it stands across an axis and always will; `None` if it is tilted, turns out of its plane or has several facets.
@@ -312,7 +382,10 @@ impl Wall {
         let InPlace { point, normal, offset } = self.pose().place(facet);
         let (axis, inwards) =
             (0..3).map(|axis| (axis, normal[axis])).find(|&(_, along)| along.abs() == 1.0)?;
-        let stays = self.angular_velocity.cross(&normal) == Vec3::zeros();
+        let stays = [Some(self.angular_velocity), self.turn_of_course()]
+            .into_iter()
+            .flatten()
+            .all(|turn| turn.cross(&normal) == Vec3::zeros());
         stays.then(|| Across { axis, inwards, place: point[axis] + inwards * offset })
     }
 
@@ -325,6 +398,16 @@ impl Wall {
     /// points can have come to a grain [m]; all grains have their centres within `room`.
     pub(crate) fn advance(&mut self, step: u64, dt: f64, room: &Corners) -> f64 {
         let before = self.pose();
+        if let Some(course) = &self.course {
+            let begin = Following { since: step - 1, time: 0.0, from: before };
+            let following = *self.following.get_or_insert(begin);
+            let Following { time: first, from, .. } = following;
+            let time = following.time_at(step, dt);
+            (self.velocity, self.angular_velocity) = course.mean_velocities(time, dt);
+            self.point = from.point + (course.shift(time) - course.shift(first));
+            self.orientation = course.rotation(first, time) * from.orientation;
+            return self.moved_since(&before, room);
+        }
         self.point += self.velocity * dt;
         if self.angular_velocity == Vec3::zeros() {
             self.turning = None;
@@ -420,7 +503,8 @@ impl Wall {
 
     /// What a snapshot must hold of it besides [`Wall::surface`] and its velocity, if anything.
     pub fn saved(&self) -> Option<Saved> {
-        let is_plain = self.orientation == Quat::identity()
+        let is_plain = self.course.is_none()
+            && self.orientation == Quat::identity()
             && self.angular_velocity == Vec3::zeros()
             && self.facets.len() == 1
             && self.facets[0].geometry.offset == 0.0;
@@ -429,6 +513,7 @@ impl Wall {
             orientation: self.orientation,
             angular_velocity: self.angular_velocity,
             turning: self.turning,
+            following: self.following,
             facets: self.facets.iter().map(|facet| facet.geometry).collect(),
             mesh: self.mesh.as_ref().map(SavedMesh::of),
         })
@@ -448,14 +533,16 @@ impl Wall {
         }
     }
 
-    /// Goes on from where a snapshot has it, with the velocities of the scene, in which it stands now; `goes_on` if steps are
-    /// counted on and are as long as before. At the start of a stage it turns about the point that the scene says. Returns how
+    /// Goes on from where a snapshot of step `step` has it, with the velocities or the course of the scene, in which it stands now;
+    /// `goes_on` if steps are counted on and are as long as before. A course goes on within a
+    /// stage, whose steps were of `dt_before` [s]. At the start of a stage it turns about the point that the scene says. Returns how
     /// far that is off the scene's place, where that is most within `room` [m]; 0 for rounding.
     pub fn go_on(
         &mut self,
         surface: &(Vec3, Vec3),
         saved: Option<&Saved>,
         goes_on: bool,
+        (step, dt_before): (u64, Option<f64>),
         library: &mut Library,
         room: &Corners,
     ) -> f64 {
@@ -467,6 +554,7 @@ impl Wall {
                 self.point = saved.point;
                 self.orientation = saved.orientation;
                 self.turning = saved.turning.filter(|_| goes_on);
+                self.following = saved.following.filter(|_| goes_on && self.course.is_some());
                 for (facet, geometry) in self.facets.iter_mut().zip(&saved.facets) {
                     facet.geometry = *geometry;
                 }
@@ -478,9 +566,14 @@ impl Wall {
             // Another wall of this name stands where the scene says.
             _ => {}
         }
-        let turns = self.angular_velocity != Vec3::zeros();
-        if turns && !(goes_on && saved.is_some()) && self.mesh.is_none() {
+        let is_new_stage = dt_before.is_none();
+        if self.may_turn() && (is_new_stage || saved.is_none()) && self.mesh.is_none() {
             self.refer_to(about);
+        }
+        if self.course.is_some() && self.following.is_none() {
+            let followed = saved.and_then(|saved| saved.following).zip(dt_before);
+            let time = followed.map_or(0.0, |(before, dt)| before.time_at(step, dt));
+            self.following = Some(Following { since: step, time, from: self.pose() });
         }
         for facet in &self.facets {
             library.shapes[facet.shape.index()] = Shape::HalfSpace(facet.geometry);
@@ -493,8 +586,8 @@ impl Wall {
         if off > 1e-12 * about.amax().max(self.point.amax()) { off } else { 0.0 }
     }
 
-    /// Takes another reference point [m], and stays where it is.
-    fn refer_to(&mut self, point: Vec3) {
+    /// Takes another reference point [m], and stays where it is; of a wall of planes.
+    pub(crate) fn refer_to(&mut self, point: Vec3) {
         let (frame, shift) = (self.frame(), self.point - point);
         for Facet { geometry, .. } in &mut self.facets {
             geometry.offset += shift.dot(&(frame * geometry.normal));
@@ -575,6 +668,8 @@ pub struct FacetColumns {
     pub place: Vec<FacetInPlace>,
     /// Does any wall turn?
     pub any_turns: bool,
+    /// Must torques on walls be known: does any wall turn, or say about what?
+    pub any_torque: bool,
 }
 
 #[cfg(test)]
@@ -691,7 +786,8 @@ mod tests {
                 let mut again = Wall::plane("wall".to_owned(), Vec3::zeros(), Vec3::x());
                 again.enter(&mut library, super::MaterialId(0));
                 again.angular_velocity = wall.angular_velocity;
-                again.go_on(&wall.surface(), saved.as_ref(), true, &mut library, &ROOM);
+                let now = (300, Some(1e-3));
+                again.go_on(&wall.surface(), saved.as_ref(), true, now, &mut library, &ROOM);
                 wall = again;
             }
         }

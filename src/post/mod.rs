@@ -20,6 +20,8 @@
 //! | [`draw`] | charts: series, axes, panels |
 //! | [`views`] | what stands where: force chains, velocities, averages by height |
 //! | [`plots`] [`panels`] [`rose`] [`picture`] [`page`] | what there is to look at |
+//! | [`measures`] | those that are made when they are asked for: |
+//! | [`fields`] [`mixing`] [`slope`] [`flow`] | density, velocity and stress on a [`grid`]; Lacey's index; angle of a heap; flow rates |
 //! | [`sizes`] | sizes of the particles beside those that were asked for |
 //! | [`diff`] | whether two snapshots are the same, bit for bit |
 //! | [`lammps`] | particles for OVITO |
@@ -31,9 +33,14 @@ pub mod diff;
 pub mod draw;
 pub mod export;
 pub mod fabric;
+pub mod fields;
+pub mod flow;
 pub mod forces;
+pub mod grid;
 pub mod history;
 pub mod lammps;
+pub mod measures;
+pub mod mixing;
 pub mod page;
 pub mod panels;
 pub mod picture;
@@ -44,6 +51,7 @@ pub mod rose;
 pub mod series;
 mod side;
 pub mod sizes;
+pub mod slope;
 pub mod stress;
 pub mod sums;
 pub mod surface;

@@ -106,7 +106,7 @@ impl Region {
     }
 }
 
-/// The thickness of a layer along the sides.
+/// A length: the thickness of a layer along the sides, the side of a cell, a width.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Margin {
     /// In metres.
@@ -245,7 +245,7 @@ pub fn enclosed(header: &Header) -> [bool; 3] {
 }
 
 /// The innermost walls at both ends of an axis, which bound the packing.
-fn walls_across(header: &Header, axis: usize) -> Option<[&WallRow; 2]> {
+pub(super) fn walls_across(header: &Header, axis: usize) -> Option<[&WallRow; 2]> {
     let innermost = |sign: f64| {
         let walls = header.planes().filter(|w| sign * w.normal[axis] > ACROSS);
         walls.max_by(|a, b| (sign * a.point[axis]).total_cmp(&(sign * b.point[axis])))

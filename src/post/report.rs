@@ -4,7 +4,7 @@ use super::coordination::Coordination;
 use super::fabric::{Among, Degrees, Fabric, ForceFabric, Rose, degree};
 use super::forces::Forces;
 use super::region::{Bounds, Region, Strain, enclosed, slides};
-use super::stress::{Principal, Stress, on_walls};
+use super::stress::{Principal, Stress, on_walls, shear_over_normal};
 use super::sums::quotient;
 use crate::math::Vec3;
 use crate::output::header::Header;
@@ -114,6 +114,10 @@ pub struct Summary {
     pub wall_stress_yy_pa: Option<f64>,
     /// Across z.
     pub wall_stress_zz_pa: Option<f64>,
+    /// Shear stress over normal stress of the two walls that slide along each other, mean of both; null where none do.
+    pub wall_shear_over_normal: Option<f64>,
+    /// Largest over smallest principal stress; null unless all are pressure.
+    pub major_over_minor_stress: Option<f64>,
     /// `γ̇ d √(ρ/p)`, the rate that of a sheared cell, or of walls that slide along each other or, across z, come together; null without them.
     pub inertial_number: Option<f64>,
     /// Mean coordination number, contacts between particles.
@@ -228,6 +232,8 @@ impl Parts<'_> {
             wall_stress_xx_pa: wall_xx,
             wall_stress_yy_pa: wall_yy,
             wall_stress_zz_pa: wall_zz,
+            wall_shear_over_normal: shear_over_normal(header),
+            major_over_minor_stress: stress.and_then(|s| s.major_over_minor()),
             inertial_number: stress
                 .filter(|s| s.p() > 0.0)
                 .zip(self.inertial_number_times_root_p)
@@ -317,8 +323,8 @@ impl Report {
                     Row::number("volume", s.volume_m3, "m³"),
                     Row::number("solid fraction", s.solid_fraction, ""),
                     Row::number("void ratio e", s.void_ratio, ""),
-                    Row::number("axial strain, logarithmic", s.axial_strain, ""),
-                    Row::number("volumetric strain", s.volumetric_strain, ""),
+                    Row::number("axial strain, shorter positive", s.axial_strain, ""),
+                    Row::number("volumetric strain, denser positive", s.volumetric_strain, ""),
                     Row::number("shear strain", s.shear_strain, ""),
                 ],
             },
@@ -328,13 +334,17 @@ impl Report {
                     Row::number("mean stress p", s.p_pa, "Pa"),
                     Row::number("deviatoric stress q", s.q_pa, "Pa"),
                     Row::number("q / p", s.q_over_p, ""),
+                    Row::number("σ1 / σ3", s.major_over_minor_stress, ""),
                     Row::number("σxx", s.stress_xx_pa, "Pa"),
                     Row::number("σyy", s.stress_yy_pa, "Pa"),
                     Row::number("σzz", s.stress_zz_pa, "Pa"),
                     Row::number("σxy", mean(s.stress_xy_pa, s.stress_yx_pa), "Pa"),
                     Row::number("σxz", mean(s.stress_xz_pa, s.stress_zx_pa), "Pa"),
                     Row::number("σyz", mean(s.stress_yz_pa, s.stress_zy_pa), "Pa"),
+                    Row::number("σxx on walls", s.wall_stress_xx_pa, "Pa"),
+                    Row::number("σyy on walls", s.wall_stress_yy_pa, "Pa"),
                     Row::number("σzz on walls", s.wall_stress_zz_pa, "Pa"),
+                    Row::number("τ / σ on walls that slide", s.wall_shear_over_normal, ""),
                     Row::number("asymmetry of σ", s.stress_asymmetry, ""),
                     Row::number("inertial number", s.inertial_number, ""),
                     Row::number("unbalanced force ratio", s.unbalanced_force_ratio, ""),

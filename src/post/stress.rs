@@ -20,7 +20,7 @@
 //! without. The first two differ by one overlap per box length, half of it at each wall.
 
 use super::PostError;
-use super::region::{ACROSS, Bounds, Members};
+use super::region::{ACROSS, Bounds, Members, walls_across};
 use super::sums::{ExactMat3, deviator, inner, quotient, rows};
 use crate::math::{Mat3, Vec3};
 use crate::output::header::Header;
@@ -84,6 +84,24 @@ pub fn on_walls(header: &Header, packing: &Bounds) -> [Option<f64>; 3] {
     })
 }
 
+/// Shear stress over normal stress of the two walls that move along each other, the mean of both; `None` where none do or nothing
+/// presses on them.
+pub fn shear_over_normal(header: &Header) -> Option<f64> {
+    let of_axis = |axis: usize| {
+        let [low, high] = walls_across(header, axis)?;
+        let along = |mut v: Vec3| {
+            v[axis] = 0.0;
+            v.norm()
+        };
+        if along(high.velocity - low.velocity) == 0.0 {
+            return None;
+        }
+        // Both are halved.
+        quotient(along(high.force - low.force), (high.force - low.force)[axis].abs())
+    };
+    (0..3).find_map(of_axis)
+}
+
 /// A stress tensor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -129,6 +147,12 @@ impl Stress {
     /// Principal stresses, largest first, with their directions.
     pub fn principal(&self) -> [Principal; 3] {
         principal(&self.symmetric())
+    }
+
+    /// Largest over smallest principal stress; `None` unless all are pressure.
+    pub fn major_over_minor(&self) -> Option<f64> {
+        let [largest, _, smallest] = self.principal().map(|p| p.value);
+        (smallest > 0.0).then_some(largest / smallest)
     }
 }
 

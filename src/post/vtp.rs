@@ -1,4 +1,4 @@
-//! VTP, the XML files of VTK for points, lines and polygons: every ParaView since 5.0 opens them, and VTK, pyvista and `meshio`.
+//! VTP and VTI, the XML files of VTK for points, lines and polygons, and for grids: every ParaView since 5.0 opens them, and VTK, pyvista and `meshio`.
 //!
 //! Numbers stand in base64, each array with its length in front (`header_type="UInt64"`), little-endian, not compressed.
 
@@ -100,6 +100,49 @@ impl PolyData {
             &[indices("connectivity", &self.members), indices("offsets", &self.ends)],
         )?;
         out.write_all(b"</Piece>\n</PolyData>\n</VTKFile>\n")
+    }
+}
+
+/// Numbers of the cells of a grid.
+#[derive(Clone, Debug)]
+pub struct ImageData {
+    /// Of the snapshot [s].
+    pub time: f64,
+    /// How many cells along x, y, z.
+    pub cells: [usize; 3],
+    /// Lowest corner of the grid [m].
+    pub origin: [f64; 3],
+    /// Sides of a cell [m].
+    pub spacing: [f64; 3],
+    /// Of each cell, x fastest.
+    pub of_cells: Vec<Array>,
+}
+
+impl ImageData {
+    /// Writes a file, `.vti`.
+    ///
+    /// # Errors
+    /// The writer's.
+    pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        let [x, y, z] = self.cells;
+        let extent = format!("0 {x} 0 {y} 0 {z}");
+        let three = |[x, y, z]: [f64; 3]| format!("{x:e} {y:e} {z:e}");
+        write!(
+            out,
+            r#"<?xml version="1.0"?>
+<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt64">
+<ImageData WholeExtent="{extent}" Origin="{}" Spacing="{}">
+<FieldData>
+<DataArray type="Float64" Name="TimeValue" NumberOfTuples="1" format="ascii">{:e}</DataArray>
+</FieldData>
+<Piece Extent="{extent}">
+"#,
+            three(self.origin),
+            three(self.spacing),
+            self.time
+        )?;
+        section(out, "CellData", &self.of_cells)?;
+        out.write_all(b"</Piece>\n</ImageData>\n</VTKFile>\n")
     }
 }
 

@@ -260,12 +260,13 @@ pub fn take_up(
     let mut walls_elsewhere = Vec::new();
     let goes_on = continuation == Continuation::SameStage && header.dt == sim.dt;
     let room = (scene.domain.low(), scene.domain.high());
+    let now = (header.step, (continuation == Continuation::SameStage).then_some(header.dt));
     let Particles { walls, library, .. } = &mut sim.particles;
     for wall in walls {
         if let Some(row) = header.walls.iter().find(|row| row.name == wall.name) {
             // A wall keeps its place from stage to stage; whether it moves, the scene says.
             let surface = (row.point, row.normal);
-            let off = wall.go_on(&surface, row.body.as_ref(), goes_on, library, &room);
+            let off = wall.go_on(&surface, row.body.as_ref(), goes_on, now, library, &room);
             if continuation == Continuation::NewStage && off > 0.0 {
                 walls_elsewhere.push((wall.name.clone(), off));
             }

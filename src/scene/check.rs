@@ -73,6 +73,7 @@ pub(super) fn scene(
     let inlets = flows::inlets(&root, &fills);
     let fills = fills.read(&root);
     let outlets = flows::outlets(&root, domain.as_ref());
+    flows::check_apart(&root, inlets.as_ref(), outlets.as_ref(), domain.as_ref());
     // What follows looks at the sizes of all particles.
     for row in fills.iter().flat_map(|(initial, _)| initial).flat_map(Fill::listed) {
         shapes.library.admit(row.shape, row.scale);
@@ -491,13 +492,12 @@ impl Limit {
             && let Some(given) = section.get("step")
         {
             given.fail(format!(
-                "over the stable limit of {:.2e} s, set by shape `{}` ({:.3e} kg, stiffness {:.3e} N/m{}); \
-                 take a shorter step, more mass or less stiffness, step = \"auto\", or set time.allow_unstable = true",
+                "over the stable limit of {:.2e} s, set by shape `{}` ({}{}); \
+                 take step = \"auto\", a shorter one, more mass or less stiffness, or set time.allow_unstable = true",
                 // Rounded down, so that the number itself is allowed.
                 0.995 * limit.dt,
                 library.names[limit.shape.index()],
-                limit.mass,
-                limit.stiffness,
+                limit.words(),
                 self.with
             ));
         }

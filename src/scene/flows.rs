@@ -7,6 +7,7 @@ use crate::cell::{AXES, Cell};
 use crate::drive::inlet::Amount;
 use crate::drive::region::Region;
 use crate::math::Vec3;
+use crate::random::Random;
 
 /// Steps between looks of an outlet, if the file does not say.
 const LOOK_EVERY: u64 = 10;
@@ -37,6 +38,28 @@ pub(super) fn outlets(root: &Section, domain: Option<&Cell>) -> Option<Vec<Outle
     // All are read, so that all mistakes come at once.
     let all: Vec<Option<Outlet>> = root.sections("outlet").iter().map(read).collect();
     all.into_iter().collect()
+}
+
+/// Refuses outlets that take grains away where they appear.
+pub(super) fn check_apart(
+    root: &Section,
+    inlets: Option<&Vec<Inlet>>,
+    outlets: Option<&Vec<Outlet>>,
+    domain: Option<&Cell>,
+) {
+    /// Places of an inlet that are looked at.
+    const PLACES: u64 = 64;
+    let (Some(inlets), Some(outlets), Some(cell)) = (inlets, outlets, domain) else { return };
+    for (section, inlet) in root.sections("inlet").iter().zip(inlets) {
+        let mut places = (0..PLACES).filter_map(|k| inlet.region.draw(&mut Random::of(0, k)));
+        let taken = places.find_map(|place| outlets.iter().find(|o| o.region.holds(&place, cell)));
+        if let Some(outlet) = taken {
+            section.fail(format!(
+                "lies in outlet `{}`, which takes away what appears there; move one of them",
+                outlet.name
+            ));
+        }
+    }
 }
 
 /// All `[[inlet]]`.

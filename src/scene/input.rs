@@ -134,22 +134,29 @@ fn value_of(value: &DeValue, location: &dyn Fn(usize) -> Location) -> Value {
 
 // --- overrides ---
 
-/// Applies `path.to.key=value`. What is not a TOML value is taken as a string.
+/// Applies `path.to.key=value`. A word that is not a TOML value is taken as a string.
 fn apply(root: &mut Node, text: &str, location: &Location) -> Result<(), String> {
     let expected = "an override is `path.to.key=value`, as in `time.steps=1000`";
     let (path, value) = text.split_once('=').ok_or(expected)?;
     let path = keys_of(path).ok_or(expected)?;
     let value = match DeValue::parse(value.trim()) {
         Ok(parsed) => value_of(parsed.get_ref(), &|_| location.clone()),
+        Err(error) if value.trim().starts_with(['[', '{', '"', '\'']) => {
+            return Err(format!("the value is not TOML: {}", error.message()));
+        }
         Err(_) => Value::Text(value.trim().to_owned()),
     };
     put(root, &path, Node { value, location: location.clone() })
 }
 
-/// The keys of a dotted path, read as TOML reads them.
+/// The keys of a dotted path, read as TOML reads them; keys that TOML wants in quotes, as `+z`, may do without.
 fn keys_of(path: &str) -> Option<Vec<String>> {
     let line = format!("{path} = 0");
-    let table = DeTable::parse(&line).ok()?;
+    let Ok(table) = DeTable::parse(&line) else {
+        let keys: Vec<String> = path.split('.').map(|key| key.trim().to_owned()).collect();
+        let are_plain = keys.iter().all(|key| !key.is_empty() && !key.contains(['"', '\'', ' ']));
+        return are_plain.then_some(keys);
+    };
     let mut keys = Vec::new();
     let mut level = Some(table.get_ref());
     while let Some((key, value)) = level.and_then(|table| table.iter().next()) {

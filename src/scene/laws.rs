@@ -27,9 +27,32 @@ pub(super) enum Kind {
         limit_damping: bool,
         /// Does `tangential` ask for friction?
         mindlin: bool,
-        /// The overlap that the time step is made for, over the radius or least half length [-].
-        largest_overlap: f64,
+        /// The overlap that the time step is made for.
+        largest_overlap: LargestOverlap,
     },
+}
+
+/// The overlap that the time step of elastic bodies is made for.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum LargestOverlap {
+    /// Over the radius, or the least half length, as the scene says [-].
+    Given(f64),
+    /// That of grains under this stress [Pa].
+    Under(f64),
+}
+
+impl LargestOverlap {
+    /// Over the radius, between materials of these constants [-].
+    fn value(self, interactions: &hertz::Interactions) -> f64 {
+        match self {
+            Self::Given(overlap) => overlap,
+            Self::Under(stress) => interactions
+                .iter()
+                .map(|constants| hertz::overlap_under(stress, constants))
+                .fold(LEAST_LARGEST_OVERLAP, f64::max)
+                .min(MOST_LARGEST_OVERLAP),
+        }
+    }
 }
 
 /// What `[law]` asks for beside forces.
@@ -62,8 +85,28 @@ impl Asked {
     }
 }
 
-/// Overlap over radius that the step of Hertzian contacts is made for, if the scene says nothing.
-const LARGEST_OVERLAP: f64 = 0.01;
+/// Overlap over radius that the step of Hertzian contacts is made for, if neither the scene nor its servos ask for more.
+const LEAST_LARGEST_OVERLAP: f64 = 0.01;
+/// The most that servos make of it.
+const MOST_LARGEST_OVERLAP: f64 = 0.5;
+
+/// What the stress on walls becomes where others are driven, over that of the servos: that at which grains of an angle of
+/// friction of 37 degrees yield.
+const DRIVEN: f64 = 4.0;
+
+/// The highest stress that walls will have [Pa]: of all servos, and more where walls are driven, too. What is wrong in it is said
+/// elsewhere.
+fn highest_stress(root: &Section) -> f64 {
+    let of_servo = |servo: &Section| servo.get("stress")?.as_number();
+    let highest = root.sections("servo").iter().filter_map(of_servo).fold(0.0, f64::max);
+    let has = |section: Section, key| section.get(key).is_some();
+    let driven = root
+        .get("domain")
+        .and_then(|given| given.section())
+        .is_some_and(|section| has(section, "wall_velocity"))
+        || root.sections("wall").into_iter().any(|section| has(section, "velocity"));
+    highest * if driven { DRIVEN } else { 1.0 }
+}
 
 /// The law that `[law]` asks for. `in_contact` is what `[contact]` says of dashpots; they may be limited there instead.
 pub(super) fn kind(root: &Section, in_contact: Option<bool>) -> (Kind, Asked) {
@@ -89,7 +132,7 @@ pub(super) fn kind(root: &Section, in_contact: Option<bool>) -> (Kind, Asked) {
         let asked = asked(&section, is_hertz);
         // Adhesion attracts whatever dashpots do.
         let is_jkr = asked.is_some_and(Asked::is_jkr);
-        let kind = kind.and(parts(&section, is_hertz, limit_damping? && !is_jkr));
+        let kind = kind.and(parts(&section, is_hertz, limit_damping? && !is_jkr, root));
         section.finish();
         kind.zip(asked)
     });
@@ -131,7 +174,7 @@ fn asked(section: &Section, is_hertz: bool) -> Option<Asked> {
 }
 
 /// The law from its parts along the normal and in the contact plane.
-fn parts(section: &Section, is_hertz: bool, limit_damping: bool) -> Option<Kind> {
+fn parts(section: &Section, is_hertz: bool, limit_damping: bool, root: &Section) -> Option<Kind> {
     if !is_hertz {
         section.read_or("tangential", (), |given| {
             let offered = [("linear", true), ("none", false), ("mindlin", false)];
@@ -157,8 +200,11 @@ fn parts(section: &Section, is_hertz: bool, limit_damping: bool) -> Option<Kind>
         }
         mindlin
     })?;
-    let largest_overlap =
-        section.number_or("largest_overlap", LARGEST_OVERLAP, Range::BelowOne, "")?;
+    let largest_overlap = section.read_or(
+        "largest_overlap",
+        LargestOverlap::Under(highest_stress(root)),
+        |given| given.number(Range::BelowOne, "").map(LargestOverlap::Given),
+    )?;
     Some(Kind::Hertz { limit_damping, mindlin, largest_overlap })
 }
 
@@ -272,6 +318,7 @@ pub(super) fn materials(
             };
             let needed = "`youngs_modulus` [Pa], `poisson_ratio`";
             let law = |interactions| {
+                let largest_overlap = largest_overlap.value(&interactions);
                 Choice::Hertz(hertz::Settings { interactions, limit_damping, largest_overlap })
             };
             with_more(root, needed, asked, read, law)

@@ -73,7 +73,7 @@ pub(super) fn read(
 }
 
 /// The line in which a record stands. Its position may be before blank lines and comments.
-fn line_of(record: &StringRecord, text: &str) -> usize {
+pub(super) fn line_of(record: &StringRecord, text: &str) -> usize {
     let begin = record.position().map_or(0, |position| position.byte() as usize);
     let (before, after) = text.split_at(begin);
     let is_skipped = |line: &&str| line.trim().is_empty() || line.starts_with('#');

@@ -24,6 +24,7 @@ mod laws;
 mod listed;
 mod matter;
 mod mistakes;
+mod motions;
 pub mod packing;
 pub mod pair;
 pub mod plan;

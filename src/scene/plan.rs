@@ -554,10 +554,11 @@ fn time(scene: &Scene, page: &mut Page) {
         page.line(
             "step",
             format!(
-                "{:e} s, {:.0} % of the stable limit {:.2e} s (set by shape {name})",
+                "{:e} s, {:.0} % of the stable limit {:.2e} s (set by shape {name}, {})",
                 scene.dt,
                 100.0 * scene.dt / limit.dt,
-                limit.dt
+                limit.dt,
+                limit.words()
             ),
         );
         if scene.dt > limit.dt {

@@ -111,11 +111,7 @@ impl<'a> Given<'a> {
     /// A finite number of this range; `unit` may be empty.
     pub(super) fn number(&self, range: Range, unit: &str) -> Option<f64> {
         let allowed = Allowed(&range, unit);
-        let x = match self.node.value {
-            Value::Integer(i) => i as f64,
-            Value::Number(x) => x,
-            _ => return self.expected(&allowed),
-        };
+        let Some(x) = self.as_number() else { return self.expected(&allowed) };
         if !range.holds(x) {
             self.fail(format!("must be {allowed}"));
             return None;
@@ -155,6 +151,15 @@ impl<'a> Given<'a> {
     /// The text, if it is one.
     pub(super) fn as_text(&self) -> Option<&'a str> {
         if let Value::Text(text) = &self.node.value { Some(text) } else { None }
+    }
+
+    /// The number, if it is one.
+    pub(super) fn as_number(&self) -> Option<f64> {
+        match self.node.value {
+            Value::Integer(i) => Some(i as f64),
+            Value::Number(x) => Some(x),
+            _ => None,
+        }
     }
 
     pub(super) fn text(&self) -> Option<&'a str> {

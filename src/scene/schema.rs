@@ -109,6 +109,7 @@ fn required(table: &str) -> &'static [&'static str] {
         "domain" => &["low", "high"],
         "wall" | "inlet" | "outlet" => &["name"],
         "servo" => &["walls", "stress"],
+        "motion" => &["walls"],
         "material" => &["name", "density"],
         "interaction" => &["between"],
         "shape" => &["name", "kind"],
@@ -151,11 +152,18 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("wall", "shift") => vector(&any),
         ("wall", "turn") => object(&[("axis", vector(&any)), ("angle", any)]),
         ("wall", "smooth") => json!({ "type": "number", "minimum": 0, "maximum": 60 }),
-        ("wall", "point" | "normal" | "velocity") => vector(&any),
+        ("wall", "point" | "normal" | "velocity" | "torque_about") => vector(&any),
         ("wall", "planes") => some(&object(&[("point", vector(&any)), ("normal", vector(&any))])),
         ("wall", "rotation") => {
             object(&[("about", vector(&any)), ("axis", vector(&any)), ("rate", any)])
         }
+
+        ("motion", "walls") => some(&text()),
+        ("motion", "along" | "about" | "axis") => vector(&any),
+        ("motion", "amplitude" | "phase") => any,
+        ("motion", "frequency") => positive,
+        ("motion", "table") => text(),
+        ("motion", "interpolation") => words(&["linear", "smooth"]),
 
         ("servo", "walls") => some(&text()),
         ("servo", "stress" | "max_speed" | "gain") => positive,

@@ -2,6 +2,7 @@
 
 use super::matter::{Materials, Names};
 use super::mistakes::suggestion;
+use super::motions::Motions;
 use super::reader::{Given, Range, Section};
 use crate::cell::{AXES, Cell};
 use crate::drive::rain::Rain;
@@ -9,7 +10,7 @@ use crate::drive::servo::Servo;
 use crate::ids::MaterialId;
 use crate::math::{Quat, Vec3, rotation_about};
 use crate::particles::Library;
-use crate::particles::walls::{Across, Wall};
+use crate::particles::walls::{Across, TorqueAbout, Wall};
 use crate::shape::mesh;
 use crate::shape::triangle_mesh::TriangleMesh;
 use std::path::Path;
@@ -43,20 +44,22 @@ struct Planned {
 }
 
 /// The walls on sides of the domain, then all others; `None` for what is wrong.
-pub(super) struct Walls {
+pub(super) struct Walls<'a> {
     names: Names,
+    motions: Motions<'a>,
     all: Vec<Option<Planned>>,
 }
 
-impl Walls {
+impl<'a> Walls<'a> {
     pub(super) fn read(
-        root: &Section,
+        root: &Section<'a>,
         domain_section: Option<&Section>,
         domain: Option<&Cell>,
         materials: &Materials,
         folder: &Path,
     ) -> Self {
-        let mut walls = Self { names: Names::of("wall"), all: Vec::new() };
+        let motions = Motions::read(root, domain, folder);
+        let mut walls = Self { names: Names::of("wall"), motions, all: Vec::new() };
         if let Some(section) = domain_section {
             walls.read_sides(section, domain, materials);
             walls.read_velocities(section);
@@ -65,7 +68,22 @@ impl Walls {
         for section in root.sections("wall") {
             walls.names.add(&section);
             let name = walls.names.names.last().cloned().unwrap_or_default();
-            walls.all.push(planned(name, &section, domain, materials, folder));
+            let about = walls.motions.about(&name);
+            walls.all.push(planned(name, about, &section, domain, materials, folder));
+        }
+        walls.motions.check(|given, name| {
+            if !walls.names.names.iter().any(|known| known == name) {
+                let hint = suggestion(name, walls.names.listing(), "there are");
+                given.fail(format!("no such wall{hint}"));
+            }
+        });
+        for (name, planned) in walls.names.names.iter().zip(&mut walls.all) {
+            if let Some(Planned { wall, .. }) = planned {
+                if let Some(about) = walls.motions.about(name).filter(|_| wall.mesh.is_none()) {
+                    wall.refer_to(about);
+                }
+                walls.motions.move_wall(name, wall);
+            }
         }
         walls
     }
@@ -137,12 +155,41 @@ impl Walls {
         places.extend(
             names.zip(velocities).filter_map(|(name, given)| Some((name.as_str(), given?))),
         );
+        self.motions.check(|given, name| {
+            let k = self.names.names.iter().position(|known| known == name);
+            let (Some(Planned { wall, .. }), Some(domain)) = (k.and_then(|k| self.all[k].as_ref()), domain) else {
+                return;
+            };
+            let Some(course) = &wall.course else { return };
+            let (shifts, turn) = course.fastest();
+            let (mut wall, room) = (wall.clone(), (domain.low(), domain.high()));
+            wall.angular_velocity = Vec3::zeros();
+            let mut speed = 0.0;
+            for shift in shifts {
+                wall.velocity = shift;
+                speed += wall.way(1.0, &room);
+            }
+            (wall.velocity, wall.angular_velocity) = (Vec3::zeros(), turn);
+            speed += wall.way(1.0, &room);
+            if let (Some(dt), Some(most)) = (dt, too_far(speed, dt, library)) {
+                given.fail(format!(
+                    "moves by up to {:.2e} m in a step towards or from grains within the domain, more than {} % of the \
+                     shortest axis of the smallest grain; motions must be slower by a factor {:.2e}, or `step` shorter",
+                    speed * dt,
+                    100.0 * LONGEST_MOVE,
+                    1.005 * speed * dt / most
+                ));
+            }
+        });
         let rotations = others.iter().map(|section| section.get("rotation"));
         for (planned, given) in self.all[self.all.len() - others.len()..].iter().zip(rotations) {
             let (Some(Planned { wall, .. }), Some(given), Some(domain)) = (planned, given, domain)
             else {
                 continue;
             };
+            if wall.course.is_some() {
+                continue;
+            }
             let mut turning = wall.clone();
             turning.velocity = Vec3::zeros();
             let (rate, speed) =
@@ -160,6 +207,10 @@ impl Walls {
         for (name, given) in places {
             let k = self.names.names.iter().position(|known| known == name);
             let Some(planned) = k.and_then(|k| self.all[k].as_ref()) else { continue };
+            if planned.wall.course.is_some() {
+                // Looked at above.
+                continue;
+            }
             if let Some(wrong) = too_fast(planned.wall.speed_inwards().abs(), dt, library) {
                 given.fail(wrong);
             }
@@ -223,7 +274,9 @@ impl Walls {
         if *has_servo {
             given.fail("this wall has a servo already");
         }
-        if wall.speed_inwards() != 0.0 {
+        if wall.course.is_some() {
+            given.fail("this wall has a `[[motion]]`; leave out that, or the servo");
+        } else if wall.speed_inwards() != 0.0 {
             given.fail("this wall has a velocity along its normal; leave out that, or the servo");
         }
         *has_servo = true;
@@ -290,7 +343,13 @@ impl Walls {
         let all: Option<Vec<Planned>> = self.all.into_iter().collect();
         let wall = |Planned { mut wall, material, has_servo }| {
             wall.enter(library, material);
-            wall.moves = has_servo || wall.velocity != Vec3::zeros() || wall.turns();
+            wall.moves = has_servo
+                || wall.velocity != Vec3::zeros()
+                || wall.turns()
+                || wall.course.is_some();
+            if wall.torque.is_none() && wall.may_turn() {
+                wall.torque = Some(TorqueAbout::Reference);
+            }
             wall
         };
         Some(all?.into_iter().map(wall).collect())
@@ -300,6 +359,7 @@ impl Walls {
 /// A `[[wall]]`.
 fn planned(
     name: String,
+    about: Option<Vec3>,
     section: &Section,
     domain: Option<&Cell>,
     materials: &Materials,
@@ -339,18 +399,23 @@ fn planned(
     let rotation =
         section.read_or("rotation", None, |given| rotation(&given.section()?, domain).map(Some));
     let material = materials.find_in(section, "material");
+    let torque_about = section.read_or("torque_about", None, |given| {
+        given.vector(Range::Any, "m").map(|point| Some(TorqueAbout::Fixed(point)))
+    });
     section.finish();
 
+    let torque = torque_about?;
     let (planes, rotation) = (planes?, rotation?);
     if let Some(triangles) = triangles {
         let (given, Triangles { mut corners, shift, smooth }) = (section.get("mesh")?, triangles?);
-        let reference = rotation.map_or(shift, |(about, _)| about);
+        let reference = rotation.map(|(about, _)| about).or(about).unwrap_or(shift);
         corners.iter_mut().flatten().for_each(|corner| *corner += shift - reference);
         let surface =
             TriangleMesh::new(&corners, smooth).map_err(|error| given.fail(error)).ok()?;
         let mut wall = Wall::of_mesh(name, reference, surface);
         wall.velocity = velocity?;
         wall.angular_velocity = rotation.map_or_else(Vec3::zeros, |(_, velocity)| velocity);
+        wall.torque = torque;
         return Some(Planned { wall, material: material?, has_servo: false });
     }
     let reference = match (rotation, &*planes) {
@@ -361,6 +426,7 @@ fn planned(
     let mut wall = Wall::of_planes(name, reference, &planes);
     wall.velocity = velocity?;
     wall.angular_velocity = rotation.map_or_else(Vec3::zeros, |(_, velocity)| velocity);
+    wall.torque = torque;
     Some(Planned { wall, material: material?, has_servo: false })
 }
 
@@ -432,6 +498,17 @@ fn plane(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
 
 /// The point about which a wall turns [m], and its angular velocity [rad/s].
 fn rotation(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
+    let (about, axis) = axis_of_turn(section, domain);
+    let rate = section.number("rate", Range::Any, "rad/s");
+    section.finish();
+    Some((about?, axis? * rate?))
+}
+
+/// The point about which a wall turns [m], and the direction of the axis.
+pub(super) fn axis_of_turn(
+    section: &Section,
+    domain: Option<&Cell>,
+) -> (Option<Vec3>, Option<Vec3>) {
     let about = section.vector("about", "m");
     let axis =
         section.require("axis", "[x, y, z], about which the wall turns anticlockwise", |given| {
@@ -443,9 +520,7 @@ fn rotation(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
             }
             Some(direction)
         });
-    let rate = section.number("rate", Range::Any, "rad/s");
-    section.finish();
-    Some((about?, axis? * rate?))
+    (about, axis)
 }
 
 fn repeats(domain: Option<&Cell>, axis: usize) -> bool {
@@ -453,7 +528,7 @@ fn repeats(domain: Option<&Cell>, axis: usize) -> bool {
 }
 
 /// A unit vector from one of any length.
-fn direction(given: &Given) -> Option<Vec3> {
+pub(super) fn direction(given: &Given) -> Option<Vec3> {
     let vector = given.vector(Range::Any, "")?;
     if vector.amax() == 0.0 {
         given.fail("must have a length greater than 0");

@@ -353,8 +353,9 @@ impl Simulation {
 
     /// The scalars of this moment. Collective.
     pub fn measure(&self, comm: &mut dyn Comm) -> Measures {
-        let Self { particles, contacts, law, field, dt, departed, .. } = self;
-        let mut measures = measure::measure(particles, contacts, &**law, field, *dt, comm);
+        let Self { particles, contacts, law, field, dt, departed, sums, .. } = self;
+        let moments = sums.moments_at_walls();
+        let mut measures = measure::measure(particles, contacts, &**law, moments, field, *dt, comm);
         measures.received += departed.received;
         measures.dissipated += departed.dissipated;
         for (energy, of_departed) in measures.channels.iter_mut().zip(departed.channels) {

@@ -15,8 +15,8 @@ pub(super) struct Stiffening {
     dt: f64,
     /// May the step be over the limit?
     allowed: bool,
-    /// Has been warned of: an overlap beyond; a step over the limit.
-    warned: [bool; 2],
+    /// Has been warned of a step over the limit?
+    warned: bool,
 }
 
 impl Stiffening {
@@ -24,7 +24,7 @@ impl Stiffening {
     pub(super) fn of(sim: &Simulation, allowed: bool) -> Option<Self> {
         let meant = sim.law.hardest_up_to()?;
         let limit = time_step_limit(&sim.particles.library, &*sim.law)?.dt;
-        Some(Self { meant, limit, dt: sim.dt, allowed, warned: [false; 2] })
+        Some(Self { meant, limit, dt: sim.dt, allowed, warned: false })
     }
 
     /// The stable limit with contacts that overlap by this part of the radius [s]: stiffness grows with the root of the overlap, and
@@ -41,31 +41,27 @@ impl Stiffening {
             None
         } else if dt <= limit {
             Some(format!(
-                "the time step of {dt:.3e} s is still below the stable limit, which fell to {limit:.3e} s where an overlap of \
-                 {overlap:.3} of the radius made contacts stiffer than at law.largest_overlap = {meant}: set that to what will come"
+                "an overlap of {overlap:.3} of the radius is beyond law.largest_overlap = {meant:.3}, for which the time step was found: \
+                 the stable limit fell to {limit:.3e} s, and {dt:.3e} s are still below it. Set law.largest_overlap to what will come"
             ))
         } else {
             Some(over_the_limit(dt, limit, overlap))
         }
     }
 
-    /// A warning, the first time that an overlap over the radius is beyond what was meant, and the first time that the step is over
-    /// the limit.
+    /// A warning, the first time that an overlap over the radius leaves the step over the limit. What is below it is told at the end.
     ///
     /// # Errors
     /// If it is over the limit and may not be.
     pub(super) fn check(&mut self, overlap: f64) -> Result<Option<String>, Fault> {
         let limit = self.limit_at(overlap);
-        let is_over = overlap > self.meant && self.dt > limit;
-        if is_over && !self.allowed {
-            return Err(Fault::Stiff { dt: self.dt, limit, overlap });
-        }
-        let warned = &mut self.warned[usize::from(is_over)];
-        if *warned {
+        if overlap <= self.meant || self.dt <= limit || self.warned {
             return Ok(None);
         }
-        let words = self.words(overlap);
-        self.warned[usize::from(is_over)] = words.is_some();
-        Ok(words)
+        if !self.allowed {
+            return Err(Fault::Stiff { dt: self.dt, limit, overlap });
+        }
+        self.warned = true;
+        Ok(self.words(overlap))
     }
 }

@@ -208,8 +208,8 @@ fn too_deep(particles: &Particles, pair: Pair, depth: f64) -> Fault {
 pub(super) fn over_the_limit(dt: f64, limit: f64, overlap: f64) -> String {
     format!(
         "the time step of {dt:.3e} s is {:.1} % over the stable limit, which fell to {limit:.3e} s where an overlap of \
-         {overlap:.3} of the radius made contacts stiffer: take a step of {:.2e} s, or set law.largest_overlap to the overlap \
-         that will come and step = \"auto\", or make the load or the speed smaller, or set time.allow_unstable = true",
+         {overlap:.3} of the radius made contacts stiffer: set law.largest_overlap to the overlap that will come and \
+         step = \"auto\", or take a step of {:.2e} s, or make the load or the speed smaller, or set time.allow_unstable = true",
         100.0 * (dt / limit - 1.0),
         // Rounded down.
         0.995 * limit

@@ -268,6 +268,9 @@ fn walls_tell_stress_and_inertial_number() {
     close(s.wall_stress_xx_pa, 10.0 / (side * 0.02));
     close(s.wall_stress_yy_pa, 10.0 / (side * 0.02));
     close(s.wall_stress_zz_pa, 15.0 / (side * side));
+    assert_eq!(s.wall_shear_over_normal, None, "a lid that comes down");
+    let principal = report.principal_stress_pa.as_ref().unwrap();
+    close(s.major_over_minor_stress, principal[0].value / principal[2].value);
     let shape = &snapshot.header.shapes[0];
     let diameter = (6.0 / PI * shape.volume).cbrt();
     let inertia = 0.1 / 0.02 * diameter * (shape.mass / shape.volume / s.p_pa.unwrap()).sqrt();
@@ -285,14 +288,19 @@ fn walls_tell_stress_and_inertial_number() {
     for axis in 0..3 {
         let mut sliding = boxed(0.02, 1);
         let along = Vec3::ith((axis + 1) % 3, 1.0);
+        for wall in &mut sliding.header.walls {
+            wall.force = wall.normal * -10.0;
+        }
         let last = &mut sliding.header.walls[2 * axis + 1];
         last.velocity = along * 0.1;
         last.point += along * 0.003;
+        last.force += along * 3.0;
         let mut now = sliding.report();
         now.strain_against(&boxed(0.02, 1).report());
         let length = if axis == 2 { 0.02 } else { side };
         close(now.summary.inertial_number, inertia * 0.02 / length);
         close(now.summary.shear_strain, 0.003 / length);
+        close(now.summary.wall_shear_over_normal, 1.5 / 10.0);
     }
 
     // Without a lid the load on the floor is not the stress in between.

@@ -469,6 +469,9 @@ impl<M: Model> Contacts<'_, '_, M> {
             }
             if pair.b.index() >= first_facet {
                 self.sums.note_wall_work(pair, wall_work[lane]);
+                if self.particles.facets.any_torque {
+                    self.sums.at_walls.push(torques[lane][1].first_three().into());
+                }
             }
         }
     }

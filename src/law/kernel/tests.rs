@@ -55,6 +55,7 @@ impl Touching {
             state: vec![f64::NAN; count * law.stride],
             forces: vec![Vec3::zeros(); count],
             sums: Sums {
+                at_walls: Vec::new(),
                 force: zeros.clone(),
                 torque: zeros,
                 turned: Vec::new(),

@@ -1,0 +1,261 @@
+//! How walls move that have a course: oscillations and tables besides constant velocities, as functions of time.
+//!
+//! A place of a course is computed from the time alone, never from the place before: the rounding of a million steps is that of
+//! one, and a run that goes on from a snapshot has the same bits. The velocity in a step is the mean of the exact motion over
+//! it, place minus place over time: what dashpots feel, how far springs stretch and the work of the wall then belong to the way that
+//! the wall has gone.
+
+use crate::math::{Quat, Vec3, rotation_about};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
+
+/// The motion of a wall as a function of time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Course {
+    /// Displacements of the reference point, each along a unit vector, in m.
+    pub shifts: Vec<(Vec3, Way)>,
+    /// A rotation about an axis through the reference point, in rad.
+    pub turn: Option<(Vec3, Way)>,
+}
+
+impl Course {
+    /// How far the reference point is from where it was at time 0 [m].
+    pub fn shift(&self, time: f64) -> Vec3 {
+        self.shifts.iter().map(|(along, way)| along * way.at(time)).sum()
+    }
+
+    /// How far it has turned between two times.
+    pub fn rotation(&self, from: f64, to: f64) -> Quat {
+        self.turn.as_ref().map_or_else(Quat::identity, |(axis, way)| {
+            rotation_about(axis, way.at(to) - way.at(from))
+        })
+    }
+
+    /// Mean velocity of the reference point [m/s] and mean angular velocity [rad/s] over the time `dt` [s] before `time`.
+    pub fn mean_velocities(&self, time: f64, dt: f64) -> (Vec3, Vec3) {
+        let of = |way: &Way| way.mean_rate(time, dt);
+        self.velocities(of)
+    }
+
+    /// The same at time 0.
+    pub fn first_velocities(&self) -> (Vec3, Vec3) {
+        self.velocities(Way::first_rate)
+    }
+
+    /// None is ever faster along its direction.
+    pub fn fastest(&self) -> (Vec<Vec3>, Vec3) {
+        let shifts = self.shifts.iter().map(|(along, way)| along * way.fastest());
+        let turn = self.turn.as_ref();
+        (shifts.collect(), turn.map_or_else(Vec3::zeros, |(axis, way)| axis * way.fastest()))
+    }
+
+    fn velocities(&self, rate: impl Fn(&Way) -> f64) -> (Vec3, Vec3) {
+        let velocity = self.shifts.iter().map(|(along, way)| along * rate(way)).sum();
+        let turn = self.turn.as_ref();
+        (velocity, turn.map_or_else(Vec3::zeros, |(axis, way)| axis * rate(way)))
+    }
+}
+
+/// A displacement [m] or angle [rad] that depends on time, 0 at time 0.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Way {
+    /// At a constant rate [m/s, rad/s].
+    Steady(f64),
+    /// `amplitude (sin(2π frequency t + phase) - sin(phase))`.
+    Oscillation {
+        /// [m, rad]
+        amplitude: f64,
+        /// [1/s]
+        frequency: f64,
+        /// [rad]
+        phase: f64,
+    },
+    /// As listed.
+    Table(Table),
+}
+
+impl Way {
+    fn at(&self, time: f64) -> f64 {
+        match self {
+            Self::Steady(rate) => rate * time,
+            Self::Oscillation { amplitude, frequency, phase } => {
+                // The difference of two sines, without the loss of digits near time 0.
+                let half = 0.5 * TAU * frequency * time;
+                2.0 * amplitude * libm::cos(half + phase) * libm::sin(half)
+            }
+            Self::Table(table) => table.at(time),
+        }
+    }
+
+    fn mean_rate(&self, time: f64, dt: f64) -> f64 {
+        match self {
+            Self::Steady(rate) => *rate,
+            Self::Oscillation { amplitude, frequency, phase } => {
+                let middle = TAU * frequency * (time - 0.5 * dt) + phase;
+                let half = 0.5 * TAU * frequency * dt;
+                2.0 * amplitude * libm::cos(middle) * libm::sin(half) / dt
+            }
+            Self::Table(table) => (table.at(time) - table.at(time - dt)) / dt,
+        }
+    }
+
+    fn first_rate(&self) -> f64 {
+        match self {
+            Self::Steady(rate) => *rate,
+            Self::Oscillation { amplitude, frequency, phase } => {
+                amplitude * TAU * frequency * libm::cos(*phase)
+            }
+            Self::Table(table) => table.first_rate(),
+        }
+    }
+
+    /// The largest rate at any time [m/s, rad/s].
+    fn fastest(&self) -> f64 {
+        match self {
+            Self::Steady(rate) => rate.abs(),
+            Self::Oscillation { amplitude, frequency, .. } => (amplitude * TAU * frequency).abs(),
+            Self::Table(table) => table.fastest(),
+        }
+    }
+}
+
+/// Displacements [m] or angles [rad] at times [s]. After the last the wall stays.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Table {
+    times: Vec<f64>,
+    values: Vec<f64>,
+    /// The rate at each time, of a smooth one [m/s, rad/s].
+    rates: Option<Vec<f64>>,
+}
+
+impl Table {
+    /// From two rows or more, whose times begin with 0 and rise. Straight lines between them; or, if `is_smooth`, cubic polynomials
+    /// that do not go beyond their rows, whose rates at rows are harmonic means of the slopes beside them (Fritsch and Butland
+    /// 1984, DOI 10.1137/0905021): it begins and ends at rest, and turns where the rows do.
+    ///
+    /// # Panics
+    /// If the rows are not so.
+    pub fn new(rows: &[(f64, f64)], is_smooth: bool) -> Self {
+        assert!(rows.len() > 1 && rows[0].0 == 0.0 && rows.is_sorted_by(|a, b| a.0 < b.0));
+        let (times, values): (Vec<f64>, Vec<f64>) = rows.iter().copied().unzip();
+        let mut table = Self { times, values, rates: None };
+        if is_smooth {
+            let slopes: Vec<f64> = (1..rows.len()).map(|k| table.slope(k)).collect();
+            let inner = slopes.windows(2).enumerate().map(|(k, two)| {
+                let [before, after] = [two[0], two[1]];
+                if before * after <= 0.0 {
+                    return 0.0;
+                }
+                let [h, next] = [table.width(k + 1), table.width(k + 2)];
+                let part = (h + 2.0 * next) / (3.0 * (h + next));
+                before * after / (part * after + (1.0 - part) * before)
+            });
+            table.rates = Some([0.0].into_iter().chain(inner).chain([0.0]).collect());
+        }
+        table
+    }
+
+    /// Before row `k` [s].
+    fn width(&self, k: usize) -> f64 {
+        self.times[k] - self.times[k - 1]
+    }
+
+    fn slope(&self, k: usize) -> f64 {
+        (self.values[k] - self.values[k - 1]) / self.width(k)
+    }
+
+    fn at(&self, time: f64) -> f64 {
+        let k = self.times.partition_point(|&row| row <= time);
+        if k == 0 {
+            return 0.0;
+        }
+        let begin = self.values[k - 1];
+        let first = self.values[0];
+        if k == self.times.len() {
+            return begin - first;
+        }
+        let width = self.width(k);
+        let part = (time - self.times[k - 1]) / width;
+        let rise = self.values[k] - begin;
+        let Some(rates) = &self.rates else { return begin - first + part * rise };
+        let [from, to] = [rates[k - 1] * width, rates[k] * width];
+        let cubic =
+            part * (from + part * (3.0 * rise - 2.0 * from - to + part * (from + to - 2.0 * rise)));
+        begin - first + cubic
+    }
+
+    fn first_rate(&self) -> f64 {
+        self.rates.as_ref().map_or_else(|| self.slope(1), |rates| rates[0])
+    }
+
+    fn fastest(&self) -> f64 {
+        let of_row = |k: usize| {
+            let slope = self.slope(k);
+            let Some(rates) = &self.rates else { return slope.abs() };
+            // The rate is a parabola: its ends, and its vertex.
+            let [from, to] = [rates[k - 1], rates[k]];
+            let (half, square) = (3.0 * slope - 2.0 * from - to, 3.0 * (from + to - 2.0 * slope));
+            let vertex = -half / square;
+            let top = if (0.0..1.0).contains(&vertex) { from + half * vertex } else { 0.0 };
+            [from, to, top].into_iter().fold(0.0, |most: f64, rate| most.max(rate.abs()))
+        };
+        (1..self.times.len()).map(of_row).fold(0.0, f64::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Table, Way};
+    use crate::random::Random;
+
+    fn ways() -> Vec<Way> {
+        let rows = [(0.0, 0.2), (0.5, 0.3), (0.6, 1.1), (1.5, 1.4), (1.7, 0.1), (2.0, 0.1)];
+        vec![
+            Way::Steady(0.3),
+            Way::Oscillation { amplitude: 0.7, frequency: 1.3, phase: 0.4 },
+            Way::Table(Table::new(&rows, false)),
+            Way::Table(Table::new(&rows, true)),
+        ]
+    }
+
+    /// Rates are those of the way, the largest is reached and not passed, and a way begins at 0.
+    #[test]
+    fn rates_belong_to_ways() {
+        for (k, way) in ways().iter().enumerate() {
+            assert_eq!(way.at(0.0), 0.0);
+            let mut random = Random::of(1, k as u64);
+            let mut largest: f64 = 0.0;
+            for _ in 0..20_000 {
+                let (time, dt) = (0.001 + 2.0 * random.unit(), 1e-4);
+                let rate = way.mean_rate(time, dt);
+                assert!((way.at(time) - way.at(time - dt) - rate * dt).abs() < 1e-14);
+                largest = largest.max(rate.abs());
+            }
+            let fastest = way.fastest();
+            assert!(
+                largest <= fastest * (1.0 + 1e-9) && largest > 0.98 * fastest,
+                "{k}: {largest} {fastest}"
+            );
+            let first = way.mean_rate(1e-7, 1e-7);
+            assert!((first - way.first_rate()).abs() < 1e-5 * fastest, "{k}: {first}");
+        }
+    }
+
+    /// A smooth table goes through its rows, not beyond them, and its rate does not jump.
+    #[test]
+    fn smooth_tables_stay_between_their_rows() {
+        let rows = [(0.0, 0.0), (0.5, 0.1), (0.6, 0.9), (1.5, 1.2), (1.7, -0.1)];
+        let way = Way::Table(Table::new(&rows, true));
+        for two in rows.windows(2) {
+            let [(begin, from), (end, to)] = [two[0], two[1]];
+            assert!((way.at(end) - to).abs() < 1e-15);
+            for k in 0..=100 {
+                let now = way.at(begin + (end - begin) * f64::from(k) / 100.0);
+                assert!(now >= from.min(to) - 1e-15 && now <= from.max(to) + 1e-15);
+            }
+            let [before, after] = [end, end + 1e-6].map(|time| way.mean_rate(time, 1e-6));
+            assert!((before - after).abs() < 1e-3, "{before} {after}");
+        }
+        assert_eq!(way.at(5.0), -0.1);
+    }
+}

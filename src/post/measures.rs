@@ -1,0 +1,472 @@
+//! Measures that are made when they are asked for: fields, mixing, slope, flow. Each writes a table, and a curve for the page.
+
+use super::draw::{Axes, BLUE, Mark, ORANGE, PlotError, SIZE, Series, chart, linear, span};
+use super::fields::{Fields, Smoothing, Weight};
+use super::flow::{Gate, Passed, Rate, Window, through_outlet, through_plane};
+use super::history::History;
+use super::mixing::{Groups, Members, Mixing};
+use super::plots::{Plot, Width};
+use super::region::{Margin, Region};
+use super::report::readable;
+use super::series::{Choice, Snapshot};
+use super::slope::{Direction, Slope};
+use super::{PostError, inside, vtp};
+use crate::math::Vec3;
+use crate::output::snapshot::Reader;
+use crate::output::{SnapshotError, series};
+use serde::Serialize;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Why a measure could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum MeasureError {
+    /// A snapshot that cannot be used.
+    #[error(transparent)]
+    Post(#[from] PostError),
+    /// A file that cannot be read or written.
+    #[error(transparent)]
+    Snapshot(#[from] SnapshotError),
+    /// A chart.
+    #[error(transparent)]
+    Plot(#[from] PlotError),
+    /// A table or image that cannot be written.
+    #[error("cannot write {path}: {cause}", path = path.display())]
+    Unwritten {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        cause: io::Error,
+    },
+    /// An error with the file in which it is.
+    #[error("{file}: {error}")]
+    In {
+        /// The file.
+        file: String,
+        /// The error.
+        error: Box<MeasureError>,
+    },
+    /// A length that is none.
+    #[error("a length of {side} m: write one above 0, in metres (0.004) or grain diameters (1.5d)")]
+    NoSide {
+        /// The length [m].
+        side: f64,
+    },
+    /// A grid that is too fine.
+    #[error(
+        "a grid of {cells:.3e} cells, and {most:.0e} are the most: make --grid larger, or give a --region"
+    )]
+    TooManyCells {
+        /// How many there would be.
+        cells: f64,
+        /// How many there may be.
+        most: f64,
+    },
+    /// Cells that miss the weight.
+    #[error(
+        "cells of {side:e} m are larger than the width of the fields, {width:e} m: make --grid smaller, or leave it out"
+    )]
+    CoarserThanWeight {
+        /// Side of a cell [m].
+        side: f64,
+        /// Width [m].
+        width: f64,
+    },
+    /// A grain would meet its own image.
+    #[error(
+        "the weights reach {range:e} m, over half of the period along {axis}, {period:e} m: make --fields smaller"
+    )]
+    WiderThanPeriod {
+        /// The axis.
+        axis: &'static str,
+        /// Its period [m].
+        period: f64,
+        /// How far the weight reaches [m].
+        range: f64,
+    },
+    /// No grains where it is measured.
+    #[error("no grain is in the region: make it larger, or name another snapshot")]
+    NobodyThere,
+    /// A shape that is not there.
+    #[error("the snapshot has no shape `{name}`; it has: {}", known.join(", "))]
+    NoSuchShape {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: Vec<String>,
+    },
+    /// Nothing to mix.
+    #[error("all {grains} grains of the region are of one group: mixing needs two")]
+    OneGroup {
+        /// How many.
+        grains: u64,
+    },
+    /// No up and down.
+    #[error("gravity is {gravity:?} m/s2, and the angle of a surface needs it along -z", gravity = gravity.as_slice())]
+    NoVertical {
+        /// Gravity [m/s²].
+        gravity: Vec3,
+    },
+    /// A heap that is too small or flat.
+    #[error(
+        "only {strips} strips of columns are on the slope, three are needed: the heap is too flat or too small for its grains"
+    )]
+    NoSurface {
+        /// Strips between foot and top.
+        strips: usize,
+    },
+    /// A plane that images pass.
+    #[error(
+        "{axis} is periodic: which way a grain went through a plane across it cannot be told from snapshots"
+    )]
+    AcrossPeriod {
+        /// The axis.
+        axis: &'static str,
+    },
+    /// An outlet that is not there.
+    #[error(
+        "history.csv has no outlet `{name}`; {}",
+        if known.is_empty() { "it has none, so give a plane, -z=0.05".to_owned() } else { format!("it has: {}", known.join(", ")) }
+    )]
+    NoSuchOutlet {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: Vec<String>,
+    },
+    /// No rate without two times.
+    #[error(
+        "{rows} rows in the window, and a rate needs two: name more snapshots (--series), or make --window larger"
+    )]
+    FewRows {
+        /// How many.
+        rows: usize,
+    },
+}
+
+/// Which measures to make.
+#[derive(clap::Args, Clone, Debug)]
+#[command(next_help_heading = "Measures for process equipment")]
+pub struct Asked {
+    /// Also write density, solid fraction, velocity and stress on a grid, fields_STEP.vtkhdf and .csv, by coarse graining
+    /// with this width, in metres or diameters of the largest shape: rho = sum of m phi(r - x)
+    #[arg(long, value_name = "WIDTH")]
+    fields: Option<Margin>,
+
+    /// How --fields spreads a grain: Lucy's polynomial up to twice the width, or a Gaussian up to three times
+    #[arg(long, value_enum, default_value = "lucy", requires = "fields")]
+    weight: Weight,
+
+    /// Side of the cells of --fields [default: its width] and --mixing [default: 4d], in metres or diameters of the largest shape
+    #[arg(long, value_name = "LENGTH")]
+    grid: Option<Margin>,
+
+    /// Also write Lacey's mixing index of two groups, mixing.csv: M = (s0^2 - s^2) / (s0^2 - sr^2). The first group is a shape,
+    /// shape:NAME, or the half that is lower in the first snapshot, half:x
+    #[arg(long, value_name = "GROUP")]
+    mixing: Option<Groups>,
+
+    /// Also write the angle of the free surface against the horizontal, slope.csv, in degrees
+    #[arg(long, value_enum)]
+    slope: Option<Direction>,
+
+    /// Also write what passes a plane, in a series of snapshots, or leaves through an outlet, flow.csv, and the rates in grains/s and kg/s:
+    /// -z=0.05 is the plane z = 0.05 m, downwards
+    #[arg(long, value_name = "GATE", allow_hyphen_values = true)]
+    flow: Option<Gate>,
+
+    /// Take the rates of --flow between these times, in seconds [default: all]
+    #[arg(long, value_name = "t0,t1", requires = "flow")]
+    window: Option<Window>,
+}
+
+/// What they are made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Source<'a> {
+    /// By step, one at least.
+    pub snapshots: &'a [Snapshot],
+    /// The scalars of the run.
+    pub history: &'a History,
+    /// Where to measure.
+    pub choice: &'a Choice,
+    /// Whether to write files of XML, too.
+    pub as_xml: bool,
+}
+
+/// What there is to show.
+#[derive(Clone, Debug, Default)]
+pub struct Shown {
+    /// For the page.
+    pub plots: Vec<Plot>,
+    /// For a terminal.
+    pub text: String,
+}
+
+impl Asked {
+    /// Makes them, and writes their tables into a folder.
+    ///
+    /// # Errors
+    /// See [`MeasureError`].
+    pub fn make(&self, source: Source, out: &Path) -> Result<Shown, MeasureError> {
+        let mut shown = Shown::default();
+        if let Some(width) = self.fields {
+            self.make_fields(width, source, out, &mut shown)?;
+        }
+        if let Some(groups) = &self.mixing {
+            self.make_mixing(groups, source, out, &mut shown)?;
+        }
+        if let Some(along) = self.slope {
+            make_slope(along, source, out, &mut shown)?;
+        }
+        if let Some(gate) = &self.flow {
+            self.make_flow(gate, source, out, &mut shown)?;
+        }
+        Ok(shown)
+    }
+
+    fn make_fields(
+        &self,
+        width: Margin,
+        source: Source,
+        out: &Path,
+        shown: &mut Shown,
+    ) -> Result<(), MeasureError> {
+        let (mut images, mut xml) = (Vec::new(), Vec::new());
+        let all = of_each(source, |reader, region| {
+            let header = reader.header();
+            let width = width.metres(header);
+            let side = self.grid.map_or(width, |side| side.metres(header));
+            let how = Smoothing { weight: self.weight, width, side };
+            let fields = Fields::of(reader, region, how)?;
+            let name = |ending: &str| format!("fields_{:09}.{ending}", header.step);
+            fields.write_vtkhdf(&out.join(name("vtkhdf")))?;
+            images.push((name("vtkhdf"), fields.time));
+            write(&out.join(name("csv")), |file| fields.write_csv(file).map_err(io::Error::from))?;
+            if source.as_xml {
+                write(&out.join(name("vti")), |file| fields.image_data().write(file))?;
+                xml.push((name("vti"), fields.time));
+            }
+            Ok((fields.grid, fields.mass(), width))
+        })?;
+        let list = "fields.vtkhdf.series";
+        series::write(out, list, images).map_err(|cause| unwritten(&out.join(list), cause))?;
+        if source.as_xml {
+            write(&out.join("fields.pvd"), |file| vtp::write_list(file, &xml))?;
+        }
+        if let Some((grid, mass, width)) = all.last() {
+            let [x, y, z] = grid.cells;
+            let _ = writeln!(
+                shown.text,
+                "fields: {x} x {y} x {z} cells, width {} m, mass {} kg",
+                readable(*width),
+                readable(*mass)
+            );
+        }
+        Ok(())
+    }
+
+    fn make_mixing(
+        &self,
+        groups: &Groups,
+        source: Source,
+        out: &Path,
+        shown: &mut Shown,
+    ) -> Result<(), MeasureError> {
+        let mut members = None;
+        let rows = of_each(source, |reader, region| {
+            if members.is_none() {
+                members = Some(Members::of(groups, reader)?);
+            }
+            let Some(members) = &members else { return Err(MeasureError::NobodyThere) };
+            let side = self.grid.unwrap_or(Margin::Diameters(4.0)).metres(reader.header());
+            Mixing::of(reader, members, region, side)
+        })?;
+        write_rows(&out.join("mixing.csv"), &rows)?;
+        let points: Vec<(f64, f64)> =
+            rows.iter().filter_map(|row| Some((row.time_s, row.index?))).collect();
+        if let (Some(first), Some(last)) = (points.first(), points.last()) {
+            let _ = writeln!(
+                shown.text,
+                "mixing: Lacey's index {:.3} at {} s, {:.3} at {} s",
+                first.1,
+                readable(first.0),
+                last.1,
+                readable(last.0)
+            );
+        }
+        if points.len() > 1 {
+            let cells = rows.last().map_or(0, |row| row.cells);
+            shown.plots.push(curve(
+                "mixing",
+                "Mixing",
+                format!("Lacey's index: 0 apart, 1 mixed at random. {cells} cells have grains in the last snapshot."),
+                ("Lacey's index", 0.0..1.05),
+                points,
+            )?);
+        }
+        Ok(())
+    }
+
+    fn make_flow(
+        &self,
+        gate: &Gate,
+        source: Source,
+        out: &Path,
+        shown: &mut Shown,
+    ) -> Result<(), MeasureError> {
+        let rows = match gate {
+            Gate::Outlet(name) => through_outlet(source.history, name)?,
+            Gate::Plane(plane) => {
+                let readers = source.snapshots.iter().map(opened);
+                through_plane(readers, *plane)?
+            }
+        };
+        let rate = Rate::of(&rows, self.window)?;
+        write_rows(&out.join("flow.csv"), &rows)?;
+        let _ = write!(
+            shown.text,
+            "flow: {} grains/s, {} kg/s from {} s to {} s ({} rows)",
+            readable(rate.grains),
+            readable(rate.mass),
+            readable(rate.window.from),
+            readable(rate.window.to),
+            rate.rows
+        );
+        if let Some([early, late]) = rate.halves {
+            let _ =
+                write!(shown.text, "; by halves {} and {} kg/s", readable(early), readable(late));
+        }
+        shown.text.push('\n');
+        shown.plots.push(flow_plot(&rows, &rate)?);
+        Ok(())
+    }
+}
+
+fn make_slope(
+    along: Direction,
+    source: Source,
+    out: &Path,
+    shown: &mut Shown,
+) -> Result<(), MeasureError> {
+    let rows = of_each(source, |reader, region| Slope::of(reader, region, along))?;
+    write_rows(&out.join("slope.csv"), &rows)?;
+    if let Some(last) = rows.last() {
+        let _ = writeln!(
+            shown.text,
+            "slope: {:.1} degrees, {} m high, columns off the line by {} m in the mean",
+            last.angle_degrees,
+            readable(last.height_m),
+            readable(last.scatter_m)
+        );
+    }
+    if rows.len() > 1 {
+        let points: Vec<_> = rows.iter().map(|row| (row.time_s, row.angle_degrees)).collect();
+        let reach = span(points.iter().map(|point| point.1));
+        shown.plots.push(curve(
+            "slope",
+            "Slope",
+            "Angle of the free surface against the horizontal.".to_owned(),
+            ("angle (degrees)", reach),
+            points,
+        )?);
+    }
+    Ok(())
+}
+
+/// What has passed, and the line that the rate is taken from.
+fn flow_plot(rows: &[Passed], rate: &Rate) -> Result<Plot, PlotError> {
+    let points: Vec<_> = rows.iter().map(|row| (row.time_s, row.mass_kg)).collect();
+    let axes = time_axes("mass passed (kg)", &points, span(points.iter().map(|p| p.1)));
+    let in_window =
+        points.iter().filter(|p| (rate.window.from..=rate.window.to).contains(&p.0)).copied();
+    let (slope, offset) = super::slope::line(&in_window.collect::<Vec<_>>());
+    let ends = [rate.window.from, rate.window.to].map(|t| (t, offset + slope * t));
+    let all = Series { name: String::new(), colour: BLUE, mark: Mark::Line, points };
+    let fit = Series {
+        name: format!("{} kg/s", readable(slope)),
+        colour: ORANGE,
+        mark: Mark::Line,
+        points: ends.to_vec(),
+    };
+    Ok(Plot {
+        name: "flow".into(),
+        title: "Flow".into(),
+        caption: format!(
+            "Mass that has passed. The line is that of least squares: {} grains per second.",
+            readable(rate.grains)
+        ),
+        width: Width::Half,
+        svg: chart(SIZE, &axes, &[all, fit])?,
+    })
+}
+
+fn time_axes(label: &str, points: &[(f64, f64)], reach: std::ops::Range<f64>) -> Axes {
+    linear("time (s)", label, span(points.iter().map(|point| point.0)), reach)
+}
+
+fn curve(
+    name: &str,
+    title: &str,
+    caption: String,
+    (label, reach): (&str, std::ops::Range<f64>),
+    points: Vec<(f64, f64)>,
+) -> Result<Plot, PlotError> {
+    let axes = time_axes(label, &points, reach);
+    let line = Series { name: String::new(), colour: BLUE, mark: Mark::Line, points };
+    Ok(Plot {
+        name: name.into(),
+        title: title.into(),
+        caption,
+        width: Width::Half,
+        svg: chart(SIZE, &axes, &[line])?,
+    })
+}
+
+fn opened(snapshot: &Snapshot) -> Result<Reader, MeasureError> {
+    Ok(Reader::open(&snapshot.path)?)
+}
+
+/// One after the other, each error with its file.
+fn of_each<T>(
+    source: Source,
+    mut of: impl FnMut(&Reader, Region) -> Result<T, MeasureError>,
+) -> Result<Vec<T>, MeasureError> {
+    let made = source.snapshots.iter().map(|snapshot| {
+        let made = opened(snapshot).and_then(|reader| {
+            let region = match source.choice.margin {
+                Some(margin) => inside(&reader, margin)?,
+                None => source.choice.settings.region,
+            };
+            of(&reader, region)
+        });
+        let file = snapshot.path.display().to_string();
+        made.map_err(|error| MeasureError::In { file, error: Box::new(error) })
+    });
+    made.collect()
+}
+
+fn unwritten(path: &Path, cause: io::Error) -> MeasureError {
+    MeasureError::Unwritten { path: path.to_owned(), cause }
+}
+
+fn write(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> Result<(), MeasureError> {
+    let written = File::create(path).and_then(|file| {
+        let mut file = BufWriter::new(file);
+        write(&mut file)?;
+        file.flush()
+    });
+    written.map_err(|cause| unwritten(path, cause))
+}
+
+fn write_rows<T: Serialize>(path: &Path, rows: &[T]) -> Result<(), MeasureError> {
+    write(path, |file| {
+        let mut table = csv::Writer::from_writer(file);
+        rows.iter().try_for_each(|row| table.serialize(row)).map_err(io::Error::from)?;
+        table.flush()
+    })
+}

@@ -1,0 +1,196 @@
+//! How well two groups of grains are mixed: the index of Lacey (1954, DOI 10.1002/jctb.5010040502).
+//!
+//! `M = (σ0² - σ²) / (σ0² - σr²)`, where
+//!
+//! * `σ² = Σ n_k (p_k - p)² / Σ n_k`: the variance of the share `p_k` of the first group over cells with `n_k` grains, each cell
+//!   weighing as many grains as it has; `p` is the share of all;
+//! * `σ0² = p (1 - p)`: that of groups that are apart;
+//! * `σr² = p (1 - p) (C - 1) / (N - 1)`: the mean of `σ²` when `N` grains are shuffled among the places they have in `C` cells. It is the
+//!   `p (1 - p) / n` of Lacey for cells that are not equally full.
+//!
+//! So `M` is 0 if no cell has grains of both groups, and 1 in the mean of random mixtures. It is counted by number. A finer grid
+//! gives a lower `M` to the same unmixed state. A more even mixture than by chance has more than 1.
+
+use super::check;
+use super::grid::Grid;
+use super::measures::MeasureError;
+use super::pieces;
+use super::region::Region;
+use crate::ids::GlobalId;
+use crate::output::header::Header;
+use crate::output::snapshot::Reader;
+use crate::output::tables::ParticleTable;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::str::FromStr;
+
+/// Which grains are the first group; all others are the second.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Groups {
+    /// Those of the shape of this name.
+    Shape(String),
+    /// The half that is lower along this axis in the first snapshot.
+    Half(usize),
+}
+
+impl FromStr for Groups {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let axis = |name: &str| crate::cell::AXES.iter().position(|&axis| axis == name);
+        match text.split_once(':') {
+            Some(("shape", name)) if !name.is_empty() => Ok(Self::Shape(name.to_owned())),
+            Some(("half", name)) if axis(name).is_some() => {
+                Ok(Self::Half(axis(name).unwrap_or_default()))
+            }
+            _ => Err("write shape:NAME, or half:x, half:y or half:z".to_owned()),
+        }
+    }
+}
+
+/// How mixed a snapshot is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Mixing {
+    /// Its step.
+    pub step: u64,
+    /// When [s].
+    pub time_s: f64,
+    /// Grains in the cells that are of a group.
+    pub grains: u64,
+    /// Cells with such grains.
+    pub cells: u64,
+    /// Share of the first group.
+    pub share: f64,
+    /// `σ²`.
+    pub variance: f64,
+    /// `σ0²`.
+    pub variance_apart: f64,
+    /// `σr²`.
+    pub variance_random: f64,
+    /// `M`; nothing if all grains are in one cell or each has one to itself.
+    pub index: Option<f64>,
+}
+
+/// Who belongs to which group.
+#[derive(Clone, Debug)]
+pub enum Members {
+    /// By the name of the shape.
+    Shape(String),
+    /// By the place in the first snapshot: whether a grain is of the first group. Who came later is of none.
+    Listed(BTreeMap<GlobalId, bool>),
+}
+
+impl Members {
+    /// As the first snapshot has them.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or a shape that it has not.
+    pub fn of(groups: &Groups, first: &Reader) -> Result<Self, MeasureError> {
+        match groups {
+            Groups::Shape(name) => {
+                let shapes = &first.header().shapes;
+                if !shapes.iter().any(|shape| &shape.name == name) {
+                    let known = shapes.iter().map(|shape| shape.name.clone()).collect();
+                    return Err(MeasureError::NoSuchShape { name: name.clone(), known });
+                }
+                Ok(Self::Shape(name.clone()))
+            }
+            Groups::Half(axis) => {
+                let mut places = Vec::new();
+                for rows in pieces(first.particle_count()) {
+                    let particles = first.particles(rows)?;
+                    check::check_particles(first.header(), &particles)?;
+                    let along = particles.position.iter().map(|place| place[*axis]);
+                    places.extend(along.zip(particles.id));
+                }
+                places.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+                let half = places.len() / 2;
+                let listed = places.into_iter().enumerate().map(|(k, (_, id))| (id, k < half));
+                Ok(Self::Listed(listed.collect()))
+            }
+        }
+    }
+
+    /// Whether a row is of the first group; nothing if it is of none.
+    fn is_first(&self, header: &Header, particles: &ParticleTable, row: usize) -> Option<bool> {
+        match self {
+            Self::Shape(name) => Some(header.shapes[particles.shape[row].index()].name == *name),
+            Self::Listed(listed) => listed.get(&particles.id[row]).copied(),
+        }
+    }
+}
+
+impl Mixing {
+    /// Of a snapshot, in cells of about this side [m] of the region, or of the domain.
+    ///
+    /// # Errors
+    /// A file that cannot be read or makes no sense, or a region with one group or none.
+    pub fn of(
+        reader: &Reader,
+        members: &Members,
+        region: Region,
+        side: f64,
+    ) -> Result<Self, MeasureError> {
+        let header = reader.header();
+        region.check(header)?;
+        let grid = match region {
+            Region::Box(bounds) => Grid::of(&bounds, side)?,
+            Region::Whole => {
+                let (low, high) = (header.cell.low(), header.cell.high());
+                Grid::of(&super::region::Bounds { low, high }, side)?
+            }
+        };
+        // All grains and those of the first group.
+        let mut counts = vec![[0u64; 2]; grid.len()];
+        for rows in pieces(reader.particle_count()) {
+            let particles = reader.particles(rows)?;
+            check::check_particles(header, &particles)?;
+            for row in 0..particles.id.len() {
+                let place = header.cell.inside(particles.position[row]);
+                let group = members.is_first(header, &particles, row);
+                if let (Some(cell), Some(is_first)) = (grid.cell_at(&place), group) {
+                    counts[cell][0] += 1;
+                    counts[cell][1] += u64::from(is_first);
+                }
+            }
+        }
+        Self::of_counts(header.step, header.time, &counts)
+    }
+
+    /// From the numbers of all grains and of those of the first group in each cell.
+    ///
+    /// # Errors
+    /// No grains, or all of one group.
+    pub fn of_counts(step: u64, time_s: f64, counts: &[[u64; 2]]) -> Result<Self, MeasureError> {
+        let [grains, first] =
+            counts.iter().fold([0, 0], |[all, first], [n, k]| [all + n, first + k]);
+        if grains == 0 {
+            return Err(MeasureError::NobodyThere);
+        }
+        if first == 0 || first == grains {
+            return Err(MeasureError::OneGroup { grains });
+        }
+        let share = first as f64 / grains as f64;
+        let filled = counts.iter().filter(|[n, _]| *n > 0);
+        let squares = filled.clone().map(|&[n, k]| {
+            let off = k as f64 / n as f64 - share;
+            n as f64 * off * off
+        });
+        let cells = filled.count() as u64;
+        let apart = share * (1.0 - share);
+        let variance = squares.sum::<f64>() / grains as f64;
+        let random = apart * (cells as f64 - 1.0) / (grains as f64 - 1.0);
+        let index = (1 < cells && cells < grains).then(|| (apart - variance) / (apart - random));
+        Ok(Self {
+            step,
+            time_s,
+            grains,
+            cells,
+            share,
+            variance,
+            variance_apart: apart,
+            variance_random: random,
+            index,
+        })
+    }
+}

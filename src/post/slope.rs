@@ -1,0 +1,160 @@
+//! How steep the free surface of a heap is.
+//!
+//! Seen from above, the packing is cut into square columns, one diameter of the largest shape wide. The top of the highest grain whose
+//! centre is in a column is the height of the surface there. Columns are put together in strips one diameter wide, along an axis or around
+//! the vertical through the centre of mass. A line is fitted by least squares to the columns of all strips whose mean height is between 20 and
+//! 80 % of the way from the lowest to the highest strip: foot and top, which are round, are left out. `atan` of its slope is the angle.
+//! It is positive where the surface rises along the axis; of a cone it is taken towards the middle. A column without grains has no surface.
+
+use super::check;
+use super::measures::MeasureError;
+use super::pieces;
+use super::region::{Margin, Region, Turned};
+use crate::math::Vec3;
+use crate::output::snapshot::Reader;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Along what the surface falls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Direction {
+    /// A plane that rises or falls along x.
+    X,
+    /// The same along y.
+    Y,
+    /// A cone around the vertical through the centre of mass.
+    Radial,
+}
+
+/// The surface of a snapshot.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Slope {
+    /// Its step.
+    pub step: u64,
+    /// When [s].
+    pub time_s: f64,
+    /// Angle against the horizontal [degrees].
+    pub angle_degrees: f64,
+    /// From the lowest to the highest strip [m].
+    pub height_m: f64,
+    /// Root mean square of what columns are off the line [m].
+    pub scatter_m: f64,
+    /// Columns of the fit.
+    pub columns: u64,
+}
+
+/// Shares of the height between which the line is fitted.
+const FITTED: [f64; 2] = [0.2, 0.8];
+
+impl Slope {
+    /// Of a snapshot; of a region the grains whose centres it holds.
+    ///
+    /// # Errors
+    /// A file that cannot be read or makes no sense, gravity that is not along -z, or too few columns.
+    pub fn of(reader: &Reader, region: Region, along: Direction) -> Result<Self, MeasureError> {
+        let header = reader.header();
+        region.check(header)?;
+        let gravity = header.gravity;
+        if !(gravity.z < 0.0 && gravity.x == 0.0 && gravity.y == 0.0) {
+            return Err(MeasureError::NoVertical { gravity });
+        }
+        let width = Margin::Diameters(1.0).metres(header);
+        let mut tops: BTreeMap<[i64; 2], f64> = BTreeMap::new();
+        let (mut moment, mut mass) = (Vec3::zeros(), 0.0);
+        for rows in pieces(reader.particle_count()) {
+            let particles = reader.particles(rows)?;
+            check::check_particles(header, &particles)?;
+            for (row, place) in particles.position.iter().enumerate() {
+                if let Region::Box(bounds) = region
+                    && !bounds.contains(place)
+                {
+                    continue;
+                }
+                let shape = &header.shapes[particles.shape[row].index()];
+                let heavy = shape.mass * particles.volume_ratio(row);
+                moment += place * heavy;
+                mass += heavy;
+                let top = place.z + Turned::of(header, &particles, row).support(&Vec3::z()).z;
+                let column = [place.x, place.y].map(|x| (x / width).floor() as i64);
+                let highest = tops.entry(column).or_insert(top);
+                *highest = highest.max(top);
+            }
+        }
+        if mass == 0.0 {
+            return Err(MeasureError::NobodyThere);
+        }
+        let middle = moment / mass;
+        let points = tops.into_iter().map(|(column, top)| {
+            let [x, y] = column.map(|index| (index as f64 + 0.5) * width);
+            let at = match along {
+                Direction::X => x,
+                Direction::Y => y,
+                // Falls with the distance, so that rising towards the middle is positive.
+                Direction::Radial => -(x - middle.x).hypot(y - middle.y),
+            };
+            (at, top)
+        });
+        let fit = Fit::of(&points.collect::<Vec<_>>(), width)?;
+        Ok(Self {
+            step: header.step,
+            time_s: header.time,
+            angle_degrees: fit.slope.atan().to_degrees(),
+            height_m: fit.height,
+            scatter_m: fit.scatter,
+            columns: fit.columns as u64,
+        })
+    }
+}
+
+struct Fit {
+    slope: f64,
+    height: f64,
+    scatter: f64,
+    columns: usize,
+}
+
+impl Fit {
+    /// Of columns: where along the surface, and how high [m].
+    fn of(columns: &[(f64, f64)], width: f64) -> Result<Self, MeasureError> {
+        let mut strips: BTreeMap<i64, Vec<(f64, f64)>> = BTreeMap::new();
+        for &column in columns {
+            strips.entry((column.0 / width).floor() as i64).or_default().push(column);
+        }
+        let mean = |strip: &[(f64, f64)]| {
+            strip.iter().map(|column| column.1).sum::<f64>() / strip.len() as f64
+        };
+        let heights: Vec<f64> = strips.values().map(|strip| mean(strip)).collect();
+        let low = heights.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let [from, to] = FITTED.map(|share| low + share * (high - low));
+        let in_reach = strips.into_values().zip(heights).filter(|(_, h)| (from..=to).contains(h));
+        let mut strips_fitted = 0;
+        let fitted: Vec<(f64, f64)> = in_reach
+            .flat_map(|(strip, _)| {
+                strips_fitted += 1;
+                strip
+            })
+            .collect();
+        if strips_fitted < 3 {
+            return Err(MeasureError::NoSurface { strips: strips_fitted });
+        }
+        let (slope, offset) = line(&fitted);
+        let off = fitted.iter().map(|(x, y)| (y - offset - slope * x).powi(2));
+        let scatter = (off.sum::<f64>() / fitted.len() as f64).sqrt();
+        Ok(Self { slope, height: high - low, scatter, columns: fitted.len() })
+    }
+}
+
+/// Slope and offset of the line of least squares through points.
+pub(super) fn line(points: &[(f64, f64)]) -> (f64, f64) {
+    let count = points.len() as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
+    let (x, y) = (mean(|p| p.0), mean(|p| p.1));
+    let (mut above, mut below) = (0.0, 0.0);
+    for point in points {
+        above += (point.0 - x) * (point.1 - y);
+        below += (point.0 - x).powi(2);
+    }
+    let slope = above / below;
+    (slope, y - slope * x)
+}

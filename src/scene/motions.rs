@@ -1,0 +1,213 @@
+//! How walls move by `[[motion]]`: from the file as written.
+
+use super::listed::line_of;
+use super::reader::{Given, Range, Section};
+use super::walls::{axis_of_turn, direction};
+use crate::cell::Cell;
+use crate::math::Vec3;
+use crate::particles::courses::{Course, Table, Way};
+use crate::particles::walls::Wall;
+use std::path::Path;
+
+/// The `[[motion]]` tables.
+pub(super) struct Motions<'a> {
+    all: Vec<Motion<'a>>,
+}
+
+/// One of them.
+struct Motion<'a> {
+    /// Which walls, with their names.
+    walls: Vec<(Given<'a>, &'a str)>,
+    kind: Kind,
+    way: Way,
+}
+
+/// Along what, or about what.
+#[derive(Clone, Copy)]
+enum Kind {
+    Along(Vec3),
+    /// A point [m] and an axis.
+    About(Vec3, Vec3),
+}
+
+impl<'a> Motions<'a> {
+    pub(super) fn read(root: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Self {
+        let sections = root.sections("motion");
+        let read = |section: &Section<'a>| {
+            let motion = motion(section, domain, folder);
+            section.finish();
+            motion
+        };
+        Self { all: sections.iter().filter_map(read).collect() }
+    }
+
+    /// The point about which they turn a wall [m], if they do.
+    pub(super) fn about(&self, name: &str) -> Option<Vec3> {
+        self.of(name).find_map(|(_, motion)| match motion.kind {
+            Kind::About(point, _) => Some(point),
+            Kind::Along(_) => None,
+        })
+    }
+
+    /// Gives a wall the course that it shall have, with the constant velocities that it has.
+    pub(super) fn move_wall(&self, name: &str, wall: &mut Wall) {
+        if self.of(name).next().is_none() {
+            return;
+        }
+        let mut course = Course { shifts: Vec::new(), turn: None };
+        let (speed, rate) = (wall.velocity.norm(), wall.angular_velocity.norm());
+        if speed > 0.0 {
+            course.shifts.push((wall.velocity / speed, Way::Steady(speed)));
+        }
+        if rate > 0.0 {
+            course.turn = Some((wall.angular_velocity / rate, Way::Steady(rate)));
+        }
+        for (given, motion) in self.of(name) {
+            match motion.kind {
+                Kind::Along(along) => course.shifts.push((along, motion.way.clone())),
+                Kind::About(..) if course.turn.is_some() => given
+                    .fail("this wall turns already, by its `rotation` or another motion; a wall turns about one axis"),
+                Kind::About(_, axis) => course.turn = Some((axis, motion.way.clone())),
+            }
+        }
+        wall.follow(course);
+    }
+
+    /// Looks whether all walls that are named are there; `wrong` says of a name what is wrong with it, and of a wall that moves with
+    /// which speed [m/s] or rate it may.
+    pub(super) fn check(&self, wrong: impl Fn(&Given, &str)) {
+        for (given, name) in self.all.iter().flat_map(|motion| &motion.walls) {
+            wrong(given, name);
+        }
+    }
+
+    fn of<'b>(&'b self, name: &'b str) -> impl Iterator<Item = (&'b Given<'a>, &'b Motion<'a>)> {
+        self.all.iter().flat_map(move |motion| {
+            let named = motion.walls.iter().filter(move |(_, wall)| *wall == name);
+            named.map(move |(given, _)| (given, motion))
+        })
+    }
+}
+
+fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Option<Motion<'a>> {
+    let walls = section.require("walls", "names of walls, as in [\"-z\"]", |given| {
+        let items = given.list("a list of names of walls, as in [\"-z\"]")?;
+        if items.is_empty() {
+            given.fail("must have at least one wall");
+        }
+        let walls = items.into_iter().map(|item| item.text().map(|name| (item, name)));
+        walls.collect::<Option<Vec<_>>>()
+    });
+    let kind = if let Some(given) = section.get("along") {
+        for key in ["about", "axis"] {
+            section.refuse(
+                key,
+                "stands beside `along`; a motion goes along a direction or turns about an axis",
+            );
+        }
+        direction(&given).map(Kind::Along)
+    } else if section.get("about").is_some() || section.get("axis").is_some() {
+        let (about, axis) = axis_of_turn(section, domain);
+        about.zip(axis).map(|(about, axis)| Kind::About(about, axis))
+    } else {
+        section.fail("`along` is missing: [x, y, z], the direction in which walls move; or `about` and `axis`, about which they turn");
+        None
+    };
+    let turns = section.get("along").is_none();
+    let way = way(section, turns, folder);
+    Some(Motion { walls: walls?, kind: kind?, way: way? })
+}
+
+/// An oscillation or a table; angles are in degrees.
+fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
+    let (unit, to_si) = if turns { ("degrees", 1f64.to_radians()) } else { ("m", 1.0) };
+    if let Some(given) = section.get("table") {
+        for key in ["amplitude", "frequency", "phase"] {
+            section.refuse(key, "stands beside `table`; a motion is an oscillation or a table");
+        }
+        let words = [("linear", false), ("smooth", true)];
+        let is_smooth = section.read_or("interpolation", false, |given| given.one_of(&words));
+        let path = folder.join(given.text()?);
+        let rows = match rows(&path, if turns { "angle_deg" } else { "displacement_m" }) {
+            Ok(rows) => rows,
+            Err(mistakes) => {
+                mistakes.iter().for_each(|mistake| given.fail(mistake));
+                return None;
+            }
+        };
+        let rows: Vec<_> = rows.into_iter().map(|(time, value)| (time, value * to_si)).collect();
+        return Some(Way::Table(Table::new(&rows, is_smooth?)));
+    }
+    section.refuse("interpolation", "is of a `table`");
+    let amplitude = section.number("amplitude", Range::Any, unit);
+    let frequency = section.number("frequency", Range::Positive, "1/s");
+    let phase = section.number_or("phase", 0.0, Range::Any, "degrees");
+    Some(Way::Oscillation {
+        amplitude: amplitude? * to_si,
+        frequency: frequency?,
+        phase: phase?.to_radians(),
+    })
+}
+
+/// So many mistakes of a table are listed.
+const SHOWN: usize = 5;
+
+/// Times [s] and values of a table.
+fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| vec![format!("{} cannot be read: {error}", path.display())])?;
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .flexible(true)
+        .from_reader(text.as_bytes());
+    let header = reader.headers().map_err(|error| vec![error.to_string()])?.clone();
+    if header.iter().ne(["time_s", value]) {
+        let found = header.iter().collect::<Vec<_>>().join(",");
+        return Err(vec![format!("must have the columns time_s,{value}; it has {found}")]);
+    }
+    let mut rows: Vec<(f64, f64)> = Vec::new();
+    let mut mistakes = Vec::new();
+    for record in reader.records() {
+        let record = match record {
+            Ok(record) => record,
+            Err(error) => {
+                mistakes.push(error.to_string());
+                continue;
+            }
+        };
+        let line = line_of(&record, &text);
+        let numbers = record.iter().map(|cell| {
+            let number = cell.parse::<f64>().ok().filter(|number| number.is_finite());
+            number.ok_or_else(|| format!("line {line}: `{cell}` is not a number"))
+        });
+        match numbers.collect::<Result<Vec<_>, _>>() {
+            Err(what) => mistakes.push(what),
+            Ok(numbers) => {
+                match (&*numbers, rows.last()) {
+                    (&[time, _], None) if time != 0.0 => {
+                        mistakes.push(format!("line {line}: the first time must be 0, when the stage begins, not {time:?}"));
+                        rows.push((time, 0.0));
+                    }
+                    (&[time, _], Some((before, _))) if time <= *before => mistakes.push(format!(
+                        "line {line}: time {time:?} does not come after {before:?}; times must rise"
+                    )),
+                    (&[time, value], _) => rows.push((time, value)),
+                    _ => mistakes.push(format!("line {line} has {} numbers, not 2", numbers.len())),
+                }
+            }
+        }
+    }
+    if mistakes.is_empty() && rows.len() < 2 {
+        mistakes.push("must have two rows at least".to_owned());
+    }
+    if mistakes.is_empty() {
+        return Ok(rows);
+    }
+    if mistakes.len() > SHOWN {
+        let more = mistakes.len() - SHOWN;
+        mistakes.truncate(SHOWN);
+        mistakes.push(format!("{more} more lines have mistakes"));
+    }
+    Err(mistakes)
+}

@@ -1,0 +1,347 @@
+//! Fields, mixing, slopes and flows against what they must be.
+
+use super::{close, close_matrix};
+use crate::packings::{Snapshot, header, particles_at, push, push_force, store};
+use crate::random::Draw;
+use dem_mpi::cell::Shear;
+use dem_mpi::ids::{GlobalId, ShapeId};
+use dem_mpi::math::{Mat3, Vec3};
+use dem_mpi::output::snapshot::Reader;
+use dem_mpi::output::tables::ContactTable;
+use dem_mpi::post::fields::{Fields, Smoothing, Weight};
+use dem_mpi::post::flow::{Passed, Plane, Rate, Window, through_plane};
+use dem_mpi::post::measures::MeasureError;
+use dem_mpi::post::mixing::{Groups, Members, Mixing};
+use dem_mpi::post::region::{Bounds, Region};
+use dem_mpi::post::slope::{Direction, Slope};
+use dem_mpi::post::{Settings, analyse};
+use dem_mpi::random::Random;
+use std::f64::consts::PI;
+use std::process::Command;
+use tempfile::TempDir;
+
+const DIAMETER: f64 = 2e-3;
+
+fn stored(snapshot: &Snapshot) -> (TempDir, Reader) {
+    let folder = tempfile::tempdir().unwrap();
+    store(folder.path(), snapshot);
+    let reader = Reader::open(&folder.path().join("last.vtkhdf")).unwrap();
+    (folder, reader)
+}
+
+/// Balls at these places in a box, without contacts.
+fn balls(high: Vec3, periodic: bool, position: Vec<Vec3>) -> Snapshot {
+    let semi_axes = Vec3::repeat(0.5 * DIAMETER);
+    let mut header = header(Vec3::zeros(), high, periodic, semi_axes, position.len());
+    header.gravity = Vec3::new(0.0, 0.0, -9.81);
+    header.shapes[0].mass = 1e-5;
+    Snapshot { header, particles: particles_at(position), contacts: ContactTable::default() }
+}
+
+/// Balls in disorder in a periodic box, with forces between those that are near, across the faces, too.
+fn crowd() -> Snapshot {
+    let mut dice = Random::of(5, 0);
+    let high = Vec3::new(0.020, 0.016, 0.018);
+    let position = (0..300).map(|_| Vec3::from_fn(|k, _| dice.between(0.0, high[k]))).collect();
+    let mut snapshot = balls(high, true, position);
+    let Snapshot { header, particles, contacts } = &mut snapshot;
+    particles.velocity.iter_mut().for_each(|v| *v = dice.vector(-1.0, 1.0));
+    for a in 0..300 {
+        for b in a + 1..300 {
+            let place = particles.position[a];
+            let branch = header.cell.nearest(particles.position[b] - place);
+            if branch.norm() < DIAMETER {
+                push(contacts, (a as u64, GlobalId(b as u64)), place, branch, branch * 0.5);
+                let (normal, side) = (branch.normalize(), dice.direction());
+                let shear = side - normal * side.dot(&normal);
+                push_force(contacts, normal, 1e-6, dice.between(0.0, 1.0), shear);
+            }
+        }
+    }
+    snapshot
+}
+
+fn smoothing(weight: Weight) -> Smoothing {
+    Smoothing { weight, width: 0.5 * DIAMETER, side: 0.5 * DIAMETER }
+}
+
+#[test]
+fn fields_add_up_to_the_sums_over_all_grains() {
+    let (_folder, reader) = stored(&crowd());
+    let particles = reader.particles(0..300).unwrap();
+    let mass = reader.header().shapes[0].mass;
+    let stress = analyse(&reader, "crowd", Settings::default()).unwrap().report.stress_pa.unwrap();
+    for weight in [Weight::Lucy, Weight::Gauss] {
+        let fields = Fields::of(&reader, Region::Whole, smoothing(weight)).unwrap();
+        assert_eq!(fields.grid.cells, [20, 16, 18]);
+        let cell = fields.grid.volume();
+        close(fields.mass() / (300.0 * mass), 1.0, 1e-13, "mass");
+        let solid = fields.solid_fraction.iter().sum::<f64>() * cell;
+        close(solid / (300.0 * reader.header().shapes[0].volume), 1.0, 1e-13, "volume");
+        let momentum: Vec3 =
+            fields.density.iter().zip(&fields.velocity).map(|(rho, v)| v * *rho * cell).sum();
+        let expected: Vec3 = particles.velocity.iter().map(|v| v * mass).sum();
+        assert!((momentum - expected).norm() < 1e-13 * 300.0 * mass, "{momentum} {expected}");
+        // The global stress, that of the report.
+        let sum: Mat3 = fields.contact_stress.iter().sum();
+        let mean = sum / fields.grid.len() as f64;
+        close_matrix(
+            &(mean / stress.tensor.amax()),
+            &(stress.tensor / stress.tensor.amax()),
+            1e-12,
+            "stress",
+        );
+        // Motion against the mean and motion of the mean are the whole.
+        let kinetic: Mat3 = fields.kinetic_stress.iter().sum::<Mat3>() * cell;
+        let of_mean: Mat3 = fields
+            .density
+            .iter()
+            .zip(&fields.velocity)
+            .map(|(rho, v)| v * v.transpose() * (rho * cell))
+            .sum();
+        let whole: Mat3 = particles.velocity.iter().map(|v| v * v.transpose() * mass).sum();
+        close_matrix(
+            &((kinetic + of_mean) / whole.amax()),
+            &(whole / whole.amax()),
+            1e-12,
+            "motion",
+        );
+        assert!(kinetic.trace() > 0.2 * whole.trace());
+    }
+}
+
+/// Without periods the grid reaches as far as the weights; a region shows a part of the same field.
+#[test]
+fn a_grain_is_spread_as_lucy_s_polynomial() {
+    let (mass, width) = (1e-5, 1e-3);
+    let alone = balls(Vec3::repeat(0.02), false, vec![Vec3::repeat(0.01)]);
+    let (_folder, reader) = stored(&alone);
+    let how = Smoothing { weight: Weight::Lucy, width, side: 0.1 * width };
+    let fields = Fields::of(&reader, Region::Whole, how).unwrap();
+    close(fields.mass() / mass, 1.0, 1e-13, "mass");
+    let range: f64 = 2e-3;
+    let peak = mass * 105.0 / (16.0 * PI * range.powi(3));
+    for (cell, density) in fields.density.iter().enumerate() {
+        let q = (fields.grid.centre(cell) - Vec3::repeat(0.01)).norm() / range;
+        let expected = if q < 1.0 { peak * (1.0 + 3.0 * q) * (1.0 - q).powi(3) } else { 0.0 };
+        close(density / peak, expected / peak, 1e-3, "density");
+    }
+    let half = Bounds { low: Vec3::repeat(0.005), high: Vec3::new(0.01, 0.015, 0.015) };
+    let part = Fields::of(&reader, Region::Box(half), how).unwrap();
+    close(part.mass() / mass, 0.5, 1e-12, "half");
+}
+
+/// Images of a sheared cell carry its flow: balls that move with it have next to no motion against the mean.
+#[test]
+fn a_sheared_cell_is_smooth_across_its_faces() {
+    let mut snapshot = crowd();
+    let shear = Shear { along: 0, across: 2, rate: 30.0, strain: 0.0 };
+    let mut cell = snapshot.header.cell.with_shear(shear).unwrap();
+    (0..7).for_each(|_| cell.advance(1e-3));
+    snapshot.header.cell = cell;
+    snapshot.contacts = ContactTable::default();
+    for (v, place) in snapshot.particles.velocity.iter_mut().zip(&snapshot.particles.position) {
+        *v = cell.flow_at(place);
+    }
+    let (_folder, reader) = stored(&snapshot);
+    let fields = Fields::of(&reader, Region::Whole, smoothing(Weight::Lucy)).unwrap();
+    close(fields.mass() / (300.0 * 1e-5), 1.0, 1e-2, "mass");
+    for (number, velocity) in fields.velocity.iter().enumerate() {
+        if fields.density[number] > 0.0 {
+            let expected = cell.flow_at(&fields.grid.centre(number));
+            // A weight reaches one diameter.
+            assert!((velocity - expected).norm() < 30.0 * DIAMETER, "{velocity} {expected}");
+        }
+    }
+}
+
+#[test]
+fn mixing_is_nothing_apart_and_one_at_random() {
+    let apart = Mixing::of_counts(0, 0.0, &[[7, 7], [0, 0], [5, 0], [9, 9]]).unwrap();
+    assert_eq!((apart.cells, apart.grains), (3, 21));
+    close(apart.index.unwrap(), 0.0, 1e-15, "apart");
+    close(apart.variance_apart, 16.0 / 21.0 * 5.0 / 21.0, 1e-15, "apart");
+    // Shuffled among 60 cells of unequal numbers: the mean of many is 1.
+    let mut dice = Random::of(3, 1);
+    let (mut sum, tries) = (0.0, 400);
+    for _ in 0..tries {
+        let mut left = [600_u64, 240];
+        let counts: Vec<[u64; 2]> = (0..60)
+            .map(|k| {
+                let mut cell = [4 + k % 13, 0];
+                for _ in 0..cell[0] {
+                    let is_first = dice.unit() * (left[0] as f64) < left[1] as f64;
+                    cell[1] += u64::from(is_first);
+                    left = [left[0] - 1, left[1] - u64::from(is_first)];
+                }
+                cell
+            })
+            .collect();
+        sum += Mixing::of_counts(0, 0.0, &counts).unwrap().index.unwrap();
+    }
+    close(sum / f64::from(tries), 1.0, 2e-3, "mean of random mixtures");
+    let one = Mixing::of_counts(0, 0.0, &[[3, 3], [2, 2]]);
+    assert!(matches!(one, Err(MeasureError::OneGroup { grains: 5 })));
+}
+
+/// By place in the first snapshot, by shape, in a box that is periodic or not.
+#[test]
+fn groups_stay_what_they_were() {
+    let places: Vec<Vec3> = (0..64)
+        .map(|k| Vec3::new(f64::from(k % 4), f64::from(k / 4 % 4), f64::from(k / 16)))
+        .map(|place| place.add_scalar(0.5) * DIAMETER)
+        .collect();
+    let first = balls(Vec3::repeat(4.0 * DIAMETER), false, places.clone());
+    let (_folder, start) = stored(&first);
+    let members = Members::of(&Groups::Half(0), &start).unwrap();
+    let index = |reader: &Reader, members: &Members| {
+        Mixing::of(reader, members, Region::Whole, 2.0 * DIAMETER).unwrap().index.unwrap()
+    };
+    assert!(index(&start, &members).abs() < 1e-15);
+    // Every other layer along y comes to the other side: each cell has four of both.
+    let mut later = first.clone();
+    for (place, was) in later.particles.position.iter_mut().zip(&places) {
+        if (was.y / DIAMETER) as u32 % 2 == 1 {
+            place.x = 4.0 * DIAMETER - was.x;
+        }
+    }
+    let (_later, end) = stored(&later);
+    close(index(&end, &members), 1.0 / (1.0 - 7.0 / 63.0), 1e-12, "even");
+    // The same as shapes.
+    later.header.shapes.push(later.header.shapes[0].clone());
+    later.header.shapes[1].name = "red".into();
+    for (shape, was) in later.particles.shape.iter_mut().zip(&places) {
+        *shape = ShapeId(u16::from(was.x > 2.0 * DIAMETER));
+    }
+    let (_shapes, end) = stored(&later);
+    let red = Members::of(&Groups::Shape("red".into()), &end).unwrap();
+    close(index(&end, &red), 1.0 / (1.0 - 7.0 / 63.0), 1e-12, "by shape");
+    let unknown = Members::of(&Groups::Shape("blue".into()), &end).unwrap_err().to_string();
+    assert!(unknown.contains("no shape `blue`; it has: grain, red"), "{unknown}");
+}
+
+/// A cone, and a wedge that rises along y, of balls on a lattice under a surface of a known angle.
+#[test]
+fn the_slope_of_a_cone_is_found() {
+    let steep = |degrees: f64, height: &dyn Fn(f64, f64, f64) -> f64| {
+        let tangent = degrees.to_radians().tan();
+        let mut dice = Random::of(11, 0);
+        let mut places = Vec::new();
+        for k in 0..61 * 61 * 30 {
+            let lattice = Vec3::new(f64::from(k % 61), f64::from(k / 61 % 61), f64::from(k / 3721));
+            let place = (lattice + dice.vector(0.3, 0.7)) * (0.5 * DIAMETER);
+            if place.z < height(place.x, place.y, tangent) {
+                places.push(place);
+            }
+        }
+        balls(Vec3::repeat(0.07), false, places)
+    };
+    for degrees in [15.0, 25.0, 35.0] {
+        let middle = 30.5e-3;
+        let cone =
+            steep(degrees, &|x, y, tangent| (28e-3 - (x - middle).hypot(y - middle)) * tangent);
+        let (_cone, reader) = stored(&cone);
+        let slope = Slope::of(&reader, Region::Whole, Direction::Radial).unwrap();
+        assert!((slope.angle_degrees - degrees).abs() < 0.7, "{degrees}: {slope:?}");
+        let wedge = steep(degrees, &|_, y, tangent| (2e-3 + y).min(0.03) * tangent);
+        let (_wedge, reader) = stored(&wedge);
+        let slope = Slope::of(&reader, Region::Whole, Direction::Y).unwrap();
+        assert!((slope.angle_degrees - degrees).abs() < 0.7, "{degrees}: {slope:?}");
+    }
+    let mut tilted = balls(Vec3::repeat(0.07), false, vec![Vec3::repeat(0.01)]);
+    tilted.header.gravity.x = 1.0;
+    let refused = Slope::of(&stored(&tilted).1, Region::Whole, Direction::X).unwrap_err();
+    assert!(refused.to_string().contains("along -z"), "{refused}");
+}
+
+/// Balls fall in a row, one every 2 ms, and are taken away below: what passes is known.
+#[test]
+fn flow_is_counted_through_a_plane() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut readers = Vec::new();
+    for step in 0..10_u32 {
+        let heights = (0..40).map(|k| 0.0005 + 0.001 * f64::from(k) - 0.003 * f64::from(step));
+        let there: Vec<(u64, f64)> = heights
+            .enumerate()
+            .map(|(k, z)| (k as u64, z + 0.01))
+            .filter(|(_, z)| *z > 0.0)
+            .collect();
+        let places = there.iter().map(|&(_, z)| Vec3::new(0.01, 0.01, z)).collect();
+        let mut snapshot = balls(Vec3::new(0.02, 0.02, 0.06), false, places);
+        snapshot.particles.id = there.iter().map(|&(k, _)| GlobalId(k)).collect();
+        snapshot.header.next_id = 40;
+        snapshot.header.step = 100 * u64::from(step);
+        snapshot.header.time = 1e-3 * f64::from(step);
+        store(folder.path(), &snapshot);
+        readers.push(Reader::open(&folder.path().join("last.vtkhdf")).map_err(MeasureError::from));
+    }
+    let plane = Plane { axis: 2, at: 0.01, up: false };
+    let rows = through_plane(readers.into_iter(), plane).unwrap();
+    assert_eq!(
+        rows.iter().map(|row| row.grains).collect::<Vec<_>>(),
+        (0..10).map(|k| 3.0 * f64::from(k)).collect::<Vec<_>>()
+    );
+    let rate = Rate::of(&rows, Some(Window { from: 2e-3, to: 7e-3 })).unwrap();
+    assert_eq!(rate.rows, 6);
+    close(rate.grains, 3000.0, 1e-9, "rate");
+    close(rate.mass, 0.03, 1e-9, "mass rate");
+    let row = |time_s: f64, mass_kg: f64| Passed { time_s, grains: 0.0, mass_kg };
+    assert!(
+        Rate::of(&[row(0.0, 0.0)], None).unwrap_err().to_string().contains("1 rows in the window")
+    );
+}
+
+/// What the program says of measures that it cannot make, and what it writes of those that it can.
+#[test]
+fn the_program_makes_measures_and_refuses_what_is_none() {
+    let folder = tempfile::tempdir().unwrap();
+    store(folder.path(), &crowd());
+    let table = "step,time,left_below,left_below_kg\n0,0,0,0\n1,0.1,5,0.05\n2,0.2,10,0.1\n";
+    std::fs::write(folder.path().join("history.csv"), table).unwrap();
+    let run = |arguments: &[&str]| {
+        let mut dem_post = Command::new(env!("CARGO_BIN_EXE_dem-post"));
+        let output = dem_post.arg(folder.path()).args(arguments).output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        (output.status.code(), text(output.stdout), text(output.stderr))
+    };
+    for (arguments, says) in [
+        (&["--fields", "3d"][..], "over half of the period along x"),
+        (&["--fields", "0.5d", "--grid", "1d"], "make --grid smaller"),
+        (&["--fields", "0"], "above 0"),
+        (&["--fields", "1e-7"], "most: make --grid larger"),
+        (&["--mixing", "left"], "shape:NAME"),
+        (&["--mixing", "shape:red"], "no shape `red`"),
+        (&["--mixing", "shape:grain"], "all 300 grains of the region are of one group"),
+        (&["--mixing", "half:x", "--region", "0,1e-9,0,1e-9,0,1e-9"], "no "),
+        (&["--slope", "x", "--region", "0,1e-9,0,1e-9,0,1e-9"], "no "),
+        (&["--flow", "z=0.1"], "-z=0.05"),
+        (&["--flow", "-z=0.01"], "z is periodic"),
+        (&["--flow", "outlet:up"], "no outlet `up`; it has: below"),
+        (&["--flow", "outlet:below", "--window", "0.2,0.1"], "the earlier first"),
+        (&["--flow", "outlet:below", "--window", "0.15,0.3"], "1 rows in the window"),
+        (&["--window", "0,1"], "--flow"),
+    ] {
+        let (status, _, message) = run(arguments);
+        assert_eq!(status, Some(2), "{arguments:?}: {message}");
+        assert!(message.contains(says), "{arguments:?}: {message}");
+    }
+    let all = ["--fields", "0.5d", "--vtp", "--mixing", "half:x", "--flow", "outlet:below"];
+    let (status, said, message) = run(&all);
+    assert_eq!(status, Some(0), "{message}");
+    assert!(said.contains("flow: 50 grains/s, 0.5 kg/s from 0 s to 0.2 s (3 rows)"), "{said}");
+    assert!(said.contains("20 x 16 x 18 cells"), "{said}");
+    let out = folder.path().join("post");
+    for file in [
+        "fields_000001000.vtkhdf",
+        "fields_000001000.vti",
+        "fields.pvd",
+        "fields.vtkhdf.series",
+        "mixing.csv",
+    ] {
+        assert!(out.join(file).exists(), "{file}");
+    }
+    let lines = |file: &str| std::fs::read_to_string(out.join(file)).unwrap().lines().count();
+    assert_eq!((lines("mixing.csv"), lines("flow.csv")), (2, 4));
+    assert!(lines("fields_000001000.csv") > 5000);
+    assert!(std::fs::read_to_string(out.join("index.html")).unwrap().contains("id=\"flow\""));
+}

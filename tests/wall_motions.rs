@@ -1,0 +1,448 @@
+//! What walls do on grains, torque and power; walls that move by oscillations and tables.
+
+use crate::support::{Bench, MATERIAL, ball, begun, close, expect_refused, save, scene, schedule};
+use crate::walls::the_same_on_any_ranks;
+use dem_mpi::comm::threads;
+use dem_mpi::ids::Slot;
+use dem_mpi::math::Vec3;
+use dem_mpi::particles::records::Particle;
+use dem_mpi::scene::assemble::{self, Continuation};
+use dem_mpi::sim::run::run;
+use std::path::Path;
+
+const RADIUS: f64 = 0.01;
+
+/// A ball over a floor, of a material with these keys besides.
+fn on_floor(wall: &str, law: &str, own: &str) -> String {
+    format!(
+        r#"
+gravity = [0, 0, -9.81]
+[law]
+{law}
+[domain]
+low = [-0.2, -0.2, -0.2]
+high = [0.2, 0.2, 0.2]
+[[wall]]
+name = "floor"
+point = [0, 0, 0]
+normal = [0, 0, 1]
+{wall}
+[[material]]
+name = "glass"
+density = 2500
+normal_stiffness = 1e6
+{own}
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = {RADIUS:?}
+[[fill.lattice]]
+first = [0, 0, 0.05]
+count = [1, 1, 1]
+[time]
+step = 1e-5
+steps = 1
+[output]
+directory = "out"
+"#
+    )
+}
+
+/// A ball that rubs, twists and rolls on a floor at rest: what it loses of its angular momentum about the point, gravity aside,
+/// the floor gets.
+#[test]
+fn the_torque_on_a_wall_is_what_the_ball_loses() {
+    let point = Vec3::new(0.03, -0.02, -0.05);
+    let text = on_floor(
+        "torque_about = [0.03, -0.02, -0.05]",
+        "rolling = \"spring\"\ntwisting = \"spring\"",
+        "friction = 0.5\nrolling_friction = 0.05\ntwisting_friction = 0.1\nrestitution = 0.3",
+    );
+    let scene = scene(&text);
+    let mass = scene.library.mass[0];
+    let inertia = 0.4 * mass * RADIUS * RADIUS;
+    let start = Vec3::new(0.05, 0.01, RADIUS - mass * 9.81 / 1e6);
+    let mut bench = Bench::of(
+        &scene,
+        &[Particle {
+            angular_velocity: Vec3::new(3.0, 5.0, 40.0),
+            ..ball(0, 0, start, Vec3::new(0.3, -0.1, 0.0))
+        }],
+    );
+    let momentum = |bench: &Bench| {
+        let p = &bench.sim.particles;
+        let moving = mass * (p.position[0] - point).cross(&p.velocity[0]);
+        moving + inertia * p.angular_velocity_of(Slot(0))
+    };
+    let weight = Vec3::new(0.0, 0.0, -9.81 * mass);
+    let of_gravity = |bench: &Bench| (bench.sim.particles.position[0] - point).cross(&weight);
+    let torque = |bench: &mut Bench| {
+        let m = bench.measure();
+        bench.sim.particles.walls[0].torque_of(&m.wall_torques[0], &m.wall_forces[0])
+    };
+    let (dt, before) = (bench.sim.dt, momentum(&bench));
+    let mut given = Vec3::zeros();
+    let mut of_weight = Vec3::zeros();
+    for _ in 0..500 {
+        given += 0.5 * dt * torque(&mut bench);
+        of_weight += 0.5 * dt * of_gravity(&bench);
+        bench.step();
+        given += 0.5 * dt * torque(&mut bench);
+        of_weight += 0.5 * dt * of_gravity(&bench);
+    }
+    let lost = before + of_weight - momentum(&bench);
+    println!("lost {lost:?}, given {given:?}: off by {:e}", (given - lost).norm() / lost.norm());
+    assert!((given - lost).norm() < 1e-10 * lost.norm());
+    // The twisting is a moment of its own: it lies in no arm.
+    let m = bench.measure();
+    let arms = bench.sim.particles.position[0].cross(&m.wall_forces[0]);
+    assert!((m.wall_torques[0] - arms).z.abs() > 0.5 * 0.1 * mass * 9.81 * RADIUS);
+}
+
+/// A turntable carries a ball at its side: torque and power have closed forms.
+#[test]
+fn a_turntable_needs_the_power_that_friction_takes() {
+    let rate = 30.0;
+    let wall = format!("rotation = {{ about = [0, 0, 0], axis = [0, 0, 1], rate = {rate:?} }}");
+    let scene = scene(&on_floor(&wall, "", "friction = 0.2"));
+    let mass = scene.library.mass[0];
+    let (side, pressed) = (0.1, mass * 9.81 / 1e6);
+    // It slides for long: its first moment is that of a table that rubs along y.
+    let mut bench =
+        Bench::of(&scene, &[ball(0, 0, Vec3::new(side, 0.0, RADIUS - pressed), Vec3::zeros())]);
+    let before = bench.measure();
+    let (dt, mut given) = (bench.sim.dt, 0.0);
+    let mut power = 0.0;
+    let steps = 400;
+    for step in 0..steps {
+        bench.step();
+        let m = bench.measure();
+        let now = bench.sim.particles.walls[0].power(&m.wall_forces[0], &m.wall_torques[0]);
+        given += 0.5 * dt * (power + now);
+        power = now;
+        if step == 100 {
+            close(m.wall_torques[0].z, -0.2 * mass * 9.81 * side, 1e-6, "torque");
+            close(power, 0.2 * mass * 9.81 * side * rate, 1e-6, "power");
+            assert_eq!(power, -rate * m.wall_torques[0].z);
+        }
+    }
+    let received = bench.measure().received - before.received;
+    close(given, received, 1e-10, "work of the table");
+}
+
+/// A drum of four planes about y.
+fn drum(rows: u64) -> String {
+    format!(
+        r#"
+gravity = [0, 0, -9.81]
+[domain]
+low = [-0.02, 0, -0.02]
+high = [0.02, 0.01, 0.02]
+periodic = [false, true, false]
+[law]
+rolling = "spring"
+[[wall]]
+name = "drum"
+planes = [
+    {{ point = [-0.012, 0, 0], normal = [1, 0, 0] }},
+    {{ point = [0.012, 0, 0], normal = [-1, 0, 0] }},
+    {{ point = [0, 0, -0.012], normal = [0, 0, 1] }},
+    {{ point = [0, 0, 0.012], normal = [0, 0, -1] }},
+]
+rotation = {{ about = [0, 0, 0], axis = [0, 1, 0], rate = 30 }}
+torque_about = [0.001, 0, 0.002]
+[time]
+step = 5e-6
+steps = 6000
+[output]
+directory = "out"
+history_every = {rows}
+{MATERIAL}
+rolling_friction = 0.1
+[[shape]]
+name = "egg"
+kind = "ellipsoid"
+semi_axes = [0.001, 0.0008, 0.0009]
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = 0.0009
+[[fill.lattice]]
+shapes = ["egg", "ball"]
+low = [-0.01, 0, -0.01]
+high = [0.01, 0.01, 0.005]
+spacing = 0.0022
+"#
+    )
+}
+
+/// A column of a history.
+fn column(table: &str, name: &str) -> Vec<f64> {
+    let mut rows = csv::Reader::from_reader(table.as_bytes());
+    let place = rows.headers().unwrap().iter().position(|column| column == name);
+    let place = place.unwrap_or_else(|| panic!("no column {name}"));
+    rows.records().map(|row| row.unwrap()[place].parse().unwrap()).collect()
+}
+
+/// The history of a scene on so many ranks.
+fn history(text: &str, ranks: u32, steps: u64) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene(text);
+    threads::run(ranks, |comm| {
+        let mut sim = assemble::assemble(&scene, comm);
+        assemble::fill(&mut sim, &scene, comm);
+        run(&mut sim, &schedule(&scene, steps, folder.path()), comm, &mut |_| {}).unwrap();
+    });
+    std::fs::read_to_string(folder.path().join("history.csv")).unwrap()
+}
+
+/// Of ellipsoids and balls that roll with resistance: what the drum does in all is what its grains have received.
+#[test]
+fn power_adds_up_to_what_grains_receive_on_any_ranks() {
+    let (text, steps) = (drum(1), 6000);
+    let table = history(&text, 1, steps);
+    assert!(table == history(&text, 3, steps), "3 ranks");
+    let [power, received] = ["power_drum_W", "received_J"].map(|name| column(&table, name));
+    let work: f64 = power.windows(2).map(|two| 0.5 * (two[0] + two[1]) * 5e-6).sum();
+    close(work, received[received.len() - 1] - received[0], 1e-3, "work");
+    let torque = |axis: &str| column(&table, &format!("torque_drum_{axis}_N_m"));
+    let force = |axis: &str| column(&table, &format!("force_drum_{axis}_N"));
+    let (torque, x, z) = (torque("y"), force("x"), force("z"));
+    for row in (0..power.len()).step_by(50) {
+        let about_axis = torque[row] + 0.002 * x[row] - 0.001 * z[row];
+        assert!((power[row] + 30.0 * about_axis).abs() < 1e-9 * power[row].abs() + 1e-15);
+    }
+    let turned = column(&table, "turned_drum_y_rad");
+    assert!((turned[6000] - 30.0 * 0.03).abs() < 1e-12);
+}
+
+#[test]
+fn a_point_for_the_torque_must_be_one() {
+    expect_refused(
+        &drum(1),
+        "torque_about = [0.001, 0, 0.002]",
+        "torque_about = 3",
+        "torque_about",
+    );
+}
+
+/// A ball that rests on a floor, which begins to shake below it: base-excited, without dashpots, `z = A (sin ωt - r sin ω₀t) / (1 - r²)`
+/// with `r = ω/ω₀`, as long as it presses.
+#[test]
+fn a_ball_on_a_shaking_floor_moves_as_the_oscillator() {
+    let (amplitude, frequency) = (4e-7, 200.0);
+    let off = |dt: f64| {
+        let shaking = format!(
+            "[[motion]]\nwalls = [\"floor\"]\nalong = [0, 0, 2]\namplitude = {amplitude:?}\nfrequency = {frequency:?}\n"
+        );
+        let text = on_floor("", "", "") + &shaking;
+        let scene = scene(&text.replace("step = 1e-5", &format!("step = {dt:?}")));
+        let mass = scene.library.mass[0];
+        let (omega, own) = (std::f64::consts::TAU * frequency, (1e6 / mass).sqrt());
+        let height = RADIUS - mass * 9.81 / 1e6;
+        // The floor is at full speed at once, and the ball at rest.
+        let mut bench = Bench::of(&scene, &[ball(0, 0, Vec3::z() * height, Vec3::zeros())]);
+        let before = bench.measure();
+        let ratio = omega / own;
+        let mut worst: f64 = 0.0;
+        for step in 1..=(0.01 / dt).round() as u64 {
+            bench.step();
+            let time = step as f64 * dt;
+            let expected = amplitude * ((omega * time).sin() - ratio * (own * time).sin())
+                / (1.0 - ratio * ratio);
+            worst = worst.max((bench.sim.particles.position[0].z - height - expected).abs());
+        }
+        let after = bench.measure();
+        let given = after.received - before.received;
+        let missing = (after.missing() - before.missing()).abs();
+        println!(
+            "step {dt:e}: off by {:.1e} of the amplitude, missing {missing:e} J of {given:e} J",
+            worst / amplitude
+        );
+        assert!(missing < 1e-6 * given.abs().max(after.kinetic()) + 1e-6 * after.stored);
+        let floor = bench.sim.particles.walls[0].point.z;
+        assert!((floor - amplitude * (omega * 0.01).sin()).abs() < 1e-18);
+        worst / amplitude
+    };
+    let [long, short] = [off(4e-6), off(1e-6)];
+    assert!(long < 0.01 && short < long / 12.0, "{long:e} {short:e}");
+}
+
+/// A drum that turns to and fro by an oscillation, and is shaken as a table says.
+fn shaken(table: &Path, interpolation: &str) -> String {
+    let turning = "rotation = { about = [0, 0, 0], axis = [0, 1, 0], rate = 30 }\n";
+    drum(100).replace(turning, "")
+        + &format!(
+            r#"
+[[motion]]
+walls = ["drum"]
+about = [0, 0, 0]
+axis = [0, 1, 0]
+amplitude = 40
+frequency = 12
+phase = 30
+[[motion]]
+walls = ["drum"]
+along = [1, 0, 1]
+table = "{}"
+interpolation = "{interpolation}"
+"#,
+            table.display()
+        )
+}
+
+/// Place and turn are functions of the step alone, the energy balance closes, and no rank nor a restart shows.
+#[test]
+fn a_shaken_drum_has_the_same_bits_on_any_ranks_and_gives_what_its_grains_lose() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = folder.path().join("shake.csv");
+    std::fs::write(
+        &table,
+        "# lifted\ntime_s,displacement_m\n0,1\n0.01,1.0005\n0.015,1.0015\n0.02,1.001\n",
+    )
+    .unwrap();
+    for interpolation in ["linear", "smooth"] {
+        let scene = scene(&shaken(&table, interpolation));
+        let (grains, scalars) = the_same_on_any_ranks(&scene, 6000);
+        let scalar = |k: usize| f64::from_bits(scalars[k]);
+        // The wall's place is in the scalars after 2 counts and 6 energies.
+        let point = Vec3::new(scalar(8), scalar(9), scalar(10));
+        let expected = Vec3::new(1.0, 0.0, 1.0).normalize() * 0.001;
+        assert!((point - expected).norm() < 1e-15, "{point:?}");
+        let angle = 40f64.to_radians()
+            * ((std::f64::consts::TAU * 12.0 * 0.03 + std::f64::consts::FRAC_PI_6).sin() - 0.5);
+        let turned = 2.0 * f64::atan2(scalar(12), scalar(14));
+        assert!((turned - angle).abs() < 1e-14, "{turned} {angle}");
+        let [dissipated, received, missing] = [2, 3, 4].map(scalar);
+        println!(
+            "{interpolation}: {} grains, received {received:e} J, dissipated {dissipated:e} J, missing {missing:e} J",
+            grains.len()
+        );
+        assert!(
+            missing.abs() < 1e-5 * dissipated && received > 0.0,
+            "{missing:e} of {dissipated:e}"
+        );
+    }
+}
+
+#[test]
+fn bad_tables_are_refused_with_their_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = folder.path().join("shake.csv");
+    let good = "time_s,displacement_m\n0,0\n0.01,0.0005\n\n# then\n0.02,0.001\n";
+    std::fs::write(&table, good).unwrap();
+    let text = shaken(&table, "linear");
+    scene(&text);
+    for (from, to, said) in [
+        ("0.02,0.001", "0.01,0.001", "line 6: time 0.01 does not come after 0.01"),
+        ("0,0\n", "0.1,0\n", "line 2: the first time must be 0"),
+        ("0.001\n", "up\n", "line 6: `up` is not a number"),
+        ("0.0005", "0.0005,3", "line 3 has 3 numbers, not 2"),
+        (
+            "displacement_m",
+            "angle_deg",
+            "must have the columns time_s,displacement_m; it has time_s,angle_deg",
+        ),
+        ("0.01,0.0005\n\n# then\n0.02,0.001\n", "", "must have two rows at least"),
+    ] {
+        std::fs::write(&table, good.replacen(from, to, 1)).unwrap();
+        expect_refused(&text, "[[motion]]", "[[motion]]", said);
+    }
+    std::fs::write(&table, good).unwrap();
+    for (from, to, said) in [
+        ("frequency = 12", "frequency = 1e5", "motions must be slower by a factor"),
+        ("walls = [\"drum\"]\nabout", "walls = [\"drums\"]\nabout", "no such wall"),
+        ("along = [1, 0, 1]", "amplitude = 2", "`along` is missing"),
+        ("along = [1, 0, 1]", "along = [1, 0, 1]\nabout = [0, 0, 0]", "stands beside `along`"),
+        (
+            "along = [1, 0, 1]",
+            "about = [0, 0, 0]\naxis = [0, 1, 0]",
+            "must have the columns time_s,angle_deg",
+        ),
+        (
+            "axis = [0, 1, 0]\namplitude",
+            "axis = [1, 1, 0]\namplitude",
+            "must lie along y, which is periodic",
+        ),
+    ] {
+        expect_refused(&text, from, to, said);
+    }
+}
+
+/// Up and down, and to and fro about a point beside the ball.
+const SWINGING: &str = "
+[[motion]]
+walls = [\"floor\"]
+along = [0, 0, 1]
+amplitude = 1e-3
+frequency = 5
+[[motion]]
+walls = [\"floor\"]
+about = [0.02, 0, 0]
+axis = [0, 1, 0]
+amplitude = 3
+frequency = 10
+phase = -90
+";
+
+/// A floor of triangles that swings is a plane that does.
+#[test]
+fn triangles_swing_as_a_plane() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("floor.obj");
+    let corners = "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\n";
+    std::fs::write(&file, format!("{corners}f 1 2 3\nf 1 3 4\n")).unwrap();
+    let plane = on_floor("", "", "friction = 0.3") + SWINGING;
+    let mesh = format!("mesh = \"{}\"", file.display());
+    let of_triangles = plane.replace("point = [0, 0, 0]\nnormal = [0, 0, 1]", &mesh);
+    assert!(plane != of_triangles);
+    let start = ball(0, 0, Vec3::new(0.013, 0.001, RADIUS), Vec3::zeros());
+    let mut benches =
+        [plane, of_triangles].map(|text| Bench::new(&text, std::slice::from_ref(&start)));
+    let mut touched = 0;
+    for _ in 0..5000 {
+        benches.iter_mut().for_each(Bench::step);
+        let [on_plane, on_mesh] = benches.each_ref().map(|bench| bench.sim.particles.position[0]);
+        assert!((on_plane - on_mesh).norm() < 1e-11 * RADIUS, "{on_plane:?} {on_mesh:?}");
+        touched += benches[1].sim.contacts.len();
+    }
+    let [power, of_mesh] = benches.each_mut().map(|bench| {
+        let m = bench.measure();
+        bench.sim.particles.walls[0].power(&m.wall_forces[0], &m.wall_torques[0])
+    });
+    println!("{touched} touches, power {power:e} {of_mesh:e}");
+    assert!(touched > 1000 && (power - of_mesh).abs() <= 1e-9 * power.abs());
+    assert!(benches[1].sim.particles.velocity[0].x.abs() > 1e-3);
+}
+
+/// With another step a course goes on within its stage; in another stage it begins anew from where the wall stands.
+#[test]
+fn courses_and_stages() {
+    let way = |time: f64| 1e-3 * (std::f64::consts::TAU * 5.0 * time).sin();
+    let text = on_floor("", "", "friction = 0.3") + SWINGING;
+    let folder = tempfile::tempdir().unwrap();
+    let begun_with = scene(&text);
+    threads::run(1, |comm| {
+        let mut sim = begun(&begun_with, comm);
+        (0..100).for_each(|_| sim.step(comm).unwrap());
+        save(&sim, folder.path(), &begun_with, comm);
+    });
+    let shorter = text.replace("step = 1e-5", "step = 5e-6");
+    for (text, continuation, expected) in [
+        (&text, Continuation::SameStage, way(150e-5)),
+        (&shorter, Continuation::SameStage, way(100e-5 + 50.0 * 5e-6)),
+        (&text, Continuation::NewStage, way(100e-5) + way(50e-5)),
+    ] {
+        let scene = scene(text);
+        let place = threads::run(1, |comm| {
+            let mut sim = assemble::assemble(&scene, comm);
+            assemble::take_up(&mut sim, &scene, folder.path(), continuation, comm).unwrap();
+            if continuation == Continuation::NewStage {
+                sim.begin(comm).unwrap();
+            }
+            (0..50).for_each(|_| sim.step(comm).unwrap());
+            sim.particles.walls[0].point.z
+        });
+        assert!((place[0] - expected).abs() < 1e-17, "{continuation:?}: {place:?} {expected}");
+    }
+}
