@@ -94,7 +94,7 @@ impl OfWall {
     }
 }
 
-const COLUMNS: [&str; 24] = [
+const COLUMNS: [&str; 25] = [
     "step",
     "time_s",
     "particles",
@@ -112,6 +112,7 @@ const COLUMNS: [&str; 24] = [
     "dissipated_by_friction_J",
     "dissipated_by_turning_J",
     "dissipated_by_damping_J",
+    "dissipated_by_adhesion_J",
     "received_J",
     "missing_J",
     "mean_normal_force_N",
@@ -222,7 +223,7 @@ impl History {
         let counts = [step.to_string(), time.to_string()]
             .into_iter()
             .chain([m.particles, m.contacts, m.wall_contacts].map(|count| count.to_string()));
-        let [of_friction, of_turning, of_damping] = m.channels;
+        let [of_friction, of_turning, of_damping, of_adhesion] = m.channels;
         let numbers = [
             m.coordination(),
             m.kinetic(),
@@ -236,6 +237,7 @@ impl History {
             of_friction,
             of_turning,
             of_damping,
+            of_adhesion,
             m.received,
             m.missing(),
             m.mean_normal_force,
