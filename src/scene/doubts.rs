@@ -79,16 +79,23 @@ fn triangles_elsewhere(scene: &Scene) -> Option<String> {
 fn pressed_flat(scene: &Scene) -> Option<String> {
     let stress = scene.servos.iter().map(|servo| servo.stress).fold(0.0, f64::max);
     let law = scene.force_law();
-    let overlap = |(shape, scale)| {
+    if stress == 0.0 {
+        return None;
+    }
+    let mean = |(shape, scale)| {
         let body = Body::of(&scene.library, shape, scale);
         let volume = scene.library.shapes[shape.index()].volume() * scale.powi(3);
         let diameter = libm::cbrt(6.0 * volume / std::f64::consts::PI);
         stress * diameter / law.hardest(&body, 0.5 * body.mass).stiffness
     };
-    let deepest = scene.library.extremes().map(overlap).fold(0.0, f64::max);
+    // Where contacts stiffen with load, the law knows how far the few most loaded ones will be pressed.
+    let (how, deepest) = match law.hardest_up_to() {
+        Some(over_radius) => ("up to", 0.5 * over_radius),
+        None => ("some", scene.library.extremes().map(mean).fold(0.0, f64::max)),
+    };
     (deepest > DEEPEST_START).then(|| {
         format!(
-            "a servo of {stress:e} Pa presses grains into each other by some {:.0} % of their diameter; DEM commonly permits \
+            "a servo of {stress:e} Pa presses grains into each other by {how} {:.0} % of their diameter; DEM commonly permits \
              {} %: make contacts stiffer or the stress smaller",
             100.0 * deepest,
             100.0 * DEEPEST_START

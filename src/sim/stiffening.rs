@@ -4,6 +4,9 @@ use super::Simulation;
 use super::watch::{Fault, over_the_limit};
 use crate::law::stability::time_step_limit;
 
+/// The part of the stable limit from which on a step that was far from it is told to be near.
+const NEAR: f64 = 0.9;
+
 /// The limit that the step was found for, and what has become of it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stiffening {
@@ -33,11 +36,11 @@ impl Stiffening {
         self.limit * (self.meant / overlap).powf(0.25)
     }
 
-    /// A sentence about an overlap over the radius, if it is beyond what was meant.
+    /// A sentence about an overlap over the radius, if it is beyond what was meant and leaves little of the step or nothing.
     pub(super) fn words(&self, overlap: f64) -> Option<String> {
         let Self { meant, dt, .. } = *self;
         let limit = self.limit_at(overlap);
-        if overlap <= meant {
+        if overlap <= meant || dt <= NEAR * limit {
             None
         } else if dt <= limit {
             Some(format!(

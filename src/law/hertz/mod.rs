@@ -420,7 +420,7 @@ impl Model for Hertz {
     fn words(&self, a: MaterialId, b: MaterialId) -> String {
         let constants = self.settings.interactions.of(a, b);
         format!(
-            "E* {:.4e} Pa, G* {:.4e} Pa, friction {}, damping ratio {:.4}, step for overlaps up to {} of a {}{}",
+            "E* {:.4e} Pa, G* {:.4e} Pa, friction {}, damping ratio {:.4}, step for overlaps up to {:.3} of a {}{}",
             constants.modulus,
             constants.shear_modulus,
             constants.friction,
