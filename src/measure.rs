@@ -24,7 +24,7 @@ pub struct Departed {
     /// What had been dissipated at them.
     pub dissipated: f64,
     /// The parts of that, see [`Quantity::CHANNELS`].
-    pub channels: [f64; 3],
+    pub channels: [f64; 4],
 }
 
 /// The scalars of a moment.
@@ -48,8 +48,9 @@ pub struct Measures {
     pub step_energy: f64,
     /// Energy dissipated so far [J].
     pub dissipated: f64,
-    /// The parts of that which friction, resistance to turning and global damping took, see [`Quantity::CHANNELS`] [J].
-    pub channels: [f64; 3],
+    /// The parts of that which friction, resistance to turning, global damping and adhesion took, see
+    /// [`Quantity::CHANNELS`] [J].
+    pub channels: [f64; 4],
     /// Energy that came in with particles and from moving walls so far, less what went out with particles [J].
     pub received: f64,
     /// Mean normal force between particles [N].
@@ -107,8 +108,8 @@ impl Measures {
 
     /// What normal dashpots have dissipated: the rest [J].
     pub fn of_dashpots(&self) -> f64 {
-        let [friction, turning, damping] = self.channels;
-        self.dissipated - friction - turning - damping
+        let [friction, turning, damping, adhesion] = self.channels;
+        self.dissipated - friction - turning - damping - adhesion
     }
 
     /// Kinetic and elastic energy: what moves, and comes and goes with the motion [J].
@@ -180,6 +181,7 @@ enum Of {
     Rubbed,
     Turned,
     Damped,
+    Parted,
     Received,
     NormalForce,
     /// Of a particle: its contacts and gravity.
@@ -190,7 +192,7 @@ enum Of {
 }
 
 /// Those of [`Quantity::CHANNELS`].
-const CHANNELS: [Of; 3] = [Of::Rubbed, Of::Turned, Of::Damped];
+const CHANNELS: [Of; 4] = [Of::Rubbed, Of::Turned, Of::Damped, Of::Parted];
 
 /// Measures the whole system at the end of a step of `dt` [s]. Collective.
 pub fn measure(

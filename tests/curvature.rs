@@ -240,3 +240,19 @@ fn forces_are_the_gradient_of_the_energy() {
     }
     println!("forces off by {:.1e}, moments by {:.1e} of the force", worst[0], worst[1]);
 }
+
+/// What a cap on the radii of flat sides would do, as the guide has it: forces on a side and on a face over that on a corner.
+#[test]
+fn a_cap_on_flat_sides_would_make_the_energy_jump() {
+    for (cap, on_side, on_face) in
+        [(2.0_f64, 1.20, 1.41), (5.0, 1.58, 2.24), (10.0, 1.97, 3.16), (50.0, 3.49, 7.07)]
+    {
+        // √Re F2^(-3/2), with the rounding of the edges for 1.
+        let side = cap.sqrt().sqrt() * stiffening_of_ratio(cap);
+        let face = cap.sqrt() * stiffening_of_ratio(1.0);
+        assert!(
+            (side - on_side).abs() < 6e-3 && (face - on_face).abs() < 6e-3,
+            "{cap}: {side} {face}"
+        );
+    }
+}

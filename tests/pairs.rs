@@ -261,6 +261,52 @@ fn defaults_are_the_papers() {
     assert_eq!(Epa::default().tolerance, 1e-8);
 }
 
+/// `--law` with JKR across a gap: nothing in a pair that has not touched, the theory's force and energy in one that has, and nothing
+/// beyond the gap at which contacts end.
+#[test]
+fn a_law_says_what_acts_across_a_gap() {
+    let (radius, modulus, work) = (1e-3_f64, 0.5 * 1e8 / (1.0 - 0.09), 0.1_f64);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.toml");
+    let scene = "domain = { low = [0, 0, 0], high = [1, 1, 1] }\nlaw = { normal = \"hertz\", adhesion = \"jkr\" }\n\
+        material = [{ name = \"m\", density = 2500, youngs_modulus = 1e8, poisson_ratio = 0.3, surface_energy = 0.05, \
+        friction = 0.5, restitution = 0.5 }]\n\
+        shape = [{ name = \"ball\", kind = \"sphere\", radius = 0.01 }]\ntime = { step = 1e-7, steps = 1 }\n\
+        output = { directory = \"out\" }\nfill.lattice = [{ first = [0.5, 0.5, 0.5], count = [1, 1, 1] }]\n";
+    std::fs::write(&path, scene).unwrap();
+    // A contact radius for which both surfaces are apart.
+    let reduced = 0.5 * radius;
+    let pi = std::f64::consts::PI;
+    let a = 0.6 * (2.0 * pi * work * reduced * reduced / modulus).cbrt();
+    let gap = (2.0 * pi * work * a / modulus).sqrt() - a * a / reduced;
+    let force =
+        4.0 / 3.0 * modulus * a.powi(3) / reduced - (8.0 * pi * work * modulus * a.powi(3)).sqrt();
+    let energy = 8.0 / 15.0 * modulus * a.powi(5) / (reduced * reduced)
+        - 2.0 / 3.0 * (8.0 * pi * work * modulus).sqrt() * a.powf(3.5) / reduced
+        + pi * work * a * a;
+    for (touched, gap, force, energy) in
+        [(true, gap, force, energy), (false, gap, 0.0, 0.0), (true, 2.0 * gap, 0.0, 0.0)]
+    {
+        let pair = format!(
+            "{{\"id\": \"p\", \"rA\": {radius}, \"rB\": {radius}, \"cA\": [0, 0, 0], \"cB\": [0, {}, 0]}}\n",
+            2.0 * radius + gap
+        );
+        let mut arguments = vec!["-", "--repeats", "0", "--law", path.to_str().unwrap()];
+        arguments.extend(touched.then_some("--touched"));
+        let output = dem_contact(&arguments, &pair);
+        let row = &rows(&output.stdout)[0];
+        // The gap is the difference of lengths of 2 mm.
+        let close = |found: f64, expected: f64| (found - expected).abs() <= 1e-6 * expected.abs();
+        let found = vector(row, "law_F");
+        assert!(
+            close(found.y, force) && found.x == 0.0,
+            "{found} N, {force:e} N, {}",
+            said(&output)
+        );
+        assert!(close(number(row, "law_energy"), energy), "{} J, {energy:e} J", row["law_energy"]);
+    }
+}
+
 /// `--law` has the force, moment and energy of the scene's law: two balls with Hertz' contact and adhesion, and with linear springs.
 #[test]
 fn a_law_says_what_acts() {
@@ -306,6 +352,9 @@ fn a_law_says_what_acts() {
         assert!(vector(row, "law_M").norm() < 1e-18);
         assert!(close(number(row, "law_energy"), energy), "{} J, {energy:e} J", row["law_energy"]);
     }
+    let to_law = path.to_str().unwrap();
+    let touched = dem_contact(&["-", "--law", to_law, "--touched"], &pair);
+    assert!(said(&touched).contains("only those of adhesion = \"jkr\""), "{}", said(&touched));
     let egg = "id,aA,bA,cA,aB,bB,cB,xA,yA,zA,qwA,qxA,qyA,qzA,xB,yB,zB,qwB,qxB,qyB,qzB\n\
                e,1,1,2,1,1,1,0,0,0,1,0,0,0,0,0,2.9,1,0,0,0\n";
     let output = dem_contact(&["-", "--law", path.to_str().unwrap()], egg);

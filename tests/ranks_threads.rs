@@ -109,7 +109,7 @@ struct OnRank {
 
 fn part(sim: &Simulation, comm: &mut dyn Comm) -> OnRank {
     let m = sim.measure(comm);
-    let [friction, turning, damping] = m.channels;
+    let [friction, turning, damping, adhesion] = m.channels;
     let scalars = [
         m.kinetic(),
         m.gravity,
@@ -117,6 +117,7 @@ fn part(sim: &Simulation, comm: &mut dyn Comm) -> OnRank {
         friction,
         turning,
         damping,
+        adhesion,
         m.dissipated,
         m.received,
         m.mean_normal_force,
@@ -270,6 +271,32 @@ fn a_hertzian_crowd_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
             let again = restarted(&scene, 2000, before, after, folder.path());
             expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
         }
+    }
+}
+
+/// Bodies whose curvature follows from differences, one by one.
+#[test]
+fn hertzian_superellipsoids_are_the_same_on_any_number_of_ranks_and_after_a_restart() {
+    let text = elastic_crowd(false)
+        .text
+        .replace(
+            "kind = \"ellipsoid\"\ndiameter = 0.003\naspect_ratio = 2.0",
+            "kind = \"superellipsoid\"\nsemi_axes = [0.0012, 0.0012, 0.002]\nexponents = [0.6, 0.8]",
+        )
+        .replace(
+            "kind = \"ellipsoid\"\nsemi_axes = [0.0016, 0.0014, 0.0008]",
+            "kind = \"superellipsoid\"\nsemi_axes = [0.0016, 0.0014, 0.001]\nexponents = [1.2, 0.7]",
+        );
+    let scene = scene(&text);
+    let (alone, _) = run(&scene, 1, 1000);
+    assert!(alone.records.len() > 200, "a crowd: {} contacts", alone.records.len());
+    for ranks in [2, 3, 4, 8] {
+        expect_same(&alone, &run(&scene, ranks, 1000).0, &format!("{ranks} ranks"));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for (before, after) in [(1, 3), (8, 1)] {
+        let again = restarted(&scene, 1000, before, after, folder.path());
+        expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
     }
 }
 

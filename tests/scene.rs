@@ -581,7 +581,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "no insertion: no rain, no inlet",
         "no work of walls: none moves",
         "not in snapshots: scale, quaternion, angular_velocity, torque, dissipated_by_friction, dissipated_by_turning, \
-         dissipated_by_damping, image, angular_momentum",
+         dissipated_by_damping, dissipated_by_adhesion, image, angular_momentum",
         "no walls on these sides of the domain: -x, +x, -y, +y, -z, +z",
         &bytes,
         "24 bytes in the message of each step",
@@ -604,6 +604,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         friction: true,
         turning: false,
         damping: true,
+        adhesion: false,
     };
     assert_eq!(scene.needs(), needs);
     let all = plan(&scene, 4);
@@ -617,12 +618,12 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
          orientation, angular momentum; counts of periods; scales",
         "104 bytes in the message of each step",
         "audit           every 500 steps about 30 contacts resolved again",
-        "Left out\n  not in snapshots: dissipated_by_turning\n",
+        "Left out\n  not in snapshots: dissipated_by_turning, dissipated_by_adhesion\n",
     ] {
         assert!(all.contains(line), "no \"{line}\" in\n{all}");
     }
     let without = plan(&with(&["audit={every = 0}"])?, 4);
-    assert!(without.contains("Left out\n  no audit of contacts: audit.every = 0\n  not in snapshots: dissipated_by_turning\n"), "{without}");
+    assert!(without.contains("Left out\n  no audit of contacts: audit.every = 0\n  not in snapshots: dissipated_by_turning, dissipated_by_adhesion\n"), "{without}");
     let late = with(&["time.steps=20"])?;
     assert!(plan(&late, 4).contains("the last layers of rain will not fall"));
     Ok(())

@@ -7,6 +7,7 @@ use dem_mpi::ids::Slot;
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::scene::assemble::{self, Continuation};
+use dem_mpi::scene::doubts::doubts;
 use dem_mpi::sim::run::run;
 use std::path::Path;
 
@@ -445,4 +446,14 @@ fn courses_and_stages() {
         });
         assert!((place[0] - expected).abs() < 1e-17, "{continuation:?}: {place:?} {expected}");
     }
+}
+
+/// An oscillation that falls between the steps is told.
+#[test]
+fn steps_that_do_not_follow_are_told() {
+    let text = on_floor("", "", "") + SWINGING;
+    assert_eq!(doubts(&scene(&text)), Vec::<String>::new());
+    let fast = text.replace("amplitude = 1e-3\nfrequency = 5", "amplitude = 1e-9\nfrequency = 1e4");
+    let doubts = doubts(&scene(&fast));
+    assert!(matches!(&doubts[..], [doubt] if doubt.contains("once in 10.0 steps")), "{doubts:?}");
 }

@@ -63,6 +63,10 @@ struct Arguments {
     #[arg(long, value_name = "A,B", requires = "law", value_delimiter = ',')]
     materials: Vec<String>,
 
+    /// The pairs have touched before: with adhesion = "jkr" they hold on across a gap
+    #[arg(long, requires = "law")]
+    touched: bool,
+
     /// Measurements of each time, of which the median counts; 0: none
     #[arg(long, default_value_t = 5)]
     repeats: usize,
@@ -124,7 +128,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     let pairs = read(&file, &text)?;
     let answers = resolve(&pairs, &method);
     let by_law = match &arguments.law {
-        Some(scene) => Some(by_law(scene, &arguments.materials, &pairs)?),
+        Some(scene) => Some(by_law(scene, &arguments.materials, arguments.touched, &pairs)?),
         None => None,
     };
     write::answers(&pairs, &answers, by_law.as_deref(), to)?;
@@ -145,7 +149,12 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
 }
 
 /// Force, moment and stored energy of each pair by the law of a scene.
-fn by_law(scene: &Path, materials: &[String], pairs: &Pairs) -> Result<Vec<[f64; 7]>> {
+fn by_law(
+    scene: &Path,
+    materials: &[String],
+    touched: bool,
+    pairs: &Pairs,
+) -> Result<Vec<[f64; 7]>> {
     let scene = Scene::read(scene, &[])?;
     let materials = match materials {
         [] if scene.materials.len() == 1 => [MaterialId(0); 2],
@@ -155,7 +164,7 @@ fn by_law(scene: &Path, materials: &[String], pairs: &Pairs) -> Result<Vec<[f64;
     };
     let of_pair = |index: usize| {
         let [a, b] = pairs.bodies_of(index);
-        let acting = scene.acting([&a, &b], materials);
+        let acting = scene.acting([&a, &b], materials, touched);
         let Acting { force, moment, stored } =
             acting.with_context(|| format!("--law, pair {}", pairs.name(index)))?;
         Ok([force.x, force.y, force.z, moment.x, moment.y, moment.z, stored])

@@ -151,6 +151,10 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     /// [`Curvature::root_of_radius`]: crate::contact::curvature::Curvature::root_of_radius
     const BY_CURVATURE: bool = false;
 
+    /// Does it lose energy where contacts begin and end, see [`Model::torn`]? By default it does not, and nothing is computed
+    /// for it.
+    const TEARS: bool = false;
+
     /// Does it know contacts of faces and straight sides? By default it does; one that does not costs less to compile.
     const FACES: bool = true;
 
@@ -199,6 +203,11 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     /// Which part of the energy that is stored in the plane moments have stored, for an overlap [m], in J; by default none.
     fn turned<L: Lanes>(&self, _: &Self::Constants<L>, _overlap: L, _state: &[L]) -> L {
         L::all(0.0)
+    }
+
+    /// What a contact loses at once where it begins, and where it ends, in J; by default nothing.
+    fn torn<L: Lanes>(&self, _constants: &Self::Constants<L>) -> [L; 2] {
+        [L::all(0.0); 2]
     }
 
     /// Has the tangential force a part that [`Model::last`] does not know, as that of dashpots is? By default not.
@@ -701,7 +710,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         // Each body loses half; a wall has no share.
         let share_of = |energy| if with_walls { energy } else { L::all(0.5) * energy };
         let share = share_of(done.dissipated);
-        let [of_friction, of_turning] = [done.rubbed, done.turned].map(|e| share_of(e).store());
+        let [of_friction, of_turning, of_adhesion] =
+            [done.rubbed, done.turned, done.torn].map(|e| share_of(e).store());
         let impulse = if with_walls {
             let half_step = L::all(0.5 * dt);
             let straight = done.last_force.plus(done.force).plus(done.viscous).times(half_step);
@@ -722,7 +732,15 @@ impl<M: Model> Contacts<'_, '_, M> {
         let (force, torques) = (done.force.store(), torques.map(Triple::store));
         self.sum_in_turn::<TURNS>(
             &block,
-            &Summands { force, torques, share: share.store(), of_friction, of_turning, impulse },
+            &Summands {
+                force,
+                torques,
+                share: share.store(),
+                of_friction,
+                of_turning,
+                of_adhesion,
+                impulse,
+            },
         );
     }
 
@@ -872,6 +890,11 @@ impl<M: Model> Contacts<'_, '_, M> {
             dissipated,
             rubbed: rubbed_off,
             turned: turned_off,
+            torn: if M::TEARS && dt > 0.0 {
+                zero.or(law.model.torn(constants)[0], contact.touched)
+            } else {
+                zero
+            },
         }
     }
 
@@ -905,12 +928,21 @@ impl<M: Model> Contacts<'_, '_, M> {
                 }
             }
         }
+        if M::TEARS {
+            let share = (L::all(0.5) * done.torn).store();
+            for bodies in [b, a] {
+                for (lane, share) in share.iter().enumerate() {
+                    self.sums.stuck[bodies.at(lane)] += share;
+                }
+            }
+        }
     }
 
     /// Adds what contacts do to their bodies, one after the other, with what contacts lost that have separated in between.
     #[inline(never)]
     fn sum_in_turn<const TURNS: bool>(&mut self, block: &Block, summands: &Summands) {
-        let Summands { force, torques, share, of_friction, of_turning, impulse } = summands;
+        let Summands { force, torques, share, of_friction, of_turning, of_adhesion, impulse } =
+            summands;
         for lane in 0..block.count {
             let place = block.first + lane;
             let pair = self.work.pairs[place];
@@ -929,6 +961,9 @@ impl<M: Model> Contacts<'_, '_, M> {
                     && let Some(turned) = self.sums.turned.get_mut(slot.index())
                 {
                     *turned += of_turning[lane];
+                }
+                if M::TEARS {
+                    self.sums.stuck[slot.index()] += of_adhesion[lane];
                 }
             }
             if TURNS && impulse.is_some() && self.particles.facets.any_torque {
@@ -1021,6 +1056,7 @@ impl<M: Model> Contacts<'_, '_, M> {
                 } else {
                     work(&press, &velocity) + before.stored[0]
                 };
+                lost.of_adhesion = law.model.torn(&constants)[1];
             }
             if tangentially & 1 == 1 {
                 let turned = work(&moment, &(spin_a - spin_b));
@@ -1093,9 +1129,10 @@ struct Done<L> {
     moment: Triple<L>,
     /// Energy lost since the last step [J].
     dissipated: L,
-    /// The part of friction, and that of the model's moments [J].
+    /// The part of friction, that of the model's moments, and that of contacts that begin [J].
     rubbed: L,
     turned: L,
+    torn: L,
 }
 
 impl<L: Eight> Done<L> {
@@ -1116,10 +1153,11 @@ struct Summands {
     force: [[f64; WIDTH]; 3],
     /// Moments on B and A [N m].
     torques: [[[f64; WIDTH]; 3]; 2],
-    /// What each body loses [J], of that to friction and to the model's moments.
+    /// What each body loses [J], of that to friction, to the model's moments and to adhesion.
     share: [f64; WIDTH],
     of_friction: [f64; WIDTH],
     of_turning: [f64; WIDTH],
+    of_adhesion: [f64; WIDTH],
     /// On walls since the last step.
     impulse: Option<Impulse>,
 }

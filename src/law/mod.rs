@@ -222,6 +222,8 @@ pub struct Sums {
     torque: Vec<Vec3AndNumber>,
     /// The part that resistance to rolling and twisting took [J]; none if nothing resists.
     turned: Vec<f64>,
+    /// The part that adhesion took where contacts began and ended [J]; none if it takes nothing.
+    stuck: Vec<f64>,
     /// Of moving walls, in the order of the particles' ids, then of the walls.
     wall_work: Vec<WallWork>,
     /// See [`Sums::moments_at_walls`].
@@ -247,6 +249,10 @@ impl Sums {
         if particles.needs.turning {
             self.turned.resize(particles.slots(), 0.0);
         }
+        self.stuck.clear();
+        if particles.needs.adhesion {
+            self.stuck.resize(particles.slots(), 0.0);
+        }
         self.wall_work.clear();
         self.at_walls.clear();
     }
@@ -271,6 +277,9 @@ impl Sums {
         for (all, sum) in particles.accumulated[Quantity::OfTurning].iter_mut().zip(&self.turned) {
             *all += sum;
         }
+        for (all, sum) in particles.accumulated[Quantity::OfAdhesion].iter_mut().zip(&self.stuck) {
+            *all += sum;
+        }
         for of_one in self.wall_work.chunk_by(|one, other| one.pair.a == other.pair.a) {
             let slot = of_one[0].pair.a.index();
             if let Some(received) = particles.accumulated[Quantity::Received].get_mut(slot) {
@@ -281,7 +290,7 @@ impl Sums {
 
     /// Bytes that it holds between two steps.
     pub fn bytes(&self) -> usize {
-        held(&self.wall_work) + held(&self.turned) + held(&self.at_walls)
+        held(&self.wall_work) + held(&self.turned) + held(&self.stuck) + held(&self.at_walls)
     }
 
     /// The moment of each contact with a wall on its particle, about the particle's centre, in the order of the contacts [N m];
@@ -302,7 +311,7 @@ impl Sums {
     fn lose(
         &mut self,
         pair: Pair,
-        Lost { all, of_friction, of_turning }: Lost,
+        Lost { all, of_friction, of_turning, of_adhesion }: Lost,
         first_facet: usize,
     ) {
         let share = if pair.b.index() >= first_facet { 1.0 } else { 0.5 };
@@ -314,6 +323,9 @@ impl Sums {
             if let Some(turned) = self.turned.get_mut(slot) {
                 *turned += share * of_turning;
             }
+            if let Some(stuck) = self.stuck.get_mut(slot) {
+                *stuck += share * of_adhesion;
+            }
         }
     }
 }
@@ -322,9 +334,10 @@ impl Sums {
 #[derive(Clone, Copy, Debug, Default)]
 struct Lost {
     all: f64,
-    /// The part of friction, and that of resistance to rolling and twisting.
+    /// The part of friction, that of resistance to rolling and twisting, and that of adhesion.
     of_friction: f64,
     of_turning: f64,
+    of_adhesion: f64,
 }
 
 /// A body as a law sees it.

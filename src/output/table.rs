@@ -50,7 +50,6 @@ pub struct History {
 #[derive(Clone, Copy, Debug)]
 struct OfWall {
     torque: bool,
-    motion: bool,
     point: bool,
     turn: bool,
 }
@@ -59,7 +58,7 @@ impl OfWall {
     fn of(wall: &Wall) -> Self {
         let turn = wall.moves && wall.may_turn();
         let point = wall.moves && wall.across().is_none();
-        Self { torque: wall.torque.is_some() || turn, motion: wall.moves, point, turn }
+        Self { torque: wall.torque.is_some() || turn, point, turn }
     }
 
     /// Names of columns.
@@ -69,10 +68,10 @@ impl OfWall {
             let names = AXES.map(|axis| format!("{what}_{name}_{axis}_{unit}"));
             names.into_iter().filter(move |_| is_there)
         };
-        let power = Some(format!("power_{name}_W")).filter(|_| self.motion);
+        let power = Some(format!("power_{name}_W")).filter(|_| wall.moves);
         three(self.torque, "torque", "N_m")
             .chain(power)
-            .chain(three(self.motion, "velocity", "m_per_s"))
+            .chain(three(wall.moves, "velocity", "m_per_s"))
             .chain(three(self.point, "point", "m"))
             .chain(three(self.turn, "angular_velocity", "rad_per_s"))
             .chain(three(self.turn, "turned", "rad"))
@@ -84,10 +83,10 @@ impl OfWall {
         let three = |is_there: bool, vector: Vec3| {
             (0..3).filter(move |_| is_there).map(move |axis| vector[axis])
         };
-        let power = Some(wall.power(force, torque)).filter(|_| self.motion);
+        let power = Some(wall.power(force, torque)).filter(|_| wall.moves);
         three(self.torque, wall.torque_of(torque, force))
             .chain(power)
-            .chain(three(self.motion, wall.velocity))
+            .chain(three(wall.moves, wall.velocity))
             .chain(three(self.point, wall.point))
             .chain(three(self.turn, wall.angular_velocity))
             .chain(three(self.turn, wall.orientation.scaled_axis()))
@@ -95,7 +94,7 @@ impl OfWall {
     }
 }
 
-const COLUMNS: [&str; 24] = [
+const COLUMNS: [&str; 25] = [
     "step",
     "time_s",
     "particles",
@@ -113,6 +112,7 @@ const COLUMNS: [&str; 24] = [
     "dissipated_by_friction_J",
     "dissipated_by_turning_J",
     "dissipated_by_damping_J",
+    "dissipated_by_adhesion_J",
     "received_J",
     "missing_J",
     "mean_normal_force_N",
@@ -223,7 +223,7 @@ impl History {
         let counts = [step.to_string(), time.to_string()]
             .into_iter()
             .chain([m.particles, m.contacts, m.wall_contacts].map(|count| count.to_string()));
-        let [of_friction, of_turning, of_damping] = m.channels;
+        let [of_friction, of_turning, of_damping, of_adhesion] = m.channels;
         let numbers = [
             m.coordination(),
             m.kinetic(),
@@ -237,6 +237,7 @@ impl History {
             of_friction,
             of_turning,
             of_damping,
+            of_adhesion,
             m.received,
             m.missing(),
             m.mean_normal_force,

@@ -31,6 +31,8 @@ pub struct Needs {
     pub turning: bool,
     /// What global damping has dissipated.
     pub damping: bool,
+    /// What adhesion has taken where contacts begin and end: a law that loses energy there.
+    pub adhesion: bool,
 }
 
 impl Needs {
@@ -88,6 +90,8 @@ pub enum Quantity {
     OfTurning,
     /// The part of global damping.
     OfDamping,
+    /// The part of adhesion, where contacts begin and end.
+    OfAdhesion,
     /// Energy it had at its insertion and was given by moving walls.
     Received,
 }
@@ -97,11 +101,18 @@ const QUANTITIES: usize = Quantity::ALL.len();
 
 impl Quantity {
     /// All of them, in the order of their columns.
-    pub const ALL: [Self; 5] =
-        [Self::Dissipated, Self::OfFriction, Self::OfTurning, Self::OfDamping, Self::Received];
+    pub const ALL: [Self; 6] = [
+        Self::Dissipated,
+        Self::OfFriction,
+        Self::OfTurning,
+        Self::OfDamping,
+        Self::OfAdhesion,
+        Self::Received,
+    ];
 
     /// The parts of what is dissipated. The rest is of normal dashpots.
-    pub const CHANNELS: [Self; 3] = [Self::OfFriction, Self::OfTurning, Self::OfDamping];
+    pub const CHANNELS: [Self; 4] =
+        [Self::OfFriction, Self::OfTurning, Self::OfDamping, Self::OfAdhesion];
 
     /// As snapshots name it.
     pub const fn name(self) -> &'static str {
@@ -110,6 +121,7 @@ impl Quantity {
             Self::OfFriction => "dissipated_by_friction",
             Self::OfTurning => "dissipated_by_turning",
             Self::OfDamping => "dissipated_by_damping",
+            Self::OfAdhesion => "dissipated_by_adhesion",
             Self::Received => "received",
         }
     }
@@ -121,6 +133,7 @@ impl Quantity {
             | Self::OfFriction
             | Self::OfTurning
             | Self::OfDamping
+            | Self::OfAdhesion
             | Self::Received => "J",
         }
     }
@@ -132,6 +145,7 @@ impl Quantity {
             Self::OfFriction => Presence::If(|needs| needs.friction),
             Self::OfTurning => Presence::If(|needs| needs.turning),
             Self::OfDamping => Presence::If(|needs| needs.damping),
+            Self::OfAdhesion => Presence::If(|needs| needs.adhesion),
         }
     }
 

@@ -37,16 +37,23 @@ impl Course {
         self.velocities(of)
     }
 
-    /// The same at time 0.
+    /// Velocity [m/s] and angular velocity [rad/s] at time 0, after which it moves.
     pub fn first_velocities(&self) -> (Vec3, Vec3) {
         self.velocities(Way::first_rate)
     }
 
-    /// None is ever faster along its direction.
+    /// The largest velocity of each displacement [m/s] and the largest angular velocity [rad/s], at any time.
     pub fn fastest(&self) -> (Vec<Vec3>, Vec3) {
         let shifts = self.shifts.iter().map(|(along, way)| along * way.fastest());
         let turn = self.turn.as_ref();
         (shifts.collect(), turn.map_or_else(Vec3::zeros, |(axis, way)| axis * way.fastest()))
+    }
+
+    /// That of its fastest oscillation, if it has one [s].
+    pub fn shortest_period(&self) -> Option<f64> {
+        let turn = self.turn.iter().map(|(_, way)| way);
+        let ways = self.shifts.iter().map(|(_, way)| way).chain(turn);
+        ways.filter_map(Way::period).reduce(f64::min)
     }
 
     fn velocities(&self, rate: impl Fn(&Way) -> f64) -> (Vec3, Vec3) {
@@ -107,6 +114,10 @@ impl Way {
             }
             Self::Table(table) => table.first_rate(),
         }
+    }
+
+    const fn period(&self) -> Option<f64> {
+        if let Self::Oscillation { frequency, .. } = self { Some(1.0 / *frequency) } else { None }
     }
 
     /// The largest rate at any time [m/s, rad/s].

@@ -42,7 +42,7 @@ pub struct Wall {
     pub angular_velocity: Vec3,
     /// Mass, infinite unless contacts are to feel that it is not [kg].
     pub mass: f64,
-    /// Does the scene move it, at given velocities or by a servo?
+    /// Does the scene move it, at given velocities, by a course or by a servo?
     pub moves: bool,
     /// About what the torque on it is written, if that is to be.
     pub torque: Option<TorqueAbout>,

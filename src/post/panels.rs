@@ -94,6 +94,7 @@ const PANELS: [Panel; 9] = [
             ("dissipated_by_friction_J", "friction"),
             ("dissipated_by_turning_J", "rolling and twisting"),
             ("dissipated_by_damping_J", "global damping"),
+            ("dissipated_by_adhesion_J", "adhesion"),
         ],
     },
     Panel {

@@ -22,6 +22,7 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         friction_in_degrees(scene),
         pressed_flat(scene),
         triangles_elsewhere(scene),
+        shaken_too_fast(scene),
     ];
     all.into_iter().flatten().collect()
 }
@@ -34,6 +35,20 @@ fn friction_in_degrees(scene: &Scene) -> Option<String> {
             "a friction of {friction} is a coefficient; is it an angle in degrees? Its tangent is {:.2}",
             friction.to_radians().tan()
         )
+    })
+}
+
+/// An oscillation of a wall that the steps do not follow.
+fn shaken_too_fast(scene: &Scene) -> Option<String> {
+    const STEPS: f64 = 20.0;
+    scene.walls.iter().find_map(|wall| {
+        let steps = wall.course.as_ref()?.shortest_period()? / scene.dt;
+        (steps < STEPS).then(|| {
+            format!(
+                "wall \"{}\" oscillates once in {steps:.1} steps: with less than {STEPS} its motion is not followed",
+                wall.name
+            )
+        })
     })
 }
 

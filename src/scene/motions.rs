@@ -73,11 +73,10 @@ impl<'a> Motions<'a> {
         wall.follow(course);
     }
 
-    /// Looks whether all walls that are named are there; `wrong` says of a name what is wrong with it, and of a wall that moves with
-    /// which speed [m/s] or rate it may.
-    pub(super) fn check(&self, wrong: impl Fn(&Given, &str)) {
+    /// Looks at each name of a wall as it is given.
+    pub(super) fn check(&self, look: impl Fn(&Given, &str)) {
         for (given, name) in self.all.iter().flat_map(|motion| &motion.walls) {
-            wrong(given, name);
+            look(given, name);
         }
     }
 
@@ -118,7 +117,7 @@ fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Op
     Some(Motion { walls: walls?, kind: kind?, way: way? })
 }
 
-/// An oscillation or a table; angles are in degrees.
+/// An oscillation or a table; the scene has angles in degrees.
 fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
     let (unit, to_si) = if turns { ("degrees", 1f64.to_radians()) } else { ("m", 1.0) };
     if let Some(given) = section.get("table") {
@@ -131,7 +130,9 @@ fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
         let rows = match rows(&path, if turns { "angle_deg" } else { "displacement_m" }) {
             Ok(rows) => rows,
             Err(mistakes) => {
-                mistakes.iter().for_each(|mistake| given.fail(mistake));
+                for mistake in &mistakes {
+                    given.fail(mistake);
+                }
                 return None;
             }
         };
@@ -149,7 +150,7 @@ fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
     })
 }
 
-/// So many mistakes of a table are listed.
+/// So many mistakes of a table are listed, the others counted.
 const SHOWN: usize = 5;
 
 /// Times [s] and values of a table.

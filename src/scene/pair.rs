@@ -3,11 +3,13 @@
 use super::{Fill, Listed, Scene, assemble, laws};
 use crate::cell::Cell;
 use crate::comm::alone::Alone;
-use crate::ids::MaterialId;
+use crate::contact::{Geometry, Pair, Previous, StateColumn};
+use crate::ids::{MaterialId, Slot};
+use crate::law::{Choice, Last, Sums, Work};
 use crate::math::Vec3;
 use crate::pairs::Body;
 use crate::particles::Library;
-use crate::sim::audit;
+use crate::sim::{Simulation, audit};
 use thiserror::Error;
 
 /// What acts in a pair at rest, as if its bodies had just been put there: nothing is remembered, and dashpots do nothing.
@@ -33,6 +35,11 @@ pub enum PairError {
     /// The contact could not be resolved.
     #[error("the contact cannot be resolved: {0}")]
     Contact(String),
+    /// No contact outlives its overlap.
+    #[error(
+        "contacts of this law end where their overlap does: only those of adhesion = \"jkr\" hold on across a gap"
+    )]
+    NothingHolds,
 }
 
 impl Scene {
@@ -50,15 +57,20 @@ impl Scene {
         found.map(|index| MaterialId(index as u16)).ok_or_else(none)
     }
 
-    /// What acts in a pair of bodies of these materials.
+    /// What acts in a pair of bodies of these materials. With `touched` they have touched before, and hold on across a gap if
+    /// the law does.
     ///
     /// # Errors
-    /// If the law is not for such bodies, or their contact cannot be resolved.
+    /// If the law is not for such bodies, their contact cannot be resolved, or no contact of it can be `touched` across a gap.
     pub fn acting(
         &self,
         bodies: [&Body; 2],
         materials: [MaterialId; 2],
+        touched: bool,
     ) -> Result<Acting, PairError> {
+        if touched && !matches!(self.law, Choice::Jkr(_)) {
+            return Err(PairError::NothingHolds);
+        }
         let scene = self.of_pair(bodies, materials);
         if let Some((_, message)) = laws::unfit(&scene.law, &scene.library).into_iter().next() {
             return Err(PairError::Shape(message));
@@ -67,6 +79,9 @@ impl Scene {
         let mut sim = assemble::assemble(&scene, &comm);
         assemble::fill(&mut sim, &scene, &comm);
         sim.begin(&mut comm).map_err(|error| PairError::Contact(error.to_string()))?;
+        if touched && let Some(acting) = across_gap(&mut sim) {
+            return Ok(acting);
+        }
         let on_a = sim.particles.force.first().map_or_else(Vec3::zeros, |sum| sum.vector);
         let torque = sim.particles.spin.as_ref().map_or_else(Vec3::zeros, |s| s.torque[0].vector);
         let stored = sim.measure(&mut comm).stored;
@@ -107,4 +122,36 @@ impl Scene {
             ..self.clone()
         }
     }
+}
+
+/// What acts in two spheres that have touched and are apart by no more than the law holds on.
+fn across_gap(sim: &mut Simulation) -> Option<Acting> {
+    let pair = Pair { a: Slot(0), b: Slot(1) };
+    let particles = &sim.particles;
+    let apart = particles.position[1] - particles.position[0];
+    let gap = apart.norm() - particles.radius(0) - particles.radius(1);
+    if !(0.0..=sim.law.outlives(pair, particles)).contains(&gap) {
+        return None;
+    }
+    let geometry = Geometry { normal: apart.normalize(), overlap: -gap };
+    let mut state = vec![0.0; StateColumn::total_width(sim.law.state())];
+    let mut forces = [Vec3::zeros()];
+    let mut sums = Sums::default();
+    sums.begin(&mut sim.particles);
+    let mut work = Work {
+        pairs: &[pair],
+        geometry: &[geometry],
+        points: &[],
+        patches: &[],
+        curvatures: &[],
+        from: &[Previous::NONE],
+        last: Last { pairs: &[], geometry: &[], state: &[] },
+        separated: &[],
+        state: &mut state,
+        forces: &mut forces,
+    };
+    sim.law.apply(&mut work, &sim.particles, 0.0, &mut sums);
+    sums.end(&mut sim.particles);
+    let stored = sim.law.stored(pair, &sim.particles, &geometry, &state);
+    Some(Acting { force: forces[0], moment: Vec3::zeros(), stored })
 }

@@ -186,6 +186,7 @@ fn energy(finish: &Finish) -> Energy {
             friction_j: m.channels[0],
             turning_j: m.channels[1],
             damping_j: m.channels[2],
+            adhesion_j: m.channels[3],
         },
         missing_j: m.missing(),
         largest_moved_j: finish.most_moving,

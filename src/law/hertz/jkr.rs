@@ -10,7 +10,8 @@
 //!
 //! The stored energy `∫ N dδ = 8/15 E* a⁵/R*² - 2/3 √(8π w E*) a^(7/2)/R* + π w a²` is 0 without a contact. At the touch it falls at
 //! once, and at the end it is more than 0: both parts are lost, together `7.09 (w⁵ R*⁴/E*²)^(1/3)` (Thornton and Ning 1998, DOI
-//! 10.1016/S0032-5910(98)00099-0). They count as lost along the normal.
+//! 10.1016/S0032-5910(98)00099-0). These two are what adhesion takes; what steps of finite length miss of them stays with normal
+//! dashpots.
 //!
 //! # The radius from the overlap
 //!
@@ -91,6 +92,8 @@ pub(in crate::law) struct Sticking<L> {
 
 /// `q` where no contact is left: `-3/4 4^(-1/3)`.
 const END: f64 = -0.472_470_393_710_577_4;
+/// Contact radius there over `a_0`: `4^(-2/3)`.
+const LAST_RADIUS: f64 = 0.396_850_262_992_049_9;
 /// Steps of Newton's method: it takes five from the worst start to rounding.
 const STEPS: u32 = 7;
 
@@ -204,6 +207,7 @@ impl Model for Jkr {
     type Constants<L: Lanes> = Constants<L>;
 
     const FACES: bool = false;
+    const TEARS: bool = true;
 
     fn name(&self) -> &'static str {
         if self.hertz.frictional { "jkr-mindlin" } else { "jkr" }
@@ -211,7 +215,7 @@ impl Model for Jkr {
 
     /// Energy is lost whenever bodies meet or leave.
     fn needs(&self) -> Needs {
-        Needs { velocity: true, ..self.hertz.needs() }
+        Needs { velocity: true, adhesion: true, ..self.hertz.needs() }
     }
 
     fn state(&self) -> &[StateColumn] {
@@ -262,6 +266,19 @@ impl Model for Jkr {
             moment: Triple::zero(),
             stored: constants.stored(radius, tangential),
         }
+    }
+
+    /// The energy of a contact that begins at an overlap of 0 is less than nothing, that of one at its end more.
+    #[inline(always)]
+    fn torn<L: Lanes>(&self, constants: &Constants<L>) -> [L; 2] {
+        let Constants { elastic, sticking } = constants;
+        let zero = L::all(0.0);
+        let sticks = zero.less(sticking.size);
+        // q = 0 has a = a_0, and q = END has a = 4^(-2/3) a_0.
+        [(1.0, -1.0), (LAST_RADIUS, 1.0)].map(|(part, sign)| {
+            let radius = L::all(part) * sticking.size;
+            (L::all(sign) * sticking.stored(elastic.normal, radius)).or(zero, sticks)
+        })
     }
 
     fn is_viscous(&self) -> bool {

@@ -59,6 +59,7 @@ impl Touching {
                 force: zeros.clone(),
                 torque: zeros,
                 turned: Vec::new(),
+                stuck: Vec::new(),
                 wall_work: Vec::new(),
             },
         };

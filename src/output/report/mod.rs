@@ -220,6 +220,8 @@ pub struct DissipatedBy {
     pub turning_j: f64,
     /// Global damping.
     pub damping_j: f64,
+    /// Adhesion, where contacts begin and end.
+    pub adhesion_j: f64,
 }
 
 /// The packing at the end.

@@ -8,7 +8,7 @@ use super::{Method, regenerate};
 use crate::record::{machine, short_commit, store};
 use crate::simulation::{Signals, absolute, dem_mpi, run};
 use anyhow::{Result, ensure};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use dem_mpi::post::series::{self, Choice};
 use std::fmt::Write as _;
 use std::fs;
@@ -33,6 +33,9 @@ pub struct Plan {
     /// Of all contacts [N/m]; the paper's is 1.5e5
     #[arg(long, value_name = "K", value_parser = positive)]
     pub stiffness: Option<String>,
+    /// Of contacts: the paper's linear springs, or elastic bodies that are as stiff at the mean force of 100 kPa
+    #[arg(long, value_enum, default_value_t)]
+    pub law: Springs,
     /// The first of both erosions; the paper's is 0.05
     #[arg(long, value_name = "R", value_parser = part_of_one)]
     pub erosion_ratio: Option<String>,
@@ -43,12 +46,23 @@ pub struct Plan {
     /// Ranks of each run
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..))]
     pub ranks: u32,
-    /// Where runs and report go [default: out/paper/triaxial, with --quick out/paper/quick, in the checkout]
+    /// Where runs and report go [default: out/paper/triaxial, with --law hertz out/paper/hertz-triaxial, with --quick out/paper/quick,
+    /// in the checkout]
     #[arg(long, value_name = "DIR", value_parser = absolute)]
     pub out: Option<PathBuf>,
     /// Print what the runs print
     #[arg(skip = true)]
     pub aloud: bool,
+}
+
+/// What presses grains apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Springs {
+    /// Linear, as in the paper.
+    #[default]
+    Linear,
+    /// Elastic bodies: Hertz and Mindlin.
+    Hertz,
 }
 
 /// As it was written, a number above zero.
@@ -110,6 +124,7 @@ impl Plan {
             gravity: false,
             seed: None,
             stiffness: None,
+            law: Springs::Linear,
             erosion_ratio: None,
             methods,
             ranks: 2,
@@ -124,7 +139,11 @@ impl Plan {
 
     /// Where runs and report go; a path of the checkout stays relative to it.
     fn folder(&self) -> PathBuf {
-        let usual = if self.quick { "out/paper/quick" } else { "out/paper/triaxial" };
+        let usual = match (self.quick, self.law) {
+            (true, _) => "out/paper/quick",
+            (false, Springs::Hertz) => "out/paper/hertz-triaxial",
+            (false, Springs::Linear) => "out/paper/triaxial",
+        };
         self.out.clone().unwrap_or_else(|| usual.into())
     }
 
@@ -152,6 +171,12 @@ impl Plan {
         if let Some(stiffness) = &self.stiffness {
             for words in [&mut packing, &mut consolidation, &mut shear] {
                 words.set_stiffness(stiffness);
+            }
+        }
+        if self.law == Springs::Hertz {
+            // As its scenes have it: so that the words tell these runs from others.
+            for words in [&mut packing, &mut consolidation, &mut shear] {
+                words.set("law.normal", "hertz");
             }
         }
         if self.gravity {
@@ -200,6 +225,7 @@ impl Plan {
         text += &flag(self.gravity, "--gravity");
         text += &option("--seed", self.seed.map(|seed| seed.to_string()).as_deref());
         text += &option("--stiffness", self.stiffness.as_deref());
+        text += &option("--law", (self.law == Springs::Hertz).then_some("hertz"));
         text += &option("--erosion-ratio", self.erosion_ratio.as_deref());
         for method in &self.methods {
             text += &option("--method", Some(method.folder()));
@@ -268,7 +294,8 @@ impl Plan {
         } else if log.exists() {
             fs::remove_file(&log)?;
         }
-        let scene = format!("run/paper/triaxial/{}.toml", stage.name);
+        let law = if self.law == Springs::Hertz { "hertz/" } else { "" };
+        let scene = format!("run/paper/triaxial/{law}{}.toml", stage.name);
         let command = dem_mpi(self.ranks, &scene, &arguments.0)?;
         run(command, &directory, &log, self.aloud, signals)?;
         store(&here, &[("done".into(), String::new())])
