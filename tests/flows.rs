@@ -223,10 +223,7 @@ directory = "out"
 "#;
     let scene = scene(&text);
     let words = plan(&scene, 1);
-    assert!(
-        words.contains("tap: 1000000.0 particles per second until 4000.0 particles"),
-        "{words}"
-    );
+    assert!(words.contains("tap: 1000000 particles per second until 4000 particles"), "{words}");
     let mut comm = Alone::default();
     let mut sim = begun(&scene, &mut comm);
     let (mut warnings, mut entered, mut scales) = (Vec::new(), 0, Vec::new());

@@ -2,8 +2,7 @@
 
 use super::listed::line_of;
 use super::reader::{Given, Range, Section};
-use super::walls::{axis_of_turn, direction};
-use crate::cell::Cell;
+use crate::cell::{AXES, Cell};
 use crate::math::Vec3;
 use crate::particles::courses::{Course, Table, Way};
 use crate::particles::walls::Wall;
@@ -104,7 +103,7 @@ fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Op
                 "stands beside `along`; a motion goes along a direction or turns about an axis",
             );
         }
-        direction(&given).map(Kind::Along)
+        given.direction().map(Kind::Along)
     } else if section.get("about").is_some() || section.get("axis").is_some() {
         let (about, axis) = axis_of_turn(section, domain);
         about.zip(axis).map(|(about, axis)| Kind::About(about, axis))
@@ -211,4 +210,28 @@ fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
         mistakes.push(format!("{more} more lines have mistakes"));
     }
     Err(mistakes)
+}
+
+/// The point about which a wall turns [m], and the direction of the axis.
+pub(super) fn axis_of_turn(
+    section: &Section,
+    domain: Option<&Cell>,
+) -> (Option<Vec3>, Option<Vec3>) {
+    let about = section.vector("about", "m");
+    let axis =
+        section.require("axis", "[x, y, z], about which the wall turns anticlockwise", |given| {
+            let direction = given.direction()?;
+            // A period must go with the turn.
+            let across = |&axis: &usize| repeats(domain, axis) && direction[axis].abs() != 1.0;
+            if let Some(axis) = (0..3).find(across) {
+                given.fail(format!("must lie along {}, which is periodic", AXES[axis]));
+            }
+            Some(direction)
+        });
+    (about, axis)
+}
+
+/// Does the domain repeat along an axis?
+pub(super) fn repeats(domain: Option<&Cell>, axis: usize) -> bool {
+    domain.is_some_and(|domain| domain.period(axis).is_some())
 }

@@ -224,6 +224,17 @@ impl<'a> Given<'a> {
         self.three(&allowed, |item| item.number(range, unit)).map(Vec3::from)
     }
 
+    /// A unit vector from one of any length.
+    pub(super) fn direction(&self) -> Option<Vec3> {
+        let vector = self.vector(Range::Any, "")?;
+        if vector.amax() == 0.0 {
+            self.fail("must have a length greater than 0");
+            return None;
+        }
+        // Scaled first, because the squares of tiny components vanish.
+        Some((vector / vector.amax()).normalize())
+    }
+
     pub(super) fn three_booleans(&self) -> Option<[bool; 3]> {
         self.three("true or false", Self::boolean)
     }

@@ -2,7 +2,7 @@
 
 use super::matter::{Materials, Names};
 use super::mistakes::suggestion;
-use super::motions::Motions;
+use super::motions::{Motions, axis_of_turn, repeats};
 use super::reader::{Given, Range, Section};
 use crate::cell::{AXES, Cell};
 use crate::drive::rain::Rain;
@@ -460,7 +460,8 @@ fn triangles(
     let scale = section.number_or("scale", 1.0, Range::Positive, "");
     let turn = section.read_or("turn", Quat::identity(), |given| {
         let section = given.section()?;
-        let axis = section.require("axis", "[x, y, z], about which the file is turned", direction);
+        let axis =
+            section.require("axis", "[x, y, z], about which the file is turned", Given::direction);
         let angle = section.number("angle", Range::Any, "degrees");
         section.finish();
         Some(rotation_about(&axis?, angle?.to_radians()))
@@ -487,7 +488,7 @@ fn triangles(
 fn plane(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
     let point = section.vector("point", "m");
     let normal = section.require("normal", "[x, y, z], towards the particles", |given| {
-        let normal = direction(given)?;
+        let normal = given.direction()?;
         if let Some(axis) = (0..3).find(|&axis| repeats(domain, axis) && normal[axis] != 0.0) {
             given.fail(format!("must be 0 along {}, which is periodic", AXES[axis]));
         }
@@ -502,38 +503,4 @@ fn rotation(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
     let rate = section.number("rate", Range::Any, "rad/s");
     section.finish();
     Some((about?, axis? * rate?))
-}
-
-/// The point about which a wall turns [m], and the direction of the axis.
-pub(super) fn axis_of_turn(
-    section: &Section,
-    domain: Option<&Cell>,
-) -> (Option<Vec3>, Option<Vec3>) {
-    let about = section.vector("about", "m");
-    let axis =
-        section.require("axis", "[x, y, z], about which the wall turns anticlockwise", |given| {
-            let direction = direction(given)?;
-            // A period must go with the turn.
-            let across = |&axis: &usize| repeats(domain, axis) && direction[axis].abs() != 1.0;
-            if let Some(axis) = (0..3).find(across) {
-                given.fail(format!("must lie along {}, which is periodic", AXES[axis]));
-            }
-            Some(direction)
-        });
-    (about, axis)
-}
-
-fn repeats(domain: Option<&Cell>, axis: usize) -> bool {
-    domain.is_some_and(|domain| domain.period(axis).is_some())
-}
-
-/// A unit vector from one of any length.
-pub(super) fn direction(given: &Given) -> Option<Vec3> {
-    let vector = given.vector(Range::Any, "")?;
-    if vector.amax() == 0.0 {
-        given.fail("must have a length greater than 0");
-        return None;
-    }
-    // Scaled first, because the squares of tiny components vanish.
-    Some((vector / vector.amax()).normalize())
 }
