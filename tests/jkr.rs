@@ -160,8 +160,9 @@ fn what_adhesion_takes_is_told_from_what_dashpots_take() {
     bench.step();
     let after = bench.measure();
     close(after.channels[3], lost(RADIUS), 1e-12, "to adhesion");
-    let of_dashpots = 0.5 * mass * speed * speed * (1.0 - 0.81);
-    close(after.of_dashpots(), of_dashpots, 0.05, "to dashpots");
+    // As the equations have it, integrated without the program: adhesion makes contacts wider, and dashpots with them.
+    let without_adhesion = 0.5 * mass * speed * speed * (1.0 - 0.81);
+    close(after.of_dashpots(), 1.41 * without_adhesion, 0.03, "to dashpots");
     close(before.kinetic() - after.kinetic(), after.dissipated, 1e-3, "all of it");
 }
 
@@ -179,6 +180,7 @@ fn a_loop_loses_what_it_should_to_first_order_in_the_step() {
             let before = bench.measure().kinetic();
             let (_, ended) = through(&mut bench, 100_000);
             assert!(ended, "it leaves");
+            bench.step();
             (before - bench.measure().kinetic()) / lost(RADIUS) - 1.0
         });
         let off: Vec<f64> = off.collect();

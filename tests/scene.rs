@@ -391,7 +391,7 @@ fn overrides_reach_every_place() -> Result<()> {
     assert_eq!(interactions(&scene).of(grain, grain).friction, 0.4);
     assert_eq!(scene.library.shapes[0].bounding_radius(), 0.004);
     assert_eq!(scene.gravity, Vec3::new(0.0, 0.0, -1.62));
-    assert_eq!(scene.walls.len(), 4);
+    assert_eq!(scene.walls.len(), 5);
     let slides = |wall: &Wall| wall.velocity.x == 0.125;
     assert!(scene.walls.iter().any(slides), "a key that TOML wants in quotes");
     assert_eq!(scene.out, Path::new("elsewhere/run 2"));
@@ -427,7 +427,7 @@ fn wrong_overrides_are_named() {
         (
             "stopp.rest=1e-6",
             "stopp: no such key, did you mean `stop`? (allowed here: title, seed, gravity, \
-             global_damping, start, contact, law, material, interaction, shape, domain, wall, inlet, fill, outlet, time, servo, stop, neighbours, audit, output)",
+             global_damping, start, contact, law, material, interaction, shape, domain, motion, wall, inlet, fill, outlet, time, servo, stop, neighbours, audit, output)",
         ),
         ("shape.ball.radius=-1", "shape.ball.radius = -1: must be a number greater than 0 [m]"),
         (

@@ -400,19 +400,25 @@ fn triangles_swing_as_a_plane() {
     let start = ball(0, 0, Vec3::new(0.013, 0.001, RADIUS), Vec3::zeros());
     let mut benches =
         [plane, of_triangles].map(|text| Bench::new(&text, std::slice::from_ref(&start)));
-    let mut touched = 0;
+    let (mut touched, mut strongest, mut off) = (0, 0.0_f64, 0.0_f64);
+    // Each bounce makes differences of rounding greater: 1e-15 after 500 steps, 2e-11 after 5,000.
     for _ in 0..5000 {
         benches.iter_mut().for_each(Bench::step);
         let [on_plane, on_mesh] = benches.each_ref().map(|bench| bench.sim.particles.position[0]);
-        assert!((on_plane - on_mesh).norm() < 1e-11 * RADIUS, "{on_plane:?} {on_mesh:?}");
-        touched += benches[1].sim.contacts.len();
+        assert!((on_plane - on_mesh).norm() < 1e-10 * RADIUS, "{on_plane:?} {on_mesh:?}");
+        if benches[1].sim.contacts.len() == 0 {
+            continue;
+        }
+        touched += 1;
+        let [power, of_mesh] = benches.each_mut().map(|bench| {
+            let m = bench.measure();
+            bench.sim.particles.walls[0].power(&m.wall_forces[0], &m.wall_torques[0])
+        });
+        strongest = strongest.max(power.abs());
+        off = off.max((power - of_mesh).abs());
     }
-    let [power, of_mesh] = benches.each_mut().map(|bench| {
-        let m = bench.measure();
-        bench.sim.particles.walls[0].power(&m.wall_forces[0], &m.wall_torques[0])
-    });
-    println!("{touched} touches, power {power:e} {of_mesh:e}");
-    assert!(touched > 1000 && (power - of_mesh).abs() <= 1e-9 * power.abs());
+    println!("{touched} touches, power up to {strongest:e}, off by {off:e}");
+    assert!(touched > 200 && strongest > 0.0 && off <= 1e-6 * strongest);
     assert!(benches[1].sim.particles.velocity[0].x.abs() > 1e-3);
 }
 
@@ -432,12 +438,16 @@ fn courses_and_stages() {
     for (text, continuation, expected) in [
         (&text, Continuation::SameStage, way(150e-5)),
         (&shorter, Continuation::SameStage, way(100e-5 + 50.0 * 5e-6)),
-        (&text, Continuation::NewStage, way(100e-5) + way(50e-5)),
+        // From where it stands, about the scene's point.
+        (&text, Continuation::NewStage, way(50e-5)),
     ] {
         let scene = scene(text);
         let place = threads::run(1, |comm| {
             let mut sim = assemble::assemble(&scene, comm);
             assemble::take_up(&mut sim, &scene, folder.path(), continuation, comm).unwrap();
+            let (point, normal) = sim.particles.walls[0].surface();
+            let height = (Vec3::new(0.02, 0.0, way(100e-5)) - point).dot(&normal);
+            assert!(height.abs() < 1e-17, "it stands where it stood: {height:e}");
             if continuation == Continuation::NewStage {
                 sim.begin(comm).unwrap();
             }
