@@ -406,7 +406,7 @@ fn triangles_swing_as_a_plane() {
         benches.iter_mut().for_each(Bench::step);
         let [on_plane, on_mesh] = benches.each_ref().map(|bench| bench.sim.particles.position[0]);
         assert!((on_plane - on_mesh).norm() < 1e-10 * RADIUS, "{on_plane:?} {on_mesh:?}");
-        if benches[1].sim.contacts.len() == 0 {
+        if benches[1].sim.contacts.is_empty() {
             continue;
         }
         touched += 1;
