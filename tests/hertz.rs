@@ -308,7 +308,7 @@ fn an_overlap_beyond_what_the_step_was_found_for_is_told_where_little_is_left() 
             told.extend_from_slice(progress.warnings);
         })
         .unwrap();
-        assert!(told.is_empty(), "{told:?}");
+        assert!(told.iter().all(|text| !text.contains("law.largest_overlap")), "{told:?}");
         assert_eq!(finish.stiffened.is_some(), warned);
         let says = ["an overlap of 0.02", "law.largest_overlap = 0.020", "are still below it"];
         let words = finish.stiffened.iter();
