@@ -385,6 +385,7 @@ fn overrides_reach_every_place() -> Result<()> {
         "start=Cargo.toml",
         "fill.lattice=[]",
         "fill.file=[]",
+        "motion=[]",
     ])?;
     assert_eq!(scene.steps, 7);
     let grain = MaterialId(0);
