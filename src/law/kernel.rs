@@ -48,36 +48,34 @@ const VISCOUS_FORCE: StateColumn = StateColumn::new("viscous_force", 3, "N");
 /// Numbers of both.
 const MOST_ACTED: usize = 6;
 
-/// What is remembered of the force of the last step beside the numbers of the model, where the contact point is not that of
-/// spheres.
+/// What is remembered of the force of the last step beside the numbers of the model.
 #[derive(Clone, Copy, Debug)]
 struct Acted<L> {
-    /// [m]
-    point: Triple<L>,
+    /// [m]; `None` of spheres, whose overlap tells it.
+    point: Option<Triple<L>>,
     /// [N]; `None` if the model knows all of it.
     viscous: Option<Triple<L>>,
 }
 
 impl<L: Copy> Acted<L> {
-    /// From numbers; `None` from none.
+    /// From numbers, of which the first are those of the point, if bodies are no spheres; `None` from none.
     #[inline(always)]
-    fn read(numbers: &[L]) -> Option<Self> {
-        match *numbers {
-            [x, y, z] => Some(Self { point: Triple { x, y, z }, viscous: None }),
-            [x, y, z, a, b, c] => {
-                Some(Self { point: Triple { x, y, z }, viscous: Some(Triple { x: a, y: b, z: c }) })
-            }
+    fn read(numbers: &[L], has_point: bool) -> Option<Self> {
+        let first = |numbers: &[L]| match *numbers {
+            [x, y, z, ..] => Some(Triple { x, y, z }),
             _ => None,
-        }
+        };
+        let (point, viscous) = numbers.split_at(if has_point { 3 } else { 0 });
+        first(numbers).map(|_| Self { point: first(point), viscous: first(viscous) })
     }
 
     /// The inverse, as far as there are places.
     #[inline(always)]
-    fn write(point: Triple<L>, viscous: Triple<L>, numbers: &mut [L]) {
-        if let [a, b, c, rest @ ..] = numbers {
-            [*a, *b, *c] = [point.x, point.y, point.z];
-            if let [a, b, c] = rest {
-                [*a, *b, *c] = [viscous.x, viscous.y, viscous.z];
+    fn write(point: Triple<L>, viscous: Triple<L>, numbers: &mut [L], has_point: bool) {
+        let (of_point, of_viscous) = numbers.split_at_mut(if has_point { 3 } else { 0 });
+        for (places, Triple { x, y, z }) in [(of_point, point), (of_viscous, viscous)] {
+            if let [a, b, c] = places {
+                [*a, *b, *c] = [x, y, z];
             }
         }
     }
@@ -280,6 +278,8 @@ pub struct Law<M: Model> {
     state: Vec<StateColumn>,
     /// Numbers in these columns.
     stride: usize,
+    /// Is the point where the force acted among them?
+    has_points: bool,
     /// Of each shape, which contacts with an extent it can be the first and the second body of.
     extended: Vec<[u8; 2]>,
     needs: Needs,
@@ -337,19 +337,30 @@ impl<M: Model> Law<M> {
         assert!(!M::MOMENTS || needs.velocity && needs.spin, "{} turns nothing", model.name());
         let mut state = model.state().to_vec();
         let grains = &library.shapes[..library.particle_shapes];
+        let mut has_points = false;
         let extended: Vec<[u8; 2]> = library.shapes.iter().map(|s| s.kind().extended()).collect();
         if extended.iter().any(|[first, _]| *first > 0) {
             state.extend(patches::REMEMBERED);
             assert!(M::FACES, "{} does not know faces", model.name());
             (needs.patches, needs.spin) = (true, true);
-        } else if needs.velocity && grains.iter().any(|shape| shape.kind() != Kind::Sphere) {
-            state.push(CONTACT_POINT);
+        } else if needs.velocity {
+            has_points = grains.iter().any(|shape| shape.kind() != Kind::Sphere);
+            state.extend(has_points.then_some(CONTACT_POINT));
             state.extend(model.is_viscous().then_some(VISCOUS_FORCE));
-            needs.spin = true;
+            needs.spin |= state.len() > model.state().len();
         }
         let stride = StateColumn::total_width(&state);
-        let mut law =
-            Self { model, table: Vec::new(), shapes: 0, width, state, stride, extended, needs };
+        let mut law = Self {
+            model,
+            table: Vec::new(),
+            shapes: 0,
+            width,
+            state,
+            stride,
+            has_points,
+            extended,
+            needs,
+        };
         let shapes = library.shapes.len();
         if shapes <= MOST_SHAPES {
             let all = (0..shapes).flat_map(|a| (0..shapes).map(move |b| (a, b)));
@@ -682,7 +693,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             (false, false) => &mut room[..width],
         };
         let last = read_last::<L>(self.work, &block, state);
-        let acted = if POINTS { Acted::read(&state[law.width..]) } else { None };
+        let acted = if POINTS { Acted::read(&state[law.width..], law.has_points) } else { None };
         let now = GeometryInLanes::of(&eight_from_rows(self.work.geometry, first, count));
         let arms = self.arms::<L, MOVES, TURNS>(&block, &constants.radii, [&last, &now], acted);
         let motion =
@@ -697,7 +708,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let done =
             self.act::<L, MOVES>(constants, [&last, &now], &motion, of_model, acted, curvatures);
         if POINTS {
-            Acted::write(arms.now[0], done.viscous_now, &mut state[law.width..]);
+            Acted::write(arms.now[0], done.viscous_now, &mut state[law.width..], law.has_points);
         }
         write_state(self.work.state, width, first, count, state);
         let torques = done.torques::<M, CURVED>(&arms);
@@ -768,7 +779,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         let position = &particles.position;
         let to_b = vectors::<L>(position, b).minus(vectors(position, a));
         let mut arm_b = point.minus(particles.cell.nearest_of(to_b));
-        let parted = if turning_walls || acted.is_some() {
+        let on_a = acted.and_then(|acted| acted.point);
+        let parted = if turning_walls || on_a.is_some() {
             parting::<L>(particles, [a, b]).times(L::all(0.5 * dt))
         } else {
             Triple::zero()
@@ -778,7 +790,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             // the step, to second order.
             arm_b = arm_b.plus(parted);
         }
-        let last = if let Some(Acted { point: on_a, .. }) = acted {
+        let last = if let Some(on_a) = on_a {
             let on_b = on_a.plus(arm_b.minus(point));
             // Bodies were there a step ago; a wall that turns is taken as it was half a step ago both times.
             let since = if turning_walls { 0.0 } else { 2.0 };
@@ -1006,7 +1018,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
         let width = law.stride;
         let (state, acted) = last.state[separated.place * width..][..width].split_at(law.width);
-        let acted = Acted::read(acted);
+        let acted = Acted::read(acted, law.has_points);
         let with_wall = pair.b.index() >= particles.first_facet();
         // A wall as of half a step ago.
         let ago = if with_wall { 0.5 * dt } else { dt };
@@ -1015,7 +1027,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         let of_b = particles.velocity[pair.b.index()] + slides;
         let from_b = |arm: Vec3| arm - bodies.relative(pair) + (of_b - of_a) * ago;
         let into = geometry.normal * (0.5 * geometry.overlap);
-        let (arm_a, arm_b) = if let Some(Acted { point: Triple { x, y, z }, .. }) = acted {
+        let on_a = acted.and_then(|acted| acted.point);
+        let (arm_a, arm_b) = if let Some(Triple { x, y, z }) = on_a {
             let arm_a = Vec3::new(x, y, z);
             (arm_a, from_b(arm_a))
         } else {
