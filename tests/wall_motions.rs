@@ -8,6 +8,7 @@ use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::doubts::doubts;
+use dem_mpi::scene::plan::plan;
 use dem_mpi::sim::run::run;
 use std::path::Path;
 
@@ -462,7 +463,11 @@ fn courses_and_stages() {
 #[test]
 fn steps_that_do_not_follow_are_told() {
     let text = on_floor("", "", "") + SWINGING;
-    assert_eq!(doubts(&scene(&text)), Vec::<String>::new());
+    let swinging = scene(&text);
+    assert_eq!(doubts(&swinging), Vec::<String>::new());
+    let page = plan(&swinging, 1);
+    let told = "floor: 0.001 m along [0, 0, 1] at 5 1/s, at most 3.142e-2 m/s";
+    assert!(page.contains(told), "{page}");
     let fast = text.replace("amplitude = 1e-3\nfrequency = 5", "amplitude = 1e-9\nfrequency = 1e4");
     let doubts = doubts(&scene(&fast));
     assert!(matches!(&doubts[..], [doubt] if doubt.contains("once in 10.0 steps")), "{doubts:?}");

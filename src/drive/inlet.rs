@@ -359,7 +359,7 @@ impl Drive for Inlets {
                 continue;
             }
             let short = match *until {
-                Some(Amount::Count(most)) => format!("{} of {most:?} particles", come.count),
+                Some(Amount::Count(most)) => format!("{} of {most} particles", come.count),
                 Some(Amount::Mass(most)) => format!("{:.4e} of {most:?} kg", come.mass),
                 None => continue,
             };

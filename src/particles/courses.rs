@@ -56,6 +56,13 @@ impl Course {
         ways.filter_map(Way::period).reduce(f64::min)
     }
 
+    /// In words, as a plan tells it.
+    pub fn summary(&self) -> String {
+        let shifts = self.shifts.iter().map(|(along, way)| way.summary("along", along, "m"));
+        let turn = self.turn.iter().map(|(axis, way)| way.summary("about", axis, "rad"));
+        shifts.chain(turn).collect::<Vec<_>>().join("; ")
+    }
+
     fn velocities(&self, rate: impl Fn(&Way) -> f64) -> (Vec3, Vec3) {
         let velocity = self.shifts.iter().map(|(along, way)| along * rate(way)).sum();
         let turn = self.turn.as_ref();
@@ -113,6 +120,20 @@ impl Way {
                 amplitude * TAU * frequency * libm::cos(*phase)
             }
             Self::Table(table) => table.first_rate(),
+        }
+    }
+
+    fn summary(&self, along: &str, axis: &Vec3, unit: &str) -> String {
+        let direction = format!("{along} [{}, {}, {}]", axis.x, axis.y, axis.z);
+        match self {
+            Self::Steady(rate) => format!("{rate} {unit}/s {direction}"),
+            Self::Oscillation { amplitude, frequency, .. } => {
+                let fastest = self.fastest();
+                format!("{amplitude} {unit} {direction} at {frequency} 1/s, at most {fastest:.3e} {unit}/s")
+            }
+            Self::Table(_) => {
+                format!("by a table {direction}, at most {:.3e} {unit}/s", self.fastest())
+            }
         }
     }
 

@@ -167,6 +167,11 @@ fn walls(scene: &Scene, page: &mut Page) {
         }
     }
     for wall in &scene.walls {
+        if let Some(motion) = motion(wall) {
+            page.line("motion", format!("{}: {motion}", wall.name));
+        }
+    }
+    for wall in &scene.walls {
         let Some(Mesh { surface, .. }) = &wall.mesh else { continue };
         page.line("triangles", format!("{}: {}", wall.name, surface.summary()));
         if let Some((low, high)) = wall.extent() {
@@ -191,6 +196,20 @@ fn walls(scene: &Scene, page: &mut Page) {
             ),
         );
     }
+}
+
+/// How a wall moves that no servo drives, in words.
+fn motion(wall: &Wall) -> Option<String> {
+    if let Some(course) = &wall.course {
+        return Some(course.summary());
+    }
+    let at = |v: &Vec3| format!("[{}, {}, {}]", v.x, v.y, v.z);
+    let (v, w) = (&wall.velocity, &wall.angular_velocity);
+    let shift = (*v != Vec3::zeros()).then(|| format!("velocity {} m/s", at(v)));
+    let turn = (*w != Vec3::zeros())
+        .then(|| format!("turns with {} rad/s about {} m", at(w), at(&wall.point)));
+    let parts: Vec<String> = shift.into_iter().chain(turn).collect();
+    (!parts.is_empty()).then(|| parts.join(", "))
 }
 
 /// Which materials can meet.
