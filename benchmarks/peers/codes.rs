@@ -25,6 +25,8 @@ pub(crate) enum Code {
     LammpsGranular,
     /// `hooke/stiffness` with `tangential history`.
     Liggghts,
+    /// `hertz` with `tangential history`, in a drum of triangles.
+    LiggghtsDrum,
 }
 
 impl Code {
@@ -34,7 +36,7 @@ impl Code {
             Self::OwnShuffled => "dem-mpi shuffled",
             Self::Lammps => "lammps",
             Self::LammpsGranular => "lammps granular",
-            Self::Liggghts => "liggghts",
+            Self::Liggghts | Self::LiggghtsDrum => "liggghts",
         }
     }
 
@@ -42,7 +44,7 @@ impl Code {
         match self {
             Self::Own | Self::OwnShuffled => env!("CARGO_BIN_EXE_dem-mpi"),
             Self::Lammps | Self::LammpsGranular => "lmp",
-            Self::Liggghts => "liggghts",
+            Self::Liggghts | Self::LiggghtsDrum => "liggghts",
         }
     }
 
@@ -52,6 +54,7 @@ impl Code {
             Self::Lammps => "lammps.in",
             Self::LammpsGranular => "lammps_granular.in",
             Self::Liggghts => "liggghts.in",
+            Self::LiggghtsDrum => "liggghts_drum.in",
         }
     }
 
@@ -71,7 +74,7 @@ impl Code {
                 return Ok(concat!("dem-mpi ", env!("CARGO_PKG_VERSION")).to_owned());
             }
             Self::Lammps | Self::LammpsGranular => ("-help", "Parallel Simulator"),
-            Self::Liggghts => ("-help", "LIGGGHTS"),
+            Self::Liggghts | Self::LiggghtsDrum => ("-help", "LIGGGHTS"),
         };
         let output = Command::new(self.program())
             .arg(argument)
@@ -116,14 +119,14 @@ pub(crate) fn run(code: Code, case: &Case, steps: Steps) -> anyhow::Result<Run> 
     let folder = std::env::temp_dir().join(format!("dem-mpi-peers-{}", std::process::id()));
     fs::create_dir_all(&folder)?;
     let run = match code {
-        Code::Own | Code::OwnShuffled => own(code, case, steps, &folder),
-        _ => peer(code, case, steps, &folder),
+        Code::Own | Code::OwnShuffled => own_case(code, case, steps, &folder),
+        _ => peer_case(code, case, steps, &folder),
     };
     fs::remove_dir_all(&folder)?;
     run.with_context(|| format!("{}, {steps:?}", code.name()))
 }
 
-fn own(code: Code, case: &Case, steps: Steps, folder: &Path) -> anyhow::Result<Run> {
+fn own_case(code: Code, case: &Case, steps: Steps, folder: &Path) -> anyhow::Result<Run> {
     let mut order: Vec<usize> = (0..case.start.len()).collect();
     if code == Code::OwnShuffled {
         order.sort_by_key(|&k| Random::of(1, k as u64).unit().to_bits());
@@ -135,31 +138,51 @@ fn own(code: Code, case: &Case, steps: Steps, folder: &Path) -> anyhow::Result<R
     }
     let spheres = folder.join("spheres.csv");
     fs::write(&spheres, text)?;
-    let arguments = [
-        case.file.display().to_string(),
-        format!("--set=fill.file.0.path={}", spheres.display()),
-        format!("--set=time.step={:e}", steps.step),
-        format!("--set=time.steps={}", steps.count),
-        format!("--out={}", folder.join("own").display()),
+    let keys = [
+        ("fill.file.0.path", spheres.display().to_string()),
+        ("time.step", format!("{:e}", steps.step)),
+        ("time.steps", steps.count.to_string()),
     ];
-    let (_, cpu) = say(code, &arguments, steps.ranks)?;
+    let mut run = own(code, &case.file, &keys, steps.ranks, folder)?;
+    let mut end = vec![Vec3::zeros(); order.len()];
+    order.iter().zip(&run.end).for_each(|(&k, place)| end[k] = *place);
+    run.end = end;
+    Ok(run)
+}
 
-    let report: Value = serde_json::from_str(&fs::read_to_string(folder.join("own/report.json"))?)?;
+/// Runs this program on a scene with these keys changed, into the folder `own` of this one; places by ids.
+pub(crate) fn own(
+    code: Code,
+    scene: &Path,
+    keys: &[(&str, String)],
+    ranks: u32,
+    folder: &Path,
+) -> anyhow::Result<Run> {
+    let out = folder.join("own");
+    if out.exists() {
+        fs::remove_dir_all(&out)?;
+    }
+    let mut arguments = vec![scene.display().to_string()];
+    arguments.extend(keys.iter().map(|(key, value)| format!("--set={key}={value}")));
+    arguments.push(format!("--out={}", out.display()));
+    let (_, cpu) = say(code, &arguments, ranks)?;
+
+    let report: Value = serde_json::from_str(&fs::read_to_string(out.join("report.json"))?)?;
     let number = |place| report.pointer(place).and_then(Value::as_f64).context(place);
     // The snapshot at the end is not a step.
-    let output = number("/phases/output/total_s")? / f64::from(steps.ranks);
+    let output = number("/phases/output/total_s")? / f64::from(ranks);
     let seconds = number("/run/wall_s")? - output;
 
-    let last = snapshot::Reader::open(&folder.join("own/last.vtkhdf"))?;
+    let last = snapshot::Reader::open(&out.join("last.vtkhdf"))?;
     let table = last.particles(0..last.particle_count())?;
-    let mut end = vec![None; case.start.len()];
+    let mut end = vec![None; table.id.len()];
     for (id, position) in table.id.iter().zip(&table.position) {
-        end[order[id.0 as usize]] = Some(Vec3::from(*position));
+        end[id.0 as usize] = Some(*position);
     }
     Ok(Run { end: all(end)?, seconds, cpu })
 }
 
-fn peer(code: Code, case: &Case, steps: Steps, folder: &Path) -> anyhow::Result<Run> {
+fn peer_case(code: Code, case: &Case, steps: Steps, folder: &Path) -> anyhow::Result<Run> {
     let (start, end) = (folder.join("start.data"), folder.join("end.dump"));
     fs::write(&start, data_file(case)?)?;
     let path = |path: &Path| path.display().to_string();
@@ -181,15 +204,26 @@ fn peer(code: Code, case: &Case, steps: Steps, folder: &Path) -> anyhow::Result<
         ("gtw", gtw.to_string()),
         ("xt", (gt / gn).to_string()),
     ];
-    let deck = PathBuf::from("benchmarks/peers").join(code.deck());
-    let mut arguments = vec!["-in".to_owned(), path(&deck), "-log".to_owned(), "none".to_owned()];
+    peer(code, &variables, steps.ranks, &end, case.start.len())
+}
+
+/// Runs another code, whose deck writes the places of its spheres into the file `end`.
+pub(crate) fn peer(
+    code: Code,
+    variables: &[(&str, String)],
+    ranks: u32,
+    end: &Path,
+    count: usize,
+) -> anyhow::Result<Run> {
+    let deck = PathBuf::from("benchmarks/peers").join(code.deck()).display().to_string();
+    let mut arguments = vec!["-in".to_owned(), deck, "-log".to_owned(), "none".to_owned()];
     for (name, value) in variables {
-        arguments.extend(["-var".to_owned(), name.to_owned(), value]);
+        arguments.extend(["-var".to_owned(), (*name).to_owned(), value.clone()]);
     }
-    let (said, cpu) = say(code, &arguments, steps.ranks)?;
+    let (said, cpu) = say(code, &arguments, ranks)?;
     let at = said.find("Loop time of").with_context(|| format!("no loop time:\n{said}"))?;
     let seconds = said[at..].split_whitespace().nth(3).context("no loop time")?.parse()?;
-    Ok(Run { end: read_dump(&fs::read_to_string(&end)?, case.start.len())?, seconds, cpu })
+    Ok(Run { end: read_dump(&fs::read_to_string(end)?, count)?, seconds, cpu })
 }
 
 /// Runs it under `mpirun`, if on more ranks than one: what it prints, and CPU time [s].

@@ -6,6 +6,7 @@
 //!                                                     finest steps against each other
 //! cargo bench --bench peers -- time                   time of a step, in turns, on 1 and 2 ranks
 //! cargo bench --bench peers -- time --steps 100 --rounds 1       the same, to try
+//! cargo bench --bench peers -- drum                   the same in a drum of 1,200 triangles, beside LIGGGHTS
 //! cargo bench --bench peers -- answer FILE            where LAMMPS' finest step brings the spheres of --scene, as CSV
 //! ```
 //!
@@ -15,6 +16,7 @@
 mod case;
 mod codes;
 mod converge;
+mod drum;
 mod speed;
 
 use case::Case;
@@ -42,6 +44,8 @@ enum Task {
     Converge(converge::Options),
     /// Compare times.
     Time(speed::Options),
+    /// Compare times in a drum of triangles.
+    Drum(drum::Options),
     /// Write LAMMPS' positions after a millisecond.
     Answer {
         /// CSV: start and end of each sphere [m].
@@ -58,11 +62,13 @@ enum Task {
 fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
     std::fs::create_dir_all(&arguments.record)?;
-    let mut case = Case::read(&arguments.scene)?;
+    let case = || Case::read(&arguments.scene);
     match arguments.task {
-        Task::Converge(options) => converge::converge(&case, &options, &arguments.record),
-        Task::Time(options) => speed::time(&case, &options, &arguments.record),
+        Task::Converge(options) => converge::converge(&case()?, &options, &arguments.record),
+        Task::Time(options) => speed::time(&case()?, &options, &arguments.record),
+        Task::Drum(options) => drum::time(&options, &arguments.record),
         Task::Answer { file, finest, corner } => {
+            let mut case = case()?;
             case.cut(corner.unwrap_or(usize::MAX));
             converge::answer(&case, finest, &file)
         }

@@ -29,8 +29,11 @@ pub(crate) struct Options {
     shuffled: bool,
 }
 
+/// The columns of the table.
+pub(crate) const HEAD: &str = "ranks,round,code,steps,wall_s,cpu_s,short_steps,short_cpu_s,load\n";
+
 /// A run: µs per particle and step.
-struct Row {
+pub(crate) struct Row {
     code: Code,
     ranks: u32,
     round: u32,
@@ -60,8 +63,7 @@ pub(crate) fn time(case: &Case, options: &Options, record: &Path) -> anyhow::Res
     compare(case, &codes)?;
 
     let mut rows = Vec::new();
-    let mut csv =
-        String::from("ranks,round,code,steps,wall_s,cpu_s,short_steps,short_cpu_s,load\n");
+    let mut csv = String::from(HEAD);
     let short = (options.steps / 10).max(1);
     for &ranks in &options.ranks {
         for round in 0..options.rounds {
@@ -70,38 +72,51 @@ pub(crate) fn time(case: &Case, options: &Options, record: &Path) -> anyhow::Res
             for &code in &codes {
                 let of = |count| run(code, case, Steps { step: case.step, count, ranks });
                 let (few, many) = (of(short)?, of(options.steps)?);
-                let load = fs::read_to_string("/proc/loadavg").unwrap_or_default();
-                let load = load.split_whitespace().next().unwrap_or("").to_owned();
-                let (name, steps) = (code.name(), options.steps);
-                writeln!(
-                    csv,
-                    "{ranks},{round},{name},{steps},{},{},{short},{},{load}",
-                    many.seconds, many.cpu, few.cpu
-                )?;
-                rows.push(row(case, code, ranks, round, options.steps, &many, short, &few));
+                let turn = Turn { code, ranks, round, steps: options.steps, short };
+                rows.push(turn.row(case.start.len(), &many, &few, &mut csv)?);
             }
             fs::write(record.join("time.csv"), &csv)?;
         }
     }
-    print(&rows, options);
+    print(&rows, &options.ranks);
     Ok(())
 }
 
-#[expect(clippy::too_many_arguments, reason = "one place")]
-fn row(
-    case: &Case,
-    code: Code,
-    ranks: u32,
-    round: u32,
-    steps: u64,
-    many: &Run,
-    short: u64,
-    few: &Run,
-) -> Row {
-    let particles = case.start.len() as f64 * 1e-6;
-    let wall = many.seconds / (steps as f64 * particles);
-    let cpu = (many.cpu - few.cpu) / ((steps - short) as f64 * particles);
-    Row { code, ranks, round, wall, cpu }
+/// A code's turn.
+pub(crate) struct Turn {
+    pub(crate) code: Code,
+    pub(crate) ranks: u32,
+    pub(crate) round: u32,
+    pub(crate) steps: u64,
+    /// Of the short run, which has the start's CPU time, too.
+    pub(crate) short: u64,
+}
+
+impl Turn {
+    /// What came of it; writes its row of the table.
+    pub(crate) fn row(
+        self,
+        particles: usize,
+        many: &Run,
+        few: &Run,
+        csv: &mut String,
+    ) -> anyhow::Result<Row> {
+        let Self { code, ranks, round, steps, short } = self;
+        let load = fs::read_to_string("/proc/loadavg").unwrap_or_default();
+        let load = load.split_whitespace().next().unwrap_or("");
+        writeln!(
+            csv,
+            "{ranks},{round},{},{steps},{},{},{short},{},{load}",
+            code.name(),
+            many.seconds,
+            many.cpu,
+            few.cpu
+        )?;
+        let particles = particles as f64 * 1e-6;
+        let wall = many.seconds / (steps as f64 * particles);
+        let cpu = (many.cpu - few.cpu) / ((steps - short) as f64 * particles);
+        Ok(Row { code, ranks, round, wall, cpu })
+    }
 }
 
 /// That all do the same, as far as their laws are the same, at this step.
@@ -143,14 +158,15 @@ fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
     })
 }
 
-fn print(rows: &[Row], options: &Options) {
+/// Medians over the rounds.
+pub(crate) fn print(rows: &[Row], ranks: &[u32]) {
     println!(
         "µs per particle-step: median (quartiles), least; ratio: median over rounds of a code's time over dem-mpi's of that round\n"
     );
     println!(
         "| ranks | code | wall | least | ratio | CPU | least | ratio |\n|---|---|---|---|---|---|---|---|"
     );
-    for &ranks in &options.ranks {
+    for &ranks in ranks {
         let mut codes: Vec<Code> = Vec::new();
         for row in rows.iter().filter(|row| row.ranks == ranks) {
             if !codes.contains(&row.code) {

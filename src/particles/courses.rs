@@ -129,7 +129,9 @@ impl Way {
             Self::Steady(rate) => format!("{rate} {unit}/s {direction}"),
             Self::Oscillation { amplitude, frequency, .. } => {
                 let fastest = self.fastest();
-                format!("{amplitude} {unit} {direction} at {frequency} 1/s, at most {fastest:.3e} {unit}/s")
+                format!(
+                    "{amplitude} {unit} {direction} at {frequency} 1/s, at most {fastest:.3e} {unit}/s"
+                )
             }
             Self::Table(_) => {
                 format!("by a table {direction}, at most {:.3e} {unit}/s", self.fastest())

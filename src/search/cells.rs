@@ -18,7 +18,7 @@ use std::borrow::Cow;
 /// Distances are taken as so much longer when cells are chosen, for the rounding of positions.
 const LEEWAY: f64 = 1.0 + 1e-9;
 
-/// All pairs of owned particles, ghosts and facets of walls with at least one owned particle and less than `skin`
+/// All pairs of owned particles, ghosts and planes of walls with at least one owned particle and less than `skin`
 /// between bounding spheres [m]. The slots of facets follow those of the ghosts, there or not.
 pub fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
     let mut pairs = Vec::new();
@@ -46,35 +46,31 @@ pub fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
             }
         }
     }
-    let first = bodies + facets.len();
-    for_each_near_facet(particles, skin, |slot, id| {
-        // All of them have been noted.
-        if let Ok(k) = particles.near_facets.binary_search(&id) {
-            pairs.push(Pair { a: Slot(slot as u32), b: Slot((first + k) as u32) });
-        }
-    });
     pairs
 }
 
-/// Takes note of the facets of meshes that come as near as `skin` [m] to the bounding sphere of an owned particle; only these get
-/// slots.
-pub fn note_near_facets(particles: &mut Particles, skin: f64) {
-    let mut near = Vec::new();
-    for_each_near_facet(particles, skin, |_, id| near.push(id));
-    near.sort_unstable();
-    near.dedup();
-    particles.near_facets = near;
-}
-
-fn for_each_near_facet(particles: &Particles, skin: f64, mut visit: impl FnMut(usize, GlobalId)) {
+/// Takes note of the facets of meshes that come as near as `skin` [m] to the bounding sphere of an owned particle, for only these get
+/// slots; and the pairs, which [`close_pairs`] leaves out.
+pub fn note_near_facets(particles: &mut Particles, skin: f64) -> Vec<Pair> {
+    let mut near: Vec<(usize, GlobalId)> = Vec::new();
     for (k, wall) in particles.walls.iter().enumerate().filter(|(_, wall)| wall.mesh.is_some()) {
         for slot in 0..particles.owned {
             let reach = particles.radius(slot) + skin;
-            for facet in wall.facets_near(&particles.position[slot], reach) {
-                visit(slot, GlobalId::facet(k, facet as usize));
-            }
+            let facets = wall.facets_near(&particles.position[slot], reach).into_iter();
+            near.extend(facets.map(|facet| (slot, GlobalId::facet(k, facet as usize))));
         }
     }
+    let mut ids: Vec<GlobalId> = near.iter().map(|&(_, id)| id).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    let first = particles.first_facet() + walls::facets(&particles.walls).len();
+    let pair = |(slot, id): (usize, GlobalId)| {
+        let k = ids.binary_search(&id).expect("it is among them");
+        Pair { a: Slot(slot as u32), b: Slot((first + k) as u32) }
+    };
+    let pairs = near.into_iter().map(pair).collect();
+    particles.near_facets = ids;
+    pairs
 }
 
 /// Bodies by size: in each class the largest has at most twice the radius of the smallest.

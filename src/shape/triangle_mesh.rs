@@ -785,11 +785,19 @@ impl Grid {
             let (low, high) = bounds(&corners);
             let [a, b, c] = &corners;
             let normal = (b - a).cross(&(c - a)).normalize();
-            let reach = 0.5 * width.dot(&normal.abs()) + 1e-9 * extent.norm();
+            let reach = |along: &Vec3| 0.5 * width.dot(&along.abs()) + 1e-9 * extent.norm();
+            let outwards = [(a, b), (b, c), (c, a)].map(|(from, to)| {
+                let along = (to - from).cross(&normal).normalize();
+                (from, along, reach(&along))
+            });
+            let thickness = reach(&normal);
             // Cells overlap a little: what is looked up by a point that is rounded must be there.
             let leeway = Vec3::repeat(1e-9 * extent.norm());
             grid.for_each_cell(&(low - leeway), &(high + leeway), |cell, middle| {
-                if (middle - a).dot(&normal).abs() <= reach {
+                // Less than a separating axis for all cells, but long thin triangles stay out of most.
+                let beside =
+                    outwards.iter().any(|(on, along, reach)| (middle - *on).dot(along) > *reach);
+                if (middle - a).dot(&normal).abs() <= thickness && !beside {
                     filled.push((cell as u32, triangle));
                 }
             });

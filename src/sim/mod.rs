@@ -329,8 +329,9 @@ impl Simulation {
     pub fn relist(&mut self, carried: &ContactRecords, comm: &mut dyn Comm) {
         self.domain.offer_ghosts(&mut self.particles, comm);
         let listed = self.skin + self.reach;
-        search::note_near_facets(&mut self.particles, listed);
+        let with_meshes = search::note_near_facets(&mut self.particles, listed);
         let mut found = search::close_pairs(&self.particles, listed);
+        found.extend(with_meshes);
         self.domain.keep_paired_ghosts(&mut self.particles, &mut found);
         self.domain.start_halo(&self.particles, comm);
         self.domain.finish_halo(&mut self.particles, comm);

@@ -38,20 +38,30 @@ pub struct Plan {
     pub repeats: u32,
 }
 
+/// Written last.
+const MACHINE: &str = "machine.txt";
+
 impl Plan {
     /// Regenerates the section in this folder, with `machine.txt`, from the checkout as current directory.
     ///
     /// # Errors
     /// See [`StudyError`]; files that cannot be written.
     pub fn run(&self, out: &Path) -> Result<()> {
-        let Self { count, seed, repeats } = self;
         store(out, &regenerate(self)?)?;
-        let command = format!(
-            "run/paper/single-contact/run --count {count} --seed {seed} --repeats {repeats}"
-        );
-        let text = machine(&command, &format!(", load {}", load()));
+        let text = machine(&self.command(), &format!(", load {}", load()));
         print!("{text}");
-        store(out, &[("machine.txt".into(), text)])
+        store(out, &[(MACHINE.into(), text)])
+    }
+
+    /// Does this folder have the section by this plan, whatever the commit?
+    pub fn is_done(&self, out: &Path) -> bool {
+        let text = std::fs::read_to_string(out.join(MACHINE));
+        text.is_ok_and(|text| text.lines().any(|line| line.ends_with(&self.command())))
+    }
+
+    fn command(&self) -> String {
+        let Self { count, seed, repeats } = self;
+        format!("run/paper/single-contact/run --count {count} --seed {seed} --repeats {repeats}")
     }
 }
 
