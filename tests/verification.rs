@@ -53,6 +53,11 @@ fn elliptic_contacts() {
 }
 
 #[test]
+fn walls_that_turn_and_walls_of_triangles() {
+    check("moving_walls");
+}
+
+#[test]
 fn what_rolls_and_what_sticks() {
     check("sticking");
 }

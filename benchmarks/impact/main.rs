@@ -4,6 +4,7 @@
 //! ```text
 //! cargo bench --bench impact -- --state FILE       from the paper's bed of 25,000 spheres: 4 minutes on one core
 //! cargo bench --bench impact -- --grains N         from a bed of its own
+//! cargo bench --bench impact -- --state FILE --set domain.low='[-0.1, -0.1, -0.1]' --reference FILE     another bed
 //! cargo bench --bench impact -- --ranks 2          on so many ranks
 //! cargo bench --bench impact -- --runs 5           the mean of so many: all but the first begin after 20 ms with the bed shifted by 1e-9 m
 //! cargo bench --bench impact -- --record FOLDER    the table and the picture into this folder
@@ -50,6 +51,9 @@ struct Arguments {
     /// How many, each with the bed shifted a little.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     runs: u32,
+    /// Change a key of the scene, as with dem-mpi: the box of another bed, say. May be repeated.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
     /// Where the run goes.
     #[arg(long, value_name = "FOLDER", default_value = "target/impact")]
     out: PathBuf,
@@ -79,7 +83,7 @@ const TOLERANCE: f64 = 1e-3;
 
 fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
-    let Arguments { state, grains, out, until, ranks, runs, .. } = &arguments;
+    let Arguments { state, grains, out, until, ranks, runs, set, .. } = &arguments;
     std::fs::create_dir_all(out)?;
     let begin = Instant::now();
     let centres = match state {
@@ -98,7 +102,9 @@ fn main() -> anyhow::Result<()> {
         std::fs::copy(Path::new(FOLDER).join("scene.toml"), &scene)?;
         let begin = Instant::now();
         let steps = ((until - begins) / STEP).round() as u64;
-        simulate(&scene, &folder.join("out"), *ranks, &[&format!("time.steps={steps}")])?;
+        let steps_only = format!("time.steps={steps}");
+        let keys: Vec<&str> = set.iter().chain([&steps_only]).map(String::as_str).collect();
+        simulate(&scene, &folder.join("out"), *ranks, &keys)?;
         println!("{steps} steps on {ranks} ranks: {:.0} s", begin.elapsed().as_secs_f64());
         all.push(heights(&folder.join("out"), begins)?);
     }

@@ -17,6 +17,7 @@ pub(crate) mod free_motion;
 pub(crate) mod incline;
 pub(crate) mod lammps;
 pub(crate) mod mfix;
+pub(crate) mod moving_walls;
 pub(crate) mod other_codes;
 pub(crate) mod packing;
 mod setup;
@@ -236,7 +237,7 @@ pub(crate) fn parse_reference(name: &str) -> serde_json::Value {
 pub(crate) type Source = (&'static str, fn(Effort) -> Findings);
 
 /// All sources, in the order of the table.
-pub(crate) fn sources() -> [Source; 18] {
+pub(crate) fn sources() -> [Source; 19] {
     [
         ("mfix", mfix::run),
         ("lammps", lammps::run),
@@ -245,6 +246,7 @@ pub(crate) fn sources() -> [Source; 18] {
         ("elastic", elastic::run),
         ("sticking", sticking::run),
         ("free_motion", free_motion::run),
+        ("moving_walls", moving_walls::run),
         ("incline", incline::run),
         ("faces", faces::run),
         ("balance", balance::run),

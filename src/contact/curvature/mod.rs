@@ -90,7 +90,7 @@ impl<L: Eight> Curvatures<L> {
 
 /// Of touching pairs in the order in which they stand, all with walls or none; `into` gets one for each.
 pub fn find(bodies: &Bodies, pairs: &[Pair], geometry: &[Geometry], into: &mut Vec<Curvature>) {
-    into.clear();
+    // Those of before are written over.
     into.resize(pairs.len(), Curvature::default());
     lanes::dispatch(All { bodies, pairs, geometry, into });
 }
