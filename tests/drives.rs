@@ -1,7 +1,7 @@
 //! Drives that the library does not know: a spout that inserts grains and an outlet that takes out what falls through the
 //! bottom.
 
-use crate::support::{MATERIAL, motion, save, scene};
+use crate::support::{MATERIAL, OnRanks, State, scene};
 use dem_mpi::cell::Cell;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
@@ -14,9 +14,8 @@ use dem_mpi::particles::Particles;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::walls::Wall;
 use dem_mpi::scene::Scene;
-use dem_mpi::scene::assemble::{self, Continuation};
+use dem_mpi::scene::assemble;
 use dem_mpi::sim::{Simulation, StepError};
-use std::path::Path;
 
 const COUNT: StateColumn = StateColumn::new("count", 1, "1");
 
@@ -142,68 +141,8 @@ fn assembled(scene: &Scene, comm: &dyn Comm) -> Simulation {
     sim
 }
 
-/// Everything of which the future is made.
-#[derive(Debug, PartialEq)]
-struct State {
-    bits: Vec<(u64, Vec<u64>)>,
-    scalars: Vec<u64>,
-    drives: Vec<SavedState>,
-}
-
-/// What one rank has, and what is missing from the balance [J].
-fn state(sim: &Simulation, comm: &mut dyn Comm) -> (State, f64) {
-    let m = sim.measure(comm);
-    let scalars = [m.kinetic(), m.gravity, m.stored, m.dissipated, m.received, m.missing()];
-    let state = State {
-        bits: motion(&sim.particle_table(comm.rank())).collect(),
-        scalars: scalars.map(f64::to_bits).to_vec(),
-        drives: sim.header("", &m.wall_forces, comm).drives,
-    };
-    (state, m.missing())
-}
-
-fn joined(ranks: Vec<(State, f64)>) -> (State, f64) {
-    let mut ranks = ranks.into_iter();
-    let (mut all, missing) = ranks.next().unwrap();
-    for (State { bits, scalars, drives }, _) in ranks {
-        assert_eq!((&scalars, &drives), (&all.scalars, &all.drives), "all ranks have the same");
-        all.bits.extend(bits);
-    }
-    all.bits.sort();
-    (all, missing)
-}
-
-fn run(scene: &Scene, ranks: u32, steps: u64) -> (State, f64) {
-    joined(threads::run(ranks, |comm| {
-        let mut sim = assembled(scene, comm);
-        assemble::fill(&mut sim, scene, comm);
-        sim.begin(comm).unwrap();
-        for _ in 0..steps {
-            sim.step(comm).unwrap();
-        }
-        state(&sim, comm)
-    }))
-}
-
-/// The same, saved half-way and taken up on another number of ranks.
-fn restarted(scene: &Scene, before: u32, after: u32, steps: u64, folder: &Path) -> (State, f64) {
-    threads::run(before, |comm| {
-        let mut sim = assembled(scene, comm);
-        assemble::fill(&mut sim, scene, comm);
-        sim.begin(comm).unwrap();
-        for _ in 0..steps / 2 {
-            sim.step(comm).unwrap();
-        }
-        save(&sim, folder, scene, comm);
-    });
-    joined(threads::run(after, |comm| {
-        let mut sim = assembled(scene, comm);
-        assemble::take_up(&mut sim, scene, folder, Continuation::SameStage, comm).unwrap();
-        while sim.step < steps {
-            sim.step(comm).unwrap();
-        }
-        state(&sim, comm)
-    }))
+fn on_ranks(scene: &Scene) -> OnRanks<'_> {
+    OnRanks { scene, assembled: |scene, comm| assembled(scene, comm) }
 }
 
 fn count_of(state: &State, drive: &str) -> u64 {
@@ -215,26 +154,25 @@ fn count_of(state: &State, drive: &str) -> u64 {
 #[test]
 fn grains_come_and_go_the_same_on_any_number_of_ranks() {
     let (scene, steps) = (shaft(), 4000);
-    let (alone, missing) = run(&scene, 1, steps);
+    let alone = on_ranks(&scene).run(1, steps);
     let (sent, taken) = (count_of(&alone, "spout"), count_of(&alone, "outlet"));
     let first = scene.particle_count();
     assert!(first > 500 && sent == 26, "{first} {sent}");
     assert!(taken > 300 && alone.bits.len() as u64 == first + sent - taken, "{taken} are gone");
     // What a grain that leaves gives to those that it touches in its last step is not booked.
-    let dissipated = f64::from_bits(alone.scalars[3]);
+    let [missing, dissipated] = ["missing", "dissipated"].map(|name| alone.number(name));
     println!("{taken} of {first} are gone, {missing:e} J of {dissipated:e} J is missing");
     assert!(missing.abs() < 2e-5 * dissipated, "{missing:e} J of {dissipated:e} J is missing");
     let text = SHAFT.replace("MATERIAL", MATERIAL);
     let deep = crate::support::scene(&text.replace("low = [0, 0, 0]\n", "low = [0, 0, -1]\n"));
-    let (deep, missing) = run(&deep, 1, steps);
+    let deep = on_ranks(&deep).run(1, steps);
     assert_eq!((deep.bits.len() as u64, count_of(&deep, "outlet")), (first + sent, 0));
-    let dissipated = f64::from_bits(deep.scalars[3]);
+    let [missing, dissipated] = ["missing", "dissipated"].map(|name| deep.number(name));
     println!("{missing:e} J of {dissipated:e} J is missing if none leaves");
     assert!(missing.abs() < 5e-6 * dissipated, "{missing:e} J of {dissipated:e} J");
-    let (three, _) = run(&scene, 3, steps);
-    assert!(alone == three, "three ranks");
+    assert!(alone == on_ranks(&scene).run(3, steps), "three ranks");
     let folder = tempfile::tempdir().unwrap();
-    let (again, _) = restarted(&scene, 3, 2, steps, folder.path());
+    let again = on_ranks(&scene).restarted(3, 2, steps, folder.path());
     let half_way = Reader::open(folder.path()).unwrap().header().clone();
     assert!(half_way.departed.dissipated > 0.0, "{:?}", half_way.departed);
     assert!(alone == again, "a restart");
@@ -244,10 +182,10 @@ fn grains_come_and_go_the_same_on_any_number_of_ranks() {
 #[test]
 fn the_skin_does_not_show_in_what_leaves() {
     let scene = shaft();
-    let usual = run(&scene, 2, 1500);
-    assert!(count_of(&usual.0, "outlet") > 50);
+    let usual = on_ranks(&scene).run(2, 1500);
+    assert!(count_of(&usual, "outlet") > 50);
     let wide = Scene { skin: 3.0 * scene.skin, ..scene.clone() };
-    assert!(usual == run(&wide, 2, 1500));
+    assert!(usual == on_ranks(&wide).run(2, 1500));
 }
 
 /// One egg, turning, damped, alone: to rounding.

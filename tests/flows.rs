@@ -1,17 +1,13 @@
 //! Grains that appear at a rate and grains that leave: counted, booked, and the same on any number of ranks.
 
-use crate::support::{begun, expect_refused, motion, save, scene, schedule};
+use crate::support::{OnRanks, begun, expect_refused, scene, schedule};
 use dem_mpi::comm::alone::Alone;
-use dem_mpi::comm::{Comm, threads};
-use dem_mpi::drive::SavedState;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::scene::Scene;
-use dem_mpi::scene::assemble::{self, Continuation};
+use dem_mpi::scene::assemble;
 use dem_mpi::scene::plan::plan;
-use dem_mpi::sim::Simulation;
 use dem_mpi::sim::run::{Ending, run};
-use std::path::Path;
 
 /// A shaft into which balls and eggs come, and out of which they leave through its bottom and a hatch.
 const SHAFT: &str = r#"
@@ -81,78 +77,15 @@ history_every = 500
 
 const STEPS: u64 = 3000;
 
-#[derive(Debug, PartialEq)]
-struct State {
-    bits: Vec<(u64, Vec<u64>)>,
-    scalars: Vec<u64>,
-    drives: Vec<SavedState>,
-    counted: Vec<(String, u64)>,
-}
-
-fn state(sim: &Simulation, comm: &mut dyn Comm) -> (State, [f64; 2]) {
-    let m = sim.measure(comm);
-    let scalars = [m.kinetic(), m.gravity, m.stored, m.dissipated, m.received, m.missing()];
-    let counted = sim.drives.iter().flat_map(|drive| drive.counted());
-    let state = State {
-        bits: motion(&sim.particle_table(comm.rank())).collect(),
-        scalars: scalars.map(f64::to_bits).to_vec(),
-        drives: sim.header("", &m.wall_forces, comm).drives,
-        counted: counted.map(|(name, number)| (name, number.to_bits())).collect(),
-    };
-    (state, [m.missing(), m.dissipated])
-}
-
-fn joined(ranks: Vec<(State, [f64; 2])>) -> (State, [f64; 2]) {
-    let mut ranks = ranks.into_iter();
-    let (mut all, energies) = ranks.next().unwrap();
-    for (other, _) in ranks {
-        assert_eq!((&other.scalars, &other.drives), (&all.scalars, &all.drives));
-        assert_eq!(other.counted, all.counted);
-        all.bits.extend(other.bits);
-    }
-    all.bits.sort();
-    (all, energies)
-}
-
-fn ran(scene: &Scene, ranks: u32) -> (State, [f64; 2]) {
-    joined(threads::run(ranks, |comm| {
-        let mut sim = begun(scene, comm);
-        for _ in 0..STEPS {
-            sim.step(comm).unwrap();
-        }
-        state(&sim, comm)
-    }))
-}
-
-fn restarted(scene: &Scene, before: u32, after: u32, folder: &Path) -> (State, [f64; 2]) {
-    threads::run(before, |comm| {
-        let mut sim = begun(scene, comm);
-        for _ in 0..STEPS / 2 {
-            sim.step(comm).unwrap();
-        }
-        save(&sim, folder, scene, comm);
-    });
-    joined(threads::run(after, |comm| {
-        let mut sim = assemble::assemble(scene, comm);
-        assemble::take_up(&mut sim, scene, folder, Continuation::SameStage, comm).unwrap();
-        while sim.step < STEPS {
-            sim.step(comm).unwrap();
-        }
-        state(&sim, comm)
-    }))
-}
-
-fn number(state: &State, name: &str) -> f64 {
-    f64::from_bits(state.counted.iter().find(|(of, _)| of == name).unwrap().1)
-}
-
 /// The same grains come and go on 1, 2, 3, 4 and 8 ranks and across a restart; none is lost, and the balance closes.
 #[test]
 fn what_comes_and_goes_is_the_same_on_any_number_of_ranks() {
     let scene = scene(SHAFT);
-    let (alone, [missing, dissipated]) = ran(&scene, 1);
+    let folder = tempfile::tempdir().unwrap();
+    let alone = OnRanks::of(&scene).the_same_everywhere(STEPS, folder.path());
+    let [missing, dissipated] = ["missing", "dissipated"].map(|name| alone.number(name));
     let all = ["entered_eggs", "entered_balls", "left_bottom", "left_hatch"];
-    let [eggs, balls, bottom, hatch] = all.map(|name| number(&alone, name));
+    let [eggs, balls, bottom, hatch] = all.map(|name| alone.number(name));
     let first: f64 = 6.0 * 6.0 * 7.0;
     println!("{eggs} {balls} came, {bottom} {hatch} left, {} are there", alone.bits.len());
     println!("{missing:e} J of {dissipated:e} J is missing");
@@ -161,20 +94,15 @@ fn what_comes_and_goes_is_the_same_on_any_number_of_ranks() {
     // The mass that is due is met to the grain that is next.
     let due = 0.02 * STEPS as f64 * scene.dt;
     let largest = 1.5_f64.powi(3) * scene.library.mass[0];
-    let came = number(&alone, "entered_eggs_kg");
+    let came = alone.number("entered_eggs_kg");
     assert!(came <= due && came > due - largest.max(scene.library.mass[1]), "{came} of {due}");
     assert!(missing.abs() < 5e-6 * dissipated, "{missing:e} J of {dissipated:e} J");
-    for ranks in [2, 3, 4, 8] {
-        assert!(ran(&scene, ranks).0 == alone, "{ranks} ranks");
-    }
-    let folder = tempfile::tempdir().unwrap();
-    assert!(restarted(&scene, 3, 2, folder.path()).0 == alone, "a restart");
     let header = Reader::open(folder.path()).unwrap().header().clone();
     let names: Vec<&str> = header.drives.iter().map(|saved| &*saved.drive).collect();
     assert_eq!(names, ["inlets", "outlets"]);
     // When pairs are listed does not matter.
     let wide = Scene { skin: 2.0 * scene.skin, ..scene };
-    assert!(ran(&wide, 2).0 == alone, "another skin");
+    assert!(OnRanks::of(&wide).run(2, STEPS) == alone, "another skin");
 }
 
 /// A grain is gone at the first look at which its centre is in the region: a free fall in closed form.

@@ -27,6 +27,7 @@ mod post;
 mod program;
 mod random;
 mod ranks_threads;
+mod ready;
 mod robustness;
 mod rolling;
 mod scene;

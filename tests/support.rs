@@ -1,8 +1,9 @@
 //! What tests share: a simulation from a scene's text on one rank, and shapes in another unit.
 
 use crate::random::Draw;
-use dem_mpi::comm::Comm;
 use dem_mpi::comm::alone::Alone;
+use dem_mpi::comm::{Comm, threads};
+use dem_mpi::drive::SavedState;
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::output::header::Header;
@@ -10,7 +11,8 @@ use dem_mpi::output::snapshot;
 use dem_mpi::output::tables::ParticleTable;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
-use dem_mpi::scene::{Scene, assemble};
+use dem_mpi::scene::Scene;
+use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::shape::{
     Ellipsoid, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
     Superellipsoid,
@@ -107,12 +109,134 @@ pub(crate) fn motion(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<u6
             &table.angular_velocity,
             &table.torque,
         ];
-        let vectors = columns.iter().flat_map(|column| column[k].iter().copied());
-        let row: Vec<f64> = vectors.chain(table.quaternion[k]).collect();
+        // Spheres may have no orientation, and without friction no spin.
+        let vectors = columns.iter().filter_map(|column| column.get(k)).flatten().copied();
+        let turn = table.quaternion.get(k).into_iter().flatten().copied();
+        let row: Vec<f64> = vectors.chain(turn).collect();
         let id = table.id[k].0;
         assert!(row.iter().all(|x| x.is_finite()), "particle {id}");
         (id, row.into_iter().map(f64::to_bits).collect())
     })
+}
+
+/// Everything of which the future of a simulation is made, of all its ranks.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct State {
+    /// What moves each particle, under its id.
+    pub(crate) bits: Vec<(u64, Vec<u64>)>,
+    /// Energies [J], places of walls, forces on them, and what drives count.
+    scalars: Vec<(String, u64)>,
+    pub(crate) drives: Vec<SavedState>,
+}
+
+impl State {
+    /// What one rank knows of it. Collective.
+    pub(crate) fn of(sim: &Simulation, comm: &mut dyn Comm) -> Self {
+        let m = sim.measure(comm);
+        let mut scalars: Vec<(String, f64)> = [
+            ("kinetic", m.kinetic()),
+            ("gravity", m.gravity),
+            ("stored", m.stored),
+            ("dissipated", m.dissipated),
+            ("received", m.received),
+            ("missing", m.missing()),
+            ("contacts", m.contacts as f64),
+            ("wall_contacts", m.wall_contacts as f64),
+        ]
+        .map(|(name, number)| (name.to_owned(), number))
+        .into();
+        for wall in &sim.particles.walls {
+            let place = wall.point.iter().chain(wall.orientation.coords.iter());
+            scalars.extend(place.map(|&x| (format!("place of {}", wall.name), x)));
+        }
+        let forces = m.wall_forces.iter().flat_map(|force| force.iter());
+        scalars.extend(forces.map(|&x| ("force".to_owned(), x)));
+        scalars.extend(sim.drives.iter().flat_map(|drive| drive.counted()));
+        Self {
+            bits: motion(&sim.particle_table(comm.rank())).collect(),
+            scalars: scalars.into_iter().map(|(name, x)| (name, x.to_bits())).collect(),
+            drives: sim.header("", &m.wall_forces, comm).drives,
+        }
+    }
+
+    /// Of what all ranks know.
+    pub(crate) fn joined(ranks: Vec<Self>) -> Self {
+        let mut ranks = ranks.into_iter();
+        let mut all = ranks.next().expect("a rank");
+        for other in ranks {
+            assert_eq!((&other.scalars, &other.drives), (&all.scalars, &all.drives));
+            all.bits.extend(other.bits);
+        }
+        all.bits.sort();
+        all
+    }
+
+    /// One of the scalars.
+    pub(crate) fn number(&self, name: &str) -> f64 {
+        *self.numbers(name).first().unwrap_or_else(|| panic!("no {name}"))
+    }
+
+    /// Those with this name: the place of a wall is three coordinates and a quaternion (x, y, z, w).
+    pub(crate) fn numbers(&self, name: &str) -> Vec<f64> {
+        let found = self.scalars.iter().filter(|(of, _)| of == name);
+        found.map(|(_, bits)| f64::from_bits(*bits)).collect()
+    }
+}
+
+/// A scene on ranks that are threads.
+pub(crate) struct OnRanks<'a> {
+    pub(crate) scene: &'a Scene,
+    /// Without particles yet.
+    pub(crate) assembled: fn(&Scene, &mut dyn Comm) -> Simulation,
+}
+
+impl<'a> OnRanks<'a> {
+    pub(crate) fn of(scene: &'a Scene) -> Self {
+        Self { scene, assembled: |scene, comm| assemble::assemble(scene, comm) }
+    }
+
+    /// After so many steps from the start.
+    pub(crate) fn run(&self, ranks: u32, steps: u64) -> State {
+        State::joined(threads::run(ranks, |comm| State::of(&self.began(steps, comm), comm)))
+    }
+
+    /// The same, saved half-way and taken up on another number of ranks.
+    pub(crate) fn restarted(&self, before: u32, after: u32, steps: u64, folder: &Path) -> State {
+        threads::run(before, |comm| {
+            save(&self.began(steps / 2, comm), folder, self.scene, comm);
+        });
+        State::joined(threads::run(after, |comm| {
+            let mut sim = (self.assembled)(self.scene, comm);
+            assemble::take_up(&mut sim, self.scene, folder, Continuation::SameStage, comm)
+                .expect("it goes on");
+            to_step(&mut sim, steps, comm);
+            State::of(&sim, comm)
+        }))
+    }
+
+    /// On one rank, if it is the same on 2, 3, 4 and 8, and across a restart from 3 to 2 whose snapshot is left in the folder.
+    pub(crate) fn the_same_everywhere(&self, steps: u64, folder: &Path) -> State {
+        let alone = self.run(1, steps);
+        for ranks in [2, 3, 4, 8] {
+            assert!(alone == self.run(ranks, steps), "{ranks} ranks");
+        }
+        assert!(alone == self.restarted(3, 2, steps, folder), "a restart");
+        alone
+    }
+
+    fn began(&self, steps: u64, comm: &mut dyn Comm) -> Simulation {
+        let mut sim = (self.assembled)(self.scene, comm);
+        assemble::fill(&mut sim, self.scene, comm);
+        sim.begin(comm).expect("the scene begins well");
+        to_step(&mut sim, steps, comm);
+        sim
+    }
+}
+
+fn to_step(sim: &mut Simulation, step: u64, comm: &mut dyn Comm) {
+    while sim.step < step {
+        sim.step(comm).unwrap_or_else(|error| panic!("{error}"));
+    }
 }
 
 /// One rank with just these particles in a scene (whose own are left out).

@@ -305,20 +305,20 @@ fn a_shaken_drum_has_the_same_bits_on_any_ranks_and_gives_what_its_grains_lose()
     .unwrap();
     for interpolation in ["linear", "smooth"] {
         let scene = scene(&shaken(&table, interpolation));
-        let (grains, scalars) = the_same_on_any_ranks(&scene, 6000);
-        let scalar = |k: usize| f64::from_bits(scalars[k]);
-        // The wall's place is in the scalars after 2 counts and 6 energies.
-        let point = Vec3::new(scalar(8), scalar(9), scalar(10));
+        let state = the_same_on_any_ranks(&scene, 6000);
+        let place = state.numbers("place of drum");
+        let point = Vec3::new(place[0], place[1], place[2]);
         let expected = Vec3::new(1.0, 0.0, 1.0).normalize() * 0.001;
         assert!((point - expected).norm() < 1e-15, "{point:?}");
         let angle = 40f64.to_radians()
             * ((std::f64::consts::TAU * 12.0 * 0.03 + std::f64::consts::FRAC_PI_6).sin() - 0.5);
-        let turned = 2.0 * f64::atan2(scalar(12), scalar(14));
+        let turned = 2.0 * f64::atan2(place[4], place[6]);
         assert!((turned - angle).abs() < 1e-14, "{turned} {angle}");
-        let [dissipated, received, missing] = [2, 3, 4].map(scalar);
+        let [dissipated, received, missing] =
+            ["dissipated", "received", "missing"].map(|name| state.number(name));
         println!(
             "{interpolation}: {} grains, received {received:e} J, dissipated {dissipated:e} J, missing {missing:e} J",
-            grains.len()
+            state.bits.len()
         );
         assert!(
             missing.abs() < 1e-5 * dissipated && received > 0.0,

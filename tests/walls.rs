@@ -1,23 +1,21 @@
 //! Walls that turn: balls on turntables and on rods, a drum of four planes, energy, equal bits.
 
-use crate::support::{Bench, MATERIAL, begun, motion, scene};
+use crate::support::{Bench, MATERIAL, OnRanks, State, begun, save, scene};
 use dem_mpi::comm::alone::Alone;
-use dem_mpi::comm::{Comm, threads};
+use dem_mpi::comm::threads;
 use dem_mpi::ids::{GlobalId, MaterialId, ShapeId};
 use dem_mpi::law::Body;
 use dem_mpi::law::kernel::reduced_mass;
 use dem_mpi::math::{Vec3, rotation_about};
 use dem_mpi::measure::Measures;
-use dem_mpi::output::snapshot::{self, Reader};
+use dem_mpi::output::snapshot::Reader;
 use dem_mpi::particles::Library;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::walls::Wall;
 use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::{Scene, plan::plan};
 use dem_mpi::shape::{Shape, Sphere};
-use dem_mpi::sim::Simulation;
 use std::f64::consts::TAU;
-use std::path::Path;
 
 const RADIUS: f64 = 0.01;
 const STIFFNESS: f64 = 1e6;
@@ -226,76 +224,10 @@ fn drum() -> Scene {
     scene(&drum_text(EQUAL))
 }
 
-/// All of which the future is made, joined, and the scalars of the end.
-pub(crate) type State = (Vec<(u64, Vec<u64>)>, Vec<u64>);
-
-fn state(sim: &Simulation, comm: &mut dyn Comm) -> State {
-    let m = sim.measure(comm);
-    let energies = [m.dissipated, m.received, m.missing(), m.kinetic(), m.gravity, m.stored];
-    let counts = [m.contacts as f64, m.wall_contacts as f64];
-    let walls = sim.particles.walls.iter().flat_map(|wall| {
-        let point = wall.point;
-        point.iter().chain(wall.orientation.coords.iter()).copied().collect::<Vec<_>>()
-    });
-    let forces = m.wall_forces.iter().flat_map(|force| force.iter().copied());
-    let scalars =
-        counts.into_iter().chain(energies).chain(walls).chain(forces).map(f64::to_bits).collect();
-    (motion(&sim.particle_table(comm.rank())).collect(), scalars)
-}
-
-fn joined(ranks: Vec<State>) -> State {
-    let scalars = ranks[0].1.clone();
-    assert!(ranks.iter().all(|(_, other)| *other == scalars), "all ranks have the same");
-    let mut bits: Vec<_> = ranks.into_iter().flat_map(|(bits, _)| bits).collect();
-    bits.sort();
-    (bits, scalars)
-}
-
-fn run(scene: &Scene, ranks: u32, steps: u64) -> State {
-    joined(threads::run(ranks, |comm| {
-        let mut sim = begun(scene, comm);
-        for _ in 0..steps {
-            sim.step(comm).unwrap();
-        }
-        state(&sim, comm)
-    }))
-}
-
-fn save(sim: &Simulation, scene: &Scene, folder: &Path, comm: &mut dyn Comm) {
-    let forces = sim.measure(comm).wall_forces;
-    let header = sim.header(&scene.text, &forces, comm);
-    let particles = sim.particle_table(comm.rank());
-    let (contacts, records) = (sim.contact_table(), sim.contact_records());
-    snapshot::write(folder, &header, &particles, &contacts, &records, comm).unwrap();
-}
-
-/// Saved half-way, and taken up on another number of ranks.
-fn restarted(scene: &Scene, before: u32, after: u32, steps: u64, folder: &Path) -> State {
-    threads::run(before, |comm| {
-        let mut sim = begun(scene, comm);
-        for _ in 0..steps / 2 {
-            sim.step(comm).unwrap();
-        }
-        save(&sim, scene, folder, comm);
-    });
-    joined(threads::run(after, |comm| {
-        let mut sim = assemble::assemble(scene, comm);
-        assemble::take_up(&mut sim, scene, folder, Continuation::SameStage, comm).unwrap();
-        while sim.step < steps {
-            sim.step(comm).unwrap();
-        }
-        state(&sim, comm)
-    }))
-}
-
-/// The state after these steps on one rank, if it is the same on two and on three, and after a restart.
+/// The state after these steps on one rank, if it is the same on others, and after a restart whose snapshot has the wall.
 pub(crate) fn the_same_on_any_ranks(scene: &Scene, steps: u64) -> State {
-    let alone = run(scene, 1, steps);
-    for ranks in [2, 3] {
-        assert!(alone == run(scene, ranks, steps), "{ranks} ranks");
-    }
     let folder = tempfile::tempdir().unwrap();
-    assert!(alone == restarted(scene, 3, 2, steps, folder.path()), "a restart");
+    let alone = OnRanks::of(scene).the_same_everywhere(steps, folder.path());
     let header = Reader::open(folder.path()).unwrap().header().clone();
     assert_eq!(header.walls.len(), 1);
     assert!(header.walls[0].body.is_some());
@@ -305,7 +237,7 @@ pub(crate) fn the_same_on_any_ranks(scene: &Scene, steps: u64) -> State {
 #[test]
 fn a_drum_has_the_same_bits_on_any_number_of_ranks_and_across_a_restart() {
     let state = the_same_on_any_ranks(&drum(), 4000);
-    assert!(state.0.len() > 200, "{}", state.0.len());
+    assert!(state.bits.len() > 200, "{}", state.bits.len());
 }
 
 /// Sizes by column and walls that turn, together: equal bits, and the energy balance of all contacts.
@@ -316,10 +248,11 @@ fn a_drum_of_sizes_has_the_same_bits_on_any_number_of_ranks_and_loses_no_energy(
     let scene =
         scene(&text.replace("rate = 30", "rate = 20").replace("step = 1e-5", "step = 5e-6"));
     assert!(scene.needs().scale);
-    let (particles, scalars) = the_same_on_any_ranks(&scene, 16_000);
-    assert_eq!(particles.len(), 147);
-    let [contacts, on_walls, dissipated, received, missing] =
-        [0, 1, 2, 3, 4].map(|k| f64::from_bits(scalars[k]));
+    let state = the_same_on_any_ranks(&scene, 16_000);
+    assert_eq!(state.bits.len(), 147);
+    let [contacts, on_walls] = ["contacts", "wall_contacts"].map(|name| state.number(name));
+    let [dissipated, received, missing] =
+        ["dissipated", "received", "missing"].map(|name| state.number(name));
     println!("{contacts} contacts, {on_walls} on walls; received {received:e} J");
     println!("dissipated {dissipated:e} J, missing {missing:e} J");
     assert!(contacts > 20.0 && on_walls > 20.0 && received > 0.0);
@@ -330,10 +263,10 @@ fn a_drum_of_sizes_has_the_same_bits_on_any_number_of_ranks_and_loses_no_energy(
 #[test]
 fn the_skin_does_not_show_in_a_drum() {
     let scene = drum();
-    let usual = run(&scene, 1, 3000);
+    let usual = OnRanks::of(&scene).run(1, 3000);
     for factor in [0.3, 4.0] {
         let other = Scene { skin: factor * scene.skin, ..scene.clone() };
-        assert!(usual == run(&other, 1, 3000), "{factor} skins");
+        assert!(usual == OnRanks::of(&other).run(1, 3000), "{factor} skins");
     }
 }
 
@@ -377,7 +310,7 @@ fn a_wall_keeps_its_place_from_stage_to_stage() {
     threads::run(1, |comm| {
         let mut sim = begun(&first, comm);
         (0..500).for_each(|_| sim.step(comm).unwrap());
-        save(&sim, &first, folder.path(), comm);
+        save(&sim, folder.path(), &first, comm);
         let turned = sim.particles.walls[0].clone();
         let expected = rotation_about(&Vec3::y(), 30.0 * (500.0 * 1e-5));
         assert_eq!(turned.orientation, expected, "of the number of steps");

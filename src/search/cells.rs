@@ -65,7 +65,7 @@ pub fn note_near_facets(particles: &mut Particles, skin: f64) -> Vec<Pair> {
     ids.dedup();
     let first = particles.first_facet() + walls::facets(&particles.walls).len();
     let pair = |(slot, id): (usize, GlobalId)| {
-        let k = ids.binary_search(&id).expect("it is among them");
+        let k = ids.partition_point(|other| *other < id);
         Pair { a: Slot(slot as u32), b: Slot((first + k) as u32) }
     };
     let pairs = near.into_iter().map(pair).collect();

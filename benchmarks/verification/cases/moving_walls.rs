@@ -138,7 +138,10 @@ fn cylinder(effort: Effort) -> Case {
         * (1.0 + swing.powi(2) / 16.0 + 11.0 * swing.powi(4) / 3072.0);
     for (what, friction, inertia) in [("slides", 0.0, 1.0), ("rolls", 0.8, 1.4)] {
         let ball = Ball { friction, restitution: 1.0, ..BALL };
-        let wall = format!("[[wall]]\nname = \"cylinder\"\nmesh = {file:?}\nmaterial = \"m\"\n");
+        let wall = format!(
+            "[[wall]]\nname = \"cylinder\"\nmesh = \"{}\"\nmaterial = \"m\"\n",
+            file.display()
+        );
         let dt = effort.pick(1e-5, 5e-6);
         let place = Vec3::new(swing.sin(), 0.0, -swing.cos()) * apart;
         let setup = Setup {
