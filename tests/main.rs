@@ -10,6 +10,7 @@ mod curvature;
 mod drives;
 mod elliptic;
 mod flows;
+mod free_walls;
 mod guide;
 mod hertz;
 mod jkr;

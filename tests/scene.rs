@@ -15,7 +15,7 @@ use dem_mpi::particles::{Library, Needs};
 use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::packing::initial;
 use dem_mpi::scene::plan::plan;
-use dem_mpi::scene::{Fill, Location, Method, Scene, SceneErrors, Servo, Stop};
+use dem_mpi::scene::{Fill, FreeWall, Location, Method, Scene, SceneErrors, Servo, Stop};
 use dem_mpi::shape::Shape;
 use dem_mpi::sim::audit::Settings;
 use std::path::{Path, PathBuf};
@@ -250,6 +250,7 @@ fn every_key_arrives() {
         ("lid", [0.0, 0.0, -1.0]),
         ("trough", [0.0, 0.0, 1.0]),
         ("flap", [0.0, 0.0, -1.0]),
+        ("piston", [0.0, 0.0, -1.0]),
     ];
     assert_eq!(walls, planes);
     assert_eq!(scene.walls[2].velocity, Vec3::new(0.0, 0.0, 0.002));
@@ -257,6 +258,9 @@ fn every_key_arrives() {
     // The oscillation begins at rest.
     assert!((lid.velocity - Vec3::new(0.0, 0.0, -0.01)).norm() < 1e-15);
     assert_eq!(lid.course.as_ref().map(|course| course.shifts.len()), Some(2));
+    assert_eq!(scene.walls[6].mass, 0.2);
+    let piston = FreeWall { wall: 6, along: Vec3::z(), mass: 0.2, load: -3.0 - 0.2 * 9.81 };
+    assert_eq!(scene.free_walls, [piston]);
     let flap = &scene.walls[5];
     assert_eq!(flap.point, Vec3::new(0.0, 0.1, 0.5));
     assert!(flap.may_turn() && flap.across().is_none());
@@ -275,11 +279,12 @@ fn every_key_arrives() {
         library.names,
         [
             "ball", "bead", "egg", "rice", "brick", "pebble", "-y", "+y", "-z", "lid", "trough",
-            "trough", "flap"
+            "trough", "flap", "piston"
         ]
     );
     assert_eq!(library.particle_shapes, 6);
-    assert!(library.mass[6..].iter().all(|&mass| mass == f64::INFINITY));
+    assert!(library.mass[6..13].iter().all(|&mass| mass == f64::INFINITY));
+    assert_eq!(library.mass[13], 0.2);
     assert!(library.inertia[6..].iter().all(|inertia| inertia.x == f64::INFINITY));
     let rice = library.shapes[3].semi_axes();
     assert!((rice.x / rice.y - 3.0).abs() < 1e-15 && rice.y == rice.z, "{rice}");
@@ -392,7 +397,7 @@ fn overrides_reach_every_place() -> Result<()> {
     assert_eq!(interactions(&scene).of(grain, grain).friction, 0.4);
     assert_eq!(scene.library.shapes[0].bounding_radius(), 0.004);
     assert_eq!(scene.gravity, Vec3::new(0.0, 0.0, -1.62));
-    assert_eq!(scene.walls.len(), 5);
+    assert_eq!(scene.walls.len(), 6);
     let slides = |wall: &Wall| wall.velocity.x == 0.125;
     assert!(scene.walls.iter().any(slides), "a key that TOML wants in quotes");
     assert_eq!(scene.out, Path::new("elsewhere/run 2"));

@@ -214,15 +214,15 @@ fn surfaces() -> [String; 2] {
     });
     let (mut obj, mut stl) = (String::new(), "solid drum\n".to_owned());
     for [x, y, z] in &corners {
-        obj += &format!("v {x} {y} {z}\n");
+        writeln!(obj, "v {x} {y} {z}").expect("text");
     }
     for triangle in triangles {
         let [a, b, c] = triangle.map(|k| k + 1);
-        obj += &format!("f {a} {b} {c}\n");
+        writeln!(obj, "f {a} {b} {c}").expect("text");
         // The normals are worked out by the reader.
         stl += "facet normal 0 0 0\nouter loop\n";
         for [x, y, z] in triangle.map(|k| corners[k]) {
-            stl += &format!("vertex {x} {y} {z}\n");
+            writeln!(stl, "vertex {x} {y} {z}").expect("text");
         }
         stl += "endloop\nendfacet\n";
     }

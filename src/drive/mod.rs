@@ -89,6 +89,7 @@
 //! assert!(measures.received > 0.0 && measures.missing().abs() < 1e-3 * measures.received);
 //! ```
 
+pub mod free;
 pub mod inlet;
 pub mod outlet;
 pub mod rain;

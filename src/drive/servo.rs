@@ -405,7 +405,8 @@ impl Servos {
             let velocity = servo.velocity(&mut memory.state, &pressed, *dt);
             for &k in &servo.walls {
                 let wall = &walls[k];
-                let Room { gap, outside, width } = Room::of(wall, walls, cell);
+                let Room { gap, outside, width } = Room::of(wall, walls, cell)
+                    .expect("the scene has checked that it is not tilted");
                 let (stress, target) = (pressed.force / area, servo.stress);
                 let name = || wall.name.clone();
                 if gap < self.least_gap {
@@ -646,26 +647,26 @@ impl Drive for Servos {
 const OFF_TARGET: f64 = 0.02;
 
 /// Where a wall stands along the axis that it crosses [m].
-struct Room {
+pub(super) struct Room {
     /// From it to the wall, or the domain's side, that it faces.
-    gap: f64,
+    pub(super) gap: f64,
     /// How far it is out of the domain.
-    outside: f64,
+    pub(super) outside: f64,
     /// Of the domain.
-    width: f64,
+    pub(super) width: f64,
 }
 
 impl Room {
-    fn of(wall: &Wall, walls: &[Wall], cell: &Cell) -> Self {
+    /// `None` of a wall that is no plane across an axis.
+    pub(super) fn of(wall: &Wall, walls: &[Wall], cell: &Cell) -> Option<Self> {
         let (low, high) = (cell.low(), cell.high());
-        let Across { axis, inwards, place } =
-            wall.across().expect("the scene has checked that it is not tilted");
+        let Across { axis, inwards, place } = wall.across()?;
         let [lowest, highest] = ends(walls, axis);
         let (place, own, facing) = if inwards > 0.0 {
             (place, low[axis], highest.unwrap_or(high[axis]))
         } else {
             (-place, -high[axis], -lowest.unwrap_or(low[axis]))
         };
-        Self { gap: facing - place, outside: own - place, width: high[axis] - low[axis] }
+        Some(Self { gap: facing - place, outside: own - place, width: high[axis] - low[axis] })
     }
 }

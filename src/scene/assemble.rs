@@ -6,6 +6,7 @@ use crate::comm::{Comm, agree};
 use crate::contact::{self, ContactRecords, StateColumn};
 use crate::contacts::Contacts;
 use crate::domain::Domain;
+use crate::drive::free::FreeWalls;
 use crate::drive::inlet::Inlets;
 use crate::drive::outlet::Outlets;
 use crate::drive::rain::RainGauge;
@@ -180,6 +181,9 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
     }
     if !scene.servos.is_empty() {
         drives.push(Box::new(Servos::new(scene.servos.clone(), &scene.library)));
+    }
+    if !scene.free_walls.is_empty() {
+        drives.push(Box::new(FreeWalls::new(scene.free_walls.clone(), &scene.library)));
     }
     drives
 }

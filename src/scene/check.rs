@@ -87,6 +87,7 @@ pub(super) fn scene(
     let time = time_section.as_ref().and_then(|section| Time::read(section, limit.as_ref()));
     let dt = time.as_ref().filter(|_| shapes.complete).map(|time| time.dt);
     let servos = walls.read_servos(&root, domain.as_ref(), &shapes.library, dt);
+    let free_walls = walls.free(gravity.unwrap_or_else(Vec3::zeros));
     walls.check_speeds(&root, domain_section.as_ref(), domain.as_ref(), &shapes.library, dt);
     let stop = root.read_or("stop", Stop::default(), |given| stop(&given.section()?, &root));
     let largest = shapes.library.largest_radius();
@@ -139,6 +140,7 @@ pub(super) fn scene(
         library,
         walls,
         servos: servos?,
+        free_walls,
         method: contact?.0,
         gravity: gravity?,
         global_damping: global_damping?,

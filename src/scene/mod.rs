@@ -36,6 +36,7 @@ mod walls;
 
 use crate::cell::Cell;
 pub use crate::contact::Method;
+pub use crate::drive::free::FreeWall;
 pub use crate::drive::inlet::Inlet;
 pub use crate::drive::outlet::Outlet;
 pub use crate::drive::rain::Rain;
@@ -90,6 +91,8 @@ pub struct Scene {
     pub walls: Vec<Wall>,
     /// Which of them keep a stress.
     pub servos: Vec<Servo>,
+    /// Walls that move freely under load.
+    pub free_walls: Vec<FreeWall>,
     /// How contacts are resolved.
     pub method: Method,
     /// Gravity [m/s²].

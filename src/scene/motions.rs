@@ -18,7 +18,15 @@ struct Motion<'a> {
     /// Which walls, with their names.
     walls: Vec<(Given<'a>, &'a str)>,
     kind: Kind,
-    way: Way,
+    how: How,
+}
+
+/// What decides where the wall is.
+enum How {
+    /// Time.
+    By(Way),
+    /// Forces: on a mass [kg], along its direction, with this one besides [N].
+    Freely { mass: f64, force: f64 },
 }
 
 /// Along what, or about what.
@@ -53,6 +61,10 @@ impl<'a> Motions<'a> {
         if self.of(name).next().is_none() {
             return;
         }
+        if self.free(name).is_some() {
+            self.free_alone(name, wall);
+            return;
+        }
         let mut course = Course { shifts: Vec::new(), turn: None };
         let (speed, rate) = (wall.velocity.norm(), wall.angular_velocity.norm());
         if speed > 0.0 {
@@ -62,14 +74,36 @@ impl<'a> Motions<'a> {
             course.turn = Some((wall.angular_velocity / rate, Way::Steady(rate)));
         }
         for (given, motion) in self.of(name) {
+            let How::By(way) = &motion.how else { continue };
             match motion.kind {
-                Kind::Along(along) => course.shifts.push((along, motion.way.clone())),
+                Kind::Along(along) => course.shifts.push((along, way.clone())),
                 Kind::About(..) if course.turn.is_some() => given
                     .fail("this wall turns already, by its `rotation` or another motion; a wall turns about one axis"),
-                Kind::About(_, axis) => course.turn = Some((axis, motion.way.clone())),
+                Kind::About(_, axis) => course.turn = Some((axis, way.clone())),
             }
         }
         wall.follow(course);
+    }
+
+    /// Gives a wall its mass, if nothing but forces moves it.
+    fn free_alone(&self, name: &str, wall: &mut Wall) {
+        for (given, motion) in self.of(name) {
+            match motion.how {
+                How::Freely { mass, .. } if wall.mass.is_infinite() => wall.mass = mass,
+                _ => given.fail("this wall moves freely, with a `mass`, and has another motion; leave out one of them"),
+            }
+            if wall.turns() {
+                given.fail("this wall has a `rotation`, and a motion with a `mass`, which cannot turn it; leave out one of them");
+            }
+        }
+    }
+
+    /// Along what direction a wall moves freely, with what mass [kg] and under what force along it [N], if it does.
+    pub(super) fn free(&self, name: &str) -> Option<(Vec3, f64, f64)> {
+        self.of(name).find_map(|(_, motion)| match (motion.kind, &motion.how) {
+            (Kind::Along(along), &How::Freely { mass, force }) => Some((along, mass, force)),
+            _ => None,
+        })
     }
 
     /// Looks at each name of a wall as it is given.
@@ -112,8 +146,21 @@ fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Op
         None
     };
     let turns = section.get("along").is_none();
-    let way = way(section, turns, folder);
-    Some(Motion { walls: walls?, kind: kind?, way: way? })
+    let how = if let Some(given) = section.get("mass") {
+        if turns {
+            given.fail("is of a motion `along` a direction");
+        }
+        for key in ["amplitude", "frequency", "phase", "table", "interpolation"] {
+            section.refuse(key, "stands beside `mass`; a wall moves by time or by forces");
+        }
+        let mass = section.number("mass", Range::Positive, "kg");
+        let force = section.number_or("force", 0.0, Range::Any, "N");
+        mass.zip(force).map(|(mass, force)| How::Freely { mass, force })
+    } else {
+        section.refuse("force", "is of a wall with a `mass`, which forces move");
+        way(section, turns, folder).map(How::By)
+    };
+    Some(Motion { walls: walls?, kind: kind?, how: how? })
 }
 
 /// An oscillation or a table; the scene has angles in degrees.

@@ -114,6 +114,7 @@ impl Scene {
             library,
             walls: Vec::new(),
             servos: Vec::new(),
+            free_walls: Vec::new(),
             gravity: Vec3::zeros(),
             initial: vec![Fill::Listed(grains)],
             rain: None,

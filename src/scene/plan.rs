@@ -203,6 +203,9 @@ fn motion(wall: &Wall) -> Option<String> {
     if let Some(course) = &wall.course {
         return Some(course.summary());
     }
+    if wall.mass.is_finite() {
+        return Some(format!("freely, {} kg", wall.mass));
+    }
     let at = |v: &Vec3| format!("[{}, {}, {}]", v.x, v.y, v.z);
     let (v, w) = (&wall.velocity, &wall.angular_velocity);
     let shift = (*v != Vec3::zeros()).then(|| format!("velocity {} m/s", at(v)));
@@ -278,7 +281,10 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         (scene.gravity == Vec3::zeros(), "no gravity".to_owned()),
         (scene.stop == Stop::default(), "no stop criterion: all steps are taken".to_owned()),
         (scene.audit.every == 0, "no audit of contacts: audit.every = 0".to_owned()),
-        (scene.servos.is_empty(), "no sum over all ranks in each step: no servos".to_owned()),
+        (
+            scene.servos.is_empty() && scene.free_walls.is_empty(),
+            "no sum over all ranks in each step: no servos".to_owned(),
+        ),
         (
             scene.rain.is_none() && scene.inlets.is_empty(),
             "no insertion: no rain, no inlet".to_owned(),

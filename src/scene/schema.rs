@@ -161,7 +161,8 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("motion", "walls") => some(&text()),
         ("motion", "along" | "about" | "axis") => vector(&any),
         ("motion", "amplitude" | "phase") => any,
-        ("motion", "frequency") => positive,
+        ("motion", "frequency" | "mass") => positive,
+        ("motion", "force") => any,
         ("motion", "table") => text(),
         ("motion", "interpolation") => words(&["linear", "smooth"]),
 

@@ -5,6 +5,7 @@ use super::mistakes::suggestion;
 use super::motions::{Motions, axis_of_turn, repeats};
 use super::reader::{Given, Range, Section};
 use crate::cell::{AXES, Cell};
+use crate::drive::free::FreeWall;
 use crate::drive::rain::Rain;
 use crate::drive::servo::Servo;
 use crate::ids::MaterialId;
@@ -265,6 +266,15 @@ impl<'a> Walls<'a> {
         Some(vec![servo(walls)])
     }
 
+    /// Those that move freely, under gravity [m/s²].
+    pub(super) fn free(&self, gravity: Vec3) -> Vec<FreeWall> {
+        let free = |(wall, name): (usize, &String)| {
+            let (along, mass, force) = self.motions.free(name)?;
+            Some(FreeWall { wall, along, mass, load: force + mass * gravity.dot(&along) })
+        };
+        self.names.names.iter().enumerate().filter_map(free).collect()
+    }
+
     /// A wall that shall have a servo.
     fn steered(&mut self, given: &Given, domain: Option<&Cell>) -> Option<usize> {
         let k = self.names.find(given, given.text()?)?;
@@ -274,7 +284,7 @@ impl<'a> Walls<'a> {
         if *has_servo {
             given.fail("this wall has a servo already");
         }
-        if wall.course.is_some() {
+        if wall.course.is_some() || wall.mass.is_finite() {
             given.fail("this wall has a `[[motion]]`; leave out that, or the servo");
         } else if wall.speed_inwards() != 0.0 {
             given.fail("this wall has a velocity along its normal; leave out that, or the servo");
@@ -346,7 +356,8 @@ impl<'a> Walls<'a> {
             wall.moves = has_servo
                 || wall.velocity != Vec3::zeros()
                 || wall.turns()
-                || wall.course.is_some();
+                || wall.course.is_some()
+                || wall.mass.is_finite();
             if wall.torque.is_none() && wall.may_turn() {
                 wall.torque = Some(TorqueAbout::Reference);
             }

@@ -1,0 +1,248 @@
+//! Walls with a mass that their weight, a stated force and the grains move along a line: a lid on a bed, a piston, a tray on grains.
+//!
+//! The way of the wall is found as that of grains is: `v(t + dt/2) = v(t - dt/2) + F(t) dt / m`, then `x(t + dt) = x(t) + v(t + dt/2) dt`,
+//! of second order in `dt`. `F` is the sum of the wall's weight, the stated force and the forces of all contacts on the wall, along the line;
+//! across it, and against turning, the wall is held. Contact forces are summed exactly: the same bits on any number of ranks. The
+//! sum of the last step and the velocity are saved in snapshots.
+//!
+//! A light wall on many grains takes shorter steps than the grains do: it swings with `√(K/m)`, `K` being the stiffness of all its
+//! contacts together. Where `dt √(K/m)` comes over 1 the run warns, over 2 it stops.
+
+use super::servo::Room;
+use super::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
+use crate::cell::Cell;
+use crate::comm::Comm;
+use crate::contact::StateColumn;
+use crate::contacts::Contacts;
+use crate::law::ForceLaw;
+use crate::math::{ExactSum, Vec3};
+use crate::particles::walls::Wall;
+use crate::particles::{Library, Particles};
+use serde::{Deserialize, Serialize};
+
+/// A wall that moves freely along a line.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FreeWall {
+    /// Its index.
+    pub wall: usize,
+    /// The direction of the line, a unit vector.
+    pub along: Vec3,
+    /// Mass [kg].
+    pub mass: f64,
+    /// Weight and stated force along the line [N].
+    pub load: f64,
+}
+
+/// What it goes on with from step to step.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct State {
+    /// Velocity along the line in the last step [m/s]; `None` before the first.
+    speed: Option<f64>,
+    /// The force of this rank's contacts on the wall along the line at the end of the last step [N]; `None` before that.
+    force: Option<ExactSum>,
+    /// Has it been warned of?
+    warned: bool,
+}
+
+// What a snapshot holds: a row for each free wall that has moved.
+/// The wall's name in the scene.
+const WALL: StateColumn = StateColumn::new("wall", 1, "");
+/// [`State::speed`].
+const SPEED: StateColumn = StateColumn::new("speed", 1, "m/s");
+/// [`State::force`] of all ranks, exactly.
+const FORCE: StateColumn = StateColumn::new("force", ExactSum::LIMBS, "2^(32 k - 1074) N");
+
+/// Over this `dt √(K/m)` the run warns.
+const COARSE: f64 = 1.0;
+/// From here on the wall's swinging grows.
+const UNSTABLE: f64 = 2.0;
+
+/// The free walls of a running simulation.
+#[derive(Clone, Debug)]
+pub struct FreeWalls {
+    all: Vec<FreeWall>,
+    states: Vec<State>,
+    /// Half the thickness of the thinnest grain: no wall comes nearer to the other side [m].
+    least_gap: f64,
+    warnings: Vec<String>,
+}
+
+impl FreeWalls {
+    /// At the start, with the velocities that walls have.
+    pub fn new(all: Vec<FreeWall>, library: &Library) -> Self {
+        let states = vec![State::default(); all.len()];
+        Self { all, states, least_gap: library.least_inscribed_radius(), warnings: Vec::new() }
+    }
+
+    /// The force of this rank's contacts on each wall along its line [N].
+    fn forces(&self, contacts: &Contacts, particles: &Particles) -> Vec<ExactSum> {
+        let mut sums = vec![ExactSum::default(); self.all.len()];
+        for (pair, force) in contacts.forces_on_walls(particles) {
+            let Some(wall) = particles.wall_of(pair.b) else { continue };
+            for (free, sum) in self.all.iter().zip(&mut sums).filter(|(free, _)| free.wall == wall)
+            {
+                let along = force.dot(&free.along);
+                // A state that is not a number is reported when the list of pairs is rebuilt.
+                if along.is_finite() {
+                    sum.add(along);
+                }
+            }
+        }
+        sums
+    }
+
+    /// Looks whether a step can follow a wall on contacts of this stiffness [N/m].
+    fn check_step(
+        &mut self,
+        k: usize,
+        stiffness: f64,
+        dt: f64,
+        name: &str,
+    ) -> Result<(), DriveError> {
+        let mass = self.all[k].mass;
+        let angle = dt * (stiffness / mass).sqrt();
+        if angle < COARSE {
+            return Ok(());
+        }
+        let said = format!(
+            "wall \"{name}\" of {mass:e} kg swings on the grains below it by {angle:.2} rad in a step of {dt:.3e} s (their stiffness is \
+             {stiffness:.3e} N/m in all)"
+        );
+        let better = format!("take a step of {:.2e} s, or a heavier wall", 0.2 * dt / angle);
+        if angle >= UNSTABLE {
+            return Err(DriveError(format!(
+                "{said}, which makes it go farther each time: {better}"
+            )));
+        }
+        if !std::mem::replace(&mut self.states[k].warned, true) {
+            self.warnings.push(format!("{said}, which is coarse: {better}"));
+        }
+        Ok(())
+    }
+}
+
+/// Names [`FreeWalls`] among the drives.
+const NAME: &str = "free walls";
+
+impl Drive for FreeWalls {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    /// The limbs of force and stiffness of each wall.
+    fn sums(
+        &self,
+        moment: &Moment,
+        particles: &Particles,
+        contacts: &Contacts,
+        law: &dyn ForceLaw,
+    ) -> Vec<i64> {
+        let now = || self.forces(contacts, particles);
+        let last = self.states.iter().map(|state| state.force.clone());
+        let forces = last.collect::<Option<Vec<_>>>().unwrap_or_else(now);
+        let mut stiffness = vec![ExactSum::default(); self.all.len()];
+        for (pair, geometry, _) in contacts.pressing_on_walls(law, particles) {
+            let Some(wall) = particles.wall_of(pair.b) else { continue };
+            for (_, sum) in
+                self.all.iter().zip(&mut stiffness).filter(|(free, _)| free.wall == wall)
+            {
+                sum.add(law.stiffness(pair, particles, geometry, moment.dt));
+            }
+        }
+        let both = forces.iter().zip(&stiffness);
+        both.flat_map(|(force, stiffness)| [*force.limbs(), *stiffness.limbs()].concat()).collect()
+    }
+
+    fn steer(
+        &mut self,
+        moment: &Moment,
+        sums: &[i64],
+        cell: &Cell,
+        walls: &mut [Wall],
+    ) -> Result<(), DriveError> {
+        let sums = sums.chunks_exact(ExactSum::LIMBS);
+        let sums: Vec<f64> = sums.map(|limbs| ExactSum::from_limbs(limbs).value()).collect();
+        for (k, &[force, stiffness]) in sums.as_chunks().0.iter().enumerate() {
+            let FreeWall { wall, along, mass, load } = self.all[k];
+            self.check_step(k, stiffness, moment.dt, &walls[wall].name)?;
+            let before = walls[wall].velocity.dot(&along);
+            // The velocity of the scene is that of the start, half a step before that of the first step.
+            let (speed, dt) = match self.states[k].speed {
+                Some(speed) => (speed, moment.dt),
+                None => (before, 0.5 * moment.dt),
+            };
+            let speed = speed + dt * (load + force) / mass;
+            self.states[k].speed = Some(speed);
+            walls[wall].velocity += along * (speed - before);
+            let Some(Room { gap, outside, width }) = Room::of(&walls[wall], walls, cell) else {
+                continue;
+            };
+            if gap < self.least_gap || outside > width {
+                let name = &walls[wall].name;
+                return Err(DriveError(format!(
+                    "wall \"{name}\" moves freely and is {} the domain, at {speed:.3e} m/s along its line: put grains where they \
+                     bear it, or give it another `force`",
+                    if gap < self.least_gap { "at the opposite side of" } else { "far out of" }
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    fn after_forces(&mut self, contacts: &Contacts, particles: &Particles) {
+        let forces = self.forces(contacts, particles);
+        for (state, force) in self.states.iter_mut().zip(forces) {
+            state.force = Some(force);
+        }
+    }
+
+    fn warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
+    }
+
+    fn save(&self, walls: &[Wall], comm: &mut dyn Comm) -> Vec<SavedColumn> {
+        let (mut names, mut speeds, mut limbs) = (Vec::new(), Vec::new(), Vec::new());
+        for (free, state) in self.all.iter().zip(&self.states) {
+            // All ranks have made as many steps.
+            let (Some(speed), Some(force)) = (state.speed, &state.force) else { continue };
+            let mut force = force.clone();
+            force.carry();
+            names.push(walls[free.wall].name.clone());
+            speeds.push(speed);
+            limbs.extend(*force.limbs());
+        }
+        comm.sum(&mut limbs);
+        for row in limbs.chunks_exact_mut(ExactSum::LIMBS) {
+            let mut sum = ExactSum::from_limbs(row);
+            sum.carry();
+            row.copy_from_slice(sum.limbs());
+        }
+        vec![
+            SavedColumn::new(WALL, Values::Texts(names)),
+            SavedColumn::new(SPEED, Values::Reals(speeds)),
+            SavedColumn::new(FORCE, Values::Integers(limbs)),
+        ]
+    }
+
+    /// Walls go on as those of the same names did, also in a new stage.
+    fn resume(
+        &mut self,
+        saved: &SavedState,
+        _is_new_stage: bool,
+        walls: &[Wall],
+        is_root: bool,
+    ) -> Result<(), DriveError> {
+        let (names, speeds) = (saved.texts(&WALL)?, saved.reals(&SPEED)?);
+        let forces = saved.integers(&FORCE)?;
+        for (free, state) in self.all.iter().zip(&mut self.states) {
+            let Some(row) = names.iter().position(|name| *name == walls[free.wall].name) else {
+                continue;
+            };
+            state.speed = Some(speeds[row]);
+            let limbs = &forces[FORCE.width * row..][..FORCE.width];
+            state.force =
+                Some(if is_root { ExactSum::from_limbs(limbs) } else { ExactSum::default() });
+        }
+        Ok(())
+    }
+}
