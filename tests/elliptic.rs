@@ -14,7 +14,7 @@ const DENSITY: f64 = 2500.0;
 const MM: f64 = 1e-3;
 
 /// A scene for a few bodies of a shape above a floor that is rigid.
-fn text(shape: &str, contact: &str, law: &str, step: f64) -> String {
+pub(crate) fn text(shape: &str, contact: &str, law: &str, step: f64) -> String {
     format!(
         r#"
 [law]
@@ -83,7 +83,14 @@ fn restitution_of_ellipsoids_is_exact() {
 }
 
 /// Two bodies that meet in any way, the first of them with this id, all of it turned.
-fn meeting(k: u64, shape: &str, first: u64, turn: &Quat, slanted: f64, text: &str) -> Bench {
+pub(crate) fn meeting(
+    k: u64,
+    shape: &str,
+    first: u64,
+    turn: &Quat,
+    slanted: f64,
+    text: &str,
+) -> Bench {
     let mut random = Random::of(17, k);
     let mut bodies = [0, 1].map(|id| {
         let mut body = at(if id == 0 { first } else { 1 - first }, Vec3::zeros(), Vec3::zeros());
@@ -122,7 +129,7 @@ fn meeting(k: u64, shape: &str, first: u64, turn: &Quat, slanted: f64, text: &st
 }
 
 /// Steps until they have parted; relative change of the energy, and what no channel accounts for.
-fn change_of_energy(bench: &mut Bench) -> [f64; 2] {
+pub(crate) fn change_of_energy(bench: &mut Bench) -> [f64; 2] {
     let before = bench.measure();
     let total = before.mechanical();
     let mut touched = false;

@@ -267,11 +267,6 @@ fn keys_of_another_law_are_refused() {
         ),
         (
             "kind = \"sphere\"\nmaterial = \"m\"\nradius = 1e-2",
-            "kind = \"spherocylinder\"\nmaterial = \"m\"\nradius = 0.01\nlength = 0.01",
-            "straight sides",
-        ),
-        (
-            "kind = \"sphere\"\nmaterial = \"m\"\nradius = 1e-2",
             "kind = \"ellipsoid\"\nmaterial = \"m\"\nsemi_axes = [1e-5, 1e-4, 1.1e-3]",
             "100 times as long",
         ),

@@ -13,6 +13,7 @@ mod flows;
 mod free_walls;
 mod guide;
 mod hertz;
+mod hertz_faces;
 mod jkr;
 mod kinds;
 mod laws;

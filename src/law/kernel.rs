@@ -221,8 +221,8 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     /// The normal force at an overlap [m] without dashpots, in N: the derivative of the energy.
     fn elastic<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L) -> L;
 
-    /// What resists turning where bodies touch with faces or straight sides; by default nothing.
-    fn turning(&self, _constants: &Self::Constants<f64>) -> Turning {
+    /// What resists turning where bodies touch with faces or straight sides, at an overlap [m]; by default nothing.
+    fn turning(&self, _constants: &Self::Constants<f64>, _overlap: f64) -> Turning {
         Turning::default()
     }
 
@@ -480,7 +480,8 @@ impl<M: Model> ForceLaw for Law<M> {
         let constants = self.constants(pair, particles);
         let [of_model, of_patch] = state.split_at(self.width).into();
         let of_torsion = if self.needs.patches {
-            patches::Memory::read(of_patch).stored(&self.model.turning(&constants))
+            patches::Memory::read(of_patch)
+                .stored(&self.model.turning(&constants, geometry.overlap))
         } else {
             0.0
         };

@@ -422,8 +422,8 @@ impl<M: Model> Model for Rolling<M> {
         self.forces.elastic(&constants.forces, overlap)
     }
 
-    fn turning(&self, constants: &Self::Constants<f64>) -> Turning {
-        self.forces.turning(&constants.forces)
+    fn turning(&self, constants: &Self::Constants<f64>, overlap: f64) -> Turning {
+        self.forces.turning(&constants.forces, overlap)
     }
 
     fn stiffness(&self, constants: &Self::Constants<f64>, overlap: f64, dt: f64) -> f64 {

@@ -247,7 +247,11 @@ pub(super) fn unfit(law: &Choice, library: &Library) -> Vec<(usize, String)> {
         shapes.clone().find_map(of)
     };
     let of_forces = match law.forces() {
-        Choice::Hertz(_) => first(&unfit_for_hertz),
+        Choice::Hertz(_) => {
+            let with_faces = shapes.clone().find(|&id| !library.shapes[id].kind().is_smooth());
+            let with_faces = with_faces.map(|id| library.names[id].as_str());
+            first(&|shape, name| unfit_for_hertz(shape, name, with_faces))
+        }
         _ => None,
     };
     let of_adhesion = match law {
@@ -258,11 +262,13 @@ pub(super) fn unfit(law: &Choice, library: &Library) -> Vec<(usize, String)> {
     of_forces.into_iter().chain(of_adhesion).collect()
 }
 
-fn unfit_for_hertz(shape: &Shape, name: &str) -> Option<String> {
-    if !shape.kind().is_smooth() {
+/// `with_faces` names a shape of the scene that has faces or straight sides.
+fn unfit_for_hertz(shape: &Shape, name: &str, with_faces: Option<&str>) -> Option<String> {
+    let kind = shape.kind();
+    if let Some(other) = with_faces.filter(|_| kind.is_smooth() && kind != ShapeKind::Sphere) {
         return Some(format!(
-            "`{name}` has flat faces or straight sides, along which it touches in more than a point, and normal = \"hertz\" \
-             goes by the curvature in a point: take normal = \"linear\", or a superellipsoid"
+            "normal = \"hertz\" goes by the curvature of `{name}`, and by none of `{other}`, whose faces or straight sides have none; \
+             no contact of both can go by it: take normal = \"linear\", or shapes of one sort, or spheres"
         ));
     }
     (shape.kind() == ShapeKind::Ellipsoid && is_long(shape)).then(|| {

@@ -27,6 +27,12 @@
 //! elsewhere, is 5 % softer at 4 than this mean and 13 % at 10.
 //!
 //! What is remembered is `a` beside the force, for the energies and the shrinking of `T`.
+//!
+//! # Bodies with faces and straight sides
+//!
+//! They have no curvature to go by: along a side it is 0, at a corner infinite. In a scene with such bodies all but spheres count as
+//! spheres of their volume, wherever they touch, with the thickness of what two bodies share as the overlap, whose energy has no jumps
+//! ([`crate::contact::thickness`]). That is a choice of stiffness, as with springs, and no solution of elasticity.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -35,7 +41,7 @@ pub mod jkr;
 
 pub use constants::Constants;
 
-use super::kernel::{Action, Contact, Model, Spread, carried, reduced_mass};
+use super::kernel::{Action, Contact, Model, Spread, Turning, carried, reduced_mass};
 use super::{Body, Hardest};
 use crate::contact::{StateColumn, curvature};
 use crate::ids::MaterialId;
@@ -86,8 +92,10 @@ pub(super) struct Hertz {
     damped: bool,
     /// Does any contact feel tangential motion?
     frictional: bool,
-    /// Is any particle no sphere?
+    /// Does it go by the curvature of bodies? Not of spheres, and not in a scene of bodies that have faces or straight sides.
     curved: bool,
+    /// Of each shape, the radius with which it counts where it does not go by curvature; infinite of walls [m].
+    radii: Vec<f64>,
     /// Where it departs from its formulas.
     limits: Vec<String>,
     /// Of each shape, the radius of its flattest contact with a plane at an overlap of its least half length [m].
@@ -167,21 +175,34 @@ impl Hertz {
         let frictional = settings.interactions.iter().any(|c| c.friction > 0.0);
         let is_sphere = |shape: &Shape| shape.kind() == Kind::Sphere;
         let shapes = &library.shapes[..library.particle_shapes];
-        let curved = !shapes.iter().all(is_sphere);
+        let is_smooth = shapes.iter().all(|shape| shape.kind().is_smooth());
+        let curved = is_smooth && !shapes.iter().all(is_sphere);
         let bounded = shapes.iter().any(|shape| !shape.kind().is_ellipsoidal());
-        let limit = || {
+        let radii: Vec<f64> = library.shapes.iter().zip(&library.radius).map(radius).collect();
+        let limit = if is_smooth {
             format!(
                 "radii of curvature of superellipsoids count as no less than {} and no more than {} bounding radii",
                 curvature::SHARPEST,
                 curvature::FLATTEST
             )
+        } else {
+            let one = |((name, shape), radius): ((&String, &Shape), &f64)| {
+                (!is_sphere(shape)).then(|| format!("`{name}` of {radius:.3e} m"))
+            };
+            let all: Vec<_> =
+                library.names.iter().zip(shapes).zip(&radii).filter_map(one).collect();
+            format!(
+                "faces, sides and corners have no radius of curvature: all contacts are as stiff as those of spheres of the same volume, {}",
+                all.join(", ")
+            )
         };
-        let limits = bounded.then(limit).into_iter().collect();
+        let limits = bounded.then_some(limit).into_iter().collect();
         let columns =
             [(frictional, TANGENTIAL_FORCE), (damped, NORMAL_FORCE), (curved, CONTACT_RADIUS)];
         let state = columns.into_iter().filter(|(is_in, _)| *is_in).map(|(_, c)| c).collect();
-        let widest = library.shapes.iter().map(widest).collect();
-        Self { settings, damped, frictional, curved, limits, widest, state }
+        let widest = library.shapes.iter().zip(&radii);
+        let widest = widest.map(|(shape, radius)| widest_of(shape, *radius)).collect();
+        Self { settings, damped, frictional, curved, radii, limits, widest, state }
     }
 
     /// The normal force that is remembered [N].
@@ -248,13 +269,23 @@ impl Hertz {
     }
 }
 
-/// Of a shape, see [`Hertz::widest`]; nothing of walls and of shapes that the law cannot have.
-fn widest(shape: &Shape) -> f64 {
-    match shape {
-        Shape::Sphere(sphere) => sphere.radius,
-        Shape::HalfSpace(_) | Shape::TriangleMesh(_) => 0.0,
-        _ => curvature::flattest(shape) * shape.half_lengths().min().sqrt(),
+/// Of a shape with its bounding radius [m], see [`Hertz::radii`].
+fn radius((shape, bounding): (&Shape, &f64)) -> f64 {
+    if shape.kind() == Kind::Sphere || shape.kind().is_of_walls() {
+        return *bounding;
     }
+    libm::cbrt(3.0 * shape.volume() / (4.0 * PI))
+}
+
+/// Of a shape that may count as a sphere of this radius [m], see [`Hertz::widest`]; nothing of walls.
+fn widest_of(shape: &Shape, radius: f64) -> f64 {
+    let root_of_radius = match shape {
+        Shape::Sphere(sphere) => return sphere.radius,
+        Shape::HalfSpace(_) | Shape::TriangleMesh(_) => return 0.0,
+        _ if shape.kind().is_smooth() => curvature::flattest(shape),
+        _ => radius.sqrt(),
+    };
+    root_of_radius * shape.half_lengths().min().sqrt()
 }
 
 /// The root of what may be 0 or less, where it is 0.
@@ -284,7 +315,6 @@ impl Model for Hertz {
     type Constants<L: Lanes> = Elastic<L>;
 
     const BY_CURVATURE: bool = true;
-    const FACES: bool = false;
 
     fn name(&self) -> &'static str {
         if self.frictional { "hertz-mindlin" } else { "hertz" }
@@ -307,8 +337,9 @@ impl Model for Hertz {
 
     fn constants(&self, a: &Body, b: &Body) -> Elastic<f64> {
         let constants = self.settings.interactions.of(a.material, b.material);
+        let radius = |body: &Body| self.radii[body.shape.index()] * body.scale;
         let root_of_radius =
-            if self.curved { 1.0 } else { (1.0 / (1.0 / a.radius + 1.0 / b.radius)).sqrt() };
+            if self.curved { 1.0 } else { (1.0 / (1.0 / radius(a) + 1.0 / radius(b))).sqrt() };
         Elastic::of(constants, root_of_radius, reduced_mass(a, b))
     }
 
@@ -404,6 +435,18 @@ impl Model for Hertz {
         elastic.normal * root(overlap) * overlap
     }
 
+    fn turning(&self, elastic: &Elastic<f64>, overlap: f64) -> Turning {
+        let root = root(overlap);
+        let [normal_dashpot, tangential_dashpot] = elastic.dashpots.map(|c| c * root.sqrt());
+        let frictional = |value: f64| if elastic.friction > 0.0 { value } else { 0.0 };
+        Turning {
+            normal_dashpot,
+            tangential_stiffness: frictional(elastic.tangential * root),
+            tangential_dashpot: frictional(tangential_dashpot),
+            friction: elastic.friction,
+        }
+    }
+
     fn stiffness(&self, elastic: &Elastic<f64>, overlap: f64, dt: f64) -> f64 {
         let root = root(overlap);
         1.5 * elastic.normal * root + elastic.dashpots[0] * root.sqrt() / dt
@@ -426,7 +469,7 @@ impl Model for Hertz {
             constants.friction,
             constants.damping_ratio,
             self.settings.largest_overlap,
-            if self.curved { "least half length" } else { "radius" },
+            if self.curved || !self.limits.is_empty() { "least half length" } else { "radius" },
             if self.curved {
                 "; contacts are ellipses, by the curvature of both bodies"
             } else {

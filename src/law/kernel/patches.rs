@@ -13,7 +13,8 @@
 //!   hold and `ω = ω_A - ω_B`: it dissipates rocking, and nothing where the patch is a point or about the line of an edge;
 //! - the moment of a model that has one;
 //! - torsion: a spring `φ` [m] with `dφ = a ω·n dt`, its stretch at a distance `a` from the axis, with the constants of the
-//!   tangential spring and Coulomb's limit. Its moment is `a` times its force. When `a` changes, `φ` and its energy stay.
+//!   tangential spring and Coulomb's limit. Its moment is `a` times its force. When `a` changes, `φ` and its energy stay. Where its
+//!   stiffness grows with the overlap the force stays, and where it falls `φ` does, as of the force in the plane: no energy is made.
 //!
 //! `a` is `2√2/3` of the radius of gyration of the patch about the normal: on a disc under even pressure friction in each
 //! point has that mean distance, and on a square one that is 0.6 % less. The covariance of a line is given as small as to make
@@ -55,6 +56,14 @@ pub struct Turning {
     pub tangential_dashpot: f64,
     /// Coefficient of friction [-].
     pub friction: f64,
+}
+
+impl Turning {
+    /// The part of the stretch that is kept when these constants become others [-].
+    fn kept(&self, now: &Self) -> f64 {
+        let (last, now) = (self.tangential_stiffness, now.tangential_stiffness);
+        if last < now { last / now } else { 1.0 }
+    }
 }
 
 /// The same numbers in words.
@@ -493,6 +502,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let place_before =
             if self.work.from.is_empty() { place } else { self.work.from[place].index() };
         let last = self.work.last.geometry.get(place_before).copied().unwrap_or_default();
+        let Geometry { normal, overlap } = self.work.geometry[place];
         let constants = law.constants(pair, particles);
         let motion = self.motion(pair);
 
@@ -504,9 +514,10 @@ impl<M: Model> Contacts<'_, '_, M> {
             state.copy_from_slice(&remembered[..law.width]);
             before = Memory::read(&remembered[law.width..]);
         }
-        let turning = law.model.turning(&constants);
+        let last_turning = law.model.turning(&constants, last.overlap);
         let last_action = law.model.last(&constants, last.overlap, state);
-        let stored_before = last_action.stored[1] + before.stored(&turning);
+        let stored_before = last_action.stored[1] + before.stored(&last_turning);
+        before.torsion *= last_turning.kept(&law.model.turning(&constants, overlap));
         let turned_before = law.model.turned(&constants, last.overlap, state);
         let Acting { force, moment, memory, of_model, stored } =
             self.acting(place, &constants, &last, &before, &motion, state);
@@ -519,7 +530,6 @@ impl<M: Model> Contacts<'_, '_, M> {
                 of.force.dot(&motion.at(&of.point, when)) + of.moment.dot(&motion.turning())
             };
             lost.all = half * (work(&before, 1) + work(&memory, 0)) - (stored - stored_before);
-            let Geometry { normal, overlap } = self.work.geometry[place];
             let of_last = if M::MOMENTS { vector(last_action.moment) } else { Vec3::zeros() };
             let turned = (of_last + of_model).dot(&motion.turning());
             let stored_by_moments = law.model.turned(&constants, overlap, state) - turned_before;
@@ -586,7 +596,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let rub = Vec3::new(now.rub.x, now.rub.y, now.rub.z);
         let elastic = law.model.elastic(constants, overlap);
 
-        let turning = law.model.turning(constants);
+        let turning = law.model.turning(constants, overlap);
         let twisting = motion.turning();
         let torsion =
             Torsion::of(&turning, patch, &normal, now.press, before.torsion, &twisting, dt);
@@ -636,7 +646,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             let stored = last.stored[1];
             let power = memory.force.dot(&motion.at(&memory.point, 1))
                 + memory.moment.dot(&motion.turning());
-            let of_torsion = memory.stored(&law.model.turning(&constants));
+            let of_torsion = memory.stored(&law.model.turning(&constants, geometry.overlap));
             lost.all = half * power + stored + of_torsion;
             let of_model = if M::MOMENTS { vector(last.moment) } else { Vec3::zeros() };
             let turned = law.model.turned(&constants, geometry.overlap, state);

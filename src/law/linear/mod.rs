@@ -267,7 +267,7 @@ impl Model for Linear {
         springs.normal * overlap
     }
 
-    fn turning(&self, springs: &Springs<f64>) -> Turning {
+    fn turning(&self, springs: &Springs<f64>, _overlap: f64) -> Turning {
         let Springs {
             tangential, friction, dashpots: [normal_dashpot, tangential_dashpot], ..
         } = *springs;
