@@ -1,6 +1,6 @@
 //! Hertz between bodies with faces and straight sides, which count as spheres of their volume: closed forms, energy, bits.
 
-use crate::elliptic::{change_of_energy, meeting, text};
+use crate::elliptic::{change_in, meeting, text};
 use crate::support::{Bench, OnRanks, ball, close, expect_refused, scene};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::scene::plan::plan;
@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 const CUBE: &str = "kind = \"polyhedron\"\nvertices = [[-0.001, -0.001, -0.001], [0.001, -0.001, -0.001], \
     [-0.001, 0.001, -0.001], [0.001, 0.001, -0.001], [-0.001, -0.001, 0.001], [0.001, -0.001, 0.001], \
     [-0.001, 0.001, 0.001], [0.001, 0.001, 0.001]]";
-const ROUNDED: &str = "kind = \"rounded_polyhedron\"\nradius = 0.0003\nvertices = [[-0.001, -0.0007, -0.0005], \
+const ROUNDED: &str = "kind = \"rounded-polyhedron\"\nradius = 0.0003\nvertices = [[-0.001, -0.0007, -0.0005], \
     [0.001, -0.0007, -0.0005], [-0.001, 0.0007, -0.0005], [0.001, 0.0007, -0.0005], [-0.001, -0.0007, 0.0005], \
     [0.001, -0.0007, 0.0005], [-0.001, 0.0007, 0.0005], [0.001, 0.0007, 0.0005]]";
 const ROD: &str = "kind = \"spherocylinder\"\nradius = 0.0008\nlength = 0.0016";
@@ -68,14 +68,19 @@ fn cubes_that_land_flat_have_their_closed_form() {
 #[test]
 fn oblique_impacts_keep_their_energy() {
     for shape in [CUBE, ROUNDED, ROD] {
+        // Corners may miss each other.
+        let mut met = 0;
         let of_each = [500.0, 2000.0].map(|steps| {
             let text = text(shape, "", "tangential = \"none\"", 5e-5 / steps);
             let change = |k| {
                 let mut bench = meeting(k, shape, 0, &Quat::identity(), 0.7, &text);
-                change_of_energy(&mut bench)[0].abs()
+                change_in(40 * steps as u32, &mut bench)
             };
-            (0..12).map(change).fold(0.0, f64::max)
+            let changes: Vec<_> = (0..24).filter_map(change).collect();
+            met = changes.len();
+            changes.iter().map(|[gained, _]| gained.abs()).fold(0.0, f64::max)
         });
+        assert!(met > 8, "{shape}: {met} met");
         println!("{shape}: energy off by {of_each:?} in 500, 2000 steps");
         assert!(of_each[1] < 1e-4 && of_each[1] < 0.4 * of_each[0], "{shape}: {of_each:?}");
     }
@@ -87,14 +92,15 @@ fn grazing_impacts_make_no_energy() {
     for shape in [CUBE, ROUNDED, ROD] {
         for contact in ["friction = 0.5", "friction = 0.5\nrestitution = 0.6"] {
             let text = text(shape, contact, "", 5e-5 / 2000.0);
-            let (mut most_gained, mut most_missing) = (f64::MIN, 0.0_f64);
-            for k in 0..12 {
+            let change = |k| {
                 let slanted = [0.3, 0.9, 1.3, 1.5][k as usize % 4];
                 let mut bench = meeting(k, shape, 0, &Quat::identity(), slanted, &text);
-                let [gained, missing] = change_of_energy(&mut bench);
-                most_gained = most_gained.max(gained);
-                most_missing = most_missing.max(missing.abs());
-            }
+                change_in(80_000, &mut bench)
+            };
+            let changes: Vec<_> = (0..24).filter_map(change).collect();
+            assert!(changes.len() > 8, "{shape}: {} met", changes.len());
+            let most = |of: fn(&[f64; 2]) -> f64| changes.iter().map(of).fold(f64::MIN, f64::max);
+            let (most_gained, most_missing) = (most(|c| c[0]), most(|c| c[1].abs()));
             println!("{shape}, {contact}: gained {most_gained:e}, missing {most_missing:e}");
             assert!(most_gained < 1e-4 && most_missing < 1e-4, "{most_gained:e} {most_missing:e}");
         }
@@ -111,7 +117,7 @@ fn friction_over_a_face_takes_spin_and_books_it() {
         cube.angular_velocity = spin;
         cube.angular_momentum = Mat3::from_diagonal(&scene.library.inertia[0]) * spin;
         let mut bench = Bench::of(&scene, &[cube]);
-        let [gained, missing] = change_of_energy(&mut bench);
+        let [gained, missing] = change_in(400_000, &mut bench).expect("it bounces");
         let after = bench.sim.particles.spin.as_ref().expect("it turns").angular_velocity[0].z;
         // Coulomb: the impulse along the normal times friction times the mean distance on the face, 0.77 of its half length.
         let mass = scene.library.mass[0];
@@ -161,8 +167,9 @@ radius = 0.0011
 [[fill.lattice]]
 shapes = {{ cube = 1, rod = 1, ball = 1 }}
 spacing = 0.0045
+velocity = [0.3, 0.2, -1.5]
 [time]
-step = 2e-6
+step = 1e-6
 steps = 1
 [output]
 directory = "out"
@@ -178,7 +185,7 @@ fn a_crowd_has_the_same_bits_everywhere() {
     let [contacts, dissipated, missing] =
         ["contacts", "dissipated", "missing"].map(|name| state.number(name));
     println!("{contacts} contacts, dissipated {dissipated:e}, missing {missing:e} J");
-    assert!(contacts > 50.0, "{contacts}");
+    assert!(contacts > 5.0 && dissipated > 0.0, "{contacts}");
     assert!(missing.abs() < 1e-3 * dissipated, "{missing:e} of {dissipated:e} J");
     let page = plan(&scene, 1);
     for words in ["no radius of curvature", "`cube` of 1.241e-3 m", "of a least half length"] {
