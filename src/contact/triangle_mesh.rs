@@ -69,7 +69,7 @@ impl ContactResolver for AgainstTriangleMesh {
         let outcome = match &mesh.facets()[b.facet as usize] {
             MeshFacet::Face { normal, offset } => body.on_face(mesh, b.facet, normal, *offset),
             edge @ MeshFacet::Edge { .. } => body.on_edge(edge),
-            MeshFacet::Strip(strip) => body.on_strip(strip),
+            MeshFacet::Strip(strip) => body.on_strip(strip, b.facet == 0),
             MeshFacet::Corner { at, edges } => {
                 let warm = warm.map(|normal| b.frame.tr_mul(normal));
                 body.on_corner(at, edges, &self.points, warm.as_ref())
@@ -177,8 +177,8 @@ impl Body<'_> {
     }
 
     /// With `n` the normal away from the axis, `δ = h(n) + n·c - d` for a body inside, `d - n·c + h(-n)` for one outside, where `n·x = d`
-    /// is the plane that touches the surface along a line.
-    fn on_strip(&self, strip: &Strip) -> Outcome {
+    /// is the plane that touches the surface along a line. What touches all around, on the axis, is met by the first strip alone.
+    fn on_strip(&self, strip: &Strip, is_first: bool) -> Outcome {
         let Strip { from, axis, length, radius, slope, first, quarter, opening } = strip;
         let way = self.centre - from;
         let height = way.dot(axis);
@@ -202,13 +202,15 @@ impl Body<'_> {
         };
         let angle = if self.radius > 0.0 {
             let angle = libm::atan2(out.dot(quarter), out.dot(first));
-            if !(-BORDER..=opening + BORDER).contains(&angle) {
+            let all_around = out.norm() <= self.border;
+            if all_around && !is_first || !(-BORDER..=opening + BORDER).contains(&angle) {
                 return ELSEWHERE;
             }
             angle
         } else {
             let (low, high) = (grows(0.0), grows(*opening));
-            if low < -self.border || high > self.border {
+            let all_around = low.abs() <= self.border && high.abs() <= self.border;
+            if all_around && !is_first || low < -self.border || high > self.border {
                 return ELSEWHERE;
             }
             root(grows, (0.0, low), (*opening, high))
