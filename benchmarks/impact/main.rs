@@ -6,13 +6,15 @@
 //! cargo bench --bench impact -- --grains N         from a bed of its own
 //! cargo bench --bench impact -- --state FILE --set domain.low='[-0.1, -0.1, -0.1]' --reference FILE     another bed
 //! cargo bench --bench impact -- --ranks 2          on so many ranks
-//! cargo bench --bench impact -- --runs 5           the mean of so many: all but the first begin after 20 ms with the bed shifted by 1e-9 m
+//! cargo bench --bench impact -- --runs 5           the mean of so many: all but the first begin after 20 ms, or earlier where the bed is
+//!                                                  higher, with the bed shifted by 1e-9 m
 //! cargo bench --bench impact -- --record FOLDER    the table and the picture into this folder
 //! ```
 //!
 //! The state is `Case3_PenetrationTest_25000_Particles.txt` of the paper's data, DOI 10.5281/zenodo.8252892: a line of words, then
 //! `radius x y z` of each sphere. A CSV file `x,y,z` is read, too. Whatever is larger than a grain is left out: the ball is added here.
-//! It fails if the ball is more than 1 mm off the height of another code. A run that was stopped goes on when it is called again with the same words.
+//! It fails if the ball is more than 1 mm off the height of another code. A run that was stopped goes on when it is called again with the same words;
+//! a folder with a run of another bed or with other keys is refused.
 //!
 //! Where the ball meets the floor chaos begins: runs of this program whose beds differ by no more than the last digit of the data part by up
 //! to 1.5 mm until 35 ms. So one run cannot tell two codes apart there; the paper takes the mean of ten, `--runs` of as many as it is told.
@@ -74,8 +76,12 @@ const GRAVITY: f64 = 9.81;
 const RADIUS: f64 = 1e-3;
 /// Height [m] and velocity [m/s] of the ball.
 const BALL: [f64; 2] = [0.06, -5.0];
-/// When other runs than the first begin: the ball falls freely until then [s].
+/// Radius of the ball [m].
+const BALL_RADIUS: f64 = 0.01;
+/// When other runs than the first begin, at the latest, if the ball falls freely until then [s].
 const LATE: f64 = 0.02;
+/// Heights are written after whole multiples of this [s].
+const EVERY: f64 = 1e-3;
 /// By how much at most the grains of other runs than the first are shifted along each axis: the last digit of the data [m].
 const SHIFT: f64 = 1e-9;
 /// How far the height may be off that of any other code [m].
@@ -83,21 +89,21 @@ const TOLERANCE: f64 = 1e-3;
 
 fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
-    let Arguments { state, grains, out, until, ranks, runs, set, .. } = &arguments;
+    let Arguments { state: bed, grains, out, until, ranks, runs, set, .. } = &arguments;
     std::fs::create_dir_all(out)?;
     let begin = Instant::now();
-    let centres = match state {
+    let centres = match bed {
         Some(path) => read_centres(path)?,
-        None => pack(*grains, *ranks, &out.join("packing"))?,
+        None => pack(*grains, *ranks, &out.join(format!("packing_{grains}")))?,
     };
     println!("{} grains, known after {:.0} s", centres.len(), begin.elapsed().as_secs_f64());
-    ensure!(*runs == 1 || *until > LATE, "with --runs the heights from {LATE} s on are compared");
+    let late = while_it_falls(&centres);
+    ensure!(*runs == 1 || *until > late, "with --runs the heights from {late} s on are compared");
     let mut all = Vec::new();
     for run in 0..*runs {
         let (folder, begins) =
-            if run == 0 { (out.clone(), 0.0) } else { (out.join(format!("run_{run}")), LATE) };
-        std::fs::create_dir_all(&folder)?;
-        write_state(&folder.join("state.csv"), &shifted(&centres, run), begins)?;
+            if run == 0 { (out.clone(), 0.0) } else { (out.join(format!("run_{run}")), late) };
+        begin_or_go_on(&folder, &state(&shifted(&centres, run), begins), &set.join("\n"))?;
         let scene = folder.join("scene.toml");
         std::fs::copy(Path::new(FOLDER).join("scene.toml"), &scene)?;
         let begin = Instant::now();
@@ -121,7 +127,7 @@ fn main() -> anyhow::Result<()> {
     for (code, worst) in codes.iter().zip(&table.worst) {
         println!("largest difference to {code}: {:.3} mm", 1e3 * worst);
     }
-    let comparable = state.is_some() && (arguments.reference.is_some() || centres.len() == 25_000);
+    let comparable = bed.is_some() && (arguments.reference.is_some() || centres.len() == 25_000);
     if !comparable {
         println!("the bed is not that of the reference: nothing is judged");
         return Ok(());
@@ -187,16 +193,43 @@ fn pack(grains: u64, ranks: u32, out: &Path) -> anyhow::Result<Vec<Vec3>> {
     Ok(reader.particles(0..reader.particle_count())?.position)
 }
 
-/// Grains at rest, and the ball after some time of free fall [s].
-fn write_state(path: &Path, centres: &[Vec3], fallen: f64) -> anyhow::Result<()> {
-    let mut text = "x,y,z,vx,vy,vz,shape\n".to_owned();
-    for centre in centres {
-        writeln!(text, "{:?},{:?},{:?},0,0,0,grain", centre.x, centre.y, centre.z)?;
-    }
+/// How long the ball falls before it comes near to the bed, at most [`LATE`] [s].
+fn while_it_falls(centres: &[Vec3]) -> f64 {
+    let top = centres.iter().map(|centre| centre.z).fold(f64::NEG_INFINITY, f64::max) + RADIUS;
+    let times = (0..=(LATE / EVERY).round() as u32).rev().map(|k| EVERY * f64::from(k));
+    let is_above = |time: &f64| height_in_fall(*time) - BALL_RADIUS > top + RADIUS;
+    times.into_iter().find(is_above).unwrap_or(0.0)
+}
+
+/// Of the ball, as long as it falls freely [m].
+fn height_in_fall(time: f64) -> f64 {
     let [height, velocity] = BALL;
-    let z = height + velocity * fallen - 0.5 * GRAVITY * fallen * fallen;
-    writeln!(text, "0,0,{z:?},0,0,{:?},ball", velocity - GRAVITY * fallen)?;
-    Ok(std::fs::write(path, text)?)
+    height + velocity * time - 0.5 * GRAVITY * time * time
+}
+
+/// Grains at rest, and the ball after some time of free fall [s], as a file of particles.
+fn state(centres: &[Vec3], fallen: f64) -> String {
+    let grains = centres.iter().map(|c| format!("{:?},{:?},{:?},0,0,0,grain\n", c.x, c.y, c.z));
+    let (z, velocity) = (height_in_fall(fallen), BALL[1] - GRAVITY * fallen);
+    let ball = format!("0,0,{z:?},0,0,{velocity:?},ball\n");
+    let head = "x,y,z,vx,vy,vz,shape\n".to_owned();
+    std::iter::once(head).chain(grains).chain([ball]).collect()
+}
+
+/// Writes what a run begins with. A folder with a run of another bed, or with other keys, is refused.
+fn begin_or_go_on(folder: &Path, state: &str, keys: &str) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder)?;
+    let is_begun = folder.join("out").exists();
+    for (name, text) in [("state.csv", state), ("keys.txt", keys)] {
+        let path = folder.join(name);
+        ensure!(
+            !is_begun || std::fs::read_to_string(&path).unwrap_or_default() == text,
+            "{} has a run of another bed or with other keys: remove it, or take another --out",
+            folder.display()
+        );
+        std::fs::write(path, text)?;
+    }
+    Ok(())
 }
 
 /// Runs a scene, or goes on where it was stopped.
