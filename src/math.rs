@@ -87,6 +87,14 @@ impl ExactSum {
         Self { limbs: limbs.try_into().expect("an exact sum has a fixed number of limbs") }
     }
 
+    /// The values of sums whose limbs stand one after the other.
+    ///
+    /// # Panics
+    /// If the last is not whole.
+    pub fn values(limbs: &[i64]) -> Vec<f64> {
+        limbs.chunks(Self::LIMBS).map(|limbs| Self::from_limbs(limbs).value()).collect()
+    }
+
     /// Carries, so that every digit but the highest lies in 0..2³²: makes room for more terms, and gives equal sums equal
     /// limbs.
     pub fn carry(&mut self) {

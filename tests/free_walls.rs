@@ -138,7 +138,7 @@ fn a_lid_comes_to_rest_with_its_weight() {
     assert!(bench.sim.particles.walls[1].velocity.norm() < 1e-9);
 }
 
-/// A crowd under a piston of triangles that springs hold and its weight presses.
+/// A crowd under a lid that comes down, and that its weight and a force press.
 fn crowd() -> String {
     format!(
         r#"

@@ -25,8 +25,6 @@ pub(crate) enum Code {
     LammpsGranular,
     /// `hooke/stiffness` with `tangential history`.
     Liggghts,
-    /// `hertz` with `tangential history`, in a drum of triangles.
-    LiggghtsDrum,
 }
 
 impl Code {
@@ -36,7 +34,7 @@ impl Code {
             Self::OwnShuffled => "dem-mpi shuffled",
             Self::Lammps => "lammps",
             Self::LammpsGranular => "lammps granular",
-            Self::Liggghts | Self::LiggghtsDrum => "liggghts",
+            Self::Liggghts => "liggghts",
         }
     }
 
@@ -44,7 +42,7 @@ impl Code {
         match self {
             Self::Own | Self::OwnShuffled => env!("CARGO_BIN_EXE_dem-mpi"),
             Self::Lammps | Self::LammpsGranular => "lmp",
-            Self::Liggghts | Self::LiggghtsDrum => "liggghts",
+            Self::Liggghts => "liggghts",
         }
     }
 
@@ -54,7 +52,6 @@ impl Code {
             Self::Lammps => "lammps.in",
             Self::LammpsGranular => "lammps_granular.in",
             Self::Liggghts => "liggghts.in",
-            Self::LiggghtsDrum => "liggghts_drum.in",
         }
     }
 
@@ -74,7 +71,7 @@ impl Code {
                 return Ok(concat!("dem-mpi ", env!("CARGO_PKG_VERSION")).to_owned());
             }
             Self::Lammps | Self::LammpsGranular => ("-help", "Parallel Simulator"),
-            Self::Liggghts | Self::LiggghtsDrum => ("-help", "LIGGGHTS"),
+            Self::Liggghts => ("-help", "LIGGGHTS"),
         };
         let output = Command::new(self.program())
             .arg(argument)
@@ -204,18 +201,18 @@ fn peer_case(code: Code, case: &Case, steps: Steps, folder: &Path) -> anyhow::Re
         ("gtw", gtw.to_string()),
         ("xt", (gt / gn).to_string()),
     ];
-    peer(code, &variables, steps.ranks, &end, case.start.len())
+    peer((code, code.deck()), &variables, steps.ranks, &end, case.start.len())
 }
 
-/// Runs another code, whose deck writes the places of its spheres into the file `end`.
+/// Runs another code on a deck beside this file, which writes the places of its spheres into the file `end`.
 pub(crate) fn peer(
-    code: Code,
+    (code, deck): (Code, &str),
     variables: &[(&str, String)],
     ranks: u32,
     end: &Path,
     count: usize,
 ) -> anyhow::Result<Run> {
-    let deck = PathBuf::from("benchmarks/peers").join(code.deck()).display().to_string();
+    let deck = PathBuf::from("benchmarks/peers").join(deck).display().to_string();
     let mut arguments = vec!["-in".to_owned(), deck, "-log".to_owned(), "none".to_owned()];
     for (name, value) in variables {
         arguments.extend(["-var".to_owned(), (*name).to_owned(), value.clone()]);

@@ -2,7 +2,7 @@
 
 use crate::case::Apart;
 use crate::codes::{self, Code, Run};
-use crate::speed;
+use crate::speed::Turns;
 use anyhow::{Context, ensure};
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot;
@@ -14,6 +14,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 const SCENE: &str = "benchmarks/peers/drum.toml";
+/// For LIGGGHTS: `hertz` with `tangential history`.
+const DECK: &str = "liggghts_drum.in";
 /// Each has four triangles: two of the tube, one of each end.
 const STRIPS: usize = 300;
 /// Of the drum [m].
@@ -25,15 +27,8 @@ const ALLOWED: f64 = 0.02;
 
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Steps of a run; one of a tenth goes before, so that the CPU time of the start can be left out.
-    #[arg(long, default_value_t = 1000)]
-    steps: u64,
-    /// How often each code's turn comes.
-    #[arg(long, default_value_t = 9)]
-    rounds: u32,
-    /// Numbers of ranks.
-    #[arg(long, value_delimiter = ',', default_values_t = [1, 2])]
-    ranks: Vec<u32>,
+    #[command(flatten)]
+    turns: Turns,
     /// Steps in which the spheres come to flow before.
     #[arg(long)]
     flow: Option<u64>,
@@ -57,29 +52,14 @@ struct Drum {
 
 /// Writes `drum.csv` and prints the medians.
 pub(crate) fn time(options: &Options, record: &Path) -> anyhow::Result<()> {
-    let mut codes = [Code::Own, Code::LiggghtsDrum];
+    let mut codes = [Code::Own, Code::Liggghts];
     ensure!(codes[1].is_installed(), "LIGGGHTS is not installed");
     let folder = std::env::temp_dir().join(format!("dem-mpi-peers-drum-{}", std::process::id()));
     fs::create_dir_all(&folder)?;
     let drum = Drum::flowing(folder, options.flow)?;
     drum.compare()?;
-
-    let short = (options.steps / 10).max(1);
-    let mut rows = Vec::new();
-    let mut csv = String::from(speed::HEAD);
-    for &ranks in &options.ranks {
-        for round in 0..options.rounds {
-            codes.rotate_left(1);
-            for code in codes {
-                let few = drum.run(code, short, ranks)?;
-                let many = drum.run(code, options.steps, ranks)?;
-                let turn = speed::Turn { code, ranks, round, steps: options.steps, short };
-                rows.push(turn.row(drum.start.len(), &many, &few, &mut csv)?);
-            }
-            fs::write(record.join("drum.csv"), &csv)?;
-        }
-    }
-    speed::print(&rows, &options.ranks);
+    let run = |code, steps, ranks| drum.run(code, steps, ranks);
+    options.turns.time(&mut codes, drum.start.len(), &record.join("drum.csv"), run)?;
     fs::remove_dir_all(&drum.folder)?;
     Ok(())
 }
@@ -115,7 +95,7 @@ impl Drum {
         let start: Vec<Vec3> = self.start.iter().map(|sphere| sphere.position).collect();
         let way = Apart::of(&start, &own).median;
         for ranks in [1, 2] {
-            let apart = Apart::of(&own, &self.run(Code::LiggghtsDrum, steps, ranks)?.end);
+            let apart = Apart::of(&own, &self.run(Code::Liggghts, steps, ranks)?.end);
             println!(
                 "liggghts on {ranks} is {:.1e} m from dem-mpi after {steps} steps (median), {:.2} % of the way; at most {:.1e} m",
                 apart.median,
@@ -172,7 +152,7 @@ impl Drum {
             ("cor", material("restitution")?),
             ("mu", material("friction")?),
         ];
-        codes::peer(Code::LiggghtsDrum, &variables, ranks, &file("end.dump"), self.start.len())
+        codes::peer((Code::Liggghts, DECK), &variables, ranks, &file("end.dump"), self.start.len())
     }
 
     /// As LIGGGHTS reads it; ids count from 1.

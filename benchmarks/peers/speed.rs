@@ -12,6 +12,19 @@ const CHECKED: f64 = 1e-3;
 
 #[derive(clap::Args)]
 pub(crate) struct Options {
+    #[command(flatten)]
+    turns: Turns,
+    /// Codes other than this program that are left out.
+    #[arg(long, value_delimiter = ',')]
+    without: Vec<String>,
+    /// Also this program with the spheres in a random order.
+    #[arg(long)]
+    shuffled: bool,
+}
+
+/// How often, and how long.
+#[derive(clap::Args)]
+pub(crate) struct Turns {
     /// Steps of a run; one of a tenth goes before, so that the CPU time of the start can be left out.
     #[arg(long, default_value_t = 1000)]
     steps: u64,
@@ -21,19 +34,10 @@ pub(crate) struct Options {
     /// Numbers of ranks.
     #[arg(long, value_delimiter = ',', default_values_t = [1, 2])]
     ranks: Vec<u32>,
-    /// Codes other than this program that are left out.
-    #[arg(long, value_delimiter = ',')]
-    without: Vec<String>,
-    /// Also this program with the spheres in a random order.
-    #[arg(long)]
-    shuffled: bool,
 }
 
-/// The columns of the table.
-pub(crate) const HEAD: &str = "ranks,round,code,steps,wall_s,cpu_s,short_steps,short_cpu_s,load\n";
-
 /// A run: µs per particle and step.
-pub(crate) struct Row {
+struct Row {
     code: Code,
     ranks: u32,
     round: u32,
@@ -62,60 +66,52 @@ pub(crate) fn time(case: &Case, options: &Options, record: &Path) -> anyhow::Res
     fs::write(record.join("versions.txt"), versions)?;
     compare(case, &codes)?;
 
-    let mut rows = Vec::new();
-    let mut csv = String::from(HEAD);
-    let short = (options.steps / 10).max(1);
-    for &ranks in &options.ranks {
-        for round in 0..options.rounds {
-            // Each round begins with another code.
-            codes.rotate_left(1);
-            for &code in &codes {
-                let of = |count| run(code, case, Steps { step: case.step, count, ranks });
-                let (few, many) = (of(short)?, of(options.steps)?);
-                let turn = Turn { code, ranks, round, steps: options.steps, short };
-                rows.push(turn.row(case.start.len(), &many, &few, &mut csv)?);
-            }
-            fs::write(record.join("time.csv"), &csv)?;
-        }
-    }
-    print(&rows, &options.ranks);
-    Ok(())
+    let file = record.join("time.csv");
+    options.turns.time(&mut codes, case.start.len(), &file, |code, count, ranks| {
+        run(code, case, Steps { step: case.step, count, ranks })
+    })
 }
 
-/// A code's turn.
-pub(crate) struct Turn {
-    pub(crate) code: Code,
-    pub(crate) ranks: u32,
-    pub(crate) round: u32,
-    pub(crate) steps: u64,
-    /// Of the short run, which has the start's CPU time, too.
-    pub(crate) short: u64,
-}
-
-impl Turn {
-    /// What came of it; writes its row of the table.
-    pub(crate) fn row(
-        self,
+impl Turns {
+    /// Times codes in turns, with so many particles: writes the table into a file and prints the medians. `run` takes code, steps
+    /// and ranks.
+    pub(crate) fn time(
+        &self,
+        codes: &mut [Code],
         particles: usize,
-        many: &Run,
-        few: &Run,
-        csv: &mut String,
-    ) -> anyhow::Result<Row> {
-        let Self { code, ranks, round, steps, short } = self;
-        let load = fs::read_to_string("/proc/loadavg").unwrap_or_default();
-        let load = load.split_whitespace().next().unwrap_or("");
-        writeln!(
-            csv,
-            "{ranks},{round},{},{steps},{},{},{short},{},{load}",
-            code.name(),
-            many.seconds,
-            many.cpu,
-            few.cpu
-        )?;
-        let particles = particles as f64 * 1e-6;
-        let wall = many.seconds / (steps as f64 * particles);
-        let cpu = (many.cpu - few.cpu) / ((steps - short) as f64 * particles);
-        Ok(Row { code, ranks, round, wall, cpu })
+        file: &Path,
+        run: impl Fn(Code, u64, u32) -> anyhow::Result<Run>,
+    ) -> anyhow::Result<()> {
+        let mut rows = Vec::new();
+        let mut csv =
+            String::from("ranks,round,code,steps,wall_s,cpu_s,short_steps,short_cpu_s,load\n");
+        let (steps, short) = (self.steps, (self.steps / 10).max(1));
+        for &ranks in &self.ranks {
+            for round in 0..self.rounds {
+                // Each round begins with another code.
+                codes.rotate_left(1);
+                for &code in &*codes {
+                    let (few, many) = (run(code, short, ranks)?, run(code, steps, ranks)?);
+                    let load = fs::read_to_string("/proc/loadavg").unwrap_or_default();
+                    let load = load.split_whitespace().next().unwrap_or("");
+                    writeln!(
+                        csv,
+                        "{ranks},{round},{},{steps},{},{},{short},{},{load}",
+                        code.name(),
+                        many.seconds,
+                        many.cpu,
+                        few.cpu
+                    )?;
+                    let particles = particles as f64 * 1e-6;
+                    let wall = many.seconds / (steps as f64 * particles);
+                    let cpu = (many.cpu - few.cpu) / ((steps - short) as f64 * particles);
+                    rows.push(Row { code, ranks, round, wall, cpu });
+                }
+                fs::write(file, &csv)?;
+            }
+        }
+        print(&rows, &self.ranks);
+        Ok(())
     }
 }
 
@@ -159,7 +155,7 @@ fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
 }
 
 /// Medians over the rounds.
-pub(crate) fn print(rows: &[Row], ranks: &[u32]) {
+fn print(rows: &[Row], ranks: &[u32]) {
     println!(
         "µs per particle-step: median (quartiles), least; ratio: median over rounds of a code's time over dem-mpi's of that round\n"
     );

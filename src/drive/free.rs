@@ -9,7 +9,7 @@
 //! contacts together. Where `dt √(K/m)` comes over 1 the run warns, over 2 it stops.
 
 use super::servo::Room;
-use super::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
+use super::{Drive, DriveError, Moment, SavedColumn, SavedState, Values, pressing};
 use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::contact::StateColumn;
@@ -105,7 +105,7 @@ impl FreeWalls {
             return Ok(());
         }
         let said = format!(
-            "wall \"{name}\" of {mass:e} kg swings on the grains below it by {angle:.2} rad in a step of {dt:.3e} s (their stiffness is \
+            "wall \"{name}\" of {mass:e} kg swings on the grains that it touches by {angle:.2} rad in a step of {dt:.3e} s (their stiffness is \
              {stiffness:.3e} N/m in all)"
         );
         let better = format!("take a step of {:.2e} s, or a heavier wall", 0.2 * dt / angle);
@@ -140,17 +140,11 @@ impl Drive for FreeWalls {
         let now = || self.forces(contacts, particles);
         let last = self.states.iter().map(|state| state.force.clone());
         let forces = last.collect::<Option<Vec<_>>>().unwrap_or_else(now);
-        let mut stiffness = vec![ExactSum::default(); self.all.len()];
-        for (pair, geometry, _) in contacts.pressing_on_walls(law, particles) {
-            let Some(wall) = particles.wall_of(pair.b) else { continue };
-            for (_, sum) in
-                self.all.iter().zip(&mut stiffness).filter(|(free, _)| free.wall == wall)
-            {
-                sum.add(law.stiffness(pair, particles, geometry, moment.dt));
-            }
-        }
-        let both = forces.iter().zip(&stiffness);
-        both.flat_map(|(force, stiffness)| [*force.limbs(), *stiffness.limbs()].concat()).collect()
+        let group = |wall| self.all.iter().position(|free| free.wall == wall);
+        let pressed = pressing((self.all.len(), group), moment.dt, particles, contacts, law);
+        let both = forces.iter().zip(&pressed);
+        both.flat_map(|(force, [_, stiffness])| [*force.limbs(), *stiffness.limbs()].concat())
+            .collect()
     }
 
     fn steer(
@@ -160,8 +154,7 @@ impl Drive for FreeWalls {
         cell: &Cell,
         walls: &mut [Wall],
     ) -> Result<(), DriveError> {
-        let sums = sums.chunks_exact(ExactSum::LIMBS);
-        let sums: Vec<f64> = sums.map(|limbs| ExactSum::from_limbs(limbs).value()).collect();
+        let sums = ExactSum::values(sums);
         for (k, &[force, stiffness]) in sums.as_chunks().0.iter().enumerate() {
             let FreeWall { wall, along, mass, load } = self.all[k];
             self.check_step(k, stiffness, moment.dt, &walls[wall].name)?;

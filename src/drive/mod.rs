@@ -101,7 +101,7 @@ use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::contacts::Contacts;
 use crate::law::ForceLaw;
-use crate::math::Vec3;
+use crate::math::{ExactSum, Vec3};
 use crate::particles::Particles;
 use crate::particles::records::Particle;
 use crate::particles::walls::Wall;
@@ -248,6 +248,29 @@ pub trait Drive: Send + Sync {
     ) -> Result<(), DriveError> {
         Ok(())
     }
+}
+
+/// What presses on walls, of this rank's contacts: exact sums of the normal forces [N] and of the normal stiffness [N/m] of each of `count`
+/// groups of walls. `group` tells to which a wall belongs.
+fn pressing(
+    (count, group): (usize, impl Fn(usize) -> Option<usize>),
+    dt: f64,
+    particles: &Particles,
+    contacts: &Contacts,
+    law: &dyn ForceLaw,
+) -> Vec<[ExactSum; 2]> {
+    let group_of: Vec<Option<usize>> = (0..particles.walls.len()).map(group).collect();
+    let mut sums = vec![[ExactSum::default(), ExactSum::default()]; count];
+    for (pair, geometry, force) in contacts.pressing_on_walls(law, particles) {
+        let group = particles.wall_of(pair.b).and_then(|wall| group_of[wall]);
+        let Some(group) = group else { continue };
+        // A state that is not a number is reported when the list of pairs is rebuilt.
+        if force.is_finite() {
+            sums[group][0].add(force);
+            sums[group][1].add(law.stiffness(pair, particles, geometry, dt));
+        }
+    }
+    sums
 }
 
 /// How a target was kept over the last fifth of the stage.

@@ -25,7 +25,9 @@
 //! any number of ranks. They come from what contacts remember; integral, stiffness, and the sums over steps from which
 //! means are made, are saved in snapshots.
 
-use super::{CHECK_EVERY, Drive, DriveError, Kept, Moment, SavedColumn, SavedState, Values};
+use super::{
+    CHECK_EVERY, Drive, DriveError, Kept, Moment, SavedColumn, SavedState, Values, pressing,
+};
 use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::contact::StateColumn;
@@ -451,17 +453,7 @@ impl Drive for Servos {
         law: &dyn ForceLaw,
     ) -> Vec<i64> {
         let servo_of = |wall| self.all.iter().position(|servo| servo.walls.contains(&wall));
-        let servo_of: Vec<Option<usize>> = (0..particles.walls.len()).map(servo_of).collect();
-        let mut sums = vec![[ExactSum::default(), ExactSum::default()]; self.all.len()];
-        for (pair, geometry, force) in contacts.pressing_on_walls(law, particles) {
-            let servo = particles.wall_of(pair.b).and_then(|wall| servo_of[wall]);
-            let Some(servo) = servo else { continue };
-            // A state that is not a number is reported when the list of pairs is rebuilt.
-            if force.is_finite() {
-                sums[servo][0].add(force);
-                sums[servo][1].add(law.stiffness(pair, particles, geometry, moment.dt));
-            }
-        }
+        let sums = pressing((self.all.len(), servo_of), moment.dt, particles, contacts, law);
         sums.iter().flatten().flat_map(|sum| *sum.limbs()).collect()
     }
 
@@ -472,8 +464,7 @@ impl Drive for Servos {
         cell: &Cell,
         walls: &mut [Wall],
     ) -> Result<(), DriveError> {
-        let sums = sums.chunks_exact(ExactSum::LIMBS);
-        let sums: Vec<f64> = sums.map(|limbs| ExactSum::from_limbs(limbs).value()).collect();
+        let sums = ExactSum::values(sums);
         for (k, velocity) in self.velocities(moment, sums.as_chunks().0, cell, walls)? {
             walls[k].velocity = velocity;
         }

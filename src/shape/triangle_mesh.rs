@@ -897,7 +897,7 @@ impl Grid {
             // Cells overlap a little: what is looked up by a point that is rounded must be there.
             let leeway = Vec3::repeat(1e-9 * extent.norm());
             grid.for_each_cell(&(low - leeway), &(high + leeway), |cell, middle| {
-                // Less than a separating axis for all cells, but long thin triangles stay out of most.
+                // A long thin triangle stays out of most cells of the box around it.
                 let beside =
                     outwards.iter().any(|(on, along, reach)| (middle - *on).dot(along) > *reach);
                 if (middle - a).dot(&normal).abs() <= thickness && !beside {
