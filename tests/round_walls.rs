@@ -80,11 +80,11 @@ impl Round {
 fn bodies_touch_where_they_are_deepest() {
     let mut random = Random::of(7, 0);
     let (mut counts, mut worst, mut close_ones) = ([0; 3], 0.0_f64, 0);
-    for k in 0..400 {
+    for k in 0..1000 {
         let round = Round { radius: 1.0, slope: [0.0, 0.7][k % 2], height: 4.0 };
         let surface = round.surface();
         let body: Shape = if k % 4 < 2 {
-            Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(0.85, 0.3, 0.25) })
+            Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(0.97, 0.3, 0.25) })
         } else {
             Shape::Superellipsoid(Superellipsoid::new(Vec3::new(0.7, 0.3, 0.4), [0.8, 0.7]))
         };
@@ -97,8 +97,10 @@ fn bodies_touch_where_they_are_deepest() {
         let angle = TAU * random.unit();
         let centre = Vec3::new(away * angle.cos(), away * angle.sin(), height);
         let maxima = round.searched(&body, &centre, side);
-        // Where two contacts become one, only one of them is found.
-        if maxima.windows(2).any(|two| (two[1].0 - two[0].0).abs() < TAU / 64.0) {
+        // Where two contacts become one, within two strips, only one of them is found.
+        let next = maxima.iter().cycle().skip(1);
+        let mut ways = maxima.iter().zip(next).map(|(a, b)| (b.0 - a.0).rem_euclid(TAU));
+        if maxima.len() > 1 && ways.any(|way| way < 2.0 * TAU / 64.0) {
             close_ones += 1;
             continue;
         }
@@ -120,8 +122,8 @@ fn bodies_touch_where_they_are_deepest() {
         counts[found.len().min(2)] += 1;
     }
     println!("{counts:?} with none, one, two; depths off by {worst:e}");
-    assert!(close_ones < 10, "{close_ones}");
-    assert!(worst < 1e-13 && counts.iter().all(|&count| count > 20), "{worst:e} {counts:?}");
+    assert!(close_ones < 50, "{close_ones}");
+    assert!(worst < 1e-13 && counts.iter().all(|&count| count > 10), "{worst:e} {counts:?}");
 }
 
 /// A ball and an egg on the axis of a cone touch it once, as they do beside the axis.
@@ -129,7 +131,7 @@ fn bodies_touch_where_they_are_deepest() {
 fn what_is_on_the_axis_touches_once() {
     let surface = Round { radius: 0.5, slope: 1.0, height: 2.0 }.surface();
     let ball = Shape::Sphere(Sphere { radius: 1.0 });
-    let egg = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(0.8, 0.8, 1.2) });
+    let egg = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.2, 1.2, 0.8) });
     let upright = Mat3::identity();
     for body in [&ball, &egg].map(|shape| Posed::new(shape, &upright)) {
         let overlaps = [0.0, 1e-4, 2e-4].map(|off| {
