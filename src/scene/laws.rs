@@ -4,6 +4,7 @@
 
 use super::matter::Materials;
 use super::reader::{Range, Section};
+use super::walls::SURFACES;
 use crate::contact::curvature::LARGEST_RATIO;
 use crate::ids::MaterialId;
 use crate::law::hertz::{self, jkr};
@@ -227,11 +228,12 @@ pub(super) fn check_shapes(root: &Section, law: &Choice, library: &Library) -> b
     }
     let is_jkr = matches!(law, Choice::Jkr(_));
     let meshes: Vec<_> = root.sections("wall");
-    let meshes: Vec<_> = meshes.iter().filter_map(|wall| wall.get("mesh")).collect();
+    let meshes = meshes.iter().flat_map(|wall| SURFACES.map(|key| wall.get(key)));
+    let meshes: Vec<_> = meshes.flatten().collect();
     if is_jkr {
         for mesh in &meshes {
             mesh.fail(
-                "does not go with adhesion = \"jkr\": no contact with triangles outlives its overlap. Take `planes`, or adhesion = \
+                "does not go with adhesion = \"jkr\": no contact with such a surface outlives its overlap. Take `planes`, or adhesion = \
                  \"dmt\"",
             );
         }
