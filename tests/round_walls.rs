@@ -19,7 +19,7 @@ fn touches(surface: &Arc<TriangleMesh>, body: &Posed, centre: &Vec3) -> Vec<Touc
         match AgainstTriangleMesh::default().touch(body, &wall, &-centre, None) {
             Outcome::Touching(touch) => Some(touch),
             Outcome::Apart(_) => None,
-            outcome => panic!("{outcome:?}"),
+            outcome @ Outcome::Failed(_) => panic!("{outcome:?}"),
         }
     };
     near.into_iter().filter_map(touch).collect()

@@ -379,7 +379,8 @@ fn planned(
     materials: &Materials,
     folder: &Path,
 ) -> Option<Planned> {
-    let surface = surface(section, domain, folder);
+    let chosen = SURFACES.into_iter().find_map(|key| Some((key, section.get(key)?)));
+    let surface = chosen.map(|chosen| surface(section, chosen, domain, folder));
     let planes = if surface.is_some() {
         Some(Vec::new())
     } else if section.get("planes").is_some() {
@@ -467,13 +468,13 @@ impl Surface<'_> {
 /// The keys of surfaces that are not of planes.
 pub(super) const SURFACES: [&str; 3] = ["mesh", "cylinder", "cone"];
 
-/// The surface of a wall that is not of planes, if it has one; `None` in it if something is wrong with that.
+/// The surface of a wall that is not of planes, from the key that says so.
 fn surface<'a>(
     section: &Section<'a>,
+    (key, given): (&str, Given<'a>),
     domain: Option<&Cell>,
     folder: &Path,
-) -> Option<Option<Surface<'a>>> {
-    let (key, given) = SURFACES.into_iter().find_map(|key| Some((key, section.get(key)?)))?;
+) -> Option<Surface<'a>> {
     for other in
         ["point", "normal", "planes"].into_iter().chain(SURFACES).filter(|other| *other != key)
     {
@@ -488,14 +489,13 @@ fn surface<'a>(
         ));
     }
     if key == "mesh" {
-        return Some(
-            triangles(&given, section, folder).map(|of_file| Surface::Triangles(given, of_file)),
-        );
+        return triangles(&given, section, folder)
+            .map(|of_file| Surface::Triangles(given, of_file));
     }
     for of_files in ["scale", "turn", "shift", "smooth"] {
         section.refuse(of_files, "is of a `mesh`");
     }
-    Some(of_revolution(&given, key == "cone"))
+    of_revolution(&given, key == "cone")
 }
 
 /// A cylinder, or a cone with a radius at each end.
