@@ -7,7 +7,7 @@
 //! |---|---|---|
 //! | face | its normal, on the side of the centre | `δ`, if the deepest point of the body stands over the face: the answer of the plane |
 //! | edge | those between the normals of its faces | least `δ` of them, if it lies between both and on the edge: a root of `dδ/dn` in one angle |
-//! | strip of a cylinder or a cone | its normals | from inside the largest `δ` near which it is less, which a long body has twice; from outside the least |
+//! | strip of a cylinder or a cone | its normals | from inside each local maximum of `δ`: a long body has two; from outside the least `δ` |
 //! | corner | at right angles or more to its edges | least `δ`, as of a sphere without radius |
 //!
 //! All on the side of the surface on which the centre of the body is: a long body in a shallow fold would else be pushed through it.

@@ -10,8 +10,9 @@
 //!
 //! These directions are the Voronoi regions of the surface: a contact whose normal lies in none belongs to another facet. An edge
 //! that is concave on a side faces nowhere there. Whether triangles agree on what is in front does not matter.
-//! A cylinder or a cone is made of *strips*, each between two of its straight lines, which face in all directions between the
-//! normals there. They are exact: the triangles in them only say where to look, and are what pictures have.
+//!
+//! A cylinder or a cone has *strips* and no other facets. Each lies between two straight lines of the surface, and faces in all
+//! directions between the normals there. Strips are exact: their triangles only say where to look, and are what pictures have.
 //!
 //! Facets are numbered: first faces, then edges, then corners. They are found through a grid of cells in the axes of the wall.
 
