@@ -327,10 +327,7 @@ impl<'a> Walls<'a> {
         if others.is_empty() {
             return;
         }
-        let sections = root.sections("wall");
-        for given in
-            sections.iter().flat_map(|section| SURFACES.map(|key| section.get(key))).flatten()
-        {
+        for given in surfaces(root) {
             given.fail(format!(
                 "meets {}: walls of triangles, cylinders and cones have contacts with spheres, ellipsoids and superellipsoids only; make \
                  the wall of planes",
@@ -466,7 +463,13 @@ impl Surface<'_> {
 }
 
 /// The keys of surfaces that are not of planes.
-pub(super) const SURFACES: [&str; 3] = ["mesh", "cylinder", "cone"];
+const SURFACES: [&str; 3] = ["mesh", "cylinder", "cone"];
+
+/// What a scene says of all its surfaces that are not of planes.
+pub(super) fn surfaces<'a>(root: &Section<'a>) -> Vec<Given<'a>> {
+    let walls = root.sections("wall");
+    walls.iter().flat_map(|wall| SURFACES.map(|key| wall.get(key))).flatten().collect()
+}
 
 /// The surface of a wall that is not of planes, from the key that says so.
 fn surface<'a>(
