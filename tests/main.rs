@@ -32,6 +32,7 @@ mod ranks_threads;
 mod ready;
 mod robustness;
 mod rolling;
+mod round_walls;
 mod scene;
 mod schema;
 mod servo;

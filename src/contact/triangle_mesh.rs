@@ -7,6 +7,7 @@
 //! |---|---|---|
 //! | face | its normal, on the side of the centre | `δ`, if the deepest point of the body stands over the face: the answer of the plane |
 //! | edge | those between the normals of its faces | least `δ` of them, if it lies between both and on the edge: a root of `dδ/dn` in one angle |
+//! | strip of a cylinder or a cone | its normals | from inside each local maximum of `δ`: a long body has two; from outside the least `δ` |
 //! | corner | at right angles or more to its edges | least `δ`, as of a sphere without radius |
 //!
 //! All on the side of the surface on which the centre of the body is: a long body in a shallow fold would else be pushed through it.
@@ -19,7 +20,7 @@ use super::{
     Chain, ContactResolver, Epa, Outcome, Posed, SmoothCommonNormal, Touch, Why, touch_of_sphere,
 };
 use crate::math::{Mat3, Vec3};
-use crate::shape::triangle_mesh::{MeshFacet, TriangleMesh};
+use crate::shape::triangle_mesh::{MeshFacet, Strip, TriangleMesh};
 use crate::shape::{Shape, Sphere};
 
 /// How far the region of a facet goes beyond its border, over the radius of the body.
@@ -68,6 +69,7 @@ impl ContactResolver for AgainstTriangleMesh {
         let outcome = match &mesh.facets()[b.facet as usize] {
             MeshFacet::Face { normal, offset } => body.on_face(mesh, b.facet, normal, *offset),
             edge @ MeshFacet::Edge { .. } => body.on_edge(edge),
+            MeshFacet::Strip(strip) => body.on_strip(strip, b.facet == 0),
             MeshFacet::Corner { at, edges } => {
                 let warm = warm.map(|normal| b.frame.tr_mul(normal));
                 body.on_corner(at, edges, &self.points, warm.as_ref())
@@ -172,6 +174,55 @@ impl Body<'_> {
             Touch { overlap, normal: -out, point: deepest + out * (0.5 * overlap) }.outcome();
         // Along other edges it may come nearer.
         if let Outcome::Apart(_) = touch { ELSEWHERE } else { touch }
+    }
+
+    /// With `n` the normal away from the axis, `δ = h(n) + n·c - d` for a body inside, `d - n·c + h(-n)` for one outside, where `n·x = d`
+    /// is the plane that touches the surface along a line. What touches all around, on the axis, is met by the first strip alone.
+    fn on_strip(&self, strip: &Strip, is_first: bool) -> Outcome {
+        let Strip { from, axis, length, radius, slope, first, quarter, opening } = strip;
+        let way = self.centre - from;
+        let height = way.dot(axis);
+        let out = way - axis * height;
+        let steep = (1.0 + slope * slope).sqrt();
+        let within = (radius + slope * height - out.norm()) / steep;
+        let clearance = within.abs() - self.a.bounding_radius();
+        if clearance > 0.0 {
+            return Outcome::Apart(clearance);
+        }
+        let side = within.signum();
+        let directions = |angle: f64| {
+            let (sine, cosine) = libm::sincos(angle);
+            let across = first * cosine + quarter * sine;
+            ((across - axis * *slope) / steep, quarter * cosine - first * sine)
+        };
+        // How fast δ grows with the angle from inside, and falls from outside.
+        let grows = |angle: f64| {
+            let (normal, on) = directions(angle);
+            (self.a.support(&(normal * side)) + way).dot(&on)
+        };
+        let angle = if self.radius > 0.0 {
+            let angle = libm::atan2(out.dot(quarter), out.dot(first));
+            let all_around = out.norm() <= self.border;
+            if all_around && !is_first || !(-BORDER..=opening + BORDER).contains(&angle) {
+                return ELSEWHERE;
+            }
+            angle
+        } else {
+            let (low, high) = (grows(0.0), grows(*opening));
+            let all_around = low.abs() <= self.border && high.abs() <= self.border;
+            if all_around && !is_first || low < -self.border || high > self.border {
+                return ELSEWHERE;
+            }
+            root(grows, (0.0, low), (*opening, high))
+        };
+        let into = directions(angle).0 * side;
+        let deepest = self.a.support(&into);
+        let overlap = (deepest + way).dot(&into) - side * radius / steep;
+        let foot = (deepest + way - into * overlap).dot(axis);
+        if overlap <= 0.0 || !(-self.border..=length + self.border).contains(&foot) {
+            return ELSEWHERE;
+        }
+        Touch { overlap, normal: into, point: deepest - into * (0.5 * overlap) }.outcome()
     }
 
     fn on_corner(&self, at: &Vec3, edges: &[Vec3], points: &Chain, warm: Option<&Vec3>) -> Outcome {

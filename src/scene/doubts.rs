@@ -6,6 +6,7 @@ use crate::ids::ShapeId;
 use crate::law::Body;
 use crate::law::stability::lost_levers;
 use crate::math::Vec3;
+use crate::shape::triangle_mesh::{MeshFacet, Strip};
 use crate::shape::{Kind, Shape};
 use crate::sim::run::DEEPEST_START;
 
@@ -23,6 +24,7 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         pressed_flat(scene),
         triangles_elsewhere(scene),
         shaken_too_fast(scene),
+        flat_for_hertz(scene),
     ];
     all.into_iter().flatten().collect()
 }
@@ -72,6 +74,36 @@ fn triangles_elsewhere(scene: &Scene) -> Option<String> {
             "wall \"{}\" {what}: is the `scale` of its mesh right, as 0.001 for millimetres?",
             wall.name
         ))
+    })
+}
+
+/// A bend of a wall that makes Hertz' contacts stiffer by more than this part is told.
+const BENT: f64 = 0.01;
+
+/// Hertz takes cylinders and cones as flat. From inside contacts are stiffer by a fourth of the ratio of the radii.
+fn flat_for_hertz(scene: &Scene) -> Option<String> {
+    let radius = |strip: &Strip| {
+        let end = strip.radius + strip.slope * strip.length;
+        // The tip of a cone is as narrow as the grains that are there.
+        if end.min(strip.radius) > 0.0 {
+            end.min(strip.radius)
+        } else {
+            0.5 * end.max(strip.radius)
+        }
+    };
+    let meshes = scene.walls.iter().filter_map(|wall| Some((wall, wall.mesh.as_ref()?)));
+    let round = meshes.filter_map(|(wall, mesh)| match mesh.surface.facets().first()? {
+        MeshFacet::Strip(strip) => Some((wall, radius(strip))),
+        _ => None,
+    });
+    let (wall, radius) = round.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let stiffer = 0.25 * scene.library.largest_radius() / radius;
+    (scene.law.linear().is_none() && stiffer > BENT).then(|| {
+        format!(
+            "Hertz' law takes the wall \"{}\" as flat, while it is bent: contacts with it are up to {:.0} % stiffer than that",
+            wall.name,
+            100.0 * stiffer
+        )
     })
 }
 

@@ -4,6 +4,7 @@
 
 use super::matter::Materials;
 use super::reader::{Range, Section};
+use super::walls;
 use crate::contact::curvature::LARGEST_RATIO;
 use crate::ids::MaterialId;
 use crate::law::hertz::{self, jkr};
@@ -226,17 +227,16 @@ pub(super) fn check_shapes(root: &Section, law: &Choice, library: &Library) -> b
         }
     }
     let is_jkr = matches!(law, Choice::Jkr(_));
-    let meshes: Vec<_> = root.sections("wall");
-    let meshes: Vec<_> = meshes.iter().filter_map(|wall| wall.get("mesh")).collect();
+    let surfaces = walls::surfaces(root);
     if is_jkr {
-        for mesh in &meshes {
-            mesh.fail(
-                "does not go with adhesion = \"jkr\": no contact with triangles outlives its overlap. Take `planes`, or adhesion = \
+        for surface in &surfaces {
+            surface.fail(
+                "does not go with adhesion = \"jkr\": no contact with such a surface outlives its overlap. Take `planes`, or adhesion = \
                  \"dmt\"",
             );
         }
     }
-    unfit.is_empty() && (meshes.is_empty() || !is_jkr)
+    unfit.is_empty() && (surfaces.is_empty() || !is_jkr)
 }
 
 /// The first shape of particles that each part of the law cannot have, with the reason.

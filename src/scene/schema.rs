@@ -148,6 +148,13 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         }
 
         ("wall", "name" | "material" | "mesh") => text(),
+        ("wall", "cylinder") => {
+            object(&[("from", vector(&any)), ("to", vector(&any)), ("radius", positive)])
+        }
+        ("wall", "cone") => {
+            let radii = exactly(2, &not_negative);
+            object(&[("from", vector(&any)), ("to", vector(&any)), ("radius", radii)])
+        }
         ("wall", "scale") => positive,
         ("wall", "shift") => vector(&any),
         ("wall", "turn") => object(&[("axis", vector(&any)), ("angle", any)]),

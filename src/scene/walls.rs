@@ -327,10 +327,10 @@ impl<'a> Walls<'a> {
         if others.is_empty() {
             return;
         }
-        for given in root.sections("wall").iter().filter_map(|section| section.get("mesh")) {
+        for given in surfaces(root) {
             given.fail(format!(
-                "meets {}: walls of triangles have contacts with spheres, ellipsoids and superellipsoids only; make the wall of \
-                 planes",
+                "meets {}: walls of triangles, cylinders and cones have contacts with spheres, ellipsoids and superellipsoids only; make \
+                 the wall of planes",
                 others.join(", ")
             ));
         }
@@ -376,15 +376,9 @@ fn planned(
     materials: &Materials,
     folder: &Path,
 ) -> Option<Planned> {
-    let triangles = section.get("mesh").map(|given| {
-        for key in ["point", "normal", "planes"] {
-            if let Some(given) = section.get(key) {
-                given.fail("stands beside `mesh`; a wall is of planes or of triangles");
-            }
-        }
-        triangles(&given, section, domain, folder)
-    });
-    let planes = if triangles.is_some() {
+    let chosen = SURFACES.into_iter().find_map(|key| Some((key, section.get(key)?)));
+    let surface = chosen.map(|chosen| surface(section, chosen, domain, folder));
+    let planes = if surface.is_some() {
         Some(Vec::new())
     } else if section.get("planes").is_some() {
         for key in ["point", "normal"] {
@@ -417,12 +411,18 @@ fn planned(
 
     let torque = torque_about?;
     let (planes, rotation) = (planes?, rotation?);
-    if let Some(triangles) = triangles {
-        let (given, Triangles { mut corners, shift, smooth }) = (section.get("mesh")?, triangles?);
-        let reference = rotation.map(|(about, _)| about).or(about).unwrap_or(shift);
-        corners.iter_mut().flatten().for_each(|corner| *corner += shift - reference);
-        let surface =
-            TriangleMesh::new(&corners, smooth).map_err(|error| given.fail(error)).ok()?;
+    if let Some(surface) = surface {
+        let surface = surface?;
+        let reference = rotation.map(|(about, _)| about).or(about).unwrap_or(surface.origin());
+        let surface = match surface {
+            Surface::Triangles(given, Triangles { mut corners, shift, smooth }) => {
+                corners.iter_mut().flatten().for_each(|corner| *corner += shift - reference);
+                TriangleMesh::new(&corners, smooth).map_err(|error| given.fail(error)).ok()?
+            }
+            Surface::OfRevolution { from, to, radii } => {
+                TriangleMesh::of_revolution(&(from - reference), &(to - reference), radii)
+            }
+        };
         let mut wall = Wall::of_mesh(name, reference, surface);
         wall.velocity = velocity?;
         wall.angular_velocity = rotation.map_or_else(Vec3::zeros, |(_, velocity)| velocity);
@@ -441,6 +441,93 @@ fn planned(
     Some(Planned { wall, material: material?, has_servo: false })
 }
 
+/// A surface that is not of planes.
+enum Surface<'a> {
+    Triangles(Given<'a>, Triangles),
+    /// A cylinder or a cone: the ends of its axis [m], and the radii there [m].
+    OfRevolution {
+        from: Vec3,
+        to: Vec3,
+        radii: [f64; 2],
+    },
+}
+
+impl Surface<'_> {
+    /// Where the wall's axes begin, if nothing else says so [m].
+    const fn origin(&self) -> Vec3 {
+        match self {
+            Self::Triangles(_, Triangles { shift, .. }) => *shift,
+            Self::OfRevolution { from, .. } => *from,
+        }
+    }
+}
+
+/// The keys of surfaces that are not of planes.
+const SURFACES: [&str; 3] = ["mesh", "cylinder", "cone"];
+
+/// What a scene says of all its surfaces that are not of planes.
+pub(super) fn surfaces<'a>(root: &Section<'a>) -> Vec<Given<'a>> {
+    let walls = root.sections("wall");
+    walls.iter().flat_map(|wall| SURFACES.map(|key| wall.get(key))).flatten().collect()
+}
+
+/// The surface of a wall that is not of planes, from the key that says so.
+fn surface<'a>(
+    section: &Section<'a>,
+    (key, given): (&str, Given<'a>),
+    domain: Option<&Cell>,
+    folder: &Path,
+) -> Option<Surface<'a>> {
+    for other in
+        ["point", "normal", "planes"].into_iter().chain(SURFACES).filter(|other| *other != key)
+    {
+        if let Some(other) = section.get(other) {
+            other.fail(format!("stands beside `{key}`; a wall has one surface"));
+        }
+    }
+    if let Some(axis) = (0..3).find(|&axis| repeats(domain, axis)) {
+        given.fail(format!(
+            "the domain is periodic along {}; a wall that is not of planes needs a domain without periods",
+            AXES[axis]
+        ));
+    }
+    if key == "mesh" {
+        return triangles(&given, section, folder)
+            .map(|of_file| Surface::Triangles(given, of_file));
+    }
+    for of_files in ["scale", "turn", "shift", "smooth"] {
+        section.refuse(of_files, "is of a `mesh`");
+    }
+    of_revolution(&given, key == "cone")
+}
+
+/// A cylinder, or a cone with a radius at each end.
+fn of_revolution<'a>(given: &Given<'a>, is_cone: bool) -> Option<Surface<'a>> {
+    let section = given.section()?;
+    let (from, to) = (section.vector("from", "m"), section.vector("to", "m"));
+    let radii = if is_cone {
+        let what = "two radii, at `from` and at `to`, as in [0.1, 0.02] [m]";
+        section.require("radius", what, |given| {
+            let radii =
+                given.list_of::<2>(what)?.map(|given| given.number(Range::NotNegative, "m"));
+            Some([radii[0]?, radii[1]?])
+        })
+    } else {
+        section.number("radius", Range::Positive, "m").map(|radius| [radius; 2])
+    };
+    section.finish();
+    let (from, to, radii) = (from?, to?, radii?);
+    if from == to {
+        given.fail("`from` and `to` are the same point; they are the ends of its axis");
+        return None;
+    }
+    if radii == [0.0; 2] {
+        given.fail("has no radius at either end");
+        return None;
+    }
+    Some(Surface::OfRevolution { from, to, radii })
+}
+
 /// What a file says of a wall.
 struct Triangles {
     /// Scaled and turned, not yet shifted [m].
@@ -456,18 +543,7 @@ const SMOOTHEST: f64 = 60.0;
 /// The default [°]: that of a cylinder of 36 strips.
 const SMOOTH: f64 = 10.0;
 
-fn triangles(
-    given: &Given,
-    section: &Section,
-    domain: Option<&Cell>,
-    folder: &Path,
-) -> Option<Triangles> {
-    if let Some(axis) = (0..3).find(|&axis| repeats(domain, axis)) {
-        given.fail(format!(
-            "the domain is periodic along {}; a wall of triangles needs a domain without periods",
-            AXES[axis]
-        ));
-    }
+fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangles> {
     let scale = section.number_or("scale", 1.0, Range::Positive, "");
     let turn = section.read_or("turn", Quat::identity(), |given| {
         let section = given.section()?;

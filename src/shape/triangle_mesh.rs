@@ -10,6 +10,10 @@
 //!
 //! These directions are the Voronoi regions of the surface: a contact whose normal lies in none belongs to another facet. An edge
 //! that is concave on a side faces nowhere there. Whether triangles agree on what is in front does not matter.
+//!
+//! A cylinder or a cone has *strips* and no other facets. Each lies between two straight lines of the surface, and faces in all
+//! directions between the normals there. Strips are exact: their triangles only say where to look, and are what pictures have.
+//!
 //! Facets are numbered: first faces, then edges, then corners. They are found through a grid of cells in the axes of the wall.
 
 use super::Convex;
@@ -24,6 +28,8 @@ const SLIVER: f64 = 1e-9;
 const LEAST_OPENING: f64 = 1e-10;
 /// What is found twice on a border is one contact, whatever the user says [rad].
 const LEAST_SMOOTH: f64 = 1e-6;
+/// Parts of a cylinder or a cone.
+const STRIPS: u32 = 64;
 /// No facet.
 const NONE: u32 = u32::MAX;
 
@@ -52,6 +58,8 @@ pub enum MeshFacet {
         /// Angle from the first to the last [rad].
         opening: f64,
     },
+    /// A part of a cylinder or a cone.
+    Strip(Strip),
     /// A point.
     Corner {
         /// Where it is [m].
@@ -59,6 +67,27 @@ pub enum MeshFacet {
         /// Unit vectors along all edges from it.
         edges: Vec<Vec3>,
     },
+}
+
+/// A part of a cylinder or a cone, between two straight lines on it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Strip {
+    /// Where its axis begins [m].
+    pub from: Vec3,
+    /// Unit vector along the axis.
+    pub axis: Vec3,
+    /// Length of the axis [m].
+    pub length: f64,
+    /// Radius where the axis begins [m].
+    pub radius: f64,
+    /// How much the radius grows along the axis [-].
+    pub slope: f64,
+    /// Unit vector across the axis, towards the first line.
+    pub first: Vec3,
+    /// The direction a quarter turn on from that.
+    pub quarter: Vec3,
+    /// Angle from the first line to the last [rad].
+    pub opening: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -116,6 +145,8 @@ pub struct TriangleMesh {
     vertices_of: Vec<u32>,
     first_vertex: Vec<u32>,
     grid: Grid,
+    /// How far its facets are from its triangles at most [m].
+    bulge: f64,
     /// Of two touching facets with normals this near, as a cosine, only one counts.
     smooth: f64,
     reach: f64,
@@ -187,6 +218,7 @@ impl TriangleMesh {
             vertices_of,
             first_vertex,
             grid,
+            bulge: 0.0,
             smooth: libm::cos(smooth.max(LEAST_SMOOTH)),
             reach,
             findings,
@@ -196,6 +228,68 @@ impl TriangleMesh {
         Ok(mesh)
     }
 
+    /// The cylinder or cone about an axis between two points, with these radii there, of which one may be 0 [m].
+    pub fn of_revolution(from: &Vec3, to: &Vec3, [begin, end]: [f64; 2]) -> Self {
+        let length = (to - from).norm();
+        let axis = (to - from) / length;
+        let across = Vec3::ith(axis.iamin(), 1.0).cross(&axis).normalize();
+        let third = axis.cross(&across);
+        let turn = std::f64::consts::TAU / f64::from(STRIPS);
+        let lines = (0..STRIPS).map(|k| {
+            let (sine, cosine) = libm::sincos(turn * f64::from(k));
+            (across * cosine + third * sine, third * cosine - across * sine)
+        });
+        let (mut vertices, mut corners) = (Vec::new(), Vec::new());
+        let (mut facets, mut triangles) = (Vec::new(), Vec::new());
+        let (mut vertices_of, mut first_vertex) = (Vec::new(), vec![0]);
+        for ((first, quarter), k) in lines.zip(0..) {
+            vertices.extend([from + first * begin, to + first * end]);
+            let next = (k + 1) % STRIPS;
+            let ends = [2 * k, 2 * k + 1, 2 * next, 2 * next + 1];
+            let [a, b, c, d] = ends;
+            // One of them has no area where the cone comes to its tip.
+            let pair = [(end > 0.0, [a, b, d]), (begin > 0.0, [a, d, c])];
+            for (_, corners_of) in pair.into_iter().filter(|(is_there, _)| *is_there) {
+                corners.push(corners_of);
+                triangles.push(Triangle {
+                    corners: corners_of,
+                    facets: [k, NONE, NONE, NONE, NONE, NONE, NONE],
+                });
+            }
+            let mut ends = ends;
+            ends.sort_unstable();
+            vertices_of.extend(ends);
+            first_vertex.push(vertices_of.len() as u32);
+            facets.push(MeshFacet::Strip(Strip {
+                from: *from,
+                axis,
+                length,
+                radius: begin,
+                slope: (end - begin) / length,
+                first,
+                quarter,
+                opening: turn,
+            }));
+        }
+        let grid = Grid::of(&vertices, &corners);
+        let reach = vertices.iter().map(Vec3::norm).fold(0.0, f64::max);
+        let bulge = 1.01 * begin.max(end) * (1.0 - libm::cos(0.5 * turn));
+        let checksum = checksum(&vertices, &corners);
+        Self {
+            vertices,
+            triangles,
+            facets,
+            vertices_of,
+            first_vertex,
+            grid,
+            bulge,
+            smooth: libm::cos(LEAST_SMOOTH),
+            reach: reach + bulge,
+            findings: Findings::default(),
+            checksum,
+        }
+    }
+
     /// What was found of the triangles.
     pub const fn findings(&self) -> Findings {
         self.findings
@@ -203,6 +297,15 @@ impl TriangleMesh {
 
     /// Triangles, facets, what is to be known of them, and memory, in a line.
     pub fn summary(&self) -> String {
+        if let Some(MeshFacet::Strip(strip)) = self.facets.first() {
+            let Strip { radius, slope, length, .. } = strip;
+            let what = if *slope == 0.0 { "cylinder" } else { "cone" };
+            let end = radius + slope * length;
+            return format!(
+                "a {what}, radius {radius:.3e} to {end:.3e} m, length {length:.3e} m, exact; {} triangles in pictures",
+                self.len()
+            );
+        }
         let count = |is: fn(&MeshFacet) -> bool| self.facets.iter().filter(|f| is(f)).count();
         let faces = count(|facet| matches!(facet, MeshFacet::Face { .. }));
         let edges = count(|facet| matches!(facet, MeshFacet::Edge { .. }));
@@ -298,6 +401,7 @@ impl TriangleMesh {
 
     /// The numbers of all facets within a distance of a point [m], in rising order.
     pub fn near(&self, point: &Vec3, distance: f64) -> Vec<u32> {
+        let distance = distance + self.bulge;
         let square = distance * distance;
         let mut near = Vec::new();
         let reach = Vec3::repeat(distance);
