@@ -24,7 +24,7 @@ pub struct Departed {
     /// What had been dissipated at them.
     pub dissipated: f64,
     /// The parts of that, see [`Quantity::CHANNELS`].
-    pub channels: [f64; 4],
+    pub channels: [f64; Quantity::CHANNELS.len()],
 }
 
 /// The scalars of a moment.
@@ -48,9 +48,8 @@ pub struct Measures {
     pub step_energy: f64,
     /// Energy dissipated so far [J].
     pub dissipated: f64,
-    /// The parts of that which friction, resistance to turning, global damping and adhesion took, see
-    /// [`Quantity::CHANNELS`] [J].
-    pub channels: [f64; 4],
+    /// The parts of that, see [`Quantity::CHANNELS`] [J].
+    pub channels: [f64; Quantity::CHANNELS.len()],
     /// Energy that came in with particles and from moving walls so far, less what went out with particles [J].
     pub received: f64,
     /// Mean normal force between particles [N].
@@ -107,9 +106,17 @@ impl Measures {
     }
 
     /// What normal dashpots have dissipated: the rest [J].
-    pub fn of_dashpots(&self) -> f64 {
-        let [friction, turning, damping, adhesion] = self.channels;
-        self.dissipated - friction - turning - damping - adhesion
+    pub fn of_normal_dashpots(&self) -> f64 {
+        self.channels.iter().fold(self.dissipated, |rest, part| rest - part)
+    }
+
+    /// One of the parts of what was dissipated [J].
+    ///
+    /// # Panics
+    /// If it is none of [`Quantity::CHANNELS`].
+    pub fn taken_by(&self, channel: Quantity) -> f64 {
+        let place = Quantity::CHANNELS.iter().position(|one| *one == channel);
+        self.channels[place.expect("a channel")]
     }
 
     /// Kinetic and elastic energy: what moves, and comes and goes with the motion [J].
@@ -178,6 +185,7 @@ enum Of {
     Stored,
     StepEnergy,
     Dissipated,
+    Dashed,
     Rubbed,
     Turned,
     Damped,
@@ -192,7 +200,8 @@ enum Of {
 }
 
 /// Those of [`Quantity::CHANNELS`].
-const CHANNELS: [Of; 4] = [Of::Rubbed, Of::Turned, Of::Damped, Of::Parted];
+const CHANNELS: [Of; Quantity::CHANNELS.len()] =
+    [Of::Dashed, Of::Rubbed, Of::Turned, Of::Damped, Of::Parted];
 
 /// Measures the whole system at the end of a step of `dt` [s]. Collective.
 pub fn measure(

@@ -2,6 +2,7 @@
 
 use crate::support::{Bench, ball, close, expect_refused, scene};
 use dem_mpi::math::Vec3;
+use dem_mpi::particles::columns::Quantity;
 use std::f64::consts::PI;
 
 const RADIUS: f64 = 1e-4;
@@ -141,8 +142,12 @@ fn a_loop_loses_what_the_theory_says_and_ends_at_its_gap() {
             let kinetic = before.kinetic() - after.kinetic();
             close(kinetic, lost(reduced), 1e-3, "kinetic energy lost");
             close(after.dissipated, lost(reduced), 1e-3, "booked");
-            close(after.channels[3], lost(reduced), 1e-12, "to adhesion");
-            assert!(after.of_dashpots().abs() < 1e-3 * lost(reduced), "{} J", after.of_dashpots());
+            close(after.taken_by(Quantity::OfAdhesion), lost(reduced), 1e-12, "to adhesion");
+            assert!(
+                after.of_normal_dashpots().abs() < 1e-3 * lost(reduced),
+                "{} J",
+                after.of_normal_dashpots()
+            );
             assert!(after.stored == 0.0, "{} J", after.stored);
         }
     }
@@ -159,10 +164,10 @@ fn what_adhesion_takes_is_told_from_what_dashpots_take() {
     assert!(ended, "it leaves");
     bench.step();
     let after = bench.measure();
-    close(after.channels[3], lost(RADIUS), 1e-12, "to adhesion");
+    close(after.taken_by(Quantity::OfAdhesion), lost(RADIUS), 1e-12, "to adhesion");
     // As the equations have it, integrated without the program: adhesion makes contacts wider, and dashpots with them.
     let without_adhesion = 0.5 * mass * speed * speed * (1.0 - 0.81);
-    close(after.of_dashpots(), 1.41 * without_adhesion, 0.03, "to dashpots");
+    close(after.of_normal_dashpots(), 1.41 * without_adhesion, 0.03, "to dashpots");
     close(before.kinetic() - after.kinetic(), after.dissipated, 1e-3, "all of it");
 }
 

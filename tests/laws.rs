@@ -5,6 +5,7 @@ use crate::random::Draw;
 use crate::support::Bench;
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Quat, Vec3};
+use dem_mpi::particles::columns::Quantity;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
 use nalgebra::Quaternion;
@@ -292,6 +293,87 @@ fn a_block_on_a_slope_slides_and_stops_as_coulomb_says() {
         } else {
             close(velocity / 0.9, get("initial_acceleration").unwrap(), 1e-3, "acceleration");
         }
+    }
+}
+
+/// A body slides until its dashpot holds what friction does: at `v = c a / k` with the deceleration `a` of its surface. What moves it
+/// then, and what is in its spring, goes to the dashpot, as does a part before it begins to slide; all else to friction. The surface of a
+/// sphere has 2/7 of its mass, and a little more of one that is pressed in.
+#[test]
+fn friction_and_tangential_dashpots_take_what_closed_forms_say() {
+    let (density, friction, g, radius) = (2500.0, 0.3_f64, 9.81, 0.01_f64);
+    let sphere = "kind = \"sphere\"\nradius = 0.01";
+    let plate = "kind = \"polyhedron\"\nedges = [0.04, 0.04, 0.01]";
+    let springs = "restitution = 0.3\nnormal_stiffness = 1e4\ntangential_stiffness = 1e3\ntangential_damping_ratio = 0.3";
+    let (youngs, poisson) = (1e5, 0.3);
+    let restitution = 0.95_f64;
+    let ratio_of_hertz = 2.0 * -restitution.ln() / restitution.ln().hypot(PI);
+    let hertz = format!(
+        "restitution = {restitution}\nyoungs_modulus = {youngs}\npoisson_ratio = {poisson}"
+    );
+    let with_plate = format!("\n[[shape]]\nname = \"plate\"\n{plate}");
+    for (what, shapes, law, constants) in [
+        ("sphere", &[sphere][..], "", springs),
+        ("plate", &[plate], "", springs),
+        ("sphere in a scene with plates", &[sphere, &with_plate], "", springs),
+        (
+            "sphere after Hertz and Mindlin",
+            &[sphere],
+            "normal = \"hertz\"\nlargest_overlap = 0.1",
+            &hertz,
+        ),
+    ] {
+        let material = format!("density = {density}\nfriction = {friction}\n{constants}");
+        let rolls = shapes[0] == sphere;
+        let volume = if rolls { 4.0 / 3.0 * PI * 1e-6 } else { 0.04 * 0.04 * 0.01 };
+        let weight = density * volume * g;
+        let (overlap, stiffness) = if law.is_empty() {
+            (weight / 1e4, 1e3)
+        } else {
+            let modulus = 0.5 * youngs / (1.0 - poisson * poisson);
+            let overlap = (0.75 * weight / (modulus * radius.sqrt())).powf(2.0 / 3.0);
+            let shear = 0.25 * youngs / ((2.0 - poisson) * (1.0 + poisson));
+            (overlap, 8.0 * shear * (radius * overlap).sqrt())
+        };
+        let more = format!(
+            "gravity = [0, 0, {:e}]\n{OPEN_BOX}\n[law]\n{law}\n[[wall]]\nname = \"floor\"\npoint = [0, 0, 0]\n\
+             normal = [0, 0, 1]\nmaterial = \"m\"",
+            -g
+        );
+        let height = if rolls { radius } else { 0.005 };
+        let speed = 0.1;
+        let start = at(0, Vec3::new(0.0, 0.0, height - overlap), Vec3::new(speed, 0.0, 0.0));
+        let mut bench = Bench::new(&text(&shapes.concat(), &material, &more, 2e-6), &[start]);
+        let mut taken = |time: f64| {
+            while bench.sim.time() < time {
+                bench.step();
+            }
+            let measures = bench.measure();
+            [Quantity::OfTangentialDashpots, Quantity::OfFriction].map(|by| measures.taken_by(by))
+        };
+        let ([until_it_slides, _], [of_dashpots, of_friction]) = (taken(0.005), taken(0.8));
+        let mass = weight / g;
+        let lever = 1.0 - 0.5 * overlap / radius;
+        let of_surface = if rolls { mass / (1.0 + 2.5 * lever * lever) } else { mass };
+        let energy = 0.5 * of_surface * speed * speed;
+        let limit = friction * weight;
+        let ratio = if law.is_empty() { 0.6 } else { ratio_of_hertz * (5.0_f64 / 6.0).sqrt() };
+        let dashpot = ratio * (mass * stiffness).sqrt();
+        let last = dashpot * limit / of_surface / stiffness;
+        let left =
+            0.5 * of_surface * last * last + (limit - dashpot * last).powi(2) / (2.0 * stiffness);
+        assert!(left > 0.02 * energy && left < 0.5 * energy, "{what}: {left:e} of {energy:e} J");
+        let later = of_dashpots - until_it_slides;
+        // A plate tilts a little while it slides.
+        let tolerance = if rolls { 1e-3 } else { 1e-2 };
+        println!(
+            "{what}: to dashpots {:.1e}, to friction {:.1e}",
+            later / left - 1.0,
+            of_friction / (energy - left - until_it_slides) - 1.0,
+        );
+        close(later, left, tolerance, &format!("{what}, to tangential dashpots"));
+        let rest = energy - left - until_it_slides;
+        close(of_friction, rest, tolerance, &format!("{what}, to friction"));
     }
 }
 

@@ -48,7 +48,7 @@ pub(crate) fn header(step: u64) -> Header {
         departed: Departed {
             received: n.next(),
             dissipated: n.next(),
-            channels: [n.next(), n.next(), n.next(), n.next()],
+            channels: std::array::from_fn(|_| n.next()),
         },
         stop: if step.is_multiple_of(2) { "rest = 1e-6".to_owned() } else { String::new() },
         cell: Cell::new(n.vector(), n.vector(), [true, false, true]),

@@ -109,19 +109,11 @@ struct OnRank {
 
 fn part(sim: &Simulation, comm: &mut dyn Comm) -> OnRank {
     let m = sim.measure(comm);
-    let [friction, turning, damping, adhesion] = m.channels;
-    let scalars = [
-        m.kinetic(),
-        m.gravity,
-        m.stored,
-        friction,
-        turning,
-        damping,
-        adhesion,
-        m.dissipated,
-        m.received,
-        m.mean_normal_force,
-    ];
+    let scalars: Vec<f64> =
+        [m.kinetic(), m.gravity, m.stored, m.dissipated, m.received, m.mean_normal_force]
+            .into_iter()
+            .chain(m.channels)
+            .collect();
     let walls = sim.particles.walls.iter().flat_map(|wall| [wall.point, wall.velocity]);
     let walls: Vec<Vec3> = walls.collect();
     OnRank {

@@ -586,7 +586,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "no gravity",
         "no insertion: no rain, no inlet",
         "no work of walls: none moves",
-        "not in snapshots: scale, quaternion, angular_velocity, torque, dissipated_by_friction, dissipated_by_turning, \
+        "not in snapshots: scale, quaternion, angular_velocity, torque, dissipated_by_tangential_dashpots, dissipated_by_friction, dissipated_by_turning, \
          dissipated_by_damping, dissipated_by_adhesion, image, angular_momentum",
         "no walls on these sides of the domain: -x, +x, -y, +y, -z, +z",
         &bytes,
@@ -608,6 +608,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         patches: false,
         curvature: false,
         friction: true,
+        tangential_dashpots: true,
         turning: false,
         damping: true,
         adhesion: false,

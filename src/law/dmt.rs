@@ -18,7 +18,7 @@ use super::kernel::{Action, Contact, Model, Spread, Turning};
 use super::{Body, Hardest, Mixing};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
-use crate::lanes::{Lanes, Triple};
+use crate::lanes::Lanes;
 use crate::particles::Needs;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -162,11 +162,6 @@ impl<M: Model> Model for Dmt<M> {
 
     fn is_viscous(&self) -> bool {
         self.forces.is_viscous()
-    }
-
-    #[inline(always)]
-    fn viscous<L: Lanes>(&self, constants: &Self::Constants<L>, sliding: Triple<L>) -> Triple<L> {
-        self.forces.viscous(&constants.forces, sliding)
     }
 
     #[inline(always)]

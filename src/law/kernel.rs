@@ -30,6 +30,7 @@ use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row, RowPairs, Triple, WI
 use crate::math::Vec3;
 use crate::particles::{Library, Needs, Particles};
 use crate::shape::Kind;
+use patches::vector;
 use rows::{
     eight_from_rows, eight_rows, geometries_at, pieces, places_before, read_state,
     read_states_in_a_row, rows_at, stood_in_a_row, write_state, write_threes,
@@ -117,8 +118,10 @@ pub struct Action<L> {
     pub press: L,
     /// Tangential force of A on B [N].
     pub rub: Triple<L>,
-    /// What of it is not remembered: that of dashpots [N].
+    /// The part of dashpots [N]. [`Model::last`] does not know it, and gives none.
     pub viscous: Triple<L>,
+    /// Which of them slide, at the limit of friction. [`Model::last`] does not know it, and says none.
+    pub slides: u8,
     /// Moment of A on B about the contact point, if the model has [`Model::MOMENTS`] [N m]. No part of it is forgotten: what a
     /// dashpot adds has to be in the state.
     pub moment: Triple<L>,
@@ -208,14 +211,9 @@ pub trait Model: std::fmt::Debug + Send + Sync {
         [L::all(0.0); 2]
     }
 
-    /// Has the tangential force a part that [`Model::last`] does not know, as that of dashpots is? By default not.
+    /// Has the tangential force a part of dashpots? By default not.
     fn is_viscous(&self) -> bool {
         false
-    }
-
-    /// The tangential force of dashpots at this sliding velocity [m/s], in N; by default none.
-    fn viscous<L: Lanes>(&self, _constants: &Self::Constants<L>, _sliding: Triple<L>) -> Triple<L> {
-        Triple::zero()
     }
 
     /// The normal force at an overlap [m] without dashpots, in N: the derivative of the energy.
@@ -333,6 +331,7 @@ impl<M: Model> Law<M> {
         let most = if M::MOMENTS { MOST_STATE_OF_MOMENTS } else { MOST_STATE };
         assert!(width <= most, "{} remembers more than {most} numbers", model.name());
         let mut needs = model.needs();
+        needs.tangential_dashpots = model.is_viscous();
         assert!(M::BY_CURVATURE || !needs.curvature, "{} does not say so", model.name());
         assert!(!M::MOMENTS || needs.velocity && needs.spin, "{} turns nothing", model.name());
         let mut state = model.state().to_vec();
@@ -346,7 +345,7 @@ impl<M: Model> Law<M> {
         } else if needs.velocity {
             has_points = grains.iter().any(|shape| shape.kind() != Kind::Sphere);
             state.extend(has_points.then_some(CONTACT_POINT));
-            state.extend(model.is_viscous().then_some(VISCOUS_FORCE));
+            state.extend(needs.tangential_dashpots.then_some(VISCOUS_FORCE));
             needs.spin |= state.len() > model.state().len();
         }
         let stride = StateColumn::total_width(&state);
@@ -709,7 +708,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let done =
             self.act::<L, MOVES>(constants, [&last, &now], &motion, of_model, acted, curvatures);
         if POINTS {
-            Acted::write(arms.now[0], done.viscous_now, &mut state[law.width..], law.has_points);
+            Acted::write(arms.now[0], done.viscous, &mut state[law.width..], law.has_points);
         }
         write_state(self.work.state, width, first, count, state);
         let torques = done.torques::<M, CURVED>(&arms);
@@ -722,13 +721,13 @@ impl<M: Model> Contacts<'_, '_, M> {
         // Each body loses half; a wall has no share.
         let share_of = |energy| if with_walls { energy } else { L::all(0.5) * energy };
         let share = share_of(done.dissipated);
-        let [of_friction, of_turning, of_adhesion] =
-            [done.rubbed, done.turned, done.torn].map(|e| share_of(e).store());
+        let of_friction = share_of(done.rubbed).store();
+        let parts = done.parts.map(|energy| share_of(energy).store());
         let impulse = if with_walls {
             let half_step = L::all(0.5 * dt);
-            let straight = done.last_force.plus(done.force).plus(done.viscous).times(half_step);
+            let straight = done.last_force.plus(done.force).times(half_step);
             let turning = if turning_walls {
-                let now = arms.now[1].cross(done.force.plus(done.viscous));
+                let now = arms.now[1].cross(done.force);
                 let mut sum = arms.last[1].cross(done.last_force).plus(now);
                 if M::MOMENTS || CURVED {
                     sum = sum.plus(done.last_moment.plus(done.moment));
@@ -744,15 +743,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let (force, torques) = (done.force.store(), torques.map(Triple::store));
         self.sum_in_turn::<TURNS>(
             &block,
-            &Summands {
-                force,
-                torques,
-                share: share.store(),
-                of_friction,
-                of_turning,
-                of_adhesion,
-                impulse,
-            },
+            &Summands { force, torques, share: share.store(), of_friction, parts, impulse },
         );
     }
 
@@ -843,14 +834,14 @@ impl<M: Model> Contacts<'_, '_, M> {
         let acting = law.model.act(constants, &contact, state);
         let press = normal.times(acting.press);
 
-        // What the tangential force of the last touch had and is not remembered: as much as now.
-        let mut viscous = acting.viscous.or(Triple::zero(), contact.touched);
+        let half_step = L::all(0.5 * dt);
+        let (mut dashed_off, mut rubbed_off, mut turned_off) = (zero, zero, zero);
         if let Some(Acted { viscous: Some(last), .. }) = acted {
             before.rub = before.rub.plus(last);
-            viscous = Triple::zero();
+            // Where friction is at its limit the force is that of friction.
+            let power = last.dot(last_velocity) + acting.viscous.dot(velocity);
+            dashed_off = zero.or(half_step * power, acting.slides);
         }
-        let half_step = L::all(0.5 * dt);
-        let (mut rubbed_off, mut turned_off) = (zero, zero);
         let dissipated = if MOVES && dt > 0.0 {
             let pressed = if curvatures.is_some() {
                 // Of dashpots alone: bodies that turn change the energy at the same overlap.
@@ -861,7 +852,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             } else {
                 last_press.dot(last_velocity) + press.dot(velocity)
             };
-            let mut rubbed = before.rub.dot(last_velocity) + acting.rub.plus(viscous).dot(velocity);
+            let mut rubbed = before.rub.dot(last_velocity) + acting.rub.dot(velocity);
             if M::MOMENTS {
                 let turned = before.moment.plus(acting.moment).dot(turning);
                 rubbed = rubbed + turned;
@@ -878,6 +869,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             rubbed_off = of_friction.or(zero, tangentially);
             let all = of_dashpots.or(zero, normally) + rubbed_off;
             rubbed_off = if M::MOMENTS { rubbed_off - turned_off } else { rubbed_off };
+            rubbed_off = rubbed_off - dashed_off;
             all
         } else {
             zero
@@ -896,18 +888,20 @@ impl<M: Model> Contacts<'_, '_, M> {
         Done {
             force,
             last_force,
-            viscous,
-            viscous_now: acting.viscous,
+            viscous: acting.viscous,
             last_moment,
             moment,
             dissipated,
             rubbed: rubbed_off,
-            turned: turned_off,
-            torn: if M::TEARS && dt > 0.0 {
-                zero.or(law.model.torn(constants)[0], contact.touched)
-            } else {
-                zero
-            },
+            parts: [
+                dashed_off,
+                turned_off,
+                if M::TEARS && dt > 0.0 {
+                    zero.or(law.model.torn(constants)[0], contact.touched)
+                } else {
+                    zero
+                },
+            ],
         }
     }
 
@@ -933,19 +927,14 @@ impl<M: Model> Contacts<'_, '_, M> {
             b.add(&torques[0].rows(share), sums);
             a.add(&torques[1].rows(share), sums);
         }
-        if M::MOMENTS && !self.sums.turned.is_empty() {
-            let share = (L::all(0.5) * done.turned).store();
-            for bodies in [b, a] {
-                for (lane, share) in share.iter().enumerate() {
-                    self.sums.turned[bodies.at(lane)] += share;
-                }
+        for (sums, part) in self.sums.parts.iter_mut().zip(done.parts) {
+            if sums.is_empty() {
+                continue;
             }
-        }
-        if M::TEARS {
-            let share = (L::all(0.5) * done.torn).store();
+            let share = (L::all(0.5) * part).store();
             for bodies in [b, a] {
                 for (lane, share) in share.iter().enumerate() {
-                    self.sums.stuck[bodies.at(lane)] += share;
+                    sums[bodies.at(lane)] += share;
                 }
             }
         }
@@ -954,8 +943,7 @@ impl<M: Model> Contacts<'_, '_, M> {
     /// Adds what contacts do to their bodies, one after the other, with what contacts lost that have separated in between.
     #[inline(never)]
     fn sum_in_turn<const TURNS: bool>(&mut self, block: &Block, summands: &Summands) {
-        let Summands { force, torques, share, of_friction, of_turning, of_adhesion, impulse } =
-            summands;
+        let Summands { force, torques, share, of_friction, parts, impulse } = summands;
         for lane in 0..block.count {
             let place = block.first + lane;
             let pair = self.work.pairs[place];
@@ -970,14 +958,7 @@ impl<M: Model> Contacts<'_, '_, M> {
                     let [x, y, z] = row(&torques[k], lane);
                     add(&mut self.sums.torque, slot.index(), [x, y, z, of_friction[lane]]);
                 }
-                if M::MOMENTS
-                    && let Some(turned) = self.sums.turned.get_mut(slot.index())
-                {
-                    *turned += of_turning[lane];
-                }
-                if M::TEARS {
-                    self.sums.stuck[slot.index()] += of_adhesion[lane];
-                }
+                self.sums.add_parts(slot.index(), row(parts, lane));
             }
             if TURNS && impulse.is_some() && self.particles.facets.any_torque {
                 self.sums.at_walls.push(row(&torques[1], lane).into());
@@ -1041,18 +1022,12 @@ impl<M: Model> Contacts<'_, '_, M> {
         };
         let of_b = particles.velocity_at(pair.b, &arm_b) + slides;
         let velocity = particles.velocity_at(pair.a, &arm_a) - of_b;
-        let sliding = velocity - geometry.normal * velocity.dot(&geometry.normal);
-
         let constants = law.constants(pair, particles);
         let before = law.model.last(&constants, geometry.overlap, state);
-        let sliding = Triple { x: sliding.x, y: sliding.y, z: sliding.z };
-        let viscous = acted.and_then(|acted| acted.viscous);
-        let viscous = viscous.unwrap_or_else(|| law.model.viscous(&constants, sliding));
-        let Triple { x, y, z } = before.rub.plus(viscous);
+        let viscous = acted.and_then(|acted| acted.viscous).unwrap_or_else(Triple::zero);
         let press = geometry.normal * before.press;
-        let rub = Vec3::new(x, y, z);
-        let Triple { x, y, z } = if M::MOMENTS { before.moment } else { Triple::zero() };
-        let moment = Vec3::new(x, y, z);
+        let rub = vector(before.rub.plus(viscous));
+        let moment = if M::MOMENTS { vector(before.moment) } else { Vec3::zeros() };
         let [spin_a, spin_b] = [pair.a, pair.b].map(|slot| particles.angular_velocity_of(slot));
         // The force fell to nothing on the way: half of it did the work.
         let work = |force: &Vec3, velocity: &Vec3| 0.5 * dt * force.dot(velocity);
@@ -1061,6 +1036,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             self.sums.note_wall_work(pair, -on_wall);
         }
         let mut lost = Lost::default();
+        let (mut of_turning, mut of_adhesion) = (0.0, 0.0);
         if law.needs.velocity && dt > 0.0 {
             let [normally, tangentially] = law.model.dissipates(&constants);
             if normally & 1 == 1 {
@@ -1070,16 +1046,18 @@ impl<M: Model> Contacts<'_, '_, M> {
                 } else {
                     work(&press, &velocity) + before.stored[0]
                 };
-                lost.of_adhesion = law.model.torn(&constants)[1];
+                of_adhesion = law.model.torn(&constants)[1];
             }
             if tangentially & 1 == 1 {
                 let turned = work(&moment, &(spin_a - spin_b));
                 let rubbed = work(&rub, &velocity) + turned + before.stored[1];
                 lost.all += rubbed;
-                lost.of_turning = turned + law.model.turned(&constants, geometry.overlap, state);
-                lost.of_friction = rubbed - lost.of_turning;
+                of_turning = turned + law.model.turned(&constants, geometry.overlap, state);
+                // Where the normal force falls to nothing friction is at its limit: dashpots have no part.
+                lost.of_friction = rubbed - of_turning;
             }
         }
+        lost.parts = [0.0, of_turning, of_adhesion];
         self.sums.lose(pair, lost, particles.first_facet());
     }
 }
@@ -1132,21 +1110,19 @@ struct Arms<L> {
 struct Done<L> {
     /// On B [N].
     force: Triple<L>,
-    /// The same at the last step, as far as it is remembered [N].
+    /// The same at the last step [N].
     last_force: Triple<L>,
-    /// What is not [N].
+    /// Of the force of now, that of tangential dashpots [N].
     viscous: Triple<L>,
-    /// Of the force of now, what the model will not know [N].
-    viscous_now: Triple<L>,
     /// On B about the contact point, of models that have moments, at the last step and now [N m].
     last_moment: Triple<L>,
     moment: Triple<L>,
     /// Energy lost since the last step [J].
     dissipated: L,
-    /// The part of friction, that of the model's moments, and that of contacts that begin [J].
+    /// The part of friction [J].
     rubbed: L,
-    turned: L,
-    torn: L,
+    /// See [`Lost`].
+    parts: [L; 3],
 }
 
 impl<L: Eight> Done<L> {
@@ -1167,11 +1143,11 @@ struct Summands {
     force: [[f64; WIDTH]; 3],
     /// Moments on B and A [N m].
     torques: [[[f64; WIDTH]; 3]; 2],
-    /// What each body loses [J], of that to friction, to the model's moments and to adhesion.
+    /// What each body loses [J], of that to friction.
     share: [f64; WIDTH],
     of_friction: [f64; WIDTH],
-    of_turning: [f64; WIDTH],
-    of_adhesion: [f64; WIDTH],
+    /// See [`Lost`].
+    parts: [[f64; WIDTH]; 3],
     /// On walls since the last step.
     impulse: Option<Impulse>,
 }

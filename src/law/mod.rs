@@ -35,7 +35,7 @@
 //!         let press = factor * overlap * overlap.sqrt();
 //!         let stored = [L::all(0.4) * press * overlap, L::all(0.0)];
 //!         let zero = Triple::zero();
-//!         Action { press, rub: zero, viscous: zero, moment: zero, stored }
+//!         Action { press, rub: zero, viscous: zero, slides: 0, moment: zero, stored }
 //!     }
 //! }
 //!
@@ -220,10 +220,8 @@ pub struct Sums {
     force: Vec<Vec3AndNumber>,
     /// Moment about the centre [N m], and the part of the energy that friction took [J]; none if nothing turns.
     torque: Vec<Vec3AndNumber>,
-    /// The part that resistance to rolling and twisting took [J]; none if nothing resists.
-    turned: Vec<f64>,
-    /// The part that adhesion took where contacts began and ended [J]; none if it takes nothing.
-    stuck: Vec<f64>,
+    /// The parts of the other channels [J], see [`Quantity::OF_CONTACTS`]; none of those that the scene does not have.
+    parts: [Vec<f64>; 3],
     /// Of moving walls, in the order of the particles' ids, then of the walls.
     wall_work: Vec<WallWork>,
     /// See [`Sums::moments_at_walls`].
@@ -245,13 +243,11 @@ impl Sums {
                 sum.resize(particles.slots(), Vec3AndNumber::default());
             }
         }
-        self.turned.clear();
-        if particles.needs.turning {
-            self.turned.resize(particles.slots(), 0.0);
-        }
-        self.stuck.clear();
-        if particles.needs.adhesion {
-            self.stuck.resize(particles.slots(), 0.0);
+        for (part, quantity) in self.parts.iter_mut().zip(Quantity::OF_CONTACTS) {
+            part.clear();
+            if quantity.presence().holds(&particles.needs) {
+                part.resize(particles.slots(), 0.0);
+            }
         }
         self.wall_work.clear();
         self.at_walls.clear();
@@ -274,11 +270,10 @@ impl Sums {
         for (all, sum) in particles.accumulated[Quantity::OfFriction].iter_mut().zip(torques) {
             *all += sum.number;
         }
-        for (all, sum) in particles.accumulated[Quantity::OfTurning].iter_mut().zip(&self.turned) {
-            *all += sum;
-        }
-        for (all, sum) in particles.accumulated[Quantity::OfAdhesion].iter_mut().zip(&self.stuck) {
-            *all += sum;
+        for (part, quantity) in self.parts.iter().zip(Quantity::OF_CONTACTS) {
+            for (all, sum) in particles.accumulated[quantity].iter_mut().zip(part) {
+                *all += sum;
+            }
         }
         for of_one in self.wall_work.chunk_by(|one, other| one.pair.a == other.pair.a) {
             let slot = of_one[0].pair.a.index();
@@ -290,7 +285,7 @@ impl Sums {
 
     /// Bytes that it holds between two steps.
     pub fn bytes(&self) -> usize {
-        held(&self.wall_work) + held(&self.turned) + held(&self.stuck) + held(&self.at_walls)
+        held(&self.wall_work) + self.parts.iter().map(held).sum::<usize>() + held(&self.at_walls)
     }
 
     /// The moment of each contact with a wall on its particle, about the particle's centre, in the order of the contacts [N m];
@@ -308,23 +303,23 @@ impl Sums {
     }
 
     /// Adds what a contact lost that has separated to its particles; a wall has no share.
-    fn lose(
-        &mut self,
-        pair: Pair,
-        Lost { all, of_friction, of_turning, of_adhesion }: Lost,
-        first_facet: usize,
-    ) {
+    fn lose(&mut self, pair: Pair, Lost { all, of_friction, parts }: Lost, first_facet: usize) {
         let share = if pair.b.index() >= first_facet { 1.0 } else { 0.5 };
         for slot in [pair.a.index(), pair.b.index()] {
             add(&mut self.force, slot, [0.0, 0.0, 0.0, share * all]);
             if !self.torque.is_empty() {
                 add(&mut self.torque, slot, [0.0, 0.0, 0.0, share * of_friction]);
             }
-            if let Some(turned) = self.turned.get_mut(slot) {
-                *turned += share * of_turning;
-            }
-            if let Some(stuck) = self.stuck.get_mut(slot) {
-                *stuck += share * of_adhesion;
+            self.add_parts(slot, parts.map(|part| share * part));
+        }
+    }
+
+    /// Adds to the parts of what a particle has lost that the scene has [J].
+    #[inline]
+    fn add_parts(&mut self, slot: usize, parts: [f64; 3]) {
+        for (sums, part) in self.parts.iter_mut().zip(parts) {
+            if let Some(sum) = sums.get_mut(slot) {
+                *sum += part;
             }
         }
     }
@@ -334,10 +329,10 @@ impl Sums {
 #[derive(Clone, Copy, Debug, Default)]
 struct Lost {
     all: f64,
-    /// The part of friction, that of resistance to rolling and twisting, and that of adhesion.
+    /// The part of friction.
     of_friction: f64,
-    of_turning: f64,
-    of_adhesion: f64,
+    /// See [`Quantity::OF_CONTACTS`].
+    parts: [f64; 3],
 }
 
 /// A body as a law sees it.

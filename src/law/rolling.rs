@@ -413,11 +413,6 @@ impl<M: Model> Model for Rolling<M> {
     }
 
     #[inline(always)]
-    fn viscous<L: Lanes>(&self, constants: &Self::Constants<L>, sliding: Triple<L>) -> Triple<L> {
-        self.forces.viscous(&constants.forces, sliding)
-    }
-
-    #[inline(always)]
     fn elastic<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L) -> L {
         self.forces.elastic(&constants.forces, overlap)
     }

@@ -628,11 +628,7 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.numbers("/run", "gravity", gravity.as_slice())?;
     if *departed != Departed::default() {
         file.numbers("/run", DEPARTED, &[departed.received, departed.dissipated])?;
-        let [of_friction, of_turning, of_damping, of_adhesion] = departed.channels;
-        file.numbers("/run", DEPARTED_CHANNELS, &[of_friction, of_turning, of_damping])?;
-        if of_adhesion != 0.0 {
-            file.numbers("/run", DEPARTED_ADHESION, &[of_adhesion])?;
-        }
+        file.numbers("/run", DEPARTED_CHANNELS, &departed.channels)?;
     }
     if *most_moving > 0.0 {
         file.numbers("/run", MOST_MOVING, &[*most_moving])?;
@@ -696,10 +692,8 @@ const SHEAR_AXES: &str = "shear_along_across";
 const SHEAR: &str = "shear_rate_strain";
 /// What particles that were taken out have left behind [J]: received, dissipated. Not there before one was.
 const DEPARTED: &str = "departed_received_dissipated_J";
-/// Parts of what they had dissipated [J]: friction, turning, damping.
-const DEPARTED_CHANNELS: &str = "departed_dissipated_by_friction_turning_damping_J";
-/// The part of adhesion [J]. Not there where it took nothing.
-const DEPARTED_ADHESION: &str = "departed_dissipated_by_adhesion_J";
+/// Parts of what they had dissipated [J]: tangential dashpots, friction, turning, damping, adhesion.
+const DEPARTED_CHANNELS: &str = "departed_dissipated_by_channel_J";
 const MOST_MOVING: &str = "largest_kinetic_and_elastic_J";
 
 /// Says to which time velocities belong. Files without it have those of half a step before.
@@ -779,13 +773,7 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
     let mut departed = Departed::default();
     if file.has_attribute("/run", DEPARTED) {
         [departed.received, departed.dissipated] = file.numbers("/run", DEPARTED)?;
-    }
-    if file.has_attribute("/run", DEPARTED_CHANNELS) {
-        let [of_friction, of_turning, of_damping] = file.numbers("/run", DEPARTED_CHANNELS)?;
-        departed.channels = [of_friction, of_turning, of_damping, 0.0];
-    }
-    if file.has_attribute("/run", DEPARTED_ADHESION) {
-        [departed.channels[3]] = file.numbers("/run", DEPARTED_ADHESION)?;
+        departed.channels = file.numbers("/run", DEPARTED_CHANNELS)?;
     }
     let periodic = file.numbers::<u8, 3>("/domain", "periodic")?.map(|p| p != 0);
     let mut cell = Cell::new(vector("/domain", "low")?, vector("/domain", "high")?, periodic);

@@ -94,7 +94,7 @@ impl OfWall {
     }
 }
 
-const COLUMNS: [&str; 25] = [
+const COLUMNS: [&str; 26] = [
     "step",
     "time_s",
     "particles",
@@ -109,6 +109,7 @@ const COLUMNS: [&str; 25] = [
     "step_energy_J",
     "dissipated_J",
     "dissipated_by_normal_dashpots_J",
+    "dissipated_by_tangential_dashpots_J",
     "dissipated_by_friction_J",
     "dissipated_by_turning_J",
     "dissipated_by_damping_J",
@@ -223,7 +224,7 @@ impl History {
         let counts = [step.to_string(), time.to_string()]
             .into_iter()
             .chain([m.particles, m.contacts, m.wall_contacts].map(|count| count.to_string()));
-        let [of_friction, of_turning, of_damping, of_adhesion] = m.channels;
+        let [of_tangential_dashpots, of_friction, of_turning, of_damping, of_adhesion] = m.channels;
         let numbers = [
             m.coordination(),
             m.kinetic(),
@@ -233,7 +234,8 @@ impl History {
             m.stored,
             m.step_energy,
             m.dissipated,
-            m.of_dashpots(),
+            m.of_normal_dashpots(),
+            of_tangential_dashpots,
             of_friction,
             of_turning,
             of_damping,

@@ -27,6 +27,8 @@ pub struct Needs {
     pub curvature: bool,
     /// What friction has dissipated: a law with friction.
     pub friction: bool,
+    /// What tangential dashpots have dissipated: a law that has them.
+    pub tangential_dashpots: bool,
     /// What resistance to rolling and twisting has dissipated: a law with moments of its own.
     pub turning: bool,
     /// What global damping has dissipated.
@@ -84,7 +86,9 @@ impl Presence {
 pub enum Quantity {
     /// Energy dissipated at the particle.
     Dissipated,
-    /// The part of that which sliding and tangential dashpots have taken.
+    /// The part of that which tangential dashpots have taken, in contacts that stick.
+    OfTangentialDashpots,
+    /// The part of friction: of contacts that slide, and torsion of faces.
     OfFriction,
     /// The part of resistance to rolling and twisting.
     OfTurning,
@@ -101,8 +105,9 @@ const QUANTITIES: usize = Quantity::ALL.len();
 
 impl Quantity {
     /// All of them, in the order of their columns.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Dissipated,
+        Self::OfTangentialDashpots,
         Self::OfFriction,
         Self::OfTurning,
         Self::OfDamping,
@@ -111,13 +116,23 @@ impl Quantity {
     ];
 
     /// The parts of what is dissipated. The rest is of normal dashpots.
-    pub const CHANNELS: [Self; 4] =
-        [Self::OfFriction, Self::OfTurning, Self::OfDamping, Self::OfAdhesion];
+    pub const CHANNELS: [Self; 5] = [
+        Self::OfTangentialDashpots,
+        Self::OfFriction,
+        Self::OfTurning,
+        Self::OfDamping,
+        Self::OfAdhesion,
+    ];
+
+    /// The channels that laws sum on their own. That of friction stands with the torque.
+    pub const OF_CONTACTS: [Self; 3] =
+        [Self::OfTangentialDashpots, Self::OfTurning, Self::OfAdhesion];
 
     /// As snapshots name it.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Dissipated => "dissipated",
+            Self::OfTangentialDashpots => "dissipated_by_tangential_dashpots",
             Self::OfFriction => "dissipated_by_friction",
             Self::OfTurning => "dissipated_by_turning",
             Self::OfDamping => "dissipated_by_damping",
@@ -130,6 +145,7 @@ impl Quantity {
     pub const fn unit(self) -> &'static str {
         match self {
             Self::Dissipated
+            | Self::OfTangentialDashpots
             | Self::OfFriction
             | Self::OfTurning
             | Self::OfDamping
@@ -142,6 +158,7 @@ impl Quantity {
     pub const fn presence(self) -> Presence {
         match self {
             Self::Dissipated | Self::Received => Presence::Always,
+            Self::OfTangentialDashpots => Presence::If(|needs| needs.tangential_dashpots),
             Self::OfFriction => Presence::If(|needs| needs.friction),
             Self::OfTurning => Presence::If(|needs| needs.turning),
             Self::OfDamping => Presence::If(|needs| needs.damping),

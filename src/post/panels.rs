@@ -86,11 +86,12 @@ const PANELS: [Panel; 9] = [
     Panel {
         name: "losses",
         title: "Where energy went",
-        caption: "Energy dissipated so far by each of what dissipates. Friction has tangential dashpots and torsion in it.",
+        caption: "Energy dissipated so far by each of what dissipates. Friction has torsion of faces in it.",
         y_label: "energy (J)",
         scale: Logarithmic,
         columns: &[
             ("dissipated_by_normal_dashpots_J", "normal dashpots"),
+            ("dissipated_by_tangential_dashpots_J", "tangential dashpots"),
             ("dissipated_by_friction_J", "friction"),
             ("dissipated_by_turning_J", "rolling and twisting"),
             ("dissipated_by_damping_J", "global damping"),

@@ -55,7 +55,8 @@ impl Simulation {
     fn book_out(&mut self, taken: &BTreeSet<GlobalId>, dt: f64, comm: &mut dyn Comm) {
         let Self { particles, contacts, law, field, departed, .. } = self;
         // By bodies, received, dissipated and its parts.
-        let mut entries: Vec<(GlobalId, GlobalId, f64, f64, [f64; 4])> = Vec::new();
+        let mut entries: Vec<(GlobalId, GlobalId, f64, f64, [f64; Quantity::CHANNELS.len()])> =
+            Vec::new();
         for slot in 0..particles.owned {
             let id = particles.id[slot];
             if taken.contains(&id) {
@@ -75,7 +76,7 @@ impl Simulation {
             let is_here = pair.a.index() < particles.owned;
             if is_here && (taken.contains(&contact.a) || taken.contains(&contact.b)) {
                 let stored = law.stored(pair, particles, &contact.geometry, contact.state);
-                entries.push((contact.a, contact.b, -stored, 0.0, [0.0; 4]));
+                entries.push((contact.a, contact.b, -stored, 0.0, [0.0; Quantity::CHANNELS.len()]));
             }
         }
         let mut entries = everywhere(comm, &entries);

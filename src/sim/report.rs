@@ -14,6 +14,7 @@ use crate::output::report::{
     Contacts, DissipatedBy, Ended, Energy, Least, Memory, Origin, Packing, Ranks, Report,
     Resolution, Run, Share, Spent, number,
 };
+use crate::particles::columns::Quantity;
 use crate::particles::held;
 use crate::timing::Phase;
 use std::f64::consts::TAU;
@@ -182,11 +183,12 @@ fn energy(finish: &Finish) -> Energy {
         step_j: m.step_energy,
         dissipated_j: m.dissipated,
         dissipated_by: DissipatedBy {
-            normal_dashpots_j: m.of_dashpots(),
-            friction_j: m.channels[0],
-            turning_j: m.channels[1],
-            damping_j: m.channels[2],
-            adhesion_j: m.channels[3],
+            normal_dashpots_j: m.of_normal_dashpots(),
+            tangential_dashpots_j: m.taken_by(Quantity::OfTangentialDashpots),
+            friction_j: m.taken_by(Quantity::OfFriction),
+            turning_j: m.taken_by(Quantity::OfTurning),
+            damping_j: m.taken_by(Quantity::OfDamping),
+            adhesion_j: m.taken_by(Quantity::OfAdhesion),
         },
         missing_j: m.missing(),
         largest_moved_j: finish.most_moving,

@@ -112,9 +112,14 @@ impl Memory {
     /// Power of what friction does in the plane and about the normal, for the normal at which it acted and the moment of the
     /// model in it [W].
     fn rubbing(&self, normal: &Vec3, of_model: &Vec3, motion: &Motion, when: usize) -> f64 {
-        let in_plane = self.force - normal * self.force.dot(normal);
         let torsion = (self.moment - of_model).dot(normal);
-        in_plane.dot(&motion.at(&self.point, when)) + torsion * motion.turning().dot(normal)
+        self.in_plane(normal).dot(&motion.at(&self.point, when))
+            + torsion * motion.turning().dot(normal)
+    }
+
+    /// The tangential force on B, for the normal at which it acted [N].
+    fn in_plane(&self, normal: &Vec3) -> Vec3 {
+        self.force - normal * self.force.dot(normal)
     }
 
     /// All of the force on B, for the normal at which it acted [N].
@@ -193,8 +198,8 @@ struct Window {
     forces: [[f64; 4]; WINDOW],
     /// Moments on B and A [N m], and what each body loses to friction [J].
     torques: [[[f64; 4]; 2]; WINDOW],
-    /// What each body loses to the model's moments [J].
-    turned: [f64; WINDOW],
+    /// What each body loses in other ways [J], see [`Lost`].
+    parts: [[f64; 3]; WINDOW],
     /// Work of a wall on the particle [J].
     wall_work: [f64; WINDOW],
 }
@@ -229,6 +234,10 @@ struct Acting {
     memory: Memory,
     /// The part of the moment that the model has made [N m].
     of_model: Vec3,
+    /// The part of the force of tangential dashpots [N].
+    viscous: Vec3,
+    /// Is friction below its limit?
+    sticks: bool,
     /// Elastic energy of friction and torsion [J].
     stored: f64,
 }
@@ -242,7 +251,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let mut window = Window {
             forces: [[0.0; 4]; WINDOW],
             torques: [[[0.0; 4]; 2]; WINDOW],
-            turned: [0.0; WINDOW],
+            parts: [[0.0; 3]; WINDOW],
             wall_work: [0.0; WINDOW],
         };
         for first in (0..all.len()).step_by(WINDOW) {
@@ -293,7 +302,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         };
 
         let contact = motion.contact(&last, &now, dt);
-        let last_stored = law.model.last(&constants, last.overlap, state).stored[1];
+        let last_acting = law.model.last(&constants, last.overlap, state);
+        let last_stored = last_acting.stored[1];
         let of_moments = |overlap: L, state: &[L]| {
             if M::MOMENTS { law.model.turned(&constants, overlap, state) } else { zero }
         };
@@ -313,7 +323,8 @@ impl<M: Model> Contacts<'_, '_, M> {
             on = [on[0].plus(acting.moment), on[1].minus(acting.moment)];
         }
 
-        let (mut dissipated, mut of_friction, mut of_turning) = (zero, zero, zero);
+        let (mut dissipated, mut of_friction) = (zero, zero);
+        let (mut of_dashpots, mut of_turning) = (zero, zero);
         let half = L::all(0.5 * dt);
         if MOVES && dt > 0.0 {
             let mut power =
@@ -329,13 +340,21 @@ impl<M: Model> Contacts<'_, '_, M> {
             let pressed = before.force.dot(last.normal) * motion.last_velocity.dot(last.normal)
                 + beyond * motion.velocity.dot(now.normal);
             of_friction = half * (power - pressed) - stored - of_turning;
+            if law.needs.tangential_dashpots {
+                let along = last.normal.times(before.force.dot(last.normal));
+                let viscous = before.force.minus(along).minus(last_acting.rub);
+                let power = viscous.dot(motion.last_velocity) + acting.viscous.dot(motion.velocity);
+                of_dashpots = zero.or(half * power, acting.slides);
+                of_friction = of_friction - of_dashpots;
+            }
         }
         let share_of = |energy| if with_walls { energy } else { L::all(0.5) * energy };
         let (share, rubbed) = (share_of(dissipated), share_of(of_friction));
         let (forces, [on_b, on_a]) = (force.rows(share), [on[0].rows(rubbed), on[1].rows(rubbed)]);
-        if M::MOMENTS {
-            for (&place, turned) in places.iter().zip(share_of(of_turning).store()) {
-                window.turned[place as usize - first] = turned;
+        if M::MOMENTS || law.needs.tangential_dashpots {
+            let [of_dashpots, of_turning] = [of_dashpots, of_turning].map(|e| share_of(e).store());
+            for (lane, &place) in places.iter().enumerate() {
+                window.parts[place as usize - first] = [of_dashpots[lane], of_turning[lane], 0.0];
             }
         }
         for (lane, &place) in places.iter().enumerate() {
@@ -462,7 +481,7 @@ impl<M: Model> Contacts<'_, '_, M> {
     /// between.
     #[inline(always)]
     fn sum_window(&mut self, first: usize, count: usize, window: &Window) {
-        let Window { forces, torques, turned, wall_work } = window;
+        let Window { forces, torques, parts, wall_work } = window;
         let first_facet = self.particles.first_facet();
         for (place, lane) in (first..first + count).zip(0..) {
             self.add_separated_before(place);
@@ -472,9 +491,8 @@ impl<M: Model> Contacts<'_, '_, M> {
             add(&mut self.sums.force, pair.a.index(), force.opposite());
             add(&mut self.sums.torque, pair.b.index(), torques[lane][0]);
             add(&mut self.sums.torque, pair.a.index(), torques[lane][1]);
-            if M::MOMENTS && !self.sums.turned.is_empty() {
-                self.sums.turned[pair.b.index()] += turned[lane];
-                self.sums.turned[pair.a.index()] += turned[lane];
+            for slot in [pair.b, pair.a] {
+                self.sums.add_parts(slot.index(), parts[lane]);
             }
             if pair.b.index() >= first_facet {
                 self.sums.note_wall_work(pair, wall_work[lane]);
@@ -519,7 +537,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let stored_before = last_action.stored[1] + before.stored(&last_turning);
         before.torsion *= last_turning.kept(&law.model.turning(&constants, overlap));
         let turned_before = law.model.turned(&constants, last.overlap, state);
-        let Acting { force, moment, memory, of_model, stored } =
+        let Acting { force, moment, memory, of_model, viscous, sticks, stored } =
             self.acting(place, &constants, &last, &before, &motion, state);
 
         let point = self.work.points[place];
@@ -533,11 +551,18 @@ impl<M: Model> Contacts<'_, '_, M> {
             let of_last = if M::MOMENTS { vector(last_action.moment) } else { Vec3::zeros() };
             let turned = (of_last + of_model).dot(&motion.turning());
             let stored_by_moments = law.model.turned(&constants, overlap, state) - turned_before;
-            lost.of_turning = half * turned - stored_by_moments;
+            let of_turning = half * turned - stored_by_moments;
             let rubbed = before.rubbing(&last.normal, &of_last, &motion, 1)
                 + memory.rubbing(&normal, &of_model, &motion, 0);
+            let of_dashpots = if sticks && law.needs.tangential_dashpots {
+                let last = before.in_plane(&last.normal) - vector(last_action.rub);
+                half * (last.dot(&motion.at(&before.point, 1)) + viscous.dot(&motion.at(&point, 0)))
+            } else {
+                0.0
+            };
             lost.of_friction =
-                half * (rubbed + turned) - (stored - stored_before) - lost.of_turning;
+                half * (rubbed + turned) - (stored - stored_before) - of_turning - of_dashpots;
+            lost.parts = [of_dashpots, of_turning, 0.0];
         }
         let row = &mut self.work.state[place * law.stride..][..law.stride];
         row[..law.width].copy_from_slice(state);
@@ -552,7 +577,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let lane = place - first;
         window.forces[lane] = [force.x, force.y, force.z, share];
         window.torques[lane] = [[on_b.x, on_b.y, on_b.z, rubbed], [on_a.x, on_a.y, on_a.z, rubbed]];
-        window.turned[lane] = share_of(lost.of_turning);
+        window.parts[lane] = lost.parts.map(share_of);
         if with_wall {
             let last_force = before.total_force(&last.normal);
             let on_wall = motion.work_on_b(&last_force, &before.moment, &before.point, 1, half)
@@ -618,6 +643,8 @@ impl<M: Model> Contacts<'_, '_, M> {
             moment: moment + normal * (elastic * patch.lever),
             memory,
             of_model,
+            viscous: vector(now.viscous),
+            sticks: now.slides & 1 == 0,
             stored: now.stored[1] + memory.stored(&turning),
         }
     }
@@ -650,9 +677,10 @@ impl<M: Model> Contacts<'_, '_, M> {
             lost.all = half * power + stored + of_torsion;
             let of_model = if M::MOMENTS { vector(last.moment) } else { Vec3::zeros() };
             let turned = law.model.turned(&constants, geometry.overlap, state);
-            lost.of_turning = half * of_model.dot(&motion.turning()) + turned;
+            let of_turning = half * of_model.dot(&motion.turning()) + turned;
             let rubbed = memory.rubbing(&geometry.normal, &of_model, &motion, 1);
             lost.of_friction = half * rubbed + stored + of_torsion - turned;
+            lost.parts = [0.0, of_turning, 0.0];
         }
         self.sums.lose(pair, lost, particles.first_facet());
     }
@@ -706,7 +734,7 @@ fn rows_of<'a, T>(all: &'a [T], at: &[usize; WIDTH]) -> [&'a T; WIDTH] {
     rows
 }
 
-fn vector(v: Triple<f64>) -> Vec3 {
+pub(super) fn vector(v: Triple<f64>) -> Vec3 {
     Vec3::new(v.x, v.y, v.z)
 }
 

@@ -58,8 +58,7 @@ impl Touching {
                 at_walls: Vec::new(),
                 force: zeros.clone(),
                 torque: zeros,
-                turned: Vec::new(),
-                stuck: Vec::new(),
+                parts: Default::default(),
                 wall_work: Vec::new(),
             },
         };

@@ -214,7 +214,9 @@ pub struct Energy {
 pub struct DissipatedBy {
     /// What is left of the whole.
     pub normal_dashpots_j: f64,
-    /// Sliding and tangential dashpots; torsion of faces, too.
+    /// In contacts that stick. Where one slides the force is that of friction.
+    pub tangential_dashpots_j: f64,
+    /// Sliding, and torsion of faces.
     pub friction_j: f64,
     /// Resistance to rolling and twisting.
     pub turning_j: f64,

@@ -208,11 +208,18 @@ impl Report {
             energy.dissipated_j,
             energy.missing_j,
         ));
-        let DissipatedBy { normal_dashpots_j, friction_j, turning_j, damping_j, adhesion_j } =
-            energy.dissipated_by;
+        let DissipatedBy {
+            normal_dashpots_j,
+            tangential_dashpots_j,
+            friction_j,
+            turning_j,
+            damping_j,
+            adhesion_j,
+        } = energy.dissipated_by;
         page.line(format_args!(
-            "dissipated by normal dashpots {normal_dashpots_j:.3e} J, friction {friction_j:.3e} J, rolling and twisting \
-             {turning_j:.3e} J, global damping {damping_j:.3e} J, adhesion {adhesion_j:.3e} J"
+            "dissipated by normal dashpots {normal_dashpots_j:.3e} J, tangential dashpots {tangential_dashpots_j:.3e} J, \
+             friction {friction_j:.3e} J, rolling and twisting {turning_j:.3e} J, global damping {damping_j:.3e} J, adhesion \
+             {adhesion_j:.3e} J"
         ));
         let oscillation = resolution
             .steps_per_oscillation
