@@ -3,6 +3,7 @@
 use crate::support::{Bench, ball, close, expect_refused, scene};
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::columns::Quantity;
+use dem_mpi::scene::plan::plan;
 use std::f64::consts::PI;
 
 const RADIUS: f64 = 1e-4;
@@ -306,4 +307,15 @@ fn what_does_not_go_with_it_is_refused() {
     ] {
         expect_refused(&good, from, to, said);
     }
+}
+
+/// The plan says at which gap a contact ends, `3/4 (π² w² R*/E*²)^(1/3)`, of the largest sphere on a plane.
+#[test]
+fn the_plan_names_the_gap_at_which_contacts_end() {
+    let page = plan(&scene(&text("", DENSITY, 1e-9)), 1);
+    let words = "contacts outlive the overlap, up to a gap of ";
+    let (_, rest) = page.split_once(words).expect("the plan says it");
+    let gap: f64 = rest.split(' ').next().unwrap().parse().unwrap();
+    let expected = 0.75 * (PI * PI * WORK * WORK * RADIUS / (MODULUS * MODULUS)).cbrt();
+    close(gap, expected, 1e-3, "gap of the plan, on a plane");
 }

@@ -51,9 +51,12 @@ pub(crate) fn f2_of(ratio: f64) -> f64 {
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut ways = Ways::new(SOURCE);
     let steps = effort.pick(1000.0, 4000.0);
-    let mut cases = vec![on_a_plane(steps), crossed(steps)];
-    cases.push(restitution(effort));
-    cases.push(oblique(effort, &mut ways));
+    let mut cases = vec![
+        on_a_plane(steps, &mut ways),
+        crossed(steps, &mut ways),
+        restitution(effort, &mut ways),
+        oblique(effort, &mut ways),
+    ];
     cases.extend(ways.into_cases());
     Findings { cases, notes: others(), ..Findings::default() }
 }
@@ -108,7 +111,7 @@ fn impact(case: &mut Case, what: &str, expected: [f64; 2], found: [f64; 2]) {
 }
 
 /// On its side, where the radii of curvature are 4 and 1 times the size.
-fn on_a_plane(steps: f64) -> Case {
+fn on_a_plane(steps: f64, ways: &mut Ways) -> Case {
     let mut case = Case::new(
         SOURCE,
         "an ellipsoid of 1:2 drops on its side on a rigid plane, R'/R'' = 4",
@@ -132,14 +135,14 @@ fn on_a_plane(steps: f64) -> Case {
             dt,
         };
         let what = format!("{angle} rad about the normal");
-        let frames = setup.run((1.1 * steps) as u64, 1);
+        let frames = ways.run(&what, &setup, (1.1 * steps) as u64, 1);
         impact(&mut case, &what, expected, measured(&frames, |f| f.bodies[0].position.z - SIZE));
     }
     case
 }
 
 /// Two of them: crossed at a right angle both radii of relative curvature are 4/5 of the size; side by side they are 2 and 1/2.
-fn crossed(steps: f64) -> Case {
+fn crossed(steps: f64, ways: &mut Ways) -> Case {
     let mut case = Case::new(
         SOURCE,
         "two ellipsoids of 1:2 meet with their sides, crossed and side by side",
@@ -167,14 +170,14 @@ fn crossed(steps: f64) -> Case {
             ],
             dt,
         };
-        let frames = setup.run((1.1 * steps) as u64, 1);
+        let frames = ways.run(what, &setup, (1.1 * steps) as u64, 1);
         let gap = |f: &Frame| f.bodies[0].position.z - f.bodies[1].position.z - 2.0 * SIZE;
         impact(&mut case, what, expected, measured(&frames, gap));
     }
     case
 }
 
-fn restitution(effort: Effort) -> Case {
+fn restitution(effort: Effort, ways: &mut Ways) -> Case {
     let mut case = Case::new(
         SOURCE,
         "the same drop with dashpots",
@@ -196,8 +199,9 @@ fn restitution(effort: Effort) -> Case {
             ],
             dt,
         };
-        let frames = setup.run((3.0 * steps) as u64, (3.0 * steps) as u64);
-        case.relative(format!("e = {e}"), e, frames[1].bodies[0].velocity.z / SPEED);
+        let (name, all) = (format!("e = {e}"), (3.0 * steps) as u64);
+        let frames = ways.run(&name, &setup, all, all);
+        case.relative(name, e, frames[1].bodies[0].velocity.z / SPEED);
     }
     case
 }
@@ -237,8 +241,7 @@ fn oblique(effort: Effort, ways: &mut Ways) -> Case {
             Setup { gravity: Vec3::zeros(), text: text(1.0), planes: Vec::new(), grains, dt };
         let all = (3.0 * steps) as u64;
         let what = format!("way {k}");
-        let frames =
-            if k == 0 { ways.run(&what, &setup, all, all / 50) } else { setup.run(all, all / 50) };
+        let frames = ways.run(&what, &setup, all, all / 50);
         let (first, last) = (&frames[0], &frames[frames.len() - 1]);
         assert!(frames.iter().any(Frame::is_touching) && !last.is_touching(), "they meet");
         case.absolute(what, 0.0, last.kinetic() / first.kinetic() - 1.0);
