@@ -866,6 +866,19 @@ impl Gather<'_> {
         }
     }
 
+    /// Adds a number to that of each lane, one after the other.
+    ///
+    /// # Panics
+    /// If the column is shorter than was said.
+    #[inline(always)]
+    pub(crate) fn add_numbers(self, numbers: &[f64; WIDTH], column: &mut [f64]) {
+        assert!(column.len() >= self.length, "a column that is too short");
+        for (lane, number) in numbers.iter().enumerate() {
+            // SAFETY: all rows are below the length, which the column has.
+            *unsafe { column.get_unchecked_mut(self.at(lane)) } += number;
+        }
+    }
+
     /// The same of rows whose first three numbers have the other sign.
     #[inline(always)]
     pub(crate) fn add_opposite<R: Row>(self, rows: &[R; WIDTH], column: &mut [[f64; 4]]) {

@@ -927,16 +927,22 @@ impl<M: Model> Contacts<'_, '_, M> {
             b.add(&torques[0].rows(share), sums);
             a.add(&torques[1].rows(share), sums);
         }
-        for (sums, part) in self.sums.parts.iter_mut().zip(done.parts) {
-            if sums.is_empty() {
-                continue;
-            }
-            let share = (L::all(0.5) * part).store();
-            for bodies in [b, a] {
-                for (lane, share) in share.iter().enumerate() {
-                    sums[bodies.at(lane)] += share;
-                }
-            }
+        // In words, or parts that a law does not have would be carried here.
+        let [of_dashpots, of_turning, of_adhesion] = &mut self.sums.parts;
+        if !of_dashpots.is_empty() {
+            let share = (L::all(0.5) * done.parts[0]).store();
+            b.add_numbers(&share, of_dashpots);
+            a.add_numbers(&share, of_dashpots);
+        }
+        if M::MOMENTS && !of_turning.is_empty() {
+            let share = (L::all(0.5) * done.parts[1]).store();
+            b.add_numbers(&share, of_turning);
+            a.add_numbers(&share, of_turning);
+        }
+        if M::TEARS {
+            let share = (L::all(0.5) * done.parts[2]).store();
+            b.add_numbers(&share, of_adhesion);
+            a.add_numbers(&share, of_adhesion);
         }
     }
 
