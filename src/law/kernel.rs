@@ -120,8 +120,8 @@ pub struct Action<L> {
     pub rub: Triple<L>,
     /// The part of dashpots [N]. [`Model::last`] does not know it, and gives none.
     pub viscous: Triple<L>,
-    /// Which of them slide, at the limit of friction. [`Model::last`] does not know it, and says none.
-    pub slides: u8,
+    /// 1 where friction is below its limit, 0 where it slides. [`Model::last`] does not know it.
+    pub sticks: L,
     /// Moment of A on B about the contact point, if the model has [`Model::MOMENTS`] [N m]. No part of it is forgotten: what a
     /// dashpot adds has to be in the state.
     pub moment: Triple<L>,
@@ -840,7 +840,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             before.rub = before.rub.plus(last);
             // Where friction is at its limit the force is that of friction.
             let power = last.dot(last_velocity) + acting.viscous.dot(velocity);
-            dashed_off = zero.or(half_step * power, acting.slides);
+            dashed_off = half_step * power * acting.sticks;
         }
         let dissipated = if MOVES && dt > 0.0 {
             let pressed = if curvatures.is_some() {

@@ -263,7 +263,7 @@ impl Model for Jkr {
             press,
             rub: tangential,
             viscous: Triple::zero(),
-            slides: 0,
+            sticks: L::all(0.0),
             moment: Triple::zero(),
             stored: constants.stored(radius, tangential),
         }
@@ -301,18 +301,18 @@ impl Model for Jkr {
         if self.hertz.damped {
             press = press + elastic.dashpots[0] * radius.sqrt() * contact.approach;
         }
-        let (mut spring, mut rub, mut slides) = (zero, zero, 0);
+        let (mut spring, mut rub, mut sticks) = (zero, zero, L::all(0.0));
         let frictional = elastic.frictional();
         if frictional != 0 {
             let carried = carried(self.hertz.tangential(state), contact);
             let limiting = press + L::all(3.0) * sticking.work * sticking.radius;
             let last = (carried, Some(state[width - 1]));
-            let (force, stretched, at_limit) =
+            let (force, stretched, below_limit) =
                 self.hertz.rub(elastic, contact, (radius, limiting), last);
             let now = if contact.dt > 0.0 { stretched } else { carried };
             spring = now.or(zero, frictional);
             rub = force.or(zero, frictional);
-            slides = at_limit & frictional;
+            sticks = below_limit;
         }
         if self.hertz.frictional {
             [state[0], state[1], state[2]] = [spring.x, spring.y, spring.z];
@@ -325,7 +325,7 @@ impl Model for Jkr {
             press,
             rub,
             viscous: rub.minus(spring),
-            slides,
+            sticks,
             moment: zero,
             stored: constants.stored(radius, spring),
         }

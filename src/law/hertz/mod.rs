@@ -235,7 +235,7 @@ impl Hertz {
         force
     }
 
-    /// The tangential force of A on B, and the elastic part of it [N]; also says which slide.
+    /// The tangential force of A on B, and the elastic part of it [N]; 1 where it sticks, 0 where it slides.
     #[inline(always)]
     fn rub<L: Lanes>(
         &self,
@@ -243,7 +243,7 @@ impl Hertz {
         contact: &Contact<L>,
         (root, press): (L, L),
         (before, last_radius): (Triple<L>, Option<L>),
-    ) -> (Triple<L>, Triple<L>, u8) {
+    ) -> (Triple<L>, Triple<L>, L) {
         let (zero, one) = (L::all(0.0), L::all(1.0));
         let stiffness = elastic.tangential * root;
         let shrunk = if let Some(last) = last_radius {
@@ -265,7 +265,7 @@ impl Hertz {
         let size = force.dot(force).sqrt();
         let slides = limit.less(size);
         let limited = force.times(limit / size);
-        (limited.or(force, slides), limited.minus(viscous).or(spring, slides), slides)
+        (limited.or(force, slides), limited.minus(viscous).or(spring, slides), zero.or(one, slides))
     }
 }
 
@@ -380,7 +380,7 @@ impl Model for Hertz {
             press,
             rub: tangential,
             viscous: Triple::zero(),
-            slides: 0,
+            sticks: L::all(0.0),
             moment: Triple::zero(),
             stored: elastic.stored(overlap, root, tangential),
         }
@@ -400,18 +400,18 @@ impl Model for Hertz {
         let zero = Triple::zero();
         let root = root(contact.overlap);
         let press = self.press(elastic, contact, root);
-        let (mut spring, mut rub, mut slides) = (zero, zero, 0);
+        let (mut spring, mut rub, mut sticks) = (zero, zero, L::all(0.0));
         let frictional = elastic.frictional();
         if frictional != 0 {
             let carried = carried(self.tangential(state), contact);
             let last_radius = if self.curved { Some(state[state.len() - 1]) } else { None };
-            let (force, stretched, at_limit) =
+            let (force, stretched, below_limit) =
                 self.rub(elastic, contact, (root, press), (carried, last_radius));
             // At the start of a stage no time has passed: what is elastic stays as it was.
             let now = if contact.dt > 0.0 { stretched } else { carried };
             spring = now.or(zero, frictional);
             rub = force.or(zero, frictional);
-            slides = at_limit & frictional;
+            sticks = below_limit;
         }
         if self.frictional {
             [state[0], state[1], state[2]] = [spring.x, spring.y, spring.z];
@@ -427,7 +427,7 @@ impl Model for Hertz {
             press,
             rub,
             viscous: rub.minus(spring),
-            slides,
+            sticks,
             moment: zero,
             stored: elastic.stored(contact.overlap, root, spring),
         }

@@ -344,7 +344,7 @@ impl<M: Model> Contacts<'_, '_, M> {
                 let along = last.normal.times(before.force.dot(last.normal));
                 let viscous = before.force.minus(along).minus(last_acting.rub);
                 let power = viscous.dot(motion.last_velocity) + acting.viscous.dot(motion.velocity);
-                of_dashpots = zero.or(half * power, acting.slides);
+                of_dashpots = half * power * acting.sticks;
                 of_friction = of_friction - of_dashpots;
             }
         }
@@ -644,7 +644,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             memory,
             of_model,
             viscous: vector(now.viscous),
-            sticks: now.slides & 1 == 0,
+            sticks: now.sticks > 0.0,
             stored: now.stored[1] + memory.stored(&turning),
         }
     }

@@ -126,7 +126,7 @@ impl Linear {
     }
 
     /// Spring, dashpot and friction in the contact plane: the tangential force of A on B [N], and the spring [m]. Where
-    /// they exceed Coulomb's limit the force is cut to it, and the spring to what the dashpot leaves of it; also says which do.
+    /// they exceed Coulomb's limit the force is cut to it, and the spring to what the dashpot leaves of it; 1 where they do not.
     #[inline(always)]
     fn rub<L: Lanes>(
         &self,
@@ -134,7 +134,7 @@ impl Linear {
         normal_force: L,
         spring: Triple<L>,
         sliding: Triple<L>,
-    ) -> (Triple<L>, Triple<L>, u8) {
+    ) -> (Triple<L>, Triple<L>, L) {
         let zero = L::all(0.0);
         let mut force = spring.times(springs.tangential);
         if self.damped {
@@ -150,7 +150,7 @@ impl Linear {
         }
         let stretched = elastic.over(springs.tangential);
         let stretched = stretched.or(Triple::zero(), zero.less(springs.tangential));
-        (limited.or(force, slides), stretched.or(spring, slides), slides)
+        (limited.or(force, slides), stretched.or(spring, slides), zero.or(L::all(1.0), slides))
     }
 }
 
@@ -212,7 +212,7 @@ impl Model for Linear {
             press: if self.damped { state[state.len() - 1] } else { springs.normal * overlap },
             rub: spring.times(springs.tangential),
             viscous: Triple::zero(),
-            slides: 0,
+            sticks: L::all(0.0),
             moment: Triple::zero(),
             stored: springs.stored(overlap, spring),
         }
@@ -231,18 +231,18 @@ impl Model for Linear {
     ) -> Action<L> {
         let zero = Triple::zero();
         let press = self.press(springs, contact);
-        let (mut spring, mut rub, mut slides) = (zero, zero, 0);
+        let (mut spring, mut rub, mut sticks) = (zero, zero, L::all(0.0));
         let frictional = springs.frictional();
         if frictional != 0 {
             let Contact { sliding, dt, .. } = *contact;
             let carried = carried(self.spring(state), contact);
-            let (friction, stretched, at_limit) =
+            let (friction, stretched, below_limit) =
                 self.rub(springs, press, carried.plus(sliding.times(L::all(dt))), sliding);
             // At the start of a stage no time has passed: a spring stays as it was.
             let now = if dt > 0.0 { stretched } else { carried };
             spring = now.or(zero, frictional);
             rub = friction.or(zero, frictional);
-            slides = at_limit & frictional;
+            sticks = below_limit;
         }
         if self.frictional {
             [state[0], state[1], state[2]] = [spring.x, spring.y, spring.z];
@@ -254,7 +254,7 @@ impl Model for Linear {
             press,
             rub,
             viscous: rub.minus(spring.times(springs.tangential)),
-            slides,
+            sticks,
             moment: zero,
             stored: springs.stored(contact.overlap, spring),
         }
