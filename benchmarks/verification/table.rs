@@ -23,7 +23,7 @@ pub(crate) fn print(cases: &[Case]) {
     for case in cases {
         let worst = case.worst();
         println!(
-            "  {:<12} {} | {} | worst of {}: {} | {} | {} | off {:.2e} of {:.0e}",
+            "  {:<12} {} | {} | worst of {}: {} | {} | {} | off {:.2e} of {:e}",
             case.verdict().name(),
             case.name,
             case.quantity,
@@ -87,7 +87,7 @@ fn report(
         };
         writeln!(
             report,
-            "| {} | {} | {} | {} | {} | {} | {:.1e} | {:.0e} | {} | {verdict} |",
+            "| {} | {} | {} | {} | {} | {} | {:.1e} | {:e} | {} | {verdict} |",
             case.name,
             case.quantity,
             case.rows.len(),
