@@ -107,6 +107,9 @@ struct OnRank {
     migrated: u64,
 }
 
+/// Where it stands among the scalars.
+const DISSIPATED: usize = 3;
+
 fn part(sim: &Simulation, comm: &mut dyn Comm) -> OnRank {
     let m = sim.measure(comm);
     let scalars: Vec<f64> =
@@ -563,7 +566,7 @@ fn boxes_are_the_same_on_any_number_of_ranks_and_after_a_restart() {
 
 /// Energy that contacts have dissipated [J].
 fn dissipated(state: &State) -> f64 {
-    f64::from_bits(state.scalars[state.scalars.len() - 3])
+    f64::from_bits(state.scalars[DISSIPATED])
 }
 
 /// Eggs that stream through each other in a box that repeats along all axes and is hardly wider than two

@@ -119,14 +119,18 @@ fn other_bits(a: &Frame, b: &Frame) -> usize {
 fn difference(frames: &[Frame], end: &Frame) -> f64 {
     let (first, last) = (&frames[0], &frames[frames.len() - 1]);
     let larger = |a: f64, b: f64| if b > a || b.is_nan() { b } else { a };
-    let of = |what: &dyn Fn(&super::Body) -> Vec3| {
-        let apart = |a: &Frame, b: &Frame| {
-            let pairs = a.bodies.iter().zip(&b.bodies);
-            pairs.map(|(a, b)| (what(a) - what(b)).norm()).fold(0.0, larger)
-        };
-        let changed = frames.iter().map(|frame| apart(frame, first)).fold(0.0, larger);
-        let off = apart(last, end);
-        if changed > 0.0 { off / changed } else { off }
+    let apart = |a: &Frame, b: &Frame, what: &dyn Fn(&super::Body) -> Vec3| {
+        let pairs = a.bodies.iter().zip(&b.bodies);
+        pairs.map(|(a, b)| (what(a) - what(b)).norm()).fold(0.0, larger)
     };
-    of(&|b| b.position).max(of(&|b| b.velocity)).max(of(&|b| b.spin))
+    let changed = |what: &dyn Fn(&super::Body) -> Vec3| {
+        frames.iter().map(|frame| apart(frame, first, what)).fold(0.0, larger)
+    };
+    let over = |off: f64, all: f64| if all > 0.0 { off / all } else { off };
+    let of = |what: &dyn Fn(&super::Body) -> Vec3| over(apart(last, end, what), changed(what));
+    // Where nothing should turn, the spin that would move a surface as fast as the body has changed its velocity.
+    let size = first.bodies.iter().map(|b| b.position.norm()).fold(0.0, larger);
+    let as_fast = over(changed(&|b| b.velocity), size);
+    let spin = over(apart(last, end, &|b| b.spin), larger(changed(&|b| b.spin), as_fast));
+    of(&|b| b.position).max(of(&|b| b.velocity)).max(spin)
 }
