@@ -12,7 +12,7 @@
 //! ```
 //!
 //! The state is `Case3_PenetrationTest_25000_Particles.txt` of the paper's data, DOI 10.5281/zenodo.8252892: a line of words, then
-//! `radius x y z` of each sphere. A CSV file `x,y,z` is read, too. Whatever is larger than a grain is left out: the ball is added here.
+//! `radius x y z` of each sphere. A CSV file `x,y,z` is read, too. Where the file has a sphere as large as the ball, the ball begins as high.
 //! It fails if the ball is more than 1 mm off the height of another code. A run that was stopped goes on when it is called again with the same words;
 //! a folder with a run of another bed or with other keys is refused.
 //!
@@ -45,6 +45,9 @@ struct Arguments {
     /// Heights to compare with: time [s], and one column or more [m]; default: those of 25,000 grains.
     #[arg(long, value_name = "FILE")]
     reference: Option<PathBuf>,
+    /// Where the ball begins [m]; default: as in the file of the bed, or 0.06.
+    #[arg(long, value_name = "Z", allow_hyphen_values = true)]
+    height: Option<f64>,
     /// How long [s].
     #[arg(long, default_value_t = 0.035)]
     until: f64,
@@ -74,14 +77,18 @@ const STEP: f64 = 5e-7;
 const GRAVITY: f64 = 9.81;
 /// Radius of a grain [m].
 const RADIUS: f64 = 1e-3;
-/// Height [m] and velocity [m/s] of the ball.
-const BALL: [f64; 2] = [0.06, -5.0];
+/// Where the ball begins if nobody says it [m].
+const HEIGHT: f64 = 0.06;
+/// Velocity of the ball [m/s].
+const VELOCITY: f64 = -5.0;
 /// Radius of the ball [m].
 const BALL_RADIUS: f64 = 0.01;
 /// When other runs than the first begin, at the latest, if the ball falls freely until then [s].
 const LATE: f64 = 0.02;
 /// Heights are written after whole multiples of this [s].
 const EVERY: f64 = 1e-3;
+/// Times that are nearer are the same [s].
+const SAME: f64 = 1e-6;
 /// By how much at most the grains of other runs than the first are shifted along each axis: the last digit of the data [m].
 const SHIFT: f64 = 1e-9;
 /// How far the height may be off that of any other code [m].
@@ -92,22 +99,29 @@ fn main() -> anyhow::Result<()> {
     let Arguments { state: bed, grains, out, until, ranks, runs, set, .. } = &arguments;
     std::fs::create_dir_all(out)?;
     let begin = Instant::now();
-    let centres = match bed {
-        Some(path) => read_centres(path)?,
-        None => pack(*grains, *ranks, &out.join(format!("packing_{grains}")))?,
+    let (centres, of_file) = match bed {
+        Some(path) => read_bed(path)?,
+        None => (pack(*grains, *ranks, &out.join(format!("packing_{grains}")))?, None),
     };
-    println!("{} grains, known after {:.0} s", centres.len(), begin.elapsed().as_secs_f64());
-    let late = while_it_falls(&centres);
+    let height = arguments.height.or(of_file).unwrap_or(HEIGHT);
+    println!(
+        "{} grains, known after {:.0} s; the ball begins at {height} m",
+        centres.len(),
+        begin.elapsed().as_secs_f64()
+    );
+    let late = while_it_falls(&centres, height);
+    let step = step_of(set)?;
     ensure!(*runs == 1 || *until > late, "with --runs the heights from {late} s on are compared");
     let mut all = Vec::new();
     for run in 0..*runs {
         let (folder, begins) =
             if run == 0 { (out.clone(), 0.0) } else { (out.join(format!("run_{run}")), late) };
-        begin_or_go_on(&folder, &state(&shifted(&centres, run), begins), &set.join("\n"))?;
+        let state = state(&shifted(&centres, run), height, begins);
+        begin_or_go_on(&folder, &state, &set.join("\n"))?;
         let scene = folder.join("scene.toml");
         std::fs::copy(Path::new(FOLDER).join("scene.toml"), &scene)?;
         let begin = Instant::now();
-        let steps = ((until - begins) / STEP).round() as u64;
+        let steps = ((until - begins) / step).round() as u64;
         let steps_only = format!("time.steps={steps}");
         let keys: Vec<&str> = set.iter().chain([&steps_only]).map(String::as_str).collect();
         simulate(&scene, &folder.join("out"), *ranks, &keys)?;
@@ -140,11 +154,12 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Centres of grains from a file of numbers with a line of words above [m].
-fn read_centres(path: &Path) -> anyhow::Result<Vec<Vec3>> {
+/// Centres of grains, and the height of the ball if it is there, from a file of numbers with a line of words above [m].
+fn read_bed(path: &Path) -> anyhow::Result<(Vec<Vec3>, Option<f64>)> {
     let text =
         std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let mut centres = Vec::new();
+    let (mut centres, mut ball) = (Vec::new(), None);
+    let is = |radius: f64, expected: f64| (radius / expected - 1.0).abs() < 0.01;
     for (line, number) in text.lines().zip(1..).skip(1) {
         let words = line.split([',', ' ', '\t']).filter(|word| !word.is_empty());
         let numbers: Vec<f64> = words
@@ -153,15 +168,14 @@ fn read_centres(path: &Path) -> anyhow::Result<Vec<Vec3>> {
             .with_context(|| format!("{}:{number}: not all are numbers", path.display()))?;
         match numbers[..] {
             [x, y, z] => centres.push(Vec3::new(x, y, z)),
-            [radius, x, y, z] if (radius / RADIUS - 1.0).abs() < 0.01 => {
-                centres.push(Vec3::new(x, y, z));
-            }
+            [radius, x, y, z] if is(radius, RADIUS) => centres.push(Vec3::new(x, y, z)),
+            [radius, _, _, z] if is(radius, BALL_RADIUS) => ball = Some(z),
             [] | [_, _, _, _] => {}
             _ => anyhow::bail!("{}:{number}: neither x y z nor radius x y z", path.display()),
         }
     }
     ensure!(!centres.is_empty(), "{} has no grains of radius {RADIUS} m", path.display());
-    Ok(centres)
+    Ok((centres, ball))
 }
 
 /// The bed of a run: of the first as it is.
@@ -174,7 +188,7 @@ fn shifted(centres: &[Vec3], run: u32) -> Vec<Vec3> {
 /// The mean height at each time, and the standard deviation of a run where there are several [s, m].
 fn mean(all: &[Vec<(f64, f64)>]) -> (Vec<(f64, f64)>, Vec<Option<f64>>) {
     let of_time = |&(time, _): &(f64, f64)| {
-        let now = |(then, _): &&(f64, f64)| (then - time).abs() < 0.5 * STEP;
+        let now = |(then, _): &&(f64, f64)| (then - time).abs() < SAME;
         let heights: Vec<f64> = all.iter().flatten().filter(now).map(|(_, z)| *z).collect();
         let count = heights.len() as f64;
         let mean = heights.iter().sum::<f64>() / count;
@@ -193,24 +207,29 @@ fn pack(grains: u64, ranks: u32, out: &Path) -> anyhow::Result<Vec<Vec3>> {
     Ok(reader.particles(0..reader.particle_count())?.position)
 }
 
+/// The time step, of the scene if these keys do not set it [s].
+fn step_of(set: &[String]) -> anyhow::Result<f64> {
+    let set = set.iter().rev().find_map(|key| key.strip_prefix("time.step="));
+    set.map_or(Ok(STEP), |text| text.parse().with_context(|| format!("time.step={text}")))
+}
+
 /// How long the ball falls before it comes near to the bed, at most [`LATE`] [s].
-fn while_it_falls(centres: &[Vec3]) -> f64 {
+fn while_it_falls(centres: &[Vec3], height: f64) -> f64 {
     let top = centres.iter().map(|centre| centre.z).fold(f64::NEG_INFINITY, f64::max) + RADIUS;
     let times = (0..=(LATE / EVERY).round() as u32).rev().map(|k| EVERY * f64::from(k));
-    let is_above = |time: &f64| height_in_fall(*time) - BALL_RADIUS > top + RADIUS;
+    let is_above = |time: &f64| after_fall(height, *time) - BALL_RADIUS > top + RADIUS;
     times.into_iter().find(is_above).unwrap_or(0.0)
 }
 
-/// Of the ball, as long as it falls freely [m].
-fn height_in_fall(time: f64) -> f64 {
-    let [height, velocity] = BALL;
-    height + velocity * time - 0.5 * GRAVITY * time * time
+/// Height of the ball that began at some height, as long as it falls freely [m].
+fn after_fall(height: f64, time: f64) -> f64 {
+    height + VELOCITY * time - 0.5 * GRAVITY * time * time
 }
 
-/// Grains at rest, and the ball after some time of free fall [s], as a file of particles.
-fn state(centres: &[Vec3], fallen: f64) -> String {
+/// Grains at rest, and the ball from a height [m] after some time of free fall [s], as a file of particles.
+fn state(centres: &[Vec3], height: f64, fallen: f64) -> String {
     let grains = centres.iter().map(|c| format!("{:?},{:?},{:?},0,0,0,grain\n", c.x, c.y, c.z));
-    let (z, velocity) = (height_in_fall(fallen), BALL[1] - GRAVITY * fallen);
+    let (z, velocity) = (after_fall(height, fallen), VELOCITY - GRAVITY * fallen);
     let ball = format!("0,0,{z:?},0,0,{velocity:?},ball\n");
     let head = "x,y,z,vx,vy,vz,shape\n".to_owned();
     std::iter::once(head).chain(grains).chain([ball]).collect()
@@ -305,7 +324,7 @@ fn table(
     let mut worst = vec![0.0; codes.len()];
     let mut shared = 0;
     for ((time, z), deviation) in own.iter().zip(deviations) {
-        let Some((_, others)) = reference.iter().find(|(then, _)| (then - time).abs() < 0.5 * STEP)
+        let Some((_, others)) = reference.iter().find(|(then, _)| (then - time).abs() < SAME)
         else {
             continue;
         };
