@@ -12,7 +12,7 @@
 //! ```
 //!
 //! The state is `Case3_PenetrationTest_25000_Particles.txt` of the paper's data, DOI 10.5281/zenodo.8252892: a line of words, then
-//! `radius x y z` of each sphere. A CSV file `x,y,z` is read, too. Where the file has a sphere as large as the ball, the ball begins as high.
+//! `radius x y z` of each sphere. A CSV file `x,y,z` is read, too. Where the file has a sphere as large as the ball, the ball begins at its height.
 //! It fails if the ball is more than 1 mm off the height of another code. A run that was stopped goes on when it is called again with the same words;
 //! a folder with a run of another bed or with other keys is refused.
 //!

@@ -160,10 +160,6 @@ impl<M: Model> Model for Dmt<M> {
         self.forces.turned(&constants.forces, overlap, state)
     }
 
-    fn is_viscous(&self) -> bool {
-        self.forces.is_viscous()
-    }
-
     #[inline(always)]
     fn elastic<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L) -> L {
         self.forces.elastic(&constants.forces, overlap) - constants.at(overlap)

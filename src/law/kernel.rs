@@ -30,7 +30,6 @@ use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row, RowPairs, Triple, WI
 use crate::math::Vec3;
 use crate::particles::{Library, Needs, Particles};
 use crate::shape::Kind;
-use patches::vector;
 use rows::{
     eight_from_rows, eight_rows, geometries_at, pieces, places_before, read_state,
     read_states_in_a_row, rows_at, stood_in_a_row, write_state, write_threes,
@@ -211,11 +210,6 @@ pub trait Model: std::fmt::Debug + Send + Sync {
         [L::all(0.0); 2]
     }
 
-    /// Has the tangential force a part of dashpots? By default not.
-    fn is_viscous(&self) -> bool {
-        false
-    }
-
     /// The normal force at an overlap [m] without dashpots, in N: the derivative of the energy.
     fn elastic<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L) -> L;
 
@@ -331,7 +325,6 @@ impl<M: Model> Law<M> {
         let most = if M::MOMENTS { MOST_STATE_OF_MOMENTS } else { MOST_STATE };
         assert!(width <= most, "{} remembers more than {most} numbers", model.name());
         let mut needs = model.needs();
-        needs.tangential_dashpots = model.is_viscous();
         assert!(M::BY_CURVATURE || !needs.curvature, "{} does not say so", model.name());
         assert!(!M::MOMENTS || needs.velocity && needs.spin, "{} turns nothing", model.name());
         let mut state = model.state().to_vec();
@@ -1295,6 +1288,10 @@ fn of_curved<L: Lanes>(energy: L, overlap: L) -> L {
 #[inline]
 pub fn dashpot(ratio: f64, mass: f64, stiffness: f64) -> f64 {
     2.0 * ratio * (mass * stiffness).sqrt()
+}
+
+fn vector(v: Triple<f64>) -> Vec3 {
+    Vec3::new(v.x, v.y, v.z)
 }
 
 /// `m_A m_B / (m_A + m_B)`, or `m_A` against a body of infinite mass, as most walls are [kg].

@@ -408,10 +408,6 @@ impl<M: Model> Model for Rolling<M> {
         [normally, u8::MAX]
     }
 
-    fn is_viscous(&self) -> bool {
-        self.forces.is_viscous()
-    }
-
     #[inline(always)]
     fn elastic<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L) -> L {
         self.forces.elastic(&constants.forces, overlap)

@@ -282,10 +282,6 @@ impl Model for Jkr {
         })
     }
 
-    fn is_viscous(&self) -> bool {
-        self.hertz.is_viscous()
-    }
-
     #[inline(always)]
     fn act<L: Lanes>(
         &self,

@@ -235,7 +235,7 @@ impl Hertz {
         force
     }
 
-    /// The tangential force of A on B, and the elastic part of it [N]; 1 where it sticks, 0 where it slides.
+    /// The tangential force of A on B, and the elastic part of it [N]. The third is 1 where friction sticks, 0 where it slides.
     #[inline(always)]
     fn rub<L: Lanes>(
         &self,
@@ -326,6 +326,11 @@ impl Model for Hertz {
             velocity,
             spin: self.frictional,
             friction: self.frictional,
+            tangential_dashpots: self
+                .settings
+                .interactions
+                .iter()
+                .any(|c| c.friction > 0.0 && c.damping_ratio > 0.0),
             curvature: self.curved,
             ..Needs::default()
         }
@@ -384,10 +389,6 @@ impl Model for Hertz {
             moment: Triple::zero(),
             stored: elastic.stored(overlap, root, tangential),
         }
-    }
-
-    fn is_viscous(&self) -> bool {
-        self.settings.interactions.iter().any(|c| c.friction > 0.0 && c.damping_ratio > 0.0)
     }
 
     #[inline(always)]

@@ -27,7 +27,7 @@
 use super::{
     Arms, CONTACT_POINT, Contact, Contacts, Geometry, GeometryInLanes, Lost, MOST_STATE,
     MOST_STATE_OF_MOMENTS, Model, Pair, Particles, Separated, Slot, add, geometries_at, pieces,
-    read_state, rows_at, triple as in_lanes, vectors,
+    read_state, rows_at, triple as in_lanes, vector, vectors,
 };
 use crate::contact::{Patch, Previous, StateColumn};
 use crate::lanes::{Eight, Gather, Kernel, Row, RowPairs, Triple, WIDTH};
@@ -535,10 +535,11 @@ impl<M: Model> Contacts<'_, '_, M> {
         let last_turning = law.model.turning(&constants, last.overlap);
         let last_action = law.model.last(&constants, last.overlap, state);
         let stored_before = last_action.stored[1] + before.stored(&last_turning);
-        before.torsion *= last_turning.kept(&law.model.turning(&constants, overlap));
+        let turning = law.model.turning(&constants, overlap);
+        before.torsion *= last_turning.kept(&turning);
         let turned_before = law.model.turned(&constants, last.overlap, state);
         let Acting { force, moment, memory, of_model, viscous, sticks, stored } =
-            self.acting(place, &constants, &last, &before, &motion, state);
+            self.acting(place, (&constants, &turning), &last, &before, &motion, state);
 
         let point = self.work.points[place];
         let half = 0.5 * dt;
@@ -590,7 +591,7 @@ impl<M: Model> Contacts<'_, '_, M> {
     fn acting(
         &self,
         place: usize,
-        constants: &M::Constants<f64>,
+        (constants, turning): (&M::Constants<f64>, &Turning),
         last: &Geometry,
         before: &Memory,
         motion: &Motion,
@@ -618,13 +619,12 @@ impl<M: Model> Contacts<'_, '_, M> {
             dt,
         };
         let now = law.model.act(constants, &contact, state);
-        let rub = Vec3::new(now.rub.x, now.rub.y, now.rub.z);
+        let rub = vector(now.rub);
         let elastic = law.model.elastic(constants, overlap);
 
-        let turning = law.model.turning(constants, overlap);
         let twisting = motion.turning();
         let torsion =
-            Torsion::of(&turning, patch, &normal, now.press, before.torsion, &twisting, dt);
+            Torsion::of(turning, patch, &normal, now.press, before.torsion, &twisting, dt);
         let rocking = normal.cross(&patch.times(&normal.cross(&twisting)));
         let mut moment = normal * torsion.moment - rocking * (turning.normal_dashpot * patch.gain);
         let of_model = if M::MOMENTS { vector(now.moment) } else { Vec3::zeros() };
@@ -645,7 +645,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             of_model,
             viscous: vector(now.viscous),
             sticks: now.sticks > 0.0,
-            stored: now.stored[1] + memory.stored(&turning),
+            stored: now.stored[1] + memory.stored(turning),
         }
     }
 
@@ -732,10 +732,6 @@ fn rows_of<'a, T>(all: &'a [T], at: &[usize; WIDTH]) -> [&'a T; WIDTH] {
         *row = &all[at];
     }
     rows
-}
-
-pub(super) fn vector(v: Triple<f64>) -> Vec3 {
-    Vec3::new(v.x, v.y, v.z)
 }
 
 fn triple(v: &Vec3) -> Triple<f64> {

@@ -126,7 +126,8 @@ impl Linear {
     }
 
     /// Spring, dashpot and friction in the contact plane: the tangential force of A on B [N], and the spring [m]. Where
-    /// they exceed Coulomb's limit the force is cut to it, and the spring to what the dashpot leaves of it; 1 where they do not.
+    /// they exceed Coulomb's limit the force is cut to it, and the spring to what the dashpot leaves of it. The third
+    /// is 1 where friction sticks, 0 where it slides.
     #[inline(always)]
     fn rub<L: Lanes>(
         &self,
@@ -167,6 +168,10 @@ impl Model for Linear {
             velocity: self.frictional || dashpot,
             spin: self.frictional,
             friction: self.frictional,
+            tangential_dashpots: self
+                .interactions
+                .iter()
+                .any(|c| c.is_frictional() && c.tangential_damping_ratio > 0.0),
             ..Needs::default()
         }
     }
@@ -216,10 +221,6 @@ impl Model for Linear {
             moment: Triple::zero(),
             stored: springs.stored(overlap, spring),
         }
-    }
-
-    fn is_viscous(&self) -> bool {
-        self.interactions.iter().any(|c| c.is_frictional() && c.tangential_damping_ratio > 0.0)
     }
 
     #[inline(always)]
