@@ -9,6 +9,7 @@ mod contract;
 mod curvature;
 mod drives;
 mod elliptic;
+mod faces_on_meshes;
 mod flows;
 mod free_walls;
 mod guide;

@@ -17,7 +17,7 @@ use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
 
-type Triangles = Vec<[Vec3; 3]>;
+pub(crate) type Triangles = Vec<[Vec3; 3]>;
 
 /// Squares of random corners in a plane, cut along either diagonal; the border is straight.
 fn sheet(count: usize, width: f64, place: impl Fn(f64, f64) -> Vec3) -> Triangles {
@@ -51,7 +51,7 @@ fn sheet(count: usize, width: f64, place: impl Fn(f64, f64) -> Vec3) -> Triangle
 }
 
 /// The six sides of a box, each of two triangles.
-fn cuboid(low: Vec3, high: Vec3) -> Triangles {
+pub(crate) fn cuboid(low: Vec3, high: Vec3) -> Triangles {
     let mut triangles = Vec::new();
     for axis in 0..3 {
         for side in [low, high] {
@@ -70,7 +70,7 @@ fn cuboid(low: Vec3, high: Vec3) -> Triangles {
     triangles
 }
 
-fn write_obj(triangles: &Triangles, path: &Path) {
+pub(crate) fn write_obj(triangles: &Triangles, path: &Path) {
     let mut text = String::new();
     for corner in triangles.iter().flatten() {
         writeln!(text, "v {:?} {:?} {:?}", corner.x, corner.y, corner.z).unwrap();

@@ -13,7 +13,7 @@ use super::common_normal::CommonNormal;
 use super::cores::Cores;
 use super::epa::Epa;
 use super::half_space::AgainstHalfSpace;
-use super::overlap::thickness;
+use super::overlap::{OverlapWithSurface, thickness};
 use super::smooth_common_normal::SmoothCommonNormal;
 use super::sphere_sphere::SphereSphere;
 use super::triangle_mesh::AgainstTriangleMesh;
@@ -54,6 +54,8 @@ pub enum Converged {
     Shared,
     /// Of what a body with faces shares with the space behind a plane.
     SharedWithPlane,
+    /// Of what a body with faces shares with the space behind triangles.
+    SharedWithSurface,
 }
 
 /// Tolerances of EPA for bodies with and without edges; where the first asks too much, the second answers.
@@ -67,6 +69,7 @@ impl Converged {
     pub fn of((a, b): (Kind, Kind), definition: Definition) -> Self {
         match (a, b, definition) {
             (_, Kind::HalfSpace, Definition::Thickness) => Self::SharedWithPlane,
+            (_, Kind::TriangleMesh, Definition::Thickness) => Self::SharedWithSurface,
             (_, _, Definition::Thickness) => Self::Shared,
             (_, Kind::HalfSpace, _) => Self::Plane,
             (_, Kind::TriangleMesh, _) => Self::Facet,
@@ -90,7 +93,7 @@ impl Converged {
             Self::Cores => "the distance of the cores",
             Self::CurvedCores | Self::Edges => "EPA to 1e-12",
             Self::Shared => "the thickness, A and B exchanged",
-            Self::SharedWithPlane => "the thickness",
+            Self::SharedWithPlane | Self::SharedWithSurface => "the thickness",
         }
     }
 
@@ -108,6 +111,7 @@ impl Converged {
             Self::Plane => AgainstHalfSpace.touch(a, b, r, None),
             Self::Facet => AgainstTriangleMesh::default().touch(a, b, r, None),
             Self::Shared | Self::SharedWithPlane => shared(a, b, r),
+            Self::SharedWithSurface => OverlapWithSurface.touch(a, b, r, None),
             Self::Ellipsoids => by_epa(a, b, r, SMOOTH, |start| CommonNormal.touch(a, b, r, start)),
             Self::Smooth => {
                 by_epa(a, b, r, SMOOTH, |start| SmoothCommonNormal.touch(a, b, r, start))

@@ -2,7 +2,7 @@
 
 use super::{
     AgainstHalfSpace, AgainstTriangleMesh, Chain, CommonNormal, ContactResolver, Cores, Epa,
-    ErodedGjk, Overlap, SeededCommonNormal, SmoothCommonNormal, SphereSphere, Table,
+    ErodedGjk, Overlap, OverlapWithSurface, SeededCommonNormal, SmoothCommonNormal, SphereSphere, Table,
 };
 use crate::shape::Kind;
 use serde::{Deserialize, Serialize};
@@ -91,10 +91,12 @@ pub fn table(method: &Method, kinds: &[Kind]) -> Table {
 pub fn table_with_patches(method: &Method, kinds: &[Kind]) -> Table {
     table_of(kinds, |a, b| {
         let by_depth = by_depth(method, a, b);
-        if method.is_by_thickness((a, b)) {
-            Box::new(Chain::new(Box::new(Overlap), vec![by_depth]))
-        } else {
+        if !method.is_by_thickness((a, b)) {
             by_depth
+        } else if b == Kind::TriangleMesh {
+            Box::new(OverlapWithSurface)
+        } else {
+            Box::new(Chain::new(Box::new(Overlap), vec![by_depth]))
         }
     })
 }

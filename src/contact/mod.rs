@@ -45,7 +45,7 @@ pub use eroded_gjk::ErodedGjk;
 pub use fallback::Chain;
 pub use half_space::AgainstHalfSpace;
 pub use methods::{Method, needs_form, table, table_with_patches};
-pub use overlap::{Overlap, Thickness, thickness};
+pub use overlap::{Overlap, OverlapWithSurface, Thickness, thickness, thickness_on_surface};
 pub use record::{ContactRecord, ContactRecords, Geometry, StateColumn};
 pub use smooth_common_normal::SmoothCommonNormal;
 pub use sphere_sphere::SphereSphere;
@@ -89,15 +89,15 @@ impl Touch {
 pub struct Patch {
     /// Force over the derivative of the energy by the overlap [-].
     pub gain: f64,
-    /// Moment of A on B along the normal over that derivative [m].
-    pub lever: f64,
+    /// Moment of A on B about the point over that derivative [m].
+    pub lever: Vec3,
     /// Covariance of what both bodies hold, in world axes: xx, yy, zz, yz, xz, xy [m²].
     pub covariance: [f64; 6],
 }
 
 impl Patch {
     /// That of a contact in one point.
-    pub const POINT: Self = Self { gain: 1.0, lever: 0.0, covariance: [0.0; 6] };
+    pub const POINT: Self = Self { gain: 1.0, lever: Vec3::new(0.0, 0.0, 0.0), covariance: [0.0; 6] };
 
     /// The covariance times a vector.
     pub fn times(&self, v: &Vec3) -> Vec3 {

@@ -3,6 +3,9 @@
 //! Where a grain touches facets that have a corner in common, with nearly the same normal, it touches one smooth surface: the
 //! deepest contact counts. Where a contact ends on one facet and one begins on another that has a corner in common with it, in
 //! the same step, the contact has gone over an edge: it takes along what is remembered.
+//!
+//! A grain with faces has one contact with all facets that are one surface ([`crate::contact::thickness_on_surface`]), so that
+//! there is nothing to leave out. Its contact passes to any facet, if the normal turns by less than half of a right angle.
 
 use crate::contact::{Geometry, Pair, Previous, Touching};
 use crate::ids::GlobalId;
@@ -26,6 +29,14 @@ impl<'a> OnMesh<'a> {
     }
 }
 
+/// The cosine of half of a right angle.
+const HALF_OF_RIGHT: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// Has the grain of a pair faces?
+fn has_faces(pair: Pair, particles: &Particles) -> bool {
+    particles.bodies().shape_of(pair.a).kind().has_faces()
+}
+
 /// Is any of these pairs with a mesh? Pairs with walls stand in stretches of their own.
 pub(super) fn has_meshes(pairs: &[Pair], particles: &Particles) -> bool {
     !particles.near_facets.is_empty()
@@ -39,7 +50,8 @@ pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particl
     let mut on_meshes: Vec<(u32, OnMesh, usize)> = (0..touching.len())
         .filter_map(|row| {
             let pair = pairs[touching.pair[row] as usize];
-            Some((pair.a.0, OnMesh::of(pair, particles)?, row))
+            let on = OnMesh::of(pair, particles).filter(|_| !has_faces(pair, particles))?;
+            Some((pair.a.0, on, row))
         })
         .collect();
     let key = |(a, on, _): &(u32, OnMesh, usize)| (*a, on.wall);
@@ -81,10 +93,16 @@ pub(super) fn pass_on(
         let nearness = |ended: &Separated| {
             let pair = before[ended.place];
             let was = OnMesh::of(pair, particles)?;
-            let is_beside =
-                pair.a == now[row].a && was.wall == on.wall && on.mesh.adjoin(on.facet, was.facet);
+            if pair.a != now[row].a || was.wall != on.wall {
+                return None;
+            }
             let nearness = geometry_before[ended.place].normal.dot(&geometry[row].normal);
-            (is_beside && nearness > 0.0).then_some(nearness)
+            let is_same = if has_faces(pair, particles) {
+                nearness > HALF_OF_RIGHT
+            } else {
+                nearness > 0.0 && on.mesh.adjoin(on.facet, was.facet)
+            };
+            is_same.then_some(nearness)
         };
         let mut best: Option<(f64, GlobalId, usize)> = None;
         for (k, ended) in separated.iter().enumerate() {

@@ -19,7 +19,7 @@ use crate::contact::FacetInPlace;
 use crate::ids::{GlobalId, MaterialId, ShapeId};
 use crate::math::{Mat3, Quat, Vec3, rotation_about};
 use crate::particles::Library;
-use crate::shape::triangle_mesh::{self, MeshFacet};
+use crate::shape::triangle_mesh::{self, MeshFacet, NoSolid};
 use crate::shape::{HalfSpace, Shape, TriangleMesh};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -278,6 +278,17 @@ impl Wall {
     pub fn of_mesh(name: String, reference: Vec3, surface: TriangleMesh) -> Self {
         let mesh = Some(Mesh { surface: Arc::new(surface), shape: ShapeId(0) });
         Self { mesh, ..Self::of_planes(name, reference, &[]) }
+    }
+
+    /// Gives a surface of triangles the cells behind them, for grains with faces that reach so far at most [m].
+    ///
+    /// # Errors
+    /// If the surface has no two sides.
+    pub fn with_cells(&mut self, farthest: f64) -> Result<(), NoSolid> {
+        if let Some(Mesh { surface, .. }) = &mut self.mesh {
+            *surface = Arc::new(TriangleMesh::clone(surface).with_cells(farthest)?);
+        }
+        Ok(())
     }
 
     /// How many shapes its facets need in a library.

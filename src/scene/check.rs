@@ -117,7 +117,8 @@ pub(super) fn scene(
     if let (Some(time), Some(ξ)) = (&time, global_damping) {
         check_damping(&root, ξ, time.dt);
     }
-    Walls::check_meshes(&root, &shapes.library);
+    let method = contact.map_or(Method::Auto, |(method, _)| method);
+    walls.check_surfaces(&root, &shapes.library, &method);
     if let Some((Method::CommonNormal, _)) = contact {
         check_smooth(&root, &shapes.library);
     }

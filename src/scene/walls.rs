@@ -5,6 +5,7 @@ use super::mistakes::suggestion;
 use super::motions::{Motions, axis_of_turn, repeats};
 use super::reader::{Given, Range, Section};
 use crate::cell::{AXES, Cell};
+use crate::contact::Method;
 use crate::drive::free::FreeWall;
 use crate::drive::rain::Rain;
 use crate::drive::servo::Servo;
@@ -12,8 +13,8 @@ use crate::ids::MaterialId;
 use crate::math::{Quat, Vec3, rotation_about};
 use crate::particles::Library;
 use crate::particles::walls::{Across, TorqueAbout, Wall};
-use crate::shape::mesh;
 use crate::shape::triangle_mesh::TriangleMesh;
+use crate::shape::{Kind, Shape, mesh};
 use std::path::Path;
 
 /// The most that a wall may move in a step, over the shortest axis of any grain.
@@ -315,24 +316,57 @@ impl<'a> Walls<'a> {
         Some(k)
     }
 
-    /// Looks whether meshes meet particles of shapes for which they have contacts.
-    pub(super) fn check_meshes(root: &Section, library: &Library) {
-        let others: Vec<String> = library
-            .names
-            .iter()
-            .zip(&library.shapes)
-            .filter(|(_, shape)| !shape.kind().is_smooth())
-            .map(|(name, shape)| format!("`{name}` ({})", shape.kind().name()))
-            .collect();
-        if others.is_empty() {
-            return;
-        }
-        for given in surfaces(root) {
-            given.fail(format!(
-                "meets {}: walls of triangles, cylinders and cones have contacts with spheres, ellipsoids and superellipsoids only; make \
-                 the wall of planes",
-                others.join(", ")
-            ));
+    /// Looks whether surfaces meet particles of shapes for which they have contacts, and gives those of triangles what grains with
+    /// faces need.
+    pub(super) fn check_surfaces(&mut self, root: &Section, library: &Library, method: &Method) {
+        let all = || library.names.iter().zip(&library.shapes);
+        let named = |is: fn(Kind) -> bool| {
+            let of = all().filter(|(_, shape)| is(shape.kind()));
+            of.map(|(name, shape)| format!("`{name}` ({})", shape.kind().name())).collect::<Vec<_>>()
+        };
+        let (faces, sides) = (named(Kind::has_faces), named(Kind::has_side));
+        // How far a grain with faces can reach.
+        let reach = |(k, shape): (usize, &Shape)| {
+            let largest = library.scales[k][1];
+            if shape.kind().has_faces() { 2.0 * library.radius[k] * largest } else { 0.0 }
+        };
+        let farthest = library.shapes.iter().enumerate().map(reach).fold(0.0, f64::max);
+        let sections = root.sections("wall");
+        let first = self.all.len() - sections.len();
+        let given = sections.iter().enumerate().flat_map(|(k, section)| {
+            SURFACES.map(|key| section.get(key).map(|given| (first + k, key, given)))
+        });
+        for (planned, key, given) in given.flatten() {
+            if !sides.is_empty() {
+                given.fail(format!(
+                    "meets {}: walls of triangles, cylinders and cones have no contacts with spherocylinders; make the wall of planes",
+                    sides.join(", ")
+                ));
+            }
+            if faces.is_empty() {
+                continue;
+            }
+            if key != "mesh" {
+                given.fail(format!(
+                    "meets {}: cylinders and cones have no contacts with grains that have faces; make the wall a `mesh`, as `run/revolve` \
+                     writes it, or of planes",
+                    faces.join(", ")
+                ));
+                continue;
+            }
+            let pair = (Kind::Polyhedron, Kind::TriangleMesh);
+            if !method.is_by_thickness(pair) {
+                given.fail(format!(
+                    "meets {}, and triangles have contacts with grains that have faces by the method \"auto\" only, not by \"{}\"",
+                    faces.join(", "),
+                    method.name()
+                ));
+                continue;
+            }
+            let wall = self.all.get_mut(planned).and_then(Option::as_mut);
+            if let Some(Err(error)) = wall.map(|planned| planned.wall.with_cells(farthest)) {
+                given.fail(format!("{error}; grains with faces ({}) need a surface with two sides", faces.join(", ")));
+            }
         }
     }
 

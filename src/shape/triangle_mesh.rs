@@ -16,8 +16,13 @@
 //!
 //! Facets are numbered: first faces, then edges, then corners. They are found through a grid of cells in the axes of the wall.
 
+mod solid;
+
+pub use solid::{Front, Near, NoSolid};
+
 use super::Convex;
 use crate::math::Vec3;
+use solid::Solid;
 use serde::{Deserialize, Serialize};
 
 /// Points this near to a plane, over the size of the surface, lie in it.
@@ -145,6 +150,8 @@ pub struct TriangleMesh {
     vertices_of: Vec<u32>,
     first_vertex: Vec<u32>,
     grid: Grid,
+    /// What is behind the triangles, if grains with faces are there.
+    solid: Option<Solid>,
     /// How far its facets are from its triangles at most [m].
     bulge: f64,
     /// Of two touching facets with normals this near, as a cosine, only one counts.
@@ -218,6 +225,7 @@ impl TriangleMesh {
             vertices_of,
             first_vertex,
             grid,
+            solid: None,
             bulge: 0.0,
             smooth: libm::cos(smooth.max(LEAST_SMOOTH)),
             reach,
@@ -282,6 +290,7 @@ impl TriangleMesh {
             vertices_of,
             first_vertex,
             grid,
+            solid: None,
             bulge,
             smooth: libm::cos(LEAST_SMOOTH),
             reach: reach + bulge,

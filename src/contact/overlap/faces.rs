@@ -63,7 +63,7 @@ use std::cell::RefCell;
 
 /// A force whose axis lies farther from the centroid than this many times the radius of what is shared is none: the
 /// bodies are so deep in each other that hardly anything but a moment is left.
-const FAR: f64 = 2.0;
+pub(super) const FAR: f64 = 2.0;
 
 /// Room for what is cut, kept from one pair to the next.
 #[derive(Default)]
@@ -206,7 +206,7 @@ impl Scratch {
             normal,
             gain: length / thickness,
             point: centroid + lever / squared,
-            couple: moment.dot(&normal),
+            couple: normal * moment.dot(&normal),
             centroid,
             covariance,
         };
@@ -316,13 +316,13 @@ struct Moments {
 }
 
 /// The triangles of a polygon.
-fn fan(corners: &[u32]) -> impl Iterator<Item = [usize; 3]> {
+pub(super) fn fan(corners: &[u32]) -> impl Iterator<Item = [usize; 3]> {
     let first = corners[0] as usize;
     corners[1..].windows(2).map(move |two| [first, two[0] as usize, two[1] as usize])
 }
 
 /// The cofactors of a symmetric matrix.
-fn cofactors(m: &Mat3) -> Mat3 {
+pub(super) fn cofactors(m: &Mat3) -> Mat3 {
     let [x, y, z] = [m.column(0), m.column(1), m.column(2)];
     Mat3::from_columns(&[y.cross(&z), z.cross(&x), x.cross(&y)])
 }

@@ -8,10 +8,12 @@
 
 mod faces;
 mod sides;
+mod surface;
 mod thickness;
 
 use faces::of_faces;
 use sides::of_sides;
+pub use surface::{OverlapWithSurface, thickness_on_surface};
 pub use thickness::Thickness;
 
 use super::gjk::{Difference, Separation, separate};

@@ -295,7 +295,7 @@ impl Side {
             normal,
             gain: length / thickness,
             point: centroid + force.cross(&rest) / (length * length),
-            couple: rest.dot(&normal),
+            couple: normal * rest.dot(&normal),
             centroid,
             covariance: line(self, &of_a) + line(other, &of_b),
         })
@@ -331,7 +331,7 @@ impl Side {
             normal: *normal,
             gain,
             point,
-            couple: 0.0,
+            couple: Vec3::zeros(),
             centroid: point,
             covariance,
         })

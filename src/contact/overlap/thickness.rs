@@ -16,9 +16,9 @@ pub struct Thickness {
     pub gain: f64,
     /// The point of the wrench's axis nearest to the centroid, seen from the centre of A [m].
     pub point: Vec3,
-    /// Moment of A on B along the normal that remains there, over the stiffness [m²]: rounding but where faces are twisted against
-    /// each other.
-    pub couple: f64,
+    /// Moment of A on B that remains there, over the stiffness [m²]: along the normal, and rounding but where faces are twisted
+    /// against each other; in any direction where the axis is too far away for its point to be this one.
+    pub couple: Vec3,
     /// Centroid of what both bodies hold, seen from the centre of A [m].
     pub centroid: Vec3,
     /// Its covariance [m²].
@@ -33,7 +33,7 @@ impl Thickness {
 
     /// Moment of A on B about the centre of A over the stiffness [m²].
     pub fn moment(&self) -> Vec3 {
-        self.point.cross(&self.force()) + self.normal * self.couple
+        self.point.cross(&self.force()) + self.couple
     }
 
     /// `D² / 2`: elastic energy over the stiffness [m²].
@@ -49,7 +49,7 @@ impl Thickness {
             normal: frame * self.normal,
             gain: self.gain,
             point: frame * (self.point * scale),
-            couple: self.couple * square,
+            couple: frame * (self.couple * square),
             centroid: frame * (self.centroid * scale),
             covariance: frame * (self.covariance * square) * frame.transpose(),
         }

@@ -640,7 +640,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         };
         Acting {
             force: normal * now.press + rub,
-            moment: moment + normal * (elastic * patch.lever),
+            moment: moment + patch.lever * elastic,
             memory,
             of_model,
             viscous: vector(now.viscous),

@@ -196,7 +196,7 @@ fn contacts_without_a_patch_do_not_see_those_with_one() {
         assert_eq!(law.stride, law.width + 11);
         let mut before = touching(&particles, &law, &interactions, false);
         let covariance = [2e-7, 3e-7, 1e-7, 1e-8, -2e-8, 3e-8];
-        let of_faces = Patch { gain: 0.9, lever: 1e-6, covariance };
+        let of_faces = Patch { gain: 0.9, lever: Vec3::z() * 1e-6, covariance };
         let has_patch = |pair: &Pair| is_box(pair.a.index()) && is_box(pair.b.index());
         before.patches = before
             .pairs

@@ -1,0 +1,490 @@
+//! A body with faces and a surface of triangles: the thickness of what it shares with the cells behind them
+//! ([`crate::shape::triangle_mesh`]).
+//!
+//! # Definition
+//!
+//! Let `V_j` be the volume that the body shares with cell `j`, and `ω_ij` how far the cells `i` and `j` are one surface. With the moments of
+//! all that is one with cell `i`,
+//!
+//! `W_i = Σ_j ω_ij V_j`, and centroid `c_i` and covariance `C_i` under the weights `ω_ij`, `s_i = 1 / tr(C_i⁻¹)`,
+//!
+//! the elastic energy of a contact of stiffness `k` is `U = 6 k Σ_i (V_i / W_i) s_i = k D² / 2`.
+//!
+//! - Where all is one (`ω = 1`), as in a plane however it is cut into triangles, `U = 6 k s`: the energy of two bodies ([`super::faces`]).
+//! - Where cells are apart (`ω = 0`), as in a concave corner, each has its own energy.
+//!
+//! # Gradient
+//!
+//! Cells do not move, so that only the facets of the body do. As of two bodies, `dU = Σ_j ∫ q_j v·n dA` over the facets within cell
+//! `j`, with `K_i = s_i C_i⁻¹` and
+//!
+//! `q_j(x) = 6 k [ s_j / W_j + Σ_i ω_ij (V_i / W_i²) (|K_i (x - c_i)|² - 2 s_i) ]`.
+//!
+//! # Contacts
+//!
+//! Faces that are one to any part, directly or by way of others, make one contact, which belongs to the pair of the lowest of them. Edges and corners have none.
+
+use super::faces::{FAR, cofactors, fan};
+use super::thickness::{THIN, Thickness};
+use super::{Batch, ContactResolver, Definition, Found, Outcome, Posed, Why, patch, touch};
+use crate::math::{Mat3, Vec3};
+use crate::shape::Shape;
+use crate::shape::clip::Clipped;
+use crate::shape::facets::Plane;
+use crate::shape::triangle_mesh::{Front, MeshFacet, Near, TriangleMesh};
+use std::cell::RefCell;
+
+/// Resolves a body with faces (A) against a facet of a surface of triangles (B), which must have cells
+/// ([`TriangleMesh::with_cells`]). The relative position runs from the centre of A to the reference point of the wall.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct OverlapWithSurface;
+
+/// What a body shares with the cells of some faces, in the axes and the unit of length of the body.
+#[derive(Clone, Copy, Debug)]
+struct Shared {
+    /// The lowest of these faces.
+    face: u32,
+    thickness: Thickness,
+}
+
+/// All contacts of one body with one surface.
+#[derive(Default)]
+struct Scratch {
+    near: Vec<Near>,
+    sides: Vec<(u32, Front)>,
+    cells: Vec<Cell>,
+    /// Room for cells, kept from one body to the next.
+    spare: Vec<Clipped>,
+    weights: Vec<f64>,
+    found: Vec<Shared>,
+}
+
+/// What a body shares with one cell.
+struct Cell {
+    triangle: u32,
+    face: u32,
+    front: Front,
+    shared: Clipped,
+    /// The area that lies in the plane of the triangle, along its normal [m²].
+    area: Vec3,
+    /// The lowest cell with which it is one to any part.
+    group: usize,
+    moments: Moments,
+}
+
+/// Of one cell or of several, about the origin of their contact.
+#[derive(Clone, Copy)]
+struct Moments {
+    volume: f64,
+    first: Vec3,
+    second: Mat3,
+}
+
+/// `s`, `K` and `c` of what is one with a cell.
+struct OfOne {
+    weight: f64,
+    s: f64,
+    k: Mat3,
+    centroid: Vec3,
+}
+
+/// A quadratic function of a point: `xᵀ A x - 2 b·x + e`.
+struct Pressure {
+    a: Mat3,
+    b: Vec3,
+    e: f64,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
+}
+
+impl ContactResolver for OverlapWithSurface {
+    fn name(&self) -> &'static str {
+        "thickness"
+    }
+
+    fn definition(&self) -> Definition {
+        Definition::Thickness
+    }
+
+    fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, _: Option<&Vec3>) -> Outcome {
+        SCRATCH.with_borrow_mut(|scratch| {
+            let seen = Seen::of(a, b, r);
+            scratch.find(&seen);
+            match scratch.contact(&seen, b.facet) {
+                Ok(found) => Outcome::Touching(touch(&found)),
+                Err(outcome) => outcome,
+            }
+        })
+    }
+
+    fn resolve(&self, batch: &Batch, found: &mut Found) {
+        SCRATCH.with_borrow_mut(|scratch| {
+            // Pairs of one body with facets of one wall follow each other.
+            let mut last = None;
+            for &index in batch.active {
+                let pair = batch.pairs[index as usize];
+                let r = batch.bodies.relative(pair);
+                let frames = batch.bodies.frames(pair);
+                let (a, b) = batch.bodies.posed(pair, &frames);
+                let seen = Seen::of(&a, &b, &r);
+                let this = Some((pair.a, batch.bodies.shape[pair.b.index()]));
+                if this != last {
+                    scratch.find(&seen);
+                    last = this;
+                }
+                match scratch.contact(&seen, b.facet) {
+                    Ok(shared) => found.contacts.push_with(index, &touch(&shared), &patch(&shared)),
+                    Err(outcome) => found.note(index, outcome),
+                }
+            }
+        });
+    }
+}
+
+/// The contacts of a body with faces and a surface of triangles that has cells, each with the lowest of its faces; `r` is from the
+/// centre of A to the reference point of its wall [m]. None of others.
+pub fn thickness_on_surface(a: &Posed, b: &Posed, r: &Vec3) -> Vec<(u32, Thickness)> {
+    if !matches!(b.shape, Shape::TriangleMesh(mesh) if mesh.has_cells()) {
+        return Vec::new();
+    }
+    SCRATCH.with_borrow_mut(|scratch| {
+        scratch.find(&Seen::of(a, b, r));
+        let place = |found: &Shared| (found.face, found.thickness.placed(a.scale, a.frame));
+        scratch.found.iter().map(place).collect()
+    })
+}
+
+/// A body in the axes of the wall.
+struct Seen<'a> {
+    a: &'a Posed<'a>,
+    mesh: &'a TriangleMesh,
+    /// Of the body in the axes of the wall.
+    frame: Mat3,
+    centre: Vec3,
+}
+
+impl<'a> Seen<'a> {
+    /// # Panics
+    /// If B is no surface of triangles: the table of resolvers was filled wrongly.
+    fn of(a: &'a Posed, b: &Posed<'a>, r: &Vec3) -> Self {
+        let Shape::TriangleMesh(mesh) = b.shape else {
+            unreachable!("a facet is the second body of its pairs")
+        };
+        Self { a, mesh, frame: b.frame.tr_mul(a.frame), centre: -b.frame.tr_mul(r) }
+    }
+
+    /// How far the body stays in front of a plane, along its normal [m].
+    fn height_over(&self, plane: &Plane) -> f64 {
+        let into = self.a.shape.support(&-self.frame.tr_mul(&plane.normal)) * self.a.scale;
+        (self.centre + self.frame * into).dot(&plane.normal) - plane.offset
+    }
+
+    /// A plane in the axes and the unit of length of the body.
+    fn place(&self, plane: &Plane) -> Plane {
+        let offset = (plane.offset - plane.normal.dot(&self.centre)) / self.a.scale;
+        Plane { normal: self.frame.tr_mul(&plane.normal), offset }
+    }
+}
+
+impl Scratch {
+    /// Finds all contacts of a body with a surface.
+    fn find(&mut self, seen: &Seen) {
+        self.found.clear();
+        self.spare.extend(self.cells.drain(..).map(|cell| cell.shared));
+        self.find_cells(seen);
+        self.group(seen.mesh);
+        for first in 0..self.cells.len() {
+            if self.cells[first].group == first {
+                let found = self.measure(first, seen);
+                self.found.extend(found);
+            }
+        }
+    }
+
+    /// The contact that belongs to a face, in world axes.
+    fn contact(&self, seen: &Seen, facet: u32) -> Result<Thickness, Outcome> {
+        let MeshFacet::Face { normal, offset } = &seen.mesh.facets()[facet as usize] else {
+            // Edges and corners have no contacts of their own.
+            return Err(Outcome::Apart(f64::INFINITY));
+        };
+        if let Some(found) = self.found.iter().find(|found| found.face == facet) {
+            let placed = found.thickness.placed(seen.a.scale, seen.a.frame);
+            // A number that is none ends here.
+            return if placed.thickness.is_finite() && placed.gain.is_finite() {
+                Ok(placed)
+            } else {
+                Err(Outcome::Failed(Why::NotFinite))
+            };
+        }
+        if !seen.centre.iter().all(|x| x.is_finite()) {
+            return Err(Outcome::Failed(Why::NotFinite));
+        }
+        // Until it comes through the plane of the face it does not touch.
+        let height = seen.centre.dot(normal) - offset;
+        let sign = if height < 0.0 { -1.0 } else { 1.0 };
+        let clear = seen.height_over(&Plane { normal: normal * sign, offset: offset * sign });
+        Err(Outcome::Apart(clear.max(0.0)))
+    }
+
+    /// Cuts the body by the cells near it.
+    fn find_cells(&mut self, seen: &Seen) {
+        let Self { near, sides, cells, spare, .. } = self;
+        let Seen { a, mesh, .. } = seen;
+        let Some(body) = a.shape.facets() else { return };
+        mesh.triangles_near(&seen.centre, a.bounding_radius(), near);
+        sides.clear();
+        for k in 0..near.len() {
+            let triangle = near[k].triangle;
+            let part = mesh.part_of(triangle);
+            let known = sides.iter().find(|(of, _)| *of == part).map(|(_, front)| *front);
+            let front = known.unwrap_or_else(|| {
+                let front = mesh.side_of(part, &seen.centre, near);
+                sides.push((part, front));
+                front
+            });
+            let planes = mesh.cell(triangle, front);
+            if seen.height_over(&planes[0]) >= 0.0 {
+                continue;
+            }
+            let mut shared = spare.pop().unwrap_or_default();
+            shared.begin(body);
+            let placed = planes.map(|plane| seen.place(&plane));
+            if !placed.iter().all(|plane| shared.cut(plane)) {
+                spare.push(shared);
+                continue;
+            }
+            shared.end();
+            let mut area = Vec3::zeros();
+            let vertices = shared.vertices();
+            let of_surface = |plane: &Plane| *plane == placed[0];
+            for face in shared.faces().filter(|face| face.is_cut && of_surface(&face.plane)) {
+                for [a, b, c] in fan(face.corners) {
+                    area += (vertices[b] - vertices[a]).cross(&(vertices[c] - vertices[a])) * 0.5;
+                }
+            }
+            cells.push(Cell {
+                triangle,
+                face: mesh.face_of(triangle),
+                front,
+                shared,
+                area,
+                group: cells.len(),
+                moments: Moments::none(),
+            });
+        }
+    }
+
+    /// Finds which cells are one to any part.
+    fn group(&mut self, mesh: &TriangleMesh) {
+        let Self { cells, weights, .. } = self;
+        let count = cells.len();
+        weights.clear();
+        weights.resize(count * count, 0.0);
+        for i in 0..count {
+            weights[i * count + i] = 1.0;
+            for j in 0..i {
+                let (one, other) = (&cells[i], &cells[j]);
+                let together = mesh.together((one.triangle, one.front), (other.triangle, other.front));
+                weights[i * count + j] = together;
+                weights[j * count + i] = together;
+                if together > 0.0 {
+                    let (one, other) = (cells[i].group, cells[j].group);
+                    let (low, high) = (one.min(other), one.max(other));
+                    cells.iter_mut().filter(|c| c.group == high).for_each(|c| c.group = low);
+                }
+            }
+        }
+    }
+
+    /// Thickness of what is shared with the cells of a group, and its gradient.
+    fn measure(&mut self, group: usize, seen: &Seen) -> Option<Shared> {
+        let Self { cells, weights, .. } = self;
+        let count = cells.len();
+        let weight = |i: usize, j: usize| weights[i * count + j];
+        let members: Vec<usize> = (group..count).filter(|&k| cells[k].group == group).collect();
+        let area: Vec3 = members.iter().map(|&k| cells[k].area).sum();
+        let upright = if area == Vec3::zeros() {
+            let cell = &cells[group];
+            seen.place(&seen.mesh.cell(cell.triangle, cell.front)[0]).normal
+        } else {
+            area.normalize()
+        };
+        let across = upright.cross(&Vec3::ith(upright.iamin(), 1.0)).normalize();
+        let axes = Mat3::from_columns(&[across, upright.cross(&across), upright]);
+        let first = &cells[group].shared;
+        let origin = first.vertices()[*first.left().first()? as usize];
+
+        let mut all = Moments::none();
+        for &k in &members {
+            let moments = Moments::of(&cells[k].shared, &axes, &origin);
+            cells[k].moments = moments;
+            all.add(&moments, 1.0);
+        }
+        let members: Vec<usize> =
+            members.into_iter().filter(|&k| cells[k].moments.volume > 0.0).collect();
+        let (middle, covariance) = all.centroid_and_covariance()?;
+
+        let of_one: Vec<OfOne> = members
+            .iter()
+            .map(|&i| {
+                let mut sum = Moments::none();
+                members.iter().for_each(|&j| sum.add(&cells[j].moments, weight(i, j)));
+                OfOne::of(&sum)
+            })
+            .collect();
+        let mut square = 0.0;
+        for (&i, one) in members.iter().zip(&of_one) {
+            square += 12.0 * (cells[i].moments.volume / one.weight) * one.s;
+        }
+        let thickness = square.sqrt();
+        let is_thick = thickness > THIN * seen.a.shape.bounding_radius();
+        if !is_thick {
+            return None;
+        }
+
+        let (mut force, mut moment, mut reach) = (Vec3::zeros(), Vec3::zeros(), 0.0_f64);
+        for (&j, own) in members.iter().zip(&of_one) {
+            let mut pressure =
+                Pressure { a: Mat3::zeros(), b: Vec3::zeros(), e: own.s / own.weight };
+            for (&i, one) in members.iter().zip(&of_one) {
+                let part =
+                    weight(i, j) * cells[i].moments.volume / (one.weight * one.weight);
+                pressure.add(one, part, &middle);
+            }
+            let shared = &cells[j].shared;
+            let place = |k: usize| axes.tr_mul(&(shared.vertices()[k] - origin)) - middle;
+            for face in shared.faces().filter(|face| !face.is_cut) {
+                for corners in fan(face.corners) {
+                    let corners = corners.map(place);
+                    reach = corners.iter().map(Vec3::norm).fold(reach, f64::max);
+                    let (f, m) = pressure.on(&corners);
+                    force += f;
+                    moment += m;
+                }
+            }
+        }
+        let (force, moment) = (force * 6.0, moment * 6.0);
+        let length = force.norm();
+        let normal = if length > 0.0 { force / length } else { Vec3::z() };
+        // The axis of a force that hardly is one lies far away.
+        let lever = if length > 0.0 { force.cross(&moment) / (length * length) } else { Vec3::zeros() };
+        let far = lever.norm() / (FAR * reach);
+        let lever = if far > 1.0 { lever / far } else { lever };
+        let rest = moment - lever.cross(&force);
+        let found = Thickness {
+            thickness,
+            normal,
+            gain: length / thickness,
+            point: middle + lever,
+            couple: if far > 1.0 { rest } else { normal * rest.dot(&normal) },
+            centroid: middle,
+            covariance,
+        };
+        let placed = found.placed(1.0, &axes);
+        let face = members.iter().map(|&k| cells[k].face).min()?;
+        let thickness = Thickness {
+            point: placed.point + origin,
+            centroid: placed.centroid + origin,
+            ..placed
+        };
+        Some(Shared { face, thickness })
+    }
+}
+
+impl Moments {
+    fn none() -> Self {
+        Self { volume: 0.0, first: Vec3::zeros(), second: Mat3::zeros() }
+    }
+
+    /// Of a polyhedron, in axes that are columns, about an origin.
+    fn of(shared: &Clipped, axes: &Mat3, origin: &Vec3) -> Self {
+        let place = |k: usize| axes.tr_mul(&(shared.vertices()[k] - origin));
+        let (mut volume, mut first, mut second) = (0.0, Vec3::zeros(), Mat3::zeros());
+        // About one of its own vertices, so that thin ones keep their digits.
+        let Some(&apex) = shared.left().first() else { return Self::none() };
+        let base = place(apex as usize);
+        for face in shared.faces().filter(|face| !face.corners.contains(&apex)) {
+            for corners in fan(face.corners) {
+                let [a, b, c] = corners.map(|k| place(k) - base);
+                let sixfold = a.dot(&b.cross(&c));
+                let sum = a + b + c;
+                volume += sixfold;
+                first += sum * sixfold;
+                let squares = sum * sum.transpose()
+                    + a * a.transpose()
+                    + b * b.transpose()
+                    + c * c.transpose();
+                second += squares * sixfold;
+            }
+        }
+        if volume.is_nan() || volume <= 0.0 {
+            return Self::none();
+        }
+        let (volume, first, second) = (volume / 6.0, first / 24.0, second / 120.0);
+        Self {
+            volume,
+            first: first + base * volume,
+            second: second
+                + base * first.transpose()
+                + first * base.transpose()
+                + base * base.transpose() * volume,
+        }
+    }
+
+    fn add(&mut self, other: &Self, weight: f64) {
+        self.volume += weight * other.volume;
+        self.first += other.first * weight;
+        self.second += other.second * weight;
+    }
+
+    /// `None` if there is no volume.
+    fn centroid_and_covariance(&self) -> Option<(Vec3, Mat3)> {
+        if self.volume <= 0.0 {
+            return None;
+        }
+        let centroid = self.first / self.volume;
+        Some((centroid, self.second / self.volume - centroid * centroid.transpose()))
+    }
+}
+
+impl OfOne {
+    fn of(sum: &Moments) -> Self {
+        let nothing = Self { weight: sum.volume, s: 0.0, k: Mat3::zeros(), centroid: Vec3::zeros() };
+        let Some((centroid, covariance)) = sum.centroid_and_covariance() else { return nothing };
+        let cofactors = cofactors(&covariance);
+        let trace = cofactors.trace();
+        let determinant = covariance.row(0).transpose().dot(&cofactors.column(0));
+        // Thinner than rounding.
+        if !(determinant > 0.0 && trace > 0.0) {
+            return nothing;
+        }
+        Self { weight: sum.volume, s: determinant / trace, k: cofactors / trace, centroid }
+    }
+}
+
+impl Pressure {
+    /// Adds `part (|K (x - c)|² - 2 s)`, with `x` about the middle.
+    fn add(&mut self, one: &OfOne, part: f64, middle: &Vec3) {
+        let squared = one.k * one.k * part;
+        let way = one.centroid - middle;
+        self.a += squared;
+        self.b += squared * way;
+        self.e += way.dot(&(squared * way)) - 2.0 * part * one.s;
+    }
+
+    /// `n ∫ q dA` and `∫ q x × n dA` of a triangle, by a rule that is exact for cubic functions.
+    fn on(&self, [p, q, r]: &[Vec3; 3]) -> (Vec3, Vec3) {
+        let area = (q - p).cross(&(r - p)) * 0.5;
+        let points = [*p, *q, *r, (p + q) * 0.5, (q + r) * 0.5, (r + p) * 0.5, (p + q + r) / 3.0];
+        let weights = [0.05, 0.05, 0.05, 2.0 / 15.0, 2.0 / 15.0, 2.0 / 15.0, 0.45];
+        let (mut total, mut at) = (0.0, Vec3::zeros());
+        for (x, weight) in points.iter().zip(weights) {
+            let q = weight * (x.dot(&(self.a * x)) - 2.0 * self.b.dot(x) + self.e);
+            total += q;
+            at += x * q;
+        }
+        (area * total, at.cross(&area))
+    }
+}

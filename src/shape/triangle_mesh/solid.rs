@@ -1,0 +1,507 @@
+//! What lies behind triangles, for grains with faces.
+//!
+//! A face of a grain has no contact point that a triangle could be asked about: what counts is what the grain shares with the
+//! body of the wall ([`crate::contact::thickness`]). That body is made of *cells*. Behind each triangle lies one, convex, bounded by
+//!
+//! - the plane of the triangle,
+//! - at each of its edges the plane that halves the angle to the next triangle; where the surface ends, the plane upright on it,
+//! - a plane at a depth: that of the farthest that a grain can reach, or half of the distance to the surface behind.
+//!
+//! Cells of one side do not overlap, and together leave no gap near the surface. They never move in the axes of the wall, so that an energy
+//! of what a grain shares with them depends on its pose alone.
+//!
+//! A grain is in front of a part of the surface that hangs together, on the side of its centre: that on which the centre is of the
+//! nearest triangle.
+//!
+//! # Which cells are one surface
+//!
+//! | two triangles | weight |
+//! |---|---|
+//! | of one face, or of faces that meet in convex edges only | 1 |
+//! | of faces that meet in a concave edge | from 1 below [`ONE`] to 0 above [`APART`], by its angle |
+//! | of others, neither of which is in front of the other | 1 |
+//! | of others | the same by the angle between their normals, or by that at which the nearest points of both stand over each other, if that is more |
+
+use super::{MeshFacet, Side as TriangleSide, TriangleMesh, bounds, nearest_on};
+use crate::math::Vec3;
+use crate::shape::facets::Plane;
+use serde::{Deserialize, Serialize};
+
+/// Faces of a smaller concave angle are one surface [rad].
+const ONE: f64 = 20.0 * std::f64::consts::PI / 180.0;
+/// Faces of a larger concave angle are two surfaces [rad].
+const APART: f64 = 45.0 * std::f64::consts::PI / 180.0;
+/// Folds that are sharper than this have no plane that halves them: sum of unit vectors across.
+const FOLDED: f64 = 1e-6;
+/// What is nearer to a plane than this part of the size of the surface lies in it.
+const LEVEL: f64 = 1e-10;
+/// A surface whose normal is turned from the opposite one by more than an angle with this cosine is not the back of a plate.
+const BACK: f64 = 0.5;
+/// The centre is as near to several triangles, up to this part of the distance.
+const AS_NEAR: f64 = 1e-9;
+
+/// Why a surface has no two sides.
+#[derive(Clone, Debug, thiserror::Error, PartialEq)]
+pub enum NoSolid {
+    /// Three triangles at an edge.
+    #[error("has an edge of three triangles or more at ({:e}, {:e}, {:e}) m: what is behind them cannot be told", .0.x, .0.y, .0.z)]
+    Crowded(Vec3),
+    /// A Möbius strip.
+    #[error("has one side only, as a Möbius strip, seen at ({:e}, {:e}, {:e}) m", .0.x, .0.y, .0.z)]
+    OneSided(Vec3),
+    /// Two triangles on each other.
+    #[error("is folded onto itself at ({:e}, {:e}, {:e}) m", .0.x, .0.y, .0.z)]
+    Folded(Vec3),
+    /// A cylinder or a cone.
+    #[error("is no surface of triangles")]
+    Round,
+}
+
+/// Beyond an edge.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Border {
+    /// Unit normal out of the cell, of the plane that halves the angle.
+    out: Vec3,
+    /// Distance from the origin along it [m].
+    offset: f64,
+}
+
+/// What is behind one triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Behind {
+    /// Whether the normal of its face points to the side that its part calls the front: 1, or -1.
+    sign: f64,
+    /// Which part of the surface it belongs to.
+    part: u32,
+    borders: [Border; 3],
+    /// How deep its cell is, seen from the front and from the back [m].
+    depth: [f64; 2],
+}
+
+/// Faces that meet, with their weights seen from the front and from the back.
+type Meeting = (u32, u32, [f64; 2]);
+
+/// What is behind all triangles.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Solid {
+    behind: Vec<Behind>,
+    /// In rising order.
+    meetings: Vec<Meeting>,
+    /// What is nearer to a plane lies in it [m].
+    level: f64,
+}
+
+/// A side of a surface: its front, or its back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Front {
+    /// As the first triangle of its part has it.
+    Front,
+    /// The other.
+    Back,
+}
+
+impl Front {
+    const fn index(self) -> usize {
+        self as usize
+    }
+
+    const fn sign(self) -> f64 {
+        match self {
+            Self::Front => 1.0,
+            Self::Back => -1.0,
+        }
+    }
+}
+
+/// A triangle near a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Near {
+    /// Its number.
+    pub triangle: u32,
+    /// Its distance from the point [m].
+    pub distance: f64,
+}
+
+impl TriangleMesh {
+    /// With what is behind its triangles, for grains with faces that reach so far at most [m].
+    ///
+    /// # Errors
+    /// If the surface has no two sides.
+    pub fn with_cells(mut self, farthest: f64) -> Result<Self, NoSolid> {
+        self.solid = None;
+        if self.facets.iter().any(|facet| matches!(facet, MeshFacet::Strip(_))) {
+            return Err(NoSolid::Round);
+        }
+        let mut solid = Solid {
+            behind: Vec::with_capacity(self.triangles.len()),
+            meetings: Vec::new(),
+            level: LEVEL * self.reach,
+        };
+        let neighbours = self.neighbours()?;
+        let parts = self.parts(&neighbours)?;
+        for (triangle, ((sign, part), beyond)) in (0..).zip(parts.iter().zip(&neighbours)) {
+            let mut borders = [Border { out: Vec3::zeros(), offset: 0.0 }; 3];
+            for (k, border) in borders.iter_mut().enumerate() {
+                let (from, across) = self.across(triangle, k);
+                let beyond = beyond[k].map_or_else(Vec3::zeros, |(t, k)| self.across(t, k).1);
+                let out = across - beyond;
+                let length = out.norm();
+                if length < FOLDED {
+                    return Err(NoSolid::Folded(from));
+                }
+                let out = out / length;
+                *border = Border { out, offset: out.dot(&from) };
+            }
+            let depth = [farthest; 2];
+            solid.behind.push(Behind { sign: *sign, part: *part, borders, depth });
+        }
+        solid.meetings = self.meetings(&neighbours, &solid);
+        self.solid = Some(solid);
+        let depths: Vec<[f64; 2]> = (0..self.triangles.len() as u32)
+            .map(|t| [Front::Front, Front::Back].map(|front| self.depth(t, front, farthest)))
+            .collect();
+        if let Some(solid) = &mut self.solid {
+            for (behind, depth) in solid.behind.iter_mut().zip(depths) {
+                behind.depth = depth;
+            }
+        }
+        Ok(self)
+    }
+
+    /// Are there cells behind its triangles?
+    pub const fn has_cells(&self) -> bool {
+        self.solid.is_some()
+    }
+
+    /// The triangles nearer to a point than a distance [m], in rising order.
+    pub fn triangles_near(&self, point: &Vec3, distance: f64, near: &mut Vec<Near>) {
+        near.clear();
+        let reach = Vec3::repeat(distance);
+        self.grid.for_each_in(&(point - reach), &(point + reach), |triangle| {
+            let corners = self.corners(&self.triangles[triangle as usize]);
+            let from_it = (nearest_on(&corners, point) - point).norm();
+            if from_it < distance {
+                near.push(Near { triangle, distance: from_it });
+            }
+        });
+        near.sort_unstable_by_key(|near| near.triangle);
+        near.dedup_by_key(|near| near.triangle);
+    }
+
+    /// The face of a triangle.
+    pub fn face_of(&self, triangle: u32) -> u32 {
+        self.triangles[triangle as usize].facets[0]
+    }
+
+    /// The part of the surface to which a triangle belongs.
+    ///
+    /// # Panics
+    /// If there are no cells.
+    pub fn part_of(&self, triangle: u32) -> u32 {
+        self.behind(triangle).part
+    }
+
+    /// On which side of one of its parts a point is, by the nearest of these triangles that belong to it.
+    ///
+    /// # Panics
+    /// If there are no cells.
+    pub fn side_of(&self, part: u32, point: &Vec3, near: &[Near]) -> Front {
+        let of_part = || near.iter().filter(|near| self.part_of(near.triangle) == part);
+        let nearest = of_part().map(|near| near.distance).fold(f64::INFINITY, f64::min);
+        let limit = nearest + AS_NEAR * (nearest + self.reach);
+        // Of several, the one over which the point stands most nearly upright.
+        let mut height: f64 = 0.0;
+        for near in of_part().filter(|near| near.distance <= limit) {
+            let (normal, offset) = self.plane(near.triangle);
+            let over = (point.dot(&normal) - offset) * self.behind(near.triangle).sign;
+            if over.abs() > height.abs() {
+                height = over;
+            }
+        }
+        if height < 0.0 { Front::Back } else { Front::Front }
+    }
+
+    /// The planes of the cell behind a triangle, seen from a side: first its own, at last that of the depth.
+    ///
+    /// # Panics
+    /// If there are no cells.
+    pub fn cell(&self, triangle: u32, front: Front) -> [Plane; 5] {
+        let behind = self.behind(triangle);
+        let (normal, offset) = self.plane(triangle);
+        let sign = behind.sign * front.sign();
+        let (normal, offset) = (normal * sign, offset * sign);
+        let bottom = Plane { normal: -normal, offset: behind.depth[front.index()] - offset };
+        let [a, b, c] = behind.borders.map(|Border { out, offset }| Plane { normal: out, offset });
+        [Plane { normal, offset }, a, b, c, bottom]
+    }
+
+    /// How far the cells behind two triangles are one surface, each seen from a side: from 0 to 1.
+    ///
+    /// # Panics
+    /// If there are no cells.
+    pub fn together(&self, one: (u32, Front), other: (u32, Front)) -> f64 {
+        let triangles = [one.0, other.0];
+        let faces = triangles.map(|t| self.face_of(t));
+        if faces[0] == faces[1] {
+            return 1.0;
+        }
+        let solid = self.solid();
+        let key = (faces[0].min(faces[1]), faces[0].max(faces[1]));
+        if let Ok(place) = solid.meetings.binary_search_by_key(&key, |m| (m.0, m.1)) {
+            return solid.meetings[place].2[one.1.index()];
+        }
+        let normals = [one, other]
+            .map(|(t, front)| self.plane(t).0 * (self.behind(t).sign * front.sign()));
+        let corners = triangles.map(|t| self.corners(&self.triangles[t as usize]));
+        let over = |k: usize| {
+            let above = |corner: &Vec3| (corner - corners[k][0]).dot(&normals[k]);
+            corners[1 - k].iter().map(above).fold(f64::NEG_INFINITY, f64::max)
+        };
+        if over(0) <= solid.level && over(1) <= solid.level {
+            return 1.0;
+        }
+        let angle = angle_between(&normals[0], &normals[1]);
+        if angle >= APART {
+            return 0.0;
+        }
+        let [own, others] = triangles.map(|t| &self.triangles[t as usize].corners);
+        if own.iter().any(|k| others.contains(k)) {
+            return weight(angle);
+        }
+        let way = way_between(&corners[0], &corners[1]);
+        let distance = way.norm();
+        if distance == 0.0 {
+            return 0.0;
+        }
+        let elevation = (way.dot(&normals[0]).max(-way.dot(&normals[1])) / distance).min(1.0);
+        weight(angle.max(libm::asin(elevation)))
+    }
+
+    fn solid(&self) -> &Solid {
+        self.solid.as_ref().expect("grains with faces ask for cells first")
+    }
+
+    fn behind(&self, triangle: u32) -> &Behind {
+        &self.solid().behind[triangle as usize]
+    }
+
+    /// The plane of the face of a triangle.
+    fn plane(&self, triangle: u32) -> (Vec3, f64) {
+        let MeshFacet::Face { normal, offset } = &self.facets[self.face_of(triangle) as usize]
+        else {
+            unreachable!("a triangle has a face")
+        };
+        (*normal, *offset)
+    }
+
+    /// Where a side of a triangle begins, and the unit vector that leads out of it there, in its plane.
+    fn across(&self, triangle: u32, side: usize) -> (Vec3, Vec3) {
+        let triangle_of = &self.triangles[triangle as usize];
+        // Both triangles of an edge begin at the same end.
+        let ends = [triangle_of.corners[side], triangle_of.corners[(side + 1) % 3]];
+        let [from, to] = [ends[0].min(ends[1]), ends[0].max(ends[1])].map(|k| self.vertices[k as usize]);
+        let third = self.vertices[triangle_of.corners[(side + 2) % 3] as usize];
+        let (normal, _) = self.plane(triangle);
+        let across = normal.cross(&(to - from)).normalize();
+        (from, if (third - from).dot(&across) > 0.0 { -across } else { across })
+    }
+
+    /// The triangle beyond each side of each triangle, and which of its sides that is.
+    fn neighbours(&self) -> Result<Vec<[Option<(u32, usize)>; 3]>, NoSolid> {
+        let mut sides = Vec::with_capacity(3 * self.triangles.len());
+        for (of, triangle) in self.triangles.iter().zip(0..) {
+            for number in 0..3 {
+                let (from, to) = (of.corners[number], of.corners[(number + 1) % 3]);
+                let ends = [from.min(to), from.max(to)];
+                sides.push(TriangleSide {
+                    ends,
+                    triangle,
+                    number: number as u32,
+                    rises: from < to,
+                });
+            }
+        }
+        sides.sort_unstable();
+        let mut neighbours = vec![[None; 3]; self.triangles.len()];
+        for of in sides.chunk_by(TriangleSide::is_same) {
+            match of {
+                [_] => {}
+                [one, other] => {
+                    for (one, other) in [(one, other), (other, one)] {
+                        neighbours[one.triangle as usize][one.number as usize] =
+                            Some((other.triangle, other.number as usize));
+                    }
+                }
+                _ => return Err(NoSolid::Crowded(self.vertices[of[0].ends[0] as usize])),
+            }
+        }
+        Ok(neighbours)
+    }
+
+    /// The sign of each triangle, and the part to which it belongs.
+    fn parts(&self, neighbours: &[[Option<(u32, usize)>; 3]]) -> Result<Vec<(f64, u32)>, NoSolid> {
+        let mut found: Vec<Option<(f64, u32)>> = vec![None; self.triangles.len()];
+        let mut part = 0;
+        for first in 0..self.triangles.len() as u32 {
+            if found[first as usize].is_some() {
+                continue;
+            }
+            found[first as usize] = Some((1.0, part));
+            let mut next = vec![first];
+            while let Some(triangle) = next.pop() {
+                let sign = found[triangle as usize].map_or(1.0, |(sign, _)| sign);
+                for (k, beyond) in neighbours[triangle as usize].iter().enumerate() {
+                    let &Some((other, side)) = beyond else { continue };
+                    // Seen from the front, the way across turned a quarter about the edge is the normal, and in the next triangle that to
+                    // the other side.
+                    let turns = |t: u32, k: usize| {
+                        let (from, across) = self.across(t, k);
+                        let corners = &self.triangles[t as usize].corners;
+                        let ends = [corners[k], corners[(k + 1) % 3]].map(|k| self.vertices[k as usize]);
+                        let to = if ends[0] == from { ends[1] } else { ends[0] };
+                        self.plane(t).0.cross(&(to - from)).dot(&across).signum()
+                    };
+                    let expected = -sign * turns(triangle, k) * turns(other, side);
+                    match &mut found[other as usize] {
+                        Some((sign, _)) if *sign != expected => {
+                            return Err(NoSolid::OneSided(self.across(triangle, k).0));
+                        }
+                        Some(_) => {}
+                        of => {
+                            *of = Some((expected, part));
+                            next.push(other);
+                        }
+                    }
+                }
+            }
+            part += 1;
+        }
+        Ok(found.into_iter().flatten().collect())
+    }
+
+    /// Faces that meet in edges.
+    fn meetings(&self, neighbours: &[[Option<(u32, usize)>; 3]], solid: &Solid) -> Vec<Meeting> {
+        let mut meetings: Vec<Meeting> = Vec::new();
+        for (triangle, beyond) in (0..).zip(neighbours) {
+            for &(other, side) in beyond.iter().flatten() {
+                let (one, two) = (self.face_of(triangle), self.face_of(other));
+                if one >= two {
+                    continue;
+                }
+                let normal = self.plane(triangle).0 * solid.behind[triangle as usize].sign;
+                let turned = self.plane(other).0 * solid.behind[other as usize].sign;
+                let angle = angle_between(&normal, &turned);
+                // From the edge into the other triangle, over the front of the first.
+                let rises = -self.across(other, side).1.dot(&normal) > 0.0;
+                let concave = weight(angle);
+                meetings.push((one, two, if rises { [concave, 1.0] } else { [1.0, concave] }));
+            }
+        }
+        meetings.sort_by_key(|meeting| (meeting.0, meeting.1));
+        // Of several edges, the one that holds least together counts.
+        meetings.dedup_by(|again, first| {
+            let is_same = (again.0, again.1) == (first.0, first.1);
+            if is_same {
+                first.2 = [0, 1].map(|k| first.2[k].min(again.2[k]));
+            }
+            is_same
+        });
+        meetings
+    }
+
+    /// How deep a cell can be: half of the way to what is behind it.
+    fn depth(&self, triangle: u32, front: Front, farthest: f64) -> f64 {
+        let own = &self.triangles[triangle as usize];
+        let corners = self.corners(own);
+        let [plane, borders @ .., _] = self.cell(triangle, front);
+        let reach = Vec3::repeat(farthest);
+        let (low, high) = bounds(&corners);
+        let mut depth = farthest;
+        let mut seen = Vec::new();
+        self.grid.for_each_in(&(low - reach), &(high + reach), |other| seen.push(other));
+        seen.sort_unstable();
+        seen.dedup();
+        let mut polygon = Vec::new();
+        for other in seen {
+            let of = &self.triangles[other as usize];
+            if of.facets[0] == own.facets[0] || of.corners.iter().any(|k| own.corners.contains(k)) {
+                continue;
+            }
+            let facing = self.plane(other).0.dot(&plane.normal);
+            let is_back = if self.part_of(other) == self.part_of(triangle) {
+                facing * self.behind(other).sign * front.sign() < -BACK
+            } else {
+                facing.abs() > BACK
+            };
+            if !is_back {
+                continue;
+            }
+            polygon.clear();
+            polygon.extend(self.corners(of));
+            for border in &borders {
+                polygon = below(&polygon, border);
+            }
+            let heights = || polygon.iter().map(|p| p.dot(&plane.normal) - plane.offset);
+            // What comes through the plane is no back.
+            if heights().all(|height| height < -self.solid().level) {
+                depth = heights().fold(depth, |depth, height| depth.min(-0.5 * height));
+            }
+        }
+        depth
+    }
+}
+
+/// 1 of small angles, 0 of large ones.
+fn weight(angle: f64) -> f64 {
+    let x = ((APART - angle) / (APART - ONE)).clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}
+
+fn angle_between(one: &Vec3, other: &Vec3) -> f64 {
+    libm::atan2(one.cross(other).norm(), one.dot(other))
+}
+
+/// What of a convex polygon lies below a plane.
+fn below(polygon: &[Vec3], plane: &Plane) -> Vec<Vec3> {
+    let height = |p: &Vec3| p.dot(&plane.normal) - plane.offset;
+    let mut left = Vec::with_capacity(polygon.len() + 1);
+    for (k, p) in polygon.iter().enumerate() {
+        let q = &polygon[(k + 1) % polygon.len()];
+        let (here, there) = (height(p), height(q));
+        if here <= 0.0 {
+            left.push(*p);
+        }
+        if (here <= 0.0) != (there <= 0.0) {
+            left.push(p + (q - p) * (here / (here - there)));
+        }
+    }
+    left
+}
+
+/// The shortest way from a triangle to another that does not cross it [m].
+fn way_between(one: &[Vec3; 3], other: &[Vec3; 3]) -> Vec3 {
+    let to_corners = other.iter().map(|corner| corner - nearest_on(one, corner));
+    let from_corners = one.iter().map(|corner| nearest_on(other, corner) - corner);
+    let sides = |t: &[Vec3; 3]| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])];
+    let between = sides(one)
+        .into_iter()
+        .flat_map(|side| sides(other).map(|beyond| between_segments(side, beyond)));
+    to_corners
+        .chain(from_corners)
+        .chain(between)
+        .min_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))
+        .unwrap_or_else(Vec3::zeros)
+}
+
+/// The way between the nearest points of two lines if they lie within both segments, else that between the first ends.
+fn between_segments((a, b): (Vec3, Vec3), (c, d): (Vec3, Vec3)) -> Vec3 {
+    let (along, beyond, way) = (b - a, d - c, c - a);
+    let (aa, bb, ab) = (along.norm_squared(), beyond.norm_squared(), along.dot(&beyond));
+    let determinant = aa * bb - ab * ab;
+    let (s, t) = (
+        (way.dot(&along) * bb - way.dot(&beyond) * ab) / determinant,
+        (way.dot(&along) * ab - way.dot(&beyond) * aa) / determinant,
+    );
+    let within = |x: f64| (0.0..=1.0).contains(&x);
+    if within(s) && within(t) { way + beyond * t - along * s } else { way }
+}

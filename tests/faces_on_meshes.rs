@@ -1,0 +1,252 @@
+//! Grains with faces on walls of triangles: planes however they are cut, force and moment as the gradient of an energy, equal bits.
+
+use crate::meshes::{self, Triangles};
+use crate::overlap::{cuboid, derivative, solids};
+use crate::support::Frame;
+use dem_mpi::contact::{Posed, Thickness, thickness, thickness_on_surface};
+use dem_mpi::math::{Mat3, Vec3, rotation_about};
+use dem_mpi::random::Random;
+use dem_mpi::shape::triangle_mesh::TriangleMesh;
+use dem_mpi::shape::{HalfSpace, Shape};
+use std::sync::Arc;
+
+/// With cells for bodies of the size of [`solids`].
+fn surface(triangles: &Triangles) -> Shape {
+    let mesh = TriangleMesh::new(triangles, 0.1).expect("a surface");
+    Shape::TriangleMesh(Arc::new(mesh.with_cells(2.0).expect("two sides")))
+}
+
+/// A surface over squares, cut along either diagonal, with heights at their corners.
+fn relief(count: usize, width: f64, height: impl Fn(f64, f64) -> f64) -> Triangles {
+    ragged(count, width, 0.0, height)
+}
+
+/// The same with corners that are moved within by up to this part of a square.
+fn ragged(
+    count: usize,
+    width: f64,
+    jitter: f64,
+    height: impl Fn(f64, f64) -> f64,
+) -> Triangles {
+    let mut random = Random::of(8, 0);
+    let mut corners = Vec::new();
+    for k in 0..(count + 1) * (count + 1) {
+        let mut at = |k: usize| {
+            let off = if k == 0 || k == count { 0.0 } else { jitter * random.signed() };
+            ((k as f64 + off) / count as f64 - 0.5) * width
+        };
+        let (x, y) = (at(k % (count + 1)), at(k / (count + 1)));
+        corners.push(Vec3::new(x, y, height(x, y)));
+    }
+    let corner = |i: usize, j: usize| corners[j * (count + 1) + i];
+    let mut triangles = Vec::new();
+    for j in 0..count {
+        for i in 0..count {
+            let [a, b, c, d] =
+                [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+            triangles.extend(if random.unit() < 0.5 {
+                [[a, b, c], [a, c, d]]
+            } else {
+                [[a, b, d], [b, c, d]]
+            });
+        }
+    }
+    triangles
+}
+
+/// A ring of strips about the y axis, without ends.
+fn drum(radius: f64, strips: usize) -> Triangles {
+    let at = |k: usize, y: f64| {
+        let angle = std::f64::consts::TAU * k as f64 / strips as f64;
+        Vec3::new(radius * angle.sin(), y, -radius * angle.cos())
+    };
+    let strip = |k: usize| {
+        let next = (k + 1) % strips;
+        let [a, b, c, d] = [at(k, -3.0), at(next, -3.0), at(next, 3.0), at(k, 3.0)];
+        [[a, b, c], [a, c, d]]
+    };
+    (0..strips).flat_map(strip).collect()
+}
+
+/// A body on a surface, or on the plane below it.
+struct Lying<'a> {
+    body: &'a Shape,
+    frame: Mat3,
+    wall: Mat3,
+    scale: f64,
+    /// From the reference point of the wall [m].
+    centre: Vec3,
+}
+
+impl Lying<'_> {
+    fn on(&self, surface: &Shape) -> Vec<(u32, Thickness)> {
+        let body = Posed { scale: self.scale, ..Posed::new(self.body, &self.frame) };
+        thickness_on_surface(&body, &Posed::new(surface, &self.wall), &-self.centre)
+    }
+
+    fn on_plane(&self, plane: &Shape) -> Option<Thickness> {
+        let body = Posed { scale: self.scale, ..Posed::new(self.body, &self.frame) };
+        thickness(&body, &Posed::new(plane, &self.wall), &-self.centre)
+    }
+
+    fn energy(&self, surface: &Shape) -> f64 {
+        self.on(surface).iter().map(|(_, found)| found.energy()).sum()
+    }
+
+    fn moved(&self, by: Vec3) -> Self {
+        Self { centre: self.centre + by, ..*self }
+    }
+
+    fn turned(&self, axis: &Vec3, angle: f64) -> Self {
+        let frame = rotation_about(axis, angle).to_rotation_matrix() * self.frame;
+        Self { frame, ..*self }
+    }
+}
+
+/// Force and moment, thickness and covariance of one contact beside another, over the thickness.
+fn difference(one: &Thickness, other: &Thickness) -> f64 {
+    let all = [
+        (one.force() - other.force()).norm() / other.thickness,
+        (one.moment() - other.moment()).norm() / other.thickness,
+        (one.thickness - other.thickness).abs() / other.thickness,
+        (one.covariance - other.covariance).norm(),
+    ];
+    all.into_iter().fold(0.0, f64::max)
+}
+
+#[test]
+fn a_plane_of_triangles_is_the_plane() {
+    let plane = Shape::HalfSpace(HalfSpace { normal: Vec3::z(), offset: 0.0 });
+    let mut random = Random::of(20_261_125, 1);
+    let (mut worst, mut met) = (0.0_f64, 0);
+    for count in [1, 2, 4, 8, 16] {
+        let flat = surface(&ragged(count, 8.0, 0.24, |_, _| 0.0));
+        for body in &solids() {
+            for k in 0..120 {
+                let scale = 0.5 + random.unit();
+                // Half of them lie flat, or nearly so.
+                let frame = if k % 2 == 0 {
+                    random.frame()
+                } else {
+                    rotation_about(&Vec3::x(), 1e-3 * random.signed()).to_rotation_matrix().into_inner()
+                };
+                let wall = random.frame();
+                let mut lying = Lying { body, frame: wall * frame, wall, scale, centre: Vec3::zeros() };
+                let posed = Posed { scale, ..Posed::new(body, &lying.frame) };
+                let below = -posed.support(&-(wall * Vec3::z())).dot(&(wall * Vec3::z()));
+                let depth = posed.inscribed_radius() * libm::pow(10.0, -6.0 * random.unit()) * 0.4;
+                // As from a side of the plane that is seen from the front: the body is above it.
+                let place = Vec3::new(random.signed(), random.signed(), below - depth);
+                lying.centre = wall * place;
+                let expected = lying.on_plane(&plane).expect("they touch");
+                let found = lying.on(&flat);
+                assert_eq!(found.len(), 1, "{count} {k}");
+                // Where hardly anything is shared, its place is known to rounding of the size.
+                let thin = (expected.thickness / (1e-3 * scale)).min(1.0);
+                worst = worst.max(difference(&found[0].1, &expected) * thin);
+                met += 1;
+            }
+        }
+    }
+    assert_eq!(met, 3600);
+    println!("worst {worst:.1e}");
+    assert!(worst < 1e-12, "{worst:e}");
+}
+
+/// Surfaces with edges and corners of all kinds, where their middle is, and how much of them may be met.
+fn surfaces() -> Vec<(&'static str, Triangles)> {
+    let slope = |degrees: f64| libm::tan(degrees.to_radians());
+    let (steep, gentle) = (slope(30.0), slope(15.0));
+    let wave = |x: f64| libm::cos(1.3 * x);
+    vec![
+        ("valley of 120 degrees", relief(8, 8.0, |x, _| steep * x.abs())),
+        ("valley of 150 degrees", relief(8, 8.0, |x, _| gentle * x.abs())),
+        ("ridge of 120 degrees", relief(8, 8.0, |x, _| -steep * x.abs())),
+        ("sharp ridge", relief(8, 8.0, |x, _| -3.0 * x.abs())),
+        ("pit", relief(8, 8.0, |x, y| steep * x.abs().max(y.abs()))),
+        ("tip", relief(8, 8.0, |x, y| -steep * x.abs().max(y.abs()))),
+        ("bumps", relief(16, 8.0, |x, y| 0.2 * wave(x) * wave(y))),
+        ("saddle", relief(16, 8.0, |x, y| 0.1 * (x * x - y * y))),
+        ("steps", relief(8, 8.0, |x, _| if x > 0.5 { 0.15 } else { 0.0 })),
+        ("drum", drum(3.0, 24)),
+        ("box", meshes::cuboid(Vec3::new(-2.0, -2.0, -2.0), Vec3::new(0.6, 0.7, 0.5))),
+    ]
+}
+
+/// Lowers a body onto a surface, until it shares so much with it.
+fn lowered<'a>(
+    body: &'a Shape,
+    surface: &Shape,
+    random: &mut Random,
+    depth: f64,
+) -> Option<Lying<'a>> {
+    let frame = random.frame();
+    let (x, y) = (1.2 * random.signed(), 1.2 * random.signed());
+    let lying = Lying { body, frame, wall: Mat3::identity(), scale: 1.0, centre: Vec3::new(x, y, 0.0) };
+    let at = |z: f64| lying.moved(Vec3::z() * z);
+    let deepest = |z: f64| {
+        at(z).on(surface).iter().map(|(_, found)| found.thickness).fold(0.0, f64::max)
+    };
+    // From above, in steps that are small beside what is shared.
+    let mut z = 3.0;
+    while z > -4.0 && deepest(z) < depth {
+        z -= 0.4 * depth;
+    }
+    (z > -4.0).then(|| at(z))
+}
+
+#[test]
+fn force_and_moment_are_the_gradient_of_the_energy() {
+    let mut random = Random::of(20_261_125, 2);
+    let mut report = Vec::new();
+    for (name, triangles) in surfaces() {
+        let surface = surface(&triangles);
+        let (mut worst, mut met, mut several) = (0.0_f64, 0, 0);
+        for body in &solids() {
+            let size = Posed::new(body, &Mat3::identity()).inscribed_radius();
+            for _ in 0..40 {
+                let depth = size * libm::pow(10.0, -1.5 * random.unit()) * 0.4;
+                let Some(lying) = lowered(body, &surface, &mut random, depth) else { continue };
+                let found = lying.on(&surface);
+                let force: Vec3 = found.iter().map(|(_, found)| found.force()).sum();
+                let moment: Vec3 = found.iter().map(|(_, found)| found.moment()).sum();
+                let thickness = found.iter().map(|(_, f)| f.thickness).fold(0.0, f64::max);
+                let step = 1e-4 * thickness;
+                for k in 0..3 {
+                    let axis = Vec3::ith(k, 1.0);
+                    let along = derivative(|h| lying.moved(axis * h).energy(&surface), step);
+                    let about = derivative(|h| lying.turned(&axis, h).energy(&surface), step);
+                    let error = (along - force[k]).abs().max((about - moment[k]).abs()) / thickness;
+                    worst = worst.max(error);
+                }
+                met += 1;
+                several += usize::from(found.len() > 1);
+            }
+        }
+        println!("{name}: {met} poses, {several} of several contacts, worst {worst:.1e}");
+        report.push((name, met, worst));
+    }
+    for (name, met, worst) in report {
+        assert!(met > 100, "{name}: only {met}");
+        assert!(worst < 1e-5, "{name}: {worst:e}");
+    }
+}
+
+/// A box over the edge of a plate is held by the plate alone, and by both of its sides not at once.
+#[test]
+fn a_block_hangs_over_the_edge_of_a_box() {
+    let table = surface(&meshes::cuboid(Vec3::new(-4.0, -4.0, -4.0), Vec3::new(0.0, 4.0, 0.0)));
+    let block = cuboid(Vec3::new(1.0, 1.0, 1.0));
+    // Three quarters of its face on the table: the middle of that is a quarter... of an edge inwards.
+    let lying = Lying {
+        body: &block,
+        frame: Mat3::identity(),
+        wall: Mat3::identity(),
+        scale: 1.0,
+        centre: Vec3::new(-0.25, 0.0, 0.5 - 1e-3),
+    };
+    let found = lying.on(&table);
+    assert_eq!(found.len(), 1);
+    let (force, moment) = (found[0].1.force(), found[0].1.moment());
+    println!("{force} {moment} {:?}", found[0].1);
+}
