@@ -82,7 +82,7 @@ pub(crate) fn write_obj(triangles: &Triangles, path: &Path) {
 }
 
 /// One particle of a shape and a wall.
-fn alone(shape: &str, wall: &str, gravity: Vec3, friction: f64) -> String {
+pub(crate) fn alone(shape: &str, wall: &str, gravity: Vec3, friction: f64) -> String {
     format!(
         r#"
 gravity = [{:?}, {:?}, {:?}]
@@ -116,10 +116,11 @@ directory = "out"
 
 const BALL: &str = "kind = \"sphere\"\nradius = 0.01";
 const EGG: &str = "kind = \"ellipsoid\"\nsemi_axes = [0.012, 0.009, 0.007]";
+pub(crate) const BRICK: &str = "kind = \"polyhedron\"\nedges = [0.02, 0.016, 0.012]";
 const BLUNT: &str =
     "kind = \"superellipsoid\"\nsemi_axes = [0.011, 0.009, 0.008]\nexponents = [0.7, 0.8]";
 
-fn at(position: Vec3, velocity: Vec3) -> Particle {
+pub(crate) fn at(position: Vec3, velocity: Vec3) -> Particle {
     Particle { velocity, ..Particle::at_rest(GlobalId(0), ShapeId(0), position) }
 }
 
@@ -344,7 +345,9 @@ fn energy_is_kept_over_edges_and_corners() {
     let file = folder.path().join("box.obj");
     write_obj(&cuboid(Vec3::repeat(-0.03), Vec3::repeat(0.03)), &file);
     let wall = format!("mesh = {file:?}");
-    for (shape, friction) in [(BALL, 0.0), (EGG, 0.0), (BALL, 0.5), (EGG, 0.5)] {
+    for (shape, friction) in
+        [(BALL, 0.0), (EGG, 0.0), (BRICK, 0.0), (BALL, 0.5), (EGG, 0.5), (BRICK, 0.5)]
+    {
         let missing = |dt: f64| {
             let mut worst: f64 = 0.0;
             let mut touched = 0;

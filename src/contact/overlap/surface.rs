@@ -33,6 +33,7 @@ use crate::shape::clip::Clipped;
 use crate::shape::facets::Plane;
 use crate::shape::triangle_mesh::{Front, MeshFacet, Near, TriangleMesh};
 use std::cell::RefCell;
+use std::ops::Range;
 
 /// Resolves a body with faces (A) against a facet of a surface of triangles (B), which must have cells
 /// ([`TriangleMesh::with_cells`]). The relative position runs from the centre of A to the reference point of the wall.
@@ -55,6 +56,7 @@ struct Scratch {
     cells: Vec<Cell>,
     /// Room for cells, kept from one body to the next.
     spare: Vec<Clipped>,
+    members: Vec<Member>,
     weights: Vec<f64>,
     found: Vec<Shared>,
 }
@@ -67,7 +69,12 @@ struct Cell {
     shared: Clipped,
     /// The area that lies in the plane of the triangle, along its normal [m²].
     area: Vec3,
-    /// The lowest cell with which it is one to any part.
+}
+
+/// Cells of a face that are one.
+struct Member {
+    cells: Range<usize>,
+    /// The lowest with which it is one to any part.
     group: usize,
     moments: Moments,
 }
@@ -195,8 +202,8 @@ impl Scratch {
         self.spare.extend(self.cells.drain(..).map(|cell| cell.shared));
         self.find_cells(seen);
         self.group(seen.mesh);
-        for first in 0..self.cells.len() {
-            if self.cells[first].group == first {
+        for first in 0..self.members.len() {
+            if self.members[first].group == first {
                 let found = self.measure(first, seen);
                 self.found.extend(found);
             }
@@ -270,29 +277,59 @@ impl Scratch {
                 front,
                 shared,
                 area,
-                group: cells.len(),
-                moments: Moments::none(),
             });
         }
     }
 
-    /// Finds which cells are one to any part.
+    /// Joins the cells of a face, where they are one with all others to the same part, and finds what is one to any part.
     fn group(&mut self, mesh: &TriangleMesh) {
-        let Self { cells, weights, .. } = self;
-        let count = cells.len();
+        let Self { cells, members, weights, .. } = self;
+        cells.sort_unstable_by_key(|cell| (cell.face, cell.triangle));
+        let mut faces: Vec<Range<usize>> = Vec::new();
+        for k in 0..cells.len() {
+            match faces.last_mut() {
+                Some(face) if cells[face.start].face == cells[k].face => face.end = k + 1,
+                _ => faces.push(k..k + 1),
+            }
+        }
+        let together = |i: usize, j: usize| {
+            let of = |k: usize| (cells[k].triangle, cells[k].front);
+            mesh.together(of(i), of(j))
+        };
+        let mut is_split = vec![false; faces.len()];
+        for (a, one) in faces.iter().enumerate() {
+            for (b, other) in faces[..a].iter().enumerate() {
+                let first = together(one.start, other.start);
+                let meet = mesh.do_meet(cells[one.start].face, cells[other.start].face);
+                let differs =
+                    |i: usize| other.clone().any(|j| together(i, j).to_bits() != first.to_bits());
+                if !meet && one.clone().any(differs) {
+                    (is_split[a], is_split[b]) = (true, true);
+                }
+            }
+        }
+        members.clear();
+        for (face, is_split) in faces.into_iter().zip(is_split) {
+            let own = |cells| Member { cells, group: 0, moments: Moments::none() };
+            if is_split {
+                members.extend(face.map(|k| own(k..k + 1)));
+            } else {
+                members.push(own(face));
+            }
+        }
+        let count = members.len();
         weights.clear();
-        weights.resize(count * count, 0.0);
+        weights.resize(count * count, 1.0);
         for i in 0..count {
-            weights[i * count + i] = 1.0;
+            members[i].group = i;
             for j in 0..i {
-                let (one, other) = (&cells[i], &cells[j]);
-                let together = mesh.together((one.triangle, one.front), (other.triangle, other.front));
+                let together = together(members[i].cells.start, members[j].cells.start);
                 weights[i * count + j] = together;
                 weights[j * count + i] = together;
                 if together > 0.0 {
-                    let (one, other) = (cells[i].group, cells[j].group);
+                    let (one, other) = (members[i].group, members[j].group);
                     let (low, high) = (one.min(other), one.max(other));
-                    cells.iter_mut().filter(|c| c.group == high).for_each(|c| c.group = low);
+                    members.iter_mut().filter(|m| m.group == high).for_each(|m| m.group = low);
                 }
             }
         }
@@ -300,43 +337,44 @@ impl Scratch {
 
     /// Thickness of what is shared with the cells of a group, and its gradient.
     fn measure(&mut self, group: usize, seen: &Seen) -> Option<Shared> {
-        let Self { cells, weights, .. } = self;
-        let count = cells.len();
+        let Self { cells, members, weights, .. } = self;
+        let count = members.len();
         let weight = |i: usize, j: usize| weights[i * count + j];
-        let members: Vec<usize> = (group..count).filter(|&k| cells[k].group == group).collect();
-        let area: Vec3 = members.iter().map(|&k| cells[k].area).sum();
+        let of_group: Vec<usize> = (group..count).filter(|&k| members[k].group == group).collect();
+        let cells_of = |k: usize| &cells[members[k].cells.clone()];
+        let area: Vec3 = of_group.iter().flat_map(|&k| cells_of(k)).map(|cell| cell.area).sum();
+        let first = &cells[members[group].cells.start];
         let upright = if area == Vec3::zeros() {
-            let cell = &cells[group];
-            seen.place(&seen.mesh.cell(cell.triangle, cell.front)[0]).normal
+            seen.place(&seen.mesh.cell(first.triangle, first.front)[0]).normal
         } else {
             area.normalize()
         };
         let across = upright.cross(&Vec3::ith(upright.iamin(), 1.0)).normalize();
         let axes = Mat3::from_columns(&[across, upright.cross(&across), upright]);
-        let first = &cells[group].shared;
-        let origin = first.vertices()[*first.left().first()? as usize];
+        let origin = first.shared.vertices()[*first.shared.left().first()? as usize];
 
         let mut all = Moments::none();
-        for &k in &members {
-            let moments = Moments::of(&cells[k].shared, &axes, &origin);
-            cells[k].moments = moments;
+        for &k in &of_group {
+            let mut moments = Moments::none();
+            for cell in &cells[members[k].cells.clone()] {
+                moments.add(&Moments::of(&cell.shared, &axes, &origin), 1.0);
+            }
             all.add(&moments, 1.0);
+            members[k].moments = moments;
         }
-        let members: Vec<usize> =
-            members.into_iter().filter(|&k| cells[k].moments.volume > 0.0).collect();
+        let of_group: Vec<usize> =
+            of_group.into_iter().filter(|&k| members[k].moments.volume > 0.0).collect();
         let (middle, covariance) = all.centroid_and_covariance()?;
 
-        let of_one: Vec<OfOne> = members
-            .iter()
-            .map(|&i| {
-                let mut sum = Moments::none();
-                members.iter().for_each(|&j| sum.add(&cells[j].moments, weight(i, j)));
-                OfOne::of(&sum)
-            })
-            .collect();
+        let of_one = |&i: &usize| {
+            let mut sum = Moments::none();
+            of_group.iter().for_each(|&j| sum.add(&members[j].moments, weight(i, j)));
+            OfOne::of(&sum)
+        };
+        let of_one: Vec<OfOne> = of_group.iter().map(of_one).collect();
         let mut square = 0.0;
-        for (&i, one) in members.iter().zip(&of_one) {
-            square += 12.0 * (cells[i].moments.volume / one.weight) * one.s;
+        for (&i, one) in of_group.iter().zip(&of_one) {
+            square += 12.0 * (members[i].moments.volume / one.weight) * one.s;
         }
         let thickness = square.sqrt();
         let is_thick = thickness > THIN * seen.a.shape.bounding_radius();
@@ -345,23 +383,23 @@ impl Scratch {
         }
 
         let (mut force, mut moment, mut reach) = (Vec3::zeros(), Vec3::zeros(), 0.0_f64);
-        for (&j, own) in members.iter().zip(&of_one) {
+        for (&j, own) in of_group.iter().zip(&of_one) {
             let mut pressure =
                 Pressure { a: Mat3::zeros(), b: Vec3::zeros(), e: own.s / own.weight };
-            for (&i, one) in members.iter().zip(&of_one) {
-                let part =
-                    weight(i, j) * cells[i].moments.volume / (one.weight * one.weight);
+            for (&i, one) in of_group.iter().zip(&of_one) {
+                let part = weight(i, j) * members[i].moments.volume / (one.weight * one.weight);
                 pressure.add(one, part, &middle);
             }
-            let shared = &cells[j].shared;
-            let place = |k: usize| axes.tr_mul(&(shared.vertices()[k] - origin)) - middle;
-            for face in shared.faces().filter(|face| !face.is_cut) {
-                for corners in fan(face.corners) {
-                    let corners = corners.map(place);
-                    reach = corners.iter().map(Vec3::norm).fold(reach, f64::max);
-                    let (f, m) = pressure.on(&corners);
-                    force += f;
-                    moment += m;
+            for Cell { shared, .. } in &cells[members[j].cells.clone()] {
+                let place = |k: usize| axes.tr_mul(&(shared.vertices()[k] - origin)) - middle;
+                for face in shared.faces().filter(|face| !face.is_cut) {
+                    for corners in fan(face.corners) {
+                        let corners = corners.map(place);
+                        reach = corners.iter().map(Vec3::norm).fold(reach, f64::max);
+                        let (f, m) = pressure.on(&corners);
+                        force += f;
+                        moment += m;
+                    }
                 }
             }
         }
@@ -383,7 +421,7 @@ impl Scratch {
             covariance,
         };
         let placed = found.placed(1.0, &axes);
-        let face = members.iter().map(|&k| cells[k].face).min()?;
+        let face = of_group.iter().map(|&k| cells[members[k].cells.start].face).min()?;
         let thickness = Thickness {
             point: placed.point + origin,
             centroid: placed.centroid + origin,

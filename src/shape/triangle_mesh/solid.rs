@@ -91,6 +91,14 @@ pub(super) struct Solid {
     level: f64,
 }
 
+impl Solid {
+    fn meeting(&self, one: u32, other: u32) -> Option<&Meeting> {
+        let key = (one.min(other), one.max(other));
+        let place = self.meetings.binary_search_by_key(&key, |m| (m.0, m.1)).ok()?;
+        Some(&self.meetings[place])
+    }
+}
+
 /// A side of a surface: its front, or its back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Front {
@@ -246,9 +254,8 @@ impl TriangleMesh {
             return 1.0;
         }
         let solid = self.solid();
-        let key = (faces[0].min(faces[1]), faces[0].max(faces[1]));
-        if let Ok(place) = solid.meetings.binary_search_by_key(&key, |m| (m.0, m.1)) {
-            return solid.meetings[place].2[one.1.index()];
+        if let Some((.., weights)) = solid.meeting(faces[0], faces[1]) {
+            return weights[one.1.index()];
         }
         let normals = [one, other]
             .map(|(t, front)| self.plane(t).0 * (self.behind(t).sign * front.sign()));
@@ -275,6 +282,14 @@ impl TriangleMesh {
         }
         let elevation = (way.dot(&normals[0]).max(-way.dot(&normals[1])) / distance).min(1.0);
         weight(angle.max(libm::asin(elevation)))
+    }
+
+    /// Do two faces meet in an edge? Then all of their cells are one to the same part.
+    ///
+    /// # Panics
+    /// If there are no cells.
+    pub fn do_meet(&self, one: u32, other: u32) -> bool {
+        self.solid().meeting(one, other).is_some()
     }
 
     fn solid(&self) -> &Solid {
