@@ -23,12 +23,7 @@ fn relief(count: usize, width: f64, height: impl Fn(f64, f64) -> f64) -> Triangl
 }
 
 /// The same with corners that are moved within by up to this part of a square.
-fn ragged(
-    count: usize,
-    width: f64,
-    jitter: f64,
-    height: impl Fn(f64, f64) -> f64,
-) -> Triangles {
+fn ragged(count: usize, width: f64, jitter: f64, height: impl Fn(f64, f64) -> f64) -> Triangles {
     let mut random = Random::of(8, 0);
     let mut corners = Vec::new();
     for k in 0..(count + 1) * (count + 1) {
@@ -129,10 +124,13 @@ fn a_plane_of_triangles_is_the_plane() {
                 let frame = if k % 2 == 0 {
                     random.frame()
                 } else {
-                    rotation_about(&Vec3::x(), 1e-3 * random.signed()).to_rotation_matrix().into_inner()
+                    rotation_about(&Vec3::x(), 1e-3 * random.signed())
+                        .to_rotation_matrix()
+                        .into_inner()
                 };
                 let wall = random.frame();
-                let mut lying = Lying { body, frame: wall * frame, wall, scale, centre: Vec3::zeros() };
+                let mut lying =
+                    Lying { body, frame: wall * frame, wall, scale, centre: Vec3::zeros() };
                 let posed = Posed { scale, ..Posed::new(body, &lying.frame) };
                 let below = -posed.support(&-(wall * Vec3::z())).dot(&(wall * Vec3::z()));
                 let depth = posed.inscribed_radius() * libm::pow(10.0, -6.0 * random.unit()) * 0.4;
@@ -183,11 +181,11 @@ fn lowered<'a>(
 ) -> Option<Lying<'a>> {
     let frame = random.frame();
     let (x, y) = (1.2 * random.signed(), 1.2 * random.signed());
-    let lying = Lying { body, frame, wall: Mat3::identity(), scale: 1.0, centre: Vec3::new(x, y, 0.0) };
+    let lying =
+        Lying { body, frame, wall: Mat3::identity(), scale: 1.0, centre: Vec3::new(x, y, 0.0) };
     let at = |z: f64| lying.moved(Vec3::z() * z);
-    let deepest = |z: f64| {
-        at(z).on(surface).iter().map(|(_, found)| found.thickness).fold(0.0, f64::max)
-    };
+    let deepest =
+        |z: f64| at(z).on(surface).iter().map(|(_, found)| found.thickness).fold(0.0, f64::max);
     // From above, in steps that are small beside what is shared.
     let mut z = 3.0;
     while z > -4.0 && deepest(z) < depth {
@@ -280,7 +278,12 @@ fn a_brick_does_not_feel_the_edges_of_a_plane() {
         touching += p.sim.contacts.len();
     }
     let way = benches[0].sim.particles.position[0] - turned.position;
-    println!("{touching} touches on {:.3} m, force off by {:e}, place by {:e} m", way.norm(), off[0] / largest, off[1]);
+    println!(
+        "{touching} touches on {:.3} m, force off by {:e}, place by {:e} m",
+        way.norm(),
+        off[0] / largest,
+        off[1]
+    );
     assert!(touching > 2000 && way.norm() > 0.02);
     // Rounding grows in impacts on corners.
     assert!(off[0] < 1e-9 * largest && off[1] < 1e-9 * 0.01, "{off:?}");
@@ -294,7 +297,10 @@ fn a_drum_of_bricks_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
     assert_eq!(text.matches(ball).count(), 2);
     let text = text
         .replacen(ball, "kind = \"polyhedron\"\nedges = [3e-3, 2.4e-3, 2e-3]", 1)
-        .replace(ball, "kind = \"rounded-polyhedron\"\nradius = 3e-4\nedges = [2.4e-3, 2e-3, 1.6e-3]")
+        .replace(
+            ball,
+            "kind = \"rounded-polyhedron\"\nradius = 3e-4\nedges = [2.4e-3, 2e-3, 1.6e-3]",
+        )
         .replace("spacing = 3.1e-3", "spacing = 4.6e-3")
         .replace("-9.81", "-98.1")
         .replace("\"drum.obj\"", "\"run/drum/drum.obj\"");

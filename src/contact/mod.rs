@@ -8,7 +8,7 @@
 //! all such segments, where edges or faces touch along more than a point).
 //! All geometry works on `r`, never on positions: a pair 10⁶ sizes from the origin loses nothing.
 //!
-//! Two bodies with faces, and one on a plane, have another definition unless a method is asked for by name: the thickness of
+//! Two bodies with faces, and one on a plane or on triangles, have another definition unless a method is asked for by name: the thickness of
 //! what they share stands for the overlap, its gradient for the normal, and a [`Patch`] goes with each contact
 //! ([`thickness`]).
 //!
@@ -97,7 +97,8 @@ pub struct Patch {
 
 impl Patch {
     /// That of a contact in one point.
-    pub const POINT: Self = Self { gain: 1.0, lever: Vec3::new(0.0, 0.0, 0.0), covariance: [0.0; 6] };
+    pub const POINT: Self =
+        Self { gain: 1.0, lever: Vec3::new(0.0, 0.0, 0.0), covariance: [0.0; 6] };
 
     /// The covariance times a vector.
     pub fn times(&self, v: &Vec3) -> Vec3 {

@@ -322,7 +322,8 @@ impl<'a> Walls<'a> {
         let all = || library.names.iter().zip(&library.shapes);
         let named = |is: fn(Kind) -> bool| {
             let of = all().filter(|(_, shape)| is(shape.kind()));
-            of.map(|(name, shape)| format!("`{name}` ({})", shape.kind().name())).collect::<Vec<_>>()
+            of.map(|(name, shape)| format!("`{name}` ({})", shape.kind().name()))
+                .collect::<Vec<_>>()
         };
         let (faces, sides) = (named(Kind::has_faces), named(Kind::has_side));
         // How far a grain with faces can reach.
@@ -365,7 +366,10 @@ impl<'a> Walls<'a> {
             }
             let wall = self.all.get_mut(planned).and_then(Option::as_mut);
             if let Some(Err(error)) = wall.map(|planned| planned.wall.with_cells(farthest)) {
-                given.fail(format!("{error}; grains with faces ({}) need a surface with two sides", faces.join(", ")));
+                given.fail(format!(
+                    "{error}; grains with faces ({}) need a surface with two sides",
+                    faces.join(", ")
+                ));
             }
         }
     }

@@ -14,6 +14,8 @@
 //! A cylinder or a cone has *strips* and no other facets. Each lies between two straight lines of the surface, and faces in all
 //! directions between the normals there. Strips are exact: their triangles only say where to look, and are what pictures have.
 //!
+//! Grains with faces ask for what lies behind the triangles ([`TriangleMesh::with_cells`]) and have no contacts with edges and corners.
+//!
 //! Facets are numbered: first faces, then edges, then corners. They are found through a grid of cells in the axes of the wall.
 
 mod solid;
@@ -22,8 +24,8 @@ pub use solid::{Front, Near, NoSolid};
 
 use super::Convex;
 use crate::math::Vec3;
-use solid::Solid;
 use serde::{Deserialize, Serialize};
+use solid::Solid;
 
 /// Points this near to a plane, over the size of the surface, lie in it.
 const COPLANAR: f64 = 1e-11;

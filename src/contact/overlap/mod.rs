@@ -3,7 +3,7 @@
 //! A polyhedron on a face has no single contact point and no smooth depth: the deepest point jumps from corner to corner
 //! when the face tilts, and a force that depends on one depth gives energy, or lets a block at rest creep. Here the
 //! polyhedron that both bodies share is found exactly ([`crate::shape::clip`]), and the energy of the contact is that
-//! of a spring which is compressed by its thickness ([`faces`]). A spherocylinder has the same fault along its straight side, and
+//! of a spring which is compressed by its thickness ([`faces`]), and so it is with the space behind the triangles of a wall ([`surface`]). A spherocylinder has the same fault along its straight side, and
 //! gets the thickness of a line ([`sides`]).
 
 mod faces;

@@ -271,13 +271,7 @@ impl Scratch {
                     area += (vertices[b] - vertices[a]).cross(&(vertices[c] - vertices[a])) * 0.5;
                 }
             }
-            cells.push(Cell {
-                triangle,
-                face: mesh.face_of(triangle),
-                front,
-                shared,
-                area,
-            });
+            cells.push(Cell { triangle, face: mesh.face_of(triangle), front, shared, area });
         }
     }
 
@@ -368,7 +362,9 @@ impl Scratch {
 
         let of_one = |&i: &usize| {
             let mut sum = Moments::none();
-            of_group.iter().for_each(|&j| sum.add(&members[j].moments, weight(i, j)));
+            for &j in &of_group {
+                sum.add(&members[j].moments, weight(i, j));
+            }
             OfOne::of(&sum)
         };
         let of_one: Vec<OfOne> = of_group.iter().map(of_one).collect();
@@ -407,7 +403,8 @@ impl Scratch {
         let length = force.norm();
         let normal = if length > 0.0 { force / length } else { Vec3::z() };
         // The axis of a force that hardly is one lies far away.
-        let lever = if length > 0.0 { force.cross(&moment) / (length * length) } else { Vec3::zeros() };
+        let lever =
+            if length > 0.0 { force.cross(&moment) / (length * length) } else { Vec3::zeros() };
         let far = lever.norm() / (FAR * reach);
         let lever = if far > 1.0 { lever / far } else { lever };
         let rest = moment - lever.cross(&force);
@@ -489,7 +486,8 @@ impl Moments {
 
 impl OfOne {
     fn of(sum: &Moments) -> Self {
-        let nothing = Self { weight: sum.volume, s: 0.0, k: Mat3::zeros(), centroid: Vec3::zeros() };
+        let nothing =
+            Self { weight: sum.volume, s: 0.0, k: Mat3::zeros(), centroid: Vec3::zeros() };
         let Some((centroid, covariance)) = sum.centroid_and_covariance() else { return nothing };
         let cofactors = cofactors(&covariance);
         let trace = cofactors.trace();

@@ -81,6 +81,9 @@ struct Behind {
 /// Faces that meet, with their weights seen from the front and from the back.
 type Meeting = (u32, u32, [f64; 2]);
 
+/// The triangle beyond each side of one, and which of its sides that is.
+type Beyond = [Option<(u32, usize)>; 3];
+
 /// What is behind all triangles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Solid {
@@ -257,8 +260,8 @@ impl TriangleMesh {
         if let Some((.., weights)) = solid.meeting(faces[0], faces[1]) {
             return weights[one.1.index()];
         }
-        let normals = [one, other]
-            .map(|(t, front)| self.plane(t).0 * (self.behind(t).sign * front.sign()));
+        let normals =
+            [one, other].map(|(t, front)| self.plane(t).0 * (self.behind(t).sign * front.sign()));
         let corners = triangles.map(|t| self.corners(&self.triangles[t as usize]));
         let over = |k: usize| {
             let above = |corner: &Vec3| (corner - corners[k][0]).dot(&normals[k]);
@@ -314,7 +317,8 @@ impl TriangleMesh {
         let triangle_of = &self.triangles[triangle as usize];
         // Both triangles of an edge begin at the same end.
         let ends = [triangle_of.corners[side], triangle_of.corners[(side + 1) % 3]];
-        let [from, to] = [ends[0].min(ends[1]), ends[0].max(ends[1])].map(|k| self.vertices[k as usize]);
+        let [from, to] =
+            [ends[0].min(ends[1]), ends[0].max(ends[1])].map(|k| self.vertices[k as usize]);
         let third = self.vertices[triangle_of.corners[(side + 2) % 3] as usize];
         let (normal, _) = self.plane(triangle);
         let across = normal.cross(&(to - from)).normalize();
@@ -322,7 +326,7 @@ impl TriangleMesh {
     }
 
     /// The triangle beyond each side of each triangle, and which of its sides that is.
-    fn neighbours(&self) -> Result<Vec<[Option<(u32, usize)>; 3]>, NoSolid> {
+    fn neighbours(&self) -> Result<Vec<Beyond>, NoSolid> {
         let mut sides = Vec::with_capacity(3 * self.triangles.len());
         for (of, triangle) in self.triangles.iter().zip(0..) {
             for number in 0..3 {
@@ -354,7 +358,7 @@ impl TriangleMesh {
     }
 
     /// The sign of each triangle, and the part to which it belongs.
-    fn parts(&self, neighbours: &[[Option<(u32, usize)>; 3]]) -> Result<Vec<(f64, u32)>, NoSolid> {
+    fn parts(&self, neighbours: &[Beyond]) -> Result<Vec<(f64, u32)>, NoSolid> {
         let mut found: Vec<Option<(f64, u32)>> = vec![None; self.triangles.len()];
         let mut part = 0;
         for first in 0..self.triangles.len() as u32 {
@@ -372,7 +376,8 @@ impl TriangleMesh {
                     let turns = |t: u32, k: usize| {
                         let (from, across) = self.across(t, k);
                         let corners = &self.triangles[t as usize].corners;
-                        let ends = [corners[k], corners[(k + 1) % 3]].map(|k| self.vertices[k as usize]);
+                        let ends =
+                            [corners[k], corners[(k + 1) % 3]].map(|k| self.vertices[k as usize]);
                         let to = if ends[0] == from { ends[1] } else { ends[0] };
                         self.plane(t).0.cross(&(to - from)).dot(&across).signum()
                     };
@@ -395,7 +400,7 @@ impl TriangleMesh {
     }
 
     /// Faces that meet in edges.
-    fn meetings(&self, neighbours: &[[Option<(u32, usize)>; 3]], solid: &Solid) -> Vec<Meeting> {
+    fn meetings(&self, neighbours: &[Beyond], solid: &Solid) -> Vec<Meeting> {
         let mut meetings: Vec<Meeting> = Vec::new();
         for (triangle, beyond) in (0..).zip(neighbours) {
             for &(other, side) in beyond.iter().flatten() {
