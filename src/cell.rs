@@ -117,6 +117,24 @@ impl Cell {
         place - ((place - other) / self.period[axis]).round() * self.period[axis]
     }
 
+    /// A place in the box, and where it is after a way of at most so much [m] through periods, in the same order on every rank.
+    pub fn places_within(&self, place: &Vec3, way: f64) -> Vec<Vec3> {
+        let mut places = vec![*place];
+        for axis in (0..3).filter(|&axis| self.periodic[axis]) {
+            for (is_near, shift) in [
+                (place[axis] - self.low[axis] <= way, self.period[axis]),
+                (self.high[axis] - place[axis] <= way, -self.period[axis]),
+            ] {
+                let shifted = |place: &Vec3| place + Vec3::ith(axis, shift);
+                if is_near {
+                    let beyond: Vec<Vec3> = places.iter().map(shifted).collect();
+                    places.extend(beyond);
+                }
+            }
+        }
+        places
+    }
+
     /// Takes note that the pairs are listed now.
     pub fn note_listing(&mut self) {
         if let Some(Sliding { shear, listed, .. }) = &mut self.sheared {

@@ -21,6 +21,7 @@ mod laws;
 mod layers;
 mod made_up;
 mod meshes;
+mod meshes_in_periods;
 mod motion;
 mod other_codes;
 mod overlap;

@@ -501,10 +501,13 @@ pub struct Bodies<'a> {
 }
 
 impl Bodies<'_> {
-    /// From the centre of A to the nearest image of the centre of B [m].
+    /// From the centre of A to the nearest image of the centre of B [m]. Walls have no images: a surface that goes through a period
+    /// brings them along.
     #[inline]
     pub fn relative(&self, pair: Pair) -> Vec3 {
-        self.cell.nearest(self.position[pair.b.index()] - self.position[pair.a.index()])
+        let way = self.position[pair.b.index()] - self.position[pair.a.index()];
+        let is_wall = pair.b.index() >= self.shape.len() - self.facets.len();
+        if is_wall { way } else { self.cell.nearest(way) }
     }
 
     /// The shape of a body.

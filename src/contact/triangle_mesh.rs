@@ -81,6 +81,7 @@ impl ContactResolver for AgainstTriangleMesh {
                 normal: b.frame * normal,
                 point: b.frame * point,
             }),
+            Outcome::Apart(_) if mesh.has_images() => ELSEWHERE,
             outcome => outcome,
         }
     }

@@ -32,6 +32,9 @@ impl<'a> OnMesh<'a> {
 /// The cosine of half of a right angle.
 const HALF_OF_RIGHT: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
+/// The cosine of an angle that is rounding.
+const ALIKE: f64 = 1.0 - 1e-12;
+
 /// Has the grain of a pair faces?
 fn has_faces(pair: Pair, particles: &Particles) -> bool {
     particles.bodies().shape_of(pair.a).kind().has_faces()
@@ -100,7 +103,8 @@ pub(super) fn pass_on(
             let is_same = if has_faces(pair, particles) {
                 nearness > HALF_OF_RIGHT
             } else {
-                nearness > 0.0 && on.mesh.adjoin(on.facet, was.facet)
+                // A grain that comes through a period goes on with the image of its facet.
+                nearness > ALIKE || nearness > 0.0 && on.mesh.adjoin(on.facet, was.facet)
             };
             is_same.then_some(nearness)
         };

@@ -98,6 +98,15 @@ impl<'a> Motions<'a> {
         }
     }
 
+    /// Looks at each direction along which a wall moves.
+    pub(super) fn ways_along(&self, name: &str, look: impl Fn(&Given, &Vec3)) {
+        for (given, motion) in self.of(name) {
+            if let Kind::Along(along) = &motion.kind {
+                look(given, along);
+            }
+        }
+    }
+
     /// Along what direction a wall moves freely, with what mass [kg] and under what force along it [N], if it does.
     pub(super) fn free(&self, name: &str) -> Option<(Vec3, f64, f64)> {
         self.of(name).find_map(|(_, motion)| match (motion.kind, &motion.how) {

@@ -84,6 +84,10 @@ impl<'a> Walls<'a> {
                 if let Some(about) = walls.motions.about(name).filter(|_| wall.mesh.is_none()) {
                     wall.refer_to(about);
                 }
+                if wall.mesh.is_some() {
+                    let along = |given: &Given, along: &Vec3| stays_in_period(given, along, domain);
+                    walls.motions.ways_along(name, along);
+                }
                 walls.motions.move_wall(name, wall);
             }
         }
@@ -415,7 +419,7 @@ fn planned(
     folder: &Path,
 ) -> Option<Planned> {
     let chosen = SURFACES.into_iter().find_map(|key| Some((key, section.get(key)?)));
-    let surface = chosen.map(|chosen| surface(section, chosen, domain, folder));
+    let surface = chosen.map(|chosen| surface(section, chosen, folder));
     let planes = if surface.is_some() {
         Some(Vec::new())
     } else if section.get("planes").is_some() {
@@ -454,13 +458,23 @@ fn planned(
         let reference = rotation.map(|(about, _)| about).or(about).unwrap_or(surface.origin());
         let surface = match surface {
             Surface::Triangles(given, Triangles { mut corners, shift, smooth }) => {
-                corners.iter_mut().flatten().for_each(|corner| *corner += shift - reference);
-                TriangleMesh::new(&corners, smooth).map_err(|error| given.fail(error)).ok()?
+                corners.iter_mut().flatten().for_each(|corner| *corner += shift);
+                let own = corners.len();
+                add_images(&given, &mut corners, domain);
+                corners.iter_mut().flatten().for_each(|corner| *corner -= reference);
+                TriangleMesh::with_images(&corners, own, smooth)
+                    .map_err(|error| given.fail(error))
+                    .ok()?
             }
-            Surface::OfRevolution { from, to, radii } => {
-                TriangleMesh::of_revolution(&(from - reference), &(to - reference), radii)
+            Surface::OfRevolution { given, from, to, radii } => {
+                let surface =
+                    TriangleMesh::of_revolution(&(from - reference), &(to - reference), radii);
+                surface.going_on(beyond_ends(&given, (&from, &to), radii, domain))
             }
         };
+        if let Some(given) = section.get("velocity") {
+            stays_in_period(&given, &velocity?, domain);
+        }
         let mut wall = Wall::of_mesh(name, reference, surface);
         wall.velocity = velocity?;
         wall.angular_velocity = rotation.map_or_else(Vec3::zeros, |(_, velocity)| velocity);
@@ -484,6 +498,7 @@ enum Surface<'a> {
     Triangles(Given<'a>, Triangles),
     /// A cylinder or a cone: the ends of its axis [m], and the radii there [m].
     OfRevolution {
+        given: Given<'a>,
         from: Vec3,
         to: Vec3,
         radii: [f64; 2],
@@ -513,7 +528,6 @@ pub(super) fn surfaces<'a>(root: &Section<'a>) -> Vec<Given<'a>> {
 fn surface<'a>(
     section: &Section<'a>,
     (key, given): (&str, Given<'a>),
-    domain: Option<&Cell>,
     folder: &Path,
 ) -> Option<Surface<'a>> {
     for other in
@@ -523,12 +537,6 @@ fn surface<'a>(
             other.fail(format!("stands beside `{key}`; a wall has one surface"));
         }
     }
-    if let Some(axis) = (0..3).find(|&axis| repeats(domain, axis)) {
-        given.fail(format!(
-            "the domain is periodic along {}; a wall that is not of planes needs a domain without periods",
-            AXES[axis]
-        ));
-    }
     if key == "mesh" {
         return triangles(&given, section, folder)
             .map(|of_file| Surface::Triangles(given, of_file));
@@ -536,11 +544,11 @@ fn surface<'a>(
     for of_files in ["scale", "turn", "shift", "smooth"] {
         section.refuse(of_files, "is of a `mesh`");
     }
-    of_revolution(&given, key == "cone")
+    of_revolution(given, key == "cone")
 }
 
 /// A cylinder, or a cone with a radius at each end.
-fn of_revolution<'a>(given: &Given<'a>, is_cone: bool) -> Option<Surface<'a>> {
+fn of_revolution(given: Given, is_cone: bool) -> Option<Surface> {
     let section = given.section()?;
     let (from, to) = (section.vector("from", "m"), section.vector("to", "m"));
     let radii = if is_cone {
@@ -563,7 +571,99 @@ fn of_revolution<'a>(given: &Given<'a>, is_cone: bool) -> Option<Surface<'a>> {
         given.fail("has no radius at either end");
         return None;
     }
-    Some(Surface::OfRevolution { from, to, radii })
+    Some(Surface::OfRevolution { given, from, to, radii })
+}
+
+/// What is nearer to the border of a period than this part of it lies on the border.
+const ON_BORDER: f64 = 1e-9;
+
+/// Adds the images of triangles beyond the periods of the domain, as far as the shortest way between two grains can reach. Corners on a
+/// border get all of its digits, so that images hang together.
+fn add_images(given: &Given, corners: &mut Vec<[Vec3; 3]>, domain: Option<&Cell>) {
+    let Some(domain) = domain else { return };
+    for axis in (0..3).filter(|&axis| domain.period(axis).is_some()) {
+        let (low, high) = (domain.low()[axis], domain.high()[axis]);
+        let (period, near) = (high - low, ON_BORDER * (high - low));
+        let places = || corners.iter().flatten().map(|corner| corner[axis]);
+        let (from, to) =
+            places().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+        if from < low - near || to > high + near {
+            given.fail(format!(
+                "reaches from {from:e} to {to:e} m along {}, beyond the period from {low:e} to {high:e} m: cut it there, so that what ends on one side \
+                 goes on from the other",
+                AXES[axis]
+            ));
+            continue;
+        }
+        for corner in corners.iter_mut().flatten() {
+            for border in [low, high] {
+                if (corner[axis] - border).abs() <= near {
+                    corner[axis] = border;
+                }
+            }
+        }
+        let shifted = |x: f64, up: bool| match up {
+            true if x == low => high,
+            false if x == high => low,
+            true => x + period,
+            false => x - period,
+        };
+        let reaches = |triangle: &[Vec3; 3], up: bool| {
+            triangle.iter().any(|corner| {
+                if up {
+                    corner[axis] < high + 0.5 * period
+                } else {
+                    corner[axis] > low - 0.5 * period
+                }
+            })
+        };
+        let mut images = Vec::new();
+        for up in [true, false] {
+            let image = |triangle: &[Vec3; 3]| {
+                triangle.map(|mut corner| {
+                    corner[axis] = shifted(corner[axis], up);
+                    corner
+                })
+            };
+            images.extend(corners.iter().map(image).filter(|triangle| reaches(triangle, up)));
+        }
+        corners.extend(images);
+    }
+}
+
+/// How far a cylinder goes on beyond its ends [m], where it goes through a period.
+fn beyond_ends(
+    given: &Given,
+    (from, to): (&Vec3, &Vec3),
+    radii: [f64; 2],
+    domain: Option<&Cell>,
+) -> f64 {
+    let Some(axis) = (0..3).find(|&axis| repeats(domain, axis)) else { return 0.0 };
+    let Some(domain) = domain else { return 0.0 };
+    let (low, high) = (domain.low()[axis], domain.high()[axis]);
+    let way = to - from;
+    let goes_through = way[axis].abs() == way.norm()
+        && (from[axis].min(to[axis]) - low).abs() <= ON_BORDER * (high - low)
+        && (from[axis].max(to[axis]) - high).abs() <= ON_BORDER * (high - low);
+    let is_alone = (0..3).filter(|&axis| domain.period(axis).is_some()).count() == 1;
+    if radii[0] != radii[1] || !goes_through || !is_alone {
+        given.fail(format!(
+            "the domain is periodic along {}: a cylinder must go through this period, from {low:e} to {high:e} m along it, and no other axis may be \
+             periodic; a cone cannot be there. A `mesh` can",
+            AXES[axis]
+        ));
+    }
+    0.5 * (high - low)
+}
+
+/// A surface whose images go along with it does not leave the period.
+fn stays_in_period(given: &Given, along: &Vec3, domain: Option<&Cell>) {
+    if let Some(axis) = (0..3).find(|&axis| repeats(domain, axis) && along[axis] != 0.0) {
+        given.fail(format!(
+            "must be 0 along {}, which is periodic: a wall that is not of planes cannot leave the period",
+            AXES[axis]
+        ));
+    }
 }
 
 /// What a file says of a wall.

@@ -56,8 +56,15 @@ pub fn note_near_facets(particles: &mut Particles, skin: f64) -> Vec<Pair> {
     for (k, wall) in particles.walls.iter().enumerate().filter(|(_, wall)| wall.mesh.is_some()) {
         for slot in 0..particles.owned {
             let reach = particles.radius(slot) + skin;
-            let facets = wall.facets_near(&particles.position[slot], reach).into_iter();
-            near.extend(facets.map(|facet| (slot, GlobalId::facet(k, facet as usize))));
+            // A particle that goes through a period comes to other facets at once.
+            let places = particles.cell.places_within(&particles.position[slot], skin);
+            let mut facets: Vec<u32> =
+                places.iter().flat_map(|place| wall.facets_near(place, reach)).collect();
+            if places.len() > 1 {
+                facets.sort_unstable();
+                facets.dedup();
+            }
+            near.extend(facets.into_iter().map(|facet| (slot, GlobalId::facet(k, facet as usize))));
         }
     }
     let mut ids: Vec<GlobalId> = near.iter().map(|&(_, id)| id).collect();

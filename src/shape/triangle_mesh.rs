@@ -146,7 +146,9 @@ pub enum SurfaceError {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TriangleMesh {
     vertices: Vec<Vec3>,
+    /// First its own, then images of them.
     triangles: Vec<Triangle>,
+    own: usize,
     facets: Vec<MeshFacet>,
     /// Vertices of each facet by number, and where those of each begin.
     vertices_of: Vec<u32>,
@@ -190,17 +192,30 @@ impl TriangleMesh {
     /// # Errors
     /// If they are no surface.
     pub fn new(corners: &[[Vec3; 3]], smooth: f64) -> Result<Self, SurfaceError> {
+        Self::with_images(corners, corners.len(), smooth)
+    }
+
+    /// The same of triangles of which only the first `own` are its own. The others are images beyond the periods of a domain, which pictures
+    /// and counts leave out.
+    ///
+    /// # Errors
+    /// If they are no surface.
+    pub fn with_images(
+        corners: &[[Vec3; 3]],
+        own: usize,
+        smooth: f64,
+    ) -> Result<Self, SurfaceError> {
         if let Some(k) =
             corners.iter().position(|t| !t.iter().all(|c| c.iter().all(|x| x.is_finite())))
         {
             return Err(SurfaceError::NotFinite(k));
         }
         let mut findings = Findings::default();
-        let (vertices, triangles) = welded(corners, &mut findings);
-        if triangles.is_empty() {
+        let (vertices, triangles, own) = welded(corners, own, &mut findings);
+        if own == 0 {
             return Err(SurfaceError::Empty);
         }
-        let mut building = Building::of(vertices, triangles);
+        let mut building = Building::of(vertices, triangles, own);
         building.find_sides(&mut findings);
         building.find_faces();
         building.find_edges();
@@ -223,6 +238,7 @@ impl TriangleMesh {
         let mesh = Self {
             vertices,
             triangles,
+            own,
             facets,
             vertices_of,
             first_vertex,
@@ -287,6 +303,7 @@ impl TriangleMesh {
         let checksum = checksum(&vertices, &corners);
         Self {
             vertices,
+            own: triangles.len(),
             triangles,
             facets,
             vertices_of,
@@ -299,6 +316,18 @@ impl TriangleMesh {
             findings: Findings::default(),
             checksum,
         }
+    }
+
+    /// A cylinder that goes on beyond both of its ends by so much [m], of which pictures show nothing.
+    #[must_use]
+    pub fn going_on(mut self, beyond: f64) -> Self {
+        for facet in &mut self.facets {
+            if let MeshFacet::Strip(Strip { from, axis, length, .. }) = facet {
+                *from -= *axis * beyond;
+                *length += 2.0 * beyond;
+            }
+        }
+        self
     }
 
     /// What was found of the triangles.
@@ -327,7 +356,9 @@ impl TriangleMesh {
             self.bytes() / self.len()
         );
         let Findings { left_out, open_edges, crowded_edges, turned_edges } = self.findings;
+        let images = self.triangles.len() - self.own;
         for (count, what) in [
+            (images, "images of them beyond the periods"),
             (open_edges, "edges of one triangle only, where the surface ends or has a hole"),
             (crowded_edges, "edges of three triangles or more"),
             (
@@ -343,14 +374,14 @@ impl TriangleMesh {
         text
     }
 
-    /// How many triangles.
+    /// How many triangles it has, without images.
     pub const fn len(&self) -> usize {
-        self.triangles.len()
+        self.own
     }
 
     /// Are there none?
     pub const fn is_empty(&self) -> bool {
-        self.triangles.is_empty()
+        self.own == 0
     }
 
     /// What a grain can touch.
@@ -358,9 +389,15 @@ impl TriangleMesh {
         &self.facets
     }
 
-    /// Its triangles [m].
+    /// Its triangles, without images [m].
     pub fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> {
-        self.triangles.iter().map(|t| self.corners(t))
+        self.triangles[..self.own].iter().map(|t| self.corners(t))
+    }
+
+    /// Does it bring images along, so that a grain comes from one to the other when it goes through a period? Then no distance from it says
+    /// how far the grain may go.
+    pub const fn has_images(&self) -> bool {
+        self.own < self.triangles.len()
     }
 
     /// Distance of the farthest corner from the reference point [m].
@@ -576,15 +613,17 @@ struct Building {
     facets: Vec<MeshFacet>,
     vertices_of: Vec<Vec<u32>>,
     size: f64,
+    /// How many triangles are no images.
+    own: usize,
 }
 
 impl Building {
-    fn of(vertices: Vec<Vec3>, corners: Vec<[u32; 3]>) -> Self {
+    fn of(vertices: Vec<Vec3>, corners: Vec<[u32; 3]>, own: usize) -> Self {
         let (low, high) = bounds(&vertices);
         let of_triangle = vec![[NONE; 7]; corners.len()];
         let size = (high - low).norm();
         let (sides, facets, vertices_of) = (Vec::new(), Vec::new(), Vec::new());
-        Self { vertices, corners, sides, of_triangle, facets, vertices_of, size }
+        Self { vertices, corners, sides, of_triangle, facets, vertices_of, size, own }
     }
 
     fn vertex(&self, k: u32) -> Vec3 {
@@ -614,7 +653,8 @@ impl Building {
             }
         }
         self.sides.sort_unstable();
-        for of in self.sides.chunk_by(Side::is_same) {
+        let is_own = |of: &&[Side]| of.iter().any(|side| (side.triangle as usize) < self.own);
+        for of in self.sides.chunk_by(Side::is_same).filter(is_own) {
             match of {
                 [_] => findings.open_edges += 1,
                 [one, other] => findings.turned_edges += usize::from(one.rises == other.rises),
@@ -778,7 +818,11 @@ fn snapped(vector: &Vec3) -> Vec3 {
 }
 
 /// Vertices that are the same to the last bit are one; triangles without area, or twice there, are left out.
-fn welded(corners: &[[Vec3; 3]], findings: &mut Findings) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+fn welded(
+    corners: &[[Vec3; 3]],
+    own: usize,
+    findings: &mut Findings,
+) -> (Vec<Vec3>, Vec<[u32; 3]>, usize) {
     let points: Vec<Vec3> = corners.iter().flatten().map(|c| c.map(|x| x + 0.0)).collect();
     let compare = |a: &Vec3, b: &Vec3| {
         a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z))
@@ -794,7 +838,7 @@ fn welded(corners: &[[Vec3; 3]], findings: &mut Findings) -> (Vec<Vec3>, Vec<[u3
     }
     let (numbers, _) = number.as_chunks::<3>();
     let mut seen = std::collections::BTreeSet::new();
-    let is_sound = |triangle: &&[u32; 3]| {
+    let mut is_sound = |triangle: &&[u32; 3]| {
         let [a, b, c] = triangle.map(|k| vertices[k as usize]);
         let longest =
             (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
@@ -802,9 +846,12 @@ fn welded(corners: &[[Vec3; 3]], findings: &mut Findings) -> (Vec<Vec3>, Vec<[u3
         key.sort_unstable();
         (b - a).cross(&(c - a)).norm() > SLIVER * longest && seen.insert(key)
     };
-    let triangles: Vec<[u32; 3]> = numbers.iter().filter(is_sound).copied().collect();
-    findings.left_out = corners.len() - triangles.len();
-    (vertices, triangles)
+    let (of_own, of_images) = numbers.split_at(own);
+    let mut triangles: Vec<[u32; 3]> = of_own.iter().filter(|of| is_sound(of)).copied().collect();
+    let sound = triangles.len();
+    findings.left_out = own - sound;
+    triangles.extend(of_images.iter().filter(|of| is_sound(of)));
+    (vertices, triangles, sound)
 }
 
 /// FNV-1a of all numbers.

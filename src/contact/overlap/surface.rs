@@ -216,6 +216,7 @@ impl Scratch {
             // Edges and corners have no contacts of their own.
             return Err(Outcome::Apart(f64::INFINITY));
         };
+        let has_images = seen.mesh.has_images();
         if let Some(found) = self.found.iter().find(|found| found.face == facet) {
             let placed = found.thickness.placed(seen.a.scale, seen.a.frame);
             // A number that is none ends here.
@@ -232,7 +233,7 @@ impl Scratch {
         let height = seen.centre.dot(normal) - offset;
         let sign = if height < 0.0 { -1.0 } else { 1.0 };
         let clear = seen.height_over(&Plane { normal: normal * sign, offset: offset * sign });
-        Err(Outcome::Apart(clear.max(0.0)))
+        Err(Outcome::Apart(if has_images { 0.0 } else { clear.max(0.0) }))
     }
 
     /// Cuts the body by the cells near it.
