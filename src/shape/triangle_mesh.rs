@@ -18,21 +18,23 @@
 //!
 //! Facets are numbered: first faces, then edges, then corners. They are found through a grid of cells in the axes of the wall.
 
+mod building;
+mod grid;
+mod nearest;
 mod solid;
 
 pub use solid::{Front, Near, NoSolid};
 
 use super::Convex;
 use crate::math::Vec3;
+use building::{Building, Side, welded};
+use grid::Grid;
+use nearest::{comes_into, is_over, nearest_on, nearest_on_segment};
 use serde::{Deserialize, Serialize};
 use solid::Solid;
 
 /// Points this near to a plane, over the size of the surface, lie in it.
 const COPLANAR: f64 = 1e-11;
-/// A triangle is degenerate if it is flatter than this.
-const SLIVER: f64 = 1e-9;
-/// An edge that faces less than this faces nowhere [rad].
-const LEAST_OPENING: f64 = 1e-10;
 /// What is found twice on a border is one contact, whatever the user says [rad].
 const LEAST_SMOOTH: f64 = 1e-6;
 /// Parts of a cylinder or a cone.
@@ -210,46 +212,20 @@ impl TriangleMesh {
         {
             return Err(SurfaceError::NotFinite(k));
         }
-        let mut findings = Findings::default();
-        let (vertices, triangles, own) = welded(corners, own, &mut findings);
-        if own == 0 {
+        if corners.is_empty() {
             return Err(SurfaceError::Empty);
         }
-        let mut building = Building::of(vertices, triangles, own);
+        let mut findings = Findings::default();
+        let mut building = welded(corners, own, &mut findings);
+        if building.own == 0 {
+            return Err(SurfaceError::Empty);
+        }
         building.find_sides(&mut findings);
         building.find_faces();
         building.find_edges();
         building.find_corners();
-        let Building { vertices, corners, of_triangle, facets, vertices_of, sides, .. } = building;
-        let triangles: Vec<_> = corners
-            .iter()
-            .zip(of_triangle)
-            .map(|(&corners, facets)| Triangle { corners, facets })
-            .collect();
-        let grid = Grid::of(&vertices, &corners);
-        let reach = vertices.iter().map(Vec3::norm).fold(0.0, f64::max);
-        let checksum = checksum(&vertices, &corners);
-        let mut first_vertex = vec![0];
-        first_vertex.extend(vertices_of.iter().scan(0, |end, of| {
-            *end += of.len() as u32;
-            Some(*end)
-        }));
-        let vertices_of = vertices_of.concat();
-        let mesh = Self {
-            vertices,
-            triangles,
-            own,
-            facets,
-            vertices_of,
-            first_vertex,
-            grid,
-            solid: None,
-            bulge: 0.0,
-            smooth: libm::cos(smooth.max(LEAST_SMOOTH)),
-            reach,
-            findings,
-            checksum,
-        };
+        let sides = std::mem::take(&mut building.sides);
+        let mesh = Self { findings, ..building.finished(smooth.max(LEAST_SMOOTH)) };
         mesh.check_edges(&sides)?;
         Ok(mesh)
     }
@@ -265,28 +241,12 @@ impl TriangleMesh {
             let (sine, cosine) = libm::sincos(turn * f64::from(k));
             (across * cosine + third * sine, third * cosine - across * sine)
         });
-        let (mut vertices, mut corners) = (Vec::new(), Vec::new());
-        let (mut facets, mut triangles) = (Vec::new(), Vec::new());
-        let (mut vertices_of, mut first_vertex) = (Vec::new(), vec![0]);
+        let mut building = Building::default();
         for ((first, quarter), k) in lines.zip(0..) {
-            vertices.extend([from + first * begin, to + first * end]);
+            building.vertices.extend([from + first * begin, to + first * end]);
             let next = (k + 1) % STRIPS;
             let ends = [2 * k, 2 * k + 1, 2 * next, 2 * next + 1];
-            let [a, b, c, d] = ends;
-            // One of them has no area where the cone comes to its tip.
-            let pair = [(end > 0.0, [a, b, d]), (begin > 0.0, [a, d, c])];
-            for (_, corners_of) in pair.into_iter().filter(|(is_there, _)| *is_there) {
-                corners.push(corners_of);
-                triangles.push(Triangle {
-                    corners: corners_of,
-                    facets: [k, NONE, NONE, NONE, NONE, NONE, NONE],
-                });
-            }
-            let mut ends = ends;
-            ends.sort_unstable();
-            vertices_of.extend(ends);
-            first_vertex.push(vertices_of.len() as u32);
-            facets.push(MeshFacet::Strip(Strip {
+            let strip = Strip {
                 from: *from,
                 axis,
                 length,
@@ -295,27 +255,20 @@ impl TriangleMesh {
                 first,
                 quarter,
                 opening: turn,
-            }));
+            };
+            let strip = building.push(MeshFacet::Strip(strip), ends.to_vec());
+            let [a, b, c, d] = ends;
+            // One of them has no area where the cone comes to its tip.
+            let pair = [(end > 0.0, [a, b, d]), (begin > 0.0, [a, d, c])];
+            for (_, corners) in pair.into_iter().filter(|(is_there, _)| *is_there) {
+                building.corners.push(corners);
+                building.of_triangle.push([strip, NONE, NONE, NONE, NONE, NONE, NONE]);
+            }
         }
-        let grid = Grid::of(&vertices, &corners);
-        let reach = vertices.iter().map(Vec3::norm).fold(0.0, f64::max);
+        building.own = building.corners.len();
+        let mesh = building.finished(LEAST_SMOOTH);
         let bulge = 1.01 * begin.max(end) * (1.0 - libm::cos(0.5 * turn));
-        let checksum = checksum(&vertices, &corners);
-        Self {
-            vertices,
-            own: triangles.len(),
-            triangles,
-            facets,
-            vertices_of,
-            first_vertex,
-            grid,
-            solid: None,
-            bulge,
-            smooth: libm::cos(LEAST_SMOOTH),
-            reach: reach + bulge,
-            findings: Findings::default(),
-            checksum,
-        }
+        Self { bulge, reach: mesh.reach + bulge, ..mesh }
     }
 
     /// A cylinder that goes on beyond both of its ends by so much [m], of which pictures show nothing.
@@ -341,8 +294,9 @@ impl TriangleMesh {
             let Strip { radius, slope, length, .. } = strip;
             let what = if *slope == 0.0 { "cylinder" } else { "cone" };
             let end = radius + slope * length;
+            let to_end = if *slope == 0.0 { String::new() } else { format!(" to {end:.3e}") };
             return format!(
-                "a {what}, radius {radius:.3e} to {end:.3e} m, length {length:.3e} m, exact; {} triangles in pictures",
+                "a {what}, radius {radius:.3e}{to_end} m, length {length:.3e} m, exact; {} triangles in pictures",
                 self.len()
             );
         }
@@ -422,8 +376,7 @@ impl TriangleMesh {
             + self.facets.iter().map(edges).sum::<usize>()
             + size_of_val(&*self.vertices_of)
             + size_of_val(&*self.first_vertex)
-            + size_of_val(&*self.grid.first)
-            + size_of_val(&*self.grid.triangles)
+            + self.grid.bytes()
     }
 
     /// Have two facets a corner in common?
@@ -582,435 +535,5 @@ impl Convex for TriangleMesh {
 
     fn smallest_curvature_radius(&self) -> f64 {
         f64::INFINITY
-    }
-}
-
-/// A side of a triangle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Side {
-    /// Vertices, the lower first.
-    ends: [u32; 2],
-    triangle: u32,
-    /// Which of its sides.
-    number: u32,
-    /// Does the triangle have the lower vertex first?
-    rises: bool,
-}
-
-impl Side {
-    fn is_same(&self, other: &Self) -> bool {
-        self.ends == other.ends
-    }
-}
-
-/// A surface in the making.
-struct Building {
-    vertices: Vec<Vec3>,
-    corners: Vec<[u32; 3]>,
-    /// Sorted: sides with the same ends stand together.
-    sides: Vec<Side>,
-    of_triangle: Vec<[u32; 7]>,
-    facets: Vec<MeshFacet>,
-    vertices_of: Vec<Vec<u32>>,
-    size: f64,
-    /// How many triangles are no images.
-    own: usize,
-}
-
-impl Building {
-    fn of(vertices: Vec<Vec3>, corners: Vec<[u32; 3]>, own: usize) -> Self {
-        let (low, high) = bounds(&vertices);
-        let of_triangle = vec![[NONE; 7]; corners.len()];
-        let size = (high - low).norm();
-        let (sides, facets, vertices_of) = (Vec::new(), Vec::new(), Vec::new());
-        Self { vertices, corners, sides, of_triangle, facets, vertices_of, size, own }
-    }
-
-    fn vertex(&self, k: u32) -> Vec3 {
-        self.vertices[k as usize]
-    }
-
-    /// Twice the area, along the normal.
-    fn area(&self, triangle: usize) -> Vec3 {
-        let [a, b, c] = self.corners[triangle].map(|k| self.vertex(k));
-        (b - a).cross(&(c - a))
-    }
-
-    fn push(&mut self, facet: MeshFacet, mut vertices: Vec<u32>) -> u32 {
-        vertices.sort_unstable();
-        vertices.dedup();
-        self.facets.push(facet);
-        self.vertices_of.push(vertices);
-        (self.facets.len() - 1) as u32
-    }
-
-    fn find_sides(&mut self, findings: &mut Findings) {
-        for (corners, triangle) in self.corners.iter().zip(0..) {
-            for number in 0..3 {
-                let (from, to) = (corners[number], corners[(number + 1) % 3]);
-                let ends = [from.min(to), from.max(to)];
-                self.sides.push(Side { ends, triangle, number: number as u32, rises: from < to });
-            }
-        }
-        self.sides.sort_unstable();
-        let is_own = |of: &&[Side]| of.iter().any(|side| (side.triangle as usize) < self.own);
-        for of in self.sides.chunk_by(Side::is_same).filter(is_own) {
-            match of {
-                [_] => findings.open_edges += 1,
-                [one, other] => findings.turned_edges += usize::from(one.rises == other.rises),
-                _ => findings.crowded_edges += 1,
-            }
-        }
-    }
-
-    /// From large triangles to their neighbours in the same plane.
-    fn find_faces(&mut self) {
-        let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); self.corners.len()];
-        for of in self.sides.chunk_by(Side::is_same) {
-            for one in of {
-                let others = of.iter().filter(|other| other.triangle != one.triangle);
-                neighbours[one.triangle as usize].extend(others.map(|other| other.triangle));
-            }
-        }
-        let mut order: Vec<usize> = (0..self.corners.len()).collect();
-        let areas: Vec<f64> = order.iter().map(|&k| self.area(k).norm_squared()).collect();
-        order.sort_by(|&a, &b| areas[b].total_cmp(&areas[a]));
-        for seed in order {
-            if self.of_triangle[seed][0] != NONE {
-                continue;
-            }
-            let face = self.facets.len() as u32;
-            let normal = self.area(seed).normalize();
-            let offset = self.vertex(self.corners[seed][0]).dot(&normal);
-            let (mut area, mut vertices, mut next) = (Vec3::zeros(), Vec::new(), vec![seed as u32]);
-            self.of_triangle[seed][0] = face;
-            while let Some(triangle) = next.pop() {
-                let own = self.area(triangle as usize);
-                area += own * own.dot(&normal).signum();
-                vertices.extend(self.corners[triangle as usize]);
-                for &neighbour in &neighbours[triangle as usize] {
-                    let corners = self.corners[neighbour as usize].map(|k| self.vertex(k));
-                    let off = |corner: &Vec3| (corner.dot(&normal) - offset).abs();
-                    let of = &mut self.of_triangle[neighbour as usize][0];
-                    if *of == NONE && corners.iter().all(|c| off(c) <= COPLANAR * self.size) {
-                        *of = face;
-                        next.push(neighbour);
-                    }
-                }
-            }
-            // Of all its triangles: exact where one of them is narrow.
-            let normal = snapped(&area);
-            vertices.sort_unstable();
-            vertices.dedup();
-            let heights = vertices.iter().map(|&k| self.vertex(k).dot(&normal));
-            let (low, high) =
-                heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-            self.push(MeshFacet::Face { normal, offset: 0.5 * (low + high) }, vertices);
-        }
-    }
-
-    fn find_edges(&mut self) {
-        let sides = std::mem::take(&mut self.sides);
-        for of in sides.chunk_by(Side::is_same) {
-            let ends = of[0].ends;
-            let [from, to] = ends.map(|k| self.vertex(k));
-            let length = (to - from).norm();
-            let along = (to - from) / length;
-            let Some((first, quarter, opening)) = self.directions(of, &from, &along) else {
-                continue;
-            };
-            let edge = MeshFacet::Edge { from, along, length, first, quarter, opening };
-            let number = self.push(edge, ends.to_vec());
-            for side in of {
-                self.of_triangle[side.triangle as usize][1 + side.number as usize] = number;
-            }
-        }
-        self.sides = sides;
-    }
-
-    /// Where an edge faces: between the two of its triangles that have the largest angle between them. The first direction, that
-    /// a quarter turn on, and the angle to the last.
-    fn directions(&self, of: &[Side], from: &Vec3, along: &Vec3) -> Option<(Vec3, Vec3, f64)> {
-        let mut faces: Vec<u32> =
-            of.iter().map(|side| self.of_triangle[side.triangle as usize][0]).collect();
-        faces.dedup();
-        if of.len() == 2 && faces.len() == 1 && !self.is_folded(of) {
-            return None;
-        }
-        // From the edge into each triangle.
-        let into = |side: &Side| {
-            let corner = self.corners[side.triangle as usize][(side.number as usize + 2) % 3];
-            let MeshFacet::Face { normal, .. } =
-                &self.facets[self.of_triangle[side.triangle as usize][0] as usize]
-            else {
-                unreachable!("a triangle has a face")
-            };
-            let across = normal.cross(along).normalize();
-            across * (self.vertex(corner) - from).dot(&across).signum()
-        };
-        let into: Vec<Vec3> = of.iter().map(into).collect();
-        let (x, y) = (into[0], along.cross(&into[0]));
-        let turn = std::f64::consts::TAU;
-        let mut angles: Vec<(f64, Vec3)> =
-            into.iter().map(|d| (libm::atan2(d.dot(&y), d.dot(&x)).rem_euclid(turn), *d)).collect();
-        angles.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let gap = |k: usize| {
-            let next = angles.get(k + 1).map_or(angles[0].0 + turn, |next| next.0);
-            next - angles[k].0
-        };
-        let widest = (0..angles.len()).max_by(|&a, &b| gap(a).total_cmp(&gap(b)))?;
-        let opening = gap(widest) - std::f64::consts::PI;
-        let inwards = angles[widest].1;
-        (opening > LEAST_OPENING).then(|| (along.cross(&inwards), -inwards, opening))
-    }
-
-    /// Do two triangles in a plane lie on each other?
-    fn is_folded(&self, of: &[Side]) -> bool {
-        let [one, other] = [of[0], of[1]].map(|side| {
-            let corner = self.corners[side.triangle as usize][(side.number as usize + 2) % 3];
-            let [from, to] = side.ends.map(|k| self.vertex(k));
-            (to - from).cross(&(self.vertex(corner) - from))
-        });
-        one.dot(&other) > 0.0
-    }
-
-    /// Where edges that face somewhere end.
-    fn find_corners(&mut self) {
-        let mut has_edge = vec![false; self.vertices.len()];
-        for facet in self.of_triangle.iter().flat_map(|of| &of[1..4]).filter(|&&e| e != NONE) {
-            for &vertex in &self.vertices_of[*facet as usize] {
-                has_edge[vertex as usize] = true;
-            }
-        }
-        let mut edges: Vec<Vec<Vec3>> = vec![Vec::new(); self.vertices.len()];
-        for of in self.sides.chunk_by(Side::is_same) {
-            let [from, to] = of[0].ends;
-            let along = (self.vertex(to) - self.vertex(from)).normalize();
-            edges[from as usize].push(along);
-            edges[to as usize].push(-along);
-        }
-        let mut number = vec![NONE; self.vertices.len()];
-        for triangle in 0..self.corners.len() {
-            for k in 0..3 {
-                let vertex = self.corners[triangle][k];
-                let index = vertex as usize;
-                if !has_edge[index] {
-                    continue;
-                }
-                if number[index] == NONE {
-                    let edges = std::mem::take(&mut edges[index]);
-                    let corner = MeshFacet::Corner { at: self.vertex(vertex), edges };
-                    number[index] = self.push(corner, vec![vertex]);
-                }
-                self.of_triangle[triangle][4 + k] = number[index];
-            }
-        }
-    }
-}
-
-/// A unit vector; along an axis, if it is by rounding.
-fn snapped(vector: &Vec3) -> Vec3 {
-    let unit = vector.normalize();
-    let main = unit.iamax();
-    let mut axis = Vec3::zeros();
-    axis[main] = unit[main].signum();
-    if (unit - axis).amax() < 1e-15 { axis } else { unit }
-}
-
-/// Vertices that are the same to the last bit are one; triangles without area, or twice there, are left out.
-fn welded(
-    corners: &[[Vec3; 3]],
-    own: usize,
-    findings: &mut Findings,
-) -> (Vec<Vec3>, Vec<[u32; 3]>, usize) {
-    let points: Vec<Vec3> = corners.iter().flatten().map(|c| c.map(|x| x + 0.0)).collect();
-    let compare = |a: &Vec3, b: &Vec3| {
-        a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z))
-    };
-    let mut order: Vec<usize> = (0..points.len()).collect();
-    order.sort_by(|&a, &b| compare(&points[a], &points[b]));
-    let (mut vertices, mut number) = (Vec::new(), vec![0; points.len()]);
-    for k in order {
-        if vertices.last() != Some(&points[k]) {
-            vertices.push(points[k]);
-        }
-        number[k] = (vertices.len() - 1) as u32;
-    }
-    let (numbers, _) = number.as_chunks::<3>();
-    let mut seen = std::collections::BTreeSet::new();
-    let mut is_sound = |triangle: &&[u32; 3]| {
-        let [a, b, c] = triangle.map(|k| vertices[k as usize]);
-        let longest =
-            (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
-        let mut key = **triangle;
-        key.sort_unstable();
-        (b - a).cross(&(c - a)).norm() > SLIVER * longest && seen.insert(key)
-    };
-    let (of_own, of_images) = numbers.split_at(own);
-    let mut triangles: Vec<[u32; 3]> = of_own.iter().filter(|of| is_sound(of)).copied().collect();
-    let sound = triangles.len();
-    findings.left_out = own - sound;
-    triangles.extend(of_images.iter().filter(|of| is_sound(of)));
-    (vertices, triangles, sound)
-}
-
-/// FNV-1a of all numbers.
-fn checksum(vertices: &[Vec3], corners: &[[u32; 3]]) -> u64 {
-    let numbers = vertices.iter().flat_map(|v| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>());
-    let corners = corners.iter().flatten().map(|&k| u64::from(k));
-    numbers.chain(corners).fold(0xcbf2_9ce4_8422_2325, |hash, number| {
-        number
-            .to_le_bytes()
-            .iter()
-            .fold(hash, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
-    })
-}
-
-fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {
-    points.iter().fold((points[0], points[0]), |(low, high), p| (low.inf(p), high.sup(p)))
-}
-
-fn nearest_on_segment(from: &Vec3, to: &Vec3, point: &Vec3) -> Vec3 {
-    let along = to - from;
-    from + along * ((point - from).dot(&along) / along.norm_squared()).clamp(0.0, 1.0)
-}
-
-fn nearest_on(corners: &[Vec3; 3], point: &Vec3) -> Vec3 {
-    let [a, b, c] = corners;
-    if is_over(corners, point, 0.0) {
-        let normal = (b - a).cross(&(c - a)).normalize();
-        return point - normal * (point - a).dot(&normal);
-    }
-    let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| nearest_on_segment(from, to, point));
-    let nearer = |one: &&Vec3, other: &&Vec3| {
-        (*one - point).norm_squared().total_cmp(&(*other - point).norm_squared())
-    };
-    sides.iter().min_by(nearer).copied().unwrap_or(*a)
-}
-
-/// Is the foot of a point on the plane of a triangle in it, or nearer to it than a tolerance [m], about?
-fn is_over(corners: &[Vec3; 3], point: &Vec3, tolerance: f64) -> bool {
-    let [a, b, c] = corners;
-    let normal = (b - a).cross(&(c - a));
-    [(a, b), (b, c), (c, a)].iter().all(|(from, to)| {
-        let inwards = normal.cross(&(*to - *from));
-        (point - *from).dot(&inwards) >= -tolerance * inwards.norm()
-    })
-}
-
-/// Does a triangle come into a box of this middle and these half sides [m]? It does not if an axis separates them: one of the box, the
-/// normal of the triangle, or one at right angles to a side of both (Akenine-Möller 2001, DOI 10.1080/10867651.2001.10487535).
-fn comes_into(corners: &[Vec3; 3], middle: &Vec3, half: &Vec3) -> bool {
-    let [a, b, c] = corners.map(|corner| corner - middle);
-    let sides = [b - a, c - b, a - c];
-    let of_box = [0, 1, 2].map(|k| Vec3::ith(k, 1.0));
-    let crossed = sides.iter().flat_map(|side| of_box.iter().map(move |axis| side.cross(axis)));
-    let mut axes = of_box.iter().copied().chain([sides[0].cross(&sides[1])]).chain(crossed);
-    axes.all(|axis| {
-        let reach = half.dot(&axis.abs());
-        let places = [a, b, c].map(|corner| corner.dot(&axis));
-        let (least, most) =
-            (places[0].min(places[1]).min(places[2]), places[0].max(places[1]).max(places[2]));
-        // Along an axis of no length nothing is apart.
-        axis == Vec3::zeros() || least < reach && most > -reach
-    })
-}
-
-/// Cells with the triangles that come into them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Grid {
-    low: Vec3,
-    width: Vec3,
-    count: [usize; 3],
-    first: Vec<u32>,
-    triangles: Vec<u32>,
-}
-
-impl Grid {
-    fn of(vertices: &[Vec3], corners: &[[u32; 3]]) -> Self {
-        let (low, high) = bounds(vertices);
-        let extent = high - low;
-        // At most so many cells, about four for each triangle.
-        let most = 4.0 * corners.len() as f64 + 64.0;
-        let mut side = extent.max() / most.sqrt().max(4.0);
-        let cells = |side: f64| extent.map(|along| (along / side).floor().clamp(1.0, 1e6));
-        while cells(side).product() > most {
-            side *= 1.1;
-        }
-        let count = [0, 1, 2].map(|axis| cells(side)[axis] as usize);
-        let width =
-            Vec3::from_fn(|axis, _| (extent[axis] / count[axis] as f64).max(f64::MIN_POSITIVE));
-        let mut grid = Self { low, width, count, first: Vec::new(), triangles: Vec::new() };
-        let mut filled: Vec<(u32, u32)> = Vec::new();
-        for (corners, triangle) in corners.iter().zip(0..) {
-            let corners = corners.map(|k| vertices[k as usize]);
-            let (low, high) = bounds(&corners);
-            let [a, b, c] = &corners;
-            let normal = (b - a).cross(&(c - a)).normalize();
-            let reach = |along: &Vec3| 0.5 * width.dot(&along.abs()) + 1e-9 * extent.norm();
-            let outwards = [(a, b), (b, c), (c, a)].map(|(from, to)| {
-                let along = (to - from).cross(&normal).normalize();
-                (from, along, reach(&along))
-            });
-            let thickness = reach(&normal);
-            // Cells overlap a little: what is looked up by a point that is rounded must be there.
-            let leeway = Vec3::repeat(1e-9 * extent.norm());
-            grid.for_each_cell(&(low - leeway), &(high + leeway), |cell, middle| {
-                // A long thin triangle stays out of most cells of the box around it.
-                let beside =
-                    outwards.iter().any(|(on, along, reach)| (middle - *on).dot(along) > *reach);
-                if (middle - a).dot(&normal).abs() <= thickness && !beside {
-                    filled.push((cell as u32, triangle));
-                }
-            });
-        }
-        filled.sort_unstable();
-        grid.first = vec![0; count.iter().product::<usize>() + 1];
-        for &(cell, _) in &filled {
-            grid.first[cell as usize + 1] += 1;
-        }
-        for cell in 1..grid.first.len() {
-            grid.first[cell] += grid.first[cell - 1];
-        }
-        grid.triangles = filled.into_iter().map(|(_, triangle)| triangle).collect();
-        grid
-    }
-
-    /// Every cell that a box touches, with its middle; none if the box is outside.
-    fn for_each_cell(&self, low: &Vec3, high: &Vec3, mut visit: impl FnMut(usize, Vec3)) {
-        let mut ranges = [(0, 0); 3];
-        for axis in 0..3 {
-            let cell = |place: f64| ((place - self.low[axis]) / self.width[axis]).floor();
-            let (from, to, last) =
-                (cell(low[axis]), cell(high[axis]), self.count[axis] as f64 - 1.0);
-            // A surface in a plane has no width of its own.
-            let flat = self.width[axis] == f64::MIN_POSITIVE;
-            if !flat && (to < -1.0 || from > last + 1.0) {
-                return;
-            }
-            ranges[axis] = if flat {
-                (0, 0)
-            } else {
-                (from.clamp(0.0, last) as usize, to.clamp(0.0, last) as usize)
-            };
-        }
-        let [xs, ys, zs] = ranges;
-        for z in zs.0..=zs.1 {
-            for y in ys.0..=ys.1 {
-                for x in xs.0..=xs.1 {
-                    let at = Vec3::new(x as f64 + 0.5, y as f64 + 0.5, z as f64 + 0.5);
-                    let middle = self.low + at.component_mul(&self.width);
-                    visit((z * self.count[1] + y) * self.count[0] + x, middle);
-                }
-            }
-        }
-    }
-
-    /// Every triangle in the cells that a box touches, some of them several times.
-    fn for_each_in(&self, low: &Vec3, high: &Vec3, mut visit: impl FnMut(u32)) {
-        self.for_each_cell(low, high, |cell, _| {
-            let range = self.first[cell] as usize..self.first[cell + 1] as usize;
-            self.triangles[range].iter().for_each(|&triangle| visit(triangle));
-        });
     }
 }

@@ -22,7 +22,9 @@
 //! | of others, neither of which is in front of the other | 1 |
 //! | of others | the same by the angle between their normals, or by that at which the nearest points of both stand over each other, if that is more |
 
-use super::{MeshFacet, Side as TriangleSide, TriangleMesh, bounds, nearest_on};
+use super::building::{Side, sides_of};
+use super::nearest::{bounds, nearest_on};
+use super::{MeshFacet, TriangleMesh};
 use crate::math::Vec3;
 use crate::shape::facets::Plane;
 use serde::{Deserialize, Serialize};
@@ -327,22 +329,9 @@ impl TriangleMesh {
 
     /// The triangle beyond each side of each triangle, and which of its sides that is.
     fn neighbours(&self) -> Result<Vec<Beyond>, NoSolid> {
-        let mut sides = Vec::with_capacity(3 * self.triangles.len());
-        for (of, triangle) in self.triangles.iter().zip(0..) {
-            for number in 0..3 {
-                let (from, to) = (of.corners[number], of.corners[(number + 1) % 3]);
-                let ends = [from.min(to), from.max(to)];
-                sides.push(TriangleSide {
-                    ends,
-                    triangle,
-                    number: number as u32,
-                    rises: from < to,
-                });
-            }
-        }
-        sides.sort_unstable();
+        let sides = sides_of(self.triangles.iter().map(|triangle| triangle.corners));
         let mut neighbours = vec![[None; 3]; self.triangles.len()];
-        for of in sides.chunk_by(TriangleSide::is_same) {
+        for of in sides.chunk_by(Side::is_same) {
             match of {
                 [_] => {}
                 [one, other] => {

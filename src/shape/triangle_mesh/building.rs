@@ -1,0 +1,321 @@
+//! From triangles to facets.
+
+use super::grid::Grid;
+use super::nearest::bounds;
+use super::{COPLANAR, Findings, MeshFacet, NONE, Triangle, TriangleMesh};
+use crate::math::Vec3;
+
+/// A triangle is degenerate if it is flatter than this.
+const SLIVER: f64 = 1e-9;
+/// An edge that faces less than this faces nowhere [rad].
+const LEAST_OPENING: f64 = 1e-10;
+
+/// A side of a triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Side {
+    /// Vertices, the lower first.
+    pub(super) ends: [u32; 2],
+    pub(super) triangle: u32,
+    /// Which of its sides.
+    pub(super) number: u32,
+    /// Does the triangle have the lower vertex first?
+    rises: bool,
+}
+
+impl Side {
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        self.ends == other.ends
+    }
+}
+
+/// The sides of triangles, sorted: those with the same ends stand together.
+pub(super) fn sides_of(triangles: impl Iterator<Item = [u32; 3]>) -> Vec<Side> {
+    let mut sides = Vec::new();
+    for (corners, triangle) in triangles.zip(0..) {
+        for number in 0..3 {
+            let (from, to) = (corners[number], corners[(number + 1) % 3]);
+            let ends = [from.min(to), from.max(to)];
+            sides.push(Side { ends, triangle, number: number as u32, rises: from < to });
+        }
+    }
+    sides.sort_unstable();
+    sides
+}
+
+/// A surface in the making.
+#[derive(Default)]
+pub(super) struct Building {
+    pub(super) vertices: Vec<Vec3>,
+    pub(super) corners: Vec<[u32; 3]>,
+    /// See [`sides_of`].
+    pub(super) sides: Vec<Side>,
+    pub(super) of_triangle: Vec<[u32; 7]>,
+    facets: Vec<MeshFacet>,
+    vertices_of: Vec<Vec<u32>>,
+    size: f64,
+    /// How many triangles are no images.
+    pub(super) own: usize,
+}
+
+impl Building {
+    fn of(vertices: Vec<Vec3>, corners: Vec<[u32; 3]>, own: usize) -> Self {
+        let (low, high) = bounds(&vertices);
+        let of_triangle = vec![[NONE; 7]; corners.len()];
+        let size = (high - low).norm();
+        Self { vertices, corners, of_triangle, size, own, ..Self::default() }
+    }
+
+    /// The surface. Contacts with normals that differ by less than an angle [rad] count once.
+    pub(super) fn finished(self, smooth: f64) -> TriangleMesh {
+        let Self { vertices, corners, of_triangle, facets, vertices_of, own, .. } = self;
+        let mut first_vertex = vec![0];
+        first_vertex.extend(vertices_of.iter().scan(0, |end, of| {
+            *end += of.len() as u32;
+            Some(*end)
+        }));
+        let triangle = |(&corners, facets): (&[u32; 3], [u32; 7])| Triangle { corners, facets };
+        TriangleMesh {
+            triangles: corners.iter().zip(of_triangle).map(triangle).collect(),
+            own,
+            facets,
+            vertices_of: vertices_of.concat(),
+            first_vertex,
+            grid: Grid::of(&vertices, &corners),
+            solid: None,
+            bulge: 0.0,
+            smooth: libm::cos(smooth),
+            reach: vertices.iter().map(Vec3::norm).fold(0.0, f64::max),
+            findings: Findings::default(),
+            checksum: checksum(&vertices, &corners),
+            vertices,
+        }
+    }
+
+    fn vertex(&self, k: u32) -> Vec3 {
+        self.vertices[k as usize]
+    }
+
+    /// Twice the area, along the normal.
+    fn area(&self, triangle: usize) -> Vec3 {
+        let [a, b, c] = self.corners[triangle].map(|k| self.vertex(k));
+        (b - a).cross(&(c - a))
+    }
+
+    pub(super) fn push(&mut self, facet: MeshFacet, mut vertices: Vec<u32>) -> u32 {
+        vertices.sort_unstable();
+        vertices.dedup();
+        self.facets.push(facet);
+        self.vertices_of.push(vertices);
+        (self.facets.len() - 1) as u32
+    }
+
+    pub(super) fn find_sides(&mut self, findings: &mut Findings) {
+        self.sides = sides_of(self.corners.iter().copied());
+        let is_own = |of: &&[Side]| of.iter().any(|side| (side.triangle as usize) < self.own);
+        for of in self.sides.chunk_by(Side::is_same).filter(is_own) {
+            match of {
+                [_] => findings.open_edges += 1,
+                [one, other] => findings.turned_edges += usize::from(one.rises == other.rises),
+                _ => findings.crowded_edges += 1,
+            }
+        }
+    }
+
+    /// From large triangles to their neighbours in the same plane.
+    pub(super) fn find_faces(&mut self) {
+        let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); self.corners.len()];
+        for of in self.sides.chunk_by(Side::is_same) {
+            for one in of {
+                let others = of.iter().filter(|other| other.triangle != one.triangle);
+                neighbours[one.triangle as usize].extend(others.map(|other| other.triangle));
+            }
+        }
+        let mut order: Vec<usize> = (0..self.corners.len()).collect();
+        let areas: Vec<f64> = order.iter().map(|&k| self.area(k).norm_squared()).collect();
+        order.sort_by(|&a, &b| areas[b].total_cmp(&areas[a]));
+        for seed in order {
+            if self.of_triangle[seed][0] != NONE {
+                continue;
+            }
+            let face = self.facets.len() as u32;
+            let normal = self.area(seed).normalize();
+            let offset = self.vertex(self.corners[seed][0]).dot(&normal);
+            let (mut area, mut vertices, mut next) = (Vec3::zeros(), Vec::new(), vec![seed as u32]);
+            self.of_triangle[seed][0] = face;
+            while let Some(triangle) = next.pop() {
+                let own = self.area(triangle as usize);
+                area += own * own.dot(&normal).signum();
+                vertices.extend(self.corners[triangle as usize]);
+                for &neighbour in &neighbours[triangle as usize] {
+                    let corners = self.corners[neighbour as usize].map(|k| self.vertex(k));
+                    let off = |corner: &Vec3| (corner.dot(&normal) - offset).abs();
+                    let of = &mut self.of_triangle[neighbour as usize][0];
+                    if *of == NONE && corners.iter().all(|c| off(c) <= COPLANAR * self.size) {
+                        *of = face;
+                        next.push(neighbour);
+                    }
+                }
+            }
+            // Of all its triangles: exact where one of them is narrow.
+            let normal = snapped(&area);
+            vertices.sort_unstable();
+            vertices.dedup();
+            let heights = vertices.iter().map(|&k| self.vertex(k).dot(&normal));
+            let (low, high) =
+                heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+            self.push(MeshFacet::Face { normal, offset: 0.5 * (low + high) }, vertices);
+        }
+    }
+
+    pub(super) fn find_edges(&mut self) {
+        let sides = std::mem::take(&mut self.sides);
+        for of in sides.chunk_by(Side::is_same) {
+            let ends = of[0].ends;
+            let [from, to] = ends.map(|k| self.vertex(k));
+            let length = (to - from).norm();
+            let along = (to - from) / length;
+            let Some((first, quarter, opening)) = self.directions(of, &from, &along) else {
+                continue;
+            };
+            let edge = MeshFacet::Edge { from, along, length, first, quarter, opening };
+            let number = self.push(edge, ends.to_vec());
+            for side in of {
+                self.of_triangle[side.triangle as usize][1 + side.number as usize] = number;
+            }
+        }
+        self.sides = sides;
+    }
+
+    /// Where an edge faces: between the two of its triangles that have the largest angle between them. The first direction, that
+    /// a quarter turn on, and the angle to the last.
+    fn directions(&self, of: &[Side], from: &Vec3, along: &Vec3) -> Option<(Vec3, Vec3, f64)> {
+        let mut faces: Vec<u32> =
+            of.iter().map(|side| self.of_triangle[side.triangle as usize][0]).collect();
+        faces.dedup();
+        if of.len() == 2 && faces.len() == 1 && !self.is_folded(of) {
+            return None;
+        }
+        // From the edge into each triangle.
+        let into = |side: &Side| {
+            let corner = self.corners[side.triangle as usize][(side.number as usize + 2) % 3];
+            let MeshFacet::Face { normal, .. } =
+                &self.facets[self.of_triangle[side.triangle as usize][0] as usize]
+            else {
+                unreachable!("a triangle has a face")
+            };
+            let across = normal.cross(along).normalize();
+            across * (self.vertex(corner) - from).dot(&across).signum()
+        };
+        let into: Vec<Vec3> = of.iter().map(into).collect();
+        let (x, y) = (into[0], along.cross(&into[0]));
+        let turn = std::f64::consts::TAU;
+        let mut angles: Vec<(f64, Vec3)> =
+            into.iter().map(|d| (libm::atan2(d.dot(&y), d.dot(&x)).rem_euclid(turn), *d)).collect();
+        angles.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let gap = |k: usize| {
+            let next = angles.get(k + 1).map_or(angles[0].0 + turn, |next| next.0);
+            next - angles[k].0
+        };
+        let widest = (0..angles.len()).max_by(|&a, &b| gap(a).total_cmp(&gap(b)))?;
+        let opening = gap(widest) - std::f64::consts::PI;
+        let inwards = angles[widest].1;
+        (opening > LEAST_OPENING).then(|| (along.cross(&inwards), -inwards, opening))
+    }
+
+    /// Do two triangles in a plane lie on each other?
+    fn is_folded(&self, of: &[Side]) -> bool {
+        let [one, other] = [of[0], of[1]].map(|side| {
+            let corner = self.corners[side.triangle as usize][(side.number as usize + 2) % 3];
+            let [from, to] = side.ends.map(|k| self.vertex(k));
+            (to - from).cross(&(self.vertex(corner) - from))
+        });
+        one.dot(&other) > 0.0
+    }
+
+    /// Where edges that face somewhere end.
+    pub(super) fn find_corners(&mut self) {
+        let mut has_edge = vec![false; self.vertices.len()];
+        for facet in self.of_triangle.iter().flat_map(|of| &of[1..4]).filter(|&&e| e != NONE) {
+            for &vertex in &self.vertices_of[*facet as usize] {
+                has_edge[vertex as usize] = true;
+            }
+        }
+        let mut edges: Vec<Vec<Vec3>> = vec![Vec::new(); self.vertices.len()];
+        for of in self.sides.chunk_by(Side::is_same) {
+            let [from, to] = of[0].ends;
+            let along = (self.vertex(to) - self.vertex(from)).normalize();
+            edges[from as usize].push(along);
+            edges[to as usize].push(-along);
+        }
+        let mut number = vec![NONE; self.vertices.len()];
+        for triangle in 0..self.corners.len() {
+            for k in 0..3 {
+                let vertex = self.corners[triangle][k];
+                let index = vertex as usize;
+                if !has_edge[index] {
+                    continue;
+                }
+                if number[index] == NONE {
+                    let edges = std::mem::take(&mut edges[index]);
+                    let corner = MeshFacet::Corner { at: self.vertex(vertex), edges };
+                    number[index] = self.push(corner, vec![vertex]);
+                }
+                self.of_triangle[triangle][4 + k] = number[index];
+            }
+        }
+    }
+}
+
+/// A unit vector; along an axis, if it is by rounding.
+fn snapped(vector: &Vec3) -> Vec3 {
+    let unit = vector.normalize();
+    let main = unit.iamax();
+    let mut axis = Vec3::zeros();
+    axis[main] = unit[main].signum();
+    if (unit - axis).amax() < 1e-15 { axis } else { unit }
+}
+
+/// Vertices that are the same to the last bit are one; triangles without area, or twice there, are left out.
+pub(super) fn welded(corners: &[[Vec3; 3]], own: usize, findings: &mut Findings) -> Building {
+    let points: Vec<Vec3> = corners.iter().flatten().map(|c| c.map(|x| x + 0.0)).collect();
+    let compare = |a: &Vec3, b: &Vec3| {
+        a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z))
+    };
+    let mut order: Vec<usize> = (0..points.len()).collect();
+    order.sort_by(|&a, &b| compare(&points[a], &points[b]));
+    let (mut vertices, mut number) = (Vec::new(), vec![0; points.len()]);
+    for k in order {
+        if vertices.last() != Some(&points[k]) {
+            vertices.push(points[k]);
+        }
+        number[k] = (vertices.len() - 1) as u32;
+    }
+    let (numbers, _) = number.as_chunks::<3>();
+    let mut seen = std::collections::BTreeSet::new();
+    let mut is_sound = |triangle: &&[u32; 3]| {
+        let [a, b, c] = triangle.map(|k| vertices[k as usize]);
+        let longest =
+            (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
+        let mut key = **triangle;
+        key.sort_unstable();
+        (b - a).cross(&(c - a)).norm() > SLIVER * longest && seen.insert(key)
+    };
+    let (of_own, of_images) = numbers.split_at(own);
+    let mut triangles: Vec<[u32; 3]> = of_own.iter().filter(|of| is_sound(of)).copied().collect();
+    let sound = triangles.len();
+    findings.left_out = own - sound;
+    triangles.extend(of_images.iter().filter(|of| is_sound(of)));
+    Building::of(vertices, triangles, sound)
+}
+
+/// FNV-1a of all numbers.
+fn checksum(vertices: &[Vec3], corners: &[[u32; 3]]) -> u64 {
+    let numbers = vertices.iter().flat_map(|v| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>());
+    let corners = corners.iter().flatten().map(|&k| u64::from(k));
+    numbers.chain(corners).fold(0xcbf2_9ce4_8422_2325, |hash, number| {
+        number
+            .to_le_bytes()
+            .iter()
+            .fold(hash, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
+    })
+}

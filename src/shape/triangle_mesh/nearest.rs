@@ -1,0 +1,53 @@
+//! Distances and sections of triangles.
+
+use crate::math::Vec3;
+
+pub(super) fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {
+    points.iter().fold((points[0], points[0]), |(low, high), p| (low.inf(p), high.sup(p)))
+}
+
+pub(super) fn nearest_on_segment(from: &Vec3, to: &Vec3, point: &Vec3) -> Vec3 {
+    let along = to - from;
+    from + along * ((point - from).dot(&along) / along.norm_squared()).clamp(0.0, 1.0)
+}
+
+pub(super) fn nearest_on(corners: &[Vec3; 3], point: &Vec3) -> Vec3 {
+    let [a, b, c] = corners;
+    if is_over(corners, point, 0.0) {
+        let normal = (b - a).cross(&(c - a)).normalize();
+        return point - normal * (point - a).dot(&normal);
+    }
+    let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| nearest_on_segment(from, to, point));
+    let nearer = |one: &&Vec3, other: &&Vec3| {
+        (*one - point).norm_squared().total_cmp(&(*other - point).norm_squared())
+    };
+    sides.iter().min_by(nearer).copied().unwrap_or(*a)
+}
+
+/// Is the foot of a point on the plane of a triangle in it, or nearer to it than a tolerance [m], about?
+pub(super) fn is_over(corners: &[Vec3; 3], point: &Vec3, tolerance: f64) -> bool {
+    let [a, b, c] = corners;
+    let normal = (b - a).cross(&(c - a));
+    [(a, b), (b, c), (c, a)].iter().all(|(from, to)| {
+        let inwards = normal.cross(&(*to - *from));
+        (point - *from).dot(&inwards) >= -tolerance * inwards.norm()
+    })
+}
+
+/// Does a triangle come into a box of this middle and these half sides [m]? It does not if an axis separates them: one of the box, the
+/// normal of the triangle, or one at right angles to a side of both (Akenine-Möller 2001, DOI 10.1080/10867651.2001.10487535).
+pub(super) fn comes_into(corners: &[Vec3; 3], middle: &Vec3, half: &Vec3) -> bool {
+    let [a, b, c] = corners.map(|corner| corner - middle);
+    let sides = [b - a, c - b, a - c];
+    let of_box = [0, 1, 2].map(|k| Vec3::ith(k, 1.0));
+    let crossed = sides.iter().flat_map(|side| of_box.iter().map(move |axis| side.cross(axis)));
+    let mut axes = of_box.iter().copied().chain([sides[0].cross(&sides[1])]).chain(crossed);
+    axes.all(|axis| {
+        let reach = half.dot(&axis.abs());
+        let places = [a, b, c].map(|corner| corner.dot(&axis));
+        let (least, most) =
+            (places[0].min(places[1]).min(places[2]), places[0].max(places[1]).max(places[2]));
+        // Along an axis of no length nothing is apart.
+        axis == Vec3::zeros() || least < reach && most > -reach
+    })
+}
