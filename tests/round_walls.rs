@@ -295,7 +295,7 @@ fn a_round_drum_has_the_same_bits_everywhere() {
     );
     assert!(missing.abs() < 2e-4 * dissipated, "{missing:e} of {dissipated:e} J");
     let page = plan(&scene, 1);
-    assert!(page.contains("a cylinder, radius 1.150e-2 to 1.150e-2 m"), "{page}");
+    assert!(page.contains("a cylinder, radius 1.150e-2 m"), "{page}");
 }
 
 #[test]
@@ -308,7 +308,11 @@ fn bad_round_walls_are_refused() {
         ("cylinder = {", "point = [0, 0, 0]\ncylinder = {", "a wall has one surface"),
         ("radius = 0.0115", "radius = 0.0115, side = 1", "side"),
         ("cylinder = { from", "cone = { from", "two radii"),
-        ("walls = [\"-y\", \"+y\"]", "periodic = [false, true, false]", "is periodic along y"),
+        (
+            "walls = [\"-y\", \"+y\"]",
+            "periodic = [true, false, false]",
+            "must go through this period",
+        ),
     ] {
         expect_refused(&good, from, to, said);
     }
