@@ -227,7 +227,7 @@ fn force_and_moment_are_the_gradient_of_the_energy() {
     }
     for (name, met, worst) in report {
         assert!(met > 100, "{name}: only {met}");
-        assert!(worst < 1e-5, "{name}: {worst:e}");
+        assert!(worst < 1e-6, "{name}: {worst:e}");
     }
 }
 
