@@ -34,31 +34,18 @@ fn ragged(count: usize, width: f64, jitter: f64, height: impl Fn(f64, f64) -> f6
         let (x, y) = (at(k % (count + 1)), at(k / (count + 1)));
         corners.push(Vec3::new(x, y, height(x, y)));
     }
-    let corner = |i: usize, j: usize| corners[j * (count + 1) + i];
-    let mut triangles = Vec::new();
-    for j in 0..count {
-        for i in 0..count {
-            let [a, b, c, d] =
-                [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
-            triangles.extend(if random.unit() < 0.5 {
-                [[a, b, c], [a, c, d]]
-            } else {
-                [[a, b, d], [b, c, d]]
-            });
-        }
-    }
-    triangles
+    meshes::cut(count, &corners, &mut random)
 }
 
-/// A ring of strips about the y axis, without ends.
-fn drum(radius: f64, strips: usize) -> Triangles {
+/// A ring of strips about the y axis, of this radius and half length, without ends.
+pub(crate) fn drum(radius: f64, half: f64, strips: usize) -> Triangles {
     let at = |k: usize, y: f64| {
-        let angle = std::f64::consts::TAU * k as f64 / strips as f64;
-        Vec3::new(radius * angle.sin(), y, -radius * angle.cos())
+        let angle = std::f64::consts::TAU * (k % strips) as f64 / strips as f64;
+        let (sine, cosine) = libm::sincos(angle);
+        Vec3::new(radius * sine, y, -radius * cosine)
     };
     let strip = |k: usize| {
-        let next = (k + 1) % strips;
-        let [a, b, c, d] = [at(k, -3.0), at(next, -3.0), at(next, 3.0), at(k, 3.0)];
+        let [a, b, c, d] = [at(k, -half), at(k + 1, -half), at(k + 1, half), at(k, half)];
         [[a, b, c], [a, c, d]]
     };
     (0..strips).flat_map(strip).collect()
@@ -152,7 +139,7 @@ fn a_plane_of_triangles_is_the_plane() {
     assert!(worst < 1e-12, "{worst:e}");
 }
 
-/// Surfaces with edges and corners of all kinds, where their middle is, and how much of them may be met.
+/// Surfaces with edges and corners of all kinds.
 fn surfaces() -> Vec<(&'static str, Triangles)> {
     let slope = |degrees: f64| libm::tan(degrees.to_radians());
     let (steep, gentle) = (slope(30.0), slope(15.0));
@@ -167,7 +154,7 @@ fn surfaces() -> Vec<(&'static str, Triangles)> {
         ("bumps", relief(16, 8.0, |x, y| 0.2 * wave(x) * wave(y))),
         ("saddle", relief(16, 8.0, |x, y| 0.1 * (x * x - y * y))),
         ("steps", relief(8, 8.0, |x, _| if x > 0.5 { 0.15 } else { 0.0 })),
-        ("drum", drum(3.0, 24)),
+        ("drum", drum(3.0, 3.0, 24)),
         ("box", meshes::cuboid(Vec3::new(-2.0, -2.0, -2.0), Vec3::new(0.6, 0.7, 0.5))),
     ]
 }

@@ -35,6 +35,11 @@ fn sheet(count: usize, width: f64, place: impl Fn(f64, f64) -> Vec3) -> Triangle
             corners.push(place(u - 0.5 * width, v - 0.5 * width));
         }
     }
+    cut(count, &corners, &mut random)
+}
+
+/// The triangles of so many squares along each side, cut along either diagonal, from all of their corners row by row.
+pub(crate) fn cut(count: usize, corners: &[Vec3], random: &mut Random) -> Triangles {
     let at = |i: usize, j: usize| corners[j * (count + 1) + i];
     let mut triangles = Vec::new();
     for j in 0..count {

@@ -1,5 +1,6 @@
 //! Walls of triangles and cylinders in periodic domains: what goes through a period is what goes on without one.
 
+use crate::faces_on_meshes;
 use crate::meshes::{self, Triangles};
 use crate::support::{Bench, MATERIAL, OnRanks, scene};
 use dem_mpi::ids::{GlobalId, ShapeId};
@@ -114,22 +115,10 @@ fn bumps_of_a_period_are_bumps_without_an_end() {
     }
 }
 
-/// Of the drum.
-const STRIPS: usize = 40;
-
 /// A drum of triangles and an exact one, both through the period, with a crowd.
 fn drum(folder: &Path, is_exact: bool) -> Scene {
     let file = folder.join("drum.obj");
-    let place = |k: usize, y: f64| {
-        let (sine, cosine) = libm::sincos(TAU * (k % STRIPS) as f64 / STRIPS as f64);
-        Vec3::new(0.02 * sine, y, -0.02 * cosine)
-    };
-    let strip = |k: usize| {
-        let [a, b, c, d] =
-            [place(k, -0.01), place(k + 1, -0.01), place(k + 1, 0.01), place(k, 0.01)];
-        [[a, b, c], [a, c, d]]
-    };
-    meshes::write_obj(&(0..STRIPS).flat_map(strip).collect(), &file);
+    meshes::write_obj(&faces_on_meshes::drum(0.02, 0.01, 40), &file);
     let (surface, brick) = if is_exact {
         (
             "cylinder = { from = [0, -0.01, 0], to = [0, 0.01, 0], radius = 0.02 }".to_owned(),

@@ -176,20 +176,14 @@ impl Scratch {
         }
         let Moments { volume, centroid, covariance } = self.moments(first)?;
 
-        let cofactors = cofactors(&covariance);
-        let sum = cofactors.trace();
-        let determinant = covariance.row(0).transpose().dot(&cofactors.column(0));
-        if !(determinant > 0.0 && sum > 0.0) {
-            return None;
-        }
-        let s = determinant / sum;
+        let (s, k) = thinness(&covariance)?;
         let thickness = (12.0 * s).sqrt();
         // A number that is none ends here, too.
         let is_thick = thickness > THIN * size;
         if !is_thick {
             return None;
         }
-        let (force, moment) = self.gradient(&(cofactors / sum), &centroid, s, by_cuts);
+        let (force, moment) = self.gradient(&k, &centroid, s, by_cuts);
         let (force, moment) = (force * (6.0 / volume), moment * (6.0 / volume));
         let squared = force.norm_squared();
         let lever = force.cross(&moment);
@@ -210,12 +204,7 @@ impl Scratch {
             centroid,
             covariance,
         };
-        let placed = found.placed(1.0, &axes);
-        Some(Thickness {
-            point: placed.point + origin,
-            centroid: placed.centroid + origin,
-            ..placed
-        })
+        Some(found.placed(1.0, &axes).with_origin(&origin))
     }
 
     /// Whether no more than half of the faces are cuts. `None` if one of the bodies has no facet here.
@@ -242,8 +231,7 @@ impl Scratch {
             return None;
         }
         let up = area / length;
-        let across = up.cross(&Vec3::ith(up.iamin(), 1.0)).normalize();
-        Some(Mat3::from_columns(&[across, up.cross(&across), up]))
+        Some(axes_along(&up))
     }
 
     /// Volume, centroid and covariance in local axes, with this vertex as their origin. `None` if there is no volume.
@@ -321,8 +309,22 @@ pub(super) fn fan(corners: &[u32]) -> impl Iterator<Item = [usize; 3]> {
     corners[1..].windows(2).map(move |two| [first, two[0] as usize, two[1] as usize])
 }
 
+/// Axes, as columns, of which the third is this unit vector.
+pub(super) fn axes_along(up: &Vec3) -> Mat3 {
+    let across = up.cross(&Vec3::ith(up.iamin(), 1.0)).normalize();
+    Mat3::from_columns(&[across, up.cross(&across), *up])
+}
+
+/// `s = 1 / tr(C⁻¹)` and `K = s C⁻¹` of a covariance. `None` of what is thinner than rounding.
+pub(super) fn thinness(covariance: &Mat3) -> Option<(f64, Mat3)> {
+    let cofactors = cofactors(covariance);
+    let sum = cofactors.trace();
+    let determinant = covariance.row(0).transpose().dot(&cofactors.column(0));
+    (determinant > 0.0 && sum > 0.0).then(|| (determinant / sum, cofactors / sum))
+}
+
 /// The cofactors of a symmetric matrix.
-pub(super) fn cofactors(m: &Mat3) -> Mat3 {
+fn cofactors(m: &Mat3) -> Mat3 {
     let [x, y, z] = [m.column(0), m.column(1), m.column(2)];
     Mat3::from_columns(&[y.cross(&z), z.cross(&x), x.cross(&y)])
 }

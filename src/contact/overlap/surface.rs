@@ -24,7 +24,7 @@
 //!
 //! Faces that are one to any part, directly or by way of others, make one contact, which belongs to the pair of the lowest of them. Edges and corners have none.
 
-use super::faces::{FAR, cofactors, fan};
+use super::faces::{FAR, axes_along, fan, thinness};
 use super::thickness::{THIN, Thickness};
 use super::{Batch, ContactResolver, Definition, Found, Outcome, Posed, Why, patch, touch};
 use crate::math::{Mat3, Vec3};
@@ -216,7 +216,6 @@ impl Scratch {
             // Edges and corners have no contacts of their own.
             return Err(Outcome::Apart(f64::INFINITY));
         };
-        let has_images = seen.mesh.has_images();
         if let Some(found) = self.found.iter().find(|found| found.face == facet) {
             let placed = found.thickness.placed(seen.a.scale, seen.a.frame);
             // A number that is none ends here.
@@ -226,14 +225,17 @@ impl Scratch {
                 Err(Outcome::Failed(Why::NotFinite))
             };
         }
-        if !seen.centre.iter().all(|x| x.is_finite()) {
-            return Err(Outcome::Failed(Why::NotFinite));
-        }
         // Until it comes through the plane of the face it does not touch.
         let height = seen.centre.dot(normal) - offset;
         let sign = if height < 0.0 { -1.0 } else { 1.0 };
         let clear = seen.height_over(&Plane { normal: normal * sign, offset: offset * sign });
-        Err(Outcome::Apart(if has_images { 0.0 } else { clear.max(0.0) }))
+        Err(if !clear.is_finite() {
+            Outcome::Failed(Why::NotFinite)
+        } else if seen.mesh.has_images() {
+            Outcome::Apart(0.0)
+        } else {
+            Outcome::Apart(clear.max(0.0))
+        })
     }
 
     /// Cuts the body by the cells near it.
@@ -344,8 +346,7 @@ impl Scratch {
         } else {
             area.normalize()
         };
-        let across = upright.cross(&Vec3::ith(upright.iamin(), 1.0)).normalize();
-        let axes = Mat3::from_columns(&[across, upright.cross(&across), upright]);
+        let axes = axes_along(&upright);
         let origin = first.shared.vertices()[*first.shared.left().first()? as usize];
 
         let mut all = Moments::none();
@@ -418,13 +419,8 @@ impl Scratch {
             centroid: middle,
             covariance,
         };
-        let placed = found.placed(1.0, &axes);
+        let thickness = found.placed(1.0, &axes).with_origin(&origin);
         let face = of_group.iter().map(|&k| cells[members[k].cells.start].face).min()?;
-        let thickness = Thickness {
-            point: placed.point + origin,
-            centroid: placed.centroid + origin,
-            ..placed
-        };
         Some(Shared { face, thickness })
     }
 }
@@ -487,17 +483,13 @@ impl Moments {
 
 impl OfOne {
     fn of(sum: &Moments) -> Self {
-        let nothing =
-            Self { weight: sum.volume, s: 0.0, k: Mat3::zeros(), centroid: Vec3::zeros() };
-        let Some((centroid, covariance)) = sum.centroid_and_covariance() else { return nothing };
-        let cofactors = cofactors(&covariance);
-        let trace = cofactors.trace();
-        let determinant = covariance.row(0).transpose().dot(&cofactors.column(0));
-        // Thinner than rounding.
-        if !(determinant > 0.0 && trace > 0.0) {
-            return nothing;
-        }
-        Self { weight: sum.volume, s: determinant / trace, k: cofactors / trace, centroid }
+        let thin = || {
+            let (centroid, covariance) = sum.centroid_and_covariance()?;
+            let (s, k) = thinness(&covariance)?;
+            Some((s, k, centroid))
+        };
+        let (s, k, centroid) = thin().unwrap_or_default();
+        Self { weight: sum.volume, s, k, centroid }
     }
 }
 

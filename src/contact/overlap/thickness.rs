@@ -41,6 +41,11 @@ impl Thickness {
         0.5 * self.thickness * self.thickness
     }
 
+    /// The same, where its origin stands here [m].
+    pub(super) fn with_origin(self, origin: &Vec3) -> Self {
+        Self { point: self.point + origin, centroid: self.centroid + origin, ..self }
+    }
+
     /// The same in another unit of length, and in axes that are the rows of `frame`.
     pub(super) fn placed(&self, scale: f64, frame: &Mat3) -> Self {
         let square = scale * scale;

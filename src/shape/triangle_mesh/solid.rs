@@ -59,15 +59,6 @@ pub enum NoSolid {
     Round,
 }
 
-/// Beyond an edge.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Border {
-    /// Unit normal out of the cell, of the plane that halves the angle.
-    out: Vec3,
-    /// Distance from the origin along it [m].
-    offset: f64,
-}
-
 /// What is behind one triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Behind {
@@ -75,7 +66,8 @@ struct Behind {
     sign: f64,
     /// Which part of the surface it belongs to.
     part: u32,
-    borders: [Border; 3],
+    /// At each edge, the plane that halves the angle, with its normal out of the cell.
+    borders: [Plane; 3],
     /// How deep its cell is, seen from the front and from the back [m].
     depth: [f64; 2],
 }
@@ -153,7 +145,7 @@ impl TriangleMesh {
         let neighbours = self.neighbours()?;
         let parts = self.parts(&neighbours)?;
         for (triangle, ((sign, part), beyond)) in (0..).zip(parts.iter().zip(&neighbours)) {
-            let mut borders = [Border { out: Vec3::zeros(), offset: 0.0 }; 3];
+            let mut borders = [Plane { normal: Vec3::zeros(), offset: 0.0 }; 3];
             for (k, border) in borders.iter_mut().enumerate() {
                 let (from, across) = self.across(triangle, k);
                 let beyond = beyond[k].map_or_else(Vec3::zeros, |(t, k)| self.across(t, k).1);
@@ -162,8 +154,8 @@ impl TriangleMesh {
                 if length < FOLDED {
                     return Err(NoSolid::Folded(from));
                 }
-                let out = out / length;
-                *border = Border { out, offset: out.dot(&from) };
+                let normal = out / length;
+                *border = Plane { normal, offset: normal.dot(&from) };
             }
             let depth = [farthest; 2];
             solid.behind.push(Behind { sign: *sign, part: *part, borders, depth });
@@ -244,7 +236,7 @@ impl TriangleMesh {
         let sign = behind.sign * front.sign();
         let (normal, offset) = (normal * sign, offset * sign);
         let bottom = Plane { normal: -normal, offset: behind.depth[front.index()] - offset };
-        let [a, b, c] = behind.borders.map(|Border { out, offset }| Plane { normal: out, offset });
+        let [a, b, c] = behind.borders;
         [Plane { normal, offset }, a, b, c, bottom]
     }
 
