@@ -40,6 +40,7 @@ mod schema;
 mod servo;
 mod shear;
 mod sides;
+mod sides_on_meshes;
 mod sizes;
 mod snapshot;
 mod solids;

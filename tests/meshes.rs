@@ -122,6 +122,7 @@ directory = "out"
 const BALL: &str = "kind = \"sphere\"\nradius = 0.01";
 const EGG: &str = "kind = \"ellipsoid\"\nsemi_axes = [0.012, 0.009, 0.007]";
 pub(crate) const BRICK: &str = "kind = \"polyhedron\"\nedges = [0.02, 0.016, 0.012]";
+pub(crate) const ROD: &str = "kind = \"spherocylinder\"\nlength = 0.012\nradius = 0.005";
 const BLUNT: &str =
     "kind = \"superellipsoid\"\nsemi_axes = [0.011, 0.009, 0.008]\nexponents = [0.7, 0.8]";
 
@@ -350,9 +351,8 @@ fn energy_is_kept_over_edges_and_corners() {
     let file = folder.path().join("box.obj");
     write_obj(&cuboid(Vec3::repeat(-0.03), Vec3::repeat(0.03)), &file);
     let wall = format!("mesh = {file:?}");
-    for (shape, friction) in
-        [(BALL, 0.0), (EGG, 0.0), (BRICK, 0.0), (BALL, 0.5), (EGG, 0.5), (BRICK, 0.5)]
-    {
+    let shapes = [BALL, EGG, BRICK, ROD];
+    for (shape, friction) in [0.0, 0.5].into_iter().flat_map(|mu| shapes.map(|shape| (shape, mu))) {
         let missing = |dt: f64| {
             let mut worst: f64 = 0.0;
             let mut touched = 0;

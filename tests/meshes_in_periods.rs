@@ -30,10 +30,11 @@ fn bumps(periods: [usize; 2]) -> Triangles {
     triangles
 }
 
-const SHAPES: [&str; 3] = [
+const SHAPES: [&str; 4] = [
     "kind = \"sphere\"\nradius = 0.006",
     "kind = \"ellipsoid\"\nsemi_axes = [0.008, 0.006, 0.005]",
     "kind = \"polyhedron\"\nedges = [0.012, 0.01, 0.008]",
+    "kind = \"spherocylinder\"\nlength = 0.006\nradius = 0.005",
 ];
 
 fn one_grain(shape: &str, surface: &str, domain: &str) -> Scene {

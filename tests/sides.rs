@@ -10,7 +10,7 @@ use dem_mpi::shape::{HalfSpace, Shape, Spherocylinder};
 
 const SEED: u64 = 20_261_124;
 
-fn rod(length: f64, radius: f64) -> Shape {
+pub(crate) fn rod(length: f64, radius: f64) -> Shape {
     Shape::Spherocylinder(Spherocylinder { length, radius })
 }
 

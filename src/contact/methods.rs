@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// How pairs without a closed form are resolved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Method {
-    /// [`Overlap`] for two shapes with faces or with straight sides, and for one on a plane, [`OverlapWithSurface`] for one with faces on
+    /// [`Overlap`] for two shapes with faces or with straight sides, and for one on a plane, [`OverlapWithSurface`] for one on
     /// triangles. Of others [`CommonNormal`] for two smooth shapes,
     /// [`Cores`] if one of them has a margin, [`Epa`] for all the rest: beside an edge, erosion takes more of a polyhedron
     /// than the overlap is wide, and answers with another direction.

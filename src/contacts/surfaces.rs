@@ -4,7 +4,7 @@
 //! deepest contact counts. Where a contact ends on one facet and one begins on another that has a corner in common with it, in
 //! the same step, the contact has gone over an edge: it takes along what is remembered.
 //!
-//! A grain with faces has one contact with all facets that are one surface ([`crate::contact::thickness_on_surface`]), so that
+//! A grain with faces or a straight side has one contact with all facets that are one surface ([`crate::contact::thickness_on_surface`]), so that
 //! there is nothing to leave out. Its contact passes to any facet, if the normal turns by less than half of a right angle.
 
 use crate::contact::{Geometry, Pair, Previous, Touching};
@@ -35,9 +35,9 @@ const HALF_OF_RIGHT: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// The cosine of an angle that is rounding.
 const ALIKE: f64 = 1.0 - 1e-12;
 
-/// Has the grain of a pair faces?
-fn has_faces(pair: Pair, particles: &Particles) -> bool {
-    particles.bodies().shape_of(pair.a).kind().has_faces()
+/// Has the grain of a pair faces or a straight side?
+fn is_extended(pair: Pair, particles: &Particles) -> bool {
+    particles.bodies().shape_of(pair.a).kind().extended()[0] > 0
 }
 
 /// Is any of these pairs with a mesh? Pairs with walls stand in stretches of their own.
@@ -53,7 +53,7 @@ pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particl
     let mut on_meshes: Vec<(u32, OnMesh, usize)> = (0..touching.len())
         .filter_map(|row| {
             let pair = pairs[touching.pair[row] as usize];
-            let on = OnMesh::of(pair, particles).filter(|_| !has_faces(pair, particles))?;
+            let on = OnMesh::of(pair, particles).filter(|_| !is_extended(pair, particles))?;
             Some((pair.a.0, on, row))
         })
         .collect();
@@ -100,7 +100,7 @@ pub(super) fn pass_on(
                 return None;
             }
             let nearness = geometry_before[ended.place].normal.dot(&geometry[row].normal);
-            let is_same = if has_faces(pair, particles) {
+            let is_same = if is_extended(pair, particles) {
                 nearness > HALF_OF_RIGHT
             } else {
                 // A grain that comes through a period goes on with the image of its facet.

@@ -160,7 +160,7 @@ fn energy_of_faces(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A spherocylinder has an extended contact with its like and with planes alone.
+/// A spherocylinder has an extended contact with its like and with walls alone.
 fn sides_on_faces(scene: &Scene) -> Option<String> {
     let kinds = scene.particle_kinds();
     let is_there = |has: fn(Kind) -> bool| kinds.iter().any(|&kind| has(kind));

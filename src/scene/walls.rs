@@ -324,12 +324,15 @@ impl<'a> Walls<'a> {
     /// faces need.
     pub(super) fn check_surfaces(&mut self, root: &Section, library: &Library, method: &Method) {
         let all = || library.names.iter().zip(&library.shapes);
-        let named = |is: fn(Kind) -> bool| {
+        let all_names = |is: fn(Kind) -> bool| {
             let of = all().filter(|(_, shape)| is(shape.kind()));
-            of.map(|(name, shape)| format!("`{name}` ({})", shape.kind().name()))
-                .collect::<Vec<_>>()
+            let name =
+                |(name, shape): (&String, &Shape)| format!("`{name}` ({})", shape.kind().name());
+            of.map(name).collect::<Vec<_>>().join(", ")
         };
-        let (faces, sides) = (named(Kind::has_faces), named(Kind::has_side));
+        let faces = all_names(Kind::has_faces);
+        // Whose contacts have an extent.
+        let extended = all_names(|kind| kind.extended()[0] > 0);
         // How far a grain with faces can reach.
         let reach = |(k, shape): (usize, &Shape)| {
             let largest = library.scales[k][1];
@@ -342,37 +345,33 @@ impl<'a> Walls<'a> {
             SURFACES.map(|key| section.get(key).map(|given| (first + k, key, given)))
         });
         for (planned, key, given) in given.flatten() {
-            if !sides.is_empty() {
-                given.fail(format!(
-                    "meets {}: walls of triangles, cylinders and cones have no contacts with spherocylinders; make the wall of planes",
-                    sides.join(", ")
-                ));
-            }
-            if faces.is_empty() {
+            if extended.is_empty() {
                 continue;
             }
             if key != "mesh" {
                 given.fail(format!(
-                    "meets {}: cylinders and cones have no contacts with grains that have faces; make the wall a `mesh`, as `run/revolve` \
-                     writes it, or of planes",
-                    faces.join(", ")
+                    "meets {extended}: cylinders and cones have no contacts with grains that have faces or straight sides; make the wall a \
+                     `mesh`, as `run/revolve` writes it, or of planes"
                 ));
                 continue;
             }
+            // By the method both are alike.
             let pair = (Kind::Polyhedron, Kind::TriangleMesh);
             if !method.is_by_thickness(pair) {
                 given.fail(format!(
-                    "meets {}, and triangles have contacts with grains that have faces by the method \"auto\" only, not by \"{}\"",
-                    faces.join(", "),
+                    "meets {extended}, and triangles have contacts with grains that have faces or straight sides by the method \"auto\" \
+                     only, not by \"{}\"",
                     method.name()
                 ));
+                continue;
+            }
+            if faces.is_empty() {
                 continue;
             }
             let wall = self.all.get_mut(planned).and_then(Option::as_mut);
             if let Some(Err(error)) = wall.map(|planned| planned.wall.with_cells(farthest)) {
                 given.fail(format!(
-                    "{error}; grains with faces ({}) need a surface with two sides",
-                    faces.join(", ")
+                    "{error}; grains with faces ({faces}) need a surface with two sides"
                 ));
             }
         }

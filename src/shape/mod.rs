@@ -333,12 +333,11 @@ impl Kind {
     }
 
     /// Contacts of faces, of two polyhedra, and of straight sides, of two spherocylinders, have an extent, as have those of
-    /// both with planes, and of faces with triangles. Which of them it can have as the first and as the second body, as bits: a pair with one in common has that.
+    /// both with planes and with triangles. Which of them it can have as the first and as the second body, as bits: a pair with one in common has that.
     pub fn extended(self) -> [u8; 2] {
         let own = u8::from(self.has_faces()) | u8::from(self.has_side()) << 1;
         let with_walls = match self {
-            Self::HalfSpace => 3,
-            Self::TriangleMesh => 1,
+            Self::HalfSpace | Self::TriangleMesh => 3,
             _ => own,
         };
         [own, with_walls]

@@ -1,4 +1,4 @@
-//! The thickness of what straight sides share: of spherocylinders with each other and with planes.
+//! The thickness of what straight sides share: of spherocylinders with each other and with planes; with triangles see [`super::sides_on_surface`].
 //!
 //! Two of them that lie side by side touch along a line. The shortest distance of their axes does not tell where: it
 //! jumps from end to end when one of them tilts, and what rests on such a contact rocks for ever.
@@ -68,18 +68,18 @@ const WEIGHTS: [f64; WIDTH] = [
 
 /// The points of a line have a mean distance from its middle of `√3/2` of their radius of gyration, those of a disc
 /// `2√2/3`. With this part of its covariance a line resists torsion by friction as it should: with a quarter of its length.
-const OF_A_LINE: f64 = 27.0 / 32.0;
+pub(super) const OF_A_LINE: f64 = 27.0 / 32.0;
 
 /// A directed axis.
-struct Side {
+pub(super) struct Side {
     /// From the centre to one end [m].
-    end: Vec3,
+    pub(super) end: Vec3,
     /// Of what is rolled around it [m].
-    radius: f64,
+    pub(super) radius: f64,
 }
 
 impl Side {
-    fn of(body: &Posed) -> Option<Self> {
+    pub(super) fn of(body: &Posed) -> Option<Self> {
         match body.core() {
             PosedCore::Segment(end) if body.shape.kind().has_side() => {
                 Some(Self { end, radius: body.margin() })
@@ -115,18 +115,41 @@ struct Along {
 
 /// Integrals over `s`.
 #[derive(Default)]
-struct Integrals {
+pub(super) struct Integrals {
     /// Of `δ`, `s δ`, `s² δ` and `δ³`.
-    depth: [f64; 4],
+    pub(super) depth: [f64; 4],
     /// Of `n` and `δ² n`.
-    normal: [Vec3; 2],
+    pub(super) normal: [Vec3; 2],
     /// The same times `s`.
-    moment: [Vec3; 2],
+    pub(super) moment: [Vec3; 2],
 }
 
 impl Integrals {
+    /// Adds the part from `low` to `high`, where `δ` is linear with these values at both ends, all along one normal. Gauss' rule with two points
+    /// is exact.
+    pub(super) fn add_straight(
+        &mut self,
+        [low, high]: [f64; 2],
+        [first, last]: [f64; 2],
+        n: &Vec3,
+    ) {
+        let half = 0.5 * (high - low);
+        for place in [-1.0, 1.0] {
+            let part = 0.5 * (1.0 + place / 3.0_f64.sqrt());
+            let (s, depth) = (low + (high - low) * part, first + (last - first) * part);
+            let squared = depth * depth;
+            for (sum, value) in self.depth.iter_mut().zip([1.0, s, s * s, squared]) {
+                *sum += half * depth * value;
+            }
+            for (k, value) in [1.0, squared].into_iter().enumerate() {
+                self.normal[k] += n * (half * value);
+                self.moment[k] += n * (half * value * s);
+            }
+        }
+    }
+
     /// Adds the part from `low` to `high`, where the nearest point of the other axis is seen from the one at `s` along `w[0] + s w[1]`.
-    fn add(&mut self, [low, high]: [f64; 2], w: &[Vec3; 2], reach: f64) {
+    pub(super) fn add(&mut self, [low, high]: [f64; 2], w: &[Vec3; 2], reach: f64) {
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
         let mut sums = [0.0; 10];
         dispatch(Part { middle, half, w, reach, sums: &mut sums });
@@ -191,7 +214,7 @@ fn total<L: Eight>(lanes: L) -> f64 {
 }
 
 /// Where `|w[0] + s w[1]| < reach` between two values of `s`.
-fn within([low, high]: [f64; 2], w: &[Vec3; 2], reach: f64) -> Option<[f64; 2]> {
+pub(super) fn within([low, high]: [f64; 2], w: &[Vec3; 2], reach: f64) -> Option<[f64; 2]> {
     let (a, b) = (w[1].norm_squared(), w[0].dot(&w[1]));
     let c = w[0].norm_squared() - reach * reach;
     let discriminant = b * b - a * c;
@@ -284,21 +307,11 @@ impl Side {
         let middles = [self.end * of_a.mean, r + other.end * of_b.mean];
         let part = (self.radius - 0.5 * thickness) / (reach - thickness);
         let centroid = middles[0] + (middles[1] - middles[0]) * part;
-        let rest = moment - centroid.cross(&force);
-        let length = force.norm();
-        let normal = force / length;
         let line = |side: &Self, along: &Along| {
             side.end * side.end.transpose() * (0.5 * OF_A_LINE * along.variance)
         };
-        Ok(Thickness {
-            thickness,
-            normal,
-            gain: length / thickness,
-            point: centroid + force.cross(&rest) / (length * length),
-            couple: normal * rest.dot(&normal),
-            centroid,
-            covariance: line(self, &of_a) + line(other, &of_b),
-        })
+        let covariance = line(self, &of_a) + line(other, &of_b);
+        Ok(Thickness::pressing(thickness, force, moment, centroid, covariance))
     }
 
     /// In the half-space beyond a plane at this height along its normal [m].

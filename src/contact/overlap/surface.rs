@@ -25,6 +25,8 @@
 //! Faces that are one to any part, directly or by way of others, make one contact, which belongs to the pair of the lowest of them. Edges and corners have none.
 
 use super::faces::{FAR, axes_along, fan, thinness};
+use super::sides::Side;
+use super::sides_on_surface::{Room, clear_of};
 use super::thickness::{THIN, Thickness};
 use super::{Batch, ContactResolver, Definition, Found, Outcome, Posed, Why, patch, touch};
 use crate::math::{Mat3, Vec3};
@@ -35,17 +37,17 @@ use crate::shape::triangle_mesh::{Front, MeshFacet, Near, TriangleMesh};
 use std::cell::RefCell;
 use std::ops::Range;
 
-/// Resolves a body with faces (A) against a facet of a surface of triangles (B), which must have cells
+/// Resolves a body with faces or a straight side (A) against a facet of a surface of triangles (B). For faces it must have cells
 /// ([`TriangleMesh::with_cells`]). The relative position runs from the centre of A to the reference point of the wall.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct OverlapWithSurface;
 
-/// What a body shares with the cells of some faces, in the axes and the unit of length of the body.
+/// What a body shares with a part of a surface, in world axes.
 #[derive(Clone, Copy, Debug)]
-struct Shared {
-    /// The lowest of these faces.
-    face: u32,
-    thickness: Thickness,
+pub(super) struct Shared {
+    /// The lowest of the facets that are there.
+    pub(super) facet: u32,
+    pub(super) thickness: Thickness,
 }
 
 /// All contacts of one body with one surface.
@@ -58,6 +60,7 @@ struct Scratch {
     spare: Vec<Clipped>,
     members: Vec<Member>,
     weights: Vec<f64>,
+    of_sides: Room,
     found: Vec<Shared>,
 }
 
@@ -150,26 +153,28 @@ impl ContactResolver for OverlapWithSurface {
     }
 }
 
-/// The contacts of a body with faces and a surface of triangles that has cells, each with the lowest of its faces; `r` is from the
+/// The contacts of a body with faces and a surface of triangles that has cells, or of one with a straight side and any, each with the lowest of its facets; `r` is from the
 /// centre of A to the reference point of its wall [m]. None of others.
 pub fn thickness_on_surface(a: &Posed, b: &Posed, r: &Vec3) -> Vec<(u32, Thickness)> {
-    if !matches!(b.shape, Shape::TriangleMesh(mesh) if mesh.has_cells()) {
+    let has_side = a.shape.kind().has_side();
+    if !matches!(b.shape, Shape::TriangleMesh(mesh) if has_side || mesh.has_cells()) {
         return Vec::new();
     }
     SCRATCH.with_borrow_mut(|scratch| {
         scratch.find(&Seen::of(a, b, r));
-        let place = |found: &Shared| (found.face, found.thickness.placed(a.scale, a.frame));
-        scratch.found.iter().map(place).collect()
+        scratch.found.iter().map(|found| (found.facet, found.thickness)).collect()
     })
 }
 
 /// A body in the axes of the wall.
-struct Seen<'a> {
+pub(super) struct Seen<'a> {
     a: &'a Posed<'a>,
-    mesh: &'a TriangleMesh,
+    pub(super) mesh: &'a TriangleMesh,
+    /// Of the wall.
+    pub(super) wall: &'a Mat3,
     /// Of the body in the axes of the wall.
     frame: Mat3,
-    centre: Vec3,
+    pub(super) centre: Vec3,
 }
 
 impl<'a> Seen<'a> {
@@ -179,7 +184,8 @@ impl<'a> Seen<'a> {
         let Shape::TriangleMesh(mesh) = b.shape else {
             unreachable!("a facet is the second body of its pairs")
         };
-        Self { a, mesh, frame: b.frame.tr_mul(a.frame), centre: -b.frame.tr_mul(r) }
+        let (frame, centre) = (b.frame.tr_mul(a.frame), -b.frame.tr_mul(r));
+        Self { a, mesh, wall: b.frame, frame, centre }
     }
 
     /// How far the body stays in front of a plane, along its normal [m].
@@ -199,6 +205,10 @@ impl Scratch {
     /// Finds all contacts of a body with a surface.
     fn find(&mut self, seen: &Seen) {
         self.found.clear();
+        if let Some(side) = Side::of(seen.a) {
+            self.of_sides.find(&side, seen, &mut self.found);
+            return;
+        }
         self.spare.extend(self.cells.drain(..).map(|cell| cell.shared));
         self.find_cells(seen);
         self.group(seen.mesh);
@@ -210,25 +220,28 @@ impl Scratch {
         }
     }
 
-    /// The contact that belongs to a face, in world axes.
+    /// The contact that belongs to a facet, in world axes.
     fn contact(&self, seen: &Seen, facet: u32) -> Result<Thickness, Outcome> {
-        let MeshFacet::Face { normal, offset } = &seen.mesh.facets()[facet as usize] else {
-            // Edges and corners have no contacts of their own.
-            return Err(Outcome::Apart(f64::INFINITY));
-        };
-        if let Some(found) = self.found.iter().find(|found| found.face == facet) {
-            let placed = found.thickness.placed(seen.a.scale, seen.a.frame);
+        if let Some(Shared { thickness, .. }) = self.found.iter().find(|found| found.facet == facet)
+        {
             // A number that is none ends here.
-            return if placed.thickness.is_finite() && placed.gain.is_finite() {
-                Ok(placed)
+            return if thickness.thickness.is_finite() && thickness.gain.is_finite() {
+                Ok(*thickness)
             } else {
                 Err(Outcome::Failed(Why::NotFinite))
             };
         }
-        // Until it comes through the plane of the face it does not touch.
-        let height = seen.centre.dot(normal) - offset;
-        let sign = if height < 0.0 { -1.0 } else { 1.0 };
-        let clear = seen.height_over(&Plane { normal: normal * sign, offset: offset * sign });
+        // Until it comes to the facet it does not touch.
+        let clear = match (&seen.mesh.facets()[facet as usize], Side::of(seen.a)) {
+            (of, Some(side)) => clear_of(&side, seen, of),
+            (MeshFacet::Face { normal, offset }, None) => {
+                let height = seen.centre.dot(normal) - offset;
+                let sign = if height < 0.0 { -1.0 } else { 1.0 };
+                seen.height_over(&Plane { normal: normal * sign, offset: offset * sign })
+            }
+            // Edges and corners have no contacts of their own with faces.
+            _ => return Err(Outcome::Apart(f64::INFINITY)),
+        };
         Err(if !clear.is_finite() {
             Outcome::Failed(Why::NotFinite)
         } else if seen.mesh.has_images() {
@@ -419,9 +432,9 @@ impl Scratch {
             centroid: middle,
             covariance,
         };
-        let thickness = found.placed(1.0, &axes).with_origin(&origin);
-        let face = of_group.iter().map(|&k| cells[members[k].cells.start].face).min()?;
-        Some(Shared { face, thickness })
+        let in_body = found.placed(1.0, &axes).with_origin(&origin);
+        let facet = of_group.iter().map(|&k| cells[members[k].cells.start].face).min()?;
+        Some(Shared { facet, thickness: in_body.placed(seen.a.scale, seen.a.frame) })
     }
 }
 

@@ -26,6 +26,28 @@ pub struct Thickness {
 }
 
 impl Thickness {
+    /// With a force and its moment about the centre of A, whose axis passes near a middle.
+    pub(super) fn pressing(
+        thickness: f64,
+        force: Vec3,
+        moment: Vec3,
+        middle: Vec3,
+        covariance: Mat3,
+    ) -> Self {
+        let rest = moment - middle.cross(&force);
+        let length = force.norm();
+        let normal = force / length;
+        Self {
+            thickness,
+            normal,
+            gain: length / thickness,
+            point: middle + force.cross(&rest) / (length * length),
+            couple: normal * rest.dot(&normal),
+            centroid: middle,
+            covariance,
+        }
+    }
+
     /// Force of A on B over the stiffness [m].
     pub fn force(&self) -> Vec3 {
         self.normal * (self.gain * self.thickness)

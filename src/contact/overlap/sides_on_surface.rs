@@ -1,0 +1,375 @@
+//! The thickness of what straight sides share with a surface of triangles.
+//!
+//! # Definition
+//!
+//! Each point of the axis stands over some facets of the surface ([`TriangleMesh::stretches`]), and over each there is a depth `δ(s)`: the
+//! radius less its distance. Stretches that meet, or pass each other at the same depth, with normals that differ by less than 30 degrees, are one
+//! surface: there the largest `δ` counts, a continuous function. A *chain* is a part of the axis where it is more than 0. Along a chain that dips nowhere, as over a convex edge,
+//!
+//! `D² = ∫ δ³ ds / ∫ δ ds`,
+//!
+//! as on a plane ([`super::sides`]), the elastic energy is `k D² / 2`, and force and moment are its gradient.
+//!
+//! Where `δ` dips, as over a shallow fold or across a hole, the chain is made of lobes `i`, and
+//!
+//! `D² = Σ_i ∫_i δ³ ds / Σ_j ω_ij ∫_j δ ds`, `ω_ij = 1 - (1 - u_i) (1 - u_j)`, `u_i = x (2 - x)`, `x = min(1, m² / D_i²)`
+//!
+//! with the lowest dip `m` between both. Two lobes that part have their own energies (`ω = 0`), and a dip that is none changes nothing (`ω = 1`).
+//!
+//! - A plane is one face however it is cut: its force is that of the plane.
+//! - Over a convex edge force and energy have no jump.
+//! - Faces of a fold that turns by more have contacts of their own. The force of a face ends with a jump where the axis comes over the
+//!   other one, which takes an overlap of a seventh of the radius. So it is where the axis passes a corner of a hole with an overlap of a fifteenth.
+//!
+//! # Contacts
+//!
+//! A chain belongs to the pair of the lowest of its facets. Chains of which that is the same one make one contact, with the sum of their
+//! energies.
+
+use super::sides::{Integrals, OF_A_LINE, Side, within};
+use super::surface::{Seen, Shared};
+use super::thickness::{THIN, Thickness};
+use crate::contact::patch::nearest_of_segments;
+use crate::math::Vec3;
+use crate::shape::triangle_mesh::{MeshFacet, Stretch, TriangleMesh};
+use nalgebra::Matrix3x2;
+
+/// How far stretches reach over borders, over the radius.
+const BORDER: f64 = 1e-9;
+/// Slopes that differ by less, over the radius, make no dip.
+const LEVEL: f64 = 1e-9;
+
+/// Cosine of the angle of 30 degrees: facets that turn by less are one surface.
+const ONE: f64 = 0.866_025_403_784_438_6;
+
+/// A derivative: of a depth along `n` at `s` it is `n` and `s n`, so that the second column times the axis is the moment.
+type Pull = Matrix3x2<f64>;
+
+/// A part of the axis with `δ > 0` that stands over one facet.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    seen: Stretch,
+    range: [f64; 2],
+    /// All with the same are one surface.
+    group: usize,
+}
+
+/// Parts that follow each other.
+type Chain = Vec<Part>;
+
+/// What is kept from one body to the next.
+#[derive(Default)]
+pub(super) struct Room {
+    stretches: Vec<Stretch>,
+    parts: Vec<Part>,
+    breaks: Vec<f64>,
+    chains: Vec<Chain>,
+}
+
+impl Room {
+    /// Finds all contacts of a body with a straight side.
+    pub(super) fn find(&mut self, side: &Side, seen: &Seen, found: &mut Vec<Shared>) {
+        // In the axes of the wall.
+        let side = Side { end: seen.wall.tr_mul(&side.end), radius: side.radius };
+        let border = BORDER * side.radius;
+        seen.mesh.stretches(&seen.centre, &side.end, side.radius, border, &mut self.stretches);
+        self.parts.clear();
+        let parts = self.stretches.iter().zip(0..);
+        self.parts.extend(parts.filter_map(|(of, group)| Part::of(of, group, side.radius)));
+        self.group(seen.mesh);
+        self.find_chains();
+        let lowest = |chain: &Chain| chain.iter().map(|part| part.seen.facet).min();
+        self.chains.sort_by_key(lowest);
+        for of_one in self.chains.chunk_by(|one, other| lowest(one) == lowest(other)) {
+            let thickness = side.in_chains(of_one).map(|found| found.placed(1.0, seen.wall));
+            let owner = lowest(&of_one[0]);
+            found
+                .extend(thickness.zip(owner).map(|(thickness, facet)| Shared { facet, thickness }));
+        }
+    }
+
+    /// Finds what is one surface, and all places where the deepest part may change.
+    fn group(&mut self, mesh: &TriangleMesh) {
+        let Self { parts, breaks, .. } = self;
+        breaks.clear();
+        breaks.extend(parts.iter().flat_map(|part| part.range));
+        for k in 1..parts.len() {
+            for l in 0..k {
+                let (one, other) = (parts[l], parts[k]);
+                let range = [one.range[0].max(other.range[0]), one.range[1].min(other.range[1])];
+                let facets = [one.seen.facet, other.seen.facet];
+                let adjoin = facets[0] == facets[1] || mesh.adjoin(facets[0], facets[1]);
+                if range[0] > range[1] || !adjoin {
+                    continue;
+                }
+                let crossings = one.crossings(&other, range);
+                let at = crossings[0].unwrap_or(0.5 * (range[0] + range[1]));
+                if one.out(at).dot(&other.out(at)) < ONE {
+                    continue;
+                }
+                breaks.extend(crossings.into_iter().flatten());
+                let (low, high) = (one.group.min(other.group), one.group.max(other.group));
+                parts.iter_mut().filter(|p| p.group == high).for_each(|p| p.group = low);
+            }
+        }
+        breaks.sort_unstable_by(f64::total_cmp);
+        breaks.dedup();
+    }
+
+    /// Follows the deepest part of each surface along the axis.
+    fn find_chains(&mut self) {
+        let Self { parts, breaks, chains, .. } = self;
+        parts.sort_unstable_by_key(|part| (part.group, part.seen.facet));
+        chains.clear();
+        for of_one in parts.chunk_by(|one, other| one.group == other.group) {
+            let mut goes_on = false;
+            for between in breaks.windows(2) {
+                let middle = 0.5 * (between[0] + between[1]);
+                let there = |part: &&Part| part.range[0] <= middle && middle <= part.range[1];
+                let distance = |part: &&Part| part.distance(middle);
+                let nearer = |one: &&Part, other: &&Part| distance(one).total_cmp(&distance(other));
+                let Some(deepest) = of_one.iter().filter(there).min_by(nearer) else {
+                    goes_on = false;
+                    continue;
+                };
+                let part = Part { range: [between[0], between[1]], ..*deepest };
+                match chains.last_mut().filter(|_| goes_on) {
+                    None => chains.push(vec![part]),
+                    Some(chain) => match chain.last_mut() {
+                        Some(last) if last.seen == part.seen => last.range[1] = part.range[1],
+                        _ => chain.push(part),
+                    },
+                }
+                goes_on = true;
+            }
+        }
+    }
+}
+
+/// How far a body with a straight side is from a facet at least [m].
+pub(super) fn clear_of(side: &Side, seen: &Seen, facet: &MeshFacet) -> f64 {
+    let end = seen.wall.tr_mul(&side.end);
+    let axis = [seen.centre - end, seen.centre + end];
+    let to_segment = |other: &[Vec3; 2]| {
+        let (p, q) = nearest_of_segments(&axis, other);
+        (q - p).norm()
+    };
+    let distance = match facet {
+        MeshFacet::Face { normal, offset } => {
+            let [one, other] = axis.map(|place| place.dot(normal) - offset);
+            if one * other < 0.0 { 0.0 } else { one.abs().min(other.abs()) }
+        }
+        MeshFacet::Edge { from, along, length, .. } => to_segment(&[*from, from + along * *length]),
+        MeshFacet::Corner { at, .. } => to_segment(&[*at, *at]),
+        MeshFacet::Strip(_) => {
+            unreachable!("a scene with straight sides has no cylinders and cones")
+        }
+    };
+    distance - side.radius
+}
+
+impl Part {
+    fn of(seen: &Stretch, group: usize, radius: f64) -> Option<Self> {
+        let range = match &seen.normal {
+            Some(normal) => seen.lower_than(normal, radius),
+            None => within(seen.range, &seen.way, radius),
+        };
+        range.map(|range| Self { seen: *seen, range, group })
+    }
+
+    fn way(&self, s: f64) -> Vec3 {
+        self.seen.way[0] + self.seen.way[1] * s
+    }
+
+    /// From the surface to the axis; below a face it is negative [m].
+    fn distance(&self, s: f64) -> f64 {
+        let way = self.way(s);
+        self.seen.normal.map_or_else(|| way.norm(), |normal| way.dot(&normal))
+    }
+
+    /// The unit vector out of the surface.
+    fn out(&self, s: f64) -> Vec3 {
+        self.seen.normal.unwrap_or_else(|| self.way(s).normalize())
+    }
+
+    /// Derivative of the depth along the axis [m].
+    fn slope(&self, s: f64) -> f64 {
+        -self.out(s).dot(&self.seen.way[1])
+    }
+
+    /// Where two parts have the same distance in a range. The squares of distances are quadratic functions.
+    fn crossings(&self, other: &Self, range: [f64; 2]) -> [Option<f64>; 2] {
+        let of = |f: fn(&[Vec3; 2]) -> f64| f(&self.seen.way) - f(&other.seen.way);
+        let a = of(|way| way[1].norm_squared());
+        let b = of(|way| way[0].dot(&way[1]));
+        let c = of(|way| way[0].norm_squared());
+        let discriminant = b * b - a * c;
+        if discriminant.is_nan() || discriminant < 0.0 {
+            return [None; 2];
+        }
+        let q = -(b + discriminant.sqrt().copysign(b));
+        let is_there = |s: &f64| range[0] < *s && *s < range[1];
+        let [one, two] = [q / a, c / q].map(|s| Some(s).filter(is_there));
+        if one.is_some() { [one, two] } else { [two, None] }
+    }
+
+    fn add_to(&self, integrals: &mut Integrals, radius: f64) {
+        match &self.seen.normal {
+            Some(normal) => {
+                let [from, to] = self.range.map(|s| radius - self.distance(s));
+                integrals.add_straight(self.range, [from, to], &-normal);
+            }
+            None => integrals.add(self.range, &self.seen.way.map(|way| -way), radius),
+        }
+    }
+
+    /// What the depth at `s` changes by.
+    fn pull(&self, s: f64) -> Pull {
+        let into = -self.out(s);
+        Pull::from_columns(&[into, into * s])
+    }
+}
+
+/// A part of a chain without dips.
+#[derive(Default)]
+struct Lobe {
+    integrals: Integrals,
+    /// Derivatives of `∫ δ ds` and `∫ δ³ ds`.
+    of_depth: Pull,
+    of_cube: Pull,
+}
+
+/// Where one lobe ends and the next begins.
+struct Dip {
+    /// `m` [m].
+    depth: f64,
+    of_depth: Pull,
+    /// Derivative of its place.
+    of_place: Pull,
+}
+
+impl Dip {
+    /// Between two parts, if there is one.
+    fn between(one: &Part, next: &Part, radius: f64) -> Option<Self> {
+        let s = one.range[1];
+        let slopes = [one.slope(s), next.slope(s)];
+        if slopes[0] >= 0.0 || slopes[1] <= 0.0 || slopes[1] - slopes[0] < LEVEL * radius {
+            return None;
+        }
+        let (own, others) = (one.pull(s), next.pull(s));
+        let of_place = (own - others) / (slopes[1] - slopes[0]);
+        let depth = radius - one.distance(s);
+        Some(Self { depth, of_depth: own + of_place * slopes[0], of_place })
+    }
+}
+
+/// `D²` of a chain, and its derivative.
+fn square_of(lobes: &[Lobe], dips: &[Dip]) -> (f64, Pull) {
+    let (mut square, mut of_square) = (0.0, Pull::zeros());
+    for (i, own) in lobes.iter().enumerate() {
+        let (mut weight, mut of_weight) = (0.0, Pull::zeros());
+        for (j, other) in lobes.iter().enumerate() {
+            let between = dips[i.min(j)..i.max(j)].iter();
+            let lowest = between.min_by(|one, other| one.depth.total_cmp(&other.depth));
+            let (one, of_one) =
+                lowest.map_or((1.0, Pull::zeros()), |dip| together(dip, own, other));
+            weight += one * other.depth();
+            of_weight += other.of_depth * one + of_one * other.depth();
+        }
+        square += own.cube() / weight;
+        of_square += own.of_cube / weight - of_weight * (own.cube() / (weight * weight));
+    }
+    (square, of_square)
+}
+
+/// `ω` of two lobes with a dip between them, and its derivative.
+fn together(dip: &Dip, one: &Lobe, other: &Lobe) -> (f64, Pull) {
+    let part = |lobe: &Lobe| {
+        let inverse = lobe.depth() / lobe.cube();
+        let x = dip.depth * dip.depth * inverse;
+        if x >= 1.0 {
+            return (1.0, Pull::zeros());
+        }
+        let of_x = dip.of_depth * (2.0 * dip.depth * inverse)
+            + (lobe.of_depth / lobe.depth() - lobe.of_cube / lobe.cube()) * x;
+        (x * (2.0 - x), of_x * (2.0 * (1.0 - x)))
+    };
+    let ((u, of_u), (v, of_v)) = (part(one), part(other));
+    (1.0 - (1.0 - u) * (1.0 - v), of_u * (1.0 - v) + of_v * (1.0 - u))
+}
+
+impl Lobe {
+    /// `∫ δ ds` [m].
+    const fn depth(&self) -> f64 {
+        self.integrals.depth[0]
+    }
+
+    /// `∫ δ³ ds` [m³].
+    const fn cube(&self) -> f64 {
+        self.integrals.depth[3]
+    }
+}
+
+impl Side {
+    /// The lobes of a chain, with the dips between them.
+    fn lobes(&self, chain: &Chain) -> (Vec<Lobe>, Vec<Dip>) {
+        let (mut lobes, mut dips) = (vec![Lobe::default()], Vec::new());
+        for (k, part) in chain.iter().enumerate() {
+            let dip = k.checked_sub(1).and_then(|k| Dip::between(&chain[k], part, self.radius));
+            if let Some(dip) = dip {
+                lobes.push(Lobe::default());
+                dips.push(dip);
+            }
+            if let Some(lobe) = lobes.last_mut() {
+                part.add_to(&mut lobe.integrals, self.radius);
+            }
+        }
+        for lobe in &mut lobes {
+            let Integrals { normal, moment, .. } = &lobe.integrals;
+            lobe.of_depth = Pull::from_columns(&[normal[0], moment[0]]);
+            lobe.of_cube = Pull::from_columns(&[normal[1], moment[1]]) * 3.0;
+        }
+        for (k, Dip { depth, of_place, .. }) in dips.iter().enumerate() {
+            for (lobe, sign) in [(k, 1.0), (k + 1, -1.0)] {
+                lobes[lobe].of_depth += of_place * (sign * depth);
+                lobes[lobe].of_cube += of_place * (sign * depth * depth * depth);
+            }
+        }
+        (lobes, dips)
+    }
+
+    /// Along these chains together.
+    fn in_chains(&self, chains: &[Chain]) -> Option<Thickness> {
+        let (mut squared, mut of_squared) = (0.0, Pull::zeros());
+        let mut moments = [0.0; 3];
+        let mut foot = Vec3::zeros();
+        for chain in chains {
+            let (lobes, dips) = self.lobes(chain);
+            let of_chain =
+                [0, 1, 2].map(|k| lobes.iter().map(|lobe| lobe.integrals.depth[k]).sum::<f64>());
+            // Hardly there.
+            if of_chain[0] <= 0.0 || lobes.iter().any(|lobe| lobe.cube() <= 0.0) {
+                continue;
+            }
+            let (square, of_square) = square_of(&lobes, &dips);
+            squared += square;
+            of_squared += of_square;
+            moments.iter_mut().zip(of_chain).for_each(|(sum, of)| *sum += of);
+            let mean = of_chain[1] / of_chain[0];
+            let part = chain.iter().find(|part| mean <= part.range[1]).or(chain.last())?;
+            foot += (self.end * mean - part.out(mean) * part.distance(mean)) * of_chain[0];
+        }
+        let thickness = squared.sqrt();
+        let is_thick = thickness > THIN * self.radius;
+        if !is_thick {
+            return None;
+        }
+        let [depth, mean, square] = moments;
+        let variance = (square / depth - (mean / depth) * (mean / depth)).max(0.0);
+        let covariance = self.end * self.end.transpose() * (OF_A_LINE * variance);
+        let force: Vec3 = of_squared.column(0) * 0.5;
+        let moment = self.end.cross(&(of_squared.column(1) * 0.5));
+        let middle = foot / depth + force.normalize() * (0.5 * thickness);
+        Some(Thickness::pressing(thickness, force, moment, middle, covariance))
+    }
+}
