@@ -10,6 +10,7 @@
 //! | [`packed`] | the pairs of a packing, by themselves |
 //! | [`sensitivity`] | what the packings of section 3 depend on |
 //! | [`statements`] | all statements in one table with counts, and the conclusions |
+//! | [`spread`] | means and deviations of packings of one kind |
 //! | [`simulation`] | runs of dem-mpi under mpirun |
 //! | [`record`] | what is kept of a part: its files, and where they come from |
 
@@ -20,5 +21,6 @@ pub mod record;
 pub mod sensitivity;
 pub mod simulation;
 pub mod single_contact;
+pub mod spread;
 pub mod statements;
 pub mod triaxial;

@@ -196,7 +196,7 @@ fn all(quick: bool) -> Result<()> {
         (single_contact::Plan { count: 10_000, seed: 1, repeats: 1 }, runs, "out/paper/quick")
     } else {
         let methods = vec![CommonNormal, CheckedErosion, Erosion, Epa];
-        let runs = stages::Plan { rate: Some(10), ..stages::Plan::new(methods) };
+        let runs = stages::Plan { rate: Some(10), packings: 3, ..stages::Plan::new(methods) };
         (single_contact::Plan { count: 1_000_000, seed: 1, repeats: 3 }, runs, "out/paper")
     };
     let section_2 = Path::new(SINGLE_CONTACT);

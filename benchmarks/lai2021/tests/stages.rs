@@ -67,6 +67,26 @@ fn stages_are_run_once_one_from_the_other() {
 }
 
 #[test]
+fn other_packings_are_of_the_seeds_after_the_first() {
+    let machine = Machine::new("");
+    let words = ["--quick", "--seed", "4", "--packings", "3"];
+    let (status, said) = machine.run("triaxial", &words);
+    assert_eq!(status, Some(0), "{said}");
+    let calls = machine.calls();
+    assert_eq!(calls.len(), 5);
+    for (call, number) in [(0, 4), (3, 5), (4, 6)] {
+        let call = &calls[call];
+        assert!(call.starts_with("-n 2 run/paper/triaxial/packing.toml"), "{call}");
+        assert!(call.ends_with(&format!(" --set seed={number}")), "{call}");
+    }
+    assert!(calls[4].contains("common-normal/packing-3 "), "{}", calls[4]);
+    assert!(machine.text("out/report/machine.txt").contains(" --seed 4 --packings 3 "));
+    // Fewer packings are a part of them.
+    assert_eq!(machine.run("triaxial", &words[..3]).0, Some(0));
+    assert_eq!(machine.calls().len(), 5);
+}
+
+#[test]
 fn a_run_that_fails_ends_the_stages() {
     let machine = Machine::new("exit 9");
     let (status, said) = machine.run("triaxial", &["--quick"]);

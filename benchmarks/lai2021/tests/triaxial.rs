@@ -38,6 +38,7 @@ fn made_up(method: Method, z: f64, curve: impl Fn(f64) -> (f64, f64)) -> Run {
     Run {
         method,
         packing: Some(packing),
+        other_packings: Vec::new(),
         consolidation: None,
         shear: (0..=70).map(at).collect(),
         unfinished: Vec::new(),
@@ -128,6 +129,35 @@ fn coordination_is_compared_with_the_paper_s() {
     let numbers = shifted[1].packing.as_mut().map(|p| &mut p.coordination.without_walls);
     numbers.expect("made up").histogram.splice(0..0, [0, 0, 0]);
     assert_eq!(verdict(&shifted, shift), Verdict::Nearly);
+}
+
+/// A verdict that one packing would turn round is that of all.
+#[test]
+fn several_packings_say_what_is_chance() {
+    let with = |method, first: f64, others: [f64; 2]| {
+        let run = made_up(method, first, usual);
+        let packing = run.packing.clone().expect("made up");
+        let other = |z: f64| {
+            let mut report = packing.clone();
+            report.summary.coordination = Some(z);
+            report
+        };
+        Run { other_packings: others.map(other).to_vec(), ..run }
+    };
+    let runs = [
+        with(Method::Epa, 7.5, [7.5, 7.5]),
+        with(Method::Erosion, 7.5, [6.4, 6.5]),
+        with(Method::CommonNormal, 7.5, [7.5, 7.5]),
+    ];
+    let (here, verdict) = found(&runs, "and about 6.8");
+    assert!(here.starts_with("erosion: 6.80 (") && here.contains("± 0.61 in 3 packings"), "{here}");
+    assert_eq!(verdict, Verdict::Yes);
+    let (here, _) = found(&runs, "erosion's histogram is shifted");
+    assert!(here.starts_with("mean 6.800 ± 0.6083 and 7.500 ± 0: -9.3 %;"), "{here}");
+    assert!(!here.contains("by chance"), "{here}");
+    // One packing alone would say that nothing is lost.
+    let alone = runs.map(|run| Run { other_packings: Vec::new(), ..run });
+    assert_eq!(found(&alone, "and about 6.8").1, Verdict::Nearly);
 }
 
 #[test]
@@ -404,6 +434,7 @@ fn run_of(method: Method, sheared: bool, settings: impl Fn(&Snapshot) -> Setting
     Run {
         method,
         packing: Some(report(0.0)),
+        other_packings: Vec::new(),
         consolidation: None,
         shear: (0..=7).filter(|_| sheared).map(|k| report(f64::from(k) * 0.05)).collect(),
         unfinished: Vec::new(),

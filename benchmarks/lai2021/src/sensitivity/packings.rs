@@ -2,10 +2,11 @@
 
 use super::cases::{Case, each, settle};
 use super::plot::Plot;
-use super::table::{Spread, Table, general};
+use super::table::{Table, general};
 use super::{Files, Plan};
 use crate::packed::Packed;
 use crate::simulation::Signals;
+use crate::spread::Spread;
 use crate::triaxial::Method;
 use crate::triaxial::run::Pick;
 use crate::triaxial::stages::Words;
@@ -293,7 +294,7 @@ fn settling(
     let late: Vec<usize> =
         rows.iter().copied().rev().take_while(|&row| step[row] >= begin).collect();
     let values: Vec<f64> = late.iter().map(|&row| z(row)).collect();
-    let Spread { mean, deviation } = Spread::of(&values);
+    let Spread { mean, deviation, .. } = Spread::of(&values);
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
     let most = values.iter().copied().fold(0.0, f64::max);
     let forces = late.iter().map(|&row| force[row]).sum::<f64>() / late.len() as f64;

@@ -1,5 +1,6 @@
 //! Tables of numbers by name, and means over the rows of a kind.
 
+use crate::spread::Spread;
 use anyhow::{Context, Result};
 use std::path::Path;
 
@@ -106,33 +107,15 @@ impl Table {
                 let cells = rows.iter().map(|row| row[at].parse().ok());
                 let spread = cells.collect::<Option<Vec<f64>>>().map(|cells| Spread::of(&cells));
                 match spread {
-                    Some(Spread { mean, deviation }) => [general(mean, 5), general(deviation, 2)],
+                    Some(Spread { mean, deviation, .. }) => {
+                        [general(mean, 5), general(deviation, 2)]
+                    }
                     None => [String::new(), String::new()],
                 }
             });
             table.push(&format!("{},{}", kind.join(","), rows.len()), numbers);
         }
         Ok(table)
-    }
-}
-
-/// Mean and standard deviation.
-#[derive(Clone, Copy, Debug)]
-pub struct Spread {
-    /// The mean.
-    pub mean: f64,
-    /// The standard deviation, 0 of one value.
-    pub deviation: f64,
-}
-
-impl Spread {
-    /// Of at least one value.
-    pub fn of(values: &[f64]) -> Self {
-        let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        let squares: f64 = values.iter().map(|x| x * x).sum();
-        let variance = if n > 1.0 { (squares - n * mean * mean) / (n - 1.0) } else { 0.0 };
-        Self { mean, deviation: variance.max(0.0).sqrt() }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::run::{Cost, Method, Pick, Run, rms_difference};
 use crate::findings::{Finding, Kind, Reading, Row, Verdict, table};
+use crate::spread::Spread;
 use dem_mpi::math::Mat3;
 use dem_mpi::post::forces::Forces;
 use dem_mpi::post::page::sides;
@@ -385,6 +386,14 @@ fn by_chance(runs: &[Run], pick: impl Fn(&Run) -> Option<f64>) -> String {
     })
 }
 
+/// The same of packings, of which several of one kind say it themselves.
+fn by_chance_packed(runs: &[Run], pick: impl Fn(&Run) -> Option<Spread>) -> String {
+    if runs.iter().any(|run| !run.other_packings.is_empty()) {
+        return String::new();
+    }
+    by_chance(runs, |run| Some(pick(run)?.mean))
+}
+
 /// What each method has to say, and the worst of the verdicts.
 fn each(
     name: &'static str,
@@ -571,18 +580,30 @@ fn same_response(runs: &[Run]) -> [Finding; 4] {
 }
 
 /// Erosion's number and the benchmark's.
-fn differ(both: (f64, f64)) -> String {
-    let (erosion, truth) = both;
-    format!("{} and {}: {:+.1} %", readable(erosion), readable(truth), 100.0 * apart(both))
+fn differ((erosion, truth): (f64, f64)) -> String {
+    differ_packed((Spread::of(&[erosion]), Spread::of(&[truth])))
+}
+
+/// The same of packings.
+fn differ_packed((erosion, truth): (Spread, Spread)) -> String {
+    format!("{erosion} and {truth}: {:+.1} %", 100.0 * apart((erosion.mean, truth.mean)))
 }
 
 fn coordination(runs: &[Run], all: &[Run]) -> Vec<Finding> {
-    let mean = |run: &Run| run.packing.as_ref()?.summary.coordination;
+    let mean = |run: &Run| run.packed(|report| report.summary.coordination);
     let at_peak = |run: &Run| past_peak(run)?.summary.coordination;
     let eroded = erosion(runs).map_or(Method::Erosion, |run| run.method);
+    // Of all packings.
     let shares = |run: &Run| {
-        let shares = run.packing()?.coordination.without_walls.shares();
-        Some(shares.collect::<Vec<f64>>())
+        let mut sum: Vec<f64> = Vec::new();
+        let count = run.packings().count() as f64;
+        for report in run.packings() {
+            for (k, share) in report.coordination.without_walls.shares().enumerate() {
+                sum.resize(sum.len().max(k + 1), 0.0);
+                sum[k] += share / count;
+            }
+        }
+        Some(sum).filter(|sum| !sum.is_empty())
     };
     vec![
         each(
@@ -603,11 +624,11 @@ fn coordination(runs: &[Run], all: &[Run]) -> Vec<Finding> {
                 let against = against_order(&a, &b);
                 let here = format!(
                     "mean {}{}; the shift goes the other way for {} of the particles at most",
-                    differ((erosion, truth)),
-                    by_chance(runs, mean),
+                    differ_packed((erosion, truth)),
+                    by_chance_packed(runs, mean),
                     percent(against)
                 );
-                let verdict = match truth - erosion {
+                let verdict = match truth.mean - erosion.mean {
                     0.1.. if against < 0.01 => Verdict::Yes,
                     0.05.. => Verdict::Nearly,
                     _ => Verdict::No,
@@ -622,7 +643,7 @@ fn coordination(runs: &[Run], all: &[Run]) -> Vec<Finding> {
             runs,
             mean,
             |(erosion, truth)| {
-                let [e, t] = [erosion, truth].map(|z| (z - 8.0).abs());
+                let [e, t] = [erosion, truth].map(|z: Spread| (z.mean - 8.0).abs());
                 Some((format!("off by {t:.2}, erosion by {e:.2}"), Verdict::of(t < e)))
             },
         ),
@@ -633,7 +654,7 @@ fn coordination(runs: &[Run], all: &[Run]) -> Vec<Finding> {
             runs,
             |run| mean(run).zip(at_peak(run)),
             |((e0, e1), (t0, t1))| {
-                let [first, then] = [t0 - e0, t1 - e1];
+                let [first, then] = [t0.mean - e0.mean, t1 - e1];
                 let verdict = match then.abs() / first.abs() {
                     // Then there is none that could become smaller.
                     _ if first < 0.1 => Verdict::No,
@@ -651,15 +672,21 @@ fn coordination(runs: &[Run], all: &[Run]) -> Vec<Finding> {
 /// Mean Z after packing with a method, beside the paper's.
 fn about(method: Method, paper: f64) -> impl Fn(&Run) -> Option<(String, Verdict)> {
     move |run: &Run| {
-        let s = &run.packing.as_ref().filter(|_| run.method == method)?.summary;
-        let (z, all) = (s.coordination?, s.coordination_with_walls?);
-        let restless = match s.unbalanced_force_ratio {
-            Some(force) if force > UNSETTLED => {
-                format!(", but not at rest: resultant force {} of a contact's", readable(force))
+        let of = |pick: Pick| run.packed(|report| pick(&report.summary));
+        let run = Some(run).filter(|run| run.method == method)?;
+        let (z, all) = (of(|s| s.coordination)?, of(|s| s.coordination_with_walls)?.mean);
+        let restless = match of(|s| s.unbalanced_force_ratio) {
+            Some(force) if force.mean > UNSETTLED => {
+                format!(", but not at rest: resultant force {force} of a contact's")
             }
             _ => String::new(),
         };
-        Some((format!("{z:.2} ({all:.2}){restless}"), Verdict::small(z - paper, 0.25, 0.75)))
+        let packings = match run.packings().count() {
+            1 => String::new(),
+            count => format!(" ± {:.2} in {count} packings", z.deviation),
+        };
+        let here = format!("{:.2} ({all:.2}){packings}{restless}", z.mean);
+        Some((here, Verdict::small(z.mean - paper, 0.25, 0.75)))
     }
 }
 
@@ -667,7 +694,7 @@ fn about(method: Method, paper: f64) -> impl Fn(&Run) -> Option<(String, Verdict
 fn pushing_away(all: &[Run]) -> Finding {
     /// What is to be explained, where GJK + erosion has no number: the paper's 7.5 less 6.8.
     const LOSS: f64 = 0.7;
-    let z = |method| by(method, all)?.packing.as_ref()?.summary.coordination;
+    let z = |method| Some(by(method, all)?.packed(|report| report.summary.coordination)?.mean);
     let truth = z(Method::Epa).or_else(|| z(Method::CommonNormal));
     let found = z(Method::Erosion).zip(truth).and_then(|(alone, truth)| {
         let loss = z(Method::CheckedErosion).map_or(LOSS, |checked| truth - checked);
@@ -749,11 +776,17 @@ fn fabric(runs: &[Run]) -> Vec<Finding> {
             "12",
             "after packing, erosion and EPA differ little",
             runs,
-            Run::packing,
+            |run, pick| run.packed(|report| pick(&report.summary)),
         ),
         weak_dismissed(runs),
         mainly_weak(runs),
-        same_anisotropy("fabric_peak", "14", "at the peak they are consistent", runs, past_peak),
+        same_anisotropy(
+            "fabric_peak",
+            "14",
+            "at the peak they are consistent",
+            runs,
+            |run, pick| Some(Spread::of(&[pick(&past_peak(run)?.summary)?])),
+        ),
     ]
 }
 
@@ -763,46 +796,49 @@ fn same_anisotropy(
     figure: &'static str,
     statement: &'static str,
     runs: &[Run],
-    state: fn(&Run) -> Option<&Report>,
+    degree: fn(&Run, Pick) -> Option<Spread>,
 ) -> Finding {
     const DEGREES: [(&str, Pick); 3] = [("a_c", |s| s.a_c), ("a_n", |s| s.a_n), ("a_t", |s| s.a_t)];
-    let degrees = |run| -> Option<Vec<f64>> {
-        DEGREES.iter().map(|(_, pick)| pick(&state(run)?.summary)).collect()
+    let degrees = |run| -> Option<Vec<Spread>> {
+        DEGREES.iter().map(|(_, pick)| degree(run, *pick)).collect()
     };
     between(name, figure, statement, runs, degrees, |(erosion, truth)| {
         let mut words = Vec::new();
         let mut verdicts = Vec::new();
         for ((name, pick), (e, t)) in DEGREES.iter().zip(erosion.iter().zip(&truth)) {
-            let chance = by_chance(runs, |run| pick(&state(run)?.summary));
-            words.push(format!("{name} {} and {}{chance}", readable(*e), readable(*t)));
-            let (small, fair) = ((0.1 * t.abs()).max(0.05), (0.2 * t.abs()).max(0.1));
-            verdicts.push(Verdict::small(e - t, small, fair));
+            let chance = match t.count {
+                1 => by_chance(runs, |run| Some(degree(run, *pick)?.mean)),
+                _ => String::new(),
+            };
+            words.push(format!("{name} {e} and {t}{chance}"));
+            let size = t.mean.abs();
+            let (small, fair) = ((0.1 * size).max(0.05), (0.2 * size).max(0.1));
+            verdicts.push(Verdict::small(e.mean - t.mean, small, fair));
         }
         Some((words.join(", "), Verdict::worst(verdicts)))
     })
 }
 
 fn weak_dismissed(runs: &[Run]) -> Finding {
-    let weak = |run: &Run| {
-        let report = run.packing()?;
-        Some((report.summary.share_below_0_3_mean?, contacts_each(report)?))
+    let share = |run: &Run| run.packed(|report| report.summary.share_below_0_3_mean);
+    let each = |run: &Run| {
+        run.packed(|report| Some(report.summary.share_below_0_3_mean? * contacts_each(report)?))
     };
     between(
         "weak_dismissed",
         "13a",
         "erosion dismisses a considerable number of contacts below 0.3 of the mean normal force",
         runs,
-        weak,
-        |((share_e, all_e), (share_t, all_t))| {
-            let counts = (share_e * all_e, share_t * all_t);
+        |run| share(run).zip(each(run)),
+        |((share_e, each_e), (share_t, each_t))| {
             let here = format!(
                 "{} and {} of the contacts; per particle {}{}",
-                percent(share_e),
-                percent(share_t),
-                differ(counts),
-                by_chance(runs, |run| weak(run).map(|(share, all)| share * all))
+                percent(share_e.mean),
+                percent(share_t.mean),
+                differ_packed((each_e, each_t)),
+                by_chance_packed(runs, each)
             );
-            let verdict = match apart(counts) {
+            let verdict = match apart((each_e.mean, each_t.mean)) {
                 ..=-0.1 => Verdict::Yes,
                 ..=-0.03 => Verdict::Nearly,
                 _ => Verdict::No,
@@ -813,23 +849,31 @@ fn weak_dismissed(runs: &[Run]) -> Finding {
 }
 
 fn mainly_weak(runs: &[Run]) -> Finding {
-    let forces = |run| {
-        let report = Run::packing(run)?;
-        Some((report.forces.as_ref()?, contacts_each(report)?))
+    let counts = |run: &Run| {
+        let of = |pick: fn(&Forces) -> Option<f64>| {
+            Some(
+                run.packed(|report| Some(pick(report.forces.as_ref()?)? * contacts_each(report)?))?
+                    .mean,
+            )
+        };
+        let all = run.packed(contacts_each)?.mean;
+        let (weak, below) =
+            (of(|forces| forces.weak_share)?, of(|forces| forces.below_mean_share)?);
+        Some([weak, below - weak, all - below])
     };
     between(
         "mainly_weak",
         "13",
         "the difference is mainly among weak contacts",
         runs,
-        forces,
-        |((e, per_e), (t, per_t))| {
-            let off = apart((per_e, per_t));
+        counts,
+        |(erosion, truth)| {
+            let off = apart((erosion.iter().sum(), truth.iter().sum()));
             if off.abs() < 0.01 {
                 let here = format!("contacts per particle differ by {} only", percent(off));
                 return Some((here, Verdict::No));
             }
-            let share = share_of_difference(e, per_e, t, per_t);
+            let share = share_of_difference(erosion, truth);
             let here = format!(
                 "{} of the difference in contacts per particle is below 0.3",
                 percent(share)
@@ -841,12 +885,7 @@ fn mainly_weak(runs: &[Run]) -> Finding {
 
 /// Of the difference in contacts per particle the share of the weak ones; the others are those up to the
 /// mean normal force, and those above.
-fn share_of_difference(a: &Forces, per_a: f64, b: &Forces, per_b: f64) -> f64 {
-    let counts = |forces: &Forces, per: f64| -> Option<[f64; 3]> {
-        let (weak, below) = (forces.weak_share?, forces.below_mean_share?);
-        Some([weak, below - weak, 1.0 - below].map(|share| per * share))
-    };
-    let Some((a, b)) = counts(a, per_a).zip(counts(b, per_b)) else { return 0.0 };
+fn share_of_difference(a: [f64; 3], b: [f64; 3]) -> f64 {
     let off = |k: usize| (a[k] - b[k]).abs();
     quotient(off(0), off(0) + off(1) + off(2)).unwrap_or(0.0)
 }

@@ -1,6 +1,8 @@
 //! The runs of a method, from packing to shear.
 
 use super::TriaxialError;
+use super::stages::another_packing;
+use crate::spread::Spread;
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 use dem_mpi::contact::{self, Epa, ErodedGjk};
@@ -111,6 +113,8 @@ pub struct Run {
     pub method: Method,
     /// After random packing.
     pub packing: Option<Report>,
+    /// The same from other seeds.
+    pub other_packings: Vec<Report>,
     /// Under the confining pressure.
     pub consolidation: Option<Report>,
     /// All snapshots of the compression, with strains against the first.
@@ -194,9 +198,20 @@ impl Run {
         };
         let (consolidation, packing) = (last("consolidation")?, last("packing")?);
         let stages = ["packing", "consolidation", "shear"];
+        let mut other_packings = Vec::new();
+        for folder in (2..).map(|number| stage(&another_packing(number))) {
+            // Of one that is not over nothing is known yet.
+            if !folder.join("done").exists() {
+                break;
+            }
+            if let Some(newest) = if_any(series::newest(&folder))? {
+                other_packings.extend(series::reports(&series::open(&[newest])?, choice)?.0.pop());
+            }
+        }
         let mut run = Self {
             method,
             packing: packing.as_ref().map(|(report, _)| report.clone()),
+            other_packings,
             consolidation: consolidation.map(|(report, _)| report),
             shear: shear.0,
             unfinished,
@@ -236,6 +251,18 @@ impl Run {
             && self.consolidation.is_none()
             && self.shear.is_empty()
             && self.unfinished.is_empty()
+    }
+
+    /// All of its packings; none if the first is not over.
+    pub fn packings(&self) -> impl Iterator<Item = &Report> {
+        let others = self.packing.iter().flat_map(|_| &self.other_packings);
+        self.packing.iter().chain(others)
+    }
+
+    /// A number of all of its packings.
+    pub fn packed(&self, pick: impl Fn(&Report) -> Option<f64>) -> Option<Spread> {
+        let values: Vec<f64> = self.packings().map(pick).collect::<Option<_>>()?;
+        (!values.is_empty()).then(|| Spread::of(&values))
     }
 
     /// The snapshot with the largest `q/p` of the compression.

@@ -30,6 +30,9 @@ pub struct Plan {
     /// Another packing of the same kind [default: 1]
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
+    /// So many packings of each kind: the tests go on from the first, the others, of the seeds after its own, say what is chance
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=99))]
+    pub packings: u32,
     /// Of all contacts [N/m]; the paper's is 1.5e5
     #[arg(long, value_name = "K", value_parser = positive)]
     pub stiffness: Option<String>,
@@ -109,7 +112,7 @@ impl Words {
 
 /// A stage, and what differs from its scene whatever the method.
 struct Stage {
-    name: &'static str,
+    name: String,
     /// The stage from which it starts.
     before: Option<&'static str>,
     words: Words,
@@ -123,6 +126,7 @@ impl Plan {
             rate: None,
             gravity: false,
             seed: None,
+            packings: 1,
             stiffness: None,
             law: Springs::Linear,
             erosion_ratio: None,
@@ -147,7 +151,7 @@ impl Plan {
         self.out.clone().unwrap_or_else(|| usual.into())
     }
 
-    fn stages(&self) -> [Stage; 3] {
+    fn stages(&self) -> Vec<Stage> {
         let [mut packing, mut consolidation, mut shear] = [const { Words(Vec::new()) }; 3];
         if self.quick {
             packing.set("fill.rain.count", 600);
@@ -184,11 +188,18 @@ impl Plan {
                 words.set("gravity", "[0.0, 0.0, -9.81]");
             }
         }
-        [
-            Stage { name: "packing", before: None, words: packing },
-            Stage { name: "consolidation", before: Some("packing"), words: consolidation },
-            Stage { name: "shear", before: Some("consolidation"), words: shear },
-        ]
+        let stage = |name: &str, before, words| Stage { name: name.to_owned(), before, words };
+        let mut stages = vec![
+            stage("packing", None, packing.clone()),
+            stage("consolidation", Some("packing"), consolidation),
+            stage("shear", Some("consolidation"), shear),
+        ];
+        for number in 2..=self.packings {
+            let mut another = packing.clone();
+            another.set("seed", self.seed.unwrap_or(1) + u64::from(number) - 1);
+            stages.push(stage(&another_packing(number), None, another));
+        }
+        stages
     }
 
     /// What differs from the scene of a stage for a method.
@@ -200,6 +211,7 @@ impl Plan {
         if let Some(ratio) = self.erosion_ratio.as_ref().filter(|_| method.is_erosion()) {
             words.set("contact.erosion_ratio", ratio);
         }
+        let stage = if stage.starts_with("packing") { "packing" } else { stage };
         match (method, stage) {
             // Erosion's forces have no potential: grains never come quite to rest, and not at all if forces jump at touch.
             (Method::Erosion, "packing") => words.set("stop.unbalanced", 0.05),
@@ -224,6 +236,10 @@ impl Plan {
         let _ = write!(text, " --rate {}", self.rate());
         text += &flag(self.gravity, "--gravity");
         text += &option("--seed", self.seed.map(|seed| seed.to_string()).as_deref());
+        text += &option(
+            "--packings",
+            (self.packings > 1).then(|| self.packings.to_string()).as_deref(),
+        );
         text += &option("--stiffness", self.stiffness.as_deref());
         text += &option("--law", (self.law == Springs::Hertz).then_some("hertz"));
         text += &option("--erosion-ratio", self.erosion_ratio.as_deref());
@@ -269,8 +285,8 @@ impl Plan {
         stage: &Stage,
         signals: &Signals,
     ) -> Result<()> {
-        let here = folder.join(stage.name);
-        let own = self.of_method(method, stage.name);
+        let here = folder.join(&stage.name);
+        let own = self.of_method(method, &stage.name);
         check_words(&here, 1, &own)?;
         if here.join("done").exists() {
             return Ok(());
@@ -295,11 +311,17 @@ impl Plan {
             fs::remove_file(&log)?;
         }
         let law = if self.law == Springs::Hertz { "hertz/" } else { "" };
-        let scene = format!("run/paper/triaxial/{law}{}.toml", stage.name);
+        let scene = stage.name.split('-').next().unwrap_or_default();
+        let scene = format!("run/paper/triaxial/{law}{scene}.toml");
         let command = dem_mpi(self.ranks, &scene, &arguments.0)?;
         run(command, &directory, &log, self.aloud, signals)?;
         store(&here, &[("done".into(), String::new())])
     }
+}
+
+/// The folder of another packing of the same kind.
+pub(super) fn another_packing(number: u32) -> String {
+    format!("packing-{number}")
 }
 
 /// What is in a folder, if anything, was made with these words in this line.
