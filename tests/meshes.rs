@@ -2,7 +2,7 @@
 
 use crate::support::{Bench, MATERIAL, begun, close, motion, save, scene};
 use dem_mpi::comm::{Comm, threads};
-use dem_mpi::contact::{AgainstTriangleMesh, ContactResolver, Outcome, Posed, Touch};
+use dem_mpi::contact::{AgainstTriangleMesh, ContactResolver, Epa, Outcome, Posed, Touch};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3, rotation_about};
 use dem_mpi::output::snapshot::Reader;
@@ -12,7 +12,7 @@ use dem_mpi::random::Random;
 use dem_mpi::scene::assemble::Continuation;
 use dem_mpi::scene::{Scene, assemble};
 use dem_mpi::shape::triangle_mesh::{MeshFacet, SurfaceError, TriangleMesh};
-use dem_mpi::shape::{Ellipsoid, Shape, Sphere, Superellipsoid};
+use dem_mpi::shape::{Ellipsoid, Polyhedron, Shape, Sphere, Superellipsoid};
 use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -264,6 +264,59 @@ fn least(body: &Posed, centre: &Vec3, half: &Vec3) -> (f64, Vec3) {
         try_one(n, &mut best);
     }
     best
+}
+
+/// Ellipsoids around a sharp lip, as at the orifice of a silo with walls of a thickness: what EPA finds of the whole wedge, and nothing where
+/// it finds nothing.
+#[test]
+fn smooth_grains_meet_a_sharp_lip_only_where_they_overlap_it() {
+    for degrees in [25.0, 45.0, 70.0, 100.0] {
+        // Two walls that meet in an edge along y through the origin; the wedge between them is solid.
+        let up = Vec3::new(
+            libm::cos(f64::to_radians(degrees)),
+            0.0,
+            libm::sin(f64::to_radians(degrees)),
+        );
+        let corners = [-3.0, 3.0]
+            .map(|y| [Vec3::zeros(), Vec3::x() * 3.0, up * 3.0].map(|at| at + Vec3::y() * y));
+        let [near, far] = corners;
+        let mut triangles: Triangles = vec![[near[0], near[1], near[2]], [far[0], far[2], far[1]]];
+        for (k, l) in [(0, 1), (1, 2), (2, 0)] {
+            triangles.extend([[near[k], far[k], far[l]], [near[k], far[l], near[l]]]);
+        }
+        let mesh = Arc::new(TriangleMesh::new(&triangles, 0.1).unwrap());
+        let wedge = Polyhedron::new(&corners.concat()).unwrap();
+        // The hull has its own centre and axes.
+        let (own, axes) =
+            (wedge.placement().centre, wedge.placement().axes.to_rotation_matrix().into_inner());
+        let wedge = Shape::Polyhedron(Box::new(wedge));
+        let egg = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(0.5, 0.25, 0.2) });
+        let (mut random, mut met, mut apart, mut worst) = (Random::of(5, 5), 0, 0, 0.0_f64);
+        while met < 300 || apart < 3000 {
+            let centre = Vec3::new(0.7 * random.signed(), random.signed(), 0.7 * random.signed());
+            let turn = random.rotation();
+            let frame = turn.to_rotation_matrix().into_inner();
+            let body = Posed::new(&egg, &frame);
+            let expected =
+                Epa::new(1e-12).touch(&body, &Posed::new(&wedge, &axes), &(own - centre), None);
+            match expected {
+                Outcome::Apart(_) => {
+                    let found = touches(&mesh, &egg, centre, turn);
+                    assert!(found.is_empty(), "{degrees}: {centre} {turn}: {found:?}");
+                    apart += 1;
+                }
+                Outcome::Touching(least) if least.overlap < 0.02 => {
+                    let found = touches(&mesh, &egg, centre, turn);
+                    assert_eq!(found.len(), 1, "{degrees}: {centre} {turn}: {found:?}, {least:?}");
+                    worst = worst.max((found[0].1.overlap - least.overlap).abs());
+                    met += 1;
+                }
+                _ => {}
+            }
+        }
+        println!("{degrees} degrees: {met} touch, off by {worst:.1e}; {apart} do not");
+        assert!(worst < 1e-9, "{worst:e}");
+    }
 }
 
 /// Ellipsoids and superellipsoids at the surface of a box: the least overlap with the whole box, once.

@@ -6,7 +6,7 @@
 //! | facet | directions | overlap |
 //! |---|---|---|
 //! | face | its normal, on the side of the centre | `δ`, if the deepest point of the body stands over the face: the answer of the plane |
-//! | edge | those between the normals of its faces | least `δ` of them, if it lies between both and on the edge: a root of `dδ/dn` in one angle |
+//! | edge | those between the normals of its faces | least `δ` of them, if it lies between both and on the edge: roots of `dδ/dn` in one angle |
 //! | strip of a cylinder or a cone | its normals | from inside each local maximum of `δ`: a long body has two; from outside the least `δ` |
 //! | corner | at right angles or more to its edges | least `δ`, as of a sphere without radius |
 //!
@@ -25,6 +25,8 @@ use crate::shape::{Shape, Sphere};
 
 /// How far the region of a facet goes beyond its border, over the radius of the body.
 const BORDER: f64 = 1e-9;
+/// The directions of an edge are searched in parts of this size at most [rad].
+const PART: f64 = 0.25 * std::f64::consts::PI;
 /// The angle about an edge is as exact as this [rad].
 const ANGLE: f64 = 1e-15;
 
@@ -120,12 +122,26 @@ impl Body<'_> {
             if !mesh.is_on_face(face, &foot, self.border) {
                 return ELSEWHERE;
             }
-            // The end of a body that lies over an edge comes to the back of the face beyond it.
-            if self.radius == 0.0 && !mesh.is_seen(face, &self.centre, &foot, self.border) {
+            if self.radius == 0.0 && !self.comes_through(mesh, face, &foot, &deepest) {
                 return ELSEWHERE;
             }
         }
         touch
+    }
+
+    /// Has a body come through a face, over whose foot its deepest point stands?
+    fn comes_through(&self, mesh: &TriangleMesh, face: u32, foot: &Vec3, deepest: &Vec3) -> bool {
+        // The end of a body that lies over an edge comes to the back of the face beyond it.
+        if mesh.between(Some(face), &self.centre, foot, self.border).is_some() {
+            return false;
+        }
+        // That of a body beside a sharp edge stands over the other face, outside of the wall.
+        let end = self.centre + deepest;
+        let is_beside = |behind: Vec3| {
+            !self.a.contains(&(behind - self.centre))
+                && mesh.between(None, &self.centre, &end, 0.0).is_none()
+        };
+        !mesh.between(Some(face), &end, foot, self.border).is_some_and(is_beside)
     }
 
     fn on_edge(&self, edge: &MeshFacet) -> Outcome {
@@ -157,17 +173,26 @@ impl Body<'_> {
             let (out, on) = direction(angle);
             (self.a.support(&-out) + way).dot(&on)
         };
-        let (low, high) = (beyond(0.0), beyond(*opening));
-        if low < -self.border || high > self.border {
-            return ELSEWHERE;
+        // δ may have several minima, as of a flat body with the edge in it: one of them on each side.
+        let parts = (opening / PART).ceil().max(1.0);
+        let (mut from, mut found): ((f64, f64), Option<(f64, Vec3, Vec3)>) =
+            ((0.0, beyond(0.0)), None);
+        for part in 1..=parts as u32 {
+            let angle = opening * (f64::from(part) / parts);
+            let to = (angle, beyond(angle));
+            let leeway = |is_border: bool| if is_border { self.border } else { 0.0 };
+            if from.1 >= -leeway(part == 1) && to.1 <= leeway(angle >= *opening) {
+                let (out, _) = direction(root(beyond, from, to));
+                let deepest = self.a.support(&-out);
+                let overlap = -(deepest + way).dot(&out);
+                if out.dot(&way) > 0.0 && found.is_none_or(|(least, ..)| overlap < least) {
+                    found = Some((overlap, out, deepest));
+                }
+            }
+            from = to;
         }
-        let (out, _) = direction(root(beyond, (0.0, low), (*opening, high)));
-        if out.dot(&way) <= 0.0 {
-            return ELSEWHERE;
-        }
-        let deepest = self.a.support(&-out);
+        let Some((overlap, out, deepest)) = found else { return ELSEWHERE };
         let on_a = deepest + way;
-        let overlap = -on_a.dot(&out);
         if overlap > 0.0 && !is_on(on_a.dot(along)) {
             return ELSEWHERE;
         }

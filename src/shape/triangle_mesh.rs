@@ -446,13 +446,19 @@ impl TriangleMesh {
         found
     }
 
-    /// Does no triangle but those of a face stand between two points, the second of which is on the face? What comes within
-    /// `tolerance` [m] of the second does not.
-    pub fn is_seen(&self, face: u32, from: &Vec3, to: &Vec3, tolerance: f64) -> bool {
-        let mut seen = true;
+    /// Where the way from one point to another first goes through a triangle, not counting those of a face if one is given. What comes
+    /// within `tolerance` [m] of the second point is not between them.
+    pub fn between(
+        &self,
+        but: Option<u32>,
+        from: &Vec3,
+        to: &Vec3,
+        tolerance: f64,
+    ) -> Option<Vec3> {
+        let mut first: Option<f64> = None;
         self.grid.for_each_in(&from.inf(to), &from.sup(to), |triangle| {
             let triangle = &self.triangles[triangle as usize];
-            if !seen || triangle.facets[0] == face {
+            if Some(triangle.facets[0]) == but {
                 return;
             }
             let corners = self.corners(triangle);
@@ -460,11 +466,15 @@ impl TriangleMesh {
             let normal = (b - a).cross(&(c - a)).normalize();
             let (start, end) = ((from - a).dot(&normal), (to - a).dot(&normal));
             if start * end < 0.0 && end.abs() > tolerance {
-                let crossing = from + (to - from) * (start / (start - end));
-                seen = !is_over(&corners, &crossing, 0.0);
+                let part = start / (start - end);
+                if first.is_none_or(|first| part < first)
+                    && is_over(&corners, &(from + (to - from) * part), 0.0)
+                {
+                    first = Some(part);
+                }
             }
         });
-        seen
+        first.map(|part| from + (to - from) * part)
     }
 
     /// Does a box from `low` to `high` [m], in the axes of the wall, hold a part of a triangle?

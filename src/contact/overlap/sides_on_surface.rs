@@ -18,8 +18,8 @@
 //!
 //! - A plane is one face however it is cut: its force is that of the plane.
 //! - Over a convex edge force and energy have no jump.
-//! - Faces of a fold that turns by more have contacts of their own. The force of a face ends with a jump where the axis comes over the
-//!   other one, which takes an overlap of a seventh of the radius. So it is where the axis passes a corner of a hole with an overlap of a fifteenth.
+//! - Faces of a fold that turns by more have contacts of their own. With overlaps beyond a seventh of the radius the axis can come from over one
+//!   to over the other, where a force ends with a jump. Beyond a fifteenth of the radius it jumps where the axis passes a corner of a hole.
 //!
 //! # Contacts
 //!
@@ -38,7 +38,6 @@ use nalgebra::Matrix3x2;
 const BORDER: f64 = 1e-9;
 /// Slopes that differ by less, over the radius, make no dip.
 const LEVEL: f64 = 1e-9;
-
 /// Cosine of the angle of 30 degrees: facets that turn by less are one surface.
 const ONE: f64 = 0.866_025_403_784_438_6;
 
@@ -267,6 +266,10 @@ impl Dip {
 fn square_of(lobes: &[Lobe], dips: &[Dip]) -> (f64, Pull) {
     let (mut square, mut of_square) = (0.0, Pull::zeros());
     for (i, own) in lobes.iter().enumerate() {
+        // So small that rounding is all.
+        if own.cube() <= 0.0 {
+            continue;
+        }
         let (mut weight, mut of_weight) = (0.0, Pull::zeros());
         for (j, other) in lobes.iter().enumerate() {
             let between = dips[i.min(j)..i.max(j)].iter();
@@ -284,6 +287,9 @@ fn square_of(lobes: &[Lobe], dips: &[Dip]) -> (f64, Pull) {
 
 /// `ω` of two lobes with a dip between them, and its derivative.
 fn together(dip: &Dip, one: &Lobe, other: &Lobe) -> (f64, Pull) {
+    if one.cube() <= 0.0 || other.cube() <= 0.0 {
+        return (1.0, Pull::zeros());
+    }
     let part = |lobe: &Lobe| {
         let inverse = lobe.depth() / lobe.cube();
         let x = dip.depth * dip.depth * inverse;
@@ -347,8 +353,7 @@ impl Side {
             let (lobes, dips) = self.lobes(chain);
             let of_chain =
                 [0, 1, 2].map(|k| lobes.iter().map(|lobe| lobe.integrals.depth[k]).sum::<f64>());
-            // Hardly there.
-            if of_chain[0] <= 0.0 || lobes.iter().any(|lobe| lobe.cube() <= 0.0) {
+            if of_chain[0] <= 0.0 {
                 continue;
             }
             let (square, of_square) = square_of(&lobes, &dips);
@@ -360,8 +365,7 @@ impl Side {
             foot += (self.end * mean - part.out(mean) * part.distance(mean)) * of_chain[0];
         }
         let thickness = squared.sqrt();
-        let is_thick = thickness > THIN * self.radius;
-        if !is_thick {
+        if thickness <= THIN * self.radius {
             return None;
         }
         let [depth, mean, square] = moments;

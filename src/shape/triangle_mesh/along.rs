@@ -47,13 +47,17 @@ impl TriangleMesh {
         near.sort_unstable();
         near.dedup();
 
-        let line = Line { middle, end, tolerance };
+        let line = Line { middle, end, distance, tolerance };
         let mut over_faces = Vec::new();
         let mut others = Vec::new();
         for triangle in &near {
             let triangle = &self.triangles[*triangle as usize];
             let [face, beside @ ..] = triangle.facets;
             others.extend(beside.into_iter().filter(|&facet| facet != NONE));
+            let (_, height, slope) = self.height_over(&line, face);
+            if height.abs() - slope.abs() >= distance {
+                continue;
+            }
             let range = line.over(&self.corners(triangle));
             over_faces.extend(range.map(|range| (face, range)));
         }
@@ -78,11 +82,16 @@ impl TriangleMesh {
         stretches.extend(others.into_iter().filter_map(|facet| self.on_other(&line, facet)));
     }
 
-    fn on_face(&self, line: &Line, facet: u32, range: [f64; 2]) -> Stretch {
-        let MeshFacet::Face { normal, offset } = &self.facets[facet as usize] else {
+    /// The normal of a face, the height of the middle over it, and how much higher the end is.
+    fn height_over(&self, line: &Line, face: u32) -> (Vec3, f64, f64) {
+        let MeshFacet::Face { normal, offset } = &self.facets[face as usize] else {
             unreachable!("a triangle has a face")
         };
-        let [height, slope] = [line.middle.dot(normal) - offset, line.end.dot(normal)];
+        (*normal, line.middle.dot(normal) - offset, line.end.dot(normal))
+    }
+
+    fn on_face(&self, line: &Line, facet: u32, range: [f64; 2]) -> Stretch {
+        let (normal, height, slope) = self.height_over(line, facet);
         let [from, to] = range.map(|s| height + s * slope);
         let seen = if from * to > 0.0 { from } else { height };
         let sign = if seen < 0.0 { -1.0 } else { 1.0 };
@@ -96,17 +105,20 @@ impl TriangleMesh {
 
     /// The stretch that stands over an edge or a corner.
     fn on_other(&self, line: &Line, facet: u32) -> Option<Stretch> {
-        let Line { middle, end, tolerance } = *line;
+        let Line { middle, end, tolerance, .. } = *line;
         let mut range = [-1.0, 1.0];
         let way = match &self.facets[facet as usize] {
             MeshFacet::Edge { from, along, length, first, quarter, opening } => {
-                let (sine, cosine) = libm::sincos(*opening);
-                let last = first * sine - quarter * cosine;
                 let from = middle - from;
                 let [place, slope] = [from.dot(along), end.dot(along)];
+                let way = [from - along * place, end - along * slope];
+                if !line.is_near(way) {
+                    return None;
+                }
+                let (sine, cosine) = libm::sincos(*opening);
+                let last = first * sine - quarter * cosine;
                 keep(&mut range, place + tolerance, slope);
                 keep(&mut range, length - place + tolerance, -slope);
-                let way = [from - along * place, end - along * slope];
                 for within in [quarter, &last] {
                     keep(&mut range, way[0].dot(within) + tolerance, way[1].dot(within));
                 }
@@ -114,6 +126,9 @@ impl TriangleMesh {
             }
             MeshFacet::Corner { at, edges } => {
                 let way = [middle - at, *end];
+                if !line.is_near(way) {
+                    return None;
+                }
                 for along in edges {
                     keep(&mut range, tolerance - way[0].dot(along), -way[1].dot(along));
                 }
@@ -125,14 +140,23 @@ impl TriangleMesh {
     }
 }
 
-/// A segment, and how far over borders it is looked for.
+/// A segment, how near facets must be, and how far over their borders they reach.
 struct Line<'a> {
     middle: &'a Vec3,
     end: &'a Vec3,
+    distance: f64,
     tolerance: f64,
 }
 
 impl Line<'_> {
+    /// Does a way come so near to zero on the segment?
+    fn is_near(&self, way: [Vec3; 2]) -> bool {
+        let square = way[1].norm_squared();
+        let nearest = if square > 0.0 { -way[0].dot(&way[1]) / square } else { 0.0 };
+        let nearest = way[0] + way[1] * nearest.clamp(-1.0, 1.0);
+        nearest.norm_squared() < self.distance * self.distance
+    }
+
     /// The part of it whose points stand over a triangle.
     fn over(&self, corners: &[Vec3; 3]) -> Option<[f64; 2]> {
         let [a, b, c] = corners;
