@@ -290,8 +290,9 @@ fn smooth_grains_meet_a_sharp_lip_only_where_they_overlap_it() {
         let (own, axes) =
             (wedge.placement().centre, wedge.placement().axes.to_rotation_matrix().into_inner());
         let wedge = Shape::Polyhedron(Box::new(wedge));
-        let egg = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(0.5, 0.25, 0.2) });
-        let (mut random, mut met, mut apart, mut worst) = (Random::of(5, 5), 0, 0, 0.0_f64);
+        let egg = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(0.6, 0.2, 0.15) });
+        let (mut random, mut met, mut apart) = (Random::of(5, 5), 0, 0);
+        let (mut several, mut worst) = (0, 0.0_f64);
         while met < 300 || apart < 3000 {
             let centre = Vec3::new(0.7 * random.signed(), random.signed(), 0.7 * random.signed());
             let turn = random.rotation();
@@ -307,14 +308,25 @@ fn smooth_grains_meet_a_sharp_lip_only_where_they_overlap_it() {
                 }
                 Outcome::Touching(least) if least.overlap < 0.02 => {
                     let found = touches(&mesh, &egg, centre, turn);
-                    assert_eq!(found.len(), 1, "{degrees}: {centre} {turn}: {found:?}, {least:?}");
-                    worst = worst.max((found[0].1.overlap - least.overlap).abs());
+                    let deep = |(_, touch): &(u32, Touch)| touch.overlap;
+                    let (facet, touch) = found
+                        .iter()
+                        .min_by(|one, other| deep(one).total_cmp(&deep(other)))
+                        .unwrap_or_else(|| panic!("{degrees}: {centre} {turn}: {least:?}"));
+                    worst = worst.max((touch.overlap - least.overlap).abs());
+                    // Others are those of a body with the lip far in it.
+                    for (other, _) in found.iter().filter(|(other, _)| other != facet) {
+                        assert!(mesh.are_face_and_edge(*facet, *other), "{found:?} {least:?}");
+                        several += 1;
+                    }
                     met += 1;
                 }
                 _ => {}
             }
         }
-        println!("{degrees} degrees: {met} touch, off by {worst:.1e}; {apart} do not");
+        println!(
+            "{degrees} degrees: {met} touch, {several} twice, off by {worst:.1e}; {apart} do not"
+        );
         assert!(worst < 1e-9, "{worst:e}");
     }
 }

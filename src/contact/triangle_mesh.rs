@@ -5,7 +5,7 @@
 //!
 //! | facet | directions | overlap |
 //! |---|---|---|
-//! | face | its normal, on the side of the centre | `δ`, if the deepest point of the body stands over the face: the answer of the plane |
+//! | face | its normal, on the side of the centre | `δ`, if the deepest point of the body stands over the face and has come through it: the answer of the plane |
 //! | edge | those between the normals of its faces | least `δ` of them, if it lies between both and on the edge: roots of `dδ/dn` in one angle |
 //! | strip of a cylinder or a cone | its normals | from inside each local maximum of `δ`: a long body has two; from outside the least `δ` |
 //! | corner | at right angles or more to its edges | least `δ`, as of a sphere without radius |

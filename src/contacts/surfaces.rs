@@ -1,7 +1,7 @@
 //! Contacts with walls of triangles belong to the surface, not to its facets.
 //!
 //! Where a grain touches facets that have a corner in common, with nearly the same normal, it touches one smooth surface: the
-//! deepest contact counts. Where a contact ends on one facet and one begins on another that has a corner in common with it, in
+//! deepest contact counts. Where it touches a face and an edge of that face with other normals, it has the edge in it, and the least overlap counts. Where a contact ends on one facet and one begins on another that has a corner in common with it, in
 //! the same step, the contact has gone over an edge: it takes along what is remembered.
 //!
 //! A grain with faces or a straight side has one contact with all facets that are one surface ([`crate::contact::thickness_on_surface`]), so that
@@ -46,8 +46,8 @@ pub(super) fn has_meshes(pairs: &[Pair], particles: &Particles) -> bool {
         && pairs.first().is_some_and(|pair| pair.b.index() >= particles.first_facet())
 }
 
-/// Leaves out contacts of a grain with a facet that adjoins another on which it lies deeper, with nearly the same normal. Of equally deep
-/// ones that with the lower id stays.
+/// Leaves out contacts of a grain with a facet that adjoins another on which it lies deeper, with nearly the same normal, and with a face or
+/// an edge of it beside one on which it lies less deep, with another normal. Of equally deep ones that with the lower id stays.
 pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particles) {
     let id = |row: usize| particles.id[pairs[touching.pair[row] as usize].b.index()];
     let mut on_meshes: Vec<(u32, OnMesh, usize)> = (0..touching.len())
@@ -73,6 +73,13 @@ pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particl
                     && on.mesh.adjoin(on.facet, deeper.facet)
             });
             stays[*row] = !is_there;
+        }
+        // The least deep stand last.
+        for (k, (_, on, row)) in of_one.iter().enumerate() {
+            let is_least = of_one[k + 1..].iter().all(|(_, other, row)| {
+                !stays[*row] || !on.mesh.are_face_and_edge(on.facet, other.facet)
+            });
+            stays[*row] &= is_least;
         }
     }
     if stays.contains(&false) {

@@ -383,14 +383,26 @@ impl TriangleMesh {
 
     /// Have two facets a corner in common?
     pub fn adjoin(&self, one: u32, other: u32) -> bool {
-        let of = |facet: u32| {
-            let facet = facet as usize;
-            &self.vertices_of
-                [self.first_vertex[facet] as usize..self.first_vertex[facet + 1] as usize]
-        };
-        let (one, other) = (of(one), of(other));
+        let (one, other) = (self.vertices_of(one), self.vertices_of(other));
         let (few, many) = if one.len() < other.len() { (one, other) } else { (other, one) };
         few.iter().any(|vertex| many.binary_search(vertex).is_ok())
+    }
+
+    /// Is one of two facets a face, and the other an edge of it?
+    pub fn are_face_and_edge(&self, one: u32, other: u32) -> bool {
+        // Faces stand first.
+        let (face, edge) = (one.min(other), one.max(other));
+        let [of_face, of_edge] = [face, edge].map(|facet| &self.facets[facet as usize]);
+        matches!((of_face, of_edge), (MeshFacet::Face { .. }, MeshFacet::Edge { .. }))
+            && self
+                .vertices_of(edge)
+                .iter()
+                .all(|k| self.vertices_of(face).binary_search(k).is_ok())
+    }
+
+    fn vertices_of(&self, facet: u32) -> &[u32] {
+        let facet = facet as usize;
+        &self.vertices_of[self.first_vertex[facet] as usize..self.first_vertex[facet + 1] as usize]
     }
 
     /// Are contacts with these unit normals, on facets that adjoin, one?
