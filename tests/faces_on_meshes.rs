@@ -266,7 +266,10 @@ pub(crate) fn does_not_feel_the_edges_of_a_plane(shape: &str) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("sheet.obj");
     meshes::write_obj(&ragged(35, 0.14, 0.24, |_, _| 0.0), &file);
-    let walls = [format!("mesh = {file:?}"), "point = [0, 0, 0]\nnormal = [0, 0, 1]".to_owned()];
+    let walls = [
+        format!("mesh = \"{}\"", file.display()),
+        "point = [0, 0, 0]\nnormal = [0, 0, 1]".to_owned(),
+    ];
     let scenes = walls.map(|wall| {
         let text = meshes::alone(shape, &wall, -Vec3::z() * 98.1, 0.4);
         scene(&text.replace("restitution = 1", "restitution = 0.2"))

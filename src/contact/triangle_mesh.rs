@@ -175,8 +175,8 @@ impl Body<'_> {
         };
         // δ may have several minima, as of a flat body with the edge in it: one of them on each side.
         let parts = (opening / PART).ceil().max(1.0);
-        let (mut from, mut found): ((f64, f64), Option<(f64, Vec3, Vec3)>) =
-            ((0.0, beyond(0.0)), None);
+        let mut from = (0.0, beyond(0.0));
+        let mut found: Option<(f64, Vec3, Vec3)> = None;
         for part in 1..=parts as u32 {
             let angle = opening * (f64::from(part) / parts);
             let to = (angle, beyond(angle));
