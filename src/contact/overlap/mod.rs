@@ -7,6 +7,7 @@
 //! gets the thickness of a line, on a plane or another one ([`sides`]) and on triangles ([`sides_on_surface`]).
 
 mod faces;
+mod seen;
 mod sides;
 mod sides_on_surface;
 mod surface;

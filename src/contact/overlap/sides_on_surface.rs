@@ -26,8 +26,8 @@
 //! A chain belongs to the pair of the lowest of its facets. Chains of which that is the same one make one contact, with the sum of their
 //! energies.
 
+use super::seen::{Seen, Shared};
 use super::sides::{Integrals, OF_A_LINE, Side, within};
-use super::surface::{Seen, Shared};
 use super::thickness::{THIN, Thickness};
 use crate::contact::patch::nearest_of_segments;
 use crate::math::Vec3;

@@ -25,6 +25,7 @@
 //! Faces that are one to any part, directly or by way of others, make one contact, which belongs to the pair of the lowest of them. Edges and corners have none.
 
 use super::faces::{FAR, axes_along, fan, thinness};
+use super::seen::{Seen, Shared};
 use super::sides::Side;
 use super::sides_on_surface::{Room, clear_of};
 use super::thickness::{THIN, Thickness};
@@ -41,14 +42,6 @@ use std::ops::Range;
 /// ([`TriangleMesh::with_cells`]). The relative position runs from the centre of A to the reference point of the wall.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct OverlapWithSurface;
-
-/// What a body shares with a part of a surface, in world axes.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Shared {
-    /// The lowest of the facets that are there.
-    pub(super) facet: u32,
-    pub(super) thickness: Thickness,
-}
 
 /// All contacts of one body with one surface.
 #[derive(Default)]
@@ -164,41 +157,6 @@ pub fn thickness_on_surface(a: &Posed, b: &Posed, r: &Vec3) -> Vec<(u32, Thickne
         scratch.find(&Seen::of(a, b, r));
         scratch.found.iter().map(|found| (found.facet, found.thickness)).collect()
     })
-}
-
-/// A body in the axes of the wall.
-pub(super) struct Seen<'a> {
-    a: &'a Posed<'a>,
-    pub(super) mesh: &'a TriangleMesh,
-    /// Of the wall.
-    pub(super) wall: &'a Mat3,
-    /// Of the body in the axes of the wall.
-    frame: Mat3,
-    pub(super) centre: Vec3,
-}
-
-impl<'a> Seen<'a> {
-    /// # Panics
-    /// If B is no surface of triangles: the table of resolvers was filled wrongly.
-    fn of(a: &'a Posed, b: &Posed<'a>, r: &Vec3) -> Self {
-        let Shape::TriangleMesh(mesh) = b.shape else {
-            unreachable!("a facet is the second body of its pairs")
-        };
-        let (frame, centre) = (b.frame.tr_mul(a.frame), -b.frame.tr_mul(r));
-        Self { a, mesh, wall: b.frame, frame, centre }
-    }
-
-    /// How far the body stays in front of a plane, along its normal [m].
-    fn height_over(&self, plane: &Plane) -> f64 {
-        let into = self.a.shape.support(&-self.frame.tr_mul(&plane.normal)) * self.a.scale;
-        (self.centre + self.frame * into).dot(&plane.normal) - plane.offset
-    }
-
-    /// A plane in the axes and the unit of length of the body.
-    fn place(&self, plane: &Plane) -> Plane {
-        let offset = (plane.offset - plane.normal.dot(&self.centre)) / self.a.scale;
-        Plane { normal: self.frame.tr_mul(&plane.normal), offset }
-    }
 }
 
 impl Scratch {
