@@ -81,6 +81,16 @@ impl Lying<'_> {
         self.on(surface).iter().map(|(_, found)| found.energy()).sum()
     }
 
+    /// How far its one contact with a plane of triangles is off that with the plane; `pose` names it.
+    pub(crate) fn off_the_plane(&self, flat: &Shape, plane: &Shape, pose: [usize; 2]) -> f64 {
+        let expected = self.on_plane(plane).expect("they touch");
+        let found = self.on(flat);
+        assert_eq!(found.len(), 1, "{pose:?}");
+        // Places are rounded: a thin contact is known to a part of a hundredth of the size.
+        let thin = (expected.thickness / (1e-2 * self.scale)).min(1.0);
+        difference(&found[0].1, &expected) * thin
+    }
+
     /// Force and moment of all contacts beside the gradient of their energy, over the thickness of the largest.
     pub(crate) fn error_of_gradient(&self, surface: &Shape) -> f64 {
         let found = self.on(surface);
@@ -108,7 +118,7 @@ impl Lying<'_> {
 }
 
 /// Force and moment, thickness and covariance of one contact beside another, over the thickness.
-pub(crate) fn difference(one: &Thickness, other: &Thickness) -> f64 {
+fn difference(one: &Thickness, other: &Thickness) -> f64 {
     let all = [
         (one.force() - other.force()).norm() / other.thickness,
         (one.moment() - other.moment()).norm() / other.thickness,
@@ -145,12 +155,7 @@ fn a_plane_of_triangles_is_the_plane() {
                 // As from a side of the plane that is seen from the front: the body is above it.
                 let place = Vec3::new(random.signed(), random.signed(), below - depth);
                 lying.centre = wall * place;
-                let expected = lying.on_plane(&plane).expect("they touch");
-                let found = lying.on(&flat);
-                assert_eq!(found.len(), 1, "{count} {k}");
-                // Places are rounded: a thin contact is known to a part of a hundredth of the size.
-                let thin = (expected.thickness / (1e-2 * scale)).min(1.0);
-                worst = worst.max(difference(&found[0].1, &expected) * thin);
+                worst = worst.max(lying.off_the_plane(&flat, &plane, [count, k]));
                 met += 1;
             }
         }

@@ -1,8 +1,8 @@
 //! Spherocylinders on walls of triangles: planes however they are cut, force and moment as the gradient of an energy, equal bits.
 
 use crate::faces_on_meshes::{
-    Lying, above, difference, does_not_feel_the_edges_of_a_plane, is_the_same_in_the_drum, lowered,
-    ragged, relief, surface, surfaces,
+    Lying, above, does_not_feel_the_edges_of_a_plane, is_the_same_in_the_drum, lowered, ragged,
+    relief, surface, surfaces,
 };
 use crate::meshes;
 use crate::sides::rod;
@@ -54,12 +54,7 @@ fn a_plane_of_triangles_is_the_plane() {
                     place.y = 0.0;
                 }
                 lying.centre = wall * place;
-                let expected = lying.on_plane(&plane).expect("they touch");
-                let found = lying.on(&flat);
-                assert_eq!(found.len(), 1, "{count} {k}");
-                // Places are rounded: a thin contact is known to a part of a hundredth of the size.
-                let thin = (expected.thickness / (1e-2 * scale)).min(1.0);
-                worst = worst.max(difference(&found[0].1, &expected) * thin);
+                worst = worst.max(lying.off_the_plane(&flat, &plane, [count, k]));
                 met += 1;
             }
         }

@@ -18,7 +18,7 @@
 //!
 //! - A plane is one face however it is cut: its force is that of the plane.
 //! - Over a convex edge force and energy have no jump.
-//! - Faces of a fold that turns by more have contacts of their own. With overlaps beyond a seventh of the radius the axis can come from over one
+//! - Faces of a fold that turns by more than 30 degrees have contacts of their own. With overlaps beyond a seventh of the radius the axis can come from over one
 //!   to over the other, where a force ends with a jump. Beyond a fifteenth of the radius it jumps where the axis passes a corner of a hole.
 //!
 //! # Contacts
