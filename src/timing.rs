@@ -1,4 +1,4 @@
-//! Where the time of a run goes: wall clock per phase of the step.
+//! Where the time of a run goes: wall clock per phase of the step, and the part of it in which a rank had no core.
 
 use std::time::{Duration, Instant};
 
@@ -56,12 +56,15 @@ impl Phase {
 pub struct Clock {
     last: Instant,
     spent: [Duration; Phase::ALL.len()],
+    /// As [`without_core`] said at the start.
+    without_core: Option<Duration>,
 }
 
 impl Clock {
     /// A clock that starts now.
     pub fn new() -> Self {
-        Self { last: Instant::now(), spent: [Duration::ZERO; Phase::ALL.len()] }
+        let spent = [Duration::ZERO; Phase::ALL.len()];
+        Self { last: Instant::now(), spent, without_core: without_core() }
     }
 
     /// Starts a reading without giving the time before it to any phase.
@@ -80,6 +83,18 @@ impl Clock {
     pub fn seconds(&self, phase: Phase) -> f64 {
         self.spent[phase as usize].as_secs_f64()
     }
+
+    /// Time since the start in which this thread could have gone on, but other programs had its core [s]; `None` where the
+    /// system does not say.
+    pub fn seconds_without_core(&self) -> Option<f64> {
+        Some(without_core()?.saturating_sub(self.without_core?).as_secs_f64())
+    }
+}
+
+/// Since this thread began. Linux counts it, see `schedstats` in its documentation of the scheduler.
+fn without_core() -> Option<Duration> {
+    let counts = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    Some(Duration::from_nanos(counts.split(' ').nth(1)?.parse().ok()?))
 }
 
 impl Default for Clock {

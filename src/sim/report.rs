@@ -275,15 +275,22 @@ fn ranks(sim: &Simulation, steps: u64, all: &Traffic, comm: &mut dyn Comm) -> Ra
     let here = &sim.domain.traffic;
     let per_step = |count: u64| count as f64 / steps.max(1) as f64;
     let per_owned = |count: u64| count as f64 / here.owned.max(1) as f64;
-    let [messages_per_step, bytes_per_step, ghosts_per_owned, within_halo_per_owned] = shares(
-        [
-            per_step(here.messages),
-            per_step(here.bytes),
-            per_owned(here.ghosts),
-            per_owned(here.offered),
-        ],
-        comm,
-    );
+    let without_core = sim.clock.seconds_without_core();
+    let is_known = !comm.any(without_core.is_none());
+    let figures = [
+        per_step(here.messages),
+        per_step(here.bytes),
+        per_owned(here.ghosts),
+        per_owned(here.offered),
+        without_core.unwrap_or_default(),
+    ];
+    let [
+        messages_per_step,
+        bytes_per_step,
+        ghosts_per_owned,
+        within_halo_per_owned,
+        without_core_s,
+    ] = shares(figures, comm);
     Ranks {
         imbalance: sim.work_imbalance(comm),
         messages_per_step,
@@ -294,6 +301,7 @@ fn ranks(sim: &Simulation, steps: u64, all: &Traffic, comm: &mut dyn Comm) -> Ra
         rebuilds: here.rebuilds,
         recuts: here.recuts,
         migrated: all.migrated,
+        without_core_s: is_known.then_some(without_core_s),
     }
 }
 

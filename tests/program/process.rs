@@ -113,6 +113,7 @@ impl Call {
             .env("OMPI_MCA_mpi_yield_when_idle", "1")
             // As `run/environment` has it.
             .env("OMPI_MCA_odls_base_sigkill_timeout", "4")
+            .env("OMPI_MCA_hwloc_base_binding_policy", "none")
             .stdin(Stdio::null())
             .stdout(same(&output))
             .stderr(same(&errors))

@@ -1,6 +1,6 @@
 //! `report.json`: its keys, and that its figures hold together; the lines that a person gets.
 
-use super::process::{Launch, dem_mpi};
+use super::process::{Call, Launch, dem_mpi};
 use super::{HEAP_STEPS, assert_same_result, column, fresh_directory, heap, report, scene};
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -46,7 +46,7 @@ const KEYS: [(&str, &str); 13] = [
     (
         "/ranks",
         "bytes_per_ghost bytes_per_step ghosts_per_owned imbalance messages_per_step migrated rebuilds recuts \
-         within_halo_per_owned",
+         within_halo_per_owned without_core_s",
     ),
 ];
 
@@ -124,6 +124,30 @@ fn a_person_gets_four_lines_and_more_when_asked() {
     for label in ["phase", "audit", "halo", "memory", "packing", "balance", "step"] {
         assert!(labels[4..].iter().any(|other| other == label), "no {label}: {long}");
     }
+}
+
+/// Two runs on one core: each waits while the other has it.
+#[test]
+fn what_other_programs_cost_is_told() {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let cores = status.lines().find_map(|line| line.strip_prefix("Cpus_allowed_list:")).unwrap();
+    let core = cores.trim().split([',', '-']).next().unwrap();
+    let begun = ["one_of_two", "other_of_two"].map(|name| {
+        let directory = fresh_directory(name);
+        let out = directory.to_str().unwrap();
+        let bound = ["taskset", "-c", core].map(Into::into).to_vec();
+        let scene = scene("heap");
+        let arguments = [&*scene, "--out", out, "--set", "time.steps=10000"];
+        (Call::new(bound, env!("CARGO_BIN_EXE_dem-mpi"), arguments).start(), directory)
+    });
+    let parts = begun.map(|(run, directory)| {
+        let ended = run.end();
+        assert_eq!(ended.status.code(), Some(0), "{ended}");
+        let report = report(&directory);
+        number(&report, "/ranks/without_core_s/most") / number(&report, "/run/wall_s")
+    });
+    // A half of each, if nothing else runs.
+    assert!(parts.iter().all(|part| (0.25..1.0).contains(part)), "{parts:?}");
 }
 
 /// All kinds of grains, each resolved again; by every method.

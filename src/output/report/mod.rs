@@ -290,6 +290,8 @@ pub struct Ranks {
     pub recuts: u64,
     /// Particles handed to another rank.
     pub migrated: u64,
+    /// Time in which a rank could have gone on, but other programs or ranks had its core; `null` where the system does not say.
+    pub without_core_s: Option<Share>,
 }
 
 /// Memory at the end, in bytes over owned particles; ghosts count with those that they touch.

@@ -20,7 +20,7 @@ impl Page {
 
 impl Report {
     /// What a person wants to know first, in four lines: steps and speed; contacts and fallbacks; energy; snapshot. Below them
-    /// stand all warnings. `directory` is where the report is stored.
+    /// stand all warnings, and what other programs have cost. `directory` is where the report is stored.
     pub fn summary(&self, directory: &Path) -> String {
         let mut page = Page::default();
         self.steps(&mut page);
@@ -33,6 +33,9 @@ impl Report {
         ));
         for warning in &self.warnings {
             page.line(format_args!("warning    {warning}"));
+        }
+        if let Some(words) = self.ranks.lack_of_cores(self.run.wall_s) {
+            page.line(format_args!("cores      {words}"));
         }
         page.0
     }
@@ -343,6 +346,18 @@ impl Ranks {
             "work       the busiest rank has {:.3} times the mean",
             self.imbalance
         ));
+    }
+
+    /// That a rank had to wait for a core, in a run of `wall_s` that is long enough for this to matter.
+    fn lack_of_cores(&self, wall_s: f64) -> Option<String> {
+        let part = self.without_core_s?.most / wall_s;
+        (part > 0.1 && wall_s > 10.0).then(|| {
+            format!(
+                "a rank waited for a core {:.0} % of the time: there are more ranks than cores, or other programs run on them. \
+                 Open MPI binds the ranks of every job to the same first cores, and `mpirun --bind-to none` does not",
+                100.0 * part
+            )
+        })
     }
 }
 
