@@ -41,6 +41,7 @@ mod servo;
 mod shear;
 mod sides;
 mod sides_on_meshes;
+mod sides_on_round_walls;
 mod sizes;
 mod snapshot;
 mod solids;

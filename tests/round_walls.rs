@@ -216,7 +216,9 @@ fn energy_is_kept_in_round_walls() {
     let egg = "kind = \"ellipsoid\"\nsemi_axes = [0.02, 0.008, 0.01]";
     let block =
         "kind = \"superellipsoid\"\nsemi_axes = [0.02, 0.009, 0.012]\nexponents = [0.8, 0.7]";
-    for (wall, shape) in [(CYLINDER, egg), (cone, egg), (CYLINDER, block), (cone, block)] {
+    let rod = "kind = \"spherocylinder\"\nlength = 0.03\nradius = 0.005";
+    let both = |shape| [(CYLINDER, shape), (cone, shape)];
+    for (wall, shape) in [egg, block, rod].into_iter().flat_map(both) {
         let lost = [4e-6, 1e-6].map(|dt| {
             let scene = scene(&one(shape, wall, Vec3::new(0.0, 0.0, -9.81), 0.0, dt));
             let mut bench = Bench::of(
@@ -265,8 +267,13 @@ aspect_ratio = 2
 name = "ball"
 kind = "sphere"
 radius = 0.001
+[[shape]]
+name = "rod"
+kind = "spherocylinder"
+length = 0.0012
+radius = 0.0009
 [[fill.lattice]]
-shapes = {{ long = 1, ball = 1 }}
+shapes = {{ long = 1, ball = 1, rod = 1 }}
 low = [-0.0065, -0.006, -0.0085]
 high = [0.0065, 0.006, 0.0025]
 [time]
@@ -293,7 +300,8 @@ fn a_round_drum_has_the_same_bits_everywhere() {
         contacts > 5.0 && on_walls > 5.0 && received != 0.0,
         "{contacts} {on_walls} {received:e}"
     );
-    assert!(missing.abs() < 2e-4 * dissipated, "{missing:e} of {dissipated:e} J");
+    // The rods are stepped at 58 % of their limit, and the error is of second order.
+    assert!(missing.abs() < 1e-3 * dissipated, "{missing:e} of {dissipated:e} J");
     let page = plan(&scene, 1);
     assert!(page.contains("a cylinder, radius 1.150e-2 m"), "{page}");
 }

@@ -348,10 +348,10 @@ impl<'a> Walls<'a> {
             if extended.is_empty() {
                 continue;
             }
-            if key != "mesh" {
+            if key != "mesh" && !faces.is_empty() {
                 given.fail(format!(
-                    "meets {extended}: cylinders and cones have no contacts with grains that have faces or straight sides; make the wall a \
-                     `mesh`, as `run/revolve` writes it, or of planes"
+                    "meets {faces}: cylinders and cones have no contacts with grains that have faces; make the wall a `mesh`, as \
+                     `run/revolve` writes it, or of planes"
                 ));
                 continue;
             }
@@ -359,7 +359,7 @@ impl<'a> Walls<'a> {
             let pair = (Kind::Polyhedron, Kind::TriangleMesh);
             if !method.is_by_thickness(pair) {
                 given.fail(format!(
-                    "meets {extended}, and triangles have contacts with grains that have faces or straight sides by the method \"auto\" \
+                    "meets {extended}, and such walls have contacts with grains that have faces or straight sides by the method \"auto\" \
                      only, not by \"{}\"",
                     method.name()
                 ));

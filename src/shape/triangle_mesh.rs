@@ -14,7 +14,7 @@
 //! A cylinder or a cone has *strips* and no other facets. Each lies between two straight lines of the surface, and faces in all
 //! directions between the normals there. Strips are exact: their triangles only say where to look, and are what pictures have.
 //!
-//! Grains with a straight side ask for what its points see ([`TriangleMesh::stretches`]). Grains with faces ask for what lies behind the triangles ([`TriangleMesh::with_cells`]) and have no contacts with edges and corners.
+//! Grains with a straight side ask for what its points see ([`TriangleMesh::stretches`]), on strips too. Grains with faces ask for what lies behind the triangles ([`TriangleMesh::with_cells`]) and have no contacts with edges and corners.
 //!
 //! Facets are numbered: first faces, then edges, then corners. They are found through a grid of cells in the axes of the wall.
 
@@ -24,7 +24,7 @@ mod grid;
 mod nearest;
 mod solid;
 
-pub use along::Stretch;
+pub use along::{Over, Round, Stretch};
 pub use solid::{Front, Near, NoSolid};
 
 use super::Convex;

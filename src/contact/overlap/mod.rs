@@ -4,7 +4,7 @@
 //! when the face tilts, and a force that depends on one depth gives energy, or lets a block at rest creep. Here the
 //! polyhedron that both bodies share is found exactly ([`crate::shape::clip`]), and the energy of the contact is that
 //! of a spring which is compressed by its thickness ([`faces`]), and so it is with the space behind the triangles of a wall ([`surface`]). A spherocylinder has the same fault along its straight side, and
-//! gets the thickness of a line, on a plane or another one ([`sides`]) and on triangles ([`sides_on_surface`]).
+//! gets the thickness of a line, on a plane or another one ([`sides`]), and on triangles, cylinders and cones ([`sides_on_surface`]).
 
 mod faces;
 mod seen;

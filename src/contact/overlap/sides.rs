@@ -137,14 +137,28 @@ impl Integrals {
         for place in [-1.0, 1.0] {
             let part = 0.5 * (1.0 + place / 3.0_f64.sqrt());
             let (s, depth) = (low + (high - low) * part, first + (last - first) * part);
-            let squared = depth * depth;
-            for (sum, value) in self.depth.iter_mut().zip([1.0, s, s * s, squared]) {
-                *sum += half * depth * value;
-            }
-            for (k, value) in [1.0, squared].into_iter().enumerate() {
-                self.normal[k] += n * (half * value);
-                self.moment[k] += n * (half * value * s);
-            }
+            self.add_point(half, s, depth, n);
+        }
+    }
+
+    /// Adds a part with any smooth `δ` and normal, as functions of `s`.
+    pub(super) fn add_bent(&mut self, [low, high]: [f64; 2], at: impl Fn(f64) -> (f64, Vec3)) {
+        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+        for (place, weight) in PLACES.iter().zip(WEIGHTS) {
+            let s = middle + half * place;
+            let (depth, n) = at(s);
+            self.add_point(half * weight, s, depth, &n);
+        }
+    }
+
+    fn add_point(&mut self, weight: f64, s: f64, depth: f64, n: &Vec3) {
+        let squared = depth * depth;
+        for (sum, value) in self.depth.iter_mut().zip([1.0, s, s * s, squared]) {
+            *sum += weight * depth * value;
+        }
+        for (k, value) in [1.0, squared].into_iter().enumerate() {
+            self.normal[k] += n * (weight * value);
+            self.moment[k] += n * (weight * value * s);
         }
     }
 
@@ -214,7 +228,7 @@ fn total<L: Eight>(lanes: L) -> f64 {
 }
 
 /// Where `|w[0] + s w[1]| < reach` between two values of `s`.
-pub(super) fn within([low, high]: [f64; 2], w: &[Vec3; 2], reach: f64) -> Option<[f64; 2]> {
+fn within([low, high]: [f64; 2], w: &[Vec3; 2], reach: f64) -> Option<[f64; 2]> {
     let (a, b) = (w[1].norm_squared(), w[0].dot(&w[1]));
     let c = w[0].norm_squared() - reach * reach;
     let discriminant = b * b - a * c;

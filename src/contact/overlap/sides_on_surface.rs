@@ -1,4 +1,4 @@
-//! The thickness of what straight sides share with a surface of triangles.
+//! The thickness of what straight sides share with a surface of triangles, a cylinder or a cone.
 //!
 //! # Definition
 //!
@@ -10,7 +10,7 @@
 //!
 //! as on a plane ([`super::sides`]), the elastic energy is `k D² / 2`, and force and moment are its gradient.
 //!
-//! Where `δ` dips, as over a shallow fold or across a hole, the chain is made of lobes `i`, and
+//! Where `δ` dips, as over a shallow fold, across a hole or from inside a cylinder, the chain is made of lobes `i`, and
 //!
 //! `D² = Σ_i ∫_i δ³ ds / Σ_j ω_ij ∫_j δ ds`, `ω_ij = 1 - (1 - u_i) (1 - u_j)`, `u_i = x (2 - x)`, `x = min(1, m² / D_i²)`
 //!
@@ -18,6 +18,7 @@
 //!
 //! - A plane is one face however it is cut: its force is that of the plane.
 //! - Over a convex edge force and energy have no jump.
+//! - Strips of a cylinder or cone are one surface. Where that ends, contacts end with a jump.
 //! - Faces of a fold that turns by more than 30 degrees have contacts of their own. With overlaps beyond a seventh of the radius the axis can come from over one
 //!   to over the other, where a force ends with a jump. Beyond a fifteenth of the radius it jumps where the axis passes a corner of a hole.
 //!
@@ -27,11 +28,11 @@
 //! energies.
 
 use super::seen::{Seen, Shared};
-use super::sides::{Integrals, OF_A_LINE, Side, within};
+use super::sides::{Integrals, OF_A_LINE, Side};
 use super::thickness::{THIN, Thickness};
 use crate::contact::patch::nearest_of_segments;
 use crate::math::Vec3;
-use crate::shape::triangle_mesh::{MeshFacet, Stretch, TriangleMesh};
+use crate::shape::triangle_mesh::{MeshFacet, Over, Stretch, TriangleMesh};
 use nalgebra::Matrix3x2;
 
 /// How far stretches reach over borders, over the radius.
@@ -73,8 +74,10 @@ impl Room {
         let border = BORDER * side.radius;
         seen.mesh.stretches(&seen.centre, &side.end, side.radius, border, &mut self.stretches);
         self.parts.clear();
-        let parts = self.stretches.iter().zip(0..);
-        self.parts.extend(parts.filter_map(|(of, group)| Part::of(of, group, side.radius)));
+        let ranges = |seen: &Stretch| seen.nearer_than(side.radius).into_iter().flatten();
+        let parts = self.stretches.iter().flat_map(|seen| ranges(seen).map(|range| (*seen, range)));
+        let parts = parts.zip(0..).map(|((seen, range), group)| Part { seen, range, group });
+        self.parts.extend(parts);
         self.group(seen.mesh);
         self.find_chains();
         let lowest = |chain: &Chain| chain.iter().map(|part| part.seen.facet).min();
@@ -91,7 +94,9 @@ impl Room {
     fn group(&mut self, mesh: &TriangleMesh) {
         let Self { parts, breaks, .. } = self;
         breaks.clear();
-        breaks.extend(parts.iter().flat_map(|part| part.range));
+        breaks.extend(
+            parts.iter().flat_map(|part| part.range.into_iter().chain(part.seen.farthest())),
+        );
         for k in 1..parts.len() {
             for l in 0..k {
                 let (one, other) = (parts[l], parts[k]);
@@ -103,7 +108,7 @@ impl Room {
                 }
                 let crossings = one.crossings(&other, range);
                 let at = crossings[0].unwrap_or(0.5 * (range[0] + range[1]));
-                if one.out(at).dot(&other.out(at)) < ONE {
+                if one.seen.out(at).dot(&other.seen.out(at)) < ONE {
                     continue;
                 }
                 breaks.extend(crossings.into_iter().flatten());
@@ -125,7 +130,7 @@ impl Room {
             for between in breaks.windows(2) {
                 let middle = 0.5 * (between[0] + between[1]);
                 let there = |part: &&Part| part.range[0] <= middle && middle <= part.range[1];
-                let distance = |part: &&Part| part.distance(middle);
+                let distance = |part: &&Part| part.seen.distance(middle);
                 let nearer = |one: &&Part, other: &&Part| distance(one).total_cmp(&distance(other));
                 let Some(deepest) = of_one.iter().filter(there).min_by(nearer) else {
                     goes_on = false;
@@ -135,7 +140,9 @@ impl Room {
                 match chains.last_mut().filter(|_| goes_on) {
                     None => chains.push(vec![part]),
                     Some(chain) => match chain.last_mut() {
-                        Some(last) if last.seen == part.seen => last.range[1] = part.range[1],
+                        Some(last) if last.seen == part.seen && !part.dips_at(between[0]) => {
+                            last.range[1] = part.range[1];
+                        }
                         _ => chain.push(part),
                     },
                 }
@@ -160,44 +167,23 @@ pub(super) fn clear_of(side: &Side, seen: &Seen, facet: &MeshFacet) -> f64 {
         }
         MeshFacet::Edge { from, along, length, .. } => to_segment(&[*from, from + along * *length]),
         MeshFacet::Corner { at, .. } => to_segment(&[*at, *at]),
-        MeshFacet::Strip(_) => {
-            unreachable!("a scene with straight sides has no cylinders and cones")
-        }
+        MeshFacet::Strip(strip) => strip.clear_of(&axis),
     };
     distance - side.radius
 }
 
 impl Part {
-    fn of(seen: &Stretch, group: usize, radius: f64) -> Option<Self> {
-        let range = match &seen.normal {
-            Some(normal) => seen.lower_than(normal, radius),
-            None => within(seen.range, &seen.way, radius),
-        };
-        range.map(|range| Self { seen: *seen, range, group })
+    /// Has its depth a smooth minimum there, which is a break?
+    fn dips_at(&self, s: f64) -> bool {
+        self.seen.farthest() == Some(s)
     }
 
-    fn way(&self, s: f64) -> Vec3 {
-        self.seen.way[0] + self.seen.way[1] * s
-    }
-
-    /// From the surface to the axis; below a face it is negative [m].
-    fn distance(&self, s: f64) -> f64 {
-        let way = self.way(s);
-        self.seen.normal.map_or_else(|| way.norm(), |normal| way.dot(&normal))
-    }
-
-    /// The unit vector out of the surface.
-    fn out(&self, s: f64) -> Vec3 {
-        self.seen.normal.unwrap_or_else(|| self.way(s).normalize())
-    }
-
-    /// Derivative of the depth along the axis [m].
-    fn slope(&self, s: f64) -> f64 {
-        -self.out(s).dot(&self.seen.way[1])
-    }
-
-    /// Where two parts have the same distance in a range. The squares of distances are quadratic functions.
+    /// Where two parts have the same distance in a range. The squares of distances are quadratic functions, but those of cylinders and cones,
+    /// whose parts have the same where they meet.
     fn crossings(&self, other: &Self, range: [f64; 2]) -> [Option<f64>; 2] {
+        if let Over::Round(_) = &self.seen.over {
+            return [None; 2];
+        }
         let of = |f: fn(&[Vec3; 2]) -> f64| f(&self.seen.way) - f(&other.seen.way);
         let a = of(|way| way[1].norm_squared());
         let b = of(|way| way[0].dot(&way[1]));
@@ -213,18 +199,19 @@ impl Part {
     }
 
     fn add_to(&self, integrals: &mut Integrals, radius: f64) {
-        match &self.seen.normal {
-            Some(normal) => {
-                let [from, to] = self.range.map(|s| radius - self.distance(s));
-                integrals.add_straight(self.range, [from, to], &-normal);
+        let depth = |s: f64| radius - self.seen.distance(s);
+        match &self.seen.over {
+            Over::Face(normal) => {
+                integrals.add_straight(self.range, self.range.map(depth), &-normal);
             }
-            None => integrals.add(self.range, &self.seen.way.map(|way| -way), radius),
+            Over::Sharp => integrals.add(self.range, &self.seen.way.map(|way| -way), radius),
+            Over::Round(_) => integrals.add_bent(self.range, |s| (depth(s), -self.seen.out(s))),
         }
     }
 
     /// What the depth at `s` changes by.
     fn pull(&self, s: f64) -> Pull {
-        let into = -self.out(s);
+        let into = -self.seen.out(s);
         Pull::from_columns(&[into, into * s])
     }
 }
@@ -251,13 +238,19 @@ impl Dip {
     /// Between two parts, if there is one.
     fn between(one: &Part, next: &Part, radius: f64) -> Option<Self> {
         let s = one.range[1];
-        let slopes = [one.slope(s), next.slope(s)];
+        let depth = radius - one.seen.distance(s);
+        let own = one.pull(s);
+        if one.dips_at(s) || next.dips_at(s) {
+            let (turn, bend) = one.seen.bend(s);
+            let of_slope = Pull::from_columns(&[-turn, -one.seen.out(s) - turn * s]);
+            let of_place = of_slope / bend;
+            return (-bend > LEVEL * radius).then_some(Self { depth, of_depth: own, of_place });
+        }
+        let slopes = [-one.seen.slope(s), -next.seen.slope(s)];
         if slopes[0] >= 0.0 || slopes[1] <= 0.0 || slopes[1] - slopes[0] < LEVEL * radius {
             return None;
         }
-        let (own, others) = (one.pull(s), next.pull(s));
-        let of_place = (own - others) / (slopes[1] - slopes[0]);
-        let depth = radius - one.distance(s);
+        let of_place = (own - next.pull(s)) / (slopes[1] - slopes[0]);
         Some(Self { depth, of_depth: own + of_place * slopes[0], of_place })
     }
 }
@@ -362,7 +355,8 @@ impl Side {
             moments.iter_mut().zip(of_chain).for_each(|(sum, of)| *sum += of);
             let mean = of_chain[1] / of_chain[0];
             let part = chain.iter().find(|part| mean <= part.range[1]).or(chain.last())?;
-            foot += (self.end * mean - part.out(mean) * part.distance(mean)) * of_chain[0];
+            let (out, distance) = (part.seen.out(mean), part.seen.distance(mean));
+            foot += (self.end * mean - out * distance) * of_chain[0];
         }
         let thickness = squared.sqrt();
         if thickness <= THIN * self.radius {

@@ -1,7 +1,10 @@
 //! What the points of a segment see of a surface: of each facet the stretch of the segment whose points stand over it.
 
-use super::{MeshFacet, NONE, TriangleMesh};
+use super::{MeshFacet, NONE, Strip, TriangleMesh};
 use crate::math::Vec3;
+
+/// Of directions and lengths.
+const ROUNDING: f64 = 1e-15;
 
 /// A stretch of a segment whose points stand over one facet. A place on the segment is its middle and `s` times the way to its end, `s` from -1
 /// to 1.
@@ -11,27 +14,201 @@ pub struct Stretch {
     pub facet: u32,
     /// The first and the last `s`.
     pub range: [f64; 2],
-    /// From the nearest point of the facet to the place `s`: `way[0] + s way[1]` [m].
+    /// From the nearest point of the facet to the place `s`, or from that of the axis of a cylinder or cone: `way[0] + s way[1]` [m].
     pub way: [Vec3; 2],
-    /// Of a face its normal, on the side from which it is seen.
-    pub normal: Option<Vec3>,
+    /// What the facet is.
+    pub over: Over,
+}
+
+/// What the points of a stretch stand over.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Over {
+    /// A face; its normal on the side from which it is seen.
+    Face(Vec3),
+    /// An edge or a corner.
+    Sharp,
+    /// A cylinder or a cone.
+    Round(Round),
+}
+
+/// A cylinder or a cone, as seen from a segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Round {
+    /// 1 from inside, -1 from outside.
+    pub side: f64,
+    /// Of the place `s` along the axis: `height[0] + s height[1]` [m].
+    pub height: [f64; 2],
+    /// At that height: `radius[0] + s radius[1]` [m].
+    pub radius: [f64; 2],
+    /// Unit vector along the axis.
+    pub axis: Vec3,
+    /// How much the radius grows along the axis [-].
+    pub slope: f64,
+}
+
+impl Strip {
+    /// The whole surface as seen from inside, and the way from its axis.
+    fn seen_from(&self, middle: &Vec3, end: &Vec3) -> (Round, [Vec3; 2]) {
+        let Self { from, axis, radius, slope, .. } = *self;
+        let from = middle - from;
+        let height = [from.dot(&axis), end.dot(&axis)];
+        let radius = [radius + slope * height[0], slope * height[1]];
+        let way = [from - axis * height[0], end - axis * height[1]];
+        (Round { side: 1.0, height, radius, axis, slope }, way)
+    }
+
+    /// How far a segment is at least from the surface, as if that went on [m].
+    pub fn clear_of(&self, [from, to]: &[Vec3; 2]) -> f64 {
+        let (round, way) = self.seen_from(&((from + to) * 0.5), &((to - from) * 0.5));
+        let stretch = Stretch { facet: 0, range: [-1.0, 1.0], way, over: Over::Round(round) };
+        let least = stretch.distance(-1.0).min(stretch.distance(1.0));
+        let most = stretch.distance(stretch.nearest_to_axis(round.radius[1]).clamp(-1.0, 1.0));
+        least.max(-most).max(0.0)
+    }
+}
+
+impl Round {
+    /// From the surface to a place that is so far from the axis [m].
+    fn distance(&self, way: &Vec3, s: f64) -> f64 {
+        self.side * (self.radius[0] + s * self.radius[1] - way.norm()) / self.steep()
+    }
+
+    /// Over the distance from the surface: how much longer that is across the axis.
+    fn steep(&self) -> f64 {
+        (1.0 + self.slope * self.slope).sqrt()
+    }
 }
 
 impl Stretch {
-    /// The part of it that is lower than this along a normal [m].
-    pub fn lower_than(&self, normal: &Vec3, height: f64) -> Option<[f64; 2]> {
-        let [start, slope] = self.way.map(|way| way.dot(normal));
-        let mut range = self.range;
-        keep(&mut range, height - start, -slope);
-        (range[0] < range[1]).then_some(range)
+    fn way(&self, s: f64) -> Vec3 {
+        self.way[0] + self.way[1] * s
     }
+
+    /// From the surface to the place `s`; below a face, and on the other side of a cylinder or cone, it is negative [m].
+    pub fn distance(&self, s: f64) -> f64 {
+        let way = self.way(s);
+        match &self.over {
+            Over::Face(normal) => way.dot(normal),
+            Over::Sharp => way.norm(),
+            Over::Round(round) => round.distance(&way, s),
+        }
+    }
+
+    /// The unit vector out of the surface.
+    pub fn out(&self, s: f64) -> Vec3 {
+        match &self.over {
+            Over::Face(normal) => *normal,
+            Over::Sharp => unit(&self.way(s)),
+            Over::Round(round) => {
+                (round.axis * round.slope - unit(&self.way(s))) * (round.side / round.steep())
+            }
+        }
+    }
+
+    /// How the distance changes with `s` [m].
+    pub fn slope(&self, s: f64) -> f64 {
+        let along = self.out(s).dot(&self.way[1]);
+        match &self.over {
+            Over::Face(_) | Over::Sharp => along,
+            Over::Round(round) => along + round.side * round.radius[1] / round.steep(),
+        }
+    }
+
+    /// How the unit vector out of the surface and the slope of the distance change with `s`.
+    pub fn bend(&self, s: f64) -> (Vec3, f64) {
+        let factor = match &self.over {
+            Over::Face(_) => return (Vec3::zeros(), 0.0),
+            Over::Sharp => 1.0,
+            Over::Round(round) => -round.side / round.steep(),
+        };
+        let way = self.way(s);
+        let out = unit(&way);
+        let turn = (self.way[1] - out * out.dot(&self.way[1])) * (factor / way.norm());
+        (turn, turn.dot(&self.way[1]))
+    }
+
+    /// Where it is farther from a cylinder or cone than before and after, seen from inside.
+    pub fn farthest(&self) -> Option<f64> {
+        let Over::Round(Round { side: 1.0, radius, .. }) = &self.over else { return None };
+        let place = self.nearest_to_axis(radius[1]);
+        (self.range[0] < place && place < self.range[1]).then_some(place)
+    }
+
+    /// Where the length of its way, less `growth` times `s`, is least: a convex function.
+    fn nearest_to_axis(&self, growth: f64) -> f64 {
+        let square = self.way[1].norm_squared();
+        if growth * growth >= square {
+            // Also where nothing changes.
+            return if growth == 0.0 { 0.0 } else { f64::INFINITY.copysign(growth) };
+        }
+        let nearest = -self.way[0].dot(&self.way[1]) / square;
+        let rest = square * (square - growth * growth);
+        nearest + growth * self.way(nearest).norm() / rest.sqrt()
+    }
+
+    /// The parts of it that are nearer to the surface than this [m], in their order.
+    pub fn nearer_than(&self, distance: f64) -> [Option<[f64; 2]>; 2] {
+        let [low, high] = self.range;
+        let some = |[from, to]: [f64; 2]| Some([from, to]).filter(|_| from < to);
+        match &self.over {
+            Over::Face(normal) => {
+                let [start, slope] = self.way.map(|way| way.dot(normal));
+                let mut range = self.range;
+                keep(&mut range, distance - start, -slope);
+                [some(range), None]
+            }
+            Over::Sharp => [self.within([distance, 0.0]).and_then(some), None],
+            Over::Round(round) => {
+                let [start, growth] = round.radius;
+                let within = self.within([start - round.side * distance * round.steep(), growth]);
+                if round.side < 0.0 {
+                    return [within.and_then(some), None];
+                }
+                let Some([from, to]) = within else { return [some(self.range), None] };
+                [some([low, from]), some([to, high])]
+            }
+        }
+    }
+
+    /// Where the length of its way is less than `radius[0] + s radius[1]`, by Newton's method from the ends, which never goes too far: the
+    /// difference is a convex function.
+    fn within(&self, [radius, growth]: [f64; 2]) -> Option<[f64; 2]> {
+        let [low, high] = self.range;
+        let beyond = |s: f64| self.way(s).norm() - radius - s * growth;
+        let middle = self.nearest_to_axis(growth).clamp(low, high);
+        let is_within = beyond(middle) < 0.0;
+        // Also not if it is no number.
+        if !is_within {
+            return None;
+        }
+        let root = |mut s: f64| {
+            for _ in 0..60 {
+                let slope = unit(&self.way(s)).dot(&self.way[1]) - growth;
+                let next = s - beyond(s) / slope;
+                let goes_on =
+                    (next - s) * (middle - s) > 0.0 && (middle - next) * (middle - s) > 0.0;
+                if beyond(s) <= 0.0 || !goes_on {
+                    break;
+                }
+                s = next;
+            }
+            s
+        };
+        Some([root(low), root(high)])
+    }
+}
+
+/// Its direction; of no length, none.
+fn unit(vector: &Vec3) -> Vec3 {
+    vector.try_normalize(0.0).unwrap_or_default()
 }
 
 impl TriangleMesh {
     /// The stretches of a segment from `middle - end` to `middle + end` whose points may be within a distance of the surface, in the order of
     /// its facets. They reach over the borders of facets by `tolerance`. All lengths in m, in the axes of the wall.
     ///
-    /// A face is seen from the side on which the stretch is, and that on which the middle is if the stretch goes through its plane.
+    /// A face, a cylinder or a cone is seen from the side on which the stretch is, and that on which the middle is if the stretch goes through
+    /// it.
     pub fn stretches(
         &self,
         middle: &Vec3,
@@ -41,7 +218,7 @@ impl TriangleMesh {
         stretches: &mut Vec<Stretch>,
     ) {
         stretches.clear();
-        let reach = end.abs().add_scalar(distance);
+        let reach = end.abs().add_scalar(distance + self.bulge);
         let mut near = Vec::new();
         self.grid.for_each_in(&(middle - reach), &(middle + reach), |triangle| near.push(triangle));
         near.sort_unstable();
@@ -54,6 +231,10 @@ impl TriangleMesh {
             let triangle = &self.triangles[*triangle as usize];
             let [face, beside @ ..] = triangle.facets;
             others.extend(beside.into_iter().filter(|&facet| facet != NONE));
+            if let MeshFacet::Strip(_) = self.facets[face as usize] {
+                others.push(face);
+                continue;
+            }
             let (_, height, slope) = self.height_over(&line, face);
             if height.abs() - slope.abs() >= distance {
                 continue;
@@ -99,14 +280,15 @@ impl TriangleMesh {
             facet,
             range,
             way: [normal * height, normal * slope],
-            normal: Some(normal * sign),
+            over: Over::Face(normal * sign),
         }
     }
 
-    /// The stretch that stands over an edge or a corner.
+    /// The stretch that stands over an edge, a corner or a strip.
     fn on_other(&self, line: &Line, facet: u32) -> Option<Stretch> {
         let Line { middle, end, tolerance, .. } = *line;
         let mut range = [-1.0, 1.0];
+        let mut over = Over::Sharp;
         let way = match &self.facets[facet as usize] {
             MeshFacet::Edge { from, along, length, first, quarter, opening } => {
                 let from = middle - from;
@@ -134,9 +316,30 @@ impl TriangleMesh {
                 }
                 way
             }
-            MeshFacet::Face { .. } | MeshFacet::Strip(_) => return None,
+            MeshFacet::Strip(strip) => {
+                let Strip { length, first, quarter, opening, .. } = strip;
+                let (mut round, way) = strip.seen_from(middle, end);
+                let (sine, cosine) = libm::sincos(*opening);
+                let last = first * sine - quarter * cosine;
+                // The borders of a wide surface are rounded.
+                let tolerance = tolerance + ROUNDING * round.radius[0].abs();
+                for within in [quarter, &last] {
+                    keep(&mut range, way[0].dot(within) + tolerance, way[1].dot(within));
+                }
+                let within = |s: f64| round.distance(&(way[0] + way[1] * s), s);
+                let [one, other] = range.map(within);
+                round.side = if one * other > 0.0 { one } else { within(0.0) }.signum();
+                // The nearest point of the surface, where the segment is as far from it as it can touch.
+                let [place, rise] = round.height;
+                let foot = place - round.side * line.distance * round.slope / round.steep();
+                keep(&mut range, foot + tolerance, rise);
+                keep(&mut range, length - foot + tolerance, -rise);
+                over = Over::Round(round);
+                way
+            }
+            MeshFacet::Face { .. } => return None,
         };
-        (range[0] < range[1]).then_some(Stretch { facet, range, way, normal: None })
+        (range[0] < range[1]).then_some(Stretch { facet, range, way, over })
     }
 }
 
