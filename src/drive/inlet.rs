@@ -348,11 +348,14 @@ impl Drive for Inlets {
         let mut warnings = Vec::new();
         for (inlet, come) in self.all.iter().zip(&self.come) {
             let Inlet { name, rate, until, .. } = inlet;
-            let unit = if matches!(rate, Amount::Mass(_)) { "kg" } else { "particles" };
             if come.missing > 0.0 {
+                let missing = match rate {
+                    Amount::Count(_) => format!("{} particles", come.missing),
+                    Amount::Mass(_) => format!("{:.4e} kg", come.missing),
+                };
                 warnings.push(format!(
-                    "inlet `{name}`: {:.4e} {unit} that were due have found no place; {} particles, {:.4e} kg, came",
-                    come.missing, come.count, come.mass
+                    "inlet `{name}`: {missing} that were due found no place; {} particles, {:.4e} kg, came",
+                    come.count, come.mass
                 ));
             }
             if inlet.is_over(come.count, come.mass) {
