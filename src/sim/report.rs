@@ -41,7 +41,7 @@ pub fn report(sim: &Simulation, finish: &Finish, origin: &Origin, comm: &mut dyn
         counted: counted(sim).collect(),
         resolution: resolution(sim, finish, comm),
         targets: sim.drives.iter().flat_map(|drive| drive.kept(&sim.particles.walls)).collect(),
-        ranks: ranks(sim, finish.steps_done, &traffic, comm),
+        ranks: ranks(sim, finish, &traffic, comm),
         memory: memory(sim, comm),
         warnings,
     }
@@ -271,11 +271,11 @@ fn shares<const N: usize>(here: [f64; N], comm: &mut dyn Comm) -> [Share; N] {
 }
 
 /// What communication costs in a step, and how the work is shared; `all` is the traffic of all ranks. Collective.
-fn ranks(sim: &Simulation, steps: u64, all: &Traffic, comm: &mut dyn Comm) -> Ranks {
+fn ranks(sim: &Simulation, finish: &Finish, all: &Traffic, comm: &mut dyn Comm) -> Ranks {
     let here = &sim.domain.traffic;
-    let per_step = |count: u64| count as f64 / steps.max(1) as f64;
+    let per_step = |count: u64| count as f64 / finish.steps_done.max(1) as f64;
     let per_owned = |count: u64| count as f64 / here.owned.max(1) as f64;
-    let without_core = sim.clock.seconds_without_core();
+    let without_core = finish.seconds_without_core;
     let is_known = !comm.any(without_core.is_none());
     let figures = [
         per_step(here.messages),

@@ -99,6 +99,8 @@ pub struct Finish {
     pub particle_steps: u64,
     /// Wall clock [s].
     pub wall_seconds: f64,
+    /// The part of it in which this rank could have gone on, but had no core [s]; `None` where the system does not say.
+    pub seconds_without_core: Option<f64>,
     /// The last scalars.
     pub measures: Measures,
     /// The largest kinetic and elastic energy together that the run has measured [J].
@@ -262,6 +264,7 @@ pub fn run(
         steps_done: sim.step - first_step,
         particle_steps: total[0] as u64,
         wall_seconds: started.elapsed().as_secs_f64(),
+        seconds_without_core: sim.clock.seconds_without_core(),
         measures,
         most_moving,
         largest_overlap: records.largest_overlap,

@@ -147,7 +147,7 @@ fn what_other_programs_cost_is_told() {
         number(&report, "/ranks/without_core_s/most") / number(&report, "/run/wall_s")
     });
     // A half of each, if nothing else runs.
-    assert!(parts.iter().all(|part| (0.25..1.0).contains(part)), "{parts:?}");
+    assert!(parts.iter().all(|part| *part > 0.25), "{parts:?}");
 }
 
 /// All kinds of grains, each resolved again; by every method.
