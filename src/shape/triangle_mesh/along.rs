@@ -114,16 +114,13 @@ impl Stretch {
         }
     }
 
-    /// How the unit vector out of the surface and the slope of the distance change with `s`.
+    /// How the unit vector out of a cylinder or cone, and the slope of the distance, change with `s`.
     pub fn bend(&self, s: f64) -> (Vec3, f64) {
-        let factor = match &self.over {
-            Over::Face(_) => return (Vec3::zeros(), 0.0),
-            Over::Sharp => 1.0,
-            Over::Round(round) => -round.side / round.steep(),
-        };
+        let Over::Round(round) = &self.over else { return Default::default() };
         let way = self.way(s);
-        let out = unit(&way);
-        let turn = (self.way[1] - out * out.dot(&self.way[1])) * (factor / way.norm());
+        let across = unit(&way);
+        let turn = (self.way[1] - across * across.dot(&self.way[1]))
+            * (-round.side / round.steep() / way.norm());
         (turn, turn.dot(&self.way[1]))
     }
 
