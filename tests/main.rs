@@ -33,6 +33,7 @@ mod random;
 mod ranks_threads;
 mod ready;
 mod robustness;
+mod rods_swing;
 mod rolling;
 mod round_walls;
 mod scene;
