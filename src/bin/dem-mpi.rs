@@ -10,7 +10,7 @@ use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, Continuation, TakenUp};
 use dem_mpi::scene::suggest::{self, Question, Suggestion, Unanswered};
 use dem_mpi::scene::{Fill, Scene, Stop, keys, plan, schema};
-use dem_mpi::sim::report::report;
+use dem_mpi::sim::report::{machine_bytes, report};
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
@@ -412,6 +412,7 @@ fn state(
         .map(|path| (path, Continuation::SameStage))
         .or_else(|| scene.start.as_ref().map(|path| (path, Continuation::NewStage)));
     let Some((path, from)) = from else {
+        fits(scene, comm)?;
         assemble::fill(&mut sim, scene, comm);
         return Ok((sim, String::new()));
     };
@@ -452,11 +453,22 @@ fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
     }
 }
 
+/// Whether every machine has the memory for the particles of the start.
+fn fits(scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
+    let mut least = [-machine_bytes().unwrap_or(f64::INFINITY)];
+    comm.max(&mut least);
+    plan::too_large(scene, comm.size(), -least[0]).map_or(Ok(()), |text| {
+        print_once(comm, text);
+        Err(WRONG_INPUT)
+    })
+}
+
 /// So many particles at most are put where they begin when a run is only planned or checked.
 const TRIED: u64 = 1_000_000;
 
 /// Puts the particles where a run that begins with this scene would have them, and looks for overlaps, as the run would.
 fn tried(scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
+    fits(scene, comm)?;
     let count: u64 = scene.initial.iter().map(Fill::count).sum();
     if count > TRIED {
         print_once(

@@ -20,9 +20,17 @@ const CLOSED: f64 = 1e-3;
 /// Why a file gives no grain.
 #[derive(Debug, thiserror::Error)]
 pub enum MeshError {
-    /// No file, or not what its name says.
+    /// No file.
     #[error("cannot be read: {0}")]
-    Unreadable(String),
+    Unreadable(std::io::Error),
+    /// Not what its name says.
+    #[error("is not a whole {format} file: {cause}; write it anew with the program that made it")]
+    Malformed {
+        /// STL or OBJ.
+        format: &'static str,
+        /// What the library says.
+        cause: String,
+    },
     /// Neither STL nor OBJ.
     #[error("must end in .stl or .obj")]
     Ending,
@@ -76,15 +84,19 @@ pub fn triangles(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
     }
 }
 
+fn malformed(format: &'static str, cause: impl ToString) -> MeshError {
+    MeshError::Malformed { format, cause: cause.to_string() }
+}
+
 fn stl(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
-    let unreadable = |error: std::io::Error| MeshError::Unreadable(error.to_string());
-    let bytes = std::fs::read(path).map_err(unreadable)?;
+    let bytes = std::fs::read(path).map_err(MeshError::Unreadable)?;
+    let malformed = |error: std::io::Error| malformed("STL", error);
     let mut triangles = Vec::new();
     for solid in solids(bytes) {
         let mut reader = Cursor::new(solid);
         let corners = |t: stl_io::Triangle| t.vertices.map(|v| Vec3::from(v.0.map(f64::from)));
-        for triangle in stl_io::create_stl_reader(&mut reader).map_err(unreadable)? {
-            triangles.push(triangle.map(corners).map_err(unreadable)?);
+        for triangle in stl_io::create_stl_reader(&mut reader).map_err(malformed)? {
+            triangles.push(triangle.map(corners).map_err(malformed)?);
         }
     }
     Ok(triangles)
@@ -111,12 +123,12 @@ fn solids(bytes: Vec<u8>) -> Vec<Vec<u8>> {
 }
 
 fn obj(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
-    let file = File::open(path).map_err(|error| MeshError::Unreadable(error.to_string()))?;
+    let file = File::open(path).map_err(MeshError::Unreadable)?;
     let options = tobj::LoadOptions { triangulate: true, ..tobj::LoadOptions::default() };
     // Materials say nothing of a shape.
     let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
     let (models, _) = tobj::load_obj_buf(&mut BufReader::new(file), &options, no_materials)
-        .map_err(|error| MeshError::Unreadable(error.to_string()))?;
+        .map_err(|error| malformed("OBJ", error))?;
     let mut triangles = Vec::new();
     for mesh in models.iter().map(|model| &model.mesh) {
         let corner = |k: u32| Vec3::from_row_slice(&mesh.positions[3 * k as usize..][..3]);

@@ -336,8 +336,18 @@ fn memory(sim: &Simulation, comm: &mut dyn Comm) -> Memory {
 
 /// The most memory that this process has held so far [bytes], if the system says.
 fn peak_bytes() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    bytes_in("/proc/self/status", "VmHWM:")
+}
+
+/// All memory of this machine [bytes], if the system says.
+pub fn machine_bytes() -> Option<f64> {
+    bytes_in("/proc/meminfo", "MemTotal:")
+}
+
+/// What the system says in kibibytes after a key [bytes].
+fn bytes_in(file: &str, key: &str) -> Option<f64> {
+    let text = std::fs::read_to_string(file).ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix(key))?;
     let kibibytes: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(1024.0 * kibibytes)
 }

@@ -7,7 +7,8 @@ use crate::contacts::Loaded;
 use crate::random::{Random, mixed};
 use crate::scene::assemble::{self, Continuation};
 use crate::scene::check::Need;
-use crate::scene::{Rain, Scene};
+use crate::scene::{Rain, Scene, plan};
+use crate::sim::report::machine_bytes;
 use crate::sim::{Simulation, run};
 use std::fmt::Display;
 use std::path::Path;
@@ -290,7 +291,11 @@ fn started(scene: &Scene, start: Option<&Path>) -> Result<(Simulation, bool), Un
     let same = start.map(|path| (path, Continuation::SameStage));
     let before = scene.start.as_deref().map(|path| (path, Continuation::NewStage));
     match same.or(before) {
-        None => assemble::fill(&mut sim, scene, &comm),
+        None => {
+            let memory = machine_bytes().unwrap_or(f64::INFINITY);
+            plan::too_large(scene, 1, memory).map_or(Ok(()), |text| Err(wrong(text)))?;
+            assemble::fill(&mut sim, scene, &comm);
+        }
         Some((path, how)) => {
             assemble::take_up(&mut sim, scene, path, how, &mut comm).map_err(wrong)?;
         }
