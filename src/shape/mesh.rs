@@ -84,13 +84,13 @@ pub fn triangles(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
     }
 }
 
-fn malformed(format: &'static str, cause: impl ToString) -> MeshError {
+fn malformed(format: &'static str, cause: &impl ToString) -> MeshError {
     MeshError::Malformed { format, cause: cause.to_string() }
 }
 
 fn stl(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
     let bytes = std::fs::read(path).map_err(MeshError::Unreadable)?;
-    let malformed = |error: std::io::Error| malformed("STL", error);
+    let malformed = |error: std::io::Error| malformed("STL", &error);
     let mut triangles = Vec::new();
     for solid in solids(bytes) {
         let mut reader = Cursor::new(solid);
@@ -128,7 +128,7 @@ fn obj(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
     // Materials say nothing of a shape.
     let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
     let (models, _) = tobj::load_obj_buf(&mut BufReader::new(file), &options, no_materials)
-        .map_err(|error| malformed("OBJ", error))?;
+        .map_err(|error| malformed("OBJ", &error))?;
     let mut triangles = Vec::new();
     for mesh in models.iter().map(|model| &model.mesh) {
         let corner = |k: u32| Vec3::from_row_slice(&mesh.positions[3 * k as usize..][..3]);
