@@ -193,18 +193,16 @@ fn serving(table: &Table, kinds: (Kind, Kind)) -> &dyn ContactResolver {
 /// Resolves each pair by itself, without a warm start, in the order of the pairs.
 pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
     let table = table(method, &Kind::ALL);
-    let previous = vec![Previous::NONE; pairs.len()];
     let mut found = Found::default();
     let one = |index: usize| {
         let resolver = serving(&table, pairs.kinds(index));
         found.clear();
         found.tally = Tally::default();
-        let active = [index as u32];
         let batch = Batch {
-            pairs: &pairs.slots,
-            previous: &previous,
+            pairs: &pairs.slots[index..=index],
+            previous: &[Previous::NONE],
             geometry: &[],
-            active: &active,
+            active: &[0],
             bodies: pairs.bodies(),
         };
         let before = directions_tried();
@@ -262,46 +260,50 @@ pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) 
     }
     let geometry: Vec<Geometry> =
         (0_u64..).zip(answers).map(|(id, answer)| last_step(id, answer)).collect();
-    let previous: Vec<Previous> = (0..pairs.len()).map(Previous::at).collect();
 
-    let mean = |pass: &mut dyn FnMut(&dyn ContactResolver, &[u32])| {
+    // Of the seconds that each block takes.
+    let mean = |taken: &mut dyn FnMut(&dyn ContactResolver, &[u32]) -> f64| {
         let mut seconds = 0.0;
         for (kinds, group) in &groups {
             let resolver = serving(&table, *kinds);
-            for block in group.chunks(BLOCK) {
-                seconds += median(repeats, || pass(resolver, block));
-            }
+            seconds += group.chunks(BLOCK).map(|block| taken(resolver, block)).sum::<f64>();
         }
         1e9 * seconds / pairs.len() as f64
     };
     let one_by_one = |warm: bool| {
         mean(&mut |resolver, block| {
-            for &index in block {
-                let (a, b, r) = pairs.posed(index as usize);
-                let last = &geometry[index as usize];
-                let start = (warm && last.touched()).then_some(&last.normal);
-                black_box(resolver.touch(&a, &b, &r, start));
-            }
+            median(repeats, || {
+                for &index in block {
+                    let (a, b, r) = pairs.posed(index as usize);
+                    let last = &geometry[index as usize];
+                    let start = (warm && last.touched()).then_some(&last.normal);
+                    black_box(resolver.touch(&a, &b, &r, start));
+                }
+            })
         })
     };
     let mut found = Found::default();
     Timing {
         cold: one_by_one(false),
         warm: one_by_one(true),
-        batched: mean(&mut |resolver, active| {
-            found.clear();
-            let bodies = pairs.bodies();
-            resolver.resolve(
-                &Batch {
-                    pairs: &pairs.slots,
+        batched: mean(&mut |resolver, block| {
+            // A list of their own: who resolves a batch looks through the whole list once.
+            let slots: Vec<Pair> = block.iter().map(|&k| pairs.slots[k as usize]).collect();
+            let geometry: Vec<Geometry> = block.iter().map(|&k| geometry[k as usize]).collect();
+            let previous: Vec<Previous> = (0..block.len()).map(Previous::at).collect();
+            let active: Vec<u32> = (0..block.len() as u32).collect();
+            median(repeats, || {
+                found.clear();
+                let batch = Batch {
+                    pairs: &slots,
                     previous: &previous,
                     geometry: &geometry,
-                    active,
-                    bodies,
-                },
-                &mut found,
-            );
-            black_box(&found);
+                    active: &active,
+                    bodies: pairs.bodies(),
+                };
+                resolver.resolve(&batch, &mut found);
+                black_box(&found);
+            })
         }),
     }
 }
