@@ -730,7 +730,8 @@ fn against_order(low: &[f64], high: &[f64]) -> f64 {
         below += low.get(k).unwrap_or(&0.0) - high.get(k).unwrap_or(&0.0);
         against = against.max(-below);
     }
-    against
+    // Less is the rounding of the shares.
+    if against < 1e-12 { 0.0 } else { against }
 }
 
 /// How much of a degree of anisotropy is about the vertical: 1 if all, with more along it; -1/2 if the
