@@ -169,7 +169,7 @@ fn a_turned_rod_swings_back() {
     let end = 0.5 * LENGTH;
     let now = |axis: &Vec3, _: &Vec3| axis.x.atan2(axis.y);
     let hard = 0.1_f64;
-    // Where an end is that is turned so far, over the bottom.
+    // How high the rod is that is turned so far, seen from the axis of the cylinder.
     let low = |q: f64| -(APART.powi(2) - (end * q.sin()).powi(2)).sqrt();
     Swing {
         what: "turned, hard",

@@ -455,11 +455,11 @@ fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
 
 /// Whether every machine has the memory for the particles of the start.
 fn fits(scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
-    let mut least = [-machine_bytes().unwrap_or(f64::INFINITY)];
+    let mut least = [-machine_bytes()];
     comm.max(&mut least);
-    plan::too_large(scene, comm.size(), -least[0]).map_or(Ok(()), |text| {
+    plan::fits(scene, comm.size(), -least[0]).map_err(|text| {
         print_once(comm, text);
-        Err(WRONG_INPUT)
+        WRONG_INPUT
     })
 }
 

@@ -42,19 +42,22 @@ pub fn plan(scene: &Scene, ranks: u32) -> String {
     page.0
 }
 
-/// Why the particles of the start cannot be held by so many ranks, if they cannot: a machine has less memory [bytes] than one rank needs for
-/// their columns alone.
-pub fn too_large(scene: &Scene, ranks: u32, memory: f64) -> Option<String> {
+/// Whether so many ranks can hold the particles of the start.
+///
+/// # Errors
+/// If one rank needs more than the memory of a machine [bytes] for their columns alone.
+pub fn fits(scene: &Scene, ranks: u32, memory: f64) -> Result<(), String> {
     let count = scene.initial.iter().map(Fill::count).sum::<u64>();
     let needed = count as f64 / f64::from(ranks.max(1)) * scene.needs().column_bytes() as f64;
-    (needed > memory).then(|| {
-        format!(
-            "fill: {count} particles need at least {} on each rank, and a machine has {}; take fewer, a wider `spacing`, a smaller domain, or more \
-             machines",
-            size(needed),
-            size(memory)
-        )
-    })
+    if needed <= memory {
+        return Ok(());
+    }
+    Err(format!(
+        "fill: {count} particles need at least {} on each rank, and a machine has {}; take fewer, a wider `spacing`, a smaller domain, or more \
+         machines",
+        size(needed),
+        size(memory)
+    ))
 }
 
 /// Lines of text in sections, labels in one column.

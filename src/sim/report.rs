@@ -339,9 +339,9 @@ fn peak_bytes() -> Option<f64> {
     bytes_in("/proc/self/status", "VmHWM:")
 }
 
-/// All memory of this machine [bytes], if the system says.
-pub fn machine_bytes() -> Option<f64> {
-    bytes_in("/proc/meminfo", "MemTotal:")
+/// All memory of this machine [bytes]; infinite if the system does not say.
+pub fn machine_bytes() -> f64 {
+    bytes_in("/proc/meminfo", "MemTotal:").unwrap_or(f64::INFINITY)
 }
 
 /// What the system says in kibibytes after a key [bytes].

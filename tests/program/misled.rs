@@ -15,30 +15,6 @@ const FAILED: i32 = 1;
 /// it has taken 12.
 const SECONDS: Duration = Duration::from_secs(60);
 
-/// As many grains as a scene may have.
-const BOUNDLESS: &str = r#"
-[domain]
-low = [0, 0, 0]
-high = [400, 400, 400]
-[[material]]
-name = "glass"
-density = 2500
-normal_stiffness = 1e4
-[[shape]]
-name = "ball"
-kind = "sphere"
-radius = 0.01
-[[fill.lattice]]
-first = [0.02, 0.02, 0.02]
-spacing = 0.03
-count = [10_000, 10_000, 10_000]
-[time]
-step = 1e-5
-steps = 10
-[output]
-directory = "out"
-"#;
-
 struct Mistake<'a> {
     scene: &'a Path,
     arguments: &'a [&'a str],
@@ -68,10 +44,6 @@ fn a_mistake_ends_in_one_message() {
 
     // One on each of two ranks leaves, in the same step.
     let burst = Path::new(&scene("burst")).to_owned();
-
-    // A terabyte for each byte of a grain.
-    let boundless = named("boundless.toml");
-    fs::write(&boundless, BOUNDLESS).unwrap();
 
     let coincident = scene("coincident");
     let contacts_file = contacts.to_str().unwrap();
@@ -133,9 +105,15 @@ fn a_mistake_ends_in_one_message() {
             status: WRONG_INPUT,
             message: &["time.step = 0.001: over the stable limit of 4.81e-5 s", "`egg`"],
         },
+        // As many grains as a scene may have.
         Mistake {
-            scene: &boundless,
-            arguments: &[],
+            scene: &heap_scene,
+            arguments: &[
+                "--set",
+                "domain.high=[60,60,60]",
+                "--set",
+                "fill.lattice.0.count=[10_000,10_000,10_000]",
+            ],
             status: WRONG_INPUT,
             message: &[
                 "fill: 1000000000000 particles need at least",

@@ -292,8 +292,7 @@ fn started(scene: &Scene, start: Option<&Path>) -> Result<(Simulation, bool), Un
     let before = scene.start.as_deref().map(|path| (path, Continuation::NewStage));
     match same.or(before) {
         None => {
-            let memory = machine_bytes().unwrap_or(f64::INFINITY);
-            plan::too_large(scene, 1, memory).map_or(Ok(()), |text| Err(wrong(text)))?;
+            plan::fits(scene, 1, machine_bytes()).map_err(wrong)?;
             assemble::fill(&mut sim, scene, &comm);
         }
         Some((path, how)) => {
