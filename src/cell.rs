@@ -11,6 +11,16 @@ use serde::{Deserialize, Serialize};
 /// Names of the axes.
 pub const AXES: [&str; 3] = ["x", "y", "z"];
 
+/// The sides of the box: name, axis, and the component along it of the normal inwards.
+pub const SIDES: [(&str, usize, f64); 6] = [
+    ("-x", 0, 1.0),
+    ("+x", 0, -1.0),
+    ("-y", 1, 1.0),
+    ("+y", 1, -1.0),
+    ("-z", 2, 1.0),
+    ("+z", 2, -1.0),
+];
+
 /// A simple shear: the velocity along one axis grows along another.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shear {

@@ -7,6 +7,26 @@ pub type Mat3 = nalgebra::Matrix3<f64>;
 /// A rotation from a body's own axes to the world.
 pub type Quat = nalgebra::UnitQuaternion<f64>;
 
+/// An upper limit as messages print it, with three digits: rounded down, so that the printed number is allowed.
+pub const fn printed_limit(limit: f64) -> f64 {
+    0.995 * limit
+}
+
+/// The larger of two numbers; the first where the second is not a number.
+pub fn larger_number(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
+}
+
+/// The larger of two numbers; infinite where the second is not a number.
+pub fn larger_or_infinite(a: f64, b: f64) -> f64 {
+    if b.is_nan() { f64::INFINITY } else { a.max(b) }
+}
+
+/// The lowest and the highest corner of the box about points, of which there is one at least.
+pub fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {
+    points.iter().fold((points[0], points[0]), |(low, high), p| (low.inf(p), high.sup(p)))
+}
+
 /// The rotation about a unit vector by an angle [rad]: the same bits on every machine, as the sine of the platform is not.
 pub fn rotation_about(axis: &Vec3, angle: f64) -> Quat {
     let (sine, cosine) = libm::sincos(0.5 * angle);

@@ -7,7 +7,7 @@ use crate::contact::Pair;
 use crate::contacts::{Contacts, Loaded};
 use crate::ids::Slot;
 use crate::law::ForceLaw;
-use crate::math::{ExactSum, Vec3};
+use crate::math::{ExactSum, Vec3, larger_number};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
 use crate::particles::columns::Quantity;
@@ -60,8 +60,8 @@ pub struct Measures {
     pub largest_speed: f64,
     /// Highest point of a particle's bounding sphere along z [m].
     pub top: f64,
-    /// Mean resultant force of a particle over the mean contact force, of as many contacts as particles at least: one
-    /// hard blow among grains that fall does not stand for all; 0 without contacts [-].
+    /// Mean resultant force of a particle over the mean contact force; 0 without contacts [-]. The number of contacts counts as at least the
+    /// number of particles, so that one impact in a falling cloud is not taken for equilibrium.
     pub unbalanced: f64,
     /// Force of the particles on each wall [N].
     pub wall_forces: Vec<Vec3>,
@@ -185,23 +185,18 @@ enum Of {
     Stored,
     StepEnergy,
     Dissipated,
-    Dashed,
-    Rubbed,
-    Turned,
-    Damped,
-    Parted,
     Received,
     NormalForce,
     /// Of a particle: its contacts and gravity.
     Resultant,
     /// Of a contact, tangential force included.
     ContactForce,
-    FirstWall,
+    /// Of [`Quantity::CHANNELS`].
+    FirstChannel,
 }
 
-/// Those of [`Quantity::CHANNELS`].
-const CHANNELS: [Of; Quantity::CHANNELS.len()] =
-    [Of::Dashed, Of::Rubbed, Of::Turned, Of::Damped, Of::Parted];
+/// Where the sums of forces on walls begin.
+const FIRST_WALL: usize = Of::FirstChannel as usize + Quantity::CHANNELS.len();
 
 /// Measures the whole system at the end of a step of `dt` [s]. Collective.
 pub fn measure(
@@ -256,7 +251,7 @@ struct Totals {
 
 impl Totals {
     fn new(walls: usize, particles: &Particles) -> Self {
-        let mut count = Of::FirstWall as usize + 3 * walls;
+        let mut count = FIRST_WALL + 3 * walls;
         let mut more = |is_there: bool, how_many: usize| {
             let first = is_there.then_some(count);
             count += if is_there { how_many } else { 0 };
@@ -309,9 +304,9 @@ impl Totals {
         self.add(Of::Translation, 0.5 * mass * velocity.norm_squared());
         self.add(Of::Gravity, -mass * unwrapped(particles, slot).dot(&field.gravity));
         self.add(Of::Dissipated, particles.accumulated[Quantity::Dissipated][slot]);
-        for (of, quantity) in CHANNELS.into_iter().zip(Quantity::CHANNELS) {
+        for (of, quantity) in (Of::FirstChannel as usize..).zip(Quantity::CHANNELS) {
             if let Some(energy) = particles.accumulated[quantity].get(slot) {
-                self.add(of, *energy);
+                self.add_at(of, *energy);
             }
         }
         self.add(Of::Received, particles.accumulated[Quantity::Received][slot]);
@@ -322,8 +317,8 @@ impl Totals {
             self.add_stress(1, |i, j| mass * own[i] * own[j]);
         }
         let top = particles.position[slot].z + particles.radius(slot);
-        self.maxima[1] = larger(self.maxima[1], velocity.norm());
-        self.maxima[2] = larger(self.maxima[2], top);
+        self.maxima[1] = larger_number(self.maxima[1], velocity.norm());
+        self.maxima[2] = larger_number(self.maxima[2], top);
     }
 
     fn add_contact(&mut self, contact: &Loaded, law: &dyn ForceLaw, particles: &Particles) {
@@ -336,11 +331,11 @@ impl Totals {
             self.add_stress(0, |i, j| force[i] * branch[j]);
         }
         let overlap = geometry.overlap / shortest_axis(particles, a, b);
-        self.maxima[0] = larger(self.maxima[0], overlap);
+        self.maxima[0] = larger_number(self.maxima[0], overlap);
         if let Some(wall) = particles.wall_of(b) {
             self.counts[2] += 1;
             for axis in 0..3 {
-                self.add_at(Of::FirstWall as usize + 3 * wall + axis, force[axis]);
+                self.add_at(FIRST_WALL + 3 * wall + axis, force[axis]);
             }
         } else {
             self.counts[1] += 1;
@@ -411,7 +406,7 @@ impl Totals {
             stored: self.value(Of::Stored),
             step_energy: self.value(Of::StepEnergy),
             dissipated: self.value(Of::Dissipated),
-            channels: CHANNELS.map(|of| self.value(of)),
+            channels: std::array::from_fn(|k| self.value_at(Of::FirstChannel as usize + k)),
             received: self.value(Of::Received),
             mean_normal_force: if contacts == 0 {
                 0.0
@@ -427,7 +422,7 @@ impl Totals {
             largest_overlap: self.maxima[0],
             largest_speed: self.maxima[1],
             top: self.maxima[2],
-            wall_forces: self.of_walls(Some(Of::FirstWall as usize), walls),
+            wall_forces: self.of_walls(Some(FIRST_WALL), walls),
             wall_torques: self.of_walls(self.torques, walls),
             bulk: None,
         }
@@ -461,9 +456,4 @@ pub fn unwrapped(particles: &Particles, slot: usize) -> Vec3 {
     } else {
         position
     }
-}
-
-/// The larger of two numbers; the first where the second is not a number.
-pub fn larger(a: f64, b: f64) -> f64 {
-    if b > a { b } else { a }
 }

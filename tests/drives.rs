@@ -6,7 +6,7 @@ use dem_mpi::cell::Cell;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::StateColumn;
-use dem_mpi::drive::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
+use dem_mpi::drive::{Drive, DriveError, Moment, Newcomers, SavedColumn, SavedState, Values};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::Reader;
@@ -39,14 +39,14 @@ impl Drive for Spout {
         first_id: u64,
         _particles: &Particles,
         _comm: &mut dyn Comm,
-    ) -> Vec<Particle> {
+    ) -> Option<Newcomers> {
         if !moment.stage_step.is_multiple_of(150) {
-            return Vec::new();
+            return None;
         }
         let place = Vec3::new(0.004 + 0.004 * (self.count % 4) as f64, 0.01, 0.038);
         let grain = Particle::at_rest(GlobalId(first_id), ShapeId(0), place);
         self.count += 1;
-        vec![Particle { velocity: Vec3::new(0.2, 0.1, -1.0), ..grain }]
+        Some(Newcomers::of(vec![Particle { velocity: Vec3::new(0.2, 0.1, -1.0), ..grain }]))
     }
 
     fn save(&self, _walls: &[Wall], _comm: &mut dyn Comm) -> Vec<SavedColumn> {
@@ -79,7 +79,7 @@ impl Drive for Outlet {
         true
     }
 
-    fn take(&mut self, leaver: &Particle, cell: &Cell) -> bool {
+    fn take(&mut self, leaver: &Particle, _mass: f64, cell: &Cell) -> bool {
         let takes = leaver.position.z < cell.low().z;
         self.count += u64::from(takes);
         takes
@@ -172,7 +172,7 @@ fn grains_come_and_go_the_same_on_any_number_of_ranks() {
     assert!(missing.abs() < 5e-6 * dissipated, "{missing:e} J of {dissipated:e} J");
     assert!(alone == on_ranks(&scene).run(3, steps), "three ranks");
     let folder = tempfile::tempdir().unwrap();
-    let again = on_ranks(&scene).restarted(3, 2, steps, folder.path());
+    let again = on_ranks(&scene).restarted([3, 2], [steps / 2, steps], folder.path());
     let half_way = Reader::open(folder.path()).unwrap().header().clone();
     assert!(half_way.departed.dissipated > 0.0, "{:?}", half_way.departed);
     assert!(alone == again, "a restart");

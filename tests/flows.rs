@@ -178,8 +178,10 @@ directory = "out"
     assert_eq!(counted[2], ("missing_tap".to_owned(), 4000.0 - entered as f64));
     assert_eq!(warnings.len(), 1);
     assert!(warnings[0].contains("inlet `tap`: at step 50 "), "{warnings:?}");
-    let last = sim.drives[0].last_warnings(&[]);
+    let last = sim.drives[0].last_warnings(&[], false);
     assert!(last.len() == 2 && last[1].contains("of 4000 particles came"), "{last:?}");
+    let stopped = sim.drives[0].last_warnings(&[], true);
+    assert!(stopped.len() == 1 && stopped[0].contains("found no place"), "{stopped:?}");
     let asked = scene.library.sizes[0].distribution().unwrap();
     let by = dem_mpi::particles::sizes::By::Number;
     scales.sort_by(f64::total_cmp);

@@ -36,7 +36,7 @@ normal = [0, 0, -1]
 walls = ["lid"]
 along = [0, 0, 2]
 mass = {mass:?}
-[contact]
+[law]
 limit_damping = false
 [[material]]
 name = "m"
@@ -179,6 +179,15 @@ steps = 1
 directory = "out"
 "#
     )
+}
+
+/// A lid that grains bear from the start goes on from the first snapshot, too.
+#[test]
+fn a_lid_that_is_borne_at_the_start_has_the_same_bits_everywhere() {
+    let text = below_a_lid(0.05, 0.5, -9.81, true, "point = [0, 0, 0.0196]\n", 2e-6);
+    let folder = tempfile::tempdir().unwrap();
+    let state = OnRanks::of(&scene(&text)).the_same_everywhere(400, folder.path());
+    assert!(state.numbers("place of lid")[2] > 0.0196 && state.number("wall_contacts") > 0.0);
 }
 
 #[test]

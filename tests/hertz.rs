@@ -252,7 +252,6 @@ fn keys_of_another_law_are_refused() {
             "normal = \"hertz\"\ntangential = \"linear\"",
             "normal = \"linear\"",
         ),
-        ("normal = \"hertz\"", "normal = \"hertz\"\nkind = \"linear\"", "leave `kind` out"),
         ("normal = \"hertz\"", "largest_overlap = 0.1", "normal = \"hertz\""),
         ("poisson_ratio = 2e-1", "poisson_ratio = 0.6", "more than 0.5"),
         (

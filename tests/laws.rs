@@ -125,8 +125,7 @@ fn collisions_follow_the_discrete_and_the_continuous_solution() {
             let material = format!(
                 "density = {density}\nnormal_stiffness = {k}\nrestitution = {restitution:e}"
             );
-            let more =
-                format!("global_damping = {xi:e}\n{OPEN_BOX}\n[contact]\nlimit_damping = false");
+            let more = format!("global_damping = {xi:e}\n{OPEN_BOX}\n[law]\nlimit_damping = false");
             let mut second = at(1, Vec3::new(r1 + r2, 0.0, 0.0), Vec3::new(get("v2"), 0.0, 0.0));
             second.shape = ShapeId(1);
             Bench::new(

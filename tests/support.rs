@@ -200,10 +200,15 @@ impl<'a> OnRanks<'a> {
         State::joined(threads::run(ranks, |comm| State::of(&self.began(steps, comm), comm)))
     }
 
-    /// The same, saved half-way and taken up on another number of ranks.
-    pub(crate) fn restarted(&self, before: u32, after: u32, steps: u64, folder: &Path) -> State {
+    /// The same, saved after some steps and taken up on another number of ranks.
+    pub(crate) fn restarted(
+        &self,
+        [before, after]: [u32; 2],
+        [saved, steps]: [u64; 2],
+        folder: &Path,
+    ) -> State {
         threads::run(before, |comm| {
-            save(&self.began(steps / 2, comm), folder, self.scene, comm);
+            save(&self.began(saved, comm), folder, self.scene, comm);
         });
         State::joined(threads::run(after, |comm| {
             let mut sim = (self.assembled)(self.scene, comm);
@@ -214,13 +219,16 @@ impl<'a> OnRanks<'a> {
         }))
     }
 
-    /// On one rank, if it is the same on 2, 3, 4 and 8, and across a restart from 3 to 2 whose snapshot is left in the folder.
+    /// On one rank, if it is the same on 2, 3, 4 and 8, and across restarts from 3 to 2, from the start and from half-way, whose snapshot is
+    /// left in the folder.
     pub(crate) fn the_same_everywhere(&self, steps: u64, folder: &Path) -> State {
         let alone = self.run(1, steps);
         for ranks in [2, 3, 4, 8] {
             assert!(alone == self.run(ranks, steps), "{ranks} ranks");
         }
-        assert!(alone == self.restarted(3, 2, steps, folder), "a restart");
+        for saved in [0, steps / 2] {
+            assert!(alone == self.restarted([3, 2], [saved, steps], folder), "from step {saved}");
+        }
         alone
     }
 

@@ -423,6 +423,33 @@ fn triangles_swing_as_a_plane() {
     assert!(benches[1].sim.particles.velocity[0].x.abs() > 1e-3);
 }
 
+/// A wall of triangles and a cylinder come to a ball at rest, from where they are near no grain: they strike it as a plane does.
+#[test]
+fn what_comes_from_afar_is_felt() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("stamp.obj");
+    let corners = "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\n";
+    std::fs::write(&file, format!("{corners}f 1 2 3\nf 1 3 4\n")).unwrap();
+    let plane = on_floor("velocity = [0, 0, 1.0]", "", "").replace("[0, 0, -9.81]", "[0, 0, 0]");
+    let mesh = format!("mesh = {file:?}");
+    let stamp = plane.replace("point = [0, 0, 0]\nnormal = [0, 0, 1]", &mesh);
+    let cylinder = "cylinder = { from = [-0.1, 0, -0.3], to = [0.1, 0, -0.3], radius = 0.3 }";
+    let round = plane.replace("point = [0, 0, 0]\nnormal = [0, 0, 1]", cylinder);
+    assert!(plane.contains("gravity = [0, 0, 0]") && stamp != plane && round != plane);
+    let start = ball(0, 0, Vec3::new(0.013, 0.001, 5.0 * RADIUS), Vec3::zeros());
+    let after = [&plane, &stamp, &round].map(|text| {
+        let mut bench = Bench::new(text, std::slice::from_ref(&start));
+        let steps = (8.0 * RADIUS / bench.sim.dt) as usize;
+        (0..steps).for_each(|_| bench.step());
+        bench.sim.particles.velocity[0]
+    });
+    println!("{after:?}");
+    assert!(after[0].z > 1.0, "the plane has struck: {after:?}");
+    for velocity in after {
+        close(velocity.z, after[0].z, 1e-3, "velocity");
+    }
+}
+
 /// With another step a course goes on within its stage; in another stage it begins anew from where the wall stands.
 #[test]
 fn courses_and_stages() {

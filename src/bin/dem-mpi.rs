@@ -265,20 +265,10 @@ fn printed(arguments: &Arguments) -> Option<Result<String, String>> {
     arguments.about.text(Arguments::command()).map(Ok)
 }
 
-/// Prints it, on rank 0.
-fn print(text: Result<String, String>, comm: &dyn Comm) -> u8 {
-    match text {
-        Ok(text) => {
-            if comm.is_root() {
-                // A pager may have closed it.
-                let _ = write!(std::io::stdout(), "{text}");
-            }
-            0
-        }
-        Err(error) => {
-            print_once(comm, error);
-            WRONG_INPUT
-        }
+/// Prints what was asked for, on rank 0; that a pager has closed it is no error.
+fn print(comm: &dyn Comm, text: impl std::fmt::Display) {
+    if comm.is_root() {
+        let _ = write!(std::io::stdout(), "{text}");
     }
 }
 
@@ -290,8 +280,16 @@ fn folder(snapshot: &Path) -> Option<PathBuf> {
 }
 
 fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) -> u8 {
-    if let Some(text) = printed(arguments) {
-        return print(text, comm);
+    match printed(arguments) {
+        Some(Ok(text)) => {
+            print(comm, text);
+            return 0;
+        }
+        Some(Err(error)) => {
+            print_once(comm, error);
+            return WRONG_INPUT;
+        }
+        None => {}
     }
     if arguments.suggest {
         return suggested(arguments, stop, comm);
@@ -304,9 +302,7 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         }
     };
     if arguments.plan {
-        if comm.is_root() {
-            println!("{}", plan::plan(&scene, comm.size()));
-        }
+        print(comm, format_args!("{}\n", plan::plan(&scene, comm.size())));
         // Whether the state fits the scene is seen when it is taken up.
         let fits = if scene.start.is_some() || arguments.start.is_some() {
             state(arguments, &scene, comm).map(drop)
@@ -385,7 +381,7 @@ fn suggested(arguments: &Arguments, stop: &AtomicUsize, comm: &dyn Comm) -> u8 {
     let question = Question { scene, overrides: set, start, error: *error, signal: stop };
     match suggest::suggest(&question, &mut |line| print_error(line)) {
         Ok(Suggestion { text, is_kept, .. }) => {
-            let _ = writeln!(std::io::stdout(), "{text}");
+            print(comm, format_args!("{text}\n"));
             if is_kept { 0 } else { UNMET }
         }
         Err(unanswered) => {
@@ -486,9 +482,7 @@ fn tried(scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
 
 /// Nothing was found.
 fn checked(arguments: &Arguments, comm: &dyn Comm) -> u8 {
-    if comm.is_root() {
-        println!("{}: no errors found", arguments.scene().display());
-    }
+    print(comm, format_args!("{}: no errors found\n", arguments.scene().display()));
     0
 }
 

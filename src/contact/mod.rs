@@ -667,7 +667,7 @@ pub struct Found {
     pub apart: Vec<(u32, f64)>,
     /// Pairs of which the resolver could not tell.
     pub failed: Vec<(u32, Why)>,
-    /// How often who answered.
+    /// How many pairs each resolver of a chain resolved.
     pub tally: Tally,
 }
 

@@ -13,12 +13,17 @@ use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::ids::{GlobalId, Rank};
 use crate::math::Vec3;
-use crate::particles::Particles;
 use crate::particles::walls::{Corners, room};
+use crate::particles::{Library, Particles};
 pub use cuts::{Cuts, Subdomain};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::ops::Range;
+
+/// How far beyond its subdomain a rank must see, for a skin and a distance over which contacts outlive their overlap [m].
+pub fn halo_width(library: &Library, skin: f64, outlives: f64) -> f64 {
+    2.0 * library.largest_radius() + skin + outlives
+}
 
 /// A rank with which this one shares particles.
 #[derive(Clone, Debug)]

@@ -38,16 +38,16 @@ pub struct FreeWall {
 struct State {
     /// Velocity along the line in the last step [m/s]; `None` before the first.
     speed: Option<f64>,
-    /// The force of this rank's contacts on the wall along the line at the end of the last step [N]; `None` before that.
-    force: Option<ExactSum>,
+    /// The force of this rank's contacts on the wall along the line, at the positions of now [N].
+    force: ExactSum,
     /// Has it been warned of?
     warned: bool,
 }
 
-// What a snapshot holds: a row for each free wall that has moved.
+// What a snapshot holds: a row for each free wall.
 /// The wall's name in the scene.
 const WALL: StateColumn = StateColumn::new("wall", 1, "");
-/// [`State::speed`].
+/// [`State::speed`]; not a number before the first step.
 const SPEED: StateColumn = StateColumn::new("speed", 1, "m/s");
 /// [`State::force`] of all ranks, exactly.
 const FORCE: StateColumn = StateColumn::new("force", ExactSum::LIMBS, "2^(32 k - 1074) N");
@@ -74,21 +74,21 @@ impl FreeWalls {
         Self { all, states, least_gap: library.least_inscribed_radius(), warnings: Vec::new() }
     }
 
-    /// The force of this rank's contacts on each wall along its line [N].
-    fn forces(&self, contacts: &Contacts, particles: &Particles) -> Vec<ExactSum> {
-        let mut sums = vec![ExactSum::default(); self.all.len()];
+    /// Takes note of the force of this rank's contacts on each wall along its line.
+    fn note_forces(&mut self, contacts: &Contacts, particles: &Particles) {
+        let Self { all, states, .. } = self;
+        states.iter_mut().for_each(|state| state.force = ExactSum::default());
         for (pair, force) in contacts.forces_on_walls(particles) {
             let Some(wall) = particles.wall_of(pair.b) else { continue };
-            for (free, sum) in self.all.iter().zip(&mut sums).filter(|(free, _)| free.wall == wall)
+            for (free, state) in all.iter().zip(&mut *states).filter(|(free, _)| free.wall == wall)
             {
                 let along = force.dot(&free.along);
                 // A state that is not a number is reported when the list of pairs is rebuilt.
                 if along.is_finite() {
-                    sum.add(along);
+                    state.force.add(along);
                 }
             }
         }
-        sums
     }
 
     /// Looks whether a step can follow a wall on contacts of this stiffness [N/m].
@@ -137,14 +137,13 @@ impl Drive for FreeWalls {
         contacts: &Contacts,
         law: &dyn ForceLaw,
     ) -> Vec<i64> {
-        let now = || self.forces(contacts, particles);
-        let last = self.states.iter().map(|state| state.force.clone());
-        let forces = last.collect::<Option<Vec<_>>>().unwrap_or_else(now);
         let group = |wall| self.all.iter().position(|free| free.wall == wall);
         let pressed = pressing((self.all.len(), group), moment.dt, particles, contacts, law);
-        let both = forces.iter().zip(&pressed);
-        both.flat_map(|(force, [_, stiffness])| [*force.limbs(), *stiffness.limbs()].concat())
-            .collect()
+        let both = self.states.iter().zip(&pressed);
+        both.flat_map(|(State { force, .. }, [_, stiffness])| {
+            [*force.limbs(), *stiffness.limbs()].concat()
+        })
+        .collect()
     }
 
     fn steer(
@@ -182,11 +181,12 @@ impl Drive for FreeWalls {
         Ok(())
     }
 
+    fn first_forces(&mut self, contacts: &Contacts, particles: &Particles) {
+        self.note_forces(contacts, particles);
+    }
+
     fn after_forces(&mut self, contacts: &Contacts, particles: &Particles) {
-        let forces = self.forces(contacts, particles);
-        for (state, force) in self.states.iter_mut().zip(forces) {
-            state.force = Some(force);
-        }
+        self.note_forces(contacts, particles);
     }
 
     fn warnings(&mut self) -> Vec<String> {
@@ -196,12 +196,10 @@ impl Drive for FreeWalls {
     fn save(&self, walls: &[Wall], comm: &mut dyn Comm) -> Vec<SavedColumn> {
         let (mut names, mut speeds, mut limbs) = (Vec::new(), Vec::new(), Vec::new());
         for (free, state) in self.all.iter().zip(&self.states) {
-            // All ranks have made as many steps.
-            let (Some(speed), Some(force)) = (state.speed, &state.force) else { continue };
-            let mut force = force.clone();
+            let mut force = state.force.clone();
             force.carry();
             names.push(walls[free.wall].name.clone());
-            speeds.push(speed);
+            speeds.push(state.speed.unwrap_or(f64::NAN));
             limbs.extend(*force.limbs());
         }
         comm.sum(&mut limbs);
@@ -231,10 +229,9 @@ impl Drive for FreeWalls {
             let Some(row) = names.iter().position(|name| *name == walls[free.wall].name) else {
                 continue;
             };
-            state.speed = Some(speeds[row]);
+            state.speed = Some(speeds[row]).filter(|speed| !speed.is_nan());
             let limbs = &forces[FORCE.width * row..][..FORCE.width];
-            state.force =
-                Some(if is_root { ExactSum::from_limbs(limbs) } else { ExactSum::default() });
+            state.force = if is_root { ExactSum::from_limbs(limbs) } else { ExactSum::default() };
         }
         Ok(())
     }

@@ -8,7 +8,7 @@
 //! whatever the number of ranks. At most [`MOST_AT_ONCE`] grains of an inlet appear at a time, so no rank has a list of more.
 
 use super::region::Region;
-use super::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
+use super::{Drive, DriveError, Moment, Newcomers, SavedColumn, SavedState, Values};
 use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::ids::GlobalId;
@@ -24,6 +24,8 @@ use serde::{Deserialize, Serialize};
 pub const TRIES: usize = 50;
 /// How many grains of an inlet appear at one time at most.
 pub const MOST_AT_ONCE: u64 = 1000;
+/// So many grains look for places before it is asked whether one has found none.
+const TOGETHER: usize = 32;
 /// Names the random numbers of inlets.
 const STREAM: u64 = 0x696e_6c65_7473;
 
@@ -71,10 +73,7 @@ impl Inlet {
 
     /// How many grains appear in so many seconds, about; as many as the scene would have without an end.
     pub fn expected(&self, seconds: f64, library: &Library) -> u64 {
-        let volume = |(shape, share): (crate::ids::ShapeId, f64)| {
-            share * library.mass[shape.index()] * library.sizes[shape.index()].mean_volume()
-        };
-        let mean: f64 = self.mix.shares().map(volume).sum();
+        let mean = library.mean_over(&self.mix, |shape| library.mass[shape.index()]);
         let count = |amount: Amount| match amount {
             Amount::Count(count) => count,
             Amount::Mass(mass) => mass / mean,
@@ -196,32 +195,40 @@ impl Inlets {
         }
         let region = &self.all[inlet].region;
         let stream = mixed(&[self.seed, STREAM, inlet as u64, moment.step]);
+        let near = near(region, &due, particles);
         let first = self.come[inlet].count;
-        let tries = (first..).zip(&due).map(|(number, grain)| {
-            let radius = library.radius[grain.shape.index()] * grain.scale;
-            let mut random = Random::of(stream, number);
-            let places = (0..TRIES).filter_map(|_| region.draw(&mut random)).collect();
-            (radius, places)
-        });
-        let tries: Vec<(f64, Vec<Vec3>)> = tries.collect();
-        let mut taken = taken_here(region, &tries, particles);
-        comm.sum(&mut taken);
         let mut found = 0;
-        for (k, (grain, (radius, places))) in due.iter().zip(&tries).enumerate() {
-            let is_free = |place: &Vec3| {
-                entered.iter().all(|other| {
-                    let reach = radius + library.radius[other.shape.index()] * other.scale;
-                    let apart = particles.cell.nearest(place - other.position);
-                    apart.norm_squared() > reach * reach
-                })
-            };
-            let mut free = places.iter().enumerate().filter(|(t, _)| taken[k * TRIES + t] == 0);
-            let Some((_, place)) = free.find(|(_, place)| is_free(place)) else { break };
-            entered.push(Particle { position: *place, ..grain.clone() });
-            let come = &mut self.come[inlet];
-            come.count += 1;
-            come.mass += library.mass_at(grain.shape, grain.scale);
-            found += 1;
+        // Where one finds no place, those behind it look for none.
+        for (some, numbers) in due.chunks(TOGETHER).zip((first..).step_by(TOGETHER)) {
+            let tries = (numbers..).zip(some).map(|(number, grain)| {
+                let radius = library.radius[grain.shape.index()] * grain.scale;
+                let mut random = Random::of(stream, number);
+                let places = (0..TRIES).filter_map(|_| region.draw(&mut random)).collect();
+                (radius, places)
+            });
+            let tries: Vec<(f64, Vec<Vec3>)> = tries.collect();
+            let mut taken = taken_here(&near, &tries, particles);
+            comm.sum(&mut taken);
+            let before = found;
+            for (k, (grain, (radius, places))) in some.iter().zip(&tries).enumerate() {
+                let is_free = |place: &Vec3| {
+                    entered.iter().all(|other| {
+                        let reach = radius + library.radius[other.shape.index()] * other.scale;
+                        let apart = particles.cell.nearest(place - other.position);
+                        apart.norm_squared() > reach * reach
+                    })
+                };
+                let mut free = places.iter().enumerate().filter(|(t, _)| taken[k * TRIES + t] == 0);
+                let Some((_, place)) = free.find(|(_, place)| is_free(place)) else { break };
+                entered.push(Particle { position: *place, ..grain.clone() });
+                let come = &mut self.come[inlet];
+                come.count += 1;
+                come.mass += library.mass_at(grain.shape, grain.scale);
+                found += 1;
+            }
+            if found - before < some.len() {
+                break;
+            }
         }
         self.note_missing(inlet, due.len() - found, moment);
     }
@@ -267,15 +274,21 @@ fn seconds(moment: &Moment) -> f64 {
     moment.stage_step as f64 * moment.dt
 }
 
-/// For every try of every grain 1 if a particle of this rank stands in its place, or a wall.
-fn taken_here(region: &Region, tries: &[(f64, Vec<Vec3>)], particles: &Particles) -> Vec<i64> {
-    let largest = tries.iter().map(|&(radius, _)| radius).fold(0.0, f64::max);
-    let Some((low, high)) = region.bounds() else { return vec![1; tries.len() * TRIES] };
+/// Centres and bounding radii of the particles of this rank that are near a region where grains are due [m].
+fn near(region: &Region, due: &[Particle], particles: &Particles) -> Vec<(Vec3, f64)> {
+    let library = &particles.library;
+    let radius = |grain: &Particle| library.radius[grain.shape.index()] * grain.scale;
+    let largest = due.iter().map(radius).fold(0.0, f64::max);
+    let Some((low, high)) = region.bounds() else { return Vec::new() };
     let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5 + Vec3::repeat(largest));
-    let near: Vec<(Vec3, f64)> = (0..particles.owned)
+    (0..particles.owned)
         .filter(|&slot| particles.comes_into(slot, &middle, &half))
         .map(|slot| (particles.position[slot], particles.radius(slot)))
-        .collect();
+        .collect()
+}
+
+/// For every try of every grain 1 if one of these particles stands in its place, or a wall.
+fn taken_here(near: &[(Vec3, f64)], tries: &[(f64, Vec<Vec3>)], particles: &Particles) -> Vec<i64> {
     let mut taken = Vec::with_capacity(tries.len() * TRIES);
     for (radius, places) in tries {
         let around = Vec3::repeat(*radius);
@@ -307,7 +320,7 @@ impl Drive for Inlets {
         first_id: u64,
         particles: &Particles,
         comm: &mut dyn Comm,
-    ) -> Vec<Particle> {
+    ) -> Option<Newcomers> {
         let mut entered = Vec::new();
         for inlet in 0..self.all.len() {
             if moment.stage_step.is_multiple_of(self.all[inlet].every) {
@@ -317,7 +330,7 @@ impl Drive for Inlets {
         for (id, particle) in (first_id..).zip(&mut entered) {
             particle.id = GlobalId(id);
         }
-        entered
+        (!entered.is_empty()).then(|| Newcomers::of(entered))
     }
 
     fn unfinished(&self) -> Option<&'static str> {
@@ -344,7 +357,7 @@ impl Drive for Inlets {
         std::mem::take(&mut self.warnings)
     }
 
-    fn last_warnings(&self, _walls: &[Wall]) -> Vec<String> {
+    fn last_warnings(&self, _walls: &[Wall], has_stopped: bool) -> Vec<String> {
         let mut warnings = Vec::new();
         for (inlet, come) in self.all.iter().zip(&self.come) {
             let Inlet { name, rate, until, .. } = inlet;
@@ -358,7 +371,7 @@ impl Drive for Inlets {
                     come.count, come.mass
                 ));
             }
-            if inlet.is_over(come.count, come.mass) {
+            if has_stopped || inlet.is_over(come.count, come.mass) {
                 continue;
             }
             let short = match *until {

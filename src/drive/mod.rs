@@ -7,7 +7,7 @@
 //! 2. give walls their velocities and angular velocities ([`Drive::steer`]);
 //! 3. insert particles, before the list of pairs is made ([`Drive::insert`]);
 //! 4. take out particles that have left the domain or have reached where they leave ([`Drive::reaches`], [`Drive::take`]);
-//! 5. look at the forces ([`Drive::after_forces`]).
+//! 5. look at the forces ([`Drive::after_forces`], at the start of a stage [`Drive::first_forces`]).
 //!
 //! The state of a drive is the same on all ranks, but for sums that are not yet added up. It is saved in snapshots under the
 //! drive's name ([`Drive::save`], [`Drive::resume`]).
@@ -102,9 +102,9 @@ use crate::contact::StateColumn;
 use crate::contacts::Contacts;
 use crate::law::ForceLaw;
 use crate::math::{ExactSum, Vec3};
-use crate::particles::Particles;
 use crate::particles::records::Particle;
 use crate::particles::walls::Wall;
+use crate::particles::{Library, Particles};
 use serde::{Deserialize, Serialize};
 
 /// Steps between looks at a stage's `[stop]`. The errors of drives are means over so many steps.
@@ -121,6 +121,21 @@ pub struct Moment {
     pub time: f64,
     /// Time step [s].
     pub dt: f64,
+}
+
+/// Particles that appear: how many, and each by its number when it is asked for, so that no rank must hold all of them.
+pub struct Newcomers {
+    /// How many.
+    pub count: u64,
+    /// The one of a number from 0, whose shape and size are of the library.
+    pub make: Box<dyn Fn(u64, &Library) -> Particle>,
+}
+
+impl Newcomers {
+    /// Those of a list.
+    pub fn of(list: Vec<Particle>) -> Self {
+        Self { count: list.len() as u64, make: Box::new(move |k, _| list[k as usize].clone()) }
+    }
 }
 
 /// Something that acts on the particles from outside. What a method does by default: nothing.
@@ -156,7 +171,7 @@ pub trait Drive: Send + Sync {
         Ok(())
     }
 
-    /// Particles that appear at this moment, the end of a step, and touch nothing: the same on all ranks. Their ids count
+    /// Particles that appear at this moment, the end of a step, and touch nothing, if any: the same on all ranks. Their ids count
     /// from `first_id`. `particles` are at their new places. Collective.
     fn insert(
         &mut self,
@@ -164,8 +179,8 @@ pub trait Drive: Send + Sync {
         _first_id: u64,
         _particles: &Particles,
         _comm: &mut dyn Comm,
-    ) -> Vec<Particle> {
-        Vec::new()
+    ) -> Option<Newcomers> {
+        None
     }
 
     /// May it take particles out? If no drive may, nothing looks in every step at whether a particle has left the domain.
@@ -178,10 +193,10 @@ pub trait Drive: Send + Sync {
         false
     }
 
-    /// Takes a particle that has left the domain of `cell`, or that it [reaches](Drive::reaches), out of the simulation, or not; an error if no drive does. Asked on
-    /// all ranks, in the order of the ids; not asked of what a drive before it has taken. The velocity is that of half a
+    /// Takes a particle of a mass [kg] that has left the domain of `cell`, or that it [reaches](Drive::reaches), out of the simulation, or not; an error if no drive
+    /// does. Asked on all ranks, in the order of the ids; not asked of what a drive before it has taken. The velocity is that of half a
     /// step before the positions, the force that of the positions before.
-    fn take(&mut self, _leaver: &Particle, _cell: &Cell) -> bool {
+    fn take(&mut self, _leaver: &Particle, _mass: f64, _cell: &Cell) -> bool {
         false
     }
 
@@ -195,6 +210,9 @@ pub trait Drive: Send + Sync {
     fn gone(&self) -> u64 {
         0
     }
+
+    /// Looks at the forces with which a stage begins, before its first step. A run that goes on within a stage has none.
+    fn first_forces(&mut self, _contacts: &Contacts, _particles: &Particles) {}
 
     /// Looks at the forces at the end of a step.
     fn after_forces(&mut self, _contacts: &Contacts, _particles: &Particles) {}
@@ -224,8 +242,9 @@ pub trait Drive: Send + Sync {
         Vec::new()
     }
 
-    /// What the user should know at the end of a run, a sentence each.
-    fn last_warnings(&self, _walls: &[Wall]) -> Vec<String> {
+    /// What the user should know at the end of a run, a sentence each. If the stage `has_stopped` because its `[stop]` holds, it
+    /// is no fault that something is unfinished.
+    fn last_warnings(&self, _walls: &[Wall], _has_stopped: bool) -> Vec<String> {
         Vec::new()
     }
 

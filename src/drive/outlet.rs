@@ -10,7 +10,6 @@ use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::math::Vec3;
-use crate::particles::Library;
 use crate::particles::records::Particle;
 use crate::particles::walls::Wall;
 use serde::{Deserialize, Serialize};
@@ -40,8 +39,6 @@ pub struct Left {
 pub struct Outlets {
     all: Vec<Outlet>,
     left: Vec<Left>,
-    /// Mass of each shape at scale 1 [kg].
-    masses: Vec<f64>,
 }
 
 /// Names [`Outlets`] among the drives.
@@ -52,9 +49,9 @@ const MASS: StateColumn = StateColumn::new("left_mass", 1, "kg");
 
 impl Outlets {
     /// Before anything has left.
-    pub fn new(outlets: Vec<Outlet>, library: &Library) -> Self {
+    pub fn new(outlets: Vec<Outlet>) -> Self {
         let left = vec![Left::default(); outlets.len()];
-        Self { all: outlets, left, masses: library.mass.clone() }
+        Self { all: outlets, left }
     }
 
     /// What has left through each, in the order of the scene.
@@ -78,12 +75,12 @@ impl Drive for Outlets {
     }
 
     /// Of several the first one in the scene.
-    fn take(&mut self, leaver: &Particle, cell: &Cell) -> bool {
+    fn take(&mut self, leaver: &Particle, mass: f64, cell: &Cell) -> bool {
         let holds = |outlet: &Outlet| outlet.region.holds(&leaver.position, cell);
         let Some(index) = self.all.iter().position(holds) else { return false };
         let left = &mut self.left[index];
         left.count += 1;
-        left.mass += self.masses[leaver.shape.index()] * leaver.scale.powi(3);
+        left.mass += mass;
         true
     }
 

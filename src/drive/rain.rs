@@ -4,7 +4,7 @@
 //! its cell, moved by a random step that leaves its bounding sphere inside: no two particles of a
 //! layer can overlap, not even across a periodic border, and none leaves the slab.
 
-use super::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
+use super::{Drive, DriveError, Moment, Newcomers, SavedColumn, SavedState, Values};
 use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::ids::GlobalId;
@@ -44,6 +44,11 @@ impl Rain {
     /// Particles in a full layer.
     pub fn per_layer(&self) -> u64 {
         self.cells().iter().map(|&n| u64::from(n)).product()
+    }
+
+    /// Particles in the next layer, if so many have fallen.
+    pub fn in_next_layer(&self, fallen: u64) -> u64 {
+        self.count.saturating_sub(fallen).min(self.per_layer())
     }
 
     /// Does the slab reach behind a wall? Rounding is forgiven.
@@ -100,31 +105,27 @@ pub fn cells_along(length: f64, width: f64) -> u32 {
     (length / width * (1.0 + 1e-9)).floor() as u32
 }
 
-/// The particles of the next layer, if so many are `left` to fall. Ids count from `first_id`. Shape, size,
-/// orientation and place are those of the id under the scene's `seed`.
-pub fn layer(rain: &Rain, seed: u64, left: u64, first_id: u64, library: &Library) -> Vec<Particle> {
+/// The particle of a number `k` of a layer, whose first one has the id `first_id`. Shape, size, orientation and place are those of its id
+/// under the scene's `seed`.
+pub fn of_layer(rain: &Rain, seed: u64, first_id: u64, k: u64, library: &Library) -> Particle {
     let [nx, ny, nz] = rain.cells().map(u64::from);
     let cell = (rain.high - rain.low).component_div(&Vec3::new(nx as f64, ny as f64, nz as f64));
-    (0..left.min(nx * ny * nz))
-        .map(|k| {
-            let id = first_id + k;
-            let mut random = Random::of(seed, id);
-            let shape = rain.mix.pick(random.unit());
-            let scale = library.sizes[shape.index()].draw(&mut random);
-            let radius = library.radius[shape.index()] * scale;
-            let place = [k % nx, k / nx % ny, k / (nx * ny)];
-            let position = Vec3::from_fn(|axis, _| {
-                let room = (0.5 * cell[axis] - radius).max(0.0);
-                rain.low[axis] + (place[axis] as f64 + 0.5) * cell[axis] + room * random.signed()
-            });
-            Particle {
-                scale,
-                velocity: rain.velocity,
-                quaternion: random.rotation(),
-                ..Particle::at_rest(GlobalId(id), shape, position)
-            }
-        })
-        .collect()
+    let id = first_id + k;
+    let mut random = Random::of(seed, id);
+    let shape = rain.mix.pick(random.unit());
+    let scale = library.sizes[shape.index()].draw(&mut random);
+    let radius = library.radius[shape.index()] * scale;
+    let place = [k % nx, k / nx % ny, k / (nx * ny)];
+    let position = Vec3::from_fn(|axis, _| {
+        let room = (0.5 * cell[axis] - radius).max(0.0);
+        rain.low[axis] + (place[axis] as f64 + 0.5) * cell[axis] + room * random.signed()
+    });
+    Particle {
+        scale,
+        velocity: rain.velocity,
+        quaternion: random.rotation(),
+        ..Particle::at_rest(GlobalId(id), shape, position)
+    }
 }
 
 /// The rain of a running simulation: what has fallen and when more is due.
@@ -173,12 +174,13 @@ impl RainGauge {
         by_particle || particles.walls.iter().any(by_wall)
     }
 
-    /// The next layer, the same on every rank; its first particle gets the id `first_id`.
-    fn next_layer(&mut self, first_id: u64, library: &Library) -> Vec<Particle> {
-        let left = self.rain.count.saturating_sub(self.fallen);
-        let layer = layer(&self.rain, self.seed, left, first_id, library);
-        self.fallen += layer.len() as u64;
-        layer
+    /// The next layer; its first particle gets the id `first_id`.
+    fn next_layer(&mut self, first_id: u64) -> Newcomers {
+        let count = self.rain.in_next_layer(self.fallen);
+        self.fallen += count;
+        let (rain, seed) = (self.rain.clone(), self.seed);
+        let make = move |k, library: &Library| of_layer(&rain, seed, first_id, k, library);
+        Newcomers { count, make: Box::new(make) }
     }
 }
 
@@ -194,19 +196,19 @@ impl Drive for RainGauge {
         first_id: u64,
         particles: &Particles,
         comm: &mut dyn Comm,
-    ) -> Vec<Particle> {
+    ) -> Option<Newcomers> {
         if !self.is_due(moment.stage_step) || comm.any(self.is_blocked(particles)) {
-            return Vec::new();
+            return None;
         }
-        self.next_layer(first_id, &particles.library)
+        Some(self.next_layer(first_id))
     }
 
     fn unfinished(&self) -> Option<&'static str> {
         (!self.is_over()).then_some("rain still falls")
     }
 
-    fn last_warnings(&self, _walls: &[Wall]) -> Vec<String> {
-        if self.is_over() {
+    fn last_warnings(&self, _walls: &[Wall], has_stopped: bool) -> Vec<String> {
+        if has_stopped || self.is_over() {
             return Vec::new();
         }
         vec![format!(
@@ -319,7 +321,7 @@ mod tests {
         rain.fallen = 100;
         let mut layers = Vec::new();
         while !rain.is_over() {
-            layers.push(rain.next_layer(100, &library()).len());
+            layers.push(rain.next_layer(100).count);
         }
         assert_eq!(layers, [60, 40]);
     }

@@ -539,7 +539,7 @@ impl Drive for Servos {
         self.in_the_end().map(kept).collect()
     }
 
-    fn last_warnings(&self, walls: &[Wall]) -> Vec<String> {
+    fn last_warnings(&self, walls: &[Wall], _has_stopped: bool) -> Vec<String> {
         let is_off = |(_, late): &(&Servo, Errors)| {
             let mean = late.mean_size();
             mean > OFF_TARGET || mean.is_nan()

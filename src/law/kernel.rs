@@ -986,7 +986,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// No force is left, but what the last contact lost.
+    /// Zero force; the stored energy of the ended contact counts as dissipated.
     #[cold]
     fn add_separated(&mut self, separated: Separated) {
         let Self { law, particles, dt, .. } = *self;

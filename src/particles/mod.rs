@@ -120,6 +120,12 @@ impl Library {
         self.mass[shape.index()] * of_mass(scale)
     }
 
+    /// The mean over the particles of a mix of what goes with their volume, from that of each shape.
+    pub fn mean_over(&self, mix: &mix::Mix, of_shape: impl Fn(ShapeId) -> f64) -> f64 {
+        let volume = |shape: ShapeId| self.sizes[shape.index()].mean_volume();
+        mix.shares().map(|(shape, share)| share * of_shape(shape) * volume(shape)).sum()
+    }
+
     /// Principal moments of inertia of a particle of this shape and scale [kg m²].
     #[inline]
     pub fn inertia_at(&self, shape: ShapeId, scale: f64) -> Vec3 {
@@ -637,6 +643,10 @@ impl Particles {
 
     /// Moves the walls to where they stand after `step` steps, of which the last took `dt` [s].
     pub fn move_walls(&mut self, step: u64, dt: f64) {
+        // What stands still, and did when it was placed, is in its place.
+        if !self.facets.any_moves && !self.walls.iter().any(Wall::is_moving) {
+            return;
+        }
         let room = self.room_of_turning();
         let nearer: Vec<f64> =
             self.walls.iter_mut().map(|wall| wall.advance(step, dt, &room)).collect();
@@ -652,6 +662,7 @@ impl Particles {
     /// # Panics
     /// If a wall turns and there is no column for it, see [`Needs::spin`].
     fn place_walls(&mut self) {
+        self.facets.any_moves = self.walls.iter().any(Wall::is_moving);
         self.facets.any_turns = false;
         self.facets.any_torque = false;
         for wall in &self.walls {

@@ -17,7 +17,7 @@ use super::courses::Course;
 use crate::cell::Cell;
 use crate::contact::FacetInPlace;
 use crate::ids::{GlobalId, MaterialId, ShapeId};
-use crate::math::{Mat3, Quat, Vec3, rotation_about};
+use crate::math::{Mat3, Quat, Vec3, larger_or_infinite, rotation_about};
 use crate::particles::Library;
 use crate::shape::triangle_mesh::{self, MeshFacet, NoSolid};
 use crate::shape::{HalfSpace, Shape, TriangleMesh};
@@ -214,7 +214,7 @@ impl InPlace {
         }
         // The change of the distance is linear in the place of the point: the most is at a corner.
         let moved = |corner: Vec3| (before.distance(&corner) - self.distance(&corner)).abs();
-        corners(room).into_iter().map(moved).fold(0.0, larger)
+        corners(room).into_iter().map(moved).fold(0.0, larger_or_infinite)
     }
 }
 
@@ -366,6 +366,13 @@ impl Wall {
         -(force.dot(&self.velocity) + torque.dot(&self.angular_velocity))
     }
 
+    /// Does it move now, or follow a course?
+    pub fn is_moving(&self) -> bool {
+        self.course.is_some()
+            || self.velocity != Vec3::zeros()
+            || self.angular_velocity != Vec3::zeros()
+    }
+
     /// Does its scene turn it, now or at any time?
     pub fn may_turn(&self) -> bool {
         self.angular_velocity != Vec3::zeros() || self.turn_of_course().is_some()
@@ -460,17 +467,20 @@ impl Wall {
         let mut largest = 0.0;
         if let Some(Mesh { surface, .. }) = &self.mesh {
             let turning = self.angular_velocity.norm() * surface.reach();
-            largest = larger(0.0, (self.velocity.norm() + turning) * dt);
+            largest = larger_or_infinite(0.0, (self.velocity.norm() + turning) * dt);
         }
         for InPlace { point, normal, .. } in self.in_place() {
             let speed = self.velocity.dot(&normal);
             if self.angular_velocity == Vec3::zeros() {
-                largest = larger(largest, (speed * dt).abs());
+                largest = larger_or_infinite(largest, (speed * dt).abs());
                 continue;
             }
             let turning = self.angular_velocity.cross(&normal);
             for corner in corners(room) {
-                largest = larger(largest, ((speed - (corner - point).dot(&turning)) * dt).abs());
+                largest = larger_or_infinite(
+                    largest,
+                    ((speed - (corner - point).dot(&turning)) * dt).abs(),
+                );
             }
         }
         largest
@@ -510,7 +520,7 @@ impl Wall {
             return if comes_in { half.min() } else { f64::NEG_INFINITY };
         }
         let behind = |facet: InPlace| half.dot(&facet.normal.abs()) - facet.distance(&(low + half));
-        self.in_place().map(behind).fold(f64::NEG_INFINITY, larger)
+        self.in_place().map(behind).fold(f64::NEG_INFINITY, larger_or_infinite)
     }
 
     /// What a snapshot must hold of it besides [`Wall::surface`] and its velocity, if anything.
@@ -610,7 +620,7 @@ impl Wall {
 
 /// How far any facet has moved along its normal: now and before of each, where that is most within `room` [m].
 fn most_moved(facets: impl Iterator<Item = (InPlace, InPlace)>, room: &Corners) -> f64 {
-    facets.map(|(now, before)| now.moved(&before, room)).fold(0.0, larger)
+    facets.map(|(now, before)| now.moved(&before, room)).fold(0.0, larger_or_infinite)
 }
 
 /// The planes of all walls in place, in the order of their slots.
@@ -629,11 +639,6 @@ fn corners(&(low, high): &Corners) -> [Vec3; 8] {
     std::array::from_fn(|k| {
         Vec3::from_fn(|axis, _| if k >> axis & 1 == 0 { low[axis] } else { high[axis] })
     })
-}
-
-/// The larger of two numbers; what is not a number is infinite.
-fn larger(a: f64, b: f64) -> f64 {
-    if b.is_nan() { f64::INFINITY } else { a.max(b) }
 }
 
 /// Where the room of the particles ends along an axis: at the innermost walls that stand across it [m];
@@ -678,6 +683,8 @@ pub struct FacetColumns {
     pub wall: Vec<u32>,
     /// Where each stands.
     pub place: Vec<FacetInPlace>,
+    /// Did any wall move when they were placed?
+    pub any_moves: bool,
     /// Does any wall turn?
     pub any_turns: bool,
     /// Must torques on walls be known: does any wall turn, or say about what?

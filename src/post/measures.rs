@@ -224,7 +224,22 @@ fn make_slope(
     out: &Path,
     shown: &mut Shown,
 ) -> Result<(), MeasureError> {
-    let rows = of_each(source, |reader, region| Slope::of(reader, region, along))?;
+    let all = of_each(source, |reader, region| match Slope::of(reader, region, along) {
+        // A heap that grows is flat at first.
+        Err(flat @ MeasureError::NoSurface { .. }) => Ok(Err(flat)),
+        slope => slope.map(Ok),
+    })?;
+    let count = all.len();
+    let has_slope = all.iter().any(Result::is_ok);
+    let rows = all.into_iter().filter(|slope| !has_slope || slope.is_ok());
+    let rows = rows.collect::<Result<Vec<Slope>, _>>()?;
+    if rows.len() < count {
+        let _ = writeln!(
+            shown.text,
+            "slope: {} of {count} snapshots are left out, their grains lie flat",
+            count - rows.len()
+        );
+    }
     write_rows(&out.join("slope.csv"), &rows)?;
     if let Some(last) = rows.last() {
         let _ = writeln!(

@@ -5,7 +5,7 @@ use crate::cell::{AXES, Cell, Shear};
 use crate::comm::{Comm, agree};
 use crate::contact::{self, ContactRecords, StateColumn};
 use crate::contacts::Contacts;
-use crate::domain::Domain;
+use crate::domain::{Domain, halo_width};
 use crate::drive::free::FreeWalls;
 use crate::drive::inlet::Inlets;
 use crate::drive::outlet::Outlets;
@@ -15,6 +15,7 @@ use crate::drive::{Drive, DriveError};
 use crate::ids::{GlobalId, ShapeId};
 use crate::law::stability::time_step_limit;
 use crate::law::{ForceLaw, Sums};
+use crate::math::printed_limit;
 use crate::measure::Departed;
 use crate::motion::Field;
 use crate::output::SnapshotError;
@@ -132,7 +133,7 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
 pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> Simulation {
     let needs = scene.needs_with(&*law);
     let reach = law.reach(&scene.library);
-    let halo = 2.0 * scene.library.largest_radius() + scene.skin + reach;
+    let halo = halo_width(&scene.library, scene.skin, reach);
     let mut kinds = scene.particle_kinds();
     kinds.extend(scene.facet_kinds());
     let mut found = contact::Found::default();
@@ -177,7 +178,7 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
         drives.push(Box::new(Inlets::new(scene.inlets.clone(), scene.seed)));
     }
     if !scene.outlets.is_empty() {
-        drives.push(Box::new(Outlets::new(scene.outlets.clone(), &scene.library)));
+        drives.push(Box::new(Outlets::new(scene.outlets.clone())));
     }
     if !scene.servos.is_empty() {
         drives.push(Box::new(Servos::new(scene.servos.clone(), &scene.library)));
@@ -333,7 +334,7 @@ fn admit_sizes(
         && scene.dt > limit.dt
         && !scene.allow_unstable
     {
-        let dt = 0.995 * limit.dt;
+        let dt = printed_limit(limit.dt);
         return wrong(
             limit.shape,
             format!(
@@ -342,7 +343,7 @@ fn admit_sizes(
         );
     }
     let reach = sim.law.reach(&library);
-    let halo = 2.0 * library.largest_radius() + scene.skin + reach;
+    let halo = halo_width(&library, scene.skin, reach);
     let extent = scene.domain.high() - scene.domain.low();
     let is_narrow =
         |&axis: &usize| scene.domain.period(axis).is_some() && extent[axis] < 2.0 * halo;

@@ -14,10 +14,11 @@ use super::walls::Walls;
 use super::{Fill, Method, Rain, Scene, Stop};
 use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
+use crate::domain::halo_width;
 use crate::ids::ShapeId;
 use crate::law::Choice;
 use crate::law::stability::{TimeStepLimit, time_step_limit};
-use crate::math::Vec3;
+use crate::math::{Vec3, printed_limit};
 use crate::particles::Library;
 use crate::sim::audit::Settings as Audit;
 use std::path::{Path, PathBuf};
@@ -54,9 +55,8 @@ pub(super) fn scene(
     let global_damping = root.number_or("global_damping", 0.0, Range::NotNegative, "1/s");
     let start = root.read_or("start", None, |given| start(given, need).map(Some));
 
-    let contact = root.read_or("contact", (Method::Auto, None), |given| contact(&given.section()?));
-    let in_contact = contact.and_then(|(_, limit)| limit);
-    let kind = laws::kind(&root, in_contact);
+    let method = root.read_or("contact", Method::Auto, |given| contact(&given.section()?));
+    let kind = laws::kind(&root);
     let (materials, law) = laws::materials(&root, kind);
     let mut shapes = Shapes::read(&root, &materials, folder);
     let domain_section = root.section("domain", "the box of particles, `low` and `high` [m]");
@@ -106,7 +106,7 @@ pub(super) fn scene(
     }
     if let (Some(domain), Some(section), Some((skin, _))) = (&domain, &domain_section, neighbours) {
         let reach = law.as_ref().map_or(0.0, |law| law.reach(largest));
-        check_periods(section, domain, 2.0 * largest + skin + reach);
+        check_periods(section, domain, halo_width(&shapes.library, skin, reach));
     }
     if let Some(domain) = &domain {
         check_shear(&root, domain, gravity, walls.count());
@@ -117,9 +117,8 @@ pub(super) fn scene(
     if let (Some(time), Some(ξ)) = (&time, global_damping) {
         check_damping(&root, ξ, time.dt);
     }
-    let method = contact.map_or(Method::Auto, |(method, _)| method);
-    walls.check_surfaces(&root, &shapes.library, &method);
-    if let Some((Method::CommonNormal, _)) = contact {
+    walls.check_surfaces(&root, &shapes.library, &method.unwrap_or(Method::Auto));
+    if method == Some(Method::CommonNormal) {
         check_smooth(&root, &shapes.library);
     }
     if !mistakes.is_empty() {
@@ -142,7 +141,7 @@ pub(super) fn scene(
         walls,
         servos: servos?,
         free_walls,
-        method: contact?.0,
+        method: method?,
         gravity: gravity?,
         global_damping: global_damping?,
         initial,
@@ -281,8 +280,8 @@ fn check_periods(section: &Section, domain: &Cell, reach: f64) {
 
 // --- contact, time, output ---
 
-/// The method, and whether dashpots are kept from attracting, if that is given here.
-fn contact(section: &Section) -> Option<(Method, Option<bool>)> {
+/// How contacts are resolved.
+fn contact(section: &Section) -> Option<Method> {
     let words = ["auto", "common-normal", "gjk-erosion", "epa"].map(|word| (word, word));
     let word = section.read_or("method", "auto", |given| given.one_of(&words));
     // None if it is there and the method has no such setting.
@@ -308,17 +307,15 @@ fn contact(section: &Section) -> Option<(Method, Option<bool>)> {
         if word == Some("epa") { Epa::default().tolerance } else { ErodedGjk::default().tolerance };
     let tolerance = option("tolerance", default_tolerance, &["gjk-erosion", "epa"]);
     let (spurious, polish) = (flag("spurious", "gjk-erosion"), flag("polish", "epa"));
-    let limit_damping = section.read_or("limit_damping", None, |given| given.boolean().map(Some));
     section.finish();
     let (ratio, increment, tolerance) = (ratio?, increment?, tolerance?);
     let (spurious, polish) = (spurious?, polish?);
-    let method = match word? {
+    Some(match word? {
         "gjk-erosion" => Method::GjkErosion(ErodedGjk { ratio, increment, tolerance, spurious }),
         "epa" => Method::Epa(Epa { tolerance, polish }),
         "common-normal" => Method::CommonNormal,
         _ => Method::Auto,
-    };
-    Some((method, limit_damping?))
+    })
 }
 
 /// A common normal that the user insists on needs curvature everywhere.
@@ -498,7 +495,7 @@ impl Limit {
                 "over the stable limit of {:.2e} s, set by shape `{}` ({}{}); \
                  take step = \"auto\", a shorter one, more mass or less stiffness, or set time.allow_unstable = true",
                 // Rounded down, so that the number itself is allowed.
-                0.995 * limit.dt,
+                printed_limit(limit.dt),
                 library.names[limit.shape.index()],
                 limit.words(),
                 self.with

@@ -251,12 +251,7 @@ fn more_speed(rain: &Rain) -> &'static str {
 /// How deep the rain lies on a floor as wide as the domain [m], packed like spheres at their densest in disorder.
 fn bed(scene: &Scene, rain: &Rain) -> f64 {
     let library = &scene.library;
-    let volume = |id: ShapeId| {
-        let [least, most] = library.sizes[id.index()].scales();
-        library.shapes[id.index()].volume() * (0.5 * (least + most)).powi(3)
-    };
-    let shapes: Vec<f64> = rain.mix.shapes().map(volume).collect();
-    let mean = shapes.iter().sum::<f64>() / shapes.len() as f64;
+    let mean = library.mean_over(&rain.mix, |shape| library.shapes[shape.index()].volume());
     let extent = scene.domain.high() - scene.domain.low();
     let axis = if scene.gravity == Vec3::zeros() { 2 } else { scene.gravity.iamax() };
     rain.count as f64 * mean / 0.64 * extent[axis] / extent.product()
@@ -307,7 +302,8 @@ fn lost_in_rounding(scene: &Scene) -> Option<String> {
             worst = Some((part, format!("{} at {:e} m/s", what(), velocity.norm())));
         }
     };
-    for wall in &scene.walls {
+    // A course has its place at every time in closed form.
+    for wall in scene.walls.iter().filter(|wall| wall.course.is_none()) {
         note(&|| format!("wall \"{}\"", wall.name), wall.point.amax(), &wall.velocity);
     }
     for fill in &scene.initial {

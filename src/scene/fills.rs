@@ -13,7 +13,7 @@ use std::path::Path;
 
 /// Width of a cell of rain or lattice, in largest bounding diameters, if the file does not say.
 const ROOMY: f64 = 1.1;
-/// More particles than this are a slip of the pen.
+/// Upper limit on the particle count; larger values are taken for typing errors.
 const MOST: f64 = 1e12;
 
 /// What the reading of a fill looks at.

@@ -109,31 +109,18 @@ fn highest_stress(root: &Section) -> f64 {
     highest * if driven { DRIVEN } else { 1.0 }
 }
 
-/// The law that `[law]` asks for. `in_contact` is what `[contact]` says of dashpots; they may be limited there instead.
-pub(super) fn kind(root: &Section, in_contact: Option<bool>) -> (Kind, Asked) {
-    let default = in_contact.unwrap_or(true);
-    let linear = (Kind::Linear { limit_damping: default }, Asked::default());
+/// The law that `[law]` asks for.
+pub(super) fn kind(root: &Section) -> (Kind, Asked) {
+    let linear = (Kind::Linear { limit_damping: true }, Asked::default());
     let law = root.read_or("law", linear, |given| {
         let section = given.section()?;
-        let kind = section.read_or("kind", (), |given| given.one_of(&[("linear", ())]));
-        let limit_damping = section.read_or("limit_damping", default, |given| {
-            if in_contact.is_some() {
-                given.fail("stands in [contact], too: say it once");
-            }
-            given.boolean()
-        });
-        let is_hertz = section.read_or("normal", false, |given| {
-            let is_hertz = given.one_of(&[("linear", false), ("hertz", true)])?;
-            if is_hertz && section.get("kind").is_some() {
-                given.fail("`kind = \"linear\"` asks for another law: leave `kind` out");
-            }
-            Some(is_hertz)
-        });
-        let is_hertz = is_hertz?;
+        let limit_damping = section.read_or("limit_damping", true, |given| given.boolean());
+        let offered = [("linear", false), ("hertz", true)];
+        let is_hertz = section.read_or("normal", false, |given| given.one_of(&offered))?;
         let asked = asked(&section, is_hertz);
         // Adhesion attracts whatever dashpots do.
         let is_jkr = asked.is_some_and(Asked::is_jkr);
-        let kind = kind.and(parts(&section, is_hertz, limit_damping? && !is_jkr, root));
+        let kind = parts(&section, is_hertz, limit_damping? && !is_jkr, root);
         section.finish();
         kind.zip(asked)
     });

@@ -256,9 +256,18 @@ impl Scene {
     /// Particles in all, those of a start snapshot left out.
     pub fn particle_count(&self) -> u64 {
         let initial: u64 = self.initial.iter().map(Fill::count).sum();
+        initial + self.to_come().map(|(_, count)| count).sum::<u64>()
+    }
+
+    /// Mixes of particles that come during the stage, and how many of each.
+    pub(crate) fn to_come(&self) -> impl Iterator<Item = (&Mix, u64)> {
         let seconds = self.steps as f64 * self.dt;
-        let entering = self.inlets.iter().map(|inlet| inlet.expected(seconds, &self.library));
-        initial + self.rain.as_ref().map_or(0, |rain| rain.count) + entering.sum::<u64>()
+        let rain = self.rain.iter().map(|rain| (&rain.mix, rain.count));
+        rain.chain(
+            self.inlets
+                .iter()
+                .map(move |inlet| (&inlet.mix, inlet.expected(seconds, &self.library))),
+        )
     }
 }
 

@@ -118,6 +118,8 @@ impl Scene {
             gravity: Vec3::zeros(),
             initial: vec![Fill::Listed(grains)],
             rain: None,
+            inlets: Vec::new(),
+            outlets: Vec::new(),
             audit: audit::Settings { every: 0, ..self.audit },
             start: None,
             ..self.clone()

@@ -2,9 +2,10 @@
 
 use super::doubts::doubts;
 use super::{Fill, Mix, Scene, Stop};
-use crate::cell::{AXES, Shear};
+use crate::cell::{AXES, SIDES, Shear};
 use crate::contact::{ContactResolver, Patch, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
+use crate::domain::halo_width;
 use crate::ids::MaterialId;
 use crate::math::{ExactSum, Vec3};
 use crate::output::snapshot::{contact_bytes, particle_bytes};
@@ -20,16 +21,6 @@ use std::fmt::Display;
 const PACKING_FRACTION: f64 = 0.6;
 /// Contacts over particles in a bed, in estimates.
 const CONTACTS_PER_PARTICLE: u64 = 4;
-
-/// The sides of the domain: name, axis, and the component along it of a wall's normal.
-const SIDES: [(&str, usize, f64); 6] = [
-    ("-x", 0, 1.0),
-    ("+x", 0, -1.0),
-    ("-y", 1, 1.0),
-    ("+y", 1, -1.0),
-    ("-z", 2, 1.0),
-    ("+z", 2, -1.0),
-];
 
 /// What is in, what is left out and why, and the bytes, messages and time steps that follow, for a run
 /// on so many ranks. Numbers of particles per rank are estimates for the settled bed.
@@ -342,12 +333,13 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     }
     page.line("contact", words.join(", "));
     page.line("ghost", format!("{} bytes in the message of each step", 8 * needs.halo_values()));
-    let largest = scene.library.largest_radius();
-    let outlives = scene.law.reach(largest);
-    let reach = 2.0 * largest + scene.skin + outlives;
-    if !scene.servos.is_empty() {
-        let bytes = scene.servos.len() * 2 * 8 * ExactSum::LIMBS;
-        page.line("servos", format!("a sum of {bytes} bytes over all ranks in each step"));
+    let outlives = scene.law.reach(scene.library.largest_radius());
+    let reach = halo_width(&scene.library, scene.skin, outlives);
+    // Force and stiffness of walls that forces move.
+    let sums = 2 * (scene.servos.len() + scene.free_walls.len());
+    if sums > 0 {
+        let bytes = sums * 8 * ExactSum::LIMBS;
+        page.line("sums", format!("a sum of {bytes} bytes over all ranks in each step"));
     }
     let gap = if outlives > 0.0 {
         format!(", and {outlives:.3e} m over which contacts outlive their overlap")
@@ -379,7 +371,7 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     let contacts = count * CONTACTS_PER_PARTICLE * contact_bytes(scene.force_law().state()) as u64;
     // One at the start, those on schedule, and one at the end.
     let snapshots = match scene.snapshot_every {
-        0 => 1,
+        0 => 2,
         every => 1 + scene.steps.div_ceil(every),
     };
     page.line(
@@ -565,8 +557,7 @@ impl OfShape {
 /// How many particles of each shape there will be; of a mix, as its shares say.
 fn counts(scene: &Scene) -> Vec<OfShape> {
     let mut counts = vec![OfShape::default(); scene.library.particle_shapes];
-    let mut mixes: Vec<(&Mix, u64)> =
-        scene.rain.iter().map(|rain| (&rain.mix, rain.count)).collect();
+    let mut mixes: Vec<(&Mix, u64)> = scene.to_come().collect();
     for fill in &scene.initial {
         match fill {
             Fill::Lattice(lattice) => mixes.push((&lattice.mix, fill.count())),

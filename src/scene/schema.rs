@@ -6,12 +6,10 @@
 use super::geometry;
 use super::keys::{self, Key};
 use super::reader::Range;
-use crate::cell::AXES;
+use crate::cell::{AXES, SIDES};
 use crate::shape::{Kind, Superellipsoid};
 use serde_json::{Map, Value, json};
 
-/// Sides of the domain.
-const SIDES: [&str; 6] = ["-x", "+x", "-y", "+y", "-z", "+z"];
 /// Keys of `[[material]]` that an `[[interaction]]` may have, too.
 const OF_TWO_MATERIALS: [&str; 9] = [
     "normal_stiffness",
@@ -140,10 +138,10 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
             let axis = words(&AXES);
             object(&[("along", axis.clone()), ("across", axis), ("rate", any)])
         }
-        ("domain", "walls") => list(&words(&SIDES)),
+        ("domain", "walls") => list(&words(&SIDES.map(|(side, ..)| side))),
         ("domain", "wall_material") => text(),
         ("domain", "wall_velocity") => {
-            let sides = SIDES.map(|side| (side.to_owned(), vector(&any)));
+            let sides = SIDES.map(|(side, ..)| (side.to_owned(), vector(&any)));
             closed(&sides.into_iter().collect(), &[])
         }
 
@@ -206,13 +204,12 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("contact", "erosion_ratio" | "erosion_increment" | "tolerance") => below_one,
         ("contact", "spurious" | "polish") => boolean(),
 
-        ("law", "kind") => words(&["linear"]),
         ("law", "normal") => words(&["linear", "hertz"]),
         ("law", "tangential") => words(&["linear", "mindlin", "none"]),
         ("law", "largest_overlap") => below_one,
         ("law", "rolling" | "twisting") => words(&["none", "spring"]),
         ("law", "adhesion") => words(&["none", "dmt", "jkr"]),
-        ("law" | "contact", "limit_damping") => boolean(),
+        ("law", "limit_damping") => boolean(),
 
         ("time", "step") => either(&[positive, words(&["auto"])]),
         ("time", "steps") => whole(0),

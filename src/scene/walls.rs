@@ -4,13 +4,13 @@ use super::matter::{Materials, Names};
 use super::mistakes::suggestion;
 use super::motions::{Motions, axis_of_turn, repeats};
 use super::reader::{Given, Range, Section};
-use crate::cell::{AXES, Cell};
+use crate::cell::{AXES, Cell, SIDES};
 use crate::contact::Method;
 use crate::drive::free::FreeWall;
 use crate::drive::rain::Rain;
 use crate::drive::servo::Servo;
 use crate::ids::MaterialId;
-use crate::math::{Quat, Vec3, rotation_about};
+use crate::math::{Quat, Vec3, printed_limit, rotation_about};
 use crate::particles::Library;
 use crate::particles::walls::{Across, TorqueAbout, Wall};
 use crate::shape::triangle_mesh::TriangleMesh;
@@ -28,7 +28,7 @@ fn too_fast(speed: f64, dt: Option<f64>, library: &Library) -> Option<String> {
          the smallest grain; must be at most {:.2e} m/s",
         speed * dt?,
         100.0 * LONGEST_MOVE,
-        0.995 * most / dt?
+        printed_limit(most / dt?)
     ))
 }
 
@@ -102,23 +102,22 @@ impl<'a> Walls<'a> {
             return;
         };
         let material = materials.find_in(section, "wall_material");
-        let words = ["-x", "+x", "-y", "+y", "-z", "+z"].map(|word| (word, word));
+        let sides = SIDES.map(|side| (side.0, side));
         let items = given.list("a list of sides: \"-x\", \"+x\", \"-y\", \"+y\", \"-z\", \"+z\"");
         for item in items.unwrap_or_default() {
-            let name = item.one_of(&words);
-            if name.is_some_and(|name| self.names.names.iter().any(|n| n == name)) {
+            let side = item.one_of(&sides);
+            let name = side.map_or("", |(name, ..)| name);
+            if side.is_some() && self.names.names.iter().any(|known| known == name) {
                 item.fail("this side has a wall already");
             }
-            self.names.names.push(name.unwrap_or_default().to_owned());
-            self.all.push(name.zip(domain).and_then(|(name, domain)| {
-                let axis = AXES.iter().position(|axis| name.ends_with(axis))?;
+            self.names.names.push(name.to_owned());
+            self.all.push(side.zip(domain).and_then(|((name, axis, inwards), domain)| {
                 if domain.period(axis).is_some() {
                     item.fail(format!("{} is periodic, it has no walls", AXES[axis]));
                 }
-                let low = name.starts_with('-');
                 let mut normal = Vec3::zeros();
-                normal[axis] = if low { 1.0 } else { -1.0 };
-                let point = if low { domain.low() } else { domain.high() };
+                normal[axis] = inwards;
+                let point = if inwards > 0.0 { domain.low() } else { domain.high() };
                 let wall = Wall::plane(name.to_owned(), point, normal);
                 Some(Planned { wall, material: material?, has_servo: false })
             }));
@@ -206,7 +205,7 @@ impl<'a> Walls<'a> {
                      shortest axis of the smallest grain; `rate` must be at most {:.2e} rad/s",
                     speed * dt,
                     100.0 * LONGEST_MOVE,
-                    0.995 * rate * most / (speed * dt)
+                    printed_limit(rate * most / (speed * dt))
                 ));
             }
         }

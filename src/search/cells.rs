@@ -11,7 +11,7 @@
 use crate::cell::{Cell, Shear};
 use crate::contact::Pair;
 use crate::ids::{GlobalId, Slot};
-use crate::math::Vec3;
+use crate::math::{Vec3, bounds};
 use crate::particles::{Particles, walls};
 use std::borrow::Cow;
 
@@ -242,12 +242,6 @@ fn unfolded<'a>(positions: &'a [Vec3], owned: usize, cell: &Cell) -> Cow<'a, [Ve
     positions.iter().map(|place| cell.image_near(place, &middle)).collect()
 }
 
-/// Lowest and highest corner.
-fn bounds(positions: &[Vec3]) -> (Vec3, Vec3) {
-    let first = (positions[0], positions[0]);
-    positions.iter().fold(first, |(low, high), p| (low.inf(p), high.sup(p)))
-}
-
 /// The box that the grids divide.
 struct Space {
     low: Vec3,
@@ -286,7 +280,7 @@ struct Grid<'a> {
 
 impl<'a> Grid<'a> {
     fn new(space: &'a Space, positions: &[Vec3], members: &[u32], reach: f64) -> Self {
-        let mut count = cells_along(&space.extent, reach, members.len());
+        let mut count = grid_counts(&space.extent, reach, members.len());
         let mut width = space.extent;
         for axis in 0..3 {
             if space.wraps[axis] && count[axis] < 3 {
@@ -420,7 +414,7 @@ impl<'a> Grid<'a> {
 
 /// How many cells, none narrower than `reach`, fit along each side of a box; together in proportion to
 /// the bodies in them, so that a sparse cloud does not cost more than a packing.
-fn cells_along(extent: &Vec3, reach: f64, bodies: usize) -> [usize; 3] {
+fn grid_counts(extent: &Vec3, reach: f64, bodies: usize) -> [usize; 3] {
     let most = 4.0 * bodies as f64 + 64.0;
     let mut width = reach;
     loop {

@@ -217,8 +217,10 @@ fn travel(pair: Pair, particles: &Particles) -> f64 {
 
 /// Can no owned particle or wall have moved farther than this since the pairs were listed [m]?
 pub fn all_within(particles: &Particles, distance: f64) -> bool {
-    let (owned, walls) = (0..particles.owned, particles.first_facet()..particles.slots());
-    owned.chain(walls).all(|slot| particles.travel[slot] <= distance)
+    let room = particles.room_of_turning();
+    // A wall of triangles without slots here moves, too.
+    particles.travel[..particles.owned].iter().all(|way| *way <= distance)
+        && particles.walls.iter().all(|wall| wall.nearer_since_listed(&room) <= distance)
 }
 
 /// Square of the largest distance that an owned particle or a wall has moved since the pairs were
@@ -239,6 +241,7 @@ pub fn moved_squared(particles: &Particles) -> f64 {
         if moved > largest {
             largest = moved;
         }
+        sound &= moved.is_finite();
     }
     let slid = 0.5 * particles.cell.slid_since_listed();
     if slid > 0.0 {

@@ -379,6 +379,7 @@ impl TriangleMesh {
             + size_of_val(&*self.vertices_of)
             + size_of_val(&*self.first_vertex)
             + self.grid.bytes()
+            + self.solid.as_ref().map_or(0, Solid::bytes)
     }
 
     /// Have two facets a corner in common?

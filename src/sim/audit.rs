@@ -11,8 +11,8 @@
 use super::Simulation;
 use crate::comm::{Comm, wire};
 use crate::contact::{Converged, Geometry, Outcome, Pair, Touch, ordered};
-use crate::math::ExactSum;
-use crate::measure::{larger, shortest_axis};
+use crate::math::{ExactSum, larger_number};
+use crate::measure::shortest_axis;
 use crate::output::report::audit::{Audit, OfKinds, Spread};
 use crate::random::mixed;
 use crate::shape::Kind;
@@ -127,7 +127,8 @@ impl Auditor {
             let [a, b] = [pair.a, pair.b].map(|slot| sim.particles.id[slot.index()].0);
             let number = mixed(&[self.settings.seed, sim.step, a, b]);
             if number <= highest {
-                self.resolve(sim, pair, &touch, number);
+                // Of those taken, any number is as likely again.
+                self.resolve(sim, pair, &touch, mixed(&[number]));
             }
         }
     }
@@ -207,7 +208,7 @@ impl Found {
 
     fn keep(&mut self, number: u64, errors: Errors) {
         for (largest, error) in self.largest.iter_mut().zip(errors) {
-            *largest = larger(*largest, error);
+            *largest = larger_number(*largest, error);
         }
         self.kept.push((number, errors));
         if self.kept.len() >= 2 * KEPT {

@@ -41,7 +41,8 @@ impl Simulation {
         let mut leavers = everywhere(comm, &here.collect::<Vec<_>>());
         leavers.sort_unstable_by_key(|leaver| leaver.id);
         for leaver in leavers.iter().filter(|leaver| leaver.position.norm().is_finite()) {
-            if drives.iter_mut().any(|drive| drive.take(leaver, &particles.cell)) {
+            let mass = particles.library.mass_at(leaver.shape, leaver.scale);
+            if drives.iter_mut().any(|drive| drive.take(leaver, mass, &particles.cell)) {
                 taken.insert(leaver.id);
             }
         }

@@ -15,7 +15,7 @@ use crate::comm::{Comm, agree};
 use crate::contact::{ContactRecords, Found, Pair, Table, Touch, Why};
 use crate::contacts::{Contacts, Loaded};
 use crate::domain::{Domain, DomainError};
-use crate::drive::{Drive, DriveError, Moment};
+use crate::drive::{Drive, DriveError, Moment, Newcomers};
 use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Sums};
 use crate::math::Vec3;
@@ -74,7 +74,7 @@ pub struct Simulation {
     pub drives: Vec<Box<dyn Drive>>,
     /// Whether steps go too far.
     pub watch: Watch,
-    /// What the resolvers say of a few pairs, and how often who answered.
+    /// What the resolvers say of a few pairs, and how many pairs each resolver of a chain resolved.
     pub found: Found,
     /// Which pairs they are to look at.
     pub active: Vec<u32>,
@@ -96,7 +96,7 @@ pub struct Simulation {
     pub reach: f64,
     /// Cut again when the busiest rank has this many times the mean work.
     pub imbalance: f64,
-    /// Lists made since the last cut.
+    /// Neighbour lists rebuilt since the last repartition.
     pub lists_since_cut: u32,
     /// What was found of contacts that were resolved again.
     pub audit: Auditor,
@@ -172,7 +172,7 @@ struct FirstLook {
     unresolved: Vec<(Pair, Why)>,
 }
 
-/// How many lists are made before the domain may be cut again.
+/// How many neighbour lists are rebuilt before the next repartition.
 const LISTS_BETWEEN_CUTS: u32 = 5;
 
 impl Simulation {
@@ -287,6 +287,9 @@ impl Simulation {
     fn find_first_forces(&mut self) -> Result<(), StepError> {
         // No time has passed: springs do not stretch.
         self.find_forces(0.0)?;
+        for drive in &mut self.drives {
+            drive.first_forces(&self.contacts, &self.particles);
+        }
         self.count_initial_energy();
         self.count_work_of_images(0.5 * self.dt);
         Ok(())
@@ -296,7 +299,7 @@ impl Simulation {
     /// rank then owns. `dt` [s] is 0 at the start of a stage. Collective.
     fn list_pairs(
         &mut self,
-        newcomers: &[Particle],
+        newcomers: &[Newcomers],
         dt: f64,
         comm: &mut dyn Comm,
     ) -> Result<(), StepError> {
@@ -308,9 +311,12 @@ impl Simulation {
         self.recut_if_unbalanced(comm);
         let carried = self.domain.migrate(&mut self.particles, &self.contacts, &taken, comm);
         let me = comm.rank();
-        for particle in newcomers {
-            if self.domain.owner(&particle.position) == me {
-                self.insert_within_step(particle);
+        for Newcomers { count, make } in newcomers {
+            for k in 0..*count {
+                let particle = make(k, &self.particles.library);
+                if self.domain.owner(&particle.position) == me {
+                    self.insert_within_step(&particle);
+                }
             }
         }
         self.relist(&carried, comm);
@@ -376,12 +382,12 @@ impl Simulation {
     }
 
     /// Particles that drives insert now, the same on all ranks. Collective.
-    fn newcomers(&mut self, comm: &mut dyn Comm) -> Vec<Particle> {
+    fn newcomers(&mut self, comm: &mut dyn Comm) -> Vec<Newcomers> {
         let moment = self.moment();
         let mut newcomers = Vec::new();
         for drive in &mut self.drives {
             let inserted = drive.insert(&moment, self.next_id, &self.particles, comm);
-            self.next_id += inserted.len() as u64;
+            self.next_id += inserted.as_ref().map_or(0, |inserted| inserted.count);
             newcomers.extend(inserted);
         }
         newcomers

@@ -51,9 +51,18 @@ pub fn report(sim: &Simulation, finish: &Finish, origin: &Origin, comm: &mut dyn
 fn last_warnings(sim: &Simulation, finish: &Finish) -> Vec<String> {
     let unmet = &finish.unmet;
     let stop = (!unmet.is_empty()).then(|| format!("[stop] was not reached: {unmet}"));
-    // What a signal has cut short goes on, and what `[stop]` has ended had what was asked for.
-    let drives = if finish.ending == Ending::LastStep { &sim.drives[..] } else { &[][..] };
-    let of_drives = drives.iter().flat_map(|drive| drive.last_warnings(&sim.particles.walls));
+    let has_stopped = finish.ending == Ending::Rest;
+    // What a signal has cut short goes on.
+    let drives = match finish.ending {
+        Ending::Signal(_) => &[][..],
+        Ending::LastStep | Ending::Rest => &sim.drives[..],
+    };
+    // An error for which `[stop]` waited is as small as was asked for.
+    let awaited = |key| finish.stop.drives.iter().any(|(of, _)| of == key);
+    let of_drives = drives
+        .iter()
+        .filter(|drive| !has_stopped || !drive.error().is_some_and(|(key, _)| awaited(key)))
+        .flat_map(|drive| drive.last_warnings(&sim.particles.walls, has_stopped));
     let balance = finish.measures.poor_balance(finish.most_moving, sim.dt);
     let others = [overlap(finish), hollow(sim, finish), balance, finish.stiffened.clone()];
     stop.into_iter().chain(of_drives).chain(others.into_iter().flatten()).collect()

@@ -93,6 +93,8 @@ pub enum Ending {
 pub struct Finish {
     /// Why.
     pub ending: Ending,
+    /// When it was to end before its last step.
+    pub stop: Stop,
     /// Steps of this run.
     pub steps_done: u64,
     /// Particles of all ranks, summed over the steps.
@@ -260,6 +262,7 @@ pub fn run(
     let most_moving = most_moving(sim, &measures);
     Ok(Finish {
         ending,
+        stop: schedule.stop.clone(),
         unmet: if has_ended { unmet(sim, &schedule.stop, &measures) } else { String::new() },
         steps_done: sim.step - first_step,
         particle_steps: total[0] as u64,
@@ -664,11 +667,21 @@ fn save(
     )?)
 }
 
+/// A pair at the start: its overlap over the shortest axis, the particle, the other body as files have it, and where [m].
+type TooDeep = (f64, u64, i64, [f64; 3]);
+
+/// So many of them are named.
+const NAMED: usize = 5;
+
+fn is_wall(body: i64) -> bool {
+    GlobalId::from_file(body).wall_index().is_some()
+}
+
 /// Refuses bodies that start too deep in each other, or so deep that no method can resolve them, and names the worst of
 /// them. Those that touched at the end of the stage before are where the forces have put them.
 fn check_overlaps(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
     let FirstLook { new, unresolved } = sim.look_first();
-    let mut found: Vec<(f64, u64, i64, [f64; 3])> = Vec::new();
+    let mut found: Vec<TooDeep> = Vec::new();
     let too_deep = new.into_iter().filter_map(|(pair, touch)| {
         let depth = touch.overlap / shortest_axis(&sim.particles, pair.a, pair.b);
         (depth > DEEPEST_START).then_some((depth, pair, touch.point))
@@ -681,30 +694,41 @@ fn check_overlaps(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunEr
             found.push((depth, a.0, b.to_file(), at.into()));
         }
     }
-    if !comm.any(!found.is_empty()) {
+    let between_particles = found.iter().filter(|&&(_, _, b, _)| !is_wall(b)).count();
+    let mut counts = [found.len(), between_particles].map(|count| count as i64);
+    comm.sum(&mut counts);
+    if counts[0] == 0 {
         return Ok(());
     }
-    let gathered = comm.gather(crate::comm::wire::encode(&found));
+    let worst = |found: &mut Vec<TooDeep>| {
+        found.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
+        found.truncate(NAMED);
+    };
+    worst(&mut found);
+    let gathered = comm.gather(wire::encode(&found));
     let mut bytes = Vec::new();
     if let Some(all) = gathered {
-        let mut found: Vec<(f64, u64, i64, [f64; 3])> =
-            all.iter().flat_map(|bytes| crate::comm::wire::decode::<Vec<_>>(bytes)).collect();
-        found.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
-        bytes = overlap_message(&found, &sim.particles).into_bytes();
+        found = all.iter().flat_map(|bytes| wire::decode::<Vec<_>>(bytes)).collect();
+        worst(&mut found);
+        bytes = overlap_message(&found, counts, &sim.particles).into_bytes();
     }
     comm.broadcast(&mut bytes);
     Err(RunError::Start(String::from_utf8_lossy(&bytes).into_owned()))
 }
 
-fn overlap_message(found: &[(f64, u64, i64, [f64; 3])], particles: &Particles) -> String {
+/// Of the `worst` pairs, of so many in all and so many of two particles.
+fn overlap_message(
+    worst: &[TooDeep],
+    [all, between_particles]: [i64; 2],
+    particles: &Particles,
+) -> String {
     use std::fmt::Write;
     let mut text = format!(
-        "{} pair{} overlap by more than {} % of the shortest axis at the start:",
-        found.len(),
-        if found.len() == 1 { "" } else { "s" },
+        "{all} pair{} overlap by more than {} % of the shortest axis at the start:",
+        if all == 1 { "" } else { "s" },
         100.0 * DEEPEST_START
     );
-    for (depth, a, b, at) in found.iter().take(5) {
+    for (depth, a, b, at) in worst {
         let partner = particles.body_name(GlobalId::from_file(*b));
         let how_deep = if depth.is_finite() {
             format!("{:.1} %", 100.0 * depth)
@@ -717,13 +741,12 @@ fn overlap_message(found: &[(f64, u64, i64, [f64; 3])], particles: &Particles) -
             at[0], at[1], at[2]
         );
     }
-    if found.len() > 5 {
+    if all > worst.len() as i64 {
         text.push_str("\n  ...");
     }
-    let is_wall = |b: i64| GlobalId::from_file(b).wall_index().is_some();
-    text.push_str(if found[0].0 >= 1.0 && is_wall(found[0].2) {
+    text.push_str(if worst[0].0 >= 1.0 && is_wall(worst[0].2) {
         "\nIs that particle behind the wall? A wall's normal points towards the particles"
-    } else if found.iter().all(|&(_, _, b, _)| is_wall(b)) {
+    } else if between_particles == 0 {
         "\nMove them apart: the walls, or the particles"
     } else {
         "\nMove them apart, or use a larger spacing"

@@ -5,7 +5,8 @@
 use crate::contact::Pair;
 use crate::contacts::Contacts;
 use crate::ids::GlobalId;
-use crate::measure::{larger, shortest_axis};
+use crate::math::{larger_number, printed_limit};
+use crate::measure::shortest_axis;
 use crate::motion::Farthest;
 use crate::particles::Particles;
 use crate::shape::Kind;
@@ -103,7 +104,7 @@ impl Watch {
     pub fn note(&mut self, farthest: &Farthest, particles: &Particles, dt: f64) {
         let Farthest { moved: (moved, mover), turned: (angle, turner) } = *farthest;
         self.note_move(moved, dt, || particles.body_name(particles.id[mover]));
-        self.largest[1] = larger(self.largest[1], angle / WIDEST);
+        self.largest[1] = larger_number(self.largest[1], angle / WIDEST);
         if angle > WIDEST {
             let works = dt * WARNED[0] * WIDEST / angle;
             self.fault = Some(Fault::Turned { id: particles.id[turner], angle, works });
@@ -117,7 +118,7 @@ impl Watch {
 
     fn note_move(&mut self, moved: f64, dt: f64, body: impl Fn() -> String) {
         let part = moved / (FARTHEST * self.radius);
-        self.largest[0] = larger(self.largest[0], part);
+        self.largest[0] = larger_number(self.largest[0], part);
         if part > 1.0 {
             let (radius, works) = (self.radius, dt * WARNED[0] / part);
             self.fault = Some(Fault::Moved { body: body(), moved, radius, works });
@@ -211,7 +212,6 @@ pub(super) fn over_the_limit(dt: f64, limit: f64, overlap: f64) -> String {
          {overlap:.3} of the radius made contacts stiffer: set law.largest_overlap to the overlap that will come and \
          step = \"auto\", or take a step of {:.2e} s, or make the load or the speed smaller, or set time.allow_unstable = true",
         100.0 * (dt / limit - 1.0),
-        // Rounded down.
-        0.995 * limit
+        printed_limit(limit)
     )
 }

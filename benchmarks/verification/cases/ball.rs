@@ -45,7 +45,7 @@ impl Ball {
     pub(crate) fn text(&self) -> String {
         let Self { radius, density, normal, tangential, friction, restitution, pulls } = self;
         format!(
-            r#"[contact]
+            r#"[law]
 limit_damping = {}
 [[material]]
 name = "m"

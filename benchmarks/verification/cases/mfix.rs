@@ -301,7 +301,7 @@ impl Stack {
         Setup {
             gravity: Vec3::new(0.0, 0.0, -G),
             text: format!(
-                "[contact]\nlimit_damping = false\n{}{}",
+                "[law]\nlimit_damping = false\n{}{}",
                 material("lower", a),
                 material("upper", b)
             ),

@@ -68,7 +68,7 @@ kind = "ellipsoid"
 semi_axes = [{a:e}, {b:e}, {b:e}]
 [[fill.file]]
 path = "ellipsoids_5120.csv"
-[contact]
+[law]
 limit_damping = false
 [time]
 step = 1e-5

@@ -40,7 +40,7 @@ impl Plane {
 pub(crate) struct Setup {
     /// Gravity [m/s²].
     pub(crate) gravity: Vec3,
-    /// The scene's `[[material]]`, `[[interaction]]`, `[[shape]]` and `[contact]`, as TOML.
+    /// The scene's `[[material]]`, `[[interaction]]`, `[[shape]]` and `[law]`, as TOML.
     pub(crate) text: String,
     /// Walls.
     pub(crate) planes: Vec<Plane>,

@@ -649,7 +649,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// No force is left, but what the last contact lost.
+    /// Zero force; the stored energy of the ended contact counts as dissipated.
     #[cold]
     pub(super) fn add_separated_with_patches(&mut self, separated: Separated) {
         let Self { law, particles, dt, .. } = *self;

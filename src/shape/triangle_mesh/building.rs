@@ -1,9 +1,8 @@
 //! From triangles to facets.
 
 use super::grid::Grid;
-use super::nearest::bounds;
 use super::{COPLANAR, Findings, MeshFacet, NONE, Triangle, TriangleMesh};
-use crate::math::Vec3;
+use crate::math::{Vec3, bounds};
 
 /// A triangle is degenerate if it is flatter than this.
 const SLIVER: f64 = 1e-9;

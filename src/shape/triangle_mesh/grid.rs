@@ -1,7 +1,6 @@
 //! Where triangles are looked for.
 
-use super::nearest::bounds;
-use crate::math::Vec3;
+use crate::math::{Vec3, bounds};
 use serde::{Deserialize, Serialize};
 
 /// Cells with the triangles that come into them.

@@ -2,10 +2,6 @@
 
 use crate::math::Vec3;
 
-pub(super) fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {
-    points.iter().fold((points[0], points[0]), |(low, high), p| (low.inf(p), high.sup(p)))
-}
-
 pub(super) fn nearest_on_segment(from: &Vec3, to: &Vec3, point: &Vec3) -> Vec3 {
     let along = to - from;
     from + along * ((point - from).dot(&along) / along.norm_squared()).clamp(0.0, 1.0)

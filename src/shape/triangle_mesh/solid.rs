@@ -23,9 +23,9 @@
 //! | of others | the same by the angle between their normals, or by that at which the nearest points of both stand over each other, if that is more |
 
 use super::building::{Side, sides_of};
-use super::nearest::{bounds, nearest_on};
+use super::nearest::nearest_on;
 use super::{MeshFacet, TriangleMesh};
-use crate::math::Vec3;
+use crate::math::{Vec3, bounds};
 use crate::shape::facets::Plane;
 use serde::{Deserialize, Serialize};
 
@@ -89,6 +89,11 @@ pub(super) struct Solid {
 }
 
 impl Solid {
+    /// Bytes that it holds.
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(&*self.behind) + size_of_val(&*self.meetings)
+    }
+
     fn meeting(&self, one: u32, other: u32) -> Option<&Meeting> {
         let key = (one.min(other), one.max(other));
         let place = self.meetings.binary_search_by_key(&key, |m| (m.0, m.1)).ok()?;
