@@ -67,25 +67,36 @@ impl Particle {
     }
 }
 
+/// Takes the next numbers from bytes.
+fn take<const N: usize>(rest: &mut &[u8]) -> [f64; N] {
+    let (numbers, others) = rest.split_at(size_of::<[f64; N]>());
+    *rest = others;
+    std::array::from_fn(|k| {
+        bytemuck::pod_read_unaligned(&numbers[size_of::<f64>() * k..][..size_of::<f64>()])
+    })
+}
+
 impl Particles {
     /// Packs what a ghost's rank gets in every step of each of these owned particles, in their order:
     /// [`super::Needs::halo_values`] numbers each.
     pub fn pack_halo(&self, slots: &[u32]) -> Vec<u8> {
-        let mut values = Vec::with_capacity(slots.len() * self.needs.halo_values());
+        let mut bytes =
+            Vec::with_capacity(slots.len() * size_of::<f64>() * self.needs.halo_values());
+        let mut push = |values: &[f64]| bytes.extend_from_slice(bytemuck::cast_slice(values));
         for &slot in slots {
             let slot = slot as usize;
-            values.extend_from_slice(self.position[slot].as_slice());
+            push(self.position[slot].as_slice());
             if self.needs.velocity {
-                values.extend_from_slice(self.velocity[slot].as_slice());
+                push(self.velocity[slot].as_slice());
                 if let Some(spin) = &self.spin {
-                    values.extend_from_slice(spin.angular_velocity[slot].as_slice());
+                    push(spin.angular_velocity[slot].as_slice());
                 }
             }
             if let Some(orientation) = &self.orientation {
-                values.extend_from_slice(orientation.quaternion[slot].coords.as_slice());
+                push(orientation.quaternion[slot].coords.as_slice());
             }
         }
-        bytemuck::cast_slice(&values).to_vec()
+        bytes
     }
 
     /// Unpacks what [`Particles::pack_halo`] packed on the owner's rank into the ghosts from slot
@@ -94,17 +105,10 @@ impl Particles {
     /// # Panics
     /// If there are fewer ghosts than the bytes hold: the ranks are out of step.
     pub fn unpack_halo(&mut self, first: usize, bytes: &[u8]) {
-        let values: Vec<f64> = bytemuck::pod_collect_to_vec(bytes);
         let rounding = self.cell.rounding_of_images();
-        for (k, value) in values.chunks_exact(self.needs.halo_values()).enumerate() {
-            let slot = first + k;
-            let mut rest = value;
-            let mut take = |count: usize| {
-                let (head, tail) = rest.split_at(count);
-                rest = tail;
-                head
-            };
-            let position = Vec3::from_column_slice(take(3));
+        let size = size_of::<f64>() * self.needs.halo_values();
+        for (slot, mut rest) in (first..).zip(bytes.chunks_exact(size)) {
+            let position = Vec3::from(take::<3>(&mut rest));
             let way = self.cell.moved(&self.position[slot], &position);
             let mut moved = way.norm();
             if way != position - self.position[slot] {
@@ -112,13 +116,13 @@ impl Particles {
             }
             self.position[slot] = position;
             if self.needs.velocity {
-                self.velocity[slot] = Vec3::from_column_slice(take(3));
+                self.velocity[slot] = Vec3::from(take::<3>(&mut rest));
                 if let Some(spin) = &mut self.spin {
-                    spin.angular_velocity[slot] = Vec3::from_column_slice(take(3));
+                    spin.angular_velocity[slot] = Vec3::from(take::<3>(&mut rest));
                 }
             }
             if let Some(orientation) = &mut self.orientation {
-                let coords = nalgebra::Vector4::from_column_slice(take(4));
+                let coords = nalgebra::Vector4::from(take::<4>(&mut rest));
                 // The owner's bits, not normalised again.
                 let quaternion = Quat::new_unchecked(coords.into());
                 // A turn by θ moves the quaternion by 2 sin(θ/4), which is more than 2θ/2.1 / 2.

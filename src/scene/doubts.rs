@@ -8,7 +8,7 @@ use crate::law::stability::lost_levers;
 use crate::math::Vec3;
 use crate::shape::triangle_mesh::{MeshFacet, Strip};
 use crate::shape::{Kind, Shape};
-use crate::sim::run::DEEPEST_START;
+use crate::sim::start::DEEPEST_START;
 
 /// Warnings about a scene, a sentence each.
 pub fn doubts(scene: &Scene) -> Vec<String> {

@@ -8,7 +8,7 @@ use crate::drive::rain::cells_along;
 use crate::ids::ShapeId;
 use crate::math::Vec3;
 use crate::particles::Library;
-use crate::sim::run::DEEPEST_START;
+use crate::sim::start::DEEPEST_START;
 use std::path::Path;
 
 /// Width of a cell of rain or lattice, in largest bounding diameters, if the file does not say.

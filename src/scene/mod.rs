@@ -13,6 +13,7 @@
 #![doc = include_str!("keys.md")]
 
 pub mod assemble;
+mod bed;
 mod check;
 pub mod doubts;
 mod fills;
@@ -51,7 +52,7 @@ use crate::particles::walls::Wall;
 use crate::particles::{Library, Needs};
 use crate::shape::Kind;
 use crate::sim::audit;
-pub use crate::sim::run::Stop;
+pub use crate::sim::stop::Stop;
 use check::Need;
 pub use matter::Material;
 use mistakes::Mistakes;

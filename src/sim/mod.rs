@@ -7,7 +7,9 @@ mod leavers;
 pub mod report;
 pub mod run;
 pub mod sizes;
+pub mod start;
 mod stiffening;
+pub mod stop;
 pub mod trace;
 pub mod watch;
 

@@ -2,8 +2,9 @@
 
 use super::Simulation;
 use super::floor::{Floor, Needed};
-use super::run::{DEEPEST_START, Ending, Finish, counted};
+use super::run::{Ending, Finish, counted};
 use super::sizes::sizes;
+use super::start::DEEPEST_START;
 use super::watch::Watch;
 use crate::comm::Comm;
 use crate::contact::Tally;

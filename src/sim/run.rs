@@ -1,22 +1,21 @@
 //! A run: steps, with outputs on schedule, until all is done.
 
+use super::start::{DEEPEST_START, check_overlaps};
 use super::stiffening::Stiffening;
+use super::stop::Stop;
 use super::watch::{DEEPEST, Fault};
-use super::{FirstLook, Simulation, StepError};
+use super::{Simulation, StepError};
 use crate::comm::{Comm, agree, wire};
 use crate::domain::DomainError;
 use crate::drive::CHECK_EVERY;
 use crate::ids::GlobalId;
 use crate::math::Vec3;
-use crate::measure::{Measures, shortest_axis};
+use crate::measure::Measures;
 use crate::output::table::{History, TableError};
 use crate::output::{SnapshotError, snapshot};
-use crate::particles::Particles;
 use crate::timing::{Clock, Phase};
-use serde::{Deserialize, Serialize};
 use std::array::IntoIter;
 use std::collections::BTreeSet;
-use std::fmt::{Display, Formatter};
 use std::iter::Peekable;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -46,35 +45,6 @@ pub struct Schedule {
     pub traced: Vec<GlobalId>,
     /// Does the run go on where contacts that stiffen with load make the stable limit fall below the step?
     pub allow_unstable: bool,
-}
-
-/// When a stage has done its work: when all that is asked for holds.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Stop {
-    /// The kinetic energy is below this fraction of the energy dissipated.
-    pub rest: Option<f64>,
-    /// The mean resultant force of a particle is below this fraction of the mean contact force: [`Measures::unbalanced`].
-    pub unbalanced: Option<f64>,
-    /// So many particles have left through outlets in this stage.
-    pub left: Option<u64>,
-    /// No more than so many particles are there, and none are still to come.
-    pub remaining: Option<u64>,
-    /// The error of a drive is below this, by the drive's key: [`crate::drive::Drive::error`].
-    pub drives: Vec<(String, f64)>,
-}
-
-/// As the scene has it.
-impl Display for Stop {
-    fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
-        let Self { rest, unbalanced, drives, left, remaining } = self;
-        let own = [("rest", *rest), ("unbalanced", *unbalanced)];
-        let own = own.into_iter().filter_map(|(key, limit)| Some((key, limit?)));
-        let given = own.chain(drives.iter().map(|(key, limit)| (&**key, *limit)));
-        let given = given.map(|(key, limit)| format!("{key} = {limit}"));
-        let counts = [("left", *left), ("remaining", *remaining)].into_iter();
-        let counts = counts.filter_map(|(key, count)| Some(format!("{key} = {}", count?)));
-        f.write_str(&given.chain(counts).collect::<Vec<_>>().join(", "))
-    }
 }
 
 /// Why a run ended well.
@@ -160,10 +130,6 @@ pub enum RunError {
     #[error("{0}")]
     Start(String),
 }
-
-/// The deepest overlap that a run may begin with, over the shortest axis of the smaller body: the
-/// largest that DEM commonly permits (the paper, section 2.1).
-pub const DEEPEST_START: f64 = 0.05;
 
 /// Runs until the schedule says that all is done. Collective.
 ///
@@ -263,7 +229,7 @@ pub fn run(
     Ok(Finish {
         ending,
         stop: schedule.stop.clone(),
-        unmet: if has_ended { unmet(sim, &schedule.stop, &measures) } else { String::new() },
+        unmet: if has_ended { schedule.stop.unmet(sim, &measures) } else { String::new() },
         steps_done: sim.step - first_step,
         particle_steps: total[0] as u64,
         wall_seconds: started.elapsed().as_secs_f64(),
@@ -287,7 +253,7 @@ pub fn begin(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> 
         StepError::Fault { .. } => RunError::Start(error.to_string()),
         error => explain(error, sim, comm),
     })?;
-    check_overlaps(sim, comm)?;
+    check_overlaps(sim, comm).map_err(RunError::Start)?;
     sim.find_first_forces().map_err(RunError::Step)
 }
 
@@ -405,7 +371,7 @@ impl<'a> Records<'a> {
         if measures.largest_overlap > DEEPEST {
             sim.agree_on_fault(comm).map_err(|error| explain(error, sim, comm))?;
         }
-        let is_at_rest = rest_due && unmet(sim, &schedule.stop, &measures).is_empty();
+        let is_at_rest = rest_due && schedule.stop.unmet(sim, &measures).is_empty();
         let ending = if is_at_rest { Ending::Rest } else { Ending::LastStep };
         let stiff = self.warn(sim, &measures, warnings).err();
         if row_due || is_at_rest {
@@ -498,44 +464,6 @@ fn most_moving(sim: &Simulation, now: &Measures) -> f64 {
 
 const fn due(step: u64, every: u64) -> bool {
     every > 0 && step.is_multiple_of(every)
-}
-
-/// What is asked for and does not hold now; empty if all does.
-fn unmet(sim: &Simulation, stop: &Stop, measures: &Measures) -> String {
-    let mut unmet: Vec<String> = Vec::new();
-    let of_contacts = stop.rest.is_some() || stop.unbalanced.is_some() || !stop.drives.is_empty();
-    if of_contacts || stop.remaining.is_some() {
-        unmet.extend(sim.drives.iter().filter_map(|drive| drive.unfinished()).map(str::to_owned));
-    }
-    let gone: u64 = sim.drives.iter().map(|drive| drive.gone()).sum();
-    if let Some(left) = stop.left.filter(|&left| gone < left) {
-        unmet.push(format!("{gone} of {left} particles have left"));
-    }
-    if let Some(most) = stop.remaining.filter(|&most| measures.particles > most) {
-        unmet.push(format!("{} particles remain, more than {most}", measures.particles));
-    }
-    // In the moments at the end of a rebound when a dashpot has taken all the force, grains touch but carry nothing.
-    let carries = measures.mean_normal_force > 0.0
-        || measures.wall_forces.iter().any(|f| *f != Vec3::zeros());
-    if of_contacts && !carries {
-        unmet.push("no contact carries a force".to_owned());
-    }
-    let own = [
-        ("rest", measures.kinetic() / measures.dissipated, stop.rest),
-        ("unbalanced", measures.unbalanced, stop.unbalanced),
-    ];
-    let of_drives = sim.drives.iter().filter_map(|drive| {
-        let (key, error) = drive.error()?;
-        let limit = stop.drives.iter().find(|(of, _)| of == key);
-        Some((key, error, limit.map(|(_, limit)| *limit)))
-    });
-    for (name, is, limit) in own.into_iter().chain(of_drives) {
-        // What is not a number is below no limit.
-        if let Some(limit) = limit.filter(|&limit| is >= limit || is.is_nan()) {
-            unmet.push(format!("{name} is {is:.2e}, not below {limit}"));
-        }
-    }
-    unmet.join("; ")
 }
 
 /// Parts of the energy missing from the balance at which a run says so when it happens; less is said at its end.
@@ -665,91 +593,4 @@ fn save(
         &sim.contact_record_rows(),
         comm,
     )?)
-}
-
-/// A pair at the start: its overlap over the shortest axis, the particle, the other body as files have it, and where [m].
-type TooDeep = (f64, u64, i64, [f64; 3]);
-
-/// So many of them are named.
-const NAMED: usize = 5;
-
-fn is_wall(body: i64) -> bool {
-    GlobalId::from_file(body).wall_index().is_some()
-}
-
-/// Refuses bodies that start too deep in each other, or so deep that no method can resolve them, and names the worst of
-/// them. Those that touched at the end of the stage before are where the forces have put them.
-fn check_overlaps(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
-    let FirstLook { new, unresolved } = sim.look_first();
-    let mut found: Vec<TooDeep> = Vec::new();
-    let too_deep = new.into_iter().filter_map(|(pair, touch)| {
-        let depth = touch.overlap / shortest_axis(&sim.particles, pair.a, pair.b);
-        (depth > DEEPEST_START).then_some((depth, pair, touch.point))
-    });
-    let beyond_any = unresolved.iter().map(|&(pair, _)| (f64::INFINITY, pair, Vec3::zeros()));
-    for (depth, pair, point) in too_deep.chain(beyond_any) {
-        if pair.a.index() < sim.particles.owned {
-            let (a, b) = (sim.particles.id[pair.a.index()], sim.particles.id[pair.b.index()]);
-            let at = sim.particles.position[pair.a.index()] + point;
-            found.push((depth, a.0, b.to_file(), at.into()));
-        }
-    }
-    let between_particles = found.iter().filter(|&&(_, _, b, _)| !is_wall(b)).count();
-    let mut counts = [found.len(), between_particles].map(|count| count as i64);
-    comm.sum(&mut counts);
-    if counts[0] == 0 {
-        return Ok(());
-    }
-    let worst = |found: &mut Vec<TooDeep>| {
-        found.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
-        found.truncate(NAMED);
-    };
-    worst(&mut found);
-    let gathered = comm.gather(wire::encode(&found));
-    let mut bytes = Vec::new();
-    if let Some(all) = gathered {
-        found = all.iter().flat_map(|bytes| wire::decode::<Vec<_>>(bytes)).collect();
-        worst(&mut found);
-        bytes = overlap_message(&found, counts, &sim.particles).into_bytes();
-    }
-    comm.broadcast(&mut bytes);
-    Err(RunError::Start(String::from_utf8_lossy(&bytes).into_owned()))
-}
-
-/// Of the `worst` pairs, of so many in all and so many of two particles.
-fn overlap_message(
-    worst: &[TooDeep],
-    [all, between_particles]: [i64; 2],
-    particles: &Particles,
-) -> String {
-    use std::fmt::Write;
-    let mut text = format!(
-        "{all} pair{} overlap by more than {} % of the shortest axis at the start:",
-        if all == 1 { "" } else { "s" },
-        100.0 * DEEPEST_START
-    );
-    for (depth, a, b, at) in worst {
-        let partner = particles.body_name(GlobalId::from_file(*b));
-        let how_deep = if depth.is_finite() {
-            format!("{:.1} %", 100.0 * depth)
-        } else {
-            "so deep that no contact method can find a normal,".to_owned()
-        };
-        let _ = write!(
-            text,
-            "\n  particle {a} and {partner}: {how_deep} at ({:.4e}, {:.4e}, {:.4e}) m",
-            at[0], at[1], at[2]
-        );
-    }
-    if all > worst.len() as i64 {
-        text.push_str("\n  ...");
-    }
-    text.push_str(if worst[0].0 >= 1.0 && is_wall(worst[0].2) {
-        "\nIs that particle behind the wall? A wall's normal points towards the particles"
-    } else if between_particles == 0 {
-        "\nMove them apart: the walls, or the particles"
-    } else {
-        "\nMove them apart, or use a larger spacing"
-    });
-    text
 }

@@ -1,0 +1,99 @@
+//! How deep bodies may be in each other at the start of a stage.
+
+use super::{FirstLook, Simulation};
+use crate::comm::{Comm, wire};
+use crate::ids::GlobalId;
+use crate::math::Vec3;
+use crate::measure::shortest_axis;
+use crate::particles::Particles;
+
+/// The deepest overlap that a run may begin with, over the shortest axis of the smaller body: the
+/// largest that DEM commonly permits (the paper, section 2.1).
+pub const DEEPEST_START: f64 = 0.05;
+
+/// A pair at the start: its overlap over the shortest axis, the particle, the other body as files have it, and where [m].
+type TooDeep = (f64, u64, i64, [f64; 3]);
+
+/// So many of them are named.
+const NAMED: usize = 5;
+
+fn is_wall(body: i64) -> bool {
+    GlobalId::from_file(body).wall_index().is_some()
+}
+
+/// Refuses bodies that start too deep in each other, or so deep that no method can resolve them, and names the worst of
+/// them. Those that touched at the end of the stage before are where the forces have put them.
+pub(super) fn check_overlaps(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), String> {
+    let FirstLook { new, unresolved } = sim.look_first();
+    let mut found: Vec<TooDeep> = Vec::new();
+    let too_deep = new.into_iter().filter_map(|(pair, touch)| {
+        let depth = touch.overlap / shortest_axis(&sim.particles, pair.a, pair.b);
+        (depth > DEEPEST_START).then_some((depth, pair, touch.point))
+    });
+    let beyond_any = unresolved.iter().map(|&(pair, _)| (f64::INFINITY, pair, Vec3::zeros()));
+    for (depth, pair, point) in too_deep.chain(beyond_any) {
+        if pair.a.index() < sim.particles.owned {
+            let (a, b) = (sim.particles.id[pair.a.index()], sim.particles.id[pair.b.index()]);
+            let at = sim.particles.position[pair.a.index()] + point;
+            found.push((depth, a.0, b.to_file(), at.into()));
+        }
+    }
+    let between_particles = found.iter().filter(|&&(_, _, b, _)| !is_wall(b)).count();
+    let mut counts = [found.len(), between_particles].map(|count| count as i64);
+    comm.sum(&mut counts);
+    if counts[0] == 0 {
+        return Ok(());
+    }
+    let worst = |found: &mut Vec<TooDeep>| {
+        found.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
+        found.truncate(NAMED);
+    };
+    worst(&mut found);
+    let gathered = comm.gather(wire::encode(&found));
+    let mut bytes = Vec::new();
+    if let Some(all) = gathered {
+        found = all.iter().flat_map(|bytes| wire::decode::<Vec<_>>(bytes)).collect();
+        worst(&mut found);
+        bytes = overlap_message(&found, counts, &sim.particles).into_bytes();
+    }
+    comm.broadcast(&mut bytes);
+    Err(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// Of the `worst` pairs, of so many in all and so many of two particles.
+fn overlap_message(
+    worst: &[TooDeep],
+    [all, between_particles]: [i64; 2],
+    particles: &Particles,
+) -> String {
+    use std::fmt::Write;
+    let mut text = format!(
+        "{all} pair{} overlap by more than {} % of the shortest axis at the start:",
+        if all == 1 { "" } else { "s" },
+        100.0 * DEEPEST_START
+    );
+    for (depth, a, b, at) in worst {
+        let partner = particles.body_name(GlobalId::from_file(*b));
+        let how_deep = if depth.is_finite() {
+            format!("{:.1} %", 100.0 * depth)
+        } else {
+            "so deep that no contact method can find a normal,".to_owned()
+        };
+        let _ = write!(
+            text,
+            "\n  particle {a} and {partner}: {how_deep} at ({:.4e}, {:.4e}, {:.4e}) m",
+            at[0], at[1], at[2]
+        );
+    }
+    if all > worst.len() as i64 {
+        text.push_str("\n  ...");
+    }
+    text.push_str(if worst[0].0 >= 1.0 && is_wall(worst[0].2) {
+        "\nIs that particle behind the wall? A wall's normal points towards the particles"
+    } else if between_particles == 0 {
+        "\nMove them apart: the walls, or the particles"
+    } else {
+        "\nMove them apart, or use a larger spacing"
+    });
+    text
+}
