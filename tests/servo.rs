@@ -643,6 +643,18 @@ fn six_servos_keep_their_stress_on_dashpots() {
     }
 }
 
+/// A stage that `[stop]` ends while its servos are off is warned of it, unless `[stop]` was to wait for them.
+#[test]
+fn servos_that_a_stop_leaves_off_are_warned_of() {
+    for (stop, expected) in [("unbalanced = 1e3", 6), ("servo = 10", 0)] {
+        let gain = format!("[stop]\n{stop}\n");
+        let (_, report) = balls(SIX, &gain, 0.3, 5e-6, 20_000);
+        assert!(report.run.steps < 20_000, "{report:#?}");
+        assert!(told_errors(&report).iter().any(|&error| error > 0.02), "{report:#?}");
+        assert_eq!(warned(&report), expected, "{stop}: {report:#?}");
+    }
+}
+
 /// Under a moving lid a law without an integral stayed at 1.4 to 2 times its target.
 #[test]
 fn servos_keep_their_stress_under_a_moving_lid() {

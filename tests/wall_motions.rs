@@ -492,6 +492,11 @@ fn steps_that_do_not_follow_are_told() {
     let text = on_floor("", "", "") + SWINGING;
     let swinging = scene(&text);
     assert_eq!(doubts(&swinging), Vec::<String>::new());
+    // It begins at rest, or as good as: the cosine of 90 degrees is 6e-17.
+    let from_rest = "[[motion]]\nwalls = [\"floor\"]\nalong = [0, 0, 1]\namplitude = 1e-3\nfrequency = 5\nphase = -90\n";
+    let at_rest = scene(&(on_floor("", "", "") + from_rest));
+    assert!(at_rest.walls[0].velocity != Vec3::zeros());
+    assert_eq!(doubts(&at_rest), Vec::<String>::new());
     let page = plan(&swinging, 1);
     let told = "floor: 0.001 m along [0, 0, 1] at 5 1/s, at most 3.142e-2 m/s";
     assert!(page.contains(told), "{page}");

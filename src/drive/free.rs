@@ -77,7 +77,9 @@ impl FreeWalls {
     /// Takes note of the force of this rank's contacts on each wall along its line.
     fn note_forces(&mut self, contacts: &Contacts, particles: &Particles) {
         let Self { all, states, .. } = self;
-        states.iter_mut().for_each(|state| state.force = ExactSum::default());
+        for state in &mut *states {
+            state.force = ExactSum::default();
+        }
         for (pair, force) in contacts.forces_on_walls(particles) {
             let Some(wall) = particles.wall_of(pair.b) else { continue };
             for (free, state) in all.iter().zip(&mut *states).filter(|(free, _)| free.wall == wall)

@@ -127,9 +127,12 @@ pub struct Moment {
 pub struct Newcomers {
     /// How many.
     pub count: u64,
-    /// The one of a number from 0, whose shape and size are of the library.
-    pub make: Box<dyn Fn(u64, &Library) -> Particle>,
+    /// What makes each.
+    pub make: Box<Maker>,
 }
+
+/// Makes the particle of a number from 0, with a shape of a library.
+pub type Maker = dyn Fn(u64, &Library) -> Particle;
 
 impl Newcomers {
     /// Those of a list.

@@ -11,13 +11,14 @@
 //! | [`table`] | `history.csv`, the scalars of a run by time |
 //! | [`report`] | `report.json`, all figures of a run at its end, and the same as text |
 //! | [`performance`] | `performance.csv`, what a run did and what it took |
-//! | [`hdf5`] | the only file that calls HDF5: columns, attributes and checksums |
+//! | [`hdf5`] | the only file that calls HDF5: columns and attributes |
+//! | [`seal`] | that a file is whole: checksums, and room on the disk |
 //!
 //! With MPI all ranks write a large snapshot together, each the rows of a range of ids; a small one, or one without MPI,
 //! rank 0 gathers and writes. The files are the same, whatever the number of ranks.
 //!
 //! A file appears under its own name only when it is complete and on the disk, so a crash leaves
-//! the last good snapshot. It ends with a [`hdf5::checksum`] of all its bytes, and every dataset carries
+//! the last good snapshot. It ends with a [`seal::checksum`] of all its bytes, and every dataset carries
 //! one of its own: a file cut short and a flipped bit are found before anything else looks at it.
 
 pub mod columns;
@@ -26,6 +27,7 @@ pub mod header;
 pub mod order;
 pub mod performance;
 pub mod report;
+pub mod seal;
 pub mod series;
 pub mod snapshot;
 pub mod table;

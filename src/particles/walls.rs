@@ -9,9 +9,12 @@
 //! `velocity · dt` in each step. The orientation comes from the number of steps since the wall began to turn as it does, in
 //! closed form: a turn of a million steps has the rounding of one, and a run that goes on from a snapshot has the same bits.
 //!
-//! What moves a wall: its scene, with constant velocities or a course ([`super::courses`]), or a drive, which sets them in each step. A wall that is free to
-//! move under its load will be a drive, too: [`Wall::mass`] is there, and its moment of inertia, and the force and moment on
-//! it about the reference point, would come in there.
+//! What moves a wall: its scene, with constant velocities or a course ([`super::courses`]), or a drive, which sets its velocities in each step
+//! ([`crate::drive::servo`], [`crate::drive::free`]).
+
+mod saved;
+
+pub use saved::Saved;
 
 use super::courses::Course;
 use crate::cell::Cell;
@@ -130,64 +133,6 @@ impl Turning {
         let rate = self.velocity.norm();
         let angle = rate * ((step - self.since) as f64 * dt);
         rotation_about(&(self.velocity / rate), angle) * self.from
-    }
-}
-
-/// What a snapshot holds of a wall that is more than a plane through its reference point.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Saved {
-    point: Vec3,
-    orientation: Quat,
-    angular_velocity: Vec3,
-    turning: Option<Turning>,
-    /// Of a course.
-    #[serde(default)]
-    following: Option<Following>,
-    facets: Vec<HalfSpace>,
-    /// Of its triangles, if it has any.
-    #[serde(default)]
-    mesh: Option<SavedMesh>,
-}
-
-/// What a snapshot holds of the triangles of a wall besides their corners.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct SavedMesh {
-    checksum: u64,
-    triangles: u64,
-}
-
-impl SavedMesh {
-    fn of(mesh: &Mesh) -> Self {
-        let triangles = mesh.surface.len() as u64;
-        Self { checksum: mesh.surface.checksum(), triangles }
-    }
-}
-
-impl Saved {
-    /// Is it the body of a wall of one plane?
-    pub const fn is_one_plane(&self) -> bool {
-        self.facets.len() == 1
-    }
-
-    /// How many triangles it has.
-    pub fn triangles(&self) -> usize {
-        self.mesh.map_or(0, |mesh| mesh.triangles as usize)
-    }
-
-    /// A triangle in place, from its corners in the axes of the wall [m].
-    pub fn in_place(&self, corners: &[f64; 9]) -> [Vec3; 3] {
-        [0, 3, 6].map(|k| {
-            let corner = Vec3::new(corners[k], corners[k + 1], corners[k + 2]);
-            self.point + self.orientation.transform_vector(&corner)
-        })
-    }
-
-    /// Its planes in place, each a point of it [m] and its unit normal, towards the particles.
-    pub fn planes(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
-        self.facets.iter().map(|facet| {
-            let normal = self.orientation.transform_vector(&facet.normal);
-            (self.point + normal * facet.offset, normal)
-        })
     }
 }
 
@@ -521,91 +466,6 @@ impl Wall {
         }
         let behind = |facet: InPlace| half.dot(&facet.normal.abs()) - facet.distance(&(low + half));
         self.in_place().map(behind).fold(f64::NEG_INFINITY, larger_or_infinite)
-    }
-
-    /// What a snapshot must hold of it besides [`Wall::surface`] and its velocity, if anything.
-    pub fn saved(&self) -> Option<Saved> {
-        let is_plain = self.course.is_none()
-            && self.orientation == Quat::identity()
-            && self.angular_velocity == Vec3::zeros()
-            && self.facets.len() == 1
-            && self.facets[0].geometry.offset == 0.0;
-        (!is_plain).then(|| Saved {
-            point: self.point,
-            orientation: self.orientation,
-            angular_velocity: self.angular_velocity,
-            turning: self.turning,
-            following: self.following,
-            facets: self.facets.iter().map(|facet| facet.geometry).collect(),
-            mesh: self.mesh.as_ref().map(SavedMesh::of),
-        })
-    }
-
-    /// Has it, in its axes, the facets of the wall of which a snapshot has a surface, as [`Wall::surface`] gives it, and perhaps
-    /// more?
-    pub fn is_same(&self, (_, normal): &(Vec3, Vec3), saved: Option<&Saved>) -> bool {
-        let mine = self.facets.iter().map(|facet| facet.geometry.normal);
-        let triangles = self.mesh.as_ref().map(SavedMesh::of);
-        if triangles != saved.and_then(|saved| saved.mesh) {
-            return false;
-        }
-        match saved {
-            Some(saved) => mine.eq(saved.facets.iter().map(|facet| facet.normal)),
-            None => mine.eq([*normal]),
-        }
-    }
-
-    /// Goes on from where a snapshot of step `step` has it, with the velocities or the course of the scene, in which it stands now;
-    /// `goes_on` if steps are counted on and are as long as before. A course goes on within a
-    /// stage, whose steps were of `dt_before` [s]. At the start of a stage it turns about the point that the scene says. Returns how
-    /// far that is off the scene's place, where that is most within `room` [m]; 0 for rounding.
-    pub fn go_on(
-        &mut self,
-        surface: &(Vec3, Vec3),
-        saved: Option<&Saved>,
-        goes_on: bool,
-        (step, dt_before): (u64, Option<f64>),
-        library: &mut Library,
-        room: &Corners,
-    ) -> f64 {
-        let is_same = self.is_same(surface, saved);
-        let (before, about) = (self.in_place().collect::<Vec<_>>(), self.point);
-        let was = self.pose();
-        match saved {
-            Some(saved) if is_same => {
-                self.point = saved.point;
-                self.orientation = saved.orientation;
-                self.turning = saved.turning.filter(|_| goes_on);
-                self.following = saved.following.filter(|_| goes_on && self.course.is_some());
-                for (facet, geometry) in self.facets.iter_mut().zip(&saved.facets) {
-                    facet.geometry = *geometry;
-                }
-            }
-            None if self.facets.len() == 1 => {
-                self.facets[0].geometry.offset = 0.0;
-                self.point = surface.0;
-            }
-            // Another wall of this name stands where the scene says.
-            _ => {}
-        }
-        let is_new_stage = dt_before.is_none();
-        if self.may_turn() && (is_new_stage || saved.is_none()) && self.mesh.is_none() {
-            self.refer_to(about);
-        }
-        if self.course.is_some() && self.following.is_none() {
-            let followed = saved.and_then(|saved| saved.following).zip(dt_before);
-            let time = followed.map_or(0.0, |(before, dt)| before.time_at(step, dt));
-            self.following = Some(Following { since: step, time, from: self.pose() });
-        }
-        for facet in &self.facets {
-            library.shapes[facet.shape.index()] = Shape::HalfSpace(facet.geometry);
-        }
-        self.note_listing();
-        let mut off = most_moved(self.in_place().zip(before), room);
-        if self.mesh.is_some() {
-            off = self.moved_since(&was, room);
-        }
-        if off > 1e-12 * about.amax().max(self.point.amax()) { off } else { 0.0 }
     }
 
     /// Takes another reference point [m], and stays where it is; of a wall of planes.

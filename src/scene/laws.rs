@@ -3,7 +3,7 @@
 //! Another law has a [`Kind`] of its own, its settings in [`kind`], and a function that reads its constants.
 
 use super::matter::Materials;
-use super::reader::{Range, Section};
+use super::reader::{Given, Range, Section};
 use super::walls;
 use crate::contact::curvature::LARGEST_RATIO;
 use crate::ids::MaterialId;
@@ -114,7 +114,7 @@ pub(super) fn kind(root: &Section) -> (Kind, Asked) {
     let linear = (Kind::Linear { limit_damping: true }, Asked::default());
     let law = root.read_or("law", linear, |given| {
         let section = given.section()?;
-        let limit_damping = section.read_or("limit_damping", true, |given| given.boolean());
+        let limit_damping = section.read_or("limit_damping", true, Given::boolean);
         let offered = [("linear", false), ("hertz", true)];
         let is_hertz = section.read_or("normal", false, |given| given.one_of(&offered))?;
         let asked = asked(&section, is_hertz);

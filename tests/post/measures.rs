@@ -248,6 +248,25 @@ fn the_slope_of_a_cone_is_found() {
         let slope = Slope::of(&reader, Region::Whole, Direction::Y).unwrap();
         assert!((slope.angle_degrees - degrees).abs() < 0.7, "{degrees}: {slope:?}");
     }
+    // A series begins flat.
+    let folder = tempfile::tempdir().unwrap();
+    let flat = balls(Vec3::repeat(0.07), false, vec![Vec3::repeat(0.01)]);
+    let mut heap =
+        steep(25.0, &|x, y, tangent| (28e-3 - (x - 30.5e-3).hypot(y - 30.5e-3)) * tangent);
+    heap.header.step = flat.header.step + 1;
+    let post = || {
+        let mut dem_post = Command::new(env!("CARGO_BIN_EXE_dem-post"));
+        dem_post.arg(folder.path()).args(["--series", "--slope", "radial"]).output().unwrap()
+    };
+    store(folder.path(), &flat);
+    let refused = post();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("too flat"), "{refused:?}");
+    store(folder.path(), &heap);
+    let made = post();
+    let said = String::from_utf8_lossy(&made.stdout);
+    assert!(said.contains("slope: 1 of 2 snapshots are left out"), "{made:?}");
+    assert!(said.contains("slope: 25."), "{made:?}");
     let mut tilted = balls(Vec3::repeat(0.07), false, vec![Vec3::repeat(0.01)]);
     tilted.header.gravity.x = 1.0;
     let refused = Slope::of(&stored(&tilted).1, Region::Whole, Direction::X).unwrap_err();
