@@ -150,7 +150,9 @@ fn a_plane_of_triangles_is_the_plane() {
                 let mut lying =
                     Lying { body, frame: wall * frame, wall, scale, centre: Vec3::zeros() };
                 let posed = Posed { scale, ..Posed::new(body, &lying.frame) };
-                let below = -posed.support(&-(wall * Vec3::z())).dot(&(wall * Vec3::z()));
+                // Of the polyhedron in contact, which extends beyond a rounded one.
+                let vertices = body.facets().unwrap().vertices().iter();
+                let below = vertices.map(|v| -(frame * v).z * scale).fold(f64::MIN, f64::max);
                 let depth = posed.inscribed_radius() * libm::pow(10.0, -6.0 * random.unit()) * 0.4;
                 // As from a side of the plane that is seen from the front: the body is above it.
                 let place = Vec3::new(random.signed(), random.signed(), below - depth);

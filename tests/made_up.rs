@@ -43,6 +43,7 @@ pub(crate) fn header(step: u64) -> Header {
         time: n.next(),
         dt: n.next(),
         stage_begin: (step / 2, n.next()),
+        stage_shift: n.next(),
         next_id: u64::MAX / 3,
         most_moving: 2.5e-3,
         departed: Departed {

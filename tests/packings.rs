@@ -53,6 +53,7 @@ pub(crate) fn header(
         time: 0.01,
         dt: 1e-5,
         stage_begin: (0, 0.0),
+        stage_shift: 0.0,
         next_id: particles as u64,
         departed: Departed::default(),
         most_moving: 0.0,

@@ -646,7 +646,7 @@ fn six_servos_keep_their_stress_on_dashpots() {
 /// A stage that `[stop]` ends while its servos are off is warned of it, unless `[stop]` was to wait for them.
 #[test]
 fn servos_that_a_stop_leaves_off_are_warned_of() {
-    for (stop, expected) in [("unbalanced = 1e3", 6), ("servo = 10", 0)] {
+    for (stop, expected) in [("unbalanced = 0.99", 6), ("servo = 0.99", 0)] {
         let gain = format!("[stop]\n{stop}\n");
         let (_, report) = balls(SIX, &gain, 0.3, 5e-6, 20_000);
         assert!(report.run.steps < 20_000, "{report:#?}");

@@ -1,11 +1,13 @@
 //! What walls do on grains, torque and power; walls that move by oscillations and tables.
 
-use crate::support::{Bench, MATERIAL, ball, begun, close, expect_refused, save, scene, schedule};
+use crate::support::{Bench, MATERIAL, State, ball, begun, close, expect_refused, save, scene, schedule};
 use crate::walls::the_same_on_any_ranks;
+use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::threads;
 use dem_mpi::ids::Slot;
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
+use dem_mpi::particles::walls::Wall;
 use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::plan::plan;
@@ -448,6 +450,68 @@ fn what_comes_from_afar_is_felt() {
     for velocity in after {
         close(velocity.z, after[0].z, 1e-3, "velocity");
     }
+}
+
+/// A plate of triangles that a stage has moved and turned stays there in the next one, whatever that turns it about, and keeps its contact.
+#[test]
+fn triangles_stay_where_a_stage_left_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("plate.obj");
+    let corners = "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\n";
+    std::fs::write(&file, format!("{corners}f 1 2 3\nf 1 3 4\n")).unwrap();
+    let mesh = format!("mesh = {file:?}\nshift = [0.001, 0.002, 0.003]");
+    let plate = |wall: &str| {
+        scene(
+            &on_floor(wall, "", "friction = 0.5")
+                .replace("point = [0, 0, 0]\nnormal = [0, 0, 1]", &mesh),
+        )
+    };
+    let turning = |about: &str| {
+        plate(&format!("rotation = {{ about = {about}, axis = [0, 0.1, 1], rate = 2 }}"))
+    };
+    let first = plate("velocity = [0, 0, 0.1]\nrotation = { about = [0.02, 0.01, 0], axis = [0, 0, 1], rate = 2 }");
+    let start = ball(0, 0, Vec3::new(0.013, 0.001, 0.003 + RADIUS - 1e-6), Vec3::zeros());
+    let mut bench = Bench::of(&first, std::slice::from_ref(&start));
+    (0..2000).for_each(|_| bench.step());
+    let in_place = |wall: &Wall| -> Vec<Vec3> {
+        let corners = wall.mesh.as_ref().unwrap().surface.triangles().flatten();
+        corners.map(|corner| wall.point + wall.orientation * corner).collect()
+    };
+    let (left, force) = (in_place(&bench.sim.particles.walls[0]), bench.measure().wall_forces[0]);
+    assert!(force.xy().norm() > 1e-3 * force.norm(), "{force:?}");
+    let mut comm = Alone::default();
+    let saved = folder.path().join("saved");
+    save(&bench.sim, &saved, &first, &mut comm);
+    for next in [plate(""), turning("[0.02, 0.01, 0]"), turning("[-0.03, 0, 0.01]")] {
+        let taken = |path: &Path, how: Continuation, comm: &mut Alone| {
+            let mut sim = assemble::assemble(&next, comm);
+            let taken = assemble::take_up(&mut sim, &next, path, how, comm).unwrap();
+            assert!(taken.other_walls.is_empty());
+            (sim, taken)
+        };
+        let (mut sim, found) = taken(&saved, Continuation::NewStage, &mut comm);
+        assert_eq!(found.walls_elsewhere.len(), 1);
+        sim.begin(&mut comm).unwrap();
+        for (now, before) in in_place(&sim.particles.walls[0]).iter().zip(&left) {
+            assert!((now - before).norm() < 1e-15, "{now:?} {before:?}");
+        }
+        let goes_on = sim.measure(&mut comm).wall_forces[0];
+        assert!((goes_on - force).norm() < 1e-9 * force.norm(), "{goes_on:?} {force:?}");
+        let here = folder.path().join("again");
+        (0..20).for_each(|_| sim.step(&mut comm).unwrap());
+        save(&sim, &here, &next, &mut comm);
+        let (mut again, _) = taken(&here, Continuation::SameStage, &mut comm);
+        for sim in [&mut sim, &mut again] {
+            (0..20).for_each(|_| sim.step(&mut comm).unwrap());
+        }
+        assert!(State::of(&sim, &mut comm) == State::of(&again, &mut comm));
+    }
+    // Another surface is another wall.
+    std::fs::write(&file, format!("{corners}f 1 2 3\n")).unwrap();
+    let other = plate("");
+    let mut sim = assemble::assemble(&other, &comm);
+    let taken = assemble::take_up(&mut sim, &other, &saved, Continuation::SameStage, &mut comm);
+    assert_eq!(taken.unwrap().other_walls, ["floor"]);
 }
 
 /// With another step a course goes on within its stage; in another stage it begins anew from where the wall stands.

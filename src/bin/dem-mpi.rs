@@ -337,7 +337,7 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
 
     let last_step = match arguments.steps {
         Some(steps) => sim.step.saturating_add(steps),
-        None => sim.stage_begin.0 + scene.steps,
+        None => sim.stage_begin.0 + scene.steps_with(sim.stage_shift),
     };
     if resumed && let Some((why, status)) = nothing_left(arguments, &scene, &sim, &held, last_step)
     {
@@ -445,6 +445,16 @@ fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
         print_once(
             comm,
             format!("walls stand where the stage before left them, off the scene's: {all}"),
+        );
+    }
+    if !taken.other_walls.is_empty() {
+        print_once(
+            comm,
+            format!(
+                "warning: walls of other surfaces than those of their names in the snapshot stand where the scene says, and no contact with \
+                 them goes on: {}",
+                taken.other_walls.join(", ")
+            ),
         );
     }
 }

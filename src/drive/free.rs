@@ -38,6 +38,10 @@ pub struct FreeWall {
 struct State {
     /// Velocity along the line in the last step [m/s]; `None` before the first.
     speed: Option<f64>,
+    /// That of the scene, with which it begins [m/s].
+    first_speed: f64,
+    /// Velocity across the line, as the scene says [m/s].
+    across: Vec3,
     /// The force of this rank's contacts on the wall along the line, at the positions of now [N].
     force: ExactSum,
     /// Has it been warned of?
@@ -49,6 +53,8 @@ struct State {
 const WALL: StateColumn = StateColumn::new("wall", 1, "");
 /// [`State::speed`]; not a number before the first step.
 const SPEED: StateColumn = StateColumn::new("speed", 1, "m/s");
+/// [`FreeWall::along`].
+const ALONG: StateColumn = StateColumn::new("along", 3, "");
 /// [`State::force`] of all ranks, exactly.
 const FORCE: StateColumn = StateColumn::new("force", ExactSum::LIMBS, "2^(32 k - 1074) N");
 
@@ -68,9 +74,14 @@ pub struct FreeWalls {
 }
 
 impl FreeWalls {
-    /// At the start, with the velocities that walls have.
-    pub fn new(all: Vec<FreeWall>, library: &Library) -> Self {
-        let states = vec![State::default(); all.len()];
+    /// At the start, with the velocities that the walls of the scene have.
+    pub fn new(all: Vec<FreeWall>, walls: &[Wall], library: &Library) -> Self {
+        let state = |&FreeWall { wall, along, .. }: &FreeWall| {
+            let velocity = walls[wall].velocity;
+            let first_speed = velocity.dot(&along);
+            State { first_speed, across: velocity - along * first_speed, ..State::default() }
+        };
+        let states = all.iter().map(state).collect();
         Self { all, states, least_gap: library.least_inscribed_radius(), warnings: Vec::new() }
     }
 
@@ -159,16 +170,23 @@ impl Drive for FreeWalls {
         for (k, &[force, stiffness]) in sums.as_chunks().0.iter().enumerate() {
             let FreeWall { wall, along, mass, load } = self.all[k];
             self.check_step(k, stiffness, moment.dt, &walls[wall].name)?;
-            let before = walls[wall].velocity.dot(&along);
+            let state = &mut self.states[k];
             // The velocity of the scene is that of the start, half a step before that of the first step.
-            let (speed, dt) = match self.states[k].speed {
+            let (speed, dt) = match state.speed {
                 Some(speed) => (speed, moment.dt),
-                None => (before, 0.5 * moment.dt),
+                None => (state.first_speed, 0.5 * moment.dt),
             };
             let speed = speed + dt * (load + force) / mass;
-            self.states[k].speed = Some(speed);
-            walls[wall].velocity += along * (speed - before);
+            state.speed = Some(speed);
+            walls[wall].velocity = state.across + along * speed;
             let Some(Room { gap, outside, width }) = Room::of(&walls[wall], walls, cell) else {
+                if walls[wall].is_far_out_of(cell) {
+                    return Err(DriveError(format!(
+                        "wall \"{}\" moves freely and is far out of the domain, at {speed:.3e} m/s along its line: put grains where they bear \
+                         it, or give it another `force`",
+                        walls[wall].name
+                    )));
+                }
                 continue;
             };
             if gap < self.least_gap || outside > width {
@@ -197,6 +215,7 @@ impl Drive for FreeWalls {
 
     fn save(&self, walls: &[Wall], comm: &mut dyn Comm) -> Vec<SavedColumn> {
         let (mut names, mut speeds, mut limbs) = (Vec::new(), Vec::new(), Vec::new());
+        let lines = self.all.iter().flat_map(|free| free.along.iter().copied()).collect();
         for (free, state) in self.all.iter().zip(&self.states) {
             let mut force = state.force.clone();
             force.carry();
@@ -213,25 +232,33 @@ impl Drive for FreeWalls {
         vec![
             SavedColumn::new(WALL, Values::Texts(names)),
             SavedColumn::new(SPEED, Values::Reals(speeds)),
+            SavedColumn::new(ALONG, Values::Reals(lines)),
             SavedColumn::new(FORCE, Values::Integers(limbs)),
         ]
     }
 
-    /// Walls go on as those of the same names did, also in a new stage.
+    /// Walls go on as those of the same names did. A stage that begins may give one another velocity along its line, or another line, of
+    /// which it has what it had of the old one.
     fn resume(
         &mut self,
         saved: &SavedState,
-        _is_new_stage: bool,
+        is_new_stage: bool,
         walls: &[Wall],
         is_root: bool,
     ) -> Result<(), DriveError> {
         let (names, speeds) = (saved.texts(&WALL)?, saved.reals(&SPEED)?);
+        let lines = saved.reals(&ALONG)?;
         let forces = saved.integers(&FORCE)?;
         for (free, state) in self.all.iter().zip(&mut self.states) {
             let Some(row) = names.iter().position(|name| *name == walls[free.wall].name) else {
                 continue;
             };
-            state.speed = Some(speeds[row]).filter(|speed| !speed.is_nan());
+            if is_new_stage && state.first_speed != 0.0 {
+                continue;
+            }
+            let along = Vec3::from_column_slice(&lines[ALONG.width * row..][..ALONG.width]);
+            let part = if along == free.along { 1.0 } else { along.dot(&free.along) };
+            state.speed = Some(speeds[row] * part).filter(|speed| !speed.is_nan());
             let limbs = &forces[FORCE.width * row..][..FORCE.width];
             state.force = if is_root { ExactSum::from_limbs(limbs) } else { ExactSum::default() };
         }

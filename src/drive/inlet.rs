@@ -157,7 +157,7 @@ impl Inlets {
 
     /// The grains that are due, in the order of their numbers.
     fn due(&self, inlet: usize, moment: &Moment, library: &Library) -> Vec<Particle> {
-        let seconds = seconds(moment);
+        let seconds = moment.stage_time;
         let (of_inlet, come) = (&self.all[inlet], self.come[inlet]);
         let (mut count, mut mass) = (come.count, come.mass);
         let mut due = Vec::new();
@@ -230,48 +230,50 @@ impl Inlets {
                 break;
             }
         }
-        self.note_missing(inlet, due.len() - found, moment);
+        let has_more = found as u64 == MOST_AT_ONCE && !self.due(inlet, moment, library).is_empty();
+        self.note_missing(inlet, due.len() - found, has_more, moment);
     }
 
-    /// Grains that were due and found no place.
-    fn note_missing(&mut self, inlet: usize, waiting: usize, moment: &Moment) {
+    /// Grains that were due and have not come: so many found no place, or there are more than can come at a time.
+    fn note_missing(&mut self, inlet: usize, waiting: usize, has_more: bool, moment: &Moment) {
         let Inlet { name, rate, until, .. } = &self.all[inlet];
         let come = &mut self.come[inlet];
         let most = |amount: f64, at: fn(&Amount) -> Option<f64>| {
             until.as_ref().and_then(at).map_or(amount, |most| amount.min(most))
         };
         come.missing = match rate {
-            _ if waiting == 0 => 0.0,
+            _ if waiting == 0 && !has_more => 0.0,
             Amount::Count(rate) => {
-                let due = most((rate * seconds(moment)).floor(), |until| match until {
+                let due = most((rate * moment.stage_time).floor(), |until| match until {
                     Amount::Count(most) => Some(*most),
                     Amount::Mass(_) => None,
                 });
                 due - come.count as f64
             }
             Amount::Mass(rate) => {
-                let due = most(rate * seconds(moment), |until| match until {
+                let due = most(rate * moment.stage_time, |until| match until {
                     Amount::Mass(most) => Some(*most),
                     Amount::Count(_) => None,
                 });
                 due - come.mass
             }
         };
-        if waiting > 0 && !self.warned[inlet] {
+        if (waiting > 0 || has_more) && !self.warned[inlet] {
             self.warned[inlet] = true;
-            self.warnings.push(format!(
-                "inlet `{name}`: at step {} {} of its particles found no place and wait; they come when there is one. If this goes \
-                 on, the rate is more than its region and `velocity` carry away",
-                moment.step,
-                waiting
-            ));
+            let step = moment.step;
+            self.warnings.push(if has_more {
+                format!(
+                    "inlet `{name}`: at step {step} more than {MOST_AT_ONCE} of its particles are due, and no more come at a time; the others \
+                     wait. Make `every` smaller"
+                )
+            } else {
+                format!(
+                    "inlet `{name}`: at step {step} {waiting} of its particles found no place and wait; they come when there is one. If this \
+                     goes on, the rate is more than its region and `velocity` carry away"
+                )
+            });
         }
     }
-}
-
-/// Time of the stage [s].
-fn seconds(moment: &Moment) -> f64 {
-    moment.stage_step as f64 * moment.dt
 }
 
 /// Centres and bounding radii of the particles of this rank that are near a region where grains are due [m].
@@ -291,18 +293,12 @@ fn near(region: &Region, due: &[Particle], particles: &Particles) -> Vec<(Vec3, 
 fn taken_here(near: &[(Vec3, f64)], tries: &[(f64, Vec<Vec3>)], particles: &Particles) -> Vec<i64> {
     let mut taken = Vec::with_capacity(tries.len() * TRIES);
     for (radius, places) in tries {
-        let around = Vec3::repeat(*radius);
         for place in places {
             let by_particle = near.iter().any(|(position, other)| {
                 let reach = radius + other;
                 particles.cell.nearest(place - position).norm_squared() <= reach * reach
             });
-            let by_wall = || {
-                particles
-                    .walls
-                    .iter()
-                    .any(|wall| wall.depth(&(place - around, place + around)) > 0.0)
-            };
+            let by_wall = || particles.walls.iter().any(|wall| wall.meets_ball(place, *radius));
             taken.push(i64::from(by_particle || by_wall()));
         }
     }
@@ -367,7 +363,7 @@ impl Drive for Inlets {
                     Amount::Mass(_) => format!("{:.4e} kg", come.missing),
                 };
                 warnings.push(format!(
-                    "inlet `{name}`: {missing} that were due found no place; {} particles, {:.4e} kg, came",
+                    "inlet `{name}`: {missing} that were due have not come; {} particles, {:.4e} kg, came",
                     come.count, come.mass
                 ));
             }
@@ -379,7 +375,7 @@ impl Drive for Inlets {
                 Some(Amount::Mass(most)) => format!("{:.4e} of {most:?} kg", come.mass),
                 None => continue,
             };
-            warnings.push(format!("inlet `{name}`: only {short} came: too few steps, or no place"));
+            warnings.push(format!("inlet `{name}`: only {short} came: too few steps, no place, or more than {MOST_AT_ONCE} due at a time"));
         }
         warnings
     }

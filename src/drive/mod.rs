@@ -119,6 +119,8 @@ pub struct Moment {
     pub stage_step: u64,
     /// Time since the first stage began [s].
     pub time: f64,
+    /// Time since this stage began [s].
+    pub stage_time: f64,
     /// Time step [s].
     pub dt: f64,
 }
@@ -234,6 +236,9 @@ pub trait Drive: Send + Sync {
     /// Changes the forces on walls [N] of a row of `history.csv`, which are those of its moment, to what the drive has found
     /// since the row before. Only a row that is `scheduled` counts as one before. Collective.
     fn row(&mut self, _wall_forces: &mut [Vec3], _scheduled: bool, _comm: &mut dyn Comm) {}
+
+    /// Takes note of the largest speed of a particle [m/s] at a row of `history.csv`, and of the time step [s].
+    fn note_speed(&mut self, _fastest: f64, _dt: f64) {}
 
     /// What the user should know now, once; the same on all ranks.
     fn warnings(&mut self) -> Vec<String> {

@@ -39,6 +39,9 @@ pub struct Left {
 pub struct Outlets {
     all: Vec<Outlet>,
     left: Vec<Left>,
+    /// Which have already warned.
+    warned: Vec<bool>,
+    warnings: Vec<String>,
 }
 
 /// Names [`Outlets`] among the drives.
@@ -50,8 +53,8 @@ const MASS: StateColumn = StateColumn::new("left_mass", 1, "kg");
 impl Outlets {
     /// Before anything has left.
     pub fn new(outlets: Vec<Outlet>) -> Self {
-        let left = vec![Left::default(); outlets.len()];
-        Self { all: outlets, left }
+        let (left, warned) = (vec![Left::default(); outlets.len()], vec![false; outlets.len()]);
+        Self { all: outlets, left, warned, warnings: Vec::new() }
     }
 
     /// What has left through each, in the order of the scene.
@@ -89,6 +92,24 @@ impl Drive for Outlets {
             [(format!("left_{name}"), left.count as f64), (format!("left_{name}_kg"), left.mass)]
         };
         self.all.iter().zip(&self.left).flat_map(of_one).collect()
+    }
+
+    /// Grains that go through a region between two looks are not seen.
+    fn note_speed(&mut self, fastest: f64, dt: f64) {
+        for (Outlet { name, region, every }, warned) in self.all.iter().zip(&mut self.warned) {
+            let way = fastest * dt * *every as f64;
+            if way > region.thickness() && !std::mem::replace(warned, true) {
+                self.warnings.push(format!(
+                    "outlet `{name}` looks every {every} steps, in which a grain at {fastest:.3e} m/s goes {way:.3e} m: it may go through its \
+                     {:.3e} m unseen. Make it thicker, or `every` smaller",
+                    region.thickness()
+                ));
+            }
+        }
+    }
+
+    fn warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
     }
 
     fn gone(&self) -> u64 {

@@ -64,6 +64,15 @@ impl Region {
         }
     }
 
+    /// Its shortest extent [m]; infinite if it has no end.
+    pub fn thickness(&self) -> f64 {
+        match self {
+            Self::Behind { .. } => f64::INFINITY,
+            Self::Box { low, high } => (high - low).min(),
+            Self::Cylinder { axis: [from, to], radius } => (to - from).norm().min(2.0 * radius),
+        }
+    }
+
     /// A place in it, any as likely as any other; `None` if it has no end.
     pub fn draw(&self, random: &mut Random) -> Option<Vec3> {
         match self {

@@ -20,6 +20,8 @@ pub struct Header {
     pub dt: f64,
     /// The step at which this stage began, and the time then [s].
     pub stage_begin: (u64, f64),
+    /// By how much steps of another length before make this stage longer than its steps are now [s].
+    pub stage_shift: f64,
     /// The id that the next new particle gets.
     pub next_id: u64,
     /// What particles that were taken out have left behind in the balance of energies [J].

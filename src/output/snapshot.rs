@@ -603,6 +603,7 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
         time,
         dt,
         stage_begin,
+        stage_shift,
         next_id,
         departed,
         most_moving,
@@ -624,6 +625,9 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.numbers("/run", "dt", &[*dt])?;
     file.numbers("/run", "stage_begin_step", &[stage_begin.0])?;
     file.numbers("/run", "stage_begin_time", &[stage_begin.1])?;
+    if *stage_shift != 0.0 {
+        file.numbers("/run", STAGE_SHIFT, &[*stage_shift])?;
+    }
     file.numbers("/run", "next_id", &[*next_id])?;
     file.numbers("/run", "gravity", gravity.as_slice())?;
     if *departed != Departed::default() {
@@ -693,6 +697,8 @@ const SHEAR: &str = "shear_rate_strain";
 /// What particles that were taken out have left behind [J]: received, dissipated. Not there before one was.
 const DEPARTED: &str = "departed_received_dissipated_J";
 /// Parts of what they had dissipated [J]: tangential dashpots, friction, turning, damping, adhesion.
+/// [`Header::stage_shift`], if it is not 0 [s].
+const STAGE_SHIFT: &str = "stage_shift";
 const DEPARTED_CHANNELS: &str = "departed_dissipated_by_channel_J";
 const MOST_MOVING: &str = "largest_kinetic_and_elastic_J";
 
@@ -789,6 +795,11 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
         time: number("time")?,
         dt: number("dt")?,
         stage_begin: (whole("stage_begin_step")?, number("stage_begin_time")?),
+        stage_shift: if file.has_attribute("/run", STAGE_SHIFT) {
+            number(STAGE_SHIFT)?
+        } else {
+            0.0
+        },
         next_id: whole("next_id")?,
         departed,
         most_moving: if file.has_attribute("/run", MOST_MOVING) {

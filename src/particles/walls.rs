@@ -30,6 +30,9 @@ use std::sync::Arc;
 /// The lowest and the highest corner of a box [m].
 pub type Corners = (Vec3, Vec3);
 
+/// Components of normals along a wall's direction that are less than this are rounding.
+const SQUARE_ON: f64 = 1e-9;
+
 /// A rigid body that particles do not pass.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Wall {
@@ -45,6 +48,8 @@ pub struct Wall {
     pub angular_velocity: Vec3,
     /// Mass, infinite unless contacts are to feel that it is not [kg].
     pub mass: f64,
+    /// The direction along which it moves as one of this mass, a unit vector; across that it is held.
+    pub free_along: Vec3,
     /// Does the scene move it, at given velocities, by a course or by a servo?
     pub moves: bool,
     /// About what the torque on it is written, if that is to be.
@@ -80,6 +85,19 @@ pub struct Mesh {
     pub surface: Arc<TriangleMesh>,
     /// The same in the library of shapes, once it is there.
     pub shape: ShapeId,
+    /// Where the axes of its file, or of its cylinder, begin [m].
+    origin: Vec3,
+}
+
+impl Mesh {
+    /// Lets its own origin be at a place in the axes of the wall [m].
+    fn set_origin(&mut self, origin: Vec3) {
+        let place = self.origin - origin;
+        if place != Vec3::zeros() {
+            self.surface = Arc::new(TriangleMesh::clone(&self.surface).seen_from(&place));
+        }
+        self.origin = origin;
+    }
 }
 
 /// A piece of the surface of a wall.
@@ -203,6 +221,7 @@ impl Wall {
             velocity: Vec3::zeros(),
             angular_velocity: Vec3::zeros(),
             mass: f64::INFINITY,
+            free_along: Vec3::zeros(),
             moves: false,
             torque: None,
             facets: planes.iter().map(facet).collect(),
@@ -221,7 +240,8 @@ impl Wall {
 
     /// A wall at rest of triangles, whose corners are seen from the reference point [m].
     pub fn of_mesh(name: String, reference: Vec3, surface: TriangleMesh) -> Self {
-        let mesh = Some(Mesh { surface: Arc::new(surface), shape: ShapeId(0) });
+        let surface = Arc::new(surface);
+        let mesh = Some(Mesh { surface, shape: ShapeId(0), origin: Vec3::zeros() });
         Self { mesh, ..Self::of_planes(name, reference, &[]) }
     }
 
@@ -254,17 +274,23 @@ impl Wall {
         }
     }
 
-    /// Adds its facets to a library of shapes, which say what it is made of and its mass.
+    /// Adds its facets to a library of shapes, which say what it is made of and its mass along their normals.
     pub fn enter(&mut self, library: &mut Library, material: MaterialId) {
+        let along = self.frame().tr_mul(&self.free_along);
+        let mass = self.mass;
+        // Held across its direction, it is as heavy against a normal as more of it lies across.
+        let mass_against = |along_normal: f64| {
+            if along_normal.abs() > SQUARE_ON { mass / (along_normal * along_normal) } else { f64::INFINITY }
+        };
         for facet in &mut self.facets {
             let shape = Shape::HalfSpace(facet.geometry);
             facet.shape = library.push(&self.name, shape, material, f64::INFINITY);
-            library.mass[facet.shape.index()] = self.mass;
+            library.mass[facet.shape.index()] = mass_against(facet.geometry.normal.dot(&along));
         }
         if let Some(mesh) = &mut self.mesh {
             let shape = Shape::TriangleMesh(mesh.surface.clone());
             mesh.shape = library.push(&self.name, shape, material, f64::INFINITY);
-            library.mass[mesh.shape.index()] = self.mass;
+            library.mass[mesh.shape.index()] = mass_against(mesh.surface.most_along(&along));
         }
     }
 
@@ -274,6 +300,16 @@ impl Wall {
         let place = |corner: Vec3| self.point + self.orientation.transform_vector(&corner);
         let corners = surface.triangles().flatten().map(place).map(|corner| (corner, corner));
         corners.reduce(|(low, high), (l, h)| (low.inf(&l), high.sup(&h)))
+    }
+
+    /// Are all of its triangles outside the domain by more than its extent?
+    pub fn is_far_out_of(&self, cell: &Cell) -> bool {
+        let Some(Mesh { surface, .. }) = &self.mesh else { return false };
+        let (low, high, reach) = (cell.low(), cell.high(), surface.reach());
+        (0..3).any(|k| {
+            let width = high[k] - low[k];
+            self.point[k] - reach > high[k] + width || self.point[k] + reach < low[k] - width
+        })
     }
 
     const fn pose(&self) -> Pose {
@@ -453,6 +489,14 @@ impl Wall {
         -force.dot(&normal)
     }
 
+    /// Is a part of a ball at, or behind, its surface? [m]
+    pub fn meets_ball(&self, centre: &Vec3, radius: f64) -> bool {
+        if let Some(Mesh { surface, .. }) = &self.mesh {
+            return surface.meets_ball(&self.frame().tr_mul(&(centre - self.point)), radius);
+        }
+        self.in_place().any(|facet| facet.distance(centre) < radius)
+    }
+
     /// How deep a box lies behind a facet, where it does most [m]; not positive if it does not.
     pub fn depth(&self, &(low, high): &Corners) -> f64 {
         let half = (high - low) * 0.5;
@@ -468,11 +512,14 @@ impl Wall {
         self.in_place().map(behind).fold(f64::NEG_INFINITY, larger_or_infinite)
     }
 
-    /// Takes another reference point [m], and stays where it is; of a wall of planes.
+    /// Takes another reference point [m], and stays where it is.
     pub(crate) fn refer_to(&mut self, point: Vec3) {
         let (frame, shift) = (self.frame(), self.point - point);
         for Facet { geometry, .. } in &mut self.facets {
             geometry.offset += shift.dot(&(frame * geometry.normal));
+        }
+        if let Some(mesh) = &mut self.mesh {
+            mesh.set_origin(mesh.origin + frame.tr_mul(&shift));
         }
         self.point = point;
     }

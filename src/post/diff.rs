@@ -280,6 +280,7 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             time,
             dt,
             stage_begin,
+            stage_shift,
             next_id,
             departed,
             // Why the run ended, when it was measured, and what the user wrote, are no state.
@@ -299,6 +300,7 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             ("time", format!("{time:e} s")),
             ("time step", format!("{dt:e} s")),
             ("begin of the stage", format!("step {}, {:e} s", stage_begin.0, stage_begin.1)),
+            ("steps of another length before", format!("{stage_shift:e} s more")),
             ("next id", next_id.to_string()),
             ("left behind by particles that are gone", left_behind(*departed)),
             ("domain", format!("{:?} to {:?} m", cell.low().as_slice(), cell.high().as_slice())),

@@ -156,6 +156,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
         dt: scene.dt,
         step: 0,
         stage_begin: (0, 0.0),
+        stage_shift: 0.0,
         next_id: 0,
         departed: Departed::default(),
         most_moving: 0.0,
@@ -184,7 +185,7 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
         drives.push(Box::new(Servos::new(scene.servos.clone(), &scene.library)));
     }
     if !scene.free_walls.is_empty() {
-        drives.push(Box::new(FreeWalls::new(scene.free_walls.clone(), &scene.library)));
+        drives.push(Box::new(FreeWalls::new(scene.free_walls.clone(), &scene.walls, &scene.library)));
     }
     drives
 }
@@ -199,6 +200,8 @@ pub struct TakenUp {
     /// Walls that stand elsewhere than the scene says, because the stage before left them there: name, and how far
     /// off along the normal, where that is most in the domain [m]. Of a stage that begins.
     pub walls_elsewhere: Vec<(String, f64)>,
+    /// Walls that have another surface than those of their names in the snapshot. They stand where the scene says.
+    pub other_walls: Vec<String>,
 }
 
 /// Puts the scene's own particles into a simulation that has none.
@@ -242,13 +245,12 @@ pub fn take_up(
     sim.step = header.step;
     match continuation {
         Continuation::SameStage => {
-            // The same time step continues the same clock; another begins its own.
-            sim.stage_begin = header.stage_begin;
+            (sim.stage_begin, sim.stage_shift) = (header.stage_begin, header.stage_shift);
             sim.departed = header.departed;
             sim.most_moving = header.most_moving;
+            let steps = (header.step - header.stage_begin.0) as f64;
             if header.dt != sim.dt {
-                let steps = (header.step - header.stage_begin.0) as f64;
-                sim.stage_begin.1 = header.time - steps * sim.dt;
+                sim.stage_shift += steps * (header.dt - sim.dt);
             }
         }
         Continuation::NewStage => {
@@ -262,7 +264,7 @@ pub fn take_up(
             }
         }
     }
-    let mut walls_elsewhere = Vec::new();
+    let (mut walls_elsewhere, mut other_walls) = (Vec::new(), Vec::new());
     let goes_on = continuation == Continuation::SameStage && header.dt == sim.dt;
     let room = (scene.domain.low(), scene.domain.high());
     let now = (header.step, (continuation == Continuation::SameStage).then_some(header.dt));
@@ -271,9 +273,12 @@ pub fn take_up(
         if let Some(row) = header.walls.iter().find(|row| row.name == wall.name) {
             // A wall keeps its place from stage to stage; whether it moves, the scene says.
             let surface = (row.point, row.normal);
-            let off = wall.go_on(&surface, row.body.as_ref(), goes_on, now, library, &room);
-            if continuation == Continuation::NewStage && off > 0.0 {
-                walls_elsewhere.push((wall.name.clone(), off));
+            match wall.go_on(&surface, row.body.as_ref(), goes_on, now, library, &room) {
+                None => other_walls.push(wall.name.clone()),
+                Some(off) if continuation == Continuation::NewStage && off > 0.0 => {
+                    walls_elsewhere.push((wall.name.clone(), off));
+                }
+                Some(_) => {}
             }
         }
     }
@@ -286,7 +291,7 @@ pub fn take_up(
         Continuation::SameStage => {}
     }
     let passed_over = reader.passed_over().to_vec();
-    Ok(TakenUp { passed_over, stop: header.stop, walls_elsewhere })
+    Ok(TakenUp { passed_over, stop: header.stop, walls_elsewhere, other_walls })
 }
 
 /// The scene's cell, with images where the snapshot has left them.

@@ -11,7 +11,7 @@ use super::matter::Shapes;
 use super::mistakes::Mistakes;
 use super::reader::{Given, Range, Section};
 use super::walls::Walls;
-use super::{Fill, Method, Rain, Scene, Stop};
+use super::{Fill, Method, Rain, Scene, Stop, steps_of};
 use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
 use crate::domain::halo_width;
@@ -129,7 +129,7 @@ pub(super) fn scene(
     let walls = walls.into_library(&mut library)?;
     let (skin, imbalance) = neighbours?;
     let (initial, rain) = fills?;
-    let Time { dt, steps, allow_unstable } = time?;
+    let Time { dt, steps, duration, allow_unstable } = time?;
     let Output { directory: out, snapshot_every, history_every } = output?;
     Some(Scene {
         title: title?,
@@ -150,6 +150,7 @@ pub(super) fn scene(
         outlets: outlets?,
         dt,
         steps,
+        duration,
         allow_unstable,
         stop: stop?,
         skin,
@@ -345,6 +346,12 @@ fn stop(section: &Section, root: &Section) -> Option<Stop> {
     let count = |key, least| section.read_or(key, None, |given| given.whole(least).map(Some));
     let (left, remaining) = (count("left", 1), count("remaining", 0));
     section.finish();
+    let is_endless = |inlet: &Section| inlet.get("count").or_else(|| inlet.get("mass")).is_none();
+    if let Some(given) = section.get("remaining")
+        && root.sections("inlet").iter().any(is_endless)
+    {
+        given.fail("never holds: an [[inlet]] without `count` or `mass` has always particles still to come");
+    }
     for key in ["left", "remaining"] {
         if let (Some(given), None) = (section.get(key), root.get("outlet")) {
             given.fail("there is no [[outlet]]");
@@ -414,6 +421,7 @@ fn check_damping(root: &Section, damping: f64, dt: f64) {
 struct Time {
     dt: f64,
     steps: u64,
+    duration: Option<f64>,
     allow_unstable: bool,
 }
 
@@ -425,12 +433,17 @@ impl Time {
             Some(_) => given.expected(&what),
             None => given.number(Range::Positive, "s"),
         });
+        let mut duration = None;
         let steps = match (section.get("steps"), section.get("duration")) {
             (Some(steps), None) => steps.whole(0),
-            (None, Some(given)) => given
-                .number(Range::Positive, "s")
-                .zip(dt)
-                .and_then(|(duration, dt)| steps_of(duration, dt, &given)),
+            (None, Some(given)) => {
+                duration = given.number(Range::Positive, "s");
+                let steps = duration.zip(dt).map(|(duration, dt)| steps_of(duration, dt));
+                if steps.is_some_and(|steps| steps > MOST_STEPS) {
+                    given.fail("is more steps than can be counted");
+                }
+                steps
+            }
             (None, None) => {
                 section.fail("`steps` is missing: a whole number; or `duration` [s]");
                 None
@@ -442,20 +455,12 @@ impl Time {
         };
         let allow_unstable = section.read_or("allow_unstable", false, Given::boolean);
         section.finish();
-        Some(Self { dt: dt?, steps: steps?, allow_unstable: allow_unstable? })
+        Some(Self { dt: dt?, steps: steps?, duration, allow_unstable: allow_unstable? })
     }
 }
 
-/// The steps of `dt` that last so long, at least; both in s.
-fn steps_of(duration: f64, dt: f64, given: &Given) -> Option<u64> {
-    // A whole number of steps may come out a little above.
-    let steps = (duration / dt * (1.0 - 1e-12)).ceil();
-    if steps > 1e18 {
-        given.fail("is more steps than can be counted");
-        return None;
-    }
-    Some(steps as u64)
-}
+/// More steps than these are not counted.
+const MOST_STEPS: u64 = 1_000_000_000_000_000_000;
 
 /// The stable limit of the time step, if anything pushes.
 struct Limit {

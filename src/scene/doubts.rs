@@ -1,7 +1,8 @@
 //! What the program knows to be doubtful about a scene before it runs.
 
-use super::{Fill, Method, Rain, Scene};
+use super::{Fill, Method, Outlet, Rain, Scene};
 use crate::cell::AXES;
+use crate::drive::inlet::MOST_AT_ONCE;
 use crate::ids::ShapeId;
 use crate::law::Body;
 use crate::law::stability::lost_levers;
@@ -25,8 +26,43 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         triangles_elsewhere(scene),
         shaken_too_fast(scene),
         flat_for_hertz(scene),
+        seldom_looked(scene),
+        too_many_at_once(scene),
+        nothing_leaves(scene),
     ];
     all.into_iter().flatten().collect()
+}
+
+/// An inlet or an outlet that acts less often than the stage is long.
+fn seldom_looked(scene: &Scene) -> Option<String> {
+    let inlets = scene.inlets.iter().map(|inlet| ("inlet", &inlet.name, inlet.every));
+    let outlets = scene.outlets.iter().map(|outlet| ("outlet", &outlet.name, outlet.every));
+    let (what, name, every) = inlets.chain(outlets).find(|&(.., every)| every > scene.steps)?;
+    Some(format!("{what} `{name}` acts every {every} steps, and there are {}: it never does", scene.steps))
+}
+
+/// An inlet of which more particles are due at a time than come.
+fn too_many_at_once(scene: &Scene) -> Option<String> {
+    scene.inlets.iter().find_map(|inlet| {
+        let at_once = inlet.expected(inlet.every as f64 * scene.dt, &scene.library);
+        (at_once > MOST_AT_ONCE).then(|| {
+            format!(
+                "inlet `{}`: some {at_once} particles are due every {} steps, and {MOST_AT_ONCE} come at a time at most: make `every` smaller",
+                inlet.name, inlet.every
+            )
+        })
+    })
+}
+
+/// An outlet in which no particle can be.
+fn nothing_leaves(scene: &Scene) -> Option<String> {
+    let (low, high) = (scene.domain.low(), scene.domain.high());
+    let outside = |outlet: &&Outlet| {
+        let bounds = outlet.region.bounds();
+        bounds.is_some_and(|(l, h)| (0..3).any(|k| l[k] > high[k] || h[k] < low[k]))
+    };
+    let outlet = scene.outlets.iter().find(outside)?;
+    Some(format!("outlet `{}` lies outside the domain: nothing reaches it", outlet.name))
 }
 
 /// A coefficient of friction as large as an angle of friction.

@@ -101,6 +101,11 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
     };
     let rate = amount("rate", "1/s", "mass_rate", "kg/s");
     let until = amount("count", "", "mass", "kg");
+    if let (Some(Some(Amount::Count(count))), Some(given)) = (until, section.get("count"))
+        && count.fract() != 0.0
+    {
+        given.fail("must be a whole number");
+    }
     if rate == Some(None) {
         section.fail("`rate` is missing: particles per second [1/s]; or `mass_rate` [kg/s]");
     }

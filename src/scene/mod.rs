@@ -112,6 +112,8 @@ pub struct Scene {
     pub dt: f64,
     /// Steps of this stage, at most.
     pub steps: u64,
+    /// How long it lasts, if the scene says that in place of steps [s].
+    pub duration: Option<f64>,
     /// Run although the time step is over the stable limit.
     pub allow_unstable: bool,
     /// When the stage ends before.
@@ -254,6 +256,11 @@ impl Scene {
         stability::time_step_limit(&self.library, &*self.force_law())
     }
 
+    /// Steps of this stage, at most, if those of another length before make it so much longer [s] ([`crate::sim::Simulation::stage_shift`]).
+    pub fn steps_with(&self, stage_shift: f64) -> u64 {
+        self.duration.map_or(self.steps, |duration| steps_of(duration - stage_shift, self.dt))
+    }
+
     /// Particles in all, those of a start snapshot left out.
     pub fn particle_count(&self) -> u64 {
         let initial: u64 = self.initial.iter().map(Fill::count).sum();
@@ -270,6 +277,12 @@ impl Scene {
                 .map(move |inlet| (&inlet.mix, inlet.expected(seconds, &self.library))),
         )
     }
+}
+
+/// The steps of `dt` that last so long, at least; both in s.
+fn steps_of(duration: f64, dt: f64) -> u64 {
+    // A whole number of steps may come out a little above.
+    (duration / dt * (1.0 - 1e-12)).ceil() as u64
 }
 
 /// Particles that are there at the start.

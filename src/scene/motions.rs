@@ -88,8 +88,10 @@ impl<'a> Motions<'a> {
     /// Gives a wall its mass, if nothing but forces moves it.
     fn free_alone(&self, name: &str, wall: &mut Wall) {
         for (given, motion) in self.of(name) {
-            match motion.how {
-                How::Freely { mass, .. } if wall.mass.is_infinite() => wall.mass = mass,
+            match (&motion.how, motion.kind) {
+                (How::Freely { mass, .. }, Kind::Along(along)) if wall.mass.is_infinite() => {
+                    (wall.mass, wall.free_along) = (*mass, along);
+                }
                 _ => given.fail("this wall moves freely, with a `mass`, and has another motion; leave out one of them"),
             }
             if wall.turns() {
@@ -136,8 +138,15 @@ fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Op
         if items.is_empty() {
             given.fail("must have at least one wall");
         }
-        let walls = items.into_iter().map(|item| item.text().map(|name| (item, name)));
-        walls.collect::<Option<Vec<_>>>()
+        let mut walls: Vec<(Given, &str)> = Vec::new();
+        for item in items {
+            let name = item.text()?;
+            if walls.iter().any(|(_, known)| *known == name) {
+                item.fail("stands there twice");
+            }
+            walls.push((item, name));
+        }
+        Some(walls)
     });
     let kind = if let Some(given) = section.get("along") {
         for key in ["about", "axis"] {

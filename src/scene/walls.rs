@@ -70,8 +70,7 @@ impl<'a> Walls<'a> {
         for section in root.sections("wall") {
             walls.names.add(&section);
             let name = walls.names.names.last().cloned().unwrap_or_default();
-            let about = walls.motions.about(&name);
-            walls.all.push(planned(name, about, &section, domain, materials, folder));
+            walls.all.push(planned(name, &section, domain, materials, folder));
         }
         walls.motions.check(|given, name| {
             if !walls.names.names.iter().any(|known| known == name) {
@@ -81,7 +80,7 @@ impl<'a> Walls<'a> {
         });
         for (name, planned) in walls.names.names.iter().zip(&mut walls.all) {
             if let Some(Planned { wall, .. }) = planned {
-                if let Some(about) = walls.motions.about(name).filter(|_| wall.mesh.is_none()) {
+                if let Some(about) = walls.motions.about(name) {
                     wall.refer_to(about);
                 }
                 if wall.mesh.is_some() {
@@ -410,7 +409,6 @@ impl<'a> Walls<'a> {
 /// A `[[wall]]`.
 fn planned(
     name: String,
-    about: Option<Vec3>,
     section: &Section,
     domain: Option<&Cell>,
     materials: &Materials,
@@ -453,27 +451,27 @@ fn planned(
     let (planes, rotation) = (planes?, rotation?);
     if let Some(surface) = surface {
         let surface = surface?;
-        let reference = rotation.map(|(about, _)| about).or(about).unwrap_or(surface.origin());
+        let origin = surface.origin();
         let surface = match surface {
             Surface::Triangles(given, Triangles { mut corners, shift, smooth }) => {
-                corners.iter_mut().flatten().for_each(|corner| *corner += shift);
                 let own = corners.len();
-                add_images(&given, &mut corners, domain);
-                corners.iter_mut().flatten().for_each(|corner| *corner -= reference);
+                add_images(&given, &mut corners, &shift, domain);
                 TriangleMesh::with_images(&corners, own, smooth)
                     .map_err(|error| given.fail(error))
                     .ok()?
             }
             Surface::OfRevolution { given, from, to, radii } => {
-                let surface =
-                    TriangleMesh::of_revolution(&(from - reference), &(to - reference), radii);
+                let surface = TriangleMesh::of_revolution(&Vec3::zeros(), &(to - from), radii);
                 surface.going_on(beyond_ends(&given, (&from, &to), radii, domain))
             }
         };
         if let Some(given) = section.get("velocity") {
             stays_in_period(&given, &velocity?, domain);
         }
-        let mut wall = Wall::of_mesh(name, reference, surface);
+        let mut wall = Wall::of_mesh(name, origin, surface);
+        if let Some((about, _)) = rotation {
+            wall.refer_to(about);
+        }
         wall.velocity = velocity?;
         wall.angular_velocity = rotation.map_or_else(Vec3::zeros, |(_, velocity)| velocity);
         wall.torque = torque;
@@ -575,10 +573,16 @@ fn of_revolution(given: Given, is_cone: bool) -> Option<Surface> {
 /// What is nearer to the border of a period than this part of it lies on the border.
 const ON_BORDER: f64 = 1e-9;
 
-/// Adds the images of triangles beyond the periods of the domain, as far as the shortest way between two grains can reach. Corners on a
-/// border get all of its digits, so that images hang together.
-fn add_images(given: &Given, corners: &mut Vec<[Vec3; 3]>, domain: Option<&Cell>) {
-    let Some(domain) = domain else { return };
+/// Adds the images of triangles beyond the periods of the domain, as far as the shortest way between two grains can reach; corners are
+/// shifted on their way into the domain [m]. Those on a border get all of its digits, so that images hang together.
+fn add_images(
+    given: &Given,
+    corners: &mut Vec<[Vec3; 3]>,
+    shift: &Vec3,
+    domain: Option<&Cell>,
+) {
+    let Some(domain) = domain.filter(|domain| domain.repeats()) else { return };
+    corners.iter_mut().flatten().for_each(|corner| *corner += shift);
     for axis in (0..3).filter(|&axis| domain.period(axis).is_some()) {
         let (low, high) = (domain.low()[axis], domain.high()[axis]);
         let (period, near) = (high - low, ON_BORDER * (high - low));
@@ -627,6 +631,7 @@ fn add_images(given: &Given, corners: &mut Vec<[Vec3; 3]>, domain: Option<&Cell>
         }
         corners.extend(images);
     }
+    corners.iter_mut().flatten().for_each(|corner| *corner -= shift);
 }
 
 /// How far a cylinder goes on beyond its ends [m], where it goes through a period.

@@ -101,6 +101,16 @@ pub struct Strip {
     pub opening: f64,
 }
 
+impl Strip {
+    /// How far a point is from the surface of which it is a part, as if that went on [m].
+    pub fn distance(&self, point: &Vec3) -> f64 {
+        let way = point - self.from;
+        let along = way.dot(&self.axis);
+        let across = (way - self.axis * along).norm();
+        (self.radius + self.slope * along - across).abs() / (1.0 + self.slope * self.slope).sqrt()
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Triangle {
     corners: [u32; 3],
@@ -285,6 +295,29 @@ impl TriangleMesh {
         self
     }
 
+    /// The same in axes that begin at this place [m].
+    #[must_use]
+    pub fn seen_from(mut self, place: &Vec3) -> Self {
+        for vertex in &mut self.vertices {
+            *vertex -= place;
+        }
+        for facet in &mut self.facets {
+            match facet {
+                MeshFacet::Face { normal, offset } => *offset -= normal.dot(place),
+                MeshFacet::Edge { from, .. } | MeshFacet::Strip(Strip { from, .. }) => {
+                    *from -= place;
+                }
+                MeshFacet::Corner { at, .. } => *at -= place,
+            }
+        }
+        self.grid.see_from(place);
+        if let Some(solid) = &mut self.solid {
+            solid.see_from(place);
+        }
+        self.reach = self.vertices.iter().map(Vec3::norm).fold(0.0, f64::max) + self.bulge;
+        self
+    }
+
     /// What was found of the triangles.
     pub const fn findings(&self) -> Findings {
         self.findings
@@ -330,6 +363,21 @@ impl TriangleMesh {
         text
     }
 
+    /// The largest component of its normals along a unit vector.
+    pub fn most_along(&self, along: &Vec3) -> f64 {
+        let of_facet = |facet: &MeshFacet| match facet {
+            MeshFacet::Face { normal, .. } => normal.dot(along).abs(),
+            MeshFacet::Strip(Strip { axis, slope, .. }) => {
+                let by_axis = axis.dot(along);
+                let across = (1.0 - by_axis * by_axis).max(0.0).sqrt();
+                (across + (slope * by_axis).abs()) / (1.0 + slope * slope).sqrt()
+            }
+            // Their normals lie between those of faces.
+            MeshFacet::Edge { .. } | MeshFacet::Corner { .. } => 0.0,
+        };
+        self.facets.iter().map(of_facet).fold(0.0, f64::max)
+    }
+
     /// How many triangles it has, without images.
     pub const fn len(&self) -> usize {
         self.own
@@ -361,7 +409,7 @@ impl TriangleMesh {
         self.reach
     }
 
-    /// The same for the same triangles only, as good as.
+    /// The same for the same triangles only, as good as, wherever they are seen from.
     pub const fn checksum(&self) -> u64 {
         self.checksum
     }
@@ -488,6 +536,21 @@ impl TriangleMesh {
             }
         });
         first.map(|part| from + (to - from) * part)
+    }
+
+    /// Is a part of the surface nearer to a point than this [m]? Strips are taken as going on beyond their ends.
+    pub fn meets_ball(&self, centre: &Vec3, radius: f64) -> bool {
+        let mut found = false;
+        let reach = Vec3::repeat(radius + self.bulge);
+        self.grid.for_each_in(&(centre - reach), &(centre + reach), |triangle| {
+            let triangle = &self.triangles[triangle as usize];
+            found = found
+                || match &self.facets[triangle.facets[0] as usize] {
+                    MeshFacet::Strip(strip) => strip.distance(centre) < radius,
+                    _ => (nearest_on(&self.corners(triangle), centre) - centre).norm() < radius,
+                };
+        });
+        found
     }
 
     /// Does a box from `low` to `high` [m], in the axes of the wall, hold a part of a triangle?

@@ -87,6 +87,7 @@ impl Simulation {
             time: self.time(),
             dt: self.dt,
             stage_begin: self.stage_begin,
+            stage_shift: self.stage_shift,
             next_id: self.next_id,
             departed: self.departed,
             most_moving: self.most_moving,

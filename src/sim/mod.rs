@@ -86,6 +86,8 @@ pub struct Simulation {
     pub step: u64,
     /// Step and time [s] at which this stage began.
     pub stage_begin: (u64, f64),
+    /// By how much steps of another length before make this stage longer than its steps are now [s].
+    pub stage_shift: f64,
     /// The id of the next new particle.
     pub next_id: u64,
     /// What particles that were taken out have left behind in the balance of energies; the same on all ranks.
@@ -351,13 +353,19 @@ impl Simulation {
 
     /// Time since the first stage began [s].
     pub fn time(&self) -> f64 {
-        self.stage_begin.1 + (self.step - self.stage_begin.0) as f64 * self.dt
+        self.stage_begin.1 + self.stage_time()
+    }
+
+    /// Time since this stage began [s].
+    pub fn stage_time(&self) -> f64 {
+        (self.step - self.stage_begin.0) as f64 * self.dt + self.stage_shift
     }
 
     /// Where the simulation stands.
     fn moment(&self) -> Moment {
         let (step, stage_step) = (self.step, self.step - self.stage_begin.0);
-        Moment { step, stage_step, time: self.time(), dt: self.dt }
+        let (time, stage_time) = (self.time(), self.stage_time());
+        Moment { step, stage_step, time, stage_time, dt: self.dt }
     }
 
     /// The scalars of this moment. Collective.

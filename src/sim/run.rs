@@ -380,6 +380,7 @@ impl<'a> Records<'a> {
             let mut forces = measures.wall_forces.clone();
             for drive in &mut sim.drives {
                 drive.row(&mut forces, scheduled, comm);
+                drive.note_speed(measures.largest_speed, sim.dt);
             }
             self.push(sim, &measures, &forces)?;
         }

@@ -29,10 +29,16 @@ impl<'a> Seen<'a> {
         Self { a, mesh, wall: b.frame, frame, centre }
     }
 
-    /// How far the body stays in front of a plane, along its normal [m].
+    /// How far the body, or the polyhedron that stands for it, stays in front of a plane, along its normal [m].
     pub(super) fn height_over(&self, plane: &Plane) -> f64 {
-        let into = self.a.shape.support(&-self.frame.tr_mul(&plane.normal)) * self.a.scale;
-        (self.centre + self.frame * into).dot(&plane.normal) - plane.offset
+        let up = self.frame.tr_mul(&plane.normal);
+        let lowest = match self.a.shape.facets() {
+            Some(facets) if self.a.shape.excess() > 0.0 => {
+                facets.vertices().iter().map(|vertex| vertex.dot(&up)).fold(f64::INFINITY, f64::min)
+            }
+            _ => self.a.shape.support(&-up).dot(&up),
+        };
+        self.centre.dot(&plane.normal) + lowest * self.a.scale - plane.offset
     }
 
     /// A plane in the axes and the unit of length of the body.

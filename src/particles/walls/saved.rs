@@ -23,16 +23,19 @@ pub struct Saved {
 }
 
 /// What a snapshot holds of the triangles of a wall besides their corners.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct SavedMesh {
     checksum: u64,
     triangles: u64,
+    /// [`Mesh::origin`] [m].
+    #[serde(default)]
+    origin: Vec3,
 }
 
 impl SavedMesh {
     fn of(mesh: &Mesh) -> Self {
         let triangles = mesh.surface.len() as u64;
-        Self { checksum: mesh.surface.checksum(), triangles }
+        Self { checksum: mesh.surface.checksum(), triangles, origin: mesh.origin }
     }
 }
 
@@ -87,8 +90,9 @@ impl Wall {
     /// more?
     pub fn is_same(&self, (_, normal): &(Vec3, Vec3), saved: Option<&Saved>) -> bool {
         let mine = self.facets.iter().map(|facet| facet.geometry.normal);
-        let triangles = self.mesh.as_ref().map(SavedMesh::of);
-        if triangles != saved.and_then(|saved| saved.mesh) {
+        let triangles = |mesh: SavedMesh| (mesh.checksum, mesh.triangles);
+        let of_saved = saved.and_then(|saved| saved.mesh).map(triangles);
+        if self.mesh.as_ref().map(|mesh| triangles(SavedMesh::of(mesh))) != of_saved {
             return false;
         }
         match saved {
@@ -100,7 +104,8 @@ impl Wall {
     /// Goes on from where a snapshot of step `step` has it, with the velocities or the course of the scene, in which it stands now;
     /// `goes_on` if steps are counted on and are as long as before. A course goes on within a
     /// stage, whose steps were of `dt_before` [s]. At the start of a stage it turns about the point that the scene says. Returns how
-    /// far that is off the scene's place, where that is most within `room` [m]; 0 for rounding.
+    /// far that is off the scene's place, where that is most within `room` [m], 0 for rounding; `None` if it is another wall, which stands
+    /// where the scene says.
     pub fn go_on(
         &mut self,
         surface: &(Vec3, Vec3),
@@ -109,10 +114,12 @@ impl Wall {
         (step, dt_before): (u64, Option<f64>),
         library: &mut Library,
         room: &Corners,
-    ) -> f64 {
+    ) -> Option<f64> {
         let is_same = self.is_same(surface, saved);
         let (before, about) = (self.in_place().collect::<Vec<_>>(), self.point);
-        let was = self.pose();
+        let (was, origin_was) = (self.pose(), self.origin());
+        let is_new_stage = dt_before.is_none();
+        let mut is_another = false;
         match saved {
             Some(saved) if is_same => {
                 self.point = saved.point;
@@ -122,15 +129,23 @@ impl Wall {
                 for (facet, geometry) in self.facets.iter_mut().zip(&saved.facets) {
                     facet.geometry = *geometry;
                 }
+                let turns_anew = self.may_turn() && is_new_stage;
+                let (frame, shift) = (self.frame(), self.point - about);
+                if let (Some(mesh), Some(of_saved)) = (&mut self.mesh, saved.mesh) {
+                    // At once, not by way of the point before: what goes on from here has the same bits.
+                    let moved = if turns_anew { frame.tr_mul(&shift) } else { Vec3::zeros() };
+                    mesh.set_origin(of_saved.origin + moved);
+                    if turns_anew {
+                        self.point = about;
+                    }
+                }
             }
             None if self.facets.len() == 1 => {
                 self.facets[0].geometry.offset = 0.0;
                 self.point = surface.0;
             }
-            // Another wall of this name stands where the scene says.
-            _ => {}
+            _ => is_another = true,
         }
-        let is_new_stage = dt_before.is_none();
         if self.may_turn() && (is_new_stage || saved.is_none()) && self.mesh.is_none() {
             self.refer_to(about);
         }
@@ -142,11 +157,23 @@ impl Wall {
         for facet in &self.facets {
             library.shapes[facet.shape.index()] = Shape::HalfSpace(facet.geometry);
         }
-        self.note_listing();
-        let mut off = most_moved(self.in_place().zip(before), room);
-        if self.mesh.is_some() {
-            off = self.moved_since(&was, room);
+        if let Some(Mesh { surface, shape, .. }) = &self.mesh {
+            library.shapes[shape.index()] = Shape::TriangleMesh(surface.clone());
         }
-        if off > 1e-12 * about.amax().max(self.point.amax()) { off } else { 0.0 }
+        self.note_listing();
+        let off = match &self.mesh {
+            Some(Mesh { surface, .. }) => {
+                let turned = was.orientation.angle_to(&self.orientation);
+                (self.origin() - origin_was).norm() + turned * surface.reach()
+            }
+            None => most_moved(self.in_place().zip(before), room),
+        };
+        let is_off = off > 1e-12 * about.amax().max(self.point.amax());
+        (!is_another).then_some(if is_off { off } else { 0.0 })
+    }
+
+    /// Where the axes of its file begin, of a wall of planes its own [m].
+    fn origin(&self) -> Vec3 {
+        self.mesh.as_ref().map_or(self.point, |mesh| self.point + self.frame() * mesh.origin)
     }
 }

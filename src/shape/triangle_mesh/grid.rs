@@ -101,6 +101,11 @@ impl Grid {
         });
     }
 
+    /// Takes axes that begin at this place [m].
+    pub(super) fn see_from(&mut self, place: &Vec3) {
+        self.low -= place;
+    }
+
     /// Bytes that it holds.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(&*self.first) + size_of_val(&*self.triangles)

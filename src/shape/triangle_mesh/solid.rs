@@ -89,6 +89,13 @@ pub(super) struct Solid {
 }
 
 impl Solid {
+    /// Takes axes that begin at this place [m].
+    pub(super) fn see_from(&mut self, place: &Vec3) {
+        for plane in self.behind.iter_mut().flat_map(|behind| &mut behind.borders) {
+            plane.offset -= plane.normal.dot(place);
+        }
+    }
+
     /// Bytes that it holds.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(&*self.behind) + size_of_val(&*self.meetings)
