@@ -1,6 +1,6 @@
 //! Grains that appear at a rate and grains that leave: counted, booked, and the same on any number of ranks.
 
-use crate::support::{OnRanks, begun, expect_refused, scene, schedule};
+use crate::support::{OnRanks, begun, expect_refused, save, scene, schedule};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::Reader;
@@ -190,6 +190,102 @@ directory = "out"
         scales.iter().enumerate().map(|(k, &s)| (asked.below(by, s) - k as f64 / count).abs());
     let off = off.fold(0.0, f64::max);
     assert!(off < 1.95 / count.sqrt(), "{off} of {count}");
+}
+
+/// An inlet of which more is due at a time than comes says so, before the start and while it runs.
+#[test]
+fn more_than_come_at_a_time_are_missed() {
+    let shaft = SHAFT.split("[[fill.lattice]]").next().unwrap();
+    let tap = "[[inlet]]\nname = \"tap\"\nshapes = [\"ball\"]\nlow = [0.005, 0.005, 0.05]\nhigh = [0.015, 0.015, 0.059]\n\
+               rate = 1e6\nevery = 500\nvelocity = [0, 0, -1]\n[time]\nstep = 1e-5\nsteps = 1000\n[output]\ndirectory = \"out\"\n";
+    let small = shaft.replace("radius = 0.001", "radius = 0.00005");
+    let scene = scene(&(small + tap));
+    let doubts = dem_mpi::scene::doubts::doubts(&scene);
+    assert!(doubts.iter().any(|doubt| doubt.contains("some 5000 particles are due")), "{doubts:?}");
+    let mut comm = Alone::default();
+    let mut sim = begun(&scene, &mut comm);
+    (0..500).for_each(|_| sim.step(&mut comm).unwrap());
+    let counted = sim.drives[0].counted();
+    assert_eq!(counted[0].1, 1000.0);
+    assert_eq!(counted[2], ("missing_tap".to_owned(), 4000.0));
+    let warnings = sim.drives[0].warnings();
+    assert!(warnings[0].contains("more than 1000 of its particles are due"), "{warnings:?}");
+}
+
+/// No grain appears in the wall of a cylinder, however large that is.
+#[test]
+fn no_grain_appears_in_a_round_wall() {
+    let text = SHAFT.split("[[fill.lattice]]").next().unwrap().to_owned()
+        + "[[wall]]\nname = \"pipe\"\ncylinder = { from = [-0.49, 0.01, -0.1], to = [-0.49, 0.01, 0.2], radius = 0.5 }\n\
+           [[inlet]]\nname = \"tap\"\nshapes = [\"ball\"]\nlow = [0.002, 0.002, 0.045]\nhigh = [0.018, 0.018, 0.055]\n\
+           rate = 1e6\nvelocity = [0, 0, -1]\n[time]\nstep = 1e-5\nsteps = 100\n[output]\ndirectory = \"out\"\n";
+    let scene = scene(&text.replace("radius = 0.001\n", "radius = 0.0002\n"));
+    let mut comm = Alone::default();
+    let mut sim = begun(&scene, &mut comm);
+    (0..100).for_each(|_| sim.step(&mut comm).unwrap());
+    let places = &sim.particles.position[..sim.particles.owned];
+    let from_wall = |p: &Vec3| ((p.x + 0.49).hypot(p.y - 0.01) - 0.5).abs();
+    let nearest = places.iter().map(from_wall).fold(f64::INFINITY, f64::min);
+    println!("{} grains, {nearest:e} m from the wall", places.len());
+    assert!(places.len() > 500 && nearest >= 0.0002 && nearest < 0.0004, "{nearest:e}");
+}
+
+/// A stage that goes on with steps of another length has as much time, and its inlets as many grains, as its clock says.
+#[test]
+fn another_step_leaves_the_time_of_a_stage() {
+    let shaft = SHAFT.split("[[fill.lattice]]").next().unwrap();
+    let with = |step: f64| {
+        scene(&format!(
+            "{shaft}[[inlet]]\nname = \"tap\"\nshapes = [\"ball\"]\nlow = [0.002, 0.002, 0.045]\nhigh = [0.018, 0.018, 0.055]\n\
+             rate = 4000\nvelocity = [0, 0, -1]\nevery = 10\n[time]\nstep = {step:?}\nduration = 0.02\n[output]\ndirectory = \"out\"\n"
+        ))
+    };
+    let first = with(1e-5);
+    assert_eq!(first.steps, 2000);
+    let mut comm = Alone::default();
+    let mut sim = begun(&first, &mut comm);
+    (0..1000).for_each(|_| sim.step(&mut comm).unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    for step in [5e-6, 2e-5] {
+        save(&sim, folder.path(), &first, &mut comm);
+        let next = with(step);
+        let mut sim = assemble::assemble(&next, &comm);
+        let same = assemble::Continuation::SameStage;
+        assemble::take_up(&mut sim, &next, folder.path(), same, &mut comm).unwrap();
+        let last = sim.stage_begin.0 + next.steps_with(sim.stage_shift);
+        assert_eq!(last, 1000 + (0.01 / step).round() as u64);
+        while sim.step < last {
+            sim.step(&mut comm).unwrap();
+        }
+        assert!((sim.time() - 0.02).abs() < 1e-12 && (sim.stage_time() - 0.02).abs() < 1e-12);
+        let entered = sim.drives[0].counted()[0].1;
+        assert!((entered - 80.0).abs() <= 1.0, "{step}: {entered}");
+        // Over another restart, too.
+        let again = folder.path().join("again");
+        save(&sim, &again, &next, &mut comm);
+        let reader = Reader::open(&again).unwrap();
+        assert_eq!(reader.header().stage_shift, sim.stage_shift);
+        assert!(sim.stage_shift != 0.0);
+    }
+}
+
+/// What moves so fast that it can pass an outlet between two looks is warned of.
+#[test]
+fn an_outlet_that_grains_may_pass_unseen_is_warned_of() {
+    let text = SHAFT.replace("every = 7", "every = 700");
+    let scene = scene(&text);
+    let folder = tempfile::tempdir().unwrap();
+    let mut comm = Alone::default();
+    let mut sim = assemble::assemble(&scene, &comm);
+    assemble::fill(&mut sim, &scene, &comm);
+    let mut warnings = Vec::new();
+    run(&mut sim, &schedule(&scene, 600, folder.path()), &mut comm, &mut |progress| {
+        warnings.extend_from_slice(progress.warnings);
+    })
+    .unwrap();
+    let told: Vec<_> =
+        warnings.iter().filter(|w| w.contains("outlet `hatch` looks every 700")).collect();
+    assert_eq!(told.len(), 1, "{warnings:?}");
 }
 
 /// A stage ends when so many have left, or when so few are there; the history has what was counted in its last columns.

@@ -1,8 +1,9 @@
 //! Walls with a mass that forces move: an impact, an oscillation, a lid at rest, equal bits.
 
-use crate::support::{Bench, MATERIAL, OnRanks, ball, close, expect_refused, scene};
+use crate::support::{Bench, MATERIAL, OnRanks, ball, close, expect_refused, save, scene};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::math::Vec3;
+use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::plan::plan;
 
 const RADIUS: f64 = 0.01;
@@ -75,6 +76,58 @@ fn a_lid_strikes_a_ball_as_a_body_of_its_mass() {
         let after = bench.sim.particles.walls[0].velocity;
         close(after.z, -speed - given / mass, 1e-12, "velocity of the lid");
         assert!((after - Vec3::z() * after.z).norm() == 0.0);
+    }
+}
+
+/// Held across its direction, a lid is heavier along its normal the more it slides: `restitution` is met at any angle.
+#[test]
+fn a_lid_that_slides_bounces_as_its_angle_says() {
+    let mass = 0.005;
+    for restitution in [0.5, 0.2] {
+        for along in ["[1, 0, 0]", "[3, 0, 1]", "[1, 0, 1]"] {
+            let lid = "point = [0, 0, 0.02001]\nvelocity = [0, 0, -0.5]";
+            let text = below_a_lid(mass, restitution, 0.0, false, lid, 2e-7);
+            let scene = scene(&text.replace("along = [0, 0, 2]", &format!("along = {along}")));
+            let start = ball(0, 0, Vec3::new(0.0, 0.0, RADIUS), Vec3::zeros());
+            let mut bench = Bench::of(&scene, &[start]);
+            (0..10_000).for_each(|_| bench.step());
+            let [ball, lid] =
+                [bench.sim.particles.velocity[0].z, bench.sim.particles.walls[0].velocity.z];
+            assert!(ball < -0.5 * restitution, "{along}: {ball}");
+            close((lid - ball) / 0.5, restitution, 1e-4, along);
+        }
+    }
+}
+
+/// A wall that a stage leaves moving goes on along a line of the next one with what it has along that, unless that gives it a velocity.
+#[test]
+fn a_free_wall_goes_on_in_another_stage() {
+    let text = |along: &str, velocity: &str| {
+        below_a_lid(0.03, 1.0, 0.0, false, &format!("point = [0, 0, 0.1]\n{velocity}"), 1e-5)
+            .replace("along = [0, 0, 2]", &format!("along = {along}"))
+    };
+    let first = scene(&text("[2, 0, 0]", "velocity = [0.3, 0.1, 0]"));
+    let mut bench = Bench::of(&first, &[ball(0, 0, Vec3::zeros(), Vec3::zeros())]);
+    (0..100).for_each(|_| bench.step());
+    let folder = tempfile::tempdir().unwrap();
+    let mut comm = Alone::default();
+    save(&bench.sim, folder.path(), &first, &mut comm);
+    for (along, velocity, expected) in [
+        ("[1, 0, 0]", "", Vec3::new(0.3, 0.0, 0.0)),
+        ("[-1, 0, 0]", "", Vec3::new(0.3, 0.0, 0.0)),
+        ("[0, 0, 1]", "", Vec3::zeros()),
+        ("[1, 0, 1]", "", Vec3::new(0.15, 0.0, 0.15)),
+        ("[1, 0, 0]", "velocity = [-0.2, 0, 0]", Vec3::new(-0.2, 0.0, 0.0)),
+        ("[1, 0, 0]", "velocity = [0, 0.2, 0]", Vec3::new(0.3, 0.2, 0.0)),
+    ] {
+        let next = scene(&text(along, velocity));
+        let mut sim = assemble::assemble(&next, &comm);
+        let new = Continuation::NewStage;
+        assemble::take_up(&mut sim, &next, folder.path(), new, &mut comm).unwrap();
+        sim.begin(&mut comm).unwrap();
+        sim.step(&mut comm).unwrap();
+        let off = (sim.particles.walls[0].velocity - expected).norm();
+        assert!(off < 1e-12, "{along} {velocity}: {:?}", sim.particles.walls[0].velocity);
     }
 }
 
@@ -185,9 +238,12 @@ directory = "out"
 #[test]
 fn a_lid_that_is_borne_at_the_start_has_the_same_bits_everywhere() {
     let text = below_a_lid(0.05, 0.5, -9.81, true, "point = [0, 0, 0.0196]\n", 2e-6);
-    let folder = tempfile::tempdir().unwrap();
-    let state = OnRanks::of(&scene(&text)).the_same_everywhere(400, folder.path());
-    assert!(state.numbers("place of lid")[2] > 0.0196 && state.number("wall_contacts") > 0.0);
+    for along in ["[0, 0, 2]", "[1, 2, 3]"] {
+        let text = text.replace("along = [0, 0, 2]", &format!("along = {along}"));
+        let folder = tempfile::tempdir().unwrap();
+        let state = OnRanks::of(&scene(&text)).the_same_everywhere(400, folder.path());
+        assert!(state.numbers("place of lid")[2] > 0.0196 && state.number("wall_contacts") > 0.0);
+    }
 }
 
 #[test]

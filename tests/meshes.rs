@@ -11,6 +11,7 @@ use dem_mpi::post::export;
 use dem_mpi::random::Random;
 use dem_mpi::scene::assemble::Continuation;
 use dem_mpi::scene::{Scene, assemble};
+use dem_mpi::shape::mesh;
 use dem_mpi::shape::triangle_mesh::{MeshFacet, SurfaceError, TriangleMesh};
 use dem_mpi::shape::{Ellipsoid, Polyhedron, Shape, Sphere, Superellipsoid};
 use std::fmt::Write;
@@ -651,6 +652,67 @@ fn meshes_that_are_no_surface_are_refused_and_others_are_described() {
         0.0,
         "contacts in a fold",
     );
+}
+
+/// A convex polygon is cut into triangles; one with a dent is refused, from whatever corner it begins.
+#[test]
+fn polygons_with_a_dent_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("polygon.obj");
+    let read = |corners: &[[f64; 2]], first: usize| {
+        let mut text = String::new();
+        for [x, y] in corners {
+            writeln!(text, "v {x} {y} 0").unwrap();
+        }
+        text += "f";
+        (0..corners.len()).for_each(|k| {
+            write!(text, " {}", (first + k) % corners.len() + 1).unwrap();
+        });
+        std::fs::write(&path, text).unwrap();
+        mesh::triangles(&path)
+    };
+    let area = |triangles: &Triangles| -> f64 {
+        triangles.iter().map(|[a, b, c]| 0.5 * (b - a).cross(&(c - a)).norm()).sum()
+    };
+    let house = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 3.0], [0.0, 2.0]];
+    let notched = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 0.5], [0.0, 2.0]];
+    let star: [[f64; 2]; 5] = std::array::from_fn(|k| {
+        let angle = 0.8 * std::f64::consts::PI * k as f64;
+        [angle.cos(), angle.sin()]
+    });
+    for first in 0..5 {
+        let whole = read(&house, first).unwrap();
+        assert_eq!(whole.len(), 3);
+        close(area(&whole), 5.0, 1e-15, "area");
+        for dented in [&notched, &star] {
+            let refused = read(dented, first).unwrap_err().to_string();
+            assert!(refused.contains("5 corners that is not convex"), "{refused}");
+        }
+    }
+}
+
+/// A binary file with more triangles than it says is refused; a text may be in capitals.
+#[test]
+fn files_of_stl_are_read_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("two.stl");
+    let mut bytes = vec![0_u8; 80];
+    bytes.extend(2_u32.to_le_bytes());
+    for k in 0..2 {
+        for place in [0.0_f32, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, k as f32] {
+            bytes.extend(place.to_le_bytes());
+        }
+        bytes.extend([0, 0]);
+    }
+    std::fs::write(&path, &bytes).unwrap();
+    assert_eq!(mesh::triangles(&path).unwrap().len(), 2);
+    bytes[80] = 1;
+    std::fs::write(&path, &bytes).unwrap();
+    let refused = mesh::triangles(&path).unwrap_err().to_string();
+    assert!(refused.contains("50 more than its 1 triangles"), "{refused}");
+    let text = "SOLID A\nFACET NORMAL 0 0 1\nOUTER LOOP\nVERTEX 0 0 0\nVERTEX 1E0 0 0\nVERTEX 0 1 0\nENDLOOP\nENDFACET\nENDSOLID A\n";
+    std::fs::write(&path, text).unwrap();
+    assert_eq!(mesh::triangles(&path).unwrap().len(), 1);
 }
 
 /// Boxes beside a tilted sheet and boxes through it: by the distances of their corners.

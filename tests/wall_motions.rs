@@ -1,6 +1,8 @@
 //! What walls do on grains, torque and power; walls that move by oscillations and tables.
 
-use crate::support::{Bench, MATERIAL, State, ball, begun, close, expect_refused, save, scene, schedule};
+use crate::support::{
+    Bench, MATERIAL, State, ball, begun, close, expect_refused, save, scene, schedule,
+};
 use crate::walls::the_same_on_any_ranks;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::threads;
@@ -469,7 +471,9 @@ fn triangles_stay_where_a_stage_left_them() {
     let turning = |about: &str| {
         plate(&format!("rotation = {{ about = {about}, axis = [0, 0.1, 1], rate = 2 }}"))
     };
-    let first = plate("velocity = [0, 0, 0.1]\nrotation = { about = [0.02, 0.01, 0], axis = [0, 0, 1], rate = 2 }");
+    let first = plate(
+        "velocity = [0, 0, 0.1]\nrotation = { about = [0.02, 0.01, 0], axis = [0, 0, 1], rate = 2 }",
+    );
     let start = ball(0, 0, Vec3::new(0.013, 0.001, 0.003 + RADIUS - 1e-6), Vec3::zeros());
     let mut bench = Bench::of(&first, std::slice::from_ref(&start));
     (0..2000).for_each(|_| bench.step());

@@ -280,7 +280,11 @@ impl Wall {
         let mass = self.mass;
         // Held across its direction, it is as heavy against a normal as more of it lies across.
         let mass_against = |along_normal: f64| {
-            if along_normal.abs() > SQUARE_ON { mass / (along_normal * along_normal) } else { f64::INFINITY }
+            if along_normal.abs() > SQUARE_ON {
+                mass / (along_normal * along_normal)
+            } else {
+                f64::INFINITY
+            }
         };
         for facet in &mut self.facets {
             let shape = Shape::HalfSpace(facet.geometry);

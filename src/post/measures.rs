@@ -110,8 +110,8 @@ impl Asked {
         let (mut images, mut xml) = (Vec::new(), Vec::new());
         let all = of_each(source, |reader, region| {
             let header = reader.header();
-            let width = width.metres(header);
-            let side = self.grid.map_or(width, |side| side.metres(header));
+            let width = width.metres(reader)?;
+            let side = self.grid.map_or(Ok(width), |side| side.metres(reader))?;
             let how = Smoothing { weight: self.weight, width, side };
             let fields = Fields::of(reader, region, how)?;
             let name = |ending: &str| format!("fields_{:09}.{ending}", header.step);
@@ -154,7 +154,7 @@ impl Asked {
                 members = Some(Members::of(groups, reader)?);
             }
             let Some(members) = &members else { return Err(MeasureError::NobodyThere) };
-            let side = self.grid.unwrap_or(Margin::Diameters(4.0)).metres(reader.header());
+            let side = self.grid.unwrap_or(Margin::Diameters(4.0)).metres(reader)?;
             Mixing::of(reader, members, region, side)
         })?;
         write_rows(&out.join("mixing.csv"), &rows)?;

@@ -446,6 +446,6 @@ pub fn inside(reader: &Reader, margin: Margin) -> Result<Region, PostError> {
         extent.add(header, &particles);
     }
     let bounds = extent.finish(header).ok_or(PostError::NoBox)?;
-    let region = Region::Box(bounds.shrunk(header, margin));
+    let region = Region::Box(bounds.shrunk(header, margin.metres(reader)?));
     region.check(header).map(|()| region)
 }

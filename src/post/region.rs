@@ -1,13 +1,15 @@
 //! Where the measures are taken: the whole packing or a box in it, its volume, the particles that
 //! belong to it, and how much of it is solid.
 
-use super::PostError;
+use super::check::check_particles;
 use super::sums::quotient;
+use super::{PostError, pieces};
 use crate::cell::{AXES, Shear};
 use crate::contact::Posed;
 use crate::ids::GlobalId;
 use crate::math::{ExactSum, Mat3, Quat, Vec3};
 use crate::output::header::{Header, WallRow};
+use crate::output::snapshot::Reader;
 use crate::output::tables::ParticleTable;
 use crate::shape::Shape;
 use nalgebra::Quaternion;
@@ -51,10 +53,9 @@ impl Bounds {
         self.lengths().product()
     }
 
-    /// Without a layer along the sides; a periodic axis has none.
+    /// Without a layer of a thickness [m] along the sides; a periodic axis has none.
     #[must_use]
-    pub fn shrunk(mut self, header: &Header, margin: Margin) -> Self {
-        let thickness = margin.metres(header);
+    pub fn shrunk(mut self, header: &Header, thickness: f64) -> Self {
         for k in (0..3).filter(|&k| header.cell.period(k).is_none()) {
             self.low[k] += thickness;
             self.high[k] -= thickness;
@@ -111,20 +112,35 @@ impl Region {
 pub enum Margin {
     /// In metres.
     Metres(f64),
-    /// In diameters of the sphere that has the volume of the largest shape, at a scale of 1.
+    /// In diameters of the sphere that has the mean volume of the grains of that shape of which it is the largest.
     Diameters(f64),
 }
 
 impl Margin {
-    /// In metres, for the shapes of this snapshot.
-    pub fn metres(self, header: &Header) -> f64 {
-        match self {
-            Self::Metres(length) => length,
-            Self::Diameters(count) => {
-                let volumes = header.shapes.iter().map(|shape| shape.volume);
-                count * diameter_of(volumes.fold(0.0, f64::max))
+    /// In metres, for the grains of a snapshot.
+    ///
+    /// # Errors
+    /// A file that cannot be read or makes no sense.
+    pub fn metres(self, reader: &Reader) -> Result<f64, PostError> {
+        let count = match self {
+            Self::Metres(length) => return Ok(length),
+            Self::Diameters(count) => count,
+        };
+        let header = reader.header();
+        // By shapes: how many grains, and their volumes over that of the shape.
+        let mut sums = vec![(0.0, 0.0); header.shapes.len()];
+        for rows in pieces(reader.particle_count()) {
+            let particles = reader.particles(rows)?;
+            check_particles(header, &particles)?;
+            for (row, shape) in particles.shape.iter().enumerate() {
+                let (grains, ratio) = &mut sums[shape.index()];
+                *grains += 1.0;
+                *ratio += particles.volume_ratio(row);
             }
         }
+        let mean = |&(grains, ratio): &(f64, f64)| if grains > 0.0 { ratio / grains } else { 0.0 };
+        let volumes = header.shapes.iter().zip(&sums).map(|(shape, sum)| shape.volume * mean(sum));
+        Ok(count * diameter_of(volumes.fold(0.0, f64::max)))
     }
 }
 

@@ -58,8 +58,9 @@ impl Slope {
         if !(gravity.z < 0.0 && gravity.x == 0.0 && gravity.y == 0.0) {
             return Err(MeasureError::NoVertical { gravity });
         }
-        let width = Margin::Diameters(1.0).metres(header);
-        let mut tops: BTreeMap<[i64; 2], f64> = BTreeMap::new();
+        let width = Margin::Diameters(1.0).metres(reader)?;
+        // Of each column the highest place and the centre of its grain.
+        let mut tops: BTreeMap<[i64; 2], (f64, Vec3)> = BTreeMap::new();
         let (mut moment, mut mass) = (Vec3::zeros(), 0.0);
         for rows in pieces(reader.particle_count()) {
             let particles = reader.particles(rows)?;
@@ -76,21 +77,22 @@ impl Slope {
                 mass += heavy;
                 let top = place.z + Turned::of(header, &particles, row).support(&Vec3::z()).z;
                 let column = [place.x, place.y].map(|x| (x / width).floor() as i64);
-                let highest = tops.entry(column).or_insert(top);
-                *highest = highest.max(top);
+                let highest = tops.entry(column).or_insert((top, *place));
+                if top > highest.0 {
+                    *highest = (top, *place);
+                }
             }
         }
         if mass == 0.0 {
             return Err(MeasureError::NobodyThere);
         }
         let middle = moment / mass;
-        let points = tops.into_iter().map(|(column, top)| {
-            let [x, y] = column.map(|index| (index as f64 + 0.5) * width);
+        let points = tops.into_values().map(|(top, place)| {
             let at = match along {
-                Direction::X => x,
-                Direction::Y => y,
+                Direction::X => place.x,
+                Direction::Y => place.y,
                 // Falls with the distance, so that rising towards the middle is positive.
-                Direction::Radial => -(x - middle.x).hypot(y - middle.y),
+                Direction::Radial => -(place.x - middle.x).hypot(place.y - middle.y),
             };
             (at, top)
         });

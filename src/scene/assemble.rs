@@ -185,7 +185,11 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
         drives.push(Box::new(Servos::new(scene.servos.clone(), &scene.library)));
     }
     if !scene.free_walls.is_empty() {
-        drives.push(Box::new(FreeWalls::new(scene.free_walls.clone(), &scene.walls, &scene.library)));
+        drives.push(Box::new(FreeWalls::new(
+            scene.free_walls.clone(),
+            &scene.walls,
+            &scene.library,
+        )));
     }
     drives
 }

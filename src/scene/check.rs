@@ -25,6 +25,8 @@ use std::path::{Path, PathBuf};
 
 /// Skin, in largest bounding radii, if the file does not say.
 const SKIN: f64 = 0.1;
+/// A pair that parts in a step must still be listed, or what it stored is booked nowhere: least skin, in smallest bounding radii.
+const LEAST_SKIN: f64 = 0.02;
 /// Work of the busiest rank over the mean from which on the domain is cut again, if the file does not say.
 const IMBALANCE: f64 = 1.1;
 
@@ -91,10 +93,12 @@ pub(super) fn scene(
     walls.check_speeds(&root, domain_section.as_ref(), domain.as_ref(), &shapes.library, dt);
     let stop = root.read_or("stop", Stop::default(), |given| stop(&given.section()?, &root));
     let largest = shapes.library.largest_radius();
-    let default_skin = default_skin(&shapes.library);
-    let neighbours = root.read_or("neighbours", (default_skin, IMBALANCE), |given| {
-        neighbours(&given.section()?, default_skin)
-    });
+    let neighbours = {
+        let skins = skins(&shapes.library);
+        root.read_or("neighbours", (skins[1], IMBALANCE), |given| {
+            neighbours(&given.section()?, skins)
+        })
+    };
     let audit = audit(&root, seed.unwrap_or_default());
     let output = root.section("output", "`directory`").as_ref().and_then(Output::read);
     root.finish();
@@ -175,11 +179,12 @@ fn start(given: &Given, need: Need) -> Option<PathBuf> {
     Some(path)
 }
 
-/// The skin if the file does not say [m]: not so wide that small grains list all the others around them.
-fn default_skin(library: &Library) -> f64 {
+/// The least skin, and that if the file does not say: not so wide that small grains list all the others around them [m].
+fn skins(library: &Library) -> [f64; 2] {
     let radius = |(shape, scale): (ShapeId, f64)| library.radius[shape.index()] * scale;
     let smallest = library.extremes().map(radius).fold(f64::INFINITY, f64::min);
-    (SKIN * library.largest_radius()).min(smallest)
+    let least = if smallest.is_finite() { LEAST_SKIN * smallest } else { 0.0 };
+    [least, (SKIN * library.largest_radius()).min(smallest)]
 }
 
 // --- domain ---
@@ -370,11 +375,11 @@ fn stop(section: &Section, root: &Section) -> Option<Stop> {
 }
 
 /// Skin [m] and imbalance of `[neighbours]`.
-fn neighbours(section: &Section, default_skin: f64) -> Option<(f64, f64)> {
-    let skin = section.number_or("skin", default_skin, Range::NotNegative, "m");
+fn neighbours(section: &Section, [least, default]: [f64; 2]) -> Option<(f64, f64)> {
+    let skin = section.number_or("skin", default, Range::NotNegative, "m");
     let imbalance = section.number_or("imbalance", IMBALANCE, Range::FromOne, "");
     section.finish();
-    Some((skin?, imbalance?))
+    Some((skin?.max(least), imbalance?))
 }
 
 /// How contacts are audited; `seed` is that of the scene.

@@ -38,7 +38,10 @@ fn seldom_looked(scene: &Scene) -> Option<String> {
     let inlets = scene.inlets.iter().map(|inlet| ("inlet", &inlet.name, inlet.every));
     let outlets = scene.outlets.iter().map(|outlet| ("outlet", &outlet.name, outlet.every));
     let (what, name, every) = inlets.chain(outlets).find(|&(.., every)| every > scene.steps)?;
-    Some(format!("{what} `{name}` acts every {every} steps, and there are {}: it never does", scene.steps))
+    Some(format!(
+        "{what} `{name}` acts every {every} steps, and there are {}: it never does",
+        scene.steps
+    ))
 }
 
 /// An inlet of which more particles are due at a time than come.

@@ -575,12 +575,7 @@ const ON_BORDER: f64 = 1e-9;
 
 /// Adds the images of triangles beyond the periods of the domain, as far as the shortest way between two grains can reach; corners are
 /// shifted on their way into the domain [m]. Those on a border get all of its digits, so that images hang together.
-fn add_images(
-    given: &Given,
-    corners: &mut Vec<[Vec3; 3]>,
-    shift: &Vec3,
-    domain: Option<&Cell>,
-) {
+fn add_images(given: &Given, corners: &mut Vec<[Vec3; 3]>, shift: &Vec3, domain: Option<&Cell>) {
     let Some(domain) = domain.filter(|domain| domain.repeats()) else { return };
     corners.iter_mut().flatten().for_each(|corner| *corner += shift);
     for axis in (0..3).filter(|&axis| domain.period(axis).is_some()) {

@@ -31,6 +31,17 @@ pub enum MeshError {
         /// What the library says.
         cause: String,
     },
+    /// A polygon with a dent.
+    #[error(
+        "has a face of {corners} corners that is not convex, from the corner ({:e}, {:e}, {:e}): cut it into triangles with the program that made it",
+        .corner.x, .corner.y, .corner.z
+    )]
+    Concave {
+        /// Its first corner, in units of the file.
+        corner: Vec3,
+        /// How many it has.
+        corners: usize,
+    },
     /// Neither STL nor OBJ.
     #[error("must end in .stl or .obj")]
     Ending,
@@ -92,21 +103,39 @@ fn stl(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
     let bytes = std::fs::read(path).map_err(MeshError::Unreadable)?;
     let malformed = |error: std::io::Error| malformed("STL", &error);
     let mut triangles = Vec::new();
+    let size = bytes.len();
     for solid in solids(bytes) {
-        let mut reader = Cursor::new(solid);
+        let mut reader = Cursor::new(&solid);
         let corners = |t: stl_io::Triangle| t.vertices.map(|v| Vec3::from(v.0.map(f64::from)));
         for triangle in stl_io::create_stl_reader(&mut reader).map_err(malformed)? {
             triangles.push(triangle.map(corners).map_err(malformed)?);
         }
+        // A binary file says how many there are.
+        if solid.len() == size && size >= HEADER + (triangles.len() + 1) * RECORD {
+            return Err(MeshError::Malformed {
+                format: "STL",
+                cause: format!(
+                    "it has {size} bytes, {} more than its {} triangles",
+                    size - HEADER - triangles.len() * RECORD,
+                    triangles.len()
+                ),
+            });
+        }
     }
     Ok(triangles)
 }
+
+/// Bytes of a binary STL before its triangles.
+const HEADER: usize = 84;
+/// Bytes of a triangle in it.
+const RECORD: usize = 50;
 
 /// A binary file as it is; of a text the patches one by one, for the library reads no more than the first, and only if
 /// it has a name.
 fn solids(bytes: Vec<u8>) -> Vec<Vec<u8>> {
     let Some(text) = std::str::from_utf8(&bytes)
         .ok()
+        .map(str::to_lowercase)
         .filter(|text| text.trim_start().starts_with("solid") && text.contains("facet"))
     else {
         return vec![bytes];
@@ -124,16 +153,48 @@ fn solids(bytes: Vec<u8>) -> Vec<Vec<u8>> {
 
 fn obj(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
     let file = File::open(path).map_err(MeshError::Unreadable)?;
-    let options = tobj::LoadOptions { triangulate: true, ..tobj::LoadOptions::default() };
     // Materials say nothing of a shape.
     let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, _) = tobj::load_obj_buf(&mut BufReader::new(file), &options, no_materials)
-        .map_err(|error| malformed("OBJ", &error))?;
+    let (models, _) =
+        tobj::load_obj_buf(&mut BufReader::new(file), &tobj::LoadOptions::default(), no_materials)
+            .map_err(|error| malformed("OBJ", &error))?;
     let mut triangles = Vec::new();
     for mesh in models.iter().map(|model| &model.mesh) {
         let corner = |k: u32| Vec3::from_row_slice(&mesh.positions[3 * k as usize..][..3]);
-        let (faces, _) = mesh.indices.as_chunks::<3>();
-        triangles.extend(faces.iter().map(|face| face.map(corner)));
+        // None where all are triangles.
+        let counts = (!mesh.face_arities.is_empty()).then_some(&mesh.face_arities);
+        let counts = counts.into_iter().flatten().map(|&count| count as usize);
+        let mut rest = &*mesh.indices;
+        for count in counts.chain(std::iter::repeat(3)) {
+            let Some((face, others)) = rest.split_at_checked(count).filter(|_| !rest.is_empty())
+            else {
+                break;
+            };
+            rest = others;
+            let corners: Vec<Vec3> = face.iter().map(|&k| corner(k)).collect();
+            triangles.extend(fan(&corners)?);
+        }
+    }
+    Ok(triangles)
+}
+
+/// A polygon as triangles around its first corner. Where it is dented, or bent so much that it is turned over, they do not cover it.
+fn fan(corners: &[Vec3]) -> Result<Vec<[Vec3; 3]>, MeshError> {
+    let [first, others @ ..] = corners else { return Ok(Vec::new()) };
+    let triangles: Vec<[Vec3; 3]> = others.windows(2).map(|two| [*first, two[0], two[1]]).collect();
+    let area = |[a, b, c]: &[Vec3; 3]| (b - a).cross(&(c - a));
+    let all: Vec3 = triangles.iter().map(area).sum();
+    let count = corners.len();
+    let turn = |k: usize| {
+        let [a, b, c] = [0, 1, 2].map(|next| corners[(k + next) % count]);
+        (b - a).cross(&(c - b)).dot(&all)
+    };
+    // The turns of a star have one sign, too; its triangles do not.
+    let least = -SAME * all.norm_squared();
+    let is_whole = (0..count).all(|k| turn(k) >= least)
+        && triangles.iter().all(|triangle| area(triangle).dot(&all) >= least);
+    if count > 3 && !is_whole {
+        return Err(MeshError::Concave { corner: *first, corners: count });
     }
     Ok(triangles)
 }

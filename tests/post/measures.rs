@@ -12,7 +12,7 @@ use dem_mpi::post::errors::MeasureError;
 use dem_mpi::post::fields::{Fields, Smoothing, Weight};
 use dem_mpi::post::flow::{Passed, Plane, Rate, Window, through_plane};
 use dem_mpi::post::mixing::{Groups, Members, Mixing};
-use dem_mpi::post::region::{Bounds, Region};
+use dem_mpi::post::region::{Bounds, Margin, Region};
 use dem_mpi::post::slope::{Direction, Slope};
 use dem_mpi::post::{Settings, analyse};
 use dem_mpi::random::Random;
@@ -218,6 +218,21 @@ fn groups_stay_what_they_were() {
     close(index(&end, &red), 1.0 / (1.0 - 7.0 / 63.0), 1e-12, "by shape");
     let unknown = Members::of(&Groups::Shape("blue".into()), &end).unwrap_err().to_string();
     assert!(unknown.contains("no shape `blue`; it has: grain, red"), "{unknown}");
+}
+
+/// Of grains of many sizes a diameter is that of the ball of their mean volume.
+#[test]
+fn a_diameter_is_that_of_the_grains() {
+    let mut sized = balls(Vec3::repeat(0.02), false, vec![Vec3::repeat(0.01); 3]);
+    sized.particles.scale = vec![0.2, 0.3, 0.4];
+    let mean: f64 = (0.008 + 0.027 + 0.064) / 3.0;
+    let (_folder, reader) = stored(&sized);
+    close(
+        Margin::Diameters(2.0).metres(&reader).unwrap(),
+        2.0 * DIAMETER * mean.cbrt(),
+        1e-14,
+        "2d",
+    );
 }
 
 /// A cone, and a wedge that rises along y, of balls on a lattice under a surface of a known angle.

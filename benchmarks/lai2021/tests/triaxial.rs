@@ -4,7 +4,7 @@ use crate::packings::{Snapshot, boxed, closed, ellipsoids, store};
 use dem_mpi::math::Vec3;
 use dem_mpi::output::performance::Performance;
 use dem_mpi::post::fabric::Among;
-use dem_mpi::post::region::{Bounds, Margin, Region};
+use dem_mpi::post::region::{Bounds, Region};
 use dem_mpi::post::report::readable;
 use dem_mpi::post::series::Choice;
 use dem_mpi::post::{Report, Settings};
@@ -467,7 +467,7 @@ fn a_part_of_a_packing_is_not_taken_for_the_whole() {
     let fixed = runs(&|_| Settings { region, ..Settings::default() });
     let following = runs(&|snapshot| {
         let packing = snapshot.report().bounds_m.unwrap();
-        let region = Region::Box(packing.shrunk(&snapshot.header, Margin::Metres(1e-3)));
+        let region = Region::Box(packing.shrunk(&snapshot.header, 1e-3));
         Settings { region, ..Settings::default() }
     });
     for (runs, place) in [
