@@ -472,9 +472,9 @@ fn triangles_stay_where_a_stage_left_them() {
         plate(&format!("rotation = {{ about = {about}, axis = [0, 0.1, 1], rate = 2 }}"))
     };
     let first = plate(
-        "velocity = [0, 0, 0.1]\nrotation = { about = [0.02, 0.01, 0], axis = [0, 0, 1], rate = 2 }",
+        "velocity = [0.1, 0.05, 0]\nrotation = { about = [0.02, 0.01, 0], axis = [0, 0, 1], rate = 2 }",
     );
-    let start = ball(0, 0, Vec3::new(0.013, 0.001, 0.003 + RADIUS - 1e-6), Vec3::zeros());
+    let start = ball(0, 0, Vec3::new(0.013, 0.001, 0.003 + RADIUS - 1.0273e-7), Vec3::zeros());
     let mut bench = Bench::of(&first, std::slice::from_ref(&start));
     (0..2000).for_each(|_| bench.step());
     let in_place = |wall: &Wall| -> Vec<Vec3> {
@@ -552,6 +552,28 @@ fn courses_and_stages() {
         });
         assert!((place[0] - expected).abs() < 1e-17, "{continuation:?}: {place:?} {expected}");
     }
+}
+
+/// A surface of triangles may be slow enough in its velocity and in its turn, and too fast in both together.
+#[test]
+fn velocity_and_turn_count_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("plate.obj");
+    std::fs::write(&file, "v -0.1 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n").unwrap();
+    let text = on_floor(
+        "velocity = [0, 0, 60]\nrotation = { about = [0, 0, 0], axis = [0, 0, 1], rate = 600 }",
+        "",
+        "",
+    )
+    .replace("point = [0, 0, 0]\nnormal = [0, 0, 1]", &format!("mesh = {file:?}"));
+    expect_refused(
+        &text,
+        "rate = 600 ",
+        "rate = 601 ",
+        "with `velocity` it moves the wall by up to",
+    );
+    scene(&text.replace("velocity = [0, 0, 60]\n", ""));
+    scene(&text.replace("rate = 600", "rate = 1"));
 }
 
 /// An oscillation that falls between the steps is told.

@@ -374,12 +374,21 @@ fn a_wall_of_finite_mass_is_one_that_says_so() {
     library.push("ball", ball, MaterialId(0), 2500.0);
     let mut heavy = Wall::plane("heavy".to_owned(), Vec3::zeros(), Vec3::z());
     let mut light = heavy.clone();
-    light.mass = 3.0 * library.mass[0];
-    heavy.enter(&mut library, MaterialId(0));
-    light.enter(&mut library, MaterialId(0));
-    let [ball, heavy, light] = [0, 1, 2].map(|shape| Body::of(&library, ShapeId(shape), 1.0));
+    (light.mass, light.free_along) = (3.0 * library.mass[0], -Vec3::z());
+    // Held across its direction, at 60 degrees from its normal it is four times as heavy.
+    let mut tilted = light.clone();
+    tilted.free_along = Vec3::new(0.75_f64.sqrt(), 0.0, 0.5);
+    let mut along_itself = light.clone();
+    along_itself.free_along = Vec3::y();
+    for wall in [&mut heavy, &mut light, &mut tilted, &mut along_itself] {
+        wall.enter(&mut library, MaterialId(0));
+    }
+    let [ball, heavy, light, tilted, along_itself] =
+        [0, 1, 2, 3, 4].map(|shape| Body::of(&library, ShapeId(shape), 1.0));
     assert_eq!(reduced_mass(&ball, &heavy), ball.mass);
     assert!((reduced_mass(&ball, &light) / ball.mass - 0.75).abs() < 1e-15);
+    assert!((reduced_mass(&ball, &tilted) / ball.mass - 12.0 / 13.0).abs() < 1e-15);
+    assert_eq!(reduced_mass(&ball, &along_itself), ball.mass);
 }
 
 #[test]

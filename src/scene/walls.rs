@@ -28,7 +28,7 @@ fn too_fast(speed: f64, dt: Option<f64>, library: &Library) -> Option<String> {
          the smallest grain; must be at most {:.2e} m/s",
         speed * dt?,
         100.0 * LONGEST_MOVE,
-        printed_limit(most / dt?)
+        printed_limit(most) / dt?
     ))
 }
 
@@ -196,15 +196,26 @@ impl<'a> Walls<'a> {
             }
             let mut turning = wall.clone();
             turning.velocity = Vec3::zeros();
-            let (rate, speed) =
-                (wall.angular_velocity.norm(), turning.way(1.0, &(domain.low(), domain.high())));
+            let room = (domain.low(), domain.high());
+            let (rate, speed) = (wall.angular_velocity.norm(), turning.way(1.0, &room));
+            let both = wall.way(1.0, &room);
             if let (Some(dt), Some(most)) = (dt, too_far(speed, dt, library)) {
                 given.fail(format!(
                     "({rate:?} rad/s) moves the wall by up to {:.2e} m in a step within the domain, more than {} % of the \
                      shortest axis of the smallest grain; `rate` must be at most {:.2e} rad/s",
                     speed * dt,
                     100.0 * LONGEST_MOVE,
-                    printed_limit(rate * most / (speed * dt))
+                    printed_limit(rate) * most / (speed * dt)
+                ));
+            } else if let (Some(dt), Some(most)) = (dt, too_far(both, dt, library))
+                && too_far(wall.speed_inwards().abs(), Some(dt), library).is_none()
+            {
+                given.fail(format!(
+                    "with `velocity` it moves the wall by up to {:.2e} m in a step within the domain, more than {} % of the shortest axis of \
+                     the smallest grain; both must be slower by a factor {:.2e}, or `step` shorter",
+                    both * dt,
+                    100.0 * LONGEST_MOVE,
+                    1.005 * both * dt / most
                 ));
             }
         }

@@ -269,6 +269,7 @@ fn the_slope_of_a_cone_is_found() {
     let mut heap =
         steep(25.0, &|x, y, tangent| (28e-3 - (x - 30.5e-3).hypot(y - 30.5e-3)) * tangent);
     heap.header.step = flat.header.step + 1;
+    heap.header.time = flat.header.time + 1e-3;
     let post = || {
         let mut dem_post = Command::new(env!("CARGO_BIN_EXE_dem-post"));
         dem_post.arg(folder.path()).args(["--series", "--slope", "radial"]).output().unwrap()
