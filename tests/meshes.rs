@@ -713,6 +713,9 @@ fn files_of_stl_are_read_whole() {
     let text = "SOLID A\nFACET NORMAL 0 0 1\nOUTER LOOP\nVERTEX 0 0 0\nVERTEX 1E0 0 0\nVERTEX 0 1 0\nENDLOOP\nENDFACET\nENDSOLID A\n";
     std::fs::write(&path, text).unwrap();
     assert_eq!(mesh::triangles(&path).unwrap().len(), 1);
+    let facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
+    std::fs::write(&path, format!("solid plate\n{}endsolid plate\n", facet.repeat(4))).unwrap();
+    assert_eq!(mesh::triangles(&path).unwrap().len(), 4);
 }
 
 /// Boxes beside a tilted sheet and boxes through it: by the distances of their corners.

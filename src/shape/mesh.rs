@@ -104,14 +104,16 @@ fn stl(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
     let malformed = |error: std::io::Error| malformed("STL", &error);
     let mut triangles = Vec::new();
     let size = bytes.len();
-    for solid in solids(bytes) {
+    let solids = solids(&bytes);
+    let is_binary = solids.is_empty();
+    for solid in if is_binary { vec![bytes] } else { solids } {
         let mut reader = Cursor::new(&solid);
         let corners = |t: stl_io::Triangle| t.vertices.map(|v| Vec3::from(v.0.map(f64::from)));
         for triangle in stl_io::create_stl_reader(&mut reader).map_err(malformed)? {
             triangles.push(triangle.map(corners).map_err(malformed)?);
         }
         // A binary file says how many there are.
-        if solid.len() == size && size >= HEADER + (triangles.len() + 1) * RECORD {
+        if is_binary && size >= HEADER + (triangles.len() + 1) * RECORD {
             return Err(MeshError::Malformed {
                 format: "STL",
                 cause: format!(
@@ -130,15 +132,15 @@ const HEADER: usize = 84;
 /// Bytes of a triangle in it.
 const RECORD: usize = 50;
 
-/// A binary file as it is; of a text the patches one by one, for the library reads no more than the first, and only if
-/// it has a name.
-fn solids(bytes: Vec<u8>) -> Vec<Vec<u8>> {
-    let Some(text) = std::str::from_utf8(&bytes)
+/// Of a text the patches one by one, for the library reads no more than the first, and only if it has a name; none of a
+/// binary file.
+fn solids(bytes: &[u8]) -> Vec<Vec<u8>> {
+    let Some(text) = std::str::from_utf8(bytes)
         .ok()
         .map(str::to_lowercase)
         .filter(|text| text.trim_start().starts_with("solid") && text.contains("facet"))
     else {
-        return vec![bytes];
+        return Vec::new();
     };
     let mut solids: Vec<Vec<u8>> = Vec::new();
     for line in text.lines().map(str::trim) {
