@@ -655,6 +655,23 @@ fn servos_that_a_stop_leaves_off_are_warned_of() {
     }
 }
 
+/// A lid in a pipe presses on less than the area between planes, which is what its stress is taken over.
+#[test]
+fn a_servo_beside_a_pipe_is_doubtful() {
+    let text = BALLS
+        .replace("WALLS", "[[servo]]\nwalls = [\"+z\"]")
+        .replace("GAIN", "")
+        .replace("RESTITUTION", "0.5")
+        .replace("STEPS", "10")
+        .replace("STEP", "1e-6");
+    let pipe = "[[wall]]\nname = \"pipe\"\n\
+                cylinder = { from = [0.0275, 0.0275, 0], to = [0.0275, 0.0275, 0.055], radius = 0.04 }\n";
+    let doubt = |text: &str| dem_mpi::scene::doubts::doubts(&scene(text)).join("\n");
+    assert!(doubt(&(text.clone() + pipe)).contains("wall \"pipe\" does not narrow that"));
+    assert_eq!(doubt(&text), "");
+    assert!(dem_mpi::scene::plan::plan(&scene(&text), 1).contains("over 3.0250e-3 m2"));
+}
+
 /// Under a moving lid a law without an integral stayed at 1.4 to 2 times its target.
 #[test]
 fn servos_keep_their_stress_under_a_moving_lid() {

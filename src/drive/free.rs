@@ -179,24 +179,17 @@ impl Drive for FreeWalls {
             let speed = speed + dt * (load + force) / mass;
             state.speed = Some(speed);
             walls[wall].velocity = state.across + along * speed;
-            let Some(Room { gap, outside, width }) = Room::of(&walls[wall], walls, cell) else {
-                if walls[wall].is_far_out_of(cell) {
-                    return Err(DriveError(format!(
-                        "wall \"{}\" moves freely and is far out of the domain, at {speed:.3e} m/s along its line: put grains where they bear \
-                         it, or give it another `force`",
-                        walls[wall].name
-                    )));
-                }
-                continue;
+            let place = match Room::of(&walls[wall], walls, cell) {
+                Some(Room { gap, .. }) if gap < self.least_gap => "at the opposite side of",
+                Some(Room { outside, width, .. }) if outside > width => "far out of",
+                None if walls[wall].is_far_out_of(cell) => "far out of",
+                _ => continue,
             };
-            if gap < self.least_gap || outside > width {
-                let name = &walls[wall].name;
-                return Err(DriveError(format!(
-                    "wall \"{name}\" moves freely and is {} the domain, at {speed:.3e} m/s along its line: put grains where they \
-                     bear it, or give it another `force`",
-                    if gap < self.least_gap { "at the opposite side of" } else { "far out of" }
-                )));
-            }
+            return Err(DriveError(format!(
+                "wall \"{}\" moves freely and is {place} the domain, at {speed:.3e} m/s along its line: put grains where they \
+                 bear it, or give it another `force`",
+                walls[wall].name
+            )));
         }
         Ok(())
     }

@@ -70,7 +70,7 @@ impl Servo {
     }
 
     /// Sum of the areas of its walls [m²].
-    fn area(&self, walls: &[Wall], cell: &Cell) -> f64 {
+    pub fn area(&self, walls: &[Wall], cell: &Cell) -> f64 {
         let of_wall = |&k: &usize| area(walls, cell, walls[k].across()?.axis);
         // The scene has checked that every wall has one.
         self.walls.iter().filter_map(of_wall).sum()

@@ -29,6 +29,7 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         seldom_looked(scene),
         too_many_at_once(scene),
         nothing_leaves(scene),
+        servo_in_a_pipe(scene),
     ];
     all.into_iter().flatten().collect()
 }
@@ -55,6 +56,18 @@ fn too_many_at_once(scene: &Scene) -> Option<String> {
             )
         })
     })
+}
+
+/// A servo whose area walls that are no planes may narrow.
+fn servo_in_a_pipe(scene: &Scene) -> Option<String> {
+    let servo = scene.servos.first()?;
+    let other = scene.walls.iter().find(|wall| wall.mesh.is_some())?;
+    Some(format!(
+        "the stress on wall {} is force over {:.4e} m2, the area between planes and periods: wall \"{}\" does not narrow that",
+        servo.names(&scene.walls),
+        servo.area(&scene.walls, &scene.domain),
+        other.name
+    ))
 }
 
 /// An outlet in which no particle can be.

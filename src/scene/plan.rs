@@ -195,11 +195,12 @@ fn walls(scene: &Scene, page: &mut Page) {
         page.line(
             "servo",
             format!(
-                "{}: {:e} Pa, at most {:e} m/s, gain {}",
+                "{}: {:e} Pa, at most {:e} m/s, gain {}, over {:.4e} m2",
                 servo.names(&scene.walls),
                 servo.stress,
                 servo.max_speed,
-                servo.gain
+                servo.gain,
+                servo.area(&scene.walls, &scene.domain)
             ),
         );
     }
