@@ -119,9 +119,9 @@ impl Measures {
         self.channels[place.expect("a channel")]
     }
 
-    /// Kinetic and elastic energy: what moves, and comes and goes with the motion [J].
+    /// Kinetic and elastic energy: what moves, and comes and goes with the motion [J]. Adhesion stores negative energy.
     pub fn moving(&self) -> f64 {
-        self.kinetic() + self.stored
+        self.kinetic() + self.stored.abs()
     }
 
     /// What the balance misses, over what was dissipated, or over `most_moving` where the run dissipates less: the largest

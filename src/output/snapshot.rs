@@ -696,9 +696,9 @@ const SHEAR_AXES: &str = "shear_along_across";
 const SHEAR: &str = "shear_rate_strain";
 /// What particles that were taken out have left behind [J]: received, dissipated. Not there before one was.
 const DEPARTED: &str = "departed_received_dissipated_J";
-/// Parts of what they had dissipated [J]: tangential dashpots, friction, turning, damping, adhesion.
 /// [`Header::stage_shift`], if it is not 0 [s].
 const STAGE_SHIFT: &str = "stage_shift";
+/// Parts of what they had dissipated [J]: tangential dashpots, friction, turning, damping, adhesion.
 const DEPARTED_CHANNELS: &str = "departed_dissipated_by_channel_J";
 const MOST_MOVING: &str = "largest_kinetic_and_elastic_J";
 

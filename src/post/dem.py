@@ -62,7 +62,8 @@ class Snapshot:
 
     @cached_property
     def contacts(self):
-        """Columns of all contacts, in the order of the ids `a`, then `b`; wall `k` is `b = -(k + 1)`."""
+        """Columns of all contacts, in the order of the ids `a`, then `b`; wall `k` is
+        `(-b - 1) % 2**30`, its facet `(-b - 1) // 2**30`."""
         with h5py.File(self.contacts_path) as file:
             columns = self._columns(file["/VTKHDF/CellData"])
             columns["centre"] = file["/VTKHDF/Points"][::2]

@@ -362,8 +362,8 @@ fn shortened(text: &str) -> String {
     }
 }
 
-fn left_behind(Departed { received, dissipated, .. }: Departed) -> String {
-    format!("received {received:e} J, dissipated {dissipated:e} J")
+fn left_behind(Departed { received, dissipated, channels }: Departed) -> String {
+    format!("received {received:e} J, dissipated {dissipated:e} J, of that {channels:?} J")
 }
 
 /// What each drive has saved, by the names of drive and column.

@@ -189,7 +189,9 @@ impl Rate {
             line(&rows.iter().map(|row| (row.time_s, of(row))).collect::<Vec<_>>()).0
         };
         let middle = 0.5 * (first.time_s + last.time_s);
-        let (early, late) = rows.split_at(rows.partition_point(|row| row.time_s < middle));
+        // Both have the row between them, so that together they have all of the time.
+        let between = rows.partition_point(|row| row.time_s < middle).min(rows.len() - 1);
+        let (early, late) = (&rows[..=between], &rows[between..]);
         let halves = (early.len() > 1 && late.len() > 1)
             .then(|| [early, late].map(|half| slope(half, |row| row.mass_kg)));
         Ok(Self {

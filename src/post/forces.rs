@@ -70,10 +70,10 @@ impl MeanForceSum {
     }
 
     /// Mean resultant force on a particle, gravity included, over the mean normal force: how
-    /// far from equilibrium the packing is; `None` without contacts.
+    /// far from equilibrium the packing is; `None` where contacts do not press in the mean.
     pub fn unbalanced_ratio(&self) -> Option<f64> {
         let resultant = quotient(self.resultant.value(), self.particles as f64)?;
-        quotient(resultant, self.mean_normal_force()?)
+        quotient(resultant, self.mean_normal_force().filter(|&mean| mean > 0.0)?)
     }
 }
 

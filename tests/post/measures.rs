@@ -321,6 +321,14 @@ fn flow_is_counted_through_a_plane() {
     close(rate.grains, 3000.0, 1e-9, "rate");
     close(rate.mass, 0.03, 1e-9, "mass rate");
     let row = |time_s: f64, mass_kg: f64| Passed { time_s, grains: 0.0, mass_kg };
+    // The halves of an unsteady flow have all of its time: their mean is the whole.
+    let unsteady: Vec<_> = [0.0, 1.0, 3.0, 9.0, 12.0]
+        .into_iter()
+        .zip(0..)
+        .map(|(mass, k)| row(f64::from(k), mass))
+        .collect();
+    let [early, late] = Rate::of(&unsteady, None).unwrap().halves.unwrap();
+    assert_eq!([early, late], [1.5, 4.5]);
     assert!(
         Rate::of(&[row(0.0, 0.0)], None).unwrap_err().to_string().contains("1 rows in the window")
     );

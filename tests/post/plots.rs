@@ -14,7 +14,9 @@ use dem_mpi::post::views::{Layer, Views};
 use dem_mpi::post::{Settings, page, panels, plots};
 
 fn views(snapshot: &Snapshot, bounds: &Bounds) -> Views {
-    let mut views = Views::new(&snapshot.header, bounds);
+    let volume = snapshot.header.shapes[0].volume;
+    let mut views =
+        Views::new(&snapshot.header, bounds, (6.0 / std::f64::consts::PI * volume).cbrt());
     views.add_particles(&snapshot.header, &snapshot.particles);
     views.add_contacts(&snapshot.contacts);
     views
@@ -224,5 +226,33 @@ fn a_layer_has_the_segment_of_a_ball() {
     for (layer, expected) in layers.iter().zip(expected) {
         let found = layer.solid_fraction * 16.0;
         assert!((found - expected * volume / all).abs() < 1e-12, "{found} {expected}");
+    }
+}
+
+/// Of a box that is lower than the domain: what a period brings back counts, what lies above weighs.
+#[test]
+fn layers_of_a_part_know_the_period_and_what_lies_above() {
+    let high = Vec3::repeat(4.0);
+    let part = Bounds { low: Vec3::zeros(), high: Vec3::new(4.0, 4.0, 2.0) };
+    let cap = |height: f64| std::f64::consts::PI * height * height * (3.0 - height) / 3.0;
+    for (periodic, z, inside) in
+        [(true, 1.5, cap(2.0) - cap(0.5)), (true, 3.9, cap(0.9)), (false, 1.5, cap(2.0) - cap(0.5))]
+    {
+        let mut header = header(Vec3::zeros(), high, periodic, Vec3::repeat(1.0), 1);
+        header.gravity = Vec3::new(0.0, 0.0, -10.0);
+        let snapshot = Snapshot {
+            header,
+            particles: particles_at(vec![Vec3::new(2.0, 2.0, z)]),
+            contacts: ContactTable::default(),
+        };
+        let layers = views(&snapshot, &part).profile.layers();
+        let volume = layers.iter().map(|layer| 8.0 * layer.solid_fraction).sum::<f64>();
+        assert!((volume - inside).abs() < 1e-12, "{periodic} {z}: {volume} {inside}");
+        // In a bed the topmost layer bears the cap above it and half of itself.
+        let weight = |volume: f64| snapshot.header.shapes[0].mass * volume / cap(2.0) * 10.0 / 16.0;
+        let top = layers.last().unwrap();
+        let above = if periodic { 0.0 } else { weight(cap(0.5)) };
+        let expected = above + 0.5 * weight(cap(1.0) - cap(0.5)) * f64::from(u8::from(z < 2.0));
+        assert!((top.weight_above - expected).abs() < 1e-12, "{} {expected}", top.weight_above);
     }
 }

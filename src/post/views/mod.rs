@@ -8,7 +8,7 @@ mod profile;
 
 use super::draw::PlotError;
 use super::plots::Plot;
-use super::region::{Bounds, Turned};
+use super::region::{Bounds, Margin, Turned};
 use super::{PostError, pieces};
 use crate::math::Vec3;
 use crate::output::header::Header;
@@ -34,7 +34,8 @@ impl Views {
     /// # Errors
     /// A file that cannot be read.
     pub fn of(reader: &Reader, bounds: &Bounds) -> Result<Self, PostError> {
-        let mut views = Self::new(reader.header(), bounds);
+        let diameter = Margin::Diameters(1.0).metres(reader)?;
+        let mut views = Self::new(reader.header(), bounds, diameter);
         for rows in pieces(reader.particle_count()) {
             views.add_particles(reader.header(), &reader.particles(rows)?);
         }
@@ -44,11 +45,8 @@ impl Views {
         Ok(views)
     }
 
-    /// Of nothing yet.
-    pub fn new(header: &Header, bounds: &Bounds) -> Self {
-        let of_ball = |volume: f64| (volume * 6.0 / std::f64::consts::PI).cbrt();
-        let diameters = header.shapes.iter().map(|shape| of_ball(shape.volume));
-        let diameter = diameters.sum::<f64>() / header.shapes.len().max(1) as f64;
+    /// Of nothing yet; grains have this diameter, about [m].
+    pub fn new(header: &Header, bounds: &Bounds, diameter: f64) -> Self {
         Self {
             bounds: *bounds,
             chains: Chains::new(diameter),
@@ -80,7 +78,9 @@ impl Views {
                 continue;
             }
             self.profile.add_contact(&centre, &branch, &contacts.force(row));
-            self.chains.add(&centre, &branch, contacts.normal_force[row]);
+            if (self.bounds.low.z..=self.bounds.high.z).contains(&centre.z) {
+                self.chains.add(&centre, &branch, contacts.normal_force[row]);
+            }
         }
     }
 

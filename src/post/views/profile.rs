@@ -18,7 +18,10 @@ pub struct Profile {
     area: f64,
     /// Downwards [m/s²].
     gravity: f64,
-    is_periodic: bool,
+    /// Of the domain along z [m].
+    period: Option<f64>,
+    /// Of what lies above the box [kg].
+    mass_above: f64,
     volume: Vec<f64>,
     mass: Vec<f64>,
     moment: Vec<Mat3>,
@@ -48,7 +51,8 @@ impl Profile {
             high: bounds.high.z,
             area: lengths.x * lengths.y,
             gravity: -header.gravity.z,
-            is_periodic: header.cell.period(2).is_some(),
+            period: header.cell.period(2),
+            mass_above: 0.0,
             volume: vec![0.0; layers],
             mass: vec![0.0; layers],
             moment: vec![Mat3::zeros(); layers],
@@ -68,11 +72,11 @@ impl Profile {
         below: impl Fn(f64) -> f64,
         mut add: impl FnMut(usize, f64),
     ) {
-        let (half, thickness, period) =
-            (0.5 * (high - low), self.thickness(), self.high - self.low);
-        let shifts: &[f64] = if self.is_periodic { &[-1.0, 0.0, 1.0] } else { &[0.0] };
+        let (half, thickness) = (0.5 * (high - low), self.thickness());
+        let period = self.period.unwrap_or(0.0);
+        let shifts = if self.period.is_some() { &[-period, 0.0, period][..] } else { &[0.0] };
         for shift in shifts {
-            let [low, high] = [low + shift * period, high + shift * period];
+            let [low, high] = [low + shift, high + shift];
             let layer = |z: f64| (z - self.low) / thickness;
             let last = self.volume.len() as f64 - 1.0;
             let [first, end] = [layer(low).floor(), layer(high).floor()];
@@ -96,6 +100,10 @@ impl Profile {
         let mut shares = Vec::new();
         let below = |u: f64| 0.25 * (2.0 + 3.0 * u - u.powi(3));
         self.share(low, high, below, |k, share| shares.push((k, share)));
+        if self.period.is_none() && high > self.high {
+            let half = 0.5 * (high - low);
+            self.mass_above += mass * (1.0 - below(((self.high - low) / half - 1.0).max(-1.0)));
+        }
         for (k, share) in shares {
             self.volume[k] += share * volume;
             self.mass[k] += share * mass;
@@ -117,7 +125,7 @@ impl Profile {
     /// The layers, the lowest first.
     pub fn layers(&self) -> Vec<Layer> {
         let (thickness, volume) = (self.thickness(), self.thickness() * self.area);
-        let mut above = 0.0;
+        let mut above = self.mass_above * self.gravity / self.area;
         let layer = |k: usize| {
             let weight = self.mass[k] * self.gravity / self.area;
             above += weight;
@@ -163,7 +171,7 @@ impl Profile {
                 }),
             ];
             let mut weight = "";
-            if self.gravity > 0.0 && !self.is_periodic {
+            if self.gravity > 0.0 && self.period.is_none() {
                 curves.insert(0, curve("weight above", MUTED, &|layer| layer.weight_above));
                 weight = " Without walls that carry by friction a bed at rest keeps the vertical one \
                           at the weight above.";
