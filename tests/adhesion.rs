@@ -1,7 +1,10 @@
 //! Attraction after Derjaguin, Muller and Toporov against closed forms: pull-off, impacts that give all back, friction under it.
 
-use crate::support::{Bench, ball, close, expect_refused, scene};
+use crate::support::{Bench, ball, close, expect_refused, scene, schedule};
+use dem_mpi::comm::alone::Alone;
 use dem_mpi::math::Vec3;
+use dem_mpi::scene::assemble;
+use dem_mpi::sim::run::{Ending, run};
 use std::f64::consts::PI;
 
 const RADIUS: f64 = 1e-4;
@@ -228,4 +231,55 @@ fn keys_and_shapes_of_another_law_are_refused() {
     ] {
         expect_refused(&good, from, to, said);
     }
+}
+
+/// A chain of balls across a period that is pulled, so that no contact presses, comes to rest as one that is pressed.
+#[test]
+fn a_chain_under_tension_can_rest() {
+    let (count, overlap) = (4, 1e-9);
+    let spacing = 2.0 * RADIUS - overlap;
+    assert!(STIFFNESS * overlap < attraction(0.5 * RADIUS));
+    let text = format!(
+        r#"
+[domain]
+low = [0, -1e-3, -1e-3]
+high = [{period:e}, 1e-3, 1e-3]
+periodic = [true, false, false]
+[[material]]
+name = "dust"
+density = {DENSITY:?}
+normal_stiffness = {STIFFNESS:?}
+restitution = 0.5
+surface_energy = {SURFACE_ENERGY:?}
+[law]
+adhesion = "dmt"
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = {RADIUS:?}
+[[fill.lattice]]
+first = [{first:e}, 0, 0]
+count = [{count}, 1, 1]
+spacing = [{spacing:e}, 1, 1]
+orientation = "upright"
+[time]
+step = 1e-8
+steps = 1000
+[stop]
+unbalanced = 0.1
+[output]
+directory = "out"
+"#,
+        period = f64::from(count) * spacing,
+        first = 0.5 * spacing,
+    );
+    let scene = scene(&text);
+    let folder = tempfile::tempdir().unwrap();
+    let mut comm = Alone::default();
+    let mut sim = assemble::assemble(&scene, &comm);
+    assemble::fill(&mut sim, &scene, &comm);
+    let schedule = schedule(&scene, scene.steps, folder.path());
+    let finish = run(&mut sim, &schedule, &mut comm, &mut |_| ()).unwrap();
+    assert!(finish.measures.mean_normal_force < 0.0, "{:?}", finish.measures);
+    assert_eq!((finish.ending, finish.steps_done), (Ending::Rest, 100));
 }
