@@ -57,7 +57,7 @@ impl Drive for Spout {
         &mut self,
         saved: &SavedState,
         _is_new_stage: bool,
-        _walls: &[Wall],
+        _walls: &mut [Wall],
         _is_root: bool,
     ) -> Result<(), DriveError> {
         self.count = saved.counts(&COUNT)?[0];
@@ -93,7 +93,7 @@ impl Drive for Outlet {
         &mut self,
         saved: &SavedState,
         is_new_stage: bool,
-        _walls: &[Wall],
+        _walls: &mut [Wall],
         _is_root: bool,
     ) -> Result<(), DriveError> {
         if !is_new_stage {
@@ -253,7 +253,7 @@ fn a_state_that_does_not_fit_is_refused() {
     let columns = vec![SavedColumn::new(COUNT, Values::Reals(vec![7.0]))];
     let saved = SavedState { drive: "outlet".to_owned(), columns };
     let mut outlet = Outlet { count: 0 };
-    let error = outlet.resume(&saved, false, &[], true).unwrap_err().to_string();
+    let error = outlet.resume(&saved, false, &mut [], true).unwrap_err().to_string();
     assert!(error.contains("`outlet` has no column `count` of 1 numbers"), "{error}");
     assert!(error.contains("run the scene again"), "{error}");
 }

@@ -349,15 +349,21 @@ fn inlets_and_outlets_that_never_act_are_doubtful() {
         ("every = 7", "every = 5000", "outlet `hatch` acts every 5000 steps"),
         (
             "high = [0.01, 0.02, 0.006]",
-            "high = [0.01, 0.02, -0.001]",
-            "outlet `hatch` lies outside",
+            "high = [0.01, 0.02, -0.7]",
+            "outlet `hatch` lies far outside",
         ),
     ] {
-        let text = SHAFT.replace(from, to).replace("low = [0, 0, 0.002]", "low = [0, 0, -0.002]");
+        let text = SHAFT.replace(from, to).replace("low = [0, 0, 0.002]", "low = [0, 0, -0.8]");
         let doubts = dem_mpi::scene::doubts::doubts(&scene(&text));
         assert!(doubts.iter().any(|told| told.contains(doubt)), "{doubts:?}");
     }
-    assert_eq!(dem_mpi::scene::doubts::doubts(&scene(SHAFT)), Vec::<String>::new());
+    let below = SHAFT.replace(
+        "low = [0, 0, 0.002]\nhigh = [0.01, 0.02, 0.006]",
+        "low = [0, 0, -0.01]\nhigh = [0.01, 0.02, -0.001]",
+    );
+    for fine in [SHAFT, &below] {
+        assert_eq!(dem_mpi::scene::doubts::doubts(&scene(fine)), Vec::<String>::new());
+    }
 }
 
 /// Grains that appear at rest have no energy but that of their height: the rounding of its balance is no loss.

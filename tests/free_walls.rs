@@ -125,6 +125,9 @@ fn a_free_wall_goes_on_in_another_stage() {
         let new = Continuation::NewStage;
         assemble::take_up(&mut sim, &next, folder.path(), new, &mut comm).unwrap();
         sim.begin(&mut comm).unwrap();
+        // Also before its first step, when the first forces are found.
+        let off = (sim.particles.walls[0].velocity - expected).norm();
+        assert!(off < 1e-12, "{along} {velocity}: {:?}", sim.particles.walls[0].velocity);
         sim.step(&mut comm).unwrap();
         let off = (sim.particles.walls[0].velocity - expected).norm();
         assert!(off < 1e-12, "{along} {velocity}: {:?}", sim.particles.walls[0].velocity);

@@ -680,6 +680,19 @@ fn polygons_with_a_dent_are_refused() {
         let angle = 0.8 * std::f64::consts::PI * k as f64;
         [angle.cos(), angle.sin()]
     });
+    // A corner within a side, turned and written with six digits, is no dent.
+    let side = [[0.0, 0.0], [0.5, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    for k in 0..40 {
+        let (sine, cosine) = (0.157 * f64::from(k)).sin_cos();
+        let six = |x: f64| (1e6 * x).round() * 1e-6;
+        let turned = side.map(|[x, y]| [six(cosine * x - sine * y), six(sine * x + cosine * y)]);
+        for first in 0..5 {
+            assert_eq!(read(&turned, first).unwrap().len(), 3, "{k} {first}");
+        }
+    }
+    // Lines are no faces.
+    std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nl 1 2 4 3\np 4\n").unwrap();
+    assert_eq!(mesh::triangles(&path).unwrap().len(), 1);
     for first in 0..5 {
         let whole = read(&house, first).unwrap();
         assert_eq!(whole.len(), 3);
@@ -712,6 +725,15 @@ fn files_of_stl_are_read_whole() {
     assert!(refused.contains("50 more than its 1 triangles"), "{refused}");
     let text = "SOLID A\nFACET NORMAL 0 0 1\nOUTER LOOP\nVERTEX 0 0 0\nVERTEX 1E0 0 0\nVERTEX 0 1 0\nENDLOOP\nENDFACET\nENDSOLID A\n";
     std::fs::write(&path, text).unwrap();
+    assert_eq!(mesh::triangles(&path).unwrap().len(), 1);
+    // A byte order mark, a name that is no UTF-8, line ends of an old Macintosh.
+    let marked = [
+        "\u{feff}".as_bytes(),
+        b"solid K\xf6rper\r",
+        text[8..].to_lowercase().replace('\n', "\r").as_bytes(),
+    ]
+    .concat();
+    std::fs::write(&path, marked).unwrap();
     assert_eq!(mesh::triangles(&path).unwrap().len(), 1);
     let facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
     std::fs::write(&path, format!("solid plate\n{}endsolid plate\n", facet.repeat(4))).unwrap();

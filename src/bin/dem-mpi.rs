@@ -512,7 +512,8 @@ fn nothing_left(
     if last_step <= step {
         let why = format!(
             "the snapshot is at step {step}, and the stage ends at step {last_step}. \
-             Ask for more with --steps N or --set time.steps=N"
+             Ask for more with --steps N or --set time.{}=N",
+            if scene.duration.is_some() { "duration" } else { "steps" }
         );
         let status = if last_step < step {
             WRONG_INPUT

@@ -236,7 +236,7 @@ impl Drive for FreeWalls {
         &mut self,
         saved: &SavedState,
         is_new_stage: bool,
-        walls: &[Wall],
+        walls: &mut [Wall],
         is_root: bool,
     ) -> Result<(), DriveError> {
         let (names, speeds) = (saved.texts(&WALL)?, saved.reals(&SPEED)?);
@@ -252,6 +252,8 @@ impl Drive for FreeWalls {
             let along = Vec3::from_column_slice(&lines[ALONG.width * row..][..ALONG.width]);
             let part = if along == free.along { 1.0 } else { along.dot(&free.along) };
             state.speed = Some(speeds[row] * part).filter(|speed| !speed.is_nan());
+            let speed = state.speed.unwrap_or(state.first_speed);
+            walls[free.wall].velocity = state.across + free.along * speed;
             let limbs = &forces[FORCE.width * row..][..FORCE.width];
             state.force = if is_root { ExactSum::from_limbs(limbs) } else { ExactSum::default() };
         }

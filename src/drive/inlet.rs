@@ -400,7 +400,7 @@ impl Drive for Inlets {
         &mut self,
         saved: &SavedState,
         is_new_stage: bool,
-        _walls: &[Wall],
+        _walls: &mut [Wall],
         _is_root: bool,
     ) -> Result<(), DriveError> {
         if is_new_stage {

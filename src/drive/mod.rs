@@ -261,7 +261,7 @@ pub trait Drive: Send + Sync {
         Vec::new()
     }
 
-    /// Goes on from what it has saved, of all ranks; sums that are not yet added up belong to rank 0, `is_root`. In a new
+    /// Goes on from what it has saved, and gives walls the velocities that they had, of all ranks; sums that are not yet added up belong to rank 0, `is_root`. In a new
     /// stage only what outlives a stage counts.
     ///
     /// # Errors
@@ -270,7 +270,7 @@ pub trait Drive: Send + Sync {
         &mut self,
         _saved: &SavedState,
         _is_new_stage: bool,
-        _walls: &[Wall],
+        _walls: &mut [Wall],
         _is_root: bool,
     ) -> Result<(), DriveError> {
         Ok(())

@@ -226,7 +226,7 @@ impl Drive for RainGauge {
         &mut self,
         saved: &SavedState,
         is_new_stage: bool,
-        _walls: &[Wall],
+        _walls: &mut [Wall],
         _is_root: bool,
     ) -> Result<(), DriveError> {
         if !is_new_stage {

@@ -596,7 +596,7 @@ impl Drive for Servos {
         &mut self,
         saved: &SavedState,
         is_new_stage: bool,
-        walls: &[Wall],
+        walls: &mut [Wall],
         is_root: bool,
     ) -> Result<(), DriveError> {
         let names = saved.texts(&WALL)?;

@@ -75,10 +75,12 @@ fn nothing_leaves(scene: &Scene) -> Option<String> {
     let (low, high) = (scene.domain.low(), scene.domain.high());
     let outside = |outlet: &&Outlet| {
         let bounds = outlet.region.bounds();
-        bounds.is_some_and(|(l, h)| (0..3).any(|k| l[k] > high[k] || h[k] < low[k]))
+        // What leaves the domain is taken just beyond it.
+        let far = (high - low).amax();
+        bounds.is_some_and(|(l, h)| (0..3).any(|k| l[k] > high[k] + far || h[k] < low[k] - far))
     };
     let outlet = scene.outlets.iter().find(outside)?;
-    Some(format!("outlet `{}` lies outside the domain: nothing reaches it", outlet.name))
+    Some(format!("outlet `{}` lies far outside the domain: nothing reaches it", outlet.name))
 }
 
 /// A coefficient of friction as large as an angle of friction.

@@ -5,13 +5,14 @@
 
 use super::hull::{Hull, HullError, size};
 use super::polyhedron::deepest;
-use crate::math::Vec3;
-use std::fs::File;
-use std::io::{BufReader, Cursor};
+use crate::math::{Vec3, bounds};
+use std::io::Cursor;
 use std::path::Path;
 
 /// How far a mesh may be from convex, relative to its size.
 const CONVEX: f64 = 1e-5;
+/// Half of the last of six digits, over the largest number, and a little more.
+const SIX_DIGITS: f64 = 1e-6;
 /// Corners nearer to each other than this part of the size are one, however they were rounded.
 const SAME: f64 = 1e-8;
 /// How far its volume may be from that of its hull, relative.
@@ -135,13 +136,11 @@ const RECORD: usize = 50;
 /// Of a text the patches one by one, for the library reads no more than the first, and only if it has a name; none of a
 /// binary file.
 fn solids(bytes: &[u8]) -> Vec<Vec<u8>> {
-    let Some(text) = std::str::from_utf8(bytes)
-        .ok()
-        .map(str::to_lowercase)
-        .filter(|text| text.trim_start().starts_with("solid") && text.contains("facet"))
-    else {
+    let text = String::from_utf8_lossy(bytes).to_lowercase().replace('\r', "\n");
+    let text = text.trim_start_matches('\u{feff}');
+    if !(text.trim_start().starts_with("solid") && text.contains("facet")) {
         return Vec::new();
-    };
+    }
     let mut solids: Vec<Vec<u8>> = Vec::new();
     for line in text.lines().map(str::trim) {
         if line.starts_with("solid") {
@@ -154,12 +153,17 @@ fn solids(bytes: &[u8]) -> Vec<Vec<u8>> {
 }
 
 fn obj(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
-    let file = File::open(path).map_err(MeshError::Unreadable)?;
+    let bytes = std::fs::read(path).map_err(MeshError::Unreadable)?;
+    // The library takes lines for faces.
+    let is_line = |line: &&[u8]| matches!(line.trim_ascii_start(), [b'l', next, ..] if next.is_ascii_whitespace());
+    let text: Vec<&[u8]> =
+        bytes.split(|byte| *byte == b'\n').filter(|line| !is_line(line)).collect();
+    let text = text.join(&b'\n');
     // Materials say nothing of a shape.
     let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, _) =
-        tobj::load_obj_buf(&mut BufReader::new(file), &tobj::LoadOptions::default(), no_materials)
-            .map_err(|error| malformed("OBJ", &error))?;
+    let options = tobj::LoadOptions::default();
+    let (models, _) = tobj::load_obj_buf(&mut Cursor::new(text), &options, no_materials)
+        .map_err(|error| malformed("OBJ", &error))?;
     let mut triangles = Vec::new();
     for mesh in models.iter().map(|model| &model.mesh) {
         let corner = |k: u32| Vec3::from_row_slice(&mesh.positions[3 * k as usize..][..3]);
@@ -185,17 +189,18 @@ fn fan(corners: &[Vec3]) -> Result<Vec<[Vec3; 3]>, MeshError> {
     let [first, others @ ..] = corners else { return Ok(Vec::new()) };
     let triangles: Vec<[Vec3; 3]> = others.windows(2).map(|two| [*first, two[0], two[1]]).collect();
     let area = |[a, b, c]: &[Vec3; 3]| (b - a).cross(&(c - a));
-    let all: Vec3 = triangles.iter().map(area).sum();
-    let count = corners.len();
-    let turn = |k: usize| {
-        let [a, b, c] = [0, 1, 2].map(|next| corners[(k + next) % count]);
-        (b - a).cross(&(c - b)).dot(&all)
+    let upright: Vec3 = triangles.iter().map(area).sum();
+    let (count, upright) = (corners.len(), upright.normalize());
+    let (low, high) = bounds(corners);
+    // A corner within a side, in a text of six digits.
+    let rounding = CONVEX * (high - low).norm() + SIX_DIGITS * low.amax().max(high.amax());
+    let is_dented = |corners: &[Vec3; 3]| {
+        let chord = (corners[2] - corners[0]).norm();
+        area(corners).dot(&upright) < -rounding * chord.max(rounding)
     };
-    // The turns of a star have one sign, too; its triangles do not.
-    let least = -SAME * all.norm_squared();
-    let is_whole = (0..count).all(|k| turn(k) >= least)
-        && triangles.iter().all(|triangle| area(triangle).dot(&all) >= least);
-    if count > 3 && !is_whole {
+    let three = |k: usize| [0, 1, 2].map(|next| corners[(k + next) % count]);
+    // A star has no dent; its triangles are turned over.
+    if count > 3 && ((0..count).any(|k| is_dented(&three(k))) || triangles.iter().any(is_dented)) {
         return Err(MeshError::Concave { corner: *first, corners: count });
     }
     Ok(triangles)

@@ -151,7 +151,7 @@ impl Simulation {
     ) -> Result<(), DriveError> {
         for drive in &mut self.drives {
             if let Some(saved) = saved.iter().find(|saved| saved.drive == drive.name()) {
-                drive.resume(saved, is_new_stage, &self.particles.walls, comm.is_root())?;
+                drive.resume(saved, is_new_stage, &mut self.particles.walls, comm.is_root())?;
             }
         }
         Ok(())

@@ -70,7 +70,7 @@ impl Stop {
         });
         for (name, is, limit) in own.into_iter().chain(of_drives) {
             // What is not a number is below no limit.
-            if limit.is_some() && is.is_nan() {
+            if limit.is_some() && !is.is_finite() {
                 unmet.push(format!("{name} is not known, for no energy was dissipated"));
             } else if let Some(limit) = limit.filter(|&limit| is >= limit) {
                 unmet.push(format!("{name} is {is:.2e}, not below {limit}"));

@@ -117,7 +117,7 @@ impl Wall {
     ) -> Option<f64> {
         let is_same = self.is_same(surface, saved);
         let (before, about) = (self.in_place().collect::<Vec<_>>(), self.point);
-        let (was, origin_was) = (self.pose(), self.origin());
+        let corners_were = self.corners();
         let is_new_stage = dt_before.is_none();
         let mut is_another = false;
         match saved {
@@ -161,19 +161,18 @@ impl Wall {
             library.shapes[shape.index()] = Shape::TriangleMesh(surface.clone());
         }
         self.note_listing();
-        let off = match &self.mesh {
-            Some(Mesh { surface, .. }) => {
-                let turned = was.orientation.angle_to(&self.orientation);
-                (self.origin() - origin_was).norm() + turned * surface.reach()
-            }
-            None => most_moved(self.in_place().zip(before), room),
-        };
+        let ways =
+            self.corners().into_iter().zip(corners_were).map(|(now, was)| (now - was).norm());
+        let off = ways.fold(most_moved(self.in_place().zip(before), room), f64::max);
         let is_off = off > 1e-12 * about.amax().max(self.point.amax());
         (!is_another).then_some(if is_off { off } else { 0.0 })
     }
 
-    /// Where the axes of its file begin, of a wall of planes its own [m].
-    fn origin(&self) -> Vec3 {
-        self.mesh.as_ref().map_or(self.point, |mesh| self.point + self.frame() * mesh.origin)
+    /// The corners of its triangles in place, if it has any [m].
+    fn corners(&self) -> Vec<Vec3> {
+        let frame = self.frame();
+        let place = |corner: Vec3| self.point + frame * corner;
+        let of_mesh = |mesh: &Mesh| mesh.surface.triangles().flatten().map(place).collect();
+        self.mesh.as_ref().map_or_else(Vec::new, of_mesh)
     }
 }
