@@ -14,7 +14,7 @@ use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::plan::plan;
 use dem_mpi::sim::run::run;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const RADIUS: f64 = 0.01;
 
@@ -391,13 +391,19 @@ frequency = 10
 phase = -90
 ";
 
+/// A file with a square of 0.2 m in the plane z = 0, of two triangles.
+fn square(folder: &Path) -> PathBuf {
+    let file = folder.join("square.obj");
+    let corners = "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\n";
+    std::fs::write(&file, format!("{corners}f 1 2 3\nf 1 3 4\n")).unwrap();
+    file
+}
+
 /// A floor of triangles that swings is a plane that does.
 #[test]
 fn triangles_swing_as_a_plane() {
     let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("floor.obj");
-    let corners = "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\n";
-    std::fs::write(&file, format!("{corners}f 1 2 3\nf 1 3 4\n")).unwrap();
+    let file = square(folder.path());
     let plane = on_floor("", "", "friction = 0.3") + SWINGING;
     let mesh = format!("mesh = \"{}\"", file.display());
     let of_triangles = plane.replace("point = [0, 0, 0]\nnormal = [0, 0, 1]", &mesh);
@@ -431,9 +437,7 @@ fn triangles_swing_as_a_plane() {
 #[test]
 fn what_comes_from_afar_is_felt() {
     let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("stamp.obj");
-    let corners = "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\n";
-    std::fs::write(&file, format!("{corners}f 1 2 3\nf 1 3 4\n")).unwrap();
+    let file = square(folder.path());
     let plane = on_floor("velocity = [0, 0, 1.0]", "", "").replace("[0, 0, -9.81]", "[0, 0, 0]");
     let mesh = format!("mesh = {file:?}");
     let stamp = plane.replace("point = [0, 0, 0]\nnormal = [0, 0, 1]", &mesh);
@@ -458,9 +462,7 @@ fn what_comes_from_afar_is_felt() {
 #[test]
 fn triangles_stay_where_a_stage_left_them() {
     let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("plate.obj");
-    let corners = "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\n";
-    std::fs::write(&file, format!("{corners}f 1 2 3\nf 1 3 4\n")).unwrap();
+    let file = square(folder.path());
     let mesh = format!("mesh = {file:?}\nshift = [0.001, 0.002, 0.003]");
     let plate = |wall: &str| {
         scene(
@@ -511,7 +513,8 @@ fn triangles_stay_where_a_stage_left_them() {
         assert!(State::of(&sim, &mut comm) == State::of(&again, &mut comm));
     }
     // Another surface is another wall.
-    std::fs::write(&file, format!("{corners}f 1 2 3\n")).unwrap();
+    let half = std::fs::read_to_string(&file).unwrap().replace("f 1 3 4\n", "");
+    std::fs::write(&file, half).unwrap();
     let other = plate("");
     let mut sim = assemble::assemble(&other, &comm);
     let taken = assemble::take_up(&mut sim, &other, &saved, Continuation::SameStage, &mut comm);

@@ -300,10 +300,14 @@ impl Wall {
 
     /// The lowest and highest corner of its triangles where it stands [m], if it has some.
     pub fn extent(&self) -> Option<Corners> {
-        let Mesh { surface, .. } = self.mesh.as_ref()?;
-        let place = |corner: Vec3| self.point + self.orientation.transform_vector(&corner);
-        let corners = surface.triangles().flatten().map(place).map(|corner| (corner, corner));
+        let corners = self.corners().map(|corner| (corner, corner));
         corners.reduce(|(low, high), (l, h)| (low.inf(&l), high.sup(&h)))
+    }
+
+    /// The corners of its triangles where it stands, if it has some [m].
+    fn corners(&self) -> impl Iterator<Item = Vec3> {
+        let of_mesh = self.mesh.iter().flat_map(|mesh| mesh.surface.triangles().flatten());
+        of_mesh.map(|corner| self.point + self.orientation.transform_vector(&corner))
     }
 
     /// Are all of its triangles outside the domain by more than its extent?

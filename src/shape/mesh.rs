@@ -136,9 +136,13 @@ const RECORD: usize = 50;
 /// Of a text the patches one by one, for the library reads no more than the first, and only if it has a name; none of a
 /// binary file.
 fn solids(bytes: &[u8]) -> Vec<Vec<u8>> {
+    const MARK: &[u8] = "\u{feff}".as_bytes();
+    let bytes = bytes.strip_prefix(MARK).unwrap_or(bytes).trim_ascii_start();
+    if !bytes.get(..5).is_some_and(|start| start.eq_ignore_ascii_case(b"solid")) {
+        return Vec::new();
+    }
     let text = String::from_utf8_lossy(bytes).to_lowercase().replace('\r', "\n");
-    let text = text.trim_start_matches('\u{feff}');
-    if !(text.trim_start().starts_with("solid") && text.contains("facet")) {
+    if !text.contains("facet") {
         return Vec::new();
     }
     let mut solids: Vec<Vec<u8>> = Vec::new();

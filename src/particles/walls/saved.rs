@@ -117,7 +117,7 @@ impl Wall {
     ) -> Option<f64> {
         let is_same = self.is_same(surface, saved);
         let (before, about) = (self.in_place().collect::<Vec<_>>(), self.point);
-        let corners_were = self.corners();
+        let corners_were: Vec<Vec3> = self.corners().collect();
         let is_new_stage = dt_before.is_none();
         let mut is_another = false;
         match saved {
@@ -129,13 +129,14 @@ impl Wall {
                 for (facet, geometry) in self.facets.iter_mut().zip(&saved.facets) {
                     facet.geometry = *geometry;
                 }
-                let turns_anew = self.may_turn() && is_new_stage;
+                let turns_about_another = self.may_turn() && is_new_stage;
                 let (frame, shift) = (self.frame(), self.point - about);
                 if let (Some(mesh), Some(of_saved)) = (&mut self.mesh, saved.mesh) {
                     // At once, not by way of the point before: what goes on from here has the same bits.
-                    let moved = if turns_anew { frame.tr_mul(&shift) } else { Vec3::zeros() };
+                    let moved =
+                        if turns_about_another { frame.tr_mul(&shift) } else { Vec3::zeros() };
                     mesh.set_origin(of_saved.origin + moved);
-                    if turns_anew {
+                    if turns_about_another {
                         self.point = about;
                     }
                 }
@@ -161,18 +162,9 @@ impl Wall {
             library.shapes[shape.index()] = Shape::TriangleMesh(surface.clone());
         }
         self.note_listing();
-        let ways =
-            self.corners().into_iter().zip(corners_were).map(|(now, was)| (now - was).norm());
+        let ways = self.corners().zip(corners_were).map(|(now, was)| (now - was).norm());
         let off = ways.fold(most_moved(self.in_place().zip(before), room), f64::max);
         let is_off = off > 1e-12 * about.amax().max(self.point.amax());
         (!is_another).then_some(if is_off { off } else { 0.0 })
-    }
-
-    /// The corners of its triangles in place, if it has any [m].
-    fn corners(&self) -> Vec<Vec3> {
-        let frame = self.frame();
-        let place = |corner: Vec3| self.point + frame * corner;
-        let of_mesh = |mesh: &Mesh| mesh.surface.triangles().flatten().map(place).collect();
-        self.mesh.as_ref().map_or_else(Vec::new, of_mesh)
     }
 }
