@@ -258,6 +258,12 @@ pub fn step_energy(particles: &Particles, slot: usize, field: &Field, dt: f64) -
     -0.125 * dt * dt * energy
 }
 
+/// What the last kick of a step of `dt` [s] gives to a particle that touches nothing, damping left out, with [`step_energy`] after it [J].
+pub fn last_work(particles: &Particles, slot: usize, field: &Field, dt: f64) -> f64 {
+    let weight = field.gravity * particles.mass(slot);
+    0.5 * dt * weight.dot(&particles.velocity[slot])
+}
+
 /// Brings particles that have left through a periodic face back in through the other. In every
 /// step, so that a position never depends on when the pairs were listed.
 fn wrap(particles: &mut Particles) {
@@ -389,9 +395,12 @@ impl<const SIZED: bool> Turn<'_, SIZED> {
             let quaternion = Quat::new_unchecked(Quaternion::new(w, i, j, k));
             let scale = scale_in::<SIZED>(scale, slot);
             orientation.set(slot, quaternion, &library.shapes[shape.index()], scale);
-            travel[slot] += library.radius[shape.index()] * scale * angle[lane];
-            if angle[lane] > turned.0 && library.shapes[shape.index()].kind() != Kind::Sphere {
-                **turned = (angle[lane], slot);
+            // Nobody sees how a sphere is turned.
+            if library.shapes[shape.index()].kind() != Kind::Sphere {
+                travel[slot] += library.radius[shape.index()] * scale * angle[lane];
+                if angle[lane] > turned.0 {
+                    **turned = (angle[lane], slot);
+                }
             }
         }
         if kick.damping > 0.0 {

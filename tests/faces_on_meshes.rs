@@ -2,14 +2,61 @@
 
 use crate::meshes::{self, Triangles};
 use crate::overlap::{cuboid, derivative, solids};
+use crate::random::Draw;
 use crate::support::{Bench, Frame, OnRanks, close, scene};
-use dem_mpi::contact::{Posed, Thickness, thickness, thickness_on_surface};
+use dem_mpi::contact::{
+    ContactResolver, Outcome, OverlapWithSurface, Posed, Thickness, thickness, thickness_on_surface,
+};
 use dem_mpi::math::{Mat3, Quat, Vec3, rotation_about};
 use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
 use dem_mpi::shape::triangle_mesh::TriangleMesh;
 use dem_mpi::shape::{HalfSpace, Shape};
 use std::sync::Arc;
+
+/// How near a body says that it is to a contact with a facet, it is not nearer: over convex edges, too, where the contact passes from face to
+/// face.
+#[test]
+fn a_clearance_is_kept_beside_convex_edges() {
+    let block = surface(&meshes::cuboid(Vec3::new(-1.0, -1.0, -1.5), Vec3::zeros()));
+    let Shape::TriangleMesh(mesh) = &block else { panic!("no mesh") };
+    let (cube, upright) = (cuboid(Vec3::repeat(0.4)), Mat3::identity());
+    let mut random = Random::of(2, 2);
+    let mut seen = [0; 2];
+    for k in 0..40_000 {
+        // Near the upper edges, flush or turned.
+        let turn = if k % 3 == 0 {
+            Mat3::identity()
+        } else {
+            random.rotation().to_rotation_matrix().into_inner()
+        };
+        let body = Posed::new(&cube, &turn);
+        let low = -body.support(&-Vec3::z()).z;
+        let centre = Vec3::new(
+            0.3 * random.signed(),
+            -0.5 + 0.6 * random.signed(),
+            low + 0.05 * random.signed(),
+        );
+        let touch = |facet: u32, centre: Vec3| {
+            let wall = Posed { facet, ..Posed::new(&block, &upright) };
+            OverlapWithSurface.touch(&body, &wall, &-centre, None)
+        };
+        for facet in mesh.near(&centre, body.bounding_radius() + 0.05) {
+            let Outcome::Apart(clear) = touch(facet, centre) else { continue };
+            if !(clear > 0.0 && clear < 0.2) {
+                continue;
+            }
+            for _ in 0..4 {
+                let way = random.direction() * (0.999 * clear);
+                let touching = matches!(touch(facet, centre + way), Outcome::Touching(_));
+                assert!(!touching, "facet {facet}, {centre} {turn}: {clear}, {way}");
+                seen[0] += 1;
+            }
+            seen[1] += 1;
+        }
+    }
+    assert!(seen[1] > 3000, "{seen:?}");
+}
 
 /// With cells for bodies of the size of [`solids`].
 pub(crate) fn surface(triangles: &Triangles) -> Shape {

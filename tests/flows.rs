@@ -350,8 +350,14 @@ fn inlets_and_outlets_that_never_act_are_doubtful() {
         (
             "high = [0.01, 0.02, 0.006]",
             "high = [0.01, 0.02, -0.7]",
-            "outlet `hatch` lies far outside",
+            "outlet `hatch` lies outside the domain",
         ),
+        (
+            "high = [0.01, 0.02, 0.006]",
+            "high = [0.01, 0.02, -0.002]",
+            "outlet `hatch` lies outside",
+        ),
+        ("point = [0, 0, 0.002]", "point = [0, 0, -0.002]", "outlet `bottom` lies outside"),
     ] {
         let text = SHAFT.replace(from, to).replace("low = [0, 0, 0.002]", "low = [0, 0, -0.8]");
         let doubts = dem_mpi::scene::doubts::doubts(&scene(&text));
@@ -361,8 +367,97 @@ fn inlets_and_outlets_that_never_act_are_doubtful() {
         "low = [0, 0, 0.002]\nhigh = [0.01, 0.02, 0.006]",
         "low = [0, 0, -0.01]\nhigh = [0.01, 0.02, -0.001]",
     );
-    for fine in [SHAFT, &below] {
+    let plane = SHAFT.replace("point = [0, 0, 0.002]", "point = [0, 0, -0.001]");
+    for fine in [SHAFT, &below, &plane] {
         assert_eq!(dem_mpi::scene::doubts::doubts(&scene(fine)), Vec::<String>::new());
+    }
+}
+
+/// What is due is counted from the beginning of the stage: within it an inlet keeps its rate.
+#[test]
+fn an_inlet_keeps_its_rate_within_a_stage() {
+    let (first, mut comm) = (scene(SHAFT), Alone::default());
+    let mut sim = begun(&first, &mut comm);
+    (0..200).for_each(|_| sim.step(&mut comm).unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    save(&sim, folder.path(), &first, &mut comm);
+    let mut taken = |text: &str, how| {
+        let next = scene(text);
+        let mut sim = assemble::assemble(&next, &comm);
+        let taken = assemble::take_up(&mut sim, &next, folder.path(), how, &mut comm);
+        taken.map(drop).map_err(|error| error.to_string())
+    };
+    for (from, to, problem) in [
+        ("rate = 4000", "rate = 8000", "inlet `balls` had a rate of 4000.0 when the stage began"),
+        (
+            "mass_rate = 0.02",
+            "rate = 900",
+            "inlet `eggs` had a mass_rate of 0.02 when the stage began",
+        ),
+        (
+            "name = \"balls\"",
+            "name = \"marbles\"",
+            "inlet `marbles` was not there when the stage began",
+        ),
+    ] {
+        let text = SHAFT.replace(from, to);
+        let error = taken(&text, assemble::Continuation::SameStage).unwrap_err();
+        assert!(error.contains(problem), "{error}");
+        assert_eq!(taken(&text, assemble::Continuation::NewStage), Ok(()));
+    }
+    assert_eq!(
+        taken(&SHAFT.replace("count = 60", "count = 80"), assemble::Continuation::SameStage),
+        Ok(())
+    );
+    // A stage without inlets does not get one.
+    let (begin, end) = (SHAFT.find("[[inlet]]").unwrap(), SHAFT.find("[[outlet]]").unwrap());
+    let without = scene(&(SHAFT[..begin].to_owned() + &SHAFT[end..]));
+    save(&begun(&without, &mut comm), folder.path(), &without, &mut comm);
+    let mut sim = assemble::assemble(&first, &comm);
+    let same = assemble::Continuation::SameStage;
+    let error = assemble::take_up(&mut sim, &first, folder.path(), same, &mut comm).unwrap_err();
+    assert!(error.to_string().contains("inlet `eggs` was not there"), "{error}");
+}
+
+/// Grains that come through an inlet, under damping, bring what they have; another gravity gives them another height.
+#[test]
+fn damping_and_another_gravity_leave_the_balance_closed() {
+    let (begin, end) = (SHAFT.find("[[fill").unwrap(), SHAFT.find("[[inlet").unwrap());
+    let text = format!("global_damping = 30\n{}{}", &SHAFT[..begin], &SHAFT[end..])
+        .replace("low = [0, 0, 0]\n", "low = [0, 0, -100]\n")
+        .replace("point = [0, 0, 0.002]", "point = [0, 0, -99]")
+        .replace(
+            "low = [0, 0, 0.002]\nhigh = [0.01, 0.02, 0.006]",
+            "low = [0, 0, -90]\nhigh = [0.01, 0.02, -89]",
+        );
+    let (first, mut comm) = (scene(&text), Alone::default());
+    let mut sim = begun(&first, &mut comm);
+    // Nothing has touched yet.
+    (0..300).for_each(|_| sim.step(&mut comm).unwrap());
+    let closed = |sim: &dem_mpi::sim::Simulation, what: &str| {
+        let measures = sim.measure(&mut Alone::default());
+        assert!(sim.particles.owned > 3 && measures.contacts == 0, "{what}");
+        let of = measures.kinetic() + measures.dissipated;
+        assert!(
+            measures.missing().abs() < 1e-11 * of,
+            "{what}: {:e} of {of:e} J",
+            measures.missing()
+        );
+    };
+    closed(&sim, "as they come");
+    let folder = tempfile::tempdir().unwrap();
+    save(&sim, folder.path(), &first, &mut comm);
+    for (from, to) in [
+        ("gravity = [0.5, 0.2, -9.81]", "gravity = [0, 0.1, -1.62]"),
+        ("step = 1e-5", "step = 7e-6"),
+    ] {
+        let next = scene(&text.replace(from, to));
+        let mut sim = assemble::assemble(&next, &comm);
+        let same = assemble::Continuation::SameStage;
+        assemble::take_up(&mut sim, &next, folder.path(), same, &mut comm).unwrap();
+        closed(&sim, to);
+        (0..100).for_each(|_| sim.step(&mut comm).unwrap());
+        closed(&sim, to);
     }
 }
 

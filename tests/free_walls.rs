@@ -3,6 +3,7 @@
 use crate::support::{Bench, MATERIAL, OnRanks, ball, close, expect_refused, save, scene};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::math::Vec3;
+use dem_mpi::output::snapshot::Reader;
 use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::plan::plan;
 
@@ -108,6 +109,11 @@ fn a_free_wall_goes_on_in_another_stage() {
     };
     let first = scene(&text("[2, 0, 0]", "velocity = [0.3, 0.1, 0]"));
     let mut bench = Bench::of(&first, &[ball(0, 0, Vec3::zeros(), Vec3::zeros())]);
+    // It has no speed yet.
+    let (begin, mut alone) = (tempfile::tempdir().unwrap(), Alone::default());
+    save(&bench.sim, begin.path(), &first, &mut alone);
+    let reader = Reader::open(&begin.path().join("last.vtkhdf")).unwrap();
+    assert_eq!(reader.contact_count().unwrap(), 0);
     (0..100).for_each(|_| bench.step());
     let folder = tempfile::tempdir().unwrap();
     let mut comm = Alone::default();

@@ -269,6 +269,11 @@ fn keys_of_another_law_are_refused() {
             "kind = \"ellipsoid\"\nmaterial = \"m\"\nsemi_axes = [1e-5, 1e-4, 1.1e-3]",
             "100 times as long",
         ),
+        (
+            "kind = \"sphere\"\nmaterial = \"m\"\nradius = 1e-2",
+            "kind = \"superellipsoid\"\nmaterial = \"m\"\nexponents = [1, 1]\nsemi_axes = [1e-5, 1e-4, 1.1e-3]",
+            "100 times as long",
+        ),
     ] {
         expect_refused(&good, from, to, said);
     }
@@ -335,12 +340,19 @@ fn the_step_of_a_compression_is_found_for_its_stress() {
     let driven = text.replace(&servo("z"), "");
     let driven =
         scene(&driven.replace("[law]", "wall_velocity = { \"+z\" = [0, 0, -0.01] }\n[law]"));
+    let shaken = format!(
+        "{}[[motion]]\nwalls = [\"+z\"]\nalong = [0, 0, 1]\namplitude = 1e-5\nfrequency = 10\n",
+        text.replace(&servo("z"), "")
+    );
+    let loaded = shaken.replace("amplitude = 1e-5\nfrequency = 10", "mass = 0.01");
     let said = scene(&text.replace("[law]", "[law]\nlargest_overlap = 0.03"));
     let up_to = |scene: &Scene| scene.force_law().hardest_up_to().unwrap();
     let modulus = youngs / (2.0 * (1.0 - poisson * poisson));
     let expected = |stress: f64| (26.0 * stress / modulus).powf(2.0 / 3.0);
     close(up_to(&pressed), expected(stress), 0.01, "servos");
     close(up_to(&driven), expected(4.0 * stress), 0.01, "a driven wall");
+    close(up_to(&scene(&shaken)), expected(4.0 * stress), 0.01, "a wall that moves by time");
+    close(up_to(&scene(&loaded)), expected(stress), 0.01, "a wall that forces move");
     assert_eq!(up_to(&said), 0.03);
 
     let (mut sim, mut comm) = (begun(&pressed, &mut Alone::default()), Alone::default());

@@ -188,7 +188,7 @@ fn a_crowd_has_the_same_bits_everywhere() {
     assert!(contacts > 5.0 && dissipated > 0.0, "{contacts}");
     assert!(missing.abs() < 1e-3 * dissipated, "{missing:e} of {dissipated:e} J");
     let page = plan(&scene, 1);
-    for words in ["no radius of curvature", "`cube` of 1.241e-3 m", "of a least half length"] {
+    for words in ["no radius of curvature", "`cube` of 1.241e-3 m", "of half the shortest axis"] {
         assert!(page.contains(words), "{words}: {page}");
     }
 }

@@ -1,9 +1,13 @@
 //! Adhesion after Johnson, Kendall and Roberts against closed forms: pull-off, separation, what a loop loses, friction under it.
 
-use crate::support::{Bench, ball, close, expect_refused, scene};
+use crate::support::{Bench, ball, close, expect_refused, scene, schedule};
+use dem_mpi::comm::alone::Alone;
+use dem_mpi::law::stability::time_step_limit;
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::columns::Quantity;
 use dem_mpi::scene::plan::plan;
+use dem_mpi::sim::audit::{Auditor, Settings};
+use dem_mpi::sim::run::run;
 use std::f64::consts::PI;
 
 const RADIUS: f64 = 1e-4;
@@ -154,6 +158,37 @@ fn a_loop_loses_what_the_theory_says_and_ends_at_its_gap() {
     }
 }
 
+/// A contact that holds across a gap is no error, and forces that pull count as those that press.
+#[test]
+fn an_audit_knows_contacts_across_a_gap() {
+    for with_floor in [true, false] {
+        let reduced = if with_floor { RADIUS } else { 1.0 / (1.0 / RADIUS + 1.0 / SMALL) };
+        let (_, _, reduced_mass) = thrown(with_floor, "", DENSITY, 1.0, 1e-9);
+        let speed = (2.0 * 1.5 * lost(reduced) / reduced_mass).sqrt();
+        let step = 2e-3 * depth(reduced) / speed;
+        let (mut bench, _, _) = thrown(with_floor, "", DENSITY, speed, step);
+        bench.sim.audit = Auditor::new(Settings { every: 1, contacts: Some(100), seed: 1 });
+        let (mut steps, mut across, mut sizes) = (0, 0, 0.0);
+        loop {
+            bench.step();
+            let Some(overlap) = overlap(&bench) else { break };
+            bench.sim.audit(&mut Alone::default());
+            (steps, across) = (steps + 1, across + u64::from(overlap < 0.0));
+            let sim = &bench.sim;
+            let mut pairs = sim.contacts.iter();
+            sizes += pairs.next().map_or(0.0, |(pair, geometry)| {
+                sim.law.elastic(pair, &sim.particles, geometry).abs()
+            });
+        }
+        assert!(across > 100, "{across} of {steps} steps across a gap");
+        let figures = bench.sim.audit.figures(&bench.sim, &mut Alone::default());
+        let [found] = &figures.of_kinds[..] else { panic!("{figures:?}") };
+        assert_eq!((found.contacts, found.spurious, found.unresolved), (steps, 0, 0));
+        close(found.mean_force_n, sizes / steps as f64, 1e-9, "mean size of the force");
+        assert!(found.overlap.max < 1e-12 && found.force.max < 1e-8, "{found:?}");
+    }
+}
+
 /// What dashpots take is not adhesion's, and a bounce with both loses both.
 #[test]
 fn what_adhesion_takes_is_told_from_what_dashpots_take() {
@@ -269,6 +304,44 @@ fn friction_counts_what_adhesion_presses() {
             assert!(gained.abs() < 1e-3 * limit * f64::from(steps) * bench.sim.dt, "{gained:e}");
         }
     }
+}
+
+/// Soft grains that stick overlap by more than the step was found for, without a load: their contacts are hardly stiffer, as their radii say.
+#[test]
+fn the_stable_step_goes_with_the_contact_radius() {
+    let (youngs, step) = (9.1e5, 1e-9);
+    let modulus = 0.5 * youngs / (1.0 - 0.09);
+    let overlap_of = |a: f64| a * a / RADIUS - (2.0 * PI * WORK * a / modulus).sqrt();
+    let of = |up_to: f64, step: f64| {
+        let text = text("restitution = 0.1", DENSITY, step)
+            .replace("youngs_modulus = 1e8", &format!("youngs_modulus = {youngs:e}"))
+            .replace("largest_overlap = 0.1", &format!("largest_overlap = {up_to:e}"))
+            .replace("steps = 1\n", "steps = 400\n")
+            .replace("[output]\n", "[output]\nhistory_every = 1\n");
+        scene(&text)
+    };
+    // Without load.
+    let rest = (4.5 * PI * WORK * RADIUS * RADIUS / modulus).cbrt();
+    for part in [1.1, 1.5, 3.0] {
+        let meant = overlap_of(rest) / RADIUS;
+        let scene = of(meant, step);
+        let law = scene.force_law();
+        let found = law.stiffens(overlap_of(part * rest) / RADIUS, &scene.library);
+        close(found, part, 1e-6, "contact radius");
+    }
+    let scene = of(0.01, step);
+    let limit = time_step_limit(&scene.library, &*scene.force_law()).unwrap().dt;
+    let scene = of(0.01, 0.9 * limit);
+    let overlap = overlap_of(rest);
+    assert!(overlap > 0.02 * RADIUS, "{overlap:e}");
+    let start = ball(0, 0, Vec3::new(0.0, 0.0, RADIUS - overlap), Vec3::zeros());
+    let mut bench = Bench::of(&scene, &[start]);
+    let folder = tempfile::tempdir().unwrap();
+    let schedule = schedule(&scene, 400, folder.path());
+    let finish = run(&mut bench.sim, &schedule, &mut Alone::default(), &mut |_| {}).unwrap();
+    assert_eq!(finish.steps_done, 400);
+    let spring = bench.sim.contacts.iter().next().unwrap().1.overlap;
+    close(spring, overlap, 1e-3, "it rests");
 }
 
 /// Without surface energy it is Hertz: the same impact to rounding.

@@ -46,6 +46,7 @@ mod sides_on_round_walls;
 mod sizes;
 mod snapshot;
 mod solids;
+mod stages;
 mod suggest;
 mod superellipsoids;
 mod support;

@@ -332,6 +332,45 @@ fn smooth_grains_meet_a_sharp_lip_only_where_they_overlap_it() {
     }
 }
 
+/// A long body beside the rim of a sheet touches only where it comes into the sheet, however far it reaches over the plane of it.
+#[test]
+fn a_long_grain_beside_a_rim_touches_only_what_is_there() {
+    let [a, b, c, d] =
+        [[-4.0, -4.0], [0.0, -4.0], [0.0, 4.0], [-4.0, 4.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
+    let mesh = Arc::new(TriangleMesh::new(&[[a, b, c], [a, c, d]], 0.1).unwrap());
+    let axes = Vec3::new(1.0, 0.05, 0.07);
+    let egg = Shape::Ellipsoid(Ellipsoid { semi_axes: axes });
+    // The least level of the ellipsoid on the sheet: below 1 it comes into it.
+    let level = |centre: Vec3, turn: Quat| {
+        let seen = |way: Vec3| (turn.inverse() * way).component_div(&axes);
+        let (x, y, at) = (seen(Vec3::x()), seen(Vec3::y()), seen(-centre));
+        let (xx, xy, yy) = (x.dot(&x), x.dot(&y), y.dot(&y));
+        let (ax, ay) = (at.dot(&x), at.dot(&y));
+        let across = (xy * ay - yy * ax) / (xx * yy - xy * xy);
+        let [u, v] = if across <= 0.0 {
+            [across, (xy * ax - xx * ay) / (xx * yy - xy * xy)]
+        } else {
+            [0.0, -ay / yy]
+        };
+        (at + x * u + y * v).norm()
+    };
+    let mut random = Random::of(6, 6);
+    let (mut met, mut apart) = (0, 0);
+    for _ in 0..40_000 {
+        let centre = Vec3::new(0.6 * random.signed(), 0.5 * random.signed(), 0.6 * random.signed());
+        let turn = random.rotation();
+        let (level, found) = (level(centre, turn), touches(&mesh, &egg, centre, turn));
+        if level > 1.0 {
+            assert!(found.is_empty(), "{level} {centre} {turn}: {found:?}");
+            apart += 1;
+        } else if level > 0.95 {
+            assert!(!found.is_empty(), "{level} {centre} {turn}");
+            met += 1;
+        }
+    }
+    assert!(met > 300 && apart > 3000, "{met} {apart}");
+}
+
 /// Ellipsoids and superellipsoids at the surface of a box: the least overlap with the whole box, once.
 #[test]
 fn smooth_grains_meet_a_box_once_where_they_overlap_it_least() {
@@ -406,6 +445,56 @@ fn a_fold_has_two_contacts_and_a_smooth_one_has_one() {
         let lifted = bench.sim.particles.force[0].vector;
         let expected = contacts as f64 * 1e5 * 1e-6 * if contacts == 2 { half.cos() } else { 1.0 };
         assert!((lifted.norm() / expected - 1.0).abs() < 1e-2, "{lifted} {expected}");
+    }
+}
+
+/// A ball on a face beside a slit keeps its contact with the face, whatever the rim beyond the slit does.
+#[test]
+fn a_ball_beside_a_slit_rests_on_the_face() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("slit.obj");
+    let (width, overlap) = (1.5e-3, 2e-4);
+    let corner = |x: f64, y: f64| Vec3::new(x, y, 0.0);
+    let mut triangles: Triangles = Vec::new();
+    // Around the slit 0 < x < width, |y| < 0.02.
+    let (xs, ys) = ([-0.03, 0.0, width, 0.03], [-0.03, -0.02, 0.02, 0.03]);
+    for (i, j) in (0..9).map(|k| (k % 3, k / 3)).filter(|&ij| ij != (1, 1)) {
+        let [a, b] = [corner(xs[i], ys[j]), corner(xs[i + 1], ys[j])];
+        let [c, d] = [corner(xs[i + 1], ys[j + 1]), corner(xs[i], ys[j + 1])];
+        triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    write_obj(&triangles, &file);
+    let text = alone(BALL, &format!("mesh = {file:?}\nsmooth = 5"), Vec3::zeros(), 0.0);
+    let mut deepest: Vec<f64> = Vec::new();
+    for x in [-1e-4, -3e-4, -6e-4, -1e-3] {
+        let bench =
+            Bench::of(&scene(&text), &[at(Vec3::new(x, 0.0, 0.01 - overlap), Vec3::zeros())]);
+        let found: Vec<f64> = bench.sim.contacts.iter().map(|(_, g)| g.overlap).collect();
+        deepest.push(found.iter().copied().fold(0.0, f64::max));
+        assert_eq!(
+            found.len(),
+            1 + usize::from((width - x).hypot(0.01 - overlap) < 0.01),
+            "{x}: {found:?}"
+        );
+    }
+    assert!(deepest.iter().all(|found| (found / overlap - 1.0).abs() < 1e-9), "{deepest:?}");
+}
+
+/// In a tube that is hardly wider, a ball touches several strips of a fine mesh, which are one surface.
+#[test]
+fn a_ball_in_a_tight_tube_has_one_contact() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("tube.obj");
+    let radius = 0.0125;
+    write_obj(&crate::faces_on_meshes::drum(radius, 0.05, 90), &file);
+    let wall = format!("mesh = {file:?}\nsmooth = 10");
+    let text = alone(BALL, &wall, Vec3::zeros(), 0.0);
+    for degrees in [0.0, 1.0, 2.0, 3.0] {
+        let angle = f64::to_radians(degrees);
+        let down = Vec3::new(angle.sin(), 0.0, -angle.cos());
+        let place = down * (radius - 0.01 + 0.01 * radius);
+        let bench = Bench::of(&scene(&text), &[at(place, Vec3::zeros())]);
+        assert_eq!(bench.sim.contacts.len(), 1, "{degrees} degrees");
     }
 }
 
@@ -719,13 +808,22 @@ fn files_of_stl_are_read_whole() {
     }
     std::fs::write(&path, &bytes).unwrap();
     assert_eq!(mesh::triangles(&path).unwrap().len(), 2);
+    // One that calls itself `solid`, with as many triangles as a line feed has.
+    let mut many = bytes[..84].to_vec();
+    many[..11].copy_from_slice(b"solid plate");
+    many[80] = 10;
+    many.extend(bytes[84..134].repeat(10));
+    std::fs::write(&path, &many).unwrap();
+    assert_eq!(mesh::triangles(&path).unwrap().len(), 10);
     bytes[80] = 1;
     std::fs::write(&path, &bytes).unwrap();
     let refused = mesh::triangles(&path).unwrap_err().to_string();
     assert!(refused.contains("50 more than its 1 triangles"), "{refused}");
     let text = "SOLID A\nFACET NORMAL 0 0 1\nOUTER LOOP\nVERTEX 0 0 0\nVERTEX 1E0 0 0\nVERTEX 0 1 0\nENDLOOP\nENDFACET\nENDSOLID A\n";
-    std::fs::write(&path, text).unwrap();
-    assert_eq!(mesh::triangles(&path).unwrap().len(), 1);
+    for normal in ["0 0 1", "nan nan nan", "-NAN(IND) 0 0"] {
+        std::fs::write(&path, text.replace("0 0 1\nOUTER", &format!("{normal}\nOUTER"))).unwrap();
+        assert_eq!(mesh::triangles(&path).unwrap().len(), 1, "{normal}");
+    }
     // A byte order mark, a name that is no UTF-8, line ends of an old Macintosh.
     let marked = [
         "\u{feff}".as_bytes(),

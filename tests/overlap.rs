@@ -3,7 +3,7 @@
 use crate::random::Draw;
 use crate::support::{Frame, MATERIAL, begun, below, scene};
 use dem_mpi::comm::alone::Alone;
-use dem_mpi::contact::{Posed, Thickness, thickness};
+use dem_mpi::contact::{ContactResolver, Outcome, Overlap, Posed, Thickness, thickness};
 use dem_mpi::math::{Mat3, Vec3, rotation_about};
 use dem_mpi::random::Random;
 use dem_mpi::shape::clip::Clipped;
@@ -382,5 +382,29 @@ fn the_energy_of_boxes_on_a_moving_table_adds_up() {
         let missing = measures.missing() / measures.dissipated;
         assert!(measures.contacts + measures.wall_contacts > 30, "{measures:?}");
         assert!(missing.abs() < 1e-3, "{motion}: {missing:e} of {measures:?}");
+    }
+}
+
+/// A small box on a large one, whichever comes first: the overlap counts from a billionth of the small one on.
+#[test]
+fn a_small_body_feels_a_large_one_in_any_order() {
+    let (large, small) = (cuboid(Vec3::repeat(1.0)), cuboid(Vec3::repeat(1e-3)));
+    let upright = Mat3::identity();
+    let [large, small] = [&large, &small].map(|shape| Posed::new(shape, &upright));
+    for depth in [1e-15, 1e-14, 1e-13, 3e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-6] {
+        let r = Vec3::new(0.1, -0.2, 0.5005 - depth);
+        for (a, b, r) in [(&large, &small, r), (&small, &large, -r)] {
+            match Overlap.touch(a, b, &r, None) {
+                Outcome::Touching(touch) => {
+                    // Of a slab; places have the rounding of the large one.
+                    let thickness = depth / (1.0 + 2.0 * (depth / 1e-3).powi(2)).sqrt();
+                    let off = (touch.overlap - thickness).abs();
+                    assert!(off < 3e-16, "{depth:e}: {touch:?}");
+                    assert!((touch.normal - r.z.signum() * Vec3::z()).norm() < 1e-3, "{touch:?}");
+                }
+                // Below that another method answers.
+                outcome => assert!(depth < 2e-12, "{depth:e}: {outcome:?}"),
+            }
+        }
     }
 }

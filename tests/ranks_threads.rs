@@ -352,8 +352,8 @@ fn crowds_that_resist_rolling_and_stick_are_the_same_on_any_number_of_ranks_and_
         .text
         .replace("poisson_ratio = 0.3", "poisson_ratio = 0.3\nsurface_energy = 0.01");
     for (scene, steps) in [
-        (resisting(&eggs.replace("step = 1e-5", "step = 6e-6"), ""), 1500),
-        (resisting(&boxes.replace("step = 4e-6", "step = 2.5e-6"), ""), 4000),
+        (resisting(&eggs.replace("step = 1e-5", "step = 4e-6"), ""), 2250),
+        (resisting(&boxes.replace("step = 4e-6", "step = 2.2e-6"), ""), 4550),
         (resisting(&elastic.replace("step = 1e-5", "step = 6e-6"), ""), 1500),
         (resisting(&sticking.replace("step = 1e-5", "step = 6e-6"), "adhesion = \"dmt\""), 2000),
     ] {

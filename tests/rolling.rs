@@ -126,7 +126,7 @@ impl Model for Rolling {
     }
 
     fn hardest(&self, _: &Body, _reduced_mass: f64) -> Hardest {
-        Hardest { stiffness: self.stiffness, dashpots: [0.0; 2] }
+        Hardest { stiffness: self.stiffness, dashpots: [0.0; 2], turning: [0.0; 2] }
     }
 
     fn words(&self, _: MaterialId, _: MaterialId) -> String {

@@ -127,6 +127,53 @@ fn bodies_touch_where_they_are_deepest() {
 }
 
 /// A ball and an egg on the axis of a cone touch it once, as they do beside the axis.
+/// Beside a pin that is thinner than they are long, bodies touch it on their side.
+#[test]
+fn a_thin_pin_is_touched_from_one_side() {
+    let pin = Round { radius: 0.1, slope: 0.0, height: 4.0 };
+    let surface = pin.surface();
+    let upright = Mat3::identity();
+    let egg = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(0.2, 1.0, 0.2) });
+    let flat = Posed::new(&egg, &upright);
+    for (x, overlap) in [(0.29, Some(0.01)), (0.35, None)] {
+        let found = touches(&surface, &flat, &Vec3::new(x, 0.0, 2.0));
+        let overlaps: Vec<f64> = found.iter().map(|touch| touch.overlap).collect();
+        // On the border of two strips both have it.
+        assert_eq!(overlaps.len(), if overlap.is_some() { 2 } else { 0 }, "{x}: {found:?}");
+        assert!(
+            overlaps.iter().all(|a| overlap.is_some_and(|b| (a - b).abs() < 1e-12)),
+            "{found:?}"
+        );
+    }
+    let mut random = Random::of(9, 9);
+    let mut met = 0;
+    for _ in 0..20_000 {
+        let body = Posed::new(&egg, &upright);
+        let (angle, out) = (TAU * random.unit(), 0.1 + 1.3 * random.unit());
+        let centre = Vec3::new(out * angle.cos(), out * angle.sin(), 2.0);
+        for touch in touches(&surface, &body, &centre) {
+            assert!(touch.normal.dot(&centre.xy().push(0.0)) < 0.0, "{centre}: {touch:?}");
+            met += 1;
+        }
+    }
+    assert!(met > 1000, "{met}");
+}
+
+/// A ball on the axis of a cone, but for rounding, touches it once.
+#[test]
+fn a_ball_on_the_axis_of_a_cone_touches_once() {
+    let cone = Round { radius: 0.03, slope: 1.0, height: 0.07 };
+    let surface = cone.surface();
+    let (upright, ball) = (Mat3::identity(), Shape::Sphere(Sphere { radius: 0.05 }));
+    let body = Posed::new(&ball, &upright);
+    for x in [0.0, 1e-17, -1e-17, 5.5e-17, -3e-11, 3e-11, -1e-9, 1e-6] {
+        for centre in [Vec3::new(x, 0.0, 0.03), Vec3::new(0.0, x, 0.03), Vec3::new(x, -x, 0.03)] {
+            let found = touches(&surface, &body, &centre);
+            assert!((1..3).contains(&found.len()), "{centre}: {found:?}");
+        }
+    }
+}
+
 #[test]
 fn what_is_on_the_axis_touches_once() {
     let surface = Round { radius: 0.5, slope: 1.0, height: 2.0 }.surface();

@@ -636,8 +636,10 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
     }
     let without = plan(&with(&["audit={every = 0}"])?, 4);
     assert!(without.contains("Left out\n  no audit of contacts: audit.every = 0\n  not in snapshots: dissipated_by_turning, dissipated_by_adhesion\n"), "{without}");
-    let late = with(&["time.steps=20"])?;
+    let late = with(&["time.steps=60"])?;
     assert!(plan(&late, 4).contains("the last layers of rain will not fall"));
+    let never = with(&["time.steps=20"])?;
+    assert!(plan(&never, 4).contains("no rain will fall: the first layer appears at step 50,"));
     Ok(())
 }
 
@@ -660,7 +662,7 @@ fn a_sheared_lattice_that_never_touches_is_doubtful() -> Result<()> {
 }
 
 /// 48 balls fall from rest in three layers of a slab of 10 mm: each needs 45.15 ms to leave it, 452 steps of 100 µs, which
-/// are three times the 200 between layers.
+/// are three times the 200 between layers. The first one appears after 200.
 #[test]
 fn the_plan_counts_the_steps_that_rain_needs() -> Result<()> {
     let with_steps = |set: &str| -> Result<String> {
@@ -672,17 +674,17 @@ fn the_plan_counts_the_steps_that_rain_needs() -> Result<()> {
         let overrides = ["gravity=[0, 0, -9.81]".to_owned(), set.to_owned()];
         Ok(plan(&Scene::parse(scene, "rain", Path::new(""), &overrides)?, 1))
     };
-    let late = "a layer leaves its slab after 600 steps, so the last of 3 appears at step 1200 or later, and there are 1200 steps";
+    let late = "a layer leaves its slab after 600 steps, so the last of 3 appears at step 1400 or later, and there are 1200 steps";
     let short = with_steps("time.steps=1200")?;
     assert!(short.contains(late) && short.contains("one in 600 steps"), "{short}");
-    for enough in ["time.steps=1201", "fill.rain.velocity=[0, 0, -0.3]"] {
+    for enough in ["time.steps=1401", "fill.rain.velocity=[0, 0, -0.3]"] {
         let long = with_steps(enough)?;
         assert!(!long.contains("will not fall"), "{long}");
     }
-    // 48 balls make a bed of 25 mm, from which the slab is 165 mm away: a fall of 183.6 ms after step 1200.
-    let falling = "the last appears at step 1200 or later and needs some 1837 steps to the bed, and there are 3000 steps";
+    // 48 balls make a bed of 25 mm, from which the slab is 165 mm away: a fall of 183.6 ms after step 1400.
+    let falling = "the last appears at step 1400 or later and needs some 1837 steps to the bed, and there are 3000 steps";
     let short = with_steps("time.steps=3000")?;
     assert!(short.contains(falling), "{short}");
-    assert!(!with_steps("time.steps=3100")?.contains("rain will"));
+    assert!(!with_steps("time.steps=3300")?.contains("rain will"));
     Ok(())
 }

@@ -4,7 +4,8 @@ use crate::made_up::{self, Tables, header};
 use crate::support::below;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
-use dem_mpi::drive::rain;
+use dem_mpi::contact::StateColumn;
+use dem_mpi::drive::{SavedColumn, SavedState, Values, rain};
 use dem_mpi::ids::GlobalId;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::SnapshotError;
@@ -107,6 +108,31 @@ fn files_do_not_tell_how_many_ranks_wrote_them() {
             assert!(files(size, way) == alone, "{size} ranks, {way:?}");
         }
     }
+}
+
+/// A drive may save a number that is none, and a wall may have more triangles than rows are.
+#[test]
+fn drives_and_walls_round_trip() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut header = header(7);
+    header.drives = vec![SavedState {
+        drive: "none".into(),
+        columns: vec![SavedColumn::new(
+            StateColumn::new("speed", 1, "m/s"),
+            Values::Reals(vec![f64::NAN, -0.0]),
+        )],
+    }];
+    header.triangles = vec![[0.5; 9]; 30_000];
+    let tables = made_up::of_rank(0, 1, true);
+    let path = write(directory.path(), &header, &tables, &mut Alone::default());
+    let (found, rows) = read(&path).unwrap();
+    assert_eq!(rows, tables);
+    assert_eq!(found.triangles, header.triangles);
+    let Values::Reals(numbers) = &found.drives[0].columns[0].values else { panic!("{found:?}") };
+    assert_eq!(
+        numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>(),
+        [f64::NAN, -0.0].map(f64::to_bits)
+    );
 }
 
 #[test]

@@ -70,6 +70,7 @@ pub(crate) fn begun(scene: &Scene, comm: &mut dyn Comm) -> Simulation {
 pub(crate) fn schedule(scene: &Scene, last_step: u64, out: &Path) -> Schedule {
     Schedule {
         last_step,
+        ends_stage: true,
         snapshot_every: 0,
         history_every: scene.history_every,
         stop: scene.stop.clone(),

@@ -10,9 +10,11 @@ use dem_mpi::ids::Slot;
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::walls::Wall;
+use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::plan::plan;
+use dem_mpi::sim::Simulation;
 use dem_mpi::sim::run::run;
 use std::path::{Path, PathBuf};
 
@@ -555,6 +557,133 @@ fn courses_and_stages() {
         });
         assert!((place[0] - expected).abs() < 1e-17, "{continuation:?}: {place:?} {expected}");
     }
+}
+
+/// Another course, or another velocity, within a stage moves the wall from where it stands, as in a stage that begins.
+#[test]
+fn another_course_goes_on_from_where_the_wall_stands() {
+    let swinging = on_floor("", "", "friction = 0.3") + SWINGING;
+    let pushed =
+        swinging.replace("normal = [0, 0, 1]", "normal = [0, 0, 1]\nvelocity = [0.01, 0, 0.02]");
+    let folder = tempfile::tempdir().unwrap();
+    let mut comm = Alone::default();
+    let place = |sim: &Simulation| {
+        let Wall { point, orientation, .. } = &sim.particles.walls[0];
+        (*point, *orientation)
+    };
+    for text in [&swinging, &pushed] {
+        let before = scene(text);
+        let mut sim = begun(&before, &mut comm);
+        (0..100).for_each(|_| sim.step(&mut comm).unwrap());
+        let (point, orientation) = place(&sim);
+        save(&sim, folder.path(), &before, &mut comm);
+        for (from, to) in [
+            ("amplitude = 1e-3", "amplitude = 2e-3"),
+            ("amplitude = 3", "amplitude = 6"),
+            ("velocity = [0.01, 0, 0.02]", "velocity = [0.03, 0, -0.05]"),
+        ] {
+            let after = scene(&text.replace(from, to));
+            let mut sim = assemble::assemble(&after, &comm);
+            let same = Continuation::SameStage;
+            assemble::take_up(&mut sim, &after, folder.path(), same, &mut comm).unwrap();
+            sim.step(&mut comm).unwrap();
+            let (now, turned) = place(&sim);
+            // At most 0.2 m/s and 8 rad/s, in a step of 1e-5 s.
+            let off = (now - point).norm() + RADIUS * orientation.angle_to(&turned);
+            assert!(off < 1e-5 * (0.2 + 8.0 * RADIUS), "{to}: {off:e} m");
+        }
+    }
+}
+
+/// A turn that begins within a stage is about the scene's point, of triangles, too; a wall that was turned cannot be set free.
+#[test]
+fn a_turn_may_begin_within_a_stage() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = square(folder.path());
+    let still = on_floor("", "", "friction = 0.3");
+    let mesh = still.replace("point = [0, 0, 0]\nnormal = [0, 0, 1]", &format!("mesh = {file:?}"));
+    let turn = "rotation = { about = [0.05, 0, 0], axis = [0, 1, 0], rate = 2 }";
+    for text in [still, mesh] {
+        let (first, mut comm) = (scene(&text), Alone::default());
+        let mut sim = begun(&first, &mut comm);
+        (0..100).for_each(|_| sim.step(&mut comm).unwrap());
+        save(&sim, folder.path(), &first, &mut comm);
+        let turning = scene(&text.replace("[[material]]", &format!("{turn}\n[[material]]")));
+        let mut sim = assemble::assemble(&turning, &comm);
+        let same = Continuation::SameStage;
+        assemble::take_up(&mut sim, &turning, folder.path(), same, &mut comm).unwrap();
+        (0..500).for_each(|_| sim.step(&mut comm).unwrap());
+        let wall = &sim.particles.walls[0];
+        // The axis stays where it is, and what was at the origin has gone up or down.
+        let seen = |place: Vec3| wall.orientation.inverse() * (place - wall.point);
+        let corner = wall.mesh.as_ref().map(|mesh| mesh.surface.triangles().next().unwrap()[0]);
+        let angle = 2.0 * 500.0 * 1e-5;
+        assert!((wall.orientation.angle() - angle).abs() < 1e-12);
+        match corner {
+            None => assert!(seen(Vec3::new(0.05, 0.0, 0.0)).z.abs() < 1e-15, "{wall:?}"),
+            Some(corner) => {
+                let now = wall.point + wall.orientation * corner;
+                let was =
+                    first.walls[0].mesh.as_ref().unwrap().surface.triangles().next().unwrap()[0];
+                let was = first.walls[0].point + was;
+                let about = Vec3::new(0.05, 0.0, 0.0);
+                let expected = about + wall.orientation * (was - about);
+                assert!((now - expected).norm() < 1e-14, "{now} {expected}");
+            }
+        }
+        save(&sim, folder.path(), &turning, &mut comm);
+        let free =
+            text.clone() + "[[motion]]\nwalls = [\"floor\"]\nalong = [0, 0, 1]\nmass = 0.1\n";
+        let free = scene(&free);
+        let mut sim = assemble::assemble(&free, &comm);
+        let refused =
+            assemble::take_up(&mut sim, &free, folder.path(), Continuation::NewStage, &mut comm);
+        let refused = refused.unwrap_err().to_string();
+        assert!(refused.contains("it has wall \"floor\" turned"), "{refused}");
+    }
+}
+
+/// A plane with another normal is another wall. One that was left tilted can have no servo, nor can one beside it.
+#[test]
+fn a_wall_that_a_stage_left_otherwise_is_told() {
+    let text = |motion: &str, servo: &str, side: &str| {
+        format!(
+            "[domain]\nlow = [0, 0, 0]\nhigh = [0.2, 0.2, 0.2]\nperiodic = [false, true, false]\nwalls = [\"-x\", \"-z\", \"+z\"]\n\
+             [[wall]]\nname = \"side\"\n{side}\n[[material]]\nname = \"glass\"\ndensity = 2500\nnormal_stiffness = 1e6\n\
+             [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = {RADIUS:?}\n[[fill.lattice]]\nfirst = [0.1, 0.1, 0.1]\ncount = [1, 1, 1]\n\
+             {motion}\n{servo}\n[time]\nstep = 1e-5\nsteps = 1\n[output]\ndirectory = \"out\"\n"
+        )
+    };
+    let upright = "point = [0.2, 0, 0]\nnormal = [-1, 0, 0]";
+    let turn = "[[motion]]\nwalls = [\"side\"]\nabout = [0.2, 0, 0]\naxis = [0, 1, 0]\namplitude = 3\nfrequency = 10\n";
+    let first = scene(&text(turn, "", upright));
+    let mut comm = Alone::default();
+    let mut sim = begun(&first, &mut comm);
+    (0..100).for_each(|_| sim.step(&mut comm).unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    save(&sim, folder.path(), &first, &mut comm);
+    let taken = |next: &Scene| {
+        let mut comm = Alone::default();
+        let mut sim = assemble::assemble(next, &comm);
+        let taken =
+            assemble::take_up(&mut sim, next, folder.path(), Continuation::NewStage, &mut comm);
+        (taken, sim.particles.walls.iter().map(Wall::surface).collect::<Vec<_>>())
+    };
+    for wall in ["side", "+z"] {
+        let servo = format!("[[servo]]\nwalls = [\"{wall}\"]\nstress = 1e4\n");
+        let error = taken(&scene(&text("", &servo, upright))).0.unwrap_err().to_string();
+        assert!(
+            error.contains(&format!("it has wall \"{wall}\", or one beside it, tilted")),
+            "{error}"
+        );
+    }
+    // What was upright until now.
+    let plain = scene(&text("", "", upright));
+    save(&begun(&plain, &mut comm), folder.path(), &plain, &mut comm);
+    let hinged = scene(&text("", "", "point = [0.15, 0, 0]\nnormal = [-1, 0, 0.5]"));
+    let (found, surfaces) = taken(&hinged);
+    assert_eq!(found.unwrap().other_walls, ["side"]);
+    assert!(surfaces.contains(&hinged.walls.last().unwrap().surface()), "{surfaces:?}");
 }
 
 /// A surface of triangles may be slow enough in its velocity and in its turn, and too fast in both together.

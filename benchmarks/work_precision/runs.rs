@@ -294,6 +294,7 @@ pub(crate) fn ran(
     make_directory(out, &mut comm)?;
     let schedule = Schedule {
         last_step: sim.step + scene.steps,
+        ends_stage: true,
         snapshot_every: 0,
         history_every: 0,
         stop: scene.stop.clone(),

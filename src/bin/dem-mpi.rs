@@ -305,7 +305,8 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         print(comm, format_args!("{}\n", plan::plan(&scene, comm.size())));
         // Whether the state fits the scene is seen when it is taken up.
         let fits = if scene.start.is_some() || arguments.start.is_some() {
-            state(arguments, &scene, comm).map(drop)
+            state(arguments, &scene, comm)
+                .and_then(|(mut sim, _)| begins(arguments, &mut sim, comm))
         } else {
             tried(&scene, comm)
         };
@@ -331,14 +332,13 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         Err(status) => return status,
     };
     if arguments.check {
-        return checked(arguments, comm);
+        let begins = begins(arguments, &mut sim, comm);
+        return begins.map_or_else(|status| status, |()| checked(arguments, comm));
     }
     let resumed = arguments.start.is_some();
 
-    let last_step = match arguments.steps {
-        Some(steps) => sim.step.saturating_add(steps),
-        None => sim.stage_begin.0 + scene.steps_with(sim.stage_shift),
-    };
+    let stage_end = sim.stage_begin.0 + scene.steps_with(sim.stage_shift);
+    let last_step = arguments.steps.map_or(stage_end, |steps| sim.step.saturating_add(steps));
     if resumed && let Some((why, status)) = nothing_left(arguments, &scene, &sim, &held, last_step)
     {
         print_once(comm, format!("nothing left to do: {why}"));
@@ -353,6 +353,7 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
     }
     let schedule = Schedule {
         last_step,
+        ends_stage: last_step == stage_end,
         snapshot_every: scene.snapshot_every,
         history_every: scene.history_every,
         stop: scene.stop.clone(),
@@ -364,7 +365,7 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         allow_unstable: scene.allow_unstable,
     };
     match run(&mut sim, &scene, &schedule, arguments, comm) {
-        Ok(finish) if !finish.unmet.is_empty() && arguments.steps.is_none() => UNMET,
+        Ok(finish) if !finish.unmet.is_empty() => UNMET,
         Ok(finish) => ended(arguments, &finish, sim.step, last_step, comm),
         Err(status) => status,
     }
@@ -447,6 +448,13 @@ fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
             format!("walls stand where the stage before left them, off the scene's: {all}"),
         );
     }
+    if !taken.forgotten.is_empty() {
+        let all = taken.forgotten.join(", ");
+        print_once(
+            comm,
+            format!("warning: contacts forget what the scene's law does not know: {all}"),
+        );
+    }
     if !taken.other_walls.is_empty() {
         print_once(
             comm,
@@ -488,6 +496,14 @@ fn tried(scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
     let mut sim = assemble::assemble(scene, comm);
     assemble::fill(&mut sim, scene, comm);
     run::begin(&mut sim, comm).map_err(|error| failed(&error, "", &sim, false, comm))
+}
+
+/// Looks for overlaps where a stage begins with a snapshot. One that goes on has none.
+fn begins(arguments: &Arguments, sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), u8> {
+    if arguments.start.is_some() {
+        return Ok(());
+    }
+    run::begin(sim, comm).map_err(|error| failed(&error, "", sim, false, comm))
 }
 
 /// Nothing was found.

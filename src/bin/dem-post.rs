@@ -13,7 +13,7 @@ use dem_mpi::post::measures::{Asked, Source};
 use dem_mpi::post::plots::Plot;
 use dem_mpi::post::region::{Bounds, Margin, Region};
 use dem_mpi::post::report::csv;
-use dem_mpi::post::series::{self, Choice, Snapshot};
+use dem_mpi::post::series::{self, Analysed, Choice, Snapshot};
 use dem_mpi::post::sizes;
 use dem_mpi::post::surface::Detail;
 use dem_mpi::post::views::Views;
@@ -155,7 +155,7 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     let out = arguments.out.unwrap_or_else(|| beside.join(folder));
     fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
 
-    let (reports, picture) = series::reports(&snapshots, &choice)?;
+    let Analysed { reports, picture, left_out } = series::reports(&snapshots, &choice)?;
     if arguments.lammps {
         for snapshot in &snapshots {
             let reader = Reader::open(&snapshot.path)?;
@@ -187,7 +187,11 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     write_all(&out, &header.title().unwrap_or_else(|| title(beside)), &reports, &plots)?;
 
     let table = reports.last().map(table).unwrap_or_default();
-    say(&format!("{table}{}\npage: {}\n", measured.text, out.join("index.html").display()));
+    say(&format!(
+        "{table}{left_out}{}\npage: {}\n",
+        measured.text,
+        out.join("index.html").display()
+    ));
     Ok(ExitCode::SUCCESS)
 }
 

@@ -16,12 +16,13 @@
 //! edges and corners each is met once. Regions extend by [`BORDER`] over their borders, so that none is lost by rounding; what is then
 //! found twice is merged when contacts are put in order.
 
+use super::gjk::{Difference, Separation, separate};
 use super::{
     Chain, ContactResolver, Epa, Outcome, Posed, SmoothCommonNormal, Touch, Why, touch_of_sphere,
 };
 use crate::math::{Mat3, Vec3};
 use crate::shape::triangle_mesh::{MeshFacet, Strip, TriangleMesh};
-use crate::shape::{Shape, Sphere};
+use crate::shape::{Shape, Sphere, Spherocylinder};
 
 /// How far the region of a facet goes beyond its border, over the radius of the body.
 const BORDER: f64 = 1e-9;
@@ -29,6 +30,10 @@ const BORDER: f64 = 1e-9;
 const PART: f64 = 0.25 * std::f64::consts::PI;
 /// The angle about an edge is as exact as this [rad].
 const ANGLE: f64 = 1e-15;
+/// Relative duality gap where only whether bodies are apart is asked.
+const APART: f64 = 1e-6;
+/// Radius that stands for that of a point, over the size of the grain.
+const POINT: f64 = 1e-9;
 
 /// Resolves any smooth shape (A) against a facet of a mesh (B). The relative position runs from the centre of A to the
 /// reference point of the wall.
@@ -122,8 +127,14 @@ impl Body<'_> {
             if !mesh.is_on_face(face, &foot, self.border) {
                 return ELSEWHERE;
             }
-            if self.radius == 0.0 && !self.comes_through(mesh, face, &foot, &deepest) {
-                return ELSEWHERE;
+            if self.radius == 0.0 {
+                // Beside the rim of a sheet a long body may come to the plane where no face is.
+                let crossing = self.centre + deepest * (height / (height + overlap));
+                let is_through = self.a.contains(&(foot - self.centre))
+                    || mesh.is_on_face(face, &crossing, self.border);
+                if !is_through || !self.comes_through(mesh, face, &foot, &deepest) {
+                    return ELSEWHERE;
+                }
             }
         }
         touch
@@ -196,10 +207,28 @@ impl Body<'_> {
         if overlap > 0.0 && !is_on(on_a.dot(along)) {
             return ELSEWHERE;
         }
+        // A body that goes round the edge is deep along a direction in which it faces, and does not touch it.
+        let foot = deepest + out * overlap;
+        if overlap > 0.0 && !self.a.contains(&foot) && !self.reaches(edge) {
+            return ELSEWHERE;
+        }
         let touch =
             Touch { overlap, normal: -out, point: deepest + out * (0.5 * overlap) }.outcome();
         // Along other edges it may come nearer.
         if let Outcome::Apart(_) = touch { ELSEWHERE } else { touch }
+    }
+
+    /// Does a point of the edge lie in the body?
+    fn reaches(&self, edge: &MeshFacet) -> bool {
+        let MeshFacet::Edge { from, along, length, first, .. } = edge else { return false };
+        let radius = POINT * self.a.bounding_radius();
+        let segment = Shape::Spherocylinder(Spherocylinder { length: *length, radius });
+        let frame = Mat3::from_columns(&[*along, *first, along.cross(first)]);
+        let middle = from + along * (0.5 * length) - self.centre;
+        let segment = Posed::new(&segment, &frame);
+        let bodies = Difference::new(&self.a, &segment, &middle);
+        let found = separate(&bodies, &bodies.r, APART, f64::INFINITY);
+        !matches!(found, Separation::Apart(_) | Separation::Beyond(_))
     }
 
     /// With `n` the normal away from the axis, `δ = h(n) + n·c - d` for a body inside, `d - n·c + h(-n)` for one outside, where `n·x = d`
@@ -227,8 +256,9 @@ impl Body<'_> {
             (self.a.support(&(normal * side)) + way).dot(&on)
         };
         let angle = if self.radius > 0.0 {
-            let angle = libm::atan2(out.dot(quarter), out.dot(first));
             let all_around = out.norm() <= self.border;
+            let angle =
+                if all_around { 0.0 } else { libm::atan2(out.dot(quarter), out.dot(first)) };
             if all_around && !is_first || !(-BORDER..=opening + BORDER).contains(&angle) {
                 return ELSEWHERE;
             }
@@ -242,6 +272,10 @@ impl Body<'_> {
             root(grows, (0.0, low), (*opening, high))
         };
         let into = directions(angle).0 * side;
+        // The far side of what it touches from outside is behind it.
+        if side < 0.0 && self.radius == 0.0 && into.dot(&out) >= 0.0 {
+            return ELSEWHERE;
+        }
         let deepest = self.a.support(&into);
         let overlap = (deepest + way).dot(&into) - side * radius / steep;
         let foot = (deepest + way - into * overlap).dot(axis);
@@ -259,8 +293,18 @@ impl Body<'_> {
         let outcome = if self.radius > 0.0 {
             self.sphere_at(&way)
         } else {
-            let (point, upright) = (Shape::Sphere(Sphere { radius: 0.0 }), Mat3::identity());
-            points.touch(&self.a, &Posed::new(&point, &upright), &-way, warm)
+            // A sphere has a curvature, a point has none: what it is larger is taken off again.
+            let radius = POINT * self.a.bounding_radius();
+            let (point, upright) = (Shape::Sphere(Sphere { radius }), Mat3::identity());
+            match points.touch(&self.a, &Posed::new(&point, &upright), &-way, warm) {
+                Outcome::Touching(Touch { overlap, normal, point }) => Touch {
+                    overlap: overlap - radius,
+                    normal,
+                    point: point + normal * (0.5 * radius),
+                }
+                .outcome(),
+                other => other,
+            }
         };
         match outcome {
             Outcome::Touching(Touch { normal, .. })

@@ -496,6 +496,11 @@ impl Contacts {
         columns.flat_map(|columns| columns.pairs.iter().copied().zip(&columns.forces))
     }
 
+    /// Forces of A on B [N].
+    pub fn forces(&self) -> impl Iterator<Item = (Pair, &Vec3)> {
+        self.stretches.iter().flat_map(|columns| columns.pairs.iter().copied().zip(&columns.forces))
+    }
+
     /// Contacts with walls stand in stretches of their own.
     fn with_walls<'a>(&'a self, particles: &'a Particles) -> impl Iterator<Item = &'a Columns> {
         let is_with_wall = |pair: &Pair| pair.b.index() >= particles.first_facet();

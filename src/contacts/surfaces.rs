@@ -1,7 +1,8 @@
 //! Contacts with walls of triangles belong to the surface, not to its facets.
 //!
-//! Where a grain touches facets that have a corner in common, with nearly the same normal, it touches one smooth surface: the
-//! deepest contact counts. Where it touches a face and an edge of that face with other normals, it has the edge in it, and the least overlap counts. Where a contact ends on one facet and one begins on another that has a corner in common with it, in
+//! Where a grain touches facets that have a corner in common, one with the next, with nearly the normal of the deepest contact, it touches one smooth
+//! surface: that contact counts. Where a grain that is no sphere touches a face and an edge of that face with other normals, it has the edge in it, and the
+//! least overlap counts. Where a contact ends on one facet and one begins on another that has a corner in common with it, in
 //! the same step, the contact has gone over an edge: it takes along what is remembered.
 //!
 //! A grain with faces or a straight side has one contact with all facets that are one surface ([`crate::contact::thickness_on_surface`]), so that
@@ -11,7 +12,7 @@ use crate::contact::{Geometry, Pair, Previous, Touching};
 use crate::ids::GlobalId;
 use crate::law::Separated;
 use crate::particles::Particles;
-use crate::shape::TriangleMesh;
+use crate::shape::{Kind, TriangleMesh};
 
 /// A facet of a mesh that is the second body of a pair.
 struct OnMesh<'a> {
@@ -46,10 +47,18 @@ pub(super) fn has_meshes(pairs: &[Pair], particles: &Particles) -> bool {
         && pairs.first().is_some_and(|pair| pair.b.index() >= particles.first_facet())
 }
 
-/// Leaves out contacts of a grain with a facet that adjoins another on which it lies deeper, with nearly the same normal, and with a face or
-/// an edge of it beside one on which it lies less deep, with another normal. Of equally deep ones that with the lower id stays.
+/// Leaves out contacts of a grain with a facet that adjoins another on which it lies deeper, with nearly the normal of what counts there, and of others than
+/// spheres with a face or an edge of it beside one on which they lie less deep, with another normal. Of equally deep ones that with the lower id stays.
 pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particles) {
-    let id = |row: usize| particles.id[pairs[touching.pair[row] as usize].b.index()];
+    let ids = |row: usize| {
+        let Pair { a, b } = pairs[touching.pair[row] as usize];
+        [a, b].map(|slot| particles.id[slot.index()])
+    };
+    // Most often no grain touches two facets, and the pairs stand in the order of the grains.
+    if (1..touching.len()).all(|row| ids(row - 1)[0] < ids(row)[0]) {
+        return;
+    }
+    let id = |row: usize| ids(row)[1];
     let mut on_meshes: Vec<(u32, OnMesh, usize)> = (0..touching.len())
         .filter_map(|row| {
             let pair = pairs[touching.pair[row] as usize];
@@ -64,15 +73,24 @@ pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particl
         key(one).cmp(&key(other)).then_with(deeper).then_with(|| id(one.2).cmp(&id(other.2)))
     });
     let mut stays = vec![true; touching.len()];
+    // Of each the contact that counts for it.
+    let mut for_it: Vec<usize> = (0..touching.len()).collect();
     for of_one in on_meshes.chunk_by(|one, other| key(one) == key(other)) {
         for (k, (_, on, row)) in of_one.iter().enumerate() {
             let normal = &touching.geometry[*row].normal;
-            let is_there = of_one[..k].iter().any(|(_, deeper, other)| {
-                stays[*other]
-                    && on.mesh.are_one(normal, &touching.geometry[*other].normal)
+            let deeper = of_one[..k].iter().find(|(_, deeper, other)| {
+                on.mesh.are_one(normal, &touching.geometry[for_it[*other]].normal)
                     && on.mesh.adjoin(on.facet, deeper.facet)
             });
-            stays[*row] = !is_there;
+            if let Some((_, _, other)) = deeper {
+                for_it[*row] = for_it[*other];
+                stays[*row] = false;
+            }
+        }
+        // A sphere that touches a face and an edge of it touches both, as across a slit.
+        let grain = pairs[touching.pair[of_one[0].2] as usize].a;
+        if particles.bodies().shape_of(grain).kind() == Kind::Sphere {
+            continue;
         }
         // The least deep stand last.
         for (k, (_, on, row)) in of_one.iter().enumerate() {

@@ -71,6 +71,23 @@ impl Inlet {
         }
     }
 
+    /// By number [1/s] and by mass [kg/s]; the one that is not given is 0.
+    const fn rates(&self) -> [f64; 2] {
+        match self.rate {
+            Amount::Count(rate) => [rate, 0.0],
+            Amount::Mass(rate) => [0.0, rate],
+        }
+    }
+
+    /// Why it cannot go on in a stage that began with something else.
+    fn unknown(&self, what: &str) -> DriveError {
+        DriveError(format!(
+            "inlet `{}` {what} when the stage began, and what is due is counted from then. Begin a new stage with the snapshot, \
+             `start` in the scene",
+            self.name
+        ))
+    }
+
     /// How many grains appear in so many seconds, about; as many as the scene would have without an end.
     pub fn expected(&self, seconds: f64, library: &Library) -> u64 {
         let mean = library.mean_over(&self.mix, |shape| library.mass[shape.index()]);
@@ -127,6 +144,10 @@ const NAMES: StateColumn = StateColumn::new("name", 1, "1");
 const COUNT: StateColumn = StateColumn::new("entered", 1, "1");
 const MASS: StateColumn = StateColumn::new("entered_mass", 1, "kg");
 const MISSING: StateColumn = StateColumn::new("missing", 1, "1");
+/// Of an inlet with a rate by mass 0.
+const RATE: StateColumn = StateColumn::new("rate", 1, "1/s");
+/// Of an inlet with a rate by number 0.
+const MASS_RATE: StateColumn = StateColumn::new("mass_rate", 1, "kg/s");
 
 impl Inlets {
     /// Before the first grain.
@@ -392,6 +413,14 @@ impl Drive for Inlets {
             ),
             SavedColumn::new(MASS, reals(|come| come.mass)),
             SavedColumn::new(MISSING, reals(|come| come.missing)),
+            SavedColumn::new(
+                RATE,
+                Values::Reals(self.all.iter().map(|of| of.rates()[0]).collect()),
+            ),
+            SavedColumn::new(
+                MASS_RATE,
+                Values::Reals(self.all.iter().map(|of| of.rates()[1]).collect()),
+            ),
         ]
     }
 
@@ -408,13 +437,26 @@ impl Drive for Inlets {
         }
         let (counts, masses) = (saved.counts(&COUNT)?, saved.reals(&MASS)?);
         let missing = saved.reals(&MISSING)?;
-        for (row, name) in saved.texts(&NAMES)?.iter().enumerate() {
-            let index = self.all.iter().position(|inlet| inlet.name == *name);
-            if let Some(index) = index {
-                self.come[index] =
-                    Come { count: counts[row], mass: masses[row], missing: missing[row] };
+        let (rates, mass_rates) = (saved.reals(&RATE)?, saved.reals(&MASS_RATE)?);
+        let names = saved.texts(&NAMES)?;
+        for (inlet, come) in self.all.iter().zip(&mut self.come) {
+            let Some(row) = names.iter().position(|name| inlet.name == *name) else {
+                return Err(inlet.unknown("was not there"));
+            };
+            let before = [rates[row], mass_rates[row]];
+            if inlet.rates() != before {
+                let had = match before {
+                    [0.0, mass] => format!("had a mass_rate of {mass:?}"),
+                    [count, _] => format!("had a rate of {count:?}"),
+                };
+                return Err(inlet.unknown(&had));
             }
+            *come = Come { count: counts[row], mass: masses[row], missing: missing[row] };
         }
         Ok(())
+    }
+
+    fn joins(&self) -> Result<(), DriveError> {
+        self.all.first().map_or(Ok(()), |inlet| Err(inlet.unknown("was not there")))
     }
 }

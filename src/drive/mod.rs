@@ -193,7 +193,12 @@ pub trait Drive: Send + Sync {
         false
     }
 
-    /// Has a particle inside the domain reached a place where it leaves at this moment? Asked of an outlet alone, in every step.
+    /// Does it look at this moment for particles inside the domain that leave?
+    fn looks(&self, _moment: &Moment) -> bool {
+        false
+    }
+
+    /// Has a particle inside the domain reached a place where it leaves at this moment? Asked when the drive [looks](Drive::looks).
     fn reaches(&self, _moment: &Moment, _position: &Vec3, _cell: &Cell) -> bool {
         false
     }
@@ -273,6 +278,14 @@ pub trait Drive: Send + Sync {
         _walls: &mut [Wall],
         _is_root: bool,
     ) -> Result<(), DriveError> {
+        Ok(())
+    }
+
+    /// May it act in a stage that goes on from a snapshot without its state?
+    ///
+    /// # Errors
+    /// If it would have had to act before.
+    fn joins(&self) -> Result<(), DriveError> {
         Ok(())
     }
 }

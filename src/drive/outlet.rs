@@ -72,6 +72,10 @@ impl Drive for Outlets {
         true
     }
 
+    fn looks(&self, moment: &Moment) -> bool {
+        self.all.iter().any(|outlet| moment.stage_step.is_multiple_of(outlet.every))
+    }
+
     fn reaches(&self, moment: &Moment, position: &Vec3, cell: &Cell) -> bool {
         let is_due = |outlet: &&Outlet| moment.stage_step.is_multiple_of(outlet.every);
         self.all.iter().filter(is_due).any(|outlet| outlet.region.holds(position, cell))

@@ -43,7 +43,7 @@ impl Rain {
 
     /// Particles in a full layer.
     pub fn per_layer(&self) -> u64 {
-        self.cells().iter().map(|&n| u64::from(n)).product()
+        self.cells().iter().fold(1, |all: u64, &n| all.saturating_mul(n.into()))
     }
 
     /// Particles in the next layer, if so many have fallen.

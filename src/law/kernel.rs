@@ -253,6 +253,11 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     fn hardest_up_to(&self) -> Option<f64> {
         None
     }
+
+    /// By how much contacts of bodies of a library stiffen from there to another overlap, at most [-]; by default with its root.
+    fn stiffens(&self, overlap: f64, _library: &Library) -> f64 {
+        self.hardest_up_to().map_or(1.0, |meant| (overlap / meant).sqrt())
+    }
 }
 
 /// A law for the bodies of a library.
@@ -511,6 +516,10 @@ impl<M: Model> ForceLaw for Law<M> {
 
     fn hardest_up_to(&self) -> Option<f64> {
         self.model.hardest_up_to()
+    }
+
+    fn stiffens(&self, overlap: f64, library: &Library) -> f64 {
+        self.model.stiffens(overlap, library)
     }
 }
 

@@ -79,7 +79,8 @@
 //!
 //!     fn hardest(&self, body: &Body, _reduced_mass: f64) -> Hardest {
 //!         // No overlap is to be more than a hundredth of the radius.
-//!         Hardest { stiffness: 2.0 * self.modulus * body.radius * 0.1, dashpots: [0.0; 2] }
+//!         let stiffness = 2.0 * self.modulus * body.radius * 0.1;
+//!         Hardest { stiffness, dashpots: [0.0; 2], turning: [0.0; 2] }
 //!     }
 //!
 //!     fn words(&self, _: MaterialId, _: MaterialId) -> String {
@@ -371,6 +372,8 @@ pub struct Hardest {
     pub stiffness: f64,
     /// Normal and tangential dashpot [N s/m].
     pub dashpots: [f64; 2],
+    /// Spring and dashpot against turning, as they act on a sphere at its surface [N/m, N s/m].
+    pub turning: [f64; 2],
 }
 
 /// The law that a scene chooses, with its constants.
@@ -432,7 +435,7 @@ impl Beside {
             (None, Some(adhesion)) => (adhesion.map(|_| rolling::Constants::default()), adhesion),
             (Some(turning), Some(adhesion)) => (turning, adhesion),
         };
-        let model = dmt::Dmt::new(rolling::Rolling::new(model, turning), adhesion);
+        let model = dmt::Dmt::new(rolling::Rolling::new(model, turning, library), adhesion);
         Box::new(kernel::Law::new(model, library))
     }
 }
@@ -536,5 +539,10 @@ pub trait ForceLaw: Send + Sync {
     /// The overlap over the radius of the smaller body up to which [`ForceLaw::hardest`] holds; `None` if it holds for all.
     fn hardest_up_to(&self) -> Option<f64> {
         None
+    }
+
+    /// By how much contacts of bodies of a library stiffen from there to another overlap, at most [-].
+    fn stiffens(&self, _overlap: f64, _library: &Library) -> f64 {
+        1.0
     }
 }

@@ -30,7 +30,8 @@ use super::{Body, Hardest, Mixing};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
-use crate::particles::Needs;
+use crate::particles::{Library, Needs};
+use crate::shape::Shape;
 use serde::{Deserialize, Serialize};
 
 /// The constants of a contact between two materials; by default nothing resists.
@@ -87,11 +88,13 @@ pub struct Rolling<M> {
     state: Vec<StateColumn>,
     /// Numbers in it before those of the forces.
     own: usize,
+    /// Of each shape, the moment of inertia of a sphere of its mass and bounding radius over its own least one [-].
+    nimble: Vec<f64>,
 }
 
 impl<M: Model> Rolling<M> {
     /// Beside these forces.
-    pub fn new(forces: M, interactions: Interactions) -> Self {
+    pub fn new(forces: M, interactions: Interactions, library: &Library) -> Self {
         let any = |holds: fn(&Constants) -> bool| interactions.iter().any(holds);
         let rolls = any(|c| c.rolling_friction > 0.0);
         let twists = any(|c| c.twisting_friction > 0.0);
@@ -106,7 +109,13 @@ impl<M: Model> Rolling<M> {
             columns.into_iter().filter(|(is_in, _)| *is_in).map(|(_, c)| c).collect();
         let own = StateColumn::total_width(&state);
         state.extend_from_slice(forces.state());
-        Self { forces, interactions, rolls, twists, remembers, state, own }
+        let nimble = |shape: &Shape| {
+            let of_sphere = 0.4 * shape.bounding_radius() * shape.bounding_radius();
+            // Of walls nothing turns.
+            if shape.kind().is_of_walls() { 1.0 } else { of_sphere / shape.gyration().min() }
+        };
+        let nimble = library.shapes.iter().map(nimble).collect();
+        Self { forces, interactions, rolls, twists, remembers, state, own, nimble }
     }
 
     /// Does anything resist?
@@ -422,21 +431,20 @@ impl<M: Model> Model for Rolling<M> {
     }
 
     /// A spring against turning acts like one in the plane at the surface: `k / R²`, and there are no larger `R_r` than the
-    /// radius. About each axis there is rolling or twisting.
+    /// radius. About each axis there is rolling or twisting. Bodies that turn more easily than a sphere feel it the more.
     fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
         let mut hardest = self.forces.hardest(body, reduced_mass);
-        let normal = hardest.stiffness;
+        let (normal, nimble) = (hardest.stiffness, self.nimble[body.shape.index()]);
         let (mut stiffness, mut dashpot) = (0.0_f64, 0.0_f64);
         for constants in self.interactions.of_material(body.material) {
             let Constants { rolling_friction, twisting_friction, damping_ratio } = *constants;
             let friction = rolling_friction.max(twisting_friction);
             let of_this = STIFFNESS * friction * friction * normal;
             let critical = 2.0 * (ABOUT_CONTACT * reduced_mass * of_this).sqrt();
-            stiffness = stiffness.max(of_this);
-            dashpot = dashpot.max(damping_ratio * critical);
+            stiffness = stiffness.max(nimble * of_this);
+            dashpot = dashpot.max(nimble * damping_ratio * critical);
         }
-        hardest.stiffness += stiffness;
-        hardest.dashpots[1] += dashpot;
+        hardest.turning = [stiffness, dashpot];
         hardest
     }
 

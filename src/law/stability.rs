@@ -75,8 +75,9 @@ pub fn time_step_limit(library: &Library, law: &dyn ForceLaw) -> Option<TimeStep
             let body = Body::of(library, id, scale);
             let mass = body.mass;
             let reduced_mass = mass * heaviest / (mass + heaviest);
-            let Hardest { stiffness, dashpots: [normal, tangential] } =
+            let Hardest { stiffness, dashpots: [normal, tangential], turning: [spring, dashpot] } =
                 law.hardest(&body, reduced_mass);
+            let (stiffness, tangential) = (stiffness + spring, tangential + dashpot);
             let shape = &library.shapes[id.index()];
             let compliance = shape.surface_compliance();
             let flatness = shape.inscribed_radius() / shape.bounding_radius();

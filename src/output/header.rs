@@ -69,7 +69,7 @@ impl Header {
 
     /// The walls of one plane, which may end a packing.
     pub fn planes(&self) -> impl Iterator<Item = &WallRow> {
-        self.walls.iter().filter(|wall| wall.body.as_ref().is_none_or(Saved::is_one_plane))
+        self.walls.iter().filter(|wall| wall.is_one_plane())
     }
 }
 
@@ -97,6 +97,11 @@ impl WallRow {
             Some(body) => body.planes().collect(),
             None => vec![(self.point, self.normal)],
         }
+    }
+
+    /// Is it one plane, and not triangles?
+    pub fn is_one_plane(&self) -> bool {
+        self.body.as_ref().is_none_or(Saved::is_one_plane)
     }
 }
 

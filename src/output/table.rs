@@ -42,6 +42,8 @@ pub struct History {
     path: PathBuf,
     writer: csv::Writer<File>,
     cell: Cell,
+    /// So many columns at the end are of runs before, which had walls or drives of other names.
+    former: usize,
     /// Of each wall.
     of_walls: Vec<OfWall>,
 }
@@ -132,7 +134,7 @@ fn written(walls: &[Wall]) -> impl Iterator<Item = (usize, &Wall, Across)> {
 
 impl History {
     /// Opens `history.csv` in `directory`, with columns of its `own` after all others. Of a file that is there already, the rows of the steps that
-    /// `keep` names stay: a run that goes on from a snapshot continues its table.
+    /// `keep` names stay: a run that goes on from a snapshot continues its table. What only one of them knows is empty in the other's rows.
     ///
     /// # Errors
     /// If the file cannot be read or written.
@@ -146,21 +148,6 @@ impl History {
         let path = directory.join("history.csv");
         let failed =
             |e: &dyn std::fmt::Display| TableError { path: path.clone(), cause: e.to_string() };
-        let kept: Vec<String> = if path.exists() {
-            std::fs::read_to_string(&path)
-                .map_err(|e| failed(&e))?
-                .split_inclusive('\n')
-                // A crash may have left half a line.
-                .filter_map(|line| line.strip_suffix('\n'))
-                .filter(|line| {
-                    let step = line.split(',').next().and_then(|s| s.parse::<u64>().ok());
-                    step.is_some_and(&keep)
-                })
-                .map(str::to_owned)
-                .collect()
-        } else {
-            Vec::new()
-        };
         let mut columns = COLUMNS.map(str::to_owned).to_vec();
         for Wall { name, .. } in walls {
             columns.extend(AXES.map(|axis| format!("force_{name}_{axis}_N")));
@@ -179,19 +166,28 @@ impl History {
             }
         }
         columns.extend_from_slice(own);
-        let mut header = csv::Writer::from_writer(Vec::new());
-        header.write_record(&columns).map_err(|e| failed(&e))?;
-        let mut text = header.into_inner().map_err(|e| failed(&e))?;
-        for line in kept {
-            text.extend(line.bytes().chain([b'\n']));
+        let before = if path.exists() { std::fs::read(&path) } else { Ok(Vec::new()) };
+        let (names, rows) = kept(&before.map_err(|e| failed(&e))?, keep).map_err(|e| failed(&e))?;
+        let known = columns.len();
+        let is_former = |name: &&str| !rows.is_empty() && !columns.iter().any(|new| new == name);
+        let former: Vec<String> = names.iter().filter(is_former).map(str::to_owned).collect();
+        columns.extend(former);
+        let place = |name| names.iter().position(|old| old == name);
+        let places: Vec<Option<usize>> = columns.iter().map(place).collect();
+        let mut table = csv::Writer::from_writer(Vec::new());
+        table.write_record(&columns).map_err(|e| failed(&e))?;
+        for row in &rows {
+            let cells = places.iter().map(|place| place.and_then(|k| row.get(k)).unwrap_or(""));
+            table.write_record(cells).map_err(|e| failed(&e))?;
         }
+        let text = table.into_inner().map_err(|e| failed(&e))?;
         // The rows of before are there at any moment.
         let partial = directory.join(".history.csv.partial");
         let mut file = File::create(&partial).map_err(|e| failed(&e))?;
         file.write_all(&text).and_then(|()| file.sync_all()).map_err(|e| failed(&e))?;
         std::fs::rename(&partial, &path).map_err(|e| failed(&e))?;
         let writer = csv::WriterBuilder::new().has_headers(false).from_writer(file);
-        Ok(Self { path, writer, cell, of_walls })
+        Ok(Self { path, writer, cell, former: columns.len() - known, of_walls })
     }
 
     /// Waits until all rows are on the disk, where a snapshot will be that goes on from them.
@@ -262,7 +258,8 @@ impl History {
             std::iter::once(bulk.strain).chain(stresses)
         }))
         .chain(own.iter().copied())
-        .map(|number| format!("{number:e}"));
+        .map(|number| format!("{number:e}"))
+        .chain(std::iter::repeat_n(String::new(), self.former));
         let written = self
             .writer
             .write_record(counts.chain(numbers))
@@ -272,11 +269,26 @@ impl History {
     }
 }
 
+/// The names of a table, and its rows of the steps that `keep` names.
+fn kept(
+    text: &[u8],
+    keep: impl Fn(u64) -> bool,
+) -> csv::Result<(csv::StringRecord, Vec<csv::StringRecord>)> {
+    // A crash may have left half a line.
+    let whole = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
+    let mut table = csv::ReaderBuilder::new().flexible(true).from_reader(&text[..whole]);
+    let names = table.headers()?.clone();
+    let mut rows = table.records().collect::<csv::Result<Vec<_>>>()?;
+    rows.retain(|row| row.get(0).and_then(|step| step.parse().ok()).is_some_and(&keep));
+    Ok((names, rows))
+}
+
 #[cfg(test)]
 mod tests {
     use super::{COLUMNS, History};
     use crate::cell::Cell;
     use crate::math::Vec3;
+    use crate::measure::Measures;
     use crate::particles::walls::Wall;
 
     /// A name may hold what separates columns.
@@ -291,5 +303,50 @@ mod tests {
         let header = reader.headers().unwrap();
         assert_eq!(header.len(), COLUMNS.len() + 3);
         assert_eq!(&header[COLUMNS.len()], "force_left, \"upper\"_x_N");
+    }
+
+    /// Walls that come, go or change places keep to their names.
+    #[test]
+    fn rows_stay_under_their_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let walls = |names: &[&str]| -> Vec<Wall> {
+            names.iter().map(|name| Wall::plane((*name).into(), Vec3::zeros(), Vec3::z())).collect()
+        };
+        let write = |names: &[&str], step: u64| {
+            let walls = walls(names);
+            let mut table =
+                History::open(folder.path(), &walls, Cell::OPEN, &[], |old| old < step).unwrap();
+            let forces: Vec<Vec3> =
+                names.iter().map(|name| Vec3::x() * f64::from(name.as_bytes()[0])).collect();
+            let measures = Measures {
+                wall_forces: forces.clone(),
+                wall_torques: forces.clone(),
+                ..Measures::default()
+            };
+            table.push(step, 0.0, &measures, &forces, &walls, &[]).unwrap();
+        };
+        write(&["a", "b, c"], 1);
+        write(&["d", "a"], 2);
+        // A row of a run that was stopped, and half of another.
+        let path = folder.path().join("history.csv");
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(&path, format!("{text}3,0\n4,0,")).unwrap();
+        write(&["b, c", "d"], 5);
+        let mut reader = csv::Reader::from_path(&path).unwrap();
+        let names = reader.headers().unwrap().clone();
+        let rows: Vec<csv::StringRecord> = reader.records().collect::<Result<_, _>>().unwrap();
+        let force = |row: usize, wall: &str| {
+            let name = format!("force_{wall}_x_N");
+            rows[row][names.iter().position(|n| n == name).unwrap()].to_owned()
+        };
+        let of = |row| ["a", "b, c", "d"].map(|wall| force(row, wall));
+        assert_eq!(of(0), ["9.7e1", "9.8e1", ""]);
+        assert_eq!(of(1), ["9.7e1", "", "1e2"]);
+        assert_eq!(of(2), ["", "", ""]);
+        assert_eq!(of(3), ["", "9.8e1", "1e2"]);
+        assert_eq!(
+            rows.iter().map(|row| row[0].to_owned()).collect::<Vec<_>>(),
+            ["1", "2", "3", "5"]
+        );
     }
 }

@@ -15,6 +15,7 @@ use super::Particles;
 use super::columns::Accumulated;
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::{Quat, Vec3};
+use crate::shape::Kind;
 use serde::{Deserialize, Serialize};
 
 /// A particle with all its state, on its way to a new owner, or from a file. What the scene does
@@ -125,11 +126,14 @@ impl Particles {
                 let coords = nalgebra::Vector4::from(take::<4>(&mut rest));
                 // The owner's bits, not normalised again.
                 let quaternion = Quat::new_unchecked(coords.into());
-                // A turn by θ moves the quaternion by 2 sin(θ/4), which is more than 2θ/2.1 / 2.
-                let turned = (quaternion.coords - orientation.quaternion[slot].coords).norm();
                 let shape = self.shape[slot].index();
                 let scale = if self.needs.scale { self.scale[slot] } else { 1.0 };
-                moved += 2.1 * turned * (self.library.radius[shape] * scale);
+                // Nobody sees how a sphere is turned.
+                if self.library.shapes[shape].kind() != Kind::Sphere {
+                    // A turn by θ moves the quaternion by 2 sin(θ/4), which is more than 2θ/2.1 / 2.
+                    let turned = (quaternion.coords - orientation.quaternion[slot].coords).norm();
+                    moved += 2.1 * turned * (self.library.radius[shape] * scale);
+                }
                 orientation.set(slot, quaternion, &self.library.shapes[shape], scale);
             }
             if let Some(travel) = self.travel.get_mut(slot) {

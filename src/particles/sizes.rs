@@ -40,7 +40,7 @@ impl Sizes {
     pub fn words(&self) -> String {
         match self {
             Self::One => String::new(),
-            Self::Uniform([a, b]) => format!("uniform from {a:?} to {b:?}, by number"),
+            Self::Uniform(_) => self.distribution().map_or_else(String::new, |all| all.words()),
             Self::Drawn(distribution) => distribution.words(),
         }
     }

@@ -14,7 +14,7 @@
 
 mod saved;
 
-pub use saved::Saved;
+pub use saved::{Before, Saved};
 
 use super::courses::Course;
 use crate::cell::Cell;
@@ -142,6 +142,14 @@ impl Following {
     /// The time of the course after a step of those of `dt` [s].
     fn time_at(&self, step: u64, dt: f64) -> f64 {
         self.time + (step - self.since) as f64 * dt
+    }
+
+    /// Where a course has the wall at a time [s].
+    fn pose_at(&self, course: &Course, time: f64) -> Pose {
+        Pose {
+            point: self.from.point + (course.shift(time) - course.shift(self.time)),
+            orientation: course.rotation(self.time, time) * self.from.orientation,
+        }
     }
 }
 
@@ -397,6 +405,11 @@ impl Wall {
         stays.then(|| Across { axis, inwards, place: point[axis] + inwards * offset })
     }
 
+    /// Does it stand otherwise than the scene says?
+    pub fn is_turned(&self) -> bool {
+        self.orientation != Quat::identity()
+    }
+
     /// Takes note of where it stands when the pairs are listed.
     pub(crate) const fn note_listing(&mut self) {
         self.listed = self.pose();
@@ -409,11 +422,10 @@ impl Wall {
         if let Some(course) = &self.course {
             let begin = Following { since: step - 1, time: 0.0, from: before };
             let following = *self.following.get_or_insert(begin);
-            let Following { time: first, from, .. } = following;
             let time = following.time_at(step, dt);
             (self.velocity, self.angular_velocity) = course.mean_velocities(time, dt);
-            self.point = from.point + (course.shift(time) - course.shift(first));
-            self.orientation = course.rotation(first, time) * from.orientation;
+            let Pose { point, orientation } = following.pose_at(course, time);
+            (self.point, self.orientation) = (point, orientation);
             return self.moved_since(&before, room);
         }
         self.point += self.velocity * dt;
@@ -720,7 +732,7 @@ mod tests {
                 let mut again = Wall::plane("wall".to_owned(), Vec3::zeros(), Vec3::x());
                 again.enter(&mut library, super::MaterialId(0));
                 again.angular_velocity = wall.angular_velocity;
-                let now = (300, Some(1e-3));
+                let now = (300, Some(super::Before { dt: 1e-3, time: 0.3 }));
                 again.go_on(&wall.surface(), saved.as_ref(), true, now, &mut library, &ROOM);
                 wall = again;
             }

@@ -132,3 +132,10 @@ pub enum MeasureError {
         rows: usize,
     },
 }
+
+impl MeasureError {
+    /// Whether this snapshot only has nothing to measure, where another one of its run may have.
+    pub(super) const fn is_of_one_state(&self) -> bool {
+        matches!(self, Self::NobodyThere | Self::OneGroup { .. } | Self::NoSurface { .. })
+    }
+}

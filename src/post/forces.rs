@@ -180,11 +180,14 @@ impl ForceCount {
         let forces = &mut self.forces;
         self.among.each(contacts, members, |row, halves| {
             let normal = contacts.normal_force[row];
-            self.halves += halves;
-            self.weak += if normal < WEAK * self.mean { halves } else { 0 };
-            self.below_mean += if normal < self.mean { halves } else { 0 };
             let shear = contacts.shear_force[row].norm();
-            if let (Some(n), Some(t)) = (quotient(normal, self.mean), quotient(shear, self.mean)) {
+            // Over a mean that pulls, weak would be strong.
+            let presses = self.mean > 0.0;
+            let over_mean = |force| quotient(force, self.mean).filter(|_| presses);
+            if let (Some(n), Some(t)) = (over_mean(normal), over_mean(shear)) {
+                self.halves += halves;
+                self.weak += if normal < WEAK * self.mean { halves } else { 0 };
+                self.below_mean += if normal < self.mean { halves } else { 0 };
                 forces.normal.add(n, halves);
                 forces.normal_logarithmic.add(n, halves);
                 forces.shear.add(t, halves);
@@ -216,7 +219,7 @@ impl ForceCount {
 /// The distributions of contact forces.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Forces {
-    /// `f_n / <f_n>`, linear bins.
+    /// `f_n / <f_n>`, linear bins. This and the next three are empty where contacts do not press in the mean.
     pub normal: Histogram,
     /// `f_n / <f_n>`, logarithmic bins.
     pub normal_logarithmic: Histogram,
@@ -227,9 +230,9 @@ pub struct Forces {
     /// `|f_t| / f_n`, the friction that a contact uses; a sliding contact has the coefficient of
     /// friction here. Contacts with `f_n > 0`.
     pub friction_used: Histogram,
-    /// Share of contacts with `f_n < 0.3 <f_n>`; `None` without contacts.
+    /// Share of contacts with `f_n < 0.3 <f_n>`; `None` without contacts, or if they do not press in the mean.
     pub weak_share: Option<f64>,
-    /// Share of contacts with `f_n < <f_n>`; `None` without contacts.
+    /// Share of contacts with `f_n < <f_n>`; `None` as above.
     pub below_mean_share: Option<f64>,
     /// Mean of `|f_t| / f_n`; `None` without contacts.
     pub mean_friction_used: Option<f64>,

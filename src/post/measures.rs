@@ -108,7 +108,7 @@ impl Asked {
         shown: &mut Shown,
     ) -> Result<(), MeasureError> {
         let (mut images, mut xml) = (Vec::new(), Vec::new());
-        let all = of_each(source, |reader, region| {
+        let all = of_each(source, "fields", shown, |reader, region| {
             let header = reader.header();
             let width = width.metres(reader)?;
             let side = self.grid.map_or(Ok(width), |side| side.metres(reader))?;
@@ -149,7 +149,7 @@ impl Asked {
         shown: &mut Shown,
     ) -> Result<(), MeasureError> {
         let mut members = None;
-        let rows = of_each(source, |reader, region| {
+        let rows = of_each(source, "mixing", shown, |reader, region| {
             if members.is_none() {
                 members = Some(Members::of(groups, reader)?);
             }
@@ -224,22 +224,7 @@ fn make_slope(
     out: &Path,
     shown: &mut Shown,
 ) -> Result<(), MeasureError> {
-    let all = of_each(source, |reader, region| match Slope::of(reader, region, along) {
-        // A heap that grows is flat at first.
-        Err(flat @ MeasureError::NoSurface { .. }) => Ok(Err(flat)),
-        slope => slope.map(Ok),
-    })?;
-    let count = all.len();
-    let has_slope = all.iter().any(Result::is_ok);
-    let rows = all.into_iter().filter(|slope| !has_slope || slope.is_ok());
-    let rows = rows.collect::<Result<Vec<Slope>, _>>()?;
-    if rows.len() < count {
-        let _ = writeln!(
-            shown.text,
-            "slope: {} of {count} snapshots are left out, their grains lie flat",
-            count - rows.len()
-        );
-    }
+    let rows = of_each(source, "slope", shown, |reader, region| Slope::of(reader, region, along))?;
     write_rows(&out.join("slope.csv"), &rows)?;
     if let Some(last) = rows.last() {
         let _ = writeln!(
@@ -317,30 +302,52 @@ fn opened(snapshot: &Snapshot) -> Result<Reader, MeasureError> {
     Ok(Reader::open(&snapshot.path)?)
 }
 
-/// One after the other, each error with its file. Snapshots without grains, as before an inlet has begun, are passed over.
+/// One after the other, each error with its file. Snapshots that have nothing to measure, as before an inlet has begun, are left out;
+/// how many is said.
 fn of_each<T>(
     source: Source,
+    name: &str,
+    shown: &mut Shown,
     mut of: impl FnMut(&Reader, Region) -> Result<T, MeasureError>,
 ) -> Result<Vec<T>, MeasureError> {
-    let mut made = Vec::new();
+    let (mut made, mut left_out) = (Vec::new(), Vec::new());
     for snapshot in source.snapshots {
         let mut one = || {
             let reader = opened(snapshot)?;
             if reader.particle_count() == 0 {
-                return Ok(None);
+                return Err(MeasureError::NobodyThere);
             }
             let region = match source.choice.margin {
                 Some(margin) => inside(&reader, margin)?,
                 None => source.choice.settings.region,
             };
-            of(&reader, region).map(Some)
+            of(&reader, region)
         };
-        made.extend(one().map_err(|error| MeasureError::In {
-            file: snapshot.path.display().to_string(),
-            error: Box::new(error),
-        })?);
+        match one() {
+            Ok(one) => made.push(one),
+            Err(error) => {
+                let is_of_one_state = match &error {
+                    MeasureError::Post(error) => {
+                        source.choice.margin.is_some() && error.is_of_margin()
+                    }
+                    error => error.is_of_one_state(),
+                };
+                let file = snapshot.path.display().to_string();
+                let error = MeasureError::In { file, error: Box::new(error) };
+                if !is_of_one_state {
+                    return Err(error);
+                }
+                left_out.push(error);
+            }
+        }
     }
-    if made.is_empty() { Err(MeasureError::NobodyThere) } else { Ok(made) }
+    if made.is_empty()
+        && let Some(error) = left_out.pop()
+    {
+        return Err(error);
+    }
+    shown.text += &super::series::left_out(name, &left_out, source.snapshots.len());
+    Ok(made)
 }
 
 fn unwritten(path: &Path, cause: io::Error) -> MeasureError {

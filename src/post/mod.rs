@@ -210,6 +210,13 @@ pub enum PostError {
     },
 }
 
+impl PostError {
+    /// Whether a margin leaves nothing of this snapshot, where it may leave something of another one.
+    pub(super) const fn is_of_margin(&self) -> bool {
+        matches!(self, Self::NoBox | Self::EmptyRegion { .. })
+    }
+}
+
 /// What the user chooses.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Settings {

@@ -2,6 +2,7 @@
 //! inside, no scripts), and follows the reader's light or dark setting.
 
 use super::draw::PlotError;
+use super::forces::Forces;
 use super::history::History;
 use super::panels::panels;
 use super::plots::{self, Plot, Width};
@@ -47,8 +48,11 @@ pub fn plots(
         drawn.extend(roses(report)?);
         drawn.push(plots::coordination(&report.coordination)?);
         if let Some(forces) = &report.forces {
-            drawn.push(plots::force_distribution(&forces.normal, &forces.shear)?);
-            drawn.push(plots::weak_forces(&forces.normal_logarithmic, &forces.shear_logarithmic)?);
+            if forces.weak_share.is_some() {
+                let Forces { normal, shear, normal_logarithmic, shear_logarithmic, .. } = forces;
+                drawn.push(plots::force_distribution(normal, shear)?);
+                drawn.push(plots::weak_forces(normal_logarithmic, shear_logarithmic)?);
+            }
             drawn.push(plots::friction(&forces.friction_used)?);
         }
     }

@@ -9,7 +9,6 @@ use super::history::{Curve, History};
 use super::plots::{Plot, Width};
 use crate::cell::AXES;
 use crate::drive::servo::Target;
-use crate::math::Vec3;
 use crate::output::header::WallRow;
 use plotters::style::RGBColor;
 use std::collections::BTreeSet;
@@ -250,10 +249,11 @@ fn take<'a>(rest: &mut Vec<&'a Curve>, name: &str) -> Option<&'a Curve> {
 }
 
 /// The load on a wall [N], if all components of its force are left: against its normal, which points
-/// towards the particles.
+/// towards the particles. Walls that turn, and those of triangles or several planes, have none.
 fn wall_load(wall: &WallRow, rest: &mut Vec<&Curve>) -> Option<Curve> {
-    if wall.normal == Vec3::zeros() {
-        // Of triangles: it has all directions.
+    let turned = format!("turned_{}_x_rad", wall.name);
+    let turns = rest.iter().any(|curve| curve.name == turned);
+    if !wall.is_one_plane() || turns {
         return None;
     }
     let column = |axis| format!("force_{}_{axis}_N", wall.name);
@@ -383,10 +383,14 @@ fn unknown(curve: &Curve) -> Result<Option<Plot>, PlotError> {
 
 /// A column's name as words and its unit: `kinetic_energy_j` is "kinetic energy" in "J".
 fn words_and_unit(name: &str) -> (String, Option<&'static str>) {
-    const UNITS: [(&str, &str); 11] = [
+    const UNITS: [(&str, &str); 15] = [
         ("_m_per_s", "m/s"),
         ("_kg_m_per_s", "kg m/s"),
+        ("_rad_per_s", "rad/s"),
         ("_per_s", "1/s"),
+        ("_rad", "rad"),
+        ("_n_m", "N m"),
+        ("_w", "W"),
         ("_m2", "m²"),
         ("_m3", "m³"),
         ("_pa", "Pa"),

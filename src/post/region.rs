@@ -269,19 +269,27 @@ pub(super) fn walls_across(header: &Header, axis: usize) -> Option<[&WallRow; 2]
     Some([innermost(1.0)?, innermost(-1.0)?])
 }
 
-/// Across each axis: where the wall at its end stands along itself, seen from that at its beginning, or how far a sheared cell
-/// has slid [m]. What differs from another snapshot has slid since.
-pub fn slides(header: &Header) -> [Option<[f64; 3]>; 3] {
+/// Where the wall at the end of an axis stands along itself, seen from that at its beginning, or how far a sheared cell has slid.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Slide {
+    /// Names of the walls; empty of a sheared cell.
+    pub between: [String; 2],
+    /// How far [m]; what differs from another snapshot has slid since.
+    pub way: [f64; 3],
+}
+
+/// Across each axis, if there are walls at both ends or if the cell is sheared across it.
+pub fn slides(header: &Header) -> [Option<Slide>; 3] {
     [0, 1, 2].map(|axis| {
         if let Some(Shear { along, across, strain, .. }) = header.cell.shear() {
-            let mut slides = [0.0; 3];
-            slides[along] = strain * header.cell.period(across)?;
-            return (across == axis).then_some(slides);
+            let mut way = [0.0; 3];
+            way[along] = strain * header.cell.period(across)?;
+            return (across == axis).then_some(Slide { between: Default::default(), way });
         }
         let [low, high] = walls_across(header, axis)?;
-        let mut apart = high.point - low.point;
-        apart[axis] = 0.0;
-        Some(apart.into())
+        let mut way = high.point - low.point;
+        way[axis] = 0.0;
+        Some(Slide { between: [low.name.clone(), high.name.clone()], way: way.into() })
     })
 }
 
@@ -429,9 +437,9 @@ impl SolidVolume {
             let mut velocity = high.velocity - low.velocity;
             if axis != 2 {
                 velocity[axis] = 0.0;
-                if velocity == Vec3::zeros() {
-                    return None;
-                }
+            }
+            if velocity == Vec3::zeros() {
+                return None;
             }
             quotient(velocity.norm(), packing.lengths()[axis])
         };

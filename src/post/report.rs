@@ -3,7 +3,7 @@
 use super::coordination::Coordination;
 use super::fabric::{Among, Degrees, Fabric, ForceFabric, Rose, degree};
 use super::forces::Forces;
-use super::region::{Bounds, Region, Strain, enclosed, slides};
+use super::region::{Bounds, Region, Slide, Strain, enclosed, slides};
 use super::stress::{Principal, Stress, on_walls, shear_over_normal};
 use super::sums::quotient;
 use crate::math::Vec3;
@@ -23,7 +23,7 @@ pub struct Report {
     pub enclosed: [bool; 3],
     /// What a shear strain is found from: across each axis, how one end stands along the other [m].
     #[serde(default)]
-    pub slides: [Option<[f64; 3]>; 3],
+    pub slides: [Option<Slide>; 3],
     /// The box that the user gave [m]; null for the whole packing.
     pub region_m: Option<Bounds>,
     /// Whether fabric and forces include contacts with walls.
@@ -302,7 +302,12 @@ impl Report {
         self.summary.axial_strain = strain.filter(|_| along_z).map(|s| s.axial);
         self.summary.volumetric_strain = strain.filter(|_| on_all_sides).map(|s| s.volumetric);
         let slid = |axis: usize| {
-            let [first, now] = [first.slides[axis]?, self.slides[axis]?].map(Vec3::from);
+            let (first, now) = (first.slides[axis].as_ref()?, self.slides[axis].as_ref()?);
+            // Where another wall has become the innermost nothing has slid.
+            if first.between != now.between {
+                return None;
+            }
+            let [first, now] = [first.way, now.way].map(Vec3::from);
             quotient((now - first).norm(), self.packing_m?.lengths()[axis])
         };
         let largest = (0..3).filter_map(slid).reduce(f64::max);
@@ -312,6 +317,11 @@ impl Report {
     /// The numbers a reader wants first, in groups: for the terminal and the page.
     pub fn groups(&self) -> Vec<Group> {
         let s = &self.summary;
+        let mean_force = if self.walls_in_fabric {
+            "mean normal force, with walls"
+        } else {
+            "mean normal force between particles"
+        };
         vec![
             Group {
                 title: "Packing",
@@ -375,7 +385,7 @@ impl Report {
                     Row::number("branches across a_bt", s.a_bt, ""),
                     Row::number("q / p from these five", s.q_over_p_from_fabric, ""),
                     Row::number("off the q / p of the stress", s.fabric_relation_error, "%"),
-                    Row::number("mean normal force between particles", s.mean_normal_force_n, "N"),
+                    Row::number(mean_force, s.mean_normal_force_n, "N"),
                     Row::number("contacts below 0.3 mean", s.share_below_0_3_mean, "%"),
                     Row::number("contacts below mean", s.share_below_mean, "%"),
                     Row::number("mean friction used, |f_t| / f_n", s.mean_friction_used, ""),

@@ -6,6 +6,7 @@ use super::report::Report;
 use super::{PostError, Settings, analyse, inside};
 use crate::output::header::{Header, ShapeRow};
 use crate::output::snapshot::{Reader, step_of};
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 /// The newest snapshot of a folder: the one that `last.vtkhdf` points to, else that of the latest step.
@@ -110,17 +111,36 @@ pub struct Choice {
     pub margin: Option<Margin>,
 }
 
-/// Analyses each snapshot. Strains are taken against the first; a single one has none.
+/// What was found of the snapshots of a series.
+#[derive(Debug, Default)]
+pub struct Analysed {
+    /// Of each.
+    pub reports: Vec<Report>,
+    /// Of the last.
+    pub picture: Picture,
+    /// How many are left out and why, as a line; empty if none is.
+    pub left_out: String,
+}
+
+/// A line that says how many snapshots a measure leaves out, and for what.
+pub(super) fn left_out(name: &str, errors: &[impl Display], count: usize) -> String {
+    errors.last().map_or_else(String::new, |last| {
+        let left = errors.len();
+        format!("{name}: {left} of {count} snapshots are left out, the last for this: {last}\n")
+    })
+}
+
+/// Analyses each snapshot. Strains are taken against the first; a single one has none. Snapshots of which a margin leaves nothing are
+/// left out, but not the last.
 ///
 /// # Errors
 /// See [`PostError`], with the file.
-pub fn reports(
-    snapshots: &[Snapshot],
-    choice: &Choice,
-) -> Result<(Vec<Report>, Picture), PostError> {
+pub fn reports(snapshots: &[Snapshot], choice: &Choice) -> Result<Analysed, PostError> {
     let mut reports: Vec<Report> = Vec::new();
     let mut picture = Picture::default();
     let mut is_anybody_there = false;
+    let mut left = Vec::new();
+    let last = snapshots.last().map(|snapshot| &snapshot.path);
     for Snapshot { path, .. } in snapshots {
         let reader = &Reader::open(path)?;
         is_anybody_there = reader.particle_count() > 0;
@@ -132,10 +152,20 @@ pub fn reports(
             }
             analyse(reader, &name, settings)
         };
-        let analysis = analysed()
-            .map_err(|error| PostError::In { file: name.clone(), error: Box::new(error) })?;
-        reports.push(analysis.report);
-        picture = analysis.picture;
+        match analysed() {
+            Ok(analysis) => {
+                reports.push(analysis.report);
+                picture = analysis.picture;
+            }
+            Err(error) => {
+                let is_passed_over = choice.margin.is_some() && error.is_of_margin();
+                let error = PostError::In { file: name.clone(), error: Box::new(error) };
+                if !is_passed_over || Some(path) == last {
+                    return Err(error);
+                }
+                left.push(error);
+            }
+        }
     }
     // The newest is what is shown first.
     let is_last_empty = reports.last().is_some_and(|report| report.summary.particles == 0);
@@ -148,5 +178,6 @@ pub fn reports(
             report.strain_against(&first);
         }
     }
-    Ok((reports, picture))
+    let left_out = left_out("reports", &left, snapshots.len());
+    Ok(Analysed { reports, picture, left_out })
 }

@@ -24,7 +24,7 @@ use crate::output::snapshot::Reader;
 use crate::particles::Particles;
 use crate::particles::columns::Accumulated;
 use crate::particles::records::Particle;
-use crate::particles::walls::Wall;
+use crate::particles::walls::{Before, Wall, area};
 use crate::search::PairList;
 use crate::sim::{Simulation, audit::Auditor, capture, watch::Watch};
 use crate::timing::Clock;
@@ -89,6 +89,39 @@ pub enum StartError {
         largest: f64,
         /// What does not fit, and what to do.
         problem: String,
+    },
+    /// It is of the stage before, or of another scene.
+    #[error(
+        "{path}: it is of another stage: its scene's `start` is {start}. Leave out --start to begin a stage from the scene's `start`; to go on in \
+         a stage give it the same `start`"
+    )]
+    OtherStage {
+        /// The snapshot.
+        path: PathBuf,
+        /// Its `start`.
+        start: String,
+    },
+    /// A servo would not know its area.
+    #[error(
+        "{path}: it has wall \"{wall}\", or one beside it, tilted, so the area on which its servo presses is not known. Turn it back \
+         before, or leave out the servo"
+    )]
+    Tilted {
+        /// The snapshot.
+        path: PathBuf,
+        /// The wall's name.
+        wall: String,
+    },
+    /// Its mass against a normal would be that of another one.
+    #[error(
+        "{path}: it has wall \"{wall}\" turned, so it cannot move freely with a `mass`. Turn it back before, or give the scene a wall of \
+         another name that stands so"
+    )]
+    Turned {
+        /// The snapshot.
+        path: PathBuf,
+        /// The wall's name.
+        wall: String,
     },
     /// Its images have slid, along other axes than the scene's.
     #[error(
@@ -206,6 +239,8 @@ pub struct TakenUp {
     pub walls_elsewhere: Vec<(String, f64)>,
     /// Walls that have another surface than those of their names in the snapshot. They stand where the scene says.
     pub other_walls: Vec<String>,
+    /// What its contacts remember, by name, and the scene's law does not know.
+    pub forgotten: Vec<String>,
 }
 
 /// Puts the scene's own particles into a simulation that has none.
@@ -234,6 +269,12 @@ pub fn take_up(
     let reader = Reader::open_together(path, comm)?;
     let read = read_part(&reader, reader.path(), scene, comm);
     let (header, mut particles, records) = agree(comm, read)?;
+    if continuation == Continuation::SameStage && start_of(&scene.text) != start_of(&header.scene) {
+        return Err(StartError::OtherStage {
+            path: reader.path().to_owned(),
+            start: start_of(&header.scene).unwrap_or_else(|| "none".to_owned()),
+        });
+    }
     // A stage that begins finds the forces of its law again; one that goes on needs all that the law remembered.
     let is_known = |wanted: &&StateColumn| records.columns().contains(wanted);
     if continuation == Continuation::SameStage
@@ -271,7 +312,8 @@ pub fn take_up(
     let (mut walls_elsewhere, mut other_walls) = (Vec::new(), Vec::new());
     let goes_on = continuation == Continuation::SameStage && header.dt == sim.dt;
     let room = (scene.domain.low(), scene.domain.high());
-    let now = (header.step, (continuation == Continuation::SameStage).then_some(header.dt));
+    let before = Before { dt: header.dt, time: header.time - header.stage_begin.1 };
+    let now = (header.step, (continuation == Continuation::SameStage).then_some(before));
     let Particles { walls, library, .. } = &mut sim.particles;
     for wall in walls {
         if let Some(row) = header.walls.iter().find(|row| row.name == wall.name) {
@@ -286,16 +328,37 @@ pub fn take_up(
             }
         }
     }
+    let Particles { walls, cell, .. } = &sim.particles;
+    if let Some(wall) = walls.iter().find(|wall| wall.mass.is_finite() && wall.is_turned()) {
+        return Err(StartError::Turned { path: reader.path().to_owned(), wall: wall.name.clone() });
+    }
+    let has_area =
+        |wall: &Wall| wall.across().and_then(|own| area(walls, cell, own.axis)).is_some();
+    let mut steered = scene.servos.iter().flat_map(|servo| &servo.walls).map(|&k| &walls[k]);
+    if let Some(wall) = steered.find(|wall| !has_area(wall)) {
+        return Err(StartError::Tilted { path: reader.path().to_owned(), wall: wall.name.clone() });
+    }
+    let of_law = sim.law.state();
+    let is_forgotten = |column: &&StateColumn| !of_law.contains(column);
+    let forgotten = records.columns().iter().filter(is_forgotten);
+    let forgotten = forgotten.map(|column| column.name.to_string()).collect();
     let resumed = sim.resume_drives(&header.drives, continuation == Continuation::NewStage, comm);
     resumed.map_err(|error| StartError::Drive { path: reader.path().to_owned(), error })?;
     sim.take_up(&particles, &records, comm);
     match continuation {
         Continuation::NewStage => sim.count_free_energy(),
-        Continuation::SameStage if header.dt != sim.dt => sim.change_step(header.dt),
+        Continuation::SameStage if header.dt != sim.dt || header.gravity != sim.field.gravity => {
+            sim.change_step_or_gravity(header.dt, header.gravity);
+        }
         Continuation::SameStage => {}
     }
     let passed_over = reader.passed_over().to_vec();
-    Ok(TakenUp { passed_over, stop: header.stop, walls_elsewhere, other_walls })
+    Ok(TakenUp { passed_over, stop: header.stop, walls_elsewhere, other_walls, forgotten })
+}
+
+/// The `start` in the text of a scene.
+fn start_of(scene: &str) -> Option<String> {
+    Some(scene.parse::<toml::Table>().ok()?.get("start")?.to_string())
 }
 
 /// The scene's cell, with images where the snapshot has left them.
@@ -415,7 +478,7 @@ fn read_part(
                     ),
                 })
         })
-        .collect::<Result<Vec<_>, _>>()?;
+        .collect::<Vec<Result<ShapeId, StartError>>>();
     let share = |count: usize| {
         let (rank, size) = (comm.rank().index(), comm.size() as usize);
         count * rank / size..count * (rank + 1) / size
@@ -442,7 +505,15 @@ fn read_part(
             problem: "a scale is a number greater than 0; take another snapshot".to_owned(),
         });
     }
-    let mut particles = capture::particles_of(&table, |shape| shapes[shape.index()]);
+    // One that no particle has any more may be gone.
+    let mut used: Vec<ShapeId> = table.shape.clone();
+    used.sort_unstable();
+    used.dedup();
+    for shape in used {
+        shapes[shape.index()].as_ref().map_err(StartError::clone)?;
+    }
+    let now = |shape: ShapeId| *shapes[shape.index()].as_ref().expect("looked at above");
+    let mut particles = capture::particles_of(&table, now);
     for (particle, before) in particles.iter_mut().zip(&table.shape) {
         // Of another density now: it goes on as fast as it was, and turns as fast.
         let mass = scene.library.mass[particle.shape.index()];

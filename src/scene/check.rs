@@ -75,7 +75,9 @@ pub(super) fn scene(
     let inlets = flows::inlets(&root, &fills);
     let fills = fills.read(&root);
     let outlets = flows::outlets(&root, domain.as_ref());
-    flows::check_apart(&root, inlets.as_ref(), outlets.as_ref(), domain.as_ref());
+    let rain = fills.as_ref().and_then(|(_, rain)| rain.as_ref());
+    let rain = rain.map(|rain| (rain, &shapes.library));
+    flows::check_apart(&root, (inlets.as_ref(), rain), outlets.as_ref(), domain.as_ref());
     // What follows looks at the sizes of all particles.
     for row in fills.iter().flat_map(|(initial, _)| initial).flat_map(Fill::listed) {
         shapes.library.admit(row.shape, row.scale);

@@ -3,10 +3,12 @@
 use super::{Fill, Method, Outlet, Rain, Scene};
 use crate::cell::AXES;
 use crate::drive::inlet::MOST_AT_ONCE;
+use crate::drive::region::Region;
 use crate::ids::ShapeId;
 use crate::law::Body;
 use crate::law::stability::lost_levers;
 use crate::math::Vec3;
+use crate::particles::walls::room;
 use crate::shape::triangle_mesh::{MeshFacet, Strip};
 use crate::shape::{Kind, Shape};
 use crate::sim::start::DEEPEST_START;
@@ -72,15 +74,30 @@ fn servo_in_a_pipe(scene: &Scene) -> Option<String> {
 
 /// An outlet in which no particle can be.
 fn nothing_leaves(scene: &Scene) -> Option<String> {
-    let (low, high) = (scene.domain.low(), scene.domain.high());
-    let outside = |outlet: &&Outlet| {
-        let bounds = outlet.region.bounds();
-        // What leaves the domain is taken just beyond it.
-        let far = (high - low).amax();
-        bounds.is_some_and(|(l, h)| (0..3).any(|k| l[k] > high[k] + far || h[k] < low[k] - far))
+    if scene.walls.iter().any(|wall| wall.moves) {
+        // Where they go is known in the run.
+        return None;
+    }
+    // A centre that is farther outside than its radius ends the run.
+    let far = Vec3::repeat(scene.library.largest_radius());
+    let (low, high) = room(&scene.walls, &scene.domain);
+    let (low, high) = (low - far, high + far);
+    let is_closed = |axis: usize| scene.domain.period(axis).is_none();
+    let outside = |outlet: &&Outlet| match (&outlet.region, outlet.region.bounds()) {
+        (_, Some((l, h))) => {
+            (0..3).any(|axis| is_closed(axis) && (l[axis] > high[axis] || h[axis] < low[axis]))
+        }
+        (Region::Behind { point, normal }, _) => {
+            let lowest = Vec3::from_fn(|k, _| if normal[k] > 0.0 { low[k] } else { high[k] });
+            normal.dot(&(lowest - point)) >= 0.0
+        }
+        _ => false,
     };
     let outlet = scene.outlets.iter().find(outside)?;
-    Some(format!("outlet `{}` lies far outside the domain: nothing reaches it", outlet.name))
+    Some(format!(
+        "outlet `{}` lies outside the domain by more than a radius: nothing reaches it, and what leaves the domain ends the run",
+        outlet.name
+    ))
 }
 
 /// A coefficient of friction as large as an angle of friction.
@@ -270,12 +287,18 @@ pub fn restless_sides(scene: &Scene) -> Option<String> {
 /// A layer appears when the one before has fallen out of the slab, not before.
 fn rain_cut_short(scene: &Scene) -> Option<String> {
     let rain = scene.rain.as_ref()?;
+    if rain.every > scene.steps {
+        return Some(format!(
+            "no rain will fall: the first layer appears at step {}, and there are {} steps. Make `every` smaller",
+            rain.every, scene.steps
+        ));
+    }
     let Some(interval) = rain.interval(&scene.gravity, scene.domain.periodic(), scene.dt) else {
         return (rain.layers() > 1).then(|| {
             "nothing moves the first layer of rain out of its slab, so there will be no second: give it a `velocity`".to_owned()
         });
     };
-    let last = (rain.layers() - 1).saturating_mul(interval);
+    let last = (rain.layers() - 1).saturating_mul(interval).saturating_add(rain.every);
     if last >= scene.steps {
         return Some(format!(
             "the last layers of rain will not fall: a layer leaves its slab after {interval} steps, so the last of {} appears at \

@@ -2,11 +2,13 @@
 
 use super::fills::Fills;
 use super::reader::{Given, Range, Section};
-use super::{Inlet, Outlet};
+use super::{Inlet, Outlet, Rain};
 use crate::cell::{AXES, Cell};
 use crate::drive::inlet::Amount;
+use crate::drive::rain::of_layer;
 use crate::drive::region::Region;
 use crate::math::Vec3;
+use crate::particles::Library;
 use crate::random::Random;
 
 /// Steps between looks of an outlet, if the file does not say.
@@ -43,22 +45,39 @@ pub(super) fn outlets(root: &Section, domain: Option<&Cell>) -> Option<Vec<Outle
 /// Refuses outlets that take grains away where they appear.
 pub(super) fn check_apart(
     root: &Section,
-    inlets: Option<&Vec<Inlet>>,
+    (inlets, rain): (Option<&Vec<Inlet>>, Option<(&Rain, &Library)>),
     outlets: Option<&Vec<Outlet>>,
     domain: Option<&Cell>,
 ) {
-    /// Places of an inlet that are looked at.
+    /// Places of a region that are looked at.
     const PLACES: u64 = 64;
-    let (Some(inlets), Some(outlets), Some(cell)) = (inlets, outlets, domain) else { return };
-    for (section, inlet) in root.sections("inlet").iter().zip(inlets) {
-        let mut places = (0..PLACES).filter_map(|k| inlet.region.draw(&mut Random::of(0, k)));
-        let taken = places.find_map(|place| outlets.iter().find(|o| o.region.holds(&place, cell)));
-        if let Some(outlet) = taken {
-            section.fail(format!(
-                "lies in outlet `{}`, which takes away what appears there; move one of them",
-                outlet.name
-            ));
+    let (Some(outlets), Some(cell)) = (outlets, domain) else { return };
+    let taken = |places: Vec<Vec3>| {
+        let mut holding = places
+            .iter()
+            .filter_map(|place| outlets.iter().find(|outlet| outlet.region.holds(place, cell)));
+        let outlet = holding.next()?;
+        Some(format!(
+            "lies in outlet `{}`, which takes away what appears there; move one of them",
+            outlet.name
+        ))
+    };
+    for (section, inlet) in root.sections("inlet").iter().zip(inlets.into_iter().flatten()) {
+        let places = (0..PLACES).filter_map(|k| inlet.region.draw(&mut Random::of(0, k)));
+        if let Some(problem) = taken(places.collect()) {
+            section.fail(problem);
         }
+    }
+    let places = |(rain, library): (&Rain, &Library)| {
+        let count = rain.in_next_layer(0).min(PLACES);
+        (0..count).map(|k| of_layer(rain, 0, 0, k, library).position).collect::<Vec<_>>()
+    };
+    if let Some(places) = rain.map(places)
+        && let Some(problem) = taken(places)
+        && let Some(fill) = root.get("fill").and_then(|fill| fill.section())
+        && let Some(given) = fill.get("rain")
+    {
+        given.fail(problem);
     }
 }
 

@@ -36,7 +36,7 @@ pub(super) enum Kind {
 /// The overlap that the time step of elastic bodies is made for.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum LargestOverlap {
-    /// Over the radius, or the least half length, as the scene says [-].
+    /// Over the radius, or that of the largest sphere in a grain about its centre, as the scene says [-].
     Given(f64),
     /// That of grains under this stress [Pa].
     Under(f64),
@@ -105,7 +105,8 @@ fn highest_stress(root: &Section) -> f64 {
         .get("domain")
         .and_then(|given| given.section())
         .is_some_and(|section| has(section, "wall_velocity"))
-        || root.sections("wall").into_iter().any(|section| has(section, "velocity"));
+        || root.sections("wall").into_iter().any(|section| has(section, "velocity"))
+        || root.sections("motion").into_iter().any(|section| !has(section, "mass"));
     highest * if driven { DRIVEN } else { 1.0 }
 }
 
@@ -258,7 +259,12 @@ fn unfit_for_hertz(shape: &Shape, name: &str, with_faces: Option<&str>) -> Optio
              no contact of both can go by it: take normal = \"linear\", or shapes of one sort, or spheres"
         ));
     }
-    (shape.kind() == ShapeKind::Ellipsoid && is_long(shape)).then(|| {
+    // Some superellipsoids are ellipsoids.
+    let is_ellipsoid = match shape {
+        Shape::Superellipsoid(body) => body.as_ellipsoid().is_some(),
+        _ => shape.kind() == ShapeKind::Ellipsoid,
+    };
+    (is_ellipsoid && is_long(shape)).then(|| {
         format!(
             "`{name}` is more than {:.0} times as long as it is thin: the elliptic integrals of normal = \"hertz\" are good up \
              to that, take normal = \"linear\"",

@@ -171,6 +171,9 @@ fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Op
         for key in ["amplitude", "frequency", "phase", "table", "interpolation"] {
             section.refuse(key, "stands beside `mass`; a wall moves by time or by forces");
         }
+        if walls.as_ref().is_some_and(|walls| walls.len() > 1) {
+            given.fail("is of one wall; give each a motion of its own, or make one wall of several `planes`");
+        }
         let mass = section.number("mass", Range::Positive, "kg");
         let force = section.number_or("force", 0.0, Range::Any, "N");
         mass.zip(force).map(|(mass, force)| How::Freely { mass, force })

@@ -195,12 +195,13 @@ fn walls(scene: &Scene, page: &mut Page) {
         page.line(
             "servo",
             format!(
-                "{}: {:e} Pa, at most {:e} m/s, gain {}, over {:.4e} m2",
+                "{}: {:e} Pa, at most {:e} m/s, gain {}, over {:.4e} m2{}",
                 servo.names(&scene.walls),
                 servo.stress,
                 servo.max_speed,
                 servo.gain,
-                servo.area(&scene.walls, &scene.domain)
+                servo.area(&scene.walls, &scene.domain),
+                if scene.start.is_some() { " if walls stand where the scene says" } else { "" },
             ),
         );
     }

@@ -254,11 +254,14 @@ impl Space {
     fn around(positions: &[Vec3], cell: &Cell, reach: f64) -> Self {
         let (low, high) = bounds(positions);
         let mut extent = high - low;
-        // With a reach to spare before the period closes, no two images of a body are within reach.
+        // With a reach to spare before the period closes, no two images of a body are within reach. The image that slides may be
+        // on either side, and needs one on both.
         let mut wraps = [false; 3];
-        let slides = cell.shear().map(|shear| shear.across);
-        for axis in (0..3).filter(|&axis| slides != Some(axis)) {
-            if let Some(period) = cell.period(axis).filter(|&period| extent[axis] + reach > period)
+        let shear = cell.shear();
+        for axis in (0..3).filter(|&axis| shear.is_none_or(|shear| shear.across != axis)) {
+            let is_along = shear.is_some_and(|shear| shear.along == axis);
+            let spare = if is_along { 2.0 * reach } else { reach };
+            if let Some(period) = cell.period(axis).filter(|&period| extent[axis] + spare > period)
             {
                 wraps[axis] = true;
                 extent[axis] = period;
@@ -452,6 +455,7 @@ mod tests {
     use crate::math::Vec3;
     use crate::particles::records::Particle;
     use crate::particles::{Library, Needs, Particles};
+    use crate::random::Random;
     use crate::shape::{Shape, Sphere};
     use std::collections::BTreeSet;
 
@@ -546,6 +550,49 @@ mod tests {
                     all += expected.len();
                     assert_eq!(found, expected, "{cell:?}, radii {radii:?}, {share} owned");
                 }
+            }
+        }
+        assert!(all > 1000, "{all} pairs");
+    }
+
+    /// A few bodies, which leave most of the period along the flow empty.
+    #[test]
+    fn few_bodies_meet_across_a_face_that_slides() {
+        let (high, skin) = (Vec3::repeat(10.0), 0.05);
+        let (mut all, mut seed) = (0, 0);
+        let mut check = |positions: &[Vec3], slid: f64| {
+            let shear = Shear { along: 0, across: 1, rate: 0.0, strain: 0.1 * slid };
+            let cell = Cell::new(Vec3::zeros(), high, [true; 3]).with_shear(shear).unwrap();
+            let particles = spheres(&[0.5], positions, cell, 1.0, false);
+            let found: BTreeSet<_> = close_pairs(&particles, skin)
+                .iter()
+                .map(|pair| {
+                    (pair.a.index().min(pair.b.index()), pair.a.index().max(pair.b.index()))
+                })
+                .collect();
+            let close = |&(i, j): &(usize, usize)| {
+                let apart = particles.position[j] - particles.position[i];
+                cell.nearest(apart).norm() < 1.0 + skin
+            };
+            let count = positions.len();
+            let expected: BTreeSet<_> =
+                (0..count).flat_map(|j| (0..j).map(move |i| (i, j))).filter(close).collect();
+            assert_eq!(found, expected, "slid {slid}: {positions:?}");
+            all += found.len();
+        };
+        check(&[Vec3::new(1.2, 9.8, 5.0), Vec3::new(9.7, 0.1, 5.0)], 0.7);
+        for count in 2..9 {
+            for _ in 0..2000 {
+                seed += 1;
+                let mut random = Random::of(seed, 0);
+                let places: Vec<Vec3> = (0..count)
+                    .map(|_| {
+                        let y = random.signed();
+                        let y = if y < 0.0 { y + 10.0 } else { y };
+                        Vec3::new(10.0 * random.unit(), y, 5.0 + 0.4 * random.signed())
+                    })
+                    .collect();
+                check(&places, 5.0 * random.signed());
             }
         }
         assert!(all > 1000, "{all} pairs");

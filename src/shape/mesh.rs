@@ -101,12 +101,16 @@ fn malformed(format: &'static str, cause: &impl ToString) -> MeshError {
 }
 
 fn stl(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
-    let bytes = std::fs::read(path).map_err(MeshError::Unreadable)?;
+    let mut bytes = std::fs::read(path).map_err(MeshError::Unreadable)?;
     let malformed = |error: std::io::Error| malformed("STL", &error);
     let mut triangles = Vec::new();
     let size = bytes.len();
     let solids = solids(&bytes);
     let is_binary = solids.is_empty();
+    if let Some(first) = bytes.first_mut().filter(|_| is_binary) {
+        // The library takes one that calls itself `solid` for a text.
+        *first = b' ';
+    }
     for solid in if is_binary { vec![bytes] } else { solids } {
         let mut reader = Cursor::new(&solid);
         let corners = |t: stl_io::Triangle| t.vertices.map(|v| Vec3::from(v.0.map(f64::from)));
@@ -150,6 +154,8 @@ fn solids(bytes: &[u8]) -> Vec<Vec<u8>> {
         if line.starts_with("solid") {
             solids.push(b"solid patch\n".to_vec());
         } else if let Some(solid) = solids.last_mut() {
+            // Nobody asks for normals, which may be no numbers.
+            let line = if line.starts_with("facet") { "facet normal 0 0 0" } else { line };
             solid.extend(line.bytes().chain([b'\n']));
         }
     }

@@ -89,7 +89,7 @@ struct Found {
     contacts: u64,
     spurious: u64,
     unresolved: u64,
-    /// Sum of the elastic forces of those that touch [N].
+    /// Sum of the sizes of the elastic forces of those that are no error [N].
     force: ExactSum,
     largest: Errors,
     /// Random number and errors of some.
@@ -151,7 +151,7 @@ impl Auditor {
         let errors = match outcome {
             Outcome::Touching(truth) => {
                 let true_force = elastic(truth.normal, truth.overlap);
-                found.add_force(true_force);
+                found.add_force(true_force.abs());
                 [
                     (overlap - truth.overlap).abs() / axis,
                     (overlap / truth.overlap - 1.0).abs(),
@@ -160,9 +160,16 @@ impl Auditor {
                     (force - true_force).abs(),
                 ]
             }
+            // Adhesion holds on across a gap.
+            Outcome::Apart(clearance) if overlap <= 0.0 => {
+                let true_force = elastic(normal, -clearance);
+                found.add_force(true_force.abs());
+                let [off, force] = [(overlap + clearance).abs(), (force - true_force).abs()];
+                [off / axis, f64::NAN, f64::NAN, f64::NAN, force]
+            }
             Outcome::Apart(clearance) => {
                 found.spurious += 1;
-                [(overlap + clearance) / axis, f64::NAN, f64::NAN, f64::NAN, force]
+                [(overlap + clearance) / axis, f64::NAN, f64::NAN, f64::NAN, force.abs()]
             }
             Outcome::Failed(_) => {
                 found.unresolved += 1;

@@ -150,8 +150,12 @@ impl Simulation {
         comm: &dyn Comm,
     ) -> Result<(), DriveError> {
         for drive in &mut self.drives {
-            if let Some(saved) = saved.iter().find(|saved| saved.drive == drive.name()) {
-                drive.resume(saved, is_new_stage, &mut self.particles.walls, comm.is_root())?;
+            match saved.iter().find(|saved| saved.drive == drive.name()) {
+                Some(saved) => {
+                    drive.resume(saved, is_new_stage, &mut self.particles.walls, comm.is_root())?;
+                }
+                None if is_new_stage => {}
+                None => drive.joins()?,
             }
         }
         Ok(())

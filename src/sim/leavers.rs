@@ -4,6 +4,7 @@ use super::Simulation;
 use crate::comm::{Comm, everywhere};
 use crate::ids::GlobalId;
 use crate::measure;
+use crate::motion;
 use crate::particles::columns::Quantity;
 use std::collections::BTreeSet;
 
@@ -19,11 +20,13 @@ impl Simulation {
     fn leavers(&self) -> impl Iterator<Item = usize> {
         let Self { particles, drives, .. } = self;
         let moment = self.moment();
+        let looking: Vec<_> = drives.iter().filter(|drive| drive.looks(&moment)).collect();
+        let owned = if looking.is_empty() { 0 } else { particles.owned };
         let reached = move |slot: &usize| {
             let position = &particles.position[*slot];
-            drives.iter().any(|drive| drive.reaches(&moment, position, &particles.cell))
+            looking.iter().any(|drive| drive.reaches(&moment, position, &particles.cell))
         };
-        let inside = (0..particles.owned).filter(reached);
+        let inside = (0..owned).filter(reached);
         self.domain.leavers(particles).chain(inside)
     }
 
@@ -61,9 +64,7 @@ impl Simulation {
         for slot in 0..particles.owned {
             let id = particles.id[slot];
             if taken.contains(&id) {
-                // The last half of a kick by gravity, and what the step's energy is then: together this work.
-                let weight = field.gravity * particles.mass(slot);
-                let work = 0.5 * dt * weight.dot(&particles.velocity[slot]);
+                let work = motion::last_work(particles, slot, field, dt);
                 let energy = measure::free_energy(particles, slot, field) + work;
                 let accumulated = particles.accumulated.row(slot);
                 let [received, dissipated] = [Quantity::Received, Quantity::Dissipated]

@@ -414,12 +414,12 @@ impl Simulation {
 
     /// The same of a particle that appears, and touches nothing, after the first kick of a step.
     fn insert_within_step(&mut self, particle: &Particle) {
-        self.insert(particle);
+        let velocity = self.field.before_last_kick(&particle.velocity, self.dt);
+        self.insert(&Particle { velocity, ..particle.clone() });
         let Self { particles, field, dt, .. } = self;
         let slot = particles.owned - 1;
         particles.accumulated[Quantity::Received][slot] +=
-            motion::step_energy(particles, slot, field, *dt);
-        particles.velocity[slot] = field.before_last_kick(&particle.velocity, *dt);
+            motion::last_work(particles, slot, field, *dt);
     }
 
     /// Has anybody here moved so far that an unlisted pair might touch?
@@ -536,17 +536,21 @@ impl Simulation {
     /// Counts the energy that all owned particles bring into a stage, contacts left out, as received.
     pub fn count_free_energy(&mut self) {
         for slot in 0..self.particles.owned {
-            self.particles.accumulated[Quantity::Received][slot] +=
+            // What changed when they came back through periods is in it.
+            self.particles.accumulated[Quantity::Received][slot] =
                 measure::free_energy(&self.particles, slot, &self.field);
         }
     }
 
-    /// Counts again, after `before` [s], what the energy of the steps has beyond that of positions and velocities.
-    pub fn change_step(&mut self, before: f64) {
+    /// Counts as received what energies of height and of the steps are more than with the step [s] and the gravity [m/s²] of before.
+    pub fn change_step_or_gravity(&mut self, step: f64, gravity: Vec3) {
         let Self { particles, field, dt, .. } = self;
+        let before = Field { gravity, ..*field };
         for slot in 0..particles.owned {
-            let [old, new] =
-                [before, *dt].map(|dt| motion::step_energy(particles, slot, field, dt));
+            let [old, new] = [(&before, step), (&*field, *dt)].map(|(field, dt)| {
+                measure::free_energy(particles, slot, field)
+                    + motion::step_energy(particles, slot, field, dt)
+            });
             particles.accumulated[Quantity::Received][slot] += new - old;
         }
     }
@@ -559,7 +563,7 @@ impl Simulation {
         }
         let particles = &mut self.particles;
         let mut given: Vec<(usize, f64)> = Vec::new();
-        for Loaded { pair, force, .. } in self.contacts.loaded(&*self.law, particles) {
+        for (pair, force) in self.contacts.forces() {
             let slides = particles.sliding_of_image(pair);
             if slides != Vec3::zeros() {
                 let share = -0.5 * time * force.dot(&slides);

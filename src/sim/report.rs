@@ -53,11 +53,8 @@ fn last_warnings(sim: &Simulation, finish: &Finish) -> Vec<String> {
     let unmet = &finish.unmet;
     let stop = (!unmet.is_empty()).then(|| format!("[stop] was not reached: {unmet}"));
     let has_stopped = finish.ending == Ending::Rest;
-    // What a signal has cut short goes on.
-    let drives = match finish.ending {
-        Ending::Signal(_) => &[][..],
-        Ending::LastStep | Ending::Rest => &sim.drives[..],
-    };
+    // What is cut short goes on.
+    let drives = if finish.ends_stage { &sim.drives[..] } else { &[] };
     // An error for which `[stop]` waited is as small as was asked for.
     let awaited = |key| finish.stop.drives.iter().any(|(of, _)| of == key);
     let of_drives = drives

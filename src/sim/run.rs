@@ -27,6 +27,8 @@ use std::time::Instant;
 pub struct Schedule {
     /// The last step.
     pub last_step: u64,
+    /// Does the stage end there? Else only the run.
+    pub ends_stage: bool,
     /// Steps between snapshots; 0: only at the start of a stage and at the end.
     pub snapshot_every: u64,
     /// Steps between rows of the history; 0: only at the end.
@@ -63,6 +65,8 @@ pub enum Ending {
 pub struct Finish {
     /// Why.
     pub ending: Ending,
+    /// Is the stage over?
+    pub ends_stage: bool,
     /// When it was to end before its last step.
     pub stop: Stop,
     /// Steps of this run.
@@ -150,6 +154,7 @@ pub enum RunError {
 /// let folder = tempfile::tempdir().unwrap();
 /// let schedule = Schedule {
 ///     last_step: 100,
+///     ends_stage: false,
 ///     snapshot_every: 50,
 ///     history_every: 10,
 ///     stop: scene.stop.clone(),
@@ -224,11 +229,12 @@ pub fn run(
     sim.clock.lap(Phase::Output);
     let mut total = [particle_steps as i64];
     comm.sum(&mut total);
-    let has_ended = ending == Ending::LastStep && schedule.stop != Stop::default();
+    let has_ended = ending == Ending::LastStep && schedule.ends_stage;
     let most_moving = most_moving(sim, &measures);
     Ok(Finish {
         ending,
         stop: schedule.stop.clone(),
+        ends_stage: has_ended || ending == Ending::Rest,
         unmet: if has_ended { schedule.stop.unmet(sim, &measures) } else { String::new() },
         steps_done: sim.step - first_step,
         particle_steps: total[0] as u64,
@@ -238,7 +244,7 @@ pub fn run(
         most_moving,
         largest_overlap: records.largest_overlap,
         stiffened: (records.stiffening.as_ref())
-            .and_then(|stiffening| stiffening.words(2.0 * records.largest_overlap.0)),
+            .and_then(|stiffening| stiffening.words(2.0 * records.largest_overlap.0, sim)),
         warnings: warned,
         snapshot,
     })
@@ -357,7 +363,9 @@ impl<'a> Records<'a> {
         let schedule = self.schedule;
         let row_due = sim.step == schedule.last_step || due(sim.step, schedule.history_every);
         let snapshot_due = due(sim.step, schedule.snapshot_every);
-        let rest_due = schedule.stop != Stop::default() && due(sim.step, CHECK_EVERY);
+        let asks = schedule.stop != Stop::default();
+        let rest_due = asks && due(sim.step, CHECK_EVERY);
+        let ends_stage = asks && schedule.ends_stage && sim.step == schedule.last_step;
         (self.measures, self.snapshot) = (None, None);
         if !(row_due || snapshot_due || rest_due) {
             return Ok(Ending::LastStep);
@@ -371,7 +379,7 @@ impl<'a> Records<'a> {
         if measures.largest_overlap > DEEPEST {
             sim.agree_on_fault(comm).map_err(|error| explain(error, sim, comm))?;
         }
-        let is_at_rest = rest_due && schedule.stop.unmet(sim, &measures).is_empty();
+        let is_at_rest = (rest_due || ends_stage) && schedule.stop.unmet(sim, &measures).is_empty();
         let ending = if is_at_rest { Ending::Rest } else { Ending::LastStep };
         let stiff = self.warn(sim, &measures, warnings).err();
         if row_due || is_at_rest {
@@ -413,7 +421,7 @@ impl<'a> Records<'a> {
             warnings.push(format!("step {}: {what}", sim.step));
         }
         if let Some(stiffening) = &mut self.stiffening {
-            warnings.extend(stiffening.check(2.0 * measures.largest_overlap)?);
+            warnings.extend(stiffening.check(2.0 * measures.largest_overlap, sim)?);
         }
         Ok(())
     }

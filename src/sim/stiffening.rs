@@ -1,4 +1,4 @@
-//! The stable limit of laws that stiffen with load, while a run goes on: it falls with the fourth root of the overlap.
+//! The stable limit of laws that stiffen with load, while a run goes on: it falls with the root of the stiffness.
 
 use super::Simulation;
 use super::watch::{Fault, over_the_limit};
@@ -30,16 +30,15 @@ impl Stiffening {
         Some(Self { meant, limit, dt: sim.dt, allowed, warned: false })
     }
 
-    /// The stable limit with contacts that overlap by this part of the radius [s]: stiffness grows with the root of the overlap, and
-    /// dashpots with the root of the stiffness.
-    fn limit_at(&self, overlap: f64) -> f64 {
-        self.limit * (self.meant / overlap).powf(0.25)
+    /// The stable limit with contacts that overlap by this part of the radius [s]: dashpots grow with the root of the stiffness.
+    fn limit_at(&self, overlap: f64, sim: &Simulation) -> f64 {
+        self.limit / sim.law.stiffens(overlap, &sim.particles.library).sqrt()
     }
 
     /// A sentence about an overlap over the radius, if it is beyond what was meant and leaves little of the step or nothing.
-    pub(super) fn words(&self, overlap: f64) -> Option<String> {
+    pub(super) fn words(&self, overlap: f64, sim: &Simulation) -> Option<String> {
         let Self { meant, dt, .. } = *self;
-        let limit = self.limit_at(overlap);
+        let limit = self.limit_at(overlap, sim);
         if overlap <= meant || dt <= NEAR * limit {
             None
         } else if dt <= limit {
@@ -56,8 +55,12 @@ impl Stiffening {
     ///
     /// # Errors
     /// If it is over the limit and may not be.
-    pub(super) fn check(&mut self, overlap: f64) -> Result<Option<String>, Fault> {
-        let limit = self.limit_at(overlap);
+    pub(super) fn check(
+        &mut self,
+        overlap: f64,
+        sim: &Simulation,
+    ) -> Result<Option<String>, Fault> {
+        let limit = self.limit_at(overlap, sim);
         if overlap <= self.meant || self.dt <= limit || self.warned {
             return Ok(None);
         }
@@ -65,6 +68,6 @@ impl Stiffening {
             return Err(Fault::Stiff { dt: self.dt, limit, overlap });
         }
         self.warned = true;
-        Ok(self.words(overlap))
+        Ok(self.words(overlap, sim))
     }
 }

@@ -155,6 +155,33 @@ fn a_sheared_cell_is_smooth_across_its_faces() {
     }
 }
 
+/// What the motion against `V` has of a shear without fluctuations, as the guide says.
+#[test]
+fn motion_holds_the_shear_across_a_weight() {
+    let places = (0..12 * 12 * 12)
+        .map(|k| Vec3::new((k % 12).into(), (k / 12 % 12).into(), (k / 144).into()));
+    let places: Vec<Vec3> = places.map(|place: Vec3| place.add_scalar(0.5) * DIAMETER).collect();
+    let mut lattice = balls(Vec3::repeat(12.0 * DIAMETER), true, places.clone());
+    let rate = 40.0;
+    for (v, place) in lattice.particles.velocity.iter_mut().zip(&places) {
+        v.x = rate * place.z;
+    }
+    let (_folder, reader) = stored(&lattice);
+    for (weight, width, share) in [(Weight::Lucy, 1.5, 1.0 / 3.0), (Weight::Gauss, 1.0, 0.92)] {
+        let width = width * DIAMETER;
+        let how = Smoothing { weight, width, side: 0.25 * DIAMETER };
+        let fields = Fields::of(&reader, Region::Whole, how).unwrap();
+        let middle = fields.grid.cell_at(&Vec3::repeat(6.1 * DIAMETER)).unwrap();
+        let stress = fields.kinetic_stress[middle];
+        let scale = fields.density[middle] * (rate * width).powi(2);
+        close(stress.m11 / scale, share, 0.03, "along the flow");
+        assert!(
+            stress.m12.abs().max(stress.m13.abs()).max(stress.m33.abs()) < 1e-12 * scale,
+            "{stress}"
+        );
+    }
+}
+
 #[test]
 fn mixing_is_nothing_apart_and_one_at_random() {
     let apart = Mixing::of_counts(0, 0.0, &[[7, 7], [0, 0], [5, 0], [9, 9]]).unwrap();
@@ -218,6 +245,25 @@ fn groups_stay_what_they_were() {
     close(index(&end, &red), 1.0 / (1.0 - 7.0 / 63.0), 1e-12, "by shape");
     let unknown = Members::of(&Groups::Shape("blue".into()), &end).unwrap_err().to_string();
     assert!(unknown.contains("no shape `blue`; it has: grain, red"), "{unknown}");
+    // A series begins with grains of one group.
+    let mut begin = later.clone();
+    begin.particles.shape.fill(ShapeId(0));
+    later.header.step = begin.header.step + 1;
+    later.header.time = begin.header.time + 1e-3;
+    let folder = tempfile::tempdir().unwrap();
+    let post = || {
+        let mut dem_post = Command::new(env!("CARGO_BIN_EXE_dem-post"));
+        dem_post.arg(folder.path()).args(["--series", "--mixing", "shape:red", "--grid", "2d"]);
+        let output = dem_post.output().unwrap();
+        [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap())
+    };
+    store(folder.path(), &begin);
+    let [_, refused] = post();
+    assert!(refused.contains("all 64 grains of the region are of one group"), "{refused}");
+    store(folder.path(), &later);
+    let [made, _] = post();
+    assert!(made.contains("mixing: 1 of 2 snapshots are left out"), "{made}");
+    assert!(made.contains("Lacey's index 1.125"), "{made}");
 }
 
 /// Of grains of many sizes a diameter is that of the ball of their mean volume.

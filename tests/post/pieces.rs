@@ -126,6 +126,24 @@ fn forces_are_counted_over_their_mean() {
     assert_eq!(forces.shear_logarithmic.halves_below, 6, "three contacts without shear");
 }
 
+/// Where contacts pull in the mean, their forces over the mean say nothing.
+#[test]
+fn forces_that_pull_have_no_shares_of_their_mean() {
+    let normals = [Vec3::x(), Vec3::y(), Vec3::z()];
+    let forces = [-0.2, -0.9, 0.5].map(|f| (f, Vec3::z() * 0.1));
+    let (_, contacts) = contacts_with(&normals, &forces);
+    let header = header(Vec3::zeros(), Vec3::repeat(1.0), false, Vec3::repeat(0.1), 2);
+    let particles = particles_at(vec![Vec3::zeros(), Vec3::repeat(0.2)]);
+    let report = Snapshot { header, particles, contacts }.report();
+    close(report.summary.mean_normal_force_n.unwrap(), -0.2, ROUNDING, "mean");
+    assert_eq!(report.summary.share_below_0_3_mean, None);
+    assert_eq!(report.summary.share_below_mean, None);
+    let forces = report.forces.unwrap();
+    assert_eq!(forces.normal.total_halves() + forces.shear_logarithmic.total_halves(), 0);
+    assert_eq!(forces.largest_normal_force, 0.5);
+    close(forces.mean_friction_used.unwrap(), 0.2, ROUNDING, "friction used");
+}
+
 #[test]
 fn histograms_put_values_on_edges_into_the_upper_bin() {
     let histogram = Histogram::logarithmic(1, -1, 1);

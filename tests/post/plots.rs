@@ -8,6 +8,7 @@ use dem_mpi::drive::{SavedColumn, SavedState, Values, servo};
 use dem_mpi::math::Vec3;
 use dem_mpi::output::header::{Header, WallRow};
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
+use dem_mpi::particles::walls::Wall;
 use dem_mpi::post::history::History;
 use dem_mpi::post::region::Bounds;
 use dem_mpi::post::views::{Layer, Views};
@@ -109,6 +110,57 @@ fn columns_that_belong_together_share_a_panel() {
     // -(-3 · 0.6 + 4 · (-0.8)) = 5 N
     assert!(plots[2].svg.contains("-x") && !plots[2].svg.contains("lid"));
     assert!(plots[2].svg.contains(">\n5\n<"), "{}", plots[2].svg);
+}
+
+/// A wall that turns, or one of several planes, has no load along its normal; torques and powers have their units.
+#[test]
+fn walls_that_turn_have_no_load() {
+    let row = |name: &str, body| WallRow {
+        name: name.into(),
+        point: Vec3::zeros(),
+        normal: Vec3::z(),
+        velocity: Vec3::zeros(),
+        force: Vec3::zeros(),
+        body,
+    };
+    let planes = [(Vec3::zeros(), Vec3::z()), (Vec3::zeros(), Vec3::x())];
+    let trough = Wall::of_planes("trough".to_owned(), Vec3::zeros(), &planes).saved();
+    let walls = [row("flap", None), row("trough", trough)];
+    let columns = [
+        "force_flap_x_N",
+        "force_flap_y_N",
+        "force_flap_z_N",
+        "force_trough_x_N",
+        "force_trough_y_N",
+        "force_trough_z_N",
+        "turned_flap_x_rad",
+        "torque_flap_x_N_m",
+        "power_flap_W",
+        "angular_velocity_flap_y_rad_per_s",
+    ];
+    let rows = [0, 1].map(|row| columns.map(|_| row.to_string()).join(","));
+    let table = format!("time_s,{}\n0,{}\n1,{}\n", columns.join(","), rows[0], rows[1]);
+    let history = History::read(table.as_bytes()).unwrap();
+    let plots = panels::panels(&history, &walls, &[]).unwrap();
+    assert!(plots.iter().all(|plot| plot.name != "history_wall_loads"));
+    let unit_of = |title: &str| {
+        let plot = plots.iter().find(|plot| plot.title == title);
+        plot.unwrap_or_else(|| {
+            panic!("no {title}: {:?}", plots.iter().map(|p| &p.title).collect::<Vec<_>>())
+        })
+        .svg
+        .clone()
+    };
+    for (title, unit) in [
+        ("Torque flap x", "torque flap x (N m)"),
+        ("Power flap", "power flap (W)"),
+        ("Turned flap x", "turned flap x (rad)"),
+        ("Angular velocity flap y", "angular velocity flap y (rad/s)"),
+        ("Force flap z", "force flap z (N)"),
+        ("Force trough x", "force trough x (N)"),
+    ] {
+        assert!(unit_of(title).contains(unit), "{title}");
+    }
 }
 
 /// Stresses on walls share a panel, with a level line at each target.

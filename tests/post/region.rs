@@ -336,7 +336,8 @@ fn a_margin_follows_the_walls_and_strains_stay_those_of_the_whole() {
     assert_eq!(files.len(), 2);
     let choice =
         series::Choice { margin: Some("0.001".parse().unwrap()), ..series::Choice::default() };
-    let (reports, _) = series::reports(&series::open(&files).unwrap(), &choice).unwrap();
+    let analysed = series::reports(&series::open(&files).unwrap(), &choice).unwrap();
+    let reports = analysed.reports;
     let side = 5.0 * 2.6e-3;
     for (report, height) in reports.iter().zip([0.02, 0.018]) {
         let Bounds { low, high } = report.bounds_m.unwrap();
@@ -344,6 +345,21 @@ fn a_margin_follows_the_walls_and_strains_stay_those_of_the_whole() {
         let expected = Vec3::new(side - 1e-3, side - 1e-3, height - 1e-3);
         assert!((high - expected).amax() < 1e-15, "{high}");
         assert!(report.summary.particles < 125);
+    }
+    // What the margin leaves nothing of is passed over, but not the last.
+    for (step, height) in [(0, 0.0019), (3, 0.0019)] {
+        store(folder.path(), &boxed(height, step));
+        let files = series::all(folder.path()).unwrap();
+        let analysed = series::reports(&series::open(&files).unwrap(), &choice);
+        if step == 0 {
+            let analysed = analysed.unwrap();
+            assert_eq!(analysed.reports.len(), 2);
+            let told = "reports: 1 of 3 snapshots are left out";
+            assert!(analysed.left_out.starts_with(told), "{}", analysed.left_out);
+        } else {
+            let error = analysed.unwrap_err().to_string();
+            assert!(error.contains("no length along z"), "{error}");
+        }
     }
     let strain = reports[1].summary.axial_strain.unwrap();
     assert!((strain - (0.02_f64 / 0.018).ln()).abs() < 1e-12, "{strain}");

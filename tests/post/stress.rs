@@ -284,6 +284,16 @@ fn walls_tell_stress_and_inertial_number() {
     snapshot.header.walls.extend([beyond, lid]);
     close(snapshot.report().summary.inertial_number, inertia);
 
+    // Another wall that has become the innermost has not slid, and walls at rest shear nothing.
+    let mut other = boxed(0.02, 1);
+    let lid = other.header.walls.last().unwrap().clone();
+    let inner =
+        WallRow { name: "plate".into(), point: lid.point + Vec3::new(0.003, 0.0, -1e-3), ..lid };
+    other.header.walls.push(inner);
+    let mut now = other.report();
+    now.strain_against(&boxed(0.02, 1).report());
+    assert_eq!((now.summary.shear_strain, now.summary.inertial_number), (None, None));
+
     // A wall that slides shears: so fast, and by so much of the distance.
     for axis in 0..3 {
         let mut sliding = boxed(0.02, 1);

@@ -105,7 +105,8 @@ fn a_person_gets_four_lines_and_more_when_asked() {
     let directory = fresh_directory("lines");
     let out = directory.to_str().unwrap();
     let call = |more: &[&str]| {
-        let arguments = [&[&*scene("heap"), "--out", out, "--steps", "50", "--overwrite"], more];
+        let set = ["--set", "time.steps=50"];
+        let arguments = [&[&*scene("heap"), "--out", out, "--overwrite"], &set[..], more];
         dem_mpi(Launch::Ranks(2), arguments.concat()).succeed()
     };
     let lines = |text: &str| -> Vec<String> {

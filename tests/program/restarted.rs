@@ -339,3 +339,22 @@ fn a_stage_ended_by_stop_is_over() {
         assert_eq!(column(&directory, "particles").pop_last().unwrap().0, HEAP_STEPS);
     }
 }
+
+/// What `[stop]` asks for may hold at the last step alone, which is none of those at which it is looked at otherwise. Then the stage is over
+/// for a job that is queued again, too.
+#[test]
+fn a_stop_that_holds_at_the_last_step_ends_the_stage() {
+    let directory = fresh_directory("ended_last");
+    let text = "[domain]\nlow = [0, 0, 0]\nhigh = [1, 1, 1]\n[[material]]\nname = \"glass\"\ndensity = 2500\nnormal_stiffness = 1e4\n\
+                [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.01\n[[fill.lattice]]\nfirst = [0.5, 0.5, 0.5]\ncount = [1, 1, 1]\n\
+                [[outlet]]\nname = \"below\"\npoint = [0, 0, 0.1]\nnormal = [0, 0, 1]\n[stop]\nremaining = 5\n[time]\nstep = 1e-5\nsteps = 50\n[output]\ndirectory = \"out\"\n";
+    let scene = directory.join("scene.toml");
+    std::fs::write(&scene, text).unwrap();
+    let scene = scene.to_str().unwrap();
+    let run = |more: &[&str]| {
+        dem_mpi(Launch::Alone, [&[scene], more].concat()).from(&directory).succeed()
+    };
+    run(&["--steps", "20"]).said_once("all steps done: 20 steps");
+    run(&["--start", "out"]).said_once("[stop] reached: 30 steps");
+    run(&["--start", "out"]).said_once("nothing left to do");
+}

@@ -96,12 +96,32 @@ fn trials_go_on_from_a_snapshot() {
     assert_eq!(directory.read_dir().unwrap().count(), 2, "{ended}");
 }
 
+/// A scene with a duration keeps it.
+#[test]
+fn a_duration_stays() {
+    let directory = fresh_directory("suggested_duration");
+    let scene = directory.join("scene.toml");
+    fs::write(&scene, SCENE.replace("steps = 2000", "duration = 1e-3")).unwrap();
+    let scene = scene.to_str().unwrap();
+    let ended = dem_mpi(Launch::Alone, [scene, "--suggest"]).from(&directory).end();
+    let lines = || ended.output.lines();
+    assert!(lines().any(|line| line.starts_with("step = ")), "{ended}");
+    assert!(!lines().any(|line| line.starts_with("steps = ")), "{ended}");
+}
+
 #[test]
 fn wrong_questions_are_refused_with_one_message() {
     let directory = fresh_directory("suggested_wrongly");
     let scene = written(&directory);
     let scene = scene.to_str().unwrap();
     let between = "must be more than 0 and less than 1, such as 1% or 0.01";
+    let silo = "[[inlet]]\nname = \"tap\"\nlow = [0, 0, 0.006]\nhigh = [0.01, 0.01, 0.008]\nrate = 100\nvelocity = [0, 0, -1]\n[time]";
+    let fed = directory.join("fed.toml");
+    fs::write(&fed, SCENE.replace("[time]", silo)).unwrap();
+    let ended = dem_mpi(Launch::Alone, [fed.to_str().unwrap(), "--suggest"]).from(&directory).end();
+    assert_eq!(ended.status.code(), Some(2), "{ended}");
+    ended.said_once("grains of inlet `tap` appear in other places with every step");
+    fs::remove_file(&fed).unwrap();
     let wrong: [(Launch, &[&str], &str); 8] = [
         (Launch::Alone, &["--suggest", "--error", "0"], between),
         (Launch::Alone, &["--suggest", "--error=-1%"], between),

@@ -112,6 +112,20 @@ fn overlaps_of_the_start_are_found_by_a_check_and_a_plan() {
         for word in ["--check", "--plan"] {
             dem_mpi(launch, [&*scene, word]).from(&directory).succeed();
         }
+        // A stage that begins with a snapshot may have a wall in the way.
+        dem_mpi(launch, [&*scene, "--steps", "1"]).from(&directory).succeed();
+        let text = std::fs::read_to_string(&scene).unwrap();
+        let fill = "[[fill.file]]\npath = \"rows.csv\"";
+        let plate = "[[wall]]\nname = \"plate\"\npoint = [0, 0, 1]\nnormal = [0, 0, 1]";
+        let text = format!("start = \"out\"\n{}", text.replace(fill, plate));
+        let next = directory.join("next.toml");
+        std::fs::write(&next, text).unwrap();
+        for word in ["--check", "--plan"] {
+            let words = [next.to_str().unwrap(), word, "--out", "next"];
+            let ended = dem_mpi(launch, words).from(&directory).end();
+            assert_eq!(ended.status.code(), Some(2), "{ended}");
+            ended.said_once("at the start");
+        }
     }
 }
 

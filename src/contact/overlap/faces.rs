@@ -53,7 +53,7 @@
 //! simulation*, thesis, University of Waterloo) and, with the extent of the contact patch from its second moments, by
 //! Bouchard et al. (2015, *6D frictional contact for rigid bodies*, Graphics Interface).
 
-use super::thickness::{THIN, Thickness};
+use super::thickness::{THIN, Thickness, size_of_both};
 use crate::contact::Posed;
 use crate::math::{Mat3, Vec3};
 use crate::shape::Shape;
@@ -91,6 +91,7 @@ pub(super) fn of_faces(a: &Posed, b: &Posed, r: &Vec3) -> Option<Thickness> {
         let per_metre = 1.0 / a.scale;
         let r = a.frame.tr_mul(r) * per_metre;
         let turn = a.frame.tr_mul(b.frame);
+        let mut size = body.bounding_radius();
         if let Shape::HalfSpace(plane) = b.shape {
             scratch.against_plane(
                 body,
@@ -100,9 +101,11 @@ pub(super) fn of_faces(a: &Posed, b: &Posed, r: &Vec3) -> Option<Thickness> {
                 &turn,
             )?;
         } else {
-            scratch.against_body(body, b.shape.facets()?, b.scale * per_metre, &r, &turn)?;
+            let (other, scale) = (b.shape.facets()?, b.scale * per_metre);
+            size = size_of_both(size, other.bounding_radius() * scale);
+            scratch.against_body(body, other, scale, &r, &turn)?;
         }
-        let found = scratch.measure(body.bounding_radius())?;
+        let found = scratch.measure(size)?;
         Some(found.placed(a.scale, a.frame))
     })
 }

@@ -192,10 +192,13 @@ impl Scratch {
         // Until it comes to the facet it does not touch.
         let clear = match (&seen.mesh.facets()[facet as usize], Side::of(seen.a)) {
             (of, Some(side)) => clear_of(&side, seen, of),
+            // What touches another face may come to have its contact with this one at once.
+            (MeshFacet::Face { .. }, None) if !self.found.is_empty() => 0.0,
             (MeshFacet::Face { normal, offset }, None) => {
                 let height = seen.centre.dot(normal) - offset;
                 let sign = if height < 0.0 { -1.0 } else { 1.0 };
-                seen.height_over(&Plane { normal: normal * sign, offset: offset * sign })
+                // Behind its plane, over a face beside it, a body is half as far from the space behind this face, or farther.
+                0.5 * seen.height_over(&Plane { normal: normal * sign, offset: offset * sign })
             }
             // Edges and corners have no contacts of their own with faces.
             _ => return Err(Outcome::Apart(f64::INFINITY)),

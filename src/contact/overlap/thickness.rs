@@ -2,8 +2,13 @@
 
 use crate::math::{Mat3, Vec3};
 
-/// A contact thinner than this part of the size of A has no force that is more than rounding.
+/// A contact thinner than this part of the size has no force that is more than rounding.
 pub(super) const THIN: f64 = 1e-9;
+
+/// The smaller of two bounding radii, but not so small that rounding of A's size would count as thick.
+pub(super) const fn size_of_both(a: f64, b: f64) -> f64 {
+    a.min(b).max(1e-4 * a)
+}
 
 /// What two bodies with faces or straight sides share. Forces and moments are over a stiffness, energies too: those of `k = 1 N/m`.
 #[derive(Clone, Copy, Debug, PartialEq)]

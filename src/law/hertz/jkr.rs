@@ -203,6 +203,19 @@ impl Jkr {
     }
 }
 
+impl Jkr {
+    /// Contact radii of a body on planes of all materials, at an overlap over its radius [m].
+    fn radii_on_plane(&self, body: &Body, overlap: f64) -> impl Iterator<Item = f64> {
+        let elastic = self.hertz.settings.interactions.of_material(body.material);
+        let adhesion = self.adhesion.of_material(body.material);
+        let radius = body.radius;
+        elastic.iter().zip(adhesion).map(move |(elastic, adhesion)| {
+            Sticking::of(elastic.modulus, radius, adhesion.surface_energy)
+                .contact_radius(overlap * radius)
+        })
+    }
+}
+
 impl Model for Jkr {
     type Constants<L: Lanes> = Constants<L>;
 
@@ -343,13 +356,19 @@ impl Model for Jkr {
     /// On a plane, at the largest overlap that is expected.
     fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
         let elastic = self.hertz.settings.interactions.of_material(body.material);
-        let adhesion = self.adhesion.of_material(body.material);
-        let overlap = self.hertz.settings.largest_overlap * body.radius;
-        let radii = elastic.iter().zip(adhesion).map(|(elastic, adhesion)| {
-            Sticking::of(elastic.modulus, body.radius, adhesion.surface_energy)
-                .contact_radius(overlap)
-        });
+        let radii = self.radii_on_plane(body, self.hertz.settings.largest_overlap);
         super::hardest(elastic.iter().zip(radii), reduced_mass)
+    }
+
+    /// Stiffness goes with the contact radius, which adhesion gives before there is any overlap.
+    fn stiffens(&self, overlap: f64, library: &Library) -> f64 {
+        let growth = library.extremes().flat_map(|(shape, scale)| {
+            let body = Body::of(library, shape, scale);
+            let [meant, now] = [self.hertz.settings.largest_overlap, overlap]
+                .map(|overlap| self.radii_on_plane(&body, overlap).collect::<Vec<_>>());
+            now.into_iter().zip(meant).map(|(now, meant)| now / meant).collect::<Vec<_>>()
+        });
+        growth.fold(1.0, f64::max)
     }
 
     fn hardest_up_to(&self) -> Option<f64> {

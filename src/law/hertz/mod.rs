@@ -22,8 +22,8 @@
 //! an ellipse meets the compliance `((1 - ν) K + ν (K - E)/e²) / (2π a' G)` on each side, along the shorter one `(K - ν (K - E)/e²) /
 //! (2π a' G)`, with the complete elliptic integrals `K`, `E` of the ellipse's eccentricity `e` and its longer semi-axis `a'` (Mindlin
 //! 1949). Their mean is that of a circle of radius `π a' / (2 K)`, which is `a`, whatever `ν`: the choice is the exact mean
-//! over the directions. The axes differ from it by `ν (2 (K - E)/e² - K) / ((2 - ν) K)`: with `ν = 0.3` 3.5 % at `R'/R''` = 4, 6 % at 10,
-//! less than the 12 to 18 % by which Mindlin's own stiffness falls on the way to half of Coulomb's limit. `8 G* √(a' b')`, which is used
+//! over the directions. The axes differ from it by `ν (2 (K - E)/e² - K) / ((2 - ν) K)`: with `ν = 0.3` 3.9 % at `R'/R''` = 4, 6 % at 10,
+//! less than the 21 % by which Mindlin's own tangent stiffness, `(1 - T/μN)^(1/3)` of the first, falls on the way to half of Coulomb's limit. `8 G* √(a' b')`, which is used
 //! elsewhere, is 5 % softer at 4 than this mean and 13 % at 10.
 //!
 //! What is remembered is `a` beside the force, for the energies and the shrinking of `T`.
@@ -73,7 +73,7 @@ pub struct Settings {
     pub interactions: Interactions,
     /// Normal dashpots never make a contact attractive.
     pub limit_damping: bool,
-    /// The overlap that the time step is made for, over the radius of the smaller body, or its least half length [-].
+    /// The overlap that the time step is made for, over the radius of the smaller body, or that of the largest sphere in it about its centre [-].
     pub largest_overlap: f64,
 }
 
@@ -98,7 +98,7 @@ pub(super) struct Hertz {
     radii: Vec<f64>,
     /// Where it departs from its formulas.
     limits: Vec<String>,
-    /// Of each shape, the radius of its flattest contact with a plane at an overlap of its least half length [m].
+    /// Of each shape, the radius of its flattest contact with a plane at an overlap of the radius of the largest sphere in it about its centre [m].
     widest: Vec<f64>,
     state: Vec<StateColumn>,
 }
@@ -285,7 +285,7 @@ fn widest_of(shape: &Shape, radius: f64) -> f64 {
         _ if shape.kind().is_smooth() => curvature::flattest(shape),
         _ => radius.sqrt(),
     };
-    root_of_radius * shape.half_lengths().min().sqrt()
+    root_of_radius * shape.inscribed_radius().sqrt()
 }
 
 /// The root of what may be 0 or less, where it is 0.
@@ -297,7 +297,7 @@ fn root<L: Lanes>(overlap: L) -> L {
 
 /// The hardest of contacts with these constants and contact radii [m].
 fn hardest<'a>(contacts: impl Iterator<Item = (&'a Constants, f64)>, reduced_mass: f64) -> Hardest {
-    let mut hardest = Hardest { stiffness: 0.0, dashpots: [0.0; 2] };
+    let mut hardest = Hardest { stiffness: 0.0, dashpots: [0.0; 2], turning: [0.0; 2] };
     for (constants, size) in contacts {
         let normal = 2.0 * constants.modulus * size;
         let tangential =
@@ -467,13 +467,17 @@ impl Model for Hertz {
     fn words(&self, a: MaterialId, b: MaterialId) -> String {
         let constants = self.settings.interactions.of(a, b);
         format!(
-            "E* {:.4e} Pa, G* {:.4e} Pa, friction {}, damping ratio {:.4}, step for overlaps up to {:.3} of a {}{}",
+            "E* {:.4e} Pa, G* {:.4e} Pa, friction {}, damping ratio {:.4}, step for overlaps up to {:.3} of {}{}",
             constants.modulus,
             constants.shear_modulus,
             constants.friction,
             constants.damping_ratio,
             self.settings.largest_overlap,
-            if self.curved || !self.limits.is_empty() { "least half length" } else { "radius" },
+            if self.curved || !self.limits.is_empty() {
+                "half the shortest axis"
+            } else {
+                "a radius"
+            },
             if self.curved {
                 "; contacts are ellipses, by the curvature of both bodies"
             } else {

@@ -299,7 +299,7 @@ impl Model for Linear {
             let ratio = if c.is_frictional() { c.tangential_damping_ratio } else { 0.0 };
             ratio * c.tangential_stiffness.sqrt()
         });
-        Hardest { stiffness, dashpots: [normal, tangential] }
+        Hardest { stiffness, dashpots: [normal, tangential], turning: [0.0; 2] }
     }
 
     fn words(&self, a: MaterialId, b: MaterialId) -> String {

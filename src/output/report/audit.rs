@@ -29,12 +29,12 @@ pub struct OfKinds {
     pub against: &'static str,
     /// How many were resolved again.
     pub contacts: u64,
-    /// How many of these touch in the run, but not when resolved again. They have an error of the overlap (at least) and of
-    /// the force; no normal, no point, no relative overlap.
+    /// How many of these overlap in the run, but not when resolved again. They have an error of the overlap (at least) and of
+    /// the force; no normal, no point, no relative overlap. Contacts that adhesion holds across a gap have these two, too.
     pub spurious: u64,
     /// How many could not be resolved again; they have no errors.
     pub unresolved: u64,
-    /// Mean elastic normal force of those that touch when resolved again: the unit of `force`.
+    /// Mean size of the elastic normal force, as it is when resolved again, without spurious ones: the unit of `force`.
     pub mean_force_n: f64,
     /// Error of the overlap over the shortest axis (a diameter) of the smaller body.
     pub overlap: Spread,

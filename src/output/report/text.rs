@@ -106,7 +106,7 @@ impl Report {
             )
         };
         page.line(format_args!(
-            "contacts   {:.3e} resolved, {:.3e} per second, {ns:.1} ns each; {fallbacks}",
+            "contacts   {:.3e} over all steps, {:.3e} per second, {ns:.1} ns each; {fallbacks}",
             contacts.contacts as f64, contacts.contacts_per_s,
         ));
     }
@@ -114,7 +114,11 @@ impl Report {
     fn energy(&self, page: &mut Page) {
         let energy = &self.energy;
         let part = |part: Option<f64>, of: &str| {
-            part.map_or_else(String::new, |part| format!(", {:.4} % of the {of}", 100.0 * part))
+            part.map_or_else(String::new, |part| {
+                // A share that rounds to nothing has no sign.
+                let percent = (1e6 * part).round() / 1e4 + 0.0;
+                format!(", {percent:.4} % of the {of}")
+            })
         };
         page.line(format_args!(
             "energy     missing {:.1e} J{}{}",

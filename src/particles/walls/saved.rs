@@ -67,6 +67,15 @@ impl Saved {
     }
 }
 
+/// Of a stage that goes on.
+#[derive(Clone, Copy, Debug)]
+pub struct Before {
+    /// Its steps until now [s].
+    pub dt: f64,
+    /// The time since it began [s].
+    pub time: f64,
+}
+
 impl Wall {
     /// What a snapshot must hold of it besides [`Wall::surface`] and its velocity, if anything.
     pub fn saved(&self) -> Option<Saved> {
@@ -103,7 +112,7 @@ impl Wall {
 
     /// Goes on from where a snapshot of step `step` has it, with the velocities or the course of the scene, in which it stands now;
     /// `goes_on` if steps are counted on and are as long as before. A course goes on within a
-    /// stage, whose steps were of `dt_before` [s]. At the start of a stage it turns about the point that the scene says. Returns how
+    /// stage, of which `before` tells. Where it begins to turn, it does so about the point that the scene says. Returns how
     /// far that is off the scene's place, where that is most within `room` [m], 0 for rounding; `None` if it is another wall, which stands
     /// where the scene says.
     pub fn go_on(
@@ -111,25 +120,37 @@ impl Wall {
         surface: &(Vec3, Vec3),
         saved: Option<&Saved>,
         goes_on: bool,
-        (step, dt_before): (u64, Option<f64>),
+        (step, before): (u64, Option<Before>),
         library: &mut Library,
         room: &Corners,
     ) -> Option<f64> {
         let is_same = self.is_same(surface, saved);
-        let (before, about) = (self.in_place().collect::<Vec<_>>(), self.point);
+        let (planes_were, about) = (self.in_place().collect::<Vec<_>>(), self.point);
         let corners_were: Vec<Vec3> = self.corners().collect();
-        let is_new_stage = dt_before.is_none();
-        let mut is_another = false;
+        let is_new_stage = before.is_none();
+        let (mut is_another, mut begins_to_turn) = (false, true);
         match saved {
             Some(saved) if is_same => {
                 self.point = saved.point;
                 self.orientation = saved.orientation;
                 self.turning = saved.turning.filter(|_| goes_on);
-                self.following = saved.following.filter(|_| goes_on && self.course.is_some());
+                // Another course than before goes on from where the wall stands, like one of other steps.
+                let leads_here = |following: &Following| {
+                    let (course, stage) = self.course.as_ref().zip(before)?;
+                    let pose = following.pose_at(course, following.time_at(step, stage.dt));
+                    Some(pose.point == saved.point && pose.orientation == saved.orientation)
+                };
+                self.following = saved
+                    .following
+                    .filter(|following| goes_on && leads_here(following) == Some(true));
                 for (facet, geometry) in self.facets.iter_mut().zip(&saved.facets) {
                     facet.geometry = *geometry;
                 }
-                let turns_about_another = self.may_turn() && is_new_stage;
+                let turned = saved.turning.is_some()
+                    || saved.following.is_some()
+                    || saved.angular_velocity != Vec3::zeros();
+                begins_to_turn = is_new_stage || !turned;
+                let turns_about_another = self.may_turn() && begins_to_turn;
                 let (frame, shift) = (self.frame(), self.point - about);
                 if let (Some(mesh), Some(of_saved)) = (&mut self.mesh, saved.mesh) {
                     // At once, not by way of the point before: what goes on from here has the same bits.
@@ -141,18 +162,21 @@ impl Wall {
                     }
                 }
             }
-            None if self.facets.len() == 1 => {
+            None if is_same && self.facets.len() == 1 => {
                 self.facets[0].geometry.offset = 0.0;
                 self.point = surface.0;
             }
             _ => is_another = true,
         }
-        if self.may_turn() && (is_new_stage || saved.is_none()) && self.mesh.is_none() {
+        if self.may_turn() && begins_to_turn && self.mesh.is_none() {
             self.refer_to(about);
         }
         if self.course.is_some() && self.following.is_none() {
-            let followed = saved.and_then(|saved| saved.following).zip(dt_before);
-            let time = followed.map_or(0.0, |(before, dt)| before.time_at(step, dt));
+            let followed = saved.and_then(|saved| saved.following);
+            // One that is new within a stage keeps the time of the stage, too.
+            let time = before.map_or(0.0, |stage| {
+                followed.map_or(stage.time, |before| before.time_at(step, stage.dt))
+            });
             self.following = Some(Following { since: step, time, from: self.pose() });
         }
         for facet in &self.facets {
@@ -163,7 +187,7 @@ impl Wall {
         }
         self.note_listing();
         let ways = self.corners().zip(corners_were).map(|(now, was)| (now - was).norm());
-        let off = ways.fold(most_moved(self.in_place().zip(before), room), f64::max);
+        let off = ways.fold(most_moved(self.in_place().zip(planes_were), room), f64::max);
         let is_off = off > 1e-12 * about.amax().max(self.point.amax());
         (!is_another).then_some(if is_off { off } else { 0.0 })
     }

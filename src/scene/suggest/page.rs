@@ -63,7 +63,9 @@ impl Found<'_> {
         let scene: &Scene = &trials.scene;
         let steps = trials.behind + (trials.left / run.dt).ceil() as u64;
         let mut lines = vec!["[time]".to_owned(), format!("step = {:e}", run.dt)];
-        lines.push(format!("steps = {steps}"));
+        if scene.duration.is_none() {
+            lines.push(format!("steps = {steps}"));
+        }
         lines.push("[contact]".to_owned());
         lines.extend(method.iter().map(|(key, value)| format!("{key} = {value}")));
         let scaled = |every: u64| (every as f64 * scene.dt / run.dt).round().max(1.0);

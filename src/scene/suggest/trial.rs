@@ -97,7 +97,7 @@ pub struct Trials<'a> {
     pub(super) first: f64,
     /// Steps of a trial with it.
     pub(super) steps: u64,
-    /// Particles, those included that will rain.
+    /// Particles at the start, and all of the rain if it has not begun.
     pub(super) particles: u64,
     /// Steps of the stage that are behind the start, and time that is left of it [s].
     pub(super) behind: u64,
@@ -118,8 +118,19 @@ impl<'a> Trials<'a> {
                 question.scene.display()
             )));
         };
-        let (sim, _) = started(&scene, question.start)?;
-        let rain = scene.rain.as_ref().map_or(0, |rain| rain.count);
+        let (sim, resumed) = started(&scene, question.start)?;
+        if let Some(inlet) = scene.inlets.iter().find(|inlet| {
+            inlet.until.is_none() || sim.drives.iter().any(|drive| drive.unfinished().is_some())
+        }) {
+            return Err(Unanswered::Input(format!(
+                "{}: grains of inlet `{}` appear in other places with every step, so trials cannot be compared: try a stage without \
+                 inlets, with these grains in its `start`",
+                question.scene.display(),
+                inlet.name
+            )));
+        }
+        // A snapshot within the stage holds what has fallen.
+        let rain = scene.rain.as_ref().filter(|_| !resumed).map_or(0, |rain| rain.count);
         let particles = sim.particles.owned as u64 + rain;
         let behind = sim.step - sim.stage_begin.0;
         let left = scene.steps.saturating_sub(behind) as f64 * scene.dt;

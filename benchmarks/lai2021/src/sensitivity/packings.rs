@@ -81,8 +81,8 @@ fn settle_all(
 /// Numbers of a snapshot as cells.
 fn measured(folder: &Path, choice: &Choice, picks: &[Pick]) -> Result<Vec<String>> {
     let newest = series::newest(folder)?;
-    let (reports, _) = series::reports(&series::open(&[newest])?, choice)?;
-    let summary = &reports.last().context("a report")?.summary;
+    let newest = series::reports(&series::open(&[newest])?, choice)?;
+    let summary = &newest.reports.last().context("a report")?.summary;
     let cell = |pick: &Pick| pick(summary).map_or_else(String::new, |value| general(value, 5));
     Ok(picks.iter().map(cell).collect())
 }

@@ -13,7 +13,7 @@ use dem_mpi::post::draw::{BLUE, GREEN, INK, ORANGE};
 use dem_mpi::post::history::History;
 use dem_mpi::post::picture::{Picture, side_by_side};
 use dem_mpi::post::report::{Report, Summary, readable};
-use dem_mpi::post::series::{self, Choice};
+use dem_mpi::post::series::{self, Analysed, Choice};
 use dem_mpi::post::sums::quotient;
 use plotters::style::RGBColor;
 use std::fs;
@@ -180,10 +180,10 @@ impl Run {
         let stage = |name: &str| folder.join(name);
         let shear = match if_any(series::all(&stage("shear")))? {
             Some(files) => series::reports(&series::open(&files)?, choice)?,
-            None => (Vec::new(), Picture::default()),
+            None => Analysed::default(),
         };
         let mut unfinished = Vec::new();
-        let mut next_has_begun = !shear.0.is_empty();
+        let mut next_has_begun = !shear.reports.is_empty();
         // A stage is over if the next one has begun from it, or if it or the script that ran it says so.
         let mut last = |name| -> Result<Option<(Report, Picture)>, TriaxialError> {
             let Some(file) = if_any(series::newest(&stage(name)))? else { return Ok(None) };
@@ -193,7 +193,8 @@ impl Run {
                 unfinished.push(name);
                 return Ok(None);
             }
-            let (mut reports, picture) = series::reports(&series::open(&[file])?, choice)?;
+            let Analysed { mut reports, picture, .. } =
+                series::reports(&series::open(&[file])?, choice)?;
             Ok(reports.pop().map(|report| (report, picture)))
         };
         let (consolidation, packing) = (last("consolidation")?, last("packing")?);
@@ -205,7 +206,8 @@ impl Run {
                 break;
             }
             if let Some(newest) = if_any(series::newest(&folder))? {
-                other_packings.extend(series::reports(&series::open(&[newest])?, choice)?.0.pop());
+                let mut newest = series::reports(&series::open(&[newest])?, choice)?;
+                other_packings.extend(newest.reports.pop());
             }
         }
         let mut run = Self {
@@ -213,7 +215,7 @@ impl Run {
             packing: packing.as_ref().map(|(report, _)| report.clone()),
             other_packings,
             consolidation: consolidation.map(|(report, _)| report),
-            shear: shear.0,
+            shear: shear.reports,
             unfinished,
             missing_energy: stages
                 .into_iter()
@@ -228,7 +230,7 @@ impl Run {
         run.costs = costs.collect();
         let pictures = packing
             .filter(|_| !run.shear.is_empty())
-            .map(|(_, packing)| Pictures { packing, sheared: shear.1 });
+            .map(|(_, packing)| Pictures { packing, sheared: shear.picture });
         Ok((run, pictures))
     }
 
