@@ -207,7 +207,7 @@ impl Body<'_> {
         if overlap > 0.0 && !is_on(on_a.dot(along)) {
             return ELSEWHERE;
         }
-        // A body that goes round the edge is deep along a direction in which it faces, and does not touch it.
+        // A body beside the edge may be deep along a direction in which the edge faces, and not come to it.
         let foot = deepest + out * overlap;
         if overlap > 0.0 && !self.a.contains(&foot) && !self.reaches(edge) {
             return ELSEWHERE;

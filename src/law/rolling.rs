@@ -89,7 +89,7 @@ pub struct Rolling<M> {
     /// Numbers in it before those of the forces.
     own: usize,
     /// Of each shape, the moment of inertia of a sphere of its mass and bounding radius over its own least one [-].
-    nimble: Vec<f64>,
+    inertia_ratio: Vec<f64>,
 }
 
 impl<M: Model> Rolling<M> {
@@ -109,13 +109,13 @@ impl<M: Model> Rolling<M> {
             columns.into_iter().filter(|(is_in, _)| *is_in).map(|(_, c)| c).collect();
         let own = StateColumn::total_width(&state);
         state.extend_from_slice(forces.state());
-        let nimble = |shape: &Shape| {
+        let inertia_ratio = |shape: &Shape| {
             let of_sphere = 0.4 * shape.bounding_radius() * shape.bounding_radius();
             // Of walls nothing turns.
             if shape.kind().is_of_walls() { 1.0 } else { of_sphere / shape.gyration().min() }
         };
-        let nimble = library.shapes.iter().map(nimble).collect();
-        Self { forces, interactions, rolls, twists, remembers, state, own, nimble }
+        let inertia_ratio = library.shapes.iter().map(inertia_ratio).collect();
+        Self { forces, interactions, rolls, twists, remembers, state, own, inertia_ratio }
     }
 
     /// Does anything resist?
@@ -434,15 +434,15 @@ impl<M: Model> Model for Rolling<M> {
     /// radius. About each axis there is rolling or twisting. Bodies that turn more easily than a sphere feel it the more.
     fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
         let mut hardest = self.forces.hardest(body, reduced_mass);
-        let (normal, nimble) = (hardest.stiffness, self.nimble[body.shape.index()]);
+        let (normal, inertia_ratio) = (hardest.stiffness, self.inertia_ratio[body.shape.index()]);
         let (mut stiffness, mut dashpot) = (0.0_f64, 0.0_f64);
         for constants in self.interactions.of_material(body.material) {
             let Constants { rolling_friction, twisting_friction, damping_ratio } = *constants;
             let friction = rolling_friction.max(twisting_friction);
             let of_this = STIFFNESS * friction * friction * normal;
             let critical = 2.0 * (ABOUT_CONTACT * reduced_mass * of_this).sqrt();
-            stiffness = stiffness.max(nimble * of_this);
-            dashpot = dashpot.max(nimble * damping_ratio * critical);
+            stiffness = stiffness.max(inertia_ratio * of_this);
+            dashpot = dashpot.max(inertia_ratio * damping_ratio * critical);
         }
         hardest.turning = [stiffness, dashpot];
         hardest

@@ -269,14 +269,18 @@ impl History {
     }
 }
 
+/// The lines of a text that have an end: a crash or a full disk may have left half a line.
+pub fn whole_lines(text: &[u8]) -> &[u8] {
+    let end = text.iter().rposition(|&byte| byte == b'\n');
+    &text[..end.map_or(0, |end| end + 1)]
+}
+
 /// The names of a table, and its rows of the steps that `keep` names.
 fn kept(
     text: &[u8],
     keep: impl Fn(u64) -> bool,
 ) -> csv::Result<(csv::StringRecord, Vec<csv::StringRecord>)> {
-    // A crash may have left half a line.
-    let whole = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
-    let mut table = csv::ReaderBuilder::new().flexible(true).from_reader(&text[..whole]);
+    let mut table = csv::ReaderBuilder::new().flexible(true).from_reader(whole_lines(text));
     let names = table.headers()?.clone();
     let mut rows = table.records().collect::<csv::Result<Vec<_>>>()?;
     rows.retain(|row| row.get(0).and_then(|step| step.parse().ok()).is_some_and(&keep));

@@ -14,7 +14,7 @@
 
 mod saved;
 
-pub use saved::{Before, Saved};
+pub use saved::{Saved, StageSoFar};
 
 use super::courses::Course;
 use crate::cell::Cell;
@@ -732,7 +732,7 @@ mod tests {
                 let mut again = Wall::plane("wall".to_owned(), Vec3::zeros(), Vec3::x());
                 again.enter(&mut library, super::MaterialId(0));
                 again.angular_velocity = wall.angular_velocity;
-                let now = (300, Some(super::Before { dt: 1e-3, time: 0.3 }));
+                let now = (300, Some(super::StageSoFar { dt: 1e-3, time: 0.3 }));
                 again.go_on(&wall.surface(), saved.as_ref(), true, now, &mut library, &ROOM);
                 wall = again;
             }

@@ -134,8 +134,12 @@ pub enum MeasureError {
 }
 
 impl MeasureError {
-    /// Whether this snapshot only has nothing to measure, where another one of its run may have.
-    pub(super) const fn is_of_one_state(&self) -> bool {
-        matches!(self, Self::NobodyThere | Self::OneGroup { .. } | Self::NoSurface { .. })
+    /// Whether this snapshot only has nothing to measure, where another one of its run may have, perhaps within the same margin.
+    pub(super) const fn is_of_one_state(&self, has_margin: bool) -> bool {
+        match self {
+            Self::NobodyThere | Self::OneGroup { .. } | Self::NoSurface { .. } => true,
+            Self::Post(error) => has_margin && error.is_of_margin(),
+            _ => false,
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! The table of a run's scalars by time, `history.csv`: every numeric column, whatever a scene wrote.
 
+use crate::output::table::whole_lines;
 use std::io::Read;
 
 /// Why a history could not be read.
@@ -44,8 +45,8 @@ impl History {
     pub fn read(mut source: impl Read) -> Result<Self, HistoryError> {
         let mut text = Vec::new();
         source.read_to_end(&mut text)?;
-        let lines = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
-        let mut table = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&text[..lines]);
+        let mut table =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(whole_lines(&text));
         let names: Vec<String> = table.headers()?.iter().map(str::to_string).collect();
         let is_time = |name: &String| {
             let name = name.to_lowercase();

@@ -326,12 +326,7 @@ fn of_each<T>(
         match one() {
             Ok(one) => made.push(one),
             Err(error) => {
-                let is_of_one_state = match &error {
-                    MeasureError::Post(error) => {
-                        source.choice.margin.is_some() && error.is_of_margin()
-                    }
-                    error => error.is_of_one_state(),
-                };
+                let is_of_one_state = error.is_of_one_state(source.choice.margin.is_some());
                 let file = snapshot.path.display().to_string();
                 let error = MeasureError::In { file, error: Box::new(error) };
                 if !is_of_one_state {

@@ -24,7 +24,7 @@ use crate::output::snapshot::Reader;
 use crate::particles::Particles;
 use crate::particles::columns::Accumulated;
 use crate::particles::records::Particle;
-use crate::particles::walls::{Before, Wall, area};
+use crate::particles::walls::{StageSoFar, Wall, area};
 use crate::search::PairList;
 use crate::sim::{Simulation, audit::Auditor, capture, watch::Watch};
 use crate::timing::Clock;
@@ -312,7 +312,7 @@ pub fn take_up(
     let (mut walls_elsewhere, mut other_walls) = (Vec::new(), Vec::new());
     let goes_on = continuation == Continuation::SameStage && header.dt == sim.dt;
     let room = (scene.domain.low(), scene.domain.high());
-    let before = Before { dt: header.dt, time: header.time - header.stage_begin.1 };
+    let before = StageSoFar { dt: header.dt, time: header.time - header.stage_begin.1 };
     let now = (header.step, (continuation == Continuation::SameStage).then_some(before));
     let Particles { walls, library, .. } = &mut sim.particles;
     for wall in walls {

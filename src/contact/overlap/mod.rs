@@ -109,11 +109,7 @@ const TOLERANCE: f64 = 1e-6;
 /// How far two bodies are apart at least [m], 0 if they hardly overlap; `None` if they do. Of rounded bodies, not of the polyhedra
 /// that stand for them.
 fn clearance(a: &Posed, b: &Posed, r: &Vec3) -> Option<f64> {
-    let size = match b.shape {
-        Shape::HalfSpace(_) => a.bounding_radius(),
-        _ => size_of_both(a.bounding_radius(), b.bounding_radius()),
-    };
-    let thin = THIN * size;
+    let thin = THIN * size_of_both(a.bounding_radius(), b.bounding_radius());
     let clear = |clearance: f64| (clearance > -thin).then_some(clearance.max(0.0));
     if let Shape::HalfSpace(plane) = b.shape {
         let normal = -(b.frame * plane.normal);

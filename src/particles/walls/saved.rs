@@ -69,7 +69,7 @@ impl Saved {
 
 /// Of a stage that goes on.
 #[derive(Clone, Copy, Debug)]
-pub struct Before {
+pub struct StageSoFar {
     /// Its steps until now [s].
     pub dt: f64,
     /// The time since it began [s].
@@ -120,7 +120,7 @@ impl Wall {
         surface: &(Vec3, Vec3),
         saved: Option<&Saved>,
         goes_on: bool,
-        (step, before): (u64, Option<Before>),
+        (step, before): (u64, Option<StageSoFar>),
         library: &mut Library,
         room: &Corners,
     ) -> Option<f64> {
