@@ -5,13 +5,14 @@ use crate::overlap::{cuboid, derivative, solids};
 use crate::random::Draw;
 use crate::support::{Bench, Frame, OnRanks, close, scene};
 use dem_mpi::contact::{
-    ContactResolver, Outcome, OverlapWithSurface, Posed, Thickness, thickness, thickness_on_surface,
+    ContactResolver, Epa, Outcome, OverlapWithSurface, Posed, Thickness, thickness,
+    thickness_on_surface,
 };
 use dem_mpi::math::{Mat3, Quat, Vec3, rotation_about};
 use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
 use dem_mpi::shape::triangle_mesh::TriangleMesh;
-use dem_mpi::shape::{HalfSpace, Shape};
+use dem_mpi::shape::{HalfSpace, Polyhedron, Shape};
 use std::sync::Arc;
 
 /// How near a body says that it is to a contact with a facet, it is not nearer: over convex edges, too, where the contact passes from face to
@@ -56,6 +57,137 @@ fn a_clearance_is_kept_beside_convex_edges() {
         }
     }
     assert!(seen[1] > 3000, "{seen:?}");
+}
+
+/// The surface of a convex polyhedron, of which each triangle is cut into four, so often.
+fn refined(body: &Shape, times: u32) -> Triangles {
+    let Shape::Polyhedron(body) = body else { panic!("no polyhedron") };
+    let hull = body.hull();
+    let of_hull = |corners: [u32; 3]| corners.map(|k| hull.vertices()[k as usize]);
+    let mut triangles: Triangles =
+        hull.triangles().iter().map(|triangle| of_hull(triangle.corners)).collect();
+    for _ in 0..times {
+        let quarters = |[a, b, c]: [Vec3; 3]| {
+            let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(from, to)| (from + to) * 0.5);
+            [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+        };
+        triangles = triangles.into_iter().flat_map(quarters).collect();
+    }
+    triangles
+}
+
+/// Convex bodies with edges of all angles: needles, wedges, boxes.
+fn sharp_solids(random: &mut Random) -> Vec<(String, Shape)> {
+    let body =
+        |corners: &[Vec3]| Shape::Polyhedron(Box::new(Polyhedron::new(corners).expect("a body")));
+    let mut solids = vec![("box".to_owned(), body(&corners_of_box(Vec3::new(2.0, 1.6, 1.2))))];
+    for degrees in [20.0, 50.0, 80.0, 88.0_f64] {
+        let half = libm::tan(0.5 * degrees.to_radians());
+        let corners = [-1.5, 1.5].map(|y| {
+            [Vec3::new(0.0, y, 0.0), Vec3::new(2.0, y, 2.0 * half), Vec3::new(2.0, y, -2.0 * half)]
+        });
+        solids.push((format!("wedge of {degrees} degrees"), body(&corners.concat())));
+    }
+    for k in 0..6 {
+        let corners: Vec<Vec3> = (0..4).map(|_| random.direction() * 1.5).collect();
+        if let Ok(spike) = Polyhedron::new(&corners) {
+            solids.push((format!("tetrahedron {k}"), Shape::Polyhedron(Box::new(spike))));
+        }
+    }
+    solids
+}
+
+fn corners_of_box(edges: Vec3) -> Vec<Vec3> {
+    let Shape::Polyhedron(body) = cuboid(edges) else { panic!("no box") };
+    body.hull().vertices().to_vec()
+}
+
+/// Two distances that are as one, at the lower of which bodies share something, while they do not at the other: coming from far away.
+fn first_touch(is_shared: impl Fn(f64) -> bool) -> (f64, f64) {
+    let (mut within, mut beyond) = (5.0, 5.0);
+    while !is_shared(within) {
+        (within, beyond) = (within - 0.02, within);
+    }
+    for _ in 0..50 {
+        let middle = 0.5 * (within + beyond);
+        if is_shared(middle) { within = middle } else { beyond = middle }
+    }
+    (within, beyond)
+}
+
+/// Beside edges and tips of any angle a body feels nothing until it touches, and then something: against EPA on convex bodies.
+#[test]
+fn nothing_is_felt_beside_an_edge_before_it_is_touched() {
+    let mut random = Random::of(2026, 21);
+    let solids = sharp_solids(&mut random);
+    let upright = Mat3::identity();
+    for (name, solid) in &solids {
+        for times in [0, 1, 2, 3] {
+            let mesh = surface(&refined(solid, times));
+            let (mut wrong, mut missed) = (0, 0);
+            for _ in 0..1000 {
+                let body = cuboid(Vec3::from_fn(|_, _| 0.3 + 0.5 * random.unit()));
+                let frame = random.frame();
+                let towards = random.direction();
+                let lying = |distance: f64| Lying {
+                    body: &body,
+                    frame,
+                    wall: Mat3::identity(),
+                    scale: 1.0,
+                    centre: towards * distance,
+                };
+                let is_shared = |distance: f64| {
+                    let (a, b) = (Posed::new(&body, &frame), Posed::new(solid, &upright));
+                    let outcome = Epa::default().touch(&a, &b, &(-towards * distance), None);
+                    matches!(outcome, Outcome::Touching(_))
+                };
+                let (within, beyond) = first_touch(is_shared);
+                let gap = libm::pow(10.0, -4.0 * random.unit()) * 0.3;
+                wrong += usize::from(!lying(beyond + gap).on(&mesh).is_empty());
+                missed += usize::from(lying(within - 0.02).on(&mesh).is_empty());
+            }
+            assert_eq!((wrong, missed), (0, 0), "{name}, {times}");
+        }
+    }
+}
+
+/// However the faces of a convex block are cut, a body that presses on it feels the same.
+#[test]
+fn a_convex_block_is_the_same_however_its_faces_are_cut() {
+    let mut random = Random::of(2026, 22);
+    let solids = sharp_solids(&mut random);
+    for (name, solid) in &solids {
+        let [whole, cut @ ..] = [0, 1, 2, 3].map(|times| surface(&refined(solid, times)));
+        let mut worst = 0.0_f64;
+        for _ in 0..400 {
+            let body = cuboid(Vec3::from_fn(|_, _| 0.3 + 0.5 * random.unit()));
+            let lying = Lying {
+                body: &body,
+                frame: random.frame(),
+                wall: Mat3::identity(),
+                scale: 1.0,
+                centre: Vec3::zeros(),
+            };
+            let towards = random.direction();
+            let at = |distance: f64| lying.moved(towards * distance);
+            let (within, _) = first_touch(|distance| at(distance).on_plane(solid).is_some());
+            let pressed = at(within - 0.02 * random.unit());
+            let sum = |mesh: &Shape| {
+                let found = pressed.on(mesh);
+                let force: Vec3 = found.iter().map(|(_, of)| of.force()).sum();
+                (found.iter().map(|(_, of)| of.energy()).sum::<f64>(), force)
+            };
+            let (energy, force) = sum(&whole);
+            for mesh in &cut {
+                let (again, other) = sum(mesh);
+                // Thin contacts are rounded.
+                let off = (again - energy).abs() / (energy + 1e-6);
+                worst = worst.max(off).max((other - force).norm() / (force.norm() + 1e-3));
+            }
+        }
+        println!("{name}: {worst:.1e}");
+        assert!(worst < 1e-9, "{name}: {worst:e}");
+    }
 }
 
 /// With cells for bodies of the size of [`solids`].

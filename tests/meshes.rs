@@ -152,7 +152,7 @@ fn a_plane_of_triangles_is_the_plane() {
             });
             let surface = &scenes[0].walls[0].mesh.as_ref().unwrap().surface;
             if k == 0 {
-                let faces = surface.facets().iter().filter(|f| matches!(f, MeshFacet::Face { .. }));
+                let faces = surface.facets().filter(|f| matches!(f, MeshFacet::Face { .. }));
                 assert_eq!(faces.count(), 1, "a plane is one face");
             }
             let start = at(normal * 0.0102 - place(0.04, 0.03), place(1.0, 0.8) - normal * 0.1);
@@ -207,7 +207,7 @@ fn touches(mesh: &Arc<TriangleMesh>, body: &Shape, centre: Vec3, turn: Quat) -> 
 fn a_sphere_meets_a_box_in_closed_form() {
     let half = Vec3::new(1.0, 0.7, 0.5);
     let mesh = Arc::new(TriangleMesh::new(&cuboid(-half, half), 0.1).unwrap());
-    assert_eq!(mesh.facets().len(), 6 + 12 + 8);
+    assert_eq!(mesh.facet_count(), 6 + 12 + 8);
     let radius = 0.6;
     let (ball, mut of_kind) = (Shape::Sphere(Sphere { radius }), [0; 3]);
     let mut random = Random::of(1, 1);
@@ -403,7 +403,7 @@ fn smooth_grains_meet_a_box_once_where_they_overlap_it_least() {
         let bound = overlap_along(&posed, &centre, &half, &-touch.normal);
         worst[0] = worst[0].max((touch.overlap - bound).abs());
         worst[1] = worst[1].max(touch.overlap - found_by_force);
-        of_kind[match &mesh.facets()[*facet as usize] {
+        of_kind[match mesh.facet(*facet) {
             MeshFacet::Face { .. } => 0,
             MeshFacet::Edge { .. } => 1,
             MeshFacet::Corner { .. } => 2,

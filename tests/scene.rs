@@ -19,6 +19,7 @@ use dem_mpi::scene::{Fill, FreeWall, Location, Method, Scene, SceneErrors, Servo
 use dem_mpi::shape::Shape;
 use dem_mpi::sim::audit::Settings;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The constants of linear contacts.
 fn interactions(scene: &Scene) -> &Interactions {
@@ -86,6 +87,27 @@ fn good_scenes_pass_and_survive_the_wire() -> Result<()> {
             assert!(plan(&scene, ranks).contains("Left out"), "{}", file.display());
         }
     }
+    Ok(())
+}
+
+/// A surface of triangles is on its way once, and wall and library have it in common again where it arrives.
+#[test]
+fn a_surface_is_sent_and_held_once() -> Result<()> {
+    let scene = Scene::read(Path::new("tests/scenes/good/mesh_walls.toml"), &[])?;
+    let bytes = wire::encode(&scene);
+    let received: Scene = wire::decode(&bytes);
+    let mut of_surfaces = 0;
+    for wall in received.walls.iter().filter(|wall| wall.mesh.is_some()) {
+        let mesh = wall.mesh.as_ref().context("a mesh")?;
+        let Shape::TriangleMesh(shape) = &received.library.shapes[mesh.shape.index()] else {
+            panic!("no surface")
+        };
+        assert!(Arc::ptr_eq(shape, &mesh.surface), "{}", wall.name);
+        of_surfaces += wire::encode(&**shape).len();
+    }
+    let without = Scene { library: Library::default(), ..scene };
+    let rest = wire::encode(&without).len();
+    assert!(bytes.len() < rest + of_surfaces * 3 / 2, "{} {of_surfaces} {rest}", bytes.len());
     Ok(())
 }
 

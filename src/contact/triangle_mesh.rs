@@ -73,13 +73,13 @@ impl ContactResolver for AgainstTriangleMesh {
             centre: -b.frame.tr_mul(r),
             border: BORDER * a.bounding_radius(),
         };
-        let outcome = match &mesh.facets()[b.facet as usize] {
-            MeshFacet::Face { normal, offset } => body.on_face(mesh, b.facet, normal, *offset),
-            edge @ MeshFacet::Edge { .. } => body.on_edge(edge),
-            MeshFacet::Strip(strip) => body.on_strip(strip, b.facet == 0),
-            MeshFacet::Corner { at, edges } => {
+        let outcome = match mesh.facet(b.facet) {
+            MeshFacet::Face { normal, offset } => body.on_face(mesh, b.facet, &normal, offset),
+            edge @ MeshFacet::Edge { .. } => body.on_edge(&edge),
+            MeshFacet::Strip(strip) => body.on_strip(&strip, b.facet == 0),
+            MeshFacet::Corner { at } => {
                 let warm = warm.map(|normal| b.frame.tr_mul(normal));
-                body.on_corner(at, edges, &self.points, warm.as_ref())
+                body.on_corner(&at, mesh.edges_at(b.facet), &self.points, warm.as_ref())
             }
         };
         match outcome {
@@ -285,7 +285,13 @@ impl Body<'_> {
         Touch { overlap, normal: into, point: deepest - into * (0.5 * overlap) }.outcome()
     }
 
-    fn on_corner(&self, at: &Vec3, edges: &[Vec3], points: &Chain, warm: Option<&Vec3>) -> Outcome {
+    fn on_corner(
+        &self,
+        at: &Vec3,
+        mut edges: impl Iterator<Item = Vec3>,
+        points: &Chain,
+        warm: Option<&Vec3>,
+    ) -> Outcome {
         if let Some(apart) = self.apart_from(at) {
             return apart;
         }
@@ -308,8 +314,7 @@ impl Body<'_> {
         };
         match outcome {
             Outcome::Touching(Touch { normal, .. })
-                if normal.dot(&way) >= 0.0
-                    || edges.iter().any(|along| -normal.dot(along) > BORDER) =>
+                if normal.dot(&way) >= 0.0 || edges.any(|along| -normal.dot(&along) > BORDER) =>
             {
                 ELSEWHERE
             }

@@ -22,7 +22,7 @@ use crate::contact::FacetInPlace;
 use crate::ids::{GlobalId, MaterialId, ShapeId};
 use crate::math::{Mat3, Quat, Vec3, larger_or_infinite, rotation_about};
 use crate::particles::Library;
-use crate::shape::triangle_mesh::{self, MeshFacet, NoSolid};
+use crate::shape::triangle_mesh::{MeshFacet, NoSolid};
 use crate::shape::{HalfSpace, Shape, TriangleMesh};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -80,8 +80,8 @@ pub enum TorqueAbout {
 /// The surface of a wall of triangles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mesh {
-    /// Its geometry, in the axes of the wall.
-    #[serde(with = "triangle_mesh::shared")]
+    /// Its geometry, in the axes of the wall. Messages between ranks have it once, in the library of shapes.
+    #[serde(skip)]
     pub surface: Arc<TriangleMesh>,
     /// The same in the library of shapes, once it is there.
     pub shape: ShapeId,
@@ -94,7 +94,7 @@ impl Mesh {
     fn set_origin(&mut self, origin: Vec3) {
         let place = self.origin - origin;
         if place != Vec3::zeros() {
-            self.surface = Arc::new(TriangleMesh::clone(&self.surface).seen_from(&place));
+            Arc::make_mut(&mut self.surface).see_from(&place);
         }
         self.origin = origin;
     }
@@ -257,9 +257,9 @@ impl Wall {
     ///
     /// # Errors
     /// If the surface has no two sides.
-    pub fn with_cells(&mut self, farthest: f64) -> Result<(), NoSolid> {
+    pub fn add_cells(&mut self, farthest: f64) -> Result<(), NoSolid> {
         if let Some(Mesh { surface, .. }) = &mut self.mesh {
-            *surface = Arc::new(TriangleMesh::clone(surface).with_cells(farthest)?);
+            Arc::make_mut(surface).add_cells(farthest)?;
         }
         Ok(())
     }
@@ -271,8 +271,9 @@ impl Wall {
 
     /// What messages call one of its facets; nothing if it is the only one.
     pub fn facet_name(&self, facet: usize) -> String {
-        let of_mesh = self.mesh.as_ref().and_then(|mesh| mesh.surface.facets().get(facet));
-        match of_mesh {
+        let is_there = |mesh: &&Mesh| facet < mesh.surface.facet_count();
+        let mesh = self.mesh.as_ref().filter(is_there);
+        match mesh.map(|mesh| mesh.surface.facet(facet as u32)) {
             Some(MeshFacet::Face { .. }) => format!("face {facet} of "),
             Some(MeshFacet::Edge { .. }) => format!("edge {facet} of "),
             Some(MeshFacet::Strip(_)) => format!("strip {facet} of "),
@@ -303,6 +304,15 @@ impl Wall {
             let shape = Shape::TriangleMesh(mesh.surface.clone());
             mesh.shape = library.push(&self.name, shape, material, f64::INFINITY);
             library.mass[mesh.shape.index()] = mass_against(mesh.surface.most_along(&along));
+        }
+    }
+
+    /// Takes its surface of triangles, of which a message has none, from the library.
+    pub(crate) fn take_surface(&mut self, library: &Library) {
+        if let Some(mesh) = &mut self.mesh
+            && let Shape::TriangleMesh(surface) = &library.shapes[mesh.shape.index()]
+        {
+            mesh.surface = Arc::clone(surface);
         }
     }
 

@@ -163,8 +163,8 @@ fn flat_for_hertz(scene: &Scene) -> Option<String> {
         }
     };
     let meshes = scene.walls.iter().filter_map(|wall| Some((wall, wall.mesh.as_ref()?)));
-    let round = meshes.filter_map(|(wall, mesh)| match mesh.surface.facets().first()? {
-        MeshFacet::Strip(strip) => Some((wall, radius(strip))),
+    let round = meshes.filter_map(|(wall, mesh)| match mesh.surface.facets().next()? {
+        MeshFacet::Strip(strip) => Some((wall, radius(&strip))),
         _ => None,
     });
     let (wall, radius) = round.min_by(|a, b| a.1.total_cmp(&b.1))?;

@@ -57,7 +57,7 @@ use check::Need;
 pub use matter::Material;
 use mistakes::Mistakes;
 pub use mistakes::{Location, Problem, SceneErrors};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::path::{Path, PathBuf};
 
 /// A checked scene: one stage of a run.
@@ -75,6 +75,7 @@ use std::path::{Path, PathBuf};
 /// assert!(mistakes.to_string().contains("no such key, did you mean `friction`?"));
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(remote = "Self")]
 pub struct Scene {
     /// One line for the log.
     pub title: String,
@@ -134,6 +135,23 @@ pub struct Scene {
     pub start: Option<PathBuf>,
     /// The file with the overrides of the command line, as TOML.
     pub text: String,
+}
+
+impl Serialize for Scene {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Self::serialize(self, serializer)
+    }
+}
+
+/// Surfaces of walls come in the library alone.
+impl<'a> Deserialize<'a> for Scene {
+    fn deserialize<D: Deserializer<'a>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut scene = Self::deserialize(deserializer)?;
+        for wall in &mut scene.walls {
+            wall.take_surface(&scene.library);
+        }
+        Ok(scene)
+    }
 }
 
 impl Scene {

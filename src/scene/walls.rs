@@ -378,7 +378,7 @@ impl<'a> Walls<'a> {
                 continue;
             }
             let wall = self.all.get_mut(planned).and_then(Option::as_mut);
-            if let Some(Err(error)) = wall.map(|planned| planned.wall.with_cells(farthest)) {
+            if let Some(Err(error)) = wall.map(|planned| planned.wall.add_cells(farthest)) {
                 given.fail(format!(
                     "{error}; grains with faces ({faces}) need a surface with two sides"
                 ));

@@ -20,16 +20,19 @@
 
 mod along;
 mod building;
+mod facets;
 mod grid;
 mod nearest;
 mod solid;
 
 pub use along::{Over, Round, Stretch};
+pub use facets::MeshFacet;
 pub use solid::{Front, Near, NoSolid};
 
 use super::Convex;
 use crate::math::Vec3;
 use building::{Building, Side, welded};
+use facets::Facets;
 use grid::Grid;
 use nearest::{comes_into, is_over, nearest_on, nearest_on_segment};
 use serde::{Deserialize, Serialize};
@@ -43,42 +46,6 @@ const LEAST_SMOOTH: f64 = 1e-6;
 const STRIPS: u32 = 64;
 /// No facet.
 const NONE: u32 = u32::MAX;
-
-/// What a grain can touch, in the axes of the wall.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum MeshFacet {
-    /// Triangles in a plane.
-    Face {
-        /// Unit normal; which of the two means nothing.
-        normal: Vec3,
-        /// Of the plane along the normal [m].
-        offset: f64,
-    },
-    /// A straight edge.
-    Edge {
-        /// Where it begins [m].
-        from: Vec3,
-        /// Unit vector along it.
-        along: Vec3,
-        /// Its length [m].
-        length: f64,
-        /// The first direction in which it faces: the normal of a face.
-        first: Vec3,
-        /// The direction a quarter turn on from that.
-        quarter: Vec3,
-        /// Angle from the first to the last [rad].
-        opening: f64,
-    },
-    /// A part of a cylinder or a cone.
-    Strip(Strip),
-    /// A point.
-    Corner {
-        /// Where it is [m].
-        at: Vec3,
-        /// Unit vectors along all edges from it.
-        edges: Vec<Vec3>,
-    },
-}
 
 /// A part of a cylinder or a cone, between two straight lines on it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -114,8 +81,8 @@ impl Strip {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Triangle {
     corners: [u32; 3],
-    /// Its face, its edges (from the corner of that number to the next) and its corners, or [`NONE`].
-    facets: [u32; 7],
+    /// Its face or strip, and its edges (from the corner of that number to the next), or [`NONE`].
+    facets: [u32; 4],
 }
 
 /// What was found of the triangles of a file.
@@ -157,16 +124,13 @@ pub enum SurfaceError {
 }
 
 /// The surface of a wall, in its axes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TriangleMesh {
     vertices: Vec<Vec3>,
     /// First its own, then images of them.
     triangles: Vec<Triangle>,
     own: usize,
-    facets: Vec<MeshFacet>,
-    /// Vertices of each facet by number, and where those of each begin.
-    vertices_of: Vec<u32>,
-    first_vertex: Vec<u32>,
+    facets: Facets,
     grid: Grid,
     /// What is behind the triangles, if grains with faces are there.
     solid: Option<Solid>,
@@ -179,20 +143,20 @@ pub struct TriangleMesh {
     checksum: u64,
 }
 
-/// A surface that wall and library have in common, on its way to another rank.
-pub mod shared {
+/// A surface on its way to another rank.
+pub(super) mod shared {
     use super::TriangleMesh;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
     use std::sync::Arc;
 
-    pub(crate) fn serialize<S: Serializer>(
+    pub(in crate::shape) fn serialize<S: Serializer>(
         surface: &Arc<TriangleMesh>,
         serializer: S,
     ) -> Result<S::Ok, S::Error> {
         surface.as_ref().serialize(serializer)
     }
 
-    pub(crate) fn deserialize<'a, D: Deserializer<'a>>(
+    pub(in crate::shape) fn deserialize<'a, D: Deserializer<'a>>(
         deserializer: D,
     ) -> Result<Arc<TriangleMesh>, D::Error> {
         TriangleMesh::deserialize(deserializer).map(Arc::new)
@@ -268,14 +232,8 @@ impl TriangleMesh {
                 quarter,
                 opening: turn,
             };
-            let strip = building.push(MeshFacet::Strip(strip), ends.to_vec());
-            let [a, b, c, d] = ends;
-            // One of them has no area where the cone comes to its tip.
-            let pair = [(end > 0.0, [a, b, d]), (begin > 0.0, [a, d, c])];
-            for (_, corners) in pair.into_iter().filter(|(is_there, _)| *is_there) {
-                building.corners.push(corners);
-                building.of_triangle.push([strip, NONE, NONE, NONE, NONE, NONE, NONE]);
-            }
+            // One of its triangles has no area where the cone comes to its tip.
+            building.push_strip(strip, ends, [end > 0.0, begin > 0.0]);
         }
         building.own = building.corners.len();
         let mesh = building.finished(LEAST_SMOOTH);
@@ -286,36 +244,24 @@ impl TriangleMesh {
     /// A cylinder that goes on beyond both of its ends by so much [m], of which pictures show nothing.
     #[must_use]
     pub fn going_on(mut self, beyond: f64) -> Self {
-        for facet in &mut self.facets {
-            if let MeshFacet::Strip(Strip { from, axis, length, .. }) = facet {
-                *from -= *axis * beyond;
-                *length += 2.0 * beyond;
-            }
+        for Strip { from, axis, length, .. } in &mut self.facets.strips {
+            *from -= *axis * beyond;
+            *length += 2.0 * beyond;
         }
         self
     }
 
-    /// The same in axes that begin at this place [m].
-    #[must_use]
-    pub fn seen_from(mut self, place: &Vec3) -> Self {
+    /// Takes axes that begin at this place [m].
+    pub fn see_from(&mut self, place: &Vec3) {
         for vertex in &mut self.vertices {
             *vertex -= place;
         }
-        for facet in &mut self.facets {
-            match facet {
-                MeshFacet::Face { normal, offset } => *offset -= normal.dot(place),
-                MeshFacet::Edge { from, .. } | MeshFacet::Strip(Strip { from, .. }) => {
-                    *from -= place;
-                }
-                MeshFacet::Corner { at, .. } => *at -= place,
-            }
-        }
+        self.facets.see_from(place);
         self.grid.see_from(place);
         if let Some(solid) = &mut self.solid {
             solid.see_from(place);
         }
         self.reach = self.vertices.iter().map(Vec3::norm).fold(0.0, f64::max) + self.bulge;
-        self
     }
 
     /// What was found of the triangles.
@@ -325,7 +271,7 @@ impl TriangleMesh {
 
     /// Triangles, facets, what is to be known of them, and memory, in a line.
     pub fn summary(&self) -> String {
-        if let Some(MeshFacet::Strip(strip)) = self.facets.first() {
+        if let Some(strip) = self.facets.strips.first() {
             let Strip { radius, slope, length, .. } = strip;
             let what = if *slope == 0.0 { "cylinder" } else { "cone" };
             let end = radius + slope * length;
@@ -335,13 +281,10 @@ impl TriangleMesh {
                 self.len()
             );
         }
-        let count = |is: fn(&MeshFacet) -> bool| self.facets.iter().filter(|f| is(f)).count();
-        let faces = count(|facet| matches!(facet, MeshFacet::Face { .. }));
-        let edges = count(|facet| matches!(facet, MeshFacet::Edge { .. }));
+        let [faces, edges, corners] = self.facets.counts();
         let mut text = format!(
-            "{} with {faces} faces, {edges} edges and {} corners that grains can touch; {} bytes of each on every rank",
+            "{} with {faces} faces, {edges} edges and {corners} corners that grains can touch; {} bytes of each on every rank",
             self.len(),
-            self.facets.len() - faces - edges,
             self.bytes() / self.len()
         );
         let Findings { left_out, open_edges, crowded_edges, turned_edges } = self.findings;
@@ -365,17 +308,14 @@ impl TriangleMesh {
 
     /// The largest component of its normals along a unit vector.
     pub fn most_along(&self, along: &Vec3) -> f64 {
-        let of_facet = |facet: &MeshFacet| match facet {
-            MeshFacet::Face { normal, .. } => normal.dot(along).abs(),
-            MeshFacet::Strip(Strip { axis, slope, .. }) => {
-                let by_axis = axis.dot(along);
-                let across = (1.0 - by_axis * by_axis).max(0.0).sqrt();
-                (across + (slope * by_axis).abs()) / (1.0 + slope * slope).sqrt()
-            }
-            // Their normals lie between those of faces.
-            MeshFacet::Edge { .. } | MeshFacet::Corner { .. } => 0.0,
-        };
-        self.facets.iter().map(of_facet).fold(0.0, f64::max)
+        // Normals of edges and corners lie between those of faces.
+        let of_faces = self.facets.faces.iter().map(|face| face.normal.dot(along).abs());
+        let of_strips = self.facets.strips.iter().map(|Strip { axis, slope, .. }| {
+            let by_axis = axis.dot(along);
+            let across = (1.0 - by_axis * by_axis).max(0.0).sqrt();
+            (across + (slope * by_axis).abs()) / (1.0 + slope * slope).sqrt()
+        });
+        of_faces.chain(of_strips).fold(0.0, f64::max)
     }
 
     /// How many triangles it has, without images.
@@ -388,9 +328,30 @@ impl TriangleMesh {
         self.own == 0
     }
 
-    /// What a grain can touch.
-    pub fn facets(&self) -> &[MeshFacet] {
-        &self.facets
+    /// How many facets it has.
+    pub const fn facet_count(&self) -> usize {
+        self.facets.len()
+    }
+
+    /// One of its facets.
+    ///
+    /// # Panics
+    /// If there are not so many.
+    pub fn facet(&self, number: u32) -> MeshFacet {
+        self.facets.get(number, &self.vertices)
+    }
+
+    /// All that a grain can touch.
+    pub fn facets(&self) -> impl Iterator<Item = MeshFacet> {
+        (0..self.facet_count() as u32).map(|number| self.facet(number))
+    }
+
+    /// Unit vectors along all edges from a corner.
+    ///
+    /// # Panics
+    /// If the facet of this number is no corner.
+    pub fn edges_at(&self, corner: u32) -> impl Iterator<Item = Vec3> {
+        self.facets.edges_at(corner, &self.vertices)
     }
 
     /// Its triangles, without images [m].
@@ -416,23 +377,16 @@ impl TriangleMesh {
 
     /// Bytes that it holds.
     pub fn bytes(&self) -> usize {
-        let edges = |facet: &MeshFacet| match facet {
-            MeshFacet::Corner { edges, .. } => size_of_val(&**edges),
-            _ => 0,
-        };
         size_of_val(&*self.vertices)
             + size_of_val(&*self.triangles)
-            + size_of_val(&*self.facets)
-            + self.facets.iter().map(edges).sum::<usize>()
-            + size_of_val(&*self.vertices_of)
-            + size_of_val(&*self.first_vertex)
+            + self.facets.bytes()
             + self.grid.bytes()
             + self.solid.as_ref().map_or(0, Solid::bytes)
     }
 
     /// Have two facets a corner in common?
     pub fn adjoin(&self, one: u32, other: u32) -> bool {
-        let (one, other) = (self.vertices_of(one), self.vertices_of(other));
+        let [one, other] = [one, other].map(|facet| self.facets.vertices_of(facet));
         let (few, many) = if one.len() < other.len() { (one, other) } else { (other, one) };
         few.iter().any(|vertex| many.binary_search(vertex).is_ok())
     }
@@ -441,17 +395,9 @@ impl TriangleMesh {
     pub fn are_face_and_edge(&self, one: u32, other: u32) -> bool {
         // Faces stand first.
         let (face, edge) = (one.min(other), one.max(other));
-        let [of_face, of_edge] = [face, edge].map(|facet| &self.facets[facet as usize]);
-        matches!((of_face, of_edge), (MeshFacet::Face { .. }, MeshFacet::Edge { .. }))
-            && self
-                .vertices_of(edge)
-                .iter()
-                .all(|k| self.vertices_of(face).binary_search(k).is_ok())
-    }
-
-    fn vertices_of(&self, facet: u32) -> &[u32] {
-        let facet = facet as usize;
-        &self.vertices_of[self.first_vertex[facet] as usize..self.first_vertex[facet + 1] as usize]
+        let is_pair = (face as usize) < self.facets.faces.len() && self.facets.is_edge(edge);
+        let [of_face, of_edge] = [face, edge].map(|facet| self.facets.vertices_of(facet));
+        is_pair && of_edge.iter().all(|k| of_face.binary_search(k).is_ok())
     }
 
     /// Are contacts with these unit normals, on facets that adjoin, one?
@@ -475,7 +421,7 @@ impl TriangleMesh {
             if (nearest_on(&corners, point) - point).norm_squared() >= square {
                 return;
             }
-            let [face, edges @ .., _, _, _] = triangle.facets;
+            let [face, edges @ ..] = triangle.facets;
             near.push(face);
             for (k, &edge) in edges.iter().enumerate().filter(|&(_, &edge)| edge != NONE) {
                 let nearest = nearest_on_segment(&corners[k], &corners[(k + 1) % 3], point);
@@ -483,9 +429,9 @@ impl TriangleMesh {
                     near.push(edge);
                 }
             }
-            for (k, &corner) in triangle.facets[4..].iter().enumerate() {
-                if corner != NONE && (corners[k] - point).norm_squared() < square {
-                    near.push(corner);
+            for (&vertex, corner) in triangle.corners.iter().zip(&corners) {
+                if (corner - point).norm_squared() < square {
+                    near.extend(self.facets.corner_of(vertex));
                 }
             }
         });
@@ -545,9 +491,9 @@ impl TriangleMesh {
         self.grid.for_each_in(&(centre - reach), &(centre + reach), |triangle| {
             let triangle = &self.triangles[triangle as usize];
             found = found
-                || match &self.facets[triangle.facets[0] as usize] {
-                    MeshFacet::Strip(strip) => strip.distance(centre) < radius,
-                    _ => (nearest_on(&self.corners(triangle), centre) - centre).norm() < radius,
+                || match self.facets.strips.get(triangle.facets[0] as usize) {
+                    Some(strip) => strip.distance(centre) < radius,
+                    None => (nearest_on(&self.corners(triangle), centre) - centre).norm() < radius,
                 };
         });
         found

@@ -166,7 +166,7 @@ pub(super) fn clear_of(side: &Side, seen: &Seen, facet: &MeshFacet) -> f64 {
             if one * other < 0.0 { 0.0 } else { one.abs().min(other.abs()) }
         }
         MeshFacet::Edge { from, along, length, .. } => to_segment(&[*from, from + along * *length]),
-        MeshFacet::Corner { at, .. } => to_segment(&[*at, *at]),
+        MeshFacet::Corner { at } => to_segment(&[*at, *at]),
         MeshFacet::Strip(strip) => strip.clear_of(&axis),
     };
     distance - side.radius

@@ -190,12 +190,12 @@ impl Scratch {
             };
         }
         // Until it comes to the facet it does not touch.
-        let clear = match (&seen.mesh.facets()[facet as usize], Side::of(seen.a)) {
-            (of, Some(side)) => clear_of(&side, seen, of),
+        let clear = match (seen.mesh.facet(facet), Side::of(seen.a)) {
+            (of, Some(side)) => clear_of(&side, seen, &of),
             // What touches another face may come to have its contact with this one at once.
             (MeshFacet::Face { .. }, None) if !self.found.is_empty() => 0.0,
             (MeshFacet::Face { normal, offset }, None) => {
-                let height = seen.centre.dot(normal) - offset;
+                let height = seen.centre.dot(&normal) - offset;
                 let sign = if height < 0.0 { -1.0 } else { 1.0 };
                 // Behind its plane, over a face beside it, a body is half as far from the space behind this face, or farther.
                 0.5 * seen.height_over(&Plane { normal: normal * sign, offset: offset * sign })
@@ -228,21 +228,21 @@ impl Scratch {
                 sides.push((part, front));
                 front
             });
-            let planes = mesh.cell(triangle, front);
-            if seen.height_over(&planes[0]) >= 0.0 {
+            let mut planes = mesh.cell(triangle, front);
+            let Some(own) = planes.next().filter(|own| seen.height_over(own) < 0.0) else {
                 continue;
-            }
+            };
             let mut shared = spare.pop().unwrap_or_default();
             shared.begin(body);
-            let placed = planes.map(|plane| seen.place(&plane));
-            if !placed.iter().all(|plane| shared.cut(plane)) {
+            let own = seen.place(&own);
+            if !(shared.cut(&own) && planes.all(|plane| shared.cut(&seen.place(&plane)))) {
                 spare.push(shared);
                 continue;
             }
             shared.end();
             let mut area = Vec3::zeros();
             let vertices = shared.vertices();
-            let of_surface = |plane: &Plane| *plane == placed[0];
+            let of_surface = |plane: &Plane| *plane == own;
             for face in shared.faces().filter(|face| face.is_cut && of_surface(&face.plane)) {
                 for [a, b, c] in fan(face.corners) {
                     area += (vertices[b] - vertices[a]).cross(&(vertices[c] - vertices[a])) * 0.5;
@@ -316,7 +316,8 @@ impl Scratch {
         let area: Vec3 = of_group.iter().flat_map(|&k| cells_of(k)).map(|cell| cell.area).sum();
         let first = &cells[members[group].cells.start];
         let upright = if area == Vec3::zeros() {
-            seen.place(&seen.mesh.cell(first.triangle, first.front)[0]).normal
+            let own = seen.mesh.plane_from(first.triangle, first.front);
+            seen.place(&own).normal
         } else {
             area.normalize()
         };

@@ -2,6 +2,7 @@
 
 use super::{MeshFacet, NONE, Strip, TriangleMesh};
 use crate::math::Vec3;
+use crate::shape::facets::Plane;
 
 /// Of directions and lengths.
 const ROUNDING: f64 = 1e-15;
@@ -226,9 +227,10 @@ impl TriangleMesh {
         let mut others = Vec::new();
         for triangle in &near {
             let triangle = &self.triangles[*triangle as usize];
-            let [face, beside @ ..] = triangle.facets;
-            others.extend(beside.into_iter().filter(|&facet| facet != NONE));
-            if let MeshFacet::Strip(_) = self.facets[face as usize] {
+            let [face, edges @ ..] = triangle.facets;
+            others.extend(edges.into_iter().filter(|&edge| edge != NONE));
+            others.extend(triangle.corners.iter().filter_map(|&k| self.facets.corner_of(k)));
+            if !self.facets.strips.is_empty() {
                 others.push(face);
                 continue;
             }
@@ -262,10 +264,8 @@ impl TriangleMesh {
 
     /// The normal of a face, the height of the middle over it, and how much higher the end is.
     fn height_over(&self, line: &Line, face: u32) -> (Vec3, f64, f64) {
-        let MeshFacet::Face { normal, offset } = &self.facets[face as usize] else {
-            unreachable!("a triangle has a face")
-        };
-        (*normal, line.middle.dot(normal) - offset, line.end.dot(normal))
+        let Plane { normal, offset } = self.facets.faces[face as usize];
+        (normal, line.middle.dot(&normal) - offset, line.end.dot(&normal))
     }
 
     fn on_face(&self, line: &Line, facet: u32, range: [f64; 2]) -> Stretch {
@@ -286,42 +286,42 @@ impl TriangleMesh {
         let Line { middle, end, tolerance, .. } = *line;
         let mut range = [-1.0, 1.0];
         let mut over = Over::Sharp;
-        let way = match &self.facets[facet as usize] {
+        let way = match self.facet(facet) {
             MeshFacet::Edge { from, along, length, first, quarter, opening } => {
                 let from = middle - from;
-                let [place, slope] = [from.dot(along), end.dot(along)];
+                let [place, slope] = [from.dot(&along), end.dot(&along)];
                 let way = [from - along * place, end - along * slope];
                 if !line.is_near(way) {
                     return None;
                 }
-                let (sine, cosine) = libm::sincos(*opening);
+                let (sine, cosine) = libm::sincos(opening);
                 let last = first * sine - quarter * cosine;
                 keep(&mut range, place + tolerance, slope);
                 keep(&mut range, length - place + tolerance, -slope);
-                for within in [quarter, &last] {
-                    keep(&mut range, way[0].dot(within) + tolerance, way[1].dot(within));
+                for within in [quarter, last] {
+                    keep(&mut range, way[0].dot(&within) + tolerance, way[1].dot(&within));
                 }
                 way
             }
-            MeshFacet::Corner { at, edges } => {
+            MeshFacet::Corner { at } => {
                 let way = [middle - at, *end];
                 if !line.is_near(way) {
                     return None;
                 }
-                for along in edges {
-                    keep(&mut range, tolerance - way[0].dot(along), -way[1].dot(along));
+                for along in self.edges_at(facet) {
+                    keep(&mut range, tolerance - way[0].dot(&along), -way[1].dot(&along));
                 }
                 way
             }
             MeshFacet::Strip(strip) => {
                 let Strip { length, first, quarter, opening, .. } = strip;
                 let (mut round, way) = strip.seen_from(middle, end);
-                let (sine, cosine) = libm::sincos(*opening);
+                let (sine, cosine) = libm::sincos(opening);
                 let last = first * sine - quarter * cosine;
                 // The borders of a wide surface are rounded.
                 let tolerance = tolerance + ROUNDING * round.radius[0].abs();
-                for within in [quarter, &last] {
-                    keep(&mut range, way[0].dot(within) + tolerance, way[1].dot(within));
+                for within in [quarter, last] {
+                    keep(&mut range, way[0].dot(&within) + tolerance, way[1].dot(&within));
                 }
                 let within = |s: f64| round.distance(&(way[0] + way[1] * s), s);
                 let [one, other] = range.map(within);

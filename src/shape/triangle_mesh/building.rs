@@ -1,8 +1,10 @@
 //! From triangles to facets.
 
+use super::facets::{Edge, Facets};
 use super::grid::Grid;
-use super::{COPLANAR, Findings, MeshFacet, NONE, Triangle, TriangleMesh};
+use super::{COPLANAR, Findings, NONE, Strip, Triangle, TriangleMesh};
 use crate::math::{Vec3, bounds};
+use crate::shape::facets::Plane;
 
 /// A triangle is degenerate if it is flatter than this.
 const SLIVER: f64 = 1e-9;
@@ -48,9 +50,8 @@ pub(super) struct Building {
     pub(super) corners: Vec<[u32; 3]>,
     /// See [`sides_of`].
     pub(super) sides: Vec<Side>,
-    pub(super) of_triangle: Vec<[u32; 7]>,
-    facets: Vec<MeshFacet>,
-    vertices_of: Vec<Vec<u32>>,
+    pub(super) of_triangle: Vec<[u32; 4]>,
+    facets: Facets,
     size: f64,
     /// How many triangles are no images.
     pub(super) own: usize,
@@ -59,26 +60,19 @@ pub(super) struct Building {
 impl Building {
     fn of(vertices: Vec<Vec3>, corners: Vec<[u32; 3]>, own: usize) -> Self {
         let (low, high) = bounds(&vertices);
-        let of_triangle = vec![[NONE; 7]; corners.len()];
+        let of_triangle = vec![[NONE; 4]; corners.len()];
         let size = (high - low).norm();
         Self { vertices, corners, of_triangle, size, own, ..Self::default() }
     }
 
     /// The surface. Contacts with normals that differ by less than an angle [rad] count once.
     pub(super) fn finished(self, smooth: f64) -> TriangleMesh {
-        let Self { vertices, corners, of_triangle, facets, vertices_of, own, .. } = self;
-        let mut first_vertex = vec![0];
-        first_vertex.extend(vertices_of.iter().scan(0, |end, of| {
-            *end += of.len() as u32;
-            Some(*end)
-        }));
-        let triangle = |(&corners, facets): (&[u32; 3], [u32; 7])| Triangle { corners, facets };
+        let Self { vertices, corners, of_triangle, facets, own, .. } = self;
+        let triangle = |(&corners, facets): (&[u32; 3], [u32; 4])| Triangle { corners, facets };
         TriangleMesh {
             triangles: corners.iter().zip(of_triangle).map(triangle).collect(),
             own,
             facets,
-            vertices_of: vertices_of.concat(),
-            first_vertex,
             grid: Grid::of(&vertices, &corners),
             solid: None,
             bulge: 0.0,
@@ -100,12 +94,18 @@ impl Building {
         (b - a).cross(&(c - a))
     }
 
-    pub(super) fn push(&mut self, facet: MeshFacet, mut vertices: Vec<u32>) -> u32 {
+    /// Adds a strip between vertices, of which two triangles are made unless they have no area.
+    pub(super) fn push_strip(&mut self, strip: Strip, ends: [u32; 4], is_there: [bool; 2]) {
+        let number = self.facets.len() as u32;
+        let mut vertices = ends;
         vertices.sort_unstable();
-        vertices.dedup();
-        self.facets.push(facet);
-        self.vertices_of.push(vertices);
-        (self.facets.len() - 1) as u32
+        self.facets.push_strip(strip, &vertices);
+        let [a, b, c, d] = ends;
+        let pair = [[a, b, d], [a, d, c]];
+        for (corners, _) in pair.into_iter().zip(is_there).filter(|(_, is_there)| *is_there) {
+            self.corners.push(corners);
+            self.of_triangle.push([number, NONE, NONE, NONE]);
+        }
     }
 
     pub(super) fn find_sides(&mut self, findings: &mut Findings) {
@@ -122,12 +122,14 @@ impl Building {
 
     /// From large triangles to their neighbours in the same plane.
     pub(super) fn find_faces(&mut self) {
-        let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); self.corners.len()];
+        // Where the sides begin that have the ends of each side of a triangle.
+        let mut sides_at = vec![[0_u32; 3]; self.corners.len()];
+        let mut begin = 0;
         for of in self.sides.chunk_by(Side::is_same) {
-            for one in of {
-                let others = of.iter().filter(|other| other.triangle != one.triangle);
-                neighbours[one.triangle as usize].extend(others.map(|other| other.triangle));
+            for side in of {
+                sides_at[side.triangle as usize][side.number as usize] = begin;
             }
+            begin += of.len() as u32;
         }
         let mut order: Vec<usize> = (0..self.corners.len()).collect();
         let areas: Vec<f64> = order.iter().map(|&k| self.area(k).norm_squared()).collect();
@@ -139,13 +141,17 @@ impl Building {
             let face = self.facets.len() as u32;
             let normal = self.area(seed).normalize();
             let offset = self.vertex(self.corners[seed][0]).dot(&normal);
-            let (mut area, mut vertices, mut next) = (Vec3::zeros(), Vec::new(), vec![seed as u32]);
+            let (mut areas, mut vertices, mut next) = (Vec::new(), Vec::new(), vec![seed as u32]);
             self.of_triangle[seed][0] = face;
             while let Some(triangle) = next.pop() {
                 let own = self.area(triangle as usize);
-                area += own * own.dot(&normal).signum();
+                areas.push(own * own.dot(&normal).signum());
                 vertices.extend(self.corners[triangle as usize]);
-                for &neighbour in &neighbours[triangle as usize] {
+                let beside = sides_at[triangle as usize].iter().flat_map(|&begin| {
+                    let sides = &self.sides[begin as usize..];
+                    sides.iter().take_while(|side| side.is_same(&sides[0]))
+                });
+                for neighbour in beside.map(|side| side.triangle) {
                     let corners = self.corners[neighbour as usize].map(|k| self.vertex(k));
                     let off = |corner: &Vec3| (corner.dot(&normal) - offset).abs();
                     let of = &mut self.of_triangle[neighbour as usize][0];
@@ -156,13 +162,13 @@ impl Building {
                 }
             }
             // Of all its triangles: exact where one of them is narrow.
-            let normal = snapped(&area);
+            let normal = snapped(&sum(&areas));
             vertices.sort_unstable();
             vertices.dedup();
             let heights = vertices.iter().map(|&k| self.vertex(k).dot(&normal));
             let (low, high) =
                 heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-            self.push(MeshFacet::Face { normal, offset: 0.5 * (low + high) }, vertices);
+            self.facets.push_face(Plane { normal, offset: 0.5 * (low + high) }, &vertices);
         }
     }
 
@@ -173,11 +179,11 @@ impl Building {
             let [from, to] = ends.map(|k| self.vertex(k));
             let length = (to - from).norm();
             let along = (to - from) / length;
-            let Some((first, quarter, opening)) = self.directions(of, &from, &along) else {
+            let Some((first, opening)) = self.directions(of, &from, &along) else {
                 continue;
             };
-            let edge = MeshFacet::Edge { from, along, length, first, quarter, opening };
-            let number = self.push(edge, ends.to_vec());
+            let edge = Edge { ends, per_length: 1.0 / length, first, opening };
+            let number = self.facets.push_edge(edge);
             for side in of {
                 self.of_triangle[side.triangle as usize][1 + side.number as usize] = number;
             }
@@ -185,9 +191,9 @@ impl Building {
         self.sides = sides;
     }
 
-    /// Where an edge faces: between the two of its triangles that have the largest angle between them. The first direction, that
-    /// a quarter turn on, and the angle to the last.
-    fn directions(&self, of: &[Side], from: &Vec3, along: &Vec3) -> Option<(Vec3, Vec3, f64)> {
+    /// Where an edge faces: between the two of its triangles that have the largest angle between them. The first direction, and the
+    /// angle to the last.
+    fn directions(&self, of: &[Side], from: &Vec3, along: &Vec3) -> Option<(Vec3, f64)> {
         let mut faces: Vec<u32> =
             of.iter().map(|side| self.of_triangle[side.triangle as usize][0]).collect();
         faces.dedup();
@@ -197,11 +203,8 @@ impl Building {
         // From the edge into each triangle.
         let into = |side: &Side| {
             let corner = self.corners[side.triangle as usize][(side.number as usize + 2) % 3];
-            let MeshFacet::Face { normal, .. } =
-                &self.facets[self.of_triangle[side.triangle as usize][0] as usize]
-            else {
-                unreachable!("a triangle has a face")
-            };
+            let face = self.of_triangle[side.triangle as usize][0];
+            let Plane { normal, .. } = self.facets.faces[face as usize];
             let across = normal.cross(along).normalize();
             across * (self.vertex(corner) - from).dot(&across).signum()
         };
@@ -218,7 +221,7 @@ impl Building {
         let widest = (0..angles.len()).max_by(|&a, &b| gap(a).total_cmp(&gap(b)))?;
         let opening = gap(widest) - std::f64::consts::PI;
         let inwards = angles[widest].1;
-        (opening > LEAST_OPENING).then(|| (along.cross(&inwards), -inwards, opening))
+        (opening > LEAST_OPENING).then(|| (along.cross(&inwards), opening))
     }
 
     /// Do two triangles in a plane lie on each other?
@@ -234,33 +237,33 @@ impl Building {
     /// Where edges that face somewhere end.
     pub(super) fn find_corners(&mut self) {
         let mut has_edge = vec![false; self.vertices.len()];
-        for facet in self.of_triangle.iter().flat_map(|of| &of[1..4]).filter(|&&e| e != NONE) {
-            for &vertex in &self.vertices_of[*facet as usize] {
+        for facet in self.of_triangle.iter().flat_map(|of| &of[1..]).filter(|&&e| e != NONE) {
+            for &vertex in self.facets.vertices_of(*facet) {
                 has_edge[vertex as usize] = true;
             }
         }
-        let mut edges: Vec<Vec<Vec3>> = vec![Vec::new(); self.vertices.len()];
+        let mut beyond: Vec<Vec<u32>> = vec![Vec::new(); self.vertices.len()];
         for of in self.sides.chunk_by(Side::is_same) {
             let [from, to] = of[0].ends;
-            let along = (self.vertex(to) - self.vertex(from)).normalize();
-            edges[from as usize].push(along);
-            edges[to as usize].push(-along);
+            beyond[from as usize].push(to);
+            beyond[to as usize].push(from);
         }
-        let mut number = vec![NONE; self.vertices.len()];
-        for triangle in 0..self.corners.len() {
-            for k in 0..3 {
-                let vertex = self.corners[triangle][k];
-                let index = vertex as usize;
-                if !has_edge[index] {
-                    continue;
-                }
-                if number[index] == NONE {
-                    let edges = std::mem::take(&mut edges[index]);
-                    let corner = MeshFacet::Corner { at: self.vertex(vertex), edges };
-                    number[index] = self.push(corner, vec![vertex]);
-                }
-                self.of_triangle[triangle][4 + k] = number[index];
+        for &vertex in self.corners.iter().flatten() {
+            if std::mem::take(&mut has_edge[vertex as usize]) {
+                self.facets.push_corner(vertex, &beyond[vertex as usize]);
             }
+        }
+    }
+}
+
+/// By halves, so that many have few roundings.
+fn sum(vectors: &[Vec3]) -> Vec3 {
+    match vectors {
+        [] => Vec3::zeros(),
+        [one] => *one,
+        _ => {
+            let (one, other) = vectors.split_at(vectors.len() / 2);
+            sum(one) + sum(other)
         }
     }
 }

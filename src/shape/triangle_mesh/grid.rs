@@ -4,7 +4,7 @@ use crate::math::{Vec3, bounds};
 use serde::{Deserialize, Serialize};
 
 /// Cells with the triangles that come into them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Grid {
     low: Vec3,
     width: Vec3,

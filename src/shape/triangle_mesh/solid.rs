@@ -5,7 +5,8 @@
 //!
 //! - the plane of the triangle,
 //! - at each of its edges the plane that halves the angle to the next triangle; where the surface ends, the plane upright on it,
-//! - a plane at a depth: that of the farthest that a grain can reach, or half of the distance to the surface behind.
+//! - a plane at a depth: that of the farthest that a grain can reach, or half of the distance to the surface behind,
+//! - where it would reach through a convex edge that it does not have itself, the plane that halves the angle there.
 //!
 //! Cells of one side do not overlap, and together leave no gap near the surface. They never move in the axes of the wall, so that an energy
 //! of what a grain shares with them depends on its pose alone.
@@ -22,10 +23,11 @@
 //! | of others, neither of which is in front of the other | 1 |
 //! | of others | the same by the angle between their normals, or by that at which the nearest points of both stand over each other, if that is more |
 
+use super::TriangleMesh;
 use super::building::{Side, sides_of};
-use super::nearest::nearest_on;
-use super::{MeshFacet, TriangleMesh};
+use super::nearest::{nearest_on, nearest_on_segment};
 use crate::math::{Vec3, bounds};
+use crate::shape::clip::{Clipped, inside};
 use crate::shape::facets::Plane;
 use serde::{Deserialize, Serialize};
 
@@ -33,14 +35,18 @@ use serde::{Deserialize, Serialize};
 const ONE: f64 = 20.0 * std::f64::consts::PI / 180.0;
 /// Faces of a larger concave angle are two surfaces [rad].
 const APART: f64 = 45.0 * std::f64::consts::PI / 180.0;
+/// Cosine of [`APART`].
+const SHARP: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// Cells are not cut at edges that they meet in a corner, if normals there are as near as this, as a cosine.
+const BENT: f64 = 0.9999;
 /// Folds that are sharper than this have no plane that halves them: sum of unit vectors across.
 const FOLDED: f64 = 1e-6;
 /// What is nearer to a plane than this part of the size of the surface lies in it.
 const LEVEL: f64 = 1e-10;
 /// A surface whose normal is turned from the opposite one by more than an angle with this cosine is not the back of a plate.
 const BACK: f64 = 0.5;
-/// The centre is as near to several triangles, up to this part of the distance.
-const AS_NEAR: f64 = 1e-9;
+/// A point of a triangle is at a corner, or on a side, if it is as near as this, over the size of the triangle.
+const AT: f64 = 1e-9;
 
 /// Why a surface has no two sides.
 #[derive(Clone, Debug, thiserror::Error, PartialEq)]
@@ -84,6 +90,9 @@ pub(super) struct Solid {
     behind: Vec<Behind>,
     /// In rising order.
     meetings: Vec<Meeting>,
+    /// Further planes of cells, those of one behind the other, and where those of each begin: from the front, then from the back.
+    cuts: Vec<Plane>,
+    first_cut: Vec<u32>,
     /// What is nearer to a plane lies in it [m].
     level: f64,
 }
@@ -91,14 +100,18 @@ pub(super) struct Solid {
 impl Solid {
     /// Takes axes that begin at this place [m].
     pub(super) fn see_from(&mut self, place: &Vec3) {
-        for plane in self.behind.iter_mut().flat_map(|behind| &mut behind.borders) {
+        let borders = self.behind.iter_mut().flat_map(|behind| &mut behind.borders);
+        for plane in borders.chain(&mut self.cuts) {
             plane.offset -= plane.normal.dot(place);
         }
     }
 
     /// Bytes that it holds.
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(&*self.behind) + size_of_val(&*self.meetings)
+        size_of_val(&*self.behind)
+            + size_of_val(&*self.meetings)
+            + size_of_val(&*self.cuts)
+            + size_of_val(&*self.first_cut)
     }
 
     fn meeting(&self, one: u32, other: u32) -> Option<&Meeting> {
@@ -145,13 +158,24 @@ impl TriangleMesh {
     /// # Errors
     /// If the surface has no two sides.
     pub fn with_cells(mut self, farthest: f64) -> Result<Self, NoSolid> {
+        self.add_cells(farthest)?;
+        Ok(self)
+    }
+
+    /// Adds what is behind its triangles: see [`TriangleMesh::with_cells`].
+    ///
+    /// # Errors
+    /// If the surface has no two sides; then nothing is added.
+    pub fn add_cells(&mut self, farthest: f64) -> Result<(), NoSolid> {
         self.solid = None;
-        if self.facets.iter().any(|facet| matches!(facet, MeshFacet::Strip(_))) {
+        if !self.facets.strips.is_empty() {
             return Err(NoSolid::Round);
         }
         let mut solid = Solid {
             behind: Vec::with_capacity(self.triangles.len()),
             meetings: Vec::new(),
+            cuts: Vec::new(),
+            first_cut: vec![0; 2 * self.triangles.len() + 1],
             level: LEVEL * self.reach,
         };
         let neighbours = self.neighbours()?;
@@ -174,15 +198,23 @@ impl TriangleMesh {
         }
         solid.meetings = self.meetings(&neighbours, &solid);
         self.solid = Some(solid);
-        let depths: Vec<[f64; 2]> = (0..self.triangles.len() as u32)
-            .map(|t| [Front::Front, Front::Back].map(|front| self.depth(t, front, farthest)))
-            .collect();
+        let (mut depths, mut cuts, mut first_cut) = (Vec::new(), Vec::new(), vec![0]);
+        for triangle in 0..self.triangles.len() as u32 {
+            let beside = self.triangles_beside(triangle, farthest);
+            depths.push([Front::Front, Front::Back].map(|front| {
+                let depth = self.depth(triangle, front, &beside, farthest);
+                cuts.extend(self.cuts_by(triangle, front, &beside, depth));
+                first_cut.push(cuts.len() as u32);
+                depth
+            }));
+        }
         if let Some(solid) = &mut self.solid {
             for (behind, depth) in solid.behind.iter_mut().zip(depths) {
                 behind.depth = depth;
             }
+            (solid.cuts, solid.first_cut) = (cuts, first_cut);
         }
-        Ok(self)
+        Ok(())
     }
 
     /// Are there cells behind its triangles?
@@ -218,38 +250,88 @@ impl TriangleMesh {
         self.behind(triangle).part
     }
 
-    /// On which side of one of its parts a point is, by the nearest of these triangles that belong to it.
+    /// On which side of one of its parts a point is, by the nearest of these triangles that belong to it. Where that is nearest at an edge or a
+    /// corner, by the mean of the normals there, weighted by the angles of triangles (Bærentzen and Aanæs 2005, DOI 10.1109/TVCG.2005.49).
     ///
     /// # Panics
     /// If there are no cells.
     pub fn side_of(&self, part: u32, point: &Vec3, near: &[Near]) -> Front {
         let of_part = || near.iter().filter(|near| self.part_of(near.triangle) == part);
-        let nearest = of_part().map(|near| near.distance).fold(f64::INFINITY, f64::min);
-        let limit = nearest + AS_NEAR * (nearest + self.reach);
-        // Of several, the one over which the point stands most nearly upright.
-        let mut height: f64 = 0.0;
-        for near in of_part().filter(|near| near.distance <= limit) {
-            let (normal, offset) = self.plane(near.triangle);
-            let over = (point.dot(&normal) - offset) * self.behind(near.triangle).sign;
-            if over.abs() > height.abs() {
-                height = over;
+        let by_distance = |one: &&Near, other: &&Near| one.distance.total_cmp(&other.distance);
+        let Some(first) = of_part().min_by(by_distance) else { return Front::Front };
+        let nearest = nearest_on(&self.corners(&self.triangles[first.triangle as usize]), point);
+        let there = self.vertices_at(first.triangle, &nearest);
+        let mut height = 0.0;
+        for Near { triangle, .. } in of_part() {
+            let corners = self.triangles[*triangle as usize].corners;
+            if there.iter().all(|vertex| corners.contains(vertex)) {
+                let weight =
+                    if let [vertex] = *there { self.angle_at(*triangle, vertex) } else { 1.0 };
+                let Plane { normal, .. } = self.plane_from(*triangle, Front::Front);
+                height += weight * (point - nearest).dot(&normal);
             }
         }
         if height < 0.0 { Front::Back } else { Front::Front }
     }
 
-    /// The planes of the cell behind a triangle, seen from a side: first its own, at last that of the depth.
+    /// The vertices of a triangle between which a point of it lies: one at a corner, two on a side.
+    fn vertices_at(&self, triangle: u32, point: &Vec3) -> Vec<u32> {
+        let numbers = self.triangles[triangle as usize].corners;
+        let corners = self.corners(&self.triangles[triangle as usize]);
+        let size = (corners[1] - corners[0]).norm().max((corners[2] - corners[0]).norm());
+        let is_at = |place: &Vec3| (place - point).norm() <= AT * size;
+        if let Some(k) = (0..3).find(|&k| is_at(&corners[k])) {
+            return vec![numbers[k]];
+        }
+        let sides = [[0, 1], [1, 2], [2, 0]];
+        let side = sides
+            .into_iter()
+            .find(|&[from, to]| is_at(&nearest_on_segment(&corners[from], &corners[to], point)));
+        side.map_or_else(|| numbers.to_vec(), |side| side.map(|k| numbers[k]).to_vec())
+    }
+
+    /// The angle of a triangle at one of its corners [rad].
+    fn angle_at(&self, triangle: u32, vertex: u32) -> f64 {
+        let [a, b, c] = self.triangles[triangle as usize].corners;
+        let [one, other] = if vertex == a {
+            [b, c]
+        } else if vertex == b {
+            [c, a]
+        } else {
+            [a, b]
+        };
+        let way = |to: u32| self.vertices[to as usize] - self.vertices[vertex as usize];
+        angle_between(&way(one), &way(other))
+    }
+
+    /// The planes of the cell behind a triangle, seen from a side: first its own.
     ///
     /// # Panics
     /// If there are no cells.
-    pub fn cell(&self, triangle: u32, front: Front) -> [Plane; 5] {
-        let behind = self.behind(triangle);
+    pub fn cell(&self, triangle: u32, front: Front) -> impl Iterator<Item = Plane> {
+        let Solid { cuts, first_cut, .. } = self.solid();
+        let number = 2 * triangle as usize + front.index();
+        let cuts = &cuts[first_cut[number] as usize..first_cut[number + 1] as usize];
+        let depth = self.behind(triangle).depth[front.index()];
+        self.frustum(triangle, front, depth).into_iter().chain(cuts.iter().copied())
+    }
+
+    /// The planes of that cell without cuts: its own, those at its edges, and that of the depth.
+    fn frustum(&self, triangle: u32, front: Front, depth: f64) -> [Plane; 5] {
+        let own = self.plane_from(triangle, front);
+        let bottom = Plane { normal: -own.normal, offset: depth - own.offset };
+        let [a, b, c] = self.behind(triangle).borders;
+        [own, a, b, c, bottom]
+    }
+
+    /// The plane of a triangle, with its normal to the side from which it is seen.
+    ///
+    /// # Panics
+    /// If there are no cells.
+    pub fn plane_from(&self, triangle: u32, front: Front) -> Plane {
         let (normal, offset) = self.plane(triangle);
-        let sign = behind.sign * front.sign();
-        let (normal, offset) = (normal * sign, offset * sign);
-        let bottom = Plane { normal: -normal, offset: behind.depth[front.index()] - offset };
-        let [a, b, c] = behind.borders;
-        [Plane { normal, offset }, a, b, c, bottom]
+        let sign = self.behind(triangle).sign * front.sign();
+        Plane { normal: normal * sign, offset: offset * sign }
     }
 
     /// How far the cells behind two triangles are one surface, each seen from a side: from 0 to 1.
@@ -311,11 +393,8 @@ impl TriangleMesh {
 
     /// The plane of the face of a triangle.
     fn plane(&self, triangle: u32) -> (Vec3, f64) {
-        let MeshFacet::Face { normal, offset } = &self.facets[self.face_of(triangle) as usize]
-        else {
-            unreachable!("a triangle has a face")
-        };
-        (*normal, *offset)
+        let Plane { normal, offset } = self.facets.faces[self.face_of(triangle) as usize];
+        (normal, offset)
     }
 
     /// Where a side of a triangle begins, and the unit vector that leads out of it there, in its plane.
@@ -422,29 +501,94 @@ impl TriangleMesh {
         meetings
     }
 
-    /// How deep a cell can be: half of the way to what is behind it.
-    fn depth(&self, triangle: u32, front: Front, farthest: f64) -> f64 {
-        let own = &self.triangles[triangle as usize];
-        let corners = self.corners(own);
-        let [plane, borders @ .., _] = self.cell(triangle, front);
+    /// The triangles that may be so near to one [m], without those of its face.
+    fn triangles_beside(&self, triangle: u32, farthest: f64) -> Vec<u32> {
+        let (low, high) = bounds(&self.corners(&self.triangles[triangle as usize]));
         let reach = Vec3::repeat(farthest);
+        let mut beside = Vec::new();
+        self.grid.for_each_in(&(low - reach), &(high + reach), |other| beside.push(other));
+        beside.sort_unstable();
+        beside.dedup();
+        let face = self.face_of(triangle);
+        beside.retain(|&other| self.face_of(other) != face);
+        beside
+    }
+
+    /// Planes that halve the angle to triangles beside, as far as they cut the cell behind a triangle.
+    fn cuts_by(&self, triangle: u32, front: Front, beside: &[u32], depth: f64) -> Vec<Plane> {
+        let own = self.plane_from(triangle, front);
+        let mut planes = Vec::new();
+        for &other in beside.iter().filter(|&&other| self.part_of(other) == self.part_of(triangle))
+        {
+            if self.are_convex(triangle, other, front) {
+                let beyond = self.plane_from(other, front);
+                let across = beyond.normal - own.normal;
+                let length = across.norm();
+                let offset = (beyond.offset - own.offset) / length;
+                planes.push(Plane { normal: across / length, offset });
+            }
+        }
+        if planes.is_empty() {
+            return planes;
+        }
+        // Those that cut off nothing are left out.
+        let corners = self.corners(&self.triangles[triangle as usize]);
+        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let level = self.solid().level;
+        let from_middle =
+            |plane: &Plane| Plane { offset: plane.offset - plane.normal.dot(&middle), ..*plane };
         let (low, high) = bounds(&corners);
+        let frustum = self.frustum(triangle, front, depth).map(|plane| from_middle(&plane));
+        let Some(body) = inside(&frustum, 2.0 * ((high - low).norm() + depth)) else {
+            return Vec::new();
+        };
+        let mut cell = Clipped::default();
+        cell.begin(&body);
+        planes.retain(|plane| {
+            let plane = from_middle(plane);
+            let height = |&k: &u32| cell.vertices()[k as usize].dot(&plane.normal) - plane.offset;
+            let cuts = cell.left().iter().any(|k| height(k) > level);
+            cuts && cell.cut(&plane)
+        });
+        planes
+    }
+
+    /// Is each of two triangles of a part behind the other, as on both sides of a ridge that is sharp, or to which both come?
+    fn are_convex(&self, one: u32, other: u32, front: Front) -> bool {
+        let [plane, beyond] = [one, other].map(|triangle| self.plane_from(triangle, front));
+        let facing = plane.normal.dot(&beyond.normal);
+        if facing > BENT {
+            return false;
+        }
+        let [own, others] = [one, other].map(|t| &self.triangles[t as usize].corners);
+        (facing <= SHARP || own.iter().any(|k| others.contains(k)))
+            && self.lies_below(one, &beyond)
+            && self.lies_below(other, &plane)
+    }
+
+    /// Does a triangle lie behind a plane, or in it?
+    fn lies_below(&self, triangle: u32, plane: &Plane) -> bool {
+        let corners = self.corners(&self.triangles[triangle as usize]);
+        let height = |corner: &Vec3| corner.dot(&plane.normal) - plane.offset;
+        corners.iter().all(|corner| height(corner) <= self.solid().level)
+    }
+
+    /// How deep a cell can be: half of the way to what is behind it, if that is not left to [`Self::cuts_by`].
+    fn depth(&self, triangle: u32, front: Front, beside: &[u32], farthest: f64) -> f64 {
+        let own = &self.triangles[triangle as usize];
+        let [plane, borders @ .., _] = self.frustum(triangle, front, farthest);
         let mut depth = farthest;
-        let mut seen = Vec::new();
-        self.grid.for_each_in(&(low - reach), &(high + reach), |other| seen.push(other));
-        seen.sort_unstable();
-        seen.dedup();
         let mut polygon = Vec::new();
-        for other in seen {
+        for &other in beside {
             let of = &self.triangles[other as usize];
-            if of.facets[0] == own.facets[0] || of.corners.iter().any(|k| own.corners.contains(k)) {
+            if of.corners.iter().any(|k| own.corners.contains(k)) {
                 continue;
             }
-            let facing = self.plane(other).0.dot(&plane.normal);
             let is_back = if self.part_of(other) == self.part_of(triangle) {
-                facing * self.behind(other).sign * front.sign() < -BACK
+                self.plane_from(other, front).normal.dot(&plane.normal) < -BACK
+                    && !self.are_convex(triangle, other, front)
             } else {
-                facing.abs() > BACK
+                self.plane(other).0.dot(&plane.normal).abs() > BACK
             };
             if !is_back {
                 continue;
