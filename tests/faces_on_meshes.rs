@@ -151,6 +151,66 @@ fn nothing_is_felt_beside_an_edge_before_it_is_touched() {
     }
 }
 
+/// A floor with a pit is a plane to what stands beside the pit, also where triangles of the floor go on in line with a wall of the pit.
+#[test]
+fn beside_a_pit_a_floor_is_a_plane() {
+    let at = |x: f64, y: f64, z: f64| Vec3::new(x, y, z);
+    let plane = Shape::HalfSpace(HalfSpace { normal: Vec3::z(), offset: 0.0 });
+    let square = |[a, b, c, d]: [Vec3; 4]| [[a, b, c], [a, c, d]];
+    let mut random = Random::of(2026, 24);
+    for (name, pit) in [("wide", 1.0), ("narrow", 0.3)] {
+        // In line with the walls of the pit, and moved out of it.
+        for moved in [0.0, 0.02, 0.4] {
+            let mut floor = Triangles::new();
+            let lines = [-4.0, -moved, pit + moved, 4.0];
+            let corner = |i: usize, j: usize| {
+                // The pit is in the middle.
+                let inside = |k: usize| (1..3).contains(&k);
+                let bring = |k: usize| if k == 1 { 0.0 } else { pit };
+                if moved > 0.0 && inside(i) && inside(j) {
+                    at(bring(i), bring(j), 0.0)
+                } else {
+                    at(lines[i], lines[j], 0.0)
+                }
+            };
+            for i in 0..3 {
+                for j in (0..3).filter(|&j| (i, j) != (1, 1)) {
+                    let ends = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)];
+                    floor.extend(square(ends.map(|(i, j)| corner(i, j))));
+                }
+            }
+            let rim = [(0.0, 0.0), (pit, 0.0), (pit, pit), (0.0, pit)];
+            for k in 0..4 {
+                let ([x, y], [u, v]) = (rim[k].into(), rim[(k + 1) % 4].into());
+                floor.extend(square([
+                    at(x, y, 0.0),
+                    at(u, v, 0.0),
+                    at(u, v, -1.0),
+                    at(x, y, -1.0),
+                ]));
+            }
+            let mesh = surface(&floor);
+            let mut worst = 0.0_f64;
+            for k in 0..400 {
+                let body = cuboid(Vec3::from_fn(|_, _| 0.3 + 0.5 * random.unit()));
+                let frame = random.frame();
+                let posed = Posed::new(&body, &frame);
+                // Over the line of a wall, on one side of the pit.
+                let beside = -posed.bounding_radius() - 0.01 * random.unit();
+                let along = 0.4 * random.signed();
+                let [x, y] = if k % 2 == 0 { [along, beside] } else { [beside, along] };
+                let low = -posed.support(&-Vec3::z()).z;
+                let centre = at(x, y, low - 0.05 * random.unit());
+                let wall = Mat3::identity();
+                let lying = Lying { body: &body, frame, wall, scale: 1.0, centre };
+                worst = worst.max(lying.off_the_plane(&mesh, &plane, [0, k]));
+            }
+            println!("{name}, {moved}: {worst:.1e}");
+            assert!(worst < 1e-12, "{name}, {moved}: {worst:e}");
+        }
+    }
+}
+
 /// However the faces of a convex block are cut, a body that presses on it feels the same.
 #[test]
 fn a_convex_block_is_the_same_however_its_faces_are_cut() {

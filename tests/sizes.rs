@@ -613,6 +613,44 @@ fn a_stage_takes_up_sizes_that_its_scene_does_not_list() {
     }
 }
 
+/// What lies behind triangles is as deep as the largest grains of the stage before reach: a cube presses on the rim of a sheet with its side.
+#[test]
+fn walls_of_triangles_are_deep_enough_for_sizes_of_the_stage_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let sheet = "v 0.001 0.001 0.02\nv 0.015 0.001 0.02\nv 0.015 0.029 0.02\nv 0.001 0.029 0.02\nf 1 2 3\nf 1 3 4\n";
+    std::fs::write(folder.path().join("sheet.obj"), sheet).unwrap();
+    std::fs::write(folder.path().join("grains.csv"), "x,y,z,scale\n0.0179,0.015,0.0201,6\n")
+        .unwrap();
+    let text = |fill: &str| {
+        let cube =
+            "[[shape]]\nname = \"cube\"\nkind = \"polyhedron\"\nedges = [0.001, 0.001, 0.001]\n";
+        let wall = "[[wall]]\nname = \"sheet\"\nmesh = \"sheet.obj\"\n";
+        with_shapes(&format!("{cube}{fill}{wall}"), BOX)
+    };
+    let parsed = |fill| Scene::parse(&text(fill), "stage", folder.path(), &[]).unwrap();
+    let first = parsed("[[fill.file]]\npath = \"grains.csv\"\n");
+    let snapshots = folder.path().join("out");
+    threads::run(1, |comm| {
+        let sim = begun(&first, comm);
+        save(&sim, &snapshots, &first, comm);
+    });
+    let after = |scene: Scene| {
+        let scene = Scene { initial: Vec::new(), ..scene };
+        let tables = threads::run(2, |comm| {
+            let mut sim = assemble::assemble(&scene, comm);
+            assemble::take_up(&mut sim, &scene, &snapshots, Continuation::NewStage, comm).unwrap();
+            sim.begin(comm).unwrap();
+            for _ in 0..50 {
+                sim.step(comm).unwrap();
+            }
+            (sim.particle_table(comm.rank()), sim.contacts.len())
+        });
+        assert!(tables.iter().any(|&(_, contacts)| contacts > 0), "they touch");
+        all_bits(&tables.into_iter().map(|(table, _)| table).collect::<Vec<_>>())
+    };
+    assert_eq!(after(parsed(ONE)), after(first));
+}
+
 // --- the scene ---
 
 fn parsed(csv: &str, shape: &str) -> Result<Scene, SceneErrors> {

@@ -294,7 +294,7 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
     if arguments.suggest {
         return suggested(arguments, stop, comm);
     }
-    let scene = match read_scene(arguments, comm) {
+    let mut scene = match read_scene(arguments, comm) {
         Ok(scene) => scene,
         Err(errors) => {
             print_once(comm, errors);
@@ -331,6 +331,8 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         Ok(state) => state,
         Err(status) => return status,
     };
+    // What is said of the scene is of the sizes that are there.
+    scene.library.scales.clone_from(&sim.particles.library.scales);
     if arguments.check {
         let begins = begins(arguments, &mut sim, comm);
         return begins.map_or_else(|status| status, |()| checked(arguments, comm));

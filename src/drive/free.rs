@@ -142,6 +142,10 @@ impl Drive for FreeWalls {
         NAME
     }
 
+    fn admit(&mut self, library: &Library) {
+        self.least_gap = library.least_inscribed_radius();
+    }
+
     /// The limbs of force and stiffness of each wall.
     fn sums(
         &self,

@@ -148,6 +148,9 @@ pub trait Drive: Send + Sync {
     /// Names it among the drives of a simulation, and the group of snapshots that holds its state.
     fn name(&self) -> &str;
 
+    /// Takes the sizes of particles that the scene did not know of, before the first step.
+    fn admit(&mut self, _library: &Library) {}
+
     /// Numbers that are to be added up over all ranks while the particles move, as many on every rank. At the start of a
     /// step: forces belong to the positions.
     fn sums(

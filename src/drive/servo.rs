@@ -444,6 +444,10 @@ impl Drive for Servos {
         NAME
     }
 
+    fn admit(&mut self, library: &Library) {
+        self.least_gap = library.least_inscribed_radius();
+    }
+
     /// What presses on the walls: the limbs of force and stiffness of each servo.
     fn sums(
         &self,

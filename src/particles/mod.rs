@@ -114,6 +114,15 @@ impl Library {
         self.scales[..self.particle_shapes].iter().enumerate().flat_map(of_shape)
     }
 
+    /// How far a particle with faces can reach from a point of its surface [m]; 0 if none has any.
+    pub fn longest_with_faces(&self) -> f64 {
+        let reach = |(shape, scale): (ShapeId, f64)| {
+            let has_faces = self.shapes[shape.index()].kind().has_faces();
+            if has_faces { 2.0 * self.radius[shape.index()] * scale } else { 0.0 }
+        };
+        self.extremes().map(reach).fold(0.0, f64::max)
+    }
+
     /// Mass of a particle of this shape and scale [kg].
     #[inline]
     pub fn mass_at(&self, shape: ShapeId, scale: f64) -> f64 {

@@ -264,6 +264,18 @@ impl Wall {
         Ok(())
     }
 
+    /// Lets the cells behind its triangles, if it has some, do for grains with faces that reach so far [m].
+    pub(crate) fn deepen_cells(&mut self, farthest: f64, library: &mut Library) {
+        if let Some(Mesh { surface, shape, .. }) = &mut self.mesh
+            && surface.has_cells()
+        {
+            Arc::make_mut(surface)
+                .add_cells(farthest)
+                .expect("that it has two sides does not depend on how far grains reach");
+            library.shapes[shape.index()] = Shape::TriangleMesh(Arc::clone(surface));
+        }
+    }
+
     /// How many shapes its facets need in a library.
     pub fn shapes(&self) -> usize {
         self.facets.len() + usize::from(self.mesh.is_some())

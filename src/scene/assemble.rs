@@ -433,6 +433,15 @@ fn admit_sizes(
         );
     }
     sim.particles.strip_to_owned();
+    let farthest = library.longest_with_faces();
+    if farthest > sim.particles.library.longest_with_faces() {
+        for wall in &mut sim.particles.walls {
+            wall.deepen_cells(farthest, &mut library);
+        }
+    }
+    for drive in &mut sim.drives {
+        drive.admit(&library);
+    }
     sim.particles.needs.scale = library.has_sizes();
     sim.watch = Watch::new(library.least_inscribed_radius());
     sim.particles.library = library;

@@ -342,12 +342,7 @@ impl<'a> Walls<'a> {
         let faces = all_names(Kind::has_faces);
         // Whose contacts have an extent.
         let extended = all_names(|kind| kind.extended()[0] > 0);
-        // How far a grain with faces can reach.
-        let reach = |(k, shape): (usize, &Shape)| {
-            let largest = library.scales[k][1];
-            if shape.kind().has_faces() { 2.0 * library.radius[k] * largest } else { 0.0 }
-        };
-        let farthest = library.shapes.iter().enumerate().map(reach).fold(0.0, f64::max);
+        let farthest = library.longest_with_faces();
         let sections = root.sections("wall");
         let first = self.all.len() - sections.len();
         let given = sections.iter().enumerate().flat_map(|(k, section)| {

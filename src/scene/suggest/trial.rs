@@ -4,6 +4,7 @@ use super::{FIRST, LONGEST, NUDGE, Question, SHORTEST, WORK};
 use crate::comm::Comm;
 use crate::comm::alone::Alone;
 use crate::contacts::Loaded;
+use crate::law::stability::time_step_limit;
 use crate::random::{Random, mixed};
 use crate::scene::assemble::{self, Continuation};
 use crate::scene::check::Need;
@@ -112,13 +113,14 @@ impl<'a> Trials<'a> {
     pub fn new(question: &'a Question<'a>) -> Result<Self, Unanswered> {
         let read = if question.start.is_some() { Scene::read_to_go_on } else { Scene::read };
         let scene = read(question.scene, question.overrides).map_err(wrong)?;
-        let Some(limit) = scene.time_step_limit() else {
+        let (sim, resumed) = started(&scene, question.start)?;
+        // A snapshot may have other sizes than the scene.
+        let Some(limit) = time_step_limit(&sim.particles.library, &*sim.law) else {
             return Err(Unanswered::Input(format!(
                 "{}: nothing pushes, so there is no stable limit to measure steps by; give a material a stiffness",
                 question.scene.display()
             )));
         };
-        let (sim, resumed) = started(&scene, question.start)?;
         if let Some(inlet) = scene.inlets.iter().find(|inlet| {
             inlet.until.is_none() || sim.drives.iter().any(|drive| drive.unfinished().is_some())
         }) {

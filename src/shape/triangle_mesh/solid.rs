@@ -23,9 +23,9 @@
 //! | of others, neither of which is in front of the other | 1 |
 //! | of others | the same by the angle between their normals, or by that at which the nearest points of both stand over each other, if that is more |
 
-use super::TriangleMesh;
 use super::building::{Side, sides_of};
 use super::nearest::{nearest_on, nearest_on_segment};
+use super::{NONE, TriangleMesh};
 use crate::math::{Vec3, bounds};
 use crate::shape::clip::{Clipped, inside};
 use crate::shape::facets::Plane;
@@ -35,10 +35,10 @@ use serde::{Deserialize, Serialize};
 const ONE: f64 = 20.0 * std::f64::consts::PI / 180.0;
 /// Faces of a larger concave angle are two surfaces [rad].
 const APART: f64 = 45.0 * std::f64::consts::PI / 180.0;
-/// Cosine of [`APART`].
-const SHARP: f64 = std::f64::consts::FRAC_1_SQRT_2;
-/// Cells are not cut at edges that they meet in a corner, if normals there are as near as this, as a cosine.
+/// Cells are cut only by their own edges where normals of faces are as near as this, as a cosine.
 const BENT: f64 = 0.9999;
+/// How far beside a face a point stands over it, over the size of the surface.
+const OVER: f64 = 1e-7;
 /// Folds that are sharper than this have no plane that halves them: sum of unit vectors across.
 const FOLDED: f64 = 1e-6;
 /// What is nearer to a plane than this part of the size of the surface lies in it.
@@ -83,6 +83,9 @@ type Meeting = (u32, u32, [f64; 2]);
 
 /// The triangle beyond each side of one, and which of its sides that is.
 type Beyond = [Option<(u32, usize)>; 3];
+
+/// By two faces that meet, a triangle of the second.
+type Ridges = std::collections::BTreeMap<(u32, u32), u32>;
 
 /// What is behind all triangles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -198,14 +201,21 @@ impl TriangleMesh {
         }
         solid.meetings = self.meetings(&neighbours, &solid);
         self.solid = Some(solid);
+        let ridges = self.ridges(&neighbours);
         let (mut depths, mut cuts, mut first_cut) = (Vec::new(), Vec::new(), vec![0]);
         for triangle in 0..self.triangles.len() as u32 {
-            let beside = self.triangles_beside(triangle, farthest);
             depths.push([Front::Front, Front::Back].map(|front| {
-                let depth = self.depth(triangle, front, &beside, farthest);
-                cuts.extend(self.cuts_by(triangle, front, &beside, depth));
+                let beyond = self.beyond(triangle, front, &ridges);
+                let first = self.depth(triangle, front, &beyond, farthest);
+                let depths = [first, 0.5 * farthest];
+                let found = self.cuts_by(triangle, front, &beyond, depths);
+                cuts.extend(found.iter().map(|(_, plane)| *plane));
                 first_cut.push(cuts.len() as u32);
-                depth
+                if found.len() == beyond.len() {
+                    first
+                } else {
+                    self.depth(triangle, front, &found, farthest)
+                }
             }));
         }
         if let Some(solid) = &mut self.solid {
@@ -501,69 +511,95 @@ impl TriangleMesh {
         meetings
     }
 
-    /// The triangles that may be so near to one [m], without those of its face.
-    fn triangles_beside(&self, triangle: u32, farthest: f64) -> Vec<u32> {
-        let (low, high) = bounds(&self.corners(&self.triangles[triangle as usize]));
-        let reach = Vec3::repeat(farthest);
-        let mut beside = Vec::new();
-        self.grid.for_each_in(&(low - reach), &(high + reach), |other| beside.push(other));
-        beside.sort_unstable();
-        beside.dedup();
-        let face = self.face_of(triangle);
-        beside.retain(|&other| self.face_of(other) != face);
-        beside
-    }
-
-    /// Planes that halve the angle to triangles beside, as far as they cut the cell behind a triangle.
-    fn cuts_by(&self, triangle: u32, front: Front, beside: &[u32], depth: f64) -> Vec<Plane> {
-        let own = self.plane_from(triangle, front);
-        let mut planes = Vec::new();
-        for &other in beside.iter().filter(|&&other| self.part_of(other) == self.part_of(triangle))
-        {
-            if self.are_convex(triangle, other, front) {
-                let beyond = self.plane_from(other, front);
-                let across = beyond.normal - own.normal;
-                let length = across.norm();
-                let offset = (beyond.offset - own.offset) / length;
-                planes.push(Plane { normal: across / length, offset });
+    /// A triangle of the second face for each two faces that meet in an edge.
+    fn ridges(&self, neighbours: &[Beyond]) -> Ridges {
+        let mut ridges = Ridges::new();
+        for (triangle, beyond) in (0..).zip(neighbours) {
+            for (other, _) in beyond.iter().copied().flatten() {
+                let faces = (self.face_of(triangle), self.face_of(other));
+                if faces.0 != faces.1 {
+                    ridges.entry(faces).or_insert(other);
+                }
             }
         }
-        if planes.is_empty() {
-            return planes;
-        }
-        // Those that cut off nothing are left out.
-        let corners = self.corners(&self.triangles[triangle as usize]);
-        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
-        let level = self.solid().level;
-        let from_middle =
-            |plane: &Plane| Plane { offset: plane.offset - plane.normal.dot(&middle), ..*plane };
-        let (low, high) = bounds(&corners);
-        let frustum = self.frustum(triangle, front, depth).map(|plane| from_middle(&plane));
-        let Some(body) = inside(&frustum, 2.0 * ((high - low).norm() + depth)) else {
-            return Vec::new();
-        };
-        let mut cell = Clipped::default();
-        cell.begin(&body);
-        planes.retain(|plane| {
-            let plane = from_middle(plane);
-            let height = |&k: &u32| cell.vertices()[k as usize].dot(&plane.normal) - plane.offset;
-            let cuts = cell.left().iter().any(|k| height(k) > level);
-            cuts && cell.cut(&plane)
-        });
-        planes
+        ridges
     }
 
-    /// Is each of two triangles of a part behind the other, as on both sides of a ridge that is sharp, or to which both come?
-    fn are_convex(&self, one: u32, other: u32, front: Front) -> bool {
-        let [plane, beyond] = [one, other].map(|triangle| self.plane_from(triangle, front));
-        let facing = plane.normal.dot(&beyond.normal);
-        if facing > BENT {
-            return false;
+    /// The planes of faces that meet the face of a triangle in convex edges, with it behind them.
+    fn beyond(&self, triangle: u32, front: Front, ridges: &Ridges) -> Vec<(u32, Plane)> {
+        let own = self.plane_from(triangle, front);
+        let face = self.face_of(triangle);
+        let of_face = ridges.range((face, 0)..=(face, NONE));
+        let beyond = of_face.map(|(&(_, face), &other)| (face, other));
+        let convex = beyond.filter(|&(_, other)| {
+            let beyond = self.plane_from(other, front);
+            own.normal.dot(&beyond.normal) <= BENT
+                && self.lies_below(triangle, &beyond)
+                && self.lies_below(other, &own)
+        });
+        convex.map(|(face, other)| (face, self.plane_from(other, front))).collect()
+    }
+
+    /// Of such faces those that come into the cell behind a triangle, with the planes that halve the angles there. What is cut off, as
+    /// deep as grains reach, stands over these faces, so that it belongs to the cells behind them.
+    fn cuts_by(
+        &self,
+        triangle: u32,
+        front: Front,
+        beyond: &[(u32, Plane)],
+        [depth, reached]: [f64; 2],
+    ) -> Vec<(u32, Plane)> {
+        if beyond.is_empty() {
+            return Vec::new();
         }
-        let [own, others] = [one, other].map(|t| &self.triangles[t as usize].corners);
-        (facing <= SHARP || own.iter().any(|k| others.contains(k)))
-            && self.lies_below(one, &beyond)
-            && self.lies_below(other, &plane)
+        let own = self.plane_from(triangle, front);
+        let level = self.solid().level;
+        let corners = self.corners(&self.triangles[triangle as usize]);
+        let (low, high) = bounds(&corners);
+        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let from_middle =
+            |plane: Plane| Plane { offset: plane.offset - plane.normal.dot(&middle), ..plane };
+        let cell = |depth: f64| {
+            let planes = self.frustum(triangle, front, depth).map(from_middle);
+            let mut cell = Clipped::default();
+            cell.begin(&inside(&planes, 2.0 * ((high - low).norm() + depth))?);
+            Some(cell)
+        };
+        let (Some(whole), Some(near)) = (cell(depth), cell(depth.min(reached))) else {
+            return Vec::new();
+        };
+        // Nearer to the second plane than to the first.
+        let nearer = |first: &Plane, second: &Plane| {
+            let across = first.normal - second.normal;
+            let length = across.norm();
+            let offset = (first.offset - second.offset) / length;
+            Plane { normal: across / length, offset }
+        };
+        let mut found = Vec::new();
+        for (face, plane) in beyond {
+            let cut = nearer(plane, &own);
+            let placed = from_middle(cut);
+            let is_off =
+                |&k: &u32| whole.vertices()[k as usize].dot(&placed.normal) - placed.offset > level;
+            if !whole.left().iter().any(is_off) {
+                continue;
+            }
+            let mut off = near.clone();
+            let others = beyond.iter().map(|(_, other)| other);
+            let others = others.filter(|other| (other.normal - plane.normal).norm() > FOLDED);
+            let nearest = others.map(|other| nearer(other, plane));
+            let limits = [nearer(&own, plane), *plane].into_iter().chain(nearest);
+            let is_there = limits.map(from_middle).all(|limit| off.cut(&limit));
+            let stands_over = |&k: &u32| {
+                let place = off.vertices()[k as usize] + middle;
+                let foot = place - plane.normal * (place.dot(&plane.normal) - plane.offset);
+                self.is_on_face(*face, &foot, OVER * self.reach)
+            };
+            if is_there && off.left().iter().all(stands_over) {
+                found.push((*face, cut));
+            }
+        }
+        found
     }
 
     /// Does a triangle lie behind a plane, or in it?
@@ -573,20 +609,29 @@ impl TriangleMesh {
         corners.iter().all(|corner| height(corner) <= self.solid().level)
     }
 
-    /// How deep a cell can be: half of the way to what is behind it, if that is not left to [`Self::cuts_by`].
-    fn depth(&self, triangle: u32, front: Front, beside: &[u32], farthest: f64) -> f64 {
+    /// How deep a cell can be: half of the way to what is behind it, without these faces.
+    fn depth(&self, triangle: u32, front: Front, but: &[(u32, Plane)], farthest: f64) -> f64 {
         let own = &self.triangles[triangle as usize];
+        let corners = self.corners(own);
         let [plane, borders @ .., _] = self.frustum(triangle, front, farthest);
+        let reach = Vec3::repeat(farthest);
+        let (low, high) = bounds(&corners);
         let mut depth = farthest;
+        let mut seen = Vec::new();
+        self.grid.for_each_in(&(low - reach), &(high + reach), |other| seen.push(other));
+        seen.sort_unstable();
+        seen.dedup();
         let mut polygon = Vec::new();
-        for &other in beside {
+        for other in seen {
             let of = &self.triangles[other as usize];
-            if of.corners.iter().any(|k| own.corners.contains(k)) {
+            let is_left_out = of.facets[0] == own.facets[0]
+                || but.iter().any(|(face, _)| *face == of.facets[0])
+                || of.corners.iter().any(|k| own.corners.contains(k));
+            if is_left_out {
                 continue;
             }
             let is_back = if self.part_of(other) == self.part_of(triangle) {
                 self.plane_from(other, front).normal.dot(&plane.normal) < -BACK
-                    && !self.are_convex(triangle, other, front)
             } else {
                 self.plane(other).0.dot(&plane.normal).abs() > BACK
             };
