@@ -23,9 +23,9 @@
 //! | of others, neither of which is in front of the other | 1 |
 //! | of others | the same by the angle between their normals, or by that at which the nearest points of both stand over each other, if that is more |
 
+use super::TriangleMesh;
 use super::building::{Side, sides_of};
 use super::nearest::{nearest_on, nearest_on_segment};
-use super::{NONE, TriangleMesh};
 use crate::math::{Vec3, bounds};
 use crate::shape::clip::{Clipped, inside};
 use crate::shape::facets::Plane;
@@ -37,6 +37,8 @@ const ONE: f64 = 20.0 * std::f64::consts::PI / 180.0;
 const APART: f64 = 45.0 * std::f64::consts::PI / 180.0;
 /// Cells are cut only by their own edges where normals of faces are as near as this, as a cosine.
 const BENT: f64 = 0.9999;
+/// A cell into which more faces come is cut by its own edges alone.
+const MOST: usize = 64;
 /// How far beside a face a point stands over it, over the size of the surface.
 const OVER: f64 = 1e-7;
 /// Folds that are sharper than this have no plane that halves them: sum of unit vectors across.
@@ -204,17 +206,18 @@ impl TriangleMesh {
         let ridges = self.ridges(&neighbours);
         let (mut depths, mut cuts, mut first_cut) = (Vec::new(), Vec::new(), vec![0]);
         for triangle in 0..self.triangles.len() as u32 {
+            let beside = self.triangles_beside(triangle, farthest);
             depths.push([Front::Front, Front::Back].map(|front| {
-                let beyond = self.beyond(triangle, front, &ridges);
-                let first = self.depth(triangle, front, &beyond, farthest);
+                let beyond = self.beyond(triangle, front, &beside, &ridges);
+                let first = self.depth(triangle, front, &beside, &beyond, farthest);
                 let depths = [first, 0.5 * farthest];
-                let found = self.cuts_by(triangle, front, &beyond, depths);
-                cuts.extend(found.iter().map(|(_, plane)| *plane));
+                let (faces, planes) = self.cuts_by(triangle, front, &beyond, depths);
+                cuts.extend(planes);
                 first_cut.push(cuts.len() as u32);
-                if found.len() == beyond.len() {
+                if faces.len() == beyond.len() {
                     first
                 } else {
-                    self.depth(triangle, front, &found, farthest)
+                    self.depth(triangle, front, &beside, &faces, farthest)
                 }
             }));
         }
@@ -511,7 +514,7 @@ impl TriangleMesh {
         meetings
     }
 
-    /// A triangle of the second face for each two faces that meet in an edge.
+    /// The faces that meet in edges.
     fn ridges(&self, neighbours: &[Beyond]) -> Ridges {
         let mut ridges = Ridges::new();
         for (triangle, beyond) in (0..).zip(neighbours) {
@@ -525,13 +528,33 @@ impl TriangleMesh {
         ridges
     }
 
-    /// The planes of faces that meet the face of a triangle in convex edges, with it behind them.
-    fn beyond(&self, triangle: u32, front: Front, ridges: &Ridges) -> Vec<(u32, Plane)> {
-        let own = self.plane_from(triangle, front);
+    /// The triangles that may be so near to one [m], without those of its face.
+    fn triangles_beside(&self, triangle: u32, farthest: f64) -> Vec<u32> {
+        let (low, high) = bounds(&self.corners(&self.triangles[triangle as usize]));
+        let reach = Vec3::repeat(farthest);
+        let mut beside = Vec::new();
+        self.grid.for_each_in(&(low - reach), &(high + reach), |other| beside.push(other));
+        beside.sort_unstable();
+        beside.dedup();
         let face = self.face_of(triangle);
-        let of_face = ridges.range((face, 0)..=(face, NONE));
-        let beyond = of_face.map(|(&(_, face), &other)| (face, other));
-        let convex = beyond.filter(|&(_, other)| {
+        beside.retain(|&other| self.face_of(other) != face);
+        beside
+    }
+
+    /// The planes of faces beside that meet the face of a triangle in convex edges, with it behind them, in the order of faces.
+    fn beyond(
+        &self,
+        triangle: u32,
+        front: Front,
+        beside: &[u32],
+        ridges: &Ridges,
+    ) -> Vec<(u32, Plane)> {
+        let own = self.plane_from(triangle, front);
+        let mut faces: Vec<u32> = beside.iter().map(|&other| self.face_of(other)).collect();
+        faces.sort_unstable();
+        faces.dedup();
+        let meets = |face| Some((face, *ridges.get(&(self.face_of(triangle), face))?));
+        let convex = faces.into_iter().filter_map(meets).filter(|&(_, other)| {
             let beyond = self.plane_from(other, front);
             own.normal.dot(&beyond.normal) <= BENT
                 && self.lies_below(triangle, &beyond)
@@ -540,7 +563,7 @@ impl TriangleMesh {
         convex.map(|(face, other)| (face, self.plane_from(other, front))).collect()
     }
 
-    /// Of such faces those that come into the cell behind a triangle, with the planes that halve the angles there. What is cut off, as
+    /// Of such faces those that come into the cell behind a triangle, and the planes that halve the angles there. What is cut off, as
     /// deep as grains reach, stands over these faces, so that it belongs to the cells behind them.
     fn cuts_by(
         &self,
@@ -548,12 +571,11 @@ impl TriangleMesh {
         front: Front,
         beyond: &[(u32, Plane)],
         [depth, reached]: [f64; 2],
-    ) -> Vec<(u32, Plane)> {
+    ) -> (Vec<(u32, Plane)>, Vec<Plane>) {
         if beyond.is_empty() {
-            return Vec::new();
+            return Default::default();
         }
         let own = self.plane_from(triangle, front);
-        let level = self.solid().level;
         let corners = self.corners(&self.triangles[triangle as usize]);
         let (low, high) = bounds(&corners);
         let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
@@ -566,40 +588,61 @@ impl TriangleMesh {
             Some(cell)
         };
         let (Some(whole), Some(near)) = (cell(depth), cell(depth.min(reached))) else {
-            return Vec::new();
+            return Default::default();
         };
-        // Nearer to the second plane than to the first.
-        let nearer = |first: &Plane, second: &Plane| {
-            let across = first.normal - second.normal;
-            let length = across.norm();
-            let offset = (first.offset - second.offset) / length;
-            Plane { normal: across / length, offset }
+        let level = self.solid().level;
+        let comes_in = |cell: &Clipped, cut: &Plane| {
+            let height = |&k: &u32| cell.vertices()[k as usize].dot(&cut.normal) - cut.offset;
+            cell.left().iter().any(|k| height(k) > level)
         };
-        let mut found = Vec::new();
-        for (face, plane) in beyond {
-            let cut = nearer(plane, &own);
-            let placed = from_middle(cut);
-            let is_off =
-                |&k: &u32| whole.vertices()[k as usize].dot(&placed.normal) - placed.offset > level;
-            if !whole.left().iter().any(is_off) {
-                continue;
-            }
-            let mut off = near.clone();
-            let others = beyond.iter().map(|(_, other)| other);
-            let others = others.filter(|other| (other.normal - plane.normal).norm() > FOLDED);
-            let nearest = others.map(|other| nearer(other, plane));
-            let limits = [nearer(&own, plane), *plane].into_iter().chain(nearest);
-            let is_there = limits.map(from_middle).all(|limit| off.cut(&limit));
-            let stands_over = |&k: &u32| {
-                let place = off.vertices()[k as usize] + middle;
-                let foot = place - plane.normal * (place.dot(&plane.normal) - plane.offset);
-                self.is_on_face(*face, &foot, OVER * self.reach)
-            };
-            if is_there && off.left().iter().all(stands_over) {
-                found.push((*face, cut));
-            }
+        let cut_by = |plane: &Plane| from_middle(nearer(plane, &own));
+        let mut left: Vec<(u32, Plane)> = beyond.to_vec();
+        left.retain(|(_, plane)| comes_in(&whole, &cut_by(plane)));
+        if left.len() > MOST {
+            return Default::default();
         }
-        found
+        // What one of them does not own may belong to none: those that are left are looked at again.
+        loop {
+            let owns = |&(face, plane): &(u32, Plane)| {
+                let others = left.iter().map(|(_, other)| other);
+                let others = others.filter(|other| (other.normal - plane.normal).norm() > FOLDED);
+                let nearest = others.map(|other| nearer(other, &plane));
+                let limits = [nearer(&own, &plane), plane].into_iter().chain(nearest);
+                let mut off = near.clone();
+                let is_there = limits.map(from_middle).all(|limit| off.cut(&limit));
+                !is_there || self.stand_over(face, &plane, &off, &middle)
+            };
+            let owned: Vec<(u32, Plane)> = left.iter().copied().filter(owns).collect();
+            if owned.len() == left.len() {
+                break;
+            }
+            left = owned;
+        }
+        // Those that cut off what others leave.
+        let mut cell = whole;
+        let cuts = left.iter().filter(|(_, plane)| {
+            let cut = cut_by(plane);
+            comes_in(&cell, &cut) && cell.cut(&cut)
+        });
+        let planes = cuts.map(|(_, plane)| nearer(plane, &own)).collect();
+        (left, planes)
+    }
+
+    /// Does a body, seen from a place, stand over a face, by its vertices and points between them?
+    fn stand_over(&self, face: u32, plane: &Plane, body: &Clipped, place: &Vec3) -> bool {
+        let is_over = |point: &Vec3| {
+            let point = point + place;
+            let foot = point - plane.normal * (point.dot(&plane.normal) - plane.offset);
+            self.is_on_face(face, &foot, OVER * self.reach)
+        };
+        let vertices: Vec<Vec3> =
+            body.left().iter().map(|&k| body.vertices()[k as usize]).collect();
+        vertices.iter().enumerate().all(|(k, one)| {
+            let between = |other: &Vec3| {
+                [0.25, 0.5, 0.75].iter().all(|part| is_over(&(one + (other - one) * *part)))
+            };
+            is_over(one) && vertices[..k].iter().all(between)
+        })
     }
 
     /// Does a triangle lie behind a plane, or in it?
@@ -610,22 +653,21 @@ impl TriangleMesh {
     }
 
     /// How deep a cell can be: half of the way to what is behind it, without these faces.
-    fn depth(&self, triangle: u32, front: Front, but: &[(u32, Plane)], farthest: f64) -> f64 {
+    fn depth(
+        &self,
+        triangle: u32,
+        front: Front,
+        beside: &[u32],
+        but: &[(u32, Plane)],
+        farthest: f64,
+    ) -> f64 {
         let own = &self.triangles[triangle as usize];
-        let corners = self.corners(own);
         let [plane, borders @ .., _] = self.frustum(triangle, front, farthest);
-        let reach = Vec3::repeat(farthest);
-        let (low, high) = bounds(&corners);
         let mut depth = farthest;
-        let mut seen = Vec::new();
-        self.grid.for_each_in(&(low - reach), &(high + reach), |other| seen.push(other));
-        seen.sort_unstable();
-        seen.dedup();
         let mut polygon = Vec::new();
-        for other in seen {
+        for &other in beside {
             let of = &self.triangles[other as usize];
-            let is_left_out = of.facets[0] == own.facets[0]
-                || but.iter().any(|(face, _)| *face == of.facets[0])
+            let is_left_out = but.binary_search_by_key(&of.facets[0], |(face, _)| *face).is_ok()
                 || of.corners.iter().any(|k| own.corners.contains(k));
             if is_left_out {
                 continue;
@@ -651,6 +693,13 @@ impl TriangleMesh {
         }
         depth
     }
+}
+
+/// The half-space of what is nearer to the second of two planes than to the first, behind both.
+fn nearer(first: &Plane, second: &Plane) -> Plane {
+    let across = first.normal - second.normal;
+    let length = across.norm();
+    Plane { normal: across / length, offset: (first.offset - second.offset) / length }
 }
 
 /// 1 of small angles, 0 of large ones.
