@@ -1,7 +1,7 @@
 //! Grains with faces on walls of triangles: planes however they are cut, force and moment as the gradient of an energy, equal bits.
 
 use crate::meshes::{self, Triangles};
-use crate::overlap::{cuboid, derivative, solids};
+use crate::overlap::{cuboid, derivative, solid, solids};
 use crate::random::Draw;
 use crate::support::{Bench, Frame, OnRanks, close, scene};
 use dem_mpi::contact::{
@@ -12,7 +12,7 @@ use dem_mpi::math::{Mat3, Quat, Vec3, rotation_about};
 use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
 use dem_mpi::shape::triangle_mesh::TriangleMesh;
-use dem_mpi::shape::{HalfSpace, Polyhedron, Shape};
+use dem_mpi::shape::{HalfSpace, Shape};
 use std::sync::Arc;
 
 /// How near a body says that it is to a contact with a facet, it is not nearer: over convex edges, too, where the contact passes from face to
@@ -78,28 +78,19 @@ fn refined(body: &Shape, times: u32) -> Triangles {
 
 /// Convex bodies with edges of all angles: needles, wedges, boxes.
 fn sharp_solids(random: &mut Random) -> Vec<(String, Shape)> {
-    let body =
-        |corners: &[Vec3]| Shape::Polyhedron(Box::new(Polyhedron::new(corners).expect("a body")));
-    let mut solids = vec![("box".to_owned(), body(&corners_of_box(Vec3::new(2.0, 1.6, 1.2))))];
+    let mut solids = vec![("box".to_owned(), cuboid(Vec3::new(2.0, 1.6, 1.2)))];
     for degrees in [20.0, 50.0, 80.0, 88.0_f64] {
         let half = libm::tan(0.5 * degrees.to_radians());
         let corners = [-1.5, 1.5].map(|y| {
             [Vec3::new(0.0, y, 0.0), Vec3::new(2.0, y, 2.0 * half), Vec3::new(2.0, y, -2.0 * half)]
         });
-        solids.push((format!("wedge of {degrees} degrees"), body(&corners.concat())));
+        solids.push((format!("wedge of {degrees} degrees"), solid(&corners.concat())));
     }
     for k in 0..6 {
         let corners: Vec<Vec3> = (0..4).map(|_| random.direction() * 1.5).collect();
-        if let Ok(spike) = Polyhedron::new(&corners) {
-            solids.push((format!("tetrahedron {k}"), Shape::Polyhedron(Box::new(spike))));
-        }
+        solids.push((format!("tetrahedron {k}"), solid(&corners)));
     }
     solids
-}
-
-fn corners_of_box(edges: Vec3) -> Vec<Vec3> {
-    let Shape::Polyhedron(body) = cuboid(edges) else { panic!("no box") };
-    body.hull().vertices().to_vec()
 }
 
 /// Two distances that are as one, at the lower of which bodies share something, while they do not at the other: coming from far away.

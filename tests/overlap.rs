@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 
 const SEED: u64 = 20_261_123;
 
-fn solid(corners: &[Vec3]) -> Shape {
+pub(crate) fn solid(corners: &[Vec3]) -> Shape {
     Shape::Polyhedron(Box::new(Polyhedron::new(corners).expect("a body")))
 }
 

@@ -342,7 +342,7 @@ impl TriangleMesh {
     /// # Panics
     /// If there are no cells.
     pub fn plane_from(&self, triangle: u32, front: Front) -> Plane {
-        let (normal, offset) = self.plane(triangle);
+        let Plane { normal, offset } = self.plane(triangle);
         let sign = self.behind(triangle).sign * front.sign();
         Plane { normal: normal * sign, offset: offset * sign }
     }
@@ -361,8 +361,7 @@ impl TriangleMesh {
         if let Some((.., weights)) = solid.meeting(faces[0], faces[1]) {
             return weights[one.1.index()];
         }
-        let normals =
-            [one, other].map(|(t, front)| self.plane(t).0 * (self.behind(t).sign * front.sign()));
+        let normals = [one, other].map(|(triangle, front)| self.plane_from(triangle, front).normal);
         let corners = triangles.map(|t| self.corners(&self.triangles[t as usize]));
         let over = |k: usize| {
             let above = |corner: &Vec3| (corner - corners[k][0]).dot(&normals[k]);
@@ -405,9 +404,8 @@ impl TriangleMesh {
     }
 
     /// The plane of the face of a triangle.
-    fn plane(&self, triangle: u32) -> (Vec3, f64) {
-        let Plane { normal, offset } = self.facets.faces[self.face_of(triangle) as usize];
-        (normal, offset)
+    fn plane(&self, triangle: u32) -> Plane {
+        self.facets.faces[self.face_of(triangle) as usize]
     }
 
     /// Where a side of a triangle begins, and the unit vector that leads out of it there, in its plane.
@@ -418,7 +416,7 @@ impl TriangleMesh {
         let [from, to] =
             [ends[0].min(ends[1]), ends[0].max(ends[1])].map(|k| self.vertices[k as usize]);
         let third = self.vertices[triangle_of.corners[(side + 2) % 3] as usize];
-        let (normal, _) = self.plane(triangle);
+        let normal = self.plane(triangle).normal;
         let across = normal.cross(&(to - from)).normalize();
         (from, if (third - from).dot(&across) > 0.0 { -across } else { across })
     }
@@ -464,7 +462,7 @@ impl TriangleMesh {
                         let ends =
                             [corners[k], corners[(k + 1) % 3]].map(|k| self.vertices[k as usize]);
                         let to = if ends[0] == from { ends[1] } else { ends[0] };
-                        self.plane(t).0.cross(&(to - from)).dot(&across).signum()
+                        self.plane(t).normal.cross(&(to - from)).dot(&across).signum()
                     };
                     let expected = -sign * turns(triangle, k) * turns(other, side);
                     match &mut found[other as usize] {
@@ -493,8 +491,8 @@ impl TriangleMesh {
                 if one >= two {
                     continue;
                 }
-                let normal = self.plane(triangle).0 * solid.behind[triangle as usize].sign;
-                let turned = self.plane(other).0 * solid.behind[other as usize].sign;
+                let normal = self.plane(triangle).normal * solid.behind[triangle as usize].sign;
+                let turned = self.plane(other).normal * solid.behind[other as usize].sign;
                 let angle = angle_between(&normal, &turned);
                 // From the edge into the other triangle, over the front of the first.
                 let rises = -self.across(other, side).1.dot(&normal) > 0.0;
@@ -675,7 +673,7 @@ impl TriangleMesh {
             let is_back = if self.part_of(other) == self.part_of(triangle) {
                 self.plane_from(other, front).normal.dot(&plane.normal) < -BACK
             } else {
-                self.plane(other).0.dot(&plane.normal).abs() > BACK
+                self.plane(other).normal.dot(&plane.normal).abs() > BACK
             };
             if !is_back {
                 continue;
