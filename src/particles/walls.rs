@@ -5,9 +5,9 @@
 //! is from a plane ([`facets`]), which facets of a mesh are near it ([`Wall::facets_near`]), how far a wall has come towards grains ([`Wall::nearer_since_listed`]), how fast it does
 //! ([`Wall::way`]), how deep a box lies behind it ([`Wall::depth`]), where it ends the room of the particles ([`Across`]).
 //!
-//! A wall has a pose, which is that of its reference point and axes, and a motion. The reference point moves by
-//! `velocity · dt` in each step. The orientation comes from the number of steps since the wall began to turn as it does, in
-//! closed form: a turn of a million steps has the rounding of one, and a run that goes on from a snapshot has the same bits.
+//! A wall has a pose, which is that of its reference point and axes, and a motion. The pose comes from the number of steps since
+//! the wall began to move as it does, in closed form: a million steps have the rounding of one, and a run that goes on from a
+//! snapshot has the same bits.
 //!
 //! What moves a wall: its scene, with constant velocities or a course ([`super::courses`]), or a drive, which sets its velocities in each step
 //! ([`crate::drive::servo`], [`crate::drive::free`]).
@@ -60,8 +60,8 @@ pub struct Wall {
     pub mesh: Option<Mesh>,
     /// How it moves, if not with constant velocities or by a drive. Times count from the beginning of the stage.
     pub course: Option<Course>,
-    /// Since when it turns as it does; `None` before its first step, or if it does not turn.
-    turning: Option<Turning>,
+    /// Since when it has the velocities that it has; `None` before its first step, or if it does not move.
+    steady: Option<Steady>,
     /// Since when it follows its course; `None` before its first step, or if it has none.
     following: Option<Following>,
     /// Where it stood when the pairs were listed.
@@ -116,15 +116,17 @@ struct Pose {
     orientation: Quat,
 }
 
-/// A turn at a constant angular velocity.
+/// A motion with constant velocities.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Turning {
+struct Steady {
     /// The step at which it began.
     since: u64,
-    /// The orientation then.
-    from: Quat,
-    /// Angular velocity [rad/s].
+    /// Where the wall stood then.
+    from: Pose,
+    /// Of the reference point [m/s].
     velocity: Vec3,
+    /// About it [rad/s].
+    angular_velocity: Vec3,
 }
 
 /// A course that is followed.
@@ -153,12 +155,18 @@ impl Following {
     }
 }
 
-impl Turning {
-    /// The orientation at a step of `dt` [s].
-    fn orientation(&self, step: u64, dt: f64) -> Quat {
-        let rate = self.velocity.norm();
-        let angle = rate * ((step - self.since) as f64 * dt);
-        rotation_about(&(self.velocity / rate), angle) * self.from
+impl Steady {
+    /// Where it has the wall at a step of `dt` [s].
+    fn pose(&self, step: u64, dt: f64) -> Pose {
+        let time = (step - self.since) as f64 * dt;
+        let Pose { point, orientation } = self.from;
+        let rate = self.angular_velocity.norm();
+        let turned = if rate > 0.0 {
+            rotation_about(&(self.angular_velocity / rate), rate * time) * orientation
+        } else {
+            orientation
+        };
+        Pose { point: point + self.velocity * time, orientation: turned }
     }
 }
 
@@ -235,7 +243,7 @@ impl Wall {
             facets: planes.iter().map(facet).collect(),
             mesh: None,
             course: None,
-            turning: None,
+            steady: None,
             following: None,
             listed: pose,
         }
@@ -446,21 +454,29 @@ impl Wall {
             let following = *self.following.get_or_insert(begin);
             let time = following.time_at(step, dt);
             (self.velocity, self.angular_velocity) = course.mean_velocities(time, dt);
-            let Pose { point, orientation } = following.pose_at(course, time);
-            (self.point, self.orientation) = (point, orientation);
+            self.stand(following.pose_at(course, time));
             return self.moved_since(&before, room);
         }
-        self.point += self.velocity * dt;
-        if self.angular_velocity == Vec3::zeros() {
-            self.turning = None;
+        if !self.is_moving() {
+            self.steady = None;
+            return 0.0;
+        }
+        let (velocity, angular_velocity) = (self.velocity, self.angular_velocity);
+        let goes_on = |steady: &Steady| {
+            (steady.velocity, steady.angular_velocity) == (velocity, angular_velocity)
+        };
+        let begin = Steady { since: step - 1, from: before, velocity, angular_velocity };
+        let steady = self.steady.filter(goes_on).unwrap_or(begin);
+        self.steady = Some(steady);
+        self.stand(steady.pose(step, dt));
+        if angular_velocity == Vec3::zeros() {
             return (self.point - before.point).norm();
         }
-        let so_far = self.turning.filter(|turning| turning.velocity == self.angular_velocity);
-        let (since, from, velocity) = (step - 1, before.orientation, self.angular_velocity);
-        let turning = so_far.unwrap_or(Turning { since, from, velocity });
-        self.turning = Some(turning);
-        self.orientation = turning.orientation(step, dt);
         self.moved_since(&before, room)
+    }
+
+    const fn stand(&mut self, Pose { point, orientation }: Pose) {
+        (self.point, self.orientation) = (point, orientation);
     }
 
     /// How much nearer its surface can have come to a grain since the pairs were listed [m]; all grains have their centres
@@ -564,6 +580,7 @@ impl Wall {
             mesh.set_origin(mesh.origin + frame.tr_mul(&shift));
         }
         self.point = point;
+        self.steady = None;
     }
 }
 
@@ -737,13 +754,14 @@ mod tests {
         assert!(table.way(1e-3, &ROOM) > 1e-3);
     }
 
-    /// A turn comes from the number of its steps, whatever was saved and taken up on the way; another turn begins where it
-    /// ends.
+    /// A way and a turn come from the number of their steps, whatever was saved and taken up on the way; others begin where
+    /// they end.
     #[test]
-    fn a_turn_is_counted_in_steps() {
+    fn a_motion_is_counted_in_steps() {
         let axis = Vec3::new(0.48, 0.6, 0.64);
         let mut wall = Wall::plane("wall".to_owned(), Vec3::zeros(), Vec3::x());
         wall.angular_velocity = axis * 2.0;
+        wall.velocity = Vec3::new(0.1, -0.3, 0.7);
         for step in 11..=500 {
             wall.advance(step, 1e-3, &ROOM);
             if step == 300 {
@@ -753,7 +771,7 @@ mod tests {
                 let mut library = super::Library::default();
                 let mut again = Wall::plane("wall".to_owned(), Vec3::zeros(), Vec3::x());
                 again.enter(&mut library, super::MaterialId(0));
-                again.angular_velocity = wall.angular_velocity;
+                (again.velocity, again.angular_velocity) = (wall.velocity, wall.angular_velocity);
                 let now = (300, Some(super::StageSoFar { dt: 1e-3, time: 0.3 }));
                 again.go_on(&wall.surface(), saved.as_ref(), true, now, &mut library, &ROOM);
                 wall = again;
@@ -762,9 +780,23 @@ mod tests {
         let rate = wall.angular_velocity.norm();
         let turned = rotation_about(&(wall.angular_velocity / rate), rate * (490.0 * 1e-3));
         assert_eq!(wall.orientation, turned);
+        let place = wall.velocity * (490.0 * 1e-3);
+        assert_eq!(wall.point, place);
         wall.angular_velocity = Vec3::z();
         wall.advance(501, 1e-3, &ROOM);
         assert_eq!(wall.orientation, rotation_about(&Vec3::z(), 1e-3) * turned);
+        assert_eq!(wall.point, place + wall.velocity * 1e-3);
+    }
+
+    /// After ten million steps a wall is where its velocity says, to rounding. Steps added up are a million times as far off.
+    #[test]
+    fn a_wall_does_not_drift() {
+        let mut wall = Wall::plane("wall".to_owned(), Vec3::x() * 0.1, Vec3::x());
+        wall.velocity = Vec3::x() * 1e-3;
+        (1..=10_000_000).for_each(|step| {
+            wall.advance(step, 1e-7, &ROOM);
+        });
+        assert!((wall.point.x - 0.101).abs() < 1e-16, "{}", wall.point.x - 0.101);
     }
 
     /// Half a box behind a plane, and a box before it.

@@ -1,6 +1,6 @@
 //! What a snapshot holds of a wall, and how a wall goes on from it.
 
-use super::{Corners, Following, Mesh, Turning, Wall, most_moved};
+use super::{Corners, Following, Mesh, Steady, Wall, most_moved};
 use crate::math::{Quat, Vec3};
 use crate::particles::Library;
 use crate::shape::{HalfSpace, Shape};
@@ -12,7 +12,8 @@ pub struct Saved {
     point: Vec3,
     orientation: Quat,
     angular_velocity: Vec3,
-    turning: Option<Turning>,
+    #[serde(default)]
+    steady: Option<Steady>,
     /// Of a course.
     #[serde(default)]
     following: Option<Following>,
@@ -80,6 +81,7 @@ impl Wall {
     /// What a snapshot must hold of it besides [`Wall::surface`] and its velocity, if anything.
     pub fn saved(&self) -> Option<Saved> {
         let is_plain = self.course.is_none()
+            && self.steady.is_none()
             && self.orientation == Quat::identity()
             && self.angular_velocity == Vec3::zeros()
             && self.facets.len() == 1
@@ -88,7 +90,7 @@ impl Wall {
             point: self.point,
             orientation: self.orientation,
             angular_velocity: self.angular_velocity,
-            turning: self.turning,
+            steady: self.steady,
             following: self.following,
             facets: self.facets.iter().map(|facet| facet.geometry).collect(),
             mesh: self.mesh.as_ref().map(SavedMesh::of),
@@ -133,7 +135,7 @@ impl Wall {
             Some(saved) if is_same => {
                 self.point = saved.point;
                 self.orientation = saved.orientation;
-                self.turning = saved.turning.filter(|_| goes_on);
+                self.steady = saved.steady.filter(|_| goes_on);
                 // Another course than before goes on from where the wall stands, like one of other steps.
                 let leads_here = |following: &Following| {
                     let (course, stage) = self.course.as_ref().zip(before)?;
@@ -146,9 +148,8 @@ impl Wall {
                 for (facet, geometry) in self.facets.iter_mut().zip(&saved.facets) {
                     facet.geometry = *geometry;
                 }
-                let turned = saved.turning.is_some()
-                    || saved.following.is_some()
-                    || saved.angular_velocity != Vec3::zeros();
+                let turned =
+                    saved.following.is_some() || saved.angular_velocity != Vec3::zeros();
                 begins_to_turn = is_new_stage || !turned;
                 let turns_about_another = self.may_turn() && begins_to_turn;
                 let (frame, shift) = (self.frame(), self.point - about);
@@ -158,7 +159,7 @@ impl Wall {
                         if turns_about_another { frame.tr_mul(&shift) } else { Vec3::zeros() };
                     mesh.set_origin(of_saved.origin + moved);
                     if turns_about_another {
-                        self.point = about;
+                        (self.point, self.steady) = (about, None);
                     }
                 }
             }
