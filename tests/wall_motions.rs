@@ -539,8 +539,8 @@ fn courses_and_stages() {
     for (text, continuation, expected) in [
         (&text, Continuation::SameStage, way(150e-5)),
         (&shorter, Continuation::SameStage, way(100e-5 + 50.0 * 5e-6)),
-        // From where it stands, about the scene's point.
-        (&text, Continuation::NewStage, way(50e-5)),
+        // From where it stands, about its own point, which has come along.
+        (&text, Continuation::NewStage, way(100e-5) + way(50e-5)),
     ] {
         let scene = scene(text);
         let place = threads::run(1, |comm| {
@@ -557,6 +557,89 @@ fn courses_and_stages() {
         });
         assert!((place[0] - expected).abs() < 1e-17, "{continuation:?}: {place:?} {expected}");
     }
+}
+
+/// A wall that travels and turns goes on in the next stage, of the same scene, as if there were none: about its own axis,
+/// which is where it has come to. About another point it turns if the scene has another.
+#[test]
+fn a_stage_goes_on_with_the_same_turn() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = square(folder.path());
+    let turning = |about: &str| {
+        let turn = format!(
+            "velocity = [0.1, 0.05, -1]\nrotation = {{ about = {about}, axis = [0, 0.1, 1], rate = 20 }}"
+        );
+        on_floor(&turn, "", "friction = 0.3")
+    };
+    let of_triangles = |text: String| {
+        text.replace("point = [0, 0, 0]\nnormal = [0, 0, 1]", &format!("mesh = {file:?}"))
+    };
+    let [here, there] = ["[0.05, 0, 0]", "[0.01, 0.02, 0]"].map(turning);
+    for [here, there] in [[here.clone(), there.clone()], [here, there].map(of_triangles)] {
+        let ([here, there], mut comm) = ([here, there].map(|text| scene(&text)), Alone::default());
+        let mut sim = begun(&here, &mut comm);
+        (0..3000).for_each(|_| sim.step(&mut comm).unwrap());
+        save(&sim, folder.path(), &here, &mut comm);
+        let mut after = |scene: &Scene| {
+            let mut sim = assemble::assemble(scene, &comm);
+            let new = Continuation::NewStage;
+            assemble::take_up(&mut sim, scene, folder.path(), new, &mut comm).unwrap();
+            let stands = sim.particles.walls[0].clone();
+            sim.begin(&mut comm).unwrap();
+            (0..2000).for_each(|_| sim.step(&mut comm).unwrap());
+            (stands, sim.particles.walls[0].clone())
+        };
+        let ((_, next), (stands, other)) = (after(&here), after(&there));
+        (0..2000).for_each(|_| sim.step(&mut comm).unwrap());
+        let whole = &sim.particles.walls[0];
+        let place = Vec3::new(0.05, 0.0, 0.0) + Vec3::new(0.1, 0.05, -1.0) * 0.05;
+        let seen = |wall: &Wall| wall.orientation.inverse() * (place - wall.point);
+        assert!((seen(&next) - seen(whole)).norm() < 1e-14, "{next:?} {whole:?}");
+        assert!(next.orientation.angle_to(&whole.orientation) < 1e-14);
+        assert!((next.point - place).norm() < 1e-15, "the axis has come along: {:?}", next.point);
+        // What was at the other point when the stage began is on its axis.
+        let axis = Vec3::new(0.01, 0.02, 0.0);
+        assert!((stands.point - axis).norm() < 1e-15, "{stands:?}");
+        let come = axis + Vec3::new(0.1, 0.05, -1.0) * 0.02;
+        assert!((other.point - come).norm() < 1e-15, "{other:?}");
+    }
+}
+
+/// A long screw that turns about its axis comes no nearer than its thickness says, wherever on the axis its reference point is,
+/// and no point of it moves farther than it says.
+#[test]
+fn a_screw_is_as_fast_as_it_is_thick() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("screw.obj");
+    let mut corners = String::new();
+    for k in 0..20 {
+        let (place, angle) = (0.01 * f64::from(k), 0.8 * f64::from(k));
+        let (y, z) = (5e-3 * angle.cos(), 5e-3 * angle.sin());
+        corners += &format!("v {place:?} {y:?} {z:?}\nv {place:?} {:?} {:?}\n", -y, -z);
+    }
+    for k in 0..19 {
+        let a = 2 * k + 1;
+        corners += &format!("f {a} {} {}\nf {} {} {}\n", a + 1, a + 2, a + 1, a + 3, a + 2);
+    }
+    std::fs::write(&file, corners).unwrap();
+    let turn = "rotation = { about = [-0.1, 0, 0], axis = [1, 0, 0], rate = 6 }";
+    let screw = on_floor(turn, "", "")
+        .replace("point = [0, 0, 0]\nnormal = [0, 0, 1]", &format!("mesh = {file:?}"));
+    let mut comm = Alone::default();
+    let mut sim = begun(&scene(&screw), &mut comm);
+    let room = (Vec3::repeat(-0.2), Vec3::repeat(0.2));
+    let before = sim.particles.walls[0].clone();
+    let (way, edge) = (before.way(sim.dt, &room), 6.0 * 5e-3 * sim.dt);
+    assert!(way >= edge && way < 1.5 * edge, "{way:e} {edge:e}");
+    (0..10).for_each(|_| sim.step(&mut comm).unwrap());
+    let wall = &sim.particles.walls[0];
+    let in_place = |wall: &Wall| -> Vec<Vec3> {
+        let corners = wall.mesh.as_ref().unwrap().surface.triangles().flatten();
+        corners.map(|corner| wall.point + wall.orientation * corner).collect()
+    };
+    let ways = in_place(&before).into_iter().zip(in_place(wall)).map(|(a, b)| (a - b).norm());
+    let (most, said) = (ways.fold(0.0, f64::max), wall.nearer_since_listed(&room));
+    assert!(said >= most && said < 1.5 * most, "{said:e} {most:e}");
 }
 
 /// Another course, or another velocity, within a stage moves the wall from where it stands, as in a stage that begins.

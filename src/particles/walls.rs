@@ -42,6 +42,8 @@ pub struct Wall {
     pub point: Vec3,
     /// Rotation from its axes to the world.
     pub orientation: Quat,
+    /// Where its scene has the reference point [m].
+    of_scene: Vec3,
     /// Velocity of the reference point [m/s].
     pub velocity: Vec3,
     /// Angular velocity, about the reference point [rad/s].
@@ -234,6 +236,7 @@ impl Wall {
             name,
             point: pose.point,
             orientation: pose.orientation,
+            of_scene: pose.point,
             velocity: Vec3::zeros(),
             angular_velocity: Vec3::zeros(),
             mass: f64::INFINITY,
@@ -493,8 +496,14 @@ impl Wall {
 
     fn moved_since(&self, before: &Pose, room: &Corners) -> f64 {
         if let Some(Mesh { surface, .. }) = &self.mesh {
-            let turned = before.orientation.angle_to(&self.orientation);
-            return (self.point - before.point).norm() + turned * surface.reach();
+            let turn = (self.orientation * before.orientation.inverse()).scaled_axis();
+            // The axis of a turn that is rounding is not known.
+            let reach = if turn.norm() > SQUARE_ON {
+                surface.reach_about(&self.frame().tr_mul(&turn))
+            } else {
+                surface.reach()
+            };
+            return (self.point - before.point).norm() + turn.norm() * reach;
         }
         let before = self.facets.iter().map(|facet| before.place(facet));
         most_moved(self.in_place().zip(before), room)
@@ -505,7 +514,8 @@ impl Wall {
     pub fn way(&self, dt: f64, room: &Corners) -> f64 {
         let mut largest = 0.0;
         if let Some(Mesh { surface, .. }) = &self.mesh {
-            let turning = self.angular_velocity.norm() * surface.reach();
+            let turn = self.frame().tr_mul(&self.angular_velocity);
+            let turning = turn.norm() * surface.reach_about(&turn);
             largest = larger_or_infinite(0.0, (self.velocity.norm() + turning) * dt);
         }
         for InPlace { point, normal, .. } in self.in_place() {
@@ -570,7 +580,7 @@ impl Wall {
         self.in_place().map(behind).fold(f64::NEG_INFINITY, larger_or_infinite)
     }
 
-    /// Takes another reference point [m], and stays where it is.
+    /// Takes another reference point [m], that of its scene, and stays where it is.
     pub(crate) fn refer_to(&mut self, point: Vec3) {
         let (frame, shift) = (self.frame(), self.point - point);
         for Facet { geometry, .. } in &mut self.facets {
@@ -579,7 +589,7 @@ impl Wall {
         if let Some(mesh) = &mut self.mesh {
             mesh.set_origin(mesh.origin + frame.tr_mul(&shift));
         }
-        self.point = point;
+        (self.point, self.of_scene) = (point, point);
         self.steady = None;
     }
 }

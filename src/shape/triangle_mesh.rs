@@ -139,6 +139,8 @@ pub struct TriangleMesh {
     /// Of two touching facets with normals this near, as a cosine, only one counts.
     smooth: f64,
     reach: f64,
+    /// Lowest and highest corner of the box around its corners [m].
+    bounds: [Vec3; 2],
     findings: Findings,
     checksum: u64,
 }
@@ -261,6 +263,7 @@ impl TriangleMesh {
         if let Some(solid) = &mut self.solid {
             solid.see_from(place);
         }
+        self.bounds = self.bounds.map(|corner| corner - place);
         self.reach = self.vertices.iter().map(Vec3::norm).fold(0.0, f64::max) + self.bulge;
     }
 
@@ -368,6 +371,14 @@ impl TriangleMesh {
     /// Distance of the farthest corner from the reference point [m].
     pub const fn reach(&self) -> f64 {
         self.reach
+    }
+
+    /// None of its points is farther from an axis through the reference point, of any length, than this [m].
+    pub fn reach_about(&self, axis: &Vec3) -> f64 {
+        let Some(axis) = axis.try_normalize(0.0) else { return self.reach };
+        let corners = (0..8).map(|k| Vec3::from_fn(|i, _| self.bounds[k >> i & 1][i]));
+        let from_axis = corners.map(|corner| corner.cross(&axis).norm()).fold(0.0, f64::max);
+        self.reach.min(from_axis + self.bulge)
     }
 
     /// The same for the same triangles only, as good as, wherever they are seen from.

@@ -10,6 +10,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Saved {
     point: Vec3,
+    /// Where the scene has it [m].
+    #[serde(default)]
+    of_scene: Option<Vec3>,
     orientation: Quat,
     angular_velocity: Vec3,
     #[serde(default)]
@@ -88,6 +91,7 @@ impl Wall {
             && self.facets[0].geometry.offset == 0.0;
         (!is_plain).then(|| Saved {
             point: self.point,
+            of_scene: Some(self.of_scene),
             orientation: self.orientation,
             angular_velocity: self.angular_velocity,
             steady: self.steady,
@@ -114,8 +118,8 @@ impl Wall {
 
     /// Goes on from where a snapshot of step `step` has it, with the velocities or the course of the scene, in which it stands now;
     /// `goes_on` if steps are counted on and are as long as before. A course goes on within a
-    /// stage, of which `before` tells. Where it begins to turn, it does so about the point that the scene says. Returns how
-    /// far that is off the scene's place, where that is most within `room` [m], 0 for rounding; `None` if it is another wall, which stands
+    /// stage, of which `before` tells. Where it begins to turn, or the scene has another point than before, it does so about the
+    /// point of the scene; else about that of its own which was there. Returns how far it stands off the scene's place, where that is most within `room` [m], 0 for rounding; `None` if it is another wall, which stands
     /// where the scene says.
     pub fn go_on(
         &mut self,
@@ -129,7 +133,6 @@ impl Wall {
         let is_same = self.is_same(surface, saved);
         let (planes_were, about) = (self.in_place().collect::<Vec<_>>(), self.point);
         let corners_were: Vec<Vec3> = self.corners().collect();
-        let is_new_stage = before.is_none();
         let (mut is_another, mut begins_to_turn) = (false, true);
         match saved {
             Some(saved) if is_same => {
@@ -148,9 +151,8 @@ impl Wall {
                 for (facet, geometry) in self.facets.iter_mut().zip(&saved.facets) {
                     facet.geometry = *geometry;
                 }
-                let turned =
-                    saved.following.is_some() || saved.angular_velocity != Vec3::zeros();
-                begins_to_turn = is_new_stage || !turned;
+                let turned = saved.following.is_some() || saved.angular_velocity != Vec3::zeros();
+                begins_to_turn = !turned || saved.of_scene.is_some_and(|point| point != about);
                 let turns_about_another = self.may_turn() && begins_to_turn;
                 let (frame, shift) = (self.frame(), self.point - about);
                 if let (Some(mesh), Some(of_saved)) = (&mut self.mesh, saved.mesh) {

@@ -68,6 +68,7 @@ impl Building {
     /// The surface. Contacts with normals that differ by less than an angle [rad] count once.
     pub(super) fn finished(self, smooth: f64) -> TriangleMesh {
         let Self { vertices, corners, of_triangle, facets, own, .. } = self;
+        let (low, high) = bounds(&vertices);
         let triangle = |(&corners, facets): (&[u32; 3], [u32; 4])| Triangle { corners, facets };
         TriangleMesh {
             triangles: corners.iter().zip(of_triangle).map(triangle).collect(),
@@ -78,6 +79,7 @@ impl Building {
             bulge: 0.0,
             smooth: libm::cos(smooth),
             reach: vertices.iter().map(Vec3::norm).fold(0.0, f64::max),
+            bounds: [low, high],
             findings: Findings::default(),
             checksum: checksum(&vertices, &corners),
             vertices,
