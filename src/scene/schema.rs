@@ -155,6 +155,7 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         }
         ("wall", "scale") => positive,
         ("wall", "shift") => vector(&any),
+        ("wall", "weld") => not_negative,
         ("wall", "turn") => object(&[("axis", vector(&any)), ("angle", any)]),
         ("wall", "smooth") => json!({ "type": "number", "minimum": 0, "maximum": 60 }),
         ("wall", "point" | "normal" | "velocity" | "torque_about") => vector(&any),

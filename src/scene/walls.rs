@@ -459,10 +459,10 @@ fn planned(
         let surface = surface?;
         let origin = surface.origin();
         let surface = match surface {
-            Surface::Triangles(given, Triangles { mut corners, shift, smooth }) => {
+            Surface::Triangles(given, Triangles { mut corners, shift, weld, smooth }) => {
                 let own = corners.len();
                 add_images(&given, &mut corners, &shift, domain);
-                TriangleMesh::with_images(&corners, own, smooth)
+                TriangleMesh::with_images(&corners, own, weld, smooth)
                     .map_err(|error| given.fail(error))
                     .ok()?
             }
@@ -543,7 +543,7 @@ fn surface<'a>(
         return triangles(&given, section, folder)
             .map(|of_file| Surface::Triangles(given, of_file));
     }
-    for of_files in ["scale", "turn", "shift", "smooth"] {
+    for of_files in ["scale", "turn", "shift", "weld", "smooth"] {
         section.refuse(of_files, "is of a `mesh`");
     }
     of_revolution(given, key == "cone")
@@ -676,6 +676,8 @@ struct Triangles {
     corners: Vec<[Vec3; 3]>,
     /// [m]
     shift: Vec3,
+    /// How near corners are that are one [m].
+    weld: f64,
     /// The angle up to which edges are smooth [rad].
     smooth: f64,
 }
@@ -696,6 +698,7 @@ fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangle
         Some(rotation_about(&axis?, angle?.to_radians()))
     });
     let shift = section.vector_or("shift", Vec3::zeros(), "m");
+    let weld = section.number_or("weld", 0.0, Range::NotNegative, "m");
     let smooth = section.number_or("smooth", SMOOTH, Range::NotNegative, "degrees");
     if let (Some(smooth), Some(given)) = (smooth, section.get("smooth"))
         && smooth > SMOOTHEST
@@ -710,7 +713,7 @@ fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangle
         if turn == Quat::identity() { corner } else { turn * corner }
     };
     let corners = corners.into_iter().map(|triangle| triangle.map(placed)).collect();
-    Some(Triangles { corners, shift: shift?, smooth: smooth?.to_radians() })
+    Some(Triangles { corners, shift: shift?, weld: weld?, smooth: smooth?.to_radians() })
 }
 
 /// A point of a plane [m] and its unit normal.

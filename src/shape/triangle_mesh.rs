@@ -20,6 +20,7 @@
 
 mod along;
 mod building;
+mod cutting;
 mod facets;
 mod grid;
 mod nearest;
@@ -31,14 +32,14 @@ pub use solid::{Front, Near, NoSolid};
 
 use super::Convex;
 use crate::math::Vec3;
-use building::{Building, Side, welded};
+use building::{Building, welded};
 use facets::Facets;
 use grid::Grid;
 use nearest::{comes_into, is_over, nearest_on, nearest_on_segment};
 use serde::{Deserialize, Serialize};
 use solid::Solid;
 
-/// Points this near to a plane, over the size of the surface, lie in it.
+/// Points this near to a plane, a side or each other, over the size of the surface, lie in it or are one.
 const COPLANAR: f64 = 1e-11;
 /// What is found twice on a border is one contact, whatever the user says [rad].
 const LEAST_SMOOTH: f64 = 1e-6;
@@ -90,6 +91,8 @@ struct Triangle {
 pub struct Findings {
     /// Triangles of a file that have no area, or stand there twice; they are left out.
     pub left_out: usize,
+    /// Triangles that are cut, for corners of others lie within their sides.
+    pub cut: usize,
     /// Edges of one triangle only: where the surface ends, or has a hole.
     pub open_edges: usize,
     /// Edges of three triangles or more.
@@ -107,19 +110,15 @@ pub enum SurfaceError {
     /// Not a number.
     #[error("triangle {0} (from 0) has a coordinate that is not a number")]
     NotFinite(usize),
-    /// A corner on an edge.
+    /// Corners within sides, of whatever pieces.
     #[error(
-        "the corner ({:e}, {:e}, {:e}) m lies within an edge of another triangle, from ({:e}, {:e}, {:e}) to ({:e}, {:e}, {:e}) m: \
-         a grain would touch both. Triangles must share whole edges; split that triangle there",
-        .corner.x, .corner.y, .corner.z, .from.x, .from.y, .from.z, .to.x, .to.y, .to.z
+        "near ({:e}, {:e}, {:e}) m triangles lie so close on each other that they cannot be cut to share whole sides; \
+         a smaller `weld` may help",
+        .corner.x, .corner.y, .corner.z
     )]
-    CornerOnEdge {
-        /// The corner [m].
+    Tangled {
+        /// One of these corners [m].
         corner: Vec3,
-        /// Where the edge begins [m].
-        from: Vec3,
-        /// Where it ends [m].
-        to: Vec3,
     },
 }
 
@@ -172,17 +171,19 @@ impl TriangleMesh {
     /// # Errors
     /// If they are no surface.
     pub fn new(corners: &[[Vec3; 3]], smooth: f64) -> Result<Self, SurfaceError> {
-        Self::with_images(corners, corners.len(), smooth)
+        Self::with_images(corners, corners.len(), 0.0, smooth)
     }
 
     /// The same of triangles of which only the first `own` are its own. The others are images beyond the periods of a domain, which pictures
-    /// and counts leave out.
+    /// and counts leave out. Corners that are nearer to each other than `weld`, if not by rounding, are one, and triangles are cut where
+    /// corners of others lie so near to their sides [m].
     ///
     /// # Errors
     /// If they are no surface.
     pub fn with_images(
         corners: &[[Vec3; 3]],
         own: usize,
+        weld: f64,
         smooth: f64,
     ) -> Result<Self, SurfaceError> {
         if let Some(k) =
@@ -194,18 +195,16 @@ impl TriangleMesh {
             return Err(SurfaceError::Empty);
         }
         let mut findings = Findings::default();
-        let mut building = welded(corners, own, &mut findings);
+        let mut building = welded(corners, own, weld, &mut findings);
         if building.own == 0 {
             return Err(SurfaceError::Empty);
         }
+        building.share_sides(&mut findings)?;
         building.find_sides(&mut findings);
         building.find_faces();
         building.find_edges();
         building.find_corners();
-        let sides = std::mem::take(&mut building.sides);
-        let mesh = Self { findings, ..building.finished(smooth.max(LEAST_SMOOTH)) };
-        mesh.check_edges(&sides)?;
-        Ok(mesh)
+        Ok(Self { findings, ..building.finished(smooth.max(LEAST_SMOOTH)) })
     }
 
     /// The cylinder or cone about an axis between two points, with these radii there, of which one may be 0 [m].
@@ -290,7 +289,7 @@ impl TriangleMesh {
             self.len(),
             self.bytes() / self.len()
         );
-        let Findings { left_out, open_edges, crowded_edges, turned_edges } = self.findings;
+        let Findings { left_out, cut, open_edges, crowded_edges, turned_edges } = self.findings;
         let images = self.triangles.len() - self.own;
         for (count, what) in [
             (images, "images of them beyond the periods"),
@@ -301,6 +300,7 @@ impl TriangleMesh {
                 "edges whose triangles do not agree on what is in front, which changes nothing",
             ),
             (left_out, "triangles left out that have no area or are there twice"),
+            (cut, "triangles cut, for corners of others lie within their sides"),
         ] {
             if count > 0 {
                 text.extend(["; ", &count.to_string(), " ", what]);
@@ -518,33 +518,6 @@ impl TriangleMesh {
             found = found || comes_into(&corners, &((low + high) * 0.5), &((high - low) * 0.5));
         });
         found
-    }
-
-    /// Looks for corners within open edges.
-    fn check_edges(&self, sides: &[Side]) -> Result<(), SurfaceError> {
-        let open = sides.chunk_by(Side::is_same).filter(|of| of.len() == 1).flatten();
-        let ends: Vec<u32> = open.flat_map(|side| side.ends).collect();
-        let size = self.reach;
-        for &end in &ends {
-            let corner = self.vertices[end as usize];
-            let mut found = None;
-            let near = Vec3::repeat(COPLANAR * size);
-            self.grid.for_each_in(&(corner - near), &(corner + near), |triangle| {
-                let triangle = &self.triangles[triangle as usize];
-                for k in 0..3 {
-                    let ends = [triangle.corners[k], triangle.corners[(k + 1) % 3]];
-                    let [from, to] = ends.map(|k| self.vertices[k as usize]);
-                    let nearest = nearest_on_segment(&from, &to, &corner);
-                    if !ends.contains(&end) && (nearest - corner).norm() < COPLANAR * size {
-                        found = Some(SurfaceError::CornerOnEdge { corner, from, to });
-                    }
-                }
-            });
-            if let Some(error) = found {
-                return Err(error);
-            }
-        }
-        Ok(())
     }
 }
 

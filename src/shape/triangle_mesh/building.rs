@@ -5,6 +5,7 @@ use super::grid::Grid;
 use super::{COPLANAR, Findings, NONE, Strip, Triangle, TriangleMesh};
 use crate::math::{Vec3, bounds};
 use crate::shape::facets::Plane;
+use std::collections::HashMap;
 
 /// A triangle is degenerate if it is flatter than this.
 const SLIVER: f64 = 1e-9;
@@ -53,16 +54,17 @@ pub(super) struct Building {
     pub(super) of_triangle: Vec<[u32; 4]>,
     facets: Facets,
     size: f64,
+    /// Corners nearer to each other, or to a side, are one, or lie in it [m].
+    pub(super) near: f64,
     /// How many triangles are no images.
     pub(super) own: usize,
 }
 
 impl Building {
-    fn of(vertices: Vec<Vec3>, corners: Vec<[u32; 3]>, own: usize) -> Self {
-        let (low, high) = bounds(&vertices);
-        let of_triangle = vec![[NONE; 4]; corners.len()];
-        let size = (high - low).norm();
-        Self { vertices, corners, of_triangle, size, own, ..Self::default() }
+    /// Takes these triangles in place of its own, of which the first `own` are no images.
+    pub(super) fn take(&mut self, corners: Vec<[u32; 3]>, own: usize) {
+        self.of_triangle = vec![[NONE; 4]; corners.len()];
+        (self.corners, self.own) = (corners, own);
     }
 
     /// The surface. Contacts with normals that differ by less than an angle [rad] count once.
@@ -86,7 +88,7 @@ impl Building {
         }
     }
 
-    fn vertex(&self, k: u32) -> Vec3 {
+    pub(super) fn vertex(&self, k: u32) -> Vec3 {
         self.vertices[k as usize]
     }
 
@@ -279,21 +281,33 @@ fn snapped(vector: &Vec3) -> Vec3 {
     if (unit - axis).amax() < 1e-15 { axis } else { unit }
 }
 
-/// Vertices that are the same to the last bit are one; triangles without area, or twice there, are left out.
-pub(super) fn welded(corners: &[[Vec3; 3]], own: usize, findings: &mut Findings) -> Building {
+/// Vertices that are the same, but for a distance or rounding, are one; triangles without area, or twice there, are left out.
+pub(super) fn welded(
+    corners: &[[Vec3; 3]],
+    own: usize,
+    weld: f64,
+    findings: &mut Findings,
+) -> Building {
     let points: Vec<Vec3> = corners.iter().flatten().map(|c| c.map(|x| x + 0.0)).collect();
     let compare = |a: &Vec3, b: &Vec3| {
         a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z))
     };
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| compare(&points[a], &points[b]));
-    let (mut vertices, mut number) = (Vec::new(), vec![0; points.len()]);
+    let (low, high) = bounds(&points);
+    let size = (high - low).norm();
+    let near = weld.max(COPLANAR * size);
+    let (mut vertices, mut number) = (Vertices::apart_by(near), vec![0; points.len()]);
+    let mut last = None;
     for k in order {
-        if vertices.last() != Some(&points[k]) {
-            vertices.push(points[k]);
+        if last.is_none_or(|last: usize| points[last] != points[k]) {
+            number[k] = vertices.number_of(&points[k]);
+        } else if let Some(last) = last {
+            number[k] = number[last];
         }
-        number[k] = (vertices.len() - 1) as u32;
+        last = Some(k);
     }
+    let vertices = vertices.all;
     let (numbers, _) = number.as_chunks::<3>();
     let mut seen = std::collections::BTreeSet::new();
     let mut is_sound = |triangle: &&[u32; 3]| {
@@ -309,7 +323,50 @@ pub(super) fn welded(corners: &[[Vec3; 3]], own: usize, findings: &mut Findings)
     let sound = triangles.len();
     findings.left_out = own - sound;
     triangles.extend(of_images.iter().filter(|of| is_sound(of)));
-    Building::of(vertices, triangles, sound)
+    let mut building = Building { vertices, size, near, ..Building::default() };
+    building.take(triangles, sound);
+    building
+}
+
+/// Points of which no two are nearer than a distance.
+struct Vertices {
+    near: f64,
+    all: Vec<Vec3>,
+    /// Those in each cell of a grid, whose cells are four times as wide.
+    cells: HashMap<[i64; 3], Vec<u32>>,
+}
+
+impl Vertices {
+    fn apart_by(near: f64) -> Self {
+        Self { near, all: Vec::new(), cells: HashMap::new() }
+    }
+
+    fn cell(&self, point: &Vec3) -> [i64; 3] {
+        let width = 4.0 * self.near;
+        [point.x, point.y, point.z].map(|x| (x / width).floor() as i64)
+    }
+
+    /// The number of the first that is near this point, which is a new one if there is none.
+    fn number_of(&mut self, point: &Vec3) -> u32 {
+        let around = Vec3::repeat(self.near);
+        let (low, high) = (self.cell(&(point - around)), self.cell(&(point + around)));
+        let mut found: Option<u32> = None;
+        for x in low[0]..=high[0] {
+            for y in low[1]..=high[1] {
+                for z in low[2]..=high[2] {
+                    let here = self.cells.get(&[x, y, z]).into_iter().flatten();
+                    let is_near = |&&k: &&u32| (self.all[k as usize] - point).norm() <= self.near;
+                    found = found.into_iter().chain(here.filter(is_near).copied()).min();
+                }
+            }
+        }
+        found.unwrap_or_else(|| {
+            let number = self.all.len() as u32;
+            self.all.push(*point);
+            self.cells.entry(self.cell(point)).or_default().push(number);
+            number
+        })
+    }
 }
 
 /// FNV-1a of all numbers.
