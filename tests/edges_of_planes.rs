@@ -307,13 +307,13 @@ fn nothing_shows_on(floor: Floor) {
         assert_eq!(held.sim.contacts.len(), plane.sim.contacts.len(), "contacts at step {step}");
         touching += plane.sim.contacts.len();
         edges.follow(&plane);
-        for id in 0..4 {
+        for (worst, id) in at_equal_poses.iter_mut().zip(0..) {
             // All but these are taken over.
-            raise(&mut at_equal_poses[id][..2], &off(&held, &plane, id as u64)[..2]);
+            raise(&mut worst[..2], &off(&held, &plane, id)[..2]);
         }
         if step % LOOK == 0 {
-            for id in 0..4 {
-                raise(&mut of_itself[id], &off(&free, &plane, id as u64));
+            for (worst, id) in of_itself.iter_mut().zip(0..) {
+                raise(worst, &off(&free, &plane, id));
             }
             let [found, expected] =
                 [&mut held, &mut plane].map(|bench| bench.measure().wall_forces[0]);
