@@ -49,12 +49,7 @@ def played(name):
 def turned(walls, snapshot):
     """Corners of the triangles of the chute, one after the other."""
     number = list(snapshot.walls["name"]).index("chute")
-    corners = walls.regular_faces if walls.is_all_triangles else None
-    if corners is None:
-        corners = [cell.point_ids for cell in walls.cell if cell.n_points == 3]
-        assert len(corners) == np.count_nonzero(walls["wall"] == number)
-    else:
-        corners = corners[walls["wall"] == number]
+    corners = [cell.point_ids for cell, wall in zip(walls.cell, walls["wall"]) if wall == number]
     return np.asarray(walls.points)[np.array(corners)]
 
 
