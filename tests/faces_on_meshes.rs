@@ -492,7 +492,7 @@ fn a_block_stands_over_the_edge_of_a_table() {
     assert!(found.force().xy().norm() < 1e-8 * depth, "{found:?}");
 }
 
-/// A brick slides and tumbles over a thousand edges, and over corners, of a plane: nothing of them shows.
+/// A brick is thrown onto a plane, and slides and tumbles over its edges and corners: nothing of them shows.
 #[test]
 fn a_brick_does_not_feel_the_edges_of_a_plane() {
     does_not_feel_the_edges_of_a_plane(meshes::BRICK);

@@ -8,6 +8,7 @@ mod contact_reference;
 mod contract;
 mod curvature;
 mod drives;
+mod edges_of_planes;
 mod elliptic;
 mod faces_on_meshes;
 mod flows;

@@ -1,6 +1,6 @@
 //! Walls of triangles: planes however they are cut, edges and corners in closed form, folds, energy, equal bits.
 
-use crate::support::{Bench, MATERIAL, begun, close, motion, save, scene};
+use crate::support::{Bench, MATERIAL, OnRanks, begun, close, motion, save, scene};
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::{AgainstTriangleMesh, ContactResolver, Epa, Outcome, Posed, Touch};
 use dem_mpi::ids::{GlobalId, ShapeId};
@@ -131,7 +131,7 @@ pub(crate) fn at(position: Vec3, velocity: Vec3) -> Particle {
     Particle { velocity, ..Particle::at_rest(GlobalId(0), ShapeId(0), position) }
 }
 
-/// Grains slide and roll over a thousand edges, and over corners, of a plane: nothing of them shows.
+/// Smooth grains are thrown onto a plane, and slide and roll over its edges and corners: nothing of them shows.
 #[test]
 fn a_plane_of_triangles_is_the_plane() {
     let folder = tempfile::tempdir().unwrap();
@@ -935,10 +935,14 @@ fn boxes_know_whether_a_triangle_comes_into_them() {
     assert!(counts.iter().all(|&count| count > 300), "{counts:?}");
 }
 
+/// A surface over two coordinates.
+fn wavy(u: f64, v: f64) -> Vec3 {
+    Vec3::new(u, v, 0.1 * libm::sin(7.0 * u) * libm::sin(5.0 * v))
+}
+
 /// As many triangles as files have: found through cells, little memory for each.
 #[test]
 fn a_hundred_thousand_triangles_are_read_and_searched_quickly() {
-    let wavy = |u: f64, v: f64| Vec3::new(u, v, 0.1 * libm::sin(7.0 * u) * libm::sin(5.0 * v));
     let triangles = sheet(224, 2.0, wavy);
     let mesh = TriangleMesh::new(&triangles, 0.1).unwrap();
     println!("{}", mesh.summary());
@@ -949,4 +953,95 @@ fn a_hundred_thousand_triangles_are_read_and_searched_quickly() {
         assert!(!mesh.near(&point, 0.01).is_empty());
         assert!(mesh.near(&(point + Vec3::z()), 0.01).is_empty());
     }
+}
+
+/// Where balls begin on [`wavy`].
+const BEGIN: [[f64; 2]; 5] = [[-0.7, -0.6], [-0.2, 0.5], [0.1, -0.3], [0.4, 0.7], [0.8, -0.1]];
+const BALL_RADIUS: f64 = 0.02;
+
+/// Balls that roll down a surface from a file.
+fn rolling(file: &Path) -> Scene {
+    let mut lattices = String::new();
+    for [u, v] in BEGIN {
+        let along = |axis: Vec3| (wavy(u + 1e-6 * axis.x, v + 1e-6 * axis.y) - wavy(u, v)) * 1e6;
+        let (x, y) = (along(Vec3::x()), along(Vec3::y()));
+        let place = wavy(u, v) + x.cross(&y).normalize() * (BALL_RADIUS - 1e-4);
+        let way = (x - y).normalize() * 0.8;
+        let [place, way] = [place, way].map(|v| format!("[{:?}, {:?}, {:?}]", v.x, v.y, v.z));
+        writeln!(
+            lattices,
+            "[[fill.lattice]]\nfirst = {place}\ncount = [1, 1, 1]\nvelocity = {way}"
+        )
+        .unwrap();
+    }
+    scene(&format!(
+        r#"
+gravity = [0, 0, -9.81]
+[domain]
+low = [-1.1, -1.1, -0.3]
+high = [1.1, 1.1, 0.4]
+[[wall]]
+name = "ground"
+mesh = {file:?}
+[[material]]
+name = "glass"
+density = 2500
+normal_stiffness = 1e4
+friction = 0.4
+restitution = 0.3
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = {BALL_RADIUS:?}
+{lattices}
+[time]
+step = 2e-4
+steps = 200
+[output]
+directory = "out"
+"#
+    ))
+}
+
+/// Balls roll on as many triangles as on those near them alone, on any number of ranks.
+#[test]
+fn balls_roll_on_a_hundred_thousand_triangles_as_on_those_near_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = sheet(224, 2.0, wavy);
+    // Two diameters around all of the way of a ball, which is shorter than two radii.
+    let reach = 6.0 * BALL_RADIUS;
+    let is_near = |corner: &Vec3| BEGIN.iter().any(|&[u, v]| (corner - wavy(u, v)).norm() < reach);
+    let near: Triangles = all.iter().filter(|of| of.iter().any(is_near)).copied().collect();
+    assert!(all.len() > 100_000 && near.len() < all.len() / 10 && near.len() > 1000);
+    let [all, near] = [("all.obj", all), ("near.obj", near)].map(|(name, triangles)| {
+        let file = folder.path().join(name);
+        write_obj(&triangles, &file);
+        rolling(&file)
+    });
+    let alone = OnRanks::of(&all).run(1, 200);
+    assert!(OnRanks::of(&all).run(3, 200) == alone, "3 ranks");
+    let few = OnRanks::of(&near).run(1, 200);
+    let contacts = alone.number("wall_contacts");
+    assert!(contacts >= 3.0, "{contacts} contacts");
+    let vectors = |row: &[u64]| {
+        let at = |k: usize| Vec3::from_fn(|axis, _| f64::from_bits(row[3 * k + axis]));
+        [at(0), at(2)]
+    };
+    let (mut way, mut largest, mut off) = (f64::INFINITY, 0.0_f64, [0.0_f64; 2]);
+    for (((id, row), (other, beside)), [u, v]) in alone.bits.iter().zip(&few.bits).zip(BEGIN) {
+        assert_eq!(id, other);
+        let ([place, force], [of_few, force_of_few]) = (vectors(row), vectors(beside));
+        way = way.min((place - wavy(u, v)).norm() - BALL_RADIUS);
+        largest = largest.max(force.norm());
+        off[0] = off[0].max((place - of_few).norm());
+        off[1] = off[1].max((force - force_of_few).norm());
+    }
+    let [place, force] = off;
+    println!("{contacts} contacts; place off by {place:e} m, force by {:e}", force / largest);
+    assert!(way > 5e-3, "a ball has gone {way:e} m only");
+    assert!(
+        place <= 1e-13 * BALL_RADIUS && force <= 1e-13 * largest,
+        "place off by {place:e} m, force by {:e}",
+        force / largest
+    );
 }

@@ -6,6 +6,8 @@
 #   VTK_VERSION   in the environment: another VTK than the newest, e.g. 9.3.1
 # usage: tests/open_in_vtk.sh --exports PARTICLES FOLDER
 #   the folder has what dem-post has made of them: VTP files and dem.py
+# usage: tests/open_in_vtk.sh --played MESH FOLDER PARTICLES...
+#   the same of several snapshots, for the lists with their times; MESH is the file of the wall that moves
 # Makes a virtual environment with these and pyvista under target/, once. Exit status 3: they cannot be fetched.
 set -eu
 cd "$(dirname "$0")/.."
@@ -17,6 +19,10 @@ if ! "$python/bin/python" -c 'import vtk, h5py, pyvista' 2>/dev/null; then
 fi
 if [ "${1:-}" = --exports ]; then
     exec "$python/bin/python" tests/open_exports.py "$2" "$3"
+fi
+if [ "${1:-}" = --played ]; then
+    shift
+    exec "$python/bin/python" tests/play_exports.py "$@"
 fi
 if [ $# -eq 0 ]; then
     snapshots=$PWD/target/tmp/open_in_vtk

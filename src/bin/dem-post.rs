@@ -17,7 +17,7 @@ use dem_mpi::post::series::{self, Analysed, Choice, Snapshot};
 use dem_mpi::post::sizes;
 use dem_mpi::post::surface::Detail;
 use dem_mpi::post::views::Views;
-use dem_mpi::post::vtp::{self, PolyData};
+use dem_mpi::post::vtp::{self, Files, PolyData};
 use dem_mpi::post::{PostError, Report, Settings, export, lammps, page, pieces};
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -63,8 +63,9 @@ struct Arguments {
     #[arg(long)]
     lammps: bool,
 
-    /// Also write the true surfaces of all grains and walls of each snapshot, grains_STEP.vtp and walls_STEP.vtp, and lists
-    /// with times, grains.pvd and walls.pvd: for ParaView, pyvista, and through them Blender
+    /// Also write the true surfaces of all grains and walls of each snapshot, and its contacts as lines: grains_STEP.vtp, walls_STEP.vtp,
+    /// contacts_STEP.vtp, lists with times of each, grains.pvd, walls.pvd, contacts.pvd, and of all three, all.pvd: for ParaView, pyvista,
+    /// and through them Blender
     #[arg(long)]
     surfaces: bool,
 
@@ -152,7 +153,7 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
     let beside = newest.parent().unwrap_or(Path::new("."));
     // One of several has plots that one of one has not, and must not be replaced by it.
     let folder = if snapshots.len() > 1 { "post_series" } else { "post" };
-    let out = arguments.out.unwrap_or_else(|| beside.join(folder));
+    let out = arguments.out.clone().unwrap_or_else(|| beside.join(folder));
     fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
 
     let Analysed { reports, picture, left_out } = series::reports(&snapshots, &choice)?;
@@ -162,14 +163,7 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
             write_lammps(&out, &reader).with_context(|| snapshot.path.display().to_string())?;
         }
     }
-    if arguments.surfaces {
-        write_vtp(&out, &snapshots, "grains", |reader| export::grains(reader, arguments.detail))?;
-        write_vtp(&out, &snapshots, "walls", export::walls)?;
-    }
-    if arguments.vtp {
-        write_vtp(&out, &snapshots, "particles", export::particles)?;
-        write_vtp(&out, &snapshots, "contacts", export::contacts)?;
-    }
+    write_pictures(&out, &snapshots, &arguments)?;
     let bounds = reports.last().and_then(|r| r.bounds_m);
     let drawing = picture.svg(bounds.as_ref());
     let history = history_beside(beside);
@@ -250,30 +244,56 @@ fn write_lammps(out: &Path, reader: &Reader) -> Result<()> {
     Ok(file.flush()?)
 }
 
-/// Writes a file of each snapshot, and the list of them with their times.
+/// Writes what was asked for of surfaces, points and lines.
+fn write_pictures(out: &Path, snapshots: &[Snapshot], arguments: &Arguments) -> Result<()> {
+    let Arguments { surfaces, vtp: points, detail, .. } = *arguments;
+    if points {
+        write_vtp(out, snapshots, "particles", export::particles)?;
+    }
+    if !(surfaces || points) {
+        return Ok(());
+    }
+    let contacts = write_vtp(out, snapshots, "contacts", export::contacts)?;
+    if surfaces {
+        let grains = write_vtp(out, snapshots, "grains", |reader| export::grains(reader, detail))?;
+        let walls = write_vtp(out, snapshots, "walls", export::walls)?;
+        write_list(out, "all", &[grains, walls, contacts])?;
+    }
+    Ok(())
+}
+
+/// Writes a file of each snapshot, and the list of them with their times, which it returns.
 fn write_vtp(
     out: &Path,
     snapshots: &[Snapshot],
     name: &str,
     of: impl Fn(&Reader) -> Result<PolyData, PostError>,
-) -> Result<()> {
-    let write = |file: &str, write: &dyn Fn(&mut BufWriter<File>) -> io::Result<()>| {
-        let path = out.join(file);
-        let written = File::create(&path).and_then(|file| {
-            let mut file = BufWriter::new(file);
-            write(&mut file)?;
-            file.flush()
-        });
-        written.with_context(|| format!("cannot write {}", path.display()))
-    };
-    let mut files = Vec::new();
+) -> Result<Files> {
+    let mut files = Files::new();
     for Snapshot { path, step } in snapshots {
         let data = of(&Reader::open(path)?).with_context(|| path.display().to_string())?;
         let file = format!("{name}_{step:09}.vtp");
-        write(&file, &|file| data.write(file))?;
+        write_file(&out.join(&file), |file| data.write(file))?;
         files.push((file, data.time));
     }
-    write(&format!("{name}.pvd"), &|file| vtp::write_list(file, &files))
+    write_list(out, name, std::slice::from_ref(&files))?;
+    Ok(files)
+}
+
+fn write_list(out: &Path, name: &str, parts: &[Files]) -> Result<()> {
+    write_file(&out.join(format!("{name}.pvd")), |file| vtp::write_list(file, parts))
+}
+
+fn write_file(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> Result<()> {
+    let written = File::create(path).and_then(|file| {
+        let mut file = BufWriter::new(file);
+        write(&mut file)?;
+        file.flush()
+    });
+    written.with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// The scalars of the run, if there are any; a damaged table is reported and ignored.

@@ -127,7 +127,7 @@ impl Asked {
         let list = "fields.vtkhdf.series";
         series::write(out, list, images).map_err(|cause| unwritten(&out.join(list), cause))?;
         if source.as_xml {
-            write(&out.join("fields.pvd"), |file| vtp::write_list(file, &xml))?;
+            write(&out.join("fields.pvd"), |file| vtp::write_list(file, &[xml]))?;
         }
         if let Some((grid, mass, width)) = all.last() {
             let [x, y, z] = grid.cells;

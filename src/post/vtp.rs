@@ -176,16 +176,24 @@ fn section(out: &mut impl Write, name: &str, arrays: &[Array]) -> io::Result<()>
 /// Unit normals of points: with them a viewer shades curved surfaces smoothly.
 pub const NORMALS: &str = "Normals";
 
-/// Writes a list of files with their times [s], a `.pvd`, which ParaView plays.
+/// The files of a series, one of each snapshot, with their times [s].
+pub type Files = Vec<(String, f64)>;
+
+/// Writes a list of files with their times, a `.pvd`, which ParaView plays. Of several series of the same snapshots it shows at each time the
+/// file of each, as parts 0, 1, ...
 ///
 /// # Errors
 /// The writer's.
-pub fn write_list(out: &mut impl Write, files: &[(String, f64)]) -> io::Result<()> {
+pub fn write_list(out: &mut impl Write, parts: &[Files]) -> io::Result<()> {
     out.write_all(
         b"<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n",
     )?;
-    for (file, time) in files {
-        writeln!(out, r#"<DataSet timestep="{time:e}" part="0" file="{file}"/>"#)?;
+    let snapshots = parts.iter().map(Vec::len).max().unwrap_or_default();
+    for row in 0..snapshots {
+        for (part, files) in parts.iter().enumerate() {
+            let Some((file, time)) = files.get(row) else { continue };
+            writeln!(out, r#"<DataSet timestep="{time:e}" part="{part}" file="{file}"/>"#)?;
+        }
     }
     out.write_all(b"</Collection>\n</VTKFile>\n")
 }

@@ -307,3 +307,46 @@ fn a_series_may_be_longer_than_a_process_may_open_files() {
         .filter(|entry| entry.path().extension().is_some_and(|extension| extension == "dump"));
     assert_eq!(dumps.count(), 30);
 }
+
+/// One list that a viewer opens in one go: surfaces of grains, walls and contacts of each snapshot at its time.
+#[test]
+fn surfaces_of_a_series_stand_in_one_list() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut snapshot = ellipsoids(2, 7);
+    for step in [500, 1000] {
+        snapshot.header.step = step;
+        snapshot.header.time = 1e-3 * step as f64;
+        store(folder.path(), &snapshot);
+    }
+    let mut dem_post = Command::new(env!("CARGO_BIN_EXE_dem-post"));
+    dem_post.arg(folder.path()).args(["--series", "--surfaces", "--detail", "0"]);
+    let (status, message) = ended(&mut dem_post);
+    assert_eq!(status, Some(0), "{message}");
+    let written = folder.path().join("post_series");
+    let rows = |list: &str| -> Vec<(String, String, String)> {
+        let text = std::fs::read_to_string(written.join(list)).unwrap();
+        let value = |line: &str, key: &str| {
+            let rest = line.split_once(&format!("{key}=\"")).unwrap_or_else(|| panic!("{line}")).1;
+            rest.split('"').next().unwrap().to_owned()
+        };
+        let sets = text.lines().filter(|line| line.starts_with("<DataSet "));
+        sets.map(|line| (value(line, "timestep"), value(line, "part"), value(line, "file")))
+            .collect()
+    };
+    let mut expected = Vec::new();
+    for (time, step) in [("5e-1", 500), ("1e0", 1000)] {
+        for (part, name) in ["grains", "walls", "contacts"].iter().enumerate() {
+            let file = format!("{name}_{step:09}.vtp");
+            assert!(written.join(&file).is_file(), "{file}");
+            expected.push((time.to_owned(), part.to_string(), file));
+        }
+    }
+    assert_eq!(rows("all.pvd"), expected);
+    // Each has its own list, too.
+    for (part, list) in ["grains.pvd", "walls.pvd", "contacts.pvd"].iter().enumerate() {
+        let of_part = expected.iter().filter(|row| row.1 == part.to_string());
+        let own: Vec<_> =
+            of_part.map(|row| (row.0.clone(), "0".to_owned(), row.2.clone())).collect();
+        assert_eq!(rows(list), own);
+    }
+}

@@ -1,7 +1,7 @@
 //! Snapshots of a real run, opened by others.
 
-use super::process::{Call, Launch, dem_post};
-use super::{HEAP_STEPS, finished, fresh_directory, heap, snapshot};
+use super::process::{Call, Ended, Launch, dem_mpi, dem_post};
+use super::{HEAP_STEPS, finished, fresh_directory, heap, scene, snapshot};
 use std::ffi::OsStr;
 use std::fs;
 use std::time::Duration;
@@ -10,6 +10,17 @@ use std::time::Duration;
 const WITH_DOWNLOAD: Duration = Duration::from_secs(600);
 /// The script's exit status if it could not.
 const NO_VTK: i32 = 3;
+const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/open_in_vtk.sh");
+
+/// Could VTK not be fetched, on a machine where that is no fault?
+fn may_skip(ended: &Ended) -> bool {
+    let skips =
+        ended.status.code() == Some(NO_VTK) && std::env::var_os("DEM_MPI_SKIP_VTK").is_some();
+    if skips {
+        println!("skipped: VTK cannot be fetched, and DEM_MPI_SKIP_VTK is set\n{}", ended.errors);
+    }
+    skips
+}
 
 /// VTK and h5py show what the run wrote, from one rank and from several. On a machine that cannot reach
 /// a package index, `DEM_MPI_SKIP_VTK=1` lets the test pass.
@@ -17,10 +28,8 @@ const NO_VTK: i32 = 3;
 fn vtk_opens_the_snapshots_of_a_run() {
     let runs = [Launch::Alone, Launch::Ranks(3)].map(heap);
     let files = runs.each_ref().map(|run| snapshot(&run.directory, HEAP_STEPS));
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/open_in_vtk.sh");
-    let ended = Call::new(vec![], script, &files).within(WITH_DOWNLOAD).end();
-    if ended.status.code() == Some(NO_VTK) && std::env::var_os("DEM_MPI_SKIP_VTK").is_some() {
-        println!("skipped: VTK cannot be fetched, and DEM_MPI_SKIP_VTK is set\n{}", ended.errors);
+    let ended = Call::new(vec![], SCRIPT, &files).within(WITH_DOWNLOAD).end();
+    if may_skip(&ended) {
         return;
     }
     assert_eq!(ended.status.code(), Some(0), "{ended}");
@@ -35,7 +44,27 @@ fn vtk_opens_the_snapshots_of_a_run() {
     fs::write(folder.join("dem.py"), dem_post(["--python"]).succeed().output).unwrap();
     let last = kinds.join("last.vtkhdf").canonicalize().unwrap();
     let arguments = ["--exports".as_ref(), last.as_os_str(), folder.as_os_str()];
-    let ended = Call::new(vec![], script, arguments).within(WITH_DOWNLOAD).end();
+    let ended = Call::new(vec![], SCRIPT, arguments).within(WITH_DOWNLOAD).end();
     assert_eq!(ended.status.code(), Some(0), "{ended}");
     ended.said_once("good: 288 grains");
+    turning_walls_are_played_where_they_stand();
+}
+
+/// A wall of triangles that turns, at several times; and grains, walls and contacts in one list.
+fn turning_walls_are_played_where_they_stand() {
+    let run = fresh_directory("played");
+    let (scene, out) = (scene("chute"), run.to_str().unwrap());
+    dem_mpi(Launch::Alone, [&*scene, "--out", out, "--steps", "6000"]).succeed();
+    let files = [2000, 4000, 6000].map(|step| snapshot(&run, step));
+    let folder = fresh_directory("played_exports");
+    let out = ["--surfaces".as_ref(), "--out".as_ref(), folder.as_os_str()];
+    let files = files.each_ref().map(|file| file.as_os_str());
+    dem_post([&files[..], &out[..]].concat()).succeed();
+    fs::write(folder.join("dem.py"), dem_post(["--python"]).succeed().output).unwrap();
+    let mesh = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/program/chute.obj");
+    let words = ["--played".as_ref(), mesh.as_ref(), folder.as_os_str()];
+    let ended = Call::new(vec![], SCRIPT, [&words[..], &files[..]].concat())
+        .within(WITH_DOWNLOAD)
+        .succeed();
+    ended.said_once("good: 3 times, 5 triangles that turn");
 }

@@ -69,7 +69,7 @@ fn what_comes_and_goes_over_triangles_has_the_same_bits() {
     let left = column(&alone.directory, "left_below");
     assert!(left.values().any(|&count| count > 200.0), "{left:?}");
     assert!(column(&alone.directory, "wall_contacts").values().any(|&count| count > 10.0));
-    for ranks in [2, 3, 4] {
+    for ranks in [2, 3, 4, 8] {
         let together = finished("chute", Launch::Ranks(ranks));
         assert_same_result(&alone.directory, &together.directory);
     }
