@@ -76,6 +76,7 @@ pub(crate) fn header(step: u64) -> Header {
                 volume: n.next(),
                 mass: n.next(),
                 inertia: n.vector(),
+                scales: Some([n.next(), n.next()]),
                 geometry: Some(Shape::Sphere(Sphere { radius: n.next() })),
             })
             .to_vec(),

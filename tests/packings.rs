@@ -69,6 +69,7 @@ pub(crate) fn header(
             volume: 4.0 / 3.0 * PI * semi_axes.product(),
             mass: 1.0,
             inertia: Vec3::repeat(1.0),
+            scales: None,
             geometry: None,
         }],
         scene: String::new(),

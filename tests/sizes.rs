@@ -7,6 +7,7 @@ use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::{Epa, ErodedGjk, Method, Outcome, Posed, clearance, table};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Vec3};
+use dem_mpi::output::header::Header;
 use dem_mpi::output::snapshot;
 use dem_mpi::output::tables::ParticleTable;
 use dem_mpi::particles::columns::Quantity;
@@ -21,7 +22,7 @@ use dem_mpi::scene::{Scene, SceneErrors};
 use dem_mpi::shape::{HalfSpace, Kind, Shape};
 use dem_mpi::sim::Simulation;
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 // --- contacts ---
 
@@ -524,8 +525,20 @@ fn run(scene: &Scene, ranks: u32, steps: u64) -> (Vec<(u64, Vec<u64>)>, usize) {
 }
 
 fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut dyn Comm) {
+    save_with(sim, directory, scene, |_| (), comm);
+}
+
+/// The same with another header.
+fn save_with(
+    sim: &Simulation,
+    directory: &Path,
+    scene: &Scene,
+    change: impl Fn(&mut Header),
+    comm: &mut dyn Comm,
+) {
     let forces = sim.measure(comm).wall_forces;
-    let header = sim.header(&scene.text, &forces, comm);
+    let mut header = sim.header(&scene.text, &forces, comm);
+    change(&mut header);
     let particles = sim.particle_table(comm.rank());
     let (contacts, records) = (sim.contact_table(), sim.contact_records());
     snapshot::write(directory, &header, &particles, &contacts, &records, comm).unwrap();
@@ -613,20 +626,19 @@ fn a_stage_takes_up_sizes_that_its_scene_does_not_list() {
     }
 }
 
+const CUBE: &str =
+    "[[shape]]\nname = \"cube\"\nkind = \"polyhedron\"\nedges = [0.001, 0.001, 0.001]\n";
+const SHEET: &str = "v 0.001 0.001 0.02\nv 0.015 0.001 0.02\nv 0.015 0.029 0.02\nv 0.001 0.029 0.02\nf 1 2 3\nf 1 3 4\n";
+const SHEET_WALL: &str = "[[wall]]\nname = \"sheet\"\nmesh = \"sheet.obj\"\n";
+
 /// What lies behind triangles is as deep as the largest grains of the stage before reach: a cube presses on the rim of a sheet with its side.
 #[test]
 fn walls_of_triangles_are_deep_enough_for_sizes_of_the_stage_before() {
     let folder = tempfile::tempdir().unwrap();
-    let sheet = "v 0.001 0.001 0.02\nv 0.015 0.001 0.02\nv 0.015 0.029 0.02\nv 0.001 0.029 0.02\nf 1 2 3\nf 1 3 4\n";
-    std::fs::write(folder.path().join("sheet.obj"), sheet).unwrap();
+    std::fs::write(folder.path().join("sheet.obj"), SHEET).unwrap();
     std::fs::write(folder.path().join("grains.csv"), "x,y,z,scale\n0.0179,0.015,0.0201,6\n")
         .unwrap();
-    let text = |fill: &str| {
-        let cube =
-            "[[shape]]\nname = \"cube\"\nkind = \"polyhedron\"\nedges = [0.001, 0.001, 0.001]\n";
-        let wall = "[[wall]]\nname = \"sheet\"\nmesh = \"sheet.obj\"\n";
-        with_shapes(&format!("{cube}{fill}{wall}"), BOX)
-    };
+    let text = |fill: &str| with_shapes(&format!("{CUBE}{fill}{SHEET_WALL}"), BOX);
     let parsed = |fill| Scene::parse(&text(fill), "stage", folder.path(), &[]).unwrap();
     let first = parsed("[[fill.file]]\npath = \"grains.csv\"\n");
     let snapshots = folder.path().join("out");
@@ -649,6 +661,166 @@ fn walls_of_triangles_are_deep_enough_for_sizes_of_the_stage_before() {
         all_bits(&tables.into_iter().map(|(table, _)| table).collect::<Vec<_>>())
     };
     assert_eq!(after(parsed(ONE)), after(first));
+}
+
+/// The place of the line that begins so, in a text that messages call `stage`.
+fn place(text: &str, line: &str) -> String {
+    let found = text.lines().position(|known| known.starts_with(line));
+    format!("stage:{}: ", found.unwrap_or_else(|| panic!("no {line}")) + 1)
+}
+
+/// Small grains of the stage before count where a scene derives something from sizes, and what does not fit them is told with
+/// its place. Twelve springs `k` around a sphere that turns have the frequency `√(40 k / m)`, and the limit is 2 over it.
+#[test]
+fn sizes_of_a_start_count_as_those_of_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = "x,y,z,scale\n0.005,0.015,0.01,0.4\n0.015,0.015,0.01,1\n";
+    std::fs::write(folder.path().join("grains.csv"), csv).unwrap();
+    let snapshots = folder.path().join("first");
+    let start = format!("start = {snapshots:?}");
+    let text = |head: &str, fill: &str, step: &str, speed: f64| {
+        let lid = format!(
+            "[[wall]]\nname = \"lid\"\npoint = [0, 0, 0.05]\nnormal = [0, 0, -1]\nvelocity = [0, 0, {speed:?}]\n"
+        );
+        let shapes = format!("{}{fill}{lid}", shape_text("sphere", "ball", 1.0));
+        let text = with_shapes(&shapes, BOX)
+            .replace("step = 2e-7", &format!("step = {step}"))
+            .replace("restitution = 0.6", "")
+            .replace("friction = 0.3", "")
+            .replace("tangential_damping_ratio = 0.05", "");
+        format!("{head}\n{text}")
+    };
+    let parsed = |text: &str| Scene::parse(text, "stage", folder.path(), &[]);
+    let listed = "[[fill.file]]\npath = \"grains.csv\"\n";
+    let first = parsed(&text("", listed, "2e-7", 0.0)).unwrap();
+    threads::run(2, |comm| save(&begun(&first, comm), &snapshots, &first, comm));
+    let reader = snapshot::Reader::open(&snapshots).unwrap();
+    assert_eq!(reader.scales().unwrap(), [Some([0.4, 1.0])]);
+    assert_eq!(reader.header().shapes[0].scales, Some([0.4, 1.0]));
+
+    let limit = |radius: f64| {
+        let mass = 2500.0 * 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
+        2.0 * (mass / (40.0 * 1e4)).sqrt()
+    };
+    let small = limit(0.4 * 0.0011);
+    let second = parsed(&text(&start, "", "\"auto\"", 0.0)).unwrap();
+    assert!((second.time_step_limit().unwrap().dt / small - 1.0).abs() < 1e-12);
+    assert_eq!(second.dt, format!("{:.1e}", 0.8 * small).parse::<f64>().unwrap());
+    let words = plan(&second, 1);
+    assert!(words.contains("lengths from 0.4 to 1.0 times these"), "{words}");
+
+    let long = 1.05 * small;
+    let fast = 0.06 * 2.0 * 0.4 * 0.0011 / 2e-6;
+    let over = format!("time.step = {long:?}: over the stable limit of {:.2e} s", 0.995 * small);
+    for (step, speed, line, said) in [
+        (format!("{long:?}"), 0.0, "step = ", over.as_str()),
+        ("2e-6".to_owned(), -fast, "velocity = ", "of the shortest axis of the smallest grain"),
+    ] {
+        // Grains as large as their shape allow it.
+        parsed(&text("", ONE, &step, speed)).unwrap();
+        let text = text(&start, "", &step, speed);
+        let told = parsed(&text).unwrap_err().to_string();
+        let place = place(&text, line);
+        let found = told.lines().find(|told| told.contains(said));
+        assert!(found.is_some_and(|found| found.starts_with(&place)), "{place}{said}: {told}");
+    }
+}
+
+/// Cubes on a sheet of triangles and at its rim, the largest and the smallest where the stage after lets them leave. Returns the
+/// snapshots of the first stage, and the file of the next.
+fn cubes_on_a_sheet(folder: &Path) -> [PathBuf; 2] {
+    let list = "x,y,z,scale\n0.0179,0.015,0.0201,6\n0.025,0.015,0.02,0.4\n0.01595,0.005,0.0201,2\n0.008,0.015,0.02099,2\n\
+                0.008,0.015,0.02298,2\n";
+    std::fs::write(folder.join("sheet.obj"), SHEET).unwrap();
+    std::fs::write(folder.join("grains.csv"), list).unwrap();
+    let listed = "[[fill.file]]\npath = \"grains.csv\"\n";
+    let text = with_shapes(&format!("{CUBE}{listed}{SHEET_WALL}"), BOX);
+    let first = Scene::parse(&text, "first", folder, &[]).unwrap();
+    let snapshots = folder.join("first");
+    threads::run(2, |comm| save(&begun(&first, comm), &snapshots, &first, comm));
+    let outlet =
+        "[[outlet]]\nname = \"hatch\"\nlow = [0.016, 0.012, 0.015]\nhigh = [0.03, 0.02, 0.025]\n";
+    let text = with_shapes(&format!("{CUBE}{SHEET_WALL}{outlet}"), BOX)
+        .replace("step = 2e-7", "step = \"auto\"");
+    let file = folder.join("next.toml");
+    std::fs::write(&file, format!("start = {snapshots:?}\n{text}")).unwrap();
+    [snapshots, file]
+}
+
+/// Of a stage that takes up a snapshot, at this step.
+fn at_step(
+    step: u64,
+    scene: &Scene,
+    path: &Path,
+    how: Continuation,
+    comm: &mut dyn Comm,
+) -> Simulation {
+    let mut sim = assemble::assemble(scene, comm);
+    assemble::take_up(&mut sim, scene, path, how, comm).unwrap();
+    if how == Continuation::NewStage {
+        sim.begin(comm).unwrap();
+    }
+    while sim.step < step {
+        sim.step(comm).unwrap();
+    }
+    sim
+}
+
+/// Where the largest and the smallest grain have left, a stage goes on with the step, the skin and the cells behind triangles that
+/// it had. One that begins there has those of the grains that are left.
+#[test]
+fn a_stage_goes_on_with_the_sizes_of_grains_that_have_left() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, file] = cubes_on_a_sheet(folder.path());
+    let stage = Scene::read(&file, &[]).unwrap();
+    assert_eq!(stage.library.scales[0], [0.4, 6.0]);
+    let own = folder.path().join("own");
+    let parts = threads::run(2, |comm| {
+        let mut sim = at_step(60, &stage, &first, Continuation::NewStage, comm);
+        save(&sim, &own, &stage, comm);
+        let contacts = sim.contacts.len();
+        while sim.step < 160 {
+            sim.step(comm).unwrap();
+        }
+        (sim.particle_table(comm.rank()), contacts)
+    });
+    assert!(parts.iter().any(|&(_, contacts)| contacts > 0), "they touch");
+    let whole = all_bits(&parts.into_iter().map(|(table, _)| table).collect::<Vec<_>>());
+    assert_eq!(whole.iter().map(|(id, _)| *id).collect::<Vec<_>>(), [2, 3, 4], "two have left");
+    for ranks in [1, 2, 3] {
+        let again = Scene::read_to_go_on(&file, &[], &own).unwrap();
+        assert_eq!((again.dt, again.skin), (stage.dt, stage.skin));
+        assert!(again.library == stage.library, "sizes or cells differ");
+        let tables = threads::run(ranks, |comm| {
+            let sim = at_step(160, &again, &own, Continuation::SameStage, comm);
+            sim.particle_table(comm.rank())
+        });
+        assert_eq!(all_bits(&tables), whole, "{ranks} ranks");
+    }
+    let next = Scene::read(&file, &[format!("start={}", own.display())]).unwrap();
+    assert_eq!(next.library.scales[0], [1.0, 2.0]);
+    assert!(next.dt > stage.dt && next.skin < stage.skin, "{} {}", next.dt, next.skin);
+}
+
+/// A file from before such sizes were kept goes on with those of the grains that are there.
+#[test]
+fn a_snapshot_without_the_sizes_of_its_stage_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, file] = cubes_on_a_sheet(folder.path());
+    let stage = Scene::read(&file, &[]).unwrap();
+    let own = folder.path().join("own");
+    threads::run(2, |comm| {
+        let sim = at_step(60, &stage, &first, Continuation::NewStage, comm);
+        let older = |header: &mut Header| header.shapes[0].scales = None;
+        save_with(&sim, &own, &stage, older, comm);
+    });
+    assert_eq!(snapshot::Reader::open(&own).unwrap().header().shapes[0].scales, None);
+    let again = Scene::read_to_go_on(&file, &[], &own).unwrap();
+    assert_eq!(again.library.scales[0], [1.0, 2.0]);
+    let owned = threads::run(3, |comm| {
+        at_step(100, &again, &own, Continuation::SameStage, comm).particles.owned
+    });
+    assert_eq!(owned.iter().sum::<usize>(), 3);
 }
 
 // --- the scene ---

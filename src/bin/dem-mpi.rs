@@ -232,8 +232,11 @@ fn read_scene(arguments: &Arguments, comm: &mut dyn Comm) -> Result<Scene, Strin
     let mut bytes = Vec::new();
     if comm.is_root() {
         let Arguments { set, start, out, .. } = arguments;
-        let read = if start.is_some() { Scene::read_to_go_on } else { Scene::read };
-        let read = read(arguments.scene(), set).map_err(|e| e.to_string());
+        let read = match start {
+            Some(snapshot) => Scene::read_to_go_on(arguments.scene(), set, snapshot),
+            None => Scene::read(arguments.scene(), set),
+        };
+        let read = read.map_err(|e| e.to_string());
         let of_this_stage = |scene: Scene| match start.as_ref().zip(scene.start.as_ref()) {
             // Stages may also share a folder.
             Some((given, before))
@@ -294,7 +297,7 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
     if arguments.suggest {
         return suggested(arguments, stop, comm);
     }
-    let mut scene = match read_scene(arguments, comm) {
+    let scene = match read_scene(arguments, comm) {
         Ok(scene) => scene,
         Err(errors) => {
             print_once(comm, errors);
@@ -331,8 +334,6 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         Ok(state) => state,
         Err(status) => return status,
     };
-    // What is said of the scene is of the sizes that are there.
-    scene.library.scales.clone_from(&sim.particles.library.scales);
     if arguments.check {
         let begins = begins(arguments, &mut sim, comm);
         return begins.map_or_else(|status| status, |()| checked(arguments, comm));

@@ -121,6 +121,9 @@ pub struct ShapeRow {
     pub mass: f64,
     /// Principal moments of inertia [kg m²].
     pub inertia: Vec3,
+    /// The least and the largest scale for which the stage has made room: lengths of a particle over those of its shape [-].
+    /// Such particles need not be there. `None` in a file of an older version.
+    pub scales: Option<[f64; 2]>,
     /// The body itself. `None` for kind `other`: a program's own type cannot be stored.
     pub geometry: Option<Shape>,
 }

@@ -99,6 +99,9 @@ fn elements_of_contact() -> usize {
     tables::contact_elements() + FORCE_MAGNITUDE.width + 2 * POINTS.width + 3
 }
 
+/// Of so many particles at a time the scales are looked at.
+const PARTICLES_AT_ONCE: usize = 1 << 20;
+
 /// Elements of a part: its counts, and the first offset of each category.
 const OF_PART: usize = 13;
 
@@ -140,6 +143,8 @@ const SHAPE_SEMI_AXES: Column = column("/shapes/semi_axes", 3, "m");
 const SHAPE_VOLUME: Column = column("/shapes/volume", 1, "m^3");
 const SHAPE_MASS: Column = column("/shapes/mass", 1, "kg");
 const SHAPE_INERTIA: Column = column("/shapes/inertia", 3, "kg m^2");
+/// Not there in files of older versions.
+const SHAPE_SCALES: Column = column("/shapes/scales", 2, "1");
 const SHAPE_GEOMETRY: Column = column("/shapes/geometry", 1, "");
 
 /// Writes a snapshot: the contacts file, the particles file and, when both are on the disk under their
@@ -695,6 +700,9 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     file.table(&SHAPE_VOLUME, &shapes.iter().map(|s| s.volume).collect::<Vec<_>>())?;
     file.table(&SHAPE_MASS, &shapes.iter().map(|s| s.mass).collect::<Vec<_>>())?;
     file.table(&SHAPE_INERTIA, numbers(&vectors(|s| s.inertia)))?;
+    if let Some(scales) = shapes.iter().map(|s| s.scales).collect::<Option<Vec<_>>>() {
+        file.table(&SHAPE_SCALES, scales.as_flattened())?;
+    }
     let geometries = geometries(header);
     file.texts(&SHAPE_GEOMETRY, &geometries.iter().map(|g| &**g).collect::<Vec<_>>())
 }
@@ -770,6 +778,7 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
     let kinds = shapes.texts(&SHAPE_KIND)?;
     let (axes, inertias) = (shapes.vectors(&SHAPE_SEMI_AXES)?, shapes.vectors(&SHAPE_INERTIA)?);
     let (volumes, masses) = (shapes.numbers(&SHAPE_VOLUME)?, shapes.numbers(&SHAPE_MASS)?);
+    let scales = shapes.scales()?;
     let shapes = file.texts(&SHAPE_NAME)?.into_iter().enumerate().map(|(k, name)| ShapeRow {
         name,
         kind: kinds[k].clone(),
@@ -777,6 +786,7 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
         volume: volumes[k],
         mass: masses[k],
         inertia: inertias[k],
+        scales: scales[k],
         geometry: geometries[k].clone(),
     });
 
@@ -859,6 +869,14 @@ impl Tabulated<'_> {
             });
         }
         self.json(&SHAPE_GEOMETRY)
+    }
+
+    fn scales(&self) -> Result<Vec<Option<[f64; 2]>>, SnapshotError> {
+        if !self.file.has(SHAPE_SCALES.place) {
+            return Ok(vec![None; self.rows]);
+        }
+        let numbers = self.numbers(&SHAPE_SCALES)?;
+        Ok(numbers.as_chunks::<2>().0.iter().copied().map(Some).collect())
     }
 
     fn bodies(&self) -> Result<Vec<Option<Saved>>, SnapshotError> {
@@ -990,12 +1008,41 @@ impl Reader {
     /// # Errors
     /// [`SnapshotError::Beyond`], [`SnapshotError::Unreadable`], [`SnapshotError::Damaged`].
     pub fn particles(&self, rows: Range<usize>) -> Result<ParticleTable, SnapshotError> {
+        self.columns(rows, |_| true)
+    }
+
+    /// The same of some columns, by name; the others stay empty.
+    fn columns(
+        &self,
+        rows: Range<usize>,
+        is_wanted: impl Fn(&str) -> bool,
+    ) -> Result<ParticleTable, SnapshotError> {
         let table = Piece { file: &self.particles, total: self.particle_count, rows };
         let mut particles = ParticleTable::default();
-        for column in &*PARTICLE_COLUMNS {
+        for column in PARTICLE_COLUMNS.iter().filter(|column| is_wanted(column.name)) {
             column.read(&mut particles, &table)?;
         }
         Ok(particles)
+    }
+
+    /// The least and the largest scale of the particles of each shape [-]; `None` of a shape that none of them has. Only some
+    /// of the particles are in memory at a time.
+    ///
+    /// # Errors
+    /// As [`Reader::particles`].
+    pub fn scales(&self) -> Result<Vec<Option<[f64; 2]>>, SnapshotError> {
+        let mut scales: Vec<Option<[f64; 2]>> = vec![None; self.header.shapes.len()];
+        for first in (0..self.particle_count).step_by(PARTICLES_AT_ONCE) {
+            let rows = first..(first + PARTICLES_AT_ONCE).min(self.particle_count);
+            let table = self.columns(rows, |name| ["shape", "scale"].contains(&name))?;
+            for (row, shape) in table.shape.iter().enumerate() {
+                let scale = table.scale_of(row);
+                let known = &mut scales[shape.index()];
+                let [least, largest] = known.unwrap_or([scale; 2]);
+                *known = Some([least.min(scale), largest.max(scale)]);
+            }
+        }
+        Ok(scales)
     }
 
     /// How many contacts it has.

@@ -9,7 +9,7 @@ use crate::drive::{SavedColumn, SavedState};
 use crate::ids::GlobalId;
 use crate::measure::Departed;
 use crate::output::columns::Numbers;
-use crate::output::header::Header;
+use crate::output::header::{Header, ShapeRow};
 use crate::output::tables::{PARTICLE_COLUMNS, ParticleColumn, ParticleTable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -319,11 +319,19 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
         .filter(|(a, b)| a != b)
         .map(|((what, a), (_, b))| format!("{what}: {a} and {b}"))
         .collect();
-    let same_names = || first.shapes.iter().zip(&second.shapes).filter(|(a, b)| a.name == b.name);
-    found.extend(same_names().filter(|(a, b)| a != b).map(|(a, b)| {
-        let [a_text, b_text] = [a, b].map(|shape| shortened(&format!("{shape:?}")));
-        format!("shape {:?}: {a_text} and {b_text}", a.name)
-    }));
+    for (a, b) in first.shapes.iter().zip(&second.shapes).filter(|(a, b)| a.name == b.name) {
+        // Files of older versions do not say for which sizes there was room.
+        if let (Some(x), Some(y)) = (a.scales, b.scales)
+            && x != y
+        {
+            found.push(format!("scales of shape {:?}: {x:?} and {y:?}", a.name));
+        }
+        let [a, b] = [a, b].map(|shape| ShapeRow { scales: None, ..shape.clone() });
+        if a != b {
+            let [a_text, b_text] = [&a, &b].map(|shape| shortened(&format!("{shape:?}")));
+            found.push(format!("shape {:?}: {a_text} and {b_text}", a.name));
+        }
+    }
     let (mine, theirs) = (states_of_drives(first), states_of_drives(second));
     for what in mine.keys().chain(theirs.keys().filter(|what| !mine.contains_key(*what))) {
         let [a, b] = [&mine, &theirs].map(|states| states.get(what).map_or("nothing", |s| &**s));

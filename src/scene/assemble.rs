@@ -1,5 +1,6 @@
 //! From a scene to a simulation: the only place that names concrete parts.
 
+use super::before::{admit_saved, known_as};
 use super::{Scene, packing};
 use crate::cell::{AXES, Cell, Shear};
 use crate::comm::{Comm, agree};
@@ -19,12 +20,12 @@ use crate::math::printed_limit;
 use crate::measure::Departed;
 use crate::motion::Field;
 use crate::output::SnapshotError;
-use crate::output::header::{Header, WallRow};
+use crate::output::header::{Header, ShapeRow, WallRow};
 use crate::output::snapshot::Reader;
-use crate::particles::Particles;
 use crate::particles::columns::Accumulated;
 use crate::particles::records::Particle;
 use crate::particles::walls::{StageSoFar, Wall, area};
+use crate::particles::{Library, Particles};
 use crate::search::PairList;
 use crate::sim::{Simulation, audit::Auditor, capture, watch::Watch};
 use crate::timing::Clock;
@@ -285,7 +286,11 @@ pub fn take_up(
     }
 
     sim.particles.cell = sheared_on(scene, &header, reader.path())?;
-    admit_sizes(sim, scene, reader.path(), &particles, comm)?;
+    let mut library = sim.particles.library.clone();
+    if continuation == Continuation::SameStage {
+        admit_saved(&mut library, &header);
+    }
+    admit_sizes(sim, scene, reader.path(), (library, &particles), comm)?;
     sim.next_id = header.next_id;
     sim.step = header.step;
     match continuation {
@@ -375,16 +380,15 @@ fn sheared_on(scene: &Scene, header: &Header, path: &Path) -> Result<Cell, Start
     })
 }
 
-/// Makes room for the sizes of these particles, which the scene may not have known of: a list of a stage before gave
-/// them. Collective.
+/// Makes room for the sizes of these particles and of this library. A scene that names its snapshot has made it already; one that
+/// does not may not know of them. Collective.
 fn admit_sizes(
     sim: &mut Simulation,
     scene: &Scene,
     path: &Path,
-    particles: &[Particle],
+    (mut library, particles): (Library, &[Particle]),
     comm: &mut dyn Comm,
 ) -> Result<(), StartError> {
-    let mut library = sim.particles.library.clone();
     for particle in particles {
         library.admit(particle.shape, particle.scale);
     }
@@ -461,33 +465,16 @@ fn read_part(
     if header.cell.repeats_otherwise(&scene.domain) {
         return Err(StartError::Period { path: path.to_owned() });
     }
-    let shapes = header
-        .shapes
-        .iter()
-        .map(|row| {
-            let known = &scene.library;
-            (0..known.particle_shapes)
-                .find(|&k| {
-                    // No two solids of one name have one box and one volume by accident.
-                    let shape = &known.shapes[k];
-                    known.names[k] == row.name
-                        && shape.kind().name() == row.kind
-                        && shape.semi_axes() == row.semi_axes
-                        && shape.volume() == row.volume
-                })
-                .map(|k| ShapeId(k as u16))
-                .ok_or_else(|| StartError::Shape {
-                    path: path.to_owned(),
-                    shape: row.name.clone(),
-                    kind: row.kind.clone(),
-                    volume: row.volume,
-                    semi_axes: format!(
-                        "[{}, {}, {}] m",
-                        row.semi_axes.x, row.semi_axes.y, row.semi_axes.z
-                    ),
-                })
+    let known = |row: &ShapeRow| {
+        known_as(&scene.library, row).ok_or_else(|| StartError::Shape {
+            path: path.to_owned(),
+            shape: row.name.clone(),
+            kind: row.kind.clone(),
+            volume: row.volume,
+            semi_axes: format!("[{}, {}, {}] m", row.semi_axes.x, row.semi_axes.y, row.semi_axes.z),
         })
-        .collect::<Vec<Result<ShapeId, StartError>>>();
+    };
+    let shapes: Vec<Result<ShapeId, StartError>> = header.shapes.iter().map(known).collect();
     let share = |count: usize| {
         let (rank, size) = (comm.rank().index(), comm.size() as usize);
         count * rank / size..count * (rank + 1) / size

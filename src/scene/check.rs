@@ -3,6 +3,7 @@
 //! Every function here reads one part, reports all mistakes in it, and returns
 //! `None` if anything was; the parts that are right are read on, so that all mistakes come at once.
 
+use super::before;
 use super::fills::Fills;
 use super::flows;
 use super::input::Node;
@@ -35,10 +36,10 @@ const MOST_IDS: usize = 1 << u16::BITS;
 
 /// Which files that a scene names must be there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Need {
+pub(super) enum Need<'a> {
     AllFiles,
-    /// All but the snapshot from which the stage begins.
-    NoStart,
+    /// All but the snapshot from which the stage begins: it goes on from this one of its own.
+    Snapshot(&'a Path),
 }
 
 /// The checked scene, or `None` if the report has mistakes.
@@ -81,6 +82,11 @@ pub(super) fn scene(
     // What follows looks at the sizes of all particles.
     for row in fills.iter().flat_map(|(initial, _)| initial).flat_map(Fill::listed) {
         shapes.library.admit(row.shape, row.scale);
+    }
+    match (need, &start) {
+        (Need::Snapshot(own), _) => before::admit_to_go_on(&mut shapes.library, own),
+        (Need::AllFiles, Some(Some(path))) => before::admit(&mut shapes.library, path),
+        (Need::AllFiles, _) => {}
     }
 
     let law_fits = law

@@ -14,6 +14,7 @@
 
 pub mod assemble;
 mod bed;
+mod before;
 mod check;
 pub mod doubts;
 mod fills;
@@ -165,12 +166,17 @@ impl Scene {
         Self::read_for(path, overrides, Need::AllFiles)
     }
 
-    /// The same of a stage that goes on from a snapshot of its own: that from which it began may be gone.
+    /// The same of a stage that goes on from a snapshot of its own, or from the newest good one of a directory: that from which
+    /// it began may be gone. All that follows from sizes of grains is as in the stage that was not interrupted.
     ///
     /// # Errors
-    /// As [`Scene::read`].
-    pub fn read_to_go_on(path: &Path, overrides: &[String]) -> Result<Self, SceneErrors> {
-        Self::read_for(path, overrides, Need::NoStart)
+    /// As [`Scene::read`]. A snapshot that cannot be read is none: that is told when it is taken up ([`assemble::take_up`]).
+    pub fn read_to_go_on(
+        path: &Path,
+        overrides: &[String],
+        snapshot: &Path,
+    ) -> Result<Self, SceneErrors> {
+        Self::read_for(path, overrides, Need::Snapshot(snapshot))
     }
 
     fn read_for(path: &Path, overrides: &[String], need: Need) -> Result<Self, SceneErrors> {

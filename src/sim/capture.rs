@@ -122,6 +122,7 @@ impl Simulation {
                     volume: library.shapes[k].volume(),
                     mass: library.mass[k],
                     inertia: library.inertia[k],
+                    scales: Some(library.scales[k]),
                     geometry: Some(library.shapes[k].clone()).filter(|s| s.kind() != Kind::Other),
                 })
                 .collect(),

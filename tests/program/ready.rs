@@ -12,13 +12,17 @@ use std::path::{Path, PathBuf};
 const FOLDERS: [&str; 9] =
     ["heap", "mixture", "shear", "triaxial", "incline", "polyhedra", "hopper", "drum", "silo"];
 
+/// The stages before have not been run, and need not have been.
+const NOWHERE: &str = "no snapshot";
+
 fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("run").join(name)
 }
 
 fn read(file: &str, overrides: &[&str]) -> Scene {
     let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
-    Scene::read_to_go_on(&folder(file), &overrides).unwrap_or_else(|error| panic!("{error}"))
+    Scene::read_to_go_on(&folder(file), &overrides, NOWHERE.as_ref())
+        .unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// So many steps of a scene.
@@ -53,7 +57,8 @@ fn each_has_a_page_and_a_picture_and_nothing_doubtful() {
             assert!(fs::metadata(picture).unwrap().len() < 300_000, "{}", picture.display());
         }
         for scene in with("toml") {
-            let scene = Scene::read_to_go_on(scene, &[]).unwrap_or_else(|error| panic!("{error}"));
+            let scene = Scene::read_to_go_on(scene, &[], NOWHERE.as_ref())
+                .unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(doubts(&scene), Vec::<String>::new(), "{}", scene.title);
         }
     }

@@ -4,7 +4,6 @@ use super::{FIRST, LONGEST, NUDGE, Question, SHORTEST, WORK};
 use crate::comm::Comm;
 use crate::comm::alone::Alone;
 use crate::contacts::Loaded;
-use crate::law::stability::time_step_limit;
 use crate::random::{Random, mixed};
 use crate::scene::assemble::{self, Continuation};
 use crate::scene::check::Need;
@@ -111,11 +110,14 @@ impl<'a> Trials<'a> {
     /// # Errors
     /// If they are wrong, or if there is no stable limit.
     pub fn new(question: &'a Question<'a>) -> Result<Self, Unanswered> {
-        let read = if question.start.is_some() { Scene::read_to_go_on } else { Scene::read };
-        let scene = read(question.scene, question.overrides).map_err(wrong)?;
+        let (file, overrides) = (question.scene, question.overrides);
+        let read = match question.start {
+            Some(snapshot) => Scene::read_to_go_on(file, overrides, snapshot),
+            None => Scene::read(file, overrides),
+        };
+        let scene = read.map_err(wrong)?;
         let (sim, resumed) = started(&scene, question.start)?;
-        // A snapshot may have other sizes than the scene.
-        let Some(limit) = time_step_limit(&sim.particles.library, &*sim.law) else {
+        let Some(limit) = scene.time_step_limit() else {
             return Err(Unanswered::Input(format!(
                 "{}: nothing pushes, so there is no stable limit to measure steps by; give a material a stiffness",
                 question.scene.display()
@@ -278,7 +280,7 @@ impl<'a> Trials<'a> {
         }
         let Question { scene, start, .. } = self.question;
         let folder = scene.parent().unwrap_or(Path::new(""));
-        let need = if start.is_some() { Need::NoStart } else { Need::AllFiles };
+        let need = start.map_or(Need::AllFiles, Need::Snapshot);
         let text = root.to_string();
         let of_trial = Scene::parse_for(&text, "the trial's scene", folder, &[], need);
         of_trial.map_err(|errors| Unanswered::Trial(errors.to_string()))

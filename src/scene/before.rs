@@ -1,0 +1,76 @@
+//! Which sizes of grains come with a snapshot. A scene makes room for them when it is read, so that all that follows from sizes,
+//! from the time step to what is said of it, is of the grains that there will be.
+//!
+//! A stage that begins looks at the grains of the snapshot. One that goes on takes the sizes for which it had made room before:
+//! grains that have left since count in its step and skin as in the stage that was not interrupted.
+
+use crate::comm::alone::Alone;
+use crate::ids::ShapeId;
+use crate::output::SnapshotError;
+use crate::output::header::{Header, ShapeRow};
+use crate::output::snapshot::Reader;
+use crate::particles::Library;
+use std::path::Path;
+
+/// The library's shape that is this one of a snapshot.
+pub(super) fn known_as(library: &Library, row: &ShapeRow) -> Option<ShapeId> {
+    // No two solids of one name have one box and one volume by accident.
+    let is_it = |k: &usize| {
+        let shape = &library.shapes[*k];
+        library.names[*k] == row.name
+            && shape.kind().name() == row.kind
+            && shape.semi_axes() == row.semi_axes
+            && shape.volume() == row.volume
+    };
+    (0..library.particle_shapes).find(is_it).map(|k| ShapeId(k as u16))
+}
+
+/// Makes room for the grains of the snapshot with which a stage begins, or of the newest good one of a directory.
+/// One that cannot be read has none: that is told when it is taken up.
+pub(super) fn admit(library: &mut Library, path: &Path) {
+    let _ = opened(path).and_then(|reader| admit_present(library, &reader));
+}
+
+/// The same for a stage that goes on from a snapshot of its own.
+pub(super) fn admit_to_go_on(library: &mut Library, path: &Path) {
+    let Ok(reader) = opened(path) else { return };
+    if !admit_saved(library, reader.header()) {
+        let _ = admit_present(library, &reader);
+    }
+}
+
+/// Makes room for the sizes for which the stage that wrote a snapshot had made room. `false` if the file, of an older version,
+/// does not say which.
+pub(super) fn admit_saved(library: &mut Library, header: &Header) -> bool {
+    let saved = header.shapes.iter().map(|row| row.scales);
+    let Some(scales) = saved.collect::<Option<Vec<_>>>() else { return false };
+    for (row, scales) in header.shapes.iter().zip(scales) {
+        admit_of(library, row, scales);
+    }
+    true
+}
+
+/// Chosen and checked as it is when it is taken up.
+fn opened(path: &Path) -> Result<Reader, SnapshotError> {
+    Reader::open_together(path, &mut Alone::default())
+}
+
+fn admit_present(library: &mut Library, reader: &Reader) -> Result<(), SnapshotError> {
+    for (row, scales) in reader.header().shapes.iter().zip(reader.scales()?) {
+        if let Some(scales) = scales {
+            admit_of(library, row, scales);
+        }
+    }
+    Ok(())
+}
+
+/// Makes room for these scales of a snapshot's shape. What is none of the library's, or no scale, is told when it is taken up.
+fn admit_of(library: &mut Library, row: &ShapeRow, scales: [f64; 2]) {
+    if let Some(shape) = known_as(library, row)
+        && scales.iter().all(|scale| scale.is_finite() && *scale > 0.0)
+    {
+        for scale in scales {
+            library.admit(shape, scale);
+        }
+    }
+}
