@@ -96,8 +96,9 @@ impl Call {
     pub(super) fn start(self) -> Running {
         static CALLS: AtomicU32 = AtomicU32::new(0);
         let name = format!("{}-{}", std::process::id(), CALLS.fetch_add(1, Ordering::Relaxed));
-        // A job calls mpirun itself.
-        let several = |word: &OsString| *word == mpirun() || word == "run/slurm";
+        // They call mpirun themselves.
+        let several =
+            |word: &OsString| *word == mpirun() || word == "run/slurm" || word == "run/demo";
         let turn = self.words.iter().any(several).then(wait_for_turn);
         let file = || tempfile::tempfile().expect("a file for what the program says");
         let (output, errors) = (file(), file());

@@ -1,12 +1,13 @@
 //! The ready scenes of `run/`: what their pages promise, on shorter runs.
 
-use super::process::{Launch, dem_mpi};
+use super::process::{Call, Ended, Launch, dem_mpi, mpirun};
 use super::{fresh_directory, report};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::{Scene, assemble};
 use dem_mpi::sim::Simulation;
 use std::fs;
+use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 
 const FOLDERS: [&str; 9] =
@@ -61,6 +62,57 @@ fn each_has_a_page_and_a_picture_and_nothing_doubtful() {
                 .unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(doubts(&scene), Vec::<String>::new(), "{}", scene.title);
         }
+    }
+}
+
+/// `run/demo` in a copy of `run`, where everything is set up and built.
+fn demo(copy: &Path, words: &[&str]) -> Ended {
+    Call::new(vec![], "cp", [Path::new("-r"), &folder(""), copy]).succeed();
+    for nothing in [copy.join("run/setup"), copy.join("cargo")] {
+        fs::write(&nothing, "#!/bin/sh\n").unwrap();
+        fs::set_permissions(&nothing, fs::Permissions::from_mode(0o755)).unwrap();
+    }
+    let mpich = mpirun() == "mpirun.mpich";
+    let built = copy.join(if mpich { "target/mpich/release" } else { "target/release" });
+    fs::create_dir_all(&built).unwrap();
+    symlink(env!("CARGO_BIN_EXE_dem-mpi"), built.join("dem-mpi")).unwrap();
+    symlink(env!("CARGO_BIN_EXE_dem-post"), built.join("dem-post")).unwrap();
+    let path = format!("PATH={}:{}", copy.display(), std::env::var("PATH").unwrap());
+    let variables = [&*path, "CARGO_TARGET_DIR=target", "run/demo"];
+    let which: &[&str] = if mpich { &["--mpi", "mpich"] } else { &[] };
+    Call::new(vec![], "env", [&variables, which, words].concat()).from(copy).end()
+}
+
+/// One command runs the drum, and makes the pictures and tables of its page.
+#[test]
+fn the_demo_of_a_scene_makes_what_its_page_shows() {
+    let copy = fresh_directory("demo").canonicalize().unwrap();
+    let short = ["--set", "time.duration=0.012", "--set", "output.snapshot_every=500"];
+    let ended = demo(&copy, &[&["drum"], &short[..]].concat());
+    assert_eq!(ended.status.code(), Some(0), "{ended}");
+    let post = copy.join("out/drum/post_series");
+    ended.said_once(&format!("Look at the pictures:  {}", post.join("index.html").display()));
+    for file in ["index.html", "mixing.csv", "slope.csv"] {
+        assert!(post.join(file).exists(), "no {file}: {ended}");
+    }
+    assert!(copy.join("out/drum/last.vtkhdf").exists());
+}
+
+/// Of a scene that is not there the demo tells those that are, and the page of each has its command.
+#[test]
+fn the_demo_tells_its_scenes() {
+    let ended = demo(&fresh_directory("demo_of_nothing"), &["dram"]);
+    assert_eq!(ended.status.code(), Some(2), "{ended}");
+    let names = ended.errors.strip_prefix("run/demo: dram: the scenes are ").expect("names");
+    let names: Vec<&str> = names.split_whitespace().collect();
+    for name in ["drum", "hopper", "packing", "silo"] {
+        assert!(names.contains(&name), "{names:?}");
+    }
+    for name in names {
+        let page = fs::read_to_string(folder(name).join("README.md")).unwrap();
+        let words = if name == "packing" { "" } else { name };
+        let command = format!("\n./run/demo {words}").trim_end().to_owned() + " ";
+        assert!(page.contains(&command), "run/{name}/README.md does not have{command}");
     }
 }
 
