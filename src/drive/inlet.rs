@@ -199,6 +199,42 @@ impl Inlets {
         due
     }
 
+    /// What was due by the rate and the end and has not come, in the unit of the rate: grains or kg. `waiting` are the last of the
+    /// grains that are `due`.
+    fn missing(
+        &self,
+        inlet: usize,
+        due: &[Particle],
+        waiting: &[Particle],
+        moment: &Moment,
+        library: &Library,
+    ) -> f64 {
+        let (of_inlet, come) = (&self.all[inlet], self.come[inlet]);
+        let (count, seconds) = (come.count as f64, moment.stage_time);
+        let by_rate = match of_inlet.rate {
+            Amount::Count(rate) => (rate * seconds).floor() - count,
+            Amount::Mass(rate) => rate * seconds - come.mass,
+        };
+        let Some(until) = of_inlet.until else { return by_rate };
+        // Beyond a list that is cut off the end is known in the mean alone.
+        let is_cut = due.len() as u64 >= MOST_AT_ONCE;
+        let mean = || library.mean_over(&of_inlet.mix, |shape| library.mass[shape.index()]);
+        let by_end = match (of_inlet.rate, until) {
+            (Amount::Count(_), Amount::Count(most)) => most - count,
+            (Amount::Mass(_), Amount::Mass(most)) => most - come.mass,
+            (Amount::Count(_), Amount::Mass(most)) if is_cut => {
+                ((most - come.mass) / mean()).ceil()
+            }
+            (Amount::Count(_), Amount::Mass(_)) => waiting.len() as f64,
+            (Amount::Mass(_), Amount::Count(most)) if is_cut => (most - count) * mean(),
+            (Amount::Mass(_), Amount::Count(most)) if count + waiting.len() as f64 >= most => {
+                waiting.iter().map(|grain| library.mass_at(grain.shape, grain.scale)).sum()
+            }
+            (Amount::Mass(_), Amount::Count(_)) => return by_rate,
+        };
+        by_rate.min(by_end)
+    }
+
     /// The grains of an inlet that find a place now, after those that have `entered` through others. Collective.
     fn enter(
         &mut self,
@@ -252,36 +288,28 @@ impl Inlets {
             }
         }
         let has_more = found as u64 == MOST_AT_ONCE && !self.due(inlet, moment, library).is_empty();
-        self.note_missing(inlet, due.len() - found, has_more, moment);
+        self.note_missing(inlet, &due, found, has_more, (moment, library));
     }
 
-    /// Grains that were due and have not come: so many found no place, or there are more than can come at a time.
-    fn note_missing(&mut self, inlet: usize, waiting: usize, has_more: bool, moment: &Moment) {
-        let Inlet { name, rate, until, .. } = &self.all[inlet];
-        let come = &mut self.come[inlet];
-        let most = |amount: f64, at: fn(&Amount) -> Option<f64>| {
-            until.as_ref().and_then(at).map_or(amount, |most| amount.min(most))
-        };
-        come.missing = match rate {
-            _ if waiting == 0 && !has_more => 0.0,
-            Amount::Count(rate) => {
-                let due = most((rate * moment.stage_time).floor(), |until| match until {
-                    Amount::Count(most) => Some(*most),
-                    Amount::Mass(_) => None,
-                });
-                due - come.count as f64
-            }
-            Amount::Mass(rate) => {
-                let due = most(rate * moment.stage_time, |until| match until {
-                    Amount::Mass(most) => Some(*most),
-                    Amount::Count(_) => None,
-                });
-                due - come.mass
-            }
-        };
-        if (waiting > 0 || has_more) && !self.warned[inlet] {
+    /// Grains that were due and have not come: those behind the first that have found a place, or there are more than can come
+    /// at a time.
+    fn note_missing(
+        &mut self,
+        inlet: usize,
+        due: &[Particle],
+        found: usize,
+        has_more: bool,
+        (moment, library): (&Moment, &Library),
+    ) {
+        let waiting = &due[found..];
+        let is_short = has_more || !waiting.is_empty();
+        let missing =
+            if is_short { self.missing(inlet, due, waiting, moment, library) } else { 0.0 };
+        self.come[inlet].missing = missing;
+        if is_short && !self.warned[inlet] {
             self.warned[inlet] = true;
-            let step = moment.step;
+            let name = &self.all[inlet].name;
+            let (step, waiting) = (moment.step, waiting.len());
             self.warnings.push(if has_more {
                 format!(
                     "inlet `{name}`: at step {step} more than {MOST_AT_ONCE} of its particles are due, and no more come at a time; the others \
