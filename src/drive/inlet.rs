@@ -12,10 +12,11 @@ use super::{Drive, DriveError, Moment, Newcomers, SavedColumn, SavedState, Value
 use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::ids::GlobalId;
-use crate::math::{Quat, Vec3};
+use crate::math::Vec3;
 use crate::particles::mix::Mix;
+use crate::particles::orientations::Orientations;
 use crate::particles::records::Particle;
-use crate::particles::walls::Wall;
+use crate::particles::walls::{Wall, met_by};
 use crate::particles::{Library, Particles};
 use crate::random::{Random, mixed};
 use serde::{Deserialize, Serialize};
@@ -57,8 +58,10 @@ pub struct Inlet {
     pub velocity: Vec3,
     /// Each component of the velocity differs from its mean by up to this, at random [m/s].
     pub spread: f64,
-    /// Random orientations, or upright.
-    pub random_orientation: bool,
+    /// Each component of the angular velocity differs from 0 by up to this, at random [rad/s].
+    pub spin: f64,
+    /// Orientations.
+    pub orientations: Orientations,
 }
 
 impl Inlet {
@@ -164,16 +167,20 @@ impl Inlets {
 
     /// A grain by its number, without place and id.
     fn grain(&self, inlet: usize, number: u64, moment: &Moment, library: &Library) -> Particle {
-        let Inlet { mix, velocity, spread, random_orientation, .. } = &self.all[inlet];
+        let Inlet { mix, velocity, spread, spin, orientations, .. } = &self.all[inlet];
         // Another stage has other grains.
         let stage = moment.step - moment.stage_step;
         let mut random = Random::of(mixed(&[self.seed, STREAM, inlet as u64, stage]), number);
         let shape = mix.pick(random.unit());
         let scale = library.sizes[shape.index()].draw(&mut random);
-        let quaternion = if *random_orientation { random.rotation() } else { Quat::identity() };
+        let quaternion = orientations.draw(&mut random);
         let off = Vec3::from_fn(|_, _| spread * random.signed());
         let still = Particle::at_rest(GlobalId(0), shape, Vec3::zeros());
-        Particle { scale, quaternion, velocity: velocity + off, ..still }
+        let grain = Particle { scale, quaternion, velocity: velocity + off, ..still };
+        if *spin == 0.0 {
+            return grain;
+        }
+        grain.spinning(Vec3::from_fn(|_, _| spin * random.signed()), library)
     }
 
     /// The grains that are due, in the order of their numbers.
@@ -347,7 +354,7 @@ fn taken_here(near: &[(Vec3, f64)], tries: &[(f64, Vec<Vec3>)], particles: &Part
                 let reach = radius + other;
                 particles.cell.nearest(place - position).norm_squared() <= reach * reach
             });
-            let by_wall = || particles.walls.iter().any(|wall| wall.meets_ball(place, *radius));
+            let by_wall = || met_by(&particles.walls, &particles.cell, place, *radius).is_some();
             taken.push(i64::from(by_particle || by_wall()));
         }
     }
