@@ -552,3 +552,48 @@ fn what_is_missing_ends_where_the_inlet_ends() {
         assert_eq!(warning, told, "{amounts}");
     }
 }
+
+/// Eggs that come through an inlet point along a direction, tilted by up to 30 degrees: the mean cosine of the tilt on a cap of half angle s
+/// is (1 + cos s)/2, its variance (1 - cos s)²/12. They spin by up to 5 rad/s about each axis: mean square 25/3, of which the
+/// variance is 625 · 4/45. Five standard errors.
+#[test]
+fn grains_of_an_inlet_point_along_an_axis_and_spin() {
+    let text = "[domain]\nlow = [0, 0, 0]\nhigh = [0.2, 0.2, 0.2]\n[[material]]\nname = \"stone\"\ndensity = 2500\nnormal_stiffness = 100\n\
+                [[shape]]\nname = \"egg\"\nkind = \"ellipsoid\"\nsemi_axes = [0.002, 0.001, 0.0015]\n[[inlet]]\nname = \"tap\"\n\
+                low = [0.02, 0.02, 0.02]\nhigh = [0.18, 0.18, 0.18]\nrate = 1e9\nevery = 1\nvelocity = [0, 0, -1]\nspin = 5\n\
+                orientation = { axis = [1, -2, 2], spread = 30, own = \"x\" }\n\
+                [time]\nstep = 1e-5\nsteps = 100\n[output]\ndirectory = \"out\"\n";
+    let (scene, mut comm) = (scene(text), Alone::default());
+    let mut sim = begun(&scene, &mut comm);
+    let (axis, least) = (Vec3::new(1.0, -2.0, 2.0) / 3.0, 30.0_f64.to_radians().cos());
+    let (mut count, mut cosines, mut squares, mut spins) = (0.0, 0.0, Vec3::zeros(), Vec3::zeros());
+    for _ in 0..3 {
+        let before = sim.next_id;
+        sim.step(&mut comm).unwrap();
+        for slot in 0..sim.particles.owned {
+            let grain = sim.particles.owned_particle(slot);
+            if grain.id.0 < before {
+                continue;
+            }
+            let cosine = (grain.quaternion * Vec3::x()).dot(&axis);
+            assert!(cosine > least - 1e-12, "{cosine}");
+            // L = R I Rᵀ ω
+            let local = grain.quaternion.inverse_transform_vector(&grain.angular_momentum);
+            let spin = grain.quaternion * local.component_div(&sim.particles.inertia(slot));
+            assert!(spin.amax() <= 5.0 + 1e-9, "{spin}");
+            (count, cosines) = (count + 1.0, cosines + cosine);
+            (squares, spins) = (squares + spin.component_mul(&spin), spins + spin);
+        }
+    }
+    assert!(count > 2500.0, "{count}");
+    let error = 5.0 / f64::sqrt(count);
+    let off = cosines / count - 0.5 * (1.0 + least);
+    assert!(off.abs() < error * (1.0 - least) / 12.0_f64.sqrt(), "{off:e}");
+    assert!((spins / count).amax() < error * 5.0 / 3.0_f64.sqrt(), "{spins}");
+    let off = squares / count - Vec3::repeat(25.0 / 3.0);
+    assert!(off.amax() < error * (625.0 * 4.0 / 45.0_f64).sqrt(), "{off}");
+    // What they have brought is booked.
+    let measures = sim.measure(&mut comm);
+    assert!(measures.rotation > 0.0);
+    assert!(measures.missing().abs() < 1e-11 * measures.kinetic(), "{:e}", measures.missing());
+}

@@ -184,19 +184,21 @@ mod tests {
         let slab = Region::Box { low, high };
         let part = |k: u32| f64::from(k) / f64::from(MESH);
         let (mut of_pipe, mut of_slab) = (Vec::new(), Vec::new());
-        for (i, j) in (0..=MESH).flat_map(|i| (0..=MESH).map(move |j| (i, j))) {
-            let (s, t) = (part(i), part(j));
-            let (sine, cosine) = (std::f64::consts::TAU * s).sin_cos();
+        for k in 0..(MESH + 1) * (MESH + 1) {
+            let parts = [part(k % (MESH + 1)), part(k / (MESH + 1))];
+            let (sine, cosine) = (std::f64::consts::TAU * parts[0]).sin_cos();
             let out = (first * cosine + second * sine) * radius;
-            of_pipe.extend([from + (to - from) * t + out, from + out * t, to + out * t]);
-            for axis in 0..3 {
-                for end in [low, high] {
-                    let mut place = end;
-                    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-                    place[u] = low[u] + (high[u] - low[u]) * s;
-                    place[v] = low[v] + (high[v] - low[v]) * t;
-                    of_slab.push(place);
+            of_pipe.extend([
+                from + (to - from) * parts[1] + out,
+                from + out * parts[1],
+                to + out * parts[1],
+            ]);
+            for (axis, end) in (0..3).flat_map(|axis| [(axis, low), (axis, high)]) {
+                let mut place = end;
+                for (other, part) in [(axis + 1) % 3, (axis + 2) % 3].into_iter().zip(parts) {
+                    place[other] = low[other] + (high[other] - low[other]) * part;
                 }
+                of_slab.push(place);
             }
         }
         for (region, border) in [(pipe, of_pipe), (slab, of_slab)] {

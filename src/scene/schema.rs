@@ -230,8 +230,8 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         }
         ("inlet" | "outlet", "name") => text(),
         ("inlet" | "outlet", "low" | "high") => vector(&any),
-        ("inlet" | "outlet", "axis") => exactly(2, &vector(&any)),
-        ("inlet" | "outlet", "radius") => positive,
+        ("fill.rain" | "inlet" | "outlet", "axis") => exactly(2, &vector(&any)),
+        ("fill.rain" | "inlet" | "outlet", "radius") => positive,
         ("inlet" | "outlet", "every") => whole(1),
         ("outlet", "point" | "normal") | ("inlet", "velocity") => vector(&any),
         ("inlet", "rate" | "mass_rate" | "count" | "mass") => positive,
