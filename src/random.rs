@@ -42,6 +42,19 @@ impl Random {
         2.0 * self.unit() - 1.0
     }
 
+    /// A point of the unit circle, uniform over it: a uniform point of the disk, found by rejection, then normalised.
+    pub fn on_circle(&mut self) -> [f64; 2] {
+        loop {
+            let (x, y) = (self.signed(), self.signed());
+            let square = x * x + y * y;
+            // Very near the centre the direction would have few bits.
+            if (1e-6..=1.0).contains(&square) {
+                let length = square.sqrt();
+                return [x / length, y / length];
+            }
+        }
+    }
+
     /// A rotation, uniform over all of them: a uniform point of the unit ball in four dimensions,
     /// found by rejection, then normalised.
     pub fn rotation(&mut self) -> Quat {

@@ -79,7 +79,7 @@ impl Drive for Outlet {
         true
     }
 
-    fn take(&mut self, leaver: &Particle, _mass: f64, cell: &Cell) -> bool {
+    fn take(&mut self, _moment: &Moment, leaver: &Particle, _mass: f64, cell: &Cell) -> bool {
         let takes = leaver.position.z < cell.low().z;
         self.count += u64::from(takes);
         takes

@@ -477,3 +477,123 @@ fn the_first_grains_of_an_inlet_raise_no_alarm() {
     assert!(sim.particles.owned > 0, "grains came");
     assert!(finish.warnings.is_empty(), "{:?}", finish.warnings);
 }
+
+/// A grain leaves through the outlet that looks when it is there, not through another around the same place that looks later;
+/// of two that look, through the first one of the scene.
+#[test]
+fn a_grain_leaves_through_the_outlet_that_looks() {
+    let shaft =
+        SHAFT.split("[[fill.lattice]]").next().unwrap().replace("0.5, 0.2, -9.81", "0, 0, -9.81");
+    let with = |every: [u32; 2]| {
+        let outlet = |name: &str, every: u32| {
+            format!(
+                "[[outlet]]\nname = \"{name}\"\npoint = [0, 0, 0.002]\nnormal = [0, 0, 1]\nevery = {every}\n"
+            )
+        };
+        let text = format!(
+            "{shaft}[[fill.lattice]]\nshapes = [\"ball\"]\nfirst = [0.01, 0.01, 0.01]\ncount = [1, 1, 1]\n{}{}\
+             [time]\nstep = 1e-5\nsteps = 10000\n[output]\ndirectory = \"out\"\n",
+            outlet("first", every[0]),
+            outlet("second", every[1])
+        );
+        let mut comm = Alone::default();
+        let mut sim = begun(&scene(&text), &mut comm);
+        while sim.particles.owned > 0 {
+            sim.step(&mut comm).unwrap();
+        }
+        let counted: Vec<f64> = sim.drives[0].counted().iter().map(|(_, number)| *number).collect();
+        let mass = sim.particles.library.mass[1];
+        assert_eq!((counted[1], counted[3]), (counted[0] * mass, counted[2] * mass));
+        (sim.step, [counted[0], counted[2]])
+    };
+    // It is through the plane after 4038.6 steps.
+    assert_eq!(with([1000, 1]), (4039, [0.0, 1.0]));
+    assert_eq!(with([1, 1000]), (4039, [1.0, 0.0]));
+    assert_eq!(with([1000, 700]), (4200, [0.0, 1.0]));
+    assert_eq!(with([700, 1400]), (4200, [1.0, 0.0]));
+}
+
+/// What is missing has the unit of the rate and ends where the inlet ends, also if that is given in the other unit.
+#[test]
+fn what_is_missing_ends_where_the_inlet_ends() {
+    // Grains of 1 g, one place, and two looks at it: two come, for the first is out of the way at the second look.
+    let density = 1e-3 / (4.0 / 3.0 * std::f64::consts::PI * 1e-9);
+    let with = |amounts: &str| {
+        let text = format!(
+            "[domain]\nlow = [0, 0, 0]\nhigh = [0.1, 0.1, 0.1]\n[[material]]\nname = \"lead\"\ndensity = {density:?}\n\
+             normal_stiffness = 10\n[[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.001\n[[inlet]]\nname = \"tap\"\n\
+             low = [0.05, 0.05, 0.05]\nhigh = [0.05, 0.05, 0.05]\nvelocity = [0.02, 0, 0]\nevery = 500\n{amounts}\n\
+             [time]\nstep = 1e-3\nsteps = 2000\n[output]\ndirectory = \"out\"\n"
+        );
+        let mut comm = Alone::default();
+        let mut sim = begun(&scene(&text), &mut comm);
+        (0..1000).for_each(|_| sim.step(&mut comm).unwrap());
+        assert_eq!(sim.particles.owned, 2, "{amounts}");
+        let counted = sim.drives[0].counted();
+        (counted[2].1, sim.drives[0].last_warnings(&[], false)[0].clone())
+    };
+    for (amounts, missing, told) in [
+        ("mass_rate = 1\ncount = 10", 0.008, "8.0000e-3 kg"),
+        ("mass_rate = 1\nmass = 0.01", 0.008, "8.0000e-3 kg"),
+        ("mass_rate = 0.005\ncount = 10", 0.003, "3.0000e-3 kg"),
+        ("mass_rate = 1", 0.998, "9.9800e-1 kg"),
+        ("rate = 1000\nmass = 0.00999", 8.0, "8 particles"),
+        ("rate = 1000\ncount = 10", 8.0, "8 particles"),
+        ("rate = 5\nmass = 0.01", 3.0, "3 particles"),
+        // More than can come at a time: the end is known in the mean.
+        ("mass_rate = 3\ncount = 2000", 1.998, "1.9980e0 kg"),
+        ("rate = 3000\nmass = 1.9999", 1998.0, "1998 particles"),
+    ] {
+        let (found, warning) = with(amounts);
+        assert!((found - missing).abs() < 1e-12 * missing.max(1.0), "{amounts}: {found:e}");
+        let told = format!(
+            "inlet `tap`: {told} that were due have not come; 2 particles, 2.0000e-3 kg, came"
+        );
+        assert_eq!(warning, told, "{amounts}");
+    }
+}
+
+/// Eggs that come through an inlet point along a direction, tilted by up to 30 degrees: the mean cosine of the tilt on a cap of half angle s
+/// is (1 + cos s)/2, its variance (1 - cos s)²/12. They spin by up to 5 rad/s about each axis: mean square 25/3, of which the
+/// variance is 625 · 4/45. Five standard errors.
+#[test]
+fn grains_of_an_inlet_point_along_an_axis_and_spin() {
+    let text = "[domain]\nlow = [0, 0, 0]\nhigh = [0.2, 0.2, 0.2]\n[[material]]\nname = \"stone\"\ndensity = 2500\nnormal_stiffness = 100\n\
+                [[shape]]\nname = \"egg\"\nkind = \"ellipsoid\"\nsemi_axes = [0.002, 0.001, 0.0015]\n[[inlet]]\nname = \"tap\"\n\
+                low = [0.02, 0.02, 0.02]\nhigh = [0.18, 0.18, 0.18]\nrate = 1e9\nevery = 1\nvelocity = [0, 0, -1]\nspin = 5\n\
+                orientation = { axis = [1, -2, 2], spread = 30, own = \"x\" }\n\
+                [time]\nstep = 1e-5\nsteps = 100\n[output]\ndirectory = \"out\"\n";
+    let (scene, mut comm) = (scene(text), Alone::default());
+    let mut sim = begun(&scene, &mut comm);
+    let (axis, least) = (Vec3::new(1.0, -2.0, 2.0) / 3.0, 30.0_f64.to_radians().cos());
+    let (mut count, mut cosines, mut squares, mut spins) = (0.0, 0.0, Vec3::zeros(), Vec3::zeros());
+    for _ in 0..3 {
+        let before = sim.next_id;
+        sim.step(&mut comm).unwrap();
+        for slot in 0..sim.particles.owned {
+            let grain = sim.particles.owned_particle(slot);
+            if grain.id.0 < before {
+                continue;
+            }
+            let cosine = (grain.quaternion * Vec3::x()).dot(&axis);
+            assert!(cosine > least - 1e-12, "{cosine}");
+            // L = R I Rᵀ ω
+            let local = grain.quaternion.inverse_transform_vector(&grain.angular_momentum);
+            let spin = grain.quaternion * local.component_div(&sim.particles.inertia(slot));
+            assert!(spin.amax() <= 5.0 + 1e-9, "{spin}");
+            (count, cosines) = (count + 1.0, cosines + cosine);
+            (squares, spins) = (squares + spin.component_mul(&spin), spins + spin);
+        }
+    }
+    assert!(count > 2500.0, "{count}");
+    let error = 5.0 / f64::sqrt(count);
+    let off = cosines / count - 0.5 * (1.0 + least);
+    assert!(off.abs() < error * (1.0 - least) / 12.0_f64.sqrt(), "{off:e}");
+    assert!((spins / count).amax() < error * 5.0 / 3.0_f64.sqrt(), "{spins}");
+    let off = squares / count - Vec3::repeat(25.0 / 3.0);
+    assert!(off.amax() < error * (625.0 * 4.0 / 45.0_f64).sqrt(), "{off}");
+    // What they have brought is booked.
+    let measures = sim.measure(&mut comm);
+    assert!(measures.rotation > 0.0);
+    assert!(measures.missing().abs() < 1e-11 * measures.kinetic(), "{:e}", measures.missing());
+}

@@ -30,6 +30,7 @@ mod packings;
 mod pairs;
 mod post;
 mod program;
+mod rain;
 mod random;
 mod ranks_threads;
 mod ready;

@@ -12,10 +12,11 @@ use super::{Drive, DriveError, Moment, Newcomers, SavedColumn, SavedState, Value
 use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::ids::GlobalId;
-use crate::math::{Quat, Vec3};
+use crate::math::Vec3;
 use crate::particles::mix::Mix;
+use crate::particles::orientations::Orientations;
 use crate::particles::records::Particle;
-use crate::particles::walls::Wall;
+use crate::particles::walls::{Wall, met_by};
 use crate::particles::{Library, Particles};
 use crate::random::{Random, mixed};
 use serde::{Deserialize, Serialize};
@@ -57,8 +58,10 @@ pub struct Inlet {
     pub velocity: Vec3,
     /// Each component of the velocity differs from its mean by up to this, at random [m/s].
     pub spread: f64,
-    /// Random orientations, or upright.
-    pub random_orientation: bool,
+    /// Each component of the angular velocity differs from 0 by up to this, at random [rad/s].
+    pub spin: f64,
+    /// Orientations.
+    pub orientations: Orientations,
 }
 
 impl Inlet {
@@ -164,16 +167,20 @@ impl Inlets {
 
     /// A grain by its number, without place and id.
     fn grain(&self, inlet: usize, number: u64, moment: &Moment, library: &Library) -> Particle {
-        let Inlet { mix, velocity, spread, random_orientation, .. } = &self.all[inlet];
+        let Inlet { mix, velocity, spread, spin, orientations, .. } = &self.all[inlet];
         // Another stage has other grains.
         let stage = moment.step - moment.stage_step;
         let mut random = Random::of(mixed(&[self.seed, STREAM, inlet as u64, stage]), number);
         let shape = mix.pick(random.unit());
         let scale = library.sizes[shape.index()].draw(&mut random);
-        let quaternion = if *random_orientation { random.rotation() } else { Quat::identity() };
+        let quaternion = orientations.draw(&mut random);
         let off = Vec3::from_fn(|_, _| spread * random.signed());
         let still = Particle::at_rest(GlobalId(0), shape, Vec3::zeros());
-        Particle { scale, quaternion, velocity: velocity + off, ..still }
+        let grain = Particle { scale, quaternion, velocity: velocity + off, ..still };
+        if *spin == 0.0 {
+            return grain;
+        }
+        grain.spinning(Vec3::from_fn(|_, _| spin * random.signed()), library)
     }
 
     /// The grains that are due, in the order of their numbers.
@@ -197,6 +204,42 @@ impl Inlets {
             due.push(grain);
         }
         due
+    }
+
+    /// What was due by the rate and the end and has not come, in the unit of the rate: grains or kg. `waiting` are the last of the
+    /// grains that are `due`.
+    fn missing(
+        &self,
+        inlet: usize,
+        due: &[Particle],
+        waiting: &[Particle],
+        moment: &Moment,
+        library: &Library,
+    ) -> f64 {
+        let (of_inlet, come) = (&self.all[inlet], self.come[inlet]);
+        let (count, seconds) = (come.count as f64, moment.stage_time);
+        let by_rate = match of_inlet.rate {
+            Amount::Count(rate) => (rate * seconds).floor() - count,
+            Amount::Mass(rate) => rate * seconds - come.mass,
+        };
+        let Some(until) = of_inlet.until else { return by_rate };
+        // Beyond a list that is cut off the end is known in the mean alone.
+        let is_cut = due.len() as u64 >= MOST_AT_ONCE;
+        let mean = || library.mean_over(&of_inlet.mix, |shape| library.mass[shape.index()]);
+        let by_end = match (of_inlet.rate, until) {
+            (Amount::Count(_), Amount::Count(most)) => most - count,
+            (Amount::Mass(_), Amount::Mass(most)) => most - come.mass,
+            (Amount::Count(_), Amount::Mass(most)) if is_cut => {
+                ((most - come.mass) / mean()).ceil()
+            }
+            (Amount::Count(_), Amount::Mass(_)) => waiting.len() as f64,
+            (Amount::Mass(_), Amount::Count(most)) if is_cut => (most - count) * mean(),
+            (Amount::Mass(_), Amount::Count(most)) if count + waiting.len() as f64 >= most => {
+                waiting.iter().map(|grain| library.mass_at(grain.shape, grain.scale)).sum()
+            }
+            (Amount::Mass(_), Amount::Count(_)) => return by_rate,
+        };
+        by_rate.min(by_end)
     }
 
     /// The grains of an inlet that find a place now, after those that have `entered` through others. Collective.
@@ -252,36 +295,28 @@ impl Inlets {
             }
         }
         let has_more = found as u64 == MOST_AT_ONCE && !self.due(inlet, moment, library).is_empty();
-        self.note_missing(inlet, due.len() - found, has_more, moment);
+        self.note_missing(inlet, &due, found, has_more, (moment, library));
     }
 
-    /// Grains that were due and have not come: so many found no place, or there are more than can come at a time.
-    fn note_missing(&mut self, inlet: usize, waiting: usize, has_more: bool, moment: &Moment) {
-        let Inlet { name, rate, until, .. } = &self.all[inlet];
-        let come = &mut self.come[inlet];
-        let most = |amount: f64, at: fn(&Amount) -> Option<f64>| {
-            until.as_ref().and_then(at).map_or(amount, |most| amount.min(most))
-        };
-        come.missing = match rate {
-            _ if waiting == 0 && !has_more => 0.0,
-            Amount::Count(rate) => {
-                let due = most((rate * moment.stage_time).floor(), |until| match until {
-                    Amount::Count(most) => Some(*most),
-                    Amount::Mass(_) => None,
-                });
-                due - come.count as f64
-            }
-            Amount::Mass(rate) => {
-                let due = most(rate * moment.stage_time, |until| match until {
-                    Amount::Mass(most) => Some(*most),
-                    Amount::Count(_) => None,
-                });
-                due - come.mass
-            }
-        };
-        if (waiting > 0 || has_more) && !self.warned[inlet] {
+    /// Grains that were due and have not come: those behind the first that have found a place, or there are more than can come
+    /// at a time.
+    fn note_missing(
+        &mut self,
+        inlet: usize,
+        due: &[Particle],
+        found: usize,
+        has_more: bool,
+        (moment, library): (&Moment, &Library),
+    ) {
+        let waiting = &due[found..];
+        let is_short = has_more || !waiting.is_empty();
+        let missing =
+            if is_short { self.missing(inlet, due, waiting, moment, library) } else { 0.0 };
+        self.come[inlet].missing = missing;
+        if is_short && !self.warned[inlet] {
             self.warned[inlet] = true;
-            let step = moment.step;
+            let name = &self.all[inlet].name;
+            let (step, waiting) = (moment.step, waiting.len());
             self.warnings.push(if has_more {
                 format!(
                     "inlet `{name}`: at step {step} more than {MOST_AT_ONCE} of its particles are due, and no more come at a time; the others \
@@ -319,7 +354,7 @@ fn taken_here(near: &[(Vec3, f64)], tries: &[(f64, Vec<Vec3>)], particles: &Part
                 let reach = radius + other;
                 particles.cell.nearest(place - position).norm_squared() <= reach * reach
             });
-            let by_wall = || particles.walls.iter().any(|wall| wall.meets_ball(place, *radius));
+            let by_wall = || met_by(&particles.walls, &particles.cell, place, *radius).is_some();
             taken.push(i64::from(by_particle || by_wall()));
         }
     }

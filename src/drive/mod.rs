@@ -206,10 +206,10 @@ pub trait Drive: Send + Sync {
         false
     }
 
-    /// Takes a particle of a mass [kg] that has left the domain of `cell`, or that it [reaches](Drive::reaches), out of the simulation, or not; an error if no drive
-    /// does. Asked on all ranks, in the order of the ids; not asked of what a drive before it has taken. The velocity is that of half a
-    /// step before the positions, the force that of the positions before.
-    fn take(&mut self, _leaver: &Particle, _mass: f64, _cell: &Cell) -> bool {
+    /// Takes a particle of a mass [kg] that has left the domain of `cell`, or that it [reaches](Drive::reaches) at this moment, out of the
+    /// simulation, or not; an error if no drive does. Asked on all ranks, in the order of the ids; not asked of what a drive before it
+    /// has taken. The velocity is that of half a step before the positions, the force that of the positions before.
+    fn take(&mut self, _moment: &Moment, _leaver: &Particle, _mass: f64, _cell: &Cell) -> bool {
         false
     }
 

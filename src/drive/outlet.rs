@@ -25,6 +25,13 @@ pub struct Outlet {
     pub every: u64,
 }
 
+impl Outlet {
+    /// Does it look at this moment?
+    const fn is_due(&self, moment: &Moment) -> bool {
+        moment.stage_step.is_multiple_of(self.every)
+    }
+}
+
 /// What has left through an outlet in this stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Left {
@@ -73,18 +80,21 @@ impl Drive for Outlets {
     }
 
     fn looks(&self, moment: &Moment) -> bool {
-        self.all.iter().any(|outlet| moment.stage_step.is_multiple_of(outlet.every))
+        self.all.iter().any(|outlet| outlet.is_due(moment))
     }
 
     fn reaches(&self, moment: &Moment, position: &Vec3, cell: &Cell) -> bool {
-        let is_due = |outlet: &&Outlet| moment.stage_step.is_multiple_of(outlet.every);
-        self.all.iter().filter(is_due).any(|outlet| outlet.region.holds(position, cell))
+        let takes = |outlet: &Outlet| outlet.is_due(moment) && outlet.region.holds(position, cell);
+        self.all.iter().any(takes)
     }
 
-    /// Of several the first one in the scene.
-    fn take(&mut self, leaver: &Particle, mass: f64, cell: &Cell) -> bool {
+    /// Of several that look at this moment the first one in the scene. What has left the domain cannot wait: the first one that
+    /// holds it takes it.
+    fn take(&mut self, moment: &Moment, leaver: &Particle, mass: f64, cell: &Cell) -> bool {
         let holds = |outlet: &Outlet| outlet.region.holds(&leaver.position, cell);
-        let Some(index) = self.all.iter().position(holds) else { return false };
+        let looks = |outlet: &Outlet| outlet.is_due(moment) && holds(outlet);
+        let first = self.all.iter().position(looks).or_else(|| self.all.iter().position(holds));
+        let Some(index) = first else { return false };
         let left = &mut self.left[index];
         left.count += 1;
         left.mass += mass;

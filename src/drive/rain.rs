@@ -3,17 +3,41 @@
 //! The slab is cut into equal cells, at least one spacing wide. A particle stands in the middle of
 //! its cell, moved by a random step that leaves its bounding sphere inside: no two particles of a
 //! layer can overlap, not even across a periodic border, and none leaves the slab.
+//!
+//! A layer [`Within`] a region leaves out the cells where a particle would reach out of the region or meet a wall: it stands in the
+//! next cell, and those behind it after that, so large ones do not become fewer. All ranks know all walls, and find the same.
 
+use super::region::Region;
 use super::{Drive, DriveError, Moment, Newcomers, SavedColumn, SavedState, Values};
+use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::ids::GlobalId;
 use crate::math::Vec3;
 use crate::particles::mix::Mix;
-use crate::particles::walls::Wall;
+use crate::particles::orientations::Orientations;
+use crate::particles::walls::{Wall, met_by};
 use crate::particles::{Library, Particles, records::Particle};
-use crate::random::Random;
+use crate::random::{Random, mixed};
 use serde::{Deserialize, Serialize};
+
+/// How often a particle looks for a place in a cell.
+const TRIES: usize = 8;
+/// Names the random numbers of these places.
+const STREAM: u64 = 0x7261_696e;
+/// A particle may reach out of a region by so much of a cell, for rounding.
+const ROUNDING: f64 = 1e-6;
+
+/// Where the particles of a layer are that leaves places out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Within {
+    /// They are in it with their whole bounding spheres, and clear of walls.
+    pub region: Region,
+    /// How many of a layer are within the region, about.
+    pub places: u64,
+    /// How many of these are clear of walls that stand as at the beginning, about; not 0.
+    pub free: u64,
+}
 
 /// Layers of particles that fall in at intervals.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,6 +56,10 @@ pub struct Rain {
     pub spacing: f64,
     /// Velocity at the start [m/s].
     pub velocity: Vec3,
+    /// Orientations.
+    pub orientations: Orientations,
+    /// The region in the slab to which particles keep, clear of walls; `None`: the whole slab, of which walls are clear.
+    pub within: Option<Within>,
 }
 
 impl Rain {
@@ -46,19 +74,24 @@ impl Rain {
         self.cells().iter().fold(1, |all: u64, &n| all.saturating_mul(n.into()))
     }
 
-    /// Particles in the next layer, if so many have fallen.
+    /// Particles in a layer, about, if it leaves places out.
+    pub fn in_layer(&self) -> u64 {
+        self.within.as_ref().map_or_else(|| self.per_layer(), |within| within.free.max(1))
+    }
+
+    /// Particles in the next layer, if so many have fallen; at most, if it leaves places out.
     pub fn in_next_layer(&self, fallen: u64) -> u64 {
         self.count.saturating_sub(fallen).min(self.per_layer())
     }
 
     /// Does the slab reach behind a wall? Rounding is forgiven.
     pub fn is_through(&self, wall: &Wall) -> bool {
-        wall.depth(&(self.low, self.high)) / self.spacing > 1e-6
+        wall.depth(&(self.low, self.high)) / self.spacing > ROUNDING
     }
 
     /// Layers in all; the last one may be partly filled.
     pub fn layers(&self) -> u64 {
-        self.count.div_ceil(self.per_layer())
+        self.count.div_ceil(self.in_layer())
     }
 
     /// Steps from one layer to the next, if nothing else holds them up: as many as a layer needs to fall out of the slab,
@@ -108,24 +141,76 @@ pub fn cells_along(length: f64, width: f64) -> u32 {
 /// The particle of a number `k` of a layer, whose first one has the id `first_id`. Shape, size, orientation and place are those of its id
 /// under the scene's `seed`.
 pub fn of_layer(rain: &Rain, seed: u64, first_id: u64, k: u64, library: &Library) -> Particle {
-    let [nx, ny, nz] = rain.cells().map(u64::from);
-    let cell = (rain.high - rain.low).component_div(&Vec3::new(nx as f64, ny as f64, nz as f64));
     let id = first_id + k;
     let mut random = Random::of(seed, id);
     let shape = rain.mix.pick(random.unit());
     let scale = library.sizes[shape.index()].draw(&mut random);
     let radius = library.radius[shape.index()] * scale;
-    let place = [k % nx, k / nx % ny, k / (nx * ny)];
-    let position = Vec3::from_fn(|axis, _| {
-        let room = (0.5 * cell[axis] - radius).max(0.0);
-        rain.low[axis] + (place[axis] as f64 + 0.5) * cell[axis] + room * random.signed()
-    });
+    let position = place_in_cell(rain, k, radius, &mut random);
     Particle {
         scale,
         velocity: rain.velocity,
-        quaternion: random.rotation(),
+        quaternion: rain.orientations.draw(&mut random),
         ..Particle::at_rest(GlobalId(id), shape, position)
     }
+}
+
+/// A place in a cell of the slab that leaves a sphere inside.
+fn place_in_cell(rain: &Rain, k: u64, radius: f64, random: &mut Random) -> Vec3 {
+    let [nx, ny, nz] = rain.cells().map(u64::from);
+    let cell = (rain.high - rain.low).component_div(&Vec3::new(nx as f64, ny as f64, nz as f64));
+    let place = [k % nx, k / nx % ny, k / (nx * ny)];
+    Vec3::from_fn(|axis, _| {
+        let room = (0.5 * cell[axis] - radius).max(0.0);
+        rain.low[axis] + (place[axis] as f64 + 0.5) * cell[axis] + room * random.signed()
+    })
+}
+
+/// A layer that leaves places out: under which seed, at which look, from which id on, and how many particles at most.
+#[derive(Clone, Copy, Debug)]
+pub struct Layer {
+    /// Of the scene.
+    pub seed: u64,
+    /// The number of the time at which it was looked for; another one has other places.
+    pub look: u64,
+    /// Of its first particle.
+    pub first_id: u64,
+    /// So many particles are to come.
+    pub most: u64,
+}
+
+/// Where the particles of a layer within a region stand, in the order of their ids: as many as find places clear of these walls.
+pub fn places_within(
+    (rain, region): (&Rain, &Region),
+    layer: Layer,
+    cell: &Cell,
+    walls: &[&Wall],
+    library: &Library,
+) -> Vec<Vec3> {
+    let Layer { seed, look, first_id, most } = layer;
+    let radius_of = |id: u64| {
+        let grain = of_layer(rain, seed, id, 0, library);
+        library.radius[grain.shape.index()] * grain.scale
+    };
+    let mut places = Vec::new();
+    let mut radius = radius_of(first_id);
+    for k in 0..rain.per_layer() {
+        if places.len() as u64 == most {
+            break;
+        }
+        let id = first_id + places.len() as u64;
+        let mut random = Random::of(mixed(&[seed, STREAM, look, id]), k);
+        let is_clear = |place: &Vec3| {
+            region.distance(place, cell) + radius <= ROUNDING * rain.spacing
+                && met_by(walls.iter().copied(), cell, place, radius).is_none()
+        };
+        let mut tries = (0..TRIES).map(|_| place_in_cell(rain, k, radius, &mut random));
+        if let Some(place) = tries.find(is_clear) {
+            places.push(place);
+            radius = radius_of(id + 1);
+        }
+    }
+    places
 }
 
 /// The rain of a running simulation: what has fallen and when more is due.
@@ -135,6 +220,9 @@ pub struct RainGauge {
     seed: u64,
     /// Particles that have fallen in this stage.
     fallen: u64,
+    /// Has it warned that no place is clear?
+    warned: bool,
+    warnings: Vec<String>,
 }
 
 /// Names [`RainGauge`] among the drives.
@@ -151,7 +239,7 @@ pub fn saved(fallen: u64) -> SavedState {
 impl RainGauge {
     /// Before the first layer.
     pub const fn new(rain: Rain, seed: u64) -> Self {
-        Self { rain, seed, fallen: 0 }
+        Self { rain, seed, fallen: 0, warned: false, warnings: Vec::new() }
     }
 
     /// May a layer fall after this many steps of the stage?
@@ -164,8 +252,13 @@ impl RainGauge {
         self.fallen >= self.rain.count
     }
 
-    /// Is an owned particle where a layer would appear, or a wall that has moved in?
+    /// Is an owned particle where a layer would appear, or a wall that has moved in and is not left out?
     fn is_blocked(&self, particles: &Particles) -> bool {
+        if let Some(Within { region, .. }) = &self.rain.within {
+            let distance =
+                |slot: usize| region.distance(&particles.position[slot], &particles.cell);
+            return (0..particles.owned).any(|slot| distance(slot) < particles.radius(slot));
+        }
         let Rain { low, high, .. } = self.rain;
         let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
         let mut owned = 0..particles.owned;
@@ -181,6 +274,39 @@ impl RainGauge {
         let (rain, seed) = (self.rain.clone(), self.seed);
         let make = move |k, library: &Library| of_layer(&rain, seed, first_id, k, library);
         Newcomers { count, make: Box::new(make) }
+    }
+
+    /// The next layer if it leaves places out; `None` if none is left.
+    fn next_within(
+        &mut self,
+        region: &Region,
+        moment: &Moment,
+        first_id: u64,
+        particles: &Particles,
+    ) -> Option<Newcomers> {
+        let (rain, seed) = (self.rain.clone(), self.seed);
+        let look = moment.stage_step / rain.every;
+        let layer = Layer { seed, look, first_id, most: rain.in_next_layer(self.fallen) };
+        let Particles { cell, library, walls, .. } = particles;
+        let walls: Vec<&Wall> = walls.iter().collect();
+        let places = places_within((&rain, region), layer, cell, &walls, library);
+        if places.is_empty() {
+            if !std::mem::replace(&mut self.warned, true) {
+                self.warnings.push(format!(
+                    "rain: at step {} no place of a layer is clear of the walls, {}; it falls when one is",
+                    moment.step,
+                    region.words()
+                ));
+            }
+            return None;
+        }
+        let count = places.len() as u64;
+        self.fallen += count;
+        let make = move |k, library: &Library| Particle {
+            position: places[k as usize],
+            ..of_layer(&rain, seed, first_id, k, library)
+        };
+        Some(Newcomers { count, make: Box::new(make) })
     }
 }
 
@@ -200,7 +326,14 @@ impl Drive for RainGauge {
         if !self.is_due(moment.stage_step) || comm.any(self.is_blocked(particles)) {
             return None;
         }
-        Some(self.next_layer(first_id))
+        match self.rain.within.clone() {
+            None => Some(self.next_layer(first_id)),
+            Some(Within { region, .. }) => self.next_within(&region, moment, first_id, particles),
+        }
+    }
+
+    fn warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
     }
 
     fn unfinished(&self) -> Option<&'static str> {
@@ -243,6 +376,7 @@ mod tests {
     use crate::ids::{GlobalId, MaterialId, ShapeId};
     use crate::math::Vec3;
     use crate::particles::mix::Mix;
+    use crate::particles::orientations::Orientations;
     use crate::particles::records::Particle;
     use crate::particles::walls::Wall;
     use crate::particles::{Library, Needs, Particles};
@@ -252,7 +386,18 @@ mod tests {
     fn rain(count: u64) -> RainGauge {
         let (low, high) = (Vec3::new(0.0, 0.0, 0.8), Vec3::new(0.3, 1.0, 1.0));
         let mix = Mix::new(&[(ShapeId(0), 1.0)]);
-        let rain = Rain { mix, count, every: 1, low, high, spacing: 0.1, velocity: -Vec3::z() };
+        let (velocity, orientations) = (-Vec3::z(), Orientations::Random);
+        let rain = Rain {
+            mix,
+            count,
+            every: 1,
+            low,
+            high,
+            spacing: 0.1,
+            velocity,
+            orientations,
+            within: None,
+        };
         RainGauge::new(rain, 1)
     }
 

@@ -50,6 +50,27 @@ impl Region {
         }
     }
 
+    /// How far a place, or the nearest of its periodic images, is outside [m]; inside negative, how far it is from the border.
+    pub fn distance(&self, position: &Vec3, cell: &Cell) -> f64 {
+        // Outside the ends and outside the side, each where positive.
+        let of_parts = |beyond: Vec3| beyond.max().min(0.0) + beyond.sup(&Vec3::zeros()).norm();
+        match self {
+            Self::Behind { point, normal } => normal.dot(&(position - point)),
+            Self::Box { low, high } => {
+                let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
+                of_parts(cell.nearest(position - middle).abs() - half)
+            }
+            Self::Cylinder { axis: [from, to], radius } => {
+                let (middle, half) = ((from + to) * 0.5, (to - from) * 0.5);
+                let apart = cell.nearest(position - middle);
+                let (direction, length) = (half.normalize(), half.norm());
+                let along = apart.dot(&direction);
+                let across = (apart - direction * along).norm() - radius;
+                of_parts(Vec3::new(along.abs() - length, across, f64::NEG_INFINITY))
+            }
+        }
+    }
+
     /// The corners of the box around it [m]; `None` if it has no end.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         match self {
@@ -146,6 +167,57 @@ mod tests {
         assert!((along_all / count as f64 - 0.5).abs() < error * 0.29);
         // Mean square of the distance to the middle of a disk: r²/2, with a deviation of r²/√12.
         assert!((square / count as f64 / 0.01 - 0.5).abs() < error * 0.29);
+    }
+
+    /// The nearest of many places on the border is as far away as the distance says, up to the mesh of these places; what is held is
+    /// inside.
+    #[test]
+    fn distances_are_those_to_the_border() {
+        const MESH: u32 = 120;
+        let cell = Cell::new(Vec3::zeros(), Vec3::repeat(1.0), [false; 3]);
+        let (from, to, radius) = (Vec3::new(0.4, 0.5, 0.45), Vec3::new(0.55, 0.6, 0.65), 0.12);
+        let pipe = Region::Cylinder { axis: [from, to], radius };
+        let along: Vec3 = (to - from).normalize();
+        let first = along.cross(&Vec3::x()).normalize();
+        let second = along.cross(&first);
+        let (low, high) = (Vec3::new(0.3, 0.4, 0.35), Vec3::new(0.6, 0.65, 0.8));
+        let slab = Region::Box { low, high };
+        let part = |k: u32| f64::from(k) / f64::from(MESH);
+        let (mut of_pipe, mut of_slab) = (Vec::new(), Vec::new());
+        for k in 0..(MESH + 1) * (MESH + 1) {
+            let parts = [part(k % (MESH + 1)), part(k / (MESH + 1))];
+            let (sine, cosine) = (std::f64::consts::TAU * parts[0]).sin_cos();
+            let out = (first * cosine + second * sine) * radius;
+            of_pipe.extend([
+                from + (to - from) * parts[1] + out,
+                from + out * parts[1],
+                to + out * parts[1],
+            ]);
+            for (axis, end) in (0..3).flat_map(|axis| [(axis, low), (axis, high)]) {
+                let mut place = end;
+                for (other, part) in [(axis + 1) % 3, (axis + 2) % 3].into_iter().zip(parts) {
+                    place[other] = low[other] + (high[other] - low[other]) * part;
+                }
+                of_slab.push(place);
+            }
+        }
+        for (region, border) in [(pipe, of_pipe), (slab, of_slab)] {
+            let mut inside = 0;
+            for id in 0..200 {
+                let mut random = Random::of(4, id);
+                let place = Vec3::from_fn(|_, _| 0.2 + 0.6 * random.unit());
+                let found = region.distance(&place, &cell);
+                let nearest =
+                    border.iter().map(|p| (p - place).norm()).fold(f64::INFINITY, f64::min);
+                let off = nearest - found.abs();
+                assert!((-1e-12..0.008).contains(&off), "{region:?} {place:?}: {found} {nearest}");
+                assert_eq!(found < 0.0, region.holds(&place, &cell), "{place:?}");
+                inside += u32::from(found < 0.0);
+            }
+            assert!((2..150).contains(&inside), "{inside}");
+        }
+        let plane = Region::Behind { point: Vec3::z() * 0.3, normal: Vec3::z() };
+        assert!((plane.distance(&Vec3::repeat(0.5), &cell) - 0.2).abs() < 1e-15);
     }
 
     #[test]

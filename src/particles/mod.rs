@@ -6,6 +6,7 @@
 pub mod columns;
 pub mod courses;
 pub mod mix;
+pub mod orientations;
 pub mod records;
 pub mod sizes;
 pub mod walls;

@@ -11,8 +11,8 @@
 //! | force, torque, what has accumulated, image | x | | |
 //! | records of touching contacts | x | | |
 
-use super::Particles;
 use super::columns::Accumulated;
+use super::{Library, Particles};
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::{Quat, Vec3};
 use crate::shape::Kind;
@@ -65,6 +65,15 @@ impl Particle {
             angular_velocity: Vec3::zeros(),
             torque: Vec3::zeros(),
         }
+    }
+
+    /// The same with an angular velocity along the axes of the world [rad/s].
+    pub fn spinning(self, angular_velocity: Vec3, library: &Library) -> Self {
+        // L = R I Rᵀ ω
+        let local = self.quaternion.inverse_transform_vector(&angular_velocity);
+        let inertia = library.inertia_at(self.shape, self.scale);
+        let angular_momentum = self.quaternion * inertia.component_mul(&local);
+        Self { angular_momentum, angular_velocity, ..self }
     }
 }
 

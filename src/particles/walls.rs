@@ -594,6 +594,40 @@ impl Wall {
     }
 }
 
+/// The first wall, or image of a wall of triangles, that a ball is at or behind [m].
+pub fn met_by<'a>(
+    walls: impl IntoIterator<Item = &'a Wall>,
+    cell: &Cell,
+    centre: &Vec3,
+    radius: f64,
+) -> Option<&'a Wall> {
+    let meets = |wall: &&Wall| {
+        wall.meets_ball(centre, radius)
+            || wall.mesh.is_some()
+                && images(cell, centre, radius).iter().any(|image| wall.meets_ball(image, radius))
+    };
+    walls.into_iter().find(meets)
+}
+
+/// The other images of a ball that come into a cell.
+fn images(cell: &Cell, centre: &Vec3, radius: f64) -> Vec<Vec3> {
+    let mut all = vec![*centre];
+    for axis in 0..3 {
+        let Some(period) = cell.period(axis) else { continue };
+        let at_low = centre[axis] - radius < cell.low()[axis];
+        let at_high = centre[axis] + radius > cell.high()[axis];
+        for shift in [at_low.then_some(period), at_high.then_some(-period)].into_iter().flatten() {
+            for k in 0..all.len() {
+                let mut image = all[k];
+                image[axis] = centre[axis] + shift;
+                all.push(image);
+            }
+        }
+    }
+    all.remove(0);
+    all
+}
+
 /// How far any facet has moved along its normal: now and before of each, where that is most within `room` [m].
 fn most_moved(facets: impl Iterator<Item = (InPlace, InPlace)>, room: &Corners) -> f64 {
     facets.map(|(now, before)| now.moved(&before, room)).fold(0.0, larger_or_infinite)

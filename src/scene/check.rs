@@ -11,8 +11,9 @@ use super::laws;
 use super::matter::Shapes;
 use super::mistakes::Mistakes;
 use super::reader::{Given, Range, Section};
+use super::room::Room;
 use super::walls::Walls;
-use super::{Fill, Method, Rain, Scene, Stop, steps_of};
+use super::{Fill, Method, Scene, Stop, steps_of};
 use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
 use crate::domain::halo_width;
@@ -74,7 +75,7 @@ pub(super) fn scene(
         folder,
     };
     let inlets = flows::inlets(&root, &fills);
-    let fills = fills.read(&root);
+    let mut fills = fills.read(&root);
     let outlets = flows::outlets(&root, domain.as_ref());
     let rain = fills.as_ref().and_then(|(_, rain)| rain.as_ref());
     let rain = rain.map(|rain| (rain, &shapes.library));
@@ -112,9 +113,17 @@ pub(super) fn scene(
     root.finish();
 
     check_counts(&root, shapes.library.shapes.len() + walls.count(), materials.items.len());
-    // After another stage walls may stand elsewhere.
-    if let (Some((_, Some(rain))), Some(None)) = (&fills, &start) {
-        check_rain(&root, rain, &walls);
+    if let (Some(cell), Some(start), true) = (&domain, &start, shapes.complete) {
+        let (library, has_start) = (&shapes.library, start.is_some());
+        let seed = seed.unwrap_or_default();
+        let room = Room { root: &root, cell, walls: &walls, library, seed, has_start };
+        if let Some((_, Some(rain))) = &mut fills {
+            room.for_rain(rain);
+        }
+        if let Some(inlets) = &inlets {
+            room.for_inlets(inlets);
+            room.for_amounts(inlets);
+        }
     }
     if let (Some(domain), Some(section), Some((skin, _))) = (&domain, &domain_section, neighbours) {
         let reach = law.as_ref().map_or(0.0, |law| law.reach(largest));
@@ -411,14 +420,6 @@ fn check_counts(root: &Section, bodies: usize, materials: usize) {
         if count > MOST_IDS {
             root.fail(format!("has {count} {what}; must be at most {MOST_IDS}"));
         }
-    }
-}
-
-fn check_rain(root: &Section, rain: &Rain, walls: &Walls) {
-    if let (Some(given), Some(wall)) = (root.get("fill"), walls.through(rain)) {
-        given.fail(format!(
-            "the slab of rain reaches behind wall `{wall}`; make it smaller with `low` and `high`"
-        ));
     }
 }
 

@@ -3,6 +3,7 @@
 use super::{Fill, Method, Outlet, Rain, Scene};
 use crate::cell::AXES;
 use crate::drive::inlet::MOST_AT_ONCE;
+use crate::drive::rain::Within;
 use crate::drive::region::Region;
 use crate::ids::ShapeId;
 use crate::law::Body;
@@ -22,6 +23,7 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         restless_sides(scene),
         lost_in_rounding(scene),
         rain_cut_short(scene),
+        rain_among_walls(scene),
         layers_that_miss(scene),
         friction_in_degrees(scene),
         pressed_flat(scene),
@@ -316,6 +318,17 @@ fn rain_cut_short(scene: &Scene) -> Option<String> {
              {fall} steps to the bed, and there are {} steps. Take more steps, or {}",
             scene.steps,
             more_speed(rain)
+        )
+    })
+}
+
+/// Walls that take places of a layer.
+fn rain_among_walls(scene: &Scene) -> Option<String> {
+    let Within { places, free, .. } = scene.rain.as_ref()?.within.as_ref()?;
+    (free < places).then(|| {
+        format!(
+            "walls leave some {free} of the {places} places of a layer of rain: if they should be clear of it, give it another region by \
+             `low` and `high`, or `axis` and `radius`"
         )
     })
 }

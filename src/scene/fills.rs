@@ -1,10 +1,12 @@
 //! Particles at the start and particles that fall in: from the file as written to [`Fill`] and [`Rain`].
 
 use super::matter::Shapes;
+use super::orientations::orientations;
 use super::reader::{Range, Section};
+use super::regions::region;
 use super::{Fill, Lattice, Listed, Mix, Rain, listed};
 use crate::cell::{AXES, Cell};
-use crate::drive::rain::cells_along;
+use crate::drive::rain::{Within, cells_along};
 use crate::ids::ShapeId;
 use crate::math::Vec3;
 use crate::particles::Library;
@@ -112,11 +114,20 @@ impl Fills<'_> {
         });
         let corner =
             |key| section.read_or(key, None, |given| given.vector(Range::Any, "m").map(Some));
+        let orientations = orientations(section);
+        let is_round = section.get("axis").or_else(|| section.get("radius")).is_some();
+        let cylinder = is_round.then(|| region(section, false));
         let (low, high) = (corner("low"), corner("high"));
         section.finish();
         let (velocity, domain, spacing) = (velocity?, self.domain?, spacing??);
-        let (low, high) = self.slab(domain, spacing, low?, high?);
-        let rain = Rain { mix: mix?, count: count?, every: every?, low, high, spacing, velocity };
+        let (low, high) = match &cylinder {
+            Some(cylinder) => cylinder.as_ref()?.bounds()?,
+            None => self.slab(domain, spacing, low?, high?),
+        };
+        // What is free of it is known with the walls.
+        let within = cylinder.flatten().map(|region| Within { region, places: 0, free: 0 });
+        let (mix, count, every, orientations) = (mix?, count?, every?, orientations?);
+        let rain = Rain { mix, count, every, low, high, spacing, velocity, orientations, within };
 
         let outside = (0..3).find(|&k| low[k] < domain.low()[k] || high[k] > domain.high()[k]);
         if let Some(axis) = outside {
@@ -129,7 +140,11 @@ impl Fills<'_> {
                 domain.low()[axis],
                 domain.high()[axis]
             );
-            let key = if high[axis] > domain.high()[axis] { "high" } else { "low" };
+            let key = match &rain.within {
+                Some(_) => "axis",
+                None if high[axis] > domain.high()[axis] => "high",
+                None => "low",
+            };
             section.get(key).map_or_else(|| section.fail(&what), |given| given.fail(&what));
         }
         cells_between(section, &low, &high, &Vec3::repeat(spacing));
@@ -183,9 +198,7 @@ impl Fills<'_> {
     fn lattice(&self, section: &Section) -> Option<Lattice> {
         let mix = self.mix(section);
         let velocity = section.vector_or("velocity", Vec3::zeros(), "m/s");
-        let random_orientation = section.read_or("orientation", true, |given| {
-            given.one_of(&[("random", true), ("upright", false)])
-        });
+        let orientations = orientations(section);
         let diameter = self.diameter(mix.as_ref());
         let spacing =
             section.read_or("spacing", diameter.map(|d| Vec3::repeat(ROOMY * d)), |given| {
@@ -236,7 +249,7 @@ impl Fills<'_> {
             first,
             spacing,
             count,
-            random_orientation: random_orientation?,
+            orientations: orientations?,
             jitter,
             velocity: velocity?,
         })
@@ -314,7 +327,12 @@ fn cells_between(section: &Section, low: &Vec3, high: &Vec3, cell: &Vec3) -> Opt
     let cells = [0, 1, 2].map(|axis| cells_along(extent[axis], cell[axis]));
     if let Some(axis) = cells.iter().position(|&count| count == 0) {
         let (name, extent, cell) = (AXES[axis], extent[axis], cell[axis]);
-        section.fail(if extent <= 0.0 {
+        section.fail(if section.get("axis").is_some() {
+            format!(
+                "no particle fits into the cylinder of `axis` and `radius` along {name}: it is {extent:.4e} m wide there, a cell is \
+                 {cell:.4e} m wide (`spacing`)"
+            )
+        } else if extent <= 0.0 {
             format!("`high` must be above `low` along {name}")
         } else {
             format!(

@@ -1,11 +1,13 @@
 //! Inlets and outlets: from the file as written.
 
 use super::fills::Fills;
-use super::reader::{Given, Range, Section};
+use super::orientations::orientations;
+use super::reader::{Range, Section};
+use super::regions::region;
 use super::{Inlet, Outlet, Rain};
 use crate::cell::{AXES, Cell};
 use crate::drive::inlet::Amount;
-use crate::drive::rain::of_layer;
+use crate::drive::rain::{Within, of_layer};
 use crate::drive::region::Region;
 use crate::math::Vec3;
 use crate::particles::Library;
@@ -68,9 +70,12 @@ pub(super) fn check_apart(
             section.fail(problem);
         }
     }
-    let places = |(rain, library): (&Rain, &Library)| {
+    let places = |(rain, library): (&Rain, &Library)| -> Vec<Vec3> {
+        if let Some(Within { region, .. }) = &rain.within {
+            return (0..PLACES).filter_map(|k| region.draw(&mut Random::of(0, k))).collect();
+        }
         let count = rain.in_next_layer(0).min(PLACES);
-        (0..count).map(|k| of_layer(rain, 0, 0, k, library).position).collect::<Vec<_>>()
+        (0..count).map(|k| of_layer(rain, 0, 0, k, library).position).collect()
     };
     if let Some(places) = rain.map(places)
         && let Some(problem) = taken(places)
@@ -131,9 +136,8 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
     let every = section.read_or("every", ENTER_EVERY, |given| given.whole(1));
     let velocity = section.vector_or("velocity", Vec3::zeros(), "m/s");
     let spread = section.number_or("spread", 0.0, Range::NotNegative, "m/s");
-    let random_orientation = section.read_or("orientation", true, |given| {
-        given.one_of(&[("random", true), ("upright", false)])
-    });
+    let spin = section.number_or("spin", 0.0, Range::NotNegative, "rad/s");
+    let orientations = orientations(section);
     section.finish();
     let (region, domain, velocity, spread) = (region?, fills.domain?, velocity?, spread?);
     let (low, high) = region.bounds()?;
@@ -162,7 +166,8 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
         every: every?,
         velocity,
         spread,
-        random_orientation: random_orientation?,
+        spin: spin?,
+        orientations: orientations?,
     })
 }
 
@@ -176,53 +181,4 @@ fn name(section: &Section, names: &mut Vec<String>) -> Option<String> {
         names.push(name.clone());
         Some(name)
     })
-}
-
-/// A plane (of an outlet), a box or a cylinder.
-fn region(section: &Section, is_outlet: bool) -> Option<Region> {
-    let vector = |given: &Given| given.vector(Range::Any, "m");
-    let read = |key| section.get(key).map(|given| (vector(&given), given));
-    let plane = if is_outlet { [read("point"), read("normal")] } else { [None, None] };
-    let corners = [read("low"), read("high")];
-    let axis = section.get("axis").map(|given| {
-        let ends = given.list_of::<2>("the middles of both ends, [[x, y, z], [x, y, z]] [m]");
-        (ends.map(|ends| ends.map(|end| vector(&end))), given)
-    });
-    let radius = section.get("radius").map(|given| given.number(Range::Positive, "m"));
-    match (plane, corners, axis, radius) {
-        ([Some((point, _)), Some((normal, given))], [None, None], None, None) => {
-            let (point, normal) = (point?, normal?);
-            if normal == Vec3::zeros() {
-                given.fail("must not be 0");
-                return None;
-            }
-            Some(Region::Behind { point, normal: normal.normalize() })
-        }
-        ([None, None], [Some((low, _)), Some((high, given))], None, None) => {
-            let (low, high) = (low?, high?);
-            let is_wrong =
-                |&axis: &usize| high[axis] < low[axis] || (is_outlet && high[axis] <= low[axis]);
-            if let Some(axis) = (0..3).find(is_wrong) {
-                given.fail(format!("must be above `low` along {}", AXES[axis]));
-                return None;
-            }
-            Some(Region::Box { low, high })
-        }
-        ([None, None], [None, None], Some((ends, given)), Some(radius)) => {
-            let [from, to] = ends?;
-            let (axis, radius) = ([from?, to?], radius?);
-            if axis[0] == axis[1] {
-                given.fail("both ends are one point; a flat one is still a little long");
-                return None;
-            }
-            Some(Region::Cylinder { axis, radius })
-        }
-        _ => {
-            let plane = if is_outlet { "`point` and `normal`, " } else { "" };
-            section.fail(format!(
-                "give a region: {plane}`low` and `high`, or `axis` and `radius` of a cylinder"
-            ));
-            None
-        }
-    }
 }

@@ -27,10 +27,13 @@ mod listed;
 mod matter;
 mod mistakes;
 mod motions;
+mod orientations;
 pub mod packing;
 pub mod pair;
 pub mod plan;
 mod reader;
+mod regions;
+mod room;
 pub mod schema;
 mod sizes;
 pub mod suggest;
@@ -49,6 +52,7 @@ use crate::law::{self, ForceLaw};
 use crate::math::{Quat, Vec3};
 use crate::output::report::Origin;
 pub use crate::particles::mix::Mix;
+pub use crate::particles::orientations::Orientations;
 use crate::particles::walls::Wall;
 use crate::particles::{Library, Needs};
 use crate::shape::Kind;
@@ -347,8 +351,8 @@ pub struct Lattice {
     pub spacing: Vec3,
     /// How many along each axis.
     pub count: [u32; 3],
-    /// Random orientations (of the scene's seed and the particle's id), or upright.
-    pub random_orientation: bool,
+    /// Orientations, of the scene's seed and the particle's id.
+    pub orientations: Orientations,
     /// How far from its place a particle may be along each axis, at random (of the scene's seed and the particle's id) [m].
     pub jitter: f64,
     /// Velocity of all [m/s].

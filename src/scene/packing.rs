@@ -29,10 +29,8 @@ fn on_lattice(lattice: &Lattice, k: u64, id: u64, scene: &Scene) -> Particle {
     let place = Vec3::new((k % nx) as f64, (k / nx % ny) as f64, (k / (nx * ny)) as f64);
     let position = lattice.first + lattice.spacing.component_mul(&place);
     let still = Particle::at_rest(GlobalId(id), shape, position);
-    let mut particle = Particle { scale, velocity: lattice.velocity, ..still };
-    if lattice.random_orientation {
-        particle.quaternion = random.rotation();
-    }
+    let quaternion = lattice.orientations.draw(&mut random);
+    let mut particle = Particle { scale, quaternion, velocity: lattice.velocity, ..still };
     if lattice.jitter > 0.0 {
         particle.position += Vec3::from_fn(|_, _| lattice.jitter * (2.0 * random.unit() - 1.0));
     }
@@ -40,15 +38,7 @@ fn on_lattice(lattice: &Lattice, k: u64, id: u64, scene: &Scene) -> Particle {
 }
 
 fn listed(row: &Listed, id: u64, library: &Library) -> Particle {
-    // L = R I Rᵀ ω
-    let local = row.quaternion.inverse_transform_vector(&row.angular_velocity);
-    let inertia = library.inertia_at(row.shape, row.scale);
-    Particle {
-        scale: row.scale,
-        velocity: row.velocity,
-        quaternion: row.quaternion,
-        angular_momentum: row.quaternion * inertia.component_mul(&local),
-        angular_velocity: row.angular_velocity,
-        ..Particle::at_rest(GlobalId(id), row.shape, row.position)
-    }
+    let still = Particle::at_rest(GlobalId(id), row.shape, row.position);
+    let Listed { scale, velocity, quaternion, .. } = *row;
+    Particle { scale, velocity, quaternion, ..still }.spinning(row.angular_velocity, library)
 }

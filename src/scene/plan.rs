@@ -7,6 +7,7 @@ use crate::cell::{AXES, SIDES, Shear};
 use crate::contact::{ContactResolver, Patch, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
 use crate::domain::halo_width;
+use crate::drive::rain::Within;
 use crate::ids::MaterialId;
 use crate::math::{ExactSum, Vec3};
 use crate::output::snapshot::{contact_bytes, particle_bytes};
@@ -79,17 +80,21 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         page.line("fill", format!("{} particles {how}", fill.count()));
     }
     if let Some(rain) = &scene.rain {
+        let interval = rain.interval(&scene.gravity, scene.domain.periodic(), scene.dt);
         page.line(
             "rain",
             format!(
                 "{} particles in {} layers of {}, one in {} steps",
                 rain.count,
                 rain.layers(),
-                rain.per_layer(),
-                rain.interval(&scene.gravity, scene.domain.periodic(), scene.dt)
-                    .unwrap_or(rain.every)
+                rain.in_layer(),
+                interval.unwrap_or(rain.every)
             ),
         );
+        if let Some(Within { region, places, free }) = &rain.within {
+            let words = region.words();
+            page.line("", format!("{words}: of {places} places walls leave {free}, about"));
+        }
     }
     for inlet in &scene.inlets {
         page.line("inlet", format!("{}: {}", inlet.name, inlet.words()));

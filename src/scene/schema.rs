@@ -231,20 +231,19 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         }
         ("inlet" | "outlet", "name") => text(),
         ("inlet" | "outlet", "low" | "high") => vector(&any),
-        ("inlet" | "outlet", "axis") => exactly(2, &vector(&any)),
-        ("inlet" | "outlet", "radius") => positive,
+        ("fill.rain" | "inlet" | "outlet", "axis") => exactly(2, &vector(&any)),
+        ("fill.rain" | "inlet" | "outlet", "radius") => positive,
         ("inlet" | "outlet", "every") => whole(1),
         ("outlet", "point" | "normal") | ("inlet", "velocity") => vector(&any),
         ("inlet", "rate" | "mass_rate" | "count" | "mass") => positive,
-        ("inlet", "spread") => not_negative,
-        ("inlet", "orientation") => words(&["random", "upright"]),
+        ("inlet", "spread" | "spin") => not_negative,
         ("stop", "left") => whole(1),
         ("stop", "remaining") => whole(0),
         ("fill.rain", "count" | "every") => whole(1),
         ("fill.rain", "spacing") => positive,
         ("fill.lattice", "spacing") => either(&[positive.clone(), vector(&positive)]),
         ("fill.rain" | "fill.lattice", "low" | "high" | "velocity") => vector(&any),
-        ("fill.lattice", "orientation") => words(&["random", "upright"]),
+        ("fill.rain" | "fill.lattice" | "inlet", "orientation") => orientation(&any),
         ("fill.lattice", "first") => vector(&any),
         ("fill.lattice", "count") => vector(&whole(1)),
         ("fill.lattice", "jitter") => not_negative,
@@ -274,6 +273,14 @@ fn size(positive: &Value) -> Value {
         law("lognormal", parameters(["median", "sigma"]), false),
         law("weibull", parameters(["scale", "shape"]), false),
     ])
+}
+
+/// A word, or an own axis along a direction.
+fn orientation(any: &Value) -> Value {
+    let tilt = json!({ "type": "number", "minimum": 0, "maximum": 180 });
+    let keys = [("axis", vector(any)), ("spread", tilt), ("own", words(&["x", "y", "z"]))];
+    let keys = keys.map(|(key, value)| (key.to_owned(), value));
+    either(&[words(&["random", "upright"]), closed(&Map::from_iter(keys), &["axis"])])
 }
 
 fn number(range: Range) -> Value {

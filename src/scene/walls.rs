@@ -7,7 +7,6 @@ use super::reader::{Given, Range, Section};
 use crate::cell::{AXES, Cell, SIDES};
 use crate::contact::Method;
 use crate::drive::free::FreeWall;
-use crate::drive::rain::Rain;
 use crate::drive::servo::Servo;
 use crate::ids::MaterialId;
 use crate::math::{Quat, Vec3, printed_limit, rotation_about};
@@ -43,6 +42,20 @@ struct Planned {
     wall: Wall,
     material: MaterialId,
     has_servo: bool,
+}
+
+impl Planned {
+    fn moves(&self) -> bool {
+        moves(&self.wall, self.has_servo)
+    }
+}
+
+fn moves(wall: &Wall, has_servo: bool) -> bool {
+    has_servo
+        || wall.velocity != Vec3::zeros()
+        || wall.turns()
+        || wall.course.is_some()
+        || wall.mass.is_finite()
 }
 
 /// The walls on sides of the domain, then all others; `None` for what is wrong.
@@ -387,10 +400,14 @@ impl<'a> Walls<'a> {
         self.all.iter().map(shapes).sum()
     }
 
-    /// A wall behind which some of the slab of rain is.
-    pub(super) fn through(&self, rain: &Rain) -> Option<&str> {
-        let mut walls = self.all.iter().flatten().map(|planned| &planned.wall);
-        walls.find(|wall| rain.is_through(wall)).map(|wall| wall.name.as_str())
+    /// All that are known.
+    pub(super) fn known(&self) -> impl Iterator<Item = &Wall> {
+        self.all.iter().flatten().map(|planned| &planned.wall)
+    }
+
+    /// Those of them that stand still.
+    pub(super) fn still(&self) -> impl Iterator<Item = &Wall> {
+        self.all.iter().flatten().filter(|planned| !planned.moves()).map(|planned| &planned.wall)
     }
 
     /// The walls, with their shapes added to the library.
@@ -398,11 +415,7 @@ impl<'a> Walls<'a> {
         let all: Option<Vec<Planned>> = self.all.into_iter().collect();
         let wall = |Planned { mut wall, material, has_servo }| {
             wall.enter(library, material);
-            wall.moves = has_servo
-                || wall.velocity != Vec3::zeros()
-                || wall.turns()
-                || wall.course.is_some()
-                || wall.mass.is_finite();
+            wall.moves = moves(&wall, has_servo);
             if wall.torque.is_none() && wall.may_turn() {
                 wall.torque = Some(TorqueAbout::Reference);
             }

@@ -39,13 +39,14 @@ impl Simulation {
         }
         // One may be both outside and where it leaves.
         let slots: BTreeSet<usize> = self.leavers().collect();
+        let moment = self.moment();
         let Self { particles, drives, .. } = self;
         let here = slots.into_iter().map(|slot| particles.owned_particle(slot));
         let mut leavers = everywhere(comm, &here.collect::<Vec<_>>());
         leavers.sort_unstable_by_key(|leaver| leaver.id);
         for leaver in leavers.iter().filter(|leaver| leaver.position.norm().is_finite()) {
             let mass = particles.library.mass_at(leaver.shape, leaver.scale);
-            if drives.iter_mut().any(|drive| drive.take(leaver, mass, &particles.cell)) {
+            if drives.iter_mut().any(|drive| drive.take(&moment, leaver, mass, &particles.cell)) {
                 taken.insert(leaver.id);
             }
         }

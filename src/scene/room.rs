@@ -1,0 +1,165 @@
+//! Is there room for the particles that are to come?
+
+use super::reader::Section;
+use super::walls::Walls;
+use super::{Inlet, Mix, Rain};
+use crate::cell::Cell;
+use crate::drive::inlet::Amount;
+use crate::drive::rain::{Layer, Within, places_within};
+use crate::drive::region::Region;
+use crate::ids::ShapeId;
+use crate::particles::Library;
+use crate::particles::walls::{Wall, met_by};
+use crate::random::Random;
+
+/// Places of an inlet that are looked at.
+const PLACES: u64 = 1000;
+
+/// What the particles that are to come look at.
+pub(super) struct Room<'a> {
+    pub(super) root: &'a Section<'a>,
+    pub(super) cell: &'a Cell,
+    pub(super) walls: &'a Walls<'a>,
+    /// Of the particles' shapes, all of them.
+    pub(super) library: &'a Library,
+    pub(super) seed: u64,
+    /// After another stage walls may stand elsewhere.
+    pub(super) has_start: bool,
+}
+
+impl Room<'_> {
+    /// Has a layer of rain leave places out if walls are in its slab, and counts those that are free. Refuses rain of which no place is.
+    pub(super) fn for_rain(&self, rain: &mut Rain) {
+        if rain.per_layer() == 0 {
+            return;
+        }
+        if rain.within.is_none() {
+            if self.has_start || !self.walls.known().any(|wall| rain.is_through(wall)) {
+                return;
+            }
+            let region = Region::Box { low: rain.low, high: rain.high };
+            rain.within = Some(Within { region, places: 0, free: 0 });
+        }
+        let Some(Within { region, .. }) = rain.within.clone() else { return };
+        let layer = Layer { seed: self.seed, look: 0, first_id: 0, most: rain.per_layer() };
+        let count = |walls: &[&Wall]| {
+            places_within((rain, &region), layer, self.cell, walls, self.library).len() as u64
+        };
+        let still: Vec<&Wall> = self.walls.still().collect();
+        let all: Vec<&Wall> = self.walls.known().collect();
+        let (places, beside_still, free) = (count(&[]), count(&still), count(&all));
+        let problem = if places == 0 {
+            Some(format!(
+                "none of the {} cells of a layer lies in its region: give it a larger `radius` or a longer `axis`",
+                rain.per_layer()
+            ))
+        } else if beside_still == 0 && !self.has_start {
+            let smallest = smallest_radius(&rain.mix, self.library);
+            let wall = in_the_way(&region, smallest, &still, self.cell).unwrap_or_default();
+            Some(format!(
+                "none of the {places} places of a layer is clear of the walls, most often of `{wall}`; give it another region by `low` and \
+                 `high`, or `axis` and `radius`"
+            ))
+        } else {
+            None
+        };
+        if let Some(problem) = problem
+            && let Some(fill) = self.root.get("fill").and_then(|fill| fill.section())
+            && let Some(given) = fill.get("rain")
+        {
+            given.fail(problem);
+        }
+        rain.within = Some(Within { region, places, free: free.max(1) });
+    }
+
+    /// Refuses inlets of which no place is clear of the walls that stand still.
+    pub(super) fn for_inlets(&self, inlets: &[Inlet]) {
+        if self.has_start {
+            return;
+        }
+        let still: Vec<&Wall> = self.walls.still().collect();
+        for (section, inlet) in self.root.sections("inlet").iter().zip(inlets) {
+            let radius = smallest_radius(&inlet.mix, self.library);
+            let is_free = |k| {
+                let place = inlet.region.draw(&mut Random::of(0, k));
+                place.is_some_and(|place| {
+                    met_by(still.iter().copied(), self.cell, &place, radius).is_none()
+                })
+            };
+            if (0..PLACES).any(is_free) {
+                continue;
+            }
+            let wall = in_the_way(&inlet.region, radius, &still, self.cell).unwrap_or_default();
+            section.fail(format!(
+                "no particle finds a place: at each of {PLACES} the smallest one, with a bounding radius of {radius:.4e} m, would meet a wall or \
+                 be behind it, most often `{wall}`. Move the region to where particles may be, or make it wider"
+            ));
+        }
+    }
+
+    /// Refuses inlets that end after more than the domain holds. Where particles leave, more may come.
+    pub(super) fn for_amounts(&self, inlets: &[Inlet]) {
+        if self.root.get("outlet").is_some() {
+            return;
+        }
+        let room = (self.cell.high() - self.cell.low()).product();
+        for (section, inlet) in self.root.sections("inlet").iter().zip(inlets) {
+            let Library { shapes, sizes, mass, .. } = self.library;
+            let volume = |shape: usize| shapes[shape].volume();
+            // Counted as the smallest, weighed as the densest.
+            let least = inlet.mix.shapes().map(|id| {
+                let [scale, _] = sizes[id.index()].scales();
+                volume(id.index()) * scale.powi(3)
+            });
+            let densities = inlet.mix.shapes().map(|id| mass[id.index()] / volume(id.index()));
+            let (key, most, unit, of_one) = match inlet.until {
+                None => continue,
+                Some(Amount::Count(count)) => {
+                    ("count", count, "", least.fold(f64::INFINITY, f64::min))
+                }
+                Some(Amount::Mass(mass)) => {
+                    ("mass", mass, " kg", 1.0 / densities.fold(0.0, f64::max))
+                }
+            };
+            if most * of_one > room
+                && let Some(given) = section.get(key)
+            {
+                given.fail(format!(
+                    "so much has at least {:.3e} m3, the domain has {room:.3e} m3 and no [[outlet]]; it holds less than {:.3e}{unit}. Leave \
+                     `{key}` out if the steps are to end it",
+                    most * of_one,
+                    room / of_one
+                ));
+            }
+        }
+    }
+}
+
+/// The least bounding radius of a mix [m].
+fn smallest_radius(mix: &Mix, library: &Library) -> f64 {
+    let radius = |id: ShapeId| {
+        let [scale, _] = library.sizes[id.index()].scales();
+        library.radius[id.index()] * scale
+    };
+    mix.shapes().map(radius).fold(f64::INFINITY, f64::min)
+}
+
+/// The wall that takes most places of a region.
+fn in_the_way<'a>(
+    region: &Region,
+    radius: f64,
+    walls: &[&'a Wall],
+    cell: &Cell,
+) -> Option<&'a str> {
+    let places = (0..PLACES).filter_map(|k| region.draw(&mut Random::of(0, k)));
+    let mut taken = vec![0_u64; walls.len()];
+    for place in places {
+        for (wall, taken) in walls.iter().zip(&mut taken) {
+            *taken += u64::from(met_by([*wall], cell, &place, radius).is_some());
+        }
+    }
+    let most = walls.iter().zip(&taken).filter(|(_, taken)| **taken > 0);
+    // Of equals the first.
+    let most = most.rev().max_by_key(|(_, taken)| **taken)?;
+    Some(&most.0.name)
+}

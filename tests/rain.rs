@@ -1,0 +1,185 @@
+//! Rain into containers: grains fall in whole within a region and clear of walls, the same on any number of ranks.
+
+use crate::support::{OnRanks, begun, scene};
+use dem_mpi::comm::alone::Alone;
+use dem_mpi::drive::rain::of_layer;
+use dem_mpi::math::Vec3;
+use dem_mpi::scene::Scene;
+use dem_mpi::scene::doubts::doubts;
+use dem_mpi::scene::plan::plan;
+use dem_mpi::sim::Simulation;
+
+/// A pipe that stands on a plane, and balls of many sizes that rain into it.
+const PIPE: &str = r#"
+gravity = [0, 0, -9.81]
+[domain]
+low = [0, 0, 0]
+high = [0.02, 0.02, 0.05]
+[[material]]
+name = "stone"
+density = 2500
+normal_stiffness = 400
+friction = 0.4
+restitution = 0.5
+tangential_damping_ratio = 0.1
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = 0.001
+size = { lognormal = { median = 1, sigma = 0.2 }, limits = [0.6, 1.3], by = "number" }
+[[wall]]
+name = "floor"
+point = [0, 0, 0.02]
+normal = [0, 0, 1]
+[[wall]]
+name = "pipe"
+cylinder = { from = [0.01, 0.01, 0], to = [0.01, 0.01, 0.05], radius = 0.008 }
+[fill.rain]
+count = 100
+every = 50
+axis = [[0.01, 0.01, 0.042], [0.01, 0.01, 0.049]]
+radius = 0.008
+velocity = [0, 0, -1]
+[time]
+step = 5e-6
+steps = 20000
+[neighbours]
+imbalance = 1.05
+[output]
+directory = "out"
+"#;
+
+/// A grain may reach out of its region by a millionth of a cell [m].
+const ROUNDING: f64 = 3e-9;
+
+/// Slots of the owned grains that have appeared since.
+fn born(sim: &Simulation, before: u64) -> Vec<usize> {
+    (0..sim.particles.owned).filter(|&slot| sim.particles.id[slot].0 >= before).collect()
+}
+
+/// Steps until all have fallen; looks at each grain as it appears, and that it overlaps no other.
+fn rained(scene: &Scene, look: &dyn Fn(&Simulation, usize)) -> (Simulation, Vec<u64>) {
+    let mut comm = Alone::default();
+    let mut sim = begun(scene, &mut comm);
+    let mut layers = Vec::new();
+    let count = scene.rain.as_ref().unwrap().count;
+    while sim.next_id < count {
+        let before = sim.next_id;
+        sim.step(&mut comm).unwrap();
+        assert!(sim.step < scene.steps, "{} have fallen", sim.next_id);
+        let new = born(&sim, before);
+        assert_eq!(new.len() as u64, sim.next_id - before);
+        if !new.is_empty() {
+            layers.push(new.len() as u64);
+        }
+        for slot in new {
+            let (place, radius) = (sim.particles.position[slot], sim.particles.radius(slot));
+            for other in (0..sim.particles.owned).filter(|&other| other != slot) {
+                let apart = (sim.particles.position[other] - place).norm();
+                let reach = radius + sim.particles.radius(other);
+                assert!(apart >= reach - ROUNDING, "{slot} {other}");
+            }
+            look(&sim, slot);
+        }
+    }
+    (sim, layers)
+}
+
+/// All grains come whole in the region, of the sizes of their ids, and lie in the pipe at the end.
+#[test]
+fn rain_fills_a_pipe() {
+    let scene = scene(PIPE);
+    let rain = scene.rain.clone().unwrap();
+    let axis = |place: &Vec3| (place.x - 0.01).hypot(place.y - 0.01);
+    let (mut sim, layers) = rained(&scene, &|sim, slot| {
+        let (place, radius) = (sim.particles.position[slot], sim.particles.radius(slot));
+        let reach = radius - ROUNDING;
+        assert!(axis(&place) + reach <= 0.008, "{place}");
+        assert!(place.z - reach >= 0.042 && place.z + reach <= 0.049, "{place}");
+        let id = sim.particles.id[slot].0;
+        let grain = of_layer(&rain, scene.seed, id, 0, &scene.library);
+        assert_eq!(sim.particles.scale_of(slot).to_bits(), grain.scale.to_bits());
+    });
+    let within = rain.within.as_ref().unwrap();
+    println!("layers of {layers:?} of {within:?}");
+    // A layer has fifty cells, of which the corners are outside.
+    assert!(layers.len() >= 3 && layers[0] > 20 && layers[0] < 50, "{layers:?}");
+    assert!((20..50).contains(&within.places) && within.free == within.places, "{within:?}");
+    assert_eq!(doubts(&scene), Vec::<String>::new());
+    let words = plan(&scene, 1);
+    assert!(words.contains(&format!("of {0} places walls leave {0}", within.places)), "{words}");
+    let mut comm = Alone::default();
+    (0..6000).for_each(|_| sim.step(&mut comm).unwrap());
+    assert_eq!(sim.particles.owned, 100);
+    for slot in 0..sim.particles.owned {
+        let (place, radius) = (sim.particles.position[slot], sim.particles.radius(slot));
+        assert!(axis(&place) < 0.008 - 0.6 * radius && place.z > 0.02 + 0.6 * radius, "{place}");
+    }
+    assert!(sim.drives[0].unfinished().is_none() && sim.drives[0].warnings().is_empty());
+}
+
+#[test]
+fn rain_into_a_pipe_is_the_same_on_any_number_of_ranks() {
+    let scene = scene(PIPE);
+    let folder = tempfile::tempdir().unwrap();
+    let alone = OnRanks::of(&scene).the_same_everywhere(7000, folder.path());
+    let contacts = alone.number("contacts") + alone.number("wall_contacts");
+    assert!(alone.bits.len() == 100 && contacts > 10.0, "{} {contacts}", alone.bits.len());
+}
+
+/// In a box, walls take away the places where a grain would meet them, and that is said.
+#[test]
+fn rain_keeps_clear_of_a_chute_and_a_tube_in_its_box() {
+    let text = PIPE
+        .replace(
+            "axis = [[0.01, 0.01, 0.042], [0.01, 0.01, 0.049]]\nradius = 0.008\n",
+            "low = [0, 0, 0.04]\nhigh = [0.02, 0.02, 0.049]\n",
+        )
+        .replace(
+            "point = [0, 0, 0.02]\nnormal = [0, 0, 1]",
+            "point = [0.008, 0, 0.045]\nnormal = [1, 0, 0.5]",
+        )
+        .replace(
+            "from = [0.01, 0.01, 0], to = [0.01, 0.01, 0.05], radius = 0.008",
+            "from = [0.015, 0.01, 0], to = [0.015, 0.01, 0.05], radius = 0.002",
+        )
+        .replace("count = 100", "count = 20");
+    let scene = scene(&text);
+    let normal = Vec3::new(1.0, 0.0, 0.5).normalize();
+    let (_, layers) = rained(&scene, &|sim, slot| {
+        let (place, radius) = (sim.particles.position[slot], sim.particles.radius(slot));
+        assert!(normal.dot(&(place - Vec3::new(0.008, 0.0, 0.045))) >= radius, "{place}");
+        assert!(((place.x - 0.015).hypot(place.y - 0.01) - 0.002).abs() >= radius, "{place}");
+    });
+    println!("layers of {layers:?}");
+    let within = scene.rain.as_ref().unwrap().within.as_ref().unwrap();
+    assert!(within.free > 5 && within.free < within.places, "{within:?}");
+    let told = format!("walls leave some {} of the {} places", within.free, within.places);
+    assert!(doubts(&scene).iter().any(|doubt| doubt.contains(&told)), "{:?}", doubts(&scene));
+}
+
+/// A wall that has closed the region holds rain up, and that is said once.
+#[test]
+fn rain_without_a_place_waits_and_says_so() {
+    // The wall is above the region when rain is looked for first, after 12 ms.
+    let text = PIPE
+        .replace(
+            "point = [0, 0, 0.02]\nnormal = [0, 0, 1]",
+            "point = [0, 0, 0.038]\nnormal = [0, 0, 1]\nvelocity = [0, 0, 1]",
+        )
+        .replace("every = 50", "every = 2400");
+    let scene = scene(&text);
+    let mut comm = Alone::default();
+    let mut sim = begun(&scene, &mut comm);
+    let mut warnings = Vec::new();
+    for _ in 0..5000 {
+        sim.step(&mut comm).unwrap();
+        warnings.extend(sim.drives.iter_mut().flat_map(|drive| drive.warnings()));
+    }
+    assert_eq!(sim.next_id, 0);
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    let said = "rain: at step 2400 no place of a layer is clear of the walls";
+    assert!(warnings[0].contains(said), "{warnings:?}");
+    let last = sim.drives[0].last_warnings(&[], false);
+    assert!(last[0].contains("only 0 of 100 particles of rain have fallen"), "{last:?}");
+}
