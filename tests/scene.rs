@@ -339,7 +339,8 @@ fn every_key_arrives() {
     );
     assert_eq!((scene.dt, scene.steps), (1e-5, 100_000));
     let drives = vec![("servo".to_owned(), 0.01)];
-    let stop = Stop { rest: Some(1e-5), unbalanced: Some(1e-3), drives, ..Stop::default() };
+    let (rest, unbalanced) = (Some(1e-5), Some(1e-3));
+    let stop = Stop { rest, unbalanced, drives, after: 0.05, ..Stop::default() };
     assert_eq!(scene.stop, stop);
     assert_eq!((scene.skin, scene.imbalance), (0.001, 1.5));
     assert_eq!((scene.snapshot_every, scene.history_every), (1000, 10));

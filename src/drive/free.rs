@@ -206,6 +206,16 @@ impl Drive for FreeWalls {
         self.note_forces(contacts, particles);
     }
 
+    /// A wall that nothing bears, and that does not stand by itself.
+    fn under_way(&self, walls: &[Wall], wall_forces: &[Vec3]) -> Option<String> {
+        let is_under_way = |free: &&FreeWall| {
+            let stands = free.load == 0.0 && walls[free.wall].velocity.dot(&free.along) == 0.0;
+            wall_forces[free.wall] == Vec3::zeros() && !stands
+        };
+        let free = self.all.iter().find(is_under_way)?;
+        Some(format!("wall \"{}\" moves freely, and no grain touches it", walls[free.wall].name))
+    }
+
     fn warnings(&mut self) -> Vec<String> {
         std::mem::take(&mut self.warnings)
     }

@@ -352,6 +352,7 @@ fn stop(section: &Section, root: &Section) -> Option<Stop> {
     let (rest, unbalanced, servo) = (limit("rest"), limit("unbalanced"), limit("servo"));
     let count = |key, least| section.read_or(key, None, |given| given.whole(least).map(Some));
     let (left, remaining) = (count("left", 1), count("remaining", 0));
+    let after = section.number_or("after", 0.0, Range::NotNegative, "s");
     section.finish();
     let is_endless = |inlet: &Section| inlet.get("count").or_else(|| inlet.get("mass")).is_none();
     if let Some(given) = section.get("remaining")
@@ -368,9 +369,9 @@ fn stop(section: &Section, root: &Section) -> Option<Stop> {
         given.fail("there is no [[servo]]");
     }
     let drives = servo?.map(|limit| ("servo".to_owned(), limit)).into_iter().collect();
-    let (left, remaining) = (left?, remaining?);
-    let stop = Stop { rest: rest?, unbalanced: unbalanced?, drives, left, remaining };
-    if stop == Stop::default() {
+    let (left, remaining, after) = (left?, remaining?, after?);
+    let stop = Stop { rest: rest?, unbalanced: unbalanced?, drives, left, remaining, after };
+    if stop == (Stop { after, ..Stop::default() }) {
         section.fail("give at least one of `rest`, `unbalanced`, `servo`, `left` and `remaining`");
     }
     Some(stop)
