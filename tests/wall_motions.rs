@@ -15,7 +15,7 @@ use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::plan::plan;
 use dem_mpi::sim::Simulation;
-use dem_mpi::sim::run::run;
+use dem_mpi::sim::run::{Ending, run};
 use std::path::{Path, PathBuf};
 
 const RADIUS: f64 = 0.01;
@@ -725,4 +725,42 @@ fn steps_that_do_not_follow_are_told() {
     let fast = text.replace("amplitude = 1e-3\nfrequency = 5", "amplitude = 1e-9\nfrequency = 1e4");
     let doubts = doubts(&scene(&fast));
     assert!(matches!(&doubts[..], [doubt] if doubt.contains("once in 10.0 steps")), "{doubts:?}");
+}
+
+/// A ball that rests does not end its stage before the tables of all walls are over, nor before the time that `[stop]` says. The table
+/// begins after 0.05 s.
+#[test]
+fn a_stage_waits_for_tables_and_its_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = folder.path().join("late.csv");
+    std::fs::write(&table, "time_s,displacement_m\n0,0\n0.05,0\n0.07,0.001\n").unwrap();
+    let lid = "[[wall]]\nname = \"lid\"\npoint = [0, 0, 0.1]\nnormal = [0, 0, -1]\n";
+    let motion = format!("[[motion]]\nwalls = [\"lid\"]\nalong = [0, 0, 1]\ntable = {table:?}\n");
+    let ended = |more: &str, steps: u64| {
+        let text = on_floor("", "", "restitution = 0.2")
+            .replace("first = [0, 0, 0.05]", "first = [0, 0, 0.01]")
+            .replace("steps = 1\n", &format!("steps = {steps}\n"));
+        let scene = scene(&format!("{text}{lid}{more}"));
+        let mut comm = Alone::default();
+        let mut sim = assemble::assemble(&scene, &comm);
+        assemble::fill(&mut sim, &scene, &comm);
+        let schedule = schedule(&scene, scene.steps, folder.path());
+        let finish = run(&mut sim, &schedule, &mut comm, &mut |_| ()).unwrap();
+        (finish.ending, finish.steps_done, finish.unmet)
+    };
+    let stop = "[stop]\nunbalanced = 0.01\n";
+    let met = |steps: u64| (Ending::Rest, steps, String::new());
+    let (ending, at_rest, _) = ended(stop, 20_000);
+    assert!(ending == Ending::Rest && at_rest < 3000, "{at_rest}");
+    assert_eq!(ended(&format!("{motion}{stop}"), 20_000), met(7000));
+    assert_eq!(ended(&format!("{stop}after = 0.06\n"), 20_000), met(6000));
+    let (ending, _, unmet) = ended(&format!("{motion}{stop}after = 0.065\n"), 6000);
+    assert_eq!(ending, Ending::LastStep);
+    assert_eq!(
+        unmet,
+        "the stage has lasted 6.000e-2 s, not 0.065 s; wall \"lid\" follows its table until 0.07 s"
+    );
+    // What leaves a hopper does not wait for its walls.
+    let outlet = "[[outlet]]\nname = \"out\"\npoint = [0, 0, 0.15]\nnormal = [0, 0, -1]\n[stop]\nremaining = 1\n";
+    assert_eq!(ended(&format!("{motion}{outlet}"), 20_000), met(100));
 }

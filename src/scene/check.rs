@@ -131,6 +131,7 @@ pub(super) fn scene(
         return None;
     }
 
+    let left_out = laws::left_out(&root, &materials);
     let mut library = shapes.library;
     let walls = walls.into_library(&mut library)?;
     let (skin, imbalance) = neighbours?;
@@ -143,6 +144,7 @@ pub(super) fn scene(
         domain: domain?,
         materials: materials.items.into_iter().collect::<Option<_>>()?,
         law: law?,
+        left_out,
         library,
         walls,
         servos: servos?,

@@ -13,6 +13,7 @@ use crate::law::{Beside, Choice, Interactions, Mixing};
 use crate::law::{dmt, rolling};
 use crate::particles::Library;
 use crate::shape::{Kind as ShapeKind, Shape};
+use serde::{Deserialize, Serialize};
 
 /// A law and its settings, without the constants of materials.
 #[derive(Clone, Copy, Debug)]
@@ -440,6 +441,59 @@ fn with_constants<C: Mixing + Default>(
         }
     }
     (materials, interactions.filter(|_| complete))
+}
+
+/// A key that acts in contacts of one of two materials, and of which neither the other nor an `[[interaction]]` of both says anything.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LeftOut {
+    /// That which has it.
+    pub given_by: MaterialId,
+    /// That which has not.
+    pub silent: MaterialId,
+    /// Its name.
+    pub key: String,
+}
+
+/// Keys of materials that may be left out, with the value that means nothing.
+const MAY_BE_LEFT_OUT: [(&str, f64); 6] = [
+    ("friction", 0.0),
+    ("restitution", 1.0),
+    ("tangential_damping_ratio", 0.0),
+    ("rolling_friction", 0.0),
+    ("twisting_friction", 0.0),
+    ("surface_energy", 0.0),
+];
+
+/// What one of two materials leaves out, in a scene without mistakes.
+pub(super) fn left_out<'a>(root: &Section<'a>, materials: &Materials) -> Vec<LeftOut> {
+    let of_both = |section: Section<'a>| {
+        let names = section.get("between")?.list("a list of two materials")?;
+        let [a, b] = &names[..] else { return None };
+        Some(([materials.find(a)?, materials.find(b)?], section))
+    };
+    let of_both: Vec<_> = root.sections("interaction").into_iter().filter_map(of_both).collect();
+    let own: Vec<_> = (0..).map(MaterialId).zip(root.sections("material")).collect();
+    let mut all = Vec::new();
+    for (given_by, one) in &own {
+        for (silent, other) in &own {
+            let is_of_both = |pair: &[MaterialId; 2]| {
+                *pair == [*given_by, *silent] || *pair == [*silent, *given_by]
+            };
+            for (key, nothing) in MAY_BE_LEFT_OUT {
+                let value = one.get(key).and_then(|given| given.as_number());
+                let said_of_both =
+                    || of_both.iter().any(|(pair, of)| is_of_both(pair) && of.get(key).is_some());
+                if value.is_some_and(|value| value != nothing)
+                    && other.get(key).is_none()
+                    && !said_of_both()
+                {
+                    let (given_by, silent) = (*given_by, *silent);
+                    all.push(LeftOut { given_by, silent, key: key.to_owned() });
+                }
+            }
+        }
+    }
+    all
 }
 
 /// The two materials of an `[[interaction]]`, the lower id first; `seen` are those of the ones before.

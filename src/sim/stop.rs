@@ -46,7 +46,7 @@ impl Stop {
         // A time that is a whole number of steps may come out a little above it.
         if sim.stage_time() + 0.5 * sim.dt < self.after {
             unmet.push(format!(
-                "the stage has lasted {:e} s, not {} s",
+                "the stage has lasted {:.3e} s, not {} s",
                 sim.stage_time(),
                 self.after
             ));
