@@ -161,6 +161,11 @@ fn other_units_are_doubtful() -> Result<()> {
     let is_pressed = |doubts: Vec<String>| doubts.iter().any(|d| d.contains("into each other"));
     assert!(!is_pressed(pressed("servo.0.stress=1")?));
     assert!(is_pressed(pressed("servo.0.stress=1e9")?));
+    let lid = doubts_with("every_key.toml", &["servo.0.stress=1", "motion.0.force=-1e9"])?;
+    assert!(
+        lid.iter().any(|doubt| doubt.starts_with("wall \"piston\" with a load of ")),
+        "{lid:?}"
+    );
     Ok(())
 }
 

@@ -65,6 +65,9 @@ pub(super) fn scene(
     let domain = domain_section.as_ref().and_then(domain);
     let mut walls =
         Walls::read(&root, domain_section.as_ref(), domain.as_ref(), &materials, folder);
+    let free_walls = walls.free(gravity.unwrap_or_else(Vec3::zeros));
+    let of_free = walls.stress_of_free(&free_walls, domain.as_ref());
+    let law = law.map(|law| laws::under_free_walls(law, kind, of_free));
 
     let fills = Fills {
         shapes: &shapes,
@@ -91,7 +94,6 @@ pub(super) fn scene(
     let time = time_section.as_ref().and_then(|section| Time::read(section, limit.as_ref()));
     let dt = time.as_ref().filter(|_| shapes.complete).map(|time| time.dt);
     let servos = walls.read_servos(&root, domain.as_ref(), &shapes.library, dt);
-    let free_walls = walls.free(gravity.unwrap_or_else(Vec3::zeros));
     walls.check_speeds(&root, domain_section.as_ref(), domain.as_ref(), &shapes.library, dt);
     let stop = root.read_or("stop", Stop::default(), |given| stop(&given.section()?, &root));
     let largest = shapes.library.largest_radius();

@@ -240,13 +240,16 @@ fn flat_for_hertz(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A servo presses grains into each other by about `p d / k` of their diameter, as in a row of them.
+/// A servo, or a wall under a load, presses grains into each other by about `p d / k` of their diameter, as in a row of them.
 fn pressed_flat(scene: &Scene) -> Option<String> {
-    let stress = scene.servos.iter().map(|servo| servo.stress).fold(0.0, f64::max);
+    let Scene { walls, domain, .. } = scene;
+    let by_servos = scene.servos.iter().map(|servo| ("a servo of".to_owned(), servo.stress));
+    let by_load = scene.free_walls.iter().filter_map(|free| {
+        let who = format!("wall \"{}\" with a load of", walls[free.wall].name);
+        Some((who, free.stress(walls, domain)?))
+    });
+    let (who, stress) = by_servos.chain(by_load).max_by(|a, b| a.1.total_cmp(&b.1))?;
     let law = scene.force_law();
-    if stress == 0.0 {
-        return None;
-    }
     let mean = |(shape, scale)| {
         let body = Body::of(&scene.library, shape, scale);
         let volume = scene.library.shapes[shape.index()].volume() * scale.powi(3);
@@ -260,8 +263,8 @@ fn pressed_flat(scene: &Scene) -> Option<String> {
     };
     (deepest > DEEPEST_START).then(|| {
         format!(
-            "a servo of {stress:e} Pa presses grains into each other by {how} {:.0} % of their diameter; DEM commonly permits \
-             {} %: make contacts stiffer or the stress smaller",
+            "{who} {stress:e} Pa presses grains into each other by {how} {:.0} % of their diameter; DEM commonly permits \
+             {} %: make contacts stiffer or the load smaller",
             100.0 * deepest,
             100.0 * DEEPEST_START
         )

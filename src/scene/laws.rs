@@ -39,18 +39,23 @@ pub(super) enum Kind {
 pub(super) enum LargestOverlap {
     /// Over the radius, or that of the largest sphere in a grain about its centre, as the scene says [-].
     Given(f64),
-    /// That of grains under this stress [Pa].
-    Under(f64),
+    /// That of grains under the stress on walls.
+    Under {
+        /// The highest of all servos [Pa].
+        servos: f64,
+        /// How much more it becomes, as other walls are driven [-].
+        times: f64,
+    },
 }
 
 impl LargestOverlap {
-    /// Over the radius, between materials of these constants [-].
-    fn value(self, interactions: &hertz::Interactions) -> f64 {
+    /// Over the radius, between materials of these constants, where free walls press with a stress [Pa], [-].
+    fn value(self, interactions: &hertz::Interactions, of_free_walls: f64) -> f64 {
         match self {
             Self::Given(overlap) => overlap,
-            Self::Under(stress) => interactions
+            Self::Under { servos, times } => interactions
                 .iter()
-                .map(|constants| hertz::overlap_under(stress, constants))
+                .map(|constants| hertz::overlap_under(times * servos.max(of_free_walls), constants))
                 .fold(LEAST_LARGEST_OVERLAP, f64::max)
                 .min(MOST_LARGEST_OVERLAP),
         }
@@ -87,20 +92,20 @@ impl Asked {
     }
 }
 
-/// Overlap over radius that the step of Hertzian contacts is made for, if neither the scene nor its servos ask for more.
+/// Overlap over radius that the step of Hertzian contacts is made for, if neither the scene nor the load on its walls asks for more.
 const LEAST_LARGEST_OVERLAP: f64 = 0.01;
-/// The most that servos make of it.
+/// The most that a load makes of it.
 const MOST_LARGEST_OVERLAP: f64 = 0.5;
 
-/// What the stress on walls becomes where others are driven, over that of the servos: that at which grains of an angle of
-/// friction of 37 degrees yield.
+/// What the stress on walls becomes where others are driven, over that of servos and free walls: that at which grains of an angle
+/// of friction of 37 degrees yield.
 const DRIVEN: f64 = 4.0;
 
-/// The highest stress that walls will have [Pa]: of all servos, and more where walls are driven, too. What is wrong in it is said
-/// elsewhere.
-fn highest_stress(root: &Section) -> f64 {
+/// The overlap under the highest stress that walls will have: of all servos, and more where walls are driven, too. What is wrong in it is
+/// said elsewhere.
+fn under_stress(root: &Section) -> LargestOverlap {
     let of_servo = |servo: &Section| servo.get("stress")?.as_number();
-    let highest = root.sections("servo").iter().filter_map(of_servo).fold(0.0, f64::max);
+    let servos = root.sections("servo").iter().filter_map(of_servo).fold(0.0, f64::max);
     let has = |section: Section, key| section.get(key).is_some();
     let driven = root
         .get("domain")
@@ -108,7 +113,7 @@ fn highest_stress(root: &Section) -> f64 {
         .is_some_and(|section| has(section, "wall_velocity"))
         || root.sections("wall").into_iter().any(|section| has(section, "velocity"))
         || root.sections("motion").into_iter().any(|section| !has(section, "mass"));
-    highest * if driven { DRIVEN } else { 1.0 }
+    LargestOverlap::Under { servos, times: if driven { DRIVEN } else { 1.0 } }
 }
 
 /// The law that `[law]` asks for.
@@ -190,11 +195,9 @@ fn parts(section: &Section, is_hertz: bool, limit_damping: bool, root: &Section)
         }
         mindlin
     })?;
-    let largest_overlap = section.read_or(
-        "largest_overlap",
-        LargestOverlap::Under(highest_stress(root)),
-        |given| given.number(Range::BelowOne, "").map(LargestOverlap::Given),
-    )?;
+    let largest_overlap = section.read_or("largest_overlap", under_stress(root), |given| {
+        given.number(Range::BelowOne, "").map(LargestOverlap::Given)
+    })?;
     Some(Kind::Hertz { limit_damping, mindlin, largest_overlap })
 }
 
@@ -318,12 +321,21 @@ pub(super) fn materials(
             };
             let needed = "`youngs_modulus` [Pa], `poisson_ratio`";
             let law = |interactions| {
-                let largest_overlap = largest_overlap.value(&interactions);
+                // Walls that move freely are not known yet.
+                let largest_overlap = largest_overlap.value(&interactions, 0.0);
                 Choice::Hertz(hertz::Settings { interactions, limit_damping, largest_overlap })
             };
             with_more(root, needed, asked, read, law)
         }
     }
+}
+
+/// The law made for the stress, too, with which walls that move freely press [Pa].
+pub(super) fn under_free_walls(mut law: Choice, (kind, _): (Kind, Asked), stress: f64) -> Choice {
+    if let (Kind::Hertz { largest_overlap, .. }, Some(settings)) = (kind, law.hertz_mut()) {
+        settings.largest_overlap = largest_overlap.value(&settings.interactions, stress);
+    }
+    law
 }
 
 /// The materials, and the law of these constants with what is asked for beside it.
