@@ -19,10 +19,10 @@ const WIDEST: f64 = 1.0;
 /// The deepest overlap, over the shortest axis of the smaller body. Published cases go to a half (MFIX DEM01 with its
 /// softest spring); at 1 the smaller of two equal spheres, or of a sphere and a wall, is through.
 const DEEPEST: f64 = 0.75;
-/// The same on triangles, cylinders and cones, which push a body without faces to the side of its centre: at a half the centre of a sphere
-/// is on the surface, and deeper no overlap can be. A step that is no longer than is warned of carries it by a twentieth, so it cannot pass
-/// from here to the other side unseen.
-pub(super) const DEEPEST_ON_SURFACE: f64 = 0.4;
+/// The same on triangles, cylinders and cones, which push a body to the side of its centre. Where that is on the surface a sphere overlaps by a
+/// half, a cube that lies flat by 0.41, and deeper neither can be. From here it is a tenth of the axis to there at least, twice the way of a step that is
+/// warned of, so that no sound step passes from below this limit to the other side.
+pub(super) const DEEPEST_ON_SURFACE: f64 = 0.35;
 /// Parts of what is allowed from which on a run warns; the first is what a sound step stays below.
 const WARNED: [f64; 2] = [0.1, 0.5];
 
@@ -65,7 +65,7 @@ pub enum Fault {
          load, the speed or the time step smaller",
         100.0 * depth,
         100.0 * most,
-        if *most < DEEPEST { ": from 50 % on it is pushed out on the other side of this surface" } else { "" }
+        if *most < DEEPEST { ": once its centre is through, this surface pushes it out on the other side" } else { "" }
     )]
     Deep {
         /// The lower id.
@@ -219,12 +219,9 @@ impl Watch {
 fn check_depth(particles: &Particles, pair: Pair, overlap: f64) -> Result<(), Fault> {
     let depth = overlap / shortest_axis(particles, pair.a, pair.b);
     let most = || {
-        let is_surface = |wall: usize| particles.walls[wall].mesh.is_some();
-        let shape = &particles.library.shapes[particles.shape[pair.a.index()].index()];
-        // Bodies with faces are pushed out of the cells behind triangles, wherever their centres are.
-        let by_centre =
-            particles.wall_of(pair.b).is_some_and(is_surface) && !shape.kind().has_faces();
-        if by_centre { DEEPEST_ON_SURFACE } else { DEEPEST }
+        let wall = particles.wall_of(pair.b).map(|wall| &particles.walls[wall]);
+        let on_surface = wall.is_some_and(|wall| wall.mesh.is_some());
+        if on_surface { DEEPEST_ON_SURFACE } else { DEEPEST }
     };
     // Most are far from any limit.
     if depth > DEEPEST_ON_SURFACE && depth > most() {
