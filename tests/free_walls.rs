@@ -1,11 +1,14 @@
 //! Walls with a mass that forces move: an impact, an oscillation, a lid at rest, equal bits.
 
-use crate::support::{Bench, MATERIAL, OnRanks, ball, close, expect_refused, save, scene};
+use crate::support::{
+    Bench, MATERIAL, OnRanks, ball, close, expect_refused, save, scene, schedule,
+};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::plan::plan;
+use dem_mpi::sim::run::{Ending, run};
 
 const RADIUS: f64 = 0.01;
 const STIFFNESS: f64 = 1e5;
@@ -198,6 +201,38 @@ fn a_lid_comes_to_rest_with_its_weight() {
     close(m.wall_forces[1].z, mass * 9.81, 1e-6, "on the lid");
     close(-m.wall_forces[0].z, (mass + own) * 9.81, 1e-6, "on the floor");
     assert!(bench.sim.particles.walls[1].velocity.norm() < 1e-9);
+}
+
+/// A ball that rests does not end its stage before the lid above it has landed, 10 mm lower, after 45 ms; without the lid's mass it does.
+#[test]
+fn a_stage_goes_on_until_the_lid_has_landed() {
+    let (mass, dt) = (0.05, 5e-6);
+    let stop = "steps = 40000\n[stop]\nunbalanced = 0.01\n";
+    let falls = below_a_lid(mass, 0.2, -9.81, true, "point = [0, 0, 0.03]\n", dt)
+        .replace("steps = 1\n", stop);
+    let hangs =
+        falls.replace("[[motion]]\nwalls = [\"lid\"]\nalong = [0, 0, 2]\nmass = 0.05\n", "");
+    assert!(hangs.len() < falls.len() && falls.contains(stop));
+    let ended = |text: &str| {
+        let (scene, mut comm) = (scene(text), Alone::default());
+        let mut sim = assemble::assemble(&scene, &comm);
+        assemble::fill(&mut sim, &scene, &comm);
+        let folder = tempfile::tempdir().unwrap();
+        run(&mut sim, &schedule(&scene, scene.steps, folder.path()), &mut comm, &mut |_| ())
+            .unwrap()
+    };
+    let without = ended(&hangs);
+    assert_eq!(without.ending, Ending::Rest, "{}", without.unmet);
+    let falling = ((2.0 * 0.01 / 9.81_f64).sqrt() / dt) as u64;
+    assert!(2 * without.steps_done < falling, "{} of {falling}", without.steps_done);
+    let with = ended(&falls);
+    assert_eq!(with.ending, Ending::Rest, "{}", with.unmet);
+    assert!(with.steps_done > falling, "{} of {falling}", with.steps_done);
+    assert!(with.measures.wall_forces[1].z > 0.0, "{:?}", with.measures);
+    // A stage that is too short says what it has waited for.
+    let short = ended(&falls.replace("steps = 40000", "steps = 5000"));
+    assert_eq!(short.ending, Ending::LastStep);
+    assert_eq!(short.unmet, "wall \"lid\" moves freely, and no grain touches it");
 }
 
 /// A crowd under a lid that comes down, and that its weight and a force press.

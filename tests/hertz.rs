@@ -354,6 +354,22 @@ fn the_step_of_a_compression_is_found_for_its_stress() {
     close(up_to(&scene(&shaken)), expected(4.0 * stress), 0.01, "a wall that moves by time");
     close(up_to(&scene(&loaded)), expected(stress), 0.01, "a wall that forces move");
     assert_eq!(up_to(&said), 0.03);
+    // Without servos: a lid that its weight and a force press, along its normal and held across it; one that they lift.
+    let lid = |motion: &str| {
+        let bare =
+            ["x", "y", "z"].iter().fold(text.clone(), |text, axis| text.replace(&servo(axis), ""));
+        let bare = bare.replace("[stop]\nservo = 0.05\n", "[stop]\n");
+        let motion = format!("[[motion]]\nwalls = [\"+z\"]\nmass = 0.5\n{motion}\n");
+        scene(&format!("gravity = [0, 0, -10]\n{bare}{motion}"))
+    };
+    let (force, weight) = (stress * 0.018 * 0.018, 0.5 * 10.0);
+    let down = lid(&format!("along = [0, 0, 1]\nforce = {:?}", weight - force));
+    close(up_to(&down), up_to(&pressed), 1e-12, "a lid");
+    let aslant = lid(&format!("along = [0, -3, -4]\nforce = {:?}", 0.8 * (force - weight)));
+    close(up_to(&aslant), up_to(&pressed), 1e-12, "a lid aslant");
+    let lifted = lid(&format!("along = [0, 0, 1]\nforce = {:?}", weight + force));
+    assert_eq!(up_to(&lifted), 0.01);
+    assert_eq!(up_to(&lid("along = [1, 0, 0]\nforce = 100")), 0.01);
 
     let (mut sim, mut comm) = (begun(&pressed, &mut Alone::default()), Alone::default());
     let folder = tempfile::tempdir().unwrap();

@@ -71,6 +71,7 @@ for row in range(0, len(ids), max(1, len(ids) // 40)):
 assert np.array_equal(grains["velocity"][-1], here.particles["velocity"][-1].astype(np.float32))
 walls = read("walls")
 assert walls.GetNumberOfPolys() == len(here.walls["name"])
+assert all(walls.GetCellData().HasArray(name) for name in ["wall", "velocity", "wall_force"])
 
 # Fields: an image in VTKHDF and the same in XML, with all the mass.
 problems, images = [], []

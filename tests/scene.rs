@@ -161,6 +161,11 @@ fn other_units_are_doubtful() -> Result<()> {
     let is_pressed = |doubts: Vec<String>| doubts.iter().any(|d| d.contains("into each other"));
     assert!(!is_pressed(pressed("servo.0.stress=1")?));
     assert!(is_pressed(pressed("servo.0.stress=1e9")?));
+    let lid = doubts_with("every_key.toml", &["servo.0.stress=1", "motion.0.force=-1e9"])?;
+    assert!(
+        lid.iter().any(|doubt| doubt.starts_with("wall \"piston\" with a load of ")),
+        "{lid:?}"
+    );
     Ok(())
 }
 
@@ -339,7 +344,8 @@ fn every_key_arrives() {
     );
     assert_eq!((scene.dt, scene.steps), (1e-5, 100_000));
     let drives = vec![("servo".to_owned(), 0.01)];
-    let stop = Stop { rest: Some(1e-5), unbalanced: Some(1e-3), drives, ..Stop::default() };
+    let (rest, unbalanced) = (Some(1e-5), Some(1e-3));
+    let stop = Stop { rest, unbalanced, drives, after: 0.05, ..Stop::default() };
     assert_eq!(scene.stop, stop);
     assert_eq!((scene.skin, scene.imbalance), (0.001, 1.5));
     assert_eq!((scene.snapshot_every, scene.history_every), (1000, 10));
@@ -708,5 +714,120 @@ fn the_plan_counts_the_steps_that_rain_needs() -> Result<()> {
     let short = with_steps("time.steps=3000")?;
     assert!(short.contains(falling), "{short}");
     assert!(!with_steps("time.steps=3300")?.contains("rain will"));
+    Ok(())
+}
+
+/// What one material of two that can touch does not say is doubtful, unless an `[[interaction]]` says it; of each pair once.
+#[test]
+fn keys_of_one_material_alone_are_doubtful() -> Result<()> {
+    let text = r#"
+domain = { low = [0, 0, 0], high = [1, 1, 1], walls = ["-z"], wall_material = "steel" }
+law = { rolling = "spring", adhesion = "dmt" }
+time = { step = 1e-6, steps = 1 }
+output = { directory = "out" }
+[[material]]
+name = "glass"
+density = 2500
+normal_stiffness = 1e4
+friction = 0.5
+restitution = 0.6
+rolling_friction = 0.1
+surface_energy = 0.01
+[[material]]
+name = "steel"
+density = 7800
+normal_stiffness = 1e4
+[[material]]
+name = "gold"
+density = 19300
+normal_stiffness = 1e4
+friction = 0
+restitution = 1
+rolling_friction = 0
+surface_energy = 0
+[[shape]]
+name = "ball"
+material = "glass"
+kind = "sphere"
+radius = 0.01
+[[fill.lattice]]
+first = [0.5, 0.5, 0.5]
+count = [1, 1, 1]
+"#;
+    let doubts_of = |more: &str| -> Result<Vec<String>> {
+        Ok(doubts(&Scene::parse(&(text.to_owned() + more), "pair", Path::new(""), &[])?))
+    };
+    let [doubt] = &doubts_of("")?[..] else { panic!("{:?}", doubts_of("")?) };
+    assert_eq!(
+        doubt,
+        "between materials \"glass\" and \"steel\" `friction` is 0, as \"steel\" gives none; dashpots of `restitution` are half as strong \
+         as of the other, as \"steel\" gives none; `rolling_friction` is 0, as \"steel\" gives none; `surface_energy` is 0, as \"steel\" gives \
+         none: give it there, as 0 (`restitution` as 1) if that is meant, or in an [[interaction]] of both"
+    );
+    // In any order, and in part.
+    let both = "[[interaction]]\nbetween = [\"steel\", \"glass\"]\nfriction = 0.1\n";
+    let [doubt] = &doubts_of(both)?[..] else { panic!("{:?}", doubts_of(both)?) };
+    assert!(!doubt.contains("`friction`") && doubt.contains("`rolling_friction` is 0"), "{doubt}");
+    let all = "restitution = 0.4\nrolling_friction = 0\nsurface_energy = 0.01\n";
+    assert_eq!(doubts_of(&(both.to_owned() + all))?, Vec::<String>::new());
+    // Grains of steel meet the wall of steel, too, which is one material; grains of gold say all there is.
+    let grains = "[[shape]]\nname = \"MATERIAL\"\nmaterial = \"MATERIAL\"\nkind = \"sphere\"\nradius = 0.01\n";
+    for material in ["steel", "gold"] {
+        assert_eq!(doubts_of(&grains.replace("MATERIAL", material))?.len(), 1, "{material}");
+    }
+    Ok(())
+}
+
+/// Bodies are to rest beside a wall that never stops; `[stop]` is looked at too late.
+#[test]
+fn a_stop_that_may_never_hold_is_doubtful() -> Result<()> {
+    let text = r#"
+domain = { low = [0, 0, 0], high = [1, 1, 1], walls = ["-z"] }
+time = { step = 1e-6, steps = 100 }
+output = { directory = "out" }
+[[material]]
+name = "glass"
+density = 2500
+normal_stiffness = 1e4
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = 0.01
+[[fill.lattice]]
+first = [0.5, 0.5, 0.5]
+count = [1, 1, 1]
+[[wall]]
+name = "lid"
+point = [0, 0, 0.9]
+normal = [0, 0, -1]
+"#;
+    let doubts_of = |more: &str| -> Result<Vec<String>> {
+        Ok(doubts(&Scene::parse(
+            &(text.to_owned() + more),
+            "stop",
+            Path::new("tests/scenes/good"),
+            &[],
+        )?))
+    };
+    let (stop, motion) =
+        ("[stop]\nunbalanced = 0.1\n", "[[motion]]\nwalls = [\"lid\"]\nalong = [0, 0, 1]\n");
+    let turning = "rotation = { about = [0.5, 0.5, 0.9], axis = [0, 0, 1], rate = 1 }\n";
+    let swinging = format!("{motion}amplitude = 1e-4\nfrequency = 10\n");
+    for moving in ["velocity = [0, 0, -0.01]\n", turning, &swinging] {
+        assert_eq!(doubts_of(moving)?, Vec::<String>::new());
+        let doubts = doubts_of(&(moving.to_owned() + stop))?;
+        let told = "[stop] has `unbalanced`, which is of bodies that come to rest, and wall \"lid\" never stops";
+        assert!(matches!(&doubts[..], [doubt] if doubt.starts_with(told)), "{moving}: {doubts:?}");
+    }
+    // What ends by itself, or by the grains.
+    let flap = "[[motion]]\nwalls = [\"lid\"]\nabout = [0.5, 0.5, 0.9]\naxis = [0, 0, 1]\ntable = \"flap.csv\"\n";
+    let free = format!("velocity = [0, 0, -0.01]\n{motion}mass = 0.1\n");
+    for good in [String::new(), flap.to_owned(), free] {
+        assert_eq!(doubts_of(&(good + stop))?, Vec::<String>::new());
+    }
+    assert_eq!(doubts_of(&format!("{stop}after = 1e-4\n"))?, Vec::<String>::new());
+    let doubts = doubts_of(&format!("{stop}after = 1.1e-4\n"))?;
+    let told = "[stop] is looked at after 0.00011 s, and the stage lasts 1.000e-4 s";
+    assert!(matches!(&doubts[..], [doubt] if doubt.starts_with(told)), "{doubts:?}");
     Ok(())
 }

@@ -4,18 +4,22 @@ use crate::support::{
     Bench, MATERIAL, State, ball, begun, close, expect_refused, save, scene, schedule,
 };
 use crate::walls::the_same_on_any_ranks;
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::threads;
 use dem_mpi::ids::Slot;
 use dem_mpi::math::Vec3;
+use dem_mpi::output::snapshot::Reader;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::walls::Wall;
+use dem_mpi::post::export;
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::plan::plan;
 use dem_mpi::sim::Simulation;
-use dem_mpi::sim::run::run;
+use dem_mpi::sim::run::{Ending, run};
 use std::path::{Path, PathBuf};
 
 const RADIUS: f64 = 0.01;
@@ -808,4 +812,101 @@ fn steps_that_do_not_follow_are_told() {
     let fast = text.replace("amplitude = 1e-3\nfrequency = 5", "amplitude = 1e-9\nfrequency = 1e4");
     let doubts = doubts(&scene(&fast));
     assert!(matches!(&doubts[..], [doubt] if doubt.contains("once in 10.0 steps")), "{doubts:?}");
+}
+
+/// A ball that rests does not end its stage before the tables of all walls are over, nor before the time that `[stop]` says. The table
+/// begins after 0.05 s.
+#[test]
+fn a_stage_waits_for_tables_and_its_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = folder.path().join("late.csv");
+    std::fs::write(&table, "time_s,displacement_m\n0,0\n0.05,0\n0.07,0.001\n").unwrap();
+    let lid = "[[wall]]\nname = \"lid\"\npoint = [0, 0, 0.1]\nnormal = [0, 0, -1]\n";
+    let motion = format!("[[motion]]\nwalls = [\"lid\"]\nalong = [0, 0, 1]\ntable = {table:?}\n");
+    let ended = |more: &str, steps: u64| {
+        let text = on_floor("", "", "restitution = 0.2")
+            .replace("first = [0, 0, 0.05]", "first = [0, 0, 0.01]")
+            .replace("steps = 1\n", &format!("steps = {steps}\n"));
+        let scene = scene(&format!("{text}{lid}{more}"));
+        let mut comm = Alone::default();
+        let mut sim = assemble::assemble(&scene, &comm);
+        assemble::fill(&mut sim, &scene, &comm);
+        let schedule = schedule(&scene, scene.steps, folder.path());
+        let finish = run(&mut sim, &schedule, &mut comm, &mut |_| ()).unwrap();
+        (finish.ending, finish.steps_done, finish.unmet)
+    };
+    let stop = "[stop]\nunbalanced = 0.01\n";
+    let met = |steps: u64| (Ending::Rest, steps, String::new());
+    let (ending, at_rest, _) = ended(stop, 20_000);
+    assert!(ending == Ending::Rest && at_rest < 3000, "{at_rest}");
+    assert_eq!(ended(&format!("{motion}{stop}"), 20_000), met(7000));
+    assert_eq!(ended(&format!("{stop}after = 0.06\n"), 20_000), met(6000));
+    let (ending, _, unmet) = ended(&format!("{motion}{stop}after = 0.065\n"), 6000);
+    assert_eq!(ending, Ending::LastStep);
+    assert_eq!(
+        unmet,
+        "the stage has lasted 6.000e-2 s, not 0.065 s; wall \"lid\" follows its table until 0.07 s"
+    );
+    // What leaves a hopper does not wait for its walls.
+    let outlet = "[[outlet]]\nname = \"out\"\npoint = [0, 0, 0.15]\nnormal = [0, 0, -1]\n[stop]\nremaining = 1\n";
+    assert_eq!(ended(&format!("{motion}{outlet}"), 20_000), met(100));
+}
+
+/// The vectors of a VTP file's array of doubles.
+fn vectors(file: &str, name: &str) -> Vec<Vec3> {
+    let (_, rest) =
+        file.split_once(&format!("<DataArray type=\"Float64\" Name=\"{name}\"")).unwrap();
+    let (_, rest) = rest.split_once('>').unwrap();
+    let (text, _) = rest.split_once('<').unwrap();
+    // Before them stands how many bytes there are.
+    let bytes = STANDARD.decode(text).unwrap().split_off(8);
+    let numbers: Vec<f64> = bytes.as_chunks().0.iter().copied().map(f64::from_le_bytes).collect();
+    numbers.as_chunks().0.iter().copied().map(Vec3::from).collect()
+}
+
+/// An exported polygon has the velocity of its middle: of a drum that turns, the rate times the distance from its axis. The force is that
+/// on the whole wall, under a name that says so.
+#[test]
+fn exported_walls_have_the_velocity_of_each_polygon() {
+    let (about, rate) = (Vec3::new(0.02, 0.0, 0.01), 3.0);
+    let floor = "velocity = [0, 0, -0.05]\nrotation = { about = [0.01, 0.02, 0], axis = [1, 0, 0], rate = -0.2 }";
+    let drum = "[[wall]]\nname = \"drum\"\nrotation = { about = [0.02, 0, 0.01], axis = [0, 1, 0], rate = 3 }\n\
+                cylinder = { from = [0.02, -0.05, 0.01], to = [0.02, 0.05, 0.01], radius = 0.1 }\n";
+    let scene = scene(&(on_floor(floor, "", "") + drum));
+    let start = Vec3::new(0.0, 0.0, 0.998 * RADIUS);
+    let mut bench = Bench::of(&scene, &[ball(0, 0, start, Vec3::zeros())]);
+    let steps = 5;
+    (0..steps).for_each(|_| bench.step());
+    let folder = tempfile::tempdir().unwrap();
+    save(&bench.sim, folder.path(), &scene, &mut Alone::default());
+    let reader = Reader::open(folder.path()).unwrap();
+    let walls = export::walls(&reader).unwrap();
+    let mut file = Vec::new();
+    walls.write(&mut file).unwrap();
+    let file = String::from_utf8(file).unwrap();
+    let [points, velocities, forces] =
+        ["Points", "velocity", "wall_force"].map(|name| vectors(&file, name));
+    // A square of the floor, and the triangles of the drum.
+    assert!(walls.ends.len() > 100 && velocities.len() == walls.ends.len());
+    assert!(reader.header().walls[0].force.z < 0.0, "the ball lies on the floor");
+    let begins = std::iter::once(0).chain(walls.ends.iter().copied());
+    for (k, (begin, &end)) in begins.zip(&walls.ends).enumerate() {
+        let corners = &walls.members[begin as usize..end as usize];
+        let sum: Vec3 = corners.iter().map(|&corner| points[corner as usize]).sum();
+        let middle = sum / corners.len() as f64;
+        assert_eq!(forces[k], reader.header().walls[usize::from(k > 0)].force);
+        if k > 0 {
+            let arm = middle - about;
+            let distance = libm::hypot(arm.x, arm.z);
+            assert!((0.09..0.1).contains(&distance), "{distance}");
+            assert!((velocities[k].norm() - rate * distance).abs() < 1e-12 * rate * distance);
+            assert!(velocities[k].dot(&arm).abs() < 1e-12 && velocities[k].y == 0.0);
+            continue;
+        }
+        let fall = Vec3::new(0.0, 0.0, -0.05);
+        let reference = Vec3::new(0.01, 0.02, 0.0) + fall * (f64::from(steps) * 1e-5);
+        let expected = fall + Vec3::new(-0.2, 0.0, 0.0).cross(&(middle - reference));
+        assert!((velocities[0] - expected).norm() < 1e-12, "{} {expected}", velocities[0]);
+        assert!((velocities[0] - fall).norm() > 1e-3);
+    }
 }

@@ -496,6 +496,15 @@ impl Contacts {
         columns.flat_map(|columns| columns.pairs.iter().copied().zip(&columns.forces))
     }
 
+    /// The contacts with walls, with their normals and overlaps.
+    pub fn on_walls<'a>(
+        &'a self,
+        particles: &'a Particles,
+    ) -> impl Iterator<Item = (Pair, &'a Geometry)> {
+        let columns = self.with_walls(particles);
+        columns.flat_map(|columns| columns.pairs.iter().copied().zip(&columns.geometry))
+    }
+
     /// Forces of A on B [N].
     pub fn forces(&self) -> impl Iterator<Item = (Pair, &Vec3)> {
         self.stretches.iter().flat_map(|columns| columns.pairs.iter().copied().zip(&columns.forces))

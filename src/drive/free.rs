@@ -16,7 +16,7 @@ use crate::contact::StateColumn;
 use crate::contacts::Contacts;
 use crate::law::ForceLaw;
 use crate::math::{ExactSum, Vec3};
-use crate::particles::walls::Wall;
+use crate::particles::walls::{Across, Wall, area};
 use crate::particles::{Library, Particles};
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +31,17 @@ pub struct FreeWall {
     pub mass: f64,
     /// Weight and stated force along the line [N].
     pub load: f64,
+}
+
+impl FreeWall {
+    /// What it presses on the grains with where all of its load lies on them [Pa]; `None` if it does not press, or if its area is not known. Held
+    /// across its direction, it presses with its load over the cosine of the angle between that and its normal.
+    pub fn stress(&self, walls: &[Wall], cell: &Cell) -> Option<f64> {
+        let Across { axis, inwards, .. } = walls[self.wall].across()?;
+        let cosine = self.along[axis] * inwards;
+        let presses = self.load * cosine > 0.0;
+        Some(self.load / cosine / area(walls, cell, axis)?).filter(|_| presses)
+    }
 }
 
 /// What it goes on with from step to step.
@@ -204,6 +215,16 @@ impl Drive for FreeWalls {
 
     fn after_forces(&mut self, contacts: &Contacts, particles: &Particles) {
         self.note_forces(contacts, particles);
+    }
+
+    /// A wall that nothing bears, and that does not stand by itself.
+    fn under_way(&self, walls: &[Wall], wall_forces: &[Vec3]) -> Option<String> {
+        let is_under_way = |free: &&FreeWall| {
+            let stands = free.load == 0.0 && walls[free.wall].velocity.dot(&free.along) == 0.0;
+            wall_forces[free.wall] == Vec3::zeros() && !stands
+        };
+        let free = self.all.iter().find(is_under_way)?;
+        Some(format!("wall \"{}\" moves freely, and no grain touches it", walls[free.wall].name))
     }
 
     fn warnings(&mut self) -> Vec<String> {

@@ -235,6 +235,12 @@ pub trait Drive: Send + Sync {
         None
     }
 
+    /// The wall that it will move whatever the grains do, in a sentence; `None` if there is none. `wall_forces` are those of the grains on each
+    /// wall at this moment [N], of all ranks.
+    fn under_way(&self, _walls: &[Wall], _wall_forces: &[Vec3]) -> Option<String> {
+        None
+    }
+
     /// How far off its target it was, over the target, in the mean of the last [`CHECK_EVERY`] steps. With it the key by
     /// which `[stop]` sets a limit. `None` if it keeps no target.
     fn error(&self) -> Option<(&'static str, f64)> {

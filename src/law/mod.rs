@@ -471,6 +471,16 @@ impl Choice {
         }
     }
 
+    /// The settings of elastic bodies, to change them; `None` of another law.
+    pub fn hertz_mut(&mut self) -> Option<&mut hertz::Settings> {
+        match self {
+            Self::Linear(_) => None,
+            Self::Hertz(settings) => Some(settings),
+            Self::Jkr(settings) => Some(&mut settings.elastic),
+            Self::With(forces, _) => forces.hertz_mut(),
+        }
+    }
+
     /// The settings of linear contacts; `None` of another law.
     pub fn linear(&self) -> Option<&linear::Settings> {
         match self.forces() {

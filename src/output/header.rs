@@ -99,6 +99,12 @@ impl WallRow {
         }
     }
 
+    /// How fast a point of it goes in place [m], in m/s.
+    pub fn velocity_at(&self, place: &Vec3) -> Vec3 {
+        let turning = |body: &Saved| body.velocity_at(place, &self.velocity);
+        self.body.as_ref().map_or(self.velocity, turning)
+    }
+
     /// Is it one plane, and not triangles?
     pub fn is_one_plane(&self) -> bool {
         self.body.as_ref().is_none_or(Saved::is_one_plane)

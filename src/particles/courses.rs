@@ -51,9 +51,22 @@ impl Course {
 
     /// That of its fastest oscillation, if it has one [s].
     pub fn shortest_period(&self) -> Option<f64> {
+        self.ways().filter_map(Way::period).reduce(f64::min)
+    }
+
+    /// Does it go on for ever?
+    pub fn is_endless(&self) -> bool {
+        self.ways().any(|way| !matches!(way, Way::Table(_)))
+    }
+
+    /// When the last of its tables ends [s]; `None` if it has none.
+    pub fn end(&self) -> Option<f64> {
+        self.ways().filter_map(Way::end).reduce(f64::max)
+    }
+
+    fn ways(&self) -> impl Iterator<Item = &Way> {
         let turn = self.turn.iter().map(|(_, way)| way);
-        let ways = self.shifts.iter().map(|(_, way)| way).chain(turn);
-        ways.filter_map(Way::period).reduce(f64::min)
+        self.shifts.iter().map(|(_, way)| way).chain(turn)
     }
 
     /// In words, as a plan tells it.
@@ -141,6 +154,11 @@ impl Way {
 
     const fn period(&self) -> Option<f64> {
         if let Self::Oscillation { frequency, .. } = self { Some(1.0 / *frequency) } else { None }
+    }
+
+    /// The time of the last row, after which it stays [s]; `None` of one that never does.
+    fn end(&self) -> Option<f64> {
+        if let Self::Table(table) = self { table.times.last().copied() } else { None }
     }
 
     /// The largest rate at any time [m/s, rad/s].

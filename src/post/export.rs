@@ -64,7 +64,7 @@ fn single(vector: &Vec3) -> [f32; 3] {
 }
 
 /// The triangles of walls, and their planes, as far as they bound the room of the grains: the domain, and what of it walls leave free. Of each
-/// polygon the `wall`, counted as in the snapshot, with its `velocity` [m/s] and the `force` on it [N].
+/// polygon the `wall`, counted as in the snapshot, the `velocity` of its middle, the mean of its corners [m/s], and `wall_force`, that on the whole wall [N].
 ///
 /// # Errors
 /// A file that cannot be read, or makes no sense.
@@ -79,31 +79,27 @@ pub fn walls(reader: &Reader) -> Result<PolyData, PostError> {
         .collect();
     let (mut points, mut members, mut ends) = (Vec::new(), Vec::new(), Vec::new());
     let (mut numbers, mut velocities, mut forces) = (Vec::new(), Vec::new(), Vec::new());
+    let mut add = |wall: usize, corners: &[Vec3]| {
+        let first = points.len() as i64;
+        points.extend(corners.iter().map(|corner| [corner.x, corner.y, corner.z]));
+        members.extend(first..points.len() as i64);
+        ends.push(points.len() as i64);
+        numbers.push(wall as i32);
+        let row = &header.walls[wall];
+        let middle = corners.iter().sum::<Vec3>() / corners.len() as f64;
+        velocities.extend_from_slice(row.velocity_at(&middle).as_slice());
+        forces.extend_from_slice(row.force.as_slice());
+    };
     for (this, (wall, point, normal)) in planes.iter().enumerate() {
         let others = planes.iter().enumerate().filter(|(other, _)| *other != this);
         let others = others.map(|(_, (_, point, normal))| (*point, *normal));
         let polygon = cut(square(point, normal, &room), others.chain(sides(&room)), &room);
-        if polygon.len() < 3 {
-            continue;
+        if polygon.len() >= 3 {
+            add(*wall, &polygon);
         }
-        let first = points.len() as i64;
-        points.extend(polygon.iter().map(|corner| [corner.x, corner.y, corner.z]));
-        members.extend(first..points.len() as i64);
-        ends.push(points.len() as i64);
-        numbers.push(*wall as i32);
-        let row = &header.walls[*wall];
-        velocities.extend_from_slice(row.velocity.as_slice());
-        forces.extend_from_slice(row.force.as_slice());
     }
     for (wall, corners) in header.triangles_in_place() {
-        let first = points.len() as i64;
-        points.extend(corners.map(|corner| [corner.x, corner.y, corner.z]));
-        members.extend(first..first + 3);
-        ends.push(points.len() as i64);
-        numbers.push(wall as i32);
-        let row = &header.walls[wall];
-        velocities.extend_from_slice(row.velocity.as_slice());
-        forces.extend_from_slice(row.force.as_slice());
+        add(wall, &corners);
     }
     Ok(PolyData {
         time: header.time,
@@ -116,7 +112,7 @@ pub fn walls(reader: &Reader) -> Result<PolyData, PostError> {
         of_cells: vec![
             Array::new("wall", 1, &numbers),
             Array::new("velocity", 3, &velocities),
-            Array::new("force", 3, &forces),
+            Array::new("wall_force", 3, &forces),
         ],
     })
 }

@@ -67,6 +67,9 @@ pub(super) fn scene(
     let domain = domain_section.as_ref().and_then(domain);
     let mut walls =
         Walls::read(&root, domain_section.as_ref(), domain.as_ref(), &materials, folder);
+    let free_walls = walls.free(gravity.unwrap_or_else(Vec3::zeros));
+    let of_free = walls.stress_of_free(&free_walls, domain.as_ref());
+    let law = law.map(|law| laws::under_free_walls(law, kind, of_free));
 
     let fills = Fills {
         shapes: &shapes,
@@ -98,7 +101,6 @@ pub(super) fn scene(
     let time = time_section.as_ref().and_then(|section| Time::read(section, limit.as_ref()));
     let dt = time.as_ref().filter(|_| shapes.complete).map(|time| time.dt);
     let servos = walls.read_servos(&root, domain.as_ref(), &shapes.library, dt);
-    let free_walls = walls.free(gravity.unwrap_or_else(Vec3::zeros));
     walls.check_speeds(&root, domain_section.as_ref(), domain.as_ref(), &shapes.library, dt);
     let stop = root.read_or("stop", Stop::default(), |given| stop(&given.section()?, &root));
     let largest = shapes.library.largest_radius();
@@ -146,6 +148,7 @@ pub(super) fn scene(
         return None;
     }
 
+    let left_out = laws::left_out(&root, &materials);
     let mut library = shapes.library;
     let walls = walls.into_library(&mut library)?;
     let (skin, imbalance) = neighbours?;
@@ -158,6 +161,7 @@ pub(super) fn scene(
         domain: domain?,
         materials: materials.items.into_iter().collect::<Option<_>>()?,
         law: law?,
+        left_out,
         library,
         walls,
         servos: servos?,
@@ -367,6 +371,7 @@ fn stop(section: &Section, root: &Section) -> Option<Stop> {
     let (rest, unbalanced, servo) = (limit("rest"), limit("unbalanced"), limit("servo"));
     let count = |key, least| section.read_or(key, None, |given| given.whole(least).map(Some));
     let (left, remaining) = (count("left", 1), count("remaining", 0));
+    let after = section.number_or("after", 0.0, Range::NotNegative, "s");
     section.finish();
     let is_endless = |inlet: &Section| inlet.get("count").or_else(|| inlet.get("mass")).is_none();
     if let Some(given) = section.get("remaining")
@@ -383,9 +388,9 @@ fn stop(section: &Section, root: &Section) -> Option<Stop> {
         given.fail("there is no [[servo]]");
     }
     let drives = servo?.map(|limit| ("servo".to_owned(), limit)).into_iter().collect();
-    let (left, remaining) = (left?, remaining?);
-    let stop = Stop { rest: rest?, unbalanced: unbalanced?, drives, left, remaining };
-    if stop == Stop::default() {
+    let (left, remaining, after) = (left?, remaining?, after?);
+    let stop = Stop { rest: rest?, unbalanced: unbalanced?, drives, left, remaining, after };
+    if stop == (Stop { after, ..Stop::default() }) {
         section.fail("give at least one of `rest`, `unbalanced`, `servo`, `left` and `remaining`");
     }
     Some(stop)

@@ -1,18 +1,19 @@
 //! What the program knows to be doubtful about a scene before it runs.
 
-use super::{Fill, Method, Outlet, Rain, Scene};
+use super::{Fill, LeftOut, Method, Outlet, Rain, Scene};
 use crate::cell::AXES;
 use crate::drive::inlet::MOST_AT_ONCE;
 use crate::drive::rain::Within;
 use crate::drive::region::Region;
-use crate::ids::ShapeId;
+use crate::ids::{MaterialId, ShapeId};
 use crate::law::Body;
 use crate::law::stability::lost_levers;
 use crate::math::Vec3;
-use crate::particles::walls::room;
+use crate::particles::walls::{Wall, room};
 use crate::shape::triangle_mesh::{MeshFacet, Strip};
 use crate::shape::{Kind, Shape};
 use crate::sim::start::DEEPEST_START;
+use std::collections::BTreeMap;
 
 /// Warnings about a scene, a sentence each.
 pub fn doubts(scene: &Scene) -> Vec<String> {
@@ -34,8 +35,69 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         too_many_at_once(scene),
         nothing_leaves(scene),
         servo_in_a_pipe(scene),
+        rest_beside_drives(scene),
+        stop_too_late(scene),
     ];
-    all.into_iter().flatten().collect()
+    all.into_iter().flatten().chain(left_out(scene)).collect()
+}
+
+/// What acts in contacts of one material and not, or by half, in those with another that does not say it; of each pair that can touch.
+fn left_out(scene: &Scene) -> impl Iterator<Item = String> + '_ {
+    let library = &scene.library;
+    let of_grains = &library.materials[..library.particle_shapes];
+    let all = &library.materials;
+    let touch =
+        |a, b| of_grains.contains(a) && all.contains(b) || of_grains.contains(b) && all.contains(a);
+    let mut pairs: BTreeMap<[MaterialId; 2], Vec<String>> = BTreeMap::new();
+    let name = |id: MaterialId| &scene.materials[id.index()].name;
+    for LeftOut { given_by, silent, key } in &scene.left_out {
+        if touch(given_by, silent) {
+            let what = match &**key {
+                "restitution" => "dashpots of `restitution` are half as strong as of the other",
+                "tangential_damping_ratio" => "`tangential_damping_ratio` is half of the other's",
+                key => &format!("`{key}` is 0"),
+            };
+            let pair = [*given_by.min(silent), *given_by.max(silent)];
+            let lacks = format!("{what}, as \"{}\" gives none", name(*silent));
+            pairs.entry(pair).or_default().push(lacks);
+        }
+    }
+    pairs.into_iter().map(move |([a, b], lacks)| {
+        format!(
+            "between materials \"{}\" and \"{}\" {}: give it there, as 0 (`restitution` as 1) if that is meant, or in an \
+             [[interaction]] of both",
+            name(a),
+            name(b),
+            lacks.join("; ")
+        )
+    })
+}
+
+/// Bodies that are to come to rest, and walls that never do.
+fn rest_beside_drives(scene: &Scene) -> Option<String> {
+    let asked = [("rest", scene.stop.rest), ("unbalanced", scene.stop.unbalanced)];
+    let (key, _) = asked.into_iter().find(|(_, limit)| limit.is_some())?;
+    let moves_for_ever = |wall: &&Wall| match &wall.course {
+        Some(course) => course.is_endless(),
+        None => wall.mass.is_infinite() && wall.is_moving(),
+    };
+    let wall = scene.walls.iter().find(moves_for_ever)?;
+    Some(format!(
+        "[stop] has `{key}`, which is of bodies that come to rest, and wall \"{}\" never stops: while it moves the grains, that may never hold. Let it \
+         follow a table that ends, or end the stage by its `duration`",
+        wall.name
+    ))
+}
+
+/// A `[stop]` that is not looked at before the stage is over.
+fn stop_too_late(scene: &Scene) -> Option<String> {
+    let lasts = scene.duration.unwrap_or(scene.steps as f64 * scene.dt);
+    (scene.stop.after > lasts + 0.5 * scene.dt).then(|| {
+        format!(
+            "[stop] is looked at after {} s, and the stage lasts {lasts:.3e} s: all its steps are taken",
+            scene.stop.after
+        )
+    })
 }
 
 /// An inlet or an outlet that acts less often than the stage is long.
@@ -180,13 +242,16 @@ fn flat_for_hertz(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A servo presses grains into each other by about `p d / k` of their diameter, as in a row of them.
+/// A servo, or a wall under a load, presses grains into each other by about `p d / k` of their diameter, as in a row of them.
 fn pressed_flat(scene: &Scene) -> Option<String> {
-    let stress = scene.servos.iter().map(|servo| servo.stress).fold(0.0, f64::max);
+    let Scene { walls, domain, .. } = scene;
+    let by_servos = scene.servos.iter().map(|servo| ("a servo of".to_owned(), servo.stress));
+    let by_load = scene.free_walls.iter().filter_map(|free| {
+        let who = format!("wall \"{}\" with a load of", walls[free.wall].name);
+        Some((who, free.stress(walls, domain)?))
+    });
+    let (who, stress) = by_servos.chain(by_load).max_by(|a, b| a.1.total_cmp(&b.1))?;
     let law = scene.force_law();
-    if stress == 0.0 {
-        return None;
-    }
     let mean = |(shape, scale)| {
         let body = Body::of(&scene.library, shape, scale);
         let volume = scene.library.shapes[shape.index()].volume() * scale.powi(3);
@@ -200,8 +265,8 @@ fn pressed_flat(scene: &Scene) -> Option<String> {
     };
     (deepest > DEEPEST_START).then(|| {
         format!(
-            "a servo of {stress:e} Pa presses grains into each other by {how} {:.0} % of their diameter; DEM commonly permits \
-             {} %: make contacts stiffer or the stress smaller",
+            "{who} {stress:e} Pa presses grains into each other by {how} {:.0} % of their diameter; DEM commonly permits \
+             {} %: make contacts stiffer or the load smaller",
             100.0 * deepest,
             100.0 * DEEPEST_START
         )

@@ -13,6 +13,7 @@ use crate::law::{Beside, Choice, Interactions, Mixing};
 use crate::law::{dmt, rolling};
 use crate::particles::Library;
 use crate::shape::{Kind as ShapeKind, Shape};
+use serde::{Deserialize, Serialize};
 
 /// A law and its settings, without the constants of materials.
 #[derive(Clone, Copy, Debug)]
@@ -38,18 +39,23 @@ pub(super) enum Kind {
 pub(super) enum LargestOverlap {
     /// Over the radius, or that of the largest sphere in a grain about its centre, as the scene says [-].
     Given(f64),
-    /// That of grains under this stress [Pa].
-    Under(f64),
+    /// That of grains under the stress on walls.
+    Under {
+        /// The highest of all servos [Pa].
+        servos: f64,
+        /// How much more it becomes, as other walls are driven [-].
+        times: f64,
+    },
 }
 
 impl LargestOverlap {
-    /// Over the radius, between materials of these constants [-].
-    fn value(self, interactions: &hertz::Interactions) -> f64 {
+    /// Over the radius, between materials of these constants, where free walls press with a stress [Pa], [-].
+    fn value(self, interactions: &hertz::Interactions, of_free_walls: f64) -> f64 {
         match self {
             Self::Given(overlap) => overlap,
-            Self::Under(stress) => interactions
+            Self::Under { servos, times } => interactions
                 .iter()
-                .map(|constants| hertz::overlap_under(stress, constants))
+                .map(|constants| hertz::overlap_under(times * servos.max(of_free_walls), constants))
                 .fold(LEAST_LARGEST_OVERLAP, f64::max)
                 .min(MOST_LARGEST_OVERLAP),
         }
@@ -86,20 +92,20 @@ impl Asked {
     }
 }
 
-/// Overlap over radius that the step of Hertzian contacts is made for, if neither the scene nor its servos ask for more.
+/// Overlap over radius that the step of Hertzian contacts is made for, if neither the scene nor the load on its walls asks for more.
 const LEAST_LARGEST_OVERLAP: f64 = 0.01;
-/// The most that servos make of it.
+/// The most that a load makes of it.
 const MOST_LARGEST_OVERLAP: f64 = 0.5;
 
-/// What the stress on walls becomes where others are driven, over that of the servos: that at which grains of an angle of
-/// friction of 37 degrees yield.
+/// What the stress on walls becomes where others are driven, over that of servos and free walls: that at which grains of an angle
+/// of friction of 37 degrees yield.
 const DRIVEN: f64 = 4.0;
 
-/// The highest stress that walls will have [Pa]: of all servos, and more where walls are driven, too. What is wrong in it is said
-/// elsewhere.
-fn highest_stress(root: &Section) -> f64 {
+/// The overlap under the highest stress that walls will have: of all servos, and more where walls are driven, too. What is wrong in it is
+/// said elsewhere.
+fn under_stress(root: &Section) -> LargestOverlap {
     let of_servo = |servo: &Section| servo.get("stress")?.as_number();
-    let highest = root.sections("servo").iter().filter_map(of_servo).fold(0.0, f64::max);
+    let servos = root.sections("servo").iter().filter_map(of_servo).fold(0.0, f64::max);
     let has = |section: Section, key| section.get(key).is_some();
     let driven = root
         .get("domain")
@@ -107,7 +113,7 @@ fn highest_stress(root: &Section) -> f64 {
         .is_some_and(|section| has(section, "wall_velocity"))
         || root.sections("wall").into_iter().any(|section| has(section, "velocity"))
         || root.sections("motion").into_iter().any(|section| !has(section, "mass"));
-    highest * if driven { DRIVEN } else { 1.0 }
+    LargestOverlap::Under { servos, times: if driven { DRIVEN } else { 1.0 } }
 }
 
 /// The law that `[law]` asks for.
@@ -189,11 +195,9 @@ fn parts(section: &Section, is_hertz: bool, limit_damping: bool, root: &Section)
         }
         mindlin
     })?;
-    let largest_overlap = section.read_or(
-        "largest_overlap",
-        LargestOverlap::Under(highest_stress(root)),
-        |given| given.number(Range::BelowOne, "").map(LargestOverlap::Given),
-    )?;
+    let largest_overlap = section.read_or("largest_overlap", under_stress(root), |given| {
+        given.number(Range::BelowOne, "").map(LargestOverlap::Given)
+    })?;
     Some(Kind::Hertz { limit_damping, mindlin, largest_overlap })
 }
 
@@ -317,12 +321,21 @@ pub(super) fn materials(
             };
             let needed = "`youngs_modulus` [Pa], `poisson_ratio`";
             let law = |interactions| {
-                let largest_overlap = largest_overlap.value(&interactions);
+                // Walls that move freely are not known yet.
+                let largest_overlap = largest_overlap.value(&interactions, 0.0);
                 Choice::Hertz(hertz::Settings { interactions, limit_damping, largest_overlap })
             };
             with_more(root, needed, asked, read, law)
         }
     }
+}
+
+/// The law made for the stress, too, with which walls that move freely press [Pa].
+pub(super) fn under_free_walls(mut law: Choice, (kind, _): (Kind, Asked), stress: f64) -> Choice {
+    if let (Kind::Hertz { largest_overlap, .. }, Some(settings)) = (kind, law.hertz_mut()) {
+        settings.largest_overlap = largest_overlap.value(&settings.interactions, stress);
+    }
+    law
 }
 
 /// The materials, and the law of these constants with what is asked for beside it.
@@ -440,6 +453,59 @@ fn with_constants<C: Mixing + Default>(
         }
     }
     (materials, interactions.filter(|_| complete))
+}
+
+/// A key that acts in contacts of one of two materials, and of which neither the other nor an `[[interaction]]` of both says anything.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LeftOut {
+    /// That which has it.
+    pub given_by: MaterialId,
+    /// That which has not.
+    pub silent: MaterialId,
+    /// Its name.
+    pub key: String,
+}
+
+/// Keys of materials that may be left out, with the value that means nothing.
+const MAY_BE_LEFT_OUT: [(&str, f64); 6] = [
+    ("friction", 0.0),
+    ("restitution", 1.0),
+    ("tangential_damping_ratio", 0.0),
+    ("rolling_friction", 0.0),
+    ("twisting_friction", 0.0),
+    ("surface_energy", 0.0),
+];
+
+/// What one of two materials leaves out, in a scene without mistakes.
+pub(super) fn left_out<'a>(root: &Section<'a>, materials: &Materials) -> Vec<LeftOut> {
+    let of_both = |section: Section<'a>| {
+        let names = section.get("between")?.list("a list of two materials")?;
+        let [a, b] = &names[..] else { return None };
+        Some(([materials.find(a)?, materials.find(b)?], section))
+    };
+    let of_both: Vec<_> = root.sections("interaction").into_iter().filter_map(of_both).collect();
+    let own: Vec<_> = (0..).map(MaterialId).zip(root.sections("material")).collect();
+    let mut all = Vec::new();
+    for (given_by, one) in &own {
+        for (silent, other) in &own {
+            let is_of_both = |pair: &[MaterialId; 2]| {
+                *pair == [*given_by, *silent] || *pair == [*silent, *given_by]
+            };
+            for (key, nothing) in MAY_BE_LEFT_OUT {
+                let value = one.get(key).and_then(|given| given.as_number());
+                let said_of_both =
+                    || of_both.iter().any(|(pair, of)| is_of_both(pair) && of.get(key).is_some());
+                if value.is_some_and(|value| value != nothing)
+                    && other.get(key).is_none()
+                    && !said_of_both()
+                {
+                    let (given_by, silent) = (*given_by, *silent);
+                    all.push(LeftOut { given_by, silent, key: key.to_owned() });
+                }
+            }
+        }
+    }
+    all
 }
 
 /// The two materials of an `[[interaction]]`, the lower id first; `seen` are those of the ones before.

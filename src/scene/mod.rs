@@ -59,6 +59,7 @@ use crate::shape::Kind;
 use crate::sim::audit;
 pub use crate::sim::stop::Stop;
 use check::Need;
+pub use laws::LeftOut;
 pub use matter::Material;
 use mistakes::Mistakes;
 pub use mistakes::{Location, Problem, SceneErrors};
@@ -92,6 +93,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// The law of contacts, with the constants of every pair of materials.
     pub law: law::Choice,
+    /// What one of two materials does not say.
+    pub left_out: Vec<LeftOut>,
     /// Shapes of particles, then of walls, by `ShapeId`.
     pub library: Library,
     /// Walls, in the order of their ids.

@@ -239,6 +239,7 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("inlet", "spread" | "spin") => not_negative,
         ("stop", "left") => whole(1),
         ("stop", "remaining") => whole(0),
+        ("stop", "after") => not_negative,
         ("fill.rain", "count" | "every") => whole(1),
         ("fill.rain", "spacing") => positive,
         ("fill.lattice", "spacing") => either(&[positive.clone(), vector(&positive)]),

@@ -302,6 +302,14 @@ impl<'a> Walls<'a> {
         self.names.names.iter().enumerate().filter_map(free).collect()
     }
 
+    /// The highest stress of walls that move freely, as far as it is known [Pa].
+    pub(super) fn stress_of_free(&self, free: &[FreeWall], domain: Option<&Cell>) -> f64 {
+        let wall = |planned: &Option<Planned>| planned.as_ref().map(|p| p.wall.clone());
+        let walls: Option<Vec<Wall>> = self.all.iter().map(wall).collect();
+        let (Some(walls), Some(domain)) = (walls, domain) else { return 0.0 };
+        free.iter().filter_map(|free| free.stress(&walls, domain)).fold(0.0, f64::max)
+    }
+
     /// A wall that shall have a servo.
     fn steered(&mut self, given: &Given, domain: Option<&Cell>) -> Option<usize> {
         let k = self.names.find(given, given.text()?)?;

@@ -208,6 +208,7 @@ impl Simulation {
             self.list_pairs(&newcomers, self.dt, comm)?;
         }
         self.find_forces(self.dt)?;
+        self.watch.note_depths(&self.particles, &self.contacts);
         self.count_work_of_images(self.dt);
         for drive in &mut self.drives {
             drive.after_forces(&self.contacts, &self.particles);

@@ -3,7 +3,7 @@
 use super::start::{DEEPEST_START, check_overlaps};
 use super::stiffening::Stiffening;
 use super::stop::Stop;
-use super::watch::{DEEPEST, Fault};
+use super::watch::{DEEPEST_ON_SURFACE, Fault};
 use super::{Simulation, StepError};
 use crate::comm::{Comm, agree, wire};
 use crate::domain::DomainError;
@@ -376,7 +376,7 @@ impl<'a> Records<'a> {
             sim.most_moving = most_moving(sim, &measures);
         }
         self.note(sim.step, &measures);
-        if measures.largest_overlap > DEEPEST {
+        if measures.largest_overlap > DEEPEST_ON_SURFACE {
             sim.agree_on_fault(comm).map_err(|error| explain(error, sim, comm))?;
         }
         let is_at_rest = (rest_due || ends_stage) && schedule.stop.unmet(sim, &measures).is_empty();

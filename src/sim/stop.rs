@@ -3,6 +3,7 @@
 use super::Simulation;
 use crate::math::Vec3;
 use crate::measure::Measures;
+use crate::particles::walls::Wall;
 use serde::{Deserialize, Serialize};
 use std::fmt::{Display, Formatter};
 
@@ -19,19 +20,22 @@ pub struct Stop {
     pub remaining: Option<u64>,
     /// The error of a drive is below this, by the drive's key: [`crate::drive::Drive::error`].
     pub drives: Vec<(String, f64)>,
+    /// Not before the stage has lasted so long [s].
+    pub after: f64,
 }
 
 /// As the scene has it.
 impl Display for Stop {
     fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
-        let Self { rest, unbalanced, drives, left, remaining } = self;
+        let Self { rest, unbalanced, drives, left, remaining, after } = self;
         let own = [("rest", *rest), ("unbalanced", *unbalanced)];
         let own = own.into_iter().filter_map(|(key, limit)| Some((key, limit?)));
         let given = own.chain(drives.iter().map(|(key, limit)| (&**key, *limit)));
         let given = given.map(|(key, limit)| format!("{key} = {limit}"));
         let counts = [("left", *left), ("remaining", *remaining)].into_iter();
         let counts = counts.filter_map(|(key, count)| Some(format!("{key} = {}", count?)));
-        f.write_str(&given.chain(counts).collect::<Vec<_>>().join(", "))
+        let after = (*after > 0.0).then(|| format!("after = {after}"));
+        f.write_str(&given.chain(counts).chain(after).collect::<Vec<_>>().join(", "))
     }
 }
 
@@ -39,12 +43,23 @@ impl Stop {
     /// What is asked for and does not hold now; empty if all does.
     pub(super) fn unmet(&self, sim: &Simulation, measures: &Measures) -> String {
         let mut unmet: Vec<String> = Vec::new();
+        // A time that is a whole number of steps may come out a little above it.
+        if sim.stage_time() + 0.5 * sim.dt < self.after {
+            unmet.push(format!(
+                "the stage has lasted {:.3e} s, not {} s",
+                sim.stage_time(),
+                self.after
+            ));
+        }
         let of_contacts =
             self.rest.is_some() || self.unbalanced.is_some() || !self.drives.is_empty();
         if of_contacts || self.remaining.is_some() {
             unmet.extend(
                 sim.drives.iter().filter_map(|drive| drive.unfinished()).map(str::to_owned),
             );
+        }
+        if of_contacts {
+            unmet.extend(walls_under_way(sim, measures));
         }
         let gone: u64 = sim.drives.iter().map(|drive| drive.gone()).sum();
         if let Some(left) = self.left.filter(|&left| gone < left) {
@@ -78,4 +93,20 @@ impl Stop {
         }
         unmet.join("; ")
     }
+}
+
+/// Walls that will move whatever the grains do: grains that are at rest now will not stay so.
+fn walls_under_way<'a>(
+    sim: &'a Simulation,
+    measures: &'a Measures,
+) -> impl Iterator<Item = String> + 'a {
+    let walls = &sim.particles.walls;
+    let time = sim.stage_time() + 0.5 * sim.dt;
+    let follows = move |wall: &Wall| {
+        let end = wall.course.as_ref()?.end().filter(|&end| time < end)?;
+        Some(format!("wall \"{}\" follows its table until {end} s", wall.name))
+    };
+    let by_drives = sim.drives.iter();
+    let by_drives = by_drives.filter_map(|drive| drive.under_way(walls, &measures.wall_forces));
+    walls.iter().filter_map(follows).chain(by_drives)
 }

@@ -18,7 +18,11 @@ const FARTHEST: f64 = 1.0;
 const WIDEST: f64 = 1.0;
 /// The deepest overlap, over the shortest axis of the smaller body. Published cases go to a half (MFIX DEM01 with its
 /// softest spring); at 1 the smaller of two equal spheres, or of a sphere and a wall, is through.
-pub(super) const DEEPEST: f64 = 0.75;
+const DEEPEST: f64 = 0.75;
+/// The same on triangles, cylinders and cones, which push a body to the side of its centre. Where that is on the surface a sphere overlaps by a
+/// half, a cube that lies flat by 0.41, and deeper neither can be. From here it is a tenth of the axis to there at least, twice the way of a step that is
+/// warned of, so that no sound step passes from below this limit to the other side.
+pub(super) const DEEPEST_ON_SURFACE: f64 = 0.35;
 /// Parts of what is allowed from which on a run warns; the first is what a sound step stays below.
 const WARNED: [f64; 2] = [0.1, 0.5];
 
@@ -56,11 +60,12 @@ pub enum Fault {
     },
     /// Two bodies are so deep in each other that a contact means nothing.
     #[error(
-        "particle {a} and {b} overlap by {:.1} % of the shortest axis of the smaller body, more than {:.0} %. Contacts are too \
+        "particle {a} and {b} overlap by {:.1} % of the shortest axis of the smaller body, more than {:.0} %{}. Contacts are too \
          soft for what presses or strikes, walls close on a particle, or the time step is too long: make contacts stiffer, the \
          load, the speed or the time step smaller",
         100.0 * depth,
-        100.0 * DEEPEST
+        100.0 * most,
+        if *most < DEEPEST { ": once its centre is through, this surface pushes it out on the other side" } else { "" }
     )]
     Deep {
         /// The lower id.
@@ -69,6 +74,8 @@ pub enum Fault {
         b: String,
         /// Overlap over the shortest axis.
         depth: f64,
+        /// What it may be at most.
+        most: f64,
     },
     /// Contacts that stiffen with load have become too stiff for the step.
     #[error("{}", over_the_limit(*dt, *limit, *overlap))]
@@ -142,6 +149,19 @@ impl Watch {
         self.note(&farthest, particles, dt);
     }
 
+    /// Takes note of contacts on triangles, cylinders and cones that are too deep after a step: some steps later they may be on the other side.
+    pub fn note_depths(&mut self, particles: &Particles, contacts: &Contacts) {
+        if particles.walls.iter().all(|wall| wall.mesh.is_none()) {
+            return;
+        }
+        let too_deep = contacts
+            .on_walls(particles)
+            .find_map(|(pair, geometry)| check_depth(particles, pair, geometry.overlap).err());
+        if too_deep.is_some() {
+            self.fault = too_deep;
+        }
+    }
+
     /// Has this rank seen a fault?
     pub const fn has_fault(&self) -> bool {
         self.fault.is_some()
@@ -153,13 +173,8 @@ impl Watch {
     /// The fault.
     pub fn check(&self, particles: &Particles, contacts: &Contacts) -> Result<(), Fault> {
         self.fault.clone().map_or(Ok(()), Err)?;
-        for (pair, history) in contacts.iter() {
-            let depth = history.overlap / shortest_axis(particles, pair.a, pair.b);
-            if pair.a.index() < particles.owned && depth > DEEPEST {
-                return Err(too_deep(particles, pair, depth));
-            }
-        }
-        Ok(())
+        let mut own = contacts.iter().filter(|(pair, _)| pair.a.index() < particles.owned);
+        own.try_for_each(|(pair, geometry)| check_depth(particles, pair, geometry.overlap))
     }
 
     /// The parts of what is allowed that have been taken so far: the largest over all ranks is to be warned of.
@@ -200,9 +215,20 @@ impl Watch {
     }
 }
 
-fn too_deep(particles: &Particles, pair: Pair, depth: f64) -> Fault {
-    let [a, b] = [pair.a, pair.b].map(|slot| particles.id[slot.index()]);
-    Fault::Deep { a, b: particles.body_name(b), depth }
+/// Is a contact with this overlap [m] not too deep?
+fn check_depth(particles: &Particles, pair: Pair, overlap: f64) -> Result<(), Fault> {
+    let depth = overlap / shortest_axis(particles, pair.a, pair.b);
+    let most = || {
+        let wall = particles.wall_of(pair.b).map(|wall| &particles.walls[wall]);
+        let on_surface = wall.is_some_and(|wall| wall.mesh.is_some());
+        if on_surface { DEEPEST_ON_SURFACE } else { DEEPEST }
+    };
+    // Most are far from any limit.
+    if depth > DEEPEST_ON_SURFACE && depth > most() {
+        let [a, b] = [pair.a, pair.b].map(|slot| particles.id[slot.index()]);
+        return Err(Fault::Deep { a, b: particles.body_name(b), depth, most: most() });
+    }
+    Ok(())
 }
 
 /// That the step [s] is over the limit [s].
