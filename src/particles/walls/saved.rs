@@ -62,6 +62,11 @@ impl Saved {
         })
     }
 
+    /// How fast a point of it goes in place [m], of a wall whose reference point has a velocity [m/s].
+    pub fn velocity_at(&self, place: &Vec3, of_reference: &Vec3) -> Vec3 {
+        of_reference + self.angular_velocity.cross(&(place - self.point))
+    }
+
     /// Its planes in place, each a point of it [m] and its unit normal, towards the particles.
     pub fn planes(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
         self.facets.iter().map(|facet| {
