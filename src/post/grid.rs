@@ -24,11 +24,24 @@ impl Grid {
     /// # Errors
     /// A box without volume, or too many cells.
     pub fn of(bounds: &Bounds, side: f64) -> Result<Self, MeasureError> {
+        Self::with(bounds, side, f64::round)
+    }
+
+    /// Cells of this side at most [m], whole ones in the box.
+    ///
+    /// # Errors
+    /// As [`Grid::of`].
+    pub fn of_at_most(bounds: &Bounds, side: f64) -> Result<Self, MeasureError> {
+        // Whole numbers, but for rounding, stay.
+        Self::with(bounds, side, |cells| (cells * (1.0 - 1e-9)).ceil())
+    }
+
+    fn with(bounds: &Bounds, side: f64, whole: impl Fn(f64) -> f64) -> Result<Self, MeasureError> {
         let lengths = bounds.lengths();
         if !(side > 0.0 && side.is_finite()) {
             return Err(MeasureError::NoSide { side });
         }
-        let counts = lengths.map(|length| (length / side).round().max(1.0));
+        let counts = lengths.map(|length| whole(length / side).max(1.0));
         let has_volume = lengths.min() > 0.0;
         if !has_volume {
             return Err(MeasureError::TooManyCells { cells: counts.product(), most: MOST });

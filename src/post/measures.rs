@@ -33,7 +33,7 @@ pub struct Asked {
     #[arg(long, value_enum, default_value = "lucy", requires = "fields")]
     weight: Weight,
 
-    /// Side of the cells of --fields [default: its width] and --mixing [default: 4d], in metres or diameters of the largest shape
+    /// Side of the cells of --fields, at most [default: its width], and of --mixing [default: 4d], in metres or diameters of the largest shape
     #[arg(long, value_name = "LENGTH")]
     grid: Option<Margin>,
 
