@@ -669,6 +669,15 @@ fn a_servo_beside_a_pipe_is_doubtful() {
     let doubt = |text: &str| dem_mpi::scene::doubts::doubts(&scene(text)).join("\n");
     assert!(doubt(&(text.clone() + pipe)).contains("wall \"pipe\" does not narrow that"));
     assert_eq!(doubt(&text), "");
+    // Stresses are written of walls without a servo, too, if any wall moves.
+    let servo = "[[servo]]\nwalls = [\"+z\"]\nstress = 1000\n";
+    assert!(text.contains(servo));
+    let moving = text.replace(servo, "wall_velocity = { \"+z\" = [0, 0, -0.02] }\n");
+    let told = doubt(&(moving.clone() + pipe));
+    assert!(told.contains("_Pa` of history.csv is force over 3.0250e-3 m2"), "{told}");
+    assert!(told.contains("wall \"pipe\" does not narrow that"), "{told}");
+    assert_eq!(doubt(&moving), "");
+    assert_eq!(doubt(&(text.replace(servo, "") + pipe)), "");
     assert!(dem_mpi::scene::plan::plan(&scene(&text), 1).contains("over 3.0250e-3 m2"));
 }
 

@@ -58,7 +58,7 @@ fn main() -> anyhow::Result<()> {
     simulate("open.toml", &open, ranks, Some(&last))?;
 
     let open_file = |path: PathBuf| -> Result<_, MeasureError> { Ok(Reader::open(&path)?) };
-    let mut rows = through_plane(series::all(&open)?.into_iter().map(open_file), BELOW)?;
+    let mut rows = through_plane(series::all(&open)?.into_iter().map(open_file), BELOW)?.rows;
     let opened = Reader::open(&last)?.header().time;
     for row in &mut rows {
         row.time_s -= opened;

@@ -132,6 +132,13 @@ fn written(walls: &[Wall]) -> impl Iterator<Item = (usize, &Wall, Across)> {
     walls.filter_map(|(k, wall)| wall.across().map(|across| (k, wall, across)))
 }
 
+/// The walls whose stress is written, each with the area over which it is taken [m²]: see [`area`]. Walls that are no planes across an
+/// axis do not narrow it.
+pub fn stressed<'a>(walls: &'a [Wall], cell: &'a Cell) -> impl Iterator<Item = (&'a Wall, f64)> {
+    written(walls)
+        .filter_map(|(_, wall, Across { axis, .. })| Some((wall, area(walls, cell, axis)?)))
+}
+
 impl History {
     /// Opens `history.csv` in `directory`, with columns of its `own` after all others. Of a file that is there already, the rows of the steps that
     /// `keep` names stay: a run that goes on from a snapshot continues its table. What only one of them knows is empty in the other's rows.

@@ -16,9 +16,11 @@
 //! * Lucy's: `(1 + 3q) (1 - q)³` with `q = r / 2w` below 1, else 0; or
 //! * Gauss': `exp(-r² / 2w²)` up to `r = 3w`.
 //!
-//! The weights of one grain, or of one point of a branch, on all middles of cells around it are made to add up to 1. So the integral of a
+//! The weights of one grain, or of one point of a branch, on all middles of cells around it are made to add up to 1; of a sheared cell,
+//! where images have slid and see other places between the middles, those of a grain and its images together. So the integral of a
 //! field over the grid (sum over cells, times their volume) is the sum over the grains to rounding, whatever the width: total mass,
-//! total momentum, and `Σ f_i l_j`, which is volume times stress of the report. The integral along a branch is taken at four points (Gauss and Legendre).
+//! total momentum, and `Σ f_i l_j`, which is volume times stress of the report. The integral along a branch is taken at four points (Gauss
+//! and Legendre) of each of its parts, which are as long as the width at most.
 //!
 //! Without a region the grid reaches as far as the weights do. In a region grains outside of it count where their weights reach into it.
 
@@ -80,7 +82,7 @@ pub struct Smoothing {
     pub weight: Weight,
     /// Its width [m].
     pub width: f64,
-    /// About the side of a cell [m], the width at most.
+    /// Sides of a cell [m] at most; the width at most.
     pub side: f64,
 }
 
@@ -103,8 +105,15 @@ pub struct Fields {
     pub kinetic_stress: Vec<Mat3>,
 }
 
+/// Points and shares of the integral from 0 to 1 along a branch of this length [m], for a weight of this width [m].
+fn along(length: f64, width: f64) -> impl Iterator<Item = (f64, f64)> {
+    let parts = (length / width).ceil().max(1.0);
+    let points = move |k: usize| FOUR.map(|(s, share)| ((k as f64 + s) / parts, share / parts));
+    (0..parts as usize).flat_map(points)
+}
+
 /// Points and shares of the integral from 0 to 1 by Gauss and Legendre.
-const ALONG: [(f64, f64); 4] = [
+const FOUR: [(f64, f64); 4] = [
     (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
     (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
     (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
@@ -125,7 +134,7 @@ impl Fields {
             Region::Box(bounds) => bounds,
             Region::Whole => reached(reader, range)?,
         };
-        let grid = Grid::of(&bounds, how.side)?;
+        let grid = Grid::of_at_most(&bounds, how.side)?;
         let mut spread = Spread::new(header, grid, how);
         let mut fields = Self::empty(grid, header.time);
         let mut reached_by = 0u64;
@@ -150,21 +159,24 @@ impl Fields {
                 reached_by += u64::from(is_near);
             }
         }
-        if reached_by == 0 {
-            return Err(MeasureError::NobodyThere);
-        }
         for rows in pieces(reader.contact_count()?) {
             let contacts = reader.contacts(rows)?;
             check::check_contacts(&contacts)?;
             for row in 0..contacts.a.len() {
                 let branch = contacts.branch[row];
                 let stress = contacts.force(row) * branch.transpose();
-                for (s, part) in ALONG {
+                let mut is_near = false;
+                for (s, part) in along(branch.norm(), how.width) {
                     spread.point(&(contacts.centre[row] + branch * s), |cell, share, _| {
                         fields.contact_stress[cell] += stress * (part * share);
+                        is_near = true;
                     });
                 }
+                reached_by += u64::from(is_near);
             }
+        }
+        if reached_by == 0 {
+            return Err(MeasureError::NobodyThere);
         }
         fields.finish();
         Ok(fields)
@@ -265,13 +277,15 @@ impl Fields {
         }
     }
 
-    /// Writes the cells that some grain reaches, one a row.
+    /// Writes the cells that some grain or branch reaches, one a row.
     ///
     /// # Errors
     /// The writer's.
     pub fn write_csv(&self, out: impl io::Write) -> csv::Result<()> {
         let mut table = csv::Writer::from_writer(out);
-        for cell in (0..self.grid.len()).filter(|&cell| self.density[cell] > 0.0) {
+        let is_reached =
+            |cell: &usize| self.density[*cell] > 0.0 || self.contact_stress[*cell] != Mat3::zeros();
+        for cell in (0..self.grid.len()).filter(is_reached) {
             let (centre, velocity) = (self.grid.centre(cell), self.velocity[cell]);
             let [contacts, motion] = [&self.contact_stress, &self.kinetic_stress].map(|t| t[cell]);
             table.serialize(Row {
@@ -381,8 +395,72 @@ struct Spread {
     how: Smoothing,
     /// To all images, and how fast they move against the body.
     images: Vec<(Vec3, Vec3)>,
+    /// Of a sheared cell.
+    seam: Option<Seam>,
     /// Weights of the cells around a point; cells beyond the grid have none of its indices.
     near: Vec<(Option<usize>, f64)>,
+}
+
+/// Where images of a sheared cell meet that have slid along each other: cells of either side belong to other images, whose weights do
+/// not add up to 1 each.
+struct Seam {
+    across: usize,
+    /// Ends of the period [m].
+    ends: [f64; 2],
+    /// To one image of each side and to the body [m].
+    shifts: Vec<Vec3>,
+}
+
+impl Seam {
+    fn of(header: &Header) -> Option<Self> {
+        let cell = &header.cell;
+        let shear = cell.shear()?;
+        let across = shear.across;
+        // Those that are shifted along the seam, too, see the same places between middles.
+        let is_first =
+            |shift: &Vec3| (0..3).all(|k| k == across || k == shear.along || shift[k] == 0.0);
+        let mut shifts: Vec<Vec3> = cell.shifts().into_iter().filter(is_first).collect();
+        shifts.sort_by(|a, b| a[across].total_cmp(&b[across]));
+        shifts.dedup_by(|a, b| a[across] == b[across]);
+        Some(Self { across, ends: [cell.low()[across], cell.high()[across]], shifts })
+    }
+
+    /// The weights of a point and its images on all middles of cells in the period.
+    fn sum(&self, grid: &Grid, how: Smoothing, point: &Vec3) -> f64 {
+        let mut sum = 0.0;
+        let range = how.weight.range(how.width);
+        let [low, high] = self.ends;
+        for place in self.shifts.iter().map(|shift| point + shift) {
+            if place[self.across] < low - range || place[self.across] > high + range {
+                continue;
+            }
+            around(grid, how, &(place - grid.low), |cell, weight| {
+                let middle = (cell[self.across] as f64 + 0.5) * grid.sides[self.across];
+                if (low..high).contains(&(grid.low[self.across] + middle)) {
+                    sum += weight;
+                }
+            });
+        }
+        sum
+    }
+}
+
+/// Tells of the cells around a place, seen from the corner of the grid [m]: their indices along the axes, also beyond the grid, and the
+/// weight at their middles.
+fn around(grid: &Grid, how: Smoothing, place: &Vec3, mut tell: impl FnMut([i64; 3], f64)) {
+    let (sides, range) = (grid.sides, how.weight.range(how.width));
+    let first: [i64; 3] = [0, 1, 2].map(|k| ((place[k] - range) / sides[k] - 0.5).ceil() as i64);
+    let last: [i64; 3] = [0, 1, 2].map(|k| ((place[k] + range) / sides[k] - 0.5).floor() as i64);
+    let off = |k: usize, index: i64| (index as f64 + 0.5) * sides[k] - place[k];
+    for z in first[2]..=last[2] {
+        for y in first[1]..=last[1] {
+            let square = off(2, z).powi(2) + off(1, y).powi(2);
+            for x in first[0]..=last[0] {
+                let distance = (square + off(0, x).powi(2)).sqrt();
+                tell([x, y, z], how.weight.at(distance, how.width));
+            }
+        }
+    }
 }
 
 impl Spread {
@@ -395,39 +473,30 @@ impl Spread {
             })
         };
         let images = cell.shifts().into_iter().map(|shift| (shift, velocity(&shift))).collect();
-        Self { grid, how, images, near: Vec::new() }
+        Self { grid, how, images, seam: Seam::of(header), near: Vec::new() }
     }
 
     /// Tells of every cell near a point or an image of it: which, its share, and the velocity of the image against the body.
     fn point(&mut self, point: &Vec3, mut tell: impl FnMut(usize, f64, Vec3)) {
         let range = self.how.weight.range(self.how.width);
-        let Grid { low, sides, cells } = self.grid;
-        for (shift, velocity) in &self.images {
-            let place = point + shift - low;
-            let is_far =
-                (0..3).any(|k| place[k] < -range || place[k] > cells[k] as f64 * sides[k] + range);
+        let Self { grid, how, images, seam, near } = self;
+        let of_all = seam.as_ref().map(|seam| seam.sum(grid, *how, point));
+        for (shift, velocity) in images {
+            let place = point + *shift - grid.low;
+            let is_far = (0..3).any(|k| {
+                place[k] < -range || place[k] > grid.cells[k] as f64 * grid.sides[k] + range
+            });
             if is_far {
                 continue;
             }
-            let first: [i64; 3] =
-                [0, 1, 2].map(|k| ((place[k] - range) / sides[k] - 0.5).ceil() as i64);
-            let last: [i64; 3] =
-                [0, 1, 2].map(|k| ((place[k] + range) / sides[k] - 0.5).floor() as i64);
-            let off = |k: usize, index: i64| (index as f64 + 0.5) * sides[k] - place[k];
-            self.near.clear();
-            let mut sum = 0.0;
-            for z in first[2]..=last[2] {
-                for y in first[1]..=last[1] {
-                    let square = off(2, z).powi(2) + off(1, y).powi(2);
-                    for x in first[0]..=last[0] {
-                        let distance = (square + off(0, x).powi(2)).sqrt();
-                        let weight = self.how.weight.at(distance, self.how.width);
-                        sum += weight;
-                        self.near.push((self.grid.cell([x, y, z]), weight));
-                    }
-                }
-            }
-            for &(cell, weight) in &self.near {
+            near.clear();
+            let mut of_image = 0.0;
+            around(grid, *how, &place, |cell, weight| {
+                of_image += weight;
+                near.push((grid.cell(cell), weight));
+            });
+            let sum = of_all.unwrap_or(of_image);
+            for &(cell, weight) in near.iter() {
                 if let (Some(cell), true) = (cell, weight > 0.0) {
                     tell(cell, weight / sum, *velocity);
                 }

@@ -4,8 +4,10 @@
 //! the rates of the two halves of the window, which are the same in steady flow.
 //!
 //! **A plane** across x, y or z, from snapshots: a grain has passed when its centre was before the plane in one snapshot and is
-//! behind it in the next; one that goes back is taken off. A grain that was before the plane and is gone in the next counts as passed,
-//! one that is new as not. **An outlet**, from the columns `left_NAME` and `left_NAME_kg` of `history.csv`.
+//! behind it in the next; one that goes back is taken off. A grain that was before the plane and is gone in the next counts as passed: an
+//! outlet behind the plane has taken it. One that is new counts as not passed. If an inlet is before the plane, grains that appear and
+//! pass it between two snapshots are missed; how many were behind it when first seen is told ([`ThroughPlane::new_behind`]).
+//! **An outlet**, from the columns `left_NAME` and `left_NAME_kg` of `history.csv`.
 
 use super::check;
 use super::errors::MeasureError;
@@ -108,6 +110,18 @@ pub struct Rate {
     pub halves: Option<[f64; 2]>,
 }
 
+/// What has passed a plane, and what is doubtful about it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ThroughPlane {
+    /// What has passed by each snapshot.
+    pub rows: Vec<Passed>,
+    /// Grains that came between two snapshots and were behind the plane when first seen. They do not count: where they
+    /// came is not known.
+    pub new_behind: u64,
+    /// Grains that were before the plane when last seen and went between two snapshots. They count as passed.
+    pub gone_before: u64,
+}
+
 /// What has passed a plane in a series of snapshots; the first has nothing.
 ///
 /// # Errors
@@ -115,8 +129,8 @@ pub struct Rate {
 pub fn through_plane(
     readers: impl Iterator<Item = Result<Reader, MeasureError>>,
     Plane { axis, at, up }: Plane,
-) -> Result<Vec<Passed>, MeasureError> {
-    let mut rows: Vec<Passed> = Vec::new();
+) -> Result<ThroughPlane, MeasureError> {
+    let mut through = ThroughPlane::default();
     let mut before: BTreeMap<GlobalId, (bool, f64)> = BTreeMap::new();
     for reader in readers {
         let reader = reader?;
@@ -136,9 +150,12 @@ pub fn through_plane(
                 now.insert(particles.id[row], (is_before, mass));
             }
         }
-        let mut passed = Passed { time_s: header.time, ..rows.last().copied().unwrap_or_default() };
+        let last = through.rows.last().copied();
+        let mut passed = Passed { time_s: header.time, ..last.unwrap_or_default() };
         for (id, &(was_before, mass)) in &before {
-            let is_before = now.get(id).is_some_and(|&(is_before, _)| is_before);
+            let place_now = now.get(id).map(|&(is_before, _)| is_before);
+            through.gone_before += u64::from(was_before && place_now.is_none());
+            let is_before = place_now.unwrap_or(false);
             let went = match (was_before, is_before) {
                 (true, false) => 1.0,
                 (false, true) => -1.0,
@@ -147,10 +164,14 @@ pub fn through_plane(
             passed.grains += went;
             passed.mass_kg += went * mass;
         }
-        rows.push(passed);
+        if last.is_some() {
+            let behind = now.iter().filter(|(_, (is_before, _))| !is_before);
+            through.new_behind += behind.filter(|(id, _)| !before.contains_key(id)).count() as u64;
+        }
+        through.rows.push(passed);
         before = now;
     }
-    Ok(rows)
+    Ok(through)
 }
 
 /// What has left through an outlet, from the history of a run.

@@ -127,6 +127,17 @@ impl Histogram {
         quotient(self.halves_above as f64, self.total_halves() as f64).filter(|&share| share > 0.0)
     }
 
+    /// The geometric middle of each bin and its share by factor of ten: of logarithmic bins the integral over the decimal logarithm
+    /// of all values is 1.
+    pub fn share_per_decade(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let total = self.total_halves() as f64;
+        self.halves.iter().zip(self.edges.windows(2)).map(move |(&halves, edge)| {
+            let decades = libm::log10(edge[1] / edge[0]);
+            let share = quotient(halves as f64, total * decades).unwrap_or(0.0);
+            ((edge[0] * edge[1]).sqrt(), share)
+        })
+    }
+
     /// The middle of each bin and its probability density: the integral over all values is 1.
     pub fn density(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let total = self.total_halves() as f64;

@@ -24,16 +24,51 @@ impl Grid {
     /// # Errors
     /// A box without volume, or too many cells.
     pub fn of(bounds: &Bounds, side: f64) -> Result<Self, MeasureError> {
+        Self::with(bounds, side, f64::round)
+    }
+
+    /// Cells of this side at most [m], whole ones in the box.
+    ///
+    /// # Errors
+    /// As [`Grid::of`].
+    pub fn of_at_most(bounds: &Bounds, side: f64) -> Result<Self, MeasureError> {
+        // Whole numbers, but for rounding, stay.
+        Self::with(bounds, side, |cells| (cells * (1.0 - 1e-9)).ceil())
+    }
+
+    fn with(bounds: &Bounds, side: f64, whole: impl Fn(f64) -> f64) -> Result<Self, MeasureError> {
         let lengths = bounds.lengths();
         if !(side > 0.0 && side.is_finite()) {
             return Err(MeasureError::NoSide { side });
         }
-        let counts = lengths.map(|length| (length / side).round().max(1.0));
-        if !(counts.product() <= MOST && lengths.min() > 0.0) {
+        let counts = lengths.map(|length| whole(length / side).max(1.0));
+        let has_volume = lengths.min() > 0.0;
+        if !has_volume {
             return Err(MeasureError::TooManyCells { cells: counts.product(), most: MOST });
         }
-        let cells = [0, 1, 2].map(|k| counts[k] as usize);
-        Ok(Self { low: bounds.low, sides: lengths.component_div(&counts), cells })
+        Self::of_counts(bounds.low, lengths.component_div(&counts), &counts)
+    }
+
+    fn of_counts(low: Vec3, sides: Vec3, counts: &Vec3) -> Result<Self, MeasureError> {
+        let all = counts.product();
+        if all <= MOST {
+            Ok(Self { low, sides, cells: [0, 1, 2].map(|k| counts[k] as usize) })
+        } else {
+            Err(MeasureError::TooManyCells { cells: all, most: MOST })
+        }
+    }
+
+    /// With so many cells more on each side, where these are, that a box lies in it. Cells stay where they are.
+    ///
+    /// # Errors
+    /// Too many cells.
+    pub fn reaching(&self, bounds: &Bounds) -> Result<Self, MeasureError> {
+        let counts = Vec3::from(self.cells.map(|cells| cells as f64));
+        let high = self.low + counts.component_mul(&self.sides);
+        let missing = |from_to: Vec3| from_to.component_div(&self.sides).map(|n| n.ceil().max(0.0));
+        let [below, above] = [missing(self.low - bounds.low), missing(bounds.high - high)];
+        let low = self.low - below.component_mul(&self.sides);
+        Self::of_counts(low, self.sides, &(counts + below + above))
     }
 
     /// How many cells.
@@ -67,7 +102,16 @@ impl Grid {
 
     /// The cell that a point lies in, if there is one.
     pub fn cell_at(&self, point: &Vec3) -> Option<usize> {
-        let at = |k: usize| ((point[k] - self.low[k]) / self.sides[k]).floor() as i64;
-        self.cell([at(0), at(1), at(2)])
+        self.cell(self.place_of(point))
+    }
+
+    /// The cell that a point lies in; of one outside, the nearest along each axis.
+    pub fn nearest_cell(&self, point: &Vec3) -> Option<usize> {
+        let place = self.place_of(point);
+        self.cell([0, 1, 2].map(|k| place[k].clamp(0, self.cells[k] as i64 - 1)))
+    }
+
+    fn place_of(&self, point: &Vec3) -> [i64; 3] {
+        [0, 1, 2].map(|k| ((point[k] - self.low[k]) / self.sides[k]).floor() as i64)
     }
 }

@@ -3,7 +3,7 @@
 use super::draw::{Axes, BLUE, Mark, ORANGE, PlotError, SIZE, Series, chart, linear, span};
 use super::errors::MeasureError;
 use super::fields::{Fields, Smoothing, Weight};
-use super::flow::{Gate, Passed, Rate, Window, through_outlet, through_plane};
+use super::flow::{Gate, Passed, Rate, ThroughPlane, Window, through_outlet, through_plane};
 use super::history::History;
 use super::mixing::{Groups, Members, Mixing};
 use super::plots::{Plot, Width};
@@ -33,7 +33,7 @@ pub struct Asked {
     #[arg(long, value_enum, default_value = "lucy", requires = "fields")]
     weight: Weight,
 
-    /// Side of the cells of --fields [default: its width] and --mixing [default: 4d], in metres or diameters of the largest shape
+    /// Side of the cells of --fields, at most [default: its width], and of --mixing [default: 4d], in metres or diameters of the largest shape
     #[arg(long, value_name = "LENGTH")]
     grid: Option<Margin>,
 
@@ -108,10 +108,11 @@ impl Asked {
         shown: &mut Shown,
     ) -> Result<(), MeasureError> {
         let (mut images, mut xml) = (Vec::new(), Vec::new());
+        let (mut widths, mut sides) = (None, None);
         let all = of_each(source, "fields", shown, |reader, region| {
             let header = reader.header();
-            let width = width.metres(reader)?;
-            let side = self.grid.map_or(Ok(width), |side| side.metres(reader))?;
+            let width = once(&mut widths, width, reader)?;
+            let side = self.grid.map_or(Ok(width), |side| once(&mut sides, side, reader))?;
             let how = Smoothing { weight: self.weight, width, side };
             let fields = Fields::of(reader, region, how)?;
             let name = |ending: &str| format!("fields_{:09}.{ending}", header.step);
@@ -148,13 +149,14 @@ impl Asked {
         out: &Path,
         shown: &mut Shown,
     ) -> Result<(), MeasureError> {
-        let mut members = None;
+        let (mut members, mut sides) = (None, None);
         let rows = of_each(source, "mixing", shown, |reader, region| {
             if members.is_none() {
                 members = Some(Members::of(groups, reader)?);
             }
             let Some(members) = &members else { return Err(MeasureError::NobodyThere) };
-            let side = self.grid.unwrap_or(Margin::Diameters(4.0)).metres(reader)?;
+            let side = self.grid.unwrap_or(Margin::Diameters(4.0));
+            let side = once(&mut sides, side, reader)?;
             Mixing::of(reader, members, region, side)
         })?;
         write_rows(&out.join("mixing.csv"), &rows)?;
@@ -172,11 +174,13 @@ impl Asked {
         }
         if points.len() > 1 {
             let cells = rows.last().map_or(0, |row| row.cells);
+            // More even than by chance is more than 1.
+            let highest = points.iter().map(|point| point.1).fold(1.0, f64::max);
             shown.plots.push(curve(
                 "mixing",
                 "Mixing",
                 format!("Lacey's index: 0 apart, 1 mixed at random. {cells} cells have grains in the last snapshot."),
-                ("Lacey's index", 0.0..1.05),
+                ("Lacey's index", 0.0..1.05 * highest),
                 points,
             )?);
         }
@@ -190,12 +194,11 @@ impl Asked {
         out: &Path,
         shown: &mut Shown,
     ) -> Result<(), MeasureError> {
-        let rows = match gate {
-            Gate::Outlet(name) => through_outlet(source.history, name)?,
-            Gate::Plane(plane) => {
-                let readers = source.snapshots.iter().map(opened);
-                through_plane(readers, *plane)?
+        let ThroughPlane { rows, new_behind, gone_before } = match gate {
+            Gate::Outlet(name) => {
+                ThroughPlane { rows: through_outlet(source.history, name)?, ..Default::default() }
             }
+            Gate::Plane(plane) => through_plane(source.snapshots.iter().map(opened), *plane)?,
         };
         let rate = Rate::of(&rows, self.window)?;
         write_rows(&out.join("flow.csv"), &rows)?;
@@ -213,6 +216,14 @@ impl Asked {
                 write!(shown.text, "; by halves {} and {} kg/s", readable(early), readable(late));
         }
         shown.text.push('\n');
+        if new_behind > 0 {
+            let _ = writeln!(
+                shown.text,
+                "flow: grains that were behind the plane when first seen, and are not counted: {new_behind}. If an inlet is before the \
+                 plane, they have passed it between two snapshots: write these more often (output.snapshot_every). Grains that were \
+                 before it when last seen, and are counted: {gone_before}"
+            );
+        }
         shown.plots.push(flow_plot(&rows, &rate)?);
         Ok(())
     }
@@ -296,6 +307,16 @@ fn curve(
         width: Width::Half,
         svg: chart(SIZE, &axes, &[line])?,
     })
+}
+
+/// A length in metres, that of the first snapshot in all of a series: cells stay the same, whatever grains come and go.
+fn once(known: &mut Option<f64>, length: Margin, reader: &Reader) -> Result<f64, MeasureError> {
+    if let Some(metres) = *known {
+        return Ok(metres);
+    }
+    let metres = length.metres(reader)?;
+    *known = Some(metres);
+    Ok(metres)
 }
 
 fn opened(snapshot: &Snapshot) -> Result<Reader, MeasureError> {

@@ -15,7 +15,7 @@ use super::check;
 use super::errors::MeasureError;
 use super::grid::Grid;
 use super::pieces;
-use super::region::Region;
+use super::region::{Bounds, Region};
 use crate::ids::GlobalId;
 use crate::output::header::Header;
 use crate::output::snapshot::Reader;
@@ -120,8 +120,28 @@ impl Members {
     }
 }
 
+/// Cells of about this side [m] of the domain, and as many more where walls have moved out of it that they hold the centres of all
+/// grains. They are the same in all snapshots of a domain.
+fn cells_of_all(reader: &Reader, side: f64) -> Result<Grid, MeasureError> {
+    let header = reader.header();
+    let mut reached = Bounds { low: header.cell.low(), high: header.cell.high() };
+    let grid = Grid::of(&reached, side)?;
+    let open = [0, 1, 2].map(|k| header.cell.period(k).is_none());
+    for rows in pieces(reader.particle_count()) {
+        let particles = reader.particles(rows)?;
+        check::check_particles(header, &particles)?;
+        for place in &particles.position {
+            for k in (0..3).filter(|&k| open[k]) {
+                reached.low[k] = reached.low[k].min(place[k]);
+                reached.high[k] = reached.high[k].max(place[k]);
+            }
+        }
+    }
+    grid.reaching(&reached)
+}
+
 impl Mixing {
-    /// Of a snapshot, in cells of about this side [m] of the region, or of the domain.
+    /// Of a snapshot, in cells of about this side [m] of the region, or of the domain and what walls that moved have added to it.
     ///
     /// # Errors
     /// A file that cannot be read or makes no sense, or a region with one group or none.
@@ -135,10 +155,7 @@ impl Mixing {
         region.check(header)?;
         let grid = match region {
             Region::Box(bounds) => Grid::of(&bounds, side)?,
-            Region::Whole => {
-                let (low, high) = (header.cell.low(), header.cell.high());
-                Grid::of(&super::region::Bounds { low, high }, side)?
-            }
+            Region::Whole => cells_of_all(reader, side)?,
         };
         // All grains and those of the first group.
         let mut counts = vec![[0u64; 2]; grid.len()];
@@ -148,7 +165,12 @@ impl Mixing {
             for row in 0..particles.id.len() {
                 let place = header.cell.inside(particles.position[row]);
                 let group = members.is_first(header, &particles, row);
-                if let (Some(cell), Some(is_first)) = (grid.cell_at(&place), group) {
+                let cell = match region {
+                    Region::Box(_) => grid.cell_at(&place),
+                    // All lie in it, but for rounding.
+                    Region::Whole => grid.nearest_cell(&place),
+                };
+                if let (Some(cell), Some(is_first)) = (cell, group) {
                     counts[cell][0] += 1;
                     counts[cell][1] += u64::from(is_first);
                 }

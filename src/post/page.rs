@@ -116,11 +116,15 @@ fn head(out: &mut String, title: &str, report: &Report) {
     let walls = if report.walls_in_fabric { "; fabric and forces with wall contacts" } else { "" };
     let _ = write!(
         out,
-        "<header>\n<h1>{}</h1>\n<p>Step {} at t = {} s, {place}{walls}.</p>\n</header>\n",
+        "<header>\n<h1>{}</h1>\n<p>Step {} at t = {} s, {place}{walls}.</p>\n",
         escaped(title),
         report.summary.step,
         readable(report.summary.time_s)
     );
+    for doubt in &report.doubts {
+        let _ = writeln!(out, "<p>Doubtful: {}.</p>", escaped(doubt));
+    }
+    out.push_str("</header>\n");
 }
 
 /// A box by its sides [m], as a report has it.

@@ -138,7 +138,7 @@ fn both<'a>(normal: &'a Histogram, shear: &'a Histogram) -> [Named<'a>; 2] {
 
 /// Densities of forces over the mean, semi-logarithmic.
 pub fn densities(histograms: &[Named], mark: Mark) -> (Axes, Vec<Series>) {
-    let series = force_series(histograms, mark, |_, density| density);
+    let series = force_series(histograms, mark, |histogram| histogram.density().collect());
     let values = || series.iter().flat_map(|s| &s.points);
     let farthest = values().map(|p| p.0).fold(3.0, f64::max);
     let y = decades(values().map(|p| p.1));
@@ -146,21 +146,22 @@ pub fn densities(histograms: &[Named], mark: Mark) -> (Axes, Vec<Series>) {
     (Axes { log_y: true, ..axes }, series)
 }
 
-/// Shares of forces by decade.
+/// Shares of forces by decade; the bins are logarithmic.
 pub fn shares_per_decade(histograms: &[Named], mark: Mark) -> (Axes, Vec<Series>) {
-    // Density by decade: dP/d(log10 f) = f ln(10) dP/df.
-    let per_decade = |force: f64, density: f64| force * std::f64::consts::LN_10 * density;
-    let series = force_series(histograms, mark, per_decade);
+    let series = force_series(histograms, mark, |histogram| histogram.share_per_decade().collect());
     let values = || series.iter().flat_map(|s| &s.points);
     let (x, y) = (decades(values().map(|p| p.0)), 0.0..span(values().map(|p| p.1)).end);
     let axes = linear("force / mean normal force", "share of contacts per decade", x, y);
     (Axes { log_x: true, ..axes }, series)
 }
 
-fn force_series(histograms: &[Named], mark: Mark, height: impl Fn(f64, f64) -> f64) -> Vec<Series> {
+fn force_series(
+    histograms: &[Named],
+    mark: Mark,
+    heights: impl Fn(&Histogram) -> Vec<(f64, f64)>,
+) -> Vec<Series> {
     let points = |histogram: &Histogram| {
-        let filled = histogram.density().filter(|&(_, density)| density > 0.0);
-        filled.map(|(force, density)| (force, height(force, density))).collect()
+        heights(histogram).into_iter().filter(|&(_, height)| height > 0.0).collect()
     };
     let of_one = |&(name, colour, histogram): &Named| Series {
         name: name.into(),

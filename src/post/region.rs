@@ -206,9 +206,10 @@ impl<'a> Turned<'a> {
 /// The box of the whole packing. On each side it ends
 /// * at the end of the period, if the axis is periodic;
 /// * else at a wall across that axis, if there is one, touched or not (of several, the innermost);
-/// * else at the outermost particle surface.
+/// * else at the outermost particle surface, be the particle in flight.
 ///
-/// A slanted wall bounds nothing here: give a region for such a packing.
+/// Slanted walls, those of several planes, and those of triangles, cylinders and cones bound nothing here. Reports say
+/// where the box is doubtful for that; a region within the packing is not.
 #[derive(Clone, Debug)]
 pub struct Extent {
     low: Vec3,
@@ -249,6 +250,85 @@ impl Extent {
         let usable = bounds.lengths().iter().all(|&l| l > 0.0 && l.is_finite());
         usable.then_some(bounds)
     }
+}
+
+/// What makes the box in which is measured another room than that of the grains: of the whole packing sides that no period and no
+/// plane ends, and walls that are no planes across an axis. A sentence each.
+pub(super) fn doubts(header: &Header, region: &Region, packing: Option<&Bounds>) -> Vec<String> {
+    let (bounds, open) = match (region, packing) {
+        (Region::Box(bounds), _) => (bounds, Vec::new()),
+        (Region::Whole, Some(packing)) => (packing, open_sides(header)),
+        (Region::Whole, None) => return Vec::new(),
+    };
+    let mut doubts = Vec::new();
+    if !open.is_empty() {
+        doubts.push(format!(
+            "the box of the packing ends at the outermost grain towards {}, be it in flight: no period and no plane across the axis \
+             ends it there. Volume, solid fraction, stress and profiles are of that box; a --region within the packing gives those \
+             that hold",
+            open.join(", ")
+        ));
+    }
+    let triangles = header.triangles_in_place();
+    // Where a side is open, a wall that does not reach into the box of the grains may be what was taken to end it.
+    let counts = |k: usize| !open.is_empty() || comes_into(&header.walls[k], k, &triangles, bounds);
+    let others = (0..header.walls.len()).filter(|&k| !is_across(&header.walls[k]) && counts(k));
+    let names: Vec<String> = others.map(|k| format!("\"{}\"", header.walls[k].name)).collect();
+    if !names.is_empty() {
+        let (walls, are) = match names[..] {
+            [_] => ("wall", "is no plane across an axis and ends"),
+            _ => ("walls", "are no planes across an axis and end"),
+        };
+        doubts.push(format!(
+            "{walls} {} {are} nothing: what is behind counts as room of the grains, in volumes and in the \
+             areas of other walls; a --region in front gives densities and stresses that hold",
+            names.join(", ")
+        ));
+    }
+    doubts
+}
+
+/// The sides on which neither a period nor a plane across the axis ends the packing, as -x.
+fn open_sides(header: &Header) -> Vec<String> {
+    let sides = AXES.into_iter().enumerate().flat_map(|(k, axis)| {
+        let is_open = move |inwards: f64| {
+            let mut planes = header.planes();
+            header.cell.period(k).is_none() && !planes.any(|w| inwards * w.normal[k] > ACROSS)
+        };
+        let ends = [("-", 1.0), ("+", -1.0)].into_iter();
+        ends.filter(move |&(_, inwards)| is_open(inwards))
+            .map(move |(end, _)| format!("{end}{axis}"))
+    });
+    sides.collect()
+}
+
+/// Is it one plane across an axis?
+fn is_across(wall: &WallRow) -> bool {
+    wall.is_one_plane() && wall.normal.amax() > ACROSS
+}
+
+/// Is a part of a wall in a box, or behind a plane of it a part of the box? `triangles` are those of all walls in place. Of a triangle
+/// the box around it counts.
+fn comes_into(
+    wall: &WallRow,
+    index: usize,
+    triangles: &[(usize, [Vec3; 3])],
+    bounds: &Bounds,
+) -> bool {
+    let half = bounds.lengths() * 0.5;
+    let middle = bounds.low + half;
+    // What touches from outside is not in it.
+    let slack = 1e-9 * half.amax();
+    let is_cut = |(point, normal): (Vec3, Vec3)| {
+        half.dot(&normal.abs()) - (middle - point).dot(&normal) > slack
+    };
+    let is_in = |corners: &[Vec3; 3]| {
+        let [a, b, c] = corners;
+        let (low, high) = (a.inf(b).inf(c), a.sup(b).sup(c));
+        (0..3).all(|k| high[k] > bounds.low[k] + slack && low[k] < bounds.high[k] - slack)
+    };
+    let mut own = triangles.iter().filter(|(of, _)| *of == index);
+    wall.planes().into_iter().any(is_cut) || own.any(|(_, corners)| is_in(corners))
 }
 
 /// Along which axes a period or walls on both sides end the packing. Along the others the box of an [`Extent`] ends at

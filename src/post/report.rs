@@ -3,7 +3,7 @@
 use super::coordination::Coordination;
 use super::fabric::{Among, Degrees, Fabric, ForceFabric, Rose, degree};
 use super::forces::Forces;
-use super::region::{Bounds, Region, Slide, Strain, enclosed, slides};
+use super::region::{Bounds, Region, Slide, Strain, doubts, enclosed, slides};
 use super::stress::{Principal, Stress, on_walls, shear_over_normal};
 use super::sums::quotient;
 use crate::math::Vec3;
@@ -21,6 +21,9 @@ pub struct Report {
     pub packing_m: Option<Bounds>,
     /// Whether it ends at a period or at walls on both sides, along x, y and z; else there is no strain.
     pub enclosed: [bool; 3],
+    /// What is doubtful about the numbers, a sentence each.
+    #[serde(default)]
+    pub doubts: Vec<String>,
     /// What a shear strain is found from: across each axis, how one end stands along the other [m].
     #[serde(default)]
     pub slides: [Option<Slide>; 3],
@@ -274,6 +277,7 @@ impl Report {
             snapshot: snapshot.to_string(),
             packing_m: parts.packing,
             enclosed: enclosed(header),
+            doubts: doubts(header, &parts.region, parts.packing.as_ref()),
             slides: slides(header),
             region_m: match parts.region {
                 Region::Whole => None,

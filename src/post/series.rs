@@ -1,9 +1,9 @@
 //! The snapshots of a run, one after the other.
 
 use super::picture::Picture;
-use super::region::Margin;
+use super::region::{Margin, Region, doubts};
 use super::report::Report;
-use super::{PostError, Settings, analyse, inside};
+use super::{Analysis, PostError, Settings, analyse, inside};
 use crate::output::header::{Header, ShapeRow};
 use crate::output::snapshot::{Reader, step_of};
 use std::fmt::Display;
@@ -145,12 +145,18 @@ pub fn reports(snapshots: &[Snapshot], choice: &Choice) -> Result<Analysed, Post
         let reader = &Reader::open(path)?;
         is_anybody_there = reader.particle_count() > 0;
         let name = path.display().to_string();
-        let analysed = || {
+        let analysed = || -> Result<Analysis, PostError> {
             let mut settings = choice.settings;
             if let Some(margin) = choice.margin {
                 settings.region = inside(reader, margin)?;
             }
-            analyse(reader, &name, settings)
+            let mut analysis = analyse(reader, &name, settings)?;
+            if choice.margin.is_some() {
+                // The layer is taken off the box of the whole packing.
+                let packing = analysis.report.packing_m.as_ref();
+                analysis.report.doubts = doubts(reader.header(), &Region::Whole, packing);
+            }
+            Ok(analysis)
         };
         match analysed() {
             Ok(analysis) => {

@@ -5,6 +5,7 @@
 //! the vertical through the centre of mass. A line is fitted by least squares to the columns of all strips whose mean height is between 20 and
 //! 80 % of the way from the lowest to the highest strip: foot and top, which are round, are left out. `atan` of its slope is the angle.
 //! It is positive where the surface rises along the axis; of a cone it is taken towards the middle. A column without grains has no surface.
+//! Grains without contacts, which are in flight, are left out, unless no grain has any.
 
 use super::check;
 use super::errors::MeasureError;
@@ -59,6 +60,7 @@ impl Slope {
             return Err(MeasureError::NoVertical { gravity });
         }
         let width = Margin::Diameters(1.0).metres(reader)?;
+        let any_touches = any_touches(reader)?;
         // Of each column the highest place and the centre of its grain.
         let mut tops: BTreeMap<[i64; 2], (f64, Vec3)> = BTreeMap::new();
         let (mut moment, mut mass) = (Vec3::zeros(), 0.0);
@@ -69,6 +71,9 @@ impl Slope {
                 if let Region::Box(bounds) = region
                     && !bounds.contains(place)
                 {
+                    continue;
+                }
+                if any_touches && particles.coordination[row] == 0 {
                     continue;
                 }
                 let shape = &header.shapes[particles.shape[row].index()];
@@ -106,6 +111,16 @@ impl Slope {
             columns: fit.columns as u64,
         })
     }
+}
+
+/// Has any grain a contact, so that those without are in flight?
+fn any_touches(reader: &Reader) -> Result<bool, MeasureError> {
+    for rows in pieces(reader.particle_count()) {
+        if reader.particles(rows)?.coordination.iter().any(|&contacts| contacts > 0) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 struct Fit {

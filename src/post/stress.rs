@@ -20,7 +20,7 @@
 //! without. The first two differ by one overlap per box length, half of it at each wall.
 
 use super::PostError;
-use super::region::{ACROSS, Bounds, Members, walls_across};
+use super::region::{ACROSS, Bounds, Members, enclosed, walls_across};
 use super::sums::{ExactMat3, deviator, inner, quotient, rows};
 use crate::math::{Mat3, Vec3};
 use crate::output::header::Header;
@@ -71,10 +71,14 @@ impl StressSum {
 }
 
 /// Load over area of the walls across each axis [Pa], compression positive: the mean of both sides.
-/// `None` where a side has no wall, whose load the stress in between need not be.
+/// `None` where a side has no wall, whose load the stress in between need not be, and where a side along the wall is open, so that
+/// its area is not known.
 pub fn on_walls(header: &Header, packing: &Bounds) -> [Option<f64>; 3] {
-    let lengths = packing.lengths();
+    let (lengths, enclosed) = (packing.lengths(), enclosed(header));
     [0, 1, 2].map(|k| {
+        if !(enclosed[(k + 1) % 3] && enclosed[(k + 2) % 3]) {
+            return None;
+        }
         let area = lengths.product() / lengths[k];
         let side = |sign: f64| {
             let walls = header.planes().filter(move |w| sign * w.normal[k] > ACROSS);

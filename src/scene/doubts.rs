@@ -9,6 +9,7 @@ use crate::ids::{MaterialId, ShapeId};
 use crate::law::Body;
 use crate::law::stability::lost_levers;
 use crate::math::Vec3;
+use crate::output::table::stressed;
 use crate::particles::walls::{Wall, room};
 use crate::shape::triangle_mesh::{MeshFacet, Strip};
 use crate::shape::{Kind, Shape};
@@ -34,7 +35,7 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         seldom_looked(scene),
         too_many_at_once(scene),
         nothing_leaves(scene),
-        servo_in_a_pipe(scene),
+        area_in_a_pipe(scene),
         rest_beside_drives(scene),
         stop_too_late(scene),
     ];
@@ -124,14 +125,20 @@ fn too_many_at_once(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A servo whose area walls that are no planes may narrow.
-fn servo_in_a_pipe(scene: &Scene) -> Option<String> {
-    let servo = scene.servos.first()?;
-    let other = scene.walls.iter().find(|wall| wall.mesh.is_some())?;
+/// A servo, or a stress that is written, whose area walls that are no planes across an axis may narrow.
+fn area_in_a_pipe(scene: &Scene) -> Option<String> {
+    let (walls, domain) = (&scene.walls, &scene.domain);
+    let other = walls.iter().find(|wall| wall.across().is_none())?;
+    let of_servo = scene.servos.first().map(|servo| {
+        (format!("the stress on wall {}", servo.names(walls)), servo.area(walls, domain))
+    });
+    let written = || {
+        let (wall, area) = stressed(walls, domain).next()?;
+        Some((format!("`stress_{}_Pa` of history.csv", wall.name), area))
+    };
+    let (stress, area) = of_servo.or_else(written)?;
     Some(format!(
-        "the stress on wall {} is force over {:.4e} m2, the area between planes and periods: wall \"{}\" does not narrow that",
-        servo.names(&scene.walls),
-        servo.area(&scene.walls, &scene.domain),
+        "{stress} is force over {area:.4e} m2, the area between planes and periods: wall \"{}\" does not narrow that",
         other.name
     ))
 }

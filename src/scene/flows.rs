@@ -171,12 +171,20 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
     })
 }
 
-/// A name that no other has.
+/// A name that no other has, and of which columns of `history.csv` are not those of another: masses end in `_kg`.
 fn name(section: &Section, names: &mut Vec<String>) -> Option<String> {
     section.require("name", "any text", |given| {
         let name = given.text()?.to_owned();
         if names.contains(&name) {
             given.fail("another has this name");
+        }
+        let shares_column = |other: &&String| {
+            name.strip_suffix("_kg") == Some(other) || other.strip_suffix("_kg") == Some(&name)
+        };
+        if let Some(other) = names.iter().find(shares_column) {
+            given.fail(format!(
+                "it and `{other}` would share a column of history.csv, where masses end in _kg: take another name"
+            ));
         }
         names.push(name.clone());
         Some(name)

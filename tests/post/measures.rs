@@ -131,6 +131,53 @@ fn a_grain_is_spread_as_lucy_s_polynomial() {
     close(part.mass() / mass, 0.5, 1e-12, "half");
 }
 
+/// A force of 1 N along a branch that is much longer than the weight: there are no holes along it. In the middle of it the stress is
+/// `f ∫ φ dx` over the weight's range h, with Lucy's `φ = 105 / (16 π h³) (1 + 3q) (1 - q)³` twice `h (1/4 + 3/20)` of that.
+#[test]
+fn a_long_branch_has_no_holes() {
+    let (width, length): (f64, f64) = (0.5e-3, 6e-3);
+    let middle = Vec3::repeat(0.01);
+    let half = Vec3::x() * 0.5 * length;
+    let mut two = balls(Vec3::repeat(0.02), false, vec![middle - half, middle + half]);
+    push(&mut two.contacts, (0, GlobalId(1)), middle - half, half * 2.0, half);
+    push_force(&mut two.contacts, Vec3::x(), 1e-6, 1.0, Vec3::zeros());
+    let (_folder, reader) = stored(&two);
+    // Cells of a tenth of the width, their middles on the branch.
+    let side = 0.1 * width;
+    let exact = 0.8 * 105.0 / (16.0 * PI * (2.0 * width).powi(2));
+    for part in -10..=10 {
+        let centre = middle + Vec3::x() * (f64::from(part) * 0.1 * width);
+        let around = Vec3::repeat(0.5 * side);
+        let bounds = Bounds { low: centre - around, high: centre + around };
+        let how = Smoothing { weight: Weight::Lucy, width, side };
+        let fields = Fields::of(&reader, Region::Box(bounds), how).unwrap();
+        assert_eq!(fields.grid.len(), 1);
+        close(fields.contact_stress[0].m11 / exact, 1.0, 5e-4, "stress");
+        // No grain is near: the cell has a row for its stress.
+        assert_eq!(fields.density, [0.0]);
+        let mut table = Vec::new();
+        fields.write_csv(&mut table).unwrap();
+        assert_eq!(String::from_utf8(table).unwrap().lines().count(), 2);
+    }
+    let aside = Bounds { low: Vec3::repeat(0.001), high: Vec3::repeat(0.002) };
+    let how = Smoothing { weight: Weight::Lucy, width, side: width };
+    let nobody = Fields::of(&reader, Region::Box(aside), how);
+    assert!(matches!(nobody, Err(MeasureError::NobodyThere)));
+}
+
+/// Whole cells in a box are no larger than what was asked for, so that they resolve the weight.
+#[test]
+fn cells_of_fields_are_as_large_as_asked_at_most() {
+    let one = balls(Vec3::repeat(0.02), false, vec![Vec3::repeat(0.01)]);
+    let (_folder, reader) = stored(&one);
+    let how = Smoothing { weight: Weight::Lucy, width: 1e-3, side: 1e-3 };
+    let low = Vec3::repeat(0.01);
+    let high = low + Vec3::new(1.4e-3, 3e-3, 2.2e-3);
+    let fields = Fields::of(&reader, Region::Box(Bounds { low, high }), how).unwrap();
+    assert_eq!(fields.grid.cells, [2, 3, 3]);
+    assert!(fields.grid.sides.max() <= how.side * (1.0 + 1e-8));
+}
+
 /// Images of a sheared cell carry its flow: balls that move with it have next to no motion against the mean.
 #[test]
 fn a_sheared_cell_is_smooth_across_its_faces() {
@@ -139,13 +186,24 @@ fn a_sheared_cell_is_smooth_across_its_faces() {
     let mut cell = snapshot.header.cell.with_shear(shear).unwrap();
     (0..7).for_each(|_| cell.advance(1e-3));
     snapshot.header.cell = cell;
+    // Branches that reach across the faces add up, too.
+    let branches = &snapshot.contacts;
+    let moments = (0..branches.a.len()).map(|k| branches.force(k) * branches.branch[k].transpose());
+    let moment: Mat3 = moments.sum();
+    let (_folder, reader) = stored(&snapshot);
+    for weight in [Weight::Lucy, Weight::Gauss] {
+        let fields = Fields::of(&reader, Region::Whole, smoothing(weight)).unwrap();
+        close(fields.mass() / (300.0 * 1e-5), 1.0, 1e-13, "mass");
+        let sum = fields.contact_stress.iter().sum::<Mat3>() * fields.grid.volume();
+        close_matrix(&(sum / moment.amax()), &(moment / moment.amax()), 1e-12, "moment");
+    }
     snapshot.contacts = ContactTable::default();
     for (v, place) in snapshot.particles.velocity.iter_mut().zip(&snapshot.particles.position) {
         *v = cell.flow_at(place);
     }
     let (_folder, reader) = stored(&snapshot);
     let fields = Fields::of(&reader, Region::Whole, smoothing(Weight::Lucy)).unwrap();
-    close(fields.mass() / (300.0 * 1e-5), 1.0, 1e-2, "mass");
+    close(fields.mass() / (300.0 * 1e-5), 1.0, 1e-13, "mass");
     for (number, velocity) in fields.velocity.iter().enumerate() {
         if fields.density[number] > 0.0 {
             let expected = cell.flow_at(&fields.grid.centre(number));
@@ -266,6 +324,43 @@ fn groups_stay_what_they_were() {
     assert!(made.contains("Lacey's index 1.125"), "{made}");
 }
 
+/// Cells are the same in all snapshots: as large as the grains of the first say, and where the domain has them.
+#[test]
+fn cells_of_mixing_stay_where_they_are() {
+    let places: Vec<Vec3> = (0..64)
+        .map(|k| Vec3::new(f64::from(k % 4), f64::from(k / 4 % 4), f64::from(k / 16)))
+        .map(|place| place.add_scalar(0.5) * DIAMETER)
+        .collect();
+    let first = balls(Vec3::repeat(4.0 * DIAMETER), false, places);
+    let (_folder, start) = stored(&first);
+    let members = Members::of(&Groups::Half(0), &start).unwrap();
+    // Walls that have moved out leave room beyond the domain.
+    for (axis, way) in [(0, 2.0), (0, -2.0), (1, 2.0), (2, -4.0), (2, 6.0)] {
+        let mut moved = first.clone();
+        moved.particles.position.iter_mut().for_each(|place| place[axis] += way * DIAMETER);
+        let (_moved, reader) = stored(&moved);
+        let mixing = Mixing::of(&reader, &members, Region::Whole, 2.0 * DIAMETER).unwrap();
+        assert_eq!((mixing.grains, mixing.cells), (64, 8), "{axis} {way}");
+        assert!(mixing.index.unwrap().abs() < 1e-15, "{axis} {way}");
+    }
+    let mut smaller = first.clone();
+    smaller.particles.scale = vec![0.5; 64];
+    smaller.header.step = first.header.step + 1;
+    smaller.header.time = first.header.time + 1e-3;
+    let folder = tempfile::tempdir().unwrap();
+    store(folder.path(), &first);
+    store(folder.path(), &smaller);
+    let mut dem_post = Command::new(env!("CARGO_BIN_EXE_dem-post"));
+    let measures = ["--series", "--mixing", "half:x", "--grid", "2d", "--fields", "2d"];
+    let made = dem_post.arg(folder.path()).args(measures).output().unwrap();
+    assert_eq!(made.status.code(), Some(0), "{made:?}");
+    let said = String::from_utf8(made.stdout).unwrap();
+    assert!(said.contains("cells, width 0.004000 m"), "{said}");
+    let table = std::fs::read_to_string(folder.path().join("post_series/mixing.csv")).unwrap();
+    let cells: Vec<_> = table.lines().map(|line| line.split(',').nth(3).unwrap()).collect();
+    assert_eq!(cells, ["cells", "8", "8"]);
+}
+
 /// Of grains of many sizes a diameter is that of the ball of their mean volume.
 #[test]
 fn a_diameter_is_that_of_the_grains() {
@@ -309,6 +404,18 @@ fn the_slope_of_a_cone_is_found() {
         let slope = Slope::of(&reader, Region::Whole, Direction::Y).unwrap();
         assert!((slope.angle_degrees - degrees).abs() < 0.7, "{degrees}: {slope:?}");
     }
+    // A ball in the air beyond the foot is no part of the surface.
+    let cone = steep(25.0, &|x, y, tangent| (28e-3 - (x - 30.5e-3).hypot(y - 30.5e-3)) * tangent);
+    let slope_with = |thrown: Option<Vec3>| {
+        let places = cone.particles.position.iter().copied().chain(thrown).collect();
+        let mut heap = balls(Vec3::repeat(0.07), false, places);
+        heap.particles.coordination = vec![3; cone.particles.id.len()];
+        heap.particles.coordination.extend(thrown.map(|_| 0));
+        Slope::of(&stored(&heap).1, Region::Whole, Direction::Radial).unwrap()
+    };
+    let alone = slope_with(None);
+    assert!((alone.angle_degrees - 25.0).abs() < 0.7, "{alone:?}");
+    assert_eq!(slope_with(Some(Vec3::new(5e-3, 5e-3, 0.06))), alone);
     // A series begins flat.
     let folder = tempfile::tempdir().unwrap();
     let flat = balls(Vec3::repeat(0.07), false, vec![Vec3::repeat(0.01)]);
@@ -357,7 +464,10 @@ fn flow_is_counted_through_a_plane() {
         readers.push(Reader::open(&folder.path().join("last.vtkhdf")).map_err(MeasureError::from));
     }
     let plane = Plane { axis: 2, at: 0.01, up: false };
-    let rows = through_plane(readers.into_iter(), plane).unwrap();
+    let through = through_plane(readers.into_iter(), plane).unwrap();
+    // Those that an outlet took were behind the plane.
+    assert_eq!((through.new_behind, through.gone_before), (0, 0));
+    let rows = through.rows;
     assert_eq!(
         rows.iter().map(|row| row.grains).collect::<Vec<_>>(),
         (0..10).map(|k| 3.0 * f64::from(k)).collect::<Vec<_>>()
@@ -378,6 +488,39 @@ fn flow_is_counted_through_a_plane() {
     assert!(
         Rate::of(&[row(0.0, 0.0)], None).unwrap_err().to_string().contains("1 rows in the window")
     );
+}
+
+/// Where grains that were not there before came from is not known: those that are behind the plane are told.
+#[test]
+fn grains_first_seen_behind_a_plane_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut readers = Vec::new();
+    let (before, behind) = (0.02, 0.005);
+    let states: [&[(u64, f64)]; 3] = [
+        &[(0, before), (1, behind)],
+        &[(0, behind), (1, behind), (2, before), (3, behind), (4, behind)],
+        &[(3, behind), (5, before)],
+    ];
+    for (step, state) in (1_u32..).zip(states) {
+        let places = state.iter().map(|&(id, z)| Vec3::new(1e-3 * id as f64, 0.01, z)).collect();
+        let mut snapshot = balls(Vec3::new(0.02, 0.02, 0.06), false, places);
+        snapshot.particles.id = state.iter().map(|&(id, _)| GlobalId(id)).collect();
+        snapshot.header.next_id = 6;
+        snapshot.header.step = u64::from(step);
+        snapshot.header.time = 1e-3 * f64::from(step);
+        store(folder.path(), &snapshot);
+        readers.push(Reader::open(&folder.path().join("last.vtkhdf")).map_err(MeasureError::from));
+    }
+    let plane = Plane { axis: 2, at: 0.01, up: false };
+    let through = through_plane(readers.into_iter(), plane).unwrap();
+    assert_eq!(through.rows.iter().map(|row| row.grains).collect::<Vec<_>>(), [0.0, 1.0, 2.0]);
+    assert_eq!((through.new_behind, through.gone_before), (2, 1));
+    let mut dem_post = Command::new(env!("CARGO_BIN_EXE_dem-post"));
+    let made =
+        dem_post.arg(folder.path()).args(["--series", "--flow", "-z=0.01"]).output().unwrap();
+    let said = String::from_utf8(made.stdout).unwrap();
+    assert!(said.contains("behind the plane when first seen, and are not counted: 2."), "{said}");
+    assert!(said.contains("when last seen, and are counted: 1\n"), "{said}");
 }
 
 /// What the program says of measures that it cannot make, and what it writes of those that it can.

@@ -7,10 +7,11 @@ use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
 use dem_mpi::particles::columns::{Accumulated, Quantity};
+use dem_mpi::post::draw::{BLUE, Mark};
 use dem_mpi::post::fabric::Among;
 use dem_mpi::post::forces::Histogram;
 use dem_mpi::post::region::{Bounds, Region};
-use dem_mpi::post::{ParticlePass, Report, Settings};
+use dem_mpi::post::{ParticlePass, Report, Settings, plots};
 
 /// Some rows of a table, in this order.
 pub(super) fn some_particles(table: &ParticleTable, rows: &[usize]) -> ParticleTable {
@@ -123,6 +124,15 @@ fn forces_are_counted_over_their_mean() {
     close(forces.mean_friction_used.unwrap(), 0.125, ROUNDING, "friction used");
     let area: f64 = forces.normal.density().map(|(_, d)| d * 0.1).sum();
     close(area, 1.0, ROUNDING, "area under the density");
+    // Ten bins in a decade, drawn at their middles on a logarithmic axis.
+    let shown = ("normal", BLUE, &forces.normal_logarithmic);
+    let (_, drawn) = plots::shares_per_decade(&[shown], Mark::Dots);
+    let area: f64 = drawn[0].points.iter().map(|(_, share)| share * 0.1).sum();
+    close(area, 1.0, ROUNDING, "area under the shares by decade");
+    for (force, _) in &drawn[0].points {
+        let middle = 10.0 * force.log10() - 0.5;
+        assert!((middle - middle.round()).abs() < 1e-9, "{force}");
+    }
     assert_eq!(forces.shear_logarithmic.halves_below, 6, "three contacts without shear");
 }
 

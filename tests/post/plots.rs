@@ -5,12 +5,12 @@ use crate::packings::{Snapshot, ellipsoids, header, particles_at};
 use dem_mpi::cell::Cell;
 use dem_mpi::contact::StateColumn;
 use dem_mpi::drive::{SavedColumn, SavedState, Values, servo};
-use dem_mpi::math::Vec3;
+use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::output::header::{Header, WallRow};
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
 use dem_mpi::particles::walls::Wall;
 use dem_mpi::post::history::History;
-use dem_mpi::post::region::Bounds;
+use dem_mpi::post::region::{Bounds, Region};
 use dem_mpi::post::views::{Layer, Views};
 use dem_mpi::post::{Settings, page, panels, plots};
 
@@ -19,7 +19,7 @@ fn views(snapshot: &Snapshot, bounds: &Bounds) -> Views {
     let mut views =
         Views::new(&snapshot.header, bounds, (6.0 / std::f64::consts::PI * volume).cbrt());
     views.add_particles(&snapshot.header, &snapshot.particles);
-    views.add_contacts(&snapshot.contacts);
+    views.add_contacts(&snapshot.header, &snapshot.contacts);
     views
 }
 
@@ -256,6 +256,25 @@ fn the_layers_of_a_profile_make_up_the_packing() {
                 expected[k]
             );
         }
+    }
+}
+
+/// Of a region that is cut upright through contacts, too, at either side.
+#[test]
+fn the_layers_of_a_region_have_its_stress() {
+    let snapshot = ellipsoids(5, 8);
+    let whole = snapshot.report().bounds_m.unwrap();
+    let middle = 0.37 * whole.low + 0.63 * whole.high;
+    let (mut left, mut right, mut corner) = (whole, whole, whole);
+    (left.high.x, right.low.x) = (middle.x, middle.x);
+    (corner.low.x, corner.high.y) = (middle.x, middle.y);
+    for region in [left, right, corner] {
+        let settings = Settings { region: Region::Box(region), ..Settings::default() };
+        let report = snapshot.analyse(settings).unwrap().report;
+        let layers = views(&snapshot, &region).profile.layers();
+        let sum: Mat3 = layers.iter().map(|layer| layer.stress).sum();
+        let (found, expected) = (sum / layers.len() as f64, report.stress_pa.unwrap().tensor);
+        assert!((found - expected).amax() < 1e-9 * expected.amax(), "{found} {expected}");
     }
 }
 

@@ -263,6 +263,27 @@ fn snapshots_of_different_runs_are_no_series() {
     }
 }
 
+/// What is doubtful stands in the terminal, in the page and in the numbers.
+#[test]
+fn the_program_tells_what_is_doubtful() {
+    let folder = tempfile::tempdir().unwrap();
+    store(folder.path(), &ellipsoids(2, 7));
+    for (margin, out) in [(&[][..], "post"), (&["--margin", "0.0005", "--out"], "inner")] {
+        let out = folder.path().join(out);
+        let mut dem_post = Command::new(env!("CARGO_BIN_EXE_dem-post"));
+        dem_post.arg(folder.path()).args(margin);
+        let made = if margin.is_empty() { &mut dem_post } else { dem_post.arg(&out) };
+        let said = String::from_utf8(made.output().unwrap().stdout).unwrap();
+        let doubt =
+            "the box of the packing ends at the outermost grain towards +z, be it in flight";
+        assert!(said.contains(&format!("\ndoubtful: {doubt}")), "{said}");
+        let read = |file: &str| std::fs::read_to_string(out.join(file)).unwrap();
+        assert!(read("index.html").contains(&format!("Doubtful: {doubt}")));
+        let reports: Vec<Report> = serde_json::from_str(&read("report.json")).unwrap();
+        assert!(matches!(&reports[0].doubts[..], [one] if one.starts_with(doubt)));
+    }
+}
+
 #[test]
 fn two_snapshots_of_one_step_are_refused() {
     let folder = tempfile::tempdir().unwrap();

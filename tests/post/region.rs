@@ -15,7 +15,7 @@ use dem_mpi::post::{Settings, inside, plots, series};
 use dem_mpi::random::Random;
 use dem_mpi::shape::{
     Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
-    Spherocylinder, Superellipsoid,
+    Spherocylinder, Superellipsoid, TriangleMesh,
 };
 use nalgebra::Quaternion;
 use std::f64::consts::PI;
@@ -324,6 +324,91 @@ fn an_open_packing_has_no_strain() {
         |periodic| both(&between(closed(0.02), periodic), &between(closed(0.019), periodic));
     assert_eq!(plates(false).0, (true, false));
     assert_eq!(plates(true).0, (true, true));
+}
+
+/// A wall of the header, with its triangles if it has some.
+fn add_wall(header: &mut Header, wall: &Wall) {
+    let (point, normal) = wall.surface();
+    let (velocity, force) = (Vec3::zeros(), Vec3::zeros());
+    let (name, body) = (wall.name.clone(), wall.saved());
+    header.walls.push(WallRow { name, point, normal, velocity, force, body });
+    let triangles = wall.mesh.iter().flat_map(|mesh| mesh.surface.triangles());
+    header.triangles.extend(triangles.map(|t| std::array::from_fn(|k| t[k / 3][k % 3])));
+}
+
+fn pipe(from: Vec3, radius: f64) -> Wall {
+    let surface = TriangleMesh::of_revolution(&from, &(from + Vec3::z() * 0.05), [radius; 2]);
+    Wall::of_mesh("pipe".to_owned(), Vec3::zeros(), surface)
+}
+
+/// Whatever ends the box of the packing but periods and planes across axes is told.
+#[test]
+fn a_box_that_no_plane_ends_is_doubtful() {
+    let doubts = |snapshot: &Snapshot| snapshot.report().doubts;
+    let (low, high) = (Vec3::repeat(-0.01), Vec3::new(0.01, 0.01, 0.05));
+    let mut ball = Snapshot {
+        header: header(low, high, false, Vec3::repeat(1e-3), 1),
+        particles: particles_at(vec![Vec3::zeros()]),
+        contacts: ContactTable::default(),
+    };
+    add_wall(&mut ball.header, &pipe(Vec3::zeros(), 0.01));
+    let told = doubts(&ball);
+    assert_eq!(told.len(), 2, "{told:?}");
+    assert!(told[0].contains("grain towards -x, +x, -y, +y, -z, +z, be it in flight"), "{told:?}");
+    assert!(told[1].starts_with("wall \"pipe\" is no plane across an axis and ends"), "{told:?}");
+    let volume = ball.report().summary.volume_m3.unwrap();
+    close(volume / 8e-9, 1.0, ROUNDING, "the box about the ball");
+    ball.header.cell = Cell::new(low, high, [true; 3]);
+    ball.header.walls.clear();
+    assert_eq!(doubts(&ball), Vec::<String>::new());
+
+    // One grain in the air makes the box of an open packing higher.
+    let open = ellipsoids(3, 9);
+    let mut thrown = open.clone();
+    thrown.particles.position[26].z += 0.01;
+    let volume = |snapshot: &Snapshot| snapshot.report().summary.volume_m3.unwrap();
+    assert!(volume(&thrown) > 1.5 * volume(&open));
+    for snapshot in [&open, &thrown] {
+        let told = doubts(snapshot);
+        assert!(matches!(&told[..], [one] if one.contains("grain towards +z, be")), "{told:?}");
+    }
+
+    // In a closed box walls that come into it are told, of a region those that come into that.
+    let closed = boxed(0.02, 1);
+    assert_eq!(doubts(&closed), Vec::<String>::new());
+    let slope = |x: f64| {
+        let normal = Vec3::new(0.6, 0.0, 0.8);
+        Wall::plane("slope".to_owned(), Vec3::x() * x, normal)
+    };
+    let corner = [(Vec3::z() * 1e-3, Vec3::z()), (Vec3::x() * 1e-3, Vec3::x())];
+    let corner = Wall::of_planes("corner".to_owned(), Vec3::zeros(), &corner);
+    for (wall, is_in) in [
+        (pipe(Vec3::new(0.0065, 0.0065, 0.0), 0.0065), true),
+        (pipe(Vec3::new(0.0065, 0.0065, 0.02), 0.0065), false),
+        (pipe(Vec3::new(1.0, 0.0, 0.0), 0.0065), false),
+        (slope(1e-3), true),
+        (slope(-1e-3), false),
+        (corner, true),
+    ] {
+        let mut walled = closed.clone();
+        add_wall(&mut walled.header, &wall);
+        let told = doubts(&walled);
+        let is_told = told.iter().any(|told| told.contains(&format!("wall \"{}\" is", wall.name)));
+        assert_eq!((told.len(), is_told), (usize::from(is_in), is_in), "{} {told:?}", wall.name);
+    }
+    let mut walled = closed;
+    [slope(1e-3), pipe(Vec3::new(0.0065, 0.0065, 0.0), 0.002)]
+        .iter()
+        .for_each(|wall| add_wall(&mut walled.header, wall));
+    assert!(doubts(&walled)[0].starts_with("walls \"slope\", \"pipe\" are no planes"));
+    let of_region = |low: Vec3| {
+        let bounds = Bounds { low, high: low + Vec3::repeat(4e-3) };
+        let settings = Settings { region: Region::Box(bounds), ..Settings::default() };
+        walled.analyse(settings).unwrap().report.doubts
+    };
+    assert_eq!(of_region(Vec3::new(0.0088, 0.0088, 0.003)), Vec::<String>::new());
+    let told = of_region(Vec3::new(0.005, 0.005, 0.003));
+    assert!(matches!(&told[..], [one] if one.starts_with("wall \"pipe\" is")), "{told:?}");
 }
 
 #[test]

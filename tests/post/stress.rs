@@ -2,6 +2,7 @@
 
 use super::{ROUNDING, close, close_matrix, json, matrix, members, number};
 use crate::packings::{Snapshot, boxed, ellipsoids, header, particles_at, push, push_force};
+use dem_mpi::cell::Cell;
 use dem_mpi::ids::GlobalId;
 use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::output::header::WallRow;
@@ -317,5 +318,12 @@ fn walls_tell_stress_and_inertial_number() {
     let open = ellipsoids(5, 8);
     let s = open.analyse(Settings::default()).unwrap().report.summary;
     assert_eq!((s.wall_stress_zz_pa, s.inertial_number), (None, None));
-    assert!(s.wall_stress_xx_pa.is_some());
+    // And the walls at the sides have no area.
+    assert_eq!((s.wall_stress_xx_pa, s.wall_stress_yy_pa), (None, None));
+    let mut periodic = open;
+    let cell = periodic.header.cell;
+    periodic.header.cell = Cell::new(cell.low(), cell.high(), [false, false, true]);
+    periodic.header.walls.iter_mut().for_each(|wall| wall.force = wall.normal * -10.0);
+    let s = periodic.report().summary;
+    close(s.wall_stress_xx_pa, 10.0 / (side * (cell.high().z - cell.low().z)));
 }

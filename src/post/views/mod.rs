@@ -40,7 +40,7 @@ impl Views {
             views.add_particles(reader.header(), &reader.particles(rows)?);
         }
         for rows in pieces(reader.contact_count()?) {
-            views.add_contacts(&reader.contacts(rows)?);
+            views.add_contacts(reader.header(), &reader.contacts(rows)?);
         }
         Ok(views)
     }
@@ -58,7 +58,7 @@ impl Views {
     /// Adds particles.
     pub fn add_particles(&mut self, header: &Header, particles: &ParticleTable) {
         for (row, centre) in particles.position.iter().enumerate() {
-            if !is_over(&self.bounds, centre) {
+            if !is_over(header, &self.bounds, centre) {
                 continue;
             }
             let body = Turned::of(header, particles, row);
@@ -69,16 +69,25 @@ impl Views {
         }
     }
 
-    /// Adds contacts.
-    pub fn add_contacts(&mut self, contacts: &ContactTable) {
+    /// Adds contacts. One with a partner beside the box counts as in the stress of the report: with the arm of the grain that is in it.
+    pub fn add_contacts(&mut self, header: &Header, contacts: &ContactTable) {
         for row in 0..contacts.a.len() {
             let (centre, branch) = (contacts.centre[row], contacts.branch[row]);
-            // The other end may lie beyond a period.
-            if !is_over(&self.bounds, &centre) {
-                continue;
+            let (force, other) = (contacts.force(row), centre + branch);
+            let from_a = contacts.point[row] - centre;
+            let is_wall = contacts.b[row].wall_index().is_some();
+            let is_a_in = is_over(header, &self.bounds, &centre);
+            let is_b_in = !is_wall && is_over(header, &self.bounds, &other);
+            match (is_a_in, is_b_in || is_wall) {
+                (true, true) => self.profile.add_contact(&centre, &branch, &force),
+                (true, false) => self.profile.add_contact(&centre, &from_a, &force),
+                (false, _) if is_b_in => {
+                    self.profile.add_contact(&other, &(from_a - branch), &-force);
+                }
+                (false, _) => {}
             }
-            self.profile.add_contact(&centre, &branch, &contacts.force(row));
-            if (self.bounds.low.z..=self.bounds.high.z).contains(&centre.z) {
+            // Drawn from A; the other end may lie beyond a period.
+            if is_a_in && (self.bounds.low.z..=self.bounds.high.z).contains(&centre.z) {
                 self.chains.add(&centre, &branch, contacts.normal_force[row]);
             }
         }
@@ -97,7 +106,8 @@ impl Views {
     }
 }
 
-/// Is a point within the four upright sides of a box?
-fn is_over(bounds: &Bounds, point: &Vec3) -> bool {
-    (0..2).all(|k| (bounds.low[k]..=bounds.high[k]).contains(&point[k]))
+/// Is a centre, or the image of it in the domain, within the four upright sides of a box? Boxes that share a side share no centre.
+fn is_over(header: &Header, bounds: &Bounds, centre: &Vec3) -> bool {
+    let place = header.cell.inside(*centre);
+    (0..2).all(|k| bounds.low[k] <= place[k] && place[k] < bounds.high[k])
 }

@@ -3,6 +3,8 @@
 //! A body's volume is shared among layers as that of an ellipsoid as high as it is: exactly for spheres and ellipsoids. The
 //! stress of a layer of volume V is `1/V Σ f ⊗ l s`, where `s` is the share of the line between the centres (or from a centre
 //! to the foot on a wall) that is in the layer: the same average as that of the whole packing, which is the mean of the layers.
+//! Where an upright side of a region is between two grains, the line is the arm of the grain in it, from its centre to the contact
+//! point, as in the stress of the region.
 
 use crate::math::{Mat3, Vec3};
 use crate::output::header::Header;
