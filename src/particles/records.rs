@@ -68,6 +68,7 @@ impl Particle {
     }
 
     /// The same with an angular velocity along the axes of the world [rad/s].
+    #[must_use]
     pub fn spinning(self, angular_velocity: Vec3, library: &Library) -> Self {
         // L = R I Rᵀ ω
         let local = self.quaternion.inverse_transform_vector(&angular_velocity);

@@ -80,7 +80,7 @@ impl Building {
                 }
             });
         }
-        found.sort_by(|a, b| (a.0, a.1, a.3).cmp(&(b.0, b.1, b.3)));
+        found.sort_by_key(|found| (found.0, found.1, found.3));
         found.dedup();
         found.sort_by(|a, b| (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2)));
         let of_triangle = |of: &[(usize, usize, f64, u32)]| {
