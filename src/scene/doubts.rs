@@ -1,6 +1,7 @@
 //! What the program knows to be doubtful about a scene before it runs.
 
-use super::{Fill, Method, Outlet, Rain, Scene};
+use super::laws::stress_of_force;
+use super::{Fill, Goal, Method, Outlet, Rain, Scene, Servo};
 use crate::cell::AXES;
 use crate::drive::inlet::MOST_AT_ONCE;
 use crate::drive::region::Region;
@@ -62,7 +63,7 @@ fn too_many_at_once(scene: &Scene) -> Option<String> {
 
 /// A servo whose area walls that are no planes may narrow.
 fn servo_in_a_pipe(scene: &Scene) -> Option<String> {
-    let servo = scene.servos.first()?;
+    let servo = scene.servos.iter().find(|servo| matches!(servo.goal, Goal::Stress(_)))?;
     let other = scene.walls.iter().find(|wall| wall.mesh.is_some())?;
     Some(format!(
         "the stress on wall {} is force over {:.4e} m2, the area between planes and periods: wall \"{}\" does not narrow that",
@@ -180,11 +181,17 @@ fn flat_for_hertz(scene: &Scene) -> Option<String> {
 
 /// A servo presses grains into each other by about `p d / k` of their diameter, as in a row of them.
 fn pressed_flat(scene: &Scene) -> Option<String> {
-    let stress = scene.servos.iter().map(|servo| servo.stress).fold(0.0, f64::max);
+    let (low, high) = (scene.domain.low(), scene.domain.high());
+    let of_servo = |servo: &Servo| match servo.goal {
+        Goal::Stress(stress) => (stress, String::new()),
+        Goal::Force { newtons, .. } => {
+            let stress = stress_of_force(newtons, &low, &high);
+            (stress, format!(", of {newtons:e} N over the smallest side of the domain,"))
+        }
+    };
+    let (stress, of_force) =
+        scene.servos.iter().map(of_servo).max_by(|a, b| a.0.total_cmp(&b.0))?;
     let law = scene.force_law();
-    if stress == 0.0 {
-        return None;
-    }
     let mean = |(shape, scale)| {
         let body = Body::of(&scene.library, shape, scale);
         let volume = scene.library.shapes[shape.index()].volume() * scale.powi(3);
@@ -198,7 +205,7 @@ fn pressed_flat(scene: &Scene) -> Option<String> {
     };
     (deepest > DEEPEST_START).then(|| {
         format!(
-            "a servo of {stress:e} Pa presses grains into each other by {how} {:.0} % of their diameter; DEM commonly permits \
+            "a servo of {stress:e} Pa{of_force} presses grains into each other by {how} {:.0} % of their diameter; DEM commonly permits \
              {} %: make contacts stiffer or the stress smaller",
             100.0 * deepest,
             100.0 * DEEPEST_START

@@ -148,8 +148,7 @@ impl Wall {
                 for (facet, geometry) in self.facets.iter_mut().zip(&saved.facets) {
                     facet.geometry = *geometry;
                 }
-                let turned =
-                    saved.following.is_some() || saved.angular_velocity != Vec3::zeros();
+                let turned = saved.following.is_some() || saved.angular_velocity != Vec3::zeros();
                 begins_to_turn = is_new_stage || !turned;
                 let turns_about_another = self.may_turn() && begins_to_turn;
                 let (frame, shift) = (self.frame(), self.point - about);
