@@ -39,6 +39,7 @@ mod round_walls;
 mod scene;
 mod schema;
 mod servo;
+mod servo_of_force;
 mod shear;
 mod sides;
 mod sides_on_meshes;

@@ -17,6 +17,8 @@ struct Push<'a> {
     given: Option<Given<'a>>,
     /// The unit vector that it means.
     along: Option<Vec3>,
+    /// May walls stand otherwise than the scene says, as a stage before has left them?
+    is_later: bool,
 }
 
 impl Walls<'_> {
@@ -29,7 +31,9 @@ impl Walls<'_> {
         dt: Option<f64>,
     ) -> Option<Vec<Servo>> {
         let sections = root.sections("servo");
-        let servos: Vec<_> = sections.iter().map(|s| self.servo(s, domain, library, dt)).collect();
+        let is_later = root.get("start").is_some();
+        let servo = |section| self.servo(section, is_later, domain, library, dt);
+        let servos: Vec<_> = sections.iter().map(servo).collect();
         Some(servos.into_iter().collect::<Option<Vec<_>>>()?.concat())
     }
 
@@ -37,6 +41,7 @@ impl Walls<'_> {
     fn servo(
         &mut self,
         section: &Section,
+        is_later: bool,
         domain: Option<&Cell>,
         library: &Library,
         dt: Option<f64>,
@@ -48,7 +53,7 @@ impl Walls<'_> {
             }
             Some(items)
         });
-        let (push, goal) = goal(section);
+        let (push, goal) = goal(section, is_later);
         let walls = names.and_then(|names| {
             let walls = names.iter().map(|name| self.steered(name, domain, push.as_ref()));
             walls.collect::<Vec<_>>().into_iter().collect::<Option<Vec<usize>>>()
@@ -158,7 +163,7 @@ impl Walls<'_> {
 }
 
 /// What a servo shall keep; with what it asks of walls, if that is a force.
-fn goal<'a>(section: &Section<'a>) -> (Option<Push<'a>>, Option<Goal>) {
+fn goal<'a>(section: &Section<'a>, is_later: bool) -> (Option<Push<'a>>, Option<Goal>) {
     let stress = section.get("stress");
     let (force, given) = (section.get("force"), section.get("along"));
     let Some(force) = force else {
@@ -181,7 +186,7 @@ fn goal<'a>(section: &Section<'a>) -> (Option<Push<'a>>, Option<Goal>) {
     let along = given.as_ref().and_then(Given::direction);
     let is_wrong = given.is_some() && along.is_none();
     let goal = newtons.filter(|_| !is_wrong).map(|newtons| Goal::Force { newtons, along });
-    (Some(Push { given, along }), goal)
+    (Some(Push { given, along, is_later }), goal)
 }
 
 /// Looks whether a servo of force can move a wall.
@@ -211,7 +216,7 @@ fn check_push(given: &Given, wall: &Wall, has_motion: bool, push: &Push, domain:
     }
     if is_plane && turn.cross(&normal).norm() > ROUNDING * turn.norm() {
         given.fail("this wall turns out of its plane; a servo needs a plane that keeps its normal");
-    } else if !wall.leads(&along) && (is_plane || !wall.may_turn()) {
+    } else if !push.is_later && !wall.leads(&along) && (is_plane || !wall.may_turn()) {
         given.fail(
             "`along` leads this wall along itself, or away from the particles; it needs a part along the normal, which points towards them",
         );
