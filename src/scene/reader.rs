@@ -166,7 +166,7 @@ impl<'a> Given<'a> {
     pub(super) fn as_vector(&self) -> Option<Vec3> {
         let Value::List(items) = &self.node.value else { return None };
         let numbers: Option<Vec<f64>> = self.items(items).iter().map(Self::as_number).collect();
-        numbers.filter(|numbers| numbers.len() == 3).map(|numbers| Vec3::from_vec(numbers))
+        numbers.filter(|numbers| numbers.len() == 3).map(Vec3::from_vec)
     }
 
     pub(super) fn text(&self) -> Option<&'a str> {

@@ -170,12 +170,11 @@ fn goal<'a>(section: &Section<'a>, is_later: bool) -> (Option<Push<'a>>, Option<
         if let Some(along) = given {
             along.fail("is of a servo of `force`; a stress is kept along the normal");
         }
-        let goal = match stress {
-            Some(stress) => stress.number(Range::Positive, "Pa").map(Goal::Stress),
-            None => {
-                section.fail("`stress` [Pa] or `force` [N] is missing: a number greater than 0");
-                None
-            }
+        let goal = if let Some(stress) = stress {
+            stress.number(Range::Positive, "Pa").map(Goal::Stress)
+        } else {
+            section.fail("`stress` [Pa] or `force` [N] is missing: a number greater than 0");
+            None
         };
         return (None, goal);
     };
