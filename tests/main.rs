@@ -41,6 +41,7 @@ mod round_walls;
 mod scene;
 mod schema;
 mod servo;
+mod servo_of_force;
 mod shear;
 mod sides;
 mod sides_on_meshes;

@@ -15,7 +15,7 @@ use dem_mpi::particles::{Library, Needs};
 use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::packing::initial;
 use dem_mpi::scene::plan::plan;
-use dem_mpi::scene::{Fill, FreeWall, Location, Method, Scene, SceneErrors, Servo, Stop};
+use dem_mpi::scene::{Fill, FreeWall, Goal, Location, Method, Scene, SceneErrors, Servo, Stop};
 use dem_mpi::shape::Shape;
 use dem_mpi::sim::audit::Settings;
 use std::path::{Path, PathBuf};
@@ -298,7 +298,7 @@ fn every_key_arrives() {
     let [bottom, side] = [0, 1].map(|k| trough.facets[k].geometry);
     assert_eq!((bottom.normal, side.normal), (Vec3::z(), Vec3::y()));
     assert!((bottom.offset - 0.1).abs() < 1e-15 && (side.offset + 0.2).abs() < 1e-15);
-    let servo = Servo { walls: vec![0, 1], stress: 1e5, max_speed: 0.5, gain: 0.8 };
+    let servo = Servo { walls: vec![0, 1], goal: Goal::Stress(1e5), max_speed: 0.5, gain: 0.8 };
     assert_eq!(scene.servos, [servo]);
 
     let library = &scene.library;

@@ -4,7 +4,7 @@ use crate::support::{Bench, begun, scene, schedule};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::threads;
 use dem_mpi::contact::StateColumn;
-use dem_mpi::drive::servo::{Pressed, Servo, State};
+use dem_mpi::drive::servo::{Goal, Pressed, Servo, State};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::output::report::{Origin, Report};
@@ -47,7 +47,7 @@ fn columns() -> Vec<(String, Value)> {
 fn servo(case: &Value) -> Servo {
     Servo {
         walls: vec![0],
-        stress: number(&case["target"]),
+        goal: Goal::Stress(number(&case["target"])),
         max_speed: number(&case["v_max"]),
         gain: number(&case["columns"]),
     }
@@ -58,7 +58,7 @@ fn servo(case: &Value) -> Servo {
 fn a_spring_is_at_its_target_as_the_double_root_says() {
     let (area, stiffness, dt) = (0.02, 3e5, 1e-5);
     for gain in [0.3, 1.0, 1.5] {
-        let servo = Servo { walls: vec![0], stress: 1e5, max_speed: 1e9, gain };
+        let servo = Servo { walls: vec![0], goal: Goal::Stress(1e5), max_speed: 1e9, gain };
         let (mut state, mut moved) = (State::default(), 0.0);
         let (part, root) = (0.7 * gain, 1.0 - 0.35 * gain);
         for n in 1..60 {
@@ -76,7 +76,7 @@ fn a_spring_is_at_its_target_as_the_double_root_says() {
 fn a_steady_strain_leaves_no_error() {
     let (area, stiffness, dt, away) = (0.02, 3e5, 1e-5, 0.05);
     for gain in [0.1, 1.0] {
-        let servo = Servo { walls: vec![0], stress: 1e5, max_speed: 1.0, gain };
+        let servo = Servo { walls: vec![0], goal: Goal::Stress(1e5), max_speed: 1.0, gain };
         let (mut state, mut moved) = (State::default(), 0.0);
         let mut error = f64::NAN;
         for n in 0..4000 {
@@ -97,7 +97,7 @@ fn a_wall_on_dashpots_does_not_swing() {
     for share in [1.0, 10.0, 1e3] {
         let stiffness = spring * (1.0 + share);
         for gain in [0.5, 1.0, 1.5] {
-            let servo = Servo { walls: vec![0], stress: 1e5, max_speed: 1.0, gain };
+            let servo = Servo { walls: vec![0], goal: Goal::Stress(1e5), max_speed: 1.0, gain };
             let (mut state, mut moved, mut step) = (State::default(), 0.0, 0.0);
             let mut error = f64::NAN;
             for _ in 0..20_000 {
@@ -165,7 +165,7 @@ fn a_restart_leaves_no_trace_in_means() {
 #[test]
 fn a_wall_rushes_only_before_it_has_touched() {
     let (area, stiffness, dt) = (0.02, 3e5, 1e-4);
-    let servo = Servo { walls: vec![0], stress: 10.0, max_speed: 0.5, gain: 1.0 };
+    let servo = Servo { walls: vec![0], goal: Goal::Stress(10.0), max_speed: 0.5, gain: 1.0 };
     let nothing = Pressed { area, ..Pressed::default() };
     let mut state = State::default();
     assert_eq!(servo.velocity(&mut state, &nothing, dt), 0.5);
@@ -191,6 +191,7 @@ fn column_scene(
     servo: &Servo,
 ) -> String {
     let density = mass / (4.0 / 3.0 * PI * radius.powi(3));
+    let (_, _, stress) = servo.goal.target();
     format!(
         r#"
 title = "column"
@@ -201,7 +202,7 @@ high = [{length:e}, 0.02, 0.02]
 walls = ["-x", "+x", "-y", "+y", "-z", "+z"]
 [[servo]]
 walls = ["+x"]
-stress = {:e}
+stress = {stress:e}
 max_speed = {:e}
 gain = {:e}
 [[material]]
@@ -223,7 +224,7 @@ allow_unstable = true
 [output]
 directory = "out"
 "#,
-        servo.stress, servo.max_speed, servo.gain
+        servo.max_speed, servo.gain
     )
 }
 
@@ -297,7 +298,12 @@ fn a_sphere_with_inertia_ends_as_in_the_reference() {
     let case = cases["cases"].as_array().unwrap().last().unwrap();
     let get = |key: &str| number(&case[key]);
     let radius = get("R");
-    let servo = Servo { walls: vec![1], stress: get("target"), max_speed: get("v_max"), gain: 1.0 };
+    let servo = Servo {
+        walls: vec![1],
+        goal: Goal::Stress(get("target")),
+        max_speed: get("v_max"),
+        gain: 1.0,
+    };
     let text = column_scene(2.0 * radius, radius, get("mass"), get("k"), get("global_xi"), &servo);
     let mut bench = Bench::new(&text, &[sphere(0, Vec3::new(radius, 0.0, 0.0))]);
     let rows = rows(&case["trajectory_n_sigmatop_sigmabottom_x_v_H"]);
@@ -324,7 +330,7 @@ fn a_sphere_with_inertia_ends_as_in_the_reference() {
 /// Too high a gain makes the stress jump from side to side, as in the reference, and is told once.
 #[test]
 fn a_servo_that_swings_is_told_once() {
-    let servo = |gain| Servo { walls: vec![1], stress: 1e5, max_speed: 1.0, gain };
+    let servo = |gain| Servo { walls: vec![1], goal: Goal::Stress(1e5), max_speed: 1.0, gain };
     for (gain, expected) in [(1.0, 0), (8.0, 1)] {
         let text = column_scene(0.01, 0.005, 6e-5, 1.5e5, 6e4, &servo(gain));
         let mut bench = Bench::new(&text, &[sphere(0, Vec3::new(0.005, 0.0, 0.0))]);
@@ -342,7 +348,7 @@ fn a_servo_that_swings_is_told_once() {
 /// A wall with a servo may slide along itself: shear under a normal stress.
 #[test]
 fn a_wall_under_stress_slides_as_the_scene_says() {
-    let servo = Servo { walls: vec![1], stress: 1e5, max_speed: 1.0, gain: 1.0 };
+    let servo = Servo { walls: vec![1], goal: Goal::Stress(1e5), max_speed: 1.0, gain: 1.0 };
     for friction in [0.0, 0.5] {
         let text = column_scene(0.01, 0.005, 6e-5, 1.5e5, 6e4, &servo)
             .replace("[[servo]]", "wall_velocity = { \"+x\" = [0, 0.1, -0.2] }\n[[servo]]")
@@ -429,7 +435,7 @@ history_every = 10
 /// A stress that one sphere cannot bear, and a wall with nothing before it.
 #[test]
 fn a_target_out_of_reach_ends_the_run() {
-    let servo = Servo { walls: vec![1], stress: 1e9, max_speed: 1.0, gain: 1.0 };
+    let servo = Servo { walls: vec![1], goal: Goal::Stress(1e9), max_speed: 1.0, gain: 1.0 };
     let text = column_scene(0.01, 0.005, 6e-5, 1.5e5, 6e4, &servo);
     for spheres in [vec![sphere(0, Vec3::new(0.005, 0.0, 0.0))], vec![]] {
         let mut bench = Bench::new(&text, &spheres);

@@ -166,7 +166,8 @@ impl Drive for FreeWalls {
         law: &dyn ForceLaw,
     ) -> Vec<i64> {
         let group = |wall| self.all.iter().position(|free| free.wall == wall);
-        let pressed = pressing((self.all.len(), group), moment.dt, particles, contacts, law);
+        let groups = (self.all.len(), group);
+        let pressed = pressing(groups, moment.dt, particles, contacts, law, |_, _| 1.0);
         let both = self.states.iter().zip(&pressed);
         both.flat_map(|(State { force, .. }, [_, stiffness])| {
             [*force.limbs(), *stiffness.limbs()].concat()

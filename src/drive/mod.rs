@@ -300,23 +300,25 @@ pub trait Drive: Send + Sync {
 }
 
 /// What presses on walls, of this rank's contacts: exact sums of the normal forces [N] and of the normal stiffness [N/m] of each of `count`
-/// groups of walls. `group` tells to which a wall belongs.
+/// groups of walls. `group` tells to which a wall belongs, `part` what part of the stiffness counts of a contact with a wall and with a normal.
 fn pressing(
     (count, group): (usize, impl Fn(usize) -> Option<usize>),
     dt: f64,
     particles: &Particles,
     contacts: &Contacts,
     law: &dyn ForceLaw,
+    part: impl Fn(usize, &Vec3) -> f64,
 ) -> Vec<[ExactSum; 2]> {
     let group_of: Vec<Option<usize>> = (0..particles.walls.len()).map(group).collect();
     let mut sums = vec![[ExactSum::default(), ExactSum::default()]; count];
     for (pair, geometry, force) in contacts.pressing_on_walls(law, particles) {
-        let group = particles.wall_of(pair.b).and_then(|wall| group_of[wall]);
-        let Some(group) = group else { continue };
+        let Some(wall) = particles.wall_of(pair.b) else { continue };
+        let Some(group) = group_of[wall] else { continue };
         // A state that is not a number is reported when the list of pairs is rebuilt.
         if force.is_finite() {
             sums[group][0].add(force);
-            sums[group][1].add(law.stiffness(pair, particles, geometry, dt));
+            let stiffness = law.stiffness(pair, particles, geometry, dt);
+            sums[group][1].add(stiffness * part(wall, &geometry.normal));
         }
     }
     sums

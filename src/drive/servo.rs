@@ -1,4 +1,4 @@
-//! Walls that keep a stress: the servo of numerical triaxial tests (the paper, section 3.1).
+//! Walls that keep a stress or a force: the servo of numerical triaxial tests (the paper, section 3.1).
 //!
 //! In each step of `dt` a wall gets a velocity towards the particles from what is missing to its target,
 //! `e = (target - stress) · area`, and from the stiffness of its contacts, `K = Σ(k + c/dt)`: a dashpot `c` resists the
@@ -21,9 +21,14 @@
 //! mean after 50,000 steps at a third of the stable one, 0.3 % after 200,000), and the report at the end says so. Coupled walls
 //! keep the mean of their stresses; each may be off it by what friction and inertia bear between them.
 //!
+//! A servo of force moves any wall along a direction `a`: `e = target + F·a`, with the force `F` of all contacts on the wall,
+//! friction included. The same law has no area then. A contact of normal `n` counts in `K` with `(n·a)²`, for so much
+//! nearer it comes. Where there is friction all of it counts: what sticks resists sliding, too, about as much, and more `K` only
+//! makes the wall slower. With `a` along the normal of a plane both servos are one.
+//!
 //! Forces and stiffnesses are summed exactly and once per step, while the particles move: the same bits on
-//! any number of ranks. They come from what contacts remember; integral, stiffness, and the sums over steps from which
-//! means are made, are saved in snapshots.
+//! any number of ranks. Normal forces and stiffnesses come from what contacts remember; whole forces along directions, integral,
+//! stiffness, and the sums over steps from which means are made, are saved in snapshots.
 
 use super::{
     CHECK_EVERY, Drive, DriveError, Kept, Moment, SavedColumn, SavedState, Values, pressing,
@@ -38,14 +43,62 @@ use crate::particles::walls::{Across, Wall, area, ends};
 use crate::particles::{Library, Particles};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::fmt::{Display, Formatter};
 
-/// Walls that move with one velocity so as to keep a stress.
+/// What a servo keeps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Goal {
+    /// A stress on planes, each across an axis; compression positive [Pa].
+    Stress(f64),
+    /// The force with which each wall presses on the particles along a direction.
+    Force {
+        /// How much, in the mean of coupled walls [N].
+        newtons: f64,
+        /// The direction, a unit vector; `None`: the normal of a wall of one plane, where it stands.
+        along: Option<Vec3>,
+    },
+}
+
+impl Goal {
+    /// What it is in a word, the key of a scene, with its unit and how much of it.
+    pub const fn target(&self) -> (&'static str, &'static str, f64) {
+        match *self {
+            Self::Stress(pascals) => ("stress", "Pa", pascals),
+            Self::Force { newtons, .. } => ("force", "N", newtons),
+        }
+    }
+
+    /// The direction in which a wall presses, a unit vector.
+    pub fn along(&self, wall: &Wall) -> Vec3 {
+        match *self {
+            Self::Force { along: Some(along), .. } => along,
+            _ => wall.surface().1,
+        }
+    }
+
+    /// The velocity of a wall that goes with `speed` in that direction and across it as its `own` velocity says [m/s].
+    pub fn velocity(&self, wall: &Wall, own: &Vec3, speed: f64) -> Vec3 {
+        match self {
+            Self::Stress(_) => wall.velocity_inwards(speed),
+            Self::Force { .. } => {
+                let along = self.along(wall);
+                own - along * own.dot(&along) + along * speed
+            }
+        }
+    }
+
+    const fn is_force(&self) -> bool {
+        matches!(self, Self::Force { .. })
+    }
+}
+
+/// Walls that move with one velocity so as to keep a stress or a force.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Servo {
-    /// Indices of walls, each across an axis; of coupled walls more than one.
+    /// Indices of walls; of coupled walls more than one.
     pub walls: Vec<usize>,
-    /// Target stress, compression positive [Pa].
-    pub stress: f64,
+    /// What they keep.
+    pub goal: Goal,
     /// The fastest that the walls move [m/s].
     pub max_speed: f64,
     /// Factor on how quickly the walls answer: less is slower and softer [-].
@@ -55,11 +108,11 @@ pub struct Servo {
 /// What presses on the walls of a servo.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pressed {
-    /// Sum of the areas [m²].
+    /// Sum of the areas [m²]; of no account to a servo of force.
     pub area: f64,
-    /// Sum of the normal forces [N].
+    /// Sum of the normal forces, or of the forces against the directions of the walls [N].
     pub force: f64,
-    /// Sum of the normal stiffness of the contacts [N/m]; 0 where nothing touches.
+    /// Sum of the stiffness of the contacts [N/m]; 0 where nothing touches.
     pub stiffness: f64,
 }
 
@@ -69,11 +122,25 @@ impl Servo {
         self.walls.iter().map(|&k| &*walls[k].name).collect::<Vec<_>>().join(", ")
     }
 
-    /// Sum of the areas of its walls [m²].
+    /// Sum of the areas of its walls [m²], if it keeps a stress.
     pub fn area(&self, walls: &[Wall], cell: &Cell) -> f64 {
         let of_wall = |&k: &usize| area(walls, cell, walls[k].across()?.axis);
         // The scene has checked that every wall has one.
         self.walls.iter().filter_map(of_wall).sum()
+    }
+
+    /// What the sum of the forces on its walls is divided by to be what it keeps: their area [m²], or how many they are.
+    fn divisor(&self, area: f64) -> f64 {
+        match self.goal {
+            Goal::Stress(_) => area,
+            Goal::Force { .. } => self.walls.len() as f64,
+        }
+    }
+
+    /// The sum of the forces that it is to keep [N].
+    fn load(&self, area: f64) -> f64 {
+        let (.., target) = self.goal.target();
+        target * self.divisor(area)
     }
 
     /// How fast the walls move towards the particles in a step of `dt` [s], in m/s.
@@ -84,7 +151,7 @@ impl Servo {
         if state.stiffness == 0.0 {
             return self.max_speed;
         }
-        let missing = self.stress * pressed.area - pressed.force;
+        let missing = self.load(pressed.area) - pressed.force;
         let at_once = missing / (state.stiffness * dt);
         let proportional = PROPORTIONAL * self.gain;
         let wanted = state.speed + proportional * at_once;
@@ -110,7 +177,7 @@ pub struct State {
     pub stiffness: f64,
 }
 
-/// How a servo kept its target over steps on end; errors are (stress - target) / target.
+/// How a servo kept its target over steps on end; errors are (stress - target) / target, or the same of forces.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Errors {
     /// How many steps, a whole number.
@@ -214,7 +281,7 @@ struct ForceSum {
 // What a snapshot holds: a row for each wall with a servo. What coupled walls have in common stands with each of them.
 /// The wall's name in the scene.
 const WALL: StateColumn = StateColumn::new("wall", 1, "");
-/// Target stress, compression positive.
+/// Target stress, compression positive; 0 of a servo of force.
 const TARGET: StateColumn = StateColumn::new("target", 1, "Pa");
 /// [`State::speed`].
 const SPEED: StateColumn = StateColumn::new("speed", 1, "m/s");
@@ -229,6 +296,13 @@ const FORCE_SUM: StateColumn =
     StateColumn::new("force_sum", 3 * ExactSum::LIMBS, "2^(32 k - 1074) N");
 /// Over how many steps.
 const FORCE_STEPS: StateColumn = StateColumn::new("force_steps", 1, "1");
+// Where there is a servo of force, besides:
+/// Target force; 0 of a servo of stress.
+const TARGET_FORCE: StateColumn = StateColumn::new("target_force", 1, "N");
+/// [`Goal::along`].
+const ALONG: StateColumn = StateColumn::new("along", 3, "");
+/// [`Servos::pressing`] of all ranks, exactly.
+const PRESSING: StateColumn = StateColumn::new("pressing", ExactSum::LIMBS, "2^(32 k - 1074) N");
 
 /// The stress that a wall is to keep.
 #[derive(Clone, Debug, PartialEq)]
@@ -239,13 +313,14 @@ pub struct Target {
     pub stress: f64,
 }
 
-/// The targets of all walls with a servo, from what the drives of a simulation have saved.
+/// The targets of all walls with a servo of stress, from what the drives of a simulation have saved.
 pub fn targets(saved: &[SavedState]) -> Vec<Target> {
     let read = || {
         let saved = saved.iter().find(|saved| saved.drive == NAME)?;
         let (walls, stresses) = (saved.texts(&WALL).ok()?, saved.reals(&TARGET).ok()?);
         let target = |(wall, &stress): (&String, &f64)| Target { wall: wall.clone(), stress };
-        Some(walls.iter().zip(stresses).map(target).collect())
+        let of_stress = |target: &Target| target.stress > 0.0;
+        Some(walls.iter().zip(stresses).map(target).filter(of_stress).collect())
     };
     read().unwrap_or_default()
 }
@@ -253,39 +328,65 @@ pub fn targets(saved: &[SavedState]) -> Vec<Target> {
 /// Names [`Servos`] among the drives.
 const NAME: &str = "servos";
 
+/// What a servo has and what it is to have.
+#[derive(Clone, Copy, Debug)]
+struct Reached {
+    goal: Goal,
+    now: f64,
+}
+
+impl Reached {
+    /// The key of what it keeps.
+    const fn key(&self) -> &'static str {
+        self.goal.target().0
+    }
+}
+
+impl Display for Reached {
+    fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
+        let (what, unit, target) = self.goal.target();
+        write!(f, "its {what} is {:e} {unit} of {target:e} {unit}", self.now)
+    }
+}
+
 /// A servo cannot reach its target, or loses it.
 #[derive(Debug, thiserror::Error)]
 enum Lost {
     /// The wall has come so near to the opposite side that nothing fits between.
     #[error(
         "servo: wall \"{wall}\" is {gap:e} m from the opposite side, less than half the thickness of the thinnest \
-         grain, and its stress is {stress:e} Pa of {target:e} Pa. There are too few grains between its walls to reach \
-         the target, they have escaped, or they are too soft for it: put more in, lower `stress`, or raise \
-         `normal_stiffness`"
+         grain, and {reached}. There are too few grains between its walls to reach \
+         the target, they have escaped, or they are too soft for it: put more in, lower `{}`, or raise \
+         `normal_stiffness`",
+        .reached.key()
     )]
     Closed {
         /// Its name.
         wall: String,
         /// Distance of the opposite wall, or of the domain's side [m].
         gap: f64,
-        /// Stress [Pa].
-        stress: f64,
-        /// Target stress [Pa].
-        target: f64,
+        reached: Reached,
     },
     /// The wall has been pushed far out of the domain.
     #[error(
-        "servo: wall \"{wall}\" has moved out of the domain by more than its width, and its stress is {stress:e} Pa of \
-         {target:e} Pa. Something pushes harder than the target, such as the grains' weight: raise `stress`, or let \
-         the wall stand"
+        "servo: wall \"{wall}\" has moved out of the domain by more than its width, and {reached}. Something pushes harder \
+         than the target, such as the grains' weight: raise `{}`, or let the wall stand",
+        .reached.key()
     )]
     Open {
         /// Its name.
         wall: String,
-        /// Stress [Pa].
-        stress: f64,
-        /// Target stress [Pa].
-        target: f64,
+        reached: Reached,
+    },
+    /// A surface has gone far out of the domain, on whatever side.
+    #[error(
+        "servo: wall \"{wall}\" is out of the domain by more than its width, and {reached}. It has passed where it met too few \
+         grains, or they have pushed it out: put grains where they bear it, or change `along` or `force`"
+    )]
+    Gone {
+        /// Its name.
+        wall: String,
+        reached: Reached,
     },
 }
 
@@ -334,6 +435,11 @@ pub struct Servos {
     all: Vec<Servo>,
     watches: Vec<Watch>,
     memories: Vec<Memory>,
+    /// Of servos of force the sum of the forces of this rank's contacts against the directions of their walls, at the positions of
+    /// now [N].
+    pressing: Vec<ExactSum>,
+    /// By their indices, the velocities that the scene gives to walls with a servo [m/s].
+    own: BTreeMap<usize, Vec3>,
     /// By the indices of walls with a servo: forces since the last row of the history.
     forces: BTreeMap<usize, ForceSum>,
     /// Terms in any of `forces` since their digits were carried, at most.
@@ -348,20 +454,72 @@ pub struct Servos {
 const TERMS: u64 = 1 << 24;
 
 impl Servos {
-    /// At the start.
-    pub fn new(all: Vec<Servo>, library: &Library) -> Self {
+    /// At the start, with the velocities that the walls of the scene have.
+    pub fn new(all: Vec<Servo>, walls: &[Wall], library: &Library) -> Self {
         let watches = vec![Watch::default(); all.len()];
         let memories = vec![Memory::default(); all.len()];
-        let walls = all.iter().flat_map(|servo| &servo.walls);
-        let forces = walls.map(|&wall| (wall, ForceSum::default())).collect();
+        let pressing = vec![ExactSum::default(); all.len()];
+        let steered = || all.iter().flat_map(|servo| &servo.walls);
+        let own = steered().map(|&wall| (wall, walls[wall].velocity)).collect();
+        let forces = steered().map(|&wall| (wall, ForceSum::default())).collect();
         let least_gap = library.least_inscribed_radius();
-        Self { all, watches, memories, forces, terms: 0, least_gap, warnings: Vec::new() }
+        let warnings = Vec::new();
+        Self { all, watches, memories, pressing, own, forces, terms: 0, least_gap, warnings }
     }
 
-    /// The servo of a wall, and what it remembers.
-    fn of_wall(&self, wall: usize) -> Option<(&Servo, &Memory)> {
-        let mut all = self.all.iter().zip(&self.memories);
-        all.find(|(servo, _)| servo.walls.contains(&wall))
+    /// The number of the servo of a wall.
+    fn of_wall(&self, wall: usize) -> Option<usize> {
+        self.all.iter().position(|servo| servo.walls.contains(&wall))
+    }
+
+    /// Is there one of force?
+    fn has_force(&self) -> bool {
+        self.all.iter().any(|servo| servo.goal.is_force())
+    }
+
+    /// Of each wall with a servo of force the number of the servo, and the wall's direction.
+    fn lines(&self, walls: &[Wall]) -> Vec<Option<(usize, Vec3)>> {
+        let line = |(k, wall): (usize, &Wall)| {
+            let servo = self.of_wall(k)?;
+            let goal = &self.all[servo].goal;
+            goal.is_force().then(|| (servo, goal.along(wall)))
+        };
+        walls.iter().enumerate().map(line).collect()
+    }
+
+    /// Takes note of the forces of this rank's contacts against the directions of walls.
+    fn note_pressing(&mut self, contacts: &Contacts, particles: &Particles) {
+        if !self.has_force() {
+            return;
+        }
+        let lines = self.lines(&particles.walls);
+        self.pressing.fill(ExactSum::default());
+        for (pair, force) in contacts.forces_on_walls(particles) {
+            let Some((servo, along)) = particles.wall_of(pair.b).and_then(|wall| lines[wall])
+            else {
+                continue;
+            };
+            let against = -force.dot(&along);
+            // A state that is not a number is reported when the list of pairs is rebuilt.
+            if against.is_finite() {
+                self.pressing[servo].add(against);
+            }
+        }
+    }
+
+    /// The same of all ranks, limbs after limbs. Collective.
+    fn pressing_of_all(&self, comm: &mut dyn Comm) -> Vec<i64> {
+        let carried = |sum: &ExactSum| {
+            let mut sum = sum.clone();
+            sum.carry();
+            *sum.limbs()
+        };
+        let mut limbs: Vec<i64> = self.pressing.iter().flat_map(carried).collect();
+        comm.sum(&mut limbs);
+        limbs
+            .chunks_exact(ExactSum::LIMBS)
+            .flat_map(|row| carried(&ExactSum::from_limbs(row)))
+            .collect()
     }
 
     /// Each servo with its errors over the last fifth of the stage, if there were any steps.
@@ -405,30 +563,23 @@ impl Servos {
             let area = servo.area(walls, cell);
             let pressed = Pressed { area, force, stiffness };
             let velocity = servo.velocity(&mut memory.state, &pressed, *dt);
+            let reached = Reached { goal: servo.goal, now: force / servo.divisor(area) };
             for &k in &servo.walls {
                 let wall = &walls[k];
-                let Room { gap, outside, width } = Room::of(wall, walls, cell)
-                    .expect("the scene has checked that it is not tilted");
-                let (stress, target) = (pressed.force / area, servo.stress);
-                let name = || wall.name.clone();
-                if gap < self.least_gap {
-                    return Err(Lost::Closed { wall: name(), gap, stress, target });
-                }
-                if outside > width {
-                    return Err(Lost::Open { wall: name(), stress, target });
-                }
-                // Along the wall it goes on as the scene says.
-                velocities.push((k, wall.velocity_inwards(velocity)));
+                check_place(wall, (walls, cell), self.least_gap, reached)?;
+                // Across its direction it goes on as the scene says.
+                velocities.push((k, servo.goal.velocity(wall, &self.own[&k], velocity)));
             }
-            let error = pressed.force / (servo.stress * area) - 1.0;
+            let error = force / servo.load(area) - 1.0;
             let now = Errors { steps: 1.0, sum: error, sizes: error.abs(), largest: error.abs() };
             memory.course.add(now);
             let before =
                 if step.is_multiple_of(CHECK_EVERY) { Errors::default() } else { memory.recent };
             memory.recent = before.and(now);
             if watch.swings(error) {
+                let (what, ..) = servo.goal.target();
                 self.warnings.push(format!(
-                    "the stress on wall {} has jumped from one side of its target to the other for {SWINGS} steps, \
+                    "the {what} on wall {} has jumped from one side of its target to the other for {SWINGS} steps, \
                      and jumps no less: the servo is too quick for these grains. Set its `gain` = {:.2} or lower",
                     servo.names(walls),
                     0.5 * servo.gain,
@@ -456,8 +607,20 @@ impl Drive for Servos {
         contacts: &Contacts,
         law: &dyn ForceLaw,
     ) -> Vec<i64> {
-        let servo_of = |wall| self.all.iter().position(|servo| servo.walls.contains(&wall));
-        let sums = pressing((self.all.len(), servo_of), moment.dt, particles, contacts, law);
+        let lines = self.lines(&particles.walls);
+        let needs = law.needs();
+        let sticks = needs.friction || needs.tangential_dashpots;
+        let part = |wall: usize, normal: &Vec3| match lines[wall] {
+            Some((_, along)) if !sticks => normal.dot(&along).powi(2),
+            _ => 1.0,
+        };
+        let groups = (self.all.len(), |wall| self.of_wall(wall));
+        let mut sums = pressing(groups, moment.dt, particles, contacts, law, part);
+        for ((servo, [force, _]), pressing) in self.all.iter().zip(&mut sums).zip(&self.pressing) {
+            if servo.goal.is_force() {
+                *force = pressing.clone();
+            }
+        }
         sums.iter().flatten().flat_map(|sum| *sum.limbs()).collect()
     }
 
@@ -475,8 +638,13 @@ impl Drive for Servos {
         Ok(())
     }
 
+    fn first_forces(&mut self, contacts: &Contacts, particles: &Particles) {
+        self.note_pressing(contacts, particles);
+    }
+
     /// Adds the forces of this moment on walls with servos to their sums.
     fn after_forces(&mut self, contacts: &Contacts, particles: &Particles) {
+        self.note_pressing(contacts, particles);
         let mut terms = 0;
         for (pair, force) in contacts.forces_on_walls(particles) {
             let Some(wall) = particles.wall_of(pair.b) else { continue };
@@ -501,7 +669,7 @@ impl Drive for Servos {
         }
     }
 
-    /// Of each servo the mean difference of its stress from the target since the last step that [`CHECK_EVERY`] divides; the
+    /// Of each servo the mean difference of its stress or force from the target since the last step that [`CHECK_EVERY`] divides; the
     /// largest of all, over the target.
     fn error(&self) -> Option<(&'static str, f64)> {
         // Before the first step nothing is known.
@@ -530,15 +698,18 @@ impl Drive for Servos {
     }
 
     fn kept(&self, walls: &[Wall]) -> Vec<Kept> {
-        let kept = |(servo, late): (&Servo, Errors)| Kept {
-            drive: "servo".to_owned(),
-            of: servo.names(walls),
-            unit: "Pa",
-            target: servo.stress,
-            mean: (1.0 + late.of_mean()) * servo.stress,
-            steps: late.steps as u64,
-            mean_error: late.mean_size(),
-            largest_error: late.largest,
+        let kept = |(servo, late): (&Servo, Errors)| {
+            let (_, unit, target) = servo.goal.target();
+            Kept {
+                drive: "servo".to_owned(),
+                of: servo.names(walls),
+                unit,
+                target,
+                mean: (1.0 + late.of_mean()) * target,
+                steps: late.steps as u64,
+                mean_error: late.mean_size(),
+                largest_error: late.largest,
+            }
         };
         self.in_the_end().map(kept).collect()
     }
@@ -549,16 +720,20 @@ impl Drive for Servos {
             mean > OFF_TARGET || mean.is_nan()
         };
         let warning = |(servo, late): (&Servo, Errors)| {
+            let (what, ..) = servo.goal.target();
+            let advice = if late.of_mean().abs() > 0.5 * late.mean_size() {
+                format!(
+                    "Give it more steps, a higher `max_speed`, or grains that can bear the {what}"
+                )
+            } else {
+                "The grains knock on it: let them lose energy (`restitution`, `friction`, `global_damping`), strain \
+                 them more slowly, or take a shorter time step; if it swings, a lower `gain`"
+                    .to_owned()
+            };
             format!(
-                "wall {} has not kept its stress: {:.1} % off in the mean of the last fifth of the steps. {}",
+                "wall {} has not kept its {what}: {:.1} % off in the mean of the last fifth of the steps. {advice}",
                 servo.names(walls),
                 100.0 * late.mean_size(),
-                if late.of_mean().abs() > 0.5 * late.mean_size() {
-                    "Give it more steps, a higher `max_speed`, or grains that can bear the stress"
-                } else {
-                    "The grains knock on it: let them lose energy (`restitution`, `friction`, `global_damping`), strain \
-                     them more slowly, or take a shorter time step; if it swings, a lower `gain`"
-                },
             )
         };
         self.in_the_end().filter(is_off).map(warning).collect()
@@ -568,12 +743,23 @@ impl Drive for Servos {
         let (mut names, mut force_sums, mut force_steps) = (Vec::new(), Vec::new(), Vec::new());
         let (mut targets, mut speeds, mut stiffnesses) = (Vec::new(), Vec::new(), Vec::new());
         let (mut recents, mut courses) = (Vec::new(), Vec::new());
+        let (mut target_forces, mut lines, mut pressing) = (Vec::new(), Vec::new(), Vec::new());
+        let pressing_of_all =
+            if self.has_force() { self.pressing_of_all(comm) } else { Vec::new() };
         for (wall, forces) in self.force_sums(comm) {
-            let Some((servo, Memory { state, course, recent })) = self.of_wall(wall) else {
-                continue;
-            };
+            let Some(k) = self.of_wall(wall) else { continue };
+            let (goal, Memory { state, course, recent }) = (&self.all[k].goal, &self.memories[k]);
             names.push(walls[wall].name.clone());
-            targets.push(servo.stress);
+            let [stress, force] = match *goal {
+                Goal::Stress(stress) => [stress, 0.0],
+                Goal::Force { newtons, .. } => [0.0, newtons],
+            };
+            targets.push(stress);
+            if self.has_force() {
+                target_forces.push(force);
+                lines.extend(goal.along(&walls[wall]).iter().copied());
+                pressing.extend(&pressing_of_all[PRESSING.width * k..][..PRESSING.width]);
+            }
             speeds.push(state.speed);
             stiffnesses.push(state.stiffness);
             recents.extend(recent.numbers());
@@ -583,7 +769,7 @@ impl Drive for Servos {
             force_sums.extend(forces.axes.iter().flat_map(|axis| *axis.limbs()));
             force_steps.push(forces.steps);
         }
-        vec![
+        let mut columns = vec![
             SavedColumn::new(WALL, Values::Texts(names)),
             SavedColumn::new(TARGET, Values::Reals(targets)),
             SavedColumn::new(SPEED, Values::Reals(speeds)),
@@ -592,10 +778,19 @@ impl Drive for Servos {
             SavedColumn::new(COURSE, Values::Reals(courses)),
             SavedColumn::new(FORCE_SUM, Values::Integers(force_sums)),
             SavedColumn::new(FORCE_STEPS, Values::Counts(force_steps)),
-        ]
+        ];
+        if self.has_force() {
+            columns.extend([
+                SavedColumn::new(TARGET_FORCE, Values::Reals(target_forces)),
+                SavedColumn::new(ALONG, Values::Reals(lines)),
+                SavedColumn::new(PRESSING, Values::Integers(pressing)),
+            ]);
+        }
+        columns
     }
 
-    /// Servos go on as the walls of the same names did; in a new stage with what their law remembers only.
+    /// Servos go on as the walls of the same names did; in a new stage with what their law remembers only, and along another direction
+    /// with what they had along that.
     fn resume(
         &mut self,
         saved: &SavedState,
@@ -607,12 +802,26 @@ impl Drive for Servos {
         let (speeds, stiffnesses) = (saved.reals(&SPEED)?, saved.reals(&STIFFNESS)?);
         let (recents, courses) = (saved.reals(&RECENT)?, saved.reals(&COURSE)?);
         let (force_sums, force_steps) = (saved.integers(&FORCE_SUM)?, saved.counts(&FORCE_STEPS)?);
+        // Servos of stress alone have none: they went along normals.
+        let lines = saved.reals(&ALONG).ok();
+        let pressing_of_all =
+            if self.has_force() && !is_new_stage { saved.integers(&PRESSING)? } else { &[] };
         let row_of = |wall: usize| names.iter().position(|name| *name == walls[wall].name);
-        for (servo, memory) in self.all.iter().zip(&mut self.memories) {
-            let Some(row) = servo.walls.first().and_then(|&wall| row_of(wall)) else { continue };
-            let state = State { speed: speeds[row], stiffness: stiffnesses[row] };
+        let memories = self.memories.iter_mut().zip(&mut self.pressing);
+        for (servo, (memory, pressing)) in self.all.iter().zip(memories) {
+            let Some(&wall) = servo.walls.first() else { continue };
+            let Some(row) = row_of(wall) else { continue };
+            let along = servo.goal.along(&walls[wall]);
+            let before = lines.map(|lines| &lines[ALONG.width * row..][..ALONG.width]);
+            let before = before.map_or(along, Vec3::from_column_slice);
+            let part = if before == along { 1.0 } else { before.dot(&along) };
+            let state = State { speed: speeds[row] * part, stiffness: stiffnesses[row] };
             *memory = Memory { state, ..Memory::default() };
             if !is_new_stage {
+                if servo.goal.is_force() && is_root {
+                    let limbs = &pressing_of_all[PRESSING.width * row..][..PRESSING.width];
+                    *pressing = ExactSum::from_limbs(limbs);
+                }
                 let errors = |numbers: &[f64]| -> Vec<Errors> {
                     numbers.as_chunks().0.iter().map(Errors::of).collect()
                 };
@@ -641,6 +850,28 @@ impl Drive for Servos {
 /// A servo whose error is larger, over its target, is warned of.
 const OFF_TARGET: f64 = 0.02;
 
+/// Is a wall with a servo where it can press on something?
+fn check_place(
+    wall: &Wall,
+    (walls, cell): (&[Wall], &Cell),
+    least_gap: f64,
+    reached: Reached,
+) -> Result<(), Lost> {
+    let name = || wall.name.clone();
+    if wall.is_far_out_of(cell) {
+        return Err(Lost::Gone { wall: name(), reached });
+    }
+    let room = Room::of(wall, walls, cell).or_else(|| Room::before(wall, cell));
+    let Some(Room { gap, outside, width }) = room else { return Ok(()) };
+    if gap < least_gap {
+        return Err(Lost::Closed { wall: name(), gap, reached });
+    }
+    if outside > width {
+        return Err(Lost::Open { wall: name(), reached });
+    }
+    Ok(())
+}
+
 /// Where a wall stands along the axis that it crosses [m].
 pub(super) struct Room {
     /// From it to the wall, or the domain's side, that it faces.
@@ -663,5 +894,12 @@ impl Room {
             (-place, -high[axis], -lowest.unwrap_or(low[axis]))
         };
         Some(Self { gap: facing - place, outside: own - place, width: high[axis] - low[axis] })
+    }
+
+    /// Of planes that stand across no axis: what they leave of the domain. `None` of triangles.
+    fn before(wall: &Wall, cell: &Cell) -> Option<Self> {
+        let domain = (cell.low(), cell.high());
+        let gap = wall.room_before(&domain)?;
+        Some(Self { gap, outside: -wall.depth(&domain), width: (domain.1 - domain.0).norm() })
     }
 }

@@ -580,6 +580,19 @@ impl Wall {
         self.in_place().map(behind).fold(f64::NEG_INFINITY, larger_or_infinite)
     }
 
+    /// How much of a box is before its planes, before all of which particles are: how far the farthest corner is before the plane
+    /// that leaves least [m]; `None` of triangles.
+    pub fn room_before(&self, &(low, high): &Corners) -> Option<f64> {
+        let half = (high - low) * 0.5;
+        let before = |facet: InPlace| half.dot(&facet.normal.abs()) + facet.distance(&(low + half));
+        self.in_place().map(before).reduce(f64::min)
+    }
+
+    /// Does one of its planes come towards the particles where it goes in this direction, a unit vector? Triangles do in any.
+    pub fn leads(&self, along: &Vec3) -> bool {
+        self.mesh.is_some() || self.in_place().any(|facet| facet.normal.dot(along) > SQUARE_ON)
+    }
+
     /// Takes another reference point [m], that of its scene, and stays where it is.
     pub(crate) fn refer_to(&mut self, point: Vec3) {
         let (frame, shift) = (self.frame(), self.point - point);

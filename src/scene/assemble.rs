@@ -11,7 +11,7 @@ use crate::drive::free::FreeWalls;
 use crate::drive::inlet::Inlets;
 use crate::drive::outlet::Outlets;
 use crate::drive::rain::RainGauge;
-use crate::drive::servo::Servos;
+use crate::drive::servo::{Goal, Servos};
 use crate::drive::{Drive, DriveError};
 use crate::ids::{GlobalId, ShapeId};
 use crate::law::stability::time_step_limit;
@@ -108,6 +108,17 @@ pub enum StartError {
          before, or leave out the servo"
     )]
     Tilted {
+        /// The snapshot.
+        path: PathBuf,
+        /// The wall's name.
+        wall: String,
+    },
+    /// A servo of force would not press.
+    #[error(
+        "{path}: it has wall \"{wall}\" turned so that `along` of its servo leads it along itself, or away from the particles. Give \
+         another `along`, or turn it back before"
+    )]
+    Astray {
         /// The snapshot.
         path: PathBuf,
         /// The wall's name.
@@ -216,7 +227,7 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
         drives.push(Box::new(Outlets::new(scene.outlets.clone())));
     }
     if !scene.servos.is_empty() {
-        drives.push(Box::new(Servos::new(scene.servos.clone(), &scene.library)));
+        drives.push(Box::new(Servos::new(scene.servos.clone(), &scene.walls, &scene.library)));
     }
     if !scene.free_walls.is_empty() {
         drives.push(Box::new(FreeWalls::new(
@@ -339,9 +350,19 @@ pub fn take_up(
     }
     let has_area =
         |wall: &Wall| wall.across().and_then(|own| area(walls, cell, own.axis)).is_some();
-    let mut steered = scene.servos.iter().flat_map(|servo| &servo.walls).map(|&k| &walls[k]);
-    if let Some(wall) = steered.find(|wall| !has_area(wall)) {
-        return Err(StartError::Tilted { path: reader.path().to_owned(), wall: wall.name.clone() });
+    let steered =
+        scene.servos.iter().flat_map(|servo| servo.walls.iter().map(|&k| (servo.goal, k)));
+    for (goal, wall) in steered.map(|(goal, k)| (goal, &walls[k])) {
+        let (path, name) = (reader.path(), &wall.name);
+        match goal {
+            Goal::Stress(_) if !has_area(wall) => {
+                return Err(StartError::Tilted { path: path.to_owned(), wall: name.clone() });
+            }
+            Goal::Force { .. } if !wall.leads(&goal.along(wall)) && !wall.may_turn() => {
+                return Err(StartError::Astray { path: path.to_owned(), wall: name.clone() });
+            }
+            _ => {}
+        }
     }
     let of_law = sim.law.state();
     let is_forgotten = |column: &&StateColumn| !of_law.contains(column);

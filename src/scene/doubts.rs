@@ -1,6 +1,7 @@
 //! What the program knows to be doubtful about a scene before it runs.
 
-use super::{Fill, LeftOut, Method, Outlet, Rain, Scene};
+use super::laws::stress_of_force;
+use super::{Fill, Goal, LeftOut, Method, Outlet, Rain, Scene, Servo};
 use crate::cell::AXES;
 use crate::drive::inlet::MOST_AT_ONCE;
 use crate::drive::rain::Within;
@@ -129,7 +130,8 @@ fn too_many_at_once(scene: &Scene) -> Option<String> {
 fn area_in_a_pipe(scene: &Scene) -> Option<String> {
     let (walls, domain) = (&scene.walls, &scene.domain);
     let other = walls.iter().find(|wall| wall.across().is_none())?;
-    let of_servo = scene.servos.first().map(|servo| {
+    let of_stress = |servo: &&Servo| matches!(servo.goal, Goal::Stress(_));
+    let of_servo = scene.servos.iter().find(of_stress).map(|servo| {
         (format!("the stress on wall {}", servo.names(walls)), servo.area(walls, domain))
     });
     let written = || {
@@ -252,7 +254,14 @@ fn flat_for_hertz(scene: &Scene) -> Option<String> {
 /// A servo, or a wall under a load, presses grains into each other by about `p d / k` of their diameter, as in a row of them.
 fn pressed_flat(scene: &Scene) -> Option<String> {
     let Scene { walls, domain, .. } = scene;
-    let by_servos = scene.servos.iter().map(|servo| ("a servo of".to_owned(), servo.stress));
+    let of_servo = |servo: &Servo| match servo.goal {
+        Goal::Stress(stress) => ("a servo of".to_owned(), stress),
+        Goal::Force { newtons, .. } => {
+            let stress = stress_of_force(newtons, &domain.low(), &domain.high());
+            (format!("a servo of {newtons:e} N, over the smallest side of the domain, that is"), stress)
+        }
+    };
+    let by_servos = scene.servos.iter().map(of_servo);
     let by_load = scene.free_walls.iter().filter_map(|free| {
         let who = format!("wall \"{}\" with a load of", walls[free.wall].name);
         Some((who, free.stress(walls, domain)?))

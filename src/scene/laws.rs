@@ -11,6 +11,7 @@ use crate::law::hertz::{self, jkr};
 use crate::law::linear::{self, damping_ratio_of_restitution};
 use crate::law::{Beside, Choice, Interactions, Mixing};
 use crate::law::{dmt, rolling};
+use crate::math::Vec3;
 use crate::particles::Library;
 use crate::shape::{Kind as ShapeKind, Shape};
 use serde::{Deserialize, Serialize};
@@ -101,10 +102,27 @@ const MOST_LARGEST_OVERLAP: f64 = 0.5;
 /// of friction of 37 degrees yield.
 const DRIVEN: f64 = 4.0;
 
+/// The stress that a servo of force [N] counts as where nothing is known of what its walls touch [Pa]: over the smallest side of
+/// the domain, whose corners are these [m].
+pub(super) fn stress_of_force(force: f64, low: &Vec3, high: &Vec3) -> f64 {
+    let widths = high - low;
+    force * widths.max() / widths.product()
+}
+
 /// The overlap under the highest stress that walls will have: of all servos, and more where walls are driven, too. What is wrong in it is
 /// said elsewhere.
 fn under_stress(root: &Section) -> LargestOverlap {
-    let of_servo = |servo: &Section| servo.get("stress")?.as_number();
+    let corners = || {
+        let domain = root.get("domain")?.section()?;
+        Some((domain.get("low")?.as_vector()?, domain.get("high")?.as_vector()?))
+    };
+    let of_servo = |servo: &Section| match servo.get("force") {
+        Some(force) => {
+            let (low, high) = corners()?;
+            Some(stress_of_force(force.as_number()?, &low, &high))
+        }
+        None => servo.get("stress")?.as_number(),
+    };
     let servos = root.sections("servo").iter().filter_map(of_servo).fold(0.0, f64::max);
     let has = |section: Section, key| section.get(key).is_some();
     let driven = root

@@ -45,7 +45,7 @@ pub use crate::drive::free::FreeWall;
 pub use crate::drive::inlet::Inlet;
 pub use crate::drive::outlet::Outlet;
 pub use crate::drive::rain::Rain;
-pub use crate::drive::servo::Servo;
+pub use crate::drive::servo::{Goal, Servo};
 use crate::ids::ShapeId;
 use crate::law::stability::{self, TimeStepLimit};
 use crate::law::{self, ForceLaw};

@@ -2,7 +2,7 @@
 
 use super::bed::Share;
 use super::doubts::doubts;
-use super::{Fill, Scene, Stop};
+use super::{Fill, Goal, Scene, Servo, Stop};
 use crate::cell::{AXES, SIDES, Shear};
 use crate::contact::{ContactResolver, Patch, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
@@ -197,19 +197,30 @@ fn walls(scene: &Scene, page: &mut Page) {
         page.line("images slide", format!("{axes}: {rate} 1/s; at the faces bodies change velocity, and each contact looks for it"));
     }
     for servo in &scene.servos {
-        page.line(
-            "servo",
-            format!(
-                "{}: {:e} Pa, at most {:e} m/s, gain {}, over {:.4e} m2{}",
-                servo.names(&scene.walls),
-                servo.stress,
-                servo.max_speed,
-                servo.gain,
-                servo.area(&scene.walls, &scene.domain),
-                if scene.start.is_some() { " if walls stand where the scene says" } else { "" },
-            ),
-        );
+        page.line("servo", steered(scene, servo));
     }
+}
+
+/// What a servo keeps and how, in words.
+fn steered(scene: &Scene, servo: &Servo) -> String {
+    let kept = match servo.goal {
+        Goal::Stress(stress) => format!("{stress:e} Pa"),
+        Goal::Force { newtons, along: Some(a) } => {
+            format!("{newtons:e} N along [{}, {}, {}]", a.x, a.y, a.z)
+        }
+        Goal::Force { newtons, along: None } => format!("{newtons:e} N along the normal"),
+    };
+    let over = match servo.goal {
+        Goal::Stress(_) => {
+            let area = servo.area(&scene.walls, &scene.domain);
+            let place =
+                if scene.start.is_some() { " if walls stand where the scene says" } else { "" };
+            format!(", over {area:.4e} m2{place}")
+        }
+        Goal::Force { .. } => String::new(),
+    };
+    let names = servo.names(&scene.walls);
+    format!("{names}: {kept}, at most {:e} m/s, gain {}{over}", servo.max_speed, servo.gain)
 }
 
 /// How a wall moves that no servo drives, in words.

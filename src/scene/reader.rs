@@ -162,6 +162,13 @@ impl<'a> Given<'a> {
         }
     }
 
+    /// The three numbers, if it is a list of them.
+    pub(super) fn as_vector(&self) -> Option<Vec3> {
+        let Value::List(items) = &self.node.value else { return None };
+        let numbers: Option<Vec<f64>> = self.items(items).iter().map(Self::as_number).collect();
+        numbers.filter(|numbers| numbers.len() == 3).map(Vec3::from_vec)
+    }
+
     pub(super) fn text(&self) -> Option<&'a str> {
         match &self.node.value {
             Value::Text(s) if !s.is_empty() => Some(s),

@@ -106,8 +106,7 @@ fn required(table: &str) -> &'static [&'static str] {
         "" => &["domain", "material", "shape", "time", "output"],
         "domain" => &["low", "high"],
         "wall" | "inlet" | "outlet" => &["name"],
-        "servo" => &["walls", "stress"],
-        "motion" => &["walls"],
+        "servo" | "motion" => &["walls"],
         "material" => &["name", "density"],
         "interaction" => &["between"],
         "shape" => &["name", "kind"],
@@ -173,7 +172,8 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("motion", "interpolation") => words(&["linear", "smooth"]),
 
         ("servo", "walls") => some(&text()),
-        ("servo", "stress" | "max_speed" | "gain") => positive,
+        ("servo", "stress" | "force" | "max_speed" | "gain") => positive,
+        ("servo", "along") => vector(&any),
         ("servo", "coupled") => boolean(),
 
         ("material", "name") => text(),

@@ -1,5 +1,7 @@
 //! Walls and what moves them: from the file as written.
 
+mod servos;
+
 use super::matter::{Materials, Names};
 use super::mistakes::suggestion;
 use super::motions::{Motions, axis_of_turn, repeats};
@@ -7,11 +9,10 @@ use super::reader::{Given, Range, Section};
 use crate::cell::{AXES, Cell, SIDES};
 use crate::contact::Method;
 use crate::drive::free::FreeWall;
-use crate::drive::servo::Servo;
 use crate::ids::MaterialId;
 use crate::math::{Quat, Vec3, printed_limit, rotation_about};
 use crate::particles::Library;
-use crate::particles::walls::{Across, TorqueAbout, Wall};
+use crate::particles::walls::{TorqueAbout, Wall};
 use crate::shape::triangle_mesh::TriangleMesh;
 use crate::shape::{Kind, Shape, mesh};
 use std::path::Path;
@@ -245,54 +246,6 @@ impl<'a> Walls<'a> {
         }
     }
 
-    /// The servos; the walls hear of them. `dt` is the time step [s], if that and all shapes are known.
-    pub(super) fn read_servos(
-        &mut self,
-        root: &Section,
-        domain: Option<&Cell>,
-        library: &Library,
-        dt: Option<f64>,
-    ) -> Option<Vec<Servo>> {
-        let sections = root.sections("servo");
-        let servos: Vec<_> = sections.iter().map(|s| self.servo(s, domain, library, dt)).collect();
-        Some(servos.into_iter().collect::<Option<Vec<_>>>()?.concat())
-    }
-
-    /// The servos of one `[[servo]]`: one of all its walls, or one of each.
-    fn servo(
-        &mut self,
-        section: &Section,
-        domain: Option<&Cell>,
-        library: &Library,
-        dt: Option<f64>,
-    ) -> Option<Vec<Servo>> {
-        let walls = section.require("walls", "names of walls, as in [\"-x\", \"+x\"]", |given| {
-            let items = given.list("a list of names of walls, as in [\"-x\", \"+x\"]")?;
-            if items.is_empty() {
-                given.fail("must have at least one wall");
-            }
-            let walls = items.iter().map(|item| self.steered(item, domain));
-            walls.collect::<Vec<_>>().into_iter().collect::<Option<Vec<usize>>>()
-        });
-        let stress = section.number("stress", Range::Positive, "Pa");
-        let max_speed = section.number_or("max_speed", 1.0, Range::Positive, "m/s");
-        let gain = section.number_or("gain", 1.0, Range::Positive, "");
-        let coupled = section.read_or("coupled", false, Given::boolean);
-        section.finish();
-        if let Some(wrong) = max_speed.and_then(|speed| too_fast(speed, dt, library)) {
-            section.fail(format!("`max_speed` {wrong}"));
-        }
-        let (walls, stress, max_speed, gain) = (walls?, stress?, max_speed?, gain?);
-        let servo = |walls| Servo { walls, stress, max_speed, gain };
-        if !coupled? {
-            return Some(walls.into_iter().map(|wall| servo(vec![wall])).collect());
-        }
-        if walls.len() == 1 {
-            section.get("coupled")?.fail("needs two walls or more");
-        }
-        Some(vec![servo(walls)])
-    }
-
     /// Those that move freely, under gravity [m/s²].
     pub(super) fn free(&self, gravity: Vec3) -> Vec<FreeWall> {
         let free = |(wall, name): (usize, &String)| {
@@ -308,46 +261,6 @@ impl<'a> Walls<'a> {
         let walls: Option<Vec<Wall>> = self.all.iter().map(wall).collect();
         let (Some(walls), Some(domain)) = (walls, domain) else { return 0.0 };
         free.iter().filter_map(|free| free.stress(&walls, domain)).fold(0.0, f64::max)
-    }
-
-    /// A wall that shall have a servo.
-    fn steered(&mut self, given: &Given, domain: Option<&Cell>) -> Option<usize> {
-        let k = self.names.find(given, given.text()?)?;
-        let across: Vec<Across> =
-            self.all.iter().flatten().filter_map(|planned| planned.wall.across()).collect();
-        let Planned { wall, has_servo, .. } = self.all[k].as_mut()?;
-        if *has_servo {
-            given.fail("this wall has a servo already");
-        }
-        if wall.course.is_some() || wall.mass.is_finite() {
-            given.fail("this wall has a `[[motion]]`; leave out that, or the servo");
-        } else if wall.speed_inwards() != 0.0 {
-            given.fail("this wall has a velocity along its normal; leave out that, or the servo");
-        }
-        *has_servo = true;
-        let Some(Across { axis: own, .. }) = wall.across() else {
-            given.fail(if wall.mesh.is_some() {
-                "this wall has triangles; a servo needs one plane, with a normal along x, y or z"
-            } else if wall.facets.len() > 1 {
-                "this wall has several planes; a servo needs one, with a normal along x, y or z"
-            } else if wall.turns() {
-                "this wall is tilted, or turns out of its plane; a servo needs a normal that stays along x, y or z"
-            } else {
-                "this wall is tilted; a servo needs a normal along x, y or z"
-            });
-            return None;
-        };
-        for axis in [(own + 1) % 3, (own + 2) % 3] {
-            let stands = |side: f64| across.iter().any(|w| w.axis == axis && w.inwards == side);
-            let closed = stands(1.0) && stands(-1.0);
-            if !closed && domain?.period(axis).is_none() {
-                given.fail(format!(
-                    "its area is not known: the domain is open along {}; add walls on both sides, or make it periodic",
-                    AXES[axis]
-                ));
-            }
-        }
-        Some(k)
     }
 
     /// Looks whether surfaces meet particles of shapes for which they have contacts, and gives those of triangles what grains with

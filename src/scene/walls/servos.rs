@@ -1,0 +1,223 @@
+//! Which walls have a servo, and what it keeps: from the file as written.
+
+use super::{LONGEST_MOVE, Planned, Walls, stays_in_period, too_far, too_fast};
+use crate::cell::{AXES, Cell};
+use crate::drive::servo::{Goal, Servo};
+use crate::math::Vec3;
+use crate::particles::Library;
+use crate::particles::walls::{Across, Wall};
+use crate::scene::reader::{Given, Range, Section};
+
+/// Parts of velocities along a direction, and of turns out of a plane, that are less than this are rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// What is asked of the walls of a servo of force, as far as that is not wrong.
+struct Push<'a> {
+    /// `along`, as it is given.
+    given: Option<Given<'a>>,
+    /// The unit vector that it means.
+    along: Option<Vec3>,
+    /// May walls stand otherwise than the scene says, as a stage before has left them?
+    is_later: bool,
+}
+
+impl Walls<'_> {
+    /// The servos; the walls hear of them. `dt` is the time step [s], if that and all shapes are known.
+    pub(in crate::scene) fn read_servos(
+        &mut self,
+        root: &Section,
+        domain: Option<&Cell>,
+        library: &Library,
+        dt: Option<f64>,
+    ) -> Option<Vec<Servo>> {
+        let sections = root.sections("servo");
+        let is_later = root.get("start").is_some();
+        let servo = |section| self.servo(section, is_later, domain, library, dt);
+        let servos: Vec<_> = sections.iter().map(servo).collect();
+        Some(servos.into_iter().collect::<Option<Vec<_>>>()?.concat())
+    }
+
+    /// The servos of one `[[servo]]`: one of all its walls, or one of each.
+    fn servo(
+        &mut self,
+        section: &Section,
+        is_later: bool,
+        domain: Option<&Cell>,
+        library: &Library,
+        dt: Option<f64>,
+    ) -> Option<Vec<Servo>> {
+        let names = section.require("walls", "names of walls, as in [\"-x\", \"+x\"]", |given| {
+            let items = given.list("a list of names of walls, as in [\"-x\", \"+x\"]")?;
+            if items.is_empty() {
+                given.fail("must have at least one wall");
+            }
+            Some(items)
+        });
+        let (push, goal) = goal(section, is_later);
+        let walls = names.and_then(|names| {
+            let walls = names.iter().map(|name| self.steered(name, domain, push.as_ref()));
+            walls.collect::<Vec<_>>().into_iter().collect::<Option<Vec<usize>>>()
+        });
+        let max_speed = section.number_or("max_speed", 1.0, Range::Positive, "m/s");
+        let gain = section.number_or("gain", 1.0, Range::Positive, "");
+        let coupled = section.read_or("coupled", false, Given::boolean);
+        section.finish();
+        if let Some(wrong) = max_speed.and_then(|speed| too_fast(speed, dt, library)) {
+            section.fail(format!("`max_speed` {wrong}"));
+        } else if let (Some(goal), Some(walls), Some(speed)) = (&goal, &walls, max_speed)
+            && let Some(wrong) = self.too_fast_together(walls, goal, speed, (domain, library, dt))
+        {
+            section.fail(wrong);
+        }
+        let (walls, goal, max_speed, gain) = (walls?, goal?, max_speed?, gain?);
+        let servo = |walls| Servo { walls, goal, max_speed, gain };
+        if !coupled? {
+            return Some(walls.into_iter().map(|wall| servo(vec![wall])).collect());
+        }
+        if walls.len() == 1 {
+            section.get("coupled")?.fail("needs two walls or more");
+        }
+        Some(vec![servo(walls)])
+    }
+
+    /// A wall that shall have a servo, of force if there is a `push`.
+    fn steered(
+        &mut self,
+        given: &Given,
+        domain: Option<&Cell>,
+        push: Option<&Push>,
+    ) -> Option<usize> {
+        let k = self.names.find(given, given.text()?)?;
+        let across: Vec<Across> =
+            self.all.iter().flatten().filter_map(|planned| planned.wall.across()).collect();
+        let Planned { wall, has_servo, .. } = self.all[k].as_mut()?;
+        if std::mem::replace(has_servo, true) {
+            given.fail("this wall has a servo already");
+        }
+        let has_motion = wall.course.is_some() || wall.mass.is_finite();
+        if has_motion {
+            given.fail("this wall has a `[[motion]]`; leave out that, or the servo");
+        }
+        if let Some(push) = push {
+            check_push(given, wall, has_motion, push, domain);
+            return Some(k);
+        }
+        if !has_motion && wall.speed_inwards() != 0.0 {
+            given.fail("this wall has a velocity along its normal; leave out that, or the servo");
+        }
+        let Some(Across { axis: own, .. }) = wall.across() else {
+            given.fail(if wall.mesh.is_some() {
+                "this wall has triangles; a servo of `stress` needs one plane, with a normal along x, y or z; one of `force` moves any wall"
+            } else if wall.facets.len() > 1 {
+                "this wall has several planes; a servo of `stress` needs one, with a normal along x, y or z; one of `force` moves any wall"
+            } else if wall.turns() {
+                "this wall is tilted, or turns out of its plane; a servo needs a normal that stays along x, y or z"
+            } else {
+                "this wall is tilted; a servo of `stress` needs a normal along x, y or z; one of `force` moves any wall"
+            });
+            return None;
+        };
+        for axis in [(own + 1) % 3, (own + 2) % 3] {
+            let stands = |side: f64| across.iter().any(|w| w.axis == axis && w.inwards == side);
+            let closed = stands(1.0) && stands(-1.0);
+            if !closed && domain?.period(axis).is_none() {
+                given.fail(format!(
+                    "its area is not known: the domain is open along {}; add walls on both sides, make it periodic, or give a `force`",
+                    AXES[axis]
+                ));
+            }
+        }
+        Some(k)
+    }
+
+    /// What is wrong if a servo of force and what moves a wall besides bring it too far in a step together, each being slow enough.
+    fn too_fast_together(
+        &self,
+        walls: &[usize],
+        goal: &Goal,
+        max_speed: f64,
+        (domain, library, dt): (Option<&Cell>, &Library, Option<f64>),
+    ) -> Option<String> {
+        if matches!(goal, Goal::Stress(_)) {
+            // What it may have besides is along itself.
+            return None;
+        }
+        let (domain, dt) = (domain?, dt?);
+        let room = (domain.low(), domain.high());
+        walls.iter().find_map(|&k| {
+            let wall = &self.all[k].as_ref()?.wall;
+            let mut moved = wall.clone();
+            moved.velocity = goal.velocity(wall, &wall.velocity, max_speed);
+            let speed = moved.way(1.0, &room);
+            let most = too_far(speed, Some(dt), library)?;
+            Some(format!(
+                "`max_speed` ({max_speed:?} m/s) and what moves wall \"{}\" besides move it by up to {:.2e} m in a step within the domain, more \
+                 than {} % of the shortest axis of the smallest grain; both must be slower by a factor {:.2e}, or `step` shorter",
+                wall.name,
+                speed * dt,
+                100.0 * LONGEST_MOVE,
+                1.005 * speed * dt / most
+            ))
+        })
+    }
+}
+
+/// What a servo shall keep; with what it asks of walls, if that is a force.
+fn goal<'a>(section: &Section<'a>, is_later: bool) -> (Option<Push<'a>>, Option<Goal>) {
+    let stress = section.get("stress");
+    let (force, given) = (section.get("force"), section.get("along"));
+    let Some(force) = force else {
+        if let Some(along) = given {
+            along.fail("is of a servo of `force`; a stress is kept along the normal");
+        }
+        let goal = if let Some(stress) = stress {
+            stress.number(Range::Positive, "Pa").map(Goal::Stress)
+        } else {
+            section.fail("`stress` [Pa] or `force` [N] is missing: a number greater than 0");
+            None
+        };
+        return (None, goal);
+    };
+    if let Some(stress) = stress {
+        stress.fail("stands beside `force`; a servo keeps one of them");
+    }
+    let newtons = force.number(Range::Positive, "N");
+    let along = given.as_ref().and_then(Given::direction);
+    let is_wrong = given.is_some() && along.is_none();
+    let goal = newtons.filter(|_| !is_wrong).map(|newtons| Goal::Force { newtons, along });
+    (Some(Push { given, along, is_later }), goal)
+}
+
+/// Looks whether a servo of force can move a wall.
+fn check_push(given: &Given, wall: &Wall, has_motion: bool, push: &Push, domain: Option<&Cell>) {
+    let is_plane = wall.facets.len() == 1;
+    let (_, normal) = wall.surface();
+    let along = match (&push.given, push.along) {
+        (Some(_), Some(along)) => along,
+        (None, _) if is_plane => normal,
+        (None, _) => {
+            given.fail(
+                "this wall has no one normal; a servo of `force` needs `along`, [x, y, z], the direction in which it presses",
+            );
+            return;
+        }
+        // What is wrong with it has been said.
+        (Some(_), None) => return,
+    };
+    let (velocity, turn) = (&wall.velocity, &wall.angular_velocity);
+    if !has_motion && velocity.dot(&along).abs() > ROUNDING * velocity.norm() {
+        given.fail("this wall has a velocity along the direction of its servo; leave out that, or the servo");
+    }
+    if wall.mesh.is_some()
+        && let Some(given) = &push.given
+    {
+        stays_in_period(given, &along, domain);
+    }
+    if is_plane && turn.cross(&normal).norm() > ROUNDING * turn.norm() {
+        given.fail("this wall turns out of its plane; a servo needs a plane that keeps its normal");
+    } else if !push.is_later && !wall.leads(&along) && (is_plane || !wall.may_turn()) {
+        given.fail(
+            "`along` leads this wall along itself, or away from the particles; it needs a part along the normal, which points towards them",
+        );
+    }
+}
