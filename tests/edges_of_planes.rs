@@ -284,7 +284,7 @@ fn raise(worst: &mut [f64], by: &[f64]) {
 
 /// Three runs side by side: on the plane; on the triangles; and on the triangles from the state on the plane at each step, with
 /// their own memory of contacts: that has the forces at equal poses, whatever a difference would grow to.
-fn nothing_shows_on(floor: Floor) {
+fn nothing_shows_on(floor: Floor, of_box: f64) {
     let folder = tempfile::tempdir().unwrap();
     let (file, sheet) = (folder.path().join("sheet.obj"), Sheet::new());
     write_obj(&floor.cut(&sheet), &file);
@@ -340,9 +340,11 @@ fn nothing_shows_on(floor: Floor) {
             "{name} does not rest: {speed:e} m/s, {spin:e} rad/s"
         );
         let worst = at_equal_poses[id][0].max(at_equal_poses[id][1]);
-        assert!(worst < 1e-12, "{name} at equal poses: {worst:e}");
+        let most = if *name == "box" { of_box } else { 1e-12 };
+        assert!(worst < most, "{name} at equal poses: {worst:e}");
         for (of, off) in OF.iter().zip(of_itself[id]) {
-            assert!(off < 1e-12, "{of} of the {name}, by itself: {off:e}");
+            let most = if of.contains("force") { most } else { 1e-12 };
+            assert!(off < most, "{of} of the {name}, by itself: {off:e}");
         }
     }
     assert!(on_wall < 1e-12, "force on the wall: {on_wall:e}");
@@ -351,12 +353,13 @@ fn nothing_shows_on(floor: Floor) {
 
 #[test]
 fn a_thousand_edges_of_a_level_plane_are_not_felt() {
-    nothing_shows_on(Floor::level());
+    nothing_shows_on(Floor::level(), 1e-12);
 }
 
 #[test]
 fn a_thousand_edges_of_a_tilted_plane_are_not_felt() {
-    nothing_shows_on(Floor::tilted());
+    // Corners 0.6 m from the origin are rounded to 1e-16 m, and a box is less than 1e-4 m deep in them: 8 such roundings.
+    nothing_shows_on(Floor::tilted(), 8e-12);
 }
 
 /// The sheet lies across all cuts, and the grains roll from rank to rank on it.

@@ -233,6 +233,16 @@ fn a_stage_goes_on_until_the_lid_has_landed() {
     let short = ended(&falls.replace("steps = 40000", "steps = 5000"));
     assert_eq!(short.ending, Ending::LastStep);
     assert_eq!(short.unmet, "wall \"lid\" moves freely, and no grain touches it");
+    let motion = "[[motion]]\nwalls = [\"lid\"]\nalong = [0, 0, 2]\nmass = 0.05\n";
+    let with_servo = falls
+        .replace(motion, "[[servo]]\nwalls = [\"lid\"]\nforce = 1.0\n")
+        .replace("steps = 40000", "steps = 200");
+    let short = ended(&with_servo);
+    assert!(
+        short.unmet.contains("wall lid has a servo, and no grain touches it"),
+        "{}",
+        short.unmet
+    );
 }
 
 /// A crowd under a lid that comes down, and that its weight and a force press.

@@ -778,7 +778,11 @@ fn any_triangles_are_a_surface_or_refused() {
         let triangles: Triangles = (0..count).map(|_| [0; 3].map(|_| corner())).collect();
         let weld = [0.0, 1e-6, 0.1, 1.0][id as usize % 4];
         match TriangleMesh::with_images(&triangles, count, weld, 0.1) {
-            Ok(mesh) => surfaces += usize::from(mesh.facet_count() > 0),
+            Ok(mesh) => {
+                let area = |[a, b, c]: [Vec3; 3]| (b - a).cross(&(c - a)).norm();
+                assert!(mesh.triangles().all(|corners| area(corners) > 0.0), "{triangles:?}");
+                surfaces += usize::from(mesh.facet_count() > 0);
+            }
             Err(_) => refused += 1,
         }
     }

@@ -751,6 +751,7 @@ material = "glass"
 kind = "sphere"
 radius = 0.01
 [[fill.lattice]]
+shapes = ["ball"]
 first = [0.5, 0.5, 0.5]
 count = [1, 1, 1]
 "#;

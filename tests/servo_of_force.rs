@@ -400,7 +400,10 @@ fn a_force_counts_over_the_smallest_side() {
     let flat = STIFFNESS / 0.01;
     let force = 0.2 * flat * 0.025;
     let doubt = said(&format!("force = {force:?}"));
-    assert!(doubt.contains("over the smallest side of the domain, presses"), "{doubt}");
+    assert!(
+        doubt.contains("over the smallest side of the domain, that is 3e6 Pa presses"),
+        "{doubt}"
+    );
     let doubt = said(&format!("force = {:?}", 0.01 * force));
     assert!(!doubt.contains("presses grains"), "{doubt}");
 

@@ -682,6 +682,60 @@ fn another_course_goes_on_from_where_the_wall_stands() {
     }
 }
 
+/// Another point of a course within a stage is the one about which the wall turns on, from where it stands. A wall that was shifted only
+/// begins to turn about the scene's point.
+#[test]
+fn another_point_of_a_turn_moves_no_wall() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = square(folder.path());
+    let swinging = on_floor("", "", "friction = 0.3") + SWINGING;
+    let shifted = swinging.split("[[motion]]\nwalls = [\"floor\"]\nabout").next().unwrap();
+    let turning = on_floor("rotation = { about = [0, 0, 0], axis = [0, 1, 0], rate = 2 }", "", "");
+    let elsewhere = swinging.replace("about = [0.02, 0, 0]", "about = [0.05, 0, 0.01]");
+    let mut comm = Alone::default();
+    let corners = |wall: &Wall| -> Vec<Vec3> {
+        let seen = |place: Vec3| wall.point + wall.orientation * place;
+        match &wall.mesh {
+            Some(mesh) => mesh.surface.triangles().flatten().map(seen).collect(),
+            None => {
+                let (point, normal) = wall.surface();
+                let places = [Vec3::zeros(), Vec3::x() * 0.1, Vec3::y() * 0.1];
+                places.map(|place| normal * (place - point).dot(&normal)).to_vec()
+            }
+        }
+    };
+    let of_triangles = |text: &str| {
+        text.replace("point = [0, 0, 0]\nnormal = [0, 0, 1]", &format!("mesh = {file:?}"))
+    };
+    for (before, after, how) in [
+        (swinging.as_str(), elsewhere.as_str(), Continuation::SameStage),
+        (shifted, turning.as_str(), Continuation::NewStage),
+    ] {
+        for is_mesh in [false, true] {
+            let of = |text: &str| if is_mesh { of_triangles(text) } else { text.to_owned() };
+            let (before, after) = (scene(&of(before)), scene(&of(after)));
+            let mut sim = begun(&before, &mut comm);
+            (0..100).for_each(|_| sim.step(&mut comm).unwrap());
+            save(&sim, folder.path(), &before, &mut comm);
+            let stood = corners(&sim.particles.walls[0]);
+            let mut sim = assemble::assemble(&after, &comm);
+            assemble::take_up(&mut sim, &after, folder.path(), how, &mut comm).unwrap();
+            if how == Continuation::NewStage {
+                sim.begin(&mut comm).unwrap();
+            }
+            sim.step(&mut comm).unwrap();
+            let wall = &sim.particles.walls[0];
+            // At most 0.2 m/s and 8 rad/s, in a step of 1e-5 s.
+            for (now, then) in corners(wall).iter().zip(&stood) {
+                assert!((now - then).norm() < 1e-5 * (0.2 + 8.0 * 0.2), "{now:?} {then:?}");
+            }
+            if how == Continuation::NewStage {
+                assert_eq!(wall.point, Vec3::zeros());
+            }
+        }
+    }
+}
+
 /// A turn that begins within a stage is about the scene's point, of triangles, too; a wall that was turned cannot be set free.
 #[test]
 fn a_turn_may_begin_within_a_stage() {

@@ -221,7 +221,10 @@ impl Drive for FreeWalls {
     /// A wall that nothing bears, and that does not stand by itself.
     fn under_way(&self, walls: &[Wall], wall_forces: &[Vec3]) -> Option<String> {
         let is_under_way = |free: &&FreeWall| {
-            let stands = free.load == 0.0 && walls[free.wall].velocity.dot(&free.along) == 0.0;
+            let velocity = walls[free.wall].velocity;
+            // Across its line it may slide.
+            let stands = free.load == 0.0
+                && velocity.dot(&free.along).abs() <= f64::EPSILON * velocity.norm();
             wall_forces[free.wall] == Vec3::zeros() && !stands
         };
         let free = self.all.iter().find(is_under_way)?;

@@ -21,8 +21,10 @@ use crate::particles::{Library, Particles, records::Particle};
 use crate::random::{Random, mixed};
 use serde::{Deserialize, Serialize};
 
+/// So many cells of a layer are counted and looked at before the run.
+pub const LOOKED_AT: u64 = 20_000;
 /// How often a particle looks for a place in a cell.
-const TRIES: usize = 8;
+const TRIES: usize = 50;
 /// Names the random numbers of these places.
 const STREAM: u64 = 0x7261_696e;
 /// A particle may reach out of a region by so much of a cell, for rounding.
@@ -179,6 +181,32 @@ pub struct Layer {
     pub most: u64,
 }
 
+/// Has any cell of a layer, of those that are looked at, a place for a sphere within a region and clear of these walls?
+pub fn has_place(
+    (rain, region): (&Rain, &Region),
+    radius: f64,
+    cell: &Cell,
+    walls: &[&Wall],
+) -> bool {
+    let is_clear = |place: Vec3| is_clear_in((rain, region), radius, cell, walls, &place);
+    (0..rain.per_layer().min(LOOKED_AT)).any(|k| {
+        let mut random = Random::of(STREAM, k);
+        (0..4 * TRIES).any(|_| is_clear(place_in_cell(rain, k, radius, &mut random)))
+    })
+}
+
+/// Is a sphere there within a region, and clear of these walls?
+fn is_clear_in(
+    (rain, region): (&Rain, &Region),
+    radius: f64,
+    cell: &Cell,
+    walls: &[&Wall],
+    place: &Vec3,
+) -> bool {
+    region.distance(place, cell) + radius <= ROUNDING * rain.spacing
+        && met_by(walls.iter().copied(), cell, place, radius).is_none()
+}
+
 /// Where the particles of a layer within a region stand, in the order of their ids: as many as find places clear of these walls.
 pub fn places_within(
     (rain, region): (&Rain, &Region),
@@ -200,10 +228,7 @@ pub fn places_within(
         }
         let id = first_id + places.len() as u64;
         let mut random = Random::of(mixed(&[seed, STREAM, look, id]), k);
-        let is_clear = |place: &Vec3| {
-            region.distance(place, cell) + radius <= ROUNDING * rain.spacing
-                && met_by(walls.iter().copied(), cell, place, radius).is_none()
-        };
+        let is_clear = |place: &Vec3| is_clear_in((rain, region), radius, cell, walls, place);
         let mut tries = (0..TRIES).map(|_| place_in_cell(rain, k, radius, &mut random));
         if let Some(place) = tries.find(is_clear) {
             places.push(place);

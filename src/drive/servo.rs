@@ -438,6 +438,8 @@ pub struct Servos {
     /// Of servos of force the sum of the forces of this rank's contacts against the directions of their walls, at the positions of
     /// now [N].
     pressing: Vec<ExactSum>,
+    /// Has it been noted? A servo that is new within a stage has normal forces for it in its first step.
+    has_noted: Vec<bool>,
     /// By their indices, the velocities that the scene gives to walls with a servo [m/s].
     own: BTreeMap<usize, Vec3>,
     /// By the indices of walls with a servo: forces since the last row of the history.
@@ -459,12 +461,24 @@ impl Servos {
         let watches = vec![Watch::default(); all.len()];
         let memories = vec![Memory::default(); all.len()];
         let pressing = vec![ExactSum::default(); all.len()];
+        let has_noted = vec![false; all.len()];
         let steered = || all.iter().flat_map(|servo| &servo.walls);
         let own = steered().map(|&wall| (wall, walls[wall].velocity)).collect();
         let forces = steered().map(|&wall| (wall, ForceSum::default())).collect();
         let least_gap = library.least_inscribed_radius();
         let warnings = Vec::new();
-        Self { all, watches, memories, pressing, own, forces, terms: 0, least_gap, warnings }
+        Self {
+            all,
+            watches,
+            memories,
+            pressing,
+            has_noted,
+            own,
+            forces,
+            terms: 0,
+            least_gap,
+            warnings,
+        }
     }
 
     /// The number of the servo of a wall.
@@ -494,6 +508,7 @@ impl Servos {
         }
         let lines = self.lines(&particles.walls);
         self.pressing.fill(ExactSum::default());
+        self.has_noted.fill(true);
         for (pair, force) in contacts.forces_on_walls(particles) {
             let Some((servo, along)) = particles.wall_of(pair.b).and_then(|wall| lines[wall])
             else {
@@ -616,9 +631,9 @@ impl Drive for Servos {
         };
         let groups = (self.all.len(), |wall| self.of_wall(wall));
         let mut sums = pressing(groups, moment.dt, particles, contacts, law, part);
-        for ((servo, [force, _]), pressing) in self.all.iter().zip(&mut sums).zip(&self.pressing) {
-            if servo.goal.is_force() {
-                *force = pressing.clone();
+        for (k, [force, _]) in sums.iter_mut().enumerate() {
+            if self.all[k].goal.is_force() && self.has_noted[k] {
+                *force = self.pressing[k].clone();
             }
         }
         sums.iter().flatten().flat_map(|sum| *sum.limbs()).collect()
@@ -640,6 +655,13 @@ impl Drive for Servos {
 
     fn first_forces(&mut self, contacts: &Contacts, particles: &Particles) {
         self.note_pressing(contacts, particles);
+    }
+
+    /// One that comes towards grains, of which none touches it yet.
+    fn under_way(&self, walls: &[Wall], wall_forces: &[Vec3]) -> Option<String> {
+        let is_free = |servo: &&Servo| servo.walls.iter().all(|&k| wall_forces[k] == Vec3::zeros());
+        let servo = self.all.iter().find(is_free)?;
+        Some(format!("wall {} has a servo, and no grain touches it", servo.names(walls)))
     }
 
     /// Adds the forces of this moment on walls with servos to their sums.
@@ -804,23 +826,27 @@ impl Drive for Servos {
         let (force_sums, force_steps) = (saved.integers(&FORCE_SUM)?, saved.counts(&FORCE_STEPS)?);
         // Servos of stress alone have none: they went along normals.
         let lines = saved.reals(&ALONG).ok();
-        let pressing_of_all =
-            if self.has_force() && !is_new_stage { saved.integers(&PRESSING)? } else { &[] };
+        let pressing_of_all = saved.integers(&PRESSING).ok().zip(saved.reals(&TARGET_FORCE).ok());
         let row_of = |wall: usize| names.iter().position(|name| *name == walls[wall].name);
-        let memories = self.memories.iter_mut().zip(&mut self.pressing);
-        for (servo, (memory, pressing)) in self.all.iter().zip(memories) {
+        for (k, (servo, memory)) in self.all.iter().zip(&mut self.memories).enumerate() {
             let Some(&wall) = servo.walls.first() else { continue };
             let Some(row) = row_of(wall) else { continue };
             let along = servo.goal.along(&walls[wall]);
             let before = lines.map(|lines| &lines[ALONG.width * row..][..ALONG.width]);
-            let before = before.map_or(along, Vec3::from_column_slice);
+            let before = before.map_or_else(|| walls[wall].surface().1, Vec3::from_column_slice);
             let part = if before == along { 1.0 } else { before.dot(&along) };
             let state = State { speed: speeds[row] * part, stiffness: stiffnesses[row] };
             *memory = Memory { state, ..Memory::default() };
             if !is_new_stage {
-                if servo.goal.is_force() && is_root {
-                    let limbs = &pressing_of_all[PRESSING.width * row..][..PRESSING.width];
-                    *pressing = ExactSum::from_limbs(limbs);
+                if let Some((pressing, targets)) = pressing_of_all
+                    && servo.goal.is_force()
+                    && targets[row] != 0.0
+                {
+                    self.has_noted[k] = true;
+                    if is_root {
+                        let limbs = &pressing[PRESSING.width * row..][..PRESSING.width];
+                        self.pressing[k] = ExactSum::from_limbs(limbs);
+                    }
                 }
                 let errors = |numbers: &[f64]| -> Vec<Errors> {
                     numbers.as_chunks().0.iter().map(Errors::of).collect()

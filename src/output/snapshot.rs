@@ -1037,7 +1037,8 @@ impl Reader {
             let table = self.columns(rows, |name| ["shape", "scale"].contains(&name))?;
             for (row, shape) in table.shape.iter().enumerate() {
                 let scale = table.scale_of(row);
-                let known = &mut scales[shape.index()];
+                // A number of no shape is told when the particles are read.
+                let Some(known) = scales.get_mut(shape.index()) else { continue };
                 let [least, largest] = known.unwrap_or([scale; 2]);
                 *known = Some([least.min(scale), largest.max(scale)]);
             }

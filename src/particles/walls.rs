@@ -118,12 +118,12 @@ struct Pose {
     orientation: Quat,
 }
 
-/// A motion with constant velocities.
+/// A motion with constant velocities. A drive that changes that of the reference point begins the way anew, not the turn.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Steady {
-    /// The step at which it began.
-    since: u64,
-    /// Where the wall stood then.
+    /// The steps at which way and turn began.
+    since: [u64; 2],
+    /// Where the reference point was, and the orientation, then.
     from: Pose,
     /// Of the reference point [m/s].
     velocity: Vec3,
@@ -160,15 +160,15 @@ impl Following {
 impl Steady {
     /// Where it has the wall at a step of `dt` [s].
     fn pose(&self, step: u64, dt: f64) -> Pose {
-        let time = (step - self.since) as f64 * dt;
+        let [way, turn] = self.since.map(|since| (step - since) as f64 * dt);
         let Pose { point, orientation } = self.from;
         let rate = self.angular_velocity.norm();
         let turned = if rate > 0.0 {
-            rotation_about(&(self.angular_velocity / rate), rate * time) * orientation
+            rotation_about(&(self.angular_velocity / rate), rate * turn) * orientation
         } else {
             orientation
         };
-        Pose { point: point + self.velocity * time, orientation: turned }
+        Pose { point: point + self.velocity * way, orientation: turned }
     }
 }
 
@@ -465,11 +465,20 @@ impl Wall {
             return 0.0;
         }
         let (velocity, angular_velocity) = (self.velocity, self.angular_velocity);
-        let goes_on = |steady: &Steady| {
-            (steady.velocity, steady.angular_velocity) == (velocity, angular_velocity)
-        };
-        let begin = Steady { since: step - 1, from: before, velocity, angular_velocity };
-        let steady = self.steady.filter(goes_on).unwrap_or(begin);
+        let mut steady = Steady { since: [step - 1; 2], from: before, velocity, angular_velocity };
+        // What does not lead here, as after a pause or with another step, is over.
+        if let Some(so_far) = &self.steady {
+            let there = so_far.pose(step - 1, dt);
+            if so_far.velocity == velocity && there.point == before.point {
+                (steady.since[0], steady.from.point) = (so_far.since[0], so_far.from.point);
+            }
+            if so_far.angular_velocity == angular_velocity
+                && there.orientation == before.orientation
+            {
+                steady.since[1] = so_far.since[1];
+                steady.from.orientation = so_far.from.orientation;
+            }
+        }
         self.steady = Some(steady);
         self.stand(steady.pose(step, dt));
         if angular_velocity == Vec3::zeros() {
@@ -842,7 +851,17 @@ mod tests {
         wall.angular_velocity = Vec3::z();
         wall.advance(501, 1e-3, &ROOM);
         assert_eq!(wall.orientation, rotation_about(&Vec3::z(), 1e-3) * turned);
-        assert_eq!(wall.point, place + wall.velocity * 1e-3);
+        assert_eq!(wall.point, wall.velocity * (491.0 * 1e-3));
+        // A drive changes the velocity in each step; the turn goes on.
+        for step in 502..=1000 {
+            wall.velocity.x += 1e-3;
+            wall.advance(step, 1e-3, &ROOM);
+        }
+        assert_eq!(wall.orientation, rotation_about(&Vec3::z(), 500.0 * 1e-3) * turned);
+        // After a pause in which nobody looked it goes on from where it stands.
+        let stood = wall.point;
+        wall.advance(2000, 1e-3, &ROOM);
+        assert_eq!(wall.point, stood + wall.velocity * 1e-3);
     }
 
     /// After ten million steps a wall is where its velocity says, to rounding. Steps added up are a million times as far off.

@@ -480,7 +480,8 @@ impl Spread {
     fn point(&mut self, point: &Vec3, mut tell: impl FnMut(usize, f64, Vec3)) {
         let range = self.how.weight.range(self.how.width);
         let Self { grid, how, images, seam, near } = self;
-        let of_all = seam.as_ref().map(|seam| seam.sum(grid, *how, point));
+        // Only of a point that is near the grid.
+        let mut of_all = None;
         for (shift, velocity) in images {
             let place = point + *shift - grid.low;
             let is_far = (0..3).any(|k| {
@@ -495,7 +496,10 @@ impl Spread {
                 of_image += weight;
                 near.push((grid.cell(cell), weight));
             });
-            let sum = of_all.unwrap_or(of_image);
+            let sum = match seam {
+                Some(seam) => *of_all.get_or_insert_with(|| seam.sum(grid, *how, point)),
+                None => of_image,
+            };
             for &(cell, weight) in near.iter() {
                 if let (Some(cell), true) = (cell, weight > 0.0) {
                     tell(cell, weight / sum, *velocity);

@@ -65,7 +65,8 @@ impl Grid {
     pub fn reaching(&self, bounds: &Bounds) -> Result<Self, MeasureError> {
         let counts = Vec3::from(self.cells.map(|cells| cells as f64));
         let high = self.low + counts.component_mul(&self.sides);
-        let missing = |from_to: Vec3| from_to.component_div(&self.sides).map(|n| n.ceil().max(0.0));
+        let missing =
+            |from_to: Vec3| from_to.component_div(&self.sides).map(|n| (n - 1e-9).ceil().max(0.0));
         let [below, above] = [missing(self.low - bounds.low), missing(bounds.high - high)];
         let low = self.low - below.component_mul(&self.sides);
         Self::of_counts(low, self.sides, &(counts + below + above))

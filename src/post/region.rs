@@ -307,8 +307,8 @@ fn is_across(wall: &WallRow) -> bool {
     wall.is_one_plane() && wall.normal.amax() > ACROSS
 }
 
-/// Is a part of a wall in a box, or behind a plane of it a part of the box? `triangles` are those of all walls in place. Of a triangle
-/// the box around it counts.
+/// Is a part of a wall in a box, or behind a plane of it a part of the box? `triangles` are those of all walls in place. A triangle is
+/// in it if the box around it and its plane are.
 fn comes_into(
     wall: &WallRow,
     index: usize,
@@ -325,7 +325,10 @@ fn comes_into(
     let is_in = |corners: &[Vec3; 3]| {
         let [a, b, c] = corners;
         let (low, high) = (a.inf(b).inf(c), a.sup(b).sup(c));
-        (0..3).all(|k| high[k] > bounds.low[k] + slack && low[k] < bounds.high[k] - slack)
+        let normal = (b - a).cross(&(c - a));
+        let reach = half.dot(&normal.abs()) - slack * normal.norm();
+        (middle - a).dot(&normal).abs() < reach
+            && (0..3).all(|k| high[k] > bounds.low[k] + slack && low[k] < bounds.high[k] - slack)
     };
     let mut own = triangles.iter().filter(|(of, _)| *of == index);
     wall.planes().into_iter().any(is_cut) || own.any(|(_, corners)| is_in(corners))

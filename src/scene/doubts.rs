@@ -258,7 +258,10 @@ fn pressed_flat(scene: &Scene) -> Option<String> {
         Goal::Stress(stress) => ("a servo of".to_owned(), stress),
         Goal::Force { newtons, .. } => {
             let stress = stress_of_force(newtons, &domain.low(), &domain.high());
-            (format!("a servo of {newtons:e} N, over the smallest side of the domain, that is"), stress)
+            (
+                format!("a servo of {newtons:e} N, over the smallest side of the domain, that is"),
+                stress,
+            )
         }
     };
     let by_servos = scene.servos.iter().map(of_servo);

@@ -147,7 +147,7 @@ impl Fills<'_> {
             };
             section.get(key).map_or_else(|| section.fail(&what), |given| given.fail(&what));
         }
-        cells_between(section, &low, &high, &Vec3::repeat(spacing));
+        cells_between(section, &low, &high, &Vec3::repeat(spacing))?;
         self.check_room(section, &rain, domain);
         if self.gravity == Vec3::zeros() && velocity == Vec3::zeros() {
             section.fail("does not fall: gravity and `velocity` are 0");

@@ -5,7 +5,7 @@ use super::walls::Walls;
 use super::{Inlet, Mix, Rain};
 use crate::cell::Cell;
 use crate::drive::inlet::Amount;
-use crate::drive::rain::{Layer, Within, places_within};
+use crate::drive::rain::{LOOKED_AT, Layer, Within, has_place, places_within};
 use crate::drive::region::Region;
 use crate::ids::ShapeId;
 use crate::particles::Library;
@@ -41,6 +41,10 @@ impl Room<'_> {
             rain.within = Some(Within { region, places: 0, free: 0 });
         }
         let Some(Within { region, .. }) = rain.within.clone() else { return };
+        if rain.per_layer() > LOOKED_AT {
+            rain.within = Some(Within { region, places: rain.per_layer(), free: rain.per_layer() });
+            return;
+        }
         let layer = Layer { seed: self.seed, look: 0, first_id: 0, most: rain.per_layer() };
         let count = |walls: &[&Wall]| {
             places_within((rain, &region), layer, self.cell, walls, self.library).len() as u64
@@ -48,17 +52,20 @@ impl Room<'_> {
         let still: Vec<&Wall> = self.walls.still().collect();
         let all: Vec<&Wall> = self.walls.known().collect();
         let (places, beside_still, free) = (count(&[]), count(&still), count(&all));
-        let problem = if places == 0 {
+        let largest = largest_radius(&rain.mix, self.library);
+        let fits = |walls: &[&Wall]| has_place((rain, &region), largest, self.cell, walls);
+        let problem = if !fits(&[]) {
             Some(format!(
-                "none of the {} cells of a layer lies in its region: give it a larger `radius` or a longer `axis`",
+                "the largest particle, with a bounding radius of {largest:.4e} m, finds no place in the {} cells of a layer: give the region a larger \
+                 `radius` or a longer `axis`, or the layer a `spacing` that is as wide as the region",
                 rain.per_layer()
             ))
-        } else if beside_still == 0 && !self.has_start {
+        } else if !self.has_start && !fits(&still) {
             let smallest = smallest_radius(&rain.mix, self.library);
             let wall = in_the_way(&region, smallest, &still, self.cell).unwrap_or_default();
             Some(format!(
-                "none of the {places} places of a layer is clear of the walls, most often of `{wall}`; give it another region by `low` and \
-                 `high`, or `axis` and `radius`"
+                "none of the {places} places of a layer is clear of the walls for the largest particle, most often of `{wall}`; give it another \
+                 region by `low` and `high`, or `axis` and `radius`"
             ))
         } else {
             None
@@ -69,6 +76,12 @@ impl Room<'_> {
         {
             given.fail(problem);
         }
+        // Where none is free now, a wall has moved, or will.
+        let free = match free {
+            _ if self.has_start => places,
+            0 => beside_still,
+            free => free,
+        };
         rain.within = Some(Within { region, places, free: free.max(1) });
     }
 
@@ -137,11 +150,19 @@ impl Room<'_> {
 
 /// The least bounding radius of a mix [m].
 fn smallest_radius(mix: &Mix, library: &Library) -> f64 {
-    let radius = |id: ShapeId| {
-        let [scale, _] = library.sizes[id.index()].scales();
-        library.radius[id.index()] * scale
-    };
-    mix.shapes().map(radius).fold(f64::INFINITY, f64::min)
+    radii(mix, library).map(|[least, _]| least).fold(f64::INFINITY, f64::min)
+}
+
+/// The largest [m].
+fn largest_radius(mix: &Mix, library: &Library) -> f64 {
+    radii(mix, library).map(|[_, largest]| largest).fold(0.0, f64::max)
+}
+
+/// The least and the largest bounding radius of each shape of a mix [m].
+fn radii<'a>(mix: &'a Mix, library: &'a Library) -> impl Iterator<Item = [f64; 2]> + 'a {
+    let of =
+        |id: ShapeId| library.sizes[id.index()].scales().map(|s| library.radius[id.index()] * s);
+    mix.shapes().map(of)
 }
 
 /// The wall that takes most places of a region.

@@ -15,6 +15,9 @@ pub struct Saved {
     of_scene: Option<Vec3>,
     orientation: Quat,
     angular_velocity: Vec3,
+    /// Did its scene turn it?
+    #[serde(default)]
+    turns: Option<bool>,
     #[serde(default)]
     steady: Option<Steady>,
     /// Of a course.
@@ -99,6 +102,7 @@ impl Wall {
             of_scene: Some(self.of_scene),
             orientation: self.orientation,
             angular_velocity: self.angular_velocity,
+            turns: Some(self.may_turn()),
             steady: self.steady,
             following: self.following,
             facets: self.facets.iter().map(|facet| facet.geometry).collect(),
@@ -156,7 +160,7 @@ impl Wall {
                 for (facet, geometry) in self.facets.iter_mut().zip(&saved.facets) {
                     facet.geometry = *geometry;
                 }
-                let turned = saved.following.is_some() || saved.angular_velocity != Vec3::zeros();
+                let turned = saved.turns.unwrap_or(saved.angular_velocity != Vec3::zeros());
                 begins_to_turn = !turned || saved.of_scene.is_some_and(|point| point != about);
                 let turns_about_another = self.may_turn() && begins_to_turn;
                 let (frame, shift) = (self.frame(), self.point - about);
@@ -166,7 +170,7 @@ impl Wall {
                         if turns_about_another { frame.tr_mul(&shift) } else { Vec3::zeros() };
                     mesh.set_origin(of_saved.origin + moved);
                     if turns_about_another {
-                        (self.point, self.steady) = (about, None);
+                        (self.point, self.steady, self.following) = (about, None, None);
                     }
                 }
             }
@@ -178,6 +182,7 @@ impl Wall {
         }
         if self.may_turn() && begins_to_turn && self.mesh.is_none() {
             self.refer_to(about);
+            self.following = None;
         }
         if self.course.is_some() && self.following.is_none() {
             let followed = saved.and_then(|saved| saved.following);

@@ -311,12 +311,9 @@ pub(super) fn welded(
     let (numbers, _) = number.as_chunks::<3>();
     let mut seen = std::collections::BTreeSet::new();
     let mut is_sound = |triangle: &&[u32; 3]| {
-        let [a, b, c] = triangle.map(|k| vertices[k as usize]);
-        let longest =
-            (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
         let mut key = **triangle;
         key.sort_unstable();
-        (b - a).cross(&(c - a)).norm() > SLIVER * longest && seen.insert(key)
+        has_area(&triangle.map(|k| vertices[k as usize])) && seen.insert(key)
     };
     let (of_own, of_images) = numbers.split_at(own);
     let mut triangles: Vec<[u32; 3]> = of_own.iter().filter(|of| is_sound(of)).copied().collect();
@@ -326,6 +323,12 @@ pub(super) fn welded(
     let mut building = Building { vertices, size, near, ..Building::default() };
     building.take(triangles, sound);
     building
+}
+
+/// Is it not flatter than rounding?
+pub(super) fn has_area([a, b, c]: &[Vec3; 3]) -> bool {
+    let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
+    (b - a).cross(&(c - a)).norm() > SLIVER * longest
 }
 
 /// Points of which no two are nearer than a distance.

@@ -1,7 +1,7 @@
 //! Triangles that share no whole sides are cut until they do: a corner that lies within a side of another triangle would be
 //! felt beside that side.
 
-use super::building::{Building, Side, sides_of};
+use super::building::{Building, Side, has_area, sides_of};
 use super::grid::Grid;
 use super::nearest::nearest_on_segment;
 use super::{Findings, SurfaceError};
@@ -34,7 +34,7 @@ impl Building {
                     None => pieces.push(*triangle),
                     Some((_, within)) => {
                         findings.cut += usize::from(k < self.own);
-                        cut(triangle, &within, &mut pieces);
+                        self.cut(triangle, &within, &mut pieces);
                     }
                 }
             }
@@ -89,20 +89,22 @@ impl Building {
         };
         found.chunk_by(|a, b| a.0 == b.0).map(of_triangle).collect()
     }
-}
 
-/// The pieces of a triangle that is cut at corners within its sides.
-fn cut(triangle: &[u32; 3], within: &Within, pieces: &mut Vec<[u32; 3]>) {
-    let Some(side) = (0..3).find(|&side| !within[side].is_empty()) else {
-        pieces.push(*triangle);
-        return;
-    };
-    let [a, b, c] = [0, 1, 2].map(|k| triangle[(side + k) % 3]);
-    let [along, next, last] = [0, 1, 2].map(|k| &within[(side + k) % 3]);
-    let chain: Vec<u32> = [a].into_iter().chain(along.iter().copied()).chain([b]).collect();
-    for ends in chain.windows(2) {
-        let of = |is_there: bool, on: &Vec<u32>| if is_there { on.clone() } else { Vec::new() };
-        let within = [Vec::new(), of(ends[1] == b, next), of(ends[0] == a, last)];
-        cut(&[ends[0], ends[1], c], &within, pieces);
+    /// The pieces with an area of a triangle that is cut at corners within its sides.
+    fn cut(&self, triangle: &[u32; 3], within: &Within, pieces: &mut Vec<[u32; 3]>) {
+        let Some(side) = (0..3).find(|&side| !within[side].is_empty()) else {
+            if has_area(&triangle.map(|k| self.vertex(k))) {
+                pieces.push(*triangle);
+            }
+            return;
+        };
+        let [a, b, c] = [0, 1, 2].map(|k| triangle[(side + k) % 3]);
+        let [along, next, last] = [0, 1, 2].map(|k| &within[(side + k) % 3]);
+        let chain: Vec<u32> = [a].into_iter().chain(along.iter().copied()).chain([b]).collect();
+        for ends in chain.windows(2) {
+            let of = |is_there: bool, on: &Vec<u32>| if is_there { on.clone() } else { Vec::new() };
+            let within = [Vec::new(), of(ends[1] == b, next), of(ends[0] == a, last)];
+            self.cut(&[ends[0], ends[1], c], &within, pieces);
+        }
     }
 }
