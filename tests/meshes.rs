@@ -986,7 +986,7 @@ low = [-1.1, -1.1, -0.3]
 high = [1.1, 1.1, 0.4]
 [[wall]]
 name = "ground"
-mesh = {file:?}
+mesh = "{}"
 [[material]]
 name = "glass"
 density = 2500
@@ -1003,7 +1003,8 @@ step = 2e-4
 steps = 200
 [output]
 directory = "out"
-"#
+"#,
+        file.display()
     ))
 }
 

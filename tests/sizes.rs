@@ -743,7 +743,7 @@ fn cubes_on_a_sheet(folder: &Path) -> [PathBuf; 2] {
     let text = with_shapes(&format!("{CUBE}{SHEET_WALL}{outlet}"), BOX)
         .replace("step = 2e-7", "step = \"auto\"");
     let file = folder.join("next.toml");
-    std::fs::write(&file, format!("start = {snapshots:?}\n{text}")).unwrap();
+    std::fs::write(&file, format!("start = \"{}\"\n{text}", snapshots.display())).unwrap();
     [snapshots, file]
 }
 

@@ -20,6 +20,7 @@ use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::plan::plan;
 use dem_mpi::sim::Simulation;
 use dem_mpi::sim::run::{Ending, run};
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 const RADIUS: f64 = 0.01;
@@ -619,11 +620,11 @@ fn a_screw_is_as_fast_as_it_is_thick() {
     for k in 0..20 {
         let (place, angle) = (0.01 * f64::from(k), 0.8 * f64::from(k));
         let (y, z) = (5e-3 * angle.cos(), 5e-3 * angle.sin());
-        corners += &format!("v {place:?} {y:?} {z:?}\nv {place:?} {:?} {:?}\n", -y, -z);
+        writeln!(corners, "v {place:?} {y:?} {z:?}\nv {place:?} {:?} {:?}", -y, -z).unwrap();
     }
     for k in 0..19 {
         let a = 2 * k + 1;
-        corners += &format!("f {a} {} {}\nf {} {} {}\n", a + 1, a + 2, a + 1, a + 3, a + 2);
+        writeln!(corners, "f {a} {} {}\nf {} {} {}", a + 1, a + 2, a + 1, a + 3, a + 2).unwrap();
     }
     std::fs::write(&file, corners).unwrap();
     let turn = "rotation = { about = [-0.1, 0, 0], axis = [1, 0, 0], rate = 6 }";
@@ -695,14 +696,12 @@ fn another_point_of_a_turn_moves_no_wall() {
     let mut comm = Alone::default();
     let corners = |wall: &Wall| -> Vec<Vec3> {
         let seen = |place: Vec3| wall.point + wall.orientation * place;
-        match &wall.mesh {
-            Some(mesh) => mesh.surface.triangles().flatten().map(seen).collect(),
-            None => {
-                let (point, normal) = wall.surface();
-                let places = [Vec3::zeros(), Vec3::x() * 0.1, Vec3::y() * 0.1];
-                places.map(|place| normal * (place - point).dot(&normal)).to_vec()
-            }
+        if let Some(mesh) = &wall.mesh {
+            return mesh.surface.triangles().flatten().map(seen).collect();
         }
+        let (point, normal) = wall.surface();
+        let places = [Vec3::zeros(), Vec3::x() * 0.1, Vec3::y() * 0.1];
+        places.map(|place| normal * (place - point).dot(&normal)).to_vec()
     };
     let of_triangles = |text: &str| {
         text.replace("point = [0, 0, 0]\nnormal = [0, 0, 1]", &format!("mesh = {file:?}"))

@@ -121,7 +121,7 @@ fn main() -> ExitCode {
         let _ = std::io::stdout().write_all(text.as_bytes());
         return ExitCode::SUCCESS;
     }
-    match run(arguments) {
+    match run(&arguments) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("dem-post: {error:#}");
@@ -130,7 +130,7 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(arguments: Arguments) -> Result<ExitCode> {
+fn run(arguments: &Arguments) -> Result<ExitCode> {
     if arguments.python {
         say(PYTHON);
         return Ok(ExitCode::SUCCESS);
@@ -163,7 +163,7 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
             write_lammps(&out, &reader).with_context(|| snapshot.path.display().to_string())?;
         }
     }
-    write_pictures(&out, &snapshots, &arguments)?;
+    write_pictures(&out, &snapshots, arguments)?;
     let bounds = reports.last().and_then(|r| r.bounds_m);
     let drawing = picture.svg(bounds.as_ref());
     let history = history_beside(beside);

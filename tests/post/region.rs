@@ -397,9 +397,9 @@ fn a_box_that_no_plane_ends_is_doubtful() {
         assert_eq!((told.len(), is_told), (usize::from(is_in), is_in), "{} {told:?}", wall.name);
     }
     let mut walled = closed;
-    [slope(1e-3), pipe(Vec3::new(0.0065, 0.0065, 0.0), 0.002)]
-        .iter()
-        .for_each(|wall| add_wall(&mut walled.header, wall));
+    for wall in &[slope(1e-3), pipe(Vec3::new(0.0065, 0.0065, 0.0), 0.002)] {
+        add_wall(&mut walled.header, wall);
+    }
     assert!(doubts(&walled)[0].starts_with("walls \"slope\", \"pipe\" are no planes"));
     let of_region = |low: Vec3| {
         let bounds = Bounds { low, high: low + Vec3::repeat(4e-3) };
