@@ -223,8 +223,8 @@ impl Drive for FreeWalls {
         let is_under_way = |free: &&FreeWall| {
             let velocity = walls[free.wall].velocity;
             // Across its line it may slide.
-            let stands = free.load == 0.0
-                && velocity.dot(&free.along).abs() <= f64::EPSILON * velocity.norm();
+            let stands =
+                free.load == 0.0 && velocity.dot(&free.along).abs() <= 1e-9 * velocity.norm();
             wall_forces[free.wall] == Vec3::zeros() && !stands
         };
         let free = self.all.iter().find(is_under_way)?;

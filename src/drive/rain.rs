@@ -21,7 +21,7 @@ use crate::particles::{Library, Particles, records::Particle};
 use crate::random::{Random, mixed};
 use serde::{Deserialize, Serialize};
 
-/// So many cells of a layer are counted and looked at before the run.
+/// Layers of more cells than this are not looked at before the run.
 pub const LOOKED_AT: u64 = 20_000;
 /// How often a particle looks for a place in a cell.
 const TRIES: usize = 50;
@@ -181,7 +181,7 @@ pub struct Layer {
     pub most: u64,
 }
 
-/// Has any cell of a layer, of those that are looked at, a place for a sphere within a region and clear of these walls?
+/// Has any cell of a layer a place for a sphere within a region and clear of these walls?
 pub fn has_place(
     (rain, region): (&Rain, &Region),
     radius: f64,
@@ -189,7 +189,7 @@ pub fn has_place(
     walls: &[&Wall],
 ) -> bool {
     let is_clear = |place: Vec3| is_clear_in((rain, region), radius, cell, walls, &place);
-    (0..rain.per_layer().min(LOOKED_AT)).any(|k| {
+    (0..rain.per_layer()).any(|k| {
         let mut random = Random::of(STREAM, k);
         (0..4 * TRIES).any(|_| is_clear(place_in_cell(rain, k, radius, &mut random)))
     })

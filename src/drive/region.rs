@@ -103,9 +103,7 @@ impl Region {
             }
             Self::Cylinder { axis: [from, to], radius } => {
                 let along = (to - from).normalize();
-                let mut across = Vec3::zeros();
-                across[along.iamin()] = 1.0;
-                let first = along.cross(&across).normalize();
+                let first = along.cross(&Vec3::ith(along.iamin(), 1.0)).normalize();
                 let second = along.cross(&first);
                 let (x, y) = loop {
                     let (x, y) = (random.signed(), random.signed());

@@ -438,7 +438,7 @@ pub struct Servos {
     /// Of servos of force the sum of the forces of this rank's contacts against the directions of their walls, at the positions of
     /// now [N].
     pressing: Vec<ExactSum>,
-    /// Has it been noted? A servo that is new within a stage has normal forces for it in its first step.
+    /// Has it been noted? A servo that is new within a stage, or has another direction, has normal forces for it in its first step.
     has_noted: Vec<bool>,
     /// By their indices, the velocities that the scene gives to walls with a servo [m/s].
     own: BTreeMap<usize, Vec3>,
@@ -841,6 +841,7 @@ impl Drive for Servos {
                 if let Some((pressing, targets)) = pressing_of_all
                     && servo.goal.is_force()
                     && targets[row] != 0.0
+                    && before == along
                 {
                     self.has_noted[k] = true;
                     if is_root {

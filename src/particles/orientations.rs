@@ -39,16 +39,10 @@ impl Orientations {
         (about[(own + 1) % 3], about[(own + 2) % 3]) = (x, y);
         let tilt = quaternion((1.0 - square).sqrt(), about * square.sqrt());
         let [half_cosine, half_sine] = random.on_circle();
-        let turn = quaternion(half_cosine, unit(own) * half_sine);
+        let turn = quaternion(half_cosine, Vec3::ith(own, 1.0) * half_sine);
         let all = shortest_turn(own, axis) * tilt * turn;
         Quat::new_normalize(all.into_inner())
     }
-}
-
-fn unit(axis: usize) -> Vec3 {
-    let mut unit = Vec3::zeros();
-    unit[axis] = 1.0;
-    unit
 }
 
 fn quaternion(real: f64, imaginary: Vec3) -> Quat {
@@ -59,10 +53,10 @@ fn quaternion(real: f64, imaginary: Vec3) -> Quat {
 /// every machine.
 fn shortest_turn(own: usize, direction: &Vec3) -> Quat {
     let cosine = direction[own];
-    let across = unit(own).cross(direction);
+    let across = Vec3::ith(own, 1.0).cross(direction);
     let sine = across.norm();
     if sine == 0.0 {
-        let half_turn = quaternion(0.0, unit((own + 1) % 3));
+        let half_turn = quaternion(0.0, Vec3::ith((own + 1) % 3, 1.0));
         return if cosine > 0.0 { Quat::identity() } else { half_turn };
     }
     // Of sine and cosine of half the angle the larger one first, which loses no digits.
@@ -74,7 +68,7 @@ fn shortest_turn(own: usize, direction: &Vec3) -> Quat {
 
 #[cfg(test)]
 mod tests {
-    use super::{Orientations, shortest_turn, unit};
+    use super::{Orientations, shortest_turn};
     use crate::math::Vec3;
     use crate::random::Random;
 
@@ -82,7 +76,7 @@ mod tests {
     #[test]
     fn the_shortest_turn_takes_an_axis_to_a_direction() {
         for own in 0..3 {
-            let (along, across) = (unit(own), unit((own + 1) % 3));
+            let (along, across) = (Vec3::ith(own, 1.0), Vec3::ith((own + 1) % 3, 1.0));
             for part in [0.0, 1e-12, 1e-6, 0.3, 1.0, 1e3] {
                 for sign in [1.0, -1.0] {
                     let direction: Vec3 = (along * sign + across * part).normalize();
@@ -112,7 +106,8 @@ mod tests {
                     (0.0, 0.0, Vec3::zeros(), Vec3::zeros());
                 for id in 0..count {
                     let turn = law.draw(&mut Random::of(5, id.into()));
-                    let (end, side) = (turn * unit(own), turn * unit((own + 1) % 3));
+                    let (end, side) =
+                        (turn * Vec3::ith(own, 1.0), turn * Vec3::ith((own + 1) % 3, 1.0));
                     let cosine = end.dot(&axis);
                     assert!(cosine >= least - 1e-14, "{own} {half_angle}: {cosine}");
                     cosines += cosine;

@@ -7,7 +7,7 @@ use crate::cell::{AXES, SIDES, Shear};
 use crate::contact::{ContactResolver, Patch, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
 use crate::domain::halo_width;
-use crate::drive::rain::Within;
+use crate::drive::rain::{LOOKED_AT, Within};
 use crate::ids::MaterialId;
 use crate::math::{ExactSum, Vec3};
 use crate::output::snapshot::{contact_bytes, particle_bytes};
@@ -93,7 +93,12 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         );
         if let Some(Within { region, places, free }) = &rain.within {
             let words = region.words();
-            page.line("", format!("{words}: of {places} places walls leave {free}, about"));
+            let free = if rain.per_layer() > LOOKED_AT {
+                format!("{places} cells in a layer, too many to look at")
+            } else {
+                format!("of {places} places walls leave {free}, about")
+            };
+            page.line("", format!("{words}: {free}"));
         }
     }
     for inlet in &scene.inlets {

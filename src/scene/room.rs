@@ -34,7 +34,7 @@ impl Room<'_> {
             return;
         }
         if rain.within.is_none() {
-            if self.has_start || !self.walls.known().any(|wall| rain.is_through(wall)) {
+            if !self.walls.known().any(|wall| rain.is_through(wall)) {
                 return;
             }
             let region = Region::Box { low: rain.low, high: rain.high };
@@ -61,8 +61,7 @@ impl Room<'_> {
                 rain.per_layer()
             ))
         } else if !self.has_start && !fits(&still) {
-            let smallest = smallest_radius(&rain.mix, self.library);
-            let wall = in_the_way(&region, smallest, &still, self.cell).unwrap_or_default();
+            let wall = in_the_way(&region, largest, &still, self.cell).unwrap_or_default();
             Some(format!(
                 "none of the {places} places of a layer is clear of the walls for the largest particle, most often of `{wall}`; give it another \
                  region by `low` and `high`, or `axis` and `radius`"

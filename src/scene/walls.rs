@@ -38,6 +38,11 @@ fn too_far(speed: f64, dt: Option<f64>, library: &Library) -> Option<f64> {
     (speed * dt > most).then_some(most)
 }
 
+/// By what factor a wall must be slower that goes so far in a step [m], if this is the most [m].
+fn slower_by(way: f64, most: f64) -> f64 {
+    1.005 * way / most
+}
+
 /// A wall on its way into the library.
 struct Planned {
     wall: Wall,
@@ -195,7 +200,7 @@ impl<'a> Walls<'a> {
                      shortest axis of the smallest grain; motions must be slower by a factor {:.2e}, or `step` shorter",
                     speed * dt,
                     100.0 * LONGEST_MOVE,
-                    1.005 * speed * dt / most
+                    slower_by(speed * dt, most)
                 ));
             }
         });
@@ -229,7 +234,7 @@ impl<'a> Walls<'a> {
                      the smallest grain; both must be slower by a factor {:.2e}, or `step` shorter",
                     both * dt,
                     100.0 * LONGEST_MOVE,
-                    1.005 * both * dt / most
+                    slower_by(both * dt, most)
                 ));
             }
         }

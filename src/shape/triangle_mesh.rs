@@ -91,7 +91,7 @@ struct Triangle {
 pub struct Findings {
     /// Triangles of a file that have no area, or stand there twice; they are left out.
     pub left_out: usize,
-    /// Triangles that are cut, for corners of others lie within their sides.
+    /// How often triangles, or pieces of them, are cut, for corners of others lie within their sides.
     pub cut: usize,
     /// Edges of one triangle only: where the surface ends, or has a hole.
     pub open_edges: usize,
@@ -300,7 +300,10 @@ impl TriangleMesh {
                 "edges whose triangles do not agree on what is in front, which changes nothing",
             ),
             (left_out, "triangles left out that have no area or are there twice"),
-            (cut, "triangles cut, for corners of others lie within their sides"),
+            (
+                cut,
+                "cuts of triangles or their pieces, for corners of others lie within their sides",
+            ),
         ] {
             if count > 0 {
                 text.extend(["; ", &count.to_string(), " ", what]);

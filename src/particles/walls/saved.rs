@@ -127,9 +127,9 @@ impl Wall {
 
     /// Goes on from where a snapshot of step `step` has it, with the velocities or the course of the scene, in which it stands now;
     /// `goes_on` if steps are counted on and are as long as before. A course goes on within a
-    /// stage, of which `before` tells. Where it begins to turn, or the scene has another point than before, it does so about the
-    /// point of the scene; else about that of its own which was there. Returns how far it stands off the scene's place, where that is most within `room` [m], 0 for rounding; `None` if it is another wall, which stands
-    /// where the scene says.
+    /// stage, of which `before` tells. If it begins to turn, or its scene has another reference point than before, that of
+    /// the scene is its own from here; else it keeps the one that it has. Returns how far it stands from where the scene has it, at most within
+    /// `room` [m], 0 for rounding; `None` if it is another wall, which stands where the scene says.
     pub fn go_on(
         &mut self,
         surface: &(Vec3, Vec3),

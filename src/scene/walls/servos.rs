@@ -1,6 +1,6 @@
 //! Which walls have a servo, and what it keeps: from the file as written.
 
-use super::{LONGEST_MOVE, Planned, Walls, stays_in_period, too_far, too_fast};
+use super::{LONGEST_MOVE, Planned, Walls, slower_by, stays_in_period, too_far, too_fast};
 use crate::cell::{AXES, Cell};
 use crate::drive::servo::{Goal, Servo};
 use crate::math::Vec3;
@@ -156,7 +156,7 @@ impl Walls<'_> {
                 wall.name,
                 speed * dt,
                 100.0 * LONGEST_MOVE,
-                1.005 * speed * dt / most
+                slower_by(speed * dt, most)
             ))
         })
     }
