@@ -11,6 +11,7 @@ use crate::math::{ExactSum, Vec3, larger_number};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
 use crate::particles::columns::Quantity;
+use crate::particles::walls::Wall;
 use serde::{Deserialize, Serialize};
 
 /// The part of an energy that may be missing from the balance without a warning.
@@ -67,6 +68,8 @@ pub struct Measures {
     pub wall_forces: Vec<Vec3>,
     /// Torque of the particles on each wall about its reference point [N m]; 0 if no wall asks for it.
     pub wall_torques: Vec<Vec3>,
+    /// What the surfaces of belts do on the particles beside what their walls do, by wall [W]; 0 of all others.
+    pub belt_powers: Vec<f64>,
     /// Of a sheared cell.
     pub bulk: Option<Bulk>,
 }
@@ -247,6 +250,8 @@ struct Totals {
     stresses: Option<usize>,
     /// Where the sums of torques on walls begin, if there are any.
     torques: Option<usize>,
+    /// Where the sums of powers of belts begin, if there are any.
+    belts: Option<usize>,
 }
 
 impl Totals {
@@ -259,6 +264,7 @@ impl Totals {
         };
         let stresses = more(particles.cell.shear().is_some(), 2 * COMPONENTS.len());
         let torques = more(particles.facets.any_torque, 3 * walls);
+        let belts = more(particles.walls.iter().any(Wall::is_belt), walls);
         Self {
             sums: vec![ExactSum::default(); count],
             infinite: vec![0; count],
@@ -266,6 +272,7 @@ impl Totals {
             maxima: [0.0, 0.0, f64::NEG_INFINITY],
             stresses,
             torques,
+            belts,
         }
     }
 
@@ -336,6 +343,9 @@ impl Totals {
             self.counts[2] += 1;
             for axis in 0..3 {
                 self.add_at(FIRST_WALL + 3 * wall + axis, force[axis]);
+            }
+            if let Some(first) = self.belts {
+                self.add_at(first + wall, -force.dot(&particles.belt_at(b, &geometry.normal)));
             }
         } else {
             self.counts[1] += 1;
@@ -424,6 +434,9 @@ impl Totals {
             top: self.maxima[2],
             wall_forces: self.of_walls(Some(FIRST_WALL), walls),
             wall_torques: self.of_walls(self.torques, walls),
+            belt_powers: (0..walls)
+                .map(|wall| self.belts.map_or(0.0, |first| self.value_at(first + wall)))
+                .collect(),
             bulk: None,
         }
     }

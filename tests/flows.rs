@@ -597,3 +597,46 @@ fn grains_of_an_inlet_point_along_an_axis_and_spin() {
     assert!(measures.rotation > 0.0);
     assert!(measures.missing().abs() < 1e-11 * measures.kinetic(), "{:e}", measures.missing());
 }
+
+/// What appears at a border of a period keeps clear of what is beyond it: of grains, and of a plate of triangles.
+#[test]
+fn an_inlet_keeps_clear_of_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let plate = folder.path().join("plate.obj");
+    let corners = "v 0.004 0.0004 0\nv 0.02 0.0004 0\nv 0.02 0.0004 0.06\nv 0.004 0.0004 0.06\n";
+    std::fs::write(&plate, format!("{corners}f 1 2 3\nf 1 3 4\n")).unwrap();
+    let text = SHAFT.split("[[fill.lattice]]").next().unwrap().replace(
+        "walls = [\"-x\", \"+x\", \"-y\", \"+y\"]",
+        "walls = [\"-x\", \"+x\"]\nperiodic = [false, true, false]",
+    ) + &format!(
+        "[[wall]]\nname = \"plate\"\nmesh = {:?}\n[[inlet]]\nname = \"tap\"\nshapes = [\"ball\"]\nlow = [0, 0, 0.04]\n\
+             high = [0.02, 0.02, 0.055]\nrate = 1e6\nevery = 10\nvelocity = [0, 0, -1]\n[time]\nstep = 1e-5\nsteps = 400\n[output]\ndirectory = \"out\"\n",
+        plate.display().to_string()
+    );
+    let scene = scene(&text);
+    let mut comm = Alone::default();
+    let mut sim = begun(&scene, &mut comm);
+    let (mut entered, mut at_border) = (0, 0);
+    for _ in 0..400 {
+        let before = sim.next_id;
+        sim.step(&mut comm).unwrap();
+        let owned = 0..sim.particles.owned;
+        for slot in owned.clone().filter(|&slot| sim.particles.id[slot].0 >= before) {
+            let (place, radius) = (sim.particles.position[slot], sim.particles.radius(slot));
+            for other in owned.clone().filter(|&other| other != slot) {
+                let apart = sim.particles.cell.nearest(sim.particles.position[other] - place);
+                assert!(apart.norm() > radius + sim.particles.radius(other), "{slot} {other}");
+            }
+            let beside = (0.004 - place.x).max(0.0);
+            for y in [0.0004, 0.0204] {
+                assert!(beside.hypot(place.y - y) >= radius, "{place}");
+            }
+            entered += 1;
+            at_border += usize::from(place.y < radius || place.y > 0.02 - radius);
+        }
+    }
+    println!("{entered} have come, {at_border} of them across the border");
+    assert!(entered > 60 && at_border > 0, "{entered} {at_border}");
+    let alone = OnRanks::of(&scene).the_same_everywhere(400, folder.path());
+    assert_eq!(alone.bits.len(), entered);
+}

@@ -2,6 +2,7 @@
 
 mod adhesion;
 mod audit;
+mod belts;
 mod comm;
 mod comm_cases;
 mod contact_reference;

@@ -183,3 +183,54 @@ fn rain_without_a_place_waits_and_says_so() {
     let last = sim.drives[0].last_warnings(&[], false);
     assert!(last[0].contains("only 0 of 100 particles of rain have fallen"), "{last:?}");
 }
+
+/// A piston that comes, a plate of triangles across the period and grains across it: what appears is clear of all where they stand then, and
+/// is the same everywhere, across a restart between two layers, too.
+#[test]
+fn rain_keeps_clear_of_what_moves_and_of_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let plate = folder.path().join("plate.obj");
+    // Across y, near the border: what reaches through it meets the plate.
+    let corners =
+        "v 0.005 0.0004 0.02\nv 0.02 0.0004 0.02\nv 0.02 0.0004 0.05\nv 0.005 0.0004 0.05\n";
+    std::fs::write(&plate, format!("{corners}f 1 2 3\nf 1 3 4\n")).unwrap();
+    let text = PIPE
+        .replace(
+            "high = [0.02, 0.02, 0.05]",
+            "high = [0.02, 0.02, 0.05]\nperiodic = [false, true, false]\nwalls = [\"-z\"]",
+        )
+        .replace(
+            "axis = [[0.01, 0.01, 0.042], [0.01, 0.01, 0.049]]\nradius = 0.008\n",
+            "low = [0, 0, 0.042]\nhigh = [0.02, 0.02, 0.049]\n",
+        )
+        .replace(
+            "name = \"floor\"\npoint = [0, 0, 0.02]\nnormal = [0, 0, 1]",
+            "name = \"piston\"\npoint = [0.001, 0, 0]\nnormal = [1, 0, 0]\nvelocity = [0.2, 0, 0]",
+        )
+        .replace(
+            "cylinder = { from = [0.01, 0.01, 0], to = [0.01, 0.01, 0.05], radius = 0.008 }",
+            &format!("mesh = {:?}", plate.display().to_string()),
+        )
+        .replace("count = 100", "count = 200");
+    let scene = scene(&text);
+    let (sim, layers) = rained(&scene, &|sim, slot| {
+        let (place, radius) = (sim.particles.position[slot], sim.particles.radius(slot));
+        let piston = 0.001 + 0.2 * sim.step as f64 * sim.dt;
+        assert!(place.x - piston >= radius - ROUNDING, "{place} {piston}");
+        let to_plate = Vec3::new((0.005 - place.x).max(0.0), 0.0, 0.0);
+        for y in [0.0004, 0.0204] {
+            assert!(to_plate.x.hypot(place.y - y) >= radius, "{place}");
+        }
+        for other in (0..sim.particles.owned).filter(|&other| other != slot) {
+            let apart = sim.particles.cell.nearest(sim.particles.position[other] - place).norm();
+            let reach = radius + sim.particles.radius(other);
+            assert!(apart >= reach - ROUNDING, "{slot} {other}");
+        }
+    });
+    println!("layers of {layers:?} until step {}", sim.step);
+    // The piston leaves less and less.
+    assert!(layers.len() >= 4 && layers[layers.len() - 2] < layers[0], "{layers:?}");
+    let steps = 2 * (sim.step / 2);
+    let alone = OnRanks::of(&scene).the_same_everywhere(steps, folder.path());
+    assert_eq!(alone.bits.len() as u64, sim.next_id);
+}

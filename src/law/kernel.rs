@@ -698,8 +698,10 @@ impl<M: Model> Contacts<'_, '_, M> {
         let acted = if POINTS { Acted::read(&state[law.width..], law.has_points) } else { None };
         let now = GeometryInLanes::of(&eight_from_rows(self.work.geometry, first, count));
         let arms = self.arms::<L, MOVES, TURNS>(&block, &constants.radii, [&last, &now], acted);
-        let motion =
+        let mut motion =
             if MOVES { Motion::of(particles, bodies, arms.now, arms.last) } else { Motion::none() };
+        let belts = if MOVES && with_walls { belts::<L>(particles, bodies[1]) } else { None };
+        let belts = belts.map(|belts| motion.carried_by(belts, [&now, &last]));
 
         let curvatures = if CURVED {
             Some(Curvatures::of(&eight_from_rows(self.work.curvatures, first, count)))
@@ -738,7 +740,10 @@ impl<M: Model> Contacts<'_, '_, M> {
             } else {
                 None
             };
-            Some(Impulse { straight: straight.store(), turning })
+            let of_belts = belts.map(|[now, last]| {
+                (half_step * (done.force.dot(now) + done.last_force.dot(last))).store()
+            });
+            Some(Impulse { straight: straight.store(), turning, of_belts })
         } else {
             None
         };
@@ -971,13 +976,16 @@ impl<M: Model> Contacts<'_, '_, M> {
             if TURNS && impulse.is_some() && self.particles.facets.any_torque {
                 self.sums.at_walls.push(row(&torques[1], lane).into());
             }
-            if let Some(Impulse { straight, turning }) = impulse {
+            if let Some(Impulse { straight, turning, of_belts }) = impulse {
                 let impulse = Vec3::from(row(straight, lane));
                 let of_wall = &self.particles.velocity[pair.b.index()];
                 let mut energy = -impulse.dot(of_wall);
                 if let (Some(turning), Some(spin)) = (turning, &self.particles.spin) {
                     let impulse = Vec3::from(row(turning, lane));
                     energy -= impulse.dot(&spin.angular_velocity[pair.b.index()]);
+                }
+                if let Some(of_belts) = of_belts {
+                    energy -= of_belts[lane];
                 }
                 self.sums.note_wall_work(pair, energy);
             }
@@ -1028,7 +1036,8 @@ impl<M: Model> Contacts<'_, '_, M> {
             let arm_a = body.support(&geometry.normal) - into;
             (arm_a, if with_wall { from_b(arm_a) } else { other.support(&-geometry.normal) + into })
         };
-        let of_b = particles.velocity_at(pair.b, &arm_b) + slides;
+        let belt = particles.belt_at(pair.b, &geometry.normal);
+        let of_b = particles.velocity_at(pair.b, &arm_b) + slides + belt;
         let velocity = particles.velocity_at(pair.a, &arm_a) - of_b;
         let constants = law.constants(pair, particles);
         let before = law.model.last(&constants, geometry.overlap, state);
@@ -1180,6 +1189,8 @@ struct Impulse {
     straight: [[f64; WIDTH]; 3],
     /// About the reference points of walls that turn [N m s].
     turning: Option<[[f64; WIDTH]; 3]>,
+    /// What they do to the surfaces of belts against these [J].
+    of_belts: Option<[f64; WIDTH]>,
 }
 
 /// How A's surface moves against B's.
@@ -1221,6 +1232,21 @@ impl<L: Eight> Motion<L> {
         let (spin, turning) = (spin_a.plus(spin_b), spin_a.minus(spin_b));
         Self { velocity, last_velocity, spin, turning }
     }
+
+    /// The surfaces of B move against B, as belts do. Returns their velocities in the planes of the contacts, now and at the last
+    /// step [m/s].
+    #[inline(always)]
+    fn carried_by(
+        &mut self,
+        belts: Triple<L>,
+        geometries: [&GeometryInLanes<L>; 2],
+    ) -> [Triple<L>; 2] {
+        let in_plane = geometries
+            .map(|GeometryInLanes { normal, .. }| belts.minus(normal.times(belts.dot(*normal))));
+        self.velocity = self.velocity.minus(in_plane[0]);
+        self.last_velocity = self.last_velocity.minus(in_plane[1]);
+        in_plane
+    }
 }
 
 impl<L: Eight> Motion<L> {
@@ -1244,6 +1270,24 @@ impl<L: Eight> Motion<L> {
             dt,
         }
     }
+}
+
+/// Velocities of the surfaces of walls against these [m/s]; `None` if no wall is a belt.
+#[inline(always)]
+fn belts<L: Eight>(particles: &Particles, walls: Gather) -> Option<Triple<L>> {
+    let belts = &particles.facets.belts;
+    if belts.is_empty() {
+        return None;
+    }
+    let mut columns = [[0.0; WIDTH]; 3];
+    for lane in 0..WIDTH {
+        let belt = belts[walls.at(lane) - particles.first_facet()];
+        for (column, component) in columns.iter_mut().zip(belt.iter()) {
+            column[lane] = *component;
+        }
+    }
+    let [x, y, z] = columns.map(|column| L::load(&column));
+    Some(Triple { x, y, z })
 }
 
 /// Velocities of the images of B that A sees against B themselves [m/s]; `None` if no image slides.

@@ -52,6 +52,7 @@ pub struct History {
 #[derive(Clone, Copy, Debug)]
 struct OfWall {
     torque: bool,
+    power: bool,
     point: bool,
     turn: bool,
 }
@@ -60,7 +61,8 @@ impl OfWall {
     fn of(wall: &Wall) -> Self {
         let turn = wall.moves && wall.may_turn();
         let point = wall.moves && wall.across().is_none();
-        Self { torque: wall.torque.is_some() || turn, point, turn }
+        let power = wall.moves || wall.is_belt();
+        Self { torque: wall.torque.is_some() || turn, power, point, turn }
     }
 
     /// Names of columns.
@@ -70,7 +72,7 @@ impl OfWall {
             let names = AXES.map(|axis| format!("{what}_{name}_{axis}_{unit}"));
             names.into_iter().filter(move |_| is_there)
         };
-        let power = Some(format!("power_{name}_W")).filter(|_| wall.moves);
+        let power = Some(format!("power_{name}_W")).filter(|_| self.power);
         three(self.torque, "torque", "N_m")
             .chain(power)
             .chain(three(wall.moves, "velocity", "m_per_s"))
@@ -80,12 +82,12 @@ impl OfWall {
             .collect()
     }
 
-    /// Their numbers with a force on the wall [N] and a torque about its reference point [N m].
-    fn numbers(self, wall: &Wall, force: &Vec3, torque: &Vec3) -> Vec<f64> {
+    /// Their numbers with a force on the wall [N], a torque about its reference point [N m] and the power of a belt [W].
+    fn numbers(self, wall: &Wall, force: &Vec3, torque: &Vec3, of_belt: f64) -> Vec<f64> {
         let three = |is_there: bool, vector: Vec3| {
             (0..3).filter(move |_| is_there).map(move |axis| vector[axis])
         };
-        let power = Some(wall.power(force, torque)).filter(|_| wall.moves);
+        let power = Some(wall.power(force, torque) + of_belt).filter(|_| self.power);
         three(self.torque, wall.torque_of(torque, force))
             .chain(power)
             .chain(three(wall.moves, wall.velocity))
@@ -254,12 +256,9 @@ impl History {
         .into_iter()
         .chain(forces.iter().flat_map(|force| force.iter().copied()))
         .chain(moved)
-        .chain(
-            self.of_walls
-                .iter()
-                .enumerate()
-                .flat_map(|(k, of)| of.numbers(&walls[k], &m.wall_forces[k], &m.wall_torques[k])),
-        )
+        .chain(self.of_walls.iter().enumerate().flat_map(|(k, of)| {
+            of.numbers(&walls[k], &m.wall_forces[k], &m.wall_torques[k], m.belt_powers[k])
+        }))
         .chain(m.bulk.iter().flat_map(|bulk| {
             let stresses = bulk.of_contacts.into_iter().chain(bulk.of_motion);
             std::iter::once(bulk.strain).chain(stresses)

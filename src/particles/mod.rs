@@ -315,6 +315,15 @@ impl Particles {
         self.cell.velocity_of_nearest(&(b - a))
     }
 
+    /// Velocity of the surface of a body against the body itself in a contact with this normal, as of a conveyor belt [m/s]; zero of
+    /// all others.
+    #[inline]
+    pub fn belt_at(&self, slot: Slot, normal: &Vec3) -> Vec3 {
+        let facet = slot.index().checked_sub(self.first_facet());
+        let belt = facet.and_then(|facet| self.facets.belts.get(facet));
+        belt.map_or_else(Vec3::zeros, |belt| belt - normal * normal.dot(belt))
+    }
+
     /// The bodies as contact resolution sees them.
     pub fn bodies(&self) -> Bodies<'_> {
         Bodies {
@@ -687,6 +696,12 @@ impl Particles {
         }
         let frames: Vec<Mat3> = self.walls.iter().map(Wall::frame).collect();
         let first = self.first_facet();
+        self.facets.belts.clear();
+        if self.walls.iter().any(Wall::is_belt) {
+            let belt =
+                |&wall: &u32| frames[wall as usize] * self.walls[wall as usize].surface_velocity;
+            self.facets.belts.extend(self.facets.wall.iter().map(belt));
+        }
         for (facet, &wall) in self.facets.wall.iter().enumerate() {
             let (slot, index) = (first + facet, wall as usize);
             let wall = &self.walls[index];

@@ -32,6 +32,8 @@ pub type Corners = (Vec3, Vec3);
 
 /// Components of normals along a wall's direction that are less than this are rounding.
 const SQUARE_ON: f64 = 1e-9;
+/// Turns by less than this are rounding [rad].
+const LEAST_TURN: f64 = 1e-9;
 
 /// A rigid body that particles do not pass.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,6 +50,8 @@ pub struct Wall {
     pub velocity: Vec3,
     /// Angular velocity, about the reference point [rad/s].
     pub angular_velocity: Vec3,
+    /// Velocity of its surface against itself, as of a conveyor belt, in its axes: what of it lies in the plane of a contact [m/s].
+    pub surface_velocity: Vec3,
     /// Mass, infinite unless contacts are to feel that it is not [kg].
     pub mass: f64,
     /// The direction along which it moves as one of this mass, a unit vector; across that it is held.
@@ -239,6 +243,7 @@ impl Wall {
             of_scene: pose.point,
             velocity: Vec3::zeros(),
             angular_velocity: Vec3::zeros(),
+            surface_velocity: Vec3::zeros(),
             mass: f64::INFINITY,
             free_along: Vec3::zeros(),
             moves: false,
@@ -396,6 +401,11 @@ impl Wall {
         -(force.dot(&self.velocity) + torque.dot(&self.angular_velocity))
     }
 
+    /// Is it a conveyor belt?
+    pub fn is_belt(&self) -> bool {
+        self.surface_velocity != Vec3::zeros()
+    }
+
     /// Does it move now, or follow a course?
     pub fn is_moving(&self) -> bool {
         self.course.is_some()
@@ -507,7 +517,7 @@ impl Wall {
         if let Some(Mesh { surface, .. }) = &self.mesh {
             let turn = (self.orientation * before.orientation.inverse()).scaled_axis();
             // The axis of a turn that is rounding is not known.
-            let reach = if turn.norm() > SQUARE_ON {
+            let reach = if turn.norm() > LEAST_TURN {
                 surface.reach_about(&self.frame().tr_mul(&turn))
             } else {
                 surface.reach()
@@ -715,6 +725,8 @@ pub struct FacetColumns {
     pub wall: Vec<u32>,
     /// Where each stands.
     pub place: Vec<FacetInPlace>,
+    /// Velocities of their surfaces against the walls, see [`Wall::surface_velocity`], world axes [m/s]; empty if no wall is a belt.
+    pub belts: Vec<Vec3>,
     /// Did any wall move when they were placed?
     pub any_moves: bool,
     /// Does any wall turn?

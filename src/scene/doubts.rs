@@ -39,6 +39,8 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         area_in_a_pipe(scene),
         rest_beside_drives(scene),
         stop_too_late(scene),
+        idle_belt(scene),
+        idle_spin(scene),
     ];
     all.into_iter().flatten().chain(left_out(scene)).collect()
 }
@@ -81,7 +83,7 @@ fn rest_beside_drives(scene: &Scene) -> Option<String> {
     let (key, _) = asked.into_iter().find(|(_, limit)| limit.is_some())?;
     let moves_for_ever = |wall: &&Wall| match &wall.course {
         Some(course) => course.is_endless(),
-        None => wall.mass.is_infinite() && wall.is_moving(),
+        None => wall.mass.is_infinite() && (wall.is_moving() || wall.is_belt()),
     };
     let wall = scene.walls.iter().find(moves_for_ever)?;
     Some(format!(
@@ -89,6 +91,28 @@ fn rest_beside_drives(scene: &Scene) -> Option<String> {
          follow a table that ends, or end the stage by its `duration`",
         wall.name
     ))
+}
+
+/// A belt on which nothing rubs.
+fn idle_belt(scene: &Scene) -> Option<String> {
+    let belt = scene.walls.iter().find(|wall| wall.is_belt())?;
+    (scene.law.highest_friction() == 0.0).then(|| {
+        format!(
+            "wall \"{}\" has a `surface_velocity`, and there is no friction: nothing is carried along",
+            belt.name
+        )
+    })
+}
+
+/// Grains that are to spin and do not turn.
+fn idle_spin(scene: &Scene) -> Option<String> {
+    let inlet = scene.inlets.iter().find(|inlet| inlet.spin > 0.0)?;
+    (!scene.needs().spin).then(|| {
+        format!(
+            "inlet `{}` has a `spin`, and spheres without friction do not turn here: it is left out",
+            inlet.name
+        )
+    })
 }
 
 /// A `[stop]` that is not looked at before the stage is over.

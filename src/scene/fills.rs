@@ -4,6 +4,7 @@ use super::matter::Shapes;
 use super::orientations::orientations;
 use super::reader::{Range, Section};
 use super::regions::region;
+use super::room::least_volume;
 use super::{Fill, Lattice, Listed, Mix, Rain, listed};
 use crate::cell::{AXES, Cell};
 use crate::drive::rain::{Within, cells_along};
@@ -157,13 +158,8 @@ impl Fills<'_> {
 
     /// Has the domain room for what rains? Grains are counted as the smallest of the mix.
     fn check_room(&self, section: &Section, rain: &Rain, domain: &Cell) {
-        let Library { shapes, sizes, .. } = &self.shapes.library;
-        let volumes = rain.mix.shapes().map(|id| {
-            let [scale, _] = sizes[id.index()].scales();
-            shapes[id.index()].volume() * scale.powi(3)
-        });
-        let (least, room) =
-            (volumes.fold(f64::INFINITY, f64::min), (domain.high() - domain.low()).product());
+        let least = least_volume(&rain.mix, &self.shapes.library);
+        let room = (domain.high() - domain.low()).product();
         if self.shapes.complete && rain.count as f64 * least > room {
             section.fail(format!(
                 "`count` = {}: so many particles have at least {:.3e} m3, the domain has {room:.3e} m3; it holds fewer than {:.3e}",

@@ -178,7 +178,12 @@ fn walls(scene: &Scene, page: &mut Page) {
         let names = scene.walls.iter().filter(|wall| wall.moves == moving);
         names.map(|wall| wall.name.as_str()).collect::<Vec<_>>().join(", ")
     };
-    for (label, names) in [("fixed walls", walls(false)), ("moving walls", walls(true))] {
+    let belts = scene.walls.iter().filter(|wall| wall.is_belt());
+    let belts = belts.map(|wall| format!("{}: {:?} m/s", wall.name, wall.surface_velocity.norm()));
+    let belts = belts.collect::<Vec<_>>().join(", ");
+    for (label, names) in
+        [("fixed walls", walls(false)), ("moving walls", walls(true)), ("belts", belts)]
+    {
         if !names.is_empty() {
             page.line(label, names);
         }
@@ -319,7 +324,10 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
             scene.rain.is_none() && scene.inlets.is_empty(),
             "no insertion: no rain, no inlet".to_owned(),
         ),
-        (!scene.walls.iter().any(|wall| wall.moves), "no work of walls: none moves".to_owned()),
+        (
+            !scene.walls.iter().any(|wall| wall.moves || wall.is_belt()),
+            "no work of walls: none moves".to_owned(),
+        ),
         (!not_saved.is_empty(), format!("not in snapshots: {}", not_saved.join(", "))),
         (!open.is_empty(), format!("no walls on these sides of the domain: {}", open.join(", "))),
     ];

@@ -116,18 +116,14 @@ impl Room<'_> {
         }
         let room = (self.cell.high() - self.cell.low()).product();
         for (section, inlet) in self.root.sections("inlet").iter().zip(inlets) {
-            let Library { shapes, sizes, mass, .. } = self.library;
+            let Library { shapes, mass, .. } = self.library;
             let volume = |shape: usize| shapes[shape].volume();
             // Counted as the smallest, weighed as the densest.
-            let least = inlet.mix.shapes().map(|id| {
-                let [scale, _] = sizes[id.index()].scales();
-                volume(id.index()) * scale.powi(3)
-            });
             let densities = inlet.mix.shapes().map(|id| mass[id.index()] / volume(id.index()));
             let (key, most, unit, of_one) = match inlet.until {
                 None => continue,
                 Some(Amount::Count(count)) => {
-                    ("count", count, "", least.fold(f64::INFINITY, f64::min))
+                    ("count", count, "", least_volume(&inlet.mix, self.library))
                 }
                 Some(Amount::Mass(mass)) => {
                     ("mass", mass, " kg", 1.0 / densities.fold(0.0, f64::max))
@@ -145,6 +141,15 @@ impl Room<'_> {
             }
         }
     }
+}
+
+/// The volume of the smallest particle of a mix [m³].
+pub(super) fn least_volume(mix: &Mix, library: &Library) -> f64 {
+    let of = |id: ShapeId| {
+        let [scale, _] = library.sizes[id.index()].scales();
+        library.shapes[id.index()].volume() * scale.powi(3)
+    };
+    mix.shapes().map(of).fold(f64::INFINITY, f64::min)
 }
 
 /// The least bounding radius of a mix [m].

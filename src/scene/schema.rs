@@ -157,7 +157,9 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("wall", "weld") => not_negative,
         ("wall", "turn") => object(&[("axis", vector(&any)), ("angle", any)]),
         ("wall", "smooth") => json!({ "type": "number", "minimum": 0, "maximum": 60 }),
-        ("wall", "point" | "normal" | "velocity" | "torque_about") => vector(&any),
+        ("wall", "point" | "normal" | "velocity" | "surface_velocity" | "torque_about") => {
+            vector(&any)
+        }
         ("wall", "planes") => some(&object(&[("point", vector(&any)), ("normal", vector(&any))])),
         ("wall", "rotation") => {
             object(&[("about", vector(&any)), ("axis", vector(&any)), ("rate", any)])

@@ -386,6 +386,7 @@ fn planned(
     let velocity = section.vector_or("velocity", Vec3::zeros(), "m/s");
     let rotation =
         section.read_or("rotation", None, |given| rotation(&given.section()?, domain).map(Some));
+    let surface_velocity = section.vector_or("surface_velocity", Vec3::zeros(), "m/s");
     let material = materials.find_in(section, "material");
     let torque_about = section.read_or("torque_about", None, |given| {
         given.vector(Range::Any, "m").map(|point| Some(TorqueAbout::Fixed(point)))
@@ -393,7 +394,14 @@ fn planned(
     section.finish();
 
     let torque = torque_about?;
-    let (planes, rotation) = (planes?, rotation?);
+    let (planes, rotation, surface_velocity) = (planes?, rotation?, surface_velocity?);
+    if let Some(given) = section.get("surface_velocity")
+        && !planes.is_empty()
+        && surface_velocity != Vec3::zeros()
+        && planes.iter().all(|(_, normal)| is_across(&surface_velocity, normal))
+    {
+        given.fail("goes nowhere along the plane: a surface moves along itself; a wall moves by its `velocity`");
+    }
     if let Some(surface) = surface {
         let surface = surface?;
         let origin = surface.origin();
@@ -419,6 +427,7 @@ fn planned(
         }
         wall.velocity = velocity?;
         wall.angular_velocity = rotation.map_or_else(Vec3::zeros, |(_, velocity)| velocity);
+        wall.surface_velocity = surface_velocity;
         wall.torque = torque;
         return Some(Planned { wall, material: material?, has_servo: false });
     }
@@ -430,8 +439,14 @@ fn planned(
     let mut wall = Wall::of_planes(name, reference, &planes);
     wall.velocity = velocity?;
     wall.angular_velocity = rotation.map_or_else(Vec3::zeros, |(_, velocity)| velocity);
+    wall.surface_velocity = surface_velocity;
     wall.torque = torque;
     Some(Planned { wall, material: material?, has_servo: false })
+}
+
+/// Has a velocity nothing along a plane with this normal, but for rounding?
+fn is_across(velocity: &Vec3, normal: &Vec3) -> bool {
+    velocity.cross(normal).norm() <= 1e-9 * velocity.norm()
 }
 
 /// A surface that is not of planes.

@@ -136,29 +136,34 @@ struct Motion {
     velocity: [Vec3; 2],
     /// [rad/s]
     spin: [Vec3; 2],
+    /// Of the surface of B against B in the plane of the contact, now and at the last step, if B is a belt [m/s].
+    belt: [Vec3; 2],
 }
 
 impl Motion {
-    fn of(pair: Pair, particles: &Particles, dt: f64) -> Self {
+    /// With the normals of now and of the last step.
+    fn of(pair: Pair, particles: &Particles, dt: f64, normals: [&Vec3; 2]) -> Self {
         let r = particles.bodies().relative(pair);
         let bodies = [pair.a, pair.b].map(Slot::index);
         let mut velocity = bodies.map(|k| particles.velocity[k]);
         velocity[1] += particles.sliding_of_image(pair);
         let spin = [pair.a, pair.b].map(|slot| particles.angular_velocity_of(slot));
-        Self { r: [r, r - (velocity[1] - velocity[0]) * dt], velocity, spin }
+        let belt = normals.map(|normal| particles.belt_at(pair.b, normal));
+        Self { r: [r, r - (velocity[1] - velocity[0]) * dt], velocity, spin, belt }
     }
 
     /// Where nobody asks for velocities.
     fn none(pair: Pair, particles: &Particles) -> Self {
         let r = particles.bodies().relative(pair);
         let zeros = [Vec3::zeros(); 2];
-        Self { r: [r; 2], velocity: zeros, spin: zeros }
+        Self { r: [r; 2], velocity: zeros, spin: zeros, belt: zeros }
     }
 
     /// Velocity of A's surface against B's at a point seen from the centre of A, now or at the last step [m/s].
     fn at(&self, point: &Vec3, when: usize) -> Vec3 {
         let of_a = self.velocity[0] + self.spin[0].cross(point);
-        of_a - self.velocity[1] - self.spin[1].cross(&(point - self.r[when]))
+        let of_b = self.velocity[1] + self.belt[when];
+        of_a - of_b - self.spin[1].cross(&(point - self.r[when]))
     }
 
     /// `ω_A - ω_B` [rad/s].
@@ -169,7 +174,8 @@ impl Motion {
     /// Work on B of what acted at the last step until now, half of a step [J].
     fn work_on_b(&self, force: &Vec3, moment: &Vec3, point: &Vec3, when: usize, half: f64) -> f64 {
         let arm = point - self.r[when];
-        half * (force.dot(&self.velocity[1]) + (arm.cross(force) + moment).dot(&self.spin[1]))
+        let velocity = self.velocity[1] + self.belt[when];
+        half * (force.dot(&velocity) + (arm.cross(force) + moment).dot(&self.spin[1]))
     }
 }
 
@@ -295,11 +301,14 @@ impl<M: Model> Contacts<'_, '_, M> {
         let state = if M::MOMENTS { &mut wide[..law.width] } else { &mut room[..law.width] };
         let Picked { at, point, now, last, before } = self.read_picked(places, state);
         let arms = self.arms_at::<L, MOVES>([a, b], point, before.point);
-        let motion = if MOVES {
+        let mut motion = if MOVES {
             super::Motion::of(particles, [a, b], arms.now, arms.last)
         } else {
             super::Motion::none()
         };
+
+        let belts = if MOVES && with_walls { super::belts::<L>(particles, b) } else { None };
+        let belts = belts.map(|belts| motion.carried_by(belts, [&now, &last]));
 
         let contact = motion.contact(&last, &now, dt);
         let last_acting = law.model.last(&constants, last.overlap, state);
@@ -369,7 +378,10 @@ impl<M: Model> Contacts<'_, '_, M> {
             let along = last.normal.times(before.press - before.force.dot(last.normal));
             let last_force = along.plus(before.force);
             let moments = arms.last[1].cross(last_force).plus(before.moment).plus(on[0]);
-            let work = last_force.plus(force).dot(velocity) + moments.dot(spin);
+            let mut work = last_force.plus(force).dot(velocity) + moments.dot(spin);
+            if let Some([now, last]) = belts {
+                work = work + force.dot(now) + last_force.dot(last);
+            }
             let work = (zero - half * work).store();
             for (&place, work) in places.iter().zip(work) {
                 window.wall_work[place as usize - first] = work;
@@ -503,10 +515,10 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// How the bodies of a pair move.
-    fn motion(&self, pair: Pair) -> Motion {
+    /// How the bodies of a pair move, with the normals of now and of the last step.
+    fn motion(&self, pair: Pair, normals: [&Vec3; 2]) -> Motion {
         if self.law.needs.velocity {
-            Motion::of(pair, self.particles, self.dt)
+            Motion::of(pair, self.particles, self.dt, normals)
         } else {
             Motion::none(pair, self.particles)
         }
@@ -522,7 +534,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let last = self.work.last.geometry.get(place_before).copied().unwrap_or_default();
         let Geometry { normal, overlap } = self.work.geometry[place];
         let constants = law.constants(pair, particles);
-        let motion = self.motion(pair);
+        let motion = self.motion(pair, [&normal, &last.normal]);
 
         let (mut room, mut wide) = ([0.0; MOST_STATE], [0.0; MOST_STATE_OF_MOMENTS]);
         let state = if M::MOMENTS { &mut wide[..law.width] } else { &mut room[..law.width] };
@@ -659,7 +671,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let remembered = &last.state[separated.place * law.stride..][..law.stride];
         let (state, memory) = remembered.split_at(law.width);
         let memory = Memory::read(memory);
-        let motion = self.motion(pair);
+        let motion = self.motion(pair, [&geometry.normal; 2]);
         // The force fell to nothing on the way: half of it did the work.
         if pair.b.index() >= particles.first_facet() {
             let force = memory.total_force(&geometry.normal);
