@@ -7,6 +7,7 @@
 //! grains alone, and one sum over all ranks tells which tries are free; the rest is the same on all ranks. So are the grains,
 //! whatever the number of ranks. At most [`MOST_AT_ONCE`] grains of an inlet appear at a time, so no rank has a list of more.
 
+use super::listed::Listed;
 use super::region::Region;
 use super::{Drive, DriveError, Moment, Newcomers, SavedColumn, SavedState, Values};
 use crate::comm::Comm;
@@ -62,6 +63,8 @@ pub struct Inlet {
     pub spin: f64,
     /// Orientations.
     pub orientations: Orientations,
+    /// Does it keep a list of its grains?
+    pub list: bool,
 }
 
 impl Inlet {
@@ -139,6 +142,7 @@ pub struct Inlets {
     /// Which have already warned.
     warned: Vec<bool>,
     warnings: Vec<String>,
+    listed: Listed,
 }
 
 /// Names [`Inlets`] among the drives.
@@ -157,7 +161,14 @@ impl Inlets {
     pub fn new(inlets: Vec<Inlet>, seed: u64) -> Self {
         let count = inlets.len();
         let (come, warned) = (vec![Come::default(); count], vec![false; count]);
-        Self { all: inlets, seed, come, warned, warnings: Vec::new() }
+        Self {
+            all: inlets,
+            seed,
+            come,
+            warned,
+            warnings: Vec::new(),
+            listed: Listed::default(),
+        }
     }
 
     /// What has come through each, in the order of the scene.
@@ -298,6 +309,16 @@ impl Inlets {
         self.note_missing(inlet, &due, found, has_more, (moment, library));
     }
 
+    /// Notes grains for the list of an inlet that keeps one.
+    fn note(&mut self, inlet: usize, moment: &Moment, grains: &[Particle]) {
+        if self.all[inlet].list {
+            let list = self.all[..inlet].iter().filter(|before| before.list).count();
+            for grain in grains {
+                self.listed.note(moment.step, list, grain.clone());
+            }
+        }
+    }
+
     /// Grains that were due and have not come: those behind the first that have found a place, or there are more than can come
     /// at a time.
     fn note_missing(
@@ -376,11 +397,13 @@ impl Drive for Inlets {
         let mut entered = Vec::new();
         for inlet in 0..self.all.len() {
             if moment.stage_step.is_multiple_of(self.all[inlet].every) {
+                let before = entered.len();
                 self.enter(inlet, moment, &mut entered, particles, comm);
+                for (id, particle) in (first_id..).zip(&mut entered).skip(before) {
+                    particle.id = GlobalId(id);
+                }
+                self.note(inlet, moment, &entered[before..]);
             }
-        }
-        for (id, particle) in (first_id..).zip(&mut entered) {
-            particle.id = GlobalId(id);
         }
         (!entered.is_empty()).then(|| Newcomers::of(entered))
     }
@@ -403,6 +426,15 @@ impl Drive for Inlets {
             ]
         };
         self.all.iter().zip(&self.come).flat_map(of_one).collect()
+    }
+
+    fn lists(&self) -> Vec<String> {
+        let listing = self.all.iter().filter(|inlet| inlet.list);
+        listing.map(|Inlet { name, .. }| format!("entered_{name}")).collect()
+    }
+
+    fn listed(&mut self) -> Vec<(usize, Particle)> {
+        self.listed.take()
     }
 
     fn warnings(&mut self) -> Vec<String> {

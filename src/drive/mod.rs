@@ -9,6 +9,8 @@
 //! 4. take out particles that have left the domain or have reached where they leave ([`Drive::reaches`], [`Drive::take`]);
 //! 5. look at the forces ([`Drive::after_forces`], at the start of a stage [`Drive::first_forces`]).
 //!
+//! After the step a run writes down the grains that drives have listed ([`Drive::lists`], [`Drive::listed`]).
+//!
 //! The state of a drive is the same on all ranks, but for sums that are not yet added up. It is saved in snapshots under the
 //! drive's name ([`Drive::save`], [`Drive::resume`]).
 //!
@@ -91,6 +93,7 @@
 
 pub mod free;
 pub mod inlet;
+pub mod listed;
 pub mod outlet;
 pub mod rain;
 pub mod region;
@@ -208,7 +211,7 @@ pub trait Drive: Send + Sync {
 
     /// Takes a particle of a mass [kg] that has left the domain of `cell`, or that it [reaches](Drive::reaches) at this moment, out of the
     /// simulation, or not; an error if no drive does. Asked on all ranks, in the order of the ids; not asked of what a drive before it
-    /// has taken. The velocity is that of half a step before the positions, the force that of the positions before.
+    /// has taken. The velocity is that at the positions if nothing touches the particle in the last half of the step, the force that of the positions before.
     fn take(&mut self, _moment: &Moment, _leaver: &Particle, _mass: f64, _cell: &Cell) -> bool {
         false
     }
@@ -216,6 +219,18 @@ pub trait Drive: Send + Sync {
     /// What it has counted in this stage, the same on all ranks: names of columns of `history.csv`, always the same ones, and
     /// numbers.
     fn counted(&self) -> Vec<(String, f64)> {
+        Vec::new()
+    }
+
+    /// Names of the lists that it keeps of particles that come or go, always the same ones and of no other drive. Each is a file of the
+    /// run, `NAME.csv` ([`crate::output::lists`]).
+    fn lists(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// The particles that came or went at the step that was just done, or as the stage began, each with the number of its list, in the
+    /// order of ids within each list; the same on all ranks. Asked on rank 0 alone: what is not asked for must be gone with the next.
+    fn listed(&mut self) -> Vec<(usize, Particle)> {
         Vec::new()
     }
 

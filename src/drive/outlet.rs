@@ -4,6 +4,7 @@
 //! it; what it had of energy is booked ([`crate::measure::Departed`]), so that the balance still closes. Counts and masses are
 //! summed in the order of the ids: the same on any number of ranks.
 
+use super::listed::Listed;
 use super::region::Region;
 use super::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
 use crate::cell::Cell;
@@ -23,6 +24,8 @@ pub struct Outlet {
     pub region: Region,
     /// Steps between looks.
     pub every: u64,
+    /// Does it keep a list of its grains?
+    pub list: bool,
 }
 
 impl Outlet {
@@ -49,6 +52,7 @@ pub struct Outlets {
     /// Which have already warned.
     warned: Vec<bool>,
     warnings: Vec<String>,
+    listed: Listed,
 }
 
 /// Names [`Outlets`] among the drives.
@@ -61,7 +65,7 @@ impl Outlets {
     /// Before anything has left.
     pub fn new(outlets: Vec<Outlet>) -> Self {
         let (left, warned) = (vec![Left::default(); outlets.len()], vec![false; outlets.len()]);
-        Self { all: outlets, left, warned, warnings: Vec::new() }
+        Self { all: outlets, left, warned, warnings: Vec::new(), listed: Listed::default() }
     }
 
     /// What has left through each, in the order of the scene.
@@ -98,6 +102,10 @@ impl Drive for Outlets {
         let left = &mut self.left[index];
         left.count += 1;
         left.mass += mass;
+        if self.all[index].list {
+            let list = self.all[..index].iter().filter(|before| before.list).count();
+            self.listed.note(moment.step, list, leaver.clone());
+        }
         true
     }
 
@@ -110,7 +118,7 @@ impl Drive for Outlets {
 
     /// Grains that go through a region between two looks are not seen.
     fn note_speed(&mut self, fastest: f64, dt: f64) {
-        for (Outlet { name, region, every }, warned) in self.all.iter().zip(&mut self.warned) {
+        for (Outlet { name, region, every, .. }, warned) in self.all.iter().zip(&mut self.warned) {
             let way = fastest * dt * *every as f64;
             if way > region.thickness() && !std::mem::replace(warned, true) {
                 self.warnings.push(format!(
@@ -120,6 +128,15 @@ impl Drive for Outlets {
                 ));
             }
         }
+    }
+
+    fn lists(&self) -> Vec<String> {
+        let listing = self.all.iter().filter(|outlet| outlet.list);
+        listing.map(|Outlet { name, .. }| format!("left_{name}")).collect()
+    }
+
+    fn listed(&mut self) -> Vec<(usize, Particle)> {
+        self.listed.take()
     }
 
     fn warnings(&mut self) -> Vec<String> {

@@ -1,4 +1,4 @@
-//! What is written: snapshots and the table of a run's scalars.
+//! What is written: snapshots, the table of a run's scalars, and lists of what comes and goes.
 //!
 //! | file | what it is |
 //! |---|---|
@@ -8,7 +8,9 @@
 //! | [`order`] | rows by id: from the ranks that have them to the ranks that write them |
 //! | [`snapshot`] | [`snapshot::write`] and [`snapshot::Reader`]: tables to files and back |
 //! | [`series`] | the lists by which ParaView knows the times of snapshots |
+//! | [`growing`] | files of rows that grow as a run goes on, and go on with it |
 //! | [`table`] | `history.csv`, the scalars of a run by time |
+//! | [`lists`] | `entered_NAME.csv`, `left_NAME.csv`: grains that came through an inlet or left through an outlet |
 //! | [`report`] | `report.json`, all figures of a run at its end, and the same as text |
 //! | [`performance`] | `performance.csv`, what a run did and what it took |
 //! | [`hdf5`] | the only file that calls HDF5: columns and attributes |
@@ -22,8 +24,10 @@
 //! one of its own: a file cut short and a flipped bit are found before anything else looks at it.
 
 pub mod columns;
+pub mod growing;
 pub mod hdf5;
 pub mod header;
+pub mod lists;
 pub mod order;
 pub mod performance;
 pub mod report;

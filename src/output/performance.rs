@@ -1,8 +1,8 @@
 //! `performance.csv`: what a run did and what it took, a row for each time that it was started and came to an end.
 //! Rank 0 writes, when all else is written.
 
+use super::growing::TableError;
 use super::report::Report;
-use super::table::TableError;
 use crate::timing::Phase;
 use serde::{Deserialize, Serialize};
 use std::fs::OpenOptions;

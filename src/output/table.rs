@@ -16,34 +16,19 @@
 //!
 //! Of a sheared cell there are the strain and the stresses of [`crate::measure::Bulk`] besides.
 
+use super::growing::{GrowingTable, TableError};
 use crate::cell::AXES;
 use crate::cell::Cell;
 use crate::math::Vec3;
 use crate::measure::{COMPONENTS, Measures};
 use crate::particles::walls::{Across, Wall, area};
-use serde::{Deserialize, Serialize};
-use std::fs::File;
-use std::io::Write;
-use std::path::{Path, PathBuf};
-
-/// The table could not be written.
-#[derive(Clone, Debug, thiserror::Error, Serialize, Deserialize)]
-#[error("cannot write {path}: {cause}. Check that the directory exists, is writable and has space")]
-pub struct TableError {
-    /// Which file.
-    pub path: PathBuf,
-    /// What went wrong.
-    pub cause: String,
-}
+use std::path::Path;
 
 /// The open table.
 #[derive(Debug)]
 pub struct History {
-    path: PathBuf,
-    writer: csv::Writer<File>,
+    table: GrowingTable,
     cell: Cell,
-    /// So many columns at the end are of runs before, which had walls or drives of other names.
-    former: usize,
     /// Of each wall.
     of_walls: Vec<OfWall>,
 }
@@ -142,8 +127,7 @@ pub fn stressed<'a>(walls: &'a [Wall], cell: &'a Cell) -> impl Iterator<Item = (
 }
 
 impl History {
-    /// Opens `history.csv` in `directory`, with columns of its `own` after all others. Of a file that is there already, the rows of the steps that
-    /// `keep` names stay: a run that goes on from a snapshot continues its table. What only one of them knows is empty in the other's rows.
+    /// Opens `history.csv` in `directory`, with columns of its `own` after all others, as [`GrowingTable::open`] does.
     ///
     /// # Errors
     /// If the file cannot be read or written.
@@ -154,9 +138,6 @@ impl History {
         own: &[String],
         keep: impl Fn(u64) -> bool,
     ) -> Result<Self, TableError> {
-        let path = directory.join("history.csv");
-        let failed =
-            |e: &dyn std::fmt::Display| TableError { path: path.clone(), cause: e.to_string() };
         let mut columns = COLUMNS.map(str::to_owned).to_vec();
         for Wall { name, .. } in walls {
             columns.extend(AXES.map(|axis| format!("force_{name}_{axis}_N")));
@@ -175,28 +156,8 @@ impl History {
             }
         }
         columns.extend_from_slice(own);
-        let before = if path.exists() { std::fs::read(&path) } else { Ok(Vec::new()) };
-        let (names, rows) = kept(&before.map_err(|e| failed(&e))?, keep).map_err(|e| failed(&e))?;
-        let known = columns.len();
-        let is_former = |name: &&str| !rows.is_empty() && !columns.iter().any(|new| new == name);
-        let former: Vec<String> = names.iter().filter(is_former).map(str::to_owned).collect();
-        columns.extend(former);
-        let place = |name| names.iter().position(|old| old == name);
-        let places: Vec<Option<usize>> = columns.iter().map(place).collect();
-        let mut table = csv::Writer::from_writer(Vec::new());
-        table.write_record(&columns).map_err(|e| failed(&e))?;
-        for row in &rows {
-            let cells = places.iter().map(|place| place.and_then(|k| row.get(k)).unwrap_or(""));
-            table.write_record(cells).map_err(|e| failed(&e))?;
-        }
-        let text = table.into_inner().map_err(|e| failed(&e))?;
-        // The rows of before are there at any moment.
-        let partial = directory.join(".history.csv.partial");
-        let mut file = File::create(&partial).map_err(|e| failed(&e))?;
-        file.write_all(&text).and_then(|()| file.sync_all()).map_err(|e| failed(&e))?;
-        std::fs::rename(&partial, &path).map_err(|e| failed(&e))?;
-        let writer = csv::WriterBuilder::new().has_headers(false).from_writer(file);
-        Ok(Self { path, writer, cell, former: columns.len() - known, of_walls })
+        let table = GrowingTable::open(directory, "history.csv", columns, keep)?;
+        Ok(Self { table, cell, of_walls })
     }
 
     /// Waits until all rows are on the disk, where a snapshot will be that goes on from them.
@@ -204,8 +165,7 @@ impl History {
     /// # Errors
     /// If they cannot be written.
     pub fn sync(&self) -> Result<(), TableError> {
-        let synced = self.writer.get_ref().sync_data();
-        synced.map_err(|e| TableError { path: self.path.clone(), cause: e.to_string() })
+        self.table.sync()
     }
 
     /// Appends a row with these forces on the walls [N] and numbers of its own; the walls are those of [`History::open`], where they stand now.
@@ -264,33 +224,10 @@ impl History {
             std::iter::once(bulk.strain).chain(stresses)
         }))
         .chain(own.iter().copied())
-        .map(|number| format!("{number:e}"))
-        .chain(std::iter::repeat_n(String::new(), self.former));
-        let written = self
-            .writer
-            .write_record(counts.chain(numbers))
-            .map_err(|e| e.to_string())
-            .and_then(|()| self.writer.flush().map_err(|e| e.to_string()));
-        written.map_err(|cause| TableError { path: self.path.clone(), cause })
+        .map(|number| format!("{number:e}"));
+        self.table.push(counts.chain(numbers))?;
+        self.table.flush()
     }
-}
-
-/// The lines of a text that have an end: a crash or a full disk may have left half a line.
-pub fn whole_lines(text: &[u8]) -> &[u8] {
-    let end = text.iter().rposition(|&byte| byte == b'\n');
-    &text[..end.map_or(0, |end| end + 1)]
-}
-
-/// The names of a table, and its rows of the steps that `keep` names.
-fn kept(
-    text: &[u8],
-    keep: impl Fn(u64) -> bool,
-) -> csv::Result<(csv::StringRecord, Vec<csv::StringRecord>)> {
-    let mut table = csv::ReaderBuilder::new().flexible(true).from_reader(whole_lines(text));
-    let names = table.headers()?.clone();
-    let mut rows = table.records().collect::<csv::Result<Vec<_>>>()?;
-    rows.retain(|row| row.get(0).and_then(|step| step.parse().ok()).is_some_and(&keep));
-    Ok((names, rows))
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The table of a run's scalars by time, `history.csv`: every numeric column, whatever a scene wrote.
 
-use crate::output::table::whole_lines;
+use crate::output::growing::whole_lines;
 use std::io::Read;
 
 /// Why a history could not be read.

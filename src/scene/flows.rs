@@ -17,6 +17,10 @@ use crate::random::Random;
 const LOOK_EVERY: u64 = 10;
 /// Steps between times at which grains of an inlet appear, if the file does not say.
 const ENTER_EVERY: u64 = 100;
+/// What names of files cannot hold, on one system or another.
+const UNFIT_FOR_FILES: [char; 9] = ['/', '\\', ':', '*', '?', '"', '<', '>', '|'];
+/// Longest name with a list [bytes]. Systems allow 255 for the name of a file.
+const LONGEST_LISTED: usize = 200;
 
 /// All `[[outlet]]`.
 pub(super) fn outlets(root: &Section, domain: Option<&Cell>) -> Option<Vec<Outlet>> {
@@ -25,6 +29,7 @@ pub(super) fn outlets(root: &Section, domain: Option<&Cell>) -> Option<Vec<Outle
         let name = name(section, &mut names);
         let every = section.read_or("every", LOOK_EVERY, |given| given.whole(1));
         let region = region(section, true);
+        let list = list(section, name.as_deref());
         section.finish();
         let (region, domain) = (region?, domain?);
         if let Region::Behind { normal, .. } = region
@@ -37,7 +42,7 @@ pub(super) fn outlets(root: &Section, domain: Option<&Cell>) -> Option<Vec<Outle
             ));
             return None;
         }
-        Some(Outlet { name: name?, region, every: every? })
+        Some(Outlet { name: name?, region, every: every?, list: list? })
     };
     // All are read, so that all mistakes come at once.
     let all: Vec<Option<Outlet>> = root.sections("outlet").iter().map(read).collect();
@@ -138,6 +143,7 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
     let spread = section.number_or("spread", 0.0, Range::NotNegative, "m/s");
     let spin = section.number_or("spin", 0.0, Range::NotNegative, "rad/s");
     let orientations = orientations(section);
+    let list = list(section, name.as_deref());
     section.finish();
     let (region, domain, velocity, spread) = (region?, fills.domain?, velocity?, spread?);
     let (low, high) = region.bounds()?;
@@ -168,6 +174,25 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
         spread,
         spin: spin?,
         orientations: orientations?,
+        list: list?,
+    })
+}
+
+/// Is there to be a list of what passes? It is a file that has the name of the inlet or outlet in its own.
+fn list(section: &Section, name: Option<&str>) -> Option<bool> {
+    section.read_or("list", false, |given| {
+        let list = given.boolean()?;
+        let is_unfit = |c: char| c.is_control() || UNFIT_FOR_FILES.contains(&c);
+        let may_be_listed =
+            name.is_none_or(|name| name.len() <= LONGEST_LISTED && !name.contains(is_unfit));
+        if list && !may_be_listed {
+            given.fail(format!(
+                "the list is a file named after it: take a name of at most {LONGEST_LISTED} bytes, without control characters \
+                 and without {}; or leave `list` out",
+                UNFIT_FOR_FILES.map(String::from).join(" ")
+            ));
+        }
+        Some(list)
     })
 }
 

@@ -6,6 +6,7 @@ use crate::ids::GlobalId;
 use crate::measure;
 use crate::motion;
 use crate::particles::columns::Quantity;
+use crate::particles::records::Particle;
 use std::collections::BTreeSet;
 
 impl Simulation {
@@ -40,8 +41,12 @@ impl Simulation {
         // One may be both outside and where it leaves.
         let slots: BTreeSet<usize> = self.leavers().collect();
         let moment = self.moment();
-        let Self { particles, drives, .. } = self;
-        let here = slots.into_iter().map(|slot| particles.owned_particle(slot));
+        let Self { particles, drives, field, .. } = self;
+        let here = slots.into_iter().map(|slot| {
+            let leaver = particles.owned_particle(slot);
+            // As it is booked out: nothing touches it any more.
+            Particle { velocity: field.after_last_kick(&leaver.velocity, dt), ..leaver }
+        });
         let mut leavers = everywhere(comm, &here.collect::<Vec<_>>());
         leavers.sort_unstable_by_key(|leaver| leaver.id);
         for leaver in leavers.iter().filter(|leaver| leaver.position.norm().is_finite()) {

@@ -11,7 +11,9 @@ use crate::drive::CHECK_EVERY;
 use crate::ids::GlobalId;
 use crate::math::Vec3;
 use crate::measure::Measures;
-use crate::output::table::{History, TableError};
+use crate::output::growing::TableError;
+use crate::output::lists::List;
+use crate::output::table::History;
 use crate::output::{SnapshotError, snapshot};
 use crate::timing::{Clock, Phase};
 use std::array::IntoIter;
@@ -127,9 +129,9 @@ pub enum RunError {
     /// A snapshot could not be written. Known on all ranks.
     #[error(transparent)]
     Snapshot(#[from] SnapshotError),
-    /// The history could not be written. Known on rank 0 only: abort the others.
+    /// The history or a list could not be written. Known on rank 0 only: abort the others.
     #[error(transparent)]
-    History(#[from] TableError),
+    Table(#[from] TableError),
     /// Bodies are too deep in each other, or too fast, at the start of a stage. Known on all ranks.
     #[error("{0}")]
     Start(String),
@@ -268,6 +270,8 @@ struct Records<'a> {
     schedule: &'a Schedule,
     /// On rank 0.
     history: Option<History>,
+    /// Of each drive its lists of particles that come and go, on rank 0; none at all if no drive keeps any.
+    lists: Vec<Vec<List>>,
     /// Overlaps at which a run still has to warn.
     depths: Peekable<IntoIter<f64, 2>>,
     /// The stable limit, of laws that stiffen with load.
@@ -284,7 +288,7 @@ struct Records<'a> {
 
 impl<'a> Records<'a> {
     fn open(sim: &Simulation, schedule: &'a Schedule, comm: &dyn Comm) -> Result<Self, RunError> {
-        let history = if comm.is_root() {
+        let (history, lists) = if comm.is_root() {
             // The last row of a run that was stopped off its schedule would not be there had it gone on.
             let (stage_begin, first_step) = (sim.stage_begin.0, sim.step);
             let keep = |step: u64| {
@@ -293,14 +297,16 @@ impl<'a> Records<'a> {
             };
             let own = counted(sim).map(|(name, _)| name).collect::<Vec<_>>();
             let walls = &sim.particles.walls;
-            Some(History::open(&schedule.out, walls, sim.particles.cell, &own, keep)?)
+            let history = History::open(&schedule.out, walls, sim.particles.cell, &own, keep)?;
+            (Some(history), lists(sim, schedule)?)
         } else {
-            None
+            (None, Vec::new())
         };
         let depths = DEPTHS.into_iter().peekable();
         Ok(Self {
             schedule,
             history,
+            lists,
             depths,
             stiffening: Stiffening::of(sim, schedule.allow_unstable),
             missing: MISSING.into_iter().peekable(),
@@ -322,7 +328,32 @@ impl<'a> Records<'a> {
         history.push(sim.step, sim.time(), measures, forces, &sim.particles.walls, &own)
     }
 
-    /// Writes a snapshot. Collective.
+    /// Adds the particles that came and went at this step to the lists.
+    fn list(&mut self, sim: &mut Simulation) -> Result<(), TableError> {
+        let moment = (sim.step, sim.time());
+        for (drive, lists) in sim.drives.iter_mut().zip(&mut self.lists) {
+            if lists.is_empty() {
+                continue;
+            }
+            let listed = drive.listed();
+            if listed.is_empty() {
+                continue;
+            }
+            for (number, list) in lists.iter_mut().enumerate() {
+                let of_list = listed.iter().filter(|(of, _)| *of == number);
+                list.push(moment, of_list.map(|(_, grain)| grain), &sim.particles.library)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits until all rows are on the disk, where a snapshot will be that goes on from them.
+    fn sync(&self) -> Result<(), TableError> {
+        self.history.as_ref().map_or(Ok(()), History::sync)?;
+        self.lists.iter().flatten().try_for_each(List::sync)
+    }
+
+    /// Writes a snapshot, after the rows of before. Collective.
     fn save(
         &self,
         sim: &Simulation,
@@ -330,11 +361,13 @@ impl<'a> Records<'a> {
         measures: &Measures,
         comm: &mut dyn Comm,
     ) -> Result<PathBuf, RunError> {
-        save(sim, self.schedule, ending, self.history.as_ref(), measures, comm)
+        self.sync()?;
+        save(sim, self.schedule, ending, measures, comm)
     }
 
     /// The state before the first step of a stage. Collective.
     fn first(&mut self, sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
+        self.list(sim)?;
         let measures = sim.measure(comm);
         sim.most_moving = most_moving(sim, &measures);
         self.note(sim.step, &measures);
@@ -352,7 +385,7 @@ impl<'a> Records<'a> {
         }
     }
 
-    /// Measures, adds a row and writes a snapshot where they are due. Returns whether the packing has come to rest.
+    /// Lists what came and went, measures, adds a row and writes a snapshot where they are due. Returns whether the packing has come to rest.
     /// Collective.
     fn after_step(
         &mut self,
@@ -360,6 +393,7 @@ impl<'a> Records<'a> {
         warnings: &mut Vec<String>,
         comm: &mut dyn Comm,
     ) -> Result<Ending, RunError> {
+        self.list(sim)?;
         let schedule = self.schedule;
         let row_due = sim.step == schedule.last_step || due(sim.step, schedule.history_every);
         let snapshot_due = due(sim.step, schedule.snapshot_every);
@@ -459,6 +493,15 @@ impl Simulation {
         comm.max(&mut largest);
         largest
     }
+}
+
+/// The lists of each drive, with what the run that this one continues has written; none at all if no drive keeps any.
+fn lists(sim: &Simulation, schedule: &Schedule) -> Result<Vec<Vec<List>>, TableError> {
+    let keep = |step: u64| schedule.resumed && step <= sim.step;
+    let of_drives = sim.drives.iter().map(|drive| drive.lists());
+    of_drives
+        .map(|names| names.iter().map(|name| List::open(&schedule.out, name, keep)).collect())
+        .collect()
 }
 
 /// What drives have counted: columns of the history and numbers.
@@ -569,16 +612,14 @@ impl StopCheck {
     }
 }
 
-/// Writes a snapshot of this moment, if its state is one to go on from, after the rows of before. Collective.
+/// Writes a snapshot of this moment, if its state is one to go on from. Collective.
 fn save(
     sim: &Simulation,
     schedule: &Schedule,
     ending: Ending,
-    history: Option<&History>,
     measures: &Measures,
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, RunError> {
-    history.map_or(Ok(()), History::sync)?;
     let checked = sim.domain.check(&sim.particles, &BTreeSet::new()).and_then(|()| {
         let forces = sim.particles.id.iter().zip(&sim.particles.force);
         match forces

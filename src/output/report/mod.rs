@@ -10,7 +10,7 @@ pub mod audit;
 pub mod sizes;
 mod text;
 
-use super::table::TableError;
+use super::growing::TableError;
 use crate::drive::Kept;
 use crate::timing::Phase;
 use audit::Audit;

@@ -1,0 +1,115 @@
+//! A CSV file to which a run adds rows as it goes on, the step in the first column. Rank 0 writes.
+//!
+//! A run that goes on from a snapshot goes on with the file: rows that it will write again are dropped, and half a line that a
+//! crash has left.
+
+use serde::{Deserialize, Serialize};
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// The table could not be written.
+#[derive(Clone, Debug, thiserror::Error, Serialize, Deserialize)]
+#[error("cannot write {path}: {cause}. Check that the directory exists, is writable and has space")]
+pub struct TableError {
+    /// Which file.
+    pub path: PathBuf,
+    /// What went wrong.
+    pub cause: String,
+}
+
+/// The open file.
+#[derive(Debug)]
+pub struct GrowingTable {
+    path: PathBuf,
+    writer: csv::Writer<File>,
+    /// So many columns at the end are of runs before, which had others.
+    former: usize,
+}
+
+impl GrowingTable {
+    /// Opens the file `name` in `directory` with these columns. Of a file that is there already, the rows of the steps that `keep` names
+    /// stay: a run that goes on from a snapshot continues its table. What only one of them knows is empty in the other's rows.
+    ///
+    /// # Errors
+    /// If the file cannot be read or written.
+    pub fn open(
+        directory: &Path,
+        name: &str,
+        mut columns: Vec<String>,
+        keep: impl Fn(u64) -> bool,
+    ) -> Result<Self, TableError> {
+        let path = directory.join(name);
+        let failed =
+            |e: &dyn std::fmt::Display| TableError { path: path.clone(), cause: e.to_string() };
+        let before = if path.exists() { std::fs::read(&path) } else { Ok(Vec::new()) };
+        let (names, rows) = kept(&before.map_err(|e| failed(&e))?, keep).map_err(|e| failed(&e))?;
+        let known = columns.len();
+        let is_former = |name: &&str| !rows.is_empty() && !columns.iter().any(|new| new == name);
+        let former: Vec<String> = names.iter().filter(is_former).map(str::to_owned).collect();
+        columns.extend(former);
+        let place = |name| names.iter().position(|old| old == name);
+        let places: Vec<Option<usize>> = columns.iter().map(place).collect();
+        let mut table = csv::Writer::from_writer(Vec::new());
+        table.write_record(&columns).map_err(|e| failed(&e))?;
+        for row in &rows {
+            let cells = places.iter().map(|place| place.and_then(|k| row.get(k)).unwrap_or(""));
+            table.write_record(cells).map_err(|e| failed(&e))?;
+        }
+        let text = table.into_inner().map_err(|e| failed(&e))?;
+        // The rows of before are there at any moment.
+        let partial = directory.join(format!(".{name}.partial"));
+        let mut file = File::create(&partial).map_err(|e| failed(&e))?;
+        file.write_all(&text).and_then(|()| file.sync_all()).map_err(|e| failed(&e))?;
+        std::fs::rename(&partial, &path).map_err(|e| failed(&e))?;
+        let writer = csv::WriterBuilder::new().has_headers(false).from_writer(file);
+        Ok(Self { path, writer, former: columns.len() - known })
+    }
+
+    /// Appends a row of all columns that it was opened with. It is in the file after [`GrowingTable::flush`].
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn push(&mut self, cells: impl Iterator<Item = String>) -> Result<(), TableError> {
+        let cells = cells.chain(std::iter::repeat_n(String::new(), self.former));
+        self.writer.write_record(cells).map_err(|e| self.failed(&e))
+    }
+
+    /// Hands all rows to the system.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn flush(&mut self) -> Result<(), TableError> {
+        self.writer.flush().map_err(|e| self.failed(&e))
+    }
+
+    /// Waits until all rows that were flushed are on the disk, where a snapshot will be that goes on from them.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn sync(&self) -> Result<(), TableError> {
+        self.writer.get_ref().sync_data().map_err(|e| self.failed(&e))
+    }
+
+    fn failed(&self, cause: &dyn std::fmt::Display) -> TableError {
+        TableError { path: self.path.clone(), cause: cause.to_string() }
+    }
+}
+
+/// The lines of a text that have an end: a crash or a full disk may have left half a line.
+pub fn whole_lines(text: &[u8]) -> &[u8] {
+    let end = text.iter().rposition(|&byte| byte == b'\n');
+    &text[..end.map_or(0, |end| end + 1)]
+}
+
+/// The names of a table, and its rows of the steps that `keep` names.
+fn kept(
+    text: &[u8],
+    keep: impl Fn(u64) -> bool,
+) -> csv::Result<(csv::StringRecord, Vec<csv::StringRecord>)> {
+    let mut table = csv::ReaderBuilder::new().flexible(true).from_reader(whole_lines(text));
+    let names = table.headers()?.clone();
+    let mut rows = table.records().collect::<csv::Result<Vec<_>>>()?;
+    rows.retain(|row| row.get(0).and_then(|step| step.parse().ok()).is_some_and(&keep));
+    Ok((names, rows))
+}
