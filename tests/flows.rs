@@ -2,12 +2,15 @@
 
 use crate::support::{OnRanks, begun, expect_refused, save, scene, schedule};
 use dem_mpi::comm::alone::Alone;
+use dem_mpi::comm::threads;
 use dem_mpi::math::Vec3;
-use dem_mpi::output::snapshot::Reader;
+use dem_mpi::output::snapshot::{Reader, particles_name};
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble;
 use dem_mpi::scene::plan::plan;
-use dem_mpi::sim::run::{Ending, run};
+use dem_mpi::sim::run::{Ending, Schedule, run};
+use std::collections::BTreeSet;
+use std::path::Path;
 
 /// A shaft into which balls and eggs come, and out of which they leave through its bottom and a hatch.
 const SHAFT: &str = r#"
@@ -639,4 +642,247 @@ fn an_inlet_keeps_clear_of_images() {
     assert!(entered > 60 && at_border > 0, "{entered} {at_border}");
     let alone = OnRanks::of(&scene).the_same_everywhere(400, folder.path());
     assert_eq!(alone.bits.len(), entered);
+}
+
+/// The shaft, of which all that comes and goes is listed.
+fn listing() -> String {
+    let text = SHAFT.replace("[[inlet]]\n", "[[inlet]]\nlist = true\n");
+    text.replace("[[outlet]]\n", "[[outlet]]\nlist = true\n")
+}
+
+const LISTS: [&str; 4] = ["entered_eggs", "entered_balls", "left_bottom", "left_hatch"];
+
+/// A row of a list.
+#[derive(Clone, Debug)]
+struct Row {
+    step: u64,
+    time: f64,
+    id: u64,
+    shape: String,
+    scale: f64,
+    mass: f64,
+    position: Vec3,
+    velocity: Vec3,
+}
+
+/// The rows of a list, in their order: by step, then by id.
+fn rows(folder: &Path, list: &str) -> Vec<Row> {
+    let mut table = csv::Reader::from_path(folder.join(format!("{list}.csv"))).unwrap();
+    let columns = "step,time_s,id,shape,scale,mass_kg,x_m,y_m,z_m,vx_m_per_s,vy_m_per_s,vz_m_per_s";
+    assert_eq!(table.headers().unwrap().iter().collect::<Vec<_>>().join(","), columns);
+    let row = |record: Result<csv::StringRecord, csv::Error>| {
+        let record = record.unwrap();
+        let number = |column: usize| record[column].parse::<f64>().unwrap();
+        let vector = |first: usize| Vec3::from_fn(|axis, _| number(first + axis));
+        Row {
+            step: record[0].parse().unwrap(),
+            time: number(1),
+            id: record[2].parse().unwrap(),
+            shape: record[3].to_owned(),
+            scale: number(4),
+            mass: number(5),
+            position: vector(6),
+            velocity: vector(9),
+        }
+    };
+    let rows: Vec<Row> = table.records().map(row).collect();
+    let is_after = |pair: &[Row]| (pair[0].step, pair[0].id) < (pair[1].step, pair[1].id);
+    assert!(rows.windows(2).all(is_after), "{list}");
+    rows
+}
+
+/// Runs a scene on ranks from its start, or from the snapshot of a step in the folder, up to a step; what was counted.
+fn leg(
+    scene: &Scene,
+    folder: &Path,
+    ranks: u32,
+    (from, last_step): (Option<u64>, u64),
+) -> Vec<(String, f64)> {
+    let counted = threads::run(ranks, |comm| {
+        let mut sim = assemble::assemble(scene, comm);
+        if let Some(step) = from {
+            let (start, same) =
+                (folder.join(particles_name(step)), assemble::Continuation::SameStage);
+            assemble::take_up(&mut sim, scene, &start, same, comm).unwrap();
+        } else {
+            assemble::fill(&mut sim, scene, comm);
+        }
+        let schedule = Schedule {
+            snapshot_every: 300,
+            resumed: from.is_some(),
+            ..schedule(scene, last_step, folder)
+        };
+        run(&mut sim, &schedule, comm, &mut |_| {}).unwrap();
+        sim.drives.iter().flat_map(|drive| drive.counted()).collect()
+    });
+    counted.into_iter().next().unwrap()
+}
+
+/// A list has every grain that was counted, once, and what snapshots know of it.
+#[test]
+fn lists_have_all_that_came_and_left() {
+    let (scene, folder) = (scene(&listing()), tempfile::tempdir().unwrap());
+    let counted = leg(&scene, folder.path(), 1, (None, 1500));
+    let number = |name: &str| counted.iter().find(|(of, _)| of == name).unwrap().1;
+    let mut there: BTreeSet<u64> = (0..252).collect();
+    let mut seen = 0;
+    for list in LISTS {
+        let rows = rows(folder.path(), list);
+        println!("{list}: {} rows", rows.len());
+        assert!(rows.len() > 20, "{list}: {}", rows.len());
+        assert_eq!(rows.len() as f64, number(list));
+        // Summed in the order in which they were counted.
+        let mass = rows.iter().fold(0.0, |sum, row| sum + row.mass);
+        assert_eq!(mass, number(&format!("{list}_kg")));
+        for row in &rows {
+            let is_new = list.starts_with("entered");
+            assert!(if is_new { there.insert(row.id) } else { there.remove(&row.id) }, "{row:?}");
+            let shape = scene.library.names.iter().position(|name| *name == row.shape).unwrap();
+            assert!(
+                (row.mass / (scene.library.mass[shape] * row.scale.powi(3)) - 1.0).abs() < 1e-14
+            );
+            assert!((row.time - row.step as f64 * scene.dt).abs() < 1e-14);
+            let (x, z) = (row.position.x, row.position.z);
+            match list {
+                "left_bottom" => assert!(z < 0.002 && row.step % 10 == 0, "{row:?}"),
+                "left_hatch" => {
+                    assert!(x <= 0.01 && (0.002..=0.006).contains(&z) && row.step % 7 == 0);
+                }
+                _ => {}
+            }
+            if is_new && row.step % 300 == 0 {
+                let snapshot = folder.path().join(particles_name(row.step));
+                let snapshot = Reader::open(&snapshot).unwrap();
+                let table = snapshot.particles(0..snapshot.particle_count()).unwrap();
+                let k = table.id.iter().position(|id| id.0 == row.id).unwrap();
+                assert_eq!(table.position[k], row.position);
+                assert_eq!(table.scale[k], row.scale);
+                assert_eq!(table.shape[k].index(), shape);
+                assert!((table.velocity[k] - row.velocity).norm() < 1e-14);
+                seen += 1;
+            }
+        }
+    }
+    assert!(seen > 0, "no snapshot is of a step at which a grain came");
+    let last = Reader::open(folder.path()).unwrap();
+    let table = last.particles(0..last.particle_count()).unwrap();
+    assert_eq!(there, table.id.iter().map(|id| id.0).collect());
+}
+
+/// The same bytes on 1, 2, 3 and 8 ranks, over a restart, and of a run that was killed some time after a snapshot, within a line.
+#[test]
+fn lists_are_the_same_on_any_number_of_ranks_and_over_restarts() {
+    let (scene, folder) = (scene(&listing()), tempfile::tempdir().unwrap());
+    let folder = folder.path();
+    let path = |list: &str| folder.join(format!("{list}.csv"));
+    let bytes = || LISTS.map(|list| std::fs::read_to_string(path(list)).unwrap());
+    leg(&scene, folder, 1, (None, 1500));
+    let alone = bytes();
+    for ranks in [2, 3, 8] {
+        leg(&scene, folder, ranks, (None, 1500));
+        assert!(bytes() == alone, "{ranks} ranks");
+    }
+    // Stopped off the schedule of rows and snapshots, just after grains have left.
+    let step = rows(folder, "left_hatch").iter().find(|row| row.step > 700).unwrap().step;
+    leg(&scene, folder, 3, (None, step));
+    let before = bytes();
+    assert!(before != alone && before.iter().zip(&alone).all(|(some, all)| all.starts_with(some)));
+    assert_eq!(rows(folder, "left_hatch").last().unwrap().step, step);
+    leg(&scene, folder, 2, (Some(step), 1500));
+    assert!(bytes() == alone, "over a restart at step {step}");
+    // Killed after step 1100: what was written since the snapshot is written again.
+    leg(&scene, folder, 1, (None, 1100));
+    for list in LISTS {
+        let killed = std::fs::read_to_string(path(list)).unwrap();
+        assert!(rows(folder, list).last().unwrap().step > 900, "{list}");
+        std::fs::write(path(list), killed + "1101,0.011").unwrap();
+    }
+    leg(&scene, folder, 2, (Some(900), 1500));
+    assert!(bytes() == alone, "after a run that was killed");
+    // A run from the start begins them anew.
+    leg(&scene, folder, 1, (None, 0));
+    for list in LISTS {
+        let path = path(list);
+        assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), 1, "{list}");
+        std::fs::remove_file(path).unwrap();
+    }
+    // Nobody asks for lists: there are none.
+    leg(&self::scene(SHAFT), folder, 1, (None, 100));
+    assert!(LISTS.iter().all(|list| !path(list).exists()));
+}
+
+/// Balls that appear at rest above and are gone below: from row to row a free fall, z = z0 - g t²/2 and v = -g t, which velocity Verlet meets to
+/// rounding, over to the next look after it is through the plane.
+#[test]
+fn lists_tell_how_long_a_grain_stays() {
+    const EVERY: u64 = 7;
+    let shaft = SHAFT.split("[[fill.lattice]]").next().unwrap();
+    let text = shaft.replace("0.5, 0.2, -9.81", "0, 0, -9.81")
+        + &format!(
+            "[[inlet]]\nname = \"tap\"\nshapes = [\"ball\"]\nlow = [0.01, 0.01, 0.05]\nhigh = [0.01, 0.01, 0.05]\nrate = 40\ncount = 3\nlist = true\n\
+             [[outlet]]\nname = \"drain\"\npoint = [0, 0, 0.002]\nnormal = [0, 0, 1]\nevery = {EVERY}\nlist = true\n\
+             [time]\nstep = 1e-5\nsteps = 20000\n[output]\ndirectory = \"out\"\n"
+        );
+    let (scene, folder) = (scene(&text), tempfile::tempdir().unwrap());
+    leg(&scene, folder.path(), 1, (None, 20_000));
+    let [entered, left] = ["entered_tap", "left_drain"].map(|list| rows(folder.path(), list));
+    assert_eq!((entered.len(), left.len()), (3, 3));
+    let fall = (2.0 * 0.048_f64 / 9.81).sqrt();
+    for (entered, left) in entered.iter().zip(&left) {
+        assert_eq!((entered.id, &*entered.shape), (left.id, "ball"));
+        assert_eq!(
+            (entered.position, entered.velocity),
+            (Vec3::new(0.01, 0.01, 0.05), Vec3::zeros())
+        );
+        let time = left.time - entered.time;
+        let late = time - fall;
+        println!("id {}: {time} s, {late:e} s after it was through", left.id);
+        assert!(late >= 0.0 && late <= EVERY as f64 * scene.dt, "{late:e}");
+        let z = 0.05 - 0.5 * 9.81 * time * time;
+        assert!((left.position - Vec3::new(0.01, 0.01, z)).norm() < 1e-12, "{left:?}");
+        assert!((left.velocity + Vec3::z() * (9.81 * time)).norm() < 1e-11, "{left:?}");
+    }
+}
+
+/// Grains that stand in an outlet as a stage begins are listed as they were in the snapshot.
+#[test]
+fn a_stage_lists_what_is_gone_as_it_begins() {
+    let (first, mut comm) = (scene(SHAFT), Alone::default());
+    let mut sim = begun(&first, &mut comm);
+    (0..207).for_each(|_| sim.step(&mut comm).unwrap());
+    let [before, after] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    save(&sim, before.path(), &first, &mut comm);
+    let next = scene(&listing().replace("point = [0, 0, 0.002]", "point = [0, 0, 0.012]"));
+    let mut sim = assemble::assemble(&next, &comm);
+    let new = assemble::Continuation::NewStage;
+    assemble::take_up(&mut sim, &next, before.path(), new, &mut comm).unwrap();
+    run(&mut sim, &schedule(&next, 260, after.path()), &mut comm, &mut |_| {}).unwrap();
+    let left = rows(after.path(), "left_bottom");
+    let counted = sim.drives[1].counted();
+    assert_eq!(counted[0], ("left_bottom".to_owned(), left.len() as f64));
+    let at_once: Vec<&Row> = left.iter().filter(|row| row.step == 207).collect();
+    assert!(at_once.len() > 20 && left.len() > at_once.len(), "{} {}", at_once.len(), left.len());
+    let snapshot = Reader::open(before.path()).unwrap();
+    let table = snapshot.particles(0..snapshot.particle_count()).unwrap();
+    for row in at_once {
+        let k = table.id.iter().position(|id| id.0 == row.id).unwrap();
+        assert_eq!((table.position[k], table.velocity[k]), (row.position, row.velocity));
+        assert!((row.time - 207.0 * first.dt).abs() < 1e-15);
+    }
+}
+
+/// A list needs a name that may stand in the name of a file.
+#[test]
+fn a_list_under_a_name_that_is_none_for_a_file_is_refused() {
+    let named = |name: &str| format!("name = '{name}'\nlist = true\n");
+    for name in ["left/hatch", "..\\hatch", "hatch?", "a:b"] {
+        let said = format!("outlet.\"{name}\".list = true: the list is a file named after it");
+        expect_refused(SHAFT, "name = \"hatch\"\n", &named(name), &said);
+        // Columns may have such names.
+        scene(&SHAFT.replace("name = \"hatch\"", &format!("name = '{name}'")));
+    }
+    let long = "n".repeat(201);
+    expect_refused(SHAFT, "name = \"balls\"\n", &named(&long), "at most 200 bytes");
+    scene(&SHAFT.replace("name = \"balls\"\n", &named(&long[1..])));
+    scene(&SHAFT.replace("name = \"balls\"\n", &named("klappe, süd (oben)")));
 }

@@ -660,7 +660,7 @@ fn failed(
         RunError::Step(error) if error.is_agreed() => {
             print_once(comm, format_args!("{error}{before}"));
         }
-        RunError::Step(_) | RunError::History(_) => {
+        RunError::Step(_) | RunError::Table(_) => {
             // Other ranks do not know: this one speaks, and ends them.
             if let RunError::Step(StepError::Contact { a, .. }) = error
                 && !sim.particles.id[..sim.particles.owned].contains(a)

@@ -161,14 +161,7 @@ impl Inlets {
     pub fn new(inlets: Vec<Inlet>, seed: u64) -> Self {
         let count = inlets.len();
         let (come, warned) = (vec![Come::default(); count], vec![false; count]);
-        Self {
-            all: inlets,
-            seed,
-            come,
-            warned,
-            warnings: Vec::new(),
-            listed: Listed::default(),
-        }
+        Self { all: inlets, seed, come, warned, warnings: Vec::new(), listed: Listed::default() }
     }
 
     /// What has come through each, in the order of the scene.

@@ -270,7 +270,7 @@ struct Records<'a> {
     schedule: &'a Schedule,
     /// On rank 0.
     history: Option<History>,
-    /// Of each drive its lists of particles that come and go, on rank 0; none at all if no drive keeps any.
+    /// Of each drive its lists of particles that come and go, on rank 0 alone.
     lists: Vec<Vec<List>>,
     /// Overlaps at which a run still has to warn.
     depths: Peekable<IntoIter<f64, 2>>,
@@ -495,7 +495,7 @@ impl Simulation {
     }
 }
 
-/// The lists of each drive, with what the run that this one continues has written; none at all if no drive keeps any.
+/// The lists of each drive, with what the run that this one continues has written.
 fn lists(sim: &Simulation, schedule: &Schedule) -> Result<Vec<Vec<List>>, TableError> {
     let keep = |step: u64| schedule.resumed && step <= sim.step;
     let of_drives = sim.drives.iter().map(|drive| drive.lists());
