@@ -211,7 +211,8 @@ pub trait Drive: Send + Sync {
 
     /// Takes a particle of a mass [kg] that has left the domain of `cell`, or that it [reaches](Drive::reaches) at this moment, out of the
     /// simulation, or not; an error if no drive does. Asked on all ranks, in the order of the ids; not asked of what a drive before it
-    /// has taken. The velocity is that at the positions if nothing touches the particle in the last half of the step, the force that of the positions before.
+    /// has taken. The velocity is that of the positions, as if nothing touched the particle in the last half of the step; the force is
+    /// that of the positions before.
     fn take(&mut self, _moment: &Moment, _leaver: &Particle, _mass: f64, _cell: &Cell) -> bool {
         false
     }

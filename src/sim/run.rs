@@ -385,8 +385,8 @@ impl<'a> Records<'a> {
         }
     }
 
-    /// Lists what came and went, measures, adds a row and writes a snapshot where they are due. Returns whether the packing has come to rest.
-    /// Collective.
+    /// Lists what came and went, and measures, adds a row and writes a snapshot where they are due. Returns whether the packing
+    /// has come to rest. Collective.
     fn after_step(
         &mut self,
         sim: &mut Simulation,
