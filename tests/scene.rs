@@ -1,6 +1,7 @@
 //! Scene files: what is wrong with them is said, all of it, at the right place; what they mean comes
 //! out; the particles they describe are where they should be.
 
+use crate::support::{close, scene};
 use anyhow::{Context, Result};
 use dem_mpi::comm::wire;
 use dem_mpi::contact::{Epa, ErodedGjk};
@@ -15,7 +16,9 @@ use dem_mpi::particles::{Library, Needs};
 use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::packing::initial;
 use dem_mpi::scene::plan::plan;
-use dem_mpi::scene::{Fill, FreeWall, Goal, Location, Method, Scene, SceneErrors, Servo, Stop};
+use dem_mpi::scene::{
+    Fill, FreeWall, Goal, Location, Method, Mix, Scene, SceneErrors, Servo, Stop,
+};
 use dem_mpi::shape::Shape;
 use dem_mpi::sim::audit::Settings;
 use std::path::{Path, PathBuf};
@@ -569,6 +572,132 @@ fn a_mix_has_its_shares() {
     }
     let error = 4.0 * (0.75 * 0.25 / count as f64).sqrt();
     assert!((rice as f64 / count as f64 - 0.75).abs() < error, "{rice} of {count}");
+}
+
+/// Lead balls of 2 mm and glass balls of 1 mm, on a lattice and through an inlet or as rain.
+fn two_weights(shapes: &str, size: &str, flow: &str) -> Scene {
+    scene(&format!(
+        r#"
+gravity = [0, 0, -9.81]
+[domain]
+low = [0, 0, 0]
+high = [0.1, 0.1, 0.1]
+[[material]]
+name = "glass"
+density = 2500
+normal_stiffness = 1e4
+[[material]]
+name = "lead"
+density = 8000
+normal_stiffness = 1e4
+[[shape]]
+name = "glass"
+material = "glass"
+kind = "sphere"
+radius = 0.001
+{size}
+[[shape]]
+name = "lead"
+material = "lead"
+kind = "sphere"
+radius = 0.002
+[[fill.lattice]]
+high = [0.1, 0.1, 0.05]
+{shapes}
+{flow}
+{shapes}
+[time]
+step = 1e-6
+steps = 10
+[output]
+directory = "out"
+"#
+    ))
+}
+
+/// An inlet, and rain.
+const FLOWS: [&str; 2] = [
+    "[[inlet]]\nname = \"tap\"\nlow = [0, 0, 0.08]\nhigh = [0.1, 0.1, 0.09]\nrate = 10",
+    "[fill.rain]\ncount = 20_000",
+];
+
+/// A ball of lead weighs 8000 * 2^3 / 2500 times one of glass, and glass under a law of sizes its mean cube times as much:
+/// (a + b)(a^2 + b^2) / 4 if any scale from a to b is as likely by number, 2 (a b)^2 / (a + b) by mass.
+#[test]
+fn shares_by_mass_are_shares_by_number_over_mean_masses() {
+    let (lead, [a, b]) = (64_000.0 / 2500.0, [0.5, 1.5_f64]);
+    let cubes = [
+        ("", 1.0),
+        ("size = { uniform = [0.5, 1.5] }", 0.25 * (a + b) * (a * a + b * b)),
+        ("size = { uniform = [0.5, 1.5], by = \"mass\" }", 2.0 * (a * b).powi(2) / (a + b)),
+    ];
+    let given = [
+        ("shapes = { lead = 3, glass = 1 }", 3.0),
+        ("shapes = { glass = 0.2, lead = 0.6 }", 3.0),
+        ("shapes = [\"lead\", \"glass\"]", 1.0),
+    ];
+    for ((size, cube), (shapes, ratio)) in cubes.into_iter().flat_map(|c| given.map(|g| (c, g))) {
+        for flow in FLOWS {
+            let of = |shares: &str| two_weights(&format!("{shapes}{shares}"), size, flow);
+            let mixes = |scene: &Scene| -> Vec<Mix> {
+                let [Fill::Lattice(lattice)] = &scene.initial[..] else { panic!("a lattice") };
+                let rain = scene.rain.iter().map(|rain| rain.mix.clone());
+                let inlets = scene.inlets.iter().map(|inlet| inlet.mix.clone());
+                std::iter::once(lattice.mix.clone()).chain(rain).chain(inlets).collect()
+            };
+            let by_mass = mixes(&of("\nshares = \"mass\""));
+            assert_eq!(by_mass.len(), 2);
+            for mix in by_mass {
+                let shares: Vec<_> = mix.shares().collect();
+                let [(ShapeId(0), of_glass), (ShapeId(1), of_lead)] = shares[..] else {
+                    panic!("{shares:?}")
+                };
+                close(of_lead / of_glass, ratio * cube / lead, 1e-12, &format!("{size}, {shapes}"));
+            }
+            let by_number = mixes(&of("\nshares = \"number\""));
+            assert_eq!(by_number, mixes(&of("")));
+            let of_lead = by_number[1].shares().nth(1).unwrap().1;
+            assert!((of_lead - ratio / (ratio + 1.0)).abs() < 1e-15, "{of_lead}");
+        }
+    }
+}
+
+/// A shape that is alone has all, and a plan has the shares by number and by mass.
+#[test]
+fn a_plan_has_the_shares_of_a_mix() {
+    let of = |shapes: &str| two_weights(shapes, "", FLOWS[0]);
+    let three_quarters = plan(&of("shapes = { lead = 3, glass = 1 }\nshares = \"mass\""), 1);
+    let line =
+        "shares by number: glass 89.51 %, lead 10.49 %; by mass: glass 25.00 %, lead 75.00 %";
+    assert_eq!(three_quarters.matches(line).count(), 2, "{three_quarters}");
+    let one = "shapes = [\"lead\"]";
+    let alone = of(&format!("{one}\nshares = \"mass\""));
+    assert_eq!(alone.inlets, of(one).inlets);
+    assert!(!plan(&alone, 1).contains("shares by"));
+}
+
+/// The mass of lead among 20,000 grains of rain is what was asked for, within five standard errors of a ratio of sums:
+/// sqrt(sum of (m (1 or 0 - R))^2) / sum of m.
+#[test]
+fn shares_by_mass_are_met_by_what_rains() {
+    for by in ["number", "mass"] {
+        let size = format!("size = {{ uniform = [0.5, 1.5], by = \"{by}\" }}");
+        let shapes = "shapes = { lead = 3, glass = 1 }\nshares = \"mass\"";
+        let scene = two_weights(shapes, &size, FLOWS[1]);
+        let rain = scene.rain.as_ref().expect("it rains");
+        let grains = (0..rain.count).map(|k| of_layer(rain, scene.seed, k, 0, &scene.library));
+        let (mut all, mut of_lead, mut squares) = (0.0, 0.0, 0.0);
+        for grain in grains {
+            let mass = scene.library.mass_at(grain.shape, grain.scale);
+            let is_lead = f64::from(grain.shape == ShapeId(1));
+            all += mass;
+            of_lead += mass * is_lead;
+            squares += (mass * (is_lead - 0.75)).powi(2);
+        }
+        let (found, error) = (of_lead / all, squares.sqrt() / all);
+        println!("{by}: {found} of lead, standard error {error:.1e}");
+        assert!((found - 0.75).abs() < 5.0 * error && error < 0.01, "{by}: {found}, {error}");
+    }
 }
 
 #[test]

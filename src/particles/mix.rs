@@ -28,6 +28,20 @@ impl Mix {
         Self { cumulative }
     }
 
+    /// From shares of the mass, of any positive sum: the share by number goes with that by mass over the mean mass of a
+    /// particle of the shape [kg].
+    pub fn by_mass(shares: &[(ShapeId, f64)], mean_mass: impl Fn(ShapeId) -> f64) -> Self {
+        let masses = || shares.iter().map(|&(shape, _)| mean_mass(shape));
+        // Ratios keep within the range of numbers, however small masses are.
+        let least = masses().fold(f64::INFINITY, f64::min);
+        let by_number: Vec<_> = shares
+            .iter()
+            .zip(masses())
+            .map(|(&(shape, share), mass)| (shape, share * (least / mass)))
+            .collect();
+        Self::new(&by_number)
+    }
+
     /// The shape at this place of [0, 1).
     pub fn pick(&self, unit: f64) -> ShapeId {
         let at = self.cumulative.partition_point(|&(_, share)| share <= unit);
@@ -43,5 +57,25 @@ impl Mix {
     /// The shapes.
     pub fn shapes(&self) -> impl Iterator<Item = ShapeId> + '_ {
         self.cumulative.iter().map(|&(shape, _)| shape)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Mix;
+    use crate::ids::ShapeId;
+
+    /// Of twice the mass a shape that is eight times as heavy has a fourth of the number.
+    #[test]
+    fn shares_by_mass_are_divided_by_the_mass_of_one() {
+        for unit in [1.0, 1e-300, 1e300] {
+            let mean_mass = |shape: ShapeId| [1.0, 3.0, 8.0][shape.index()] * unit;
+            let mix = Mix::by_mass(&[(ShapeId(0), 1e10), (ShapeId(2), 2e10)], mean_mass);
+            let shares: Vec<_> = mix.shares().collect();
+            assert_eq!(shares, [(ShapeId(0), 0.8), (ShapeId(2), 1.0 - 0.8)], "{unit:e}");
+        }
+        // One shape has all, whatever it weighs.
+        let shares = [(ShapeId(1), 7.0)];
+        assert_eq!(Mix::by_mass(&shares, |_| 0.3), Mix::new(&shares));
     }
 }

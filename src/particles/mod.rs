@@ -130,6 +130,11 @@ impl Library {
         self.mass[shape.index()] * of_mass(scale)
     }
 
+    /// Mean mass of the new particles of a shape [kg].
+    pub fn mean_mass(&self, shape: ShapeId) -> f64 {
+        self.mass[shape.index()] * self.sizes[shape.index()].mean_volume()
+    }
+
     /// The mean over the particles of a mix of what goes with their volume, from that of each shape.
     pub fn mean_over(&self, mix: &mix::Mix, of_shape: impl Fn(ShapeId) -> f64) -> f64 {
         let volume = |shape: ShapeId| self.sizes[shape.index()].mean_volume();

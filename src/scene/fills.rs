@@ -5,12 +5,14 @@ use super::orientations::orientations;
 use super::reader::{Range, Section};
 use super::regions::region;
 use super::room::least_volume;
+use super::sizes::by;
 use super::{Fill, Lattice, Listed, Mix, Rain, listed};
 use crate::cell::{AXES, Cell};
 use crate::drive::rain::{Within, cells_along};
 use crate::ids::ShapeId;
 use crate::math::Vec3;
 use crate::particles::Library;
+use crate::particles::sizes::By;
 use crate::sim::start::DEEPEST_START;
 use std::path::Path;
 
@@ -58,9 +60,11 @@ impl Fills<'_> {
 
     pub(super) fn mix(&self, section: &Section) -> Option<Mix> {
         let names = &self.shapes.names;
-        let Some(given) = section.get("shapes") else {
+        let given = section.get("shapes");
+        let by = section.read_or("shares", By::Number, by);
+        let Some(given) = given else {
             let only = names.find_in(section, "shapes")?;
-            return Some(Mix::new(&[(ShapeId(only as u16), 1.0)]));
+            return by.map(|_| Mix::new(&[(ShapeId(only as u16), 1.0)]));
         };
         let shares: Vec<Option<(ShapeId, f64)>> = match given.entries() {
             Some(entries) => entries
@@ -87,7 +91,13 @@ impl Fills<'_> {
             given.fail("names a shape twice");
             return None;
         }
-        Some(Mix::new(&shares))
+        let library = &self.shapes.library;
+        // A shape with a mistake has no mass.
+        Some(if by? == By::Mass && self.shapes.complete {
+            Mix::by_mass(&shares, |shape| library.mean_mass(shape))
+        } else {
+            Mix::new(&shares)
+        })
     }
 
     /// The largest bounding diameter, if all shapes are known.

@@ -2,13 +2,13 @@
 
 use super::bed::Share;
 use super::doubts::doubts;
-use super::{Fill, Goal, Scene, Servo, Stop};
+use super::{Fill, Goal, Mix, Scene, Servo, Stop};
 use crate::cell::{AXES, SIDES, Shear};
 use crate::contact::{ContactResolver, Patch, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
 use crate::domain::halo_width;
 use crate::drive::rain::{LOOKED_AT, Within};
-use crate::ids::MaterialId;
+use crate::ids::{MaterialId, ShapeId};
 use crate::math::{ExactSum, Vec3};
 use crate::output::snapshot::{contact_bytes, particle_bytes};
 use crate::output::tables::PARTICLE_COLUMNS;
@@ -78,6 +78,9 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
             Fill::Listed(_) => "from a file".to_owned(),
         };
         page.line("fill", format!("{} particles {how}", fill.count()));
+        if let Fill::Lattice(lattice) = fill {
+            shares(scene, &lattice.mix, page);
+        }
     }
     if let Some(rain) = &scene.rain {
         let interval = rain.interval(&scene.gravity, scene.domain.periodic(), scene.dt);
@@ -91,6 +94,7 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
                 interval.unwrap_or(rain.every)
             ),
         );
+        shares(scene, &rain.mix, page);
         if let Some(Within { region, places, free }) = &rain.within {
             let words = region.words();
             let free = if rain.per_layer() > LOOKED_AT {
@@ -103,6 +107,7 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     }
     for inlet in &scene.inlets {
         page.line("inlet", format!("{}: {}", inlet.name, inlet.words()));
+        shares(scene, &inlet.mix, page);
     }
     for outlet in &scene.outlets {
         let every = format!("looked at every {} steps", outlet.every);
@@ -137,6 +142,24 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     let columns: Vec<&str> =
         columns.iter().filter(|(is_in, _)| *is_in).map(|&(_, name)| name).collect();
     page.line("columns", columns.join("; "));
+}
+
+/// The shares of a mix, by number and by mass.
+fn shares(scene: &Scene, mix: &Mix, page: &mut Page) {
+    if mix.shapes().count() < 2 {
+        return;
+    }
+    let library = &scene.library;
+    let mean = library.mean_over(mix, |shape| library.mass[shape.index()]);
+    let listed = |of_share: &dyn Fn(ShapeId, f64) -> f64| {
+        let one = |(shape, share): (ShapeId, f64)| {
+            format!("{} {:.2} %", library.names[shape.index()], 100.0 * of_share(shape, share))
+        };
+        mix.shares().map(one).collect::<Vec<_>>().join(", ")
+    };
+    let by_number = listed(&|_, share| share);
+    let by_mass = listed(&|shape, share| share * library.mean_mass(shape) / mean);
+    page.line("", format!("shares by number: {by_number}; by mass: {by_mass}"));
 }
 
 fn shapes(scene: &Scene, page: &mut Page) {

@@ -231,6 +231,7 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
                 json!({ "type": "object", "additionalProperties": positive, "minProperties": 1 });
             either(&[some(&text()), shares])
         }
+        ("fill.rain" | "fill.lattice" | "inlet", "shares") => words(&["number", "mass"]),
         ("inlet" | "outlet", "name") => text(),
         ("inlet" | "outlet", "low" | "high") => vector(&any),
         ("fill.rain" | "inlet" | "outlet", "axis") => exactly(2, &vector(&any)),

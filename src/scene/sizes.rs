@@ -12,9 +12,7 @@ const ROWS: &str =
 /// How sizes are distributed: scales of all lengths of the shape.
 pub(super) fn sizes(given: &Given) -> Option<Sizes> {
     let section = given.section()?;
-    let by = section.read_or("by", By::Number, |given| {
-        given.one_of(&[("number", By::Number), ("mass", By::Mass)])
-    });
+    let by = section.read_or("by", By::Number, by);
     let limits = section.get("limits");
     let given_limits = limits.as_ref().map(two);
     let laws = [
@@ -66,6 +64,11 @@ pub(super) fn sizes(given: &Given) -> Option<Sizes> {
         ));
     }
     distribution.map(Sizes::Drawn)
+}
+
+/// What shares are of.
+pub(super) fn by(given: &Given) -> Option<By> {
+    given.one_of(&[By::Number, By::Mass].map(|by| (by.name(), by)))
 }
 
 /// The two numbers of a law.
