@@ -1,6 +1,6 @@
 //! Grains that appear at a rate and grains that leave: counted, booked, and the same on any number of ranks.
 
-use crate::support::{OnRanks, begun, expect_refused, save, scene, schedule};
+use crate::support::{OnRanks, State, begun, expect_refused, save, scene, schedule};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::threads;
 use dem_mpi::math::Vec3;
@@ -205,9 +205,23 @@ fn more_than_come_at_a_time_are_missed() {
     let tap = "[[inlet]]\nname = \"tap\"\nshapes = [\"ball\"]\nlow = [0.005, 0.005, 0.05]\nhigh = [0.015, 0.015, 0.059]\n\
                rate = 1e6\nevery = 500\nvelocity = [0, 0, -1]\n[time]\nstep = 1e-5\nsteps = 1000\nallow_unstable = true\n[output]\ndirectory = \"out\"\n";
     let small = shaft.replace("radius = 0.001", "radius = 0.00005");
-    let scene = scene(&(small + tap));
-    let doubts = dem_mpi::scene::doubts::doubts(&scene);
-    assert!(doubts.iter().any(|doubt| doubt.contains("some 5000 particles are due")), "{doubts:?}");
+    let begins = |begin: &str| {
+        scene(&format!("{small}{tap}").replace("every = 500", &format!("every = 500\n{begin}")))
+    };
+    let told = |scene: &Scene, what: &str| {
+        dem_mpi::scene::doubts::doubts(scene).iter().any(|doubt| doubt.contains(what))
+    };
+    let scene = begins("");
+    assert!(told(&scene, "some 5000 particles are due"));
+    assert_eq!(scene.particle_count(), 10_000);
+    // One that begins later has less time: two looks, or half of the time from one to the next.
+    assert!(told(&begins("begin = 0.003"), "some 5000 particles are due"));
+    let late = begins("begin = 0.0075");
+    assert!(told(&late, "some 2500 particles are due"));
+    assert_eq!(late.particle_count(), 2500);
+    let later = begins("begin = 0.0095");
+    assert!(!told(&later, "particles are due") && later.particle_count() == 500);
+    assert_eq!(begins("begin = 3").particle_count(), 0);
     let mut comm = Alone::default();
     let mut sim = begun(&scene, &mut comm);
     (0..500).for_each(|_| sim.step(&mut comm).unwrap());
@@ -275,6 +289,164 @@ fn another_step_leaves_the_time_of_a_stage() {
     }
 }
 
+/// The shaft with these inlets alone, each with balls or eggs in the same box.
+fn shaft_with(inlets: &[(&str, &str, &str)]) -> String {
+    let head = SHAFT.split("[[fill.lattice]]").next().unwrap();
+    let inlets = inlets.iter().map(|(name, shape, more)| {
+        format!(
+            "[[inlet]]\nname = \"{name}\"\nshapes = [\"{shape}\"]\nlow = [0.002, 0.002, 0.045]\nhigh = [0.018, 0.018, 0.055]\n\
+             velocity = [0, 0, -1]\nevery = 10\n{more}\n"
+        )
+    });
+    format!(
+        "{head}{}{}",
+        inlets.collect::<Vec<_>>().concat(),
+        &SHAFT[SHAFT.find("[[outlet]]").unwrap()..]
+    )
+}
+
+/// Balls from 0.0123 s on, one in 50 steps, and eggs from 0.02 s on.
+const LATE: [(&str, &str, &str); 2] = [
+    ("balls", "ball", "rate = 2000\nbegin = 0.0123"),
+    ("eggs", "egg", "mass_rate = 0.01\nbegin = 0.02"),
+];
+
+/// What is due is counted from the beginning of the inlet: no grain comes before, the first one when it is due, and at each look as
+/// many as that, or one less that waits for a place.
+#[test]
+fn an_inlet_begins_when_it_says() {
+    let scene = scene(&shaft_with(&LATE));
+    let words = plan(&scene, 1);
+    assert!(
+        words.contains("balls: 2000 particles per second from 0.0123 s of the stage on, every")
+    );
+    let largest = 1.5_f64.powi(3) * scene.library.mass[0];
+    let mut comm = Alone::default();
+    let mut sim = begun(&scene, &mut comm);
+    let mut first = None;
+    for step in 1..=3000_u64 {
+        sim.step(&mut comm).unwrap();
+        let counted = sim.drives[0].counted();
+        let (balls, eggs) = (counted[0].1, counted[4].1);
+        if balls > 0.0 {
+            first.get_or_insert(step);
+        }
+        if step % 10 > 0 {
+            continue;
+        }
+        let due = (step.saturating_sub(1230) / 50) as f64;
+        assert!(balls <= due && balls >= due - 1.0, "step {step}: {balls} of {due}");
+        let due = (0.01 * (step as f64 - 2000.0) * scene.dt).max(0.0);
+        assert!(eggs <= due * (1.0 + 1e-9), "step {step}: {eggs:e} of {due:e} kg");
+        assert!(eggs > due - 2.0 * largest, "step {step}: {eggs:e} of {due:e} kg");
+    }
+    assert_eq!(first, Some(1280));
+    let counted = sim.drives[0].counted();
+    assert!((counted[0].1 - 2000.0 * (0.03 - 0.0123)).abs() <= 1.0 && counted[3].1 > 5.0);
+}
+
+/// Equal bits on any number of ranks, and across restarts from before the inlets begin, from between them and from after them.
+#[test]
+fn inlets_that_begin_later_are_the_same_on_any_number_of_ranks() {
+    let scene = scene(&shaft_with(&LATE));
+    let folder = tempfile::tempdir().unwrap();
+    let ranks = OnRanks::of(&scene);
+    let alone = ranks.the_same_everywhere(3000, folder.path());
+    assert!(alone.number("entered_balls") > 33.0 && alone.number("entered_eggs") > 5.0);
+    for saved in [1000, 1279, 1280, 2500] {
+        let again = ranks.restarted([2, 3], [saved, 3000], folder.path());
+        assert!(again == alone, "from step {saved}");
+    }
+}
+
+/// A stage that goes on with steps of another length has inlets that begin by its clock.
+#[test]
+fn another_step_leaves_the_begin_of_an_inlet() {
+    let with =
+        |step: &str| scene(&shaft_with(&LATE[..1]).replace("step = 1e-5\nsteps = 4000", step));
+    let first = with("step = 1e-5\nduration = 0.03");
+    let mut comm = Alone::default();
+    let mut sim = begun(&first, &mut comm);
+    (0..1000).for_each(|_| sim.step(&mut comm).unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    save(&sim, folder.path(), &first, &mut comm);
+    for step in ["5e-6", "2e-5"] {
+        let next = with(&format!("step = {step}\nduration = 0.03\nallow_unstable = true"));
+        let mut sim = assemble::assemble(&next, &comm);
+        let same = assemble::Continuation::SameStage;
+        assemble::take_up(&mut sim, &next, folder.path(), same, &mut comm).unwrap();
+        assert!(sim.stage_shift != 0.0);
+        let last = sim.stage_begin.0 + next.steps_with(sim.stage_shift);
+        while sim.step < last {
+            sim.step(&mut comm).unwrap();
+            let came = sim.drives[0].counted()[0].1;
+            assert!(came == 0.0 || sim.stage_time() > 0.0128 - 1e-12, "{step}: {came}");
+        }
+        let came = sim.drives[0].counted()[0].1;
+        assert!((came - 2000.0 * (0.03 - 0.0123)).abs() <= 1.0, "{step}: {came}");
+    }
+}
+
+/// Two batches with a pause between them, in which nothing is there: a stage that ends when nothing remains waits for the second.
+#[test]
+fn batches_follow_each_other() {
+    let text = shaft_with(&[
+        ("first", "ball", "rate = 2000\ncount = 5"),
+        ("second", "egg", "rate = 2000\ncount = 7\nbegin = 0.08"),
+    ]);
+    let text = format!("{text}[stop]\nremaining = 0\n").replace("steps = 4000", "steps = 20000");
+    let scene = scene(&text);
+    let folder = tempfile::tempdir().unwrap();
+    let mut comm = Alone::default();
+    let mut sim = begun(&scene, &mut comm);
+    let mut moments = Vec::new();
+    while sim.drives[0].unfinished().is_some() {
+        let before = sim.next_id;
+        sim.step(&mut comm).unwrap();
+        moments.extend((before..sim.next_id).map(|_| sim.step));
+        if sim.step == 8000 {
+            assert_eq!(sim.particles.owned, 0, "the first batch has left");
+        }
+    }
+    let due = |begin: u64, count: u64| (1..=count).map(move |k| begin + 50 * k);
+    let due: Vec<u64> = due(0, 5).chain(due(8000, 7)).collect();
+    assert_eq!(moments, due);
+    let mut sim = begun(&scene, &mut comm);
+    let schedule = schedule(&scene, scene.steps, folder.path());
+    let finish = run(&mut sim, &schedule, &mut comm, &mut |_| ()).unwrap();
+    assert_eq!(finish.ending, Ending::Rest, "{}", finish.unmet);
+    assert!(sim.step > 8350 && sim.step < 20_000, "{}", sim.step);
+    let counted = sim.drives[0].counted();
+    assert_eq!((counted[0].1, counted[3].1), (5.0, 7.0));
+    // A stage that is over before says what has not come.
+    let mut sim = begun(&scene, &mut comm);
+    (0..400).for_each(|_| sim.step(&mut comm).unwrap());
+    let last = sim.drives[0].last_warnings(&[], false);
+    assert!(
+        last.len() == 1 && last[0].contains("`second`: only 0 of 7 particles came"),
+        "{last:?}"
+    );
+}
+
+/// What was saved before inlets had a `begin` goes on where they begin with the stage, and nowhere else.
+#[test]
+fn an_inlet_without_a_begin_began_with_its_stage() {
+    let (scene, mut comm) = (scene(SHAFT), Alone::default());
+    let mut sim = begun(&scene, &mut comm);
+    (0..200).for_each(|_| sim.step(&mut comm).unwrap());
+    let counted = sim.drives[0].counted();
+    let mut saved = State::of(&sim, &mut comm).drives.swap_remove(0);
+    let columns = saved.columns.len();
+    saved.columns.retain(|saved| saved.column.name != "begin");
+    assert_eq!(saved.columns.len(), columns - 1);
+    let mut again = begun(&scene, &mut comm);
+    again.drives[0].resume(&saved, false, &mut [], true).unwrap();
+    assert_eq!(again.drives[0].counted(), counted);
+    let late = crate::support::scene(&SHAFT.replace("every = 15", "every = 15\nbegin = 0.01"));
+    let error = begun(&late, &mut comm).drives[0].resume(&saved, false, &mut [], true);
+    assert!(error.unwrap_err().0.contains("inlet `balls` had a begin of 0.0"));
+}
+
 /// What moves so fast that it can pass an outlet between two looks is warned of.
 #[test]
 fn an_outlet_that_grains_may_pass_unseen_is_warned_of() {
@@ -340,6 +512,13 @@ fn an_outlet_around_an_inlet_is_refused() {
 #[test]
 fn amounts_that_cannot_be_are_refused() {
     expect_refused(SHAFT, "count = 60", "count = 60.5", "must be a whole number");
+    for (begin, said) in [
+        ("-0.1", "inlet.balls.begin = -0.1: must be a number, 0 or greater [s]"),
+        ("inf", "inlet.balls.begin = inf: must be a number, 0 or greater [s]"),
+        ("\"0.1\"", "must be a number, 0 or greater [s], not a string"),
+    ] {
+        expect_refused(SHAFT, "count = 60", &format!("count = 60\nbegin = {begin}"), said);
+    }
     let stop = "[stop]\nremaining = 3\n[output]";
     expect_refused(SHAFT, "[output]", stop, "never holds: an [[inlet]] without");
 }
@@ -350,6 +529,11 @@ fn inlets_and_outlets_that_never_act_are_doubtful() {
     for (from, to, doubt) in [
         ("every = 15", "every = 4001", "inlet `balls` acts every 4001 steps, and there are 4000"),
         ("every = 7", "every = 5000", "outlet `hatch` acts every 5000 steps"),
+        (
+            "every = 15",
+            "every = 15\nbegin = 0.04",
+            "inlet `balls` begins after 0.04 s of the stage, and its particles may appear until 3.990e-2 s: none comes",
+        ),
         (
             "high = [0.01, 0.02, 0.006]",
             "high = [0.01, 0.02, -0.7]",
@@ -371,7 +555,8 @@ fn inlets_and_outlets_that_never_act_are_doubtful() {
         "low = [0, 0, -0.01]\nhigh = [0.01, 0.02, -0.001]",
     );
     let plane = SHAFT.replace("point = [0, 0, 0.002]", "point = [0, 0, -0.001]");
-    for fine in [SHAFT, &below, &plane] {
+    let late = SHAFT.replace("every = 15", "every = 15\nbegin = 0.0398");
+    for fine in [SHAFT, &below, &plane, &late] {
         assert_eq!(dem_mpi::scene::doubts::doubts(&scene(fine)), Vec::<String>::new());
     }
 }
@@ -396,6 +581,11 @@ fn an_inlet_keeps_its_rate_within_a_stage() {
             "mass_rate = 0.02",
             "rate = 900",
             "inlet `eggs` had a mass_rate of 0.02 when the stage began",
+        ),
+        (
+            "every = 15",
+            "every = 15\nbegin = 0.01",
+            "inlet `balls` had a begin of 0.0 when the stage began",
         ),
         (
             "name = \"balls\"",

@@ -1,5 +1,7 @@
 //! Inlets: regions in which grains appear at a rate.
 //!
+//! What is due is a function of the clock of the stage alone: the rate times the time since the inlet began.
+//!
 //! A grain of an inlet has a number, and shape, size, orientation and velocity of its number under the scene's seed: a large
 //! one that finds no place is not replaced by a smaller one, it waits, and those behind it wait. Its place is drawn anew at
 //! each try, of which a grain has [`TRIES`] at a time. A try fails where the grain's bounding sphere would meet that of
@@ -51,6 +53,8 @@ pub struct Inlet {
     pub region: Region,
     /// Per second.
     pub rate: Amount,
+    /// It begins so long after the beginning of the stage [s].
+    pub begin: f64,
     /// After so many it ends; `None`: never.
     pub until: Option<Amount>,
     /// Steps between times at which grains appear.
@@ -94,15 +98,28 @@ impl Inlet {
         ))
     }
 
-    /// How many grains appear in so many seconds, about; as many as the scene would have without an end.
+    /// For how long it has fed at this time of the stage, both in s; less than 0 before it begins.
+    fn fed_for(&self, stage_time: f64) -> f64 {
+        // Rounding is forgiven: of the clock, which may be far ahead of the beginning of the inlet.
+        stage_time * (1.0 + 1e-12) - self.begin
+    }
+
+    /// How many grains appear in a stage of so many seconds, about.
     pub fn expected(&self, seconds: f64, library: &Library) -> u64 {
+        self.due_within(seconds - self.begin, library)
+    }
+
+    /// How many grains are due in so many seconds of those in which it feeds, about; no more than until its end.
+    pub fn due_within(&self, seconds: f64, library: &Library) -> u64 {
         let mean = library.mean_over(&self.mix, |shape| library.mass[shape.index()]);
         let count = |amount: Amount| match amount {
             Amount::Count(count) => count,
             Amount::Mass(mass) => mass / mean,
         };
-        let all = count(self.rate) * seconds;
-        self.until.map_or(all, |until| all.min(count(until))).ceil() as u64
+        let all = count(self.rate) * seconds.max(0.0);
+        let all = self.until.map_or(all, |until| all.min(count(until)));
+        // A whole number may come out a little above.
+        (all * (1.0 - 1e-12)).ceil() as u64
     }
 
     /// In words, for `--plan`.
@@ -113,8 +130,13 @@ impl Inlet {
         };
         let until =
             self.until.map_or_else(String::new, |until| format!(" until {}", amount(until, "")));
+        let begin = if self.begin > 0.0 {
+            format!(" from {:?} s of the stage on", self.begin)
+        } else {
+            String::new()
+        };
         format!(
-            "{}{until}, every {} steps, {}",
+            "{}{begin}{until}, every {} steps, {}",
             amount(self.rate, " per second"),
             self.every,
             self.region.words()
@@ -155,6 +177,7 @@ const MISSING: StateColumn = StateColumn::new("missing", 1, "1");
 const RATE: StateColumn = StateColumn::new("rate", 1, "1/s");
 /// Of an inlet with a rate by number 0.
 const MASS_RATE: StateColumn = StateColumn::new("mass_rate", 1, "kg/s");
+const BEGIN: StateColumn = StateColumn::new("begin", 1, "s");
 
 impl Inlets {
     /// Before the first grain.
@@ -189,17 +212,16 @@ impl Inlets {
 
     /// The grains that are due, in the order of their numbers.
     fn due(&self, inlet: usize, moment: &Moment, library: &Library) -> Vec<Particle> {
-        let seconds = moment.stage_time;
         let (of_inlet, come) = (&self.all[inlet], self.come[inlet]);
+        let seconds = of_inlet.fed_for(moment.stage_time);
         let (mut count, mut mass) = (come.count, come.mass);
         let mut due = Vec::new();
         while count - come.count < MOST_AT_ONCE && !of_inlet.is_over(count, mass) {
             let grain = self.grain(inlet, count, moment, library);
             let of_grain = library.mass_at(grain.shape, grain.scale);
-            // Rounding is forgiven.
             let has_time = match of_inlet.rate {
-                Amount::Count(rate) => (count + 1) as f64 <= rate * seconds * (1.0 + 1e-12),
-                Amount::Mass(rate) => mass + of_grain <= rate * seconds * (1.0 + 1e-12),
+                Amount::Count(rate) => (count + 1) as f64 <= rate * seconds,
+                Amount::Mass(rate) => mass + of_grain <= rate * seconds,
             };
             if !has_time {
                 break;
@@ -221,10 +243,11 @@ impl Inlets {
         library: &Library,
     ) -> f64 {
         let (of_inlet, come) = (&self.all[inlet], self.come[inlet]);
-        let (count, seconds) = (come.count as f64, moment.stage_time);
+        let count = come.count as f64;
         let by_rate = match of_inlet.rate {
-            Amount::Count(rate) => (rate * seconds).floor() - count,
-            Amount::Mass(rate) => rate * seconds - come.mass,
+            // As the grains that are due: one that is due by a rounding is one.
+            Amount::Count(rate) => (rate * of_inlet.fed_for(moment.stage_time)).floor() - count,
+            Amount::Mass(rate) => rate * (moment.stage_time - of_inlet.begin) - come.mass,
         };
         let Some(until) = of_inlet.until else { return by_rate };
         // Beyond a list that is cut off the end is known in the mean alone.
@@ -406,7 +429,7 @@ impl Drive for Inlets {
         let feeds = |(inlet, come): (&Inlet, &Come)| {
             inlet.until.is_some() && !inlet.is_over(come.count, come.mass)
         };
-        all.any(feeds).then_some("an inlet still feeds")
+        all.any(feeds).then_some("an inlet has not come to its end")
     }
 
     fn counted(&self) -> Vec<(String, f64)> {
@@ -481,6 +504,7 @@ impl Drive for Inlets {
                 MASS_RATE,
                 Values::Reals(self.all.iter().map(|of| of.rates()[1]).collect()),
             ),
+            SavedColumn::new(BEGIN, Values::Reals(self.all.iter().map(|of| of.begin).collect())),
         ]
     }
 
@@ -498,6 +522,8 @@ impl Drive for Inlets {
         let (counts, masses) = (saved.counts(&COUNT)?, saved.reals(&MASS)?);
         let missing = saved.reals(&MISSING)?;
         let (rates, mass_rates) = (saved.reals(&RATE)?, saved.reals(&MASS_RATE)?);
+        // Older snapshots have none: all of their inlets began with the stage.
+        let begins = saved.reals(&BEGIN).ok();
         let names = saved.texts(&NAMES)?;
         for (inlet, come) in self.all.iter().zip(&mut self.come) {
             let Some(row) = names.iter().position(|name| inlet.name == *name) else {
@@ -511,6 +537,10 @@ impl Drive for Inlets {
                 };
                 return Err(inlet.unknown(&had));
             }
+            let begin = begins.map_or(0.0, |begins| begins[row]);
+            if inlet.begin != begin {
+                return Err(inlet.unknown(&format!("had a begin of {begin:?}")));
+            }
             *come = Come { count: counts[row], mass: masses[row], missing: missing[row] };
         }
         Ok(())
@@ -518,5 +548,42 @@ impl Drive for Inlets {
 
     fn joins(&self) -> Result<(), DriveError> {
         self.all.first().map_or(Ok(()), |inlet| Err(inlet.unknown("was not there")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Amount, Inlet};
+    use crate::drive::region::Region;
+    use crate::ids::ShapeId;
+    use crate::math::Vec3;
+    use crate::particles::mix::Mix;
+    use crate::particles::orientations::Orientations;
+
+    /// Grain by grain at the times at which they are due, when the clock is far ahead of the time between two.
+    #[test]
+    fn the_clock_is_rounded_and_no_grain_late() {
+        let (rate, dt) = (1e5, 1e-5);
+        for begin in [0.0, 0.1, 1.0, 7.3] {
+            let inlet = Inlet {
+                name: "tap".to_owned(),
+                mix: Mix::new(&[(ShapeId(0), 1.0)]),
+                region: Region::Box { low: Vec3::zeros(), high: Vec3::repeat(1.0) },
+                rate: Amount::Count(rate),
+                begin,
+                until: None,
+                every: 1,
+                velocity: Vec3::zeros(),
+                spread: 0.0,
+                spin: 0.0,
+                orientations: Orientations::Random,
+            };
+            let first = (begin / dt).round() as u64;
+            for step in first..first + 1000 {
+                let due = rate * inlet.fed_for(step as f64 * dt);
+                assert_eq!(due.floor() as u64, step - first, "{begin}: {due}");
+            }
+            assert!(begin == 0.0 || inlet.fed_for(begin - dt) < 0.0);
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! What the program knows to be doubtful about a scene before it runs.
 
 use super::laws::stress_of_force;
-use super::{Fill, Goal, LeftOut, Method, Outlet, Rain, Scene, Servo};
+use super::{Fill, Goal, Inlet, LeftOut, Method, Outlet, Rain, Scene, Servo};
 use crate::cell::AXES;
 use crate::drive::inlet::MOST_AT_ONCE;
 use crate::drive::rain::Within;
@@ -34,6 +34,7 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         shaken_too_fast(scene),
         flat_for_hertz(scene),
         seldom_looked(scene),
+        begins_too_late(scene),
         too_many_at_once(scene),
         nothing_leaves(scene),
         area_in_a_pipe(scene),
@@ -137,10 +138,32 @@ fn seldom_looked(scene: &Scene) -> Option<String> {
     ))
 }
 
+/// When particles of an inlet may appear for the last time, in s of the stage.
+fn last_look(scene: &Scene, inlet: &Inlet) -> f64 {
+    (scene.steps / inlet.every * inlet.every) as f64 * scene.dt
+}
+
+/// An inlet that begins when the stage is over.
+fn begins_too_late(scene: &Scene) -> Option<String> {
+    let is_late = |inlet: &&Inlet| {
+        let last = last_look(scene, inlet);
+        last > 0.0 && inlet.begin + 0.5 * scene.dt > last
+    };
+    let inlet = scene.inlets.iter().find(is_late)?;
+    Some(format!(
+        "inlet `{}` begins after {:?} s of the stage, and its particles may appear until {:.3e} s: none comes",
+        inlet.name,
+        inlet.begin,
+        last_look(scene, inlet)
+    ))
+}
+
 /// An inlet of which more particles are due at a time than come.
 fn too_many_at_once(scene: &Scene) -> Option<String> {
     scene.inlets.iter().find_map(|inlet| {
-        let at_once = inlet.expected(inlet.every as f64 * scene.dt, &scene.library);
+        let between_looks = inlet.every as f64 * scene.dt;
+        let feeds = last_look(scene, inlet) - inlet.begin;
+        let at_once = inlet.due_within(between_looks.min(feeds), &scene.library);
         (at_once > MOST_AT_ONCE).then(|| {
             format!(
                 "inlet `{}`: some {at_once} particles are due every {} steps, and {MOST_AT_ONCE} come at a time at most: make `every` smaller",

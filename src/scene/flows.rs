@@ -138,6 +138,7 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
     if rate == Some(None) {
         section.fail("`rate` is missing: particles per second [1/s]; or `mass_rate` [kg/s]");
     }
+    let begin = section.number_or("begin", 0.0, Range::NotNegative, "s");
     let every = section.read_or("every", ENTER_EVERY, |given| given.whole(1));
     let velocity = section.vector_or("velocity", Vec3::zeros(), "m/s");
     let spread = section.number_or("spread", 0.0, Range::NotNegative, "m/s");
@@ -168,6 +169,7 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
         mix: mix?,
         region,
         rate: rate??,
+        begin: begin?,
         until: until?,
         every: every?,
         velocity,

@@ -240,7 +240,7 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("inlet" | "outlet", "list") => boolean(),
         ("outlet", "point" | "normal") | ("inlet", "velocity") => vector(&any),
         ("inlet", "rate" | "mass_rate" | "count" | "mass") => positive,
-        ("inlet", "spread" | "spin") => not_negative,
+        ("inlet", "begin" | "spread" | "spin") => not_negative,
         ("stop", "left") => whole(1),
         ("stop", "remaining") => whole(0),
         ("stop", "after") => not_negative,
