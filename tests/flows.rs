@@ -497,6 +497,33 @@ fn a_stage_ends_when_enough_have_left() {
     }
 }
 
+/// A grain that finds no place keeps all behind it waiting: an inlet too narrow for its largest is refused. Columns have one meaning.
+#[test]
+fn inlets_that_would_stop_and_names_of_other_columns_are_refused() {
+    let good = SHAFT
+        .split("[[fill.lattice]]")
+        .next()
+        .unwrap()
+        .replace("radius = 0.001\n", "radius = 1.0\nsize = { table = [[0.001, 0], [0.002, 1]] }\n")
+        + "[[inlet]]\nname = \"tap\"\nshapes = [\"ball\"]\nlow = [0.002, 0.002, 0.05]\nhigh = [0.018, 0.018, 0.05]\nrate = 10\n\
+           [time]\nstep = 1e-6\nsteps = 400\n[output]\ndirectory = \"out\"\n";
+    scene(&good);
+    expect_refused(
+        &good,
+        "[0.002, 1]",
+        "[0.002, 0.99], [0.011, 1]",
+        "the largest particle finds no place",
+    );
+    expect_refused(
+        &good,
+        "\"tap\"",
+        "\"J\"",
+        "history.csv has a column missing_J already: take another name",
+    );
+    // Where the shaft is wide enough for it, it comes.
+    scene(&good.replace("[0.002, 1]", "[0.002, 0.99], [0.007, 1]"));
+}
+
 /// What appears in an outlet would be gone at once.
 #[test]
 fn an_outlet_around_an_inlet_is_refused() {

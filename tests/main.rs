@@ -59,3 +59,4 @@ mod units;
 mod verification;
 mod wall_motions;
 mod walls;
+mod walls_everywhere;

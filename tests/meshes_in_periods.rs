@@ -30,6 +30,41 @@ fn bumps(periods: [usize; 2]) -> Triangles {
     triangles
 }
 
+/// STL has seven digits: a border of a period that is none of its numbers is one nevertheless, and a plane goes on through it without a seam.
+#[test]
+fn a_plane_from_stl_goes_on_through_a_period() {
+    let folder = tempfile::tempdir().unwrap();
+    for half in [0.012_f64, 0.013, 0.015, 0.0417, 0.06215, 0.3] {
+        let path = folder.path().join("plane.stl");
+        let corner = |x: f64, y: f64| format!("vertex {:e} {:e} 0.01\n", x as f32, y as f32);
+        let [a, b, c, d] =
+            [(-0.05, -half), (0.05, -half), (0.05, half), (-0.05, half)].map(|(x, y)| corner(x, y));
+        let facet =
+            |all: String| format!("facet normal 0 0 1\nouter loop\n{all}endloop\nendfacet\n");
+        let text = format!(
+            "solid plane\n{}{}endsolid plane\n",
+            facet(format!("{a}{b}{c}")),
+            facet(format!("{a}{c}{d}"))
+        );
+        std::fs::write(&path, text).unwrap();
+        let domain = format!(
+            "low = [-0.06, -{half:?}, 0]\nhigh = [0.06, {half:?}, 0.1]\nperiodic = [false, true, false]"
+        );
+        let scene = one_grain(
+            "kind = \"sphere\"\nradius = 0.002",
+            &format!("mesh = {:?}", path.display().to_string()),
+            &domain,
+        );
+        let place = Vec3::new(0.001, half - 1e-4, 0.01195);
+        let mut bench = Bench::of(&scene, &[Particle::at_rest(GlobalId(0), ShapeId(0), place)]);
+        let m = bench.measure();
+        let force = m.wall_forces[0];
+        println!("{half}: {} contacts, {force}", m.wall_contacts);
+        assert_eq!(m.wall_contacts, 1, "{half}");
+        assert!(force.x == 0.0 && force.y == 0.0 && force.z < 0.0, "{half}: {force}");
+    }
+}
+
 const SHAPES: [&str; 4] = [
     "kind = \"sphere\"\nradius = 0.006",
     "kind = \"ellipsoid\"\nsemi_axes = [0.008, 0.006, 0.005]",

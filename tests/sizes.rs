@@ -8,6 +8,7 @@ use dem_mpi::contact::{Epa, ErodedGjk, Method, Outcome, Posed, clearance, table}
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::output::header::Header;
+use dem_mpi::output::report::sizes::SizesOf;
 use dem_mpi::output::snapshot;
 use dem_mpi::output::tables::ParticleTable;
 use dem_mpi::particles::columns::Quantity;
@@ -984,7 +985,7 @@ fn the_report_holds_sizes_against_what_was_asked_for() {
         let mut all = threads::run(ranks, |comm| {
             let mut sim = assemble::assemble(&scene, comm);
             assemble::fill(&mut sim, &scene, comm);
-            dem_mpi::sim::sizes::sizes(&sim.particles, comm)
+            dem_mpi::sim::sizes::sizes(&sim.particles, &sim.drives, comm)
         });
         all.swap_remove(0)
     };
@@ -1003,6 +1004,50 @@ fn the_report_holds_sizes_against_what_was_asked_for() {
     assert!((found.by_mass_d10_d50_d90[1] - 1.0).abs() < 1e-2, "{found:?}");
     let plots = dem_mpi::post::sizes::plots(&sizes).unwrap();
     assert!(plots.len() == 1 && plots[0].svg.contains("by mass, asked for"));
+}
+
+/// Grains that have left count as they were, however many are there: the figures of all are those of the whole lattice, on any number of ranks
+/// and across a restart.
+#[test]
+fn the_report_counts_sizes_that_have_left() {
+    let size = "lognormal = { median = 1.0, sigma = 0.3 }, limits = [0.5, 2.0], by = \"mass\"";
+    let whole = of_sizes(size);
+    let outlet =
+        "[[outlet]]\nname = \"half\"\npoint = [0.05, 0, 0]\nnormal = [1, 0, 0]\nevery = 10\n[time]";
+    let text = whole.text.replace("[time]", outlet);
+    assert_ne!(text, whole.text);
+    let scene = Scene::parse(&text, "test", Path::new(""), &[]).unwrap();
+    let all_there = threads::run(1, |comm| {
+        let mut sim = assemble::assemble(&whole, comm);
+        assemble::fill(&mut sim, &whole, comm);
+        dem_mpi::sim::sizes::sizes(&sim.particles, &sim.drives, comm)
+    });
+    let [expected] = &all_there[0][..] else { panic!("{all_there:?}") };
+    let folder = tempfile::tempdir().unwrap();
+    let reported = |ranks: u32, again: bool| {
+        let mut all = threads::run(ranks, |comm| {
+            let mut sim = assemble::assemble(&scene, comm);
+            if again {
+                let (path, stage) = (folder.path(), assemble::Continuation::SameStage);
+                assemble::take_up(&mut sim, &scene, path, stage, comm).unwrap();
+            } else {
+                assemble::fill(&mut sim, &scene, comm);
+                sim.begin(comm).unwrap();
+                if ranks == 3 {
+                    save(&sim, folder.path(), &scene, comm);
+                }
+            }
+            dem_mpi::sim::sizes::sizes(&sim.particles, &sim.drives, comm)
+        });
+        all.swap_remove(0)
+    };
+    let sizes = reported(1, false);
+    let [found] = &sizes[..] else { panic!("{sizes:?}") };
+    assert_eq!(&SizesOf { left: 0, ..found.clone() }, expected);
+    println!("{} of {} have left", found.left, found.particles);
+    assert!(found.left > found.particles / 8 && found.left < found.particles, "{found:?}");
+    assert_eq!(sizes, reported(3, false));
+    assert_eq!(sizes, reported(2, true));
 }
 
 // --- files and what is computed from them ---

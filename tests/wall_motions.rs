@@ -61,6 +61,74 @@ directory = "out"
     )
 }
 
+/// A grain with faces that a plane lifts, or a ball beside such a shape, by a law without friction and dashpots: the energy that it gets is that
+/// which it has received.
+#[test]
+fn the_work_of_walls_is_booked_without_friction_and_dashpots() {
+    for shape in [
+        "kind = \"sphere\"\nradius = 0.01",
+        "kind = \"polyhedron\"\nedges = [0.02, 0.02, 0.02]",
+        "kind = \"spherocylinder\"\nlength = 0.01\nradius = 0.01",
+        "kind = \"rounded-polyhedron\"\nedges = [0.015, 0.015, 0.015]\nradius = 0.003",
+        "kind = \"ellipsoid\"\nsemi_axes = [0.01, 0.008, 0.012]",
+    ] {
+        for other in
+            ["", "[[shape]]\nname = \"other\"\nkind = \"polyhedron\"\nedges = [0.02, 0.02, 0.02]\n"]
+        {
+            for motion in [
+                "velocity = [0, 0, 0.3]",
+                "rotation = { about = [0.1, 0, 0], axis = [0, 1, 0], rate = 2 }",
+            ] {
+                let text = on_floor(motion, "", "")
+                    .replace(&format!("kind = \"sphere\"\nradius = {RADIUS:?}"), shape)
+                    .replace(
+                        "[[fill.lattice]]",
+                        &format!("{other}[[fill.lattice]]\nshapes = [\"ball\"]"),
+                    )
+                    .replace("first = [0, 0, 0.05]", "first = [0, 0, 0.017]")
+                    .replace("normal_stiffness = 1e6", "normal_stiffness = 1e4")
+                    .replace("step = 1e-5", "step = 2e-6");
+                let scene = scene(&text);
+                let mut comm = Alone::default();
+                let mut sim = begun(&scene, &mut comm);
+                let before = sim.measure(&mut comm);
+                (0..15_000).for_each(|_| sim.step(&mut comm).unwrap());
+                let m = sim.measure(&mut comm);
+                let received = m.received - before.received;
+                println!("{shape:?} {motion:?}: received {received:e}, missing {:e}", m.missing());
+                assert!(received > 1e-4, "{text}: {received:e}");
+                assert!(
+                    (m.missing() - before.missing()).abs() < 2e-3 * received,
+                    "{text}: {:e} of {received:e}",
+                    m.missing()
+                );
+            }
+        }
+    }
+}
+
+/// A wall of triangles that leaves is said before the start.
+#[test]
+fn a_wall_that_leaves_the_domain_is_doubtful() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("plate.obj");
+    std::fs::write(&path, "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0 0.1 0\nf 1 2 3\n").unwrap();
+    let says = |velocity: f64, steps: u64| {
+        let wall =
+            format!("mesh = {:?}\nvelocity = [0, {velocity:?}, 0]", path.display().to_string());
+        let text = on_floor(&wall, "", "")
+            .replace("point = [0, 0, 0]\nnormal = [0, 0, 1]\n", "")
+            .replace("steps = 1\n", &format!("steps = {steps}\n"));
+        let doubts = doubts(&scene(&text));
+        doubts.iter().any(|doubt| {
+            doubt.contains("wall \"floor\" moves out of the domain with its `velocity`")
+        })
+    };
+    // The rear goes 0.3 m, or 0.3 m the other way.
+    assert!(says(0.4, 76_000) && says(-0.4, 76_000));
+    assert!(!says(0.4, 74_000) && !says(-0.4, 74_000) && !says(0.0, 76_000));
+}
+
 /// A ball that rubs, twists and rolls on a floor at rest: what it loses of its angular momentum about the point, gravity aside,
 /// the floor gets.
 #[test]

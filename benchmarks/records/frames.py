@@ -195,7 +195,7 @@ def main():
             frame = Image.fromarray(np.round(pixels[::-1]).astype(np.uint8)).resize((wide // FINER, arguments.height), Image.LANCZOS)
             left, top = k * (wide // FINER + gap), j * (arguments.height + above + gap)
             sheet.paste(frame, (left, top + above))
-            write.text((left + 4, top + 2), f"{snapshot.time - arguments.zero:.3g} s", fill="black", font=font)
+            write.text((left + 4, top + 2), f"{round(snapshot.time - arguments.zero, 9):.3g} s", fill="black", font=font)
     for quality in range(92, 20, -4):
         data = io.BytesIO()
         sheet.save(data, "JPEG", quality=quality, optimize=True)

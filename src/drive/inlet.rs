@@ -577,6 +577,7 @@ mod tests {
                 spread: 0.0,
                 spin: 0.0,
                 orientations: Orientations::Random,
+                list: false,
             };
             let first = (begin / dt).round() as u64;
             for step in first..first + 1000 {

@@ -103,8 +103,10 @@ use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::contacts::Contacts;
+use crate::ids::ShapeId;
 use crate::law::ForceLaw;
 use crate::math::{ExactSum, Vec3};
+use crate::particles::census::Census;
 use crate::particles::records::Particle;
 use crate::particles::walls::Wall;
 use crate::particles::{Library, Particles};
@@ -232,6 +234,11 @@ pub trait Drive: Send + Sync {
     /// The particles that came or went at the step that was just done, or as the stage began, each with the number of its list, in the
     /// order of ids within each list; the same on all ranks. Asked on rank 0 alone: what is not asked for must be gone with the next.
     fn listed(&mut self) -> Vec<(usize, Particle)> {
+        Vec::new()
+    }
+
+    /// Sizes of the particles of a shape that it has taken out in this stage, in parts; nothing if the shape has no law of sizes.
+    fn sizes_left(&self, _shape: ShapeId) -> Vec<&Census> {
         Vec::new()
     }
 

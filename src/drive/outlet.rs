@@ -10,7 +10,10 @@ use super::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
 use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::contact::StateColumn;
+use crate::ids::ShapeId;
 use crate::math::Vec3;
+use crate::particles::Library;
+use crate::particles::census::Census;
 use crate::particles::records::Particle;
 use crate::particles::walls::Wall;
 use serde::{Deserialize, Serialize};
@@ -53,6 +56,8 @@ pub struct Outlets {
     warned: Vec<bool>,
     warnings: Vec<String>,
     listed: Listed,
+    /// Sizes of what has left through each in this stage, of each shape with a law of sizes.
+    sizes: Vec<Vec<(ShapeId, Census)>>,
 }
 
 /// Names [`Outlets`] among the drives.
@@ -63,9 +68,19 @@ const MASS: StateColumn = StateColumn::new("left_mass", 1, "kg");
 
 impl Outlets {
     /// Before anything has left.
-    pub fn new(outlets: Vec<Outlet>) -> Self {
+    pub fn new(outlets: Vec<Outlet>, library: &Library) -> Self {
         let (left, warned) = (vec![Left::default(); outlets.len()], vec![false; outlets.len()]);
-        Self { all: outlets, left, warned, warnings: Vec::new(), listed: Listed::default() }
+        let shapes = (0..library.particle_shapes).map(|shape| ShapeId(shape as u16));
+        let sizes = shapes.filter_map(|shape| Some((shape, Census::of_shape(shape, library)?)));
+        let sizes = vec![sizes.collect(); outlets.len()];
+        let (warnings, listed) = (Vec::new(), Listed::default());
+        Self { all: outlets, left, warned, warnings, listed, sizes }
+    }
+
+    /// The column of the sums of all [`Census`] of an outlet, one after the other.
+    fn sizes_column(&self) -> StateColumn {
+        let shapes = self.sizes.first().map_or(0, Vec::len);
+        StateColumn::new("left_sizes", shapes * Census::SUMS, "1")
     }
 
     /// What has left through each, in the order of the scene.
@@ -102,6 +117,11 @@ impl Drive for Outlets {
         let left = &mut self.left[index];
         left.count += 1;
         left.mass += mass;
+        if let Some((_, census)) =
+            self.sizes[index].iter_mut().find(|(shape, _)| *shape == leaver.shape)
+        {
+            census.add(leaver.scale);
+        }
         if self.all[index].list {
             let list = self.all[..index].iter().filter(|before| before.list).count();
             self.listed.note(moment.step, list, leaver.clone());
@@ -143,6 +163,11 @@ impl Drive for Outlets {
         std::mem::take(&mut self.warnings)
     }
 
+    fn sizes_left(&self, shape: ShapeId) -> Vec<&Census> {
+        let of_shape = self.sizes.iter().flatten().filter(|(of, _)| *of == shape);
+        of_shape.map(|(_, census)| census).collect()
+    }
+
     fn gone(&self) -> u64 {
         self.left.iter().map(|left| left.count).sum()
     }
@@ -151,11 +176,17 @@ impl Drive for Outlets {
         let names = self.all.iter().map(|outlet| outlet.name.clone()).collect();
         let counts = self.left.iter().map(|left| left.count).collect();
         let masses = self.left.iter().map(|left| left.mass).collect();
-        vec![
+        let mut columns = vec![
             SavedColumn::new(NAMES, Values::Texts(names)),
             SavedColumn::new(COUNT, Values::Counts(counts)),
             SavedColumn::new(MASS, Values::Reals(masses)),
-        ]
+        ];
+        let mut sizes = self.sizes.iter().flatten().map(|(_, census)| census);
+        if sizes.clone().any(|census| census.count() > 0) {
+            let sums = sizes.by_ref().flat_map(Census::sums).copied().collect();
+            columns.push(SavedColumn::new(self.sizes_column(), Values::Integers(sums)));
+        }
+        columns
     }
 
     /// A new stage counts from 0.
@@ -170,10 +201,20 @@ impl Drive for Outlets {
             return Ok(());
         }
         let rows = saved.texts(&NAMES)?.iter().zip(saved.counts(&COUNT)?).zip(saved.reals(&MASS)?);
+        let column = self.sizes_column();
+        // They are not there if nothing with a law of sizes had left.
+        let sizes = saved.integers(&column).unwrap_or_default();
+        let mut sizes = sizes.chunks_exact(column.width.max(1));
         for ((name, &count), &mass) in rows {
+            let sizes = sizes.next().unwrap_or_default();
             let index = self.all.iter().position(|outlet| outlet.name == *name);
             if let Some(index) = index {
                 self.left[index] = Left { count, mass };
+                for ((_, census), sums) in
+                    self.sizes[index].iter_mut().zip(sizes.chunks_exact(Census::SUMS))
+                {
+                    census.add_all(sums);
+                }
             }
         }
         Ok(())

@@ -83,7 +83,8 @@ impl OfWall {
     }
 }
 
-const COLUMNS: [&str; 26] = [
+/// The columns of every table, before those of walls and drives.
+pub const COLUMNS: [&str; 26] = [
     "step",
     "time_s",
     "particles",

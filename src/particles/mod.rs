@@ -3,6 +3,7 @@
 //! Slots run owned | ghosts | facets of walls; all facets of a wall have its pose. A column that the scene does not need does not
 //! exist: spheres without friction do not turn, a scene of spheres only has no orientation.
 
+pub mod census;
 pub mod columns;
 pub mod courses;
 pub mod mix;

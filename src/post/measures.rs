@@ -172,6 +172,16 @@ impl Asked {
                 readable(last.0)
             );
         }
+        if let Some(last) = rows.last().filter(|last| last.left_out > 0) {
+            let _ = writeln!(
+                shown.text,
+                "mixing: {} of {} grains at {} s came after the first snapshot: they are of no half and left out. Of streams that come one after \
+                 the other give each a shape of its own, and take shape:NAME",
+                last.left_out,
+                last.left_out + last.grains,
+                readable(last.time_s)
+            );
+        }
         if points.len() > 1 {
             let cells = rows.last().map_or(0, |row| row.cells);
             // More even than by chance is more than 1.

@@ -69,6 +69,8 @@ pub struct Mixing {
     pub variance_random: f64,
     /// `M`; nothing if all grains are in one cell or each has one to itself.
     pub index: Option<f64>,
+    /// Grains of no group, as they came after the first snapshot.
+    pub left_out: u64,
 }
 
 /// Who belongs to which group.
@@ -159,6 +161,7 @@ impl Mixing {
         };
         // All grains and those of the first group.
         let mut counts = vec![[0u64; 2]; grid.len()];
+        let mut left_out = 0;
         for rows in pieces(reader.particle_count()) {
             let particles = reader.particles(rows)?;
             check::check_particles(header, &particles)?;
@@ -170,13 +173,17 @@ impl Mixing {
                     // All lie in it, but for rounding.
                     Region::Whole => grid.nearest_cell(&place),
                 };
-                if let (Some(cell), Some(is_first)) = (cell, group) {
-                    counts[cell][0] += 1;
-                    counts[cell][1] += u64::from(is_first);
+                match (cell, group) {
+                    (Some(cell), Some(is_first)) => {
+                        counts[cell][0] += 1;
+                        counts[cell][1] += u64::from(is_first);
+                    }
+                    (Some(_), None) => left_out += 1,
+                    (None, _) => {}
                 }
             }
         }
-        Self::of_counts(header.step, header.time, &counts)
+        Ok(Self { left_out, ..Self::of_counts(header.step, header.time, &counts)? })
     }
 
     /// From the numbers of all grains and of those of the first group in each cell.
@@ -213,6 +220,7 @@ impl Mixing {
             variance_apart: apart,
             variance_random: random,
             index,
+            left_out: 0,
         })
     }
 }

@@ -224,7 +224,7 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
         drives.push(Box::new(Inlets::new(scene.inlets.clone(), scene.seed)));
     }
     if !scene.outlets.is_empty() {
-        drives.push(Box::new(Outlets::new(scene.outlets.clone())));
+        drives.push(Box::new(Outlets::new(scene.outlets.clone(), &scene.library)));
     }
     if !scene.servos.is_empty() {
         drives.push(Box::new(Servos::new(scene.servos.clone(), &scene.walls, &scene.library)));

@@ -41,6 +41,8 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         rest_beside_drives(scene),
         stop_too_late(scene),
         idle_belt(scene),
+        sizes_of_a_list(scene),
+        wall_that_leaves(scene),
         idle_spin(scene),
     ];
     all.into_iter().flatten().chain(left_out(scene)).collect()
@@ -91,6 +93,54 @@ fn rest_beside_drives(scene: &Scene) -> Option<String> {
         "[stop] has `{key}`, which is of bodies that come to rest, and wall \"{}\" never stops: while it moves the grains, that may never hold. Let it \
          follow a table that ends, or end the stage by its `duration`",
         wall.name
+    ))
+}
+
+/// A wall of triangles that its velocity takes out of the domain.
+fn wall_that_leaves(scene: &Scene) -> Option<String> {
+    let lasts = scene.duration.unwrap_or(scene.steps as f64 * scene.dt);
+    let (low, high) = (scene.domain.low(), scene.domain.high());
+    scene.walls.iter().find_map(|wall| {
+        let (least, most) = wall.extent()?;
+        if wall.course.is_some() || wall.may_turn() || wall.mass.is_finite() {
+            return None;
+        }
+        // After this time the whole of it is beyond a border.
+        let gone = (0..3).filter(|&k| scene.domain.period(k).is_none()).filter_map(|k| {
+            let speed = wall.velocity[k];
+            let way = if speed > 0.0 { high[k] - least[k] } else { low[k] - most[k] };
+            (speed != 0.0).then(|| way / speed)
+        });
+        let gone = gone.fold(f64::INFINITY, f64::min);
+        (gone < lasts).then(|| {
+            format!(
+                "wall \"{}\" moves out of the domain with its `velocity`: after {gone:.3e} s of {lasts:.3e} s all of it is outside, where no grain is. A belt \
+                 that stays has a `surface_velocity`; a wall that comes back a [[motion]]",
+                wall.name
+            )
+        })
+    })
+}
+
+/// A law of sizes that listed particles do not have.
+fn sizes_of_a_list(scene: &Scene) -> Option<String> {
+    let lists = || {
+        scene.initial.iter().filter_map(|fill| match fill {
+            Fill::Listed(list) => Some(list),
+            Fill::Lattice(_) => None,
+        })
+    };
+    let library = &scene.library;
+    let is_void = |k: &usize| {
+        let mut rows = lists().flatten().filter(|row| row.shape.index() == *k).peekable();
+        library.sizes[*k].distribution().is_some()
+            && rows.peek().is_some()
+            && rows.all(|row| row.scale == 1.0)
+    };
+    let shape = (0..library.particle_shapes).find(is_void)?;
+    Some(format!(
+        "shape `{}` has a `size`, which is of lattices, rain and inlets: its particles of [[fill.file]] are all of scale 1. Give the file a column `scale`",
+        library.names[shape]
     ))
 }
 

@@ -10,6 +10,7 @@ use crate::drive::inlet::Amount;
 use crate::drive::rain::{Within, of_layer};
 use crate::drive::region::Region;
 use crate::math::Vec3;
+use crate::output::table::COLUMNS;
 use crate::particles::Library;
 use crate::random::Random;
 
@@ -212,6 +213,10 @@ fn name(section: &Section, names: &mut Vec<String>) -> Option<String> {
             given.fail(format!(
                 "it and `{other}` would share a column of history.csv, where masses end in _kg: take another name"
             ));
+        }
+        let kinds = ["entered", "left", "missing"];
+        if let Some(kind) = kinds.iter().find(|kind| COLUMNS.contains(&&*format!("{kind}_{name}"))) {
+            given.fail(format!("history.csv has a column {kind}_{name} already: take another name"));
         }
         names.push(name.clone());
         Some(name)

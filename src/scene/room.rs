@@ -84,14 +84,14 @@ impl Room<'_> {
         rain.within = Some(Within { region, places, free: free.max(1) });
     }
 
-    /// Refuses inlets of which no place is clear of the walls that stand still.
+    /// Refuses inlets of which no place is clear of the walls that stand still, for their largest particle: the others would wait behind it.
     pub(super) fn for_inlets(&self, inlets: &[Inlet]) {
         if self.has_start {
             return;
         }
         let still: Vec<&Wall> = self.walls.still().collect();
         for (section, inlet) in self.root.sections("inlet").iter().zip(inlets) {
-            let radius = smallest_radius(&inlet.mix, self.library);
+            let radius = largest_radius(&inlet.mix, self.library);
             let is_free = |k| {
                 let place = inlet.region.draw(&mut Random::of(0, k));
                 place.is_some_and(|place| {
@@ -103,8 +103,9 @@ impl Room<'_> {
             }
             let wall = in_the_way(&inlet.region, radius, &still, self.cell).unwrap_or_default();
             section.fail(format!(
-                "no particle finds a place: at each of {PLACES} the smallest one, with a bounding radius of {radius:.4e} m, would meet a wall or \
-                 be behind it, most often `{wall}`. Move the region to where particles may be, or make it wider"
+                "the largest particle finds no place: at each of {PLACES}, with its bounding radius of {radius:.4e} m, it would meet a wall or \
+                 be behind it, most often `{wall}`, and all others would wait behind it. Move the region to where particles may be, make it \
+                 wider, or the particles smaller"
             ));
         }
     }
@@ -152,21 +153,13 @@ pub(super) fn least_volume(mix: &Mix, library: &Library) -> f64 {
     mix.shapes().map(of).fold(f64::INFINITY, f64::min)
 }
 
-/// The least bounding radius of a mix [m].
-fn smallest_radius(mix: &Mix, library: &Library) -> f64 {
-    radii(mix, library).map(|[least, _]| least).fold(f64::INFINITY, f64::min)
-}
-
-/// The largest [m].
+/// The largest bounding radius of a mix [m].
 fn largest_radius(mix: &Mix, library: &Library) -> f64 {
-    radii(mix, library).map(|[_, largest]| largest).fold(0.0, f64::max)
-}
-
-/// The least and the largest bounding radius of each shape of a mix [m].
-fn radii<'a>(mix: &'a Mix, library: &'a Library) -> impl Iterator<Item = [f64; 2]> + 'a {
-    let of =
-        |id: ShapeId| library.sizes[id.index()].scales().map(|s| library.radius[id.index()] * s);
-    mix.shapes().map(of)
+    let of = |id: ShapeId| {
+        let [_, scale] = library.sizes[id.index()].scales();
+        library.radius[id.index()] * scale
+    };
+    mix.shapes().map(of).fold(0.0, f64::max)
 }
 
 /// The wall that takes most places of a region.

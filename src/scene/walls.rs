@@ -406,9 +406,9 @@ fn planned(
         let surface = surface?;
         let origin = surface.origin();
         let surface = match surface {
-            Surface::Triangles(given, Triangles { mut corners, shift, weld, smooth }) => {
+            Surface::Triangles(given, Triangles { mut corners, shift, rounded, weld, smooth }) => {
                 let own = corners.len();
-                add_images(&given, &mut corners, &shift, domain);
+                add_images(&given, &mut corners, (&shift, rounded), domain);
                 TriangleMesh::with_images(&corners, own, weld, smooth)
                     .map_err(|error| given.fail(error))
                     .ok()?
@@ -532,15 +532,26 @@ fn of_revolution(given: Given, is_cone: bool) -> Option<Surface> {
 
 /// What is nearer to the border of a period than this part of it lies on the border.
 const ON_BORDER: f64 = 1e-9;
+/// STL has numbers of 24 bits: they are off by this part at most.
+const ROUNDED_IN_STL: f64 = 6e-8;
+/// The most that corners may be welded by, over the median side of the triangles.
+const WIDEST_WELD: f64 = 0.1;
 
 /// Adds the images of triangles beyond the periods of the domain, as far as the shortest way between two grains can reach; corners are
-/// shifted on their way into the domain [m]. Those on a border get all of its digits, so that images hang together.
-fn add_images(given: &Given, corners: &mut Vec<[Vec3; 3]>, shift: &Vec3, domain: Option<&Cell>) {
+/// shifted on their way into the domain [m]. Those on a border, but for what the file `rounded` them [m], get all of its digits, so that images
+/// hang together.
+fn add_images(
+    given: &Given,
+    corners: &mut Vec<[Vec3; 3]>,
+    (shift, rounded): (&Vec3, f64),
+    domain: Option<&Cell>,
+) {
     let Some(domain) = domain.filter(|domain| domain.repeats()) else { return };
     corners.iter_mut().flatten().for_each(|corner| *corner += shift);
     for axis in (0..3).filter(|&axis| domain.period(axis).is_some()) {
         let (low, high) = (domain.low()[axis], domain.high()[axis]);
-        let (period, near) = (high - low, ON_BORDER * (high - low));
+        let period = high - low;
+        let near = rounded.max(ON_BORDER * period);
         let places = || corners.iter().flatten().map(|corner| corner[axis]);
         let (from, to) =
             places().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
@@ -630,6 +641,8 @@ struct Triangles {
     corners: Vec<[Vec3; 3]>,
     /// [m]
     shift: Vec3,
+    /// How far off the digits of the file may have put them [m].
+    rounded: f64,
     /// How near corners are that are one [m].
     weld: f64,
     /// The angle up to which edges are smooth [rad].
@@ -666,8 +679,29 @@ fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangle
         let corner = corner * scale;
         if turn == Quat::identity() { corner } else { turn * corner }
     };
-    let corners = corners.into_iter().map(|triangle| triangle.map(placed)).collect();
-    Some(Triangles { corners, shift: shift?, weld: weld?, smooth: smooth?.to_radians() })
+    let corners: Vec<_> = corners.into_iter().map(|triangle| triangle.map(placed)).collect();
+    if let (Some(weld), Some(given)) = (weld, section.get("weld")) {
+        let side = median_side(&corners);
+        if weld > WIDEST_WELD * side {
+            given.fail(format!(
+                "must be far less than the sides of the triangles, or corners that belong apart become one: at most {:e} m, a tenth of their \
+                 median",
+                printed_limit(WIDEST_WELD * side)
+            ));
+        }
+    }
+    let is_stl = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("stl"));
+    let largest = corners.iter().flatten().map(|corner| corner.amax()).fold(0.0, f64::max);
+    let rounded = if is_stl { ROUNDED_IN_STL * largest } else { 0.0 };
+    Some(Triangles { corners, shift: shift?, rounded, weld: weld?, smooth: smooth?.to_radians() })
+}
+
+/// The median of the sides of triangles [m].
+fn median_side(corners: &[[Vec3; 3]]) -> f64 {
+    let side = |[a, b, c]: &[Vec3; 3]| [(b - a).norm(), (c - b).norm(), (a - c).norm()];
+    let mut sides: Vec<f64> = corners.iter().flat_map(side).collect();
+    let middle = sides.len() / 2;
+    if sides.is_empty() { 0.0 } else { *sides.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 /// A point of a plane [m] and its unit normal.

@@ -38,7 +38,7 @@ pub fn report(sim: &Simulation, finish: &Finish, origin: &Origin, comm: &mut dyn
         audit: sim.audit.figures(sim, comm),
         energy: energy(finish),
         packing: packing(&finish.measures),
-        sizes: sizes(&sim.particles, comm),
+        sizes: sizes(&sim.particles, &sim.drives, comm),
         counted: counted(sim).collect(),
         resolution: resolution(sim, finish, comm),
         targets: sim.drives.iter().flat_map(|drive| drive.kept(&sim.particles.walls)).collect(),

@@ -572,7 +572,7 @@ fn lost(step: u64, error: DomainError, sim: &Simulation, comm: &mut dyn Comm) ->
             "\nA wall has not held it: make contacts stiffer or the time step shorter, or press or throw less hard"
         }
         DomainError::Outside { .. } => {
-            "\nPut a wall on that side, enlarge the domain, or reduce the time step"
+            "\nPut a wall on that side, or an [[outlet]] there if it may leave, enlarge the domain, or reduce the time step"
         }
     };
     let particle = format!("{state}; it last touched {touched}{advice}");

@@ -91,7 +91,7 @@ fn overlap_message(
     text.push_str(if worst[0].0 >= 1.0 && is_wall(worst[0].2) {
         "\nIs that particle behind the wall? A wall's normal points towards the particles"
     } else if between_particles == 0 {
-        "\nMove them apart: the walls, or the particles"
+        "\nMove them apart: the walls, or the particles. A lattice leaves no places out at walls; rain and inlets do"
     } else {
         "\nMove them apart, or use a larger spacing"
     });

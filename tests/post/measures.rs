@@ -361,6 +361,31 @@ fn cells_of_mixing_stay_where_they_are() {
     assert_eq!(cells, ["cells", "8", "8"]);
 }
 
+/// Grains that come after the first snapshot are of no half, and that is said.
+#[test]
+fn mixing_says_who_is_left_out() {
+    let places: Vec<Vec3> = (0..64)
+        .map(|k| Vec3::new(f64::from(k % 4), f64::from(k / 4 % 4), f64::from(k / 16)))
+        .map(|place| place.add_scalar(0.5) * DIAMETER)
+        .collect();
+    let all = balls(Vec3::repeat(4.0 * DIAMETER), false, places.clone());
+    let first = balls(Vec3::repeat(4.0 * DIAMETER), false, places[..40].to_vec());
+    let mut later = all;
+    later.header.step = first.header.step + 1;
+    later.header.time = first.header.time + 1e-3;
+    let folder = tempfile::tempdir().unwrap();
+    store(folder.path(), &first);
+    store(folder.path(), &later);
+    let mut dem_post = Command::new(env!("CARGO_BIN_EXE_dem-post"));
+    let made = dem_post.arg(folder.path()).args(["--series", "--mixing", "half:x", "--grid", "2d"]);
+    let made = made.output().unwrap();
+    let said = String::from_utf8(made.stdout).unwrap();
+    assert!(said.contains("mixing: 24 of 64 grains at "), "{said}");
+    let table = std::fs::read_to_string(folder.path().join("post_series/mixing.csv")).unwrap();
+    let last: Vec<_> = table.lines().map(|line| line.rsplit(',').next().unwrap()).collect();
+    assert_eq!(last, ["left_out", "0", "24"]);
+}
+
 /// Of grains of many sizes a diameter is that of the ball of their mean volume.
 #[test]
 fn a_diameter_is_that_of_the_grains() {

@@ -300,7 +300,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let (mut room, mut wide) = ([zero; MOST_STATE], [zero; MOST_STATE_OF_MOMENTS]);
         let state = if M::MOMENTS { &mut wide[..law.width] } else { &mut room[..law.width] };
         let Picked { at, point, now, last, before } = self.read_picked(places, state);
-        let arms = self.arms_at::<L, MOVES>([a, b], point, before.point);
+        let arms = self.arms_at::<L>([a, b], point, before.point, MOVES || with_walls);
         let mut motion = if MOVES {
             super::Motion::of(particles, [a, b], arms.now, arms.last)
         } else {
@@ -372,7 +372,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             on_b[lane].write(&mut window.torques[place][0]);
             on_a[lane].write(&mut window.torques[place][1]);
         }
-        if with_walls && MOVES {
+        if with_walls {
             // As of contacts with a patch.
             let (velocity, spin) = super::velocities::<L>(particles, b);
             let along = last.normal.times(before.press - before.force.dot(last.normal));
@@ -391,15 +391,16 @@ impl<M: Model> Contacts<'_, '_, M> {
 
     /// From the centres of A and B to contact points, those of now and of the last step, seen from A.
     #[inline(always)]
-    fn arms_at<L: Eight, const MOVES: bool>(
+    fn arms_at<L: Eight>(
         &self,
         [a, b]: [Gather; 2],
         point: Triple<L>,
         last_point: Triple<L>,
+        moves: bool,
     ) -> Arms<L> {
         let Particles { position, cell, .. } = self.particles;
         let to_b = cell.nearest_of(vectors::<L>(position, b).minus(vectors(position, a)));
-        let last_to_b = if MOVES {
+        let last_to_b = if moves {
             to_b.minus(super::parting::<L>(self.particles, [a, b]).times(L::all(self.dt)))
         } else {
             to_b
@@ -517,7 +518,8 @@ impl<M: Model> Contacts<'_, '_, M> {
 
     /// How the bodies of a pair move, with the normals of now and of the last step.
     fn motion(&self, pair: Pair, normals: [&Vec3; 2]) -> Motion {
-        if self.law.needs.velocity {
+        // What a wall does is booked under laws, too, that do not ask.
+        if self.law.needs.velocity || pair.b.index() >= self.particles.first_facet() {
             Motion::of(pair, self.particles, self.dt, normals)
         } else {
             Motion::none(pair, self.particles)

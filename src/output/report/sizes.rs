@@ -2,16 +2,19 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Sizes of the particles of a shape at the end, as scales of the shape's lengths, beside what the scene asks for. Counted in
-/// [`SizesOf::CELLS`] cells of equal ratio, to which quantiles are found.
+/// Sizes of the particles of a shape, as scales of the shape's lengths, beside what the scene asks for: of those that are there at the end,
+/// and of those that have left through outlets in the stage. Quantiles are found to a cell of [`crate::particles::census::Census`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SizesOf {
     /// The shape's name.
     pub shape: String,
     /// The law asked for, in words.
     pub law: String,
-    /// How many particles there are.
+    /// How many particles there are or were.
     pub particles: u64,
+    /// How many of them have left.
+    #[serde(default)]
+    pub left: u64,
     /// What was asked for.
     pub asked: Figures,
     /// What is there.
@@ -25,8 +28,6 @@ pub struct SizesOf {
 }
 
 impl SizesOf {
-    /// Cells between the smallest and the largest scale.
-    pub const CELLS: usize = 4096;
     /// Rows of a curve, less one.
     pub const ROWS: usize = 64;
 }

@@ -1,0 +1,97 @@
+//! Particles of a shape counted by size, in cells of equal ratio between the limits of a law. Sums are of integers: the same in any order.
+
+use super::Library;
+use crate::ids::ShapeId;
+use crate::particles::sizes::By;
+
+/// Squares and cubes of scales over the largest are summed in so many parts of 1: sums of 10^8 still fit.
+const PARTS: f64 = (1_u64 << 36) as f64;
+
+/// How many there are of which size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Census {
+    limits: [f64; 2],
+    /// By the upper edge of the cell, from that of cell -1: numbers, then cubes in parts of the largest; then sums of scales and of their
+    /// squares, in parts of the largest.
+    sums: Vec<i64>,
+}
+
+impl Census {
+    /// Cells between the smallest and the largest scale. What lies beyond is counted in the outermost.
+    pub const CELLS: usize = 4096;
+    /// How many sums there are.
+    pub const SUMS: usize = 2 * (Self::CELLS + 1) + 2;
+
+    /// Of nobody; `None` if the shape has no law of sizes.
+    pub fn of_shape(shape: ShapeId, library: &Library) -> Option<Self> {
+        let law = library.sizes[shape.index()].distribution()?;
+        Some(Self { limits: law.limits(), sums: vec![0; Self::SUMS] })
+    }
+
+    /// One more.
+    pub fn add(&mut self, scale: f64) {
+        let [least, largest] = self.limits;
+        let place = libm::log(scale / least) / libm::log(largest / least) * Self::CELLS as f64;
+        // Counted below the upper edge of its cell.
+        let edge = 1 + (place.max(0.0) as usize).min(Self::CELLS - 1);
+        let part = scale / largest;
+        let cubes = Self::CELLS + 1;
+        self.sums[edge] += 1;
+        self.sums[cubes + edge] += (part * part * part * PARTS) as i64;
+        self.sums[2 * cubes] += (part * PARTS) as i64;
+        self.sums[2 * cubes + 1] += (part * part * PARTS) as i64;
+    }
+
+    /// All sums, [`Self::SUMS`] numbers.
+    pub fn sums(&self) -> &[i64] {
+        &self.sums
+    }
+
+    /// The same, to be summed over ranks.
+    pub fn sums_mut(&mut self) -> &mut [i64] {
+        &mut self.sums
+    }
+
+    /// Adds the sums of another one of the same law.
+    pub fn add_all(&mut self, sums: &[i64]) {
+        for (all, other) in self.sums.iter_mut().zip(sums) {
+            *all += other;
+        }
+    }
+
+    /// How many have been counted.
+    pub fn count(&self) -> i64 {
+        self.sums[..=Self::CELLS].iter().sum()
+    }
+
+    /// The scale at an edge of the cells.
+    pub fn edge(&self, edge: usize) -> f64 {
+        let [least, largest] = self.limits;
+        least * libm::pow(largest / least, edge as f64 / Self::CELLS as f64)
+    }
+
+    /// The shares below all edges.
+    pub fn below(&self, by: By) -> Vec<f64> {
+        let cubes = Self::CELLS + 1;
+        let cells = match by {
+            By::Number => &self.sums[..cubes],
+            By::Mass => &self.sums[cubes..2 * cubes],
+        };
+        let all = cells.iter().sum::<i64>().max(1) as f64;
+        let summed = cells.iter().scan(0, |sum, &one| {
+            *sum += one;
+            Some(*sum as f64 / all)
+        });
+        summed.collect()
+    }
+
+    /// Means of scales, of their squares and of their cubes.
+    pub fn mean_powers(&self) -> [f64; 3] {
+        let (cubes, count) = (Self::CELLS + 1, self.count().max(1) as f64);
+        let [_, largest] = self.limits;
+        let of_cubes = self.sums[cubes..2 * cubes].iter().sum::<i64>();
+        let sums = [self.sums[2 * cubes], self.sums[2 * cubes + 1], of_cubes];
+        let mean = |sum: i64, power: i32| sum as f64 / PARTS / count * largest.powi(power);
+        [mean(sums[0], 1), mean(sums[1], 2), mean(sums[2], 3)]
+    }
+}
