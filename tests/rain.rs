@@ -118,6 +118,46 @@ fn rain_fills_a_pipe() {
     assert!(sim.drives[0].unfinished().is_none() && sim.drives[0].warnings().is_empty());
 }
 
+/// A cup of triangles, of 24 sides and a bottom: rain falls into it and stays in it.
+#[test]
+fn rain_fills_a_cup_of_triangles() {
+    use std::fmt::Write;
+    let folder = tempfile::tempdir().unwrap();
+    let (sides, radius) = (24_u32, 0.0085);
+    let mut text = "v 0.01 0.01 0.02\n".to_owned();
+    for k in 0..sides {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(sides)).sin_cos();
+        for z in [0.02, 0.05] {
+            writeln!(text, "v {} {} {z}", 0.01 + radius * cos, 0.01 + radius * sin).unwrap();
+        }
+    }
+    for k in 0..sides {
+        let [a, b] = [k, (k + 1) % sides].map(|k| 2 + 2 * k);
+        writeln!(text, "f 1 {a} {b}\nf {a} {b} {}\nf {a} {} {}", b + 1, b + 1, a + 1).unwrap();
+    }
+    let path = folder.path().join("cup.obj");
+    std::fs::write(&path, text).unwrap();
+    let cylinder = "[[wall]]\nname = \"pipe\"\ncylinder = { from = [0.01, 0.01, 0], to = [0.01, 0.01, 0.05], radius = 0.008 }\n";
+    let floor = "[[wall]]\nname = \"floor\"\npoint = [0, 0, 0.02]\nnormal = [0, 0, 1]\n";
+    let cup =
+        format!("[[wall]]\nname = \"cup\"\nmesh = {:?}\nsmooth = 20\n", path.display().to_string());
+    let text = PIPE.replace(cylinder, &cup).replace(floor, "");
+    assert!(!text.contains("floor") && text.contains("cup"));
+    let scene = scene(&text);
+    let (mut sim, layers) = rained(&scene, &|_, _| {});
+    assert!(layers.len() >= 3, "{layers:?}");
+    let mut comm = Alone::default();
+    (0..6000).for_each(|_| sim.step(&mut comm).unwrap());
+    assert_eq!(sim.particles.owned, 100);
+    for slot in 0..sim.particles.owned {
+        let (place, own) = (sim.particles.position[slot], sim.particles.radius(slot));
+        let from_axis = (place.x - 0.01).hypot(place.y - 0.01);
+        assert!(from_axis < radius - 0.6 * own && place.z > 0.02 + 0.6 * own, "{place}");
+    }
+    let alone = OnRanks::of(&scene).the_same_everywhere(5000, folder.path());
+    assert!(alone.number("wall_contacts") > 3.0, "{}", alone.number("wall_contacts"));
+}
+
 #[test]
 fn rain_into_a_pipe_is_the_same_on_any_number_of_ranks() {
     let scene = scene(PIPE);

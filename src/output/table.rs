@@ -37,7 +37,6 @@ pub struct History {
 #[derive(Clone, Copy, Debug)]
 struct OfWall {
     torque: bool,
-    power: bool,
     point: bool,
     turn: bool,
 }
@@ -46,8 +45,12 @@ impl OfWall {
     fn of(wall: &Wall) -> Self {
         let turn = wall.moves && wall.may_turn();
         let point = wall.moves && wall.across().is_none();
-        let power = wall.moves || wall.is_belt();
-        Self { torque: wall.torque.is_some() || turn, power, point, turn }
+        Self { torque: wall.torque.is_some() || turn, point, turn }
+    }
+
+    /// Does it work on the particles?
+    fn works(wall: &Wall) -> bool {
+        wall.moves || wall.is_belt()
     }
 
     /// Names of columns.
@@ -57,7 +60,7 @@ impl OfWall {
             let names = AXES.map(|axis| format!("{what}_{name}_{axis}_{unit}"));
             names.into_iter().filter(move |_| is_there)
         };
-        let power = Some(format!("power_{name}_W")).filter(|_| self.power);
+        let power = Some(format!("power_{name}_W")).filter(|_| Self::works(wall));
         three(self.torque, "torque", "N_m")
             .chain(power)
             .chain(three(wall.moves, "velocity", "m_per_s"))
@@ -72,7 +75,7 @@ impl OfWall {
         let three = |is_there: bool, vector: Vec3| {
             (0..3).filter(move |_| is_there).map(move |axis| vector[axis])
         };
-        let power = Some(wall.power(force, torque) + of_belt).filter(|_| self.power);
+        let power = Some(wall.power(force, torque) + of_belt).filter(|_| Self::works(wall));
         three(self.torque, wall.torque_of(torque, force))
             .chain(power)
             .chain(three(wall.moves, wall.velocity))

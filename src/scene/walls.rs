@@ -691,7 +691,7 @@ fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangle
         }
     }
     let is_stl = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("stl"));
-    let largest = corners.iter().flatten().map(|corner| corner.amax()).fold(0.0, f64::max);
+    let largest = corners.iter().flatten().map(Vec3::amax).fold(0.0, f64::max);
     let rounded = if is_stl { ROUNDED_IN_STL * largest } else { 0.0 };
     Some(Triangles { corners, shift: shift?, rounded, weld: weld?, smooth: smooth?.to_radians() })
 }
