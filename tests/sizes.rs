@@ -1006,6 +1006,31 @@ fn the_report_holds_sizes_against_what_was_asked_for() {
     assert!(plots.len() == 1 && plots[0].svg.contains("by mass, asked for"));
 }
 
+/// A law of sizes that only listed grains without scales would have is doubtful. Listed scales beyond the law
+/// are reported as they are.
+#[test]
+fn sizes_of_lists_are_their_own() {
+    let says = |csv: &str, shape: &str| {
+        let doubts = dem_mpi::scene::doubts::doubts(&parsed(csv, shape).unwrap());
+        doubts.iter().any(|doubt| doubt.contains("Give the file a column `scale`"))
+    };
+    let law = "size = { uniform = [0.9, 1.1] }";
+    assert!(says("x,y,z\n0.01,0.01,0.01\n", law));
+    assert!(
+        !says("x,y,z,scale\n0.01,0.01,0.01,0.95\n", law) && !says("x,y,z\n0.01,0.01,0.01\n", "")
+    );
+    let scene = parsed("x,y,z,scale\n0.02,0.02,0.02,2.0\n0.01,0.01,0.01,0.5\n", law).unwrap();
+    let sizes = threads::run(1, |comm| {
+        let mut sim = assemble::assemble(&scene, comm);
+        assemble::fill(&mut sim, &scene, comm);
+        dem_mpi::sim::sizes::sizes(&sim.particles, &sim.drives, comm)
+    });
+    let found = &sizes[0][0].found;
+    assert!((found.mean - 1.25).abs() < 1e-9, "{found:?}");
+    let [low, .., high] = found.by_number_d10_d50_d90;
+    assert!((low / 0.5 - 1.0).abs() < 1e-3 && (high / 2.0 - 1.0).abs() < 1e-3, "{found:?}");
+}
+
 /// Grains that have left count as they were, however many are there: the figures of all are those of the whole lattice, on any number of ranks
 /// and across a restart.
 #[test]

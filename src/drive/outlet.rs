@@ -17,6 +17,7 @@ use crate::particles::census::Census;
 use crate::particles::records::Particle;
 use crate::particles::walls::Wall;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// Where grains leave.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -58,6 +59,8 @@ pub struct Outlets {
     listed: Listed,
     /// Sizes of what has left through each in this stage, of each shape with a law of sizes.
     sizes: Vec<Vec<(ShapeId, Census)>>,
+    /// The names of these shapes.
+    sized: Vec<String>,
 }
 
 /// Names [`Outlets`] among the drives.
@@ -70,17 +73,28 @@ impl Outlets {
     /// Before anything has left.
     pub fn new(outlets: Vec<Outlet>, library: &Library) -> Self {
         let (left, warned) = (vec![Left::default(); outlets.len()], vec![false; outlets.len()]);
-        let shapes = (0..library.particle_shapes).map(|shape| ShapeId(shape as u16));
-        let sizes = shapes.filter_map(|shape| Some((shape, Census::of_shape(shape, library)?)));
-        let sizes = vec![sizes.collect(); outlets.len()];
         let (warnings, listed) = (Vec::new(), Listed::default());
-        Self { all: outlets, left, warned, warnings, listed, sizes }
+        let (sizes, sized) = (Vec::new(), Vec::new());
+        let mut new = Self { all: outlets, left, warned, warnings, listed, sizes, sized };
+        new.admit(library);
+        new
     }
 
-    /// The column of the sums of all [`Census`] of an outlet, one after the other.
-    fn sizes_column(&self) -> StateColumn {
-        let shapes = self.sizes.first().map_or(0, Vec::len);
-        StateColumn::new("left_sizes", shapes * Census::SUMS, "1")
+    /// The columns of the limits and the sums of the [`Census`] of a shape.
+    fn sizes_columns(shape: &str) -> [StateColumn; 2] {
+        let named = |column, kind: &str| StateColumn {
+            name: format!("left_{kind}_of_{shape}").into(),
+            ..column
+        };
+        [
+            named(StateColumn::new("", 2, "1"), "limits"),
+            named(StateColumn::new("", Census::SUMS, "1"), "sizes"),
+        ]
+    }
+
+    /// Of each outlet the sizes of a shape that have left.
+    fn of_shape(&self, number: usize) -> impl Iterator<Item = &Census> + Clone {
+        self.sizes.iter().map(move |of_outlet| &of_outlet[number].1)
     }
 
     /// What has left through each, in the order of the scene.
@@ -92,6 +106,14 @@ impl Outlets {
 impl Drive for Outlets {
     fn name(&self) -> &'static str {
         NAME
+    }
+
+    fn admit(&mut self, library: &Library) {
+        let shapes = (0..library.particle_shapes).map(|shape| ShapeId(shape as u16));
+        let of_one = shapes.filter_map(|shape| Some((shape, Census::of_shape(shape, library)?)));
+        let of_one: Vec<(ShapeId, Census)> = of_one.collect();
+        self.sized = of_one.iter().map(|(shape, _)| library.names[shape.index()].clone()).collect();
+        self.sizes = vec![of_one; self.all.len()];
     }
 
     fn is_outlet(&self) -> bool {
@@ -181,10 +203,15 @@ impl Drive for Outlets {
             SavedColumn::new(COUNT, Values::Counts(counts)),
             SavedColumn::new(MASS, Values::Reals(masses)),
         ];
-        let mut sizes = self.sizes.iter().flatten().map(|(_, census)| census);
-        if sizes.clone().any(|census| census.count() > 0) {
-            let sums = sizes.by_ref().flat_map(Census::sums).copied().collect();
-            columns.push(SavedColumn::new(self.sizes_column(), Values::Integers(sums)));
+        for (number, shape) in self.sized.iter().enumerate() {
+            let all = self.of_shape(number);
+            if all.clone().any(|census| census.count() > 0) {
+                let [limits, sizes] = Self::sizes_columns(shape);
+                let of_limits = all.clone().flat_map(Census::limits).collect();
+                let sums = all.flat_map(Census::sums).copied().collect();
+                columns.push(SavedColumn::new(limits, Values::Reals(of_limits)));
+                columns.push(SavedColumn::new(sizes, Values::Integers(sums)));
+            }
         }
         columns
     }
@@ -201,21 +228,34 @@ impl Drive for Outlets {
             return Ok(());
         }
         let rows = saved.texts(&NAMES)?.iter().zip(saved.counts(&COUNT)?).zip(saved.reals(&MASS)?);
-        let column = self.sizes_column();
-        // They are not there if nothing with a law of sizes had left.
-        let sizes = saved.integers(&column).unwrap_or_default();
-        let mut sizes = sizes.chunks_exact(column.width.max(1));
-        for ((name, &count), &mass) in rows {
-            let sizes = sizes.next().unwrap_or_default();
+        let (mut rows_of, mut lost) = (vec![None; self.all.len()], BTreeSet::new());
+        for (row, ((name, &count), &mass)) in rows.enumerate() {
             let index = self.all.iter().position(|outlet| outlet.name == *name);
             if let Some(index) = index {
                 self.left[index] = Left { count, mass };
-                for ((_, census), sums) in
-                    self.sizes[index].iter_mut().zip(sizes.chunks_exact(Census::SUMS))
-                {
-                    census.add_all(sums);
+                rows_of[index] = Some(row);
+            }
+        }
+        for (number, shape) in self.sized.iter().enumerate() {
+            let [limits, sizes] = Self::sizes_columns(shape);
+            // They are not there if none of the shape had left.
+            let (Ok(limits), Ok(sums)) = (saved.reals(&limits), saved.integers(&sizes)) else {
+                continue;
+            };
+            for (of_outlet, row) in self.sizes.iter_mut().zip(&rows_of) {
+                let census = &mut of_outlet[number].1;
+                let Some(row) = row else { continue };
+                if limits[2 * row..][..2] == census.limits() {
+                    census.add_all(&sums[row * Census::SUMS..][..Census::SUMS]);
+                } else {
+                    lost.insert(shape.clone());
                 }
             }
+        }
+        for shape in lost {
+            self.warnings.push(format!(
+                "shape `{shape}` had other limits of `size` before this restart: the report of sizes leaves out its particles that left before"
+            ));
         }
         Ok(())
     }

@@ -272,6 +272,7 @@ mod tests {
             let measures = Measures {
                 wall_forces: forces.clone(),
                 wall_torques: forces.clone(),
+                belt_powers: vec![0.0; forces.len()],
                 ..Measures::default()
             };
             table.push(step, 0.0, &measures, &forces, &walls, &[]).unwrap();

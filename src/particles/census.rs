@@ -1,4 +1,4 @@
-//! Particles of a shape counted by size, in cells of equal ratio between the limits of a law. Sums are of integers: the same in any order.
+//! Particles of a shape counted by size, in cells of equal ratio between the limits of its law, or of what lists have given beyond them. Sums are of integers: the same in any order.
 
 use super::Library;
 use crate::ids::ShapeId;
@@ -17,15 +17,22 @@ pub struct Census {
 }
 
 impl Census {
-    /// Cells between the smallest and the largest scale. What lies beyond is counted in the outermost.
+    /// Cells between the smallest and the largest scale.
     pub const CELLS: usize = 4096;
     /// How many sums there are.
     pub const SUMS: usize = 2 * (Self::CELLS + 1) + 2;
 
     /// Of nobody; `None` if the shape has no law of sizes.
     pub fn of_shape(shape: ShapeId, library: &Library) -> Option<Self> {
-        let law = library.sizes[shape.index()].distribution()?;
-        Some(Self { limits: law.limits(), sums: vec![0; Self::SUMS] })
+        let law = library.sizes[shape.index()].distribution()?.limits();
+        let known = library.scales[shape.index()];
+        let limits = [law[0].min(known[0]), law[1].max(known[1])];
+        Some(Self { limits, sums: vec![0; Self::SUMS] })
+    }
+
+    /// The least and the largest scale: what is counted between others cannot be added.
+    pub const fn limits(&self) -> [f64; 2] {
+        self.limits
     }
 
     /// One more.

@@ -41,6 +41,7 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         rest_beside_drives(scene),
         stop_too_late(scene),
         idle_belt(scene),
+        rest_before_an_inlet(scene),
         sizes_of_a_list(scene),
         wall_that_leaves(scene),
         idle_spin(scene),
@@ -98,6 +99,10 @@ fn rest_beside_drives(scene: &Scene) -> Option<String> {
 
 /// A wall of triangles that its velocity takes out of the domain.
 fn wall_that_leaves(scene: &Scene) -> Option<String> {
+    if scene.start.is_some() {
+        // Where it stands is known in the run.
+        return None;
+    }
     let lasts = scene.duration.unwrap_or(scene.steps as f64 * scene.dt);
     let (low, high) = (scene.domain.low(), scene.domain.high());
     scene.walls.iter().find_map(|wall| {
@@ -112,7 +117,7 @@ fn wall_that_leaves(scene: &Scene) -> Option<String> {
             (speed != 0.0).then(|| way / speed)
         });
         let gone = gone.fold(f64::INFINITY, f64::min);
-        (gone < lasts).then(|| {
+        (0.0 < gone && gone < lasts).then(|| {
             format!(
                 "wall \"{}\" moves out of the domain with its `velocity`: after {gone:.3e} s of {lasts:.3e} s all of it is outside, where no grain is. A belt \
                  that stays has a `surface_velocity`; a wall that comes back a [[motion]]",
@@ -131,17 +136,39 @@ fn sizes_of_a_list(scene: &Scene) -> Option<String> {
         })
     };
     let library = &scene.library;
+    let of_lattices = scene.initial.iter().filter_map(|fill| match fill {
+        Fill::Lattice(lattice) => Some(&lattice.mix),
+        Fill::Listed(_) => None,
+    });
+    let others = scene.rain.iter().map(|rain| &rain.mix);
+    let others = others.chain(scene.inlets.iter().map(|inlet| &inlet.mix)).chain(of_lattices);
+    let drawn: Vec<usize> = others.flat_map(|mix| mix.shapes()).map(ShapeId::index).collect();
     let is_void = |k: &usize| {
         let mut rows = lists().flatten().filter(|row| row.shape.index() == *k).peekable();
         library.sizes[*k].distribution().is_some()
             && rows.peek().is_some()
             && rows.all(|row| row.scale == 1.0)
+            && !drawn.contains(k)
     };
     let shape = (0..library.particle_shapes).find(is_void)?;
     Some(format!(
         "shape `{}` has a `size`, which is of lattices, rain and inlets: its particles of [[fill.file]] are all of scale 1. Give the file a column `scale`",
         library.names[shape]
     ))
+}
+
+/// A `[stop]` that may come before an inlet that has no end.
+fn rest_before_an_inlet(scene: &Scene) -> Option<String> {
+    let asked = [("rest", scene.stop.rest), ("unbalanced", scene.stop.unbalanced)];
+    let (key, _) = asked.into_iter().find(|(_, limit)| limit.is_some())?;
+    let inlet = scene.inlets.iter().find(|inlet| inlet.begin > 0.0 && inlet.until.is_none())?;
+    (scene.stop.after < inlet.begin).then(|| {
+        format!(
+            "[stop] has `{key}`, which may hold before inlet `{}` begins at {:?} s, as it has no end for which the stage would wait: set `after` in [stop] \
+             to a later time",
+            inlet.name, inlet.begin
+        )
+    })
 }
 
 /// A belt on which nothing rubs.

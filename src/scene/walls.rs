@@ -532,8 +532,8 @@ fn of_revolution(given: Given, is_cone: bool) -> Option<Surface> {
 
 /// What is nearer to the border of a period than this part of it lies on the border.
 const ON_BORDER: f64 = 1e-9;
-/// STL has numbers of 24 bits: they are off by this part at most.
-const ROUNDED_IN_STL: f64 = 6e-8;
+/// STL has numbers of 24 bits, or of seven digits: they are off by this part at most.
+const ROUNDED_IN_STL: f64 = 5e-7;
 /// The most that corners may be welded by, over the median side of the triangles.
 const WIDEST_WELD: f64 = 0.1;
 
@@ -543,7 +543,7 @@ const WIDEST_WELD: f64 = 0.1;
 fn add_images(
     given: &Given,
     corners: &mut Vec<[Vec3; 3]>,
-    (shift, rounded): (&Vec3, f64),
+    (shift, rounded): (&Vec3, Vec3),
     domain: Option<&Cell>,
 ) {
     let Some(domain) = domain.filter(|domain| domain.repeats()) else { return };
@@ -551,7 +551,7 @@ fn add_images(
     for axis in (0..3).filter(|&axis| domain.period(axis).is_some()) {
         let (low, high) = (domain.low()[axis], domain.high()[axis]);
         let period = high - low;
-        let near = rounded.max(ON_BORDER * period);
+        let near = rounded[axis].max(ON_BORDER * period);
         let places = || corners.iter().flatten().map(|corner| corner[axis]);
         let (from, to) =
             places().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
@@ -642,7 +642,7 @@ struct Triangles {
     /// [m]
     shift: Vec3,
     /// How far off the digits of the file may have put them [m].
-    rounded: f64,
+    rounded: Vec3,
     /// How near corners are that are one [m].
     weld: f64,
     /// The angle up to which edges are smooth [rad].
@@ -691,8 +691,11 @@ fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangle
         }
     }
     let is_stl = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("stl"));
-    let largest = corners.iter().flatten().map(Vec3::amax).fold(0.0, f64::max);
-    let rounded = if is_stl { ROUNDED_IN_STL * largest } else { 0.0 };
+    let mut largest = corners.iter().flatten().fold(Vec3::zeros(), |all, one| all.sup(&one.abs()));
+    if turn != Quat::identity() {
+        largest.fill(largest.amax());
+    }
+    let rounded = if is_stl { largest * ROUNDED_IN_STL } else { Vec3::zeros() };
     Some(Triangles { corners, shift: shift?, rounded, weld: weld?, smooth: smooth?.to_radians() })
 }
 

@@ -261,10 +261,11 @@ impl Display for Kept {
 impl Display for SizesOf {
     fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
         let tenths = |all: [f64; 3]| all.map(|scale| format!("{scale:.4}")).join(", ");
-        let Self { shape, particles, asked, found, .. } = self;
+        let Self { shape, particles, left, asked, found, .. } = self;
+        let of_left = if *left > 0 { format!(", {left} of them gone") } else { String::new() };
         write!(
             f,
-            "{:<10} {particles} of {shape}: by mass 10, 50, 90 % below {} of {} asked for; largest difference of the \
+            "{:<10} {particles} of {shape}{of_left}: by mass 10, 50, 90 % below {} of {} asked for; largest difference of the \
              cumulative curves {:.2} % by number, {:.2} % by mass",
             "sizes",
             tenths(found.by_mass_d10_d50_d90),
