@@ -1,7 +1,7 @@
 //! What the program knows to be doubtful about a scene before it runs.
 
 use super::laws::stress_of_force;
-use super::{Fill, Goal, Inlet, LeftOut, Method, Outlet, Rain, Scene, Servo};
+use super::{Fill, Goal, Inlet, LeftOut, Method, Mix, Outlet, Rain, Scene, Servo};
 use crate::cell::AXES;
 use crate::drive::inlet::MOST_AT_ONCE;
 use crate::drive::rain::Within;
@@ -142,7 +142,7 @@ fn sizes_of_a_list(scene: &Scene) -> Option<String> {
     });
     let others = scene.rain.iter().map(|rain| &rain.mix);
     let others = others.chain(scene.inlets.iter().map(|inlet| &inlet.mix)).chain(of_lattices);
-    let drawn: Vec<usize> = others.flat_map(|mix| mix.shapes()).map(ShapeId::index).collect();
+    let drawn: Vec<usize> = others.flat_map(Mix::shapes).map(ShapeId::index).collect();
     let is_void = |k: &usize| {
         let mut rows = lists().flatten().filter(|row| row.shape.index() == *k).peekable();
         library.sizes[*k].distribution().is_some()
