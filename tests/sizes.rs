@@ -1014,7 +1014,7 @@ fn sizes_of_lists_are_their_own() {
         let doubts = dem_mpi::scene::doubts::doubts(&parsed(csv, shape).unwrap());
         doubts.iter().any(|doubt| doubt.contains("Give the file a column `scale`"))
     };
-    let law = "size = { uniform = [0.9, 1.1] }";
+    let law = "size = { uniform = [0.9, 1.1] }\n";
     assert!(says("x,y,z\n0.01,0.01,0.01\n", law));
     assert!(
         !says("x,y,z,scale\n0.01,0.01,0.01,0.95\n", law) && !says("x,y,z\n0.01,0.01,0.01\n", "")
