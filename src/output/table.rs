@@ -48,11 +48,6 @@ impl OfWall {
         Self { torque: wall.torque.is_some() || turn, point, turn }
     }
 
-    /// Does it work on the particles?
-    fn works(wall: &Wall) -> bool {
-        wall.moves || wall.is_belt()
-    }
-
     /// Names of columns.
     fn names(self, wall: &Wall) -> Vec<String> {
         let name = &wall.name;
@@ -60,7 +55,7 @@ impl OfWall {
             let names = AXES.map(|axis| format!("{what}_{name}_{axis}_{unit}"));
             names.into_iter().filter(move |_| is_there)
         };
-        let power = Some(format!("power_{name}_W")).filter(|_| Self::works(wall));
+        let power = Some(format!("power_{name}_W")).filter(|_| wall.may_work());
         three(self.torque, "torque", "N_m")
             .chain(power)
             .chain(three(wall.moves, "velocity", "m_per_s"))
@@ -75,7 +70,7 @@ impl OfWall {
         let three = |is_there: bool, vector: Vec3| {
             (0..3).filter(move |_| is_there).map(move |axis| vector[axis])
         };
-        let power = Some(wall.power(force, torque) + of_belt).filter(|_| Self::works(wall));
+        let power = Some(wall.power(force, torque) + of_belt).filter(|_| wall.may_work());
         three(self.torque, wall.torque_of(torque, force))
             .chain(power)
             .chain(three(wall.moves, wall.velocity))

@@ -406,6 +406,11 @@ impl Wall {
         self.surface_velocity != Vec3::zeros()
     }
 
+    /// Can it work on the particles, as it moves or is a belt?
+    pub fn may_work(&self) -> bool {
+        self.moves || self.is_belt()
+    }
+
     /// Does it move now, or follow a course?
     pub fn is_moving(&self) -> bool {
         self.course.is_some()

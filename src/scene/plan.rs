@@ -347,10 +347,7 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
             scene.rain.is_none() && scene.inlets.is_empty(),
             "no insertion: no rain, no inlet".to_owned(),
         ),
-        (
-            !scene.walls.iter().any(|wall| wall.moves || wall.is_belt()),
-            "no work of walls: none moves".to_owned(),
-        ),
+        (!scene.walls.iter().any(Wall::may_work), "no work of walls: none moves".to_owned()),
         (!not_saved.is_empty(), format!("not in snapshots: {}", not_saved.join(", "))),
         (!open.is_empty(), format!("no walls on these sides of the domain: {}", open.join(", "))),
     ];
