@@ -163,6 +163,46 @@ impl ExactSum {
     }
 }
 
+/// The sum of `f64` that are rounded to 2⁻⁹⁶ (1.3e-29): the same in any order and on any rank, like an [`ExactSum`], in 16 bytes. For
+/// sums that are many. It holds 2.1e9 of its unit, and stays there beyond.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RoundedSum(i128);
+
+impl RoundedSum {
+    /// How many limbs a sum has.
+    pub const LIMBS: usize = 4;
+    const UNITS: f64 = (1_u128 << 96) as f64;
+
+    /// Adds a term; nothing if it is not a number.
+    pub fn add(&mut self, term: f64) {
+        self.0 = self.0.saturating_add((term * Self::UNITS).round() as i128);
+    }
+
+    /// Its digits of 32 bits, the lowest first, the last with the sign. They add up across ranks like any integers.
+    pub fn limbs(&self) -> [i64; Self::LIMBS] {
+        let digit = |k: usize| (self.0 >> (32 * k)) as i64;
+        [digit(0) & 0xffff_ffff, digit(1) & 0xffff_ffff, digit(2) & 0xffff_ffff, digit(3)]
+    }
+
+    /// The sum with these limbs.
+    pub fn from_limbs(limbs: &[i64; Self::LIMBS]) -> Self {
+        let digit =
+            |sum: i128, &limb: &i64| sum.saturating_mul(1 << 32).saturating_add(limb.into());
+        Self(limbs.iter().rev().fold(0, digit))
+    }
+
+    /// The sum, rounded.
+    pub fn value(&self) -> f64 {
+        self.0 as f64 / Self::UNITS
+    }
+}
+
+impl std::ops::AddAssign for RoundedSum {
+    fn add_assign(&mut self, other: Self) {
+        self.0 = self.0.saturating_add(other.0);
+    }
+}
+
 /// `wide · 2^exponent` (plus a little more if `sticky`) as the nearest `f64`, ties to even.
 fn round_to_f64(wide: u128, sticky: bool, exponent: i32) -> f64 {
     let bits = 128 - wide.leading_zeros() as i32;
@@ -184,7 +224,7 @@ fn round_to_f64(wide: u128, sticky: bool, exponent: i32) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::ExactSum;
+    use super::{ExactSum, RoundedSum};
 
     fn sum(terms: &[f64]) -> f64 {
         let mut s = ExactSum::default();
@@ -223,5 +263,46 @@ mod tests {
             halves[0].limbs().iter().zip(halves[1].limbs()).map(|(a, b)| a + b).collect();
         assert_eq!(forward.to_bits(), backward.to_bits());
         assert_eq!(forward.to_bits(), ExactSum::from_limbs(&limbs).value().to_bits());
+    }
+
+    /// In any order, in parts, and whatever their signs.
+    #[test]
+    fn rounded_sums_do_not_depend_on_order() {
+        let terms: Vec<f64> =
+            (0..1000).map(|k| (f64::from(k) * 0.7).sin() * 10f64.powi(k % 24 - 18)).collect();
+        let rounded = |terms: &mut dyn Iterator<Item = &f64>| {
+            let mut sum = RoundedSum::default();
+            terms.for_each(|term| sum.add(*term));
+            sum
+        };
+        let all = rounded(&mut terms.iter());
+        assert_eq!(all, rounded(&mut terms.iter().rev()));
+        let off = all.value() - sum(&terms);
+        assert!(off.abs() < 1e-26, "{off}");
+        // As ranks add them.
+        let parts = [0, 1, 2].map(|k| rounded(&mut terms.iter().skip(k).step_by(3)).limbs());
+        let limbs = std::array::from_fn(|k| parts.iter().map(|part| part[k]).sum());
+        assert_eq!(RoundedSum::from_limbs(&limbs), all);
+        let mut added = RoundedSum::default();
+        for part in &parts {
+            added += RoundedSum::from_limbs(part);
+        }
+        assert_eq!(added, all);
+    }
+
+    /// What is too much stays at the limit, and what is no number does nothing.
+    #[test]
+    fn rounded_sums_stay_within_their_limit() {
+        let mut sum = RoundedSum::default();
+        sum.add(f64::NAN);
+        assert_eq!(sum.value(), 0.0);
+        for term in [1e300, 1e300] {
+            sum.add(term);
+        }
+        let limit = sum.value();
+        assert!((limit / 2.147_483_648e9 - 1.0).abs() < 1e-15, "{limit}");
+        assert_eq!(RoundedSum::from_limbs(&sum.limbs()), sum);
+        let twice = sum.limbs().map(|limb| 2 * limb);
+        assert_eq!(RoundedSum::from_limbs(&twice), sum);
     }
 }

@@ -250,7 +250,7 @@ fn belts_carry_with_the_same_bits_everywhere() {
     let upper = sheet(folder.path(), "upper", [-0.1, 0.0], [0.02, 0.1], 0.03);
     let lower = sheet(folder.path(), "lower", [-0.1, 0.0], [0.1, 0.1], -0.03);
     let wall = format!(
-        "{upper}\nsurface_velocity = [0.8, 0, 0]\n[[wall]]\nname = \"lower\"\n{lower}\nsurface_velocity = [-0.2, 0.6, 0]"
+        "{upper}\nsurface_velocity = [0.8, 0, 0]\n[[wall]]\nname = \"lower\"\n{lower}\nsurface_velocity = [-0.2, 0.6, 0]\nwear = true"
     );
     let text = on_wall(&wall, TURNING, RUBBING)
         .replace(

@@ -60,3 +60,4 @@ mod verification;
 mod wall_motions;
 mod walls;
 mod walls_everywhere;
+mod wear;

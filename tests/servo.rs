@@ -1,6 +1,6 @@
 //! Walls that keep a stress or move at a given velocity.
 
-use crate::support::{Bench, begun, scene, schedule};
+use crate::support::{Bench, begun, of_servos, scene, schedule};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::threads;
 use dem_mpi::contact::StateColumn;
@@ -148,7 +148,7 @@ fn a_restart_leaves_no_trace_in_means() {
     assert!(history(whole.path()) == history(legs.path()), "rows differ");
     let [one, other] =
         [&whole, &legs].map(|folder| Reader::open(folder.path()).unwrap().header().clone());
-    let [saved] = &*one.drives else { panic!("{:?}", one.drives) };
+    let saved = of_servos(&one.drives);
     let force_steps = saved.counts(&StateColumn::new("force_steps", 1, "1")).unwrap();
     let speeds = saved.reals(&StateColumn::new("speed", 1, "m/s")).unwrap();
     assert_eq!(force_steps, [10; 4]);

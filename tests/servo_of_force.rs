@@ -1,7 +1,7 @@
 //! Walls that press with a force: tilted planes, triangles, coupled sides; what they share with walls that keep a stress.
 
 use crate::support::{
-    Bench, MATERIAL, OnRanks, ball, begun, close, expect_refused, save, scene, schedule,
+    Bench, MATERIAL, OnRanks, ball, begun, close, expect_refused, of_servos, save, scene, schedule,
 };
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::contact::StateColumn;
@@ -307,12 +307,12 @@ directory = "out"
     let folder = tempfile::tempdir().unwrap();
     let scene = scene(&text);
     let state = OnRanks::of(&scene).the_same_everywhere(4000, folder.path());
-    let [saved] = &state.drives[..] else { panic!("{:?}", state.drives) };
+    let saved = of_servos(&state.drives);
     let speeds = saved.reals(&StateColumn::new("speed", 1, "m/s")).unwrap();
     assert!(speeds.len() == 4 && speeds.iter().all(|&speed| speed != 0.0), "{speeds:?}");
     // Some wall presses half-way, when the run was stopped.
     let reader = Reader::open(folder.path()).unwrap();
-    let saved = reader.header().drives[0].clone();
+    let saved = of_servos(&reader.header().drives).clone();
     let pressing = saved.integers(&StateColumn::new("pressing", 67, "2^(32 k - 1074) N")).unwrap();
     assert_eq!(pressing.len(), 4 * 67);
     assert!(pressing.iter().any(|&limb| limb != 0));

@@ -120,6 +120,11 @@ pub(crate) fn motion(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<u6
     })
 }
 
+/// What servos have saved.
+pub(crate) fn of_servos(drives: &[SavedState]) -> &SavedState {
+    drives.iter().find(|saved| saved.drive == "servos").expect("there are servos")
+}
+
 /// Everything of which the future of a simulation is made, of all its ranks.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct State {

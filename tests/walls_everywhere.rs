@@ -56,6 +56,7 @@ high = [0.04, 0.04, 0.09]
 [[wall]]
 name = "cone"
 cone = {{ from = [0, 0, 0], to = [0, 0, 0.03], radius = [0.008, 0.03] }}
+wear = true
 [[motion]]
 walls = ["cone"]
 about = [0, 0, 0]
@@ -146,6 +147,7 @@ walls = ["-x", "+x", "-y", "+y"]
 [[wall]]
 name = "floor"
 mesh = "plate.obj"
+wear = true
 [[motion]]
 walls = ["floor"]
 along = [0, 0, 1]

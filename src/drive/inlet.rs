@@ -546,7 +546,7 @@ impl Drive for Inlets {
         Ok(())
     }
 
-    fn joins(&self) -> Result<(), DriveError> {
+    fn joins(&mut self) -> Result<(), DriveError> {
         self.all.first().map_or(Ok(()), |inlet| Err(inlet.unknown("was not there")))
     }
 }

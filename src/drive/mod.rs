@@ -93,6 +93,7 @@
 
 pub mod free;
 pub mod inlet;
+pub mod ledger;
 pub mod listed;
 pub mod outlet;
 pub mod rain;
@@ -104,7 +105,7 @@ use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::contacts::Contacts;
 use crate::ids::ShapeId;
-use crate::law::ForceLaw;
+use crate::law::{ForceLaw, OnWall};
 use crate::math::{ExactSum, Vec3};
 use crate::particles::census::Census;
 use crate::particles::records::Particle;
@@ -250,8 +251,9 @@ pub trait Drive: Send + Sync {
     /// Looks at the forces with which a stage begins, before its first step. A run that goes on within a stage has none.
     fn first_forces(&mut self, _contacts: &Contacts, _particles: &Particles) {}
 
-    /// Looks at the forces at the end of a step.
-    fn after_forces(&mut self, _contacts: &Contacts, _particles: &Particles) {}
+    /// Looks at the forces at the end of a step, and at what walls did in it.
+    fn after_forces(&mut self, _contacts: &Contacts, _particles: &Particles, _on_walls: &[OnWall]) {
+    }
 
     /// What it has still to do before the stage may end; `None` if nothing.
     fn unfinished(&self) -> Option<&'static str> {
@@ -317,7 +319,7 @@ pub trait Drive: Send + Sync {
     ///
     /// # Errors
     /// If it would have had to act before.
-    fn joins(&self) -> Result<(), DriveError> {
+    fn joins(&mut self) -> Result<(), DriveError> {
         Ok(())
     }
 }

@@ -22,9 +22,9 @@ mod tests;
 
 pub use patches::Turning;
 
-use super::{Body, ForceLaw, Hardest, Last, Lost, Separated, Sums, Work, add};
+use super::{Body, ForceLaw, Hardest, Last, Lost, OnWall, Separated, Sums, Work, add};
 use crate::contact::curvature::{self, Curvatures};
-use crate::contact::{Geometry, Pair, StateColumn, triple, vectors};
+use crate::contact::{Geometry, Pair, StateColumn, touch_of_sphere, triple, vectors};
 use crate::ids::{MaterialId, ShapeId, Slot};
 use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row, RowPairs, Triple, WIDTH, row};
 use crate::math::Vec3;
@@ -987,9 +987,37 @@ impl<M: Model> Contacts<'_, '_, M> {
                 if let Some(of_belts) = of_belts {
                     energy -= of_belts[lane];
                 }
-                self.sums.note_wall_work(pair, energy);
+                self.note_on_wall(place, energy, share, of_friction[lane]);
             }
         }
+    }
+
+    /// Takes note of what a contact with a wall does, if the wall works in it, or if all is asked for [J].
+    #[inline]
+    fn note_on_wall(&mut self, place: usize, work: f64, lost: f64, rubbed: f64) {
+        if !self.counts_on_wall(work) {
+            return;
+        }
+        let Work { pairs, geometry, points, forces, .. } = &*self.work;
+        let (pair, force) = (pairs[place], forces[place]);
+        let Geometry { normal, overlap } = &geometry[place];
+        let of_sphere = || touch_of_sphere(self.particles.radius(pair.a.index()), normal, *overlap);
+        let point = points.get(place).copied().unwrap_or_else(of_sphere);
+        self.sums.on_walls.push(OnWall { pair, point, force, work, lost, rubbed });
+    }
+
+    /// The same of one that has separated, from where it acted.
+    fn note_parting(&mut self, pair: Pair, point: Vec3, work: f64, lost: &Lost) {
+        if self.counts_on_wall(work) {
+            let &Lost { all: lost, of_friction: rubbed, .. } = lost;
+            let force = Vec3::zeros();
+            self.sums.on_walls.push(OnWall { pair, point, force, work, lost, rubbed });
+        }
+    }
+
+    /// Does anybody ask for what a contact with a wall does that works by so much in it [J]?
+    fn counts_on_wall(&self, work: f64) -> bool {
+        work != 0.0 || self.sums.any_wear
     }
 
     /// Sums what the contacts lost that have separated and stand before this one.
@@ -1048,10 +1076,6 @@ impl<M: Model> Contacts<'_, '_, M> {
         let [spin_a, spin_b] = [pair.a, pair.b].map(|slot| particles.angular_velocity_of(slot));
         // The force fell to nothing on the way: half of it did the work.
         let work = |force: &Vec3, velocity: &Vec3| 0.5 * dt * force.dot(velocity);
-        if with_wall {
-            let on_wall = work(&(press + rub), &of_b) + work(&moment, &spin_b);
-            self.sums.note_wall_work(pair, -on_wall);
-        }
         let mut lost = Lost::default();
         let (mut of_turning, mut of_adhesion) = (0.0, 0.0);
         if law.needs.velocity && dt > 0.0 {
@@ -1075,6 +1099,10 @@ impl<M: Model> Contacts<'_, '_, M> {
             }
         }
         lost.parts = [0.0, of_turning, of_adhesion];
+        if with_wall {
+            let on_wall = work(&(press + rub), &of_b) + work(&moment, &spin_b);
+            self.note_parting(pair, arm_a, -on_wall, &lost);
+        }
         self.sums.lose(pair, lost, particles.first_facet());
     }
 }

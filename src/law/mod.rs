@@ -158,13 +158,21 @@ pub fn torque_on_b(force: &Vec3, point: &Vec3, r: &Vec3) -> Vec3 {
     (point - r).cross(force)
 }
 
-/// What a moving wall did to a particle since the last step.
+/// What a wall and a particle did to each other since the last step.
 #[derive(Clone, Copy, Debug)]
-struct WallWork {
-    /// The particle and the wall.
-    pair: Pair,
-    /// Work on the particle [J].
-    energy: f64,
+pub struct OnWall {
+    /// The particle and the facet.
+    pub pair: Pair,
+    /// Where they touch, or did at the last step, seen from the centre of the particle [m].
+    pub point: Vec3,
+    /// Force on the wall at this step [N].
+    pub force: Vec3,
+    /// Work of the wall on the particle [J].
+    pub work: f64,
+    /// What was lost [J].
+    pub lost: f64,
+    /// The part of that which friction took [J].
+    pub rubbed: f64,
 }
 
 /// Contacts of this step in the order of the ids of their bodies, with what was remembered of them, and room for what a law
@@ -223,8 +231,10 @@ pub struct Sums {
     torque: Vec<Vec3AndNumber>,
     /// The parts of the other channels [J], see [`Quantity::OF_CONTACTS`]; none of those that the scene does not have.
     parts: [Vec<f64>; 3],
-    /// Of moving walls, in the order of the particles' ids, then of the walls.
-    wall_work: Vec<WallWork>,
+    /// See [`Sums::on_walls`].
+    on_walls: Vec<OnWall>,
+    /// Does any wall wear?
+    any_wear: bool,
     /// See [`Sums::moments_at_walls`].
     at_walls: Vec<Vec3>,
 }
@@ -250,7 +260,8 @@ impl Sums {
                 part.resize(particles.slots(), 0.0);
             }
         }
-        self.wall_work.clear();
+        self.on_walls.clear();
+        self.any_wear = particles.walls.iter().any(|wall| wall.wears);
         self.at_walls.clear();
     }
 
@@ -276,17 +287,17 @@ impl Sums {
                 *all += sum;
             }
         }
-        for of_one in self.wall_work.chunk_by(|one, other| one.pair.a == other.pair.a) {
+        for of_one in self.on_walls.chunk_by(|one, other| one.pair.a == other.pair.a) {
             let slot = of_one[0].pair.a.index();
             if let Some(received) = particles.accumulated[Quantity::Received].get_mut(slot) {
-                *received += of_one.iter().map(|work| work.energy).sum::<f64>();
+                *received += of_one.iter().map(|on_wall| on_wall.work).sum::<f64>();
             }
         }
     }
 
     /// Bytes that it holds between two steps.
     pub fn bytes(&self) -> usize {
-        held(&self.wall_work) + self.parts.iter().map(held).sum::<usize>() + held(&self.at_walls)
+        held(&self.on_walls) + self.parts.iter().map(held).sum::<usize>() + held(&self.at_walls)
     }
 
     /// The moment of each contact with a wall on its particle, about the particle's centre, in the order of the contacts [N m];
@@ -295,12 +306,10 @@ impl Sums {
         &self.at_walls
     }
 
-    /// Takes note of what a wall gives to the particle that presses on it [J]; most stand still.
-    #[inline]
-    fn note_wall_work(&mut self, pair: Pair, energy: f64) {
-        if energy != 0.0 {
-            self.wall_work.push(WallWork { pair, energy });
-        }
+    /// What walls and particles, owned ones and ghosts, did to each other, in the order of the particles' ids, then of the walls: all
+    /// of it if any wall [wears](crate::particles::walls::Wall::wears), else where walls work.
+    pub fn on_walls(&self) -> &[OnWall] {
+        &self.on_walls
     }
 
     /// Adds what a contact lost that has separated to its particles; a wall has no share.

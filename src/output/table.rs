@@ -12,7 +12,7 @@
 //! of those that turn the angular velocity and the rotation since the start, as axis times angle (at most π).
 //!
 //! What drives count ([`crate::drive::Drive::counted`]) stands in the last columns: what came through inlets, what left through
-//! outlets.
+//! outlets, the work of walls and what was lost at them ([`crate::drive::ledger`]).
 //!
 //! Of a sheared cell there are the strain and the stresses of [`crate::measure::Bulk`] besides.
 

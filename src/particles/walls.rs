@@ -60,6 +60,8 @@ pub struct Wall {
     pub moves: bool,
     /// About what the torque on it is written, if that is to be.
     pub torque: Option<TorqueAbout>,
+    /// Is what grains do to it to be summed, by triangles if it has any?
+    pub wears: bool,
     /// Its surface, in its axes, if that is of planes.
     pub facets: Vec<Facet>,
     /// Its surface, in its axes, if that is of triangles.
@@ -248,6 +250,7 @@ impl Wall {
             free_along: Vec3::zeros(),
             moves: false,
             torque: None,
+            wears: false,
             facets: planes.iter().map(facet).collect(),
             mesh: None,
             course: None,

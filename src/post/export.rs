@@ -3,6 +3,7 @@
 use super::surface::{Detail, Surface};
 use super::vtp::{Array, Cells, NORMALS, PolyData};
 use super::{PostError, check, pieces, region::Turned};
+use crate::drive::ledger::{Worn, worn};
 use crate::math::Vec3;
 use crate::output::header::WallRow;
 use crate::output::snapshot::{self, Reader};
@@ -65,6 +66,9 @@ fn single(vector: &Vec3) -> [f32; 3] {
 
 /// The triangles of walls, and their planes, as far as they bound the room of the grains: the domain, and what of it walls leave free. Of each
 /// polygon the `wall`, counted as in the snapshot, the `velocity` of its middle, the mean of its corners [m/s], and `wall_force`, that on the whole wall [N].
+/// Of triangles of walls with `wear` also what was `lost` and what was `rubbed` off since the stage began, over the area [J/m²], and in the mean over
+/// that time `mean_traction`, the force over the area in the place where the triangle is now, and `mean_pressure`, the part of it along the normal [Pa]; of
+/// other polygons of such a snapshot these are no numbers.
 ///
 /// # Errors
 /// A file that cannot be read, or makes no sense.
@@ -79,6 +83,8 @@ pub fn walls(reader: &Reader) -> Result<PolyData, PostError> {
         .collect();
     let (mut points, mut members, mut ends) = (Vec::new(), Vec::new(), Vec::new());
     let (mut numbers, mut velocities, mut forces) = (Vec::new(), Vec::new(), Vec::new());
+    let worn = worn(&header.drives)?;
+    let mut wear: Vec<Wear> = Vec::new();
     let mut add = |wall: usize, corners: &[Vec3]| {
         let first = points.len() as i64;
         points.extend(corners.iter().map(|corner| [corner.x, corner.y, corner.z]));
@@ -96,10 +102,33 @@ pub fn walls(reader: &Reader) -> Result<PolyData, PostError> {
         let polygon = cut(square(point, normal, &room), others.chain(sides(&room)), &room);
         if polygon.len() >= 3 {
             add(*wall, &polygon);
+            wear.push(Wear::default());
         }
     }
+    let mut triangles_of = vec![0; header.walls.len()];
     for (wall, corners) in header.triangles_in_place() {
         add(wall, &corners);
+        let triangle = triangles_of[wall];
+        triangles_of[wall] += 1;
+        let row = worn.get(&(&*header.walls[wall].name, triangle));
+        wear.push(
+            row.map_or_else(Wear::default, |row| Wear::of(row, &header.walls[wall], &corners)),
+        );
+    }
+    let mut of_cells = vec![
+        Array::new("wall", 1, &numbers),
+        Array::new("velocity", 3, &velocities),
+        Array::new("wall_force", 3, &forces),
+    ];
+    if !worn.is_empty() {
+        let numbers = |which: fn(&Wear) -> f64| wear.iter().map(which).collect::<Vec<_>>();
+        let tractions: Vec<f64> = wear.iter().flat_map(|wear| wear.traction.data.0[0]).collect();
+        of_cells.extend([
+            Array::new("lost", 1, &numbers(|wear| wear.lost)),
+            Array::new("rubbed", 1, &numbers(|wear| wear.rubbed)),
+            Array::new("mean_pressure", 1, &numbers(|wear| wear.pressure)),
+            Array::new("mean_traction", 3, &tractions),
+        ]);
     }
     Ok(PolyData {
         time: header.time,
@@ -109,12 +138,39 @@ pub fn walls(reader: &Reader) -> Result<PolyData, PostError> {
         members,
         ends,
         of_points: Vec::new(),
-        of_cells: vec![
-            Array::new("wall", 1, &numbers),
-            Array::new("velocity", 3, &velocities),
-            Array::new("wall_force", 3, &forces),
-        ],
+        of_cells,
     })
+}
+
+/// What a triangle has suffered, over its area.
+struct Wear {
+    /// [J/m²]
+    lost: f64,
+    rubbed: f64,
+    /// Mean over time [Pa].
+    pressure: f64,
+    traction: Vec3,
+}
+
+/// Nobody knows.
+impl Default for Wear {
+    fn default() -> Self {
+        let [lost, rubbed, pressure] = [f64::NAN; 3];
+        Self { lost, rubbed, pressure, traction: Vec3::repeat(f64::NAN) }
+    }
+}
+
+impl Wear {
+    fn of(worn: &Worn, wall: &WallRow, [a, b, c]: &[Vec3; 3]) -> Self {
+        let twice = (b - a).cross(&(c - a));
+        let area = 0.5 * twice.norm();
+        let impulse = wall.body.as_ref().map_or(worn.impulse, |body| body.turned(&worn.impulse));
+        // Before the first step there is no mean.
+        let time = if worn.time > 0.0 { worn.time } else { f64::NAN };
+        let traction = impulse / (time * area);
+        let pressure = traction.dot(&twice.normalize()).abs();
+        Self { lost: worn.lost / area, rubbed: worn.rubbed / area, pressure, traction }
+    }
 }
 
 /// Two opposite corners of what is drawn [m].

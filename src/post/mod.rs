@@ -61,6 +61,7 @@ pub mod vtp;
 
 pub use report::{Report, Summary};
 
+use crate::drive::DriveError;
 use crate::ids::GlobalId;
 use crate::output::SnapshotError;
 use crate::output::header::Header;
@@ -81,6 +82,9 @@ pub enum PostError {
     /// The file could not be read.
     #[error(transparent)]
     Snapshot(#[from] SnapshotError),
+    /// What a drive has saved is not what it saves today.
+    #[error(transparent)]
+    Drive(#[from] DriveError),
     /// A number is NaN or infinite.
     #[error("{what} is not a finite number: the snapshot is damaged, or the run had blown up")]
     NotFinite {

@@ -9,6 +9,7 @@ use crate::contacts::Contacts;
 use crate::domain::{Domain, halo_width};
 use crate::drive::free::FreeWalls;
 use crate::drive::inlet::Inlets;
+use crate::drive::ledger::Ledger;
 use crate::drive::outlet::Outlets;
 use crate::drive::rain::RainGauge;
 use crate::drive::servo::{Goal, Servos};
@@ -235,6 +236,9 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
             &scene.walls,
             &scene.library,
         )));
+    }
+    if let Some(ledger) = Ledger::new(&scene.walls) {
+        drives.push(Box::new(ledger));
     }
     drives
 }

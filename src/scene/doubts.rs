@@ -90,9 +90,10 @@ fn rest_beside_drives(scene: &Scene) -> Option<String> {
         None => wall.mass.is_infinite() && (wall.is_moving() || wall.is_belt()),
     };
     let wall = scene.walls.iter().find(moves_for_ever)?;
+    let cure = if wall.is_belt() { "End" } else { "Let it follow a table that ends, or end" };
     Some(format!(
-        "[stop] has `{key}`, which is of bodies that come to rest, and wall \"{}\" never stops: while it moves the grains, that may never hold. Let it \
-         follow a table that ends, or end the stage by its `duration`",
+        "[stop] has `{key}`, which is of bodies that come to rest, and wall \"{}\" never stops: while it moves the grains, that may never hold. {cure} \
+         the stage by its `duration`",
         wall.name
     ))
 }

@@ -7,6 +7,7 @@ use crate::cell::{AXES, SIDES, Shear};
 use crate::contact::{ContactResolver, Patch, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
 use crate::domain::halo_width;
+use crate::drive::ledger::Ledger;
 use crate::drive::rain::{LOOKED_AT, Within};
 use crate::ids::{MaterialId, ShapeId};
 use crate::math::{ExactSum, Vec3};
@@ -204,9 +205,18 @@ fn walls(scene: &Scene, page: &mut Page) {
     let belts = scene.walls.iter().filter(|wall| wall.is_belt());
     let belts = belts.map(|wall| format!("{}: {:?} m/s", wall.name, wall.surface_velocity.norm()));
     let belts = belts.collect::<Vec<_>>().join(", ");
-    for (label, names) in
-        [("fixed walls", walls(false)), ("moving walls", walls(true)), ("belts", belts)]
-    {
+    let wearing = scene.walls.iter().filter(|wall| wall.wears).map(|wall| {
+        let triangles = wall.mesh.as_ref().map_or(0, |mesh| mesh.surface.len());
+        let bytes = Ledger::BYTES * (triangles + 1);
+        format!("{}: {} kB on every rank", wall.name, bytes.div_ceil(1000))
+    });
+    let wearing = wearing.collect::<Vec<_>>().join(", ");
+    for (label, names) in [
+        ("fixed walls", walls(false)),
+        ("moving walls", walls(true)),
+        ("belts", belts),
+        ("wear", wearing),
+    ] {
         if !names.is_empty() {
             page.line(label, names);
         }

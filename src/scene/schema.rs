@@ -237,7 +237,7 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("fill.rain" | "inlet" | "outlet", "axis") => exactly(2, &vector(&any)),
         ("fill.rain" | "inlet" | "outlet", "radius") => positive,
         ("inlet" | "outlet", "every") => whole(1),
-        ("inlet" | "outlet", "list") => boolean(),
+        ("wall", "wear") | ("inlet" | "outlet", "list") => boolean(),
         ("outlet", "point" | "normal") | ("inlet", "velocity") => vector(&any),
         ("inlet", "rate" | "mass_rate" | "count" | "mass") => positive,
         ("inlet", "begin" | "spread" | "spin") => not_negative,

@@ -391,9 +391,11 @@ fn planned(
     let torque_about = section.read_or("torque_about", None, |given| {
         given.vector(Range::Any, "m").map(|point| Some(TorqueAbout::Fixed(point)))
     });
+    let wears = section.read_or("wear", false, Given::boolean);
     section.finish();
 
     let torque = torque_about?;
+    let wears = wears?;
     let (planes, rotation, surface_velocity) = (planes?, rotation?, surface_velocity?);
     if let Some(given) = section.get("surface_velocity")
         && !planes.is_empty()
@@ -428,7 +430,7 @@ fn planned(
         wall.velocity = velocity?;
         wall.angular_velocity = rotation.map_or_else(Vec3::zeros, |(_, velocity)| velocity);
         wall.surface_velocity = surface_velocity;
-        wall.torque = torque;
+        (wall.torque, wall.wears) = (torque, wears);
         return Some(Planned { wall, material: material?, has_servo: false });
     }
     let reference = match (rotation, &*planes) {
@@ -440,7 +442,7 @@ fn planned(
     wall.velocity = velocity?;
     wall.angular_velocity = rotation.map_or_else(Vec3::zeros, |(_, velocity)| velocity);
     wall.surface_velocity = surface_velocity;
-    wall.torque = torque;
+    (wall.torque, wall.wears) = (torque, wears);
     Some(Planned { wall, material: material?, has_servo: false })
 }
 

@@ -454,6 +454,24 @@ impl TriangleMesh {
         near
     }
 
+    /// The number of that of its triangles, without images, which is nearest to a point, of those within a distance [m]; of several the lowest.
+    pub fn nearest_triangle(&self, point: &Vec3, distance: f64) -> Option<usize> {
+        let reach = Vec3::repeat(distance + self.bulge);
+        let mut nearest: Option<(f64, usize)> = None;
+        self.grid.for_each_in(&(point - reach), &(point + reach), |number| {
+            let number = number as usize;
+            if number < self.own {
+                let corners = self.corners(&self.triangles[number]);
+                let found = ((nearest_on(&corners, point) - point).norm_squared(), number);
+                if nearest.is_none_or(|nearest| found < nearest) {
+                    nearest = Some(found);
+                }
+            }
+        });
+        let most = reach.x * reach.x;
+        nearest.filter(|&(square, _)| square <= most).map(|(_, number)| number)
+    }
+
     /// Is a point of a face's plane in one of its triangles, or nearer to one than `tolerance` [m]?
     pub fn is_on_face(&self, face: u32, point: &Vec3, tolerance: f64) -> bool {
         let mut found = false;

@@ -508,7 +508,8 @@ impl<M: Model> Contacts<'_, '_, M> {
                 self.sums.add_parts(slot.index(), parts[lane]);
             }
             if pair.b.index() >= first_facet {
-                self.sums.note_wall_work(pair, wall_work[lane]);
+                let [lost, rubbed] = [force[3], torques[lane][0][3]];
+                self.note_on_wall(place, wall_work[lane], lost, rubbed);
                 if self.particles.facets.any_torque {
                     self.sums.at_walls.push(torques[lane][1].first_three().into());
                 }
@@ -674,12 +675,6 @@ impl<M: Model> Contacts<'_, '_, M> {
         let (state, memory) = remembered.split_at(law.width);
         let memory = Memory::read(memory);
         let motion = self.motion(pair, [&geometry.normal; 2]);
-        // The force fell to nothing on the way: half of it did the work.
-        if pair.b.index() >= particles.first_facet() {
-            let force = memory.total_force(&geometry.normal);
-            let on_wall = motion.work_on_b(&force, &memory.moment, &memory.point, 1, half);
-            self.sums.note_wall_work(pair, -on_wall);
-        }
         let mut lost = Lost::default();
         if law.needs.velocity && half > 0.0 {
             let constants = law.constants(pair, particles);
@@ -695,6 +690,12 @@ impl<M: Model> Contacts<'_, '_, M> {
             let rubbed = memory.rubbing(&geometry.normal, &of_model, &motion, 1);
             lost.of_friction = half * rubbed + stored + of_torsion - turned;
             lost.parts = [0.0, of_turning, 0.0];
+        }
+        // The force fell to nothing on the way: half of it did the work.
+        if pair.b.index() >= particles.first_facet() {
+            let force = memory.total_force(&geometry.normal);
+            let on_wall = motion.work_on_b(&force, &memory.moment, &memory.point, 1, half);
+            self.note_parting(pair, memory.point, -on_wall, &lost);
         }
         self.sums.lose(pair, lost, particles.first_facet());
     }

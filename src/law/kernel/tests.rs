@@ -59,7 +59,8 @@ impl Touching {
                 force: zeros.clone(),
                 torque: zeros,
                 parts: Default::default(),
-                wall_work: Vec::new(),
+                on_walls: Vec::new(),
+                any_wear: false,
             },
         };
         let mut work = Work {

@@ -65,6 +65,11 @@ impl Saved {
         })
     }
 
+    /// A direction in the axes of the wall as it is in place.
+    pub fn turned(&self, direction: &Vec3) -> Vec3 {
+        self.orientation.transform_vector(direction)
+    }
+
     /// How fast a point of it goes in place [m], of a wall whose reference point has a velocity [m/s].
     pub fn velocity_at(&self, place: &Vec3, of_reference: &Vec3) -> Vec3 {
         of_reference + self.angular_velocity.cross(&(place - self.point))

@@ -1,0 +1,323 @@
+//! What walls do and suffer: the work of each that moves on the grains, and of each that wears what was lost at it and the force on it,
+//! by its triangles if it has any.
+//!
+//! Each rank sums what its own particles do, in a [`RoundedSum`] of each number and triangle: the same bits on any number of ranks and
+//! after a restart. What a contact does belongs to the triangle nearest to where it acts, in the axes of the wall.
+
+use super::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
+use crate::cell::Cell;
+use crate::comm::Comm;
+use crate::contact::StateColumn;
+use crate::contacts::Contacts;
+use crate::law::OnWall;
+use crate::math::{RoundedSum, Vec3};
+use crate::particles::Particles;
+use crate::particles::walls::Wall;
+use std::collections::HashMap;
+
+/// Names [`Ledger`] among the drives.
+const NAME: &str = "ledger";
+/// The wall of a row.
+const WALL: StateColumn = StateColumn::new("wall", 1, "1");
+/// Its triangle; -1: the wall itself, for what belongs to none.
+const TRIANGLE: StateColumn = StateColumn::new("triangle", 1, "1");
+/// For how long has been summed.
+const TIME: StateColumn = StateColumn::new("time", 1, "s");
+/// Work on the particles.
+const WORK: StateColumn = StateColumn::new("work", 1, "J");
+/// 1 of walls that wear: of others the next three are 0.
+const WEARS: StateColumn = StateColumn::new("wears", 1, "1");
+/// What was lost there.
+const LOST: StateColumn = StateColumn::new("lost", 1, "J");
+/// The part of that which friction took.
+const RUBBED: StateColumn = StateColumn::new("rubbed", 1, "J");
+/// Force of the particles times time, in the axes of the wall.
+const IMPULSE: StateColumn = StateColumn::new("impulse", 3, "N s");
+/// All of these numbers as they are summed: the limbs of each.
+const PARTS: StateColumn = StateColumn::new("parts", NUMBERS * RoundedSum::LIMBS, "2^-96");
+
+/// Of a row: work, what was lost, the part of friction, and an impulse.
+const NUMBERS: usize = 6;
+type Row = [RoundedSum; NUMBERS];
+
+/// What a wall has done so far.
+#[derive(Clone, Debug)]
+struct Account {
+    name: String,
+    works: bool,
+    wears: bool,
+    /// Of its rows the first; after those of its triangles, if it wears, one of its own follows.
+    first: usize,
+    triangles: usize,
+    /// See [`TIME`].
+    time: f64,
+    /// Work, what was lost and the part of friction, of all ranks at the last row of the history [J].
+    totals: [f64; 3],
+}
+
+impl Account {
+    const fn own_row(&self) -> usize {
+        self.first + self.triangles
+    }
+
+    fn rows(&self) -> std::ops::RangeInclusive<usize> {
+        self.first..=self.own_row()
+    }
+
+    /// The row of a contact with the wall.
+    fn row_of(&self, on_wall: &OnWall, wall: &Wall, particles: &Particles) -> usize {
+        let Some(mesh) = wall.mesh.as_ref().filter(|_| self.wears) else {
+            return self.own_row();
+        };
+        let a = on_wall.pair.a.index();
+        let place = particles.position[a] + on_wall.point - wall.point;
+        // A grain on an image of a triangle is an image of one on the triangle.
+        let [x, y, z] = [0, 1, 2].map(|axis| {
+            let period = particles.cell.period(axis);
+            period.map_or_else(|| vec![0.0], |period| vec![0.0, -period, period])
+        });
+        let places = z.iter().flat_map(|&z| {
+            let x = &x;
+            y.iter().flat_map(move |&y| x.iter().map(move |&x| place + Vec3::new(x, y, z)))
+        });
+        let places: Vec<Vec3> = places.map(|place| wall.frame().tr_mul(&place)).collect();
+        // Most contacts are far nearer than the size of a grain.
+        let distances = [0.2 * particles.inscribed_radius(a), particles.radius(a)];
+        let mut tried = distances.iter().flat_map(|&far| places.iter().map(move |at| (at, far)));
+        tried
+            .find_map(|(at, far)| mesh.surface.nearest_triangle(at, far))
+            .map_or(self.own_row(), |triangle| self.first + triangle)
+    }
+}
+
+/// The sums of all walls that move, carry grains along or wear.
+#[derive(Clone, Debug, Default)]
+pub struct Ledger {
+    all: Vec<Account>,
+    /// The account of each wall.
+    of_wall: Vec<Option<usize>>,
+    /// Of this rank's particles.
+    rows: Vec<Row>,
+    /// The step that is under way [s].
+    dt: f64,
+    warnings: Vec<String>,
+}
+
+impl Ledger {
+    /// Bytes of a triangle on each rank.
+    pub const BYTES: usize = size_of::<Row>();
+
+    /// Before the first step; `None` if there is nothing to sum.
+    pub fn new(walls: &[Wall]) -> Option<Self> {
+        let mut new = Self::default();
+        for wall in walls {
+            let counts = wall.may_work() || wall.wears;
+            new.of_wall.push(counts.then_some(new.all.len()));
+            if counts {
+                let surface = wall.mesh.as_ref().filter(|_| wall.wears);
+                let account = Account {
+                    name: wall.name.clone(),
+                    works: wall.may_work(),
+                    wears: wall.wears,
+                    first: new.rows.len(),
+                    triangles: surface.map_or(0, |mesh| mesh.surface.len()),
+                    time: 0.0,
+                    totals: [0.0; 3],
+                };
+                new.rows.resize(account.own_row() + 1, Row::default());
+                new.all.push(account);
+            }
+        }
+        (!new.all.is_empty()).then_some(new)
+    }
+
+    /// The sums of all ranks. Collective.
+    fn of_all_ranks(rows: &[Row], comm: &mut dyn Comm) -> Vec<Row> {
+        let mut limbs: Vec<[i64; RoundedSum::LIMBS]> =
+            rows.iter().flatten().map(RoundedSum::limbs).collect();
+        comm.sum(limbs.as_flattened_mut());
+        let numbers: Vec<RoundedSum> = limbs.iter().map(RoundedSum::from_limbs).collect();
+        numbers.as_chunks().0.to_vec()
+    }
+}
+
+impl Drive for Ledger {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn steer(
+        &mut self,
+        moment: &Moment,
+        _sums: &[i64],
+        _cell: &Cell,
+        _walls: &mut [Wall],
+    ) -> Result<(), DriveError> {
+        self.dt = moment.dt;
+        Ok(())
+    }
+
+    fn after_forces(&mut self, _contacts: &Contacts, particles: &Particles, on_walls: &[OnWall]) {
+        for account in &mut self.all {
+            account.time += self.dt;
+        }
+        for on_wall in on_walls.iter().filter(|on_wall| on_wall.pair.a.index() < particles.owned) {
+            let OnWall { pair, force, work, lost, rubbed, .. } = on_wall;
+            let Some(wall) = particles.wall_of(pair.b) else { continue };
+            let Some(account) = self.of_wall[wall].map(|account| &self.all[account]) else {
+                continue;
+            };
+            let wall = &particles.walls[wall];
+            let row = &mut self.rows[account.row_of(on_wall, wall, particles)];
+            row[0].add(*work);
+            if account.wears {
+                let impulse = wall.frame().tr_mul(force) * self.dt;
+                let others = [*lost, *rubbed].into_iter().chain(impulse.iter().copied());
+                row[1..].iter_mut().zip(others).for_each(|(sum, term)| sum.add(term));
+            }
+        }
+    }
+
+    fn counted(&self) -> Vec<(String, f64)> {
+        let of_one = |account: &Account| {
+            let Account { name, works, wears, totals: [work, lost, rubbed], .. } = account;
+            [
+                (*works, format!("work_{name}_J"), *work),
+                (*wears, format!("lost_at_{name}_J"), *lost),
+                (*wears, format!("rubbed_at_{name}_J"), *rubbed),
+            ]
+        };
+        let all = self.all.iter().flat_map(of_one);
+        all.filter(|(counts, ..)| *counts).map(|(_, name, number)| (name, number)).collect()
+    }
+
+    fn row(&mut self, _wall_forces: &mut [Vec3], _scheduled: bool, comm: &mut dyn Comm) {
+        let of_one = |account: &Account| {
+            self.rows[account.rows()].iter().fold(Row::default(), |mut sums, row| {
+                sums.iter_mut().zip(row).for_each(|(sum, term)| *sum += *term);
+                sums
+            })
+        };
+        let mine: Vec<Row> = self.all.iter().map(of_one).collect();
+        for (account, [work, lost, rubbed, ..]) in
+            self.all.iter_mut().zip(Self::of_all_ranks(&mine, comm))
+        {
+            account.totals = [work, lost, rubbed].map(|sum| sum.value());
+        }
+    }
+
+    fn warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
+    }
+
+    fn save(&self, _walls: &[Wall], comm: &mut dyn Comm) -> Vec<SavedColumn> {
+        let rows = Self::of_all_ranks(&self.rows, comm);
+        let accounts = || self.all.iter().flat_map(|account| account.rows().map(move |_| account));
+        let numbers = |which: std::ops::Range<usize>| {
+            let of_row =
+                |row: &Row| row[which.clone()].iter().map(RoundedSum::value).collect::<Vec<_>>();
+            Values::Reals(rows.iter().flat_map(of_row).collect())
+        };
+        let triangle = |account: &Account, row: usize| {
+            if row == account.own_row() { -1 } else { (row - account.first) as i64 }
+        };
+        let triangles = accounts().enumerate().map(|(row, account)| triangle(account, row));
+        let wears = accounts().map(|account| u64::from(account.wears));
+        let parts = rows.iter().flatten().flat_map(RoundedSum::limbs).collect();
+        vec![
+            SavedColumn::new(WALL, Values::Texts(accounts().map(|a| a.name.clone()).collect())),
+            SavedColumn::new(TRIANGLE, Values::Integers(triangles.collect())),
+            SavedColumn::new(TIME, Values::Reals(accounts().map(|account| account.time).collect())),
+            SavedColumn::new(WEARS, Values::Counts(wears.collect())),
+            SavedColumn::new(WORK, numbers(0..1)),
+            SavedColumn::new(LOST, numbers(1..2)),
+            SavedColumn::new(RUBBED, numbers(2..3)),
+            SavedColumn::new(IMPULSE, numbers(3..6)),
+            SavedColumn::new(PARTS, Values::Integers(parts)),
+        ]
+    }
+
+    /// A new stage counts from 0. Sums of a wall that wears now and did not, or has other triangles, begin anew; its work does not.
+    fn resume(
+        &mut self,
+        saved: &SavedState,
+        is_new_stage: bool,
+        _walls: &mut [Wall],
+        is_root: bool,
+    ) -> Result<(), DriveError> {
+        if is_new_stage {
+            return Ok(());
+        }
+        let (names, times) = (saved.texts(&WALL)?, saved.reals(&TIME)?);
+        let (wears, parts) = (saved.counts(&WEARS)?, saved.integers(&PARTS)?);
+        let numbers = parts.as_chunks().0.iter().map(RoundedSum::from_limbs).collect::<Vec<_>>();
+        let rows: &[Row] = numbers.as_chunks().0;
+        for account in &mut self.all {
+            let theirs = names.iter().zip(0..).filter(|(name, _)| **name == account.name);
+            let theirs: Vec<usize> = theirs.map(|(_, row)| row).collect();
+            let is_as_it_was = |&first: &usize| {
+                theirs.len() == account.triangles + 1 && account.wears == (wears[first] == 1)
+            };
+            let goes_on = theirs.first().copied().filter(is_as_it_was);
+            if let Some(first) = goes_on {
+                account.time = times[first];
+            } else if account.wears {
+                self.warnings.push(format!(
+                    "wall \"{}\" did not wear before this restart, or had other triangles: what is lost at it is summed from here on",
+                    account.name
+                ));
+            }
+            for (now, &before) in
+                account.rows().zip(&theirs).filter(|_| is_root && goes_on.is_some())
+            {
+                self.rows[now] = rows[before];
+            }
+            for &before in theirs.iter().filter(|_| is_root && goes_on.is_none()) {
+                self.rows[account.own_row()][0] += rows[before][0];
+            }
+        }
+        Ok(())
+    }
+
+    fn joins(&mut self) -> Result<(), DriveError> {
+        let names: Vec<&str> = self.all.iter().map(|account| &*account.name).collect();
+        self.warnings.push(format!(
+            "what walls do is summed from this restart on ({}): the snapshot has nothing of it",
+            names.join(", ")
+        ));
+        Ok(())
+    }
+}
+
+/// What a triangle of a wall that wears has suffered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Worn {
+    /// For how long [s].
+    pub time: f64,
+    /// What was lost at it [J].
+    pub lost: f64,
+    /// The part of that which friction took [J].
+    pub rubbed: f64,
+    /// Force of the particles times time, in the axes of the wall [N s].
+    pub impulse: Vec3,
+}
+
+/// What drives have saved of triangles of walls that wear, by the name of the wall and the number of the triangle in it.
+///
+/// # Errors
+/// If another version has saved it.
+pub fn worn(drives: &[SavedState]) -> Result<HashMap<(&str, usize), Worn>, DriveError> {
+    let Some(saved) = drives.iter().find(|saved| saved.drive == NAME) else {
+        return Ok(HashMap::new());
+    };
+    let (names, triangles) = (saved.texts(&WALL)?, saved.integers(&TRIANGLE)?);
+    let (time, lost) = (saved.reals(&TIME)?, saved.reals(&LOST)?);
+    let (rubbed, impulse) = (saved.reals(&RUBBED)?, saved.reals(&IMPULSE)?);
+    let of_one = |row: usize| {
+        let triangle = usize::try_from(triangles[row]).ok()?;
+        let impulse = Vec3::from_column_slice(&impulse[3 * row..][..3]);
+        let worn = Worn { time: time[row], lost: lost[row], rubbed: rubbed[row], impulse };
+        Some(((&*names[row], triangle), worn))
+    };
+    Ok((0..names.len()).filter_map(of_one).collect())
+}
