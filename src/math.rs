@@ -163,44 +163,108 @@ impl ExactSum {
     }
 }
 
-/// The sum of `f64` that are rounded to 2⁻⁹⁶ (1.3e-29): the same in any order and on any rank, like an [`ExactSum`], in 16 bytes. For
-/// sums that are many. It holds 2.1e9 of its unit, and stays there beyond.
+/// The sum of `f64` that are rounded to 2⁻¹⁴⁰ (7e-43): the same in any order and on any rank, like an [`ExactSum`], in 24 bytes. For
+/// sums that are many. Sums, and terms, must be below 2⁵¹ (2.2e15): terms beyond are left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RoundedSum(i128);
+pub struct RoundedSum {
+    /// Of units of 2⁻¹⁴⁰, the lowest first; the highest has the sign, as in the complement of two.
+    words: [u64; RoundedSum::WORDS],
+}
 
 impl RoundedSum {
-    /// How many limbs a sum has.
-    pub const LIMBS: usize = 4;
-    const UNITS: f64 = (1_u128 << 96) as f64;
+    /// How many words a sum has.
+    pub const WORDS: usize = 3;
+    /// How many digits of 32 bits they are.
+    pub const LIMBS: usize = 2 * Self::WORDS;
+    /// The unit is 2 to the power of minus this.
+    const DIGITS: i32 = 140;
 
-    /// Adds a term; nothing if it is not a number.
+    /// Adds a term.
     pub fn add(&mut self, term: f64) {
-        self.0 = self.0.saturating_add((term * Self::UNITS).round() as i128);
+        let bits = term.to_bits();
+        let exponent = ((bits >> 52) & 0x7ff) as i32;
+        let mantissa = bits & ((1 << 52) - 1) | 1 << 52;
+        let (mantissa, shift) = match exponent - 1075 + Self::DIGITS {
+            // Halves are rounded up.
+            down @ -53..0 => ((mantissa + (1 << (-down - 1))) >> -down, 0),
+            up @ 0..=138 => (mantissa, up),
+            // Less than half of the unit, too much, or no number.
+            _ => return,
+        };
+        let wide = u128::from(mantissa) << (shift % 64);
+        let mut size = [0; Self::WORDS];
+        let first = (shift / 64) as usize;
+        size[first] = wide as u64;
+        if let Some(next) = size.get_mut(first + 1) {
+            *next = (wide >> 64) as u64;
+        }
+        *self += Self { words: if term < 0.0 { negative(size) } else { size } };
     }
 
     /// Its digits of 32 bits, the lowest first, the last with the sign. They add up across ranks like any integers.
     pub fn limbs(&self) -> [i64; Self::LIMBS] {
-        let digit = |k: usize| (self.0 >> (32 * k)) as i64;
-        [digit(0) & 0xffff_ffff, digit(1) & 0xffff_ffff, digit(2) & 0xffff_ffff, digit(3)]
+        let mut limbs = [0; Self::LIMBS];
+        for (digits, word) in limbs.as_chunks_mut().0.iter_mut().zip(self.words) {
+            *digits = [(word & 0xffff_ffff) as i64, (word >> 32) as i64];
+        }
+        limbs[Self::LIMBS - 1] = self.words[Self::WORDS - 1] as i64 >> 32;
+        limbs
     }
 
     /// The sum with these limbs.
     pub fn from_limbs(limbs: &[i64; Self::LIMBS]) -> Self {
-        let digit =
-            |sum: i128, &limb: &i64| sum.saturating_mul(1 << 32).saturating_add(limb.into());
-        Self(limbs.iter().rev().fold(0, digit))
+        let (mut words, mut carry) = ([0; Self::WORDS], 0_i64);
+        for (word, digits) in words.iter_mut().zip(limbs.as_chunks().0) {
+            let [low, high] = digits.map(|digit: i64| {
+                carry += digit;
+                let kept = carry & 0xffff_ffff;
+                carry >>= 32;
+                kept as u64
+            });
+            *word = high << 32 | low;
+        }
+        Self { words }
     }
 
-    /// The sum, rounded.
+    /// Its words, for a file.
+    pub fn words(&self) -> [i64; Self::WORDS] {
+        self.words.map(u64::cast_signed)
+    }
+
+    /// The sum with these words.
+    pub fn from_words(words: &[i64; Self::WORDS]) -> Self {
+        Self { words: words.map(i64::cast_unsigned) }
+    }
+
+    /// The sum, to sixteen digits.
     pub fn value(&self) -> f64 {
-        self.0 as f64 / Self::UNITS
+        let is_negative = (self.words[Self::WORDS - 1] as i64) < 0;
+        let size = if is_negative { negative(self.words) } else { self.words };
+        let digits = size.iter().rev().fold(0.0, |sum, &word| sum * 2f64.powi(64) + word as f64);
+        let size = digits * 2f64.powi(-Self::DIGITS);
+        if is_negative { -size } else { size }
     }
 }
 
 impl std::ops::AddAssign for RoundedSum {
     fn add_assign(&mut self, other: Self) {
-        self.0 = self.0.saturating_add(other.0);
+        let mut carries = false;
+        for (word, other) in self.words.iter_mut().zip(other.words) {
+            let (sum, first) = word.overflowing_add(other);
+            let (sum, second) = sum.overflowing_add(u64::from(carries));
+            (*word, carries) = (sum, first || second);
+        }
     }
+}
+
+/// In the complement of two.
+fn negative<const N: usize>(words: [u64; N]) -> [u64; N] {
+    let mut carries = true;
+    words.map(|word| {
+        let (negative, carry) = (!word).overflowing_add(u64::from(carries));
+        carries = carry;
+        negative
+    })
 }
 
 /// `wide · 2^exponent` (plus a little more if `sticky`) as the nearest `f64`, ties to even.
@@ -278,7 +342,7 @@ mod tests {
         let all = rounded(&mut terms.iter());
         assert_eq!(all, rounded(&mut terms.iter().rev()));
         let off = all.value() - sum(&terms);
-        assert!(off.abs() < 1e-26, "{off}");
+        assert!(off.abs() < 1e-15 * all.value().abs(), "{off}");
         // As ranks add them.
         let parts = [0, 1, 2].map(|k| rounded(&mut terms.iter().skip(k).step_by(3)).limbs());
         let limbs = std::array::from_fn(|k| parts.iter().map(|part| part[k]).sum());
@@ -290,19 +354,28 @@ mod tests {
         assert_eq!(added, all);
     }
 
-    /// What is too much stays at the limit, and what is no number does nothing.
+    /// From half of the unit to the limit; what is no number does nothing.
     #[test]
-    fn rounded_sums_stay_within_their_limit() {
-        let mut sum = RoundedSum::default();
-        sum.add(f64::NAN);
-        assert_eq!(sum.value(), 0.0);
-        for term in [1e300, 1e300] {
-            sum.add(term);
+    fn rounded_sums_hold_large_and_small_terms() {
+        let of = |terms: &[f64]| {
+            let mut sum = RoundedSum::default();
+            for term in terms {
+                sum.add(*term);
+            }
+            assert_eq!(RoundedSum::from_limbs(&sum.limbs()), sum);
+            assert_eq!(RoundedSum::from_words(&sum.words()), sum);
+            sum.value()
+        };
+        let unit = 2f64.powi(-140);
+        for exponent in (-140..51).step_by(7) {
+            let term = 2f64.powi(exponent) * 1.234_567_890_123;
+            let rounded = (term / unit).round() * unit;
+            assert_eq!(of(&[term]), rounded);
+            assert_eq!(of(&[-term]), -rounded);
+            assert_eq!(of(&[term, -term, -term, term, -term]), -rounded);
         }
-        let limit = sum.value();
-        assert!((limit / 2.147_483_648e9 - 1.0).abs() < 1e-15, "{limit}");
-        assert_eq!(RoundedSum::from_limbs(&sum.limbs()), sum);
-        let twice = sum.limbs().map(|limb| 2 * limb);
-        assert_eq!(RoundedSum::from_limbs(&twice), sum);
+        assert_eq!(of(&[0.5 * unit, 0.49 * unit, -0.3 * unit, 0.0, 5e-324]), unit);
+        assert_eq!(of(&[1e15, 3.5, -1e15]), 3.5);
+        assert_eq!(of(&[2.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -3e15]), 2.0);
     }
 }

@@ -266,6 +266,8 @@ fn belts_carry_with_the_same_bits_everywhere() {
     let alone = OnRanks::of(&scene).the_same_everywhere(40_000, folder.path());
     let touching = alone.number("wall_contacts");
     assert!(touching > 5.0 && alone.number("received").abs() > 1e-4, "{touching}");
+    let received = alone.number("received") - OnRanks::of(&scene).run(1, 0).number("received");
+    close(alone.work_of_walls(), received, 1e-9, "work");
     let (missing, lost) = (alone.number("missing"), alone.number("dissipated"));
     println!("missing {missing:e} J of {lost:e} J");
     assert!(missing.abs() < 5e-3 * lost, "{missing:e} {lost:e}");

@@ -3,6 +3,7 @@
 use crate::random::Draw;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
+use dem_mpi::contact::StateColumn;
 use dem_mpi::drive::SavedState;
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
@@ -175,6 +176,12 @@ impl State {
         }
         all.bits.sort();
         all
+    }
+
+    /// What all walls have given to the grains [J].
+    pub(crate) fn work_of_walls(&self) -> f64 {
+        let ledger = self.drives.iter().find(|saved| saved.drive == "ledger").expect("walls work");
+        ledger.reals(&StateColumn::new("work", 1, "J")).unwrap().iter().sum()
     }
 
     /// One of the scalars.

@@ -1,7 +1,7 @@
 //! Walls of all kinds with motions of all kinds, inlets and outlets of all regions, laws of all sizes: the same bits on any number of ranks and
 //! across restarts.
 
-use crate::support::{OnRanks, scene};
+use crate::support::{OnRanks, close, scene};
 use std::path::Path;
 
 const MATERIAL: &str = r#"
@@ -203,6 +203,9 @@ steps = 10000
     );
     let scene = scene(&with_files(&text, folder.path()));
     let alone = OnRanks::of(&scene).the_same_everywhere(7000, folder.path());
+    // By triangles, planes, a cylinder and a cone, some kept by forces.
+    let received = alone.number("received") - OnRanks::of(&scene).run(1, 0).number("received");
+    close(alone.work_of_walls(), received, 1e-9, "work");
     let forces = alone.numbers("force");
     println!("{forces:?}");
     // After the four sides.

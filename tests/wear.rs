@@ -2,10 +2,11 @@
 
 use crate::support::{Bench, ball, begun, close, save, scene, schedule};
 use dem_mpi::comm::alone::Alone;
-use dem_mpi::drive::Values;
+use dem_mpi::contact::StateColumn;
 use dem_mpi::drive::ledger::{Worn, worn};
-use dem_mpi::math::Vec3;
+use dem_mpi::math::{Vec3, rotation_about};
 use dem_mpi::output::snapshot::Reader;
+use dem_mpi::particles::records::Particle;
 use dem_mpi::post::export;
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble::{self, Continuation};
@@ -192,6 +193,31 @@ fn an_image_of_a_triangle_is_the_triangle() {
     close(rubbed(0..1) / all, 0.95, 2e-2, "beyond the period");
 }
 
+/// A grain before a period touches beyond it.
+#[test]
+fn a_point_beyond_a_period_is_on_the_first_triangles() {
+    let folder = tempfile::tempdir().unwrap();
+    let domain = "low = [0, -0.2, -0.1]\nhigh = [0.1, 0.2, 0.2]\nperiodic = [true, false, false]";
+    let text = on_floor(&floor(folder.path(), 0.1, 10), domain, "restitution = 0.5")
+        .replace("first = [0.1, 0.1, 0.05]", "first = [0.05, 0.1, 0.05]")
+        .replace(
+            "kind = \"sphere\"\nradius = 0.01",
+            "kind = \"ellipsoid\"\nsemi_axes = [0.012, 0.006, 0.006]",
+        );
+    let scene = scene(&text);
+    let quaternion = rotation_about(&Vec3::y(), 0.5);
+    let down = quaternion.inverse_transform_vector(&-Vec3::z());
+    let lowest = quaternion.transform_vector(&scene.library.shapes[0].support(&down));
+    assert!(lowest.x > 0.003, "{lowest}");
+    let place = Vec3::new(0.0995, 0.05, 1e-6 - lowest.z);
+    let egg = Particle { quaternion, ..ball(0, 0, place, -Vec3::z() * 0.1) };
+    let mut bench = Bench::of(&scene, &[egg]);
+    (0..300).for_each(|_| bench.step());
+    let worn = triangles(&bench);
+    let pressed: Vec<usize> = (0..worn.len()).filter(|&k| worn[k].impulse.z < 0.0).collect();
+    assert!(!pressed.is_empty() && pressed.iter().all(|&k| k < 2), "{pressed:?}");
+}
+
 /// A piston lifts a ball: its work is what the ball has gained, and in `history.csv`.
 #[test]
 fn the_work_of_a_piston_is_what_grains_receive() {
@@ -245,20 +271,25 @@ fn wear_that_begins_within_a_stage_is_told() {
         .replace("first = [0.1, 0.1, 0.05]", "first = [0.05, 0.05, 0.0101]");
     let without = with.replace("wear = true\n", "");
     assert_ne!(with, without);
-    let work = |bench: &Simulation| {
-        let header = bench.header("", &[Vec3::zeros()], &mut Alone::default());
+    let work = |sim: &Simulation| {
+        let header = sim.header("", &[Vec3::zeros()], &mut Alone::default());
         let ledger = header.drives.iter().find(|saved| saved.drive == "ledger").unwrap();
-        let work = ledger.columns.iter().find(|column| column.column.name == "work").unwrap();
-        let Values::Reals(work) = &work.values else { panic!() };
-        work.iter().sum::<f64>()
+        ledger.reals(&StateColumn::new("work", 1, "J")).unwrap().iter().sum::<f64>()
     };
     let at_rest = without.replace("velocity = [0, 0, 0.2]\n", "");
     assert_ne!(at_rest, without);
-    let scenes = [&without, &with, &at_rest].map(|text| scene(text));
+    let longer = floor(folder.path(), 0.1, 4).replace("floor.obj", "longer.obj");
+    let corners = std::fs::read_to_string(folder.path().join("floor.obj")).unwrap();
+    std::fs::write(folder.path().join("longer.obj"), corners.replace("v 0.1 ", "v 0.11 ")).unwrap();
+    // As many triangles, and others.
+    let another = with.replace(&floor(folder.path(), 0.1, 4), &longer);
+    assert_ne!(another, with);
+    let scenes = [&without, &with, &at_rest, &another].map(|text| scene(text));
     let same = [(1, 1), (1, 0), (0, 0)].map(|scenes| (scenes, ""));
     let others = [
+        ((1, 3), "wall \"floor\" did not wear before this restart, or had other triangles"),
         ((0, 1), "wall \"floor\" did not wear before this restart"),
-        ((2, 1), "what walls do is summed from this restart on (floor)"),
+        ((2, 1), "what wall \"floor\" does is summed from this restart on"),
     ];
     for ((first, then), told) in same.into_iter().chain(others) {
         let mut comm = Alone::default();

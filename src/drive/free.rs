@@ -14,7 +14,7 @@ use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::contacts::Contacts;
-use crate::law::{ForceLaw, OnWall};
+use crate::law::{ForceLaw, Sums};
 use crate::math::{ExactSum, Vec3};
 use crate::particles::walls::{Across, Wall, area};
 use crate::particles::{Library, Particles};
@@ -214,7 +214,7 @@ impl Drive for FreeWalls {
         self.note_forces(contacts, particles);
     }
 
-    fn after_forces(&mut self, contacts: &Contacts, particles: &Particles, _on_walls: &[OnWall]) {
+    fn after_forces(&mut self, contacts: &Contacts, particles: &Particles, _sums: &Sums) {
         self.note_forces(contacts, particles);
     }
 

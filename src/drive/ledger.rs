@@ -9,7 +9,7 @@ use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::contacts::Contacts;
-use crate::law::OnWall;
+use crate::law::{OnWall, PressOnWall, Sums};
 use crate::math::{RoundedSum, Vec3};
 use crate::particles::Particles;
 use crate::particles::walls::Wall;
@@ -33,8 +33,10 @@ const LOST: StateColumn = StateColumn::new("lost", 1, "J");
 const RUBBED: StateColumn = StateColumn::new("rubbed", 1, "J");
 /// Force of the particles times time, in the axes of the wall.
 const IMPULSE: StateColumn = StateColumn::new("impulse", 3, "N s");
-/// All of these numbers as they are summed: the limbs of each.
-const PARTS: StateColumn = StateColumn::new("parts", NUMBERS * RoundedSum::LIMBS, "2^-96");
+/// What tells its triangles from others; 0 of a wall that has none, or does not wear.
+const SURFACE: StateColumn = StateColumn::new("surface", 1, "1");
+/// All of these numbers as they are summed: three words of each, the lowest first.
+const WORDS: StateColumn = StateColumn::new("words", NUMBERS * RoundedSum::WORDS, "2^-140");
 
 /// Of a row: work, what was lost, the part of friction, and an impulse.
 const NUMBERS: usize = 6;
@@ -49,6 +51,8 @@ struct Account {
     /// Of its rows the first; after those of its triangles, if it wears, one of its own follows.
     first: usize,
     triangles: usize,
+    /// See [`SURFACE`].
+    surface: u64,
     /// See [`TIME`].
     time: f64,
     /// Work, what was lost and the part of friction, of all ranks at the last row of the history [J].
@@ -64,29 +68,19 @@ impl Account {
         self.first..=self.own_row()
     }
 
-    /// The row of a contact with the wall.
-    fn row_of(&self, on_wall: &OnWall, wall: &Wall, particles: &Particles) -> usize {
-        let Some(mesh) = wall.mesh.as_ref().filter(|_| self.wears) else {
-            return self.own_row();
-        };
-        let a = on_wall.pair.a.index();
-        let place = particles.position[a] + on_wall.point - wall.point;
-        // A grain on an image of a triangle is an image of one on the triangle.
-        let [x, y, z] = [0, 1, 2].map(|axis| {
-            let period = particles.cell.period(axis);
-            period.map_or_else(|| vec![0.0], |period| vec![0.0, -period, period])
-        });
-        let places = z.iter().flat_map(|&z| {
-            let x = &x;
-            y.iter().flat_map(move |&y| x.iter().map(move |&x| place + Vec3::new(x, y, z)))
-        });
-        let places: Vec<Vec3> = places.map(|place| wall.frame().tr_mul(&place)).collect();
-        // Most contacts are far nearer than the size of a grain.
-        let distances = [0.2 * particles.inscribed_radius(a), particles.radius(a)];
-        let mut tried = distances.iter().flat_map(|&far| places.iter().map(move |at| (at, far)));
-        tried
-            .find_map(|(at, far)| mesh.surface.nearest_triangle(at, far))
-            .map_or(self.own_row(), |triangle| self.first + triangle)
+    /// The row of what a particle does in a point of the wall, seen from its centre [m].
+    fn row_at(&self, a: usize, point: &Vec3, wall: &Wall, particles: &Particles) -> usize {
+        let Some(mesh) = &wall.mesh else { return self.own_row() };
+        let frame = wall.frame();
+        // On an image of a triangle, a grain is an image of one on the triangle.
+        let mut place = particles.position[a] + point;
+        particles.cell.wrap(&mut place, &mut Vec3::zeros(), &mut [0; 3]);
+        let place = frame.tr_mul(&(place - wall.point));
+        // Contacts are a half of the overlap off the surface; corners of others may be farther.
+        let size = particles.inscribed_radius(a);
+        let mut distances = [0.02 * size, 0.2 * size, particles.radius(a)].into_iter();
+        let found = distances.find_map(|far| mesh.surface.nearest_triangle(&place, far));
+        found.map_or(self.own_row(), |triangle| self.first + triangle)
     }
 }
 
@@ -121,6 +115,7 @@ impl Ledger {
                     wears: wall.wears,
                     first: new.rows.len(),
                     triangles: surface.map_or(0, |mesh| mesh.surface.len()),
+                    surface: surface.map_or(0, |mesh| mesh.surface.checksum()),
                     time: 0.0,
                     totals: [0.0; 3],
                 };
@@ -157,24 +152,25 @@ impl Drive for Ledger {
         Ok(())
     }
 
-    fn after_forces(&mut self, _contacts: &Contacts, particles: &Particles, on_walls: &[OnWall]) {
+    fn after_forces(&mut self, _contacts: &Contacts, particles: &Particles, sums: &Sums) {
         for account in &mut self.all {
             account.time += self.dt;
         }
-        for on_wall in on_walls.iter().filter(|on_wall| on_wall.pair.a.index() < particles.owned) {
-            let OnWall { pair, force, work, lost, rubbed, .. } = on_wall;
-            let Some(wall) = particles.wall_of(pair.b) else { continue };
-            let Some(account) = self.of_wall[wall].map(|account| &self.all[account]) else {
+        let presses = sums.presses_on_walls().unwrap_or_default();
+        for (k, OnWall { pair, work, lost, rubbed }) in sums.on_walls().iter().enumerate() {
+            let Some(number) = particles.wall_of(pair.b) else { continue };
+            let Some(account) = self.of_wall[number].map(|account| &self.all[account]) else {
                 continue;
             };
-            let wall = &particles.walls[wall];
-            let row = &mut self.rows[account.row_of(on_wall, wall, particles)];
-            row[0].add(*work);
-            if account.wears {
-                let impulse = wall.frame().tr_mul(force) * self.dt;
-                let others = [*lost, *rubbed].into_iter().chain(impulse.iter().copied());
-                row[1..].iter_mut().zip(others).for_each(|(sum, term)| sum.add(term));
+            if !account.wears {
+                self.rows[account.own_row()][0].add(*work);
+                continue;
             }
+            let (wall, PressOnWall { point, force }) = (&particles.walls[number], &presses[k]);
+            let row = &mut self.rows[account.row_at(pair.a.index(), point, wall, particles)];
+            let impulse = wall.frame().tr_mul(force) * self.dt;
+            let terms = [*work, *lost, *rubbed, impulse.x, impulse.y, impulse.z];
+            row.iter_mut().zip(terms).for_each(|(sum, term)| sum.add(term));
         }
     }
 
@@ -223,17 +219,19 @@ impl Drive for Ledger {
         };
         let triangles = accounts().enumerate().map(|(row, account)| triangle(account, row));
         let wears = accounts().map(|account| u64::from(account.wears));
-        let parts = rows.iter().flatten().flat_map(RoundedSum::limbs).collect();
+        let surfaces = accounts().map(|account| account.surface);
+        let words = rows.iter().flatten().flat_map(RoundedSum::words).collect();
         vec![
             SavedColumn::new(WALL, Values::Texts(accounts().map(|a| a.name.clone()).collect())),
             SavedColumn::new(TRIANGLE, Values::Integers(triangles.collect())),
             SavedColumn::new(TIME, Values::Reals(accounts().map(|account| account.time).collect())),
             SavedColumn::new(WEARS, Values::Counts(wears.collect())),
+            SavedColumn::new(SURFACE, Values::Counts(surfaces.collect())),
             SavedColumn::new(WORK, numbers(0..1)),
             SavedColumn::new(LOST, numbers(1..2)),
             SavedColumn::new(RUBBED, numbers(2..3)),
             SavedColumn::new(IMPULSE, numbers(3..6)),
-            SavedColumn::new(PARTS, Values::Integers(parts)),
+            SavedColumn::new(WORDS, Values::Integers(words)),
         ]
     }
 
@@ -249,18 +247,23 @@ impl Drive for Ledger {
             return Ok(());
         }
         let (names, times) = (saved.texts(&WALL)?, saved.reals(&TIME)?);
-        let (wears, parts) = (saved.counts(&WEARS)?, saved.integers(&PARTS)?);
-        let numbers = parts.as_chunks().0.iter().map(RoundedSum::from_limbs).collect::<Vec<_>>();
+        let (wears, surfaces) = (saved.counts(&WEARS)?, saved.counts(&SURFACE)?);
+        let words = saved.integers(&WORDS)?.as_chunks().0;
+        let numbers = words.iter().map(RoundedSum::from_words).collect::<Vec<_>>();
         let rows: &[Row] = numbers.as_chunks().0;
         for account in &mut self.all {
             let theirs = names.iter().zip(0..).filter(|(name, _)| **name == account.name);
             let theirs: Vec<usize> = theirs.map(|(_, row)| row).collect();
             let is_as_it_was = |&first: &usize| {
-                theirs.len() == account.triangles + 1 && account.wears == (wears[first] == 1)
+                theirs.len() == account.triangles + 1
+                    && account.wears == (wears[first] == 1)
+                    && account.surface == surfaces[first]
             };
             let goes_on = theirs.first().copied().filter(is_as_it_was);
             if let Some(first) = goes_on {
                 account.time = times[first];
+            } else if theirs.is_empty() {
+                self.warnings.push(begins(&account.name));
             } else if account.wears {
                 self.warnings.push(format!(
                     "wall \"{}\" did not wear before this restart, or had other triangles: what is lost at it is summed from here on",
@@ -280,13 +283,16 @@ impl Drive for Ledger {
     }
 
     fn joins(&mut self) -> Result<(), DriveError> {
-        let names: Vec<&str> = self.all.iter().map(|account| &*account.name).collect();
-        self.warnings.push(format!(
-            "what walls do is summed from this restart on ({}): the snapshot has nothing of it",
-            names.join(", ")
-        ));
+        let warnings = self.all.iter().map(|account| begins(&account.name));
+        self.warnings.extend(warnings);
         Ok(())
     }
+}
+
+fn begins(name: &str) -> String {
+    format!(
+        "what wall \"{name}\" does is summed from this restart on: the snapshot has nothing of it"
+    )
 }
 
 /// What a triangle of a wall that wears has suffered.

@@ -105,7 +105,7 @@ use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::contacts::Contacts;
 use crate::ids::ShapeId;
-use crate::law::{ForceLaw, OnWall};
+use crate::law::{ForceLaw, Sums};
 use crate::math::{ExactSum, Vec3};
 use crate::particles::census::Census;
 use crate::particles::records::Particle;
@@ -252,8 +252,7 @@ pub trait Drive: Send + Sync {
     fn first_forces(&mut self, _contacts: &Contacts, _particles: &Particles) {}
 
     /// Looks at the forces at the end of a step, and at what walls did in it.
-    fn after_forces(&mut self, _contacts: &Contacts, _particles: &Particles, _on_walls: &[OnWall]) {
-    }
+    fn after_forces(&mut self, _contacts: &Contacts, _particles: &Particles, _sums: &Sums) {}
 
     /// What it has still to do before the stage may end; `None` if nothing.
     fn unfinished(&self) -> Option<&'static str> {

@@ -37,7 +37,7 @@ use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::contacts::Contacts;
-use crate::law::{ForceLaw, OnWall};
+use crate::law::{ForceLaw, Sums};
 use crate::math::{ExactSum, Vec3};
 use crate::particles::walls::{Across, Wall, area, ends};
 use crate::particles::{Library, Particles};
@@ -665,7 +665,7 @@ impl Drive for Servos {
     }
 
     /// Adds the forces of this moment on walls with servos to their sums.
-    fn after_forces(&mut self, contacts: &Contacts, particles: &Particles, _on_walls: &[OnWall]) {
+    fn after_forces(&mut self, contacts: &Contacts, particles: &Particles, _sums: &Sums) {
         self.note_pressing(contacts, particles);
         let mut terms = 0;
         for (pair, force) in contacts.forces_on_walls(particles) {

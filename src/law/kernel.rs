@@ -22,7 +22,7 @@ mod tests;
 
 pub use patches::Turning;
 
-use super::{Body, ForceLaw, Hardest, Last, Lost, OnWall, Separated, Sums, Work, add};
+use super::{Body, ForceLaw, Hardest, Last, Lost, OnWall, PressOnWall, Separated, Sums, Work, add};
 use crate::contact::curvature::{self, Curvatures};
 use crate::contact::{Geometry, Pair, StateColumn, touch_of_sphere, triple, vectors};
 use crate::ids::{MaterialId, ShapeId, Slot};
@@ -992,32 +992,24 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Takes note of what a contact with a wall does, if the wall works in it, or if all is asked for [J].
+    /// Takes note of what a contact with a wall does [J].
     #[inline]
     fn note_on_wall(&mut self, place: usize, work: f64, lost: f64, rubbed: f64) {
-        if !self.counts_on_wall(work) {
-            return;
-        }
-        let Work { pairs, geometry, points, forces, .. } = &*self.work;
-        let (pair, force) = (pairs[place], forces[place]);
-        let Geometry { normal, overlap } = &geometry[place];
-        let of_sphere = || touch_of_sphere(self.particles.radius(pair.a.index()), normal, *overlap);
-        let point = points.get(place).copied().unwrap_or_else(of_sphere);
-        self.sums.on_walls.push(OnWall { pair, point, force, work, lost, rubbed });
+        let Self { particles, sums, work: all, .. } = self;
+        let pair = all.pairs[place];
+        sums.note_on_wall(OnWall { pair, work, lost, rubbed }, particles, || {
+            let Geometry { normal, overlap } = &all.geometry[place];
+            let of_sphere = || touch_of_sphere(particles.radius(pair.a.index()), normal, *overlap);
+            let point = all.points.get(place).copied().unwrap_or_else(of_sphere);
+            PressOnWall { point, force: all.forces[place] }
+        });
     }
 
-    /// The same of one that has separated, from where it acted.
+    /// The same of one that has separated, which acted in a point.
     fn note_parting(&mut self, pair: Pair, point: Vec3, work: f64, lost: &Lost) {
-        if self.counts_on_wall(work) {
-            let &Lost { all: lost, of_friction: rubbed, .. } = lost;
-            let force = Vec3::zeros();
-            self.sums.on_walls.push(OnWall { pair, point, force, work, lost, rubbed });
-        }
-    }
-
-    /// Does anybody ask for what a contact with a wall does that works by so much in it [J]?
-    fn counts_on_wall(&self, work: f64) -> bool {
-        work != 0.0 || self.sums.any_wear
+        let &Lost { all: lost, of_friction: rubbed, .. } = lost;
+        let press = || PressOnWall { point, force: Vec3::zeros() };
+        self.sums.note_on_wall(OnWall { pair, work, lost, rubbed }, self.particles, press);
     }
 
     /// Sums what the contacts lost that have separated and stand before this one.

@@ -163,16 +163,21 @@ pub fn torque_on_b(force: &Vec3, point: &Vec3, r: &Vec3) -> Vec3 {
 pub struct OnWall {
     /// The particle and the facet.
     pub pair: Pair,
-    /// Where they touch, or did at the last step, seen from the centre of the particle [m].
-    pub point: Vec3,
-    /// Force on the wall at this step [N].
-    pub force: Vec3,
     /// Work of the wall on the particle [J].
     pub work: f64,
     /// What was lost [J].
     pub lost: f64,
     /// The part of that which friction took [J].
     pub rubbed: f64,
+}
+
+/// How a particle presses on a wall.
+#[derive(Clone, Copy, Debug)]
+pub struct PressOnWall {
+    /// Where, or where it did at the last step, seen from the centre of the particle [m].
+    pub point: Vec3,
+    /// Force on the wall at this step [N].
+    pub force: Vec3,
 }
 
 /// Contacts of this step in the order of the ids of their bodies, with what was remembered of them, and room for what a law
@@ -233,8 +238,8 @@ pub struct Sums {
     parts: [Vec<f64>; 3],
     /// See [`Sums::on_walls`].
     on_walls: Vec<OnWall>,
-    /// Does any wall wear?
-    any_wear: bool,
+    /// See [`Sums::presses_on_walls`].
+    presses_on_walls: Option<Vec<PressOnWall>>,
     /// See [`Sums::moments_at_walls`].
     at_walls: Vec<Vec3>,
 }
@@ -261,7 +266,10 @@ impl Sums {
             }
         }
         self.on_walls.clear();
-        self.any_wear = particles.walls.iter().any(|wall| wall.wears);
+        let any_wears = particles.walls.iter().any(|wall| wall.wears);
+        let presses = any_wears.then(|| self.presses_on_walls.take().unwrap_or_default());
+        self.presses_on_walls = presses;
+        self.presses_on_walls.iter_mut().for_each(Vec::clear);
         self.at_walls.clear();
     }
 
@@ -288,16 +296,18 @@ impl Sums {
             }
         }
         for of_one in self.on_walls.chunk_by(|one, other| one.pair.a == other.pair.a) {
-            let slot = of_one[0].pair.a.index();
-            if let Some(received) = particles.accumulated[Quantity::Received].get_mut(slot) {
-                *received += of_one.iter().map(|on_wall| on_wall.work).sum::<f64>();
-            }
+            let received = of_one.iter().map(|on_wall| on_wall.work).sum::<f64>();
+            particles.accumulated[Quantity::Received][of_one[0].pair.a.index()] += received;
         }
     }
 
     /// Bytes that it holds between two steps.
     pub fn bytes(&self) -> usize {
-        held(&self.on_walls) + self.parts.iter().map(held).sum::<usize>() + held(&self.at_walls)
+        let presses = self.presses_on_walls.iter().map(held).sum::<usize>();
+        presses
+            + held(&self.on_walls)
+            + self.parts.iter().map(held).sum::<usize>()
+            + held(&self.at_walls)
     }
 
     /// The moment of each contact with a wall on its particle, about the particle's centre, in the order of the contacts [N m];
@@ -306,10 +316,34 @@ impl Sums {
         &self.at_walls
     }
 
-    /// What walls and particles, owned ones and ghosts, did to each other, in the order of the particles' ids, then of the walls: all
-    /// of it if any wall [wears](crate::particles::walls::Wall::wears), else where walls work.
+    /// What walls and owned particles did to each other, in the order of the particles' ids, then of the walls: all of it of walls that
+    /// [wear](crate::particles::walls::Wall::wears), of others where they work.
     pub fn on_walls(&self) -> &[OnWall] {
         &self.on_walls
+    }
+
+    /// How each of these particles presses; `None` if no wall wears.
+    pub fn presses_on_walls(&self) -> Option<&[PressOnWall]> {
+        self.presses_on_walls.as_deref()
+    }
+
+    /// Takes note of what a contact with a wall does, if the particle is owned, and the wall works in it or wears.
+    #[inline]
+    fn note_on_wall(
+        &mut self,
+        on_wall: OnWall,
+        particles: &Particles,
+        press: impl FnOnce() -> PressOnWall,
+    ) {
+        let Pair { a, b } = on_wall.pair;
+        let wears = || particles.wall_of(b).is_some_and(|wall| particles.walls[wall].wears);
+        let counts = on_wall.work != 0.0 || self.presses_on_walls.is_some() && wears();
+        if a.index() < particles.owned && counts {
+            self.on_walls.push(on_wall);
+            if let Some(presses) = &mut self.presses_on_walls {
+                presses.push(press());
+            }
+        }
     }
 
     /// Adds what a contact lost that has separated to its particles; a wall has no share.

@@ -46,7 +46,7 @@ pub struct Asked {
     #[arg(long, value_enum)]
     slope: Option<Direction>,
 
-    /// Also write what passes a plane, in a series of snapshots, or leaves through an outlet, flow.csv, and the rates in grains/s and kg/s:
+    /// Also write what passes a plane, in a series of snapshots, or leaves through an outlet, flow.csv, and print the rates in grains/s and kg/s:
     /// -z=0.05 is the plane z = 0.05 m, downwards
     #[arg(long, value_name = "GATE", allow_hyphen_values = true)]
     flow: Option<Gate>,
@@ -149,6 +149,9 @@ impl Asked {
         out: &Path,
         shown: &mut Shown,
     ) -> Result<(), MeasureError> {
+        if matches!(groups, Groups::Half(_)) && source.snapshots.len() == 1 {
+            return Err(MeasureError::OneSnapshot);
+        }
         let (mut members, mut sides) = (None, None);
         let rows = of_each(source, "mixing", shown, |reader, region| {
             if members.is_none() {

@@ -211,7 +211,7 @@ impl Simulation {
         self.watch.note_depths(&self.particles, &self.contacts);
         self.count_work_of_images(self.dt);
         for drive in &mut self.drives {
-            drive.after_forces(&self.contacts, &self.particles, self.sums.on_walls());
+            drive.after_forces(&self.contacts, &self.particles, &self.sums);
         }
         self.clock.lap(Phase::Forces);
         motion::kick(&mut self.particles, &self.field, self.dt);

@@ -463,7 +463,7 @@ impl<'a> Records<'a> {
     /// Scalars and snapshot of the last step. Collective.
     fn last(
         &mut self,
-        sim: &Simulation,
+        sim: &mut Simulation,
         ending: Ending,
         comm: &mut dyn Comm,
     ) -> Result<(Measures, PathBuf), RunError> {
@@ -472,6 +472,10 @@ impl<'a> Records<'a> {
             None => sim.measure(comm),
         };
         self.note(sim.step, &measures);
+        // A run that is stopped between two rows reports what it has counted since.
+        for drive in &mut sim.drives {
+            drive.row(&mut measures.wall_forces.clone(), false, comm);
+        }
         let snapshot = match self.snapshot.take() {
             Some(snapshot) => snapshot,
             None => self.save(sim, ending, &measures, comm)?,

@@ -60,7 +60,7 @@ impl Touching {
                 torque: zeros,
                 parts: Default::default(),
                 on_walls: Vec::new(),
-                any_wear: false,
+                presses_on_walls: None,
             },
         };
         let mut work = Work {

@@ -41,7 +41,7 @@ pub struct Report {
     pub packing: Packing,
     /// Sizes at the end, of each shape with a `size`, beside what was asked for.
     pub sizes: Vec<SizesOf>,
-    /// What drives have counted in this stage, as the last columns of `history.csv`: through inlets and outlets, and at walls, until its last row.
+    /// What drives have counted in this stage, as the last columns of `history.csv`: through inlets and outlets, and at walls.
     #[serde(serialize_with = "as_map")]
     pub counted: Vec<(String, f64)>,
     /// How well the time step resolves what happens.
