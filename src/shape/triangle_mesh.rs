@@ -31,7 +31,7 @@ pub use facets::MeshFacet;
 pub use solid::{Front, Near, NoSolid};
 
 use super::Convex;
-use crate::math::Vec3;
+use crate::math::{Vec3, bounds};
 use building::{Building, welded};
 use facets::Facets;
 use grid::Grid;
@@ -456,20 +456,25 @@ impl TriangleMesh {
 
     /// The number of that of its triangles, without images, which is nearest to a point, of those within a distance [m]; of several the lowest.
     pub fn nearest_triangle(&self, point: &Vec3, distance: f64) -> Option<usize> {
-        let reach = Vec3::repeat(distance + self.bulge);
-        let mut nearest: Option<(f64, usize)> = None;
+        let far = distance + self.bulge;
+        let reach = Vec3::repeat(far);
+        let mut nearest = (far * far, usize::MAX);
         self.grid.for_each_in(&(point - reach), &(point + reach), |number| {
             let number = number as usize;
-            if number < self.own {
-                let corners = self.corners(&self.triangles[number]);
+            if number >= self.own {
+                return;
+            }
+            let corners = self.corners(&self.triangles[number]);
+            // Most boxes about triangles are farther away, and quickly asked.
+            let (low, high) = bounds(&corners);
+            if (point.sup(&low).inf(&high) - point).norm_squared() <= nearest.0 {
                 let found = ((nearest_on(&corners, point) - point).norm_squared(), number);
-                if nearest.is_none_or(|nearest| found < nearest) {
-                    nearest = Some(found);
+                if found < nearest {
+                    nearest = found;
                 }
             }
         });
-        let most = reach.x * reach.x;
-        nearest.filter(|&(square, _)| square <= most).map(|(_, number)| number)
+        Some(nearest.1).filter(|&number| number < self.own)
     }
 
     /// Is a point of a face's plane in one of its triangles, or nearer to one than `tolerance` [m]?
