@@ -1,18 +1,25 @@
 //! What walls do and suffer: their work, what is lost at them, and the mean force on their triangles.
 
 use crate::support::{Bench, ball, begun, close, save, scene, schedule};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::contact::StateColumn;
 use dem_mpi::drive::ledger::{Worn, worn};
 use dem_mpi::math::{Vec3, rotation_about};
+use dem_mpi::output::report::Origin;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::post::export;
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::sim::Simulation;
-use dem_mpi::sim::run::run;
+use dem_mpi::sim::report::report;
+use dem_mpi::sim::run::{Ending, Schedule, run};
+use std::collections::HashMap;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
 
 const RADIUS: f64 = 0.01;
 const STIFFNESS: f64 = 1e6;
@@ -257,9 +264,51 @@ fn the_work_of_a_piston_is_what_grains_receive() {
     let mut file = Vec::new();
     walls.write(&mut file).unwrap();
     let file = String::from_utf8(file).unwrap();
-    for name in ["lost", "rubbed", "mean_pressure", "mean_traction"] {
-        assert!(file.contains(&format!("Name=\"{name}\"")), "{name}");
-    }
+    let total = |name: &str, which: usize, width: usize| {
+        let start = file.find(&format!("Name=\"{name}\"")).unwrap_or_else(|| panic!("{name}"));
+        let text = file[start..].split(['>', '<']).nth(1).unwrap();
+        // A length of eight bytes stands before the numbers.
+        let bytes = STANDARD.decode(text).unwrap();
+        let numbers = bytes.as_chunks::<8>().0.iter().skip(1).map(|x| f64::from_le_bytes(*x));
+        let area = 0.1 / 4.0 * 0.2 / 2.0;
+        numbers.skip(which).step_by(width).map(|x| x * area).sum::<f64>()
+    };
+    close(total("lost", 0, 1), lost, 1e-12, "lost");
+    close(total("rubbed", 0, 1) + 1.0, 1.0 + number(last, "rubbed_at_floor_J"), 1e-12, "rubbed");
+    let worn = worn(&reader.header().drives).unwrap();
+    let (time, impulse) =
+        worn.values().fold((0.0, 0.0), |(_, sum), worn| (worn.time, sum + worn.impulse.z));
+    close(time, 0.2, 1e-9, "time");
+    close(total("mean_traction", 2, 3), impulse / time, 1e-12, "traction");
+    close(total("mean_pressure", 0, 1), -impulse / time, 1e-12, "pressure");
+    close(-impulse, mass * (9.81 * time + 0.2), 2e-2, "weight and start");
+}
+
+/// A run that a signal stops between two rows reports the work until then.
+#[test]
+fn a_stopped_run_reports_all_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let wall = format!("{}\nvelocity = [0, 0, 0.01]", floor(folder.path(), 0.1, 4));
+    let text = on_floor(&wall, DOMAIN, "restitution = 0.5")
+        .replace("first = [0.1, 0.1, 0.05]", "first = [0.05, 0.05, 0.01]")
+        .replace("steps = 100", "steps = 100000000");
+    let scene = scene(&text);
+    let mut comm = Alone::default();
+    let mut sim = assemble::assemble(&scene, &comm);
+    assemble::fill(&mut sim, &scene, &comm);
+    let signal = Arc::new(AtomicUsize::new(15));
+    let usual = schedule(&scene, scene.steps, folder.path());
+    let schedule = Schedule { history_every: 0, signal, ..usual };
+    let finish = run(&mut sim, &schedule, &mut comm, &mut |_| {}).unwrap();
+    assert_eq!(finish.ending, Ending::Signal(15));
+    let report = report(&sim, &finish, &Origin::default(), &mut comm);
+    let work = report.counted.iter().find(|(name, _)| name == "work_floor_J").unwrap().1;
+    assert!(work > 0.0);
+    // The row of the start is there.
+    let mut history = csv::Reader::from_path(folder.path().join("history.csv")).unwrap();
+    let row: HashMap<String, f64> = history.deserialize().next().unwrap().unwrap();
+    let before = row["received_J"];
+    close(work, finish.measures.received - before, 1e-9, "received");
 }
 
 /// A wall that wears from a restart on: its work goes on, what is lost at it begins, and the run says so. One that goes on as it was says nothing.

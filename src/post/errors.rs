@@ -35,11 +35,6 @@ pub enum MeasureError {
         /// The error.
         error: Box<MeasureError>,
     },
-    /// Halves of a snapshot that is alone.
-    #[error(
-        "the halves of one snapshot are as they are named: how they mix is seen in a series; give --series, or several snapshots"
-    )]
-    OneSnapshot,
     /// A length that is none.
     #[error("a length of {side} m: write one above 0, in metres (0.004) or grain diameters (1.5d)")]
     NoSide {

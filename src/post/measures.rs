@@ -149,9 +149,6 @@ impl Asked {
         out: &Path,
         shown: &mut Shown,
     ) -> Result<(), MeasureError> {
-        if matches!(groups, Groups::Half(_)) && source.snapshots.len() == 1 {
-            return Err(MeasureError::OneSnapshot);
-        }
         let (mut members, mut sides) = (None, None);
         let rows = of_each(source, "mixing", shown, |reader, region| {
             if members.is_none() {
@@ -183,6 +180,11 @@ impl Asked {
                 last.left_out,
                 last.left_out + last.grains,
                 readable(last.time_s)
+            );
+        }
+        if matches!(groups, Groups::Half(_)) && rows.len() == 1 {
+            shown.text.push_str(
+                "mixing: the halves of one snapshot are apart, as they are named: give --series, or several snapshots, to see how they mix\n",
             );
         }
         if points.len() > 1 {
