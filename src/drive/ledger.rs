@@ -270,13 +270,17 @@ impl Drive for Ledger {
                     account.name
                 ));
             }
-            for (now, &before) in
-                account.rows().zip(&theirs).filter(|_| is_root && goes_on.is_some())
-            {
-                self.rows[now] = rows[before];
+            if !is_root {
+                continue;
             }
-            for &before in theirs.iter().filter(|_| is_root && goes_on.is_none()) {
-                self.rows[account.own_row()][0] += rows[before][0];
+            if goes_on.is_some() {
+                for (now, &before) in account.rows().zip(&theirs) {
+                    self.rows[now] = rows[before];
+                }
+            } else {
+                for &before in &theirs {
+                    self.rows[account.own_row()][0] += rows[before][0];
+                }
             }
         }
         Ok(())
