@@ -53,7 +53,7 @@ impl Rolling {
             press: stiffness * overlap,
             rub: spring.times(stiffness),
             viscous: Triple::zero(),
-            sticks: L::all(0.0),
+            kept: L::all(1.0),
             moment: rolled.times(rolling),
             stored: [elastic, sheared + half * rolling * rolled.dot(rolled)],
         }

@@ -84,6 +84,11 @@ impl Touch {
     }
 }
 
+/// Mean distance of the points of a disc from its axis over its radius of gyration: `2√2/3`.
+const ON_A_DISC: f64 = 0.942_809_041_582_063_4;
+/// The part by which that of a line, `√3/2`, is less.
+const LESS_ON_A_LINE: f64 = 0.081_441_346_456_308_4;
+
 /// What a contact of faces has beside overlap, normal and point, see [`overlap`](thickness).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
@@ -110,10 +115,29 @@ impl Patch {
         )
     }
 
-    /// Radius of gyration about a unit vector, squared [m²].
-    pub fn squared_radius(&self, axis: &Vec3) -> f64 {
-        let [xx, yy, zz, ..] = self.covariance;
-        (xx + yy + zz - axis.dot(&self.times(axis))).max(0.0)
+    /// Mean distance from a unit vector through the middle [m], from the covariance alone: `2√2/3` of the radius of gyration about
+    /// it on a disc, `√3/2` on a line, and within 0.9 % of it on rectangles.
+    pub fn mean_distance(&self, axis: &Vec3) -> f64 {
+        let [xx, yy, zz, yz, xz, xy] = self.covariance;
+        let trace = xx + yy + zz - axis.dot(&self.times(axis));
+        if trace <= 0.0 {
+            return 0.0;
+        }
+        let adjugate = Self {
+            covariance: [
+                yy * zz - yz * yz,
+                xx * zz - xz * xz,
+                xx * yy - xy * xy,
+                xz * xy - xx * yz,
+                xy * yz - yy * xz,
+                xz * yz - zz * xy,
+            ],
+            ..*self
+        };
+        let determinant = axis.dot(&adjugate.times(axis));
+        // Of the two principal variances, their difference over their sum.
+        let long = (1.0 - 4.0 * determinant / (trace * trace)).clamp(0.0, 1.0).sqrt();
+        ON_A_DISC * trace.sqrt() * (1.0 - LESS_ON_A_LINE * long * long * long)
     }
 }
 

@@ -35,7 +35,7 @@
 //!         let press = factor * overlap * overlap.sqrt();
 //!         let stored = [L::all(0.4) * press * overlap, L::all(0.0)];
 //!         let zero = Triple::zero();
-//!         Action { press, rub: zero, viscous: zero, sticks: L::all(0.0), moment: zero, stored }
+//!         Action { press, rub: zero, viscous: zero, kept: L::all(1.0), moment: zero, stored }
 //!     }
 //! }
 //!

@@ -25,6 +25,7 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
+use super::hertz::mean_while_growing;
 use super::kernel::{Action, Contact, Model, Spread, Turning, carried};
 use super::{Body, Hardest, Mixing};
 use crate::contact::StateColumn;
@@ -223,7 +224,13 @@ impl<L: Lanes> Spring<L> {
 
     /// The moment of A on B [N m], and the angle that is left of this one.
     #[inline(always)]
-    fn resist(&self, load: &Load<L>, angle: Triple<L>, turning: Triple<L>) -> [Triple<L>; 2] {
+    fn resist(
+        &self,
+        load: &Load<L>,
+        angle: Triple<L>,
+        turning: Triple<L>,
+        remains: L,
+    ) -> [Triple<L>; 2] {
         let zero = L::all(0.0);
         let stiffness = self.stiffness * load.stiffness;
         let limit = self.lever * load.press;
@@ -231,7 +238,7 @@ impl<L: Lanes> Spring<L> {
         let left =
             angle.times(part_within(elastic, limit)).or(Triple::zero(), zero.less(stiffness));
         let moment = left.times(stiffness).plus(turning.times(self.dashpot * load.root));
-        [moment.times(part_within(moment, limit)), left]
+        [moment.times(part_within(moment, limit) * remains), left.times(remains)]
     }
 }
 
@@ -369,30 +376,35 @@ impl<M: Model> Model for Rolling<M> {
             return action;
         }
         let zero = L::all(0.0);
-        let Contact { normal, turning, touched, dt, .. } = *contact;
+        let Contact { normal, turning, touched, dt, lasted, remains, .. } = *contact;
         let stiffness = self.stiffness_of(constants, contact.overlap);
         let press = action.press.or(zero, zero.less(action.press));
         let load = Load { press, stiffness, root: stiffness.sqrt() };
         // Where the contact has become stiffer the moment stays, and the angle does not.
         let mut turned = self.read(own);
         let stiffer = turned.stiffness.less(stiffness);
-        let kept = (turned.stiffness / stiffness).or(L::all(1.0), stiffer);
+        let one = L::all(1.0);
+        let kept = (turned.stiffness / stiffness).or(one, stiffer);
+        // On the way there it was less stiff, by Hertz's law.
+        let mean = mean_while_growing(one - kept).or(one, touched & stiffer);
+        let lasted = lasted * mean;
         turned.stiffness = stiffness;
         turned.moment = Triple::zero();
         let twisting = turning.dot(normal);
         if self.rolls {
             let rolling = turning.minus(normal.times(twisting));
             let before = carried(turned.rolled, contact).times(kept);
-            let angle = before.plus(rolling.times(L::all(dt)));
-            let [moment, left] = constants.rolling.resist(&load, angle, rolling);
+            let angle = before.plus(rolling.times(lasted));
+            let [moment, left] = constants.rolling.resist(&load, angle, rolling, remains);
             turned.moment = moment;
             turned.rolled = if dt > 0.0 { left } else { before };
         }
         if self.twists && !contact.extended {
             let before = (turned.twisted * kept).or(zero, touched);
-            let angle = before + twisting * L::all(dt);
+            let angle = before + twisting * lasted;
             let along = |number: L| Triple { x: number, y: zero, z: zero };
-            let [moment, left] = constants.twisting.resist(&load, along(angle), along(twisting));
+            let [moment, left] =
+                constants.twisting.resist(&load, along(angle), along(twisting), remains);
             turned.moment = turned.moment.plus(normal.times(moment.x));
             turned.twisted = if dt > 0.0 { left.x } else { before };
         }

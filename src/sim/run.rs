@@ -14,6 +14,7 @@ use crate::measure::Measures;
 use crate::output::growing::TableError;
 use crate::output::lists::List;
 use crate::output::table::History;
+use crate::particles::columns::Quantity;
 use crate::output::{SnapshotError, snapshot};
 use crate::timing::{Clock, Phase};
 use std::array::IntoIter;
@@ -276,6 +277,8 @@ struct Records<'a> {
     depths: Peekable<IntoIter<f64, 2>>,
     /// The stable limit, of laws that stiffen with load.
     stiffening: Option<Stiffening>,
+    /// The most that friction has taken in this run [J]; `None` once a warning says that it has given some back.
+    taken_by_friction: Option<f64>,
     /// Parts of the energy missing from the balance at which a run still has to warn.
     missing: Peekable<IntoIter<f64, 3>>,
     /// The largest overlap over the shortest axis that was measured [-], and at which step.
@@ -309,6 +312,7 @@ impl<'a> Records<'a> {
             lists,
             depths,
             stiffening: Stiffening::of(sim, schedule.allow_unstable),
+            taken_by_friction: Some(f64::NEG_INFINITY),
             missing: MISSING.into_iter().peekable(),
             largest_overlap: (0.0, sim.step),
             measures: None,
@@ -454,10 +458,33 @@ impl<'a> Records<'a> {
             let what = measures.what_is_missing(most_moving);
             warnings.push(format!("step {}: {what}", sim.step));
         }
+        warnings.extend(self.friction_that_gives(sim, measures, most_moving));
         if let Some(stiffening) = &mut self.stiffening {
             warnings.extend(stiffening.check(2.0 * measures.largest_overlap, sim)?);
         }
         Ok(())
+    }
+
+    /// A warning, once, if friction has given energy back: only tangential dashpots may, whose springs friction charges.
+    fn friction_that_gives(
+        &mut self,
+        sim: &Simulation,
+        measures: &Measures,
+        most_moving: f64,
+    ) -> Option<String> {
+        let highest = self.taken_by_friction?;
+        let taken = measures.taken_by(Quantity::OfFriction);
+        let given = highest - taken;
+        self.taken_by_friction = Some(f64::max(highest, taken));
+        let most = MAY_GIVE * f64::max(most_moving, measures.dissipated);
+        if given <= most || sim.law.needs().tangential_dashpots {
+            return None;
+        }
+        self.taken_by_friction = None;
+        Some(format!(
+            "step {}: friction has given {given:.1e} J, though it can only take energy. A shorter step makes it less",
+            sim.step
+        ))
     }
 
     /// Scalars and snapshot of the last step. Collective.
@@ -524,6 +551,9 @@ const fn due(step: u64, every: u64) -> bool {
 
 /// Parts of the energy missing from the balance at which a run says so when it happens; less is said at its end.
 const MISSING: [f64; 3] = [0.01, 0.1, 1.0];
+
+/// What friction may give by rounding and by steps of finite length, over the larger of motion and dissipation.
+const MAY_GIVE: f64 = 1e-4;
 
 /// Largest overlaps, over the shortest axis, at which a run says so.
 const DEPTHS: [f64; 2] = [DEEPEST_START, 4.0 * DEEPEST_START];

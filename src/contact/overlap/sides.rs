@@ -66,10 +66,6 @@ const WEIGHTS: [f64; WIDTH] = [
     0.101_228_536_290_376_26,
 ];
 
-/// The points of a line have a mean distance from its middle of `√3/2` of their radius of gyration, those of a disc
-/// `2√2/3`. With this part of its covariance a line resists torsion by friction as it should: with a quarter of its length.
-pub(super) const OF_A_LINE: f64 = 27.0 / 32.0;
-
 /// A directed axis.
 pub(super) struct Side {
     /// From the centre to one end [m].
@@ -322,7 +318,7 @@ impl Side {
         let part = (self.radius - 0.5 * thickness) / (reach - thickness);
         let centroid = middles[0] + (middles[1] - middles[0]) * part;
         let line = |side: &Self, along: &Along| {
-            side.end * side.end.transpose() * (0.5 * OF_A_LINE * along.variance)
+            side.end * side.end.transpose() * (0.5 * along.variance)
         };
         let covariance = line(self, &of_a) + line(other, &of_b);
         Ok(Thickness::pressing(thickness, force, moment, centroid, covariance))
@@ -351,7 +347,7 @@ impl Side {
         };
         let across = self.end - normal * rise;
         let point = across * ((press - counter) / sum) + normal * (height + 0.5 * thickness);
-        let covariance: Mat3 = self.end * self.end.transpose() * (OF_A_LINE * variance);
+        let covariance: Mat3 = self.end * self.end.transpose() * variance;
         let gain = 0.5 * sum / thickness;
         Ok(Thickness {
             thickness,

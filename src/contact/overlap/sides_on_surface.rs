@@ -28,7 +28,7 @@
 //! energies.
 
 use super::seen::{Seen, Shared};
-use super::sides::{Integrals, OF_A_LINE, Side};
+use super::sides::{Integrals, Side};
 use super::thickness::{THIN, Thickness};
 use crate::contact::patch::nearest_of_segments;
 use crate::math::Vec3;
@@ -364,7 +364,7 @@ impl Side {
         }
         let [depth, mean, square] = moments;
         let variance = (square / depth - (mean / depth) * (mean / depth)).max(0.0);
-        let covariance = self.end * self.end.transpose() * (OF_A_LINE * variance);
+        let covariance = self.end * self.end.transpose() * variance;
         let force: Vec3 = of_squared.column(0) * 0.5;
         let moment = self.end.cross(&(of_squared.column(1) * 0.5));
         let middle = foot / depth + force.normalize() * (0.5 * thickness);

@@ -105,14 +105,16 @@ impl Sticking<f64> {
         let depth = if size > 0.0 { size * size / radius } else { 1.0 };
         Self { radius, pull: (8.0 * PI * work * modulus).sqrt(), work: PI * work, size, depth }
     }
-
-    /// The gap at which a contact ends [m].
-    fn gap(&self) -> f64 {
-        if self.size > 0.0 { -END * self.depth } else { 0.0 }
-    }
 }
 
 impl<L: Lanes> Sticking<L> {
+    /// The gap at which a contact ends [m].
+    #[inline(always)]
+    fn gap(&self) -> L {
+        let zero = L::all(0.0);
+        (L::all(-END) * self.depth).or(zero, zero.less(self.size))
+    }
+
     /// The contact radius at an overlap [m].
     #[inline(always)]
     fn contact_radius(&self, overlap: L) -> L {
@@ -276,7 +278,7 @@ impl Model for Jkr {
             press,
             rub: tangential,
             viscous: Triple::zero(),
-            sticks: L::all(0.0),
+            kept: L::all(1.0),
             moment: Triple::zero(),
             stored: constants.stored(radius, tangential),
         }
@@ -310,18 +312,20 @@ impl Model for Jkr {
         if self.hertz.damped {
             press = press + elastic.dashpots[0] * radius.sqrt() * contact.approach;
         }
-        let (mut spring, mut rub, mut sticks) = (zero, zero, L::all(0.0));
+        let (mut spring, mut rub, mut kept) = (zero, zero, L::all(1.0));
         let frictional = elastic.frictional();
         if frictional != 0 {
             let carried = carried(self.hertz.tangential(state), contact);
             let limiting = press + L::all(3.0) * sticking.work * sticking.radius;
-            let last = (carried, Some(state[width - 1]));
-            let (force, stretched, below_limit) =
+            // Contacts begin with the radius that adhesion gives them.
+            let last = state[width - 1].or(sticking.size, contact.touched);
+            let last = (carried, Some(last));
+            let (force, stretched, part) =
                 self.hertz.rub(elastic, contact, (radius, limiting), last);
             let now = if contact.dt > 0.0 { stretched } else { carried };
             spring = now.or(zero, frictional);
             rub = force.or(zero, frictional);
-            sticks = below_limit;
+            kept = part;
         }
         if self.hertz.frictional {
             [state[0], state[1], state[2]] = [spring.x, spring.y, spring.z];
@@ -334,7 +338,7 @@ impl Model for Jkr {
             press,
             rub,
             viscous: rub.minus(spring),
-            sticks,
+            kept,
             moment: zero,
             stored: constants.stored(radius, spring),
         }
@@ -379,7 +383,8 @@ impl Model for Jkr {
         reach(&self.hertz.settings.interactions, &self.adhesion, library.largest_radius())
     }
 
-    fn outlives(&self, constants: &Constants<f64>) -> f64 {
+    #[inline(always)]
+    fn outlives<L: Lanes>(&self, constants: &Constants<L>) -> L {
         constants.sticking.gap()
     }
 

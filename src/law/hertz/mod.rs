@@ -41,7 +41,7 @@ pub mod jkr;
 
 pub use constants::Constants;
 
-use super::kernel::{Action, Contact, Model, Spread, Turning, carried, reduced_mass};
+use super::kernel::{Action, Contact, Model, Spread, Turning, carried, part_within, reduced_mass};
 use super::{Body, Hardest};
 use crate::contact::{StateColumn, curvature};
 use crate::ids::MaterialId;
@@ -235,7 +235,7 @@ impl Hertz {
         force
     }
 
-    /// The tangential force of A on B, and the elastic part of it [N]. The third is 1 where friction sticks, 0 where it slides.
+    /// The tangential force of A on B, and the elastic part of it [N]. The third is the part of the force that Coulomb's limit leaves.
     #[inline(always)]
     fn rub<L: Lanes>(
         &self,
@@ -246,14 +246,15 @@ impl Hertz {
     ) -> (Triple<L>, Triple<L>, L) {
         let (zero, one) = (L::all(0.0), L::all(1.0));
         let stiffness = elastic.tangential * root;
-        let shrunk = if let Some(last) = last_radius {
-            let now = elastic.root_of_radius * root;
-            (now / last).or(one, now.less(last))
-        } else {
-            let shrunk = (contact.overlap / contact.last_overlap).sqrt();
-            shrunk.or(one, contact.overlap.less(contact.last_overlap))
-        };
-        let stretch = contact.sliding.times(L::all(contact.dt) * stiffness);
+        // Where the contact shrinks the stretch stays, where it grows the force does: the mean radius on the way makes the rest.
+        let radius = elastic.root_of_radius * root;
+        let last = last_radius
+            .unwrap_or_else(|| self::root(contact.last_overlap) * elastic.root_of_radius);
+        let (grows, shrinks) = (last.less(radius), radius.less(last));
+        let ratio = last.or(radius, grows) / radius.or(last, grows);
+        let shrunk = ratio.or(one, shrinks);
+        let mean = mean_while_growing(one - ratio).or(one, grows);
+        let stretch = contact.sliding.times(contact.lasted * stiffness * mean);
         let spring = before.times(shrunk).plus(stretch);
         let viscous = if self.damped {
             contact.sliding.times(elastic.dashpots[1] * root.sqrt())
@@ -262,10 +263,11 @@ impl Hertz {
         };
         let force = spring.plus(viscous);
         let limit = elastic.friction * press.or(zero, zero.less(press));
-        let size = force.dot(force).sqrt();
-        let slides = limit.less(size);
-        let limited = force.times(limit / size);
-        (limited.or(force, slides), limited.minus(viscous).or(spring, slides), zero.or(one, slides))
+        let part = part_within(force, limit, contact);
+        let slides = part.less(one);
+        let limited = force.times(part);
+        let spring = limited.minus(viscous).or(spring, slides).times(contact.remains);
+        (limited.or(force, slides).times(contact.remains), spring, part)
     }
 }
 
@@ -286,6 +288,14 @@ fn widest_of(shape: &Shape, radius: f64) -> f64 {
         _ => radius.sqrt(),
     };
     root_of_radius * shape.inscribed_radius().sqrt()
+}
+
+/// The mean of `√δ` over its last value while `δ` grows evenly and `√δ` by a part of its last value: exact from 0 on, and to third
+/// order in that part.
+#[inline(always)]
+pub(in crate::law) fn mean_while_growing<L: Lanes>(part: L) -> L {
+    let one = L::all(1.0);
+    one - part * (L::all(0.5) - part * (one + part) * L::all(1.0 / 12.0))
 }
 
 /// The root of what may be 0 or less, where it is 0.
@@ -385,7 +395,7 @@ impl Model for Hertz {
             press,
             rub: tangential,
             viscous: Triple::zero(),
-            sticks: L::all(0.0),
+            kept: L::all(1.0),
             moment: Triple::zero(),
             stored: elastic.stored(overlap, root, tangential),
         }
@@ -401,18 +411,18 @@ impl Model for Hertz {
         let zero = Triple::zero();
         let root = root(contact.overlap);
         let press = self.press(elastic, contact, root);
-        let (mut spring, mut rub, mut sticks) = (zero, zero, L::all(0.0));
+        let (mut spring, mut rub, mut kept) = (zero, zero, L::all(1.0));
         let frictional = elastic.frictional();
         if frictional != 0 {
             let carried = carried(self.tangential(state), contact);
             let last_radius = if self.curved { Some(state[state.len() - 1]) } else { None };
-            let (force, stretched, below_limit) =
+            let (force, stretched, part) =
                 self.rub(elastic, contact, (root, press), (carried, last_radius));
             // At the start of a stage no time has passed: what is elastic stays as it was.
             let now = if contact.dt > 0.0 { stretched } else { carried };
             spring = now.or(zero, frictional);
             rub = force.or(zero, frictional);
-            sticks = below_limit;
+            kept = part;
         }
         if self.frictional {
             [state[0], state[1], state[2]] = [spring.x, spring.y, spring.z];
@@ -428,7 +438,7 @@ impl Model for Hertz {
             press,
             rub,
             viscous: rub.minus(spring),
-            sticks,
+            kept,
             moment: zero,
             stored: elastic.stored(contact.overlap, root, spring),
         }

@@ -16,9 +16,8 @@
 //!   tangential spring and Coulomb's limit. Its moment is `a` times its force. When `a` changes, `φ` and its energy stay. Where its
 //!   stiffness grows with the overlap the force stays, and where it falls `φ` does, as of the force in the plane: no energy is made.
 //!
-//! `a` is `2√2/3` of the radius of gyration of the patch about the normal: on a disc under even pressure friction in each
-//! point has that mean distance, and on a square one that is 0.6 % less. The covariance of a line is given as small as to make
-//! it a quarter of the length ([`crate::contact::thickness`]).
+//! `a` is the mean distance of the points of the patch from the normal, where even pressure has friction in each
+//! ([`crate::contact::Patch::mean_distance`]). Friction in the plane and torsion share Coulomb's limit ([`super::part_within`]).
 //!
 //! All forces but the elastic ones along the normal are remembered with the point where they acted, so that what is
 //! dissipated is their work: what a long step makes of the elastic ones is missing from the energy balance, and is
@@ -29,12 +28,10 @@ use super::{
     MOST_STATE_OF_MOMENTS, Model, Pair, Particles, Separated, Slot, add, geometries_at, pieces,
     read_state, rows_at, triple as in_lanes, vector, vectors,
 };
-use crate::contact::{Patch, Previous, StateColumn};
+use crate::contact::{Previous, StateColumn};
+use crate::law::hertz::mean_while_growing;
 use crate::lanes::{Eight, Gather, Kernel, Row, RowPairs, Triple, WIDTH};
 use crate::math::Vec3;
-
-/// Mean distance of the points of a disc from its axis, over its radius of gyration: `2√2/3`.
-const MEAN_DISTANCE: f64 = 0.942_809_041_582_063_4;
 
 /// What is remembered behind the numbers of the model.
 pub(super) const REMEMBERED: [StateColumn; 5] = [
@@ -138,6 +135,8 @@ struct Motion {
     spin: [Vec3; 2],
     /// Of the surface of B against B in the plane of the contact, now and at the last step, if B is a belt [m/s].
     belt: [Vec3; 2],
+    /// Is B a wall?
+    with_wall: bool,
 }
 
 impl Motion {
@@ -149,14 +148,21 @@ impl Motion {
         velocity[1] += particles.sliding_of_image(pair);
         let spin = [pair.a, pair.b].map(|slot| particles.angular_velocity_of(slot));
         let belt = normals.map(|normal| particles.belt_at(pair.b, normal));
-        Self { r: [r, r - (velocity[1] - velocity[0]) * dt], velocity, spin, belt }
+        let with_wall = pair.b.index() >= particles.first_facet();
+        Self { r: [r, r - (velocity[1] - velocity[0]) * dt], velocity, spin, belt, with_wall }
     }
 
     /// Where nobody asks for velocities.
     fn none(pair: Pair, particles: &Particles) -> Self {
         let r = particles.bodies().relative(pair);
         let zeros = [Vec3::zeros(); 2];
-        Self { r: [r; 2], velocity: zeros, spin: zeros, belt: zeros }
+        Self { r: [r; 2], velocity: zeros, spin: zeros, belt: zeros, with_wall: false }
+    }
+
+    /// See [`super::Motion::midway`] [m/s].
+    fn midway(&self, dt: f64) -> Vec3 {
+        let around = if self.with_wall { self.spin[1] * 2.0 } else { self.spin[0] + self.spin[1] };
+        around.cross(&(self.velocity[0] - self.velocity[1])) * (0.25 * dt)
     }
 
     /// Velocity of A's surface against B's at a point seen from the centre of A, now or at the last step [m/s].
@@ -302,7 +308,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let Picked { at, point, now, last, before } = self.read_picked(places, state);
         let arms = self.arms_at::<L>([a, b], point, before.point, MOVES || with_walls);
         let mut motion = if MOVES {
-            super::Motion::of(particles, [a, b], arms.now, arms.last)
+            super::Motion::of(particles, [a, b], arms.now, arms.last, dt)
         } else {
             super::Motion::none()
         };
@@ -310,7 +316,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let belts = if MOVES && with_walls { super::belts::<L>(particles, b) } else { None };
         let belts = belts.map(|belts| motion.carried_by(belts, [&now, &last]));
 
-        let contact = motion.contact(&last, &now, dt);
+        let contact = motion.contact(&last, &now, dt).timed(zero);
         let last_acting = law.model.last(&constants, last.overlap, state);
         let last_stored = last_acting.stored[1];
         let of_moments = |overlap: L, state: &[L]| {
@@ -353,7 +359,7 @@ impl<M: Model> Contacts<'_, '_, M> {
                 let along = last.normal.times(before.force.dot(last.normal));
                 let viscous = before.force.minus(along).minus(last_acting.rub);
                 let power = viscous.dot(motion.last_velocity) + acting.viscous.dot(motion.velocity);
-                of_dashpots = half * power * acting.sticks;
+                of_dashpots = (half * power).or(zero, L::all(1.0).at_most(acting.kept));
                 of_friction = of_friction - of_dashpots;
             }
         }
@@ -551,10 +557,9 @@ impl<M: Model> Contacts<'_, '_, M> {
         let last_action = law.model.last(&constants, last.overlap, state);
         let stored_before = last_action.stored[1] + before.stored(&last_turning);
         let turning = law.model.turning(&constants, overlap);
-        before.torsion *= last_turning.kept(&turning);
         let turned_before = law.model.turned(&constants, last.overlap, state);
         let Acting { force, moment, memory, of_model, viscous, sticks, stored } =
-            self.acting(place, (&constants, &turning), &last, &before, &motion, state);
+            self.acting(place, &constants, [&last_turning, &turning], &last, &before, &motion, state);
 
         let point = self.work.points[place];
         let half = 0.5 * dt;
@@ -606,7 +611,8 @@ impl<M: Model> Contacts<'_, '_, M> {
     fn acting(
         &self,
         place: usize,
-        (constants, turning): (&M::Constants<f64>, &Turning),
+        constants: &M::Constants<f64>,
+        [last_turning, turning]: [&Turning; 2],
         last: &Geometry,
         before: &Memory,
         motion: &Motion,
@@ -615,7 +621,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let Self { law, dt, .. } = *self;
         let Geometry { normal, overlap } = self.work.geometry[place];
         let (point, patch) = (self.work.points[place], &self.work.patches[place]);
-        let velocity = motion.at(&point, 0);
+        let velocity = motion.at(&point, 0) + motion.midway(dt);
         let approach = velocity.dot(&normal);
         let sliding = velocity - normal * approach;
         let spin = motion.spin[0] + motion.spin[1];
@@ -631,17 +637,26 @@ impl<M: Model> Contacts<'_, '_, M> {
             turning: triple(&motion.turning()),
             touched: u8::from(last.touched()),
             extended: true,
+            torsion: 0.0,
             dt,
-        };
+            lasted: dt,
+            remains: 1.0,
+        }
+        .timed(0.0);
+        let twisting = motion.turning();
+        let kept = last_turning.kept(turning);
+        let mean = if last.touched() { mean_while_growing(1.0 - kept) } else { 1.0 };
+        let lever = patch.mean_distance(&normal);
+        let speed = lever * twisting.dot(&normal);
+        let torsion = Torsion::of(turning, before.torsion * kept, speed, mean * contact.lasted);
+        let contact = Contact { torsion: torsion.force, ..contact };
         let now = law.model.act(constants, &contact, state);
         let rub = vector(now.rub);
         let elastic = law.model.elastic(constants, overlap);
 
-        let twisting = motion.turning();
-        let torsion =
-            Torsion::of(turning, patch, &normal, now.press, before.torsion, &twisting, dt);
+        let torsion = torsion.within(turning, &contact, now.kept);
         let rocking = normal.cross(&patch.times(&normal.cross(&twisting)));
-        let mut moment = normal * torsion.moment - rocking * (turning.normal_dashpot * patch.gain);
+        let mut moment = normal * (lever * torsion.force) - rocking * (turning.normal_dashpot * patch.gain);
         let of_model = if M::MOMENTS { vector(now.moment) } else { Vec3::zeros() };
         if M::MOMENTS {
             moment += of_model;
@@ -659,7 +674,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             memory,
             of_model,
             viscous: vector(now.viscous),
-            sticks: now.sticks > 0.0,
+            sticks: now.kept >= 1.0,
             stored: now.stored[1] + memory.stored(turning),
         }
     }
@@ -701,41 +716,39 @@ impl<M: Model> Contacts<'_, '_, M> {
     }
 }
 
-/// Spring, dashpot and friction of turning about the normal.
+/// Spring and dashpot of turning about the normal.
 struct Torsion {
-    /// Of A on B along the normal [N m].
-    moment: f64,
+    /// Of A on B, the moment over the mean distance [N].
+    force: f64,
+    /// The part of the dashpot [N].
+    viscous: f64,
     /// [m]
     stretch: f64,
 }
 
 impl Torsion {
-    fn of(
-        turning: &Turning,
-        patch: &Patch,
-        normal: &Vec3,
-        press: f64,
-        before: f64,
-        twisting: &Vec3,
-        dt: f64,
-    ) -> Self {
+    /// Before any limit, from the stretch that is left [m], at a speed [m/s] that has made it grow for so long [s].
+    fn of(turning: &Turning, left: f64, speed: f64, lasted: f64) -> Self {
         let Turning { tangential_stiffness, tangential_dashpot, friction, .. } = *turning;
         if tangential_stiffness <= 0.0 || friction <= 0.0 {
-            return Self { moment: 0.0, stretch: 0.0 };
+            return Self { force: 0.0, viscous: 0.0, stretch: 0.0 };
         }
-        let lever = MEAN_DISTANCE * patch.squared_radius(normal).sqrt();
-        let speed = lever * twisting.dot(normal);
-        let stretch = before + speed * dt;
+        let stretch = left + speed * lasted;
         let viscous = tangential_dashpot * speed;
-        let force = tangential_stiffness * stretch + viscous;
-        let limit = friction * press.max(0.0);
-        if force.abs() <= limit {
-            return Self { moment: lever * force, stretch };
-        }
-        let limited = limit.copysign(force);
+        Self { force: tangential_stiffness * stretch + viscous, viscous, stretch }
+    }
+
+    /// The part that Coulomb's limit leaves, see [`super::part_within`].
+    fn within(self, turning: &Turning, contact: &Contact<f64>, kept: f64) -> Self {
+        let remains = contact.remains;
+        let Self { force, viscous, stretch } = self;
         // At the start of a stage no time has passed: a spring stays as it was.
-        let slipped = if dt > 0.0 { (limited - viscous) / tangential_stiffness } else { stretch };
-        Self { moment: lever * limited, stretch: slipped }
+        let stretch = if kept < 1.0 && contact.dt > 0.0 {
+            (force * kept - viscous) / turning.tangential_stiffness
+        } else {
+            stretch
+        };
+        Self { force: force * kept * remains, viscous, stretch: stretch * remains }
     }
 }
 

@@ -14,7 +14,7 @@ mod constants;
 
 pub use constants::{Constants, damping_ratio_of_restitution};
 
-use super::kernel::{Action, Contact, Model, Spread, Turning, carried, dashpot, reduced_mass};
+use super::kernel::{Action, Contact, Model, Spread, Turning, carried, dashpot, part_within, reduced_mass};
 use super::{Body, Hardest};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
@@ -125,33 +125,38 @@ impl Linear {
         force
     }
 
-    /// Spring, dashpot and friction in the contact plane: the tangential force of A on B [N], and the spring [m]. Where
-    /// they exceed Coulomb's limit the force is cut to it, and the spring to what the dashpot leaves of it. The third
-    /// is 1 where friction sticks, 0 where it slides.
+    /// Spring, dashpot and friction in the contact plane from what was carried over of the spring [m]: the tangential force of A on
+    /// B [N], and the spring [m]. Where
+    /// they exceed Coulomb's limit the force is cut to it, and the spring to what the dashpot leaves of it. The third is the
+    /// part of the force that the limit leaves.
     #[inline(always)]
     fn rub<L: Lanes>(
         &self,
         springs: &Springs<L>,
         normal_force: L,
-        spring: Triple<L>,
-        sliding: Triple<L>,
+        carried: Triple<L>,
+        contact: &Contact<L>,
     ) -> (Triple<L>, Triple<L>, L) {
         let zero = L::all(0.0);
+        let Contact { sliding, lasted, remains, .. } = *contact;
+        let spring = carried.plus(sliding.times(lasted));
         let mut force = spring.times(springs.tangential);
         if self.damped {
             force = force.plus(sliding.times(springs.dashpots[1]));
         }
         let limit = springs.friction * normal_force.or(zero, zero.less(normal_force));
-        let size = force.dot(force).sqrt();
-        let slides = limit.less(size);
-        let limited = force.times(limit / size);
+        let part = part_within(force, limit, contact);
+        let slides = part.less(L::all(1.0));
+        let limited = force.times(part);
         let mut elastic = limited;
         if self.damped {
             elastic = elastic.minus(sliding.times(springs.dashpots[1]));
         }
         let stretched = elastic.over(springs.tangential);
         let stretched = stretched.or(Triple::zero(), zero.less(springs.tangential));
-        (limited.or(force, slides), stretched.or(spring, slides), zero.or(L::all(1.0), slides))
+        let force = limited.or(force, slides).times(remains);
+        let spring = stretched.or(spring, slides).times(remains);
+        (force, spring, part)
     }
 }
 
@@ -217,7 +222,7 @@ impl Model for Linear {
             press: if self.damped { state[state.len() - 1] } else { springs.normal * overlap },
             rub: spring.times(springs.tangential),
             viscous: Triple::zero(),
-            sticks: L::all(0.0),
+            kept: L::all(1.0),
             moment: Triple::zero(),
             stored: springs.stored(overlap, spring),
         }
@@ -232,18 +237,16 @@ impl Model for Linear {
     ) -> Action<L> {
         let zero = Triple::zero();
         let press = self.press(springs, contact);
-        let (mut spring, mut rub, mut sticks) = (zero, zero, L::all(0.0));
+        let (mut spring, mut rub, mut kept) = (zero, zero, L::all(1.0));
         let frictional = springs.frictional();
         if frictional != 0 {
-            let Contact { sliding, dt, .. } = *contact;
             let carried = carried(self.spring(state), contact);
-            let (friction, stretched, below_limit) =
-                self.rub(springs, press, carried.plus(sliding.times(L::all(dt))), sliding);
+            let (friction, stretched, part) = self.rub(springs, press, carried, contact);
             // At the start of a stage no time has passed: a spring stays as it was.
-            let now = if dt > 0.0 { stretched } else { carried };
+            let now = if contact.dt > 0.0 { stretched } else { carried };
             spring = now.or(zero, frictional);
             rub = friction.or(zero, frictional);
-            sticks = below_limit;
+            kept = part;
         }
         if self.frictional {
             [state[0], state[1], state[2]] = [spring.x, spring.y, spring.z];
@@ -255,7 +258,7 @@ impl Model for Linear {
             press,
             rub,
             viscous: rub.minus(spring.times(springs.tangential)),
-            sticks,
+            kept,
             moment: zero,
             stored: springs.stored(contact.overlap, spring),
         }
