@@ -48,6 +48,7 @@ mod sides;
 mod sides_on_meshes;
 mod sides_on_round_walls;
 mod sizes;
+mod sliding_faces;
 mod snapshot;
 mod solids;
 mod stages;

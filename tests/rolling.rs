@@ -5,7 +5,7 @@ use dem_mpi::comm::alone::Alone;
 use dem_mpi::contact::StateColumn;
 use dem_mpi::ids::MaterialId;
 use dem_mpi::lanes::{Lanes, Triple};
-use dem_mpi::law::kernel::{Action, Contact, Law, Model, Spread, carried};
+use dem_mpi::law::kernel::{Action, Contact, Kept, Law, Model, Spread, carried};
 use dem_mpi::law::{Body, Hardest};
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::Needs;
@@ -53,7 +53,7 @@ impl Rolling {
             press: stiffness * overlap,
             rub: spring.times(stiffness),
             viscous: Triple::zero(),
-            kept: L::all(1.0),
+            kept: Kept::all(),
             moment: rolled.times(rolling),
             stored: [elastic, sheared + half * rolling * rolled.dot(rolled)],
         }

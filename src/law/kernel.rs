@@ -112,8 +112,10 @@ pub struct Contact<L> {
     pub dt: f64,
     /// Time in contact since the last step [s]: `dt`, or less where contacts have begun since then.
     pub lasted: L,
-    /// Mean over the steps before and after of what acts in the plane [-]: 1, or less where contacts end within the next step.
-    pub remains: L,
+    /// Which of them end within the next step.
+    pub ends: u8,
+    /// In which part of it [-].
+    pub left: L,
 }
 
 impl<L: Lanes> Contact<L> {
@@ -131,10 +133,22 @@ impl<L: Lanes> Contact<L> {
         let part = self.overlap / way;
         let begins = begins & zero.less(part) & part.less(one);
         self.lasted = (self.lasted * part).or(self.lasted, begins);
-        let part = zero - to_end / way;
-        let ends = zero.less(part) & part.less(one);
-        self.remains = (L::all(0.5) * (one + part)).or(one, ends);
+        self.left = zero - to_end / way;
+        self.ends = zero.less(self.left) & self.left.less(one);
         self
+    }
+
+    /// Time for which what acts in the plane acts from the middle of the last step on, over a step [-]: 1, but where contacts end
+    /// it stays until Coulomb's limit, which falls to nothing, has come down to it. `part` of the limit is that now [-].
+    #[inline(always)]
+    pub fn remains(&self, part: impl Fn() -> L) -> L {
+        let one = L::all(1.0);
+        if self.ends == 0 {
+            return one;
+        }
+        let (part, half) = (part(), L::all(0.5));
+        let part = part.or(one, part.less(one));
+        (half + self.left * (one - half * part)).or(one, self.ends)
     }
 }
 
@@ -147,13 +161,33 @@ pub struct Action<L> {
     pub rub: Triple<L>,
     /// The part of dashpots [N]. [`Model::last`] does not know it, and gives none.
     pub viscous: Triple<L>,
-    /// The part of the tangential force that Coulomb's limit leaves [-]: 1 where friction sticks. [`Model::last`] does not know it.
-    pub kept: L,
+    /// What Coulomb's limit has left of the tangential force. [`Model::last`] does not know it.
+    pub kept: Kept<L>,
     /// Moment of A on B about the contact point, if the model has [`Model::MOMENTS`] [N m]. No part of it is forgotten: what a
     /// dashpot adds has to be in the state.
     pub moment: Triple<L>,
     /// Elastic energy in the normal and the tangential direction, that of moments with the latter [J].
     pub stored: [L; 2],
+}
+
+/// Parts of what friction would do without a limit [-].
+#[derive(Clone, Copy, Debug)]
+pub struct Kept<L> {
+    /// Of the tangential force; 1 where friction sticks.
+    pub force: L,
+    /// Of torsion.
+    pub torsion: L,
+    /// See [`Contact::remains`]. The force of an action has it already.
+    pub remains: L,
+}
+
+impl<L: Lanes> Kept<L> {
+    /// Where friction sticks.
+    #[inline(always)]
+    pub fn all() -> Self {
+        let one = L::all(1.0);
+        Self { force: one, torsion: one, remains: one }
+    }
 }
 
 /// Constants of contacts, from one set for all lanes or one for each.
@@ -866,7 +900,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             before.rub = before.rub.plus(last);
             // Where friction is at its limit the force is that of friction.
             let power = last.dot(last_velocity) + acting.viscous.dot(velocity);
-            dashed_off = (half_step * power).or(zero, L::all(1.0).at_most(acting.kept));
+            dashed_off = (half_step * power).or(zero, L::all(1.0).at_most(acting.kept.force));
         }
         let dissipated = if MOVES && dt > 0.0 {
             let pressed = if curvatures.is_some() {
@@ -1332,7 +1366,8 @@ impl<L: Eight> Motion<L> {
             torsion: L::all(0.0),
             dt,
             lasted: L::all(dt),
-            remains: L::all(1.0),
+            ends: 0,
+            left: L::all(1.0),
         }
     }
 }
@@ -1395,28 +1430,50 @@ pub fn carried<L: Lanes>(vector: Triple<L>, contact: &Contact<L>) -> Triple<L> {
     turned.or(Triple::zero(), kept & touched)
 }
 
-/// The part of a tangential force that Coulomb's limit leaves, both in N; 1 where friction sticks. Torsion shares the limit: both
-/// together make up an ellipse, and where they are alike up to 6 % less. With the force in the direction of both slips that is
-/// within 2 % of discs and squares under even pressure (Farkas et al. 2003, DOI 10.1103/PhysRevLett.90.248302).
+/// What Coulomb's limit leaves of a tangential force, both in N, and of torsion beside it.
 #[inline(always)]
-pub fn part_within<L: Lanes>(force: Triple<L>, limit: L, contact: &Contact<L>) -> L {
+pub fn within_limit<L: Lanes>(force: Triple<L>, limit: L, contact: &Contact<L>) -> Kept<L> {
     let one = L::all(1.0);
-    let mut square = force.dot(force);
-    let mut limit = limit;
+    let square = force.dot(force);
     if contact.extended {
-        let of_torsion = contact.torsion * contact.torsion;
-        let both = square + of_torsion;
-        let alike = square * of_torsion / (both * both);
-        let alike = alike.or(L::all(0.0), L::all(0.0).less(both));
-        limit = limit * (one - L::all(ALIKE) * alike);
-        square = both;
+        return within_common_limit(square, limit, contact);
     }
     let size = square.sqrt();
-    (limit / size).or(one, limit.less(size))
+    let part = (limit / size).or(one, limit.less(size));
+    Kept { force: part, torsion: part, remains: contact.remains(|| size / limit) }
 }
 
-/// Four times the part by which the limit is less where both are alike.
-const ALIKE: f64 = 0.25;
+/// Force and torsion share one limit where bodies touch with an extent: nearly an ellipse, and up to 6 % less where both are alike.
+/// Where they slip, the springs give way across it: `f : t = v : s a ω`, with `s` from 1.5 where torsion is all to 9/16 where it is
+/// nothing. On discs under even pressure that is Coulomb's friction in each point within 1 % of the limit, on squares within 2 %
+/// (Farkas et al. 2003, DOI 10.1103/PhysRevLett.90.248302). Rectangles count like them, whatever the direction of the force.
+#[inline(always)]
+fn within_common_limit<L: Lanes>(square: L, limit: L, contact: &Contact<L>) -> Kept<L> {
+    let (zero, one) = (L::all(0.0), L::all(1.0));
+    let of_torsion = contact.torsion * contact.torsion;
+    // Size, and the limit in this direction.
+    let sized = |square: L, of_torsion: L| {
+        let both = square + of_torsion;
+        let alike = square * of_torsion / (both * both);
+        let alike = alike.or(zero, zero.less(both));
+        (both.sqrt(), limit * (one - L::all(0.25) * alike))
+    };
+    let (size, most) = sized(square, of_torsion);
+    let slides = most.less(size);
+    let both = square + of_torsion;
+    let way = (L::all(1.5) * of_torsion + L::all(0.5625) * square) / both;
+    let force = most / size;
+    let torsion = way / (way + (one / force - one));
+    let (size_left, most_left) = sized(square * force * force, of_torsion * torsion * torsion);
+    let scale = most_left / size_left;
+    // Without any pressure nothing is left.
+    let left = |part: L| (part * scale).or(zero, zero.less(limit)).or(one, slides);
+    Kept {
+        force: left(force),
+        torsion: left(torsion),
+        remains: contact.remains(|| size / most),
+    }
+}
 
 /// The derivative of an energy that goes with `δ^(5/2)`; 0 where there is no overlap.
 #[inline(always)]

@@ -18,7 +18,7 @@
 //! use dem_mpi::ids::{MaterialId, ShapeId};
 //! use dem_mpi::lanes::{Lanes, Triple};
 //! use dem_mpi::law::{Body, Hardest};
-//! use dem_mpi::law::kernel::{Action, Contact, Law, Model, Spread};
+//! use dem_mpi::law::kernel::{Action, Contact, Kept, Law, Model, Spread};
 //! use dem_mpi::particles::Needs;
 //! use dem_mpi::scene::{Scene, assemble};
 //! use std::path::Path;
@@ -35,7 +35,7 @@
 //!         let press = factor * overlap * overlap.sqrt();
 //!         let stored = [L::all(0.4) * press * overlap, L::all(0.0)];
 //!         let zero = Triple::zero();
-//!         Action { press, rub: zero, viscous: zero, kept: L::all(1.0), moment: zero, stored }
+//!         Action { press, rub: zero, viscous: zero, kept: Kept::all(), moment: zero, stored }
 //!     }
 //! }
 //!

@@ -229,7 +229,7 @@ impl<L: Lanes> Spring<L> {
         load: &Load<L>,
         angle: Triple<L>,
         turning: Triple<L>,
-        remains: L,
+        contact: &Contact<L>,
     ) -> [Triple<L>; 2] {
         let zero = L::all(0.0);
         let stiffness = self.stiffness * load.stiffness;
@@ -238,6 +238,8 @@ impl<L: Lanes> Spring<L> {
         let left =
             angle.times(part_within(elastic, limit)).or(Triple::zero(), zero.less(stiffness));
         let moment = left.times(stiffness).plus(turning.times(self.dashpot * load.root));
+        let size = moment.dot(moment).sqrt();
+        let remains = contact.remains(|| size / limit);
         [moment.times(part_within(moment, limit) * remains), left.times(remains)]
     }
 }
@@ -376,7 +378,7 @@ impl<M: Model> Model for Rolling<M> {
             return action;
         }
         let zero = L::all(0.0);
-        let Contact { normal, turning, touched, dt, lasted, remains, .. } = *contact;
+        let Contact { normal, turning, touched, dt, lasted, .. } = *contact;
         let stiffness = self.stiffness_of(constants, contact.overlap);
         let press = action.press.or(zero, zero.less(action.press));
         let load = Load { press, stiffness, root: stiffness.sqrt() };
@@ -395,7 +397,7 @@ impl<M: Model> Model for Rolling<M> {
             let rolling = turning.minus(normal.times(twisting));
             let before = carried(turned.rolled, contact).times(kept);
             let angle = before.plus(rolling.times(lasted));
-            let [moment, left] = constants.rolling.resist(&load, angle, rolling, remains);
+            let [moment, left] = constants.rolling.resist(&load, angle, rolling, contact);
             turned.moment = moment;
             turned.rolled = if dt > 0.0 { left } else { before };
         }
@@ -404,7 +406,7 @@ impl<M: Model> Model for Rolling<M> {
             let angle = before + twisting * lasted;
             let along = |number: L| Triple { x: number, y: zero, z: zero };
             let [moment, left] =
-                constants.twisting.resist(&load, along(angle), along(twisting), remains);
+                constants.twisting.resist(&load, along(angle), along(twisting), contact);
             turned.moment = turned.moment.plus(normal.times(moment.x));
             turned.twisted = if dt > 0.0 { left.x } else { before };
         }

@@ -30,7 +30,7 @@ use super::{CONTACT_RADIUS, Elastic, Hertz, NORMAL_FORCE, TANGENTIAL_FORCE};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
-use crate::law::kernel::{Action, Contact, Model, Spread, carried, reduced_mass};
+use crate::law::kernel::{Action, Contact, Kept, Model, Spread, carried, reduced_mass};
 use crate::law::{Body, Hardest, dmt};
 use crate::particles::{Library, Needs};
 use serde::{Deserialize, Serialize};
@@ -278,7 +278,7 @@ impl Model for Jkr {
             press,
             rub: tangential,
             viscous: Triple::zero(),
-            kept: L::all(1.0),
+            kept: Kept::all(),
             moment: Triple::zero(),
             stored: constants.stored(radius, tangential),
         }
@@ -312,7 +312,7 @@ impl Model for Jkr {
         if self.hertz.damped {
             press = press + elastic.dashpots[0] * radius.sqrt() * contact.approach;
         }
-        let (mut spring, mut rub, mut kept) = (zero, zero, L::all(1.0));
+        let (mut spring, mut rub, mut kept) = (zero, zero, Kept::all());
         let frictional = elastic.frictional();
         if frictional != 0 {
             let carried = carried(self.hertz.tangential(state), contact);
@@ -320,12 +320,12 @@ impl Model for Jkr {
             // Contacts begin with the radius that adhesion gives them.
             let last = state[width - 1].or(sticking.size, contact.touched);
             let last = (carried, Some(last));
-            let (force, stretched, part) =
+            let (force, stretched, left) =
                 self.hertz.rub(elastic, contact, (radius, limiting), last);
             let now = if contact.dt > 0.0 { stretched } else { carried };
             spring = now.or(zero, frictional);
             rub = force.or(zero, frictional);
-            kept = part;
+            kept = left;
         }
         if self.hertz.frictional {
             [state[0], state[1], state[2]] = [spring.x, spring.y, spring.z];

@@ -41,7 +41,9 @@ pub mod jkr;
 
 pub use constants::Constants;
 
-use super::kernel::{Action, Contact, Model, Spread, Turning, carried, part_within, reduced_mass};
+use super::kernel::{
+    Action, Contact, Kept, Model, Spread, Turning, carried, reduced_mass, within_limit,
+};
 use super::{Body, Hardest};
 use crate::contact::{StateColumn, curvature};
 use crate::ids::MaterialId;
@@ -235,7 +237,8 @@ impl Hertz {
         force
     }
 
-    /// The tangential force of A on B, and the elastic part of it [N]. The third is the part of the force that Coulomb's limit leaves.
+    /// The tangential force of A on B, and the elastic part of it [N]. The third is what Coulomb's limit
+    /// leaves.
     #[inline(always)]
     fn rub<L: Lanes>(
         &self,
@@ -243,7 +246,7 @@ impl Hertz {
         contact: &Contact<L>,
         (root, press): (L, L),
         (before, last_radius): (Triple<L>, Option<L>),
-    ) -> (Triple<L>, Triple<L>, L) {
+    ) -> (Triple<L>, Triple<L>, Kept<L>) {
         let (zero, one) = (L::all(0.0), L::all(1.0));
         let stiffness = elastic.tangential * root;
         // Where the contact shrinks the stretch stays, where it grows the force does: the mean radius on the way makes the rest.
@@ -263,11 +266,11 @@ impl Hertz {
         };
         let force = spring.plus(viscous);
         let limit = elastic.friction * press.or(zero, zero.less(press));
-        let part = part_within(force, limit, contact);
-        let slides = part.less(one);
-        let limited = force.times(part);
-        let spring = limited.minus(viscous).or(spring, slides).times(contact.remains);
-        (limited.or(force, slides).times(contact.remains), spring, part)
+        let kept = within_limit(force, limit, contact);
+        let slides = kept.force.less(one);
+        let limited = force.times(kept.force);
+        let spring = limited.minus(viscous).or(spring, slides).times(kept.remains);
+        (limited.or(force, slides).times(kept.remains), spring, kept)
     }
 }
 
@@ -395,7 +398,7 @@ impl Model for Hertz {
             press,
             rub: tangential,
             viscous: Triple::zero(),
-            kept: L::all(1.0),
+            kept: Kept::all(),
             moment: Triple::zero(),
             stored: elastic.stored(overlap, root, tangential),
         }
@@ -411,18 +414,18 @@ impl Model for Hertz {
         let zero = Triple::zero();
         let root = root(contact.overlap);
         let press = self.press(elastic, contact, root);
-        let (mut spring, mut rub, mut kept) = (zero, zero, L::all(1.0));
+        let (mut spring, mut rub, mut kept) = (zero, zero, Kept::all());
         let frictional = elastic.frictional();
         if frictional != 0 {
             let carried = carried(self.tangential(state), contact);
             let last_radius = if self.curved { Some(state[state.len() - 1]) } else { None };
-            let (force, stretched, part) =
+            let (force, stretched, left) =
                 self.rub(elastic, contact, (root, press), (carried, last_radius));
             // At the start of a stage no time has passed: what is elastic stays as it was.
             let now = if contact.dt > 0.0 { stretched } else { carried };
             spring = now.or(zero, frictional);
             rub = force.or(zero, frictional);
-            kept = part;
+            kept = left;
         }
         if self.frictional {
             [state[0], state[1], state[2]] = [spring.x, spring.y, spring.z];

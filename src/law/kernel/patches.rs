@@ -17,14 +17,14 @@
 //!   stiffness grows with the overlap the force stays, and where it falls `φ` does, as of the force in the plane: no energy is made.
 //!
 //! `a` is the mean distance of the points of the patch from the normal, where even pressure has friction in each
-//! ([`crate::contact::Patch::mean_distance`]). Friction in the plane and torsion share Coulomb's limit ([`super::part_within`]).
+//! ([`crate::contact::Patch::mean_distance`]). Friction in the plane and torsion share Coulomb's limit ([`super::within_limit`]).
 //!
 //! All forces but the elastic ones along the normal are remembered with the point where they acted, so that what is
 //! dissipated is their work: what a long step makes of the elastic ones is missing from the energy balance, and is
 //! reported. The point of a patch runs from edge to edge when a body rocks; no support point could stand for it.
 
 use super::{
-    Arms, CONTACT_POINT, Contact, Contacts, Geometry, GeometryInLanes, Lost, MOST_STATE,
+    Arms, CONTACT_POINT, Contact, Contacts, Geometry, GeometryInLanes, Kept, Lost, MOST_STATE,
     MOST_STATE_OF_MOMENTS, Model, Pair, Particles, Separated, Slot, add, geometries_at, pieces,
     read_state, rows_at, triple as in_lanes, vector, vectors,
 };
@@ -359,7 +359,7 @@ impl<M: Model> Contacts<'_, '_, M> {
                 let along = last.normal.times(before.force.dot(last.normal));
                 let viscous = before.force.minus(along).minus(last_acting.rub);
                 let power = viscous.dot(motion.last_velocity) + acting.viscous.dot(motion.velocity);
-                of_dashpots = (half * power).or(zero, L::all(1.0).at_most(acting.kept));
+                of_dashpots = (half * power).or(zero, L::all(1.0).at_most(acting.kept.force));
                 of_friction = of_friction - of_dashpots;
             }
         }
@@ -640,7 +640,8 @@ impl<M: Model> Contacts<'_, '_, M> {
             torsion: 0.0,
             dt,
             lasted: dt,
-            remains: 1.0,
+            ends: 0,
+            left: 1.0,
         }
         .timed(0.0);
         let twisting = motion.turning();
@@ -654,7 +655,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let rub = vector(now.rub);
         let elastic = law.model.elastic(constants, overlap);
 
-        let torsion = torsion.within(turning, &contact, now.kept);
+        let torsion = torsion.within(turning, &now.kept, dt);
         let rocking = normal.cross(&patch.times(&normal.cross(&twisting)));
         let mut moment = normal * (lever * torsion.force) - rocking * (turning.normal_dashpot * patch.gain);
         let of_model = if M::MOMENTS { vector(now.moment) } else { Vec3::zeros() };
@@ -674,7 +675,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             memory,
             of_model,
             viscous: vector(now.viscous),
-            sticks: now.kept >= 1.0,
+            sticks: now.kept.force >= 1.0,
             stored: now.stored[1] + memory.stored(turning),
         }
     }
@@ -738,12 +739,12 @@ impl Torsion {
         Self { force: tangential_stiffness * stretch + viscous, viscous, stretch }
     }
 
-    /// The part that Coulomb's limit leaves, see [`super::part_within`].
-    fn within(self, turning: &Turning, contact: &Contact<f64>, kept: f64) -> Self {
-        let remains = contact.remains;
+    /// The parts that Coulomb's limit leaves, and that remain, see [`super::within_limit`].
+    fn within(self, turning: &Turning, kept: &Kept<f64>, dt: f64) -> Self {
+        let Kept { torsion: kept, remains, .. } = *kept;
         let Self { force, viscous, stretch } = self;
         // At the start of a stage no time has passed: a spring stays as it was.
-        let stretch = if kept < 1.0 && contact.dt > 0.0 {
+        let stretch = if kept < 1.0 && dt > 0.0 {
             (force * kept - viscous) / turning.tangential_stiffness
         } else {
             stretch

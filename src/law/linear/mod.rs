@@ -14,7 +14,9 @@ mod constants;
 
 pub use constants::{Constants, damping_ratio_of_restitution};
 
-use super::kernel::{Action, Contact, Model, Spread, Turning, carried, dashpot, part_within, reduced_mass};
+use super::kernel::{
+    Action, Contact, Kept, Model, Spread, Turning, carried, dashpot, reduced_mass, within_limit,
+};
 use super::{Body, Hardest};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
@@ -127,8 +129,8 @@ impl Linear {
 
     /// Spring, dashpot and friction in the contact plane from what was carried over of the spring [m]: the tangential force of A on
     /// B [N], and the spring [m]. Where
-    /// they exceed Coulomb's limit the force is cut to it, and the spring to what the dashpot leaves of it. The third is the
-    /// part of the force that the limit leaves.
+    /// they exceed Coulomb's limit the force is cut to it, and the spring to what the dashpot leaves of it. The third is what
+    /// the limit leaves.
     #[inline(always)]
     fn rub<L: Lanes>(
         &self,
@@ -136,27 +138,27 @@ impl Linear {
         normal_force: L,
         carried: Triple<L>,
         contact: &Contact<L>,
-    ) -> (Triple<L>, Triple<L>, L) {
+    ) -> (Triple<L>, Triple<L>, Kept<L>) {
         let zero = L::all(0.0);
-        let Contact { sliding, lasted, remains, .. } = *contact;
+        let Contact { sliding, lasted, .. } = *contact;
         let spring = carried.plus(sliding.times(lasted));
         let mut force = spring.times(springs.tangential);
         if self.damped {
             force = force.plus(sliding.times(springs.dashpots[1]));
         }
         let limit = springs.friction * normal_force.or(zero, zero.less(normal_force));
-        let part = part_within(force, limit, contact);
-        let slides = part.less(L::all(1.0));
-        let limited = force.times(part);
+        let kept = within_limit(force, limit, contact);
+        let slides = kept.force.less(L::all(1.0));
+        let limited = force.times(kept.force);
         let mut elastic = limited;
         if self.damped {
             elastic = elastic.minus(sliding.times(springs.dashpots[1]));
         }
         let stretched = elastic.over(springs.tangential);
         let stretched = stretched.or(Triple::zero(), zero.less(springs.tangential));
-        let force = limited.or(force, slides).times(remains);
-        let spring = stretched.or(spring, slides).times(remains);
-        (force, spring, part)
+        let force = limited.or(force, slides).times(kept.remains);
+        let spring = stretched.or(spring, slides).times(kept.remains);
+        (force, spring, kept)
     }
 }
 
@@ -222,7 +224,7 @@ impl Model for Linear {
             press: if self.damped { state[state.len() - 1] } else { springs.normal * overlap },
             rub: spring.times(springs.tangential),
             viscous: Triple::zero(),
-            kept: L::all(1.0),
+            kept: Kept::all(),
             moment: Triple::zero(),
             stored: springs.stored(overlap, spring),
         }
@@ -237,16 +239,16 @@ impl Model for Linear {
     ) -> Action<L> {
         let zero = Triple::zero();
         let press = self.press(springs, contact);
-        let (mut spring, mut rub, mut kept) = (zero, zero, L::all(1.0));
+        let (mut spring, mut rub, mut kept) = (zero, zero, Kept::all());
         let frictional = springs.frictional();
         if frictional != 0 {
             let carried = carried(self.spring(state), contact);
-            let (friction, stretched, part) = self.rub(springs, press, carried, contact);
+            let (friction, stretched, left) = self.rub(springs, press, carried, contact);
             // At the start of a stage no time has passed: a spring stays as it was.
             let now = if contact.dt > 0.0 { stretched } else { carried };
             spring = now.or(zero, frictional);
             rub = friction.or(zero, frictional);
-            kept = part;
+            kept = left;
         }
         if self.frictional {
             [state[0], state[1], state[2]] = [spring.x, spring.y, spring.z];
