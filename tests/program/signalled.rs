@@ -131,7 +131,7 @@ fn a_signal_ends_the_preparation_at_once() {
         (&[scene, "--out", out], "TERM", 15),
     ];
     for (arguments, name, number) in cases {
-        let mut running = dem_mpi(Launch::Alone, arguments.iter().copied()).start();
+        let running = dem_mpi(Launch::Alone, arguments.iter().copied()).start();
         std::thread::sleep(Duration::from_millis(300));
         let sent = Instant::now();
         signal(running.id(), name);

@@ -1,14 +1,14 @@
 //! What lies behind triangles, for grains with faces.
 //!
 //! A face of a grain has no contact point that a triangle could be asked about: what counts is what the grain shares with the
-//! body of the wall ([`crate::contact::thickness`]). That body is made of *cells*. Behind each triangle lies one, convex, bounded by
+//! body of the wall ([`crate::contact::thickness`]). That body is made of *cells*. Behind each triangle lies one, or some, convex, bounded by
 //!
 //! - the plane of the triangle,
 //! - at each of its edges the plane that halves the angle to the next triangle; where the surface ends, the plane upright on it,
-//! - a plane at a depth: that of the farthest that a grain can reach, or half of the distance to the surface behind,
-//! - where it would reach through a convex edge that it does not have itself, the plane that halves the angle there.
+//! - a plane as deep as contacts can be,
+//! - further planes where a surface is nearer behind, and where cells would come through others ([`super::cells`]).
 //!
-//! Cells of one side do not overlap, and together leave no gap near the surface. They never move in the axes of the wall, so that an energy
+//! Cells of one side do not overlap near the surface, and leave no gap there. They never move in the axes of the wall, so that an energy
 //! of what a grain shares with them depends on its pose alone.
 //!
 //! A grain is in front of a part of the surface that hangs together, on the side of its centre: that on which the centre is of the
