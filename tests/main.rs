@@ -3,6 +3,7 @@
 mod adhesion;
 mod audit;
 mod belts;
+mod cells;
 mod comm;
 mod comm_cases;
 mod contact_reference;

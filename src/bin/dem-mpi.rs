@@ -18,8 +18,8 @@ use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// Discrete element method for non-spherical grains, on one rank or many.
@@ -46,7 +46,7 @@ Examples:
                                                      repeat steps of a run, and look at a particle
 
 SIGTERM, SIGUSR1 and SIGINT (Ctrl-C), on any rank, end the step: the run writes a snapshot, says how to go on, and exits.
-A second SIGINT ends it at once.
+A second SIGINT ends it at once, and so does any of them before the first step.
 
 Exit status: 0 the run did what was asked; 1 it failed; 2 the scene or an argument is wrong;
 3 a signal stopped it, and it can go on; 4 the stage has done all its steps, but what [stop] asks for does not hold,
@@ -163,17 +163,22 @@ fn main() -> ExitCode {
     if !world::launched()
         && let Ok(given @ Arguments { threads: Some(ranks), .. }) = &arguments
     {
-        let stop = stop_signals();
-        return ExitCode::from(threads::run(*ranks, |comm| start(given, &stop, comm))[0]);
+        return ExitCode::from(threads::run(*ranks, |comm| start(given, comm))[0]);
     }
     let mut comm: Box<dyn Comm> =
         if world::launched() { Box::new(world::World::new()) } else { Box::<Alone>::default() };
-    // MPI has set its own handlers by now.
-    ExitCode::from(on_this_rank(arguments, &stop_signals(), &mut *comm))
+    ExitCode::from(on_this_rank(arguments, &mut *comm))
 }
 
-/// Will hold the number of the signal that asks the run to stop. A second Ctrl-C does not wait for the step.
+/// Will hold the number of the signal that asks the run to stop. A second Ctrl-C does not wait for the step. Before this is asked for, signals
+/// end the program at once: a run that has not begun loses nothing.
 fn stop_signals() -> Arc<AtomicUsize> {
+    static STOP: OnceLock<Arc<AtomicUsize>> = OnceLock::new();
+    Arc::clone(STOP.get_or_init(noted_signals))
+}
+
+/// Notes signals from now on.
+fn noted_signals() -> Arc<AtomicUsize> {
     let stop = Arc::default();
     let interrupted = Arc::<AtomicBool>::default();
     for signal in [SIGTERM, SIGUSR1, SIGINT] {
@@ -195,17 +200,13 @@ fn stop_signals() -> Arc<AtomicUsize> {
     stop
 }
 
-fn on_this_rank(
-    arguments: Result<Arguments, clap::Error>,
-    stop: &Arc<AtomicUsize>,
-    comm: &mut dyn Comm,
-) -> u8 {
+fn on_this_rank(arguments: Result<Arguments, clap::Error>, comm: &mut dyn Comm) -> u8 {
     match arguments {
         Ok(arguments) if arguments.threads.is_some() => {
             print_once(comm, "--threads N is instead of mpirun: leave one of them out");
             WRONG_INPUT
         }
-        Ok(arguments) => start(&arguments, stop, comm),
+        Ok(arguments) => start(&arguments, comm),
         Err(error) => {
             if comm.is_root() {
                 let _ = error.print();
@@ -282,7 +283,7 @@ fn folder(snapshot: &Path) -> Option<PathBuf> {
     folder.canonicalize().ok()
 }
 
-fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) -> u8 {
+fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
     match printed(arguments) {
         Some(Ok(text)) => {
             print(comm, text);
@@ -295,7 +296,7 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         None => {}
     }
     if arguments.suggest {
-        return suggested(arguments, stop, comm);
+        return suggested(arguments, comm);
     }
     let scene = match read_scene(arguments, comm) {
         Ok(scene) => scene,
@@ -363,7 +364,7 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
         out,
         scene: scene.text.clone(),
         resumed,
-        signal: Arc::clone(stop),
+        signal: stop_signals(),
         traced: arguments.trace_particle.iter().map(|&id| GlobalId(id)).collect(),
         allow_unstable: scene.allow_unstable,
     };
@@ -375,14 +376,15 @@ fn start(arguments: &Arguments, stop: &Arc<AtomicUsize>, comm: &mut dyn Comm) ->
 }
 
 /// Prints what trials propose.
-fn suggested(arguments: &Arguments, stop: &AtomicUsize, comm: &dyn Comm) -> u8 {
+fn suggested(arguments: &Arguments, comm: &dyn Comm) -> u8 {
     if comm.size() > 1 {
         print_once(comm, "--suggest tries the scene on one rank: leave mpirun out");
         return WRONG_INPUT;
     }
     let (scene, Arguments { set, start, error, .. }) = (arguments.scene(), arguments);
     let start = start.as_deref();
-    let question = Question { scene, overrides: set, start, error: *error, signal: stop };
+    let signal = &*stop_signals();
+    let question = Question { scene, overrides: set, start, error: *error, signal };
     match suggest::suggest(&question, &mut |line| print_error(line)) {
         Ok(Suggestion { text, is_kept, .. }) => {
             print(comm, format_args!("{text}\n"));

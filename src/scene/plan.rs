@@ -22,6 +22,10 @@ use std::fmt::Display;
 /// Contacts over particles in a bed, in estimates.
 const CONTACTS_PER_PARTICLE: u64 = 4;
 
+/// Time to make a cell behind a triangle, and to look at another triangle for it, about [s].
+const SECONDS_PER_CELL: f64 = 1e-5;
+const SECONDS_PER_LOOK: f64 = 5e-8;
+
 /// What is in, what is left out and why, and the bytes, messages and time steps that follow, for a run
 /// on so many ranks. Numbers of particles per rank are estimates for the settled bed.
 pub fn plan(scene: &Scene, ranks: u32) -> String {
@@ -229,6 +233,14 @@ fn walls(scene: &Scene, page: &mut Page) {
     for wall in &scene.walls {
         let Some(Mesh { surface, .. }) = &wall.mesh else { continue };
         page.line("triangles", format!("{}: {}", wall.name, surface.summary()));
+        let [cells, looked_at] = surface.cells_made();
+        let seconds = SECONDS_PER_CELL * cells as f64 + SECONDS_PER_LOOK * looked_at as f64;
+        if seconds >= 1.0 {
+            page.line(
+                "",
+                format!("{cells} cells behind them are made at each start, in some {seconds:.0} s"),
+            );
+        }
         if let Some((low, high)) = wall.extent() {
             let [low, high] =
                 [low, high].map(|v| format!("[{:.3e}, {:.3e}, {:.3e}]", v.x, v.y, v.z));

@@ -287,7 +287,7 @@ pub fn inside(planes: &[Plane], half_edge: f64) -> Option<Facets> {
 }
 
 /// A cube about the origin.
-fn cube(half_edge: f64) -> Facets {
+pub(super) fn cube(half_edge: f64) -> Facets {
     let side = |bit: usize, k: usize| if k >> bit & 1 == 1 { half_edge } else { -half_edge };
     let vertices: Vec<Vec3> =
         (0..8).map(|k| Vec3::new(side(0, k), side(1, k), side(2, k))).collect();

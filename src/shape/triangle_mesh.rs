@@ -20,6 +20,7 @@
 
 mod along;
 mod building;
+mod cells;
 mod cutting;
 mod facets;
 mod grid;

@@ -5,7 +5,9 @@ use super::{assert_same_result, fresh_directory, heap_beyond, scene, snapshot};
 use crate::support::below;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::random::Random;
-use std::time::Duration;
+use std::fmt::Write;
+use std::os::unix::process::ExitStatusExt;
+use std::time::{Duration, Instant};
 
 /// The run can go on.
 const STOPPED: i32 = 3;
@@ -97,3 +99,69 @@ fn two_runs_do_not_share_a_directory() {
     let go_on = [heap_scene, "--out", out, "--start", out, "--steps", "10"];
     dem_mpi(Launch::Ranks(2), go_on).succeed();
 }
+
+/// Cells behind many triangles take seconds before the first step: a signal ends that, and nothing is written.
+#[test]
+fn a_signal_ends_the_preparation_at_once() {
+    let directory = fresh_directory("signalled_before");
+    std::fs::create_dir_all(&directory).unwrap();
+    let squares = 300;
+    let mut mesh = String::new();
+    for k in 0..=squares {
+        for l in 0..=squares {
+            let height = 1e-4 * f64::from((7 * k * k + 3 * l + k * l) % 11);
+            writeln!(mesh, "v {} {} {height}", 2e-3 * f64::from(k), 2e-3 * f64::from(l)).unwrap();
+        }
+    }
+    for k in 0..squares {
+        for l in 1..=squares {
+            let (a, b) = (k * (squares + 1) + l, (k + 1) * (squares + 1) + l);
+            writeln!(mesh, "f {a} {b} {}\nf {a} {} {}", b + 1, b + 1, a + 1).unwrap();
+        }
+    }
+    std::fs::write(directory.join("terrain.obj"), mesh).unwrap();
+    let scene = directory.join("scene.toml");
+    std::fs::write(&scene, TERRAIN).unwrap();
+    let out = directory.join("out");
+    let [scene, out] = [&scene, &out].map(|path| path.to_str().unwrap());
+    let cases: [(&[&str], _, _); 4] = [
+        (&[scene, "--check"], "TERM", 15),
+        (&[scene, "--plan"], "INT", 2),
+        (&[scene, "--out", out], "USR1", 10),
+        (&[scene, "--out", out], "TERM", 15),
+    ];
+    for (arguments, name, number) in cases {
+        let running = dem_mpi(Launch::Alone, arguments.iter().copied()).start();
+        std::thread::sleep(Duration::from_millis(300));
+        let sent = Instant::now();
+        signal(running.id(), name);
+        let ended = running.end();
+        assert_eq!(ended.status.signal(), Some(number), "{arguments:?} {name}: {ended}");
+        assert!(sent.elapsed() < Duration::from_secs(2), "{arguments:?} {name}");
+    }
+    assert!(Reader::open(&directory.join("out")).is_err());
+}
+
+const TERRAIN: &str = "\
+gravity = [0, 0, -9.81]
+[domain]
+low = [-0.1, -0.1, -0.1]
+high = [0.7, 0.7, 0.3]
+[[wall]]
+name = 'terrain'
+mesh = 'terrain.obj'
+[[material]]
+name = 'stone'
+density = 2500.0
+normal_stiffness = 1e5
+[[shape]]
+name = 'box'
+kind = 'polyhedron'
+edges = [0.06, 0.06, 0.06]
+[[fill.lattice]]
+first = [0.1, 0.1, 0.1]
+count = [3, 3, 1]
+[time]
+step = 'auto'
+steps = 10
+";

@@ -60,14 +60,14 @@ struct Scratch {
 /// What a body shares with one cell.
 struct Cell {
     triangle: u32,
-    face: u32,
+    flat: u32,
     front: Front,
     shared: Clipped,
     /// The area that lies in the plane of the triangle, along its normal [m²].
     area: Vec3,
 }
 
-/// Cells of a face that are one.
+/// Cells of a flat that are one.
 struct Member {
     cells: Range<usize>,
     /// The lowest with which it is one to any part.
@@ -228,50 +228,43 @@ impl Scratch {
                 sides.push((part, front));
                 front
             });
-            let mut planes = mesh.cell(triangle, front);
-            let Some(own) = planes.next().filter(|own| seen.height_over(own) < 0.0) else {
-                continue;
-            };
-            let mut shared = spare.pop().unwrap_or_default();
-            shared.begin(body);
+            let own = Some(mesh.plane_from(triangle, front));
+            let Some(own) = own.filter(|own| seen.height_over(own) < 0.0) else { continue };
             let own = seen.place(&own);
-            if !(shared.cut(&own) && planes.all(|plane| shared.cut(&seen.place(&plane)))) {
-                spare.push(shared);
-                continue;
-            }
-            shared.end();
-            let mut area = Vec3::zeros();
-            let vertices = shared.vertices();
-            let of_surface = |plane: &Plane| *plane == own;
-            for face in shared.faces().filter(|face| face.is_cut && of_surface(&face.plane)) {
-                for [a, b, c] in fan(face.corners) {
-                    area += (vertices[b] - vertices[a]).cross(&(vertices[c] - vertices[a])) * 0.5;
+            for mut planes in mesh.cells(triangle, front) {
+                let mut shared = spare.pop().unwrap_or_default();
+                shared.begin(body);
+                if !(shared.cut(&own) && planes.all(|plane| shared.cut(&seen.place(&plane)))) {
+                    spare.push(shared);
+                    continue;
                 }
+                shared.end();
+                let area = area_in(&shared, &own);
+                cells.push(Cell { triangle, flat: mesh.flat_of(triangle), front, shared, area });
             }
-            cells.push(Cell { triangle, face: mesh.face_of(triangle), front, shared, area });
         }
     }
 
-    /// Joins the cells of a face, where they are one with all others to the same part, and finds what is one to any part.
+    /// Joins the cells of a flat, where they are one with all others to the same part, and finds what is one to any part.
     fn group(&mut self, mesh: &TriangleMesh) {
         let Self { cells, members, weights, .. } = self;
-        cells.sort_unstable_by_key(|cell| (cell.face, cell.triangle));
-        let mut faces: Vec<Range<usize>> = Vec::new();
+        cells.sort_unstable_by_key(|cell| (cell.flat, cell.triangle));
+        let mut flats: Vec<Range<usize>> = Vec::new();
         for k in 0..cells.len() {
-            match faces.last_mut() {
-                Some(face) if cells[face.start].face == cells[k].face => face.end = k + 1,
-                _ => faces.push(k..k + 1),
+            match flats.last_mut() {
+                Some(flat) if cells[flat.start].flat == cells[k].flat => flat.end = k + 1,
+                _ => flats.push(k..k + 1),
             }
         }
         let together = |i: usize, j: usize| {
             let of = |k: usize| (cells[k].triangle, cells[k].front);
             mesh.together(of(i), of(j))
         };
-        let mut is_split = vec![false; faces.len()];
-        for (a, one) in faces.iter().enumerate() {
-            for (b, other) in faces[..a].iter().enumerate() {
+        let mut is_split = vec![false; flats.len()];
+        for (a, one) in flats.iter().enumerate() {
+            for (b, other) in flats[..a].iter().enumerate() {
                 let first = together(one.start, other.start);
-                let meet = mesh.do_meet(cells[one.start].face, cells[other.start].face);
+                let meet = mesh.do_meet(cells[one.start].flat, cells[other.start].flat);
                 let differs =
                     |i: usize| other.clone().any(|j| together(i, j).to_bits() != first.to_bits());
                 if !meet && one.clone().any(differs) {
@@ -280,12 +273,12 @@ impl Scratch {
             }
         }
         members.clear();
-        for (face, is_split) in faces.into_iter().zip(is_split) {
+        for (flat, is_split) in flats.into_iter().zip(is_split) {
             let own = |cells| Member { cells, group: 0, moments: Moments::none() };
             if is_split {
-                members.extend(face.map(|k| own(k..k + 1)));
+                members.extend(flat.map(|k| own(k..k + 1)));
             } else {
-                members.push(own(face));
+                members.push(own(flat));
             }
         }
         let count = members.len();
@@ -395,9 +388,22 @@ impl Scratch {
             covariance,
         };
         let in_body = found.placed(1.0, &axes).with_origin(&origin);
-        let facet = of_group.iter().map(|&k| cells[members[k].cells.start].face).min()?;
+        let touched = of_group.iter().flat_map(|&k| &cells[members[k].cells.clone()]);
+        let facet = touched.map(|cell| seen.mesh.face_of(cell.triangle)).min()?;
         Some(Shared { facet, thickness: in_body.placed(seen.a.scale, seen.a.frame) })
     }
+}
+
+/// The area of a cut body that lies in a plane, along its normal [m²].
+fn area_in(shared: &Clipped, plane: &Plane) -> Vec3 {
+    let vertices = shared.vertices();
+    let mut area = Vec3::zeros();
+    for face in shared.faces().filter(|face| face.is_cut && face.plane == *plane) {
+        for [a, b, c] in fan(face.corners) {
+            area += (vertices[b] - vertices[a]).cross(&(vertices[c] - vertices[a])) * 0.5;
+        }
+    }
+    area
 }
 
 impl Moments {

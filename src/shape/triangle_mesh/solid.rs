@@ -1,14 +1,14 @@
 //! What lies behind triangles, for grains with faces.
 //!
 //! A face of a grain has no contact point that a triangle could be asked about: what counts is what the grain shares with the
-//! body of the wall ([`crate::contact::thickness`]). That body is made of *cells*. Behind each triangle lies one, convex, bounded by
+//! body of the wall ([`crate::contact::thickness`]). That body is made of *cells*. Behind each triangle lies one, or some, convex, bounded by
 //!
 //! - the plane of the triangle,
 //! - at each of its edges the plane that halves the angle to the next triangle; where the surface ends, the plane upright on it,
-//! - a plane at a depth: that of the farthest that a grain can reach, or half of the distance to the surface behind,
-//! - where it would reach through a convex edge that it does not have itself, the plane that halves the angle there.
+//! - a plane as deep as contacts can be,
+//! - further planes where a surface is nearer behind, and where cells would come through others ([`super::cells`]).
 //!
-//! Cells of one side do not overlap, and together leave no gap near the surface. They never move in the axes of the wall, so that an energy
+//! Cells of one side do not overlap near the surface, and leave no gap there. They never move in the axes of the wall, so that an energy
 //! of what a grain shares with them depends on its pose alone.
 //!
 //! A grain is in front of a part of the surface that hangs together, on the side of its centre: that on which the centre is of the
@@ -16,18 +16,20 @@
 //!
 //! # Which cells are one surface
 //!
+//! A *flat* is a face, or several that are in one plane but for the digits of a file.
+//!
 //! | two triangles | weight |
 //! |---|---|
-//! | of one face, or of faces that meet in convex edges only | 1 |
-//! | of faces that meet in a concave edge | from 1 below [`ONE`] to 0 above [`APART`], by its angle |
+//! | of one flat, or of flats that meet in convex edges only | 1 |
+//! | of flats that meet in a concave edge | from 1 below [`ONE`] to 0 above [`APART`], by its angle |
 //! | of others, neither of which is in front of the other | 1 |
 //! | of others | the same by the angle between their normals, or by that at which the nearest points of both stand over each other, if that is more |
 
-use super::TriangleMesh;
 use super::building::{Side, sides_of};
+use super::cells::{Cells, Making};
 use super::nearest::{nearest_on, nearest_on_segment};
-use crate::math::{Vec3, bounds};
-use crate::shape::clip::{Clipped, inside};
+use super::{NONE, TriangleMesh};
+use crate::math::Vec3;
 use crate::shape::facets::Plane;
 use serde::{Deserialize, Serialize};
 
@@ -35,27 +37,20 @@ use serde::{Deserialize, Serialize};
 const ONE: f64 = 20.0 * std::f64::consts::PI / 180.0;
 /// Faces of a larger concave angle are two surfaces [rad].
 const APART: f64 = 45.0 * std::f64::consts::PI / 180.0;
-/// Cells are cut only by their own edges where normals of faces are as near as this, as a cosine.
-const BENT: f64 = 0.9999;
-/// A cell into which more faces come is cut by its own edges alone.
-const MOST: usize = 64;
-/// How far beside a face a point stands over it, over the size of the surface.
-const OVER: f64 = 1e-7;
 /// Folds that are sharper than this have no plane that halves them: sum of unit vectors across.
 const FOLDED: f64 = 1e-6;
 /// What is nearer to a plane than this part of the size of the surface lies in it.
 const LEVEL: f64 = 1e-10;
-/// A surface whose normal is turned from the opposite one by more than an angle with this cosine is not the back of a plate.
-const BACK: f64 = 0.5;
+/// The digits of a file, seven in STL, are worth less than this, over the size of the surface.
+const ROUNDED: f64 = 2e-7;
+/// How deep contacts can be, over how far grains reach.
+const DEEP: f64 = 1.0 / 3.0;
 /// A point of a triangle is at a corner, or on a side, if it is as near as this, over the size of the triangle.
 const AT: f64 = 1e-9;
 
 /// Why a surface has no two sides.
 #[derive(Clone, Debug, thiserror::Error, PartialEq)]
 pub enum NoSolid {
-    /// Three triangles at an edge.
-    #[error("has an edge of three triangles or more at ({:e}, {:e}, {:e}) m: what is behind them cannot be told", .0.x, .0.y, .0.z)]
-    Crowded(Vec3),
     /// A Möbius strip.
     #[error("has one side only, as a Möbius strip, seen at ({:e}, {:e}, {:e}) m", .0.x, .0.y, .0.z)]
     OneSided(Vec3),
@@ -76,37 +71,34 @@ struct Behind {
     part: u32,
     /// At each edge, the plane that halves the angle, with its normal out of the cell.
     borders: [Plane; 3],
-    /// How deep its cell is, seen from the front and from the back [m].
-    depth: [f64; 2],
 }
 
-/// Faces that meet, with their weights seen from the front and from the back.
+/// Flats that meet, with their weights seen from the front and from the back.
 type Meeting = (u32, u32, [f64; 2]);
 
 /// The triangle beyond each side of one, and which of its sides that is.
-type Beyond = [Option<(u32, usize)>; 3];
-
-/// By two faces that meet, a triangle of the second.
-type Ridges = std::collections::BTreeMap<(u32, u32), u32>;
+pub(super) type Beyond = [Option<(u32, usize)>; 3];
 
 /// What is behind all triangles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Solid {
     behind: Vec<Behind>,
+    /// The flat of each face.
+    flat_of: Vec<u32>,
     /// In rising order.
     meetings: Vec<Meeting>,
-    /// Further planes of cells, those of one behind the other, and where those of each begin: from the front, then from the back.
-    cuts: Vec<Plane>,
-    first_cut: Vec<u32>,
+    cells: Cells,
     /// What is nearer to a plane lies in it [m].
-    level: f64,
+    pub(super) level: f64,
+    /// What is nearer to a plane lies in it but for the digits of a file [m].
+    pub(super) rounded: f64,
 }
 
 impl Solid {
     /// Takes axes that begin at this place [m].
     pub(super) fn see_from(&mut self, place: &Vec3) {
         let borders = self.behind.iter_mut().flat_map(|behind| &mut behind.borders);
-        for plane in borders.chain(&mut self.cuts) {
+        for plane in borders.chain(self.cells.planes()) {
             plane.offset -= plane.normal.dot(place);
         }
     }
@@ -114,9 +106,9 @@ impl Solid {
     /// Bytes that it holds.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(&*self.behind)
+            + size_of_val(&*self.flat_of)
             + size_of_val(&*self.meetings)
-            + size_of_val(&*self.cuts)
-            + size_of_val(&*self.first_cut)
+            + self.cells.bytes()
     }
 
     fn meeting(&self, one: u32, other: u32) -> Option<&Meeting> {
@@ -179,12 +171,13 @@ impl TriangleMesh {
         let mut solid = Solid {
             behind: Vec::with_capacity(self.triangles.len()),
             meetings: Vec::new(),
-            cuts: Vec::new(),
-            first_cut: vec![0; 2 * self.triangles.len() + 1],
+            cells: Cells::default(),
+            flat_of: Vec::new(),
             level: LEVEL * self.reach,
+            rounded: ROUNDED * self.reach,
         };
-        let neighbours = self.neighbours()?;
-        let parts = self.parts(&neighbours)?;
+        let (neighbours, parts) = self.neighbours()?;
+        solid.flat_of = self.flats(&neighbours, solid.rounded);
         for (triangle, ((sign, part), beyond)) in (0..).zip(parts.iter().zip(&neighbours)) {
             let mut borders = [Plane { normal: Vec3::zeros(), offset: 0.0 }; 3];
             for (k, border) in borders.iter_mut().enumerate() {
@@ -198,34 +191,13 @@ impl TriangleMesh {
                 let normal = out / length;
                 *border = Plane { normal, offset: normal.dot(&from) };
             }
-            let depth = [farthest; 2];
-            solid.behind.push(Behind { sign: *sign, part: *part, borders, depth });
+            solid.behind.push(Behind { sign: *sign, part: *part, borders });
         }
         solid.meetings = self.meetings(&neighbours, &solid);
         self.solid = Some(solid);
-        let ridges = self.ridges(&neighbours);
-        let (mut depths, mut cuts, mut first_cut) = (Vec::new(), Vec::new(), vec![0]);
-        for triangle in 0..self.triangles.len() as u32 {
-            let beside = self.triangles_beside(triangle, farthest);
-            depths.push([Front::Front, Front::Back].map(|front| {
-                let beyond = self.beyond(triangle, front, &beside, &ridges);
-                let first = self.depth(triangle, front, &beside, &beyond, farthest);
-                let depths = [first, 0.5 * farthest];
-                let (faces, planes) = self.cuts_by(triangle, front, &beyond, depths);
-                cuts.extend(planes);
-                first_cut.push(cuts.len() as u32);
-                if faces.len() == beyond.len() {
-                    first
-                } else {
-                    self.depth(triangle, front, &beside, &faces, farthest)
-                }
-            }));
-        }
+        let cells = Making::of(self, &neighbours, DEEP * farthest).cells();
         if let Some(solid) = &mut self.solid {
-            for (behind, depth) in solid.behind.iter_mut().zip(depths) {
-                behind.depth = depth;
-            }
-            (solid.cuts, solid.first_cut) = (cuts, first_cut);
+            solid.cells = cells;
         }
         Ok(())
     }
@@ -233,6 +205,11 @@ impl TriangleMesh {
     /// Are there cells behind its triangles?
     pub const fn has_cells(&self) -> bool {
         self.solid.is_some()
+    }
+
+    /// How many cells there are, and how often a triangle was looked at for another as they were made: what making them costs.
+    pub fn cells_made(&self) -> [usize; 2] {
+        self.solid.as_ref().map_or([0; 2], |solid| [solid.cells.len(), solid.cells.looked_at])
     }
 
     /// The triangles nearer to a point than a distance [m], in rising order.
@@ -253,6 +230,14 @@ impl TriangleMesh {
     /// The face of a triangle.
     pub fn face_of(&self, triangle: u32) -> u32 {
         self.triangles[triangle as usize].facets[0]
+    }
+
+    /// The flat to which a triangle belongs: faces that are in one plane, but for the digits of a file. It has the number of its first face.
+    ///
+    /// # Panics
+    /// If there are no cells.
+    pub fn flat_of(&self, triangle: u32) -> u32 {
+        self.solid().flat_of[self.face_of(triangle) as usize]
     }
 
     /// The part of the surface to which a triangle belongs.
@@ -317,24 +302,23 @@ impl TriangleMesh {
         angle_between(&way(one), &way(other))
     }
 
-    /// The planes of the cell behind a triangle, seen from a side: first its own.
+    /// The planes of the cells behind a triangle, seen from a side, without its own.
     ///
     /// # Panics
     /// If there are no cells.
-    pub fn cell(&self, triangle: u32, front: Front) -> impl Iterator<Item = Plane> {
-        let Solid { cuts, first_cut, .. } = self.solid();
-        let number = 2 * triangle as usize + front.index();
-        let cuts = &cuts[first_cut[number] as usize..first_cut[number + 1] as usize];
-        let depth = self.behind(triangle).depth[front.index()];
-        self.frustum(triangle, front, depth).into_iter().chain(cuts.iter().copied())
+    pub fn cells(
+        &self,
+        triangle: u32,
+        front: Front,
+    ) -> impl Iterator<Item = impl Iterator<Item = Plane>> {
+        let Behind { borders, .. } = self.behind(triangle);
+        let own = self.solid().cells.of(2 * triangle as usize + front.index());
+        own.map(|planes| borders.iter().chain(planes).copied())
     }
 
-    /// The planes of that cell without cuts: its own, those at its edges, and that of the depth.
-    fn frustum(&self, triangle: u32, front: Front, depth: f64) -> [Plane; 5] {
-        let own = self.plane_from(triangle, front);
-        let bottom = Plane { normal: -own.normal, offset: depth - own.offset };
-        let [a, b, c] = self.behind(triangle).borders;
-        [own, a, b, c, bottom]
+    /// The planes at the edges of a triangle, with their normals out of its cells.
+    pub(super) fn borders(&self, triangle: u32) -> [Plane; 3] {
+        self.behind(triangle).borders
     }
 
     /// The plane of a triangle, with its normal to the side from which it is seen.
@@ -353,12 +337,12 @@ impl TriangleMesh {
     /// If there are no cells.
     pub fn together(&self, one: (u32, Front), other: (u32, Front)) -> f64 {
         let triangles = [one.0, other.0];
-        let faces = triangles.map(|t| self.face_of(t));
-        if faces[0] == faces[1] {
+        let flats = triangles.map(|t| self.flat_of(t));
+        if flats[0] == flats[1] {
             return 1.0;
         }
         let solid = self.solid();
-        if let Some((.., weights)) = solid.meeting(faces[0], faces[1]) {
+        if let Some((.., weights)) = solid.meeting(flats[0], flats[1]) {
             return weights[one.1.index()];
         }
         let normals = [one, other].map(|(triangle, front)| self.plane_from(triangle, front).normal);
@@ -367,7 +351,7 @@ impl TriangleMesh {
             let above = |corner: &Vec3| (corner - corners[k][0]).dot(&normals[k]);
             corners[1 - k].iter().map(above).fold(f64::NEG_INFINITY, f64::max)
         };
-        if over(0) <= solid.level && over(1) <= solid.level {
+        if over(0) <= solid.rounded && over(1) <= solid.rounded {
             return 1.0;
         }
         let angle = angle_between(&normals[0], &normals[1]);
@@ -387,7 +371,7 @@ impl TriangleMesh {
         weight(angle.max(libm::asin(elevation)))
     }
 
-    /// Do two faces meet in an edge? Then all of their cells are one to the same part.
+    /// Do two flats meet in an edge? Then all of their cells are one to the same part.
     ///
     /// # Panics
     /// If there are no cells.
@@ -395,7 +379,7 @@ impl TriangleMesh {
         self.solid().meeting(one, other).is_some()
     }
 
-    fn solid(&self) -> &Solid {
+    pub(super) fn solid(&self) -> &Solid {
         self.solid.as_ref().expect("grains with faces ask for cells first")
     }
 
@@ -404,7 +388,7 @@ impl TriangleMesh {
     }
 
     /// The plane of the face of a triangle.
-    fn plane(&self, triangle: u32) -> Plane {
+    pub(super) fn plane(&self, triangle: u32) -> Plane {
         self.facets.faces[self.face_of(triangle) as usize]
     }
 
@@ -421,23 +405,89 @@ impl TriangleMesh {
         (from, if (third - from).dot(&across) > 0.0 { -across } else { across })
     }
 
-    /// The triangle beyond each side of each triangle, and which of its sides that is.
-    fn neighbours(&self) -> Result<Vec<Beyond>, NoSolid> {
+    /// The triangle beyond each side of each triangle, and which of its sides that is; and the sign and the part of each triangle.
+    ///
+    /// # Errors
+    /// If a part has one side only.
+    fn neighbours(&self) -> Result<(Vec<Beyond>, Vec<(f64, u32)>), NoSolid> {
         let sides = sides_of(self.triangles.iter().map(|triangle| triangle.corners));
         let mut neighbours = vec![[None; 3]; self.triangles.len()];
+        let join = |neighbours: &mut [Beyond], [one, other]: [&Side; 2]| {
+            for (one, other) in [(one, other), (other, one)] {
+                neighbours[one.triangle as usize][one.number as usize] =
+                    Some((other.triangle, other.number as usize));
+            }
+        };
         for of in sides.chunk_by(Side::is_same) {
-            match of {
-                [_] => {}
-                [one, other] => {
-                    for (one, other) in [(one, other), (other, one)] {
-                        neighbours[one.triangle as usize][one.number as usize] =
-                            Some((other.triangle, other.number as usize));
-                    }
-                }
-                _ => return Err(NoSolid::Crowded(self.vertices[of[0].ends[0] as usize])),
+            if let [one, other] = of {
+                join(&mut neighbours, [one, other]);
             }
         }
-        Ok(neighbours)
+        let parts = self.parts(&neighbours)?;
+        let mut across = neighbours.clone();
+        for of in sides.chunk_by(Side::is_same).filter(|of| of.len() > 2) {
+            for pair in self.pairs_around(of, &parts) {
+                join(&mut across, pair);
+            }
+        }
+        // Parts that would have one side only stay apart.
+        Ok(match self.parts(&across) {
+            Ok(joined) => (across, joined),
+            Err(_) => (neighbours, parts),
+        })
+    }
+
+    /// Which of three sides of triangles or more, with the same ends, go on in each other. Where all triangles agree on what is in front, those
+    /// with a solid between them; else neighbours around the edge that are of one part, and have one side of it between them; of the rest those that bend
+    /// least, by less than a right angle.
+    fn pairs_around<'a>(&self, of: &'a [Side], parts: &[(f64, u32)]) -> Vec<[&'a Side; 2]> {
+        struct Around<'a> {
+            side: &'a Side,
+            into: Vec3,
+            angle: f64,
+            part: u32,
+            /// Do corners in their order go round it as seen from beyond it, and is that the front of its part?
+            turns: bool,
+            shows_front: bool,
+        }
+        let [from, to] = of[0].ends.map(|k| self.vertices[k as usize]);
+        let along = (to - from).normalize();
+        let x = -self.across(of[0].triangle, of[0].number as usize).1;
+        let y = along.cross(&x);
+        let around = |side: &'a Side| {
+            let into = -self.across(side.triangle, side.number as usize).1;
+            let [a, b, c] = self.corners(&self.triangles[side.triangle as usize]);
+            let (sign, part) = parts[side.triangle as usize];
+            let beyond = along.cross(&into);
+            let turns = (b - a).cross(&(c - a)).dot(&beyond) > 0.0;
+            let shows_front = sign * self.plane(side.triangle).normal.dot(&beyond) > 0.0;
+            let angle = libm::atan2(into.dot(&y), into.dot(&x));
+            Around { side, into, angle, part, turns, shows_front }
+        };
+        let mut around: Vec<Around> = of.iter().map(around).collect();
+        around.sort_by(|one, other| one.angle.total_cmp(&other.angle));
+        let next = |k: usize| (k + 1) % around.len();
+        let agree = (0..around.len()).all(|k| around[k].turns != around[next(k)].turns);
+        let is_between = |k: usize| {
+            let [one, other] = [&around[k], &around[next(k)]];
+            if agree {
+                !one.turns
+            } else {
+                one.part == other.part && one.shows_front != other.shows_front
+            }
+        };
+        let beside = (0..around.len()).filter(|&k| is_between(k)).map(|k| [k, next(k)]);
+        let bend = |&[k, l]: &[usize; 2]| around[k].into.dot(&around[l].into);
+        let all = (0..around.len()).flat_map(|k| (0..k).map(move |l| [l, k]));
+        let mut flat: Vec<[usize; 2]> = all.filter(|pair| bend(pair) < 0.0).collect();
+        flat.sort_by(|one, other| bend(one).total_cmp(&bend(other)));
+        let mut pairs: Vec<[usize; 2]> = Vec::new();
+        for pair in beside.chain(flat) {
+            if !pairs.iter().flatten().any(|k| pair.contains(k)) {
+                pairs.push(pair);
+            }
+        }
+        pairs.into_iter().map(|pair| pair.map(|k| around[k].side)).collect()
     }
 
     /// The sign of each triangle, and the part to which it belongs.
@@ -482,12 +532,48 @@ impl TriangleMesh {
         Ok(found.into_iter().flatten().collect())
     }
 
-    /// Faces that meet in edges.
+    /// The flat of each face: neighbours from the first face on that are in its plane, but for this distance [m].
+    fn flats(&self, neighbours: &[Beyond], rounded: f64) -> Vec<u32> {
+        let mut flat_of = vec![NONE; self.facets.faces.len()];
+        let mut is_known = vec![false; self.triangles.len()];
+        let mut first = flat_of.clone();
+        for triangle in (0..self.triangles.len() as u32).rev() {
+            first[self.face_of(triangle) as usize] = triangle;
+        }
+        for (flat, (plane, first)) in (0..).zip(self.facets.faces.iter().zip(first)) {
+            if flat_of[flat as usize] != NONE {
+                continue;
+            }
+            flat_of[flat as usize] = flat;
+            let off = |&k: &u32| self.vertices[k as usize].dot(&plane.normal) - plane.offset;
+            let is_in = |face| {
+                self.facets.vertices_of(face).iter().all(|vertex| off(vertex).abs() <= rounded)
+            };
+            let mut next = vec![first];
+            while let Some(triangle) = next.pop() {
+                for &(other, _) in neighbours[triangle as usize].iter().flatten() {
+                    let face = self.face_of(other);
+                    if flat_of[face as usize] == NONE && is_in(face) {
+                        flat_of[face as usize] = flat;
+                    }
+                    if flat_of[face as usize] == flat
+                        && !std::mem::replace(&mut is_known[other as usize], true)
+                    {
+                        next.push(other);
+                    }
+                }
+            }
+        }
+        flat_of
+    }
+
+    /// Flats that meet in edges.
     fn meetings(&self, neighbours: &[Beyond], solid: &Solid) -> Vec<Meeting> {
         let mut meetings: Vec<Meeting> = Vec::new();
         for (triangle, beyond) in (0..).zip(neighbours) {
             for &(other, side) in beyond.iter().flatten() {
-                let (one, two) = (self.face_of(triangle), self.face_of(other));
+                let [one, two] =
+                    [triangle, other].map(|of| solid.flat_of[self.face_of(of) as usize]);
                 if one >= two {
                     continue;
                 }
@@ -511,193 +597,6 @@ impl TriangleMesh {
         });
         meetings
     }
-
-    /// The faces that meet in edges.
-    fn ridges(&self, neighbours: &[Beyond]) -> Ridges {
-        let mut ridges = Ridges::new();
-        for (triangle, beyond) in (0..).zip(neighbours) {
-            for (other, _) in beyond.iter().copied().flatten() {
-                let faces = (self.face_of(triangle), self.face_of(other));
-                if faces.0 != faces.1 {
-                    ridges.entry(faces).or_insert(other);
-                }
-            }
-        }
-        ridges
-    }
-
-    /// The triangles that may be so near to one [m], without those of its face.
-    fn triangles_beside(&self, triangle: u32, farthest: f64) -> Vec<u32> {
-        let (low, high) = bounds(&self.corners(&self.triangles[triangle as usize]));
-        let reach = Vec3::repeat(farthest);
-        let mut beside = Vec::new();
-        self.grid.for_each_in(&(low - reach), &(high + reach), |other| beside.push(other));
-        beside.sort_unstable();
-        beside.dedup();
-        let face = self.face_of(triangle);
-        beside.retain(|&other| self.face_of(other) != face);
-        beside
-    }
-
-    /// The planes of faces beside that meet the face of a triangle in convex edges, with it behind them, in the order of faces.
-    fn beyond(
-        &self,
-        triangle: u32,
-        front: Front,
-        beside: &[u32],
-        ridges: &Ridges,
-    ) -> Vec<(u32, Plane)> {
-        let own = self.plane_from(triangle, front);
-        let mut faces: Vec<u32> = beside.iter().map(|&other| self.face_of(other)).collect();
-        faces.sort_unstable();
-        faces.dedup();
-        let meets = |face| Some((face, *ridges.get(&(self.face_of(triangle), face))?));
-        let convex = faces.into_iter().filter_map(meets).filter(|&(_, other)| {
-            let beyond = self.plane_from(other, front);
-            own.normal.dot(&beyond.normal) <= BENT
-                && self.lies_below(triangle, &beyond)
-                && self.lies_below(other, &own)
-        });
-        convex.map(|(face, other)| (face, self.plane_from(other, front))).collect()
-    }
-
-    /// Of such faces those that come into the cell behind a triangle, and the planes that halve the angles there. What is cut off, as
-    /// deep as grains reach, stands over these faces, so that it belongs to the cells behind them.
-    fn cuts_by(
-        &self,
-        triangle: u32,
-        front: Front,
-        beyond: &[(u32, Plane)],
-        [depth, reached]: [f64; 2],
-    ) -> (Vec<(u32, Plane)>, Vec<Plane>) {
-        if beyond.is_empty() {
-            return Default::default();
-        }
-        let own = self.plane_from(triangle, front);
-        let corners = self.corners(&self.triangles[triangle as usize]);
-        let (low, high) = bounds(&corners);
-        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
-        let from_middle =
-            |plane: Plane| Plane { offset: plane.offset - plane.normal.dot(&middle), ..plane };
-        let cell = |depth: f64| {
-            let planes = self.frustum(triangle, front, depth).map(from_middle);
-            let mut cell = Clipped::default();
-            cell.begin(&inside(&planes, 2.0 * ((high - low).norm() + depth))?);
-            Some(cell)
-        };
-        let (Some(whole), Some(near)) = (cell(depth), cell(depth.min(reached))) else {
-            return Default::default();
-        };
-        let level = self.solid().level;
-        let comes_in = |cell: &Clipped, cut: &Plane| {
-            let height = |&k: &u32| cell.vertices()[k as usize].dot(&cut.normal) - cut.offset;
-            cell.left().iter().any(|k| height(k) > level)
-        };
-        let cut_by = |plane: &Plane| from_middle(nearer(plane, &own));
-        let mut left: Vec<(u32, Plane)> = beyond.to_vec();
-        left.retain(|(_, plane)| comes_in(&whole, &cut_by(plane)));
-        if left.len() > MOST {
-            return Default::default();
-        }
-        // What one of them does not own may belong to none: those that are left are looked at again.
-        loop {
-            let owns = |&(face, plane): &(u32, Plane)| {
-                let others = left.iter().map(|(_, other)| other);
-                let others = others.filter(|other| (other.normal - plane.normal).norm() > FOLDED);
-                let nearest = others.map(|other| nearer(other, &plane));
-                let limits = [nearer(&own, &plane), plane].into_iter().chain(nearest);
-                let mut off = near.clone();
-                let is_there = limits.map(from_middle).all(|limit| off.cut(&limit));
-                !is_there || self.stand_over(face, &plane, &off, &middle)
-            };
-            let owned: Vec<(u32, Plane)> = left.iter().copied().filter(owns).collect();
-            if owned.len() == left.len() {
-                break;
-            }
-            left = owned;
-        }
-        // Those that cut off what others leave.
-        let mut cell = whole;
-        let cuts = left.iter().filter(|(_, plane)| {
-            let cut = cut_by(plane);
-            comes_in(&cell, &cut) && cell.cut(&cut)
-        });
-        let planes = cuts.map(|(_, plane)| nearer(plane, &own)).collect();
-        (left, planes)
-    }
-
-    /// Does a body, seen from a place, stand over a face, by its vertices and points between them?
-    fn stand_over(&self, face: u32, plane: &Plane, body: &Clipped, place: &Vec3) -> bool {
-        let is_over = |point: &Vec3| {
-            let point = point + place;
-            let foot = point - plane.normal * (point.dot(&plane.normal) - plane.offset);
-            self.is_on_face(face, &foot, OVER * self.reach)
-        };
-        let vertices: Vec<Vec3> =
-            body.left().iter().map(|&k| body.vertices()[k as usize]).collect();
-        vertices.iter().enumerate().all(|(k, one)| {
-            let between = |other: &Vec3| {
-                [0.25, 0.5, 0.75].iter().all(|part| is_over(&(one + (other - one) * *part)))
-            };
-            is_over(one) && vertices[..k].iter().all(between)
-        })
-    }
-
-    /// Does a triangle lie behind a plane, or in it?
-    fn lies_below(&self, triangle: u32, plane: &Plane) -> bool {
-        let corners = self.corners(&self.triangles[triangle as usize]);
-        let height = |corner: &Vec3| corner.dot(&plane.normal) - plane.offset;
-        corners.iter().all(|corner| height(corner) <= self.solid().level)
-    }
-
-    /// How deep a cell can be: half of the way to what is behind it, without these faces.
-    fn depth(
-        &self,
-        triangle: u32,
-        front: Front,
-        beside: &[u32],
-        but: &[(u32, Plane)],
-        farthest: f64,
-    ) -> f64 {
-        let own = &self.triangles[triangle as usize];
-        let [plane, borders @ .., _] = self.frustum(triangle, front, farthest);
-        let mut depth = farthest;
-        let mut polygon = Vec::new();
-        for &other in beside {
-            let of = &self.triangles[other as usize];
-            let is_left_out = but.binary_search_by_key(&of.facets[0], |(face, _)| *face).is_ok()
-                || of.corners.iter().any(|k| own.corners.contains(k));
-            if is_left_out {
-                continue;
-            }
-            let is_back = if self.part_of(other) == self.part_of(triangle) {
-                self.plane_from(other, front).normal.dot(&plane.normal) < -BACK
-            } else {
-                self.plane(other).normal.dot(&plane.normal).abs() > BACK
-            };
-            if !is_back {
-                continue;
-            }
-            polygon.clear();
-            polygon.extend(self.corners(of));
-            for border in &borders {
-                polygon = below(&polygon, border);
-            }
-            let heights = || polygon.iter().map(|p| p.dot(&plane.normal) - plane.offset);
-            // What comes through the plane is no back.
-            if heights().all(|height| height < -self.solid().level) {
-                depth = heights().fold(depth, |depth, height| depth.min(-0.5 * height));
-            }
-        }
-        depth
-    }
-}
-
-/// The half-space of what is nearer to the second of two planes than to the first, behind both.
-fn nearer(first: &Plane, second: &Plane) -> Plane {
-    let across = first.normal - second.normal;
-    let length = across.norm();
-    Plane { normal: across / length, offset: (first.offset - second.offset) / length }
 }
 
 /// 1 of small angles, 0 of large ones.
@@ -708,23 +607,6 @@ fn weight(angle: f64) -> f64 {
 
 fn angle_between(one: &Vec3, other: &Vec3) -> f64 {
     libm::atan2(one.cross(other).norm(), one.dot(other))
-}
-
-/// What of a convex polygon lies below a plane.
-fn below(polygon: &[Vec3], plane: &Plane) -> Vec<Vec3> {
-    let height = |p: &Vec3| p.dot(&plane.normal) - plane.offset;
-    let mut left = Vec::with_capacity(polygon.len() + 1);
-    for (k, p) in polygon.iter().enumerate() {
-        let q = &polygon[(k + 1) % polygon.len()];
-        let (here, there) = (height(p), height(q));
-        if here <= 0.0 {
-            left.push(*p);
-        }
-        if (here <= 0.0) != (there <= 0.0) {
-            left.push(p + (q - p) * (here / (here - there)));
-        }
-    }
-    left
 }
 
 /// The shortest way from a triangle to another that does not cross it [m].
