@@ -54,6 +54,7 @@ mod stages;
 mod suggest;
 mod superellipsoids;
 mod support;
+mod time_steps;
 mod turning;
 mod units;
 mod verification;
