@@ -272,7 +272,7 @@ fn another_step_leaves_the_time_of_a_stage() {
         let mut sim = assemble::assemble(&next, &comm);
         let same = assemble::Continuation::SameStage;
         assemble::take_up(&mut sim, &next, folder.path(), same, &mut comm).unwrap();
-        let last = sim.stage_begin.0 + next.steps_with(sim.stage_shift);
+        let last = sim.stage_begin.0 + next.steps_of(&sim);
         assert_eq!(last, 1000 + (0.01 / step).round() as u64);
         while sim.step < last {
             sim.step(&mut comm).unwrap();
@@ -376,7 +376,7 @@ fn another_step_leaves_the_begin_of_an_inlet() {
         let same = assemble::Continuation::SameStage;
         assemble::take_up(&mut sim, &next, folder.path(), same, &mut comm).unwrap();
         assert!(sim.stage_shift != 0.0);
-        let last = sim.stage_begin.0 + next.steps_with(sim.stage_shift);
+        let last = sim.stage_begin.0 + next.steps_of(&sim);
         while sim.step < last {
             sim.step(&mut comm).unwrap();
             let came = sim.drives[0].counted()[0].1;

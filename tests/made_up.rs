@@ -77,6 +77,7 @@ pub(crate) fn header(step: u64) -> Header {
                 mass: n.next(),
                 inertia: n.vector(),
                 scales: Some([n.next(), n.next()]),
+                most: Some(n.next()),
                 geometry: Some(Shape::Sphere(Sphere { radius: n.next() })),
             })
             .to_vec(),

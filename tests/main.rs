@@ -56,6 +56,7 @@ mod stages;
 mod suggest;
 mod superellipsoids;
 mod support;
+mod time_steps;
 mod touch_and_end;
 mod turning;
 mod turning_together;

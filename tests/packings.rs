@@ -70,6 +70,7 @@ pub(crate) fn header(
             mass: 1.0,
             inertia: Vec3::repeat(1.0),
             scales: None,
+            most: None,
             geometry: None,
         }],
         scene: String::new(),

@@ -125,7 +125,7 @@ impl Model for Rolling {
         self.stiffness
     }
 
-    fn hardest(&self, _: &Body, _reduced_mass: f64) -> Hardest {
+    fn hardest(&self, _: &Body, _: MaterialId, _reduced_mass: f64) -> Hardest {
         Hardest { stiffness: self.stiffness, dashpots: [0.0; 2], turning: [0.0; 2] }
     }
 

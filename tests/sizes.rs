@@ -696,7 +696,7 @@ fn sizes_of_a_start_count_as_those_of_the_scene() {
     let first = parsed(&text("", listed, "2e-7", 0.0)).unwrap();
     threads::run(2, |comm| save(&begun(&first, comm), &snapshots, &first, comm));
     let reader = snapshot::Reader::open(&snapshots).unwrap();
-    assert_eq!(reader.scales().unwrap(), [Some([0.4, 1.0])]);
+    assert_eq!(reader.sizes().unwrap()[0].unwrap().0, [0.4, 1.0]);
     assert_eq!(reader.header().shapes[0].scales, Some([0.4, 1.0]));
 
     let limit = |radius: f64| {

@@ -80,7 +80,8 @@ pub(crate) fn schedule(scene: &Scene, last_step: u64, out: &Path) -> Schedule {
         resumed: false,
         signal: Arc::default(),
         traced: Vec::new(),
-        allow_unstable: scene.allow_unstable,
+        duration: scene.duration,
+        over: scene.over_the_limit(),
     }
 }
 

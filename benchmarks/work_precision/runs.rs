@@ -303,7 +303,8 @@ pub(crate) fn ran(
         resumed: false,
         signal: Arc::default(),
         traced: Vec::new(),
-        allow_unstable: scene.allow_unstable,
+        duration: scene.duration,
+        over: scene.over_the_limit(),
     };
     let finish = run::run(&mut sim, &schedule, &mut comm, &mut |_| ())?;
     Ok((finish, sim))

@@ -310,7 +310,7 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         // Whether the state fits the scene is seen when it is taken up.
         let fits = if scene.start.is_some() || arguments.start.is_some() {
             state(arguments, &scene, comm)
-                .and_then(|(mut sim, _)| begins(arguments, &mut sim, comm))
+                .and_then(|(mut sim, _)| begins(arguments, &scene, &mut sim, comm))
         } else {
             tried(&scene, comm)
         };
@@ -336,12 +336,12 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         Err(status) => return status,
     };
     if arguments.check {
-        let begins = begins(arguments, &mut sim, comm);
+        let begins = begins(arguments, &scene, &mut sim, comm);
         return begins.map_or_else(|status| status, |()| checked(arguments, comm));
     }
     let resumed = arguments.start.is_some();
 
-    let stage_end = sim.stage_begin.0 + scene.steps_with(sim.stage_shift);
+    let stage_end = sim.stage_begin.0.saturating_add(scene.steps_of(&sim));
     let last_step = arguments.steps.map_or(stage_end, |steps| sim.step.saturating_add(steps));
     if resumed && let Some((why, status)) = nothing_left(arguments, &scene, &sim, &held, last_step)
     {
@@ -366,7 +366,9 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         resumed,
         signal: stop_signals(),
         traced: arguments.trace_particle.iter().map(|&id| GlobalId(id)).collect(),
-        allow_unstable: scene.allow_unstable,
+        // So many steps that were asked for stay so many.
+        duration: scene.duration.filter(|_| arguments.steps.is_none()),
+        over: scene.over_the_limit(),
     };
     match run(&mut sim, &scene, &schedule, arguments, comm) {
         Ok(finish) if !finish.unmet.is_empty() => UNMET,
@@ -503,12 +505,21 @@ fn tried(scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
     run::begin(&mut sim, comm).map_err(|error| failed(&error, "", &sim, false, comm))
 }
 
-/// Looks for overlaps where a stage begins with a snapshot. One that goes on has none.
-fn begins(arguments: &Arguments, sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), u8> {
+/// Looks for overlaps where a stage begins with a snapshot, and for what they make of its step. One that goes on has none.
+fn begins(
+    arguments: &Arguments,
+    scene: &Scene,
+    sim: &mut Simulation,
+    comm: &mut dyn Comm,
+) -> Result<(), u8> {
     if arguments.start.is_some() {
         return Ok(());
     }
-    run::begin(sim, comm).map_err(|error| failed(&error, "", sim, false, comm))
+    run::begin(sim, comm).map_err(|error| failed(&error, "", sim, false, comm))?;
+    if let Some(words) = run::follow_limit(sim, scene.over_the_limit(), comm) {
+        print_once(comm, format!("warning: {words}"));
+    }
+    Ok(())
 }
 
 /// Nothing was found.
@@ -590,7 +601,7 @@ fn run(
     arguments: &Arguments,
     comm: &mut dyn Comm,
 ) -> Result<Finish, u8> {
-    print_once(comm, heading(scene, schedule, sim.step, comm.size()));
+    print_once(comm, heading(scene, schedule, sim, comm.size()));
     let origin = origin(scene);
     for doubt in &origin.doubts {
         print_once(comm, format!("warning: {doubt}"));
@@ -621,19 +632,20 @@ fn run(
 }
 
 /// What runs, on how many ranks.
-fn heading(scene: &Scene, schedule: &Schedule, step: u64, ranks: u32) -> String {
+fn heading(scene: &Scene, schedule: &Schedule, sim: &Simulation, ranks: u32) -> String {
     let limit = scene.time_step_limit().map_or(String::new(), |limit| {
-        let share = 100.0 * scene.dt / limit.dt;
+        let share = 100.0 * sim.dt / limit.dt;
         let warning = if share > 100.0 { ": OVER THE LIMIT, the run may blow up" } else { "" };
         format!(", {share:.0} % of the stable limit{warning}")
     });
     format!(
-        "{}: {} on {ranks} rank{}, steps {step} to {} of {:e} s{limit}",
+        "{}: {} on {ranks} rank{}, steps {} to {} of {:e} s{limit}",
         scene.title,
         scene.method.name(),
         if ranks == 1 { "" } else { "s" },
+        sim.step,
         schedule.last_step,
-        scene.dt,
+        sim.dt,
     )
 }
 
@@ -745,6 +757,7 @@ impl Display {
         }
         if let Some(bar) = &self.bar {
             if progress.done.is_multiple_of(32) || progress.done == progress.of {
+                bar.set_length(progress.of);
                 bar.set_position(progress.done);
                 bar.set_message(self.last_state.clone());
             }

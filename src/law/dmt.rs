@@ -173,8 +173,8 @@ impl<M: Model> Model for Dmt<M> {
         self.forces.stiffness(&constants.forces, overlap, dt)
     }
 
-    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
-        self.forces.hardest(body, reduced_mass)
+    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
+        self.forces.hardest(body, other, reduced_mass)
     }
 
     fn hardest_up_to(&self) -> Option<f64> {

@@ -47,11 +47,6 @@ impl<C: Mixing> Interactions<C> {
         self.constants[b.index() * self.materials + a.index()] = constants;
     }
 
-    /// Those of a material with each material.
-    pub fn of_material(&self, material: MaterialId) -> &[C] {
-        &self.constants[material.index() * self.materials..][..self.materials]
-    }
-
     /// All of them.
     pub fn iter(&self) -> impl Iterator<Item = &C> {
         self.constants.iter()

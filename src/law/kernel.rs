@@ -284,8 +284,8 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     /// way [N/m].
     fn stiffness(&self, constants: &Self::Constants<f64>, overlap: f64, dt: f64) -> f64;
 
-    /// What bounds the time step of a body, among all others.
-    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest;
+    /// The hardest contact of a body with those of a material, with this reduced mass at most [kg].
+    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest;
 
     /// The gap at which a contact ends that has once been made [m]; by default it ends where the overlap does. Only of spheres,
     /// with each other and with planes.
@@ -552,8 +552,8 @@ impl<M: Model> ForceLaw for Law<M> {
         self.model.stiffness(&self.constants_now(pair, particles, geometry), geometry.overlap, dt)
     }
 
-    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
-        self.model.hardest(body, reduced_mass)
+    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
+        self.model.hardest(body, other, reduced_mass)
     }
 
     fn outlives(&self, pair: Pair, particles: &Particles) -> f64 {

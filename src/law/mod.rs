@@ -77,7 +77,7 @@
 //!         1.5 * factor * overlap.sqrt()
 //!     }
 //!
-//!     fn hardest(&self, body: &Body, _reduced_mass: f64) -> Hardest {
+//!     fn hardest(&self, body: &Body, _: MaterialId, _reduced_mass: f64) -> Hardest {
 //!         // No overlap is to be more than a hundredth of the radius.
 //!         let stiffness = 2.0 * self.modulus * body.radius * 0.1;
 //!         Hardest { stiffness, dashpots: [0.0; 2], turning: [0.0; 2] }
@@ -408,7 +408,7 @@ impl Body {
     }
 }
 
-/// The hardest contact that a body can have.
+/// The hardest contact that a body can have with those of a material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hardest {
     /// Stiffness, normal or tangential [N/m].
@@ -417,6 +417,18 @@ pub struct Hardest {
     pub dashpots: [f64; 2],
     /// Spring and dashpot against turning, as they act on a sphere at its surface [N/m, N s/m].
     pub turning: [f64; 2],
+}
+
+impl Hardest {
+    /// Number by number with another.
+    fn by(&self, other: &Self, choose: fn(f64, f64) -> f64) -> Self {
+        let both = |a: [f64; 2], b: [f64; 2]| [choose(a[0], b[0]), choose(a[1], b[1])];
+        Self {
+            stiffness: choose(self.stiffness, other.stiffness),
+            dashpots: both(self.dashpots, other.dashpots),
+            turning: both(self.turning, other.turning),
+        }
+    }
 }
 
 /// The law that a scene chooses, with its constants.
@@ -567,8 +579,8 @@ pub trait ForceLaw: Send + Sync {
     /// `dt` [s], over the way [N/m].
     fn stiffness(&self, pair: Pair, particles: &Particles, geometry: &Geometry, dt: f64) -> f64;
 
-    /// What bounds the time step of a body, among all others.
-    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest;
+    /// The hardest contact of a body with those of a material, with this reduced mass at most [kg].
+    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest;
 
     /// The gap at which a contact ends that has once been made [m].
     fn outlives(&self, _pair: Pair, _particles: &Particles) -> f64 {

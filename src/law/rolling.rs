@@ -446,19 +446,15 @@ impl<M: Model> Model for Rolling<M> {
 
     /// A spring against turning acts like one in the plane at the surface: `k / R²`, and there are no larger `R_r` than the
     /// radius. About each axis there is rolling or twisting. Bodies that turn more easily than a sphere feel it the more.
-    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
-        let mut hardest = self.forces.hardest(body, reduced_mass);
+    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
+        let mut hardest = self.forces.hardest(body, other, reduced_mass);
         let (normal, inertia_ratio) = (hardest.stiffness, self.inertia_ratio[body.shape.index()]);
-        let (mut stiffness, mut dashpot) = (0.0_f64, 0.0_f64);
-        for constants in self.interactions.of_material(body.material) {
-            let Constants { rolling_friction, twisting_friction, damping_ratio } = *constants;
-            let friction = rolling_friction.max(twisting_friction);
-            let of_this = STIFFNESS * friction * friction * normal;
-            let critical = 2.0 * (ABOUT_CONTACT * reduced_mass * of_this).sqrt();
-            stiffness = stiffness.max(inertia_ratio * of_this);
-            dashpot = dashpot.max(inertia_ratio * damping_ratio * critical);
-        }
-        hardest.turning = [stiffness, dashpot];
+        let Constants { rolling_friction, twisting_friction, damping_ratio } =
+            *self.interactions.of(body.material, other);
+        let friction = rolling_friction.max(twisting_friction);
+        let stiffness = STIFFNESS * friction * friction * normal;
+        let critical = 2.0 * (ABOUT_CONTACT * reduced_mass * stiffness).sqrt();
+        hardest.turning = [stiffness, damping_ratio * critical].map(|part| inertia_ratio * part);
         hardest
     }
 

@@ -18,23 +18,34 @@
 //! discs of 5:1 this is hundredths of `k` and changes nothing. Sides of blunt superellipsoids are flat to rounding in
 //! their middle, and no step is short enough there: see [`lost_levers`].
 //!
-//! Of particles of many sizes the smallest and the largest of each shape are looked at, each among the heaviest and the
-//! smallest of all.
+//! Contacts are as stiff as those of the bodies that meet: for each material that bodies can have, as many contacts as there can be
+//! such bodies and as fit around the body, the stiffest first. Equal spheres are [`CONTACTS`]; smaller ones more, as many more as
+//! their caps fit on its surface; [`OF_WALLS`] are walls, which do not move away and so count half. A few contacts alone can
+//! move together: then each counts with its whole compliance.
 //!
-//! A grain among smaller ones has more than [`CONTACTS`], as many more as their caps fit on its surface. More contacts
-//! than that at full stiffness would need a shorter step; fewer is the rule, and the bound is then on the safe side.
+//! Of particles of many sizes the smallest and the largest of each shape are looked at, each among the heaviest and the
+//! smallest of a material. A contact is no stiffer than on a plane for the stiffer one of its bodies.
+//!
+//! More contacts than that at full stiffness would need a shorter step; fewer is the rule, and the bound is then on the safe side.
 
 use super::{Body, ForceLaw, Hardest};
-use crate::ids::ShapeId;
+use crate::ids::{MaterialId, ShapeId};
 use crate::math::{Mat3, Vec3};
 use crate::particles::Library;
 use crate::shape::Shape;
+use std::collections::BTreeMap;
 
 /// Contacts per particle in the estimate: those of the densest packing of spheres.
 pub const CONTACTS: f64 = 12.0;
 
+/// Contacts with walls in the estimate, each like one with a partner: twelve walls all around.
+const OF_WALLS: f64 = 6.0;
+
 /// Compliance of a sphere's surface in the motion that strains all contacts most, over that at a single one.
 const TOGETHER: f64 = (5.0 / 3.0) / 3.5;
+
+/// Part of the dashpots along the normals that a motion feels.
+const ALONG_NORMALS: f64 = 1.0 / 3.0;
 
 /// A bound of the time step, and what sets it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,62 +56,229 @@ pub struct TimeStepLimit {
     pub shape: ShapeId,
     /// Its mass [kg].
     pub mass: f64,
-    /// The largest stiffness of its contacts [N/m].
+    /// The stiffness of the contacts that count most in it [N/m].
     pub stiffness: f64,
+    /// What they are with.
+    pub partner: Partner,
     /// The overlap over the radius of the smaller body at which they have it [-]; `None` if they have it at any.
     pub overlap: Option<f64>,
+}
+
+/// Bodies of one material that others touch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Partner {
+    /// Particles.
+    Particles(MaterialId),
+    /// Walls.
+    Walls(MaterialId),
+}
+
+impl Partner {
+    const fn material(self) -> MaterialId {
+        match self {
+            Self::Particles(material) | Self::Walls(material) => material,
+        }
+    }
 }
 
 impl TimeStepLimit {
     /// What sets it, but for the name of the shape.
     #[must_use]
-    pub fn words(&self) -> String {
+    pub fn words(&self, library: &Library) -> String {
         let overlap = self.overlap.map_or_else(String::new, |overlap| {
             format!(" at an overlap of {overlap:.3} of the radius, law.largest_overlap")
         });
-        format!("{:.3e} kg, stiffness {:.3e} N/m{overlap}", self.mass, self.stiffness)
+        let with = match self.partner {
+            Partner::Walls(_) => " on walls".to_owned(),
+            Partner::Particles(material) if material == library.materials[self.shape.index()] => {
+                String::new()
+            }
+            Partner::Particles(material) => {
+                let of_material = library.materials.iter().position(|&own| own == material);
+                format!(" on `{}`", library.names[of_material.unwrap_or_default()])
+            }
+        };
+        format!("{:.3e} kg, stiffness {:.3e} N/m{with}{overlap}", self.mass, self.stiffness)
     }
 }
 
-/// The limit over all shapes of particles; `None` if there are none.
+/// The bodies of a partner.
+#[derive(Clone, Copy, Debug)]
+struct Kin {
+    /// How many there can be.
+    most: f64,
+    /// The least cube root of a volume [m].
+    smallest: f64,
+    /// The least and the largest mass [kg].
+    masses: [f64; 2],
+}
+
+/// What bodies can touch in a library, particles that are none left out.
+fn kin(library: &Library) -> BTreeMap<Partner, Kin> {
+    let mut all = BTreeMap::new();
+    for &material in &library.materials[library.particle_shapes..] {
+        let infinite = f64::INFINITY;
+        let walls = Kin { most: infinite, smallest: infinite, masses: [infinite; 2] };
+        all.insert(Partner::Walls(material), walls);
+    }
+    for body in bodies(library) {
+        let none = Kin { most: 0.0, smallest: f64::INFINITY, masses: [f64::INFINITY, 0.0] };
+        let kin = all.entry(Partner::Particles(body.material)).or_insert(none);
+        let [least, largest] = kin.masses;
+        kin.masses = [least.min(body.mass), largest.max(body.mass)];
+        kin.smallest = kin.smallest.min(size(library, &body));
+    }
+    for (material, most) in
+        library.materials.iter().zip(&library.most).take(library.particle_shapes)
+    {
+        if let Some(kin) = all.get_mut(&Partner::Particles(*material)) {
+            kin.most += most;
+        }
+    }
+    all
+}
+
+/// The cube root of the volume of a body [m].
+fn size(library: &Library, body: &Body) -> f64 {
+    libm::cbrt(library.shapes[body.shape.index()].volume()) * body.scale
+}
+
+/// The reduced mass of two bodies of which one may be a wall [kg].
+fn reduced(mass: f64, other: f64) -> f64 {
+    if other.is_infinite() { mass } else { mass * other / (mass + other) }
+}
+
+/// The hardest contacts of particles of each material with each partner.
+struct Pairs<'a> {
+    law: &'a dyn ForceLaw,
+    kin: BTreeMap<Partner, Kin>,
+    hardest: BTreeMap<(MaterialId, Partner), Hardest>,
+}
+
+impl<'a> Pairs<'a> {
+    fn new(library: &Library, law: &'a dyn ForceLaw) -> Self {
+        let mut pairs = Self { law, kin: kin(library), hardest: BTreeMap::new() };
+        for body in bodies(library) {
+            for &partner in pairs.kin.keys() {
+                let own = pairs.on_plane(&body, partner);
+                let known = pairs.hardest.entry((body.material, partner)).or_insert(own);
+                *known = known.by(&own, f64::max);
+            }
+        }
+        pairs
+    }
+
+    /// On a plane of a material, with the heaviest of its bodies.
+    fn on_plane(&self, body: &Body, partner: Partner) -> Hardest {
+        let [_, heaviest] = self.kin[&partner].masses;
+        self.law.hardest(body, partner.material(), reduced(body.mass, heaviest))
+    }
+
+    /// Of a body with those of a partner.
+    fn of(&self, body: &Body, partner: Partner) -> Hardest {
+        let own = self.on_plane(body, partner);
+        let back = match partner {
+            Partner::Walls(_) => None,
+            Partner::Particles(material) => {
+                self.hardest.get(&(material, Partner::Particles(body.material)))
+            }
+        };
+        // Springs against turning go by the body's own moments of inertia.
+        back.map_or(own, |back| Hardest { turning: own.turning, ..own.by(back, f64::min) })
+    }
+
+    /// How many of a partner there can be around a body.
+    fn most(&self, body: &Body, partner: Partner) -> f64 {
+        let itself = if partner == Partner::Particles(body.material) { 1.0 } else { 0.0 };
+        self.kin[&partner].most - itself
+    }
+
+    /// How many of a partner fit around a body of this size [m].
+    fn fit(&self, size: f64, partner: Partner) -> f64 {
+        match partner {
+            Partner::Walls(_) => OF_WALLS,
+            Partner::Particles(_) => {
+                CONTACTS * (0.5 * (1.0 + size / self.kin[&partner].smallest)).powi(2)
+            }
+        }
+    }
+}
+
+/// Particles that bound all others, shapes of which there are none left out.
+fn bodies(library: &Library) -> impl Iterator<Item = Body> + '_ {
+    let is_there = |&(shape, _): &(ShapeId, f64)| library.most[shape.index()] > 0.0;
+    library.extremes().filter(is_there).map(|(shape, scale)| Body::of(library, shape, scale))
+}
+
+/// The most that contacts of a body sum up to, and those that add most to it: (how many there can be, how many fit, what each adds, with what).
+fn fullest(mut contacts: Vec<(f64, f64, f64, Partner)>) -> (f64, Option<Partner>) {
+    contacts.sort_by(|a, b| (b.1 * b.2).total_cmp(&(a.1 * a.2)));
+    let (mut room, mut sum, mut most) = (1.0, 0.0, (0.0, None));
+    for (there, fit, each, partner) in contacts {
+        let count = there.min(room * fit);
+        room -= count / fit;
+        sum += count * each;
+        if count * each > most.0 {
+            most = (count * each, Some(partner));
+        }
+    }
+    (sum, most.1)
+}
+
+/// The limit over all shapes of particles; `None` if nothing can push them.
 pub fn time_step_limit(library: &Library, law: &dyn ForceLaw) -> Option<TimeStepLimit> {
-    let mass_of = |(shape, scale): (ShapeId, f64)| library.mass_at(shape, scale);
-    let heaviest = library.extremes().map(mass_of).fold(0.0, f64::max);
-    let radius =
-        |(shape, scale): (ShapeId, f64)| library.shapes[shape.index()].volume().cbrt() * scale;
-    let smallest = library.extremes().map(radius).fold(f64::INFINITY, f64::min);
-    library
-        .extremes()
-        .map(|(id, scale)| {
-            let body = Body::of(library, id, scale);
-            let mass = body.mass;
-            let reduced_mass = mass * heaviest / (mass + heaviest);
-            let Hardest { stiffness, dashpots: [normal, tangential], turning: [spring, dashpot] } =
-                law.hardest(&body, reduced_mass);
-            let (stiffness, tangential) = (stiffness + spring, tangential + dashpot);
-            let shape = &library.shapes[id.index()];
+    let pairs = Pairs::new(library, law);
+    bodies(library)
+        .filter_map(|body| {
+            let own_size = size(library, &body);
+            // A part of those that fit counts, with the whole of what each adds.
+            let most = |part: f64, adds: fn(&Hardest) -> f64| {
+                let contact = |&partner: &Partner| {
+                    let fit = part * pairs.fit(own_size, partner);
+                    let each = adds(&pairs.of(&body, partner));
+                    (pairs.most(&body, partner), fit, each, partner)
+                };
+                fullest(pairs.kin.keys().map(contact).collect())
+            };
+            let (stiffness, partner) = most(TOGETHER, |h| h.stiffness + h.turning[0]);
+            let (tangential, _) = most(TOGETHER, |h| h.dashpots[1] + h.turning[1]);
+            let (normal, _) = most(ALONG_NORMALS, |h| h.dashpots[0]);
+            let shape = &library.shapes[body.shape.index()];
             let compliance = shape.surface_compliance();
             let flatness = shape.inscribed_radius() / shape.bounding_radius();
             let across = 1.0 + (compliance - 1.0) * (1.0 - flatness * flatness);
-            let among_the_smallest = (0.5 * (1.0 + radius((id, scale)) / smallest)).powi(2);
-            let contacts = 2.0 * CONTACTS * among_the_smallest / mass;
-            let frequency_squared = contacts * TOGETHER * compliance * stiffness;
-            let rate = contacts * (TOGETHER * compliance * tangential + across / 3.0 * normal);
+            let mass = body.mass;
+            let frequency_squared = 2.0 * compliance * stiffness / mass;
+            let rate = 2.0 * (compliance * tangential + across * normal) / mass;
             let dt = 4.0 / (rate + (rate * rate + 4.0 * frequency_squared).sqrt());
-            TimeStepLimit { dt, shape: id, mass, stiffness, overlap: law.hardest_up_to() }
+            let partner = partner?;
+            let Hardest { stiffness, turning: [spring, _], .. } = pairs.of(&body, partner);
+            let (stiffness, overlap) = (stiffness + spring, law.hardest_up_to());
+            Some(TimeStepLimit { dt, shape: body.shape, mass, stiffness, partner, overlap })
         })
         .min_by(|a, b| a.dt.total_cmp(&b.dt))
 }
 
+/// The part of the stable limit that a program's own step takes [-].
+const OWN: f64 = 0.8;
+
+/// The program's own step for a stable limit [s], by its decimal digits: the number that is printed is the number itself. Rounding goes up
+/// by 4 % at most.
+pub fn own_step(limit: f64) -> f64 {
+    format!("{:.1e}", OWN * limit).parse().unwrap_or(OWN * limit)
+}
+
 /// The highest frequency at which two bodies oscillate on the spring of one contact, without dashpots [rad/s]: `√(k / m)` with
-/// the largest stiffness that a body can have and the reduced mass of it and the lightest of all. `None` if nothing pushes.
+/// the largest stiffness that they can have and the reduced mass of a body and the lightest of its partners. `None` if nothing pushes.
 pub fn highest_frequency(library: &Library, law: &dyn ForceLaw) -> Option<f64> {
-    let bodies: Vec<Body> =
-        library.extremes().map(|(shape, scale)| Body::of(library, shape, scale)).collect();
-    let lightest = bodies.iter().map(|body| body.mass).fold(f64::INFINITY, f64::min);
-    let squared = bodies.iter().map(|body| {
-        let reduced_mass = body.mass * lightest / (body.mass + lightest);
-        law.hardest(body, reduced_mass).stiffness / reduced_mass
+    let pairs = Pairs::new(library, law);
+    let squared = bodies(library).flat_map(|body| {
+        let pairs = &pairs;
+        let meets = move |partner: &&Partner| pairs.most(&body, **partner) > 0.0;
+        pairs.kin.iter().map(|(partner, _)| partner).filter(meets).map(move |&partner| {
+            let [lightest, _] = pairs.kin[&partner].masses;
+            pairs.of(&body, partner).stiffness / reduced(body.mass, lightest)
+        })
     });
     let highest = squared.fold(0.0, f64::max);
     (highest > 0.0).then(|| highest.sqrt())

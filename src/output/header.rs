@@ -130,6 +130,8 @@ pub struct ShapeRow {
     /// The least and the largest scale for which the stage has made room: lengths of a particle over those of its shape [-].
     /// Such particles need not be there. `None` in a file of an older version.
     pub scales: Option<[f64; 2]>,
+    /// How many such particles the stage can have at most; infinite if nothing is known. `None` in a file of an older version.
+    pub most: Option<f64>,
     /// The body itself. `None` for kind `other`: a program's own type cannot be stored.
     pub geometry: Option<Shape>,
 }

@@ -143,8 +143,9 @@ const SHAPE_SEMI_AXES: Column = column("/shapes/semi_axes", 3, "m");
 const SHAPE_VOLUME: Column = column("/shapes/volume", 1, "m^3");
 const SHAPE_MASS: Column = column("/shapes/mass", 1, "kg");
 const SHAPE_INERTIA: Column = column("/shapes/inertia", 3, "kg m^2");
-/// Not there in files of older versions.
+/// Not there in files of older versions, like the next.
 const SHAPE_SCALES: Column = column("/shapes/scales", 2, "1");
+const SHAPE_MOST: Column = column("/shapes/most", 1, "1");
 const SHAPE_GEOMETRY: Column = column("/shapes/geometry", 1, "");
 
 /// Writes a snapshot: the contacts file, the particles file and, when both are on the disk under their
@@ -703,6 +704,9 @@ fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), Snapshot
     if let Some(scales) = shapes.iter().map(|s| s.scales).collect::<Option<Vec<_>>>() {
         file.table(&SHAPE_SCALES, scales.as_flattened())?;
     }
+    if let Some(most) = shapes.iter().map(|s| s.most).collect::<Option<Vec<_>>>() {
+        file.table(&SHAPE_MOST, &most)?;
+    }
     let geometries = geometries(header);
     file.texts(&SHAPE_GEOMETRY, &geometries.iter().map(|g| &**g).collect::<Vec<_>>())
 }
@@ -778,7 +782,7 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
     let kinds = shapes.texts(&SHAPE_KIND)?;
     let (axes, inertias) = (shapes.vectors(&SHAPE_SEMI_AXES)?, shapes.vectors(&SHAPE_INERTIA)?);
     let (volumes, masses) = (shapes.numbers(&SHAPE_VOLUME)?, shapes.numbers(&SHAPE_MASS)?);
-    let scales = shapes.scales()?;
+    let (scales, most) = (shapes.scales()?, shapes.most()?);
     let shapes = file.texts(&SHAPE_NAME)?.into_iter().enumerate().map(|(k, name)| ShapeRow {
         name,
         kind: kinds[k].clone(),
@@ -787,6 +791,7 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
         mass: masses[k],
         inertia: inertias[k],
         scales: scales[k],
+        most: most[k],
         geometry: geometries[k].clone(),
     });
 
@@ -877,6 +882,13 @@ impl Tabulated<'_> {
         }
         let numbers = self.numbers(&SHAPE_SCALES)?;
         Ok(numbers.as_chunks::<2>().0.iter().copied().map(Some).collect())
+    }
+
+    fn most(&self) -> Result<Vec<Option<f64>>, SnapshotError> {
+        if !self.file.has(SHAPE_MOST.place) {
+            return Ok(vec![None; self.rows]);
+        }
+        Ok(self.numbers(&SHAPE_MOST)?.into_iter().map(Some).collect())
     }
 
     fn bodies(&self) -> Result<Vec<Option<Saved>>, SnapshotError> {
@@ -1025,25 +1037,25 @@ impl Reader {
         Ok(particles)
     }
 
-    /// The least and the largest scale of the particles of each shape [-]; `None` of a shape that none of them has. Only some
-    /// of the particles are in memory at a time.
+    /// The least and the largest scale of the particles of each shape [-], and how many there are; `None` of a shape that none of
+    /// them has. Only some of the particles are in memory at a time.
     ///
     /// # Errors
     /// As [`Reader::particles`].
-    pub fn scales(&self) -> Result<Vec<Option<[f64; 2]>>, SnapshotError> {
-        let mut scales: Vec<Option<[f64; 2]>> = vec![None; self.header.shapes.len()];
+    pub fn sizes(&self) -> Result<Vec<Option<([f64; 2], u64)>>, SnapshotError> {
+        let mut sizes: Vec<Option<([f64; 2], u64)>> = vec![None; self.header.shapes.len()];
         for first in (0..self.particle_count).step_by(PARTICLES_AT_ONCE) {
             let rows = first..(first + PARTICLES_AT_ONCE).min(self.particle_count);
             let table = self.columns(rows, |name| ["shape", "scale"].contains(&name))?;
             for (row, shape) in table.shape.iter().enumerate() {
                 let scale = table.scale_of(row);
                 // A number of no shape is told when the particles are read.
-                let Some(known) = scales.get_mut(shape.index()) else { continue };
-                let [least, largest] = known.unwrap_or([scale; 2]);
-                *known = Some([least.min(scale), largest.max(scale)]);
+                let Some(known) = sizes.get_mut(shape.index()) else { continue };
+                let ([least, largest], count) = known.unwrap_or(([scale; 2], 0));
+                *known = Some(([least.min(scale), largest.max(scale)], count + 1));
             }
         }
-        Ok(scales)
+        Ok(sizes)
     }
 
     /// How many contacts it has.

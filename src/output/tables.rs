@@ -16,7 +16,8 @@
 //! does not need is not there. The geometry of a shape is a JSON text, `/shapes/geometry`. So is, of walls that turn or have several
 //! planes, `/walls/body`: reference point, orientation (i, j, k, w), angular velocity, planes in the axes of the wall.
 //! `/shapes/scales` are the least and the largest scale of each shape for which the stage has made room: a stage that goes on has the
-//! step and the skin of these, also where such particles have left.
+//! step and the skin of these, also where such particles have left. `/shapes/most` is how many of each shape it can have at most, infinite if
+//! it does not know: its stable limit goes by that.
 //!
 //! | place | rows | content |
 //! |---|---|---|

@@ -46,6 +46,8 @@ pub struct Library {
     pub sizes: Vec<Sizes>,
     /// Least and largest scale of a particle: lengths of the particle over those of its shape [-].
     pub scales: Vec<[f64; 2]>,
+    /// How many particles of each shape there can be at most; infinite if nothing is known [-].
+    pub most: Vec<f64>,
     /// How many of them belong to particles; the rest are facets of walls.
     pub particle_shapes: usize,
 }
@@ -84,6 +86,7 @@ impl Library {
         self.shapes.push(shape);
         self.sizes.push(Sizes::default());
         self.scales.push([1.0; 2]);
+        self.most.push(f64::INFINITY);
         self.names.push(name.to_owned());
         self.materials.push(material);
         ShapeId((self.shapes.len() - 1) as u16)

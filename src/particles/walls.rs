@@ -383,6 +383,11 @@ impl Wall {
         self.facets.iter().map(move |facet| pose.place(facet))
     }
 
+    /// Has it a plane against which this direction leads, or a surface of triangles?
+    pub fn holds_against(&self, direction: &Vec3) -> bool {
+        self.mesh.is_some() || self.in_place().any(|plane| plane.normal.dot(direction) < 0.0)
+    }
+
     /// A point of its first facet, and the unit normal there towards the particles: what files say of it.
     pub fn surface(&self) -> (Vec3, Vec3) {
         let first = self.in_place().next();
@@ -503,6 +508,15 @@ impl Wall {
             return (self.point - before.point).norm();
         }
         self.moved_since(&before, room)
+    }
+
+    /// Goes on with another step after so many, of which the last took `before` [s].
+    pub(crate) fn change_step(&mut self, step: u64, before: f64) {
+        let from = self.pose();
+        self.steady = None;
+        if let Some(following) = &mut self.following {
+            *following = Following { since: step, time: following.time_at(step, before), from };
+        }
     }
 
     const fn stand(&mut self, Pose { point, orientation }: Pose) {

@@ -326,7 +326,12 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
         {
             found.push(format!("scales of shape {:?}: {x:?} and {y:?}", a.name));
         }
-        let [a, b] = [a, b].map(|shape| ShapeRow { scales: None, ..shape.clone() });
+        if let (Some(x), Some(y)) = (a.most, b.most)
+            && x != y
+        {
+            found.push(format!("most particles of shape {:?}: {x} and {y}", a.name));
+        }
+        let [a, b] = [a, b].map(|shape| ShapeRow { scales: None, most: None, ..shape.clone() });
         if a != b {
             let [a_text, b_text] = [&a, &b].map(|shape| shortened(&format!("{shape:?}")));
             found.push(format!("shape {:?}: {a_text} and {b_text}", a.name));

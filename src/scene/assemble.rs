@@ -161,6 +161,10 @@ pub enum StartError {
     },
 }
 
+/// A stage does not make its own step shorter than this part of what it was: stiffness goes with the root of the overlap, which is less than
+/// the radius.
+const MOST_SHORTENED: f64 = 1e-3;
+
 /// How a run goes on from a snapshot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Continuation {
@@ -300,6 +304,10 @@ pub fn take_up(
         return Err(StartError::Forgotten { path, column });
     }
 
+    let shortened = MOST_SHORTENED * scene.dt..scene.dt;
+    if continuation == Continuation::SameStage && scene.own_step && shortened.contains(&header.dt) {
+        sim.dt = header.dt;
+    }
     sim.particles.cell = sheared_on(scene, &header, reader.path())?;
     let mut library = sim.particles.library.clone();
     if continuation == Continuation::SameStage {
@@ -405,7 +413,7 @@ fn sheared_on(scene: &Scene, header: &Header, path: &Path) -> Result<Cell, Start
     })
 }
 
-/// Makes room for the sizes of these particles and of this library. A scene that names its snapshot has made it already; one that
+/// Makes room for the sizes and numbers of these particles and of this library. A scene that names its snapshot has made it already; one that
 /// does not may not know of them. Collective.
 fn admit_sizes(
     sim: &mut Simulation,
@@ -416,6 +424,12 @@ fn admit_sizes(
 ) -> Result<(), StartError> {
     for particle in particles {
         library.admit(particle.shape, particle.scale);
+    }
+    let mut counts = vec![0_i64; library.shapes.len()];
+    particles.iter().for_each(|particle| counts[particle.shape.index()] += 1);
+    comm.sum(&mut counts);
+    for (most, count) in library.most.iter_mut().zip(counts) {
+        *most = most.max(count as f64);
     }
     let bounds = library.scales.iter().flat_map(|[least, largest]| [-least, *largest]);
     let mut bounds: Vec<f64> = bounds.collect();

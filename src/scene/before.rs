@@ -25,27 +25,34 @@ pub(super) fn known_as(library: &Library, row: &ShapeRow) -> Option<ShapeId> {
     (0..library.particle_shapes).find(is_it).map(|k| ShapeId(k as u16))
 }
 
-/// Makes room for the grains of the snapshot with which a stage begins, or of the newest good one of a directory.
+/// Makes room for the grains of the snapshot with which a stage begins, or of the newest good one of a directory. Returns its scene.
 /// One that cannot be read has none: that is told when it is taken up.
-pub(super) fn admit(library: &mut Library, path: &Path) {
-    let _ = opened(path).and_then(|reader| admit_present(library, &reader));
+pub(super) fn admit(library: &mut Library, path: &Path) -> Option<String> {
+    let reader = opened(path).ok()?;
+    let _ = admit_present(library, &reader);
+    Some(reader.header().scene.clone())
 }
 
 /// The same for a stage that goes on from a snapshot of its own.
-pub(super) fn admit_to_go_on(library: &mut Library, path: &Path) {
-    let Ok(reader) = opened(path) else { return };
+pub(super) fn admit_to_go_on(library: &mut Library, path: &Path) -> Option<String> {
+    let reader = opened(path).ok()?;
     if !admit_saved(library, reader.header()) {
         let _ = admit_present(library, &reader);
     }
+    Some(reader.header().scene.clone())
 }
 
-/// Makes room for the sizes for which the stage that wrote a snapshot had made room. `false` if the file, of an older version,
+/// Makes room for the sizes and numbers for which the stage that wrote a snapshot had made room. `false` if the file, of an older version,
 /// does not say which.
 pub(super) fn admit_saved(library: &mut Library, header: &Header) -> bool {
     let saved = header.shapes.iter().map(|row| row.scales);
     let Some(scales) = saved.collect::<Option<Vec<_>>>() else { return false };
     for (row, scales) in header.shapes.iter().zip(scales) {
-        admit_of(library, row, scales);
+        if let Some(shape) = admit_of(library, row, scales) {
+            // A file of an older version does not say how many.
+            let most = &mut library.most[shape.index()];
+            *most = most.max(row.most.unwrap_or(f64::INFINITY));
+        }
     }
     true
 }
@@ -56,21 +63,23 @@ fn opened(path: &Path) -> Result<Reader, SnapshotError> {
 }
 
 fn admit_present(library: &mut Library, reader: &Reader) -> Result<(), SnapshotError> {
-    for (row, scales) in reader.header().shapes.iter().zip(reader.scales()?) {
-        if let Some(scales) = scales {
-            admit_of(library, row, scales);
+    for (row, sizes) in reader.header().shapes.iter().zip(reader.sizes()?) {
+        if let Some((scales, count)) = sizes
+            && let Some(shape) = admit_of(library, row, scales)
+        {
+            library.most[shape.index()] += count as f64;
         }
     }
     Ok(())
 }
 
 /// Makes room for these scales of a snapshot's shape. What is none of the library's, or no scale, is told when it is taken up.
-fn admit_of(library: &mut Library, row: &ShapeRow, scales: [f64; 2]) {
-    if let Some(shape) = known_as(library, row)
-        && scales.iter().all(|scale| scale.is_finite() && *scale > 0.0)
-    {
+fn admit_of(library: &mut Library, row: &ShapeRow, scales: [f64; 2]) -> Option<ShapeId> {
+    let shape = known_as(library, row)?;
+    if scales.iter().all(|scale| scale.is_finite() && *scale > 0.0) {
         for scale in scales {
             library.admit(shape, scale);
         }
     }
+    Some(shape)
 }

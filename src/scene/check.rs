@@ -7,22 +7,25 @@ use super::before;
 use super::fills::Fills;
 use super::flows;
 use super::input::Node;
+use super::jumps;
 use super::laws;
 use super::matter::Shapes;
 use super::mistakes::Mistakes;
 use super::reader::{Given, Range, Section};
 use super::room::Room;
 use super::walls::Walls;
-use super::{Fill, Method, Scene, Stop, steps_of};
+use super::{Fill, Inlet, Method, Rain, Scene, Stop};
 use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
 use crate::domain::halo_width;
+use crate::drive::inlet::Amount;
 use crate::ids::ShapeId;
 use crate::law::Choice;
-use crate::law::stability::{TimeStepLimit, time_step_limit};
+use crate::law::stability::{TimeStepLimit, own_step, time_step_limit};
 use crate::math::{Vec3, printed_limit};
 use crate::particles::Library;
 use crate::sim::audit::Settings as Audit;
+use crate::sim::steps_of;
 use std::path::{Path, PathBuf};
 
 /// Skin, in largest bounding radii, if the file does not say.
@@ -87,16 +90,25 @@ pub(super) fn scene(
     for row in fills.iter().flat_map(|(initial, _)| initial).flat_map(Fill::listed) {
         shapes.library.admit(row.shape, row.scale);
     }
-    match (need, &start) {
+    limit_numbers(&mut shapes.library, fills.as_ref(), inlets.as_deref());
+    let before = match (need, &start) {
         (Need::Snapshot(own), _) => before::admit_to_go_on(&mut shapes.library, own),
         (Need::AllFiles, Some(Some(path))) => before::admit(&mut shapes.library, path),
-        (Need::AllFiles, _) => {}
+        (Need::AllFiles, _) => None,
+    };
+    if shapes.library.most.iter().sum::<f64>() <= 1.0 {
+        // One alone stands for many, as where others are put beside it by a program.
+        shapes.library.most.fill(f64::INFINITY);
     }
 
     let law_fits = law
         .as_ref()
         .is_some_and(|law| shapes.complete && laws::check_shapes(&root, law, &shapes.library));
-    let limit = law.as_ref().filter(|_| law_fits).map(|law| Limit::of(law, &shapes.library));
+    let limit = law.as_ref().filter(|_| law_fits).map(|law| {
+        let mut library = shapes.library.clone();
+        walls.stand_in(&mut library);
+        Limit::of(law, &library)
+    });
     let time_section = root.section("time", "`step` [s] and `steps`");
     let time = time_section.as_ref().and_then(|section| Time::read(section, limit.as_ref()));
     let dt = time.as_ref().filter(|_| shapes.complete).map(|time| time.dt);
@@ -150,18 +162,21 @@ pub(super) fn scene(
 
     let left_out = laws::left_out(&root, &materials);
     let mut library = shapes.library;
+    let law = law?;
+    let jumps = before.and_then(|before| jumps::jumps(&before, &materials, &law, &library));
     let walls = walls.into_library(&mut library)?;
     let (skin, imbalance) = neighbours?;
     let (initial, rain) = fills?;
-    let Time { dt, steps, duration, allow_unstable } = time?;
+    let Time { dt, own_step, steps, duration, allow_unstable } = time?;
     let Output { directory: out, snapshot_every, history_every } = output?;
     Some(Scene {
         title: title?,
         seed: seed?,
         domain: domain?,
         materials: materials.items.into_iter().collect::<Option<_>>()?,
-        law: law?,
+        law,
         left_out,
+        jumps,
         library,
         walls,
         servos: servos?,
@@ -174,6 +189,7 @@ pub(super) fn scene(
         inlets: inlets?,
         outlets: outlets?,
         dt,
+        own_step,
         steps,
         duration,
         allow_unstable,
@@ -187,6 +203,35 @@ pub(super) fn scene(
         start: start?,
         text,
     })
+}
+
+/// Limits how many particles of each shape there can be to those that the scene has and those that come.
+fn limit_numbers(
+    library: &mut Library,
+    fills: Option<&(Vec<Fill>, Option<Rain>)>,
+    inlets: Option<&[Inlet]>,
+) {
+    let (Some((initial, rain)), Some(inlets)) = (fills, inlets) else { return };
+    library.most.fill(0.0);
+    let mut add = |shape: ShapeId, count: f64| library.most[shape.index()] += count;
+    for fill in initial {
+        match fill {
+            Fill::Listed(rows) => rows.iter().for_each(|row| add(row.shape, 1.0)),
+            Fill::Lattice(lattice) => {
+                lattice.mix.shapes().for_each(|shape| add(shape, fill.count() as f64));
+            }
+        }
+    }
+    if let Some(rain) = rain {
+        rain.mix.shapes().for_each(|shape| add(shape, rain.count as f64));
+    }
+    for inlet in inlets {
+        let most = match inlet.until {
+            Some(Amount::Count(count)) => count,
+            _ => f64::INFINITY,
+        };
+        inlet.mix.shapes().for_each(|shape| add(shape, most));
+    }
 }
 
 fn start(given: &Given, need: Need) -> Option<PathBuf> {
@@ -439,6 +484,8 @@ fn check_damping(root: &Section, damping: f64, dt: f64) {
 
 struct Time {
     dt: f64,
+    /// Is it the program's own?
+    own_step: bool,
     steps: u64,
     duration: Option<f64>,
     allow_unstable: bool,
@@ -452,6 +499,7 @@ impl Time {
             Some(_) => given.expected(&what),
             None => given.number(Range::Positive, "s"),
         });
+        let own_step = section.get("step").is_some_and(|given| given.as_text().is_some());
         let mut duration = None;
         let steps = match (section.get("steps"), section.get("duration")) {
             (Some(steps), None) => steps.whole(0),
@@ -474,7 +522,8 @@ impl Time {
         };
         let allow_unstable = section.read_or("allow_unstable", false, Given::boolean);
         section.finish();
-        Some(Self { dt: dt?, steps: steps?, duration, allow_unstable: allow_unstable? })
+        let (dt, steps, allow_unstable) = (dt?, steps?, allow_unstable?);
+        Some(Self { dt, own_step, steps, duration, allow_unstable })
     }
 }
 
@@ -489,9 +538,6 @@ struct Limit {
 }
 
 impl Limit {
-    /// The part of it that a scene takes which leaves the step to the program.
-    const OWN: f64 = 0.8;
-
     fn of(law: &Choice, library: &Library) -> Self {
         let with =
             if law.resists_turning() { ", its springs against turning included" } else { "" };
@@ -504,9 +550,7 @@ impl Limit {
             given.fail("nothing pushes, so nothing limits the step: give a number [s]");
             return None;
         };
-        let step = Self::OWN * limit.dt;
-        // By its decimal digits, so that the number that is printed is the number itself. Rounding goes up by 4 % at most.
-        format!("{step:.1e}").parse().ok()
+        Some(own_step(limit.dt))
     }
 
     fn check(&self, section: &Section, time: &Time, library: &Library) {
@@ -521,7 +565,7 @@ impl Limit {
                 // Rounded down, so that the number itself is allowed.
                 printed_limit(limit.dt),
                 library.names[limit.shape.index()],
-                limit.words(),
+                limit.words(library),
                 self.with
             ));
         }

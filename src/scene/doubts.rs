@@ -2,13 +2,14 @@
 
 use super::laws::stress_of_force;
 use super::{Fill, Goal, Inlet, LeftOut, Method, Mix, Outlet, Rain, Scene, Servo};
-use crate::cell::AXES;
+use crate::cell::{AXES, SIDES};
 use crate::drive::inlet::MOST_AT_ONCE;
 use crate::drive::rain::Within;
 use crate::drive::region::Region;
 use crate::ids::{MaterialId, ShapeId};
-use crate::law::Body;
+use crate::law::hertz::overlap_under;
 use crate::law::stability::lost_levers;
+use crate::law::{Body, Choice};
 use crate::math::Vec3;
 use crate::output::table::stressed;
 use crate::particles::walls::{Wall, room};
@@ -45,6 +46,10 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         sizes_of_a_list(scene),
         wall_that_leaves(scene),
         idle_spin(scene),
+        scene.jumps.clone(),
+        many_snapshots(scene),
+        thrown_up(scene),
+        falls_out(scene),
     ];
     all.into_iter().flatten().chain(left_out(scene)).collect()
 }
@@ -400,11 +405,21 @@ fn pressed_flat(scene: &Scene) -> Option<String> {
         let body = Body::of(&scene.library, shape, scale);
         let volume = scene.library.shapes[shape.index()].volume() * scale.powi(3);
         let diameter = libm::cbrt(6.0 * volume / std::f64::consts::PI);
-        stress * diameter / law.hardest(&body, 0.5 * body.mass).stiffness
+        stress * diameter / law.hardest(&body, body.material, 0.5 * body.mass).stiffness
     };
-    // Where contacts stiffen with load, the law knows how far the few most loaded ones will be pressed.
-    let (how, deepest) = match law.hardest_up_to() {
-        Some(over_radius) => ("up to", 0.5 * over_radius),
+    // Where contacts stiffen with load, the few most loaded ones are pressed so far.
+    let elastic = match scene.law.forces() {
+        Choice::Hertz(settings) => Some(settings),
+        Choice::Jkr(settings) => Some(&settings.elastic),
+        _ => None,
+    };
+    let (how, deepest) = match elastic {
+        Some(settings) => {
+            let grains = &scene.library.materials[..scene.library.particle_shapes];
+            let pairs = grains.iter().flat_map(|&a| grains.iter().map(move |&b| (a, b)));
+            let under = |(a, b)| overlap_under(stress, settings.interactions.of(a, b));
+            ("up to", 0.5 * pairs.map(under).fold(0.0, f64::max))
+        }
         None => ("some", scene.library.extremes().map(mean).fold(0.0, f64::max)),
     };
     (deepest > DEEPEST_START).then(|| {
@@ -538,6 +553,51 @@ fn rain_among_walls(scene: &Scene) -> Option<String> {
         format!(
             "walls leave some {free} of the {places} places of a layer of rain: if they should be clear of it, give it another region by \
              `low` and `high`, or `axis` and `radius`"
+        )
+    })
+}
+
+/// More snapshots than these are most often a mistake.
+const MANY_SNAPSHOTS: u64 = 10_000;
+
+/// A snapshot at nearly every step.
+fn many_snapshots(scene: &Scene) -> Option<String> {
+    let count = scene.steps.checked_div(scene.snapshot_every)?;
+    (count > MANY_SNAPSHOTS).then(|| {
+        format!(
+            "snapshot_every = {} makes some {count} snapshots of all particles and contacts, with two files each: make it larger",
+            scene.snapshot_every
+        )
+    })
+}
+
+/// Rain that begins upwards.
+fn thrown_up(scene: &Scene) -> Option<String> {
+    let rain = scene.rain.as_ref()?;
+    (rain.velocity.dot(&scene.gravity) < 0.0).then(|| {
+        "the `velocity` of [fill.rain] is against `gravity`: its particles are thrown upwards, and fall back into the layers that come later. \
+         Turn its sign round"
+            .to_owned()
+    })
+}
+
+/// A side of the domain through which particles fall, as nothing stands there.
+fn falls_out(scene: &Scene) -> Option<String> {
+    let Scene { gravity, walls, domain, .. } = scene;
+    let axis = gravity.iamax();
+    let inwards = -gravity[axis].signum();
+    let may_fall = gravity[axis] != 0.0
+        && domain.period(axis).is_none()
+        && scene.outlets.is_empty()
+        && !walls.iter().any(|wall| wall.holds_against(gravity));
+    let height = domain.high()[axis] - domain.low()[axis];
+    let lasts = scene.duration.unwrap_or(scene.steps as f64 * scene.dt);
+    let falls = 0.5 * gravity[axis].abs() * lasts * lasts > height;
+    let (side, ..) = SIDES.into_iter().find(|&(_, of, side)| of == axis && side == inwards)?;
+    (may_fall && falls).then(|| {
+        format!(
+            "gravity pulls particles out through the side {side} of the domain, where no wall stands: the first one that leaves ends the run. \
+             Put a wall there, or an [[outlet]] if they may leave"
         )
     })
 }

@@ -107,6 +107,11 @@ impl Materials {
         (Self { names, items }, constants)
     }
 
+    /// The names, by `MaterialId`.
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
+        self.names.names.iter().map(String::as_str)
+    }
+
     pub(super) fn find(&self, given: &Given) -> Option<MaterialId> {
         self.names.find(given, given.text()?).map(|index| MaterialId(index as u16))
     }

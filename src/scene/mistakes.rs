@@ -72,21 +72,66 @@ impl Mistakes {
     }
 }
 
-/// What other codes have and this one has not yet, by parts of the names of keys.
-const NOT_YET: [(&str, &str); 6] = [
-    ("bond", "bonds"),
-    ("liquid", "liquid bridges"),
-    ("capillar", "liquid bridges"),
-    ("temperature", "heat and temperatures"),
-    ("conductivity", "heat and temperatures"),
-    ("clump", "clumps"),
+/// What other codes have and this one has not: how words of keys and choices begin, in which table ("" for any), and what there is
+/// instead.
+const NOT_THERE: [(&str, &str, &str); 27] = [
+    ("", "bond", "bonds are not supported yet"),
+    ("", "liquid", "liquid bridges are not supported yet"),
+    ("", "capillar", "liquid bridges are not supported yet"),
+    ("", "temperature", "heat and temperatures are not supported yet"),
+    ("", "conductivity", "heat and temperatures are not supported yet"),
+    ("", "heat", "heat and temperatures are not supported yet"),
+    ("", "clump", CLUMPS),
+    ("", "multisphere", CLUMPS),
+    ("", "fix", HELD),
+    ("", "frozen", HELD),
+    ("", "freeze", HELD),
+    ("", "immobile", HELD),
+    ("", "obstacle", HELD),
+    ("", "intruder", PUSHED),
+    ("", "force", PUSHED),
+    ("", "addforce", PUSHED),
+    ("", "fluid", DRAG),
+    ("", "cfd", DRAG),
+    ("", "drag", DRAG),
+    ("", "viscosity", DRAG),
+    ("domain", "strain", CELL),
+    ("domain", "stress", CELL),
+    ("domain", "pressure", CELL),
+    ("domain", "deform", CELL),
+    ("stop", "stress", REACHED),
+    ("stop", "pressure", REACHED),
+    ("stop", "strain", REACHED),
 ];
 
-/// What stands behind "no such key" if the key asks for something that is not there yet.
-pub(super) fn not_yet(key: &str) -> String {
-    let known = NOT_YET.iter().find(|(part, _)| key.to_lowercase().contains(part));
-    known.map_or_else(String::new, |(_, what)| format!(": {what} are not supported yet"))
+const CLUMPS: &str = "clumps are not supported yet; instead take a `polyhedron`, a `rounded-polyhedron` or a `superellipsoid`";
+const HELD: &str =
+    "particles that are held are not supported; instead make an obstacle a [[wall]] with a `mesh`";
+const PUSHED: &str = "forces on single particles are not supported; instead make such a body a [[wall]] with a `mesh`, and give it a \
+     [[motion]] with its `mass` and `force`";
+const DRAG: &str = "fluids are not supported; instead take Stokes' drag as `global_damping` [1/s], 6 π η R / m of a sphere";
+/// A cell that is pressed or strained.
+pub(super) const CELL: &str = "a periodic cell that stresses or strains deform is not supported; instead press walls together, each pair \
+     by a [[servo]], or shear the cell by `domain.shear`";
+const REACHED: &str = "a stage does not end by that; instead drive the wall by a [[servo]] with the `stress` and a `max_speed`, and let \
+     `servo` end the stage, or set time.duration to the strain over its rate";
+
+/// What stands behind "no such key" or "no such choice" if a table or a choice asks for something that is not there.
+/// Nothing where the suggestion has a guess.
+pub(super) fn not_there(table: &str, asked: &str, suggestion: &str) -> String {
+    if suggestion.starts_with(GUESS) {
+        return String::new();
+    }
+    let words: Vec<String> = asked.split(['_', '-']).map(str::to_lowercase).collect();
+    let is_asked = |of: &str, begins: &str| {
+        (of.is_empty() || of == table) && words.iter().any(|word| word.starts_with(begins))
+    };
+    let known = NOT_THERE.iter().find(|(of, begins, _)| is_asked(of, begins));
+    known.map_or_else(String::new, |(.., what)| format!(": {what}"))
 }
+
+/// How a suggestion begins that has a guess.
+const GUESS: &str = ", did you mean ";
 
 /// What stands behind "no such …": a guess, if a known name is close to what was written, and the
 /// known names.
@@ -103,7 +148,7 @@ pub(super) fn suggestion<'a>(
             || (written.len() > 2 && name.starts_with(written))
     };
     let nearest = known.iter().filter(|name| is_close(name)).min_by_key(|name| distance(name));
-    let guess = nearest.map_or_else(String::new, |name| format!(", did you mean `{name}`?"));
+    let guess = nearest.map_or_else(String::new, |name| format!("{GUESS}`{name}`?"));
     let list = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
     format!("{guess} ({what_they_are}: {list})")
 }

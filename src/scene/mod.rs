@@ -21,6 +21,7 @@ mod fills;
 mod flows;
 mod geometry;
 mod input;
+mod jumps;
 pub mod keys;
 mod laws;
 mod listed;
@@ -57,7 +58,9 @@ use crate::particles::walls::Wall;
 use crate::particles::{Library, Needs};
 use crate::shape::Kind;
 use crate::sim::audit;
+use crate::sim::run::Over;
 pub use crate::sim::stop::Stop;
+use crate::sim::{Simulation, steps_of};
 use check::Need;
 pub use laws::LeftOut;
 pub use matter::Material;
@@ -95,6 +98,8 @@ pub struct Scene {
     pub law: law::Choice,
     /// What one of two materials does not say.
     pub left_out: Vec<LeftOut>,
+    /// What becomes of the forces where the snapshot with which it begins, or goes on, was made with other constants.
+    pub jumps: Option<String>,
     /// Shapes of particles, then of walls, by `ShapeId`.
     pub library: Library,
     /// Walls, in the order of their ids.
@@ -119,6 +124,8 @@ pub struct Scene {
     pub outlets: Vec<Outlet>,
     /// Time step [s].
     pub dt: f64,
+    /// Is it the program's own, that a stage may shorten?
+    pub own_step: bool,
     /// Steps of this stage, at most.
     pub steps: u64,
     /// How long it lasts, if the scene says that in place of steps [s].
@@ -287,9 +294,18 @@ impl Scene {
         stability::time_step_limit(&self.library, &*self.force_law())
     }
 
-    /// Steps of this stage, at most, if those of another length before make it so much longer [s] ([`crate::sim::Simulation::stage_shift`]).
-    pub fn steps_with(&self, stage_shift: f64) -> u64 {
-        self.duration.map_or(self.steps, |duration| steps_of(duration - stage_shift, self.dt))
+    /// What becomes of the step where contacts that stiffen with load make the stable limit fall below it.
+    pub const fn over_the_limit(&self) -> Over {
+        match (self.own_step, self.allow_unstable) {
+            (true, _) => Over::Followed,
+            (false, true) => Over::Allowed,
+            (false, false) => Over::Ends,
+        }
+    }
+
+    /// Steps of this stage, at most, where its simulation stands: steps of another length before, and the one that it takes now, count.
+    pub fn steps_of(&self, sim: &Simulation) -> u64 {
+        self.duration.map_or(self.steps, |duration| steps_of(duration - sim.stage_shift, sim.dt))
     }
 
     /// Particles in all, those of a start snapshot left out.
@@ -308,12 +324,6 @@ impl Scene {
                 .map(move |inlet| (&inlet.mix, inlet.expected(seconds, &self.library))),
         )
     }
-}
-
-/// The steps of `dt` that last so long, at least; both in s.
-fn steps_of(duration: f64, dt: f64) -> u64 {
-    // A whole number of steps may come out a little above.
-    (duration / dt * (1.0 - 1e-12)).ceil() as u64
 }
 
 /// Particles that are there at the start.

@@ -466,7 +466,7 @@ fn time(scene: &Scene, page: &mut Page) {
                 scene.dt,
                 100.0 * scene.dt / limit.dt,
                 limit.dt,
-                limit.words()
+                limit.words(&scene.library)
             ),
         );
         if scene.dt > limit.dt {

@@ -5,7 +5,7 @@
 //! keys that exist, all others are refused by [`Section::finish`].
 
 use super::input::{Node, Table, Value, name_of};
-use super::mistakes::{Location, Mistakes, not_yet, suggestion};
+use super::mistakes::{Location, Mistakes, not_there, suggestion};
 use crate::math::Vec3;
 use crate::shape::Superellipsoid;
 use std::cell::RefCell;
@@ -186,7 +186,8 @@ impl<'a> Given<'a> {
         let found = words.iter().find(|(word, _)| *word == text);
         if found.is_none() {
             let known = words.iter().map(|&(word, _)| word);
-            self.fail(format!("no such choice{}", suggestion(text, known, "allowed")));
+            let hint = suggestion(text, known, "allowed");
+            self.fail(format!("no such choice{}{hint}", not_there("", text, &hint)));
         }
         found.map(|&(_, meaning)| meaning)
     }
@@ -453,7 +454,7 @@ impl<'a> Section<'a> {
                 let path = joined(&self.given.path, key);
                 let hint = suggestion(key, asked.iter().copied(), "allowed here");
                 Given { node, path, mistakes: self.given.mistakes }
-                    .fail(format!("no such key{}{hint}", not_yet(key)));
+                    .fail(format!("no such key{}{hint}", not_there(&self.given.path, key, &hint)));
             }
         }
     }

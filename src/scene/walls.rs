@@ -14,7 +14,8 @@ use crate::math::{Quat, Vec3, printed_limit, rotation_about};
 use crate::particles::Library;
 use crate::particles::walls::{TorqueAbout, Wall};
 use crate::shape::triangle_mesh::TriangleMesh;
-use crate::shape::{Kind, Shape, mesh};
+use crate::shape::{HalfSpace, Kind, Shape, mesh};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The most that a wall may move in a step, over the shortest axis of any grain.
@@ -334,6 +335,15 @@ impl<'a> Walls<'a> {
     /// Those of them that stand still.
     pub(super) fn still(&self) -> impl Iterator<Item = &Wall> {
         self.all.iter().flatten().filter(|planned| !planned.moves()).map(|planned| &planned.wall)
+    }
+
+    /// Puts a plane of each material of the walls into a library that has none of them yet.
+    pub(super) fn stand_in(&self, library: &mut Library) {
+        let materials = self.all.iter().flatten().map(|planned| planned.material);
+        for material in materials.collect::<BTreeSet<_>>() {
+            let plane = Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()));
+            library.push("", plane, material, f64::INFINITY);
+        }
     }
 
     /// The walls, with their shapes added to the library.

@@ -123,6 +123,7 @@ impl Simulation {
                     mass: library.mass[k],
                     inertia: library.inertia[k],
                     scales: Some(library.scales[k]),
+                    most: Some(library.most[k]),
                     geometry: Some(library.shapes[k].clone()).filter(|s| s.kind() != Kind::Other),
                 })
                 .collect(),

@@ -176,6 +176,12 @@ struct FirstLook {
     unresolved: Vec<(Pair, Why)>,
 }
 
+/// The steps of `dt` that last so long, at least; both in s.
+pub(crate) fn steps_of(duration: f64, dt: f64) -> u64 {
+    // A whole number of steps may come out a little above.
+    (duration / dt * (1.0 - 1e-12)).ceil() as u64
+}
+
 /// How many neighbour lists are rebuilt before the next repartition.
 const LISTS_BETWEEN_CUTS: u32 = 5;
 
@@ -554,6 +560,18 @@ impl Simulation {
             });
             particles.accumulated[Quantity::Received][slot] += new - old;
         }
+    }
+
+    /// Goes on with another step [s], with the same place, velocities and time.
+    pub(crate) fn change_step(&mut self, dt: f64) {
+        let before = std::mem::replace(&mut self.dt, dt);
+        self.stage_shift += (self.step - self.stage_begin.0) as f64 * (before - dt);
+        for wall in &mut self.particles.walls {
+            wall.change_step(self.step, before);
+        }
+        self.change_step_or_gravity(before, self.field.gravity);
+        // That of the half step ahead is counted already.
+        self.count_work_of_images(0.5 * (dt - before));
     }
 
     /// Counts as received what images that slide give in a time [s] through the contacts with them, half by each body. Forces act

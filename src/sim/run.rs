@@ -1,10 +1,11 @@
 //! A run: steps, with outputs on schedule, until all is done.
 
 use super::start::{DEEPEST_START, check_overlaps};
-use super::stiffening::Stiffening;
+pub use super::stiffening::Over;
+use super::stiffening::{FOLLOWED_EVERY, Stiffening};
 use super::stop::Stop;
 use super::watch::{DEEPEST_ON_SURFACE, Fault};
-use super::{Simulation, StepError};
+use super::{Simulation, StepError, steps_of};
 use crate::comm::{Comm, agree, wire};
 use crate::domain::DomainError;
 use crate::drive::CHECK_EVERY;
@@ -48,8 +49,10 @@ pub struct Schedule {
     pub signal: Arc<AtomicUsize>,
     /// Particles whose state and contacts are printed at every step.
     pub traced: Vec<GlobalId>,
-    /// Does the run go on where contacts that stiffen with load make the stable limit fall below the step?
-    pub allow_unstable: bool,
+    /// How long the stage lasts, if not so many steps [s].
+    pub duration: Option<f64>,
+    /// What becomes of the step where contacts that stiffen with load make the stable limit fall below it.
+    pub over: Over,
 }
 
 /// Why a run ended well.
@@ -166,7 +169,8 @@ pub enum RunError {
 ///     resumed: false,
 ///     signal: Arc::default(),
 ///     traced: Vec::new(),
-///     allow_unstable: scene.allow_unstable,
+///     duration: scene.duration,
+///     over: scene.over_the_limit(),
 /// };
 /// run(&mut sim, &schedule, &mut comm, &mut |_| ()).unwrap();
 ///
@@ -192,14 +196,16 @@ pub fn run(
     let started = Instant::now();
     let first_step = sim.step;
     let mut records = Records::open(sim, schedule, comm)?;
+    let mut warned = Vec::new();
     if !schedule.resumed {
-        records.first(sim, comm)?;
+        records.first(sim, &mut warned, comm)?;
+        let of = records.last_step - first_step;
+        progress(&Progress { done: 0, of, measures: None, trace: "", warnings: &warned });
     }
     let mut particle_steps = 0;
     let mut ending = Ending::LastStep;
     let mut stop_check = StopCheck::new(sim.step);
-    let mut warned = Vec::new();
-    while sim.step < schedule.last_step {
+    while sim.step < records.last_step {
         let stepped = sim.step(comm);
         stepped.map_err(|error| explain(error, sim, comm))?;
         particle_steps += sim.particles.owned as u64;
@@ -209,14 +215,14 @@ pub fn run(
         let mut warnings: Vec<String> =
             sim.drives.iter_mut().flat_map(|drive| drive.warnings()).collect();
         ending = records.after_step(sim, &mut warnings, comm)?;
-        let is_last = sim.step == schedule.last_step;
+        let is_last = sim.step == records.last_step;
         if let Some(signal) = signal.filter(|_| !is_last && ending == Ending::LastStep) {
             ending = Ending::Signal(signal);
         }
         let trace: String = schedule.traced.iter().map(|&id| sim.trace(id, comm)).collect();
         progress(&Progress {
             done: sim.step - first_step,
-            of: schedule.last_step - first_step,
+            of: records.last_step - first_step,
             measures: records.measures.as_ref(),
             trace: &trace,
             warnings: &warnings,
@@ -266,9 +272,16 @@ pub fn begin(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> 
     sim.find_first_forces().map_err(RunError::Step)
 }
 
+/// Shortens the step of a stage that begins where what is pressed together leaves less room for it, and says so. Collective.
+pub fn follow_limit(sim: &mut Simulation, over: Over, comm: &mut dyn Comm) -> Option<String> {
+    Stiffening::of(sim, over)?.follow(sim, comm)
+}
+
 /// What a run writes and measures on schedule.
 struct Records<'a> {
     schedule: &'a Schedule,
+    /// The last step, as steps are now.
+    last_step: u64,
     /// On rank 0.
     history: Option<History>,
     /// Of each drive its lists of particles that come and go, on rank 0 alone.
@@ -308,11 +321,12 @@ impl<'a> Records<'a> {
         let depths = DEPTHS.into_iter().peekable();
         Ok(Self {
             schedule,
+            last_step: schedule.last_step,
             history,
             lists,
             depths,
-            stiffening: Stiffening::of(sim, schedule.allow_unstable),
             taken_by_friction: Some(f64::NEG_INFINITY),
+            stiffening: Stiffening::of(sim, schedule.over),
             missing: MISSING.into_iter().peekable(),
             largest_overlap: (0.0, sim.step),
             measures: None,
@@ -370,8 +384,14 @@ impl<'a> Records<'a> {
     }
 
     /// The state before the first step of a stage. Collective.
-    fn first(&mut self, sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
+    fn first(
+        &mut self,
+        sim: &mut Simulation,
+        warnings: &mut Vec<String>,
+        comm: &mut dyn Comm,
+    ) -> Result<(), RunError> {
         self.list(sim)?;
+        warnings.extend(self.follow(sim, comm));
         let measures = sim.measure(comm);
         sim.most_moving = most_moving(sim, &measures);
         self.note(sim.step, &measures);
@@ -380,6 +400,18 @@ impl<'a> Records<'a> {
         self.snapshot = Some(self.save(sim, Ending::LastStep, &measures, comm)?);
         self.measures = Some(measures);
         Ok(())
+    }
+
+    /// Lets the step follow the stable limit. Collective.
+    fn follow(&mut self, sim: &mut Simulation, comm: &mut dyn Comm) -> Option<String> {
+        let followed = self.stiffening?.follow(sim, comm);
+        if let (Some(_), Some(duration), true) =
+            (&followed, self.schedule.duration, self.schedule.ends_stage)
+        {
+            let steps = steps_of(duration - sim.stage_shift, sim.dt);
+            self.last_step = sim.stage_begin.0.saturating_add(steps);
+        }
+        followed
     }
 
     /// Keeps the largest of what is measured.
@@ -398,12 +430,16 @@ impl<'a> Records<'a> {
         comm: &mut dyn Comm,
     ) -> Result<Ending, RunError> {
         self.list(sim)?;
+        if due(sim.step, FOLLOWED_EVERY) {
+            warnings.extend(self.follow(sim, comm));
+        }
         let schedule = self.schedule;
-        let row_due = sim.step == schedule.last_step || due(sim.step, schedule.history_every);
+        let is_last = sim.step == self.last_step;
+        let row_due = is_last || due(sim.step, schedule.history_every);
         let snapshot_due = due(sim.step, schedule.snapshot_every);
         let asks = schedule.stop != Stop::default();
         let rest_due = asks && due(sim.step, CHECK_EVERY);
-        let ends_stage = asks && schedule.ends_stage && sim.step == schedule.last_step;
+        let ends_stage = asks && schedule.ends_stage && is_last;
         (self.measures, self.snapshot) = (None, None);
         if !(row_due || snapshot_due || rest_due) {
             return Ok(Ending::LastStep);

@@ -2,10 +2,16 @@
 
 use super::Simulation;
 use super::watch::{Fault, over_the_limit};
-use crate::law::stability::time_step_limit;
+use crate::comm::Comm;
+use crate::law::stability::{own_step, time_step_limit};
+use crate::math::larger_number;
+use crate::measure::shortest_axis;
 
 /// The part of the stable limit from which on a step that was far from it is told to be near.
 const NEAR: f64 = 0.9;
+
+/// Steps between looks at the limit where the step follows it.
+pub(super) const FOLLOWED_EVERY: u64 = 10;
 
 /// The limit that the step was found for, and what has become of it.
 #[derive(Clone, Copy, Debug)]
@@ -14,20 +20,29 @@ pub(super) struct Stiffening {
     meant: f64,
     /// The limit there [s].
     limit: f64,
-    /// The time step [s].
-    dt: f64,
-    /// May the step be over the limit?
-    allowed: bool,
+    /// What becomes of a step over the limit.
+    over: Over,
     /// Has been warned of a step over the limit?
     warned: bool,
 }
 
+/// What becomes of a step over the limit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Over {
+    /// The run ends.
+    Ends,
+    /// It goes on.
+    Allowed,
+    /// The step becomes shorter before: it is the program's own.
+    Followed,
+}
+
 impl Stiffening {
     /// `None` of laws whose contacts are as stiff at any load.
-    pub(super) fn of(sim: &Simulation, allowed: bool) -> Option<Self> {
+    pub(super) fn of(sim: &Simulation, over: Over) -> Option<Self> {
         let meant = sim.law.hardest_up_to()?;
         let limit = time_step_limit(&sim.particles.library, &*sim.law)?.dt;
-        Some(Self { meant, limit, dt: sim.dt, allowed, warned: false })
+        Some(Self { meant, limit, over, warned: false })
     }
 
     /// The stable limit with contacts that overlap by this part of the radius [s]: dashpots grow with the root of the stiffness.
@@ -37,7 +52,7 @@ impl Stiffening {
 
     /// A sentence about an overlap over the radius, if it is beyond what was meant and leaves little of the step or nothing.
     pub(super) fn words(&self, overlap: f64, sim: &Simulation) -> Option<String> {
-        let Self { meant, dt, .. } = *self;
+        let (meant, dt) = (self.meant, sim.dt);
         let limit = self.limit_at(overlap, sim);
         if overlap <= meant || dt <= NEAR * limit {
             None
@@ -60,14 +75,46 @@ impl Stiffening {
         overlap: f64,
         sim: &Simulation,
     ) -> Result<Option<String>, Fault> {
-        let limit = self.limit_at(overlap, sim);
-        if overlap <= self.meant || self.dt <= limit || self.warned {
+        let (limit, dt) = (self.limit_at(overlap, sim), sim.dt);
+        if overlap <= self.meant || dt <= limit || self.warned {
             return Ok(None);
         }
-        if !self.allowed {
-            return Err(Fault::Stiff { dt: self.dt, limit, overlap });
+        match self.over {
+            Over::Ends => Err(Fault::Stiff { dt, limit, overlap }),
+            Over::Followed => Ok(None),
+            Over::Allowed => {
+                self.warned = true;
+                Ok(self.words(overlap, sim))
+            }
         }
-        self.warned = true;
-        Ok(self.words(overlap, sim))
     }
+
+    /// Makes the step shorter where the limit has fallen so far that little of it is left, and says so. Collective.
+    pub(super) fn follow(&self, sim: &mut Simulation, comm: &mut dyn Comm) -> Option<String> {
+        if self.over != Over::Followed {
+            return None;
+        }
+        let overlap = 2.0 * largest_overlap(sim, comm);
+        let (limit, before) = (self.limit_at(overlap, sim), sim.dt);
+        if overlap <= self.meant || before <= NEAR * limit {
+            return None;
+        }
+        sim.change_step(own_step(limit));
+        Some(format!(
+            "step {}: where an overlap is {overlap:.3} of the radius contacts are so stiff that the stable limit is {limit:.2e} s: \
+             steps take {:e} s from here on, not {before:e} s. A stage of a `duration` lasts as long as before, one of `steps` less long",
+            sim.step, sim.dt
+        ))
+    }
+}
+
+/// The largest overlap over the shortest axis of the smaller body [-]. Collective.
+fn largest_overlap(sim: &Simulation, comm: &mut dyn Comm) -> f64 {
+    let Simulation { particles, contacts, .. } = sim;
+    let own = contacts.iter().filter(|(pair, _)| pair.a.index() < particles.owned);
+    let parts =
+        own.map(|(pair, contact)| contact.overlap / shortest_axis(particles, pair.a, pair.b));
+    let mut largest = [parts.fold(0.0, larger_number)];
+    comm.max(&mut largest);
+    largest[0]
 }

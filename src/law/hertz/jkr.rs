@@ -34,6 +34,7 @@ use crate::law::kernel::{Action, Contact, Kept, Model, Spread, carried, reduced_
 use crate::law::{Body, Hardest, dmt};
 use crate::particles::{Library, Needs};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
 /// What a scene says of this law.
@@ -206,15 +207,11 @@ impl Jkr {
 }
 
 impl Jkr {
-    /// Contact radii of a body on planes of all materials, at an overlap over its radius [m].
-    fn radii_on_plane(&self, body: &Body, overlap: f64) -> impl Iterator<Item = f64> {
-        let elastic = self.hertz.settings.interactions.of_material(body.material);
-        let adhesion = self.adhesion.of_material(body.material);
-        let radius = body.radius;
-        elastic.iter().zip(adhesion).map(move |(elastic, adhesion)| {
-            Sticking::of(elastic.modulus, radius, adhesion.surface_energy)
-                .contact_radius(overlap * radius)
-        })
+    /// Contact radius of a body on a plane of a material, at an overlap over its radius [m].
+    fn radius_on_plane(&self, body: &Body, plane: MaterialId, overlap: f64) -> f64 {
+        let elastic = self.hertz.settings.interactions.of(body.material, plane);
+        let energy = self.adhesion.of(body.material, plane).surface_energy;
+        Sticking::of(elastic.modulus, body.radius, energy).contact_radius(overlap * body.radius)
     }
 }
 
@@ -358,19 +355,20 @@ impl Model for Jkr {
     }
 
     /// On a plane, at the largest overlap that is expected.
-    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
-        let elastic = self.hertz.settings.interactions.of_material(body.material);
-        let radii = self.radii_on_plane(body, self.hertz.settings.largest_overlap);
-        super::hardest(elastic.iter().zip(radii), reduced_mass)
+    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
+        let elastic = self.hertz.settings.interactions.of(body.material, other);
+        let radius = self.radius_on_plane(body, other, self.hertz.settings.largest_overlap);
+        super::hardest(elastic, radius, reduced_mass)
     }
 
     /// Stiffness goes with the contact radius, which adhesion gives before there is any overlap.
     fn stiffens(&self, overlap: f64, library: &Library) -> f64 {
+        let materials: BTreeSet<MaterialId> = library.materials.iter().copied().collect();
         let growth = library.extremes().flat_map(|(shape, scale)| {
             let body = Body::of(library, shape, scale);
-            let [meant, now] = [self.hertz.settings.largest_overlap, overlap]
-                .map(|overlap| self.radii_on_plane(&body, overlap).collect::<Vec<_>>());
-            now.into_iter().zip(meant).map(|(now, meant)| now / meant).collect::<Vec<_>>()
+            let radius = move |plane, overlap| self.radius_on_plane(&body, plane, overlap);
+            let meant = self.hertz.settings.largest_overlap;
+            materials.iter().map(move |&plane| radius(plane, overlap) / radius(plane, meant))
         });
         growth.fold(1.0, f64::max)
     }

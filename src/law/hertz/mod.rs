@@ -308,20 +308,14 @@ fn root<L: Lanes>(overlap: L) -> L {
     overlap.or(zero, zero.less(overlap)).sqrt()
 }
 
-/// The hardest of contacts with these constants and contact radii [m].
-fn hardest<'a>(contacts: impl Iterator<Item = (&'a Constants, f64)>, reduced_mass: f64) -> Hardest {
-    let mut hardest = Hardest { stiffness: 0.0, dashpots: [0.0; 2], turning: [0.0; 2] };
-    for (constants, size) in contacts {
-        let normal = 2.0 * constants.modulus * size;
-        let tangential =
-            if constants.friction > 0.0 { 8.0 * constants.shear_modulus * size } else { 0.0 };
-        hardest.stiffness = hardest.stiffness.max(normal).max(tangential);
-        for (largest, stiffness) in hardest.dashpots.iter_mut().zip([normal, tangential]) {
-            let ratio = dashpot_factor() * constants.damping_ratio;
-            *largest = largest.max(ratio * (stiffness * reduced_mass).sqrt());
-        }
-    }
-    hardest
+/// The hardest contact with these constants and a contact radius [m].
+fn hardest(constants: &Constants, size: f64, reduced_mass: f64) -> Hardest {
+    let normal = 2.0 * constants.modulus * size;
+    let tangential =
+        if constants.friction > 0.0 { 8.0 * constants.shear_modulus * size } else { 0.0 };
+    let ratio = dashpot_factor() * constants.damping_ratio;
+    let dashpots = [normal, tangential].map(|stiffness| ratio * (stiffness * reduced_mass).sqrt());
+    Hardest { stiffness: normal.max(tangential), dashpots, turning: [0.0; 2] }
 }
 
 impl Model for Hertz {
@@ -470,11 +464,10 @@ impl Model for Hertz {
     }
 
     /// On a plane where it is the flattest, at the largest overlap that is expected.
-    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
-        let constants = self.settings.interactions.of_material(body.material);
+    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
+        let constants = self.settings.interactions.of(body.material, other);
         let widest = self.widest[body.shape.index()] * body.scale;
-        let size = widest * self.settings.largest_overlap.sqrt();
-        hardest(constants.iter().map(|constants| (constants, size)), reduced_mass)
+        hardest(constants, widest * self.settings.largest_overlap.sqrt(), reduced_mass)
     }
 
     fn words(&self, a: MaterialId, b: MaterialId) -> String {

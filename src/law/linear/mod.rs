@@ -288,23 +288,17 @@ impl Model for Linear {
         springs.normal + springs.dashpots[0] / dt
     }
 
-    fn hardest(&self, body: &Body, reduced_mass: f64) -> Hardest {
-        let constants = self.interactions.of_material(body.material);
-        let largest = |of: fn(&Constants) -> f64| constants.iter().map(of).fold(0.0, f64::max);
-        let stiffness = largest(|c| {
-            if c.is_frictional() {
-                c.normal_stiffness.max(c.tangential_stiffness)
-            } else {
-                c.normal_stiffness
-            }
-        });
-        let dashpot = |of: fn(&Constants) -> f64| 2.0 * largest(of) * reduced_mass.sqrt();
-        let normal = dashpot(|c| c.normal_damping_ratio * c.normal_stiffness.sqrt());
-        let tangential = dashpot(|c| {
-            let ratio = if c.is_frictional() { c.tangential_damping_ratio } else { 0.0 };
-            ratio * c.tangential_stiffness.sqrt()
-        });
-        Hardest { stiffness, dashpots: [normal, tangential], turning: [0.0; 2] }
+    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
+        let constants = self.interactions.of(body.material, other);
+        let normal = (constants.normal_stiffness, constants.normal_damping_ratio);
+        let tangential = if constants.is_frictional() {
+            (constants.tangential_stiffness, constants.tangential_damping_ratio)
+        } else {
+            (0.0, 0.0)
+        };
+        let dashpots = [normal, tangential]
+            .map(|(stiffness, ratio)| 2.0 * ratio * (stiffness * reduced_mass).sqrt());
+        Hardest { stiffness: normal.0.max(tangential.0), dashpots, turning: [0.0; 2] }
     }
 
     fn words(&self, a: MaterialId, b: MaterialId) -> String {

@@ -1,11 +1,12 @@
 //! Which walls have a servo, and what it keeps: from the file as written.
 
 use super::{LONGEST_MOVE, Planned, Walls, slower_by, stays_in_period, too_far, too_fast};
-use crate::cell::{AXES, Cell};
+use crate::cell::{AXES, Cell, SIDES};
 use crate::drive::servo::{Goal, Servo};
 use crate::math::Vec3;
 use crate::particles::Library;
 use crate::particles::walls::{Across, Wall};
+use crate::scene::mistakes::CELL;
 use crate::scene::reader::{Given, Range, Section};
 
 /// Parts of velocities along a direction, and of turns out of a plane, that are less than this are rounding.
@@ -87,7 +88,15 @@ impl Walls<'_> {
         domain: Option<&Cell>,
         push: Option<&Push>,
     ) -> Option<usize> {
-        let k = self.names.find(given, given.text()?)?;
+        let name = given.text()?;
+        let repeats = |&(side, axis, _): &(&str, usize, f64)| {
+            side == name && domain.is_some_and(|domain| domain.period(axis).is_some())
+        };
+        if let Some((_, axis, _)) = SIDES.into_iter().find(repeats) {
+            given.fail(format!("is no wall: domain.periodic is true along {}; {CELL}", AXES[axis]));
+            return None;
+        }
+        let k = self.names.find(given, name)?;
         let across: Vec<Across> =
             self.all.iter().flatten().filter_map(|planned| planned.wall.across()).collect();
         let Planned { wall, has_servo, .. } = self.all[k].as_mut()?;

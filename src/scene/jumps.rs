@@ -1,0 +1,172 @@
+//! What becomes of the forces where a stage takes up a snapshot with other constants of contacts than it was made with.
+
+use super::input;
+use super::laws;
+use super::matter::Materials;
+use super::mistakes::Mistakes;
+use super::reader::Given;
+use crate::ids::{MaterialId, ShapeId};
+use crate::law::{Beside, Body, Choice};
+use crate::particles::Library;
+use std::collections::BTreeSet;
+
+/// A constant that differs by less than this part is the same.
+const SAME: f64 = 1e-9;
+/// So many pairs of materials are named.
+const NAMED: usize = 3;
+
+/// What contacts of two materials do.
+struct Forces {
+    /// Normal force per overlap [N/m], or Young's modulus of contacts [Pa].
+    normal: f64,
+    /// Tangential stiffness [N/m], or shear modulus of contacts [Pa]; 0 without friction.
+    tangential: f64,
+    /// Damping ratios, normal and tangential [-].
+    dashpots: [f64; 2],
+    /// Surface energy [J/m²].
+    sticks: f64,
+}
+
+impl Forces {
+    fn of(law: &Choice, a: MaterialId, b: MaterialId) -> Self {
+        match law {
+            Choice::Linear(law) => {
+                let c = law.interactions.of(a, b);
+                let [tangential, dashpot] = if c.is_frictional() {
+                    [c.tangential_stiffness, c.tangential_damping_ratio]
+                } else {
+                    [0.0; 2]
+                };
+                let dashpots = [c.normal_damping_ratio, dashpot];
+                Self { normal: c.normal_stiffness, tangential, dashpots, sticks: 0.0 }
+            }
+            Choice::Hertz(law) => {
+                let c = law.interactions.of(a, b);
+                let frictional = |x: f64| if c.friction > 0.0 { x } else { 0.0 };
+                let dashpots = [c.damping_ratio, frictional(c.damping_ratio)];
+                let tangential = frictional(c.shear_modulus);
+                Self { normal: c.modulus, tangential, dashpots, sticks: 0.0 }
+            }
+            Choice::Jkr(law) => {
+                let elastic = Self::of(&Choice::Hertz(law.elastic.clone()), a, b);
+                Self { sticks: law.adhesion.of(a, b).surface_energy, ..elastic }
+            }
+            Choice::With(law, Beside { adhesion, .. }) => {
+                let sticks = adhesion.as_ref().map_or(0.0, |all| all.of(a, b).surface_energy);
+                Self { sticks, ..Self::of(law, a, b) }
+            }
+        }
+    }
+
+    /// What differs from those of before, where contacts press so many times as hard.
+    fn changes(&self, before: &Self, pressed: f64) -> Vec<String> {
+        let times = |what: &str, how: &str, now: f64, before: f64| {
+            let ratio = now / before;
+            let is_same = now == before || (ratio - 1.0).abs() < SAME;
+            // What begins or ends at once is friction, which the stage is asked for.
+            let is_both = now > 0.0 && before > 0.0;
+            (!is_same && is_both).then(|| format!("{what} {} as {how} as before", as_often(ratio)))
+        };
+        let dashpots = [0, 1].map(|k| (self.dashpots[k], before.dashpots[k]));
+        let [normal, tangential] = dashpots;
+        let all = [
+            times("contacts press", "hard", pressed, 1.0),
+            times("tangential springs pull", "hard", self.tangential, before.tangential),
+            times("dashpots along the normal are", "strong", normal.0, normal.1),
+            times("tangential dashpots are", "strong", tangential.0, tangential.1)
+                .filter(|_| tangential != normal),
+            times("surface energy is", "large", self.sticks, before.sticks),
+            (self.sticks > 0.0 && before.sticks == 0.0).then(|| "contacts stick".to_owned()),
+            (self.sticks == 0.0 && before.sticks > 0.0)
+                .then(|| "contacts stick no longer".to_owned()),
+        ];
+        all.into_iter().flatten().collect()
+    }
+}
+
+/// A ratio in words.
+fn as_often(ratio: f64) -> String {
+    let digits = format!("{ratio:.3}");
+    let short = digits.trim_end_matches('0').trim_end_matches('.');
+    if (0.01..1e4).contains(&ratio) {
+        format!("{short} times")
+    } else {
+        format!("{ratio:.2e} times")
+    }
+}
+
+/// How many times as hard contacts with the first press as with the second, of laws whose forces go otherwise with the overlap: about, at
+/// the overlap for which the step of the one that stiffens is found.
+fn pressed_by_laws(laws: [&Choice; 2], library: &Library, (a, b): (MaterialId, MaterialId)) -> f64 {
+    let of_material = |(shape, _): &(ShapeId, f64)| library.materials[shape.index()] == a;
+    let Some((shape, scale)) = library.extremes().find(of_material) else { return f64::NAN };
+    let body = Body::of(library, shape, scale);
+    let [now, before] = laws.map(|law| {
+        let law = law.law(library);
+        // Of Hertz the force is two thirds of the stiffness times the overlap.
+        let share = if law.hardest_up_to().is_some() { 2.0 / 3.0 } else { 1.0 };
+        share * law.hardest(&body, b, 0.5 * body.mass).stiffness
+    });
+    now / before
+}
+
+/// A warning about contacts of a snapshot that will press, rub or stick otherwise; `before` is its scene, as text. One that is no scene
+/// of this program says nothing.
+pub(super) fn jumps(
+    before: &str,
+    materials: &Materials,
+    law: &Choice,
+    library: &Library,
+) -> Option<String> {
+    let mistakes = Mistakes::default();
+    let root = input::read(before, &[], &mistakes)?;
+    let root = Given::root(&root, &mistakes).section()?;
+    let kind = laws::kind(&root);
+    let (materials_before, law_before) = laws::materials(&root, kind);
+    let law_before = law_before?;
+    let are_alike = law.forces().linear().is_some() == law_before.forces().linear().is_some();
+    let find = |name: &str| materials_before.names().position(|other| other == name);
+    let known: Vec<(&str, MaterialId, MaterialId)> = (0..)
+        .zip(materials.names())
+        .filter_map(|(k, name)| Some((name, MaterialId(k), MaterialId(find(name)? as u16))))
+        .collect();
+    let grains: BTreeSet<&MaterialId> =
+        library.materials[..library.particle_shapes].iter().collect();
+    let (mut changed, mut more) = (Vec::new(), 0);
+    for (k, &(name, a, a_before)) in known.iter().enumerate() {
+        for &(other, b, b_before) in &known[k..] {
+            if !grains.contains(&a) && !grains.contains(&b) {
+                continue;
+            }
+            let (now, then) = (Forces::of(law, a, b), Forces::of(&law_before, a_before, b_before));
+            let changes = if are_alike {
+                now.changes(&then, now.normal / then.normal)
+            } else {
+                let pair = if grains.contains(&a) { (a, b) } else { (b, a) };
+                let pressed = pressed_by_laws([law, &law_before], library, pair);
+                vec![format!(
+                    "another law, contacts press some {} as hard as before",
+                    as_often(pressed)
+                )]
+            };
+            if changes.is_empty() {
+                continue;
+            }
+            if changed.len() < NAMED {
+                changed.push(format!("\"{name}\" and \"{other}\": {}", changes.join(", ")));
+            } else {
+                more += 1;
+            }
+        }
+    }
+    if more > 0 {
+        changed.push(format!("and {more} pairs of materials more"));
+    }
+    (!changed.is_empty()).then(|| {
+        format!(
+            "contacts are not those of the snapshot, and overlaps stay: forces jump at the start. {}. Let the stage before end with these \
+             constants, or let it come to rest first",
+            changed.join("; ")
+        )
+    })
+}
