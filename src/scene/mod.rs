@@ -58,6 +58,7 @@ use crate::particles::{Library, Needs};
 use crate::shape::Kind;
 use crate::sim::audit;
 pub use crate::sim::stop::Stop;
+use crate::text::{self, Unreadable};
 use check::Need;
 pub use laws::LeftOut;
 pub use matter::Material;
@@ -95,6 +96,8 @@ pub struct Scene {
     pub law: law::Choice,
     /// What one of two materials does not say.
     pub left_out: Vec<LeftOut>,
+    /// What is doubtful in the files that it names, a sentence each.
+    pub doubtful: Vec<String>,
     /// Shapes of particles, then of walls, by `ShapeId`.
     pub library: Library,
     /// Walls, in the order of their ids.
@@ -188,14 +191,15 @@ impl Scene {
 
     fn read_for(path: &Path, overrides: &[String], need: Need) -> Result<Self, SceneErrors> {
         let name = path.display().to_string();
-        match std::fs::read_to_string(path) {
+        let bytes = std::fs::read(path).map_err(Unreadable::File);
+        match bytes.and_then(text::decode) {
             Ok(text) => {
                 let folder = path.parent().unwrap_or(Path::new(""));
                 Self::parse_for(&text, &name, folder, overrides, need)
             }
             Err(error) => {
-                let message = format!("cannot be read: {error}");
-                let problems = vec![Problem { location: Location::File, message }];
+                let problems =
+                    vec![Problem { location: Location::File, message: error.to_string() }];
                 Err(SceneErrors { file: name, problems })
             }
         }

@@ -22,6 +22,9 @@ use std::fmt::Display;
 /// Contacts over particles in a bed, in estimates.
 const CONTACTS_PER_PARTICLE: u64 = 4;
 
+/// So many pairs of materials are listed, the others counted.
+const PAIRS_SHOWN: usize = 50;
+
 /// What is in, what is left out and why, and the bytes, messages and time steps that follow, for a run
 /// on so many ranks. Numbers of particles per rank are estimates for the settled bed.
 pub fn plan(scene: &Scene, ranks: u32) -> String {
@@ -118,10 +121,14 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     walls(scene, page);
     let law = scene.force_law();
     page.line("law", law.name());
-    for (a, b) in pairs_of_materials(scene) {
+    let pairs = pairs_of_materials(scene);
+    for &(a, b) in pairs.iter().take(PAIRS_SHOWN) {
         let words = law.words(a, b);
         let [a, b] = [a, b].map(|id| &*scene.materials[id.index()].name);
         page.line("constants", format!("{a}-{b}: {words}"));
+    }
+    if pairs.len() > PAIRS_SHOWN {
+        page.line("", format!("and of {} more pairs of materials", pairs.len() - PAIRS_SHOWN));
     }
     for limit in law.limits() {
         page.line("bounds", limit);
