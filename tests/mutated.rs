@@ -139,20 +139,20 @@ impl Mutator {
             match self.below(8) {
                 0..=2 => {
                     let (number, word) = (self.number(&bytes), self.word());
-                    bytes.splice(number, word);
+                    drop(bytes.splice(number, word));
                 }
                 3 => drop(bytes.drain(range)),
                 4 => {
                     let word = self.word();
-                    bytes.splice(range.start..range.start, word);
+                    drop(bytes.splice(range.start..range.start, word));
                 }
                 5 => {
                     let piece = bytes[range.clone()].repeat(1 + self.below(30));
-                    bytes.splice(range, piece);
+                    drop(bytes.splice(range, piece));
                 }
                 6 => {
                     let piece = self.range(other, 200);
-                    bytes.splice(range, other[piece].to_vec());
+                    drop(bytes.splice(range, other[piece].to_vec()));
                 }
                 _ if range.is_empty() => bytes.truncate(range.start),
                 _ => bytes[range.start] ^= 1 << self.below(8),
@@ -178,7 +178,7 @@ fn read(kind: &str, extra: &str, bytes: &[u8], folder: &Path) {
     }
     let (text, place) = if kind == "scene" {
         let Ok(text) = text::decode(bytes.to_vec()) else { return };
-        (text, &*Path::new("tests").join(SCENES))
+        (text, Path::new("tests").join(SCENES))
     } else {
         let name = format!("mutated.{kind}");
         fs::write(folder.join(&name), bytes).unwrap();
@@ -187,9 +187,9 @@ fn read(kind: &str, extra: &str, bytes: &[u8], folder: &Path) {
         } else {
             "[[fill.lattice]]\nshapes = [\"box\"]\nfirst = [0, 0, 0]\ncount = [1, 1, 1]\n"
         };
-        (format!("{SCENE}{fill}{}", extra.replace("FILE", &name)), folder)
+        (format!("{SCENE}{fill}{}", extra.replace("FILE", &name)), folder.to_path_buf())
     };
-    match Scene::parse(&text, "scene.toml", place, &[]) {
+    match Scene::parse(&text, "scene.toml", &place, &[]) {
         Ok(scene) => {
             assert!(scene.dt.is_finite() && scene.dt > 0.0, "{}", scene.dt);
             doubts(&scene);
