@@ -1,7 +1,18 @@
-//! What every program prints about its own arguments: completion for shells, and a man page.
+//! What every program prints about its own arguments: what is wrong with them, completion for shells, and a man page.
 
+use crate::text::print_error;
 use clap::{Args, Command};
 use clap_complete::Shell;
+
+/// Prints why there are no arguments, which may be a question for help; the status to end with.
+pub fn explained(error: &clap::Error) -> u8 {
+    if error.use_stderr() {
+        print_error(error.render().to_string().trim_end());
+        return 2;
+    }
+    let _ = error.print();
+    0
+}
 
 /// Options that print and do nothing else.
 #[derive(Args, Clone, Copy, Debug, Default)]

@@ -5,7 +5,7 @@
 //!
 //! | row | modules | what they are |
 //! |---|---|---|
-//! | 1 | [`ids`] [`math`] [`lanes`] [`timing`] [`arguments`] | identifiers, vectors, eight numbers at once, timing, what programs print about their arguments |
+//! | 1 | [`ids`] [`math`] [`lanes`] [`timing`] [`arguments`] [`text`] | identifiers, vectors, eight numbers at once, timing, what programs print about their arguments, text from files and to terminals |
 //! | 2 | [`cell`] [`random`] [`shape`] [`comm`] | the box and its periods; random numbers; shapes; communication |
 //! | 3 | [`contact`] | from two shapes to overlap, normal and point |
 //! | 4 | [`particles`] [`pairs`] | columns of everything a rank owns or sees; pairs that stand by themselves |
@@ -34,6 +34,7 @@ pub mod arguments;
 pub mod ids;
 pub mod lanes;
 pub mod math;
+pub mod text;
 pub mod timing;
 
 pub mod cell;

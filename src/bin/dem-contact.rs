@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::{CommandFactory, Parser, ValueEnum};
-use dem_mpi::arguments::About;
+use dem_mpi::arguments::{About, explained};
 use dem_mpi::contact::{Epa, ErodedGjk, Method};
 use dem_mpi::ids::MaterialId;
 use dem_mpi::output::report::version;
@@ -10,8 +10,9 @@ use dem_mpi::pairs::read::read;
 use dem_mpi::pairs::{Answer, Pairs, resolve, time, write};
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::pair::Acting;
+use dem_mpi::text::{self, Unreadable, print_error};
 use std::fs;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -68,7 +69,7 @@ struct Arguments {
     touched: bool,
 
     /// Measurements of each time, of which the median counts; 0: none
-    #[arg(long, default_value_t = 5)]
+    #[arg(long, default_value_t = 5, allow_negative_numbers = true)]
     repeats: usize,
 }
 
@@ -96,7 +97,10 @@ const INCOMPLETE: u8 = 1;
 const WRONG_INPUT: u8 = 2;
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return ExitCode::from(explained(&error)),
+    };
     if let Some(text) = arguments.about.text(Arguments::command()) {
         let _ = std::io::stdout().write_all(text.as_bytes());
         return ExitCode::SUCCESS;
@@ -105,7 +109,7 @@ fn main() -> ExitCode {
         Ok(code) => code,
         Err(error) if is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("dem-contact: {error:#}");
+            print_error(format_args!("dem-contact: {error:#}"));
             ExitCode::from(WRONG_INPUT)
         }
     }
@@ -134,7 +138,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     write::answers(&pairs, &answers, by_law.as_deref(), to)?;
     if arguments.repeats > 0 && !pairs.is_empty() {
         let times = time(&pairs, &answers, &method, arguments.repeats);
-        eprintln!(
+        print_error(format_args!(
             "{} pairs, {}: {:.1} ns cold, {:.1} ns warm, {:.1} ns batched (per pair, median of {})",
             pairs.len(),
             method.name(),
@@ -142,7 +146,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
             times.warm,
             times.batched,
             arguments.repeats
-        );
+        ));
     }
     let complete = all_answered(&pairs, &answers);
     Ok(if complete { ExitCode::SUCCESS } else { ExitCode::from(INCOMPLETE) })
@@ -178,10 +182,10 @@ fn all_answered(pairs: &Pairs, answers: &[Answer]) -> bool {
         (0..).zip(answers).filter_map(|(k, answer)| Some((k, answer.touch.err()?)));
     let Some((first, why)) = unanswered.next() else { return true };
     let count = 1 + unanswered.count();
-    eprintln!(
+    print_error(format_args!(
         "dem-contact: {count} pairs have no answer, the first is {}: {why:?}",
         pairs.name(first)
-    );
+    ));
     false
 }
 
@@ -228,12 +232,14 @@ fn method(word: Word, settings: &[String]) -> Result<Method> {
 
 /// The name of the file in messages, and what it holds.
 fn text(path: &Path) -> Result<(String, String)> {
-    if path == Path::new("-") {
-        let text =
-            std::io::read_to_string(std::io::stdin()).context("cannot read standard input")?;
-        return Ok(("standard input".into(), text));
-    }
-    let name = path.display().to_string();
-    let text = fs::read_to_string(path).with_context(|| format!("cannot read {name}"))?;
+    let (name, bytes) = if path == Path::new("-") {
+        let mut bytes = Vec::new();
+        let read = std::io::stdin().read_to_end(&mut bytes);
+        ("standard input".to_owned(), read.map(|_| bytes))
+    } else {
+        (path.display().to_string(), fs::read(path))
+    };
+    let text = bytes.map_err(Unreadable::File).and_then(text::decode);
+    let text = text.with_context(|| name.clone())?;
     Ok((name, text))
 }

@@ -1,7 +1,7 @@
 //! `dem-mpi SCENE`: arguments → scene → simulation → run.
 
 use clap::{CommandFactory, Parser};
-use dem_mpi::arguments::About;
+use dem_mpi::arguments::{About, explained};
 use dem_mpi::comm::{Comm, agree, alone::Alone, linked, threads, wire, world};
 use dem_mpi::ids::GlobalId;
 use dem_mpi::output::performance::Performance;
@@ -13,6 +13,7 @@ use dem_mpi::scene::{Fill, Scene, Stop, keys, plan, schema};
 use dem_mpi::sim::report::{machine_bytes, report};
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
+use dem_mpi::text::{print_error, printable};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
 use std::io::{IsTerminal, Write};
@@ -73,16 +74,16 @@ struct Arguments {
     #[arg(long)]
     overwrite: bool,
     /// Do this many steps, from wherever the run starts, instead of all that are left of the stage
-    #[arg(long, value_name = "N", value_parser = steps)]
+    #[arg(long, value_name = "N", value_parser = steps, allow_negative_numbers = true)]
     steps: Option<u64>,
     /// Go on from this snapshot of the same stage (a particles file, or a directory: its newest good one)
     #[arg(long, value_name = "SNAPSHOT")]
     start: Option<PathBuf>,
     /// Run as N ranks in threads of this process, without mpirun: slower, but one debugger sees all
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64), allow_negative_numbers = true)]
     threads: Option<u32>,
     /// Print the state and the contacts of this particle at every step (may be repeated)
-    #[arg(long, value_name = "ID")]
+    #[arg(long, value_name = "ID", allow_negative_numbers = true)]
     trace_particle: Vec<u64>,
     /// Change a value of the scene: path.to.key=value (may be repeated)
     #[arg(long, value_name = "KEY=VALUE")]
@@ -107,7 +108,7 @@ struct Arguments {
     #[arg(long, conflicts_with_all = ["out", "overwrite", "steps", "threads", "trace_particle", "check", "plan", "verbose"])]
     suggest: bool,
     /// The error that --suggest is to keep: 1% or 0.01
-    #[arg(long, value_name = "SHARE", default_value = "1%", requires = "suggest", value_parser = share)]
+    #[arg(long, value_name = "SHARE", default_value = "1%", requires = "suggest", value_parser = share, allow_hyphen_values = true)]
     error: f64,
     /// Print the whole report at the end, and not only its four first lines; report.json has all of it either way
     #[arg(long)]
@@ -207,12 +208,8 @@ fn on_this_rank(arguments: Result<Arguments, clap::Error>, comm: &mut dyn Comm) 
             WRONG_INPUT
         }
         Ok(arguments) => start(&arguments, comm),
-        Err(error) => {
-            if comm.is_root() {
-                let _ = error.print();
-            }
-            if error.use_stderr() { WRONG_INPUT } else { 0 }
-        }
+        Err(error) if comm.is_root() => explained(&error),
+        Err(error) => u8::from(error.use_stderr()) * WRONG_INPUT,
     }
 }
 
@@ -221,11 +218,6 @@ fn print_once(comm: &dyn Comm, text: impl std::fmt::Display) {
     if comm.is_root() {
         print_error(text);
     }
-}
-
-/// Prints to standard error in one piece, or mpirun's own words may come between; a closed one is ignored.
-fn print_error(text: impl std::fmt::Display) {
-    let _ = std::io::stderr().write_all(format!("{text}\n").as_bytes());
 }
 
 /// Reads the scene on rank 0 and hands it, or the errors in it, to all.
@@ -272,7 +264,8 @@ fn printed(arguments: &Arguments) -> Option<Result<String, String>> {
 /// Prints what was asked for, on rank 0; that a pager has closed it is no error.
 fn print(comm: &dyn Comm, text: impl std::fmt::Display) {
     if comm.is_root() {
-        let _ = write!(std::io::stdout(), "{text}");
+        let text = text.to_string();
+        let _ = std::io::stdout().write_all(printable(&text).as_bytes());
     }
 }
 
@@ -619,7 +612,8 @@ fn run(
         let details =
             if arguments.verbose { format!("\n{}", report.details()) } else { String::new() };
         let summary = report.summary(&schedule.out);
-        let _ = write!(std::io::stdout(), "\n{summary}{details}");
+        let text = format!("\n{summary}{details}");
+        let _ = std::io::stdout().write_all(printable(&text).as_bytes());
         let row = Performance::of(&report);
         stored =
             report.store(&schedule.out).and_then(|()| row.store(&schedule.out, schedule.resumed));
@@ -738,14 +732,16 @@ impl Display {
     fn show(&mut self, progress: &Progress) {
         if !progress.trace.is_empty() {
             // A reader that stops early, such as `head`, does not stop the run.
-            let _ = std::io::stdout().write_all(progress.trace.as_bytes());
+            let _ = std::io::stdout().write_all(printable(&progress.trace).as_bytes());
         }
         if self.bar.is_none() && !self.lines {
             return;
         }
         for warning in progress.warnings {
             let text = format!("warning: {warning}");
-            self.bar.as_ref().map_or_else(|| print_error(&text), |bar| bar.println(&text));
+            self.bar
+                .as_ref()
+                .map_or_else(|| print_error(&text), |bar| bar.println(printable(&text)));
         }
         if let Some(m) = progress.measures {
             self.last_state = format!(

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::{CommandFactory, Parser};
-use dem_mpi::arguments::About;
+use dem_mpi::arguments::{About, explained};
 use dem_mpi::drive::servo;
 use dem_mpi::output::report::version;
 use dem_mpi::output::snapshot::Reader;
@@ -19,6 +19,8 @@ use dem_mpi::post::surface::Detail;
 use dem_mpi::post::views::Views;
 use dem_mpi::post::vtp::{self, Files, PolyData};
 use dem_mpi::post::{PostError, Report, Settings, export, lammps, page, pieces};
+use dem_mpi::text::{print_error, printable};
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -52,7 +54,7 @@ struct Arguments {
 
     /// Leave out a layer along the sides, in metres (0.004) or grain diameters (1.5d). The sides are walls where
     /// they stand in each snapshot, else the outermost grains
-    #[arg(long, value_name = "LENGTH", conflicts_with = "region")]
+    #[arg(long, value_name = "LENGTH", conflicts_with = "region", allow_hyphen_values = true)]
     margin: Option<Margin>,
 
     /// Count contacts with walls too in fabric, roses and force distributions
@@ -70,7 +72,13 @@ struct Arguments {
     surfaces: bool,
 
     /// How fine curved surfaces are, 0 to 5: 20, 80, 320, 1280, 5120 or 20480 triangles of each grain
-    #[arg(long, value_name = "N", default_value = "2", requires = "surfaces")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "2",
+        requires = "surfaces",
+        allow_negative_numbers = true
+    )]
     detail: Detail,
 
     /// Also write particles and contacts of each snapshot as particles_STEP.vtp and contacts_STEP.vtp, and lists with times,
@@ -116,7 +124,10 @@ Examples:
 const PYTHON: &str = include_str!("../post/dem.py");
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return ExitCode::from(explained(&error)),
+    };
     if let Some(text) = arguments.about.text(Arguments::command()) {
         let _ = std::io::stdout().write_all(text.as_bytes());
         return ExitCode::SUCCESS;
@@ -124,7 +135,7 @@ fn main() -> ExitCode {
     match run(&arguments) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("dem-post: {error:#}");
+            print_error(format_args!("dem-post: {error:#}"));
             ExitCode::from(2)
         }
     }
@@ -144,10 +155,12 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
         },
     };
     let choice = Choice { settings, margin: arguments.margin };
-    let files = particle_files(&arguments.snapshots, arguments.series)?;
+    let mut files = particle_files(&arguments.snapshots, arguments.series)?;
     if arguments.diff {
         return compare(&files);
     }
+    let mut known = BTreeSet::new();
+    files.retain(|file| known.insert(file.clone()));
     let snapshots = series::open(&files)?;
     let newest = &snapshots.last().context("no snapshot given")?.path;
     let beside = newest.parent().unwrap_or(Path::new("."));
@@ -301,7 +314,7 @@ fn history_beside(directory: &Path) -> History {
     let path = directory.join("history.csv");
     let Ok(file) = File::open(&path) else { return History::default() };
     History::read(file).unwrap_or_else(|error| {
-        eprintln!("dem-post: {} is left out: {error}", path.display());
+        print_error(format_args!("dem-post: {} is left out: {error}", path.display()));
         History::default()
     })
 }
@@ -344,5 +357,5 @@ fn table(report: &Report) -> String {
 /// Prints to standard output. A reader that stops early, such as `head`, is no error: the files
 /// are written by then.
 fn say(text: &str) {
-    let _ = std::io::stdout().write_all(text.as_bytes());
+    let _ = std::io::stdout().write_all(printable(text).as_bytes());
 }

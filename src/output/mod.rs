@@ -59,6 +59,16 @@ pub enum SnapshotError {
         /// The message of the system or of HDF5.
         cause: String,
     },
+    /// The folder of output cannot be made, or takes no files.
+    #[error(
+        "no run can write into {path}: {cause}. Give another folder, by --out or by output.directory"
+    )]
+    Folder {
+        /// The directory.
+        path: String,
+        /// The message of the system.
+        cause: String,
+    },
     /// Another run writes to the same directory.
     #[error(
         "another run is writing to {path}. Wait for its end, or give this one a directory of its own: \
@@ -186,6 +196,14 @@ impl SnapshotError {
         Self::Write { path: name_of(path), rank: comm.rank().0, cause: cause.to_string() }
     }
 
+    /// Before anything is written, a folder is at fault.
+    fn of_folder(self) -> Self {
+        match self {
+            Self::Write { path, cause, .. } => Self::Folder { path, cause },
+            other => other,
+        }
+    }
+
     fn unreadable(path: &Path, cause: &impl ToString) -> Self {
         Self::Unreadable { path: name_of(path), cause: cause.to_string() }
     }
@@ -216,7 +234,8 @@ pub fn claim(path: &Path, comm: &mut dyn Comm) -> Result<Option<File>, SnapshotE
         std::fs::create_dir_all(path)?;
         lock = Some(File::create(path.join(LOCK))?);
         Ok(())
-    })?;
+    })
+    .map_err(SnapshotError::of_folder)?;
     let taken = lock.as_ref().map(File::try_lock);
     let busy = matches!(taken, Some(Err(TryLockError::WouldBlock)));
     agree(comm, if busy { Err(SnapshotError::Busy { path: name_of(path) }) } else { Ok(()) })?;

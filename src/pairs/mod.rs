@@ -185,6 +185,12 @@ pub fn signed(outcome: Outcome, a: &Posed, b: &Posed, r: &Vec3) -> Result<Touch,
     }
 }
 
+/// Bodies so far apart that squares of their distance overflow have no answer.
+fn finite(touch: Touch) -> Result<Touch, Why> {
+    let all = touch.normal.iter().chain(touch.point.iter()).chain([&touch.overlap]);
+    if all.into_iter().all(|x| x.is_finite()) { Ok(touch) } else { Err(Why::NotFinite) }
+}
+
 /// The resolver of pairs of grains, of which a table has one for all kinds.
 fn serving(table: &Table, kinds: (Kind, Kind)) -> &dyn ContactResolver {
     table.get(kinds).expect("the table serves every pair of grains")
@@ -216,7 +222,7 @@ pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
             _ => unreachable!("a pair goes into one of the lists"),
         };
         let (a, b, r) = pairs.posed(index);
-        let touch = signed(outcome, &a, &b, &r);
+        let touch = signed(outcome, &a, &b, &r).and_then(finite);
         // The tally counts what the first stage passed on.
         let stage = found.tally.fallbacks.iter().position(|&n| n > 0).map_or(0, |k| k + 1);
         Answer {

@@ -14,7 +14,9 @@
 
 use super::{Body, Pairs};
 use crate::math::{Quat, Vec3};
-use crate::shape::{Ellipsoid, Polyhedron, Shape, Sphere, Superellipsoid};
+use crate::shape::polyhedron::corners_only;
+use crate::shape::{Ellipsoid, LENGTHS, Polyhedron, Shape, Sphere, Superellipsoid};
+use crate::text::shown;
 use nalgebra::Quaternion;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -79,7 +81,7 @@ fn csv_row(columns: &BTreeMap<&str, usize>, row: &csv::StringRecord) -> Result<R
     };
     let number = |column: &str| {
         let text = text(column)?;
-        text.parse::<f64>().map_err(|_| format!("{column} = `{text}` is not a number"))
+        text.parse::<f64>().map_err(|_| format!("{column} = `{}` is not a number", shown(text)))
     };
     let body = |which: &str| -> Result<Body, String> {
         let named = |stem: &str| {
@@ -101,20 +103,20 @@ fn csv_row(columns: &BTreeMap<&str, usize>, row: &csv::StringRecord) -> Result<R
             rotation: rotation(&quaternion[0].0, quaternion.each_ref().map(|(_, value)| *value))?,
         })
     };
-    Ok((text("id")?.to_string(), [body("A")?, body("B")?]))
+    Ok((name(text("id")?)?, [body("A")?, body("B")?]))
 }
 
 // --- JSON Lines ---
 
 fn json_row(text: &str) -> Result<Row, String> {
     let row: Value = serde_json::from_str(text).map_err(|error| format!("not JSON: {error}"))?;
-    let name = match &row["id"] {
-        Value::String(name) => name.clone(),
+    let id = match &row["id"] {
+        Value::String(text) => name(text)?,
         Value::Null => return Err("there is no `id`".into()),
         other => other.to_string(),
     };
     let pair = |body: fn(&Value, &str) -> Result<Body, String>| {
-        Ok((name.clone(), [body(&row, "A")?, body(&row, "B")?]))
+        Ok((id.clone(), [body(&row, "A")?, body(&row, "B")?]))
     };
     if row.get("rA").is_some() {
         pair(sphere_of)
@@ -175,14 +177,16 @@ fn polyhedron_of(row: &Value, which: &str) -> Result<Body, String> {
         .iter()
         .map(|corner| numbers(corner, &column).map(Vec3::from))
         .collect::<Result<_, _>>()?;
-    let solid = Polyhedron::new(&corners).map_err(|error| format!("{column}: {error}"))?;
+    let solid = corners_only(&corners).and_then(|()| Polyhedron::new(&corners));
+    let solid = solid.map_err(|error| format!("{column}: {error}"))?;
     let (centre, rotation) = (solid.placement().centre, solid.placement().axes);
     Ok(Body { shape: Shape::Polyhedron(Box::new(solid)), centre, rotation })
 }
 
 fn numbers<const N: usize>(value: &Value, column: &str) -> Result<[f64; N], String> {
     let list = value.as_array().filter(|list| list.len() == N);
-    let list = list.ok_or_else(|| format!("{column} = {value} is not a list of {N} numbers"))?;
+    let list =
+        list.ok_or_else(|| format!("{column} = {} is not a list of {N} numbers", shown(value)))?;
     let mut all = [0.0; N];
     for (number, value) in all.iter_mut().zip(list) {
         *number = one_number(value, column)?;
@@ -192,10 +196,18 @@ fn numbers<const N: usize>(value: &Value, column: &str) -> Result<[f64; N], Stri
 
 /// JSON has no infinities: a number is finite.
 fn one_number(value: &Value, column: &str) -> Result<f64, String> {
-    value.as_f64().ok_or_else(|| format!("{column} = {value} is not a number"))
+    value.as_f64().ok_or_else(|| format!("{column} = {} is not a number", shown(value)))
 }
 
 // --- what both have in common ---
+
+/// What a pair is called, in answers that may go to a terminal.
+fn name(text: &str) -> Result<String, String> {
+    if text.contains(char::is_control) {
+        return Err(format!("id = `{}` has control characters", shown(text)));
+    }
+    Ok(text.to_owned())
+}
 
 fn ellipsoid(semi_axes: [f64; 3]) -> Shape {
     Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::from(semi_axes) })
@@ -218,7 +230,15 @@ fn finite_check(column: &str, value: f64) -> Result<(), String> {
     if value.is_finite() { Ok(()) } else { Err(format!("{column} = {value} is not finite")) }
 }
 
+/// The powers of a length must be numbers.
 fn length_check(column: &str, length: f64) -> Result<(), String> {
     finite_check(column, length)?;
-    if length > 0.0 { Ok(()) } else { Err(format!("{column} = {length} is not positive")) }
+    let (least, most) = (LENGTHS.start(), LENGTHS.end());
+    if length <= 0.0 {
+        return Err(format!("{column} = {length} is not positive"));
+    }
+    if !LENGTHS.contains(&length) {
+        return Err(format!("{column} = {length:e}: must be from {least:e} to {most:e} m"));
+    }
+    Ok(())
 }

@@ -34,7 +34,7 @@ pub struct Asked {
     weight: Weight,
 
     /// Side of the cells of --fields, at most [default: its width], and of --mixing [default: 4d], in metres or diameters of the largest shape
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true)]
     grid: Option<Margin>,
 
     /// Also write Lacey's mixing index of two groups, mixing.csv: M = (s0^2 - s^2) / (s0^2 - sr^2). The first group is a shape,
@@ -52,7 +52,7 @@ pub struct Asked {
     flow: Option<Gate>,
 
     /// Take the rates of --flow between these times, in seconds [default: all]
-    #[arg(long, value_name = "t0,t1", requires = "flow")]
+    #[arg(long, value_name = "t0,t1", requires = "flow", allow_hyphen_values = true)]
     window: Option<Window>,
 }
 

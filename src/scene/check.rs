@@ -35,7 +35,7 @@ const LEAST_SKIN: f64 = 0.02;
 /// Work of the busiest rank over the mean from which on the domain is cut again, if the file does not say.
 const IMBALANCE: f64 = 1.1;
 
-/// As many shapes and walls, and as many materials, as have ids.
+/// As many shapes and walls as have ids.
 const MOST_IDS: usize = 1 << u16::BITS;
 
 /// Which files that a scene names must be there.
@@ -126,7 +126,7 @@ pub(super) fn scene(
     let output = root.section("output", "`directory`").as_ref().and_then(Output::read);
     root.finish();
 
-    check_counts(&root, shapes.library.shapes.len() + walls.count(), materials.items.len());
+    check_count(&root, shapes.library.shapes.len() + walls.count());
     if let (Some(cell), Some(start), true) = (&domain, &start, shapes.complete) {
         let (library, has_start) = (&shapes.library, start.is_some());
         let seed = seed.unwrap_or_default();
@@ -177,6 +177,7 @@ pub(super) fn scene(
         law,
         left_out,
         jumps,
+        doubtful: mistakes.warnings(),
         library,
         walls,
         servos: servos?,
@@ -465,11 +466,9 @@ fn audit(root: &Section, seed: u64) -> Option<Audit> {
     })
 }
 
-fn check_counts(root: &Section, bodies: usize, materials: usize) {
-    for (what, count) in [("shapes and walls", bodies), ("materials", materials)] {
-        if count > MOST_IDS {
-            root.fail(format!("has {count} {what}; must be at most {MOST_IDS}"));
-        }
+fn check_count(root: &Section, bodies: usize) {
+    if bodies > MOST_IDS {
+        root.fail(format!("has {bodies} shapes and walls; must be at most {MOST_IDS}"));
     }
 }
 

@@ -51,11 +51,12 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         thrown_up(scene),
         falls_out(scene),
     ];
-    all.into_iter().flatten().chain(left_out(scene)).collect()
+    let read = scene.doubtful.iter().cloned();
+    all.into_iter().flatten().chain(left_out(scene)).chain(read).collect()
 }
 
 /// What acts in contacts of one material and not, or by half, in those with another that does not say it; of each pair that can touch.
-fn left_out(scene: &Scene) -> impl Iterator<Item = String> + '_ {
+fn left_out(scene: &Scene) -> Vec<String> {
     let library = &scene.library;
     let of_grains = &library.materials[..library.particle_shapes];
     let all = &library.materials;
@@ -75,7 +76,8 @@ fn left_out(scene: &Scene) -> impl Iterator<Item = String> + '_ {
             pairs.entry(pair).or_default().push(lacks);
         }
     }
-    pairs.into_iter().map(move |([a, b], lacks)| {
+    let more = pairs.len().saturating_sub(PAIRS_SHOWN);
+    let told = pairs.into_iter().take(PAIRS_SHOWN).map(|([a, b], lacks)| {
         format!(
             "between materials \"{}\" and \"{}\" {}: give it there, as 0 (`restitution` as 1) if that is meant, or in an \
              [[interaction]] of both",
@@ -83,8 +85,13 @@ fn left_out(scene: &Scene) -> impl Iterator<Item = String> + '_ {
             name(b),
             lacks.join("; ")
         )
-    })
+    });
+    let more = (more > 0).then(|| format!("so it is between {more} more pairs of materials"));
+    told.chain(more).collect()
 }
+
+/// So many pairs of materials are named in warnings, the others counted.
+const PAIRS_SHOWN: usize = 20;
 
 /// Bodies that are to come to rest, and walls that never do.
 fn rest_beside_drives(scene: &Scene) -> Option<String> {

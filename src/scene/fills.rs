@@ -14,10 +14,13 @@ use crate::math::Vec3;
 use crate::particles::Library;
 use crate::particles::sizes::By;
 use crate::sim::start::DEEPEST_START;
+use std::collections::HashMap;
 use std::path::Path;
 
 /// Width of a cell of rain or lattice, in largest bounding diameters, if the file does not say.
 const ROOMY: f64 = 1.1;
+/// So many listed particles at most lie within others when the start is looked at pair by pair.
+const MOST_CROWDED: u64 = 1000;
 /// Upper limit on the particle count; larger values are taken for typing errors.
 const MOST: f64 = 1e12;
 
@@ -47,6 +50,9 @@ impl Fills<'_> {
         for section in fill.sections("file") {
             let first_id = initial.iter().flatten().map(Fill::count).sum();
             initial.push(self.file(&section, first_id));
+        }
+        if let Some(crowd) = self.crowd(&initial) {
+            fill.fail(crowd);
         }
         fill.finish();
         if initial.is_empty() && matches!(rain, Some(None)) {
@@ -294,7 +300,11 @@ impl Fills<'_> {
     fn file(&self, section: &Section, first_id: u64) -> Option<Fill> {
         let rows = section.require("path", "a CSV file", |given| {
             let path = self.folder.join(given.text()?);
-            let names: Vec<&str> = self.shapes.names.listing().collect();
+            let names: Vec<&str> = self.shapes.names.names.iter().map(String::as_str).collect();
+            if names.is_empty() {
+                // That there are no shapes has been said.
+                return None;
+            }
             let wrong = |row: &Listed| {
                 let library = &self.shapes.library;
                 if self.shapes.complete && !library.has_mass_at(row.shape, row.scale) {
@@ -324,6 +334,32 @@ impl Fills<'_> {
         });
         section.finish();
         rows.map(Fill::Listed)
+    }
+
+    /// What is wrong with listed particles of which more overlap than can be looked at pair by pair, as in another unit than their
+    /// radii. Their places are sorted into cells so small that two particles of like size in one overlap too deep.
+    fn crowd(&self, initial: &[Option<Fill>]) -> Option<String> {
+        let shapes = Some(&self.shapes.library.shapes).filter(|_| self.shapes.complete)?;
+        let mut first_in: HashMap<(i32, [u64; 3]), u64> = HashMap::new();
+        let (mut id, mut crowded, mut example) = (0, 0, None);
+        for fill in initial.iter().flatten() {
+            for (row, id) in fill.listed().iter().zip(id..) {
+                let radius = shapes[row.shape.index()].inscribed_radius() * row.scale;
+                let class = libm::log2(radius).floor();
+                let side = (1.0 - DEEPEST_START) * 2.0 * libm::exp2(class) / 3f64.sqrt();
+                let cell = (row.position / side).map(|place| (place.floor() + 0.0).to_bits());
+                if let Some(first) = first_in.insert((class as i32, cell.into()), id) {
+                    crowded += 1;
+                    example = example.or(Some((first, id, row.position)));
+                }
+            }
+            id += fill.count();
+        }
+        let (first, second, place) = example.filter(|_| crowded > MOST_CROWDED)?;
+        Some(format!(
+            "{crowded} listed particles and more lie within others, such as {second} and {first} at {}: are places in m, as lengths of shapes are?",
+            written(&place)
+        ))
     }
 }
 

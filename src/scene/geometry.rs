@@ -3,6 +3,7 @@
 use super::reader::{Given, Range, Section};
 use crate::math::Vec3;
 use crate::shape::hull::HullError;
+use crate::shape::polyhedron::corners_only;
 use crate::shape::{
     Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
     Spherocylinder, Superellipsoid, mesh,
@@ -164,6 +165,10 @@ fn solid<T>(
     let (given, points) = match ways {
         [Some(vertices), None, None] => {
             let points = vertices.points("m")?;
+            if let Err(error @ HullError::WithinFace { .. }) = corners_only(&points) {
+                vertices.fail(error);
+                return None;
+            }
             (vertices, points)
         }
         [None, Some(edges), None] => {
@@ -172,7 +177,14 @@ fn solid<T>(
         }
         [None, None, Some(file)] => {
             let path = folder.join(file.text()?);
-            match mesh::read(&path, scale?) {
+            let triangles = mesh::triangles(&path);
+            if let Some(lost) =
+                triangles.as_ref().ok().and_then(|all| mesh::lost_digits(&path, all))
+            {
+                file.warn(lost);
+            }
+            let scale = scale?;
+            match triangles.and_then(|triangles| mesh::convex(triangles, scale)) {
                 Ok(points) => (file, points),
                 Err(error) => {
                     file.fail(error);

@@ -2,6 +2,7 @@
 //! command line applied.
 
 use super::mistakes::{Location, Mistakes, suggestion};
+use crate::text::{Lines, shown};
 use std::collections::BTreeMap;
 use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue};
@@ -16,13 +17,14 @@ pub(super) struct Node {
     pub(super) location: Location,
 }
 
-/// A TOML value; a date counts as text.
+/// A TOML value.
 #[derive(Clone, Debug)]
 pub(super) enum Value {
     Boolean(bool),
     Integer(i64),
     Number(f64),
     Text(String),
+    Date(String),
     List(Vec<Node>),
     Table(Table),
 }
@@ -33,6 +35,7 @@ impl Value {
             Self::Boolean(_) => "a truth value",
             Self::Integer(_) | Self::Number(_) => "a number",
             Self::Text(_) => "a string",
+            Self::Date(_) => "a date; write it in quotes if it is a text",
             Self::List(_) => "a list",
             Self::Table(_) => "a table",
         }
@@ -43,7 +46,7 @@ impl Value {
             Self::Boolean(b) => toml::Value::Boolean(*b),
             Self::Integer(i) => toml::Value::Integer(*i),
             Self::Number(x) => toml::Value::Float(*x),
-            Self::Text(s) => toml::Value::String(s.clone()),
+            Self::Text(s) | Self::Date(s) => toml::Value::String(s.clone()),
             Self::List(list) => {
                 toml::Value::Array(list.iter().map(|node| node.value.to_toml()).collect())
             }
@@ -58,20 +61,46 @@ impl Value {
 
 /// What is wrong, and the text that it is about where the reader points at a piece of a line.
 fn not_toml(text: &str, message: &str, span: Option<std::ops::Range<usize>>) -> String {
+    let cure = span.as_ref().and_then(|span| bare_point(text, span.start));
+    let cure = cure.map_or_else(String::new, |cure| format!("; write {cure}"));
     let piece = span.and_then(|span| text.get(span)).map(str::trim);
     match piece.filter(|piece| !piece.is_empty() && !piece.contains('\n') && piece.len() < 60) {
-        Some(piece) => format!("not valid TOML: {message}: `{piece}`"),
-        None => format!("not valid TOML: {message}"),
+        Some(piece) => format!("not valid TOML: {message}: `{}`{cure}", shown(piece)),
+        None => format!("not valid TOML: {message}{cure}"),
     }
+}
+
+/// The number at this place as TOML has it, with digits before and after its point.
+fn bare_point(text: &str, place: usize) -> Option<String> {
+    let (before, after) = text.split_at_checked(place)?;
+    let is_part = |c: char| c.is_ascii_alphanumeric() || "+-._".contains(c);
+    let begin = before.trim_end_matches(is_part).len();
+    let end = place + (after.len() - after.trim_start_matches(is_part).len());
+    let number = &text[begin..end];
+    // What is no number without the point is none with it.
+    number.replace('_', "").parse::<f64>().ok()?;
+    let (whole, part) = number.split_once('.')?;
+    let whole = if whole.ends_with(|c: char| c.is_ascii_digit()) {
+        whole.to_owned()
+    } else {
+        format!("{whole}0")
+    };
+    let part = if part.starts_with(|c: char| c.is_ascii_digit()) {
+        part.to_owned()
+    } else {
+        format!("0{part}")
+    };
+    let written = format!("{whole}.{part}");
+    (written != number).then(|| shown(written))
 }
 
 /// The file and the overrides, or `None` if the text is not TOML (the report says where).
 pub(super) fn read(text: &str, overrides: &[String], mistakes: &Mistakes) -> Option<Node> {
-    let location = |offset: usize| Location::Line(1 + text[..offset].matches('\n').count());
+    let lines = Lines::of(text);
+    let location = |offset: usize| Location::Line(lines.at(offset));
     let (table, errors) = DeTable::parse_recoverable(text);
     for error in &errors {
-        let location =
-            error.span().map_or(Location::File, |span| location(span.start.min(text.len())));
+        let location = error.span().map_or(Location::File, |span| location(span.start));
         mistakes.add(&location, not_toml(text, error.message(), error.span()));
     }
     if !errors.is_empty() {
@@ -110,7 +139,7 @@ fn value_of(value: &DeValue, location: &dyn Fn(usize) -> Location) -> Value {
         DeValue::Boolean(b) => Value::Boolean(*b),
         DeValue::Integer(i) => match i64::from_str_radix(i.as_str(), i.radix()) {
             Ok(i) => Value::Integer(i),
-            // Too long for an integer; whoever wants a whole number will refuse it.
+            // Too long for an integer: refused where a whole number is wanted.
             Err(_) if i.radix() == 10 => Value::Number(i.as_str().parse().unwrap_or(f64::INFINITY)),
             Err(_) => {
                 let radix = f64::from(i.radix());
@@ -120,7 +149,7 @@ fn value_of(value: &DeValue, location: &dyn Fn(usize) -> Location) -> Value {
         },
         DeValue::Float(x) => Value::Number(x.as_str().parse().unwrap_or(f64::NAN)),
         DeValue::String(s) => Value::Text(s.to_string()),
-        DeValue::Datetime(d) => Value::Text(d.to_string()),
+        DeValue::Datetime(d) => Value::Date(d.to_string()),
         DeValue::Array(list) => {
             let item = |item: &Spanned<DeValue>| Node {
                 value: value_of(item.get_ref(), location),
@@ -152,18 +181,21 @@ fn apply(root: &mut Node, text: &str, location: &Location) -> Result<(), String>
 /// The keys of a dotted path, read as TOML reads them; keys that TOML wants in quotes, as `+z`, may do without.
 fn keys_of(path: &str) -> Option<Vec<String>> {
     let line = format!("{path} = 0");
-    let Ok(table) = DeTable::parse(&line) else {
-        let keys: Vec<String> = path.split('.').map(|key| key.trim().to_owned()).collect();
-        let are_plain = keys.iter().all(|key| !key.is_empty() && !key.contains(['"', '\'', ' ']));
-        return are_plain.then_some(keys);
-    };
     let mut keys = Vec::new();
-    let mut level = Some(table.get_ref());
-    while let Some((key, value)) = level.and_then(|table| table.iter().next()) {
-        keys.push(key.get_ref().to_string());
-        level = value.get_ref().as_table();
+    if let Ok(table) = DeTable::parse(&line) {
+        let mut level = Some(table.get_ref());
+        while let Some((key, value)) = level.and_then(|table| table.iter().next()) {
+            keys.push(key.get_ref().to_string());
+            level = value.get_ref().as_table();
+        }
+    } else {
+        keys.extend(path.split('.').map(|key| key.trim().to_owned()));
+        if keys.iter().any(|key| key.is_empty() || key.contains(['"', '\'', ' '])) {
+            return None;
+        }
     }
-    Some(keys)
+    // A path that is a comment has none.
+    (!keys.is_empty()).then_some(keys)
 }
 
 /// Puts a value where the path leads. Tables on the way are made if they are missing: whether their

@@ -15,6 +15,7 @@ use crate::math::Vec3;
 use crate::particles::Library;
 use crate::shape::{Kind as ShapeKind, Shape};
 use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A law and its settings, without the constants of materials.
 #[derive(Clone, Copy, Debug)]
@@ -442,6 +443,9 @@ fn of_turning(
     })
 }
 
+/// More materials than this have constants of pairs that fill the memory.
+const MOST_MATERIALS: usize = 1000;
+
 /// The materials, and their constants as `read` finds them in a section: those of one material, or of two, with what is left
 /// out taken from the mixed ones. `needed` are the keys without which there are none.
 fn with_constants<C: Mixing + Default>(
@@ -450,9 +454,16 @@ fn with_constants<C: Mixing + Default>(
     read: impl Fn(&Section, Option<&C>) -> Option<C>,
 ) -> (Materials, Option<Interactions<C>>) {
     let (materials, own) = Materials::read(root, needed, |section| read(section, None));
+    let count = own.len();
+    if count > MOST_MATERIALS {
+        root.fail(format!(
+            "has {count} materials; must be at most {MOST_MATERIALS}, as each pair of them has constants"
+        ));
+    }
     let own: Option<Vec<C>> = own.into_iter().collect();
+    let own = own.filter(|_| count <= MOST_MATERIALS);
     let mut interactions = own.map(|own| Interactions::new(&own));
-    let mut seen = Vec::new();
+    let mut seen = BTreeSet::new();
     let mut complete = true;
     for section in root.sections("interaction") {
         let pair = between(&section, &materials, &mut seen);
@@ -499,25 +510,23 @@ pub(super) fn left_out<'a>(root: &Section<'a>, materials: &Materials) -> Vec<Lef
     let of_both = |section: Section<'a>| {
         let names = section.get("between")?.list("a list of two materials")?;
         let [a, b] = &names[..] else { return None };
-        Some(([materials.find(a)?, materials.find(b)?], section))
+        let (a, b) = (materials.find(a)?, materials.find(b)?);
+        Some(((a.min(b), a.max(b)), section))
     };
-    let of_both: Vec<_> = root.sections("interaction").into_iter().filter_map(of_both).collect();
-    let own: Vec<_> = (0..).map(MaterialId).zip(root.sections("material")).collect();
+    let of_both: BTreeMap<_, _> =
+        root.sections("interaction").into_iter().filter_map(of_both).collect();
+    let values = |section: &Section| {
+        MAY_BE_LEFT_OUT.map(|(key, nothing)| Some((section.get(key)?.as_number()?, nothing)))
+    };
+    let own = root.sections("material");
+    let own: Vec<_> = (0..).map(MaterialId).zip(own.iter().map(values)).collect();
     let mut all = Vec::new();
-    for (given_by, one) in &own {
-        for (silent, other) in &own {
-            let is_of_both = |pair: &[MaterialId; 2]| {
-                *pair == [*given_by, *silent] || *pair == [*silent, *given_by]
-            };
-            for (key, nothing) in MAY_BE_LEFT_OUT {
-                let value = one.get(key).and_then(|given| given.as_number());
-                let said_of_both =
-                    || of_both.iter().any(|(pair, of)| is_of_both(pair) && of.get(key).is_some());
-                if value.is_some_and(|value| value != nothing)
-                    && other.get(key).is_none()
-                    && !said_of_both()
-                {
-                    let (given_by, silent) = (*given_by, *silent);
+    for &(given_by, one) in &own {
+        for &(silent, other) in &own {
+            let of_both = of_both.get(&(given_by.min(silent), given_by.max(silent)));
+            for ((key, _), values) in MAY_BE_LEFT_OUT.into_iter().zip(one.into_iter().zip(other)) {
+                let (Some((value, nothing)), None) = values else { continue };
+                if value != nothing && of_both.is_none_or(|of| of.get(key).is_none()) {
                     all.push(LeftOut { given_by, silent, key: key.to_owned() });
                 }
             }
@@ -530,7 +539,7 @@ pub(super) fn left_out<'a>(root: &Section<'a>, materials: &Materials) -> Vec<Lef
 fn between(
     section: &Section,
     materials: &Materials,
-    seen: &mut Vec<(MaterialId, MaterialId)>,
+    seen: &mut BTreeSet<(MaterialId, MaterialId)>,
 ) -> Option<(MaterialId, MaterialId)> {
     section.require("between", "the names of two materials", |given| {
         let names = given.list("a list of two materials")?;
@@ -540,10 +549,9 @@ fn between(
         };
         let (a, b) = (materials.find(a), materials.find(b));
         let (a, b) = (a?.min(b?), a?.max(b?));
-        if seen.contains(&(a, b)) {
+        if !seen.insert((a, b)) {
             given.fail("these two have an interaction already");
         }
-        seen.push((a, b));
         Some((a, b))
     })
 }

@@ -8,6 +8,7 @@ use super::Listed;
 use super::mistakes::suggestion;
 use crate::ids::ShapeId;
 use crate::math::{Quat, Vec3};
+use crate::text::{self, Lines, shown};
 use csv::StringRecord;
 use nalgebra::Quaternion;
 use std::path::Path;
@@ -26,20 +27,16 @@ pub(super) fn read(
     first_id: u64,
     wrong: &dyn Fn(&Listed) -> Option<String>,
 ) -> Result<Vec<Listed>, Vec<String>> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| vec![format!("{} cannot be read: {error}", path.display())])?;
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .comment(Some(b'#'))
-        .flexible(true)
-        .from_reader(text.as_bytes());
-    let header = reader.headers().map_err(|error| vec![error.to_string()])?.clone();
-    let columns = Columns::find(&header, shapes)?;
+    let text = text(path)?;
+    let lines = Lines::of(&text);
+    let mut reader = reader(&text);
+    let header = header(&mut reader)?;
+    let columns = Columns::find(&header, shapes).map_err(few)?;
 
     let mut rows = Vec::new();
     let mut mistakes = Vec::new();
     for (k, record) in reader.records().enumerate() {
-        let line = |record: &StringRecord| line_of(record, &text);
+        let line = |record: &StringRecord| line_of(record, &text, &lines);
         match record {
             Err(error) => mistakes.push(error.to_string()),
             Ok(record) => match columns.row(&record, shapes) {
@@ -64,20 +61,50 @@ pub(super) fn read(
     if mistakes.is_empty() {
         return Ok(rows);
     }
+    Err(few(mistakes))
+}
+
+/// The text of a table.
+pub(super) fn text(path: &Path) -> Result<String, Vec<String>> {
+    text::read(path).map_err(|error| vec![format!("{} {error}", path.display())])
+}
+
+/// Cells separated by commas, with comments.
+pub(super) fn reader(text: &str) -> csv::Reader<&[u8]> {
+    csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .flexible(true)
+        .from_reader(text.as_bytes())
+}
+
+/// The names of columns.
+pub(super) fn header(reader: &mut csv::Reader<&[u8]>) -> Result<StringRecord, Vec<String>> {
+    let header = reader.headers().map_err(|error| vec![error.to_string()])?.clone();
+    let other = header.iter().next().and_then(|first| first.chars().find(|c| ";\t".contains(*c)));
+    if let (1, Some(other)) = (header.len(), other) {
+        return Err(vec![format!(
+            "columns are separated by {other:?} here; write commas, and decimals with a point"
+        )]);
+    }
+    Ok(header)
+}
+
+/// The first mistakes, and how many more there are.
+pub(super) fn few(mut mistakes: Vec<String>) -> Vec<String> {
     if mistakes.len() > SHOWN {
         let more = mistakes.len() - SHOWN;
         mistakes.truncate(SHOWN);
-        mistakes.push(format!("{more} more lines have mistakes"));
+        mistakes.push(format!("{more} more mistakes like these"));
     }
-    Err(mistakes)
+    mistakes
 }
 
 /// The line in which a record stands. Its position may be before blank lines and comments.
-pub(super) fn line_of(record: &StringRecord, text: &str) -> usize {
+pub(super) fn line_of(record: &StringRecord, text: &str, lines: &Lines) -> usize {
     let begin = record.position().map_or(0, |position| position.byte() as usize);
-    let (before, after) = text.split_at(begin);
     let is_skipped = |line: &&str| line.trim().is_empty() || line.starts_with('#');
-    1 + before.matches('\n').count() + after.lines().take_while(is_skipped).count()
+    lines.at(begin) + text[begin..].lines().take_while(is_skipped).count()
 }
 
 /// Where each group of columns stands.
@@ -94,12 +121,15 @@ struct Columns {
 impl Columns {
     fn find(header: &StringRecord, shapes: &[&str]) -> Result<Self, Vec<String>> {
         let mut mistakes = Vec::new();
-        for (k, name) in header.iter().enumerate() {
+        let mut known: Vec<&str> = Vec::new();
+        for name in header {
             if !COLUMNS.contains(&name) {
                 let hint = suggestion(name, COLUMNS, "allowed");
-                mistakes.push(format!("no such column as `{name}`{hint}"));
-            } else if header.iter().take(k).any(|other| other == name) {
+                mistakes.push(format!("no such column as `{}`{hint}", shown(name)));
+            } else if known.contains(&name) {
                 mistakes.push(format!("there are two columns `{name}`"));
+            } else {
+                known.push(name);
             }
         }
         let at = |name: &str| header.iter().position(|column| column == name);
@@ -143,9 +173,11 @@ impl Columns {
         let cell = |column: usize| record.get(column).unwrap_or_default();
         let number = |column: usize| match cell(column).parse::<f64>() {
             Ok(x) if x.is_finite() => Ok(x),
-            _ => {
-                Err(format!("column {}: `{}` is not a number", &self.header[column], cell(column)))
-            }
+            _ => Err(format!(
+                "column {}: `{}` is not a number",
+                &self.header[column],
+                shown(cell(column))
+            )),
         };
         let vector = |columns: [usize; 3]| -> Result<Vec3, String> {
             let [x, y, z] = columns.map(number);
@@ -168,7 +200,7 @@ impl Columns {
             None => 0,
             Some(name) => shapes.iter().position(|shape| *shape == name).ok_or_else(|| {
                 let hint = suggestion(name, shapes.iter().copied(), "there are");
-                format!("column shape: no such shape as `{name}`{hint}")
+                format!("column shape: no such shape as `{}`{hint}", shown(name))
             })?,
         };
         let scale = self.scale.map_or(Ok(1.0), number)?;

@@ -10,6 +10,7 @@ use crate::particles::sizes::Sizes;
 use crate::particles::{Library, of_inertia, of_mass};
 use crate::shape::{Shape, Sphere};
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 use std::path::Path;
 
 // --- names ---
@@ -19,23 +20,35 @@ use std::path::Path;
 pub(super) struct Names {
     kind: &'static str,
     pub(super) names: Vec<String>,
+    /// The first of each name.
+    indices: HashMap<String, usize>,
 }
 
 impl Names {
-    pub(super) const fn of(kind: &'static str) -> Self {
-        Self { kind, names: Vec::new() }
+    pub(super) fn of(kind: &'static str) -> Self {
+        Self { kind, ..Self::default() }
+    }
+
+    /// The first of this name.
+    pub(super) fn index(&self, name: &str) -> Option<usize> {
+        self.indices.get(name).copied()
+    }
+
+    pub(super) fn push(&mut self, name: &str) {
+        self.indices.entry(name.to_owned()).or_insert(self.names.len());
+        self.names.push(name.to_owned());
     }
 
     /// Reads the name of the next entry. One without a name gets an empty one, so that indices stay.
     pub(super) fn add(&mut self, section: &Section) {
         let name = section.require("name", "any text", |given| {
             let name = given.text()?;
-            if self.names.iter().any(|n| n == name) {
+            if self.index(name).is_some() {
                 given.fail(format!("another {} has this name", self.kind));
             }
-            Some(name.to_owned())
+            Some(name)
         });
-        self.names.push(name.unwrap_or_default());
+        self.push(name.unwrap_or_default());
     }
 
     pub(super) fn listing(&self) -> impl Iterator<Item = &str> {
@@ -44,7 +57,7 @@ impl Names {
 
     /// The index of a name that the file gives.
     pub(super) fn find(&self, given: &Given, name: &str) -> Option<usize> {
-        let index = self.names.iter().position(|n| n == name);
+        let index = self.index(name);
         if index.is_none() {
             let hint = suggestion(name, self.listing(), "there are");
             given.fail(format!("no such {}{hint}", self.kind));

@@ -1,5 +1,6 @@
 //! What is wrong with a scene: every mistake with its place, all in one go.
 
+use crate::text::shown;
 use std::cell::RefCell;
 use std::fmt;
 
@@ -32,18 +33,28 @@ pub struct SceneErrors {
     pub problems: Vec<Problem>,
 }
 
+/// So many mistakes are listed, the others counted.
+const SHOWN: usize = 20;
+/// So many names are listed where one is wanted, the others counted.
+const NAMES: usize = 60;
+/// No name of the program is longer [characters].
+const LONGEST_NAME: usize = 60;
+
 impl fmt::Display for SceneErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let count = self.problems.len();
         write!(f, "{count} mistake{} in the scene", if count == 1 { "" } else { "s" })?;
-        for Problem { location, message } in &self.problems {
+        for Problem { location, message } in self.problems.iter().take(SHOWN) {
             match location {
                 Location::File => write!(f, "\n{}: {message}", self.file)?,
                 Location::Line(line) => write!(f, "\n{}:{line}: {message}", self.file)?,
-                Location::Override(text) => write!(f, "\n--set {text}: {message}")?,
+                Location::Override(text) => write!(f, "\n--set {}: {message}", shown(text))?,
             }
         }
-        Ok(())
+        match count.saturating_sub(SHOWN) {
+            0 => Ok(()),
+            more => write!(f, "\nand {more} more"),
+        }
     }
 }
 
@@ -52,11 +63,24 @@ impl fmt::Display for SceneErrors {
 #[derive(Debug, Default)]
 pub(super) struct Mistakes {
     problems: RefCell<Vec<Problem>>,
+    warnings: RefCell<Vec<String>>,
 }
 
 impl Mistakes {
     pub(super) fn add(&self, location: &Location, message: String) {
         self.problems.borrow_mut().push(Problem { location: location.clone(), message });
+    }
+
+    pub(super) fn warn(&self, what: String) {
+        self.warnings.borrow_mut().push(what);
+    }
+
+    /// What is doubtful, each only once.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let mut all = self.warnings.take();
+        all.sort();
+        all.dedup();
+        all
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -141,14 +165,24 @@ pub(super) fn suggestion<'a>(
     what_they_are: &str,
 ) -> String {
     let known: Vec<&str> = known.into_iter().collect();
-    let distance =
-        |name: &str| strsim::damerau_levenshtein(&written.to_lowercase(), &name.to_lowercase());
-    let is_close = |name: &str| {
-        distance(name) <= 1 + written.chars().count() / 4
-            || (written.len() > 2 && name.starts_with(written))
+    let written = written.to_lowercase();
+    let length = written.chars().count();
+    let most = 1 + length / 4;
+    // As long as no name can be: nothing is near.
+    let may_be_near = length <= LONGEST_NAME;
+    let distance = |name: &'a str| {
+        let begins = length > 2 && name.to_lowercase().starts_with(&written);
+        let near = may_be_near && (begins || name.chars().count().abs_diff(length) <= most);
+        let distance = near.then(|| strsim::damerau_levenshtein(&written, &name.to_lowercase()))?;
+        (distance <= most || begins).then_some((distance, name))
     };
-    let nearest = known.iter().filter(|name| is_close(name)).min_by_key(|name| distance(name));
-    let guess = nearest.map_or_else(String::new, |name| format!("{GUESS}`{name}`?"));
-    let list = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+    let nearest = known.iter().copied().filter_map(distance).min_by_key(|&(distance, _)| distance);
+    let guess = nearest.map_or_else(String::new, |(_, name)| format!("{GUESS}`{}`?", shown(name)));
+    let mut list = known.iter().take(NAMES).map(shown).collect::<Vec<_>>().join(", ");
+    if known.is_empty() {
+        "none".clone_into(&mut list);
+    } else if known.len() > NAMES {
+        list += &format!(" and {} more", known.len() - NAMES);
+    }
     format!("{guess} ({what_they_are}: {list})")
 }

@@ -61,6 +61,7 @@ use crate::sim::audit;
 use crate::sim::run::Over;
 pub use crate::sim::stop::Stop;
 use crate::sim::{Simulation, steps_of};
+use crate::text::{self, Unreadable};
 use check::Need;
 pub use laws::LeftOut;
 pub use matter::Material;
@@ -100,6 +101,8 @@ pub struct Scene {
     pub left_out: Vec<LeftOut>,
     /// What becomes of the forces where the snapshot with which it begins, or goes on, was made with other constants.
     pub jumps: Option<String>,
+    /// What is doubtful in the files that it names, a sentence each.
+    pub doubtful: Vec<String>,
     /// Shapes of particles, then of walls, by `ShapeId`.
     pub library: Library,
     /// Walls, in the order of their ids.
@@ -195,14 +198,15 @@ impl Scene {
 
     fn read_for(path: &Path, overrides: &[String], need: Need) -> Result<Self, SceneErrors> {
         let name = path.display().to_string();
-        match std::fs::read_to_string(path) {
+        let bytes = std::fs::read(path).map_err(Unreadable::File);
+        match bytes.and_then(text::decode) {
             Ok(text) => {
                 let folder = path.parent().unwrap_or(Path::new(""));
                 Self::parse_for(&text, &name, folder, overrides, need)
             }
             Err(error) => {
-                let message = format!("cannot be read: {error}");
-                let problems = vec![Problem { location: Location::File, message }];
+                let problems =
+                    vec![Problem { location: Location::File, message: error.to_string() }];
                 Err(SceneErrors { file: name, problems })
             }
         }

@@ -1,11 +1,12 @@
 //! How walls move by `[[motion]]`: from the file as written.
 
-use super::listed::line_of;
+use super::listed;
 use super::reader::{Given, Range, Section};
 use crate::cell::{AXES, Cell};
 use crate::math::Vec3;
 use crate::particles::courses::{Course, Table, Way};
 use crate::particles::walls::Wall;
+use crate::text::{Lines, shown};
 use std::path::Path;
 
 /// The `[[motion]]` tables.
@@ -217,21 +218,14 @@ fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
     })
 }
 
-/// So many mistakes of a table are listed, the others counted.
-const SHOWN: usize = 5;
-
 /// Times [s] and values of a table.
 fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| vec![format!("{} cannot be read: {error}", path.display())])?;
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .comment(Some(b'#'))
-        .flexible(true)
-        .from_reader(text.as_bytes());
-    let header = reader.headers().map_err(|error| vec![error.to_string()])?.clone();
+    let text = listed::text(path)?;
+    let lines = Lines::of(&text);
+    let mut reader = listed::reader(&text);
+    let header = listed::header(&mut reader)?;
     if header.iter().ne(["time_s", value]) {
-        let found = header.iter().collect::<Vec<_>>().join(",");
+        let found = shown(header.iter().collect::<Vec<_>>().join(","));
         return Err(vec![format!("must have the columns time_s,{value}; it has {found}")]);
     }
     let mut rows: Vec<(f64, f64)> = Vec::new();
@@ -244,10 +238,10 @@ fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
                 continue;
             }
         };
-        let line = line_of(&record, &text);
+        let line = listed::line_of(&record, &text, &lines);
         let numbers = record.iter().map(|cell| {
             let number = cell.parse::<f64>().ok().filter(|number| number.is_finite());
-            number.ok_or_else(|| format!("line {line}: `{cell}` is not a number"))
+            number.ok_or_else(|| format!("line {line}: `{}` is not a number", shown(cell)))
         });
         match numbers.collect::<Result<Vec<_>, _>>() {
             Err(what) => mistakes.push(what),
@@ -272,12 +266,7 @@ fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
     if mistakes.is_empty() {
         return Ok(rows);
     }
-    if mistakes.len() > SHOWN {
-        let more = mistakes.len() - SHOWN;
-        mistakes.truncate(SHOWN);
-        mistakes.push(format!("{more} more lines have mistakes"));
-    }
-    Err(mistakes)
+    Err(listed::few(mistakes))
 }
 
 /// The point about which a wall turns [m], and the direction of the axis.

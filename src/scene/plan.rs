@@ -25,6 +25,8 @@ const CONTACTS_PER_PARTICLE: u64 = 4;
 /// Time to make a cell behind a triangle, and to look at another triangle for it, about [s].
 const SECONDS_PER_CELL: f64 = 1e-5;
 const SECONDS_PER_LOOK: f64 = 5e-8;
+/// So many pairs of materials are listed, the others counted.
+const PAIRS_SHOWN: usize = 50;
 
 /// What is in, what is left out and why, and the bytes, messages and time steps that follow, for a run
 /// on so many ranks. Numbers of particles per rank are estimates for the settled bed.
@@ -122,10 +124,14 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     walls(scene, page);
     let law = scene.force_law();
     page.line("law", law.name());
-    for (a, b) in pairs_of_materials(scene) {
+    let pairs = pairs_of_materials(scene);
+    for &(a, b) in pairs.iter().take(PAIRS_SHOWN) {
         let words = law.words(a, b);
         let [a, b] = [a, b].map(|id| &*scene.materials[id.index()].name);
         page.line("constants", format!("{a}-{b}: {words}"));
+    }
+    if pairs.len() > PAIRS_SHOWN {
+        page.line("", format!("and of {} more pairs of materials", pairs.len() - PAIRS_SHOWN));
     }
     for limit in law.limits() {
         page.line("bounds", limit);

@@ -7,7 +7,8 @@
 use super::input::{Node, Table, Value, name_of};
 use super::mistakes::{Location, Mistakes, not_there, suggestion};
 use crate::math::Vec3;
-use crate::shape::Superellipsoid;
+use crate::shape::{LENGTHS, Superellipsoid};
+use crate::text::shown;
 use std::cell::RefCell;
 use std::fmt;
 
@@ -90,13 +91,18 @@ impl<'a> Given<'a> {
             Value::Boolean(b) => format!(" = {b}"),
             Value::Integer(i) => format!(" = {i}"),
             Value::Number(x) => format!(" = {x:?}"),
-            Value::Text(s) => format!(" = \"{s}\""),
+            Value::Text(s) => format!(" = \"{}\"", shown(s)),
+            Value::Date(s) => format!(" = {}", shown(s)),
             Value::List(list)
                 if list.iter().any(|n| matches!(n.value, Value::Table(_) | Value::List(_))) =>
             {
                 String::new()
             }
-            list @ Value::List(_) => format!(" = {}", list.to_toml()),
+            Value::List(list) => {
+                // No more of them are shown.
+                let first = list.iter().take(100).map(|node| node.value.to_toml()).collect();
+                format!(" = {}", shown(toml::Value::Array(first)))
+            }
             Value::Table(_) => String::new(),
         };
         self.mistakes.add(&self.node.location, format!("{}{value}: {what}", self.path));
@@ -114,6 +120,11 @@ impl<'a> Given<'a> {
         let Some(x) = self.as_number() else { return self.expected(&allowed) };
         if !range.holds(x) {
             self.fail(format!("must be {allowed}"));
+            return None;
+        }
+        let (size, least, most) = (x.abs(), *LENGTHS.start(), *LENGTHS.end());
+        if unit == "m" && (size > most || size < least && matches!(range, Range::Positive)) {
+            self.fail(format!("leaves the range of lengths, from {least:e} to {most:e} m"));
             return None;
         }
         Some(x)
@@ -146,6 +157,11 @@ impl<'a> Given<'a> {
             Value::Boolean(b) => Some(b),
             _ => self.expected(&"true or false"),
         }
+    }
+
+    /// Says what is doubtful of a value that may be as it is.
+    pub(super) fn warn(&self, what: impl fmt::Display) {
+        self.mistakes.warn(format!("{}: {what}", self.path));
     }
 
     /// The text, if it is one.
@@ -320,10 +336,10 @@ impl<'a> Given<'a> {
 fn joined(path: &str, key: &str) -> String {
     let bare = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     let dot = if path.is_empty() { "" } else { "." };
-    if !key.is_empty() && key.chars().all(bare) {
+    if !key.is_empty() && key.len() < 100 && key.chars().all(bare) {
         format!("{path}{dot}{key}")
     } else {
-        format!("{path}{dot}\"{key}\"")
+        format!("{path}{dot}\"{}\"", shown(key))
     }
 }
 

@@ -14,7 +14,7 @@ use crate::math::{Quat, Vec3, printed_limit, rotation_about};
 use crate::particles::Library;
 use crate::particles::walls::{TorqueAbout, Wall};
 use crate::shape::triangle_mesh::TriangleMesh;
-use crate::shape::{HalfSpace, Kind, Shape, mesh};
+use crate::shape::{HalfSpace, Kind, LENGTHS, Shape, mesh};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -93,7 +93,7 @@ impl<'a> Walls<'a> {
             walls.all.push(planned(name, &section, domain, materials, folder));
         }
         walls.motions.check(|given, name| {
-            if !walls.names.names.iter().any(|known| known == name) {
+            if walls.names.index(name).is_none() {
                 let hint = suggestion(name, walls.names.listing(), "there are");
                 given.fail(format!("no such wall{hint}"));
             }
@@ -126,10 +126,10 @@ impl<'a> Walls<'a> {
         for item in items.unwrap_or_default() {
             let side = item.one_of(&sides);
             let name = side.map_or("", |(name, ..)| name);
-            if side.is_some() && self.names.names.iter().any(|known| known == name) {
+            if side.is_some() && self.names.index(name).is_some() {
                 item.fail("this side has a wall already");
             }
-            self.names.names.push(name.to_owned());
+            self.names.push(name);
             self.all.push(side.zip(domain).and_then(|((name, axis, inwards), domain)| {
                 if domain.period(axis).is_some() {
                     item.fail(format!("{} is periodic, it has no walls", AXES[axis]));
@@ -151,7 +151,7 @@ impl<'a> Walls<'a> {
         };
         for (name, given) in entries {
             let velocity = given.vector(Range::Any, "m/s");
-            let Some(k) = self.names.names.iter().position(|n| n == name) else {
+            let Some(k) = self.names.index(name) else {
                 let hint = suggestion(name, self.names.listing(), "there are");
                 given.fail(format!("no such wall in `domain.walls`{hint}"));
                 continue;
@@ -180,7 +180,7 @@ impl<'a> Walls<'a> {
             names.zip(velocities).filter_map(|(name, given)| Some((name.as_str(), given?))),
         );
         self.motions.check(|given, name| {
-            let k = self.names.names.iter().position(|known| known == name);
+            let k = self.names.index(name);
             let (Some(Planned { wall, .. }), Some(domain)) = (k.and_then(|k| self.all[k].as_ref()), domain) else {
                 return;
             };
@@ -240,7 +240,7 @@ impl<'a> Walls<'a> {
             }
         }
         for (name, given) in places {
-            let k = self.names.names.iter().position(|known| known == name);
+            let k = self.names.index(name);
             let Some(planned) = k.and_then(|k| self.all[k].as_ref()) else { continue };
             if planned.wall.course.is_some() {
                 // Looked at above.
@@ -686,12 +686,22 @@ fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangle
     }
     let path = folder.join(given.text()?);
     let corners = mesh::triangles(&path).map_err(|error| given.fail(error)).ok()?;
+    if let Some(lost) = mesh::lost_digits(&path, &corners) {
+        given.warn(format!("{lost}, and bring the wall back by `shift`"));
+    }
     let (scale, turn) = (scale?, turn?);
     let placed = |corner: Vec3| {
         let corner = corner * scale;
         if turn == Quat::identity() { corner } else { turn * corner }
     };
     let corners: Vec<_> = corners.into_iter().map(|triangle| triangle.map(placed)).collect();
+    if corners.iter().flatten().any(|corner| !(corner.amax() <= *LENGTHS.end())) {
+        given.fail(format!(
+            "has corners farther than {:e} m from the origin, with `scale`",
+            LENGTHS.end()
+        ));
+        return None;
+    }
     if let (Some(weld), Some(given)) = (weld, section.get("weld")) {
         let side = median_side(&corners);
         if weld > WIDEST_WELD * side {

@@ -74,6 +74,15 @@ pub enum HullError {
         /// How far below the hull's surface [m].
         depth: f64,
     },
+    /// A point lies on the convex hull, but neither at a corner nor on an edge.
+    #[error(
+        "point {index} (the first is 0) lies within a face of the convex hull, as at a dent or a hole: leave it out if the hull is meant, and \
+         other points inside a face with it; grains with dents cannot be simulated"
+    )]
+    WithinFace {
+        /// Which.
+        index: usize,
+    },
 }
 
 /// A part of the surface.
@@ -127,7 +136,7 @@ impl Hull {
     /// The convex hull; points inside it or on a face are left out.
     ///
     /// # Errors
-    /// See [`HullError`], all but [`HullError::Inside`].
+    /// See [`HullError`], all but [`HullError::Inside`] and [`HullError::WithinFace`].
     pub fn of(points: &[Vec3]) -> Result<Self, HullError> {
         let size = checked_size(points)?;
         let surface = surface(points, &first_tetrahedron(points, size)?);

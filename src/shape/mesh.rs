@@ -1,12 +1,15 @@
 //! Files of triangles: STL (text or binary) and OBJ; and grains from them.
 //!
-//! The mesh of a grain must be closed and convex; what it says of its surface is only used to check that. STL keeps
+//! The mesh of a grain must be closed and convex; what it says of its surface is only used to check that. Binary STL keeps
 //! seven digits, which sets the tolerance.
+
+mod obj;
+mod stl;
 
 use super::hull::{Hull, HullError, size};
 use super::polyhedron::deepest;
 use crate::math::{Vec3, bounds};
-use std::io::Cursor;
+use crate::text::{self, Unreadable};
 use std::path::Path;
 
 /// How far a mesh may be from convex, relative to its size.
@@ -15,6 +18,8 @@ const CONVEX: f64 = 1e-5;
 const SIX_DIGITS: f64 = 1e-6;
 /// Corners nearer to each other than this part of the size are one, however they were rounded.
 const SAME: f64 = 1e-8;
+/// Farther from the origin than so many times its size a mesh loses digits that matter.
+const FAR: f64 = 100.0;
 /// How far its volume may be from that of its hull, relative.
 const CLOSED: f64 = 1e-3;
 
@@ -22,22 +27,32 @@ const CLOSED: f64 = 1e-3;
 #[derive(Debug, thiserror::Error)]
 pub enum MeshError {
     /// No file.
-    #[error("cannot be read: {0}")]
-    Unreadable(std::io::Error),
-    /// Not what its name says.
-    #[error("is not a whole {format} file: {cause}; write it anew with the program that made it")]
-    Malformed {
+    #[error(transparent)]
+    Unreadable(#[from] Unreadable),
+    /// Nothing to read.
+    #[error("{what}; an {format} file of triangles is needed")]
+    NoTriangles {
         /// STL or OBJ.
         format: &'static str,
-        /// What the library says.
+        /// What it is instead.
+        what: &'static str,
+    },
+    /// Not what its name says.
+    #[error("{place}{cause}; correct it, or write it anew with the program that made it")]
+    Malformed {
+        /// The line, of a text.
+        place: String,
+        /// What is wrong there.
         cause: String,
     },
     /// A polygon with a dent.
     #[error(
-        "has a face of {corners} corners that is not convex, from the corner ({:e}, {:e}, {:e}): cut it into triangles with the program that made it",
+        "line {line}: has a face of {corners} corners that is not convex, from the corner ({:e}, {:e}, {:e}): cut it into triangles with the program that made it",
         .corner.x, .corner.y, .corner.z
     )]
     Concave {
+        /// From 1.
+        line: usize,
         /// Its first corner, in units of the file.
         corner: Vec3,
         /// How many it has.
@@ -74,12 +89,11 @@ pub enum MeshError {
     },
 }
 
-/// The corners of the convex grain in a file, lengths times `scale` (metres per unit of the file) [m].
+/// The corners of the convex grain of these triangles, lengths times `scale` (metres per unit of the file) [m].
 ///
 /// # Errors
-/// If the file cannot be read, or its mesh is not closed or not convex.
-pub fn read(path: &Path, scale: f64) -> Result<Vec<Vec3>, MeshError> {
-    let mut triangles = triangles(path)?;
+/// If the mesh is not closed or not convex.
+pub fn convex(mut triangles: Vec<[Vec3; 3]>, scale: f64) -> Result<Vec<Vec3>, MeshError> {
     triangles.iter_mut().flatten().for_each(|corner| *corner *= scale);
     corners(&triangles)
 }
@@ -89,113 +103,77 @@ pub fn read(path: &Path, scale: f64) -> Result<Vec<Vec3>, MeshError> {
 /// # Errors
 /// If the file cannot be read.
 pub fn triangles(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
-    match path.extension().and_then(|e| e.to_str()) {
-        Some("stl" | "STL") => stl(path),
-        Some("obj" | "OBJ") => obj(path),
-        _ => Err(MeshError::Ending),
+    let (format, read): (_, fn(&[u8]) -> _) = if has_ending(path, "stl") {
+        ("STL", stl::triangles)
+    } else if has_ending(path, "obj") {
+        ("OBJ", obj::triangles)
+    } else {
+        return Err(MeshError::Ending);
+    };
+    let bytes = text::bytes(path)?;
+    if bytes.is_empty() {
+        return Err(MeshError::NoTriangles { format, what: "is empty" });
     }
-}
-
-fn malformed(format: &'static str, cause: &impl ToString) -> MeshError {
-    MeshError::Malformed { format, cause: cause.to_string() }
-}
-
-fn stl(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
-    let mut bytes = std::fs::read(path).map_err(MeshError::Unreadable)?;
-    let malformed = |error: std::io::Error| malformed("STL", &error);
-    let mut triangles = Vec::new();
-    let size = bytes.len();
-    let solids = solids(&bytes);
-    let is_binary = solids.is_empty();
-    if let Some(first) = bytes.first_mut().filter(|_| is_binary) {
-        // The library takes one that calls itself `solid` for a text.
-        *first = b' ';
-    }
-    for solid in if is_binary { vec![bytes] } else { solids } {
-        let mut reader = Cursor::new(&solid);
-        let corners = |t: stl_io::Triangle| t.vertices.map(|v| Vec3::from(v.0.map(f64::from)));
-        for triangle in stl_io::create_stl_reader(&mut reader).map_err(malformed)? {
-            triangles.push(triangle.map(corners).map_err(malformed)?);
-        }
-        // A binary file says how many there are.
-        if is_binary && size >= HEADER + (triangles.len() + 1) * RECORD {
-            return Err(MeshError::Malformed {
-                format: "STL",
-                cause: format!(
-                    "it has {size} bytes, {} more than its {} triangles",
-                    size - HEADER - triangles.len() * RECORD,
-                    triangles.len()
-                ),
-            });
-        }
+    let triangles = read(&bytes)?;
+    if triangles.is_empty() {
+        return Err(MeshError::NoTriangles { format, what: "has no triangles" });
     }
     Ok(triangles)
 }
 
-/// Bytes of a binary STL before its triangles.
-const HEADER: usize = 84;
-/// Bytes of a triangle in it.
-const RECORD: usize = 50;
-
-/// Of a text the patches one by one, for the library reads no more than the first, and only if it has a name; none of a
-/// binary file.
-fn solids(bytes: &[u8]) -> Vec<Vec<u8>> {
-    const MARK: &[u8] = "\u{feff}".as_bytes();
-    let bytes = bytes.strip_prefix(MARK).unwrap_or(bytes).trim_ascii_start();
-    if !bytes.get(..5).is_some_and(|start| start.eq_ignore_ascii_case(b"solid")) {
-        return Vec::new();
+/// What the seven digits of binary STL have done to a mesh that is small and far from the origin of its file, if they have.
+pub fn lost_digits(path: &Path, triangles: &[[Vec3; 3]]) -> Option<String> {
+    let is_single = |x: &f64| f64::from(*x as f32) == *x;
+    let mut coordinates = triangles.iter().flatten().flatten();
+    if !has_ending(path, "stl") || !coordinates.all(is_single) {
+        return None;
     }
-    let text = String::from_utf8_lossy(bytes).to_lowercase().replace('\r', "\n");
-    if !text.contains("facet") {
-        return Vec::new();
-    }
-    let mut solids: Vec<Vec<u8>> = Vec::new();
-    for line in text.lines().map(str::trim) {
-        if line.starts_with("solid") {
-            solids.push(b"solid patch\n".to_vec());
-        } else if let Some(solid) = solids.last_mut() {
-            // Nobody asks for normals, which may be no numbers.
-            let line = if line.starts_with("facet") { "facet normal 0 0 0" } else { line };
-            solid.extend(line.bytes().chain([b'\n']));
-        }
-    }
-    solids
+    let (low, high) = bounds(triangles.as_flattened());
+    let (offset, size) = (low.amax().max(high.amax()), 0.5 * (high - low).norm());
+    (offset > FAR * size).then(|| {
+        let lost = 0.5 * f64::from(f32::EPSILON) * offset / size;
+        format!(
+            "it lies {:.0} times its size from the origin of its file, and binary STL has seven digits: corners are off by up to {lost:.1e} \
+             of its size. Write it as OBJ, or about the origin",
+            offset / size
+        )
+    })
 }
 
-fn obj(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
-    let bytes = std::fs::read(path).map_err(MeshError::Unreadable)?;
-    // The library takes lines for faces.
-    let is_line = |line: &&[u8]| matches!(line.trim_ascii_start(), [b'l', next, ..] if next.is_ascii_whitespace());
-    let text: Vec<&[u8]> =
-        bytes.split(|byte| *byte == b'\n').filter(|line| !is_line(line)).collect();
-    let text = text.join(&b'\n');
-    // Materials say nothing of a shape.
-    let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let options = tobj::LoadOptions::default();
-    let (models, _) = tobj::load_obj_buf(&mut Cursor::new(text), &options, no_materials)
-        .map_err(|error| malformed("OBJ", &error))?;
-    let mut triangles = Vec::new();
-    for mesh in models.iter().map(|model| &model.mesh) {
-        let corner = |k: u32| Vec3::from_row_slice(&mesh.positions[3 * k as usize..][..3]);
-        // None where all are triangles.
-        let counts = (!mesh.face_arities.is_empty()).then_some(&mesh.face_arities);
-        let counts = counts.into_iter().flatten().map(|&count| count as usize);
-        let mut rest = &*mesh.indices;
-        for count in counts.chain(std::iter::repeat(3)) {
-            let Some((face, others)) = rest.split_at_checked(count).filter(|_| !rest.is_empty())
-            else {
-                break;
-            };
-            rest = others;
-            let corners: Vec<Vec3> = face.iter().map(|&k| corner(k)).collect();
-            triangles.extend(fan(&corners)?);
-        }
-    }
-    Ok(triangles)
+fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending))
 }
 
-/// A polygon as triangles around its first corner. Where it is dented, or bent so much that it is turned over, they do not cover it.
-fn fan(corners: &[Vec3]) -> Result<Vec<[Vec3; 3]>, MeshError> {
+/// Wrong at a line of a text.
+fn malformed(line: usize, cause: impl Into<String>) -> MeshError {
+    MeshError::Malformed { place: format!("line {line}: "), cause: cause.into() }
+}
+
+/// The three numbers with which a line goes on.
+fn three<'a>(words: impl Iterator<Item = &'a str>, line: usize) -> Result<Vec3, MeshError> {
+    let mut numbers = [f64::NAN; 3];
+    let mut count = 0;
+    for (number, word) in numbers.iter_mut().zip(words) {
+        *number = word.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| {
+            let word = text::shown(word);
+            malformed(
+                line,
+                format!("`{word}` is not a finite number; decimals are written with a point"),
+            )
+        })?;
+        count += 1;
+    }
+    if count < 3 {
+        return Err(malformed(
+            line,
+            format!("a corner has three coordinates, this one has {count}"),
+        ));
+    }
+    Ok(Vec3::from(numbers))
+}
+
+/// A polygon as triangles around its first corner, of many corners cut otherwise. Where it is dented, or bent so much that it is turned over, they do not cover it.
+fn fan(corners: &[Vec3], line: usize) -> Result<Vec<[Vec3; 3]>, MeshError> {
     let [first, others @ ..] = corners else { return Ok(Vec::new()) };
     let triangles: Vec<[Vec3; 3]> = others.windows(2).map(|two| [*first, two[0], two[1]]).collect();
     let area = |[a, b, c]: &[Vec3; 3]| (b - a).cross(&(c - a));
@@ -211,9 +189,28 @@ fn fan(corners: &[Vec3]) -> Result<Vec<[Vec3; 3]>, MeshError> {
     let three = |k: usize| [0, 1, 2].map(|next| corners[(k + next) % count]);
     // A star has no dent; its triangles are turned over.
     if count > 3 && ((0..count).any(|k| is_dented(&three(k))) || triangles.iter().any(is_dented)) {
-        return Err(MeshError::Concave { corner: *first, corners: count });
+        return Err(MeshError::Concave { line, corner: *first, corners: count });
+    }
+    if count > LARGEST_FAN {
+        let mut triangles = Vec::new();
+        halve(corners, &mut triangles);
+        return Ok(triangles);
     }
     Ok(triangles)
+}
+
+/// More triangles around one corner are slivers, each beside all others.
+const LARGEST_FAN: usize = 12;
+
+/// Cuts a convex polygon into a triangle and two halves, and these again.
+fn halve(corners: &[Vec3], into: &mut Vec<[Vec3; 3]>) {
+    let [first, .., last] = corners else { return };
+    let middle = corners.len() / 2;
+    if corners.len() > 2 {
+        into.push([*first, corners[middle], *last]);
+        halve(&corners[..=middle], into);
+        halve(&corners[middle..], into);
+    }
 }
 
 /// The corners of all triangles, each only once.
@@ -311,8 +308,6 @@ mod tests {
             }
             text += "endsolid\n";
         }
-        let file = tempfile::NamedTempFile::new().unwrap();
-        std::fs::write(file.path(), text).unwrap();
-        assert_eq!(stl(file.path()).unwrap(), cube());
+        assert_eq!(stl::triangles(text.as_bytes()).unwrap(), cube());
     }
 }

@@ -44,9 +44,13 @@ pub use sphere::Sphere;
 pub use spherocylinder::Spherocylinder;
 use std::borrow::Borrow;
 use std::fmt::Debug;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 pub use superellipsoid::{CurvedSupport, Superellipsoid};
 pub use triangle_mesh::TriangleMesh;
+
+/// Lengths whose powers, as in moments and curvatures, are numbers [m].
+pub const LENGTHS: RangeInclusive<f64> = 1e-30..=1e30;
 
 /// A convex body about its centre of mass, axes along its principal axes of inertia.
 pub trait Convex: Debug + Send + Sync {

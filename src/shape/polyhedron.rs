@@ -3,7 +3,7 @@
 //! Given in any axes, it is moved to its centre of mass and turned into its principal axes, in which a
 //! grain moves; [`Polyhedron::placement`] gives these in the axes of the file.
 
-use super::facets::Facets;
+use super::facets::{Facets, Plane};
 use super::hull::{Hull, HullError, size};
 use super::moments::{Moments, Placement, Principal};
 use super::{Convex, Core};
@@ -98,6 +98,26 @@ pub(super) fn convex(points: &[Vec3]) -> Result<Hull, HullError> {
         (index, depth) if depth > INSIDE * size(points) => Err(HullError::Inside { index, depth }),
         _ => Ok(hull),
     }
+}
+
+/// Faces whose unit normals differ by less than this are one.
+const ONE_FACE: f64 = 1e-5;
+
+/// Refuses points within a face of their hull, as those of a body with a dent or a hole are. On an edge a point may be.
+///
+/// # Errors
+/// The first of them, or that there is no hull.
+pub fn corners_only(points: &[Vec3]) -> Result<(), HullError> {
+    let hull = Hull::of(points)?;
+    let rounding = INSIDE * size(points);
+    let is_within = |point: &Vec3| {
+        let holds = |plane: &&Plane| (plane.normal.dot(point) - plane.offset).abs() <= rounding;
+        let mut holding = hull.planes().iter().filter(holds);
+        holding.next().is_some_and(|first| {
+            holding.all(|plane| (plane.normal - first.normal).norm() < ONE_FACE)
+        })
+    };
+    points.iter().position(is_within).map_or(Ok(()), |index| Err(HullError::WithinFace { index }))
 }
 
 /// The point farthest below the surface, and how far [m].
