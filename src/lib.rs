@@ -5,7 +5,7 @@
 //!
 //! | row | modules | what they are |
 //! |---|---|---|
-//! | 1 | [`ids`] [`math`] [`lanes`] [`timing`] [`arguments`] | identifiers, vectors, eight numbers at once, timing, what programs print about their arguments |
+//! | 1 | [`ids`] [`math`] [`lanes`] [`timing`] [`files`] [`arguments`] | identifiers, vectors, eight numbers at once, timing, files that others may have made, what programs print about their arguments |
 //! | 2 | [`cell`] [`random`] [`shape`] [`comm`] | the box and its periods; random numbers; shapes; communication |
 //! | 3 | [`contact`] | from two shapes to overlap, normal and point |
 //! | 4 | [`particles`] [`pairs`] | columns of everything a rank owns or sees; pairs that stand by themselves |
@@ -31,6 +31,7 @@
 //!   what is remembered of a pair that does not touch never changes a result.
 
 pub mod arguments;
+pub mod files;
 pub mod ids;
 pub mod lanes;
 pub mod math;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Modules by row, as `src/lib.rs` explains them.
 const ROWS: [&[&str]; 13] = [
-    &["ids", "math", "lanes", "timing", "arguments"],
+    &["ids", "math", "lanes", "timing", "files", "arguments"],
     &["cell", "random", "shape", "comm"],
     &["contact"],
     &["particles", "pairs"],

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::{CommandFactory, Parser, ValueEnum};
-use dem_mpi::arguments::About;
+use dem_mpi::arguments::{About, ended_by, outlive_limits_of_files, print_or_tell};
 use dem_mpi::contact::{Epa, ErodedGjk, Method};
 use dem_mpi::ids::MaterialId;
 use dem_mpi::output::report::version;
@@ -11,7 +11,7 @@ use dem_mpi::pairs::{Answer, Pairs, resolve, time, write};
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::pair::Acting;
 use std::fs;
-use std::io::{BufWriter, Write};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -96,10 +96,14 @@ const INCOMPLETE: u8 = 1;
 const WRONG_INPUT: u8 = 2;
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    outlive_limits_of_files();
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return ExitCode::from(ended_by(&error)),
+    };
     if let Some(text) = arguments.about.text(Arguments::command()) {
-        let _ = std::io::stdout().write_all(text.as_bytes());
-        return ExitCode::SUCCESS;
+        let printed = print_or_tell("dem-contact", &text);
+        return printed.map_or_else(|status| status, |()| ExitCode::SUCCESS);
     }
     match run(&arguments) {
         Ok(code) => code,

@@ -26,7 +26,7 @@ pub(super) fn read(
     first_id: u64,
     wrong: &dyn Fn(&Listed) -> Option<String>,
 ) -> Result<Vec<Listed>, Vec<String>> {
-    let text = std::fs::read_to_string(path)
+    let text = crate::files::read_to_string(path)
         .map_err(|error| vec![format!("{} cannot be read: {error}", path.display())])?;
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)

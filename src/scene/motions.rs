@@ -222,7 +222,7 @@ const SHOWN: usize = 5;
 
 /// Times [s] and values of a table.
 fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
-    let text = std::fs::read_to_string(path)
+    let text = crate::files::read_to_string(path)
         .map_err(|error| vec![format!("{} cannot be read: {error}", path.display())])?;
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)

@@ -101,7 +101,7 @@ fn malformed(format: &'static str, cause: &impl ToString) -> MeshError {
 }
 
 fn stl(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
-    let mut bytes = std::fs::read(path).map_err(MeshError::Unreadable)?;
+    let mut bytes = crate::files::read(path).map_err(MeshError::Unreadable)?;
     let malformed = |error: std::io::Error| malformed("STL", &error);
     let mut triangles = Vec::new();
     let size = bytes.len();
@@ -163,7 +163,7 @@ fn solids(bytes: &[u8]) -> Vec<Vec<u8>> {
 }
 
 fn obj(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
-    let bytes = std::fs::read(path).map_err(MeshError::Unreadable)?;
+    let bytes = crate::files::read(path).map_err(MeshError::Unreadable)?;
     // The library takes lines for faces.
     let is_line = |line: &&[u8]| matches!(line.trim_ascii_start(), [b'l', next, ..] if next.is_ascii_whitespace());
     let text: Vec<&[u8]> =
