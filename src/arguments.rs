@@ -1,17 +1,58 @@
-//! What every program prints about its own arguments: what is wrong with them, completion for shells, and a man page.
+//! What every program prints about its own arguments, completion for shells and a man page, and how it prints.
 
-use crate::text::print_error;
+use crate::text::{print_error, printable};
 use clap::{Args, Command};
 use clap_complete::Shell;
+use signal_hook::consts::SIGXFSZ;
+use std::io::{self, Write as _};
+use std::process::ExitCode;
+use std::sync::Arc;
 
-/// Prints why there are no arguments, which may be a question for help; the status to end with.
-pub fn explained(error: &clap::Error) -> u8 {
+/// The status of a program whose arguments are wrong, or that could not print what it was asked for.
+pub const WRONG: u8 = 2;
+
+/// Prints to standard output in one piece. A reader that stops early, such as `head`, is no error; a full disk is.
+///
+/// # Errors
+/// What the system says.
+pub fn print(text: &str) -> io::Result<()> {
+    let mut output = io::stdout().lock();
+    match output.write_all(printable(text).as_bytes()).and_then(|()| output.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error),
+        _ => Ok(()),
+    }
+}
+
+/// As [`print`]; an error is told by this program.
+///
+/// # Errors
+/// The status to end with.
+pub fn print_or_tell(program: &str, text: &str) -> Result<(), ExitCode> {
+    print(text).map_err(|error| {
+        let _ = writeln!(io::stderr(), "{program}: cannot write to standard output: {error}");
+        ExitCode::from(WRONG)
+    })
+}
+
+/// What `--help`, `--version` or wrong arguments print, and the status to end with.
+pub fn ended_by(error: &clap::Error) -> u8 {
     if error.use_stderr() {
         print_error(error.render().to_string().trim_end());
-        return 2;
+        return WRONG;
     }
-    let _ = error.print();
-    0
+    match error.print().and_then(|()| io::stdout().flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            let _ = writeln!(io::stderr(), "cannot write to standard output: {error}");
+            WRONG
+        }
+        _ => 0,
+    }
+}
+
+/// Lets a write beyond the largest file that a user may have (`ulimit -f`) fail with an error. Else the system ends the process,
+/// which says nothing and leaves half a file.
+pub fn outlive_limits_of_files() {
+    let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
 }
 
 /// Options that print and do nothing else.

@@ -5,19 +5,21 @@
 //!
 //! | row | modules | what they are |
 //! |---|---|---|
-//! | 1 | [`ids`] [`math`] [`lanes`] [`timing`] [`arguments`] [`text`] | identifiers, vectors, eight numbers at once, timing, what programs print about their arguments, text from files and to terminals |
-//! | 2 | [`cell`] [`random`] [`shape`] [`comm`] | the box and its periods; random numbers; shapes; communication |
-//! | 3 | [`contact`] | from two shapes to overlap, normal and point |
-//! | 4 | [`particles`] [`pairs`] | columns of everything a rank owns or sees; pairs that stand by themselves |
-//! | 5 | [`law`] [`motion`] | from overlap to force; from force to motion |
-//! | 6 | [`search`] | which pairs may touch |
-//! | 7 | [`contacts`] | those that do: what is remembered of them, what acts in them |
-//! | 8 | [`measure`] | energies and other scalars of the whole system |
-//! | 9 | [`domain`] [`drive`] | who owns what; what acts from outside |
-//! | 10 | [`output`] | what is written |
-//! | 11 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot |
-//! | 12 | [`scene`] | the user's file, checked, and turned into a simulation |
-//! | 13 | [`guide`] | how to use it: pages to read |
+//! | 1 | [`ids`] [`math`] [`lanes`] [`timing`] [`files`] | identifiers, vectors, eight numbers at once, timing, files that others may have made |
+//! | 2 | [`text`] | text from files and to terminals |
+//! | 3 | [`arguments`] | what programs print about their arguments |
+//! | 4 | [`cell`] [`random`] [`shape`] [`comm`] | the box and its periods; random numbers; shapes; communication |
+//! | 5 | [`contact`] | from two shapes to overlap, normal and point |
+//! | 6 | [`particles`] [`pairs`] | columns of everything a rank owns or sees; pairs that stand by themselves |
+//! | 7 | [`law`] [`motion`] | from overlap to force; from force to motion |
+//! | 8 | [`search`] | which pairs may touch |
+//! | 9 | [`contacts`] | those that do: what is remembered of them, what acts in them |
+//! | 10 | [`measure`] | energies and other scalars of the whole system |
+//! | 11 | [`domain`] [`drive`] | who owns what; what acts from outside |
+//! | 12 | [`output`] | what is written |
+//! | 13 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot |
+//! | 14 | [`scene`] | the user's file, checked, and turned into a simulation |
+//! | 15 | [`guide`] | how to use it: pages to read |
 //!
 //! Conventions everywhere: SI units; compression and overlap are positive; a contact's normal is a
 //! unit vector **from A to B**, where A is the body with the lower id (a facet of a wall is always B);
@@ -31,6 +33,7 @@
 //!   what is remembered of a pair that does not touch never changes a result.
 
 pub mod arguments;
+pub mod files;
 pub mod ids;
 pub mod lanes;
 pub mod math;

@@ -1,5 +1,6 @@
 //! Text from files and to terminals: encodings, numbers of lines, values in messages.
 
+use crate::files;
 use std::borrow::Cow;
 use std::fmt::{self, Display};
 use std::io::Write;
@@ -13,9 +14,6 @@ pub enum Unreadable {
     /// The system has no bytes for it.
     #[error("cannot be read: {0}")]
     File(#[from] std::io::Error),
-    /// Nothing says where a device or a pipe ends.
-    #[error("cannot be read: it is not a regular file")]
-    NotRegular,
     /// Not UTF-8.
     #[error("line {line}: the byte 0x{byte:02x} is not UTF-8; save the file as UTF-8")]
     Encoding {
@@ -39,12 +37,7 @@ pub enum Unreadable {
 /// # Errors
 /// If there is none.
 pub fn bytes(path: &Path) -> Result<Vec<u8>, Unreadable> {
-    let kind = std::fs::metadata(path)?;
-    // A folder has an error of the system's own.
-    if !kind.is_file() && !kind.is_dir() {
-        return Err(Unreadable::NotRegular);
-    }
-    Ok(std::fs::read(path)?)
+    Ok(files::read(path)?)
 }
 
 /// The text of a regular file.

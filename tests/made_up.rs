@@ -52,7 +52,7 @@ pub(crate) fn header(step: u64) -> Header {
             channels: std::array::from_fn(|_| n.next()),
         },
         stop: if step.is_multiple_of(2) { "rest = 1e-6".to_owned() } else { String::new() },
-        cell: Cell::new(n.vector(), n.vector(), [true, false, true]),
+        cell: Cell::new(n.vector(), n.vector().add_scalar(2.0), [true, false, true]),
         gravity: n.vector(),
         walls: ["floor", "left wall, très loin", "lid"]
             .map(|name| WallRow {

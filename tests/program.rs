@@ -1,6 +1,7 @@
 //! The programs as a user meets them: started with and without mpirun, stopped, killed, misled.
 
 mod analysed;
+mod folders;
 mod full_disk;
 mod killed;
 mod linked;

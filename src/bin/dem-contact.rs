@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::{CommandFactory, Parser, ValueEnum};
-use dem_mpi::arguments::{About, explained};
+use dem_mpi::arguments::{About, ended_by, outlive_limits_of_files, print_or_tell};
 use dem_mpi::contact::{Epa, ErodedGjk, Method};
 use dem_mpi::ids::MaterialId;
 use dem_mpi::output::report::version;
@@ -12,7 +12,7 @@ use dem_mpi::scene::Scene;
 use dem_mpi::scene::pair::Acting;
 use dem_mpi::text::{self, Unreadable, print_error};
 use std::fs;
-use std::io::{BufWriter, Read, Write};
+use std::io::{BufWriter, Read};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -97,13 +97,14 @@ const INCOMPLETE: u8 = 1;
 const WRONG_INPUT: u8 = 2;
 
 fn main() -> ExitCode {
+    outlive_limits_of_files();
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
-        Err(error) => return ExitCode::from(explained(&error)),
+        Err(error) => return ExitCode::from(ended_by(&error)),
     };
     if let Some(text) = arguments.about.text(Arguments::command()) {
-        let _ = std::io::stdout().write_all(text.as_bytes());
-        return ExitCode::SUCCESS;
+        let printed = print_or_tell("dem-contact", &text);
+        return printed.map_or_else(|status| status, |()| ExitCode::SUCCESS);
     }
     match run(&arguments) {
         Ok(code) => code,

@@ -1,7 +1,7 @@
 //! `dem-mpi SCENE`: arguments → scene → simulation → run.
 
 use clap::{CommandFactory, Parser};
-use dem_mpi::arguments::{About, explained};
+use dem_mpi::arguments::{self, About};
 use dem_mpi::comm::{Comm, agree, alone::Alone, linked, threads, wire, world};
 use dem_mpi::ids::GlobalId;
 use dem_mpi::output::performance::Performance;
@@ -15,7 +15,7 @@ use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
 use dem_mpi::text::{print_error, printable};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
-use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -46,8 +46,9 @@ Examples:
   dem-mpi run/packing/scene.toml --start out/packing --steps 100 --trace-particle 17
                                                      repeat steps of a run, and look at a particle
 
-SIGTERM, SIGUSR1 and SIGINT (Ctrl-C), on any rank, end the step: the run writes a snapshot, says how to go on, and exits.
-A second SIGINT ends it at once, and so does any of them before the first step.
+SIGTERM, SIGUSR1, SIGUSR2, SIGHUP (a terminal that closes; not under nohup) and SIGINT (Ctrl-C), on any rank, end the step:
+the run writes a snapshot, says how to go on, and exits. A second SIGINT ends it at once, and so does any of them before the
+first step.
 
 Exit status: 0 the run did what was asked; 1 it failed; 2 the scene or an argument is wrong;
 3 a signal stopped it, and it can go on; 4 the stage has done all its steps, but what [stop] asks for does not hold,
@@ -70,13 +71,16 @@ struct Arguments {
     /// Where output goes, instead of the scene's output.directory
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Remove snapshots of an earlier run from the output directory, which otherwise is refused
+    /// Remove snapshots, tables, lists and reports of an earlier run from the output directory, which otherwise is refused. What
+    /// dem-post has written there stays
     #[arg(long)]
     overwrite: bool,
-    /// Do this many steps, from wherever the run starts, instead of all that are left of the stage
+    /// Do this many steps, from wherever the run starts, instead of all that are left of the stage. Where the stage is over
+    /// because its [stop] holds, [stop] is not asked for again
     #[arg(long, value_name = "N", value_parser = steps, allow_negative_numbers = true)]
     steps: Option<u64>,
-    /// Go on from this snapshot of the same stage (a particles file, or a directory: its newest good one)
+    /// Go on from this snapshot of the same stage (a particles file, or a directory: its newest good one). If it is not in the
+    /// scene's output.directory, --out says where to go on
     #[arg(long, value_name = "SNAPSHOT")]
     start: Option<PathBuf>,
     /// Run as N ranks in threads of this process, without mpirun: slower, but one debugger sees all
@@ -154,6 +158,7 @@ fn share(given: &str) -> Result<f64, String> {
 const OTHERS_FIRST: Duration = Duration::from_secs(3);
 
 fn main() -> ExitCode {
+    arguments::outlive_limits_of_files();
     if let Err(error) = linked::one_mpi() {
         if linked::speaks() {
             print_error(error);
@@ -182,7 +187,11 @@ fn stop_signals() -> Arc<AtomicUsize> {
 fn noted_signals() -> Arc<AtomicUsize> {
     let stop = Arc::default();
     let interrupted = Arc::<AtomicBool>::default();
-    for signal in [SIGTERM, SIGUSR1, SIGINT] {
+    for signal in [SIGTERM, SIGUSR1, SIGUSR2, SIGHUP, SIGINT] {
+        // Under nohup a run outlives its terminal.
+        if signal == SIGHUP && is_ignored(signal) {
+            continue;
+        }
         let twice = if signal == SIGINT {
             // In this order: the first finds the flag still down.
             signal_hook::flag::register_conditional_default(signal, Arc::clone(&interrupted))
@@ -201,6 +210,14 @@ fn noted_signals() -> Arc<AtomicUsize> {
     stop
 }
 
+/// Has whoever started this program had a signal ignored?
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
+}
+
 fn on_this_rank(arguments: Result<Arguments, clap::Error>, comm: &mut dyn Comm) -> u8 {
     match arguments {
         Ok(arguments) if arguments.threads.is_some() => {
@@ -208,7 +225,7 @@ fn on_this_rank(arguments: Result<Arguments, clap::Error>, comm: &mut dyn Comm) 
             WRONG_INPUT
         }
         Ok(arguments) => start(&arguments, comm),
-        Err(error) if comm.is_root() => explained(&error),
+        Err(error) if comm.is_root() => arguments::ended_by(&error),
         Err(error) => u8::from(error.use_stderr()) * WRONG_INPUT,
     }
 }
@@ -261,12 +278,22 @@ fn printed(arguments: &Arguments) -> Option<Result<String, String>> {
     arguments.about.text(Arguments::command()).map(Ok)
 }
 
-/// Prints what was asked for, on rank 0; that a pager has closed it is no error.
-fn print(comm: &dyn Comm, text: impl std::fmt::Display) {
-    if comm.is_root() {
-        let text = text.to_string();
-        let _ = std::io::stdout().write_all(printable(&text).as_bytes());
+/// Prints what was asked for, on rank 0, and returns the status to end with: `status`, unless it cannot be printed.
+fn print(comm: &dyn Comm, text: impl std::fmt::Display, status: u8) -> u8 {
+    if !comm.is_root() {
+        return status;
     }
+    match arguments::print(&text.to_string()) {
+        Ok(()) => status,
+        Err(error) => {
+            print_error(unprinted(&error));
+            if status == 0 { FAILED } else { status }
+        }
+    }
+}
+
+fn unprinted(error: &std::io::Error) -> String {
+    format!("cannot write to standard output: {error}")
 }
 
 /// Where a snapshot is, or a directory of them, if it is there.
@@ -278,10 +305,7 @@ fn folder(snapshot: &Path) -> Option<PathBuf> {
 
 fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
     match printed(arguments) {
-        Some(Ok(text)) => {
-            print(comm, text);
-            return 0;
-        }
+        Some(Ok(text)) => return print(comm, text, 0),
         Some(Err(error)) => {
             print_once(comm, error);
             return WRONG_INPUT;
@@ -299,7 +323,7 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         }
     };
     if arguments.plan {
-        print(comm, format_args!("{}\n", plan::plan(&scene, comm.size())));
+        let printed = print(comm, format_args!("{}\n", plan::plan(&scene, comm.size())), 0);
         // Whether the state fits the scene is seen when it is taken up.
         let fits = if scene.start.is_some() || arguments.start.is_some() {
             state(arguments, &scene, comm)
@@ -307,7 +331,7 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         } else {
             tried(&scene, comm)
         };
-        return fits.err().unwrap_or(0);
+        return fits.err().unwrap_or(printed);
     }
     if arguments.check && scene.start.is_none() && arguments.start.is_none() {
         let tried = tried(&scene, comm);
@@ -315,6 +339,10 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
     }
 
     let out = arguments.out.clone().unwrap_or_else(|| scene.out.clone());
+    if let Some(elsewhere) = goes_on_elsewhere(arguments, &out) {
+        print_once(comm, elsewhere);
+        return WRONG_INPUT;
+    }
     // To check writes nothing.
     let claimed = (!arguments.check).then(|| output::claim(&out, comm)).transpose();
     let _held_until_the_end = match claimed {
@@ -341,6 +369,7 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         print_once(comm, format!("nothing left to do: {why}"));
         return status;
     }
+    let is_over = resumed && is_over(&scene, &sim, &held);
     let Arguments { overwrite, start, .. } = arguments;
     let before = if resumed { None } else { scene.start.as_deref() };
     let kept = snapshot::none_later(&out, sim.step, *overwrite, start.as_deref(), before, comm);
@@ -348,12 +377,20 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         print_once(comm, error);
         return WRONG_INPUT;
     }
+    if *overwrite && !resumed {
+        for post in ["post", "post_series"].map(|name| out.join(name)).iter().filter(|p| p.exists())
+        {
+            let post = post.display();
+            print_once(comm, format!("warning: {post} is of the run before: run dem-post again"));
+        }
+    }
     let schedule = Schedule {
         last_step,
         ends_stage: last_step == stage_end,
         snapshot_every: scene.snapshot_every,
         history_every: scene.history_every,
-        stop: scene.stop.clone(),
+        // More steps were asked for than [stop] leaves.
+        stop: if is_over { Stop::default() } else { scene.stop.clone() },
         out,
         scene: scene.text.clone(),
         resumed,
@@ -382,8 +419,7 @@ fn suggested(arguments: &Arguments, comm: &dyn Comm) -> u8 {
     let question = Question { scene, overrides: set, start, error: *error, signal };
     match suggest::suggest(&question, &mut |line| print_error(line)) {
         Ok(Suggestion { text, is_kept, .. }) => {
-            print(comm, format_args!("{text}\n"));
-            if is_kept { 0 } else { UNMET }
+            print(comm, format_args!("{text}\n"), if is_kept { 0 } else { UNMET })
         }
         Err(unanswered) => {
             print_error(&unanswered);
@@ -517,8 +553,33 @@ fn begins(
 
 /// Nothing was found.
 fn checked(arguments: &Arguments, comm: &dyn Comm) -> u8 {
-    print(comm, format_args!("{}: no errors found\n", arguments.scene().display()));
-    0
+    print(comm, format_args!("{}: no errors found\n", arguments.scene().display()), 0)
+}
+
+/// What is wrong with the place of output of a run that goes on from a snapshot of another folder, which nobody has named.
+fn goes_on_elsewhere(arguments: &Arguments, out: &Path) -> Option<String> {
+    let Arguments { start, out: given, set, check, .. } = arguments;
+    let start = start.as_deref()?;
+    let is_named = given.is_some() || set.iter().any(|change| change.starts_with("output"));
+    let before = folder(start).filter(|_| start.exists())?;
+    (!is_named && !check && out.canonicalize().ok() != Some(before)).then(|| {
+        let named = if start.is_dir() { Some(start) } else { start.parent() };
+        let named = named.unwrap_or(start).display();
+        format!(
+            "--start {}: the scene's output.directory is {}, another folder. Add --out {named} to go on in the folder of the \
+             snapshot, or --out {} to begin a history of its own there",
+            start.display(),
+            out.display(),
+            out.display()
+        )
+    })
+}
+
+/// Is the stage over because its `[stop]` held, as `held` says, when the snapshot that it goes on from was written?
+fn is_over(scene: &Scene, sim: &Simulation, held: &str) -> bool {
+    // More rain than before is more to do.
+    let all_there = sim.drives.iter().all(|drive| drive.unfinished().is_none());
+    all_there && !held.is_empty() && held == scene.stop.to_string()
 }
 
 /// Why a stage does not go on from the snapshot that the simulation has taken up, if it does not, and the status to
@@ -531,9 +592,7 @@ fn nothing_left(
     last_step: u64,
 ) -> Option<(String, u8)> {
     let step = sim.step;
-    // More rain than before is more to do.
-    let all_there = sim.drives.iter().all(|drive| drive.unfinished().is_none());
-    let is_over = all_there && !held.is_empty() && held == scene.stop.to_string();
+    let is_over = is_over(scene, sim, held);
     if last_step <= step {
         let why = format!(
             "the snapshot is at step {step}, and the stage ends at step {last_step}. \
@@ -561,18 +620,24 @@ fn nothing_left(
 /// The command, without mpirun, that goes on from a snapshot.
 fn again(arguments: &Arguments, snapshot: &Path, left: Option<u64>) -> String {
     let (scene, Arguments { out, threads, set, verbose, .. }) = (arguments.scene(), arguments);
-    let mut words = vec!["dem-mpi".to_owned(), scene.display().to_string()];
-    let mut add = |name: &str, value: String| {
-        // So that a shell takes it as one word.
+    // So that a shell takes it as one word.
+    let word = |value: String| {
         let plain = |c: char| c.is_ascii_alphanumeric() || "_-+=./,:@".contains(c);
-        let quoted = format!("'{}'", value.replace('\'', r"'\''"));
-        words.extend([name.to_owned(), if value.chars().all(plain) { value } else { quoted }]);
+        let is_plain = !value.is_empty() && value.chars().all(plain);
+        if is_plain { value } else { format!("'{}'", value.replace('\'', r"'\''")) }
     };
+    // What begins with a dash would be an option.
+    let named = |path: &Path| {
+        let name = path.display().to_string();
+        word(if name.starts_with('-') { format!("./{name}") } else { name })
+    };
+    let mut words = vec!["dem-mpi".to_owned(), named(scene)];
+    let mut add = |name: &str, value: String| words.extend([name.to_owned(), value]);
     for change in set {
-        add("--set", change.clone());
+        add("--set", word(change.clone()));
     }
     if let Some(out) = out {
-        add("--out", out.display().to_string());
+        add("--out", named(out));
     }
     if let Some(threads) = threads {
         add("--threads", threads.to_string());
@@ -580,7 +645,7 @@ fn again(arguments: &Arguments, snapshot: &Path, left: Option<u64>) -> String {
     if let Some(left) = left {
         add("--steps", left.to_string());
     }
-    add("--start", snapshot.display().to_string());
+    add("--start", named(snapshot));
     if *verbose {
         words.push("--verbose".to_owned());
     }
@@ -606,17 +671,22 @@ fn run(
         failed(&error, &before, sim, arguments.threads.is_some(), comm)
     })?;
     display.end();
+    let unprinted = display.unprinted.take();
     let report = report(sim, &finish, &origin, comm);
     let mut stored = Ok(());
     if comm.is_root() {
         let details =
             if arguments.verbose { format!("\n{}", report.details()) } else { String::new() };
         let summary = report.summary(&schedule.out);
-        let text = format!("\n{summary}{details}");
-        let _ = std::io::stdout().write_all(printable(&text).as_bytes());
+        let printed = arguments::print(&format!("\n{summary}{details}"));
         let row = Performance::of(&report);
-        stored =
-            report.store(&schedule.out).and_then(|()| row.store(&schedule.out, schedule.resumed));
+        stored = report
+            .store(&schedule.out)
+            .and_then(|()| row.store(&schedule.out, schedule.resumed))
+            .map_err(|error| error.to_string())
+            .and_then(|()| {
+                printed.err().or(unprinted).map_or(Ok(()), |e| Err(self::unprinted(&e)))
+            });
     }
     if let Err(error) = agree(comm, stored) {
         print_once(comm, error);
@@ -633,7 +703,7 @@ fn heading(scene: &Scene, schedule: &Schedule, sim: &Simulation, ranks: u32) -> 
         format!(", {share:.0} % of the stable limit{warning}")
     });
     format!(
-        "{}: {} on {ranks} rank{}, steps {} to {} of {:e} s{limit}",
+        "{}: contact method {}, {ranks} rank{}, steps {} to {} of {:e} s{limit}",
         scene.title,
         scene.method.name(),
         if ranks == 1 { "" } else { "s" },
@@ -705,6 +775,8 @@ struct Display {
     begin: Instant,
     last_line: Instant,
     last_state: String,
+    /// Why lines about traced particles are missing, if any are.
+    unprinted: Option<std::io::Error>,
 }
 
 /// How often a line is printed where there is no terminal.
@@ -726,13 +798,13 @@ impl Display {
         });
         let lines = is_root && bar.is_none();
         let now = Instant::now();
-        Self { bar, lines, begin: now, last_line: now, last_state: String::new() }
+        Self { bar, lines, begin: now, last_line: now, last_state: String::new(), unprinted: None }
     }
 
     fn show(&mut self, progress: &Progress) {
         if !progress.trace.is_empty() {
-            // A reader that stops early, such as `head`, does not stop the run.
-            let _ = std::io::stdout().write_all(printable(&progress.trace).as_bytes());
+            // The run goes on; its status tells.
+            self.unprinted = arguments::print(progress.trace).err().or(self.unprinted.take());
         }
         if self.bar.is_none() && !self.lines {
             return;

@@ -2,10 +2,13 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::{CommandFactory, Parser};
-use dem_mpi::arguments::{About, explained};
+use dem_mpi::arguments::{self, About};
 use dem_mpi::drive::servo;
+use dem_mpi::files;
+use dem_mpi::output::SnapshotError;
 use dem_mpi::output::report::version;
-use dem_mpi::output::snapshot::Reader;
+use dem_mpi::output::snapshot::{LAST, Reader};
+use dem_mpi::output::tables::ContactTable;
 use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::Among;
 use dem_mpi::post::history::History;
@@ -19,7 +22,7 @@ use dem_mpi::post::surface::Detail;
 use dem_mpi::post::views::Views;
 use dem_mpi::post::vtp::{self, Files, PolyData};
 use dem_mpi::post::{PostError, Report, Settings, export, lammps, page, pieces};
-use dem_mpi::text::{print_error, printable};
+use dem_mpi::text::print_error;
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -61,7 +64,8 @@ struct Arguments {
     #[arg(long)]
     fabric_with_walls: bool,
 
-    /// Also write a LAMMPS dump of each snapshot, for OVITO
+    /// Also write a LAMMPS dump of each snapshot, for OVITO. Of shapes that are neither spheres nor ellipsoids it has the ellipsoid
+    /// in the box of each grain
     #[arg(long)]
     lammps: bool,
 
@@ -124,13 +128,14 @@ Examples:
 const PYTHON: &str = include_str!("../post/dem.py");
 
 fn main() -> ExitCode {
+    arguments::outlive_limits_of_files();
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
-        Err(error) => return ExitCode::from(explained(&error)),
+        Err(error) => return ExitCode::from(arguments::ended_by(&error)),
     };
     if let Some(text) = arguments.about.text(Arguments::command()) {
-        let _ = std::io::stdout().write_all(text.as_bytes());
-        return ExitCode::SUCCESS;
+        let printed = arguments::print_or_tell("dem-post", &text);
+        return printed.map_or_else(|status| status, |()| ExitCode::SUCCESS);
     }
     match run(&arguments) {
         Ok(code) => code,
@@ -143,7 +148,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> Result<ExitCode> {
     if arguments.python {
-        say(PYTHON);
+        say(PYTHON)?;
         return Ok(ExitCode::SUCCESS);
     }
     let settings = Settings {
@@ -155,7 +160,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
         },
     };
     let choice = Choice { settings, margin: arguments.margin };
-    let mut files = particle_files(&arguments.snapshots, arguments.series)?;
+    let files = particle_files(arguments)?;
     if arguments.diff {
         return compare(&files);
     }
@@ -167,10 +172,24 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     // One of several has plots that one of one has not, and must not be replaced by it.
     let folder = if snapshots.len() > 1 { "post_series" } else { "post" };
     let out = arguments.out.clone().unwrap_or_else(|| beside.join(folder));
+    ensure!(
+        !is_of_run(&out),
+        "--out {}: a run writes there, and its report.json would be replaced. Give a folder of its own, or leave --out out",
+        out.display()
+    );
     fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
 
     let Analysed { reports, picture, left_out } = series::reports(&snapshots, &choice)?;
     if arguments.lammps {
+        let reader = Reader::open(newest)?;
+        let drawn = lammps::drawn_otherwise(reader.header());
+        if !drawn.is_empty() {
+            eprintln!(
+                "dem-post: OVITO will draw grains of {} as the ellipsoids in their boxes, as a dump has no other shapes: \
+                 for true ones take --surfaces",
+                drawn.join(", ")
+            );
+        }
         for snapshot in &snapshots {
             let reader = Reader::open(&snapshot.path)?;
             write_lammps(&out, &reader).with_context(|| snapshot.path.display().to_string())?;
@@ -182,7 +201,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     let history = history_beside(beside);
     let source =
         Source { snapshots: &snapshots, history: &history, choice: &choice, as_xml: arguments.vtp };
-    let measured = arguments.asked.make(source, &out)?;
+    let measured = arguments.asked.make(source, &out);
     let newest = Reader::open(newest)?;
     let header = newest.header();
     let targets = servo::targets(&header.drives);
@@ -198,21 +217,35 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
         "{table}{left_out}{}\npage: {}\n",
         measured.text,
         out.join("index.html").display()
-    ));
-    Ok(ExitCode::SUCCESS)
+    ))?;
+    match measured.failed.split_first() {
+        None => Ok(ExitCode::SUCCESS),
+        Some((first, others)) => {
+            others.iter().for_each(|error| eprintln!("dem-post: {error}"));
+            bail!("{first}")
+        }
+    }
+}
+
+/// Is a folder that of a run?
+fn is_of_run(folder: &Path) -> bool {
+    let is_there = |name: &str| folder.join(name).symlink_metadata().is_ok();
+    [LAST, "history.csv", "performance.csv"].into_iter().any(is_there)
+        || series::all(folder).is_ok()
 }
 
 /// The particle files that the arguments stand for. Contact files, which a pattern such as
 /// `*.vtkhdf` also matches, are passed over: they are read with their particles.
-fn particle_files(arguments: &[PathBuf], whole_series: bool) -> Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    for argument in arguments {
+fn particle_files(arguments: &Arguments) -> Result<Vec<PathBuf>> {
+    let Arguments { snapshots, series: whole_series, diff: is_diff, .. } = arguments;
+    let (mut files, mut named_before) = (Vec::new(), BTreeSet::new());
+    for argument in snapshots {
         let name = argument.file_name().unwrap_or_default().to_string_lossy();
         if name.starts_with("contacts_") && !argument.is_dir() {
             continue;
         }
         let named = match argument.is_dir() {
-            true if whole_series => series::all(argument)?,
+            true if *whole_series => series::all(argument)?,
             true => vec![series::newest(argument)?],
             false => vec![argument.clone()],
         };
@@ -221,6 +254,9 @@ fn particle_files(arguments: &[PathBuf], whole_series: bool) -> Result<Vec<PathB
             let file = file
                 .canonicalize()
                 .with_context(|| format!("there is no snapshot {}", file.display()))?;
+            if !named_before.insert(file.clone()) && !*is_diff && name != LAST {
+                eprintln!("dem-post: {} is named twice, and counts once", file.display());
+            }
             files.push(file);
         }
     }
@@ -232,29 +268,47 @@ fn compare(files: &[PathBuf]) -> Result<ExitCode> {
     let [first, second] = files else {
         bail!("--diff takes two snapshots, not {}", files.len());
     };
-    let state = |path: &PathBuf| -> Result<State> {
+    let state = |path: &PathBuf| -> Result<(State, Result<ContactTable, SnapshotError>)> {
         let reader = Reader::open(path)?;
-        Ok(State {
+        let state = State {
             particles: reader.particles(0..reader.particle_count())?,
             records: reader.contact_records(0..reader.contact_record_count())?,
+            contacts: ContactTable::default(),
             header: reader.header().clone(),
-        })
+        };
+        Ok((state, reader.contact_count().and_then(|count| reader.contacts(0..count))))
     };
-    let difference = Difference::between(&state(first)?, &state(second)?);
-    say(&difference.to_string());
+    let [(mut first, in_first), (mut second, in_second)] = [state(first)?, state(second)?];
+    let unread = match (in_first, in_second) {
+        (Ok(in_first), Ok(in_second)) => {
+            (first.contacts, second.contacts) = (in_first, in_second);
+            None
+        }
+        (in_first, in_second) => in_first.err().or(in_second.err()),
+    };
+    let difference = Difference::between(&first, &second);
+    if let Some(error) = unread {
+        if difference.is_empty() {
+            bail!(
+                "all that a restart goes on from is equal, but contacts files were not compared: {error}"
+            );
+        }
+        eprintln!("dem-post: contacts files were not compared: {error}");
+    }
+    say(&difference.to_string())?;
     Ok(ExitCode::from(u8::from(!difference.is_empty())))
 }
 
 fn write_lammps(out: &Path, reader: &Reader) -> Result<()> {
     let path = out.join(format!("particles_{:09}.dump", reader.header().step));
-    let mut file = BufWriter::new(
-        File::create(&path).with_context(|| format!("cannot write {}", path.display()))?,
-    );
-    lammps::write_header(&mut file, reader.header(), reader.particle_count())?;
-    for rows in pieces(reader.particle_count()) {
-        lammps::write_particles(&mut file, reader.header(), &reader.particles(rows)?)?;
-    }
-    Ok(file.flush()?)
+    write_file(&path, |file| {
+        lammps::write_header(file, reader.header(), reader.particle_count())?;
+        for rows in pieces(reader.particle_count()) {
+            let particles = reader.particles(rows).map_err(io::Error::other)?;
+            lammps::write_particles(file, reader.header(), &particles)?;
+        }
+        Ok(())
+    })
 }
 
 /// Writes what was asked for of surfaces, points and lines.
@@ -301,18 +355,14 @@ fn write_file(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> Result<()> {
-    let written = File::create(path).and_then(|file| {
-        let mut file = BufWriter::new(file);
-        write(&mut file)?;
-        file.flush()
-    });
+    let written = files::replace(path, write).map(drop);
     written.with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// The scalars of the run, if there are any; a damaged table is reported and ignored.
 fn history_beside(directory: &Path) -> History {
     let path = directory.join("history.csv");
-    let Ok(file) = File::open(&path) else { return History::default() };
+    let Ok(file) = files::open(&path) else { return History::default() };
     History::read(file).unwrap_or_else(|error| {
         print_error(format_args!("dem-post: {} is left out: {error}", path.display()));
         History::default()
@@ -327,8 +377,7 @@ fn title(directory: &Path) -> String {
 
 fn write_all(out: &Path, title: &str, reports: &[Report], plots: &[Plot]) -> Result<()> {
     let write = |name: &str, text: &str| {
-        let path = out.join(name);
-        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
+        write_file(&out.join(name), |file| file.write_all(text.as_bytes()))
     };
     write("report.json", &(serde_json::to_string_pretty(reports)? + "\n"))?;
     write("report.csv", &csv(reports.iter().map(|report| &report.summary))?)?;
@@ -354,8 +403,7 @@ fn table(report: &Report) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Prints to standard output. A reader that stops early, such as `head`, is no error: the files
-/// are written by then.
-fn say(text: &str) {
-    let _ = std::io::stdout().write_all(printable(text).as_bytes());
+/// Prints to standard output.
+fn say(text: &str) -> Result<()> {
+    arguments::print(text).context("cannot write to standard output")
 }

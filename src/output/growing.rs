@@ -3,6 +3,7 @@
 //! A run that goes on from a snapshot goes on with the file: rows that it will write again are dropped, and half a line that a
 //! crash has left.
 
+use crate::files;
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::Write;
@@ -42,8 +43,14 @@ impl GrowingTable {
         let path = directory.join(name);
         let failed =
             |e: &dyn std::fmt::Display| TableError { path: path.clone(), cause: e.to_string() };
-        let before = if path.exists() { std::fs::read(&path) } else { Ok(Vec::new()) };
+        let before = if path.exists() { files::read(&path) } else { Ok(Vec::new()) };
         let (names, rows) = kept(&before.map_err(|e| failed(&e))?, keep).map_err(|e| failed(&e))?;
+        if names.get(0).is_some_and(|first| first != columns[0]) {
+            return Err(failed(&format!(
+                "no run wrote it, as its first column is not `{}`: move it away",
+                columns[0]
+            )));
+        }
         let known = columns.len();
         let is_former = |name: &&str| !rows.is_empty() && !columns.iter().any(|new| new == name);
         let former: Vec<String> = names.iter().filter(is_former).map(str::to_owned).collect();
@@ -58,10 +65,7 @@ impl GrowingTable {
         }
         let text = table.into_inner().map_err(|e| failed(&e))?;
         // The rows of before are there at any moment.
-        let partial = directory.join(format!(".{name}.partial"));
-        let mut file = File::create(&partial).map_err(|e| failed(&e))?;
-        file.write_all(&text).and_then(|()| file.sync_all()).map_err(|e| failed(&e))?;
-        std::fs::rename(&partial, &path).map_err(|e| failed(&e))?;
+        let file = files::replace(&path, |file| file.write_all(&text)).map_err(|e| failed(&e))?;
         let writer = csv::WriterBuilder::new().has_headers(false).from_writer(file);
         Ok(Self { path, writer, former: columns.len() - known })
     }
@@ -86,9 +90,18 @@ impl GrowingTable {
     /// Waits until all rows that were flushed are on the disk, where a snapshot will be that goes on from them.
     ///
     /// # Errors
-    /// If they cannot be written.
+    /// If they cannot be written, or the file has been removed or replaced since it was opened.
     pub fn sync(&self) -> Result<(), TableError> {
-        self.writer.get_ref().sync_data().map_err(|e| self.failed(&e))
+        let file = self.writer.get_ref();
+        let synced = file.sync_data().and_then(|()| files::is_there(&self.path, file));
+        match synced {
+            Ok(true) => Ok(()),
+            Ok(false) => {
+                Err(self
+                    .failed(&"it was removed or replaced during the run, and its rows are lost"))
+            }
+            Err(error) => Err(self.failed(&error)),
+        }
     }
 
     fn failed(&self, cause: &dyn std::fmt::Display) -> TableError {

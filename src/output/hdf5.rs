@@ -10,6 +10,10 @@
 //! Files are in the format of HDF5 1.8. Rows carry a [`checksum`], and behind the HDF5 file, where its
 //! readers do not look, stands one of all its bytes: HDF5 1.10 crashes on some damaged structures, so
 //! that nothing damaged may reach it.
+//!
+//! A file may be made to do harm, with checksums that hold. Links lead to one place of this file, elements are of the types
+//! that are written here, rows stand in the file itself: anything else is refused before it is read. Room is made for what was
+//! asked for, and a file that has another amount is refused. Bugs of HDF5 in structures that are wrong remain.
 
 #![expect(unsafe_code, reason = "collective transfers and fixed-length text have no safe wrapper")]
 
@@ -21,11 +25,15 @@ use super::{SnapshotError, name_of, on_root};
 use crate::comm::{Comm, agree};
 use crate::contact::StateColumn;
 use crate::drive::{SavedColumn, Values};
+use crate::files;
 use hdf5_metno::file::{FileAccessBuilder, FileCloseDegree};
 use hdf5_metno::plist::DatasetCreate;
-use hdf5_metno::plist::dataset_create::FillTime;
+use hdf5_metno::plist::dataset_create::{FillTime, Layout};
 use hdf5_metno::types::TypeDescriptor;
-use hdf5_metno::{Dataset, Dataspace, Datatype, Error, File, Group, H5Type, Location};
+use hdf5_metno::{
+    Dataset, Dataspace, Datatype, Error, File, Group, H5Type, IndexType, IterationOrder, LinkType,
+    Location, LocationType,
+};
 use hdf5_metno_sys::h5::{herr_t, hsize_t};
 use hdf5_metno_sys::h5i::hid_t;
 use hdf5_metno_sys::{LOCK, h5a, h5d, h5p, h5s};
@@ -115,7 +123,7 @@ impl<'a> SnapshotFile<'a> {
         let mpi = comm.mpi();
         let room = add_up(comm, bytes) + STRUCTURE;
         // Before HDF5 has the file open, which it could not close on a full disk.
-        on_root(path, comm, || reserve(&fs::File::create(path)?, room))?;
+        on_root(path, comm, || reserve(&files::create(path)?, room))?;
         let created = if mpi.is_some() || comm.is_root() {
             File::with_options()
                 .with_fapl(|access| as_snapshots_are(access, mpi))
@@ -444,15 +452,65 @@ fn attach_numbers<T: Element>(to: &Location, name: &str, values: &[T]) -> hdf5_m
     }
 }
 
+/// The inverse of [`attach_numbers`], of exactly `N` numbers of exactly this type.
+fn attached_numbers<T: Element, const N: usize>(
+    to: &Location,
+    name: &str,
+) -> hdf5_metno::Result<[T; N]> {
+    let attribute = to.attr(name)?;
+    let (kind, space) = (attribute.dtype()?, attribute.space()?);
+    let is_shaped = if N == 1 { space.is_scalar() } else { space.shape() == [N] };
+    if !is_shaped || !is_of(&kind, &T::type_descriptor()) {
+        return Err(format!("it is not {N} numbers of type {}", T::VTK).into());
+    }
+    let mut numbers = [T::zeroed(); N];
+    attribute.read_into_raw(&mut numbers)?;
+    Ok(numbers)
+}
+
+/// Longest text of an attribute that is read [bytes]: a unit, a format's name.
+const LONGEST_NOTE: usize = 1 << 10;
+
 /// The inverse of [`attach_text`].
 fn attached_text(to: &Location, name: &str) -> hdf5_metno::Result<String> {
     let attribute = to.attr(name)?;
     let kind = attribute.dtype()?;
+    if !(attribute.space()?.is_scalar() && is_text(&kind) && kind.size() <= LONGEST_NOTE) {
+        return Err(format!("{name} is not one text of at most {LONGEST_NOTE} bytes").into());
+    }
     let mut bytes = vec![0_u8; kind.size()];
     let _lock = LOCK.lock();
-    // SAFETY: the room has the size of the attribute.
+    // SAFETY: the attribute was found to be one element of this type, whose bytes are the text itself, and HDF5 writes one
+    // element of the type of memory, which is the same and has the size of the room.
     check(unsafe { h5a::H5Aread(attribute.id(), kind.id(), bytes.as_mut_ptr().cast()) })?;
     Ok(String::from_utf8_lossy(&bytes).trim_end_matches('\0').to_owned())
+}
+
+/// Is a type in a file this one, to the order of its bytes?
+fn is_of(kind: &Datatype, expected: &TypeDescriptor) -> bool {
+    Datatype::from_descriptor(expected).is_ok_and(|expected| *kind == expected)
+}
+
+/// Is a type in a file that of texts as they are written here, of a fixed length?
+fn is_text(kind: &Datatype) -> bool {
+    let size = kind.size();
+    [TypeDescriptor::FixedAscii(size), TypeDescriptor::FixedUnicode(size)]
+        .iter()
+        .any(|text| is_of(kind, text))
+}
+
+/// Is a type in a file one of those that are written here? Their bytes are all there is to an element: none leads elsewhere.
+fn is_known(kind: &Datatype) -> bool {
+    let numbers = [
+        f64::type_descriptor(),
+        f32::type_descriptor(),
+        u64::type_descriptor(),
+        i64::type_descriptor(),
+        i32::type_descriptor(),
+        u16::type_descriptor(),
+        u8::type_descriptor(),
+    ];
+    is_text(kind) || numbers.iter().any(|number| is_of(kind, number))
 }
 
 fn attach_text(to: &Location, name: &str, text: &str) -> hdf5_metno::Result<()> {
@@ -490,13 +548,12 @@ fn transfer(
     let Some(whole) = shape.first_mut() else { return Err("a scalar has no rows".into()) };
     let inside = rows.start <= rows.end && rows.end <= *whole;
     *whole = rows.len();
-    let bytes = shape.iter().product::<usize>() * element.size();
-    let fits = bytes
-        == match &buffer {
-            Buffer::Read(to) => to.len(),
-            Buffer::Write(from) => from.len(),
-        };
-    if !inside || !fits {
+    let bytes = shape.iter().try_fold(element.size(), |bytes, &length| bytes.checked_mul(length));
+    let room = match &buffer {
+        Buffer::Read(to) => to.len(),
+        Buffer::Write(from) => from.len(),
+    };
+    if !inside || bytes != Some(room) || !is_known(&element) {
         return Err("rows do not fit the dataset".into());
     }
     let in_memory = Dataspace::try_new(&shape[..])?;
@@ -505,7 +562,7 @@ fn transfer(
     let count: Vec<hsize_t> = shape.iter().map(|&n| n as hsize_t).collect();
     let _lock = LOCK.lock();
     // SAFETY: all ids are alive; `start` and `count` have an entry per dimension; the buffer was found to
-    // have the size of the selection, in elements of the dataset's own type.
+    // have the size of the selection, in elements of the dataset's own type, whose bytes are all that HDF5 moves.
     unsafe {
         if rows.is_empty() {
             check(h5s::H5Sselect_none(in_file.id()))?;
@@ -583,6 +640,8 @@ pub struct StoredFile {
     file: File,
     /// Its length [bytes].
     size: u64,
+    /// The places of all datasets.
+    places: Vec<String>,
 }
 
 impl StoredFile {
@@ -592,15 +651,19 @@ impl StoredFile {
     /// The same on every rank: [`SnapshotError::Missing`], [`SnapshotError::Unreadable`] if it is cut
     /// short or was never complete, or [`SnapshotError::Damaged`] if a byte has changed.
     pub fn open(path: &Path, comm: &mut dyn Comm) -> Result<Self, SnapshotError> {
-        let size = fs::metadata(path).map(|metadata| metadata.len());
-        let size =
-            size.map_err(|e| SnapshotError::Missing { path: name_of(path), cause: e.to_string() });
+        let size = match fs::metadata(path) {
+            Ok(metadata) if metadata.is_file() => Ok(metadata.len()),
+            Ok(_) => Err(SnapshotError::unreadable(path, &"it is not a regular file")),
+            Err(e) => Err(SnapshotError::Missing { path: name_of(path), cause: e.to_string() }),
+        };
         let size = agree(comm, size)?;
         check_seal(path, comm)?;
-        let opened = File::open(path)
-            .map(|file| Self { path: path.to_owned(), file, size })
-            .map_err(|e| SnapshotError::unreadable(path, &e));
-        agree(comm, opened)
+        let opened = File::open(path).and_then(|file| {
+            let mut places = Vec::new();
+            list_datasets(&file, "", size, &mut places)?;
+            Ok(Self { path: path.to_owned(), file, size, places })
+        });
+        agree(comm, opened.map_err(|e| SnapshotError::unreadable(path, &e)))
     }
 
     /// Where it is.
@@ -620,7 +683,7 @@ impl StoredFile {
 
     /// Does it have a dataset there?
     pub fn has(&self, place: &str) -> bool {
-        self.file.link_exists(place)
+        self.places.iter().any(|other| other == place)
     }
 
     /// The names of the datasets of a group, in alphabetical order.
@@ -667,8 +730,7 @@ impl StoredFile {
         rows: Range<usize>,
     ) -> Result<Vec<T>, SnapshotError> {
         let stored = self.stored(column.place)?;
-        let kind = stored.dataset.dtype().and_then(|t| t.to_descriptor());
-        if stored.width != column.width || kind.ok() != Some(T::type_descriptor()) {
+        if stored.width != column.width || !is_of(&stored.kind, &T::type_descriptor()) {
             return Err(self.wrong(&format!("{} has another type or width", column.place)));
         }
         if rows.start > rows.end || rows.end > stored.rows {
@@ -691,6 +753,9 @@ impl StoredFile {
     /// [`SnapshotError::Unreadable`], [`SnapshotError::Damaged`].
     pub fn texts(&self, column: &Column) -> Result<Vec<String>, SnapshotError> {
         let stored = self.stored(column.place)?;
+        if stored.width != 1 || !is_text(&stored.kind) {
+            return Err(self.wrong(&format!("{} is not a list of texts", column.place)));
+        }
         let mut bytes = vec![0; stored.rows * stored.row_bytes];
         self.fill(&stored, 0..stored.rows, &mut bytes)?;
         bytes
@@ -710,26 +775,21 @@ impl StoredFile {
     pub fn saved(&self, group: &str) -> Result<Vec<SavedColumn>, SnapshotError> {
         let read = |name: String| {
             let place = &*format!("{group}/{name}");
-            let Stored { dataset, rows, width, .. } = self.stored(place)?;
+            let Stored { dataset, rows, width, kind, .. } = self.stored(place)?;
             let unit = if dataset.attr("unit").is_ok() {
                 attached_text(&dataset, "unit").map_err(|e| self.wrong(&format!("{place}: {e}")))?
             } else {
                 String::new()
             };
             let column = Column { place, width, unit: &unit };
-            let kind = dataset.dtype().and_then(|t| t.to_descriptor());
-            let values = match kind.map_err(|e| self.wrong(&format!("{place}: {e}")))? {
-                TypeDescriptor::FixedUnicode(_) => Values::Texts(self.texts(&column)?),
-                kind if kind == f64::type_descriptor() => {
-                    Values::Reals(self.rows(&column, 0..rows)?)
-                }
-                kind if kind == i64::type_descriptor() => {
-                    Values::Integers(self.rows(&column, 0..rows)?)
-                }
-                kind if kind == u64::type_descriptor() => {
-                    Values::Counts(self.rows(&column, 0..rows)?)
-                }
-                kind => return Err(self.wrong(&format!("{place} has unknown elements, {kind}"))),
+            let values = if is_text(&kind) {
+                Values::Texts(self.texts(&column)?)
+            } else if is_of(&kind, &f64::type_descriptor()) {
+                Values::Reals(self.rows(&column, 0..rows)?)
+            } else if is_of(&kind, &i64::type_descriptor()) {
+                Values::Integers(self.rows(&column, 0..rows)?)
+            } else {
+                Values::Counts(self.rows(&column, 0..rows)?)
             };
             let column = StateColumn { name: name.into(), unit: unit.into(), width };
             Ok(SavedColumn::new(column, values))
@@ -746,9 +806,8 @@ impl StoredFile {
         group: &str,
         name: &str,
     ) -> Result<[T; N], SnapshotError> {
-        let values = self.file.group(group).and_then(|g| g.attr(name)?.read_raw::<T>());
-        let values = values.map_err(|e| self.wrong(&format!("{group}, {name}: {e}")))?;
-        values.try_into().map_err(|_| self.wrong(&format!("{group}, {name} is not {N} numbers")))
+        let values = self.file.group(group).and_then(|group| attached_numbers(&group, name));
+        values.map_err(|e| self.wrong(&format!("{group}, {name}: {e}")))
     }
 
     /// Checks the checksum of every dataset, each rank of `comm` a share of the rows. Every rank has
@@ -780,22 +839,11 @@ impl StoredFile {
     /// # Errors
     /// [`SnapshotError::Unreadable`].
     pub fn checksums(&self) -> Result<BTreeMap<String, u64>, SnapshotError> {
-        let checksum = |place: String| {
-            let expected = self.expected(&self.stored(&place)?)?;
-            Ok((place, expected))
+        let checksum = |place: &String| {
+            let expected = self.expected(&self.stored(place)?)?;
+            Ok((place.clone(), expected))
         };
-        self.datasets()?.into_iter().map(checksum).collect()
-    }
-
-    /// The places of all datasets.
-    fn datasets(&self) -> Result<Vec<String>, SnapshotError> {
-        fn collect(group: &Group, places: &mut Vec<String>) -> hdf5_metno::Result<()> {
-            places.extend(group.datasets()?.iter().map(|d| d.name()));
-            group.groups()?.iter().try_for_each(|g| collect(g, places))
-        }
-        let mut places = Vec::new();
-        collect(&self.file, &mut places).map_err(|e| self.wrong(&e.to_string()))?;
-        Ok(places)
+        self.places.iter().map(checksum).collect()
     }
 
     fn stored(&self, place: &str) -> Result<Stored, SnapshotError> {
@@ -805,13 +853,22 @@ impl StoredFile {
             [rows, width] => (rows, width),
             _ => return Err(self.wrong(&format!("{place} is not a list of rows"))),
         };
-        let size = dataset.dtype().map_or(0, |t| t.size());
-        let row_bytes = size.saturating_mul(width);
+        let kind = dataset.dtype().map_err(|e| self.wrong(&format!("{place}: {e}")))?;
+        if !is_known(&kind) {
+            return Err(self.wrong(&format!("{place} has elements of an unknown type")));
+        }
+        let row_bytes = kind.size().saturating_mul(width);
         let bytes = row_bytes.checked_mul(rows).filter(|&b| b as u64 <= self.size);
         if row_bytes == 0 || bytes.is_none() {
             return Err(self.wrong(&format!("{place} claims more rows than the file holds")));
         }
-        Ok(Stored { dataset, place: place.to_owned(), rows, width, row_bytes })
+        // Rows of chunks may be packed, those of other layouts come from other files, whatever these are.
+        let create = dataset.create_plist().map_err(|e| self.wrong(&format!("{place}: {e}")))?;
+        let external = create.get_external().map_or(1, |files| files.len());
+        if external > 0 || !create.get_layout().is_ok_and(|layout| layout == Layout::Contiguous) {
+            return Err(self.wrong(&format!("{place} does not stand in the file in one piece")));
+        }
+        Ok(Stored { dataset, place: place.to_owned(), rows, width, row_bytes, kind })
     }
 
     /// Reads rows into `bytes`; if they are all, checks them.
@@ -846,13 +903,53 @@ impl StoredFile {
     }
 
     fn expected(&self, stored: &Stored) -> Result<u64, SnapshotError> {
-        let sum = stored.dataset.attr(CHECKSUM).and_then(|a| a.read_scalar());
-        sum.map_err(|e| self.wrong(&format!("{} has no checksum: {e}", stored.place)))
+        attached_numbers(&stored.dataset, CHECKSUM)
+            .map(|[sum]| sum)
+            .map_err(|e| self.wrong(&format!("{} has no checksum: {e}", stored.place)))
     }
 
     fn wrong(&self, cause: &str) -> SnapshotError {
         SnapshotError::unreadable(&self.path, &cause)
     }
+}
+
+/// So deep do groups stand in each other, the file itself left out: `/VTKHDF/PointData`.
+const GROUPS_DEEP: usize = 2;
+
+/// Fewest bytes that an object takes in a file: its header and the link to it.
+const OBJECT: u64 = 32;
+
+/// Adds the places of all datasets of a group and of the groups in it. A file that links to other files, or in a circle, is
+/// refused: a link that is followed may lead anywhere.
+fn list_datasets(
+    group: &Group,
+    place: &str,
+    size: u64,
+    places: &mut Vec<String>,
+) -> hdf5_metno::Result<()> {
+    let (mut groups, mut links) = (Vec::new(), 0);
+    for (name, link) in group.links(IndexType::Name, IterationOrder::Native)? {
+        let place = format!("{place}/{name}");
+        if link.link_type != LinkType::Hard {
+            return Err(format!("{place} is a link to another place").into());
+        }
+        match group.loc_type_by_name(&name)? {
+            LocationType::Dataset => places.push(place),
+            LocationType::Group => groups.push((name, place)),
+            LocationType::NamedDatatype => {}
+        }
+        links += 1;
+    }
+    if (places.len() as u64).max(links) > size / OBJECT {
+        return Err("it claims more datasets than it holds".into());
+    }
+    for (name, place) in groups {
+        if place.matches('/').count() > GROUPS_DEEP {
+            return Err(format!("groups are nested too deep: {place}").into());
+        }
+        list_datasets(&group.group(&name)?, &place, size, places)?;
+    }
+    Ok(())
 }
 
 /// A dataset of a file, as it is.
@@ -862,6 +959,7 @@ struct Stored {
     rows: usize,
     width: usize,
     row_bytes: usize,
+    kind: Datatype,
 }
 
 /// Rows of a file whose columns have `total` rows.

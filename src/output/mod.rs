@@ -38,6 +38,7 @@ pub mod table;
 pub mod tables;
 
 use crate::comm::{Comm, agree};
+use crate::files;
 use serde::{Deserialize, Serialize};
 use std::fs::{File, TryLockError};
 use std::io;
@@ -99,6 +100,15 @@ pub enum SnapshotError {
     )]
     StageBefore {
         /// The directory.
+        path: String,
+    },
+    /// A file of somebody else has the name of one that a run writes.
+    #[error(
+        "no run wrote {path}, and this one would replace it: move it away, give this run a folder of its own with --out DIR, \
+         or have it replaced with --overwrite"
+    )]
+    Foreign {
+        /// The file.
         path: String,
     },
     /// A table handed to the writer has columns of different lengths.
@@ -232,7 +242,7 @@ pub fn claim(path: &Path, comm: &mut dyn Comm) -> Result<Option<File>, SnapshotE
     let mut lock = None;
     on_root(path, comm, || {
         std::fs::create_dir_all(path)?;
-        lock = Some(File::create(path.join(LOCK))?);
+        lock = Some(files::hold(&path.join(LOCK))?);
         Ok(())
     })
     .map_err(SnapshotError::of_folder)?;

@@ -1,11 +1,12 @@
 //! `performance.csv`: what a run did and what it took, a row for each time that it was started and came to an end.
 //! Rank 0 writes, when all else is written.
 
-use super::growing::TableError;
+use super::growing::{TableError, whole_lines};
 use super::report::Report;
+use crate::files;
 use crate::timing::Phase;
 use serde::{Deserialize, Serialize};
-use std::fs::OpenOptions;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 /// A row of the table.
@@ -56,17 +57,16 @@ impl Performance {
     /// If the file cannot be written.
     pub fn store(&self, directory: &Path, continues: bool) -> Result<(), TableError> {
         let path = path(directory);
-        let is_first = !(continues && path.exists());
-        let written = || -> Result<(), csv::Error> {
-            let file = OpenOptions::new()
-                .create(true)
-                .write(true)
-                .append(!is_first)
-                .truncate(is_first)
-                .open(&path)?;
-            let mut table = csv::WriterBuilder::new().has_headers(is_first).from_writer(file);
-            table.serialize(self)?;
-            Ok(table.flush()?)
+        let written = || -> io::Result<()> {
+            let is_first = !(continues && path.exists());
+            let before = if is_first { Vec::new() } else { files::read(&path)? };
+            files::replace(&path, |file| {
+                file.write_all(whole_lines(&before))?;
+                let mut table = csv::WriterBuilder::new().has_headers(is_first).from_writer(file);
+                table.serialize(self).map_err(io::Error::from)?;
+                table.flush()
+            })
+            .map(drop)
         };
         written().map_err(|cause| TableError { path: path.clone(), cause: cause.to_string() })
     }
@@ -80,7 +80,7 @@ impl Performance {
         if !path.exists() {
             return Ok(Vec::new());
         }
-        csv::Reader::from_path(path)?.deserialize().collect()
+        csv::Reader::from_reader(files::open(&path)?).deserialize().collect()
     }
 }
 

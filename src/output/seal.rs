@@ -69,6 +69,10 @@ pub(super) fn add_up(comm: &mut dyn Comm, here: u64) -> u64 {
 /// what is there take them.
 pub(super) fn reserve(mut file: &fs::File, bytes: u64) -> io::Result<()> {
     let length = i64::try_from(bytes).map_err(io::Error::other)?;
+    if bytes > largest_file() {
+        // HDF5 could not close a file that it cannot write.
+        return Err(io::Error::from_raw_os_error(libc::EFBIG));
+    }
     // SAFETY: the descriptor is open.
     let answer = unsafe { libc::fallocate(file.as_raw_fd(), libc::FALLOC_FL_KEEP_SIZE, 0, length) };
     let error = io::Error::last_os_error();
@@ -82,6 +86,14 @@ pub(super) fn reserve(mut file: &fs::File, bytes: u64) -> io::Result<()> {
         }
         _ => Err(error),
     }
+}
+
+/// The largest file that the user may have, `ulimit -f` [bytes].
+fn largest_file() -> u64 {
+    let mut limit = libc::rlimit { rlim_cur: libc::RLIM_INFINITY, rlim_max: libc::RLIM_INFINITY };
+    // SAFETY: the system fills one limit, which is there.
+    unsafe { libc::getrlimit(libc::RLIMIT_FSIZE, &raw mut limit) };
+    limit.rlim_cur
 }
 
 /// Has the disk begin with what was written so far, while the next dataset is made: `close`, which waits for all of it,

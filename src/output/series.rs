@@ -1,9 +1,9 @@
 //! Lists of a run's files with their times, `particles.vtkhdf.series` and `contacts.vtkhdf.series`: ParaView, which knows files
 //! by their names alone, plays seconds with them (file series of version 1.0).
 
+use crate::files;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs::{self, File};
 use std::io::{self, Write as _};
 use std::path::Path;
 
@@ -25,7 +25,7 @@ struct Entry {
 
 /// The times [s] of the files of a list, by name; none, if the list cannot be read.
 pub fn times(list: &Path) -> BTreeMap<String, f64> {
-    let text = fs::read_to_string(list).unwrap_or_default();
+    let text = files::read_to_string(list).unwrap_or_default();
     let files =
         serde_json::from_str(&text).map_or_else(|_| Vec::new(), |series: Series| series.files);
     files.into_iter().map(|Entry { name, time }| (name, time)).collect()
@@ -38,15 +38,5 @@ pub fn times(list: &Path) -> BTreeMap<String, f64> {
 pub fn write(directory: &Path, name: &str, files: Vec<(String, f64)>) -> io::Result<()> {
     let files = files.into_iter().map(|(name, time)| Entry { name, time }).collect();
     let text = serde_json::to_string_pretty(&Series { version: VERSION.to_owned(), files })?;
-    let partial = directory.join(format!(".{name}.partial"));
-    let written = File::create(&partial).and_then(|mut file| {
-        file.write_all(text.as_bytes())?;
-        file.sync_all()
-    });
-    if written.is_err() {
-        // Room for others; the first error is the one to report.
-        let _ = fs::remove_file(&partial);
-    }
-    written?;
-    fs::rename(&partial, directory.join(name))
+    files::replace(&directory.join(name), |file| file.write_all(text.as_bytes())).map(drop)
 }

@@ -17,6 +17,7 @@ use crate::comm::alone::Alone;
 use crate::comm::{Comm, agree, wire};
 use crate::contact::{ContactRecord, ContactRecords, Geometry, StateColumn};
 use crate::drive::{SavedState, rain};
+use crate::files;
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::Vec3;
 use crate::measure::Departed;
@@ -26,7 +27,7 @@ use crate::shape::Shape;
 use serde::de::DeserializeOwned;
 use std::cell::OnceCell;
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, Read as _};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -258,7 +259,7 @@ fn write_files(
 ) -> Result<(), SnapshotError> {
     make_directory(directory, comm)?;
     let names = [contacts_name(header.step), particles_name(header.step)];
-    let partial = names.each_ref().map(|name| directory.join(format!(".{name}.partial")));
+    let partial = names.each_ref().map(|name| files::partial(&directory.join(name)));
     let shares = &Shares::of(&particles.id, comm);
     let written = write_contacts(&partial[0], header, contacts, shares, comm)
         .and_then(|()| write_particles(&partial[1], header, particles, records, shares, comm));
@@ -269,7 +270,8 @@ fn write_files(
     written?;
     on_root(directory, comm, || {
         for (path, name) in partial.iter().zip(&names) {
-            fs::rename(path, directory.join(name))?;
+            let renamed = fs::rename(path, directory.join(name));
+            renamed.map_err(|e| io::Error::other(format!("{name}: {e}")))?;
         }
         // The names are on the disk before the link speaks of them.
         File::open(directory)?.sync_all()?;
@@ -301,12 +303,14 @@ fn list_with_times(directory: &Path, header: &Header) -> io::Result<()> {
 }
 
 /// Keeps a directory to one run: none of its snapshots may be later than the step at which a run begins, and there are
-/// earlier ones only if it goes on from one of them. If `remove`, those that are later go. Where the run goes on from the
+/// earlier ones only if it goes on from one of them. Files of others are not replaced. If `remove`, those that are later go, and what
+/// a run before left besides. Where the run goes on from the
 /// directory as a whole, they were passed over as damaged, and stay. `start` is what the same stage goes on from, `before`
 /// the stage before, if this one begins with it. Collective.
 ///
 /// # Errors
-/// On all ranks: [`SnapshotError::Later`], [`SnapshotError::StageBefore`], or rank 0 cannot remove them.
+/// On all ranks: [`SnapshotError::Later`], [`SnapshotError::StageBefore`], [`SnapshotError::Foreign`], or rank 0 cannot remove
+/// them.
 pub fn none_later(
     directory: &Path,
     step: u64,
@@ -333,9 +337,12 @@ pub fn none_later(
         return on_root(directory, comm, || {
             for (step, path) in &later {
                 fs::remove_file(path)?;
-                remove_if_there(&directory.join(contacts_name(*step)))?;
+                files::remove_if_there(&directory.join(contacts_name(*step)))?;
             }
-            if later.is_empty() { Ok(()) } else { remove_if_there(&directory.join(LAST)) }
+            if !later.is_empty() {
+                files::remove_if_there(&directory.join(LAST))?;
+            }
+            if start.is_none() { remove_lists(directory) } else { Ok(()) }
         });
     }
     let path = super::name_of(directory);
@@ -346,21 +353,59 @@ pub fn none_later(
             SnapshotError::Later { path, step, newest }
         }
     });
-    agree(comm, found.map_or(Ok(()), Err))
+    agree(comm, found.map_or(Ok(()), Err))?;
+    let goes_on_here = is_one_of_them || start == here;
+    let foreign = if comm.is_root() && !goes_on_here { foreign(directory) } else { None };
+    let error = |path: PathBuf| Err(SnapshotError::Foreign { path: super::name_of(&path) });
+    agree(comm, foreign.map_or(Ok(()), error))
 }
 
-/// Removes a file; one that is not there is gone already.
-fn remove_if_there(path: &Path) -> io::Result<()> {
-    match fs::remove_file(path) {
-        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
-        _ => Ok(()),
+/// A file of the directory that no run wrote, although it has the name of one that each writes.
+fn foreign(directory: &Path) -> Option<PathBuf> {
+    const BEGINNINGS: [(&str, &str); 5] = [
+        ("history.csv", "step,"),
+        ("performance.csv", "ranks,"),
+        ("report.json", "{\n  \"program\": \"dem-mpi"),
+        (PARTICLES_LIST, "{\n  \"file-series-version\""),
+        (CONTACTS_LIST, "{\n  \"file-series-version\""),
+    ];
+    let strange = BEGINNINGS.iter().find(|(name, beginning)| {
+        let path = directory.join(name);
+        path.symlink_metadata().is_ok() && !begins_with(&path, beginning)
+    });
+    let last = directory.join(LAST);
+    // A copy of a folder has a copy of the newest snapshot in place of the link.
+    let is_kept = last.symlink_metadata().is_ok_and(|last| !last.is_symlink());
+    strange.map(|(name, _)| directory.join(name)).or_else(|| is_kept.then_some(last))
+}
+
+/// Is a file empty, or does it begin with this text?
+fn begins_with(path: &Path, text: &str) -> bool {
+    let mut beginning = Vec::new();
+    let file = files::open(path);
+    let read = file.and_then(|file| file.take(text.len() as u64).read_to_end(&mut beginning));
+    read.is_ok() && (beginning.is_empty() || beginning == text.as_bytes())
+}
+
+/// Removes the lists of grains that came or left in a run before, which would pass for those of this one, and its reports.
+fn remove_lists(directory: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(directory)? {
+        let path = entry?.path();
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let is_list = (name.starts_with("entered_") || name.starts_with("left_"))
+            && name.ends_with(".csv")
+            && begins_with(&path, "step,time_s,id,");
+        if is_list || ["report.json", "performance.csv", "history.csv"].contains(&name) {
+            files::remove_if_there(&path)?;
+        }
     }
+    Ok(())
 }
 
 /// Lets [`LAST`] point to a file of the same directory.
 fn link_last(directory: &Path, name: &str) -> io::Result<()> {
-    let new = directory.join(format!(".{LAST}.partial"));
-    remove_if_there(&new)?;
+    let new = files::partial(&directory.join(LAST));
+    files::remove_if_there(&new)?;
     std::os::unix::fs::symlink(name, &new)?;
     fs::rename(&new, directory.join(LAST))?;
     File::open(directory)?.sync_all()
@@ -804,7 +849,11 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
         departed.channels = file.numbers("/run", DEPARTED_CHANNELS)?;
     }
     let periodic = file.numbers::<u8, 3>("/domain", "periodic")?.map(|p| p != 0);
-    let mut cell = Cell::new(vector("/domain", "low")?, vector("/domain", "high")?, periodic);
+    let (low, high) = (vector("/domain", "low")?, vector("/domain", "high")?);
+    if (0..3).any(|axis| periodic[axis] && !((high - low)[axis] > 0.0 && low[axis].is_finite())) {
+        return Err(file.damaged("/domain"));
+    }
+    let mut cell = Cell::new(low, high, periodic);
     if file.has_attribute("/domain", SHEAR) {
         let [along, across] =
             file.numbers::<u64, 2>("/domain", SHEAR_AXES)?.map(|axis| axis as usize);
@@ -812,11 +861,15 @@ fn read_header(file: &StoredFile) -> Result<Header, SnapshotError> {
         let sheared = cell.with_shear(Shear { along, across, rate, strain });
         cell = sheared.ok_or_else(|| file.damaged("/domain"))?;
     }
+    let (step, stage_begin_step) = (whole("step")?, whole("stage_begin_step")?);
+    if step < stage_begin_step {
+        return Err(file.damaged("/run"));
+    }
     Ok(Header {
-        step: whole("step")?,
+        step,
         time: number("time")?,
         dt: number("dt")?,
-        stage_begin: (whole("stage_begin_step")?, number("stage_begin_time")?),
+        stage_begin: (stage_begin_step, number("stage_begin_time")?),
         stage_shift: if file.has_attribute("/run", STAGE_SHIFT) {
             number(STAGE_SHIFT)?
         } else {
@@ -873,7 +926,12 @@ impl Tabulated<'_> {
                 lacks: place.to_owned(),
             });
         }
-        self.json(&SHAPE_GEOMETRY)
+        let geometries = self.json(&SHAPE_GEOMETRY)?;
+        let is_wall = |shape: &Shape| matches!(shape, Shape::HalfSpace(_) | Shape::TriangleMesh(_));
+        if geometries.iter().flatten().any(is_wall) {
+            return Err(self.file.damaged(place));
+        }
+        Ok(geometries)
     }
 
     fn scales(&self) -> Result<Vec<Option<[f64; 2]>>, SnapshotError> {
@@ -1034,7 +1092,23 @@ impl Reader {
         for column in PARTICLE_COLUMNS.iter().filter(|column| is_wanted(column.name)) {
             column.read(&mut particles, &table)?;
         }
+        self.check_names(&particles)?;
         Ok(particles)
+    }
+
+    /// Is every shape one of the header's, and every id one that a particle was given?
+    fn check_names(&self, particles: &ParticleTable) -> Result<(), SnapshotError> {
+        let (shapes, next_id) = (self.header.shapes.len(), self.header.next_id);
+        let unlisted = particles.shape.iter().find(|shape| shape.index() >= shapes);
+        let strange = particles.id.iter().find(|id| id.wall_index().is_some() || id.0 >= next_id);
+        let cause = match (unlisted, strange) {
+            (Some(shape), _) => {
+                format!("a particle has shape {}, of {shapes} that it lists", shape.0)
+            }
+            (None, Some(id)) => format!("particle {id} has an id that was never given"),
+            (None, None) => return Ok(()),
+        };
+        Err(SnapshotError::unreadable(self.path(), &cause))
     }
 
     /// The least and the largest scale of the particles of each shape [-], and how many there are; `None` of a shape that none of
@@ -1170,13 +1244,15 @@ fn candidates(directory: &Path) -> Vec<PathBuf> {
 fn steps_in(directory: &Path) -> Vec<(u64, PathBuf)> {
     let entries = fs::read_dir(directory).into_iter().flatten();
     let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
-    paths.filter_map(|path| step_of(&path).map(|step| (step, path))).collect()
+    let steps = paths.filter_map(|path| step_of(&path).map(|step| (step, path)));
+    steps.filter(|(_, path)| !path.is_dir()).collect()
 }
 
-/// The step of a particles file, by its name.
+/// The step of a particles file, by its name, if a run gives such names.
 pub fn step_of(path: &Path) -> Option<u64> {
     let name = path.file_name()?.to_str()?;
-    name.strip_prefix("particles_")?.strip_suffix(".vtkhdf")?.parse().ok()
+    let step = name.strip_prefix("particles_")?.strip_suffix(".vtkhdf")?.parse().ok()?;
+    (particles_name(step) == name).then_some(step)
 }
 
 /// Opens the contacts file beside a particles file, and checks that they are of one snapshot.

@@ -13,10 +13,11 @@ Needs h5py and numpy; vtk or pyvista only for what is to be drawn.
     dem.history("out/heap")["kinetic_J"]          # history.csv
     last.grains()                                 # points, as vtkPolyData; pyvista.wrap(...) takes it
     last.chains()                                 # contacts as lines
-    dem.plotter(last).show()                      # grains as ellipsoids of pyvista
+    dem.plotter(last).show()                      # grains in their true shapes, by pyvista
 """
 
 import json
+import warnings
 from functools import cached_property
 from pathlib import Path
 
@@ -134,22 +135,72 @@ def history(folder):
 
 
 def plotter(snapshot, scalars="coordination", **options):
-    """A pyvista plotter with all grains as the ellipsoids in their boxes: exact for spheres and ellipsoids.
+    """A pyvista plotter with the surfaces of all grains. Curved ones have some 500 triangles each.
 
-    True surfaces of any shape: `dem-post --surfaces`, then `pyvista.read("grains_STEP.vtp")`.
+    Finer, and with walls: `dem-post --surfaces`, then `pyvista.read("grains_STEP.vtp")`.
     """
     import pyvista
 
-    ball = pyvista.Sphere(theta_resolution=16, phi_resolution=16)
-    turns = snapshot.axes * snapshot.particles["semi_axes"][:, None, :] * 2
-    places = np.einsum("nij,pj->npi", turns, ball.points) + snapshot.particles["position"][:, None]
-    count, points = places.shape[:2]
-    faces = ball.regular_faces[None] + points * np.arange(count)[:, None, None]
-    mesh = pyvista.PolyData.from_regular_faces(places.reshape(-1, 3), faces.reshape(-1, 3))
-    mesh[scalars] = np.repeat(snapshot.particles[scalars], points, axis=0)
+    ball = pyvista.Sphere(radius=1, theta_resolution=16, phi_resolution=16)
+    particles, shapes = snapshot.particles, snapshot.shapes
+    geometries = shapes.get("geometry", [None] * len(shapes["name"]))
     plot = pyvista.Plotter(**options)
-    plot.add_mesh(mesh, scalars=scalars, smooth_shading=True)
+    for shape, (name, geometry) in enumerate(zip(shapes["name"], geometries)):
+        grains = np.flatnonzero(particles["shape"] == shape)
+        if not len(grains):
+            continue
+        surface = _surface(geometry, ball.points, ball.regular_faces)
+        if surface is None:
+            warnings.warn(f"shape {name} is not known: its grains are drawn as ellipsoids")
+            surface = ball.points * shapes["semi_axes"][shape], ball.regular_faces
+        points, faces = surface
+        scales = particles.get("scale", np.ones(len(particles["id"])))[grains]
+        turns = snapshot.axes[grains] * scales[:, None, None]
+        places = np.einsum("nij,pj->npi", turns, points) + particles["position"][grains, None]
+        members = faces[None] + len(points) * np.arange(len(grains))[:, None, None]
+        mesh = pyvista.PolyData.from_regular_faces(places.reshape(-1, 3), members.reshape(-1, 3))
+        mesh[scalars] = np.repeat(particles[scalars][grains], len(points), axis=0)
+        has_edges = "Polyhedron" in (geometry or {})
+        plot.add_mesh(mesh, scalars=scalars, smooth_shading=True, split_sharp_edges=has_edges)
     return plot
+
+
+def _surface(geometry, normals, faces):
+    """Points and triangles of a shape about its centre, along its axes, from those of a unit sphere; None if it is not known."""
+    ((kind, of),) = (geometry or {"": None}).items()
+    if kind == "Sphere":
+        return normals * of["radius"], faces
+    if kind == "Ellipsoid":
+        return normals * of["semi_axes"], faces
+    if kind == "Polyhedron":
+        return np.array(of["hull"]["vertices"]), np.array([t["corners"] for t in of["hull"]["triangles"]])
+    if kind == "RoundedPolyhedron":
+        return _rolled(np.array(of["core"]["vertices"]), of["radius"], normals), faces
+    if kind == "Spherocylinder":
+        return _rolled(np.outer([-0.5, 0.5], [of["length"], 0, 0]), of["radius"], normals), faces
+    if kind == "Superellipsoid":
+        return _powers(normals, of["exponents"]) * of["semi_axes"], faces
+    if kind == "PolySuperellipsoid":
+        axes = np.where(normals < 0, of["negative"], of["positive"])
+        points = _powers(normals, of["exponents"]) * axes - of["centre"]
+        # Columns one after the other.
+        return points @ np.reshape(of["axes"], (3, 3)).T, faces
+    return None
+
+
+def _rolled(corners, radius, normals):
+    """Where a sphere that rolls around a convex body touches planes with these normals."""
+    return corners[np.argmax(normals @ corners.T, axis=1)] + radius * normals
+
+
+def _powers(directions, exponents):
+    """Points of a superellipsoid of unit semi-axes."""
+    x, y, z = directions.T
+    around = np.hypot(x, y)
+    turn = np.divide(directions[:, :2], around[:, None], where=around[:, None] > 0, out=np.zeros((len(x), 2)))
+    power = lambda number, exponent: np.sign(number) * np.abs(number) ** exponent
+    wide = power(turn, exponents["across"]) * (around ** exponents["along"])[:, None]
+    return np.column_stack([wide, power(z, exponents["along"])])
 
 
 def _text(value):

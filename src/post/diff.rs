@@ -2,7 +2,8 @@
 //!
 //! Rows are matched by id, so snapshots from different numbers of ranks compare equal; the
 //! owning rank is not part of the state and is not compared. Springs and all else that is remembered of
-//! touching contacts are matched by the ids of both bodies. Both states are held in memory.
+//! touching contacts are matched by the ids of both bodies, and so are the rows of the contacts files. Both states are held
+//! in memory.
 
 use crate::contact::{ContactRecord, ContactRecords, StateColumn};
 use crate::drive::{SavedColumn, SavedState};
@@ -10,7 +11,9 @@ use crate::ids::GlobalId;
 use crate::measure::Departed;
 use crate::output::columns::Numbers;
 use crate::output::header::{Header, ShapeRow};
-use crate::output::tables::{PARTICLE_COLUMNS, ParticleColumn, ParticleTable};
+use crate::output::tables::{
+    CONTACT_COLUMNS, ContactTable, PARTICLE_COLUMNS, ParticleColumn, ParticleTable,
+};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -29,6 +32,8 @@ pub struct State {
     pub particles: ParticleTable,
     /// What is remembered of touching contacts, in any order.
     pub records: ContactRecords,
+    /// The rows of the contacts file, in any order.
+    pub contacts: ContactTable,
 }
 
 /// Names a contact: the lower id, the higher id.
@@ -113,7 +118,7 @@ impl Difference {
     pub fn between(first: &State, second: &State) -> Self {
         let mut found = Self {
             header: header_differences(&first.header, &second.header),
-            contacts: ContactDifference::between(&first.records, &second.records),
+            contacts: ContactDifference::between(first, second),
             ..Self::default()
         };
         let (first, second) = (&first.particles, &second.particles);
@@ -184,8 +189,10 @@ impl ContactDifference {
             && self.differing == 0
     }
 
-    fn between(first: &ContactRecords, second: &ContactRecords) -> Self {
+    fn between(first: &State, second: &State) -> Self {
         let mut found = Self::default();
+        let tables = [&first.contacts, &second.contacts];
+        let (first, second) = (&first.records, &second.records);
         // What only one of them remembers has nothing to be compared with.
         let mut shared = vec![];
         for (column, place) in StateColumn::ranges(first.columns()) {
@@ -201,9 +208,24 @@ impl ContactDifference {
             }
         }
         let ends = |named: ContactRecord| (named.a, named.b);
+        let [rows, of_second] =
+            tables.map(|table| table.a.iter().copied().zip(table.b.iter().copied()));
+        let mut rows = matched(rows, of_second);
         for (ends, pair) in matched(first.iter().map(ends), second.iter().map(ends)) {
+            let row = rows.remove(&ends).unwrap_or_default();
             match pair {
-                [Some(i), Some(j)] => found.compare(ends, &shared, first.get(i), second.get(j)),
+                [Some(i), Some(j)] => {
+                    let in_files = in_files(tables, row);
+                    found.compare(ends, &shared, first.get(i), second.get(j), &in_files);
+                }
+                [Some(_), None] => found.only_first.push(ends),
+                _ => found.only_second.push(ends),
+            }
+        }
+        // Nothing is remembered of them.
+        for (ends, row) in rows {
+            match row {
+                [Some(_), Some(_)] => found.note(ends, columns_of(&in_files(tables, row))),
                 [Some(_), None] => found.only_first.push(ends),
                 _ => found.only_second.push(ends),
             }
@@ -217,8 +239,8 @@ impl ContactDifference {
         shared: &[SharedState],
         first: ContactRecord,
         second: ContactRecord,
+        in_files: &[InFiles],
     ) {
-        self.compared += 1;
         let (mine, theirs) = (&first.geometry, &second.geometry);
         let geometry = [
             ("normal", mine.normal.as_slice(), theirs.normal.as_slice()),
@@ -227,15 +249,28 @@ impl ContactDifference {
         let state = shared.iter().map(|(name, here, there)| {
             (*name, &first.state[here.clone()], &second.state[there.clone()])
         });
+        self.note(ends, geometry.into_iter().chain(state).chain(columns_of(in_files)));
+    }
+
+    /// Compares the numbers of a contact, by column.
+    fn note<'a>(
+        &mut self,
+        ends: Ends,
+        columns: impl Iterator<Item = (&'a str, &'a [f64], &'a [f64])>,
+    ) {
+        self.compared += 1;
         let mut any = false;
-        for (name, x, y) in geometry.into_iter().chain(state) {
+        for (name, x, y) in columns {
             let pairs = || x.iter().zip(y);
-            if pairs().all(|(x, y)| x.to_bits() == y.to_bits()) {
+            if x.len() == y.len() && pairs().all(|(x, y)| x.to_bits() == y.to_bits()) {
                 continue;
             }
             any = true;
             let entry = self.columns.entry(name.to_owned()).or_default();
             entry.rows += 1;
+            if x.len() != y.len() {
+                entry.largest = f64::INFINITY;
+            }
             for (x, y) in pairs() {
                 entry.largest = entry.largest.max(distance(*x, *y));
             }
@@ -247,6 +282,29 @@ impl ContactDifference {
             }
         }
     }
+}
+
+/// A column of the contacts files, and the numbers that both have of a contact.
+type InFiles = (String, [Vec<f64>; 2]);
+
+fn columns_of(in_files: &[InFiles]) -> impl Iterator<Item = (&str, &[f64], &[f64])> {
+    in_files.iter().map(|(name, [x, y])| (&**name, &**x, &**y))
+}
+
+/// What the contacts files have of a contact, by column; nothing of a file without a row of it.
+fn in_files(tables: [&ContactTable; 2], rows: [Option<usize>; 2]) -> Vec<InFiles> {
+    let of_column = |name: &str, of: &dyn Fn(&ContactTable, usize) -> Vec<f64>| {
+        let numbers = [0, 1].map(|k| rows[k].map_or_else(Vec::new, |row| of(tables[k], row)));
+        (format!("{name} in contacts file"), numbers)
+    };
+    let columns = CONTACT_COLUMNS.iter().map(|column| {
+        of_column(column.name, &|table, row| {
+            let numbers = column.of(table);
+            (0..numbers.labels().len()).map(|k| numbers.number(row, k)).collect()
+        })
+    });
+    let centre = of_column("centre", &|table, row| table.centre[row].as_slice().to_vec());
+    columns.chain([centre]).collect()
 }
 
 /// The name of what both laws remember, and where it stands in each state.

@@ -200,8 +200,8 @@ where
     X: Ranged<ValueType = f64> + ValueFormatter<f64>,
     Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
 {
-    let x_tick = |x: &f64| if axes.log_x { power(*x) } else { tick(*x) };
-    let y_tick = |y: &f64| if axes.log_y { power(*y) } else { tick(*y) };
+    let x_tick = |x: &f64| if axes.log_x { power(*x) } else { tick_on(*x, &axes.x) };
+    let y_tick = |y: &f64| if axes.log_y { power(*y) } else { tick_on(*y, &axes.y) };
     chart
         .configure_mesh()
         .max_light_lines(0)
@@ -316,6 +316,12 @@ pub fn tick(value: f64) -> String {
     }
     let fixed = format!("{value:.6}");
     fixed.trim_end_matches('0').trim_end_matches('.').to_string()
+}
+
+/// A label of a linear axis of this range. Steps from one tick to the next leave a hair of rounding where 0 should be.
+fn tick_on(value: f64, range: &Range<f64>) -> String {
+    let hair = 1e-9 * (range.end - range.start).abs();
+    tick(if value.abs() < hair { 0.0 } else { value })
 }
 
 /// A label of a logarithmic axis.

@@ -72,6 +72,20 @@ impl Grid {
         Self::of_counts(low, self.sides, &(counts + below + above))
     }
 
+    /// With a face across an axis at this place [m], and a cell more on the side that is bared.
+    ///
+    /// # Errors
+    /// Too many cells.
+    pub fn with_face(&self, axis: usize, place: f64) -> Result<Self, MeasureError> {
+        let side = self.sides[axis];
+        let faces = (place - self.low[axis]) / side;
+        let off = faces - faces.round();
+        let (mut low, mut counts) = (self.low, Vec3::from(self.cells.map(|cells| cells as f64)));
+        low[axis] += off * side - if off > 0.0 { side } else { 0.0 };
+        counts[axis] += if off == 0.0 { 0.0 } else { 1.0 };
+        Self::of_counts(low, self.sides, &counts)
+    }
+
     /// How many cells.
     pub fn len(&self) -> usize {
         self.cells.iter().product()

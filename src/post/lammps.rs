@@ -2,15 +2,23 @@
 //!
 //! `shapex shapey shapez` are **full axes** (diameters), as LAMMPS itself writes them since July 2020;
 //! OVITO halves them to its "Aspherical Shape", which has semi-axes. The quaternion stands in OVITO's
-//! and LAMMPS' order (x, y, z, w). Types count from 1; ids are the snapshot's, from 0.
+//! and LAMMPS' order (x, y, z, w). Types count from 1; ids are the snapshot's, from 0. A dump has no shapes but ellipsoids: all
+//! others are drawn as the ellipsoids in their boxes ([`drawn_otherwise`]).
 
 use crate::cell::Shear;
 use crate::output::header::Header;
 use crate::output::tables::ParticleTable;
+use crate::shape::Kind;
 use std::io::{self, Write};
 
 /// Along and across which axes LAMMPS tilts a box: xy, xz, yz. It knows no others.
 const TILTS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
+
+/// The names of shapes that are no ellipsoids, and look like some.
+pub fn drawn_otherwise(header: &Header) -> Vec<&str> {
+    let is_true = |kind: &str| [Kind::Sphere, Kind::Ellipsoid].iter().any(|k| k.name() == kind);
+    header.shapes.iter().filter(|row| !is_true(&row.kind)).map(|row| &*row.name).collect()
+}
 
 /// Writes what stands above the rows of atoms. Of a sheared cell the box is tilted, if LAMMPS can.
 ///

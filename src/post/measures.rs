@@ -12,12 +12,13 @@ use super::report::readable;
 use super::series::{Choice, Snapshot};
 use super::slope::{Direction, Slope};
 use super::{inside, vtp};
+use crate::files;
 use crate::output::series;
 use crate::output::snapshot::Reader;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter};
 use std::path::Path;
 
 /// Which measures to make.
@@ -70,34 +71,29 @@ pub struct Source<'a> {
 }
 
 /// What there is to show.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub struct Shown {
     /// For the page.
     pub plots: Vec<Plot>,
     /// For a terminal.
     pub text: String,
+    /// Why measures are missing that were asked for.
+    pub failed: Vec<MeasureError>,
 }
 
 impl Asked {
-    /// Makes them, and writes their tables into a folder.
-    ///
-    /// # Errors
-    /// See [`MeasureError`].
-    pub fn make(&self, source: Source, out: &Path) -> Result<Shown, MeasureError> {
+    /// Makes them, and writes their tables into a folder. One that cannot be made leaves the others alone.
+    pub fn make(&self, source: Source, out: &Path) -> Shown {
         let mut shown = Shown::default();
-        if let Some(width) = self.fields {
-            self.make_fields(width, source, out, &mut shown)?;
-        }
-        if let Some(groups) = &self.mixing {
-            self.make_mixing(groups, source, out, &mut shown)?;
-        }
-        if let Some(along) = self.slope {
-            make_slope(along, source, out, &mut shown)?;
-        }
-        if let Some(gate) = &self.flow {
-            self.make_flow(gate, source, out, &mut shown)?;
-        }
-        Ok(shown)
+        let shown_by = &mut shown;
+        let made = [
+            self.fields.map(|width| self.make_fields(width, source, out, shown_by)),
+            self.mixing.as_ref().map(|groups| self.make_mixing(groups, source, out, shown_by)),
+            self.slope.map(|along| make_slope(along, source, out, shown_by)),
+            self.flow.as_ref().map(|gate| self.make_flow(gate, source, out, shown_by)),
+        ];
+        shown.failed = made.into_iter().flatten().filter_map(Result::err).collect();
+        shown
     }
 
     fn make_fields(
@@ -389,12 +385,7 @@ fn write(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> Result<(), MeasureError> {
-    let written = File::create(path).and_then(|file| {
-        let mut file = BufWriter::new(file);
-        write(&mut file)?;
-        file.flush()
-    });
-    written.map_err(|cause| unwritten(path, cause))
+    files::replace(path, write).map(drop).map_err(|cause| unwritten(path, cause))
 }
 
 fn write_rows<T: Serialize>(path: &Path, rows: &[T]) -> Result<(), MeasureError> {

@@ -9,7 +9,8 @@
 //!   `p (1 - p) / n` of Lacey for cells that are not equally full.
 //!
 //! So `M` is 0 if no cell has grains of both groups, and 1 in the mean of random mixtures. It is counted by number. A finer grid
-//! gives a lower `M` to the same unmixed state. A more even mixture than by chance has more than 1.
+//! gives a lower `M` to the same unmixed state. A more even mixture than by chance has more than 1. If a plane across an axis
+//! divides the groups in the first snapshot, it is a face between cells, so that this state has 0.
 
 use super::check;
 use super::errors::MeasureError;
@@ -17,6 +18,7 @@ use super::grid::Grid;
 use super::pieces;
 use super::region::{Bounds, Region};
 use crate::ids::GlobalId;
+use crate::math::Vec3;
 use crate::output::header::Header;
 use crate::output::snapshot::Reader;
 use crate::output::tables::ParticleTable;
@@ -73,9 +75,16 @@ pub struct Mixing {
     pub left_out: u64,
 }
 
-/// Who belongs to which group.
+/// Who belongs to which group, and the plane between both in the first snapshot.
 #[derive(Clone, Debug)]
-pub enum Members {
+pub struct Members {
+    of: Named,
+    /// Across an axis at a place [m]; nothing if no such plane divides them.
+    plane: Option<(usize, f64)>,
+}
+
+#[derive(Clone, Debug)]
+enum Named {
     /// By the name of the shape.
     Shape(String),
     /// By the place in the first snapshot: whether a grain is of the first group. Who came later is of none.
@@ -95,7 +104,9 @@ impl Members {
                     let known = shapes.iter().map(|shape| shape.name.clone()).collect();
                     return Err(MeasureError::NoSuchShape { name: name.clone(), known });
                 }
-                Ok(Self::Shape(name.clone()))
+                let mut members = Self { of: Named::Shape(name.clone()), plane: None };
+                members.plane = members.plane_in(first)?;
+                Ok(members)
             }
             Groups::Half(axis) => {
                 let mut places = Vec::new();
@@ -106,28 +117,67 @@ impl Members {
                     places.extend(along.zip(particles.id));
                 }
                 places.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-                let half = places.len() / 2;
+                let half = halved(&places);
+                let ends = (half > 0).then(|| places.get(half - 1).zip(places.get(half))).flatten();
+                let plane = ends.map(|(below, above)| (*axis, 0.5 * (below.0 + above.0)));
                 let listed = places.into_iter().enumerate().map(|(k, (_, id))| (id, k < half));
-                Ok(Self::Listed(listed.collect()))
+                Ok(Self { of: Named::Listed(listed.collect()), plane })
             }
         }
     }
 
+    /// The plane across an axis that divides both groups in a snapshot with the widest gap, if there is one.
+    fn plane_in(&self, first: &Reader) -> Result<Option<(usize, f64)>, MeasureError> {
+        let nowhere =
+            Bounds { low: Vec3::repeat(f64::INFINITY), high: Vec3::repeat(f64::NEG_INFINITY) };
+        let mut reached = [nowhere; 2];
+        for rows in pieces(first.particle_count()) {
+            let particles = first.particles(rows)?;
+            check::check_particles(first.header(), &particles)?;
+            for (row, place) in particles.position.iter().enumerate() {
+                let Some(group) = self.is_first(first.header(), &particles, row) else { continue };
+                let bounds = &mut reached[usize::from(group)];
+                bounds.low = bounds.low.inf(place);
+                bounds.high = bounds.high.sup(place);
+            }
+        }
+        let [a, b] = reached;
+        let gaps = (0..3).flat_map(|k| [(k, a.high[k], b.low[k]), (k, b.high[k], a.low[k])]);
+        let gaps = gaps.filter(|(_, from, to)| from < to && (to - from).is_finite());
+        let widest = gaps.max_by(|x, y| (x.2 - x.1).total_cmp(&(y.2 - y.1)));
+        Ok(widest.map(|(axis, from, to)| (axis, 0.5 * (from + to))))
+    }
+
     /// Whether a row is of the first group; nothing if it is of none.
     fn is_first(&self, header: &Header, particles: &ParticleTable, row: usize) -> Option<bool> {
-        match self {
-            Self::Shape(name) => Some(header.shapes[particles.shape[row].index()].name == *name),
-            Self::Listed(listed) => listed.get(&particles.id[row]).copied(),
+        match &self.of {
+            Named::Shape(name) => Some(header.shapes[particles.shape[row].index()].name == *name),
+            Named::Listed(listed) => listed.get(&particles.id[row]).copied(),
         }
     }
+
+    /// Cells between which the plane lies that divides the groups, if one does.
+    fn divided(&self, grid: Grid) -> Result<Grid, MeasureError> {
+        self.plane.map_or(Ok(grid), |(axis, place)| grid.with_face(axis, place))
+    }
+}
+
+/// How many of these places, which rise, are the lower half: grains that stand side by side are not divided.
+fn halved(places: &[(f64, GlobalId)]) -> usize {
+    let half = places.len() / 2;
+    let Some((first, last)) = places.first().zip(places.last()) else { return 0 };
+    let hair = 1e-9 * (last.0 - first.0);
+    let is_gap = |&k: &usize| places[k].0 - places[k - 1].0 > hair;
+    let gaps = (1..places.len()).filter(is_gap);
+    gaps.min_by_key(|k| k.abs_diff(half)).unwrap_or(half)
 }
 
 /// Cells of about this side [m] of the domain, and as many more where walls have moved out of it that they hold the centres of all
 /// grains. They are the same in all snapshots of a domain.
-fn cells_of_all(reader: &Reader, side: f64) -> Result<Grid, MeasureError> {
+fn cells_of_all(reader: &Reader, members: &Members, side: f64) -> Result<Grid, MeasureError> {
     let header = reader.header();
     let mut reached = Bounds { low: header.cell.low(), high: header.cell.high() };
-    let grid = Grid::of(&reached, side)?;
+    let grid = members.divided(Grid::of(&reached, side)?)?;
     let open = [0, 1, 2].map(|k| header.cell.period(k).is_none());
     for rows in pieces(reader.particle_count()) {
         let particles = reader.particles(rows)?;
@@ -156,8 +206,8 @@ impl Mixing {
         let header = reader.header();
         region.check(header)?;
         let grid = match region {
-            Region::Box(bounds) => Grid::of(&bounds, side)?,
-            Region::Whole => cells_of_all(reader, side)?,
+            Region::Box(bounds) => members.divided(Grid::of(&bounds, side)?)?,
+            Region::Whole => cells_of_all(reader, members, side)?,
         };
         // All grains and those of the first group.
         let mut counts = vec![[0u64; 2]; grid.len()];
@@ -169,9 +219,9 @@ impl Mixing {
                 let place = header.cell.inside(particles.position[row]);
                 let group = members.is_first(header, &particles, row);
                 let cell = match region {
-                    Region::Box(_) => grid.cell_at(&place),
+                    Region::Box(bounds) if !bounds.contains(&place) => None,
                     // All lie in it, but for rounding.
-                    Region::Whole => grid.nearest_cell(&place),
+                    _ => grid.nearest_cell(&place),
                 };
                 match (cell, group) {
                     (Some(cell), Some(is_first)) => {

@@ -2,13 +2,14 @@
 
 use super::draw::{Axes, BLUE, Mark, ORANGE, PlotError, SIZE, Series, chart, linear};
 use super::plots::{Plot, Width};
+use crate::files;
 use crate::output::report::Report;
 use crate::output::report::sizes::{Below, SizesOf};
 use std::path::Path;
 
 /// What the report in a run's directory has of sizes; nothing if there is no report, or one that cannot be read.
 pub fn beside(directory: &Path) -> Vec<SizesOf> {
-    let text = std::fs::read_to_string(Report::path(directory)).unwrap_or_default();
+    let text = files::read_to_string(&Report::path(directory)).unwrap_or_default();
     let report: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
     serde_json::from_value(report["sizes"].clone()).unwrap_or_default()
 }

@@ -137,7 +137,21 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         page.line("bounds", limit);
     }
     for (a, b) in pairs_of_kinds(scene) {
-        page.line("contacts", format!("{}-{}: {}", a.name(), b.name(), resolver(scene, a, b)));
+        let how = resolver(scene, a, b);
+        let mut line = |name: &str, how: &str| {
+            page.line("contacts", format!("{}-{name}: {how}", a.name()));
+        };
+        if b != Kind::TriangleMesh {
+            line(b.name(), how);
+            continue;
+        }
+        let surfaces = || scene.walls.iter().filter_map(|wall| wall.mesh.as_ref());
+        if surfaces().any(|mesh| !mesh.surface.is_exact()) {
+            line(b.name(), how);
+        }
+        if surfaces().any(|mesh| mesh.surface.is_exact()) {
+            line("round-wall", if how == FACETS { "side and ends" } else { how });
+        }
     }
     if scene.audit.every > 0 {
         page.line("audit", scene.audit.words());
@@ -238,7 +252,8 @@ fn walls(scene: &Scene, page: &mut Page) {
     }
     for wall in &scene.walls {
         let Some(Mesh { surface, .. }) = &wall.mesh else { continue };
-        page.line("triangles", format!("{}: {}", wall.name, surface.summary()));
+        let label = if surface.is_exact() { "round wall" } else { "triangles" };
+        page.line(label, format!("{}: {}", wall.name, surface.summary()));
         let [cells, looked_at] = surface.cells_made();
         let seconds = SECONDS_PER_CELL * cells as f64 + SECONDS_PER_LOOK * looked_at as f64;
         if seconds >= 1.0 {
@@ -323,6 +338,9 @@ fn pairs_of_kinds(scene: &Scene) -> Vec<(Kind, Kind)> {
     pairs
 }
 
+/// What of triangles grains touch.
+const FACETS: &str = "faces, edges, corners";
+
 fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
     match (a, b, scene.method) {
         (_, _, method) if method.is_by_thickness((a, b)) && a.has_side() => {
@@ -333,7 +351,7 @@ fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
              a regular tetrahedron 0.15"
         }
         (Kind::Sphere, Kind::Sphere, _) | (_, Kind::HalfSpace, _) => "closed form",
-        (_, Kind::TriangleMesh, _) => "faces, edges, corners",
+        (_, Kind::TriangleMesh, _) => FACETS,
         (_, _, method) => table(&method, &[a, b]).get((a, b)).map_or("none", ContactResolver::name),
     }
 }

@@ -102,9 +102,20 @@ struct Written {
     planes: Vec<Plane>,
 }
 
-impl From<Written> for Hull {
-    fn from(Written { vertices, triangles, planes }: Written) -> Self {
-        Self::assembled(vertices, triangles, planes)
+impl TryFrom<Written> for Hull {
+    type Error = &'static str;
+
+    fn try_from(Written { vertices, triangles, planes }: Written) -> Result<Self, Self::Error> {
+        let is_known = |triangle: &Triangle| {
+            triangle.corners.iter().all(|&corner| (corner as usize) < vertices.len())
+                && (triangle.plane as usize) < planes.len()
+        };
+        let is_surface =
+            vertices.len() > 3 && triangles.len() > 3 && triangles.iter().all(is_known);
+        if !(is_surface && vertices.iter().flatten().all(|x| x.is_finite())) {
+            return Err("a surface of triangles whose corners and planes are not there");
+        }
+        Ok(Self::assembled(vertices, triangles, planes))
     }
 }
 
@@ -116,7 +127,7 @@ impl From<Hull> for Written {
 
 /// A convex surface, closed, with the origin inside or not.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(from = "Written", into = "Written")]
+#[serde(try_from = "Written", into = "Written")]
 pub struct Hull {
     vertices: Vec<Vec3>,
     triangles: Vec<Triangle>,

@@ -331,6 +331,11 @@ impl TriangleMesh {
         self.findings
     }
 
+    /// Is it a cylinder or a cone, which triangles only draw?
+    pub const fn is_exact(&self) -> bool {
+        !self.facets.strips.is_empty()
+    }
+
     /// Triangles, facets, what is to be known of them, and memory, in a line.
     pub fn summary(&self) -> String {
         if let Some(strip) = self.facets.strips.first() {
@@ -339,7 +344,7 @@ impl TriangleMesh {
             let end = radius + slope * length;
             let to_end = if *slope == 0.0 { String::new() } else { format!(" to {end:.3e}") };
             return format!(
-                "a {what}, radius {radius:.3e}{to_end} m, length {length:.3e} m, exact; {} triangles in pictures",
+                "a {what}, radius {radius:.3e}{to_end} m, length {length:.3e} m, exact; pictures draw it with {} triangles",
                 self.len()
             );
         }

@@ -379,8 +379,10 @@ impl<'a> Records<'a> {
         measures: &Measures,
         comm: &mut dyn Comm,
     ) -> Result<PathBuf, RunError> {
-        self.sync()?;
-        save(sim, self.schedule, ending, measures, comm)
+        let synced = self.sync();
+        // Where a table is gone, the state is kept all the same.
+        let saved = save(sim, self.schedule, ending, measures, comm)?;
+        synced.map_err(RunError::from).map(|()| saved)
     }
 
     /// The state before the first step of a stage. Collective.

@@ -21,6 +21,7 @@ fn a_diff_finds_what_was_planted() {
             header: s.header.clone(),
             particles: s.particles.clone(),
             records: ContactRecords::default(),
+            contacts: s.contacts.clone(),
         };
         Difference::between(&state(a), &state(b))
     };

@@ -324,6 +324,47 @@ fn groups_stay_what_they_were() {
     assert!(made.contains("Lacey's index 1.125"), "{made}");
 }
 
+/// Groups that nobody has mixed have the index 0, wherever the plane between them is, and cells of the usual size.
+#[test]
+fn what_is_apart_has_the_index_zero() {
+    const SEED: u64 = 5;
+    let mut random = Random::of(SEED, 0);
+    let size = Vec3::new(13.3, 7.1, 9.7) * DIAMETER;
+    let scattered: Vec<Vec3> =
+        (0..800).map(|_| Vec3::from_fn(|k, _| size[k] * random.unit())).collect();
+    // Of five layers the middle one is of one group.
+    let layers: Vec<Vec3> = (0..125)
+        .map(|k| Vec3::new(f64::from(k % 5), f64::from(k / 5 % 5), f64::from(k / 25)))
+        .map(|place| place.add_scalar(0.5) * DIAMETER)
+        .collect();
+    let inside = Region::Box(Bounds { low: size * 0.1, high: size * 0.9 });
+    for (size, places) in [(size, scattered), (Vec3::repeat(5.0 * DIAMETER), layers)] {
+        let mut packing = balls(size, false, places);
+        packing.header.shapes.push(packing.header.shapes[0].clone());
+        packing.header.shapes[1].name = "red".into();
+        let upper = |place: &Vec3| u16::from(place.y > 0.45 * size.y);
+        packing.particles.shape =
+            packing.particles.position.iter().map(|p| ShapeId(upper(p))).collect();
+        let (_folder, reader) = stored(&packing);
+        let red = Groups::Shape("red".into());
+        for groups in [Groups::Half(0), Groups::Half(1), Groups::Half(2), red] {
+            let members = Members::of(&groups, &reader).unwrap();
+            for side in [2.0, 3.0, 4.0, 5.3, 6.0] {
+                for region in [Region::Whole, inside] {
+                    let Ok(mixing) = Mixing::of(&reader, &members, region, side * DIAMETER) else {
+                        continue;
+                    };
+                    let index = mixing.index.unwrap();
+                    assert!(
+                        index.abs() < 1e-12,
+                        "seed {SEED}, {groups:?}, {side} d, {region:?}: {index}"
+                    );
+                }
+            }
+        }
+    }
+}
+
 /// Cells are the same in all snapshots: as large as the grains of the first say, and where the domain has them.
 #[test]
 fn cells_of_mixing_stay_where_they_are() {
@@ -582,6 +623,15 @@ fn the_program_makes_measures_and_refuses_what_is_none() {
         assert_eq!(status, Some(2), "{arguments:?}: {message}");
         assert!(message.contains(says), "{arguments:?}: {message}");
     }
+    // One that cannot be made leaves the others alone.
+    let out = folder.path().join("post");
+    let _ = std::fs::remove_dir_all(&out);
+    let (status, said, message) = run(&["--mixing", "half:x", "--flow", "-z=0.01", "--slope", "x"]);
+    assert_eq!(status, Some(2), "{message}");
+    assert!(message.contains("z is periodic") && said.contains("mixing: "), "{said}{message}");
+    for file in ["mixing.csv", "report.json", "report.csv", "index.html"] {
+        assert!(out.join(file).exists(), "{file}");
+    }
     let all = ["--fields", "0.5d", "--vtp", "--mixing", "half:x", "--flow", "outlet:below"];
     let (status, said, message) = run(&all);
     assert_eq!(status, Some(0), "{message}");
@@ -590,7 +640,6 @@ fn the_program_makes_measures_and_refuses_what_is_none() {
         "{said}"
     );
     assert!(said.contains("20 x 16 x 18 cells"), "{said}");
-    let out = folder.path().join("post");
     for file in [
         "fields_000001000.vtkhdf",
         "fields_000001000.vti",

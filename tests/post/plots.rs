@@ -9,6 +9,7 @@ use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::output::header::{Header, WallRow};
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
 use dem_mpi::particles::walls::Wall;
+use dem_mpi::post::draw::{BLUE, Mark, SIZE, Series, chart, linear};
 use dem_mpi::post::history::History;
 use dem_mpi::post::region::{Bounds, Region};
 use dem_mpi::post::views::{Layer, Views};
@@ -37,6 +38,25 @@ fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
     let mut drawings: Vec<_> = plots.iter().map(|p| (p.name.clone(), p.svg.clone())).collect();
     drawings.push(("page".into(), page::page("a <title>", &reports, &plots)));
     drawings
+}
+
+/// Steps from tick to tick leave some 1e-17 where 0 should be.
+#[test]
+fn zero_is_labelled_zero() {
+    for reach in [0.3, 0.6, 7e-4, 1.1, 3.3e3, 6e-6, 0.12] {
+        for low in [-1.0, -0.5, -0.7] {
+            let range = low * reach..reach;
+            let points = vec![(range.start, range.start), (range.end, range.end)];
+            let line = Series { name: String::new(), colour: BLUE, mark: Mark::Line, points };
+            let svg =
+                chart(SIZE, &linear("x", "y", range.clone(), range.clone()), &[line]).unwrap();
+            let labels = svg.split("</text>").filter_map(|part| part.rsplit('>').next());
+            let labels: Vec<_> = labels.map(str::trim).collect();
+            let is_hair = |label: &&&str| ["⁻¹", "⁻²"].iter().any(|power| label.contains(power));
+            assert_eq!(labels.iter().find(is_hair), None, "{range:?}: {labels:?}");
+            assert!(labels.contains(&"0"), "{range:?}: {labels:?}");
+        }
+    }
 }
 
 #[test]

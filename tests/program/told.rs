@@ -52,7 +52,9 @@ fn every_contact_method_runs() {
         let (out, steps) = (directory.to_str().unwrap(), STEPS.to_string());
         let arguments = [&*scene("heap"), "--set", &set, "--out", out, "--steps", &steps];
         let ended = dem_mpi(Launch::Ranks(2), arguments).succeed();
-        ended.said_once(&format!("A heap in a corner: {method} on 2 ranks, steps 0 to {STEPS}"));
+        ended.said_once(&format!(
+            "A heap in a corner: contact method {method}, 2 ranks, steps 0 to {STEPS}"
+        ));
         ended.said_once("all steps done");
         assert_eq!(
             ended.errors.contains("a collision gains or loses energy"),

@@ -12,10 +12,12 @@ mod text;
 
 use super::growing::TableError;
 use crate::drive::Kept;
+use crate::files;
 use crate::timing::Phase;
 use audit::Audit;
 use serde::{Serialize, Serializer};
 use sizes::SizesOf;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
@@ -339,7 +341,10 @@ impl Report {
         let path = Self::path(directory);
         let written = serde_json::to_string_pretty(self)
             .map_err(|error| error.to_string())
-            .and_then(|text| std::fs::write(&path, text + "\n").map_err(|error| error.to_string()));
+            .and_then(|text| {
+                let written = files::replace(&path, |file| writeln!(file, "{text}"));
+                written.map(drop).map_err(|error| error.to_string())
+            });
         written.map_err(|cause| TableError { path: path.clone(), cause })
     }
 
