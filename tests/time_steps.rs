@@ -208,7 +208,7 @@ fn leg(scene: &Scene, folder: &Path, ranks: u32, from: Option<u64>, stops: Optio
 #[test]
 fn a_step_of_its_own_follows_the_limit() {
     let scene = scene(FALLING);
-    let [whole, legs] = [(); 3].map(|()| tempfile::tempdir().unwrap());
+    let [whole, legs] = [(); 2].map(|()| tempfile::tempdir().unwrap());
     let (state, times, finish) = leg(&scene, whole.path(), 1, None, None);
     let changes =
         |finish: &Finish| finish.warnings.iter().filter(|text| text.contains("steps take")).count();

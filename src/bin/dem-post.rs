@@ -160,7 +160,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
         },
     };
     let choice = Choice { settings, margin: arguments.margin };
-    let files = particle_files(arguments)?;
+    let mut files = particle_files(arguments)?;
     if arguments.diff {
         return compare(&files);
     }
@@ -184,11 +184,11 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
         let reader = Reader::open(newest)?;
         let drawn = lammps::drawn_otherwise(reader.header());
         if !drawn.is_empty() {
-            eprintln!(
+            print_error(format_args!(
                 "dem-post: OVITO will draw grains of {} as the ellipsoids in their boxes, as a dump has no other shapes: \
                  for true ones take --surfaces",
                 drawn.join(", ")
-            );
+            ));
         }
         for snapshot in &snapshots {
             let reader = Reader::open(&snapshot.path)?;
@@ -221,7 +221,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     match measured.failed.split_first() {
         None => Ok(ExitCode::SUCCESS),
         Some((first, others)) => {
-            others.iter().for_each(|error| eprintln!("dem-post: {error}"));
+            others.iter().for_each(|error| print_error(format_args!("dem-post: {error}")));
             bail!("{first}")
         }
     }
@@ -255,7 +255,10 @@ fn particle_files(arguments: &Arguments) -> Result<Vec<PathBuf>> {
                 .canonicalize()
                 .with_context(|| format!("there is no snapshot {}", file.display()))?;
             if !named_before.insert(file.clone()) && !*is_diff && name != LAST {
-                eprintln!("dem-post: {} is named twice, and counts once", file.display());
+                print_error(format_args!(
+                    "dem-post: {} is named twice, and counts once",
+                    file.display()
+                ));
             }
             files.push(file);
         }
@@ -293,7 +296,7 @@ fn compare(files: &[PathBuf]) -> Result<ExitCode> {
                 "all that a restart goes on from is equal, but contacts files were not compared: {error}"
             );
         }
-        eprintln!("dem-post: contacts files were not compared: {error}");
+        print_error(format_args!("dem-post: contacts files were not compared: {error}"));
     }
     say(&difference.to_string())?;
     Ok(ExitCode::from(u8::from(!difference.is_empty())))

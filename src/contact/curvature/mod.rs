@@ -48,9 +48,8 @@ use crate::shape::{Ellipsoid, Form, Shape};
 
 /// The largest radius of curvature of bodies that have flat sides, over their bounding radius.
 pub const FLATTEST: f64 = 10.0;
-/// The least of bodies that have edges or crests. Hertz's law sees no crest that is sharper than some overlaps: the contact reaches
-/// over it, and the force beside the normal would pass the normal force many times.
-pub const SHARPEST: f64 = 0.1;
+/// The least of bodies that have edges or crests.
+pub const SHARPEST: f64 = 0.01;
 
 /// What Hertz's law must know of a contact beside its overlap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
