@@ -13,7 +13,7 @@ use std::path::Path;
 pub enum Unreadable {
     /// The system has no bytes for it.
     #[error("cannot be read: {0}")]
-    File(#[from] std::io::Error),
+    File(std::io::Error),
     /// Not UTF-8.
     #[error("line {line}: the byte 0x{byte:02x} is not UTF-8; save the file as UTF-8")]
     Encoding {
@@ -30,6 +30,13 @@ pub enum Unreadable {
         "line {0}: has the character NUL, as binary files and UTF-16 without a byte order mark have it; save the file as UTF-8 text"
     )]
     Nul(usize),
+}
+
+// No source of it: its words are there.
+impl From<std::io::Error> for Unreadable {
+    fn from(error: std::io::Error) -> Self {
+        Self::File(error)
+    }
 }
 
 /// The bytes of a regular file.

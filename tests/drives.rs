@@ -162,7 +162,7 @@ fn grains_come_and_go_the_same_on_any_number_of_ranks() {
     // What a grain that leaves gives to those that it touches in its last step is not booked.
     let [missing, dissipated] = ["missing", "dissipated"].map(|name| alone.number(name));
     println!("{taken} of {first} are gone, {missing:e} J of {dissipated:e} J is missing");
-    assert!(missing.abs() < 2e-5 * dissipated, "{missing:e} J of {dissipated:e} J is missing");
+    assert!(missing.abs() < 1e-4 * dissipated, "{missing:e} J of {dissipated:e} J is missing");
     let text = SHAFT.replace("MATERIAL", MATERIAL);
     let deep = crate::support::scene(&text.replace("low = [0, 0, 0]\n", "low = [0, 0, -1]\n"));
     let deep = on_ranks(&deep).run(1, steps);

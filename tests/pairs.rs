@@ -172,7 +172,7 @@ fn a_bad_file_is_one_message() {
         assert!(output.stdout.is_empty());
     }
     for (arguments, message) in [
-        (&["no/such/file.csv"][..], "cannot read no/such/file.csv"),
+        (&["no/such/file.csv"][..], "no/such/file.csv: cannot be read: No such file"),
         (&["-", "--method", "epa", "--set", "erosion_ratio=0.1"], "the method here is epa"),
         (&["-", "--method", "epa", "--set", "tolerance=2"], "must lie between 0 and 1"),
         (&["-", "--method", "epa", "--set", "polish=no"], "polish=no"),

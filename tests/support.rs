@@ -278,6 +278,7 @@ impl Bench {
         sim.particles.strip_to_owned();
         for particle in particles {
             sim.insert(particle);
+            sim.next_id = sim.next_id.max(particle.id.0 + 1);
         }
         sim.begin(&mut comm).expect("the scene begins well");
         Self { sim, comm }

@@ -5,8 +5,15 @@ use crate::math::Vec3;
 use crate::output::header::Header;
 use crate::output::tables::{ContactTable, ParticleTable};
 
-/// Every shape known, every number finite.
+/// Nothing that is measured is larger, in SI units.
+const LARGEST: f64 = 1e30;
+
+/// Every shape known, and every number one that products of it can be.
 pub(super) fn check_particles(header: &Header, particles: &ParticleTable) -> Result<(), PostError> {
+    let is_mass = |mass: f64| mass > 0.0 && mass <= LARGEST * LARGEST;
+    if let Some(shape) = header.shapes.iter().find(|shape| !is_mass(shape.mass)) {
+        return Err(PostError::NotFinite { what: format!("mass of shape {}", shape.name) });
+    }
     for (&id, shape) in particles.id.iter().zip(&particles.shape) {
         if shape.index() >= header.shapes.len() {
             return Err(PostError::UnknownShape {
@@ -25,13 +32,14 @@ pub(super) fn check_particles(header: &Header, particles: &ParticleTable) -> Res
     broken("position", not_finite(&particles.position))?;
     broken("velocity", not_finite(&particles.velocity))?;
     broken("force", not_finite(&particles.force))?;
-    let is_size = |scale: &f64| *scale > 0.0 && scale.is_finite();
+    let is_size = |scale: &f64| *scale > 0.0 && *scale <= LARGEST;
     broken("scale", particles.scale.iter().position(|scale| !is_size(scale)))?;
-    let orientation = |q: &[f64; 4]| q.iter().all(|c| c.is_finite()) && q.iter().any(|&c| c != 0.0);
+    let orientation =
+        |q: &[f64; 4]| q.iter().all(|c| c.abs() <= LARGEST) && q.iter().any(|&c| c != 0.0);
     broken("quaternion", particles.quaternion.iter().position(|q| !orientation(q)))
 }
 
-/// Every number finite.
+/// Every number likewise.
 pub(super) fn check_contacts(contacts: &ContactTable) -> Result<(), PostError> {
     let broken = |column: &'static str, row: Option<usize>| match row {
         None => Ok(()),
@@ -47,9 +55,12 @@ pub(super) fn check_contacts(contacts: &ContactTable) -> Result<(), PostError> {
     broken("point", not_finite(&contacts.point))?;
     broken("normal", not_finite(&contacts.normal))?;
     broken("shear force", not_finite(&contacts.shear_force))?;
-    broken("normal force", contacts.normal_force.iter().position(|f| !f.is_finite()))
+    broken(
+        "normal force",
+        contacts.normal_force.iter().position(|f| f.is_nan() || f.abs() > LARGEST),
+    )
 }
 
 fn not_finite(column: &[Vec3]) -> Option<usize> {
-    column.iter().position(|v| !v.iter().all(|x| x.is_finite()))
+    column.iter().position(|v| !v.iter().all(|x| x.abs() <= LARGEST))
 }

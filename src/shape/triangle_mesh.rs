@@ -29,8 +29,9 @@ mod nearest;
 mod solid;
 
 pub use along::{Over, Round, Stretch};
+pub use cells::Front;
 pub use facets::MeshFacet;
-pub use solid::{Front, Near, NoSolid};
+pub use solid::{Near, NoSolid};
 
 use super::Convex;
 use crate::math::{Vec3, bounds};

@@ -14,12 +14,36 @@
 
 use super::TriangleMesh;
 use super::nearest::{is_over, nearest_on};
-use super::solid::{Beyond, Front};
 use crate::math::{Vec3, bounds};
 use crate::shape::clip::{Clipped, cube};
 use crate::shape::facets::Plane;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
+
+/// The triangle beyond each side of one, and which of its sides that is.
+pub(super) type Beyond = [Option<(u32, usize)>; 3];
+
+/// A side of a surface: its front, or its back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Front {
+    /// As the first triangle of its part has it.
+    Front,
+    /// The other.
+    Back,
+}
+
+impl Front {
+    pub(super) const fn index(self) -> usize {
+        self as usize
+    }
+
+    pub(super) const fn sign(self) -> f64 {
+        match self {
+            Self::Front => 1.0,
+            Self::Back => -1.0,
+        }
+    }
+}
 
 /// Cells are cut only by their own edges where normals of faces are as near as this, as a cosine.
 const BENT: f64 = 0.9999;

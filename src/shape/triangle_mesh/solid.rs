@@ -26,7 +26,7 @@
 //! | of others | the same by the angle between their normals, or by that at which the nearest points of both stand over each other, if that is more |
 
 use super::building::{Side, sides_of};
-use super::cells::{Cells, Making};
+use super::cells::{Beyond, Cells, Front, Making};
 use super::nearest::{nearest_on, nearest_on_segment};
 use super::{NONE, TriangleMesh};
 use crate::math::Vec3;
@@ -76,9 +76,6 @@ struct Behind {
 /// Flats that meet, with their weights seen from the front and from the back.
 type Meeting = (u32, u32, [f64; 2]);
 
-/// The triangle beyond each side of one, and which of its sides that is.
-pub(super) type Beyond = [Option<(u32, usize)>; 3];
-
 /// What is behind all triangles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Solid {
@@ -115,28 +112,6 @@ impl Solid {
         let key = (one.min(other), one.max(other));
         let place = self.meetings.binary_search_by_key(&key, |m| (m.0, m.1)).ok()?;
         Some(&self.meetings[place])
-    }
-}
-
-/// A side of a surface: its front, or its back.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Front {
-    /// As the first triangle of its part has it.
-    Front,
-    /// The other.
-    Back,
-}
-
-impl Front {
-    const fn index(self) -> usize {
-        self as usize
-    }
-
-    const fn sign(self) -> f64 {
-        match self {
-            Self::Front => 1.0,
-            Self::Back => -1.0,
-        }
     }
 }
 
