@@ -54,6 +54,7 @@ mod stages;
 mod suggest;
 mod superellipsoids;
 mod support;
+mod symmetries;
 mod touch_and_end;
 mod turning;
 mod turning_together;
