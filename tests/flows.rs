@@ -818,6 +818,33 @@ fn grains_of_an_inlet_point_along_an_axis_and_spin() {
     assert!(measures.missing().abs() < 1e-11 * measures.kinetic(), "{:e}", measures.missing());
 }
 
+/// Each component of the velocity is uniform within `spread` of that of the inlet: mean square 1/3 of the square, of which the variance is 4/45 of its
+/// square. Five standard errors.
+#[test]
+fn velocities_of_an_inlet_are_spread_evenly() {
+    let text = "[domain]\nlow = [0, 0, 0]\nhigh = [0.2, 0.2, 0.2]\n[[material]]\nname = \"stone\"\ndensity = 2500\nnormal_stiffness = 100\n\
+                [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.002\n[[inlet]]\nname = \"tap\"\n\
+                low = [0.02, 0.02, 0.02]\nhigh = [0.18, 0.18, 0.18]\nrate = 1e9\nevery = 1\nvelocity = [0.5, 0, -1]\nspread = 0.3\n\
+                [time]\nstep = 1e-5\nsteps = 100\n[output]\ndirectory = \"out\"\n";
+    let (scene, mut comm) = (scene(text), Alone::default());
+    let mut sim = begun(&scene, &mut comm);
+    sim.step(&mut comm).unwrap();
+    let count = sim.particles.owned;
+    assert!(count > 500, "{count}");
+    let (mut sum, mut squares, mut farthest) = (Vec3::zeros(), Vec3::zeros(), Vec3::zeros());
+    for velocity in &sim.particles.velocity[..count] {
+        let off = (velocity - Vec3::new(0.5, 0.0, -1.0)) / 0.3;
+        (sum, squares) = (sum + off, squares + off.component_mul(&off));
+        farthest = farthest.sup(&off.abs());
+    }
+    // Of 500 some are in the last fiftieth: 0.98⁵⁰⁰ is 4e-5.
+    assert!(farthest.max() < 1.0 + 1e-12 && farthest.min() > 0.98, "{farthest}");
+    let error = 5.0 / f64::sqrt(count as f64);
+    assert!((sum / count as f64).amax() < error / 3.0_f64.sqrt(), "{sum}");
+    let off = squares / count as f64 - Vec3::repeat(1.0 / 3.0);
+    assert!(off.amax() < error * (4.0 / 45.0_f64).sqrt(), "{off}");
+}
+
 /// What appears at a border of a period keeps clear of what is beyond it: of grains, and of a plate of triangles.
 #[test]
 fn an_inlet_keeps_clear_of_images() {

@@ -74,6 +74,42 @@ fn at(id: u64, position: Vec3, velocity: Vec3) -> Particle {
     Particle { velocity, ..Particle::at_rest(GlobalId(id), ShapeId(0), position) }
 }
 
+/// Three balls in a row on a floor, at rest but for a push upwards: forces are `k` times overlaps. The mean resultant is over the mean force of
+/// all five contacts, or of three of two where there is no floor: contacts count as at least the balls.
+#[test]
+fn the_history_has_the_mean_force_and_the_unbalanced_one() {
+    let (radius, stiffness) = (0.01, 1e5);
+    let (left, right, down) = (3e-6, 7e-6, 2e-6);
+    for (wall, pressed) in [("\nwalls = [\"-z\"]", down), ("", 0.0)] {
+        let domain = "[domain]\nlow = [-1, -1, 0]\nhigh = [1, 1, 1]";
+        let text = text(
+            &format!("kind = \"sphere\"\nradius = {radius}"),
+            &format!("density = 2500\nnormal_stiffness = {stiffness}"),
+            &format!("{domain}{wall}"),
+            1e-6,
+        );
+        let text = text.replace("first = [0, 0, 0]", "first = [0, 0, 0.5]");
+        let place = |x: f64| Vec3::new(x, 0.0, radius - down);
+        let mut bench = Bench::new(
+            &text,
+            &[
+                at(0, place(left - 2.0 * radius), Vec3::new(0.01, 0.02, 0.04)),
+                at(1, place(0.0), Vec3::new(-0.03, 0.0, 0.0)),
+                at(2, place(2.0 * radius - right), Vec3::zeros()),
+            ],
+        );
+        let found = bench.measure();
+        let contacts = if pressed > 0.0 { 5.0 } else { 3.0 };
+        let mean = stiffness * (left + right + 3.0 * pressed) / contacts;
+        let resultants = [left, right - left, right].map(|x: f64| stiffness * x.hypot(pressed));
+        let unbalanced = resultants.iter().sum::<f64>() / 3.0 / mean;
+        close(found.unbalanced, unbalanced, 1e-9, "unbalanced force");
+        close(found.mean_normal_force, 0.5 * stiffness * (left + right), 1e-9, "mean force");
+        close(found.largest_speed, 0.01 * 21.0_f64.sqrt(), 1e-14, "largest speed");
+        close(found.largest_overlap, right / (2.0 * radius), 1e-9, "largest overlap");
+    }
+}
+
 #[test]
 fn free_motion_is_damped_as_the_discrete_formula_says() {
     for case in reference("dem_collision_damping.json")["free_motion"]["cases"].as_array().unwrap()

@@ -67,6 +67,11 @@ for row in range(0, len(ids), max(1, len(ids) // 40)):
     assert grain.n_open_edges == 0, ids[row]
     assert 0.93 < grain.volume / volume[row] < 1 + 1e-5, (ids[row], grain.volume / volume[row])
     centre = here.particles["position"][row]
+    # In the axes of dem.py the grain fills the box of its semi-axes; an ellipsoid lies on its surface.
+    local = (grain.points - centre) @ here.axes[row] / here.particles["semi_axes"][row]
+    assert (np.abs(local) < 1 + 1e-4).all() and (np.abs(local).max(axis=0) > 0.9).all(), ids[row]
+    if here.shapes["kind"][here.particles["shape"][row]] == "ellipsoid":
+        assert np.allclose(np.linalg.norm(local, axis=1), 1, atol=1e-4), ids[row]
     outwards = np.einsum("ij,ij->i", grain.points - centre, np.asarray(grain["Normals"]))
     assert (outwards > 0).all(), ids[row]
 assert np.array_equal(grains["velocity"][-1], here.particles["velocity"][-1].astype(np.float32))

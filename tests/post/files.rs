@@ -118,6 +118,7 @@ fn lammps_dump_has_diameters_and_the_real_part_last() {
     let mut snapshot = ellipsoids(2, 7);
     snapshot.particles.quaternion[0] = [0.5, -0.5, 0.25, 0.125];
     snapshot.particles.position[0] = Vec3::new(0.1, 0.2, 0.3);
+    snapshot.particles.velocity[0] = Vec3::new(0.25, -0.5, 4.0);
     let mut out = Vec::new();
     lammps::write_header(&mut out, &snapshot.header, 8).unwrap();
     lammps::write_particles(&mut out, &snapshot.header, &snapshot.particles).unwrap();
@@ -128,8 +129,7 @@ fn lammps_dump_has_diameters_and_the_real_part_last() {
         ["ITEM: TIMESTEP", "1000", "ITEM: NUMBER OF ATOMS", "8", "ITEM: BOX BOUNDS ff ff ff"]
     );
     assert_eq!(lines.len(), 9 + 8);
-    let first =
-        "0 1 1e-1 2e-1 3e-1 -5e-1 2.5e-1 1.25e-1 5e-1 4.7622e-3 2.3811e-3 2.3811e-3 0e0 0e0 0e0";
+    let first = "0 1 1e-1 2e-1 3e-1 -5e-1 2.5e-1 1.25e-1 5e-1 4.7622e-3 2.3811e-3 2.3811e-3 2.5e-1 -5e-1 4e0";
     assert_eq!(lines[9], first);
 }
 

@@ -1,6 +1,6 @@
 //! Fields, mixing, slopes and flows against what they must be.
 
-use super::{close, close_matrix};
+use super::{arrays, close, close_matrix};
 use crate::packings::{Snapshot, header, particles_at, push, push_force, store};
 use crate::random::Draw;
 use dem_mpi::cell::Shear;
@@ -108,6 +108,75 @@ fn fields_add_up_to_the_sums_over_all_grains() {
         );
         assert!(kinetic.trace() > 0.2 * whole.trace());
     }
+}
+
+/// Sums over the cells of each column, in the table and in the image: those of three grains and of the force of one contact. Of motion
+/// they are with the motion of the mean, `Σ (κ + ρ v v) V = Σ m v v`.
+#[test]
+fn columns_of_fields_hold_what_their_names_say() {
+    let places = [[4.0, 7.0, 11.0], [5.5, 7.5, 10.2], [5.0, 6.4, 12.0]];
+    let places = places.map(|place| Vec3::from(place) * 1e-3);
+    let mut three = balls(Vec3::repeat(0.02), false, places.to_vec());
+    let velocity = [[1.0, -2.0, 4.0], [-3.0, 0.5, 1.0], [0.3, 0.7, -2.5]].map(Vec3::from);
+    three.particles.velocity = velocity.to_vec();
+    let branch = places[1] - places[0];
+    let (force, normal) = (Vec3::new(5.0, 1.0, 6.0), Vec3::new(2.0, 3.0, 6.0) / 7.0);
+    push(&mut three.contacts, (0, GlobalId(1)), places[0], branch, 0.5 * branch);
+    push_force(&mut three.contacts, normal, 1e-6, 7.0, force - 7.0 * normal);
+    let (mass, volume) = (three.header.shapes[0].mass, three.header.shapes[0].volume);
+    let (_folder, reader) = stored(&three);
+    let fields = Fields::of(&reader, Region::Whole, smoothing(Weight::Lucy)).unwrap();
+    let cell = fields.grid.volume();
+    let (mut table, mut image) = (Vec::new(), Vec::new());
+    fields.write_csv(&mut table).unwrap();
+    fields.image_data().write(&mut image).unwrap();
+    let mut table = csv::Reader::from_reader(&*table);
+    let names = table.headers().unwrap().clone();
+    let rows: Vec<Vec<f64>> = table.deserialize().map(Result::unwrap).collect();
+    let place = |name: &str| names.iter().position(|of| of == name).expect(name);
+    let whole = |of: &dyn Fn(&[f64]) -> f64| rows.iter().map(|row| of(row)).sum::<f64>() * cell;
+    let sum = |name: &str| whole(&|row: &[f64]| row[place(name)]);
+    let expect = |found: f64, expected: f64, what: &str| close(found / expected, 1.0, 1e-11, what);
+    expect(sum("density_kg_per_m3"), 3.0 * mass, "mass");
+    expect(sum("solid_fraction"), 3.0 * volume, "volume");
+    let in_image = arrays::<f64>(&image);
+    let of_image = |name: &str, width: usize, k: usize| {
+        in_image(name).chunks(width).map(|row| row[k]).sum::<f64>() * cell
+    };
+    expect(of_image("density", 1, 0), 3.0 * mass, "mass");
+    expect(of_image("solid_fraction", 1, 0), 3.0 * volume, "volume");
+    let (in_density, in_velocity) = (in_image("density"), in_image("velocity"));
+    let axes = ["x", "y", "z"];
+    let density = place("density_kg_per_m3");
+    let speeds = axes.map(|axis| place(&format!("v{axis}_m_per_s")));
+    let mut moving = 0.0;
+    for i in 0..3 {
+        let moment = |k: usize| whole(&|row: &[f64]| row[density] * row[k]);
+        let at = moment(place(&format!("{}_m", axes[i]))) / (3.0 * mass);
+        let middle = places.iter().map(|place| place[i]).sum::<f64>() / 3.0;
+        assert!((at - middle).abs() < 0.3e-3, "{at} {middle}");
+        expect(moment(speeds[i]), mass * velocity.iter().map(|v| v[i]).sum::<f64>(), "momentum");
+        let momentum: f64 =
+            in_density.iter().zip(in_velocity.chunks(3)).map(|(rho, v)| rho * v[i] * cell).sum();
+        expect(momentum, moment(speeds[i]), "momentum");
+        for j in 0..3 {
+            expect(of_image("contact_stress", 9, 3 * i + j), force[i] * branch[j], "contacts");
+            let of_mean = whole(&|row: &[f64]| row[density] * row[speeds[i]] * row[speeds[j]]);
+            let motion = mass * velocity.iter().map(|v| v[i] * v[j]).sum::<f64>() - of_mean;
+            expect(of_image("kinetic_stress", 9, 3 * i + j), motion, "motion");
+            if i <= j {
+                let component = format!("{}{}_pa", axes[i], axes[j]);
+                let contacts = 0.5 * (force[i] * branch[j] + force[j] * branch[i]);
+                expect(sum(&format!("contact_{component}")), contacts, &component);
+                expect(sum(&format!("kinetic_{component}")), motion, &component);
+            }
+            moving += if i == j { motion } else { 0.0 };
+        }
+    }
+    let pressure = (force.dot(&branch) + moving) / 3.0;
+    expect(sum("pressure_pa"), pressure, "pressure");
+    expect(of_image("pressure", 1, 0), pressure, "pressure");
+    assert!(moving > 1e-3 * force.dot(&branch), "{moving}");
 }
 
 /// Without periods the grid reaches as far as the weights; a region shows a part of the same field.
@@ -506,6 +575,25 @@ fn the_slope_of_a_cone_is_found() {
     tilted.header.gravity.x = 1.0;
     let refused = Slope::of(&stored(&tilted).1, Region::Whole, Direction::X).unwrap_err();
     assert!(refused.to_string().contains("along -z"), "{refused}");
+}
+
+/// Strips of two columns, which stand as much above the line as below. The line is that of the strips between 20 and 80 % of the height; the
+/// others are off it.
+#[test]
+fn a_slope_is_fitted_between_foot_and_top() {
+    let (height, off) = (0.02, 1e-4);
+    let shares = [0.0, 0.19, 0.21, 0.355, 0.5, 0.645, 0.79, 0.81, 1.0];
+    let places = (0..18_usize).map(|k| {
+        let (strip, side) = (k / 2, (k % 2) as f64);
+        let z = 5e-3 + height * shares[strip] + off * (2.0 * side - 1.0);
+        Vec3::new((strip as f64 + 0.5) * DIAMETER, (side + 0.5) * DIAMETER, z)
+    });
+    let (_folder, reader) = stored(&balls(Vec3::repeat(0.07), false, places.collect()));
+    let slope = Slope::of(&reader, Region::Whole, Direction::X).unwrap();
+    assert_eq!(slope.columns, 10);
+    close(slope.angle_degrees.to_radians().tan(), 0.145 * height / DIAMETER, 1e-12, "slope");
+    close(slope.height_m / height, 1.0, 1e-12, "height");
+    close(slope.scatter_m / off, 1.0, 1e-9, "scatter");
 }
 
 /// Balls fall in a row, one every 2 ms, and are taken away below: what passes is known.

@@ -10,6 +10,8 @@ mod region;
 mod stress;
 
 use crate::packings::Snapshot;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use dem_mpi::math::Mat3;
 use dem_mpi::post::region::{Members, Region};
 use serde_json::Value;
@@ -25,6 +27,18 @@ fn close(value: f64, expected: f64, tolerance: f64, what: &str) {
 fn close_matrix(value: &Mat3, expected: &Mat3, tolerance: f64, what: &str) {
     let scale = expected.amax().max(1.0);
     assert!((value - expected).amax() <= tolerance * scale, "{what}: {value} but {expected}");
+}
+
+/// The arrays of a file in VTK's XML by name: numbers of one type.
+fn arrays<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(file: &[u8]) -> impl Fn(&str) -> Vec<T> {
+    let text = String::from_utf8(file.to_vec()).unwrap();
+    move |name: &str| {
+        let (_, array) = text.split_once(&format!("Name=\"{name}\"")).unwrap();
+        let (_, numbers) = array.split_once('>').unwrap();
+        let bytes = STANDARD.decode(numbers.split('<').next().unwrap()).unwrap();
+        // The length stands in front.
+        bytemuck::pod_collect_to_vec(&bytes[8..])
+    }
 }
 
 fn reference(name: &str) -> String {

@@ -1,10 +1,11 @@
 //! Plots and the page.
 
 use super::fabric::contacts_with;
-use crate::packings::{Snapshot, ellipsoids, header, particles_at};
+use crate::packings::{Snapshot, ellipsoids, header, particles_at, push, push_force};
 use dem_mpi::cell::Cell;
 use dem_mpi::contact::StateColumn;
 use dem_mpi::drive::{SavedColumn, SavedState, Values, servo};
+use dem_mpi::ids::GlobalId;
 use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::output::header::{Header, WallRow};
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
@@ -248,6 +249,90 @@ fn captions_tell_what_is_beyond_a_plot() {
     assert!(
         distribution.ends_with("4.762 % of the normal forces, 4.762 % of the tangential forces.")
     );
+}
+
+/// A view of three balls of 1 m, in a box of this length by 4 m by 2 m.
+fn view(name: &str, length: f64, change: impl FnOnce(&mut Snapshot)) -> String {
+    let (low, high) = (Vec3::zeros(), Vec3::new(length, 4.0, 2.0));
+    let places = [[2.3, 0.7, 1.6], [5.6, 3.1, 0.4], [5.2, 0.5, 0.7]].map(Vec3::from);
+    let mut snapshot = Snapshot {
+        header: header(low, high, false, Vec3::repeat(0.5), 3),
+        particles: particles_at(places.to_vec()),
+        contacts: ContactTable::default(),
+    };
+    change(&mut snapshot);
+    let plots = views(&snapshot, &Bounds { low, high }).plots().unwrap();
+    plots.into_iter().find(|plot| plot.name == name).expect("it is drawn").svg
+}
+
+/// The numbers of each path of a drawing, and the rest of its line.
+fn paths(svg: &str) -> Vec<(Vec<f64>, &str)> {
+    let paths = svg.lines().filter_map(|line| line.strip_prefix("<path d=\"")?.split_once('"'));
+    let numbers = |path: &str| {
+        let parts = path.split(|c: char| c == ' ' || c.is_alphabetic());
+        parts.filter(|part| !part.is_empty()).map(|part| part.parse().unwrap()).collect()
+    };
+    paths.map(|(path, rest)| (numbers(path), rest)).collect()
+}
+
+/// Where a point of the side view is drawn: 14 pixels from the left and the top, 420 pixels long.
+fn drawn_at(length: f64, x: f64, z: f64) -> [f64; 2] {
+    [x, 2.0 - z].map(|metres| 14.0 + 420.0 / length * metres)
+}
+
+/// Pixels are written with one digit behind the point.
+fn close_pixels(found: &[f64], expected: [[f64; 2]; 2]) {
+    for (found, expected) in found.iter().zip(expected.as_flattened()) {
+        assert!((found - expected).abs() < 0.051, "{found} {expected}");
+    }
+}
+
+/// Arrows about the middles of cells of 1 m: the fastest in the plane of the view is as long as a cell. The ball of eight times the mass counts
+/// eight times.
+#[test]
+fn arrows_show_velocities_in_the_plane_of_the_view() {
+    let svg = view("velocity_field", 8.0, |snapshot| {
+        snapshot.particles.scale = vec![1.0, 1.0, 2.0];
+        snapshot.particles.velocity =
+            [[3.0, 50.0, 4.0], [0.0, -70.0, -9.0], [0.0, 9.0, -1.6875]].map(Vec3::from).to_vec();
+    });
+    let at = |x, z| drawn_at(8.0, x, z);
+    let arrows = paths(&svg);
+    assert_eq!(arrows.len(), 2);
+    // By cells, the lowest row first: 2.5 m/s downwards, and 5 m/s.
+    close_pixels(&arrows[0].0, [at(5.5, 0.75), at(5.5, 0.25)]);
+    close_pixels(&arrows[1].0, [at(2.2, 1.1), at(2.8, 1.9)]);
+    assert!(svg.contains("longest arrow: 5.000 m/s"), "{svg}");
+}
+
+/// Normal forces of 1 to 100 N: the third largest is the widest, a quarter of a grain within limits; above the mean, 50.5 N, they are blue.
+#[test]
+fn chains_are_as_wide_as_normal_forces_are_large() {
+    for (length, widest) in [(8.0, 6.0), (20.0, 5.25), (100.0, 1.5)] {
+        let svg = view("force_chains", length, |snapshot| {
+            for force in 1..=100 {
+                let (centre, branch) =
+                    (Vec3::new(1.0, 2.0, 0.01 * f64::from(force)), Vec3::new(0.5, 0.9, -0.25));
+                push(&mut snapshot.contacts, (0, GlobalId(1)), centre, branch, 0.5 * branch);
+                let shear = Vec3::y() * f64::from(500 - force);
+                push_force(&mut snapshot.contacts, Vec3::x(), 1e-3, f64::from(force), shear);
+            }
+        });
+        let lines = paths(&svg);
+        assert_eq!(lines.len(), 100);
+        for (force, (ends, style)) in (1..=100).map(f64::from).zip(lines) {
+            let z = 0.01 * force;
+            close_pixels(&ends, [[1.0, z], [1.5, z - 0.25]].map(|[x, z]| drawn_at(length, x, z)));
+            let colour = if force > 50.5 { "#0072B2" } else { "#A9B2BC" };
+            let words: Vec<&str> = style.split('"').collect();
+            let (width, found) = (widest * (force / 98.0).min(1.0), words[3].parse::<f64>());
+            assert_eq!((words[1], words[2]), (colour, " stroke-width="), "{force} N");
+            // Written with two digits behind the point.
+            let off = found.unwrap() - width.max(0.3);
+            assert!(off.abs() < 0.0051, "{force} N: {style}, {width}");
+        }
+        assert!(svg.contains("mean 50.50 N, strongest 100.0 N"), "{svg}");
+    }
 }
 
 /// Nothing is lost between the layers of a profile: their means are the density and the stress of the whole packing.

@@ -1,7 +1,7 @@
 //! Bodies and regions: extents, volumes, silhouettes, strains.
 
 use super::stress::lattice_case;
-use super::{ROUNDING, close, number};
+use super::{ROUNDING, arrays, close, number};
 use crate::packings::{Snapshot, boxed, closed, ellipsoids, header, particles_at, store};
 use crate::random::Draw;
 use dem_mpi::cell::Cell;
@@ -11,7 +11,8 @@ use dem_mpi::output::snapshot::Reader;
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
 use dem_mpi::particles::walls::Wall;
 use dem_mpi::post::region::{Bounds, Extent, Margin, Region, SampledSolid, Strain};
-use dem_mpi::post::{Settings, inside, plots, series};
+use dem_mpi::post::surface::Detail;
+use dem_mpi::post::{Settings, export, inside, plots, series};
 use dem_mpi::random::Random;
 use dem_mpi::shape::{
     Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
@@ -98,6 +99,54 @@ fn snapshot_of(shape: &Shape, quaternion: [f64; 4], side: f64) -> (Header, Parti
     header.shapes[0].geometry = Some(shape.clone());
     let particles = particles_at(vec![Vec3::zeros()]);
     (header, ParticleTable { quaternion: vec![quaternion], ..particles })
+}
+
+/// The surface of a body as `--surfaces` writes it: polygons that run counter-clockwise seen from outside and enclose the body's volume but for
+/// what triangles cut off, normals that point outwards, all points where the turned body ends along them.
+#[test]
+fn surfaces_face_outwards_and_lie_on_the_body() {
+    let mut dice = Random::of(13, 0);
+    for body in bodies() {
+        let turn = Quat::from_scaled_axis(dice.vector(-2.0, 2.0));
+        let [x, y, z, w]: [f64; 4] = turn.coords.into();
+        let (header, mut particles) = snapshot_of(&body, [w, x, y, z], 9.0);
+        let centre = Vec3::new(1.0, -2.0, 3.0);
+        particles.position = vec![centre];
+        let folder = tempfile::tempdir().unwrap();
+        let contacts = ContactTable::default();
+        store(folder.path(), &Snapshot { header, particles, contacts });
+        let reader = Reader::open(&folder.path().join("last.vtkhdf")).unwrap();
+        let mut file = Vec::new();
+        export::grains(&reader, Detail::default()).unwrap().write(&mut file).unwrap();
+        let vectors = |name: &str| -> Vec<Vec3> {
+            let numbers = arrays::<f32>(&file)(name);
+            numbers.chunks(3).map(|row| Vec3::from_fn(|k, _| f64::from(row[k]))).collect()
+        };
+        let (points, normals) = (vectors("Points"), vectors("Normals"));
+        for (point, normal) in points.iter().zip(&normals) {
+            let end = centre + turn * body.support(&(turn.inverse() * normal));
+            // In single precision; a face ends in all of its points.
+            let off = (point - end).dot(normal).abs();
+            assert!(off < 1e-5, "{off:e} m: {body:?}");
+        }
+        let (members, ends) =
+            (arrays::<i64>(&file)("connectivity"), arrays::<i64>(&file)("offsets"));
+        let (mut first, mut volume) = (0, 0.0);
+        for end in ends {
+            let polygon: Vec<usize> =
+                members[first..end as usize].iter().map(|&k| k as usize).collect();
+            first = end as usize;
+            for k in 1..polygon.len() - 1 {
+                let corners = [polygon[0], polygon[k], polygon[k + 1]];
+                let [a, b, c] = corners.map(|k| points[k] - centre);
+                let area = (b - a).cross(&(c - a));
+                assert!(corners.iter().all(|&k| normals[k].dot(&area) > -1e-6), "{body:?}");
+                volume += a.dot(&area) / 6.0;
+            }
+        }
+        let part = volume / body.volume();
+        assert!((0.85..1.0 + 1e-5).contains(&part), "{part}: {body:?}");
+    }
 }
 
 #[test]

@@ -76,6 +76,18 @@ fn figures_hold_together() {
         let phases = report["phases"].as_object().unwrap().values();
         let sum = |key: &str| phases.clone().map(|of| of[key].as_f64().unwrap()).sum::<f64>();
         assert!((sum("share") - 1.0).abs() < 1e-12);
+        let per = |key: &str, whole: f64| {
+            for (name, of) in report["phases"].as_object().unwrap() {
+                let expected = of["total_s"].as_f64().unwrap() / whole;
+                let found = of[key].as_f64().unwrap();
+                assert!((found - expected).abs() <= 1e-9 * expected, "{name}: {found} {key}");
+            }
+        };
+        per("ns_per_contact", 1e-9 * number("/contacts/contacts"));
+        per("ns_per_listed_pair", 1e-9 * number("/contacts/listed_pairs"));
+        per("ns_per_particle_step", 1e-9 * number("/run/particle_steps"));
+        per("us_per_step", 1e-6 * ranks * HEAP_STEPS as f64);
+        assert!(number("/contacts/contacts") < 0.9 * number("/contacts/listed_pairs"));
         // What comes before the first step belongs to no phase.
         let spent = sum("total_s") / (ranks * number("/run/wall_s"));
         assert!((0.7..=1.001).contains(&spent), "{spent}: {report:#}");
@@ -197,6 +209,27 @@ fn assert_errors(figures: &Value, method: &str) {
         assert!(of["spurious"] == 0 || !is_exact, "{method}: {of:#}");
     }
     assert_eq!(rough > 0, method == "gjk-erosion", "{figures:#}");
+}
+
+/// A row of 16 balls on two ranks, cut in the middle: each has 8 of them and as many ghosts. All bytes over all ghosts are the bytes of a rank and
+/// step over those of its ghosts.
+#[test]
+fn bytes_of_ghosts_are_those_of_messages() {
+    let directory = fresh_directory("row");
+    let row = "[domain]\nlow = [0, -1, -1]\nhigh = [16, 1, 1]\n[[material]]\nname = \"m\"\ndensity = 1\nnormal_stiffness = 1\n\
+               [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.5\n[[fill.lattice]]\nfirst = [0.5, 0, 0]\ncount = [16, 1, 1]\n\
+               spacing = 1\n[time]\nstep = 1e-3\nsteps = 500\n[output]\ndirectory = \"out\"\n";
+    std::fs::write(directory.join("row.toml"), row).unwrap();
+    let (row, out) = (directory.join("row.toml"), directory.join("out"));
+    dem_mpi(Launch::Ranks(2), [row.as_os_str(), "--out".as_ref(), out.as_os_str()]).succeed();
+    let report = report(&out);
+    let number = |key: &str| number(&report, &format!("/ranks/{key}"));
+    assert!((number("imbalance") - 1.0).abs() < 0.2, "{report:#}");
+    let ghosts = 8.0 * number("ghosts_per_owned/mean");
+    let expected = number("bytes_per_step/mean") / ghosts;
+    // The start sends a message, too.
+    let off = number("bytes_per_ghost") / expected - 1.0;
+    assert!(ghosts > 0.4 && off.abs() < 0.01, "{ghosts}, {off}: {report:#}");
 }
 
 /// Of a run that goes on, the report is about what it did itself.
