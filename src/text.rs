@@ -64,7 +64,7 @@ pub fn decode(bytes: Vec<u8>) -> Result<String, Unreadable> {
         Some(text) => text.map_err(|_| Unreadable::Utf16)?,
         None => String::from_utf8(bytes).map_err(|error| {
             let (at, bytes) = (error.utf8_error().valid_up_to(), error.as_bytes());
-            let breaks = bytes[..at].iter().filter(|&&byte| byte == b'\n').count();
+            let breaks = bytes[..at].split(|&byte| byte == b'\n').count() - 1;
             Unreadable::Encoding { line: 1 + breaks, byte: bytes[at] }
         })?,
     };

@@ -119,12 +119,12 @@ fn forged_structures_are_refused() {
         }),
         ("a unit that is a number", |file, _| scalar(file, SPRING, "unit", &1.0)),
         ("a unit of numbers", |file, _| attribute(file, SPRING, "unit", &[1_u8; 4096])),
-        ("a step of many numbers", |file, _| attribute(file, "run", "step", &[1_u64; 4096])),
+        ("a step of many numbers", |file, _| attribute(file, "run", "step", &vec![1_u64; 4096])),
         ("a step that is a real number", |file, _| scalar(file, "run", "step", &1.0)),
         ("gravity of one number", |file, _| scalar(file, "run", "gravity", &1.0)),
-        ("gravity of many numbers", |file, _| attribute(file, "run", "gravity", &[1.0; 4000])),
+        ("gravity of many numbers", |file, _| attribute(file, "run", "gravity", &vec![1.0; 4000])),
         ("a checksum of many numbers", |file, _| {
-            attribute(file, SPRING, "checksum", &[1_u64; 4096])
+            attribute(file, SPRING, "checksum", &vec![1_u64; 4096])
         }),
         ("a checksum of a byte", |file, _| scalar(file, SPRING, "checksum", &1_u8)),
         ("groups in a circle", |file, _| file.link_hard("/", "/restart/again")),

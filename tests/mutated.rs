@@ -229,12 +229,11 @@ fn read_all(kind: &'static str, extra: &str, seed: u64, events: &mpsc::Sender<Ev
     let files = corpus(kind);
     let mut mutator = Mutator(Random::of(seed, kind.len() as u64));
     for k in 0..files.len() + INPUTS {
-        let bytes = match files.get(k) {
-            Some(file) => file.clone(),
-            None => {
-                let [one, other] = [(); 2].map(|()| mutator.below(files.len()));
-                mutator.mutated(&files[one], &files[other])
-            }
+        let bytes = if let Some(file) = files.get(k) {
+            file.clone()
+        } else {
+            let [one, other] = [(); 2].map(|()| mutator.below(files.len()));
+            mutator.mutated(&files[one], &files[other])
         };
         events.send(Event::Begins(kind, bytes.clone())).unwrap();
         let result = catch_unwind(AssertUnwindSafe(|| read(kind, extra, &bytes, folder.path())));
@@ -271,7 +270,9 @@ fn mutated_files_give_an_error_or_a_scene() {
             Err(RecvTimeoutError::Disconnected) => break,
             Err(RecvTimeoutError::Timeout) => {
                 // Kinds that are done are among them.
-                current.iter().for_each(|(kind, bytes)| keep(kind, bytes, "may hang".to_owned()));
+                for (kind, bytes) in &current {
+                    keep(kind, bytes, "may hang".to_owned());
+                }
                 break;
             }
         }

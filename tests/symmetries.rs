@@ -102,13 +102,15 @@ fn corner(kind: &str, law: &str, with_losses: bool, observer: &Observer) -> Scen
     };
     let is_hertz = own.contains("hertz");
     let mut material = format!("density = {:?}\n", unit(-3, 0, 1));
-    material += &if is_hertz {
+    let stiffness = if is_hertz {
         format!("youngs_modulus = {:?}\npoisson_ratio = 0.3\n", 5e3 * unit(-1, -2, 1))
     } else {
         format!("normal_stiffness = {:?}\n", 2e3 * unit(0, -2, 1))
     };
+    material += &stiffness;
     if law == "dmt" || law == "jkr" {
-        material += &format!("surface_energy = {:?}\n", unit(0, -2, 1));
+        let energy = format!("surface_energy = {:?}\n", unit(0, -2, 1));
+        material += &energy;
     }
     if with_losses {
         material += "friction = 0.4\nrestitution = 0.7\n";

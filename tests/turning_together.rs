@@ -22,11 +22,11 @@ const ROD: &str = "kind = \"spherocylinder\"\nlength = 0.01\nradius = 0.005";
 
 /// Two planes turn about the z axis; grains are pinched between them along their normal, on a line beside the axis.
 fn text(shapes: &[&str], normal: Vec3, apart: f64) -> String {
-    let shapes: String = shapes
-        .iter()
-        .enumerate()
+    let shapes: Vec<_> = (0..)
+        .zip(shapes)
         .map(|(k, shape)| format!("[[shape]]\nname = \"s{k}\"\n{shape}\n"))
         .collect();
+    let shapes = shapes.concat();
     let wall = |name: &str, point: Vec3, normal: Vec3| {
         let [point, normal] = [point, normal].map(|v| format!("[{:e}, {:e}, {:e}]", v.x, v.y, v.z));
         format!(

@@ -221,7 +221,9 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     match measured.failed.split_first() {
         None => Ok(ExitCode::SUCCESS),
         Some((first, others)) => {
-            others.iter().for_each(|error| print_error(format_args!("dem-post: {error}")));
+            for error in others {
+                print_error(format_args!("dem-post: {error}"));
+            }
             bail!("{first}")
         }
     }

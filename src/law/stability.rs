@@ -275,7 +275,7 @@ pub fn highest_frequency(library: &Library, law: &dyn ForceLaw) -> Option<f64> {
     let squared = bodies(library).flat_map(|body| {
         let pairs = &pairs;
         let meets = move |partner: &&Partner| pairs.most(&body, **partner) > 0.0;
-        pairs.kin.iter().map(|(partner, _)| partner).filter(meets).map(move |&partner| {
+        pairs.kin.keys().filter(meets).map(move |&partner| {
             let [lightest, _] = pairs.kin[&partner].masses;
             pairs.of(&body, partner).stiffness / reduced(body.mass, lightest)
         })

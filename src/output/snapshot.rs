@@ -393,7 +393,7 @@ fn remove_lists(directory: &Path) -> io::Result<()> {
         let path = entry?.path();
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
         let is_list = (name.starts_with("entered_") || name.starts_with("left_"))
-            && name.ends_with(".csv")
+            && path.extension().is_some_and(|ending| ending == "csv")
             && begins_with(&path, "step,time_s,id,");
         if is_list || ["report.json", "performance.csv", "history.csv"].contains(&name) {
             files::remove_if_there(&path)?;
@@ -981,6 +981,9 @@ pub struct Reader {
     passed_over: Vec<SnapshotError>,
 }
 
+/// The least and the largest scale of particles [-], and their number.
+pub type Sizes = ([f64; 2], u64);
+
 impl Reader {
     /// Opens a particles file, or the newest snapshot of a directory that can be used: the one to which
     /// [`LAST`] points, or else the next before it.
@@ -1116,8 +1119,8 @@ impl Reader {
     ///
     /// # Errors
     /// As [`Reader::particles`].
-    pub fn sizes(&self) -> Result<Vec<Option<([f64; 2], u64)>>, SnapshotError> {
-        let mut sizes: Vec<Option<([f64; 2], u64)>> = vec![None; self.header.shapes.len()];
+    pub fn sizes(&self) -> Result<Vec<Option<Sizes>>, SnapshotError> {
+        let mut sizes: Vec<Option<Sizes>> = vec![None; self.header.shapes.len()];
         for first in (0..self.particle_count).step_by(PARTICLES_AT_ONCE) {
             let rows = first..(first + PARTICLES_AT_ONCE).min(self.particle_count);
             let table = self.columns(rows, |name| ["shape", "scale"].contains(&name))?;

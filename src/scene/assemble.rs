@@ -426,7 +426,9 @@ fn admit_sizes(
         library.admit(particle.shape, particle.scale);
     }
     let mut counts = vec![0_i64; library.shapes.len()];
-    particles.iter().for_each(|particle| counts[particle.shape.index()] += 1);
+    for particle in particles {
+        counts[particle.shape.index()] += 1;
+    }
     comm.sum(&mut counts);
     for (most, count) in library.most.iter_mut().zip(counts) {
         *most = most.max(count as f64);

@@ -300,7 +300,7 @@ impl Fills<'_> {
     fn file(&self, section: &Section, first_id: u64) -> Option<Fill> {
         let rows = section.require("path", "a CSV file", |given| {
             let path = self.folder.join(given.text()?);
-            let names: Vec<&str> = self.shapes.names.names.iter().map(String::as_str).collect();
+            let names: Vec<&str> = self.shapes.names.all.iter().map(String::as_str).collect();
             if names.is_empty() {
                 // That there are no shapes has been said.
                 return None;

@@ -19,7 +19,7 @@ use std::path::Path;
 #[derive(Default)]
 pub(super) struct Names {
     kind: &'static str,
-    pub(super) names: Vec<String>,
+    pub(super) all: Vec<String>,
     /// The first of each name.
     indices: HashMap<String, usize>,
 }
@@ -35,8 +35,8 @@ impl Names {
     }
 
     pub(super) fn push(&mut self, name: &str) {
-        self.indices.entry(name.to_owned()).or_insert(self.names.len());
-        self.names.push(name.to_owned());
+        self.indices.entry(name.to_owned()).or_insert(self.all.len());
+        self.all.push(name.to_owned());
     }
 
     /// Reads the name of the next entry. One without a name gets an empty one, so that indices stay.
@@ -52,7 +52,7 @@ impl Names {
     }
 
     pub(super) fn listing(&self) -> impl Iterator<Item = &str> {
-        self.names.iter().map(String::as_str).filter(|name| !name.is_empty())
+        self.all.iter().map(String::as_str).filter(|name| !name.is_empty())
     }
 
     /// The index of a name that the file gives.
@@ -69,7 +69,7 @@ impl Names {
     pub(super) fn find_in(&self, section: &Section, key: &'static str) -> Option<usize> {
         match section.get(key) {
             Some(given) => self.find(&given, given.text()?),
-            None if self.names.len() == 1 => Some(0),
+            None if self.all.len() == 1 => Some(0),
             None => {
                 let names = self.listing().collect::<Vec<_>>().join(", ");
                 if !names.is_empty() {
@@ -109,7 +109,7 @@ impl Materials {
         let sections = root.some_sections("material", &what);
         let all = sections.iter().map(|section| {
             names.add(section);
-            let name = names.names.last().cloned();
+            let name = names.all.last().cloned();
             let density = section.number("density", Range::Positive, "kg/m3");
             let constants = read(section);
             section.finish();
@@ -122,7 +122,7 @@ impl Materials {
 
     /// The names, by `MaterialId`.
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
-        self.names.names.iter().map(String::as_str)
+        self.names.all.iter().map(String::as_str)
     }
 
     pub(super) fn find(&self, given: &Given) -> Option<MaterialId> {
@@ -167,7 +167,7 @@ impl Shapes {
                 _ => false,
             };
             let id = shapes.library.push(
-                shapes.names.names.last().map_or("", String::as_str),
+                shapes.names.all.last().map_or("", String::as_str),
                 geometry.unwrap_or(Shape::Sphere(Sphere { radius: 0.0 })),
                 material.unwrap_or(MaterialId(0)),
                 density.unwrap_or_default(),

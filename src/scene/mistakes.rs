@@ -182,7 +182,7 @@ pub(super) fn suggestion<'a>(
     if known.is_empty() {
         "none".clone_into(&mut list);
     } else if known.len() > NAMES {
-        list += &format!(" and {} more", known.len() - NAMES);
+        list = format!("{list} and {} more", known.len() - NAMES);
     }
     format!("{guess} ({what_they_are}: {list})")
 }

@@ -89,7 +89,7 @@ impl<'a> Walls<'a> {
         }
         for section in root.sections("wall") {
             walls.names.add(&section);
-            let name = walls.names.names.last().cloned().unwrap_or_default();
+            let name = walls.names.all.last().cloned().unwrap_or_default();
             walls.all.push(planned(name, &section, domain, materials, folder));
         }
         walls.motions.check(|given, name| {
@@ -98,7 +98,7 @@ impl<'a> Walls<'a> {
                 given.fail(format!("no such wall{hint}"));
             }
         });
-        for (name, planned) in walls.names.names.iter().zip(&mut walls.all) {
+        for (name, planned) in walls.names.all.iter().zip(&mut walls.all) {
             if let Some(Planned { wall, .. }) = planned {
                 if let Some(about) = walls.motions.about(name) {
                     wall.refer_to(about);
@@ -175,7 +175,7 @@ impl<'a> Walls<'a> {
         let mut places = sides.and_then(|given| given.entries()).unwrap_or_default();
         let others = root.sections("wall");
         let velocities = others.iter().map(|section| section.get("velocity"));
-        let names = self.names.names[self.all.len() - others.len()..].iter();
+        let names = self.names.all[self.all.len() - others.len()..].iter();
         places.extend(
             names.zip(velocities).filter_map(|(name, given)| Some((name.as_str(), given?))),
         );
@@ -258,7 +258,7 @@ impl<'a> Walls<'a> {
             let (along, mass, force) = self.motions.free(name)?;
             Some(FreeWall { wall, along, mass, load: force + mass * gravity.dot(&along) })
         };
-        self.names.names.iter().enumerate().filter_map(free).collect()
+        self.names.all.iter().enumerate().filter_map(free).collect()
     }
 
     /// The highest stress of walls that move freely, as far as it is known [Pa].
@@ -695,7 +695,11 @@ fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangle
         if turn == Quat::identity() { corner } else { turn * corner }
     };
     let corners: Vec<_> = corners.into_iter().map(|triangle| triangle.map(placed)).collect();
-    if corners.iter().flatten().any(|corner| !(corner.amax() <= *LENGTHS.end())) {
+    if corners
+        .iter()
+        .flatten()
+        .any(|corner| corner.iter().any(|x| x.is_nan() || x.abs() > *LENGTHS.end()))
+    {
         given.fail(format!(
             "has corners farther than {:e} m from the origin, with `scale`",
             LENGTHS.end()

@@ -562,8 +562,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             place,
             &constants,
             [&last_turning, &turning],
-            &last,
-            &before,
+            (&last, &before),
             &motion,
             state,
         );
@@ -620,8 +619,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         place: usize,
         constants: &M::Constants<f64>,
         [last_turning, turning]: [&Turning; 2],
-        last: &Geometry,
-        before: &Memory,
+        (last, before): (&Geometry, &Memory),
         motion: &Motion,
         state: &mut [f64],
     ) -> Acting {

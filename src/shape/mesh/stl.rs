@@ -93,13 +93,12 @@ fn of_text(text: &str) -> Result<Vec<[Vec3; 3]>, MeshError> {
                 has_solid = true;
                 Place::Solid
             }
-            ("facet", Place::Solid) => Place::Facet,
             ("outer", Place::Facet) if corners.is_empty() => Place::Loop,
             ("vertex", Place::Loop) => {
                 corners.push(three(words, line)?);
                 Place::Loop
             }
-            ("endloop", Place::Loop) => Place::Facet,
+            ("facet", Place::Solid) | ("endloop", Place::Loop) => Place::Facet,
             ("endfacet", Place::Facet) => {
                 let count = corners.len();
                 let triangle = std::mem::take(&mut corners).try_into().map_err(|_| {

@@ -115,6 +115,9 @@ impl Solid {
     }
 }
 
+/// 1, or -1 where a triangle is turned round against the first of its part; and the number of that part.
+type Orientation = (f64, u32);
+
 /// A triangle near a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Near {
@@ -384,7 +387,7 @@ impl TriangleMesh {
     ///
     /// # Errors
     /// If a part has one side only.
-    fn neighbours(&self) -> Result<(Vec<Beyond>, Vec<(f64, u32)>), NoSolid> {
+    fn neighbours(&self) -> Result<(Vec<Beyond>, Vec<Orientation>), NoSolid> {
         let sides = sides_of(self.triangles.iter().map(|triangle| triangle.corners));
         let mut neighbours = vec![[None; 3]; self.triangles.len()];
         let join = |neighbours: &mut [Beyond], [one, other]: [&Side; 2]| {
