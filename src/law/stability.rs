@@ -20,7 +20,7 @@
 //!
 //! Contacts are as stiff as those of the bodies that meet: for each material that bodies can have, as many contacts as there can be
 //! such bodies and as fit around the body, the stiffest first. Equal spheres are [`CONTACTS`]; smaller ones more, as many more as
-//! their caps fit on its surface; [`OF_WALLS`] are walls, which do not move away and so count half. A few contacts alone can
+//! their caps fit on its surface; six are walls, which do not move away and so count half. A few contacts alone can
 //! move together: then each counts with its whole compliance.
 //!
 //! Of particles of many sizes the smallest and the largest of each shape are looked at, each among the heaviest and the
