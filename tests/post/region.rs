@@ -130,7 +130,7 @@ fn surfaces_face_outwards_and_lie_on_the_body() {
             assert!(off < 1e-5, "{off:e} m: {body:?}");
         }
         let (members, ends) =
-            (arrays::<i64>(&file)("connectivity"), arrays::<i64>(&file)("offsets"));
+            (arrays::<i32>(&file)("connectivity"), arrays::<i32>(&file)("offsets"));
         let (mut first, mut volume) = (0, 0.0);
         for end in ends {
             let polygon: Vec<usize> =
