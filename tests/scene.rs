@@ -381,13 +381,13 @@ fn rain_falls_from_the_side_that_gravity_pulls_away_from() -> Result<()> {
     Ok(())
 }
 
-/// `2 / ω` with `ω² = 2 · 12 · k · (5/3) / m` for balls without dashpots.
+/// `2 / ω` with `ω² = 2 · 7/2 k / m` for two balls without dashpots: of more there are not.
 #[test]
 fn the_stable_step_of_balls_is_known() -> Result<()> {
     let path = Path::new("tests/scenes/good/two_balls.toml");
     let scene = Scene::read(path, &[])?;
     let limit = scene.time_step_limit().context("balls have a limit")?.dt;
-    let exact = 2.0 / (40.0 * 1e4 / scene.library.mass[0]).sqrt();
+    let exact = 2.0 / (7.0 * 1e4 / scene.library.mass[0]).sqrt();
     assert!((limit / exact - 1.0).abs() < 1e-12, "{limit} {exact}");
 
     let over = format!("time.step={}", 1.001 * limit);

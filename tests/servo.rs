@@ -696,7 +696,9 @@ fn servos_keep_their_stress_under_a_moving_lid() {
         let steps = (0.4 / dt) as u64;
         let ([mean, rows], report) = balls(LID, gain, restitution, dt, steps);
         println!("{gain} {restitution} {dt}: {mean:e} {rows:e} {:?}", told_errors(&report));
-        assert!(mean < 0.02, "{gain}, {restitution}, {dt}: {mean:e} {rows:e}\n{report:#?}");
+        // A tenth of the gain follows the lid more slowly.
+        let most = if gain.is_empty() { 0.02 } else { 0.06 };
+        assert!(mean < most, "{gain}, {restitution}, {dt}: {mean:e} {rows:e}\n{report:#?}");
         let told = told_errors(&report);
         assert_eq!(told.len(), 2, "{report:#?}");
         let off = told.iter().filter(|&&error| error > 0.02).count();

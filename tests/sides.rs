@@ -97,10 +97,10 @@ fn planes_have_a_spring_under_each_end() {
         let lever = tilt.cos() * 0.5 * (depth - other);
         assert!((found.moment() - Vec3::y() * lever).norm() < 1e-12 * depth, "{part}: {found:?}");
     }
-    // Friction resists turning with a quarter of the length: the kernel takes 2√2/3 of the radius of gyration.
+    // Friction resists turning with a quarter of the length: √3/2 of the radius of gyration.
     let flat = on_plane(&shape, 0.0, depth);
     let radius = flat.covariance.trace().sqrt();
-    assert!((radius * 8.0_f64.sqrt() / 3.0 - 0.5).abs() < 1e-12, "{radius}");
+    assert!((radius * 0.75_f64.sqrt() - 0.5).abs() < 1e-12, "{radius}");
 }
 
 /// Two spherocylinders with their axes at an angle, one over the other, and so deep in each other.

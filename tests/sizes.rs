@@ -703,7 +703,9 @@ fn sizes_of_a_start_count_as_those_of_the_scene() {
         let mass = 2500.0 * 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
         2.0 * (mass / (40.0 * 1e4)).sqrt()
     };
-    let small = limit(0.4 * 0.0011);
+    // Of the scene that has them itself, and no longer than of two of the smaller grain.
+    let small = first.time_step_limit().unwrap().dt;
+    assert!(small > limit(0.4 * 0.0011) && small < 3.0 * limit(0.4 * 0.0011));
     let second = parsed(&text(&start, "", "\"auto\"", 0.0)).unwrap();
     assert!((second.time_step_limit().unwrap().dt / small - 1.0).abs() < 1e-12);
     assert_eq!(second.dt, format!("{:.1e}", 0.8 * small).parse::<f64>().unwrap());

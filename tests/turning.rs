@@ -1,12 +1,13 @@
-//! Resistance to rolling and twisting as a scene asks for it: closed forms of spheres, bodies of all kinds, and the balance of energies.
-//! (`rolling.rs` has a law of one's own, `symmetries.rs` what observers see.)
+//! Resistance to rolling and twisting as a scene asks for it: closed forms of a sphere on a plane, what observers and the order
+//! of ids may not change, bodies of all kinds, and the balance of energies. (`rolling.rs` has a law of one's own.)
 
-use crate::support::{Bench, close, expect_refused, scene};
+use crate::support::{Bench, Frame, close, expect_refused, scene};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::law::stability::time_step_limit;
-use dem_mpi::math::Vec3;
+use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::particles::columns::Quantity;
 use dem_mpi::particles::records::Particle;
+use dem_mpi::random::Random;
 
 const RADIUS: f64 = 0.01;
 const DENSITY: f64 = 2500.0;
@@ -176,47 +177,66 @@ fn a_spinning_sphere_slows_down_and_stops() {
     }
 }
 
-/// Two balls of 10 and 4 mm that turn against each other: slowly `c ω` acts at once, with `c = 2 η √(I k)`, `k = 2.25 k_n (μ R_r)²` and `I` of
-/// both about the contact or the centre; fast `μ R_r N`.
-#[test]
-fn moments_of_unequal_balls_have_their_closed_forms() {
-    let (friction, damping, stiffness, overlap) = (0.2, 0.3, 1e6, 1e-5);
+/// Two balls of unequal size that meet off centre and spin.
+fn pair(swapped: bool, turn: &Mat3, drift: Vec3) -> [(Vec3, Vec3); 2] {
     let text = text(
         LAWS[0],
-        &format!("rolling_friction = {friction}\ntwisting_friction = {friction}\nturning_damping_ratio = {damping}"),
+        "friction = 0.4\nrolling_friction = 0.2\ntwisting_friction = 0.1\ntangential_damping_ratio = 0.2",
         Vec3::zeros(),
-        1e-7,
+        1e-6,
     )
-    .replace("restitution = 0.5", "restitution = 1")
     .replace("walls = [\"-z\"]", "")
     .replace("low = [-10, -10, 0]", "low = [-10, -10, -10]")
-    .replace("[[fill", "[[shape]]\nname = \"small\"\nkind = \"sphere\"\nradius = 0.004\n[[fill")
-    .replace("first = [0, 0, 0.01]", "shapes = [\"ball\"]\nfirst = [0, 0, 0.01]");
+    .replace(
+        "[[fill",
+        "[[shape]]\nname = \"small\"\nkind = \"sphere\"\nradius = 0.004\n[[fill",
+    )
+    .replace(
+        "first = [0, 0, 0.01]",
+        "shapes = [\"ball\"]\nfirst = [0, 0, 0.01]",
+    );
     let scene = scene(&text);
-    let radii = [RADIUS, 0.004];
-    let reduced = radii[0] * radii[1] / (radii[0] + radii[1]);
-    let spring = 2.25 * stiffness * (friction * reduced).powi(2);
-    for (axis, part) in [(Vec3::y(), 1.4), (Vec3::x(), 0.4)] {
-        let moment = |spin: f64| {
-            let turning = |id: u64, x: f64, spin: f64| Particle {
-                angular_velocity: axis * spin,
-                ..Particle::at_rest(GlobalId(id), ShapeId(id as u16), Vec3::x() * x)
-            };
-            let apart = radii[0] + radii[1] - overlap;
-            let balls = [turning(0, 0.0, spin), turning(1, apart, -0.5 * spin)];
-            let bench = Bench::of(&scene, &balls);
-            let spins = bench.sim.particles.spin.as_ref().expect("they turn");
-            let [first, second] = [0, 1].map(|slot| Vec3::from(spins.torque[slot].vector));
-            assert!((first + second).norm() < 1e-12 * first.norm(), "{first} {second}");
-            -first.dot(&axis)
-        };
-        let inertia = radii
-            .map(|radius: f64| part * DENSITY * 4.0 / 3.0 * std::f64::consts::PI * radius.powi(5));
-        let inertia = inertia[0] * inertia[1] / (inertia[0] + inertia[1]);
-        let slow = 1e-3;
-        let viscous = 2.0 * damping * (inertia * spring).sqrt() * 1.5 * slow;
-        close(moment(slow), viscous, 1e-9, "dashpot");
-        close(moment(1e4), friction * reduced * stiffness * overlap, 1e-9, "limit");
+    let ids = if swapped { [1, 0] } else { [0, 1] };
+    let ball = |k: usize, position: Vec3, velocity: Vec3, spin: Vec3| Particle {
+        velocity: turn * velocity + drift,
+        angular_velocity: turn * spin,
+        ..Particle::at_rest(GlobalId(ids[k]), ShapeId(k as u16), turn * position)
+    };
+    let along = Vec3::new(0.8, 0.6, 0.0) * 0.0139;
+    let mut bench = Bench::of(
+        &scene,
+        &[
+            ball(0, Vec3::zeros(), Vec3::new(0.3, 0.0, 0.1), Vec3::new(20.0, -30.0, 10.0)),
+            ball(1, along, Vec3::new(-0.2, 0.1, 0.0), Vec3::new(-50.0, 20.0, 80.0)),
+        ],
+    );
+    for _ in 0..1000 {
+        bench.step();
+    }
+    let back = turn.transpose();
+    [0, 1].map(|k| {
+        let slot = bench.slot(ids[k]);
+        let particles = &bench.sim.particles;
+        let spin = particles.angular_velocity_of(dem_mpi::ids::Slot(slot as u32));
+        (back * (particles.velocity[slot] - drift), back * spin)
+    })
+}
+
+/// Exchanged ids, a turned frame and another inertial frame change nothing but the rounding.
+#[test]
+fn observers_see_the_same() {
+    let usual = pair(false, &Mat3::identity(), Vec3::zeros());
+    let mut random = Random::of(7, 0);
+    for (swapped, turn, drift) in [
+        (true, Mat3::identity(), Vec3::zeros()),
+        (false, random.frame(), Vec3::zeros()),
+        (true, random.frame(), Vec3::new(30.0, -20.0, 10.0)),
+    ] {
+        let other = pair(swapped, &turn, drift);
+        for (a, b) in usual.iter().zip(&other) {
+            let off = ((a.0 - b.0).norm() / a.0.norm()).max((a.1 - b.1).norm() / a.1.norm());
+            assert!(off < 1e-7, "off by {off:.1e}");
+        }
     }
 }
 
@@ -381,5 +401,49 @@ fn what_turns_easily_comes_to_rest() {
             let what = format!("{semi_axes:?}, rolling friction {rolling}");
             assert!(largest[1] < 1e-3 * spin, "{what}: {largest:?} of {spin} rad/s");
         }
+    }
+}
+
+/// Two balls of 10 and 4 mm that turn against each other: slowly `c ω` acts at once, with `c = 2 η √(I k)`, `k = 2.25 k_n (μ R_r)²` and `I` of
+/// both about the contact or the centre; fast `μ R_r N`.
+#[test]
+fn moments_of_unequal_balls_have_their_closed_forms() {
+    let (friction, damping, stiffness, overlap) = (0.2, 0.3, 1e6, 1e-5);
+    let text = text(
+        LAWS[0],
+        &format!("rolling_friction = {friction}\ntwisting_friction = {friction}\nturning_damping_ratio = {damping}"),
+        Vec3::zeros(),
+        1e-7,
+    )
+    .replace("restitution = 0.5", "restitution = 1")
+    .replace("walls = [\"-z\"]", "")
+    .replace("low = [-10, -10, 0]", "low = [-10, -10, -10]")
+    .replace("[[fill", "[[shape]]\nname = \"small\"\nkind = \"sphere\"\nradius = 0.004\n[[fill")
+    .replace("first = [0, 0, 0.01]", "shapes = [\"ball\"]\nfirst = [0, 0, 0.01]");
+    let scene = scene(&text);
+    let radii = [RADIUS, 0.004];
+    let reduced = radii[0] * radii[1] / (radii[0] + radii[1]);
+    let spring = 2.25 * stiffness * (friction * reduced).powi(2);
+    for (axis, part) in [(Vec3::y(), 1.4), (Vec3::x(), 0.4)] {
+        let moment = |spin: f64| {
+            let turning = |id: u64, x: f64, spin: f64| Particle {
+                angular_velocity: axis * spin,
+                ..Particle::at_rest(GlobalId(id), ShapeId(id as u16), Vec3::x() * x)
+            };
+            let apart = radii[0] + radii[1] - overlap;
+            let balls = [turning(0, 0.0, spin), turning(1, apart, -0.5 * spin)];
+            let bench = Bench::of(&scene, &balls);
+            let spins = bench.sim.particles.spin.as_ref().expect("they turn");
+            let [first, second] = [0, 1].map(|slot| Vec3::from(spins.torque[slot].vector));
+            assert!((first + second).norm() < 1e-12 * first.norm(), "{first} {second}");
+            -first.dot(&axis)
+        };
+        let inertia = radii
+            .map(|radius: f64| part * DENSITY * 4.0 / 3.0 * std::f64::consts::PI * radius.powi(5));
+        let inertia = inertia[0] * inertia[1] / (inertia[0] + inertia[1]);
+        let slow = 1e-3;
+        let viscous = 2.0 * damping * (inertia * spring).sqrt() * 1.5 * slow;
+        close(moment(slow), viscous, 1e-9, "dashpot");
+        close(moment(1e4), friction * reduced * stiffness * overlap, 1e-9, "limit");
     }
 }

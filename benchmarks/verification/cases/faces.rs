@@ -228,16 +228,16 @@ impl Pair {
 }
 
 fn collisions(effort: Effort) -> [Case; 3] {
-    let mut at_tenth = Case::new(
+    let mut coarse = Case::new(
         ENERGY,
-        "random collisions of solids without friction, a tenth of the stable step",
+        "random collisions of solids without friction, a twenty-fifth of the stable step",
         "largest change of the kinetic energy (relative)",
         2e-4,
         "the leapfrog at 30 to 50 steps of a contact",
     );
-    let mut at_fortieth = Case::new(
+    let mut fine = Case::new(
         ENERGY,
-        "the same, a fortieth of the stable step",
+        "the same, a hundredth of the stable step",
         "largest change of the kinetic energy (relative)",
         2e-5,
         "it falls with the square of the step",
@@ -252,14 +252,14 @@ fn collisions(effort: Effort) -> [Case; 3] {
     let count = effort.pick(8, 30);
     for solid in &solids() {
         let pair = Pair::of(solid);
-        for (share, case) in [(0.1, &mut at_tenth), (0.025, &mut at_fortieth)] {
+        for (share, case) in [(0.04, &mut coarse), (0.01, &mut fine)] {
             let [energy, momentum, angular] = pair.changes(count, share);
             case.absolute(solid.name, 0.0, energy);
             kept.absolute(format!("{}, momentum", solid.name), 0.0, momentum);
             kept.absolute(format!("{}, angular momentum", solid.name), 0.0, angular);
         }
     }
-    [at_tenth, at_fortieth, kept]
+    [coarse, fine, kept]
 }
 
 const FRICTION: f64 = 0.3;
