@@ -321,7 +321,7 @@ fn what_once_panicked_is_refused() {
         ] {
             let errors = refused(&text, folder.path());
             assert!(
-                errors.contains("leaves the range of lengths, from 1e-30 to 1e30 m"),
+                errors.contains("leaves the range of lengths, from 1e-40 to 1e30 m"),
                 "{errors}"
             );
         }

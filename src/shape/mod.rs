@@ -50,7 +50,7 @@ pub use superellipsoid::{CurvedSupport, Superellipsoid};
 pub use triangle_mesh::TriangleMesh;
 
 /// Lengths whose powers, as in moments and curvatures, are numbers [m].
-pub const LENGTHS: RangeInclusive<f64> = 1e-30..=1e30;
+pub const LENGTHS: RangeInclusive<f64> = 1e-40..=1e30;
 
 /// A convex body about its centre of mass, axes along its principal axes of inertia.
 pub trait Convex: Debug + Send + Sync {
