@@ -3,6 +3,7 @@
 use crate::support::{Bench, MATERIAL, OnRanks, ball, close, expect_refused, scene};
 use dem_mpi::contact::{AgainstTriangleMesh, ContactResolver, Outcome, Posed, Touch};
 use dem_mpi::math::{Mat3, Vec3};
+use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
 use dem_mpi::scene::plan::plan;
 use dem_mpi::shape::{Ellipsoid, Shape, Sphere, Superellipsoid, TriangleMesh};
@@ -188,6 +189,125 @@ fn what_is_on_the_axis_touches_once() {
         });
         let steps = [overlaps[1] - overlaps[0], overlaps[2] - overlaps[1]];
         assert!(steps[0] > 0.0 && (steps[0] / steps[1] - 1.0).abs() < 1e-3, "{overlaps:?}");
+    }
+}
+
+/// The deepest overlap of a body with a surface, 0 if it touches none.
+fn deepest(surface: &Arc<TriangleMesh>, body: &Posed, centre: &Vec3) -> f64 {
+    touches(surface, body, centre).iter().map(|touch| touch.overlap).fold(0.0, f64::max)
+}
+
+/// Below, beside and over both mouths of a cone and a cylinder, bodies touch what they touch of a fine mesh of it, as deep but for the height of its
+/// chords; and a rim is passed without a jump.
+#[test]
+fn a_rim_is_felt_as_one() {
+    let mut random = Random::of(20, 0);
+    let (strips, mut seen, mut worst) = (720_u32, [0; 2], 0.0_f64);
+    let egg = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(0.2, 0.2, 0.1) });
+    let long = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(0.12, 0.3, 0.1) });
+    let tablet = Shape::Superellipsoid(Superellipsoid::new(Vec3::new(0.2, 0.2, 0.1), [0.8; 2]));
+    let ball = Shape::Sphere(Sphere { radius: 0.15 });
+    for round in [
+        Round { radius: 0.9, slope: 0.8, height: 2.0 },
+        Round { radius: 1.0, slope: 0.0, height: 2.0 },
+    ] {
+        let surface = round.surface();
+        let at = |k: u32, height: f64| {
+            let angle = TAU * f64::from(k % strips) / f64::from(strips);
+            let radius = round.radius + round.slope * height;
+            Vec3::new(radius * angle.cos(), radius * angle.sin(), height)
+        };
+        let triangles: Vec<[Vec3; 3]> = (0..strips)
+            .flat_map(|k| {
+                let [a, b] = [at(k, 0.0), at(k, round.height)];
+                let [c, d] = [at(k + 1, 0.0), at(k + 1, round.height)];
+                [[a, b, d], [a, d, c]]
+            })
+            .collect();
+        let mesh = Arc::new(TriangleMesh::new(&triangles, 0.1).unwrap());
+        let chord = 2.6 * (1.0 - (0.5 * TAU / f64::from(strips)).cos());
+        for k in 0..1200 {
+            let shape = [&egg, &long, &tablet, &ball][k % 4];
+            let turn = random.rotation().to_rotation_matrix().into_inner();
+            let body = Posed::new(shape, &turn);
+            let height = if k % 3 == 0 { round.height } else { 0.0 };
+            let place = (random.unit() * 720.0) as u32;
+            let (rim, beyond) = (at(place, height), if height > 0.0 { 1.0 } else { -1.0 });
+            let normal = round.normal(TAU * f64::from(place) / 720.0);
+            let along = (at(place, 1.0) - at(place, 0.0)).normalize() * beyond;
+            // So deep along a direction in which the rim faces, or nearly.
+            let angle = 0.25 * TAU + (0.25 * TAU + 0.2) * random.signed();
+            let out = normal * angle.cos() + along * angle.sin();
+            let centre = rim - body.support(&-out) - out * 0.01 * random.unit();
+            let (found, expected) =
+                (deepest(&surface, &body, &centre), deepest(&mesh, &body, &centre));
+            assert!(
+                (found - expected).abs() < 3.0 * chord,
+                "{k} {centre} {out}: {found} {expected}"
+            );
+            worst = worst.max((found - expected).abs());
+            seen[usize::from(expected > 0.0)] += 1;
+            // On a straight way no overlap changes faster than the place.
+            let step = random.rotation() * Vec3::x() * 2e-4;
+            let overlaps: Vec<f64> = (-30..30)
+                .map(|k| deepest(&surface, &body, &(centre + step * f64::from(k))))
+                .collect();
+            let jump =
+                overlaps.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
+            assert!(jump < 2.1e-4, "{k} {centre} {out}: {jump}");
+        }
+    }
+    println!("{seen:?} apart and touching, off by {worst:e}");
+    assert!(seen.iter().all(|&count| count > 300), "{seen:?}");
+}
+
+/// Tablets fall through a cone without a floor: all of them come through, and the balance of energy closes.
+#[test]
+fn tablets_run_through_a_cone() {
+    let ellipsoid = "kind = \"ellipsoid\"\nsemi_axes = [0.004, 0.004, 0.002]";
+    let blunt =
+        "kind = \"superellipsoid\"\nsemi_axes = [0.004, 0.004, 0.002]\nexponents = [0.8, 0.8]";
+    let cone = "cone = { from = [0, 0, 0], to = [0, 0, 0.04], radius = [0.018, 0.05] }";
+    for (shape, count) in [(ellipsoid, 20), (blunt, 6)] {
+        let text = one(shape, cone, -Vec3::z() * 9.81, 0.3, 1e-5)
+            .replace("normal_stiffness", "restitution = 0.5\nnormal_stiffness");
+        let mut random = Random::of(21, 1);
+        let grains: Vec<_> = (0..count)
+            .map(|k| {
+                let angle = 2.4 * f64::from(k);
+                let place = Vec3::new(
+                    0.024 * angle.cos(),
+                    0.024 * angle.sin(),
+                    0.03 + 0.003 * f64::from(k),
+                );
+                Particle {
+                    quaternion: random.rotation(),
+                    ..ball(k as u64, 0, place, Vec3::zeros())
+                }
+            })
+            .collect();
+        let mut bench = Bench::of(&scene(&text), &grains);
+        let mut on_rim = 0;
+        for _ in 0..20_000 {
+            bench.step();
+            on_rim += bench
+                .sim
+                .contacts
+                .on_walls(&bench.sim.particles)
+                .filter(|(pair, _)| {
+                    let id = bench.sim.particles.id[pair.b.index()];
+                    id.wall_and_facet().is_some_and(|(_, facet)| facet >= 64)
+                })
+                .count();
+            if bench.sim.particles.position.iter().take(count as usize).all(|x| x.z < -0.01) {
+                break;
+            }
+        }
+        let after = bench.measure();
+        let part = after.missing() / after.dissipated;
+        println!("{shape:?}: {on_rim} contacts with rims, {part:e} of the dissipated missing");
+        assert!(bench.sim.particles.position.iter().take(count as usize).all(|x| x.z < -0.01));
+        assert!(on_rim > 100 && part.abs() < 1e-3, "{on_rim} {part:e}");
     }
 }
 

@@ -7,7 +7,8 @@
 //! |---|---|---|
 //! | face | its normal, on the side of the centre | `δ`, if the deepest point of the body stands over the face and has come through it: the answer of the plane |
 //! | edge | those between the normals of its faces | least `δ` of them, if it lies between both and on the edge: roots of `dδ/dn` in one angle |
-//! | strip of a cylinder or a cone | its normals | from inside each local maximum of `δ`: a long body has two; from outside the least `δ` |
+//! | strip of a cylinder or a cone | its normals | from inside each local maximum of `δ`: a long body has two; from outside the least `δ`; if its foot is between the ends and in the body |
+//! | rim, where such a surface ends | from one normal of it over the way out to the other | that of its tangent as an edge, where this is right above the point of the rim |
 //! | corner | at right angles or more to its edges | least `δ`, as of a sphere without radius |
 //!
 //! All on the side of the surface on which the centre of the body is: a long body in a shallow fold would else be pushed through it.
@@ -21,13 +22,14 @@ use super::{
     Chain, ContactResolver, Epa, Outcome, Posed, SmoothCommonNormal, Touch, Why, touch_of_sphere,
 };
 use crate::math::{Mat3, Vec3};
-use crate::shape::triangle_mesh::{MeshFacet, Strip, TriangleMesh};
+use crate::shape::triangle_mesh::{MeshFacet, Rim, Strip, Tangent, TriangleMesh};
 use crate::shape::{Shape, Sphere, Spherocylinder};
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 /// How far the region of a facet goes beyond its border, over the radius of the body.
 const BORDER: f64 = 1e-9;
 /// The directions of an edge are searched in parts of this size at most [rad].
-const PART: f64 = 0.25 * std::f64::consts::PI;
+const PART: f64 = 0.25 * PI;
 /// The angle about an edge is as exact as this [rad].
 const ANGLE: f64 = 1e-15;
 /// Relative duality gap where only whether bodies are apart is asked.
@@ -76,7 +78,8 @@ impl ContactResolver for AgainstTriangleMesh {
         let outcome = match mesh.facet(b.facet) {
             MeshFacet::Face { normal, offset } => body.on_face(mesh, b.facet, &normal, offset),
             edge @ MeshFacet::Edge { .. } => body.on_edge(&edge),
-            MeshFacet::Strip(strip) => body.on_strip(&strip, b.facet == 0),
+            MeshFacet::Strip(strip) => body.on_strip(&strip),
+            MeshFacet::Rim(rim) => body.on_rim(&rim),
             MeshFacet::Corner { at } => {
                 let warm = warm.map(|normal| b.frame.tr_mul(normal));
                 body.on_corner(&at, mesh.edges_at(b.facet), &self.points, warm.as_ref())
@@ -103,6 +106,16 @@ struct Body<'a> {
     centre: Vec3,
     /// How far over borders it is looked for [m].
     border: f64,
+}
+
+/// What a body shares with a line.
+struct OnLine {
+    /// How deep it is [m].
+    overlap: f64,
+    /// The direction out of the line.
+    out: Vec3,
+    /// The deepest point, from the centre [m].
+    deepest: Vec3,
 }
 
 /// Another facet has the contact: look again.
@@ -175,6 +188,16 @@ impl Body<'_> {
                 ELSEWHERE
             };
         }
+        let Some(found) = self.on_line(&way, [first, quarter], *opening) else { return ELSEWHERE };
+        if found.overlap > 0.0 && !is_on((found.deepest + way).dot(along)) {
+            return ELSEWHERE;
+        }
+        self.where_it_reaches(&found, |body| body.reaches(from, along, *length, first))
+    }
+
+    /// What is least deep along the directions in which a line faces: from the first over a quarter turn on, an angle. The way runs from the line to
+    /// the centre.
+    fn on_line(&self, way: &Vec3, [first, quarter]: [&Vec3; 2], opening: f64) -> Option<OnLine> {
         let direction = |angle: f64| {
             let (sine, cosine) = libm::sincos(angle);
             (first * cosine + quarter * sine, quarter * cosine - first * sine)
@@ -187,29 +210,30 @@ impl Body<'_> {
         // δ may have several minima, as of a flat body with the edge in it: one of them on each side.
         let parts = (opening / PART).ceil().max(1.0);
         let mut from = (0.0, beyond(0.0));
-        let mut found: Option<(f64, Vec3, Vec3)> = None;
+        let mut found: Option<OnLine> = None;
         for part in 1..=parts as u32 {
             let angle = opening * (f64::from(part) / parts);
             let to = (angle, beyond(angle));
             let leeway = |is_border: bool| if is_border { self.border } else { 0.0 };
-            if from.1 >= -leeway(part == 1) && to.1 <= leeway(angle >= *opening) {
+            if from.1 >= -leeway(part == 1) && to.1 <= leeway(angle >= opening) {
                 let (out, _) = direction(root(beyond, from, to));
                 let deepest = self.a.support(&-out);
                 let overlap = -(deepest + way).dot(&out);
-                if out.dot(&way) > 0.0 && found.is_none_or(|(least, ..)| overlap < least) {
-                    found = Some((overlap, out, deepest));
+                if out.dot(way) > 0.0 && found.as_ref().is_none_or(|least| overlap < least.overlap)
+                {
+                    found = Some(OnLine { overlap, out, deepest });
                 }
             }
             from = to;
         }
-        let Some((overlap, out, deepest)) = found else { return ELSEWHERE };
-        let on_a = deepest + way;
-        if overlap > 0.0 && !is_on(on_a.dot(along)) {
-            return ELSEWHERE;
-        }
-        // A body beside the edge may be deep along a direction in which the edge faces, and not come to it.
+        found
+    }
+
+    /// A body beside an edge may be deep along a direction in which the edge faces, and not come to it.
+    fn where_it_reaches(&self, found: &OnLine, reaches: impl Fn(&Self) -> bool) -> Outcome {
+        let OnLine { overlap, out, deepest } = *found;
         let foot = deepest + out * overlap;
-        if overlap > 0.0 && !self.a.contains(&foot) && !self.reaches(edge) {
+        if overlap > 0.0 && !self.a.contains(&foot) && !reaches(self) {
             return ELSEWHERE;
         }
         let touch =
@@ -218,12 +242,11 @@ impl Body<'_> {
         if let Outcome::Apart(_) = touch { ELSEWHERE } else { touch }
     }
 
-    /// Does a point of the edge lie in the body?
-    fn reaches(&self, edge: &MeshFacet) -> bool {
-        let MeshFacet::Edge { from, along, length, first, .. } = edge else { return false };
+    /// Does a point of an edge lie in the body?
+    fn reaches(&self, from: &Vec3, along: &Vec3, length: f64, across: &Vec3) -> bool {
         let radius = POINT * self.a.bounding_radius();
-        let segment = Shape::Spherocylinder(Spherocylinder { length: *length, radius });
-        let frame = Mat3::from_columns(&[*along, *first, along.cross(first)]);
+        let segment = Shape::Spherocylinder(Spherocylinder { length, radius });
+        let frame = Mat3::from_columns(&[*along, *across, along.cross(across)]);
         let middle = from + along * (0.5 * length) - self.centre;
         let segment = Posed::new(&segment, &frame);
         let bodies = Difference::new(&self.a, &segment, &middle);
@@ -233,8 +256,8 @@ impl Body<'_> {
 
     /// With `n` the normal away from the axis, `δ = h(n) + n·c - d` for a body inside, `d - n·c + h(-n)` for one outside, where `n·x = d`
     /// is the plane that touches the surface along a line. What touches all around, on the axis, is met by the first strip alone.
-    fn on_strip(&self, strip: &Strip, is_first: bool) -> Outcome {
-        let Strip { from, axis, length, radius, slope, first, quarter, opening } = strip;
+    fn on_strip(&self, strip: &Strip) -> Outcome {
+        let Strip { from, axis, length, radius, slope, first, quarter, opening, is_first } = strip;
         let way = self.centre - from;
         let height = way.dot(axis);
         let out = way - axis * height;
@@ -264,12 +287,8 @@ impl Body<'_> {
             }
             angle
         } else {
-            let (low, high) = (grows(0.0), grows(*opening));
-            let all_around = low.abs() <= self.border && high.abs() <= self.border;
-            if all_around && !is_first || low < -self.border || high > self.border {
-                return ELSEWHERE;
-            }
-            root(grows, (0.0, low), (*opening, high))
+            let Some(angle) = self.around(grows, strip) else { return ELSEWHERE };
+            angle
         };
         let into = directions(angle).0 * side;
         // The far side of what it touches from outside is behind it.
@@ -278,11 +297,86 @@ impl Body<'_> {
         }
         let deepest = self.a.support(&into);
         let overlap = (deepest + way).dot(&into) - side * radius / steep;
-        let foot = (deepest + way - into * overlap).dot(axis);
-        if overlap <= 0.0 || !(-self.border..=length + self.border).contains(&foot) {
+        let foot = deepest - into * overlap;
+        let is_on =
+            |place: &Vec3| (-self.border..=length + self.border).contains(&(way + place).dot(axis));
+        if overlap <= 0.0 || !is_on(&foot) {
+            return ELSEWHERE;
+        }
+        // Beside its end a long body may come to where the surface would go on.
+        let crossing = deepest * (1.0 - overlap / deepest.dot(&into));
+        if self.radius == 0.0 && !self.a.contains(&foot) && !is_on(&crossing) {
             return ELSEWHERE;
         }
         Touch { overlap, normal: into, point: deepest - into * (0.5 * overlap) }.outcome()
+    }
+
+    /// The angle at which a function that is not negative at the first line of a strip, and not positive at the last, is 0. One that is 0 all around
+    /// the axis is so on the first strip alone.
+    fn around(&self, f: impl Fn(f64) -> f64, strip: &Strip) -> Option<f64> {
+        let (low, high) = (f(0.0), f(strip.opening));
+        let all_around = low.abs() <= self.border && high.abs() <= self.border;
+        let is_there = low >= -self.border && high <= self.border;
+        (is_there && (strip.is_first || !all_around))
+            .then(|| root(f, (0.0, low), (strip.opening, high)))
+    }
+
+    fn on_rim(&self, rim: &Rim) -> Outcome {
+        let Rim { strip, outwards, .. } = rim;
+        let way = self.centre - rim.centre();
+        let height = way.dot(&strip.axis);
+        let out = way - strip.axis * height;
+        let beside = out.norm() - rim.radius();
+        let clearance = (beside * beside + height * height).sqrt() - self.a.bounding_radius();
+        if clearance > 0.0 {
+            return Outcome::Apart(clearance);
+        }
+        // Most bodies at the end of a surface do not come over it.
+        let over = strip.axis * *outwards;
+        if (way + self.a.support(&over)).dot(&over) <= 0.0 {
+            return ELSEWHERE;
+        }
+        if self.radius > 0.0 {
+            return self.sphere_on_rim(rim, &out);
+        }
+        // Beyond both normals of the surface, too: so far rims are followed from one end to the other.
+        let seen = |tangent: &Tangent| {
+            let Tangent { at, first, quarter, .. } = tangent;
+            let from = (first - quarter) * FRAC_1_SQRT_2;
+            let then = (first + quarter) * FRAC_1_SQRT_2;
+            self.on_line(&(self.centre - at), [&from, &then], PI + 2.0 * PART)
+        };
+        // How far the deepest point lies beyond the plane of the axis and a point of the rim.
+        let beyond = |angle: f64| {
+            let tangent = rim.tangent(angle);
+            seen(&tangent).map_or(f64::NAN, |of| (of.deepest + way).dot(&tangent.along))
+        };
+        let Some(angle) = self.around(beyond, strip) else { return ELSEWHERE };
+        let tangent = rim.tangent(angle);
+        let Some(found) = seen(&tangent) else { return ELSEWHERE };
+        let Tangent { at, along, first, quarter } = &tangent;
+        if found.out.dot(quarter) < -BORDER {
+            return ELSEWHERE;
+        }
+        let reach = self.a.bounding_radius();
+        let from = at - along * reach;
+        self.where_it_reaches(&found, |body| body.reaches(&from, along, 2.0 * reach, first))
+    }
+
+    fn sphere_on_rim(&self, rim: &Rim, out: &Vec3) -> Outcome {
+        let Strip { first, quarter, opening, is_first, .. } = rim.strip;
+        let all_around = out.norm() <= self.border;
+        let angle = if all_around { 0.0 } else { libm::atan2(out.dot(&quarter), out.dot(&first)) };
+        if all_around && !is_first || !(-BORDER..=opening + BORDER).contains(&angle) {
+            return ELSEWHERE;
+        }
+        let tangent = rim.tangent(angle);
+        let way = self.centre - tangent.at;
+        if way.dot(&tangent.quarter) < -BORDER * way.norm() {
+            ELSEWHERE
+        } else {
+            self.sphere_at(&way)
+        }
     }
 
     fn on_corner(

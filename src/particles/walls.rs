@@ -308,6 +308,7 @@ impl Wall {
             Some(MeshFacet::Face { .. }) => format!("face {facet} of "),
             Some(MeshFacet::Edge { .. }) => format!("edge {facet} of "),
             Some(MeshFacet::Strip(_)) => format!("strip {facet} of "),
+            Some(MeshFacet::Rim(_)) => format!("rim {facet} of "),
             Some(MeshFacet::Corner { .. }) => format!("corner {facet} of "),
             None if self.facets.len() > 1 => format!("plane {facet} of "),
             None => String::new(),

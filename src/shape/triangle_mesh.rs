@@ -11,8 +11,9 @@
 //! These directions are the Voronoi regions of the surface: a contact whose normal lies in none belongs to another facet. An edge
 //! that is concave on a side faces nowhere there. Whether triangles agree on what is in front does not matter.
 //!
-//! A cylinder or a cone has *strips* and no other facets. Each lies between two straight lines of the surface, and faces in all
-//! directions between the normals there. Strips are exact: their triangles only say where to look, and are what pictures have.
+//! A cylinder or a cone has *strips*, and *rims* where it ends. A strip lies between two straight lines of the surface, and faces in all
+//! directions between the normals there. A rim is the arc at the end of a strip: an edge of one triangle that is bent. Both are exact: their
+//! triangles only say where to look, and are what pictures have.
 //!
 //! Grains with a straight side ask for what its points see ([`TriangleMesh::stretches`]), on strips too. Grains with faces ask for what lies behind the triangles ([`TriangleMesh::with_cells`]) and have no contacts with edges and corners.
 //!
@@ -69,6 +70,57 @@ pub struct Strip {
     pub quarter: Vec3,
     /// Angle from the first line to the last [rad].
     pub opening: f64,
+    /// Is it the first of its surface?
+    pub is_first: bool,
+}
+
+/// The arc at an end of a [`Strip`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rim {
+    /// Where the surface is.
+    pub strip: Strip,
+    /// Its height on the axis of the strip [m].
+    pub height: f64,
+    /// Along the axis, out of the surface: 1 or -1.
+    pub outwards: f64,
+}
+
+/// The line that touches a rim at an angle, and where an edge there faces.
+pub struct Tangent {
+    /// Where it touches [m].
+    pub at: Vec3,
+    /// Unit vector along it.
+    pub along: Vec3,
+    /// The first direction in which it faces: the normal of the surface, away from the axis.
+    pub first: Vec3,
+    /// The direction a quarter turn on from that: out of the surface, along it.
+    pub quarter: Vec3,
+}
+
+impl Rim {
+    /// The middle of its circle [m].
+    pub fn centre(&self) -> Vec3 {
+        self.strip.from + self.strip.axis * self.height
+    }
+
+    /// Of its circle [m].
+    pub fn radius(&self) -> f64 {
+        self.strip.radius + self.strip.slope * self.height
+    }
+
+    /// Its tangent at an angle from the first line of the strip [rad].
+    pub fn tangent(&self, angle: f64) -> Tangent {
+        let Strip { axis, slope, first, quarter, .. } = self.strip;
+        let steep = (1.0 + slope * slope).sqrt();
+        let (sine, cosine) = libm::sincos(angle);
+        let across = first * cosine + quarter * sine;
+        Tangent {
+            at: self.centre() + across * self.radius(),
+            along: quarter * cosine - first * sine,
+            first: (across - axis * slope) / steep,
+            quarter: (axis + across * slope) * (self.outwards / steep),
+        }
+    }
 }
 
 impl Strip {
@@ -221,6 +273,8 @@ impl TriangleMesh {
             (across * cosine + third * sine, third * cosine - across * sine)
         });
         let mut building = Building::default();
+        // A triangle has no area, and no rim, where the cone comes to its tip.
+        let is_there = [end > 0.0, begin > 0.0];
         for ((first, quarter), k) in lines.zip(0..) {
             building.vertices.extend([from + first * begin, to + first * end]);
             let next = (k + 1) % STRIPS;
@@ -234,19 +288,24 @@ impl TriangleMesh {
                 first,
                 quarter,
                 opening: turn,
+                is_first: k == 0,
             };
-            // One of its triangles has no area where the cone comes to its tip.
-            building.push_strip(strip, ends, [end > 0.0, begin > 0.0]);
+            building.push_strip(strip, ends, is_there);
         }
+        building.find_rims();
         building.own = building.corners.len();
         let mesh = building.finished(LEAST_SMOOTH);
         let bulge = 1.01 * begin.max(end) * (1.0 - libm::cos(0.5 * turn));
         Self { bulge, reach: mesh.reach + bulge, ..mesh }
     }
 
-    /// A cylinder that goes on beyond both of its ends by so much [m], of which pictures show nothing.
+    /// A cylinder that goes on beyond both of its ends by so much [m], of which pictures show nothing. If it does, it has no rims.
     #[must_use]
     pub fn going_on(mut self, beyond: f64) -> Self {
+        if beyond > 0.0 {
+            self.facets.leave_out_edges();
+            self.triangles.iter_mut().for_each(|of| of.facets[1..].fill(NONE));
+        }
         for Strip { from, axis, length, .. } in &mut self.facets.strips {
             *from -= *axis * beyond;
             *length += 2.0 * beyond;

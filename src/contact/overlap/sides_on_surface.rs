@@ -32,7 +32,7 @@ use super::sides::{Integrals, Side};
 use super::thickness::{THIN, Thickness};
 use crate::contact::patch::nearest_of_segments;
 use crate::math::Vec3;
-use crate::shape::triangle_mesh::{MeshFacet, Over, Stretch, TriangleMesh};
+use crate::shape::triangle_mesh::{MeshFacet, Over, Rim, Stretch, TriangleMesh};
 use nalgebra::Matrix3x2;
 
 /// How far stretches reach over borders, over the radius.
@@ -167,7 +167,7 @@ pub(super) fn clear_of(side: &Side, seen: &Seen, facet: &MeshFacet) -> f64 {
         }
         MeshFacet::Edge { from, along, length, .. } => to_segment(&[*from, from + along * *length]),
         MeshFacet::Corner { at } => to_segment(&[*at, *at]),
-        MeshFacet::Strip(strip) => strip.clear_of(&axis),
+        MeshFacet::Strip(strip) | MeshFacet::Rim(Rim { strip, .. }) => strip.clear_of(&axis),
     };
     distance - side.radius
 }

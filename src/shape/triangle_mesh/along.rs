@@ -334,7 +334,7 @@ impl TriangleMesh {
                 over = Over::Round(round);
                 way
             }
-            MeshFacet::Face { .. } => return None,
+            MeshFacet::Face { .. } | MeshFacet::Rim(_) => return None,
         };
         (range[0] < range[1]).then_some(Stretch { facet, range, way, over })
     }

@@ -112,6 +112,22 @@ impl Building {
         }
     }
 
+    /// The rims of strips, first all of one end.
+    pub(super) fn find_rims(&mut self) {
+        for end in 0..2 {
+            for (of, corners) in self.of_triangle.iter_mut().zip(&self.corners) {
+                for (number, &from) in corners.iter().enumerate() {
+                    let to = corners[(number + 1) % 3];
+                    // Vertices of both ends stand in turn.
+                    if from % 2 == end && to % 2 == end {
+                        let ends = [from.min(to), from.max(to)];
+                        of[1 + number] = self.facets.push_edge(Edge { ends, ..Edge::default() });
+                    }
+                }
+            }
+        }
+    }
+
     pub(super) fn find_sides(&mut self, findings: &mut Findings) {
         self.sides = sides_of(self.corners.iter().copied());
         let is_own = |of: &&[Side]| of.iter().any(|side| (side.triangle as usize) < self.own);

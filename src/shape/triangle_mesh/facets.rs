@@ -1,6 +1,6 @@
 //! What a grain can touch of a surface. What follows from the corners of triangles is not kept.
 
-use super::{NONE, Strip};
+use super::{NONE, Rim, Strip};
 use crate::math::Vec3;
 use crate::shape::facets::Plane;
 use serde::{Deserialize, Serialize};
@@ -32,6 +32,8 @@ pub enum MeshFacet {
     },
     /// A part of a cylinder or a cone.
     Strip(Strip),
+    /// Where such a part ends.
+    Rim(Rim),
     /// A point.
     Corner {
         /// Where it is [m].
@@ -39,8 +41,8 @@ pub enum MeshFacet {
     },
 }
 
-/// An edge that faces somewhere.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// An edge that faces somewhere. Of a rim the ends are all there is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Edge {
     /// Vertices, the lower first.
     pub(super) ends: [u32; 2],
@@ -120,6 +122,11 @@ impl Facets {
         (self.len() - 1) as u32
     }
 
+    /// Leaves out all edges of a surface without corners.
+    pub(super) fn leave_out_edges(&mut self) {
+        self.edges.clear();
+    }
+
     /// Adds a corner at a vertex after all edges.
     pub(super) fn push_corner(&mut self, vertex: u32, beyond: &[u32]) {
         let number = self.len() as u32;
@@ -173,6 +180,12 @@ impl Facets {
             MeshFacet::Strip(*strip)
         } else if let Some(edge) = self.edges.get(facet - faces) {
             let Edge { ends, per_length, first, opening } = *edge;
+            // A strip has its vertices where it begins and ends in turn, and all rims of one end follow each other.
+            if let Some(&strip) = self.strips.get((facet - faces) % faces) {
+                let [height, outwards] =
+                    if ends[0] % 2 == 0 { [0.0, -1.0] } else { [strip.length, 1.0] };
+                return MeshFacet::Rim(Rim { strip, height, outwards });
+            }
             let [from, to] = ends.map(|k| vertices[k as usize]);
             let along = (to - from) * per_length;
             let length = (to - from).dot(&along);
