@@ -49,7 +49,7 @@ pub use overlap::{Overlap, OverlapWithSurface, Thickness, thickness, thickness_o
 pub use record::{ContactRecord, ContactRecords, Geometry, StateColumn};
 pub use smooth_common_normal::SmoothCommonNormal;
 pub use sphere_sphere::SphereSphere;
-pub use triangle_mesh::AgainstTriangleMesh;
+pub use triangle_mesh::{AgainstTriangleMesh, cut};
 
 use crate::cell::Cell;
 use crate::ids::{ShapeId, Slot};

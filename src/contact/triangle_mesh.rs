@@ -9,6 +9,7 @@
 //! | edge | those between the normals of its faces | least `δ` of them, if it lies between both and on the edge: roots of `dδ/dn` in one angle |
 //! | strip of a cylinder or a cone | its normals | from inside each local maximum of `δ`: a long body has two; from outside the least `δ`; if its foot is between the ends and in the body |
 //! | rim, where such a surface ends | from one normal of it over the way out to the other | that of its tangent as an edge, where this is right above the point of the rim |
+//! | edge, in a fold | from the normal of one of its faces to the plane of the other | the same, of the face that the body has left |
 //! | corner | at right angles or more to its edges | least `δ`, as of a sphere without radius |
 //!
 //! All on the side of the surface on which the centre of the body is: a long body in a shallow fold would else be pushed through it.
@@ -22,9 +23,9 @@ use super::{
     Chain, ContactResolver, Epa, Outcome, Posed, SmoothCommonNormal, Touch, Why, touch_of_sphere,
 };
 use crate::math::{Mat3, Vec3};
-use crate::shape::triangle_mesh::{MeshFacet, Rim, Strip, Tangent, TriangleMesh};
+use crate::shape::triangle_mesh::{MeshFacet, Rim, Strip, Tangent, TriangleMesh, is_over};
 use crate::shape::{Shape, Sphere, Spherocylinder};
-use std::f64::consts::{FRAC_1_SQRT_2, PI};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// How far the region of a facet goes beyond its border, over the radius of the body.
 const BORDER: f64 = 1e-9;
@@ -77,7 +78,7 @@ impl ContactResolver for AgainstTriangleMesh {
         };
         let outcome = match mesh.facet(b.facet) {
             MeshFacet::Face { normal, offset } => body.on_face(mesh, b.facet, &normal, offset),
-            edge @ MeshFacet::Edge { .. } => body.on_edge(&edge),
+            edge @ MeshFacet::Edge { .. } => body.on_edge(mesh, &edge),
             MeshFacet::Strip(strip) => body.on_strip(&strip),
             MeshFacet::Rim(rim) => body.on_rim(&rim),
             MeshFacet::Corner { at } => {
@@ -106,6 +107,19 @@ struct Body<'a> {
     centre: Vec3,
     /// How far over borders it is looked for [m].
     border: f64,
+}
+
+/// Where the two faces of an edge are felt beyond it in its fold, if they are not one: from the normal of each to the plane of the other, as the edge faces
+/// outside: a direction, one a quarter turn on, and an angle [rad].
+fn folds(
+    mesh: &TriangleMesh,
+    (first, quarter, opening): &(Vec3, Vec3, f64),
+) -> Option<[(Vec3, Vec3, f64); 2]> {
+    let in_fold = FRAC_PI_2 - opening;
+    let (sine, cosine) = libm::sincos(*opening);
+    let (last, next) = (first * cosine + quarter * sine, quarter * cosine - first * sine);
+    (in_fold > 0.0 && mesh.is_fold(cosine))
+        .then_some([(-first, *quarter, in_fold), (-last, -next, in_fold)])
 }
 
 /// What a body shares with a line.
@@ -168,7 +182,7 @@ impl Body<'_> {
         !mesh.between(Some(face), &end, foot, self.border).is_some_and(is_beside)
     }
 
-    fn on_edge(&self, edge: &MeshFacet) -> Outcome {
+    fn on_edge(&self, mesh: &TriangleMesh, edge: &MeshFacet) -> Outcome {
         let MeshFacet::Edge { from, along, length, first, quarter, opening } = edge else {
             unreachable!("an edge is an edge")
         };
@@ -178,17 +192,23 @@ impl Body<'_> {
             return apart;
         }
         let is_on = |place: f64| (-self.border..=length + self.border).contains(&place);
+        let outside = (*first, *quarter, *opening);
         if self.radius > 0.0 {
             let place = way.dot(along);
             let out = way - along * place;
-            let angle = libm::atan2(out.dot(quarter), out.dot(first));
-            return if is_on(place) && (-BORDER..=opening + BORDER).contains(&angle) {
-                self.sphere_at(&out)
-            } else {
-                ELSEWHERE
+            let is_in = |(first, quarter, opening): &(Vec3, Vec3, f64)| {
+                let angle = libm::atan2(out.dot(quarter), out.dot(first));
+                (-BORDER..=opening + BORDER).contains(&angle)
             };
+            let is_felt = || is_in(&outside) || folds(mesh, &outside).iter().flatten().any(is_in);
+            return if is_on(place) && is_felt() { self.sphere_at(&out) } else { ELSEWHERE };
         }
-        let Some(found) = self.on_line(&way, [first, quarter], *opening) else { return ELSEWHERE };
+        let seen = |(first, quarter, opening): &(Vec3, Vec3, f64)| {
+            self.on_line(&way, [first, quarter], *opening)
+        };
+        let found =
+            seen(&outside).or_else(|| folds(mesh, &outside).iter().flatten().find_map(seen));
+        let Some(found) = found else { return ELSEWHERE };
         if found.overlap > 0.0 && !is_on((found.deepest + way).dot(along)) {
             return ELSEWHERE;
         }
@@ -339,17 +359,15 @@ impl Body<'_> {
         if self.radius > 0.0 {
             return self.sphere_on_rim(rim, &out);
         }
-        // Beyond both normals of the surface, too: so far rims are followed from one end to the other.
+        // All directions around the rim: the search for its point does not end at the normals of the surface.
         let seen = |tangent: &Tangent| {
             let Tangent { at, first, quarter, .. } = tangent;
-            let from = (first - quarter) * FRAC_1_SQRT_2;
-            let then = (first + quarter) * FRAC_1_SQRT_2;
-            self.on_line(&(self.centre - at), [&from, &then], PI + 2.0 * PART)
+            self.on_line(&(self.centre - at), [first, quarter], TAU)
         };
         // How far the deepest point lies beyond the plane of the axis and a point of the rim.
         let beyond = |angle: f64| {
             let tangent = rim.tangent(angle);
-            seen(&tangent).map_or(f64::NAN, |of| (of.deepest + way).dot(&tangent.along))
+            seen(&tangent).map_or(0.0, |of| (of.deepest + way).dot(&tangent.along))
         };
         let Some(angle) = self.around(beyond, strip) else { return ELSEWHERE };
         let tangent = rim.tangent(angle);
@@ -361,6 +379,38 @@ impl Body<'_> {
         let reach = self.a.bounding_radius();
         let from = at - along * reach;
         self.where_it_reaches(&found, |body| body.reaches(&from, along, 2.0 * reach, first))
+    }
+
+    /// The least scale of the body about its centre at which it comes to a triangle, if it does so at `most`: where its plane is touched first, or on a
+    /// side.
+    fn least_in(&self, corners: &[Vec3; 3], most: f64) -> Option<f64> {
+        let [a, b, c] = corners;
+        let normal = (b - a).cross(&(c - a)).normalize();
+        let height = (a - self.centre).dot(&normal);
+        let into = if height < 0.0 { -normal } else { normal };
+        let deepest = self.a.support(&into);
+        let scale = height.abs() / deepest.dot(&into);
+        if scale >= most {
+            return None;
+        }
+        if is_over(corners, &(self.centre + deepest * scale), 0.0) {
+            return Some(scale);
+        }
+        let is_cut = |scale: f64| {
+            let body = Body { a: Posed { scale: self.a.scale * scale, ..self.a }, ..*self };
+            [(a, b), (b, c), (c, a)].iter().any(|(from, to)| {
+                let (way, length) = (*to - *from, (*to - *from).norm());
+                body.reaches(from, &(way / length), length, &normal)
+            })
+        };
+        is_cut(most).then(|| {
+            let (mut low, mut high) = (scale, most);
+            for _ in 0..20 {
+                let middle = 0.5 * (low + high);
+                if is_cut(middle) { high = middle } else { low = middle }
+            }
+            high
+        })
     }
 
     fn sphere_on_rim(&self, rim: &Rim, out: &Vec3) -> Outcome {
@@ -425,6 +475,26 @@ impl Body<'_> {
         let (overlap, normal) = (self.radius - distance, -way / distance);
         Touch { overlap, normal, point: touch_of_sphere(self.radius, &normal, overlap) }.outcome()
     }
+}
+
+/// How much a smooth body must shrink about its centre to be free of all triangles of a wall, and the face that is deepest in it; `r` runs from its centre to
+/// the reference point of the wall [m]. Nothing if less than `least`.
+pub fn cut(a: &Posed, b: &Posed, r: &Vec3, least: f64) -> Option<(f64, u32)> {
+    let Shape::TriangleMesh(mesh) = b.shape else { return None };
+    // The triangles of a cylinder or a cone are not its surface.
+    if mesh.is_round() {
+        return None;
+    }
+    let frame = b.frame.tr_mul(a.frame);
+    let centre = -b.frame.tr_mul(r);
+    let body = Body { a: Posed { frame: &frame, ..*a }, radius: 0.0, centre, border: 0.0 };
+    let mut found = (1.0 - least, None);
+    mesh.for_each_triangle_near(&centre, a.bounding_radius(), |face, corners| {
+        if let Some(scale) = body.least_in(corners, found.0) {
+            found = (scale, Some(face));
+        }
+    });
+    found.1.map(|face| (1.0 - found.0, face))
 }
 
 /// A root of a continuous function that is not negative at the lower angle and not positive at the upper one, but for

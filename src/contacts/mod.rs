@@ -349,7 +349,7 @@ impl Contacts {
         particles: &Particles,
     ) {
         let on_meshes = surfaces::has_meshes(pairs, particles);
-        if on_meshes {
+        if on_meshes || surfaces::has_equal_planes(pairs, particles) {
             surfaces::merge(touching, pairs, particles);
         }
         if touching.pair.is_sorted() {

@@ -1,18 +1,20 @@
 //! Contacts with walls of triangles belong to the surface, not to its facets.
 //!
-//! Where a grain touches facets that have a corner in common, one with the next, with nearly the normal of the deepest contact, it touches one smooth
-//! surface: that contact counts. Where a grain that is no sphere touches a face and an edge of that face with other normals, it has the edge in it, and the
+//! Where a grain touches facets that have a corner in common, or are near each other, one with the next, with nearly the normal of the deepest contact, it touches
+//! one smooth surface: that contact counts. Facets that lie in each other, of one wall or of two, count once, and so do planes. Where a grain that is no sphere touches a face and an edge of that face with other normals, it has the edge in it, and the
 //! least overlap counts. Where a contact ends on one facet and one begins on another that has a corner in common with it, in
 //! the same step, the contact has gone over an edge: it takes along what is remembered.
 //!
 //! A grain with faces or a straight side has one contact with all facets that are one surface ([`crate::contact::thickness_on_surface`]), so that
 //! there is nothing to leave out. Its contact passes to any facet, if the normal turns by less than half of a right angle.
 
-use crate::contact::{Geometry, Pair, Previous, Touching};
-use crate::ids::GlobalId;
+use crate::contact::{Geometry, Pair, Previous, Touching, touch_of_sphere};
+use crate::ids::{GlobalId, Slot};
 use crate::law::Separated;
+use crate::math::Vec3;
 use crate::particles::Particles;
-use crate::shape::{Kind, TriangleMesh};
+use crate::shape::{Kind, Shape, TriangleMesh};
+use std::cmp::Ordering;
 
 /// A facet of a mesh that is the second body of a pair.
 struct OnMesh<'a> {
@@ -41,63 +43,160 @@ fn is_extended(pair: Pair, particles: &Particles) -> bool {
     particles.bodies().shape_of(pair.a).kind().extended()[0] > 0
 }
 
+/// Of facets of one wall without a common corner only those with feet nearer than this are one surface, over the radius of the grain.
+const NEAR: f64 = 0.5;
+
+/// What is this near to a face or a plane, over the radius of the grain, lies in it.
+const FLAT: f64 = 1e-5;
+
+/// Cosine of the angle by which walls that lie in each other differ at most, of 0.001.
+const PARALLEL: f64 = 1.0 - 5e-7;
+
 /// Is any of these pairs with a mesh? Pairs with walls stand in stretches of their own.
 pub(super) fn has_meshes(pairs: &[Pair], particles: &Particles) -> bool {
-    !particles.near_facets.is_empty()
-        && pairs.first().is_some_and(|pair| pair.b.index() >= particles.first_facet())
+    !particles.near_facets.is_empty() && are_with_walls(pairs, particles)
 }
 
-/// Leaves out contacts of a grain with a facet that adjoins another on which it lies deeper, with nearly the normal of what counts there, and of others than
-/// spheres with a face or an edge of it beside one on which they lie less deep, with another normal. Of equally deep ones that with the lower id stays.
-pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particles) {
-    let ids = |row: usize| {
-        let Pair { a, b } = pairs[touching.pair[row] as usize];
-        [a, b].map(|slot| particles.id[slot.index()])
-    };
-    // Most often no grain touches two facets, and the pairs stand in the order of the grains.
-    if (1..touching.len()).all(|row| ids(row - 1)[0] < ids(row)[0]) {
-        return;
+fn are_with_walls(pairs: &[Pair], particles: &Particles) -> bool {
+    pairs.first().is_some_and(|pair| pair.b.index() >= particles.first_facet())
+}
+
+/// May any of these pairs be with planes that lie in each other?
+pub(super) fn has_equal_planes(pairs: &[Pair], particles: &Particles) -> bool {
+    let bodies = particles.bodies();
+    let planes = particles.first_facet()..particles.slots() - particles.near_facets.len();
+    are_with_walls(pairs, particles) && {
+        let normal = |slot: Slot| match bodies.shape_of(slot) {
+            Shape::HalfSpace(plane) => bodies.frame(slot) * plane.normal,
+            _ => Vec3::zeros(),
+        };
+        let normals: Vec<Vec3> = planes.map(|slot| normal(Slot(slot as u32))).collect();
+        let is_parallel =
+            |k: usize| normals[..k].iter().any(|other| normals[k].dot(other) > PARALLEL);
+        (1..normals.len()).any(is_parallel)
     }
-    let id = |row: usize| ids(row)[1];
-    let mut on_meshes: Vec<(u32, OnMesh, usize)> = (0..touching.len())
-        .filter_map(|row| {
-            let pair = pairs[touching.pair[row] as usize];
-            let on = OnMesh::of(pair, particles).filter(|_| !is_extended(pair, particles))?;
-            Some((pair.a.0, on, row))
-        })
-        .collect();
-    let key = |(a, on, _): &(u32, OnMesh, usize)| (*a, on.wall);
-    on_meshes.sort_by(|one, other| {
-        let overlap = |(_, _, row): &(u32, OnMesh, usize)| touching.geometry[*row].overlap;
-        let deeper = || overlap(other).total_cmp(&overlap(one));
-        key(one).cmp(&key(other)).then_with(deeper).then_with(|| id(one.2).cmp(&id(other.2)))
-    });
-    let mut stays = vec![true; touching.len()];
-    // Of each the contact that counts for it.
-    let mut for_it: Vec<usize> = (0..touching.len()).collect();
-    for of_one in on_meshes.chunk_by(|one, other| key(one) == key(other)) {
-        for (k, (_, on, row)) in of_one.iter().enumerate() {
-            let normal = &touching.geometry[*row].normal;
-            let deeper = of_one[..k].iter().find(|(_, deeper, other)| {
-                on.mesh.are_one(normal, &touching.geometry[for_it[*other]].normal)
-                    && on.mesh.adjoin(on.facet, deeper.facet)
-            });
-            if let Some((_, _, other)) = deeper {
-                for_it[*row] = for_it[*other];
-                stays[*row] = false;
+}
+
+/// A contact with a wall.
+struct OnWall<'a> {
+    grain: Slot,
+    row: usize,
+    geometry: &'a Geometry,
+    /// Where it is nearest to the wall, from the centre of the grain [m].
+    foot: Vec3,
+    id: GlobalId,
+    mesh: Option<OnMesh<'a>>,
+}
+
+impl<'a> OnWall<'a> {
+    fn of(row: usize, touching: &'a Touching, pairs: &[Pair], particles: &'a Particles) -> Self {
+        let pair = pairs[touching.pair[row] as usize];
+        let geometry = &touching.geometry[row];
+        let Geometry { normal, overlap } = geometry;
+        let of_sphere = || touch_of_sphere(particles.radius(pair.a.index()), normal, *overlap);
+        let point = touching.point.get(row).copied().unwrap_or_else(of_sphere);
+        Self {
+            grain: pair.a,
+            row,
+            geometry,
+            foot: point - normal * (0.5 * overlap),
+            id: particles.id[pair.b.index()],
+            mesh: OnMesh::of(pair, particles),
+        }
+    }
+
+    /// The first that counts stands first.
+    fn order(&self, other: &Self) -> Ordering {
+        let deeper = || other.geometry.overlap.total_cmp(&self.geometry.overlap);
+        self.grain.0.cmp(&other.grain.0).then_with(deeper).then_with(|| self.id.cmp(&other.id))
+    }
+
+    /// Does its facet lie in the plane of another, where its foot is?
+    fn lies_in(&self, other: &Self, of: &Grain) -> bool {
+        let normal = &other.geometry.normal;
+        (self.foot - other.foot).dot(normal).abs() <= FLAT * of.radius
+            && self.mesh.as_ref().is_some_and(|on| {
+                let wall = &of.particles.walls[on.wall];
+                let frame = wall.frame();
+                let place = frame.tr_mul(&(of.centre + self.foot - wall.point));
+                on.mesh.is_along(on.facet, &place, &frame.tr_mul(normal))
+            })
+    }
+
+    /// Is it on one surface with a deeper contact, for which one with the normal `counts` counts?
+    fn is_one_with(&self, deeper: &Self, counts: &Vec3, of: &Grain) -> bool {
+        let normal = &self.geometry.normal;
+        let apart = (self.foot - deeper.foot).norm();
+        let on = self.mesh.as_ref().zip(deeper.mesh.as_ref());
+        match on.filter(|(on, other)| on.wall == other.wall) {
+            // There, grains with faces or a straight side have one contact with each surface.
+            Some(_) if of.is_extended => return false,
+            Some((OnMesh { mesh, facet, .. }, other)) => {
+                let is_near = || mesh.adjoin(*facet, other.facet) || apart < NEAR * of.radius;
+                if mesh.are_one(normal, counts) && is_near() {
+                    return true;
+                }
+            }
+            None => {
+                let near = if of.is_extended { FLAT } else { NEAR };
+                if normal.dot(&deeper.geometry.normal) > PARALLEL && apart < near * of.radius {
+                    return true;
+                }
             }
         }
-        // A sphere that touches a face and an edge of it touches both, as across a slit.
-        let grain = pairs[touching.pair[of_one[0].2] as usize].a;
-        if particles.bodies().shape_of(grain).kind() == Kind::Sphere {
-            continue;
-        }
-        // The least deep stand last.
-        for (k, (_, on, row)) in of_one.iter().enumerate() {
-            let is_least = of_one[k + 1..].iter().all(|(_, other, row)| {
-                !stays[*row] || !on.mesh.are_face_and_edge(on.facet, other.facet)
-            });
-            stays[*row] &= is_least;
+        // An edge or a corner in a face of which it is none.
+        on.is_some_and(|(on, other)| {
+            !of.is_extended
+                && self.lies_in(deeper, of)
+                && !(on.wall == other.wall && on.mesh.are_face_and_edge(on.facet, other.facet))
+                && other.is_on_face(&(of.centre + self.foot), FLAT * of.radius, of.particles)
+        })
+    }
+}
+
+impl OnMesh<'_> {
+    /// Is its facet a face, and a place in it [m]?
+    fn is_on_face(&self, place: &Vec3, tolerance: f64, particles: &Particles) -> bool {
+        let wall = &particles.walls[self.wall];
+        let place = wall.frame().tr_mul(&(place - wall.point));
+        self.mesh.is_on_face(self.facet, &place, tolerance)
+    }
+
+    /// Has a grain the edge in it: is one of two facets a face, and the other an edge of it, felt from outside?
+    fn is_sharp_beside(&self, other: &Self, normals: [&Vec3; 2], particles: &Particles) -> bool {
+        let frame = particles.walls[self.wall].frame();
+        let faces = |on: &Self, normal: &Vec3| on.mesh.is_outside(on.facet, &-frame.tr_mul(normal));
+        self.wall == other.wall
+            && self.mesh.are_face_and_edge(self.facet, other.facet)
+            && faces(self, normals[0])
+            && faces(other, normals[1])
+    }
+}
+
+/// A grain that touches walls.
+struct Grain<'a> {
+    centre: Vec3,
+    radius: f64,
+    is_extended: bool,
+    particles: &'a Particles,
+}
+
+/// Leaves out contacts of a grain with a facet that is one surface with another on which it lies deeper, with nearly the normal of what counts there, and of others than
+/// spheres with a face or an edge of it beside one on which they lie less deep, with another normal. Of equally deep ones that with the lower id stays.
+pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particles) {
+    let grain = |row: usize| pairs[touching.pair[row] as usize].a;
+    let id = |row: usize| particles.id[grain(row).index()];
+    // Most often no grain touches two facets, and the pairs stand in the order of the grains.
+    if (1..touching.len()).all(|row| id(row - 1) < id(row)) {
+        return;
+    }
+    let mut on_walls: Vec<OnWall> =
+        (0..touching.len()).map(|row| OnWall::of(row, touching, pairs, particles)).collect();
+    on_walls.sort_by(OnWall::order);
+    let mut stays = vec![true; touching.len()];
+    for of_one in on_walls.chunk_by(|one, other| one.grain == other.grain) {
+        if of_one.len() > 1 {
+            merge_of_one(of_one, &mut stays, particles);
         }
     }
     if stays.contains(&false) {
@@ -105,6 +204,53 @@ pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particl
     }
 }
 
+/// The same of all contacts of one grain with walls.
+fn merge_of_one(of_one: &[OnWall], stays: &mut [bool], particles: &Particles) {
+    let slot = of_one[0].grain;
+    let kind = particles.bodies().shape_of(slot).kind();
+    let grain = Grain {
+        centre: particles.position[slot.index()],
+        radius: particles.radius(slot.index()),
+        is_extended: kind.extended()[0] > 0,
+        particles,
+    };
+    // A plane has no border, and what lies in it adds nothing.
+    let is_in_plane = |on: &OnWall| {
+        let planes = of_one.iter().filter(|other| other.mesh.is_none());
+        on.mesh.is_some() && planes.into_iter().any(|plane| on.lies_in(plane, &grain))
+    };
+    let rest: Vec<&OnWall> = of_one.iter().filter(|on| !is_in_plane(on)).collect();
+    of_one.iter().for_each(|on| stays[on.row] = !is_in_plane(on));
+    // Of each the contact that counts for it.
+    let mut for_it: Vec<usize> = (0..rest.len()).collect();
+    for k in 1..rest.len() {
+        let is_one = |&other: &usize| {
+            let counts = &rest[for_it[other]].geometry.normal;
+            rest[k].is_one_with(rest[other], counts, &grain)
+        };
+        if let Some(other) = (0..k).find(is_one) {
+            for_it[k] = for_it[other];
+            stays[rest[k].row] = false;
+        }
+    }
+    // A sphere that touches a face and an edge of it touches both, as across a slit.
+    if kind == Kind::Sphere || grain.is_extended {
+        return;
+    }
+    // The least deep stand last.
+    for (k, on) in rest.iter().enumerate() {
+        let has_it_in = |other: &&OnWall| {
+            let pair = on.mesh.as_ref().zip(other.mesh.as_ref());
+            stays[other.row]
+                && pair.is_some_and(|(one, two)| {
+                    let normals = [on, other].map(|on| &on.geometry.normal);
+                    one.is_sharp_beside(two, normals, particles)
+                })
+        };
+        let is_least = !rest[k + 1..].iter().any(has_it_in);
+        stays[on.row] &= is_least;
+    }
+}
 /// Lets new contacts on meshes go on from those that have ended on facets beside theirs: of several, from that with the nearest normal.
 pub(super) fn pass_on(
     (now, geometry): (&[Pair], &[Geometry]),

@@ -178,6 +178,9 @@ impl Steady {
     }
 }
 
+/// Cosine of the angle by which planes that lie in each other differ at most, of 0.001.
+const PARALLEL: f64 = 1.0 - 5e-7;
+
 /// A plane in place: points `p` with `(p - point) · normal = offset`.
 #[derive(Clone, Copy, Debug)]
 pub struct InPlace {
@@ -191,6 +194,12 @@ impl InPlace {
     #[inline]
     pub fn distance(&self, point: &Vec3) -> f64 {
         (point - self.point).dot(&self.normal) - self.offset
+    }
+
+    /// Is it another, nearer than a distance [m]?
+    fn is_same(&self, other: &Self, tolerance: f64) -> bool {
+        let on_other = other.point + other.normal * other.offset;
+        self.normal.dot(&other.normal) > PARALLEL && self.distance(&on_other).abs() <= tolerance
     }
 
     /// How much nearer it is to a point than the same facet was `before`, or farther, where that is most within `room` [m].
@@ -387,6 +396,38 @@ impl Wall {
     /// Has it a plane against which this direction leads, or a surface of triangles?
     pub fn holds_against(&self, direction: &Vec3) -> bool {
         self.mesh.is_some() || self.in_place().any(|plane| plane.normal.dot(direction) < 0.0)
+    }
+
+    /// Does a part of it lie in another wall, nearer to it than a distance [m]? The other may be itself: then in another face. Cylinders and cones
+    /// do not.
+    pub fn lies_in(&self, other: &Self, tolerance: f64) -> bool {
+        let planes: Vec<InPlace> = other.in_place().collect();
+        let is_itself = std::ptr::eq(self, other);
+        let in_plane = |corners: &[Vec3; 3]| {
+            let is_on = |plane: &InPlace| {
+                corners.iter().all(|corner| plane.distance(corner).abs() <= tolerance)
+            };
+            planes.iter().any(is_on)
+        };
+        let mut of_planes = self.in_place();
+        if !is_itself && of_planes.any(|one| planes.iter().any(|two| one.is_same(two, tolerance))) {
+            return true;
+        }
+        let Some(Mesh { surface, .. }) = &self.mesh else { return false };
+        if surface.is_round() {
+            return false;
+        }
+        if is_itself {
+            return surface.lies_in_itself(tolerance);
+        }
+        let (frame, other_frame) = (self.frame(), other.frame());
+        let triangles = surface.triangles().map(|t| t.map(|corner| frame * corner + self.point));
+        let in_mesh = |corners: &[Vec3; 3]| {
+            let seen = corners.map(|corner| other_frame.tr_mul(&(corner - other.point)));
+            let mesh = other.mesh.as_ref();
+            mesh.is_some_and(|mesh| mesh.surface.lies_in(&seen, None, tolerance))
+        };
+        triangles.into_iter().any(|corners| in_plane(&corners) || in_mesh(&corners))
     }
 
     /// A point of its first facet, and the unit normal there towards the particles: what files say of it.

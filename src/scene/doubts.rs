@@ -32,6 +32,7 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         friction_in_degrees(scene),
         pressed_flat(scene),
         triangles_elsewhere(scene),
+        walls_in_walls(scene),
         shaken_too_fast(scene),
         flat_for_hertz(scene),
         seldom_looked(scene),
@@ -355,6 +356,40 @@ fn triangles_elsewhere(scene: &Scene) -> Option<String> {
             "wall \"{}\" {what}: is the `scale` of its mesh right, as 0.001 for millimetres?",
             wall.name
         ))
+    })
+}
+
+/// Walls that lie in each other, where particles have one contact.
+fn walls_in_walls(scene: &Scene) -> Option<String> {
+    const TOLERANCE: f64 = 1e-6;
+    const NAMED: usize = 5;
+    let tolerance = TOLERANCE * (scene.domain.high() - scene.domain.low()).amax();
+    let walls = &scene.walls;
+    let extents: Vec<_> = walls.iter().map(Wall::extent).collect();
+    let pairs = (0..walls.len()).flat_map(|k| (0..=k).map(move |other| (other, k)));
+    let coincide = |&(one, other): &(usize, usize)| {
+        let are_apart = extents[one].zip(extents[other]).is_some_and(|(one, other)| {
+            (0..3).any(|k| one.1[k] < other.0[k] - tolerance || other.1[k] < one.0[k] - tolerance)
+        });
+        let (one, other) = (&walls[one], &walls[other]);
+        !are_apart && (one.lies_in(other, tolerance) || other.lies_in(one, tolerance))
+    };
+    let name = |(one, other): (usize, usize)| {
+        if one == other {
+            format!("faces of \"{}\"", walls[one].name)
+        } else {
+            format!("\"{}\" and \"{}\"", walls[one].name, walls[other].name)
+        }
+    };
+    let mut found: Vec<String> = pairs.filter(coincide).take(NAMED + 1).map(name).collect();
+    if found.len() > NAMED {
+        found[NAMED] = "...".to_owned();
+    }
+    (!found.is_empty()).then(|| {
+        format!(
+            "walls lie in each other: {}. A particle has one contact there, with the plane, or with the wall in which it is deeper",
+            found.join(", ")
+        )
     })
 }
 

@@ -38,7 +38,8 @@ use crate::math::{Vec3, bounds};
 use building::{Building, welded};
 use facets::Facets;
 use grid::Grid;
-use nearest::{comes_into, is_over, nearest_on, nearest_on_segment};
+pub use nearest::is_over;
+use nearest::{comes_into, lie_in_each_other, nearest_on, nearest_on_segment};
 use serde::{Deserialize, Serialize};
 use solid::Solid;
 
@@ -124,6 +125,14 @@ impl Rim {
 }
 
 impl Strip {
+    /// The normal away from the axis, where the surface is nearest to a point; on the axis none [-].
+    fn normal_at(&self, point: &Vec3) -> Vec3 {
+        let way = point - self.from;
+        let across = way - self.axis * way.dot(&self.axis);
+        let across = across.try_normalize(0.0).unwrap_or_default();
+        (across - self.axis * self.slope) / (1.0 + self.slope * self.slope).sqrt()
+    }
+
     /// How far a point is from the surface of which it is a part, as if that went on [m].
     pub fn distance(&self, point: &Vec3) -> f64 {
         let way = point - self.from;
@@ -390,6 +399,11 @@ impl TriangleMesh {
         of_faces.chain(of_strips).fold(0.0, f64::max)
     }
 
+    /// Is it a cylinder or a cone?
+    pub const fn is_round(&self) -> bool {
+        !self.facets.strips.is_empty()
+    }
+
     /// How many triangles it has, without images.
     pub const fn len(&self) -> usize {
         self.own
@@ -471,6 +485,79 @@ impl TriangleMesh {
         few.iter().any(|vertex| many.binary_search(vertex).is_ok())
     }
 
+    /// Is an edge that opens by an angle of this cosine a fold, whose faces are not one?
+    pub fn is_fold(&self, cosine: f64) -> bool {
+        cosine < self.smooth
+    }
+
+    /// Is a facet at a place of the surface a part of it with this unit normal, or its border?
+    pub fn is_along(&self, facet: u32, place: &Vec3, normal: &Vec3) -> bool {
+        let is_one = |own: Vec3| self.are_one(&own, normal) || self.are_one(&-own, normal);
+        match self.facet(facet) {
+            MeshFacet::Face { normal, .. } => is_one(normal),
+            MeshFacet::Edge { first, quarter, opening, .. } => {
+                let (sine, cosine) = libm::sincos(opening);
+                is_one(first) || is_one(first * cosine + quarter * sine)
+            }
+            MeshFacet::Strip(strip) | MeshFacet::Rim(Rim { strip, .. }) => {
+                is_one(strip.normal_at(place))
+            }
+            MeshFacet::Corner { .. } => true,
+        }
+    }
+
+    /// Does a direction point to the side of an edge on which it is sharp, and not into its fold?
+    pub fn is_outside(&self, edge: u32, out: &Vec3) -> bool {
+        match self.facet(edge) {
+            MeshFacet::Edge { first, quarter, opening, .. } => {
+                let (sine, cosine) = libm::sincos(0.5 * opening);
+                (first * cosine + quarter * sine).dot(out) > 0.0
+            }
+            _ => true,
+        }
+    }
+
+    /// Does a triangle lie in one of a face of another number than `but`, nearer to it than `tolerance` [m], with an area?
+    pub fn lies_in(&self, corners: &[Vec3; 3], but: Option<u32>, tolerance: f64) -> bool {
+        let (low, high) = bounds(corners);
+        let mut found = false;
+        self.grid.for_each_in(&low, &high, |triangle| {
+            let triangle = &self.triangles[triangle as usize];
+            found = found
+                || !self.is_round()
+                    && Some(triangle.facets[0]) != but
+                    && lie_in_each_other(corners, &self.corners(triangle), tolerance);
+        });
+        found
+    }
+
+    /// Does one of its triangles lie in another face, nearer to it than `tolerance` [m]?
+    pub fn lies_in_itself(&self, tolerance: f64) -> bool {
+        let mut own = self.triangles[..self.own].iter();
+        own.any(|t| self.lies_in(&self.corners(t), Some(t.facets[0]), tolerance))
+    }
+
+    /// Each triangle within a distance of a point [m], with its face, in rising order.
+    pub fn for_each_triangle_near(
+        &self,
+        point: &Vec3,
+        distance: f64,
+        mut visit: impl FnMut(u32, &[Vec3; 3]),
+    ) {
+        let reach = Vec3::repeat(distance);
+        let mut near = Vec::new();
+        self.grid.for_each_in(&(point - reach), &(point + reach), |triangle| near.push(triangle));
+        near.sort_unstable();
+        near.dedup();
+        for triangle in near {
+            let triangle = &self.triangles[triangle as usize];
+            let corners = self.corners(triangle);
+            if (nearest_on(&corners, point) - point).norm() < distance {
+                visit(triangle.facets[0], &corners);
+            }
+        }
+    }
+
     /// Is one of two facets a face, and the other an edge of it?
     pub fn are_face_and_edge(&self, one: u32, other: u32) -> bool {
         // Faces stand first.
@@ -546,7 +633,7 @@ impl TriangleMesh {
     /// Is a point of a face's plane in one of its triangles, or nearer to one than `tolerance` [m]?
     pub fn is_on_face(&self, face: u32, point: &Vec3, tolerance: f64) -> bool {
         let mut found = false;
-        let reach = Vec3::repeat(tolerance);
+        let reach = Vec3::repeat(tolerance + self.bulge);
         self.grid.for_each_in(&(point - reach), &(point + reach), |triangle| {
             let triangle = &self.triangles[triangle as usize];
             if !found && triangle.facets[0] == face {

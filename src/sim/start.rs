@@ -2,10 +2,12 @@
 
 use super::{FirstLook, Simulation};
 use crate::comm::{Comm, wire};
-use crate::ids::GlobalId;
+use crate::contact::{Pair, Posed, cut};
+use crate::ids::{GlobalId, Slot};
 use crate::math::Vec3;
 use crate::measure::shortest_axis;
 use crate::particles::Particles;
+use crate::shape::Kind;
 
 /// The deepest overlap that a run may begin with, over the shortest axis of the smaller body: the
 /// largest that DEM commonly permits (the paper, section 2.1).
@@ -38,6 +40,7 @@ pub(super) fn check_overlaps(sim: &mut Simulation, comm: &mut dyn Comm) -> Resul
             found.push((depth, a.0, b.to_file(), at.into()));
         }
     }
+    cut_by_triangles(sim, &mut found);
     let between_particles = found.iter().filter(|&&(_, _, b, _)| !is_wall(b)).count();
     let mut counts = [found.len(), between_particles].map(|count| count as i64);
     comm.sum(&mut counts);
@@ -58,6 +61,51 @@ pub(super) fn check_overlaps(sim: &mut Simulation, comm: &mut dyn Comm) -> Resul
     }
     comm.broadcast(&mut bytes);
     Err(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// Smooth bodies that triangles cut from behind, where they need not touch any: their depth is how far a triangle comes into them.
+fn cut_by_triangles(sim: &Simulation, found: &mut Vec<TooDeep>) {
+    let particles = &sim.particles;
+    let bodies = particles.bodies();
+    for (k, wall) in particles.walls.iter().enumerate() {
+        let Some(mesh) = &wall.mesh else { continue };
+        let frame = wall.frame();
+        let (shape, wall_at) = (&particles.library.shapes[mesh.shape.index()], wall.point);
+        let b = Posed::new(shape, &frame);
+        for slot in 0..particles.owned {
+            let a = Slot(slot as u32);
+            let kind = bodies.shape_of(a).kind();
+            if kind == Kind::Sphere || kind.extended()[0] > 0 {
+                continue;
+            }
+            let turned = bodies.frame(a);
+            let a = Posed {
+                scale: particles.scale_of(slot),
+                ..Posed::new(bodies.shape_of(a), &turned)
+            };
+            let places =
+                particles.cell.places_within(&particles.position[slot], a.bounding_radius());
+            let cuts = places.iter().filter_map(|place| {
+                let least = 2.0 * DEEPEST_START;
+                cut(&a, &b, &(wall_at - place), least).map(|cut| (cut, *place))
+            });
+            let deepest = cuts.max_by(|(one, _), (other, _)| one.0.total_cmp(&other.0));
+            let Some(((part, face), place)) = deepest else { continue };
+            let id = particles.id[slot].0;
+            let is_known = |(_, of, by, _): &TooDeep| {
+                *of == id && GlobalId::from_file(*by).wall_index() == Some(k)
+            };
+            // What touched at the end of the stage before does so where it should.
+            let touches =
+                |pair: Pair| pair.a.index() == slot && particles.wall_of(pair.b) == Some(k);
+            if !found.iter().any(is_known)
+                && !sim.contacts.on_walls(particles).any(|(pair, _)| touches(pair))
+            {
+                let face = GlobalId::facet(k, face as usize).to_file();
+                found.push((0.5 * part, id, face, place.into()));
+            }
+        }
+    }
 }
 
 /// Of the `worst` pairs, of so many in all and so many of two particles.

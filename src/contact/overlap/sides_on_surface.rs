@@ -32,13 +32,15 @@ use super::sides::{Integrals, Side};
 use super::thickness::{THIN, Thickness};
 use crate::contact::patch::nearest_of_segments;
 use crate::math::Vec3;
-use crate::shape::triangle_mesh::{MeshFacet, Over, Rim, Stretch, TriangleMesh};
+use crate::shape::triangle_mesh::{MeshFacet, Over, Rim, Stretch};
 use nalgebra::Matrix3x2;
 
 /// How far stretches reach over borders, over the radius.
 const BORDER: f64 = 1e-9;
 /// Slopes that differ by less, over the radius, make no dip.
 const LEVEL: f64 = 1e-9;
+/// What is this near to a face, over the radius, lies in it.
+const FLAT: f64 = 1e-5;
 /// Cosine of the angle of 30 degrees: facets that turn by less are one surface.
 const ONE: f64 = 0.866_025_403_784_438_6;
 
@@ -78,7 +80,7 @@ impl Room {
         let parts = self.stretches.iter().flat_map(|seen| ranges(seen).map(|range| (*seen, range)));
         let parts = parts.zip(0..).map(|((seen, range), group)| Part { seen, range, group });
         self.parts.extend(parts);
-        self.group(seen.mesh);
+        self.group(&side, seen);
         self.find_chains();
         let lowest = |chain: &Chain| chain.iter().map(|part| part.seen.facet).min();
         self.chains.sort_by_key(lowest);
@@ -91,7 +93,7 @@ impl Room {
     }
 
     /// Finds what is one surface, and all places where the deepest part may change.
-    fn group(&mut self, mesh: &TriangleMesh) {
+    fn group(&mut self, side: &Side, seen: &Seen) {
         let Self { parts, breaks, .. } = self;
         breaks.clear();
         breaks.extend(
@@ -102,8 +104,13 @@ impl Room {
                 let (one, other) = (parts[l], parts[k]);
                 let range = [one.range[0].max(other.range[0]), one.range[1].min(other.range[1])];
                 let facets = [one.seen.facet, other.seen.facet];
-                let adjoin = facets[0] == facets[1] || mesh.adjoin(facets[0], facets[1]);
-                if range[0] > range[1] || !adjoin {
+                let adjoin = facets[0] == facets[1] || seen.mesh.adjoin(facets[0], facets[1]);
+                let hang_together = || {
+                    adjoin
+                        || one.lies_in(&other, range, side, seen)
+                        || other.lies_in(&one, range, side, seen)
+                };
+                if range[0] > range[1] || !hang_together() {
                     continue;
                 }
                 let crossings = one.crossings(&other, range);
@@ -176,6 +183,18 @@ impl Part {
     /// Has its depth a smooth minimum there, which is a break?
     fn dips_at(&self, s: f64) -> bool {
         self.seen.farthest() == Some(s)
+    }
+
+    /// Does a point of the surface below lie in the face over which another part is? All as seen from the middle of a range.
+    fn lies_in(&self, face: &Self, range: [f64; 2], side: &Side, seen: &Seen) -> bool {
+        let Over::Face(normal) = face.seen.over else { return false };
+        let middle = 0.5 * (range[0] + range[1]);
+        let [below, on_face] = [self, face].map(|part| part.seen.way_to(middle));
+        let flat = FLAT * side.radius;
+        (below - on_face).dot(&normal).abs() <= flat && {
+            let point = seen.centre + side.end * middle - below;
+            seen.mesh.is_on_face(face.seen.facet, &point, flat)
+        }
     }
 
     /// Where two parts have the same distance in a range. The squares of distances are quadratic functions, but those of cylinders and cones,

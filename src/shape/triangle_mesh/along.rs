@@ -81,13 +81,14 @@ impl Round {
 }
 
 impl Stretch {
-    fn way(&self, s: f64) -> Vec3 {
+    /// From the nearest point of the facet, or from the axis of a cylinder or cone, to the place `s` [m].
+    pub fn way_to(&self, s: f64) -> Vec3 {
         self.way[0] + self.way[1] * s
     }
 
     /// From the surface to the place `s`; below a face, and on the other side of a cylinder or cone, it is negative [m].
     pub fn distance(&self, s: f64) -> f64 {
-        let way = self.way(s);
+        let way = self.way_to(s);
         match &self.over {
             Over::Face(normal) => way.dot(normal),
             Over::Sharp => way.norm(),
@@ -99,9 +100,9 @@ impl Stretch {
     pub fn out(&self, s: f64) -> Vec3 {
         match &self.over {
             Over::Face(normal) => *normal,
-            Over::Sharp => unit(&self.way(s)),
+            Over::Sharp => unit(&self.way_to(s)),
             Over::Round(round) => {
-                (round.axis * round.slope - unit(&self.way(s))) * (round.side / round.steep())
+                (round.axis * round.slope - unit(&self.way_to(s))) * (round.side / round.steep())
             }
         }
     }
@@ -118,7 +119,7 @@ impl Stretch {
     /// How the unit vector out of a cylinder or cone, and the slope of the distance, change with `s`.
     pub fn bend(&self, s: f64) -> (Vec3, f64) {
         let Over::Round(round) = &self.over else { return Default::default() };
-        let way = self.way(s);
+        let way = self.way_to(s);
         let across = unit(&way);
         let turn = (self.way[1] - across * across.dot(&self.way[1]))
             * (-round.side / round.steep() / way.norm());
@@ -141,7 +142,7 @@ impl Stretch {
         }
         let nearest = -self.way[0].dot(&self.way[1]) / square;
         let rest = square * (square - growth * growth);
-        nearest + growth * self.way(nearest).norm() / rest.sqrt()
+        nearest + growth * self.way_to(nearest).norm() / rest.sqrt()
     }
 
     /// The parts of it that are nearer to the surface than this [m], in their order.
@@ -172,7 +173,7 @@ impl Stretch {
     /// difference is a convex function.
     fn within(&self, [radius, growth]: [f64; 2]) -> Option<[f64; 2]> {
         let [low, high] = self.range;
-        let beyond = |s: f64| self.way(s).norm() - radius - s * growth;
+        let beyond = |s: f64| self.way_to(s).norm() - radius - s * growth;
         let middle = self.nearest_to_axis(growth).clamp(low, high);
         let is_within = beyond(middle) < 0.0;
         // Also not if it is no number.
@@ -181,7 +182,7 @@ impl Stretch {
         }
         let root = |mut s: f64| {
             for _ in 0..60 {
-                let slope = unit(&self.way(s)).dot(&self.way[1]) - growth;
+                let slope = unit(&self.way_to(s)).dot(&self.way[1]) - growth;
                 let next = s - beyond(s) / slope;
                 let goes_on =
                     (next - s) * (middle - s) > 0.0 && (middle - next) * (middle - s) > 0.0;

@@ -21,13 +21,28 @@ pub(super) fn nearest_on(corners: &[Vec3; 3], point: &Vec3) -> Vec3 {
 }
 
 /// Is the foot of a point on the plane of a triangle in it, or nearer to it than a tolerance [m], about?
-pub(super) fn is_over(corners: &[Vec3; 3], point: &Vec3, tolerance: f64) -> bool {
+pub fn is_over(corners: &[Vec3; 3], point: &Vec3, tolerance: f64) -> bool {
     let [a, b, c] = corners;
     let normal = (b - a).cross(&(c - a));
     [(a, b), (b, c), (c, a)].iter().all(|(from, to)| {
         let inwards = normal.cross(&(*to - *from));
         (point - *from).dot(&inwards) >= -tolerance * inwards.norm()
     })
+}
+
+/// Have two triangles an area in common, if one is moved by `tolerance` at most [m]? They do not if a side of one separates them.
+pub(super) fn lie_in_each_other(one: &[Vec3; 3], other: &[Vec3; 3], tolerance: f64) -> bool {
+    let sides = |[a, b, c]: &[Vec3; 3]| [(*a, *b, *c), (*b, *c, *a), (*c, *a, *b)];
+    let normal = (one[1] - one[0]).cross(&(one[2] - one[0])).normalize();
+    let lies_in = other.iter().all(|corner| (corner - one[0]).dot(&normal).abs() <= tolerance);
+    let is_apart = |of: &[Vec3; 3], from: &[Vec3; 3]| {
+        sides(of).iter().any(|(a, b, c)| {
+            let across = normal.cross(&(b - a)).normalize();
+            let inwards = across * (c - a).dot(&across).signum();
+            from.iter().all(|corner| (corner - a).dot(&inwards) <= tolerance)
+        })
+    };
+    lies_in && !is_apart(one, other) && !is_apart(other, one)
 }
 
 /// Does a triangle come into a box of this middle and these half sides [m]? It does not if an axis separates them: one of the box, the
