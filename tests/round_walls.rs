@@ -10,20 +10,24 @@ use dem_mpi::shape::{Ellipsoid, Shape, Sphere, Superellipsoid, TriangleMesh};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// All contacts of a body with a surface whose axes are the world's.
-fn touches(surface: &Arc<TriangleMesh>, body: &Posed, centre: &Vec3) -> Vec<Touch> {
+/// All contacts of a body with facets of a surface whose axes are the world's.
+fn on_facets(surface: &Arc<TriangleMesh>, body: &Posed, centre: &Vec3) -> Vec<(u32, Touch)> {
     let (shape, upright) = (Shape::TriangleMesh(surface.clone()), Mat3::identity());
     let reach = body.bounding_radius();
     let near = surface.near(centre, reach);
     let touch = |facet: u32| {
         let wall = Posed { facet, ..Posed::new(&shape, &upright) };
         match AgainstTriangleMesh::default().touch(body, &wall, &-centre, None) {
-            Outcome::Touching(touch) => Some(touch),
+            Outcome::Touching(touch) => Some((facet, touch)),
             Outcome::Apart(_) => None,
             outcome @ Outcome::Failed(_) => panic!("{outcome:?}"),
         }
     };
     near.into_iter().filter_map(touch).collect()
+}
+
+fn touches(surface: &Arc<TriangleMesh>, body: &Posed, centre: &Vec3) -> Vec<Touch> {
+    on_facets(surface, body, centre).into_iter().map(|(_, touch)| touch).collect()
 }
 
 /// A cylinder or a cone about z, from height 0.
@@ -192,9 +196,16 @@ fn what_is_on_the_axis_touches_once() {
     }
 }
 
-/// The deepest overlap of a body with a surface, 0 if it touches none.
+/// The deepest overlap of a body with a surface, 0 if it touches none. Of a face and an edge of it the one with the least overlap counts.
 fn deepest(surface: &Arc<TriangleMesh>, body: &Posed, centre: &Vec3) -> f64 {
-    touches(surface, body, centre).iter().map(|touch| touch.overlap).fold(0.0, f64::max)
+    let found = on_facets(surface, body, centre);
+    let has_edge_in = |(facet, touch): &&(u32, Touch)| {
+        found.iter().any(|(other, of)| {
+            surface.are_face_and_edge(*facet, *other) && of.overlap < touch.overlap
+        })
+    };
+    let counts = found.iter().filter(|on| !has_edge_in(on));
+    counts.map(|(_, touch)| touch.overlap).fold(0.0, f64::max)
 }
 
 /// Below, beside and over both mouths of a cone and a cylinder, bodies touch what they touch of a fine mesh of it, as deep but for the height of its

@@ -7,7 +7,7 @@ use dem_mpi::contact::{Posed, Thickness};
 use dem_mpi::math::{Mat3, Vec3, rotation_about};
 use dem_mpi::random::Random;
 use dem_mpi::shape::{HalfSpace, Shape, Spherocylinder, TriangleMesh};
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
 /// A cylinder or a cone about y, from -4 to 4, and a rod on one side of it.
@@ -247,4 +247,59 @@ fn a_wide_cylinder_is_a_plane() {
     println!("{worst:.1e}");
     // Places are rounded to 2e-9, depths are 2e-3, and the surface bends by 3e-8.
     assert!(worst < 5e-5, "{worst:e}");
+}
+
+/// Below, beside and over the end of a cylinder, rods feel its rim as that of fine strips, and energies have no jump there.
+#[test]
+fn rods_feel_rims() {
+    let round = Round { radius: 1.0, slope: 0.0, side: 1.0 };
+    let exact = round.shape();
+    let surface = TriangleMesh::new(&drum(1.0, 4.0, 1024), 0.1).expect("a surface");
+    let fine = Shape::TriangleMesh(Arc::new(surface));
+    let mut random = Random::of(20_261_127, 1);
+    let (mut worst, mut met) = (0.0_f64, 0);
+    for body in &rods() {
+        let Shape::Spherocylinder(Spherocylinder { length, radius }) = body else { unreachable!() };
+        for _ in 0..60 {
+            let frame = random.frame();
+            // One place of the axis is so far from a place of the rim, on its outer side.
+            let (turn, around) = (TAU * random.unit(), PI * random.unit());
+            let across = Vec3::new(turn.cos(), 0.0, turn.sin());
+            let rim = across + Vec3::y() * 4.0;
+            let out = across * around.cos() + Vec3::y() * around.sin();
+            let along = frame * Vec3::x() * (0.5 * length * random.signed());
+            let place = |depth: f64| rim + out * (radius - depth) - along;
+            let lying = |depth: f64| Lying {
+                body,
+                frame,
+                wall: Mat3::identity(),
+                scale: 1.0,
+                centre: place(depth),
+            };
+            let depth = 0.2 * radius;
+            let (found, expected) = (lying(depth).energy(&exact), lying(depth).energy(&fine));
+            // The energy of a sphere that is so deep.
+            let scale = depth * depth;
+            let error = (found - expected).abs() / expected.max(scale);
+            assert!(error < 0.02, "{body:?} {frame} {}: {found:e}, {expected:e}", place(depth));
+            worst = worst.max(error);
+            met += usize::from(expected > 0.1 * scale);
+            let way = random.rotation() * Vec3::x() * (0.002 * radius);
+            let energies: Vec<f64> = (-40..40)
+                .map(|k| {
+                    Lying { centre: place(depth) + way * f64::from(k), ..lying(depth) }
+                        .energy(&exact)
+                })
+                .collect();
+            let jumps = energies.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+            let jump = jumps.fold(0.0, f64::max);
+            assert!(
+                jump < 0.1 * expected.max(scale),
+                "{body:?} {frame} {}: {jump:e}, {expected:e}",
+                place(depth)
+            );
+        }
+    }
+    println!("{met} rods, worst {worst:.1e}");
+    assert!(met > 200, "{met}");
 }

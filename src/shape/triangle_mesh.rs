@@ -558,13 +558,19 @@ impl TriangleMesh {
         }
     }
 
-    /// Is one of two facets a face, and the other an edge of it?
+    /// Is one of two facets a face, and the other an edge of it? Strips within a quarter turn of a rim are a face.
     pub fn are_face_and_edge(&self, one: u32, other: u32) -> bool {
         // Faces stand first.
         let (face, edge) = (one.min(other), one.max(other));
-        let is_pair = (face as usize) < self.facets.faces.len() && self.facets.is_edge(edge);
         let [of_face, of_edge] = [face, edge].map(|facet| self.facets.vertices_of(facet));
-        is_pair && of_edge.iter().all(|k| of_face.binary_search(k).is_ok())
+        let is_on = || of_edge.iter().all(|k| of_face.binary_search(k).is_ok());
+        let is_beside = || {
+            let apart = (edge - face) % STRIPS;
+            apart.min(STRIPS - apart) <= STRIPS / 4
+        };
+        !self.facets.is_edge(face)
+            && self.facets.is_edge(edge)
+            && if self.is_round() { is_beside() } else { is_on() }
     }
 
     /// Are contacts with these unit normals, on facets that adjoin, one?

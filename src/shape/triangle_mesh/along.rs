@@ -1,11 +1,13 @@
 //! What the points of a segment see of a surface: of each facet the stretch of the segment whose points stand over it.
 
-use super::{MeshFacet, NONE, Strip, TriangleMesh};
+use super::{MeshFacet, NONE, Rim, Strip, Tangent, TriangleMesh};
 use crate::math::Vec3;
 use crate::shape::facets::Plane;
 
 /// Of directions and lengths.
 const ROUNDING: f64 = 1e-15;
+/// How often the place of a rim is sought that is nearest to a segment.
+const NEARER: u32 = 8;
 
 /// A stretch of a segment whose points stand over one facet. A place on the segment is its middle and `s` times the way to its end, `s` from -1
 /// to 1.
@@ -335,7 +337,14 @@ impl TriangleMesh {
                 over = Over::Round(round);
                 way
             }
-            MeshFacet::Face { .. } | MeshFacet::Rim(_) => return None,
+            MeshFacet::Rim(rim) => {
+                let way = line.on_rim(&rim, &mut range);
+                if !line.is_near(way) {
+                    return None;
+                }
+                way
+            }
+            MeshFacet::Face { .. } => return None,
         };
         (range[0] < range[1]).then_some(Stretch { facet, range, way, over })
     }
@@ -352,10 +361,35 @@ struct Line<'a> {
 impl Line<'_> {
     /// Does a way come so near to zero on the segment?
     fn is_near(&self, way: [Vec3; 2]) -> bool {
-        let square = way[1].norm_squared();
-        let nearest = if square > 0.0 { -way[0].dot(&way[1]) / square } else { 0.0 };
-        let nearest = way[0] + way[1] * nearest.clamp(-1.0, 1.0);
+        let nearest = way[0] + way[1] * place_nearest_to_zero(way);
         nearest.norm_squared() < self.distance * self.distance
+    }
+
+    /// The way from the tangent of a rim where the segment is nearest to it. Of the range is left what stands over the rim, beyond the surface.
+    fn on_rim(&self, rim: &Rim, range: &mut [f64; 2]) -> [Vec3; 2] {
+        let Strip { first, quarter, opening, .. } = rim.strip;
+        let from_centre = self.middle - rim.centre();
+        let way_from = |Tangent { at, along, .. }: &Tangent| {
+            let from = self.middle - at;
+            [from - along * from.dot(along), self.end - along * self.end.dot(along)]
+        };
+        let mut nearest = 0.0;
+        let mut tangent = rim.tangent(0.0);
+        for _ in 0..NEARER {
+            let across = from_centre + self.end * nearest;
+            let angle = libm::atan2(across.dot(&quarter), across.dot(&first));
+            tangent = rim.tangent(angle.clamp(0.0, opening));
+            nearest = place_nearest_to_zero(way_from(&tangent));
+        }
+        let (sine, cosine) = libm::sincos(opening);
+        let tolerance = self.tolerance + ROUNDING * rim.radius();
+        for within in [quarter, first * sine - quarter * cosine] {
+            keep(range, from_centre.dot(&within) + tolerance, self.end.dot(&within));
+        }
+        let way = way_from(&tangent);
+        let out = tangent.quarter;
+        keep(range, way[0].dot(&out) + self.tolerance, way[1].dot(&out));
+        way
     }
 
     /// The part of it whose points stand over a triangle.
@@ -370,6 +404,12 @@ impl Line<'_> {
         }
         (range[0] < range[1]).then_some(range)
     }
+}
+
+/// Where between -1 and 1 `way[0] + s way[1]` is least.
+fn place_nearest_to_zero(way: [Vec3; 2]) -> f64 {
+    let square = way[1].norm_squared();
+    if square > 0.0 { (-way[0].dot(&way[1]) / square).clamp(-1.0, 1.0) } else { 0.0 }
 }
 
 /// Leaves of a range what has `start + s slope >= 0`.
