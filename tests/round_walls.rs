@@ -6,6 +6,7 @@ use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
 use dem_mpi::scene::plan::plan;
+use dem_mpi::shape::triangle_mesh::MeshFacet;
 use dem_mpi::shape::{Ellipsoid, Shape, Sphere, Superellipsoid, TriangleMesh};
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -196,16 +197,20 @@ fn what_is_on_the_axis_touches_once() {
     }
 }
 
-/// The deepest overlap of a body with a surface, 0 if it touches none. Of a face and an edge of it the one with the least overlap counts.
+/// The deepest overlap of a body with a surface, 0 if it touches none. Of faces, and their edges and corners, those with the least overlap count.
 fn deepest(surface: &Arc<TriangleMesh>, body: &Posed, centre: &Vec3) -> f64 {
     let found = on_facets(surface, body, centre);
-    let has_edge_in = |(facet, touch): &&(u32, Touch)| {
-        found.iter().any(|(other, of)| {
-            surface.are_face_and_edge(*facet, *other) && of.overlap < touch.overlap
-        })
+    let is_edge = |&(facet, _): &(u32, Touch)| {
+        !matches!(surface.facet(facet), MeshFacet::Face { .. } | MeshFacet::Strip(_))
     };
-    let counts = found.iter().filter(|on| !has_edge_in(on));
-    counts.map(|(_, touch)| touch.overlap).fold(0.0, f64::max)
+    let deepest = |edges: bool| {
+        let of_kind = found.iter().filter(|on| is_edge(on) == edges);
+        of_kind.map(|(_, touch)| touch.overlap).max_by(f64::total_cmp)
+    };
+    match (deepest(false), deepest(true)) {
+        (Some(face), Some(edge)) => face.min(edge),
+        (face, edge) => face.or(edge).unwrap_or(0.0),
+    }
 }
 
 /// Below, beside and over both mouths of a cone and a cylinder, bodies touch what they touch of a fine mesh of it, as deep but for the height of its
@@ -249,7 +254,7 @@ fn a_rim_is_felt_as_one() {
             // So deep along a direction in which the rim faces, or nearly.
             let angle = 0.25 * TAU + (0.25 * TAU + 0.2) * random.signed();
             let out = normal * angle.cos() + along * angle.sin();
-            let centre = rim - body.support(&-out) - out * 0.01 * random.unit();
+            let centre = rim - body.support(&-out) + out * 0.01 * (0.3 - random.unit());
             let (found, expected) =
                 (deepest(&surface, &body, &centre), deepest(&mesh, &body, &centre));
             assert!(
@@ -279,18 +284,15 @@ fn tablets_run_through_a_cone() {
     let blunt =
         "kind = \"superellipsoid\"\nsemi_axes = [0.004, 0.004, 0.002]\nexponents = [0.8, 0.8]";
     let cone = "cone = { from = [0, 0, 0], to = [0, 0, 0.04], radius = [0.018, 0.05] }";
-    for (shape, count) in [(ellipsoid, 20), (blunt, 6)] {
+    for (shape, count) in [(ellipsoid, 20), (blunt, 20)] {
         let text = one(shape, cone, -Vec3::z() * 9.81, 0.3, 5e-6)
             .replace("normal_stiffness", "restitution = 0.5\nnormal_stiffness");
         let mut random = Random::of(21, 1);
         let grains: Vec<_> = (0..count)
             .map(|k| {
                 let angle = 2.4 * f64::from(k);
-                let place = Vec3::new(
-                    0.024 * angle.cos(),
-                    0.024 * angle.sin(),
-                    0.03 + 0.003 * f64::from(k),
-                );
+                let height = 0.008 + 0.003 * f64::from(k);
+                let place = Vec3::new(0.019 * angle.cos(), 0.019 * angle.sin(), height);
                 Particle {
                     quaternion: random.rotation(),
                     ..ball(k as u64, 0, place, Vec3::zeros())
@@ -318,7 +320,7 @@ fn tablets_run_through_a_cone() {
         let part = after.missing() / after.dissipated;
         println!("{shape:?}: {on_rim} contacts with rims, {part:e} of the dissipated missing");
         assert!(bench.sim.particles.position.iter().take(count as usize).all(|x| x.z < -0.01));
-        assert!(on_rim > 100 && part.abs() < 1e-3, "{on_rim} {part:e}");
+        assert!(on_rim > 25 && part.abs() < 1e-3, "{on_rim} {part:e}");
     }
 }
 

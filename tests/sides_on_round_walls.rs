@@ -277,29 +277,39 @@ fn rods_feel_rims() {
                 centre: place(depth),
             };
             let depth = 0.2 * radius;
+            // Another place of the axis may be deeper, or on the other side.
+            let nearest = (-100..=100)
+                .map(|k| place(depth) + frame * Vec3::x() * (0.005 * length * f64::from(k)))
+                .map(|place| {
+                    libm::hypot(libm::hypot(place.x, place.z) - 1.0, (place.y - 4.0).max(0.0))
+                })
+                .fold(f64::INFINITY, f64::min);
+            if nearest < 0.7 * radius {
+                continue;
+            }
             let (found, expected) = (lying(depth).energy(&exact), lying(depth).energy(&fine));
             // The energy of a sphere that is so deep.
             let scale = depth * depth;
             let error = (found - expected).abs() / expected.max(scale);
-            assert!(error < 0.02, "{body:?} {frame} {}: {found:e}, {expected:e}", place(depth));
+            assert!(error < 5e-3, "{body:?} {frame} {}: {found:e}, {expected:e}", place(depth));
             worst = worst.max(error);
             met += usize::from(expected > 0.1 * scale);
             let way = random.rotation() * Vec3::x() * (0.002 * radius);
-            let energies: Vec<f64> = (-40..40)
-                .map(|k| {
-                    Lying { centre: place(depth) + way * f64::from(k), ..lying(depth) }
-                        .energy(&exact)
-                })
-                .collect();
-            let jumps = energies.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-            let jump = jumps.fold(0.0, f64::max);
+            let jump = |surface: &Shape| {
+                let at =
+                    |k: i32| Lying { centre: place(depth) + way * f64::from(k), ..lying(depth) };
+                let energies: Vec<f64> = (-40..40).map(|k| at(k).energy(surface)).collect();
+                let jumps = energies.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+                jumps.fold(0.0, f64::max)
+            };
+            let (jump, of_fine) = (jump(&exact), jump(&fine));
             assert!(
-                jump < 0.1 * expected.max(scale),
+                jump < 2.0 * of_fine + 0.01 * scale,
                 "{body:?} {frame} {}: {jump:e}, {expected:e}",
                 place(depth)
             );
         }
     }
     println!("{met} rods, worst {worst:.1e}");
-    assert!(met > 200, "{met}");
+    assert!(met > 90, "{met}");
 }

@@ -1,13 +1,13 @@
 //! What the points of a segment see of a surface: of each facet the stretch of the segment whose points stand over it.
 
-use super::{MeshFacet, NONE, Rim, Strip, Tangent, TriangleMesh};
+use super::{MeshFacet, NONE, Rim, Strip, TriangleMesh};
 use crate::math::Vec3;
 use crate::shape::facets::Plane;
 
 /// Of directions and lengths.
 const ROUNDING: f64 = 1e-15;
-/// How often the place of a rim is sought that is nearest to a segment.
-const NEARER: u32 = 8;
+/// A segment sees the arc of a rim as so many chords: their heights are 2e-5 of the radius.
+const CHORDS: u32 = 8;
 
 /// A stretch of a segment whose points stand over one facet. A place on the segment is its middle and `s` times the way to its end, `s` from -1
 /// to 1.
@@ -262,7 +262,13 @@ impl TriangleMesh {
 
         others.sort_unstable();
         others.dedup();
-        stretches.extend(others.into_iter().filter_map(|facet| self.on_other(&line, facet)));
+        for facet in others {
+            if let MeshFacet::Rim(rim) = self.facet(facet) {
+                stretches.extend(line.on_rim(facet, &rim));
+            } else {
+                stretches.extend(self.on_other(&line, facet));
+            }
+        }
     }
 
     /// The normal of a face, the height of the middle over it, and how much higher the end is.
@@ -327,24 +333,28 @@ impl TriangleMesh {
                     keep(&mut range, way[0].dot(&within) + tolerance, way[1].dot(&within));
                 }
                 let within = |s: f64| round.distance(&(way[0] + way[1] * s), s);
-                let [one, other] = range.map(within);
-                round.side = if one * other > 0.0 { one } else { within(0.0) }.signum();
                 // The nearest point of the surface, where the segment is as far from it as it can touch.
                 let [place, rise] = round.height;
-                let foot = place - round.side * line.distance * round.slope / round.steep();
-                keep(&mut range, foot + tolerance, rise);
-                keep(&mut range, length - foot + tolerance, -rise);
+                let beside = line.distance * round.slope / round.steep();
+                let between_ends = |side: f64| {
+                    let (mut range, foot) = (range, place - side * beside);
+                    keep(&mut range, foot + tolerance, rise);
+                    keep(&mut range, length - foot + tolerance, -rise);
+                    range
+                };
+                // Beyond an end it may pass to the other side.
+                let is_on = |side: &f64| {
+                    let range = between_ends(*side);
+                    range[0] < range[1] && range.iter().all(|&s| within(s) * side > 0.0)
+                };
+                let side = [1.0, -1.0].into_iter().find(is_on);
+                let side = side.unwrap_or_else(|| within(0.0).signum());
+                range = between_ends(side);
+                round.side = side;
                 over = Over::Round(round);
                 way
             }
-            MeshFacet::Rim(rim) => {
-                let way = line.on_rim(&rim, &mut range);
-                if !line.is_near(way) {
-                    return None;
-                }
-                way
-            }
-            MeshFacet::Face { .. } => return None,
+            MeshFacet::Face { .. } | MeshFacet::Rim(_) => return None,
         };
         (range[0] < range[1]).then_some(Stretch { facet, range, way, over })
     }
@@ -361,35 +371,33 @@ struct Line<'a> {
 impl Line<'_> {
     /// Does a way come so near to zero on the segment?
     fn is_near(&self, way: [Vec3; 2]) -> bool {
-        let nearest = way[0] + way[1] * place_nearest_to_zero(way);
+        let square = way[1].norm_squared();
+        let nearest = if square > 0.0 { -way[0].dot(&way[1]) / square } else { 0.0 };
+        let nearest = way[0] + way[1] * nearest.clamp(-1.0, 1.0);
         nearest.norm_squared() < self.distance * self.distance
     }
 
-    /// The way from the tangent of a rim where the segment is nearest to it. Of the range is left what stands over the rim, beyond the surface.
-    fn on_rim(&self, rim: &Rim, range: &mut [f64; 2]) -> [Vec3; 2] {
-        let Strip { first, quarter, opening, .. } = rim.strip;
+    /// The stretches that stand over chords of a rim, beyond the surface.
+    fn on_rim(&self, facet: u32, rim: &Rim) -> impl Iterator<Item = Stretch> {
         let from_centre = self.middle - rim.centre();
-        let way_from = |Tangent { at, along, .. }: &Tangent| {
-            let from = self.middle - at;
-            [from - along * from.dot(along), self.end - along * self.end.dot(along)]
-        };
-        let mut nearest = 0.0;
-        let mut tangent = rim.tangent(0.0);
-        for _ in 0..NEARER {
-            let across = from_centre + self.end * nearest;
-            let angle = libm::atan2(across.dot(&quarter), across.dot(&first));
-            tangent = rim.tangent(angle.clamp(0.0, opening));
-            nearest = place_nearest_to_zero(way_from(&tangent));
-        }
-        let (sine, cosine) = libm::sincos(opening);
         let tolerance = self.tolerance + ROUNDING * rim.radius();
-        for within in [quarter, first * sine - quarter * cosine] {
-            keep(range, from_centre.dot(&within) + tolerance, self.end.dot(&within));
-        }
-        let way = way_from(&tangent);
-        let out = tangent.quarter;
-        keep(range, way[0].dot(&out) + self.tolerance, way[1].dot(&out));
-        way
+        let at = move |k: u32| rim.tangent(rim.strip.opening * (f64::from(k) / f64::from(CHORDS)));
+        (0..CHORDS).filter_map(move |k| {
+            let (begin, end) = (at(k), at(k + 1));
+            let along = (end.at - begin.at).normalize();
+            let from = self.middle - begin.at;
+            let way = [from - along * from.dot(&along), self.end - along * self.end.dot(&along)];
+            if !self.is_near(way) {
+                return None;
+            }
+            let mut range = [-1.0, 1.0];
+            for within in [begin.along, -end.along] {
+                keep(&mut range, from_centre.dot(&within) + tolerance, self.end.dot(&within));
+            }
+            let out = begin.quarter + end.quarter;
+            keep(&mut range, way[0].dot(&out) + self.tolerance, way[1].dot(&out));
+            (range[0] < range[1]).then_some(Stretch { facet, range, way, over: Over::Sharp })
+        })
     }
 
     /// The part of it whose points stand over a triangle.
@@ -404,12 +412,6 @@ impl Line<'_> {
         }
         (range[0] < range[1]).then_some(range)
     }
-}
-
-/// Where between -1 and 1 `way[0] + s way[1]` is least.
-fn place_nearest_to_zero(way: [Vec3; 2]) -> f64 {
-    let square = way[1].norm_squared();
-    if square > 0.0 { (-way[0].dot(&way[1]) / square).clamp(-1.0, 1.0) } else { 0.0 }
 }
 
 /// Leaves of a range what has `start + s slope >= 0`.
