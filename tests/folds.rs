@@ -2,8 +2,10 @@
 
 use crate::meshes::{alone, at, write_obj};
 use crate::support::{Bench, scene};
+use dem_mpi::ids::GlobalId;
 use dem_mpi::math::{Quat, Vec3};
 use dem_mpi::particles::records::Particle;
+use dem_mpi::random::Random;
 use std::path::Path;
 
 const BALL: &str = "kind = \"sphere\"\nradius = 0.01";
@@ -74,6 +76,54 @@ fn energy_is_kept_in_folds_of_any_angle() {
             long < 2e-2 && short < (0.5 * long).max(2e-4) && middle < 2e-2,
             "{fold}: {long:e} {middle:e} {short:e}"
         );
+    }
+}
+
+/// Balls jump and roll over random heights at the corners of squares a quarter of their size, none steeper than 7 degrees.
+#[test]
+fn energy_is_kept_on_rough_ground() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, side, count) = (folder.path().join("ground.obj"), 0.005, 40);
+    for seed in 0..3 {
+        let mut random = Random::of(20_261_127, seed);
+        let mut heights = vec![[0.0; 41]; 41];
+        heights.iter_mut().flatten().for_each(|height| *height = 3e-4 * random.signed());
+        let at_corner = |i: usize, k: usize| {
+            Vec3::new(i as f64 - 20.0, k as f64 - 20.0, heights[i][k] / side) * side
+        };
+        let square = |n: usize| {
+            let (i, k) = (n / count, n % count);
+            let [a, b, c, d] =
+                [(i, k), (i + 1, k), (i + 1, k + 1), (i, k + 1)].map(|(i, k)| at_corner(i, k));
+            [[a, b, c], [a, c, d]]
+        };
+        write_obj(&(0..count * count).flat_map(square).collect(), &file);
+        let text = alone(BALL, &format!("mesh = {file:?}"), Vec3::z() * -9.81, 0.0)
+            .replace("normal_stiffness = 1e5", "normal_stiffness = 2e4");
+        let grains: Vec<Particle> = (0..9)
+            .map(|k| Particle {
+                id: GlobalId(k),
+                ..at(
+                    Vec3::new(0.04 * ((k % 3) as f64 - 1.0), 0.04 * ((k / 3) as f64 - 1.0), 0.014),
+                    Vec3::new(0.05, 0.02, 0.0),
+                )
+            })
+            .collect();
+        let mut bench = Bench::of(&scene(&text), &grains);
+        let before = bench.measure();
+        let (mut fastest, mut missing) = (0.0_f64, 0.0_f64);
+        for step in 1..=40_000 {
+            bench.step();
+            if step % 1000 == 0 {
+                let now = bench.measure();
+                fastest = fastest.max(now.kinetic());
+                let all = now.kinetic() + now.gravity + now.stored;
+                missing =
+                    missing.max((all - before.kinetic() - before.gravity - before.stored).abs());
+            }
+        }
+        println!("{seed}: {:.1e}", missing / fastest);
+        assert!(missing < 1e-4 * fastest, "{seed}: {:e}", missing / fastest);
     }
 }
 

@@ -10,7 +10,7 @@
 //! | strip of a cylinder or a cone | its normals | from inside each local maximum of `δ`: a long body has two; from outside the least `δ`; if its foot is between the ends and in the body |
 //! | rim, where such a surface ends | from one normal of it over the way out to the other | that of its tangent as an edge, where this is right above the point of the rim |
 //! | edge, in a fold | from the normal of one of its faces to the plane of the other | the same, of the face that the body has left |
-//! | corner | at right angles or more to its edges, in a pit to those of one of its faces | least `δ`, as of a sphere without radius |
+//! | corner | at right angles or more to its edges | least `δ`, as of a sphere without radius |
 //!
 //! All on the side of the surface on which the centre of the body is: a long body in a shallow fold would else be pushed through it.
 //!
@@ -83,7 +83,7 @@ impl ContactResolver for AgainstTriangleMesh {
             MeshFacet::Rim(rim) => body.on_rim(&rim),
             MeshFacet::Corner { at } => {
                 let warm = warm.map(|normal| b.frame.tr_mul(normal));
-                body.on_corner(&at, (mesh, b.facet), &self.points, warm.as_ref())
+                body.on_corner(&at, mesh.edges_at(b.facet), &self.points, warm.as_ref())
             }
         };
         match outcome {
@@ -432,7 +432,7 @@ impl Body<'_> {
     fn on_corner(
         &self,
         at: &Vec3,
-        (mesh, corner): (&TriangleMesh, u32),
+        mut edges: impl Iterator<Item = Vec3>,
         points: &Chain,
         warm: Option<&Vec3>,
     ) -> Outcome {
@@ -456,13 +456,13 @@ impl Body<'_> {
                 other => other,
             }
         };
-        let Outcome::Touching(Touch { normal, .. }) = outcome else { return outcome };
-        let out = -normal;
-        let is_sharp = || mesh.edges_at(corner).all(|along| out.dot(&along) <= BORDER);
-        if out.dot(&way) > 0.0 && (is_sharp() || mesh.is_in_pit(corner, &out, BORDER)) {
-            outcome
-        } else {
-            ELSEWHERE
+        match outcome {
+            Outcome::Touching(Touch { normal, .. })
+                if normal.dot(&way) >= 0.0 || edges.any(|along| -normal.dot(&along) > BORDER) =>
+            {
+                ELSEWHERE
+            }
+            outcome => outcome,
         }
     }
 

@@ -506,29 +506,6 @@ impl TriangleMesh {
         }
     }
 
-    /// Does a direction point from a corner to one side of all its faces, and away from one of them, nearer than `tolerance` [-]?
-    pub fn is_in_pit(&self, corner: u32, out: &Vec3, tolerance: f64) -> bool {
-        let vertex = self.facets.vertices_of(corner)[0];
-        let at = self.vertices[vertex as usize];
-        // Of each triangle its face, whether it leads away, and the side.
-        let mut around: Vec<(u32, bool, bool)> = Vec::new();
-        self.grid.for_each_in(&at, &at, |triangle| {
-            let triangle = &self.triangles[triangle as usize];
-            if let Some(k) = triangle.corners.iter().position(|&corner| corner == vertex) {
-                let corners = self.corners(triangle);
-                let [one, other] = [1, 2].map(|next| corners[(k + next) % 3] - at);
-                let leads_away =
-                    [one, other].iter().all(|along| along.dot(out) <= tolerance * along.norm());
-                around.push((triangle.facets[0], leads_away, one.cross(&other).dot(out) > 0.0));
-            }
-        });
-        around.sort_unstable();
-        around.iter().all(|(.., side)| *side == around[0].2)
-            && around
-                .chunk_by(|one, other| one.0 == other.0)
-                .any(|of_face| of_face.iter().all(|(_, leads_away, _)| *leads_away))
-    }
-
     /// Does a direction point to the side of an edge on which it is sharp, and not into its fold?
     pub fn is_outside(&self, edge: u32, out: &Vec3) -> bool {
         match self.facet(edge) {
