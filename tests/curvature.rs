@@ -12,6 +12,8 @@ use dem_mpi::shape::{
     Convex, Ellipsoid, HalfSpace, Kind, PolySuperellipsoid, Shape, Sphere, Superellipsoid,
 };
 
+use std::f64::consts::TAU;
+
 /// `F2` over the whole range to 1e-12, and its published values.
 #[test]
 fn the_fit_is_that_of_elliptic_integrals() {
@@ -64,10 +66,28 @@ fn across(normal: &Vec3) -> [Vec3; 2] {
     [first, normal.cross(&first)]
 }
 
-/// Radii of curvature along a normal, from second differences of the support function: h of any vector.
+/// Radii of curvature along a normal: of ellipsoids from second differences of the support function, h of any vector; of others the average over 0.1 rad
+/// around it, from as many support points as are wanted.
 fn radii(body: &Posed, normal: &Vec3) -> [[f64; 2]; 2] {
     const STEP: f64 = 1e-3;
     let axes = across(normal);
+    if !body.shape.kind().is_ellipsoidal() {
+        let (count, width) = (720, 0.1_f64);
+        let mut sum = [[0.0; 2]; 2];
+        for k in 0..count {
+            let angle = TAU * f64::from(k) / f64::from(count);
+            let u = axes[0] * angle.cos() + axes[1] * angle.sin();
+            let point = body.support(&(normal * width.cos() + u * width.sin()));
+            for (i, row) in sum.iter_mut().enumerate() {
+                for (j, entry) in row.iter_mut().enumerate() {
+                    let both = point.dot(&axes[i]) * u.dot(&axes[j])
+                        + point.dot(&axes[j]) * u.dot(&axes[i]);
+                    *entry += both / (f64::from(count) * width.sin());
+                }
+            }
+        }
+        return sum;
+    }
     let height = |x: f64, y: f64| {
         let v = normal + axes[0] * (STEP * x) + axes[1] * (STEP * y);
         body.support(&v).dot(&v)
@@ -100,7 +120,7 @@ fn root_of_radius([a, b, c]: [f64; 3]) -> f64 {
 fn curvatures_are_second_derivatives_of_support_functions() {
     let mut random = Random::of(11, 0);
     let plane = Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()));
-    let mut worst = 0.0_f64;
+    let mut worst = [0.0_f64; 2];
     for (k, shape) in shapes().iter().enumerate() {
         for other in shapes().iter().take(k + 1).chain([&plane]) {
             let frames = [frame(&mut random), frame(&mut random)];
@@ -124,11 +144,14 @@ fn curvatures_are_second_derivatives_of_support_functions() {
             let found = of_pair(&a, &b, &normal, 0.0).root_of_radius;
             let off = (found / root_of_radius(sum) - 1.0).abs();
             println!("{} and {}: off by {off:.1e}", shape.kind().name(), other.kind().name());
-            worst = worst.max(off);
+            let is_averaged = !shape.kind().is_ellipsoidal()
+                || other.kind() != Kind::HalfSpace && !other.kind().is_ellipsoidal();
+            let worst = &mut worst[usize::from(is_averaged)];
+            *worst = worst.max(off);
         }
     }
-    // Two of them lie near an edge of an octant, where differences are coarse.
-    assert!(worst < 1e-5, "{worst:e}");
+    // Eight directions stand for 720.
+    assert!(worst[0] < 1e-8 && worst[1] < 1e-2, "{worst:?}");
 }
 
 /// Closed forms, and bounds.
@@ -166,10 +189,11 @@ fn radii_of_simple_contacts() {
         assert!((root_of_radius / expected - 1.0).abs() < 1e-13);
         assert!(force.norm() < 1e-13 && moment.norm() < 1e-13, "{force:?} {moment:?}");
     }
-    // A flat side: 10 bounding radii.
+    // A flat side: between the radius where the surface has bent by 0.1 rad, z = 1 - x^5 / 5, and that of a cube.
     let blunt = Superellipsoid::new(Vec3::repeat(1.0), [0.4, 0.4]);
-    let most = (10.0 * blunt.bounding_radius()).sqrt();
-    assert!((flattest(&Shape::Superellipsoid(blunt)) / most - 1.0).abs() < 1e-12);
+    let found = flattest(&Shape::Superellipsoid(blunt)).powi(2);
+    println!("{found}");
+    assert!(found > 0.1_f64.powf(0.25) / 0.1 && found < 10.0, "{found}");
 }
 
 /// The pair, touching, with B's centre at `r`.

@@ -61,6 +61,7 @@ mod stages;
 mod suggest;
 mod superellipsoids;
 mod support;
+mod symmetries;
 mod time_steps;
 mod touch_and_end;
 mod turning;

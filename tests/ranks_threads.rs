@@ -284,7 +284,7 @@ fn hertzian_superellipsoids_are_the_same_on_any_number_of_ranks_and_after_a_rest
             "kind = \"superellipsoid\"\nsemi_axes = [0.0016, 0.0014, 0.001]\nexponents = [1.2, 0.7]",
         );
     let scene = scene(&text);
-    let words = "radii of curvature of superellipsoids count as no less than 0.01 and no more than 10 bounding radii";
+    let words = "radii of curvature of superellipsoids are averaged over 0.1 rad, and count as no less than 0.01 bounding radii";
     assert!(plan::plan(&scene, 1).contains(words), "{}", plan::plan(&scene, 1));
     let (alone, _) = run(&scene, 1, 1000);
     assert!(alone.records.len() > 200, "a crowd: {} contacts", alone.records.len());

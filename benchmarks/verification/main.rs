@@ -5,6 +5,7 @@
 //! cargo bench --bench verification -- --quick             what the tests run, too
 //! cargo bench --bench verification -- --only arch         one source, or several
 //! cargo bench --bench verification -- --record FOLDER     the same into this folder
+//! cargo bench --bench verification -- --outside FOLDER    only how every scene below this folder ends
 //! ```
 //!
 //! It fails if a case does, unless it is known to fall short. Where LAMMPS' `lmp` is installed, its orders of
@@ -13,6 +14,7 @@
 mod cases;
 #[path = "../lines.rs"]
 mod lines;
+mod outside;
 mod table;
 
 use anyhow::Context;
@@ -34,13 +36,19 @@ struct Arguments {
     /// Only these sources (parts of names of files in `cases`).
     #[arg(long, value_name = "NAME", num_args = 1..)]
     only: Vec<String>,
+    /// In place of all sources: run the scenes below this folder, and print how they end.
+    #[arg(long, value_name = "FOLDER")]
+    outside: Option<PathBuf>,
     /// Cargo passes this.
     #[arg(long, hide = true)]
     bench: bool,
 }
 
 fn main() -> anyhow::Result<()> {
-    let Arguments { quick, record, only, .. } = Arguments::parse();
+    let Arguments { quick, record, only, outside, .. } = Arguments::parse();
+    if let Some(folder) = outside {
+        return outside::run(&folder.canonicalize()?, &std::path::absolute(record)?);
+    }
     let effort = if quick { Effort::Quick } else { Effort::Full };
     std::fs::create_dir_all(&record)?;
     let mut all = Vec::new();

@@ -15,7 +15,8 @@
 //! derivatives of `H` along the surface they have closed forms. Let
 //!
 //! - `c_A`, `c_B` be how `ln √R` changes through `H_A` and `H_B` when the normal turns with both bodies at rest, and `c` their sum;
-//! - `q = W⁻¹ c` with `W = H_A + H_B - δ`: the normal turns by `W⁻¹ dr` when the centres move by `dr` across it;
+//! - `q = W⁻¹ c` with `W = H_A + H_B - δ`: the normal turns by `W⁻¹ dr` when the centres move by `dr` across it. Here and in `d` `H` is that at the normal,
+//!   also where `R` follows from an average;
 //! - `d = ((c_B - H_B q) - (c_A - H_A q)) / 2`;
 //! - `w = -2 (N H_B⁻¹ - H_B⁻¹ N)₁₂` with `N = ∂ ln √R / ∂K`: twisting one ellipse against the other.
 //!
@@ -26,11 +27,11 @@
 //! # Shapes
 //!
 //! Ellipsoids and spheres go eight at once, with their exact derivatives: with `v` the part of the support point across the normal,
-//! `∂H_ij/∂k = -(H_ij v_k + H_jk v_i + H_ik v_j) / h`. Superellipsoids and their octants have exact `H`, whose derivatives are taken
-//! from differences. Their sides are flat and their crests sharp: radii of curvature of such a body count as no more than
-//! [`FLATTEST`] and no less than [`SHARPEST`] of its bounding radius. A contact on a flat side is wider than where the side is
-//! flat: with `|x|^4` the surface has bent by an overlap of a thousandth at a fifth of the size, as a sphere of 16 times
-//! the size has, and by one of a hundredth as one of 5 times.
+//! `∂H_ij/∂k = -(H_ij v_k + H_jk v_i + H_ik v_j) / h`. Superellipsoids and their octants have flat sides and sharp crests, over which radii of curvature
+//! change a thousandfold within a thousandth of a radian. A contact is wider than that: their `H` is an average over 0.1 rad around the normal,
+//! `H = 2 / (N sin τ) Σ x(n cos τ + u sin τ) ⊗ u` over eight directions `u` across the normal, with `x` the support point; a sphere and a plane have
+//! their own by it. Its derivatives follow from those of `x`. No radius is more than some ten bounding radii so; `√(H² + s²)` keeps them above
+//! [`SHARPEST`] of it.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -46,9 +47,7 @@ use crate::lanes::{
 use crate::math::{Mat3, Vec3};
 use crate::shape::{Ellipsoid, Form, Shape};
 
-/// The largest radius of curvature of bodies that have flat sides, over their bounding radius.
-pub const FLATTEST: f64 = 10.0;
-/// The least of bodies that have edges or crests.
+/// The least radius of curvature of bodies that have edges or crests, over their bounding radius.
 pub const SHARPEST: f64 = 0.01;
 
 /// What Hertz's law must know of a contact beside its overlap.
@@ -169,8 +168,10 @@ type Flat<L> = [L; 3];
 /// How a body is curved along a normal.
 #[derive(Clone, Copy)]
 struct Surface<L> {
-    /// Its radii of curvature `H` [m].
+    /// Its radii of curvature `H`, of a body with crests an average [m].
     radii: Flat<L>,
+    /// How far the support point moves when the normal turns: `H` at the normal [m].
+    moves: Flat<L>,
     /// By how much they change when the normal turns towards the first vector across, and towards the second [m].
     change: [Flat<L>; 2],
 }
@@ -197,7 +198,7 @@ impl<L: Lanes> Surface<L> {
             [three * radii[0] * u, mixed[0], mixed[1]],
             [mixed[0], mixed[1], three * radii[2] * w],
         ];
-        Self { radii, change }
+        Self { radii, moves: radii, change }
     }
 
     /// `Σ s_ij ∂H_ij/∂k`
@@ -281,12 +282,12 @@ fn relative<L: Lanes>(
     // With the other sign, as H⁻¹ falls when H grows.
     let total = [from_a[0] + from_b[0], from_a[1] + from_b[1]];
     let w = [
-        a.radii[0] + b.radii[0] - overlap,
-        a.radii[1] + b.radii[1],
-        a.radii[2] + b.radii[2] - overlap,
+        a.moves[0] + b.moves[0] - overlap,
+        a.moves[1] + b.moves[1],
+        a.moves[2] + b.moves[2] - overlap,
     ];
     let slope = times(inverse(w, one / determinant(w)), total);
-    let [by_a, by_b] = [times(a.radii, slope), times(b.radii, slope)];
+    let [by_a, by_b] = [times(a.moves, slope), times(b.moves, slope)];
     let d = [
         half * ((from_a[0] - by_a[0]) - (from_b[0] - by_b[0])),
         half * ((from_a[1] - by_a[1]) - (from_b[1] - by_b[1])),
@@ -314,7 +315,23 @@ fn form_of(body: &Posed) -> Form {
     form.map(|entry| entry * square)
 }
 
-/// By how much the normal turns for differences [rad].
+/// Radii of curvature are averaged over so much to all sides of the normal [rad]: where the surface has bent by an overlap of a hundredth.
+pub const WIDTH_OF_CONTACT: f64 = 0.1;
+/// `√½`
+const DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// Directions around the normal.
+const AROUND: [[f64; 2]; 8] = [
+    [1.0, 0.0],
+    [DIAGONAL, DIAGONAL],
+    [0.0, 1.0],
+    [-DIAGONAL, DIAGONAL],
+    [-1.0, 0.0],
+    [-DIAGONAL, -DIAGONAL],
+    [0.0, -1.0],
+    [DIAGONAL, -DIAGONAL],
+];
+/// Part of a change of radii, and a turn of the normal [rad], for differences.
+const PART: f64 = 1e-4;
 const TURN: f64 = 1e-4;
 
 /// Of one body, along the normal or, with a `side` of -1, against it.
@@ -323,37 +340,74 @@ fn surface_of(body: &Posed, normal: &Vec3, frame: &Frame<f64>, side: f64) -> Sur
     if form.iter().all(|entry| entry.is_finite()) {
         return Surface::of_form(&Symmetric { xx, yy, zz, xy, xz, yz }, frame);
     }
-    let [first, second] = frame.across.map(|t| Vec3::new(t.x, t.y, t.z));
-    let straight = 1.0 - 0.5 * TURN * TURN;
-    let beside = |towards: &Vec3, turn: f64| normal * straight + towards * turn;
-    let back = |towards: &Vec3, turn: f64| towards * straight - normal * turn;
-    let difference =
-        |more: Flat<f64>, less: Flat<f64>| [0, 1, 2].map(|k| (more[k] - less[k]) * (0.5 / TURN));
-    let radii = |normal: &Vec3, across: [&Vec3; 2]| radii_of(body, &(normal * side), across);
-    let turned = [TURN, -TURN];
-    let [more, less] = turned.map(|t| radii(&beside(&first, t), [&back(&first, t), &second]));
-    let along_first = difference(more, less);
-    let [more, less] = turned.map(|t| radii(&beside(&second, t), [&first, &back(&second, t)]));
-    let along_second = difference(more, less);
-    Surface { radii: radii(normal, [&first, &second]), change: [along_first, along_second] }
+    let local = |t: Triple<f64>| body.frame.tr_mul(&Vec3::new(t.x, t.y, t.z));
+    let across = frame.across.map(local);
+    let direction = body.frame.tr_mul(normal) * side;
+    let [radii, along_first, along_second] = averaged(body, &direction, &across);
+    let least = SHARPEST * body.bounding_radius();
+    let change = [along_first, along_second].map(|change| {
+        let beside = |part: f64| bounded([0, 1, 2].map(|k| radii[k] + change[k] * part), least);
+        let (more, less) = (beside(PART), beside(-PART));
+        [0, 1, 2].map(|k| (more[k] - less[k]) * (0.5 * side / PART))
+    });
+    Surface { radii: bounded(radii, least), moves: moves(body, &direction, &across), change }
 }
 
-/// Radii of curvature of a body along a unit vector, within the bounds [m]; not a number if it has edges.
-fn radii_of(body: &Posed, direction: &Vec3, across: [&Vec3; 2]) -> Flat<f64> {
-    let Some(support) = body.shape.curved_support(&body.frame.tr_mul(direction)) else {
-        return [f64::NAN; 3];
-    };
-    let local = across.map(|t| body.frame.tr_mul(t));
-    let [first, second] = [0, 1].map(|k| support.hessian_times(&local[k]) * body.scale);
-    let [a, b, c] = [first.dot(&local[0]), first.dot(&local[1]), second.dot(&local[1])];
-    let (middle, apart) = (0.5 * (a + c), 0.5 * (a - c));
-    let spread = (apart * apart + b * b).sqrt();
-    let size = body.bounding_radius();
-    let bounded = |radius: f64| radius.clamp(SHARPEST * size, FLATTEST * size);
-    let [large, small] = [bounded(middle + spread), bounded(middle - spread)];
-    let (middle, part) =
-        (0.5 * (large + small), if spread > 0.0 { 0.5 * (large - small) / spread } else { 0.0 });
-    [middle + part * apart, part * b, middle - part * apart]
+/// Radii of curvature of a body along a unit vector in its own axes, and by how much they change when that turns towards two others across it [m]:
+/// what support points around it say. Not numbers if it has edges.
+fn averaged(body: &Posed, direction: &Vec3, across: &[Vec3; 2]) -> [Flat<f64>; 3] {
+    let (sine, cosine) = (libm::sin(WIDTH_OF_CONTACT), libm::cos(WIDTH_OF_CONTACT));
+    let around = directions_around(direction);
+    // By how much these directions turn about the normal when it turns.
+    let twists = across.map(|towards| {
+        let [more, less] =
+            [TURN, -TURN].map(|turn| directions_around(&(direction + towards * turn).normalize()));
+        (more[0] - less[0]).dot(&around[1]) * (0.5 / TURN)
+    });
+    let mut found = [[0.0; 3]; 3];
+    for [first, second] in AROUND {
+        let beside = around[0] * first + around[1] * second;
+        let after = around[1] * first - around[0] * second;
+        let Some(support) = body.shape.curved_support(&(direction * cosine + beside * sine)) else {
+            return [[f64::NAN; 3]; 3];
+        };
+        let part = |v: &Vec3| across.map(|t| v.dot(&t));
+        let (point, beside, after) = (part(&support.point), part(&beside), part(&after));
+        let both = |[a, b]: [f64; 2], [c, d]: [f64; 2]| [2.0 * a * c, a * d + b * c, 2.0 * b * d];
+        let mut add = |into: usize, of: Flat<f64>| (0..3).for_each(|k| found[into][k] += of[k]);
+        add(0, both(point, beside));
+        for k in 0..2 {
+            let turned = across[k] * cosine - direction * (sine * beside[k])
+                + (across[0] * after[0] + across[1] * after[1]) * (sine * twists[k]);
+            let mut moved = part(&support.hessian_times(&turned));
+            moved[k] -= support.point.dot(direction);
+            add(1 + k, both(moved, beside));
+            add(1 + k, both(point, after.map(|x| x * twists[k])));
+        }
+    }
+    let factor = body.scale / (AROUND.len() as f64 * sine);
+    found.map(|of| of.map(|sum| sum * factor))
+}
+
+/// Two unit vectors across another.
+fn directions_around(direction: &Vec3) -> [Vec3; 2] {
+    let frame = Frame::of(Triple { x: direction.x, y: direction.y, z: direction.z });
+    frame.across.map(|t| Vec3::new(t.x, t.y, t.z))
+}
+
+/// How far the support point moves across a unit vector in the body's axes when that turns [m]; not a number if it has edges.
+fn moves(body: &Posed, direction: &Vec3, across: &[Vec3; 2]) -> Flat<f64> {
+    let Some(support) = body.shape.curved_support(direction) else { return [f64::NAN; 3] };
+    let [first, second] = across.map(|t| support.hessian_times(&t) * body.scale);
+    [first.dot(&across[0]), first.dot(&across[1]), second.dot(&across[1])]
+}
+
+/// `√(H² + s²)`, with `s` the least radius [m].
+fn bounded([a, b, c]: Flat<f64>, least: f64) -> Flat<f64> {
+    let [p, q, r] = [a * a + b * b + least * least, b * (a + c), b * b + c * c + least * least];
+    let root = (p * r - q * q).sqrt();
+    let by = 1.0 / (p + r + 2.0 * root).sqrt();
+    [(p + root) * by, q * by, (r + root) * by]
 }
 
 /// Touching pairs.

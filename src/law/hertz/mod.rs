@@ -183,9 +183,9 @@ impl Hertz {
         let radii: Vec<f64> = library.shapes.iter().zip(&library.radius).map(radius).collect();
         let limit = if is_smooth {
             format!(
-                "radii of curvature of superellipsoids count as no less than {} and no more than {} bounding radii",
-                curvature::SHARPEST,
-                curvature::FLATTEST
+                "radii of curvature of superellipsoids are averaged over {} rad, and count as no less than {} bounding radii",
+                curvature::WIDTH_OF_CONTACT,
+                curvature::SHARPEST
             )
         } else {
             let one = |((name, shape), radius): ((&String, &Shape), &f64)| {
