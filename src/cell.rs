@@ -193,21 +193,23 @@ impl Cell {
         self.velocity_above() * -self.faces_between(difference[across], across)
     }
 
-    /// The same in lanes; `None` if no image moves.
+    /// The same in lanes, of a difference in position [m].
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     pub(crate) fn velocity_of_nearest_in_lanes<L: Eight>(
         &self,
-        difference: impl FnOnce() -> Triple<L>,
-    ) -> Option<Triple<L>> {
-        let Shear { across, .. } = self.shear()?;
-        let Triple { x, y, z } = difference();
+        shear: &Shear,
+        difference: Triple<L>,
+    ) -> Triple<L> {
+        let across = shear.across;
+        let Triple { x, y, z } = difference;
         let height = [x, y, z][across];
         let (zero, half) = (L::all(0.0), L::all(0.5 * self.period[across]));
         let (above, below) = (half.less(height), height.less(zero - half));
-        let [x, y, z] = self.velocity_above().into();
-        let of_nearest = |v: f64| (zero - L::all(v)).or(L::all(v).or(zero, below), above);
-        Some(Triple { x: of_nearest(x), y: of_nearest(y), z: of_nearest(z) })
+        let [x, y, z]: [f64; 3] = self.velocity_above().into();
+        let upwards = Triple { x: L::all(x), y: L::all(y), z: L::all(z) };
+        let downwards = Triple::zero().minus(upwards);
+        downwards.or(upwards.or(Triple::zero(), below), above)
     }
 
     /// Lowest corner [m].

@@ -9,7 +9,7 @@ use dem_mpi::contact::{Method, Outcome, Posed, Touch, ordered, table};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::random::Random;
 use dem_mpi::shape::{
-    Convex, Ellipsoid, HalfSpace, Kind, PolySuperellipsoid, Shape, Sphere, Superellipsoid,
+    Ellipsoid, HalfSpace, Kind, PolySuperellipsoid, Shape, Sphere, Superellipsoid,
 };
 
 use std::f64::consts::TAU;

@@ -41,6 +41,7 @@ mod random;
 mod ranks_threads;
 mod read;
 mod ready;
+mod registers;
 mod robustness;
 mod rods_swing;
 mod rolling;

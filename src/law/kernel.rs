@@ -14,6 +14,7 @@
 //! of the energy: that of dashpots. The elastic force beside the normal and its moment have no other channel, and dissipate nothing.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
+#![expect(clippy::manual_map, reason = "a closure has no wide registers, see `lanes`")]
 
 mod patches;
 mod rows;
@@ -766,7 +767,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             Motion::none()
         };
         let belts = if MOVES && with_walls { belts::<L>(particles, bodies[1]) } else { None };
-        let belts = belts.map(|belts| motion.carried_by(belts, [&now, &last]));
+        let belts = motion.carried_by(belts, [&now, &last]);
 
         let curvatures = if CURVED {
             Some(Curvatures::of(&eight_from_rows(self.work.curvatures, first, count)))
@@ -787,11 +788,15 @@ impl<M: Model> Contacts<'_, '_, M> {
             return;
         }
 
-        // Each body loses half; a wall has no share.
-        let share_of = |energy| if with_walls { energy } else { L::all(0.5) * energy };
-        let share = share_of(done.dissipated);
-        let of_friction = share_of(done.rubbed).store();
-        let parts = done.parts.map(|energy| share_of(energy).store());
+        let shares = L::all(shares(with_walls));
+        let share = shares * done.dissipated;
+        let of_friction = (shares * done.rubbed).store();
+        let [of_dashpots, of_turning, of_adhesion] = done.parts;
+        let parts = [
+            (shares * of_dashpots).store(),
+            (shares * of_turning).store(),
+            (shares * of_adhesion).store(),
+        ];
         let impulse = if with_walls {
             let half_step = L::all(0.5 * dt);
             let straight = done.last_force.plus(done.force).times(half_step);
@@ -805,14 +810,18 @@ impl<M: Model> Contacts<'_, '_, M> {
             } else {
                 None
             };
-            let of_belts = belts.map(|[now, last]| {
-                (half_step * (done.force.dot(now) + done.last_force.dot(last))).store()
-            });
+            let of_belts = match belts {
+                Some([now, last]) => {
+                    let power = done.force.dot(now) + done.last_force.dot(last);
+                    Some((half_step * power).store())
+                }
+                None => None,
+            };
             Some(Impulse { straight: straight.store(), turning, of_belts })
         } else {
             None
         };
-        let (force, torques) = (done.force.store(), torques.map(Triple::store));
+        let (force, torques) = (done.force.store(), [torques[0].store(), torques[1].store()]);
         self.sum_in_turn::<TURNS>(
             &block,
             &Summands { force, torques, share: share.store(), of_friction, parts, impulse },
@@ -843,25 +852,21 @@ impl<M: Model> Contacts<'_, '_, M> {
         let position = &particles.position;
         let to_b = vectors::<L>(position, b).minus(vectors(position, a));
         let arm_b = point.minus(particles.cell.nearest_of(to_b));
-        // Seen from where the centre of B was at the last step.
-        let last_from_b = |on_a: Triple<L>| {
+        let (of_acted, is_seen_from_b) = match acted {
+            Some(Acted { point: Some(on_a), .. }) => (on_a, true),
+            _ if has_points => (point, false),
+            _ => (last.normal.times(radii[0] - half * last.overlap), turning_walls),
+        };
+        let on_b = if is_seen_from_b {
+            // From where the centre of B was at the last step.
             let parted = parting::<L>(particles, [a, b]).times(L::all(*dt));
-            on_a.plus(arm_b.minus(point)).plus(parted)
-        };
-        let last = if let Some(on_a) = acted.and_then(|acted| acted.point) {
-            [on_a, last_from_b(on_a)]
+            of_acted.plus(arm_b.minus(point)).plus(parted)
         } else if has_points {
-            [point, arm_b]
+            arm_b
         } else {
-            let on_a = last.normal.times(radii[0] - half * last.overlap);
-            let on_b = if turning_walls {
-                last_from_b(on_a)
-            } else {
-                last.normal.times(half * last.overlap - radii[1])
-            };
-            [on_a, on_b]
+            last.normal.times(half * last.overlap - radii[1])
         };
-        Arms { now: [point, arm_b], last }
+        Arms { now: [point, arm_b], last: [of_acted, on_b] }
     }
 
     /// Forces, and what is lost. `state` has what was remembered, and gets what the next step must know.
@@ -890,10 +895,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         let contact = motion.contact(last, now, dt).timed(law.model.outlives(constants));
         let mut before = law.model.last(of_last, last.overlap, state);
         let last_press = last.normal.times(before.press);
-        let of_moments = |overlap: L, state: &[L]| {
-            if M::MOMENTS { law.model.turned(constants, overlap, state) } else { zero }
-        };
-        let turned_before = of_moments(last.overlap, state);
+        let turned_before =
+            if M::MOMENTS { law.model.turned(constants, last.overlap, state) } else { zero };
         let acting = law.model.act(constants, &contact, state);
         let press = normal.times(acting.press);
 
@@ -919,7 +922,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             if M::MOMENTS {
                 let turned = before.moment.plus(acting.moment).dot(turning);
                 rubbed = rubbed + turned;
-                let stored = of_moments(now.overlap, state) - turned_before;
+                let stored = law.model.turned(constants, now.overlap, state) - turned_before;
                 turned_off = half_step * turned - stored;
             }
             let mut of_dashpots = half_step * pressed;
@@ -1336,14 +1339,15 @@ impl<L: Eight> Motion<L> {
     #[inline(always)]
     fn carried_by(
         &mut self,
-        belts: Triple<L>,
-        geometries: [&GeometryInLanes<L>; 2],
-    ) -> [Triple<L>; 2] {
-        let in_plane = geometries
-            .map(|GeometryInLanes { normal, .. }| belts.minus(normal.times(belts.dot(*normal))));
-        self.velocity = self.velocity.minus(in_plane[0]);
-        self.last_velocity = self.last_velocity.minus(in_plane[1]);
-        in_plane
+        belts: Option<Triple<L>>,
+        [now, last]: [&GeometryInLanes<L>; 2],
+    ) -> Option<[Triple<L>; 2]> {
+        let belts = belts?;
+        let now = belts.minus(now.normal.times(belts.dot(now.normal)));
+        let last = belts.minus(last.normal.times(belts.dot(last.normal)));
+        self.velocity = self.velocity.minus(now);
+        self.last_velocity = self.last_velocity.minus(last);
+        Some([now, last])
     }
 }
 
@@ -1375,6 +1379,12 @@ impl<L: Eight> Motion<L> {
     }
 }
 
+/// Which part of an energy each body has: half; a wall has none.
+#[inline(always)]
+const fn shares(with_walls: bool) -> f64 {
+    if with_walls { 1.0 } else { 0.5 }
+}
+
 /// Velocities of the surfaces of walls against these [m/s]; `None` if no wall is a belt.
 #[inline(always)]
 fn belts<L: Eight>(particles: &Particles, walls: Gather) -> Option<Triple<L>> {
@@ -1389,15 +1399,19 @@ fn belts<L: Eight>(particles: &Particles, walls: Gather) -> Option<Triple<L>> {
             column[lane] = *component;
         }
     }
-    let [x, y, z] = columns.map(|column| L::load(&column));
-    Some(Triple { x, y, z })
+    let [x, y, z] = &columns;
+    Some(Triple { x: L::load(x), y: L::load(y), z: L::load(z) })
 }
 
 /// Velocities of the images of B that A sees against B themselves [m/s]; `None` if no image slides.
 #[inline(always)]
 fn sliding_of_images<L: Eight>(particles: &Particles, [a, b]: [Gather; 2]) -> Option<Triple<L>> {
     let Particles { position, cell, .. } = particles;
-    cell.velocity_of_nearest_in_lanes(|| vectors::<L>(position, b).minus(vectors(position, a)))
+    let shear = cell.shear()?;
+    Some(cell.velocity_of_nearest_in_lanes(
+        &shear,
+        vectors::<L>(position, b).minus(vectors(position, a)),
+    ))
 }
 
 /// How fast the centres of B leave those of A [m/s].

@@ -288,10 +288,9 @@ impl Model for Jkr {
         let zero = L::all(0.0);
         let sticks = zero.less(sticking.size);
         // q = 0 has a = a_0, and q = END has a = 4^(-2/3) a_0.
-        [(1.0, -1.0), (LAST_RADIUS, 1.0)].map(|(part, sign)| {
-            let radius = L::all(part) * sticking.size;
-            (L::all(sign) * sticking.stored(elastic.normal, radius)).or(zero, sticks)
-        })
+        let begins = sticking.stored(elastic.normal, sticking.size);
+        let ends = sticking.stored(elastic.normal, L::all(LAST_RADIUS) * sticking.size);
+        [(zero - begins).or(zero, sticks), ends.or(zero, sticks)]
     }
 
     #[inline(always)]

@@ -251,8 +251,10 @@ impl Hertz {
         let stiffness = elastic.tangential * root;
         // Where the contact shrinks the stretch stays, where it grows the force does: the mean radius on the way makes the rest.
         let radius = elastic.root_of_radius * root;
-        let last = last_radius
-            .unwrap_or_else(|| self::root(contact.last_overlap) * elastic.root_of_radius);
+        let last = match last_radius {
+            Some(radius) => radius,
+            None => self::root(contact.last_overlap) * elastic.root_of_radius,
+        };
         let (grows, shrinks) = (last.less(radius), radius.less(last));
         let ratio = last.or(radius, grows) / radius.or(last, grows);
         let shrunk = ratio.or(one, shrinks);

@@ -314,15 +314,13 @@ impl<M: Model> Contacts<'_, '_, M> {
         };
 
         let belts = if MOVES && with_walls { super::belts::<L>(particles, b) } else { None };
-        let belts = belts.map(|belts| motion.carried_by(belts, [&now, &last]));
+        let belts = motion.carried_by(belts, [&now, &last]);
 
         let contact = motion.contact(&last, &now, dt).timed(zero);
         let last_acting = law.model.last(&constants, last.overlap, state);
         let last_stored = last_acting.stored[1];
-        let of_moments = |overlap: L, state: &[L]| {
-            if M::MOMENTS { law.model.turned(&constants, overlap, state) } else { zero }
-        };
-        let turned_before = of_moments(last.overlap, state);
+        let turned_before =
+            if M::MOMENTS { law.model.turned(&constants, last.overlap, state) } else { zero };
         let acting = law.model.act(&constants, &contact, state);
         let beyond = acting.press - law.model.elastic(&constants, now.overlap);
         let now_acting = MemoryInLanes {
@@ -347,7 +345,8 @@ impl<M: Model> Contacts<'_, '_, M> {
             if M::MOMENTS {
                 let turned = before.moment.plus(acting.moment).dot(motion.turning);
                 power = power + turned;
-                of_turning = half * turned - (of_moments(now.overlap, state) - turned_before);
+                let stored = law.model.turned(&constants, now.overlap, state) - turned_before;
+                of_turning = half * turned - stored;
             }
             let stored = acting.stored[1] - last_stored;
             dissipated = half * power - stored;
@@ -363,11 +362,12 @@ impl<M: Model> Contacts<'_, '_, M> {
                 of_friction = of_friction - of_dashpots;
             }
         }
-        let share_of = |energy| if with_walls { energy } else { L::all(0.5) * energy };
-        let (share, rubbed) = (share_of(dissipated), share_of(of_friction));
+        let shares = L::all(super::shares(with_walls));
+        let (share, rubbed) = (shares * dissipated, shares * of_friction);
         let (forces, [on_b, on_a]) = (force.rows(share), [on[0].rows(rubbed), on[1].rows(rubbed)]);
         if M::MOMENTS || law.needs.tangential_dashpots {
-            let [of_dashpots, of_turning] = [of_dashpots, of_turning].map(|e| share_of(e).store());
+            let of_dashpots = (shares * of_dashpots).store();
+            let of_turning = (shares * of_turning).store();
             for (lane, &place) in places.iter().enumerate() {
                 window.parts[place as usize - first] = [of_dashpots[lane], of_turning[lane], 0.0];
             }
