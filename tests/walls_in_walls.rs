@@ -56,7 +56,7 @@ directory = "out"
 fn mesh(name: &str, triangles: &Triangles, folder: &Path) -> String {
     let file = folder.join(format!("{name}.obj"));
     write_obj(triangles, &file);
-    format!("[[wall]]\nname = \"{name}\"\nmesh = {file:?}\n")
+    format!("[[wall]]\nname = \"{name}\"\nmesh = \"{}\"\n", file.display())
 }
 
 /// Over the place where two are and where one ends, on the one side of it and the other.
@@ -128,7 +128,7 @@ fn globe(radius: f64) -> Triangles {
             PI * f64::from(i) / f64::from(rows),
             TAU * f64::from(k % columns) / f64::from(columns),
         );
-        let ring = if i % rows == 0 { 0.0 } else { polar.sin() };
+        let ring = if i.is_multiple_of(rows) { 0.0 } else { polar.sin() };
         Vec3::new(ring * turn.cos(), ring * turn.sin(), polar.cos()) * radius
     };
     let square = |i: u32, k: u32| {

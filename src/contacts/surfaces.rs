@@ -220,7 +220,9 @@ fn merge_of_one(of_one: &[OnWall], stays: &mut [bool], particles: &Particles) {
         on.mesh.is_some() && planes.into_iter().any(|plane| on.lies_in(plane, &grain))
     };
     let rest: Vec<&OnWall> = of_one.iter().filter(|on| !is_in_plane(on)).collect();
-    of_one.iter().for_each(|on| stays[on.row] = !is_in_plane(on));
+    for on in of_one {
+        stays[on.row] = !is_in_plane(on);
+    }
     // Of each the contact that counts for it.
     let mut for_it: Vec<usize> = (0..rest.len()).collect();
     for k in 1..rest.len() {
@@ -251,6 +253,7 @@ fn merge_of_one(of_one: &[OnWall], stays: &mut [bool], particles: &Particles) {
         stays[on.row] &= is_least;
     }
 }
+
 /// Lets new contacts on meshes go on from those that have ended on facets beside theirs: of several, from that with the nearest normal.
 pub(super) fn pass_on(
     (now, geometry): (&[Pair], &[Geometry]),

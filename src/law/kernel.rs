@@ -14,7 +14,6 @@
 //! of the energy: that of dashpots. The elastic force beside the normal and its moment have no other channel, and dissipate nothing.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
-#![expect(clippy::manual_map, reason = "a closure has no wide registers, see `lanes`")]
 
 mod patches;
 mod rows;

@@ -383,7 +383,8 @@ fn walls_in_walls(scene: &Scene) -> Option<String> {
     };
     let mut found: Vec<String> = pairs.filter(coincide).take(NAMED + 1).map(name).collect();
     if found.len() > NAMED {
-        found[NAMED] = "...".to_owned();
+        found.truncate(NAMED);
+        found.push("...".to_owned());
     }
     (!found.is_empty()).then(|| {
         format!(
