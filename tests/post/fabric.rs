@@ -6,7 +6,7 @@ use crate::random::Draw;
 use dem_mpi::ids::GlobalId;
 use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::output::tables::ContactTable;
-use dem_mpi::post::fabric::{Among, FabricSum, ForceFabricSum, Rose, degree};
+use dem_mpi::post::fabric::{Among, Degrees, FabricSum, ForceFabricSum, Rose, degree};
 use dem_mpi::post::region::{Members, Region};
 use dem_mpi::post::stress::Stress;
 use dem_mpi::random::Random;
@@ -149,4 +149,11 @@ fn roses_of_a_known_density() {
         close(normal, mean(&|angle| Rose::normal_fit(&a, angle)), 3e-3, "normal force");
         close(shear, mean(&|angle| Rose::shear_fit(&a, angle)), 3e-3, "shear force");
     }
+}
+
+/// `q/p = 2/5 (a_c + a_n + a_bn + 3/2 (a_t + a_bt))`, see [`dem_mpi::post::fabric`].
+#[test]
+fn each_anisotropy_has_its_part_of_the_stress() {
+    let degrees = Degrees { a_c: 1.0, a_n: 2.0, a_t: 4.0, a_bn: 8.0, a_bt: 16.0 };
+    assert!((degrees.stress_ratio() - 16.4).abs() < 1e-14, "{}", degrees.stress_ratio());
 }
