@@ -193,7 +193,7 @@ impl Cell {
         self.velocity_above() * -self.faces_between(difference[across], across)
     }
 
-    /// The same in lanes, of a difference in position [m].
+    /// [`Self::velocity_of_nearest`] in lanes, of a difference in position [m].
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     pub(crate) fn velocity_of_nearest_in_lanes<L: Eight>(

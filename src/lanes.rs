@@ -4,7 +4,7 @@
 //! the same bits whatever its neighbours, the number of lanes or the machine. Processors with AVX
 //! are found when the program runs, so one program serves all.
 //!
-//! What works in lanes is inlined always, and has no closures: one that is used twice becomes a function without wide registers, and each of its operations
+//! Code in lanes is inlined always and has no closures. A closure that is used twice becomes a function without wide registers, and each of its operations
 //! a call. `nothing_in_wide_registers_is_called` in `tests/registers.rs` finds them.
 
 #![expect(unsafe_code, reason = "vector registers, behind types that only AVX code makes")]

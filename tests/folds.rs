@@ -79,7 +79,7 @@ fn energy_is_kept_in_folds_of_any_angle() {
     }
 }
 
-/// Balls jump and roll over random heights at the corners of squares a quarter of their size, none steeper than 7 degrees.
+/// Balls jump and roll over random heights at the corners of squares a quarter of their size, whose sides are no steeper than 7 degrees.
 #[test]
 fn energy_is_kept_on_rough_ground() {
     let folder = tempfile::tempdir().unwrap();

@@ -89,15 +89,18 @@ pub(crate) fn write_obj(triangles: &Triangles, path: &Path) {
 
 /// One particle of a shape and a wall.
 pub(crate) fn alone(shape: &str, wall: &str, gravity: Vec3, friction: f64) -> String {
+    beside(shape, &format!("[[wall]]\nname = \"wall\"\n{wall}"), gravity, friction)
+}
+
+/// A scene of one grain beside several walls, each a `[[wall]]` of its own.
+pub(crate) fn beside(shape: &str, walls: &str, gravity: Vec3, friction: f64) -> String {
     format!(
         r#"
 gravity = [{:?}, {:?}, {:?}]
 [domain]
 low = [-0.2, -0.2, -0.2]
 high = [0.2, 0.2, 0.2]
-[[wall]]
-name = "wall"
-{wall}
+{walls}
 [[material]]
 name = "glass"
 density = 2500

@@ -1,4 +1,4 @@
-//! What the compiler has made of the loops in wide registers.
+//! The compiler's work on the loops in wide registers.
 
 use std::process::Command;
 

@@ -1,6 +1,6 @@
 //! Surfaces that lie in each other: one contact, as with one of them.
 
-use crate::meshes::{BRICK, ROD, Triangles, at, write_obj};
+use crate::meshes::{BRICK, ROD, Triangles, at, beside, write_obj};
 use crate::support::{Bench, scene};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::math::Vec3;
@@ -26,31 +26,10 @@ const SHAPES: [(&str, f64); 4] = [
     (BRICK, 0.006),
 ];
 
+/// A scene with sides of the domain, of which the lower lies at height 0, and walls.
 fn text(sides: &str, walls: &str, shape: &str) -> String {
-    format!(
-        r#"
-[domain]
-low = [-0.2, -0.2, 0]
-high = [0.2, 0.2, 0.2]
-walls = [{sides}]
-{walls}
-[[material]]
-name = "m"
-density = 2500
-normal_stiffness = 1e5
-[[shape]]
-name = "grain"
-{shape}
-[[fill.lattice]]
-first = [0, 0, 0.05]
-count = [1, 1, 1]
-[time]
-step = 1e-5
-steps = 1
-[output]
-directory = "out"
-"#
-    )
+    let low = format!("walls = [{sides}]\nlow = [-0.2, -0.2, 0]");
+    beside(shape, walls, Vec3::zeros(), 0.0).replace("low = [-0.2, -0.2, -0.2]", &low)
 }
 
 fn mesh(name: &str, triangles: &Triangles, folder: &Path) -> String {

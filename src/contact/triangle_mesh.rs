@@ -122,7 +122,7 @@ fn folds(
         .then_some([(-first, *quarter, in_fold), (-last, -next, in_fold)])
 }
 
-/// What a body shares with a line.
+/// A body that reaches over a line.
 struct OnLine {
     /// How deep it is [m].
     overlap: f64,
@@ -215,7 +215,7 @@ impl Body<'_> {
         self.where_it_reaches(&found, |body| body.reaches(from, along, *length, first))
     }
 
-    /// What is least deep along the directions in which a line faces: from the first over a quarter turn on, an angle. The way runs from the line to
+    /// The least overlap along the directions in which a line faces: from the first over a quarter turn on, an angle. The way runs from the line to
     /// the centre.
     fn on_line(&self, way: &Vec3, [first, quarter]: [&Vec3; 2], opening: f64) -> Option<OnLine> {
         let direction = |angle: f64| {
@@ -277,7 +277,7 @@ impl Body<'_> {
     /// With `n` the normal away from the axis, `δ = h(n) + n·c - d` for a body inside, `d - n·c + h(-n)` for one outside, where `n·x = d`
     /// is the plane that touches the surface along a line. What touches all around, on the axis, is met by the first strip alone.
     fn on_strip(&self, strip: &Strip) -> Outcome {
-        let Strip { from, axis, length, radius, slope, first, quarter, opening, is_first } = strip;
+        let Strip { from, axis, length, radius, slope, first, quarter, .. } = strip;
         let way = self.centre - from;
         let height = way.dot(axis);
         let out = way - axis * height;
@@ -298,18 +298,9 @@ impl Body<'_> {
             let (normal, on) = directions(angle);
             (self.a.support(&(normal * side)) + way).dot(&on)
         };
-        let angle = if self.radius > 0.0 {
-            let all_around = out.norm() <= self.border;
-            let angle =
-                if all_around { 0.0 } else { libm::atan2(out.dot(quarter), out.dot(first)) };
-            if all_around && !is_first || !(-BORDER..=opening + BORDER).contains(&angle) {
-                return ELSEWHERE;
-            }
-            angle
-        } else {
-            let Some(angle) = self.around(grows, strip) else { return ELSEWHERE };
-            angle
-        };
+        let angle =
+            if self.radius > 0.0 { self.of_sphere(&out, strip) } else { self.around(grows, strip) };
+        let Some(angle) = angle else { return ELSEWHERE };
         let into = directions(angle).0 * side;
         // The far side of what it touches from outside is behind it.
         if side < 0.0 && self.radius == 0.0 && into.dot(&out) >= 0.0 {
@@ -329,6 +320,16 @@ impl Body<'_> {
             return ELSEWHERE;
         }
         Touch { overlap, normal: into, point: deepest - into * (0.5 * overlap) }.outcome()
+    }
+
+    /// The angle of a sphere whose centre is so far from the axis, if it is on this strip.
+    fn of_sphere(&self, out: &Vec3, strip: &Strip) -> Option<f64> {
+        let Strip { first, quarter, opening, is_first, .. } = strip;
+        if out.norm() <= self.border {
+            return is_first.then_some(0.0);
+        }
+        let angle = libm::atan2(out.dot(quarter), out.dot(first));
+        (-BORDER..=opening + BORDER).contains(&angle).then_some(angle)
     }
 
     /// The angle at which a function that is not negative at the first line of a strip, and not positive at the last, is 0. One that is 0 all around
@@ -414,12 +415,7 @@ impl Body<'_> {
     }
 
     fn sphere_on_rim(&self, rim: &Rim, out: &Vec3) -> Outcome {
-        let Strip { first, quarter, opening, is_first, .. } = rim.strip;
-        let all_around = out.norm() <= self.border;
-        let angle = if all_around { 0.0 } else { libm::atan2(out.dot(&quarter), out.dot(&first)) };
-        if all_around && !is_first || !(-BORDER..=opening + BORDER).contains(&angle) {
-            return ELSEWHERE;
-        }
+        let Some(angle) = self.of_sphere(out, &rim.strip) else { return ELSEWHERE };
         let tangent = rim.tangent(angle);
         let way = self.centre - tangent.at;
         if way.dot(&tangent.quarter) < -BORDER * way.norm() {

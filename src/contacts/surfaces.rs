@@ -13,7 +13,9 @@ use crate::ids::{GlobalId, Slot};
 use crate::law::Separated;
 use crate::math::Vec3;
 use crate::particles::Particles;
-use crate::shape::{Kind, Shape, TriangleMesh};
+use crate::particles::walls::PARALLEL;
+use crate::shape::triangle_mesh::FLAT;
+use crate::shape::{Kind, TriangleMesh};
 use std::cmp::Ordering;
 
 /// A facet of a mesh that is the second body of a pair.
@@ -46,12 +48,6 @@ fn is_extended(pair: Pair, particles: &Particles) -> bool {
 /// Of facets of one wall without a common corner only those with feet nearer than this are one surface, over the radius of the grain.
 const NEAR: f64 = 0.5;
 
-/// What is this near to a face or a plane, over the radius of the grain, lies in it.
-const FLAT: f64 = 1e-5;
-
-/// Cosine of the angle by which walls that lie in each other differ at most, of 0.001.
-const PARALLEL: f64 = 1.0 - 5e-7;
-
 /// Is any of these pairs with a mesh? Pairs with walls stand in stretches of their own.
 pub(super) fn has_meshes(pairs: &[Pair], particles: &Particles) -> bool {
     !particles.near_facets.is_empty() && are_with_walls(pairs, particles)
@@ -63,18 +59,7 @@ fn are_with_walls(pairs: &[Pair], particles: &Particles) -> bool {
 
 /// May any of these pairs be with planes that lie in each other?
 pub(super) fn has_equal_planes(pairs: &[Pair], particles: &Particles) -> bool {
-    let bodies = particles.bodies();
-    let planes = particles.first_facet()..particles.slots() - particles.near_facets.len();
-    are_with_walls(pairs, particles) && {
-        let normal = |slot: Slot| match bodies.shape_of(slot) {
-            Shape::HalfSpace(plane) => bodies.frame(slot) * plane.normal,
-            _ => Vec3::zeros(),
-        };
-        let normals: Vec<Vec3> = planes.map(|slot| normal(Slot(slot as u32))).collect();
-        let is_parallel =
-            |k: usize| normals[..k].iter().any(|other| normals[k].dot(other) > PARALLEL);
-        (1..normals.len()).any(is_parallel)
-    }
+    particles.facets.any_parallel && are_with_walls(pairs, particles)
 }
 
 /// A contact with a wall.
@@ -204,7 +189,7 @@ pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particl
     }
 }
 
-/// The same of all contacts of one grain with walls.
+/// Leaves out of the contacts of one grain with walls, see [`merge`].
 fn merge_of_one(of_one: &[OnWall], stays: &mut [bool], particles: &Particles) {
     let slot = of_one[0].grain;
     let kind = particles.bodies().shape_of(slot).kind();
@@ -216,13 +201,13 @@ fn merge_of_one(of_one: &[OnWall], stays: &mut [bool], particles: &Particles) {
     };
     // A plane has no border, and what lies in it adds nothing.
     let is_in_plane = |on: &OnWall| {
-        let planes = of_one.iter().filter(|other| other.mesh.is_none());
-        on.mesh.is_some() && planes.into_iter().any(|plane| on.lies_in(plane, &grain))
+        let mut planes = of_one.iter().filter(|other| other.mesh.is_none());
+        on.mesh.is_some() && planes.any(|plane| on.lies_in(plane, &grain))
     };
-    let rest: Vec<&OnWall> = of_one.iter().filter(|on| !is_in_plane(on)).collect();
     for on in of_one {
         stays[on.row] = !is_in_plane(on);
     }
+    let rest: Vec<&OnWall> = of_one.iter().filter(|on| stays[on.row]).collect();
     // Of each the contact that counts for it.
     let mut for_it: Vec<usize> = (0..rest.len()).collect();
     for k in 1..rest.len() {

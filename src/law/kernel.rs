@@ -1378,7 +1378,7 @@ impl<L: Eight> Motion<L> {
     }
 }
 
-/// Which part of an energy each body has: half; a wall has none.
+/// The part of an energy that each body has: half; a wall has none.
 #[inline(always)]
 const fn shares(with_walls: bool) -> f64 {
     if with_walls { 1.0 } else { 0.5 }

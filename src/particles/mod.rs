@@ -693,6 +693,7 @@ impl Particles {
         self.facets.any_moves = self.walls.iter().any(Wall::is_moving);
         self.facets.any_turns = false;
         self.facets.any_torque = false;
+        self.facets.any_parallel = walls::any_parallel(&self.walls);
         for wall in &self.walls {
             let turns = wall.angular_velocity != Vec3::zeros();
             assert!(

@@ -178,8 +178,8 @@ impl Steady {
     }
 }
 
-/// Cosine of the angle by which planes that lie in each other differ at most, of 0.001.
-const PARALLEL: f64 = 1.0 - 5e-7;
+/// Cosine of the angle by which walls that lie in each other differ at most, of 0.001.
+pub const PARALLEL: f64 = 1.0 - 5e-7;
 
 /// A plane in place: points `p` with `(p - point) · normal = offset`.
 #[derive(Clone, Copy, Debug)]
@@ -782,7 +782,14 @@ pub fn room(walls: &[Wall], cell: &Cell) -> Corners {
     (low, high)
 }
 
-/// What the slots of facets have besides the columns that all bodies have. Length: facets.
+/// Do any two planes of walls face the same way?
+pub(super) fn any_parallel(walls: &[Wall]) -> bool {
+    let normals: Vec<Vec3> = walls.iter().flat_map(Wall::in_place).map(|p| p.normal).collect();
+    (1..normals.len()).any(|k| normals[..k].iter().any(|other| normals[k].dot(other) > PARALLEL))
+}
+
+/// Columns of the slots of facets, besides those that all bodies have. Length: facets.
+#[expect(clippy::struct_excessive_bools, reason = "each is asked for by itself")]
 #[derive(Clone, Debug, Default)]
 pub struct FacetColumns {
     /// Index of the wall.
@@ -795,6 +802,8 @@ pub struct FacetColumns {
     pub any_moves: bool,
     /// Does any wall turn?
     pub any_turns: bool,
+    /// Do any two planes face the same way, so that they may lie in each other?
+    pub any_parallel: bool,
     /// Must torques on walls be known: does any wall turn, or say about what?
     pub any_torque: bool,
 }

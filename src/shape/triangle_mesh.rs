@@ -75,6 +75,9 @@ pub struct Strip {
     pub is_first: bool,
 }
 
+/// A place nearer to a face than this lies in it, over the radius of the grain.
+pub const FLAT: f64 = 1e-5;
+
 /// The arc at an end of a [`Strip`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rim {
@@ -519,13 +522,15 @@ impl TriangleMesh {
 
     /// Does a triangle lie in one of a face of another number than `but`, nearer to it than `tolerance` [m], with an area?
     pub fn lies_in(&self, corners: &[Vec3; 3], but: Option<u32>, tolerance: f64) -> bool {
+        if self.is_round() {
+            return false;
+        }
         let (low, high) = bounds(corners);
         let mut found = false;
         self.grid.for_each_in(&low, &high, |triangle| {
             let triangle = &self.triangles[triangle as usize];
             found = found
-                || !self.is_round()
-                    && Some(triangle.facets[0]) != but
+                || Some(triangle.facets[0]) != but
                     && lie_in_each_other(corners, &self.corners(triangle), tolerance);
         });
         found

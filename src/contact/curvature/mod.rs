@@ -330,9 +330,8 @@ const AROUND: [[f64; 2]; 8] = [
     [0.0, -1.0],
     [DIAGONAL, -DIAGONAL],
 ];
-/// Part of a change of radii, and a turn of the normal [rad], for differences.
-const PART: f64 = 1e-4;
-const TURN: f64 = 1e-4;
+/// For differences: a part of a change of radii, and a turn of the normal [rad].
+const SMALL: f64 = 1e-4;
 
 /// Of one body, along the normal or, with a `side` of -1, against it.
 fn surface_of(body: &Posed, normal: &Vec3, frame: &Frame<f64>, side: f64) -> Surface<f64> {
@@ -347,8 +346,8 @@ fn surface_of(body: &Posed, normal: &Vec3, frame: &Frame<f64>, side: f64) -> Sur
     let least = SHARPEST * body.bounding_radius();
     let change = [along_first, along_second].map(|change| {
         let beside = |part: f64| bounded([0, 1, 2].map(|k| radii[k] + change[k] * part), least);
-        let (more, less) = (beside(PART), beside(-PART));
-        [0, 1, 2].map(|k| (more[k] - less[k]) * (0.5 * side / PART))
+        let (more, less) = (beside(SMALL), beside(-SMALL));
+        [0, 1, 2].map(|k| (more[k] - less[k]) * (0.5 * side / SMALL))
     });
     Surface { radii: bounded(radii, least), moves: moves(body, &direction, &across), change }
 }
@@ -360,9 +359,9 @@ fn averaged(body: &Posed, direction: &Vec3, across: &[Vec3; 2]) -> [Flat<f64>; 3
     let around = directions_around(direction);
     // By how much these directions turn about the normal when it turns.
     let twists = across.map(|towards| {
-        let [more, less] =
-            [TURN, -TURN].map(|turn| directions_around(&(direction + towards * turn).normalize()));
-        (more[0] - less[0]).dot(&around[1]) * (0.5 / TURN)
+        let [more, less] = [SMALL, -SMALL]
+            .map(|turn| directions_around(&(direction + towards * turn).normalize()));
+        (more[0] - less[0]).dot(&around[1]) * (0.5 / SMALL)
     });
     let mut found = [[0.0; 3]; 3];
     for [first, second] in AROUND {

@@ -32,15 +32,13 @@ use super::sides::{Integrals, Side};
 use super::thickness::{THIN, Thickness};
 use crate::contact::patch::nearest_of_segments;
 use crate::math::Vec3;
-use crate::shape::triangle_mesh::{MeshFacet, Over, Rim, Stretch};
+use crate::shape::triangle_mesh::{FLAT, MeshFacet, Over, Rim, Stretch};
 use nalgebra::Matrix3x2;
 
 /// How far stretches reach over borders, over the radius.
 const BORDER: f64 = 1e-9;
 /// Slopes that differ by less, over the radius, make no dip.
 const LEVEL: f64 = 1e-9;
-/// What is this near to a face, over the radius, lies in it.
-const FLAT: f64 = 1e-5;
 /// Cosine of the angle of 30 degrees: facets that turn by less are one surface.
 const ONE: f64 = 0.866_025_403_784_438_6;
 
