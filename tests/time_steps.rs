@@ -3,6 +3,7 @@
 use crate::support::{State, begun, close, save, scene, schedule};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::threads;
+use dem_mpi::law::stability::limit_of_contacts;
 use dem_mpi::output::snapshot::{Reader, particles_name};
 use dem_mpi::random::Random;
 use dem_mpi::scene::assemble::{self, Continuation};
@@ -265,6 +266,62 @@ fn a_stage_that_begins_pressed_has_the_step_for_it() {
     assert!(times[0] < 0.75 * unloading.dt);
     let (same, same_times, _) = leg(&unloading, two.path(), 2, None, None);
     assert!(same == state && same_times == times);
+}
+
+/// A ball that falls on a grain presses it harder than a packing could bear at this step. The grain has two contacts, and the run goes on; a step over
+/// the limit that these leave ends it. Closed form: `2 / √(2 c (k_1 + k_2) / m)` with `k = 2 E* √(R δ)` of a grain on a plane and the
+/// compliance 7/2 of a sphere.
+#[test]
+fn a_run_ends_for_the_contacts_that_are_there() {
+    let (youngs, poisson, small, large): (f64, f64, f64, f64) = (1e9, 0.3, 0.001, 0.01);
+    let text = |ball: f64, grain: f64, speed: f64, dt: f64| {
+        format!(
+            "[domain]\nlow = [0, 0, 0]\nhigh = [0.1, 0.1, 0.1]\nwalls = [\"-z\"]\n[law]\nnormal = \"hertz\"\n\
+             [[material]]\nname = \"m\"\ndensity = 2500\nyoungs_modulus = {youngs:e}\npoisson_ratio = {poisson}\n\
+             [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = {large}\n[[shape]]\nname = \"grain\"\nkind = \"sphere\"\nradius = {small}\n\
+             [[fill.lattice]]\nshapes = [\"grain\"]\nfirst = [0.05, 0.05, {grain:e}]\ncount = [1, 1, 1]\n\
+             [[fill.lattice]]\nshapes = [\"ball\"]\nfirst = [0.05, 0.05, {ball:e}]\ncount = [1, 1, 1]\nvelocity = [0, 0, {speed}]\n\
+             [time]\nstep = {dt:e}\nduration = 2e-4\n[output]\ndirectory = \"out\"\nhistory_every = 1\n"
+        )
+    };
+    let modulus = youngs / (1.0 - poisson * poisson);
+    let overlaps = [4e-5, 3e-5];
+    let height = 2.0 * small + large - overlaps[0] - overlaps[1];
+    let pressed = scene(&text(height, small - overlaps[0], 0.0, 1e-9));
+    let sim = begun(&pressed, &mut Alone::default());
+    // The floor has the modulus of the grains.
+    let stiffness: f64 = overlaps.iter().map(|overlap| modulus * (small * overlap).sqrt()).sum();
+    let mass = 2500.0 * 4.0 / 3.0 * PI * small.powi(3);
+    let right = 2.0 / (2.0 * 3.5 * stiffness / mass).sqrt();
+    let (limit, overlap) = limit_of_contacts(&sim.particles, sim.contacts.iter(), &*sim.law);
+    close(limit, right, 1e-9, "limit");
+    close(overlap, overlaps[0] / small, 1e-9, "overlap");
+
+    let falls = |dt: f64| scene(&text(2.0 * small + large, small, -1.0, dt));
+    let outcome = |scene: &Scene, ranks: u32| {
+        let folder = tempfile::tempdir().unwrap();
+        threads::run(ranks, |comm| {
+            let mut sim = assemble::assemble(scene, comm);
+            assemble::fill(&mut sim, scene, comm);
+            let schedule = schedule(scene, scene.steps_of(&sim), folder.path());
+            run(&mut sim, &schedule, comm, &mut |_| ())
+        })
+        .swap_remove(0)
+    };
+    let fine = outcome(&falls(1e-9), 1).unwrap();
+    let deepest = 2.0 * fine.largest_overlap.0;
+    let made_for = falls(1e-9);
+    let meant = made_for.force_law().hardest_up_to().unwrap();
+    let packed = made_for.time_step_limit().unwrap().dt / (deepest / meant).powf(0.25);
+    for ranks in [1, 2] {
+        let finish = outcome(&falls(1.1 * packed), ranks).unwrap();
+        let missing = finish.measures.missing().abs() / finish.measures.kinetic();
+        println!("{deepest:.3} of the radius, {:e} s: {missing:e}", 1.1 * packed);
+        assert!(finish.stiffened.is_none_or(|words| words.contains("still below it")));
+        assert!(missing < 1e-3, "{missing:e} of the energy is missing");
+        let fault = outcome(&falls(1.5 * packed), ranks).unwrap_err().to_string();
+        assert!(fault.contains("over the stable limit"), "{fault}");
+    }
 }
 
 /// Overlaps stay where a stage has stiffer contacts: all forces are five times as large, and that is said.

@@ -429,6 +429,21 @@ impl Hardest {
             turning: both(self.turning, other.turning),
         }
     }
+
+    /// The softer of this and what the other body of the contact says. Springs against turning go by the body's own moments of inertia.
+    fn softer(&self, back: &Self) -> Self {
+        Self { turning: self.turning, ..self.by(back, f64::min) }
+    }
+
+    /// With stiffnesses so many times as large. Dashpots go with the root.
+    fn stiffened(&self, times: f64) -> Self {
+        let root = times.sqrt();
+        Self {
+            stiffness: times * self.stiffness,
+            dashpots: self.dashpots.map(|dashpot| root * dashpot),
+            turning: [times * self.turning[0], root * self.turning[1]],
+        }
+    }
 }
 
 /// The law that a scene chooses, with its constants.

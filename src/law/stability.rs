@@ -27,11 +27,13 @@
 //! smallest of a material. A contact is no stiffer than on a plane for the stiffer one of its bodies.
 //!
 //! More contacts than that at full stiffness would need a shorter step; fewer is the rule, and the bound is then on the safe side.
+//! Before a run ends for it, [`limit_of_contacts`] looks at the contacts that are there.
 
 use super::{Body, ForceLaw, Hardest};
-use crate::ids::{MaterialId, ShapeId};
+use crate::contact::{Geometry, Pair};
+use crate::ids::{MaterialId, ShapeId, Slot};
 use crate::math::{Mat3, Vec3};
-use crate::particles::Library;
+use crate::particles::{Library, Particles};
 use crate::shape::Shape;
 use std::collections::BTreeMap;
 
@@ -183,8 +185,7 @@ impl<'a> Pairs<'a> {
                 self.hardest.get(&(material, Partner::Particles(body.material)))
             }
         };
-        // Springs against turning go by the body's own moments of inertia.
-        back.map_or(own, |back| Hardest { turning: own.turning, ..own.by(back, f64::min) })
+        back.map_or(own, |back| own.softer(back))
     }
 
     /// How many of a partner there can be around a body.
@@ -197,11 +198,14 @@ impl<'a> Pairs<'a> {
     fn fit(&self, size: f64, partner: Partner) -> f64 {
         match partner {
             Partner::Walls(_) => OF_WALLS,
-            Partner::Particles(_) => {
-                CONTACTS * (0.5 * (1.0 + size / self.kin[&partner].smallest)).powi(2)
-            }
+            Partner::Particles(_) => fit(size, self.kin[&partner].smallest),
         }
     }
+}
+
+/// How many bodies of a size [m] fit around one of another.
+fn fit(size: f64, partners: f64) -> f64 {
+    CONTACTS * (0.5 * (1.0 + size / partners)).powi(2)
 }
 
 /// Particles that bound all others, shapes of which there are none left out.
@@ -210,19 +214,46 @@ fn bodies(library: &Library) -> impl Iterator<Item = Body> + '_ {
     library.extremes().filter(is_there).map(|(shape, scale)| Body::of(library, shape, scale))
 }
 
-/// The most that contacts of a body sum up to, and those that add most to it: (how many there can be, how many fit, what each adds, with what).
-fn fullest(mut contacts: Vec<(f64, f64, f64, Partner)>) -> (f64, Option<Partner>) {
-    contacts.sort_by(|a, b| (b.1 * b.2).total_cmp(&(a.1 * a.2)));
-    let (mut room, mut sum, mut most) = (1.0, 0.0, (0.0, None));
-    for (there, fit, each, partner) in contacts {
-        let count = there.min(room * fit);
+/// Contacts of a body with bodies of one kind.
+struct Around {
+    /// How many there can be.
+    most: f64,
+    /// How many fit, were there no others.
+    fit: f64,
+    each: Hardest,
+    with: Partner,
+}
+
+/// The most that contacts of a body sum up to, and those that add most to it. A part of those that fit counts, with the whole of what each adds.
+fn fullest(part: f64, around: &[Around], adds: fn(&Hardest) -> f64) -> (f64, Option<Partner>) {
+    let mut contacts: Vec<(&Around, f64)> =
+        around.iter().map(|contacts| (contacts, adds(&contacts.each))).collect();
+    contacts.sort_by(|(a, of_a), (b, of_b)| (b.fit * of_b).total_cmp(&(a.fit * of_a)));
+    let (mut room, mut sum, mut largest) = (1.0, 0.0, (0.0, None));
+    for (contacts, each) in contacts {
+        let fit = part * contacts.fit;
+        let count = contacts.most.min(room * fit);
         room -= count / fit;
         sum += count * each;
-        if count * each > most.0 {
-            most = (count * each, Some(partner));
+        if count * each > largest.0 {
+            largest = (count * each, Some(contacts.with));
         }
     }
-    (sum, most.1)
+    (sum, largest.1)
+}
+
+/// The stable step of a body with these contacts [s], and those that count most.
+fn stable_step(library: &Library, body: &Body, around: &[Around]) -> (f64, Option<Partner>) {
+    let (stiffness, partner) = fullest(TOGETHER, around, |h| h.stiffness + h.turning[0]);
+    let (tangential, _) = fullest(TOGETHER, around, |h| h.dashpots[1] + h.turning[1]);
+    let (normal, _) = fullest(ALONG_NORMALS, around, |h| h.dashpots[0]);
+    let shape = &library.shapes[body.shape.index()];
+    let compliance = shape.surface_compliance();
+    let flatness = shape.inscribed_radius() / shape.bounding_radius();
+    let across = 1.0 + (compliance - 1.0) * (1.0 - flatness * flatness);
+    let frequency_squared = 2.0 * compliance * stiffness / body.mass;
+    let rate = 2.0 * (compliance * tangential + across * normal) / body.mass;
+    (4.0 / (rate + (rate * rate + 4.0 * frequency_squared).sqrt()), partner)
 }
 
 /// The limit over all shapes of particles; `None` if nothing can push them.
@@ -231,32 +262,59 @@ pub fn time_step_limit(library: &Library, law: &dyn ForceLaw) -> Option<TimeStep
     bodies(library)
         .filter_map(|body| {
             let own_size = size(library, &body);
-            // A part of those that fit counts, with the whole of what each adds.
-            let most = |part: f64, adds: fn(&Hardest) -> f64| {
-                let contact = |&partner: &Partner| {
-                    let fit = part * pairs.fit(own_size, partner);
-                    let each = adds(&pairs.of(&body, partner));
-                    (pairs.most(&body, partner), fit, each, partner)
-                };
-                fullest(pairs.kin.keys().map(contact).collect())
+            let contacts = |&with: &Partner| Around {
+                most: pairs.most(&body, with),
+                fit: pairs.fit(own_size, with),
+                each: pairs.of(&body, with),
+                with,
             };
-            let (stiffness, partner) = most(TOGETHER, |h| h.stiffness + h.turning[0]);
-            let (tangential, _) = most(TOGETHER, |h| h.dashpots[1] + h.turning[1]);
-            let (normal, _) = most(ALONG_NORMALS, |h| h.dashpots[0]);
-            let shape = &library.shapes[body.shape.index()];
-            let compliance = shape.surface_compliance();
-            let flatness = shape.inscribed_radius() / shape.bounding_radius();
-            let across = 1.0 + (compliance - 1.0) * (1.0 - flatness * flatness);
-            let mass = body.mass;
-            let frequency_squared = 2.0 * compliance * stiffness / mass;
-            let rate = 2.0 * (compliance * tangential + across * normal) / mass;
-            let dt = 4.0 / (rate + (rate * rate + 4.0 * frequency_squared).sqrt());
+            let around: Vec<Around> = pairs.kin.keys().map(contacts).collect();
+            let (dt, partner) = stable_step(library, &body, &around);
             let partner = partner?;
             let Hardest { stiffness, turning: [spring, _], .. } = pairs.of(&body, partner);
-            let (stiffness, overlap) = (stiffness + spring, law.hardest_up_to());
+            let (mass, stiffness, overlap) = (body.mass, stiffness + spring, law.hardest_up_to());
             Some(TimeStepLimit { dt, shape: body.shape, mass, stiffness, partner, overlap })
         })
         .min_by(|a, b| a.dt.total_cmp(&b.dt))
+}
+
+/// The limit with the contacts of this rank's particles as they are [s], and the largest overlap over the radius of the smaller body
+/// at the particle that sets it; infinite where nothing touches.
+pub fn limit_of_contacts<'a>(
+    particles: &Particles,
+    contacts: impl Iterator<Item = (Pair, &'a Geometry)>,
+    law: &dyn ForceLaw,
+) -> (f64, f64) {
+    let library = &particles.library;
+    let body_in = |slot: usize| Body::of(library, particles.shape[slot], particles.scale_of(slot));
+    let mut particles_around: BTreeMap<usize, (f64, Vec<Around>)> = BTreeMap::new();
+    for (pair, geometry) in contacts {
+        let slots = [pair.a, pair.b].map(Slot::index);
+        let bodies = slots.map(body_in);
+        let radii = slots.map(|slot| particles.inscribed_radius(slot));
+        let overlap = geometry.overlap.max(0.0) / radii[0].min(radii[1]);
+        let stiffer = law.stiffens(overlap, library);
+        let mass = reduced(bodies[0].mass, bodies[1].mass);
+        let on_other = |body: usize| law.hardest(&bodies[body], bodies[1 - body].material, mass);
+        let is_wall = particles.wall_of(pair.b).is_some();
+        for (body, &slot) in slots.iter().enumerate().filter(|&(_, &slot)| slot < particles.owned) {
+            let (own, other) = (&bodies[body], &bodies[1 - body]);
+            let (fit, each, with) = if is_wall {
+                (OF_WALLS, on_other(body), Partner::Walls(other.material))
+            } else {
+                let each = on_other(body).softer(&on_other(1 - body));
+                let fit = fit(size(library, own), size(library, other));
+                (fit, each, Partner::Particles(other.material))
+            };
+            let (largest, around) = particles_around.entry(slot).or_default();
+            *largest = largest.max(overlap);
+            around.push(Around { most: 1.0, fit, each: each.stiffened(stiffer), with });
+        }
+    }
+    let limits = particles_around.into_iter().map(|(slot, (overlap, around))| {
+        (stable_step(library, &body_in(slot), &around).0, overlap)
+    });
+    limits.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 0.0))
 }
 
 /// The part of the stable limit that a program's own step takes [-].

@@ -457,7 +457,7 @@ impl<'a> Records<'a> {
         }
         let is_at_rest = (rest_due || ends_stage) && schedule.stop.unmet(sim, &measures).is_empty();
         let ending = if is_at_rest { Ending::Rest } else { Ending::LastStep };
-        let stiff = self.warn(sim, &measures, warnings).err();
+        let stiff = self.warn(sim, &measures, warnings, comm).err();
         if row_due || is_at_rest {
             // A row off the schedule would not be there had the run gone on.
             let scheduled = due(sim.step, schedule.history_every);
@@ -476,7 +476,7 @@ impl<'a> Records<'a> {
         stiff.map_or(Ok(ending), |fault| Err(StepError::Fault { step: sim.step, fault }.into()))
     }
 
-    /// Says what has become doubtful.
+    /// Says what has become doubtful. Collective.
     ///
     /// # Errors
     /// If contacts have become too stiff for the step.
@@ -485,6 +485,7 @@ impl<'a> Records<'a> {
         sim: &Simulation,
         measures: &Measures,
         warnings: &mut Vec<String>,
+        comm: &mut dyn Comm,
     ) -> Result<(), Fault> {
         while self.depths.next_if(|&depth| measures.largest_overlap > depth).is_some() {
             warnings.push(too_deep(sim.step, measures.largest_overlap));
@@ -498,7 +499,7 @@ impl<'a> Records<'a> {
         }
         warnings.extend(self.friction_that_gives(sim, measures, most_moving));
         if let Some(stiffening) = &mut self.stiffening {
-            warnings.extend(stiffening.check(2.0 * measures.largest_overlap, sim)?);
+            warnings.extend(stiffening.check(2.0 * measures.largest_overlap, sim, comm)?);
         }
         Ok(())
     }

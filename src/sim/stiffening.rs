@@ -3,7 +3,7 @@
 use super::Simulation;
 use super::watch::{Fault, over_the_limit};
 use crate::comm::Comm;
-use crate::law::stability::{own_step, time_step_limit};
+use crate::law::stability::{limit_of_contacts, own_step, time_step_limit};
 use crate::math::larger_number;
 use crate::measure::shortest_axis;
 
@@ -24,6 +24,8 @@ pub(super) struct Stiffening {
     over: Over,
     /// Has been warned of a step over the limit?
     warned: bool,
+    /// The lowest limit that contacts left when they were looked at [s], and the overlap over the radius there.
+    of_contacts: Option<(f64, f64)>,
 }
 
 /// What becomes of a step over the limit.
@@ -42,7 +44,7 @@ impl Stiffening {
     pub(super) fn of(sim: &Simulation, over: Over) -> Option<Self> {
         let meant = sim.law.hardest_up_to()?;
         let limit = time_step_limit(&sim.particles.library, &*sim.law)?.dt;
-        Some(Self { meant, limit, over, warned: false })
+        Some(Self { meant, limit, over, warned: false, of_contacts: None })
     }
 
     /// The stable limit with contacts that overlap by this part of the radius [s]: dashpots grow with the root of the stiffness.
@@ -53,8 +55,10 @@ impl Stiffening {
     /// A sentence about an overlap over the radius, if it is beyond what was meant and leaves little of the step or nothing.
     pub(super) fn words(&self, overlap: f64, sim: &Simulation) -> Option<String> {
         let (meant, dt) = (self.meant, sim.dt);
-        let limit = self.limit_at(overlap, sim);
-        if overlap <= meant || dt <= NEAR * limit {
+        let largest = overlap;
+        let (limit, overlap) =
+            self.of_contacts.unwrap_or_else(|| (self.limit_at(largest, sim), largest));
+        if largest <= meant || dt <= NEAR * limit {
             None
         } else if dt <= limit {
             Some(format!(
@@ -66,7 +70,8 @@ impl Stiffening {
         }
     }
 
-    /// A warning, the first time that an overlap over the radius leaves the step over the limit. What is below it is told at the end.
+    /// A warning, the first time that contacts leave the step over the limit. What is below it is told at the end. The contacts that there are
+    /// are only looked at where an overlap would make a full packing unstable. Collective.
     ///
     /// # Errors
     /// If it is over the limit and may not be.
@@ -74,19 +79,25 @@ impl Stiffening {
         &mut self,
         overlap: f64,
         sim: &Simulation,
+        comm: &mut dyn Comm,
     ) -> Result<Option<String>, Fault> {
-        let (limit, dt) = (self.limit_at(overlap, sim), sim.dt);
-        if overlap <= self.meant || dt <= limit || self.warned {
+        let (packed, dt) = (self.limit_at(overlap, sim), sim.dt);
+        if overlap <= self.meant || dt <= packed || self.over == Over::Followed {
             return Ok(None);
         }
-        match self.over {
-            Over::Ends => Err(Fault::Stiff { dt, limit, overlap }),
-            Over::Followed => Ok(None),
-            Over::Allowed => {
-                self.warned = true;
-                Ok(self.words(overlap, sim))
-            }
+        let (there, overlap) = limit_of_all_contacts(sim, comm);
+        let limit = there.max(packed);
+        if self.of_contacts.is_none_or(|(lowest, _)| limit < lowest) {
+            self.of_contacts = Some((limit, overlap));
         }
+        if dt <= limit || self.warned {
+            return Ok(None);
+        }
+        if self.over == Over::Ends {
+            return Err(Fault::Stiff { dt, limit, overlap });
+        }
+        self.warned = true;
+        Ok(Some(over_the_limit(dt, limit, overlap)))
     }
 
     /// Makes the step shorter where the limit has fallen so far that little of it is left, and says so. Collective.
@@ -106,6 +117,17 @@ impl Stiffening {
             sim.step, sim.dt
         ))
     }
+}
+
+/// [`limit_of_contacts`] over all ranks. Collective.
+fn limit_of_all_contacts(sim: &Simulation, comm: &mut dyn Comm) -> (f64, f64) {
+    let (own, overlap) = limit_of_contacts(&sim.particles, sim.contacts.iter(), &*sim.law);
+    let mut fastest = [1.0 / own];
+    comm.max(&mut fastest);
+    let sets_it = 1.0 / own == fastest[0];
+    let mut largest = [if sets_it { overlap } else { 0.0 }];
+    comm.max(&mut largest);
+    (1.0 / fastest[0], largest[0])
 }
 
 /// The largest overlap over the shortest axis of the smaller body [-]. Collective.
