@@ -2,7 +2,7 @@
 //! short cases have restitution, free tops, spheres that slide and roll, small rocking.
 
 use crate::random::Draw;
-use crate::support::Bench;
+use crate::support::{Bench, scene};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Quat, Vec3};
 use dem_mpi::particles::columns::Quantity;
@@ -554,4 +554,49 @@ fn a_contact_that_turns_right_round_stays_a_number() {
     let force = particles.force[first].vector;
     assert!(force.norm().is_finite(), "{force}");
     assert!(force.x > 0.0, "and part");
+}
+
+/// What a servo counts on: the derivative of the force by the overlap, by central differences, and of the dashpot's force by the way of a step. Closed
+/// form of the dashpots: critical damping of the stiffness at this overlap, `2 β √(m* k)`, times the root of 5/6 of elastic spheres.
+#[test]
+fn the_stiffness_of_a_contact_is_that_of_its_force() {
+    let elastic = "density = 2500\nyoungs_modulus = 2e6\npoisson_ratio = 0.3\nrestitution = 0.5";
+    let cases = [
+        (
+            "limit_damping = false\n",
+            "density = 2500\nnormal_stiffness = 1e4\nrestitution = 0.5".to_owned(),
+            1.0,
+        ),
+        ("limit_damping = false\nnormal = \"hertz\"\n", elastic.to_owned(), (5.0_f64 / 6.0).sqrt()),
+        (
+            "limit_damping = false\nnormal = \"hertz\"\nadhesion = \"dmt\"\n",
+            format!("{elastic}\nsurface_energy = 0.1"),
+            (5.0_f64 / 6.0).sqrt(),
+        ),
+        (
+            "normal = \"hertz\"\nadhesion = \"jkr\"\n",
+            format!("{elastic}\nsurface_energy = 1e-9"),
+            (5.0_f64 / 6.0).sqrt(),
+        ),
+    ];
+    for (law, material, factor) in cases {
+        let more = format!("[law]\n{law}{OPEN_BOX}");
+        let scene = scene(&text("kind = \"sphere\"\nradius = 0.01", &material, &more, 1e-6));
+        let stiff_and_force = |overlap: f64, dt: f64| {
+            let other = at(1, Vec3::new(0.0, 0.0, 0.02 - overlap), Vec3::zeros());
+            let bench = Bench::of(&scene, &[at(0, Vec3::zeros(), Vec3::zeros()), other]);
+            let (law, particles) = (&bench.sim.law, &bench.sim.particles);
+            let (pair, geometry) = bench.sim.contacts.iter().next().expect("they touch");
+            [law.stiffness(pair, particles, geometry, dt), law.elastic(pair, particles, geometry)]
+        };
+        let (overlap, small) = (1e-4, 1e-8);
+        let [low, high] = [overlap - small, overlap + small];
+        let slope = (stiff_and_force(high, 1.0)[1] - stiff_and_force(low, 1.0)[1]) / (2.0 * small);
+        let [spring, _] = stiff_and_force(overlap, f64::INFINITY);
+        close(spring, slope, 1e-4, law);
+        let [both, _] = stiff_and_force(overlap, 1e-6);
+        let mass = 0.5 * 2500.0 * 4.0 / 3.0 * PI * 0.01_f64.powi(3);
+        let damping = 0.5_f64.ln().abs() / 0.5_f64.ln().hypot(PI);
+        close((both - spring) * 1e-6, factor * 2.0 * damping * (mass * slope).sqrt(), 1e-4, law);
+    }
 }

@@ -3,6 +3,7 @@
 mod adhesion;
 mod audit;
 mod belts;
+mod books;
 mod cells;
 mod comm;
 mod comm_cases;

@@ -460,6 +460,21 @@ mod tests {
         }
     }
 
+    /// From where a grain of 0.05 would reach into a side of the slab.
+    #[test]
+    fn a_layer_waits_for_grains_at_each_side() {
+        let middle = Vec3::new(0.15, 0.5, 0.9);
+        for (axis, sides) in [(0, [-0.05, 0.35]), (1, [-0.05, 1.05]), (2, [0.75, 1.05])] {
+            for (side, out) in sides.into_iter().zip([-1.0, 1.0]) {
+                for blocks in [true, false] {
+                    let mut place = middle;
+                    place[axis] = side + if blocks { -1e-3 } else { 1e-3 } * out;
+                    assert_eq!(is_blocked(&[place], None), blocks, "{place:?}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn a_layer_waits_for_a_wall_in_its_place() {
         for (z, blocks) in [(1.0, false), (0.95, true)] {

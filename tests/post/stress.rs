@@ -327,3 +327,26 @@ fn walls_tell_stress_and_inertial_number() {
     let s = periodic.report().summary;
     close(s.wall_stress_xx_pa, 10.0 / (side * (cell.high().z - cell.low().z)));
 }
+
+/// Shear stresses that are read are the means of both, which differ while grains turn: `σ = f ⊗ l / V` of one contact.
+#[test]
+fn shear_stresses_are_means_of_both() {
+    let side = Vec3::repeat(0.1);
+    let header = header(Vec3::zeros(), side, true, Vec3::repeat(0.01), 2);
+    let position = vec![Vec3::repeat(0.04), Vec3::repeat(0.04) + Vec3::x() * 0.02];
+    let branch = Vec3::x() * 0.02;
+    let mut contacts = ContactTable::default();
+    push(&mut contacts, (0, GlobalId(1)), position[0], branch, branch * 0.5);
+    push_force(&mut contacts, Vec3::x(), 1e-6, 30.0, Vec3::new(0.0, 6.0, -4.0));
+    let report = Snapshot { header, particles: particles_at(position), contacts }.report();
+    let volume: f64 = side.product();
+    let [xy, yx] = [report.summary.stress_xy_pa.unwrap(), report.summary.stress_yx_pa.unwrap()];
+    assert!((xy + yx).abs() > 0.99 * 6.0 * 0.02 / volume && xy * yx == 0.0, "{xy} {yx}");
+    let groups = report.groups();
+    let row = |label: &str| {
+        let row = groups.iter().flat_map(|group| &group.rows).find(|row| row.label == label);
+        row.map(|row| format!("{} {}", row.value, row.unit)).unwrap()
+    };
+    // Half of 6 N and of -4 N over 0.02 m in 0.001 m³.
+    assert_eq!((row("σxy"), row("σxz")), ("60.00 Pa".into(), "-40.00 Pa".into()));
+}

@@ -330,8 +330,10 @@ const AROUND: [[f64; 2]; 8] = [
     [0.0, -1.0],
     [DIAGONAL, -DIAGONAL],
 ];
-/// For differences: a part of a change of radii, and a turn of the normal [rad].
+/// For differences: a part of a change of radii.
 const SMALL: f64 = 1e-4;
+/// So near to a corner, in terms of a fourth power, directions around the normal stay.
+const AT_CORNER: f64 = 1e-9;
 
 /// Of one body, along the normal or, with a `side` of -1, against it.
 fn surface_of(body: &Posed, normal: &Vec3, frame: &Frame<f64>, side: f64) -> Surface<f64> {
@@ -356,13 +358,7 @@ fn surface_of(body: &Posed, normal: &Vec3, frame: &Frame<f64>, side: f64) -> Sur
 /// what support points around it say. Not numbers if it has edges.
 fn averaged(body: &Posed, direction: &Vec3, across: &[Vec3; 2]) -> [Flat<f64>; 3] {
     let (sine, cosine) = (libm::sin(WIDTH_OF_CONTACT), libm::cos(WIDTH_OF_CONTACT));
-    let around = directions_around(direction);
-    // By how much these directions turn about the normal when it turns.
-    let twists = across.map(|towards| {
-        let [more, less] = [SMALL, -SMALL]
-            .map(|turn| directions_around(&(direction + towards * turn).normalize()));
-        (more[0] - less[0]).dot(&around[1]) * (0.5 / SMALL)
-    });
+    let (around, twists) = fourfold(direction, across);
     let mut found = [[0.0; 3]; 3];
     for [first, second] in AROUND {
         let beside = around[0] * first + around[1] * second;
@@ -388,10 +384,30 @@ fn averaged(body: &Posed, direction: &Vec3, across: &[Vec3; 2]) -> [Flat<f64>; 3
     found.map(|of| of.map(|sum| sum * factor))
 }
 
-/// Two unit vectors across another.
-fn directions_around(direction: &Vec3) -> [Vec3; 2] {
-    let frame = Frame::of(Triple { x: direction.x, y: direction.y, z: direction.z });
-    frame.across.map(|t| Vec3::new(t.x, t.y, t.z))
+/// Two unit vectors across a normal in the axes of a body, and by how much they turn about it when it turns towards each of those `across` [-]: where
+/// the part of `Σ e_i⁴` across the normal that is fourfold about it is the largest, with `e_i` the axes. Eight directions from there are the same whatever
+/// the axes are named, and change smoothly with the normal, but for eight points: the cube's corners.
+fn fourfold(normal: &Vec3, across: &[Vec3; 2]) -> ([Vec3; 2], [f64; 2]) {
+    // With τ_i the parts of the axes as complex numbers: Σ τ_i⁴ has four times the angle, and its derivatives are -4 Σ τ_i³ n_i and i times that.
+    let times = |[a, b]: [f64; 2], [c, d]: [f64; 2]| [a * c - b * d, a * d + b * c];
+    let (mut fourth, mut slope) = ([0.0; 2], [0.0; 2]);
+    for axis in 0..3 {
+        let part = [across[0][axis], across[1][axis]];
+        let cube = times(times(part, part), part);
+        let power = times(cube, part);
+        for k in 0..2 {
+            fourth[k] += power[k];
+            slope[k] += cube[k] * normal[axis];
+        }
+    }
+    let size = fourth[0] * fourth[0] + fourth[1] * fourth[1];
+    if size < AT_CORNER * AT_CORNER {
+        return (*across, [0.0; 2]);
+    }
+    let (sine, cosine) = libm::sincos(0.25 * libm::atan2(fourth[1], fourth[0]));
+    let around = [across[0] * cosine + across[1] * sine, across[1] * cosine - across[0] * sine];
+    let [real, imaginary] = times(slope, [fourth[0], -fourth[1]]);
+    (around, [-imaginary / size, -real / size])
 }
 
 /// How far the support point moves across a unit vector in the body's axes when that turns [m]; not a number if it has edges.
