@@ -1,10 +1,12 @@
 //! What is booked of energies adds up, of all shapes and laws.
 
 use crate::support::{Bench, begun, close, scene};
-use crate::symmetries::{Cloud, Law, cases};
+use crate::symmetries::{Cloud, Law, SHAPES, cases};
 use dem_mpi::comm::alone::Alone;
+use dem_mpi::ids::ShapeId;
 use dem_mpi::math::Vec3;
 use dem_mpi::measure::Measures;
+use dem_mpi::particles::columns::Quantity;
 
 const STEPS: u32 = 2000;
 const DT: f64 = 1e-5;
@@ -40,7 +42,7 @@ fn after(cloud: &Cloud, keys: &str, drift: Vec3, spin: Vec3) -> (Measures, [f64;
 }
 
 /// The work of a plane that moves or turns is that of its forces. In its own frame the same is lost, by each cause, and the same is missing: of spheres
-/// that do not stick to each other rounding, of all a part of 5e-4 of what is lost.
+/// that do not stick to each other rounding, of all a part of 1e-4 of what is lost.
 #[test]
 fn walls_do_the_work_of_their_forces() {
     for cloud in cases() {
@@ -60,7 +62,8 @@ fn walls_do_the_work_of_their_forces() {
         }
         let rounded = cloud.shape.contains("\"sphere\"");
         let missing = still.missing().abs() / still.dissipated;
-        assert!(missing < if rounded { 1e-11 } else { 5e-4 }, "{case}: {missing:e}");
+        println!("part missing: {missing:e}");
+        assert!(missing < if rounded { 1e-11 } else { 1e-4 }, "{case}: {missing:e}");
 
         let spin = Vec3::new(0.0, 0.1, 1.0).normalize() * 20.0;
         let keys = format!(
@@ -70,6 +73,45 @@ fn walls_do_the_work_of_their_forces() {
         let (_, [work, received]) = after(&cloud, &keys, Vec3::zeros(), spin);
         assert!(cloud.law == Law::Jkr || work.abs() > 1e-7, "{case}: {work:e}");
         close(received, work, 1e-7, &format!("{case}, turned"));
+    }
+}
+
+/// Two bodies that strike the moving plane and part from it, one of the shape and one a ball: contacts of points beside those of faces, and their ends.
+#[test]
+fn walls_do_their_work_until_bodies_part() {
+    for shape in SHAPES {
+        let both = format!("{shape}\n[[shape]]\nname = \"ball\"\n{}", SHAPES[0]);
+        // With dashpots the last force of a contact would be 0.
+        let mut cloud = Cloud::new(&both, Law::LinearWithoutDashpots);
+        cloud.gravity = Vec3::zeros();
+        cloud.grains.truncate(2);
+        for (k, grain) in cloud.grains.iter_mut().enumerate() {
+            grain.shape = ShapeId(k as u16);
+            grain.velocity = Vec3::new(0.3, -0.2, -3.0);
+        }
+        let drift = Vec3::new(0.3, -0.2, 0.5);
+        let keys = format!("velocity = {:?}", drift.as_slice());
+        let (end, [work, received]) = after(&cloud, &keys, drift, Vec3::zeros());
+        assert!(end.wall_contacts == 0 && work.abs() > 1e-3, "{shape}: {work:e}");
+        close(received, work, 1e-9, shape);
+    }
+}
+
+/// Where there are no dashpots, nothing is booked as taken by any: normal ones have what no other cause has.
+#[test]
+fn no_dashpot_takes_anything_where_there_is_none() {
+    for shape in SHAPES {
+        for law in [Law::LinearWithoutDashpots, Law::HertzWithoutDashpots] {
+            let (end, _) = after(&Cloud::new(shape, law), "", Vec3::zeros(), Vec3::zeros());
+            let [normal, tangential] =
+                [end.of_normal_dashpots(), end.taken_by(Quantity::OfTangentialDashpots)];
+            let [friction, turning] =
+                [Quantity::OfFriction, Quantity::OfTurning].map(|cause| end.taken_by(cause));
+            println!("{law:?} {shape}: {normal:e} {tangential:e} {friction:e} {turning:e}");
+            assert!(friction > 1e-5 && turning > 1e-5, "{law:?} {shape}");
+            assert!(normal.abs() < 1e-12 * end.dissipated, "{law:?} {shape}: {normal:e}");
+            assert!(tangential.abs() < 1e-12 * end.dissipated, "{law:?} {shape}: {tangential:e}");
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use dem_mpi::math::{Quat, Vec3};
 use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
 
-const SHAPES: [&str; 7] = [
+pub(crate) const SHAPES: [&str; 7] = [
     "kind = \"sphere\"\nradius = 0.01",
     "kind = \"ellipsoid\"\nsemi_axes = [0.012, 0.009, 0.007]",
     "kind = \"superellipsoid\"\nsemi_axes = [0.011, 0.009, 0.007]\nexponents = [0.8, 1.2]",
@@ -36,6 +36,9 @@ pub(crate) enum Law {
     Jkr,
     LinearWithoutLosses,
     HertzWithoutLosses,
+    /// With friction, and resistance to rolling and twisting.
+    LinearWithoutDashpots,
+    HertzWithoutDashpots,
 }
 
 impl Law {
@@ -43,8 +46,8 @@ impl Law {
         let pressure = unit.mass / unit.length / unit.time.powi(2);
         let per_area = unit.mass / unit.time.powi(2);
         let density = format!("density = {:?}", 2500.0 * unit.mass / unit.length.powi(3));
-        let losses =
-            "friction = 0.3\nrestitution = 0.5\nrolling_friction = 0.1\ntwisting_friction = 0.05";
+        let friction = "friction = 0.3\nrolling_friction = 0.1\ntwisting_friction = 0.05";
+        let losses = format!("{friction}\nrestitution = 0.5");
         let turning = "rolling = \"spring\"\ntwisting = \"spring\"";
         let linear = format!(
             "{density}\nnormal_stiffness = {:?}\ntangential_stiffness = {:?}",
@@ -67,6 +70,10 @@ impl Law {
                 "normal = \"hertz\"\nadhesion = \"jkr\"".to_owned(),
                 format!("{hertz}\nfriction = 0.3\nrestitution = 0.5\n{sticky}"),
             ),
+            Self::LinearWithoutDashpots => (turning.to_owned(), format!("{linear}\n{friction}")),
+            Self::HertzWithoutDashpots => {
+                (format!("normal = \"hertz\"\n{turning}"), format!("{hertz}\n{friction}"))
+            }
             Self::LinearWithoutLosses => (String::new(), linear),
             Self::HertzWithoutLosses => {
                 ("normal = \"hertz\"\ntangential = \"none\"".to_owned(), hertz)
@@ -84,14 +91,14 @@ pub(crate) struct Cloud {
     unit: Units,
     /// A point of the plane and its normal; or none.
     plane: Option<[Vec3; 2]>,
-    gravity: Vec3,
+    pub(crate) gravity: Vec3,
     pub(crate) grains: Vec<Particle>,
 }
 
 const STEP: f64 = 2e-5;
 
 impl Cloud {
-    fn new(shape: &str, law: Law) -> Self {
+    pub(crate) fn new(shape: &str, law: Law) -> Self {
         let mut random = Random::of(20_261_127, 9);
         let grain = |k: u64| {
             let side = |bit: u64| if k >> bit & 1 == 0 { -1.0 } else { 1.0 };
@@ -125,7 +132,7 @@ impl Cloud {
             )
         });
         format!(
-            "gravity = {}\n[domain]\nlow = {}\nhigh = {}\n{wall}{}\n[[shape]]\nname = \"grain\"\n{shape}\n[[fill.lattice]]\nfirst = {}\ncount = [1, 1, 1]\n[time]\nstep = \
+            "gravity = {}\n[domain]\nlow = {}\nhigh = {}\n{wall}{}\n[[shape]]\nname = \"grain\"\n{shape}\n[[fill.lattice]]\nshapes = [\"grain\"]\nfirst = {}\ncount = [1, 1, 1]\n[time]\nstep = \
              {:?}\nsteps = 1\n[output]\ndirectory = \"out\"\n",
             numbers(*gravity),
             all(-1.0),

@@ -1,6 +1,7 @@
 //! What walls do and suffer: their work, what is lost at them, and the mean force on their triangles.
 
 use crate::support::{Bench, ball, begun, close, save, scene, schedule};
+use crate::symmetries::SHAPES;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use dem_mpi::comm::alone::Alone;
@@ -282,6 +283,37 @@ fn the_work_of_a_piston_is_what_grains_receive() {
     close(total("mean_traction", 2, 3), impulse / time, 1e-12, "traction");
     close(total("mean_pressure", 0, 1), -impulse / time, 1e-12, "pressure");
     close(-impulse, mass * (9.81 * time + 0.2), 2e-2, "weight and start");
+}
+
+/// Bodies of all kinds that tumble on a floor that rises: what they receive is its work, as it was summed for the wall.
+#[test]
+fn the_work_of_a_piston_is_what_bodies_of_all_kinds_receive() {
+    for shape in SHAPES {
+        let folder = tempfile::tempdir().unwrap();
+        let wall = format!("{}\nvelocity = [0.1, 0.05, 0.2]", floor(folder.path(), 0.1, 1));
+        let ball = format!("kind = \"sphere\"\nradius = {RADIUS:?}");
+        let text = on_floor(&wall, DOMAIN, "restitution = 0.5\ntangential_damping_ratio = 0.1")
+            .replace(&ball, shape)
+            .replace(
+                "first = [0.1, 0.1, 0.05]",
+                "first = [0.05, 0.05, 0.016]\nvelocity = [0.2, 0, -0.5]",
+            )
+            .replace("step = 2e-6\nsteps = 100", "step = 2e-6\nsteps = 30000")
+            + "history_every = 5000\nsnapshot_every = 0\n";
+        let scene = scene(&text);
+        let mut comm = Alone::default();
+        let mut sim = begun(&scene, &mut comm);
+        run(&mut sim, &schedule(&scene, scene.steps, folder.path()), &mut comm, &mut |_| {})
+            .unwrap();
+        let mut reader = csv::Reader::from_path(folder.path().join("history.csv")).unwrap();
+        let rows: Vec<HashMap<String, f64>> = reader.deserialize().map(Result::unwrap).collect();
+        for row in &rows[1..] {
+            let received = row["received_J"] - rows[0]["received_J"];
+            let off = (row["work_floor_J"] - received).abs();
+            assert!(off <= 1e-9 * received.abs(), "{shape}: {off:e} of {received:e} J");
+        }
+        assert!(rows[rows.len() - 1]["work_floor_J"] > 1e-5, "{shape}");
+    }
 }
 
 /// A run that a signal stops between two rows reports the work until then.

@@ -4,6 +4,7 @@
 //! ```text
 //! cargo bench --bench ladder                        time and memory
 //! cargo bench --bench ladder -- --count             instructions, too: by callgrind, of valgrind
+//! cargo bench --bench ladder -- --check             instructions and bytes against the record: what CI does
 //! cargo bench --bench ladder -- --million           a million spheres beside 20,000, per contact, and nothing else
 //! cargo bench --bench ladder -- --record FOLDER     the tables as CSV into this folder
 //! ```
@@ -14,6 +15,7 @@
 //! Instructions are also counted by phase, beside the floor of [`dem_mpi::sim::floor`]: an instruction with AVX2, which
 //! callgrind knows, does four operations or moves 32 bytes.
 
+mod check;
 mod million;
 mod phases;
 mod plain;
@@ -21,6 +23,7 @@ mod plain;
 use anyhow::{Context, anyhow, ensure};
 use clap::Parser;
 use dem_mpi::comm::alone::Alone;
+use dem_mpi::comm::{Comm, threads};
 use dem_mpi::scene::{Scene, assemble};
 use dem_mpi::sim::Simulation;
 use plain::Plain;
@@ -34,6 +37,9 @@ struct Arguments {
     /// Count instructions, too.
     #[arg(long)]
     count: bool,
+    /// Count instructions and bytes, and fail where they are not those of the record; with a folder, take the record anew.
+    #[arg(long)]
+    check: bool,
     /// Time a million spheres beside 20,000.
     #[arg(long)]
     million: bool,
@@ -46,6 +52,9 @@ struct Arguments {
     /// So many.
     #[arg(long, hide = true, default_value_t = 0)]
     steps: u32,
+    /// On so many threads.
+    #[arg(long, hide = true, default_value_t = 1)]
+    ranks: u32,
     /// Cargo passes this.
     #[arg(long, hide = true)]
     bench: bool,
@@ -61,6 +70,10 @@ const TIGHT: f64 = 1.0 - 1e-4;
 const STIFFNESS: f64 = 1e4;
 /// Density [kg/m³].
 const DENSITY: f64 = 2500.0;
+/// Young's modulus of elastic spheres [Pa].
+const YOUNGS_MODULUS: f64 = 1e9;
+/// A floor under all of them.
+const FLOOR: &str = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3\nf 1 3 4\n";
 /// Time step [s].
 const STEP: f64 = 1e-7;
 /// Steps of a round.
@@ -135,9 +148,14 @@ struct Rung {
     floor: bool,
     periodic: bool,
     servo: bool,
+    rolling: bool,
+    hertz: bool,
+    sizes: bool,
+    /// A square of two triangles in place of the floor.
+    mesh: bool,
 }
 
-const RUNGS: [Rung; 10] = {
+const RUNGS: [Rung; 14] = {
     let spheres = Rung {
         name: "spheres with springs alone",
         grains: Grains::Spheres,
@@ -146,12 +164,20 @@ const RUNGS: [Rung; 10] = {
         floor: false,
         periodic: false,
         servo: false,
+        rolling: false,
+        hertz: false,
+        sizes: false,
+        mesh: false,
     };
     let dashpots = Rung { name: "and dashpots", dashpots: true, ..spheres };
     let friction = Rung { name: "and friction", friction: true, ..dashpots };
     let floor = Rung { name: "and a floor", floor: true, ..friction };
     let periodic = Rung { name: "and periods along x and y", periodic: true, ..floor };
     let servo = Rung { name: "and a lid with a servo", servo: true, ..periodic };
+    let rolling = Rung { name: "and springs against rolling", rolling: true, ..servo };
+    let hertz = Rung { name: "of elastic spheres", hertz: true, ..servo };
+    let sizes = Rung { name: "of two sizes", sizes: true, ..servo };
+    let mesh = Rung { name: "and friction, on triangles", mesh: true, ..friction };
     let ellipsoids = Rung {
         name: "the same of ellipsoids",
         grains: Grains::Ellipsoidal("kind = \"ellipsoid\"", [1.2, 1.1, 1.0]),
@@ -175,6 +201,10 @@ const RUNGS: [Rung; 10] = {
         floor,
         periodic,
         servo,
+        rolling,
+        hertz,
+        sizes,
+        mesh,
         ellipsoids,
         superellipsoids,
         five_kinds,
@@ -192,10 +222,25 @@ impl Rung {
             (true, false) => "[\"-z\"]",
             (true, true) => "[\"-z\", \"+z\"]",
         };
+        let elastic = format!("youngs_modulus = {YOUNGS_MODULUS:e}\npoisson_ratio = 0.3");
+        let springs = format!("normal_stiffness = {STIFFNESS}");
+        let law = match (self.hertz, self.rolling) {
+            (true, _) => "[law]\nnormal = \"hertz\"\n",
+            (false, true) => "[law]\nrolling = \"spring\"\n",
+            (false, false) => "",
+        };
+        let folder = std::env::temp_dir().join(format!("ladder-{}", std::process::id()));
+        let mesh = if self.mesh {
+            std::fs::create_dir_all(&folder)?;
+            std::fs::write(folder.join("floor.obj"), FLOOR)?;
+            "[[wall]]\nname = \"floor\"\nmesh = \"floor.obj\"\n"
+        } else {
+            ""
+        };
         let text = format!(
             "[domain]\nlow = [0, 0, 0]\nhigh = {high:?}\nperiodic = [{p}, {p}, false]\nwalls = {walls}\n\
-             [[material]]\nname = \"glass\"\ndensity = {DENSITY}\nnormal_stiffness = {STIFFNESS}\n\
-             friction = {friction}\nrestitution = {restitution}\ntangential_damping_ratio = {tangential}\n\
+             {mesh}{law}[[material]]\nname = \"glass\"\ndensity = {DENSITY}\n{stiffness}\n\
+             friction = {friction}\nrestitution = {restitution}\n{more}\
              {shapes}\
              [[fill.lattice]]\nshapes = {names:?}\nfirst = {first:?}\ncount = [{along}, {along}, {along}]\nspacing = {spacing:?}\n\
              orientation = \"upright\"\n\
@@ -205,20 +250,39 @@ impl Rung {
             p = self.periodic,
             friction = if self.friction { 0.3 } else { 0.0 },
             restitution = if self.dashpots { 0.7 } else { 1.0 },
-            tangential = if self.dashpots && self.friction { 0.1 } else { 0.0 },
+            stiffness = if self.hertz { elastic } else { springs },
+            more = match (self.dashpots && self.friction && !self.hertz, self.rolling) {
+                (false, _) => "",
+                (true, false) => "tangential_damping_ratio = 0.1\n",
+                (true, true) => "tangential_damping_ratio = 0.1\nrolling_friction = 0.1\n",
+            },
             servo = if self.servo { "[[servo]]\nwalls = [\"+z\"]\nstress = 500\n" } else { "" },
         );
-        Scene::parse(&text, self.name, Path::new(""), &[]).map_err(|e| anyhow!("{e}"))
+        let scene = Scene::parse(&text, self.name, &folder, &[]).map_err(|e| anyhow!("{e}"));
+        if self.mesh {
+            std::fs::remove_dir_all(&folder)?;
+        }
+        scene
     }
 
     fn begun(&self, along: u32) -> anyhow::Result<Simulation> {
+        self.begun_on(along, &mut Alone::default())
+    }
+
+    /// Of a rank.
+    fn begun_on(&self, along: u32, comm: &mut dyn Comm) -> anyhow::Result<Simulation> {
         let scene = self.scene(along)?;
-        let mut comm = Alone::default();
-        let mut sim = assemble::assemble(&scene, &comm);
-        assemble::fill(&mut sim, &scene, &comm);
-        sim.begin(&mut comm)?;
+        let mut sim = assemble::assemble(&scene, comm);
+        assemble::fill(&mut sim, &scene, comm);
+        sim.begin(comm)?;
         Ok(sim)
     }
+}
+
+/// Bytes of what a simulation keeps for each particle, pair and contact.
+fn bytes(sim: &Simulation) -> usize {
+    let Simulation { particles, pairs, contacts, sums, .. } = sim;
+    particles.bytes() + pairs.bytes() + contacts.bytes() + sums.bytes()
 }
 
 /// What is timed: the loop, or a rung.
@@ -253,18 +317,14 @@ impl Runner {
     fn size(&self) -> [usize; 3] {
         match self {
             Self::Plain(plain) => [plain.bytes(), plain.pairs.len(), plain.touching()],
-            Self::Rung(sim) => {
-                let Simulation { particles, pairs, contacts, sums, .. } = &**sim;
-                let bytes = particles.bytes() + pairs.bytes() + contacts.bytes() + sums.bytes();
-                [bytes, pairs.pairs.len(), contacts.len()]
-            }
+            Self::Rung(sim) => [bytes(sim), sim.pairs.pairs.len(), sim.contacts.len()],
         }
     }
 }
 
 /// Instructions of a step, or of a function in it: of two runs of one length and another. `None` if the program has one that
 /// valgrind does not know (3.19: `vmovq` between registers), which the bodies with faces need.
-fn instructions(number: usize, function: Option<&str>) -> anyhow::Result<Option<f64>> {
+fn instructions(number: usize, ranks: u32, function: Option<&str>) -> anyhow::Result<Option<f64>> {
     let of = |steps: u32| {
         let program = std::env::current_exe()?;
         let output = Command::new("valgrind")
@@ -272,6 +332,7 @@ fn instructions(number: usize, function: Option<&str>) -> anyhow::Result<Option<
             .args(function.map(|name| format!("--toggle-collect={name}")))
             .arg(program)
             .args(["--one", &number.to_string(), "--steps", &steps.to_string()])
+            .args(["--ranks", &ranks.to_string()])
             .output()
             .context("valgrind, which counts instructions, does not start")?;
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -288,12 +349,19 @@ fn instructions(number: usize, function: Option<&str>) -> anyhow::Result<Option<
 }
 
 fn main() -> anyhow::Result<()> {
-    let Arguments { count, million, record, one, steps, .. } = Arguments::parse();
+    let Arguments { count, check, million, record, one, steps, ranks, .. } = Arguments::parse();
     if let Some(number) = one {
-        return Runner::of(number)?.steps(steps);
+        return if ranks == 1 {
+            Runner::of(number)?.steps(steps)
+        } else {
+            check::steps_of(&RUNGS[number - 1], steps, ranks)
+        };
     }
     if let Some(record) = &record {
         std::fs::create_dir_all(record)?;
+    }
+    if check {
+        return check::check(record.as_deref());
     }
     if million {
         return million::time(record.as_deref());
@@ -330,7 +398,7 @@ fn main() -> anyhow::Result<()> {
             (1e9 * median(&mut times[number].clone()) / bodies, median(&mut ratios));
         over_the_loop.push(ratio);
         let [bytes, listed, contacts] = sizes[number].map(|size| size as f64 / bodies);
-        let counted = if count { instructions(number, None)? } else { None };
+        let counted = if count { instructions(number, 1, None)? } else { None };
         let counted =
             counted.map_or_else(String::new, |counted| format!("{:.0}", counted / bodies));
         println!(
