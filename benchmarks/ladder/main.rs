@@ -22,13 +22,13 @@ mod plain;
 
 use anyhow::{Context, anyhow, ensure};
 use clap::Parser;
+use dem_mpi::comm::Comm;
 use dem_mpi::comm::alone::Alone;
-use dem_mpi::comm::{Comm, threads};
 use dem_mpi::scene::{Scene, assemble};
 use dem_mpi::sim::Simulation;
 use plain::Plain;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 use std::time::Instant;
 
@@ -175,8 +175,8 @@ const RUNGS: [Rung; 14] = {
     let periodic = Rung { name: "and periods along x and y", periodic: true, ..floor };
     let servo = Rung { name: "and a lid with a servo", servo: true, ..periodic };
     let rolling = Rung { name: "and springs against rolling", rolling: true, ..servo };
-    let hertz = Rung { name: "of elastic spheres", hertz: true, ..servo };
-    let sizes = Rung { name: "of two sizes", sizes: true, ..servo };
+    let hertz = Rung { name: "of elastic spheres, with a servo", hertz: true, ..servo };
+    let sizes = Rung { name: "of spheres of many sizes", sizes: true, ..servo };
     let mesh = Rung { name: "and friction, on triangles", mesh: true, ..friction };
     let ellipsoids = Rung {
         name: "the same of ellipsoids",
@@ -216,7 +216,11 @@ impl Rung {
     /// With so many bodies along each axis.
     fn scene(&self, along: u32) -> anyhow::Result<Scene> {
         let spacing = self.grains.axes().map(|axis| 2.0 * TIGHT * axis * SIZE);
-        let (shapes, names) = self.grains.shapes();
+        let (mut shapes, names) = self.grains.shapes();
+        if self.sizes {
+            // So alike that neighbours touch.
+            shapes += "size = { lognormal = { median = 1, sigma = 1e-5 }, limits = [0.99999, 1.00001], by = \"number\" }\n";
+        }
         let walls = match (self.floor, self.servo) {
             (false, _) => "[]",
             (true, false) => "[\"-z\"]",
