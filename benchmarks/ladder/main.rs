@@ -33,6 +33,7 @@ use std::process::Command;
 use std::time::Instant;
 
 #[derive(Parser)]
+#[expect(clippy::struct_excessive_bools, reason = "each is asked for on its own")]
 struct Arguments {
     /// Count instructions, too.
     #[arg(long)]

@@ -667,6 +667,16 @@ impl<M: Model> Contacts<'_, '_, M> {
         let pairs = bytemuck::cast_slice(self.work.pairs);
         let pairs = RowPairs::new(pairs, self.particles.slots());
         let alike = self.alike::<L>();
+        // Every eight contacts write over what those before have remembered.
+        let (mut room, mut wide) =
+            ([L::all(0.0); MOST_STATE], [L::all(0.0); MOST_STATE + MOST_ACTED]);
+        let mut widest = [L::all(0.0); MOST_STATE_OF_MOMENTS + MOST_ACTED];
+        let width = if POINTS { self.law.stride } else { self.law.width };
+        let state = match (M::MOMENTS, POINTS) {
+            (true, _) => &mut widest[..width],
+            (false, true) => &mut wide[..width],
+            (false, false) => &mut room[..width],
+        };
         for first in (0..self.work.pairs.len()).step_by(WIDTH) {
             let mut room = [[0; 2]; WIDTH];
             let bodies = pairs.eight(first, &mut room);
@@ -677,7 +687,7 @@ impl<M: Model> Contacts<'_, '_, M> {
                 own = self.constants::<L>(bodies);
                 &own
             };
-            self.eight::<L, MOVES, TURNS, POINTS, CURVED>(first, bodies, constants);
+            self.eight::<L, MOVES, TURNS, POINTS, CURVED>(first, bodies, constants, state);
         }
     }
 
@@ -739,6 +749,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         first: usize,
         bodies: [Gather; 2],
         constants: &OfEight<M, L>,
+        state: &mut [L],
     ) {
         let Self { law, particles, dt, .. } = *self;
         let count = (self.work.pairs.len() - first).min(WIDTH);
@@ -747,15 +758,6 @@ impl<M: Model> Contacts<'_, '_, M> {
         let turning_walls = TURNS && with_walls && particles.facets.any_turns;
         let block = Block { first, count, bodies, turning_walls };
 
-        let (mut room, mut wide) =
-            ([L::all(0.0); MOST_STATE], [L::all(0.0); MOST_STATE + MOST_ACTED]);
-        let mut widest = [L::all(0.0); MOST_STATE_OF_MOMENTS + MOST_ACTED];
-        let width = if POINTS { law.stride } else { law.width };
-        let state = match (M::MOMENTS, POINTS) {
-            (true, _) => &mut widest[..width],
-            (false, true) => &mut wide[..width],
-            (false, false) => &mut room[..width],
-        };
         let last = read_last::<L>(self.work, &block, state);
         let acted = if POINTS { Acted::read(&state[law.width..], law.has_points) } else { None };
         let now = GeometryInLanes::of(&eight_from_rows(self.work.geometry, first, count));
@@ -779,7 +781,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         if POINTS {
             Acted::write(arms.now[0], done.viscous, &mut state[law.width..], law.has_points);
         }
-        write_state(self.work.state, width, first, count, state);
+        write_state(self.work.state, state.len(), first, count, state);
         let torques = done.torques::<M, CURVED>(&arms);
         let next_separated = self.work.separated.get(self.summed).map_or(usize::MAX, |p| p.before);
         if count == WIDTH && !with_walls && first + count <= next_separated {

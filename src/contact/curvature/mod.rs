@@ -344,7 +344,7 @@ fn surface_of(body: &Posed, normal: &Vec3, frame: &Frame<f64>, side: f64) -> Sur
     let local = |t: Triple<f64>| body.frame.tr_mul(&Vec3::new(t.x, t.y, t.z));
     let across = frame.across.map(local);
     let direction = body.frame.tr_mul(normal) * side;
-    let [radii, along_first, along_second] = averaged(body, &direction, &across);
+    let [radii, along_first, along_second] = averaged(body, &direction, &across, side);
     let least = SHARPEST * body.bounding_radius();
     let change = [along_first, along_second].map(|change| {
         let beside = |part: f64| bounded([0, 1, 2].map(|k| radii[k] + change[k] * part), least);
@@ -355,10 +355,11 @@ fn surface_of(body: &Posed, normal: &Vec3, frame: &Frame<f64>, side: f64) -> Sur
 }
 
 /// Radii of curvature of a body along a unit vector in its own axes, and by how much they change when that turns towards two others across it [m]:
-/// what support points around it say. Not numbers if it has edges.
-fn averaged(body: &Posed, direction: &Vec3, across: &[Vec3; 2]) -> [Flat<f64>; 3] {
+/// what support points around it say. With the first of them that makes a right-handed frame, or with a `side` of -1 a left-handed one. Not numbers if it
+/// has edges.
+fn averaged(body: &Posed, direction: &Vec3, across: &[Vec3; 2], side: f64) -> [Flat<f64>; 3] {
     let (sine, cosine) = (libm::sin(WIDTH_OF_CONTACT), libm::cos(WIDTH_OF_CONTACT));
-    let (around, twists) = fourfold(direction, across);
+    let (around, twists) = fourfold(direction, across, side);
     let mut found = [[0.0; 3]; 3];
     for [first, second] in AROUND {
         let beside = around[0] * first + around[1] * second;
@@ -387,7 +388,7 @@ fn averaged(body: &Posed, direction: &Vec3, across: &[Vec3; 2]) -> [Flat<f64>; 3
 /// Two unit vectors across a normal in the axes of a body, and by how much they turn about it when it turns towards each of those `across` [-]: where
 /// the part of `Σ e_i⁴` across the normal that is fourfold about it is the largest, with `e_i` the axes. Eight directions from there are the same whatever
 /// the axes are named, and change smoothly with the normal, but for eight points: the cube's corners.
-fn fourfold(normal: &Vec3, across: &[Vec3; 2]) -> ([Vec3; 2], [f64; 2]) {
+fn fourfold(normal: &Vec3, across: &[Vec3; 2], side: f64) -> ([Vec3; 2], [f64; 2]) {
     // With τ_i the parts of the axes as complex numbers: Σ τ_i⁴ has four times the angle, and its derivatives are -4 Σ τ_i³ n_i and i times that.
     let times = |[a, b]: [f64; 2], [c, d]: [f64; 2]| [a * c - b * d, a * d + b * c];
     let (mut fourth, mut slope) = ([0.0; 2], [0.0; 2]);
@@ -402,12 +403,13 @@ fn fourfold(normal: &Vec3, across: &[Vec3; 2]) -> ([Vec3; 2], [f64; 2]) {
     }
     let size = fourth[0] * fourth[0] + fourth[1] * fourth[1];
     if size < AT_CORNER * AT_CORNER {
-        return (*across, [0.0; 2]);
+        return ([across[0], across[1] * side], [0.0; 2]);
     }
     let (sine, cosine) = libm::sincos(0.25 * libm::atan2(fourth[1], fourth[0]));
-    let around = [across[0] * cosine + across[1] * sine, across[1] * cosine - across[0] * sine];
+    let second = (across[1] * cosine - across[0] * sine) * side;
     let [real, imaginary] = times(slope, [fourth[0], -fourth[1]]);
-    (around, [-imaginary / size, -real / size])
+    let twists = [imaginary, real].map(|part| -side * part / size);
+    ([across[0] * cosine + across[1] * sine, second], twists)
 }
 
 /// How far the support point moves across a unit vector in the body's axes when that turns [m]; not a number if it has edges.

@@ -22,31 +22,32 @@ pub(super) fn read_states_in_a_row<L: Eight>(all: &[f64], start: usize, columns:
     }
 }
 
-/// What is remembered of eight contacts, column by column.
+/// What is remembered of eight contacts, column by column. The last four columns may be read for the second time: that takes less than one by one.
 #[inline(always)]
 pub(super) fn read_state<L: Eight>(rows: &[&[f64]; WIDTH], columns: &mut [L]) {
     let width = columns.len();
-    let mut at = 0;
-    while at < width {
-        // Behind them may stand what is not of the model.
-        if at + 4 <= width
-            && let Some(four) = pieces::<4>(rows, at)
-        {
+    if width >= 4 {
+        let mut at = 0;
+        loop {
+            let four = pieces::<4>(rows, at).expect("rows are as wide as columns");
             columns[at..at + 4].copy_from_slice(&L::columns_of_4(&four));
-            at += 4;
-        } else if at + 3 <= width
-            && let Some(three) = pieces::<3>(rows, at)
-        {
-            columns[at..at + 3].copy_from_slice(&L::columns_of_3(&three));
-            at += 3;
-        } else {
-            let mut numbers = [0.0; WIDTH];
-            for (number, row) in numbers.iter_mut().zip(rows) {
-                *number = row[at];
+            if at + 4 >= width {
+                return;
             }
-            columns[at] = L::load(&numbers);
-            at += 1;
+            at = (at + 4).min(width - 4);
         }
+    }
+    if width == 3 {
+        let three = pieces::<3>(rows, 0).expect("rows are as wide as columns");
+        columns.copy_from_slice(&L::columns_of_3(&three));
+        return;
+    }
+    for (at, column) in columns.iter_mut().enumerate() {
+        let mut numbers = [0.0; WIDTH];
+        for (number, row) in numbers.iter_mut().zip(rows) {
+            *number = row[at];
+        }
+        *column = L::load(&numbers);
     }
 }
 
@@ -63,7 +64,7 @@ pub(super) fn pieces<'a, const N: usize>(
     Some(pieces)
 }
 
-/// The inverse, of the first `count` contacts.
+/// The inverse, of the first `count` contacts. The last four columns may be written for the second time.
 #[inline(always)]
 pub(super) fn write_state<L: Eight>(
     all: &mut [f64],
@@ -80,15 +81,24 @@ pub(super) fn write_state<L: Eight>(
         }
         return;
     }
-    let mut at = 0;
-    while at < width {
-        let several = (width - at).min(4);
-        let column = |k: usize| columns[(at + k).min(width - 1)];
-        let block = L::rows_of_4([column(0), column(1), column(2), column(3)]);
-        for (row, numbers) in rows.chunks_exact_mut(width).zip(&block) {
-            row[at..at + several].copy_from_slice(&numbers.numbers()[..several]);
+    if width > 4 {
+        let mut at = 0;
+        loop {
+            let four = columns[at..].first_chunk().expect("four columns");
+            let block = L::rows_of_4(*four);
+            for (row, numbers) in rows.chunks_exact_mut(width).zip(&block) {
+                numbers.write(row[at..].first_chunk_mut().expect("rows are as wide as columns"));
+            }
+            if at + 4 >= width {
+                return;
+            }
+            at = (at + 4).min(width - 4);
         }
-        at += several;
+    }
+    for (at, column) in columns.iter().enumerate() {
+        for (row, number) in rows.chunks_exact_mut(width).zip(column.store()) {
+            row[at] = number;
+        }
     }
 }
 
