@@ -1,4 +1,4 @@
-//! What is booked of energies adds up, of all shapes and laws.
+//! Energies that are booked add up, of all shapes and laws.
 
 use crate::support::{Bench, begun, close, scene};
 use crate::symmetries::{Cloud, Law, SHAPES, cases};
@@ -41,8 +41,8 @@ fn after(cloud: &Cloud, keys: &str, drift: Vec3, spin: Vec3) -> (Measures, [f64;
     (measures, [work, received])
 }
 
-/// The work of a plane that moves or turns is that of its forces. In its own frame the same is lost, by each cause, and the same is missing: of spheres
-/// that do not stick to each other rounding, of all a part of 1e-4 of what is lost.
+/// The work of a plane that moves or turns is that of its forces. In its own frame as much is lost by each cause, and as much is missing: rounding of
+/// spheres, at most a part of 1e-4 of what is lost of others.
 #[test]
 fn walls_do_the_work_of_their_forces() {
     for cloud in cases() {
@@ -115,7 +115,7 @@ fn no_dashpot_takes_anything_where_there_is_none() {
     }
 }
 
-/// What a grain takes along through an outlet is its energy there: a fall loses nothing, whatever the step.
+/// A grain takes its energy along through an outlet: a fall loses nothing, whatever the step.
 #[test]
 fn a_grain_that_leaves_takes_its_energy_along() {
     let scene = scene(

@@ -556,7 +556,7 @@ fn a_contact_that_turns_right_round_stays_a_number() {
     assert!(force.x > 0.0, "and part");
 }
 
-/// What a servo counts on: the derivative of the force by the overlap, by central differences, and of the dashpot's force by the way of a step. Closed
+/// A servo counts on the derivative of the force by the overlap, here by central differences, and of the dashpot's force by the way of a step. Closed
 /// form of the dashpots: critical damping of the stiffness at this overlap, `2 β √(m* k)`, times the root of 5/6 of elastic spheres.
 #[test]
 fn the_stiffness_of_a_contact_is_that_of_its_force() {

@@ -1,5 +1,5 @@
-//! Instructions and bytes of each rung against those on record, which `.ci/run` looks at. Two numbers of one commit differ by 0.2 % where packages are
-//! optimised across each other, as in a release, or not.
+//! Instructions and bytes of each rung against those on record. The record is of builds with `lto = false`, as `.ci/run` makes them; a release has
+//! 0.2 % fewer instructions.
 
 use super::{ALONG, RUNGS, Rung, Runner, bytes, instructions};
 use anyhow::{Context, bail};
@@ -18,15 +18,14 @@ const TOLERANCE: f64 = 0.01;
 struct Line {
     rung: String,
     ranks: u32,
-    bytes: f64,
-    /// None where callgrind does not know an instruction.
-    instructions: Option<f64>,
+    bytes: u64,
+    /// `None` where the program has an instruction that callgrind does not know.
+    instructions: Option<u64>,
 }
 
 /// Counts and compares, or takes the record anew.
 pub(super) fn check(anew: Option<&Path>) -> anyhow::Result<()> {
-    let servo = RUNGS.iter().position(|rung| rung.name.contains("servo"));
-    let on_two = servo.context("a rung has a servo")?;
+    let on_two = RUNGS.iter().position(|rung| rung.servo).context("a rung has a servo")?;
     let cases = (0..RUNGS.len()).map(|k| (k, 1)).chain([(on_two, 2)]);
     let lines = cases.map(|(k, ranks)| counted(k, ranks)).collect::<anyhow::Result<Vec<Line>>>()?;
     if let Some(folder) = anew {
@@ -40,27 +39,23 @@ pub(super) fn check(anew: Option<&Path>) -> anyhow::Result<()> {
         csv::Reader::from_path(&path)?.into_deserialize().collect::<Result<_, _>>()?;
     let mut off = Vec::new();
     for line in &lines {
-        let Some(known) =
-            record.iter().find(|known| known.rung == line.rung && known.ranks == line.ranks)
-        else {
-            off.push(format!("\"{}\" on {} is not on record", line.rung, line.ranks));
+        let is_same = |known: &&Line| known.rung == line.rung && known.ranks == line.ranks;
+        let case = format!("\"{}\", {} rank(s)", line.rung, line.ranks);
+        let Some(known) = record.iter().find(is_same) else {
+            off.push(format!("{case}: not on record"));
             continue;
         };
-        let numbers = [
+        for (what, now, known) in [
             ("bytes", Some(line.bytes), Some(known.bytes)),
             ("instructions", line.instructions, known.instructions),
-        ];
-        for (what, now, known) in numbers {
-            let ratio = now.zip(known).map(|(now, known)| now / known);
-            if now.is_some() != known.is_some()
-                || ratio.is_some_and(|ratio| (ratio - 1.0).abs() > TOLERANCE)
-            {
-                let [now, known] =
-                    [now, known].map(|n| n.map_or("none".to_owned(), |n| format!("{n:.0}")));
-                off.push(format!(
-                    "\"{}\" on {}: {now} {what}, on record {known}",
-                    line.rung, line.ranks
-                ));
+        ] {
+            let holds = match (now, known) {
+                (Some(now), Some(known)) => (now as f64 / known as f64 - 1.0).abs() <= TOLERANCE,
+                (now, known) => now == known,
+            };
+            if !holds {
+                let [now, known] = [now, known].map(number);
+                off.push(format!("{case}: {now} {what}, on record {known}"));
             }
         }
     }
@@ -75,8 +70,12 @@ pub(super) fn check(anew: Option<&Path>) -> anyhow::Result<()> {
     Ok(())
 }
 
+fn number(count: Option<u64>) -> String {
+    count.map_or_else(|| "-".to_owned(), |count| count.to_string())
+}
+
 fn counted(rung: usize, ranks: u32) -> anyhow::Result<Line> {
-    let bodies = f64::from(ALONG.pow(3));
+    let per_body = |count: f64| (count / f64::from(ALONG.pow(3))).round() as u64;
     let name = RUNGS[rung].name;
     let bytes = if ranks == 1 {
         Runner::of(rung + 1)?.size()[0]
@@ -84,15 +83,10 @@ fn counted(rung: usize, ranks: u32) -> anyhow::Result<Line> {
         let all = threads::run(ranks, |comm| Ok(bytes(&RUNGS[rung].begun_on(ALONG, comm)?)));
         all.into_iter().sum::<anyhow::Result<usize>>()?
     };
-    let instructions = instructions(rung + 1, ranks, None)?.map(|count| (count / bodies).round());
-    let line =
-        Line { rung: name.to_owned(), ranks, bytes: (bytes as f64 / bodies).round(), instructions };
-    println!(
-        "{name:<40} {ranks} {:>6} bytes {:>8} instructions",
-        line.bytes,
-        instructions.map_or("-".to_owned(), |count| count.to_string())
-    );
-    Ok(line)
+    let (bytes, instructions) =
+        (per_body(bytes as f64), instructions(rung + 1, ranks, None)?.map(per_body));
+    println!("{name:<40} {ranks} {bytes:>6} bytes {:>8} instructions", number(instructions));
+    Ok(Line { rung: name.to_owned(), ranks, bytes, instructions })
 }
 
 /// Steps of a rung on several ranks.

@@ -234,10 +234,9 @@ impl Rung {
             (false, true) => "[law]\nrolling = \"spring\"\n",
             (false, false) => "",
         };
-        let folder = std::env::temp_dir().join(format!("ladder-{}", std::process::id()));
+        let folder = tempfile::tempdir()?;
         let mesh = if self.mesh {
-            std::fs::create_dir_all(&folder)?;
-            std::fs::write(folder.join("floor.obj"), FLOOR)?;
+            std::fs::write(folder.path().join("floor.obj"), FLOOR)?;
             "[[wall]]\nname = \"floor\"\nmesh = \"floor.obj\"\n"
         } else {
             ""
@@ -263,18 +262,14 @@ impl Rung {
             },
             servo = if self.servo { "[[servo]]\nwalls = [\"+z\"]\nstress = 500\n" } else { "" },
         );
-        let scene = Scene::parse(&text, self.name, &folder, &[]).map_err(|e| anyhow!("{e}"));
-        if self.mesh {
-            std::fs::remove_dir_all(&folder)?;
-        }
-        scene
+        Scene::parse(&text, self.name, folder.path(), &[]).map_err(|e| anyhow!("{e}"))
     }
 
     fn begun(&self, along: u32) -> anyhow::Result<Simulation> {
         self.begun_on(along, &mut Alone::default())
     }
 
-    /// Of a rank.
+    /// What one rank has of it. Collective.
     fn begun_on(&self, along: u32, comm: &mut dyn Comm) -> anyhow::Result<Simulation> {
         let scene = self.scene(along)?;
         let mut sim = assemble::assemble(&scene, comm);

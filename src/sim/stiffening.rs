@@ -53,9 +53,8 @@ impl Stiffening {
     }
 
     /// A sentence about an overlap over the radius, if it is beyond what was meant and leaves little of the step or nothing.
-    pub(super) fn words(&self, overlap: f64, sim: &Simulation) -> Option<String> {
+    pub(super) fn words(&self, largest: f64, sim: &Simulation) -> Option<String> {
         let (meant, dt) = (self.meant, sim.dt);
-        let largest = overlap;
         let (limit, overlap) =
             self.of_contacts.unwrap_or_else(|| (self.limit_at(largest, sim), largest));
         if largest <= meant || dt <= NEAR * limit {
@@ -70,8 +69,8 @@ impl Stiffening {
         }
     }
 
-    /// A warning, the first time that contacts leave the step over the limit. What is below it is told at the end. The contacts that there are
-    /// are only looked at where an overlap would make a full packing unstable. Collective.
+    /// A warning, the first time that contacts leave the step over the limit. A limit that is only near is told at the end. The contacts of this step
+    /// are looked at only where a full packing with this overlap would be unstable. Collective.
     ///
     /// # Errors
     /// If it is over the limit and may not be.

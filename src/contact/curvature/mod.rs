@@ -332,7 +332,7 @@ const AROUND: [[f64; 2]; 8] = [
 ];
 /// For differences: a part of a change of radii.
 const SMALL: f64 = 1e-4;
-/// So near to a corner, in terms of a fourth power, directions around the normal stay.
+/// Size of the fourth power below which a normal counts as a corner of the cube, see [`fourfold`] [-].
 const AT_CORNER: f64 = 1e-9;
 
 /// Of one body, along the normal or, with a `side` of -1, against it.
@@ -385,9 +385,9 @@ fn averaged(body: &Posed, direction: &Vec3, across: &[Vec3; 2], side: f64) -> [F
     found.map(|of| of.map(|sum| sum * factor))
 }
 
-/// Two unit vectors across a normal in the axes of a body, and by how much they turn about it when it turns towards each of those `across` [-]: where
-/// the part of `Σ e_i⁴` across the normal that is fourfold about it is the largest, with `e_i` the axes. Eight directions from there are the same whatever
-/// the axes are named, and change smoothly with the normal, but for eight points: the cube's corners.
+/// Two unit vectors across a normal in the axes of a body, and by how much they turn about it when it turns towards each of those `across` [-].
+/// `Σ (u·e_i)⁴` over the axes `e_i` has a part with `cos 4φ` when `u` goes around the normal by `φ`: the first vector is at a maximum of that part. So the
+/// eight directions do not depend on the names of the axes. They change smoothly with the normal, but at the eight corners of a cube, where that part is 0.
 fn fourfold(normal: &Vec3, across: &[Vec3; 2], side: f64) -> ([Vec3; 2], [f64; 2]) {
     // With τ_i the parts of the axes as complex numbers: Σ τ_i⁴ has four times the angle, and its derivatives are -4 Σ τ_i³ n_i and i times that.
     let times = |[a, b]: [f64; 2], [c, d]: [f64; 2]| [a * c - b * d, a * d + b * c];

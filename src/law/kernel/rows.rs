@@ -22,7 +22,7 @@ pub(super) fn read_states_in_a_row<L: Eight>(all: &[f64], start: usize, columns:
     }
 }
 
-/// What is remembered of eight contacts, column by column. The last four columns may be read for the second time: that takes less than one by one.
+/// The memory of eight contacts, column by column. Columns are read four at a time, and the last four may overlap those before: one by one takes longer.
 #[inline(always)]
 pub(super) fn read_state<L: Eight>(rows: &[&[f64]; WIDTH], columns: &mut [L]) {
     let width = columns.len();
@@ -64,7 +64,7 @@ pub(super) fn pieces<'a, const N: usize>(
     Some(pieces)
 }
 
-/// The inverse, of the first `count` contacts. The last four columns may be written for the second time.
+/// Writes the memory of the first `count` of eight contacts, as [`read_state`] reads it.
 #[inline(always)]
 pub(super) fn write_state<L: Eight>(
     all: &mut [f64],
