@@ -298,6 +298,15 @@ impl Cell {
         Vec3::from_fn(|axis, _| if self.periodic[axis] { image[axis] } else { place[axis] })
     }
 
+    /// Between which corners a place need not be wrapped: infinite along axes that do not repeat [m].
+    pub fn wraps_outside(&self) -> [Vec3; 2] {
+        let end = |axis: usize, at: f64, open: f64| if self.periodic[axis] { at } else { open };
+        [
+            Vec3::from_fn(|axis, _| end(axis, self.low[axis], f64::NEG_INFINITY)),
+            Vec3::from_fn(|axis, _| end(axis, self.low[axis] + self.period[axis], f64::INFINITY)),
+        ]
+    }
+
     /// Brings a place [m] back in that has gone out through a periodic face by less than a period, where it is at another
     /// velocity if images slide [m/s]. Returns through how many faces it went, and whether it is out still. `image` counts
     /// whole periods.

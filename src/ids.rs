@@ -69,6 +69,15 @@ impl std::fmt::Display for GlobalId {
     }
 }
 
+/// Where a body stands in the order of space, see [`crate::particles::order`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Standing(pub u64);
+
+impl Standing {
+    /// That of facets of walls.
+    pub const LAST: Self = Self(u64::MAX);
+}
+
 /// Where a body stands in this rank's columns. Dies at each rebuild of the neighbour list: never
 /// store one beyond it.
 #[derive(

@@ -108,6 +108,19 @@ fn dispatch_with_avx(kernel: impl Kernel) {
     kernel.run::<avx::Avx>();
 }
 
+/// Asks memory for what will be read soon.
+#[inline]
+pub(crate) fn prefetch<T>(soon: &[T]) {
+    #[cfg(target_arch = "x86_64")]
+    for line in (0..size_of_val(soon)).step_by(64) {
+        // SAFETY: the place is within what is there; and nothing is read.
+        unsafe {
+            let place = soon.as_ptr().cast::<i8>().add(line);
+            std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T1 }>(place);
+        }
+    }
+}
+
 /// How many pairs go together.
 pub const WIDTH: usize = 8;
 
@@ -848,40 +861,36 @@ impl Gather<'_> {
         }
     }
 
-    /// Adds a row to that of each lane, one after the other.
+    /// Adds rows to those of two ends of each lane, lane after lane.
     ///
     /// # Panics
     /// If the column is shorter than was said.
     #[inline(always)]
-    pub(crate) fn add(self, rows: &[impl Row; WIDTH], column: &mut [[f64; 4]]) {
-        assert!(column.len() >= self.length, "a column that is too short");
-        for (lane, row) in rows.iter().enumerate() {
+    pub(crate) fn add<R: Row>(ends: [Self; 2], rows: [&[R; WIDTH]; 2], column: &mut [[f64; 4]]) {
+        assert!(column.len() >= ends[0].length.max(ends[1].length), "a column that is too short");
+        let ([first, other], [of_first, of_other]) = (ends, rows);
+        for lane in 0..WIDTH {
             // SAFETY: all rows are below the length, which the column has.
-            row.add_to(unsafe { column.get_unchecked_mut(self.at(lane)) });
+            of_first[lane].add_to(unsafe { column.get_unchecked_mut(first.at(lane)) });
+            // SAFETY: the same.
+            of_other[lane].add_to(unsafe { column.get_unchecked_mut(other.at(lane)) });
         }
     }
 
-    /// Adds a number to that of each lane, one after the other.
+    /// The same of a number that both ends get.
     ///
     /// # Panics
     /// If the column is shorter than was said.
     #[inline(always)]
-    pub(crate) fn add_numbers(self, numbers: &[f64; WIDTH], column: &mut [f64]) {
-        assert!(column.len() >= self.length, "a column that is too short");
+    pub(crate) fn add_numbers(ends: [Self; 2], numbers: &[f64; WIDTH], column: &mut [f64]) {
+        assert!(column.len() >= ends[0].length.max(ends[1].length), "a column that is too short");
+        let [first, other] = ends;
         for (lane, number) in numbers.iter().enumerate() {
             // SAFETY: all rows are below the length, which the column has.
-            *unsafe { column.get_unchecked_mut(self.at(lane)) } += number;
+            *unsafe { column.get_unchecked_mut(first.at(lane)) } += number;
+            // SAFETY: the same.
+            *unsafe { column.get_unchecked_mut(other.at(lane)) } += number;
         }
-    }
-
-    /// The same of rows whose first three numbers have the other sign.
-    #[inline(always)]
-    pub(crate) fn add_opposite<R: Row>(self, rows: &[R; WIDTH], column: &mut [[f64; 4]]) {
-        let mut opposite = *rows;
-        for row in &mut opposite {
-            *row = row.opposite();
-        }
-        self.add(&opposite, column);
     }
 }
 
@@ -923,10 +932,10 @@ impl<L: Lanes> Triple<L> {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
     }
 
-    /// Divided by a number.
+    /// Times the inverse of a number: three divisions take longer.
     #[inline(always)]
     pub fn over(self, divisor: L) -> Self {
-        Self { x: self.x / divisor, y: self.y / divisor, z: self.z / divisor }
+        self.times(L::all(1.0) / divisor)
     }
 
     /// The vector product.

@@ -27,7 +27,8 @@
 //!
 //! Same bits on any number of ranks, because
 //! * both owners of a pair compute it from the same numbers, A first;
-//! * a particle's force is the sum over its contacts in the order of the partner's id;
+//! * a particle's force is the sum over its contacts in the order of space ([`particles::order`]), which is renewed at fixed numbers of
+//!   steps, and saved;
 //! * system-wide sums go through an exact accumulator ([`math::ExactSum`]);
 //! * what is remembered of a touching contact is state that moves and is saved with its particles;
 //!   what is remembered of a pair that does not touch never changes a result.

@@ -277,7 +277,13 @@ fn wrap(particles: &mut Particles) {
     }
     let mut is_any_far = false;
     let rounding = particles.cell.rounding_of_images();
+    let [low, high] = particles.cell.wraps_outside();
     for slot in 0..particles.owned {
+        let place = &particles.position[slot];
+        let is_beyond = |axis: usize| place[axis] < low[axis] || place[axis] >= high[axis];
+        if !(is_beyond(0) | is_beyond(1) | is_beyond(2)) {
+            continue;
+        }
         let Particles { cell, position, velocity, image, travel, .. } = &mut *particles;
         let before = velocity[slot];
         let (faces, is_far) = cell.wrap(&mut position[slot], &mut velocity[slot], &mut image[slot]);

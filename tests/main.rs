@@ -64,6 +64,7 @@ mod suggest;
 mod superellipsoids;
 mod support;
 mod symmetries;
+mod tables;
 mod time_steps;
 mod touch_and_end;
 mod turning;

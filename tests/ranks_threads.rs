@@ -56,6 +56,7 @@ step = 1e-5
 steps = 1500
 [neighbours]
 imbalance = 1.05
+order_every = 150
 [output]
 directory = "out"
 "#;
@@ -149,7 +150,7 @@ fn state(parts: &[OnRank]) -> State {
             row.extend(table.quaternion.get(k).into_iter().flat_map(bits_of));
             let accumulated = table.accumulated.row(k);
             row.extend(bits_of(Quantity::ALL.map(|quantity| &accumulated[quantity])));
-            row.push(table.coordination[k] as u64);
+            row.extend([table.coordination[k] as u64, table.standing[k].0]);
             row.extend(table.image.get(k).into_iter().flatten().map(|&n| n as u64));
             bits.push((table.id[k].0, row));
         }

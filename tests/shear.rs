@@ -48,9 +48,10 @@ fn one(at: Vec3, velocity: Vec3) -> String {
     )
 }
 
-/// Place without periods and velocity in that space, of the particle in a slot that began so many images up; then spin.
-fn unfolded(sim: &Simulation, slot: usize, up: i32) -> [Vec3; 3] {
+/// Place without periods and velocity in that space, of the particle of an id that began so many images up; then spin.
+fn unfolded(sim: &Simulation, id: u64, up: i32) -> [Vec3; 3] {
     let particles = &sim.particles;
+    let slot = particles.id.iter().position(|other| other.0 == id).expect("a grain");
     if !particles.needs.image {
         return [particles.position[slot], particles.velocity[slot], spin(sim, slot)];
     }
@@ -111,9 +112,9 @@ fn a_collision_with_an_image_that_slides_is_that_of_free_bodies() {
                 touched > 20 && here.contacts.iter().count() == 0,
                 "{shape}: {touched} touches"
             );
-            for (slot, images) in [(0, 0), (1, 1)] {
-                let [place, velocity, spin] = unfolded(&here, slot, images);
-                let [free_place, free_velocity, free_spin] = unfolded(&there, slot, 0);
+            for (id, images) in [(0, 0), (1, 1)] {
+                let [place, velocity, spin] = unfolded(&here, id, images);
+                let [free_place, free_velocity, free_spin] = unfolded(&there, id, 0);
                 let errors = [
                     (place - free_place).norm() / 0.001,
                     (velocity - free_velocity).norm(),

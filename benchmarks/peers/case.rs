@@ -82,6 +82,17 @@ impl Case {
         })
     }
 
+    /// Puts as many copies side by side along x and along y, without the walls between them.
+    pub(crate) fn tile(&mut self, copies: u32) {
+        let of_one = std::mem::take(&mut self.start);
+        let side = self.high.x;
+        for (i, j) in (0..copies).flat_map(|i| (0..copies).map(move |j| (i, j))) {
+            let shift = Vec3::new(f64::from(i), f64::from(j), 0.0) * side;
+            self.start.extend(of_one.iter().map(|centre| centre + shift));
+        }
+        (self.high.x, self.high.y) = (side * f64::from(copies), side * f64::from(copies));
+    }
+
     /// Leaves so many spheres, those of the smallest cube about the origin, in their order.
     pub(crate) fn cut(&mut self, count: usize) {
         let mut sides: Vec<f64> = self.start.iter().map(Vec3::max).collect();

@@ -135,7 +135,9 @@ fn own_case(code: Code, case: &Case, steps: Steps, folder: &Path) -> anyhow::Res
     }
     let spheres = folder.join("spheres.csv");
     fs::write(&spheres, text)?;
+    let [x, y, z] = case.high.into();
     let keys = [
+        ("domain.high", format!("[{x}, {y}, {z}]")),
         ("fill.file.0.path", spheres.display().to_string()),
         ("time.step", format!("{:e}", steps.step)),
         ("time.steps", steps.count.to_string()),

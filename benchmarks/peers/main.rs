@@ -6,7 +6,9 @@
 //!                                                     finest steps against each other
 //! cargo bench --bench peers -- time                   time of a step, in turns, on 1 and 2 ranks
 //! cargo bench --bench peers -- time --steps 100 --rounds 1       the same, to try
+//! cargo bench --bench peers -- time --tiles 7 --shuffled --steps 60 --rounds 3   the same of 980,000 spheres
 //! cargo bench --bench peers -- drum                   the same in a drum of 1,200 triangles, beside LIGGGHTS
+//! cargo bench --bench peers -- settled                5,120 settled ellipsoids, by this program alone
 //! cargo bench --bench peers -- answer FILE            where LAMMPS' finest step brings the spheres of --scene, as CSV
 //! ```
 //!
@@ -46,6 +48,8 @@ enum Task {
     Time(speed::Options),
     /// Compare times in a drum of triangles.
     Drum(drum::Options),
+    /// Time settled ellipsoids.
+    Settled(speed::Turns),
     /// Write LAMMPS' positions after a millisecond.
     Answer {
         /// CSV: start and end of each sphere [m].
@@ -65,7 +69,8 @@ fn main() -> anyhow::Result<()> {
     let case = || Case::read(&arguments.scene);
     match arguments.task {
         Task::Converge(options) => converge::converge(&case()?, &options, &arguments.record),
-        Task::Time(options) => speed::time(&case()?, &options, &arguments.record),
+        Task::Time(options) => speed::time(case()?, &options, &arguments.record),
+        Task::Settled(turns) => speed::settled(&turns, &arguments.record),
         Task::Drum(options) => drum::time(&options, &arguments.record),
         Task::Answer { file, finest, corner } => {
             let mut case = case()?;

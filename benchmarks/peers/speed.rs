@@ -1,7 +1,7 @@
 //! How long a step takes, in turns.
 
 use crate::case::{Apart, Case};
-use crate::codes::{Code, Run, Steps, run};
+use crate::codes::{Code, Run, Steps, own, run};
 use anyhow::ensure;
 use std::fmt::Write;
 use std::fs;
@@ -20,6 +20,9 @@ pub(crate) struct Options {
     /// Also this program with the spheres in a random order.
     #[arg(long)]
     shuffled: bool,
+    /// So many copies of the state side by side along x and along y: 7 make 980,000 spheres.
+    #[arg(long, default_value_t = 1)]
+    tiles: u32,
 }
 
 /// How often, and how long.
@@ -45,8 +48,10 @@ struct Row {
     cpu: f64,
 }
 
-/// Writes `time.csv`, `versions.txt`, and prints the medians.
-pub(crate) fn time(case: &Case, options: &Options, record: &Path) -> anyhow::Result<()> {
+/// Writes `time.csv`, or `tiles_<n>.csv`, and `versions.txt`, and prints the medians.
+pub(crate) fn time(mut case: Case, options: &Options, record: &Path) -> anyhow::Result<()> {
+    case.tile(options.tiles);
+    let case = &case;
     let mut codes = vec![Code::Own, Code::Lammps, Code::Liggghts];
     codes.retain(|code| !options.without.iter().any(|name| name == code.name()));
     if options.shuffled {
@@ -66,10 +71,26 @@ pub(crate) fn time(case: &Case, options: &Options, record: &Path) -> anyhow::Res
     fs::write(record.join("versions.txt"), versions)?;
     compare(case, &codes)?;
 
-    let file = record.join("time.csv");
+    let name =
+        if options.tiles == 1 { "time.csv" } else { &format!("tiles_{}.csv", options.tiles) };
+    let file = record.join(name);
     options.turns.time(&mut codes, case.start.len(), &file, |code, count, ranks| {
         run(code, case, Steps { step: case.step, count, ranks })
     })
+}
+
+/// Writes `settled.csv` and prints the medians.
+pub(crate) fn settled(turns: &Turns, record: &Path) -> anyhow::Result<()> {
+    let scene = Path::new("benchmarks/settled/scene.toml");
+    let folder = std::env::temp_dir().join(format!("dem-mpi-settled-{}", std::process::id()));
+    fs::create_dir_all(&folder)?;
+    let one = |code, count: u64, ranks| {
+        own(code, scene, &[("time.steps", count.to_string())], ranks, &folder)
+    };
+    let particles = one(Code::Own, 1, 1)?.end.len();
+    turns.time(&mut [Code::Own], particles, &record.join("settled.csv"), one)?;
+    fs::remove_dir_all(&folder)?;
+    Ok(())
 }
 
 impl Turns {

@@ -832,12 +832,17 @@ impl Display {
         } else if self.last_line.elapsed() > LINE_EVERY {
             self.last_line = Instant::now();
             let Progress { done, of, .. } = *progress;
-            let per_second = done as f64 / self.begin.elapsed().as_secs_f64();
-            let left = Duration::from_secs(((of - done) as f64 / per_second) as u64);
+            // Before the first step nobody knows how long one takes.
+            let pace = if done == 0 {
+                "not yet known how long it takes".to_owned()
+            } else {
+                let per_second = done as f64 / self.begin.elapsed().as_secs_f64();
+                let left = Duration::from_secs(((of - done) as f64 / per_second) as u64);
+                format!("{per_second:.1} steps/s, {} left", indicatif::HumanDuration(left))
+            };
+            let percent = 100.0 * done as f64 / of as f64;
             print_error(format_args!(
-                "{done} of {of} steps, {:.1} %, {per_second:.1} steps/s, {} left; {}",
-                100.0 * done as f64 / of as f64,
-                indicatif::HumanDuration(left),
+                "{done} of {of} steps, {percent:.1} %, {pace}; {}",
                 self.last_state
             ));
         }

@@ -40,7 +40,7 @@ impl ContactResolver for SphereSphere {
         }
         let distance = squared.sqrt();
         let overlap = reach - distance;
-        let normal = r / distance;
+        let normal = r * (1.0 / distance);
         Touch { overlap, normal, point: touch_of_sphere(radius_a, &normal, overlap) }.outcome()
     }
 

@@ -11,17 +11,19 @@ use crate::contact::{
     Batch, ContactRecord, ContactRecords, Found, Geometry, Pair, Patch, Previous, StateColumn,
     Touch, Touching, across_gap, touch_of_sphere,
 };
-use crate::ids::GlobalId;
+use crate::ids::{GlobalId, Slot};
+use crate::lanes::prefetch;
 use crate::law::{ForceLaw, Last, Separated, Sums, Work};
 use crate::math::Vec3;
 use crate::particles::{Needs, Particles, held};
-use crate::search::PairList;
+use crate::search::{PairList, in_order};
+use std::collections::HashMap;
 
 /// Bytes of a contact in the columns that every scene needs: bodies, number, geometry, force.
 pub const CONTACT_COLUMNS: usize =
     size_of::<Pair>() + size_of::<u32>() + size_of::<Geometry>() + size_of::<Vec3>();
 
-/// Contacts in the order of the ids of their bodies. Columns that a scene does not need are empty.
+/// Contacts in the order of their pairs. Columns that a scene does not need are empty.
 #[derive(Clone, Debug, Default)]
 struct Columns {
     /// Their bodies.
@@ -153,6 +155,44 @@ impl Columns {
     }
 }
 
+/// Slots by the ids of their bodies.
+struct SlotsById {
+    /// The lowest id.
+    first: u64,
+    /// Of the ids from there on, as far as they are as dense as this; [`Self::NONE`] of others.
+    dense: Vec<u32>,
+    others: HashMap<GlobalId, u32>,
+}
+
+impl SlotsById {
+    const NONE: u32 = u32::MAX;
+    /// A hash takes as much room for each.
+    const WIDEST: usize = 8;
+
+    fn of(ids: &[GlobalId]) -> Self {
+        let first = ids.iter().min().map_or(0, |id| id.0);
+        let highest = ids.iter().filter(|id| id.wall_index().is_none()).max();
+        let range = highest.map_or(0, |id| (id.0 - first) as usize + 1);
+        let dense = vec![Self::NONE; range.min(Self::WIDEST * ids.len())];
+        let mut slots = Self { first, dense, others: HashMap::new() };
+        for (id, slot) in ids.iter().zip(0..) {
+            match slots.dense.get_mut((id.0 - first) as usize) {
+                Some(place) => *place = slot,
+                None => {
+                    slots.others.insert(*id, slot);
+                }
+            }
+        }
+        slots
+    }
+
+    fn get(&self, id: GlobalId) -> Option<Slot> {
+        let place = id.0.checked_sub(self.first)?;
+        let slot = self.dense.get(place as usize).or_else(|| self.others.get(&id));
+        slot.copied().filter(|&slot| slot != Self::NONE).map(Slot)
+    }
+}
+
 /// Room for so many entries of an empty column, and a few more.
 fn reserve<T>(column: &mut Vec<T>, count: usize) {
     column.reserve_exact(count + count / 32);
@@ -245,17 +285,24 @@ impl Contacts {
         &self.remembered
     }
 
-    /// Takes what is remembered to a new list of pairs. `carried` has the records of all touching contacts of owned
-    /// particles, in any order; a contact may stand there twice.
-    pub fn rebuild(&mut self, list: &PairList, particles: &Particles, carried: &ContactRecords) {
-        // Both stand in one order.
-        let key = |a: GlobalId, b: GlobalId| (b.wall_index().is_some(), a, b);
-        let key_of = |row: u32| {
+    /// Takes what is remembered to a new list of pairs of bodies with these places in the order of space. `carried` has the records of
+    /// all touching contacts of owned particles, in any order; a contact may stand there twice.
+    pub fn rebuild(
+        &mut self,
+        list: &PairList,
+        particles: &Particles,
+        places: &[u32],
+        carried: &ContactRecords,
+    ) {
+        // Both stand in one order; walls have the last places.
+        let key = |pair: Pair| (pair.b.index() >= particles.first_facet(), in_order(pair, places));
+        let slots = SlotsById::of(&particles.id);
+        let named = |row: u32| {
             let (a, b) = carried.ends(row as usize);
-            key(a, b)
+            Some((key(Pair { a: slots.get(a)?, b: slots.get(b)? }), row))
         };
-        let mut rows: Vec<u32> = (0..carried.len() as u32).collect();
-        rows.sort_unstable_by_key(|&row| key_of(row));
+        let mut rows: Vec<_> = (0..carried.len() as u32).filter_map(named).collect();
+        rows.sort_unstable();
         self.stretches.clear();
         self.now = Columns::default();
         self.spare.clear();
@@ -263,11 +310,11 @@ impl Contacts {
         for stretch in &list.stretches {
             let mut columns = Columns::default();
             for (pair, number) in list.pairs[stretch.range.clone()].iter().zip(0..) {
-                let here = key(particles.id[pair.a.index()], particles.id[pair.b.index()]);
-                while rest.first().is_some_and(|&row| key_of(row) < here) {
+                let here = key(*pair);
+                while rest.first().is_some_and(|(key, _)| *key < here) {
                     rest = &rest[1..];
                 }
-                let Some(&row) = rest.first().filter(|&&row| key_of(row) == here) else {
+                let Some(&(_, row)) = rest.first().filter(|(key, _)| *key == here) else {
                     continue;
                 };
                 let ContactRecord { geometry, state, .. } = carried.get(row as usize);
@@ -279,6 +326,15 @@ impl Contacts {
             columns.shrink();
             self.stretches.push(columns);
         }
+    }
+
+    /// Asks memory for what is remembered of a stretch.
+    pub fn prefetch(&self, stretch: usize) {
+        let Columns { pairs, numbers, geometry, state, .. } = &self.stretches[stretch];
+        prefetch(pairs);
+        prefetch(numbers);
+        prefetch(geometry);
+        prefetch(state);
     }
 
     /// Prepares a stretch for being looked at: what touches goes where it will stay, and pairs of other bodies than spheres learn
@@ -352,7 +408,9 @@ impl Contacts {
         if on_meshes || surfaces::has_equal_planes(pairs, particles) {
             surfaces::merge(touching, pairs, particles);
         }
-        if touching.pair.is_sorted() {
+        // As a rule the same touch, and were found in their order: then nothing else is looked at.
+        let are_same = touching.pair == self.stretches[stretch].numbers;
+        if are_same || touching.pair.is_sorted() {
             self.now.swap(touching);
         } else {
             self.sort(pairs.len(), touching, particles.needs);
@@ -364,7 +422,7 @@ impl Contacts {
         from.clear();
         separated.clear();
         let before = &stretches[stretch];
-        if now.numbers == before.numbers {
+        if are_same || now.numbers == before.numbers {
             return;
         }
         now.pairs.extend(now.numbers.iter().map(|&pair| pairs[pair as usize]));
@@ -463,7 +521,7 @@ impl Contacts {
         })
     }
 
-    /// The contacts whose forces have been found, by the ids of their bodies; those with walls are the last.
+    /// The contacts whose forces have been found, in the order of pairs; those with walls are the last.
     pub fn loaded<'a>(
         &'a self,
         law: &'a dyn ForceLaw,
@@ -596,10 +654,9 @@ mod tests {
     use crate::contact::{
         ContactRecord, ContactRecords, Geometry, Pair, Previous, StateColumn, Touching,
     };
-    use crate::ids::GlobalId;
     use crate::math::Vec3;
     use crate::particles::{Particles, crowd};
-    use crate::search::{PairList, close_pairs};
+    use crate::search::{PairList, close_pairs, in_order};
 
     const REMEMBERED: [StateColumn; 2] =
         [StateColumn::new("spring", 3, "m"), StateColumn::new("normal_force", 1, "N")];
@@ -607,7 +664,8 @@ mod tests {
     /// All pairs of a few bodies, and contacts of every third of them, remembered.
     fn remembered(particles: &mut Particles) -> (PairList, Contacts, ContactRecords) {
         let mut list = PairList::default();
-        list.rebuild(particles, close_pairs(particles, 1.0));
+        let places = particles.places();
+        list.rebuild(particles, close_pairs(particles, 1.0), &places);
         let mut named = ContactRecords::of(&REMEMBERED);
         for (number, pair) in list.pairs.iter().enumerate().step_by(3) {
             named.push(&ContactRecord {
@@ -623,18 +681,20 @@ mod tests {
             carried.push(&named.get(row));
         }
         let mut contacts = Contacts::of(&REMEMBERED);
-        contacts.rebuild(&list, particles, &carried);
+        contacts.rebuild(&list, particles, &places, &carried);
         (list, contacts, named)
     }
 
     #[test]
-    fn pairs_stand_in_the_order_of_ids_and_contacts_are_carried() {
+    fn pairs_stand_in_the_order_of_space_and_contacts_are_carried() {
         let mut particles = crowd(30, false);
         particles.id.reverse();
         let (list, contacts, named) = remembered(&mut particles);
         let ids = |pair: &Pair| [pair.a, pair.b].map(|slot| particles.id[slot.index()]);
-        let keys: Vec<[GlobalId; 2]> = list.pairs.iter().map(ids).collect();
-        assert!(keys.len() > 400 && keys.is_sorted() && keys.iter().all(|[a, b]| a < b));
+        let places = particles.places();
+        assert!(list.pairs.len() > 400 && list.pairs.iter().map(ids).all(|[a, b]| a < b));
+        assert!(list.pairs.is_sorted_by_key(|pair| in_order(*pair, &places)));
+        assert!(!list.pairs.is_sorted_by_key(ids));
         assert!(contacts.named(&particles).map(|(_, named)| named).eq(named.iter()));
     }
 

@@ -170,9 +170,10 @@ struct Grain<'a> {
 /// spheres with a face or an edge of it beside one on which they lie less deep, with another normal. Of equally deep ones that with the lower id stays.
 pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particles) {
     let grain = |row: usize| pairs[touching.pair[row] as usize].a;
-    let id = |row: usize| particles.id[grain(row).index()];
-    // Most often no grain touches two facets, and the pairs stand in the order of the grains.
-    if (1..touching.len()).all(|row| id(row - 1) < id(row)) {
+    // Most often no grain touches two facets. What a grain has with walls stands together in the list.
+    let is_next =
+        |row: usize| touching.pair[row - 1] < touching.pair[row] && grain(row - 1) != grain(row);
+    if (1..touching.len()).all(is_next) {
         return;
     }
     let mut on_walls: Vec<OnWall> =

@@ -11,7 +11,7 @@
 use super::{Domain, Neighbour};
 use crate::comm::{Comm, Parcel, Source, wire};
 use crate::contact::Pair;
-use crate::ids::{GlobalId, ShapeId, Slot};
+use crate::ids::{GlobalId, ShapeId, Slot, Standing};
 use crate::math::Vec3;
 use crate::particles::Particles;
 use serde::{Deserialize, Serialize};
@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 /// What makes ghosts.
 #[derive(Default, Serialize, Deserialize)]
 struct Offers {
-    names: Vec<(GlobalId, ShapeId)>,
+    names: Vec<(GlobalId, ShapeId, Standing)>,
     /// As many, or none if all particles have the size of their shapes.
     scale: Vec<f64>,
     position: Vec<Vec3>,
@@ -30,7 +30,8 @@ impl Offers {
     fn of(particles: &Particles, slots: impl Iterator<Item = usize>) -> Self {
         let mut offers = Self::default();
         for slot in slots {
-            offers.names.push((particles.id[slot], particles.shape[slot]));
+            let Particles { id, shape, standing, .. } = particles;
+            offers.names.push((id[slot], shape[slot], standing[slot]));
             offers.position.push(particles.position[slot]);
             if particles.needs.scale {
                 offers.scale.push(particles.scale[slot]);

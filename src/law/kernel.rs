@@ -984,32 +984,31 @@ impl<M: Model> Contacts<'_, '_, M> {
         let Block { first, bodies: [a, b], .. } = *block;
         let rows = done.force.rows(L::all(0.5) * done.dissipated);
         write_threes(&mut self.work.forces[first..], &rows);
-        // A body is B of its contacts with lower ids, which stand before those of which it is A: all B may come before all A.
+        let mut opposite = rows;
+        for row in &mut opposite {
+            *row = row.opposite();
+        }
         let sums = bytemuck::cast_slice_mut(&mut self.sums.force);
-        b.add(&rows, sums);
-        a.add_opposite(&rows, sums);
+        Gather::add([b, a], [&rows, &opposite], sums);
         if TURNS {
             let share = L::all(0.5) * done.rubbed;
             let sums = bytemuck::cast_slice_mut(&mut self.sums.torque);
-            b.add(&torques[0].rows(share), sums);
-            a.add(&torques[1].rows(share), sums);
+            let rows = [&torques[0].rows(share), &torques[1].rows(share)];
+            Gather::add([b, a], rows, sums);
         }
         // In words, or parts that a law does not have would be carried here.
         let [of_dashpots, of_turning, of_adhesion] = &mut self.sums.parts;
         if !of_dashpots.is_empty() {
             let share = (L::all(0.5) * done.parts[0]).store();
-            b.add_numbers(&share, of_dashpots);
-            a.add_numbers(&share, of_dashpots);
+            Gather::add_numbers([b, a], &share, of_dashpots);
         }
         if M::MOMENTS && !of_turning.is_empty() {
             let share = (L::all(0.5) * done.parts[1]).store();
-            b.add_numbers(&share, of_turning);
-            a.add_numbers(&share, of_turning);
+            Gather::add_numbers([b, a], &share, of_turning);
         }
         if M::TEARS {
             let share = (L::all(0.5) * done.parts[2]).store();
-            b.add_numbers(&share, of_adhesion);
-            a.add_numbers(&share, of_adhesion);
+            Gather::add_numbers([b, a], &share, of_adhesion);
         }
     }
 

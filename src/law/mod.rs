@@ -133,7 +133,7 @@ pub use interactions::{Interactions, Mixing};
 use crate::contact::curvature::Curvature;
 use crate::contact::{Geometry, Pair, Patch, Previous, StateColumn};
 use crate::ids::{MaterialId, ShapeId};
-use crate::lanes::Row;
+use crate::lanes::{Row, prefetch};
 use crate::math::{Vec3, Vec3AndNumber};
 use crate::particles::columns::Quantity;
 use crate::particles::{Library, Needs, Particles, held};
@@ -180,7 +180,7 @@ pub struct PressOnWall {
     pub force: Vec3,
 }
 
-/// Contacts of this step in the order of the ids of their bodies, with what was remembered of them, and room for what a law
+/// Contacts of this step in the order of their pairs, with what was remembered of them, and room for what a law
 /// finds. Columns that a scene does not need are empty.
 #[derive(Debug)]
 pub struct Work<'a> {
@@ -226,7 +226,7 @@ pub struct Separated {
     pub before: usize,
 }
 
-/// What contacts do to the owned particles in a step, summed for each in the order of its partners' ids: the same bits on any
+/// What contacts do to the owned particles in a step, summed for each in the order of its partners in space: the same bits on any
 /// number of ranks.
 #[derive(Debug, Default)]
 pub struct Sums {
@@ -301,6 +301,20 @@ impl Sums {
         }
     }
 
+    /// Asks memory for how the second bodies of pairs move, and for what is summed of them. The first bodies stand side by side.
+    pub fn prefetch(&self, pairs: &[Pair], particles: &Particles) {
+        for pair in pairs {
+            let b = pair.b.index()..=pair.b.index();
+            prefetch(&particles.position[b.clone()]);
+            prefetch(&particles.velocity[b.clone()]);
+            prefetch(&self.force[b.clone()]);
+            if let Some(spin) = &particles.spin {
+                prefetch(&spin.angular_velocity[b.clone()]);
+                prefetch(&self.torque[b]);
+            }
+        }
+    }
+
     /// Bytes that it holds between two steps.
     pub fn bytes(&self) -> usize {
         let presses = self.presses_on_walls.iter().map(held).sum::<usize>();
@@ -316,7 +330,7 @@ impl Sums {
         &self.at_walls
     }
 
-    /// What walls and owned particles did to each other, in the order of the particles' ids, then of the walls: all of it of walls that
+    /// What walls and owned particles did to each other, in the order of the particles in space, then of the walls: all of it of walls that
     /// [wear](crate::particles::walls::Wall::wears), of others where they work.
     pub fn on_walls(&self) -> &[OnWall] {
         &self.on_walls

@@ -3,7 +3,7 @@
 use super::SnapshotError;
 use super::hdf5::{Column, Element, Piece, SnapshotFile};
 use super::order::Order;
-use crate::ids::{GlobalId, ShapeId};
+use crate::ids::{GlobalId, ShapeId, Standing};
 use crate::math::Vec3;
 use std::borrow::Cow;
 
@@ -190,6 +190,24 @@ impl Value for GlobalId {
 
     fn from_elements(elements: Vec<i64>) -> Vec<Self> {
         elements.into_iter().map(Self::from_file).collect()
+    }
+}
+
+impl Value for Standing {
+    type Element = u64;
+
+    const LABELS: &'static [&'static str] = SCALAR;
+
+    fn number(&self, _k: usize) -> f64 {
+        self.0 as f64
+    }
+
+    fn to_elements(rows: &[Self]) -> Cow<'_, [u64]> {
+        rows.iter().map(|standing| standing.0).collect()
+    }
+
+    fn from_elements(elements: Vec<u64>) -> Vec<Self> {
+        elements.into_iter().map(Self).collect()
     }
 }
 

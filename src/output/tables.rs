@@ -23,7 +23,7 @@
 //! |---|---|---|
 //! | particles `/VTKHDF/Points` | particles × 3 | centres [m] |
 //! | particles `/VTKHDF/PointData/<name>` | particles | the other columns of [`ParticleTable`] that a picture shows; the attribute `order` of `quaternion` is `w, x, y, z` |
-//! | particles `/restart/particles/<name>` | particles | `angular_momentum`, `image`, and each [`Quantity`] under its name |
+//! | particles `/restart/particles/<name>` | particles | `standing` in the order of space ([`crate::particles::order`]), `angular_momentum`, `image`, and each [`Quantity`] under its name |
 //! | particles `/restart/contacts/<name>` | touching pairs | `a`, `b`, `normal`, `overlap`, and what the law remembers under its names |
 //! | contacts `/VTKHDF/Points` | 2 per contact × 3 | centre of A; centre of B's nearest image, or the foot on the wall [m] |
 //! | contacts `/VTKHDF/CellData/<name>` | contacts | the columns of [`ContactTable`] |
@@ -33,7 +33,7 @@ use super::columns::{Numbers, Value, column};
 use super::hdf5::{Piece, SnapshotFile};
 use super::order::Order;
 use crate::contact::{ContactRecord, ContactRecords, StateColumn};
-use crate::ids::{GlobalId, ShapeId};
+use crate::ids::{GlobalId, ShapeId, Standing};
 use crate::math::Vec3;
 use crate::particles::Needs;
 use crate::particles::columns::{Accumulated, Presence, Quantity};
@@ -64,6 +64,8 @@ pub struct ParticleTable {
     pub rank: Vec<i32>,
     /// What has accumulated over the life of each. Optional where a [`Quantity`] is.
     pub accumulated: Accumulated<Vec<f64>>,
+    /// Where it stands in the order of space. Optional: older files do not have it.
+    pub standing: Vec<Standing>,
     /// Whole periods added to `position` to follow the particle through a periodic domain. Optional.
     pub image: Vec<[i32; 3]>,
     /// Orientation (w, x, y, z), body to world. Optional: absent if all are spheres.
@@ -192,8 +194,16 @@ fn shown() -> [ParticleColumn; 11] {
 }
 
 /// What a restart needs besides.
-fn of_restart() -> [ParticleColumn; 2] {
+fn of_restart() -> [ParticleColumn; 3] {
     [
+        own(
+            "standing",
+            "/restart/particles/standing",
+            "1",
+            Presence::If(|_| true),
+            |t| &t.standing,
+            |t| &mut t.standing,
+        ),
         own(
             "image",
             "/restart/particles/image",

@@ -47,8 +47,9 @@ impl Needs {
 
     /// Bytes per owned particle in the columns, contacts left out.
     pub fn column_bytes(&self) -> usize {
-        // id, shape, position, velocity, force, position at the last listing, travel
+        // id, shape, standing, position, velocity, force, position at the last listing, travel
         8 + 2
+            + 8
             + 4 * 24
             + 8
             + 8

@@ -7,6 +7,7 @@ pub mod census;
 pub mod columns;
 pub mod courses;
 pub mod mix;
+pub mod order;
 pub mod orientations;
 pub mod records;
 pub mod sizes;
@@ -14,7 +15,7 @@ pub mod walls;
 
 use crate::cell::Cell;
 use crate::contact::{Bodies, FacetInPlace, Pair, Posed};
-use crate::ids::{GlobalId, MaterialId, ShapeId, Slot};
+use crate::ids::{GlobalId, MaterialId, ShapeId, Slot, Standing};
 use crate::math::{Mat3, Quat, Vec3, Vec3AndNumber};
 use crate::shape::{Form, Shape};
 use columns::Accumulated;
@@ -241,6 +242,8 @@ pub struct Particles {
     pub shape: Vec<ShapeId>,
     /// Lengths of each body over those of its shape; 1 of walls [-]. Length: all slots, or none.
     pub scale: Vec<f64>,
+    /// In the order of space. Length: all slots.
+    pub standing: Vec<Standing>,
     /// Centres, wrapped into the domain along periodic axes [m]. Length: all slots.
     pub position: Vec<Vec3>,
     /// After a step those of the time of the positions; before its second kick, and of ghosts, those of half a step
@@ -287,6 +290,7 @@ impl Particles {
             id: Vec::new(),
             shape: Vec::new(),
             scale: Vec::new(),
+            standing: Vec::new(),
             position: Vec::new(),
             velocity: Vec::new(),
             force: Vec::new(),
@@ -434,6 +438,7 @@ impl Particles {
         self.id.shrink_to_fit();
         self.shape.shrink_to_fit();
         self.scale.shrink_to_fit();
+        self.standing.shrink_to_fit();
         self.position.shrink_to_fit();
         self.velocity.shrink_to_fit();
         self.force.shrink_to_fit();
@@ -463,6 +468,7 @@ impl Particles {
         held(&self.id)
             + held(&self.shape)
             + held(&self.scale)
+            + held(&self.standing)
             + held(&self.position)
             + held(&self.velocity)
             + held(&self.force)
@@ -481,6 +487,7 @@ impl Particles {
         self.id.truncate(owned);
         self.shape.truncate(owned);
         self.scale.truncate(owned);
+        self.standing.truncate(owned);
         self.position.truncate(owned);
         self.velocity.truncate(owned);
         self.facets = FacetColumns::default();
@@ -506,6 +513,7 @@ impl Particles {
             velocity,
             force,
             accumulated,
+            standing,
             image,
             quaternion,
             angular_momentum,
@@ -522,6 +530,7 @@ impl Particles {
         if self.needs.scale {
             self.scale.push(*scale);
         }
+        self.standing.push(standing.unwrap_or_else(|| self.standing_at(position)));
         self.position.push(*position);
         self.velocity.push(*velocity);
         self.force.push((*force).into());
@@ -561,6 +570,7 @@ impl Particles {
             velocity: self.velocity[slot],
             force: self.force[slot].vector,
             accumulated: self.accumulated.row(slot),
+            standing: Some(self.standing[slot]),
             image: self.image.get(slot).copied().unwrap_or_default(),
             quaternion: orientation
                 .map_or_else(Quat::identity, |orientation| orientation.quaternion[slot]),
@@ -578,6 +588,7 @@ impl Particles {
         if self.needs.scale {
             self.scale.swap_remove(slot);
         }
+        self.standing.swap_remove(slot);
         self.position.swap_remove(slot);
         self.velocity.swap_remove(slot);
         self.force.swap_remove(slot);
@@ -652,6 +663,7 @@ impl Particles {
             self.facets.wall.push(wall as u32);
         }
         let slots = self.id.len();
+        self.standing.resize(slots, Standing::LAST);
         if self.needs.scale {
             self.scale.resize(slots, 1.0);
         }

@@ -2,7 +2,7 @@
 //!
 //! | | a new owner gets | a new ghost's rank gets | in every step |
 //! |---|---|---|---|
-//! | id, shape, scale | x | x | |
+//! | id, shape, scale, standing | x | x | |
 //! | position | x | x | x |
 //! | velocity | x | x, if a law needs it | x, if a law needs it |
 //! | orientation | x | x, if a shape needs it | x, if a shape needs it |
@@ -13,7 +13,7 @@
 
 use super::columns::Accumulated;
 use super::{Library, Particles};
-use crate::ids::{GlobalId, ShapeId};
+use crate::ids::{GlobalId, ShapeId, Standing};
 use crate::math::{Quat, Vec3};
 use crate::shape::Kind;
 use serde::{Deserialize, Serialize};
@@ -36,6 +36,8 @@ pub struct Particle {
     pub force: Vec3,
     /// What has accumulated so far.
     pub accumulated: Accumulated<f64>,
+    /// In the order of space; `None` of one that is new: by its place.
+    pub standing: Option<Standing>,
     /// Whole periods to add to the position.
     pub image: [i32; 3],
     /// Body to world.
@@ -59,6 +61,7 @@ impl Particle {
             velocity: Vec3::zeros(),
             force: Vec3::zeros(),
             accumulated: Accumulated::default(),
+            standing: None,
             image: [0; 3],
             quaternion: Quat::identity(),
             angular_momentum: Vec3::zeros(),
@@ -152,12 +155,13 @@ impl Particles {
         }
     }
 
-    /// Appends ghosts with these names, shapes and, if the scene needs them, scales; their state comes with
+    /// Appends ghosts with these names, shapes, standings and, if the scene needs them, scales; their state comes with
     /// [`Particles::unpack_halo`].
-    pub fn push_ghosts(&mut self, names: &[(GlobalId, ShapeId)], scales: &[f64]) {
-        for &(id, shape) in names {
+    pub fn push_ghosts(&mut self, names: &[(GlobalId, ShapeId, Standing)], scales: &[f64]) {
+        for &(id, shape, standing) in names {
             self.id.push(id);
             self.shape.push(shape);
+            self.standing.push(standing);
         }
         self.scale.extend_from_slice(scales);
         self.ghosts += names.len();

@@ -213,6 +213,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
         skin: scene.skin,
         reach,
         imbalance: scene.imbalance,
+        order_every: scene.order_every,
         lists_since_cut: 0,
         audit: Auditor::new(scene.audit),
         clock: Clock::new(),

@@ -34,6 +34,8 @@ const SKIN: f64 = 0.1;
 const LEAST_SKIN: f64 = 0.02;
 /// Work of the busiest rank over the mean from which on the domain is cut again, if the file does not say.
 const IMBALANCE: f64 = 1.1;
+/// In so many steps few grains leave their neighbours, and a new order takes less than the time of twenty.
+const ORDER_EVERY: u64 = 5000;
 
 /// As many shapes and walls as have ids.
 const MOST_IDS: usize = 1 << u16::BITS;
@@ -117,10 +119,10 @@ pub(super) fn scene(
     let stop = root.read_or("stop", Stop::default(), |given| stop(&given.section()?, &root));
     let largest = shapes.library.largest_radius();
     let neighbours = {
-        let skins = skins(&shapes.library);
-        root.read_or("neighbours", (skins[1], IMBALANCE), |given| {
-            neighbours(&given.section()?, skins)
-        })
+        let [least, default] = skins(&shapes.library);
+        let neighbours =
+            Neighbours { skin: default, imbalance: IMBALANCE, order_every: ORDER_EVERY };
+        root.read_or("neighbours", neighbours, |given| neighbours.read(&given.section()?, least))
     };
     let audit = audit(&root, seed.unwrap_or_default());
     let output = root.section("output", "`directory`").as_ref().and_then(Output::read);
@@ -139,7 +141,9 @@ pub(super) fn scene(
             room.for_amounts(inlets);
         }
     }
-    if let (Some(domain), Some(section), Some((skin, _))) = (&domain, &domain_section, neighbours) {
+    if let (Some(domain), Some(section), Some(Neighbours { skin, .. })) =
+        (&domain, &domain_section, neighbours)
+    {
         let reach = law.as_ref().map_or(0.0, |law| law.reach(largest));
         check_periods(section, domain, halo_width(&shapes.library, skin, reach));
     }
@@ -165,7 +169,7 @@ pub(super) fn scene(
     let law = law?;
     let jumps = before.and_then(|before| jumps::jumps(&before, &materials, &law, &library));
     let walls = walls.into_library(&mut library)?;
-    let (skin, imbalance) = neighbours?;
+    let Neighbours { skin, imbalance, order_every } = neighbours?;
     let (initial, rain) = fills?;
     let Time { dt, own_step, steps, duration, allow_unstable } = time?;
     let Output { directory: out, snapshot_every, history_every } = output?;
@@ -197,6 +201,7 @@ pub(super) fn scene(
         stop: stop?,
         skin,
         imbalance,
+        order_every,
         snapshot_every,
         history_every,
         audit: audit?,
@@ -442,12 +447,24 @@ fn stop(section: &Section, root: &Section) -> Option<Stop> {
     Some(stop)
 }
 
-/// Skin [m] and imbalance of `[neighbours]`.
-fn neighbours(section: &Section, [least, default]: [f64; 2]) -> Option<(f64, f64)> {
-    let skin = section.number_or("skin", default, Range::NotNegative, "m");
-    let imbalance = section.number_or("imbalance", IMBALANCE, Range::FromOne, "");
-    section.finish();
-    Some((skin?.max(least), imbalance?))
+/// `[neighbours]`.
+#[derive(Clone, Copy)]
+struct Neighbours {
+    /// [m]
+    skin: f64,
+    imbalance: f64,
+    order_every: u64,
+}
+
+impl Neighbours {
+    /// What a section says of them; the skin is this at least [m].
+    fn read(self, section: &Section, least: f64) -> Option<Self> {
+        let skin = section.number_or("skin", self.skin, Range::NotNegative, "m");
+        let imbalance = section.number_or("imbalance", self.imbalance, Range::FromOne, "");
+        let order_every = section.read_or("order_every", self.order_every, |given| given.whole(1));
+        section.finish();
+        Some(Self { skin: skin?.max(least), imbalance: imbalance?, order_every: order_every? })
+    }
 }
 
 /// How contacts are audited; `seed` is that of the scene.

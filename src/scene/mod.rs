@@ -141,6 +141,8 @@ pub struct Scene {
     pub skin: f64,
     /// Subdomains are cut again when the busiest rank has this many times the mean work.
     pub imbalance: f64,
+    /// Steps after which the order of space is renewed.
+    pub order_every: u64,
     /// Steps between snapshots; 0: only at the start and the end.
     pub snapshot_every: u64,
     /// Steps between rows of `history.csv`; 0: only at the end.

@@ -221,6 +221,7 @@ pub fn value(table: &str, key: &str) -> Option<Value> {
         ("stop", "rest" | "unbalanced" | "servo") => below_one,
         ("neighbours", "skin") => not_negative,
         ("neighbours", "imbalance") => number(Range::FromOne),
+        ("neighbours", "order_every") => whole(1),
         ("audit", "every" | "seed") => whole(0),
         ("audit", "contacts") => whole(1),
         ("output", "directory") => text(),

@@ -279,6 +279,10 @@ struct Grid<'a> {
     /// Slots by cell; those of cell `c` are `slots[first[c]..first[c + 1]]`.
     first: Vec<u32>,
     slots: Vec<u32>,
+    /// Where the bodies of these slots are [m].
+    places: Vec<Vec3>,
+    /// No two bodies farther apart than this, within a cell and to the next, touch or are listed [m].
+    reach: f64,
 }
 
 impl<'a> Grid<'a> {
@@ -295,7 +299,8 @@ impl<'a> Grid<'a> {
                 count => space.extent[axis] / count as f64,
             };
         }
-        let mut grid = Self { space, width, count, first: Vec::new(), slots: Vec::new() };
+        let (first, slots, places) = (Vec::new(), Vec::new(), Vec::new());
+        let mut grid = Self { space, width, count, first, slots, places, reach };
         let cells: Vec<u32> = members
             .iter()
             .map(|&slot| grid.index(grid.cell(&positions[slot as usize])) as u32)
@@ -315,6 +320,11 @@ impl<'a> Grid<'a> {
             *next += 1;
         }
         grid.first = first;
+        grid.places = grid.slots.iter().map(|&slot| positions[slot as usize]).collect();
+        // Round a period of one cell a body is in the same cell as its images: that axis does not tell how far away it is.
+        for axis in (0..3).filter(|&axis| space.wraps[axis] && count[axis] == 1) {
+            grid.places.iter_mut().for_each(|place| place[axis] = 0.0);
+        }
         grid
     }
 
@@ -331,47 +341,63 @@ impl<'a> Grid<'a> {
     }
 
     fn slots_in(&self, cell: usize) -> &[u32] {
-        &self.slots[self.first[cell] as usize..self.first[cell + 1] as usize]
+        &self.slots[self.bodies_in(cell)]
     }
 
-    /// The cell `offset` away along an axis, if there is one.
-    fn neighbour(&self, axis: usize, cell: usize, offset: isize) -> Option<usize> {
+    /// Where the bodies of a cell stand among those of the grid.
+    fn bodies_in(&self, cell: usize) -> std::ops::Range<usize> {
+        self.first[cell] as usize..self.first[cell + 1] as usize
+    }
+
+    /// The cell `offset` away along an axis, if there is one, and by how much its bodies are shifted: by a period where the way goes
+    /// round [m].
+    fn neighbour(&self, axis: usize, cell: usize, offset: isize) -> Option<(usize, f64)> {
         let count = self.count[axis] as isize;
         let there = cell as isize + offset;
         if (0..count).contains(&there) {
-            Some(there as usize)
+            Some((there as usize, 0.0))
         } else if self.space.wraps[axis] && count > 1 {
-            Some(there.rem_euclid(count) as usize)
+            let shift = self.space.extent[axis].copysign(offset as f64);
+            Some((there.rem_euclid(count) as usize, shift))
         } else {
             None
         }
     }
 
-    /// Calls `visit` once for every pair of slots in the same cell or in touching ones.
+    /// Calls `visit` once for every pair of slots within reach in the same cell or in touching ones.
     fn for_each_candidate(&self, visit: &mut impl FnMut(usize, usize)) {
+        // Wider by far than rounding, and far less than a skin.
+        let limit = (self.reach * (1.0 + 1e-6)).powi(2);
+        let mut look = |k: usize, m: usize, shift: &Vec3| {
+            let apart = self.places[m] + shift - self.places[k];
+            if apart.norm_squared() <= limit {
+                visit(self.slots[k] as usize, self.slots[m] as usize);
+            }
+        };
         for z in 0..self.count[2] {
             for y in 0..self.count[1] {
                 for x in 0..self.count[0] {
-                    let here = self.slots_in(self.index([x, y, z]));
+                    let here = self.bodies_in(self.index([x, y, z]));
                     if here.is_empty() {
                         continue;
                     }
-                    for (k, &i) in here.iter().enumerate() {
-                        for &j in &here[k + 1..] {
-                            visit(i as usize, j as usize);
+                    for k in here.clone() {
+                        for m in k + 1..here.end {
+                            look(k, m, &Vec3::zeros());
                         }
                     }
                     for [dx, dy, dz] in HALF_OF_NEIGHBOURS {
-                        let (Some(x), Some(y), Some(z)) = (
+                        let (Some((x, to_x)), Some((y, to_y)), Some((z, to_z))) = (
                             self.neighbour(0, x, dx),
                             self.neighbour(1, y, dy),
                             self.neighbour(2, z, dz),
                         ) else {
                             continue;
                         };
-                        for &j in self.slots_in(self.index([x, y, z])) {
-                            for &i in here {
-                                visit(i as usize, j as usize);
+                        let shift = Vec3::new(to_x, to_y, to_z);
+                        for m in self.bodies_in(self.index([x, y, z])) {
+                            for k in here.clone() {
+                                look(k, m, &shift);
                             }
                         }
                     }
@@ -500,7 +526,10 @@ mod tests {
                 ghosts.push((id, shape, scale, position));
             }
         }
-        let names: Vec<_> = ghosts.iter().map(|&(id, shape, ..)| (id, shape)).collect();
+        let named = |&(id, shape, _, ref place): &(_, _, _, Vec3)| {
+            (id, shape, particles.standing_at(place))
+        };
+        let names: Vec<_> = ghosts.iter().map(named).collect();
         let scales: Vec<_> = ghosts.iter().map(|&(.., scale, _)| scale).collect();
         particles.push_ghosts(&names, if sized { &scales } else { &[] });
         for (k, (.., position)) in ghosts.into_iter().enumerate() {

@@ -4,8 +4,8 @@
 //! alone, never on the rank; and since a pair that does not touch leaves no trace, neither the
 //! moment nor the order of listing shows in the trajectory.
 //!
-//! Pairs of particles stand in the order of their ids, first by the lower one; then come those with walls, in the same order.
-//! So whoever goes through the list meets the partners of each body by rising id.
+//! Pairs of particles stand in the [order of space](crate::particles::order), first by that of both which stands first; then come those
+//! with walls, in the same order. So whoever goes through the list meets the partners of each body in that order.
 
 mod cells;
 
@@ -13,6 +13,7 @@ pub use cells::{close_pairs, note_near_facets};
 
 use crate::contact::{Pair, ordered};
 use crate::ids::Slot;
+use crate::lanes::prefetch;
 use crate::particles::{Particles, held};
 use crate::shape::Kind;
 use std::ops::Range;
@@ -38,7 +39,7 @@ pub struct Stretch {
 /// The pairs that may touch, and when to look at them again.
 #[derive(Clone, Debug, Default)]
 pub struct PairList {
-    /// All pairs: of particles by their ids, then those with walls.
+    /// All pairs: of particles by where both stand, then those with walls.
     pub pairs: Vec<Pair>,
     /// The list in parts.
     pub stretches: Vec<Stretch>,
@@ -60,13 +61,14 @@ const TO_SINGLE: f64 = 1e-6;
 const ROUNDING: f64 = 1e-12;
 
 impl PairList {
-    /// Lists the pairs that [`close_pairs`] has found, for the particles where they are.
+    /// Lists the pairs that [`close_pairs`] has found, for the particles where they are, of which these are the places in the order of
+    /// space.
     ///
     /// # Panics
     /// If there are more pairs than have numbers, 2^31.
-    pub fn rebuild(&mut self, particles: &mut Particles, found: Vec<Pair>) {
+    pub fn rebuild(&mut self, particles: &mut Particles, found: Vec<Pair>, places: &[u32]) {
         assert!(found.len() < 1 << 31, "2^31 pairs on a rank: take more ranks, or a smaller skin");
-        let with_walls = self.sort_by_ids(particles, &found);
+        let with_walls = self.sort(particles, &found, places);
         drop(found);
         self.until.clear();
         self.until.resize(self.pairs.len(), 0.0);
@@ -86,34 +88,32 @@ impl PairList {
     }
 
     /// Puts pairs, those with walls last, in order; returns where those with walls begin.
-    fn sort_by_ids(&mut self, particles: &Particles, found: &[Pair]) -> usize {
-        let id = |slot: Slot| particles.id[slot.index()];
-        let mut slots: Vec<u32> = (0..particles.first_facet() as u32).collect();
-        slots.sort_unstable_by_key(|&slot| id(Slot(slot)));
+    fn sort(&mut self, particles: &Particles, found: &[Pair], places: &[u32]) -> usize {
+        let ends = |pair: &Pair| in_order(*pair, places);
         let with_walls = found.partition_point(|pair| pair.b.index() < particles.first_facet());
         let (among, with_walls) = found.split_at(with_walls);
         // Counted first, then each to its place: sorting with keys would hold all pairs three times.
-        let mut next = vec![0; slots.len()];
+        let mut next = vec![0; particles.first_facet()];
         for pair in among {
-            next[pair.a.index()] += 1;
+            next[ends(pair).0 as usize] += 1;
         }
         let mut start = 0;
-        for &slot in &slots {
-            start += std::mem::replace(&mut next[slot as usize], start);
+        for next in &mut next {
+            start += std::mem::replace(next, start);
         }
         self.pairs.clear();
         self.pairs.reserve_exact(found.len());
         self.pairs.resize(among.len(), Pair { a: Slot(0), b: Slot(0) });
         for pair in among {
-            let place = &mut next[pair.a.index()];
+            let place = &mut next[ends(pair).0 as usize];
             self.pairs[*place] = *pair;
             *place += 1;
         }
-        for of_one in self.pairs.chunk_by_mut(|one, other| one.a == other.a) {
-            of_one.sort_unstable_by_key(|pair| id(pair.b));
+        for of_one in self.pairs.chunk_by_mut(|one, other| ends(one).0 == ends(other).0) {
+            of_one.sort_unstable_by_key(ends);
         }
         self.pairs.extend_from_slice(with_walls);
-        self.pairs[among.len()..].sort_unstable_by_key(|pair| (id(pair.a), id(pair.b)));
+        self.pairs[among.len()..].sort_unstable_by_key(ends);
         among.len()
     }
 
@@ -154,6 +154,13 @@ impl PairList {
                 self.stretches.push(Stretch { range, groups });
             }
         }
+    }
+
+    /// Asks memory for the pairs of a stretch; returns them.
+    pub fn prefetch(&self, stretch: usize) -> &[Pair] {
+        let range = &self.stretches[stretch].range;
+        prefetch(&self.until[range.clone()]);
+        &self.pairs[range.clone()]
     }
 
     /// Which pairs of a group must be looked at: numbers within the stretch, in the room of `active`.
@@ -207,6 +214,12 @@ impl PairList {
     pub fn bytes(&self) -> usize {
         held(&self.pairs) + held(&self.order) + held(&self.until) + held(&self.stretches)
     }
+}
+
+/// The places of both bodies of a pair in the order of space, that of the first before that of the other.
+pub fn in_order(Pair { a, b }: Pair, places: &[u32]) -> (u32, u32) {
+    let [a, b] = [a, b].map(|slot| places[slot.index()]);
+    (a.min(b), a.max(b))
 }
 
 /// How far the surfaces of a pair can have come nearer since it was listed [m].

@@ -177,6 +177,7 @@ impl Simulation {
             coordination: self.contacts.coordination(particles.owned),
             rank: vec![rank.0 as i32; particles.owned],
             accumulated: particles.accumulated.clone(),
+            standing: particles.standing[owned.clone()].to_vec(),
             image: particles.image.clone(),
             ..ParticleTable::default()
         };
@@ -312,6 +313,7 @@ pub fn particles_of(table: &ParticleTable, shape_of: impl Fn(ShapeId) -> ShapeId
             velocity: table.velocity[row],
             force: table.force[row],
             accumulated: table.accumulated.row(row),
+            standing: table.standing.get(row).copied(),
             image: table.image.get(row).copied().unwrap_or_default(),
             // The bits as they were, not normalised again.
             quaternion: table.quaternion.get(row).map_or_else(Quat::identity, |&[w, x, y, z]| {

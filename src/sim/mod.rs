@@ -100,6 +100,8 @@ pub struct Simulation {
     pub reach: f64,
     /// Cut again when the busiest rank has this many times the mean work.
     pub imbalance: f64,
+    /// Steps after which the order of space is renewed.
+    pub order_every: u64,
     /// Neighbour lists rebuilt since the last repartition.
     pub lists_since_cut: u32,
     /// What was found of contacts that were resolved again.
@@ -181,6 +183,9 @@ pub(crate) fn steps_of(duration: f64, dt: f64) -> u64 {
     // A whole number of steps may come out a little above.
     (duration / dt * (1.0 - 1e-12)).ceil() as u64
 }
+
+/// What is known of more bodies than these does not stay in a cache from step to step: memory is asked for it ahead of its use.
+const MOST_CACHED: usize = 1 << 16;
 
 /// How many neighbour lists are rebuilt before the next repartition.
 const LISTS_BETWEEN_CUTS: u32 = 5;
@@ -267,7 +272,7 @@ impl Simulation {
         self.clock.lap(Phase::Exchange);
         let stale = comm.finish_vote();
         self.clock.lap(Phase::Agree);
-        if stale { self.list_pairs(&[], self.dt, comm) } else { Ok(()) }
+        if stale || self.has_to_order() { self.list_pairs(&[], self.dt, comm) } else { Ok(()) }
     }
 
     /// Lists pairs and finds the forces at the start of a stage. Collective.
@@ -330,6 +335,10 @@ impl Simulation {
                 }
             }
         }
+        if self.has_to_order() {
+            self.particles.renew_order();
+        }
+        self.particles.sort_owned();
         self.relist(&carried, comm);
         self.clock.lap(Phase::Rebuild);
         Ok(())
@@ -352,8 +361,9 @@ impl Simulation {
         self.domain.keep_paired_ghosts(&mut self.particles, &mut found);
         self.domain.start_halo(&self.particles, comm);
         self.domain.finish_halo(&mut self.particles, comm);
-        self.pairs.rebuild(&mut self.particles, found);
-        self.contacts.rebuild(&self.pairs, &self.particles, carried);
+        let places = self.particles.places();
+        self.pairs.rebuild(&mut self.particles, found, &places);
+        self.contacts.rebuild(&self.pairs, &self.particles, &places, carried);
         self.particles.trim();
         self.domain.traffic.rebuilds += 1;
     }
@@ -429,6 +439,11 @@ impl Simulation {
             motion::last_work(particles, slot, field, *dt);
     }
 
+    /// Is the order of space renewed at this step? The same on all ranks, and in all runs of a scene.
+    const fn has_to_order(&self) -> bool {
+        self.step.is_multiple_of(self.order_every)
+    }
+
     /// Has anybody here moved so far that an unlisted pair might touch?
     fn list_is_stale(&self) -> bool {
         if search::all_within(&self.particles, 0.5 * self.skin) {
@@ -470,7 +485,13 @@ impl Simulation {
     /// Finds contacts and their forces, stretch by stretch of the list of pairs. `dt` [s] is 0 at the start of a stage.
     fn find_forces(&mut self, dt: f64) -> Result<(), StepError> {
         self.sums.begin(&mut self.particles);
-        let found = (0..self.pairs.stretches.len()).try_for_each(|stretch| {
+        let stretches = self.pairs.stretches.len();
+        let are_far = self.particles.slots() > MOST_CACHED;
+        let found = (0..stretches).try_for_each(|stretch| {
+            if are_far && stretch + 1 < stretches {
+                self.contacts.prefetch(stretch + 1);
+                self.sums.prefetch(self.pairs.prefetch(stretch + 1), &self.particles);
+            }
             self.find_contacts(stretch);
             if let Some(&(number, why)) = self.found.failed.first() {
                 let start = self.pairs.stretches[stretch].range.start;
@@ -589,7 +610,7 @@ impl Simulation {
                 given.extend([pair.a, pair.b].map(|slot| (slot.index(), share)));
             }
         }
-        // Each body meets its partners in the order of their ids.
+        // Each body meets its partners in the order of space.
         for (slot, energy) in given.into_iter().filter(|(slot, _)| *slot < particles.owned) {
             particles.accumulated[Quantity::Received][slot] += energy;
         }

@@ -177,7 +177,10 @@ pub enum RunError {
 /// let snapshot = Reader::open(folder.path()).unwrap();
 /// assert_eq!(snapshot.header().step, 100);
 /// let particles = snapshot.particles(0..snapshot.particle_count()).unwrap();
-/// assert_eq!(particles.position, sim.particles.position[..sim.particles.owned]);
+/// // The file has particles in the order of their ids, a rank in that of space.
+/// let slot = |id| sim.particles.id.iter().position(|&other| other == id).unwrap();
+/// let places = particles.id.iter().map(|&id| sim.particles.position[slot(id)]);
+/// assert!(places.eq(particles.position));
 /// ```
 ///
 /// # Errors
@@ -202,6 +205,7 @@ pub fn run(
         let of = records.last_step - first_step;
         progress(&Progress { done: 0, of, measures: None, trace: "", warnings: &warned });
     }
+    sim.clock.lap(Phase::Output);
     let mut particle_steps = 0;
     let mut ending = Ending::LastStep;
     let mut stop_check = StopCheck::new(sim.step);

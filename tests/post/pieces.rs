@@ -32,6 +32,7 @@ pub(super) fn some_particles(table: &ParticleTable, rows: &[usize]) -> ParticleT
         coordination: pick(&table.coordination, rows),
         rank: pick(&table.rank, rows),
         accumulated,
+        standing: pick(&table.standing, rows),
         image: pick(&table.image, rows),
         quaternion: pick(&table.quaternion, rows),
         angular_momentum: pick(&table.angular_momentum, rows),

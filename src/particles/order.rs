@@ -1,0 +1,149 @@
+//! The order of space, in which bodies, pairs and contacts stand, and in which forces are summed: what stands side by side in
+//! memory touches.
+//!
+//! Sums decide bits, so the order may depend on positions only at moments that all runs of a scene share. The
+//! [`Standing`] of a particle is renewed at fixed numbers of steps, saved, and travels with the particle. The moment at which pairs are
+//! listed, ranks and restarts then leave no trace.
+//!
+//! Particles stand in pencils as wide as one of them, in planes across the longest side of the domain, which are as small as they can be.
+//! Partners then stand in few rows, and memory delivers each from end to end. Along Hilbert's curve they stand nearer to each other, but in
+//! no rows: a step of a million spheres takes longer (`benchmarks/records/2026-11-peers`).
+
+use super::Particles;
+use crate::ids::{GlobalId, Slot, Standing};
+use crate::math::Vec3;
+use std::f64::consts::PI;
+
+/// How space is cut.
+struct Pencils {
+    low: Vec3,
+    /// Across the planes, across the pencils of a plane, along a pencil.
+    axes: [usize; 3],
+    /// Cells per length in these directions [1/m].
+    per_length: [f64; 3],
+}
+
+impl Pencils {
+    /// Bits of the number of a cell in these directions.
+    const BITS: [u32; 3] = [20, 20, 23];
+
+    fn of(particles: &Particles) -> Self {
+        let Particles { cell, library, .. } = particles;
+        let (low, sides) = (cell.low(), cell.high() - cell.low());
+        let mut axes = [0, 1, 2];
+        axes.sort_by(|&a, &b| sides[b].total_cmp(&sides[a]));
+        let [longest, middle, shortest] = axes;
+        let volume =
+            |shape: usize| library.shapes[shape].volume() * library.sizes[shape].mean_volume();
+        let least = (0..library.particle_shapes).map(volume).fold(f64::INFINITY, f64::min);
+        let per_width = 1.0 / libm::cbrt(least * 6.0 / PI);
+        let along = f64::from(1 << Self::BITS[2]) / sides[middle];
+        Self { low, axes: [longest, shortest, middle], per_length: [per_width, per_width, along] }
+    }
+
+    /// Beyond the domain and beyond the last number all cells are one.
+    fn standing(&self, place: &Vec3) -> Standing {
+        let mut number = 0;
+        for (k, (&axis, &bits)) in self.axes.iter().zip(&Self::BITS).enumerate() {
+            let cell = ((place[axis] - self.low[axis]) * self.per_length[k]) as u64;
+            number = number << bits | cell.min((1 << bits) - 1);
+        }
+        Standing(number)
+    }
+}
+
+impl Particles {
+    /// The standing of a particle that is new at a place [m].
+    pub fn standing_at(&self, place: &Vec3) -> Standing {
+        Pencils::of(self).standing(place)
+    }
+
+    /// Lets owned particles stand where they are.
+    pub fn renew_order(&mut self) {
+        let pencils = Pencils::of(self);
+        for (standing, place) in self.standing.iter_mut().zip(&self.position).take(self.owned) {
+            *standing = pencils.standing(place);
+        }
+    }
+
+    /// Gives owned particles slots in their order, if many are out of it. Ghosts and walls must be stripped.
+    pub fn sort_owned(&mut self) {
+        let stands = |slot: usize| self.stands(Slot(slot as u32));
+        let falls = (1..self.owned).filter(|&slot| stands(slot) < stands(slot - 1)).count();
+        if falls <= self.owned / 64 {
+            return;
+        }
+        let mut slots: Vec<u32> = (0..self.owned as u32).collect();
+        slots.sort_unstable_by_key(|&slot| stands(slot as usize));
+        let Self { id, shape, scale, standing, position, velocity, force, listed_at, .. } = self;
+        sort(id, &slots);
+        sort(shape, &slots);
+        sort(scale, &slots);
+        sort(standing, &slots);
+        sort(position, &slots);
+        sort(velocity, &slots);
+        sort(force, &slots);
+        sort(listed_at, &slots);
+        self.accumulated.columns_mut().for_each(|column| sort(column, &slots));
+        sort(&mut self.image, &slots);
+        if let Some(spin) = &mut self.spin {
+            sort(&mut spin.angular_momentum, &slots);
+            sort(&mut spin.angular_velocity, &slots);
+            sort(&mut spin.torque, &slots);
+        }
+        if let Some(orientation) = &mut self.orientation {
+            sort(&mut orientation.quaternion, &slots);
+            sort(&mut orientation.form, &slots);
+        }
+    }
+
+    /// By what bodies stand: those of one standing by their ids.
+    fn stands(&self, slot: Slot) -> (Standing, GlobalId) {
+        (self.standing[slot.index()], self.id[slot.index()])
+    }
+
+    /// How many bodies stand before that of each slot; facets of walls stand last.
+    pub fn places(&self) -> Vec<u32> {
+        let mut slots: Vec<u32> = (0..self.slots() as u32).collect();
+        slots.sort_unstable_by_key(|&slot| self.stands(Slot(slot)));
+        let mut places = vec![0; slots.len()];
+        for (&slot, place) in slots.iter().zip(0..) {
+            places[slot as usize] = place;
+        }
+        places
+    }
+}
+
+/// Takes the rows of a column from these slots, if it has any.
+fn sort<T: Copy>(column: &mut Vec<T>, slots: &[u32]) {
+    if !column.is_empty() {
+        *column = slots.iter().map(|&slot| column[slot as usize]).collect();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::particles::crowd;
+
+    /// Each particle keeps all that it has, and slots then rise with the order.
+    #[test]
+    fn sorting_moves_whole_particles() {
+        for sized in [false, true] {
+            let mut particles = crowd(300, sized);
+            particles.strip_to_owned();
+            let all = |particles: &super::Particles| {
+                let mut all: Vec<_> =
+                    (0..particles.owned).map(|slot| particles.owned_particle(slot)).collect();
+                all.sort_by_key(|particle| particle.id);
+                all
+            };
+            particles.renew_order();
+            let before = all(&particles);
+            assert!(!particles.standing.is_sorted());
+            particles.sort_owned();
+            assert!(particles.standing.is_sorted());
+            assert!(!particles.id.is_sorted());
+            assert_eq!(all(&particles), before);
+        }
+    }
+}

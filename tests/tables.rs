@@ -1,0 +1,82 @@
+//! Tables of the README that are made of records: text and record agree, digit by digit.
+//!
+//! `DEM_TABLES=write cargo test --test main -- tables` writes them anew.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::fs;
+
+const RECORDS: &str = "benchmarks/records/2026-11-peers";
+
+/// Medians over the rounds of a table of times, in µs per particle-step, by code and ranks.
+fn medians(file: &str, particles: f64) -> BTreeMap<(String, u32), f64> {
+    let path = format!("{RECORDS}/{file}");
+    let text = fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
+    let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let names = lines.next().expect("a table has a head");
+    let column = |name| names.iter().position(|&other| other == name).expect("a column");
+    let [ranks, code, steps, wall] = ["ranks", "code", "steps", "wall_s"].map(column);
+    let mut all: BTreeMap<(String, u32), Vec<f64>> = BTreeMap::new();
+    for row in lines {
+        let number = |at: usize| row[at].parse::<f64>().expect("a number");
+        let key = (row[code].to_owned(), number(ranks) as u32);
+        all.entry(key).or_default().push(1e6 * number(wall) / (number(steps) * particles));
+    }
+    let median = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        let middle = values.len() / 2;
+        0.5 * (values[middle] + values[(values.len() - 1) / 2])
+    };
+    all.into_iter().map(|(key, values)| (key, median(values))).collect()
+}
+
+/// How long a step takes, by this program and others.
+fn speed() -> String {
+    let cases = [
+        ("20,000 settled spheres with friction", "time.csv", 20_000.0),
+        ("980,000 of them", "tiles_7.csv", 980_000.0),
+        ("5,120 settled ellipsoids", "settled.csv", 5_120.0),
+        (
+            "19,800 spheres with Hertz and Mindlin in a drum of 1,200 triangles",
+            "drum.csv",
+            19_800.0,
+        ),
+    ];
+    let codes = [
+        ("dem-mpi", "dem-mpi"),
+        ("dem-mpi shuffled", "the same, ids at random"),
+        ("lammps", "LAMMPS (2021)"),
+        ("liggghts", "LIGGGHTS 3.8"),
+    ];
+    let mut table = "| | | one rank | two ranks |\n|---|---|---|---|\n".to_owned();
+    for (what, file, particles) in cases {
+        let medians = medians(file, particles);
+        let mut what = what;
+        for (code, name) in codes {
+            let cell = |ranks| {
+                let time = medians.get(&(code.to_owned(), ranks));
+                time.map_or_else(String::new, |time| format!(" {time:.3}"))
+            };
+            let cells = [cell(1), cell(2)];
+            if cells.iter().any(|cell| !cell.is_empty()) {
+                writeln!(table, "| {what} | {name} |{} |{} |", cells[0], cells[1]).unwrap();
+                what = "";
+            }
+        }
+    }
+    table
+}
+
+#[test]
+fn tables_are_those_of_the_records() {
+    let (file, begin, end) = ("README.md", "<!-- speed -->\n", "<!-- end of speed -->");
+    let text = fs::read_to_string(file).unwrap();
+    let (before, rest) = text.split_once(begin).expect("where the table begins");
+    let (now, after) = rest.split_once(end).expect("where it ends");
+    let table = speed();
+    if std::env::var("DEM_TABLES").is_ok_and(|what| what == "write") {
+        fs::write(file, format!("{before}{begin}{table}{end}{after}")).unwrap();
+        return;
+    }
+    assert_eq!(now, table, "DEM_TABLES=write cargo test --test main -- tables writes it anew");
+}
