@@ -298,7 +298,7 @@ impl Cell {
         Vec3::from_fn(|axis, _| if self.periodic[axis] { image[axis] } else { place[axis] })
     }
 
-    /// Between which corners a place need not be wrapped: infinite along axes that do not repeat [m].
+    /// The corners between which no place is wrapped; infinite along axes that do not repeat [m].
     pub fn wraps_outside(&self) -> [Vec3; 2] {
         let end = |axis: usize, at: f64, open: f64| if self.periodic[axis] { at } else { open };
         [

@@ -74,7 +74,7 @@ impl std::fmt::Display for GlobalId {
 pub struct Standing(pub u64);
 
 impl Standing {
-    /// That of facets of walls.
+    /// Facets of walls have it, and particles that have none of their own yet.
     pub const LAST: Self = Self(u64::MAX);
 }
 

@@ -877,7 +877,7 @@ impl Gather<'_> {
         }
     }
 
-    /// The same of a number that both ends get.
+    /// Adds a number to those of both ends of each lane, lane after lane.
     ///
     /// # Panics
     /// If the column is shorter than was said.

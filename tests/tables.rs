@@ -2,25 +2,30 @@
 //!
 //! `DEM_TABLES=write cargo test --test main -- tables` writes them anew.
 
+use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
 
 const RECORDS: &str = "benchmarks/records/2026-11-peers";
 
+/// A run of a table of times.
+#[derive(Deserialize)]
+struct Run {
+    ranks: u32,
+    code: String,
+    steps: f64,
+    wall_s: f64,
+}
+
 /// Medians over the rounds of a table of times, in µs per particle-step, by code and ranks.
 fn medians(file: &str, particles: f64) -> BTreeMap<(String, u32), f64> {
     let path = format!("{RECORDS}/{file}");
-    let text = fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
-    let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
-    let names = lines.next().expect("a table has a head");
-    let column = |name| names.iter().position(|&other| other == name).expect("a column");
-    let [ranks, code, steps, wall] = ["ranks", "code", "steps", "wall_s"].map(column);
+    let rows = csv::Reader::from_path(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
     let mut all: BTreeMap<(String, u32), Vec<f64>> = BTreeMap::new();
-    for row in lines {
-        let number = |at: usize| row[at].parse::<f64>().expect("a number");
-        let key = (row[code].to_owned(), number(ranks) as u32);
-        all.entry(key).or_default().push(1e6 * number(wall) / (number(steps) * particles));
+    for run in rows.into_deserialize() {
+        let Run { ranks, code, steps, wall_s } = run.unwrap_or_else(|e| panic!("{path}: {e}"));
+        all.entry((code, ranks)).or_default().push(1e6 * wall_s / (steps * particles));
     }
     let median = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);

@@ -269,7 +269,7 @@ impl Rung {
         self.begun_on(along, &mut Alone::default())
     }
 
-    /// What one rank has of it. Collective.
+    /// The share of one rank. Collective.
     fn begun_on(&self, along: u32, comm: &mut dyn Comm) -> anyhow::Result<Simulation> {
         let scene = self.scene(along)?;
         let mut sim = assemble::assemble(&scene, comm);

@@ -6,7 +6,7 @@
 //!                                                     finest steps against each other
 //! cargo bench --bench peers -- time                   time of a step, in turns, on 1 and 2 ranks
 //! cargo bench --bench peers -- time --steps 100 --rounds 1       the same, to try
-//! cargo bench --bench peers -- time --tiles 7 --shuffled --steps 60 --rounds 3   the same of 980,000 spheres
+//! cargo bench --bench peers -- time --tiles 7 --shuffled --steps 100 --rounds 1  the same of 980,000 spheres
 //! cargo bench --bench peers -- drum                   the same in a drum of 1,200 triangles, beside LIGGGHTS
 //! cargo bench --bench peers -- settled                5,120 settled ellipsoids, by this program alone
 //! cargo bench --bench peers -- answer FILE            where LAMMPS' finest step brings the spheres of --scene, as CSV

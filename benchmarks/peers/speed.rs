@@ -82,15 +82,12 @@ pub(crate) fn time(mut case: Case, options: &Options, record: &Path) -> anyhow::
 /// Writes `settled.csv` and prints the medians.
 pub(crate) fn settled(turns: &Turns, record: &Path) -> anyhow::Result<()> {
     let scene = Path::new("benchmarks/settled/scene.toml");
-    let folder = std::env::temp_dir().join(format!("dem-mpi-settled-{}", std::process::id()));
-    fs::create_dir_all(&folder)?;
+    let folder = tempfile::tempdir()?;
     let one = |code, count: u64, ranks| {
-        own(code, scene, &[("time.steps", count.to_string())], ranks, &folder)
+        own(code, scene, &[("time.steps", count.to_string())], ranks, folder.path())
     };
     let particles = one(Code::Own, 1, 1)?.end.len();
-    turns.time(&mut [Code::Own], particles, &record.join("settled.csv"), one)?;
-    fs::remove_dir_all(&folder)?;
-    Ok(())
+    turns.time(&mut [Code::Own], particles, &record.join("settled.csv"), one)
 }
 
 impl Turns {

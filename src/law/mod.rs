@@ -226,7 +226,7 @@ pub struct Separated {
     pub before: usize,
 }
 
-/// What contacts do to the owned particles in a step, summed for each in the order of its partners in space: the same bits on any
+/// Sums over the contacts of each owned particle in a step, in the order of its partners in space: the same bits on any
 /// number of ranks.
 #[derive(Debug, Default)]
 pub struct Sums {
@@ -301,16 +301,17 @@ impl Sums {
         }
     }
 
-    /// Asks memory for how the second bodies of pairs move, and for what is summed of them. The first bodies stand side by side.
+    /// Asks memory for the motion and the sums of one body of each pair: that with the later slot. The others stand side by side.
     pub fn prefetch(&self, pairs: &[Pair], particles: &Particles) {
         for pair in pairs {
-            let b = pair.b.index()..=pair.b.index();
-            prefetch(&particles.position[b.clone()]);
-            prefetch(&particles.velocity[b.clone()]);
-            prefetch(&self.force[b.clone()]);
+            let later = pair.a.max(pair.b).index();
+            let later = later..later + 1;
+            prefetch(&particles.position[later.clone()]);
+            prefetch(&particles.velocity[later.clone()]);
+            prefetch(&self.force[later.clone()]);
             if let Some(spin) = &particles.spin {
-                prefetch(&spin.angular_velocity[b.clone()]);
-                prefetch(&self.torque[b]);
+                prefetch(&spin.angular_velocity[later.clone()]);
+                prefetch(&self.torque[later]);
             }
         }
     }
@@ -330,7 +331,7 @@ impl Sums {
         &self.at_walls
     }
 
-    /// What walls and owned particles did to each other, in the order of the particles in space, then of the walls: all of it of walls that
+    /// Work and losses between walls and owned particles, in the order of the particles in space, then of the walls: all of it of walls that
     /// [wear](crate::particles::walls::Wall::wears), of others where they work.
     pub fn on_walls(&self) -> &[OnWall] {
         &self.on_walls

@@ -530,7 +530,7 @@ impl Particles {
         if self.needs.scale {
             self.scale.push(*scale);
         }
-        self.standing.push(standing.unwrap_or_else(|| self.standing_at(position)));
+        self.standing.push(*standing);
         self.position.push(*position);
         self.velocity.push(*velocity);
         self.force.push((*force).into());
@@ -570,7 +570,7 @@ impl Particles {
             velocity: self.velocity[slot],
             force: self.force[slot].vector,
             accumulated: self.accumulated.row(slot),
-            standing: Some(self.standing[slot]),
+            standing: self.standing[slot],
             image: self.image.get(slot).copied().unwrap_or_default(),
             quaternion: orientation
                 .map_or_else(Quat::identity, |orientation| orientation.quaternion[slot]),
@@ -787,6 +787,7 @@ pub(crate) fn crowd(count: u64, sized: bool) -> Particles {
             ..Particle::at_rest(GlobalId(id), ShapeId(u16::from(id % 3 == 0)), position)
         });
     }
+    particles.complete_order();
     particles.travel.resize(particles.slots(), 0.0);
     particles
 }

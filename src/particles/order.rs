@@ -53,16 +53,21 @@ impl Pencils {
 }
 
 impl Particles {
-    /// The standing of a particle that is new at a place [m].
-    pub fn standing_at(&self, place: &Vec3) -> Standing {
-        Pencils::of(self).standing(place)
+    /// Takes their standings from owned particles.
+    pub fn forget_order(&mut self) {
+        self.standing[..self.owned].fill(Standing::LAST);
     }
 
-    /// Lets owned particles stand where they are.
-    pub fn renew_order(&mut self) {
+    /// Gives owned particles that have no standing that of their places.
+    pub fn complete_order(&mut self) {
+        if !self.standing[..self.owned].contains(&Standing::LAST) {
+            return;
+        }
         let pencils = Pencils::of(self);
         for (standing, place) in self.standing.iter_mut().zip(&self.position).take(self.owned) {
-            *standing = pencils.standing(place);
+            if *standing == Standing::LAST {
+                *standing = pencils.standing(place);
+            }
         }
     }
 
@@ -137,7 +142,6 @@ mod tests {
                 all.sort_by_key(|particle| particle.id);
                 all
             };
-            particles.renew_order();
             let before = all(&particles);
             assert!(!particles.standing.is_sorted());
             particles.sort_owned();

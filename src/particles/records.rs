@@ -36,8 +36,8 @@ pub struct Particle {
     pub force: Vec3,
     /// What has accumulated so far.
     pub accumulated: Accumulated<f64>,
-    /// In the order of space; `None` of one that is new: by its place.
-    pub standing: Option<Standing>,
+    /// In the order of space; [`Standing::LAST`] if it has none yet.
+    pub standing: Standing,
     /// Whole periods to add to the position.
     pub image: [i32; 3],
     /// Body to world.
@@ -61,7 +61,7 @@ impl Particle {
             velocity: Vec3::zeros(),
             force: Vec3::zeros(),
             accumulated: Accumulated::default(),
-            standing: None,
+            standing: Standing::LAST,
             image: [0; 3],
             quaternion: Quat::identity(),
             angular_momentum: Vec3::zeros(),

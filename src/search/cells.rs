@@ -477,7 +477,7 @@ const HALF_OF_NEIGHBOURS: [[isize; 3]; 13] = [
 mod tests {
     use super::close_pairs;
     use crate::cell::{Cell, Shear};
-    use crate::ids::{GlobalId, MaterialId, ShapeId};
+    use crate::ids::{GlobalId, MaterialId, ShapeId, Standing};
     use crate::math::Vec3;
     use crate::particles::records::Particle;
     use crate::particles::{Library, Needs, Particles};
@@ -526,10 +526,8 @@ mod tests {
                 ghosts.push((id, shape, scale, position));
             }
         }
-        let named = |&(id, shape, _, ref place): &(_, _, _, Vec3)| {
-            (id, shape, particles.standing_at(place))
-        };
-        let names: Vec<_> = ghosts.iter().map(named).collect();
+        let names: Vec<_> =
+            ghosts.iter().map(|&(id, shape, ..)| (id, shape, Standing(id.0))).collect();
         let scales: Vec<_> = ghosts.iter().map(|&(.., scale, _)| scale).collect();
         particles.push_ghosts(&names, if sized { &scales } else { &[] });
         for (k, (.., position)) in ghosts.into_iter().enumerate() {

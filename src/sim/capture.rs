@@ -5,7 +5,7 @@ use crate::comm::{Comm, Parcel, wire};
 use crate::contact::{ContactRecord, ContactRecords, Pair, StateColumn};
 use crate::contacts::Loaded;
 use crate::drive::{DriveError, SavedState};
-use crate::ids::{GlobalId, Rank, ShapeId};
+use crate::ids::{GlobalId, Rank, ShapeId, Standing};
 use crate::math::{Quat, Vec3};
 use crate::motion;
 use crate::output::header::{Header, ShapeRow, WallRow};
@@ -313,7 +313,7 @@ pub fn particles_of(table: &ParticleTable, shape_of: impl Fn(ShapeId) -> ShapeId
             velocity: table.velocity[row],
             force: table.force[row],
             accumulated: table.accumulated.row(row),
-            standing: table.standing.get(row).copied(),
+            standing: table.standing.get(row).copied().unwrap_or(Standing::LAST),
             image: table.image.get(row).copied().unwrap_or_default(),
             // The bits as they were, not normalised again.
             quaternion: table.quaternion.get(row).map_or_else(Quat::identity, |&[w, x, y, z]| {

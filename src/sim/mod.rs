@@ -184,7 +184,7 @@ pub(crate) fn steps_of(duration: f64, dt: f64) -> u64 {
     (duration / dt * (1.0 - 1e-12)).ceil() as u64
 }
 
-/// What is known of more bodies than these does not stay in a cache from step to step: memory is asked for it ahead of its use.
+/// Columns of more bodies than these do not stay in a cache from step to step: memory is asked for them ahead of their use.
 const MOST_CACHED: usize = 1 << 16;
 
 /// How many neighbour lists are rebuilt before the next repartition.
@@ -336,9 +336,8 @@ impl Simulation {
             }
         }
         if self.has_to_order() {
-            self.particles.renew_order();
+            self.particles.forget_order();
         }
-        self.particles.sort_owned();
         self.relist(&carried, comm);
         self.clock.lap(Phase::Rebuild);
         Ok(())
@@ -353,6 +352,8 @@ impl Simulation {
     /// Makes ghosts and pairs for particles that are all with their owners; `carried` are the records
     /// of their touching contacts. Collective.
     pub fn relist(&mut self, carried: &ContactRecords, comm: &mut dyn Comm) {
+        self.particles.complete_order();
+        self.particles.sort_owned();
         self.domain.offer_ghosts(&mut self.particles, comm);
         let listed = self.skin + self.reach;
         let with_meshes = search::note_near_facets(&mut self.particles, listed);
