@@ -21,6 +21,9 @@
 //! | 14 | [`scene`] | the user's file, checked, and turned into a simulation |
 //! | 15 | [`guide`] | how to use it: pages to read |
 //!
+//! Three libraries: `dem-grains` (`src/grains`) has what needs neither MPI nor HDF5 up to [`search`] and without [`law`] and [`comm`]; `dem-law`
+//! (`src/law`) has the laws, which take longest to compile; this one has the rest, and the modules of both as its own.
+//!
 //! Conventions everywhere: SI units; compression and overlap are positive; a contact's normal is a
 //! unit vector **from A to B**, where A is the body with the lower id (a facet of a wall is always B);
 //! slots of bodies run owned | ghosts | facets.
@@ -33,28 +36,15 @@
 //! * what is remembered of a touching contact is state that moves and is saved with its particles;
 //!   what is remembered of a pair that does not touch never changes a result.
 
+pub use dem_grains::{
+    cell, contact, files, ids, lanes, math, motion, pairs, particles, random, search, shape, text,
+    timing,
+};
+pub use dem_law as law;
+
 pub mod arguments;
-pub mod files;
-pub mod ids;
-pub mod lanes;
-pub mod math;
-pub mod text;
-pub mod timing;
 
-pub mod cell;
 pub mod comm;
-pub mod random;
-pub mod shape;
-
-pub mod contact;
-
-pub mod pairs;
-pub mod particles;
-
-pub mod law;
-pub mod motion;
-
-pub mod search;
 
 pub mod contacts;
 

@@ -2,6 +2,7 @@
 
 use crate::support::{Bench, ball, close, expect_refused, scene, schedule};
 use dem_mpi::comm::alone::Alone;
+use dem_mpi::law::hertz::jkr::{END, Sticking};
 use dem_mpi::law::stability::time_step_limit;
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::columns::Quantity;
@@ -391,4 +392,44 @@ fn the_plan_names_the_gap_at_which_contacts_end() {
     let gap: f64 = rest.split(' ').next().unwrap().parse().unwrap();
     let expected = 0.75 * (PI * PI * WORK * WORK * RADIUS / (MODULUS * MODULUS)).cbrt();
     close(gap, expected, 1e-3, "gap of the plan, on a plane");
+}
+
+/// The radius gives back its overlap: from the last gap to where Hertz takes over.
+#[test]
+fn the_radius_is_that_of_the_overlap() {
+    let (modulus, radius, surface_energy) = (5e8, 1e-4, 0.05);
+    let sticking = Sticking::of(modulus, radius, surface_energy);
+    for k in 0..8000 {
+        let part = END + 1e-9 * 1.007_f64.powi(k);
+        let overlap = part * sticking.depth;
+        let a = sticking.contact_radius(overlap);
+        let back = a * a / radius - (2.0 * std::f64::consts::PI * 0.1 * a / modulus).sqrt();
+        let scale = overlap.abs().max(sticking.depth);
+        assert!((back - overlap).abs() < 1e-14 * scale, "{part}: {back:e}, {overlap:e}");
+        let press = sticking.press(4.0 / 3.0 * modulus, a);
+        if part > 1e8 {
+            let of_hertz = 4.0 / 3.0 * modulus * (radius * overlap).sqrt() * overlap;
+            assert!((press / of_hertz - 1.0).abs() < 1e-5, "{press:e} N, {of_hertz:e} N");
+        }
+    }
+}
+
+/// The force is the derivative of the energy.
+#[test]
+fn the_energy_is_the_integral_of_the_force() {
+    let (modulus, radius) = (5e8, 1e-4);
+    let sticking = Sticking::of(modulus, radius, 0.05);
+    let normal = 4.0 / 3.0 * modulus;
+    let energy =
+        |part: f64| sticking.stored(normal, sticking.contact_radius(part * sticking.depth));
+    for part in [-0.4_f64, -0.2, 0.1, 1.0, 10.0, 1000.0] {
+        let step = 1e-4 * f64::max(part.abs(), 0.1);
+        let slope = (energy(part + step) - energy(part - step)) / (2.0 * step * sticking.depth);
+        let press = sticking.press(normal, sticking.contact_radius(part * sticking.depth));
+        assert!((slope / press - 1.0).abs() < 1e-5, "{part}: {slope:e} N, {press:e} N");
+    }
+    // Thornton and Ning's constant.
+    let lost = energy(END) - energy(0.0);
+    let scale = (0.1_f64.powi(5) * radius.powi(4) / modulus.powi(2)).cbrt();
+    assert!((lost / scale - 7.09).abs() < 0.005, "{}", lost / scale);
 }

@@ -24,6 +24,7 @@ mod hertz_faces;
 mod hostile;
 mod jkr;
 mod kinds;
+mod law_lanes;
 mod laws;
 mod layers;
 mod made_up;

@@ -9,7 +9,7 @@ fn nothing_in_wide_registers_is_called() {
     let output = output.expect("binutils are there where anything is linked");
     assert!(output.status.success());
     let symbols = String::from_utf8_lossy(&output.stdout);
-    assert!(symbols.contains("dem_mpi::lanes"), "the program has names");
+    assert!(symbols.contains("dem_grains::lanes"), "the program has names");
     let called = |line: &&str| line.contains("core_arch::x86::") && line.contains("::_mm");
     let called: Vec<&str> = symbols.lines().filter(called).collect();
     assert!(called.is_empty(), "{}", called.join("\n"));

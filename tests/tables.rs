@@ -50,6 +50,8 @@ fn speed() -> String {
     let codes = [
         ("dem-mpi", "dem-mpi"),
         ("dem-mpi shuffled", "the same, ids at random"),
+        ("dem-mpi avx", "the same without AVX-512"),
+        ("dem-mpi any", "the same without AVX (SSE2)"),
         ("lammps", "LAMMPS (2021)"),
         ("liggghts", "LIGGGHTS 3.8"),
     ];

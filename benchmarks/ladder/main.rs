@@ -5,6 +5,7 @@
 //! cargo bench --bench ladder                        time and memory
 //! cargo bench --bench ladder -- --count             instructions, too: by callgrind, of valgrind
 //! cargo bench --bench ladder -- --check             instructions and bytes against the record: what CI does
+//! cargo bench --bench ladder -- --time COMMIT       times beside those of the build of another commit, in turns
 //! cargo bench --bench ladder -- --million           a million spheres beside 20,000, per contact, and nothing else
 //! cargo bench --bench ladder -- --record FOLDER     the tables as CSV into this folder
 //! ```
@@ -15,6 +16,7 @@
 //! Instructions are also counted by phase, beside the floor of [`dem_mpi::sim::floor`]: an instruction with AVX2, which
 //! callgrind knows, does four operations or moves 32 bytes.
 
+mod against;
 mod check;
 mod million;
 mod phases;
@@ -41,12 +43,18 @@ struct Arguments {
     /// Count instructions and bytes, and fail where they are not those of the record; with a folder, take the record anew.
     #[arg(long)]
     check: bool,
+    /// Time each rung beside the build of another commit, which stays under target/ladder.
+    #[arg(long, value_name = "COMMIT")]
+    time: Option<String>,
     /// Time a million spheres beside 20,000.
     #[arg(long)]
     million: bool,
     /// Write the tables into this folder.
     #[arg(long, value_name = "FOLDER")]
     record: Option<PathBuf>,
+    /// Only time a round of one rung.
+    #[arg(long, hide = true)]
+    round: Option<usize>,
     /// Only do steps of one rung, to be counted: 0 is the hand-written loop.
     #[arg(long, hide = true)]
     one: Option<usize>,
@@ -349,7 +357,11 @@ fn instructions(number: usize, ranks: u32, function: Option<&str>) -> anyhow::Re
 }
 
 fn main() -> anyhow::Result<()> {
-    let Arguments { count, check, million, record, one, steps, ranks, .. } = Arguments::parse();
+    let Arguments { count, check, time, million, record, round, one, steps, ranks, .. } =
+        Arguments::parse();
+    if let Some(rung) = round {
+        return against::round(rung);
+    }
     if let Some(number) = one {
         return if ranks == 1 {
             Runner::of(number)?.steps(steps)
@@ -362,6 +374,9 @@ fn main() -> anyhow::Result<()> {
     }
     if check {
         return check::check(record.as_deref());
+    }
+    if let Some(commit) = time {
+        return against::time(&commit, record.as_deref());
     }
     if million {
         return million::time(record.as_deref());

@@ -19,6 +19,10 @@ pub(crate) enum Code {
     Own,
     /// This program, with the spheres in a random order.
     OwnShuffled,
+    /// This program without AVX-512.
+    OwnAvx,
+    /// This program with the registers that every processor has.
+    OwnAny,
     /// `gran/hooke/history`.
     Lammps,
     /// `granular`, with `hooke` and `linear_history`.
@@ -32,26 +36,42 @@ impl Code {
         match self {
             Self::Own => "dem-mpi",
             Self::OwnShuffled => "dem-mpi shuffled",
+            Self::OwnAvx => "dem-mpi avx",
+            Self::OwnAny => "dem-mpi any",
             Self::Lammps => "lammps",
             Self::LammpsGranular => "lammps granular",
             Self::Liggghts => "liggghts",
         }
     }
 
+    /// Is it this program?
+    pub(crate) const fn is_own(self) -> bool {
+        matches!(self, Self::Own | Self::OwnShuffled | Self::OwnAvx | Self::OwnAny)
+    }
+
+    /// The widest registers that it may use, see `dem_mpi::lanes::Registers`.
+    const fn registers(self) -> &'static str {
+        match self {
+            Self::OwnAvx => "avx",
+            Self::OwnAny => "any",
+            _ => "avx512",
+        }
+    }
+
     const fn program(self) -> &'static str {
         match self {
-            Self::Own | Self::OwnShuffled => env!("CARGO_BIN_EXE_dem-mpi"),
             Self::Lammps | Self::LammpsGranular => "lmp",
             Self::Liggghts => "liggghts",
+            _ => env!("CARGO_BIN_EXE_dem-mpi"),
         }
     }
 
     const fn deck(self) -> &'static str {
         match self {
-            Self::Own | Self::OwnShuffled => "",
             Self::Lammps => "lammps.in",
             Self::LammpsGranular => "lammps_granular.in",
             Self::Liggghts => "liggghts.in",
+            _ => "",
         }
     }
 
@@ -67,11 +87,9 @@ impl Code {
     /// The line in which it says its version.
     pub(crate) fn version(self) -> anyhow::Result<String> {
         let (argument, word) = match self {
-            Self::Own | Self::OwnShuffled => {
-                return Ok(concat!("dem-mpi ", env!("CARGO_PKG_VERSION")).to_owned());
-            }
             Self::Lammps | Self::LammpsGranular => ("-help", "Parallel Simulator"),
             Self::Liggghts => ("-help", "LIGGGHTS"),
+            _ => return Ok(concat!("dem-mpi ", env!("CARGO_PKG_VERSION")).to_owned()),
         };
         let output = Command::new(self.program())
             .arg(argument)
@@ -115,9 +133,10 @@ pub(crate) fn run(code: Code, case: &Case, steps: Steps) -> anyhow::Result<Run> 
     // Of this process: two calls of this program do not meet.
     let folder = std::env::temp_dir().join(format!("dem-mpi-peers-{}", std::process::id()));
     fs::create_dir_all(&folder)?;
-    let run = match code {
-        Code::Own | Code::OwnShuffled => own_case(code, case, steps, &folder),
-        _ => peer_case(code, case, steps, &folder),
+    let run = if code.is_own() {
+        own_case(code, case, steps, &folder)
+    } else {
+        peer_case(code, case, steps, &folder)
     };
     fs::remove_dir_all(&folder)?;
     run.with_context(|| format!("{}, {steps:?}", code.name()))
@@ -239,6 +258,7 @@ fn say(code: Code, arguments: &[String], ranks: u32) -> anyhow::Result<(String, 
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMP_NUM_THREADS", "1")
+        .env("DEM_MPI_REGISTERS", code.registers())
         .stdin(Stdio::null())
         .output()?;
     let said = String::from_utf8_lossy(&output.stdout).into_owned();

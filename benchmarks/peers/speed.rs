@@ -20,6 +20,9 @@ pub(crate) struct Options {
     /// Also this program with the spheres in a random order.
     #[arg(long)]
     shuffled: bool,
+    /// Also this program with narrower registers: AVX's, and those of every processor.
+    #[arg(long)]
+    registers: bool,
     /// So many copies of the state side by side along x and along y: 7 make 980,000 spheres.
     #[arg(long, default_value_t = 1)]
     tiles: u32,
@@ -57,6 +60,9 @@ pub(crate) fn time(mut case: Case, options: &Options, record: &Path) -> anyhow::
     if options.shuffled {
         codes.push(Code::OwnShuffled);
     }
+    if options.registers {
+        codes.extend([Code::OwnAvx, Code::OwnAny]);
+    }
     ensure!(codes.contains(&Code::Own), "this program cannot be left out");
     let missing: Vec<_> = codes.iter().filter(|c| !c.is_installed()).map(|c| c.name()).collect();
     ensure!(
@@ -64,16 +70,17 @@ pub(crate) fn time(mut case: Case, options: &Options, record: &Path) -> anyhow::
         "not installed: {}; install or leave out by --without",
         missing.join(", ")
     );
-    let mut versions = String::new();
-    for &code in &codes {
-        writeln!(versions, "{:<17}{}", code.name(), code.version()?)?;
-    }
-    fs::write(record.join("versions.txt"), versions)?;
+    let file = if options.tiles == 1 {
+        let mut versions = String::new();
+        for &code in &codes {
+            writeln!(versions, "{:<17}{}", code.name(), code.version()?)?;
+        }
+        fs::write(record.join("versions.txt"), versions)?;
+        record.join("time.csv")
+    } else {
+        record.join(format!("tiles_{}.csv", options.tiles))
+    };
     compare(case, &codes)?;
-
-    let name =
-        if options.tiles == 1 { "time.csv" } else { &format!("tiles_{}.csv", options.tiles) };
-    let file = record.join(name);
     options.turns.time(&mut codes, case.start.len(), &file, |code, count, ranks| {
         run(code, case, Steps { step: case.step, count, ranks })
     })

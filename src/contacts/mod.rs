@@ -655,7 +655,8 @@ mod tests {
         ContactRecord, ContactRecords, Geometry, Pair, Previous, StateColumn, Touching,
     };
     use crate::math::Vec3;
-    use crate::particles::{Particles, crowd};
+    use crate::particles::Particles;
+    use crate::particles::crowd::crowd;
     use crate::search::{PairList, close_pairs, in_order};
 
     const REMEMBERED: [StateColumn; 2] =

@@ -1,7 +1,7 @@
 //! What all laws have in common: gathering eight contacts, how their surfaces move, what is carried over from the last
 //! step, work and energy, and the sums over bodies.
 //!
-//! With the central differences of [`crate::motion`], the work of a force between two steps is the mean of its
+//! With the central differences of [`dem_grains::motion`], the work of a force between two steps is the mean of its
 //! values at both times the displacement, each where it acted: the point of other bodies than spheres is remembered, for it
 //! runs over the surface. Booked where the force acts now, discs of 5:1 would seem to make 2 % of what they dissipate.
 //!
@@ -17,8 +17,6 @@
 
 mod patches;
 mod rows;
-#[cfg(test)]
-mod tests;
 
 pub use patches::Turning;
 
@@ -621,6 +619,8 @@ struct Contacts<'a, 'b, M: Model> {
 }
 
 impl<M: Model> Kernel for Contacts<'_, '_, M> {
+    type Home = M;
+
     #[inline(always)]
     fn run<L: Eight>(mut self) {
         // What is left out leaves no branch behind.

@@ -1,6 +1,6 @@
 //! The largest stable time step.
 //!
-//! The leapfrog of [`crate::motion`] is stable up to `Δt = 2 / ω` for the highest frequency `ω` of
+//! The leapfrog of [`dem_grains::motion`] is stable up to `Δt = 2 / ω` for the highest frequency `ω` of
 //! the assembly. By Gershgorin's circles, `ω² <= 2 k C / m` for a body with `C` contacts of stiffness
 //! `k`; a contact far from the centre also turns the body, which makes its surface
 //! [`Shape::surface_compliance`](crate::shape::Shape::surface_compliance) times as compliant as its

@@ -53,7 +53,7 @@ impl Settings {
     }
 
     /// The law of the bodies of a library.
-    pub(in crate::law) fn model(&self, library: &Library) -> Jkr {
+    pub(crate) fn model(&self, library: &Library) -> Jkr {
         Jkr::new(self.clone(), library)
     }
 }
@@ -68,7 +68,7 @@ fn reach(elastic: &super::Interactions, adhesion: &dmt::Interactions, radius: f6
 
 /// Elastic spheres that stick to each other.
 #[derive(Clone, Debug)]
-pub(in crate::law) struct Jkr {
+pub(crate) struct Jkr {
     hertz: Hertz,
     adhesion: dmt::Interactions,
     /// Of the spheres of the scene [m].
@@ -78,7 +78,7 @@ pub(in crate::law) struct Jkr {
 
 /// What adhesion makes of a contact.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::law) struct Sticking<L> {
+pub struct Sticking<L> {
     /// `R*` [m].
     radius: L,
     /// `√(8π w E*)` [N/m^(3/2)].
@@ -88,11 +88,11 @@ pub(in crate::law) struct Sticking<L> {
     /// Contact radius where surfaces touch without load, `a_0`; 0 without adhesion [m].
     size: L,
     /// `a_0²/R*`; 1 without adhesion [m].
-    depth: L,
+    pub depth: L,
 }
 
-/// `q` where no contact is left: `-3/4 4^(-1/3)`.
-const END: f64 = -0.472_470_393_710_577_4;
+/// Overlap over [`Sticking::depth`] where no contact is left: `-3/4 4^(-1/3)`.
+pub const END: f64 = -0.472_470_393_710_577_4;
 /// Contact radius there over `a_0`: `4^(-2/3)`.
 const LAST_RADIUS: f64 = 0.396_850_262_992_049_9;
 /// Steps of Newton's method: it takes five from the worst start to rounding.
@@ -100,7 +100,7 @@ const STEPS: u32 = 7;
 
 impl Sticking<f64> {
     /// With a modulus [Pa], a reduced radius [m] and a surface energy [J/m²].
-    fn of(modulus: f64, radius: f64, surface_energy: f64) -> Self {
+    pub fn of(modulus: f64, radius: f64, surface_energy: f64) -> Self {
         let work = 2.0 * surface_energy;
         let size = (2.0 * PI * work * radius * radius / modulus).cbrt();
         let depth = if size > 0.0 { size * size / radius } else { 1.0 };
@@ -118,7 +118,7 @@ impl<L: Lanes> Sticking<L> {
 
     /// The contact radius at an overlap [m].
     #[inline(always)]
-    fn contact_radius(&self, overlap: L) -> L {
+    pub fn contact_radius(&self, overlap: L) -> L {
         let (zero, one) = (L::all(0.0), L::all(1.0));
         let end = L::all(END);
         let part = overlap / self.depth;
@@ -142,13 +142,13 @@ impl<L: Lanes> Sticking<L> {
 
     /// The normal force at a contact radius, with `4/3 E*` [N].
     #[inline(always)]
-    fn press(&self, normal: L, radius: L) -> L {
+    pub fn press(&self, normal: L, radius: L) -> L {
         radius * (normal * radius * radius / self.radius - self.pull * radius.sqrt())
     }
 
     /// The energy `∫ N dδ` [J].
     #[inline(always)]
-    fn stored(&self, normal: L, radius: L) -> L {
+    pub fn stored(&self, normal: L, radius: L) -> L {
         let flat = radius * radius / self.radius;
         let pulled = L::all(2.0 / 3.0) * self.pull * radius.sqrt() * radius * flat;
         L::all(0.4) * normal * radius * flat * flat - pulled + self.work * radius * radius
@@ -157,7 +157,7 @@ impl<L: Lanes> Sticking<L> {
 
 /// Constants of a contact.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::law) struct Constants<L> {
+pub(crate) struct Constants<L> {
     /// For a root of the radius of 1, so that the contact radius stands for the root of the overlap.
     elastic: Elastic<L>,
     sticking: Sticking<L>,
@@ -397,50 +397,5 @@ impl Model for Jkr {
 
     fn left_out(&self) -> Vec<&'static str> {
         self.hertz.left_out()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{END, Sticking};
-
-    /// The radius gives back its overlap: from the last gap to where Hertz takes over.
-    #[test]
-    fn the_radius_is_that_of_the_overlap() {
-        let (modulus, radius, surface_energy) = (5e8, 1e-4, 0.05);
-        let sticking = Sticking::of(modulus, radius, surface_energy);
-        for k in 0..8000 {
-            let part = END + 1e-9 * 1.007_f64.powi(k);
-            let overlap = part * sticking.depth;
-            let a = sticking.contact_radius(overlap);
-            let back = a * a / radius - (2.0 * std::f64::consts::PI * 0.1 * a / modulus).sqrt();
-            let scale = overlap.abs().max(sticking.depth);
-            assert!((back - overlap).abs() < 1e-14 * scale, "{part}: {back:e}, {overlap:e}");
-            let press = sticking.press(4.0 / 3.0 * modulus, a);
-            if part > 1e8 {
-                let of_hertz = 4.0 / 3.0 * modulus * (radius * overlap).sqrt() * overlap;
-                assert!((press / of_hertz - 1.0).abs() < 1e-5, "{press:e} N, {of_hertz:e} N");
-            }
-        }
-    }
-
-    /// The force is the derivative of the energy.
-    #[test]
-    fn the_energy_is_the_integral_of_the_force() {
-        let (modulus, radius) = (5e8, 1e-4);
-        let sticking = Sticking::of(modulus, radius, 0.05);
-        let normal = 4.0 / 3.0 * modulus;
-        let energy =
-            |part: f64| sticking.stored(normal, sticking.contact_radius(part * sticking.depth));
-        for part in [-0.4_f64, -0.2, 0.1, 1.0, 10.0, 1000.0] {
-            let step = 1e-4 * f64::max(part.abs(), 0.1);
-            let slope = (energy(part + step) - energy(part - step)) / (2.0 * step * sticking.depth);
-            let press = sticking.press(normal, sticking.contact_radius(part * sticking.depth));
-            assert!((slope / press - 1.0).abs() < 1e-5, "{part}: {slope:e} N, {press:e} N");
-        }
-        // Thornton and Ning's constant.
-        let lost = energy(END) - energy(0.0);
-        let scale = (0.1_f64.powi(5) * radius.powi(4) / modulus.powi(2)).cbrt();
-        assert!((lost / scale - 7.09).abs() < 0.005, "{}", lost / scale);
     }
 }

@@ -298,7 +298,7 @@ fn widest_of(shape: &Shape, radius: f64) -> f64 {
 /// The mean of `√δ` over its last value while `δ` grows evenly and `√δ` by a part of its last value: exact from 0 on, and to third
 /// order in that part.
 #[inline(always)]
-pub(in crate::law) fn mean_while_growing<L: Lanes>(part: L) -> L {
+pub(crate) fn mean_while_growing<L: Lanes>(part: L) -> L {
     let one = L::all(1.0);
     one - part * (L::all(0.5) - part * (one + part) * L::all(1.0 / 12.0))
 }

@@ -189,6 +189,8 @@ impl Motion {
 pub(super) struct WithPatches<'a, 'b, M: Model>(pub(super) Contacts<'a, 'b, M>);
 
 impl<M: Model> Kernel for WithPatches<'_, '_, M> {
+    type Home = M;
+
     #[inline(always)]
     fn run<L: Eight>(self) {
         let Self(mut contacts) = self;

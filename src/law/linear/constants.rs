@@ -58,7 +58,7 @@ pub fn damping_ratio_of_restitution(restitution: f64, limited: bool) -> f64 {
     }
     // At critical damping the exponent is 2.
     if wanted < 2.0 {
-        libm::sin(bisect(0.0, 0.5 * PI, |θ| (PI - 2.0 * θ) * libm::tan(θ) < wanted))
+        libm::sin(bisect(0.0, 0.5 * PI, |angle| (PI - 2.0 * angle) * libm::tan(angle) < wanted))
     } else {
         // u coth u lies between u and u + 1.
         libm::cosh(bisect(0.0, 0.5 * wanted, |u| u == 0.0 || 2.0 * u / libm::tanh(u) < wanted))

@@ -196,7 +196,7 @@ impl Cell {
     /// [`Self::velocity_of_nearest`] in lanes, of a difference in position [m].
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
-    pub(crate) fn velocity_of_nearest_in_lanes<L: Eight>(
+    pub fn velocity_of_nearest_in_lanes<L: Eight>(
         &self,
         shear: &Shear,
         difference: Triple<L>,
@@ -264,7 +264,7 @@ impl Cell {
     /// The same in lanes.
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
-    pub(crate) fn nearest_of<L: Eight>(&self, mut r: Triple<L>) -> Triple<L> {
+    pub fn nearest_of<L: Eight>(&self, mut r: Triple<L>) -> Triple<L> {
         if let Some(Sliding { shear: Shear { along, across, .. }, offset, .. }) = self.sheared {
             let height = [r.x, r.y, r.z][across];
             let (half, offset) = (L::all(0.5 * self.period[across]), L::all(offset));

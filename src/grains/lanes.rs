@@ -10,6 +10,7 @@
 #![expect(unsafe_code, reason = "vector registers, behind types that only AVX code makes")]
 #![expect(clippy::inline_always, reason = "a vector stays in registers only if nothing is called")]
 
+use std::cell::Cell;
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -70,47 +71,108 @@ impl Lanes for f64 {
 }
 
 /// Work in eight lanes, to be done with the widest registers that this processor has.
-pub(crate) trait Kernel {
+pub trait Kernel: Sized {
+    /// A type of the module that the code goes to: compilers share work by modules.
+    type Home;
+
     /// Does it. To be inlined always, and everything below it that has lanes.
     fn run<L: Eight>(self);
 }
 
 /// Does it.
-pub(crate) fn dispatch(kernel: impl Kernel) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        if std::arch::is_x86_feature_detected!("avx512f")
-            && std::arch::is_x86_feature_detected!("avx512vl")
-            && std::arch::is_x86_feature_detected!("avx512dq")
+pub fn dispatch<K: Kernel>(kernel: K) {
+    match Registers::widest() {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: the processor has AVX-512, also for shorter registers.
+        Registers::Avx512 => unsafe { K::Home::run_with_avx512(kernel) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: the processor has AVX.
+        Registers::Avx => unsafe { K::Home::run_with_avx(kernel) },
+        _ => K::Home::run_anywhere(kernel),
+    }
+}
+
+/// Registers of processors, from narrow to wide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Registers {
+    /// Those that every processor has.
+    Any,
+    /// Four numbers.
+    Avx,
+    /// Eight numbers.
+    Avx512,
+}
+
+thread_local! {
+    static WIDEST: Cell<Registers> = Cell::new(Registers::of_processor().min(Registers::allowed()));
+}
+
+impl Registers {
+    /// The widest that this processor has.
+    pub fn of_processor() -> Self {
+        #[cfg(target_arch = "x86_64")]
         {
-            // SAFETY: the processor has AVX-512, also for shorter registers.
-            unsafe { dispatch_with_avx512(kernel) };
-            return;
+            if std::arch::is_x86_feature_detected!("avx512f")
+                && std::arch::is_x86_feature_detected!("avx512vl")
+                && std::arch::is_x86_feature_detected!("avx512dq")
+            {
+                return Self::Avx512;
+            }
+            if std::arch::is_x86_feature_detected!("avx") {
+                return Self::Avx;
+            }
         }
-        if std::arch::is_x86_feature_detected!("avx") {
-            // SAFETY: the processor has AVX.
-            unsafe { dispatch_with_avx(kernel) };
-            return;
+        Self::Any
+    }
+
+    /// What `DEM_MPI_REGISTERS` says: to see what a program takes on other processors.
+    fn allowed() -> Self {
+        match std::env::var("DEM_MPI_REGISTERS").as_deref() {
+            Ok("any") => Self::Any,
+            Ok("avx") => Self::Avx,
+            Ok("avx512") | Err(_) => Self::Avx512,
+            Ok(other) => panic!("DEM_MPI_REGISTERS = {other}: there are any, avx and avx512"),
         }
     }
-    kernel.run::<Portable>();
+
+    /// The widest that kernels of this thread use.
+    pub fn widest() -> Self {
+        WIDEST.get()
+    }
+
+    /// Runs something with no wider ones.
+    pub fn at_most<T>(self, run: impl FnOnce() -> T) -> T {
+        let before = WIDEST.replace(self.min(Self::of_processor()));
+        let done = run();
+        WIDEST.set(before);
+        done
+    }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vl,avx512dq")]
-fn dispatch_with_avx512(kernel: impl Kernel) {
-    kernel.run::<avx512::Avx512>();
+/// Kernels are compiled where the type of `Self` stands, as methods of a trait are.
+trait Home {
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq")]
+    unsafe fn run_with_avx512(kernel: impl Kernel) {
+        kernel.run::<avx512::Avx512>();
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx")]
+    unsafe fn run_with_avx(kernel: impl Kernel) {
+        kernel.run::<avx::Avx>();
+    }
+
+    fn run_anywhere(kernel: impl Kernel) {
+        kernel.run::<Portable>();
+    }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx")]
-fn dispatch_with_avx(kernel: impl Kernel) {
-    kernel.run::<avx::Avx>();
-}
+impl<T> Home for T {}
 
 /// Asks memory for what will be read soon.
 #[inline]
-pub(crate) fn prefetch<T>(soon: &[T]) {
+pub fn prefetch<T>(soon: &[T]) {
     #[cfg(target_arch = "x86_64")]
     for line in (0..size_of_val(soon)).step_by(64) {
         // SAFETY: the place is within what is there; and nothing is read.
@@ -770,7 +832,7 @@ mod avx {
 
 /// Pairs of rows of columns of one length, checked once for all.
 #[derive(Clone, Copy)]
-pub(crate) struct RowPairs<'a> {
+pub struct RowPairs<'a> {
     rows: &'a [[u32; 2]],
     length: usize,
 }
@@ -781,7 +843,7 @@ impl<'a> RowPairs<'a> {
     /// # Panics
     /// If a row is beyond the length.
     #[inline(always)]
-    pub(crate) fn new(rows: &'a [[u32; 2]], length: usize) -> Self {
+    pub fn new(rows: &'a [[u32; 2]], length: usize) -> Self {
         let mut largest = 0;
         for &row in rows.as_flattened() {
             largest = if row > largest { row } else { largest };
@@ -792,7 +854,7 @@ impl<'a> RowPairs<'a> {
 
     /// Eight of them from the `first` on; where less are left, the last one again, in the `room` for them.
     #[inline(always)]
-    pub(crate) fn eight(self, first: usize, room: &'a mut [[u32; 2]; WIDTH]) -> [Gather<'a>; 2] {
+    pub fn eight(self, first: usize, room: &'a mut [[u32; 2]; WIDTH]) -> [Gather<'a>; 2] {
         let Self { rows, length } = self;
         let rows = if let Some(rows) = rows[first..].first_chunk::<WIDTH>() {
             rows
@@ -811,7 +873,7 @@ impl<'a> RowPairs<'a> {
     /// # Panics
     /// If there are none, or one stands nowhere.
     #[inline(always)]
-    pub(crate) fn picked(self, places: &[u32], room: &'a mut [[u32; 2]; WIDTH]) -> [Gather<'a>; 2] {
+    pub fn picked(self, places: &[u32], room: &'a mut [[u32; 2]; WIDTH]) -> [Gather<'a>; 2] {
         let Self { rows: all, length } = self;
         if places.len() < WIDTH {
             *room = [all[places[0] as usize]; WIDTH];
@@ -826,7 +888,7 @@ impl<'a> RowPairs<'a> {
 
 /// The first or the second rows of eight pairs, in columns of one length.
 #[derive(Clone, Copy)]
-pub(crate) struct Gather<'a> {
+pub struct Gather<'a> {
     rows: &'a [[u32; 2]; WIDTH],
     end: usize,
     length: usize,
@@ -835,7 +897,7 @@ pub(crate) struct Gather<'a> {
 impl Gather<'_> {
     /// Where the row of a lane stands.
     #[inline(always)]
-    pub(crate) fn at(self, lane: usize) -> usize {
+    pub fn at(self, lane: usize) -> usize {
         self.rows[lane][self.end] as usize
     }
 
@@ -844,7 +906,7 @@ impl Gather<'_> {
     /// # Panics
     /// If the column is shorter than the largest index.
     #[inline(always)]
-    pub(crate) fn rows<T>(self, column: &[T]) -> [&T; WIDTH] {
+    pub fn rows<T>(self, column: &[T]) -> [&T; WIDTH] {
         assert!(column.len() >= self.length, "a column that is too short");
         // SAFETY: all rows are below the length, which the column has.
         unsafe {
@@ -866,7 +928,7 @@ impl Gather<'_> {
     /// # Panics
     /// If the column is shorter than was said.
     #[inline(always)]
-    pub(crate) fn add<R: Row>(ends: [Self; 2], rows: [&[R; WIDTH]; 2], column: &mut [[f64; 4]]) {
+    pub fn add<R: Row>(ends: [Self; 2], rows: [&[R; WIDTH]; 2], column: &mut [[f64; 4]]) {
         assert!(column.len() >= ends[0].length.max(ends[1].length), "a column that is too short");
         let ([first, other], [of_first, of_other]) = (ends, rows);
         for lane in 0..WIDTH {
@@ -882,7 +944,7 @@ impl Gather<'_> {
     /// # Panics
     /// If the column is shorter than was said.
     #[inline(always)]
-    pub(crate) fn add_numbers(ends: [Self; 2], numbers: &[f64; WIDTH], column: &mut [f64]) {
+    pub fn add_numbers(ends: [Self; 2], numbers: &[f64; WIDTH], column: &mut [f64]) {
         assert!(column.len() >= ends[0].length.max(ends[1].length), "a column that is too short");
         let [first, other] = ends;
         for (lane, number) in numbers.iter().enumerate() {
@@ -973,7 +1035,7 @@ impl<L: Lanes> Triple<L> {
 
 /// The vector of one lane of what [`Triple::store`] gives.
 #[inline(always)]
-pub(crate) fn row([x, y, z]: &[[f64; WIDTH]; 3], lane: usize) -> [f64; 3] {
+pub fn row([x, y, z]: &[[f64; WIDTH]; 3], lane: usize) -> [f64; 3] {
     [x[lane], y[lane], z[lane]]
 }
 
@@ -991,7 +1053,7 @@ pub(crate) struct Symmetric<L> {
 impl<L: Eight> Triple<L> {
     /// From eight places in memory.
     #[inline(always)]
-    pub(crate) fn of(rows: &[&[f64; 3]; WIDTH]) -> Self {
+    pub fn of(rows: &[&[f64; 3]; WIDTH]) -> Self {
         let [x, y, z] = L::columns_of_3(rows);
         Self { x, y, z }
     }
@@ -1005,13 +1067,13 @@ impl<L: Eight> Triple<L> {
 
     /// To memory.
     #[inline(always)]
-    pub(crate) fn store(self) -> [[f64; WIDTH]; 3] {
+    pub fn store(self) -> [[f64; WIDTH]; 3] {
         [self.x.store(), self.y.store(), self.z.store()]
     }
 
     /// Each vector with a number behind it.
     #[inline(always)]
-    pub(crate) fn rows(self, number: L) -> [L::Row; WIDTH] {
+    pub fn rows(self, number: L) -> [L::Row; WIDTH] {
         L::rows_of_4([self.x, self.y, self.z, number])
     }
 }

@@ -335,6 +335,8 @@ struct Turn<'a, const SIZED: bool> {
 }
 
 impl<const SIZED: bool> Kernel for Turn<'_, SIZED> {
+    type Home = Self;
+
     #[inline(always)]
     fn run<L: Eight>(mut self) {
         for first in (0..self.particles.owned).step_by(WIDTH) {
@@ -544,8 +546,9 @@ mod tests {
     use super::{Field, Kick, Turn};
     use crate::lanes::{self, Kernel, Portable};
     use crate::math::Vec3;
+    use crate::particles::Particles;
     use crate::particles::columns::Quantity;
-    use crate::particles::{Particles, crowd};
+    use crate::particles::crowd::crowd;
 
     /// Turns all of them, with the kernel run in one way or another.
     fn turn<const SIZED: bool>(particles: &mut Particles, run: impl Fn(Turn<SIZED>)) {

@@ -1,16 +1,16 @@
-//! The kernel by itself: portable lanes against those of the machine, and what contacts of one company do in another.
+//! The kernel of laws by itself: the registers that every processor has against those of this one, and what contacts of one company do
+//! in another.
 
-use super::patches::WithPatches;
-use super::{Contacts, Law};
-use crate::contact::{Geometry, Pair, Patch, Previous};
-use crate::ids::{MaterialId, ShapeId, Slot};
-use crate::lanes::{self, Kernel, Portable};
-use crate::law::linear::{Constants, Interactions, Linear};
-use crate::law::{ForceLaw, Last, Sums, Work};
-use crate::math::{Vec3, Vec3AndNumber};
-use crate::particles::{Particles, crowd};
-use crate::random::Random;
-use crate::shape::{Polyhedron, Shape};
+use dem_mpi::contact::{Geometry, Pair, Patch, Previous, StateColumn};
+use dem_mpi::ids::{MaterialId, ShapeId, Slot};
+use dem_mpi::lanes::Registers;
+use dem_mpi::law::linear::{Constants, Settings};
+use dem_mpi::law::{Choice, ForceLaw, Interactions, Last, Sums, Work};
+use dem_mpi::math::Vec3;
+use dem_mpi::particles::Particles;
+use dem_mpi::particles::crowd::crowd;
+use dem_mpi::random::Random;
+use dem_mpi::shape::{Polyhedron, Shape};
 
 /// What touches, and what is remembered.
 #[derive(Clone, Default)]
@@ -28,7 +28,8 @@ struct Touching {
 struct Found {
     state: Vec<f64>,
     forces: Vec<Vec3>,
-    sums: Sums,
+    /// With its sums.
+    particles: Particles,
 }
 
 impl Touching {
@@ -43,26 +44,13 @@ impl Touching {
         }
     }
 
-    fn apply(
-        &self,
-        law: &Law<Linear>,
-        particles: &Particles,
-        run: impl Fn(Contacts<Linear>),
-    ) -> Found {
+    fn apply(&self, law: &dyn ForceLaw, particles: &Particles) -> Found {
         let count = self.pairs.len();
-        let zeros = vec![Vec3AndNumber::default(); particles.slots()];
-        let mut found = Found {
-            state: vec![f64::NAN; count * law.stride],
-            forces: vec![Vec3::zeros(); count],
-            sums: Sums {
-                at_walls: Vec::new(),
-                force: zeros.clone(),
-                torque: zeros,
-                parts: Default::default(),
-                on_walls: Vec::new(),
-                presses_on_walls: None,
-            },
-        };
+        let mut particles = particles.clone();
+        let mut sums = Sums::default();
+        sums.begin(&mut particles);
+        let mut state = vec![f64::NAN; count * stride(law)];
+        let mut forces = vec![Vec3::zeros(); count];
         let mut work = Work {
             pairs: &self.pairs,
             geometry: &self.now,
@@ -72,13 +60,29 @@ impl Touching {
             from: &self.from,
             last: Last { pairs: &self.pairs, geometry: &self.geometry, state: &self.state },
             separated: &[],
-            state: &mut found.state,
-            forces: &mut found.forces,
+            state: &mut state,
+            forces: &mut forces,
         };
-        let sums = &mut found.sums;
-        run(Contacts { law, work: &mut work, particles, dt: 1e-5, sums, summed: 0 });
-        found
+        law.apply(&mut work, &particles, 1e-5, &mut sums);
+        sums.end(&mut particles);
+        Found { state, forces, particles }
     }
+
+    fn apply_anywhere(&self, law: &dyn ForceLaw, particles: &Particles) -> Found {
+        assert!(Registers::widest() > Registers::Any, "this processor has wider ones");
+        Registers::Any.at_most(|| self.apply(law, particles))
+    }
+}
+
+/// Numbers that are remembered of a contact.
+fn stride(law: &dyn ForceLaw) -> usize {
+    StateColumn::total_width(law.state())
+}
+
+/// Those of the model among them.
+fn width(law: &dyn ForceLaw) -> usize {
+    let of_model = |column: &&StateColumn| ["spring", "normal_force"].contains(&&*column.name);
+    law.state().iter().filter(of_model).map(|column| column.width).sum()
 }
 
 impl Found {
@@ -88,8 +92,12 @@ impl Found {
     }
 
     fn bits_of_sums(&self) -> Vec<u64> {
-        let Sums { force, torque, .. } = &self.sums;
-        bytemuck::cast_slice(force).iter().chain(bytemuck::cast_slice(torque)).copied().collect()
+        let torque = &self.particles.spin.as_ref().unwrap().torque;
+        let sums = self.particles.force.iter().chain(torque);
+        sums.flat_map(|sum| {
+            sum.vector.iter().chain([&sum.number]).map(|x| x.to_bits()).collect::<Vec<_>>()
+        })
+        .collect()
     }
 }
 
@@ -105,8 +113,8 @@ fn lanes_give_the_same_bits_everywhere() {
 /// A chain of bodies, each in touch with the next; every fifth pair for the first time.
 fn touching(
     particles: &Particles,
-    law: &Law<Linear>,
-    interactions: &Interactions,
+    law: &dyn ForceLaw,
+    interactions: &Interactions<Constants>,
     all_spheres: bool,
 ) -> Touching {
     let has = |column: &str| law.state().iter().any(|state| state.name == column);
@@ -142,8 +150,8 @@ fn touching(
         if has("normal_force") {
             before.state.push(9e-3);
         }
-        if law.needs.patches {
-            before.state.extend(vec![1e-7; law.stride - law.width]);
+        if law.needs().patches {
+            before.state.extend(vec![1e-7; stride(law) - width(law)]);
         } else {
             before.state.extend(acted(1e-3).iter());
             if has("viscous_force") {
@@ -154,8 +162,9 @@ fn touching(
     before
 }
 
-fn with_patches(contacts: Contacts<Linear>) {
-    lanes::dispatch(WithPatches(contacts));
+fn linear(interactions: &Interactions<Constants>, particles: &Particles) -> Box<dyn ForceLaw> {
+    let settings = Settings { interactions: interactions.clone(), limit_damping: true };
+    Choice::Linear(settings).law(&particles.library)
 }
 
 /// In a list with contacts of faces, the others get the bits that they get without any: normal and sliding, for the first
@@ -176,12 +185,10 @@ fn contacts_without_a_patch_do_not_see_those_with_one() {
     let smooth = Constants { friction: 0.0, ..rough };
     for (sized, other) in [(false, rough), (true, rough), (false, smooth)] {
         let interactions = Interactions::new(&[rough, other]);
-        let model = || Linear::new(interactions.clone(), true);
         let plain = crowd(300, sized);
-        let law = Law::new(model(), &plain.library);
-        let without = touching(&plain, &law, &interactions, false);
-        let without = without.apply(&law, &plain, |c| lanes::dispatch(c));
-        let stride = law.stride;
+        let law = linear(&interactions, &plain);
+        let without = touching(&plain, &*law, &interactions, false).apply(&*law, &plain);
+        let without_faces = stride(&*law);
 
         let mut particles = crowd(300, sized);
         let solid = Shape::Polyhedron(Box::new(box_of(1e-3)));
@@ -193,9 +200,10 @@ fn contacts_without_a_patch_do_not_see_those_with_one() {
                 particles.shape[slot] = ShapeId(2);
             }
         }
-        let law = Law::new(model(), &particles.library);
-        assert_eq!(law.stride, law.width + 11);
-        let mut before = touching(&particles, &law, &interactions, false);
+        let law = linear(&interactions, &particles);
+        let (width, stride) = (width(&*law), stride(&*law));
+        assert_eq!(stride, width + 11);
+        let mut before = touching(&particles, &*law, &interactions, false);
         let covariance = [2e-7, 3e-7, 1e-7, 1e-8, -2e-8, 3e-8];
         let of_faces = Patch { gain: 0.9, lever: Vec3::z() * 1e-6, covariance };
         let has_patch = |pair: &Pair| is_box(pair.a.index()) && is_box(pair.b.index());
@@ -205,18 +213,18 @@ fn contacts_without_a_patch_do_not_see_those_with_one() {
             .map(|p| if has_patch(p) { of_faces } else { Patch::POINT })
             .collect();
 
-        let found = before.apply(&law, &particles, with_patches);
-        let portable = before.apply(&law, &particles, |c| WithPatches(c).run::<Portable>());
+        let found = before.apply(&*law, &particles);
+        let portable = before.apply_anywhere(&*law, &particles);
         assert_eq!(found.bits_of_sums(), portable.bits_of_sums());
         let mut compared = 0;
         for (place, pair) in before.pairs.iter().enumerate() {
-            let bits = found.bits(place, law.stride);
-            assert_eq!(bits, portable.bits(place, law.stride), "pair {place}");
-            let alone = before.of(place).apply(&law, &particles, with_patches);
-            assert_eq!(bits, alone.bits(0, law.stride), "pair {place} alone");
+            let bits = found.bits(place, stride);
+            assert_eq!(bits, portable.bits(place, stride), "pair {place}");
+            let alone = before.of(place).apply(&*law, &particles);
+            assert_eq!(bits, alone.bits(0, stride), "pair {place} alone");
             if !is_box(pair.a.index()) && !is_box(pair.b.index()) {
-                let of_model = 3 + law.width;
-                let without = without.bits(place, stride);
+                let of_model = 3 + width;
+                let without = without.bits(place, without_faces);
                 assert_eq!(bits[..of_model], without[..of_model], "{place}");
                 compared += 1;
             }
@@ -225,8 +233,10 @@ fn contacts_without_a_patch_do_not_see_those_with_one() {
         // Bodies whose both contacts are without boxes.
         for slot in (1..299).filter(|slot| (slot - 1..=slot + 1).all(|k| !is_box(k))) {
             // Energies depend on what is remembered of the last force, which differs.
-            let sums = [&found, &without]
-                .map(|of| [of.sums.force[slot].vector, of.sums.torque[slot].vector]);
+            let sums = [&found, &without].map(|Found { particles, .. }| {
+                let torque = &particles.spin.as_ref().unwrap().torque;
+                [particles.force[slot].vector, torque[slot].vector]
+            });
             assert_eq!(sums[0], sums[1], "{slot}");
         }
     }
@@ -251,17 +261,17 @@ fn same_bits(particles: &Particles) {
     ] {
         let mut interactions = Interactions::new(&[own, other]);
         interactions.set(MaterialId(0), MaterialId(1), mixed);
-        let law = Law::new(Linear::new(interactions.clone(), true), &particles.library);
-        assert_eq!(law.width, width, "{name}");
-        let before = touching(particles, &law, &interactions, all_spheres);
-        let dispatched = before.apply(&law, particles, |c| lanes::dispatch(c));
-        let portable = before.apply(&law, particles, |c| c.run::<Portable>());
+        let law = linear(&interactions, particles);
+        assert_eq!(self::width(&*law), width, "{name}");
+        let before = touching(particles, &*law, &interactions, all_spheres);
+        let dispatched = before.apply(&*law, particles);
+        let portable = before.apply_anywhere(&*law, particles);
         assert_eq!(dispatched.bits_of_sums(), portable.bits_of_sums(), "{name}");
-        let width = law.stride;
+        let width = stride(&*law);
         for place in 0..before.pairs.len() {
             let bits = dispatched.bits(place, width);
             assert_eq!(bits, portable.bits(place, width), "{name}, pair {place}");
-            let alone = before.of(place).apply(&law, particles, |c| lanes::dispatch(c));
+            let alone = before.of(place).apply(&*law, particles);
             assert_eq!(bits, alone.bits(0, width), "{name}, pair {place} alone");
         }
     }

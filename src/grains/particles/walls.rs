@@ -10,7 +10,7 @@
 //! snapshot has the same bits.
 //!
 //! What moves a wall: its scene, with constant velocities or a course ([`super::courses`]), or a drive, which sets its velocities in each step
-//! ([`crate::drive::servo`], [`crate::drive::free`]).
+//! (`drive::servo`, `drive::free`).
 
 mod saved;
 
@@ -293,7 +293,7 @@ impl Wall {
     }
 
     /// Lets the cells behind its triangles, if it has some, do for grains with faces that reach so far [m].
-    pub(crate) fn deepen_cells(&mut self, farthest: f64, library: &mut Library) {
+    pub fn deepen_cells(&mut self, farthest: f64, library: &mut Library) {
         if let Some(Mesh { surface, shape, .. }) = &mut self.mesh
             && surface.has_cells()
         {
@@ -349,7 +349,7 @@ impl Wall {
     }
 
     /// Takes its surface of triangles, of which a message has none, from the library.
-    pub(crate) fn take_surface(&mut self, library: &Library) {
+    pub fn take_surface(&mut self, library: &Library) {
         if let Some(mesh) = &mut self.mesh
             && let Shape::TriangleMesh(surface) = &library.shapes[mesh.shape.index()]
         {
@@ -553,7 +553,7 @@ impl Wall {
     }
 
     /// Goes on with another step after so many, of which the last took `before` [s].
-    pub(crate) fn change_step(&mut self, step: u64, before: f64) {
+    pub fn change_step(&mut self, step: u64, before: f64) {
         let from = self.pose();
         self.steady = None;
         if let Some(following) = &mut self.following {
@@ -677,7 +677,7 @@ impl Wall {
     }
 
     /// Takes another reference point [m], that of its scene, and stays where it is.
-    pub(crate) fn refer_to(&mut self, point: Vec3) {
+    pub fn refer_to(&mut self, point: Vec3) {
         let (frame, shift) = (self.frame(), self.point - point);
         for Facet { geometry, .. } in &mut self.facets {
             geometry.offset += shift.dot(&(frame * geometry.normal));

@@ -60,6 +60,8 @@ struct Resolution<'a, 'b, R> {
 }
 
 impl<R: InLanes> Kernel for Resolution<'_, '_, R> {
+    type Home = R;
+
     #[inline(always)]
     fn run<L: Eight>(self) {
         self.resolver.resolve_eights::<L>(self.batch, self.found);

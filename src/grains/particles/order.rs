@@ -128,7 +128,7 @@ fn sort<T: Copy>(column: &mut Vec<T>, slots: &[u32]) {
 
 #[cfg(test)]
 mod tests {
-    use crate::particles::crowd;
+    use crate::particles::crowd::crowd;
 
     /// Each particle keeps all that it has, and slots then rise with the order.
     #[test]

@@ -1,124 +1,8 @@
 //! Force laws: from the geometry of a contact to the forces and moments of its bodies.
 //!
-//! # A law of one's own
+//! The guide of `dem-mpi` walks through a whole one of one's own, `guide::extend`.
 //!
-//! A law is a type with a [`kernel::Model`]: its constants, its force, its elastic energy, its state if it has any, what
-//! bounds its time step. [`kernel::Law`] does what all laws share. A scene can ask for it by its `kind` once [`Choice`] has a
-//! variant for it and `scene/laws.rs` reads its constants.
-//!
-//! A model with moments beside those of its forces, as of rolling resistance, sets [`kernel::Model::MOMENTS`], finds the relative
-//! angular velocity in [`kernel::Contact`], and gives the moment and its energy in [`kernel::Action`]. Both bodies feel it, and its
-//! work is in the balance of energies. `tests/rolling.rs` has such a model.
-//!
-//! This one is whole: Hertz's elastic contact of spheres (1882, DOI 10.1515/crll.1882.92.156), here of a sphere that meets a
-//! wall.
-//!
-//! ```
-//! use dem_mpi::comm::alone::Alone;
-//! use dem_mpi::ids::{MaterialId, ShapeId};
-//! use dem_mpi::lanes::{Lanes, Triple};
-//! use dem_mpi::law::{Body, Hardest};
-//! use dem_mpi::law::kernel::{Action, Contact, Kept, Law, Model, Spread};
-//! use dem_mpi::particles::Needs;
-//! use dem_mpi::scene::{Scene, assemble};
-//! use std::path::Path;
-//!
-//! /// `N = 4/3 E* √R* δ^(3/2)`, without friction.
-//! #[derive(Debug)]
-//! struct Hertz {
-//!     /// E* of all contacts [Pa].
-//!     modulus: f64,
-//! }
-//!
-//! impl Hertz {
-//!     fn action<L: Lanes>(factor: L, overlap: L) -> Action<L> {
-//!         let press = factor * overlap * overlap.sqrt();
-//!         let stored = [L::all(0.4) * press * overlap, L::all(0.0)];
-//!         let zero = Triple::zero();
-//!         Action { press, rub: zero, viscous: zero, kept: Kept::all(), moment: zero, stored }
-//!     }
-//! }
-//!
-//! impl Model for Hertz {
-//!     /// `4/3 E* √R*` [N/m^(3/2)].
-//!     type Constants<L: Lanes> = L;
-//!
-//!     fn name(&self) -> &'static str {
-//!         "hertz"
-//!     }
-//!
-//!     fn needs(&self) -> Needs {
-//!         Needs::default()
-//!     }
-//!
-//!     fn constants(&self, a: &Body, b: &Body) -> f64 {
-//!         // A wall's radius is infinite.
-//!         let radius = 1.0 / (1.0 / a.radius + 1.0 / b.radius);
-//!         4.0 / 3.0 * self.modulus * radius.sqrt()
-//!     }
-//!
-//!     fn spread<L: Lanes>(of: &impl Spread<f64, L>) -> L {
-//!         of.of(|factor| *factor)
-//!     }
-//!
-//!     fn last<L: Lanes>(&self, factor: &L, overlap: L, _state: &[L]) -> Action<L> {
-//!         Self::action(*factor, overlap)
-//!     }
-//!
-//!     fn act<L: Lanes>(&self, factor: &L, contact: &Contact<L>, _state: &mut [L]) -> Action<L> {
-//!         Self::action(*factor, contact.overlap)
-//!     }
-//!
-//!     fn elastic<L: Lanes>(&self, factor: &L, overlap: L) -> L {
-//!         Self::action(*factor, overlap).press
-//!     }
-//!
-//!     fn stiffness(&self, factor: &f64, overlap: f64, _dt: f64) -> f64 {
-//!         1.5 * factor * overlap.sqrt()
-//!     }
-//!
-//!     fn hardest(&self, body: &Body, _: MaterialId, _reduced_mass: f64) -> Hardest {
-//!         // No overlap is to be more than a hundredth of the radius.
-//!         let stiffness = 2.0 * self.modulus * body.radius * 0.1;
-//!         Hardest { stiffness, dashpots: [0.0; 2], turning: [0.0; 2] }
-//!     }
-//!
-//!     fn words(&self, _: MaterialId, _: MaterialId) -> String {
-//!         format!("modulus {:.3e} Pa", self.modulus)
-//!     }
-//! }
-//!
-//! let text = r#"
-//!     domain = { low = [0, 0, 0], high = [0.01, 0.01, 0.01], walls = ["-z"] }
-//!     material = [{ name = "glass", density = 2500, normal_stiffness = 1e4 }]
-//!     shape = [{ name = "bead", kind = "sphere", radius = 1e-3 }]
-//!     time = { step = 1e-8, steps = 6000 }
-//!     output = { directory = "out" }
-//!     [[fill.lattice]]
-//!     first = [5e-3, 5e-3, 1.0005e-3]
-//!     count = [1, 1, 1]
-//!     velocity = [0, 0, -0.1]
-//! "#;
-//! let scene = Scene::parse(text, "bead.toml", Path::new("."), &[]).unwrap();
-//! let mut comm = Alone::default();
-//! let law = Law::new(Hertz { modulus: 1e9 }, &scene.library);
-//! let mut sim = assemble::assemble_with(&scene, Box::new(law), &comm);
-//! assemble::fill(&mut sim, &scene, &comm);
-//! sim.begin(&mut comm).unwrap();
-//! let mut deepest: f64 = 0.0;
-//! for _ in 0..scene.steps {
-//!     sim.step(&mut comm).unwrap();
-//!     deepest = sim.contacts.iter().map(|(_, geometry)| geometry.overlap).fold(deepest, f64::max);
-//! }
-//!
-//! // 1/2 m v² = 8/15 E* √R δ^(5/2), and the bead flies off as fast as it came.
-//! let energy = 0.5 * scene.library.mass[0] * 0.1 * 0.1;
-//! let expected = (15.0 / 8.0 * energy / (1e9 * 1e-3_f64.sqrt())).powf(0.4);
-//! assert!((deepest / expected - 1.0).abs() < 1e-6, "{deepest:e} m, {expected:e} m");
-//! let measures = sim.measure(&mut comm);
-//! assert_eq!(measures.wall_contacts, 0);
-//! assert!((measures.kinetic() / energy - 1.0).abs() < 1e-6, "{measures:?}");
-//! ```
+//! A library of its own: a kernel is compiled for each law and each kind of processor, which takes longer than all else together.
 
 pub mod dmt;
 pub mod hertz;
@@ -129,6 +13,10 @@ pub mod rolling;
 pub mod stability;
 
 pub use interactions::{Interactions, Mixing};
+
+// Its modules as everywhere in the program.
+use crate as law;
+use dem_grains::{contact, ids, lanes, math, particles, shape};
 
 use crate::contact::curvature::Curvature;
 use crate::contact::{Geometry, Pair, Patch, Previous, StateColumn};

@@ -66,16 +66,19 @@ pub struct Curvature {
 
 /// The same of several contacts.
 #[derive(Clone, Copy)]
-pub(crate) struct Curvatures<L> {
-    pub(crate) root_of_radius: L,
-    pub(crate) force: Triple<L>,
-    pub(crate) moment: Triple<L>,
+pub struct Curvatures<L> {
+    /// See [`Curvature::root_of_radius`].
+    pub root_of_radius: L,
+    /// See [`Curvature::force`].
+    pub force: Triple<L>,
+    /// See [`Curvature::moment`].
+    pub moment: Triple<L>,
 }
 
 impl<L: Eight> Curvatures<L> {
     /// Of eight places in memory.
     #[inline(always)]
-    pub(crate) fn of(rows: &[&Curvature; WIDTH]) -> Self {
+    pub fn of(rows: &[&Curvature; WIDTH]) -> Self {
         let mut halves = [[&[0.0; 4]; WIDTH]; 2];
         for (lane, row) in rows.iter().enumerate() {
             let row: &[[f64; 4]; 2] = bytemuck::cast_ref(*row);
@@ -436,6 +439,8 @@ struct All<'a, 'b> {
 }
 
 impl Kernel for All<'_, '_> {
+    type Home = Self;
+
     #[inline(always)]
     fn run<L: Eight>(self) {
         let Self { bodies, pairs, geometry, into } = self;

@@ -428,8 +428,9 @@ impl Touching {
         })
     }
 
+    /// Adds a contact that is none of faces.
     #[inline]
-    pub(crate) fn push(&mut self, pair: u32, touch: &Touch) {
+    pub fn push(&mut self, pair: u32, touch: &Touch) {
         self.push_with(pair, touch, &Patch::POINT);
     }
 
@@ -474,7 +475,7 @@ impl Touching {
     }
 
     /// Keeps some of them.
-    pub(crate) fn keep(&mut self, stays: &[bool]) {
+    pub fn keep(&mut self, stays: &[bool]) {
         fn keep<T>(column: &mut Vec<T>, stays: &[bool]) {
             let mut stays = stays.iter();
             column.retain(|_| stays.next() == Some(&true));
@@ -592,14 +593,14 @@ impl Bodies<'_> {
 /// The vectors of eight bodies.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
-pub(crate) fn vectors<L: Eight>(all: &[Vec3], bodies: Gather) -> Triple<L> {
+pub fn vectors<L: Eight>(all: &[Vec3], bodies: Gather) -> Triple<L> {
     triple(&bodies.rows(all))
 }
 
 /// Eight vectors.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
-pub(crate) fn triple<L: Eight>([a, b, c, d, e, f, g, h]: &[&Vec3; WIDTH]) -> Triple<L> {
+pub fn triple<L: Eight>([a, b, c, d, e, f, g, h]: &[&Vec3; WIDTH]) -> Triple<L> {
     Triple::of(&[
         a.as_ref(),
         b.as_ref(),

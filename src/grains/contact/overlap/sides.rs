@@ -187,6 +187,8 @@ struct Part<'a> {
 }
 
 impl Kernel for Part<'_> {
+    type Home = Self;
+
     #[inline(always)]
     fn run<L: Eight>(self) {
         let Self { middle, half, w: [start, slope], reach, sums } = self;

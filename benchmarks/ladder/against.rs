@@ -1,0 +1,109 @@
+//! Times of each rung beside those of the build of another commit, in turns: the paths that valgrind does not know have no other guard.
+
+use super::{ALONG, RUNGS, Runner, STEPS, median};
+use anyhow::{Context, ensure};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+const FILE: &str = "against.csv";
+const ROUNDS: usize = 15;
+
+/// A line of the record.
+#[derive(Serialize)]
+struct Line<'a> {
+    commit: &'a str,
+    rung: &'static str,
+    /// Medians, per particle and step [ns].
+    now: f64,
+    then: f64,
+    /// Median, least and largest of the ratios of rounds [-].
+    ratio: f64,
+    least: f64,
+    largest: f64,
+}
+
+/// Seconds of a round of steps, to standard output.
+pub(super) fn round(rung: usize) -> anyhow::Result<()> {
+    let mut runner = Runner::of(rung)?;
+    runner.steps(3)?;
+    let begin = Instant::now();
+    runner.steps(STEPS)?;
+    println!("{}", begin.elapsed().as_secs_f64());
+    Ok(())
+}
+
+/// Builds the ladder of today with the library of the commit, and takes turns with it.
+pub(super) fn time(commit: &str, record: Option<&Path>) -> anyhow::Result<()> {
+    let then = built(commit)?;
+    let now = std::env::current_exe()?;
+    let mut lines = Vec::new();
+    println!("ns per particle and step, in turns: median over {ROUNDS} rounds");
+    println!("{:<40} {:>8} {:>10} {:>6}", "", "now", commit, "ratio");
+    for (k, rung) in RUNGS.iter().enumerate() {
+        let (mut times, mut ratios) = ([Vec::new(), Vec::new()], Vec::new());
+        for _ in 0..ROUNDS {
+            let [now, then] = [timed(&now, k + 1)?, timed(&then, k + 1)?];
+            times[0].push(now);
+            times[1].push(then);
+            ratios.push(now / then);
+        }
+        let per_body = 1e9 / f64::from(STEPS * ALONG.pow(3));
+        let [now, then] = times.map(|mut times| per_body * median(&mut times));
+        let ratio = median(&mut ratios);
+        println!("{:<40} {now:>8.1} {then:>10.1} {ratio:>6.3}", rung.name);
+        let [least, largest] = [ratios[0], ratios[ROUNDS - 1]];
+        lines.push(Line { commit, rung: rung.name, now, then, ratio, least, largest });
+    }
+    if let Some(folder) = record {
+        let mut writer = csv::Writer::from_path(folder.join(FILE))?;
+        lines.iter().try_for_each(|line| writer.serialize(line))?;
+        writer.flush()?;
+    }
+    Ok(())
+}
+
+fn timed(program: &Path, rung: usize) -> anyhow::Result<f64> {
+    let output = Command::new(program).args(["--round", &rung.to_string()]).output()?;
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    told.trim().parse().with_context(|| {
+        format!("{}: {}", program.display(), String::from_utf8_lossy(&output.stderr))
+    })
+}
+
+/// The ladder with the library of a commit, in a tree of its own.
+fn built(commit: &str) -> anyhow::Result<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let tree = root.join("target/ladder").join(commit);
+    if !tree.exists() {
+        let tree = tree.to_string_lossy();
+        run(root, "git", &["worktree", "add", "--detach", &tree, commit])?;
+    }
+    for file in std::fs::read_dir(root.join("benchmarks/ladder"))? {
+        let file = file?;
+        std::fs::copy(file.path(), tree.join("benchmarks/ladder").join(file.file_name()))?;
+    }
+    let told = run(
+        &tree,
+        "cargo",
+        &["bench", "--locked", "--bench", "ladder", "--no-run", "--message-format=json"],
+    )?;
+    let program = told
+        .lines()
+        .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok())
+        .find_map(|message| Some(message.get("executable")?.as_str()?.to_owned()));
+    Ok(program.context("cargo built no ladder")?.into())
+}
+
+/// What a program tells, which may tell its errors itself.
+fn run(folder: &Path, program: &str, arguments: &[&str]) -> anyhow::Result<String> {
+    let output = Command::new(program)
+        .args(arguments)
+        .current_dir(folder)
+        .stderr(std::process::Stdio::inherit())
+        .output()
+        .with_context(|| format!("{program} does not start"))?;
+    ensure!(output.status.success(), "{program} {} fails", arguments.join(" "));
+    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+}
