@@ -346,7 +346,7 @@ fn the_step_of_a_compression_is_found_for_its_stress() {
     );
     let loaded = shaken.replace("amplitude = 1e-5\nfrequency = 10", "mass = 0.01");
     let said = scene(&text.replace("[law]", "[law]\nlargest_overlap = 0.03"));
-    let up_to = |scene: &Scene| scene.force_law().hardest_up_to().unwrap();
+    let up_to = |scene: &Scene| scene.force_law().about().hardest_up_to().unwrap();
     let modulus = youngs / (2.0 * (1.0 - poisson * poisson));
     let expected = |stress: f64| (26.0 * stress / modulus).powf(2.0 / 3.0);
     close(up_to(&pressed), expected(stress), 0.01, "servos");

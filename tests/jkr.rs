@@ -327,7 +327,7 @@ fn the_stable_step_goes_with_the_contact_radius() {
         let meant = overlap_of(rest) / RADIUS;
         let scene = of(meant, step);
         let law = scene.force_law();
-        let found = law.stiffens(overlap_of(part * rest) / RADIUS, &scene.library);
+        let found = law.about().stiffens(overlap_of(part * rest) / RADIUS, &scene.library);
         close(found, part, 1e-6, "contact radius");
     }
     let scene = of(0.01, step);

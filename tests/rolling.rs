@@ -6,7 +6,7 @@ use dem_mpi::contact::StateColumn;
 use dem_mpi::ids::MaterialId;
 use dem_mpi::lanes::{Lanes, Triple};
 use dem_mpi::law::kernel::{Action, Contact, Kept, Law, Model, Spread, carried};
-use dem_mpi::law::{Body, Hardest};
+use dem_mpi::law::{About, Body, Hardest};
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::Needs;
 use dem_mpi::scene::assemble;
@@ -60,14 +60,24 @@ impl Rolling {
     }
 }
 
+impl About for Rolling {
+    fn name(&self) -> &'static str {
+        "rolling"
+    }
+
+    fn hardest(&self, _: &Body, _: MaterialId, _reduced_mass: f64) -> Hardest {
+        Hardest { stiffness: self.stiffness, dashpots: [0.0; 2], turning: [0.0; 2] }
+    }
+
+    fn words(&self, _: MaterialId, _: MaterialId) -> String {
+        format!("rolling friction {}", self.resistance)
+    }
+}
+
 impl Model for Rolling {
     type Constants<L: Lanes> = Constants<L>;
 
     const MOMENTS: bool = true;
-
-    fn name(&self) -> &'static str {
-        "rolling"
-    }
 
     fn needs(&self) -> Needs {
         Needs { velocity: true, spin: true, ..Needs::default() }
@@ -123,14 +133,6 @@ impl Model for Rolling {
 
     fn stiffness(&self, _: &Constants<f64>, _overlap: f64, _dt: f64) -> f64 {
         self.stiffness
-    }
-
-    fn hardest(&self, _: &Body, _: MaterialId, _reduced_mass: f64) -> Hardest {
-        Hardest { stiffness: self.stiffness, dashpots: [0.0; 2], turning: [0.0; 2] }
-    }
-
-    fn words(&self, _: MaterialId, _: MaterialId) -> String {
-        format!("rolling friction {}", self.resistance)
     }
 }
 

@@ -415,7 +415,7 @@ fn a_force_counts_over_the_smallest_side() {
         .replace("[time]", "[law]\nnormal = \"hertz\"\n[time]");
     let up_to = |target: &str| {
         let scene = scene(&hertz.replace("TARGET", target));
-        scene.force_law().hardest_up_to().expect("it stiffens")
+        scene.force_law().about().hardest_up_to().expect("it stiffens")
     };
     let (force, stress) = (up_to("force = 250"), up_to("stress = 1e4"));
     close(force, stress, 1e-12, "largest overlap");

@@ -311,7 +311,7 @@ fn a_run_ends_for_the_contacts_that_are_there() {
     let fine = outcome(&falls(1e-9), 1).unwrap();
     let deepest = 2.0 * fine.largest_overlap.0;
     let made_for = falls(1e-9);
-    let meant = made_for.force_law().hardest_up_to().unwrap();
+    let meant = made_for.force_law().about().hardest_up_to().unwrap();
     let packed = made_for.time_step_limit().unwrap().dt / (deepest / meant).powf(0.25);
     for ranks in [1, 2] {
         let finish = outcome(&falls(1.1 * packed), ranks).unwrap();

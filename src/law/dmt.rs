@@ -15,7 +15,7 @@
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use super::kernel::{Action, Contact, Model, Spread, Turning};
-use super::{Body, Hardest, Mixing};
+use super::{About, Body, Hardest, Mixing};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
 use crate::lanes::Lanes;
@@ -94,16 +94,35 @@ impl<C, L, S: Spread<Attracting<C, f64>, L>> Spread<C, L> for OfForces<'_, S> {
     }
 }
 
+impl<M: Model> About for Dmt<M> {
+    fn within(&self) -> Option<&dyn About> {
+        Some(&self.forces)
+    }
+
+    fn name(&self) -> &'static str {
+        self.forces.name()
+    }
+
+    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
+        self.forces.hardest(body, other, reduced_mass)
+    }
+
+    fn words(&self, a: MaterialId, b: MaterialId) -> String {
+        let Constants { surface_energy } = *self.interactions.of(a, b);
+        let forces = self.forces.words(a, b);
+        if !self.attracts() {
+            return forces;
+        }
+        format!("{forces}, surface energy {surface_energy} J/m2 (adhesion of DMT)")
+    }
+}
+
 impl<M: Model> Model for Dmt<M> {
     type Constants<L: Lanes> = Attracting<M::Constants<L>, L>;
 
     const MOMENTS: bool = M::MOMENTS;
     const BY_CURVATURE: bool = M::BY_CURVATURE;
     const FACES: bool = M::FACES;
-
-    fn name(&self) -> &'static str {
-        self.forces.name()
-    }
 
     fn needs(&self) -> Needs {
         self.forces.needs()
@@ -171,30 +190,5 @@ impl<M: Model> Model for Dmt<M> {
 
     fn stiffness(&self, constants: &Self::Constants<f64>, overlap: f64, dt: f64) -> f64 {
         self.forces.stiffness(&constants.forces, overlap, dt)
-    }
-
-    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
-        self.forces.hardest(body, other, reduced_mass)
-    }
-
-    fn hardest_up_to(&self) -> Option<f64> {
-        self.forces.hardest_up_to()
-    }
-
-    fn words(&self, a: MaterialId, b: MaterialId) -> String {
-        let Constants { surface_energy } = *self.interactions.of(a, b);
-        let forces = self.forces.words(a, b);
-        if !self.attracts() {
-            return forces;
-        }
-        format!("{forces}, surface energy {surface_energy} J/m2 (adhesion of DMT)")
-    }
-
-    fn limits(&self) -> Vec<String> {
-        self.forces.limits()
-    }
-
-    fn left_out(&self) -> Vec<&'static str> {
-        self.forces.left_out()
     }
 }

@@ -15,19 +15,21 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
+mod balance;
 mod patches;
 mod rows;
 
 pub use patches::Turning;
 
-use super::{Body, ForceLaw, Hardest, Last, Lost, OnWall, PressOnWall, Separated, Sums, Work, add};
+use super::{About, Body, ForceLaw, Last, Lost, OnWall, PressOnWall, Separated, Sums, Work, add};
 use crate::contact::curvature::{self, Curvatures};
 use crate::contact::{Geometry, Pair, StateColumn, touch_of_sphere, triple, vectors};
-use crate::ids::{MaterialId, ShapeId, Slot};
+use crate::ids::{ShapeId, Slot};
 use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row, RowPairs, Triple, WIDTH, row};
 use crate::math::Vec3;
 use crate::particles::{Library, Needs, Particles};
 use crate::shape::Kind;
+use balance::{Powers, Stored};
 use rows::{
     eight_from_rows, eight_rows, geometries_at, pieces, places_before, read_state,
     read_states_in_a_row, rows_at, stood_in_a_row, write_state, write_threes,
@@ -196,7 +198,7 @@ pub trait Spread<C, L> {
 
 /// What one law knows and others do not; [`super`] walks through one. Constants of a contact stand in a type with a
 /// number for each, for one contact or for eight.
-pub trait Model: std::fmt::Debug + Send + Sync {
+pub trait Model: About + std::fmt::Debug {
     /// Constants of contacts.
     type Constants<L: Lanes>: Copy + std::fmt::Debug + Send + Sync;
 
@@ -217,9 +219,6 @@ pub trait Model: std::fmt::Debug + Send + Sync {
 
     /// Does it know contacts of faces and straight sides? By default it does; one that does not costs less to compile.
     const FACES: bool = true;
-
-    /// As reports name it.
-    fn name(&self) -> &'static str;
 
     /// Which columns of particles it reads.
     fn needs(&self) -> Needs;
@@ -282,41 +281,10 @@ pub trait Model: std::fmt::Debug + Send + Sync {
     /// way [N/m].
     fn stiffness(&self, constants: &Self::Constants<f64>, overlap: f64, dt: f64) -> f64;
 
-    /// The hardest contact of a body with those of a material, with this reduced mass at most [kg].
-    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest;
-
     /// The gap at which a contact ends that has once been made [m]; by default it ends where the overlap does. Only of spheres,
     /// with each other and with planes.
     fn outlives<L: Lanes>(&self, _constants: &Self::Constants<L>) -> L {
         L::all(0.0)
-    }
-
-    /// The largest [`Model::outlives`] of bodies of a library [m].
-    fn reach(&self, _library: &Library) -> f64 {
-        0.0
-    }
-
-    /// The constants of a contact between two materials in words, for `--plan`.
-    fn words(&self, a: MaterialId, b: MaterialId) -> String;
-
-    /// Where it departs from its formulas, for `--plan`; by default nowhere.
-    fn limits(&self) -> Vec<String> {
-        Vec::new()
-    }
-
-    /// What the scene does not need of it, and why, for `--plan`.
-    fn left_out(&self) -> Vec<&'static str> {
-        Vec::new()
-    }
-
-    /// The overlap over the radius of the smaller body up to which [`Model::hardest`] holds; by default it holds for all.
-    fn hardest_up_to(&self) -> Option<f64> {
-        None
-    }
-
-    /// By how much contacts of bodies of a library stiffen from there to another overlap, at most [-]; by default with its root.
-    fn stiffens(&self, overlap: f64, _library: &Library) -> f64 {
-        self.hardest_up_to().map_or(1.0, |meant| (overlap / meant).sqrt())
     }
 }
 
@@ -494,8 +462,8 @@ impl<M: Model> Law<M> {
 }
 
 impl<M: Model> ForceLaw for Law<M> {
-    fn name(&self) -> &'static str {
-        self.model.name()
+    fn about(&self) -> &dyn About {
+        &self.model
     }
 
     fn needs(&self) -> Needs {
@@ -550,36 +518,8 @@ impl<M: Model> ForceLaw for Law<M> {
         self.model.stiffness(&self.constants_now(pair, particles, geometry), geometry.overlap, dt)
     }
 
-    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
-        self.model.hardest(body, other, reduced_mass)
-    }
-
     fn outlives(&self, pair: Pair, particles: &Particles) -> f64 {
         self.model.outlives(&self.constants(pair, particles))
-    }
-
-    fn reach(&self, library: &Library) -> f64 {
-        self.model.reach(library)
-    }
-
-    fn words(&self, a: MaterialId, b: MaterialId) -> String {
-        self.model.words(a, b)
-    }
-
-    fn limits(&self) -> Vec<String> {
-        self.model.limits()
-    }
-
-    fn left_out(&self) -> Vec<&'static str> {
-        self.model.left_out()
-    }
-
-    fn hardest_up_to(&self) -> Option<f64> {
-        self.model.hardest_up_to()
-    }
-
-    fn stiffens(&self, overlap: f64, library: &Library) -> f64 {
-        self.model.stiffens(overlap, library)
     }
 }
 
@@ -790,9 +730,9 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
 
         let shares = L::all(shares(with_walls));
-        let share = shares * done.dissipated;
-        let of_friction = (shares * done.rubbed).store();
-        let [of_dashpots, of_turning, of_adhesion] = done.parts;
+        let share = shares * done.lost.all;
+        let of_friction = (shares * done.lost.of_friction).store();
+        let [of_dashpots, of_turning, of_adhesion] = done.lost.parts;
         let parts = [
             (shares * of_dashpots).store(),
             (shares * of_turning).store(),
@@ -901,46 +841,41 @@ impl<M: Model> Contacts<'_, '_, M> {
         let acting = law.model.act(constants, &contact, state);
         let press = normal.times(acting.press);
 
-        let half_step = L::all(0.5 * dt);
-        let (mut dashed_off, mut rubbed_off, mut turned_off) = (zero, zero, zero);
+        let mut damping = None;
         if let Some(Acted { viscous: Some(last), .. }) = acted {
             before.rub = before.rub.plus(last);
             // Where friction is at its limit the force is that of friction.
             let power = last.dot(last_velocity) + acting.viscous.dot(velocity);
-            dashed_off = (half_step * power).or(zero, L::all(1.0).at_most(acting.kept.force));
+            damping = Some(power.or(zero, L::all(1.0).at_most(acting.kept.force)));
         }
-        let dissipated = if MOVES && dt > 0.0 {
-            let pressed = if curvatures.is_some() {
+        let mut lost = Lost::none();
+        if MOVES && dt > 0.0 {
+            let (mut last_stored, mut stored) = (before.stored, acting.stored);
+            let pressing = if curvatures.is_some() {
                 // Of dashpots alone: bodies that turn change the energy at the same overlap.
-                let last_beyond = before.press - of_curved(before.stored[0], last.overlap);
-                let beyond = acting.press - of_curved(acting.stored[0], now.overlap);
+                let last_beyond = before.press - of_curved(last_stored[0], last.overlap);
+                let beyond = acting.press - of_curved(stored[0], now.overlap);
+                (last_stored[0], stored[0]) = (zero, zero);
                 let last_approach = last.normal.dot(last_velocity);
                 last_beyond * last_approach + beyond * normal.dot(velocity)
             } else {
                 last_press.dot(last_velocity) + press.dot(velocity)
             };
-            let mut rubbed = before.rub.dot(last_velocity) + acting.rub.dot(velocity);
-            if M::MOMENTS {
-                let turned = before.moment.plus(acting.moment).dot(turning);
-                rubbed = rubbed + turned;
-                let stored = law.model.turned(constants, now.overlap, state) - turned_before;
-                turned_off = half_step * turned - stored;
+            let (turning, turned) = if M::MOMENTS {
+                let power = before.moment.plus(acting.moment).dot(turning);
+                (Some(power), law.model.turned(constants, now.overlap, state))
+            } else {
+                (None, zero)
+            };
+            let stored = [Stored::of(last_stored, turned_before), Stored::of(stored, turned)];
+            let rubbing = before.rub.dot(last_velocity) + acting.rub.dot(velocity);
+            let powers = Powers { pressing, rubbing, turning, damping };
+            let dissipates = law.model.dissipates(constants);
+            lost = powers.balance(stored, L::all(0.5 * dt), dissipates);
+            if M::TEARS {
+                lost.parts[2] = zero.or(law.model.torn(constants)[0], contact.touched);
             }
-            let mut of_dashpots = half_step * pressed;
-            if curvatures.is_none() {
-                of_dashpots = of_dashpots - (acting.stored[0] - before.stored[0]);
-            }
-            let of_friction = half_step * rubbed - (acting.stored[1] - before.stored[1]);
-            let [normally, tangentially] = law.model.dissipates(constants);
-            turned_off = turned_off.or(zero, tangentially);
-            rubbed_off = of_friction.or(zero, tangentially);
-            let all = of_dashpots.or(zero, normally) + rubbed_off;
-            rubbed_off = if M::MOMENTS { rubbed_off - turned_off } else { rubbed_off };
-            rubbed_off = rubbed_off - dashed_off;
-            all
-        } else {
-            zero
-        };
+        }
         let last_force = last_press.plus(before.rub);
         let (mut force, mut moment) = (press.plus(acting.rub), acting.moment);
         let mut last_moment = before.moment;
@@ -952,24 +887,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             last_moment = last_moment.plus(elastic.or(Triple::zero(), contact.touched));
             moment = moment.plus(elastic);
         }
-        Done {
-            force,
-            last_force,
-            viscous: acting.viscous,
-            last_moment,
-            moment,
-            dissipated,
-            rubbed: rubbed_off,
-            parts: [
-                dashed_off,
-                turned_off,
-                if M::TEARS && dt > 0.0 {
-                    zero.or(law.model.torn(constants)[0], contact.touched)
-                } else {
-                    zero
-                },
-            ],
-        }
+        Done { force, last_force, viscous: acting.viscous, last_moment, moment, lost }
     }
 
     /// Adds what eight contacts do to their bodies, if nothing stands in between. Rows are added as soon as they are made, or they
@@ -982,7 +900,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         torques: [Triple<L>; 2],
     ) {
         let Block { first, bodies: [a, b], .. } = *block;
-        let rows = done.force.rows(L::all(0.5) * done.dissipated);
+        let rows = done.force.rows(L::all(0.5) * done.lost.all);
         write_threes(&mut self.work.forces[first..], &rows);
         let mut opposite = rows;
         for row in &mut opposite {
@@ -991,7 +909,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let sums = bytemuck::cast_slice_mut(&mut self.sums.force);
         Gather::add([b, a], [&rows, &opposite], sums);
         if TURNS {
-            let share = L::all(0.5) * done.rubbed;
+            let share = L::all(0.5) * done.lost.of_friction;
             let sums = bytemuck::cast_slice_mut(&mut self.sums.torque);
             let rows = [&torques[0].rows(share), &torques[1].rows(share)];
             Gather::add([b, a], rows, sums);
@@ -999,15 +917,15 @@ impl<M: Model> Contacts<'_, '_, M> {
         // In words, or parts that a law does not have would be carried here.
         let [of_dashpots, of_turning, of_adhesion] = &mut self.sums.parts;
         if !of_dashpots.is_empty() {
-            let share = (L::all(0.5) * done.parts[0]).store();
+            let share = (L::all(0.5) * done.lost.parts[0]).store();
             Gather::add_numbers([b, a], &share, of_dashpots);
         }
         if M::MOMENTS && !of_turning.is_empty() {
-            let share = (L::all(0.5) * done.parts[1]).store();
+            let share = (L::all(0.5) * done.lost.parts[1]).store();
             Gather::add_numbers([b, a], &share, of_turning);
         }
         if M::TEARS {
-            let share = (L::all(0.5) * done.parts[2]).store();
+            let share = (L::all(0.5) * done.lost.parts[2]).store();
             Gather::add_numbers([b, a], &share, of_adhesion);
         }
     }
@@ -1126,28 +1044,28 @@ impl<M: Model> Contacts<'_, '_, M> {
         // The force fell to nothing on the way: half of it did the work.
         let work = |force: &Vec3, velocity: &Vec3| 0.5 * dt * force.dot(velocity);
         let mut lost = Lost::default();
-        let (mut of_turning, mut of_adhesion) = (0.0, 0.0);
         if law.needs.velocity && dt > 0.0 {
-            let [normally, tangentially] = law.model.dissipates(&constants);
-            if normally & 1 == 1 {
-                lost.all += if law.needs.curvature {
-                    let elastic = of_curved(before.stored[0], geometry.overlap);
-                    work(&(geometry.normal * (before.press - elastic)), &velocity)
-                } else {
-                    work(&press, &velocity) + before.stored[0]
-                };
-                of_adhesion = law.model.torn(&constants)[1];
+            let [mut stored, rubbing] = before.stored;
+            let mut pressing = press.dot(&velocity);
+            if law.needs.curvature {
+                let elastic = geometry.normal * of_curved(stored, geometry.overlap);
+                (pressing, stored) = ((press - elastic).dot(&velocity), 0.0);
             }
-            if tangentially & 1 == 1 {
-                let turned = work(&moment, &(spin_a - spin_b));
-                let rubbed = work(&rub, &velocity) + turned + before.stored[1];
-                lost.all += rubbed;
-                of_turning = turned + law.model.turned(&constants, geometry.overlap, state);
-                // Where the normal force falls to nothing friction is at its limit: dashpots have no part.
-                lost.of_friction = rubbed - of_turning;
+            let turning = law.model.turned(&constants, geometry.overlap, state);
+            let powers = Powers {
+                pressing,
+                rubbing: rub.dot(&velocity),
+                turning: Some(moment.dot(&(spin_a - spin_b))),
+                // Where the normal force falls to nothing friction is at its limit.
+                damping: None,
+            };
+            let stored = [Stored { pressing: stored, rubbing, turning }, Stored::none()];
+            let dissipates = law.model.dissipates(&constants);
+            lost = powers.balance(stored, 0.5 * dt, dissipates);
+            if dissipates[0] & 1 == 1 {
+                lost.parts[2] = law.model.torn(&constants)[1];
             }
         }
-        lost.parts = [0.0, of_turning, of_adhesion];
         if with_wall {
             let on_wall = work(&(press + rub), &of_b) + work(&moment, &spin_b);
             self.note_parting(pair, arm_a, -on_wall, &lost);
@@ -1211,12 +1129,8 @@ struct Done<L> {
     /// On B about the contact point, of models that have moments, at the last step and now [N m].
     last_moment: Triple<L>,
     moment: Triple<L>,
-    /// Energy lost since the last step [J].
-    dissipated: L,
-    /// The part of friction [J].
-    rubbed: L,
-    /// See [`Lost`].
-    parts: [L; 3],
+    /// Since the last step.
+    lost: Lost<L>,
 }
 
 impl<L: Eight> Done<L> {

@@ -21,7 +21,7 @@ use dem_grains::{contact, ids, lanes, math, particles, shape};
 use crate::contact::curvature::Curvature;
 use crate::contact::{Geometry, Pair, Patch, Previous, StateColumn};
 use crate::ids::{MaterialId, ShapeId};
-use crate::lanes::{Row, prefetch};
+use crate::lanes::{Lanes, Row, prefetch};
 use crate::math::{Vec3, Vec3AndNumber};
 use crate::particles::columns::Quantity;
 use crate::particles::{Library, Needs, Particles, held};
@@ -272,14 +272,22 @@ impl Sums {
     }
 }
 
-/// What a contact has lost [J].
+/// What a contact has lost, or eight have [J].
 #[derive(Clone, Copy, Debug, Default)]
-struct Lost {
-    all: f64,
+struct Lost<L = f64> {
+    all: L,
     /// The part of friction.
-    of_friction: f64,
+    of_friction: L,
     /// See [`Quantity::OF_CONTACTS`].
-    parts: [f64; 3],
+    parts: [L; 3],
+}
+
+impl<L: Lanes> Lost<L> {
+    #[inline(always)]
+    fn none() -> Self {
+        let zero = L::all(0.0);
+        Self { all: zero, of_friction: zero, parts: [zero; 3] }
+    }
 }
 
 /// A body as a law sees it.
@@ -463,10 +471,54 @@ impl Choice {
     }
 }
 
-/// A law of contact forces, as the rest of the program sees it.
-pub trait ForceLaw: Send + Sync {
+/// What is told of a law, and the hardest contact that it makes. A model around another one does as that does, unless it says otherwise.
+pub trait About: Send + Sync {
+    /// The model within.
+    fn within(&self) -> Option<&dyn About> {
+        None
+    }
+
     /// As reports name it.
     fn name(&self) -> &'static str;
+
+    /// The hardest contact of a body with those of a material, with this reduced mass at most [kg].
+    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest;
+
+    /// The overlap over the radius of the smaller body up to which [`About::hardest`] holds; `None` if it holds for all.
+    fn hardest_up_to(&self) -> Option<f64> {
+        self.within()?.hardest_up_to()
+    }
+
+    /// By how much contacts of bodies of a library stiffen from there to another overlap, at most [-]; with its root, unless the model says
+    /// otherwise.
+    fn stiffens(&self, overlap: f64, _library: &Library) -> f64 {
+        self.hardest_up_to().map_or(1.0, |meant| (overlap / meant).sqrt())
+    }
+
+    /// The largest gap at which a contact ends that has once been made, among bodies of a library: so far beyond their surfaces pairs are
+    /// listed [m].
+    fn reach(&self, _library: &Library) -> f64 {
+        0.0
+    }
+
+    /// The constants of a contact between two materials in words.
+    fn words(&self, a: MaterialId, b: MaterialId) -> String;
+
+    /// Where it departs from its formulas, a sentence each.
+    fn limits(&self) -> Vec<String> {
+        self.within().map_or_else(Vec::new, About::limits)
+    }
+
+    /// What the scene does not need of it, and why.
+    fn left_out(&self) -> Vec<&'static str> {
+        self.within().map_or_else(Vec::new, About::left_out)
+    }
+}
+
+/// A law of contact forces, as the rest of the program sees it.
+pub trait ForceLaw: Send + Sync {
+    /// What is told of it.
+    fn about(&self) -> &dyn About;
 
     /// Which columns of particles it reads.
     fn needs(&self) -> Needs;
@@ -497,35 +549,8 @@ pub trait ForceLaw: Send + Sync {
     /// `dt` [s], over the way [N/m].
     fn stiffness(&self, pair: Pair, particles: &Particles, geometry: &Geometry, dt: f64) -> f64;
 
-    /// The hardest contact of a body with those of a material, with this reduced mass at most [kg].
-    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest;
-
     /// The gap at which a contact ends that has once been made [m].
     fn outlives(&self, _pair: Pair, _particles: &Particles) -> f64 {
         0.0
-    }
-
-    /// The largest of these gaps among bodies of a library: so far beyond their surfaces pairs are listed [m].
-    fn reach(&self, _library: &Library) -> f64 {
-        0.0
-    }
-
-    /// The constants of a contact between two materials in words.
-    fn words(&self, a: MaterialId, b: MaterialId) -> String;
-
-    /// Where it departs from its formulas, a sentence each.
-    fn limits(&self) -> Vec<String>;
-
-    /// What the scene does not need of it, and why.
-    fn left_out(&self) -> Vec<&'static str>;
-
-    /// The overlap over the radius of the smaller body up to which [`ForceLaw::hardest`] holds; `None` if it holds for all.
-    fn hardest_up_to(&self) -> Option<f64> {
-        None
-    }
-
-    /// By how much contacts of bodies of a library stiffen from there to another overlap, at most [-].
-    fn stiffens(&self, _overlap: f64, _library: &Library) -> f64 {
-        1.0
     }
 }

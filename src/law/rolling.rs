@@ -27,7 +27,7 @@
 
 use super::hertz::mean_while_growing;
 use super::kernel::{Action, Contact, Model, Spread, Turning, carried};
-use super::{Body, Hardest, Mixing};
+use super::{About, Body, Hardest, Mixing};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
@@ -300,16 +300,58 @@ fn write<L: Lanes>(vector: Triple<L>, state: &mut [L]) {
     [state[0], state[1], state[2]] = [vector.x, vector.y, vector.z];
 }
 
+impl<M: Model> About for Rolling<M> {
+    fn within(&self) -> Option<&dyn About> {
+        Some(&self.forces)
+    }
+
+    fn name(&self) -> &'static str {
+        self.forces.name()
+    }
+
+    /// A spring against turning acts like one in the plane at the surface: `k / R²`, and there are no larger `R_r` than the
+    /// radius. About each axis there is rolling or twisting. Bodies that turn more easily than a sphere feel it the more.
+    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
+        let mut hardest = self.forces.hardest(body, other, reduced_mass);
+        let (normal, inertia_ratio) = (hardest.stiffness, self.inertia_ratio[body.shape.index()]);
+        let Constants { rolling_friction, twisting_friction, damping_ratio } =
+            *self.interactions.of(body.material, other);
+        let friction = rolling_friction.max(twisting_friction);
+        let stiffness = STIFFNESS * friction * friction * normal;
+        let critical = 2.0 * (ABOUT_CONTACT * reduced_mass * stiffness).sqrt();
+        hardest.turning = [stiffness, damping_ratio * critical].map(|part| inertia_ratio * part);
+        hardest
+    }
+
+    fn words(&self, a: MaterialId, b: MaterialId) -> String {
+        let Constants { rolling_friction, twisting_friction, damping_ratio } =
+            *self.interactions.of(a, b);
+        if !self.turns() {
+            return self.forces.words(a, b);
+        }
+        format!(
+            "{}, rolling friction {rolling_friction}, twisting friction {twisting_friction}, their damping ratio \
+             {damping_ratio}",
+            self.forces.words(a, b)
+        )
+    }
+
+    fn left_out(&self) -> Vec<&'static str> {
+        let reasons = [
+            (!self.rolls, "no resistance to rolling: rolling_friction is 0 everywhere"),
+            (!self.twists, "no resistance to twisting: twisting_friction is 0 everywhere"),
+        ];
+        let own = reasons.into_iter().filter(|(is_out, _)| *is_out).map(|(_, reason)| reason);
+        self.forces.left_out().into_iter().chain(own).collect()
+    }
+}
+
 impl<M: Model> Model for Rolling<M> {
     type Constants<L: Lanes> = Resisting<M::Constants<L>, L>;
 
     const MOMENTS: bool = true;
     const BY_CURVATURE: bool = M::BY_CURVATURE;
     const FACES: bool = M::FACES;
-
-    fn name(&self) -> &'static str {
-        self.forces.name()
-    }
 
     fn needs(&self) -> Needs {
         Needs { velocity: true, spin: true, turning: self.turns(), ..self.forces.needs() }
@@ -442,49 +484,5 @@ impl<M: Model> Model for Rolling<M> {
 
     fn stiffness(&self, constants: &Self::Constants<f64>, overlap: f64, dt: f64) -> f64 {
         self.forces.stiffness(&constants.forces, overlap, dt)
-    }
-
-    /// A spring against turning acts like one in the plane at the surface: `k / R²`, and there are no larger `R_r` than the
-    /// radius. About each axis there is rolling or twisting. Bodies that turn more easily than a sphere feel it the more.
-    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
-        let mut hardest = self.forces.hardest(body, other, reduced_mass);
-        let (normal, inertia_ratio) = (hardest.stiffness, self.inertia_ratio[body.shape.index()]);
-        let Constants { rolling_friction, twisting_friction, damping_ratio } =
-            *self.interactions.of(body.material, other);
-        let friction = rolling_friction.max(twisting_friction);
-        let stiffness = STIFFNESS * friction * friction * normal;
-        let critical = 2.0 * (ABOUT_CONTACT * reduced_mass * stiffness).sqrt();
-        hardest.turning = [stiffness, damping_ratio * critical].map(|part| inertia_ratio * part);
-        hardest
-    }
-
-    fn hardest_up_to(&self) -> Option<f64> {
-        self.forces.hardest_up_to()
-    }
-
-    fn words(&self, a: MaterialId, b: MaterialId) -> String {
-        let Constants { rolling_friction, twisting_friction, damping_ratio } =
-            *self.interactions.of(a, b);
-        if !self.turns() {
-            return self.forces.words(a, b);
-        }
-        format!(
-            "{}, rolling friction {rolling_friction}, twisting friction {twisting_friction}, their damping ratio \
-             {damping_ratio}",
-            self.forces.words(a, b)
-        )
-    }
-
-    fn limits(&self) -> Vec<String> {
-        self.forces.limits()
-    }
-
-    fn left_out(&self) -> Vec<&'static str> {
-        let reasons = [
-            (!self.rolls, "no resistance to rolling: rolling_friction is 0 everywhere"),
-            (!self.twists, "no resistance to twisting: twisting_friction is 0 everywhere"),
-        ];
-        let own = reasons.into_iter().filter(|(is_out, _)| *is_out).map(|(_, reason)| reason);
-        self.forces.left_out().into_iter().chain(own).collect()
     }
 }

@@ -173,7 +173,7 @@ impl<'a> Pairs<'a> {
     /// On a plane of a material, with the heaviest of its bodies.
     fn on_plane(&self, body: &Body, partner: Partner) -> Hardest {
         let [_, heaviest] = self.kin[&partner].masses;
-        self.law.hardest(body, partner.material(), reduced(body.mass, heaviest))
+        self.law.about().hardest(body, partner.material(), reduced(body.mass, heaviest))
     }
 
     /// Of a body with those of a partner.
@@ -272,7 +272,8 @@ pub fn time_step_limit(library: &Library, law: &dyn ForceLaw) -> Option<TimeStep
             let (dt, partner) = stable_step(library, &body, &around);
             let partner = partner?;
             let Hardest { stiffness, turning: [spring, _], .. } = pairs.of(&body, partner);
-            let (mass, stiffness, overlap) = (body.mass, stiffness + spring, law.hardest_up_to());
+            let (mass, stiffness, overlap) =
+                (body.mass, stiffness + spring, law.about().hardest_up_to());
             Some(TimeStepLimit { dt, shape: body.shape, mass, stiffness, partner, overlap })
         })
         .min_by(|a, b| a.dt.total_cmp(&b.dt))
@@ -293,9 +294,10 @@ pub fn limit_of_contacts<'a>(
         let bodies = slots.map(body_in);
         let radii = slots.map(|slot| particles.inscribed_radius(slot));
         let overlap = geometry.overlap.max(0.0) / radii[0].min(radii[1]);
-        let stiffer = law.stiffens(overlap, library);
+        let stiffer = law.about().stiffens(overlap, library);
         let mass = reduced(bodies[0].mass, bodies[1].mass);
-        let on_other = |body: usize| law.hardest(&bodies[body], bodies[1 - body].material, mass);
+        let on_other =
+            |body: usize| law.about().hardest(&bodies[body], bodies[1 - body].material, mass);
         let is_wall = particles.wall_of(pair.b).is_some();
         for (body, &slot) in slots.iter().enumerate().filter(|&(_, &slot)| slot < particles.owned) {
             let (own, other) = (&bodies[body], &bodies[1 - body]);

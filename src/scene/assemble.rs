@@ -182,7 +182,7 @@ pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
 /// The same with a law of one's own in place of the scene's.
 pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> Simulation {
     let needs = scene.needs_with(&*law);
-    let reach = law.reach(&scene.library);
+    let reach = law.about().reach(&scene.library);
     let halo = halo_width(&scene.library, scene.skin, reach);
     let mut kinds = scene.particle_kinds();
     kinds.extend(scene.facet_kinds());
@@ -460,7 +460,7 @@ fn admit_sizes(
             ),
         );
     }
-    let reach = sim.law.reach(&library);
+    let reach = sim.law.about().reach(&library);
     let halo = halo_width(&library, scene.skin, reach);
     let extent = scene.domain.high() - scene.domain.low();
     let is_narrow =

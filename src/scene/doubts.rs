@@ -448,7 +448,7 @@ fn pressed_flat(scene: &Scene) -> Option<String> {
         let body = Body::of(&scene.library, shape, scale);
         let volume = scene.library.shapes[shape.index()].volume() * scale.powi(3);
         let diameter = libm::cbrt(6.0 * volume / std::f64::consts::PI);
-        stress * diameter / law.hardest(&body, body.material, 0.5 * body.mass).stiffness
+        stress * diameter / law.about().hardest(&body, body.material, 0.5 * body.mass).stiffness
     };
     // Where contacts stiffen with load, the few most loaded ones are pressed so far.
     let elastic = match scene.law.forces() {

@@ -104,8 +104,8 @@ fn pressed_by_laws(laws: [&Choice; 2], library: &Library, (a, b): (MaterialId, M
     let [now, before] = laws.map(|law| {
         let law = law.law(library);
         // Of Hertz the force is two thirds of the stiffness times the overlap.
-        let share = if law.hardest_up_to().is_some() { 2.0 / 3.0 } else { 1.0 };
-        share * law.hardest(&body, b, 0.5 * body.mass).stiffness
+        let share = if law.about().hardest_up_to().is_some() { 2.0 / 3.0 } else { 1.0 };
+        share * law.about().hardest(&body, b, 0.5 * body.mass).stiffness
     });
     now / before
 }

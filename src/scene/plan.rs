@@ -123,17 +123,17 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     shapes(scene, page);
     walls(scene, page);
     let law = scene.force_law();
-    page.line("law", law.name());
+    page.line("law", law.about().name());
     let pairs = pairs_of_materials(scene);
     for &(a, b) in pairs.iter().take(PAIRS_SHOWN) {
-        let words = law.words(a, b);
+        let words = law.about().words(a, b);
         let [a, b] = [a, b].map(|id| &*scene.materials[id.index()].name);
         page.line("constants", format!("{a}-{b}: {words}"));
     }
     if pairs.len() > PAIRS_SHOWN {
         page.line("", format!("and of {} more pairs of materials", pairs.len() - PAIRS_SHOWN));
     }
-    for limit in law.limits() {
+    for limit in law.about().limits() {
         page.line("bounds", limit);
     }
     for (a, b) in pairs_of_kinds(scene) {
@@ -399,7 +399,7 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
     ];
     page.section("Left out");
     let reasons = reasons.into_iter().filter(|(is_out, _)| *is_out).map(|(_, reason)| reason);
-    let of_law = law.left_out().into_iter().map(str::to_owned);
+    let of_law = law.about().left_out().into_iter().map(str::to_owned);
     let mut reasons = of_law.chain(reasons).peekable();
     if reasons.peek().is_none() {
         page.text("nothing");

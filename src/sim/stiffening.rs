@@ -42,14 +42,14 @@ pub enum Over {
 impl Stiffening {
     /// `None` of laws whose contacts are as stiff at any load.
     pub(super) fn of(sim: &Simulation, over: Over) -> Option<Self> {
-        let meant = sim.law.hardest_up_to()?;
+        let meant = sim.law.about().hardest_up_to()?;
         let limit = time_step_limit(&sim.particles.library, &*sim.law)?.dt;
         Some(Self { meant, limit, over, warned: false, of_contacts: None })
     }
 
     /// The stable limit with contacts that overlap by this part of the radius [s]: dashpots grow with the root of the stiffness.
     fn limit_at(&self, overlap: f64, sim: &Simulation) -> f64 {
-        self.limit / sim.law.stiffens(overlap, &sim.particles.library).sqrt()
+        self.limit / sim.law.about().stiffens(overlap, &sim.particles.library).sqrt()
     }
 
     /// A sentence about an overlap over the radius, if it is beyond what was meant and leaves little of the step or nothing.

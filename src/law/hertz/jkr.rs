@@ -31,7 +31,7 @@ use crate::contact::StateColumn;
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
 use crate::law::kernel::{Action, Contact, Kept, Model, Spread, carried, reduced_mass};
-use crate::law::{Body, Hardest, dmt};
+use crate::law::{About, Body, Hardest, dmt};
 use crate::particles::{Library, Needs};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -215,15 +215,58 @@ impl Jkr {
     }
 }
 
+impl About for Jkr {
+    fn name(&self) -> &'static str {
+        if self.hertz.frictional { "jkr-mindlin" } else { "jkr" }
+    }
+
+    /// On a plane, at the largest overlap that is expected.
+    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
+        let elastic = self.hertz.settings.interactions.of(body.material, other);
+        let radius = self.radius_on_plane(body, other, self.hertz.settings.largest_overlap);
+        super::hardest(elastic, radius, reduced_mass)
+    }
+
+    /// Stiffness goes with the contact radius, which adhesion gives before there is any overlap.
+    fn stiffens(&self, overlap: f64, library: &Library) -> f64 {
+        let materials: BTreeSet<MaterialId> = library.materials.iter().copied().collect();
+        let growth = library.extremes().flat_map(|(shape, scale)| {
+            let body = Body::of(library, shape, scale);
+            let radius = move |plane, overlap| self.radius_on_plane(&body, plane, overlap);
+            let meant = self.hertz.settings.largest_overlap;
+            materials.iter().map(move |&plane| radius(plane, overlap) / radius(plane, meant))
+        });
+        growth.fold(1.0, f64::max)
+    }
+
+    fn hardest_up_to(&self) -> Option<f64> {
+        self.hertz.hardest_up_to()
+    }
+
+    fn reach(&self, library: &Library) -> f64 {
+        reach(&self.hertz.settings.interactions, &self.adhesion, library.largest_radius())
+    }
+
+    fn words(&self, a: MaterialId, b: MaterialId) -> String {
+        let dmt::Constants { surface_energy } = *self.adhesion.of(a, b);
+        let elastic = self.hertz.words(a, b);
+        format!("{elastic}, surface energy {surface_energy} J/m2 (adhesion of JKR)")
+    }
+
+    fn limits(&self) -> Vec<String> {
+        vec![format!("contacts outlive the overlap, up to a gap of {:.3e} m", self.reach)]
+    }
+
+    fn left_out(&self) -> Vec<&'static str> {
+        self.hertz.left_out()
+    }
+}
+
 impl Model for Jkr {
     type Constants<L: Lanes> = Constants<L>;
 
     const FACES: bool = false;
     const TEARS: bool = true;
-
-    fn name(&self) -> &'static str {
-        if self.hertz.frictional { "jkr-mindlin" } else { "jkr" }
-    }
 
     /// Energy is lost whenever bodies meet or leave.
     fn needs(&self) -> Needs {
@@ -353,49 +396,8 @@ impl Model for Jkr {
         1.5 * elastic.normal * radius + elastic.dashpots[0] * radius.sqrt() / dt
     }
 
-    /// On a plane, at the largest overlap that is expected.
-    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
-        let elastic = self.hertz.settings.interactions.of(body.material, other);
-        let radius = self.radius_on_plane(body, other, self.hertz.settings.largest_overlap);
-        super::hardest(elastic, radius, reduced_mass)
-    }
-
-    /// Stiffness goes with the contact radius, which adhesion gives before there is any overlap.
-    fn stiffens(&self, overlap: f64, library: &Library) -> f64 {
-        let materials: BTreeSet<MaterialId> = library.materials.iter().copied().collect();
-        let growth = library.extremes().flat_map(|(shape, scale)| {
-            let body = Body::of(library, shape, scale);
-            let radius = move |plane, overlap| self.radius_on_plane(&body, plane, overlap);
-            let meant = self.hertz.settings.largest_overlap;
-            materials.iter().map(move |&plane| radius(plane, overlap) / radius(plane, meant))
-        });
-        growth.fold(1.0, f64::max)
-    }
-
-    fn hardest_up_to(&self) -> Option<f64> {
-        self.hertz.hardest_up_to()
-    }
-
-    fn reach(&self, library: &Library) -> f64 {
-        reach(&self.hertz.settings.interactions, &self.adhesion, library.largest_radius())
-    }
-
     #[inline(always)]
     fn outlives<L: Lanes>(&self, constants: &Constants<L>) -> L {
         constants.sticking.gap()
-    }
-
-    fn words(&self, a: MaterialId, b: MaterialId) -> String {
-        let dmt::Constants { surface_energy } = *self.adhesion.of(a, b);
-        let elastic = self.hertz.words(a, b);
-        format!("{elastic}, surface energy {surface_energy} J/m2 (adhesion of JKR)")
-    }
-
-    fn limits(&self) -> Vec<String> {
-        vec![format!("contacts outlive the overlap, up to a gap of {:.3e} m", self.reach)]
-    }
-
-    fn left_out(&self) -> Vec<&'static str> {
-        self.hertz.left_out()
     }
 }

@@ -44,7 +44,7 @@ pub use constants::Constants;
 use super::kernel::{
     Action, Contact, Kept, Model, Spread, Turning, carried, reduced_mass, within_limit,
 };
-use super::{Body, Hardest};
+use super::{About, Body, Hardest};
 use crate::contact::{StateColumn, curvature};
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
@@ -320,14 +320,61 @@ fn hardest(constants: &Constants, size: f64, reduced_mass: f64) -> Hardest {
     Hardest { stiffness: normal.max(tangential), dashpots, turning: [0.0; 2] }
 }
 
+impl About for Hertz {
+    fn name(&self) -> &'static str {
+        if self.frictional { "hertz-mindlin" } else { "hertz" }
+    }
+
+    /// On a plane where it is the flattest, at the largest overlap that is expected.
+    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
+        let constants = self.settings.interactions.of(body.material, other);
+        let widest = self.widest[body.shape.index()] * body.scale;
+        hardest(constants, widest * self.settings.largest_overlap.sqrt(), reduced_mass)
+    }
+
+    fn words(&self, a: MaterialId, b: MaterialId) -> String {
+        let constants = self.settings.interactions.of(a, b);
+        format!(
+            "E* {:.4e} Pa, G* {:.4e} Pa, friction {}, damping ratio {:.4}, step for overlaps up to {:.3} of {}{}",
+            constants.modulus,
+            constants.shear_modulus,
+            constants.friction,
+            constants.damping_ratio,
+            self.settings.largest_overlap,
+            if self.curved || !self.limits.is_empty() {
+                "half the shortest axis"
+            } else {
+                "a radius"
+            },
+            if self.curved {
+                "; contacts are ellipses, by the curvature of both bodies"
+            } else {
+                ""
+            },
+        )
+    }
+
+    fn hardest_up_to(&self) -> Option<f64> {
+        Some(self.settings.largest_overlap)
+    }
+
+    fn limits(&self) -> Vec<String> {
+        self.limits.clone()
+    }
+
+    fn left_out(&self) -> Vec<&'static str> {
+        let reasons = [
+            (!self.frictional, "no tangential history: friction is 0 everywhere"),
+            (!self.damped, "no dashpots: restitution is 1 everywhere"),
+        ];
+        reasons.into_iter().filter(|(is_out, _)| *is_out).map(|(_, reason)| reason).collect()
+    }
+}
+
 impl Model for Hertz {
     type Constants<L: Lanes> = Elastic<L>;
 
     const BY_CURVATURE: bool = true;
-
-    fn name(&self) -> &'static str {
-        if self.frictional { "hertz-mindlin" } else { "hertz" }
-    }
 
     fn needs(&self) -> Needs {
         let velocity = self.frictional || self.damped;
@@ -463,50 +510,5 @@ impl Model for Hertz {
     fn stiffness(&self, elastic: &Elastic<f64>, overlap: f64, dt: f64) -> f64 {
         let root = root(overlap);
         1.5 * elastic.normal * root + elastic.dashpots[0] * root.sqrt() / dt
-    }
-
-    /// On a plane where it is the flattest, at the largest overlap that is expected.
-    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
-        let constants = self.settings.interactions.of(body.material, other);
-        let widest = self.widest[body.shape.index()] * body.scale;
-        hardest(constants, widest * self.settings.largest_overlap.sqrt(), reduced_mass)
-    }
-
-    fn words(&self, a: MaterialId, b: MaterialId) -> String {
-        let constants = self.settings.interactions.of(a, b);
-        format!(
-            "E* {:.4e} Pa, G* {:.4e} Pa, friction {}, damping ratio {:.4}, step for overlaps up to {:.3} of {}{}",
-            constants.modulus,
-            constants.shear_modulus,
-            constants.friction,
-            constants.damping_ratio,
-            self.settings.largest_overlap,
-            if self.curved || !self.limits.is_empty() {
-                "half the shortest axis"
-            } else {
-                "a radius"
-            },
-            if self.curved {
-                "; contacts are ellipses, by the curvature of both bodies"
-            } else {
-                ""
-            },
-        )
-    }
-
-    fn hardest_up_to(&self) -> Option<f64> {
-        Some(self.settings.largest_overlap)
-    }
-
-    fn limits(&self) -> Vec<String> {
-        self.limits.clone()
-    }
-
-    fn left_out(&self) -> Vec<&'static str> {
-        let reasons = [
-            (!self.frictional, "no tangential history: friction is 0 everywhere"),
-            (!self.damped, "no dashpots: restitution is 1 everywhere"),
-        ];
-        reasons.into_iter().filter(|(is_out, _)| *is_out).map(|(_, reason)| reason).collect()
     }
 }

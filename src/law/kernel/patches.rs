@@ -23,6 +23,7 @@
 //! dissipated is their work: what a long step makes of the elastic ones is missing from the energy balance, and is
 //! reported. The point of a patch runs from edge to edge when a body rocks; no support point could stand for it.
 
+use super::balance::{Powers, Stored};
 use super::{
     Arms, CONTACT_POINT, Contact, Contacts, Geometry, GeometryInLanes, Kept, Lost, MOST_STATE,
     MOST_STATE_OF_MOMENTS, Model, Pair, Particles, Separated, Slot, add, geometries_at, pieces,
@@ -106,12 +107,24 @@ impl Memory {
         0.5 * turning.tangential_stiffness * self.torsion * self.torsion
     }
 
-    /// Power of what friction does in the plane and about the normal, for the normal at which it acted and the moment of the
-    /// model in it [W].
-    fn rubbing(&self, normal: &Vec3, of_model: &Vec3, motion: &Motion, when: usize) -> f64 {
-        let torsion = (self.moment - of_model).dot(normal);
-        self.in_plane(normal).dot(&motion.at(&self.point, when))
-            + torsion * motion.turning().dot(normal)
+    /// At a normal, with the moment of the model in it and what of the force is that of tangential dashpots, when it acted.
+    fn powers(
+        &self,
+        normal: &Vec3,
+        of_model: &Vec3,
+        viscous: Option<Vec3>,
+        (motion, when): (&Motion, usize),
+    ) -> Powers<f64> {
+        let (velocity, turning) = (motion.at(&self.point, when), motion.turning());
+        let rest = self.moment - of_model;
+        let torsion = normal * rest.dot(normal);
+        let in_plane = self.in_plane(normal);
+        Powers {
+            pressing: (self.force - in_plane).dot(&velocity) + (rest - torsion).dot(&turning),
+            rubbing: in_plane.dot(&velocity) + torsion.dot(&turning),
+            turning: Some(of_model.dot(&turning)),
+            damping: viscous.map(|force| force.dot(&velocity)),
+        }
     }
 
     /// The tangential force on B, for the normal at which it acted [N].
@@ -320,7 +333,6 @@ impl<M: Model> Contacts<'_, '_, M> {
 
         let contact = motion.contact(&last, &now, dt).timed(zero);
         let last_acting = law.model.last(&constants, last.overlap, state);
-        let last_stored = last_acting.stored[1];
         let turned_before =
             if M::MOMENTS { law.model.turned(&constants, last.overlap, state) } else { zero };
         let acting = law.model.act(&constants, &contact, state);
@@ -338,38 +350,40 @@ impl<M: Model> Contacts<'_, '_, M> {
             on = [on[0].plus(acting.moment), on[1].minus(acting.moment)];
         }
 
-        let (mut dissipated, mut of_friction) = (zero, zero);
-        let (mut of_dashpots, mut of_turning) = (zero, zero);
+        let mut lost = Lost::none();
         let half = L::all(0.5 * dt);
         if MOVES && dt > 0.0 {
-            let mut power =
+            let power =
                 before.force.dot(motion.last_velocity) + now_acting.force.dot(motion.velocity);
-            if M::MOMENTS {
-                let turned = before.moment.plus(acting.moment).dot(motion.turning);
-                power = power + turned;
-                let stored = law.model.turned(&constants, now.overlap, state) - turned_before;
-                of_turning = half * turned - stored;
-            }
-            let stored = acting.stored[1] - last_stored;
-            dissipated = half * power - stored;
-            // What does not act along the normal.
-            let pressed = before.force.dot(last.normal) * motion.last_velocity.dot(last.normal)
+            let pressing = before.force.dot(last.normal) * motion.last_velocity.dot(last.normal)
                 + beyond * motion.velocity.dot(now.normal);
-            of_friction = half * (power - pressed) - stored - of_turning;
-            if law.needs.tangential_dashpots {
+            let (turning, turned) = if M::MOMENTS {
+                let power = before.moment.plus(acting.moment).dot(motion.turning);
+                (Some(power), law.model.turned(&constants, now.overlap, state))
+            } else {
+                (None, zero)
+            };
+            let stored = [
+                Stored::of([zero, last_acting.stored[1]], turned_before),
+                Stored::of([zero, acting.stored[1]], turned),
+            ];
+            let damping = if law.needs.tangential_dashpots {
                 let along = last.normal.times(before.force.dot(last.normal));
                 let viscous = before.force.minus(along).minus(last_acting.rub);
                 let power = viscous.dot(motion.last_velocity) + acting.viscous.dot(motion.velocity);
-                of_dashpots = (half * power).or(zero, L::all(1.0).at_most(acting.kept.force));
-                of_friction = of_friction - of_dashpots;
-            }
+                Some(power.or(zero, L::all(1.0).at_most(acting.kept.force)))
+            } else {
+                None
+            };
+            let powers = Powers { pressing, rubbing: power - pressing, turning, damping };
+            lost = powers.balance(stored, half, [u8::MAX; 2]);
         }
         let shares = L::all(super::shares(with_walls));
-        let (share, rubbed) = (shares * dissipated, shares * of_friction);
+        let (share, rubbed) = (shares * lost.all, shares * lost.of_friction);
         let (forces, [on_b, on_a]) = (force.rows(share), [on[0].rows(rubbed), on[1].rows(rubbed)]);
         if M::MOMENTS || law.needs.tangential_dashpots {
-            let of_dashpots = (shares * of_dashpots).store();
-            let of_turning = (shares * of_turning).store();
+            let of_dashpots = (shares * lost.parts[0]).store();
+            let of_turning = (shares * lost.parts[1]).store();
             for (lane, &place) in places.iter().enumerate() {
                 window.parts[place as usize - first] = [of_dashpots[lane], of_turning[lane], 0.0];
             }
@@ -557,9 +571,12 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
         let last_turning = law.model.turning(&constants, last.overlap);
         let last_action = law.model.last(&constants, last.overlap, state);
-        let stored_before = last_action.stored[1] + before.stored(&last_turning);
+        let stored_before = Stored {
+            rubbing: last_action.stored[1] + before.stored(&last_turning),
+            turning: law.model.turned(&constants, last.overlap, state),
+            pressing: 0.0,
+        };
         let turning = law.model.turning(&constants, overlap);
-        let turned_before = law.model.turned(&constants, last.overlap, state);
         let Acting { force, moment, memory, of_model, viscous, sticks, stored } = self.acting(
             place,
             &constants,
@@ -573,25 +590,16 @@ impl<M: Model> Contacts<'_, '_, M> {
         let half = 0.5 * dt;
         let mut lost = Lost::default();
         if law.needs.velocity && dt > 0.0 {
-            let work = |of: &Memory, when: usize| {
-                of.force.dot(&motion.at(&of.point, when)) + of.moment.dot(&motion.turning())
-            };
-            lost.all = half * (work(&before, 1) + work(&memory, 0)) - (stored - stored_before);
             let of_last = if M::MOMENTS { vector(last_action.moment) } else { Vec3::zeros() };
-            let turned = (of_last + of_model).dot(&motion.turning());
-            let stored_by_moments = law.model.turned(&constants, overlap, state) - turned_before;
-            let of_turning = half * turned - stored_by_moments;
-            let rubbed = before.rubbing(&last.normal, &of_last, &motion, 1)
-                + memory.rubbing(&normal, &of_model, &motion, 0);
-            let of_dashpots = if sticks && law.needs.tangential_dashpots {
-                let last = before.in_plane(&last.normal) - vector(last_action.rub);
-                half * (last.dot(&motion.at(&before.point, 1)) + viscous.dot(&motion.at(&point, 0)))
-            } else {
-                0.0
-            };
-            lost.of_friction =
-                half * (rubbed + turned) - (stored - stored_before) - of_turning - of_dashpots;
-            lost.parts = [of_dashpots, of_turning, 0.0];
+            let damps = sticks && law.needs.tangential_dashpots;
+            let last_viscous =
+                damps.then(|| before.in_plane(&last.normal) - vector(last_action.rub));
+            let powers = before
+                .powers(&last.normal, &of_last, last_viscous, (&motion, 1))
+                .and(memory.powers(&normal, &of_model, damps.then_some(viscous), (&motion, 0)));
+            let turning = law.model.turned(&constants, overlap, state);
+            let stored = Stored { rubbing: stored, turning, pressing: 0.0 };
+            lost = powers.balance([stored_before, stored], half, [u8::MAX; 2]);
         }
         let row = &mut self.work.state[place * law.stride..][..law.stride];
         row[..law.width].copy_from_slice(state);
@@ -703,17 +711,15 @@ impl<M: Model> Contacts<'_, '_, M> {
         if law.needs.velocity && half > 0.0 {
             let constants = law.constants(pair, particles);
             let last = law.model.last(&constants, geometry.overlap, state);
-            let stored = last.stored[1];
-            let power = memory.force.dot(&motion.at(&memory.point, 1))
-                + memory.moment.dot(&motion.turning());
             let of_torsion = memory.stored(&law.model.turning(&constants, geometry.overlap));
-            lost.all = half * power + stored + of_torsion;
             let of_model = if M::MOMENTS { vector(last.moment) } else { Vec3::zeros() };
-            let turned = law.model.turned(&constants, geometry.overlap, state);
-            let of_turning = half * of_model.dot(&motion.turning()) + turned;
-            let rubbed = memory.rubbing(&geometry.normal, &of_model, &motion, 1);
-            lost.of_friction = half * rubbed + stored + of_torsion - turned;
-            lost.parts = [0.0, of_turning, 0.0];
+            let stored = Stored {
+                rubbing: last.stored[1] + of_torsion,
+                turning: law.model.turned(&constants, geometry.overlap, state),
+                pressing: 0.0,
+            };
+            let powers = memory.powers(&geometry.normal, &of_model, None, (&motion, 1));
+            lost = powers.balance([stored, Stored::none()], half, [u8::MAX; 2]);
         }
         // The force fell to nothing on the way: half of it did the work.
         if pair.b.index() >= particles.first_facet() {

@@ -17,7 +17,7 @@ pub use constants::{Constants, damping_ratio_of_restitution};
 use super::kernel::{
     Action, Contact, Kept, Model, Spread, Turning, carried, dashpot, reduced_mass, within_limit,
 };
-use super::{Body, Hardest};
+use super::{About, Body, Hardest};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
@@ -162,12 +162,47 @@ impl Linear {
     }
 }
 
-impl Model for Linear {
-    type Constants<L: Lanes> = Springs<L>;
-
+impl About for Linear {
     fn name(&self) -> &'static str {
         "linear"
     }
+
+    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
+        let constants = self.interactions.of(body.material, other);
+        let normal = (constants.normal_stiffness, constants.normal_damping_ratio);
+        let tangential = if constants.is_frictional() {
+            (constants.tangential_stiffness, constants.tangential_damping_ratio)
+        } else {
+            (0.0, 0.0)
+        };
+        let dashpots = [normal, tangential]
+            .map(|(stiffness, ratio)| 2.0 * ratio * (stiffness * reduced_mass).sqrt());
+        Hardest { stiffness: normal.0.max(tangential.0), dashpots, turning: [0.0; 2] }
+    }
+
+    fn words(&self, a: MaterialId, b: MaterialId) -> String {
+        let constants = self.interactions.of(a, b);
+        format!(
+            "normal stiffness {:.4e} N/m, tangential {:.4e} N/m, friction {}, damping ratio {:.4}",
+            constants.normal_stiffness,
+            constants.tangential_stiffness,
+            constants.friction,
+            constants.normal_damping_ratio
+        )
+    }
+
+    fn left_out(&self) -> Vec<&'static str> {
+        let dashpots = self.interactions.iter().any(|c| c.normal_damping_ratio > 0.0);
+        let reasons = [
+            (!self.frictional, "no tangential history: friction is 0 everywhere"),
+            (!dashpots, "no dashpots: restitution is 1 everywhere"),
+        ];
+        reasons.into_iter().filter(|(is_out, _)| *is_out).map(|(_, reason)| reason).collect()
+    }
+}
+
+impl Model for Linear {
+    type Constants<L: Lanes> = Springs<L>;
 
     fn needs(&self) -> Needs {
         let dashpot = self.interactions.iter().any(|c| c.normal_damping_ratio > 0.0);
@@ -286,38 +321,5 @@ impl Model for Linear {
 
     fn stiffness(&self, springs: &Springs<f64>, _overlap: f64, dt: f64) -> f64 {
         springs.normal + springs.dashpots[0] / dt
-    }
-
-    fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
-        let constants = self.interactions.of(body.material, other);
-        let normal = (constants.normal_stiffness, constants.normal_damping_ratio);
-        let tangential = if constants.is_frictional() {
-            (constants.tangential_stiffness, constants.tangential_damping_ratio)
-        } else {
-            (0.0, 0.0)
-        };
-        let dashpots = [normal, tangential]
-            .map(|(stiffness, ratio)| 2.0 * ratio * (stiffness * reduced_mass).sqrt());
-        Hardest { stiffness: normal.0.max(tangential.0), dashpots, turning: [0.0; 2] }
-    }
-
-    fn words(&self, a: MaterialId, b: MaterialId) -> String {
-        let constants = self.interactions.of(a, b);
-        format!(
-            "normal stiffness {:.4e} N/m, tangential {:.4e} N/m, friction {}, damping ratio {:.4}",
-            constants.normal_stiffness,
-            constants.tangential_stiffness,
-            constants.friction,
-            constants.normal_damping_ratio
-        )
-    }
-
-    fn left_out(&self) -> Vec<&'static str> {
-        let dashpots = self.interactions.iter().any(|c| c.normal_damping_ratio > 0.0);
-        let reasons = [
-            (!self.frictional, "no tangential history: friction is 0 everywhere"),
-            (!dashpots, "no dashpots: restitution is 1 everywhere"),
-        ];
-        reasons.into_iter().filter(|(is_out, _)| *is_out).map(|(_, reason)| reason).collect()
     }
 }

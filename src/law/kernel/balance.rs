@@ -1,0 +1,85 @@
+//! What contacts lose between two steps: the work of what acts in them, less what is stored of it.
+
+use crate::lanes::Lanes;
+use crate::law::Lost;
+
+/// Powers of what acts on both bodies, at the last step and now together [W]. In a contact that has ended nothing acts now.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Powers<L> {
+    /// Along the normal.
+    pub(super) pressing: L,
+    /// In the plane, and about the normal where bodies touch with an extent.
+    pub(super) rubbing: L,
+    /// Of the moment of a model that has one.
+    pub(super) turning: Option<L>,
+    /// Of tangential dashpots, where there are any: the part of `rubbing` that is not friction's, 0 where friction is at its limit.
+    pub(super) damping: Option<L>,
+}
+
+/// Elastic energies [J].
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stored<L> {
+    /// Of what presses; 0 where that is dashpots alone.
+    pub(super) pressing: L,
+    /// In the plane, about the normal and by moments.
+    pub(super) rubbing: L,
+    /// The part of moments.
+    pub(super) turning: L,
+}
+
+impl<L: Lanes> Stored<L> {
+    /// Of an action, see [`super::Action::stored`].
+    #[inline(always)]
+    pub(super) fn of([pressing, rubbing]: [L; 2], turning: L) -> Self {
+        Self { pressing, rubbing, turning }
+    }
+
+    #[inline(always)]
+    pub(super) fn none() -> Self {
+        let zero = L::all(0.0);
+        Self { pressing: zero, rubbing: zero, turning: zero }
+    }
+}
+
+impl<L: Lanes> Powers<L> {
+    /// What is lost over half a step [s] at the mean of both, where contacts can dissipate along the normal, and beside it.
+    #[inline(always)]
+    pub(super) fn balance(
+        self,
+        [before, now]: [Stored<L>; 2],
+        half_step: L,
+        [normally, beside]: [u8; 2],
+    ) -> Lost<L> {
+        let zero = L::all(0.0);
+        let pressed = half_step * self.pressing - (now.pressing - before.pressing);
+        let (mut power, mut of_turning, mut of_dashpots) = (self.rubbing, zero, zero);
+        if let Some(turning) = self.turning {
+            power = power + turning;
+            of_turning = half_step * turning - (now.turning - before.turning);
+            of_turning = of_turning.or(zero, beside);
+        }
+        let rubbed = half_step * power - (now.rubbing - before.rubbing);
+        let rubbed = rubbed.or(zero, beside);
+        if let Some(damping) = self.damping {
+            of_dashpots = half_step * damping;
+        }
+        Lost {
+            all: pressed.or(zero, normally) + rubbed,
+            of_friction: rubbed - of_turning - of_dashpots,
+            parts: [of_dashpots, of_turning, zero],
+        }
+    }
+}
+
+impl Powers<f64> {
+    /// Of both moments together.
+    pub(super) fn and(self, other: Self) -> Self {
+        let both = |a: Option<f64>, b: Option<f64>| Some(a? + b?);
+        Self {
+            pressing: self.pressing + other.pressing,
+            rubbing: self.rubbing + other.rubbing,
+            turning: both(self.turning, other.turning),
+            damping: both(self.damping, other.damping),
+        }
+    }
+}
