@@ -8,7 +8,7 @@ use std::process::Command;
 use std::time::Instant;
 
 const FILE: &str = "against.csv";
-const ROUNDS: usize = 15;
+const ROUNDS: usize = 9;
 
 /// A line of the record.
 #[derive(Serialize)]

@@ -258,18 +258,32 @@ pub trait Eight: Lanes {
     fn rows_of_4(columns: [Self; 4]) -> [Self::Row; WIDTH];
 }
 
-/// Eight lanes without vector registers, or with those that every processor has.
+/// Eight lanes without vector registers, or with those that every processor has. Lanes are written one by one: compilers do not see through
+/// loops and closures in time.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable([f64; WIDTH]);
 
+/// Something of each lane.
 macro_rules! lanewise {
+    (|$lane:ident| $number:expr) => {
+        [
+            { const $lane: usize = 0; $number },
+            { const $lane: usize = 1; $number },
+            { const $lane: usize = 2; $number },
+            { const $lane: usize = 3; $number },
+            { const $lane: usize = 4; $number },
+            { const $lane: usize = 5; $number },
+            { const $lane: usize = 6; $number },
+            { const $lane: usize = 7; $number },
+        ]
+    };
     ($trait:ident, $method:ident, $operator:tt) => {
         impl $trait for Portable {
             type Output = Self;
 
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                Self(std::array::from_fn(|lane| self.0[lane] $operator other.0[lane]))
+                Self(lanewise!(|K| self.0[K] $operator other.0[K]))
             }
         }
     };
@@ -279,6 +293,12 @@ lanewise!(Sub, sub, -);
 lanewise!(Mul, mul, *);
 lanewise!(Div, div, /);
 
+/// Those bits of a mask whose lanes are set.
+#[inline(always)]
+fn mask([a, b, c, d, e, f, g, h]: [u8; WIDTH]) -> u8 {
+    a | b << 1 | c << 2 | d << 3 | e << 4 | f << 5 | g << 6 | h << 7
+}
+
 impl Lanes for Portable {
     #[inline(always)]
     fn all(number: f64) -> Self {
@@ -287,36 +307,22 @@ impl Lanes for Portable {
 
     #[inline(always)]
     fn sqrt(self) -> Self {
-        Self(self.0.map(f64::sqrt))
+        Self(lanewise!(|K| self.0[K].sqrt()))
     }
 
     #[inline(always)]
     fn less(self, other: Self) -> u8 {
-        let mut bits = 0;
-        for lane in 0..WIDTH {
-            bits |= u8::from(self.0[lane] < other.0[lane]) << lane;
-        }
-        bits
+        mask(lanewise!(|K| u8::from(self.0[K] < other.0[K])))
     }
 
     #[inline(always)]
     fn at_most(self, other: Self) -> u8 {
-        let mut bits = 0;
-        for lane in 0..WIDTH {
-            bits |= u8::from(self.0[lane] <= other.0[lane]) << lane;
-        }
-        bits
+        mask(lanewise!(|K| u8::from(self.0[K] <= other.0[K])))
     }
 
     #[inline(always)]
     fn or(self, other: Self, mask: u8) -> Self {
-        let mut numbers = other.0;
-        for (lane, number) in numbers.iter_mut().enumerate() {
-            if mask >> lane & 1 == 1 {
-                *number = self.0[lane];
-            }
-        }
-        Self(numbers)
+        Self(lanewise!(|K| if mask >> K & 1 == 1 { self.0[K] } else { other.0[K] }))
     }
 }
 
@@ -335,27 +341,29 @@ impl Eight for Portable {
 
     #[inline(always)]
     fn columns_of_3(rows: &[&[f64; 3]; WIDTH]) -> [Self; 3] {
-        columns(rows)
+        [column(rows, 0), column(rows, 1), column(rows, 2)]
     }
 
     #[inline(always)]
     fn columns_of_4(rows: &[&[f64; 4]; WIDTH]) -> [Self; 4] {
-        columns(rows)
+        [column(rows, 0), column(rows, 1), column(rows, 2), column(rows, 3)]
     }
 
     #[inline(always)]
     fn columns_of_6(rows: &[&[f64; 6]; WIDTH]) -> [Self; 6] {
-        columns(rows)
+        let [a, b, c] = [column(rows, 0), column(rows, 1), column(rows, 2)];
+        [a, b, c, column(rows, 3), column(rows, 4), column(rows, 5)]
     }
 
     #[inline(always)]
-    fn rows_of_4(columns: [Self; 4]) -> [[f64; 4]; WIDTH] {
-        std::array::from_fn(|row| columns.map(|column| column.0[row]))
+    fn rows_of_4([x, y, z, w]: [Self; 4]) -> [[f64; 4]; WIDTH] {
+        lanewise!(|K| [x.0[K], y.0[K], z.0[K], w.0[K]])
     }
 }
 
-fn columns<const N: usize>(rows: &[&[f64; N]; WIDTH]) -> [Portable; N] {
-    std::array::from_fn(|column| Portable(rows.map(|row| row[column])))
+#[inline(always)]
+fn column<const N: usize>(rows: &[&[f64; N]; WIDTH], at: usize) -> Portable {
+    Portable(lanewise!(|K| rows[K][at]))
 }
 
 #[cfg(target_arch = "x86_64")]
