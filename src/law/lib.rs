@@ -21,7 +21,7 @@ use dem_grains::{contact, ids, lanes, math, particles, shape};
 use crate::contact::curvature::Curvature;
 use crate::contact::{Geometry, Pair, Patch, Previous, StateColumn};
 use crate::ids::{MaterialId, ShapeId};
-use crate::lanes::{Lanes, Row, prefetch};
+use crate::lanes::{Row, prefetch};
 use crate::math::{Vec3, Vec3AndNumber};
 use crate::particles::columns::Quantity;
 use crate::particles::{Library, Needs, Particles, held};
@@ -280,14 +280,6 @@ struct Lost<L = f64> {
     of_friction: L,
     /// See [`Quantity::OF_CONTACTS`].
     parts: [L; 3],
-}
-
-impl<L: Lanes> Lost<L> {
-    #[inline(always)]
-    fn none() -> Self {
-        let zero = L::all(0.0);
-        Self { all: zero, of_friction: zero, parts: [zero; 3] }
-    }
 }
 
 /// A body as a law sees it.

@@ -293,6 +293,9 @@ impl Wall {
     }
 
     /// Lets the cells behind its triangles, if it has some, do for grains with faces that reach so far [m].
+    ///
+    /// # Panics
+    /// If it has some and no two sides, which cannot be.
     pub fn deepen_cells(&mut self, farthest: f64, library: &mut Library) {
         if let Some(Mesh { surface, shape, .. }) = &mut self.mesh
             && surface.has_cells()

@@ -41,6 +41,14 @@ impl<L: Lanes> Stored<L> {
     }
 }
 
+impl<L: Lanes> Lost<L> {
+    #[inline(always)]
+    pub(super) fn none() -> Self {
+        let zero = L::all(0.0);
+        Self { all: zero, of_friction: zero, parts: [zero; 3] }
+    }
+}
+
 impl<L: Lanes> Powers<L> {
     /// What is lost over half a step [s] at the mean of both, where contacts can dissipate along the normal, and beside it.
     #[inline(always)]
