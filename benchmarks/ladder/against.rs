@@ -92,6 +92,7 @@ fn built(commit: &str) -> anyhow::Result<PathBuf> {
     let program = told
         .lines()
         .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok())
+        .filter(|message| message.pointer("/target/name").is_some_and(|name| name == "ladder"))
         .find_map(|message| Some(message.get("executable")?.as_str()?.to_owned()));
     Ok(program.context("cargo built no ladder")?.into())
 }

@@ -17,6 +17,9 @@ static NO_STATE: [f64; MOST_STATE_OF_MOMENTS + Memory::WIDTH] =
 pub(super) fn read_states_in_a_row<L: Eight>(all: &[f64], start: usize, columns: &mut [L]) {
     if let Ok(columns) = <&mut [L; 4]>::try_from(&mut *columns) {
         *columns = L::columns_of_4(&eight_rows(all.as_chunks().0, start));
+    } else if let [column] = columns {
+        // Numbers put one by one would have to reach memory before they could be read as eight.
+        *column = L::load(all[start..].first_chunk().expect("eight numbers"));
     } else {
         read_state(&rows_of(all, columns.len(), start), columns);
     }
@@ -79,6 +82,10 @@ pub(super) fn write_state<L: Eight>(
         for (row, numbers) in rows.as_chunks_mut().0.iter_mut().zip(&block) {
             numbers.write(row);
         }
+        return;
+    }
+    if let ([column], Ok(eight)) = (columns, <&mut [f64; WIDTH]>::try_from(&mut *rows)) {
+        *eight = column.store();
         return;
     }
     if width > 4 {
