@@ -21,8 +21,8 @@
 //! | 14 | [`scene`] | the user's file, checked, and turned into a simulation |
 //! | 15 | [`guide`] | how to use it: pages to read |
 //!
-//! Three libraries: `dem-grains` (`src/grains`) has what needs neither MPI nor HDF5 up to [`search`] and without [`law`] and [`comm`]; `dem-law`
-//! (`src/law`) has the laws, which take longest to compile; this one has the rest, and the modules of both as its own.
+//! They stand in three libraries. `dem-law` (`src/law`) is [`law`], which takes longest to compile. `dem-grains` (`src/grains`) has the other rows up
+//! to [`search`] but [`arguments`] and [`comm`], and needs neither MPI nor HDF5. This one has the rest, and the modules of both as its own.
 //!
 //! Conventions everywhere: SI units; compression and overlap are positive; a contact's normal is a
 //! unit vector **from A to B**, where A is the body with the lower id (a facet of a wall is always B);

@@ -1,11 +1,10 @@
 //! Times of each rung beside those of the build of another commit, in turns: the paths that valgrind does not know have no other guard.
 
-use super::{ALONG, RUNGS, Runner, STEPS, median};
+use super::{ALONG, RUNGS, median};
 use anyhow::{Context, ensure};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::Instant;
 
 const FILE: &str = "against.csv";
 const ROUNDS: usize = 9;
@@ -24,18 +23,12 @@ struct Line<'a> {
     largest: f64,
 }
 
-/// Seconds of a round of steps, to standard output.
-pub(super) fn round(rung: usize) -> anyhow::Result<()> {
-    let mut runner = Runner::of(rung)?;
-    runner.steps(3)?;
-    let begin = Instant::now();
-    runner.steps(STEPS)?;
-    println!("{}", begin.elapsed().as_secs_f64());
-    Ok(())
-}
-
 /// Builds the ladder of today with the library of the commit, and takes turns with it.
 pub(super) fn time(commit: &str, record: Option<&Path>) -> anyhow::Result<()> {
+    // A branch or HEAD is another commit tomorrow.
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let commit = run(root, "git", &["rev-parse", "--short", &format!("{commit}^{{commit}}")])?;
+    let commit = commit.trim();
     let then = built(commit)?;
     let now = std::env::current_exe()?;
     let mut lines = Vec::new();
@@ -49,10 +42,11 @@ pub(super) fn time(commit: &str, record: Option<&Path>) -> anyhow::Result<()> {
             times[1].push(then);
             ratios.push(now / then);
         }
-        let per_body = 1e9 / f64::from(STEPS * ALONG.pow(3));
+        let per_body = 1e9 / f64::from(ALONG.pow(3));
         let [now, then] = times.map(|mut times| per_body * median(&mut times));
         let ratio = median(&mut ratios);
         println!("{:<40} {now:>8.1} {then:>10.1} {ratio:>6.3}", rung.name);
+        // In order since their median was taken.
         let [least, largest] = [ratios[0], ratios[ROUNDS - 1]];
         lines.push(Line { commit, rung: rung.name, now, then, ratio, least, largest });
     }
@@ -77,9 +71,11 @@ fn built(commit: &str) -> anyhow::Result<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let tree = root.join("target/ladder").join(commit);
     if !tree.exists() {
-        let tree = tree.to_string_lossy();
-        run(root, "git", &["worktree", "add", "--detach", &tree, commit])?;
+        let from = root.to_string_lossy();
+        let to = tree.to_string_lossy();
+        run(root, "git", &["clone", "--quiet", "--shared", "--no-checkout", &from, &to])?;
     }
+    run(&tree, "git", &["checkout", "--quiet", "--force", "--detach", commit])?;
     for file in std::fs::read_dir(root.join("benchmarks/ladder"))? {
         let file = file?;
         std::fs::copy(file.path(), tree.join("benchmarks/ladder").join(file.file_name()))?;
@@ -97,7 +93,7 @@ fn built(commit: &str) -> anyhow::Result<PathBuf> {
     Ok(program.context("cargo built no ladder")?.into())
 }
 
-/// What a program tells, which may tell its errors itself.
+/// Output of a program; its errors go to ours.
 fn run(folder: &Path, program: &str, arguments: &[&str]) -> anyhow::Result<String> {
     let output = Command::new(program)
         .args(arguments)

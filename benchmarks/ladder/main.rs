@@ -321,6 +321,14 @@ impl Runner {
         Ok(())
     }
 
+    /// Time of a step, over a round of them [s].
+    fn round(&mut self) -> anyhow::Result<f64> {
+        self.steps(3)?;
+        let begin = Instant::now();
+        self.steps(STEPS)?;
+        Ok(begin.elapsed().as_secs_f64() / f64::from(STEPS))
+    }
+
     /// Bytes, listed pairs and contacts.
     fn size(&self) -> [usize; 3] {
         match self {
@@ -360,7 +368,8 @@ fn main() -> anyhow::Result<()> {
     let Arguments { count, check, time, million, record, round, one, steps, ranks, .. } =
         Arguments::parse();
     if let Some(rung) = round {
-        return against::round(rung);
+        println!("{}", Runner::of(rung)?.round()?);
+        return Ok(());
     }
     if let Some(number) = one {
         return if ranks == 1 {
@@ -389,10 +398,7 @@ fn main() -> anyhow::Result<()> {
         sizes.clear();
         for (number, times) in times.iter_mut().enumerate() {
             let mut runner = Runner::of(number)?;
-            runner.steps(3)?;
-            let begin = Instant::now();
-            runner.steps(STEPS)?;
-            times.push(begin.elapsed().as_secs_f64() / f64::from(STEPS));
+            times.push(runner.round()?);
             sizes.push(runner.size());
         }
     }

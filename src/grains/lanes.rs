@@ -125,7 +125,7 @@ impl Registers {
         Self::Any
     }
 
-    /// What `DEM_MPI_REGISTERS` says: to see what a program takes on other processors.
+    /// The widest that `DEM_MPI_REGISTERS` lets a program use, to see what it takes on other processors.
     fn allowed() -> Self {
         match std::env::var("DEM_MPI_REGISTERS").as_deref() {
             Ok("any") => Self::Any,
@@ -258,32 +258,59 @@ pub trait Eight: Lanes {
     fn rows_of_4(columns: [Self; 4]) -> [Self::Row; WIDTH];
 }
 
-/// Eight lanes without vector registers, or with those that every processor has. Lanes are written one by one: compilers do not see through
-/// loops and closures in time.
+/// Eight lanes without vector registers, or with those that every processor has. Lanes are written one by one, which
+/// takes less to compile than loops and closures.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable([f64; WIDTH]);
 
-/// Something of each lane.
-macro_rules! lanewise {
+/// The same expression in a constant number of each lane.
+macro_rules! each_lane {
     (|$lane:ident| $number:expr) => {
         [
-            { const $lane: usize = 0; $number },
-            { const $lane: usize = 1; $number },
-            { const $lane: usize = 2; $number },
-            { const $lane: usize = 3; $number },
-            { const $lane: usize = 4; $number },
-            { const $lane: usize = 5; $number },
-            { const $lane: usize = 6; $number },
-            { const $lane: usize = 7; $number },
+            {
+                const $lane: usize = 0;
+                $number
+            },
+            {
+                const $lane: usize = 1;
+                $number
+            },
+            {
+                const $lane: usize = 2;
+                $number
+            },
+            {
+                const $lane: usize = 3;
+                $number
+            },
+            {
+                const $lane: usize = 4;
+                $number
+            },
+            {
+                const $lane: usize = 5;
+                $number
+            },
+            {
+                const $lane: usize = 6;
+                $number
+            },
+            {
+                const $lane: usize = 7;
+                $number
+            },
         ]
     };
+}
+
+macro_rules! lanewise {
     ($trait:ident, $method:ident, $operator:tt) => {
         impl $trait for Portable {
             type Output = Self;
 
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                Self(lanewise!(|K| self.0[K] $operator other.0[K]))
+                Self(each_lane!(|K| self.0[K] $operator other.0[K]))
             }
         }
     };
@@ -307,22 +334,22 @@ impl Lanes for Portable {
 
     #[inline(always)]
     fn sqrt(self) -> Self {
-        Self(lanewise!(|K| self.0[K].sqrt()))
+        Self(each_lane!(|K| self.0[K].sqrt()))
     }
 
     #[inline(always)]
     fn less(self, other: Self) -> u8 {
-        mask(lanewise!(|K| u8::from(self.0[K] < other.0[K])))
+        mask(each_lane!(|K| u8::from(self.0[K] < other.0[K])))
     }
 
     #[inline(always)]
     fn at_most(self, other: Self) -> u8 {
-        mask(lanewise!(|K| u8::from(self.0[K] <= other.0[K])))
+        mask(each_lane!(|K| u8::from(self.0[K] <= other.0[K])))
     }
 
     #[inline(always)]
     fn or(self, other: Self, mask: u8) -> Self {
-        Self(lanewise!(|K| if mask >> K & 1 == 1 { self.0[K] } else { other.0[K] }))
+        Self(each_lane!(|K| if mask >> K & 1 == 1 { self.0[K] } else { other.0[K] }))
     }
 }
 
@@ -357,13 +384,13 @@ impl Eight for Portable {
 
     #[inline(always)]
     fn rows_of_4([x, y, z, w]: [Self; 4]) -> [[f64; 4]; WIDTH] {
-        lanewise!(|K| [x.0[K], y.0[K], z.0[K], w.0[K]])
+        each_lane!(|K| [x.0[K], y.0[K], z.0[K], w.0[K]])
     }
 }
 
 #[inline(always)]
 fn column<const N: usize>(rows: &[&[f64; N]; WIDTH], at: usize) -> Portable {
-    Portable(lanewise!(|K| rows[K][at]))
+    Portable(each_lane!(|K| rows[K][at]))
 }
 
 #[cfg(target_arch = "x86_64")]

@@ -1,7 +1,6 @@
-//! Grains, their contacts, and what acts in them: the numbers of a step, which nothing of MPI, HDF5 and scenes can change.
+//! Grains and how they touch: shapes, contacts, particles, their search and motion.
 //!
-//! A library of its own: what is above it is built in a minute, and its tests need nothing installed. [`dem-mpi`] has its modules as its own,
-//! and says in which order they stand.
+//! This library needs neither MPI nor HDF5. [`dem-mpi`] has its modules as its own, and says in which order they stand.
 //!
 //! [`dem-mpi`]: ../dem_mpi/index.html
 

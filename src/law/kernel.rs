@@ -1043,7 +1043,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let [spin_a, spin_b] = [pair.a, pair.b].map(|slot| particles.angular_velocity_of(slot));
         // The force fell to nothing on the way: half of it did the work.
         let work = |force: &Vec3, velocity: &Vec3| 0.5 * dt * force.dot(velocity);
-        let mut lost = Lost::default();
+        let mut lost = Lost::none();
         if law.needs.velocity && dt > 0.0 {
             let [mut stored, rubbing] = before.stored;
             let mut pressing = press.dot(&velocity);
@@ -1059,7 +1059,7 @@ impl<M: Model> Contacts<'_, '_, M> {
                 // Where the normal force falls to nothing friction is at its limit.
                 damping: None,
             };
-            let stored = [Stored { pressing: stored, rubbing, turning }, Stored::none()];
+            let stored = [Stored::of([stored, rubbing], turning), Stored::none()];
             let dissipates = law.model.dissipates(&constants);
             lost = powers.balance(stored, 0.5 * dt, dissipates);
             if dissipates[0] & 1 == 1 {

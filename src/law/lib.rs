@@ -272,8 +272,8 @@ impl Sums {
     }
 }
 
-/// What a contact has lost, or eight have [J].
-#[derive(Clone, Copy, Debug, Default)]
+/// Energy that a contact has lost, or that eight have [J].
+#[derive(Clone, Copy, Debug)]
 struct Lost<L = f64> {
     all: L,
     /// The part of friction.
@@ -463,7 +463,7 @@ impl Choice {
     }
 }
 
-/// What is told of a law, and the hardest contact that it makes. A model around another one does as that does, unless it says otherwise.
+/// Words about a law, and the hardest contact that it makes. A model around another one says the same, unless it has more to say.
 pub trait About: Send + Sync {
     /// The model within.
     fn within(&self) -> Option<&dyn About> {
@@ -481,16 +481,18 @@ pub trait About: Send + Sync {
         self.within()?.hardest_up_to()
     }
 
-    /// By how much contacts of bodies of a library stiffen from there to another overlap, at most [-]; with its root, unless the model says
-    /// otherwise.
-    fn stiffens(&self, overlap: f64, _library: &Library) -> f64 {
-        self.hardest_up_to().map_or(1.0, |meant| (overlap / meant).sqrt())
+    /// By how much contacts of bodies of a library stiffen from there to another overlap, at most [-]; by default with its root.
+    fn stiffens(&self, overlap: f64, library: &Library) -> f64 {
+        match self.within() {
+            Some(model) => model.stiffens(overlap, library),
+            None => self.hardest_up_to().map_or(1.0, |meant| (overlap / meant).sqrt()),
+        }
     }
 
     /// The largest gap at which a contact ends that has once been made, among bodies of a library: so far beyond their surfaces pairs are
     /// listed [m].
-    fn reach(&self, _library: &Library) -> f64 {
-        0.0
+    fn reach(&self, library: &Library) -> f64 {
+        self.within().map_or(0.0, |model| model.reach(library))
     }
 
     /// The constants of a contact between two materials in words.
@@ -509,7 +511,7 @@ pub trait About: Send + Sync {
 
 /// A law of contact forces, as the rest of the program sees it.
 pub trait ForceLaw: Send + Sync {
-    /// What is told of it.
+    /// Words about it.
     fn about(&self) -> &dyn About;
 
     /// Which columns of particles it reads.

@@ -216,6 +216,10 @@ impl Jkr {
 }
 
 impl About for Jkr {
+    fn within(&self) -> Option<&dyn About> {
+        Some(&self.hertz)
+    }
+
     fn name(&self) -> &'static str {
         if self.hertz.frictional { "jkr-mindlin" } else { "jkr" }
     }
@@ -239,10 +243,6 @@ impl About for Jkr {
         growth.fold(1.0, f64::max)
     }
 
-    fn hardest_up_to(&self) -> Option<f64> {
-        self.hertz.hardest_up_to()
-    }
-
     fn reach(&self, library: &Library) -> f64 {
         reach(&self.hertz.settings.interactions, &self.adhesion, library.largest_radius())
     }
@@ -255,10 +255,6 @@ impl About for Jkr {
 
     fn limits(&self) -> Vec<String> {
         vec![format!("contacts outlive the overlap, up to a gap of {:.3e} m", self.reach)]
-    }
-
-    fn left_out(&self) -> Vec<&'static str> {
-        self.hertz.left_out()
     }
 }
 

@@ -1,4 +1,4 @@
-//! What contacts lose between two steps: the work of what acts in them, less what is stored of it.
+//! The balance of a contact between two steps: it loses the work of what acts in it, less what is stored of that.
 
 use crate::lanes::Lanes;
 use crate::law::Lost;
@@ -50,7 +50,7 @@ impl<L: Lanes> Lost<L> {
 }
 
 impl<L: Lanes> Powers<L> {
-    /// What is lost over half a step [s] at the mean of both, where contacts can dissipate along the normal, and beside it.
+    /// Loss over half a step [s] with the powers of both, where contacts can dissipate along the normal, and beside it.
     #[inline(always)]
     pub(super) fn balance(
         self,

@@ -571,11 +571,10 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
         let last_turning = law.model.turning(&constants, last.overlap);
         let last_action = law.model.last(&constants, last.overlap, state);
-        let stored_before = Stored {
-            rubbing: last_action.stored[1] + before.stored(&last_turning),
-            turning: law.model.turned(&constants, last.overlap, state),
-            pressing: 0.0,
-        };
+        let stored_before = Stored::of(
+            [0.0, last_action.stored[1] + before.stored(&last_turning)],
+            law.model.turned(&constants, last.overlap, state),
+        );
         let turning = law.model.turning(&constants, overlap);
         let Acting { force, moment, memory, of_model, viscous, sticks, stored } = self.acting(
             place,
@@ -588,7 +587,7 @@ impl<M: Model> Contacts<'_, '_, M> {
 
         let point = self.work.points[place];
         let half = 0.5 * dt;
-        let mut lost = Lost::default();
+        let mut lost = Lost::none();
         if law.needs.velocity && dt > 0.0 {
             let of_last = if M::MOMENTS { vector(last_action.moment) } else { Vec3::zeros() };
             let damps = sticks && law.needs.tangential_dashpots;
@@ -598,7 +597,7 @@ impl<M: Model> Contacts<'_, '_, M> {
                 .powers(&last.normal, &of_last, last_viscous, (&motion, 1))
                 .and(memory.powers(&normal, &of_model, damps.then_some(viscous), (&motion, 0)));
             let turning = law.model.turned(&constants, overlap, state);
-            let stored = Stored { rubbing: stored, turning, pressing: 0.0 };
+            let stored = Stored::of([0.0, stored], turning);
             lost = powers.balance([stored_before, stored], half, [u8::MAX; 2]);
         }
         let row = &mut self.work.state[place * law.stride..][..law.stride];
@@ -707,17 +706,16 @@ impl<M: Model> Contacts<'_, '_, M> {
         let (state, memory) = remembered.split_at(law.width);
         let memory = Memory::read(memory);
         let motion = self.motion(pair, [&geometry.normal; 2]);
-        let mut lost = Lost::default();
+        let mut lost = Lost::none();
         if law.needs.velocity && half > 0.0 {
             let constants = law.constants(pair, particles);
             let last = law.model.last(&constants, geometry.overlap, state);
             let of_torsion = memory.stored(&law.model.turning(&constants, geometry.overlap));
             let of_model = if M::MOMENTS { vector(last.moment) } else { Vec3::zeros() };
-            let stored = Stored {
-                rubbing: last.stored[1] + of_torsion,
-                turning: law.model.turned(&constants, geometry.overlap, state),
-                pressing: 0.0,
-            };
+            let stored = Stored::of(
+                [0.0, last.stored[1] + of_torsion],
+                law.model.turned(&constants, geometry.overlap, state),
+            );
             let powers = memory.powers(&geometry.normal, &of_model, None, (&motion, 1));
             lost = powers.balance([stored, Stored::none()], half, [u8::MAX; 2]);
         }
